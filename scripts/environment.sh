@@ -1,0 +1,39 @@
+# Sourced by the other scripts: a virtual environment in .venv with locked packages, made once.
+# Everything stays inside the clone; pip's cache too. Usage: . scripts/environment.sh LOCK
+cd "$(dirname "${BASH_SOURCE[0]}")/.." || exit 1
+lock="requirements/$1.txt"
+export PIP_CACHE_DIR="$PWD/.cache/pip" PIP_DISABLE_PIP_VERSION_CHECK=1 PIP_NO_WARN_SCRIPT_LOCATION=1
+export MPLCONFIGDIR="$PWD/.cache/mpl"
+
+python=""
+for candidate in python3.11 python3.12 python3.13 python3; do
+  if command -v "$candidate" >/dev/null && "$candidate" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null; then
+    python=$candidate
+    break
+  fi
+done
+if [ -z "$python" ]; then
+  echo "wrenchbed needs Python 3.11 or newer; none was found" >&2
+  exit 1
+fi
+
+stamp=".venv/.$1-$(cat "$lock" pyproject.toml | sha256sum | cut -c1-16)"
+if [ ! -f "$stamp" ]; then
+  echo "setting up .venv from $lock (about a minute, once)" >&2
+  if ! "$python" -m venv .venv >/dev/null 2>&1; then
+    # Debian's Python without python3-venv: the system's pip can fill a bare environment
+    rm -rf .venv
+    if ! "$python" -m venv --without-pip .venv || ! "$python" -m pip --version >/dev/null 2>&1; then
+      echo "this Python can make no virtual environment: install python3-venv (Debian)" >&2
+      exit 1
+    fi
+    pip=("$python" -m pip --python .venv/bin/python)
+  else
+    pip=(.venv/bin/python -m pip)
+  fi
+  "${pip[@]}" install --quiet --require-hashes -r "$lock" || exit 1
+  "${pip[@]}" install --quiet --no-deps --no-build-isolation --editable . || exit 1
+  rm -f .venv/."$1"-*
+  touch "$stamp"
+fi
+export PATH="$PWD/.venv/bin:$PATH"

@@ -1,0 +1,7 @@
+"""``python -m wrenchbed`` is the command line."""
+
+import sys
+
+from wrenchbed.cli import main
+
+sys.exit(main())

@@ -1,0 +1,220 @@
+"""Calibrate any robot from any recording: weighted least squares in the identifiable subspace."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import special
+
+from wrenchbed import registry
+from wrenchbed.errors import CalibrationError, PlanError, RecordingError
+from wrenchbed.fit import Fit, Identified, Noise
+from wrenchbed.gauss_newton import Solution
+from wrenchbed.identify import identify
+from wrenchbed.jets import Jet
+from wrenchbed.model import Model
+from wrenchbed.observability import Observability, analyse
+from wrenchbed.observations import Observations, fallback_covariance, observe
+from wrenchbed.recording import Recording
+from wrenchbed.robots.base import Robot
+from wrenchbed.weighting import LOSSES, Outcome, Problem, fit
+
+_BLIND = 1e-5
+"""A parameter with more than this share in the null space is not identified by itself."""
+
+
+@dataclass(frozen=True)
+class Options:
+    """How to calibrate.
+
+    Attributes:
+        free: patterns of parameters to identify; None for the robot's own choice.
+        hold: patterns to leave out of ``free`` again.
+        prior: whether each free parameter's tolerance is a prior standard deviation about nominal.
+        loss: ``linear``, ``huber`` or ``student``.
+    """
+
+    free: Sequence[str] | None = None
+    hold: Sequence[str] = ()
+    prior: bool = False
+    loss: str = "linear"
+
+
+def robot_of(recording: Recording) -> Robot:
+    """The robot that a recording names, or `Oriented` for one with orientations.
+
+    Raises:
+        RecordingError: no such robot and no orientations, or joints that the robot cannot take.
+    """
+    name = recording.metadata.robot
+    if not recording.joints:
+        oriented: Robot = registry.load("robots", "oriented")
+        return oriented
+    if name not in registry.names("robots"):
+        raise RecordingError(
+            f"{recording.name}: there is no robot {name!r} here "
+            f"(known: {', '.join(registry.names('robots'))}) and no orientation qw qx qy qz"
+        )
+    robot: Robot = registry.load("robots", name)
+    try:
+        robot.check(recording.q, robot.parameters.nominal, f"{recording.name}: robot {name!r}")
+    except PlanError as error:
+        raise RecordingError(str(error)) from error
+    return robot
+
+
+def calibrate(recording: Recording, options: Options | None = None) -> Fit:
+    """Identify a robot's parameters from a recording.
+
+    Weights come from the recording's own repeats (or its stated noise); where the means of the
+    holds scatter more than that, from the scatter, and the uncertainties with them.
+
+    Raises:
+        RecordingError: the recording does not fit its robot.
+        ParameterError: an unknown parameter.
+        CalibrationError: too little data, one orientation only, or a wrench of opposite sign.
+    """
+    options = options or Options()
+    if options.loss not in LOSSES:
+        raise CalibrationError(f"loss {options.loss!r} is not one of {', '.join(LOSSES)}")
+    robot = robot_of(recording)
+    model = Model.of(robot, recording.metadata)
+    data = observe(recording)
+    free = _free(model, options)
+    if data.wrench.size < len(free):
+        raise CalibrationError(
+            f"{recording.name}: {len(data)} poses give {data.wrench.size} readings, too few for "
+            f"{len(free)} parameters"
+        )
+    theta = _started(model, model.configured(recording.metadata), data, free)
+    problem = Problem(model, data, theta, free, options.prior, options.loss)
+    outcome = fit(problem)
+    theta[list(free)] = outcome.solution.x
+    _check_load(model, theta)
+    return _result(recording, problem, outcome, theta)
+
+
+def _free(model: Model, options: Options) -> tuple[int, ...]:
+    chosen = model.parameters.select(model.robot.free if options.free is None else options.free)
+    held = set(model.parameters.select(options.hold)) if options.hold else set()
+    free = tuple(i for i in chosen if i not in held)
+    if not free:
+        raise CalibrationError("no parameter is free")
+    return free
+
+
+def _started(
+    model: Model, theta: np.ndarray, data: Observations, free: tuple[int, ...]
+) -> np.ndarray:
+    """Begin at the linear solution for mass, CoG and bias, as far as these are free."""
+    names = {model.parameters.names[i] for i in free}
+    if not {"sensor.bias.fx", "tool.mass"} <= names or isinstance(data.q, Jet):
+        return theta
+    n = len(model.robot.parameters)
+    rotation, _ = model.robot.sensor_pose(data.q, theta[:n])
+    load = identify(rotation, data.wrench, np.asarray(model.gravity))
+    if load.mass <= 0:
+        raise _opposite(load.mass)
+    start = theta.copy()
+    start[:n] = model.robot.theta_of_tool(theta[:n], load.mass, list(load.cog))
+    start[n : n + 6] = load.bias
+    held = [i for i in range(len(theta)) if i not in free]
+    start[held] = theta[held]
+    return start
+
+
+def _opposite(mass: float) -> CalibrationError:
+    return CalibrationError(
+        f"the tool's mass comes out as {mass:.4g} kg: the wrench or the gravity has the opposite "
+        "sign (wanted: the load on the sensor, +m·g along gravity at rest)"
+    )
+
+
+def _check_load(model: Model, theta: np.ndarray) -> None:
+    tool = model.robot.tool(theta[: len(model.robot.parameters)])
+    if not float(tool.mass) > 0:
+        raise _opposite(float(tool.mass))
+
+
+def _result(recording: Recording, problem: Problem, outcome: Outcome, theta: np.ndarray) -> Fit:
+    model, solution = problem.model, outcome.solution
+    std = np.sqrt(np.diagonal(outcome.covariance))
+    quantile = float(special.stdtrit(outcome.dof, 0.975)) if np.isfinite(outcome.dof) else 1.959964
+    started = model.configured(recording.metadata)
+    identified = []
+    for k, i in enumerate(problem.free):
+        parameter = model.parameters[i]
+        told = problem.prior or solution.blind[k] < _BLIND
+        identified.append(
+            Identified(
+                parameter.name,
+                float(theta[i]),
+                float(std[k]) if told else None,
+                parameter.unit,
+                float(started[i]),
+                float(quantile * std[k]) if told else None,
+            )
+        )
+    tool = model.robot.tool(theta[: len(model.robot.parameters)])
+    rms = np.sqrt(np.mean(problem.residual(solution.x) ** 2, axis=0))
+    return Fit(
+        recording=recording.name,
+        robot=recording.metadata.robot,
+        status=_status(solution, outcome.noise, identified, problem.data),
+        converged=solution.converged,
+        iterations=solution.steps,
+        identified=tuple(identified),
+        theta=model.parameters.mapping(theta),
+        tool={"mass": float(tool.mass), "cog": [float(c) for c in tool.cog]},
+        covariance=outcome.covariance,
+        residual_rms=rms,
+        noise=outcome.noise,
+        poses=len(problem.data),
+        rows=int(problem.data.count.sum()),
+        left_out=problem.data.left_out,
+        observability=_observability(problem, theta),
+    )
+
+
+def _observability(problem: Problem, theta: np.ndarray) -> Observability:
+    model = problem.model
+    names = model.parameters.names
+    columns = model.parameters.select(model.robot.candidates)
+    extra = tuple(i for i in problem.free if i not in columns)
+    columns = tuple(sorted((*columns, *extra)))
+    jacobian = model.jacobian(problem.data.q, theta, columns)
+    weight = 1.0 / np.sqrt(np.diagonal(fallback_covariance()))
+    return analyse(
+        (jacobian * weight[:, None]).reshape(-1, len(columns)),
+        [names[i] for i in columns],
+        model.parameters.tolerance[list(columns)],
+        model.robot.symmetries(theta[: len(model.robot.parameters)]),
+    )
+
+
+def _status(
+    solution: Solution, noise: Noise, identified: list[Identified], data: Observations
+) -> str:
+    step = "step" if solution.steps == 1 else "steps"
+    parts = [
+        f"converged in {solution.steps} {step}"
+        if solution.converged
+        else f"not converged after {solution.steps} {step}: do not use these values"
+    ]
+    if noise.inflated:
+        times = float(np.max(noise.scatter / np.maximum(noise.expected, 1e-300)))
+        parts.append(
+            f"the residual is up to {times:.1f} times what the {noise.source} noise "
+            "explains (slow wander, or an effect that the model lacks); uncertainties follow the "
+            "scatter"
+        )
+    elif noise.source == "residual":
+        parts.append("no repeats and no stated noise: uncertainties follow the residual")
+    else:
+        parts.append(f"the residual is what the {noise.source} noise explains")
+    blind = [p.name for p in identified if p.std is None]
+    if blind:
+        parts.append(f"{len(blind)} parameters are fixed only in combination ({', '.join(blind)})")
+    if data.left_out:
+        parts.append(f"{data.left_out} saturated rows were left out")
+    return "; ".join(parts)

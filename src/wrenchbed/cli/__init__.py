@@ -1,0 +1,47 @@
+"""The command line: the library's verbs, files in and out. Only this package prints."""
+
+import sys
+import warnings
+from collections.abc import Callable
+from typing import Any
+
+import tyro
+from rich.console import Console
+
+from wrenchbed.cli import verbs
+from wrenchbed.errors import WrenchbedError
+
+_VERBS: dict[str, Callable[..., Any]] = {
+    "list": verbs.list_,
+    "plan": verbs.plan,
+    "record": verbs.record,
+    "import": verbs.import_,
+    "calibrate": verbs.calibrate,
+}
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run one verb. Returns 0 done, 1 a named error (one line on stderr), 2 usage, 130 stopped."""
+    stderr = Console(stderr=True, soft_wrap=True, highlight=False)
+    warnings.showwarning = lambda message, *_, **__: stderr.print(
+        f"wrenchbed: warning: {message}", style="yellow", markup=False
+    )
+    try:
+        tyro.extras.subcommand_cli_from_dict(
+            _VERBS,
+            prog="wrenchbed",
+            description="Testbed for force-sensing robots: plan, record, import, calibrate.",
+            args=sys.argv[1:] if arguments is None else arguments,
+        )
+    except WrenchbedError as error:
+        stderr.print(f"wrenchbed: error: {error}", style="red", markup=False)
+        return 1
+    except KeyboardInterrupt:
+        stderr.print("wrenchbed: stopped; what was recorded so far is on disk", markup=False)
+        return 130
+    return 0
+
+
+def run() -> None:
+    """Entry point of the console script."""
+    sys.exit(main())

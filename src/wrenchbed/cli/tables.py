@@ -1,0 +1,102 @@
+"""Results as people read them in a terminal of 80 columns."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from rich.console import Group
+from rich.table import Table
+from rich.text import Text
+
+from wrenchbed.fit import Fit, Identified
+from wrenchbed.wrench import CHANNELS
+
+_SHOWN = {"m": ("mm", 1e3), "rad": ("°", 180 / np.pi), "kg·m²": ("g·m²", 1e3)}
+"""Units that people read more easily than SI, and their factors."""
+_SEVERAL = 6
+
+
+def describe(plugin: Any) -> str:
+    """One line about a plug-in: its title, or the first line of its docstring."""
+    title = getattr(plugin, "title", None)
+    return str(title or (plugin.__doc__ or "").strip().splitlines()[0])
+
+
+def plugins(kind: str, rows: Mapping[str, str]) -> Table:
+    """Names and one line each."""
+    table = Table(box=None, show_header=False, padding=(0, 2, 0, 0))
+    for name, text in rows.items():
+        table.add_row(Text(name, style="bold"), text)
+    return table
+
+
+def fit(result: Fit) -> Group:
+    """A calibration: parameters, residuals, what the data cannot tell, and its status."""
+    head = Text.assemble(
+        ("calibration ", "bold"),
+        (f"{result.recording}", ""),
+        f"  {result.robot}, {_amount(result)}",
+    )
+    parts: list[Any] = [head, _parameters(result), _residuals(result)]
+    cannot = _cannot_tell(result)
+    if cannot:
+        parts += [Text("what this data cannot tell", style="bold"), *cannot]
+    parts.append(Text.assemble(("status  ", "bold"), result.status))
+    return Group(*parts)
+
+
+def _amount(result: Fit) -> str:
+    if result.rows == result.poses:
+        return f"{result.rows} rows"
+    return f"{result.poses} poses, {result.rows} rows"
+
+
+def _parameters(result: Fit) -> Table:
+    table = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
+    table.add_column("parameter", no_wrap=True)
+    for name in ("value", "± std", "start"):
+        table.add_column(name, justify="right", no_wrap=True)
+    table.add_column("unit", no_wrap=True)
+    for p in result.identified:
+        unit, factor = _SHOWN.get(p.unit, (p.unit, 1.0))
+        table.add_row(p.name, *_numbers(p, factor), unit)
+    return table
+
+
+def _numbers(p: Identified, factor: float) -> tuple[str, str, str]:
+    """Value, uncertainty and start with as many decimals as the uncertainty deserves."""
+    if p.std is None:
+        return f"{p.value * factor:.4f}", "in sum only", _start(p.nominal * factor)
+    std = p.std * factor
+    decimals = int(np.clip(1 - np.floor(np.log10(std)), 0, 9)) if std > 0 else 9
+    return f"{p.value * factor:.{decimals}f}", f"{std:.2g}", _start(p.nominal * factor)
+
+
+def _start(x: float) -> str:
+    return f"{x:.4g}" if abs(x) > 1e-12 else "0"
+
+
+def _residuals(result: Fit) -> Table:
+    table = Table(box=None, padding=(0, 1, 0, 0), header_style="dim")
+    table.add_column("per channel [N, N·m]", no_wrap=True)
+    for channel in CHANNELS:
+        table.add_column(channel, justify="right", no_wrap=True, min_width=7)
+    noise = result.noise
+    table.add_row("residual rms", *map(_short, result.residual_rms))
+    table.add_row(f"one row, {noise.source}", *map(_short, noise.row))
+    worth = [f"{w * result.poses:.0f}" for w in noise.effective]
+    table.add_row("effective rows", *worth)
+    return table
+
+
+def _short(x: float) -> str:
+    return f"{x:.4f}" if x >= 1e-3 else f"{x:.1e}" if x > 0 else "0"
+
+
+def _cannot_tell(result: Fit) -> list[Text]:
+    o = result.observability
+    lines = [Text(f"  rank {o.rank} of {len(o.names)} parameters")]
+    if o.no_effect:
+        lines.append(Text(f"  no effect on any reading: {', '.join(o.no_effect)}"))
+    lines += [Text(f"  {r.sentence}") for r in o.redundancies[: _SEVERAL + 6]]
+    return lines if len(lines) > 1 else []

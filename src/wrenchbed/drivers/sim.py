@@ -1,0 +1,152 @@
+"""The simulated robot: MuJoCo moves it in simulated time, its sensor adds realistic noise.
+
+At rest the wrench is exact at the joint values that the servos reached; in motion it is that of
+the servo-driven dynamics. What the robot truly is (``parameters``) never enters its metadata,
+which states the nominal robot.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from wrenchbed import registry
+from wrenchbed.drivers.base import Block, Driver, Reached, minimum_jerk
+from wrenchbed.errors import DriverError, NotFoundError
+from wrenchbed.metadata import Metadata, SensorInfo, ToolInfo
+from wrenchbed.model import Model
+from wrenchbed.noise import NoiseStream, noise_model
+from wrenchbed.plant import Plant, steps_in
+from wrenchbed.robots.base import INERTIA_AXES, SimulatedRobot
+from wrenchbed.simulation import Simulation
+from wrenchbed.wrench import CHANNELS
+
+CONTROL_S = 0.008
+"""Period of the position targets in a move [s]."""
+_BLOCK_S = 1.0
+
+
+@dataclass(frozen=True)
+class Options:
+    """What is simulated.
+
+    Attributes:
+        robot: registry name.
+        parameters: true values where they differ from nominal, by name, SI.
+        noise: ``real``, ``white`` or ``off``.
+        seed: of the noise.
+        gravity: (3,) [m/s²], the robot's default if None.
+    """
+
+    robot: str
+    parameters: Mapping[str, float] = field(default_factory=dict)
+    noise: str = "real"
+    seed: int = 0
+    gravity: tuple[float, float, float] | None = None
+
+
+class SimDriver(Driver):
+    """A robot in MuJoCo with its data-sheet sensor.
+
+    Raises:
+        NotFoundError: the robot has no MuJoCo model.
+        ParameterError: an unknown parameter, an impossible value or kind of noise.
+    """
+
+    name = "sim"
+    title = "the robot in MuJoCo, in simulated time, with its sensor's data-sheet noise"
+    options = Options
+
+    def __init__(self, options: Options) -> None:
+        super().__init__()
+        robot = registry.load("robots", options.robot)
+        if not isinstance(robot, SimulatedRobot):
+            raise NotFoundError(f"robot {options.robot!r} has no MuJoCo model to simulate")
+        self.robot: SimulatedRobot = robot
+        self.model = Model(robot, tuple(options.gravity or robot.gravity))
+        self.theta = self.model.parameters.vector(options.parameters)
+        own = self.theta[: len(robot.parameters)]
+        self._simulation = Simulation(robot, own, self.model.gravity)
+        self._sensor = registry.load("sensors", robot.sensor)
+        self._noise = noise_model(options.noise, self._sensor.noise)
+        self._stream = NoiseStream(self._noise, options.seed)
+        self._plant = Plant(self._simulation, robot.home)
+        self._time = 0.0
+
+    def metadata(self, mode: str, rate: float) -> Metadata:
+        nominal = self.robot.parameters.nominal
+        tool = self.robot.tool(nominal)
+        values = self.robot.values(nominal)
+        on_flange = "mount.position.x" in self.robot.parameters.names
+        return Metadata(
+            robot=self.robot.name,
+            mode=mode,
+            source="sim",
+            rate_hz=rate,
+            tool=ToolInfo(
+                mass=float(tool.mass),
+                cog=tuple(float(c) for c in tool.cog),
+                inertia=tuple(float(values[f"tool.inertia.{a}"]) for a in INERTIA_AXES),
+            ),
+            sensor=SensorInfo(
+                model=self._sensor.name,
+                noise_std=tuple(float(s) for s in self._noise.row_std),
+                mass=float(values["sensor.mass"]),
+                pose_flange=(0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0) if on_flange else None,
+            ),
+            gravity=self.model.gravity,
+        )
+
+    def _connect(self) -> None:
+        """Nothing to open: the robot stands at home since it was made."""
+
+    def _close(self) -> None:
+        """Nothing to let go of."""
+
+    def _position(self) -> np.ndarray:
+        return self._plant.q
+
+    def _move(self, start: np.ndarray, target: np.ndarray, seconds: float) -> Reached:
+        steps = max(1, int(np.ceil(seconds / CONTROL_S)))
+        for share in minimum_jerk(np.arange(1, steps + 1) / steps):
+            self._plant.advance(start + share * (target - start), seconds / steps)
+        there, waited = self._plant.settle(target)
+        if not there:
+            miss = np.abs(self._plant.q - target).max()
+            raise DriverError(f"the simulated {self.robot.name} stopped {miss:.2g} off its target")
+        self._time += seconds + waited
+        return Reached(self._plant.q, seconds + waited)
+
+    def _sample(self, n: int, rate: float) -> Block:
+        q = self._plant.q
+        load = np.repeat(self._simulation.wrench(q[None]), n, axis=0)
+        t = self._time + np.arange(n) / rate
+        self._time = float(t[-1]) + 1.0 / rate
+        return self._columns(t, np.repeat(q[None], n, axis=0), load)
+
+    def _track(self, targets: np.ndarray, rate: float) -> Iterator[Block]:
+        block, steps = max(1, int(_BLOCK_S * rate)), steps_in(1.0 / rate)
+        path = CubicSpline(np.arange(len(targets)), targets, bc_type="natural")
+        between = np.arange(1, steps + 1) / steps
+        for first in range(0, len(targets), block):
+            part = targets[first : first + block]
+            q, qd, load = np.empty_like(part), np.empty_like(part), np.empty((len(part), 6))
+            for i in range(len(part)):
+                way = path(np.minimum(first + i + between, len(targets) - 1))
+                q[i], qd[i], load[i] = self._plant.follow(way, 1.0 / rate)
+            t = self._time + np.arange(len(part)) / rate
+            self._time = float(t[-1]) + 1.0 / rate
+            columns = dict(self._columns(t, q, load))
+            columns |= {f"qd{j + 1}": qd[:, j] for j in range(qd.shape[1])}
+            columns |= {f"q_target{j + 1}": part[:, j] for j in range(part.shape[1])}
+            yield columns
+
+    def _columns(self, t: np.ndarray, q: np.ndarray, load: np.ndarray) -> Block:
+        reading, status = self._stream.corrupt(t, self.model.read(load, self.theta))
+        joints = {f"q{j + 1}": q[:, j] for j in range(q.shape[1])}
+        channels = {c: reading[:, k] for k, c in enumerate(CHANNELS)}
+        return {"t": t} | joints | channels | {"status": status}
+
+
+DRIVER = SimDriver

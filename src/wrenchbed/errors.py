@@ -1,0 +1,55 @@
+"""Every error that wrenchbed raises on purpose.
+
+    WrenchbedError
+    ├── ParameterError      a parameter's name, value or unit        (ValueError)
+    ├── RecordingError      a recording that cannot be trusted       (ValueError)
+    ├── PlanError           a plan that a robot cannot or must not run (ValueError)
+    ├── MapError            a column map that does not fit its files (ValueError)
+    ├── KinematicsError     joints or poses without a solution       (ValueError)
+    ├── CalibrationError    data that cannot answer the question     (ValueError)
+    ├── NotFoundError       a robot, sensor or driver that does not exist (LookupError)
+    ├── DriverError         a device that did not do as told         (RuntimeError)
+    └── MissingExtraError   an optional library that is not installed (ImportError)
+
+A message is one line. It names the file, field and row, says what was found and what to do.
+"""
+
+
+class WrenchbedError(Exception):
+    """Base of all errors below; the command line prints it as one line and exits with 1."""
+
+
+class ParameterError(WrenchbedError, ValueError):
+    """A parameter that does not exist, or a value outside its bounds."""
+
+
+class RecordingError(WrenchbedError, ValueError):
+    """A recording that is unreadable, truncated, mislabelled or holds impossible values."""
+
+
+class PlanError(WrenchbedError, ValueError):
+    """A plan that leaves the robot's limits or does not fit the robot."""
+
+
+class MapError(WrenchbedError, ValueError):
+    """A column map that is incomplete, contradicts itself or does not fit its files."""
+
+
+class KinematicsError(WrenchbedError, ValueError):
+    """Joint values or poses at which the robot's equations have no solution."""
+
+
+class CalibrationError(WrenchbedError, ValueError):
+    """A recording that cannot support the requested calibration."""
+
+
+class NotFoundError(WrenchbedError, LookupError):
+    """A plug-in that does not exist."""
+
+
+class DriverError(WrenchbedError, RuntimeError):
+    """A device that did not do what it was told."""
+
+
+class MissingExtraError(WrenchbedError, ImportError):
+    """An optional library is not installed; the message names the extra."""

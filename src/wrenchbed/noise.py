@@ -1,0 +1,299 @@
+"""Noise of a six-axis force/torque sensor at rest, and a generator that adds it to true loads.
+
+One row measured at time t is
+
+    saturate(round(load + white + flicker + mains + warm-up)),
+
+each part per channel fx fy fz tx ty tz. ``NoiseModel`` states the parts, ``NoiseStream`` draws
+them. The 1/f part is a sum of Ornstein–Uhlenbeck processes with log-spaced rates (van der Ziel
+1950, doi 10.1016/0031-8914(50)90078-4), each discretised exactly, so times may be irregular.
+"""
+
+from dataclasses import dataclass, field
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.signal import lfilter
+
+from wrenchbed.errors import ParameterError
+
+Array: TypeAlias = NDArray[np.float64]
+
+SATURATED_BITS: NDArray[np.uint32] = np.left_shift(np.uint32(1), np.arange(6, dtype=np.uint32))
+"""Bits (6,) of the status word: bit i is set in rows where channel i is saturated."""
+
+REST_S = 10.0
+"""Length of the rest whose standard deviation is ``NoiseModel.row_std`` [s]."""
+
+_DECADES = 0.9
+"""Spacing of the rates: the summed density ripples by ± 2/cosh(π²/(0.9 ln 10)) = 3.4 % at most."""
+_TICK_S = 1e-9
+"""Steps in time are rounded to this, so that a regular clock is one filter despite rounding."""
+_LONG_RUN = 32
+"""From this many equal steps on, one filter call a rate is faster than a loop over rows."""
+
+
+def channels(values: ArrayLike, name: str, *, signed: bool = False) -> Array:
+    """Six numbers, one a channel (6,), or one for all; read-only, no NaN, negative if signed.
+
+    Raises:
+        ParameterError: anything else.
+    """
+    array = np.array(values, dtype=np.float64)
+    if array.shape not in ((), (6,)):
+        raise ParameterError(f"{name} has shape {array.shape}, not (6,)")
+    array = np.broadcast_to(array, 6).copy()
+    if np.isnan(array).any() or (not signed and (array < 0.0).any()):
+        raise ParameterError(f"{name} = {array.tolist()} holds an impossible value")
+    array.setflags(write=False)
+    return array
+
+
+def _correlation(values: ArrayLike) -> Array:
+    matrix = np.array(values, dtype=np.float64)
+    if matrix.shape != (6, 6):
+        raise ParameterError(f"noise.correlation has shape {matrix.shape}, not (6, 6)")
+    if not (np.allclose(matrix, matrix.T) and np.allclose(np.diagonal(matrix), 1.0)):
+        raise ParameterError("noise.correlation is not symmetric with ones on its diagonal")
+    if np.linalg.eigvalsh(matrix)[0] < -1e-9:
+        raise ParameterError("noise.correlation has a negative eigenvalue: no noise has it")
+    matrix.setflags(write=False)
+    return matrix
+
+
+@dataclass(frozen=True, eq=False)
+class NoiseModel:
+    """What a sensor adds to the true load, per channel fx fy fz tx ty tz. Zero by default.
+
+    Attributes:
+        white: (6,) standard deviation of the white part of one row [N, N·m], at any rate.
+        flicker: (6,) root of the 1/f level [N, N·m]: the one-sided density is flicker²/f
+            [N²/Hz] between ``f_low`` and ``f_high``, flat below, falling as 1/f² above. It is the
+            density's root at 1 Hz; the part's variance is flicker²·ln(f_high/f_low).
+        f_low, f_high: corner frequencies of the 1/f part [Hz].
+        correlation: (6, 6) between channels, of the white and of the 1/f part.
+        mains_amplitude: (6,) amplitude of the sine picked up from the mains [N, N·m]; its phase is
+            random in each channel of each stream.
+        mains_frequency: [Hz].
+        warmup_drift: (6,) whole drift from power-up on [N, N·m], approached exponentially.
+        warmup_time: time constant of the approach [s].
+        warmup_age: time since power-up at t = 0 [s], when the reading counts as zeroed: the drift
+            shown at t is warmup_drift·(exp(−age/time) − exp(−(age + t)/time)).
+        resolution: (6,) step of the output words [N, N·m]; 0 does not round.
+        range: (6,) largest magnitude that can be read [N, N·m]; inf does not saturate.
+    """
+
+    white: Array = field(default_factory=lambda: np.zeros(6))
+    flicker: Array = field(default_factory=lambda: np.zeros(6))
+    f_low: float = 1e-3
+    f_high: float = 100.0
+    correlation: Array = field(default_factory=lambda: np.eye(6))
+    mains_amplitude: Array = field(default_factory=lambda: np.zeros(6))
+    mains_frequency: float = 50.0
+    warmup_drift: Array = field(default_factory=lambda: np.zeros(6))
+    warmup_time: float = 900.0
+    warmup_age: float = 0.0
+    resolution: Array = field(default_factory=lambda: np.zeros(6))
+    range: Array = field(default_factory=lambda: np.full(6, np.inf))
+
+    def __post_init__(self) -> None:
+        for name in ("white", "flicker", "mains_amplitude", "resolution", "range"):
+            object.__setattr__(self, name, channels(getattr(self, name), f"noise.{name}"))
+        drift = channels(self.warmup_drift, "noise.warmup_drift", signed=True)
+        object.__setattr__(self, "warmup_drift", drift)
+        object.__setattr__(self, "correlation", _correlation(self.correlation))
+        if not 0.0 < self.f_low < self.f_high < np.inf:
+            raise ParameterError(
+                f"noise.f_low = {self.f_low:g} Hz, noise.f_high = {self.f_high:g} Hz: "
+                "0 < f_low < f_high < inf is needed"
+            )
+        if not (0.0 < self.warmup_time < np.inf and 0.0 <= self.warmup_age < np.inf):
+            raise ParameterError(
+                "noise.warmup_time must be positive, noise.warmup_age not negative"
+            )
+        if not 0.0 <= self.mains_frequency < np.inf:
+            raise ParameterError(
+                f"noise.mains_frequency = {self.mains_frequency:g} Hz is impossible"
+            )
+
+    @property
+    def row_std(self) -> Array:
+        """Standard deviation (6,) of one row within a rest of ``REST_S`` [N, N·m].
+
+        White, mains, rounding (step²/12) and what a rest shows of the 1/f part: an expected sample
+        variance ∫S(f)(1 − sinc²πfT)df = flicker²·ln(f_high·T/0.4), the part above 0.4/T. Rests of
+        1 s and of 60 s differ from it by flicker²·ln 10 and ln 6. Warm-up is left out.
+        """
+        band = np.log(max(self.f_high / max(self.f_low, 0.4 / REST_S), 1.0))
+        variance = self.white**2 + self.flicker**2 * band
+        return np.sqrt(variance + self.mains_amplitude**2 / 2 + self.resolution**2 / 12)
+
+    def psd(self, frequency: ArrayLike, rate: float) -> Array:
+        """One-sided density (F, 6) [N²/Hz] of white and 1/f part of rows taken at ``rate`` [Hz].
+
+        Of the smooth law, without mains, rounding and what the sampling folds back of the 1/f part.
+        """
+        f = np.asarray(frequency, dtype=np.float64).reshape(-1, 1)
+        corners = np.arctan(self.f_high / f) - np.arctan(self.f_low / f)
+        return 2.0 * self.white**2 / rate + self.flicker**2 / f * corners * 2.0 / np.pi
+
+
+OFF = NoiseModel()
+"""A perfect sensor: reads the load, bit by bit."""
+
+
+def white_variant(model: NoiseModel) -> NoiseModel:
+    """Independent Gaussian noise of the same ``row_std`` and nothing else."""
+    return NoiseModel(white=model.row_std)
+
+
+def noise_model(kind: str, model: NoiseModel) -> NoiseModel:
+    """The model itself (``real``), its white variant (``white``) or none (``off``).
+
+    Raises:
+        ParameterError: no such kind.
+    """
+    variants = {"real": model, "white": white_variant(model), "off": OFF}
+    if kind not in variants:
+        raise ParameterError(f"there is no noise {kind!r}. Known: {', '.join(variants)}")
+    return variants[kind]
+
+
+class NoiseStream:
+    """Draws a model's noise along one clock: calls continue where the last one ended.
+
+    The numbers depend on model, seed (≥ 0) and times alone: how the rows are split into calls
+    changes no bit.
+    """
+
+    def __init__(self, model: NoiseModel, seed: int) -> None:
+        self.model = model
+        white, flicker, phase = np.random.SeedSequence(seed).spawn(3)
+        self._white = np.random.default_rng(white)
+        self._flicker = np.random.default_rng(flicker)
+        self._phase = np.random.default_rng(phase).uniform(0.0, 2.0 * np.pi, 6)
+        self._rates, weight = _rates(model.f_low, model.f_high)
+        self._levels = model.flicker * weight
+        self._root = _root(model.correlation)
+        self._state = np.zeros((len(self._rates), 6))
+        self._last = -np.inf
+
+    def corrupt(self, t: ArrayLike, wrench: ArrayLike) -> tuple[Array, NDArray[np.uint32]]:
+        """Measured wrench (N, 6) and status word (N,) of true loads (N, 6) [N, N·m] at t (N,) [s].
+
+        Bit i of the status word is set where channel i is saturated, see ``SATURATED_BITS``.
+
+        Raises:
+            ParameterError: shapes do not fit, or t does not increase, also from the last call on.
+        """
+        time = np.asarray(t, dtype=np.float64)
+        measured = np.array(wrench, dtype=np.float64)
+        self._check(time, measured)
+        model = self.model
+        if model.white.any():
+            normal = self._white.standard_normal((len(time), 6)).T
+            measured += _mix(normal, self._root * model.white[:, None]).T
+        if model.flicker.any() and len(time):
+            measured += _mix(self._wander(time), self._root * self._levels[:, None]).T
+        if model.mains_amplitude.any():
+            angle = (2.0 * np.pi * model.mains_frequency) * time[:, None] + self._phase
+            measured += model.mains_amplitude * np.sin(angle)
+        if model.warmup_drift.any():
+            start = np.exp(-model.warmup_age / model.warmup_time)
+            measured += model.warmup_drift * (start * -np.expm1(-time[:, None] / model.warmup_time))
+        if len(time):
+            self._last = float(time[-1])
+        step = model.resolution
+        np.copyto(
+            measured, np.rint(measured / np.where(step > 0, step, 1.0)) * step, where=step > 0
+        )
+        status = (np.abs(measured) >= model.range).astype(np.uint32) @ SATURATED_BITS
+        return np.clip(measured, -model.range, model.range), status
+
+    def _check(self, time: Array, wrench: Array) -> None:
+        if time.ndim != 1 or wrench.shape != (len(time), 6):
+            raise ParameterError(
+                f"t {time.shape} and wrench {wrench.shape} must be (N,) and (N, 6)"
+            )
+        steps = np.diff(time, prepend=self._last)
+        if not (steps > 0.0).all():
+            row = int(np.flatnonzero(~(steps > 0.0))[0])
+            raise ParameterError(f"t = {time[row]!r} in row {row} does not increase")
+
+    def _wander(self, time: Array) -> Array:
+        """Sum (6, N) of unit Ornstein–Uhlenbeck processes, one a rate, at times (N,) [s]."""
+        normal = self._flicker.standard_normal((len(time), len(self._rates), 6))
+        ticks = np.rint(np.diff(time, prepend=self._last) / _TICK_S)
+        steps, which = np.unique(ticks, return_inverse=True)
+        exponent = -self._rates * (steps * _TICK_S)[:, None]
+        keep, kick = np.exp(exponent), np.sqrt(-np.expm1(2.0 * exponent))
+        total: Array = np.zeros((6, len(time)))
+        done = 0
+        for first, last in _long_runs(which):
+            rows = slice(done, first)
+            self._step(normal[rows], keep[which[rows]], kick[which[rows]], total[:, rows])
+            if last > first:
+                rows, step = slice(first, last), which[first]
+                self._filter(normal[rows], keep[step], kick[step], total[:, rows])
+            done = last
+        return total
+
+    def _filter(self, normal: Array, keep: Array, kick: Array, total: Array) -> None:
+        """Equal steps: as `_step` to the last bit, with one filter a rate."""
+        for j, pole in enumerate(keep):
+            kicks = np.multiply(normal[:, j].T, kick[j], order="C")
+            carried = (pole * self._state[j])[:, None]
+            path = lfilter([1.0], [1.0, -pole], kicks, zi=carried)[0]
+            self._state[j] = path[:, -1]
+            total += path
+
+    def _step(self, normal: Array, keep: Array, kick: Array, total: Array) -> None:
+        """Any steps: normal (n, K, 6), keep and kick (n, K), added up in total (6, n)."""
+        normal *= kick[:, :, None]
+        state = self._state
+        for row, factor in zip(normal, keep[:, :, None], strict=True):
+            row += factor * state
+            state = row
+        self._state = state.copy()
+        for j in range(keep.shape[1]):
+            total += normal[:, j].T
+
+
+def _root(correlation: Array) -> Array:
+    """Symmetric root (6, 6); the unit matrix exactly where there is no correlation."""
+    if np.array_equal(correlation, np.eye(6)):
+        return np.eye(6)
+    values, vectors = np.linalg.eigh(correlation)
+    root: Array = (vectors * np.sqrt(np.maximum(values, 0.0))) @ vectors.T
+    return root
+
+
+def _mix(rows: Array, root: Array) -> Array:
+    """root @ rows (6, N), in an order of sums that does not depend on N, as BLAS's may."""
+    mixed = np.empty(rows.shape)
+    for i in range(6):
+        mixed[i] = root[i, 0] * rows[0]
+        for j in range(1, 6):
+            mixed[i] += root[i, j] * rows[j]
+    return mixed
+
+
+def _long_runs(which: NDArray[np.intp]) -> list[tuple[int, int]]:
+    """Rows (first, last + 1) of the runs of equal numbers worth a filter; an empty run ends."""
+    edges = np.concatenate([[0], np.flatnonzero(np.diff(which)) + 1, [len(which)]])
+    long = np.flatnonzero(np.diff(edges) >= _LONG_RUN)
+    runs = [(int(edges[i]), int(edges[i + 1])) for i in long]
+    return [*runs, (len(which), len(which))]
+
+
+def _rates(f_low: float, f_high: float) -> tuple[Array, float]:
+    """Rates (K,) [rad/s] of unit processes, and the factor that makes their sum 1/f of level 1.
+
+    A process of variance v and rate a has the one-sided density 4va/(a² + ω²). With the variance
+    d(ln a) it integrates to 2π/ω = 1/f; K midpoints of ln a stand for the integral.
+    """
+    span = np.log(f_high / f_low)
+    count = max(1, int(np.ceil(span / (_DECADES * np.log(10.0)))))
+    middle = (np.arange(count) + 0.5) / count
+    return 2.0 * np.pi * f_low * np.exp(span * middle), float(np.sqrt(span / count))

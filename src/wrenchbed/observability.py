@@ -1,0 +1,146 @@
+"""What data can and cannot tell: rank, and the null directions by parameter name."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import linprog
+
+RANK_TOLERANCE = 1e-10
+"""Singular values below this share of the largest count as zero; exact Jacobians leave 1e-15."""
+_ZERO_COLUMN = 1e-13
+_SMALL = 1e-6
+
+
+@dataclass(frozen=True)
+class Redundancy:
+    """Parameters that enter only together.
+
+    Attributes:
+        names: the parameters.
+        direction: how much each moves [its unit] along the change that leaves every reading alone.
+        sentence: for people.
+    """
+
+    names: tuple[str, ...]
+    direction: tuple[float, ...]
+    sentence: str
+
+
+@dataclass(frozen=True)
+class Observability:
+    """Rank of a Jacobian (M, K), its singular values (scaled), and what it cannot tell."""
+
+    names: tuple[str, ...]
+    rank: int
+    singular_values: np.ndarray
+    no_effect: tuple[str, ...]
+    redundancies: tuple[Redundancy, ...]
+
+    @property
+    def identifiable(self) -> tuple[str, ...]:
+        """Parameters that stand in no null direction."""
+        lost = set(self.no_effect).union(*(r.names for r in self.redundancies))
+        return tuple(n for n in self.names if n not in lost)
+
+
+def null_space(jacobian: np.ndarray) -> tuple[int, np.ndarray, np.ndarray]:
+    """Rank, singular values and an orthonormal null basis (K, K − rank) of a scaled Jacobian."""
+    triangle = np.linalg.qr(jacobian, mode="r") if len(jacobian) > jacobian.shape[1] else jacobian
+    _, s, vt = np.linalg.svd(triangle)
+    rank = int((s > RANK_TOLERANCE * s[0]).sum()) if len(s) and s[0] > 0 else 0
+    return rank, s, vt[rank:].T
+
+
+def analyse(
+    jacobian: np.ndarray,
+    names: Sequence[str],
+    scale: np.ndarray,
+    symmetries: Mapping[str, Mapping[str, float]] | None = None,
+) -> Observability:
+    """Rank and named null directions.
+
+    Args:
+        jacobian: whitened readings by parameters (M, K).
+        names: of the K parameters.
+        scale: typical size of each (K,), its unit.
+        symmetries: directions with a known name; each is used only if this Jacobian confirms it.
+    """
+    scaled = jacobian * scale
+    norm = np.linalg.norm(scaled, axis=0)
+    active = norm > _ZERO_COLUMN * max(norm.max(initial=0.0), 1e-300)
+    no_effect = tuple(n for n, a in zip(names, active, strict=True) if not a)
+    kept = np.flatnonzero(active)
+    rank, s, basis = null_space(scaled[:, kept])
+    kept_names = [names[int(i)] for i in kept]
+    found: list[np.ndarray] = []
+    told: list[str] = []
+    for text, direction in (symmetries or {}).items():
+        x = np.array([direction.get(n, 0.0) for n in kept_names]) / scale[kept]
+        if _in_span(x, basis) and not _in_span(x, _columns(found, len(kept))):
+            found.append(x / np.abs(x).max())
+            told.append(text)
+    for x in _sparsest(basis):
+        if len(found) == basis.shape[1]:
+            break
+        if not _in_span(x, _columns(found, len(kept))):
+            found.append(x)
+            told.append("")
+    redundancies = [
+        _redundancy(x * scale[kept], kept_names, text) for x, text in zip(found, told, strict=True)
+    ]
+    redundancies.sort(key=lambda r: len(r.names))
+    return Observability(tuple(names), rank, s, no_effect, tuple(redundancies))
+
+
+def _columns(vectors: list[np.ndarray], n: int) -> np.ndarray:
+    return np.linalg.qr(np.stack(vectors, axis=1))[0] if vectors else np.zeros((n, 0))
+
+
+def _in_span(x: np.ndarray, basis: np.ndarray) -> bool:
+    length = np.linalg.norm(x)
+    if length == 0.0:
+        return True
+    return bool(np.linalg.norm(x - basis @ (basis.T @ x)) < _SMALL * length)
+
+
+def _sparsest(basis: np.ndarray) -> list[np.ndarray]:
+    """Null vectors with few entries: for each parameter the one of least 1-norm that moves it.
+
+    Minimum 1-norm as a proxy for fewest entries: Donoho 2006, doi 10.1002/cpa.20132.
+    """
+    n, k = basis.shape
+    candidates = []
+    cost = np.concatenate([np.zeros(k), np.ones(n)])
+    above = np.block([[basis, -np.eye(n)], [-basis, -np.eye(n)]])
+    for i in range(n):
+        if np.abs(basis[i]).max(initial=0.0) < _SMALL:
+            continue
+        fixed = np.concatenate([basis[i], np.zeros(n)])[None]
+        bounds = [(None, None)] * k + [(0.0, None)] * n
+        answer = linprog(cost, above, np.zeros(2 * n), fixed, [1.0], bounds, method="highs")
+        if answer.x is not None:
+            x = basis @ answer.x[:k]
+            x[np.abs(x) < _SMALL * np.abs(x).max()] = 0.0
+            candidates.append(x / np.abs(x).max())
+    return sorted(candidates, key=lambda x: (np.count_nonzero(x), -np.abs(x).sum()))
+
+
+def _redundancy(direction: np.ndarray, names: Sequence[str], text: str) -> Redundancy:
+    direction = direction / np.abs(direction).max()
+    used = np.flatnonzero(np.abs(direction) > _SMALL)
+    part, who = direction[used], [names[int(i)] for i in used]
+    if part[0] < 0:
+        part = -part
+    return Redundancy(tuple(who), tuple(float(x) for x in part), _sentence(part, who, text))
+
+
+def _sentence(part: np.ndarray, who: list[str], text: str) -> str:
+    if text:
+        return f"{text} changes no reading ({', '.join(who)})"
+    if len(who) == 2 and abs(abs(part[0]) - abs(part[1])) < 1e-6:
+        if part[0] * part[1] > 0:
+            return f"{who[0]} and {who[1]} enter only as their difference {who[1]} − {who[0]}"
+        return f"{who[0]} and {who[1]} enter only as their sum {who[0]} + {who[1]}"
+    terms = " ".join(f"{x:+.3g}·{n}" for x, n in zip(part, who, strict=True))
+    return f"{', '.join(who)} enter only together: the change {terms} alters no reading"

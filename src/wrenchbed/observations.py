@@ -1,0 +1,124 @@
+"""What a calibration fits: one row a pose at rest, or one row a sample in motion."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.signal import savgol_filter
+
+from wrenchbed import registry
+from wrenchbed.errors import CalibrationError
+from wrenchbed.holds import gather
+from wrenchbed.jets import Jet, Value
+from wrenchbed.recording import Recording
+from wrenchbed.sensors.base import STATUS_SATURATED
+
+_WINDOW, _ORDER = 11, 5
+"""Savitzky–Golay window and order that turn joint values into velocity and acceleration."""
+_SCALE = np.array([1.0, 1.0, 1.0, 0.05, 0.05, 0.05])
+"""Relative weight of force [N] and torque [N·m] where nothing is known of the noise."""
+
+
+@dataclass(frozen=True, eq=False)
+class Observations:
+    """M observations.
+
+    Attributes:
+        q: joint values (M, J), orientations (M, 4), or jets in motion.
+        wrench: readings (M, 6) [N, N·m], means over ``count`` rows.
+        count: (M,).
+        row_covariance: of one row (6, 6); zero where there is no noise at all.
+        dof: degrees of freedom behind it; inf if stated, 0 if unknown.
+        source: ``repeats``, ``stated`` or ``residual``.
+        t: (M,) [s].
+        left_out: rows not used.
+    """
+
+    q: Value
+    wrench: np.ndarray
+    count: np.ndarray
+    row_covariance: np.ndarray
+    dof: float
+    source: str
+    t: np.ndarray
+    left_out: int
+
+    def __len__(self) -> int:
+        return len(self.wrench)
+
+
+def observe(recording: Recording) -> Observations:
+    """Gather the rows of a recording, leaving saturated ones out.
+
+    Raises:
+        CalibrationError: nothing is left, or motion is given without joints or an even clock.
+    """
+    keep = _unsaturated(recording)
+    if not keep.any():
+        raise CalibrationError(f"{recording.name}: every row is saturated")
+    left_out = int((~keep).sum())
+    if recording.metadata.mode == "dynamic":
+        return _motion(recording, keep, left_out)
+    holds = gather(recording, keep)
+    covariance, dof, source = holds.row_covariance, float(holds.dof), "repeats"
+    if covariance is None or holds.dof < 12:
+        covariance, dof, source = _stated(recording)
+    return Observations(
+        holds.q, holds.wrench, holds.count, _floored(covariance, recording), dof, source,
+        holds.t, left_out,
+    )  # fmt: skip
+
+
+def _motion(recording: Recording, keep: np.ndarray, left_out: int) -> Observations:
+    if not recording.joints:
+        raise CalibrationError(
+            f"{recording.name}: motion needs joint columns; orientations give no acceleration. "
+            "Calibrate a static recording"
+        )
+    step = np.diff(recording.t)
+    if len(step) < 4 * _WINDOW or np.abs(step - np.median(step)).max() > 0.2 * np.median(step):
+        raise CalibrationError(
+            f"{recording.name}: motion needs at least {4 * _WINDOW} rows on an even clock "
+            f"(steps {step.min():.4g} … {step.max():.4g} s)"
+        )
+    q, h = recording.q, float(np.mean(step))
+    qd, qdd = (
+        savgol_filter(q, _WINDOW, _ORDER, deriv=k, delta=h, axis=0, mode="interp") for k in (1, 2)
+    )
+    edge = _WINDOW // 2
+    use = keep.copy()
+    use[:edge] = use[-edge:] = False
+    covariance, dof, source = _stated(recording)
+    return Observations(
+        Jet(q[use], qd[use], qdd[use]), recording.wrench[use], np.ones(int(use.sum()), dtype=int),
+        _floored(covariance, recording), dof, source, recording.t[use], left_out,
+    )  # fmt: skip
+
+
+def _unsaturated(recording: Recording) -> np.ndarray:
+    status = recording.columns.get("status")
+    if status is None:
+        return np.ones(len(recording), dtype=bool)
+    return (status.astype(np.uint32) & STATUS_SATURATED) == 0
+
+
+def _stated(recording: Recording) -> tuple[np.ndarray, float, str]:
+    std = recording.metadata.sensor.noise_std
+    if std is None:
+        return np.diag(_SCALE**2), 0.0, "residual"
+    return np.diag(np.square(std)), np.inf, "stated"
+
+
+def _floored(covariance: np.ndarray, recording: Recording) -> np.ndarray:
+    """A channel cannot be quieter than its resolution; without any noise, weigh by `_SCALE`."""
+    variance = np.diagonal(covariance)
+    if (variance < (1e-9 * _SCALE) ** 2).all():
+        return np.zeros((6, 6))
+    model = recording.metadata.sensor.model
+    known = model in registry.names("sensors")
+    step = registry.load("sensors", str(model)).calibration().resolution if known else 1e-3 * _SCALE
+    return covariance + np.diag(np.maximum(0.0, np.square(step) / 12 - variance))
+
+
+def fallback_covariance() -> np.ndarray:
+    """Relative weights (6, 6) for data without noise."""
+    return np.diag(_SCALE**2)

@@ -1,0 +1,136 @@
+"""Parameters: what may differ between a robot and its model. Values never live in a parameter."""
+
+import difflib
+import fnmatch
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from wrenchbed.errors import ParameterError
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One scalar of a model.
+
+    Attributes:
+        name: the field's or the paper's symbol, see ``docs/nomenclature.md``.
+        nominal: the value in the design [unit].
+        unit: SI unit, for instance ``m``, ``rad``, ``kg``.
+        tolerance: typical deviation of a real robot from nominal [unit]; scales the fit's columns.
+        lower, upper: values outside are refused as impossible [unit].
+        text: one line for people.
+    """
+
+    name: str
+    nominal: float
+    unit: str
+    tolerance: float
+    lower: float = -np.inf
+    upper: float = np.inf
+    text: str = ""
+
+
+@dataclass(frozen=True)
+class ParameterSet(Sequence[Parameter]):
+    """An ordered set of parameters: vector ↔ mapping, selection by name and pattern."""
+
+    items: tuple[Parameter, ...]
+
+    def __post_init__(self) -> None:
+        seen: set[str] = set()
+        for item in self.items:
+            if item.name in seen:
+                raise ParameterError(f"parameter {item.name!r} is defined twice")
+            seen.add(item.name)
+
+    def __len__(self) -> int:
+        return len(self.items)
+
+    def __getitem__(self, index):  # type: ignore[no-untyped-def]
+        return self.items[index]
+
+    def __iter__(self) -> Iterator[Parameter]:
+        return iter(self.items)
+
+    def __add__(self, other: "ParameterSet") -> "ParameterSet":
+        return ParameterSet(self.items + other.items)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return tuple(p.name for p in self.items)
+
+    @property
+    def nominal(self) -> np.ndarray:
+        """Nominal values ``(P,)``."""
+        return np.array([p.nominal for p in self.items])
+
+    @property
+    def tolerance(self) -> np.ndarray:
+        """Typical deviations ``(P,)``."""
+        return np.array([p.tolerance for p in self.items])
+
+    def index(self, name: str) -> int:  # type: ignore[override]
+        """Position of a parameter.
+
+        Raises:
+            ParameterError: no such parameter; the message suggests a close name.
+        """
+        try:
+            return self.names.index(name)
+        except ValueError:
+            close = difflib.get_close_matches(name, self.names, n=1)
+            hint = f"; did you mean {close[0]!r}?" if close else f". Known: {', '.join(self.names)}"
+            raise ParameterError(f"there is no parameter {name!r}{hint}") from None
+
+    def select(self, patterns: Iterable[str]) -> tuple[int, ...]:
+        """Positions of the parameters that match any pattern, in the set's order.
+
+        A pattern is a name, a group (``tool.cog`` takes ``tool.cog.x`` …) or of the shell (``L*``).
+
+        Raises:
+            ParameterError: a pattern matches nothing.
+        """
+        chosen: set[int] = set()
+        for pattern in patterns:
+            hits = {
+                i
+                for i, name in enumerate(self.names)
+                if fnmatch.fnmatchcase(name, pattern) or name.startswith(pattern + ".")
+            }
+            if not hits:
+                self.index(pattern)
+            chosen |= hits
+        return tuple(sorted(chosen))
+
+    def vector(
+        self, values: Mapping[str, float] | None = None, *, start: np.ndarray | None = None
+    ) -> np.ndarray:
+        """Values ``(P,)``: nominal (or ``start``) with those of ``values`` put in.
+
+        Raises:
+            ParameterError: an unknown name, a value that is not a finite number or out of bounds.
+        """
+        theta = (self.nominal if start is None else np.asarray(start, dtype=float)).copy()
+        for name, value in (values or {}).items():
+            i = self.index(name)
+            self._check(self.items[i], value)
+            theta[i] = value
+        return theta
+
+    def mapping(self, theta: np.ndarray) -> dict[str, float]:
+        """Values ``(P,)`` by name."""
+        return {p.name: float(v) for p, v in zip(self.items, theta, strict=True)}
+
+    @staticmethod
+    def _check(parameter: Parameter, value: float) -> None:
+        if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value):
+            raise ParameterError(f"parameter {parameter.name} = {value!r} is not a finite number")
+        if not parameter.lower <= value <= parameter.upper:
+            unit = parameter.unit
+            other = {"m": " (is it in mm?)", "rad": " (is it in degrees?)"}.get(unit, "")
+            raise ParameterError(
+                f"parameter {parameter.name} = {value:g} {unit} lies outside "
+                f"{parameter.lower:g} … {parameter.upper:g} {unit}{other}"
+            )

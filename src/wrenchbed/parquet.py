@@ -1,0 +1,95 @@
+"""Parquet with wrenchbed's metadata: read with clear errors, written atomically."""
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from wrenchbed.errors import WrenchbedError
+
+KEY = b"wrenchbed"
+"""File-level metadata key that holds wrenchbed's JSON."""
+FORMAT = 1
+"""The format number written and read."""
+
+
+def read(path: Path, error: type[WrenchbedError]) -> tuple[pa.Table, dict[str, Any]]:
+    """The table and the JSON metadata of a file.
+
+    Raises:
+        error: missing, unreadable or truncated file, missing or broken metadata, unknown format.
+    """
+    if not path.is_file():
+        raise error(f"{path}: there is no such file")
+    try:
+        table = pq.read_table(path)
+    except (pa.ArrowException, OSError) as cause:
+        raise error(
+            f"{path}: not a complete Parquet file (truncated or of another kind)"
+        ) from cause
+    return table, metadata_of(table, path, error)
+
+
+def metadata_of(table: pa.Table, path: Path, error: type[WrenchbedError]) -> dict[str, Any]:
+    """The JSON under the key ``wrenchbed``.
+
+    Raises:
+        error: no such key, not JSON, or a format that this version does not read.
+    """
+    text = (table.schema.metadata or {}).get(KEY)
+    if text is None:
+        raise error(
+            f"{path}: no metadata under the key 'wrenchbed'; bring foreign data in with "
+            "`wrenchbed import`"
+        )
+    try:
+        metadata = json.loads(text)
+    except (ValueError, UnicodeDecodeError) as cause:
+        raise error(f"{path}: the metadata under the key 'wrenchbed' is not JSON") from cause
+    if not isinstance(metadata, dict):
+        raise error(f"{path}: the metadata under the key 'wrenchbed' is not a JSON object")
+    if metadata.get("format") != FORMAT:
+        raise error(
+            f"{path}: metadata format is {metadata.get('format')!r}, this version reads {FORMAT}"
+        )
+    return metadata
+
+
+def columns(table: pa.Table, path: Path, error: type[WrenchbedError]) -> dict[str, np.ndarray]:
+    """Every column as a numpy array.
+
+    Raises:
+        error: a duplicated column, a missing value (names its row) or a column of another kind.
+    """
+    if len(set(table.column_names)) != len(table.column_names):
+        twice = next(n for n in table.column_names if table.column_names.count(n) > 1)
+        raise error(f"{path}: column {twice!r} appears twice")
+    result: dict[str, np.ndarray] = {}
+    for name in table.column_names:
+        column = table.column(name)
+        if column.null_count:
+            row = int(np.flatnonzero(column.is_null().to_numpy())[0])
+            raise error(f"{path}: column {name!r}, row {row}: the value is missing")
+        result[name] = column.to_numpy()
+    return result
+
+
+def table_of(data: Mapping[str, np.ndarray], metadata: Mapping[str, Any]) -> pa.Table:
+    """A table with the metadata under the key ``wrenchbed``."""
+    table = pa.table({name: np.ascontiguousarray(array) for name, array in data.items()})
+    return table.replace_schema_metadata({KEY: json.dumps(metadata, ensure_ascii=False).encode()})
+
+
+def write(path: Path, table: pa.Table) -> None:
+    """Write a whole file or nothing: to a neighbour first, then renamed over the target."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    part = path.with_name(f".{path.name}.part")
+    try:
+        pq.write_table(table, part)
+        part.replace(path)
+    finally:
+        part.unlink(missing_ok=True)

@@ -1,0 +1,114 @@
+"""A plan: the joint values that a campaign visits, or the trajectory that it tracks, in Parquet."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from wrenchbed import parquet
+from wrenchbed.errors import PlanError
+from wrenchbed.metadata import MODES
+from wrenchbed.recording import joint_columns
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """Joint values (N, J) in visiting order.
+
+    Attributes:
+        robot: whose joints these are.
+        q: [rad or m]; in a dynamic plan one row a sample at ``rate_hz``.
+        segment: which hold or motion each row belongs to (N,).
+        dwell: how long to stay [s] (N,), 0 for the recorder's default.
+        mode: ``static`` or ``dynamic``.
+        rate_hz: of a dynamic plan.
+        name: file name for messages.
+    """
+
+    robot: str
+    q: np.ndarray
+    segment: np.ndarray
+    dwell: np.ndarray
+    mode: str = "static"
+    rate_hz: float | None = None
+    name: str = "plan"
+
+    @classmethod
+    def of(cls, robot: str, q: np.ndarray, *, rate_hz: float | None = None) -> "Plan":
+        """A plan of poses (N, J), or of one trajectory if a rate is given."""
+        n = len(q)
+        segment = np.arange(n) if rate_hz is None else np.zeros(n, dtype=int)
+        mode = "static" if rate_hz is None else "dynamic"
+        return cls(robot, np.asarray(q, dtype=float), segment, np.zeros(n), mode, rate_hz)
+
+    def __len__(self) -> int:
+        return len(self.q)
+
+    @classmethod
+    def read(cls, path: str | Path) -> "Plan":
+        """Read and check a file.
+
+        Raises:
+            PlanError: names the file, the field or column, and the row.
+        """
+        path = Path(path)
+        table, raw = parquet.read(path, PlanError)
+        data = parquet.columns(table, path, PlanError)
+        joints = joint_columns(data)
+        if not joints:
+            raise PlanError(f"{path}: column 'q1' is missing; found {', '.join(data) or 'none'}")
+        if table.num_rows == 0:
+            raise PlanError(f"{path}: the plan has 0 rows")
+        for column in (*joints, "dwell"):
+            _check_numbers(path, column, data.get(column))
+        q = np.stack([data[c].astype(float) for c in joints], axis=-1)
+        segment = _segments(path, data, len(q))
+        dwell = data.get("dwell", np.zeros(len(q))).astype(float)
+        if (dwell < 0).any():
+            row = int(np.flatnonzero(dwell < 0)[0])
+            raise PlanError(f"{path}: column 'dwell', row {row}: {dwell[row]} s is negative")
+        mode, rate = _mode(path, raw)
+        robot = raw.get("robot")
+        if not isinstance(robot, str):
+            raise PlanError(f"{path}: metadata robot = {robot!r} must be a name")
+        return cls(robot, q, segment, dwell, mode, rate, str(path))
+
+    def write(self, path: str | Path) -> None:
+        """Write a whole file or nothing."""
+        data = {f"q{j + 1}": self.q[:, j] for j in range(self.q.shape[1])}
+        data |= {"segment": self.segment.astype(np.int64)}
+        if self.dwell.any():
+            data["dwell"] = self.dwell
+        raw: dict[str, Any] = {"format": parquet.FORMAT, "robot": self.robot, "mode": self.mode}
+        if self.rate_hz is not None:
+            raw["rate_hz"] = self.rate_hz
+        parquet.write(Path(path), parquet.table_of(data, raw))
+
+
+def _check_numbers(path: Path, column: str, array: np.ndarray | None) -> None:
+    if array is None:
+        return
+    if array.dtype.kind not in "fiu":
+        raise PlanError(f"{path}: column {column!r} holds {array.dtype}, not numbers")
+    bad = np.flatnonzero(~np.isfinite(array.astype(float)))
+    if len(bad):
+        raise PlanError(f"{path}: column {column!r}, row {bad[0]}: {array[bad[0]]} is not finite")
+
+
+def _segments(path: Path, data: Mapping[str, np.ndarray], n: int) -> np.ndarray:
+    segment = data.get("segment", np.arange(n))
+    if segment.dtype.kind not in "iu":
+        raise PlanError(f"{path}: column 'segment' must hold whole numbers")
+    return segment.astype(np.int64)
+
+
+def _mode(path: Path, raw: Mapping[str, Any]) -> tuple[str, float | None]:
+    mode = raw.get("mode", "static")
+    if mode not in MODES:
+        raise PlanError(f"{path}: metadata mode = {mode!r} must be 'static' or 'dynamic'")
+    rate = raw.get("rate_hz")
+    if rate is not None and (not isinstance(rate, int | float) or not rate > 0):
+        raise PlanError(f"{path}: metadata rate_hz = {rate!r} must be a number above 0")
+    return mode, rate

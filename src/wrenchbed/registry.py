@@ -1,0 +1,79 @@
+"""Plug-ins: a folder is its registry, and other packages add to it through entry points.
+
+A plug-in of kind ``robots`` is a module or package ``wrenchbed/robots/<name>`` with one public
+constant in the kind's name (``ROBOT``, ``SENSOR``, ``DRIVER``), or an entry point of another
+package in the group ``wrenchbed.robots`` that loads such an object.
+"""
+
+import difflib
+import importlib
+import pkgutil
+from functools import cache
+from importlib.metadata import entry_points
+from typing import Any
+
+from wrenchbed.errors import MissingExtraError, NotFoundError
+
+KINDS = {"robots": "ROBOT", "sensors": "SENSOR", "drivers": "DRIVER"}
+"""Kind (the folder's name) → the constant that a plug-in's module holds."""
+
+_NOT_A_PLUGIN = {"base"}
+
+
+@cache
+def _modules(kind: str) -> dict[str, str]:
+    package = importlib.import_module(f"wrenchbed.{kind}")
+    found = pkgutil.iter_modules(package.__path__)
+    return {m.name.replace("_", "-"): m.name for m in found if m.name not in _NOT_A_PLUGIN}
+
+
+@cache
+def _entry_points(kind: str) -> dict[str, Any]:
+    return {e.name: e for e in entry_points(group=f"wrenchbed.{kind}")}
+
+
+def names(kind: str) -> tuple[str, ...]:
+    """Names of all plug-ins of a kind, sorted.
+
+    Raises:
+        NotFoundError: the kind does not exist.
+    """
+    _check_kind(kind)
+    return tuple(sorted(_modules(kind).keys() | _entry_points(kind).keys()))
+
+
+def load(kind: str, name: str) -> Any:
+    """The plug-in's object, imported on use.
+
+    Raises:
+        NotFoundError: no such kind or name; the message lists what exists.
+        MissingExtraError: the plug-in needs a library of an extra that is not installed.
+    """
+    known = names(kind)
+    if name not in known:
+        close = difflib.get_close_matches(name, known, n=1)
+        hint = f"; did you mean {close[0]!r}?" if close else ""
+        raise NotFoundError(f"there is no {kind[:-1]} {name!r}{hint} Known: {', '.join(known)}")
+    module = _modules(kind).get(name)
+    if module is None:
+        return _entry_points(kind)[name].load()
+    return getattr(importlib.import_module(f"wrenchbed.{kind}.{module}"), KINDS[kind])
+
+
+def require(library: str, extra: str) -> Any:
+    """Import an optional library, or name the extra that installs it.
+
+    Raises:
+        MissingExtraError: the library is not installed.
+    """
+    try:
+        return importlib.import_module(library)
+    except ModuleNotFoundError as error:
+        raise MissingExtraError(
+            f"{library} is not installed: run  pip install 'wrenchbed[{extra}]'"
+        ) from error
+
+
+def _check_kind(kind: str) -> None:
+    if kind not in KINDS:
+        raise NotFoundError(f"there is no kind {kind!r} of plug-in. Known: {', '.join(KINDS)}")

@@ -1,0 +1,1 @@
+"""Robots, one file or package each; `wrenchbed.registry.names("robots")` lists them."""

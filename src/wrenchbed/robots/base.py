@@ -1,0 +1,206 @@
+"""What a robot is: joints, parameters, a closed-form sensor pose and the same robot in MuJoCo."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from importlib.resources import files
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from wrenchbed.errors import NotFoundError, PlanError, WrenchbedError
+from wrenchbed.jets import Value, stack
+from wrenchbed.parameters import Parameter, ParameterSet
+from wrenchbed.wrench import Tool
+
+if TYPE_CHECKING:
+    import mujoco
+
+Values = Mapping[str, Any]
+"""Parameter values by name: numbers, or (K, 1) for a batch of K vectors against N poses."""
+
+
+@dataclass(frozen=True)
+class Joint:
+    """An actuated joint: its unit (m or rad), limits [unit] and top speed [unit/s]."""
+
+    name: str
+    unit: str
+    lower: float
+    upper: float
+    speed: float
+
+
+class Robot(ABC):
+    """A robot that carries a six-axis force/torque sensor.
+
+    Every formula accepts joint values ``q`` of shape (N, J) as an array or as a `Jet` (then the
+    result carries velocity and acceleration), and parameters ``theta`` of shape (P,) or (K, 1, P),
+    real or complex.
+    """
+
+    name: str
+    title: str
+    joints: tuple[Joint, ...]
+    parameters: ParameterSet
+    gravity: tuple[float, float, float] = (0.0, 0.0, -9.80665)
+    """Default gravity in world axes [m/s²]."""
+    sensor: str
+    """Registry name of the sensor that it carries."""
+    free: tuple[str, ...]
+    """Patterns of the parameters that `calibrate` identifies unless told otherwise."""
+    candidates: tuple[str, ...]
+    """Patterns of the parameters whose identifiability `calibrate` reports."""
+    unobservable: tuple[str, ...] = ()
+    """Parameters that no wrench and no pose of the sensor depends on."""
+
+    @abstractmethod
+    def sensor_pose(self, q: Value, theta: np.ndarray) -> tuple[Value, Value]:
+        """R_world_sensor (…, N, 3, 3) and the sensor's origin in the world (…, N, 3) [m]."""
+
+    @abstractmethod
+    def tool(self, theta: np.ndarray) -> Tool:
+        """The load on the sensor."""
+
+    @abstractmethod
+    def theta_of_tool(self, theta: np.ndarray, mass: float, cog: Sequence[float]) -> np.ndarray:
+        """Parameters (P,) with the tool's mass [kg] and CoG (sensor axes, from its origin [m])."""
+
+    @abstractmethod
+    def infeasible(self, q: np.ndarray, theta: np.ndarray) -> dict[int, str]:
+        """Rows of q (N, J) that have no solution or lie outside limits, and why."""
+
+    @abstractmethod
+    def sample(self, n: int, rng: np.random.Generator) -> np.ndarray:
+        """Random feasible joint values (n, J) that turn the tool well about."""
+
+    def symmetries(self, theta: np.ndarray) -> dict[str, dict[str, float]]:
+        """Known changes of parameters that should leave every wrench alone, by name.
+
+        They give null directions a name; whether one is null is always decided by the data.
+        """
+        return {}
+
+    def values(self, theta: np.ndarray) -> Values:
+        """Parameter values by name from (P,) or (K, 1, P)."""
+        return dict(zip(self.parameters.names, np.moveaxis(np.asarray(theta), -1, 0), strict=True))
+
+    def check(self, q: np.ndarray, theta: np.ndarray, where: str) -> None:
+        """Refuse joint values that the robot cannot take.
+
+        Raises:
+            PlanError: names the first bad row and the number of bad rows.
+        """
+        if q.ndim != 2 or q.shape[1] != len(self.joints):
+            raise PlanError(
+                f"{where}: {self.name} has {len(self.joints)} joints "
+                f"(q1…q{len(self.joints)}), found {q.shape[-1]}"
+            )
+        bad = self.infeasible(q, theta)
+        if bad:
+            row, why = next(iter(bad.items()))
+            more = f" ({len(bad)} such rows)" if len(bad) > 1 else ""
+            raise PlanError(f"{where}: row {row}: {why}{more}")
+
+    def _outside_limits(self, q: np.ndarray) -> dict[int, str]:
+        bad: dict[int, str] = {}
+        for j, joint in enumerate(self.joints):
+            outside = ~((q[:, j] >= joint.lower) & (q[:, j] <= joint.upper))
+            for row in np.flatnonzero(outside):
+                hint = ""
+                if joint.unit == "rad" and abs(q[row, j]) > 7.0:
+                    hint = " (is it in degrees?)"
+                if joint.unit == "m" and abs(q[row, j]) > 5.0:
+                    hint = " (is it in mm?)"
+                bad.setdefault(
+                    int(row),
+                    f"{joint.name} = {q[row, j]:.6g} {joint.unit} is outside its limits "
+                    f"{joint.lower:.4g} … {joint.upper:.4g} {joint.unit}{hint}",
+                )
+        return dict(sorted(bad.items()))
+
+
+class SimulatedRobot(Robot):
+    """A robot that also exists as ``models/<name>/<name>.xml``."""
+
+    @abstractmethod
+    def qpos(self, q: Value, theta: np.ndarray) -> Value:
+        """All of MuJoCo's joint coordinates (N, nq) from the actuated joints (N, J)."""
+
+    @abstractmethod
+    def spec(self, theta: np.ndarray) -> "mujoco.MjSpec":
+        """The MJCF with every parameter (P,) written into it."""
+
+    @property
+    @abstractmethod
+    def home(self) -> np.ndarray:
+        """Joint values (J,) at which the MJCF stands when it opens."""
+
+    @property
+    def mjcf(self) -> Path:
+        """Path of the robot's MJCF file."""
+        return models() / self.name / f"{self.name}.xml"
+
+
+TILT = "rotation vector that turns gravity as the base sees it, g → Exp(α) g"
+
+INERTIA_AXES = ("xx", "yy", "zz", "xy", "xz", "yz")
+
+
+def load_parameters(inertia: Sequence[float]) -> ParameterSet:
+    """Parameters of the load that every robot has, sensor axes.
+
+    Args:
+        inertia: of the tool about its CoG, xx yy zz xy xz yz [kg·m²].
+    """
+    text = "inertia about the centre of gravity"
+    items = [
+        Parameter(f"tool.inertia.{a}", v, "kg·m²", 1e-3, -10.0 if a[0] != a[1] else 0.0, 10.0, text)
+        for a, v in zip(INERTIA_AXES, inertia, strict=True)
+    ]
+    items.append(
+        Parameter("sensor.mass", 0.0, "kg", 0.02, 0.0, 5.0, "own mass that loads the gauges")
+    )
+    return ParameterSet(tuple(items))
+
+
+def inertia_matrix(p: Values) -> np.ndarray:
+    """Inertia (…, 3, 3) [kg·m²] about the centre of gravity."""
+    xx, yy, zz, xy, xz, yz = (p[f"tool.inertia.{a}"] for a in INERTIA_AXES)
+    rows = [stack([xx, xy, xz]), stack([xy, yy, yz]), stack([xz, yz, zz])]
+    return np.stack(rows, axis=-2)
+
+
+def sample_until(
+    n: int, draw: Callable[[int], np.ndarray], good: Callable[[np.ndarray], np.ndarray]
+) -> np.ndarray:
+    """Draw batches until n rows are good.
+
+    Raises:
+        WrenchbedError: fewer than 1 in 1,000 draws is good.
+    """
+    kept: list[np.ndarray] = []
+    found = drawn = 0
+    while found < n:
+        batch = draw(max(2 * (n - found), 64))
+        batch = batch[good(batch)]
+        drawn, found = drawn + max(2 * (n - found), 64), found + len(batch)
+        kept.append(batch)
+        if drawn > 1000 * (found + 10):
+            raise WrenchbedError(
+                "fewer than 1 in 1,000 random poses is feasible: loosen the ranges"
+            )
+    return np.concatenate(kept)[:n]
+
+
+@cache
+def models() -> Path:
+    """The folder of MJCF models: inside the installed package, or at the top of a checkout."""
+    inside = Path(str(files("wrenchbed"))) / "models"
+    checkout = Path(__file__).resolve().parents[3] / "models"
+    for folder in (inside, checkout):
+        if folder.is_dir():
+            return folder
+    raise NotFoundError(f"the models folder is missing: neither {inside} nor {checkout} exists")

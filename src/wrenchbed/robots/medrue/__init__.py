@@ -1,0 +1,5 @@
+"""MedRUE, a hybrid six-axis medical robot: Joubair et al. 2016, doi 10.3390/s16060798."""
+
+from wrenchbed.robots.medrue.robot import MedRUE
+
+ROBOT = MedRUE()

@@ -1,0 +1,182 @@
+"""MedRUE in closed form, in metres: Joubair et al. 2016, doi 10.3390/s16060798, Equations 1–16.
+
+The printed equations lost signs and subscripts; `docs/medrue.md` says how each was resolved.
+Points of five-bar i lie in a plane of constant x of the base; E is where its distal links meet.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from wrenchbed.frames import apply, euler, rot_x_of, rot_y_of, rot_z_of
+from wrenchbed.jets import Value, atan2, cos, sin, sqrt, stack, value
+from wrenchbed.robots.base import Values
+
+
+@dataclass(frozen=True, eq=False)
+class FiveBar:
+    """Joints of one five-bar in the base's y, z plane (…, N, 2) [m]; ``direction`` of A from C."""
+
+    B: Value
+    D: Value
+    E: Value
+    direction: Value
+
+
+@dataclass(frozen=True, eq=False)
+class Wrist:
+    """The probe support: universal joints E1, E2 (…, N, 3), unit vector u, wrist frame in base."""
+
+    E1: Value
+    E2: Value
+    u: Value
+    rotation: Value
+    origin: Value
+
+
+def five_bar(p: Values, i: int, first: Value, second: Value) -> FiveBar:
+    """Five-bar i (1, 2) from its two joint values [rad] (Equations 2–11), elbows up."""
+    ay, az, cy, cz = p[f"A{i}y"], p[f"A{i}z"], p[f"C{i}y"], p[f"C{i}z"]
+    l1, l2, l3, l4 = (p[f"L{i}{k}"] for k in (1, 2, 3, 4))
+    a = first + p[f"dq{2 * i}"]
+    c = second + p[f"dq{2 * i + 1}"]
+    base = sqrt((ay - cy) * (ay - cy) + (az - cz) * (az - cz))
+    s_theta, c_theta, half = (ay - cy) / base, (cz - az) / base, base / 2
+    bx, by = half + l1 * cos(a), l1 * sin(a)
+    dx, dy = -half + l3 * cos(c), l3 * sin(c)
+    ex, ey = bx - dx, by - dy  # from D to B
+    square = ex * ex + ey * ey
+    along = ((l4 * l4 - l2 * l2) / square + 1.0) / 2
+    across = sqrt(l4 * l4 / square - along * along)
+    px, py = dx + along * ex - across * ey, dy + along * ey + across * ex
+
+    def to_base(x: Value, y: Value) -> Value:
+        return stack(
+            [s_theta * x + c_theta * y + (ay + cy) / 2, -c_theta * x + s_theta * y + (az + cz) / 2]
+        )
+
+    return FiveBar(to_base(bx, by), to_base(dx, dy), to_base(px, py), stack([s_theta, -c_theta]))
+
+
+def wrist(p: Values, q: Value, left: FiveBar, right: FiveBar) -> Wrist:
+    """The wrist frame in the base frame (Equations 12–16)."""
+    x = q[..., 0] + p["dq1"]
+    e1 = stack([x - p["d41"], left.E[..., 0], left.E[..., 1]])
+    e2 = stack([x + p["d42"], right.E[..., 0], right.E[..., 1]])
+    span = e2 - e1
+    length = sqrt(_dot(span, span))
+    u = span * (1.0 / length)[..., None]
+    q6 = q[..., 5] + p["dq6"]
+    link = (left.E - left.D) * (1.0 / p["L14"])[..., None]
+    c, s = link[..., 0], link[..., 1]
+    c_gamma, s_gamma = c * cos(q6) - s * sin(q6), s * cos(q6) + c * sin(q6)
+    s_alpha = u[..., 1] * c_gamma + u[..., 2] * s_gamma
+    c_alpha = sqrt(1.0 - s_alpha * s_alpha)
+    psi = u[..., 1] * s_gamma - u[..., 2] * c_gamma
+    s_beta, c_beta = psi / c_alpha, sqrt(c_alpha * c_alpha - psi * psi) / c_alpha
+    rotation = rot_x_of(c_gamma, s_gamma) @ rot_y_of(c_beta, s_beta) @ rot_z_of(c_alpha, s_alpha)
+    return Wrist(e1, e2, u, rotation, e1 + u * (p["d41"] + p["d5"])[..., None])
+
+
+def sensor_pose(p: Values, q: Value) -> tuple[Value, Value]:
+    """R_world_sensor and the sensor's origin in the world [m] (Equation 1 without the tool)."""
+    left = five_bar(p, 1, q[..., 1], q[..., 2])
+    right = five_bar(p, 2, q[..., 3], q[..., 4])
+    hand = wrist(p, q, left, right)
+    base = euler(p["alpha0"], p["beta0"], p["gamma0"])
+    mount = euler(p["alphaS"], p["betaS"], p["gammaS"])
+    inner = hand.origin + apply(hand.rotation, stack([p["xS"], p["yS"], p["zS"]]))
+    origin = stack([p["x0"], p["y0"], p["z0"]]) + apply(base, inner)
+    return base @ hand.rotation @ mount, origin
+
+
+def tool_pose(p: Values, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """R_world_tool and the tool's position in the world [m] (Equation 1)."""
+    rotation, origin = sensor_pose(p, q)
+    position = origin + apply(rotation, stack([p["xT"], p["yT"], p["zT"]]))
+    return rotation @ euler(p["alphaT"], p["betaT"], p["gammaT"]), position
+
+
+def qpos(p: Values, q: Value) -> Value:
+    """The 13 coordinates of the MJCF, depth first (…, N, 13); real parameters only."""
+    left = five_bar(p, 1, q[..., 1], q[..., 2])
+    right = five_bar(p, 2, q[..., 3], q[..., 4])
+    hand = wrist(p, q, left, right)
+    rotation = hand.rotation
+    c_gamma, s_gamma = _gamma(p, q, left)
+    beta = atan2(
+        rotation[..., 0, 2], _along(rotation[..., 1, 2], rotation[..., 2, 2], c_gamma, s_gamma)
+    )
+    alpha = atan2(-rotation[..., 0, 1], rotation[..., 0, 0])
+    span = hand.E2 - hand.E1
+    return stack(
+        [
+            q[..., 0],
+            q[..., 1], _elbow(left.direction, q[..., 1] + p["dq2"], left.E - left.B),
+            q[..., 2], _elbow(left.direction, q[..., 2] + p["dq3"], left.E - left.D),
+            q[..., 5], beta, alpha, sqrt(_dot(span, span)),
+            q[..., 3], _elbow(right.direction, q[..., 3] + p["dq4"], right.E - right.B),
+            q[..., 4], _elbow(right.direction, q[..., 4] + p["dq5"], right.E - right.D),
+        ]
+    )  # fmt: skip
+
+
+def failures(p: Values, q: np.ndarray) -> dict[int, str]:
+    """Rows of q (N, 6) without a solution, and why."""
+    bad: dict[int, str] = {}
+    with np.errstate(invalid="ignore", divide="ignore"):
+        bars = [five_bar(p, i, q[:, 2 * i - 1], q[:, 2 * i]) for i in (1, 2)]
+        hand = wrist(p, q, *bars)
+    for i, bar in enumerate(bars, start=1):
+        gap = np.sqrt(_dot(bar.B - bar.D, bar.B - bar.D))
+        height2 = _dot(bar.E - bar.D, bar.E - bar.D)
+        reach = p[f"L{i}2"] + p[f"L{i}4"]
+        across = np.sqrt(np.maximum(0.0, _height2(p, i, gap)))
+        for row in np.flatnonzero(~np.isfinite(height2) | (across < MIN_HEIGHT)):
+            bad.setdefault(
+                int(row),
+                f"five-bar {i} cannot close: its elbows are {1e3 * gap[row]:.1f} mm apart, the "
+                f"distal links reach {1e3 * reach:.1f} mm and must stay "
+                f"{1e3 * MIN_HEIGHT:.0f} mm from straight",
+            )
+    lost = ~np.isfinite(value(hand.rotation)).all(axis=(-1, -2))
+    for row in np.flatnonzero(lost):
+        bad.setdefault(int(row), "the wrist cannot turn to where its two universal joints point")
+    return dict(sorted(bad.items()))
+
+
+MIN_HEIGHT = 0.05
+"""Distance of E from the line through both elbows [m], below which a five-bar is near singular."""
+
+
+def _height2(p: Values, i: int, gap: np.ndarray) -> np.ndarray:
+    l2, l4 = p[f"L{i}2"], p[f"L{i}4"]
+    along = (l4**2 - l2**2 + gap**2) / (2 * np.maximum(gap, 1e-12))
+    return np.where(gap > 1e-6, l4**2 - along**2, 0.0)
+
+
+def _gamma(p: Values, q: Value, left: FiveBar) -> tuple[Value, Value]:
+    angle = atan2(left.E[..., 1] - left.D[..., 1], left.E[..., 0] - left.D[..., 0])
+    gamma = angle + q[..., 5] + p["dq6"]
+    return cos(gamma), sin(gamma)
+
+
+def _along(y: Value, z: Value, c_gamma: Value, s_gamma: Value) -> Value:
+    """Third component of the wrist's z axis seen from the frame turned by γ: cos β."""
+    return z * c_gamma - y * s_gamma
+
+
+def _elbow(direction: Value, angle: Value, distal: Value) -> Value:
+    """Angle of a passive elbow: from the proximal link at ``angle`` to the distal link."""
+    c, s = cos(angle), sin(angle)
+    py = direction[..., 0] * c - direction[..., 1] * s
+    pz = direction[..., 1] * c + direction[..., 0] * s
+    dy, dz = distal[..., 0], distal[..., 1]
+    return atan2(py * dz - pz * dy, py * dy + pz * dz)
+
+
+def _dot(a: Value, b: Value) -> Value:
+    total: Value = a[..., 0] * b[..., 0]
+    for k in range(1, value(a).shape[-1]):
+        total = total + a[..., k] * b[..., k]
+    return total

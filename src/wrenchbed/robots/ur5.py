@@ -1,0 +1,216 @@
+"""UR5 with a six-axis sensor between flange and tool.
+
+Kinematics: the manufacturer's Denavit–Hartenberg parameters (CB3 manual, table "UR5 serie 3"),
+T_i = Rz(q_i + dq_i) · Tz(d_i) · Tx(a_i) · Rx(α_i). The world stands in the controller's base frame.
+Sensor axes and origin are the flange's (DH frame 6) unless the mount parameters say otherwise.
+"""
+
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from wrenchbed.frames import apply, exp, exp_rates, rot_x, rot_z
+from wrenchbed.jets import Value, stack
+from wrenchbed.parameters import Parameter, ParameterSet
+from wrenchbed.robots.base import (
+    TILT,
+    Joint,
+    SimulatedRobot,
+    Values,
+    inertia_matrix,
+    load_parameters,
+    sample_until,
+)
+from wrenchbed.wrench import Tool
+
+if TYPE_CHECKING:
+    import mujoco
+
+_A = (0.0, -0.425, -0.39225, 0.0, 0.0, 0.0)
+_D = (0.089159, 0.0, 0.0, 0.10915, 0.09465, 0.0823)
+_ALPHA = (np.pi / 2, 0.0, 0.0, np.pi / 2, -np.pi / 2, 0.0)
+_ANGLE = np.deg2rad(0.5)
+
+
+def _dh() -> list[Parameter]:
+    items = []
+    for i, (a, d, alpha) in enumerate(zip(_A, _D, _ALPHA, strict=True), start=1):
+        items += [
+            Parameter(f"a{i}", a, "m", 5e-4, -2.0, 2.0, "DH link length"),
+            Parameter(f"d{i}", d, "m", 5e-4, -2.0, 2.0, "DH link offset"),
+            Parameter(f"alpha{i}", alpha, "rad", 1e-3, -3.2, 3.2, "DH twist"),
+            Parameter(f"dq{i}", 0.0, "rad", _ANGLE, -6.3, 6.3, "joint zero offset"),
+        ]
+    return items
+
+
+def _vector(group: str, axes: str, unit: str, tolerance: float, text: str) -> list[Parameter]:
+    bound = 3.2 if unit == "rad" else 2.0
+    return [Parameter(f"{group}.{a}", 0.0, unit, tolerance, -bound, bound, text) for a in axes]
+
+
+TOOL_MASS = 1.35
+TOOL_COG = (0.004, -0.006, 0.071)
+TOOL_INERTIA = (2.7e-3, 2.7e-3, 1.1e-3, 0.0, 0.0, 0.0)
+"""The example tool: a 1.35 kg cylinder of 40 mm radius and 140 mm length, a little off centre."""
+
+PARAMETERS = ParameterSet(
+    (
+        *_dh(),
+        *_vector("base.tilt", "xy", "rad", _ANGLE, TILT),
+        *_vector("mount.position", "xyz", "m", 1e-3, "sensor's origin in flange axes"),
+        *_vector("mount.rotation", "xyz", "rad", _ANGLE, "rotation vector, sensor in flange"),
+        Parameter("tool.mass", TOOL_MASS, "kg", 0.05, 1e-4, 50.0, "mass on the sensor"),
+        *(
+            Parameter(f"tool.cog.{a}", c, "m", 5e-3, -2.0, 2.0, "CoG in sensor axes")
+            for a, c in zip("xyz", TOOL_COG, strict=True)
+        ),
+    )
+) + load_parameters(TOOL_INERTIA)
+
+
+TOP_SPEED = np.pi
+"""180°/s at every joint: Universal Robots, UR5 technical specifications, no. 110105 [rad/s]."""
+
+
+class UR5(SimulatedRobot):
+    """Universal Robots UR5 (CB3) with an ATI Gamma."""
+
+    name = "ur5"
+    title = "Universal Robots UR5 (CB3) with an ATI Gamma between flange and tool"
+    sensor = "ati-gamma"
+    parameters = PARAMETERS
+    free = ("tool.mass", "tool.cog", "sensor.bias", "mount.rotation")
+    candidates = ("a?", "d?", "alpha?", "dq?", "base.tilt", "mount", "tool.mass", "tool.cog")
+    joints = tuple(Joint(f"q{i}", "rad", -6.2832, 6.2832, TOP_SPEED) for i in range(1, 7))
+
+    @property
+    def home(self) -> np.ndarray:
+        return np.array([0.0, -1.2, -1.9, -1.6, 1.5708, 0.0])
+
+    def flange_pose(self, q: Value, theta: np.ndarray) -> tuple[Value, Value]:
+        """R_world_flange (…, N, 3, 3) and the flange's origin in the world (…, N, 3) [m]."""
+        p = self.values(theta)
+        rotation: Value = _base(p)
+        position: Value = np.zeros(3)
+        for i in range(1, 7):
+            rotation = rotation @ rot_z(q[..., i - 1] + p[f"dq{i}"])
+            zero = 0.0 * p[f"a{i}"]
+            position = position + apply(rotation, stack([p[f"a{i}"], zero, p[f"d{i}"]]))
+            rotation = rotation @ rot_x(p[f"alpha{i}"])
+        return rotation, position
+
+    def sensor_pose(self, q: Value, theta: np.ndarray) -> tuple[Value, Value]:
+        rotation, position = self.flange_pose(q, theta)
+        p = self.values(theta)
+        offset = stack([p[f"mount.position.{a}"] for a in "xyz"])
+        return rotation @ _mount(p), position + apply(rotation, offset)
+
+    def tool(self, theta: np.ndarray) -> Tool:
+        p = self.values(theta)
+        cog = stack([p[f"tool.cog.{a}"] for a in "xyz"])
+        return Tool(p["tool.mass"], cog, inertia_matrix(p), p["sensor.mass"])
+
+    def theta_of_tool(self, theta: np.ndarray, mass: float, cog: Sequence[float]) -> np.ndarray:
+        values = {"tool.mass": mass} | {f"tool.cog.{a}": c for a, c in zip("xyz", cog, strict=True)}
+        return self.parameters.vector(values, start=theta)
+
+    def infeasible(self, q: np.ndarray, theta: np.ndarray) -> dict[int, str]:
+        return self._outside_limits(q)
+
+    def sample(self, n: int, rng: np.random.Generator) -> np.ndarray:
+        """Elbow up, all from the elbow on above the table, the tool clear of the arm's links."""
+        low = np.array([-np.pi, -2.6, -2.4, -np.pi, -np.pi, -np.pi])
+        high = np.array([np.pi, -0.5, 2.4, np.pi, np.pi, np.pi])
+
+        def good(q: np.ndarray) -> np.ndarray:
+            links, tool = self._skeleton(q)
+            moving = np.concatenate([links[2:], tool])  # from the forearm's elbow on
+            above = (moving[..., 2] > 0.12).all(axis=0)
+            column = (np.hypot(moving[..., 0], moving[..., 1]) > 0.2).all(axis=0)
+            clear = [_apart(links[k], links[k + 1], tool) for k in (0, 2)]
+            return above & column & (np.minimum(*clear) > CLEARANCE)
+
+        return sample_until(n, lambda count: rng.uniform(low, high, (count, 6)), good)
+
+    def _skeleton(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Ends of upper arm, of forearm and the wrist (6, N, 3); points along sensor and tool."""
+        theta = self.parameters.nominal
+        frames = list(self._frames(q, theta))
+        ends = [(1, 0.0, 0.13585), (1, _A[1], 0.13585), (2, 0.0, 0.0165), (2, _A[2], 0.0165)]
+        links = [p + x * r[..., 0] + z * r[..., 2] for k, x, z in ends for r, p in [frames[k]]]
+        links += [frames[4][1], frames[5][1]]
+        rotation, flange = self.flange_pose(q, theta)
+        tool = [flange + z * rotation[..., 2] for z in (0.0, 0.07, 0.14, 0.2)]
+        return np.stack(links), np.stack(tool)
+
+    def _frames(self, q: np.ndarray, theta: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+        """Rotation and origin of each link, standing at its joint and turned by it."""
+        p = self.values(theta)
+        rotation, position = np.eye(3), np.zeros(3)
+        for i in range(1, 7):
+            rotation = rotation @ rot_z(q[..., i - 1])
+            yield rotation, np.broadcast_to(position, (len(q), 3))
+            position = position + rotation @ np.array([p[f"a{i}"], 0.0, p[f"d{i}"]])
+            rotation = rotation @ rot_x(p[f"alpha{i}"])
+
+    def symmetries(self, theta: np.ndarray) -> dict[str, dict[str, float]]:
+        p = self.values(theta)
+        mount = np.array([p[f"mount.rotation.{a}"] for a in "xyz"])
+        back = np.linalg.solve(exp_rates(mount), -rot_x(p["alpha6"]).T)  # against the flange's axes
+        axes = [f"mount.rotation.{a}" for a in "xyz"]
+        return {
+            "a turn of joint 6 against the sensor's mount": {"dq6": 1.0}
+            | dict(zip(axes, back[:, 2], strict=True)),
+            "a twist alpha6 against the sensor's mount": {"alpha6": 1.0}
+            | dict(zip(axes, back[:, 0], strict=True)),
+        }
+
+    def qpos(self, q: Value, theta: np.ndarray) -> Value:
+        return q
+
+    def spec(self, theta: np.ndarray) -> "mujoco.MjSpec":
+        import mujoco
+
+        from wrenchbed.mjcf import place, write_load
+
+        p = {name: float(v) for name, v in self.values(theta).items()}
+        spec = mujoco.MjSpec.from_file(str(self.mjcf))
+        place(spec, "base", [0, 0, 0], _base(p))
+        frame, origin = np.eye(3), [0.0, 0.0, 0.0]
+        for i, (link, angle) in enumerate(zip(_LINKS, self.home, strict=True), start=1):
+            place(spec, link, origin, frame @ rot_z(p[f"dq{i}"] + angle))
+            spec.joint(f"q{i}").ref = angle
+            frame, origin = rot_x(p[f"alpha{i}"]), [p[f"a{i}"], 0.0, p[f"d{i}"]]
+        place(spec, "flange", origin, frame)
+        place(spec, "tool", [p[f"mount.position.{a}"] for a in "xyz"], _mount(p))
+        write_load(spec, self.tool(theta))
+        return spec
+
+
+_LINKS = ("shoulder", "upper_arm", "forearm", "wrist_1", "wrist_2", "wrist_3")
+
+
+CLEARANCE = 0.13
+"""Least distance of the tool's axis from the axes of upper arm and forearm [m]: their radii."""
+
+
+def _apart(start: np.ndarray, end: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Distance (N,) of the nearest of points (M, N, 3) from the segment start–end (N, 3)."""
+    along = end - start
+    share = ((points - start) * along).sum(axis=-1) / (along * along).sum(axis=-1)
+    nearest = start + np.clip(share, 0.0, 1.0)[..., None] * along
+    return np.linalg.norm(points - nearest, axis=-1).min(axis=0)
+
+
+def _base(p: Values) -> Value:
+    """R_world_base; the tilt turns gravity as the base sees it, so the base turns against it."""
+    return exp(-p["base.tilt.x"], -p["base.tilt.y"], 0.0 * p["base.tilt.x"])
+
+
+def _mount(p: Values) -> Value:
+    return exp(*(p[f"mount.rotation.{a}"] for a in "xyz"))
+
+
+ROBOT = UR5()

@@ -1,0 +1,1 @@
+"""Force/torque sensors, one file a family: data-sheet ranges, resolutions and measured noise."""

@@ -1,0 +1,109 @@
+"""Writes a recording row by row so that `kill -9` loses at most the last second.
+
+Rows go to a journal (an Arrow stream, ``<file>.journal``) at least once a second, and the
+recording itself is rewritten and renamed into place as often as that costs little. So there is
+always a complete Parquet file, and `Recording.read` adds what only the journal has. A clean close
+leaves the Parquet file alone.
+"""
+
+import json
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from types import TracebackType
+
+import numpy as np
+import pyarrow as pa
+
+from wrenchbed import parquet
+from wrenchbed.metadata import Metadata
+from wrenchbed.recording import JOURNAL
+
+FLUSH_S = 0.5
+"""Longest time that rows stay in memory only [s]."""
+REWRITE_SHARE = 0.05
+"""Largest share of the time spent on rewriting the growing file."""
+
+
+class RecordingWriter:
+    """Context manager: ``append`` blocks of rows, close to finish.
+
+    An existing recording at ``path`` is kept as ``<path>~``.
+
+    Args:
+        path: target file.
+        metadata: of the recording.
+    """
+
+    def __init__(self, path: str | Path, metadata: Metadata) -> None:
+        self.path = Path(path)
+        self.metadata = metadata
+        self.rows = 0
+        self._journal_path = self.path.with_name(self.path.name + JOURNAL)
+        self._pending: list[dict[str, np.ndarray]] = []
+        self._batches: list[pa.RecordBatch] = []
+        self._sink: pa.OSFile | None = None
+        self._stream: pa.RecordBatchStreamWriter | None = None
+        self._flushed = self._rewritten = time.monotonic()
+        self._rewrite_cost = 0.0
+
+    def __enter__(self) -> "RecordingWriter":
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        for old in (self.path, self._journal_path):
+            if old.exists():
+                old.replace(old.with_name(old.name + "~"))
+        return self
+
+    def append(self, block: Mapping[str, np.ndarray]) -> None:
+        """Add rows: every block has the same columns, each (n,)."""
+        rows = {name: np.atleast_1d(array) for name, array in block.items()}
+        self._pending.append(rows)
+        self.rows += len(rows["t"])
+        if time.monotonic() - self._flushed > FLUSH_S:
+            self.flush()
+
+    def flush(self) -> None:
+        """Bring all rows to disk now."""
+        self._flushed = time.monotonic()
+        if not self._pending:
+            return
+        joined = {k: np.concatenate([b[k] for b in self._pending]) for k in self._pending[0]}
+        self._pending.clear()
+        batch = pa.RecordBatch.from_pydict(joined)
+        if self._stream is None:
+            key = {parquet.KEY: json.dumps(self.metadata.to_json()).encode()}
+            self._sink = pa.OSFile(str(self._journal_path), "wb")
+            self._stream = pa.ipc.new_stream(self._sink, batch.schema.with_metadata(key))
+        self._batches.append(batch)
+        self._stream.write_batch(batch)
+        if self._sink is not None:
+            self._sink.flush()
+        if time.monotonic() - self._rewritten > self._rewrite_cost / REWRITE_SHARE:
+            self._rewrite()
+
+    def close(self) -> None:
+        """Write the finished file and remove the journal."""
+        self.flush()
+        if self._stream is None or self._sink is None:
+            return
+        self._rewrite()
+        self._stream.close()
+        self._sink.close()
+        self._journal_path.unlink(missing_ok=True)
+        self._stream = None
+
+    def _rewrite(self) -> None:
+        start = time.monotonic()
+        table = pa.Table.from_batches(self._batches).combine_chunks()
+        key = {parquet.KEY: json.dumps(self.metadata.to_json(), ensure_ascii=False).encode()}
+        parquet.write(self.path, table.replace_schema_metadata(key))
+        self._rewritten = time.monotonic()
+        self._rewrite_cost = self._rewritten - start
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()

@@ -1,0 +1,187 @@
+"""One contract for every robot that is simulated: MuJoCo and the closed form are the same robot."""
+
+import mujoco
+import numpy as np
+import pytest
+
+from wrenchbed import registry
+from wrenchbed.errors import ParameterError, PlanError
+from wrenchbed.jets import Jet
+from wrenchbed.model import Model
+from wrenchbed.robots.base import SimulatedRobot
+from wrenchbed.simulation import Simulation
+from wrenchbed.wrench import wrench
+
+ROBOTS = [
+    registry.load("robots", name)
+    for name in registry.names("robots")
+    if isinstance(registry.load("robots", name), SimulatedRobot)
+]
+each_robot = pytest.mark.parametrize("robot", ROBOTS, ids=lambda r: r.name)
+
+
+def random_theta(robot: SimulatedRobot, rng: np.random.Generator) -> np.ndarray:
+    """Every parameter off by up to its tolerance; the inertia stays that of a body."""
+    share = rng.uniform(-1, 1, len(robot.parameters))
+    for i, p in enumerate(robot.parameters):
+        if p.name.startswith("tool.inertia"):
+            share[i] *= 0.05
+        if p.name == "sensor.mass":
+            share[i] = abs(share[i])
+    return robot.parameters.nominal + share * robot.parameters.tolerance
+
+
+def vectors(robot: SimulatedRobot) -> list[np.ndarray]:
+    rng = np.random.default_rng(7)
+    return [robot.parameters.nominal, *(random_theta(robot, rng) for _ in range(20))]
+
+
+def feasible(robot: SimulatedRobot, n: int, theta: np.ndarray, seed: int) -> np.ndarray:
+    q = robot.sample(n, np.random.default_rng(seed))
+    good = np.ones(n, dtype=bool)
+    good[list(robot.infeasible(q, theta))] = False
+    assert good.mean() > 0.95
+    return q[good]
+
+
+@each_robot
+def test_the_wrench_at_rest_is_the_same_in_mujoco_and_in_closed_form(robot):
+    for theta in vectors(robot):
+        q = feasible(robot, 1000, theta, seed=1)
+        simulated = Simulation(robot, theta).wrench(q)
+        closed = wrench(*robot.sensor_pose(q, theta), robot.tool(theta), np.array(robot.gravity))
+        assert np.abs(simulated).max() > 3.0
+        assert np.abs(simulated - closed).max() < 1e-12
+
+
+@each_robot
+def test_the_wrench_in_motion_is_newton_eulers(robot):
+    rng = np.random.default_rng(3)
+    for theta in vectors(robot)[:4]:
+        q = feasible(robot, 300, theta, seed=2)
+        motion = Jet(q, rng.normal(size=q.shape), 5.0 * rng.normal(size=q.shape))
+        simulated = Simulation(robot, theta).wrench(motion)
+        pose = robot.sensor_pose(motion, theta)
+        closed = wrench(*pose, robot.tool(theta), np.array(robot.gravity))
+        at_rest = wrench(pose[0].v, pose[1].v, robot.tool(theta), np.array(robot.gravity))
+        assert np.abs(closed - at_rest).max() > 1.0
+        assert np.abs(simulated - closed).max() < 1e-9
+
+
+@each_robot
+def test_the_sensor_stands_where_mujoco_puts_it(robot):
+    for theta in vectors(robot)[:5]:
+        q = feasible(robot, 50, theta, seed=4)
+        rotation, position = robot.sensor_pose(q, theta)
+        simulation = Simulation(robot, theta)
+        for i, row in enumerate(robot.qpos(q, theta)):
+            simulation.data.qpos[:] = row
+            mujoco.mj_kinematics(simulation.model, simulation.data)
+            site = simulation.data.site("ft")
+            assert np.abs(site.xpos - position[i]).max() < 1e-12
+            assert np.abs(site.xmat.reshape(3, 3) - rotation[i]).max() < 1e-12
+            assert simulation.closure() < 1e-12
+
+
+@each_robot
+def test_every_parameter_moves_something_or_is_listed_as_unobservable(robot):
+    rng = np.random.default_rng(5)
+    theta = random_theta(robot, rng)
+    q = feasible(robot, 20, theta, seed=6)
+    motion = Jet(q, rng.normal(size=q.shape), rng.normal(size=q.shape))
+    still = []
+    for i, parameter in enumerate(robot.parameters):
+        other = theta.copy()
+        other[i] += 0.01 * parameter.tolerance
+        change = [
+            np.abs(robot.sensor_pose(q, other)[1] - robot.sensor_pose(q, theta)[1]).max(),
+            np.abs(
+                wrench(
+                    *robot.sensor_pose(motion, other), robot.tool(other), np.array(robot.gravity)
+                )
+                - wrench(
+                    *robot.sensor_pose(motion, theta), robot.tool(theta), np.array(robot.gravity)
+                )
+            ).max(),
+        ]
+        if max(change) < 1e-12:
+            still.append(parameter.name)
+    assert still == list(robot.unobservable)
+
+
+@each_robot
+def test_every_parameter_writes_itself_into_the_spec(robot):
+    theta = robot.parameters.nominal
+    before = robot.spec(theta).to_xml()
+    for i, parameter in enumerate(robot.parameters):
+        other = theta.copy()
+        other[i] += parameter.tolerance * (0.05 if "inertia" in parameter.name else 1.0)
+        assert robot.spec(other).to_xml() != before, parameter.name
+
+
+@each_robot
+def test_the_jacobian_is_that_of_central_differences(robot):
+    model = Model.of(robot)
+    theta = model.parameters.nominal
+    q = feasible(robot, 10, robot.parameters.nominal, seed=8)
+    columns = range(len(theta))
+    exact = model.jacobian(q, theta, columns)
+    for i in columns:
+        step = 1e-6
+        up, down = theta.copy(), theta.copy()
+        up[i] += step
+        down[i] -= step
+        difference = (model.predict(q, up) - model.predict(q, down)) / (2 * step)
+        assert np.abs(exact[:, :, i] - difference).max() < 1e-7, model.parameters[i].name
+
+
+@each_robot
+def test_the_model_opens_and_runs_without_a_warning(robot, capfd):
+    model = mujoco.MjModel.from_xml_path(str(robot.mjcf))
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    standing = {a.name: float(data.joint(a.name).qpos[0]) for a in robot.joints}
+    assert np.allclose(list(standing.values()), robot.home, atol=1e-6)
+    mujoco.mj_step(model, data, 5000)
+    assert np.isfinite(data.qpos).all()
+    assert [w.number for w in data.warning] == [0] * len(data.warning)
+    assert capfd.readouterr().err == ""
+
+
+@each_robot
+def test_the_file_states_the_nominal_robot(robot):
+    """What the MJCF says by itself and what the parameters write are one robot, to its digits."""
+    plain = mujoco.MjModel.from_xml_path(str(robot.mjcf))
+    written = robot.spec(robot.parameters.nominal).compile()
+    for a, b in ((plain.body_pos, written.body_pos), (plain.site_pos, written.site_pos)):
+        assert np.abs(a - b).max() < 1e-6
+    turn = np.abs((plain.body_quat * written.body_quat).sum(axis=1))
+    assert np.abs(turn - 1).max() < 1e-12
+    assert np.abs(plain.body_mass - written.body_mass).max() < 1e-12
+    assert np.abs(plain.opt.gravity - written.opt.gravity).max() == 0
+
+
+@each_robot
+def test_samples_are_feasible_seeded_and_turn_the_tool_about(robot):
+    q = robot.sample(200, np.random.default_rng(0))
+    assert np.array_equal(q, robot.sample(200, np.random.default_rng(0)))
+    assert robot.infeasible(q, robot.parameters.nominal) == {}
+    down = robot.sensor_pose(q, robot.parameters.nominal)[0][:, 2, :]
+    assert np.linalg.svd(down - down.mean(axis=0), compute_uv=False)[-1] > 1.0
+
+
+@each_robot
+def test_joints_outside_limits_are_refused_by_row(robot):
+    q = robot.sample(3, np.random.default_rng(0))
+    q[1, 1] = np.rad2deg(q[1, 1])
+    with pytest.raises(PlanError, match=r"plan: row 1: q2 = .* outside its limits.*degrees"):
+        robot.check(q, robot.parameters.nominal, "plan")
+    with pytest.raises(PlanError, match="has 6 joints"):
+        robot.check(q[:, :5], robot.parameters.nominal, "plan")
+
+
+@each_robot
+def test_an_inertia_of_no_body_is_refused(robot):
+    theta = robot.parameters.vector({"tool.inertia.xx": 1.0})
+    with pytest.raises(ParameterError, match="inertia"):
+        robot.spec(theta)

@@ -1,0 +1,100 @@
+"""The rigid tool by hand."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from wrenchbed.errors import CalibrationError
+from wrenchbed.frames import matrix, rot_z
+from wrenchbed.identify import identify
+from wrenchbed.jets import Jet
+from wrenchbed.wrench import Tool, physical_inertia, wrench
+
+G = np.array([0.0, 0.0, -9.80665])
+
+
+def tool(mass=2.0, cog=(0.1, 0.0, 0.0), inertia=(0.01, 0.02, 0.03), own=0.0) -> Tool:
+    return Tool(np.array(mass), np.array(cog), np.diag(inertia), np.array(own))
+
+
+def test_at_rest_the_weight_acts_at_the_centre_of_gravity():
+    load = wrench(np.eye(3)[None], np.zeros((1, 3)), tool(own=0.5), G)[0]
+    assert np.allclose(load, [0, 0, -2.5 * 9.80665, 0, 0.1 * 2 * 9.80665, 0])
+
+
+def test_a_spinning_tool_pulls_outwards():
+    """About z at ω: the centre of gravity at 0.1 m on x pulls with m ω² r along +x."""
+    omega, n = 3.0, 5
+    angle = Jet(np.linspace(0, 1, n), np.full(n, omega), np.zeros(n))
+    still = Jet(*np.zeros((3, n, 3)))
+    load = wrench(rot_z(angle), still, tool(), G)
+    assert np.allclose(load[:, 0], 2.0 * omega**2 * 0.1)
+    assert np.allclose(load[:, 5], 0.0)
+
+
+def test_an_accelerating_spin_needs_a_couple():
+    """About z at α: tz = −(Izz + m r²) α, fy = −m r α."""
+    alpha = 7.0
+    angle = Jet(np.zeros(1), np.zeros(1), np.full(1, alpha))
+    load = wrench(rot_z(angle), Jet(*np.zeros((3, 1, 3))), tool(), G)[0]
+    assert np.isclose(load[1], -2.0 * 0.1 * alpha)
+    assert np.isclose(load[5], -(0.03 + 2.0 * 0.1**2) * alpha)
+
+
+def test_a_tool_dropped_with_its_sensor_weighs_nothing():
+    fall = Jet(np.zeros((1, 3)), np.zeros((1, 3)), G[None])
+    level = Jet(np.eye(3)[None], np.zeros((1, 3, 3)), np.zeros((1, 3, 3)))
+    assert np.allclose(wrench(level, fall, tool(own=0.3), G), 0.0)
+
+
+def test_a_jet_at_rest_is_the_static_wrench():
+    rotation = matrix(np.random.default_rng(0).normal(size=(6, 4)))
+    still = Jet(rotation, np.zeros_like(rotation), np.zeros_like(rotation))
+    moving = wrench(still, Jet(*np.zeros((3, 6, 3))), tool(own=0.2), G)
+    assert np.allclose(moving, wrench(rotation, np.zeros((6, 3)), tool(own=0.2), G), atol=1e-13)
+
+
+@given(st.floats(0.05, 20.0), st.tuples(*[st.floats(-0.3, 0.3)] * 3), st.integers(0, 10_000))
+def test_mass_centre_and_bias_return_from_any_orientations(mass, cog, seed):
+    rng = np.random.default_rng(seed)
+    rotation = matrix(rng.normal(size=(12, 4)))
+    bias = rng.normal(size=6)
+    load = Tool(np.array(mass), np.array(cog), np.zeros((3, 3)), np.array(0.0))
+    found = identify(rotation, wrench(rotation, np.zeros((12, 3)), load, G) + bias, G)
+    assert np.isclose(found.mass, mass, rtol=1e-9)
+    assert np.allclose(found.cog, cog, atol=1e-9)
+    assert np.allclose(found.bias, bias, atol=1e-7)
+
+
+def test_the_closed_form_is_the_weighted_least_squares_solution():
+    rng = np.random.default_rng(1)
+    rotation = matrix(rng.normal(size=(40, 4)))
+    weight = rng.uniform(0.5, 2.0, 6) ** 2
+    y = rng.normal(size=(40, 6)) + wrench(rotation, np.zeros((40, 3)), tool(), G)
+    g = G @ rotation
+    design = np.zeros((40, 6, 10))
+    design[:, :3, 0] = g
+    for k, axis in enumerate(np.eye(3)):
+        design[:, 3:, 1 + k] = np.cross(axis, g)
+    design[:, :, 4:] = np.eye(6)
+    root = np.sqrt(weight)
+    a = (design * root[:, None]).reshape(-1, 10)
+    wanted = np.linalg.lstsq(a, (y * root).ravel(), rcond=None)[0]
+    found = identify(rotation, y, G, weight)
+    assert np.isclose(found.mass, wanted[0])
+    assert np.allclose(found.cog, wanted[1:4] / wanted[0])
+    assert np.allclose(found.bias, wanted[4:])
+
+
+def test_one_orientation_only_is_refused():
+    rotation = np.repeat(np.eye(3)[None], 8, axis=0)
+    with pytest.raises(CalibrationError, match="one orientation"):
+        identify(rotation, np.ones((8, 6)), G)
+
+
+def test_only_inertias_of_bodies_are_physical():
+    assert physical_inertia((1.0, 1.0, 1.9, 0, 0, 0))
+    assert physical_inertia((0, 0, 0, 0, 0, 0))
+    assert not physical_inertia((1.0, 1.0, 2.1, 0, 0, 0))
+    assert not physical_inertia((1.0, 1.0, 1.0, 2.0, 0, 0))
