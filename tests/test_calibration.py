@@ -13,8 +13,10 @@ from wrenchbed.calibration import Options, calibrate
 from wrenchbed.errors import CalibrationError, ParameterError, RecordingError
 from wrenchbed.importing import import_files
 from wrenchbed.metadata import SensorInfo, ToolInfo
+from wrenchbed.noise import NoiseStream
 from wrenchbed.recording import Recording
 from wrenchbed.robots.medrue.parameters import IDENTIFIED, PAPER
+from wrenchbed.wrench import CHANNELS
 
 DATA = Path(__file__).parent / "data"
 GOLDEN = json.loads((DATA / "medrue_golden.json").read_text())
@@ -101,14 +103,41 @@ def test_medrues_intervals_hold_under_white_noise():
 
 
 def test_intervals_hold_where_holds_wander_and_the_effective_sample_size_is_stated():
-    """Each hold off by twice the noise of one row: 20 rows are worth 1/(1/20 + 4) ≈ 0.25 rows."""
+    """Each hold off by twice the noise of one row: 60 × 20 rows are worth 60/(1/20 + 4) ≈ 15."""
     how = {"poses": 60, "samples": 20, "noise": WHITE, "wander": 2.0}
     fit = calibrate(static("ur5", UR5_TRUTH, seed=1, **how))
     assert fit.noise.inflated
-    assert np.all((fit.noise.effective > 0.12) & (fit.noise.effective < 0.5))
+    assert 7 < np.median(fit.noise.effective) < 30
+    assert fit.noise.effective.max() < 60
     assert "scatter" in fit.status
     share, _ = coverage("ur5", UR5_TRUTH, None, 60, **how)
     assert 0.93 <= share <= 0.97
+
+
+def flickering(seed: int) -> Recording:
+    """UR5 data with the Gamma's real noise: 60 poses of 0.6 s, one every 5 s."""
+    rec = static("ur5", UR5_TRUTH, poses=60, samples=60, seed=seed)
+    t = rec.columns["segment"] * 5.0 + (np.arange(len(rec)) % 60) / 100
+    stream = NoiseStream(registry.load("sensors", "ati-gamma").noise, seed)
+    reading, _ = stream.corrupt(t, rec.wrench)
+    return edited(rec, t=t, **{c: reading[:, k] for k, c in enumerate(CHANNELS)})
+
+
+def test_under_one_over_f_noise_the_fit_states_what_its_rows_are_worth():
+    """The tz of the measured Gamma wanders most: its 3,600 rows fix a bias like 60 to 600 would.
+
+    Intervals that trusted 3,600 independent rows held the truth in 50 % of 100 seeds for that bias;
+    heeding the wander, 93 % of all 1,300 intervals did.
+    """
+    inside = total = 0
+    for seed in range(30):
+        fit = calibrate(flickering(seed))
+        assert fit.noise.inflated
+        assert fit.noise.effective[5] < 0.3 * fit.rows
+        for p in fit.identified:
+            inside += abs(p.value - UR5_TRUTH[p.name]) <= p.interval95
+            total += 1
+    assert inside / total > 0.9
 
 
 def test_noise_is_what_the_repeats_show():
@@ -116,7 +145,7 @@ def test_noise_is_what_the_repeats_show():
     assert fit.noise.source == "repeats"
     assert not fit.noise.inflated
     assert np.abs(fit.noise.row / WHITE - 1).max() < 0.05
-    assert np.allclose(fit.noise.effective, 50)
+    assert np.allclose(fit.noise.effective, 5000)
 
 
 def test_stated_noise_stands_in_for_repeats():

@@ -15,9 +15,10 @@ from wrenchbed.jets import Jet
 from wrenchbed.model import Model
 from wrenchbed.observability import Observability, analyse
 from wrenchbed.observations import Observations, fallback_covariance, observe
+from wrenchbed.problem import LOSSES, Problem
 from wrenchbed.recording import Recording
 from wrenchbed.robots.base import Robot
-from wrenchbed.weighting import LOSSES, Outcome, Problem, fit
+from wrenchbed.weighting import Outcome, fit
 
 _BLIND = 1e-5
 """A parameter with more than this share in the null space is not identified by itself."""
@@ -86,8 +87,10 @@ def calibrate(recording: Recording, options: Options | None = None) -> Fit:
             f"{recording.name}: {len(data)} poses give {data.wrench.size} readings, too few for "
             f"{len(free)} parameters"
         )
-    theta = _started(model, model.configured(recording.metadata), data, free)
-    problem = Problem(model, data, theta, free, options.prior, options.loss)
+    stated = model.configured(recording.metadata)
+    theta = _started(model, stated, data, free)
+    centre = stated[list(free)]
+    problem = Problem(model, data, theta, free, centre, options.prior, options.loss)
     outcome = fit(problem)
     theta[list(free)] = outcome.solution.x
     _check_load(model, theta)

@@ -41,7 +41,7 @@ class Noise:
         source: ``repeats``, ``stated`` or ``residual``.
         expected: of the mean of one hold if its rows were independent.
         scatter: of the hold means about the fit, found.
-        effective: rows that one hold is worth.
+        effective: independent rows that all rows are worth (6,).
         rows: rows that one hold has, on average.
         inflated: whether the uncertainties were widened from ``expected`` to ``scatter``.
     """
@@ -130,7 +130,7 @@ class Fit:
                 "source": noise.source,
                 "row_std": _channels(noise.row),
                 "rows_per_pose": noise.rows,
-                "effective_rows_per_pose": _channels(noise.effective),
+                "effective_rows": _channels(noise.effective),
                 "hold_mean_expected": _channels(noise.expected),
                 "hold_mean_scatter": _channels(noise.scatter),
                 "inflated": noise.inflated,

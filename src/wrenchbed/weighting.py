@@ -1,96 +1,22 @@
-"""Weighted fits whose weights come from the data: repeats, stated noise or the residual itself."""
+"""Weights from the data itself: its repeats, its stated noise, or what the fit leaves over."""
 
 from dataclasses import dataclass
 
 import numpy as np
 from scipy import special
 
+from wrenchbed import wander
 from wrenchbed.fit import Noise
-from wrenchbed.gauss_newton import Solution, solve
+from wrenchbed.gauss_newton import Solution
 from wrenchbed.jets import Jet
-from wrenchbed.model import Model
 from wrenchbed.observations import Observations, fallback_covariance
+from wrenchbed.problem import Problem, Whitening
 
-LOSSES = ("linear", "huber", "student")
-_HUBER_K = 1.345
-"""95 % efficient under normal noise: Holland & Welsch 1977, doi 10.1080/03610927708827533."""
-_STUDENT_NU = 4.0
-_ROBUST_STEPS = 10
-_MAD = 1.4826
-"""Standard deviation of a normal variable over its median absolute deviation."""
 _REWEIGHTINGS = 3
 _TRUST = 0.01
 """Below this p-value of the residual's χ², the noise seen in the repeats does not explain it."""
-
-
-@dataclass(frozen=True, eq=False)
-class Problem:
-    """A least-squares fit of the parameters at ``free`` from ``theta`` (P,)."""
-
-    model: Model
-    data: Observations
-    theta: np.ndarray
-    free: tuple[int, ...]
-    prior: bool = False
-    loss: str = "linear"
-
-    @property
-    def scale(self) -> np.ndarray:
-        return self.model.parameters.tolerance[list(self.free)]
-
-    @property
-    def start(self) -> np.ndarray:
-        return self.theta[list(self.free)]
-
-    @property
-    def dof(self) -> float:
-        """Of the residual per channel; parameters are shared out evenly."""
-        k = 0 if self.prior else len(self.free)
-        return max(1.0, len(self.data) - k / 6)
-
-    def residual(self, x: np.ndarray) -> np.ndarray:
-        """Measured − predicted (M, 6) [N, N·m]."""
-        theta = self.theta.copy()
-        theta[list(self.free)] = x
-        return self.data.wrench - self.model.predict(self.data.q, theta)
-
-    def solve(self, covariance: np.ndarray, count: np.ndarray, start: np.ndarray) -> Solution:
-        """Weighted fit; ``covariance`` (6, 6) of one row, ``count`` (M,) rows each."""
-        weight = np.ones((len(self.data), 6))
-        solution = self._solve(covariance, count, start, weight)
-        for _ in range(_ROBUST_STEPS if self.loss != "linear" else 0):
-            plain = solution.residual[: weight.size].reshape(-1, 6) / weight
-            weight = np.sqrt(_robust_weight(plain, self.loss))
-            solution = self._solve(covariance, count, solution.x, weight)
-        return solution
-
-    def _solve(
-        self, covariance: np.ndarray, count: np.ndarray, start: np.ndarray, weight: np.ndarray
-    ) -> Solution:
-        whiten = np.linalg.inv(np.linalg.cholesky(covariance)).T
-        factor = weight * np.sqrt(count)[:, None]
-        prior = self.prior
-        nominal, scale = self.model.parameters.nominal[list(self.free)], self.scale
-
-        def residual(x: np.ndarray) -> np.ndarray:
-            rows = (self.residual(x) @ whiten * factor).ravel()
-            return np.concatenate([rows, (nominal - x) / scale]) if prior else rows
-
-        def jacobian(x: np.ndarray) -> np.ndarray:
-            theta = self.theta.copy()
-            theta[list(self.free)] = x
-            j = self.model.jacobian(self.data.q, theta, self.free)
-            rows = (np.einsum("nck,cd->ndk", j, whiten) * factor[..., None]).reshape(-1, len(x))
-            return np.concatenate([rows, np.diag(1.0 / scale)]) if prior else rows
-
-        return solve(residual, jacobian, start, scale)
-
-
-def _robust_weight(residual: np.ndarray, loss: str) -> np.ndarray:
-    size = np.abs(residual) / max(1.0, _MAD * float(np.median(np.abs(residual))))
-    if loss == "huber":
-        return np.minimum(1.0, _HUBER_K / np.maximum(size, 1e-300))
-    return (_STUDENT_NU + 1) / (_STUDENT_NU + size**2)
+_ENOUGH = 20.0
+"""Degrees of freedom a channel from which wander and correlation are found in the residual."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,46 +32,90 @@ class Outcome:
 def fit(problem: Problem) -> Outcome:
     """Fit with the known noise; if the residual denies it, fit again with the residual's own."""
     data = problem.data
-    known = data.source != "residual" and bool(data.row_covariance.any())
-    row = data.row_covariance if known else fallback_covariance()
-    solution = problem.solve(row, data.count, problem.start)
-    rows = float(np.mean(data.count))
-    if known:
-        chi2 = float((solution.residual[: data.wrench.size] ** 2).sum())
-        if special.chdtrc(6 * problem.dof, chi2) > _TRUST:
-            noise = _noise(problem, solution, row, data.source, inflated=False)
-            return Outcome(solution, solution.covariance, data.dof, noise)
-    factor, expected = 1.0, np.diagonal(row) / rows if known else np.zeros(6)
-    for _ in range(_REWEIGHTINGS):
-        found = _found(problem, solution.x)
-        if _exact(found, data):
-            whitened = solution.residual[: data.wrench.size]
-            factor = float(whitened @ whitened) / (6 * problem.dof)
-            break
-        pooled = _pooled(found, expected)
-        solution = problem.solve(pooled, np.ones(len(data), dtype=int), solution.x)
-    source = data.source if known else "residual"
-    noise = _noise(problem, solution, row if known else None, source, inflated=known)
-    factor *= float(np.mean(_correlation_time(problem, solution.x)))
-    return Outcome(solution, solution.covariance * factor, problem.dof, noise)
+    if data.source == "residual" or not data.row_covariance.any():
+        return _blind(problem)
+    solution = problem.solve(_rows(data.row_covariance, data.count), problem.start)
+    chi2 = float((solution.residual[: data.wrench.size] ** 2).sum())
+    if special.chdtrc(6 * problem.dof, chi2) > _TRUST:
+        noise = _noise(problem, solution, data.source, float(data.count.sum()) * np.ones(6))
+        return Outcome(solution, solution.covariance, data.dof, noise)
+    if isinstance(data.q, Jet) or problem.dof < _ENOUGH or len(data) > wander.MOST_POSES:
+        return _scattered(problem, solution)
+    return _wandering(problem, solution)
 
 
-def _found(problem: Problem, x: np.ndarray) -> np.ndarray:
-    """Variance of the observations about the fit (6,) [N², (N·m)²]; robust if the loss is."""
-    r = problem.residual(x)
-    if problem.loss == "linear":
-        return np.asarray((r**2).sum(axis=0) / problem.dof)
-    return np.asarray((_MAD * np.median(np.abs(r), axis=0)) ** 2 * len(r) / problem.dof)
+def _rows(covariance: np.ndarray, count: np.ndarray) -> Whitening:
+    """Whitening of means over ``count`` (M,) rows of one covariance (6, 6)."""
+    turn = np.linalg.inv(np.linalg.cholesky(covariance))
+
+    def whiten(rows: np.ndarray) -> np.ndarray:
+        factor = np.sqrt(count).reshape((-1, 1) + (1,) * (rows.ndim - 2))
+        return np.asarray(np.moveaxis(np.tensordot(rows, turn, axes=(1, 1)), -1, 1) * factor)
+
+    return whiten
 
 
-def _pooled(found: np.ndarray, expected: np.ndarray) -> np.ndarray:
-    """Weights' variance (6, 6): the known noise, and beyond it one level of forces, one of torques.
+def _blind(problem: Problem) -> Outcome:
+    """Nothing is known of the noise: one level of forces and one of torques, from the residual.
 
     What is left is often an effect that the model lacks; to weigh each channel by its own share of
     it would trust chance.
     """
-    beyond = np.maximum(found - expected, 0.0)
-    return np.diag(expected + np.repeat([beyond[:3].mean(), beyond[3:].mean()], 3))
+    data = problem.data
+    solution = problem.solve(_rows(fallback_covariance(), np.ones(len(data))), problem.start)
+    factor = 1.0
+    for _ in range(_REWEIGHTINGS):
+        found = problem.found(solution.x)
+        if _exact(found, data):
+            whitened = solution.residual[: data.wrench.size]
+            factor = float(whitened @ whitened) / (6 * problem.dof)
+            break
+        pooled = np.repeat([found[:3].mean(), found[3:].mean()], 3)
+        solution = problem.solve(wander.none_of(pooled), solution.x)
+    return _correlated(problem, solution, factor, "residual")
+
+
+def _scattered(problem: Problem, solution: Solution) -> Outcome:
+    """The residual's own variance, channel by channel."""
+    for _ in range(_REWEIGHTINGS):
+        solution = problem.solve(wander.none_of(problem.found(solution.x)), solution.x)
+    return _correlated(problem, solution, 1.0, problem.data.source)
+
+
+def _wandering(problem: Problem, solution: Solution) -> Outcome:
+    """The residual's own scatter, its 1/f wander and its channels' correlation."""
+    data = problem.data
+    least = np.diagonal(data.row_covariance) / float(np.mean(data.count))
+    order = np.argsort(data.t)
+    for _ in range(_REWEIGHTINGS):
+        design, left = problem.jacobian(solution.x)[order], problem.residual(solution.x)[order]
+        slow = wander.estimate(data.t[order], left, design, least)
+        z = slow.whiten(left)
+        between = np.corrcoef(z, rowvar=False)
+        together = _rows(between, np.ones(len(data)))
+
+        def whiten(rows: np.ndarray, slow: wander.Wander = slow, last: Whitening = together):  # type: ignore[no-untyped-def]
+            return last(slow.whiten(rows[order]))
+
+        solution = problem.solve(whiten, solution.x)
+    effective = np.diagonal(data.row_covariance) / slow.mean_variance
+    noise = _noise(problem, solution, data.source, effective, inflated=True)
+    return Outcome(solution, solution.covariance, problem.dof, noise)
+
+
+def _correlated(problem: Problem, solution: Solution, factor: float, source: str) -> Outcome:
+    """Widen by the residual's correlation time in motion, and count its effective rows."""
+    time = _correlation_time(problem, solution.x)
+    rows = float(problem.data.count.sum())
+    known = source != "residual"
+    effective = rows / time
+    if known:
+        expected = np.diagonal(problem.data.row_covariance) / float(np.mean(problem.data.count))
+        ratio = expected / np.maximum(problem.found(solution.x), 1e-300)
+        effective = effective * np.minimum(1.0, ratio)
+    noise = _noise(problem, solution, source, effective, inflated=known)
+    covariance = solution.covariance * factor * float(np.mean(time))
+    return Outcome(solution, covariance, problem.dof, noise)
 
 
 def _exact(found: np.ndarray, data: Observations) -> bool:
@@ -171,15 +141,11 @@ def _correlation_time(problem: Problem, x: np.ndarray) -> np.ndarray:
 
 
 def _noise(
-    problem: Problem, solution: Solution, row: np.ndarray | None, source: str, inflated: bool
+    problem: Problem, solution: Solution, source: str, effective: np.ndarray, inflated: bool = False
 ) -> Noise:
     data = problem.data
     rows = float(np.mean(data.count))
-    found = np.sqrt(_found(problem, solution.x))
-    alone = found * np.sqrt(rows) if row is None else np.sqrt(np.diagonal(row))
-    expected = alone / np.sqrt(rows)
-    worth = np.full(6, rows)
-    if inflated:
-        worth = rows * np.minimum(1.0, np.square(expected / np.maximum(found, 1e-300)))
-    worth = worth / _correlation_time(problem, solution.x)
-    return Noise(alone, source, expected, found, worth, rows, inflated)
+    found = np.sqrt(problem.found(solution.x))
+    known = source != "residual"
+    alone = np.sqrt(np.diagonal(data.row_covariance)) if known else found * np.sqrt(rows)
+    return Noise(alone, source, alone / np.sqrt(rows), found, effective, rows, inflated)

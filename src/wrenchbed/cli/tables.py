@@ -84,7 +84,7 @@ def _residuals(result: Fit) -> Table:
     noise = result.noise
     table.add_row("residual rms", *map(_short, result.residual_rms))
     table.add_row(f"one row, {noise.source}", *map(_short, noise.row))
-    worth = [f"{w * result.poses:.0f}" for w in noise.effective]
+    worth = [f"{w:.0f}" for w in noise.effective]
     table.add_row("effective rows", *worth)
     return table
 
