@@ -110,6 +110,20 @@ def test_every_parameter_moves_something_or_is_listed_as_unobservable(robot):
 
 
 @each_robot
+def test_parameters_of_the_load_leave_the_sensor_where_it_is(robot):
+    theta = robot.parameters.nominal
+    q = feasible(robot, 5, theta, seed=9)
+    before = robot.sensor_pose(q, theta)
+    for i, parameter in enumerate(robot.parameters):
+        other = theta.copy()
+        other[i] += parameter.tolerance
+        after = robot.sensor_pose(q, other)
+        same = all(np.array_equal(a, b) for a, b in zip(before, after, strict=True))
+        lasting = same and parameter.name not in robot.unobservable
+        assert lasting == (parameter.name in robot.load), parameter.name
+
+
+@each_robot
 def test_every_parameter_writes_itself_into_the_spec(robot):
     theta = robot.parameters.nominal
     before = robot.spec(theta).to_xml()

@@ -76,11 +76,15 @@ class Model:
             stated["sensor.mass"] = sensor.mass
         return names.vector(stated, start=theta)
 
-    def true_wrench(self, q: Value, theta: np.ndarray) -> np.ndarray:
-        """Load on the sensor (…, N, 6) [N, N·m] before the sensor changes it."""
-        own = theta[..., : len(self.robot.parameters)]
-        rotation, position = self.robot.sensor_pose(q, own)
-        return wrench(rotation, position, self.robot.tool(own), np.asarray(self.gravity))
+    def true_wrench(self, q: Value, theta: np.ndarray, at: np.ndarray | None = None) -> np.ndarray:
+        """Load on the sensor (…, N, 6) [N, N·m] before the sensor changes it.
+
+        ``at`` (P,) gives the pose other parameters than ``theta`` gives the load.
+        """
+        n = len(self.robot.parameters)
+        rotation, position = self.robot.sensor_pose(q, (theta if at is None else at)[..., :n])
+        tool = self.robot.tool(theta[..., :n])
+        return wrench(rotation, position, tool, np.asarray(self.gravity))
 
     def read(self, load: np.ndarray, theta: np.ndarray) -> np.ndarray:
         """What the sensor makes of a load (…, N, 6): its force gains and its bias."""
@@ -104,14 +108,22 @@ class Model:
         """
         n = len(value(q))
         result = np.empty((n, 6, len(columns)))
+        still = [k for k, c in enumerate(columns) if not self._moves_pose(c)]
+        moving = [k for k, c in enumerate(columns) if self._moves_pose(c)]
         at_once = max(1, _ROWS_AT_ONCE // max(n, 1))
-        for start in range(0, len(columns), at_once):
-            some = list(columns[start : start + at_once])
-            shifted = np.tile(theta.astype(complex), (len(some), 1, 1))
-            shifted[np.arange(len(some)), 0, some] += 1j * _STEP
-            part = self.predict(q, shifted).imag / _STEP
-            result[:, :, start : start + at_once] = np.moveaxis(part, 0, -1)
+        for group, at in ((still, theta), (moving, None)):
+            for start in range(0, len(group), at_once):
+                some = group[start : start + at_once]
+                shifted = np.tile(theta.astype(complex), (len(some), 1, 1))
+                shifted[np.arange(len(some)), 0, [columns[k] for k in some]] += 1j * _STEP
+                part = self.read(self.true_wrench(q, shifted, at), shifted).imag / _STEP
+                result[:, :, some] = np.moveaxis(np.broadcast_to(part, (len(some), n, 6)), 0, -1)
         return result
+
+    def _moves_pose(self, column: int) -> bool:
+        """Whether the sensor's pose depends on a parameter; the others cost no kinematics."""
+        own = self.robot.parameters
+        return column < len(own) and own[column].name not in self.robot.load
 
 
 def _mounted(names: ParameterSet, theta: np.ndarray, pose: Sequence[float]) -> np.ndarray:

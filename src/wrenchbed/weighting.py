@@ -36,10 +36,14 @@ def fit(problem: Problem) -> Outcome:
         return _blind(problem)
     solution = problem.solve(_rows(data.row_covariance, data.count), problem.start)
     chi2 = float((solution.residual[: data.wrench.size] ** 2).sum())
-    if special.chdtrc(6 * problem.dof, chi2) > _TRUST:
+    explained = bool(special.chdtrc(6 * problem.dof, chi2) > _TRUST)
+    if isinstance(data.q, Jet):
+        return _scattered(problem, solution, inflated=not explained)
+    if explained:
         noise = _noise(problem, solution, data.source, float(data.count.sum()) * np.ones(6))
         return Outcome(solution, solution.covariance, data.dof, noise)
-    if isinstance(data.q, Jet) or problem.dof < _ENOUGH or len(data) > wander.MOST_POSES:
+    few = problem.dof < _ENOUGH or len(data) > wander.MOST_POSES
+    if few or problem.loss != "linear":
         return _scattered(problem, solution)
     return _wandering(problem, solution)
 
@@ -71,15 +75,24 @@ def _blind(problem: Problem) -> Outcome:
             factor = float(whitened @ whitened) / (6 * problem.dof)
             break
         pooled = np.repeat([found[:3].mean(), found[3:].mean()], 3)
-        solution = problem.solve(wander.none_of(pooled), solution.x)
-    return _correlated(problem, solution, factor, "residual")
+        time = _correlation_time(problem, solution.x)
+        solution = problem.solve(wander.none_of(pooled * time), solution.x)
+    effective = float(data.count.sum()) / _correlation_time(problem, solution.x)
+    noise = _noise(problem, solution, "residual", effective)
+    return Outcome(solution, solution.covariance * factor, problem.dof, noise)
 
 
-def _scattered(problem: Problem, solution: Solution) -> Outcome:
-    """The residual's own variance, channel by channel."""
+def _scattered(problem: Problem, solution: Solution, inflated: bool = True) -> Outcome:
+    """The residual's own variance and correlation time, channel by channel."""
+    data = problem.data
     for _ in range(_REWEIGHTINGS):
-        solution = problem.solve(wander.none_of(problem.found(solution.x)), solution.x)
-    return _correlated(problem, solution, 1.0, problem.data.source)
+        found, time = problem.found(solution.x), _correlation_time(problem, solution.x)
+        solution = problem.solve(wander.none_of(found * time), solution.x)
+    expected = np.diagonal(data.row_covariance) / float(np.mean(data.count))
+    share = np.minimum(1.0, expected / np.maximum(found, 1e-300)) if inflated else np.ones(6)
+    effective = float(data.count.sum()) / time * share
+    noise = _noise(problem, solution, data.source, effective, inflated)
+    return Outcome(solution, solution.covariance, problem.dof, noise)
 
 
 def _wandering(problem: Problem, solution: Solution) -> Outcome:
@@ -101,21 +114,6 @@ def _wandering(problem: Problem, solution: Solution) -> Outcome:
     effective = np.diagonal(data.row_covariance) / slow.mean_variance
     noise = _noise(problem, solution, data.source, effective, inflated=True)
     return Outcome(solution, solution.covariance, problem.dof, noise)
-
-
-def _correlated(problem: Problem, solution: Solution, factor: float, source: str) -> Outcome:
-    """Widen by the residual's correlation time in motion, and count its effective rows."""
-    time = _correlation_time(problem, solution.x)
-    rows = float(problem.data.count.sum())
-    known = source != "residual"
-    effective = rows / time
-    if known:
-        expected = np.diagonal(problem.data.row_covariance) / float(np.mean(problem.data.count))
-        ratio = expected / np.maximum(problem.found(solution.x), 1e-300)
-        effective = effective * np.minimum(1.0, ratio)
-    noise = _noise(problem, solution, source, effective, inflated=known)
-    covariance = solution.covariance * factor * float(np.mean(time))
-    return Outcome(solution, covariance, problem.dof, noise)
 
 
 def _exact(found: np.ndarray, data: Observations) -> bool:

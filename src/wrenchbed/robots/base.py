@@ -53,6 +53,8 @@ class Robot(ABC):
     """Patterns of the parameters that `calibrate` identifies unless told otherwise."""
     candidates: tuple[str, ...]
     """Patterns of the parameters whose identifiability `calibrate` reports."""
+    load: frozenset[str]
+    """Parameters that change the load on the sensor but not where the sensor is."""
     unobservable: tuple[str, ...] = ()
     """Parameters that no wrench and no pose of the sensor depends on."""
 
@@ -147,6 +149,10 @@ class SimulatedRobot(Robot):
 TILT = "rotation vector that turns gravity as the base sees it, g → Exp(α) g"
 
 INERTIA_AXES = ("xx", "yy", "zz", "xy", "xz", "yz")
+
+
+LOAD = frozenset([*(f"tool.inertia.{a}" for a in INERTIA_AXES), "sensor.mass"])
+"""Names of `load_parameters`."""
 
 
 def load_parameters(inertia: Sequence[float]) -> ParameterSet:

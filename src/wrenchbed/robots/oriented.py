@@ -11,7 +11,7 @@ from wrenchbed.errors import KinematicsError
 from wrenchbed.frames import exp, matrix
 from wrenchbed.jets import Jet, Value, stack
 from wrenchbed.parameters import Parameter, ParameterSet
-from wrenchbed.robots.base import TILT, Robot, inertia_matrix, load_parameters
+from wrenchbed.robots.base import LOAD, TILT, Robot, inertia_matrix, load_parameters
 from wrenchbed.wrench import Tool
 
 _ANGLE = np.deg2rad(0.5)
@@ -24,6 +24,7 @@ class Oriented(Robot):
     title = "any robot whose recording holds the sensor's orientation (qw qx qy qz)"
     joints = ()
     sensor = "ati-gamma"
+    load = LOAD | {"tool.mass", *(f"tool.cog.{a}" for a in "xyz")}
     free = ("tool.mass", "tool.cog", "sensor.bias")
     candidates = ("base.tilt", "mount.rotation", "tool.mass", "tool.cog")
     parameters = (

@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from wrenchbed.frames import apply, exp, exp_rates, rot_x, rot_z
-from wrenchbed.jets import Value, stack
+from wrenchbed.jets import Jet, Value, cos, sin, stack
 from wrenchbed.parameters import Parameter, ParameterSet
 from wrenchbed.robots.base import (
+    LOAD,
     TILT,
     Joint,
     SimulatedRobot,
@@ -81,6 +82,7 @@ class UR5(SimulatedRobot):
     title = "Universal Robots UR5 (CB3) with an ATI Gamma between flange and tool"
     sensor = "ati-gamma"
     parameters = PARAMETERS
+    load = LOAD | {"tool.mass", *(f"tool.cog.{a}" for a in "xyz")}
     free = ("tool.mass", "tool.cog", "sensor.bias", "mount.rotation")
     candidates = ("a?", "d?", "alpha?", "dq?", "base.tilt", "mount", "tool.mass", "tool.cog")
     joints = tuple(Joint(f"q{i}", "rad", -6.2832, 6.2832, TOP_SPEED) for i in range(1, 7))
@@ -91,14 +93,12 @@ class UR5(SimulatedRobot):
 
     def flange_pose(self, q: Value, theta: np.ndarray) -> tuple[Value, Value]:
         """R_world_flange (…, N, 3, 3) and the flange's origin in the world (…, N, 3) [m]."""
-        p = self.values(theta)
-        rotation: Value = _base(p)
+        rotation: Value = _base(self.values(theta))
         position: Value = np.zeros(3)
-        for i in range(1, 7):
-            rotation = rotation @ rot_z(q[..., i - 1] + p[f"dq{i}"])
-            zero = 0.0 * p[f"a{i}"]
-            position = position + apply(rotation, stack([p[f"a{i}"], zero, p[f"d{i}"]]))
-            rotation = rotation @ rot_x(p[f"alpha{i}"])
+        links = _links(q, theta)
+        for i in range(6):
+            pose = rotation @ links[..., i, :, :]
+            rotation, position = pose[..., :3], position + pose[..., 3]
         return rotation, position
 
     def sensor_pose(self, q: Value, theta: np.ndarray) -> tuple[Value, Value]:
@@ -202,6 +202,26 @@ def _apart(start: np.ndarray, end: np.ndarray, points: np.ndarray) -> np.ndarray
     share = ((points - start) * along).sum(axis=-1) / (along * along).sum(axis=-1)
     nearest = start + np.clip(share, 0.0, 1.0)[..., None] * along
     return np.linalg.norm(points - nearest, axis=-1).min(axis=0)
+
+
+_DH = [
+    [PARAMETERS.index(f"{symbol}{i}") for i in range(1, 7)] for symbol in ("a", "d", "alpha", "dq")
+]
+
+
+def _links(q: Value, theta: np.ndarray) -> Value:
+    """All six transforms T_i = [R t] at once (…, N, 6, 3, 4)."""
+    a, d, alpha, dq = (theta[..., row] for row in _DH)
+    angle = q + dq
+    c, s, ca, sa = cos(angle), sin(angle), np.cos(alpha), np.sin(alpha)
+    rows = [c, -s * ca, s * sa, a * c, s, c * ca, -c * sa, a * s, 0.0, sa, ca, d]
+    return _in_three_rows(stack(rows))
+
+
+def _in_three_rows(x: Value) -> Value:
+    if isinstance(x, Jet):
+        return Jet(_in_three_rows(x.v), _in_three_rows(x.d), _in_three_rows(x.dd))
+    return x.reshape(*x.shape[:-1], 3, 4)
 
 
 def _base(p: Values) -> Value:

@@ -7,7 +7,7 @@ import numpy as np
 
 from wrenchbed.frames import apply, euler, euler_rates
 from wrenchbed.jets import Value, stack
-from wrenchbed.robots.base import Joint, SimulatedRobot, inertia_matrix, sample_until
+from wrenchbed.robots.base import LOAD, Joint, SimulatedRobot, inertia_matrix, sample_until
 from wrenchbed.robots.medrue import inverse, kinematics
 from wrenchbed.robots.medrue.parameters import IDENTIFIED, PAPER, PARAMETERS
 from wrenchbed.wrench import Tool
@@ -24,6 +24,7 @@ class MedRUE(SimulatedRobot):
     sensor = "ati-mini40"
     parameters = PARAMETERS
     gravity = (0.0, 0.0, -9.81)  # the paper's
+    load = LOAD | {"mTool", "xG", "yG", "zG"}
     free = tuple(IDENTIFIED)
     candidates = PAPER.names
     unobservable = ("xT", "yT", "zT", "alphaT", "betaT", "gammaT", "d31", "d32")
