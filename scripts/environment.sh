@@ -3,7 +3,6 @@
 cd "$(dirname "${BASH_SOURCE[0]}")/.." || exit 1
 lock="requirements/$1.txt"
 export PIP_CACHE_DIR="$PWD/.cache/pip" PIP_DISABLE_PIP_VERSION_CHECK=1 PIP_NO_WARN_SCRIPT_LOCATION=1
-export MPLCONFIGDIR="$PWD/.cache/mpl"
 
 python=""
 for candidate in python3.11 python3.12 python3.13 python3; do

@@ -155,6 +155,18 @@ def test_a_calibration_from_motion_recovers_the_tool(tmp_path):
     assert fit["tool.mass"].std < 0.01
 
 
+@pytest.mark.parametrize(("robot", "truth"), [("ur5", EXAMPLE), ("medrue", TABLE1)])
+def test_a_campaign_with_real_noise_finds_the_true_robot(tmp_path, robot, truth):
+    with sim_driver(robot, parameters=truth, seed=8) as driver:
+        plan = planning.poses(driver.robot, 60, seed=9)
+        campaign.record(driver, plan, tmp_path / "rec.parquet", samples=50)
+    fit = calibrate(Recording.read(tmp_path / "rec.parquet"))
+    off = [abs(p.value - truth.get(p.name, p.nominal)) / p.std for p in fit.identified]
+    assert max(off) < 4.5
+    assert np.sqrt(np.mean(np.square(off))) < 1.6
+    assert fit.noise.source == "repeats"
+
+
 def test_white_noise_is_as_stated_and_seeded(tmp_path):
     readings = []
     for k, seed in enumerate((1, 1, 2)):

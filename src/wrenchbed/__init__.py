@@ -1,1 +1,74 @@
-"""wrenchbed."""
+"""wrenchbed: a testbed for robots that carry a six-axis force/torque sensor.
+
+The names below are the public ones; each is imported on first use.
+"""
+
+from importlib import import_module
+from importlib.metadata import version
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from wrenchbed.calibration import Options, calibrate
+    from wrenchbed.campaign import record
+    from wrenchbed.column_map import read as read_map
+    from wrenchbed.drivers.sim import Options as SimOptions
+    from wrenchbed.drivers.sim import SimDriver
+    from wrenchbed.errors import WrenchbedError
+    from wrenchbed.fit import Fit
+    from wrenchbed.importing import import_files
+    from wrenchbed.model import Model
+    from wrenchbed.plan import Plan
+    from wrenchbed.planning import multisine, poses
+    from wrenchbed.recording import Recording
+    from wrenchbed.registry import load, names
+    from wrenchbed.simulation import Simulation
+
+__version__ = version("wrenchbed")
+
+_HOME = {
+    "Fit": ("fit", "Fit"),
+    "Model": ("model", "Model"),
+    "Options": ("calibration", "Options"),
+    "Plan": ("plan", "Plan"),
+    "Recording": ("recording", "Recording"),
+    "SimDriver": ("drivers.sim", "SimDriver"),
+    "SimOptions": ("drivers.sim", "Options"),
+    "Simulation": ("simulation", "Simulation"),
+    "WrenchbedError": ("errors", "WrenchbedError"),
+    "calibrate": ("calibration", "calibrate"),
+    "import_files": ("importing", "import_files"),
+    "load": ("registry", "load"),
+    "multisine": ("planning", "multisine"),
+    "names": ("registry", "names"),
+    "poses": ("planning", "poses"),
+    "read_map": ("column_map", "read"),
+    "record": ("campaign", "record"),
+}
+
+__all__ = [
+    "Fit",
+    "Model",
+    "Options",
+    "Plan",
+    "Recording",
+    "SimDriver",
+    "SimOptions",
+    "Simulation",
+    "WrenchbedError",
+    "__version__",
+    "calibrate",
+    "import_files",
+    "load",
+    "multisine",
+    "names",
+    "poses",
+    "read_map",
+    "record",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME:
+        raise AttributeError(f"module 'wrenchbed' has no attribute {name!r}")
+    module, attribute = _HOME[name]
+    return getattr(import_module(f"wrenchbed.{module}"), attribute)

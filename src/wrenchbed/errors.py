@@ -11,6 +11,8 @@
     ├── DriverError         a device that did not do as told         (RuntimeError)
     └── MissingExtraError   an optional library that is not installed (ImportError)
 
+    WrenchbedWarning        what a person should know, though the work goes on (UserWarning)
+
 A message is one line. It names the file, field and row, says what was found and what to do.
 """
 
@@ -53,3 +55,7 @@ class DriverError(WrenchbedError, RuntimeError):
 
 class MissingExtraError(WrenchbedError, ImportError):
     """An optional library is not installed; the message names the extra."""
+
+
+class WrenchbedWarning(UserWarning):
+    """What a person should know, though the work goes on."""

@@ -13,7 +13,7 @@ from wrenchbed.observability import RANK_TOLERANCE
 
 MAX_STEPS = 50
 _STEP_DONE = 1e-11
-_COST_DONE = 1e-13
+_COST_DONE = 1e-11
 _HALVINGS = 30
 
 

@@ -40,19 +40,21 @@ def identify(
     """
     w = np.ones(6) if weight is None else weight
     g = gravity @ rotation  # in sensor axes (N, 3)
-    mean_g, mean_y = g.mean(axis=0), wrench.mean(axis=0)
-    dg, dy = g - mean_g, wrench - mean_y  # the bias takes the means
-    moments = dg.T @ np.concatenate([dg, dy], axis=1)  # (3, 9)
+    y = np.concatenate([g, wrench], axis=1)
+    mean = y.mean(axis=0)
+    mean_g, mean_y = mean[:3], mean[3:]
+    y -= mean  # the bias takes the means
+    moments = y[:, :3].T @ y  # (3, 9)
     spread, mixed = moments[:, :3], moments[:, 3:]
-    share = w[:3] @ np.diagonal(spread)
+    share = w[:3] @ spread.diagonal()
     if not share > 1e-12 * len(g) * (gravity @ gravity) * w[:3].max():
         raise CalibrationError("all poses have one orientation: they cannot tell mass from bias")
-    mass = w[:3] @ np.diagonal(mixed[:, :3]) / share
+    mass = w[:3] @ mixed.diagonal() / share
     # torque_i = ε_ijk h_j g_k, so the normal matrix is Σ_i w_i ε_ija ε_ilb spread_ab
     normal = np.einsum("i,ija,ab,ilb->jl", w[3:], _LEVI_CIVITA, spread, _LEVI_CIVITA)
     right = np.einsum("i,ija,ai->j", w[3:], _LEVI_CIVITA, mixed[:, 3:])
     moment = np.linalg.lstsq(normal, right, rcond=1e-10)[0]
     bias = mean_y.copy()
     bias[:3] -= mass * mean_g
-    bias[3:] -= np.cross(moment, mean_g)
+    bias[3:] -= _LEVI_CIVITA @ mean_g @ moment
     return Load(float(mass), moment / mass, bias)

@@ -13,7 +13,7 @@ import numpy as np
 import pyarrow as pa
 
 from wrenchbed import parquet
-from wrenchbed.errors import RecordingError
+from wrenchbed.errors import RecordingError, WrenchbedWarning
 from wrenchbed.frames import matrix
 from wrenchbed.metadata import Metadata, parse
 from wrenchbed.wrench import CHANNELS
@@ -87,6 +87,7 @@ class Recording:
             table = _from_journal(journal)
             warnings.warn(
                 f"{path}: the writer did not finish; {table.num_rows} rows come from its journal",
+                WrenchbedWarning,
                 stacklevel=2,
             )
             raw = parquet.metadata_of(table, path, RecordingError)

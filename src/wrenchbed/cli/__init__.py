@@ -9,7 +9,7 @@ import tyro
 from rich.console import Console
 
 from wrenchbed.cli import verbs
-from wrenchbed.errors import WrenchbedError
+from wrenchbed.errors import WrenchbedError, WrenchbedWarning
 
 _VERBS: dict[str, Callable[..., Any]] = {
     "list": verbs.list_,
@@ -23,16 +23,18 @@ _VERBS: dict[str, Callable[..., Any]] = {
 def main(arguments: list[str] | None = None) -> int:
     """Run one verb. Returns 0 done, 1 a named error (one line on stderr), 2 usage, 130 stopped."""
     stderr = Console(stderr=True, soft_wrap=True, highlight=False)
-    warnings.showwarning = lambda message, *_, **__: stderr.print(
-        f"wrenchbed: warning: {message}", style="yellow", markup=False
-    )
     try:
-        tyro.extras.subcommand_cli_from_dict(
-            _VERBS,
-            prog="wrenchbed",
-            description="Testbed for force-sensing robots: plan, record, import, calibrate.",
-            args=sys.argv[1:] if arguments is None else arguments,
-        )
+        with warnings.catch_warnings():
+            warnings.simplefilter("always", WrenchbedWarning)
+            warnings.showwarning = lambda message, *_, **__: stderr.print(
+                f"wrenchbed: warning: {message}", style="yellow", markup=False
+            )
+            tyro.extras.subcommand_cli_from_dict(
+                _VERBS,
+                prog="wrenchbed",
+                description="Testbed for force-sensing robots: plan, record, import, calibrate.",
+                args=sys.argv[1:] if arguments is None else arguments,
+            )
     except WrenchbedError as error:
         stderr.print(f"wrenchbed: error: {error}", style="red", markup=False)
         return 1

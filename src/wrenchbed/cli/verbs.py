@@ -184,7 +184,7 @@ def _parameters(path: Path | None) -> dict[str, float]:
 
 def _answer(result: Any, as_json: bool, shown: Any) -> None:
     if as_json:
-        _OUT.print_json(json.dumps(result, ensure_ascii=False, allow_nan=False), indent=1)
+        print(json.dumps(result, indent=1, ensure_ascii=False, allow_nan=False))
     elif isinstance(shown, str):
         _OUT.print(shown, soft_wrap=True, markup=False, highlight=False)
     else:

@@ -55,7 +55,7 @@ class SimDriver(Driver):
     """
 
     name = "sim"
-    title = "the robot in MuJoCo, in simulated time, with its sensor's data-sheet noise"
+    title = "the robot in MuJoCo, in simulated time, with realistic noise"
     options = Options
 
     def __init__(self, options: Options) -> None:

@@ -21,7 +21,7 @@ class Oriented(Robot):
     """The rotation of the sensor is measured; where it is, is unknown."""
 
     name = "oriented"
-    title = "any robot whose recording holds the sensor's orientation (qw qx qy qz)"
+    title = "any robot, by the recorded orientation of its sensor"
     joints = ()
     sensor = "ati-gamma"
     load = LOAD | {"tool.mass", *(f"tool.cog.{a}" for a in "xyz")}

@@ -11,14 +11,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from wrenchbed.frames import apply, exp, exp_rates, rot_x, rot_z
-from wrenchbed.jets import Jet, Value, cos, sin, stack
+from wrenchbed.jets import Value, cos, sin, stack
 from wrenchbed.parameters import Parameter, ParameterSet
 from wrenchbed.robots.base import (
     LOAD,
     TILT,
     Joint,
     SimulatedRobot,
-    Values,
     inertia_matrix,
     load_parameters,
     sample_until,
@@ -79,7 +78,7 @@ class UR5(SimulatedRobot):
     """Universal Robots UR5 (CB3) with an ATI Gamma."""
 
     name = "ur5"
-    title = "Universal Robots UR5 (CB3) with an ATI Gamma between flange and tool"
+    title = "Universal Robots UR5 (CB3) with an ATI Gamma"
     sensor = "ati-gamma"
     parameters = PARAMETERS
     load = LOAD | {"tool.mass", *(f"tool.cog.{a}" for a in "xyz")}
@@ -93,19 +92,21 @@ class UR5(SimulatedRobot):
 
     def flange_pose(self, q: Value, theta: np.ndarray) -> tuple[Value, Value]:
         """R_world_flange (…, N, 3, 3) and the flange's origin in the world (…, N, 3) [m]."""
-        rotation: Value = _base(self.values(theta))
+        a, d, alpha, dq = (theta[..., six] for six in _DH)  # (…, 6) each
+        c, s, ca, sa = cos(q + dq), sin(q + dq), np.cos(alpha), np.sin(alpha)
+        base = _base(theta)
+        x, y, z = (base[..., k] for k in range(3))  # the link's axes in the world
         position: Value = np.zeros(3)
-        links = _links(q, theta)
         for i in range(6):
-            pose = rotation @ links[..., i, :, :]
-            rotation, position = pose[..., :3], position + pose[..., 3]
-        return rotation, position
+            k = slice(i, i + 1)
+            x, y = c[..., k] * x + s[..., k] * y, c[..., k] * y - s[..., k] * x
+            position = position + a[..., k] * x + d[..., k] * z
+            y, z = ca[..., k] * y + sa[..., k] * z, ca[..., k] * z - sa[..., k] * y
+        return stack([x, y, z]), position
 
     def sensor_pose(self, q: Value, theta: np.ndarray) -> tuple[Value, Value]:
         rotation, position = self.flange_pose(q, theta)
-        p = self.values(theta)
-        offset = stack([p[f"mount.position.{a}"] for a in "xyz"])
-        return rotation @ _mount(p), position + apply(rotation, offset)
+        return rotation @ _mount(theta), position + apply(rotation, theta[..., _OFFSET])
 
     def tool(self, theta: np.ndarray) -> Tool:
         p = self.values(theta)
@@ -177,14 +178,14 @@ class UR5(SimulatedRobot):
 
         p = {name: float(v) for name, v in self.values(theta).items()}
         spec = mujoco.MjSpec.from_file(str(self.mjcf))
-        place(spec, "base", [0, 0, 0], _base(p))
+        place(spec, "base", [0, 0, 0], _base(theta))
         frame, origin = np.eye(3), [0.0, 0.0, 0.0]
         for i, (link, angle) in enumerate(zip(_LINKS, self.home, strict=True), start=1):
             place(spec, link, origin, frame @ rot_z(p[f"dq{i}"] + angle))
             spec.joint(f"q{i}").ref = angle
             frame, origin = rot_x(p[f"alpha{i}"]), [p[f"a{i}"], 0.0, p[f"d{i}"]]
         place(spec, "flange", origin, frame)
-        place(spec, "tool", [p[f"mount.position.{a}"] for a in "xyz"], _mount(p))
+        place(spec, "tool", [p[f"mount.position.{a}"] for a in "xyz"], _mount(theta))
         write_load(spec, self.tool(theta))
         return spec
 
@@ -204,33 +205,21 @@ def _apart(start: np.ndarray, end: np.ndarray, points: np.ndarray) -> np.ndarray
     return np.linalg.norm(points - nearest, axis=-1).min(axis=0)
 
 
-_DH = [
-    [PARAMETERS.index(f"{symbol}{i}") for i in range(1, 7)] for symbol in ("a", "d", "alpha", "dq")
-]
+_DH = [[PARAMETERS.index(f"{p}{i}") for i in range(1, 7)] for p in ("a", "d", "alpha", "dq")]
+_TILT = list(PARAMETERS.select(["base.tilt"]))
+_OFFSET = list(PARAMETERS.select(["mount.position"]))
+_TURN = list(PARAMETERS.select(["mount.rotation"]))
 
 
-def _links(q: Value, theta: np.ndarray) -> Value:
-    """All six transforms T_i = [R t] at once (…, N, 6, 3, 4)."""
-    a, d, alpha, dq = (theta[..., row] for row in _DH)
-    angle = q + dq
-    c, s, ca, sa = cos(angle), sin(angle), np.cos(alpha), np.sin(alpha)
-    rows = [c, -s * ca, s * sa, a * c, s, c * ca, -c * sa, a * s, 0.0, sa, ca, d]
-    return _in_three_rows(stack(rows))
-
-
-def _in_three_rows(x: Value) -> Value:
-    if isinstance(x, Jet):
-        return Jet(_in_three_rows(x.v), _in_three_rows(x.d), _in_three_rows(x.dd))
-    return x.reshape(*x.shape[:-1], 3, 4)
-
-
-def _base(p: Values) -> Value:
+def _base(theta: np.ndarray) -> np.ndarray:
     """R_world_base; the tilt turns gravity as the base sees it, so the base turns against it."""
-    return exp(-p["base.tilt.x"], -p["base.tilt.y"], 0.0 * p["base.tilt.x"])
+    tilt = theta[..., _TILT]
+    return exp(-tilt[..., 0], -tilt[..., 1], 0.0 * tilt[..., 0]) if tilt.any() else np.eye(3)
 
 
-def _mount(p: Values) -> Value:
-    return exp(*(p[f"mount.rotation.{a}"] for a in "xyz"))
+def _mount(theta: np.ndarray) -> np.ndarray:
+    turn = theta[..., _TURN]
+    return exp(turn[..., 0], turn[..., 1], turn[..., 2]) if turn.any() else np.eye(3)
 
 
 ROBOT = UR5()

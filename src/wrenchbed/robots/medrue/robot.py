@@ -20,7 +20,7 @@ class MedRUE(SimulatedRobot):
     """Two five-bars on a linear guide carry the probe: Joubair et al. 2016, 10.3390/s16060798."""
 
     name = "medrue"
-    title = "MedRUE: six-axis medical robot, two closed five-bars on a linear guide, ATI Mini40"
+    title = "MedRUE, six-axis medical robot of two five-bars, ATI Mini40"
     sensor = "ati-mini40"
     parameters = PARAMETERS
     gravity = (0.0, 0.0, -9.81)  # the paper's
