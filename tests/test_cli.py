@@ -73,6 +73,16 @@ def test_the_shown_table_fits_eighty_columns(made, capfd, monkeypatch):
     assert "what this data cannot tell" in out
 
 
+def test_the_truth_stands_beside_the_estimates(made, capfd, tmp_path):
+    (tmp_path / "truth.json").write_text('{"tool.mass": 1.35}')
+    arguments = ["calibrate", str(made / "rec.parquet"), "--truth", str(tmp_path / "truth.json")]
+    assert main(arguments) == 0
+    (line,) = [x for x in capfd.readouterr().out.splitlines() if x.startswith("tool.mass")]
+    assert line.split()[5] == "1.35"
+    assert line.rstrip().endswith("σ")
+    assert abs(float(line.split()[6])) < 5
+
+
 def test_usage_errors_exit_with_2(capfd):
     for arguments in (
         [],

@@ -197,6 +197,9 @@ def _observability(problem: Problem, theta: np.ndarray) -> Observability:
     )
 
 
+_NOISE = {"repeats": "the noise of the repeats", "stated": "the stated noise"}
+
+
 def _status(
     solution: Solution, noise: Noise, identified: list[Identified], data: Observations
 ) -> str:
@@ -209,14 +212,13 @@ def _status(
     if noise.inflated:
         times = float(np.max(noise.scatter / np.maximum(noise.expected, 1e-300)))
         parts.append(
-            f"the residual is up to {times:.1f} times what the {noise.source} noise "
-            "explains (slow wander, or an effect that the model lacks); uncertainties follow the "
-            "scatter"
+            f"the residual is up to {times:.1f} times what {_NOISE[noise.source]} explains (slow "
+            "wander, or an effect that the model lacks); uncertainties follow the residual"
         )
     elif noise.source == "residual":
         parts.append("no repeats and no stated noise: uncertainties follow the residual")
     else:
-        parts.append(f"the residual is what the {noise.source} noise explains")
+        parts.append(f"the residual is what {_NOISE[noise.source]} explains")
     blind = [p.name for p in identified if p.std is None]
     if blind:
         parts.append(f"{len(blind)} parameters are fixed only in combination ({', '.join(blind)})")

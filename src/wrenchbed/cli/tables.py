@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 from rich.console import Group
+from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
@@ -13,7 +14,6 @@ from wrenchbed.wrench import CHANNELS
 
 _SHOWN = {"m": ("mm", 1e3), "rad": ("°", 180 / np.pi), "kg·m²": ("g·m²", 1e3)}
 """Units that people read more easily than SI, and their factors."""
-_SEVERAL = 6
 
 
 def describe(plugin: Any) -> str:
@@ -30,19 +30,26 @@ def plugins(kind: str, rows: Mapping[str, str]) -> Table:
     return table
 
 
-def fit(result: Fit) -> Group:
-    """A calibration: parameters, residuals, what the data cannot tell, and its status."""
+def fit(result: Fit, truth: Mapping[str, float] | None = None) -> Group:
+    """A calibration: parameters, residuals, what the data cannot tell, and its status.
+
+    With the true values of a simulated robot, each estimate stands beside its own.
+    """
     head = Text.assemble(
         ("calibration ", "bold"),
         (f"{result.recording}", ""),
         f"  {result.robot}, {_amount(result)}",
     )
-    parts: list[Any] = [head, _parameters(result), _residuals(result)]
+    parts: list[Any] = [head, "", _parameters(result, truth), "", _residuals(result), ""]
     cannot = _cannot_tell(result)
     if cannot:
-        parts += [Text("what this data cannot tell", style="bold"), *cannot]
-    parts.append(Text.assemble(("status  ", "bold"), result.status))
+        parts += [Text("what this data cannot tell", style="bold"), *cannot, ""]
+    parts += [Text("status", style="bold"), _indented(result.status)]
     return Group(*parts)
+
+
+def _indented(text: str) -> Padding:
+    return Padding(Text(text), (0, 0, 0, 2))
 
 
 def _amount(result: Fit) -> str:
@@ -51,16 +58,28 @@ def _amount(result: Fit) -> str:
     return f"{result.poses} poses, {result.rows} rows"
 
 
-def _parameters(result: Fit) -> Table:
+def _parameters(result: Fit, truth: Mapping[str, float] | None) -> Table:
     table = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
     table.add_column("parameter", no_wrap=True)
     for name in ("value", "± std", "start"):
         table.add_column(name, justify="right", no_wrap=True)
     table.add_column("unit", no_wrap=True)
+    if truth is not None:
+        table.add_column("truth", justify="right", no_wrap=True)
+        table.add_column("off by", justify="right", no_wrap=True)
     for p in result.identified:
         unit, factor = _SHOWN.get(p.unit, (p.unit, 1.0))
-        table.add_row(p.name, *_numbers(p, factor), unit)
+        cells = [p.name, *_numbers(p, factor), unit]
+        if truth is not None:
+            cells += _beside(p, truth.get(p.name, p.nominal), factor)
+        table.add_row(*cells)
     return table
+
+
+def _beside(p: Identified, true: float, factor: float) -> tuple[str, str]:
+    """The true value, and how many standard uncertainties the estimate is off."""
+    off = f"{(p.value - true) / p.std:+.1f} σ" if p.std else ""
+    return f"{true * factor:.7g}", off
 
 
 def _numbers(p: Identified, factor: float) -> tuple[str, str, str]:
@@ -93,10 +112,10 @@ def _short(x: float) -> str:
     return f"{x:.4f}" if x >= 1e-3 else f"{x:.1e}" if x > 0 else "0"
 
 
-def _cannot_tell(result: Fit) -> list[Text]:
+def _cannot_tell(result: Fit) -> list[Padding]:
     o = result.observability
-    lines = [Text(f"  rank {o.rank} of {len(o.names)} parameters")]
+    lines = [f"rank {o.rank} of {len(o.names)} parameters"]
     if o.no_effect:
-        lines.append(Text(f"  no effect on any reading: {', '.join(o.no_effect)}"))
-    lines += [Text(f"  {r.sentence}") for r in o.redundancies[: _SEVERAL + 6]]
-    return lines if len(lines) > 1 else []
+        lines.append(f"no effect on any reading: {', '.join(o.no_effect)}")
+    lines += [r.sentence for r in o.redundancies]
+    return [_indented(line) for line in lines] if len(lines) > 1 else []

@@ -146,6 +146,7 @@ def calibrate(
     hold: tuple[str, ...] = (),
     prior: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False,
     loss: Literal["linear", "huber", "student"] = "linear",
+    truth: Path | None = None,
     as_json: Json = False,
 ) -> None:
     """Identify a robot's parameters: value ± standard uncertainty, and what the data cannot tell.
@@ -157,13 +158,15 @@ def calibrate(
         hold: Of these, to hold at their stated or nominal value.
         prior: Take each tolerance as a prior standard deviation.
         loss: Huber and Student's t resist outliers.
+        truth: JSON {name: value} of a simulated robot, shown beside the estimates.
         as_json: Print the result as JSON.
     """
     options = calibrating.Options(free or None, hold, prior, loss)
+    known = None if truth is None else _parameters(truth)
     fit = calibrating.calibrate(Recording.read(recording), options)
     if out is not None:
         fit.write(out)
-    _answer(fit.to_json(), as_json, tables.fit(fit))
+    _answer(fit.to_json(), as_json, tables.fit(fit, known))
     if out is not None and not as_json:
         _OUT.print(f"fit → {out}", soft_wrap=True, markup=False, highlight=False)
 
