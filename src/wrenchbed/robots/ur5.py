@@ -93,20 +93,26 @@ class UR5(SimulatedRobot):
     def flange_pose(self, q: Value, theta: np.ndarray) -> tuple[Value, Value]:
         """R_world_flange (…, N, 3, 3) and the flange's origin in the world (…, N, 3) [m]."""
         a, d, alpha, dq = (theta[..., six] for six in _DH)  # (…, 6) each
-        c, s, ca, sa = cos(q + dq), sin(q + dq), np.cos(alpha), np.sin(alpha)
+        angle = q + dq
+        terms = (cos(angle), sin(angle), np.cos(alpha), np.sin(alpha), a, d)
         base = _base(theta)
         x, y, z = (base[..., k] for k in range(3))  # the link's axes in the world
         position: Value = np.zeros(3)
         for i in range(6):
-            k = slice(i, i + 1)
-            x, y = c[..., k] * x + s[..., k] * y, c[..., k] * y - s[..., k] * x
-            position = position + a[..., k] * x + d[..., k] * z
-            y, z = ca[..., k] * y + sa[..., k] * z, ca[..., k] * z - sa[..., k] * y
+            c, s, ca, sa, ai, di = (term[..., i : i + 1] for term in terms)
+            x, y = c * x + s * y, c * y - s * x
+            position = position + ai * x + di * z
+            y, z = ca * y + sa * z, ca * z - sa * y
         return stack([x, y, z]), position
 
     def sensor_pose(self, q: Value, theta: np.ndarray) -> tuple[Value, Value]:
         rotation, position = self.flange_pose(q, theta)
-        return rotation @ _mount(theta), position + apply(rotation, theta[..., _OFFSET])
+        offset = theta[..., _OFFSET]
+        if offset.any():
+            position = position + apply(rotation, offset)
+        if theta[..., _TURN].any():
+            rotation = rotation @ _mount(theta)
+        return rotation, position
 
     def tool(self, theta: np.ndarray) -> Tool:
         p = self.values(theta)
@@ -205,10 +211,13 @@ def _apart(start: np.ndarray, end: np.ndarray, points: np.ndarray) -> np.ndarray
     return np.linalg.norm(points - nearest, axis=-1).min(axis=0)
 
 
-_DH = [[PARAMETERS.index(f"{p}{i}") for i in range(1, 7)] for p in ("a", "d", "alpha", "dq")]
-_TILT = list(PARAMETERS.select(["base.tilt"]))
-_OFFSET = list(PARAMETERS.select(["mount.position"]))
-_TURN = list(PARAMETERS.select(["mount.rotation"]))
+def _group(name: str) -> slice:
+    columns = PARAMETERS.select([name])
+    return slice(columns[0], columns[-1] + 1)
+
+
+_DH = [slice(PARAMETERS.index(f"{p}1"), 24, 4) for p in ("a", "d", "alpha", "dq")]
+_TILT, _OFFSET, _TURN = (_group(n) for n in ("base.tilt", "mount.position", "mount.rotation"))
 
 
 def _base(theta: np.ndarray) -> np.ndarray:
