@@ -109,7 +109,7 @@ def test_intervals_hold_where_holds_wander_and_the_effective_sample_size_is_stat
     assert fit.noise.inflated
     assert 7 < np.median(fit.noise.effective) < 30
     assert fit.noise.effective.max() < 60
-    assert "scatter" in fit.status
+    assert "slow wander" in fit.status
     share, _ = coverage("ur5", UR5_TRUTH, None, 60, **how)
     assert 0.93 <= share <= 0.97
 
@@ -250,6 +250,14 @@ def test_saturated_rows_are_left_out_and_said():
     assert fit.left_out == 4
     assert "4 saturated rows were left out" in fit.status
     assert abs(fit["sensor.bias.fx"].value - 3.0) < 5 * fit["sensor.bias.fx"].std
+
+
+def test_a_real_devices_status_word_is_told_but_drops_nothing():
+    rec = static("ur5", UR5_TRUTH, noise=WHITE)
+    measured = Recording(replace(rec.metadata, source="ur_rtde"), rec.columns)
+    fit = calibrate(edited(measured, status=(np.arange(100) < 3).astype(np.uint32)))
+    assert fit.left_out == 0
+    assert "status word is not 0 in 3 of the rows used" in fit.status
 
 
 def edited(rec: Recording, **columns) -> Recording:

@@ -224,4 +224,6 @@ def _status(
         parts.append(f"{len(blind)} parameters are fixed only in combination ({', '.join(blind)})")
     if data.left_out:
         parts.append(f"{data.left_out} saturated rows were left out")
+    if data.flagged:
+        parts.append(f"the sensor's status word is not 0 in {data.flagged} of the rows used")
     return "; ".join(parts)

@@ -41,7 +41,7 @@ def identify(
     w = np.ones(6) if weight is None else weight
     g = gravity @ rotation  # in sensor axes (N, 3)
     y = np.concatenate([g, wrench], axis=1)
-    mean = y.mean(axis=0)
+    mean = y.sum(axis=0) / len(y)
     mean_g, mean_y = mean[:3], mean[3:]
     y -= mean  # the bias takes the means
     moments = y[:, :3].T @ y  # (3, 9)

@@ -1,6 +1,6 @@
 """What a calibration fits: one row a pose at rest, or one row a sample in motion."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.signal import savgol_filter
@@ -30,7 +30,8 @@ class Observations:
         dof: degrees of freedom behind it; inf if stated, 0 if unknown.
         source: ``repeats``, ``stated`` or ``residual``.
         t: (M,) [s].
-        left_out: rows not used.
+        left_out: saturated rows not used.
+        flagged: rows used although a real device's status word is not 0.
     """
 
     q: Value
@@ -41,6 +42,7 @@ class Observations:
     source: str
     t: np.ndarray
     left_out: int
+    flagged: int = 0
 
     def __len__(self) -> int:
         return len(self.wrench)
@@ -55,9 +57,13 @@ def observe(recording: Recording) -> Observations:
     keep = _unsaturated(recording)
     if not keep.any():
         raise CalibrationError(f"{recording.name}: every row is saturated")
-    left_out = int((~keep).sum())
-    if recording.metadata.mode == "dynamic":
-        return _motion(recording, keep, left_out)
+    gathered = _motion if recording.metadata.mode == "dynamic" else _at_rest
+    data = gathered(recording, keep, int((~keep).sum()))
+    status = recording.columns.get("status", np.zeros(1))
+    return replace(data, flagged=int(np.count_nonzero(status)) - data.left_out)
+
+
+def _at_rest(recording: Recording, keep: np.ndarray, left_out: int) -> Observations:
     holds = gather(recording, keep)
     covariance, dof, source = holds.row_covariance, float(holds.dof), "repeats"
     if covariance is None or holds.dof < 12:
@@ -95,8 +101,9 @@ def _motion(recording: Recording, keep: np.ndarray, left_out: int) -> Observatio
 
 
 def _unsaturated(recording: Recording) -> np.ndarray:
+    """Rows (N,) to use; the word of a real device has its maker's meaning and drops nothing."""
     status = recording.columns.get("status")
-    if status is None:
+    if status is None or recording.metadata.source != "sim":
         return np.ones(len(recording), dtype=bool)
     return (status.astype(np.uint32) & STATUS_SATURATED) == 0
 

@@ -179,6 +179,40 @@ def inertia_matrix(p: Values) -> np.ndarray:
     return np.stack(rows, axis=-2)
 
 
+class LoadInSensorAxes(Robot):
+    """A robot whose tool is described by ``tool.mass`` and ``tool.cog`` in sensor axes."""
+
+    load = LOAD | {"tool.mass", *(f"tool.cog.{a}" for a in "xyz")}
+
+    def tool(self, theta: np.ndarray) -> Tool:
+        p = self.values(theta)
+        cog = stack([p[f"tool.cog.{a}"] for a in "xyz"])
+        return Tool(p["tool.mass"], cog, inertia_matrix(p), p["sensor.mass"])
+
+    def theta_of_tool(self, theta: np.ndarray, mass: float, cog: Sequence[float]) -> np.ndarray:
+        values = {"tool.mass": mass} | {f"tool.cog.{a}": c for a, c in zip("xyz", cog, strict=True)}
+        return self.parameters.vector(values, start=theta)
+
+
+def tool_parameters(mass: float, cog: Sequence[float]) -> tuple[Parameter, ...]:
+    """``tool.mass`` [kg] and ``tool.cog`` [m] of a `LoadInSensorAxes`."""
+    return (
+        Parameter("tool.mass", mass, "kg", 0.05, 1e-4, 50.0, "mass on the sensor"),
+        *(
+            Parameter(f"tool.cog.{a}", c, "m", 5e-3, -2.0, 2.0, "CoG in sensor axes")
+            for a, c in zip("xyz", cog, strict=True)
+        ),
+    )
+
+
+def vector_parameters(
+    group: str, axes: str, unit: str, tolerance: float, text: str
+) -> list[Parameter]:
+    """One parameter an axis, ``group.x`` …, nominally 0."""
+    bound = 3.2 if unit == "rad" else 2.0
+    return [Parameter(f"{group}.{a}", 0.0, unit, tolerance, -bound, bound, text) for a in axes]
+
+
 def sample_until(
     n: int, draw: Callable[[int], np.ndarray], good: Callable[[np.ndarray], np.ndarray]
 ) -> np.ndarray:

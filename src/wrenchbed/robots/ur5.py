@@ -5,7 +5,7 @@ T_i = Rz(q_i + dq_i) · Tz(d_i) · Tx(a_i) · Rx(α_i). The world stands in the 
 Sensor axes and origin are the flange's (DH frame 6) unless the mount parameters say otherwise.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,15 +14,15 @@ from wrenchbed.frames import apply, exp, exp_rates, rot_x, rot_z
 from wrenchbed.jets import Value, cos, sin, stack
 from wrenchbed.parameters import Parameter, ParameterSet
 from wrenchbed.robots.base import (
-    LOAD,
     TILT,
     Joint,
+    LoadInSensorAxes,
     SimulatedRobot,
-    inertia_matrix,
     load_parameters,
     sample_until,
+    tool_parameters,
+    vector_parameters,
 )
-from wrenchbed.wrench import Tool
 
 if TYPE_CHECKING:
     import mujoco
@@ -45,11 +45,6 @@ def _dh() -> list[Parameter]:
     return items
 
 
-def _vector(group: str, axes: str, unit: str, tolerance: float, text: str) -> list[Parameter]:
-    bound = 3.2 if unit == "rad" else 2.0
-    return [Parameter(f"{group}.{a}", 0.0, unit, tolerance, -bound, bound, text) for a in axes]
-
-
 TOOL_MASS = 1.35
 TOOL_COG = (0.004, -0.006, 0.071)
 TOOL_INERTIA = (2.7e-3, 2.7e-3, 1.1e-3, 0.0, 0.0, 0.0)
@@ -58,14 +53,12 @@ TOOL_INERTIA = (2.7e-3, 2.7e-3, 1.1e-3, 0.0, 0.0, 0.0)
 PARAMETERS = ParameterSet(
     (
         *_dh(),
-        *_vector("base.tilt", "xy", "rad", _ANGLE, TILT),
-        *_vector("mount.position", "xyz", "m", 1e-3, "sensor's origin in flange axes"),
-        *_vector("mount.rotation", "xyz", "rad", _ANGLE, "rotation vector, sensor in flange"),
-        Parameter("tool.mass", TOOL_MASS, "kg", 0.05, 1e-4, 50.0, "mass on the sensor"),
-        *(
-            Parameter(f"tool.cog.{a}", c, "m", 5e-3, -2.0, 2.0, "CoG in sensor axes")
-            for a, c in zip("xyz", TOOL_COG, strict=True)
+        *vector_parameters("base.tilt", "xy", "rad", _ANGLE, TILT),
+        *vector_parameters("mount.position", "xyz", "m", 1e-3, "sensor's origin in flange axes"),
+        *vector_parameters(
+            "mount.rotation", "xyz", "rad", _ANGLE, "rotation vector, sensor in flange"
         ),
+        *tool_parameters(TOOL_MASS, TOOL_COG),
     )
 ) + load_parameters(TOOL_INERTIA)
 
@@ -74,14 +67,13 @@ TOP_SPEED = np.pi
 """180°/s at every joint: Universal Robots, UR5 technical specifications, no. 110105 [rad/s]."""
 
 
-class UR5(SimulatedRobot):
+class UR5(LoadInSensorAxes, SimulatedRobot):
     """Universal Robots UR5 (CB3) with an ATI Gamma."""
 
     name = "ur5"
     title = "Universal Robots UR5 (CB3) with an ATI Gamma"
     sensor = "ati-gamma"
     parameters = PARAMETERS
-    load = LOAD | {"tool.mass", *(f"tool.cog.{a}" for a in "xyz")}
     free = ("tool.mass", "tool.cog", "sensor.bias", "mount.rotation")
     candidates = ("a?", "d?", "alpha?", "dq?", "base.tilt", "mount", "tool.mass", "tool.cog")
     joints = tuple(Joint(f"q{i}", "rad", -6.2832, 6.2832, TOP_SPEED) for i in range(1, 7))
@@ -113,15 +105,6 @@ class UR5(SimulatedRobot):
         if theta[..., _TURN].any():
             rotation = rotation @ _mount(theta)
         return rotation, position
-
-    def tool(self, theta: np.ndarray) -> Tool:
-        p = self.values(theta)
-        cog = stack([p[f"tool.cog.{a}"] for a in "xyz"])
-        return Tool(p["tool.mass"], cog, inertia_matrix(p), p["sensor.mass"])
-
-    def theta_of_tool(self, theta: np.ndarray, mass: float, cog: Sequence[float]) -> np.ndarray:
-        values = {"tool.mass": mass} | {f"tool.cog.{a}": c for a, c in zip("xyz", cog, strict=True)}
-        return self.parameters.vector(values, start=theta)
 
     def infeasible(self, q: np.ndarray, theta: np.ndarray) -> dict[int, str]:
         return self._outside_limits(q)
