@@ -123,7 +123,9 @@ def stack(parts: Sequence[Value]) -> Value:
         return Jet(
             stack([j.v for j in jets]), stack([j.d for j in jets]), stack([j.dd for j in jets])
         )
-    return np.stack(np.broadcast_arrays(*parts), axis=-1)
+    if len({np.shape(p) for p in parts}) > 1:
+        parts = np.broadcast_arrays(*parts)
+    return np.stack(parts, axis=-1)
 
 
 def reshape_matrix(rows: Value) -> Value:
