@@ -175,6 +175,8 @@ def bad_plan(folder: Path, q, robot="ur5") -> str:
         (np.zeros((2, 6)), ["--driver", "warp"], "no driver 'warp'"),
         (np.zeros((2, 6)), ["--robot", "medrue"], "the plan is for robot 'ur5', not 'medrue'"),
         (np.zeros((2, 6)), ["--samples", "0"], "must be above 0"),
+        (np.zeros((2, 6)), ["--rate", "0"], "must be above 0"),
+        (np.zeros((2, 6)), ["--rate", "-5"], "must be above 0"),
         (np.zeros((2, 6)), ["--parameters", "none.json"], "none.json: there is no such file"),
     ],
 )
@@ -211,6 +213,17 @@ def test_wrong_parameters_give_one_line(made, tmp_path, capfd, text, words):
     assert main(arguments) == 1
     assert words in said(capfd)
     assert names(tmp_path) == ["truth.json"]
+
+
+def test_a_place_that_cannot_be_written_gives_one_line(made, tmp_path, capfd):
+    (tmp_path / "file").write_text("")
+    out = str(tmp_path / "file" / "plan.parquet")
+    assert main(["plan", "ur5", "--out", out]) == 1
+    assert "file" in said(capfd)
+    out = str(tmp_path / "file" / "fit.json")
+    assert main(["calibrate", str(made / "rec.parquet"), "--out", out]) == 1
+    assert "file" in said(capfd)
+    assert names(tmp_path) == ["file"]
 
 
 def test_a_map_with_mixed_units_gives_one_line(tmp_path, capfd):

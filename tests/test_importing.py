@@ -98,6 +98,14 @@ def test_a_wrong_file_names_column_and_row(tmp_path, raw, changes, words):
         load(tmp_path, raw, **changes)
 
 
+def test_a_column_that_appears_twice_is_refused(tmp_path):
+    path = write_csv(tmp_path)
+    lines = path.read_text().splitlines()
+    path.write_text("\n".join([lines[0] + ",FX", *(line + ",1" for line in lines[1:])]))
+    with pytest.raises(MapError, match="column 'FX' appears twice"):
+        import_files([path], column_map.read(write_map(tmp_path, basic())))
+
+
 def test_files_and_maps_that_do_not_exist_are_named(tmp_path):
     with pytest.raises(MapError, match="no such file"):
         column_map.read(tmp_path / "none.toml")

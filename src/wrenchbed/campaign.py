@@ -52,9 +52,10 @@ def record(
     Raises:
         PlanError: another robot's plan, or a row or move that the robot cannot take.
     """
-    rate = rate or plan.rate_hz or RATE_HZ[plan.mode]
-    if rate <= 0 or samples < 1:
-        raise PlanError(f"rate {rate} Hz and {samples} samples must be above 0")
+    if rate is None:
+        rate = plan.rate_hz or RATE_HZ[plan.mode]
+    if not 0 < rate < np.inf or samples < 1:
+        raise PlanError(f"rate {rate} Hz and {samples} samples a pose must be above 0")
     check(driver, plan, rate)
     metadata = driver.metadata(plan.mode, rate)
     run = _poses if plan.mode == "static" else _trajectory

@@ -90,9 +90,10 @@ def _columns(path: Path, file_map: FileMap) -> dict[str, np.ndarray]:
         raise MapError(f"{path}: the file has 0 rows")
     data: dict[str, np.ndarray] = {}
     for source in file_map.columns:
-        if source.column not in table.column_names:
+        if table.column_names.count(source.column) != 1:
             known = ", ".join(table.column_names)
-            raise MapError(f"{path}: column {source.column!r} is missing; found {known}")
+            times = "appears twice" if source.column in table.column_names else "is missing"
+            raise MapError(f"{path}: column {source.column!r} {times}; found {known}")
         data[source.target] = _numbers(path, source.column, table) * source.factor
     if "t" in data:
         data["t"] = _times(path, table, file_map, data["t"])

@@ -38,6 +38,10 @@ def main(arguments: list[str] | None = None) -> int:
     except WrenchbedError as error:
         stderr.print(f"wrenchbed: error: {error}", style="red", markup=False)
         return 1
+    except OSError as error:
+        what = f"{error.filename}: {error.strerror}" if error.filename else str(error)
+        stderr.print(f"wrenchbed: error: {what}", style="red", markup=False)
+        return 1
     except KeyboardInterrupt:
         stderr.print("wrenchbed: stopped; what was recorded so far is on disk", markup=False)
         return 130
