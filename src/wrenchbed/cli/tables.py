@@ -1,7 +1,9 @@
 """Results as people read them in a terminal of 80 columns."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from rich.console import Group
@@ -9,8 +11,10 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from wrenchbed.fit import Fit, Identified
 from wrenchbed.wrench import CHANNELS
+
+if TYPE_CHECKING:
+    from wrenchbed.fit import Fit, Identified
 
 _SHOWN = {"m": ("mm", 1e3), "rad": ("°", 180 / np.pi), "kg·m²": ("g·m²", 1e3)}
 """Units that people read more easily than SI, and their factors."""

@@ -1,7 +1,7 @@
 """One function a verb; its signature is the command's usage."""
 
 import json
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -10,12 +10,9 @@ import tyro
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from wrenchbed import calibration as calibrating
-from wrenchbed import campaign, column_map, importing, planning, registry
+import wrenchbed as wb
 from wrenchbed.cli import tables
 from wrenchbed.errors import ParameterError, PlanError
-from wrenchbed.plan import Plan
-from wrenchbed.recording import Recording
 
 Json = Annotated[bool, tyro.conf.FlagCreatePairsOff, tyro.conf.arg(name="json")]
 """Print the result as JSON on stdout."""
@@ -32,7 +29,7 @@ def list_(
         kind: of plug-in.
         as_json: Print the result as JSON.
     """
-    rows = {name: tables.describe(registry.load(kind, name)) for name in registry.names(kind)}
+    rows = {name: tables.describe(wb.load(kind, name)) for name in wb.names(kind)}
     _answer(rows, as_json, tables.plugins(kind, rows))
 
 
@@ -59,12 +56,8 @@ def plan(
         seed: Of the random choice.
         as_json: Print the result as JSON.
     """
-    arm = registry.load("robots", robot)
-    chosen = (
-        planning.poses(arm, n, seed)
-        if motion == "poses"
-        else planning.multisine(arm, seconds, rate, seed)
-    )
+    arm = wb.load("robots", robot)
+    chosen = wb.poses(arm, n, seed) if motion == "poses" else wb.multisine(arm, seconds, rate, seed)
     chosen.write(out)
     what = f"{len(chosen)} poses" if motion == "poses" else f"{seconds:g} s at {rate:g} Hz"
     result = {"plan": str(out), "robot": robot, "mode": chosen.mode, "rows": len(chosen)}
@@ -97,15 +90,15 @@ def record(
         seed: Of the noise.
         as_json: Print the result as JSON.
     """
-    device = registry.load("drivers", driver)
-    todo = Plan.read(plan)
+    device = wb.load("drivers", driver)
+    todo = wb.Plan.read(plan)
     if todo.robot != robot:
         raise PlanError(f"{plan}: the plan is for robot {todo.robot!r}, not {robot!r}")
     options = device.options(
         robot=robot, parameters=_parameters(parameters), noise=noise, seed=seed
     )
     with device(options) as link, _progress(f"recording {robot}", len(todo)) as tell:
-        done = campaign.record(link, todo, out, samples=samples, rate=rate, progress=tell)
+        done = wb.record(link, todo, out, samples=samples, rate=rate, progress=tell)
     result = {"recording": str(out), "robot": robot, "mode": todo.mode, "rows": done.rows,
               "visited": done.visited, "seconds": done.seconds}  # fmt: skip
     what = f"{done.visited} poses" if todo.mode == "static" else f"{done.rows} samples of motion"
@@ -128,7 +121,7 @@ def import_(
         out: Recording to write.
         as_json: Print the result as JSON.
     """
-    imported = importing.import_files(files, column_map.read(map))
+    imported = wb.import_files(files, wb.read_map(map))
     imported.recording.write(out)
     rows = len(imported.recording)
     result = {"recording": str(out), "rows": rows, "rows_left_out": imported.left_out}
@@ -161,9 +154,9 @@ def calibrate(
         truth: JSON {name: value} of a simulated robot, shown beside the estimates.
         as_json: Print the result as JSON.
     """
-    options = calibrating.Options(free or None, hold, prior, loss)
+    options = wb.Options(free or None, hold, prior, loss)
     known = None if truth is None else _parameters(truth)
-    fit = calibrating.calibrate(Recording.read(recording), options)
+    fit = wb.calibrate(wb.Recording.read(recording), options)
     if out is not None:
         fit.write(out)
     _answer(fit.to_json(), as_json, tables.fit(fit, known))
@@ -195,7 +188,7 @@ def _answer(result: Any, as_json: bool, shown: Any) -> None:
 
 
 @contextmanager
-def _progress(what: str, total: int) -> Iterator[campaign.Progress]:
+def _progress(what: str, total: int) -> Iterator[Callable[[int], None]]:
     """A bar on stderr; nothing where stderr is no terminal."""
     console = Console(stderr=True)
     bar = Progress(
