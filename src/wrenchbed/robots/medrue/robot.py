@@ -29,12 +29,12 @@ class MedRUE(SimulatedRobot):
     candidates = PAPER.names
     unobservable = ("xT", "yT", "zT", "alphaT", "betaT", "gammaT", "d31", "d32")
     joints = (
-        Joint("q1", "m", -0.35, 0.85, 0.25),
+        Joint("q1", "m", -0.5, 1.1, 0.25),
         Joint("q2", "rad", 1.658, 4.887, 1.0),
         Joint("q3", "rad", 0.785, 3.403, 1.0),
         Joint("q4", "rad", 1.658, 4.887, 1.0),
         Joint("q5", "rad", 0.785, 3.403, 1.0),
-        Joint("q6", "rad", 1.571, 8.029, 1.0),
+        Joint("q6", "rad", -6.283, 12.566, 1.0),
     )
 
     @property
