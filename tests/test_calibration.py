@@ -315,6 +315,10 @@ def test_every_registered_robot_without_a_model_calibrates_from_orientations():
     q = quaternion(robot.sensor_pose(rec.q, robot.parameters.nominal)[0])
     columns = {k: v for k, v in rec.columns.items() if not k.startswith("q")}
     columns |= dict(zip(("qw", "qx", "qy", "qz"), q.T, strict=True))
-    fit = calibrate(Recording(replace(rec.metadata, robot="some-arm"), columns))
+    turned = SensorInfo(pose_flange=(0.0, 0.0, 0.0, 0.7071068, 0.0, 0.0, 0.7071068))
+    some = replace(rec.metadata, robot="some-arm", sensor=turned)  # q is the sensor's already
+    fit = calibrate(Recording(some, columns))
+    also = {f"q{j}": rec.columns[f"q{j}"] for j in range(1, 7)}  # joints without a model
+    assert calibrate(Recording(some, columns | also)).tool == fit.tool
     assert fit["tool.mass"].value == pytest.approx(1.42, abs=1e-9)
     assert fit["tool.cog.z"].value == pytest.approx(0.083, abs=1e-9)

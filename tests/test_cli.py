@@ -226,6 +226,43 @@ def test_a_place_that_cannot_be_written_gives_one_line(made, tmp_path, capfd):
     assert names(tmp_path) == ["file"]
 
 
+def test_what_was_read_is_never_written_over(made, tmp_path, capfd):
+    rec = tmp_path / "rec.parquet"
+    rec.write_bytes((made / "rec.parquet").read_bytes())
+    before = rec.read_bytes()
+    assert main(["calibrate", str(rec), "--out", str(rec)]) == 1
+    assert "is an input too" in said(capfd)
+    assert main(["record", "--robot", "ur5", "--plan", str(rec), "--out", str(rec)]) == 1
+    assert "is an input too" in said(capfd)
+    out = str(tmp_path / "new.parquet")
+    assert main(["record", "--robot", "ur5", "--plan", str(rec), "--out", out]) == 1
+    assert "this is a recording" in said(capfd)
+    assert rec.read_bytes() == before
+    assert names(tmp_path) == ["rec.parquet"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["plan", "ur5", "--seed", "-1"], "seed -1 must not be negative"),
+        (["plan", "ur5", "--n", "0"], "is empty"),
+        (["plan", "ur5", "--motion", "multisine", "--rate", "nan"], "10 Hz or more"),
+        (["plan", "ur5", "--motion", "multisine", "--seconds", "inf"], "10 Hz or more"),
+    ],
+)
+def test_impossible_plans_give_one_line(tmp_path, capfd, arguments, words):
+    assert main([*arguments, "--out", str(tmp_path / "p.parquet")]) == 1
+    assert words in said(capfd)
+    assert names(tmp_path) == []
+
+
+def test_a_misspelt_truth_is_refused(made, tmp_path, capfd):
+    (tmp_path / "truth.json").write_text('{"tool.mas": 1}')
+    arguments = ["calibrate", str(made / "rec.parquet"), "--truth", str(tmp_path / "truth.json")]
+    assert main(arguments) == 1
+    assert "'tool.mas' = 1 is no parameter" in said(capfd)
+
+
 def test_a_map_with_mixed_units_gives_one_line(tmp_path, capfd):
     text = (DATA / "static.toml").read_text().replace('"fy", unit = "N"', '"fy", unit = "lbf"')
     (tmp_path / "map.toml").write_text(text)

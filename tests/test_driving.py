@@ -10,7 +10,7 @@ from wrenchbed import campaign, planning, registry
 from wrenchbed.calibration import calibrate
 from wrenchbed.drivers import sim
 from wrenchbed.drivers.base import Driver
-from wrenchbed.errors import DriverError, NotFoundError, ParameterError, PlanError
+from wrenchbed.errors import CalibrationError, DriverError, NotFoundError, ParameterError, PlanError
 from wrenchbed.jets import Jet
 from wrenchbed.model import Model
 from wrenchbed.plan import Plan
@@ -153,6 +153,47 @@ def test_a_calibration_from_motion_recovers_the_tool(tmp_path):
     for name in ("tool.mass", "tool.cog.z", "sensor.bias.fz", "mount.rotation.z"):
         assert abs(fit[name].value - EXAMPLE[name]) < 4 * fit[name].std, name
     assert fit["tool.mass"].std < 0.01
+
+
+def motion(tmp_path, rate: float, seconds: float, seed: int, noise: str) -> Recording:
+    with sim_driver("ur5", parameters=EXAMPLE, noise=noise, seed=seed) as driver:
+        plan = planning.multisine(driver.robot, seconds, rate, seed=seed)
+        campaign.record(driver, plan, tmp_path / "rec.parquet")
+    return Recording.read(tmp_path / "rec.parquet")
+
+
+def test_intervals_from_motion_heed_slow_wander(tmp_path):
+    """The Gamma's own noise: batch means widen what its 1/f part makes uncertain."""
+    inside = []
+    for seed in range(8):
+        fit = calibrate(motion(tmp_path, 125.0, 30.0, seed, "real"))
+        inside += [abs(p.value - EXAMPLE[p.name]) <= p.interval95 for p in fit.identified]
+    assert np.mean(inside) > 0.85
+
+
+def with_encoder_noise(rec: Recording, std: float) -> Recording:
+    rng = np.random.default_rng(0)
+    noisy = {
+        f"q{j}": rec.columns[f"q{j}"] + std * rng.standard_normal(len(rec)) for j in range(1, 7)
+    }
+    return Recording(rec.metadata, dict(rec.columns) | noisy)
+
+
+def test_encoder_noise_in_motion_is_smoothed_or_refused(tmp_path):
+    for rate in (125.0, 500.0):
+        rec = motion(tmp_path, rate, 12.0, 3, "white")
+        fit = calibrate(with_encoder_noise(rec, 2e-6))
+        for name in ("tool.mass", "tool.cog.z"):
+            assert abs(fit[name].value - EXAMPLE[name]) < 4.5 * fit[name].std, (rate, name)
+        with pytest.raises(CalibrationError, match=r"q\d is rough .* calibrate at rest"):
+            calibrate(with_encoder_noise(rec, 2e-4))
+
+
+def test_a_motion_is_played_at_its_own_rate(tmp_path):
+    with sim_driver("ur5") as driver:
+        plan = planning.multisine(driver.robot, 6.0, 125.0, seed=0)
+        with pytest.raises(PlanError, match="sampled at 125 Hz, not 250"):
+            campaign.record(driver, plan, tmp_path / "rec.parquet", rate=250.0)
 
 
 @pytest.mark.parametrize(("robot", "truth"), [("ur5", EXAMPLE), ("medrue", TABLE1)])

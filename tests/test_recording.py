@@ -272,3 +272,40 @@ def test_a_journal_cut_in_the_middle_opens_up_to_the_cut(tmp_path):
 def test_metadata_is_plain_json():
     assert json.loads(json.dumps(METADATA.to_json())) == METADATA.to_json()
     assert parse(METADATA.to_json(), "x") == METADATA
+
+
+def killed(path: Path) -> None:
+    """A file whose writer died: its journal holds 20 rows, the file itself 5."""
+    writer = RecordingWriter(path, METADATA)
+    writer.__enter__()
+    writer.append({k: v[:5] for k, v in columns().items()})
+    writer.flush()
+    writer._rewrite_cost = 1e9
+    writer.append({k: v[5:] for k, v in columns().items()})
+    writer.flush()
+
+
+def test_the_backup_of_a_killed_writer_keeps_its_journal(tmp_path):
+    path = tmp_path / "rec.parquet"
+    killed(path)
+    with RecordingWriter(path, METADATA) as writer:
+        writer.append({k: v[:3] for k, v in columns().items()})
+    assert len(Recording.read(path)) == 3
+    with pytest.warns(UserWarning, match="did not finish"):
+        assert len(Recording.read(tmp_path / "rec.parquet~")) == 20
+
+
+def test_a_stale_journal_does_not_outlive_a_newer_file(tmp_path):
+    path = tmp_path / "rec.parquet"
+    killed(path)
+    Recording(METADATA, {k: v[:3] for k, v in columns().items()}).write(path)
+    assert len(Recording.read(path)) == 3
+    assert (tmp_path / "rec.parquet.journal~").exists()
+
+
+def test_folders_are_no_recordings(tmp_path):
+    with pytest.raises(RecordingError, match="is a folder"):
+        Recording.read(tmp_path)
+    with pytest.raises(RecordingError, match="is a folder"), RecordingWriter(tmp_path, METADATA):
+        pass
+    assert tmp_path.is_dir()

@@ -16,7 +16,7 @@ from wrenchbed.model import Model
 from wrenchbed.observability import Observability, analyse
 from wrenchbed.observations import Observations, fallback_covariance, observe
 from wrenchbed.problem import LOSSES, Problem
-from wrenchbed.recording import Recording
+from wrenchbed.recording import QUATERNION, Recording
 from wrenchbed.robots.base import Robot
 from wrenchbed.weighting import Outcome, fit
 
@@ -65,6 +65,15 @@ def robot_of(recording: Recording) -> Robot:
     return robot
 
 
+def _without_unknown_joints(recording: Recording) -> Recording:
+    """An unknown robot's joints mean nothing here; its sensor's orientation does."""
+    known = recording.metadata.robot in registry.names("robots")
+    if known or not recording.joints or QUATERNION[0] not in recording.columns:
+        return recording
+    kept = {k: v for k, v in recording.columns.items() if k not in recording.joints}
+    return Recording(recording.metadata, kept, recording.name)
+
+
 def calibrate(recording: Recording, options: Options | None = None) -> Fit:
     """Identify a robot's parameters from a recording.
 
@@ -77,6 +86,7 @@ def calibrate(recording: Recording, options: Options | None = None) -> Fit:
         CalibrationError: too little data, one orientation only, or a wrench of opposite sign.
     """
     options = options or Options()
+    recording = _without_unknown_joints(recording)
     if options.loss not in LOSSES:
         raise CalibrationError(f"loss {options.loss!r} is not one of {', '.join(LOSSES)}")
     robot = robot_of(recording)
@@ -118,6 +128,8 @@ def _started(
     rotation, _ = model.robot.sensor_pose(data.q, theta[:n])
     load = identify(rotation, data.wrench, np.asarray(model.gravity))
     if load.mass <= 0:
+        if "mount.rotation.x" in names:
+            return theta  # the sensor may be turned far: let the fit find it
         raise _opposite(load.mass)
     start = theta.copy()
     start[:n] = model.robot.theta_of_tool(theta[:n], load.mass, list(load.cog))
@@ -186,8 +198,9 @@ def _observability(problem: Problem, theta: np.ndarray) -> Observability:
     columns = model.parameters.select(model.robot.candidates)
     extra = tuple(i for i in problem.free if i not in columns)
     columns = tuple(sorted((*columns, *extra)))
-    every = max(1, len(problem.data) // _ENOUGH_ROWS)  # a rank needs no more
-    jacobian = model.jacobian(problem.data.q[::every], theta, columns)
+    n = len(problem.data)
+    some = np.sort(np.random.default_rng(0).permutation(n)[:_ENOUGH_ROWS])  # a rank needs no more
+    jacobian = model.jacobian(problem.data.q[some], theta, columns)
     weight = 1.0 / np.sqrt(np.diagonal(fallback_covariance()))
     return analyse(
         (jacobian * weight[:, None]).reshape(-1, len(columns)),

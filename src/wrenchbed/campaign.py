@@ -52,6 +52,8 @@ def record(
     Raises:
         PlanError: another robot's plan, or a row or move that the robot cannot take.
     """
+    if plan.mode == "dynamic" and rate not in (None, plan.rate_hz) and plan.rate_hz is not None:
+        raise PlanError(f"{plan.name}: this motion is sampled at {plan.rate_hz:g} Hz, not {rate:g}")
     if rate is None:
         rate = plan.rate_hz or RATE_HZ[plan.mode]
     if not 0 < rate < np.inf or samples < 1:

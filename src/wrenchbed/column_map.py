@@ -84,6 +84,8 @@ def read(path: str | Path) -> ColumnMap:
     """
     path = Path(path)
     raw = _load(path)
+    if not isinstance(raw.get("recording", {}), Mapping):
+        raise MapError(f"{path}: [recording] must be a table")
     try:
         metadata = parse({"format": 1, "source": "import", **raw.get("recording", {})}, str(path))
     except RecordingError as error:
@@ -100,7 +102,7 @@ def _load(path: Path) -> dict[str, Any]:
     try:
         text = path.read_text(encoding="utf-8")
         raw = json.loads(text) if path.suffix == ".json" else tomllib.loads(text)
-    except OSError as error:
+    except FileNotFoundError as error:
         raise MapError(f"{path}: there is no such file") from error
     except (ValueError, UnicodeDecodeError) as error:
         kind = "JSON" if path.suffix == ".json" else "TOML"
@@ -134,7 +136,7 @@ def _source(where: str, target: str, entry: Any) -> Source:
     unit = entry.get("unit", "1" if quantities == ("number",) else None)
     if unit is None:
         raise MapError(f"{where}: {target} states no unit; one of {_units_of(quantities)}")
-    if unit not in UNITS or UNITS[unit][0] not in quantities:
+    if not isinstance(unit, str) or unit not in UNITS or UNITS[unit][0] not in quantities:
         raise MapError(f"{where}: {target} in {unit!r} is no unit of {' or '.join(quantities)}; "
                        f"one of {_units_of(quantities)}")  # fmt: skip
     sign = entry.get("sign", 1)

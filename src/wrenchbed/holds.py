@@ -7,7 +7,8 @@ import numpy as np
 from wrenchbed.recording import Recording
 
 MOVING = 1e-4
-"""Joint values (or quaternion components) closer than this are one pose [rad or m]."""
+MOVING_WITHIN_SEGMENT = 1e-3
+"""Steps of joint values (or quaternion components) below these are one pose [rad or m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +44,8 @@ def gather(recording: Recording, keep: np.ndarray) -> Holds:
     """
     q, y, t = recording.q[keep], recording.wrench[keep], recording.t[keep]
     segment = recording.columns.get("segment")
-    change = np.abs(np.diff(q, axis=0)).max(axis=1) > MOVING
+    step = np.abs(np.diff(q, axis=0)).max(axis=1)
+    change = step > (MOVING if segment is None else MOVING_WITHIN_SEGMENT)
     if segment is not None:
         change |= np.diff(segment[keep]) != 0
     starts = np.concatenate([[0], np.flatnonzero(change) + 1])
@@ -54,4 +56,5 @@ def gather(recording: Recording, keep: np.ndarray) -> Holds:
     if dof > 0:
         scatter = y - np.repeat(mean, count, axis=0)
         covariance = scatter.T @ scatter / dof
-    return Holds(np.add.reduceat(t, starts) / count, q[starts], mean, count, covariance, dof)
+    middle = np.add.reduceat(q, starts) / count[:, None]
+    return Holds(np.add.reduceat(t, starts) / count, middle, mean, count, covariance, dof)

@@ -84,7 +84,7 @@ def _columns(path: Path, file_map: FileMap) -> dict[str, np.ndarray]:
         table = pcsv.read_csv(path)
     except FileNotFoundError as error:
         raise MapError(f"{path}: there is no such file") from error
-    except pa.ArrowException as error:
+    except (pa.ArrowException, OSError) as error:
         raise MapError(f"{path}: not a CSV table: {str(error).splitlines()[0]}") from error
     if table.num_rows == 0:
         raise MapError(f"{path}: the file has 0 rows")

@@ -60,7 +60,7 @@ class Model:
         names = self.parameters
         n = len(self.robot.parameters)
         tool, sensor = metadata.tool, metadata.sensor
-        if sensor.pose_flange is not None and "mount.rotation.x" in names.names:
+        if sensor.pose_flange is not None and "mount.position.x" in names.names:
             theta = _mounted(names, theta, sensor.pose_flange)
         if tool.mass is not None or tool.cog is not None:
             own = self.robot.tool(theta[:n])
@@ -131,6 +131,5 @@ def _mounted(names: ParameterSet, theta: np.ndarray, pose: Sequence[float]) -> n
 
     turn = Rotation.from_matrix(matrix(np.asarray(pose[3:]))).as_rotvec()
     values = {f"mount.rotation.{a}": float(v) for a, v in zip("xyz", turn, strict=True)}
-    if "mount.position.x" in names.names:
-        values |= {f"mount.position.{a}": float(v) for a, v in zip("xyz", pose[:3], strict=True)}
+    values |= {f"mount.position.{a}": float(v) for a, v in zip("xyz", pose[:3], strict=True)}
     return names.vector(values, start=theta)

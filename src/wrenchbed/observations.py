@@ -3,7 +3,7 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.signal import savgol_filter
+from scipy.signal import savgol_coeffs, savgol_filter
 
 from wrenchbed import registry
 from wrenchbed.errors import CalibrationError
@@ -12,8 +12,11 @@ from wrenchbed.jets import Jet, Value
 from wrenchbed.recording import Recording
 from wrenchbed.sensors.base import STATUS_SATURATED
 
-_WINDOW, _ORDER = 11, 5
-"""Savitzky–Golay window and order that turn joint values into velocity and acceleration."""
+_WINDOW_S, _LEAST_WINDOW, _ORDER = 0.085, 11, 5
+"""Savitzky–Golay window [s, samples] and order that turn joint values into acceleration."""
+_LEVER = 1.0
+"""Joint accelerations are taken to act over this length [m]."""
+_JITTER = 0.02
 _SCALE = np.array([1.0, 1.0, 1.0, 0.05, 0.05, 0.05])
 """Relative weight of force [N] and torque [N·m] where nothing is known of the noise."""
 
@@ -81,23 +84,46 @@ def _motion(recording: Recording, keep: np.ndarray, left_out: int) -> Observatio
             "Calibrate a static recording"
         )
     step = np.diff(recording.t)
-    if len(step) < 4 * _WINDOW or np.abs(step - np.median(step)).max() > 0.2 * np.median(step):
+    h = float(np.mean(step)) if len(step) else 1.0
+    window = max(_LEAST_WINDOW, 2 * round(_WINDOW_S / h / 2) + 1)
+    if len(step) < 4 * window or np.abs(step - h).max() > _JITTER * h:
         raise CalibrationError(
-            f"{recording.name}: motion needs at least {4 * _WINDOW} rows on an even clock "
-            f"(steps {step.min():.4g} … {step.max():.4g} s)"
+            f"{recording.name}: motion needs at least {4 * window} rows on an even clock "
+            f"(steps {step.min(initial=h):.4g} … {step.max(initial=h):.4g} s)"
         )
-    q, h = recording.q, float(np.mean(step))
-    qd, qdd = (
-        savgol_filter(q, _WINDOW, _ORDER, deriv=k, delta=h, axis=0, mode="interp") for k in (1, 2)
+    q = recording.q
+    smooth, qd, qdd = (
+        savgol_filter(q, window, _ORDER, deriv=k, delta=h, axis=0, mode="interp") for k in range(3)
     )
-    edge = _WINDOW // 2
+    _check_smooth(recording, q - smooth, savgol_coeffs(window, _ORDER, deriv=2, delta=h))
+    edge = window // 2
     use = keep.copy()
     use[:edge] = use[-edge:] = False
     covariance, dof, source = _stated(recording)
     return Observations(
-        Jet(q[use], qd[use], qdd[use]), recording.wrench[use], np.ones(int(use.sum()), dtype=int),
+        Jet(smooth[use], qd[use], qdd[use]), recording.wrench[use],
+        np.ones(int(use.sum()), dtype=int),
         _floored(covariance, recording), dof, source, recording.t[use], left_out,
     )  # fmt: skip
+
+
+def _check_smooth(recording: Recording, rough: np.ndarray, second: np.ndarray) -> None:
+    """Refuse joint readings (N, J, their roughness) whose acceleration would be mostly noise.
+
+    Noise in a regressor biases the fit towards a smaller mass further in, whatever the sensor.
+    """
+    acceleration = np.sqrt((second**2).sum()) * rough.std(axis=0) * _LEVER
+    worst = float(np.sqrt((acceleration**2).sum()))
+    mass = recording.metadata.tool.mass or 1.0
+    std = recording.metadata.sensor.noise_std
+    allowed = _SCALE[0] if std is None or min(std[:3]) == 0 else max(std[:3])
+    if mass * worst > allowed:
+        joint = int(np.argmax(acceleration))
+        raise CalibrationError(
+            f"{recording.name}: q{joint + 1} is rough ({rough[:, joint].std():.1g}): its "
+            f"acceleration would add {mass * worst:.2g} N of noise to a sensor's {allowed:.2g} N; "
+            "smooth the joints, or calibrate at rest"
+        )
 
 
 def _unsaturated(recording: Recording) -> np.ndarray:

@@ -57,6 +57,8 @@ class Plan:
         table, raw = parquet.read(path, PlanError)
         data = parquet.columns(table, path, PlanError)
         joints = joint_columns(data)
+        if "fx" in data:
+            raise PlanError(f"{path}: this is a recording (it holds fx), not a plan")
         if not joints:
             raise PlanError(f"{path}: column 'q1' is missing; found {', '.join(data) or 'none'}")
         if table.num_rows == 0:

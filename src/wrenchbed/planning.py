@@ -38,8 +38,9 @@ def multisine(robot: Robot, seconds: float, rate: float, seed: int) -> Plan:
     """
     if not isinstance(robot, SimulatedRobot):
         raise PlanError(f"robot {robot.name!r} has no joints to plan for")
-    if seconds < 2 * _FADE_S + 1 or rate <= 0:
-        raise PlanError(f"a motion takes at least {2 * _FADE_S + 1:.0f} s at a rate above 0 Hz")
+    fine = 2 * _FADE_S + 1 <= seconds < np.inf and 10.0 <= rate < np.inf
+    if not fine:
+        raise PlanError(f"a motion takes at least {2 * _FADE_S + 1:.0f} s at 10 Hz or more")
     rng = np.random.default_rng(seed)
     t = np.arange(round(seconds * rate)) / rate
     fade = _smooth(np.minimum(t, t[-1] - t) / _FADE_S)

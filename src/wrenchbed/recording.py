@@ -82,6 +82,8 @@ class Recording:
             RecordingError: names the file, the field or column, and the row.
         """
         path = Path(path)
+        if path.is_dir():
+            raise RecordingError(f"{path}: is a folder, not a recording")
         journal = path.with_name(path.name + JOURNAL)
         if journal.exists():
             table = _from_journal(journal)
@@ -97,8 +99,12 @@ class Recording:
         return cls(parse(raw, str(path)), data, str(path))
 
     def write(self, path: str | Path) -> None:
-        """Write a whole file or nothing."""
-        parquet.write(Path(path), parquet.table_of(self.columns, self.metadata.to_json()))
+        """Write a whole file or nothing; the journal of a killed writer there is kept as ``…~``."""
+        path = Path(path)
+        parquet.write(path, parquet.table_of(self.columns, self.metadata.to_json()))
+        journal = path.with_name(path.name + JOURNAL)
+        if journal.exists():
+            journal.replace(journal.with_name(journal.name + "~"))
 
 
 def joint_columns(columns: Mapping[str, np.ndarray]) -> tuple[str, ...]:

@@ -15,8 +15,9 @@ from wrenchbed.problem import Problem, Whitening
 _REWEIGHTINGS = 3
 _TRUST = 0.01
 """Below this p-value of the residual's χ², the noise seen in the repeats does not explain it."""
-_ENOUGH = 20.0
-"""Degrees of freedom a channel from which wander and correlation are found in the residual."""
+_BATCHES = 20
+_ENOUGH = 20
+"""Poses beyond the number of parameters from which the residual shows wander and correlation."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +43,7 @@ def fit(problem: Problem) -> Outcome:
     if explained:
         noise = _noise(problem, solution, data.source, float(data.count.sum()) * np.ones(6))
         return Outcome(solution, solution.covariance, data.dof, noise)
-    few = problem.dof < _ENOUGH or len(data) > wander.MOST_POSES
+    few = len(data) - len(problem.free) < _ENOUGH or len(data) > wander.MOST_POSES
     if few or problem.loss != "linear":
         return _scattered(problem, solution)
     return _wandering(problem, solution)
@@ -135,7 +136,14 @@ def _correlation_time(problem: Problem, x: np.ndarray) -> np.ndarray:
     rho = np.fft.irfft(power, axis=0)[: len(r)]
     tau = 2 * np.cumsum(rho / np.maximum(rho[0], 1e-300), axis=0) - 1
     window = np.argmax(np.arange(len(r))[:, None] > 5 * tau, axis=0)
-    return np.maximum(1.0, tau[window, np.arange(6)])
+    return np.maximum(np.maximum(1.0, tau[window, np.arange(6)]), _batch_time(r))
+
+
+def _batch_time(r: np.ndarray) -> np.ndarray:
+    """The same from the scatter of `_BATCHES` batch means, which 1/f wander cannot hide from."""
+    length = len(r) // _BATCHES
+    batches = r[: length * _BATCHES].reshape(_BATCHES, length, 6).mean(axis=1)
+    return length * batches.var(axis=0, ddof=1) / np.maximum(r.var(axis=0), 1e-300)
 
 
 def _noise(

@@ -16,6 +16,7 @@ import numpy as np
 import pyarrow as pa
 
 from wrenchbed import parquet
+from wrenchbed.errors import RecordingError
 from wrenchbed.metadata import Metadata
 from wrenchbed.recording import JOURNAL
 
@@ -49,9 +50,8 @@ class RecordingWriter:
 
     def __enter__(self) -> "RecordingWriter":
         self.path.parent.mkdir(parents=True, exist_ok=True)
-        for old in (self.path, self._journal_path):
-            if old.exists():
-                old.replace(old.with_name(old.name + "~"))
+        if self.path.is_dir():
+            raise RecordingError(f"{self.path}: is a folder; give the name of a file")
         return self
 
     def append(self, block: Mapping[str, np.ndarray]) -> None:
@@ -71,6 +71,7 @@ class RecordingWriter:
         self._pending.clear()
         batch = pa.RecordBatch.from_pydict(joined)
         if self._stream is None:
+            self._set_aside()
             key = {parquet.KEY: json.dumps(self.metadata.to_json()).encode()}
             self._sink = pa.OSFile(str(self._journal_path), "wb")
             self._stream = pa.ipc.new_stream(self._sink, batch.schema.with_metadata(key))
@@ -91,6 +92,14 @@ class RecordingWriter:
         self._sink.close()
         self._journal_path.unlink(missing_ok=True)
         self._stream = None
+
+    def _set_aside(self) -> None:
+        """Keep what stands at the target, with its journal if its writer was killed."""
+        kept = self.path.with_name(self.path.name + "~")
+        if self.path.exists():
+            self.path.replace(kept)
+        if self._journal_path.exists():
+            self._journal_path.replace(kept.with_name(kept.name + JOURNAL))
 
     def _rewrite(self) -> None:
         start = time.monotonic()

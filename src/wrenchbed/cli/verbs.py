@@ -56,6 +56,7 @@ def plan(
         seed: Of the random choice.
         as_json: Print the result as JSON.
     """
+    _check_seed(seed)
     arm = wb.load("robots", robot)
     chosen = wb.poses(arm, n, seed) if motion == "poses" else wb.multisine(arm, seconds, rate, seed)
     chosen.write(out)
@@ -90,6 +91,8 @@ def record(
         seed: Of the noise.
         as_json: Print the result as JSON.
     """
+    _check_seed(seed)
+    _check_out(out, plan, parameters)
     device = wb.load("drivers", driver)
     todo = wb.Plan.read(plan)
     if todo.robot != robot:
@@ -121,6 +124,7 @@ def import_(
         out: Recording to write.
         as_json: Print the result as JSON.
     """
+    _check_out(out, map, *files)
     imported = wb.import_files(files, wb.read_map(map))
     imported.recording.write(out)
     rows = len(imported.recording)
@@ -155,8 +159,12 @@ def calibrate(
         as_json: Print the result as JSON.
     """
     options = wb.Options(free or None, hold, prior, loss)
+    _check_out(out, recording, truth)
     known = None if truth is None else _parameters(truth)
     fit = wb.calibrate(wb.Recording.read(recording), options)
+    for name, value in (known or {}).items():
+        if name not in fit.theta or isinstance(value, bool) or not isinstance(value, int | float):
+            raise ParameterError(f"{truth}: {name!r} = {value!r} is no parameter with a number")
     if out is not None:
         fit.write(out)
     _answer(fit.to_json(), as_json, tables.fit(fit, known))
@@ -164,12 +172,23 @@ def calibrate(
         _OUT.print(f"fit → {out}", soft_wrap=True, markup=False, highlight=False)
 
 
+def _check_seed(seed: int) -> None:
+    if seed < 0:
+        raise ParameterError(f"seed {seed} must not be negative")
+
+
+def _check_out(out: Path | None, *inputs: Path | None) -> None:
+    """Refuse to write over what was read."""
+    if out is not None and out.resolve() in [i.resolve() for i in inputs if i is not None]:
+        raise ParameterError(f"{out}: is an input too; give another name")
+
+
 def _parameters(path: Path | None) -> dict[str, float]:
     if path is None:
         return {}
     try:
         raw = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
+    except FileNotFoundError as error:
         raise ParameterError(f"{path}: there is no such file") from error
     except ValueError as error:
         raise ParameterError(f"{path}: not valid JSON: {error}") from error
