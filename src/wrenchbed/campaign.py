@@ -14,6 +14,8 @@ from wrenchbed.writer import RecordingWriter
 Progress = Callable[[int], None]
 """Called with how many more poses or rows are done."""
 
+_BLOCK_S = 0.5
+"""Longest part of a hold that stays unwritten [s]."""
 RATE_HZ = {"static": 100.0, "dynamic": 125.0}
 """Default sampling rates."""
 
@@ -96,10 +98,12 @@ def _poses(
     for q, segment, dwell in zip(plan.q, plan.segment, plan.dwell, strict=True):
         driver.move(q)
         n = max(1, round(dwell * rate)) if dwell > 0 else samples
-        block = dict(driver.sample(n, rate))
-        block["segment"] = np.full(n, segment)
-        writer.append(block)
-        t = float(block["t"][-1])
+        at_once = max(1, int(_BLOCK_S * rate))
+        for first in range(0, n, at_once):
+            block = dict(driver.sample(min(at_once, n - first), rate))
+            block["segment"] = np.full(len(block["t"]), segment)
+            writer.append(block)
+            t = float(block["t"][-1])
         tell(1)
     return len(plan), t
 
