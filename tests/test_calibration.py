@@ -240,6 +240,15 @@ def accelerometer_tilt(rec: Recording) -> np.ndarray:
     return tilt
 
 
+@pytest.mark.parametrize(("axis", "angle"), [("z", 2.1), ("z", 3.0), ("x", 2.7), ("y", -2.9)])
+def test_a_sensor_mounted_far_from_where_it_is_stated_is_found(axis, angle):
+    still = {k: v for k, v in UR5_TRUTH.items() if "mount" not in k}
+    turned = f"mount.rotation.{axis}"
+    fit = calibrate(static("ur5", still | {turned: angle}))
+    assert fit[turned].value == pytest.approx(angle, abs=1e-9)
+    assert fit["tool.mass"].value == pytest.approx(1.42, abs=1e-9)
+
+
 def test_saturated_rows_are_left_out_and_said():
     rec = static("ur5", UR5_TRUTH, samples=4, noise=WHITE)
     status = np.zeros(len(rec), dtype=np.uint32)
