@@ -10,15 +10,18 @@ SOURCE = Path(__file__).parents[1] / "src" / "wrenchbed"
 LAYERS = {
     "errors": 0,
     "registry": 1, "parameters": 1, "jets": 1, "frames": 1.1, "noise": 1,
-    "wrench": 2, "identify": 2.1, "parquet": 1, "metadata": 2.1, "recording": 2.2, "writer": 2.3,
+    "wrench": 2, "identify": 2.1, "parquet": 1, "points": 1,
+    "metadata": 2.1, "recording": 2.2, "writer": 2.3,
     "plan": 2.3, "holds": 2.3, "column_map": 2.2, "importing": 2.4, "mjcf": 2.1, "sensors": 2,
     "robots": 3,
     "model": 5, "simulation": 5, "plant": 5.1,
     "observability": 6,
+    "accuracy": 4, "touches": 4.1, "selection": 6.1,
     "gauss_newton": 6.1, "fit": 6.1, "observations": 6.1, "wander": 6.1, "problem": 6.2,
     "weighting": 6.3, "calibration": 7,
     "drivers": 8,
-    "campaign": 9, "planning": 9,
+    "campaign": 9, "planning": 9, "mixing": 9,
+    "study": 10,
     "cli": 12, "__init__": 12, "__main__": 13,
 }  # fmt: skip
 PLUGINS = ("robots", "sensors", "drivers")

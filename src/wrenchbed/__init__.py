@@ -16,12 +16,15 @@ if TYPE_CHECKING:
     from wrenchbed.errors import WrenchbedError
     from wrenchbed.fit import Fit
     from wrenchbed.importing import import_files
+    from wrenchbed.mixing import reach
     from wrenchbed.model import Model
     from wrenchbed.plan import Plan
-    from wrenchbed.planning import multisine, poses
+    from wrenchbed.planning import informative, multisine, poses
+    from wrenchbed.points import read as read_points
     from wrenchbed.recording import Recording
     from wrenchbed.registry import load, names
     from wrenchbed.simulation import Simulation
+    from wrenchbed.touches import Touches
 
 __version__ = version("wrenchbed")
 
@@ -34,14 +37,18 @@ _HOME = {
     "SimDriver": ("drivers.sim", "SimDriver"),
     "SimOptions": ("drivers.sim", "Options"),
     "Simulation": ("simulation", "Simulation"),
+    "Touches": ("touches", "Touches"),
     "WrenchbedError": ("errors", "WrenchbedError"),
     "calibrate": ("calibration", "calibrate"),
     "import_files": ("importing", "import_files"),
+    "informative": ("planning", "informative"),
     "load": ("registry", "load"),
     "multisine": ("planning", "multisine"),
     "names": ("registry", "names"),
     "poses": ("planning", "poses"),
+    "reach": ("mixing", "reach"),
     "read_map": ("column_map", "read"),
+    "read_points": ("points", "read"),
     "record": ("campaign", "record"),
 }
 
@@ -54,15 +61,19 @@ __all__ = [
     "SimDriver",
     "SimOptions",
     "Simulation",
+    "Touches",
     "WrenchbedError",
     "__version__",
     "calibrate",
     "import_files",
+    "informative",
     "load",
     "multisine",
     "names",
     "poses",
+    "reach",
     "read_map",
+    "read_points",
     "record",
 ]
 

@@ -19,6 +19,7 @@ from wrenchbed.observations import Observations, fallback_covariance, observe
 from wrenchbed.problem import LOSSES, Problem
 from wrenchbed.recording import QUATERNION, Recording
 from wrenchbed.robots.base import Robot
+from wrenchbed.touches import Touches
 from wrenchbed.weighting import Outcome, fit
 
 _ENOUGH_ROWS = 500
@@ -26,12 +27,17 @@ _BLIND = 1e-5
 """A parameter with more than this share in the null space is not identified by itself."""
 
 
+CANDIDATES = "candidates"
+"""Stands for all that a robot might have wrong, in `Options.free`."""
+
+
 @dataclass(frozen=True)
 class Options:
     """How to calibrate.
 
     Attributes:
-        free: patterns of parameters to identify; None for the robot's own choice.
+        free: patterns of parameters to identify; ``candidates`` for all that the robot might have
+            wrong; None for the robot's own choice.
         hold: patterns to leave out of ``free`` again.
         prior: whether each free parameter's tolerance is a prior standard deviation about nominal.
         loss: ``linear``, ``huber`` or ``student``.
@@ -75,11 +81,14 @@ def _without_unknown_joints(recording: Recording) -> Recording:
     return Recording(recording.metadata, kept, recording.name)
 
 
-def calibrate(recording: Recording, options: Options | None = None) -> Fit:
+def calibrate(
+    recording: Recording, options: Options | None = None, touches: Touches | None = None
+) -> Fit:
     """Identify a robot's parameters from a recording.
 
     Weights come from the recording's own repeats (or its stated noise); where the means of the
-    holds scatter more than that, from the scatter, and the uncertainties with them.
+    holds scatter more than that, from the scatter, and the uncertainties with them. Touches of
+    known points, made with the same robot, join the wrenches in one fit.
 
     Raises:
         RecordingError: the recording does not fit its robot.
@@ -94,15 +103,18 @@ def calibrate(recording: Recording, options: Options | None = None) -> Fit:
     model = Model.of(robot, recording.metadata)
     data = observe(recording)
     free = _free(model, options)
-    if data.wrench.size < len(free):
+    if touches is not None:
+        robot.check(touches.q, robot.parameters.nominal, "touches")
+    seen = data.wrench.size + (0 if touches is None else touches.points.size)
+    if seen < len(free) and not options.prior:
         raise CalibrationError(
-            f"{recording.name}: {len(data)} poses give {data.wrench.size} readings, too few for "
+            f"{recording.name}: {len(data)} poses give {seen} readings, too few for "
             f"{len(free)} parameters"
         )
     stated = model.configured(recording.metadata)
     theta = _started(model, stated, data, free)
     centre = stated[list(free)]
-    problem = Problem(model, data, theta, free, centre, options.prior, options.loss)
+    problem = Problem(model, data, theta, free, centre, options.prior, options.loss, touches)
     outcome = fit(problem)
     theta[list(free)] = outcome.solution.x
     _check_load(model, theta)
@@ -110,7 +122,10 @@ def calibrate(recording: Recording, options: Options | None = None) -> Fit:
 
 
 def _free(model: Model, options: Options) -> tuple[int, ...]:
-    chosen = model.parameters.select(model.robot.free if options.free is None else options.free)
+    wanted = list(model.robot.free if options.free is None else options.free)
+    if CANDIDATES in wanted:
+        wanted = [w for w in wanted if w != CANDIDATES] + list(model.robot.candidates)
+    chosen = model.parameters.select(wanted)
     held = set(model.parameters.select(options.hold)) if options.hold else set()
     free = tuple(i for i in chosen if i not in held)
     if not free:
@@ -225,8 +240,11 @@ def _observability(problem: Problem, theta: np.ndarray) -> Observability:
     some = np.sort(np.random.default_rng(0).permutation(n)[:_ENOUGH_ROWS])  # a rank needs no more
     jacobian = model.jacobian(problem.data.q[some], theta, columns)
     weight = 1.0 / np.sqrt(np.diagonal(fallback_covariance()))
+    rows = (jacobian * weight[:, None]).reshape(-1, len(columns))
+    if problem.touches is not None:
+        rows = np.concatenate([rows, problem.touches.jacobian(model.robot, theta, columns)])
     return analyse(
-        (jacobian * weight[:, None]).reshape(-1, len(columns)),
+        rows,
         [names[i] for i in columns],
         model.parameters.tolerance[list(columns)],
         model.robot.symmetries(theta[: len(model.robot.parameters)]),

@@ -9,6 +9,7 @@ import numpy as np
 from wrenchbed.drivers.base import Driver, check_motion, straight
 from wrenchbed.errors import PlanError
 from wrenchbed.plan import Plan
+from wrenchbed.recording import POINT
 from wrenchbed.writer import RecordingWriter
 
 Progress = Callable[[int], None]
@@ -95,13 +96,20 @@ def _poses(
     driver: Driver, plan: Plan, writer: RecordingWriter, samples: int, rate: float, tell: Progress
 ) -> tuple[int, float]:
     t = 0.0
-    for q, segment, dwell in zip(plan.q, plan.segment, plan.dwell, strict=True):
-        driver.move(q)
+    for i, (q, segment, dwell) in enumerate(zip(plan.q, plan.segment, plan.dwell, strict=True)):
+        if plan.points is None:
+            driver.move(q)
+        else:
+            driver.touch(q, plan.points[i])
         n = max(1, round(dwell * rate)) if dwell > 0 else samples
         at_once = max(1, int(_BLOCK_S * rate))
         for first in range(0, n, at_once):
             block = dict(driver.sample(min(at_once, n - first), rate))
             block["segment"] = np.full(len(block["t"]), segment)
+            if plan.points is not None:
+                block |= {
+                    c: np.full(len(block["t"]), plan.points[i, k]) for k, c in enumerate(POINT)
+                }
             writer.append(block)
             t = float(block["t"][-1])
         tell(1)

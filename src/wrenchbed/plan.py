@@ -10,7 +10,7 @@ import numpy as np
 from wrenchbed import parquet
 from wrenchbed.errors import PlanError
 from wrenchbed.metadata import MODES
-from wrenchbed.recording import joint_columns
+from wrenchbed.recording import POINT, joint_columns
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,6 +24,8 @@ class Plan:
         dwell: how long to stay [s] (N,), 0 for the recorder's default.
         mode: ``static`` or ``dynamic``.
         rate_hz: of a dynamic plan.
+        points: known positions in the world (N, 3) [m] that the tool's tip shall touch from each
+            pose; None in a plan that touches nothing.
         name: file name for messages.
     """
 
@@ -33,15 +35,23 @@ class Plan:
     dwell: np.ndarray
     mode: str = "static"
     rate_hz: float | None = None
+    points: np.ndarray | None = None
     name: str = "plan"
 
     @classmethod
-    def of(cls, robot: str, q: np.ndarray, *, rate_hz: float | None = None) -> "Plan":
-        """A plan of poses (N, J), or of one trajectory if a rate is given."""
+    def of(
+        cls,
+        robot: str,
+        q: np.ndarray,
+        *,
+        rate_hz: float | None = None,
+        points: np.ndarray | None = None,
+    ) -> "Plan":
+        """A plan of poses (N, J), of touches, or of one trajectory if a rate is given."""
         n = len(q)
         segment = np.arange(n) if rate_hz is None else np.zeros(n, dtype=int)
         mode = "static" if rate_hz is None else "dynamic"
-        return cls(robot, np.asarray(q, dtype=float), segment, np.zeros(n), mode, rate_hz)
+        return cls(robot, np.asarray(q, dtype=float), segment, np.zeros(n), mode, rate_hz, points)
 
     def __len__(self) -> int:
         return len(self.q)
@@ -63,7 +73,7 @@ class Plan:
             raise PlanError(f"{path}: column 'q1' is missing; found {', '.join(data) or 'none'}")
         if table.num_rows == 0:
             raise PlanError(f"{path}: the plan has 0 rows")
-        for column in (*joints, "dwell"):
+        for column in (*joints, "dwell", *POINT):
             _check_numbers(path, column, data.get(column))
         q = np.stack([data[c].astype(float) for c in joints], axis=-1)
         segment = _segments(path, data, len(q))
@@ -75,7 +85,7 @@ class Plan:
         robot = raw.get("robot")
         if not isinstance(robot, str):
             raise PlanError(f"{path}: metadata robot = {robot!r} must be a name")
-        return cls(robot, q, segment, dwell, mode, rate, str(path))
+        return cls(robot, q, segment, dwell, mode, rate, _points(path, data, mode), str(path))
 
     def write(self, path: str | Path) -> None:
         """Write a whole file or nothing."""
@@ -83,6 +93,8 @@ class Plan:
         data |= {"segment": self.segment.astype(np.int64)}
         if self.dwell.any():
             data["dwell"] = self.dwell
+        if self.points is not None:
+            data |= {c: self.points[:, k] for k, c in enumerate(POINT)}
         raw: dict[str, Any] = {"format": parquet.FORMAT, "robot": self.robot, "mode": self.mode}
         if self.rate_hz is not None:
             raw["rate_hz"] = self.rate_hz
@@ -97,6 +109,15 @@ def _check_numbers(path: Path, column: str, array: np.ndarray | None) -> None:
     bad = np.flatnonzero(~np.isfinite(array.astype(float)))
     if len(bad):
         raise PlanError(f"{path}: column {column!r}, row {bad[0]}: {array[bad[0]]} is not finite")
+
+
+def _points(path: Path, data: Mapping[str, np.ndarray], mode: str) -> np.ndarray | None:
+    given = [c for c in POINT if c in data]
+    if not given:
+        return None
+    if len(given) != 3 or mode != "static":
+        raise PlanError(f"{path}: touches need all of px py pz, in a static plan")
+    return np.stack([data[c].astype(float) for c in POINT], axis=-1)
 
 
 def _segments(path: Path, data: Mapping[str, np.ndarray], n: int) -> np.ndarray:

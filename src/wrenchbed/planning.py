@@ -1,10 +1,14 @@
-"""Choose what to record: poses that turn the tool well about, or a smooth multi-sine motion."""
+"""Choose what to record: random poses, the most informative ones, or a multi-sine motion."""
 
 import numpy as np
 
+from wrenchbed import registry
 from wrenchbed.errors import PlanError
+from wrenchbed.model import Model
 from wrenchbed.plan import Plan
 from wrenchbed.robots.base import Robot, SimulatedRobot
+from wrenchbed.selection.criteria import INDICES, a_optimality
+from wrenchbed.selection.exchange import Pool, exchange
 
 BASE_PERIOD_S = 10.0
 """Period of a multi-sine's slowest sine [s]."""
@@ -26,6 +30,37 @@ def poses(robot: Robot, n: int, seed: int) -> Plan:
     if not robot.joints:
         raise PlanError(f"robot {robot.name!r} has no joints to plan for")
     return Plan.of(robot.name, robot.sample(n, np.random.default_rng(seed)))
+
+
+def informative(robot: Robot, n: int, index: str, pool: int, seed: int) -> Plan:
+    """n poses of a pool that make an observability index of the robot's free parameters largest.
+
+    The Jacobian is in standard deviations of the sensor's row and in the parameters' tolerances.
+
+    Args:
+        index: ``O1`` … ``O5`` or ``A``.
+        pool: number of candidate poses.
+
+    Raises:
+        PlanError: an unknown index, a pool smaller than n, too few poses for the parameters, or
+            free parameters that cannot be told apart.
+    """
+    if not robot.joints:
+        raise PlanError(f"robot {robot.name!r} has no joints to plan for")
+    if not 1 <= n <= pool:
+        raise PlanError(f"{n} poses cannot be chosen from a pool of {pool}")
+    model = Model.of(robot)
+    theta = model.parameters.nominal
+    columns = model.parameters.select(robot.free)
+    criteria = INDICES | {"A": a_optimality(len(columns))}
+    if index not in criteria:
+        raise PlanError(f"index {index!r} is not one of {', '.join(criteria)}")
+    q = robot.pool(pool, seed)
+    std = registry.load("sensors", robot.sensor).noise.row_std
+    scale = model.parameters.tolerance[list(columns)]
+    candidates = Pool(model.jacobian(q, theta, columns) / std[:, None] * scale)
+    chosen = exchange(candidates, criteria[index], n, seed=seed).chosen
+    return Plan.of(robot.name, q[np.random.default_rng(seed).permutation(chosen)])
 
 
 def multisine(robot: Robot, seconds: float, rate: float, seed: int) -> Plan:

@@ -8,6 +8,7 @@ import numpy as np
 from wrenchbed.gauss_newton import Solution, solve
 from wrenchbed.model import Model
 from wrenchbed.observations import Observations
+from wrenchbed.touches import Touches
 
 LOSSES = ("linear", "huber", "student")
 _HUBER_K = 1.345
@@ -25,7 +26,8 @@ Whitening = Callable[[np.ndarray], np.ndarray]
 class Problem:
     """A fit of the parameters at ``free``, beginning at ``theta`` (P,).
 
-    With a prior, each free parameter is drawn to ``centre`` (K,) within its tolerance.
+    With a prior, each free parameter is drawn to ``centre`` (K,) within its tolerance. Touches, if
+    there are any, add the tool's position to the wrenches.
     """
 
     model: Model
@@ -35,6 +37,7 @@ class Problem:
     centre: np.ndarray
     prior: bool = False
     loss: str = "linear"
+    touches: Touches | None = None
 
     @property
     def scale(self) -> np.ndarray:
@@ -84,15 +87,23 @@ class Problem:
         return solution
 
     def _solve(self, whiten: Whitening, start: np.ndarray, weight: np.ndarray) -> Solution:
-        scale = self.scale
+        scale, robot = self.scale, self.model.robot
 
         def residual(x: np.ndarray) -> np.ndarray:
-            rows = (whiten(self.residual(x)) * weight).ravel()
-            return np.concatenate([rows, (self.centre - x) / scale]) if self.prior else rows
+            rows = [(whiten(self.residual(x)) * weight).ravel()]
+            if self.touches is not None:
+                rows.append(self.touches.residual(robot, self.at(x)))
+            if self.prior:
+                rows.append((self.centre - x) / scale)
+            return np.concatenate(rows)
 
         def jacobian(x: np.ndarray) -> np.ndarray:
-            rows = (whiten(self.jacobian(x)) * weight[..., None]).reshape(-1, len(x))
-            return np.concatenate([rows, np.diag(1.0 / scale)]) if self.prior else rows
+            rows = [(whiten(self.jacobian(x)) * weight[..., None]).reshape(-1, len(x))]
+            if self.touches is not None:
+                rows.append(self.touches.jacobian(robot, self.at(x), self.free))
+            if self.prior:
+                rows.append(np.diag(1.0 / scale))
+            return np.concatenate(rows)
 
         return solve(residual, jacobian, start, scale)
 

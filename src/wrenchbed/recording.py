@@ -20,6 +20,8 @@ from wrenchbed.wrench import CHANNELS
 
 QUATERNION = ("qw", "qx", "qy", "qz")
 """Orientation of the sensor in the base, for robots without a model."""
+POINT = ("px", "py", "pz")
+"""Known position in the world at which the tool's tip sat; such rows are touches [m]."""
 JOURNAL = ".journal"
 """Suffix of the journal that stands beside a recording while it is being written."""
 
@@ -145,7 +147,10 @@ def _check(recording: Recording) -> None:
     rows = len(columns["t"])
     if rows == 0:
         raise RecordingError(f"{name}: the recording has 0 rows")
-    numeric = ("t", *CHANNELS, *joints, *oriented)
+    point = [c for c in POINT if c in columns]
+    if point and len(point) != 3:
+        raise RecordingError(f"{name}: {', '.join(point)} without the rest of px py pz")
+    numeric = ("t", *CHANNELS, *joints, *oriented, *point)
     for column, array in columns.items():
         if array.shape != (rows,):
             raise RecordingError(

@@ -9,8 +9,12 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
+from wrenchbed.errors import NotFoundError
 from wrenchbed.jets import Jet, Value, value
 from wrenchbed.robots.base import SimulatedRobot
+
+_STEP, _TRIES, _SEATED = 1e-6, 30, 1e-9
+"""Newton's iteration of `Simulation.seated`: step of its differences, most steps, error [m]."""
 
 
 class Simulation:
@@ -44,6 +48,35 @@ class Simulation:
             mujoco.mj_inverse(self.model, self.data)
             result[i] = load_on_sensor(self.data)
         return result
+
+    def tip(self, q: np.ndarray) -> np.ndarray:
+        """Position of the tool tip in the world (N, 3) [m] at joint values (N, J).
+
+        Raises:
+            NotFoundError: the robot's MJCF has no site ``tcp``.
+        """
+        site = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_SITE, "tcp")
+        if site < 0:
+            raise NotFoundError(f"robot {self.robot.name!r} has no tool tip in its model")
+        qpos = self.robot.qpos(q, self.theta)
+        result = np.empty((len(qpos), 3))
+        for i, row in enumerate(qpos):
+            self.data.qpos[:] = row
+            mujoco.mj_kinematics(self.model, self.data)
+            result[i] = self.data.site_xpos[site]
+        return result
+
+    def seated(self, q: np.ndarray, point: np.ndarray) -> np.ndarray | None:
+        """Joint values (J,) nearest to q that put the tool tip at a point (3,); None if none do."""
+        x = np.array(q, dtype=float)
+        steps = np.vstack([np.zeros(len(x)), np.eye(len(x)) * _STEP])
+        for _ in range(_TRIES):
+            at = self.tip(x + steps)
+            miss = point - at[0]
+            if np.abs(miss).max() < _SEATED:
+                return x
+            x = x + np.linalg.pinv((at[1:] - at[0]).T / _STEP) @ miss
+        return None
 
     def closure(self, data: mujoco.MjData | None = None) -> float:
         """Largest gap between the two sides of a loop in a state [m]; 0 without loops."""

@@ -8,15 +8,17 @@ from typing import Any
 import tyro
 from rich.console import Console
 
-from wrenchbed.cli import verbs
+from wrenchbed.cli import study, verbs
+from wrenchbed.cli.plan import plan
 from wrenchbed.errors import WrenchbedError, WrenchbedWarning
 
 _VERBS: dict[str, Callable[..., Any]] = {
     "list": verbs.list_,
-    "plan": verbs.plan,
+    "plan": plan,
     "record": verbs.record,
     "import": verbs.import_,
     "calibrate": verbs.calibrate,
+    "study": study.study,
 }
 
 
@@ -32,7 +34,7 @@ def main(arguments: list[str] | None = None) -> int:
             tyro.extras.subcommand_cli_from_dict(
                 _VERBS,
                 prog="wrenchbed",
-                description="Testbed for force-sensing robots: plan, record, import, calibrate.",
+                description="Testbed for force-sensing robots: plan, record, calibrate, study.",
                 args=sys.argv[1:] if arguments is None else arguments,
             )
     except WrenchbedError as error:
@@ -43,7 +45,7 @@ def main(arguments: list[str] | None = None) -> int:
         stderr.print(f"wrenchbed: error: {what}", style="red", markup=False)
         return 1
     except KeyboardInterrupt:
-        stderr.print("wrenchbed: stopped; what was recorded so far is on disk", markup=False)
+        stderr.print("wrenchbed: stopped; what was done so far is on disk", markup=False)
         return 130
     return 0
 

@@ -83,6 +83,16 @@ class Driver(ABC):
         self.robot.check(straight(start, q), self.robot.parameters.nominal, "move")
         return self._move(start, np.asarray(q, dtype=float), duration(self.robot, start, q))
 
+    def touch(self, q: np.ndarray, point: np.ndarray) -> Reached:
+        """Move to a pose near a known point of the world (3,) [m] and seat the tool's tip there.
+
+        Raises:
+            PlanError: the pose or the way to it leaves the limits or the solvable region.
+            DriverError: this device cannot touch, or the tip did not reach the point.
+        """
+        self.move(q)
+        return self._touch(np.asarray(point, dtype=float))
+
     def sample(self, n: int, rate: float) -> Block:
         """n rows at rest: ``t``, ``q1``…, ``fx``…``tz``, ``status``."""
         self._check_connected()
@@ -119,6 +129,9 @@ class Driver(ABC):
 
     @abstractmethod
     def _track(self, targets: np.ndarray, rate: float) -> Iterator[Block]: ...
+
+    def _touch(self, point: np.ndarray) -> Reached:
+        raise DriverError(f"driver {self.name!r} cannot touch points: run this plan with 'sim'")
 
     def _check_connected(self) -> None:
         if not self._connected:

@@ -20,11 +20,14 @@ from wrenchbed.noise import NoiseStream, noise_model
 from wrenchbed.plant import Plant, steps_in
 from wrenchbed.robots.base import INERTIA_AXES, SimulatedRobot
 from wrenchbed.simulation import Simulation
+from wrenchbed.touches import STD
 from wrenchbed.wrench import CHANNELS
 
 CONTROL_S = 0.008
 """Period of the position targets in a move [s]."""
 _BLOCK_S = 1.0
+_PUSH = 3.0
+"""Largest contact force of a touch along each axis [N]."""
 
 
 @dataclass(frozen=True)
@@ -73,6 +76,8 @@ class SimDriver(Driver):
         self._stream = NoiseStream(self._noise, options.seed)
         self._plant = Plant(self._simulation, robot.home)
         self._time = 0.0
+        self._hand = np.random.default_rng([options.seed, 1])
+        self._contact = np.zeros(6)
 
     def metadata(self, mode: str, rate: float) -> Metadata:
         nominal = self.robot.parameters.nominal
@@ -107,7 +112,23 @@ class SimDriver(Driver):
     def _position(self) -> np.ndarray:
         return self._plant.q
 
+    def _touch(self, point: np.ndarray) -> Reached:
+        """The tip sits within `touches.STD` of the point, pushed by an unknown force."""
+        seat = point + self._hand.normal(0.0, STD, 3)
+        start = self._plant.q
+        target = self._simulation.seated(start, seat)
+        if target is None or self.robot.infeasible(target[None], self._simulation.theta):
+            raise DriverError(f"the simulated {self.robot.name} cannot reach the point {point} m")
+        reached = self._move(start, target, 1.0)
+        own = self._simulation.theta
+        rotation, origin = self.robot.sensor_pose(reached.q[None], own)
+        force = rotation[0].T @ self._hand.uniform(-_PUSH, _PUSH, 3)
+        lever = rotation[0].T @ (seat - origin[0])
+        self._contact = np.concatenate([force, np.cross(lever, force)])
+        return reached
+
     def _move(self, start: np.ndarray, target: np.ndarray, seconds: float) -> Reached:
+        self._contact = np.zeros(6)
         steps = max(1, int(np.ceil(seconds / CONTROL_S)))
         for share in minimum_jerk(np.arange(1, steps + 1) / steps):
             self._plant.advance(start + share * (target - start), seconds / steps)
@@ -120,7 +141,7 @@ class SimDriver(Driver):
 
     def _sample(self, n: int, rate: float) -> Block:
         q = self._plant.q
-        load = np.repeat(self._simulation.wrench(q[None]), n, axis=0)
+        load = np.repeat(self._simulation.wrench(q[None]) + self._contact, n, axis=0)
         t = self._time + np.arange(n) / rate
         self._time = float(t[-1]) + 1.0 / rate
         return self._columns(t, np.repeat(q[None], n, axis=0), load)

@@ -33,6 +33,23 @@ class Joint:
     speed: float
 
 
+@dataclass(frozen=True, eq=False)
+class GoalSets:
+    """Where a robot may be measured and where it must be accurate, joint values each.
+
+    Attributes:
+        gravity: poses at which the sensor may read the tool's weight (N, J).
+        touch: poses at which the tip, by the nominal model, is at ``points`` (T, J).
+        points: known positions in the world (T, 3) [m].
+        target: where the position error counts (G, J).
+    """
+
+    gravity: np.ndarray
+    touch: np.ndarray
+    points: np.ndarray
+    target: np.ndarray
+
+
 class Robot(ABC):
     """A robot that carries a six-axis force/torque sensor.
 
@@ -62,6 +79,14 @@ class Robot(ABC):
     def sensor_pose(self, q: Value, theta: np.ndarray) -> tuple[Value, Value]:
         """R_world_sensor (…, N, 3, 3) and the sensor's origin in the world (…, N, 3) [m]."""
 
+    def tool_pose(self, q: np.ndarray, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """R_world_tool (…, N, 3, 3) and the tool tip's position in the world (…, N, 3) [m].
+
+        Raises:
+            NotFoundError: the model of this robot has no tool tip.
+        """
+        raise NotFoundError(f"robot {self.name!r} has no tool tip in its model")
+
     @abstractmethod
     def tool(self, theta: np.ndarray) -> Tool:
         """The load on the sensor."""
@@ -77,6 +102,18 @@ class Robot(ABC):
     @abstractmethod
     def sample(self, n: int, rng: np.random.Generator) -> np.ndarray:
         """Random feasible joint values (n, J) that turn the tool well about."""
+
+    def pool(self, n: int, seed: int) -> np.ndarray:
+        """Candidate configurations (n, J) to choose calibration poses from."""
+        return self.sample(n, np.random.default_rng(seed))
+
+    def goal_sets(self, pool: int, points: np.ndarray | None, seed: int) -> GoalSets:
+        """Candidates for a plan that makes the tool accurate; touches of ``points`` (K, 3) [m].
+
+        Raises:
+            NotFoundError: the robot has no tool tip or no target workspace.
+        """
+        raise NotFoundError(f"robot {self.name!r} has no tool tip and target workspace to plan for")
 
     def symmetries(self, theta: np.ndarray) -> dict[str, dict[str, float]]:
         """Known changes of parameters that should leave every wrench alone, by name.

@@ -7,8 +7,15 @@ import numpy as np
 
 from wrenchbed.frames import apply, euler, euler_rates
 from wrenchbed.jets import Value, stack
-from wrenchbed.robots.base import LOAD, Joint, SimulatedRobot, inertia_matrix, sample_until
-from wrenchbed.robots.medrue import inverse, kinematics
+from wrenchbed.robots.base import (
+    LOAD,
+    GoalSets,
+    Joint,
+    SimulatedRobot,
+    inertia_matrix,
+    sample_until,
+)
+from wrenchbed.robots.medrue import inverse, kinematics, workspace
 from wrenchbed.robots.medrue.parameters import IDENTIFIED, PAPER, PARAMETERS
 from wrenchbed.wrench import Tool
 
@@ -77,6 +84,16 @@ class MedRUE(SimulatedRobot):
             return ok
 
         return sample_until(n, draw, good)
+
+    def pool(self, n: int, seed: int) -> np.ndarray:
+        return workspace.pool(self, n, seed)
+
+    def goal_sets(self, pool: int, points: np.ndarray | None, seed: int) -> GoalSets:
+        known = workspace.default_points() if points is None else points
+        touch, which = workspace.touch_poses(self, known, seed)
+        return GoalSets(
+            workspace.pool(self, pool, seed), touch, known[which], workspace.target(self)
+        )
 
     def qpos(self, q: Value, theta: np.ndarray) -> Value:
         return kinematics.qpos(self.values(theta), q)

@@ -1,0 +1,73 @@
+"""From the covariance of parameters to the position error of the tool where it matters."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from wrenchbed.robots.base import Robot
+
+_STEP = 1e-30
+_DRAWS = 4000
+
+
+def tip_jacobian(
+    robot: Robot, q: np.ndarray, theta: np.ndarray, columns: Sequence[int]
+) -> np.ndarray:
+    """Derivative (N, 3, K) of the tool's position [m] by the parameters at ``columns``, exact.
+
+    Columns beyond the robot's own parameters (the sensor's) are zero.
+
+    Raises:
+        NotFoundError: the robot has no tool tip.
+    """
+    own = len(robot.parameters)
+    result = np.zeros((len(q), 3, len(columns)))
+    shifted = np.tile(theta[:own].astype(complex), (len(columns), 1, 1))
+    for k, c in enumerate(columns):
+        if c < own:
+            shifted[k, 0, c] += 1j * _STEP
+    for k in range(len(columns)):
+        result[:, :, k] = robot.tool_pose(q, shifted[k, 0])[1].imag / _STEP
+    return result
+
+
+@dataclass(frozen=True, eq=False)
+class Goal:
+    """Where the tool must be accurate: derivative (T, 3, K) of its position by the parameters."""
+
+    sensitivity: np.ndarray
+
+    @property
+    def weight(self) -> np.ndarray:
+        """mean GᵀG (K, K): trace(weight · covariance) is the mean square error [m²]."""
+        flat = self.sensitivity.reshape(-1, self.sensitivity.shape[-1])
+        return flat.T @ flat / len(self.sensitivity)
+
+    def rms(self, covariance: np.ndarray) -> float:
+        """Root mean square position error [m] of parameters with a covariance (K, K)."""
+        return float(np.sqrt(np.trace(self.weight @ covariance)))
+
+    def errors(self, deviation: np.ndarray) -> np.ndarray:
+        """Position errors (…, T) [m] of small deviations (…, K) of the parameters."""
+        return np.linalg.norm(np.einsum("tik,...k->...ti", self.sensitivity, deviation), axis=-1)
+
+    def quantile(self, covariance: np.ndarray, share: float) -> float:
+        """What the rms over the target [m] of one robot stays below with probability ``share``."""
+        half = np.linalg.cholesky(
+            self.weight + 1e-15 * np.trace(self.weight) * np.eye(len(covariance))
+        )
+        squares = np.clip(np.linalg.eigvalsh(half.T @ covariance @ half), 0.0, None)
+        draws = np.random.default_rng(0).chisquare(1.0, (_DRAWS, len(squares)))
+        return float(np.sqrt(np.quantile(draws @ squares, share)))
+
+
+def statistics(errors: np.ndarray) -> np.ndarray:
+    """Mean, maximum, standard deviation and rms of errors (…, T) → (…, 4)."""
+    return np.stack(
+        [
+            errors.mean(axis=-1), errors.max(axis=-1), errors.std(axis=-1),
+            np.sqrt((errors**2).mean(axis=-1)),
+        ],
+        axis=-1,
+    )  # fmt: skip

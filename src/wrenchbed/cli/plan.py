@@ -1,0 +1,101 @@
+"""The verb that chooses what to measure."""
+
+from pathlib import Path
+from typing import Any, Literal
+
+import tyro
+
+import wrenchbed as wb
+from wrenchbed.cli import console
+from wrenchbed.cli.console import Json
+
+
+def plan(
+    robot: tyro.conf.Positional[str],
+    /,
+    out: Path,
+    n: int = 100,
+    index: Literal["O1", "O2", "O3", "O4", "O5", "A"] | None = None,
+    pool: int = 40000,
+    goal: Literal["target-position"] | None = None,
+    accuracy: float = 3e-4,
+    touch_cost: float = 1.0,
+    touch_std: float = 5e-5,
+    points: Path | None = None,
+    motion: Literal["poses", "multisine"] = "poses",
+    seconds: float = 60.0,
+    rate: float = 125.0,
+    seed: int = 0,
+    as_json: Json = False,
+) -> None:
+    """Choose poses, or a multi-sine motion, for a robot.
+
+    Without --index, poses are random. With --goal, OUT gets the poses under gravity and
+    OUT.touches.parquet the touches of known points that together make the tool accurate.
+
+    Args:
+        robot: name, see `wrenchbed list robots`.
+        out: Parquet file to write.
+        n: Number of poses.
+        index: Observability index to make as large as possible.
+        pool: Candidate poses to choose from.
+        goal: Fewest measurements that reach a position accuracy in the robot's target workspace.
+        accuracy: Wanted rms position error [m], for 95 % of robots within tolerance.
+        touch_cost: What a touch costs, in poses under gravity.
+        touch_std: How far a touching tip sits from its point, per axis [m].
+        points: CSV with columns x, y, z: known points to touch [m]; a grid over the target if none.
+        motion: Poses to rest at, or a multi-sine to follow.
+        seconds: Length of a motion.
+        rate: Sampling rate of a motion [Hz].
+        seed: Of the random choice.
+        as_json: Print the result as JSON.
+    """
+    console.check_seed(seed)
+    arm = wb.load("robots", robot)
+    if goal is not None:
+        known = None if points is None else wb.read_points(points)
+        return _plan_goal(arm, out, accuracy, touch_cost, touch_std, known, seed, as_json)
+    if motion == "multisine":
+        chosen = wb.multisine(arm, seconds, rate, seed)
+    elif index is None:
+        chosen = wb.poses(arm, n, seed)
+    else:
+        chosen = wb.informative(arm, n, index, pool, seed)
+    chosen.write(out)
+    what = f"{len(chosen)} poses" if motion == "poses" else f"{seconds:g} s at {rate:g} Hz"
+    result = {"plan": str(out), "robot": robot, "mode": chosen.mode, "rows": len(chosen)}
+    console.answer(result, as_json, f"planned {what} for {robot} → {out}")
+
+
+def _plan_goal(
+    arm: Any,
+    out: Path,
+    accuracy: float,
+    touch_cost: float,
+    touch_std: float,
+    known: Any,
+    seed: int,
+    as_json: bool,
+) -> None:
+    mix = wb.reach(
+        arm, accuracy, touch_cost=touch_cost, touch_std=touch_std, points=known, seed=seed
+    )
+    beside = out.with_name(f"{out.stem}.touches.parquet")
+    mix.gravity.write(out)
+    result = {
+        "plan": str(out), "robot": arm.name, "poses": len(mix.gravity), "touches": len(mix.touches),
+        "touch_plan": None, "rms_mm": 1e3 * mix.rms, "assured_mm": 1e3 * mix.assured,
+        "before_mm": 1e3 * mix.before,
+    }  # fmt: skip
+    if len(mix.touches):
+        mix.touches.write(beside)
+        result["touch_plan"] = str(beside)
+    text = (
+        f"{len(mix.gravity)} poses under gravity → {out}\n"
+        f"{len(mix.touches)} touches of known points → {beside}\n"
+        f"rms position error in the target: expected {1e3 * mix.before:.1f} mm now, "
+        f"{1e3 * mix.rms:.3f} mm after; below {1e3 * mix.assured:.3f} mm for 95 % of robots\n"
+        "record both plans, then: wrenchbed calibrate REC --touches TOUCHES "
+        "--free candidates sensor.bias --prior"
+    )
+    console.answer(result, as_json, text)

@@ -1,0 +1,207 @@
+"""The fewest measurements that make the tool accurate: poses under gravity and touches, mixed.
+
+Gravity alone cannot fix where the base stands nor how long the tool is; touches of known points
+can, and gravity poses cost no fixture. Both are candidates of one Bayesian I-optimal design
+(Chaloner & Verdinelli 1995, doi 10.1214/ss/1177009939): the mean square position error in the
+robot's target, given each parameter's tolerance as prior, falls as fast as it can.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from wrenchbed import registry
+from wrenchbed.accuracy import Goal, tip_jacobian
+from wrenchbed.errors import PlanError
+from wrenchbed.model import Model
+from wrenchbed.plan import Plan
+from wrenchbed.robots.base import GoalSets, Robot
+from wrenchbed.selection.criteria import Criterion, i_optimality
+from wrenchbed.selection.exchange import Pool, exchange
+from wrenchbed.touches import STD
+
+_MOST, _SCREENED = 400, 256
+SAMPLES = 100
+"""Rows that one pose under gravity averages."""
+
+
+@dataclass(frozen=True, eq=False)
+class Mix:
+    """A plan in two parts.
+
+    Attributes:
+        gravity, touches: plans; either may have 0 rows.
+        rms: expected root mean square position error in the target [m].
+        assured: what it stays below for the wanted share of robots [m].
+        before: expected rms without any measurement [m].
+        course: (measurements, assured error [m]) as the plan grew.
+    """
+
+    gravity: Plan
+    touches: Plan
+    rms: float
+    assured: float
+    before: float
+    course: tuple[tuple[int, float], ...]
+
+    def __len__(self) -> int:
+        return len(self.gravity) + len(self.touches)
+
+
+@dataclass(frozen=True, eq=False)
+class _Task:
+    sets: GoalSets
+    gravity: Pool
+    touch: Pool
+    goal: Goal
+    scale: np.ndarray
+    share: float
+    criterion: Criterion
+
+    def information(self, still: list[int], touch: list[int]) -> np.ndarray:
+        seen = self.gravity.information(still) + self.touch.information(touch)
+        return np.eye(len(self.scale)) + seen
+
+    def covariance(self, still: list[int], touch: list[int]) -> np.ndarray:
+        return np.linalg.inv(self.information(still, touch)) * np.outer(self.scale, self.scale)
+
+    def assured(self, still: list[int], touch: list[int]) -> float:
+        return self.goal.quantile(self.covariance(still, touch), self.share)
+
+    def best(self, pool: Pool, information: np.ndarray, used: list[int]) -> tuple[int, float]:
+        """The candidate that helps most, and the criterion with it."""
+        slope = pool.slopes(self.criterion.gradient(information))
+        slope[used] = -np.inf
+        some = np.argsort(-slope)[:_SCREENED]
+        value = self.criterion.changed(information, pool.blocks[some], 1.0)
+        return int(some[np.argmax(value)]), float(value.max())
+
+
+def reach(
+    robot: Robot,
+    accuracy: float,
+    *,
+    share: float = 0.95,
+    least_poses: int = 6,
+    touch_cost: float = 1.0,
+    pool: int = 4000,
+    points: np.ndarray | None = None,
+    touch_std: float = STD,
+    seed: int = 0,
+    tell: Callable[[int], None] = lambda _: None,
+) -> Mix:
+    """Plan the fewest measurements after which the rms error in the target is below ``accuracy``.
+
+    Every candidate parameter of the robot and the sensor's bias are unknown within tolerance.
+
+    Args:
+        accuracy: wanted [m].
+        share: of such robots that shall reach it.
+        least_poses: under gravity, at least; they calibrate the sensor itself.
+        touch_cost: what a touch costs, in poses under gravity.
+        pool: gravity poses to choose from.
+        points: known positions to touch (K, 3) [m]; the robot's default if None.
+        touch_std: how far a tip sits from its point, per axis [m].
+        tell: called with the number of measurements as the plan grows.
+
+    Raises:
+        PlanError: a number makes no sense, or `_MOST` measurements are not enough.
+        NotFoundError: the robot has no tool tip or target workspace.
+    """
+    if not (accuracy > 0 and 0 < share < 1 and touch_cost > 0 and touch_std > 0):
+        raise PlanError(
+            f"accuracy {accuracy} m, touch cost {touch_cost} and touch std {touch_std} m must be "
+            f"above 0, share {share} between 0 and 1"
+        )
+    task = _task(robot, robot.goal_sets(pool, points, seed), touch_std, share)
+    still: list[int] = []
+    touch: list[int] = []
+    while len(still) < least_poses:
+        still.append(task.best(task.gravity, task.information(still, touch), still)[0])
+    course = [(len(still), task.assured(still, touch))]
+    while course[-1][1] > accuracy:
+        if len(still) + len(touch) == _MOST:
+            raise PlanError(
+                f"{_MOST} measurements reach {1e3 * course[-1][1]:.3g} mm, not "
+                f"{1e3 * accuracy:.3g} mm: touch more precisely, or other points"
+            )
+        _grow(task, still, touch, touch_cost)
+        course.append((len(still) + len(touch), task.assured(still, touch)))
+        tell(course[-1][0])
+    touch = _pruned_touches(task, still, touch, accuracy)
+    still = _pruned_poses(task, still, touch, accuracy, least_poses)
+    return _mix(robot, task, still, touch, tuple(course))
+
+
+def _grow(task: _Task, still: list[int], touch: list[int], touch_cost: float) -> None:
+    """Add whatever lowers the logarithm of the mean square error most for its cost."""
+    information = task.information(still, touch)
+    now = float(task.criterion.values(information))
+    pose, with_pose = task.best(task.gravity, information, still)
+    seat, with_touch = task.best(task.touch, information, touch)
+    if np.log(with_touch / now) / touch_cost >= np.log(with_pose / now):
+        touch.append(seat)
+    else:
+        still.append(pose)
+
+
+def _pruned_touches(task: _Task, still: list[int], touch: list[int], accuracy: float) -> list[int]:
+    """Fewer touches by exchange, as long as the rest assures the accuracy."""
+    while len(touch) > 1:
+        information = task.information(still, touch)
+        left = task.criterion.changed(information, task.touch.blocks[touch], -1.0)
+        start = [t for k, t in enumerate(touch) if k != int(np.argmax(left))]
+        base = task.information(still, [])
+        fewer = exchange(task.touch, task.criterion, len(start), start=start, prior=base)
+        trial = [int(i) for i in fewer.chosen]
+        if task.assured(still, trial) > accuracy:
+            break
+        touch = trial
+    return touch
+
+
+def _pruned_poses(
+    task: _Task, still: list[int], touch: list[int], accuracy: float, least: int
+) -> list[int]:
+    while len(still) > least:
+        information = task.information(still, touch)
+        left = task.criterion.changed(information, task.gravity.blocks[still], -1.0)
+        trial = [s for k, s in enumerate(still) if k != int(np.argmax(left))]
+        if task.assured(trial, touch) > accuracy:
+            break
+        still = trial
+    return still
+
+
+def _task(robot: Robot, sets: GoalSets, touch_std: float, share: float) -> _Task:
+    model = Model.of(robot)
+    theta = model.parameters.nominal
+    columns = model.parameters.select([*robot.candidates, "sensor.bias"])
+    scale = model.parameters.tolerance[list(columns)]
+    noise = registry.load("sensors", robot.sensor).noise
+    slow = np.square(noise.flicker) * np.log(noise.f_high / noise.f_low)
+    std = np.sqrt(np.square(noise.white) / SAMPLES + slow)
+    gravity = model.jacobian(sets.gravity, theta, columns) / std[:, None]
+    touch = tip_jacobian(robot, sets.touch, theta, columns) / touch_std
+    goal = Goal(tip_jacobian(robot, sets.target, theta, columns))
+    criterion = i_optimality(goal.weight * np.outer(scale, scale))
+    return _Task(sets, Pool(gravity * scale), Pool(touch * scale), goal, scale, share, criterion)
+
+
+def _mix(
+    robot: Robot,
+    task: _Task,
+    still: list[int],
+    touch: list[int],
+    course: tuple[tuple[int, float], ...],
+) -> Mix:
+    sets = task.sets
+    return Mix(
+        gravity=Plan.of(robot.name, sets.gravity[still]),
+        touches=Plan.of(robot.name, sets.touch[touch], points=sets.points[touch]),
+        rms=task.goal.rms(task.covariance(still, touch)),
+        assured=task.assured(still, touch),
+        before=task.goal.rms(task.covariance([], [])),
+        course=course,
+    )

@@ -1,0 +1,1 @@
+"""Choice of configurations: observability indices, exchange, certified bounds, elimination."""

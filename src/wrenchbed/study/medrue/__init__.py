@@ -1,0 +1,1 @@
+"""The MedRUE paper, reproduced, held against the physical limit, and gone beyond."""

@@ -1,0 +1,216 @@
+"""The physical limit: Cramér–Rao bounds of the position error, beside what is attained."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pyarrow as pa
+
+from wrenchbed.accuracy import statistics
+from wrenchbed.selection.certificate import certify, rounded
+from wrenchbed.selection.criteria import INDICES, i_optimality
+from wrenchbed.selection.exchange import Pool, exchange
+from wrenchbed.study.medrue import published
+from wrenchbed.study.medrue.noise import MINI40, PAPER, READINGS, Noise
+from wrenchbed.study.medrue.population import column
+from wrenchbed.study.medrue.setting import Design, Setting, prepare
+from wrenchbed.study.page import Figure, Section, Table
+from wrenchbed.study.plots import lines
+
+COUNTS = (30, 50, 100, 200, 400)
+MASSES = (0.365, 0.75, 1.5, 3.0)
+RANGES = ((15, 30), (30, 60), (45, 120), (60, 180))
+"""Tilt of α, β and range of γ about 180° [°]."""
+STEPS = len(COUNTS) + len(RANGES)
+_DRAWS = 4000
+_SMALL = 8000
+"""Configurations of each range's pool."""
+
+
+def expected(setting: Setting, chosen: np.ndarray, noise: Noise) -> np.ndarray:
+    """Expected mean, maximum, std, rms [m] over the target of an efficient estimate."""
+    covariance = setting.covariance(chosen, noise.std) / np.outer(setting.units, setting.units)
+    root = np.linalg.cholesky(covariance)
+    draws = np.random.default_rng(0).standard_normal((_DRAWS, len(root))) @ root.T
+    return np.asarray(statistics(setting.goal.errors(draws * setting.units)).mean(axis=0))
+
+
+def section(
+    setting: Setting,
+    designs: dict[str, Design],
+    table: pa.Table,
+    seed: int,
+    tell: Callable[[str], None],
+) -> Section:
+    """Bounds by reading of the noise, and how they fall with effort."""
+    return Section(
+        "The limit, and whether the paper's headline can be",
+        "The Cramér–Rao bound is what no unbiased estimate from these wrenches can beat. An "
+        "estimate that reaches it is efficient; a published error far below needs another noise.",
+        (
+            _readings(setting, designs, table),
+            _headline(setting, designs, table),
+            _by_design(setting, designs),
+            *_by_count(setting, tell),
+            _by_channel(setting, designs["O1"].chosen),
+            _by_mass(setting, designs["O1"].chosen),
+            _by_range(seed, tell),
+        ),
+    )
+
+
+def attained(table: pa.Table, noise: Noise, method: str) -> float:
+    """Root mean square over robots and target [m]; NaN if it was not run."""
+    errors = column(
+        table, "rms", design="O1", noise=noise.name, method=method, quantity="position",
+        workspace="target",
+    )  # fmt: skip
+    return float(np.sqrt(np.mean(errors**2))) if len(errors) else np.nan
+
+
+def _readings(setting: Setting, designs: dict[str, Design], table: pa.Table) -> Table:
+    rows = []
+    for noise in READINGS:
+        bound = 1e3 * setting.bound(designs["O1"].chosen, noise.std)
+        best = 1e3 * setting.bound(designs["target"].chosen, noise.std)
+        rows.append(
+            (
+                noise.name, bound, 1e3 * attained(table, noise, "weighted"),
+                1e3 * attained(table, noise, "paper"), best,
+                published.rms_after(), bound / published.rms_after(),
+            )
+        )  # fmt: skip
+    return Table.of(
+        "Attainable, attained, published: rms position error in the target [mm]",
+        (
+            "noise", "bound, O1's 100", "attained, weighted", "attained, unweighted",
+            "bound, best 100", "published", "bound / published",
+        ),
+        rows,
+        "Where the noise is large the model is no longer linear in it, and an estimate may leave "
+        "the region in which the five-bars close (–).",
+    )  # fmt: skip
+
+
+def _headline(setting: Setting, designs: dict[str, Design], table: pa.Table) -> Table:
+    rows: list[tuple[object, ...]] = [("published", *published.AFTER.values())]
+    for noise in (MINI40, PAPER):
+        mean, top, std, _ = 1e3 * expected(setting, designs["O1"].chosen, noise)
+        rows.append((f"bound: {noise.name}", mean, top, std))
+        values = [
+            1e3 * np.nanmean(
+                column(
+                    table, s, design="O1", noise=noise.name, method="weighted",
+                    quantity="position", workspace="target",
+                )
+            )
+            for s in ("mean", "max", "std")
+        ]  # fmt: skip
+        rows.append((f"attained, weighted: {noise.name}", *values))
+    return Table.of(
+        "The headline and the noise that makes it true [mm]",
+        ("errors in the target", "mean", "maximum", "std"),
+        rows,
+        "0.277 mm is what the sensor's certificate allows, not the ±1 N that the paper states.",
+    )
+
+
+def _by_design(setting: Setting, designs: dict[str, Design]) -> Table:
+    rows = []
+    for design in designs.values():
+        bounds = [1e3 * setting.bound(design.chosen, n.std) for n in (PAPER, MINI40)]
+        rows.append((f"poses by {design.name}", *bounds))
+    everything = np.arange(len(setting.q))
+    all_bounds = [1e3 * setting.bound(everything, n.std) for n in (PAPER, MINI40)]
+    rows.append((f"all {len(setting.q):,}", *all_bounds))
+    best = designs["target"].certificate
+    if best is not None:
+        rows.append(("no 100 of the pool can beat", 1e3 / np.sqrt(best.bound), np.nan))
+    return Table.of(
+        "Bound by what chose the 100 configurations [mm rms]",
+        ("design", PAPER.name, MINI40.name),
+        rows,
+    )
+
+
+def _by_count(setting: Setting, tell: Callable[[str], None]) -> tuple[Table, Figure]:
+    table = Pool(setting.in_table_units)
+    rng = np.random.default_rng(0)
+    rows = []
+    for n in COUNTS:
+        start = rng.choice(len(setting.q), max(n, 60), replace=False)
+        certificate = certify(table, INDICES["O1"], n, start, gap=0.01)
+        begin = rounded(certificate, n)
+        more = np.setdiff1d(start, begin)[: n - len(begin)]
+        chosen = exchange(table, INDICES["O1"], n, start=np.concatenate([begin, more])).chosen
+        random = rng.choice(len(setting.q), n, replace=False)
+        rows.append((n, *(1e3 * setting.bound(c, PAPER.std) for c in (chosen, random))))
+        tell(f"bound with {n} configurations")
+    x = [r[0] for r in rows]
+    figure = Figure(
+        "limit", "How the bound falls with the number of configurations",
+        lines(
+            {"chosen by O1": (x, [r[1] for r in rows]), "at random": (x, [r[2] for r in rows])},
+            "configurations", "rms position error in the target [mm]",
+            log=True, levels={"published": published.rms_after()},
+        ),
+        "±1 N as 3σ, 100 samples averaged.",
+    )  # fmt: skip
+    return (
+        Table.of(
+            "Bound by number of configurations [mm rms], ±1 N as 3σ, 100 averaged",
+            ("configurations", "chosen by O1", "at random"), rows,
+        ),
+        figure,
+    )  # fmt: skip
+
+
+def _by_channel(setting: Setting, chosen: np.ndarray) -> Table:
+    rows = []
+    for label, keep in (("force and torque", slice(0, 6)), ("force", slice(0, 3)),
+                        ("torque", slice(3, 6))):  # fmt: skip
+        part = setting.whitened(PAPER.std)[chosen][:, keep].reshape(-1, len(setting.columns))
+        scaled = part * setting.units
+        inverse = np.linalg.pinv(scaled.T @ scaled, rcond=1e-13, hermitian=True)
+        covariance = inverse * np.outer(setting.units, setting.units)
+        rows.append((label, 1e3 * setting.goal.rms(covariance)))
+    return Table.of(
+        "Bound by what is read [mm rms], O1's 100, ±1 N as 3σ, 100 averaged",
+        ("channels", "bound"), rows,
+    )  # fmt: skip
+
+
+def _by_mass(setting: Setting, chosen: np.ndarray) -> Table:
+    rows = []
+    some = replace(setting, q=setting.q[chosen])
+    for mass in MASSES:
+        theta = setting.model.parameters.vector({"mTool": mass})
+        jacobian = setting.model.jacobian(some.q, theta, setting.columns)
+        heavier = replace(some, jacobian=jacobian)
+        bound = 1e3 * heavier.bound(np.arange(len(chosen)), PAPER.std)
+        rows.append((f"{mass:g} kg", bound, bound * mass))
+    return Table.of(
+        "Bound by mass of the tool, O1's 100, ±1 N as 3σ, 100 averaged",
+        ("mass", "bound [mm rms]", "bound × mass [mm·kg]"),
+        rows,
+        "The product is constant: the geometry enters only through the direction of gravity, which "
+        "the wrench shows in proportion to the weight.",
+    )
+
+
+def _by_range(seed: int, tell: Callable[[str], None]) -> Table:
+    rows = []
+    for tilt, roll in RANGES:
+        setting = prepare(_SMALL, seed, tilt=np.deg2rad(tilt), roll=np.deg2rad(roll))
+        pool = Pool(setting.whitened(PAPER.std) * setting.units)
+        weight = setting.goal.weight * np.outer(setting.units, setting.units)
+        best = exchange(pool, i_optimality(weight), 100, seed=seed)
+        first = exchange(Pool(setting.in_table_units), INDICES["O1"], 100, seed=seed)
+        values = (1e3 * setting.bound(d.chosen, PAPER.std) for d in (first, best))
+        rows.append((f"tilt ±{tilt}°, γ ±{roll}°", *values))
+        tell(f"bound with tilt ±{tilt}°, γ ±{roll}°")
+    return Table.of(
+        "Bound by range of orientations [mm rms], 100 configurations, ±1 N as 3σ, 100 averaged",
+        ("range", "chosen by O1", "chosen by target error"), rows,
+        "More orientation pays more than more configurations.",
+    )  # fmt: skip

@@ -1,0 +1,120 @@
+"""What a study shows: tables and figures in sections, as Markdown and as one HTML page."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from importlib.resources import files
+from pathlib import Path
+
+from wrenchbed import registry
+
+
+@dataclass(frozen=True)
+class Table:
+    """Cells as text; the first column is left-aligned, the others right.
+
+    Attributes:
+        title: with its number in the paper, if it has one.
+        note: what to make of it.
+    """
+
+    title: str
+    columns: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    note: str = ""
+
+    @classmethod
+    def of(
+        cls, title: str, columns: Sequence[str], rows: Sequence[Sequence[object]], note: str = ""
+    ) -> "Table":
+        """From numbers, shown with four significant digits, and texts."""
+        cells = tuple(tuple(show(x) for x in row) for row in rows)
+        if any(len(row) != len(columns) for row in cells):
+            raise ValueError(f"table {title!r}: rows must have {len(columns)} cells")
+        return cls(title, tuple(columns), cells, note)
+
+    def markdown(self) -> str:
+        """A pipe table."""
+        line = "| " + " | ".join(["---"] + ["---:"] * (len(self.columns) - 1)) + " |"
+        body = ["| " + " | ".join(row) + " |" for row in (self.columns, *self.rows)]
+        parts = [f"**{self.title}**", "", body[0], line, *body[1:]]
+        return "\n".join([*parts, "", self.note] if self.note else parts)
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A drawing in SVG, kept beside the page under ``name``.svg."""
+
+    name: str
+    title: str
+    svg: str
+    note: str = ""
+
+    def markdown(self) -> str:
+        """A link to the file."""
+        text = f"![{self.title}]({self.name}.svg)\n\n*{self.title}*"
+        return f"{text}. {self.note}" if self.note else text
+
+
+@dataclass(frozen=True)
+class Section:
+    """A heading, a paragraph, tables and figures."""
+
+    title: str
+    text: str
+    parts: tuple[Table | Figure, ...] = ()
+
+
+@dataclass(frozen=True)
+class Page:
+    """A whole study."""
+
+    title: str
+    lead: str
+    sections: tuple[Section, ...]
+    made: str = ""
+    summary: dict[str, object] = field(default_factory=dict)
+
+    def markdown(self) -> str:
+        """The page as Markdown; figures are links."""
+        blocks = [f"# {self.title}", self.lead]
+        for section in self.sections:
+            blocks += [f"## {section.title}", section.text]
+            blocks += [part.markdown() for part in section.parts]
+        return "\n\n".join([*blocks, self.made]) + "\n"
+
+    def html(self) -> str:
+        """One self-contained page with the figures inside.
+
+        Raises:
+            MissingExtraError: jinja2 is not installed.
+        """
+        jinja2 = registry.require("jinja2", "report")
+        text = (files("wrenchbed.study") / "page.html.j2").read_text(encoding="utf-8")
+        template = jinja2.Environment(autoescape=True).from_string(text)
+        return str(template.render(page=self, is_table=lambda part: isinstance(part, Table)))
+
+    def write(self, folder: Path, name: str) -> None:
+        """``name``.md, ``name``.html and the figures."""
+        folder.mkdir(parents=True, exist_ok=True)
+        for section in self.sections:
+            for part in section.parts:
+                if isinstance(part, Figure):
+                    (folder / f"{part.name}.svg").write_text(part.svg, encoding="utf-8")
+        (folder / f"{name}.html").write_text(self.html(), encoding="utf-8")
+        (folder / f"{name}.md").write_text(self.markdown(), encoding="utf-8")
+
+
+def show(x: object) -> str:
+    """A cell: texts as they are, numbers with four significant digits, NaN as a dash."""
+    if isinstance(x, str):
+        return x
+    if isinstance(x, int) and not isinstance(x, bool):
+        return f"{x:,}"
+    number = float(x)  # type: ignore[arg-type]
+    if number != number:
+        return "–"
+    if number == 0:
+        return "0"
+    if 1e-3 <= abs(number) < 1e5:
+        return f"{number:.4g}"
+    return f"{number:.2e}"

@@ -1,0 +1,96 @@
+"""Long work in parts: on all cores, each finished part on disk, so that a stopped run goes on."""
+
+import hashlib
+import os
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from contextlib import contextmanager
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+Row = dict[str, Any]
+Work = Callable[[Any, int], list[Row]]
+"""(what all parts share, the part's number) → rows."""
+
+
+def key(*things: object) -> str:
+    """A short name for what determines the results."""
+    return hashlib.sha256(repr(things).encode()).hexdigest()[:10]
+
+
+def run(
+    work: Work,
+    shared: Any,
+    numbers: Sequence[int],
+    folder: Path,
+    name: str,
+    tell: Callable[[int], None],
+    workers: int | None = None,
+) -> pa.Table:
+    """Rows of all parts in the order of their numbers; parts found in ``folder`` are not redone.
+
+    Args:
+        work: a module-level function, called in other processes.
+        name: of the parts; must change with everything that changes their content (`key`).
+        tell: called with 1 for each part that is there.
+        workers: processes; as many as cores if None.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    paths = {i: folder / f"{name}-{i:05d}.parquet" for i in numbers}
+    missing = []
+    for i, path in paths.items():
+        if path.exists():
+            tell(1)
+        else:
+            missing.append(i)
+    if missing:
+        count = min(workers or os.cpu_count() or 1, len(missing))
+        with (
+            _one_thread_each(),
+            ProcessPoolExecutor(
+                count, get_context("spawn"), initializer=_share, initargs=(shared,)
+            ) as pool,
+        ):
+            waiting = {pool.submit(_one, work, i, paths[i]): i for i in missing}
+            try:
+                for done in as_completed(waiting):
+                    done.result()
+                    tell(1)
+            except BaseException:
+                pool.shutdown(cancel_futures=True)
+                raise
+    return pa.concat_tables([pq.read_table(path) for path in paths.values()])
+
+
+_SHARED: list[Any] = []
+
+
+def _share(shared: Any) -> None:
+    _SHARED[:] = [shared]
+
+
+def _one(work: Work, number: int, path: Path) -> None:
+    table = pa.Table.from_pylist(work(_SHARED[0], number))
+    partial = path.with_suffix(".partial")
+    pq.write_table(table, partial)
+    partial.replace(path)
+
+
+@contextmanager
+def _one_thread_each() -> Iterator[None]:
+    """Children inherit the environment: a process a core, each with one BLAS thread."""
+    names = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+    before = {n: os.environ.get(n) for n in names}
+    os.environ.update(dict.fromkeys(names, "1"))
+    try:
+        yield
+    finally:
+        for n, value in before.items():
+            if value is None:
+                os.environ.pop(n, None)
+            else:
+                os.environ[n] = value

@@ -1,0 +1,164 @@
+"""Plots of the studies as SVG: one style, colours that the colour-blind tell apart."""
+
+import io
+from collections.abc import Mapping, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+
+from wrenchbed import registry
+
+BLUE, ORANGE, GREEN, GREY, RED, PURPLE = (
+    "#0072b2", "#d55e00", "#009e73", "#6b7680", "#b01e38", "#7d4aa0",
+)  # fmt: skip
+"""After Okabe & Ito 2008."""
+_STYLE: Any = {
+    "font.size": 9.0,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "grid.color": "#e3e7ea",
+    "grid.linewidth": 0.7,
+    "axes.axisbelow": True,
+    "axes.edgecolor": "#5b6670",
+    "legend.frameon": False,
+    "svg.fonttype": "none",
+    "svg.hashsalt": "wrenchbed",
+}
+
+
+@contextmanager
+def _axes(size: tuple[float, float], columns: int = 1, **options: Any) -> Any:
+    """(figure, axes) of a figure that is drawn off screen.
+
+    Raises:
+        MissingExtraError: matplotlib is not installed.
+    """
+    registry.require("matplotlib", "report")
+    import matplotlib
+    from matplotlib.figure import Figure
+
+    with matplotlib.rc_context(_STYLE):
+        figure = Figure(size, layout="constrained")
+        yield figure, figure.subplots(1, columns, squeeze=False, **options)[0]
+
+
+def _svg(figure: Any) -> str:
+    buffer = io.StringIO()
+    figure.savefig(buffer, format="svg", metadata={"Date": None})
+    text = buffer.getvalue()
+    return text[text.index("<svg") :]
+
+
+def lines(
+    curves: Mapping[str, tuple[Sequence[float], Sequence[float]]],
+    x: str,
+    y: str,
+    *,
+    log: bool = False,
+    levels: Mapping[str, float] | None = None,
+) -> str:
+    """Curves (x, y) by name on one axis, with named horizontal levels."""
+    colours = (BLUE, ORANGE, GREEN, PURPLE, RED, GREY)
+    with _axes((6.0, 3.3)) as (figure, (ax,)):
+        for colour, (name, (xs, ys)) in zip(colours, curves.items(), strict=False):
+            ax.plot(xs, ys, color=colour, marker="o" if len(xs) < 20 else None, ms=4, label=name)
+        for name, level in (levels or {}).items():
+            ax.axhline(level, color=GREY, lw=1.2, ls="--")
+            ax.annotate(
+                name, (1.0, level), xycoords=("axes fraction", "data"), ha="right", va="bottom",
+                color=GREY, xytext=(0, 2), textcoords="offset points",
+            )  # fmt: skip
+        if log:
+            ax.set_xscale("log")
+            ax.set_yscale("log")
+            ax.grid(visible=True, which="minor", color="#eff2f4", lw=0.5)
+        ax.set_xlabel(x)
+        ax.set_ylabel(y)
+        if len(curves) > 1:
+            ax.legend()
+        return _svg(figure)
+
+
+def histograms(panels: Mapping[str, Mapping[str, np.ndarray]], x: str) -> str:
+    """Side by side, each with one or more distributions by name."""
+    with _axes((7.4, 2.9), len(panels)) as (figure, axes):
+        for ax, (title, data) in zip(axes, panels.items(), strict=True):
+            for colour, (name, values) in zip((BLUE, ORANGE), data.items(), strict=False):
+                ax.hist(values, bins=50, color=colour, alpha=0.75, label=name)
+            ax.set_title(title, fontsize=9.5)
+            ax.set_xlabel(x)
+            ax.set_ylabel("configurations")
+            if len(data) > 1:
+                ax.legend()
+        return _svg(figure)
+
+
+def workspaces(sets: Mapping[str, np.ndarray], targets: Mapping[str, np.ndarray]) -> str:
+    """Positions (N, 3) [m] seen from above and from the front; ``targets`` in another colour."""
+    with _axes((7.4, 3.2), 2) as (figure, axes):
+        for ax, (i, j), b in zip(axes, ((0, 1), (0, 2)), "yz", strict=True):
+            for points, colour, size in (
+                *((p, BLUE, 5) for p in sets.values()),
+                *((p, ORANGE, 9) for p in targets.values()),
+            ):
+                ax.scatter(
+                    1e3 * points[:, i], 1e3 * points[:, j], s=size, color=colour, lw=0, alpha=0.7
+                )
+            ax.set_xlabel("x [mm]")
+            ax.set_ylabel(f"{b} [mm]")
+            ax.set_aspect("equal")
+        for colour, name in ((BLUE, next(iter(sets))), (ORANGE, next(iter(targets)))):
+            axes[0].scatter([], [], s=14, color=colour, label=name)
+        figure.legend(loc="outside upper center", ncols=2)
+        return _svg(figure)
+
+
+def bars(
+    values: Mapping[str, float],
+    x: str,
+    *,
+    log: bool = False,
+    mark: Mapping[str, float] | None = None,
+) -> str:
+    """Horizontal bars with their numbers, and named vertical levels."""
+    with _axes((6.6, 0.42 * len(values) + 1.1)) as (figure, (ax,)):
+        names = list(values)[::-1]
+        numbers = [values[n] for n in names]
+        ax.barh(names, numbers, color=BLUE, height=0.62)
+        for k, number in enumerate(numbers):
+            ax.annotate(
+                f"{number:.3g}", (number, k), xytext=(4, 0), textcoords="offset points", va="center"
+            )
+        for name, level in (mark or {}).items():
+            ax.axvline(level, color=ORANGE, lw=1.4)
+            ax.annotate(
+                name, (level, len(names) - 0.45), color=ORANGE, ha="center", annotation_clip=False
+            )
+        if log:
+            ax.set_xscale("log")
+        ax.margins(x=0.12)
+        ax.grid(visible=False, axis="y")
+        ax.set_xlabel(x)
+        return _svg(figure)
+
+
+def groups(
+    values: Mapping[str, Mapping[str, Sequence[float]]], y: str, labels: Sequence[str]
+) -> str:
+    """Panels side by side; in each, one bar a label and name, on a logarithmic scale."""
+    colours = (BLUE, ORANGE, GREEN, PURPLE)
+    with _axes((7.4, 3.1), len(values)) as (figure, axes):
+        for ax, (title, data) in zip(axes, values.items(), strict=True):
+            width = 0.8 / len(data)
+            for k, (colour, (name, numbers)) in enumerate(zip(colours, data.items(), strict=False)):
+                at = np.arange(len(labels)) + (k - (len(data) - 1) / 2) * width
+                ax.bar(at, numbers, width, color=colour, label=name)
+            ax.set_xticks(range(len(labels)), labels)
+            ax.set_yscale("log")
+            ax.set_title(title, fontsize=9.5)
+            ax.set_ylabel(y)
+        handles, names = axes[0].get_legend_handles_labels()
+        figure.legend(handles, names, loc="outside upper center", ncols=len(names))
+        return _svg(figure)

@@ -1,0 +1,62 @@
+"""Touches: joint values at which the tool's tip sat at a known point of the world."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from wrenchbed.accuracy import tip_jacobian
+from wrenchbed.errors import CalibrationError
+from wrenchbed.holds import gather
+from wrenchbed.recording import POINT, Recording
+from wrenchbed.robots.base import Robot
+
+STD = 5e-5
+"""How far a tip sits from the stated point, per axis [m]: a ball in a socket, an estimate."""
+
+
+@dataclass(frozen=True, eq=False)
+class Touches:
+    """T touches; their wrenches hold the contact's unknown force and are not used.
+
+    Attributes:
+        q: joint values (T, J).
+        points: where the tip was (T, 3) in the world [m].
+        std: of that, per axis [m].
+    """
+
+    q: np.ndarray
+    points: np.ndarray
+    std: float = STD
+
+    def __len__(self) -> int:
+        return len(self.q)
+
+    @classmethod
+    def of(cls, recording: Recording, std: float = STD) -> "Touches":
+        """One touch a hold of a recording that has the columns px py pz.
+
+        Raises:
+            CalibrationError: no such columns, a std that is not above 0, or orientations only.
+        """
+        if not all(c in recording.columns for c in POINT):
+            raise CalibrationError(
+                f"{recording.name}: no columns px py pz: this is no recording of touches"
+            )
+        if not 0 < std < np.inf:
+            raise CalibrationError(f"touches with a standard deviation of {std} m: must be above 0")
+        if not recording.joints:
+            raise CalibrationError(f"{recording.name}: touches need joint columns")
+        holds = gather(recording, np.ones(len(recording), dtype=bool))
+        rows = np.searchsorted(recording.t, holds.t).clip(0, len(recording) - 1)
+        points = np.stack([recording.columns[c][rows] for c in POINT], axis=-1)
+        return cls(holds.q, points, std)
+
+    def residual(self, robot: Robot, theta: np.ndarray) -> np.ndarray:
+        """Stated − predicted position in standard deviations (3T,)."""
+        own = theta[: len(robot.parameters)]
+        return ((self.points - robot.tool_pose(self.q, own)[1]) / self.std).ravel()
+
+    def jacobian(self, robot: Robot, theta: np.ndarray, columns: Sequence[int]) -> np.ndarray:
+        """Derivative of the prediction in standard deviations (3T, K)."""
+        return tip_jacobian(robot, self.q, theta, columns).reshape(-1, len(columns)) / self.std
