@@ -35,7 +35,8 @@ class Table:
     def markdown(self) -> str:
         """A pipe table."""
         line = "| " + " | ".join(["---"] + ["---:"] * (len(self.columns) - 1)) + " |"
-        body = ["| " + " | ".join(row) + " |" for row in (self.columns, *self.rows)]
+        cells = ([c.replace("|", r"\|") for c in row] for row in (self.columns, *self.rows))
+        body = ["| " + " | ".join(row) + " |" for row in cells]
         parts = [f"**{self.title}**", "", body[0], line, *body[1:]]
         return "\n".join([*parts, "", self.note] if self.note else parts)
 

@@ -13,6 +13,7 @@ BLUE, ORANGE, GREEN, GREY, RED, PURPLE = (
     "#0072b2", "#d55e00", "#009e73", "#6b7680", "#b01e38", "#7d4aa0",
 )  # fmt: skip
 """After Okabe & Ito 2008."""
+_FOUR = (BLUE, ORANGE, GREEN, PURPLE)
 _STYLE: Any = {
     "font.size": 9.0,
     "axes.spines.top": False,
@@ -29,8 +30,8 @@ _STYLE: Any = {
 
 
 @contextmanager
-def _axes(size: tuple[float, float], columns: int = 1, **options: Any) -> Any:
-    """(figure, axes) of a figure that is drawn off screen.
+def _axes(size: tuple[float, float], columns: int = 1, rows: int = 1, **options: Any) -> Any:
+    """(figure, axes) of a figure that is drawn off screen; axes in one row, or in rows.
 
     Raises:
         MissingExtraError: matplotlib is not installed.
@@ -41,7 +42,8 @@ def _axes(size: tuple[float, float], columns: int = 1, **options: Any) -> Any:
 
     with matplotlib.rc_context(_STYLE):
         figure = Figure(size, layout="constrained")
-        yield figure, figure.subplots(1, columns, squeeze=False, **options)[0]
+        axes = figure.subplots(rows, columns, squeeze=False, **options)
+        yield figure, axes[0] if rows == 1 else axes
 
 
 def _svg(figure: Any) -> str:
@@ -145,20 +147,38 @@ def bars(
 
 
 def groups(
-    values: Mapping[str, Mapping[str, Sequence[float]]], y: str, labels: Sequence[str]
+    panels: Mapping[str, tuple[str, Mapping[str, Sequence[float]]]], labels: Sequence[str]
 ) -> str:
-    """Panels side by side; in each, one bar a label and name, on a logarithmic scale."""
-    colours = (BLUE, ORANGE, GREEN, PURPLE)
-    with _axes((7.4, 3.1), len(values)) as (figure, axes):
-        for ax, (title, data) in zip(axes, values.items(), strict=True):
+    """Panels by title, each with its y axis and one bar a label and name, logarithmic."""
+    with _axes((7.4, 2.9), len(panels)) as (figure, axes):
+        for ax, (title, (y, data)) in zip(axes, panels.items(), strict=True):
             width = 0.8 / len(data)
-            for k, (colour, (name, numbers)) in enumerate(zip(colours, data.items(), strict=False)):
+            for k, (colour, (name, numbers)) in enumerate(zip(_FOUR, data.items(), strict=False)):
                 at = np.arange(len(labels)) + (k - (len(data) - 1) / 2) * width
                 ax.bar(at, numbers, width, color=colour, label=name)
             ax.set_xticks(range(len(labels)), labels)
             ax.set_yscale("log")
             ax.set_title(title, fontsize=9.5)
             ax.set_ylabel(y)
+            ax.grid(visible=False, axis="x")
         handles, names = axes[0].get_legend_handles_labels()
         figure.legend(handles, names, loc="outside upper center", ncols=len(names))
+        return _svg(figure)
+
+
+def components(left: Mapping[str, np.ndarray]) -> str:
+    """Residual wrenches (N, 6) by method: force above, torque below, one column a method."""
+    with _axes((7.4, 3.9), len(left), rows=2, sharex=True, sharey="row") as (figure, axes):
+        for column, (name, values) in enumerate(left.items()):
+            for row, (k, unit) in enumerate(((0, "N"), (3, "N·m"))):
+                ax = axes[row][column]
+                for c, colour in enumerate((BLUE, ORANGE, GREEN)):
+                    x = range(1, len(values) + 1)
+                    ax.plot(x, values[:, k + c], color=colour, lw=1.3, label="xyz"[c])
+                if column == 0:
+                    ax.set_ylabel(f"{'force' if row == 0 else 'torque'} [{unit}]")
+            axes[0][column].set_title(name, fontsize=9.5)
+            axes[1][column].set_xlabel("position")
+        handles, names = axes[0][0].get_legend_handles_labels()
+        figure.legend(handles, names, loc="outside upper center", ncols=3)
         return _svg(figure)

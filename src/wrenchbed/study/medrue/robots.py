@@ -6,11 +6,11 @@ MuJoCo; over the whole pool they come from the closed form, which agrees with Mu
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from wrenchbed.accuracy import statistics
+from wrenchbed.accuracy import Goal, statistics, tip_jacobian
 from wrenchbed.simulation import Simulation
 from wrenchbed.study.medrue.identification import as_the_paper, weighted
 from wrenchbed.study.medrue.noise import MINI40, MINI40_PLAIN, PAPER, PLAIN, WIDE, Noise
@@ -22,6 +22,8 @@ EMPIRICAL = (PAPER, PLAIN, WIDE, MINI40, MINI40_PLAIN)
 """Readings of the noise that robots are identified with; ±1 N as 1σ, one sample, is hopeless."""
 _NOISY_STOP = 1e-6
 """Far below what noise leaves, in mm and degrees; the steps converge quadratically."""
+DRAWS = 5
+"""More draws of noise for each robot, weighted fits only, to compare with the bound."""
 QUANTITIES = {"position": "m", "force": "N", "torque": "N·m"}
 STATISTICS = ("mean", "max", "std", "rms")
 
@@ -58,6 +60,7 @@ def cases(shared: Shared, theta: np.ndarray, rng: np.random.Generator, number: i
     simulation = Simulation(setting.robot, theta[: len(setting.robot.parameters)])
     judge = Judge(setting, theta, simulation)
     rows = judge.rows(setting.theta, robot=number, design="", noise="", method="before", steps=0)
+    own_bound = bounds(setting, theta, setting.q[shared.designs["O1"]])
     q = {name: setting.q[chosen] for name, chosen in shared.designs.items()}
     exact = {name: simulation.wrench(each) for name, each in q.items()}
     found = as_the_paper(setting, q["O1"], exact["O1"])
@@ -68,7 +71,29 @@ def cases(shared: Shared, theta: np.ndarray, rng: np.random.Generator, number: i
         for noise in EMPIRICAL if name == "O1" else (PAPER,):
             measured = exact[name] + rng.standard_normal(exact[name].shape) * noise.std
             rows += _both(judge, q[name], measured, noise, robot=number, design=name)
+    for noise in (PAPER, MINI40):
+        for _ in range(DRAWS):
+            measured = exact["O1"] + rng.standard_normal(exact["O1"].shape) * noise.std
+            found = weighted(setting, q["O1"], measured, noise.std, theta)
+            rows += judge.rows(
+                found.theta, whole=False, robot=number, design="O1", noise=noise.name,
+                method="again", steps=found.steps,
+            )  # fmt: skip
+    for row in rows:
+        row["bound"] = own_bound.get(str(row["noise"]), np.nan)
     return rows
+
+
+def bounds(setting: Setting, theta: np.ndarray, q: np.ndarray) -> dict[str, float]:
+    """Cramér–Rao bound of the rms error in the target [m] at a robot's own parameters."""
+    own = theta[: len(setting.robot.parameters)]
+    there = replace(
+        setting,
+        jacobian=setting.model.jacobian(q, theta, setting.columns),
+        goal=Goal(tip_jacobian(setting.robot, setting.target, own, setting.columns)),
+    )
+    everything = np.arange(len(q))
+    return {n.name: there.bound(everything, n.std) for n in EMPIRICAL}
 
 
 def _both(

@@ -73,14 +73,18 @@ class Setting:
 
 
 def prepare(
-    n: int, seed: int, tilt: float = np.deg2rad(30.0), roll: float = np.deg2rad(60.0)
+    n: int,
+    seed: int,
+    tilt: float = np.deg2rad(30.0),
+    roll: float = np.deg2rad(60.0),
+    orientations: int = workspace.ORIENTATIONS,
 ) -> Setting:
     """Pool of n configurations with tool orientations in `workspace.pool`'s ranges."""
     robot: MedRUE = registry.load("robots", "medrue")
     model = Model.of(robot)
     columns = model.parameters.select(IDENTIFIED)
     units = np.array([UNITS[model.parameters[c].unit] for c in columns])
-    q = workspace.pool(robot, n, seed, tilt=tilt, roll=roll)
+    q = workspace.pool(robot, n, seed, tilt=tilt, roll=roll, orientations=orientations)
     theta = model.parameters.nominal
     target = workspace.target(robot)
     jacobian = model.jacobian(q, theta, columns)

@@ -1,4 +1,4 @@
-"""UR5 with a six-axis sensor between flange and tool.
+"""UR5 as a plug-in.
 
 Kinematics: the manufacturer's Denavit–Hartenberg parameters (CB3 manual, table "UR5 serie 3"),
 T_i = Rz(q_i + dq_i) · Tz(d_i) · Tx(a_i) · Rx(α_i). The world stands in the controller's base frame.
@@ -23,6 +23,7 @@ from wrenchbed.robots.base import (
     tool_parameters,
     vector_parameters,
 )
+from wrenchbed.robots.ur5 import inverse
 
 if TYPE_CHECKING:
     import mujoco
@@ -106,6 +107,24 @@ class UR5(LoadInSensorAxes, SimulatedRobot):
             rotation = rotation @ _mount(theta)
         return rotation, position
 
+    def inverse(self, rotation: np.ndarray, position: np.ndarray) -> np.ndarray:
+        """All joint values (K, 6), K ≤ 8, that bring the nominal flange to a pose.
+
+        Args:
+            rotation: R_world_flange (3, 3).
+            position: (3,) [m].
+        """
+        return inverse.joints(np.array(_A), np.array(_D), np.array(_ALPHA), rotation, position)
+
+    def clear(self, q: np.ndarray) -> np.ndarray:
+        """Which of the poses (N, 6) keep arm and tool above the table and apart (N,)."""
+        links, tool = self._skeleton(q)
+        moving = np.concatenate([links[2:], tool])  # from the forearm's elbow on
+        above = (moving[..., 2] > 0.12).all(axis=0)
+        column = (np.hypot(moving[..., 0], moving[..., 1]) > 0.2).all(axis=0)
+        apart = [_apart(links[k], links[k + 1], tool) for k in (0, 2)]
+        return np.asarray(above & column & (np.minimum(*apart) > CLEARANCE))
+
     def infeasible(self, q: np.ndarray, theta: np.ndarray) -> dict[int, str]:
         return self._outside_limits(q)
 
@@ -114,15 +133,7 @@ class UR5(LoadInSensorAxes, SimulatedRobot):
         low = np.array([-np.pi, -2.6, -2.4, -np.pi, -np.pi, -np.pi])
         high = np.array([np.pi, -0.5, 2.4, np.pi, np.pi, np.pi])
 
-        def good(q: np.ndarray) -> np.ndarray:
-            links, tool = self._skeleton(q)
-            moving = np.concatenate([links[2:], tool])  # from the forearm's elbow on
-            above = (moving[..., 2] > 0.12).all(axis=0)
-            column = (np.hypot(moving[..., 0], moving[..., 1]) > 0.2).all(axis=0)
-            clear = [_apart(links[k], links[k + 1], tool) for k in (0, 2)]
-            return above & column & (np.minimum(*clear) > CLEARANCE)
-
-        return sample_until(n, lambda count: rng.uniform(low, high, (count, 6)), good)
+        return sample_until(n, lambda count: rng.uniform(low, high, (count, 6)), self.clear)
 
     def _skeleton(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Ends of upper arm, of forearm and the wrist (6, N, 3); points along sensor and tool."""
@@ -212,6 +223,3 @@ def _base(theta: np.ndarray) -> np.ndarray:
 def _mount(theta: np.ndarray) -> np.ndarray:
     turn = theta[..., _TURN]
     return exp(turn[..., 0], turn[..., 1], turn[..., 2]) if turn.any() else np.eye(3)
-
-
-ROBOT = UR5()

@@ -1,0 +1,115 @@
+"""The simulated UR5 of the study: what is true, what is stated, and recordings from MuJoCo."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from wrenchbed import registry
+from wrenchbed.metadata import Metadata, SensorInfo, ToolInfo
+from wrenchbed.model import Model
+from wrenchbed.noise import NoiseModel, NoiseStream
+from wrenchbed.recording import Recording
+from wrenchbed.robots.base import INERTIA_AXES
+from wrenchbed.robots.ur5.robot import UR5
+from wrenchbed.simulation import Simulation
+from wrenchbed.wrench import CHANNELS
+
+RATE_HZ, SAMPLES, MOVE_S = 100.0, 100, 3.0
+INSTALLATION = {
+    "sensor.bias.fx": 2.1, "sensor.bias.fy": -3.4, "sensor.bias.fz": 6.2,
+    "sensor.bias.tx": 0.21, "sensor.bias.ty": -0.36, "sensor.bias.tz": 0.14,
+}  # fmt: skip
+"""Installation error [N, N·m], of the size that the article's Method 2 leaves."""
+SENSOR_MASS = 0.12
+"""Part of the sensor's own mass that loads its gauges [kg], stated and true: an estimate, about
+half of the Gamma's 0.255 kg."""
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """What differs from the article's assumptions.
+
+    Attributes:
+        true: parameters that are not as stated, by name.
+        stated_mass: factor of the tool's true mass that the user states.
+        cold: whether the sensor was switched on only when the campaign begins.
+    """
+
+    name: str
+    true: Mapping[str, float] = field(default_factory=dict)
+    stated_mass: float = 1.0
+    cold: bool = False
+
+
+_DEGREE = float(np.pi / 180)
+SCENARIOS = (
+    Scenario("as the article assumes"),
+    Scenario("sensor just switched on: it drifts", cold=True),
+    Scenario("stated tool mass 5 % too large", stated_mass=1.05),
+    Scenario("base tilted by 1°", {"base.tilt.x": 0.8 * _DEGREE, "base.tilt.y": -0.6 * _DEGREE}),
+    Scenario("sensor turned by 1° on the flange", {"mount.rotation.z": _DEGREE}),
+    Scenario(
+        "all of these",
+        {"base.tilt.x": 0.8 * _DEGREE, "base.tilt.y": -0.6 * _DEGREE, "mount.rotation.z": _DEGREE},
+        1.05,
+        True,
+    ),
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """One robot and its sensor."""
+
+    scenario: Scenario
+    model: Model
+    theta: np.ndarray
+    metadata: Metadata
+    noise: NoiseModel
+    seed: int
+
+    @classmethod
+    def of(cls, scenario: Scenario, seed: int) -> "Scene":
+        """A UR5 with an ATI Gamma in a scenario."""
+        robot: UR5 = registry.load("robots", "ur5")
+        model = Model.of(robot)
+        theta = model.parameters.vector(
+            INSTALLATION | {"sensor.mass": SENSOR_MASS} | dict(scenario.true)
+        )
+        sensor = registry.load("sensors", robot.sensor)
+        noise = replace(sensor.noise, warmup_age=0.0) if scenario.cold else sensor.noise
+        p = robot.values(robot.parameters.nominal)
+        metadata = Metadata(
+            robot=robot.name, mode="static", source="sim", rate_hz=RATE_HZ,
+            tool=ToolInfo(
+                mass=float(p["tool.mass"]) * scenario.stated_mass,
+                cog=tuple(float(p[f"tool.cog.{a}"]) for a in "xyz"),
+                inertia=tuple(float(p[f"tool.inertia.{a}"]) for a in INERTIA_AXES),
+            ),
+            sensor=SensorInfo(
+                model=sensor.name, noise_std=tuple(float(s) for s in noise.row_std),
+                mass=SENSOR_MASS, pose_flange=(0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0),
+            ),
+            gravity=model.gravity,
+        )  # fmt: skip
+        return cls(scenario, model, theta, metadata, noise, seed)
+
+    def measure(self, q: np.ndarray) -> tuple[Recording, np.ndarray]:
+        """Holds at q (N, 6), and the exact load and bias at each (N, 6) before noise and drift."""
+        own = len(self.model.robot.parameters)
+        simulation = Simulation(self.model.robot, self.theta[:own], self.model.gravity)  # type: ignore[arg-type]
+        exact = self.model.read(simulation.wrench(q), self.theta)
+        n = len(q)
+        start = np.arange(n) * (SAMPLES / RATE_HZ + MOVE_S)
+        t = (start[:, None] + np.arange(SAMPLES) / RATE_HZ).ravel()
+        segment = np.repeat(np.arange(n), SAMPLES)
+        reading, status = NoiseStream(self.noise, self.seed).corrupt(t, exact[segment])
+        columns: dict[str, np.ndarray] = {"t": t, "segment": segment, "status": status}
+        columns |= {f"q{j + 1}": q[segment, j] for j in range(q.shape[1])}
+        columns |= {c: reading[:, k] for k, c in enumerate(CHANNELS)}
+        return Recording(self.metadata, columns, self.scenario.name), exact
+
+    def stated(self) -> np.ndarray:
+        """Parameters (P,) as the metadata states them."""
+        return self.model.configured(self.metadata)
