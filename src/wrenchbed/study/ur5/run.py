@@ -225,8 +225,8 @@ def _reading(off: np.ndarray) -> str:
         "put it, which are used here. Method 3 is 'from literature' without saying which: here "
         "the sensor is zeroed at a reference pose, tool forward, as a robot's zero button does; a "
         "second reading adds the tool's weight. The article fits and judges Method 1 on the "
-        f"same readings; here every method is judged on poses that it has not seen. {SAMPLES} samples at "
-        f"{RATE_HZ:g} Hz a pose."
+        "same readings; here every method is judged on poses that it has not seen. "
+        f"{SAMPLES} samples at {RATE_HZ:g} Hz a pose."
     )
 
 
