@@ -115,6 +115,7 @@ def reach(
             f"above 0, share {share} between 0 and 1"
         )
     task = _task(robot, robot.goal_sets(pool, points, seed), touch_std, share)
+    _check_possible(task, accuracy)
     still: list[int] = []
     touch: list[int] = []
     while len(still) < least_poses:
@@ -132,6 +133,15 @@ def reach(
     touch = _pruned_touches(task, still, touch, accuracy)
     still = _pruned_poses(task, still, touch, accuracy, least_poses)
     return _mix(robot, task, still, touch, tuple(course))
+
+
+def _check_possible(task: _Task, accuracy: float) -> None:
+    best = task.assured(list(range(len(task.gravity))), list(range(len(task.touch))))
+    if best > accuracy:
+        raise PlanError(
+            f"all {len(task.gravity)} poses and {len(task.touch)} touches together reach "
+            f"{1e3 * best:.3g} mm, not {1e3 * accuracy:.3g} mm: touch more precisely or elsewhere"
+        )
 
 
 def _grow(task: _Task, still: list[int], touch: list[int], touch_cost: float) -> None:

@@ -187,7 +187,9 @@ class InverseTrace(Criterion):
         turned = np.swapaxes(blocks, -1, -2)
         inner = np.eye(blocks.shape[1]) + sign * (blocks @ inverse @ turned)
         outer = blocks @ (inverse @ self.weight @ inverse) @ turned
-        lost = np.trace(np.linalg.solve(inner, outer), axis1=-2, axis2=-1)
+        squares, axes = np.linalg.eigh(inner)
+        shares = np.einsum("nki,nkl,nli->ni", axes, outer, axes)
+        lost = (shares / np.maximum(squares, _SMALLEST**0.5)).sum(axis=-1)  # 0: rank would be lost
         return 1 / (np.trace(self.weight @ inverse) - sign * lost)
 
 

@@ -22,6 +22,7 @@ _AT_ONCE = 64
 _MOST = 1024
 _BETTER = 1e-9
 _DEPTH = 3
+_SINGULAR = 1e15
 
 
 class Pool:
@@ -111,7 +112,7 @@ def _random_start(pool: Pool, n: int, base: np.ndarray, seed: int) -> list[int]:
     rng = np.random.default_rng(seed)
     for _ in range(100):
         some = rng.choice(len(pool), n, replace=False)
-        if np.linalg.cond(pool.information(some) + base) < 1e15:
+        if np.linalg.cond(pool.information(some) + base) < _SINGULAR:
             return [int(i) for i in some]
     raise PlanError(
         f"{n} random configurations never have full rank: some parameters cannot be told apart "
@@ -136,6 +137,8 @@ class _Search:
             i = self._best_to_add(information, trial) if add else self._worst(information, trial)
             rows = self.pool.blocks[i]
             information = information + (1.0 if add else -1.0) * rows.T @ rows
+            if not add and np.linalg.cond(information) > _SINGULAR:
+                return list(chosen)
             trial = [*trial, i] if add else [j for j in trial if j != i]
         return trial
 

@@ -149,7 +149,7 @@ def bars(
 def groups(
     panels: Mapping[str, tuple[str, Mapping[str, Sequence[float]]]], labels: Sequence[str]
 ) -> str:
-    """Panels by title, each with its y axis and one bar a label and name, logarithmic."""
+    """Panels by title, each with its y axis and one bar a label and name."""
     with _axes((7.4, 2.9), len(panels)) as (figure, axes):
         for ax, (title, (y, data)) in zip(axes, panels.items(), strict=True):
             width = 0.8 / len(data)
@@ -157,7 +157,6 @@ def groups(
                 at = np.arange(len(labels)) + (k - (len(data) - 1) / 2) * width
                 ax.bar(at, numbers, width, color=colour, label=name)
             ax.set_xticks(range(len(labels)), labels)
-            ax.set_yscale("log")
             ax.set_title(title, fontsize=9.5)
             ax.set_ylabel(y)
             ax.grid(visible=False, axis="x")

@@ -16,6 +16,8 @@ from wrenchbed.study.parts import Row
 from wrenchbed.study.plots import histograms, workspaces
 
 INDICES = ("O1", "O2", "O3", "O4", "O5")
+AGAIN = "O1 again"
+"""The same poses with another draw of noise."""
 
 
 def truth(setting: Setting) -> np.ndarray:
@@ -79,6 +81,7 @@ def study(setting: Setting, designs: dict[str, Design], seed: int) -> OneRobot:
     exact = as_the_paper(setting, *measured("O1", None))
     real = weighted(setting, *measured("O1", MINI40), MINI40.std)
     after = {name: errors(as_the_paper(setting, *measured(name, PAPER)).theta) for name in INDICES}
+    after[AGAIN] = errors(as_the_paper(setting, *measured("O1", PAPER)).theta)
     judge = Judge(setting, theta, simulation)
     rows = judge.rows(setting.theta, method="before")
     rows += judge.rows(printed(setting), method="printed")

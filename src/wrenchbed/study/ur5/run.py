@@ -67,7 +67,13 @@ def run(folder: Path, quick: bool, robots: int | None, seed: int, tell: Tell) ->
                 "zeroing (3).",
                 tuple(_direction(first, d) for d in DIRECTIONS),
             ),
-            Section("Figures 8 to 17", "Components and deviations by method.", _figures(first)),
+            Section(
+                "Figures 8 to 17",
+                "Components and deviations by method. Where the tool keeps its orientation, what a "
+                "method leaves out is the same at every position: all deviations are the sensor's "
+                "noise. Those of the article's Methods 2 and 3 mean that its tool turned.",
+                _figures(first),
+            ),
             Section(
                 "Which method survives",
                 "The same campaign when the article's assumptions fail: geometric mean over all "

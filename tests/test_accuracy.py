@@ -1,0 +1,259 @@
+"""Position errors of the tool: Jacobians, bounds, touches and the plan that mixes them."""
+
+import numpy as np
+import pytest
+
+from wrenchbed import registry
+from wrenchbed.accuracy import Goal, statistics, tip_jacobian
+from wrenchbed.calibration import Options, calibrate
+from wrenchbed.campaign import record
+from wrenchbed.drivers.sim import Options as SimOptions
+from wrenchbed.drivers.sim import SimDriver
+from wrenchbed.errors import (
+    CalibrationError,
+    DriverError,
+    NotFoundError,
+    PlanError,
+    RecordingError,
+    WrenchbedError,
+)
+from wrenchbed.mixing import reach
+from wrenchbed.model import Model
+from wrenchbed.plan import Plan
+from wrenchbed.points import read as read_points
+from wrenchbed.recording import Recording
+from wrenchbed.robots.medrue import workspace
+from wrenchbed.simulation import Simulation
+from wrenchbed.touches import STD, Touches
+
+MEDRUE = registry.load("robots", "medrue")
+MODEL = Model.of(MEDRUE)
+OWN = len(MEDRUE.parameters)
+CANDIDATES = MODEL.parameters.select(MEDRUE.candidates)
+
+
+def wrong(seed: int, names=("sensor.bias",)) -> dict[str, float]:
+    """A robot with every candidate and the bias somewhere within its tolerance."""
+    rng = np.random.default_rng(seed)
+    items = [MODEL.parameters[c] for c in MODEL.parameters.select([*MEDRUE.candidates, *names])]
+    return {p.name: p.nominal + rng.uniform(-1, 1) * p.tolerance for p in items}
+
+
+def test_the_tips_jacobian_is_its_derivative():
+    q = MEDRUE.sample(5, np.random.default_rng(0))
+    theta = MODEL.parameters.vector(wrong(1))
+    jacobian = tip_jacobian(MEDRUE, q, theta, CANDIDATES)
+    for k in (0, 7, 17, 21, 30, 40):
+        step = np.zeros(len(theta))
+        step[CANDIDATES[k]] = 1e-6
+        ahead, behind = (MEDRUE.tool_pose(q, (theta + s)[:OWN])[1] for s in (step, -step))
+        assert jacobian[:, :, k] == pytest.approx((ahead - behind) / 2e-6, abs=1e-7)
+    bias = MODEL.parameters.select(["sensor.bias"])
+    assert not tip_jacobian(MEDRUE, q, theta, bias).any()
+
+
+def test_rms_and_quantile_agree_with_draws():
+    rng = np.random.default_rng(3)
+    goal = Goal(rng.normal(size=(40, 3, 5)))
+    half = rng.normal(size=(5, 5)) * 0.1
+    covariance = half @ half.T
+    draws = rng.multivariate_normal(np.zeros(5), covariance, 20_000)
+    rms = statistics(goal.errors(draws))[:, 3]
+    assert np.sqrt(np.mean(rms**2)) == pytest.approx(goal.rms(covariance), rel=0.02)
+    assert np.quantile(rms, 0.95) == pytest.approx(goal.quantile(covariance, 0.95), rel=0.04)
+
+
+def test_mujocos_tip_is_where_the_closed_form_says():
+    q = MEDRUE.sample(20, np.random.default_rng(2))
+    for seed in range(3):
+        theta = MODEL.parameters.vector(wrong(seed))[:OWN]
+        tip = Simulation(MEDRUE, theta).tip(q)
+        assert tip == pytest.approx(MEDRUE.tool_pose(q, theta)[1], abs=1e-12)
+
+
+def test_a_robot_without_a_tip_says_so():
+    ur5 = registry.load("robots", "ur5")
+    q = ur5.home[None]
+    with pytest.raises(NotFoundError, match="'ur5' has no tool tip"):
+        ur5.tool_pose(q, ur5.parameters.nominal)
+    with pytest.raises(NotFoundError, match="no tool tip and target workspace"):
+        reach(ur5, 1e-3)
+
+
+def test_the_papers_workspaces():
+    pool = workspace.pool(MEDRUE, 600, seed=1, orientations=50)
+    assert pool.shape == (600, 6)
+    assert not MEDRUE.infeasible(pool, MEDRUE.parameters.nominal)
+    rotation, tip = MEDRUE.tool_pose(pool, MEDRUE.parameters.nominal)
+    assert sorted({round(float(z), 6) for z in tip[:, 2]}) == [-0.25, -0.10, 0.05]
+    assert ((tip[:, :2] > [-1e-9, 0.2 - 1e-9]) & (tip[:, :2] < [0.8, 0.65])).all()
+    assert len(np.unique(np.round(tip, 6), axis=0)) == 12
+    down = -rotation[:, 2, 2]
+    assert down.min() > np.cos(np.deg2rad(60 + 30)) - 1e-9
+    target = workspace.target(MEDRUE)
+    assert target.shape == (336, 6)
+    _, points = MEDRUE.tool_pose(target, MEDRUE.parameters.nominal)
+    assert points == pytest.approx(workspace.target_points(), abs=1e-12)
+
+
+def test_a_wider_range_of_orientations_is_used():
+    pool = workspace.pool(MEDRUE, 300, seed=0, tilt=np.deg2rad(5), roll=np.deg2rad(10))
+    rotation, _ = MEDRUE.tool_pose(pool, MEDRUE.parameters.nominal)
+    assert -rotation[:, 2, 2].max() > np.cos(np.deg2rad(16))
+    with pytest.raises(WrenchbedError, match="none of the 1 points to touch is in reach"):
+        workspace.touch_poses(MEDRUE, np.array([[5.0, 0.0, 0.0]]), seed=0)
+
+
+@pytest.fixture(scope="module")
+def touched(tmp_path_factory):
+    """A wrong robot, recorded under gravity and touching known points."""
+    folder = tmp_path_factory.mktemp("touched")
+    truth = wrong(11)
+    sets = MEDRUE.goal_sets(400, None, seed=0)
+    pick = np.random.default_rng(0).permutation(len(sets.touch))[:25]
+    gravity = Plan.of("medrue", sets.gravity[::20])
+    touches = Plan.of("medrue", sets.touch[pick], points=sets.points[pick])
+    touches.write(folder / "plan.parquet")
+    with SimDriver(SimOptions("medrue", parameters=truth, seed=5)) as driver:
+        record(driver, gravity, folder / "gravity.parquet", samples=50)
+        record(driver, Plan.read(folder / "plan.parquet"), folder / "touch.parquet", samples=3)
+    return folder, truth
+
+
+def test_a_plan_of_touches_survives_the_file(touched):
+    folder, _ = touched
+    plan = Plan.read(folder / "plan.parquet")
+    assert plan.points is not None
+    assert plan.points.shape == (25, 3)
+    recording = Recording.read(folder / "touch.parquet")
+    touches = Touches.of(recording)
+    assert touches.points == pytest.approx(plan.points, abs=0)
+    assert len(touches) == 25
+
+
+def test_the_simulated_tip_really_sits_at_the_point(touched):
+    folder, truth = touched
+    touches = Touches.of(Recording.read(folder / "touch.parquet"))
+    theta = MODEL.parameters.vector(truth)[:OWN]
+    miss = MEDRUE.tool_pose(touches.q, theta)[1] - touches.points
+    assert 0.7 * STD < miss.std() < 1.3 * STD
+    nominal = MEDRUE.tool_pose(touches.q, MEDRUE.parameters.nominal)[1] - touches.points
+    assert np.abs(nominal).max() > 2e-3
+
+
+def test_touches_bring_the_tool_into_reach(touched):
+    folder, truth = touched
+    recording = Recording.read(folder / "gravity.parquet")
+    touches = Touches.of(Recording.read(folder / "touch.parquet"))
+    options = Options(free=("candidates", "sensor.bias"), prior=True)
+    alone, both = calibrate(recording, options), calibrate(recording, options, touches)
+    target = workspace.target(MEDRUE)
+    theta = MODEL.parameters.vector(truth)[:OWN]
+    true = Simulation(MEDRUE, theta).tip(target)
+
+    def rms(fit) -> float:
+        found = MODEL.parameters.vector(dict(fit.theta))[:OWN]
+        return float(
+            statistics(np.linalg.norm(MEDRUE.tool_pose(target, found)[1] - true, axis=1))[3]
+        )
+
+    assert rms(alone) > 2e-3
+    assert rms(both) < 1.2e-4
+    assert both.observability.rank > alone.observability.rank
+    off = [(p.value - truth[p.name]) / p.std for p in both.identified if p.name[0] in "xyz"]
+    assert np.abs(off).max() < 4.0
+
+
+def test_touches_that_are_none_are_refused(touched, tmp_path):
+    folder, _ = touched
+    gravity = Recording.read(folder / "gravity.parquet")
+    with pytest.raises(CalibrationError, match="no columns px py pz"):
+        Touches.of(gravity)
+    with pytest.raises(CalibrationError, match="must be above 0"):
+        Touches.of(Recording.read(folder / "touch.parquet"), std=0.0)
+    columns = dict(gravity.columns) | {"px": np.zeros(len(gravity))}
+    with pytest.raises(RecordingError, match="px without the rest of px py pz"):
+        Recording(gravity.metadata, columns)
+
+
+def test_a_point_out_of_reach_stops_the_campaign(tmp_path):
+    q = MEDRUE.home[None]
+    plan = Plan.of("medrue", q, points=np.array([[3.0, 0.0, 0.0]]))
+    with (
+        SimDriver(SimOptions("medrue")) as driver,
+        pytest.raises(DriverError, match="cannot reach"),
+    ):
+        record(driver, plan, tmp_path / "t.parquet")
+
+
+@pytest.fixture(scope="module")
+def mix():
+    return reach(MEDRUE, 3e-4, pool=800)
+
+
+def test_a_mix_reaches_its_accuracy_with_few_measurements(mix):
+    assert mix.assured <= 3e-4
+    assert mix.rms < mix.assured < mix.before
+    assert len(mix) <= 16
+    assert len(mix.gravity) >= 6
+    assert list(mix.course) == sorted(mix.course, key=lambda step: step[0])
+    assert mix.course[0][1] > 20 * mix.course[-1][1]
+
+
+def test_costly_touches_give_way_to_poses(mix):
+    dear = reach(MEDRUE, 3e-4, pool=800, touch_cost=50.0)
+    assert dear.assured <= 3e-4
+    assert len(dear.touches) < len(mix.touches)
+    assert len(dear.gravity) > len(mix.gravity)
+
+
+@pytest.mark.parametrize("number", [0, 1, 2])
+def test_robots_that_run_the_mix_reach_it(mix, tmp_path, number):
+    truth = wrong(100 + number)
+    with SimDriver(SimOptions("medrue", parameters=truth, seed=number)) as driver:
+        record(driver, mix.gravity, tmp_path / "g.parquet")
+        record(driver, mix.touches, tmp_path / "t.parquet", samples=3)
+    options = Options(free=("candidates", "sensor.bias"), prior=True)
+    touches = Touches.of(Recording.read(tmp_path / "t.parquet"))
+    fit = calibrate(Recording.read(tmp_path / "g.parquet"), options, touches)
+    theta = MODEL.parameters.vector(truth)[:OWN]
+    found = MODEL.parameters.vector(dict(fit.theta))[:OWN]
+    target = workspace.target(MEDRUE)
+    error = MEDRUE.tool_pose(target, found)[1] - Simulation(MEDRUE, theta).tip(target)
+    assert np.sqrt((error**2).sum(axis=1).mean()) < 3.3e-4
+
+
+def test_what_no_plan_can_reach_is_said():
+    with pytest.raises(PlanError, match="together reach .* mm, not 1e-06 mm: touch more"):
+        reach(MEDRUE, 1e-9, pool=100, touch_std=1e-2, points=np.array([[0.4, 0.4, -0.2]]))
+    with pytest.raises(PlanError, match="must be above 0"):
+        reach(MEDRUE, 0.0)
+
+
+def test_points_come_from_csv_with_clear_errors(tmp_path):
+    path = tmp_path / "points.csv"
+    path.write_text("x,y,z\n0.4,0.3,-0.2\n0.5,0.3,-0.2\n")
+    assert read_points(path) == pytest.approx(np.array([[0.4, 0.3, -0.2], [0.5, 0.3, -0.2]]))
+    for text, message in {
+        "x,y,z\n": "holds no points",
+        "x,y\n1,2\n": "row 0: column 'z' is missing",
+        "x,y,z\n1,2,a\n": "row 0: z = 'a' is not a number",
+        "x,y,z\n400,300,-200\n": "is it in mm",
+        "x,y,z\n1,nan,0\n": "row 0: y = nan",
+    }.items():
+        path.write_text(text)
+        with pytest.raises(PlanError, match=message):
+            read_points(path)
+    with pytest.raises(PlanError, match="cannot be read"):
+        read_points(tmp_path / "none.csv")
+
+
+def test_a_plan_with_half_a_point_is_refused(tmp_path):
+    import pyarrow.parquet as pq
+
+    path = tmp_path / "p.parquet"
+    Plan.of("medrue", MEDRUE.home[None], points=np.zeros((1, 3))).write(path)
+    table = pq.read_table(path)
+    pq.write_table(table.drop_columns(["pz"]), path)
+    with pytest.raises(PlanError, match="need all of px py pz"):
+        Plan.read(path)

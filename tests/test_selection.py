@@ -1,0 +1,221 @@
+"""Observability indices, exchange and certified bounds against brute force and first principles."""
+
+from itertools import combinations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from wrenchbed import registry
+from wrenchbed.errors import PlanError
+from wrenchbed.planning import informative, poses
+from wrenchbed.selection.certificate import certify, rounded
+from wrenchbed.selection.criteria import (
+    INDICES,
+    a_optimality,
+    i_optimality,
+    observability_indices,
+)
+from wrenchbed.selection.elimination import eliminate
+from wrenchbed.selection.exchange import Pool, exchange
+
+M = 4
+
+
+def blocks(n: int, seed: int, m: int = M) -> np.ndarray:
+    return np.random.default_rng(seed).normal(size=(n, 2, m)) * np.geomspace(1.0, 0.3, m)
+
+
+def weight(seed: int) -> np.ndarray:
+    half = np.random.default_rng(seed).normal(size=(M, M))
+    return half @ half.T
+
+
+CRITERIA = {**INDICES, "A": a_optimality(M), "I": i_optimality(weight(0))}
+each_criterion = pytest.mark.parametrize("criterion", CRITERIA.values(), ids=CRITERIA.keys())
+CONCAVE = {k: c for k, c in CRITERIA.items() if c.power is not None}
+each_concave = pytest.mark.parametrize("criterion", CONCAVE.values(), ids=CONCAVE.keys())
+
+
+def test_the_indices_are_those_of_their_definitions():
+    jacobian = blocks(5, 1)
+    s = np.linalg.svd(jacobian.reshape(-1, M), compute_uv=False)
+    found = observability_indices(jacobian)
+    assert found["O1"] == pytest.approx(np.prod(s) ** (1 / M) / np.sqrt(5))
+    assert found["O2"] == pytest.approx(s[-1] / s[0])
+    assert found["O3"] == pytest.approx(s[-1])
+    assert found["O4"] == pytest.approx(s[-1] ** 2 / s[0])
+    assert found["O5"] == pytest.approx(1 / np.sum(1 / s))
+
+
+def test_a_hand_computed_case():
+    jacobian = np.array([[[3.0, 0.0], [0.0, 4.0]]])
+    found = observability_indices(jacobian)
+    assert found["O1"] == pytest.approx(np.sqrt(12.0))
+    assert (found["O2"], found["O3"], found["O4"]) == pytest.approx((0.75, 3.0, 2.25))
+    assert found["O5"] == pytest.approx(12 / 7)
+
+
+def test_too_few_configurations_for_an_index_are_refused():
+    with pytest.raises(PlanError, match="1 configurations give 2 readings, too few for 4"):
+        observability_indices(blocks(1, 0))
+
+
+@each_criterion
+@given(seed=st.integers(0, 1000))
+@settings(max_examples=20, deadline=None)
+def test_the_gradient_is_the_derivative(criterion, seed):
+    information = Pool(blocks(6, seed)).information(np.arange(6))
+    step = weight(seed + 1) * 1e-6
+    difference = criterion.values(information + step) - criterion.values(information - step)
+    slope = 2 * np.trace(criterion.gradient(information) @ step)
+    assert difference == pytest.approx(slope, rel=1e-4, abs=1e-12)
+
+
+@each_criterion
+@given(seed=st.integers(0, 1000), sign=st.sampled_from([1.0, -1.0]))
+@settings(max_examples=20, deadline=None)
+def test_rank_k_changes_equal_recomputation(criterion, seed, sign):
+    pool = Pool(blocks(8, seed))
+    information = pool.information(np.arange(8))
+    fast = criterion.changed(information, pool.blocks[:4], sign)
+    slow = [criterion.values(information + sign * b.T @ b) for b in pool.blocks[:4]]
+    assert fast == pytest.approx(np.array(slow), rel=1e-8)
+
+
+@each_concave
+@given(seed=st.integers(0, 1000), share=st.floats(0.05, 0.95), factor=st.floats(0.1, 10.0))
+@settings(max_examples=30, deadline=None)
+def test_the_stated_power_is_homogeneous_and_concave(criterion, seed, share, factor):
+    def phi(m: np.ndarray) -> float:
+        return float(criterion.values(m)) ** criterion.power
+
+    a, b = (Pool(blocks(6, s)).information(np.arange(6)) for s in (seed, seed + 7))
+    assert phi(factor * a) == pytest.approx(factor * phi(a), rel=1e-9)
+    mixed = phi(share * a + (1 - share) * b)
+    assert mixed >= (share * phi(a) + (1 - share) * phi(b)) * (1 - 1e-9)
+
+
+@each_criterion
+def test_exchange_finds_what_brute_force_finds(criterion):
+    missed = 0
+    for seed in range(10):
+        pool = Pool(blocks(10, seed))
+        best = max(float(criterion.values(pool.information(s))) for s in combinations(range(10), 4))
+        found = max(exchange(pool, criterion, 4, seed=k).value for k in range(3))
+        assert found <= best * (1 + 1e-9)
+        missed += found < best * (1 - 1e-9)
+    assert missed <= 1
+
+
+@each_concave
+def test_no_choice_exceeds_the_certified_bound(criterion):
+    for seed in range(5):
+        pool = Pool(blocks(12, seed))
+        start = exchange(pool, criterion, 5, seed=seed).chosen
+        certificate = certify(pool, criterion, 5, start)
+        best = max(float(criterion.values(pool.information(s))) for s in combinations(range(12), 5))
+        assert best <= certificate.bound * (1 + 1e-9)
+        if criterion.smooth:
+            assert certificate.bound < 1.3 * best
+        assert certificate.weight.sum() == pytest.approx(1.0)
+        assert certificate.weight.max() <= 1 / 5 + 1e-9
+
+
+@pytest.mark.parametrize("name", ["O2", "O4"])
+def test_what_is_not_concave_is_not_certified(name):
+    pool = Pool(blocks(12, 0))
+    with pytest.raises(PlanError, match=f"{name} is not concave"):
+        certify(pool, INDICES[name], 5, np.arange(5))
+
+
+def test_a_rounded_design_begins_near_the_bound():
+    pool = Pool(blocks(2000, 3))
+    first = exchange(pool, INDICES["O1"], 40, seed=0)
+    certificate = certify(pool, INDICES["O1"], 40, first.chosen)
+    begin = rounded(certificate, 40)
+    assert len(set(begin.tolist())) == 40
+    value = float(INDICES["O1"].values(pool.information(begin)))
+    assert value > 0.98 * certificate.bound
+    assert first.value > 0.99 * certificate.bound
+
+
+def test_an_exchange_never_loses_and_never_repeats():
+    pool = Pool(blocks(300, 5))
+    told: list[float] = []
+    done = exchange(pool, INDICES["O5"], 12, seed=1, tell=told.append)
+    assert list(done.history) == sorted(done.history)
+    assert told == list(done.history[1:])
+    assert len(set(done.chosen.tolist())) == 12
+    assert done.value == pytest.approx(float(INDICES["O5"].values(pool.information(done.chosen))))
+
+
+def test_units_of_parameters_leave_o1s_choice_alone():
+    scale = np.array([1e3, 1.0, 57.3, 0.1])
+    start = np.arange(9)
+    a = exchange(Pool(blocks(200, 2)), INDICES["O1"], 9, start=start).chosen
+    b = exchange(Pool(blocks(200, 2) * scale), INDICES["O1"], 9, start=start).chosen
+    assert set(a.tolist()) == set(b.tolist())
+
+
+def test_impossible_choices_are_refused():
+    pool = Pool(blocks(20, 0))
+    with pytest.raises(PlanError, match="4 parameters need at least 2"):
+        exchange(pool, INDICES["O1"], 1)
+    with pytest.raises(PlanError, match="21 configurations of 20"):
+        exchange(pool, INDICES["O1"], 21)
+    blind = blocks(20, 0)
+    blind[..., 3] = blind[..., 2]
+    with pytest.raises(PlanError, match="never have full rank"):
+        exchange(Pool(blind), INDICES["O1"], 5)
+
+
+def test_a_prior_allows_fewer_measurements_than_parameters():
+    done = exchange(Pool(blocks(50, 0)), CRITERIA["A"], 1, prior=np.eye(M))
+    single = [CRITERIA["A"].values(np.eye(M) + b.T @ b) for b in blocks(50, 0)]
+    assert done.chosen.tolist() == [int(np.argmax(single))]
+
+
+def test_elimination_keeps_a_full_rank_set_and_names_columns_without_effect():
+    a = np.random.default_rng(0).normal(size=(30, 4))
+    jacobian = np.column_stack([a, a[:, 0] + a[:, 1], np.zeros(30)])
+    done = eliminate(jacobian, list("abcdef"))
+    assert done.no_effect == ("f",)
+    assert len(done.dropped) == 1
+    assert done.dropped[0] in "abe"
+    assert len(done.kept) == 4
+
+
+@pytest.mark.parametrize("robot", ["ur5", "medrue"])
+def test_informative_poses_beat_random_ones(robot):
+    arm = registry.load("robots", robot)
+    plan = informative(arm, 30, "O1", 1500, seed=0)
+    assert len(plan) == 30
+    assert not arm.infeasible(plan.q, arm.parameters.nominal)
+    assert np.array_equal(plan.q, informative(arm, 30, "O1", 1500, seed=0).q)
+    random = [_o1(arm, poses(arm, 30, seed).q) for seed in range(10)]
+    assert _o1(arm, plan.q) > max(random)
+
+
+def _o1(arm, q: np.ndarray) -> float:
+    from wrenchbed.model import Model
+
+    model = Model.of(arm)
+    columns = model.parameters.select(arm.free)
+    scale = model.parameters.tolerance[list(columns)]
+    std = registry.load("sensors", arm.sensor).noise.row_std
+    jacobian = model.jacobian(q, model.parameters.nominal, columns) / std[:, None] * scale
+    return observability_indices(jacobian)["O1"]
+
+
+def test_informative_poses_are_refused_clearly():
+    arm = registry.load("robots", "medrue")
+    with pytest.raises(PlanError, match="100 poses cannot be chosen from a pool of 50"):
+        informative(arm, 100, "O1", 50, 0)
+    with pytest.raises(PlanError, match="'O6' is not one of O1, O2, O3, O4, O5, A"):
+        informative(arm, 10, "O6", 50, 0)
+    with pytest.raises(PlanError, match="27 parameters need at least 5"):
+        informative(arm, 3, "O1", 50, 0)
+    with pytest.raises(PlanError, match="no joints"):
+        informative(registry.load("robots", "oriented"), 3, "O1", 50, 0)

@@ -1,0 +1,276 @@
+"""The two papers run again: published and golden numbers recovered on small sizes."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from wrenchbed import registry, study
+from wrenchbed.cli import main
+from wrenchbed.errors import MissingExtraError, NotFoundError
+from wrenchbed.study import parts
+from wrenchbed.study.medrue import beyond, identifiable, one_robot, published, robots
+from wrenchbed.study.medrue import run as medrue_run
+from wrenchbed.study.medrue.identification import as_the_paper, weighted
+from wrenchbed.study.medrue.noise import MINI40, PAPER, SAMPLES
+from wrenchbed.study.medrue.setting import Design, prepare
+from wrenchbed.study.page import Figure, Page, Section, Table, show
+from wrenchbed.study.ur5 import table1, trial
+from wrenchbed.study.ur5.scene import SCENARIOS
+
+
+@pytest.fixture(scope="module")
+def setting():
+    return prepare(4000, 0, orientations=10)
+
+
+@pytest.fixture(scope="module")
+def chosen(setting):
+    from wrenchbed.selection.criteria import INDICES
+    from wrenchbed.selection.exchange import Pool, exchange
+
+    return exchange(Pool(setting.in_table_units), INDICES["O1"], 100, seed=0).chosen
+
+
+@pytest.fixture(scope="module")
+def paper_robot(setting, chosen):
+    designs = {k: Design(k, chosen, 1.0, None) for k in one_robot.INDICES}
+    return one_robot.study(setting, designs, seed=0), designs
+
+
+def test_table_1_gives_the_printed_position_errors(paper_robot):
+    one, _ = paper_robot
+    rows = {(r["method"], r["workspace"], r["quantity"]): r for r in one.printed}
+    before, after = (rows[m, "target", "position"] for m in ("before", "printed"))
+    printed = {"before": (8.59, 12.37, 1.63), "after": (0.274, 0.329, 0.0178)}
+    for row, key in ((before, "before"), (after, "after")):
+        found = [1e3 * row[s] for s in ("mean", "max", "std")]
+        assert found == pytest.approx(printed[key], rel=5e-3)
+    assert 1e3 * after["mean"] == pytest.approx(published.AFTER["mean"], rel=0.03)
+    assert 1e3 * before["mean"] == pytest.approx(published.BEFORE["mean"], rel=0.06)
+
+
+def test_without_noise_the_papers_procedure_is_exact_in_five_steps(paper_robot):
+    one, _ = paper_robot
+    assert one.exact.steps in (5, 6)
+    for errors in one.exact_errors.values():
+        assert errors.max() < 1e-12  # m
+    assert one.exact.changes[-1] < 1e-12
+
+
+def test_rank_and_redundancies_of_the_49(setting, chosen):
+    told = identifiable.examine(setting, chosen, one_robot.truth(setting))
+    assert set(told.ranks.values()) == {27}
+    assert len(told.observability.no_effect) == 14
+    sentences = " ".join(r.sentence for r in told.observability.redundancies)
+    assert len(told.observability.redundancies) == 8
+    for words in ("d41 + d42", "xG − xS", "yG − yS", "zG − zS", "shift of all anchors along y",
+                  "along z", "overall scale", "rotation of all anchors"):  # fmt: skip
+        assert words in sentences
+    kept = [set(e.kept) for e in told.eliminations.values()]
+    assert all(len(k) == 27 for k in kept)
+    assert len({frozenset(k) for k in kept}) > 10, "the elimination is no longer arbitrary"
+
+
+def test_the_bound_follows_from_noise_and_mass(setting, chosen):
+    bound = setting.bound(chosen, PAPER.std)
+    assert 1.7e-3 < bound < 2.7e-3
+    assert setting.bound(chosen, PAPER.std * 2) == pytest.approx(2 * bound)
+    theta = setting.model.parameters.vector({"mTool": 0.73})
+    heavy = replace(setting, jacobian=setting.model.jacobian(setting.q, theta, setting.columns))
+    assert heavy.bound(chosen, PAPER.std) == pytest.approx(bound / 2, rel=1e-6)
+    assert bound / setting.bound(chosen, PAPER.std * np.sqrt(SAMPLES)) == pytest.approx(0.1)
+
+
+def test_weighted_identification_is_efficient_and_unweighted_is_not(setting, chosen):
+    theta = one_robot.truth(setting)
+    from wrenchbed.simulation import Simulation
+
+    q = setting.q[chosen]
+    exact = Simulation(setting.robot, theta[: len(setting.robot.parameters)]).wrench(q)
+    rng = np.random.default_rng(0)
+    covariance = setting.covariance(chosen, MINI40.std)
+    columns = list(setting.columns)
+    distances, plain, best = [], [], []
+    for _ in range(40):
+        wrench = exact + rng.standard_normal(exact.shape) * MINI40.std
+        found = weighted(setting, q, wrench, MINI40.std, theta).theta
+        off = found[columns] - theta[columns]
+        distances.append(off @ np.linalg.solve(covariance, off))
+        best.append(setting.goal.errors(off))
+        unweighted = as_the_paper(setting, q, wrench, 1e-6).theta
+        plain.append(setting.goal.errors(unweighted[columns] - theta[columns]))
+    assert np.mean(distances) == pytest.approx(27.0, abs=4 * np.sqrt(2 * 27 / 40))
+    assert np.sqrt(np.mean(np.square(plain))) > 1.5 * np.sqrt(np.mean(np.square(best)))
+
+
+def test_the_published_deviations_fit_the_certificate_and_an_unweighted_fit(setting, paper_robot):
+    _, designs = paper_robot
+    chi = one_robot.chi_squares(setting, designs)
+    likely = chi[f"{MINI40.name}, unweighted"]
+    assert 12 < likely < 40
+    assert all(v < 3 for k, v in chi.items() if k.startswith("±1 N"))
+
+
+def test_with_all_parameters_wrong_the_wrench_is_silent(setting, chosen):
+    wrong = beyond.all_wrong(setting, chosen, seed=0, robots=6)
+    assert wrong.residual.max() < 1e-12
+    assert wrong.after.mean() > 2e-3
+    assert wrong.after.mean() < wrong.before.mean()
+    assert wrong.rigid.mean() < 0.15 * wrong.after.mean()
+    assert (wrong.similar <= wrong.rigid + 1e-12).all()
+
+
+def test_one_robots_rows_are_the_same_when_run_again(setting, chosen):
+    designs = {"O1": chosen, "random": np.arange(0, 4000, 40)}
+    small = replace(setting, q=setting.q, jacobian=setting.jacobian[:0])
+    shared = robots.Shared(small, designs, seed=3)
+    first, again = robots.one_robot(shared, 5), robots.one_robot(shared, 5)
+    assert first == again
+    assert first != robots.one_robot(shared, 6)
+    exact = [r for r in first if r["noise"] == "none" and r["quantity"] == "position"]
+    assert max(r["max"] for r in exact) < 1e-12
+
+
+def squares(shared: int, number: int) -> list[parts.Row]:
+    return [{"number": number, "square": number**2 + shared}]
+
+
+def test_finished_parts_are_not_done_again(tmp_path):
+    told: list[int] = []
+    table = parts.run(squares, 1, range(4), tmp_path, "x", told.append, workers=2)
+    assert table["square"].to_pylist() == [1, 2, 5, 10]
+    assert sum(told) == 4
+    (tmp_path / "x-00002.parquet").unlink()
+    (tmp_path / "x-00001.partial").write_bytes(b"half")
+    marked = pa.table({"number": [0], "square": [99]})
+    pq.write_table(marked, tmp_path / "x-00000.parquet")
+    again = parts.run(squares, 1, range(4), tmp_path, "x", told.append, workers=2)
+    assert again["square"].to_pylist() == [99, 2, 5, 10]
+
+
+def broken(shared: int, number: int) -> list[parts.Row]:
+    raise ValueError(f"part {number}")
+
+
+def test_a_part_that_fails_says_so(tmp_path):
+    with pytest.raises(ValueError, match="part"):
+        parts.run(broken, 0, range(2), tmp_path, "b", lambda _: None, workers=1)
+    assert not list(tmp_path.glob("b-*.parquet"))
+
+
+def test_keys_change_with_their_content():
+    assert parts.key(1, [2]) == parts.key(1, [2])
+    assert parts.key(1, [2]) != parts.key(1, [3])
+
+
+def test_cells_are_shown_with_sense():
+    assert [show(x) for x in ("a", 40_000, 0.0, np.nan, 2.0312, 1.5e-9)] == [
+        "a", "40,000", "0", "–", "2.031", "1.50e-09",
+    ]  # fmt: skip
+
+
+def test_pages_escape_what_would_break_them():
+    table = Table.of("T <1>", ("a|b", "n"), [("x < y", 1)], "note & more")
+    page = Page("P", "lead", (Section("S", "text", (table, Figure("f", "F", "<svg></svg>"))),))
+    assert r"a\|b" in page.markdown()
+    html = page.html()
+    assert "x &lt; y" in html
+    assert "<svg></svg>" in html
+    assert "T &lt;1&gt;" in html
+    with pytest.raises(ValueError, match="must have 2 cells"):
+        Table.of("T", ("a", "b"), [("only one",)])
+
+
+def test_a_missing_library_names_its_extra(monkeypatch, tmp_path):
+    def none(name: str):
+        raise ModuleNotFoundError(name)
+
+    monkeypatch.setattr(registry.importlib, "import_module", none)
+    with pytest.raises(MissingExtraError, match=r"wrenchbed\[report\]"):
+        registry.require("jinja2", "report")
+
+
+def test_an_unknown_study_is_refused(tmp_path):
+    with pytest.raises(NotFoundError, match="no study 'puma'"):
+        study.run("puma", tmp_path)
+
+
+def test_the_medrue_study_runs_from_pool_to_page(tmp_path, monkeypatch, capfd):
+    monkeypatch.setattr(medrue_run, "POOL", 2000)
+    monkeypatch.setattr(medrue_run, "CONFIRM", {True: 1})
+    monkeypatch.setattr(medrue_run, "ROBOTS_ALL_WRONG", {True: 3})
+    monkeypatch.setattr(medrue_run.limits, "COUNTS", (30, 100))
+    monkeypatch.setattr(medrue_run.limits, "RANGES", ((30, 60),))
+    out = tmp_path / "study"
+    run = ["study", "medrue", "--quick", "--robots", "2", "--out", str(out), "--json"]
+    assert main(run) == 0
+    result = json.loads(capfd.readouterr().out)
+    assert result["rank"] == 27
+    assert len(result["redundancies"]) == 8
+    assert 1.5 < result["bound_mm"] < 3.5
+    assert result["published_mm"] == pytest.approx(0.2775, abs=1e-4)
+    assert max(result["noise_free_mm"].values()) < 1e-9
+    text = (out / "medrue.md").read_text(encoding="utf-8")
+    for title in ("Table 1", "Tables 2 and 3", "Table 4", "Table 5", "Figure 4", "Figure 6",
+                  "Figure 7", "Figure 8", "Attainable, attained, published"):  # fmt: skip
+        assert title in text, title
+    for figure in ("figure4", "figure6", "figure7", "figure8"):
+        assert (out / f"{figure}.svg").read_text(encoding="utf-8").startswith("<svg")
+    assert json.loads((out / "medrue.json").read_text(encoding="utf-8")) == result
+    assert pq.read_table(out / "robots.parquet").num_rows > 100
+    assert "http" not in (out / "medrue.html").read_text(encoding="utf-8").replace(
+        "http://www.w3.org", ""
+    ).replace("http://creativecommons.org", "").replace("https://matplotlib.org", "").replace(
+        "http://purl.org", ""
+    )
+
+
+@pytest.fixture(scope="module")
+def as_assumed():
+    return trial.run(SCENARIOS[0], seed=4)
+
+
+def test_known_weights_and_the_joint_fit_reach_the_floor(as_assumed):
+    floor = as_assumed.overall("floor")
+    for method in ("Method 1", "joint fit"):
+        found = as_assumed.overall(method)
+        assert found[0] < 1.5 * floor[0]
+        assert found[1] < 1.5 * floor[1]
+
+
+def test_the_other_methods_leave_exactly_what_they_ignore(as_assumed):
+    for method in ("Method 2", "Method 3", "Method 3, with tool gravity"):
+        left, ignored = as_assumed.residual[method], as_assumed.ignored[method]
+        assert np.abs(left - ignored)[:, :3].max() < 0.1
+        assert np.linalg.norm(ignored[:, :3], axis=1).max() > 1.0
+
+
+def test_a_wrong_stated_mass_spoils_all_but_the_joint_fit():
+    wrong = trial.run(next(s for s in SCENARIOS if s.stated_mass != 1.0 and not s.cold), seed=4)
+    floor = wrong.overall("floor")[0]
+    assert wrong.overall("Method 1")[0] > 20 * floor
+    assert wrong.overall("joint fit")[0] < 1.5 * floor
+    mass = wrong.fit["tool.mass"]
+    assert abs(mass.value - 1.35) < 4 * mass.std
+
+
+def test_the_articles_table_does_not_reach_the_flange():
+    ur5 = registry.load("robots", "ur5")
+    assert np.median(table1.distance(ur5, seed=0)) > 0.3
+
+
+def test_the_ur5_study_runs(tmp_path, capfd):
+    out = tmp_path / "ur5"
+    assert main(["study", "ur5", "--robots", "1", "--out", str(out), "--json"]) == 0
+    result = json.loads(capfd.readouterr().out)
+    assert {"rank", "redundancies", "bound_mm", "force", "scenarios"} <= set(result)
+    assert set(result["force"]) == {"right", "up", "backward", "down", "left"}
+    text = (out / "ur5.md").read_text(encoding="utf-8")
+    for n in range(2, 7):
+        assert f"Table {n}: tool" in text
+    for n in range(8, 18):
+        assert (out / f"figure{n}.svg").exists()
