@@ -171,6 +171,8 @@ def test_touches_that_are_none_are_refused(touched, tmp_path):
         Touches.of(gravity)
     with pytest.raises(CalibrationError, match="must be above 0"):
         Touches.of(Recording.read(folder / "touch.parquet"), std=0.0)
+    with pytest.raises(CalibrationError, match="these are touches"):
+        calibrate(Recording.read(folder / "touch.parquet"))
     columns = dict(gravity.columns) | {"px": np.zeros(len(gravity))}
     with pytest.raises(RecordingError, match="px without the rest of px py pz"):
         Recording(gravity.metadata, columns)

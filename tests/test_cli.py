@@ -321,6 +321,53 @@ def test_record_stopped_with_ctrl_c_finishes_its_file(tmp_path):
         assert process.stderr is not None
         err = process.stderr.read()
     assert process.returncode == 130
-    assert "what was recorded so far is on disk" in err
+    assert "what was done so far is on disk" in err
     assert len(Recording.read(tmp_path / "rec.parquet")) >= 500
     assert not list(tmp_path.glob("*.journal"))
+
+
+def test_poses_chosen_by_an_index_and_touches_planned_for_an_accuracy(tmp_path, capfd):
+    poses, rec, touched, fit = (str(tmp_path / n) for n in ("p.parquet", "r.parquet", "t.parquet",
+                                                            "fit.json"))  # fmt: skip
+    chosen = ["plan", "medrue", "--index", "O1", "--n", "20", "--pool", "300", "--out", poses]
+    assert main(chosen) == 0
+    assert pq.read_table(poses).num_rows == 20
+    capfd.readouterr()
+    points = tmp_path / "points.csv"
+    grid = [(x, y, z) for x in (0.2, 0.6) for y in (0.3, 0.6) for z in (-0.25, -0.1)]
+    points.write_text("x,y,z\n" + "".join(f"{x},{y},{z}\n" for x, y, z in grid))
+    goal = ["plan", "medrue", "--goal", "target-position", "--accuracy", "1e-3", "--pool", "300",
+            "--points", str(points), "--out", poses, "--json"]  # fmt: skip
+    assert main(goal) == 0
+    told = json.loads(capfd.readouterr().out)
+    assert told["assured_mm"] <= 1.0 < told["before_mm"]
+    assert told["poses"] == pq.read_table(poses).num_rows
+    assert told["touches"] == pq.read_table(told["touch_plan"]).num_rows
+    for plan, out in ((poses, rec), (told["touch_plan"], touched)):
+        run = ["record", "--robot", "medrue", "--plan", plan, "--out", out, "--samples", "20"]
+        assert main(run) == 0
+    both = ["calibrate", rec, "--touches", touched, "--free", "candidates", "sensor.bias",
+            "--prior", "--out", fit, "--json"]  # fmt: skip
+    capfd.readouterr()
+    assert main(both) == 0
+    result = json.loads(capfd.readouterr().out)
+    assert {"xT", "x0", "sensor.bias.fx"} <= set(result["parameters"])
+    assert abs(result["parameters"]["zT"]["value"] - 0.1346) < 2e-3
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["ur5", "--goal", "target-position"], "has no tool tip and target workspace"),
+        (["medrue", "--goal", "target-position", "--accuracy", "-1"], "must be above 0"),
+        (["medrue", "--goal", "target-position", "--points", "none.csv"], "cannot be read as CSV"),
+        (["medrue", "--index", "O1", "--n", "10", "--pool", "5"], "cannot be chosen from a pool"),
+        (["medrue", "--index", "O1", "--motion", "multisine"], "either poses or a motion"),
+        (["medrue", "--index", "O1", "--goal", "target-position"], "chooses its own poses"),
+    ],
+)  # fmt: skip
+def test_plans_that_make_no_sense_are_refused(tmp_path, capfd, arguments, message):
+    out = tmp_path / "p.parquet"
+    assert main(["plan", *arguments, "--out", str(out)]) == 1
+    assert message in said(capfd)
+    assert not out.exists()

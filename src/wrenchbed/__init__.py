@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from wrenchbed.errors import WrenchbedError
     from wrenchbed.fit import Fit
     from wrenchbed.importing import import_files
-    from wrenchbed.mixing import reach
+    from wrenchbed.mixing import Mix, reach
     from wrenchbed.model import Model
     from wrenchbed.plan import Plan
     from wrenchbed.planning import informative, multisine, poses
@@ -30,6 +30,7 @@ __version__ = version("wrenchbed")
 
 _HOME = {
     "Fit": ("fit", "Fit"),
+    "Mix": ("mixing", "Mix"),
     "Model": ("model", "Model"),
     "Options": ("calibration", "Options"),
     "Plan": ("plan", "Plan"),
@@ -54,6 +55,7 @@ _HOME = {
 
 __all__ = [
     "Fit",
+    "Mix",
     "Model",
     "Options",
     "Plan",

@@ -17,7 +17,7 @@ from wrenchbed.model import Model
 from wrenchbed.observability import Observability, analyse
 from wrenchbed.observations import Observations, fallback_covariance, observe
 from wrenchbed.problem import LOSSES, Problem
-from wrenchbed.recording import QUATERNION, Recording
+from wrenchbed.recording import POINT, QUATERNION, Recording
 from wrenchbed.robots.base import Robot
 from wrenchbed.touches import Touches
 from wrenchbed.weighting import Outcome, fit
@@ -99,6 +99,11 @@ def calibrate(
     recording = _without_unknown_joints(recording)
     if options.loss not in LOSSES:
         raise CalibrationError(f"loss {options.loss!r} is not one of {', '.join(LOSSES)}")
+    if POINT[0] in recording.columns:
+        raise CalibrationError(
+            f"{recording.name}: these are touches (columns px py pz), whose contact loads the "
+            "sensor; give them as touches beside a recording under gravity"
+        )
     robot = robot_of(recording)
     model = Model.of(robot, recording.metadata)
     data = observe(recording)

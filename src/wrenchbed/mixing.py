@@ -114,6 +114,8 @@ def reach(
             f"accuracy {accuracy} m, touch cost {touch_cost} and touch std {touch_std} m must be "
             f"above 0, share {share} between 0 and 1"
         )
+    if not 0 <= least_poses <= pool or pool < 1:
+        raise PlanError(f"{least_poses} poses cannot be chosen from a pool of {pool}")
     task = _task(robot, robot.goal_sets(pool, points, seed), touch_std, share)
     _check_possible(task, accuracy)
     still: list[int] = []

@@ -1,13 +1,14 @@
 """The verb that chooses what to measure."""
 
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import tyro
 
 import wrenchbed as wb
 from wrenchbed.cli import console
 from wrenchbed.cli.console import Json
+from wrenchbed.errors import PlanError
 
 
 def plan(
@@ -16,7 +17,7 @@ def plan(
     out: Path,
     n: int = 100,
     index: Literal["O1", "O2", "O3", "O4", "O5", "A"] | None = None,
-    pool: int = 40000,
+    pool: int | None = None,
     goal: Literal["target-position"] | None = None,
     accuracy: float = 3e-4,
     touch_cost: float = 1.0,
@@ -38,7 +39,7 @@ def plan(
         out: Parquet file to write.
         n: Number of poses.
         index: Observability index to make as large as possible.
-        pool: Candidate poses to choose from.
+        pool: Candidate poses to choose from; 40,000 for an index, 4,000 for a goal.
         goal: Fewest measurements that reach a position accuracy in the robot's target workspace.
         accuracy: Wanted rms position error [m], for 95 % of robots within tolerance.
         touch_cost: What a touch costs, in poses under gravity.
@@ -52,38 +53,35 @@ def plan(
     """
     console.check_seed(seed)
     arm = wb.load("robots", robot)
+    if motion != "poses" and (index is not None or goal is not None):
+        raise PlanError("choose either poses or a motion: --index and --goal are for poses")
+    if goal is not None and index is not None:
+        raise PlanError("--goal chooses its own poses; leave --index out")
     if goal is not None:
         known = None if points is None else wb.read_points(points)
-        return _plan_goal(arm, out, accuracy, touch_cost, touch_std, known, seed, as_json)
+        mix = wb.reach(
+            arm, accuracy, touch_cost=touch_cost, touch_std=touch_std, points=known,
+            pool=4_000 if pool is None else pool, seed=seed,
+        )  # fmt: skip
+        return _answer_mix(mix, out, as_json)
     if motion == "multisine":
         chosen = wb.multisine(arm, seconds, rate, seed)
     elif index is None:
         chosen = wb.poses(arm, n, seed)
     else:
-        chosen = wb.informative(arm, n, index, pool, seed)
+        chosen = wb.informative(arm, n, index, 40_000 if pool is None else pool, seed)
     chosen.write(out)
     what = f"{len(chosen)} poses" if motion == "poses" else f"{seconds:g} s at {rate:g} Hz"
     result = {"plan": str(out), "robot": robot, "mode": chosen.mode, "rows": len(chosen)}
     console.answer(result, as_json, f"planned {what} for {robot} → {out}")
 
 
-def _plan_goal(
-    arm: Any,
-    out: Path,
-    accuracy: float,
-    touch_cost: float,
-    touch_std: float,
-    known: Any,
-    seed: int,
-    as_json: bool,
-) -> None:
-    mix = wb.reach(
-        arm, accuracy, touch_cost=touch_cost, touch_std=touch_std, points=known, seed=seed
-    )
+def _answer_mix(mix: wb.Mix, out: Path, as_json: bool) -> None:
     beside = out.with_name(f"{out.stem}.touches.parquet")
     mix.gravity.write(out)
     result = {
-        "plan": str(out), "robot": arm.name, "poses": len(mix.gravity), "touches": len(mix.touches),
+        "plan": str(out), "robot": mix.gravity.robot, "poses": len(mix.gravity),
+        "touches": len(mix.touches),
         "touch_plan": None, "rms_mm": 1e3 * mix.rms, "assured_mm": 1e3 * mix.assured,
         "before_mm": 1e3 * mix.before,
     }  # fmt: skip

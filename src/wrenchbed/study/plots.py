@@ -48,7 +48,7 @@ def _axes(size: tuple[float, float], columns: int = 1, rows: int = 1, **options:
 
 def _svg(figure: Any) -> str:
     buffer = io.StringIO()
-    figure.savefig(buffer, format="svg", metadata={"Date": None})
+    figure.savefig(buffer, format="svg", metadata={"Date": None}, dpi=150)
     text = buffer.getvalue()
     return text[text.index("<svg") :]
 
@@ -106,7 +106,13 @@ def workspaces(sets: Mapping[str, np.ndarray], targets: Mapping[str, np.ndarray]
                 *((p, ORANGE, 9) for p in targets.values()),
             ):
                 ax.scatter(
-                    1e3 * points[:, i], 1e3 * points[:, j], s=size, color=colour, lw=0, alpha=0.7
+                    1e3 * points[:, i],
+                    1e3 * points[:, j],
+                    s=size,
+                    color=colour,
+                    lw=0,
+                    alpha=0.7,
+                    rasterized=True,
                 )
             ax.set_xlabel("x [mm]")
             ax.set_ylabel(f"{b} [mm]")
