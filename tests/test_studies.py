@@ -75,6 +75,16 @@ def test_rank_and_redundancies_of_the_49(setting, chosen):
     assert len({frozenset(k) for k in kept}) > 10, "the elimination is no longer arbitrary"
 
 
+def test_the_chosen_poses_are_certified_near_the_best(setting, chosen):
+    from wrenchbed.selection.certificate import certify
+    from wrenchbed.selection.criteria import INDICES
+    from wrenchbed.selection.exchange import Pool
+
+    pool = Pool(setting.in_table_units)
+    value = float(INDICES["O1"].values(pool.information(chosen)))
+    assert 0.995 < value / certify(pool, INDICES["O1"], 100, chosen).bound <= 1.0
+
+
 def test_the_bound_follows_from_noise_and_mass(setting, chosen):
     bound = setting.bound(chosen, PAPER.std)
     assert 1.7e-3 < bound < 2.7e-3

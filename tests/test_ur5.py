@@ -2,6 +2,8 @@
 
 import mujoco
 import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from wrenchbed import registry
 from wrenchbed.simulation import Simulation
@@ -64,3 +66,24 @@ def test_base_tilt_turns_gravity_as_the_base_sees_it():
     nominal, _ = ROBOT.sensor_pose(q, ROBOT.parameters.nominal)
     seen = nominal[0] @ rotation[0].T @ np.array([0.0, 0.0, -1.0])  # gravity in the base
     assert np.allclose(seen, [0.0, np.sin(0.1), -np.cos(0.1)], atol=1e-12)
+
+
+@given(seed=st.integers(0, 10_000))
+@settings(max_examples=50, deadline=None)
+def test_inverse_kinematics_finds_the_pose_and_nothing_else(seed):
+    q = ROBOT.sample(1, np.random.default_rng(seed))
+    theta = ROBOT.parameters.nominal
+    rotation, position = ROBOT.flange_pose(q, theta)
+    ways = ROBOT.inverse(rotation[0], position[0])
+    assert 2 <= len(ways) <= 8
+    again, there = ROBOT.flange_pose(ways, theta)
+    assert np.abs(again - rotation).max() < 1e-9
+    assert np.abs(there - position).max() < 1e-9
+    apart = np.abs(np.angle(np.exp(1j * (ways - q)))).max(axis=1)
+    assert apart.min() < 1e-6
+    assert (np.abs(ways) <= np.pi + 1e-12).all()
+
+
+def test_what_is_out_of_reach_has_no_solution():
+    assert len(ROBOT.inverse(np.eye(3), np.array([2.0, 0.0, 0.3]))) == 0
+    assert len(ROBOT.inverse(np.diag([1.0, -1.0, -1.0]), np.array([0.0, 0.05, 0.2]))) == 0
