@@ -2,9 +2,12 @@
 
 import hashlib
 import os
+import signal
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
+from functools import cache
+from importlib.resources import files
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
@@ -18,8 +21,15 @@ Work = Callable[[Any, int], list[Row]]
 
 
 def key(*things: object) -> str:
-    """A short name for what determines the results."""
-    return hashlib.sha256(repr(things).encode()).hexdigest()[:10]
+    """A short name for what determines the results: these things, and this package's code."""
+    return hashlib.sha256(repr((things, _code())).encode()).hexdigest()[:10]
+
+
+@cache
+def _code() -> str:
+    package = Path(str(files("wrenchbed")))
+    texts = (path.read_bytes() for path in sorted(package.rglob("*.py")))
+    return hashlib.sha256(b"".join(texts)).hexdigest()
 
 
 def run(
@@ -43,7 +53,7 @@ def run(
     paths = {i: folder / f"{name}-{i:05d}.parquet" for i in numbers}
     missing = []
     for i, path in paths.items():
-        if path.exists():
+        if _whole(path):
             tell(1)
         else:
             missing.append(i)
@@ -66,10 +76,20 @@ def run(
     return pa.concat_tables([pq.read_table(path) for path in paths.values()])
 
 
+def _whole(path: Path) -> bool:
+    """Whether a part is there and can be read; what a crash left is done again."""
+    try:
+        pq.read_metadata(path)
+    except (OSError, pa.ArrowException):
+        return False
+    return True
+
+
 _SHARED: list[Any] = []
 
 
 def _share(shared: Any) -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # a part in work is finished, the parent stops
     _SHARED[:] = [shared]
 
 

@@ -4,7 +4,7 @@ Every kind is a Jacobian by all 49 parameters in standard deviations, with what 
 itself (where a plane lies, where a fixed point is) projected out.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,6 +20,8 @@ from wrenchbed.touches import STD
 TOUCHES = 40
 _STEP = 1e-30
 _CENTRE = np.array([0.4, 0.44, -0.18])
+_PULL = (20.0, 0.0, 0.0)
+"""Known force at the tip [N]."""
 _SQUARE = 0.1 * np.array([[1, 1, 0], [1, -1, 0], [-1, 1, 0], [-1, -1, 0]])
 """Corners of the artefact [m]."""
 
@@ -67,15 +69,19 @@ def kinds(setting: Setting, chosen: np.ndarray, std: np.ndarray, seed: int) -> l
     same = np.tile(np.eye(3), (TOUCHES, 1, 1))
     n = len(chosen)
     everything = [
-        ("gravity", n, gravity),
-        ("+ 2 kg hung from the tip", n, load([0.0, 0.0, -2.0 * 9.81])),
-        ("+ 20 N pull along x at the tip", n, load([20.0, 0.0, 0.0])),
-        ("+ one unknown fixed point", TOUCHES, free(fixed, same)),
-        ("+ an unknown plane", TOUCHES, free(on_plane[:, 2:], _plane(spots))),
-        ("+ corners of a known square, anywhere", TOUCHES, free(square, _rigid(corners))),
-        ("+ known points of the world", TOUCHES, known),
+        ("gravity", n, [gravity]),
+        ("+ 2 kg hung from the tip", n, [load((0.0, 0.0, -2.0 * 9.81))]),
+        ("+ 20 N pull along x at the tip", n, [load(_PULL)]),
+        ("+ one unknown fixed point", TOUCHES, [free(fixed, same)]),
+        ("+ an unknown plane", TOUCHES, [free(on_plane[:, 2:], _plane(spots))]),
+        ("+ corners of a known square, anywhere", TOUCHES, [free(square, _rigid(corners))]),
+        ("+ that pull and a fixed point", n + TOUCHES, [load(_PULL), free(fixed, same)]),
+        ("+ known points of the world", TOUCHES, [known]),
     ]
-    return [Added(name, k, rows.reshape(-1, len(columns))) for name, k, rows in everything]
+    return [
+        Added(name, k, np.concatenate([r.reshape(-1, len(columns)) for r in rows]))
+        for name, k, rows in everything
+    ]
 
 
 def _load(
@@ -112,14 +118,11 @@ def _level_grid() -> np.ndarray:
     return np.stack([x.ravel(), y.ravel(), np.zeros(x.size)], axis=-1)
 
 
-def in_reach(
-    setting: Setting, added: list[Added], prior: np.ndarray, rms: Callable[[np.ndarray], float]
-) -> list[tuple[str, int, int, float]]:
-    """For gravity and each addition: measurements of it, rank of 49, posterior rms [m].
+def in_reach(added: list[Added], prior: np.ndarray) -> list[tuple[Added, int, np.ndarray]]:
+    """For gravity and each addition to it: rank of 49 and posterior covariance (49, 49).
 
     Args:
         prior: standard deviation (49,) of each parameter before any measurement.
-        rms: position error of a covariance (49, 49).
     """
     gravity = added[0].jacobian
     rows = []
@@ -129,5 +132,5 @@ def in_reach(
         norm = np.linalg.norm(scaled, axis=0)
         unit = scaled / np.where(norm > 1e-13 * norm.max(), norm, np.inf)
         covariance = np.linalg.inv(np.eye(len(prior)) + scaled.T @ scaled) * np.outer(prior, prior)
-        rows.append((kind.name, kind.count, null_space(unit)[0], rms(covariance)))
+        rows.append((kind, null_space(unit)[0], covariance))
     return rows

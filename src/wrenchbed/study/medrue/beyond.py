@@ -181,21 +181,30 @@ def _added(setting: Setting, designs: dict[str, Design], seed: int) -> tuple[Tab
     columns = names.select(setting.robot.candidates)
     prior = names.tolerance[list(columns)] * _UNIFORM
     goal = Goal(tip_jacobian(setting.robot, setting.target, setting.theta, columns))
-    chosen = designs["O1"].chosen
-    found = in_reach(setting, kinds(setting, chosen, PAPER.std, seed), prior, goal.rms)
-    rows = [(name, count, rank, 1e3 * rms) for name, count, rank, rms in found]
+    turn = [names.names[c] for c in columns].index("alpha0")
+    rows = [
+        (
+            kind.name, kind.count, rank, np.rad2deg(np.sqrt(covariance[turn, turn])),
+            1e3 * goal.rms(covariance),
+        )
+        for kind, rank, covariance in in_reach(
+            kinds(setting, designs["O1"].chosen, PAPER.std, seed), prior
+        )
+    ]  # fmt: skip
     note = (
         "Priors are the standard deviations of ±2 mm, ±1°; wrenches ±1 N as 3σ, 100 averaged; "
         f"{TOUCHES} touches with 0.05 mm per axis. Rank of 49: tool orientation αT βT γT and pins "
-        "d31 d32 move no tool tip."
+        "d31 d32 move no tool tip. What stands at an unknown place cannot show the base's turn α0 "
+        "about the vertical."
     )
     table = Table.of(
-        "What brings the tool into reach", ("measurement", "number", "rank", "posterior [mm rms]"),
+        "What brings the tool into reach",
+        ("measurement", "number", "rank", "posterior α0 [°]", "posterior position [mm rms]"),
         rows, note,
     )  # fmt: skip
     figure = Figure(
         "added", "Posterior position error with an added measurement",
-        bars({str(r[0]): float(r[3]) for r in rows}, "rms position error [mm]", log=True),
+        bars({r[0]: float(r[4]) for r in rows}, "rms position error [mm]", log=True),
     )  # fmt: skip
     return table, figure
 

@@ -251,5 +251,5 @@ def _by_range(seed: int, tell: Callable[[str], None]) -> Table:
     return Table.of(
         "Bound by range of orientations [mm rms], 100 configurations, ±1 N as 3σ, 100 averaged",
         ("range", "chosen by O1", "chosen by target error"), rows,
-        "More orientation pays more than more configurations.",
+        "Wider orientations pay without measuring more: compare with the table by number.",
     )  # fmt: skip

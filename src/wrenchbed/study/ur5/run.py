@@ -5,10 +5,12 @@ from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from wrenchbed import registry
 from wrenchbed.robots.ur5.robot import UR5
+from wrenchbed.study import parts
 from wrenchbed.study.page import Figure, Page, Section, Table
 from wrenchbed.study.plots import components, groups
 from wrenchbed.study.ur5 import published, table1, trial
@@ -26,7 +28,7 @@ Tell = Callable[[int, str], None]
 
 def steps(quick: bool, robots: int | None) -> int:
     """How many times `run` tells of progress."""
-    return len(SCENARIOS) * _repeats(quick, robots)
+    return 2 + len(SCENARIOS) * _repeats(quick, robots)
 
 
 def _repeats(quick: bool, robots: int | None) -> int:
@@ -34,24 +36,23 @@ def _repeats(quick: bool, robots: int | None) -> int:
 
 
 def run(folder: Path, quick: bool, robots: int | None, seed: int, tell: Tell) -> Page:
-    """Every scenario, repeated with other poses and noise; the first fills the tables."""
-    trials: dict[str, list[Trial]] = {}
-    for scenario in SCENARIOS:
-        trials[scenario.name] = []
-        for k in range(_repeats(quick, robots)):
-            trials[scenario.name].append(trial.run(scenario, seed + k))
-            tell(1, scenario.name)
-    rows = [
-        row | {"repetition": k}
-        for each in trials.values()
-        for k, one in enumerate(each)
-        for row in one.rows()
-    ]
-    pq.write_table(pa.Table.from_pylist(rows), folder / "trials.parquet")
-    first = trials[SCENARIOS[0].name][0]
+    """Every scenario, repeated with other poses and noise; the first fills Tables 2 to 6.
+
+    Finished repetitions are kept in ``folder``/parts, so that a stopped run goes on.
+    """
+    count = len(SCENARIOS) * _repeats(quick, robots)
+    table = parts.run(
+        repetition, seed, range(count), folder / "parts", f"ur5-{parts.key(seed)}",
+        lambda n: tell(n, "repetitions"),
+    )  # fmt: skip
+    pq.write_table(table, folder / "trials.parquet")
+    first = trial.run(SCENARIOS[0], seed)
+    tell(1, SCENARIOS[0].name)
+    worst = trial.run(SCENARIOS[-1], seed)
+    tell(1, SCENARIOS[-1].name)
     robot: UR5 = registry.load("robots", "ur5")
     off = table1.distance(robot, seed)
-    summary = _summary(trials)
+    summary = _summary(first, table)
     return Page(
         TITLE,
         _lead(summary),
@@ -78,7 +79,7 @@ def run(folder: Path, quick: bool, robots: int | None, seed: int, tell: Tell) ->
                 "Which method survives",
                 "The same campaign when the article's assumptions fail: geometric mean over all "
                 "directions, median over repetitions with other poses and noise.",
-                (_scenarios(trials, "force"), _scenarios(trials, "torque"), _fit_table(trials)),
+                (_scenarios(table, "force"), _scenarios(table, "torque"), _fit_table(worst)),
             ),
             Section(
                 "How the article was read",
@@ -90,6 +91,20 @@ def run(folder: Path, quick: bool, robots: int | None, seed: int, tell: Tell) ->
         f"repetitions, seed {seed}.",
         summary=summary,
     )
+
+
+def repetition(seed: int, number: int) -> list[parts.Row]:
+    """Rows of one scenario with its own poses and noise."""
+    k, which = divmod(number, len(SCENARIOS))
+    return [row | {"repetition": k} for row in trial.run(SCENARIOS[which], seed + k).rows()]
+
+
+def overall(table: pa.Table, scenario: str, method: str, what: str) -> float:
+    """Geometric mean over all directions, median over repetitions."""
+    keep = pc.and_(pc.equal(table["scenario"], scenario), pc.equal(table["method"], method))
+    rows = table.filter(keep).sort_by("repetition")
+    values = rows[what].to_numpy().reshape(-1, len(DIRECTIONS))
+    return float(np.median(np.exp(np.log(values).mean(axis=1))))
 
 
 def _direction(one: Trial, direction: str) -> Table:
@@ -146,12 +161,8 @@ def _figures(one: Trial) -> tuple[Figure, ...]:
     return tuple(figures)
 
 
-def _scenarios(trials: dict[str, list[Trial]], what: str) -> Table:
-    column = 0 if what == "force" else 1
-    rows = []
-    for name, each in trials.items():
-        values = [float(np.median([one.overall(m)[column] for one in each])) for m in ORDER]
-        rows.append((name, *values))
+def _scenarios(table: pa.Table, what: str) -> Table:
+    rows = [(s.name, *(overall(table, s.name, m, what) for m in ORDER)) for s in SCENARIOS]
     unit = "N" if what == "force" else "N·m"
     note = "" if what == "force" else (
         "What drifts after calibrating stays in every method: zero again, or wait until the sensor "
@@ -161,8 +172,7 @@ def _scenarios(trials: dict[str, list[Trial]], what: str) -> Table:
     return Table.of(f"{what.capitalize()} left [{unit}]", ("scenario", *ORDER), rows, note)
 
 
-def _fit_table(trials: dict[str, list[Trial]]) -> Table:
-    worst = trials[SCENARIOS[-1].name][0]
+def _fit_table(worst: Trial) -> Table:
     truth = worst.scene.model.parameters.mapping(worst.scene.theta)
     rows = []
     for p in worst.fit.identified:
@@ -180,13 +190,11 @@ def _fit_table(trials: dict[str, list[Trial]]) -> Table:
         ("parameter", "stated", "fitted", "± std", "true", "off [std]"),
         rows,
         "The sensor's own mass acts with the tool's: their sum is fitted, the sensor's stated mass "
-        "held. The bias is that of the time of calibrating; a cold sensor's "
-        "drifts away from it.",
+        "held. The true bias is that before the cold sensor drifts.",
     )
 
 
-def _summary(trials: dict[str, list[Trial]]) -> dict[str, object]:
-    first = trials[SCENARIOS[0].name][0]
+def _summary(first: Trial, table: pa.Table) -> dict[str, object]:
     told = first.fit.observability
     return {
         "rank": told.rank,
@@ -204,8 +212,7 @@ def _summary(trials: dict[str, list[Trial]]) -> dict[str, object]:
             for d in DIRECTIONS
         },
         "scenarios": {
-            name: {m: float(np.median([one.overall(m)[0] for one in each])) for m in ORDER}
-            for name, each in trials.items()
+            s.name: {m: overall(table, s.name, m, "force") for m in ORDER} for s in SCENARIOS
         },
     }  # fmt: skip
 
