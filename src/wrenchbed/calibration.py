@@ -8,6 +8,7 @@ from scipy import special
 from scipy.spatial.transform import Rotation
 
 from wrenchbed import registry
+from wrenchbed.accuracy import Goal, tip_jacobian
 from wrenchbed.errors import CalibrationError, PlanError, RecordingError
 from wrenchbed.fit import Fit, Identified, Noise
 from wrenchbed.gauss_newton import Solution
@@ -232,7 +233,17 @@ def _result(recording: Recording, problem: Problem, outcome: Outcome, theta: np.
         rows=int(problem.data.count.sum()),
         left_out=problem.data.left_out,
         observability=_observability(problem, theta),
+        target_rms=_target_rms(problem, outcome, theta),
     )
+
+
+def _target_rms(problem: Problem, outcome: Outcome, theta: np.ndarray) -> float | None:
+    robot = problem.model.robot
+    target = robot.target()
+    if target is None or not problem.prior:
+        return None
+    goal = Goal(tip_jacobian(robot, target, theta, problem.free))
+    return goal.rms(outcome.covariance)
 
 
 def _observability(problem: Problem, theta: np.ndarray) -> Observability:

@@ -73,6 +73,8 @@ class Fit:
         noise: see `Noise`.
         poses, rows: how much data stood behind it.
         observability: rank and null directions of the robot's candidates.
+        target_rms: expected position error of the tool in the robot's target workspace [m], rms;
+            only with a prior, which bounds what the data cannot tell.
     """
 
     recording: str
@@ -90,6 +92,7 @@ class Fit:
     rows: int
     left_out: int
     observability: Observability
+    target_rms: float | None = None
 
     def __getitem__(self, name: str) -> Identified:
         return next(p for p in self.identified if p.name == name)
@@ -125,6 +128,7 @@ class Fit:
                 for p in self.identified
             },
             "tool": dict(self.tool),
+            "target_rms": self.target_rms,
             "residual_rms": _channels(self.residual_rms),
             "noise": {
                 "source": noise.source,

@@ -48,6 +48,9 @@ def fit(result: Fit, truth: Mapping[str, float] | None = None) -> Group:
     cannot = _cannot_tell(result)
     if cannot:
         parts += [Text("what this data cannot tell", style="bold"), *cannot, ""]
+    if result.target_rms is not None:
+        told = f"{1e3 * result.target_rms:.3g} mm rms expected in the robot's target workspace"
+        parts += [Text("position of the tool", style="bold"), _indented(told), ""]
     parts += [Text("status", style="bold"), _indented(result.status)]
     return Group(*parts)
 

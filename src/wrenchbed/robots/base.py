@@ -107,6 +107,10 @@ class Robot(ABC):
         """Candidate configurations (n, J) to choose calibration poses from."""
         return self.sample(n, np.random.default_rng(seed))
 
+    def target(self) -> np.ndarray | None:
+        """Joint values (G, J) over the workspace where the tool must be accurate, if any."""
+        return None
+
     def goal_sets(self, pool: int, points: np.ndarray | None, seed: int) -> GoalSets:
         """Candidates for a plan that makes the tool accurate; touches of ``points`` (K, 3) [m].
 

@@ -88,6 +88,9 @@ class MedRUE(SimulatedRobot):
     def pool(self, n: int, seed: int) -> np.ndarray:
         return workspace.pool(self, n, seed)
 
+    def target(self) -> np.ndarray:
+        return workspace.target(self)
+
     def goal_sets(self, pool: int, points: np.ndarray | None, seed: int) -> GoalSets:
         known = workspace.default_points() if points is None else points
         touch, which = workspace.touch_poses(self, known, seed)

@@ -41,4 +41,9 @@ WIDE = Noise("±1 N as 1σ, 100 averaged", STATED, SAMPLES)
 WIDE_PLAIN = Noise("±1 N as 1σ, one sample", STATED, 1)
 MINI40 = Noise("certificate as 3σ, 100 averaged", CERTIFICATE / 3, SAMPLES)
 MINI40_PLAIN = Noise("certificate as 3σ, one sample", CERTIFICATE / 3, 1)
+LOWER = tuple(
+    Noise(f"±{level:g} N as 3σ, 100 averaged", STATED * level / 3, SAMPLES)
+    for level in (0.5, 0.25, 0.1)
+)
+"""For Table 6; its own levels are not in the text that we have. Torque in proportion."""
 READINGS = (PAPER, PLAIN, WIDE, WIDE_PLAIN, MINI40, MINI40_PLAIN)

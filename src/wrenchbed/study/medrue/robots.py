@@ -13,7 +13,15 @@ import numpy as np
 from wrenchbed.accuracy import Goal, statistics, tip_jacobian
 from wrenchbed.simulation import Simulation
 from wrenchbed.study.medrue.identification import as_the_paper, weighted
-from wrenchbed.study.medrue.noise import MINI40, MINI40_PLAIN, PAPER, PLAIN, WIDE, Noise
+from wrenchbed.study.medrue.noise import (
+    LOWER,
+    MINI40,
+    MINI40_PLAIN,
+    PAPER,
+    PLAIN,
+    WIDE,
+    Noise,
+)
 from wrenchbed.study.medrue.setting import Setting
 from wrenchbed.study.parts import Row
 from wrenchbed.wrench import wrench
@@ -68,7 +76,7 @@ def cases(shared: Shared, theta: np.ndarray, rng: np.random.Generator, number: i
         found.theta, robot=number, design="O1", noise="none", method="paper", steps=found.steps
     )
     for name in shared.designs:
-        for noise in EMPIRICAL if name == "O1" else (PAPER,):
+        for noise in (*EMPIRICAL, *LOWER) if name == "O1" else (PAPER,):
             measured = exact[name] + rng.standard_normal(exact[name].shape) * noise.std
             rows += _both(judge, q[name], measured, noise, robot=number, design=name)
     for noise in (PAPER, MINI40):
@@ -93,7 +101,7 @@ def bounds(setting: Setting, theta: np.ndarray, q: np.ndarray) -> dict[str, floa
         goal=Goal(tip_jacobian(setting.robot, setting.target, own, setting.columns)),
     )
     everything = np.arange(len(q))
-    return {n.name: there.bound(everything, n.std) for n in EMPIRICAL}
+    return {n.name: there.bound(everything, n.std) for n in (*EMPIRICAL, *LOWER)}
 
 
 def _both(
