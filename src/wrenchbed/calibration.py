@@ -5,21 +5,19 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy import special
-from scipy.spatial.transform import Rotation
 
 from wrenchbed import registry
 from wrenchbed.accuracy import Goal, tip_jacobian
 from wrenchbed.errors import CalibrationError, PlanError, RecordingError
 from wrenchbed.fit import Fit, Identified, Noise
 from wrenchbed.gauss_newton import Solution
-from wrenchbed.identify import identify
-from wrenchbed.jets import Jet
 from wrenchbed.model import Model
 from wrenchbed.observability import Observability, analyse
 from wrenchbed.observations import Observations, fallback_covariance, observe
 from wrenchbed.problem import LOSSES, Problem
 from wrenchbed.recording import POINT, QUATERNION, Recording
 from wrenchbed.robots.base import Robot
+from wrenchbed.start import begin, opposite
 from wrenchbed.touches import Touches
 from wrenchbed.weighting import Outcome, fit
 
@@ -118,7 +116,7 @@ def calibrate(
             f"{len(free)} parameters"
         )
     stated = model.configured(recording.metadata)
-    theta = _started(model, stated, data, free)
+    theta = begin(model, stated, data, free)
     centre = stated[list(free)]
     problem = Problem(model, data, theta, free, centre, options.prior, options.loss, touches)
     outcome = fit(problem)
@@ -139,61 +137,10 @@ def _free(model: Model, options: Options) -> tuple[int, ...]:
     return free
 
 
-def _started(
-    model: Model, theta: np.ndarray, data: Observations, free: tuple[int, ...]
-) -> np.ndarray:
-    """Begin at the linear solution for mass, CoG and bias, as far as these are free."""
-    names = {model.parameters.names[i] for i in free}
-    if not {"sensor.bias.fx", "tool.mass"} <= names or isinstance(data.q, Jet):
-        return theta
-    n = len(model.robot.parameters)
-    rotation, _ = model.robot.sensor_pose(data.q, theta[:n])
-    load = identify(rotation, data.wrench, np.asarray(model.gravity))
-    if load.mass <= 0:
-        if not {f"mount.rotation.{a}" for a in "xyz"} <= names:
-            raise _opposite(load.mass)
-        theta = _turned(model, theta, data, rotation, load.mass)
-        rotation, _ = model.robot.sensor_pose(data.q, theta[:n])
-        load = identify(rotation, data.wrench, np.asarray(model.gravity))
-    start = theta.copy()
-    start[:n] = model.robot.theta_of_tool(theta[:n], load.mass, list(load.cog))
-    start[n : n + 6] = load.bias
-    held = [i for i in range(len(theta)) if i not in free]
-    start[held] = theta[held]
-    return start
-
-
-def _turned(
-    model: Model, theta: np.ndarray, data: Observations, rotation: np.ndarray, mass: float
-) -> np.ndarray:
-    """The sensor's mount turned to where forces and gravity agree best; a reflection is refused.
-
-    Orthogonal Procrustes problem: Schönemann 1966, doi 10.1007/BF02289451.
-    """
-    g = np.asarray(model.gravity) @ rotation
-    force = data.wrench[:, :3]
-    link = np.linalg.lstsq(g - g.mean(axis=0), force - force.mean(axis=0), rcond=1e-6)[0]
-    if not np.linalg.det(link) > 0:
-        raise _opposite(mass)
-    u, _, vt = np.linalg.svd(link)
-    names = [f"mount.rotation.{a}" for a in "xyz"]
-    stated = Rotation.from_rotvec([theta[model.parameters.index(name)] for name in names])
-    turn = (stated * Rotation.from_matrix(u @ vt)).as_rotvec()
-    values = {name: float(v) for name, v in zip(names, turn, strict=True)}
-    return model.parameters.vector(values, start=theta)
-
-
-def _opposite(mass: float) -> CalibrationError:
-    return CalibrationError(
-        f"the tool's mass comes out as {mass:.4g} kg: the wrench or the gravity has the opposite "
-        "sign (wanted: the load on the sensor, +m·g along gravity at rest)"
-    )
-
-
 def _check_load(model: Model, theta: np.ndarray) -> None:
     tool = model.robot.tool(theta[: len(model.robot.parameters)])
     if not float(tool.mass) > 0:
-        raise _opposite(float(tool.mass))
+        raise opposite(float(tool.mass))
 
 
 def _result(recording: Recording, problem: Problem, outcome: Outcome, theta: np.ndarray) -> Fit:
