@@ -119,10 +119,16 @@ def test_weighted_identification_is_efficient_and_unweighted_is_not(setting, cho
 
 def test_the_published_deviations_fit_the_certificate_and_an_unweighted_fit(setting, paper_robot):
     _, designs = paper_robot
-    chi = one_robot.chi_squares(setting, designs)
-    likely = chi[f"{MINI40.name}, unweighted"]
-    assert 12 < likely < 40
-    assert all(v < 3 for k, v in chi.items() if k.startswith("±1 N"))
+    found = one_robot.readings(setting, designs)
+    likely = found[f"{MINI40.name}, unweighted"]
+    assert 12 < likely.chi_square < 40
+    assert found[f"{MINI40.name}, weighted"].chi_square > 45
+    assert found[f"{MINI40.name}, weighted"].mean > 3 * likely.mean
+    for name, reading in found.items():
+        assert reading.both <= min(reading.mean, reading.std)
+        if name.startswith("±1 N"):
+            assert reading.chi_square < 3
+            assert reading.mean < 0.01
 
 
 def test_with_all_parameters_wrong_the_wrench_is_silent(setting, chosen):
@@ -276,7 +282,7 @@ def test_the_articles_table_does_not_reach_the_flange():
 
 def test_the_ur5_study_runs(tmp_path, capfd):
     out = tmp_path / "ur5"
-    assert main(["study", "ur5", "--robots", "1", "--out", str(out), "--json"]) == 0
+    assert main(["study", "ur5", "--robots", "2", "--quick", "--out", str(out), "--json"]) == 0
     result = json.loads(capfd.readouterr().out)
     assert {"rank", "redundancies", "bound_mm", "force", "scenarios"} <= set(result)
     assert set(result["force"]) == {"right", "up", "backward", "down", "left"}

@@ -26,8 +26,8 @@ def study(
     Args:
         paper: medrue (Sensors 2016, 16, 798) or ur5 (installation error of a force sensor).
         out: Folder for tables (Markdown, HTML), figures (SVG) and results (Parquet).
-        quick: A small version, about a minute.
-        robots: Random robots; 200, or 8 if quick.
+        quick: A small version, a minute or two.
+        robots: Random MedRUE robots (200, quick 8), or repetitions on the UR5 (20, quick 3).
         seed: Of everything random.
         as_json: Print the key results as JSON.
     """

@@ -29,13 +29,11 @@ class Certificate:
         support: configurations with weight (K,).
         weight: (K,), sums to 1.
         bound: no n different configurations of the pool have a larger criterion.
-        gap: by how much the continuous design itself may be short of the best, a share.
     """
 
     support: np.ndarray
     weight: np.ndarray
     bound: float
-    gap: float
 
 
 def certify(
@@ -70,7 +68,7 @@ def certify(
         short = top / n / value - 1
         bound = top ** (1 / criterion.power)
         if best is None or bound < best.bound:
-            best = Certificate(support, weight, bound, short)
+            best = Certificate(support, weight, bound)
         if short < gap:
             break
         fresh = np.setdiff1d(np.argsort(-slope)[:_NEW], support)

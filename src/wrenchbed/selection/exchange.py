@@ -97,6 +97,8 @@ def exchange(
     depth = 1
     while depth <= min(_DEPTH, n):
         for add_first in (True, False):
+            if add_first and n + depth > len(pool):
+                continue
             trial = search.excursion(best, depth, add_first)
             new = search.value(trial)
             if new > value * (1 + _BETTER):

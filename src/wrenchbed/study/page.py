@@ -116,6 +116,6 @@ def show(x: object) -> str:
         return "–"
     if number == 0:
         return "0"
-    if 1e-3 <= abs(number) < 1e5:
-        return f"{number:.4g}"
-    return f"{number:.2e}"
+    if 1e-3 <= abs(number) < 1e4:
+        return f"{number:#.4g}".rstrip(".")
+    return f"{number:,.0f}" if 1e4 <= abs(number) < 1e7 else f"{number:.2e}"

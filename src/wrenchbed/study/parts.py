@@ -79,7 +79,7 @@ def run(
 def _whole(path: Path) -> bool:
     """Whether a part is there and can be read; what a crash left is done again."""
     try:
-        pq.read_metadata(path)
+        pq.read_table(path)
     except (OSError, pa.ArrowException):
         return False
     return True

@@ -13,6 +13,7 @@ BLUE, ORANGE, GREEN, GREY, RED, PURPLE = (
     "#0072b2", "#d55e00", "#009e73", "#6b7680", "#b01e38", "#7d4aa0",
 )  # fmt: skip
 """After Okabe & Ito 2008."""
+_DECADE = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0)
 _FOUR = (BLUE, ORANGE, GREEN, PURPLE)
 _STYLE: Any = {
     "font.size": 9.0,
@@ -73,9 +74,15 @@ def lines(
                 color=GREY, xytext=(0, 2), textcoords="offset points",
             )  # fmt: skip
         if log:
+            from matplotlib.ticker import FixedLocator, NullFormatter
+
             ax.set_xscale("log")
             ax.set_yscale("log")
             ax.grid(visible=True, which="minor", color="#eff2f4", lw=0.5)
+            for axis, ticks in ((ax.xaxis, next(iter(curves.values()))[0]), (ax.yaxis, _DECADE)):
+                axis.set_major_locator(FixedLocator(list(ticks)))
+                axis.set_major_formatter("{x:g}")
+                axis.set_minor_formatter(NullFormatter())
         ax.set_xlabel(x)
         ax.set_ylabel(y)
         if len(curves) > 1:
@@ -123,14 +130,8 @@ def workspaces(sets: Mapping[str, np.ndarray], targets: Mapping[str, np.ndarray]
         return _svg(figure)
 
 
-def bars(
-    values: Mapping[str, float],
-    x: str,
-    *,
-    log: bool = False,
-    mark: Mapping[str, float] | None = None,
-) -> str:
-    """Horizontal bars with their numbers, and named vertical levels."""
+def bars(values: Mapping[str, float], x: str, *, log: bool = False) -> str:
+    """Horizontal bars with their numbers."""
     with _axes((6.6, 0.42 * len(values) + 1.1)) as (figure, (ax,)):
         names = list(values)[::-1]
         numbers = [values[n] for n in names]
@@ -138,11 +139,6 @@ def bars(
         for k, number in enumerate(numbers):
             ax.annotate(
                 f"{number:.3g}", (number, k), xytext=(4, 0), textcoords="offset points", va="center"
-            )
-        for name, level in (mark or {}).items():
-            ax.axvline(level, color=ORANGE, lw=1.4)
-            ax.annotate(
-                name, (level, len(names) - 0.45), color=ORANGE, ha="center", annotation_clip=False
             )
         if log:
             ax.set_xscale("log")
@@ -173,7 +169,7 @@ def groups(
 
 def components(left: Mapping[str, np.ndarray]) -> str:
     """Residual wrenches (N, 6) by method: force above, torque below, one column a method."""
-    with _axes((7.4, 3.9), len(left), rows=2, sharex=True, sharey="row") as (figure, axes):
+    with _axes((7.4, 3.9), len(left), rows=2, sharex=True) as (figure, axes):
         for column, (name, values) in enumerate(left.items()):
             for row, (k, unit) in enumerate(((0, "N"), (3, "N·m"))):
                 ax = axes[row][column]

@@ -53,15 +53,15 @@ def _five_bar(p: Values, i: int, tip: np.ndarray) -> tuple[np.ndarray, np.ndarra
     """Both joint values of five-bar i from its tip (N, 2) in the base's y, z plane."""
     turn, middle, half = _frame(p, i)
     x, y = ((tip - middle) @ turn).T
-    first = _reach(x - half, y, p[f"L{i}1"], p[f"L{i}2"], +1.0) - p[f"dq{2 * i}"]
-    second = _reach(x + half, y, p[f"L{i}3"], p[f"L{i}4"], +1.0) - p[f"dq{2 * i + 1}"]
+    first = _reach(x - half, y, p[f"L{i}1"], p[f"L{i}2"]) - p[f"dq{2 * i}"]
+    second = _reach(x + half, y, p[f"L{i}3"], p[f"L{i}4"]) - p[f"dq{2 * i + 1}"]
     return np.mod(first, 2 * np.pi), np.mod(second, 2 * np.pi)
 
 
-def _reach(x: np.ndarray, y: np.ndarray, near: float, far: float, side: float) -> np.ndarray:
+def _reach(x: np.ndarray, y: np.ndarray, near: float, far: float) -> np.ndarray:
     r = np.hypot(x, y)
     opening = np.arccos((r**2 + near**2 - far**2) / (2 * r * near))
-    return np.arctan2(y, x) + side * opening
+    return np.arctan2(y, x) + opening
 
 
 def _second_elbow(p: Values, q3: np.ndarray) -> np.ndarray:

@@ -48,7 +48,8 @@ def kinds(setting: Setting, chosen: np.ndarray, std: np.ndarray, seed: int) -> l
     gravity = setting.model.jacobian(q, theta, columns) / std[:, None]
 
     def load(force: Sequence[float]) -> np.ndarray:
-        return _load(robot, q, theta, columns, np.asarray(force)) / std[:, None]
+        """Readings with the tool's weight and a known force (3,) [N] at its tip."""
+        return gravity + _load(robot, q, theta, columns, np.asarray(force)) / std[:, None]
 
     def touch(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         each = -(-3 * TOUCHES // len(points))

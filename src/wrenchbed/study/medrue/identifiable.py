@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wrenchbed.observability import Observability, analyse, null_space
+from wrenchbed.selection.criteria import observability_indices
 from wrenchbed.selection.elimination import Elimination, eliminate
 from wrenchbed.study.medrue import published
 from wrenchbed.study.medrue.setting import Design, Setting
@@ -77,7 +78,7 @@ def _eliminations(
     return result
 
 
-def section(found: Identifiable, designs: dict[str, Design]) -> Section:
+def section(setting: Setting, found: Identifiable, designs: dict[str, Design]) -> Section:
     """Rank, redundancies, the elimination, and the choice of configurations."""
     told = found.observability
     same = [len(published.ELIMINATED & set(e.dropped)) for e in found.eliminations.values()]
@@ -104,18 +105,20 @@ def section(found: Identifiable, designs: dict[str, Design]) -> Section:
         "What the wrench can tell",
         "Rank and null space decide what can be identified; the tool names each null direction "
         "from the robot's symmetries where the data confirm them.",
-        (ranks, redundancies, dropped, *_choice(designs)),
+        (ranks, redundancies, dropped, *_choice(setting, designs)),
     )
 
 
-def _choice(designs: dict[str, Design]) -> tuple[Table, Figure]:
+def _choice(setting: Setting, designs: dict[str, Design]) -> tuple[Table, Figure]:
     rows = []
     for d in designs.values():
+        told = observability_indices(setting.in_table_units[d.chosen])
+        value = told.get(d.name, d.value)
         if d.certificate is not None:
-            best = d.value / d.certificate.bound
-            rows.append((d.name, d.value / _norm(d), d.certificate.bound / _norm(d), 100 * best))
+            share = d.value / d.certificate.bound
+            rows.append((d.name, value, value / share, 100 * share))
         elif np.isfinite(d.value):
-            rows.append((d.name, d.value, np.nan, np.nan))
+            rows.append((d.name, value, np.nan, np.nan))
     table = Table.of(
         "100 configurations chosen by exchange",
         ("criterion", "value", "no choice exceeds", "certified [%]"),
@@ -124,13 +127,10 @@ def _choice(designs: dict[str, Design]) -> tuple[Table, Figure]:
         "the best continuous design with no configuration used twice. O2 and O4 are not concave "
         "and O3 is not smooth: no useful bound.",
     )
-    course = [h / 10 for h in designs["O1"].history]
+    root = np.sqrt(len(designs["O1"].chosen))
+    course = [h / root for h in designs["O1"].history]
     figure = Figure(
         "figure4", "Figure 4: O1 while configurations are exchanged",
         lines({"O1": (range(len(course)), course)}, "accepted exchange", "O1"),
     )  # fmt: skip
     return table, figure
-
-
-def _norm(design: Design) -> float:
-    return float(np.sqrt(len(design.chosen))) if design.name == "O1" else 1.0

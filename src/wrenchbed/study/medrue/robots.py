@@ -30,7 +30,7 @@ EMPIRICAL = (PAPER, PLAIN, WIDE, MINI40, MINI40_PLAIN)
 """Readings of the noise that robots are identified with; ±1 N as 1σ, one sample, is hopeless."""
 _NOISY_STOP = 1e-6
 """Far below what noise leaves, in mm and degrees; the steps converge quadratically."""
-DRAWS = 5
+DRAWS = 3
 """More draws of noise for each robot, weighted fits only, to compare with the bound."""
 QUANTITIES = {"position": "m", "force": "N", "torque": "N·m"}
 STATISTICS = ("mean", "max", "std", "rms")
@@ -82,7 +82,7 @@ def cases(shared: Shared, theta: np.ndarray, rng: np.random.Generator, number: i
     for noise in (PAPER, MINI40):
         for _ in range(DRAWS):
             measured = exact["O1"] + rng.standard_normal(exact["O1"].shape) * noise.std
-            found = weighted(setting, q["O1"], measured, noise.std, theta)
+            found = weighted(setting, q["O1"], measured, noise.std)
             rows += judge.rows(
                 found.theta, whole=False, robot=number, design="O1", noise=noise.name,
                 method="again", steps=found.steps,
