@@ -17,6 +17,7 @@ from wrenchbed.errors import (
     RecordingError,
     WrenchbedError,
 )
+from wrenchbed.gauss_newton import solve
 from wrenchbed.mixing import reach
 from wrenchbed.model import Model
 from wrenchbed.plan import Plan
@@ -165,6 +166,36 @@ def test_touches_bring_the_tool_into_reach(touched):
     assert both.observability.rank > alone.observability.rank
     off = [(p.value - truth[p.name]) / p.std for p in both.identified if p.name[0] in "xyz"]
     assert np.abs(off).max() < 4.0
+
+
+def test_a_wrong_touch_is_named_and_no_accuracy_is_promised(touched):
+    folder, _ = touched
+    gravity = Recording.read(folder / "gravity.parquet")
+    good = Touches.of(Recording.read(folder / "touch.parquet"))
+    options = Options(free=("candidates", "sensor.bias"), prior=True)
+    fit = calibrate(gravity, options, good)
+    assert not fit.touches.doubtful
+    assert fit.touches.count == 25
+    assert fit.to_json()["touches"]["p_value"] > 0.001
+    points = good.points.copy()
+    points[7, 0] += 2e-3
+    wrong = calibrate(gravity, options, Touches(good.q, points, good.std))
+    assert wrong.touches.doubtful
+    assert wrong.touches.worst == 7
+    assert "touch 7 (counted from 0) lies" in wrong.status
+    assert wrong.target_rms is None
+
+
+def test_touches_agree_as_often_as_they_should():
+    p_values = np.array([_p_value_of_an_honest_fit(seed) for seed in range(300)])
+    assert 0.01 < np.mean(p_values < 0.05) < 0.1
+
+
+def _p_value_of_an_honest_fit(seed: int) -> float:
+    rng = np.random.default_rng(seed)
+    jacobian, noise = rng.normal(size=(30, 6)), rng.normal(size=30)
+    solution = solve(lambda x: noise - jacobian @ x, lambda _: jacobian, np.zeros(6), np.ones(6))
+    return Touches(np.zeros((6, 6)), np.zeros((6, 3))).agreement(solution, 12).p_value
 
 
 def test_touches_that_are_none_are_refused(touched, tmp_path):

@@ -364,6 +364,9 @@ def test_poses_chosen_by_an_index_and_touches_planned_for_an_accuracy(tmp_path, 
         (["medrue", "--index", "O1", "--n", "10", "--pool", "5"], "cannot be chosen from a pool"),
         (["medrue", "--index", "O1", "--motion", "multisine"], "either poses or a motion"),
         (["medrue", "--index", "O1", "--goal", "target-position"], "chooses its own poses"),
+        (["medrue", "--points", "none.csv"], "--points goes with --goal"),
+        (["medrue", "--touch-cost", "2"], "--touch-cost goes with --goal"),
+        (["medrue", "--pool", "200"], "--pool goes with --index or --goal"),
     ],
 )  # fmt: skip
 def test_plans_that_make_no_sense_are_refused(tmp_path, capfd, arguments, message):
@@ -371,3 +374,11 @@ def test_plans_that_make_no_sense_are_refused(tmp_path, capfd, arguments, messag
     assert main(["plan", *arguments, "--out", str(out)]) == 1
     assert message in said(capfd)
     assert not out.exists()
+
+
+def test_studies_and_touches_need_what_goes_with_them(tmp_path, capfd):
+    assert main(["study", "medrue", "--robots", "0", "--out", str(tmp_path / "s")]) == 1
+    assert "at least 2" in said(capfd)
+    assert not (tmp_path / "s").exists()
+    rec = tmp_path / "rec.parquet"
+    assert main(["calibrate", str(rec), "--touch-std", "1e-3"]) == 1

@@ -171,6 +171,14 @@ def test_impossible_choices_are_refused():
         exchange(Pool(blind), INDICES["O1"], 5)
 
 
+@pytest.mark.parametrize("criterion", [INDICES["O1"], INDICES["O3"]], ids=["O1", "O3"])
+@pytest.mark.parametrize("n", [8, 9, 10])
+def test_almost_the_whole_pool_is_chosen_without_repeats(criterion, n):
+    for seed in range(5):
+        done = exchange(Pool(blocks(10, seed)), criterion, n, seed=seed)
+        assert len(set(done.chosen.tolist())) == n
+
+
 def test_a_prior_allows_fewer_measurements_than_parameters():
     done = exchange(Pool(blocks(50, 0)), CRITERIA["A"], 1, prior=np.eye(M))
     single = [CRITERIA["A"].values(np.eye(M) + b.T @ b) for b in blocks(50, 0)]

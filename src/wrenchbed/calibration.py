@@ -18,7 +18,7 @@ from wrenchbed.problem import LOSSES, Problem
 from wrenchbed.recording import POINT, QUATERNION, Recording
 from wrenchbed.robots.base import Robot
 from wrenchbed.start import begin, opposite
-from wrenchbed.touches import Touches
+from wrenchbed.touches import Agreement, Touches
 from wrenchbed.weighting import Outcome, fit
 
 _ENOUGH_ROWS = 500
@@ -108,6 +108,10 @@ def calibrate(
     data = observe(recording)
     free = _free(model, options)
     if touches is not None:
+        if not robot.joints:
+            raise CalibrationError(
+                f"{recording.name}: has orientations only; touches need a robot's joints and tip"
+            )
         robot.check(touches.q, robot.parameters.nominal, "touches")
     seen = data.wrench.size + (0 if touches is None else touches.points.size)
     if seen < len(free) and not options.prior:
@@ -164,10 +168,12 @@ def _result(recording: Recording, problem: Problem, outcome: Outcome, theta: np.
         )
     tool = model.robot.tool(theta[: len(model.robot.parameters)])
     rms = np.sqrt(np.mean(problem.residual(solution.x) ** 2, axis=0))
+    seats = problem.touches
+    agreement = None if seats is None else seats.agreement(solution, problem.data.wrench.size)
     return Fit(
         recording=recording.name,
         robot=recording.metadata.robot,
-        status=_status(solution, outcome.noise, identified, problem.data),
+        status=_status(solution, outcome.noise, identified, problem.data, agreement),
         converged=solution.converged,
         iterations=solution.steps,
         identified=tuple(identified),
@@ -180,14 +186,17 @@ def _result(recording: Recording, problem: Problem, outcome: Outcome, theta: np.
         rows=int(problem.data.count.sum()),
         left_out=problem.data.left_out,
         observability=_observability(problem, theta),
-        target_rms=_target_rms(problem, outcome, theta),
+        target_rms=_target_rms(problem, outcome, theta, agreement),
+        touches=agreement,
     )
 
 
-def _target_rms(problem: Problem, outcome: Outcome, theta: np.ndarray) -> float | None:
+def _target_rms(
+    problem: Problem, outcome: Outcome, theta: np.ndarray, agreement: Agreement | None
+) -> float | None:
     robot = problem.model.robot
     target = robot.target()
-    if target is None or not problem.prior:
+    if target is None or not problem.prior or (agreement is not None and agreement.doubtful):
         return None
     goal = Goal(tip_jacobian(robot, target, theta, problem.free))
     return goal.rms(outcome.covariance)
@@ -218,7 +227,11 @@ _NOISE = {"repeats": "the noise of the repeats", "stated": "the stated noise"}
 
 
 def _status(
-    solution: Solution, noise: Noise, identified: list[Identified], data: Observations
+    solution: Solution,
+    noise: Noise,
+    identified: list[Identified],
+    data: Observations,
+    agreement: Agreement | None,
 ) -> str:
     step = "step" if solution.steps == 1 else "steps"
     parts = [
@@ -236,6 +249,12 @@ def _status(
         parts.append("no repeats and no stated noise: uncertainties follow the residual")
     else:
         parts.append(f"the residual is what {_NOISE[noise.source]} explains")
+    if agreement is not None and agreement.doubtful:
+        parts.append(
+            f"touch {agreement.worst} (counted from 0) lies {agreement.distance:.1f} standard "
+            "deviations from where all else puts it: check its point, the robot and the touches' "
+            "standard deviation before you use these values"
+        )
     blind = [p.name for p in identified if p.std is None]
     if blind:
         parts.append(f"{len(blind)} parameters are fixed only in combination ({', '.join(blind)})")

@@ -2,13 +2,14 @@
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from wrenchbed.observability import Observability
+from wrenchbed.touches import Agreement
 from wrenchbed.wrench import CHANNELS, UNITS
 
 FORMAT = 1
@@ -74,7 +75,8 @@ class Fit:
         poses, rows: how much data stood behind it.
         observability: rank and null directions of the robot's candidates.
         target_rms: expected position error of the tool in the robot's target workspace [m], rms;
-            only with a prior, which bounds what the data cannot tell.
+            only with a prior, which bounds what the data cannot tell, and touches that agree.
+        touches: how they agree with the rest, if there were any.
     """
 
     recording: str
@@ -93,6 +95,7 @@ class Fit:
     left_out: int
     observability: Observability
     target_rms: float | None = None
+    touches: Agreement | None = None
 
     def __getitem__(self, name: str) -> Identified:
         return next(p for p in self.identified if p.name == name)
@@ -129,6 +132,7 @@ class Fit:
             },
             "tool": dict(self.tool),
             "target_rms": self.target_rms,
+            "touches": None if self.touches is None else asdict(self.touches),
             "residual_rms": _channels(self.residual_rms),
             "noise": {
                 "source": noise.source,

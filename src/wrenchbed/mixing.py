@@ -1,4 +1,4 @@
-"""The fewest measurements that make the tool accurate: poses under gravity and touches, mixed.
+"""Few measurements that make the tool accurate: poses under gravity and touches, mixed.
 
 Gravity alone cannot fix where the base stands nor how long the tool is; touches of known points
 can, and gravity poses cost no fixture. Both are candidates of one Bayesian I-optimal design
@@ -21,7 +21,7 @@ from wrenchbed.selection.criteria import Criterion, i_optimality
 from wrenchbed.selection.exchange import Pool, exchange
 from wrenchbed.touches import STD
 
-_MOST, _SCREENED = 400, 256
+_MOST, _SCREENED, _TURNS = 400, 256, 2
 SAMPLES = 100
 """Rows that one pose under gravity averages."""
 
@@ -91,9 +91,11 @@ def reach(
     seed: int = 0,
     tell: Callable[[int], None] = lambda _: None,
 ) -> Mix:
-    """Plan the fewest measurements after which the rms error in the target is below ``accuracy``.
+    """Plan few measurements after which the rms error in the target is below ``accuracy``.
 
-    Every candidate parameter of the robot and the sensor's bias are unknown within tolerance.
+    Greedy growth, then exchange with one fewer as long as that suffices: a local optimum, not a
+    proven minimum. Every candidate parameter of the robot and the sensor's bias are unknown
+    within tolerance.
 
     Args:
         accuracy: wanted [m].
@@ -132,8 +134,7 @@ def reach(
         _grow(task, still, touch, touch_cost)
         course.append((len(still) + len(touch), task.assured(still, touch)))
         tell(course[-1][0])
-    touch = _pruned_touches(task, still, touch, accuracy)
-    still = _pruned_poses(task, still, touch, accuracy, least_poses)
+    still, touch = _pruned(task, still, touch, accuracy, least_poses)
     return _mix(robot, task, still, touch, tuple(course))
 
 
@@ -158,32 +159,43 @@ def _grow(task: _Task, still: list[int], touch: list[int], touch_cost: float) ->
         still.append(pose)
 
 
-def _pruned_touches(task: _Task, still: list[int], touch: list[int], accuracy: float) -> list[int]:
-    """Fewer touches by exchange, as long as the rest assures the accuracy."""
-    while len(touch) > 1:
-        information = task.information(still, touch)
-        left = task.criterion.changed(information, task.touch.blocks[touch], -1.0)
-        start = [t for k, t in enumerate(touch) if k != int(np.argmax(left))]
-        base = task.information(still, [])
-        fewer = exchange(task.touch, task.criterion, len(start), start=start, prior=base)
-        trial = [int(i) for i in fewer.chosen]
-        if task.assured(still, trial) > accuracy:
-            break
-        touch = trial
-    return touch
-
-
-def _pruned_poses(
+def _pruned(
     task: _Task, still: list[int], touch: list[int], accuracy: float, least: int
-) -> list[int]:
-    while len(still) > least:
-        information = task.information(still, touch)
-        left = task.criterion.changed(information, task.gravity.blocks[still], -1.0)
-        trial = [s for k, s in enumerate(still) if k != int(np.argmax(left))]
-        if task.assured(trial, touch) > accuracy:
+) -> tuple[list[int], list[int]]:
+    """Fewer touches, then fewer poses, as long as the rest, exchanged, assures the accuracy."""
+    while touch:
+        trial = _exchanged(task, still, _without_least(task, task.touch, still, touch, touch))
+        if task.assured(*trial) > accuracy:
             break
-        still = trial
-    return still
+        still, touch = trial
+    while len(still) > least:
+        trial = _exchanged(task, _without_least(task, task.gravity, still, touch, still), touch)
+        if task.assured(*trial) > accuracy:
+            break
+        still, touch = trial
+    return still, touch
+
+
+def _without_least(
+    task: _Task, pool: Pool, still: list[int], touch: list[int], kind: list[int]
+) -> list[int]:
+    """One kind of measurement without the one whose loss costs least."""
+    left = task.criterion.changed(task.information(still, touch), pool.blocks[kind], -1.0)
+    return [m for k, m in enumerate(kind) if k != int(np.argmax(left))]
+
+
+def _exchanged(task: _Task, still: list[int], touch: list[int]) -> tuple[list[int], list[int]]:
+    """As many measurements of each kind, exchanged in turns."""
+    for _ in range(_TURNS):
+        if touch:
+            base = task.information(still, [])
+            done = exchange(task.touch, task.criterion, len(touch), start=touch, prior=base)
+            touch = [int(i) for i in done.chosen]
+        if still:
+            base = task.information([], touch)
+            done = exchange(task.gravity, task.criterion, len(still), start=still, prior=base)
+            still = [int(i) for i in done.chosen]
+    return still, touch
 
 
 def _task(robot: Robot, sets: GoalSets, touch_std: float, share: float) -> _Task:

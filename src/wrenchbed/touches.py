@@ -4,15 +4,46 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import special
 
 from wrenchbed.accuracy import tip_jacobian
 from wrenchbed.errors import CalibrationError
+from wrenchbed.gauss_newton import Solution
 from wrenchbed.holds import gather
+from wrenchbed.observability import RANK_TOLERANCE
 from wrenchbed.recording import POINT, Recording
 from wrenchbed.robots.base import Robot
 
 STD = 5e-5
 """How far a tip sits from the stated point, per axis [m]: a ball in a socket, an estimate."""
+
+
+DOUBT = 0.001
+"""Below this probability, over all touches, one does not agree with the rest of the data."""
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """How touches agree with the wrenches, the prior and each other.
+
+    Attributes:
+        count: of touches.
+        std: how far a tip was taken to sit from its point [m].
+        worst: index of the touch that agrees least when left out of the fit.
+        distance: of that one, in standard deviations of its prediction.
+        p_value: of so large a distance anywhere among the touches.
+    """
+
+    count: int
+    std: float
+    worst: int
+    distance: float
+    p_value: float
+
+    @property
+    def doubtful(self) -> bool:
+        """Whether a touch contradicts the rest."""
+        return self.p_value < DOUBT
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,3 +91,22 @@ class Touches:
     def jacobian(self, robot: Robot, theta: np.ndarray, columns: Sequence[int]) -> np.ndarray:
         """Derivative of the prediction in standard deviations (3T, K)."""
         return tip_jacobian(robot, self.q, theta, columns).reshape(-1, len(columns)) / self.std
+
+    def agreement(self, solution: Solution, first: int) -> Agreement:
+        """Each touch against its prediction by all other data (deletion residuals).
+
+        Cook & Weisberg, Residuals and Influence in Regression (1982), Section 2.2.
+
+        Args:
+            solution: of the fit of everything, whitened.
+            first: row of the solution at which the touches begin.
+        """
+        rows = slice(first, first + 3 * len(self))
+        residual = solution.residual[rows].reshape(len(self), 3)
+        u, sizes, _ = np.linalg.svd(solution.jacobian, full_matrices=False)
+        hat = u[rows, sizes > RANK_TOLERANCE * sizes[0]].reshape(len(self), 3, -1)
+        left = np.eye(3) - hat @ np.swapaxes(hat, -1, -2)
+        square = np.einsum("ti,tij,tj->t", residual, np.linalg.pinv(left, hermitian=True), residual)
+        worst = int(np.argmax(square))
+        p_value = min(1.0, len(self) * float(special.chdtrc(3, square[worst])))
+        return Agreement(len(self), self.std, worst, float(np.sqrt(square[worst])), p_value)

@@ -1,7 +1,7 @@
 """The verb that chooses what to measure."""
 
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import tyro
 
@@ -19,9 +19,10 @@ def plan(
     index: Literal["O1", "O2", "O3", "O4", "O5", "A"] | None = None,
     pool: int | None = None,
     goal: Literal["target-position"] | None = None,
-    accuracy: float = 3e-4,
-    touch_cost: float = 1.0,
-    touch_std: float = 5e-5,
+    accuracy: float | None = None,
+    touch_cost: float | None = None,
+    touch_std: float | None = None,
+    least_poses: int | None = None,
     points: Path | None = None,
     motion: Literal["poses", "multisine"] = "poses",
     seconds: float = 60.0,
@@ -40,11 +41,12 @@ def plan(
         n: Number of poses.
         index: Observability index to make as large as possible.
         pool: Candidate poses to choose from; 40,000 for an index, 4,000 for a goal.
-        goal: Fewest measurements that reach a position accuracy in the robot's target workspace.
-        accuracy: Wanted rms position error [m], for 95 % of robots within tolerance.
-        touch_cost: What a touch costs, in poses under gravity.
-        touch_std: How far a touching tip sits from its point, per axis [m].
-        points: CSV with columns x, y, z: known points to touch [m]; a grid over the target if none.
+        goal: Few measurements that reach a position accuracy in the robot's target workspace.
+        accuracy: With --goal: wanted rms position error [m] of 95 % of robots; 0.0003.
+        touch_cost: With --goal: what a touch costs, in poses under gravity; 1.
+        touch_std: With --goal: how far a tip sits from its point, per axis [m]; 5e-5.
+        least_poses: With --goal: poses under gravity at least, which calibrate the sensor; 6.
+        points: With --goal: CSV with columns x, y, z [m], known points to touch; a grid if none.
         motion: Poses to rest at, or a multi-sine to follow.
         seconds: Length of a motion.
         rate: Sampling rate of a motion [Hz].
@@ -57,13 +59,21 @@ def plan(
         raise PlanError("choose either poses or a motion: --index and --goal are for poses")
     if goal is not None and index is not None:
         raise PlanError("--goal chooses its own poses; leave --index out")
+    wanted: dict[str, Any] = {
+        "accuracy": accuracy, "touch_cost": touch_cost, "touch_std": touch_std,
+        "least_poses": least_poses,
+    }  # fmt: skip
+    given = {k: v for k, v in wanted.items() if v is not None}
+    if goal is None and (given or points is not None):
+        name = next(iter(given), "points").replace("_", "-")
+        raise PlanError(f"--{name} goes with --goal target-position")
+    if goal is None and index is None and pool is not None:
+        raise PlanError("--pool goes with --index or --goal")
     if goal is not None:
         known = None if points is None else wb.read_points(points)
-        mix = wb.reach(
-            arm, accuracy, touch_cost=touch_cost, touch_std=touch_std, points=known,
-            pool=4_000 if pool is None else pool, seed=seed,
-        )  # fmt: skip
-        return _answer_mix(mix, out, as_json)
+        size = 4_000 if pool is None else pool
+        mix = wb.reach(arm, **{"accuracy": 3e-4, **given}, points=known, pool=size, seed=seed)
+        return _answer_mix(mix, out, touch_std, as_json)
     if motion == "multisine":
         chosen = wb.multisine(arm, seconds, rate, seed)
     elif index is None:
@@ -76,24 +86,27 @@ def plan(
     console.answer(result, as_json, f"planned {what} for {robot} → {out}")
 
 
-def _answer_mix(mix: wb.Mix, out: Path, as_json: bool) -> None:
+def _answer_mix(mix: wb.Mix, out: Path, touch_std: float | None, as_json: bool) -> None:
     beside = out.with_name(f"{out.stem}.touches.parquet")
+    if beside.exists():
+        beside.replace(beside.with_name(beside.name + "~"))  # of another plan
     mix.gravity.write(out)
+    touched = len(mix.touches) > 0
+    if touched:
+        mix.touches.write(beside)
     result = {
         "plan": str(out), "robot": mix.gravity.robot, "poses": len(mix.gravity),
-        "touches": len(mix.touches),
-        "touch_plan": None, "rms_mm": 1e3 * mix.rms, "assured_mm": 1e3 * mix.assured,
-        "before_mm": 1e3 * mix.before,
+        "touches": len(mix.touches), "touch_plan": str(beside) if touched else None,
+        "rms_mm": 1e3 * mix.rms, "assured_mm": 1e3 * mix.assured, "before_mm": 1e3 * mix.before,
     }  # fmt: skip
-    if len(mix.touches):
-        mix.touches.write(beside)
-        result["touch_plan"] = str(beside)
-    text = (
-        f"{len(mix.gravity)} poses under gravity → {out}\n"
-        f"{len(mix.touches)} touches of known points → {beside}\n"
+    known = "" if touch_std is None else f" --touch-std {touch_std:g}"
+    fit = f" --touches TOUCHES{known}" if touched else ""
+    lines = [f"{len(mix.gravity)} poses under gravity → {out}"]
+    if touched:
+        lines.append(f"{len(mix.touches)} touches of known points → {beside}")
+    lines += [
         f"rms position error in the target: expected {1e3 * mix.before:.1f} mm now, "
-        f"{1e3 * mix.rms:.3f} mm after; below {1e3 * mix.assured:.3f} mm for 95 % of robots\n"
-        "record both plans, then: wrenchbed calibrate REC --touches TOUCHES "
-        "--free candidates sensor.bias --prior"
-    )
-    console.answer(result, as_json, text)
+        f"{1e3 * mix.rms:.3f} mm after; below {1e3 * mix.assured:.3f} mm for 95 % of robots",
+        f"record, then: wrenchbed calibrate REC{fit} --free candidates sensor.bias --prior",
+    ]
+    console.answer(result, as_json, "\n".join(lines))

@@ -48,6 +48,13 @@ def fit(result: Fit, truth: Mapping[str, float] | None = None) -> Group:
     cannot = _cannot_tell(result)
     if cannot:
         parts += [Text("what this data cannot tell", style="bold"), *cannot, ""]
+    if result.touches is not None:
+        seats = result.touches
+        told = (
+            f"{seats.count} with {1e3 * seats.std:g} mm per axis; the least fitting, number "
+            f"{seats.worst}, lies {seats.distance:.1f} σ from where all else puts it"
+        )
+        parts += [Text("touches", style="bold"), _indented(told), ""]
     if result.target_rms is not None:
         told = f"{1e3 * result.target_rms:.3g} mm rms expected in the robot's target workspace"
         parts += [Text("position of the tool", style="bold"), _indented(told), ""]

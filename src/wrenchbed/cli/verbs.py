@@ -63,7 +63,8 @@ def record(
         done = wb.record(link, todo, out, samples=samples, rate=rate, progress=tell)
     result = {"recording": str(out), "robot": robot, "mode": todo.mode, "rows": done.rows,
               "visited": done.visited, "seconds": done.seconds}  # fmt: skip
-    what = f"{done.visited} poses" if todo.mode == "static" else f"{done.rows} samples of motion"
+    kind = "poses" if todo.points is None else "touches"
+    what = f"{done.visited} {kind}" if todo.mode == "static" else f"{done.rows} samples of motion"
     text = f"recorded {what}, {done.rows} rows, {done.seconds:.0f} s of {driver} time → {out}"
     console.answer(result, as_json, text)
 
@@ -103,7 +104,7 @@ def calibrate(
     prior: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False,
     loss: Literal["linear", "huber", "student"] = "linear",
     touches: Path | None = None,
-    touch_std: float = 5e-5,
+    touch_std: float | None = None,
     truth: Path | None = None,
     as_json: Json = False,
 ) -> None:
@@ -116,7 +117,7 @@ def calibrate(
         hold: Of these, to hold at their stated or nominal value.
         prior: Take each tolerance as a prior standard deviation.
         touches: Recording of touches (columns px py pz) of the same robot, fitted together.
-        touch_std: How far the tip sits from the stated point, per axis [m].
+        touch_std: With --touches: how far the tip sits from its point, per axis [m]; 5e-5.
         loss: Huber and Student's t resist outliers.
         truth: JSON {name: value} of a simulated robot, shown beside the estimates.
         as_json: Print the result as JSON.
@@ -125,7 +126,10 @@ def calibrate(
     console.check_out(out, recording, touches, truth)
     known = None if truth is None else console.parameters(truth)
     data = wb.Recording.read(recording)
-    seats = None if touches is None else wb.Touches.of(wb.Recording.read(touches), touch_std)
+    if touches is None and touch_std is not None:
+        raise ParameterError("--touch-std goes with --touches")
+    spread = {} if touch_std is None else {"std": touch_std}
+    seats = None if touches is None else wb.Touches.of(wb.Recording.read(touches), **spread)
     fit = wb.calibrate(data, options, seats)
     for name, value in (known or {}).items():
         if name not in fit.theta or isinstance(value, bool) or not isinstance(value, int | float):

@@ -19,7 +19,14 @@ Predictor = Callable[[np.ndarray], np.ndarray]
 """Joint values (N, 6) → reading without external load (N, 6) [N, N·m]."""
 
 FREE = ("tool.mass", "tool.cog", "sensor.bias", "mount.rotation", "base.tilt")
-ORDER = ("Method 1", "Method 2", "Method 3", "Method 3, with tool gravity", "joint fit", "floor")
+ORDER = (
+    "Method 1",
+    "Method 2",
+    "Method 3",
+    "Method 3, with tool gravity",
+    "joint fit",
+    "exact model",
+)
 
 
 def known_weights(scene: Scene, recording: Recording) -> Predictor:
@@ -53,3 +60,22 @@ def joint_fit(scene: Scene, recording: Recording) -> tuple[Predictor, Fit]:
     fit = calibrate(recording, Options(free=FREE))
     theta = scene.model.parameters.vector(dict(fit.theta))
     return lambda q: scene.model.predict(q, theta), fit
+
+
+def left_out(scene: Scene, q: np.ndarray, reference: np.ndarray) -> dict[str, np.ndarray]:
+    """Forces (N, 3) [N] that methods ignore, from weights, orientations and bias alone.
+
+    Method 2 ignores bias and sensor's weight; taring ignores how all weight turns since the
+    reference pose (1, 6), or with the tool's weight on top, how the sensor's does.
+    """
+    robot, truth = scene.model.robot, scene.model.parameters.mapping(scene.theta)
+    own = scene.theta[: len(robot.parameters)]
+    gravity = np.asarray(scene.model.gravity)
+    now, then = (np.asarray(gravity @ robot.sensor_pose(p, own)[0]) for p in (q, reference))
+    bias = np.array([truth[f"sensor.bias.f{a}"] for a in "xyz"])
+    sensor, tool = truth["sensor.mass"], truth["tool.mass"]
+    return {
+        "Method 2": bias + sensor * now,
+        "Method 3": (sensor + tool) * (now - then),
+        "Method 3, with tool gravity": sensor * (now - then),
+    }

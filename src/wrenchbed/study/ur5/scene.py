@@ -49,8 +49,9 @@ SCENARIOS = (
     Scenario("stated tool mass 5 % too large", stated_mass=1.05),
     Scenario("base tilted by 1°", {"base.tilt.x": 0.8 * _DEGREE, "base.tilt.y": -0.6 * _DEGREE}),
     Scenario("sensor turned by 1° on the flange", {"mount.rotation.z": _DEGREE}),
+    Scenario("joint 5's zero off by 1°, which no method models", {"dq5": _DEGREE}),
     Scenario(
-        "all of these",
+        "drift, mass, tilt and turn at once",
         {"base.tilt.x": 0.8 * _DEGREE, "base.tilt.y": -0.6 * _DEGREE, "mount.rotation.z": _DEGREE},
         1.05,
         True,

@@ -25,7 +25,8 @@ class Trial:
 
     Attributes:
         residual: by method, (5 · POSITIONS, 6), in the order of the directions.
-        ignored: what a method leaves out by its principle (5 · POSITIONS, 6), without noise.
+        ignored: force that a method leaves out by its principle (5 · POSITIONS, 3) [N], from
+            first principles.
         direction: of each judging pose.
         fit: the joint fit.
         calibrating: joint values of the poses that were fitted (5 · CALIBRATION, 6).
@@ -46,7 +47,7 @@ class Trial:
                 here = self.direction == direction
                 force, torque = (np.linalg.norm(left[here][:, k], axis=1) for k in _HALVES)
                 out = self.ignored.get(method)
-                missing = np.nan if out is None else np.linalg.norm(out[here, :3], axis=1).mean()
+                missing = np.nan if out is None else np.linalg.norm(out[here], axis=1).mean()
                 rows.append(
                     {
                         "scenario": self.scene.scenario.name, "method": method,
@@ -100,16 +101,11 @@ def run(scenario: Scenario, seed: int) -> Trial:
         "Method 3": methods.tare(zero),
         "Method 3, with tool gravity": methods.tare_and_gravity(scene, reference, zero),
         "joint fit": fitted,
-        "floor": lambda _: exact[last:],
+        "exact model": lambda _: exact[last:],
     }
     measured = holds.wrench[last:]
     residual = {name: measured - predict(judging) for name, predict in predictors.items()}
-    tool = methods.tool_gravity(scene)
-    ignored = {
-        "Method 2": exact[last:] - tool(judging),
-        "Method 3": exact[last:] - exact[0],
-        "Method 3, with tool gravity": exact[last:] - tool(judging) - exact[0] + tool(reference)[0],
-    }
+    ignored = methods.left_out(scene, judging, reference)
     return Trial(scene, residual, ignored, np.repeat(DIRECTIONS, POSITIONS), fit, q[first:last])
 
 
