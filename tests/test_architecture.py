@@ -21,7 +21,7 @@ LAYERS = {
     "problem": 6.2, "start": 6.2,
     "weighting": 6.3, "calibration": 7,
     "drivers": 8,
-    "campaign": 9, "planning": 9, "mixing": 9,
+    "campaign": 9, "planning": 9, "mixing": 9, "rehearsal": 8,
     "study": 10,
     "cli": 12, "__init__": 12, "__main__": 13,
 }  # fmt: skip

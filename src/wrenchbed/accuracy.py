@@ -9,6 +9,7 @@ from wrenchbed.robots.base import Robot
 
 _STEP = 1e-30
 _DRAWS = 4000
+_ROWS_AT_ONCE = 20_000
 
 
 def tip_jacobian(
@@ -27,8 +28,12 @@ def tip_jacobian(
     for k, c in enumerate(columns):
         if c < own:
             shifted[k, 0, c] += 1j * _STEP
-    for k in range(len(columns)):
-        result[:, :, k] = robot.tool_pose(q, shifted[k, 0])[1].imag / _STEP
+    at_once = max(1, _ROWS_AT_ONCE // max(len(q), 1))
+    for first in range(0, len(columns), at_once):
+        some = slice(first, first + at_once)
+        tip = robot.tool_pose(q, shifted[some])[1].imag / _STEP
+        full = np.broadcast_to(tip, (len(shifted[some]), len(q), 3))
+        result[:, :, some] = np.moveaxis(full, 0, -1)
     return result
 
 

@@ -86,10 +86,12 @@ def _blind(problem: Problem) -> Outcome:
 def _scattered(problem: Problem, solution: Solution, inflated: bool = True) -> Outcome:
     """The residual's own variance and correlation time, channel by channel."""
     data = problem.data
-    for _ in range(_REWEIGHTINGS):
-        found, time = problem.found(solution.x), _correlation_time(problem, solution.x)
-        solution = problem.solve(wander.none_of(found * time), solution.x)
     expected = np.diagonal(data.row_covariance) / float(np.mean(data.count))
+    for _ in range(_REWEIGHTINGS):
+        # many parameters may swallow a channel's residual, never its noise
+        found = np.maximum(problem.found(solution.x), expected)
+        time = _correlation_time(problem, solution.x)
+        solution = problem.solve(wander.none_of(found * time), solution.x)
     share = np.minimum(1.0, expected / np.maximum(found, 1e-300)) if inflated else np.ones(6)
     effective = float(data.count.sum()) / time * share
     noise = _noise(problem, solution, data.source, effective, inflated)

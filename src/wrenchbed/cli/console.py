@@ -56,7 +56,7 @@ def answer(result: Any, as_json: bool, shown: Any) -> None:
 
 
 @contextmanager
-def progress(what: str, total: int) -> Iterator[Callable[..., None]]:
+def progress(what: str, total: int | None) -> Iterator[Callable[..., None]]:
     """A bar on stderr, nothing where stderr is no terminal; call it with (steps done, label)."""
     console = Console(stderr=True)
     bar = Progress(

@@ -136,7 +136,7 @@ def confirm(shared: Confirming, number: int) -> list[Row]:
 
 
 def plan(setting: Setting, seed: int) -> Mix:
-    """The fewest measurements that assure `WANTED` for 95 % of robots."""
+    """Few measurements that assure `WANTED`."""
     return reach(setting.robot, WANTED, seed=seed)
 
 
@@ -218,7 +218,7 @@ def _plan(mix: Mix, confirmed: pa.Table) -> Table:
     rows: list[tuple[str, object]] = [
         ("poses under gravity", len(mix.gravity)), ("touches of known points", len(mix.touches)),
         ("expected rms before [mm]", 1e3 * mix.before), ("expected rms after [mm]", 1e3 * mix.rms),
-        ("assured for 95 % of robots [mm]", 1e3 * mix.assured),
+        (f"assured for {100 * mix.share:g} % of robots [mm]", 1e3 * mix.assured),
         ("simulated robots", len(after)),
         ("rms before, over robots [mm]", float(np.sqrt((before**2).mean()))),
         ("rms after, over robots [mm]", float(np.sqrt((after**2).mean()))),
@@ -230,7 +230,7 @@ def _plan(mix: Mix, confirmed: pa.Table) -> Table:
         f"A plan for {1e3 * WANTED:g} mm with all parameters and the sensor's bias unknown",
         ("quantity", "value"), rows,
         "wrenchbed plan medrue --goal target-position. Each robot was moved, touched and read in "
-        "MuJoCo with the Mini40's noise, and calibrated from the files alone. The plan takes each "
-        "tolerance for a standard deviation, 1.7 times that of robots drawn within it: it errs on "
-        "the safe side. The accuracy is the rms over the target; single places may be worse.",
+        "MuJoCo with the Mini40's noise, and calibrated from the files alone. The first "
+        "three errors are those of the plan's rehearsal in closed form. The accuracy is the rms "
+        "over the target; single places may be worse.",
     )  # fmt: skip
