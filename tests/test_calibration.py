@@ -331,3 +331,15 @@ def test_every_registered_robot_without_a_model_calibrates_from_orientations():
     assert calibrate(Recording(some, columns | also)).tool == fit.tool
     assert fit["tool.mass"].value == pytest.approx(1.42, abs=1e-9)
     assert fit["tool.cog.z"].value == pytest.approx(0.083, abs=1e-9)
+
+
+def test_a_channel_whose_residual_is_swallowed_keeps_its_noise():
+    """Six poses, 55 parameters: the torques fit exactly, which says nothing of their noise."""
+    recordings = [
+        static("medrue", {}, poses=6, samples=100, noise=WHITE, wander=0.3, seed=seed)
+        for seed in range(3)
+    ]
+    for recording in recordings:
+        fit = calibrate(recording, Options(free=("candidates", "sensor.bias"), prior=True))
+        assert fit.noise.inflated
+        assert (fit.noise.scatter / fit.noise.expected).min() > 0.02

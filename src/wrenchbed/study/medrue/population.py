@@ -16,7 +16,6 @@ from wrenchbed.study.plots import bars
 
 _ALPHA = 0.05
 _SCALE = {"position": 1e3, "force": 1.0, "torque": 1.0}
-_UNIT = {"position": "mm", "force": "N", "torque": "N·m"}
 
 
 def column(table: pa.Table, name: str, **where: str) -> np.ndarray:

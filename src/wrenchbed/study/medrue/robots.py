@@ -32,7 +32,6 @@ _NOISY_STOP = 1e-6
 """Far below what noise leaves, in mm and degrees; the steps converge quadratically."""
 DRAWS = 3
 """More draws of noise for each robot, weighted fits only, to compare with the bound."""
-QUANTITIES = {"position": "m", "force": "N", "torque": "N·m"}
 STATISTICS = ("mean", "max", "std", "rms")
 
 
