@@ -13,8 +13,10 @@ LAYERS = {
     "wrench": 2, "identify": 2.1, "parquet": 1, "points": 1,
     "metadata": 2.1, "recording": 2.2, "writer": 2.3,
     "plan": 2.3, "holds": 2.3, "column_map": 2.2, "importing": 2.4, "mjcf": 2.1, "sensors": 2,
-    "robots": 3,
-    "model": 5, "simulation": 5, "plant": 5.1,
+    "gravity": 2.1, "robots": 3, "turning": 3.1, "scene": 4, "effects": 4.1, "chain": 4.2,
+    "lookalikes": 5.5,
+    "springs": 2.1, "sensor_only": 4, "model": 5, "simulation": 5, "plant": 5.1, "assembly": 5.05,
+    "mechanics": 5.1, "twin": 5.3, "typical": 5.3, "playback": 6.2, "exporting": 5.4,
     "observability": 6,
     "accuracy": 4, "touches": 6.15, "selection": 6.1,
     "gauss_newton": 6.1, "fit": 6.16, "observations": 6.1, "wander": 6.1,
@@ -22,12 +24,16 @@ LAYERS = {
     "weighting": 6.3, "calibration": 7,
     "drivers": 8,
     "campaign": 9, "planning": 9, "mixing": 9, "rehearsal": 8,
-    "study": 10,
+    "diagnosis": 10, "study": 10,
+    "report_plots": 10.5, "report_words": 10.6, "report": 11,
     "cli": 12, "__init__": 12, "__main__": 13,
 }  # fmt: skip
-PLUGINS = ("robots", "sensors", "drivers")
+PLUGINS = ("robots", "sensors", "drivers", "effects")
 ONLY_IN = {
-    "mujoco": ("robots", "mjcf", "simulation", "plant"),
+    "mujoco": (
+        "robots", "mjcf", "simulation", "plant", "springs", "assembly", "mechanics",
+        "sensor_only", "exporting", "effects", "lookalikes",
+    ),
     "rtde_control": ("drivers", "twins"), "rtde_receive": ("drivers", "twins"),
     "can": ("drivers", "twins"), "canopen": ("drivers", "twins"),
     "rerun": ("viewer",), "rich": ("cli",), "tyro": ("cli",),

@@ -14,17 +14,20 @@ if TYPE_CHECKING:
     from wrenchbed.drivers.sim import Options as SimOptions
     from wrenchbed.drivers.sim import SimDriver
     from wrenchbed.errors import WrenchbedError
+    from wrenchbed.exporting import export
     from wrenchbed.fit import Fit
     from wrenchbed.importing import import_files
     from wrenchbed.mixing import Mix, reach
     from wrenchbed.model import Model
     from wrenchbed.plan import Plan
     from wrenchbed.planning import informative, multisine, poses
+    from wrenchbed.playback import simulate
     from wrenchbed.points import read as read_points
     from wrenchbed.recording import Recording
     from wrenchbed.registry import load, names
     from wrenchbed.simulation import Simulation
     from wrenchbed.touches import Touches
+    from wrenchbed.twin import Twin
 
 __version__ = version("wrenchbed")
 
@@ -39,8 +42,10 @@ _HOME = {
     "SimOptions": ("drivers.sim", "Options"),
     "Simulation": ("simulation", "Simulation"),
     "Touches": ("touches", "Touches"),
+    "Twin": ("twin", "Twin"),
     "WrenchbedError": ("errors", "WrenchbedError"),
     "calibrate": ("calibration", "calibrate"),
+    "export": ("exporting", "export"),
     "import_files": ("importing", "import_files"),
     "informative": ("planning", "informative"),
     "load": ("registry", "load"),
@@ -51,6 +56,7 @@ _HOME = {
     "read_map": ("column_map", "read"),
     "read_points": ("points", "read"),
     "record": ("campaign", "record"),
+    "simulate": ("playback", "simulate"),
 }
 
 __all__ = [
@@ -64,9 +70,11 @@ __all__ = [
     "SimOptions",
     "Simulation",
     "Touches",
+    "Twin",
     "WrenchbedError",
     "__version__",
     "calibrate",
+    "export",
     "import_files",
     "informative",
     "load",
@@ -77,6 +85,7 @@ __all__ = [
     "read_map",
     "read_points",
     "record",
+    "simulate",
 ]
 
 

@@ -62,6 +62,7 @@ def record(
     if not 0 < rate < np.inf or samples < 1:
         raise PlanError(f"rate {rate} Hz and {samples} samples a pose must be above 0")
     check(driver, plan, rate)
+    driver.expect(plan.q, plan.mode)
     metadata = driver.metadata(plan.mode, rate)
     run = _poses if plan.mode == "static" else _trajectory
     with RecordingWriter(path, metadata) as writer:

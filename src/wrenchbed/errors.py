@@ -7,6 +7,8 @@
     ├── MapError            a column map that does not fit its files (ValueError)
     ├── KinematicsError     joints or poses without a solution       (ValueError)
     ├── CalibrationError    data that cannot answer the question     (ValueError)
+    ├── DiagnosisError      data that cannot be diagnosed            (ValueError)
+    ├── TwinError           a twin that cannot be read or cannot follow (ValueError)
     ├── NotFoundError       a robot, sensor or driver that does not exist (LookupError)
     ├── DriverError         a device that did not do as told         (RuntimeError)
     └── MissingExtraError   an optional library that is not installed (ImportError)
@@ -43,6 +45,14 @@ class KinematicsError(WrenchbedError, ValueError):
 
 class CalibrationError(WrenchbedError, ValueError):
     """A recording that cannot support the requested calibration."""
+
+
+class DiagnosisError(WrenchbedError, ValueError):
+    """A recording that cannot show where its gap comes from, whatever the cause."""
+
+
+class TwinError(WrenchbedError, ValueError):
+    """A twin's file that cannot be trusted, or a motion that its robot cannot follow."""
 
 
 class NotFoundError(WrenchbedError, LookupError):

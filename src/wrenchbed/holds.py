@@ -22,6 +22,7 @@ class Holds:
         count: rows in each hold (H,).
         row_covariance: of one row about its hold's mean (6, 6), None without repeats.
         dof: degrees of freedom behind it.
+        rows: index of each hold's first row among those kept (H,).
     """
 
     t: np.ndarray
@@ -30,6 +31,7 @@ class Holds:
     count: np.ndarray
     row_covariance: np.ndarray | None
     dof: int
+    rows: np.ndarray
 
     def __len__(self) -> int:
         return len(self.t)
@@ -57,4 +59,4 @@ def gather(recording: Recording, keep: np.ndarray) -> Holds:
         scatter = y - np.repeat(mean, count, axis=0)
         covariance = scatter.T @ scatter / dof
     middle = np.add.reduceat(q, starts) / count[:, None]
-    return Holds(np.add.reduceat(t, starts) / count, middle, mean, count, covariance, dof)
+    return Holds(np.add.reduceat(t, starts) / count, middle, mean, count, covariance, dof, starts)

@@ -57,7 +57,7 @@ def observe(recording: Recording) -> Observations:
     Raises:
         CalibrationError: nothing is left, or motion is given without joints or an even clock.
     """
-    keep = _unsaturated(recording)
+    keep = usable(recording)
     if not keep.any():
         raise CalibrationError(f"{recording.name}: every row is saturated")
     gathered = _motion if recording.metadata.mode == "dynamic" else _at_rest
@@ -126,7 +126,7 @@ def _check_smooth(recording: Recording, rough: np.ndarray, second: np.ndarray) -
         )
 
 
-def _unsaturated(recording: Recording) -> np.ndarray:
+def usable(recording: Recording) -> np.ndarray:
     """Rows (N,) to use; the word of a real device has its maker's meaning and drops nothing."""
     status = recording.columns.get("status")
     if status is None or recording.metadata.source != "sim":

@@ -1,8 +1,8 @@
 """Plug-ins: a folder is its registry, and other packages add to it through entry points.
 
 A plug-in of kind ``robots`` is a module or package ``wrenchbed/robots/<name>`` with one public
-constant in the kind's name (``ROBOT``, ``SENSOR``, ``DRIVER``), or an entry point of another
-package in the group ``wrenchbed.robots`` that loads such an object.
+constant in the kind's name (``ROBOT``, ``SENSOR``, ``DRIVER``, ``EFFECT``), or an entry point of
+another package in the group ``wrenchbed.robots`` that loads such an object.
 """
 
 import difflib
@@ -14,7 +14,7 @@ from typing import Any
 
 from wrenchbed.errors import MissingExtraError, NotFoundError
 
-KINDS = {"robots": "ROBOT", "sensors": "SENSOR", "drivers": "DRIVER"}
+KINDS = {"robots": "ROBOT", "sensors": "SENSOR", "drivers": "DRIVER", "effects": "EFFECT"}
 """Kind (the folder's name) → the constant that a plug-in's module holds."""
 
 _NOT_A_PLUGIN = {"base"}
@@ -24,7 +24,12 @@ _NOT_A_PLUGIN = {"base"}
 def _modules(kind: str) -> dict[str, str]:
     package = importlib.import_module(f"wrenchbed.{kind}")
     found = pkgutil.iter_modules(package.__path__)
-    return {m.name.replace("_", "-"): m.name for m in found if m.name not in _NOT_A_PLUGIN}
+    return {_public(kind, m.name): m.name for m in found if m.name not in _NOT_A_PLUGIN}
+
+
+def _public(kind: str, module: str) -> str:
+    """``ati_gamma`` is ati-gamma; an effect's module ``joint_gear_error`` is joint.gear_error."""
+    return module.replace("_", ".", 1) if kind == "effects" else module.replace("_", "-")
 
 
 @cache

@@ -8,7 +8,8 @@ from typing import Any
 import tyro
 from rich.console import Console
 
-from wrenchbed.cli import study, verbs
+from wrenchbed.cli import study, twin, verbs
+from wrenchbed.cli.diagnose import diagnose
 from wrenchbed.cli.plan import plan
 from wrenchbed.errors import WrenchbedError, WrenchbedWarning
 
@@ -18,6 +19,9 @@ _VERBS: dict[str, Callable[..., Any]] = {
     "record": verbs.record,
     "import": verbs.import_,
     "calibrate": verbs.calibrate,
+    "diagnose": diagnose,
+    "simulate": twin.simulate,
+    "export": twin.export,
     "study": study.study,
 }
 
@@ -34,7 +38,7 @@ def main(arguments: list[str] | None = None) -> int:
             tyro.extras.subcommand_cli_from_dict(
                 _VERBS,
                 prog="wrenchbed",
-                description="Testbed for force-sensing robots: plan, record, calibrate, study.",
+                description="Testbed for force-sensing robots: plan, record, calibrate, diagnose.",
                 args=sys.argv[1:] if arguments is None else arguments,
             )
     except WrenchbedError as error:

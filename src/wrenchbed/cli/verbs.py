@@ -12,7 +12,9 @@ from wrenchbed.errors import ParameterError, PlanError
 
 
 def list_(
-    kind: tyro.conf.Positional[Literal["robots", "sensors", "drivers"]], /, as_json: Json = False
+    kind: tyro.conf.Positional[Literal["robots", "sensors", "drivers", "effects"]],
+    /,
+    as_json: Json = False,
 ) -> None:
     """List what exists, one line each.
 
@@ -31,6 +33,7 @@ def record(
     driver: str = "sim",
     parameters: Path | None = None,
     noise: Literal["real", "white", "off"] = "real",
+    effect: tyro.conf.UseAppendAction[tuple[str, ...]] = (),
     samples: int = 100,
     rate: float | None = None,
     seed: int = 0,
@@ -45,6 +48,8 @@ def record(
         driver: Name, see `wrenchbed list drivers`.
         parameters: JSON {name: value} in SI: what the simulated robot truly is.
         noise: Of the simulated sensor.
+        effect: ID[:name=value,…] of an effect on the simulated robot, see `wrenchbed list effects`;
+            without values of typical size. May be repeated.
         samples: Rows a pose.
         rate: Sampling rate [Hz]; the plan's, else 100 at rest and 125 in motion.
         seed: Of the noise.
@@ -56,9 +61,11 @@ def record(
     todo = wb.Plan.read(plan)
     if todo.robot != robot:
         raise PlanError(f"{plan}: the plan is for robot {todo.robot!r}, not {robot!r}")
-    options = device.options(
-        robot=robot, parameters=console.parameters(parameters), noise=noise, seed=seed
-    )
+    extra = {"effects": effect} if effect else {}
+    if effect and "effects" not in device.options.__dataclass_fields__:
+        raise ParameterError(f"--effect: driver {driver!r} does not simulate effects")
+    truth = console.parameters(parameters)
+    options = device.options(robot=robot, parameters=truth, noise=noise, seed=seed, **extra)
     with device(options) as link, console.progress(f"recording {robot}", len(todo)) as tell:
         done = wb.record(link, todo, out, samples=samples, rate=rate, progress=tell)
     result = {"recording": str(out), "robot": robot, "mode": todo.mode, "rows": done.rows,

@@ -108,6 +108,10 @@ class Driver(ABC):
         check_motion(self.robot, targets, rate, "trajectory")
         yield from self._track(targets, rate)
 
+    def expect(self, plan: np.ndarray, mode: str) -> None:
+        """A plan (N, J) is about to run; most devices need not know."""
+        return None
+
     @abstractmethod
     def metadata(self, mode: str, rate: float) -> Metadata:
         """What a recording made with this driver states."""

@@ -3,6 +3,10 @@
 At rest the wrench is exact at the joint values that the servos reached; in motion it is that of
 the servo-driven dynamics. What the robot truly is (``parameters``) never enters its metadata,
 which states the nominal robot.
+
+Effects do not change where the joints are measured: the plant moves without them, and what they
+change in the load on the sensor is computed at the measured joints, at rest and in motion as if at
+rest (`twin`). They remember the whole campaign.
 """
 
 from collections.abc import Iterator, Mapping
@@ -18,9 +22,12 @@ from wrenchbed.metadata import Metadata, SensorInfo, ToolInfo
 from wrenchbed.model import Model
 from wrenchbed.noise import NoiseStream, noise_model
 from wrenchbed.plant import Plant, steps_in
+from wrenchbed.playback import Playback
 from wrenchbed.robots.base import INERTIA_AXES, SimulatedRobot
 from wrenchbed.simulation import Simulation
 from wrenchbed.touches import STD
+from wrenchbed.twin import Twin
+from wrenchbed.typical import active_effect
 from wrenchbed.wrench import CHANNELS
 
 CONTROL_S = 0.008
@@ -28,6 +35,8 @@ CONTROL_S = 0.008
 _BLOCK_S = 1.0
 _PUSH = 3.0
 """Largest contact force of a touch along each axis [N]."""
+Samples = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
+"""Times (n,), joint values and speeds (n, J), loads or readings (n, 6)."""
 
 
 @dataclass(frozen=True)
@@ -40,6 +49,7 @@ class Options:
         noise: ``real``, ``white`` or ``off``.
         seed: of the noise.
         gravity: (3,) [m/s²], the robot's default if None.
+        effects: as ``joint.compliance:joint=2,stiffness=1.4e4``; without values of typical size.
     """
 
     robot: str
@@ -47,6 +57,7 @@ class Options:
     noise: str = "real"
     seed: int = 0
     gravity: tuple[float, float, float] | None = None
+    effects: tuple[str, ...] = ()
 
 
 class SimDriver(Driver):
@@ -74,6 +85,9 @@ class SimDriver(Driver):
         self._sensor = registry.load("sensors", robot.sensor)
         self._noise = noise_model(options.noise, self._sensor.noise)
         self._stream = NoiseStream(self._noise, options.seed)
+        active = tuple(active_effect(robot, text) for text in options.effects)
+        twin = Twin(self.model, self.theta, active)
+        self._playback = Playback(twin, options.seed) if active else None
         self._plant = Plant(self._simulation, robot.home)
         self._time = 0.0
         self._hand = np.random.default_rng([options.seed, 1])
@@ -102,6 +116,10 @@ class SimDriver(Driver):
             ),
             gravity=self.model.gravity,
         )
+
+    def expect(self, plan: np.ndarray, mode: str) -> None:
+        if self._playback is not None and mode == "static":
+            self._playback.expect(plan)
 
     def _connect(self) -> None:
         """Nothing to open: the robot stands at home since it was made."""
@@ -136,17 +154,38 @@ class SimDriver(Driver):
         if not there:
             miss = np.abs(self._plant.q - target).max()
             raise DriverError(f"the simulated {self.robot.name} stopped {miss:.2g} off its target")
-        self._time += seconds + waited
+        arrived = self._time + (seconds + waited)
+        if self._playback is not None:
+            self._playback.way((self._time, arrived), start, self._plant.q)
+        self._time = arrived
         return Reached(self._plant.q, seconds + waited)
 
     def _sample(self, n: int, rate: float) -> Block:
         q = self._plant.q
-        load = np.repeat(self._simulation.wrench(q[None]) + self._contact, n, axis=0)
         t = self._time + np.arange(n) / rate
         self._time = float(t[-1]) + 1.0 / rate
-        return self._columns(t, np.repeat(q[None], n, axis=0), load)
+        if self._playback is None:
+            load = np.repeat(self._simulation.wrench(q[None]) + self._contact, n, axis=0)
+            reading = self.model.read(load, self.theta)
+        else:
+            reading = self._playback.rest(t, q, self._contact)
+        return self._columns(t, np.repeat(q[None], n, axis=0), reading)
 
     def _track(self, targets: np.ndarray, rate: float) -> Iterator[Block]:
+        moved = self._moved(targets, rate)
+        if self._playback is not None:
+            moved = self._with_effects(list(moved))
+        done = 0
+        for t, q, qd, reading in moved:
+            part = targets[done : done + len(t)]
+            done += len(t)
+            columns = dict(self._columns(t, q, reading))
+            columns |= {f"qd{j + 1}": qd[:, j] for j in range(qd.shape[1])}
+            columns |= {f"q_target{j + 1}": part[:, j] for j in range(part.shape[1])}
+            yield columns
+
+    def _moved(self, targets: np.ndarray, rate: float) -> Iterator[Samples]:
+        """What was measured on the way, second by second, without effects."""
         block, steps = max(1, int(_BLOCK_S * rate)), steps_in(1.0 / rate)
         path = CubicSpline(np.arange(len(targets)), targets, bc_type="natural")
         between = np.arange(1, steps + 1) / steps
@@ -158,13 +197,22 @@ class SimDriver(Driver):
                 q[i], qd[i], load[i] = self._plant.follow(way, 1.0 / rate)
             t = self._time + np.arange(len(part)) / rate
             self._time = float(t[-1]) + 1.0 / rate
-            columns = dict(self._columns(t, q, load))
-            columns |= {f"qd{j + 1}": qd[:, j] for j in range(qd.shape[1])}
-            columns |= {f"q_target{j + 1}": part[:, j] for j in range(part.shape[1])}
-            yield columns
+            yield t, q, qd, load if self._playback else self.model.read(load, self.theta)
 
-    def _columns(self, t: np.ndarray, q: np.ndarray, load: np.ndarray) -> Block:
-        reading, status = self._stream.corrupt(t, self.model.read(load, self.theta))
+    def _with_effects(self, blocks: list[Samples]) -> Iterator[Samples]:
+        """The same blocks with readings of the whole motion instead of loads."""
+        assert self._playback is not None
+        t, q, qd, load = (np.concatenate(part) for part in zip(*blocks, strict=True))
+        reading = self._playback.motion(t, q, qd, load)
+        done = 0
+        for block in blocks:
+            yield *block[:3], reading[done : done + len(block[0])]
+            done += len(block[0])
+
+    def _columns(self, t: np.ndarray, q: np.ndarray, reading: np.ndarray) -> Block:
+        reading, status = self._stream.corrupt(t, reading)
+        if self._playback is not None:
+            reading = self._playback.corrupt(t, reading)
         joints = {f"q{j + 1}": q[:, j] for j in range(q.shape[1])}
         channels = {c: reading[:, k] for k, c in enumerate(CHANNELS)}
         return {"t": t} | joints | channels | {"status": status}

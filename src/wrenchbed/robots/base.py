@@ -1,6 +1,6 @@
 """What a robot is: joints, parameters, a closed-form sensor pose and the same robot in MuJoCo."""
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from wrenchbed.errors import NotFoundError, PlanError, WrenchbedError
+from wrenchbed.gravity import Arm
 from wrenchbed.jets import Value, stack
 from wrenchbed.parameters import Parameter, ParameterSet
 from wrenchbed.wrench import Tool
@@ -50,15 +51,14 @@ class GoalSets:
     target: np.ndarray
 
 
-class Robot(ABC):
-    """A robot that carries a six-axis force/torque sensor.
+class Robot(Arm):
+    """A robot that carries a six-axis force/torque sensor; `Arm` holds what its own weight does.
 
     Every formula accepts joint values ``q`` of shape (N, J) as an array or as a `Jet` (then the
     result carries velocity and acceleration), and parameters ``theta`` of shape (P,) or (K, 1, P),
     real or complex.
     """
 
-    name: str
     title: str
     joints: tuple[Joint, ...]
     parameters: ParameterSet
@@ -75,10 +75,6 @@ class Robot(ABC):
     unobservable: tuple[str, ...] = ()
     """Parameters that no wrench and no pose of the sensor depends on."""
 
-    @abstractmethod
-    def sensor_pose(self, q: Value, theta: np.ndarray) -> tuple[Value, Value]:
-        """R_world_sensor (…, N, 3, 3) and the sensor's origin in the world (…, N, 3) [m]."""
-
     def tool_pose(self, q: np.ndarray, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """R_world_tool (…, N, 3, 3) and the tool tip's position in the world (…, N, 3) [m].
 
@@ -86,10 +82,6 @@ class Robot(ABC):
             NotFoundError: the model of this robot has no tool tip.
         """
         raise NotFoundError(f"robot {self.name!r} has no tool tip in its model")
-
-    @abstractmethod
-    def tool(self, theta: np.ndarray) -> Tool:
-        """The load on the sensor."""
 
     @abstractmethod
     def theta_of_tool(self, theta: np.ndarray, mass: float, cog: Sequence[float]) -> np.ndarray:

@@ -31,7 +31,7 @@ _STYLE: Any = {
 
 
 @contextmanager
-def _axes(size: tuple[float, float], columns: int = 1, rows: int = 1, **options: Any) -> Any:
+def canvas(size: tuple[float, float], columns: int = 1, rows: int = 1, **options: Any) -> Any:
     """(figure, axes) of a figure that is drawn off screen; axes in one row, or in rows.
 
     Raises:
@@ -47,7 +47,8 @@ def _axes(size: tuple[float, float], columns: int = 1, rows: int = 1, **options:
         yield figure, axes[0] if rows == 1 else axes
 
 
-def _svg(figure: Any) -> str:
+def to_svg(figure: Any) -> str:
+    """A figure as one SVG element."""
     buffer = io.StringIO()
     figure.savefig(buffer, format="svg", metadata={"Date": None}, dpi=150)
     text = buffer.getvalue()
@@ -64,7 +65,7 @@ def lines(
 ) -> str:
     """Curves (x, y) by name on one axis, with named horizontal levels."""
     colours = (BLUE, ORANGE, GREEN, PURPLE, RED, GREY)
-    with _axes((6.0, 3.3)) as (figure, (ax,)):
+    with canvas((6.0, 3.3)) as (figure, (ax,)):
         for colour, (name, (xs, ys)) in zip(colours, curves.items(), strict=False):
             ax.plot(xs, ys, color=colour, marker="o" if len(xs) < 20 else None, ms=4, label=name)
         for name, level in (levels or {}).items():
@@ -87,12 +88,12 @@ def lines(
         ax.set_ylabel(y)
         if len(curves) > 1:
             ax.legend()
-        return _svg(figure)
+        return to_svg(figure)
 
 
 def histograms(panels: Mapping[str, Mapping[str, np.ndarray]], x: str) -> str:
     """Side by side, each with one or more distributions by name."""
-    with _axes((7.4, 2.9), len(panels)) as (figure, axes):
+    with canvas((7.4, 2.9), len(panels)) as (figure, axes):
         for ax, (title, data) in zip(axes, panels.items(), strict=True):
             for colour, (name, values) in zip((BLUE, ORANGE), data.items(), strict=False):
                 ax.hist(values, bins=50, color=colour, alpha=0.75, label=name)
@@ -101,12 +102,12 @@ def histograms(panels: Mapping[str, Mapping[str, np.ndarray]], x: str) -> str:
             ax.set_ylabel("configurations")
             if len(data) > 1:
                 ax.legend()
-        return _svg(figure)
+        return to_svg(figure)
 
 
 def workspaces(sets: Mapping[str, np.ndarray], targets: Mapping[str, np.ndarray]) -> str:
     """Positions (N, 3) [m] seen from above and from the front; ``targets`` in another colour."""
-    with _axes((7.4, 3.2), 2) as (figure, axes):
+    with canvas((7.4, 3.2), 2) as (figure, axes):
         for ax, (i, j), b in zip(axes, ((0, 1), (0, 2)), "yz", strict=True):
             for points, colour, size in (
                 *((p, BLUE, 5) for p in sets.values()),
@@ -127,12 +128,12 @@ def workspaces(sets: Mapping[str, np.ndarray], targets: Mapping[str, np.ndarray]
         for colour, name in ((BLUE, next(iter(sets))), (ORANGE, next(iter(targets)))):
             axes[0].scatter([], [], s=14, color=colour, label=name)
         figure.legend(loc="outside upper center", ncols=2)
-        return _svg(figure)
+        return to_svg(figure)
 
 
 def bars(values: Mapping[str, float], x: str, *, log: bool = False) -> str:
     """Horizontal bars with their numbers."""
-    with _axes((6.6, 0.42 * len(values) + 1.1)) as (figure, (ax,)):
+    with canvas((6.6, 0.42 * len(values) + 1.1)) as (figure, (ax,)):
         names = list(values)[::-1]
         numbers = [values[n] for n in names]
         ax.barh(names, numbers, color=BLUE, height=0.62)
@@ -145,14 +146,14 @@ def bars(values: Mapping[str, float], x: str, *, log: bool = False) -> str:
         ax.margins(x=0.12)
         ax.grid(visible=False, axis="y")
         ax.set_xlabel(x)
-        return _svg(figure)
+        return to_svg(figure)
 
 
 def groups(
     panels: Mapping[str, tuple[str, Mapping[str, Sequence[float]]]], labels: Sequence[str]
 ) -> str:
     """Panels by title, each with its y axis and one bar a label and name."""
-    with _axes((7.4, 2.9), len(panels)) as (figure, axes):
+    with canvas((7.4, 2.9), len(panels)) as (figure, axes):
         for ax, (title, (y, data)) in zip(axes, panels.items(), strict=True):
             width = 0.8 / len(data)
             for k, (colour, (name, numbers)) in enumerate(zip(_FOUR, data.items(), strict=False)):
@@ -164,12 +165,12 @@ def groups(
             ax.grid(visible=False, axis="x")
         handles, names = axes[0].get_legend_handles_labels()
         figure.legend(handles, names, loc="outside upper center", ncols=len(names))
-        return _svg(figure)
+        return to_svg(figure)
 
 
 def components(left: Mapping[str, np.ndarray]) -> str:
     """Residual wrenches (N, 6) by method: force above, torque below, one column a method."""
-    with _axes((7.4, 3.9), len(left), rows=2, sharex=True) as (figure, axes):
+    with canvas((7.4, 3.9), len(left), rows=2, sharex=True) as (figure, axes):
         for column, (name, values) in enumerate(left.items()):
             for row, (k, unit) in enumerate(((0, "N"), (3, "N·m"))):
                 ax = axes[row][column]
@@ -182,4 +183,4 @@ def components(left: Mapping[str, np.ndarray]) -> str:
             axes[1][column].set_xlabel("position")
         handles, names = axes[0][0].get_legend_handles_labels()
         figure.legend(handles, names, loc="outside upper center", ncols=3)
-        return _svg(figure)
+        return to_svg(figure)

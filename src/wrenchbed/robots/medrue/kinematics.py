@@ -58,14 +58,20 @@ def five_bar(p: Values, i: int, first: Value, second: Value) -> FiveBar:
     return FiveBar(to_base(bx, by), to_base(dx, dy), to_base(px, py), stack([s_theta, -c_theta]))
 
 
-def wrist(p: Values, q: Value, left: FiveBar, right: FiveBar) -> Wrist:
-    """The wrist frame in the base frame (Equations 12–16)."""
+def support(p: Values, q: Value, left: FiveBar, right: FiveBar) -> tuple[Value, ...]:
+    """E1, E2, the unit vector u between them and the wrist's origin (…, N, 3) in the base."""
     x = q[..., 0] + p["dq1"]
     e1 = stack([x - p["d41"], left.E[..., 0], left.E[..., 1]])
     e2 = stack([x + p["d42"], right.E[..., 0], right.E[..., 1]])
     span = e2 - e1
     length = sqrt(_dot(span, span))
     u = span * (1.0 / length)[..., None]
+    return e1, e2, u, e1 + u * (p["d41"] + p["d5"])[..., None]
+
+
+def wrist(p: Values, q: Value, left: FiveBar, right: FiveBar) -> Wrist:
+    """The wrist frame in the base frame (Equations 12–16)."""
+    e1, e2, u, origin = support(p, q, left, right)
     q6 = q[..., 5] + p["dq6"]
     link = (left.E - left.D) * (1.0 / p["L14"])[..., None]
     c, s = link[..., 0], link[..., 1]
@@ -75,7 +81,7 @@ def wrist(p: Values, q: Value, left: FiveBar, right: FiveBar) -> Wrist:
     psi = u[..., 1] * s_gamma - u[..., 2] * c_gamma
     s_beta, c_beta = psi / c_alpha, sqrt(c_alpha * c_alpha - psi * psi) / c_alpha
     rotation = rot_x_of(c_gamma, s_gamma) @ rot_y_of(c_beta, s_beta) @ rot_z_of(c_alpha, s_alpha)
-    return Wrist(e1, e2, u, rotation, e1 + u * (p["d41"] + p["d5"])[..., None])
+    return Wrist(e1, e2, u, rotation, origin)
 
 
 def sensor_pose(p: Values, q: Value) -> tuple[Value, Value]:

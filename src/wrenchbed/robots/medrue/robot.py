@@ -15,7 +15,7 @@ from wrenchbed.robots.base import (
     inertia_matrix,
     sample_until,
 )
-from wrenchbed.robots.medrue import inverse, kinematics, workspace
+from wrenchbed.robots.medrue import inverse, kinematics, links, workspace
 from wrenchbed.robots.medrue.parameters import IDENTIFIED, PAPER, PARAMETERS
 from wrenchbed.wrench import Tool
 
@@ -35,6 +35,7 @@ class MedRUE(SimulatedRobot):
     free = tuple(IDENTIFIED)
     candidates = PAPER.names
     unobservable = ("xT", "yT", "zT", "alphaT", "betaT", "gammaT", "d31", "d32")
+    gear_ratio = ()  # unknown
     joints = (
         Joint("q1", "m", -0.5, 1.1, 0.25),
         Joint("q2", "rad", 1.658, 4.887, 1.0),
@@ -61,6 +62,12 @@ class MedRUE(SimulatedRobot):
         lever = stack([p[f"{a}G"] - p[f"{a}S"] for a in "xyz"])
         cog = apply(np.swapaxes(mount, -1, -2), lever)
         return Tool(p["mTool"], cog, inertia_matrix(p), p["sensor.mass"])
+
+    def links(self, q: np.ndarray, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return links.links(self.values(theta), q)
+
+    def base_origin(self, theta: np.ndarray) -> np.ndarray:
+        return links.base_origin(self.values(theta))
 
     def theta_of_tool(self, theta: np.ndarray, mass: float, cog: Sequence[float]) -> np.ndarray:
         p = self.values(theta)

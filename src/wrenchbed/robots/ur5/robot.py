@@ -5,12 +5,13 @@ T_i = Rz(q_i + dq_i) · Tz(d_i) · Tx(a_i) · Rx(α_i). The world stands in the 
 Sensor axes and origin are the flange's (DH frame 6) unless the mount parameters say otherwise.
 """
 
+from collections import deque
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wrenchbed.frames import apply, exp, exp_rates, rot_x, rot_z
+from wrenchbed.frames import apply, cross, exp, exp_rates, rot_x, rot_z
 from wrenchbed.jets import Value, cos, sin, stack
 from wrenchbed.parameters import Parameter, ParameterSet
 from wrenchbed.robots.base import (
@@ -24,6 +25,7 @@ from wrenchbed.robots.base import (
     vector_parameters,
 )
 from wrenchbed.robots.ur5 import inverse
+from wrenchbed.robots.ur5.links import GEAR_RATIO, LINKS, MASSES
 
 if TYPE_CHECKING:
     import mujoco
@@ -78,6 +80,7 @@ class UR5(LoadInSensorAxes, SimulatedRobot):
     free = ("tool.mass", "tool.cog", "sensor.bias", "mount.rotation")
     candidates = ("a?", "d?", "alpha?", "dq?", "base.tilt", "mount", "tool.mass", "tool.cog")
     joints = tuple(Joint(f"q{i}", "rad", -6.2832, 6.2832, TOP_SPEED) for i in range(1, 7))
+    gear_ratio = GEAR_RATIO
 
     @property
     def home(self) -> np.ndarray:
@@ -85,6 +88,14 @@ class UR5(LoadInSensorAxes, SimulatedRobot):
 
     def flange_pose(self, q: Value, theta: np.ndarray) -> tuple[Value, Value]:
         """R_world_flange (…, N, 3, 3) and the flange's origin in the world (…, N, 3) [m]."""
+        x, y, z, position = deque(self._frames(q, theta), maxlen=1).pop()
+        return stack([x, y, z]), position
+
+    def _frames(self, q: Value, theta: np.ndarray) -> Iterator[tuple[Value, Value, Value, Value]]:
+        """Axes x, y, z and origin (…, N, 3) of each link at its joint, turned by it; the flange's.
+
+        The first's z and origin do not depend on q: (…, 3).
+        """
         a, d, alpha, dq = (theta[..., six] for six in _DH)  # (…, 6) each
         angle = q + dq
         terms = (cos(angle), sin(angle), np.cos(alpha), np.sin(alpha), a, d)
@@ -94,9 +105,10 @@ class UR5(LoadInSensorAxes, SimulatedRobot):
         for i in range(6):
             c, s, ca, sa, ai, di = (term[..., i : i + 1] for term in terms)
             x, y = c * x + s * y, c * y - s * x
+            yield x, y, z, position
             position = position + ai * x + di * z
             y, z = ca * y + sa * z, ca * z - sa * y
-        return stack([x, y, z]), position
+        yield x, y, z, position
 
     def sensor_pose(self, q: Value, theta: np.ndarray) -> tuple[Value, Value]:
         rotation, position = self.flange_pose(q, theta)
@@ -106,6 +118,26 @@ class UR5(LoadInSensorAxes, SimulatedRobot):
         if theta[..., _TURN].any():
             rotation = rotation @ _mount(theta)
         return rotation, position
+
+    def links(self, q: np.ndarray, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        centres = np.empty((len(q), len(LINKS), 3))
+        frames = self._frames(q, theta)
+        for i, (link, (x, y, z, origin)) in enumerate(zip(LINKS, frames, strict=True)):
+            centres[:, i] = origin + link.cog[0] * x + link.cog[1] * y + link.cog[2] * z
+        return MASSES, centres
+
+    def gravity_torque(self, q: np.ndarray, theta: np.ndarray, gravity: np.ndarray) -> np.ndarray:
+        """(N, 6) [N·m]: of each joint's axis, the moment of all that it carries; exact."""
+        masses, centres = self.links(q, theta)
+        *joints, _ = self._frames(q, theta)
+        mass, moment = self.load_moment(q, theta)
+        mass, moment = mass + masses[6], moment + masses[6] * centres[:, 6]
+        result = np.empty(q.shape)
+        for j in reversed(range(6)):  # from the flange inwards
+            _, _, axis, origin = joints[j]
+            mass, moment = mass + masses[j], moment + masses[j] * centres[:, j]
+            result[:, j] = ((moment - mass * origin) * cross(gravity, axis)).sum(axis=-1)
+        return result
 
     def inverse(self, rotation: np.ndarray, position: np.ndarray) -> np.ndarray:
         """All joint values (K, 6), K ≤ 8, that bring the nominal flange to a pose.
@@ -140,21 +172,11 @@ class UR5(LoadInSensorAxes, SimulatedRobot):
         theta = self.parameters.nominal
         frames = list(self._frames(q, theta))
         ends = [(1, 0.0, 0.13585), (1, _A[1], 0.13585), (2, 0.0, 0.0165), (2, _A[2], 0.0165)]
-        links = [p + x * r[..., 0] + z * r[..., 2] for k, x, z in ends for r, p in [frames[k]]]
-        links += [frames[4][1], frames[5][1]]
+        links = [p + x * ex + z * ez for k, x, z in ends for ex, _, ez, p in [frames[k]]]
+        links += [frames[4][3], frames[5][3]]
         rotation, flange = self.flange_pose(q, theta)
         tool = [flange + z * rotation[..., 2] for z in (0.0, 0.07, 0.14, 0.2)]
         return np.stack(links), np.stack(tool)
-
-    def _frames(self, q: np.ndarray, theta: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-        """Rotation and origin of each link, standing at its joint and turned by it."""
-        p = self.values(theta)
-        rotation, position = np.eye(3), np.zeros(3)
-        for i in range(1, 7):
-            rotation = rotation @ rot_z(q[..., i - 1])
-            yield rotation, np.broadcast_to(position, (len(q), 3))
-            position = position + rotation @ np.array([p[f"a{i}"], 0.0, p[f"d{i}"]])
-            rotation = rotation @ rot_x(p[f"alpha{i}"])
 
     def symmetries(self, theta: np.ndarray) -> dict[str, dict[str, float]]:
         p = self.values(theta)

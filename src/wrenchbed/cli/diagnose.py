@@ -1,0 +1,76 @@
+"""`wrenchbed diagnose`: where a gap lies, which effect causes it, how far it shrinks."""
+
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+import wrenchbed as wb
+from wrenchbed.cli import console, diagnosis_tables
+from wrenchbed.errors import ParameterError
+
+
+def diagnose(
+    recording: tyro.conf.Positional[Path],
+    /,
+    out: Path | None = None,
+    dry_run: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False,
+    samples: int = 60,
+    rate: float = 100.0,
+    seed: int = 0,
+    as_json: console.Json = False,
+) -> None:
+    """Say where the sim-to-real gap lies, which effect causes it and how far it shrinks.
+
+    Args:
+        recording: Parquet file; with --dry-run a plan that has not been recorded yet.
+        out: Folder for diagnosis.json, twin.json and plans of what to do next.
+        dry_run: Only say which effects such a recording could show, and which look the same.
+        samples: With --dry-run: rows a pose.
+        rate: With --dry-run: rows a second [Hz].
+        seed: Of the split into fitted and sealed blocks.
+        as_json: Print the result as JSON.
+    """
+    console.check_seed(seed)
+    if dry_run:
+        _rehearsed(recording, samples, rate, as_json)
+        return
+    if out is None:
+        raise ParameterError("diagnose needs --out, the folder for its files (or --dry-run)")
+    if out.exists() and not out.is_dir():
+        raise ParameterError(f"{out}: is a file; give a folder")
+    from wrenchbed.diagnosis.diagnose import diagnose as run
+
+    data = wb.Recording.read(recording)
+    with console.progress("diagnosing", 7) as tell:
+        found = run(data, seed=seed, progress=lambda step: tell(1, step))
+    found.diagnosis.write(out)
+    for name, plan in found.plans.items():
+        plan.write(out / name)
+    told = found.diagnosis.to_json()
+    console.answer(told, as_json, diagnosis_tables.diagnosis(found.diagnosis))
+    if not as_json:
+        text = f"diagnosis.json, twin.json → {out}"
+        console.OUT.print(text, soft_wrap=True, markup=False, highlight=False)
+
+
+def _rehearsed(path: Path, samples: int, rate: float, as_json: bool) -> None:
+    from wrenchbed.diagnosis.dryrun import dry_run as run
+
+    found = run(wb.Plan.read(path), samples, rate)
+    told = {
+        "plan": str(path),
+        "effects": [
+            {
+                "effect": s.effect,
+                "variant": s.variant,
+                "smallest": s.smallest,
+                "size": {k: {"value": v, "unit": u} for k, (v, u) in s.size.items()},
+                "detectable": s.detectable,
+                "rivals": list(s.rivals),
+            }
+            for s in found.showings
+        ],
+        "cannot_tell": list(found.cannot_tell),
+    }
+    console.answer(told, as_json, diagnosis_tables.isolability(path.name, found))

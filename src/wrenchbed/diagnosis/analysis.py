@@ -1,0 +1,58 @@
+"""From a prepared recording to ranked explanations."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from wrenchbed.diagnosis.baseline import Baseline, calibrate
+from wrenchbed.diagnosis.dictionary import Dictionary, build
+from wrenchbed.diagnosis.prepare import Prepared
+from wrenchbed.diagnosis.refit import Refitter
+from wrenchbed.diagnosis.search import Searcher
+from wrenchbed.diagnosis.structures import Ranking, rank
+
+
+@dataclass(frozen=True, eq=False)
+class Analysis:
+    """A recording's linear and nonlinear analysis.
+
+    Attributes:
+        prepared: the recording.
+        baseline: its calibrated simulator.
+        searcher: dictionary and background of the design.
+        refitter: of this recording's readings.
+        ranking: explanations, best first.
+    """
+
+    prepared: Prepared
+    baseline: Baseline
+    searcher: Searcher
+    refitter: Refitter
+    ranking: Ranking
+
+    @property
+    def dictionary(self) -> Dictionary:
+        return self.searcher.d
+
+
+def analyse(prepared: Prepared) -> Analysis:
+    """Calibrate, build the dictionary there, and rank what explains the rest."""
+    baseline = calibrate(prepared)
+    searcher = Searcher(build(prepared, baseline.theta, baseline.tolerance))
+    refitter = Refitter(searcher, case(searcher.d, prepared, baseline))
+    return Analysis(prepared, baseline, searcher, refitter, rank(searcher, refitter))
+
+
+def case(d: Dictionary, prepared: Prepared, baseline: Baseline) -> np.ndarray:
+    """Readings (6 R,) against the dictionary's baseline, the stated numbers as stated."""
+    moved = stated_vector(d, baseline)
+    return prepared.rows(prepared.y).ravel() - d.baseline + d.E[:, d.stated] @ moved
+
+
+def stated_vector(d: Dictionary, baseline: Baseline) -> np.ndarray:
+    """Mass and CoG of the baseline against the stated ones (S,), in typical sizes; bias 0."""
+    moved = np.zeros(len(d.stated))
+    for effect in ("tool.mass", "tool.cog"):
+        own = np.array([d.label[k][0] == effect for k in d.stated])
+        moved[own] = baseline.moved[effect]
+    return moved / d.size[d.stated]

@@ -1,0 +1,168 @@
+"""What an explanation says: effects that add enough, wrong stated numbers, and the rest."""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from scipy.special import ndtr
+from scipy.stats import norm
+
+from wrenchbed.diagnosis.background import MOST
+from wrenchbed.diagnosis.dictionary import LARGEST, STATED
+from wrenchbed.diagnosis.evidence import Level
+from wrenchbed.diagnosis.finalist import Finalist
+from wrenchbed.diagnosis.refit import Refitter
+
+CLAIMABLE = 0.75
+"""Gap that a cause must add, as estimated: 1 by definition, less its uncertainty."""
+WRONG = 5.0
+"""A stated number that is wrong is off by this many tolerances, typically."""
+ODDS = 0.15
+"""Prior odds of a stated number being wrong."""
+
+
+@dataclass(frozen=True)
+class Part:
+    """An effect of an explanation and the gap that it adds; for wrong numbers, how surely."""
+
+    name: str
+    share: float
+    probability: float = 1.0
+    index: int | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Explanation:
+    """A finalist, what it says, and what it leaves.
+
+    Attributes:
+        parts: what may be claimed, largest first: effects and wrong stated numbers.
+        rest: gap that is left beyond the noise.
+    """
+
+    finalist: Finalist
+    parts: tuple[Part, ...]
+    rest: float
+
+    @property
+    def log_posterior(self) -> float:
+        return self.finalist.log_posterior
+
+    @property
+    def names(self) -> frozenset[str]:
+        return frozenset(p.name for p in self.parts)
+
+
+class Stated(NamedTuple):
+    """Errors of the stated numbers (S,) and their covariance (S, S), in typical sizes."""
+
+    mean: np.ndarray
+    covariance: np.ndarray
+
+
+def explained(refitter: Refitter, f: Finalist) -> Explanation:
+    """What a finalist says: its effects that count, and stated numbers that are wrong."""
+    parts = []
+    for k, h in enumerate(f.parts):
+        if h.name not in STATED:
+            added = share(refitter, f, k)
+            if added >= CLAIMABLE:
+                parts.append(Part(h.name, added, index=k))
+    parts += wrong_numbers(refitter, f)
+    parts.sort(key=lambda p: -p.share)
+    return Explanation(f, tuple(parts), rest(refitter, f))
+
+
+def share(refitter: Refitter, f: Finalist, part: int) -> float:
+    """How much smaller the gap is with one part than without it, the others as they are."""
+    gone = f.x.copy()
+    for i, (k, _, shape) in enumerate(refitter.variables(f.parts)):
+        if k == part and not shape:
+            gone[i] = 0.0
+    own = refitter.response(f.parts, f.x) - refitter.response(f.parts, gone)
+    return refitter.d.gap(f.residual + own) - refitter.d.gap(f.residual)
+
+
+def rest(refitter: Refitter, f: Finalist) -> float:
+    """Gap that a finalist leaves, beyond the noise."""
+    return refitter.d.gap(f.residual) - float(refitter.d.prepared.variance.mean())
+
+
+def wrong_numbers(refitter: Refitter, f: Finalist) -> list[Part]:
+    """Stated numbers that are wrong beyond their tolerance and add to the configured gap.
+
+    The odds of each are those of its estimate if it is wrong, against within its tolerance.
+    """
+    d, told = refitter.d, stated(refitter, f)
+    std = np.sqrt(np.maximum(np.diagonal(told.covariance), 1e-24))
+    finite = np.isfinite(d.tolerance)
+    tolerance = np.where(finite, d.tolerance, 1.0) + own_zero(refitter, f)
+    inside = ndtr((tolerance - told.mean) / std) - ndtr((-tolerance - told.mean) / std)
+    within = np.maximum(inside / (2 * tolerance), 1e-300)
+    wrong = norm.pdf(told.mean, 0.0, np.hypot(std, WRONG * tolerance))
+    odds = np.where(finite, ODDS * wrong / within, 0.0)
+    found = []
+    for effect in STATED:
+        own = np.array([d.label[k][0] == effect for k in d.stated])
+        sure = 1.0 - float(np.prod(1.0 / (1.0 + odds[own])))
+        added = d.gap(d.E[:, d.stated[own]] @ told.mean[own], configured=True)
+        if sure > 0.5 and added >= CLAIMABLE:
+            found.append(Part(effect, added, sure))
+    return found
+
+
+CONVENTIONAL = (
+    "sensor.drift", "sensor.creep", "sensor.temperature", "sensor.jump", "sensor.hysteresis",
+    "cable.pull", "cable.torsion", "environment.contact",
+)  # fmt: skip
+"""Effects whose zero, and whose mean response to load, are a convention."""
+
+
+def own_zero(refitter: Refitter, f: Finalist) -> np.ndarray:
+    """How far the effects themselves may move each stated number (S,), in typical sizes.
+
+    Where the zero of a drift, a cable or a memory lies is a convention: a constant part of such an
+    effect within its own range is no wrong bias, its mean share of the load no wrong mass.
+    """
+    d = refitter.d
+    if not any(h.name in CONVENTIONAL for h in f.parts):
+        return np.zeros(len(d.stated))
+    signal = refitter.response(f.parts, f.x)
+    mean = np.linalg.lstsq(d.E[:, d.stated], signal, rcond=None)[0]
+    extent = np.ptp(signal.reshape(-1, 6), axis=0)
+    result = np.abs(mean)
+    for i, k in enumerate(d.stated):
+        if d.label[k][0] == "sensor.bias":
+            column = np.abs(d.E[:, k].reshape(-1, 6)).max(axis=0)
+            channel = int(column.argmax())
+            result[i] += extent[channel] / column[channel]
+    return result
+
+
+def stated(refitter: Refitter, f: Finalist) -> Stated:
+    """How wrong the stated numbers are beside a finalist, without believing their tolerances."""
+    d = refitter.d
+    own, count = d.stated, len(f.x)
+    level = _exact(refitter, f.rung)
+    columns = np.column_stack([d.E[:, own], f.design[:, :count]])
+    spread = np.concatenate([np.full(len(own), LARGEST), f.spread[:count]])
+    solved = level.solve(np.column_stack([columns, f.y]))
+    normal = columns.T @ solved[:, :-1] + np.diag(1.0 / spread**2)
+    covariance = np.linalg.inv(normal)
+    mean = covariance @ (columns.T @ solved[:, -1])
+    return Stated(mean[: len(own)], covariance[: len(own), : len(own)])
+
+
+def _exact(refitter: Refitter, rung: int) -> Level:
+    """A rung in which the stated numbers are exact.
+
+    The sensor's own weight hides behind mass and CoG and adds nothing to the calibrated gap, so
+    that gap does not bound it: half of `MOST` of its typical size does.
+    """
+    if rung not in refitter.exact:
+        d, level = refitter.d, refitter.searcher.rungs[rung].level
+        variance = level.V.copy()
+        variance[d.of_effect("tool.self_weight")] = (0.5 * MOST) ** 2
+        variance[d.stated] = 0.0
+        refitter.exact[rung] = Level(level.E, level.v0, variance)
+    return refitter.exact[rung]

@@ -1,0 +1,260 @@
+"""Diagnose a recording: where the gap lies, which effect causes it, how far it shrinks."""
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from wrenchbed.diagnosis import closure, following, isolability, rows, where
+from wrenchbed.diagnosis.analysis import Analysis, analyse
+from wrenchbed.diagnosis.claims import Explanation, stated
+from wrenchbed.diagnosis.dictionary import STATED
+from wrenchbed.diagnosis.likeness import Likeness
+from wrenchbed.diagnosis.prepare import Prepared, prepare
+from wrenchbed.diagnosis.result import Diagnosis
+from wrenchbed.diagnosis.rows import RowFinding
+from wrenchbed.diagnosis.search import NONE, UNKNOWN
+from wrenchbed.diagnosis.verdict import Cause, Verdict, decide
+from wrenchbed.plan import Plan
+from wrenchbed.recording import Recording
+
+Progress = Callable[[str], None]
+"""Called with the name of each step as it begins."""
+
+
+@dataclass(frozen=True, eq=False)
+class Findings:
+    """A diagnosis with what it rests on.
+
+    Attributes:
+        diagnosis: the answers.
+        analysis: linear and nonlinear analysis behind them.
+        verdict: on the means of readings.
+        rows: what shows between rows only.
+        places: where the calibrated residual lies.
+        plans: of the proposed experiments, by file name.
+    """
+
+    diagnosis: Diagnosis
+    analysis: Analysis
+    verdict: Verdict
+    rows: tuple[RowFinding, ...]
+    places: tuple[where.Finding, ...]
+    plans: Mapping[str, Plan]
+
+
+def diagnose(
+    recording: Recording, *, seed: int = 0, progress: Progress = lambda _: None
+) -> Findings:
+    """Where, which, how far, and what next.
+
+    Args:
+        recording: at rest or in motion.
+        seed: of the split into blocks and of all permutations.
+        progress: told the step that begins.
+
+    Raises:
+        DiagnosisError: the data cannot answer, whatever the cause.
+    """
+    begun = time.perf_counter()
+    progress("noise and blocks")
+    prepared = prepare(recording, seed)
+    progress("effects and their evidence")
+    analysis = analyse(prepared)
+    verdict = decide(analysis.ranking)
+    progress("rows")
+    shown = rows.find(recording)
+    progress("where")
+    places = where.find(prepared, _calibrated(analysis), seed=seed)
+    progress("how far")
+    twin, gap = _twin(analysis, verdict, seed)
+    progress("what next")
+    likeness = Likeness(analysis.dictionary)
+    named = {n for c in verdict.causes for n in c.names}
+    cannot = isolability.cannot_tell(analysis.dictionary, likeness, named) if named else ()
+    plans, then = _next(analysis, verdict, seed)
+    causes = [_cause(analysis, verdict, c, gap) for c in verdict.causes]
+    causes += [_row_cause(r) for r in shown]
+    outcome = verdict.verdict
+    if shown and outcome == NONE:
+        outcome = "identified"
+    told = Diagnosis(
+        recording=recording.name,
+        robot=recording.metadata.robot,
+        verdict=outcome,
+        gap=gap,
+        where=where.entries(_places(analysis, verdict, gap, shown), places),
+        which=causes if outcome in ("identified", "ambiguous") else [],
+        probabilities=_leading(verdict, shown),
+        cannot_tell=cannot,
+        next=then,
+        twin=twin,
+        seconds=time.perf_counter() - begun,
+        notes=_notes(prepared, analysis, shown),
+    )
+    return Findings(told, analysis, verdict, shown, places, plans)
+
+
+def _calibrated(a: Analysis) -> np.ndarray:
+    """Whitened residual (R, 6) after bias, mass and CoG."""
+    basis = a.dictionary.fitted_away
+    return np.asarray(a.refitter.y - basis @ (basis.T @ a.refitter.y)).reshape(-1, 6)
+
+
+def _twin(a: Analysis, verdict: Verdict, seed: int) -> tuple[Any, closure.Closure]:
+    """The better simulator, and how far it gets; without a claim it is the calibrated one."""
+    e = verdict.explanation
+    keep = [c.part.index for c in verdict.causes if c.part.index is not None]
+    wrong = [c.names[0] for c in verdict.causes if c.part.index is None]
+    if verdict.causes and len(keep) < sum(h.name not in STATED for h in e.finalist.parts):
+        parts = tuple(e.finalist.parts[k] for k in keep)
+        refitter = a.refitter
+        chosen = refitter.fit(parts, e.finalist.rung) if parts else refitter.nothing()
+        keep = list(range(len(parts)))
+    else:
+        chosen = e.finalist
+    if not verdict.causes:
+        return closure.calibrated(a), closure.measure(a, None, (), seed)
+    twin = closure.twin_of(a, chosen, keep)
+    return twin, closure.measure(a, twin, wrong, seed)
+
+
+def _cause(a: Analysis, verdict: Verdict, cause: Cause, gap: closure.Closure) -> dict[str, Any]:
+    f = verdict.explanation.finalist
+    name, *rivals = cause.names
+    parameters: dict[str, Any]
+    if cause.part.index is None:
+        parameters = _wrong_numbers(a, verdict.explanation, name)
+    else:
+        part = f.parts[cause.part.index]
+        values = a.refitter.values(f.parts, f.x)[cause.part.index]
+        std = _uncertainty(a, f, cause.part.index)
+        parameters = part.effect.publish(a.prepared.model.robot, part.variant, values, std)
+    return {
+        "effect": name,
+        "probability": cause.probability,
+        "rivals": rivals,
+        "parameters": parameters,
+        "closed_share": gap.shares.get(name),
+    }
+
+
+def _uncertainty(a: Analysis, f: Any, part: int) -> dict[str, float]:
+    """Standard uncertainties of a part's variables by name, SI."""
+    robot = a.prepared.model.robot
+    known = {p.name: p.tolerance for p in f.parts[part].effect.parameters(robot)}
+    std = np.sqrt(np.maximum(np.diagonal(f.covariance), 0.0))
+    variables = a.refitter.variables(f.parts)
+    return {
+        name: float(std[i]) * known[name] for i, (k, name, _) in enumerate(variables) if k == part
+    }
+
+
+def _wrong_numbers(a: Analysis, e: Explanation, name: str) -> dict[str, Any]:
+    """The errors of a stated number: what it should be more than what is stated."""
+    d, told = a.dictionary, stated(a.refitter, e.finalist)
+    std = np.sqrt(np.maximum(np.diagonal(told.covariance), 0.0))
+    hypothesis = next(h for h in d.hypotheses if h.name == name)
+    known = hypothesis.effect.parameters(a.prepared.model.robot)
+    result = {}
+    for i, k in enumerate(d.stated):
+        effect, parameter = d.label[k]
+        if effect == name:
+            unit = known[known.index(parameter)].unit
+            size = float(d.size[k])
+            value, spread = float(told.mean[i]) * size, float(std[i]) * size
+            result[parameter] = {"value": value, "std": spread, "unit": unit}
+    return result
+
+
+def _row_cause(r: RowFinding) -> dict[str, Any]:
+    return {
+        "effect": r.effect,
+        "probability": r.probability,
+        "rivals": [],
+        "parameters": r.parameters,
+        "closed_share": None,
+    }
+
+
+def _places(
+    a: Analysis, verdict: Verdict, gap: closure.Closure, shown: Sequence[RowFinding]
+) -> list[tuple[str, str, float, float]]:
+    """(effect, detail, share, p-value) of each claim, for ``where``."""
+    result = []
+    told = a.ranking.explanations
+    total = sum(c.part.share for c in verdict.causes) or 1.0
+    for c in verdict.causes:
+        without = [e.log_posterior for e in told if not e.names & set(c.names)]
+        gain = verdict.explanation.log_posterior - max(
+            without, default=verdict.explanation.log_posterior - 60.0
+        )
+        # a Bayes factor is an e-value, and 1/e a p-value: Vovk & Wang 2021, 10.1214/20-AOS2020
+        p_value = float(np.exp(-max(gain, 0.0)))
+        share = min(1.0, max(0.0, gap.shares.get(c.names[0], 0.0) or c.part.share / total))
+        result.append((c.names[0], _detail(verdict, c), share, p_value))
+    for r in shown:
+        share = r.rise / (1.0 + r.rise) if not verdict.causes else 0.0
+        result.append((r.effect, ", ".join(r.channels), share, 1.0 - r.probability))
+    return result
+
+
+def _detail(verdict: Verdict, cause: Cause) -> str:
+    if cause.part.index is None:
+        return "a number that the metadata states"
+    return verdict.explanation.finalist.parts[cause.part.index].variant.label
+
+
+def _leading(verdict: Verdict, shown: Sequence[RowFinding]) -> dict[str, float]:
+    """Probabilities of the leading cause; what shows between rows leads where nothing else does."""
+    told = dict(verdict.probabilities)
+    if shown and not verdict.causes:
+        best = shown[0]
+        spare = told.get(NONE, 0.0) * best.probability
+        told[NONE] = told.get(NONE, 0.0) - spare
+        told[best.effect] = told.get(best.effect, 0.0) + spare
+    total = sum(told.values())
+    return {k: v / total for k, v in told.items()}
+
+
+def _next(a: Analysis, verdict: Verdict, seed: int) -> tuple[dict[str, Plan], list[dict[str, Any]]]:
+    """Experiments, and their plans by file name."""
+    unknown = verdict.verdict == UNKNOWN
+    rivals = [n for c in verdict.causes if len(c.names) > 1 for n in c.names]
+    if not unknown and not rivals:
+        return {}, []
+    candidates = following.candidates_of(a, rivals)
+    found = following.propose(a, candidates, unknown=unknown, seed=seed)
+    plans: dict[str, Plan] = {}
+    told = []
+    for k, e in enumerate(found):
+        name = None
+        if e.plan is not None:
+            name = "next.parquet" if not plans else f"next-{k + 1}.parquet"
+            plans[name] = e.plan
+        told.append(
+            {
+                "action": e.action,
+                "separates": list(e.separates),
+                "gain": e.gain,
+                "minutes": e.minutes,
+                "plan": name,
+                "sentence": e.sentence,
+            }
+        )
+    return plans, told
+
+
+def _notes(p: Prepared, a: Analysis, shown: Sequence[RowFinding]) -> tuple[str, ...]:
+    n = len(p.y)
+    what = "samples of motion" if p.moving else "poses"
+    told = [
+        f"{n} {what}, {int(p.sealed.sum())} of them sealed; noise of a row from its {p.source}",
+    ]
+    if p.left_out:
+        told.append(f"{p.left_out} saturated rows were left out")
+    if a.dictionary.invisible:
+        told.append("not visible in this data: " + ", ".join(a.dictionary.invisible))
+    return (*told, *(r.sentence for r in shown))

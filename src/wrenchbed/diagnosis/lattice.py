@@ -1,0 +1,141 @@
+"""Rows that step or repeat: the count that a channel's values stand on, and rows shown again."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+ON = 0.1
+"""A value is on a lattice if it is off by less than this part of its step."""
+ALL = 0.97
+"""Share of steps between rows that must be on it."""
+LEAST_STEPS = 20
+EXACT = 1e-9
+"""Values closer than this part of the range are the same number."""
+FAR, FAR_TO_NEAR = 11, 1.5
+"""Distance [rows] at which only coarse counts show the same row again, and how much oftener they
+may do so next to each other."""
+WINDOW = 64
+"""Rows over which a channel's own chance of repeating is taken."""
+
+
+@dataclass(frozen=True)
+class Step:
+    """A channel's count and its standard uncertainty [N or N·m]."""
+
+    value: float
+    std: float
+
+
+def step(y: np.ndarray) -> Step | None:
+    """The largest step on whose multiples a channel (N,) stands; None for a continuous one."""
+    reach = float(np.ptp(y))
+    if reach <= 0.0:
+        return None
+    gaps = np.diff(np.unique(y))
+    gaps = gaps[gaps > EXACT * reach]
+    if len(gaps) < 3:
+        return None
+    d = np.abs(np.diff(y))
+    d = d[d > EXACT * reach]
+    if len(d) < LEAST_STEPS:
+        return None
+    for candidate in sorted(np.quantile(gaps, [0.0, 0.05, 0.25, 0.5]), reverse=True):
+        found = _refined(d, float(candidate))
+        if found is not None:
+            return found
+    return None
+
+
+def _refined(d: np.ndarray, size: float) -> Step | None:
+    """Fit a step to ever larger multiples of it, then judge all of them."""
+    d = np.sort(d)
+    reach = 4.0
+    while True:
+        near = d[d < (reach + 0.5) * size]
+        k = np.round(near / size)
+        if (k > 0).sum() < 3:
+            return None
+        size = float((near @ k) / (k @ k))
+        if len(near) == len(d):
+            break
+        reach *= 2.0
+    k = np.round(d / size)
+    off = d - k * size
+    if np.mean((np.abs(off) < ON * size) & (k > 0)) < ALL:
+        return None
+    return Step(size, float(np.sqrt((off @ off) / max(len(d) - 1, 1) / (k @ k))))
+
+
+@dataclass(frozen=True, eq=False)
+class Repeats:
+    """Rows that show again what the row before showed.
+
+    Attributes:
+        stale: which (N,).
+        share: of all rows.
+        std: standard uncertainty of the share.
+        expected: share that coarse counts alone may make.
+        length: mean length of a run of repeats [rows].
+        channels: indices of those that repeat.
+    """
+
+    stale: np.ndarray
+    share: float
+    std: float
+    expected: float
+    length: float
+    channels: tuple[int, ...]
+
+
+def repeats(wrench: np.ndarray) -> Repeats:
+    """Repeats of whole rows (N, 6), else of the channels that no coarse count explains."""
+    same = wrench[1:] == wrench[:-1]
+    whole = same.all(axis=1)
+    own = same[~whole]
+    if len(own) < 2 * WINDOW:
+        return _repeats(whole, 1.0, ())
+    expected = max(_chance(own), FAR_TO_NEAR * _far(wrench, whole))
+    found = _repeats(whole, expected, (0, 1, 2, 3, 4, 5))
+    if found.share > found.expected + 0.01:
+        return found
+    for k in range(6):
+        if np.mean(same[:, k]) > 0.02 and _continuous(wrench[:, k]):
+            group = [j for j in range(6) if np.array_equal(same[:, j], same[:, k])]
+            return _repeats(same[:, k], 0.0, tuple(group))
+    return found
+
+
+def _repeats(again: np.ndarray, expected: float, channels: tuple[int, ...]) -> Repeats:
+    stale = np.concatenate([[False], again])
+    share = float(stale.mean())
+    runs = int(np.count_nonzero(np.diff(stale.astype(int)) == 1))
+    length = float(stale.sum() / runs) if runs else 0.0
+    std = float(np.sqrt(share * (1.0 - share) * max(1.0, 2.0 * length - 1.0) / len(stale)))
+    return Repeats(stale, share, std, expected, length, channels)
+
+
+def _chance(same: np.ndarray) -> float:
+    """Share of whole repeats that the channels' counts (M, 6) may make.
+
+    The root of the product of the channels' own shares, window by window: six independent channels
+    would repeat together as often as the product says, fully correlated ones as often as one.
+    """
+    whole = len(same) // WINDOW * WINDOW
+    own = same[:whole].reshape(-1, WINDOW, 6).mean(axis=1)
+    return float(np.sqrt(own.prod(axis=1)).mean())
+
+
+def _far(wrench: np.ndarray, whole: np.ndarray) -> float:
+    """Share of rows that equal an earlier one with others between: only counts come back."""
+    changes = np.concatenate([[0], np.cumsum(~whole)])
+    same = (wrench[FAR:] == wrench[:-FAR]).all(axis=1)
+    return float(np.mean(same & (changes[FAR:] > changes[:-FAR])))
+
+
+def _continuous(y: np.ndarray) -> bool:
+    """Whether a channel's changes hardly ever have the same size twice, and none has an end."""
+    fresh = y[np.concatenate([[True], y[1:] != y[:-1]])]
+    if len(fresh) < WINDOW:
+        return False
+    _, count = np.unique(fresh, return_counts=True)
+    return bool(count.max() <= 2 and len(count) > 0.98 * len(fresh))

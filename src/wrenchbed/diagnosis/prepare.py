@@ -1,0 +1,174 @@
+"""A recording made ready: what was measured, how noisy it is, and which rows are sealed."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from wrenchbed import registry
+from wrenchbed.diagnosis import checks, scenery
+from wrenchbed.errors import DiagnosisError
+from wrenchbed.jets import value
+from wrenchbed.model import Model
+from wrenchbed.observations import Observations, observe, usable
+from wrenchbed.recording import Recording
+from wrenchbed.scene import Scene
+
+SEALED = 0.25
+"""Share of blocks that no fit sees."""
+BLOCKS_IN_MOTION = 24
+RATE_HZ = 25.0
+"""To about this rate a motion's rows are averaged before the linear analysis."""
+
+
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """H observations of a recording (poses at rest or samples of a motion), in whitened units.
+
+    Attributes:
+        recording: what was read.
+        model: robot under the recording's gravity.
+        theta: full parameters as the metadata configures the simulator (P,).
+        scene: what was done; its held rows are the observations.
+        y: measured (H, 6) [N, N·m].
+        count: rows behind each (H,).
+        covariance: of one row (6, 6).
+        turn: (6, 6) diagonal, turns a reading into units of one row's noise, channel by channel.
+            The analysis leaves out how channels scatter together: imperfections do not share it.
+        noise: variance of an observation in these units (6,): below 1 where rows were averaged.
+        source: where the noise of a row comes from, ``repeats`` or ``stated``.
+        block: number of the block of each observation (H,).
+        sealed: observations that take no part in any fit (H,).
+        scatter: mean products of the rows of each observation about their mean (H, 6, 6).
+        left_out: saturated rows not used.
+    """
+
+    recording: Recording
+    model: Model
+    theta: np.ndarray
+    scene: Scene
+    y: np.ndarray
+    count: np.ndarray
+    covariance: np.ndarray
+    turn: np.ndarray
+    noise: np.ndarray
+    source: str
+    block: np.ndarray
+    sealed: np.ndarray
+    scatter: np.ndarray
+    left_out: int
+
+    @property
+    def moving(self) -> bool:
+        return self.scene.moving
+
+    @cached_property
+    def stride(self) -> int:
+        """Rows of a motion that are averaged into one for the linear analysis."""
+        if not self.moving:
+            return 1
+        return max(1, round(1.0 / (self.scene.period * RATE_HZ)))
+
+    def rows(self, x: np.ndarray, sealed: bool = False) -> np.ndarray:
+        """Scene or held rows (M, 6) → whitened (R, 6), of the fit's blocks or the sealed ones."""
+        held = x[self.scene.held] if len(x) == len(self.scene) else x
+        part = held[self.sealed == sealed] @ self.turn.T
+        if self.stride == 1:
+            return np.asarray(part)
+        block = self.block[self.sealed == sealed]
+        groups = [_averaged(part[block == b], self.stride) for b in np.unique(block)]
+        return np.concatenate(groups)
+
+    @property
+    def variance(self) -> np.ndarray:
+        """Noise of the rows that `rows` gives (6,), white."""
+        return self.noise / self.stride
+
+    @cached_property
+    def block_rows(self) -> np.ndarray:
+        """Block of each row that ``rows`` gives for the fit (R,)."""
+        block = self.block[~self.sealed]
+        if self.stride == 1:
+            return np.asarray(block)
+        parts = [np.full(int((block == b).sum()) // self.stride, b) for b in np.unique(block)]
+        return np.concatenate(parts)
+
+    def at(self, theta: np.ndarray) -> "Prepared":
+        """The same with the scene at other parameters (P,)."""
+        own = theta[: len(self.model.robot.parameters)]
+        return replace(self, scene=replace(self.scene, theta=own))
+
+
+def prepare(recording: Recording, seed: int = 0) -> Prepared:
+    """Gather, whiten and split a recording.
+
+    Raises:
+        DiagnosisError: the data cannot answer, and why.
+        CalibrationError, RecordingError: from reading it.
+    """
+    model = checks.model_of(recording)
+    theta = model.configured(recording.metadata)
+    data = observe(recording)
+    checks.enough(recording, data, model)
+    covariance, source = _row_noise(recording, data)
+    block, sealed = _blocks(data, recording.metadata.mode == "dynamic", seed)
+    scene = scenery.of_recording(recording, model, theta, data)
+    return Prepared(
+        recording, model, theta, scene, data.wrench, data.count, covariance,
+        np.diag(1.0 / np.sqrt(np.diagonal(covariance))),
+        _noise(recording, data), source, block, sealed,
+        _scatter(recording, data), data.left_out,
+    )  # fmt: skip
+
+
+def _row_noise(recording: Recording, data: Observations) -> tuple[np.ndarray, str]:
+    """Covariance (6, 6) of one row: from repeats, else stated."""
+    if data.source == "residual":
+        raise DiagnosisError(
+            f"{recording.name}: cannot tell a gap from noise: there are no repeats at rest and the "
+            "metadata states no sensor.noise_std. State it, or record several rows a pose"
+        )
+    if data.row_covariance.any():
+        return data.row_covariance, data.source
+    resolution = registry.load("sensors", checks.sensor_name(recording)).calibration().resolution
+    return np.diag(np.square(resolution) / 12), "resolution"
+
+
+def _noise(recording: Recording, data: Observations) -> np.ndarray:
+    """Variance of an observation over that of a row (6,): autocorrelated rows average less."""
+    if recording.metadata.mode == "dynamic":
+        return np.ones(6)
+    n = float(np.mean(data.count))
+    return np.minimum(1.0, checks.correlation_time(recording, data) / n)
+
+
+def _scatter(recording: Recording, data: Observations) -> np.ndarray:
+    if recording.metadata.mode == "dynamic":
+        return np.zeros((len(data), 6, 6))
+    rows = recording.wrench[usable(recording)]
+    away = rows - np.repeat(data.wrench, data.count, axis=0)
+    starts = np.cumsum(data.count) - data.count
+    products = np.add.reduceat(away[:, :, None] * away[:, None, :], starts)
+    return np.asarray(products / data.count[:, None, None])
+
+
+def _blocks(data: Observations, moving: bool, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Block of each observation, and which are sealed: whole poses, or stretches of a motion."""
+    n = len(data)
+    count = BLOCKS_IN_MOTION if moving else n
+    block = np.minimum(np.arange(n) * count // n, count - 1)
+    rng = np.random.default_rng([seed, 20])
+    # one of every 1 / SEALED neighbours, so that sealed blocks cover the whole recording
+    group = round(1 / SEALED)
+    chosen = [g + rng.integers(group) for g in range(0, count, group)]
+    return block, np.isin(block, chosen)
+
+
+def _averaged(x: np.ndarray, stride: int) -> np.ndarray:
+    whole = len(x) // stride * stride
+    return np.asarray(x[:whole].reshape(-1, stride, x.shape[1]).mean(axis=1))
+
+
+def held_values(prepared: Prepared) -> np.ndarray:
+    """Joint values (H, J) or orientations (H, 4) of the observations."""
+    return np.asarray(value(prepared.scene.q)[prepared.scene.held])

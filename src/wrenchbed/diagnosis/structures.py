@@ -1,0 +1,121 @@
+"""Which effects, alone or up to three together, explain a case: finalists, ranked."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import logsumexp
+
+from wrenchbed.diagnosis.claims import CLAIMABLE, Explanation, explained, share
+from wrenchbed.diagnosis.dictionary import STATED
+from wrenchbed.diagnosis.finalist import Finalist
+from wrenchbed.diagnosis.refit import Refitter
+from wrenchbed.diagnosis.search import PRIOR, UNKNOWN, Searcher, Single
+
+SINGLES, EXTENDED, LONGER = 6, 4, 5
+"""How many single effects are refitted, how many of these extended, and with how many more."""
+AT_ONCE = 3
+"""Most effects named together."""
+NEGLIGIBLE = 30.0
+"""Explanations so much less likely than the best (natural logarithm) are dropped."""
+
+
+@dataclass(frozen=True, eq=False)
+class Ranking:
+    """Every explanation of a case with its log posterior.
+
+    Attributes:
+        explanations: refitted structures, best first; one of them has no effect at all.
+        unknown: log posterior of something that no effect of the library makes, alone.
+        mixed: of the best finalist with something unknown beside it.
+        kernel: the variable on which the unknown depends, of the best such explanation.
+        gap: of the calibrated simulator, beyond the noise.
+    """
+
+    explanations: tuple[Explanation, ...]
+    unknown: float
+    mixed: float
+    kernel: str
+    gap: float
+
+
+def rank(searcher: Searcher, refitter: Refitter) -> Ranking:
+    """Refit the best single effects, then pairs, then triples, as long as they gain."""
+    singles = searcher.singles(refitter.y)
+    nulls = searcher.nulls(refitter.y)
+    normal = np.array([r.normal for r in searcher.rungs])
+    kernels = [s for s in singles if s.index < 0]
+    unknown = float(
+        logsumexp([*(s.log_posterior for s in kernels), *(nulls[~normal] + np.log(PRIOR[UNKNOWN]))])
+    )
+    kernel = _kernel(searcher, kernels)
+    found = [
+        refitter.fit((searcher.hypotheses[s.index],), s.rung)
+        for s in _distinct(searcher, singles, SINGLES)
+    ]
+    mixed, kernel_beside = -np.inf, kernel
+    beam = sorted(found, key=_posterior)[:EXTENDED]
+    for _ in range(AT_ONCE - 1):
+        longer: list[Finalist] = []
+        drafts: list[tuple[float, Finalist, Single]] = []
+        for f in beam:
+            more = refitter.added(f)
+            beside = [s for s in more if s.index < 0]
+            total = float(logsumexp([s.log_posterior for s in beside]))
+            if total > mixed:
+                mixed, kernel_beside = total, _kernel(searcher, beside)
+            drafts += [(s.log_posterior, f, s) for s in _distinct(searcher, more, LONGER)]
+        seen: set[frozenset[str]] = {frozenset(f.names) for f in found}
+        for value, f, s in sorted(drafts, key=lambda d: -d[0]):
+            h = searcher.hypotheses[s.index]
+            names = frozenset((*f.names, h.name))
+            best = max(x.log_posterior for x in found)
+            if names in seen or value < best - 3.0 or len(longer) == LONGER:
+                continue
+            seen.add(names)
+            pair = refitter.fit((*f.parts, h), f.rung, np.concatenate([f.x, refitter.start((h,))]))
+            if _counts(refitter, pair):
+                longer.append(pair)
+        if not longer:
+            break
+        found += longer
+        beam = sorted(longer, key=_posterior)[:2]
+    found = [refitter.nothing(), *found]
+    found.sort(key=_posterior)
+    if mixed > max(unknown, found[0].log_posterior):
+        kernel = kernel_beside
+    best = found[0].log_posterior
+    told = [explained(refitter, f) for f in found if f.log_posterior > best - NEGLIGIBLE]
+    gap = searcher.d.gap(refitter.y) - float(searcher.d.prepared.variance.mean())
+    return Ranking(tuple(told), unknown, mixed, kernel, gap)
+
+
+def _posterior(f: Finalist) -> float:
+    return -f.log_posterior
+
+
+def _counts(refitter: Refitter, f: Finalist) -> bool:
+    return all(h.name in STATED or share(refitter, f, k) > CLAIMABLE for k, h in enumerate(f.parts))
+
+
+def _kernel(searcher: Searcher, kernels: Sequence[Single]) -> str:
+    best = max(kernels, key=lambda s: s.log_posterior)
+    return searcher.kernels[-1 - best.index]
+
+
+def _distinct(searcher: Searcher, singles: Sequence[Single], count: int) -> list[Single]:
+    """The best of each effect, with a second variant where it is nearly as good."""
+    kept: list[Single] = []
+    best: dict[str, list[Single]] = {}
+    for s in sorted(singles, key=lambda s: -s.log_posterior):
+        if s.index < 0:
+            continue
+        own = best.setdefault(searcher.hypotheses[s.index].name, [])
+        repeated = any(s.index == o.index for o in own)
+        if repeated or len(own) == 2 or (own and s.log_posterior < own[0].log_posterior - 2.0):
+            continue
+        own.append(s)
+        kept.append(s)
+        if len(best) > count:
+            break
+    return [s for s in kept if s.log_posterior > kept[0].log_posterior - 60.0]

@@ -1,0 +1,116 @@
+"""What may be claimed: none, unknown, or causes, each a class with its rivals and probability."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import logsumexp
+
+from wrenchbed.diagnosis.claims import Explanation, Part
+from wrenchbed.diagnosis.search import NONE, UNKNOWN
+from wrenchbed.diagnosis.structures import Ranking
+
+REST = 0.55
+"""An explanation is complete if it leaves no more gap than normal imperfections make, or than the
+form of its effects may miss."""
+MOST_RIVALS = 4
+RIVAL = 0.02
+"""A rival has at least this share of its class's probability."""
+INSEPARABLE = (
+    frozenset({"mount.rotation", "joint.offset"}),
+    frozenset({"mount.rotation", "sensor.crosstalk"}),
+)
+"""Pairs that no free-space data can tell apart."""
+
+
+@dataclass(frozen=True)
+class Cause:
+    """One claimed cause: the effect, then its rivals; the probability that one is present."""
+
+    names: tuple[str, ...]
+    probability: float
+    part: Part
+
+
+@dataclass(frozen=True, eq=False)
+class Verdict:
+    """Outcome of a diagnosis of readings' means.
+
+    Attributes:
+        verdict: ``none``, ``identified``, ``ambiguous`` or ``unknown``.
+        causes: claimed, largest first; empty for none and unknown.
+        explanation: the structure that the claims are from, also behind an unknown.
+        probabilities: of none, unknown and each class as the leading cause.
+    """
+
+    verdict: str
+    causes: tuple[Cause, ...]
+    explanation: Explanation
+    probabilities: Mapping[str, float]
+
+
+def complete(explanation: Explanation) -> bool:
+    """Whether what is left is no more than normal."""
+    parts = explanation.finalist.parts
+    own = [
+        (parts[p.index].effect.form_error, p.share)
+        for p in explanation.parts
+        if p.index is not None
+    ]
+    missed = sum(error * share for error, share in own)
+    return explanation.rest <= max(REST, missed)
+
+
+def decide(ranking: Ranking, temperature: float = 1.0) -> Verdict:
+    """Weigh all explanations."""
+    told = ranking.explanations
+    best = told[0]
+    unknown = ranking.unknown
+    if not complete(best):
+        unknown = float(np.logaddexp(unknown, max(ranking.mixed, best.log_posterior + 3.0)))
+    logs = np.array([unknown, *(e.log_posterior for e in told)]) / temperature
+    weight = np.exp(logs - logsumexp(logs))
+    none = float(sum(w for w, e in zip(weight[1:], told, strict=True) if not e.parts))
+    effects: dict[str, float] = {}
+    for w, e in zip(weight[1:], told, strict=True):
+        if e.parts:
+            effects[e.parts[0].name] = effects.get(e.parts[0].name, 0.0) + float(w)
+    others = {NONE: none, UNKNOWN: float(weight[0])}
+    claim = next((e for e in told if e.parts), None)
+    if claim is None:
+        return Verdict(max(others, key=lambda n: others[n]), (), best, others)
+    causes = _causes(claim, told, weight[1:])
+    probabilities = _by_class(causes, effects) | others
+    lead = causes[0].probability
+    if others[NONE] >= max(others[UNKNOWN], lead):
+        return Verdict(NONE, (), best, probabilities)
+    if others[UNKNOWN] >= lead or len(causes[0].names) > 1 + MOST_RIVALS:
+        return Verdict(UNKNOWN, (), claim, probabilities)
+    plain = all(len(c.names) == 1 or frozenset(c.names) in INSEPARABLE for c in causes)
+    return Verdict("identified" if plain else "ambiguous", causes, claim, probabilities)
+
+
+def _causes(
+    claim: Explanation, told: Sequence[Explanation], weight: np.ndarray
+) -> tuple[Cause, ...]:
+    causes = []
+    for part in claim.parts:
+        rest = claim.names - {part.name}
+        score = {part.name: 0.0}
+        for w, e in zip(weight, told, strict=True):
+            if rest <= e.names and len(e.names - rest) == 1:
+                (name,) = e.names - rest
+                score[name] = score.get(name, 0.0) + float(w)
+        total = max(sum(score.values()), 1e-300)
+        rivals = sorted((n for n in score if n != part.name), key=lambda n: -score[n])
+        members = (part.name, *(n for n in rivals if score[n] > RIVAL * total))
+        both = zip(weight, told, strict=True)
+        present = sum(float(w) for w, e in both if e.names & set(members))
+        causes.append(Cause(members, present * part.probability, part))
+    return tuple(causes)
+
+
+def _by_class(causes: Sequence[Cause], effects: Mapping[str, float]) -> dict[str, float]:
+    lead = causes[0].names
+    told = {"|".join(lead): sum(effects.get(n, 0.0) for n in lead)}
+    return told | {n: p for n, p in effects.items() if n not in lead}

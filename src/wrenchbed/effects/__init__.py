@@ -1,0 +1,1 @@
+"""Unmodelled effects: one file each, found by the folder; see `base`."""

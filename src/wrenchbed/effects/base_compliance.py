@@ -1,0 +1,67 @@
+"""The base gives under the arm's weight."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from wrenchbed.effects.base import Pose, PoseEffect, Values, Variant
+from wrenchbed.frames import apply, exp
+from wrenchbed.parameters import Parameter, ParameterSet
+from wrenchbed.robots.base import Robot
+from wrenchbed.scene import Scene
+
+if TYPE_CHECKING:
+    import mujoco
+
+NAMES = ("compliance", "compliance.x", "compliance.y")
+
+
+class BaseCompliance(PoseEffect):
+    """R → Exp(α) R about the base's origin, α = C M: M is gravity's moment on all that moves.
+
+    Of M counts the horizontal part; ``compliance`` gives alike about x and y of the world, the
+    other two are added about one axis. The base gives in the direction of its moment: α ∥ +M.
+    """
+
+    name = "base.compliance"
+    title = "the base gives under the arm's weight"
+    source = "1e-6–1e-5 rad/(N·m) of pedestals and tables: engineering memory"
+
+    def parameters(self, robot: Robot) -> ParameterSet:
+        texts = ("about every horizontal axis", "more about x", "more about y")
+        return ParameterSet(
+            tuple(
+                Parameter(n, 0.0, "rad/(N·m)", 1e-5, -0.01, 0.01, text)
+                for n, text in zip(NAMES, texts, strict=True)
+            )
+        )
+
+    def variants(self, scene: Scene) -> tuple[Variant, ...]:
+        if not scene.jointed:
+            return ()
+        return (
+            Variant("alike about x and y", NAMES[:1], weight=2.0),
+            Variant("about x", NAMES[1:2]),
+            Variant("about y", NAMES[2:]),
+            Variant("about x and y", NAMES[1:]),
+        )
+
+    def pose(self, scene: Scene, pose: Pose, p: Values) -> Pose:
+        give = np.array([p[NAMES[0]] + p[n] for n in NAMES[1:]])
+        angle = scene.in_motion(scene.base_moment[:, :2] * give)
+        turn = exp(angle[..., 0], angle[..., 1], 0.0 * angle[..., 0])
+        origin = scene.robot.base_origin(scene.theta)
+        return Pose(turn @ pose.rotation, origin + apply(turn, pose.position - origin))
+
+    def edit_spec(self, spec: "mujoco.MjSpec", robot: Robot, theta: np.ndarray, p: Values) -> None:
+        """Two sprung hinges at the base, about x and y of the world."""
+        from wrenchbed.springs import base_axes, hinge
+
+        for axis, name, world in zip("xy", NAMES[1:], np.eye(3), strict=False):
+            give = p[NAMES[0]] + p[name]
+            if give:
+                own = base_axes(spec).T @ world
+                hinge(spec, self.name, axis, spec.body("base"), [*map(float, own)], 1.0 / give)
+
+
+EFFECT = BaseCompliance()

@@ -1,0 +1,34 @@
+"""What the base stands on shakes."""
+
+import numpy as np
+
+from wrenchbed.effects.base import RowEffect, Values, channel_parameters
+from wrenchbed.parameters import Parameter, ParameterSet
+from wrenchbed.robots.base import Robot
+from wrenchbed.wrench import CHANNELS
+
+
+class BaseVibration(RowEffect):
+    """y_i → y_i + A_i sin(2πft + φ), one random phase a call; adds A²/2 to a row's variance.
+
+    A is what the shaking tool's inertia puts on the sensor: m·a, and m·a times its lever.
+    """
+
+    name = "base.vibration"
+    title = "what the base stands on shakes"
+    source = "0.1 m/s² of 1 kg on a frame that sways at 8–20 Hz: engineering memory"
+
+    def parameters(self, robot: Robot) -> ParameterSet:
+        items = channel_parameters("amplitude", 0.1, 7e-3, "of the line, to its peak")
+        items.append(Parameter("frequency", 12.0, "Hz", 5.0, 0.01, 1e4, "of the line"))
+        return ParameterSet(tuple(items))
+
+    def corrupt(
+        self, rows: np.ndarray, t: np.ndarray, p: Values, rng: np.random.Generator
+    ) -> np.ndarray:
+        phase = rng.uniform(0.0, 2.0 * np.pi)
+        line = np.sin(2.0 * np.pi * p["frequency"] * t + phase)
+        return rows + line[:, None] * np.array([p[f"amplitude.{c}"] for c in CHANNELS])
+
+
+EFFECT = BaseVibration()

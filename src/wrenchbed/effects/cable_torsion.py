@@ -1,0 +1,81 @@
+"""A cable or hose twists as the last joint turns."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from wrenchbed.effects.base import LoadEffect, Pose, Values, Variant
+from wrenchbed.parameters import Parameter, ParameterSet
+from wrenchbed.robots.base import Robot
+from wrenchbed.scene import Scene
+
+if TYPE_CHECKING:
+    import mujoco
+
+_STEP = 1e-30
+
+
+class CableTorsion(LoadEffect):
+    """T −= a (k (q − q₀) + f sgn(q̇)): q is the last joint, sgn(q̇) the side it last came from.
+
+    a is the sensor's z, or with ``joint_axis`` = 1 the last joint's axis in sensor axes; on the
+    UR5 both are one. k q₀ is a constant: a bias.
+    """
+
+    name = "cable.torsion"
+    title = "a cable or hose twists as the last joint turns"
+    form_error = 0.1
+    source = "5–50 mN·m a turn and as much friction: engineering memory"
+
+    def parameters(self, robot: Robot) -> ParameterSet:
+        return ParameterSet(
+            (
+                Parameter("stiffness", 0.0, "N·m/rad", 5e-3, -10, 10, "of the cable"),
+                Parameter("friction", 0.0, "N·m", 5e-3, -10, 10, "half the width of its loop"),
+                Parameter("neutral", 0.0, "rad", 1.0, -20, 20, "untwisted here"),
+                Parameter("joint_axis", 0.0, "1", 1.0, 0.0, 1.0, "1: about the joint, 0: about z"),
+            )
+        )
+
+    def variants(self, scene: Scene) -> tuple[Variant, ...]:
+        if not scene.jointed or scene.robot.joints[-1].unit != "rad":
+            return ()
+        families = {"": 0.0}
+        if float(joint_axis(scene)[:, 2].min()) < 0.999:
+            families[" about the last joint"] = 1.0
+        return tuple(
+            Variant(label + where, free, {"joint_axis": about, "neutral": 0.0}, ("neutral",))
+            for where, about in families.items()
+            for label, free in (
+                ("twists", ("stiffness",)),
+                ("rubs", ("friction",)),
+                ("twists and rubs", ("stiffness", "friction")),
+            )
+        )
+
+    def load(self, scene: Scene, pose: Pose, load: np.ndarray, p: Values) -> np.ndarray:
+        twist = p["stiffness"] * (scene.joints[:, -1] - p["neutral"])
+        twist = twist + p["friction"] * scene.coming[:, -1]
+        axis = joint_axis(scene) if p["joint_axis"] > 0.5 else np.array([0.0, 0.0, 1.0])
+        return np.concatenate([np.zeros((len(scene), 3)), -axis * twist[:, None]], axis=1)
+
+    def edit_spec(self, spec: "mujoco.MjSpec", robot: Robot, theta: np.ndarray, p: Values) -> None:
+        """A tendon along the last joint."""
+        from wrenchbed.springs import twist
+
+        if p["stiffness"] or p["friction"]:
+            about, joint = "joint" if p["joint_axis"] > 0.5 else "z", robot.joints[-1].name
+            twist(spec, self.name, joint, about, p["stiffness"], p["neutral"], p["friction"])
+
+
+def joint_axis(scene: Scene) -> np.ndarray:
+    """Unit vector (M, 3) about which the last joint turns the sensor, sensor axes."""
+    q = scene.joints.astype(complex)
+    q[:, -1] += 1j * _STEP
+    rotation, _ = scene.robot.sensor_pose(q, scene.theta)
+    spin = np.swapaxes(rotation.real, -1, -2) @ (rotation.imag / _STEP)
+    axis = np.stack([spin[:, 2, 1], spin[:, 0, 2], spin[:, 1, 0]], axis=-1)
+    return np.asarray(axis / np.linalg.norm(axis, axis=-1, keepdims=True))
+
+
+EFFECT = CableTorsion()

@@ -1,0 +1,87 @@
+"""Joints lie at one end of their play or at the other."""
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from wrenchbed.effects.base import (
+    Effect,
+    JointEffect,
+    Values,
+    Variant,
+    joint_parameters,
+    one_joint,
+)
+from wrenchbed.parameters import ParameterSet
+from wrenchbed.robots.base import Robot
+from wrenchbed.scene import Scene
+
+if TYPE_CHECKING:
+    import mujoco
+
+SIDES = ("load", "approach")
+SOFT = 0.01
+"""Torque of gravity at which a joint leaves the middle of its play [N·m; N on a slide]."""
+
+
+class JointBacklash(JointEffect):
+    """δq = (β/2) tanh(τ/τ₀) where gravity decides, −(β/2) sgn(q̇) where the last way does.
+
+    Amplitudes are half gaps β/2. A link that gravity loads lies on gravity's side; one that
+    friction holds lags behind its motor. τ₀ is small: tanh is the sign without its jump.
+    """
+
+    name = "joint.backlash"
+    title = "joints lie at one end of their play or at the other"
+    form_error = 0.15
+    source = "gap 0.01–0.1° in servos, ≤ 0.02° in strain wave gears: engineering memory"
+    amplitude = "load"
+    smooth = False
+
+    def parameters(self, robot: Robot) -> ParameterSet:
+        texts = ("half gap, side of gravity", "half gap, side of the last way")
+        load, approach = (
+            joint_parameters(robot, side, 2e-4, 2e-5, text, ("rad", "m"))
+            for side, text in zip(SIDES, texts, strict=True)
+        )
+        return load + approach
+
+    def variants(self, scene: Scene) -> tuple[Variant, ...]:
+        if not scene.jointed:
+            return ()
+        result = []
+        for side in SIDES:
+            names = tuple(f"{side}.q{k + 1}" for k in range(len(scene.robot.joints)))
+            for k, n in enumerate(names, start=1):
+                detail = {"joint": k, "side": side}
+                result.append(Variant(f"joint {k}, side by {side}", (n,), detail=detail))
+            label = f"all joints, side by {side}"
+            result.append(Variant(label, names, detail={"side": side}, weight=2.0))
+        return tuple(result)
+
+    def displace(self, scene: Scene, p: Values) -> np.ndarray:
+        joints = scene.joints.shape[1]
+        load, approach = (np.array([p[f"{s}.q{k + 1}"] for k in range(joints)]) for s in SIDES)
+        lag = -approach * scene.coming
+        return lag + load * np.tanh(scene.joint_torque / SOFT) if load.any() else lag
+
+    def values(self, robot: Robot, given: Mapping[str, Any]) -> dict[str, float]:
+        """Also takes ``joint=2,load=2e-4`` or ``joint=2,approach=2e-4``, with or without side."""
+        rest = {k: v for k, v in given.items() if k != "side"}
+        side = "approach" if "approach" in rest else "load"
+        return Effect.values(self, robot, one_joint(rest, len(robot.joints), side))
+
+    def edit_spec(self, spec: "mujoco.MjSpec", robot: Robot, theta: np.ndarray, p: Values) -> None:
+        """Joints with play in series, some of which lag."""
+        from wrenchbed.springs import in_series
+
+        for k, joint in enumerate(robot.joints, start=1):
+            for side in SIDES:
+                half = p[f"{side}.q{k}"]
+                if half:
+                    soft, lags = SOFT / half, side == "approach"
+                    in_series(spec, self.name, joint.name, soft, abs(half), lags=lags)
+
+
+EFFECT = JointBacklash()

@@ -1,0 +1,148 @@
+"""Passive joints have play and lie on the side of their load."""
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from wrenchbed.effects.base import Effect, JointEffect, Pose, PoseEffect, Values, Variant
+from wrenchbed.frames import apply, cross, euler, exp
+from wrenchbed.jets import value
+from wrenchbed.parameters import Parameter, ParameterSet
+from wrenchbed.robots.base import Robot
+from wrenchbed.robots.medrue.kinematics import five_bar
+from wrenchbed.scene import Scene
+
+if TYPE_CHECKING:
+    import mujoco
+
+SOFT = 0.05
+"""Force in a distal link, over its tip's load, at which it leaves the middle of its play."""
+MOMENT = 0.05
+"""Moment on a serial arm's last bearing at which it leaves the middle of its play [N·m]."""
+_STEP = 1e-30
+
+
+class JointClearance(JointEffect, PoseEffect):
+    """Five-bar i: tip E moves by δE. A serial arm: its last bearing tilts.
+
+    ``play.i`` lets the universal joint at E sag along gravity, no link turns: δE = p ĝ in the
+    five-bar's plane. ``slack.i`` shortens a distal link under pressure and lengthens it under
+    tension: e·δE = −s tanh(N/0.05) for both links' directions e, Σ N e = −ĝ. The tip carries weight
+    only, so ĝ is its load's direction. Both are given as what the joints would have to turn,
+    J δq = δE, and q6 as much as the wrist's roll then differs.
+    ``tilt``: R → R Exp(t M/√(M² + M₀²)), M the moment of the tool's weight across the sensor's z.
+    """
+
+    name = "joint.clearance"
+    title = "passive joints have play and lie on the side of their load"
+    source = "10–50 µm: engineering memory"
+    amplitude = "play"
+
+    def parameters(self, robot: Robot) -> ParameterSet:
+        if not has_loops(robot):
+            text = "half play of the last bearing"
+            return ParameterSet((Parameter("tilt", 0.0, "rad", 2e-4, -0.1, 0.1, text),))
+        texts = {"play": "of the universal joint at a tip", "slack": "half play of a distal link"}
+        return ParameterSet(
+            tuple(
+                Parameter(f"{stem}.{i}", 0.0, "m", 3e-5, -0.01, 0.01, text)
+                for stem, text in texts.items()
+                for i in (1, 2)
+            )
+        )
+
+    def variants(self, scene: Scene) -> tuple[Variant, ...]:
+        if not scene.jointed:
+            return ()
+        if not has_loops(scene.robot):
+            return (Variant("last bearing", ("tilt",)),)
+        links = ("slack.1", "slack.2")
+        single = [
+            Variant(f"links of five-bar {n[-1]}", (n,), detail={"five_bar": int(n[-1])})
+            for n in links
+        ]
+        # tip 2 shows as tip 1 does, with the other sign: see `publish`
+        return (Variant("tips", ("play.1",)), *single, Variant("links of both five-bars", links))
+
+    def displace(self, scene: Scene, p: Values) -> np.ndarray:
+        dq = np.zeros_like(scene.joints)
+        if not has_loops(scene.robot):
+            return dq
+        theta = scene.robot.values(scene.theta)
+        base = euler(theta["alpha0"], theta["beta0"], theta["gamma0"])
+        down = (base.T @ scene.gravity)[1:]
+        down = down / np.linalg.norm(down)
+        for i in (1, 2):
+            first, second = scene.joints[:, 2 * i - 1], scene.joints[:, 2 * i]
+            bar = five_bar(theta, i, first, second)
+            near, far = bar.E - bar.B, bar.E - bar.D
+            links = _unit(np.stack([near, far], axis=-2))  # rows: directions of both
+            slack = p[f"slack.{i}"] * _give(links, down)
+            by = [
+                five_bar(theta, i, first + 1j * _STEP, second),
+                five_bar(theta, i, first, second + 1j * _STEP),
+            ]
+            turned = apply(np.linalg.inv(_rates([b.E for b in by])), slack + p[f"play.{i}"] * down)
+            dq[:, 2 * i - 1 : 2 * i + 1] = turned
+            if i == 1:  # this five-bar's second distal link carries the wrist's roll
+                across = np.stack([-links[:, 1, 1], links[:, 1, 0]], axis=-1)
+                with_joints = apply(_rates([b.E - b.D for b in by]), turned)
+                dq[:, 5] = (across * (slack - with_joints)).sum(axis=-1) / theta["L14"]
+        return dq
+
+    def pose(self, scene: Scene, pose: Pose, p: Values) -> Pose:
+        if has_loops(scene.robot):
+            return pose
+        pull = scene.tool.mass * (np.swapaxes(value(pose.rotation), -1, -2) @ scene.gravity)
+        moment = cross(np.broadcast_to(scene.tool.cog, pull.shape), pull)[:, :2]
+        size = np.sqrt((moment**2).sum(axis=1, keepdims=True) + MOMENT**2)
+        turn = scene.in_motion(p["tilt"] * moment / size)
+        tilt = exp(turn[..., 0], turn[..., 1], 0.0 * turn[..., 0])
+        return Pose(pose.rotation @ tilt, pose.position)
+
+    def publish(
+        self, robot: Robot, variant: Variant, values: Values, std: Values
+    ) -> dict[str, dict[str, Any]]:
+        """A play of tip 1 below zero is one of tip 2."""
+        told = super().publish(robot, variant, values, std)
+        if "play.1" in told and told["play.1"]["value"] < 0.0:
+            play = told.pop("play.1")
+            return {"play.2": play | {"value": -play["value"]}} | told
+        return told
+
+    def values(self, robot: Robot, given: Mapping[str, Any]) -> dict[str, float]:
+        return Effect.values(self, robot, given)
+
+    def edit_spec(self, spec: "mujoco.MjSpec", robot: Robot, theta: np.ndarray, p: Values) -> None:
+        """The last bearing's round play; play in loops acts through the joints' values."""
+        from wrenchbed.springs import ROUND, hinge
+
+        half = p.get("tilt", 0.0)
+        if half:
+            for axis, way in zip("xy", np.eye(3), strict=False):
+                part, body = f"tilt.{axis}{ROUND}", spec.body("tool")
+                hinge(spec, self.name, part, body, [*map(float, way)], MOMENT / half, abs(half))
+
+
+def has_loops(robot: Robot) -> bool:
+    """Whether the robot is made of five-bars."""
+    return "L14" in robot.parameters.names
+
+
+def _give(links: np.ndarray, down: np.ndarray) -> np.ndarray:
+    """δE (M, 2) for a slack of 1: both links as short as pressure or as long as tension makes."""
+    pressure = np.linalg.solve(np.swapaxes(links, -1, -2), -down[:, None])
+    return np.linalg.solve(links, -np.tanh(pressure / SOFT))[..., 0]
+
+
+def _rates(points: list[np.ndarray]) -> np.ndarray:
+    """Columns (M, 2, 2): velocities of a point as the first and the second joint turns."""
+    return np.stack([p.imag / _STEP for p in points], axis=-1)
+
+
+def _unit(vectors: np.ndarray) -> np.ndarray:
+    return np.asarray(vectors / np.linalg.norm(vectors, axis=-1, keepdims=True))
+
+
+EFFECT = JointClearance()

@@ -1,0 +1,73 @@
+"""Joints give under the weight that they carry."""
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from wrenchbed.effects.base import JointEffect, Values, Variant, joint_parameters, one_joint
+from wrenchbed.errors import ParameterError
+from wrenchbed.parameters import ParameterSet
+from wrenchbed.robots.base import Robot
+from wrenchbed.scene import Scene
+
+if TYPE_CHECKING:
+    import mujoco
+
+
+class JointCompliance(JointEffect):
+    """δq = τ/k with the torque τ of gravity; amplitudes are compliances 1/k."""
+
+    name = "joint.compliance"
+    title = "joints give under the weight that they carry"
+    source = "UR 1–3e4 N·m/rad, wrists 3–8e3: engineering memory; drives 1e5–1e6 N/m"
+    amplitude = "compliance"
+
+    def parameters(self, robot: Robot) -> ParameterSet:
+        text = "compliance of a joint, 1/k"
+        return joint_parameters(robot, self.amplitude, 7e-5, 3e-6, text, ("rad/(N·m)", "m/N"))
+
+    def displace(self, scene: Scene, p: Values) -> np.ndarray:
+        give = np.array([p[f"compliance.q{k + 1}"] for k in range(scene.joints.shape[1])])
+        return scene.joint_torque * give
+
+    def values(self, robot: Robot, given: Mapping[str, Any]) -> dict[str, float]:
+        """Also takes ``joint=2,stiffness=1.4e4`` [N·m/rad]."""
+        rest = one_joint(given, len(robot.joints), "stiffness")
+        for name in [n for n in rest if n.startswith("stiffness.")]:
+            stiffness = float(rest.pop(name))
+            if not stiffness > 0:
+                raise ParameterError(
+                    f"{self.name}: {name} = {stiffness:g} N·m/rad must be positive"
+                )
+            rest[name.replace("stiffness", "compliance")] = 1.0 / stiffness
+        return super().values(robot, rest)
+
+    def publish(
+        self, robot: Robot, variant: Variant, values: Values, std: Values
+    ) -> dict[str, dict[str, Any]]:
+        """Stiffness of a single joint, compliances of several."""
+        told = super().publish(robot, variant, values, std)
+        if len(variant.free) != 1:
+            return told
+        name = variant.free[0]
+        turns = robot.joints[int(variant.detail["joint"]) - 1].unit == "rad"
+        give, unsure = values[name], std.get(name)
+        stiffness = {
+            "value": 1.0 / give if give else float("inf"),
+            "std": None if unsure is None or not give else unsure / give**2,
+            "unit": "N·m/rad" if turns else "N/m",
+        }
+        return {"stiffness": stiffness} | {k: v for k, v in told.items() if k != name}
+
+    def edit_spec(self, spec: "mujoco.MjSpec", robot: Robot, theta: np.ndarray, p: Values) -> None:
+        """A spring in series with each joint."""
+        from wrenchbed.springs import in_series
+
+        for k, joint in enumerate(robot.joints, start=1):
+            give = p[f"compliance.q{k}"]
+            if give:
+                in_series(spec, self.name, joint.name, stiffness=1.0 / give)
+
+
+EFFECT = JointCompliance()

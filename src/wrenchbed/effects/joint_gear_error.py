@@ -1,0 +1,71 @@
+"""Gears and encoders turn unevenly."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from wrenchbed.effects.base import Effect, JointEffect, Values, Variant, one_joint
+from wrenchbed.jets import Value, cos, sin
+from wrenchbed.parameters import Parameter, ParameterSet
+from wrenchbed.robots.base import Robot
+from wrenchbed.scene import Scene
+
+TYPICAL = 3e-4
+"""1 arcmin [rad]."""
+
+
+class JointGearError(JointEffect):
+    """δq = A sin(kq) + B cos(kq), order k: 1 an eccentric encoder, N and 2N the wave generator's.
+
+    N is the gear ratio (Tuttle & Seering 1996, 10.1109/70.499819: orders 1 and 2 of the input).
+    """
+
+    name = "joint.gear_error"
+    title = "gears and encoders turn unevenly"
+    source = "0.3–2 arcmin of strain wave gears, 0.5–5 of eccentric encoders: engineering memory"
+    amplitude = "sin"
+
+    def parameters(self, robot: Robot) -> ParameterSet:
+        items = [
+            Parameter(f"{part}.q{k}", 0.0, "rad", TYPICAL, -1.0, 1.0, f"amplitude of the {part}e")
+            for part in ("sin", "cos")
+            for k in rotary(robot)
+        ]
+        items.append(Parameter("order", 1.0, "1", 0.02, 0.01, 1e3, "waves per turn of the joint"))
+        return ParameterSet(tuple(items))
+
+    def variants(self, scene: Scene) -> tuple[Variant, ...]:
+        ratios = scene.robot.gear_ratio
+        result = []
+        for k in rotary(scene.robot):
+            orders = [1.0, 2.0, 3.0, 4.0]
+            if ratios:
+                orders += [ratios[k - 1], 2.0 * ratios[k - 1]]
+            for order in orders:
+                free = (f"sin.q{k}", f"cos.q{k}")
+                label = f"joint {k}, {order:g} waves a turn"
+                result.append(Variant(label, free, {"order": order}, ("order",), {"joint": k}))
+        return tuple(result)
+
+    def displace(self, scene: Scene, p: Values) -> Value:
+        """As exact jets in motion: 101 waves a turn are fast."""
+        joints = range(1, scene.joints.shape[1] + 1)
+        a, b = (np.array([p.get(f"{s}.q{k}", 0.0) for k in joints]) for s in ("sin", "cos"))
+        angle = p["order"] * scene.q
+        return sin(angle) * a + cos(angle) * b
+
+    def values(self, robot: Robot, given: Mapping[str, Any]) -> dict[str, float]:
+        """Also takes ``joint=2,sin=3e-4,cos=1e-4,order=101`` for one joint."""
+        rest = one_joint(given, len(robot.joints), "sin")
+        if "joint" in given:
+            rest = one_joint(rest | {"joint": given["joint"]}, len(robot.joints), "cos")
+        return Effect.values(self, robot, rest)
+
+
+def rotary(robot: Robot) -> list[int]:
+    """Numbers of the joints that turn, from 1."""
+    return [k for k, joint in enumerate(robot.joints, start=1) if joint.unit == "rad"]
+
+
+EFFECT = JointGearError()

@@ -1,0 +1,30 @@
+"""Joints stand a constant away from what they report."""
+
+import numpy as np
+
+from wrenchbed.effects.base import JointEffect, Values, joint_parameters
+from wrenchbed.parameters import ParameterSet
+from wrenchbed.robots.base import Robot
+from wrenchbed.scene import Scene
+
+TYPICAL = np.deg2rad(0.2)
+
+
+class JointOffset(JointEffect):
+    """δq = δ: a joint reads q and stands at q + δ."""
+
+    name = "joint.offset"
+    title = "joints stand a constant away from what they report"
+    source = "zero offsets of 0.05–0.5°, drives 0.1–1 mm: engineering memory"
+    amplitude = "offset"
+
+    def parameters(self, robot: Robot) -> ParameterSet:
+        text = "zero offset of a joint"
+        return joint_parameters(robot, self.amplitude, TYPICAL, 5e-4, text, ("rad", "m"))
+
+    def displace(self, scene: Scene, p: Values) -> np.ndarray:
+        offset = [p[f"offset.q{k + 1}"] for k in range(scene.joints.shape[1])]
+        return np.broadcast_to(offset, scene.joints.shape)
+
+
+EFFECT = JointOffset()

@@ -1,0 +1,39 @@
+"""The sensor sits turned on its flange."""
+
+import numpy as np
+
+from wrenchbed.effects.base import ModelEffect, Values, Variant
+from wrenchbed.parameters import Parameter, ParameterSet
+from wrenchbed.robots.base import Robot
+from wrenchbed.scene import Scene
+from wrenchbed.turning import turn_sensor
+
+TYPICAL = np.deg2rad(0.5)
+NAMES = tuple(f"rotation.{a}" for a in "xyz")
+
+
+class MountRotation(ModelEffect):
+    """R_world_sensor → R_world_sensor Exp(ω); the tool turns with the sensor."""
+
+    name = "mount.rotation"
+    title = "the sensor sits turned on its flange"
+    source = "0.2–1° of bolt holes and dowels: engineering memory"
+
+    def parameters(self, robot: Robot) -> ParameterSet:
+        text = "rotation vector in sensor axes"
+        return ParameterSet(
+            tuple(Parameter(n, 0.0, "rad", TYPICAL, -3.2, 3.2, text) for n in NAMES)
+        )
+
+    def variants(self, scene: Scene) -> tuple[Variant, ...]:
+        return (
+            Variant("about x, y and z", NAMES),
+            Variant("about z", NAMES[2:]),
+            Variant("about x and y", NAMES[:2]),
+        )
+
+    def theta(self, robot: Robot, theta: np.ndarray, p: Values) -> np.ndarray:
+        return turn_sensor(robot, theta, np.array([p[n] for n in NAMES]))
+
+
+EFFECT = MountRotation()

@@ -1,0 +1,73 @@
+"""The sensor goes on moving after its load has changed."""
+
+import numpy as np
+from scipy.signal import lfilter
+
+from wrenchbed.effects.base import (
+    ReadingEffect,
+    Values,
+    Variant,
+    channel_parameters,
+    channel_variants,
+)
+from wrenchbed.parameters import Parameter, ParameterSet
+from wrenchbed.robots.base import Robot
+from wrenchbed.scene import Scene
+from wrenchbed.wrench import CHANNELS
+
+TAUS = (30.0, 150.0, 600.0)
+"""Time constants where a search begins [s]."""
+
+
+class SensorCreep(ReadingEffect):
+    """y_i → y_i + c_i ∫h(t − s) ẏ_i ds, h(t) = 1 − exp(−t/τ): after a step of load by Δ the
+    reading is right at first and ends c_i Δ too high.
+
+    Settled at the first row; the load moves linearly from row to row, over which ∫ is exact.
+    """
+
+    name = "sensor.creep"
+    title = "the sensor goes on moving after its load has changed"
+    form_error = 0.1
+    source = (
+        "0.05–0.1 % of the load in 30 min (strain-gauge data sheets); three times that: a poor one"
+    )
+
+    def parameters(self, robot: Robot) -> ParameterSet:
+        text = "what a load adds in the end, relative"
+        items = channel_parameters("share", 3e-3, 3e-3, text, ["1"] * 6)
+        items.append(Parameter("tau", TAUS[1], "s", 150.0, 1e-2, 1e6, "time constant"))
+        return ParameterSet(tuple(items))
+
+    def variants(self, scene: Scene) -> tuple[Variant, ...]:
+        return tuple(v for tau in TAUS for v in channel_variants("share", {"tau": tau}, ("tau",)))
+
+    def read(self, scene: Scene, reading: np.ndarray, p: Values) -> np.ndarray:
+        share = np.array([p[f"share.{c}"] for c in CHANNELS])
+        if not share.any():
+            return reading
+        return reading + share * (settle(reading, scene.t, p["tau"]) - reading[0])
+
+
+def settle(x: np.ndarray, t: np.ndarray, tau: float) -> np.ndarray:
+    """z of τ ż = x − z along the rows of (M, K) at times (M,) [s], z = x at the first row.
+
+    With x linear between rows, z₁ = a z₀ + (1 − g) x₁ + (g − a) x₀, a = e^(−Δt/τ),
+    g = (1 − a) τ/Δt.
+    """
+    step = np.maximum(np.diff(t), 1e-9)
+    if not len(step):
+        return x.copy()
+    a = np.exp(-step / tau)
+    g = -np.expm1(-step / tau) * tau / step
+    if np.ptp(step) < 1e-6 * step[0]:  # an even clock: one filter
+        forward, back = [1.0 - g[0], g[0] - a[0]], [1.0, -a[0]]
+        return np.asarray(lfilter(forward, back, x, axis=0, zi=g[0] * x[:1])[0])
+    z = x.copy()
+    push = (1.0 - g)[:, None] * x[1:] + (g - a)[:, None] * x[:-1]
+    for k in range(len(step)):
+        z[k + 1] = a[k] * z[k] + push[k]
+    return z
+
+
+EFFECT = SensorCreep()

@@ -1,0 +1,78 @@
+"""A channel shows something of the others."""
+
+from itertools import permutations
+
+import numpy as np
+
+from wrenchbed.effects.base import ReadingEffect, Values, Variant
+from wrenchbed.frames import cross
+from wrenchbed.parameters import Parameter, ParameterSet
+from wrenchbed.robots.base import Robot
+from wrenchbed.scene import Scene
+from wrenchbed.wrench import CHANNELS
+
+PAIRS = tuple(permutations(CHANNELS, 2))
+"""The channel that shows, and the one of which it shows something: 30 pairs."""
+SIZES = {"ff": ("1", 0.01), "tf": ("m", 5e-4), "ft": ("1/m", 0.03), "tt": ("1", 0.01)}
+"""Unit and typical size of force from force, torque from force, force from torque, torque from
+torque."""
+LABELS = {
+    "ff": "forces from forces",
+    "tf": "torques from forces",
+    "ft": "forces from torques",
+    "tt": "torques from torques",
+}
+ORIGIN = tuple(f"origin.{a}" for a in "xyz")
+
+
+class SensorCrosstalk(ReadingEffect):
+    """F → F + X_FF F + X_FT T, T → T + X_TF F + X_TT T + r × F.
+
+    ``x.fx.ty`` is what fx shows per ty. ``origin`` r is the shift of the sensing origin: the
+    antisymmetric part of X_TF, three numbers instead of nine.
+    """
+
+    name = "sensor.crosstalk"
+    title = "a channel shows something of the others"
+    source = (
+        "0.2–1 % between like channels, 0.1–1 mm torque from force, 0.005–0.05 N per N·m force "
+        "from torque; origin 1–6 mm (a Mini40's, if forgotten, 5.36 mm): engineering memory"
+    )
+
+    def parameters(self, robot: Robot) -> ParameterSet:
+        items = []
+        for shows, of in PAIRS:
+            unit, size = SIZES[shows[0] + of[0]]
+            text = f"what {shows} shows per {of}"
+            items.append(Parameter(f"x.{shows}.{of}", 0.0, unit, size, -10.0, 10.0, text))
+        text = "where the sensor's origin lies, less where it should: it adds r × F"
+        items += [Parameter(n, 0.0, "m", 1e-3, -1.0, 1.0, text) for n in ORIGIN]
+        return ParameterSet(tuple(items))
+
+    def variants(self, scene: Scene) -> tuple[Variant, ...]:
+        names = {pair: f"x.{pair[0]}.{pair[1]}" for pair in PAIRS}
+        single = [
+            Variant(f"{shows} from {of}", (n,), detail={"channel": shows, "of": of})
+            for (shows, of), n in names.items()
+        ]
+        blocks = [
+            Variant(label, tuple(n for (s, o), n in names.items() if s[0] + o[0] == block))
+            for block, label in LABELS.items()
+        ]
+        return (
+            *single,
+            *blocks,
+            Variant("shifted origin", ORIGIN),
+            Variant("everything", tuple(names.values()), weight=1.0),
+        )
+
+    def read(self, scene: Scene, reading: np.ndarray, p: Values) -> np.ndarray:
+        x = np.array([[p.get(f"x.{s}.{o}", 0.0) for o in CHANNELS] for s in CHANNELS])
+        force = reading[:, :3]
+        shift = np.array([p[n] for n in ORIGIN])
+        shown = reading + reading @ x.T
+        shown[:, 3:] += cross(np.broadcast_to(shift, force.shape), force)
+        return shown
+
+
+EFFECT = SensorCrosstalk()

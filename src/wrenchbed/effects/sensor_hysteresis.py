@@ -1,0 +1,87 @@
+"""The sensor remembers where its load came from."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from wrenchbed.effects.base import ReadingEffect, Values, Variant, channel_parameters
+from wrenchbed.parameters import Parameter, ParameterSet
+from wrenchbed.robots.base import Robot
+from wrenchbed.scene import Scene
+from wrenchbed.wrench import CHANNELS
+
+WIDTHS = {"narrow": 0.04, "middle": 0.15, "wide": 0.5}
+"""Half widths of the plays, relative to a channel's range in the recording."""
+FORMS = tuple(f"{w}{s}" for w in WIDTHS for s in ("", ".slope"))
+
+
+class SensorHysteresis(ReadingEffect):
+    """y_i → y_i + Σ_w (h_iw + s_iw u_i) (play_w(y_i) − y_i)/w: a lag that turns with the load.
+
+    The play operator follows its input once it is w behind; a sum of plays of several widths is
+    the Prandtl–Ishlinskii form of hysteresis (Visintin, Differential Models of Hysteresis, 1994,
+    ch. III). h_iw is the largest lag of a play; with the slope s_iw it grows along the load u_i,
+    −1 … 1 over the channel's range. Real loops have other forms still: see ``form_error``.
+    """
+
+    name = "sensor.hysteresis"
+    title = "the sensor remembers where its load came from"
+    source = "0.1–0.3 % of full scale, strain-gauge data sheets"
+    form_error = 0.45
+
+    def parameters(self, robot: Robot) -> ParameterSet:
+        items = [
+            p for f in FORMS for p in channel_parameters(f, 0.1, 0.01, "largest lag of a play")
+        ]
+        items.append(Parameter("width", 1.0, "1", 0.2, 0.1, 4.0, "factor of all widths"))
+        return ParameterSet(tuple(items))
+
+    def variants(self, scene: Scene) -> tuple[Variant, ...]:
+        def of(label: str, channels: tuple[str, ...], weight: float = 1.0) -> Variant:
+            free = tuple(f"{f}.{c}" for c in channels for f in FORMS)
+            detail = {"channel": label} if len(channels) == 1 else {}
+            return Variant(label, free, {"width": 1.0}, ("width",), detail, weight)
+
+        single = [of(c, (c,)) for c in CHANNELS]
+        return (
+            *single,
+            of("forces", CHANNELS[:3], 2.0),
+            of("torques", CHANNELS[3:]),
+            of("all channels", CHANNELS, 3.0),
+        )
+
+    def read(self, scene: Scene, reading: np.ndarray, p: Values) -> np.ndarray:
+        lag = np.array([[p[f"{w}.{c}"] for c in CHANNELS] for w in WIDTHS])  # (widths, 6)
+        slope = np.array([[p[f"{w}.slope.{c}"] for c in CHANNELS] for w in WIDTHS])
+        which, on = np.nonzero((lag != 0) | (slope != 0))
+        if not len(on):
+            return reading
+        low, high = reading.min(axis=0), reading.max(axis=0)
+        extent = np.maximum(high - low, 1e-9)
+        width = np.array(list(WIDTHS.values()))[which] * extent[on] * p["width"]
+        x = reading[:, on]
+        u = (2.0 * x - (low + high)[on]) / extent[on]
+        behind = (lag[which, on] + slope[which, on] * u) * (play(x, width) - x) / width
+        result = reading.copy()
+        np.add.at(result.T, on, behind.T)
+        return result
+
+    def values(self, robot: Robot, given: Mapping[str, Any]) -> dict[str, float]:
+        """Also takes ``lag.fx=0.1``: the middle play of a channel."""
+        short = {f"lag.{c}": f"middle.{c}" for c in CHANNELS}
+        return super().values(robot, {short.get(k, k): v for k, v in given.items()})
+
+
+def play(x: np.ndarray, width: np.ndarray) -> np.ndarray:
+    """The play operator along the rows of (M, K) with half widths (K,)."""
+    result = np.empty_like(x)
+    low, high = x - width, x + width
+    at = x[0]
+    for k in range(len(x)):
+        at = np.minimum(np.maximum(at, low[k]), high[k])
+        result[k] = at
+    return result
+
+
+EFFECT = SensorHysteresis()

@@ -1,0 +1,49 @@
+"""The sensor's zero jumps once."""
+
+import numpy as np
+
+from wrenchbed.effects.base import ReadingEffect, Values, Variant, channel_parameters
+from wrenchbed.parameters import Parameter, ParameterSet
+from wrenchbed.robots.base import Robot
+from wrenchbed.scene import Scene
+from wrenchbed.wrench import CHANNELS
+
+MOMENTS = 24
+"""At most so many moments where a search begins."""
+STEPS = tuple(f"step.{c}" for c in CHANNELS)
+
+
+class SensorJump(ReadingEffect):
+    """y_i → y_i + s_i from ``time`` [s] on, a moment of the recording's clock."""
+
+    name = "sensor.jump"
+    title = "the sensor's zero jumps once"
+    rough = True
+    source = "overload or a slipped bolt, 0.2–5 N: engineering memory"
+
+    def parameters(self, robot: Robot) -> ParameterSet:
+        items = channel_parameters("step", 0.5, 0.02, "jump of the zero")
+        items.append(Parameter("time", 0.0, "s", 60.0, text="of the jump, as the recording's"))
+        return ParameterSet(tuple(items))
+
+    def variants(self, scene: Scene) -> tuple[Variant, ...]:
+        """Moments midway between two rows that were measured, evenly over the rows."""
+        t = scene.t[scene.held]
+        midway = (t[1:] + t[:-1]) / 2.0
+        count = min(MOMENTS, len(midway))
+        chosen = ((np.arange(count) + 0.5) * len(midway) / max(count, 1)).astype(int)
+        return tuple(
+            v
+            for at in ({"time": float(m)} for m in midway[chosen])
+            for v in (
+                Variant("forces", STEPS[:3], at, ("time",)),
+                Variant("all channels", STEPS, at, ("time",)),
+            )
+        )
+
+    def read(self, scene: Scene, reading: np.ndarray, p: Values) -> np.ndarray:
+        after = scene.t >= p["time"]
+        return reading + after[:, None] * np.array([p[n] for n in STEPS])
+
+
+EFFECT = SensorJump()

@@ -1,0 +1,34 @@
+"""The sensor is noisier than stated."""
+
+import numpy as np
+
+from wrenchbed.effects.base import RowEffect, Values
+from wrenchbed.parameters import Parameter, ParameterSet
+from wrenchbed.robots.base import Robot
+from wrenchbed.wrench import CHANNELS, UNITS
+
+
+class SensorNoise(RowEffect):
+    """y_i → y_i + n_i, white Gaussian noise of standard deviation σ_i [N, N·m] beyond the usual."""
+
+    name = "sensor.noise"
+    title = "the sensor is noisier than stated"
+    source = "0.01–0.1 N at 1 kHz; UR CB3 3.6 N against an FT300's 0.6 N: UR forum, topic 229"
+
+    def parameters(self, robot: Robot) -> ParameterSet:
+        text = "standard deviation of a row beyond the usual"
+        return ParameterSet(
+            tuple(
+                Parameter(f"std.{c}", 0.0, u, 0.1 if u == "N" else 5e-3, 0.0, 1e3, text)
+                for c, u in zip(CHANNELS, UNITS, strict=True)
+            )
+        )
+
+    def corrupt(
+        self, rows: np.ndarray, t: np.ndarray, p: Values, rng: np.random.Generator
+    ) -> np.ndarray:
+        std = np.array([p[f"std.{c}"] for c in CHANNELS])
+        return rows + std * rng.standard_normal(rows.shape)
+
+
+EFFECT = SensorNoise()

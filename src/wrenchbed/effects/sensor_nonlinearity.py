@@ -1,0 +1,57 @@
+"""The sensor's readings bend with the load."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from wrenchbed.effects.base import (
+    ReadingEffect,
+    Values,
+    Variant,
+    channel_parameters,
+    channel_variants,
+)
+from wrenchbed.parameters import Parameter, ParameterSet
+from wrenchbed.robots.base import Robot
+from wrenchbed.scene import Scene
+from wrenchbed.wrench import CHANNELS
+
+REFERENCE = np.array([20.0, 20.0, 20.0, 2.0, 2.0, 0.2])
+"""Load (6,) at which an amplitude is the relative error [N, N·m]: the full scale of a small sensor.
+Fixed, so that the number does not depend on the range that a sensor was ordered with."""
+LAWS = {"even": 2.0, "odd": 3.0}
+"""Powers of the load at which a search begins."""
+
+
+class SensorNonlinearity(ReadingEffect):
+    """y_i → y_i + Y_i |y_i/Y_i|ⁿ (e_i + o_i sgn y_i) with Y = 20 N, 2 N·m (z: 0.2), n about 2 or 3.
+
+    Even: the same sign under both directions of load; odd: the gain depends on the load. The
+    typical 0.005 is 0.1 N at 20 N, and 0.025 N (even) or 6 mN (odd) at 10 N.
+    """
+
+    name = "sensor.nonlinearity"
+    title = "the sensor's readings bend with the load"
+    source = "0.1–0.3 % of full scale at full scale; 0.2 %: FRB load ring data sheet"
+
+    def parameters(self, robot: Robot) -> ParameterSet:
+        text = "relative error at 20 N, 2 N·m (z: 0.2)"
+        items = [x for law in LAWS for x in channel_parameters(law, 5e-3, 5e-3, text, ["1"] * 6)]
+        items.append(Parameter("power", 2.0, "1", 0.2, 1.8, 5.0, "power of the load"))
+        return ParameterSet(tuple(items))
+
+    def variants(self, scene: Scene) -> tuple[Variant, ...]:
+        return tuple(
+            replace(v, label=f"{law}, {v.label}", detail={"law": law, **v.detail})
+            for law, power in LAWS.items()
+            for v in channel_variants(law, {"power": power}, ("power",))
+        )
+
+    def read(self, scene: Scene, reading: np.ndarray, p: Values) -> np.ndarray:
+        even, odd = (np.array([p[f"{law}.{c}"] for c in CHANNELS]) for law in LAWS)
+        relative = reading / REFERENCE
+        bend = np.abs(relative) ** p["power"] * REFERENCE
+        return np.asarray(reading + bend * (even + odd * np.sign(reading)))
+
+
+EFFECT = SensorNonlinearity()

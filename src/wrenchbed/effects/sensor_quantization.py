@@ -1,0 +1,34 @@
+"""The sensor counts in coarse steps."""
+
+import numpy as np
+
+from wrenchbed.effects.base import RowEffect, Values
+from wrenchbed.parameters import Parameter, ParameterSet
+from wrenchbed.robots.base import Robot
+from wrenchbed.wrench import CHANNELS, UNITS
+
+
+class SensorQuantization(RowEffect):
+    """y_i → Δ_i round(y_i/Δ_i); a step of 0 does not round. Adds Δ²/12 to a row's variance."""
+
+    name = "sensor.quantization"
+    title = "the sensor counts in coarse steps"
+    source = "0.02–0.05 N and 0.5–1 mN·m (ATI, 16 bits); two to three bits fewer: 0.2 N and 5 mN·m"
+
+    def parameters(self, robot: Robot) -> ParameterSet:
+        return ParameterSet(
+            tuple(
+                Parameter(f"step.{c}", 0.0, u, 0.2 if u == "N" else 5e-3, 0.0, 1e3, "of the count")
+                for c, u in zip(CHANNELS, UNITS, strict=True)
+            )
+        )
+
+    def corrupt(
+        self, rows: np.ndarray, t: np.ndarray, p: Values, rng: np.random.Generator
+    ) -> np.ndarray:
+        step = np.array([p[f"step.{c}"] for c in CHANNELS])
+        some = np.where(step > 0.0, step, 1.0)
+        return np.where(step > 0.0, some * np.round(rows / some), rows)
+
+
+EFFECT = SensorQuantization()

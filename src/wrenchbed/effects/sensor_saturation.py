@@ -1,0 +1,78 @@
+"""A channel cannot read beyond a level."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from wrenchbed import registry
+from wrenchbed.effects.base import ReadingEffect, Values, Variant
+from wrenchbed.errors import ParameterError
+from wrenchbed.parameters import Parameter, ParameterSet
+from wrenchbed.robots.base import Robot
+from wrenchbed.scene import Scene
+from wrenchbed.wrench import CHANNELS, UNITS, wrench
+
+QUANTILES = (0.7, 0.85, 0.95)
+"""Of a channel's |load| in the recording, where a search for its level begins."""
+
+
+class SensorSaturation(ReadingEffect):
+    """y_i → y_i + s_i (clip(y_i, ±L_i) − y_i).
+
+    The share s_i is 0 where nothing is clipped and 1 where the channel never passes its level
+    L_i [N, N·m]; it makes the reading linear. Between the two a channel bends at its level.
+    """
+
+    name = "sensor.saturation"
+    title = "a channel cannot read beyond a level"
+    form_error = 0.1
+    source = "converters end at 105 % of range; a wrong range setting or gain clips far earlier"
+
+    def parameters(self, robot: Robot) -> ParameterSet:
+        full = registry.load("sensors", robot.sensor).calibration().range
+        shares = [
+            Parameter(f"share.{c}", 0.0, "1", 1.0, -10.0, 10.0, "1: the channel is clipped fully")
+            for c in CHANNELS
+        ]
+        levels = [
+            Parameter(f"level.{c}", float(r), u, 0.3 * float(r), 1e-6, 1e5, "largest |reading|")
+            for c, r, u in zip(CHANNELS, full, UNITS, strict=True)
+        ]
+        return ParameterSet((*shares, *levels))
+
+    def variants(self, scene: Scene) -> tuple[Variant, ...]:
+        load = np.abs(wrench(*scene.pose, scene.tool, scene.gravity)[scene.held])
+        found = []
+        for c, levels in zip(CHANNELS, np.quantile(load, QUANTILES, axis=0).T, strict=True):
+            for level in levels[levels > 1e-5]:
+                at, shape = {f"level.{c}": float(level)}, (f"level.{c}",)
+                found.append(Variant(c, (f"share.{c}",), at, shape, {"channel": c}))
+        for label, group in (("forces", range(3)), ("torques", range(3, 6)), ("all", range(6))):
+            for levels in np.quantile(load, QUANTILES, axis=0):
+                on = [k for k in group if levels[k] > 1e-5]
+                if len(on) > 1:
+                    at = {f"level.{CHANNELS[k]}": float(levels[k]) for k in on}
+                    free = tuple(f"share.{CHANNELS[k]}" for k in on)
+                    found.append(Variant(label, free, at, tuple(at)))
+        return tuple(found)
+
+    def read(self, scene: Scene, reading: np.ndarray, p: Values) -> np.ndarray:
+        share = np.array([p[f"share.{c}"] for c in CHANNELS])
+        level = np.array([p[f"level.{c}"] for c in CHANNELS])
+        return reading + share * (np.clip(reading, -level, level) - reading)
+
+    def values(self, robot: Robot, given: Mapping[str, Any]) -> dict[str, float]:
+        """Also takes ``channel=fx,level=20`` for one channel, clipped fully."""
+        rest = dict(given)
+        channel = rest.pop("channel", None)
+        if channel is not None:
+            if channel not in CHANNELS:
+                known = ", ".join(CHANNELS)
+                raise ParameterError(f"{self.name}: there is no channel {channel!r}: {known}")
+            rest = {f"{k}.{channel}" if k in ("share", "level") else k: v for k, v in rest.items()}
+            rest.setdefault(f"share.{channel}", 1.0)
+        return super().values(robot, rest)
+
+
+EFFECT = SensorSaturation()

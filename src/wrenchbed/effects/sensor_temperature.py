@@ -1,0 +1,90 @@
+"""The sensor's zero and span follow its temperature."""
+
+from typing import Any
+
+import numpy as np
+
+from wrenchbed.effects.base import (
+    ReadingEffect,
+    Values,
+    Variant,
+    channel_parameters,
+    channel_variants,
+)
+from wrenchbed.parameters import Parameter, ParameterSet
+from wrenchbed.robots.base import Robot
+from wrenchbed.scene import Scene
+from wrenchbed.wrench import CHANNELS
+
+SPANS = (0.25, 1.0, 4.0)
+"""Time constants of a warm-up that nobody recorded, relative to the recording's length."""
+ZERO = tuple(f"zero.{c}" for c in CHANNELS)
+SPAN = tuple(f"span.{c}" for c in CHANNELS)
+
+
+class SensorTemperature(ReadingEffect):
+    """y_i → (1 + (γ + γ_i) ϑ) y_i + k_i ϑ with the temperature ϑ [K] above the first row's.
+
+    Where no temperature was recorded, ϑ = 1 − exp(−(t − t₀)/τ): a warm-up of first order, of
+    which ``zero`` [N, N·m] and ``span`` [1] are the whole changes that it ends in.
+    """
+
+    name = "sensor.temperature"
+    title = "the sensor's zero and span follow its temperature"
+    source = (
+        "0.05–0.3 % of full scale per 10 K, span 0.02–0.05 %/K; HBM states < 0.05 % per 10 K; "
+        "warm-up of 5–30 min: engineering memory"
+    )
+
+    def parameters(self, robot: Robot) -> ParameterSet:
+        units = ["N/K"] * 3 + ["N·m/K"] * 3
+        text = "shift of the zero per K; whole shift of a warm-up without recorded temperature"
+        gain = "relative change of the reading per K; whole change likewise"
+        return ParameterSet(
+            (
+                *channel_parameters("zero", 0.03, 1e-3, text, units),
+                Parameter("span", 0.0, "1/K", 1e-3, -1.0, 1.0, gain),
+                *(Parameter(n, 0.0, "1/K", 1e-3, -1.0, 1.0, gain) for n in SPAN),
+                Parameter("tau", 900.0, "s", 100.0, 1e-3, 1e8, "time constant of the warm-up"),
+            )
+        )
+
+    def variants(self, scene: Scene) -> tuple[Variant, ...]:
+        if scene.warmth is not None:
+            return _variants({}, ())
+        starts = [{"tau": s * scene.span} for s in SPANS]
+        return tuple(v for at in starts for v in _variants(at, ("tau",)))
+
+    def read(self, scene: Scene, reading: np.ndarray, p: Values) -> np.ndarray:
+        warmth = -np.expm1(-scene.age / p["tau"]) if scene.warmth is None else scene.warmth
+        span = p["span"] + np.array([p[n] for n in SPAN])
+        return reading + warmth[:, None] * (np.array([p[n] for n in ZERO]) + span * reading)
+
+    def publish(
+        self, robot: Robot, variant: Variant, values: Values, std: Values
+    ) -> dict[str, dict[str, Any]]:
+        """Per K, or of the whole warm-up where no temperature was recorded."""
+        told = super().publish(robot, variant, values, std)
+        if "tau" in variant.shape:
+            for item in told.values():
+                if "unit" in item:
+                    item["unit"] = item["unit"].removesuffix("/K")
+        return told
+
+
+def _variants(at: Values, shape: tuple[str, ...]) -> tuple[Variant, ...]:
+    *single, _, _, together = channel_variants("zero", at, shape)
+    return (
+        *single,
+        together,
+        Variant("span", ("span",), at, shape),
+        Variant("span of each channel", SPAN, at, shape),
+        *(
+            Variant(f"{c} and all spans", (zero, *SPAN), at, shape, {"channel": c}, 0.5)
+            for c, zero in zip(CHANNELS, ZERO, strict=True)
+        ),
+        Variant("zero and span", (*ZERO, *SPAN), at, shape, weight=2.0),
+    )
+
+
+EFFECT = SensorTemperature()

@@ -1,0 +1,39 @@
+"""Readings arrive late."""
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from wrenchbed.effects.base import ReadingEffect, Values, Variant
+from wrenchbed.parameters import Parameter, ParameterSet
+from wrenchbed.robots.base import Robot
+from wrenchbed.scene import Scene
+
+
+class TimingDelay(ReadingEffect):
+    """y(t) → y(t − T), a cubic spline between rows; before the first row the reading stood still.
+
+    Phase falls linearly with frequency, the amplitude stays.
+    """
+
+    name = "timing.delay"
+    title = "readings arrive late"
+    stage = "timing"
+    source = "1–20 ms, of which RTDE 2–8 ms: engineering memory"
+    modes = ("dynamic",)
+
+    def parameters(self, robot: Robot) -> ParameterSet:
+        return ParameterSet(
+            (Parameter("delay", 0.0, "s", 8e-3, -1.0, 1.0, "of the reading behind the joints"),)
+        )
+
+    def variants(self, scene: Scene) -> tuple[Variant, ...]:
+        return (Variant("late readings", ("delay",)),) if scene.moving else ()
+
+    def read(self, scene: Scene, reading: np.ndarray, p: Values) -> np.ndarray:
+        if not scene.moving or not p["delay"]:
+            return reading
+        then = np.clip(scene.t - p["delay"], scene.t[0], scene.t[-1])
+        return np.asarray(CubicSpline(scene.t, reading)(then))
+
+
+EFFECT = TimingDelay()

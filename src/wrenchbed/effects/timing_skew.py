@@ -1,0 +1,49 @@
+"""Clocks run apart, and channels are read one after the other."""
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from wrenchbed.effects.base import ReadingEffect, Values, Variant
+from wrenchbed.parameters import Parameter, ParameterSet
+from wrenchbed.robots.base import Robot
+from wrenchbed.scene import Scene
+
+
+class TimingSkew(ReadingEffect):
+    """y_i(t) → y_i(t − κ (t − t₀) − i Δ), i = 0 … 5 from fx to tz; a cubic spline between rows.
+
+    κ: the sensor's clock stamps t' = (1 + κ) t, so that readings lag more and more; Δ: the time
+    from one channel's conversion to the next's. Beyond the ends the reading stands still.
+    """
+
+    name = "timing.skew"
+    title = "clocks run apart, or channels are read one after the other"
+    stage = "timing"
+    source = "clocks 1e-5–1e-4, channels 10–500 µs: engineering memory"
+    modes = ("dynamic",)
+
+    def parameters(self, robot: Robot) -> ParameterSet:
+        return ParameterSet(
+            (
+                Parameter("skew", 0.0, "1", 1e-4, -0.1, 0.1, "of the sensor's clock, relative"),
+                Parameter("channel", 0.0, "s", 5e-4, -0.1, 0.1, "from each channel to the next"),
+            )
+        )
+
+    def variants(self, scene: Scene) -> tuple[Variant, ...]:
+        if not scene.moving:
+            return ()
+        return (Variant("clock", ("skew",)), Variant("channels in turn", ("channel",)))
+
+    def read(self, scene: Scene, reading: np.ndarray, p: Values) -> np.ndarray:
+        if not scene.moving or not (p["skew"] or p["channel"]):
+            return reading
+        common = scene.t - p["skew"] * scene.age
+        shown = np.empty_like(reading)
+        for i in range(reading.shape[1]):
+            then = np.clip(common - i * p["channel"], scene.t[0], scene.t[-1])
+            shown[:, i] = CubicSpline(scene.t, reading[:, i])(then)
+        return shown
+
+
+EFFECT = TimingSkew()

@@ -1,0 +1,29 @@
+"""Some rows repeat the one before."""
+
+import numpy as np
+
+from wrenchbed.effects.base import RowEffect, Values
+from wrenchbed.parameters import Parameter, ParameterSet
+from wrenchbed.robots.base import Robot
+
+
+class TimingStale(RowEffect):
+    """Each row but the first shows, with probability ``share``, what the row before it shows."""
+
+    name = "timing.stale"
+    title = "some rows repeat the one before"
+    source = "0.01–1 % of rows; 10 % where a sensor is slower than its logger: engineering memory"
+
+    def parameters(self, robot: Robot) -> ParameterSet:
+        text = "of the rows that repeat the one before"
+        return ParameterSet((Parameter("share", 0.0, "1", 0.1, 0.0, 1.0, text),))
+
+    def corrupt(
+        self, rows: np.ndarray, t: np.ndarray, p: Values, rng: np.random.Generator
+    ) -> np.ndarray:
+        stale = rng.random(len(rows)) < p["share"]
+        fresh = np.where(stale, 0, np.arange(len(rows)))
+        return rows[np.maximum.accumulate(fresh)]
+
+
+EFFECT = TimingStale()

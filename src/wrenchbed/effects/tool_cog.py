@@ -1,0 +1,34 @@
+"""The tool's centre of gravity lies elsewhere than stated."""
+
+import numpy as np
+
+from wrenchbed.effects.base import ModelEffect, Values, Variant
+from wrenchbed.parameters import Parameter, ParameterSet
+from wrenchbed.robots.base import Robot
+from wrenchbed.scene import Scene
+
+NAMES = tuple(f"cog.{a}" for a in "xyz")
+
+
+class ToolCog(ModelEffect):
+    """c → c + δc in sensor axes."""
+
+    name = "tool.cog"
+    title = "the tool's centre of gravity lies elsewhere than stated"
+    source = "1–5 mm: engineering memory"
+
+    def parameters(self, robot: Robot) -> ParameterSet:
+        text = "added, sensor axes"
+        return ParameterSet(tuple(Parameter(n, 0.0, "m", 2e-3, -2.0, 2.0, text) for n in NAMES))
+
+    def variants(self, scene: Scene) -> tuple[Variant, ...]:
+        single = [Variant(n[-1], (n,), detail={"axis": n[-1]}) for n in NAMES]
+        return (Variant("x, y and z", NAMES, weight=3.0), *single)
+
+    def theta(self, robot: Robot, theta: np.ndarray, p: Values) -> np.ndarray:
+        tool = robot.tool(theta)
+        cog = [float(c) + p[n] for c, n in zip(tool.cog, NAMES, strict=True)]
+        return robot.theta_of_tool(theta, float(tool.mass), cog)
+
+
+EFFECT = ToolCog()

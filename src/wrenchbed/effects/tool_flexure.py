@@ -1,0 +1,78 @@
+"""The tool bends under its own weight."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from wrenchbed.effects.base import LoadEffect, Pose, Values, Variant
+from wrenchbed.frames import cross
+from wrenchbed.parameters import Parameter, ParameterSet
+from wrenchbed.robots.base import Robot
+from wrenchbed.scene import Scene
+
+if TYPE_CHECKING:
+    import mujoco
+
+NAMES = tuple(f"compliance.{a}" for a in "xyz")
+SKEW = tuple(f"compliance.{a}" for a in ("xy", "xz", "yz"))
+
+
+class ToolFlexure(LoadEffect):
+    """c → c + C F + φ × c, so T += (C F + φ × c) × F with C symmetric (3, 3), φ = b (c × F).
+
+    F is what pulls on the tool. A tool that gives alike along x, y and z shows nothing.
+    """
+
+    name = "tool.flexure"
+    title = "the tool bends under its own weight"
+    source = "1e-6–1e-5 m/N in metal, 1e-4 in plastic: engineering memory"
+
+    def parameters(self, robot: Robot) -> ParameterSet:
+        return ParameterSet(
+            (
+                *(
+                    Parameter(n, 0.0, "m/N", 2e-5, -0.1, 0.1, "CoG along the load")
+                    for n in (*NAMES, *SKEW)
+                ),
+                Parameter("bending", 0.0, "rad/(N·m)", 2e-3, -10, 10, "tilt under the own moment"),
+            )
+        )
+
+    def variants(self, scene: Scene) -> tuple[Variant, ...]:
+        single = [Variant(f"along {n[-1]}", (n,), detail={"axis": n[-1]}) for n in NAMES]
+        return (
+            *single,
+            Variant("along x and y", NAMES[:2], weight=2.0),  # with z it would be alike: nothing
+            Variant("bends", ("bending",), weight=2.0),
+            Variant("along any way", (*NAMES[:2], *SKEW), weight=2.0),
+        )
+
+    def load(self, scene: Scene, pose: Pose, load: np.ndarray, p: Values) -> np.ndarray:
+        tool = scene.tool
+        force = load[:, :3] * (tool.mass / (tool.mass + tool.sensor_mass))
+        cog = np.broadcast_to(tool.cog, force.shape)
+        shift = force @ compliance(p) + cross(p["bending"] * cross(cog, force), cog)
+        return np.concatenate([np.zeros_like(force), cross(shift, force)], axis=1)
+
+    def edit_spec(self, spec: "mujoco.MjSpec", robot: Robot, theta: np.ndarray, p: Values) -> None:
+        """The tool's mass on sprung hinges at the sensor and sprung slides."""
+        from wrenchbed.springs import hinge, slide, tool_mass
+
+        if p["bending"]:
+            mass = tool_mass(spec, self.name)
+            for axis, way in zip("xyz", np.eye(3), strict=True):
+                about = [*map(float, way)]
+                hinge(spec, self.name, f"bends.{axis}", mass, about, 1.0 / p["bending"])
+        give, ways = np.linalg.eigh(compliance(p))
+        for k, (soft, way) in enumerate(zip(give, ways.T, strict=True)):
+            if soft:
+                slide(spec, self.name, str(k + 1), [*map(float, way)], 1.0 / float(soft))
+
+
+def compliance(p: Values) -> np.ndarray:
+    """C (3, 3) [m/N]."""
+    x, y, z, xy, xz, yz = (p[n] for n in (*NAMES, *SKEW))
+    return np.array([[x, xy, xz], [xy, y, yz], [xz, yz, z]])
+
+
+EFFECT = ToolFlexure()

@@ -1,0 +1,31 @@
+"""The tool is heavier or lighter than stated."""
+
+import numpy as np
+
+from wrenchbed.effects.base import ModelEffect, Values, Variant
+from wrenchbed.parameters import Parameter, ParameterSet
+from wrenchbed.robots.base import Robot
+from wrenchbed.scene import Scene
+
+
+class ToolMass(ModelEffect):
+    """m → m + δm, its centre of gravity where it was."""
+
+    name = "tool.mass"
+    title = "the tool is heavier or lighter than stated"
+    source = "1–5 % of a drawing's mass: engineering memory"
+
+    def parameters(self, robot: Robot) -> ParameterSet:
+        size = max(0.02 * float(robot.tool(robot.parameters.nominal).mass), 0.01)
+        return ParameterSet((Parameter("mass", 0.0, "kg", size, -50.0, 50.0, "added"),))
+
+    def variants(self, scene: Scene) -> tuple[Variant, ...]:
+        return (Variant("mass", ("mass",)),)
+
+    def theta(self, robot: Robot, theta: np.ndarray, p: Values) -> np.ndarray:
+        tool = robot.tool(theta)
+        cog = [float(c) for c in tool.cog]
+        return robot.theta_of_tool(theta, float(tool.mass) + p["mass"], cog)
+
+
+EFFECT = ToolMass()

@@ -1,0 +1,30 @@
+"""The sensor's own tool side weighs on its gauges."""
+
+import numpy as np
+
+from wrenchbed.effects.base import ModelEffect, Values, Variant
+from wrenchbed.parameters import Parameter, ParameterSet
+from wrenchbed.robots.base import Robot
+from wrenchbed.scene import Scene
+
+
+class ToolSelfWeight(ModelEffect):
+    """F += δm (Rᵀg − a) at the sensor's origin: forces only."""
+
+    name = "tool.self_weight"
+    title = "the sensor's own tool side weighs on its gauges"
+    source = "20–60 g of an ATI Mini40 or Gamma's tool side: engineering memory"
+
+    def parameters(self, robot: Robot) -> ParameterSet:
+        return ParameterSet((Parameter("mass", 0.0, "kg", 0.05, -5.0, 5.0, "added to the gauges"),))
+
+    def variants(self, scene: Scene) -> tuple[Variant, ...]:
+        return (Variant("mass", ("mass",)),)
+
+    def theta(self, robot: Robot, theta: np.ndarray, p: Values) -> np.ndarray:
+        result = np.array(theta, dtype=float)
+        result[robot.parameters.index("sensor.mass")] += p["mass"]
+        return result
+
+
+EFFECT = ToolSelfWeight()

@@ -1,0 +1,16 @@
+"""Look-alike cases: robots with known faults, to test and to calibrate the diagnosis of real ones.
+
+The physics here is written a second time, from the catalogue's words, and shares no code with the
+library of effects: a diagnosis that is calibrated on its own effects would only confirm itself.
+Turns are finite, hysteresis is Preisach's, loads come from finite differences of the pose, and
+constants, exponents and time constants are jittered. Every case has small imperfections of all
+families, and noise with heavy tails, memory and correlation.
+"""
+
+from wrenchbed.lookalikes.case import Case, draw
+from wrenchbed.lookalikes.catalogue import effects
+from wrenchbed.lookalikes.design import Design
+from wrenchbed.lookalikes.outside import families
+from wrenchbed.lookalikes.record import means, recording
+
+__all__ = ["Case", "Design", "draw", "effects", "families", "means", "recording"]

@@ -1,0 +1,182 @@
+"""Springs, play and cables written into an MjSpec; what an effect adds is named ``effect:part``.
+
+A joint with a range has play. Its spring is weak and only tells how soft its middle is: it lies at
+half·tanh(force/(k·half)). With friction it stays until the force exceeds that; what ``lags`` lies
+against the way in which its joint last moved. A negative stiffness turns the sides round.
+"""
+
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+MARK = ":"
+"""In the names of what effects add; no name of a robot's own MJCF has it."""
+LAGS, MASS, ROUND = ".lags", ":mass", ".round"
+"""Ends of names: of a joint that lags, of the body with the tool's mass, of round play."""
+FAR, BEHIND = 1e6, 1e7
+"""Distance of the anchors of a constant pull and of a plane [m]: it turns by 1e-6 rad and bulges
+by 5e-8 m within a metre."""
+ROTOR, DAMPING_S = 1e-3, 1e-3
+"""Inertia of an added joint [kg·m² or kg] and its damping over its stiffness [s]: no reading of
+the twin depends on them, but the exported model is stable."""
+_HARD = ((0.004, 1.0), (0.9999, 0.9999, 0.001, 0.5, 2.0))
+"""Of the ends of play: MuJoCo's usual ones give by more than the play."""
+
+
+def in_series(
+    spec: mujoco.MjSpec,
+    effect: str,
+    joint: str,
+    stiffness: float,
+    half: float | None = None,
+    *,
+    lags: bool = False,
+) -> None:
+    """A joint on the axis of ``joint``, sprung [N·m/rad or N/m], with play ±half [rad or m]."""
+    driven = spec.joint(joint)
+    added = driven.parent.add_joint(
+        name=f"{effect}{MARK}{joint}{LAGS * lags}",
+        type=driven.type,
+        axis=driven.axis,
+        pos=driven.pos,
+    )
+    _give(added, stiffness, half)
+
+
+def hinge(
+    spec: mujoco.MjSpec,
+    effect: str,
+    part: str,
+    body: mujoco.MjsBody,
+    axis: Sequence[float],
+    stiffness: float,
+    half: float | None = None,
+) -> None:
+    """A hinge at a body's origin about an axis (3,) in its own axes [N·m/rad, rad]."""
+    added = body.add_joint(name=f"{effect}{MARK}{part}", type=mujoco.mjtJoint.mjJNT_HINGE,
+                           axis=axis)  # fmt: skip
+    _give(added, stiffness, half)
+
+
+def slide(
+    spec: mujoco.MjSpec,
+    effect: str,
+    part: str,
+    axis: Sequence[float],
+    stiffness: float,
+    half: float | None = None,
+    friction: float = 0.0,
+    bias: float = 0.0,
+) -> None:
+    """The tool's mass slides along an axis (3,) of the sensor [N/m, m, N].
+
+    ``bias`` is the spring's force in the middle [N].
+    """
+    kind = mujoco.mjtJoint.mjJNT_SLIDE
+    added = tool_mass(spec, effect).add_joint(name=f"{effect}{MARK}{part}", type=kind, axis=axis)
+    _give(added, stiffness, half)
+    added.frictionloss, added.springref = friction, bias / stiffness
+
+
+def tool_mass(spec: mujoco.MjSpec, effect: str) -> mujoco.MjsBody:
+    """The body that has the tool's mass: from now on its own, so that it can move in the tool."""
+    tool = spec.body("tool")
+    for child in tool.bodies:
+        if child.name.endswith(MASS):
+            return child
+    mass = tool.add_body(name=effect + MASS, gravcomp=tool.gravcomp, explicitinertial=True)
+    mass.mass, mass.ipos, mass.fullinertia = tool.mass, tool.ipos, tool.fullinertia
+    tool.mass, tool.inertia, tool.fullinertia = 0.0, [0.0] * 3, [np.nan] * 6
+    return mass
+
+
+def base_axes(spec: mujoco.MjSpec) -> np.ndarray:
+    """R_world_base (3, 3)."""
+    matrix = np.empty(9)
+    mujoco.mju_quat2Mat(matrix, np.array(spec.body("base").quat))
+    return matrix.reshape(3, 3)
+
+
+def cable(
+    spec: mujoco.MjSpec,
+    effect: str,
+    point: Sequence[float],
+    anchor: Sequence[float],
+    stiffness: float,
+    length: float,
+) -> None:
+    """A spring [N/m] from a point (3,) on the tool to an anchor (3,), slack within a length [m]."""
+    _tendon(spec, f"{effect}{MARK}cable", point, anchor, stiffness, [0.0, length])
+
+
+def pull(spec: mujoco.MjSpec, effect: str, point: Sequence[float], force: np.ndarray) -> None:
+    """A constant force (3,) [N] in world axes on a point (3,) of the tool: a cable to far away."""
+    strength = float(np.linalg.norm(force))
+    if strength > 0.0:
+        anchor = FAR * np.asarray(force) / strength
+        _tendon(spec, f"{effect}{MARK}pull", point, anchor, strength / FAR, [0.0, 0.0])
+
+
+def plane(
+    spec: mujoco.MjSpec,
+    effect: str,
+    point: Sequence[float],
+    normal: np.ndarray,
+    depth: float,
+    stiffness: float,
+) -> None:
+    """A plane n·p = depth [m] that pushes a point (3,) of the tool back [N/m]: a strut from far
+    behind it that resists pressure only."""
+    name = f"{effect}{MARK}plane"
+    frame = spec.worldbody.add_body(name=f"{name}.frame", pos=[*map(float, depth * normal)])
+    turned, *_ = Rotation.align_vectors(normal[None], np.array([[0.0, 0.0, 1.0]]))
+    frame.quat = turned.as_quat(scalar_first=True)
+    frame.add_site(name=f"{name}.anchor", pos=[0.0, 0.0, -BEHIND])
+    _tendon(spec, name, point, None, stiffness, [BEHIND, 2.0 * BEHIND])
+
+
+def twist(
+    spec: mujoco.MjSpec,
+    effect: str,
+    joint: str,
+    about: str,
+    stiffness: float,
+    neutral: float,
+    friction: float,
+) -> None:
+    """A spring [N·m/rad] and friction [N·m] that resist a joint's turn by a torque on the tool
+    about the ``joint`` or about the sensor's ``z``; `mechanics` brings it to the sensor."""
+    tendon = spec.add_tendon(name=f"{effect}{MARK}{about}")
+    tendon.wrap_joint(joint, 1.0)
+    tendon.stiffness, tendon.springlength = [stiffness, 0.0, 0.0], [neutral, neutral]
+    tendon.frictionloss = friction
+
+
+def _give(joint: mujoco.MjsJoint, stiffness: float, half: float | None) -> None:
+    joint.limited = half is not None
+    joint.ref, joint.armature = 0.0, ROTOR
+    joint.stiffness = [stiffness, 0.0, 0.0]
+    joint.damping = [abs(stiffness) * DAMPING_S, 0.0, 0.0]
+    if half is not None:
+        joint.range = [-half, half]
+        joint.solref_limit, joint.solimp_limit = _HARD
+
+
+def _tendon(
+    spec: mujoco.MjSpec,
+    name: str,
+    point: Sequence[float],
+    anchor: Sequence[float] | np.ndarray | None,
+    stiffness: float,
+    rest: Sequence[float],
+) -> None:
+    """MuJoCo's force sensor feels it."""
+    if anchor is not None:
+        spec.worldbody.add_site(name=f"{name}.anchor", pos=[float(x) for x in anchor])
+    spec.body("tool").add_site(name=f"{name}.point", pos=[float(x) for x in point])
+    tendon = spec.add_tendon(name=name)
+    tendon.wrap_site(f"{name}.anchor")
+    tendon.wrap_site(f"{name}.point")
+    tendon.stiffness, tendon.springlength = [stiffness, 0.0, 0.0], list(rest)

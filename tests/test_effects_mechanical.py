@@ -1,0 +1,272 @@
+"""Effects of joints, links, tool, cable and contact against statics done by hand."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from wrenchbed import registry
+from wrenchbed.chain import Active, displacement, respond
+from wrenchbed.jets import Jet
+from wrenchbed.robots.medrue import kinematics
+from wrenchbed.scene import Scene
+
+G = 9.80665
+NAMES = tuple(
+    "joint.offset joint.backlash joint.gear_error joint.clearance link.length base.compliance "
+    "mount.rotation tool.mass tool.cog tool.inertia tool.self_weight tool.loose tool.flexure "
+    "cable.torsion cable.pull environment.contact".split()
+)
+# Mass [kg], x, y [m] of each body of the UR5 at q = 0: it lies along −x, its flange turned Rx(90°).
+STRETCHED = np.array(
+    [
+        (3.7, 0.0, -0.00193),
+        (8.393, -0.2125, -0.11336),
+        (2.33, -0.425 - 0.24225, -0.0265),
+        (1.219, -0.81725, -0.10735),
+        (1.219, -0.81725, -0.10915 - 0.01634),
+        (0.1879, -0.81725, -0.10915 - 0.081141),
+        (0.255, -0.81725, -0.10915 - 0.0823 - 0.0167),
+        (1.35, -0.81725 + 0.004, -0.10915 - 0.0823 - 0.071),
+    ]
+)
+FLANGE = Rotation.from_euler("x", 90, degrees=True)
+
+
+def scene(name, q):
+    robot = registry.load("robots", name)
+    q = np.atleast_2d(np.asarray(q, dtype=float))
+    rows = np.arange(len(q))
+    gravity = np.array(robot.gravity)
+    return Scene(robot, robot.parameters.nominal, gravity, q, 1.0 * rows, rows >= 0)
+
+
+def swinging(name, rate=200.0):
+    robot = registry.load("robots", name)
+    t = np.arange(400) / rate
+    w, a = 2.0 * np.pi * 0.5, 0.1
+    home = robot.home
+    way = [np.tile((a * f)[:, None], (1, len(home))) for f in _swing(w, t)]
+    q = Jet(home + way[0], way[1], way[2])
+    gravity = np.array(robot.gravity)
+    return Scene(robot, robot.parameters.nominal, gravity, q, t, np.ones(len(t), dtype=bool))
+
+
+def _swing(w, t):
+    return np.sin(w * t), w * np.cos(w * t), -w * w * np.sin(w * t)
+
+
+def added(scene, name, **given):
+    """What an effect adds to the readings (M, 6); dots of names are written __."""
+    values = {k.replace("__", "."): v for k, v in given.items()}
+    return respond(scene, [Active.of(scene.robot, name, values)]) - respond(scene)
+
+
+def weight(rotation, mass=1.35, cog=(0.004, -0.006, 0.071)):
+    force = rotation.inv().apply([0.0, 0.0, -mass * G])
+    return np.concatenate([force, np.cross(cog, force)])
+
+
+def scenes():
+    rng = np.random.default_rng(5)
+    for name in ("ur5", "medrue"):
+        robot = registry.load("robots", name)
+        yield scene(name, robot.sample(40, rng))
+        yield swinging(name)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_nothing_without_amplitude_and_about_linear_in_it(name):
+    for s in scenes():
+        effect = registry.load("effects", name)
+        known = effect.parameters(s.robot)
+        assert np.abs(added(s, name)).max() < 1e-9
+        for variant in effect.variants(s):
+            size = {n: known[known.index(n)].tolerance for n in variant.free}
+            whole, half = (
+                added(s, name, **variant.at, **{n: f * v for n, v in size.items()})
+                for f in (1.0, 0.5)
+            )
+            assert np.isfinite(whole).all()
+            assert np.linalg.norm(whole - 2 * half) <= 0.05 * np.linalg.norm(whole) + 1e-9
+
+
+def test_joint_2_gives_as_the_weights_times_their_levers_say():
+    m, x, _ = STRETCHED[1:].T
+    torque = -G * (m @ x)  # q2 turns about −y: positive lowers the arm
+    turn = Rotation.from_rotvec([0.0, -torque / 1.4e4, 0.0])
+    s = scene("ur5", np.zeros(6))
+    found = added(s, "joint.compliance", joint=2, stiffness=1.4e4)[0]
+    assert torque == pytest.approx(66.59, abs=0.01)
+    assert found == pytest.approx(weight(turn * FLANGE) - weight(FLANGE), abs=1e-9)
+
+
+def test_the_base_gives_towards_the_arm():
+    m, x, y = STRETCHED.T
+    turn = Rotation.from_rotvec([-1e-5 * G * (m @ y), 1e-5 * G * (m @ x), 0.0])
+    assert turn.apply([-1.0, 0.0, 0.0])[2] < 0.0  # the arm lies along −x and sinks
+    found = added(scene("ur5", np.zeros(6)), "base.compliance", compliance=1e-5)[0]
+    assert found == pytest.approx(weight(turn * FLANGE) - weight(FLANGE), abs=1e-9)
+
+
+def test_backlash_lies_on_the_side_of_gravity_or_behind_the_way():
+    s = scene("ur5", [np.zeros(6), [0, 0.1, 0, 0, 0, 0], [0, 0.05, 0, 0, 0, 0]])
+    load = displacement(s, [Active.of(s.robot, "joint.backlash", {"joint": 2, "load": 2e-4})])
+    assert load[:, 1] == pytest.approx(2e-4)
+    way = displacement(s, [Active.of(s.robot, "joint.backlash", {"joint": 2, "approach": 2e-4})])
+    assert way[:, 1] == pytest.approx([0.0, -2e-4, 2e-4])
+    idle = displacement(s, [Active.of(s.robot, "joint.backlash", {"joint": 1, "load": 2e-4})])
+    assert np.abs(idle).max() < 1e-12  # upright axis: no torque, no side
+
+
+def test_a_gear_error_in_motion_carries_exact_accelerations():
+    s = swinging("ur5")
+    given = {"joint": 2, "sin": 3e-4, "cos": 1e-4, "order": 20.0}
+    dq = displacement(s, [Active.of(s.robot, "joint.gear_error", given)])[..., 1]
+    angle, rate = 20.0 * s.q.v[:, 1], 20.0 * s.q.d[:, 1]
+    assert dq.v == pytest.approx(3e-4 * np.sin(angle) + 1e-4 * np.cos(angle))
+    assert dq.d == pytest.approx(rate * (3e-4 * np.cos(angle) - 1e-4 * np.sin(angle)))
+
+
+def test_lengths_of_a_serial_arm_move_no_wrench_at_rest():
+    s = scene("ur5", registry.load("robots", "ur5").sample(5, np.random.default_rng(0)))
+    assert np.abs(added(s, "link.length", length__a2=1e-3, length__d4=1e-3)).max() == 0.0
+    assert np.abs(added(s, "link.length", twist__2=1e-3)).max() > 1e-3
+
+
+def at_45_degrees(sign=1.0):
+    """A tool of 1 kg at 45° about x: 6.93 N along −y (+y for sign −1) and −z of the sensor."""
+    half = np.deg2rad(22.5)
+    s = scene("oriented", [np.cos(half), sign * np.sin(half), 0.0, 0.0])
+    theta = s.robot.theta_of_tool(s.theta, 1.0, [0.0, 0.0, 0.1])
+    return replace(s, theta=theta)
+
+
+def test_a_tool_that_gives_along_y_bears_the_product_of_both_forces():
+    found = added(at_45_degrees(), "tool.flexure", compliance__y=2e-5)[0]
+    assert found == pytest.approx([0, 0, 0, 2e-5 * G**2 / 2, 0, 0], abs=1e-12)
+
+
+def test_a_tool_that_bends_by_a_lever_of_100_mm():
+    found = added(at_45_degrees(), "tool.flexure", bending=2e-3)[0]
+    assert found == pytest.approx([0, 0, 0, 2e-3 * 0.1**2 * G**2 / 2, 0, 0], abs=1e-12)
+
+
+def test_a_tool_that_gives_alike_everywhere_shows_nothing():
+    alike = {f"compliance.{a}": 2e-5 for a in "xyz"}
+    assert np.abs(added(at_45_degrees(), "tool.flexure", **alike)).max() < 1e-15
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_loose_part_falls_down(sign):
+    found = added(at_45_degrees(sign), "tool.loose", shift=1e-3, way__y=1.0, way__z=0.0)[0]
+    # at ∓1 mm along y under −6.93 N along z
+    assert found == pytest.approx([0, 0, 0, sign * 1e-3 * G * np.sqrt(0.5), 0, 0], abs=1e-9)
+
+
+def test_a_part_that_sticks_remembers_where_it_lay():
+    angle = np.deg2rad([40.0, 10.0, -10.0, -40.0, 10.0]) / 2
+    zero = np.zeros(5)
+    s = scene("oriented", np.stack([np.cos(angle), np.sin(angle), zero, zero], axis=1))
+    found = added(s, "tool.loose", shift=1e-3, way__y=1.0, way__z=0.0, grip=0.3)[:, 3]
+    assert np.sign(found).tolist() == [1, 1, 1, -1, -1]
+
+
+def test_contact_pushes_back_at_the_tip():
+    s = scene("ur5", np.zeros(6))
+    tip = 0.089159 - 0.09465 + 2 * -0.006  # height: the flange's and twice the CoG's
+    found = added(s, "environment.contact", stiffness=500.0, depth=tip + 0.01)[0]
+    assert found == pytest.approx([0, 5, 0, -5 * 0.142, 0, 5 * 0.008], abs=1e-9)
+    away = added(s, "environment.contact", stiffness=500.0, depth=tip - 0.01)
+    assert np.abs(away).max() == 0.0
+
+
+def test_a_cable_at_100_mm_from_the_sensor():
+    s = scene("ur5", np.zeros(6))
+    found = added(s, "cable.pull", pull__z=-2.0, point__z=0.1)[0]
+    assert found == pytest.approx([0, -2, 0, 0.2, 0, 0], abs=1e-12)
+    anchor = {"anchor__x": -0.81725, "anchor__y": -0.19145 - 0.1, "anchor__z": 1 - 0.005491}
+    found = added(s, "cable.pull", stiffness=5.0, length=0.6, point__z=0.1, **anchor)[0]
+    assert found == pytest.approx([0, 2, 0, -0.2, 0, 0], abs=1e-9)
+
+
+def test_a_twisted_cable_turns_back_and_rubs():
+    q = np.zeros((3, 6))
+    q[:, 5] = 0.0, 1.0, 0.5
+    found = added(scene("ur5", q), "cable.torsion", stiffness=5e-3, friction=1e-3)
+    assert found[:, 5] == pytest.approx([0.0, -6e-3, -1.5e-3], abs=1e-12)
+    assert np.abs(found[:, :5]).max() == 0.0
+
+
+def test_the_axis_of_medrues_last_joint_is_the_line_between_the_tips():
+    robot = registry.load("robots", "medrue")
+    s = scene("medrue", robot.sample(5, np.random.default_rng(1)))
+    found = added(s, "cable.torsion", stiffness=5e-3, joint_axis=1.0)[:, 3:]
+    p = robot.values(s.theta)
+    bars = [kinematics.five_bar(p, i, s.q[:, 2 * i - 1], s.q[:, 2 * i]) for i in (1, 2)]
+    u = kinematics.support(p, s.q, *bars)[2]
+    rotation, _ = robot.sensor_pose(s.q, s.theta)
+    expected = -5e-3 * s.q[:, 5:] * (np.swapaxes(rotation, 1, 2) @ u[..., None])[..., 0]
+    assert found == pytest.approx(expected, abs=1e-12)
+
+
+# ---- five-bars -------------------------------------------------------------------------------
+
+
+def five_bars():
+    s = scene("medrue", registry.load("robots", "medrue").sample(30, np.random.default_rng(2)))
+    p = s.robot.values(s.theta)
+    return s, p, [kinematics.five_bar(p, i, s.q[:, 2 * i - 1], s.q[:, 2 * i]) for i in (1, 2)]
+
+
+def lifted(s, p, bars):
+    """What another geometry of the five-bars adds to the readings (M, 6); the base is upright."""
+    _, design, drawn = five_bars()
+    nominal = kinematics.wrist(design, s.q, *drawn).rotation
+    moved = kinematics.wrist(p, s.q, *bars).rotation
+    sensor, _ = s.robot.sensor_pose(s.q, s.theta)
+    loads = []
+    for rotation in (sensor, moved @ np.swapaxes(nominal, 1, 2) @ sensor):
+        force = float(s.tool.mass) * np.swapaxes(rotation, 1, 2) @ s.gravity
+        loads.append(np.concatenate([force, np.cross(s.tool.cog, force)], axis=1))
+    return loads[1] - loads[0]
+
+
+@pytest.mark.parametrize("i", [1, 2])
+def test_a_tip_with_play_hangs_lower_and_no_link_turns(i):
+    s, p, bars = five_bars()
+    down = np.array([0.0, -1e-5])
+    bar = bars[i - 1]
+    bars[i - 1] = kinematics.FiveBar(bar.B, bar.D + down, bar.E + down, bar.direction)
+    found = added(s, "joint.clearance", **{f"play.{i}": 1e-5})
+    expected = lifted(s, p, bars)
+    assert np.linalg.norm(found - expected) < 1e-3 * np.linalg.norm(expected)
+
+
+@pytest.mark.parametrize("i", [1, 2])
+def test_links_with_slack_are_shorter_under_pressure(i):
+    """Virtual work: a link that lifts the tip by N per length bears N times the load."""
+    s, p, bars = five_bars()
+    angles = s.q[:, 2 * i - 1], s.q[:, 2 * i]
+    changed = dict(p)
+    for link in (f"L{i}2", f"L{i}4"):
+        up, down = (
+            kinematics.five_bar(p | {link: p[link] + h}, i, *angles).E for h in (1e-6, -1e-6)
+        )
+        pressure = (up - down)[:, 1] / 2e-6
+        changed[link] = p[link] - 1e-5 * np.tanh(pressure / 0.05)
+    bars[i - 1] = kinematics.five_bar(changed, i, *angles)
+    found = added(s, "joint.clearance", **{f"slack.{i}": 1e-5})
+    expected = lifted(s, changed, bars)
+    assert np.linalg.norm(found - expected) < 1e-3 * np.linalg.norm(expected)
+
+
+def test_a_negative_play_of_tip_1_is_told_as_one_of_tip_2():
+    s, _, _ = five_bars()
+    effect = registry.load("effects", "joint.clearance")
+    values = effect.values(s.robot, {"play.1": -2e-5})
+    told = effect.publish(s.robot, effect.variants(s)[0], values, {"play.1": 1e-6})
+    assert told == {"play.2": {"value": 2e-5, "std": 1e-6, "unit": "m"}}
+    other = added(s, "joint.clearance", **{"play.2": 2e-5})
+    assert added(s, "joint.clearance", **{"play.1": -2e-5}) == pytest.approx(other, abs=1e-6)

@@ -1,0 +1,167 @@
+"""Effects on the command line: recorded, replayed by a twin, exported."""
+
+import json
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from test_cli import names, said
+from wrenchbed import registry
+from wrenchbed.cli import main
+from wrenchbed.recording import Recording
+from wrenchbed.twin import nominal
+from wrenchbed.typical import active_effect
+
+EFFECTS = ("joint.compliance:joint=2,stiffness=1.4e4", "sensor.hysteresis", "joint.backlash",
+           "sensor.creep", "sensor.drift")  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def plans(tmp_path_factory) -> Path:
+    """Poses and a motion of the UR5."""
+    folder = tmp_path_factory.mktemp("plans")
+    assert main(["plan", "ur5", "--n", "12", "--out", str(folder / "static.parquet")]) == 0
+    motion = ["plan", "ur5", "--motion", "multisine", "--seconds", "10"]
+    assert main([*motion, "--out", str(folder / "dynamic.parquet")]) == 0
+    return folder
+
+
+def record(plan: Path, out: Path, *effects: str, noise: str = "off", seed: int = 0) -> Recording:
+    run = ["record", "--robot", "ur5", "--plan", str(plan), "--out", str(out), "--samples", "5"]
+    for effect in effects:
+        run += ["--effect", effect]
+    assert main([*run, "--noise", noise, "--seed", str(seed)]) == 0
+    return Recording.read(out)
+
+
+def twin_file(folder: Path, *effects: str) -> str:
+    robot = registry.load("robots", "ur5")
+    nominal(robot, [active_effect(robot, e) for e in effects]).write(folder / "twin.json")
+    return str(folder / "twin.json")
+
+
+def test_list_effects_names_every_one(capfd):
+    assert main(["list", "effects", "--json"]) == 0
+    assert list(json.loads(capfd.readouterr().out)) == list(registry.names("effects"))
+    assert main(["list", "effects"]) == 0
+    out = capfd.readouterr().out
+    assert all(n in out for n in registry.names("effects"))
+    assert max(map(len, out.splitlines())) <= 80
+
+
+@pytest.mark.parametrize("mode", ["static", "dynamic"])
+def test_a_twin_replays_what_its_effects_did(plans, tmp_path, mode):
+    """Readings of the record verb and of simulate are alike far below the effects themselves."""
+    plan = plans / f"{mode}.parquet"
+    bare = record(plan, tmp_path / "bare.parquet")
+    with_effects = record(plan, tmp_path / "rec.parquet", *EFFECTS)
+    assert np.array_equal(bare.q, with_effects.q)
+    assert np.array_equal(bare.t, with_effects.t)
+    out = str(tmp_path / "sim.parquet")
+    replay = ["simulate", twin_file(tmp_path, *EFFECTS), "--like", str(tmp_path / "rec.parquet")]
+    assert main([*replay, "--out", out]) == 0
+    same = Recording.read(out)
+    plain = ["simulate", twin_file(tmp_path), "--like", str(tmp_path / "rec.parquet")]
+    assert main([*plain, "--out", out]) == 0
+    none = Recording.read(out)
+    inner = slice(10, -10)  # acceleration from joint values is poor at the ends of a motion
+    changed = (with_effects.wrench - bare.wrench)[inner]
+    left = (with_effects.wrench - same.wrench - (bare.wrench - none.wrench))[inner]
+    assert np.sqrt(np.mean(changed**2)) > 0.02
+    assert np.sqrt(np.mean(left**2)) < 0.15 * np.sqrt(np.mean(changed**2))
+    assert same.metadata.source == "sim"
+    assert np.array_equal(same.q, bare.q)
+    assert np.array_equal(same.columns["segment"], bare.columns["segment"])
+
+
+def test_the_metadata_states_the_robot_without_effects(plans, tmp_path):
+    plan = plans / "static.parquet"
+    bare = record(plan, tmp_path / "a.parquet")
+    other = record(plan, tmp_path / "b.parquet", "tool.mass", "sensor.bias")
+    assert bare.metadata == other.metadata
+    assert np.abs(bare.wrench - other.wrench).max() > 0.1
+
+
+def test_random_effects_are_drawn_once_a_recording(plans, tmp_path):
+    plan, effects = plans / "static.parquet", ("base.vibration", "timing.stale", "sensor.noise")
+    first = record(plan, tmp_path / "a.parquet", *effects, seed=1).wrench
+    again = record(plan, tmp_path / "b.parquet", *effects, seed=1).wrench
+    other = record(plan, tmp_path / "c.parquet", *effects, seed=2).wrench
+    assert np.array_equal(first, again)
+    assert not np.array_equal(first, other)
+    assert len(np.unique(first[:, 0])) > 10
+
+
+def test_backlash_remembers_the_way_across_holds(plans, tmp_path):
+    plan = plans / "static.parquet"
+    bare = record(plan, tmp_path / "a.parquet")
+    lagged = record(plan, tmp_path / "b.parquet", "joint.backlash:joint=5,approach=2e-3")
+    changed = np.abs(lagged.wrench - bare.wrench).max(axis=1)[::5]
+    assert (changed > 1e-4).mean() > 0.7
+
+
+@pytest.mark.parametrize(
+    ("effect", "words"),
+    [
+        ("base.tild", "did you mean 'base.tilt'"),
+        ("base.tilt:z=1", "there is no parameter 'z'"),
+        ("base.tilt:x=90", "is it in degrees?"),
+        ("base.tilt:x", "'x' is not name=value"),
+        ("joint.compliance:joint=9,stiffness=1e4", "joint 9.0 does not exist"),
+        ("joint.compliance:joint=2,stiffness=-1", "must be positive"),
+    ],
+)
+def test_a_wrong_effect_gives_one_line_and_nothing_is_written(
+    plans, tmp_path, capfd, effect, words
+):
+    run = ["record", "--robot", "ur5", "--plan", str(plans / "static.parquet")]
+    run += ["--out", str(tmp_path / "r.parquet"), "--effect", effect]
+    assert main(run) == 1
+    assert words in said(capfd)
+    assert names(tmp_path) == []
+
+
+def test_simulated_noise_follows_its_seed(plans, tmp_path):
+    record(plans / "static.parquet", tmp_path / "rec.parquet")
+    run = ["simulate", twin_file(tmp_path), "--like", str(tmp_path / "rec.parquet")]
+    made = []
+    for k, seed in enumerate((1, 1, 2)):
+        out = tmp_path / f"{k}.parquet"
+        assert main([*run, "--out", str(out), "--noise", "real", "--seed", str(seed)]) == 0
+        made.append(Recording.read(out).wrench)
+    assert np.array_equal(made[0], made[1])
+    assert not np.array_equal(made[0], made[2])
+
+
+def test_bad_twins_and_recordings_give_one_line(plans, tmp_path, capfd):
+    record(plans / "static.parquet", tmp_path / "rec.parquet")
+    twin = twin_file(tmp_path)
+    capfd.readouterr()
+    like, out = ["--like", str(tmp_path / "rec.parquet")], ["--out", str(tmp_path / "s.parquet")]
+    assert main(["simulate", str(tmp_path / "none.json"), *like, *out]) == 1
+    assert "none.json: there is no such file" in said(capfd)
+    assert main(["simulate", twin, *like, "--out", twin]) == 1
+    assert "is an input too" in said(capfd)
+    assert main(["simulate", twin, *like, *out, "--seed", "-1"]) == 1
+    assert "seed -1" in said(capfd)
+    raw = json.loads(Path(twin).read_text())
+    raw["robot"], raw["gravity"] = "medrue", [0.0, 0.0, -9.81]
+    raw.pop("tool")
+    Path(twin).write_text(json.dumps(raw))
+    assert main(["simulate", twin, *like, *out]) == 1
+    assert "is of robot 'ur5'" in said(capfd)
+    assert not (tmp_path / "s.parquet").exists()
+
+
+def test_an_exported_twin_is_plain_mjcf_and_json(tmp_path, capfd):
+    twin = twin_file(tmp_path, "joint.compliance", "cable.pull", "sensor.gain", "joint.gear_error")
+    assert main(["export", twin, "--mjcf", str(tmp_path / "out"), "--json"]) == 0
+    told = json.loads(capfd.readouterr().out)
+    model = mujoco.MjModel.from_xml_path(told["mjcf"])
+    assert model.joint("joint.compliance:q2").id >= 0
+    rest = json.loads(Path(told["effects"]).read_text())
+    assert [e["effect"] for e in rest["outside"]] == ["sensor.gain", "joint.gear_error"]
+    assert rest["inside"] == ["cable.pull", "joint.compliance"]
+    assert "minus" in (tmp_path / "out" / "README.md").read_text()

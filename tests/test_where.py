@@ -1,0 +1,246 @@
+"""Where a residual lies: nothing in noise, the right variable where there is one."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+from scipy.stats import kstest
+
+from wrenchbed import registry
+from wrenchbed.chain import respond
+from wrenchbed.diagnosis import levels
+from wrenchbed.diagnosis.baseline import calibrate
+from wrenchbed.diagnosis.partitions import family_wise, on_rows, partitions
+from wrenchbed.diagnosis.prepare import prepare
+from wrenchbed.diagnosis.where import SEEN, Finding, entries, find
+from wrenchbed.lookalikes import Design, draw, recording
+from wrenchbed.planning import multisine, poses
+from wrenchbed.wrench import CHANNELS
+
+CACHE = {}
+
+
+def design_of(mode):
+    robot = registry.load("robots", "ur5")
+    if mode == "motion":
+        return Design.of_plan(multisine(robot, 16.0, 125.0, 1), robot)
+    return Design.of_plan(poses(robot, 60, 3), robot)
+
+
+def bench(mode):
+    if mode not in CACHE:
+        design = design_of(mode)
+        prepared = prepare(recording(design, draw(design, 1, "none")))
+        CACHE[mode] = prepared, partitions(prepared).fitted
+    return CACHE[mode]
+
+
+def fitted_away(rows, basis):
+    return (rows.ravel() - basis @ (basis.T @ rows.ravel())).reshape(rows.shape)
+
+
+def noise(prepared, rng, kind):
+    """Unit noise of raw rows (H, 6), or of the means over a pose, in readings."""
+    size = (len(prepared.y), 6)
+    unit = rng.standard_normal(size)
+    if kind == "heavy":
+        unit = rng.standard_t(5, size) * np.sqrt(3 / 5)
+    if kind == "memory":
+        unit = lfilter([0.8], [1.0, -0.6], rng.standard_normal((size[0] + 100, 6)), axis=0)[100:]
+    return unit * np.sqrt(prepared.noise) @ np.linalg.inv(prepared.turn).T
+
+
+def made(mode, seed, signal=None, gap=1.0, kind="normal"):
+    """A recording whose readings are the model's, noise, and a signal (H, 6) of a gap."""
+    prepared, basis = bench(mode)
+    base = respond(prepared.scene)[prepared.scene.held]
+    reading = base + noise(prepared, np.random.default_rng([seed, 5]), kind)
+    if signal is not None:
+        shown = fitted_away(prepared.rows(signal), basis)
+        reading = reading + signal * np.sqrt(gap / np.mean(shown**2))
+    case = replace(prepared, y=reading)
+    return case, fitted_away(case.rows(reading - base), basis)
+
+
+def load(prepared, down):
+    """A change of gravity's direction in the sensor (H, 3) as a change of readings (H, 6)."""
+    tool = prepared.scene.tool
+    force = 9.80665 * float(tool.mass) * down
+    return np.concatenate([force, np.cross(np.asarray(tool.cog, dtype=float), force)], axis=1)
+
+
+def turned(prepared, joint):
+    """Change of gravity's direction in the sensor with a joint (H, 3) [1/rad]."""
+    scene = prepared.scene
+    q = scene.joints[scene.held]
+    step = 1e-5 * np.eye(q.shape[1])[joint]
+    up, down = (scene.robot.sensor_pose(q + s * step, scene.theta)[0] for s in (1, -1))
+    return np.asarray([0.0, 0.0, -1.0]) @ (up - down) / 2e-5
+
+
+def signals(prepared):
+    """Residuals of which one knows where they lie (H, 6)."""
+    scene, held = prepared.scene, prepared.scene.held
+    rotation = scene.pose[0][held]
+    age = scene.age[held, None] / scene.span
+    reading = respond(scene)
+    rising = np.sign(np.diff(reading, axis=0, prepend=reading[:1]))[held]
+    to_readings = np.linalg.inv(prepared.turn).T
+    return {
+        "orientation": load(prepared, np.swapaxes(rotation, 1, 2) @ [0.3, 0.8, 0.0]),
+        "joint 2": load(prepared, scene.joint_torque[held][:, 1:2] * turned(prepared, 1)),
+        "time": age * np.eye(6)[3],
+        "direction of joint 2": load(prepared, scene.coming[held][:, 1:2] * turned(prepared, 1)),
+        "direction of load": rising @ to_readings,
+    }
+
+
+def varying(findings):
+    return [f for f in findings if not f.variable.startswith(("channel", "frequency"))]
+
+
+def test_noise_of_any_kind_is_seldom_taken_for_a_finding():
+    alarms = 0
+    for seed in range(200):
+        found = find(*made("poses", seed, kind=("normal", "heavy")[seed % 2]), 99, seed)
+        assert all(0.0 < f.p_value <= 1.0 and 0.0 <= f.share <= 1.0 for f in found)
+        alarms += any(f.p_value < SEEN for f in found)
+    assert alarms <= 14
+
+
+@pytest.mark.parametrize("kind", ["normal", "memory", "heavy"])
+def test_noise_with_memory_is_no_finding_in_motion(kind):
+    alarms = sum(
+        any(f.seen for f in find(*made("motion", seed, kind=kind), 99, seed)) for seed in range(6)
+    )
+    assert alarms <= 2
+
+
+def test_p_values_of_noise_are_even():
+    prepared, _ = bench("poses")
+    parts = partitions(prepared)
+    alone, loud = [], []
+    for seed in range(150):
+        case, residual = made("poses", 1000 + seed)
+        alone.append(family_wise(parts, residual, case.block_rows, 99, seed)[1])
+        covariance = levels.autocovariance(case)
+        loud.append(levels.channels(case, residual, covariance, CHANNELS).p_value)
+    for p_value in (*np.transpose(alone), *np.transpose(loud)):
+        assert kstest(p_value, "uniform").pvalue > 1e-4
+        assert (p_value < 0.05).mean() < 0.13
+
+
+@pytest.mark.parametrize(
+    "variable", ["orientation", "joint 2", "time", "direction of joint 2", "direction of load"]
+)
+def test_a_gap_of_one_is_found_where_it_lies(variable):
+    signal = signals(bench("poses")[0])[variable]
+    for seed in range(3):
+        first = varying(find(*made("poses", seed, signal), seed=seed))[0]
+        assert first.variable == variable and first.p_value < 0.01 and first.share > 0.7
+        assert "%" in first.sentence
+
+
+def test_a_drift_in_motion_is_found_in_time():
+    prepared, _ = bench("motion")
+    age = prepared.scene.age[:, None] / prepared.scene.span
+    found = find(*made("motion", 0, age * np.eye(6)[3]))
+    assert varying(found)[0].variable == "time" and varying(found)[0].p_value < 0.01
+    assert [f.variable for f in found if f.seen and f.variable[:7] == "channel"] == ["channel tx"]
+
+
+def test_a_hum_is_found_in_its_band_and_its_channel():
+    prepared, _ = bench("motion")
+    hum = np.sin(2 * np.pi * 6.0 * prepared.scene.age)[:, None] * np.eye(6)[2]
+    found = {f.variable: f for f in find(*made("motion", 0, hum))}
+    band = found["frequency 4–8 Hz"]
+    assert band.p_value < 1e-6 and band.share > 0.8 and "4–8 Hz" in band.sentence
+    assert found["channel fz"].p_value < 1e-6
+    assert found["channel fz"].sentence.startswith("Force z is off by ")
+    assert not found["frequency 1–2 Hz"].seen and not found["channel tx"].seen
+
+
+def test_shares_of_each_split_add_to_one_at_most():
+    for name, signal in signals(bench("poses")[0]).items():
+        found = find(*made("poses", 4, signal, 20.0))
+        assert sum(f.share for f in varying(found)) <= 1.0 + 1e-12, name
+        rest = [f.share for f in found if f.variable.startswith("channel")]
+        assert sum(rest) == pytest.approx(1.0)
+
+
+def test_the_same_seed_gives_the_same_findings():
+    case = made("poses", 3, signals(bench("poses")[0])["time"])
+    assert find(*case, 49, 1) == find(*case, 49, 1)
+
+
+@pytest.mark.parametrize(
+    ("effect", "variables"),
+    [
+        ("base.tilt", {"orientation"}),
+        ("sensor.drift", {"time"}),
+        ("sensor.gain", {"orientation", "load"}),
+        ("joint.offset", {"joint 1", "joint 2", "joint 3", "joint 4", "joint 5", "orientation"}),
+    ],
+)
+def test_faults_of_look_alikes_are_found(effect, variables):
+    design = design_of("poses")
+    prepared = prepare(recording(design, draw(design, 2, "single", effect)))
+    base = calibrate(prepared)
+    scene = prepared.at(base.theta).scene
+    residual = prepared.rows(prepared.y - respond(scene)[scene.held] - base.bias)
+    first = varying(find(prepared, residual))[0]
+    assert first.variable in variables and first.p_value < 0.01
+
+
+def test_a_residual_without_noise_or_gap_breaks_nothing():
+    case, residual = made("poses", 0)
+    assert not any(f.seen for f in find(case, np.zeros_like(residual), 19))
+
+
+def test_claimed_causes_are_the_entries_by_share():
+    causes = [("base.tilt", "", 0.2, 1e-4), ("joint.compliance", "joint 2|3|4", 0.7, 0.0)]
+    first, second = entries(causes, [Finding("time", 0.9, 0.005, "…")])
+    assert (first["subsystem"], first["detail"], first["share"]) == ("joint", "joint 2|3|4", 0.7)
+    assert 0.0 < first["p_value"] < 1e-100 and "joint 2|3|4" in first["sentence"]
+    assert second["subsystem"] == "base"
+
+
+@pytest.mark.parametrize(
+    ("variable", "subsystem"),
+    [
+        ("time", "sensor"), ("temperature", "sensor"), ("load", "sensor"), ("joint 3", "joint"),
+        ("direction of joint 3", "joint"), ("direction of load", "sensor"),
+        ("orientation", "sensor"), ("position", "cable"), ("speed", "timing"),
+        ("frequency 2–4 Hz", "timing"), ("channel fx", "sensor"),
+    ],
+)  # fmt: skip
+def test_without_a_cause_what_is_seen_is_a_hint(variable, subsystem):
+    findings = [Finding(variable, 0.6, 0.005, "Seen."), Finding("joint 1", 0.0, 0.3, "Not seen.")]
+    (entry,) = entries([], findings)
+    assert entry["subsystem"] == subsystem and entry["detail"] == variable
+    assert "only a hint" in entry["sentence"] and entry["sentence"].startswith("Seen.")
+
+
+def test_hints_come_from_one_split():
+    findings = [
+        Finding("channel fx", 1.0, 1e-9, "a."), Finding("frequency 2–4 Hz", 0.9, 1e-3, "b."),
+        Finding("time", 0.6, 0.005, "c."), Finding("load", 0.0, 0.005, "d."),
+    ]  # fmt: skip
+    assert [e["detail"] for e in entries([], findings)] == ["time"]
+    assert [e["detail"] for e in entries([], findings[:2])] == ["frequency 2–4 Hz"]
+    assert entries([], [Finding("time", 0.0, 0.5, "e.")]) == []
+
+
+def test_functions_are_averaged_as_readings_are():
+    prepared, _ = bench("motion")
+    x = np.random.default_rng(0).standard_normal((len(prepared.y), 6))
+    turned_back = x @ np.linalg.inv(prepared.turn).T
+    np.testing.assert_allclose(on_rows(prepared, x), prepared.rows(turned_back), atol=1e-9)
+
+
+def test_a_delay_in_motion_is_found_in_speed():
+    prepared, _ = bench("motion")
+    rate = np.gradient(respond(prepared.scene), prepared.scene.period, axis=0)
+    first = varying(find(*made("motion", 0, rate)))[0]
+    assert first.variable == "speed" and first.p_value < 0.01 and first.share > 0.8
