@@ -24,8 +24,8 @@ LAYERS = {
     "weighting": 6.3, "calibration": 7,
     "drivers": 8,
     "campaign": 9, "planning": 9, "mixing": 9, "rehearsal": 8,
-    "diagnosis": 10, "study": 10,
-    "report_plots": 10.5, "report_words": 10.6, "report": 11,
+    "diagnosis": 10, "study": 10, "effects_page": 10.1,
+    "report": 11,
     "cli": 12, "__init__": 12, "__main__": 13,
 }  # fmt: skip
 PLUGINS = ("robots", "sensors", "drivers", "effects")

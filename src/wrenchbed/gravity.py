@@ -1,4 +1,4 @@
-"""What gravity does to an arm itself: the torque at each joint and the moment at the base."""
+"""What an arm's own weight does: the torque at each joint and the moment at the base."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
@@ -8,11 +8,13 @@ import numpy as np
 
 from wrenchbed.errors import NotFoundError
 from wrenchbed.frames import cross
-from wrenchbed.jets import Value
+from wrenchbed.jets import Jet, Value, value
 from wrenchbed.wrench import Tool
 
 _STEP = 1e-6
 """Step of the central differences, relative to max(1, |q|)."""
+_INSTANT = 1e-3
+"""Step in time of a centre's acceleration [s]."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +36,7 @@ def masses(links: Sequence[Link]) -> np.ndarray:
 class Arm(ABC):
     """Moving bodies that carry a sensor, which carries a tool; all poses at rest.
 
-    Weights take joint values q (N, J), real parameters theta (P,) and gravity (3,) in world
+    Weights take joint values q (N, J) or jets, real parameters theta (P,) and gravity (3,) in world
     axes [m/s²].
     """
 
@@ -71,35 +73,58 @@ class Arm(ABC):
         mass = float(tool.mass + tool.sensor_mass)
         return mass, mass * origin + rotation @ (tool.mass * tool.cog)
 
-    def gravity_torque(self, q: np.ndarray, theta: np.ndarray, gravity: np.ndarray) -> np.ndarray:
-        """Torque or force of gravity on each actuated joint (N, J) [N·m or N].
+    def gravity_torque(self, q: Value, theta: np.ndarray, gravity: np.ndarray) -> np.ndarray:
+        """Torque or force of weight on each actuated joint (N, J) [N·m or N].
 
-        −∂U/∂q of links, tool and sensor, the loops of a closed chain staying closed.
+        Σ m (g − a)·∂p/∂q over links, tool and sensor, the loops of a closed chain staying closed;
+        a = 0 of poses at rest, and of a motion's jets that of each centre of gravity. Moments of
+        inertia about these centres are left out.
 
         Raises:
             NotFoundError: the model of this robot has no masses of links.
         """
-        result = np.empty(q.shape)
-        for j in range(q.shape[1]):
-            step = _STEP * np.maximum(1.0, np.abs(q[:, j]))
-            pair = np.stack([q, q])
+        at = value(q)
+        each, _ = self._centres(at[:1], theta)
+        pull = each[:, None] * (gravity - self._acceleration(q, theta))  # (N, B, 3)
+        result = np.empty(at.shape)
+        for j in range(at.shape[1]):
+            step = _STEP * np.maximum(1.0, np.abs(at[:, j]))
+            pair = np.stack([at, at])
             pair[:, :, j] += step, -step
-            _, moment = self._moment(pair.reshape(-1, q.shape[1]), theta)
-            up, down = (moment @ gravity).reshape(2, -1)
-            result[:, j] = (up - down) / (pair[0, :, j] - pair[1, :, j])
+            _, centres = self._centres(pair.reshape(-1, at.shape[1]), theta)
+            up, down = centres.reshape(2, len(at), -1, 3)
+            way = pair[0, :, j] - pair[1, :, j]
+            result[:, j] = (pull * (up - down)).sum(axis=(1, 2)) / way
         return result
 
-    def base_moment(self, q: np.ndarray, theta: np.ndarray, gravity: np.ndarray) -> np.ndarray:
-        """Moment of gravity on links, tool and sensor about `base_origin` (N, 3) [N·m], world axes.
+    def base_moment(self, q: Value, theta: np.ndarray, gravity: np.ndarray) -> np.ndarray:
+        """Moment of weight on links, tool and sensor about `base_origin` (N, 3) [N·m], world axes.
+
+        Weight is m (g − a), as in `gravity_torque`.
 
         Raises:
             NotFoundError: the model of this robot has no masses of links.
         """
-        mass, moment = self._moment(q, theta)
-        return cross(moment - mass * self.base_origin(theta), gravity)
+        each, centres = self._centres(value(q), theta)
+        pull = each[:, None] * (gravity - self._acceleration(q, theta))
+        return np.asarray(cross(centres - self.base_origin(theta), pull).sum(axis=1))
 
-    def _moment(self, q: np.ndarray, theta: np.ndarray) -> tuple[float, np.ndarray]:
-        """Mass [kg] and Σ m p (N, 3) [kg·m] in the world of all that moves."""
+    def _centres(self, q: np.ndarray, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Masses (B + 1,) [kg] and centres in the world (N, B + 1, 3) [m] of all that moves."""
         each, centres = self.links(q, theta)
         mass, moment = self.load_moment(q, theta)
-        return mass + float(each.sum()), moment + each @ centres
+        load = moment[:, None] / mass
+        return np.append(each, mass), np.concatenate([centres, load], axis=1)
+
+    def _acceleration(self, q: Value, theta: np.ndarray) -> np.ndarray:
+        """Of each centre (N, B + 1, 3) [m/s²], by a central difference along the motion; 0 at rest.
+
+        p(q + ε q̇ + ½ ε² q̈) is p after ε to second order.
+        """
+        if not isinstance(q, Jet):
+            return np.zeros(3)
+        e = _INSTANT
+        centre = self._centres(q.v, theta)[1]
+        later = self._centres(q.v + e * q.d + 0.5 * e**2 * q.dd, theta)[1]
+        before = self._centres(q.v - e * q.d + 0.5 * e**2 * q.dd, theta)[1]
+        return np.asarray((later - 2.0 * centre + before) / e**2)

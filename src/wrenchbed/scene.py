@@ -100,13 +100,13 @@ class Scene:
 
     @cached_property
     def joint_torque(self) -> np.ndarray:
-        """Torque of gravity on each joint (M, J) [N·m; N on a slide], as configured."""
-        return self.robot.gravity_torque(self.joints, self.theta, self.gravity)
+        """Torque of weight on each joint (M, J) [N·m; N on a slide], as configured."""
+        return self.robot.gravity_torque(self.q, self.theta, self.gravity)
 
     @cached_property
     def base_moment(self) -> np.ndarray:
-        """Moment of gravity about the base's origin (M, 3) [N·m], as configured."""
-        return self.robot.base_moment(self.joints, self.theta, self.gravity)
+        """Moment of weight about the base's origin (M, 3) [N·m], as configured."""
+        return self.robot.base_moment(self.q, self.theta, self.gravity)
 
 
 def held_on(sign: np.ndarray) -> np.ndarray:

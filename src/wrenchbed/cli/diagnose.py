@@ -1,13 +1,18 @@
 """`wrenchbed diagnose`: where a gap lies, which effect causes it, how far it shrinks."""
 
+import shlex
+import warnings
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
 import wrenchbed as wb
 from wrenchbed.cli import console, diagnosis_tables
-from wrenchbed.errors import ParameterError
+from wrenchbed.errors import MissingExtraError, ParameterError, WrenchbedWarning
+
+if TYPE_CHECKING:
+    from wrenchbed.diagnosis.diagnose import Findings
 
 
 def diagnose(
@@ -24,7 +29,7 @@ def diagnose(
 
     Args:
         recording: Parquet file; with --dry-run a plan that has not been recorded yet.
-        out: Folder for diagnosis.json, twin.json and plans of what to do next.
+        out: Folder for diagnosis.json, twin.json, report.html and plans of what to do next.
         dry_run: Only say which effects such a recording could show, and which look the same.
         samples: With --dry-run: rows a pose.
         rate: With --dry-run: rows a second [Hz].
@@ -47,11 +52,29 @@ def diagnose(
     found.diagnosis.write(out)
     for name, plan in found.plans.items():
         plan.write(out / name)
+    written = ["diagnosis.json", "twin.json"]
+    if _reported(found, recording, out, seed):
+        written.append("report.html")
     told = found.diagnosis.to_json()
     console.answer(told, as_json, diagnosis_tables.diagnosis(found.diagnosis))
     if not as_json:
-        text = f"diagnosis.json, twin.json → {out}"
+        text = f"{', '.join(written)} → {out}"
         console.OUT.print(text, soft_wrap=True, markup=False, highlight=False)
+
+
+def _reported(found: "Findings", recording: Path, out: Path, seed: int) -> bool:
+    """Write report.html; without the libraries that draw it a warning names the extra."""
+    from wrenchbed.report import diagnosis_page
+
+    command = ["wrenchbed", "diagnose", str(recording), "--out", str(out)]
+    if seed:
+        command += ["--seed", str(seed)]
+    try:
+        diagnosis_page(found, shlex.join(command)).write(out / "report.html")
+    except MissingExtraError as error:
+        warnings.warn(f"no report.html: {error}", WrenchbedWarning, stacklevel=2)
+        return False
+    return True
 
 
 def _rehearsed(path: Path, samples: int, rate: float, as_json: bool) -> None:

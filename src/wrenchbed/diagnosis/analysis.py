@@ -37,9 +37,10 @@ class Analysis:
 
 def analyse(prepared: Prepared) -> Analysis:
     """Calibrate, build the dictionary there, and rank what explains the rest."""
-    baseline = calibrate(prepared)
-    searcher = Searcher(build(prepared, baseline.theta, baseline.tolerance))
-    refitter = Refitter(searcher, case(searcher.d, prepared, baseline))
+    coarse = prepared.coarse
+    baseline = calibrate(coarse)
+    searcher = Searcher(build(coarse, baseline.theta, baseline.tolerance))
+    refitter = Refitter(searcher, case(searcher.d, coarse, baseline))
     return Analysis(prepared, baseline, searcher, refitter, rank(searcher, refitter))
 
 

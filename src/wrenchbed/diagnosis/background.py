@@ -56,4 +56,4 @@ def _level(d: Dictionary, gap: float) -> Level:
         period = d.prepared.scene.period * d.prepared.stride
         rows *= max(1.0, CORRELATION_S / period)
     v0 = np.tile(d.prepared.variance + rows, d.rows)
-    return Level(d.E, v0, variance)
+    return Level(d.E, v0, variance, d.grams)

@@ -3,10 +3,11 @@
 import numpy as np
 
 from wrenchbed import registry
-from wrenchbed.errors import DiagnosisError
+from wrenchbed.diagnosis import plausible
+from wrenchbed.errors import DiagnosisError, NotFoundError, PlanError
 from wrenchbed.jets import value
 from wrenchbed.model import Model
-from wrenchbed.observations import Observations
+from wrenchbed.observations import Observations, usable
 from wrenchbed.recording import Recording
 from wrenchbed.robots.oriented import ROBOT as ORIENTED
 from wrenchbed.wrench import CHANNELS
@@ -15,16 +16,43 @@ LEAST_POSES = 12
 LEAST_SECONDS = 5.0
 LEAST_SPREAD = 0.05
 """Least variance of gravity's direction, as the sensor sees it, along any axis."""
+STUCK = 0.2
+"""Share of the rows after which a channel that stays at one value is stuck."""
+CLIPPED = 0.3
+"""Share of the rows at a channel's end that is refused whatever the end is."""
+AT_END, LEAST_CLIPPED = 0.01, 0.02
+"""How near a sensor's range a channel's end lies, and how many rows stand there, relative."""
+PILE = 5.0
+"""So many times as many rows as any other value has, at least, stand where a channel is clipped."""
+ENDS = (1.0, 1.05)
+"""Where converters end, over the range."""
 
 
 def model_of(recording: Recording) -> Model:
-    """The robot that a recording names, or one that is known by orientations only."""
-    robot = registry.load("robots", recording.metadata.robot) if recording.joints else ORIENTED
-    if recording.joints and len(recording.joints) != len(robot.joints):
+    """The robot that a recording names, or one that is known by orientations only.
+
+    Raises:
+        DiagnosisError: there is no such robot, or it cannot take the recorded joint values.
+    """
+    named, joints = recording.metadata.robot, len(recording.joints)
+    if not joints:
+        return Model.of(ORIENTED, recording.metadata)
+    try:
+        robot = registry.load("robots", named)
+    except NotFoundError as error:
+        raise DiagnosisError(f"{recording.name}: metadata robot = {named!r}: {error}") from error
+    if joints != len(robot.joints):
         raise DiagnosisError(
-            f"{recording.name}: has {len(recording.joints)} joints, {robot.name} has "
-            f"{len(robot.joints)}: metadata robot = {recording.metadata.robot!r} is wrong"
+            f"{recording.name}: has {joints} joints, {robot.name} has "
+            f"{len(robot.joints)}: metadata robot = {named!r} is wrong"
         )
+    try:
+        robot.check(recording.q, robot.parameters.nominal, recording.name)
+    except PlanError as error:
+        raise DiagnosisError(
+            f"{error}: state joints in rad and m, and in metadata robot = {named!r} the robot that "
+            "was recorded"
+        ) from error
     return Model.of(robot, recording.metadata)
 
 
@@ -40,13 +68,10 @@ def enough(recording: Recording, data: Observations, model: Model) -> None:
     """Refuse what no method could diagnose.
 
     Raises:
-        DiagnosisError: too few poses, one orientation, a channel that never changes, joint values
-            that the robot cannot take.
+        DiagnosisError: too few poses, one orientation, a channel that is stuck or saturated,
+            readings that do not follow the weight of a tool.
     """
     name, moving = recording.name, recording.metadata.mode == "dynamic"
-    if recording.joints:
-        q = value(data.q)
-        model.robot.check(q, model.robot.parameters.nominal, name)
     if not moving and len(data) < LEAST_POSES:
         raise DiagnosisError(
             f"{name}: {len(data)} poses cannot separate causes; record at least {LEAST_POSES}, "
@@ -55,7 +80,8 @@ def enough(recording: Recording, data: Observations, model: Model) -> None:
     if moving and recording.t[-1] - recording.t[0] < LEAST_SECONDS:
         raise DiagnosisError(f"{name}: less than {LEAST_SECONDS:g} s of motion; record 60 s")
     _channels(recording)
-    own = model.configured(recording.metadata)[: len(model.robot.parameters)]
+    theta = model.configured(recording.metadata)
+    own = theta[: len(model.robot.parameters)]
     rotation = value(model.robot.sensor_pose(data.q, own)[0])
     down = np.asarray(model.gravity) @ rotation / np.linalg.norm(model.gravity)
     spread = np.linalg.eigvalsh(np.cov(down.T))
@@ -65,6 +91,7 @@ def enough(recording: Recording, data: Observations, model: Model) -> None:
             f"{np.rad2deg(np.sqrt(max(spread[2], 0.0))):.1f}° rms): weight, bias and every other "
             "cause look the same. Turn the tool about"
         )
+    plausible.check(name, data, model, theta)
 
 
 def _channels(recording: Recording) -> None:
@@ -73,14 +100,73 @@ def _channels(recording: Recording) -> None:
         if np.ptp(column) == 0.0:
             raise DiagnosisError(
                 f"{recording.name}: column {c!r} is {column[0]:g} in every row: a dead or missing "
-                "channel, not a measurement"
+                "channel, not a measurement. Repair it, or check the column map"
+            )
+        row, rows = _longest_run(column)
+        if rows > STUCK * len(column):
+            raise DiagnosisError(
+                f"{recording.name}: column {c!r} stays at {column[row]:g} for {rows} rows from row "
+                f"{row} on: the channel is stuck. Leave these rows out, or record again"
             )
         ends = np.mean(column == column.max()), np.mean(column == column.min())
-        if max(ends) > 0.3:
+        if max(ends) > CLIPPED:
             raise DiagnosisError(
                 f"{recording.name}: column {c!r} stands at its end in {100 * max(ends):.0f} % of "
                 "the rows: it is saturated. Choose a larger range"
             )
+        _one_sided(recording, c)
+    _ranges(recording)
+
+
+def _one_sided(recording: Recording, channel: str) -> None:
+    """Refuse a channel that is clipped at one end and reads further at the other.
+
+    A level that holds in both directions is an effect, which a diagnosis can name.
+    """
+    found, count = np.unique(recording.columns[channel], return_counts=True)
+    for end, other in ((-1, 0), (0, -1)):
+        rest = count[:-1] if end else count[1:]
+        clipped = count[end] > max(10, LEAST_CLIPPED * len(recording))
+        if (
+            clipped
+            and count[end] > PILE * rest.max()
+            and abs(found[other]) > 1.02 * abs(found[end])
+        ):
+            row = int(np.argmax(recording.columns[channel] == found[end]))
+            raise DiagnosisError(
+                f"{recording.name}: column {channel!r}, row {row}: {count[end]} rows stand at "
+                f"exactly {found[end]:g}, beyond which nothing is read: it is saturated. Choose a "
+                "larger range, or leave these rows out"
+            )
+
+
+def _ranges(recording: Recording) -> None:
+    """Refuse unmarked rows at the end of one of the sensor's ranges."""
+    model = recording.metadata.sensor.model
+    if model not in registry.names("sensors"):
+        return
+    keep = usable(recording)
+    for calibration in registry.load("sensors", str(model)).calibrations:
+        for c, full in zip(CHANNELS, calibration.range, strict=True):
+            size = np.abs(recording.columns[c][keep])
+            top = float(size.max())
+            ends = np.flatnonzero(size == top)
+            near = min(abs(top / (full * end) - 1.0) for end in ENDS)
+            if near < AT_END and len(ends) > max(2, LEAST_CLIPPED * len(size)):
+                row = int(np.flatnonzero(keep)[ends[0]])
+                raise DiagnosisError(
+                    f"{recording.name}: column {c!r}, row {row}: stands at {top:g}, the end of the "
+                    f"range {calibration.name} of {model}, in {len(ends)} rows that no status "
+                    "marks: it is saturated. Choose a larger range or a lighter tool"
+                )
+
+
+def _longest_run(column: np.ndarray) -> tuple[int, int]:
+    """First row and length of the longest run of equal values."""
+    starts = np.concatenate([[0], np.flatnonzero(np.diff(column)) + 1])
+    lengths = np.diff(np.append(starts, len(column)))
+    longest = int(lengths.argmax())
+    return int(starts[longest]), int(lengths[longest])
 
 
 def correlation_time(recording: Recording, data: Observations) -> np.ndarray:

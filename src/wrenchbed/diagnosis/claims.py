@@ -1,11 +1,11 @@
 """What an explanation says: effects that add enough, wrong stated numbers, and the rest."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 from scipy.special import ndtr
-from scipy.stats import norm
+from scipy.stats import cauchy
 
 from wrenchbed.diagnosis.background import MOST
 from wrenchbed.diagnosis.dictionary import LARGEST, STATED
@@ -68,9 +68,10 @@ def explained(refitter: Refitter, f: Finalist) -> Explanation:
             added = share(refitter, f, k)
             if added >= CLAIMABLE:
                 parts.append(Part(h.name, added, index=k))
+    named = {p.index for p in parts}
     parts += wrong_numbers(refitter, f)
     parts.sort(key=lambda p: -p.share)
-    return Explanation(f, tuple(parts), rest(refitter, f))
+    return Explanation(f, tuple(parts), rest(refitter, f, named))
 
 
 def share(refitter: Refitter, f: Finalist, part: int) -> float:
@@ -83,9 +84,14 @@ def share(refitter: Refitter, f: Finalist, part: int) -> float:
     return refitter.d.gap(f.residual + own) - refitter.d.gap(f.residual)
 
 
-def rest(refitter: Refitter, f: Finalist) -> float:
-    """Gap that a finalist leaves, beyond the noise."""
-    return refitter.d.gap(f.residual) - float(refitter.d.prepared.variance.mean())
+def rest(refitter: Refitter, f: Finalist, named: set[int | None]) -> float:
+    """Gap that the named parts of a finalist leave, beyond the noise."""
+    d, gone = refitter.d, f.x.copy()
+    for i, (k, _, shape) in enumerate(refitter.variables(f.parts)):
+        if k not in named and not shape:
+            gone[i] = 0.0
+    minor = refitter.response(f.parts, f.x) - refitter.response(f.parts, gone)
+    return d.gap(f.residual + minor) - float(d.prepared.variance.mean())
 
 
 def wrong_numbers(refitter: Refitter, f: Finalist) -> list[Part]:
@@ -99,7 +105,8 @@ def wrong_numbers(refitter: Refitter, f: Finalist) -> list[Part]:
     tolerance = np.where(finite, d.tolerance, 1.0) + own_zero(refitter, f)
     inside = ndtr((tolerance - told.mean) / std) - ndtr((-tolerance - told.mean) / std)
     within = np.maximum(inside / (2 * tolerance), 1e-300)
-    wrong = norm.pdf(told.mean, 0.0, np.hypot(std, WRONG * tolerance))
+    width = np.hypot(std, WRONG * tolerance)
+    wrong = cauchy.pdf(told.mean / width) / width  # a slip of the pen may be any size
     odds = np.where(finite, ODDS * wrong / within, 0.0)
     found = []
     for effect in STATED:
@@ -164,5 +171,5 @@ def _exact(refitter: Refitter, rung: int) -> Level:
         variance = level.V.copy()
         variance[d.of_effect("tool.self_weight")] = (0.5 * MOST) ** 2
         variance[d.stated] = 0.0
-        refitter.exact[rung] = Level(level.E, level.v0, variance)
+        refitter.exact[rung] = replace(level, V=variance)
     return refitter.exact[rung]

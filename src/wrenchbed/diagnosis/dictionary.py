@@ -13,7 +13,7 @@ import numpy as np
 from wrenchbed.chain import Active, effects, respond
 from wrenchbed.diagnosis.features import features
 from wrenchbed.diagnosis.prepare import Prepared
-from wrenchbed.effects.base import Effect, LoadEffect, Pose, ReadingEffect, Variant
+from wrenchbed.effects.base import Effect, LoadEffect, Pose, ReadingEffect, Residual, Variant
 from wrenchbed.parameters import Parameter
 from wrenchbed.scene import Scene
 from wrenchbed.wrench import wrench
@@ -71,6 +71,14 @@ class Dictionary:
         """EᵀE (n, n)."""
         return self.E.T @ self.E
 
+    @cached_property
+    def grams(self) -> np.ndarray | None:
+        """EᵀE of each channel's rows (6, n, n); None where there are fewer rows than columns."""
+        if len(self.E) <= self.E.shape[1]:
+            return None
+        channels = self.E.reshape(-1, 6, self.E.shape[1])
+        return np.stack([channels[:, c].T @ channels[:, c] for c in range(6)])
+
     @property
     def rows(self) -> int:
         return len(self.E) // 6
@@ -112,6 +120,7 @@ def build(prepared: Prepared, theta: np.ndarray, tolerance: Mapping[str, np.ndar
     """
     at = prepared.at(theta)
     response = Response(at.scene)
+    left = Leftover(at, response)
     columns: list[np.ndarray] = []
     size: list[float] = []
     label: list[tuple[str, str]] = []
@@ -122,7 +131,7 @@ def build(prepared: Prepared, theta: np.ndarray, tolerance: Mapping[str, np.ndar
         if mode not in effect.modes:
             continue
         known = effect.parameters(at.scene.robot)
-        for variant in effect.variants(at.scene):
+        for variant in (*effect.variants(at.scene), *left.suggests(effect)):
             chosen = []
             for name in variant.free:
                 key = (effect.name, name, tuple(sorted(variant.at.items())))
@@ -185,6 +194,33 @@ def _with_hypotheses(
     invisible = sorted({e.name for e, _, _ in drafts} - shown)
     values = {f: getattr(draft, f) for f in draft.__dataclass_fields__}
     return Dictionary(**values | {"hypotheses": tuple(kept), "invisible": tuple(invisible)})
+
+
+class Leftover:
+    """What is left of a recording after bias, mass and CoG, for effects to look through."""
+
+    def __init__(self, prepared: Prepared, response: "Response") -> None:
+        self.scene, self.response = prepared.scene, response
+        self._rows = np.flatnonzero(prepared.scene.held)[~prepared.sealed]
+        noise = 1.0 / np.diagonal(prepared.turn)
+        whole = (prepared.y - response.reading[prepared.scene.held])[~prepared.sealed] / noise
+        stated = [
+            response.tangent(e, p, Variant(e.name, (p.name,)))[self._rows] / noise
+            for e in (effects()[n] for n in STATED)
+            for p in e.parameters(self.scene.robot)
+        ]
+        basis = np.linalg.qr(np.stack([c.ravel() for c in stated], axis=1))[0]
+        value = whole.ravel() - basis @ (basis.T @ whole.ravel())
+        self._value, self._noise = value.reshape(-1, 6), noise
+
+    def suggests(self, effect: Effect) -> tuple[Variant, ...]:
+        """Variants that a scan of the residual suggests."""
+        known = {p.name: p for p in effect.parameters(self.scene.robot)}
+
+        def tangent(name: str, at: Mapping[str, float]) -> np.ndarray:
+            return self.response.tangent(effect, known[name], Variant(effect.name, (name,), at))
+
+        return effect.found(self.scene, Residual(self._rows, self._value, self._noise, tangent))
 
 
 class Response:

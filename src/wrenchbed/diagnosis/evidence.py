@@ -19,19 +19,41 @@ LARGE = 1e4
 class Level:
     """One level of background: K₀ = v₀ I + E V Eᵀ with diagonal V (n,).
 
-    ``v0`` (R·6,) may differ from row to row.
+    Attributes:
+        E: columns (6 R, n).
+        v0: noise variance (6 R,), may differ from row to row.
+        V: variance of each column's coefficient (n,).
+        grams: EᵀE of each channel's rows (6, n, n) where v₀ is the same in all rows of a channel;
+            without it the products are made from E.
     """
 
     E: np.ndarray
     v0: np.ndarray
     V: np.ndarray
+    grams: np.ndarray | None = None
+
+    @property
+    def _tall(self) -> bool:
+        return len(self.v0) > len(self.V)
+
+    @cached_property
+    def _root(self) -> np.ndarray:
+        return np.sqrt(self.V)
+
+    @cached_property
+    def _gram(self) -> np.ndarray:
+        """Eᵀ v₀⁻¹ E (n, n)."""
+        if self.grams is None:
+            return np.asarray(self.E.T @ (self.E / self.v0[:, None]))
+        return np.tensordot(1.0 / self.v0[:6], self.grams, 1)
 
     @cached_property
     def _factor(self) -> tuple[np.ndarray, bool]:
-        scaled = (self.E * np.sqrt(self.V)) / np.sqrt(self.v0)[:, None]
-        if len(self.v0) <= len(self.V):
-            return cho_factor(np.eye(len(self.v0)) + scaled @ scaled.T, lower=True)
-        return cho_factor(np.eye(len(self.V)) + scaled.T @ scaled, lower=True)
+        if self._tall:
+            inner = self._gram * np.outer(self._root, self._root)
+            return cho_factor(np.eye(len(inner)) + inner, lower=True)
+        scaled = (self.E * self._root) / np.sqrt(self.v0)[:, None]
+        return cho_factor(np.eye(len(scaled)) + scaled @ scaled.T, lower=True)
 
     @cached_property
     def log_det(self) -> float:
@@ -39,19 +61,24 @@ class Level:
         diagonal = np.diagonal(self._factor[0])
         return float(2 * np.log(diagonal).sum() + np.log(self.v0).sum())
 
+    def _kept(self, w: np.ndarray) -> np.ndarray:
+        """D (I + D G D)⁻¹ D w with D = V½, of (n, k)."""
+        root = self._root[:, None]
+        return np.asarray(root * cho_solve(self._factor, root * w))
+
     def solve(self, x: np.ndarray) -> np.ndarray:
         """K₀⁻¹ x for x (6 R, k)."""
+        if self._tall:
+            z = x / self.v0[:, None]
+            return np.asarray(z - (self.E @ self._kept(self.E.T @ z)) / self.v0[:, None])
         root = np.sqrt(self.v0)[:, None]
-        z = x / root
-        if len(self.v0) <= len(self.V):
-            return np.asarray(cho_solve(self._factor, z) / root)
-        scaled = (self.E * np.sqrt(self.V)) / root
-        return np.asarray((z - scaled @ cho_solve(self._factor, scaled.T @ z)) / root)
+        return np.asarray(cho_solve(self._factor, x / root) / root)
 
     @cached_property
     def information(self) -> np.ndarray:
         """P = Eᵀ K₀⁻¹ E (n, n)."""
-        p = self.E.T @ self._solved
+        g = self._gram if self._tall else None
+        p = self.E.T @ self._solved if g is None else g - g @ self._kept(g)
         return (p + p.T) / 2
 
     @cached_property
@@ -60,7 +87,10 @@ class Level:
 
     def score(self, y: np.ndarray) -> np.ndarray:
         """w = Eᵀ K₀⁻¹ y (n, C) of cases y (6 R, C)."""
-        return np.asarray(self._solved.T @ y)
+        if not self._tall:
+            return np.asarray(self._solved.T @ y)
+        u = self.E.T @ (y / self.v0[:, None])
+        return np.asarray(u - self._gram @ self._kept(u))
 
     def null(self, y: np.ndarray) -> np.ndarray:
         """log N(y; 0, K₀) of cases (6 R, C), without the constant in 2π."""

@@ -1,14 +1,16 @@
 """A recording made ready: what was measured, how noisy it is, and which rows are sealed."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from wrenchbed import registry
+from wrenchbed.chain import respond
 from wrenchbed.diagnosis import checks, scenery
 from wrenchbed.errors import DiagnosisError
-from wrenchbed.jets import value
+from wrenchbed.jets import Jet, value
 from wrenchbed.model import Model
 from wrenchbed.observations import Observations, observe, usable
 from wrenchbed.recording import Recording
@@ -17,8 +19,12 @@ from wrenchbed.scene import Scene
 SEALED = 0.25
 """Share of blocks that no fit sees."""
 BLOCKS_IN_MOTION = 24
-RATE_HZ = 25.0
-"""To about this rate a motion's rows are averaged before the linear analysis."""
+RATES_HZ = (10.0, 25.0)
+"""To a rate within these a motion's rows are averaged before the linear analysis."""
+FINE = 10.0
+"""Rows kept per period of the fastest part of the wrench that counts,"""
+COUNTS = 0.999
+"""which is where this share of the power lies below."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,6 +47,7 @@ class Prepared:
         sealed: observations that take no part in any fit (H,).
         scatter: mean products of the rows of each observation about their mean (H, 6, 6).
         left_out: saturated rows not used.
+        stride: rows of a motion that are averaged into one for the linear analysis.
     """
 
     recording: Recording
@@ -57,17 +64,11 @@ class Prepared:
     sealed: np.ndarray
     scatter: np.ndarray
     left_out: int
+    stride: int = 1
 
     @property
     def moving(self) -> bool:
         return self.scene.moving
-
-    @cached_property
-    def stride(self) -> int:
-        """Rows of a motion that are averaged into one for the linear analysis."""
-        if not self.moving:
-            return 1
-        return max(1, round(1.0 / (self.scene.period * RATE_HZ)))
 
     def rows(self, x: np.ndarray, sealed: bool = False) -> np.ndarray:
         """Scene or held rows (M, 6) → whitened (R, 6), of the fit's blocks or the sealed ones."""
@@ -93,6 +94,38 @@ class Prepared:
         parts = [np.full(int((block == b).sum()) // self.stride, b) for b in np.unique(block)]
         return np.concatenate(parts)
 
+    @cached_property
+    def coarse(self) -> "Prepared":
+        """The same on the averages of a motion's rows that ``rows`` gives, sealed ones too."""
+        if self.stride == 1:
+            return self
+        take = np.array(list(self._groups()))  # (G, stride)
+
+        def mean(x: np.ndarray) -> np.ndarray:
+            return np.asarray(x[take].mean(axis=1))
+
+        scene = self.scene
+        assert isinstance(scene.q, Jet)
+        few = replace(
+            scene,
+            q=Jet(mean(scene.q.v), mean(scene.q.d), mean(scene.q.dd)),
+            t=mean(scene.t),
+            held=np.ones(len(take), dtype=bool),
+            warmth=None if scene.warmth is None else mean(scene.warmth),
+        )
+        first = take[:, 0]
+        return replace(
+            self, scene=few, y=mean(self.y), count=self.count[take].sum(axis=1),
+            noise=self.variance, block=self.block[first], sealed=self.sealed[first],
+            scatter=mean(self.scatter), stride=1,
+        )  # fmt: skip
+
+    def _groups(self) -> Iterator[np.ndarray]:
+        """Rows of each average, in the order of time; blocks' last few rows are left out."""
+        for b in np.unique(self.block):
+            rows = np.flatnonzero(self.block == b)
+            yield from rows[: len(rows) // self.stride * self.stride].reshape(-1, self.stride)
+
     def at(self, theta: np.ndarray) -> "Prepared":
         """The same with the scene at other parameters (P,)."""
         own = theta[: len(self.model.robot.parameters)]
@@ -117,8 +150,20 @@ def prepare(recording: Recording, seed: int = 0) -> Prepared:
         recording, model, theta, scene, data.wrench, data.count, covariance,
         np.diag(1.0 / np.sqrt(np.diagonal(covariance))),
         _noise(recording, data), source, block, sealed,
-        _scatter(recording, data), data.left_out,
+        _scatter(recording, data), data.left_out, _stride(scene),
     )  # fmt: skip
+
+
+def _stride(scene: Scene) -> int:
+    """From the band of the wrench, all channels in units of their swing."""
+    if not scene.moving:
+        return 1
+    y = respond(scene)
+    y = (y - y.mean(axis=0)) / np.maximum(np.ptp(y, axis=0), 1e-9)
+    power = (np.abs(np.fft.rfft(y * np.hanning(len(y))[:, None], axis=0)) ** 2).sum(axis=1)
+    frequency = np.fft.rfftfreq(len(y), scene.period)
+    top = frequency[int(np.searchsorted(np.cumsum(power), COUNTS * power.sum()))]
+    return max(1, round(1.0 / (scene.period * float(np.clip(FINE * top, *RATES_HZ)))))
 
 
 def _row_noise(recording: Recording, data: Observations) -> tuple[np.ndarray, str]:

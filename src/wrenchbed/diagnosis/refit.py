@@ -1,6 +1,7 @@
 """Nonlinear refit of a structure: finite angles, shapes, and the evidence at what was found."""
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from functools import cache
 from typing import NamedTuple
 
@@ -229,7 +230,7 @@ class Refitter:
             return level
         variance = level.V.copy()
         variance[np.concatenate(blamed)] += LARGEST**2
-        return Level(level.E, level.v0, variance)
+        return replace(level, V=variance)
 
     def start(self, parts: Sequence[Hypothesis]) -> np.ndarray:
         """Variables without any amplitude, shapes where the variants put them (k,)."""

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from wrenchbed.diagnosis import scenery
-from wrenchbed.diagnosis.prepare import BLOCKS_IN_MOTION, Prepared, held_values
+from wrenchbed.diagnosis.prepare import BLOCKS_IN_MOTION, RATES_HZ, Prepared, held_values
 from wrenchbed.jets import Jet
 
 
@@ -58,7 +58,7 @@ def posed(
     sealed = np.concatenate([kept, np.zeros(len(q), dtype=bool)])
     return replace(
         prepared, scene=scene, y=np.zeros((n, 6)), count=np.ones(n, dtype=int), noise=noise,
-        block=np.arange(n), sealed=sealed,
+        block=np.arange(n), sealed=sealed, stride=1,
     )  # fmt: skip
 
 
@@ -71,4 +71,5 @@ def moved(prepared: Prepared, q: np.ndarray, rate: float) -> Prepared:
     return replace(
         prepared, scene=scene, y=np.zeros((n, 6)), count=np.ones(n, dtype=int), noise=np.ones(6),
         block=np.arange(n) * BLOCKS_IN_MOTION // n, sealed=np.zeros(n, dtype=bool),
+        stride=max(1, round(rate / RATES_HZ[1])),
     )  # fmt: skip

@@ -16,6 +16,8 @@ SINGLES, EXTENDED, LONGER = 6, 4, 5
 """How many single effects are refitted, how many of these extended, and with how many more."""
 AT_ONCE = 3
 """Most effects named together."""
+MINOR = 1
+"""Effects beside them that are too small to be named, but that evidence asks for."""
 NEGLIGIBLE = 30.0
 """Explanations so much less likely than the best (natural logarithm) are dropped."""
 
@@ -55,7 +57,7 @@ def rank(searcher: Searcher, refitter: Refitter) -> Ranking:
     ]
     mixed, kernel_beside = -np.inf, kernel
     beam = sorted(found, key=_posterior)[:EXTENDED]
-    for _ in range(AT_ONCE - 1):
+    for _ in range(AT_ONCE + MINOR - 1):
         longer: list[Finalist] = []
         drafts: list[tuple[float, Finalist, Single]] = []
         for f in beam:
@@ -74,7 +76,7 @@ def rank(searcher: Searcher, refitter: Refitter) -> Ranking:
                 continue
             seen.add(names)
             pair = refitter.fit((*f.parts, h), f.rung, np.concatenate([f.x, refitter.start((h,))]))
-            if _counts(refitter, pair):
+            if pair.log_posterior > f.log_posterior and len(_claimed(refitter, pair)) <= AT_ONCE:
                 longer.append(pair)
         if not longer:
             break
@@ -94,8 +96,9 @@ def _posterior(f: Finalist) -> float:
     return -f.log_posterior
 
 
-def _counts(refitter: Refitter, f: Finalist) -> bool:
-    return all(h.name in STATED or share(refitter, f, k) > CLAIMABLE for k, h in enumerate(f.parts))
+def _claimed(refitter: Refitter, f: Finalist) -> list[int]:
+    named = [k for k, h in enumerate(f.parts) if h.name not in STATED]
+    return [k for k in named if share(refitter, f, k) >= CLAIMABLE]
 
 
 def _kernel(searcher: Searcher, kernels: Sequence[Single]) -> str:

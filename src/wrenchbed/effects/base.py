@@ -16,7 +16,7 @@ mean of every variant is close to linear in them.
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
@@ -58,6 +58,22 @@ class Variant:
     weight: float = 1.0
 
 
+class Residual(NamedTuple):
+    """What a calibrated simulator leaves.
+
+    Attributes:
+        rows: of the scene that were measured and may be fitted (R,).
+        value: in units of ``noise``, after bias, mass and CoG (R, 6).
+        noise: standard deviation of a row (6,) [N, N·m].
+        tangent: change of all readings (M, 6) per typical size of a parameter, shapes given.
+    """
+
+    rows: np.ndarray
+    value: np.ndarray
+    noise: np.ndarray
+    tangent: Callable[[str, Mapping[str, float]], np.ndarray]
+
+
 class Pose(NamedTuple):
     """R_world_sensor (M, 3, 3) and the sensor's origin in the world (M, 3) [m]; jets in motion."""
 
@@ -94,6 +110,10 @@ class Effect(ABC):
     @abstractmethod
     def variants(self, scene: Scene) -> tuple[Variant, ...]:
         """The ways in which it may show in a scene; none where it cannot."""
+
+    def found(self, scene: Scene, residual: Residual) -> tuple[Variant, ...]:
+        """Further variants whose shapes a scan of a residual suggests; default: none."""
+        return ()
 
     def values(self, robot: Robot, given: Mapping[str, Any]) -> dict[str, float]:
         """All parameters by name, nominal where not given.

@@ -12,7 +12,11 @@ TYPICAL = np.deg2rad(0.5)
 
 
 class BaseTilt(ModelEffect):
-    """g → Exp(α) g, α horizontal."""
+    """g → Exp(α) g, α horizontal.
+
+    Seen in: orientations with joint 1 turned; else a tilt about joint 2's axis is an offset of
+    joints 2 to 4.
+    """
 
     name = "base.tilt"
     title = "the base is tilted against gravity"

@@ -12,6 +12,8 @@ class BaseVibration(RowEffect):
     """y_i → y_i + A_i sin(2πft + φ), one random phase a call; adds A²/2 to a row's variance.
 
     A is what the shaking tool's inertia puts on the sensor: m·a, and m·a times its lever.
+
+    Seen in: repeats at rest, whose rows scatter more than stated, along one line of the spectrum.
     """
 
     name = "base.vibration"

@@ -28,6 +28,8 @@ class EnvironmentContact(LoadEffect):
     l = 1 cm, and n = 1 of a spring, 3/2 of a ball on a half space (Hertz); no friction.
 
     The tip is that of the robot's model, else twice as far from the sensor as the CoG.
+
+    Seen in: poses inside and outside the region that is touched; it acts on one side only.
     """
 
     name = "environment.contact"

@@ -30,6 +30,9 @@ class JointBacklash(JointEffect):
 
     Amplitudes are half gaps β/2. A link that gravity loads lies on gravity's side; one that
     friction holds lags behind its motor. τ₀ is small: tanh is the sign without its jump.
+
+    Seen in: poses approached from both sides, and gravity's torque of both signs; where gravity
+    holds one side, nothing shows.
     """
 
     name = "joint.backlash"

@@ -32,6 +32,8 @@ class JointClearance(JointEffect, PoseEffect):
     only, so ĝ is its load's direction. Both are given as what the joints would have to turn,
     J δq = δE, and q6 as much as the wrist's roll then differs.
     ``tilt``: R → R Exp(t M/√(M² + M₀²)), M the moment of the tool's weight across the sensor's z.
+
+    Seen in: poses between which the force in a link changes its sign.
     """
 
     name = "joint.clearance"

@@ -16,7 +16,10 @@ if TYPE_CHECKING:
 
 
 class JointCompliance(JointEffect):
-    """δq = τ/k with the torque τ of gravity; amplitudes are compliances 1/k."""
+    """δq = τ/k with the torque τ of gravity; amplitudes are compliances 1/k.
+
+    Seen in: gravity's torque of both signs, and a second payload, which tells it from a gear error.
+    """
 
     name = "joint.compliance"
     title = "joints give under the weight that they carry"

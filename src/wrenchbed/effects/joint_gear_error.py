@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from wrenchbed.effects.base import Effect, JointEffect, Values, Variant, one_joint
+from wrenchbed.effects.base import Effect, JointEffect, Residual, Values, Variant, one_joint
 from wrenchbed.jets import Value, cos, sin
 from wrenchbed.parameters import Parameter, ParameterSet
 from wrenchbed.robots.base import Robot
@@ -15,10 +15,16 @@ TYPICAL = 3e-4
 """1 arcmin [rad]."""
 
 
+ORDERS = np.arange(5.0, 221.0)
+"""Waves a turn that are looked for in a residual, besides those that gears are known for."""
+
+
 class JointGearError(JointEffect):
     """δq = A sin(kq) + B cos(kq), order k: 1 an eccentric encoder, N and 2N the wave generator's.
 
     N is the gear ratio (Tuttle & Seering 1996, 10.1109/70.499819: orders 1 and 2 of the input).
+
+    Seen in: dense poses along one joint.
     """
 
     name = "joint.gear_error"
@@ -47,6 +53,26 @@ class JointGearError(JointEffect):
                 label = f"joint {k}, {order:g} waves a turn"
                 result.append(Variant(label, free, {"order": order}, ("order",), {"joint": k}))
         return tuple(result)
+
+    def found(self, scene: Scene, residual: Residual) -> tuple[Variant, ...]:
+        """The order of the largest wave in a residual, of all joints."""
+        best, at = 0.0, (0, 0.0)
+        value = residual.value.ravel()
+        for k in rotary(scene.robot):
+            slope = residual.tangent(f"cos.q{k}", {"order": 0.01})[residual.rows] / residual.noise
+            angle = scene.joints[residual.rows, k - 1]
+            moment, size = (slope * residual.value).sum(axis=1), (slope**2).sum(axis=1)
+            wave = np.exp(1j * np.outer(ORDERS, angle))
+            score = np.abs(wave @ moment) ** 2 / np.maximum(0.5 * size.sum(), 1e-12)
+            if score.max() > best and size.sum() > 1e-6 * value.size:
+                best, at = float(score.max()), (k, float(ORDERS[int(score.argmax())]))
+        if not best:
+            return ()
+        k, order = at
+        label = f"joint {k}, {order:g} waves a turn"
+        free = (f"sin.q{k}", f"cos.q{k}")
+        weight = len(self.variants(scene)) / (len(ORDERS) * len(rotary(scene.robot)))
+        return (Variant(label, free, {"order": order}, ("order",), {"joint": k}, weight),)
 
     def displace(self, scene: Scene, p: Values) -> Value:
         """As exact jets in motion: 101 waves a turn are fast."""

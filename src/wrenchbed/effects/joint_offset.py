@@ -11,7 +11,11 @@ TYPICAL = np.deg2rad(0.2)
 
 
 class JointOffset(JointEffect):
-    """δq = δ: a joint reads q and stands at q + δ."""
+    """δq = δ: a joint reads q and stands at q + δ.
+
+    Seen in: varied orientations; joint 1, which turns about gravity or slides, shows nothing at
+    rest, and on a UR5 joints 2 to 4 enter only as their sum.
+    """
 
     name = "joint.offset"
     title = "joints stand a constant away from what they report"

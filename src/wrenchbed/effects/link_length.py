@@ -17,6 +17,8 @@ class LinkLength(ModelEffect):
     """a, d, α + δ of a serial arm (Denavit–Hartenberg); L, anchors, d4 + δ of five-bars.
 
     A serial arm's lengths move no wrench at rest, its twists do; every length of a loop does.
+
+    Seen in: varied orientations for twists and loops, a motion for the lengths of a serial arm.
     """
 
     name = "link.length"

@@ -13,7 +13,10 @@ NAMES = tuple(f"rotation.{a}" for a in "xyz")
 
 
 class MountRotation(ModelEffect):
-    """R_world_sensor → R_world_sensor Exp(ω); the tool turns with the sensor."""
+    """R_world_sensor → R_world_sensor Exp(ω); the tool turns with the sensor.
+
+    Seen in: varied orientations.
+    """
 
     name = "mount.rotation"
     title = "the sensor sits turned on its flange"

@@ -16,7 +16,10 @@ from wrenchbed.wrench import CHANNELS
 
 
 class SensorBias(ReadingEffect):
-    """y_i → y_i + b_i [N, N·m]."""
+    """y_i → y_i + b_i [N, N·m].
+
+    Seen in: any poses that turn the tool about.
+    """
 
     name = "sensor.bias"
     title = "the sensor's zero is off"

@@ -24,6 +24,8 @@ class SensorCreep(ReadingEffect):
     reading is right at first and ends c_i Δ too high.
 
     Settled at the first row; the load moves linearly from row to row, over which ∫ is exact.
+
+    Seen in: long holds after changes of load, and a first pose that is visited again.
     """
 
     name = "sensor.creep"

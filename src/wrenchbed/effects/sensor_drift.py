@@ -20,6 +20,8 @@ class SensorDrift(ReadingEffect):
 
     The typical rates, 1e-4 N/s = 0.36 N/h and 2e-6 N·m/s = 7 mN·m/h, add up to 0.03 N and
     0.6 mN·m in five minutes.
+
+    Seen in: a first pose that is visited again, in an order of poses that is mixed.
     """
 
     name = "sensor.drift"

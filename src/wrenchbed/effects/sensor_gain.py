@@ -16,7 +16,11 @@ from wrenchbed.wrench import CHANNELS
 
 
 class SensorGain(ReadingEffect):
-    """y_i → (1 + ε_i) y_i."""
+    """y_i → (1 + ε_i) y_i.
+
+    Seen in: orientations that load each axis; a second payload, for with one a gain of all channels
+    is a mass.
+    """
 
     name = "sensor.gain"
     title = "axes of the sensor read too much or too little"

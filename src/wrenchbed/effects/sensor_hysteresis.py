@@ -23,6 +23,8 @@ class SensorHysteresis(ReadingEffect):
     the Prandtl–Ishlinskii form of hysteresis (Visintin, Differential Models of Hysteresis, 1994,
     ch. III). h_iw is the largest lag of a play; with the slope s_iw it grows along the load u_i,
     −1 … 1 over the channel's range. Real loops have other forms still: see ``form_error``.
+
+    Seen in: poses approached from both directions of load.
     """
 
     name = "sensor.hysteresis"

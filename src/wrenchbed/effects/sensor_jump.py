@@ -14,7 +14,10 @@ STEPS = tuple(f"step.{c}" for c in CHANNELS)
 
 
 class SensorJump(ReadingEffect):
-    """y_i → y_i + s_i from ``time`` [s] on, a moment of the recording's clock."""
+    """y_i → y_i + s_i from ``time`` [s] on, a moment of the recording's clock.
+
+    Seen in: varied orientations before and after its moment.
+    """
 
     name = "sensor.jump"
     title = "the sensor's zero jumps once"

@@ -9,7 +9,10 @@ from wrenchbed.wrench import CHANNELS, UNITS
 
 
 class SensorNoise(RowEffect):
-    """y_i → y_i + n_i, white Gaussian noise of standard deviation σ_i [N, N·m] beyond the usual."""
+    """y_i → y_i + n_i, white Gaussian noise of standard deviation σ_i [N, N·m] beyond the usual.
+
+    Seen in: repeats at rest, beside a stated noise of one row.
+    """
 
     name = "sensor.noise"
     title = "the sensor is noisier than stated"

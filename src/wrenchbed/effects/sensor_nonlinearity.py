@@ -28,6 +28,9 @@ class SensorNonlinearity(ReadingEffect):
 
     Even: the same sign under both directions of load; odd: the gain depends on the load. The
     typical 0.005 is 0.1 N at 20 N, and 0.025 N (even) or 6 mN (odd) at 10 N.
+
+    Seen in: inverted poses for the even law, loads near full scale for the odd one; a second
+    payload.
     """
 
     name = "sensor.nonlinearity"

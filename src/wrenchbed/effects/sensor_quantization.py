@@ -9,7 +9,10 @@ from wrenchbed.wrench import CHANNELS, UNITS
 
 
 class SensorQuantization(RowEffect):
-    """y_i → Δ_i round(y_i/Δ_i); a step of 0 does not round. Adds Δ²/12 to a row's variance."""
+    """y_i → Δ_i round(y_i/Δ_i); a step of 0 does not round. Adds Δ²/12 to a row's variance.
+
+    Seen in: repeats at rest: rows that take few values.
+    """
 
     name = "sensor.quantization"
     title = "the sensor counts in coarse steps"

@@ -22,6 +22,8 @@ class SensorSaturation(ReadingEffect):
 
     The share s_i is 0 where nothing is clipped and 1 where the channel never passes its level
     L_i [N, N·m]; it makes the reading linear. Between the two a channel bends at its level.
+
+    Seen in: poses that load the channel beyond its level: flat tops in one channel.
     """
 
     name = "sensor.saturation"

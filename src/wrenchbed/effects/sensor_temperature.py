@@ -27,6 +27,8 @@ class SensorTemperature(ReadingEffect):
 
     Where no temperature was recorded, ϑ = 1 − exp(−(t − t₀)/τ): a warm-up of first order, of
     which ``zero`` [N, N·m] and ``span`` [1] are the whole changes that it ends in.
+
+    Seen in: a warm-up with the temperature recorded; the span, two loads at two temperatures.
     """
 
     name = "sensor.temperature"

@@ -13,6 +13,8 @@ class TimingDelay(ReadingEffect):
     """y(t) → y(t − T), a cubic spline between rows; before the first row the reading stood still.
 
     Phase falls linearly with frequency, the amplitude stays.
+
+    Seen in: a motion; frequencies about 1/T tell it from a filter.
     """
 
     name = "timing.delay"

@@ -14,6 +14,8 @@ class TimingLowpass(ReadingEffect):
 
     Exact for a load that moves linearly between rows, and so smooth in τ down to 0; τ < 0 mirrors
     the change, 2y − z(|τ|), which no filter does but which leaves differences about 0 right.
+
+    Seen in: a motion above the filter's corner, where the amplitude falls as well as the phase.
     """
 
     name = "timing.lowpass"

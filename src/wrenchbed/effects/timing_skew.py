@@ -14,6 +14,8 @@ class TimingSkew(ReadingEffect):
 
     κ: the sensor's clock stamps t' = (1 + κ) t, so that readings lag more and more; Δ: the time
     from one channel's conversion to the next's. Beyond the ends the reading stands still.
+
+    Seen in: a long motion, for the lag grows along it; channels in turn, a fast one.
     """
 
     name = "timing.skew"

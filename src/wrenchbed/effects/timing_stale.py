@@ -8,7 +8,10 @@ from wrenchbed.robots.base import Robot
 
 
 class TimingStale(RowEffect):
-    """Each row but the first shows, with probability ``share``, what the row before it shows."""
+    """Each row but the first shows, with probability ``share``, what the row before it shows.
+
+    Seen in: rows of a noisy sensor that repeat exactly.
+    """
 
     name = "timing.stale"
     title = "some rows repeat the one before"

@@ -11,7 +11,10 @@ NAMES = tuple(f"cog.{a}" for a in "xyz")
 
 
 class ToolCog(ModelEffect):
-    """c → c + δc in sensor axes."""
+    """c → c + δc in sensor axes.
+
+    Seen in: varied orientations.
+    """
 
     name = "tool.cog"
     title = "the tool's centre of gravity lies elsewhere than stated"

@@ -11,7 +11,10 @@ NAMES = tuple(f"inertia.{a}" for a in INERTIA_AXES)
 
 
 class ToolInertia(ModelEffect):
-    """I → I + δI about the centre of gravity in sensor axes; no wrench at rest shows it."""
+    """I → I + δI about the centre of gravity in sensor axes; no wrench at rest shows it.
+
+    Seen in: a motion that turns and accelerates the tool.
+    """
 
     name = "tool.inertia"
     title = "the tool's inertia differs from what is stated"

@@ -5,11 +5,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wrenchbed.effects.base import LoadEffect, Pose, Values, Variant
+from wrenchbed.effects.base import LoadEffect, Pose, Residual, Values, Variant
 from wrenchbed.frames import cross
 from wrenchbed.parameters import Parameter, ParameterSet
 from wrenchbed.robots.base import Robot
 from wrenchbed.scene import Scene, held_on
+from wrenchbed.wrench import wrench
 
 if TYPE_CHECKING:
     import mujoco
@@ -20,12 +21,18 @@ SOFT = 0.05
 GRIP = 0.3
 """Share of the load along the way below which a part that sticks stays where it was."""
 
+WAYS = 200
+GRIPS, LEANS = (0.0, 0.08, 0.16, 0.24, 0.32), (-0.6, -0.4, -0.2, 0.0, 0.2, 0.4, 0.6)
+"""What is tried when a residual is scanned: ways over a half sphere, grips and leans."""
+
 
 class ToolLoose(LoadEffect):
     """c → c + s n sgn(n·F/|F| − l): the centre of gravity jumps along a way n, torque δc × F.
 
     The sign is tanh(…/0.05), l leans to one side; with a ``grip`` it turns only once n·F/|F| is
     that far beyond l. What flows along the load has no torque; along one axis it is tool.flexure.
+
+    Seen in: orientations that tip the tool to either side, and back.
     """
 
     name = "tool.loose"
@@ -57,9 +64,46 @@ class ToolLoose(LoadEffect):
                     result.append(Variant(f"{text} along {label}", ("shift",), begin, shape))
         return tuple(result)
 
-    def load(self, scene: Scene, pose: Pose, load: np.ndarray, p: Values) -> np.ndarray:
+    def found(self, scene: Scene, residual: Residual) -> tuple[Variant, ...]:
+        """Ways, grips and leans whose jumps a residual's torques follow best.
+
+        Of a jump s = ±1 along any lever δ: T = s δ × F, so Σ s Fᵀ× T is all that a scan needs.
+        """
+        rotation, position = scene.pose
+        force = self._force(scene, wrench(rotation, position, scene.tool, scene.gravity))
+        towards = force / np.maximum(np.linalg.norm(force, axis=1, keepdims=True), 1e-9)
+        own = force[residual.rows]
+        levers = np.stack([cross(np.broadcast_to(e, own.shape), own) for e in np.eye(3)], axis=2)
+        levers = levers / residual.noise[3:, None]  # (R, 3 torques, 3 levers)
+        moment = np.einsum("rti,rt->ri", levers, residual.value[:, 3:])
+        normal = np.einsum("rti,rtj->ij", levers, levers) + 1e-9 * np.eye(3)
+        ways = _half_sphere(WAYS)
+        along = towards @ ways.T  # (M, ways)
+        told = []
+        for grip in GRIPS:
+            for lean in LEANS:
+                side = held_on(np.where(np.abs(along - lean) > grip, np.sign(along - lean), 0.0))
+                at = side[residual.rows]
+                at = at - at.mean(axis=0)
+                score = at.T @ moment  # (ways, 3)
+                lever = np.linalg.solve(normal, score.T).T
+                gain = (score * ways).sum(axis=1) * np.abs((lever * ways).sum(axis=1))
+                told += [(abs(float(gain[k])), k, grip, lean) for k in np.argsort(-abs(gain))[:2]]
+        told.sort(reverse=True)
+        result: list[Variant] = []
+        for _, k, grip, lean in told[:4]:
+            begin = dict(zip(WAY, map(float, ways[k]), strict=True)) | {"lean": lean, "grip": grip}
+            text = f"{'sticks' if grip else 'falls'} along a way found, {len(result) + 1}"
+            shape = (*WAY, "lean", "grip") if grip else (*WAY, "lean")
+            result.append(Variant(text, ("shift",), begin, shape, {}, 0.3))
+        return tuple(result)
+
+    def _force(self, scene: Scene, load: np.ndarray) -> np.ndarray:
         tool = scene.tool
-        force = load[:, :3] * (tool.mass / (tool.mass + tool.sensor_mass))
+        return np.asarray(load[:, :3] * (tool.mass / (tool.mass + tool.sensor_mass)))
+
+    def load(self, scene: Scene, pose: Pose, load: np.ndarray, p: Values) -> np.ndarray:
+        force = self._force(scene, load)
         towards = force / np.maximum(np.linalg.norm(force, axis=1, keepdims=True), 1e-9)
         way = direction(p)
         lever = p["shift"] * _side(towards @ way - p["lean"], p["grip"])[:, None] * way
@@ -81,6 +125,14 @@ def direction(p: Values) -> np.ndarray:
     """n (3,)."""
     way = np.array([p[w] for w in WAY])
     return way / max(float(np.linalg.norm(way)), 1e-9)
+
+
+def _half_sphere(count: int) -> np.ndarray:
+    """Evenly spread unit vectors (count, 3) with z > 0, on a golden spiral."""
+    k = np.arange(count) + 0.5
+    z, turn = k / count, np.pi * (1.0 + np.sqrt(5.0)) * k
+    flat = np.sqrt(1.0 - z**2)
+    return np.stack([flat * np.cos(turn), flat * np.sin(turn), z], axis=1)
 
 
 def _side(along: np.ndarray, grip: float) -> np.ndarray:

@@ -9,7 +9,10 @@ from wrenchbed.scene import Scene
 
 
 class ToolMass(ModelEffect):
-    """m → m + δm, its centre of gravity where it was."""
+    """m → m + δm, its centre of gravity where it was.
+
+    Seen in: any poses that turn the tool about.
+    """
 
     name = "tool.mass"
     title = "the tool is heavier or lighter than stated"

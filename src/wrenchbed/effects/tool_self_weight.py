@@ -9,7 +9,11 @@ from wrenchbed.scene import Scene
 
 
 class ToolSelfWeight(ModelEffect):
-    """F += δm (Rᵀg − a) at the sensor's origin: forces only."""
+    """F += δm (Rᵀg − a) at the sensor's origin: forces only.
+
+    Seen in: varied orientations with mass and CoG stated; where both are unknown it hides behind
+    them.
+    """
 
     name = "tool.self_weight"
     title = "the sensor's own tool side weighs on its gauges"

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from wrenchbed.frames import apply, cross, exp, exp_rates, rot_x, rot_z
-from wrenchbed.jets import Value, cos, sin, stack
+from wrenchbed.jets import Jet, Value, cos, sin, stack
 from wrenchbed.parameters import Parameter, ParameterSet
 from wrenchbed.robots.base import (
     TILT,
@@ -126,8 +126,10 @@ class UR5(LoadInSensorAxes, SimulatedRobot):
             centres[:, i] = origin + link.cog[0] * x + link.cog[1] * y + link.cog[2] * z
         return MASSES, centres
 
-    def gravity_torque(self, q: np.ndarray, theta: np.ndarray, gravity: np.ndarray) -> np.ndarray:
-        """(N, 6) [N·m]: of each joint's axis, the moment of all that it carries; exact."""
+    def gravity_torque(self, q: Value, theta: np.ndarray, gravity: np.ndarray) -> np.ndarray:
+        """(N, 6) [N·m]: of each joint's axis, the moment of all that it carries; exact at rest."""
+        if isinstance(q, Jet):
+            return super().gravity_torque(q, theta, gravity)
         masses, centres = self.links(q, theta)
         *joints, _ = self._frames(q, theta)
         mass, moment = self.load_moment(q, theta)

@@ -1,0 +1,5 @@
+"""Reports: one HTML page that opens offline and needs nothing else."""
+
+from wrenchbed.report.page import Page, diagnosis_page
+
+__all__ = ["Page", "diagnosis_page"]

@@ -1,0 +1,135 @@
+"""Numbers as people read them: as many digits as are known, with their unit."""
+
+import math
+import re
+from collections.abc import Mapping
+from typing import Any
+
+NORMAL_95 = 1.96
+"""Half the width of a 95 % interval, in standard uncertainties."""
+MOST_NINES = 4
+"""Decimals of a percentage close below the whole."""
+_SMALL = {"m": "mm", "rad": "mrad", "s": "ms"}
+_SHARES = ("gain", "share", "span")
+"""Parameters without unit that people read in percent, by the start of their name."""
+_POWERS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+def gap(value: float) -> str:
+    """A gap with up to three figures; below a hundredth it is zero."""
+    size = abs(value)
+    if size < 0.005:
+        return "0.00"
+    digits = 2 if size < 10 else 1 if size < 100 else 0
+    return minus(f"{value:,.{digits}f}")
+
+
+def percent(x: float) -> str:
+    """A share with one decimal, none from a thousand percent on, more close below the whole."""
+    rest = 1.0 - x
+    if 0.0 < rest < 1e-3:
+        digits = min(MOST_NINES, -math.floor(math.log10(rest)) - 2)
+        scale = 10.0**digits
+        return f"{math.floor(100 * x * scale) / scale:.{digits}f}"
+    return minus(f"{100 * x:,.0f}" if abs(x) >= 10 else f"{100 * x:.1f}")
+
+
+def chance(p: float) -> str:
+    """A probability; certainty is never claimed."""
+    return ">\u00a00.99" if p > 0.994 else "<\u00a00.01" if p < 0.006 else f"{p:.2f}"
+
+
+def p_value(p: float) -> str:
+    """A p-value with one or two figures."""
+    return "< 0.001" if p < 0.001 else f"{p:.3f}" if p < 0.0995 else f"{p:.2f}"
+
+
+def quantity(name: str, told: Mapping[str, Any], *, signed: bool = False) -> str:
+    """A parameter's value ± standard uncertainty with its unit."""
+    value, std = told.get("value"), told.get("std")
+    if not _is_number(value) or "unit" not in told:
+        shown = f"{value:g}" if _is_number(value) else str(value)
+        return shown + _or(told.get("rivals"))
+    factor, unit = _unit(name, told)
+    spread = None if std is None else factor * float(std)
+    shown = measured(factor * float(value or 0.0), spread, signed=signed)
+    return f"{shown} {unit}".rstrip()
+
+
+def interval(name: str, told: Mapping[str, Any]) -> str:
+    """The 95 % interval of a parameter in the unit of `quantity`; a dash where it is not known."""
+    value, std = told.get("value"), told.get("std")
+    if not _is_number(value) or not _is_number(std) or not std or not math.isfinite(std):
+        return "–"
+    factor, unit = _unit(name, told)
+    value, std = factor * float(value or 0.0), factor * std
+    power = _power(max(abs(value), std))
+    scale, std = 10.0**power, std / 10.0**power
+    digits = _digits(std)
+    low, high = (f"{value / scale + k * NORMAL_95 * std:.{digits}f}" for k in (-1, 1))
+    both = minus(f"{low} … {high}")
+    return f"{f'({both}){_times(power)}' if power else both} {unit}".rstrip()
+
+
+def degrees(told: Mapping[str, Any]) -> str:
+    """An angle once more in degrees; empty for what is no angle."""
+    value = told.get("value")
+    if told.get("unit") != "rad" or not _is_number(value):
+        return ""
+    return minus(f"{math.degrees(value or 0.0):.3g}°")
+
+
+def measured(value: float, std: float | None, *, signed: bool = False) -> str:
+    """``(1.40 ± 0.05)·10⁴``: as many digits as the uncertainty allows, four without one."""
+    if not math.isfinite(value):
+        return "–"
+    plus = "+" if signed and value > 0 else ""
+    known = std is not None and math.isfinite(std) and std > 0
+    power = _power(max(abs(value), std or 0.0) if known else abs(value))
+    value = value / 10.0**power
+    if not known or std is None:
+        return minus(f"{plus}{value:.4g}{_times(power)}")
+    std = std / 10.0**power
+    digits = _digits(std)
+    both = minus(f"{plus}{value:.{digits}f} ± {max(std, 10.0**-digits):.{digits}f}")
+    return f"({both}){_times(power)}" if power else both
+
+
+def minus(text: str) -> str:
+    """The minus sign proper instead of the hyphen, none before a plain zero."""
+    return re.sub(r"-(?=0(\.0*)?(?![\d.]))", "", text).replace("-", "−")
+
+
+def _unit(name: str, told: Mapping[str, Any]) -> tuple[float, str]:
+    """Factor and unit in which people read a parameter."""
+    unit, value = str(told.get("unit", "")), told.get("value") or 0.0
+    if unit == "1":
+        return (100.0, "%") if name.split(".")[0] in _SHARES else (1.0, "")
+    if unit in _SMALL and abs(value) < 0.1:
+        return 1e3, _SMALL[unit]
+    return 1.0, unit
+
+
+def _power(size: float) -> int:
+    """Power of ten that is split off: none where a plain number reads well."""
+    return 0 if size == 0.0 or 1e-2 <= size < 1e4 else math.floor(math.log10(size))
+
+
+def _times(power: int) -> str:
+    return f"·10{str(power).translate(_POWERS)}" if power else ""
+
+
+def _digits(std: float) -> int:
+    """Decimals that an uncertainty leaves: two figures while it begins with 1 or 2, else one."""
+    lead = math.floor(math.log10(std))
+    return min(6, max(0, -lead + (std / 10.0**lead < 2.95)))
+
+
+def _is_number(x: object) -> bool:
+    return isinstance(x, int | float) and not isinstance(x, bool)
+
+
+def _or(rivals: object) -> str:
+    if not isinstance(rivals, list | tuple) or not rivals:
+        return ""
+    return f" (or {', '.join(str(r) for r in rivals)})"

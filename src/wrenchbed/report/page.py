@@ -1,0 +1,135 @@
+"""The report of a diagnosis as one HTML page that needs nothing else."""
+
+import shlex
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib.metadata import version
+from importlib.resources import files
+from pathlib import Path, PurePath
+from typing import Any
+
+from wrenchbed import registry
+from wrenchbed.diagnosis.diagnose import Findings
+from wrenchbed.report import figures, numbers, tables, words
+from wrenchbed.report.evidence import Evidence
+
+_BADGES = {"none": "✓", "identified": "●", "ambiguous": "◐", "unknown": "?"}
+"""Shapes beside the colour of a verdict."""
+
+
+@dataclass(frozen=True)
+class Page:
+    """A report, ready to be written.
+
+    Attributes:
+        context: what the template shows, by name.
+    """
+
+    context: Mapping[str, Any]
+
+    def html(self) -> str:
+        """One self-contained page with the figures inside.
+
+        Raises:
+            MissingExtraError: jinja2 is not installed.
+        """
+        jinja2 = registry.require("jinja2", "report")
+        text = (files("wrenchbed.report") / "page.html.j2").read_text(encoding="utf-8")
+        environment = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
+        return str(environment.from_string(text).render(self.context))
+
+    def write(self, path: str | Path) -> None:
+        """Write the page, whole or not at all."""
+        path = Path(path)
+        half = path.with_name(path.name + ".part")
+        half.write_text(self.html(), encoding="utf-8")
+        half.replace(path)
+
+
+def diagnosis_page(found: Findings, command: str = "") -> Page:
+    """The page of a diagnosis.
+
+    Args:
+        found: from ``diagnose``.
+        command: that made it; told without options if not given.
+
+    Raises:
+        MissingExtraError: matplotlib is not installed.
+    """
+    registry.require("matplotlib", "report")
+    d, prepared = found.diagnosis, found.analysis.prepared
+    seen = words.observations(int(prepared.sealed.sum()), prepared.moving)
+    evidence, rows = Evidence(found), words.row_effects(found)
+    before, after = evidence.channels()
+    map_of_residuals = evidence.heat()
+    told = {r.sentence for r in found.rows}
+    return Page(
+        {
+            "d": d,
+            "name": PurePath(d.recording).name,
+            "badge": _BADGES[d.verdict],
+            "headline": words.headline(found),
+            "place": words.place(found),
+            "where": words.places(found),
+            "subsystems": tables.subsystems(found),
+            "causes": [words.cause(w, w["effect"] in rows) for w in d.which],
+            "no_cause": words.without_cause(d),
+            "how_far": words.distance(found, seen),
+            "black_box": words.black_box(d.gap.black_box) if d.gap.calibrated >= 1.0 else "",
+            "seen": seen,
+            "moving": prepared.moving,
+            "between_rows": bool(rows) and all(w["effect"] in rows for w in d.which),
+            "bars": [
+                (label, numbers.gap(value), kind) for label, value, kind in tables.gaps(found)
+            ],
+            "gaps": figures.gaps(tables.gaps(found)),
+            "channels": figures.channels(before, after, evidence.first),
+            "places": tables.places(found),
+            "unseen": tables.unseen(found),
+            "heat": figures.heat(map_of_residuals),
+            "heat_over": map_of_residuals.over,
+            "candidates": tables.candidates(d.probabilities),
+            "explanations": tables.explanations(found),
+            "table": tables.causes(found),
+            "comparisons": [
+                {
+                    "svg": figures.comparison(c, f"effect-{k}"),
+                    "title": c.title,
+                    "channel": c.channel,
+                }
+                for k, c in enumerate(evidence.comparisons())
+            ],
+            "rows": [r.sentence for r in found.rows],
+            "next": tables.steps(d.next),
+            "record": f"wrenchbed record --robot {shlex.quote(d.robot)} --driver DRIVER --plan ",
+            "notes": [n for n in d.notes if n not in told],
+            "data": _data(found),
+            "command": command or f"wrenchbed diagnose {shlex.quote(d.recording)} --out DIR",
+        }
+    )
+
+
+def _data(found: Findings) -> list[tuple[str, str]]:
+    """What was diagnosed, by what."""
+    p = found.analysis.prepared
+    stated, robot = p.recording.metadata, p.model.robot
+    tool = []
+    if stated.tool.mass is not None:
+        tool.append(f"{stated.tool.mass:.4g} kg")
+    if stated.tool.cog is not None:
+        cog = ", ".join(f"{1e3 * x:.4g}" for x in stated.tool.cog)
+        tool.append(numbers.minus(f"centre of gravity ({cog}) mm"))
+    rate = "" if stated.rate_hz is None else f" at {stated.rate_hz:g} Hz"
+    return [
+        ("recording", found.diagnosis.recording),
+        ("robot", f"{stated.robot}: {robot.title}"),
+        ("sensor", stated.sensor.model or "not stated"),
+        ("stated tool", ", ".join(tool) or "not stated"),
+        (
+            "data",
+            f"{words.observations(len(p.y), p.moving)}, {len(p.recording):,} rows{rate}, "
+            f"source: {stated.source or 'not stated'}",
+        ),
+        ("noise of a row", f"from its {p.source}"),
+        ("made by", f"wrenchbed {version('wrenchbed')} in {found.diagnosis.seconds:.1f} s"),
+    ]

@@ -1,0 +1,176 @@
+"""Tables of a report: subsystems, causes, explanations, places, what next."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from scipy.special import softmax
+
+from wrenchbed.diagnosis.diagnose import Findings
+from wrenchbed.diagnosis.dictionary import STATED
+from wrenchbed.diagnosis.search import NONE, UNKNOWN
+from wrenchbed.report import numbers, words
+
+SUBSYSTEMS = (
+    "base", "joint", "link", "mount", "sensor", "tool", "cable", "environment", "timing",
+)  # fmt: skip
+"""In the order in which a load travels through them."""
+MOST_CANDIDATES, LEAST_CANDIDATE = 8, 0.005
+MOST_EXPLANATIONS = 6
+_MEANING = {NONE: "none: normal imperfections", UNKNOWN: "unknown: something else"}
+
+
+def subsystems(found: Findings) -> list[dict[str, Any]]:
+    """The map of where: what each part of the robot has to do with the gap."""
+    d, rows = found.diagnosis, words.row_effects(found)
+    claimed = {str(w["effect"]).split(".")[0] for w in d.which}
+    rivals = {n.split(".")[0] for n in words.names(d.which)} - claimed
+    scatter = {n.split(".")[0] for n in rows} & claimed
+    share: dict[str, float] = {}
+    for w in d.where:
+        own = str(w["subsystem"])
+        share[own] = share.get(own, 0.0) + max(float(w["share"]), 0.0)
+    means = {str(w["effect"]).split(".")[0] for w in d.which if w["effect"] not in rows}
+    result = []
+    for name in SUBSYSTEMS:
+        value, kind, text = share.get(name, 0.0), "quiet", "–"
+        if name in means:
+            kind, text = "claimed", f"{100 * value:.0f} %"
+        elif name in scatter:
+            kind, text = "claimed", "rows"
+        elif name in rivals:
+            kind, text = "hint", "or here"
+        elif value > 0:
+            kind, text = "hint", f"hint: {100 * value:.0f} %"
+        result.append({"name": name, "kind": kind, "text": text, "weight": _width(value)})
+    return result
+
+
+def unseen(found: Findings) -> str:
+    """Names of the places where nothing is seen."""
+    return ", ".join(f.variable for f in found.places if not f.seen)
+
+
+def places(found: Findings) -> list[dict[str, str]]:
+    """What the calibrated residual is seen to lie in, or to vary with."""
+    return [
+        {
+            "variable": f.variable,
+            "share": f"{100 * max(f.share, 0.0):.0f} %",
+            "width": _width(f.share),
+            "p": numbers.p_value(f.p_value),
+            "sentence": f.sentence,
+        }
+        for f in found.places
+        if f.seen
+    ]
+
+
+def candidates(probabilities: Mapping[str, float]) -> list[dict[str, str]]:
+    """Leading causes by probability; none and unknown always stand among them."""
+    ranked = sorted(probabilities.items(), key=lambda kv: -kv[1])
+    kept = [(k, p) for k, p in ranked if p >= LEAST_CANDIDATE][:MOST_CANDIDATES]
+    kept += [(k, p) for k, p in ranked if k in _MEANING and (k, p) not in kept]
+    return [
+        {
+            "name": _MEANING.get(k, k.replace("|", " or ")),
+            "p": numbers.chance(p),
+            "width": _width(p),
+        }
+        for k, p in kept
+    ]
+
+
+def explanations(found: Findings) -> list[dict[str, Any]]:
+    """The best structures with what each leaves, and how much less likely it is than the best."""
+    told = found.analysis.ranking.explanations
+    share = softmax(np.array([e.log_posterior for e in told]))
+    known = 1.0 - found.verdict.probabilities.get(UNKNOWN, 0.0)
+    result: list[dict[str, Any]] = []
+    seen = set()
+    for e, own in zip(told, share, strict=True):
+        text = " + ".join(f"{h.name} ({h.variant.label})" for h in e.finalist.parts)
+        own_names = {h.name for h in e.finalist.parts}
+        wrong = [p.name for p in e.parts if p.index is None and p.name not in own_names]
+        text = " + ".join(x for x in (text, *wrong) if x) or "small imperfections only"
+        if text in seen or len(result) == MOST_EXPLANATIONS:
+            continue
+        seen.add(text)
+        result.append(
+            {
+                "text": text,
+                "claims": bool(e.parts),
+                "rest": numbers.gap(e.rest),
+                "behind": _odds(told[0].log_posterior - e.log_posterior),
+                "p": numbers.chance(known * float(own)),
+            }
+        )
+    return result
+
+
+def causes(found: Findings) -> list[dict[str, Any]]:
+    """Parameters of each cause with value, uncertainty, 95 % interval and unit."""
+    result = []
+    for entry in found.diagnosis.which:
+        name = str(entry["effect"])
+        choices, sizes = words.parts(entry)
+        own = [
+            {
+                "name": words.parameter(n),
+                "value": numbers.quantity(n, v, signed=name in STATED),
+                "degrees": numbers.degrees(v),
+                "interval": numbers.interval(n, v),
+            }
+            for n, v in sizes
+        ]
+        closed = entry.get("closed_share")
+        result.append(
+            {
+                "name": name,
+                "choice": ", ".join(choices),
+                "probability": numbers.chance(float(entry["probability"])),
+                "rivals": ", ".join(str(r) for r in entry["rivals"]),
+                "closed": "–" if closed is None else f"{numbers.percent(float(closed))} %",
+                "rows": own or [{"name": "–", "value": "–", "degrees": "", "interval": "–"}],
+                "against": name in STATED,
+            }
+        )
+    return result
+
+
+def gaps(found: Findings) -> list[tuple[str, float, str]]:
+    """Gap of each simulator, for `figures.gaps`."""
+    g = found.diagnosis.gap
+    rows = [("as configured", g.configured, "sim"), ("calibrated", g.calibrated, "sim")]
+    if g.with_effects is not None:
+        rows.append(("with the effects", g.with_effects, "sim"))
+    if g.black_box is not None:
+        left = g.calibrated - g.black_box * (g.calibrated - g.floor)
+        rows.append(("with a black box", left, "box"))
+    return [*rows, ("noise alone", g.floor, "real")]
+
+
+def steps(proposals: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """What to do next, most telling a minute first."""
+    return [
+        {
+            "sentence": str(n["sentence"]),
+            "plan": n.get("plan"),
+            "gain": f"{float(n['gain']):.2g}",
+        }
+        for n in proposals
+    ]
+
+
+def _odds(behind: float) -> str:
+    """How many times less likely than the best, from the difference of log posteriors."""
+    if behind < 0.05:
+        return "best"
+    decades = behind / np.log(10.0)
+    if decades < 2:
+        return f"1 : {np.exp(behind):.2g}"
+    return f"1 : 10{str(round(decades)).translate(str.maketrans('0123456789', '⁰¹²³⁴⁵⁶⁷⁸⁹'))}"
+
+
+def _width(share: float) -> str:
+    return f"{100 * min(max(share, 0.0), 1.0):.1f}"

@@ -1,0 +1,294 @@
+"""The report of a diagnosis: right sentences for each verdict, its numbers, and nothing else."""
+
+import re
+import shutil
+import subprocess
+from dataclasses import replace
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+
+import wrenchbed as wb
+from wrenchbed import registry
+from wrenchbed.campaign import record
+from wrenchbed.cli import main
+from wrenchbed.diagnosis.diagnose import Findings, diagnose
+from wrenchbed.drivers.sim import Options, SimDriver
+from wrenchbed.errors import MissingExtraError
+from wrenchbed.plan import Plan
+from wrenchbed.report import diagnosis_page, numbers, words
+
+MOST_BYTES = 2_000_000
+VOID = {"meta", "link", "img", "br", "hr", "input", "use", "path", "rect"}
+
+
+class Page(HTMLParser):
+    """Text of a page by the id of its section, and every address that it names."""
+
+    def __init__(self, html):
+        super().__init__()
+        self.sections, self.addresses, self.tags, self.open = {}, [], [], []
+        self.feed(html)
+
+    def handle_starttag(self, tag, attributes):
+        told = dict(attributes)
+        self.tags.append(tag)
+        self.open.append(told.get("id") if tag == "section" else None)
+        self.addresses += [told[k] for k in ("src", "href", "srcset", "action") if told.get(k)]
+        if tag in VOID:
+            self.open.pop()
+
+    def handle_startendtag(self, tag, attributes):
+        self.handle_starttag(tag, attributes)
+        if tag not in VOID:
+            self.open.pop()
+
+    def handle_endtag(self, tag):
+        if tag not in VOID:
+            self.open.pop()
+
+    def handle_data(self, data):
+        text = " ".join(data.split())
+        for name in {"page", *self.open} - {None}:
+            self.sections[name] = f"{self.sections.get(name, '')} {text}".strip()
+
+
+def found(folder, *effects):
+    robot = registry.load("robots", "ur5")
+    plan = Plan.of("ur5", robot.sample(40, np.random.default_rng(1)))
+    with SimDriver(Options("ur5", noise="white", seed=1, effects=effects)) as driver:
+        record(driver, plan, folder / "rec.parquet", samples=30)
+    return diagnose(wb.Recording.read(folder / "rec.parquet"))
+
+
+@pytest.fixture(scope="module")
+def tilted(tmp_path_factory) -> Findings:
+    return found(tmp_path_factory.mktemp("tilted"), "base.tilt:x=0.006,y=-0.004")
+
+
+@pytest.fixture(scope="module")
+def healthy(tmp_path_factory) -> Findings:
+    return found(tmp_path_factory.mktemp("healthy"))
+
+
+def changed(f: Findings, **fields) -> Findings:
+    return replace(f, diagnosis=replace(f.diagnosis, **fields))
+
+
+def without_cause(f: Findings, verdict: str) -> Findings:
+    gap = replace(
+        f.diagnosis.gap,
+        with_effects=None, closed=None, interval=None, shares={},
+        per_channel={c: {"before": v["before"]} for c, v in f.diagnosis.gap.per_channel.items()},
+    )  # fmt: skip
+    p = {"none": 0.0, "unknown": 1.0} if verdict == "unknown" else {"none": 1.0, "unknown": 0.0}
+    return changed(f, verdict=verdict, gap=gap, which=[], where=[], probabilities=p)
+
+
+def shown(f: Findings, command: str = "") -> Page:
+    return Page(diagnosis_page(f, command).html())
+
+
+def test_the_page_holds_the_numbers_of_the_json(tilted):
+    told, page = tilted.diagnosis.to_json(), shown(tilted)
+    assert told["verdict"] == "identified"
+    gap, far = told["gap"], page.sections["far"]
+    low, high = gap["closed_ci95"]
+    assert f"{numbers.percent(gap['closed'])} % closed" in far
+    assert f"from {gap['calibrated']:.2f} to {abs(gap['with_effects']):.2f} on 10 poses" in far
+    assert f"{numbers.percent(low)} … {numbers.percent(high)} %" in far
+    (cause,) = told["which"]
+    for axis in "xy":
+        p = cause["parameters"][axis]
+        drawn = re.search(rf"{axis} (−?[\d.]+) ± ([\d.]+) mrad", page.sections["which"])
+        value, std = (float(x.replace("−", "-")) for x in drawn.groups())
+        assert value == pytest.approx(1e3 * p["value"], abs=1e3 * p["std"])
+        assert std == pytest.approx(1e3 * p["std"], rel=0.35)
+    whole = page.sections["page"]
+    assert f"({gap['held_out_rows']:,} rows)" in whole
+    for sentence in [*told["cannot_tell"], *(n["sentence"] for n in told["next"])]:
+        assert sentence in whole
+
+
+def test_each_channel_is_drawn_before_and_after(tilted):
+    page = shown(tilted).sections["page"]
+    for v in tilted.diagnosis.gap.per_channel.values():
+        assert f"{numbers.gap(v['before'])} → {numbers.gap(v['after'])}" in page
+
+
+def test_an_identified_cause_is_named_on_the_first_screen(tilted):
+    page = shown(tilted)
+    assert "● identified" in page.sections["page"]
+    assert "The base is tilted against gravity." in page.sections["page"]
+    assert page.sections["where"].startswith("Where In the base")
+    assert tilted.diagnosis.where[0]["sentence"] in page.sections["where"]
+    assert "base.tilt" in page.sections["which"] and "> 0.99" in page.sections["which"]
+
+
+def test_an_ambiguous_cause_is_one_or_the_other(tilted):
+    (cause,) = tilted.diagnosis.which
+    rivals = [dict(cause) | {"rivals": ["cable.pull"]}]
+    page = shown(changed(tilted, verdict="ambiguous", which=rivals))
+    assert (
+        "The base is tilted against gravity, or a cable or hose pulls on the tool: "
+        "this data cannot tell."
+    ) in page.sections["page"]
+    assert "In the base or the cable" in page.sections["where"]
+    assert "base.tilt or cable.pull" in page.sections["which"]
+    assert "that it is one of these. If it is base.tilt:" in page.sections["which"]
+    assert "or here" in page.sections["page"]
+
+
+def test_two_causes_are_counted(tilted):
+    (cause,) = tilted.diagnosis.which
+    other = dict(cause) | {"effect": "sensor.gain", "rivals": ["tool.mass"]}
+    both = changed(tilted, which=[cause, other], verdict="ambiguous")
+    told = words.headline(both)
+    assert told.startswith("Two causes: the base is tilted against gravity; axes of the sensor")
+    assert ", or the tool is heavier" in told and "cannot tell" in told
+    assert words.place(both) == "In the base and in the sensor or the tool"
+    assert "no difference" in words.headline(changed(both, verdict="identified"))
+
+
+def test_unknown_says_what_the_residual_follows(tilted):
+    page = shown(without_cause(tilted, "unknown"))
+    kernel = words.depends(tilted.analysis.ranking.kernel)
+    assert "There is a gap that no known effect explains" in page.sections["page"]
+    assert f"what is left follows {kernel} best" in page.sections["where"]
+    assert "Probability that it is something unknown: > 0.99" in page.sections["which"]
+    assert f"Gap {tilted.diagnosis.gap.calibrated:.2f}" in page.sections["far"]
+    assert "closed" not in page.sections["far"]
+
+
+def test_a_class_that_is_too_large_names_its_members(tilted):
+    crowd = "base.tilt|cable.pull|link.length|joint.offset|mount.rotation|sensor.gain"
+    large = changed(
+        without_cause(tilted, "unknown"), probabilities={crowd: 0.9, "none": 0.0, "unknown": 0.1}
+    )
+    page = shown(large)
+    assert "too many effects explain equally well" in page.sections["page"]
+    assert "base.tilt, cable.pull, link.length" in page.sections["which"]
+
+
+def test_none_is_none(healthy):
+    assert healthy.diagnosis.verdict == "none"
+    page = shown(healthy)
+    assert "No cause found: what is left are normal imperfections." in page.sections["page"]
+    assert "No cause is named." in page.sections["which"]
+    assert f"Gap {numbers.gap(healthy.diagnosis.gap.calibrated)}" in page.sections["far"]
+    assert "there is nothing to close" in page.sections["far"]
+
+
+def test_what_scatters_rows_is_no_share_of_the_gap(tmp_path):
+    noisy = found(tmp_path, "sensor.noise:" + ",".join(f"std.f{a}=0.2" for a in "xyz"))
+    assert [w["effect"] for w in noisy.diagnosis.which] == ["sensor.noise"]
+    page = shown(noisy)
+    assert "The sensor is noisier than stated." in page.sections["page"]
+    assert "of the variance of a channel's rows" in page.sections["where"]
+    assert "of the gap lies" not in page.sections["where"]
+    assert "scatters single rows; means have no gap to close" in page.sections["far"]
+
+
+def test_effects_that_do_not_close_the_gap_say_so(tilted):
+    worse = replace(tilted.diagnosis.gap, closed=-2.5, with_effects=90.0)
+    page = shown(changed(tilted, gap=worse))
+    assert "Not closed" in page.sections["far"]
+    assert "make the gap larger" in page.sections["far"]
+
+
+@pytest.mark.parametrize("case", ["tilted", "healthy"])
+def test_the_page_needs_nothing_else_and_is_small(case, request):
+    html = diagnosis_page(request.getfixturevalue(case)).html()
+    page = Page(html)
+    assert len(html.encode()) <= MOST_BYTES
+    assert all(a.startswith("#") for a in page.addresses)
+    assert not {"script", "link", "img", "iframe", "object"} & set(page.tags)
+    assert not re.search(r"https?:|//\w+\.|@import|url\((?!#)", html)
+    assert "default-src 'none'" in html
+    ids = re.findall(r'\bid="([^"]+)"', html)
+    assert len(ids) == len(set(ids))
+    used = re.findall(r'(?:url\(#|href="#)([^")]+)', html)
+    assert set(used) <= set(ids)
+
+
+def test_names_and_commands_are_escaped(healthy):
+    evil = "<script>alert('$x$ & \"')<br>.parquet"
+    html = diagnosis_page(changed(healthy, recording=evil), f"wrenchbed diagnose {evil}").html()
+    assert "<script" not in html
+    assert "&lt;script&gt;alert(" in html
+    page = Page(html)
+    assert page.sections["page"].count(evil) == 4
+
+
+def test_a_page_is_written_whole(healthy, tmp_path):
+    diagnosis_page(healthy).write(tmp_path / "report.html")
+    assert (tmp_path / "report.html").read_text(encoding="utf-8").rstrip().endswith("</html>")
+    assert [p.name for p in tmp_path.iterdir()] == ["report.html"]
+
+
+def recorded(folder):
+    robot = registry.load("robots", "ur5")
+    plan = Plan.of("ur5", robot.sample(40, np.random.default_rng(1)))
+    with SimDriver(Options("ur5", noise="white", seed=1)) as driver:
+        record(driver, plan, folder / "rec.parquet", samples=5)
+    return str(folder / "rec.parquet")
+
+
+def test_the_command_line_writes_it_with_its_command(tmp_path, capsys):
+    out = tmp_path / "a folder"
+    assert main(["diagnose", recorded(tmp_path), "--out", str(out), "--seed", "3"]) == 0
+    assert "report.html" in capsys.readouterr().out
+    text = (out / "report.html").read_text(encoding="utf-8")
+    assert f"--out &#39;{out}&#39; --seed 3" in text
+
+
+@pytest.mark.parametrize("library", ["jinja2", "matplotlib"])
+def test_without_its_extra_a_diagnosis_warns_and_goes_on(library, tmp_path, capsys, monkeypatch):
+    require = registry.require
+
+    def missing(name, extra):
+        if name == library:
+            raise MissingExtraError(
+                f"{name} is not installed: run  pip install 'wrenchbed[{extra}]'"
+            )
+        return require(name, extra)
+
+    monkeypatch.setattr(registry, "require", missing)
+    assert main(["diagnose", recorded(tmp_path), "--out", str(tmp_path / "d")]) == 0
+    told = capsys.readouterr()
+    assert "no report.html" in told.err and "wrenchbed[report]" in told.err
+    assert "report.html" not in told.out
+    assert (tmp_path / "d" / "diagnosis.json").exists()
+    assert not (tmp_path / "d" / "report.html").exists()
+
+
+def test_no_page_is_wider_than_a_telephone_nor_its_answers_lower_than_a_screen(tilted, tmp_path):
+    browser = shutil.which("chromium")
+    if browser is None:
+        pytest.skip("needs Debian's package chromium")
+    html = diagnosis_page(tilted).html()
+    (tmp_path / "page.html").write_text(html, encoding="utf-8")
+    sizes = {"wide": (1280, 800), "narrow": (400, 800)}
+    frames = "".join(
+        f"<iframe id={n} src=page.html style='width:{w}px;height:{h}px;border:0'></iframe>"
+        for n, (w, h) in sizes.items()
+    )
+    script = (
+        "onload = () => { for (const f of document.querySelectorAll('iframe')) {"
+        "const d = f.contentDocument, cards = d.querySelectorAll('.card');"
+        "const low = Math.max(...[...cards].map(c => c.getBoundingClientRect().bottom));"
+        "document.title += `${f.id} ${d.documentElement.scrollWidth} ${Math.ceil(low)};`; } }"
+    )
+    wrapper = tmp_path / "wrapper.html"
+    wrapper.write_text(f"<title></title>{frames}<script>{script}</script>", encoding="utf-8")
+    command = [
+        browser, "--headless", "--no-sandbox", "--disable-gpu", "--allow-file-access-from-files",
+        f"--user-data-dir={tmp_path / 'profile'}", "--virtual-time-budget=5000", "--dump-dom",
+        wrapper.as_uri(),
+    ]  # fmt: skip
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True)
+    measured = re.search(r"wide (\d+) (\d+);narrow (\d+) \d+;", done.stdout)
+    assert measured, done.stdout[:300]
+    wide, low, narrow = map(int, measured.groups())
+    assert wide <= 1280 and low <= 800 and narrow <= 400
