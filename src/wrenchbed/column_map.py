@@ -1,6 +1,7 @@
 """A column map: which columns of which files make a recording, in which units. TOML or JSON."""
 
 import json
+import math
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -42,12 +43,13 @@ _JOINT = {"q": ("angle", "length"), "qd": ("angular velocity",), "q_target": ("a
 
 @dataclass(frozen=True)
 class Source:
-    """Where one column of the recording comes from: a column of a file, scaled to SI."""
+    """Where one column of the recording comes from: (column − zero) of a file, scaled to SI."""
 
     target: str
     column: str
     unit: str
     sign: float
+    zero: float = 0.0
 
     @property
     def factor(self) -> float:
@@ -142,7 +144,10 @@ def _source(where: str, target: str, entry: Any) -> Source:
     sign = entry.get("sign", 1)
     if sign not in (1, -1):
         raise MapError(f"{where}: {target} sign = {sign!r} must be 1 or -1")
-    return Source(target, entry["column"], unit, float(sign))
+    zero = entry.get("zero", 0.0)
+    if isinstance(zero, bool) or not isinstance(zero, int | float) or not math.isfinite(zero):
+        raise MapError(f"{where}: {target} zero = {zero!r} must be a number [{unit}]")
+    return Source(target, entry["column"], unit, float(sign), float(zero))
 
 
 def _quantities(target: str) -> tuple[str, ...]:

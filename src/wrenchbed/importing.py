@@ -94,7 +94,7 @@ def _columns(path: Path, file_map: FileMap) -> dict[str, np.ndarray]:
             known = ", ".join(table.column_names)
             times = "appears twice" if source.column in table.column_names else "is missing"
             raise MapError(f"{path}: column {source.column!r} {times}; found {known}")
-        data[source.target] = _numbers(path, source.column, table) * source.factor
+        data[source.target] = (_numbers(path, source.column, table) - source.zero) * source.factor
     if "t" in data:
         data["t"] = _times(path, table, file_map, data["t"])
     if ROTATION[0] in data:

@@ -1,9 +1,8 @@
 """A robot in MuJoCo that gives: springs and play in its joints, base and tool find their balance.
 
-What effects add to the MJCF bears the mark of `springs`. What gives in base and arm stands where
-the weight it carries puts it, also in motion: inertia on it is left out, and its own dynamics,
-above 10 Hz, too. What gives in the tool follows all of its load. Weights act in full here; the
-servos' compensation of gravity (``gravcomp``) would hide them.
+What effects add to the MJCF bears the mark of `springs`. What gives stands where the weight and the
+inertia of what it carries put it; its own dynamics, above 10 Hz, are left out. Weights act in full
+here; the servos' compensation of gravity (``gravcomp``) would hide them.
 """
 
 from collections.abc import Sequence
@@ -71,6 +70,7 @@ class Mechanism:
         """Names of the effects that are in the model."""
         spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_LIMIT  # `balance` heeds them
         self.model: mujoco.MjModel = spec.compile()
+        self.model.dof_damping[:] = 0.0  # of motors, not of what they carry
         self.data = mujoco.MjData(self.model)
         set_weights(self.model, self.robot, theta)
         joints = [self.model.joint(j) for j in range(self.model.njnt)]
@@ -182,22 +182,16 @@ class Mechanism:
 
     def _force(self, q: Value, give: np.ndarray) -> np.ndarray:
         """What moves the added joints (M, E) [N·m or N], springs included; loops stay closed."""
-        qpos = self._place(q, give)
-        still, moving = _Rows(value(qpos)), _Rows(qpos)
-        in_tool = [k for k, a in enumerate(self._added) if a.in_tool]
-        inertial = bool(in_tool) and isinstance(qpos, Jet)
-        result = np.empty(give.shape)
+        rows = _Rows(self._place(q, give))
+        result, asked = np.empty(give.shape), np.empty(self.model.nv)
         data = self.data
-        for i in range(len(still)):
-            still.put(data, i)
+        for i in range(len(rows)):
+            rows.put(data, i)
             mujoco.mj_fwdPosition(self.model, data)
             mujoco.mj_fwdVelocity(self.model, data)
-            force = data.qfrc_passive - data.qfrc_bias
+            mujoco.mj_rne(self.model, data, 1, asked)
+            force = data.qfrc_passive - asked
             result[i] = force[self._at] + self._through_loops(force)
-            if inertial:
-                moving.put(data, i)
-                mujoco.mj_inverse(self.model, data)
-                result[i, in_tool] = -data.qfrc_inverse[self._at][in_tool]
         return result
 
     def _through_loops(self, force: np.ndarray) -> np.ndarray | float:

@@ -72,7 +72,7 @@ def _at_rest(recording: Recording, keep: np.ndarray, left_out: int) -> Observati
     if covariance is None or holds.dof < 12:
         covariance, dof, source = _stated(recording)
     return Observations(
-        holds.q, holds.wrench, holds.count, _floored(covariance, recording), dof, source,
+        holds.q, holds.wrench, holds.count, floored(covariance, recording), dof, source,
         holds.t, left_out,
     )  # fmt: skip
 
@@ -103,7 +103,7 @@ def _motion(recording: Recording, keep: np.ndarray, left_out: int) -> Observatio
     return Observations(
         Jet(smooth[use], qd[use], qdd[use]), recording.wrench[use],
         np.ones(int(use.sum()), dtype=int),
-        _floored(covariance, recording), dof, source, recording.t[use], left_out,
+        floored(covariance, recording), dof, source, recording.t[use], left_out,
     )  # fmt: skip
 
 
@@ -141,7 +141,7 @@ def _stated(recording: Recording) -> tuple[np.ndarray, float, str]:
     return np.diag(np.square(std)), np.inf, "stated"
 
 
-def _floored(covariance: np.ndarray, recording: Recording) -> np.ndarray:
+def floored(covariance: np.ndarray, recording: Recording) -> np.ndarray:
     """A channel cannot be quieter than its resolution; without any noise, weigh by `_SCALE`."""
     variance = np.diagonal(covariance)
     if (variance < (1e-9 * _SCALE) ** 2).all():

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from wrenchbed.diagnosis.accelerometer import TILT, Testimony, testimony
 from wrenchbed.diagnosis.baseline import Baseline, calibrate
 from wrenchbed.diagnosis.dictionary import Dictionary, build
 from wrenchbed.diagnosis.prepare import Prepared
@@ -22,6 +23,7 @@ class Analysis:
         searcher: dictionary and background of the design.
         refitter: of this recording's readings.
         ranking: explanations, best first.
+        testimony: of an accelerometer on a tilt of the base, where there is one.
     """
 
     prepared: Prepared
@@ -29,6 +31,7 @@ class Analysis:
     searcher: Searcher
     refitter: Refitter
     ranking: Ranking
+    testimony: Testimony | None = None
 
     @property
     def dictionary(self) -> Dictionary:
@@ -39,9 +42,11 @@ def analyse(prepared: Prepared) -> Analysis:
     """Calibrate, build the dictionary there, and rank what explains the rest."""
     coarse = prepared.coarse
     baseline = calibrate(coarse)
-    searcher = Searcher(build(coarse, baseline.theta, baseline.tolerance))
+    told = testimony(prepared.recording, prepared.model, prepared.theta)
+    witness = {} if told is None else {TILT: told.log_bayes}
+    searcher = Searcher(build(coarse, baseline.theta, baseline.tolerance), witness)
     refitter = Refitter(searcher, case(searcher.d, coarse, baseline))
-    return Analysis(prepared, baseline, searcher, refitter, rank(searcher, refitter))
+    return Analysis(prepared, baseline, searcher, refitter, rank(searcher, refitter), told)
 
 
 def case(d: Dictionary, prepared: Prepared, baseline: Baseline) -> np.ndarray:

@@ -91,7 +91,7 @@ def enough(recording: Recording, data: Observations, model: Model) -> None:
             f"{np.rad2deg(np.sqrt(max(spread[2], 0.0))):.1f}° rms): weight, bias and every other "
             "cause look the same. Turn the tool about"
         )
-    plausible.check(name, data, model, theta)
+    plausible.check(name, data, model, theta, moving)
 
 
 def _channels(recording: Recording) -> None:

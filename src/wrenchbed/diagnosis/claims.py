@@ -1,5 +1,6 @@
 """What an explanation says: effects that add enough, wrong stated numbers, and the rest."""
 
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -68,33 +69,50 @@ def explained(refitter: Refitter, f: Finalist) -> Explanation:
             added = share(refitter, f, k)
             if added >= CLAIMABLE:
                 parts.append(Part(h.name, added, index=k))
+    parts = [p for p in parts if not _form_of_another(p, parts, f)]
     named = {p.index for p in parts}
-    parts += wrong_numbers(refitter, f)
+    parts += wrong_numbers(refitter, f, named)
     parts.sort(key=lambda p: -p.share)
     return Explanation(f, tuple(parts), rest(refitter, f, named))
 
 
-def share(refitter: Refitter, f: Finalist, part: int) -> float:
-    """How much smaller the gap is with one part than without it, the others as they are."""
+def _form_of_another(part: Part, parts: list[Part], f: Finalist) -> bool:
+    """Whether a part may be what the form given to a larger one of its subsystem misses."""
+    assert part.index is not None
+    own = f.parts[part.index].effect.subsystem
+    for other in parts:
+        assert other.index is not None
+        effect = f.parts[other.index].effect
+        if effect.subsystem == own and part.share < effect.form_error * other.share:
+            return True
+    return False
+
+
+def without(refitter: Refitter, f: Finalist, parts: Collection[int]) -> np.ndarray:
+    """Variables (k,) of a finalist with the amplitudes of some parts set to nothing."""
     gone = f.x.copy()
     for i, (k, _, shape) in enumerate(refitter.variables(f.parts)):
-        if k == part and not shape:
+        if k in parts and not shape:
             gone[i] = 0.0
+    return gone
+
+
+def share(refitter: Refitter, f: Finalist, part: int) -> float:
+    """How much smaller the gap is with one part than without it, the others as they are."""
+    gone = without(refitter, f, [part])
     own = refitter.response(f.parts, f.x) - refitter.response(f.parts, gone)
     return refitter.d.gap(f.residual + own) - refitter.d.gap(f.residual)
 
 
 def rest(refitter: Refitter, f: Finalist, named: set[int | None]) -> float:
     """Gap that the named parts of a finalist leave, beyond the noise."""
-    d, gone = refitter.d, f.x.copy()
-    for i, (k, _, shape) in enumerate(refitter.variables(f.parts)):
-        if k not in named and not shape:
-            gone[i] = 0.0
+    d = refitter.d
+    gone = without(refitter, f, [k for k in range(len(f.parts)) if k not in named])
     minor = refitter.response(f.parts, f.x) - refitter.response(f.parts, gone)
     return d.gap(f.residual + minor) - float(d.prepared.variance.mean())
 
 
-def wrong_numbers(refitter: Refitter, f: Finalist) -> list[Part]:
+def wrong_numbers(refitter: Refitter, f: Finalist, named: set[int | None]) -> list[Part]:
     """Stated numbers that are wrong beyond their tolerance and add to the configured gap.
 
     The odds of each are those of its estimate if it is wrong, against within its tolerance.
@@ -102,7 +120,7 @@ def wrong_numbers(refitter: Refitter, f: Finalist) -> list[Part]:
     d, told = refitter.d, stated(refitter, f)
     std = np.sqrt(np.maximum(np.diagonal(told.covariance), 1e-24))
     finite = np.isfinite(d.tolerance)
-    tolerance = np.where(finite, d.tolerance, 1.0) + own_zero(refitter, f)
+    tolerance = np.where(finite, d.tolerance, 1.0) + own_zero(refitter, f, named)
     inside = ndtr((tolerance - told.mean) / std) - ndtr((-tolerance - told.mean) / std)
     within = np.maximum(inside / (2 * tolerance), 1e-300)
     width = np.hypot(std, WRONG * tolerance)
@@ -125,16 +143,17 @@ CONVENTIONAL = (
 """Effects whose zero, and whose mean response to load, are a convention."""
 
 
-def own_zero(refitter: Refitter, f: Finalist) -> np.ndarray:
-    """How far the effects themselves may move each stated number (S,), in typical sizes.
+def own_zero(refitter: Refitter, f: Finalist, named: set[int | None]) -> np.ndarray:
+    """How far the named effects may move each stated number (S,), in typical sizes.
 
     Where the zero of a drift, a cable or a memory lies is a convention: a constant part of such an
     effect within its own range is no wrong bias, its mean share of the load no wrong mass.
     """
     d = refitter.d
-    if not any(h.name in CONVENTIONAL for h in f.parts):
+    own = [k for k, h in enumerate(f.parts) if k in named and h.name in CONVENTIONAL]
+    if not own:
         return np.zeros(len(d.stated))
-    signal = refitter.response(f.parts, f.x)
+    signal = refitter.response(f.parts, f.x) - refitter.response(f.parts, without(refitter, f, own))
     mean = np.linalg.lstsq(d.E[:, d.stated], signal, rcond=None)[0]
     extent = np.ptp(signal.reshape(-1, 6), axis=0)
     result = np.abs(mean)
@@ -164,12 +183,16 @@ def _exact(refitter: Refitter, rung: int) -> Level:
     """A rung in which the stated numbers are exact.
 
     The sensor's own weight hides behind mass and CoG and adds nothing to the calibrated gap, so
-    that gap does not bound it: half of `MOST` of its typical size does.
+    that gap does not bound it: half of `MOST` of its typical size does, and what the stated mass
+    may be off anyway.
     """
     if rung not in refitter.exact:
         d, level = refitter.d, refitter.searcher.rungs[rung].level
         variance = level.V.copy()
-        variance[d.of_effect("tool.self_weight")] = (0.5 * MOST) ** 2
+        own = d.of_effect("tool.self_weight")
+        (mass,) = (i for i, k in enumerate(d.stated) if d.label[k][0] == "tool.mass")
+        off = d.tolerance[mass] * d.size[d.stated[mass]] / d.size[own]
+        variance[own] = np.minimum(0.5 * MOST, off) ** 2
         variance[d.stated] = 0.0
         refitter.exact[rung] = replace(level, V=variance)
     return refitter.exact[rung]

@@ -5,7 +5,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from wrenchbed.chain import Active
+from wrenchbed.chain import Active, respond
+from wrenchbed.diagnosis import spectrum
 from wrenchbed.diagnosis.analysis import Analysis
 from wrenchbed.diagnosis.baseline import BIAS
 from wrenchbed.diagnosis.blackbox import black_box
@@ -114,13 +115,21 @@ class Sealed:
         return float((gaps * self.count).sum() / self.count.sum())
 
     def floor(self) -> np.ndarray:
-        """Gap of noise alone (S,): rows about their mean, or second differences of a motion."""
-        if self.prepared.moving:
-            y = self.prepared.y @ self._root.T
-            rough = np.diff(y, 2, axis=0, prepend=y[:1], append=y[-1:]) / np.sqrt(6.0)
-            return np.asarray((rough**2).mean(axis=1)[self.prepared.sealed] - 1.0)
+        """Gap of noise alone (S,): rows about their mean, or of a motion what no gap moves like.
+
+        Second differences would miss most of a noise with memory.
+        """
+        p = self.prepared
+        if p.moving:
+            residual = (p.y - respond(p.scene)[p.scene.held]) @ self._root.T
+            variance, _ = spectrum.noise(residual, p.scene.period, p.stride)
+            shown = np.count_nonzero(p.count) / len(p.count)  # what repeats hardly scatters
+            return np.full(len(self.y), float(variance.mean()) / shown - 1.0)
+        if self.prepared.scene.extra:  # averages of a motion
+            return np.asarray(self.noise + float(self.prepared.noise.mean()))
         n = np.maximum(self.count, 2)
-        return np.asarray((self.noise + 1.0) * n / (n - 1) - 1.0)
+        repeated = (self.noise + 1.0) * n / (n - 1) - 1.0
+        return np.asarray(np.where(self.count > 1, repeated, 0.0))
 
 
 def measure(a: Analysis, twin: Twin | None, wrong: Sequence[str], seed: int = 0) -> Closure:

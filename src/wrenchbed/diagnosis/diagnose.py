@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from wrenchbed.diagnosis import closure, following, isolability, rows, where
+from wrenchbed.diagnosis import closure, following, isolability, oriented, rows, where, witness
 from wrenchbed.diagnosis.analysis import Analysis, analyse
 from wrenchbed.diagnosis.claims import Explanation, stated
 from wrenchbed.diagnosis.dictionary import STATED
@@ -60,10 +60,11 @@ def diagnose(
     """
     begun = time.perf_counter()
     progress("noise and blocks")
-    prepared = prepare(recording, seed)
+    ready = oriented.prepare if oriented.applies(recording) else prepare
+    prepared = ready(recording, seed)
     progress("effects and their evidence")
     analysis = analyse(prepared)
-    verdict = decide(analysis.ranking)
+    verdict = witness.upheld(analysis, decide(analysis.ranking))
     progress("rows")
     shown = rows.find(recording)
     progress("where")
@@ -92,7 +93,7 @@ def diagnose(
         next=then,
         twin=twin,
         seconds=time.perf_counter() - begun,
-        notes=_notes(prepared, analysis, shown),
+        notes=(*_notes(prepared, analysis, shown), *witness.sentences(analysis, verdict)),
     )
     return Findings(told, analysis, verdict, shown, places, plans)
 

@@ -13,7 +13,15 @@ import numpy as np
 from wrenchbed.chain import Active, effects, respond
 from wrenchbed.diagnosis.features import features
 from wrenchbed.diagnosis.prepare import Prepared
-from wrenchbed.effects.base import Effect, LoadEffect, Pose, ReadingEffect, Residual, Variant
+from wrenchbed.effects.base import (
+    Effect,
+    LoadEffect,
+    ModelEffect,
+    Pose,
+    ReadingEffect,
+    Residual,
+    Variant,
+)
 from wrenchbed.parameters import Parameter
 from wrenchbed.scene import Scene
 from wrenchbed.wrench import wrench
@@ -128,7 +136,7 @@ def build(prepared: Prepared, theta: np.ndarray, tolerance: Mapping[str, np.ndar
     drafts: list[tuple[Effect, Variant, list[int]]] = []
     for effect in effects().values():
         mode = "dynamic" if prepared.moving else "static"
-        if mode not in effect.modes:
+        if mode not in effect.modes and not at.scene.extra:
             continue
         known = effect.parameters(at.scene.robot)
         for variant in (*effect.variants(at.scene), *left.suggests(effect)):
@@ -185,13 +193,16 @@ def _with_hypotheses(
     own = draft.configured_gap
     kept: list[Hypothesis] = []
     shown: set[str] = set()
+    free = {draft.label[k][0] for k in draft.stated[np.isinf(draft.tolerance)]}
     for effect, variant, chosen in drafts:
+        if effect.name in free:  # nothing is stated: nothing can be wrong
+            continue
         counted = own if effect.name in STATED else gap
         typical = float(counted[chosen].sum())
         if typical * LARGEST**2 >= VISIBLE:
             kept.append(Hypothesis(effect, variant, np.array(chosen), typical))
             shown.add(effect.name)
-    invisible = sorted({e.name for e, _, _ in drafts} - shown)
+    invisible = sorted({e.name for e, _, _ in drafts} - shown - free)
     values = {f: getattr(draft, f) for f in draft.__dataclass_fields__}
     return Dictionary(**values | {"hypotheses": tuple(kept), "invisible": tuple(invisible)})
 
@@ -244,6 +255,6 @@ class Response:
     def _with(self, effect: Effect, values: Mapping[str, float]) -> np.ndarray:
         if isinstance(effect, ReadingEffect):
             return effect.read(self.scene, self.reading, values)
-        if isinstance(effect, LoadEffect):
+        if isinstance(effect, LoadEffect) and not isinstance(effect, ModelEffect):
             return effect.load(self.scene, self._pose, self._load, values)
         return respond(self.scene, [Active(effect, values)])

@@ -14,6 +14,10 @@ EXACT = 1e-9
 FAR, FAR_TO_NEAR = 11, 1.5
 """Distance [rows] at which only coarse counts show the same row again, and how much oftener they
 may do so next to each other."""
+FEW = 0.015
+"""Share of rows beyond what counts may make, below which no row is taken for a repeat."""
+DEVICES = (0, 1, 2), (3, 4, 5)
+"""Channels that a device of its own may deliver: a clipped channel repeats alone."""
 WINDOW = 64
 """Rows over which a channel's own chance of repeating is taken."""
 
@@ -86,9 +90,14 @@ class Repeats:
     length: float
     channels: tuple[int, ...]
 
+    @property
+    def some(self) -> bool:
+        """Whether rows repeat more often than coarse counts may make them."""
+        return bool(self.channels) and self.share >= self.expected + FEW
+
 
 def repeats(wrench: np.ndarray) -> Repeats:
-    """Repeats of whole rows (N, 6), else of the channels that no coarse count explains."""
+    """Repeats of whole rows (N, 6), else of all forces or all torques at once without a count."""
     same = wrench[1:] == wrench[:-1]
     whole = same.all(axis=1)
     own = same[~whole]
@@ -98,10 +107,11 @@ def repeats(wrench: np.ndarray) -> Repeats:
     found = _repeats(whole, expected, (0, 1, 2, 3, 4, 5))
     if found.share > found.expected + 0.01:
         return found
-    for k in range(6):
-        if np.mean(same[:, k]) > 0.02 and _continuous(wrench[:, k]):
-            group = [j for j in range(6) if np.array_equal(same[:, j], same[:, k])]
-            return _repeats(same[:, k], 0.0, tuple(group))
+    for group in DEVICES:
+        again = same[:, group[0]]
+        together = all(np.array_equal(same[:, k], again) for k in group)
+        if together and again.mean() > 0.02 and all(_continuous(wrench[:, k]) for k in group):
+            return _repeats(again, 0.0, group)
     return found
 
 

@@ -37,7 +37,7 @@ class _Carried(NamedTuple):
     noise: np.ndarray
 
 
-def check(name: str, data: Observations, model: Model, theta: np.ndarray) -> None:
+def check(name: str, data: Observations, model: Model, theta: np.ndarray, moving: bool) -> None:
     """Refuse readings that do not follow the weight of a tool on this robot.
 
     Args:
@@ -45,6 +45,7 @@ def check(name: str, data: Observations, model: Model, theta: np.ndarray) -> Non
         data: its observations.
         model: the robot that its metadata names.
         theta: parameters (P,) as the metadata states them.
+        moving: whether more than weight acts.
 
     Raises:
         DiagnosisError: no load shows, the forces turn otherwise than the joints, a channel does
@@ -58,7 +59,7 @@ def check(name: str, data: Observations, model: Model, theta: np.ndarray) -> Non
     noise = np.sqrt(np.diagonal(data.row_covariance) / np.mean(data.count))
     carried = _Carried(force - force.mean(axis=0), data.wrench - data.wrench.mean(axis=0), noise)
     mass = _mass(carried)
-    still = isinstance(data.q, np.ndarray)
+    still = not moving
     if still:
         _turns_with_the_joints(name, carried, mass, model.robot.name)
     _some_weight(name, carried, mass, float(tool.mass))

@@ -25,29 +25,32 @@ class Responding(Protocol):
 def polished(
     refitter: Responding, level: Level, parts: Sequence[Hypothesis], x: np.ndarray
 ) -> np.ndarray:
-    """Shapes of rough effects after a random search, amplitudes of all fitted along (k,)."""
-    names = refitter.variables(parts)
-    moves = np.array([shape and parts[k].effect.rough for k, _, shape in names])
-    own = np.array([not shape and parts[k].effect.rough for k, _, shape in names])
+    """Shapes of the last part after a random search, its amplitudes fitted along (k,)."""
+    names, last = refitter.variables(parts), len(parts) - 1
+    moves = np.array([shape and k == last for k, _, shape in names])
+    own = np.array([not shape and k == last for k, _, shape in names])
     rng = np.random.default_rng(0)
 
+    others = np.where(own, 0.0, x)
+    rest = refitter.y - refitter.response(parts, others)  # parts hardly meddle with each other
+    solved_rest = level.solve(rest[:, None])[:, 0]
+    first = len(x) - int((own | moves).sum())
+
     def fitted(at: np.ndarray) -> tuple[float, np.ndarray]:
-        """What is left with the best amplitudes of the rough parts, and these."""
-        none = np.where(own, 0.0, at)
-        rest = refitter.y - refitter.response(parts, none)
+        """What is left with the best amplitudes of the part, and these."""
         columns = []
         for i in np.flatnonzero(own):
-            unit = none.copy()
+            unit = np.where(own, 0.0, at)
             unit[i] = 1.0
-            columns.append(refitter.y - rest - refitter.response(parts, unit))
-        design = -np.stack(columns, axis=1)
-        solved = level.solve(np.column_stack([design, rest]))
-        normal = design.T @ solved[:, :-1] + 1e-3 * np.eye(design.shape[1])
-        score = design.T @ solved[:, -1]
+            columns.append(refitter.response(parts[last:], unit[first:]))
+        design = np.stack(columns, axis=1)
+        solved = level.solve(design)
+        normal = design.T @ solved + 1e-3 * np.eye(design.shape[1])
+        score = design.T @ solved_rest
         best = np.linalg.solve(normal, score)
-        found = none.copy()
+        found = at.copy()
         found[own] = best
-        return float(rest @ solved[:, -1] - score @ best), found
+        return float(rest @ solved_rest - score @ best), found
 
     now, x = fitted(x)
     for k in range(_TRIALS):

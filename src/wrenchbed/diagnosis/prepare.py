@@ -8,7 +8,8 @@ import numpy as np
 
 from wrenchbed import registry
 from wrenchbed.chain import respond
-from wrenchbed.diagnosis import checks, scenery
+from wrenchbed.diagnosis import checks, scenery, spectrum
+from wrenchbed.diagnosis.lattice import repeats
 from wrenchbed.errors import DiagnosisError
 from wrenchbed.jets import Jet, value
 from wrenchbed.model import Model
@@ -36,12 +37,14 @@ class Prepared:
         model: robot under the recording's gravity.
         theta: full parameters as the metadata configures the simulator (P,).
         scene: what was done; its held rows are the observations.
-        y: measured (H, 6) [N, N·m].
-        count: rows behind each (H,).
+        y: measured (H, 6) [N, N·m]; where a motion's row repeats the one before, what the rows
+            around it make of it.
+        count: rows behind each (H,), 0 where it repeats.
         covariance: of one row (6, 6).
         turn: (6, 6) diagonal, turns a reading into units of one row's noise, channel by channel.
             The analysis leaves out how channels scatter together: imperfections do not share it.
-        noise: variance of an observation in these units (6,): below 1 where rows were averaged.
+        noise: variance of an observation in these units (6,): below 1 where rows were averaged at
+            rest; in motion of the averages of ``stride`` rows, times that, as they scatter.
         source: where the noise of a row comes from, ``repeats`` or ``stated``.
         block: number of the block of each observation (H,).
         sealed: observations that take no part in any fit (H,).
@@ -144,13 +147,18 @@ def prepare(recording: Recording, seed: int = 0) -> Prepared:
     data = observe(recording)
     checks.enough(recording, data, model)
     covariance, source = _row_noise(recording, data)
-    block, sealed = _blocks(data, recording.metadata.mode == "dynamic", seed)
+    block, sealed = split(data, recording.metadata.mode == "dynamic", seed)
     scene = scenery.of_recording(recording, model, theta, data)
+    turn, stride = np.diag(1.0 / np.sqrt(np.diagonal(covariance))), _stride(scene)
+    y, count = data.wrench, data.count
+    if scene.moving:
+        y, count = _refreshed(recording, data, scene)
+        noise = _noise_in_motion((y - respond(scene)[scene.held]) @ turn.T, scene.period, stride)
+    else:
+        noise = _noise(recording, data)
     return Prepared(
-        recording, model, theta, scene, data.wrench, data.count, covariance,
-        np.diag(1.0 / np.sqrt(np.diagonal(covariance))),
-        _noise(recording, data), source, block, sealed,
-        _scatter(recording, data), data.left_out, _stride(scene),
+        recording, model, theta, scene, y, count, covariance, turn, noise, source, block, sealed,
+        _scatter(recording, data), data.left_out, stride,
     )  # fmt: skip
 
 
@@ -181,10 +189,29 @@ def _row_noise(recording: Recording, data: Observations) -> tuple[np.ndarray, st
 
 def _noise(recording: Recording, data: Observations) -> np.ndarray:
     """Variance of an observation over that of a row (6,): autocorrelated rows average less."""
-    if recording.metadata.mode == "dynamic":
-        return np.ones(6)
     n = float(np.mean(data.count))
     return np.minimum(1.0, checks.correlation_time(recording, data) / n)
+
+
+def _noise_in_motion(residual: np.ndarray, period: float, stride: int) -> np.ndarray:
+    """As rows (N, 6) in units of their noise scatter beyond what moves slowly, at least 1 (6,)."""
+    return np.maximum(1.0, spectrum.noise(residual, period, stride)[1])
+
+
+def _refreshed(
+    recording: Recording, data: Observations, scene: Scene
+) -> tuple[np.ndarray, np.ndarray]:
+    """Readings (N, 6) whose repeats continue the residual around them, and their count (N,)."""
+    again = repeats(recording.wrench)
+    stale = again.stale[np.searchsorted(recording.t, data.t)] & again.some
+    fresh = np.flatnonzero(~stale)
+    if not stale.any() or len(fresh) < 2:
+        return data.wrench, data.count
+    y, expected = np.array(data.wrench), respond(scene)[scene.held]
+    for k in again.channels:
+        off = np.interp(data.t[stale], data.t[fresh], (y - expected)[fresh, k])
+        y[stale, k] = expected[stale, k] + off
+    return y, np.where(stale, 0, data.count) if len(again.channels) == 6 else data.count
 
 
 def _scatter(recording: Recording, data: Observations) -> np.ndarray:
@@ -197,7 +224,7 @@ def _scatter(recording: Recording, data: Observations) -> np.ndarray:
     return np.asarray(products / data.count[:, None, None])
 
 
-def _blocks(data: Observations, moving: bool, seed: int) -> tuple[np.ndarray, np.ndarray]:
+def split(data: Observations, moving: bool, seed: int) -> tuple[np.ndarray, np.ndarray]:
     """Block of each observation, and which are sealed: whole poses, or stretches of a motion."""
     n = len(data)
     count = BLOCKS_IN_MOTION if moving else n

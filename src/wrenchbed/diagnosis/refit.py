@@ -3,17 +3,17 @@
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from functools import cache
-from typing import NamedTuple
 
 import numpy as np
 from scipy.special import logsumexp
 
 from wrenchbed.chain import Active, respond
 from wrenchbed.diagnosis.dictionary import LARGEST, STATED, Hypothesis
-from wrenchbed.diagnosis.evidence import Level, gains
+from wrenchbed.diagnosis.evidence import Level
 from wrenchbed.diagnosis.finalist import Finalist
 from wrenchbed.diagnosis.polish import polished
 from wrenchbed.diagnosis.search import MORE, NONE, PRIOR, Searcher, Single
+from wrenchbed.diagnosis.sizes import over_scales
 from wrenchbed.effects.base import Effect
 from wrenchbed.parameters import Parameter
 from wrenchbed.robots.base import Robot
@@ -24,14 +24,8 @@ _STEP, _SHAPE_STEP = 0.1, 0.02
 """Of finite differences, in typical sizes."""
 _DONE = 1e-3
 """Largest step, in standard uncertainties, at which a fit has converged."""
-_SHAPE_SPREAD = 2.0
+SHAPE_SPREAD = 2.0
 """Prior standard deviation of a shape over its typical size."""
-
-
-class _Told(NamedTuple):
-    total: float
-    scale: np.ndarray
-    information: np.ndarray
 
 
 class Refitter:
@@ -97,16 +91,46 @@ class Refitter:
     ) -> Finalist:
         """Gauss–Newton from the hypotheses' own shapes; again on the rung that fits best."""
         centre = self.start(parts)
-        x = self._minimum(parts, rung, centre, centre if start is None else start)
-        if any(h.effect.rough for h in parts):
-            x = self._minimum(
-                parts, rung, centre, polished(self, self.searcher.rungs[rung].level, parts, x)
-            )
+        spread = self._spread(parts, self.variables(parts))
+        return self._fitted(parts, rung, centre if start is None else start, spread)
+
+    def extended(self, f: Finalist, h: Hypothesis) -> Finalist:
+        """A finalist with one part more; the others begin, and keep to the size, where they are."""
+        parts = (*f.parts, h)
+        start = np.concatenate([f.x, self.start((h,))])
+        wide = self._spread(parts, self.variables(parts))
+        wide[: len(f.x)] = f.spread[: len(f.x)]
+        return self._fitted(parts, f.rung, start, wide)
+
+    def _fitted(
+        self, parts: tuple[Hypothesis, ...], rung: int, x: np.ndarray, spread: np.ndarray,
+        rough: bool = True,
+    ) -> Finalist:  # fmt: skip
+        centre = self.start(parts)
+        x = self._minimum(parts, rung, centre, x, spread)
+        if rough and parts[-1].effect.rough:
+            x = polished(self, self.searcher.rungs[rung].level, parts, x)
+            x = self._minimum(parts, rung, centre, x, spread)
         found = self._judged(parts, rung, x, centre)
         if found.rung != rung and len(x):
-            x = self._minimum(parts, found.rung, centre, found.x)
+            x = self._minimum(parts, found.rung, centre, found.x, spread)
             found = self._judged(parts, found.rung, x, centre)
         return found
+
+    def at(
+        self, parts: tuple[Hypothesis, ...], rung: int, x: np.ndarray, spread: np.ndarray
+    ) -> Finalist:
+        """A structure fitted again from x (k,), each variable kept to a size (k,)."""
+        return self._fitted(parts, rung, x, spread, rough=False)
+
+    def shrunk(self, f: Finalist) -> Finalist:
+        """The finalist again, every part kept to the size that its evidence asks for.
+
+        Of parts that can stand in for each other, the one of few amplitudes takes the signal.
+        """
+        centre = self.start(f.parts)
+        x = self._minimum(f.parts, f.rung, centre, f.x, f.spread[: len(f.x)])
+        return self._judged(f.parts, f.rung, x, centre)
 
     def nothing(self) -> Finalist:
         """The structure without any effect, on the rung that fits best."""
@@ -119,14 +143,15 @@ class Refitter:
         return Finalist((), rung, x, cov, self.y, self.y, empty, x, total, x)
 
     def _minimum(
-        self, parts: Sequence[Hypothesis], rung: int, centre: np.ndarray, x: np.ndarray
-    ) -> np.ndarray:
+        self, parts: Sequence[Hypothesis], rung: int, centre: np.ndarray, x: np.ndarray,
+        spread: np.ndarray,
+    ) -> np.ndarray:  # fmt: skip
         """Gauss–Newton; slopes of amplitudes are those of the start, only shapes' are renewed."""
         names = self.variables(parts)
         if not names:
             return x
         level = self._level(parts, rung)
-        precision = 1.0 / self._spread(parts, names) ** 2
+        precision = 1.0 / spread**2
         shapes = [i for i, (_, _, shape) in enumerate(names) if shape]
 
         def cost(at: np.ndarray, left: np.ndarray) -> float:
@@ -172,38 +197,27 @@ class Refitter:
         shape = np.array([s for _, _, s in names] + [False] * (len(owner) - len(names)), dtype=bool)
         every = np.concatenate([design, *(self.d.E[:, h.columns] for h in stated)], axis=1)
         rungs = sorted({rung, *(k for k, b in enumerate(self.searcher.rungs) if b.normal)})
-        told = [self._rung_evidence(parts, k, y, every, owner, shape) for k in rungs]
+        ladder = np.stack([self.searcher.scales(h) for h in parts])
+        told = [
+            over_scales(
+                self.searcher.rungs[k].level,
+                y,
+                every,
+                owner,
+                np.where(shape, SHAPE_SPREAD, 0.0),
+                ladder,
+            ).raised(float(self._rung_prior[k]))
+            for k in rungs
+        ]
         best = int(np.argmax([t.total for t in told]))
         prior = sum(self.searcher.prior(h) for h in parts)
         prior += (len(parts) - 1) * float(np.log(MORE / PRIOR["one"]))
         total = float(logsumexp([t.total for t in told])) + prior
-        spread = np.where(shape, _SHAPE_SPREAD, told[best].scale[owner])
+        spread = np.where(shape, SHAPE_SPREAD, told[best].scale[owner])
         covariance = np.linalg.inv(told[best].information + np.diag(1.0 / spread**2))
         return Finalist(
             parts, rungs[best], x, covariance, r, y, every, spread, total, told[best].scale
         )
-
-    def _rung_evidence(
-        self, parts: Sequence[Hypothesis], rung: int, y: np.ndarray, every: np.ndarray,
-        owner: np.ndarray, shape: np.ndarray,
-    ) -> _Told:  # fmt: skip
-        """Log evidence of one rung, summed over the scales of one part after the other."""
-        level = self.searcher.rungs[rung].level
-        solved = level.solve(np.column_stack([every, y]))
-        information, score = every.T @ solved[:, :-1], every.T @ solved[:, -1]
-        start = -0.5 * float(y @ solved[:, -1] + level.log_det) + float(self._rung_prior[rung])
-        ladder = np.stack([self.searcher.scales(h) for h in parts])  # (parts, s)
-        best, total = np.median(ladder, axis=1), -np.inf
-        for k in [*range(len(parts)), *range(len(parts) - 1)]:
-            size = np.where(shape, _SHAPE_SPREAD, best[owner])
-            trial = np.repeat(size[None], ladder.shape[1], axis=0)
-            trial[:, (owner == k) & ~shape] = ladder[k][:, None]
-            blocks = np.broadcast_to(information, (len(trial), *information.shape))
-            w = np.broadcast_to(score[:, None], (len(trial), len(score), 1))
-            gain = gains(blocks, w, trial, np.ones(1))[:, 0, 0]
-            best[k] = ladder[k][int(gain.argmax())]
-            total = float(logsumexp(gain) - np.log(len(gain)))
-        return _Told(start + total, best, information)
 
     def added(self, finalist: Finalist) -> list[Single]:
         """Every further hypothesis beside a finalist, on its rung."""
@@ -245,14 +259,21 @@ class Refitter:
         self, parts: Sequence[Hypothesis], names: list[tuple[int, str, bool]]
     ) -> np.ndarray:
         largest = [float(self.searcher.scales(h)[-1]) for h in parts]
-        return np.array([_SHAPE_SPREAD if shape else largest[k] for k, _, shape in names])
+        return np.array([SHAPE_SPREAD if shape else largest[k] for k, _, shape in names])
 
     def _design(
         self, parts: Sequence[Hypothesis], x: np.ndarray, f: np.ndarray, which: Iterable[int]
     ) -> np.ndarray:
-        """Slopes (6 R, k) of some variables at x, where the response is f."""
+        """Slopes (6 R, k) of some variables at x, where the response is f.
+
+        Those of effects without shapes are the dictionary's: they hardly change.
+        """
         names, columns = self.variables(parts), []
         for i in which:
+            own = parts[names[i][0]]
+            if not own.variant.shape:
+                columns.append(self.d.E[:, own.columns[own.variant.free.index(names[i][1])]])
+                continue
             h = _SHAPE_STEP if names[i][2] else _STEP
             step = np.zeros(len(x))
             step[i] = h

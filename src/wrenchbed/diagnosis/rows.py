@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from scipy.special import ndtr
 
-from wrenchbed.diagnosis.lattice import Repeats, Step, repeats, step
+from wrenchbed.diagnosis.lattice import FEW, Repeats, Step, repeats, step
 from wrenchbed.diagnosis.scatter import Scatter, scatter
 from wrenchbed.diagnosis.shaking import Line, Shaking, line, shaking
 from wrenchbed.recording import Recording
@@ -21,13 +21,15 @@ from wrenchbed.wrench import CHANNELS, UNITS
 
 COUNTS, LEVEL = 0.35, 0.05
 """Measured rise that counts, and the standard uncertainty of the stated variance, relative."""
-COARSE = 0.45
-"""Rise by a count that counts: a step is known exactly."""
+APART = 0.45
+"""Rise that counts of a step or a shaking base: both are told apart from the noise, stated or not,
+which leaves the scale of the rise alone uncertain."""
 STALE = 0.03
 BESIDE = 1.3
 """What other causes explain, with a margin, is no noise."""
-TOLD, TOLD_NOISE = 0.5, 0.75
-"""Findings less probable are not told; jumps of friction or play look a little like noise."""
+TOLD, TOLD_CHANNEL = 0.75, 0.5
+"""Findings less probable are not told, nor channels of a finding: a false alarm costs more than a
+cause that hardly counts."""
 
 
 @dataclass(frozen=True)
@@ -56,9 +58,7 @@ def find(recording: Recording) -> tuple[RowFinding, ...]:
     if len(recording) < 3:
         return ()
     again = repeats(recording.wrench)
-    stale = again.stale
-    if again.share < again.expected + STALE / 2:
-        stale = np.zeros(len(recording), dtype=bool)
+    stale = again.stale & again.some
     s = scatter(recording, stale)
     fresh = recording.wrench[np.flatnonzero(stale == 0)]
     steps = [step(y) for y in fresh.T]
@@ -71,7 +71,7 @@ def find(recording: Recording) -> tuple[RowFinding, ...]:
         shake = shaking(s)
         vibration = None if shake is None else _vibration(s, shake)
         found.append(vibration)
-        shaken = shake.seen if vibration is not None and shake is not None else np.zeros(6)
+        shaken = np.zeros(6) if shake is None else shake.seen
         if s.stated:
             found.append(_noise(s, counted / s.scale**2 + shaken))
     told = [f for f in found if f is not None]
@@ -90,7 +90,7 @@ def _base(recording: Recording, s: Scatter | None, counted: np.ndarray) -> np.nd
 
 def _coarse(steps: list[Step | None], counted: np.ndarray, base: np.ndarray) -> RowFinding | None:
     rise = counted / base
-    chosen = [k for k in range(6) if rise[k] >= COARSE]
+    chosen = [k for k in range(6) if rise[k] >= APART]
     if not chosen:
         return None
     parameters: dict[str, dict[str, Any]] = {}
@@ -104,7 +104,7 @@ def _coarse(steps: list[Step | None], counted: np.ndarray, base: np.ndarray) -> 
         f"Values stand on a coarse lattice: steps of {', '.join(words)}; rounding to them raises "
         f"a row's variance by up to {100 * rise.max():.0f} %."
     )
-    probability = float(ndtr((rise.max() - COARSE) / 0.02)) * 0.99
+    probability = float(ndtr((rise.max() - APART) / 0.02)) * 0.99
     names = tuple(CHANNELS[k] for k in chosen)
     return RowFinding(
         "sensor.quantization", probability, float(rise.max()), names, parameters, sentence
@@ -114,9 +114,9 @@ def _coarse(steps: list[Step | None], counted: np.ndarray, base: np.ndarray) -> 
 def _stale(recording: Recording, again: Repeats, s: Scatter | None) -> RowFinding | None:
     excess = again.share - again.expected
     rise = _late(recording, again, s)
-    if not again.channels or excess < STALE / 2 or (excess < STALE and rise < COUNTS):
+    if not again.some or (excess < STALE and rise < COUNTS):
         return None
-    sure = float(ndtr((excess - STALE / 2) / max(again.std, 1e-6)))
+    sure = float(ndtr((excess - FEW) / max(again.std, 1e-6)))
     names = tuple(CHANNELS[k] for k in again.channels)
     which = "rows repeat" if len(names) == 6 else f"rows of {', '.join(names)} repeat"
     sentence = (
@@ -147,7 +147,7 @@ def _vibration(s: Scatter, shake: Shaking) -> RowFinding | None:
         rest = np.maximum(s.variance()[0] - shake.seen, 0.05)
         rise, std = rise / rest, std / rest
     k = int(np.argmax(rise))
-    probability = float(ndtr((rise[k] - COUNTS) / np.hypot(std[k], 0.5 * LEVEL)))
+    probability = float(ndtr((rise[k] - APART) / np.hypot(std[k], LEVEL * rise[k])))
     if probability < TOLD:
         return None
     size = np.sqrt(2.0 * shake.rise) * s.scale
@@ -167,7 +167,7 @@ def _vibration(s: Scatter, shake: Shaking) -> RowFinding | None:
         f"gravity make them, and turn with the pose; {CHANNELS[k]} scatters {100 * rise[k]:.0f} % "
         "more in variance."
     )
-    names = tuple(c for c, r in zip(CHANNELS, rise, strict=True) if r >= COUNTS)
+    names = tuple(c for c, r in zip(CHANNELS, rise, strict=True) if r >= APART)
     return RowFinding(
         "base.vibration", 0.995 * probability, float(rise[k]), names, parameters, sentence
     )
@@ -179,9 +179,9 @@ def _noise(s: Scatter, explained: np.ndarray) -> RowFinding | None:
     slack = np.hypot(std, LEVEL * (1.0 + explained))
     sure = np.where(s.steady(s.rows), ndtr((rise - COUNTS) / slack), 0.0)
     k = int(np.argmax(sure))
-    if sure[k] < TOLD_NOISE:
+    if sure[k] < TOLD:
         return None
-    chosen = [j for j in range(6) if sure[j] >= TOLD]
+    chosen = [j for j in range(6) if sure[j] >= TOLD_CHANNEL]
     parameters = {}
     for j in chosen:
         beyond = np.sqrt(rise[j]) * s.scale[j]

@@ -1,7 +1,9 @@
 """Every hypothesis alone: its exact evidence in the linear model, over all rungs and sizes."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from types import MappingProxyType
 
 import numpy as np
 from scipy.special import logsumexp
@@ -41,10 +43,18 @@ class _Batch:
 
 
 class Searcher:
-    """Searches structures for readings of one design; made once, used for many cases."""
+    """Searches structures for readings of one design; made once, used for many cases.
 
-    def __init__(self, dictionary: Dictionary) -> None:
+    Args:
+        dictionary: of the design.
+        witness: log odds that something else than the wrench adds to an effect, by name.
+    """
+
+    def __init__(
+        self, dictionary: Dictionary, witness: Mapping[str, float] = MappingProxyType({})
+    ) -> None:
         self.d = dictionary
+        self.witness = witness
         self.rungs: tuple[Background, ...] = ladder(dictionary)
         self.hypotheses: tuple[Hypothesis, ...] = dictionary.hypotheses
         self.kernels = tuple(dictionary.kernels)
@@ -79,10 +89,18 @@ class Searcher:
 
     def prior(self, h: Hypothesis) -> float:
         """Effects alike; variants by their weight; what must exceed its typical size is rarer."""
-        names = {g.name for g in self.hypotheses}
-        weights = sum(g.variant.weight for g in self.hypotheses if g.name == h.name)
         rare = min(1.0, float(np.sqrt(h.typical_gap)) * 2.0)
-        return float(np.log(PRIOR["one"] / len(names) * h.variant.weight / weights * rare))
+        share = h.variant.weight / self._weights[h.name]
+        odds = self.witness.get(h.name, 0.0)
+        return float(np.log(PRIOR["one"] / len(self._weights) * share * rare)) + odds
+
+    @cached_property
+    def _weights(self) -> dict[str, float]:
+        """Weight of all variants of each effect."""
+        total: dict[str, float] = {}
+        for h in self.hypotheses:
+            total[h.name] = total.get(h.name, 0.0) + h.variant.weight
+        return total
 
     def nulls(self, y: np.ndarray) -> np.ndarray:
         """Log evidence of nothing but background on each rung (L,), its prior in it."""

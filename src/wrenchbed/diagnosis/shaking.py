@@ -22,6 +22,8 @@ _EQUAL = 3.0
 """The two weaker directions are taken as equal if they differ by less than this many std."""
 SURE = 1e-4
 """There is no shaking if chance makes as much more often than this."""
+ALIKE = 1e-5
+"""Poses cannot tell if they change what an acceleration puts on the sensor by less, squared."""
 GRID = 4
 """Frequencies tried per 1/(length of a group)."""
 LOWEST_HZ = 3.0
@@ -73,7 +75,8 @@ def shaking(s: Scatter) -> Shaking | None:
     noise = np.sqrt(np.maximum(Y.var(axis=0), 1e-12))  # products of noisier channels are noisier
     X, Y = X / noise[:, None], Y / noise
     gram = np.einsum("g,gki,gkj->ij", weight, X, X)
-    if np.linalg.eigvalsh(gram)[0] <= 1e-6 * np.einsum("gki,gki->", design, design):
+    whole = np.einsum("g,gki->", weight, (design / noise[:, None]) ** 2)
+    if np.linalg.eigvalsh(gram)[0] <= ALIKE * whole:
         return None
     inverse = np.linalg.inv(gram)
     a = inverse @ np.einsum("g,gki,gk->i", weight, X, Y)

@@ -6,11 +6,13 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import logsumexp
 
+from wrenchbed.diagnosis.broad import beside
 from wrenchbed.diagnosis.claims import CLAIMABLE, Explanation, explained, share
 from wrenchbed.diagnosis.dictionary import STATED
 from wrenchbed.diagnosis.finalist import Finalist
 from wrenchbed.diagnosis.refit import Refitter
 from wrenchbed.diagnosis.search import PRIOR, UNKNOWN, Searcher, Single
+from wrenchbed.diagnosis.swaps import swapped
 
 SINGLES, EXTENDED, LONGER = 6, 4, 5
 """How many single effects are refitted, how many of these extended, and with how many more."""
@@ -55,6 +57,7 @@ def rank(searcher: Searcher, refitter: Refitter) -> Ranking:
         refitter.fit((searcher.hypotheses[s.index],), s.rung)
         for s in _distinct(searcher, singles, SINGLES)
     ]
+    found += _beside_broad(refitter, found, singles)
     mixed, kernel_beside = -np.inf, kernel
     beam = sorted(found, key=_posterior)[:EXTENDED]
     for _ in range(AT_ONCE + MINOR - 1):
@@ -71,25 +74,38 @@ def rank(searcher: Searcher, refitter: Refitter) -> Ranking:
         for value, f, s in sorted(drafts, key=lambda d: -d[0]):
             h = searcher.hypotheses[s.index]
             names = frozenset((*f.names, h.name))
-            best = max(x.log_posterior for x in found)
-            if names in seen or value < best - 3.0 or len(longer) == LONGER:
+            most = max(x.log_posterior for x in found)
+            if names in seen or value < most - 3.0 or len(longer) == LONGER:
                 continue
             seen.add(names)
-            pair = refitter.fit((*f.parts, h), f.rung, np.concatenate([f.x, refitter.start((h,))]))
+            pair = refitter.extended(f, h)
             if pair.log_posterior > f.log_posterior and len(_claimed(refitter, pair)) <= AT_ONCE:
                 longer.append(pair)
         if not longer:
             break
         found += longer
         beam = sorted(longer, key=_posterior)[:2]
+    best = min(found, key=_posterior)
+    found += swapped(refitter, best, _claimed(refitter, best), singles)
     found = [refitter.nothing(), *found]
     found.sort(key=_posterior)
     if mixed > max(unknown, found[0].log_posterior):
         kernel = kernel_beside
-    best = found[0].log_posterior
-    told = [explained(refitter, f) for f in found if f.log_posterior > best - NEGLIGIBLE]
+    least = found[0].log_posterior - NEGLIGIBLE
+    told = [explained(refitter, f) for f in found if f.log_posterior > least]
     gap = searcher.d.gap(refitter.y) - float(searcher.d.prepared.variance.mean())
     return Ranking(tuple(told), unknown, mixed, kernel, gap)
+
+
+def _beside_broad(
+    refitter: Refitter, found: Sequence[Finalist], singles: Sequence[Single]
+) -> list[Finalist]:
+    """Special effects beside the best explanation where it is broad; then one more."""
+    best = min(found, key=_posterior)
+    pairs = beside(refitter, best, singles)
+    if not pairs:
+        return []
+    return pairs + beside(refitter, min(pairs, key=_posterior), singles)
 
 
 def _posterior(f: Finalist) -> float:

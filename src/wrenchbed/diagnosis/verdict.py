@@ -11,8 +11,8 @@ from wrenchbed.diagnosis.search import NONE, UNKNOWN
 from wrenchbed.diagnosis.structures import Ranking
 
 REST = 0.55
-"""An explanation is complete if it leaves no more gap than normal imperfections make, or than the
-form of its effects may miss."""
+"""An explanation is complete if it leaves no more gap than normal imperfections make, and the form
+of its effects may miss."""
 MOST_RIVALS = 4
 RIVAL = 0.02
 """A rival has at least this share of its class's probability."""
@@ -58,7 +58,7 @@ def complete(explanation: Explanation) -> bool:
         if p.index is not None
     ]
     missed = sum(error * share for error, share in own)
-    return explanation.rest <= max(REST, missed)
+    return explanation.rest <= REST + missed
 
 
 def decide(ranking: Ranking, temperature: float = 1.0) -> Verdict:

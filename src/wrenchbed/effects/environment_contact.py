@@ -5,9 +5,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wrenchbed.effects.base import LoadEffect, Pose, Values, Variant
+from wrenchbed.effects.base import LoadEffect, Pose, Residual, Values, Variant
 from wrenchbed.errors import NotFoundError
-from wrenchbed.frames import apply, cross
+from wrenchbed.frames import apply, cross, sphere
 from wrenchbed.jets import value
 from wrenchbed.parameters import Parameter, ParameterSet
 from wrenchbed.robots.base import Robot
@@ -20,12 +20,18 @@ LENGTH = 0.01
 SHARES = (0.05, 0.15, 0.35)
 """Of the rows, that touch where a search begins."""
 NORMAL = ("normal.x", "normal.y", "normal.z")
+SLIDE = ("slide.x", "slide.y", "slide.z")
+WAYS = 400
+DEPTHS = (0.04, 0.08, 0.12, 0.18, 0.25, 0.35)
+"""What is tried when a residual is scanned: normals over a sphere, shares of rows that touch."""
+SHAPE = ("depth", *NORMAL, *SLIDE, "power", "reach")
 
 
 class EnvironmentContact(LoadEffect):
-    """F = k l (x/l)₊ⁿ n, x = d − n·p, at the tip p: a plane with the normal n pushes back.
+    """F = k l (x/l)₊ⁿ (n + s), x = d − n·p, at the tip p: a plane with the normal n pushes back.
 
-    l = 1 cm, and n = 1 of a spring, 3/2 of a ball on a half space (Hertz); no friction.
+    l = 1 cm, and n = 1 of a spring, 3/2 of a ball on a half space (Hertz); s drags along the plane,
+    always the same way.
 
     The tip is that of the robot's model, else twice as far from the sensor as the CoG.
 
@@ -49,6 +55,7 @@ class EnvironmentContact(LoadEffect):
                     Parameter(n, float(n[-1] == "z"), "1", 0.1, -2, 2, "out of the plane, world")
                     for n in NORMAL
                 ),
+                *(Parameter(n, 0.0, "1", 0.1, -2, 2, "drag over push, world") for n in SLIDE),
             )
         )
 
@@ -66,10 +73,44 @@ class EnvironmentContact(LoadEffect):
             for share in SHARES:
                 depth = float(np.quantile(at @ normal, share))
                 begin = dict(zip(NORMAL, map(float, normal), strict=True)) | {"depth": depth}
-                begin |= {"power": 1.0, "reach": 1.0}
-                shape = ("depth", *NORMAL, "power", "reach")
+                begin |= dict.fromkeys(SLIDE, 0.0) | {"power": 1.0, "reach": 1.0}
                 text = f"from {label}, {share:.0%} of rows"
-                result.append(Variant(text, ("stiffness",), begin, shape, {"side": label}))
+                result.append(Variant(text, ("stiffness",), begin, SHAPE, {"side": label}))
+        return tuple(result)
+
+    def found(self, scene: Scene, residual: Residual) -> tuple[Variant, ...]:
+        """Planes whose depth a residual follows best, as a force in any fixed way at the tip."""
+        if not scene.jointed:
+            return ()
+        rotation, position = (value(x)[residual.rows] for x in scene.pose)
+        lever = tip(scene)
+        at = position + apply(rotation, lever)
+        force = np.swapaxes(rotation, 1, 2)  # of a unit push along each world axis
+        arm = np.broadcast_to(lever, at.shape)
+        torque = np.stack([cross(arm, force[:, :, i]) for i in range(3)], axis=2)
+        columns = np.concatenate([force, torque], axis=1) / residual.noise[:, None]
+        moment = np.einsum("rci,rc->ri", columns, residual.value)
+        each = np.einsum("rci,rcj->rij", columns, columns).reshape(-1, 9)
+        ways = sphere(WAYS)
+        height = at @ ways.T
+        told: list[tuple[float, int, float, np.ndarray]] = []
+        for share in DEPTHS:
+            depth = np.quantile(height, share, axis=0)
+            x = np.maximum(depth - height, 0.0)  # (R, ways)
+            score = x.T @ moment
+            normal = (x.T**2 @ each).reshape(-1, 3, 3) + 1e-12 * np.eye(3)
+            push = np.linalg.solve(normal, score[:, :, None])[:, :, 0]
+            gain = np.where((push * ways).sum(axis=1) > 0, (score * push).sum(axis=1), 0.0)
+            told += [(float(gain[k]), k, float(depth[k]), push[k]) for k in np.argsort(-gain)[:2]]
+        told.sort(key=lambda t: -t[0])
+        result: list[Variant] = []
+        for _, k, depth, push in told[:3]:
+            n = ways[k]
+            drag = np.clip(push / float(push @ n) - n, -1.0, 1.0)
+            begin = dict(zip((*NORMAL, *SLIDE), map(float, [*n, *drag]), strict=True))
+            begin |= {"depth": depth, "power": 1.0, "reach": 1.0}
+            text = f"a plane found, {len(result) + 1}"
+            result.append(Variant(text, ("stiffness",), begin, SHAPE, {}, 2.0))
         return tuple(result)
 
     def load(self, scene: Scene, pose: Pose, load: np.ndarray, p: Values) -> np.ndarray:
@@ -78,14 +119,15 @@ class EnvironmentContact(LoadEffect):
         rotation, lever = value(pose.rotation), p["reach"] * tip(scene)
         at = value(pose.position) + apply(rotation, lever)
         push = p["stiffness"] * pressed(p["depth"] - at @ normal, p["power"])
-        force = push[:, None] * (np.swapaxes(rotation, -1, -2) @ normal)
+        way = normal + np.array([p[n] for n in SLIDE])
+        force = push[:, None] * (np.swapaxes(rotation, -1, -2) @ way)
         return np.concatenate([force, cross(np.broadcast_to(lever, force.shape), force)], axis=1)
 
     def edit_spec(self, spec: "mujoco.MjSpec", robot: Robot, theta: np.ndarray, p: Values) -> None:
-        """A plane that pushes the tip back like a spring; other powers stay closed form."""
+        """A plane that pushes the tip back like a spring; else it stays closed form."""
         from wrenchbed.springs import plane
 
-        if p["stiffness"] and p["power"] == 1.0:
+        if p["stiffness"] and p["power"] == 1.0 and not any(p[n] for n in SLIDE):
             q = robot.sample(1, np.random.default_rng(0))
             still = Scene(robot, theta, np.zeros(3), q, np.zeros(1), np.ones(1, dtype=bool))
             normal = np.array([p[n] for n in NORMAL])

@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from wrenchbed.effects.base import Effect, JointEffect, Pose, PoseEffect, Values, Variant
-from wrenchbed.frames import apply, cross, euler, exp
-from wrenchbed.jets import value
+from wrenchbed.frames import apply, euler, exp
 from wrenchbed.parameters import Parameter, ParameterSet
 from wrenchbed.robots.base import Robot
 from wrenchbed.robots.medrue.kinematics import five_bar
 from wrenchbed.scene import Scene
+from wrenchbed.wrench import wrench
 
 if TYPE_CHECKING:
     import mujoco
@@ -31,7 +31,7 @@ class JointClearance(JointEffect, PoseEffect):
     tension: e·δE = −s tanh(N/0.05) for both links' directions e, Σ N e = −ĝ. The tip carries weight
     only, so ĝ is its load's direction. Both are given as what the joints would have to turn,
     J δq = δE, and q6 as much as the wrist's roll then differs.
-    ``tilt``: R → R Exp(t M/√(M² + M₀²)), M the moment of the tool's weight across the sensor's z.
+    ``tilt``: R → R Exp(t M/√(M² + M₀²)), M the moment of the tool's load across the sensor's z.
 
     Seen in: poses between which the force in a link changes its sign.
     """
@@ -96,8 +96,7 @@ class JointClearance(JointEffect, PoseEffect):
     def pose(self, scene: Scene, pose: Pose, p: Values) -> Pose:
         if has_loops(scene.robot):
             return pose
-        pull = scene.tool.mass * (np.swapaxes(value(pose.rotation), -1, -2) @ scene.gravity)
-        moment = cross(np.broadcast_to(scene.tool.cog, pull.shape), pull)[:, :2]
+        moment = wrench(pose.rotation, pose.position, scene.tool, scene.gravity)[:, 3:5]
         size = np.sqrt((moment**2).sum(axis=1, keepdims=True) + MOMENT**2)
         turn = scene.in_motion(p["tilt"] * moment / size)
         tilt = exp(turn[..., 0], turn[..., 1], 0.0 * turn[..., 0])

@@ -50,7 +50,7 @@ class JointGearError(JointEffect):
                 orders += [ratios[k - 1], 2.0 * ratios[k - 1]]
             for order in orders:
                 free = (f"sin.q{k}", f"cos.q{k}")
-                label = f"joint {k}, {order:g} waves a turn"
+                label = _label(k, order)
                 result.append(Variant(label, free, {"order": order}, ("order",), {"joint": k}))
         return tuple(result)
 
@@ -69,7 +69,7 @@ class JointGearError(JointEffect):
         if not best:
             return ()
         k, order = at
-        label = f"joint {k}, {order:g} waves a turn"
+        label = _label(k, order)
         free = (f"sin.q{k}", f"cos.q{k}")
         weight = len(self.variants(scene)) / (len(ORDERS) * len(rotary(scene.robot)))
         return (Variant(label, free, {"order": order}, ("order",), {"joint": k}, weight),)
@@ -87,6 +87,10 @@ class JointGearError(JointEffect):
         if "joint" in given:
             rest = one_joint(rest | {"joint": given["joint"]}, len(robot.joints), "cos")
         return Effect.values(self, robot, rest)
+
+
+def _label(joint: int, order: float) -> str:
+    return f"joint {joint}, {order:g} wave{'' if order == 1.0 else 's'} a turn"
 
 
 def rotary(robot: Robot) -> list[int]:

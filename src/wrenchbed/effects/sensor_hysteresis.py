@@ -78,11 +78,12 @@ class SensorHysteresis(ReadingEffect):
 def play(x: np.ndarray, width: np.ndarray) -> np.ndarray:
     """The play operator along the rows of (M, K) with half widths (K,)."""
     result = np.empty_like(x)
-    low, high = x - width, x + width
-    at = x[0]
-    for k in range(len(x)):
-        at = np.minimum(np.maximum(at, low[k]), high[k])
-        result[k] = at
+    for k, half in enumerate(width.tolist()):
+        at, told = float(x[0, k]), []
+        for value in x[:, k].tolist():
+            at = value - half if at < value - half else value + half if at > value + half else at
+            told.append(at)
+        result[:, k] = told
     return result
 
 

@@ -19,12 +19,14 @@ from wrenchbed.wrench import CHANNELS
 REFERENCE = np.array([20.0, 20.0, 20.0, 2.0, 2.0, 0.2])
 """Load (6,) at which an amplitude is the relative error [N, N·m]: the full scale of a small sensor.
 Fixed, so that the number does not depend on the range that a sensor was ordered with."""
-LAWS = {"even": 2.0, "odd": 3.0}
-"""Powers of the load at which a search begins."""
+LAWS = ("even", "odd")
+BEGIN = {"even": ("even", 2.0), "odd": ("odd", 3.0), "gain by sign": ("even", 1.0)}
+"""Laws and powers of the load at which a search begins."""
 
 
 class SensorNonlinearity(ReadingEffect):
-    """y_i → y_i + Y_i |y_i/Y_i|ⁿ (e_i + o_i sgn y_i) with Y = 20 N, 2 N·m (z: 0.2), n about 2 or 3.
+    """y_i → y_i + Y_i |y_i/Y_i|ⁿ (e_i + o_i sgn y_i) with Y = 20 N, 2 N·m (z: 0.2), n about 2 or 3;
+    an even law with n = 1 is a gain that differs between push and pull.
 
     Even: the same sign under both directions of load; odd: the gain depends on the load. The
     typical 0.005 is 0.1 N at 20 N, and 0.025 N (even) or 6 mN (odd) at 10 N.
@@ -40,13 +42,13 @@ class SensorNonlinearity(ReadingEffect):
     def parameters(self, robot: Robot) -> ParameterSet:
         text = "relative error at 20 N, 2 N·m (z: 0.2)"
         items = [x for law in LAWS for x in channel_parameters(law, 5e-3, 5e-3, text, ["1"] * 6)]
-        items.append(Parameter("power", 2.0, "1", 0.2, 1.8, 5.0, "power of the load"))
+        items.append(Parameter("power", 2.0, "1", 0.2, 0.8, 5.0, "power of the load"))
         return ParameterSet(tuple(items))
 
     def variants(self, scene: Scene) -> tuple[Variant, ...]:
         return tuple(
-            replace(v, label=f"{law}, {v.label}", detail={"law": law, **v.detail})
-            for law, power in LAWS.items()
+            replace(v, label=f"{text}, {v.label}", detail={"law": text, **v.detail})
+            for text, (law, power) in BEGIN.items()
             for v in channel_variants(law, {"power": power}, ("power",))
         )
 

@@ -12,6 +12,8 @@ from wrenchbed.scene import Scene
 class TimingLowpass(ReadingEffect):
     """τ ż = y − z, the reading is z: phase and amplitude fall. Settled at the first row.
 
+    Of n stages in a row each has τ/n.
+
     Exact for a load that moves linearly between rows, and so smooth in τ down to 0; τ < 0 mirrors
     the change, 2y − z(|τ|), which no filter does but which leaves differences about 0 right.
 
@@ -25,15 +27,23 @@ class TimingLowpass(ReadingEffect):
     modes = ("dynamic",)
 
     def parameters(self, robot: Robot) -> ParameterSet:
-        return ParameterSet((Parameter("tau", 0.0, "s", 0.01, -10.0, 10.0, "time constant"),))
+        tau = Parameter("tau", 0.0, "s", 0.01, -10.0, 10.0, "time constants of all stages together")
+        return ParameterSet((tau, Parameter("stages", 1.0, "1", 1.0, 1.0, 8.0, "alike, in a row")))
 
     def variants(self, scene: Scene) -> tuple[Variant, ...]:
-        return (Variant("first order", ("tau",)),) if scene.moving else ()
+        if not scene.moving:
+            return ()
+        return tuple(
+            Variant(f"{text} order", ("tau",), {"stages": n}, (), {"order": int(n)})
+            for n, text in ((1.0, "first"), (2.0, "second"))
+        )
 
     def read(self, scene: Scene, reading: np.ndarray, p: Values) -> np.ndarray:
         if not scene.moving or not p["tau"]:
             return reading
-        smooth = filtered(reading, scene.period, abs(p["tau"]))
+        stages, smooth = round(p["stages"]), reading
+        for _ in range(stages):
+            smooth = filtered(smooth, scene.period, abs(p["tau"]) / stages)
         return smooth if p["tau"] > 0 else 2.0 * reading - smooth
 
 

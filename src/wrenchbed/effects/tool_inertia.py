@@ -2,16 +2,23 @@
 
 import numpy as np
 
-from wrenchbed.effects.base import ModelEffect, Values, Variant
+from wrenchbed.effects.base import LoadEffect, ModelEffect, Pose, Values, Variant
+from wrenchbed.frames import cross
 from wrenchbed.parameters import Parameter, ParameterSet
 from wrenchbed.robots.base import INERTIA_AXES, Robot
 from wrenchbed.scene import Scene
 
 NAMES = tuple(f"inertia.{a}" for a in INERTIA_AXES)
+SHARE = "share"
+ACCELERATION, SPIN, TURNING = "acceleration", "spin", "turning"
+"""Of the tool in a scene's ``extra``, sensor axes (M, 3): a [m/s²], ω [rad/s], ω̇ [rad/s²]."""
 
 
-class ToolInertia(ModelEffect):
+class ToolInertia(ModelEffect, LoadEffect):
     """I → I + δI about the centre of gravity in sensor axes; no wrench at rest shows it.
+
+    Where only orientations are known a simulator has weight alone. An accelerometer then says what
+    of F = −m a, T = c × F − I ω̇ − ω × I ω is there: a share of 1, if the tool is as stated.
 
     Seen in: a motion that turns and accelerates the tool.
     """
@@ -23,14 +30,18 @@ class ToolInertia(ModelEffect):
 
     def parameters(self, robot: Robot) -> ParameterSet:
         known = robot.parameters.mapping(robot.parameters.nominal)
-        return ParameterSet(
-            tuple(
-                Parameter(n, 0.0, "kg·m²", max(0.2 * known[f"tool.{n}"], 3e-4), -10, 10, "added")
-                for n in NAMES
-            )
-        )
+        items = [
+            Parameter(n, 0.0, "kg·m²", max(0.2 * known[f"tool.{n}"], 3e-4), -10, 10, "added")
+            for n in NAMES
+        ]
+        if not robot.joints:
+            text = "of the inertial load that orientations do not tell"
+            items.append(Parameter(SHARE, 0.0, "1", 1.0, -10, 10, text))
+        return ParameterSet(tuple(items))
 
     def variants(self, scene: Scene) -> tuple[Variant, ...]:
+        if ACCELERATION in scene.extra:
+            return (Variant("the load's own inertial force", (SHARE,)),)
         if not scene.moving:
             return ()
         single = [Variant(n[-2:], (n,), detail={"axes": n[-2:]}) for n in NAMES]
@@ -45,6 +56,21 @@ class ToolInertia(ModelEffect):
         for n in NAMES:
             result[robot.parameters.index(f"tool.{n}")] += p[n]
         return result
+
+    def load(self, scene: Scene, pose: Pose, load: np.ndarray, p: Values) -> np.ndarray:
+        """A share of the inertial load that the scene's accelerations make; none without them."""
+        if ACCELERATION not in scene.extra or not p.get(SHARE, 0.0):
+            return np.zeros_like(load)
+        return p[SHARE] * inertial(scene)
+
+
+def inertial(scene: Scene) -> np.ndarray:
+    """Inertial load (M, 6) [N, N·m] of the tool as configured, from a scene's accelerations."""
+    tool = scene.tool
+    spin, turning = scene.extra[SPIN], scene.extra[TURNING]
+    force = -float(tool.mass) * scene.extra[ACCELERATION]
+    couple = turning @ tool.inertia + cross(spin, spin @ tool.inertia)
+    return np.concatenate([force, cross(tool.cog, force) - couple], axis=1)
 
 
 EFFECT = ToolInertia()

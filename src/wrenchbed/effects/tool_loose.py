@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from wrenchbed.effects.base import LoadEffect, Pose, Residual, Values, Variant
-from wrenchbed.frames import cross
+from wrenchbed.frames import cross, sphere
 from wrenchbed.parameters import Parameter, ParameterSet
 from wrenchbed.robots.base import Robot
 from wrenchbed.scene import Scene, held_on
@@ -77,7 +77,7 @@ class ToolLoose(LoadEffect):
         levers = levers / residual.noise[3:, None]  # (R, 3 torques, 3 levers)
         moment = np.einsum("rti,rt->ri", levers, residual.value[:, 3:])
         normal = np.einsum("rti,rtj->ij", levers, levers) + 1e-9 * np.eye(3)
-        ways = _half_sphere(WAYS)
+        ways = sphere(2 * WAYS)[:WAYS]
         along = towards @ ways.T  # (M, ways)
         told = []
         for grip in GRIPS:
@@ -125,14 +125,6 @@ def direction(p: Values) -> np.ndarray:
     """n (3,)."""
     way = np.array([p[w] for w in WAY])
     return way / max(float(np.linalg.norm(way)), 1e-9)
-
-
-def _half_sphere(count: int) -> np.ndarray:
-    """Evenly spread unit vectors (count, 3) with z > 0, on a golden spiral."""
-    k = np.arange(count) + 0.5
-    z, turn = k / count, np.pi * (1.0 + np.sqrt(5.0)) * k
-    flat = np.sqrt(1.0 - z**2)
-    return np.stack([flat * np.cos(turn), flat * np.sin(turn), z], axis=1)
 
 
 def _side(along: np.ndarray, grip: float) -> np.ndarray:

@@ -39,9 +39,8 @@ def compliance(design: Design, rng: np.random.Generator, size: float) -> Imperfe
     dq = np.zeros_like(design.q)
     for place, j in enumerate(_joints(design, rng, turning=True)):
         largest = max(float(np.abs(torque[:, j]).max()), 1e-9)
-        soft = 3e-3 if design.robot.name == "ur5" else 2e-3  # rad at the largest torque
         base = 1.5e4 if design.robot.name == "ur5" and j < 3 else 5e3
-        stiffness = min(base, largest / soft) / size * rng.uniform(0.8, 1.25)
+        stiffness = base / size * rng.uniform(0.8, 1.25)
         known = torque[:, j] * rng.uniform(0.93, 1.07)  # true masses are not the CAD's
         hard = rng.uniform(0.0, 0.25)
         share = known / largest

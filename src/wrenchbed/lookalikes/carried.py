@@ -16,7 +16,7 @@ _FALL_S = 0.05
 
 def mass(design: Design, rng: np.random.Generator, size: float) -> Imperfection:
     """The tool weighs about 2 % more or less than stated."""
-    amount = max(0.02 * size * design.load.mass, 1.6 * design.tolerance[0])
+    amount = max(0.02 * size * design.load.mass, 2.5 * design.tolerance[0])
     error = float(amount * rng.choice([-1.0, 1.0]))
 
     def act(load: Load, motion: Motion) -> Load:
@@ -28,7 +28,7 @@ def mass(design: Design, rng: np.random.Generator, size: float) -> Imperfection:
 def cog(design: Design, rng: np.random.Generator, size: float) -> Imperfection:
     """The centre of gravity is about 1.5 mm from where it is stated."""
     axis = rng.standard_normal(3)
-    amount = max(1.5e-3 * size, 2.0 * design.tolerance[1])
+    amount = max(1.5e-3 * size, 2.5 * design.tolerance[1])
     error = amount * axis / np.linalg.norm(axis)
 
     def act(load: Load, motion: Motion) -> Load:

@@ -132,14 +132,6 @@ def compressor(design: Design, rng: np.random.Generator) -> Imperfection:
     return _zero("compressor", on[:, None] * _few(design, rng))
 
 
-def rectifier(design: Design, rng: np.random.Generator) -> Imperfection:
-    """One channel reads more on one side than on the other."""
-    k = int(rng.integers(6))
-    share = np.zeros(6)
-    share[k] = 0.05 * rng.choice([-1.0, 1.0])
-    return Imperfection("rectifier", {}, sensor=lambda y: y + share * np.abs(y))
-
-
 def bursts(design: Design, rng: np.random.Generator) -> Imperfection:
     """Now and then, for a moment, the reading is far off."""
     count, n = int(rng.integers(2, 6)), len(design)
@@ -177,7 +169,7 @@ def slow_liquid(design: Design, rng: np.random.Generator) -> Imperfection:
 
 _ALL: tuple[Family, ...] = (
     part_lost, thermal_bow, slow_sine, random_walk, seating, gas_spring, magnet, product,
-    compressor, rectifier, bursts, third_harmonic, slow_liquid,
+    compressor, bursts, third_harmonic, slow_liquid,
 )  # fmt: skip
 FAMILIES: dict[str, Family] = {f.__name__: f for f in _ALL}
 """Families outside every library, by name."""

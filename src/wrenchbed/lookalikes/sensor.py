@@ -105,9 +105,14 @@ def crosstalk(design: Design, rng: np.random.Generator, size: float) -> Imperfec
 
 
 def nonlinearity(design: Design, rng: np.random.Generator, size: float) -> Imperfection:
-    """An even or odd bend of the characteristic, about 0.2 % of full scale at the largest load."""
+    """An even or odd bend of the characteristic, about 0.2 % of full scale at the largest load.
+
+    Now and then another gain for push than for pull.
+    """
     even = bool(rng.uniform() < 0.5)
     power = rng.uniform(1.8, 2.3) if even else rng.uniform(2.7, 3.4)
+    if even and rng.uniform() < 0.25:
+        power = 1.0
     bend = 2e-3 * size * design.full_scale * channels(rng)
     swing = design.swing
 

@@ -41,7 +41,9 @@ def weights(
     model.dof_damping[:] = 0.0
     model.dof_frictionloss[:] = 0.0
     model.actuator_gainprm[:] = model.actuator_biasprm[:] = 0.0  # implicit steps add their damping
-    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_LIMIT
+    model.opt.disableflags |= (
+        mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_LIMIT
+    )
     data = mujoco.MjData(model)
     pick = np.unique(np.append(np.arange(0, len(q), stride), len(q) - 1))
     chosen = q[pick]

@@ -1,0 +1,197 @@
+"""Figures of a benchmark, against numbers computed by hand."""
+
+import math
+
+import numpy as np
+import pytest
+
+from wrenchbed import registry
+from wrenchbed.diagnosis.linear import Claim
+from wrenchbed.diagnosis.scoring import METRICS, figure, matched, probability, right, score
+from wrenchbed.diagnosis.scoring_cases import Job, Setting, jobs
+from wrenchbed.diagnosis.scoring_rows import OURS, Journal, Number, Row, read, write
+from wrenchbed.diagnosis.scoring_tables import by_effect, by_size, figures, placed
+from wrenchbed.diagnosis.scoring_truth import truth
+from wrenchbed.errors import DiagnosisError
+from wrenchbed.lookalikes import Design, draw
+from wrenchbed.plan import Plan
+
+NONE = Claim("none", (), {"none": 0.9, "base.tilt": 0.1})
+UNKNOWN = Claim("unknown", (), {"unknown": 0.8, "none": 0.2})
+
+
+def named(*classes, p=0.95):
+    key = "|".join(classes[0])
+    presence = (p,) * len(classes)
+    return Claim("identified", tuple(classes), {key: p, "none": 1 - p}, presence)
+
+
+def row(name, kind, claim, *effects, **more):
+    shown = {"size": dict.fromkeys(effects, 4.0), "detectability": dict.fromkeys(effects, 40.0)}
+    return Row(name, kind, effects, answers={OURS: claim}, **(shown | more))
+
+
+TILT = row("a", "single", named(("base.tilt",)), "base.tilt", where="base")
+RIVAL = row("b", "single", named(("joint.offset", "base.tilt")), "base.tilt", where="joint")
+MISSED = row("c", "single", NONE, "sensor.gain", where="base")
+ROWS = [
+    TILT, RIVAL, MISSED,
+    row("d", "none", NONE),
+    row("e", "none", named(("cable.pull",), p=0.7)),
+    row("f", "outside", UNKNOWN, outside="magnet"),
+    row("g", "outside", named(("cable.pull",), p=0.99), outside="magnet"),
+    row("h", "pair", named(("base.tilt",), ("x.y",)), "base.tilt", "tool.mass", where="tool"),
+]  # fmt: skip
+
+
+def value(key, rows=ROWS):
+    return figure(METRICS[key], rows, draws=50).value
+
+
+def test_shares_are_counted_over_their_own_kind():
+    assert value("isolation") == pytest.approx(2 / 3)
+    assert value("first") == pytest.approx(1 / 3)
+    assert value("false_alarm") == value("unknown") == value("misnamed") == 0.5
+    assert value("sure_alarm") == 0.0
+    # a, b right, g wrong, h right in its first class; e is not sure
+    assert value("sure") == pytest.approx(3 / 4)
+    # base; joint is the first choice of a class that holds the truth; base is not sensor; tool
+    assert value("where") == pytest.approx(3 / 4)
+
+
+def test_effects_below_three_sigma_do_not_count():
+    weak = row("w", "single", NONE, "sensor.gain", detectability={"sensor.gain": 2.9})
+    assert figure(METRICS["isolation"], [weak]) is None
+    assert value("isolation", [*ROWS, weak]) == pytest.approx(2 / 3)
+
+
+def test_calibration_error_by_hand():
+    # stated 0.95, 0.95, 0.95, 0.99 | 0.9 (none) twice: all in the last bin: 5.64 stated, right
+    # are a, b, h, d; 0.7 wrong in its bin; 0.8 right in its bin
+    stated = 3 * 0.95 + 0.99 + 2 * 0.9
+    expected = (abs(stated - 4) + 0.7 + abs(0.8 - 1)) / 8
+    assert value("ece") == pytest.approx(expected)
+
+
+def test_log_score_by_hand():
+    told = [0.95, 0.95, 1e-4, 0.9, 0.3, 0.8, 1e-4, 0.95]
+    assert [probability(r, r.answers[OURS]) for r in (ROWS[0], ROWS[4])] == [0.95, 1 - 0.7]
+    assert value("log_score") == pytest.approx(-sum(map(math.log, told)) / 8)
+
+
+def test_two_effects_by_hand():
+    assert matched(ROWS[-1], ROWS[-1].answers[OURS]) == (1, 1, 1)
+    assert value("pairs") == pytest.approx(0.5)
+    both = row("i", "pair", named(("x.y", "base.tilt"), ("tool.mass",)), "base.tilt", "tool.mass")
+    assert value("pairs", [ROWS[-1], both]) == pytest.approx(2 * 3 / (2 * 3 + 1 + 1))
+
+
+def test_coverage_counts_parameters():
+    inside, outside = Number("x", 1.0, 0.1, 1.16), Number("y", 1.0, 0.1, 1.17)
+    told = [
+        row("n", "single", NONE, "base.tilt", numbers=(inside, outside), variant=True),
+        row("o", "single", NONE, "base.tilt", numbers=(outside,)),
+    ]
+    assert value("coverage", told) == pytest.approx(1 / 3)
+    assert value("coverage_right", told) == pytest.approx(1 / 2)
+
+
+def test_closure_against_the_oracle():
+    told = [
+        row("p", "single", NONE, "base.tilt", closed=0.9, oracle=1.0),
+        row("q", "single", NONE, "base.tilt", closed=-5.0, oracle=0.8),
+        row("r", "single", NONE, "base.tilt"),
+    ]
+    assert value("closed", told) == pytest.approx(-0.05)
+    assert value("of_oracle", told) == pytest.approx(-0.1 / 1.8)
+
+
+def test_only_none_is_right_where_nothing_is_wrong():
+    assert right(ROWS[3], NONE) and not right(ROWS[3], UNKNOWN)
+    assert right(ROWS[5], UNKNOWN) and not right(ROWS[5], NONE)
+    assert not right(TILT, Claim("error", (), {}))
+
+
+def test_intervals_hold_the_value_and_shrink():
+    claims = [named(("base.tilt",)), NONE]
+    rows = [row(str(k), "single", claims[k % 2], "base.tilt") for k in range(400)]
+    wide, tight = (figure(METRICS["isolation"], rows[:n]) for n in (20, 400))
+    assert wide.low < 0.5 < wide.high and tight.low < 0.5 < tight.high
+    assert tight.high - tight.low == pytest.approx(4 * math.sqrt(0.25 / 400), rel=0.15)
+    assert wide.high - wide.low > 3 * (tight.high - tight.low)
+
+
+def test_a_perfect_score_is_not_certain():
+    found = figure(METRICS["isolation"], [TILT, RIVAL])
+    assert found.value == found.high == 1.0
+    assert found.low == pytest.approx(math.sqrt(0.025))
+
+
+def test_a_case_counts_once():
+    with pytest.raises(DiagnosisError, match="case a is there twice"):
+        score([TILT, MISSED, TILT])
+
+
+def test_rows_survive_the_disk_and_a_kill(tmp_path):
+    path = tmp_path / "rows.parquet"
+    rows = [*ROWS, row("z", "single", NONE, "x.y", numbers=(Number("x", 1.0, 0.1, 1.2),))]
+    journal = Journal(path)
+    for r in rows:
+        journal.append(r)
+    with journal.lines.open("a") as file:
+        file.write('{"id": "half')
+    again = Journal(path)
+    assert again.read() == rows
+    again.append(row("next", "none", NONE))
+    assert [r.id for r in again.read()][-1] == "next"
+    again.finish(rows)
+    assert read(path) == Journal(path).read() == rows
+    assert not again.lines.exists()
+    write(path, [])
+    assert read(path) == []
+
+
+def test_tables_say_what_was_scored():
+    table = figures(ROWS, [OURS], draws=20)
+    assert "| isolation: a claimed class holds the effect | ≥ 95 % | **67 %**" in table
+    assert "| base.tilt | 2 | 4 | 2 | 0 | 0 |  |" in by_effect(ROWS)
+    assert "| 4–8 | 3 | 67 % | 67 % |" in by_size(ROWS)
+
+
+def test_text_goes_between_its_marks():
+    document = "A\n<!-- begin x -->\nold\n<!-- end -->\n<!-- begin y -->\n<!-- end -->\n"
+    done = placed(document, "x", "new\n")
+    assert done == document.replace("old", "new")
+    with pytest.raises(DiagnosisError, match="no place for z"):
+        placed(document, "z", "")
+
+
+def test_jobs_follow_from_the_seed():
+    counts = {"single": 3, "none": 2}
+    first, other = (list(jobs(Setting("ur5", "static", s), counts)) for s in (1, 2))
+    assert len({j.id for j in first}) == 5 and not {j.id for j in first} & {j.id for j in other}
+    assert [j.seed for j in first] == [Job(j.setting, j.kind, j.index).seed for j in first]
+    assert len({j.seed for j in (*first, *other)}) == 10
+
+
+@pytest.mark.parametrize("effect", ["base.tilt", "mount.rotation", "joint.offset", "sensor.gain"])
+def test_true_parameters_have_the_published_names_and_signs(effect):
+    """The library's effect at the true parameters reads as the look-alike does."""
+    from wrenchbed.chain import Active, effects, respond
+    from wrenchbed.diagnosis.prepare import prepare
+    from wrenchbed.lookalikes import recording
+    from wrenchbed.lookalikes.imperfection import World
+
+    robot = registry.load("robots", "ur5")
+    q = robot.sample(30, np.random.default_rng(3))
+    design = Design.of_plan(Plan.of("ur5", q), robot, samples=20)
+    case = draw(design, 5, "single", effect, 2.0)
+    true = truth(design, case, effect)
+    own = effects()[effect]
+    scene = prepare(recording(design, case)).scene
+    active = [Active(own, own.values(robot, true))]
+    here = respond(scene, active) - respond(scene)
+    items = [(i, k) for i, k in case.items if i.name == effect]
+    there = World(design).reading(items) - design.nominal
+    scale = np.abs(there).max(axis=0)
+    np.testing.assert_allclose(here[scene.held], there, atol=0.04 * scale.max(), rtol=0.05)
