@@ -23,9 +23,10 @@ SECOND_ORDER = {
 }  # fmt: skip
 """Relative differences of what the closed form takes to first order, or a tendon from afar."""
 IN_MOTION = {
-    "joint.compliance": 0.1, "base.compliance": 0.05, "joint.backlash": 0.15, "joint.clearance": 0.02,
+    "joint.compliance": 0.1, "base.compliance": 0.05,
+    "joint.backlash": 0.15, "joint.clearance": 0.02,
 }  # fmt: skip
-"""The same in motion, where the closed form leaves moments of inertia about the links' centres out."""
+"""The same in motion: the closed form leaves moments of inertia about the links' centres out."""
 SWINGS = ("tool.flexure", "tool.loose")
 """In motion a mass that has moved in the tool is also swung: the closed form leaves that out,
 and a grip is a constant friction, not a share of the load: what sticks lets go a little apart."""

@@ -48,7 +48,8 @@ def noise(prepared, rng, kind):
         unit = rng.standard_t(5, size) * np.sqrt(3 / 5)
     if kind == "memory":
         unit = lfilter([0.8], [1.0, -0.6], rng.standard_normal((size[0] + 100, 6)), axis=0)[100:]
-    return unit * np.sqrt(prepared.noise) @ np.linalg.inv(prepared.turn).T
+    size = 1.0 if prepared.moving else np.sqrt(prepared.noise)
+    return unit * size @ np.linalg.inv(prepared.turn).T
 
 
 def made(mode, seed, signal=None, gap=1.0, kind="normal"):
@@ -152,10 +153,12 @@ def test_a_drift_in_motion_is_found_in_time():
 
 def test_a_hum_is_found_in_its_band_and_its_channel():
     prepared, _ = bench("motion")
-    hum = np.sin(2 * np.pi * 6.0 * prepared.scene.age)[:, None] * np.eye(6)[2]
+    hum = np.sin(2 * np.pi * 4.5 * prepared.scene.age)[:, None] * np.eye(6)[2]
     found = {f.variable: f for f in find(*made("motion", 0, hum))}
-    band = found["frequency 4–8 Hz"]
-    assert band.p_value < 1e-6 and band.share > 0.8 and "4–8 Hz" in band.sentence
+    (name,) = [v for v in found if v.startswith("frequency 4–")]
+    band = found[name]
+    assert band.p_value < 1e-6 and band.share > 0.7
+    assert name.removeprefix("frequency ") in band.sentence
     assert found["channel fz"].p_value < 1e-6
     assert found["channel fz"].sentence.startswith("Force z is off by ")
     assert not found["frequency 1–2 Hz"].seen and not found["channel tx"].seen

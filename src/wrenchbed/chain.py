@@ -48,6 +48,11 @@ def effects() -> dict[str, Effect]:
     return {name: registry.load("effects", name) for name in registry.names("effects")}
 
 
+def acts(effect: Effect, scene: Scene) -> bool:
+    """Whether an effect can show in such a scene: measured accelerations show a motion's too."""
+    return ("dynamic" if scene.moving else "static") in effect.modes or bool(scene.extra)
+
+
 def respond(scene: Scene, active: Sequence[Active] = ()) -> np.ndarray:
     """Mean readings (M, 6) [N, N·m] of every row of a scene with effects acting.
 

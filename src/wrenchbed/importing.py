@@ -126,7 +126,7 @@ def _times(path: Path, table: pa.Table, file_map: FileMap, scaled: np.ndarray) -
     raw = table.column(clock.column)
     t = scaled
     if pa.types.is_integer(raw.type):
-        t = raw.to_numpy().astype(np.int64) * round(clock.factor / 1e-9)
+        t = (raw.to_numpy().astype(np.int64) - round(clock.zero)) * round(clock.factor / 1e-9)
     bad = np.flatnonzero(np.diff(t) <= 0)
     if len(bad):
         row = bad[0] + 1

@@ -87,13 +87,9 @@ def _causes(d: Diagnosis) -> Table:
 
 
 def _parameter(name: str, told: dict[str, Any]) -> str:
-    value, std = told.get("value"), told.get("std")
-    if isinstance(value, str) or value is None:
-        return f"{name}: {value}"
-    shown = f"{name} {value:.4g}"
-    if std is not None:
-        shown += f" ± {std:.2g}"
-    return f"{shown} {told.get('unit', '')}".rstrip()
+    from wrenchbed.report.numbers import quantity
+
+    return f"{name} {quantity(name, told)}"
 
 
 def _probabilities(d: Diagnosis) -> str:

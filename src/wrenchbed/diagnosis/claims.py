@@ -64,9 +64,10 @@ class Stated(NamedTuple):
 def explained(refitter: Refitter, f: Finalist) -> Explanation:
     """What a finalist says: its effects that count, and stated numbers that are wrong."""
     parts = []
+    whole = refitter.d.gap(refitter.y) - float(refitter.d.prepared.variance.mean())
     for k, h in enumerate(f.parts):
         if h.name not in STATED:
-            added = share(refitter, f, k)
+            added = min(share(refitter, f, k), whole)  # parts that cancel out add nothing
             if added >= CLAIMABLE:
                 parts.append(Part(h.name, added, index=k))
     parts = [p for p in parts if not _form_of_another(p, parts, f)]
@@ -176,7 +177,23 @@ def stated(refitter: Refitter, f: Finalist) -> Stated:
     normal = columns.T @ solved[:, :-1] + np.diag(1.0 / spread**2)
     covariance = np.linalg.inv(normal)
     mean = covariance @ (columns.T @ solved[:, -1])
-    return Stated(mean[: len(own)], covariance[: len(own), : len(own)])
+    mean = mean[: len(own)] + _jumped_before(refitter, f)
+    return Stated(mean, covariance[: len(own), : len(own)])
+
+
+def _jumped_before(refitter: Refitter, f: Finalist) -> np.ndarray:
+    """What jumps too small to be named hold of the stated numbers (S,), in typical sizes.
+
+    A jump at an end of the recording is a zero that is off: hardly any row tells them apart.
+    """
+    d = refitter.d
+    jumps = [k for k, h in enumerate(f.parts) if h.name == "sensor.jump"]
+    small = [k for k in jumps if share(refitter, f, k) < CLAIMABLE]
+    if not small:
+        return np.zeros(len(d.stated))
+    gone = without(refitter, f, small)
+    signal = refitter.response(f.parts, f.x) - refitter.response(f.parts, gone)
+    return np.asarray(np.linalg.lstsq(d.E[:, d.stated], signal, rcond=None)[0])
 
 
 def _exact(refitter: Refitter, rung: int) -> Level:

@@ -125,7 +125,7 @@ class Sealed:
             variance, _ = spectrum.noise(residual, p.scene.period, p.stride)
             shown = np.count_nonzero(p.count) / len(p.count)  # what repeats hardly scatters
             return np.full(len(self.y), float(variance.mean()) / shown - 1.0)
-        if self.prepared.scene.extra:  # averages of a motion
+        if self.prepared.recording.metadata.mode == "dynamic":  # averages of a motion
             return np.asarray(self.noise + float(self.prepared.noise.mean()))
         n = np.maximum(self.count, 2)
         repeated = (self.noise + 1.0) * n / (n - 1) - 1.0

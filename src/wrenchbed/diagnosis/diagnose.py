@@ -7,16 +7,18 @@ from typing import Any
 
 import numpy as np
 
-from wrenchbed.diagnosis import closure, following, isolability, oriented, rows, where, witness
+from wrenchbed.diagnosis import closure, following, isolability, rows, where, witness
 from wrenchbed.diagnosis.analysis import Analysis, analyse
+from wrenchbed.diagnosis.apart import parted
 from wrenchbed.diagnosis.claims import Explanation, stated
 from wrenchbed.diagnosis.dictionary import STATED
 from wrenchbed.diagnosis.likeness import Likeness
-from wrenchbed.diagnosis.prepare import Prepared, prepare
+from wrenchbed.diagnosis.prepare import Prepared
+from wrenchbed.diagnosis.reliability import Reliability, features, shipped
 from wrenchbed.diagnosis.result import Diagnosis
 from wrenchbed.diagnosis.rows import RowFinding
 from wrenchbed.diagnosis.search import NONE, UNKNOWN
-from wrenchbed.diagnosis.verdict import Cause, Verdict, decide
+from wrenchbed.diagnosis.verdict import Cause, Verdict, decide, tempered
 from wrenchbed.plan import Plan
 from wrenchbed.recording import Recording
 
@@ -32,6 +34,7 @@ class Findings:
         diagnosis: the answers.
         analysis: linear and nonlinear analysis behind them.
         verdict: on the means of readings.
+        untempered: the same before the reliability of such claims was weighed in.
         rows: what shows between rows only.
         places: where the calibrated residual lies.
         plans: of the proposed experiments, by file name.
@@ -43,16 +46,23 @@ class Findings:
     rows: tuple[RowFinding, ...]
     places: tuple[where.Finding, ...]
     plans: Mapping[str, Plan]
+    untempered: Verdict
 
 
 def diagnose(
-    recording: Recording, *, seed: int = 0, progress: Progress = lambda _: None
+    recording: Recording,
+    *,
+    seed: int = 0,
+    reliability: Reliability | None = None,
+    progress: Progress = lambda _: None,
 ) -> Findings:
     """Where, which, how far, and what next.
 
     Args:
         recording: at rest or in motion.
         seed: of the split into blocks and of all permutations.
+        reliability: how often claims are right, learnt at this recording's own design; the one
+            that comes with the package if None.
         progress: told the step that begins.
 
     Raises:
@@ -60,13 +70,13 @@ def diagnose(
     """
     begun = time.perf_counter()
     progress("noise and blocks")
-    ready = oriented.prepare if oriented.applies(recording) else prepare
-    prepared = ready(recording, seed)
+    prepared, apart = parted(recording, seed)
     progress("effects and their evidence")
     analysis = analyse(prepared)
-    verdict = witness.upheld(analysis, decide(analysis.ranking))
+    untempered = decide(analysis.ranking)
+    verdict = witness.upheld(analysis, _tempered(analysis, untempered, reliability))
     progress("rows")
-    shown = rows.find(recording)
+    shown = (*rows.find(recording), *apart.trembling)
     progress("where")
     places = where.find(prepared, _calibrated(analysis), seed=seed)
     progress("how far")
@@ -86,16 +96,34 @@ def diagnose(
         robot=recording.metadata.robot,
         verdict=outcome,
         gap=gap,
-        where=where.entries(_places(analysis, verdict, gap, shown), places),
+        where=where.entries(
+            _places(analysis, verdict, gap),
+            places if outcome == UNKNOWN else (),
+            [_row_place(r) for r in shown],
+        ),
         which=causes if outcome in ("identified", "ambiguous") else [],
         probabilities=_leading(verdict, shown),
         cannot_tell=cannot,
         next=then,
         twin=twin,
+        between=[a for r in shown if (a := r.active(prepared.model.robot)) is not None],
         seconds=time.perf_counter() - begun,
-        notes=(*_notes(prepared, analysis, shown), *witness.sentences(analysis, verdict)),
+        notes=(
+            *_notes(prepared, analysis, shown, unknown=outcome == UNKNOWN),
+            *witness.sentences(analysis, verdict),
+        ),
     )
-    return Findings(told, analysis, verdict, shown, places, plans)
+    return Findings(apart.told(told), analysis, verdict, shown, places, plans, untempered)
+
+
+def _tempered(a: Analysis, verdict: Verdict, known: Reliability | None) -> Verdict:
+    """The verdict with probabilities that hold, as far as look-alike cases can tell."""
+    told = known or shipped(a.prepared.model.robot.name, a.prepared.moving)
+    if told is None:
+        return verdict
+    if verdict.causes:
+        return tempered(verdict, told.of(features(a.ranking, verdict)))
+    return tempered(verdict, told.none if verdict.verdict == NONE else told.unknown)
 
 
 def _calibrated(a: Analysis) -> np.ndarray:
@@ -181,7 +209,7 @@ def _row_cause(r: RowFinding) -> dict[str, Any]:
 
 
 def _places(
-    a: Analysis, verdict: Verdict, gap: closure.Closure, shown: Sequence[RowFinding]
+    a: Analysis, verdict: Verdict, gap: closure.Closure
 ) -> list[tuple[str, str, float, float]]:
     """(effect, detail, share, p-value) of each claim, for ``where``."""
     result = []
@@ -196,10 +224,11 @@ def _places(
         p_value = float(np.exp(-max(gain, 0.0)))
         share = min(1.0, max(0.0, gap.shares.get(c.names[0], 0.0) or c.part.share / total))
         result.append((c.names[0], _detail(verdict, c), share, p_value))
-    for r in shown:
-        share = r.rise / (1.0 + r.rise) if not verdict.causes else 0.0
-        result.append((r.effect, ", ".join(r.channels), share, 1.0 - r.probability))
     return result
+
+
+def _row_place(r: RowFinding) -> tuple[str, str, float, float]:
+    return r.effect, ", ".join(r.channels), r.rise / (1.0 + r.rise), 1.0 - r.probability
 
 
 def _detail(verdict: Verdict, cause: Cause) -> str:
@@ -248,14 +277,24 @@ def _next(a: Analysis, verdict: Verdict, seed: int) -> tuple[dict[str, Plan], li
     return plans, told
 
 
-def _notes(p: Prepared, a: Analysis, shown: Sequence[RowFinding]) -> tuple[str, ...]:
-    n = len(p.y)
-    what = "samples of motion" if p.moving else "poses"
+def _notes(
+    p: Prepared, a: Analysis, shown: Sequence[RowFinding], *, unknown: bool
+) -> tuple[str, ...]:
+    n, again = len(p.y), int(np.count_nonzero(p.count == 0))
+    still = "poses" if p.recording.metadata.mode == "static" else "averages of a motion"
+    what = "samples of motion" if p.moving else still
     told = [
         f"{n} {what}, {int(p.sealed.sum())} of them sealed; noise of a row from its {p.source}",
     ]
     if p.left_out:
         told.append(f"{p.left_out} saturated rows were left out")
+    if again:
+        told.append(f"{again} rows that repeat the one before take no part")
     if a.dictionary.invisible:
         told.append("not visible in this data: " + ", ".join(a.dictionary.invisible))
+    if shown and unknown:
+        told.append(
+            "what causes the gap of the means is unknown; beside it rows show "
+            + ", ".join(f"{r.effect} (probability {r.probability:.2g})" for r in shown)
+        )
     return (*told, *(r.sentence for r in shown))

@@ -10,7 +10,7 @@ from functools import cached_property
 
 import numpy as np
 
-from wrenchbed.chain import Active, effects, respond
+from wrenchbed.chain import Active, acts, effects, respond
 from wrenchbed.diagnosis.features import features
 from wrenchbed.diagnosis.prepare import Prepared
 from wrenchbed.effects.base import (
@@ -135,8 +135,7 @@ def build(prepared: Prepared, theta: np.ndarray, tolerance: Mapping[str, np.ndar
     index: dict[tuple[str, str, tuple[tuple[str, float], ...]], int] = {}
     drafts: list[tuple[Effect, Variant, list[int]]] = []
     for effect in effects().values():
-        mode = "dynamic" if prepared.moving else "static"
-        if mode not in effect.modes and not at.scene.extra:
+        if not acts(effect, at.scene):
             continue
         known = effect.parameters(at.scene.robot)
         for variant in (*effect.variants(at.scene), *left.suggests(effect)):

@@ -9,8 +9,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg import cho_factor, cho_solve, eigh
 
+FAINT = 0.02
+"""Variance of the background over that of the noise, below which a direction is left out."""
 LARGE = 1e4
 """Variance, in typical sizes, of a number that nobody states."""
 
@@ -64,15 +66,25 @@ class Level:
     def _kept(self, w: np.ndarray) -> np.ndarray:
         """D (I + D G D)⁻¹ D w with D = V½, of (n, k)."""
         root = self._root[:, None]
-        return np.asarray(root * cho_solve(self._factor, root * w))
+        return np.asarray(root * cho_solve(self._factor, root * w, check_finite=False))
+
+    @cached_property
+    def _main(self) -> tuple[np.ndarray, np.ndarray]:
+        """Orthonormal directions (6 R, r) in which the background exceeds `FAINT` of the noise, and
+        the share λ/(1 + λ) that it takes there (r,)."""
+        inner = self._gram * np.outer(self._root, self._root)
+        values, vectors = eigh(inner, subset_by_value=[FAINT, np.inf], check_finite=False)
+        ways = (self.E / np.sqrt(self.v0)[:, None]) @ (self._root[:, None] * vectors)
+        return ways / np.sqrt(values), values / (1.0 + values)
 
     def solve(self, x: np.ndarray) -> np.ndarray:
-        """K₀⁻¹ x for x (6 R, k)."""
-        if self._tall:
-            z = x / self.v0[:, None]
-            return np.asarray(z - (self.E @ self._kept(self.E.T @ z)) / self.v0[:, None])
+        """K₀⁻¹ x for x (6 R, k); of many rows, without what is faint of the background."""
         root = np.sqrt(self.v0)[:, None]
-        return np.asarray(cho_solve(self._factor, x / root) / root)
+        z = x / root
+        if self._tall:
+            ways, share = self._main
+            return np.asarray((z - ways @ (share[:, None] * (ways.T @ z))) / root)
+        return np.asarray(cho_solve(self._factor, z, check_finite=False) / root)
 
     @cached_property
     def information(self) -> np.ndarray:
@@ -94,7 +106,11 @@ class Level:
 
     def null(self, y: np.ndarray) -> np.ndarray:
         """log N(y; 0, K₀) of cases (6 R, C), without the constant in 2π."""
-        return np.asarray(-0.5 * ((y * self.solve(y)).sum(axis=0) + self.log_det))
+        if not self._tall:
+            return np.asarray(-0.5 * ((y * self.solve(y)).sum(axis=0) + self.log_det))
+        z = y / self.v0[:, None]
+        u = self.E.T @ z
+        return np.asarray(-0.5 * ((y * z).sum(0) - (u * self._kept(u)).sum(0) + self.log_det))
 
 
 def gains(

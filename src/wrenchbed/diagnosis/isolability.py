@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wrenchbed.chain import effects
+from wrenchbed.chain import acts, effects
 from wrenchbed.diagnosis.dictionary import STATED, Dictionary
 from wrenchbed.diagnosis.likeness import ALIKE, PLAUSIBLE, Likeness
 from wrenchbed.diagnosis.verdict import INSEPARABLE
@@ -118,10 +118,11 @@ _Told = list[tuple[frozenset[str], str]]
 def _never(likeness: Likeness) -> _Told:
     """Effects of which nothing shows."""
     d = likeness.d
-    mode, where = ("dynamic", "a motion") if d.prepared.moving else ("static", "poses at rest")
+    where = "a motion" if d.prepared.moving else "poses at rest"
     mean = [e for e in effects().values() if not isinstance(e, RowEffect)]
-    other = [e.name for e in mean if mode not in e.modes]
-    absent = [e.name for e in mean if mode in e.modes and not e.variants(d.prepared.scene)]
+    other = [e.name for e in mean if not acts(e, d.prepared.scene)]
+    acting = [e for e in mean if acts(e, d.prepared.scene)]
+    absent = [e.name for e in acting if not e.variants(d.prepared.scene)]
     result: _Told = []
     for names, why in (
         (other, f"cannot show in {where}"),

@@ -10,7 +10,7 @@ from functools import cached_property
 
 import numpy as np
 
-from wrenchbed.chain import effects
+from wrenchbed.chain import acts, effects
 from wrenchbed.diagnosis.dictionary import STATED, Dictionary
 from wrenchbed.effects.base import Effect, Variant
 
@@ -150,5 +150,4 @@ def _ways(d: Dictionary) -> tuple[Way, ...]:
 
 
 def _acting(d: Dictionary) -> tuple[Effect, ...]:
-    mode = "dynamic" if d.prepared.moving else "static"
-    return tuple(e for e in effects().values() if mode in e.modes)
+    return tuple(e for e in effects().values() if acts(e, d.prepared.scene))

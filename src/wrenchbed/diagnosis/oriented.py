@@ -18,8 +18,10 @@ from wrenchbed.diagnosis.accelerometer import AXES
 from wrenchbed.diagnosis.prepare import Prepared, split
 from wrenchbed.effects.tool_inertia import ACCELERATION, SPIN, TURNING
 from wrenchbed.errors import DiagnosisError
+from wrenchbed.frames import cross
 from wrenchbed.observations import Observations, floored, usable
 from wrenchbed.recording import Recording
+from wrenchbed.wrench import Tool
 
 RATE_HZ = 25.0
 EVEN = 0.2
@@ -109,13 +111,39 @@ def prepare(recording: Recording, seed: int = 0) -> Prepared:
     scene = scenery.of_motion(model, theta, q, t, None)
     scene = replace(scene, extra=accelerations(recording, means, q, t, scene.gravity))
     own = np.diagonal(covariance)
-    leak = means.of(means.rough(recording.t, recording.wrench)).var(axis=0)
-    noise = np.maximum(leak / own, (means.weight**2).sum())
+    noise = variance(recording, means, scene.tool, np.zeros(len(t), dtype=bool)) / own
     return Prepared(
         recording, model, theta, scene, y, count, covariance, np.diag(1.0 / np.sqrt(own)), noise,
         "stated noise, of an average from what it lets through of faster motion", block, sealed,
         np.tile(covariance, (len(t), 1, 1)), 0,
     )  # fmt: skip
+
+
+def variance(recording: Recording, means: Averages, tool: Tool, without: np.ndarray) -> np.ndarray:
+    """Variance of an average (6,) [N², (N·m)²]: of the reading, and of its inertial load.
+
+    What leaks through of a faster motion is measured; a row at rest counts as white. The
+    accelerometer's samples are fewer and their own, so of them each average has a random share.
+
+    Args:
+        tool: the load.
+        without: averages that do not count (M,).
+    """
+    share = float((means.weight**2).sum())
+    std = np.asarray(recording.metadata.sensor.noise_std)
+    at = means.of(recording.t[:, None])[:, 0]
+    inside = recording.t[(recording.t >= at[0]) & (recording.t <= at[-1])]
+    use = np.interp(inside, at, without.astype(float)) == 0.0
+    rough = means.rough(recording.t, recording.wrench)
+    leaked, kept = means.of(rough), means.of(use[:, None].astype(float))[:, 0] > 1.0 - 1e-9
+    noise = np.maximum(leaked[kept].var(axis=0), share * std**2)
+    if not all(a in recording.columns for a in AXES):
+        return np.asarray(noise)
+    read = np.stack([recording.columns[a] for a in AXES], axis=-1)
+    shaken = means.rough(recording.t, read)[use]
+    force = float(tool.mass) ** 2 * share * shaken.var(axis=0)
+    lever = np.asarray(cross(np.broadcast_to(tool.cog, (3, 3)), np.eye(3))).T
+    return np.asarray(noise + np.concatenate([force, lever**2 @ force]))
 
 
 def accelerations(

@@ -46,6 +46,7 @@ class Refitter:
         self._zero = self.d.baseline
         self._rung_prior = searcher.rung_prior(y)
         self.exact: dict[int, Level] = {}
+        self._freed: dict[tuple[int, frozenset[int]], Level] = {}
 
     def variables(self, parts: Sequence[Hypothesis]) -> list[tuple[int, str, bool]]:
         """(part, parameter, is it a shape) of each variable; stated numbers have none."""
@@ -238,13 +239,15 @@ class Refitter:
 
     def _level(self, parts: Sequence[Hypothesis], rung: int) -> Level:
         """The rung's background with the stated numbers that a structure blames set free."""
-        level = self.searcher.rungs[rung].level
-        blamed = [h.columns for h in parts if h.name in STATED]
+        blamed = frozenset(int(c) for h in parts if h.name in STATED for c in h.columns)
         if not blamed:
-            return level
-        variance = level.V.copy()
-        variance[np.concatenate(blamed)] += LARGEST**2
-        return replace(level, V=variance)
+            return self.searcher.rungs[rung].level
+        if (rung, blamed) not in self._freed:
+            level = self.searcher.rungs[rung].level
+            variance = level.V.copy()
+            variance[list(blamed)] += LARGEST**2
+            self._freed[rung, blamed] = replace(level, V=variance)
+        return self._freed[rung, blamed]
 
     def start(self, parts: Sequence[Hypothesis]) -> np.ndarray:
         """Variables without any amplitude, shapes where the variants put them (k,)."""

@@ -2,12 +2,13 @@
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from pathlib import Path
+from dataclasses import dataclass, field, replace
+from pathlib import Path, PurePath
 from typing import Any
 
 import numpy as np
 
+from wrenchbed.chain import Active
 from wrenchbed.diagnosis.closure import Closure
 from wrenchbed.parquet import FORMAT
 from wrenchbed.twin import Twin
@@ -18,7 +19,7 @@ class Diagnosis:
     """The three answers about a recording.
 
     Attributes:
-        recording: file name.
+        recording: its path, or a name.
         robot: registry name.
         verdict: ``none``, ``identified``, ``ambiguous`` or ``unknown``.
         gap: how far, on rows that no fit saw.
@@ -27,9 +28,10 @@ class Diagnosis:
         probabilities: over the leading cause.
         cannot_tell: sentences.
         next: experiments that would tell.
-        twin: the better simulator.
+        twin: the better simulator, of means.
         seconds: that the diagnosis took.
         notes: what a reader should know of the data: its noise, what was left out.
+        between: effects that show between rows only, which the written twin has besides.
     """
 
     recording: str
@@ -44,6 +46,7 @@ class Diagnosis:
     twin: Twin
     seconds: float = 0.0
     notes: Sequence[str] = field(default_factory=tuple)
+    between: Sequence[Active] = ()
 
     def to_json(self) -> dict[str, Any]:
         """The contract's object."""
@@ -51,7 +54,7 @@ class Diagnosis:
         return plain(
             {
                 "format": FORMAT,
-                "recording": self.recording,
+                "recording": PurePath(self.recording).name,
                 "robot": self.robot,
                 "verdict": self.verdict,
                 "gap": {
@@ -81,7 +84,9 @@ class Diagnosis:
         half = folder / "diagnosis.json.part"
         half.write_text(text + "\n", encoding="utf-8")
         half.replace(folder / "diagnosis.json")
-        self.twin.write(folder / "twin.json")
+        name = None if self.twin.recording is None else PurePath(self.twin.recording).name
+        twin = replace(self.twin, active=(*self.twin.active, *self.between), recording=name)
+        twin.write(folder / "twin.json")
 
 
 def plain(x: Any) -> Any:

@@ -13,10 +13,12 @@ from typing import Any
 import numpy as np
 from scipy.special import ndtr
 
+from wrenchbed.chain import Active
 from wrenchbed.diagnosis.lattice import FEW, Repeats, Step, repeats, step
 from wrenchbed.diagnosis.scatter import Scatter, scatter
 from wrenchbed.diagnosis.shaking import Line, Shaking, line, shaking
 from wrenchbed.recording import Recording
+from wrenchbed.robots.base import Robot
 from wrenchbed.wrench import CHANNELS, UNITS
 
 COUNTS, LEVEL = 0.35, 0.05
@@ -52,9 +54,19 @@ class RowFinding:
     parameters: dict[str, dict[str, Any]]
     sentence: str
 
+    def active(self, robot: Robot) -> Active | None:
+        """The effect with its parameters; None if only some channels repeat."""
+        if self.effect == "timing.stale" and len(self.channels) < len(CHANNELS):
+            return None
+        given = {name: told["value"] for name, told in self.parameters.items()}
+        return Active.of(robot, self.effect, given)
+
 
 def find(recording: Recording) -> tuple[RowFinding, ...]:
-    """What rows show beyond the stated noise, most probable first; empty if they are as stated."""
+    """What rows show beyond the stated noise, empty if they are as stated.
+
+    The most probable comes first, of those that are equally sure the one that adds most.
+    """
     if len(recording) < 3:
         return ()
     again = repeats(recording.wrench)
@@ -75,7 +87,7 @@ def find(recording: Recording) -> tuple[RowFinding, ...]:
         if s.stated:
             found.append(_noise(s, counted / s.scale**2 + shaken))
     told = [f for f in found if f is not None]
-    return tuple(sorted(told, key=lambda f: -f.probability))
+    return tuple(sorted(told, key=lambda f: (-round(f.probability, 1), -f.rise)))
 
 
 def _base(recording: Recording, s: Scatter | None, counted: np.ndarray) -> np.ndarray | None:

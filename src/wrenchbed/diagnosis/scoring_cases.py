@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from wrenchbed import planning, registry
-from wrenchbed.diagnosis import closure
+from wrenchbed.diagnosis import closure, reliability
 from wrenchbed.diagnosis.analysis import Analysis
 from wrenchbed.diagnosis.baselines import BASELINES, known
 from wrenchbed.diagnosis.diagnose import Findings, diagnose
@@ -139,7 +139,18 @@ def run(job: Job) -> Row:
         oracle=shares[1],
         seconds=seconds,
         error="\n".join(errors),
+        **_raw(found),
     )
+
+
+def _raw(found: Findings | None) -> dict[str, Any]:
+    """What reliability is learnt from."""
+    if found is None:
+        return {}
+    raw = found.untempered
+    lead = raw.causes[0].names if raw.causes else ()
+    told = reliability.features(found.analysis.ranking, raw)
+    return {"raw": raw.verdict, "lead": lead, "features": told}
 
 
 def claim_of(found: Findings) -> Claim:

@@ -48,6 +48,9 @@ class Row:
             that is told the effects.
         seconds: that each method took.
         error: what went wrong, empty if nothing did.
+        raw: verdict on the means before reliability was weighed in.
+        lead: class that it named first.
+        features: of that claim, see ``reliability``.
     """
 
     id: str
@@ -65,6 +68,9 @@ class Row:
     oracle: float | None = None
     seconds: Mapping[str, float] = field(default_factory=dict)
     error: str = ""
+    raw: str = ""
+    lead: tuple[str, ...] = ()
+    features: tuple[float, ...] = ()
 
 
 def unique(rows: Sequence[Row]) -> None:
@@ -89,7 +95,7 @@ def from_json(told: Mapping[str, Any]) -> Row:
     """The row of ``to_json``."""
     answers = {k: _claim(v) for k, v in told["answers"].items()}
     numbers = tuple(Number(**n) for n in told["numbers"])
-    names = {k: tuple(told[k]) for k in ("truth", "between")}
+    names = {k: tuple(told[k]) for k in ("truth", "between", "lead", "features")}
     return Row(**{**told, **names, "answers": answers, "numbers": numbers})
 
 
@@ -151,7 +157,8 @@ def read(path: Path) -> list[Row]:
 
 
 _SCHEMA = pa.schema(
-    [(name, pa.string()) for name in ("id", "kind", "outside", "where", "error", *_TEXT)]
-    + [("between", pa.list_(pa.string())), ("variant", pa.bool_())]
+    [(name, pa.string()) for name in ("id", "kind", "outside", "where", "error", "raw", *_TEXT)]
+    + [(name, pa.list_(pa.string())) for name in ("between", "lead")]
+    + [("features", pa.list_(pa.float64())), ("variant", pa.bool_())]
     + [("closed", pa.float64()), ("oracle", pa.float64())]
 )

@@ -1,7 +1,7 @@
 """What may be claimed: none, unknown, or causes, each a class with its rivals and probability."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import logsumexp
@@ -49,26 +49,30 @@ class Verdict:
     probabilities: Mapping[str, float]
 
 
-def complete(explanation: Explanation) -> bool:
-    """Whether what is left is no more than normal."""
+def allowed(explanation: Explanation) -> float:
+    """Gap that an explanation may leave."""
     parts = explanation.finalist.parts
     own = [
         (parts[p.index].effect.form_error, p.share)
         for p in explanation.parts
         if p.index is not None
     ]
-    missed = sum(error * share for error, share in own)
-    return explanation.rest <= REST + missed
+    return REST + sum(error * share for error, share in own)
 
 
-def decide(ranking: Ranking, temperature: float = 1.0) -> Verdict:
+def complete(explanation: Explanation) -> bool:
+    """Whether what is left is no more than normal."""
+    return explanation.rest <= allowed(explanation)
+
+
+def decide(ranking: Ranking) -> Verdict:
     """Weigh all explanations."""
     told = ranking.explanations
     best = told[0]
     unknown = ranking.unknown
     if not complete(best):
         unknown = float(np.logaddexp(unknown, max(ranking.mixed, best.log_posterior + 3.0)))
-    logs = np.array([unknown, *(e.log_posterior for e in told)]) / temperature
+    logs = np.array([unknown, *(e.log_posterior for e in told)])
     weight = np.exp(logs - logsumexp(logs))
     none = float(sum(w for w, e in zip(weight[1:], told, strict=True) if not e.parts))
     effects: dict[str, float] = {}
@@ -88,6 +92,24 @@ def decide(ranking: Ranking, temperature: float = 1.0) -> Verdict:
         return Verdict(UNKNOWN, (), claim, probabilities)
     plain = all(len(c.names) == 1 or frozenset(c.names) in INSEPARABLE for c in causes)
     return Verdict("identified" if plain else "ambiguous", causes, claim, probabilities)
+
+
+def tempered(verdict: Verdict, right: float) -> Verdict:
+    """The verdict if such answers are right that often: no claim that is more likely wrong.
+
+    What is taken from the leading answer goes to ``unknown``, from that to all others alike.
+    """
+    told = dict(verdict.probabilities)
+    lead = "|".join(verdict.causes[0].names) if verdict.causes else verdict.verdict
+    spare = told[lead] * (1.0 - right)
+    told[lead] -= spare
+    others = [UNKNOWN] if lead != UNKNOWN else [n for n in told if n != UNKNOWN] or [NONE]
+    for name in others:
+        told[name] = told.get(name, 0.0) + spare / len(others)
+    causes = tuple(replace(c, probability=c.probability * right) for c in verdict.causes)
+    if causes and told[lead] <= told[UNKNOWN]:
+        return replace(verdict, verdict=UNKNOWN, causes=(), probabilities=told)
+    return replace(verdict, causes=causes, probabilities=told)
 
 
 def _causes(

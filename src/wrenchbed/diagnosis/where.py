@@ -81,7 +81,9 @@ def find(
 
 
 def entries(
-    causes: Sequence[tuple[str, str, float, float]], findings: Sequence[Finding]
+    causes: Sequence[tuple[str, str, float, float]],
+    findings: Sequence[Finding],
+    rows: Sequence[tuple[str, str, float, float]] = (),
 ) -> list[dict[str, Any]]:
     """``where`` of the contract's diagnosis.json, largest share first.
 
@@ -90,6 +92,8 @@ def entries(
             any, what is seen gives the entries, as hints: the variables, else the bands, else the
             channels, so that shares add to at most 1.
         findings: from ``find``.
+        rows: (effect, channels, share of a row's variance 0 … 1, p-value) of each effect that shows
+            between rows only. As an entry's share it counts only where nothing else has one.
     """
     result = [_of_cause(*cause) for cause in causes]
     if not causes:
@@ -99,8 +103,9 @@ def entries(
         varying = [f for f in seen if f not in bands and f not in loud]
         chosen = varying or bands or loud
         own = [f for f in chosen if f.share > 0.0] or chosen
-        result = [_of_hint(f) for f in own]
-    return sorted(result, key=lambda e: -float(e["share"]))
+        result = _of_hints(sorted(own, key=lambda f: -f.share))
+    told = [_of_rows(*row, alone=not result) for row in rows]
+    return sorted([*result, *told], key=lambda e: -float(e["share"]))
 
 
 def _channels(
@@ -178,11 +183,27 @@ def _of_cause(effect: str, detail: str, share: float, p_value: float) -> dict[st
     return _entry(subsystem, detail, share, p_value, text)
 
 
-def _of_hint(finding: Finding) -> dict[str, Any]:
-    hint = max((k for k in _HINTS if finding.variable.startswith(k)), key=len)
-    subsystem = _HINTS[hint]
-    text = f"{finding.sentence} This is only a hint at the {subsystem}: no cause is claimed."
-    return _entry(subsystem, finding.variable, finding.share, finding.p_value, text)
+def _of_rows(
+    effect: str, channels: str, share: float, p_value: float, *, alone: bool
+) -> dict[str, Any]:
+    subsystem = effect.split(".")[0]
+    text = f"Between rows, not in their means, {effect} shows in {channels}"
+    if share >= 0.005:
+        text += f": up to {100 * share:.0f} % of a row's variance lies in the {subsystem}"
+    return _entry(subsystem, channels, share if alone else 0.0, p_value, f"{text}.")
+
+
+def _of_hints(findings: Sequence[Finding]) -> list[dict[str, Any]]:
+    """Of each subsystem the first says that it is only a hint."""
+    result: list[dict[str, Any]] = []
+    for finding in findings:
+        hint = max((k for k in _HINTS if finding.variable.startswith(k)), key=len)
+        subsystem, text = _HINTS[hint], finding.sentence
+        if subsystem not in {e["subsystem"] for e in result}:
+            text += f" This is only a hint at the {subsystem}: no cause is claimed."
+        entry = _entry(subsystem, finding.variable, finding.share, finding.p_value, text)
+        result.append(entry)
+    return result
 
 
 def _entry(

@@ -1,6 +1,7 @@
 """A filter smooths the readings."""
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 from scipy.signal import lfilter
 
 from wrenchbed.effects.base import ReadingEffect, Values, Variant
@@ -8,14 +9,17 @@ from wrenchbed.parameters import Parameter, ParameterSet
 from wrenchbed.robots.base import Robot
 from wrenchbed.scene import Scene
 
+FINE, MOST = 4.0, 32
+"""Pieces of a time constant, and at most of a row."""
+
 
 class TimingLowpass(ReadingEffect):
     """τ ż = y − z, the reading is z: phase and amplitude fall. Settled at the first row.
 
     Of n stages in a row each has τ/n.
 
-    Exact for a load that moves linearly between rows, and so smooth in τ down to 0; τ < 0 mirrors
-    the change, 2y − z(|τ|), which no filter does but which leaves differences about 0 right.
+    Between rows the load follows a cubic spline, whose fine linear pieces the filter takes exactly;
+    so it is smooth in τ down to 0. τ < 0 mirrors the change, 2y − z(|τ|), which no filter does but which leaves differences about 0 right.
 
     Seen in: a motion above the filter's corner, where the amplitude falls as well as the phase.
     """
@@ -41,9 +45,14 @@ class TimingLowpass(ReadingEffect):
     def read(self, scene: Scene, reading: np.ndarray, p: Values) -> np.ndarray:
         if not scene.moving or not p["tau"]:
             return reading
-        stages, smooth = round(p["stages"]), reading
+        stages = round(p["stages"])
+        tau, rows = abs(p["tau"]) / stages, len(reading)
+        finer = int(np.clip(np.ceil(FINE * scene.period / tau), 1, MOST))
+        fine = np.interp(np.arange(finer * (rows - 1) + 1) / finer, np.arange(rows), scene.t)
+        smooth = CubicSpline(scene.t, reading)(fine) if finer > 1 else reading
         for _ in range(stages):
-            smooth = filtered(smooth, scene.period, abs(p["tau"]) / stages)
+            smooth = filtered(smooth, scene.period / finer, tau)
+        smooth = smooth[::finer]
         return smooth if p["tau"] > 0 else 2.0 * reading - smooth
 
 

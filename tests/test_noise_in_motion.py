@@ -1,0 +1,138 @@
+"""Noise of a motion's averages is what the data shows; repeats and steps do not enter the means."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from wrenchbed import registry
+from wrenchbed.diagnosis import where
+from wrenchbed.diagnosis.closure import Sealed
+from wrenchbed.diagnosis.prepare import prepare
+from wrenchbed.diagnosis.rows import RowFinding, find
+from wrenchbed.diagnosis.spectrum import noise
+from wrenchbed.effects.joint_gear_error import EFFECT as GEAR
+from wrenchbed.lookalikes import Design, draw, recording
+from wrenchbed.planning import multisine
+from wrenchbed.wrench import CHANNELS
+
+ROBOT = registry.load("robots", "ur5")
+DESIGN = Design.of_plan(multisine(ROBOT, 60.0, 125.0, 11), ROBOT)
+PERIOD, STRIDE, ROWS = 1.0 / 125.0, 12, 7488
+T = PERIOD * np.arange(ROWS)
+
+
+def averages(x):
+    return STRIDE * x.reshape(-1, STRIDE, 6).mean(axis=1).var(axis=0)
+
+
+def white(seed=0):
+    return np.random.default_rng(seed).standard_normal((ROWS, 6))
+
+
+def remembering(seed=0):
+    kicks = np.random.default_rng(seed).standard_normal((ROWS, 6))
+    return lfilter([0.8], [1.0, -0.6], kicks, axis=0)
+
+
+def test_white_noise_and_noise_with_memory_are_measured():
+    for x, near in ((white(), 0.1), (2.0 * white(1), 0.1), (remembering(), 0.25)):
+        row, mean = noise(x, PERIOD, STRIDE)
+        assert row == pytest.approx(x.var(axis=0), rel=near)
+        assert mean == pytest.approx(averages(x), rel=0.4)
+
+
+@pytest.mark.parametrize("frequency", [7.3, 12.3, 31.0])
+def test_a_line_counts_as_what_is_left_of_it_in_the_averages(frequency):
+    x = white() + 4.0 * np.sin(2 * np.pi * frequency * T)[:, None]
+    row, mean = noise(x, PERIOD, STRIDE)
+    assert row == pytest.approx(x.var(axis=0), rel=0.15)
+    assert mean == pytest.approx(averages(x), rel=0.4)
+
+
+def test_what_moves_slowly_or_jumps_is_no_noise():
+    """A gap of 0.7 Hz, reversals every 3 s and a jump."""
+    slow = 6.0 * np.sin(2 * np.pi * 0.7 * T) + 3.0 * (T > 31.0)
+    back = 2.0 * np.sign(np.sin(2 * np.pi * T / 6.0))
+    row, mean = noise(white() + (slow + back)[:, None], PERIOD, STRIDE)
+    assert row == pytest.approx(np.ones(6), rel=0.15)
+    assert mean == pytest.approx(np.ones(6), rel=0.35)
+
+
+@pytest.mark.parametrize("effect", ["sensor.noise", "sensor.quantization", "base.vibration"])
+def test_what_scatters_rows_raises_the_noise_not_the_gap(effect):
+    case = draw(DESIGN, 21, "single", effect, 3.0)
+    quiet = prepare(recording(DESIGN, draw(DESIGN, 21, "none")))
+    loud = prepare(recording(DESIGN, case))
+    assert (loud.noise >= 1.0).all() and (quiet.noise >= 1.0).all()
+    assert loud.noise.max() > 1.3 * quiet.noise.max()
+    assert Sealed(loud).floor().mean() > 0.3 > abs(Sealed(quiet).floor().mean())
+
+
+def test_the_floor_of_noise_with_memory_is_not_below_it():
+    """A look-alike late by 8 ms whose noise has memory."""
+    case = draw(DESIGN, 3, "single", "timing.delay")
+    assert abs(Sealed(prepare(recording(DESIGN, case))).floor().mean()) < 0.12
+
+
+def test_rows_that_repeat_take_no_part():
+    rec = recording(DESIGN, draw(DESIGN, 22, "none"))
+    stale = np.random.default_rng(1).random(len(rec)) < 0.02
+    for k in np.flatnonzero(stale):
+        stale[k : k + 7] = True
+    kept = np.maximum.accumulate(np.where(stale, 0, np.arange(len(rec))))
+    columns = dict(rec.columns) | dict(zip(CHANNELS, rec.wrench[kept].T, strict=True))
+    whole, held = prepare(rec), prepare(replace(rec, columns=columns))
+    again = held.count == 0
+    assert again.mean() == pytest.approx(stale.mean(), abs=0.005)
+    off = ((held.y - whole.y) @ whole.turn.T)[again]
+    raw = (columns["fx"] - rec.columns["fx"])[stale]
+    assert np.sqrt(np.mean(off**2)) < 2.0
+    assert np.sqrt(np.mean(raw**2)) * whole.turn[0, 0] > 2.0 * np.sqrt(np.mean(off[:, 0] ** 2))
+    assert Sealed(held).rows == np.count_nonzero(~again & held.sealed)
+
+
+@pytest.mark.parametrize("channel", range(6))
+def test_a_clipped_channel_is_no_repeat(channel):
+    rec = recording(DESIGN, draw(DESIGN, 23, "none"))
+    y = rec.wrench[:, channel]
+    top = np.quantile(y, 0.95)
+    clipped = replace(rec, columns=dict(rec.columns) | {CHANNELS[channel]: np.minimum(y, top)})
+    assert "timing.stale" not in {f.effect for f in find(clipped)}
+
+
+def test_a_row_effect_says_that_it_lies_between_rows():
+    (entry,) = where.entries((), (), [("base.vibration", "fx, tx", 0.68, 1e-3)])
+    assert entry["subsystem"] == "base" and entry["share"] == 0.68
+    assert "of the gap" not in entry["sentence"]
+    assert "68 % of a row's variance" in entry["sentence"]
+    stale = where.entries((), (), [("timing.stale", "fx", 0.0, 1e-3)])[0]["sentence"]
+    assert stale == "Between rows, not in their means, timing.stale shows in fx."
+
+
+def test_a_hint_is_said_to_be_one_once():
+    loud = [where.Finding(f"channel {c}", 0.2, 1e-9, f"{c} is loud.") for c in CHANNELS[:3]]
+    told = [e["sentence"] for e in where.entries((), loud)]
+    assert sum("only a hint" in s for s in told) == 1 and "only a hint" in told[0]
+
+
+def test_what_shows_between_rows_becomes_part_of_the_twin():
+    told = {"std.fx": {"value": 0.2, "std": 0.01, "unit": "N"}}
+    noisy = RowFinding("sensor.noise", 0.99, 4.0, ("fx",), told, "fx scatters.")
+    active = noisy.active(ROBOT)
+    rows = active.effect.corrupt(np.zeros((4000, 6)), T[:4000], active.values, _rng())
+    assert rows.std(axis=0) == pytest.approx([0.2, 0, 0, 0, 0, 0], abs=0.01)
+    share = {"share": {"value": 0.1, "std": 0.01, "unit": "1"}}
+    some = RowFinding("timing.stale", 0.99, 0.0, CHANNELS[3:], share, "Torques repeat.")
+    assert some.active(ROBOT) is None and replace(some, channels=CHANNELS).active(ROBOT)
+
+
+def test_one_wave_a_turn_is_one():
+    variants = GEAR.variants(prepare(recording(DESIGN, draw(DESIGN, 24, "none"))).scene)
+    labels = {v.label for v in variants}
+    assert "joint 1, 1 wave a turn" in labels and "joint 1, 2 waves a turn" in labels
+
+
+def _rng():
+    return np.random.default_rng(0)

@@ -1,0 +1,312 @@
+"""The diagnosis on a real robot: A. Skrede, NTNU 2024, doi 10.5281/zenodo.11096791."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from wrenchbed import column_map
+from wrenchbed.diagnosis import accelerometer, apart, oriented, touching, trembling, witness
+from wrenchbed.diagnosis.diagnose import diagnose
+from wrenchbed.errors import DiagnosisError, MapError
+from wrenchbed.frames import cross, quaternion
+from wrenchbed.importing import import_files
+from wrenchbed.metadata import Metadata, SensorInfo
+from wrenchbed.model import Model
+from wrenchbed.recording import Recording
+from wrenchbed.robots.oriented import ROBOT
+
+DATA = Path(__file__).parent / "data" / "ntnu_kuka_ati_gamma"
+RUNS = {1: "1-baseline", 2: "2-vibrations", 3: "3-vibrations-contact"}
+CHANNELS = ("fx", "fy", "fz", "tx", "ty", "tz")
+STD = np.array([0.0351, 0.0211, 0.0750, 0.00116, 0.00187, 0.000257])
+GRAVITY = np.array([0.0, 0.0, -9.82085])
+
+
+def static() -> Recording:
+    mapping = column_map.read(DATA / "static.toml")
+    return import_files([DATA / "0-calibration_fts-accel.csv"], mapping).recording
+
+
+def motion(run: int) -> Recording:
+    files = [DATA / f"{RUNS[run]}_{k}.csv" for k in ("wrench", "accel", "orientations")]
+    return import_files(files, column_map.read(DATA / "motion.toml")).recording
+
+
+@pytest.fixture(scope="module")
+def poses():
+    return diagnose(static())
+
+
+@pytest.fixture(scope="module")
+def runs():
+    return {run: diagnose(motion(run)) for run in RUNS}
+
+
+def causes(found) -> dict[str, dict]:
+    return {w["effect"]: w for w in found.diagnosis.which}
+
+
+def values(cause: dict) -> dict[str, float]:
+    return {k: v["value"] for k, v in cause["parameters"].items()}
+
+
+# ---- at rest --------------------------------------------------------------------------------
+
+
+def test_the_tilted_base_is_found_in_the_static_poses(poses):
+    assert poses.diagnosis.verdict == "identified"
+    tilt = causes(poses)
+    assert list(tilt) == ["base.tilt"]
+    assert tilt["base.tilt"]["probability"] > 0.99
+    told = np.rad2deg([values(tilt["base.tilt"])[a] for a in "xy"])
+    assert told == pytest.approx([-0.134, 0.203], abs=0.01)
+
+
+def test_wrench_and_accelerometer_agree_on_the_tilt_and_are_independent(poses):
+    a = poses.analysis
+    assert np.rad2deg(a.testimony.tilt) == pytest.approx([-0.134, 0.203], abs=0.002)
+    assert np.rad2deg(a.testimony.std) == pytest.approx([0.015, 0.015], abs=0.001)
+    assert a.testimony.log_bayes > 30.0
+    (own,) = (e for e in a.ranking.explanations if e.finalist.names == ("base.tilt",))
+    assert witness.agreement(a, own, a.testimony) > 0.5
+    size = a.dictionary.size[own.finalist.parts[0].columns]
+    alone = np.rad2deg(own.finalist.x * size)
+    assert np.sign(alone) == pytest.approx([-1, 1])
+    assert alone == pytest.approx([-0.19, 0.14], abs=0.03)
+    assert any("agrees" in n for n in poses.diagnosis.notes)
+
+
+def test_what_the_tilt_leaves_is_said_to_be_unknown(poses):
+    assert any("no effect of the library explains it" in n for n in poses.diagnosis.notes)
+
+
+def test_a_number_that_nobody_states_is_no_hypothesis(poses):
+    names = {h.name for h in poses.analysis.dictionary.hypotheses}
+    assert "base.tilt" in names
+    assert not names & {"tool.mass", "tool.cog"}
+
+
+def test_without_the_accelerometer_the_same_wrench_names_nothing():
+    rec = static()
+    bare = {k: v for k, v in rec.columns.items() if k not in accelerometer.AXES}
+    found = diagnose(Recording(rec.metadata, bare))
+    assert found.diagnosis.verdict == "unknown"
+    assert not found.diagnosis.which
+
+
+def test_without_a_stated_noise_both_are_refused():
+    for rec in (static(), motion(1)):
+        bare = replace(rec.metadata, sensor=SensorInfo("ati-gamma"))
+        with pytest.raises(DiagnosisError, match=r"State .*sensor\.noise_std|noise_std. State"):
+            diagnose(Recording(bare, rec.columns))
+
+
+# ---- a simulated accelerometer ----------------------------------------------------------------
+
+
+def readings(rotation, rng, tilt=(0.0, 0.0), noise=0.02):
+    """Of an accelerometer mounted anyhow, 2 % of gain errors, an unknown zero (H, 3) [m/s²]."""
+    mounted = np.linalg.qr(rng.standard_normal((3, 3)))[0]
+    seen = (GRAVITY + cross(np.array([*tilt, 0.0]), GRAVITY)) @ rotation
+    gain = mounted @ (np.eye(3) + 0.02 * rng.standard_normal((3, 3)))
+    return seen @ gain + rng.standard_normal(3) + noise * rng.standard_normal(seen.shape)
+
+
+def test_an_accelerometer_sees_no_tilt_where_there_is_none():
+    rotation = static().rotation
+    rng = np.random.default_rng(1)
+    odds = [
+        accelerometer.fitted(readings(rotation, rng), rotation, GRAVITY).log_bayes
+        for _ in range(200)
+    ]
+    assert np.median(odds) < -2.0
+    assert np.quantile(odds, 0.99) < 1.0
+
+
+def test_an_accelerometers_tilt_is_right_within_its_uncertainty():
+    rotation = static().rotation
+    rng = np.random.default_rng(2)
+    tilt = np.deg2rad([0.2, -0.15])
+    chi2 = []
+    for _ in range(100):
+        t = accelerometer.fitted(readings(rotation, rng, tilt), rotation, GRAVITY)
+        assert t.log_bayes > 3.0
+        chi2.append((t.tilt - tilt) @ np.linalg.solve(t.covariance, t.tilt - tilt))
+    assert np.mean(chi2) == pytest.approx(2.0, abs=0.7)
+
+
+def test_too_few_orientations_say_nothing():
+    rotation = static().rotation
+    rng = np.random.default_rng(0)
+    assert accelerometer.fitted(readings(rotation[:8], rng), rotation[:8], GRAVITY) is None
+    same = np.repeat(rotation[:1], 24, axis=0)
+    assert accelerometer.fitted(readings(same, rng), same, GRAVITY) is None
+
+
+def simulated(seed: int, tilt=(0.0, 0.0), told=None) -> Recording:
+    """40 poses; the wrench with one tilt, the accelerometer with the same or another."""
+    rng = np.random.default_rng([seed, 7])
+    q = ROBOT.sample(40, rng)
+    metadata = Metadata(
+        "any", "static", sensor=SensorInfo("ati-gamma", tuple(STD)), gravity=tuple(GRAVITY),
+        tolerance={"sensor.bias": 5.0},
+    )  # fmt: skip
+    theta = Model.of(ROBOT, metadata).configured(metadata)[: len(ROBOT.parameters)]
+    theta = ROBOT.theta_of_tool(theta, 0.93, [0.0, 0.0, 0.044])
+    rotation = ROBOT.sensor_pose(q, theta)[0]
+    force = 0.93 * (GRAVITY + cross(np.array([*tilt, 0.0]), GRAVITY)) @ rotation
+    wrench = np.concatenate([force, cross(np.array([0.0, 0.0, 0.044]), force)], axis=1)
+    wrench += STD * rng.standard_normal(wrench.shape)
+    read = readings(rotation, rng, tilt if told is None else told)
+    columns = {"t": np.arange(40.0)} | dict(zip(CHANNELS, wrench.T, strict=True))
+    columns |= dict(zip(("qw", "qx", "qy", "qz"), quaternion(rotation).T, strict=True))
+    return Recording(metadata, columns | dict(zip(("ax", "ay", "az"), read.T, strict=True)))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_an_accelerometer_raises_no_false_alarm(seed):
+    found = diagnose(simulated(seed))
+    assert found.diagnosis.verdict == "none"
+
+
+def test_a_small_tilt_is_claimed_with_the_accelerometer():
+    tilt = np.deg2rad([0.25, -0.25])
+    found = diagnose(simulated(0, tilt))
+    assert found.diagnosis.verdict == "identified"
+    told = np.array([values(causes(found)["base.tilt"])[a] for a in "xy"])
+    assert np.rad2deg(told) == pytest.approx([0.25, -0.25], abs=0.06)
+
+
+def test_an_accelerometer_that_contradicts_the_wrench_is_not_believed():
+    found = diagnose(simulated(0, told=np.deg2rad([1.0, 1.0])))
+    assert "base.tilt" not in causes(found)
+    assert any("does not agree" in n for n in found.diagnosis.notes)
+
+
+# ---- in motion --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("run", [1, 2])
+def test_bias_shift_inertia_and_vibration_are_found_in_motion(runs, run):
+    found = runs[run]
+    assert found.diagnosis.verdict == "identified"
+    told = causes(found)
+    assert set(told) == {"sensor.bias", "tool.inertia", "base.vibration"}
+    assert min(w["probability"] for w in told.values()) > 0.95
+    share = told["tool.inertia"]["parameters"]["share"]
+    assert share["value"] == pytest.approx(0.8, abs=0.05)
+    assert abs(share["value"] - 1.0) < 3.0 * share["std"]
+    assert found.diagnosis.gap.closed > 0.8
+
+
+def test_the_bias_shift_is_the_sessions(runs):
+    """Runs 1 and 2 follow each other; run 3 is 3.3 days later."""
+    first, second, later = (values(causes(runs[r])["sensor.bias"]) for r in RUNS)
+    for name in ("bias.fz", "bias.tz"):
+        assert first[name] == pytest.approx(second[name], rel=0.35)
+    assert first["bias.tz"] == pytest.approx(7.3e-3, abs=3e-4)
+    assert later["bias.fz"] < -0.15 < 0.15 < first["bias.fz"]
+
+
+def test_the_hammers_blows_are_told_from_the_arms_own_trembling(runs):
+    told = {r: " ".join(runs[r].diagnosis.notes) for r in RUNS}
+    assert "The tool trembles" in told[1]
+    assert "blow" not in told[1]
+    assert "4 blows" in told[2]
+
+
+def test_the_hand_on_the_tool_is_rejected_as_contact(runs):
+    found = runs[3].diagnosis
+    assert found.verdict == "identified"
+    assert found.which[0]["effect"] == "environment.contact"
+    assert found.probabilities["environment.contact"] > 0.95
+    told = values(found.which[0])
+    assert [told[f"point.{a}"] for a in "xyz"] == pytest.approx([0.028, 0.003, 0.095], abs=0.005)
+    assert (told["begin"], told["end"]) == pytest.approx((0.7, 4.1), abs=0.15)
+    assert set(causes(runs[3])) <= {
+        "environment.contact", "sensor.bias", "tool.inertia", "base.vibration",
+    }  # fmt: skip
+
+
+def disturbed(run: int, add) -> Recording:
+    """A run with a wrench (N, 6) that a function of time (N,) adds."""
+    rec = motion(run)
+    wrench = rec.wrench + add(rec.t)
+    return Recording(rec.metadata, dict(rec.columns) | dict(zip(CHANNELS, wrench.T, strict=True)))
+
+
+def during(t, begin, end):
+    return ((t > begin) & (t < end)).astype(float)[:, None]
+
+
+def test_a_push_at_a_point_is_found_there():
+    force, point = np.array([3.0, -4.0, 2.0]), np.array([0.02, 0.01, 0.15])
+
+    def push(t):
+        size = during(t, 2.0, 3.5) * (1.0 + 0.4 * np.sin(9.0 * t)[:, None])
+        turned = force * size * np.stack([np.cos(t), np.sin(t), np.ones_like(t)], axis=1)
+        return np.concatenate([turned, cross(point, turned)], axis=1)
+
+    _, found = apart.parted(disturbed(1, push))
+    told = [found.touch.parameters[f"point.{a}"]["value"] for a in "xyz"]
+    assert told == pytest.approx(point, abs=0.01)
+    assert found.touch.parameters["begin"]["value"] == pytest.approx(2.0, abs=0.1)
+
+
+def test_a_force_at_no_point_is_unknown():
+    rng = np.random.default_rng(0)
+
+    def odd(t):
+        waves = [np.sin(rng.uniform(3, 12) * t + rng.uniform(0, 6)) for _ in range(6)]
+        return during(t, 2.0, 3.5) * np.stack(waves, axis=1) * [8, 8, 8, 0.5, 0.5, 0.5]
+
+    found = diagnose(disturbed(1, odd)).diagnosis
+    assert found.verdict == "unknown"
+    assert not found.which
+    assert any("acts at no one point" in n for n in found.notes)
+
+
+def test_a_jump_of_the_zero_and_a_wrong_mass_are_no_touch():
+    jump = np.array([4.0, -3.0, 2.0, 0.2, 0.1, 0.05])
+    assert (
+        touching.find(oriented.prepare(disturbed(1, lambda t: during(t, 3.0, 9.9) * jump))) is None
+    )
+    rec = motion(1)
+    light = replace(rec.metadata, tool=replace(rec.metadata.tool, mass=0.5))
+    assert touching.find(oriented.prepare(Recording(light, rec.columns))) is None
+
+
+def test_noise_of_the_sensor_is_no_trembling():
+    rng = np.random.default_rng(0)
+    rec = motion(1)
+    prepared = oriented.prepare(rec)
+    smooth = (
+        np.stack([np.interp(rec.t, prepared.scene.t, c) for c in prepared.y.T], axis=1)
+        + rng.standard_normal((len(rec), 6)) * 30 * STD
+    )
+    quiet = Recording(rec.metadata, dict(rec.columns) | dict(zip(CHANNELS, smooth.T, strict=True)))
+    assert trembling.find(oriented.prepare(quiet)) is None
+
+
+def test_a_motion_without_an_accelerometer_is_diagnosed_without_inertia():
+    rec = motion(1)
+    bare = {k: v for k, v in rec.columns.items() if k not in accelerometer.AXES}
+    found = diagnose(Recording(rec.metadata, bare))
+    assert not {"tool.inertia", "base.vibration"} & set(causes(found))
+
+
+def test_a_zero_in_a_map_is_taken_off_first(tmp_path):
+    text = (DATA / "static.toml").read_text()
+    path = tmp_path / "map.toml"
+    path.write_text(
+        text.replace('column = "fx", unit = "N"', 'column = "fx", unit = "N", zero = 9.0')
+    )
+    rec = import_files([DATA / "0-calibration_fts-accel.csv"], column_map.read(path)).recording
+    assert rec.columns["fx"] == pytest.approx(static().columns["fx"] - 9.0)
+    path.write_text(
+        text.replace('column = "fx", unit = "N"', 'column = "fx", unit = "N", zero = "a"')
+    )
+    with pytest.raises(MapError, match="fx zero = 'a' must be a number"):
+        column_map.read(path)
