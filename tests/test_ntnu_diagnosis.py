@@ -310,3 +310,11 @@ def test_a_zero_in_a_map_is_taken_off_first(tmp_path):
     )
     with pytest.raises(MapError, match="fx zero = 'a' must be a number"):
         column_map.read(path)
+
+
+def test_what_is_not_told_beside_a_touch_is_not_placed_either(runs):
+    told = {str(w["effect"]) for w in runs[3].diagnosis.which}
+    places = " ".join(str(w["sentence"]) for w in runs[3].diagnosis.where)
+    assert "environment.contact" in places
+    assert "tool.mass" not in told
+    assert "tool.mass" not in places

@@ -13,6 +13,7 @@ from wrenchbed.errors import MissingExtraError, ParameterError, WrenchbedWarning
 
 if TYPE_CHECKING:
     from wrenchbed.diagnosis.diagnose import Findings
+    from wrenchbed.diagnosis.reliability import Reliability
 
 
 def diagnose(
@@ -22,6 +23,7 @@ def diagnose(
     dry_run: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False,
     samples: int = 60,
     rate: float = 100.0,
+    look_alikes: int = 0,
     seed: int = 0,
     as_json: console.Json = False,
 ) -> None:
@@ -33,6 +35,8 @@ def diagnose(
         dry_run: Only say which effects such a recording could show, and which look the same.
         samples: With --dry-run: rows a pose.
         rate: With --dry-run: rows a second [Hz].
+        look_alikes: Learn how often such claims are right from so many simulated robots that do
+            what this one did (some 2 s each, kept for the next time); 0: use what is known.
         seed: Of the split into fitted and sealed blocks.
         as_json: Print the result as JSON.
     """
@@ -47,8 +51,9 @@ def diagnose(
     from wrenchbed.diagnosis.diagnose import diagnose as run
 
     data = wb.Recording.read(recording)
+    learnt = _learnt(data, look_alikes, seed) if look_alikes else None
     with console.progress("diagnosing", 7) as tell:
-        found = run(data, seed=seed, progress=lambda step: tell(1, step))
+        found = run(data, seed=seed, reliability=learnt, progress=lambda step: tell(1, step))
     found.diagnosis.write(out)
     for name, plan in found.plans.items():
         plan.write(out / name)
@@ -60,6 +65,20 @@ def diagnose(
     if not as_json:
         text = f"{', '.join(written)} → {out}"
         console.OUT.print(text, soft_wrap=True, markup=False, highlight=False)
+
+
+def _learnt(data: wb.Recording, count: int, seed: int) -> "Reliability":
+    from wrenchbed.diagnosis.own_design import at_design_of
+
+    before = 0
+    with console.progress("look-alikes", count) as tell:
+
+        def told(done: int, total: int) -> None:
+            nonlocal before
+            tell(done - before, f"{done} of {total}")
+            before = done
+
+        return at_design_of(data, count, seed=seed, told=told)
 
 
 def _reported(found: "Findings", recording: Path, out: Path, seed: int) -> bool:

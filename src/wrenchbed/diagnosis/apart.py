@@ -45,6 +45,9 @@ class Apart:
             "parameters": t.parameters,
             "closed_share": None,
         }
+        kept = [w for w in d.which if float(w["probability"]) >= LEAST]
+        lost = [f"{w['effect']} (" for w in d.which if w not in kept]
+        other = [w for w in d.where if not any(name in str(w["sentence"]) for name in lost)]
         p_value = 1.0 - SURE
         entry = {
             "subsystem": "environment", "detail": t.detail, "share": t.share, "p_value": p_value,
@@ -54,8 +57,8 @@ class Apart:
         return replace(
             d,
             verdict="identified" if d.verdict in (NONE, UNKNOWN) else d.verdict,
-            which=[cause, *(w for w in d.which if float(w["probability"]) >= LEAST)],
-            where=[entry, *(_scaled(w, 1.0 - t.share) for w in d.where)],
+            which=[cause, *kept],
+            where=[entry, *(_scaled(w, 1.0 - t.share) for w in other)],
             probabilities={CONTACT: SURE}
             | {k: (1.0 - SURE) * v for k, v in d.probabilities.items()},
             notes=notes,

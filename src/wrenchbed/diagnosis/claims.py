@@ -200,15 +200,15 @@ def _exact(refitter: Refitter, rung: int) -> Level:
     """A rung in which the stated numbers are exact.
 
     The sensor's own weight hides behind mass and CoG and adds nothing to the calibrated gap, so
-    that gap does not bound it: half of `MOST` of its typical size does, and what the stated mass
-    may be off anyway.
+    that gap does not bound it: half of `MOST` of its typical size does, and half of what the
+    stated mass may be off anyway.
     """
     if rung not in refitter.exact:
         d, level = refitter.d, refitter.searcher.rungs[rung].level
         variance = level.V.copy()
         own = d.of_effect("tool.self_weight")
         (mass,) = (i for i, k in enumerate(d.stated) if d.label[k][0] == "tool.mass")
-        off = d.tolerance[mass] * d.size[d.stated[mass]] / d.size[own]
+        off = 0.5 * d.tolerance[mass] * d.size[d.stated[mass]] / d.size[own]
         variance[own] = np.minimum(0.5 * MOST, off) ** 2
         variance[d.stated] = 0.0
         refitter.exact[rung] = replace(level, V=variance)

@@ -15,7 +15,9 @@ REST = 0.55
 of its effects may miss."""
 MOST_RIVALS = 4
 RIVAL = 0.02
-"""A rival has at least this share of its class's probability."""
+"""A rival has at least this share of its class's probability,"""
+DOUBT = 2.0
+"""with log odds divided by this: evidence is exact for exact physics only."""
 INSEPARABLE = (
     frozenset({"mount.rotation", "joint.offset"}),
     frozenset({"mount.rotation", "sensor.crosstalk"}),
@@ -122,7 +124,7 @@ def _causes(
         for w, e in zip(weight, told, strict=True):
             if rest <= e.names and len(e.names - rest) == 1:
                 (name,) = e.names - rest
-                score[name] = score.get(name, 0.0) + float(w)
+                score[name] = max(score.get(name, 0.0), float(w) ** (1.0 / DOUBT))
         total = max(sum(score.values()), 1e-300)
         rivals = sorted((n for n in score if n != part.name), key=lambda n: -score[n])
         members = (part.name, *(n for n in rivals if score[n] > RIVAL * total))

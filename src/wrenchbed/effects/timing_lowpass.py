@@ -19,7 +19,8 @@ class TimingLowpass(ReadingEffect):
     Of n stages in a row each has τ/n.
 
     Between rows the load follows a cubic spline, whose fine linear pieces the filter takes exactly;
-    so it is smooth in τ down to 0. τ < 0 mirrors the change, 2y − z(|τ|), which no filter does but which leaves differences about 0 right.
+    so it is smooth in τ down to 0. τ < 0 mirrors the change, 2y − z(|τ|), which no filter does but
+    which leaves differences about 0 right.
 
     Seen in: a motion above the filter's corner, where the amplitude falls as well as the phase.
     """

@@ -12,6 +12,8 @@ from wrenchbed.lookalikes.rigid import Load, Motion
 SMALLEST, LARGEST = 0.02, 0.45
 """Gap of the whole background."""
 _LEFT_OUT = (*STATED, "sensor.saturation", "environment.contact", "timing.stale")
+MOST_RISE = 0.25
+"""Rise of a channel's row variance by the background's shake, at most."""
 _PRESENT = 0.7
 """Chance of each family to be there."""
 _TRIES = 6
@@ -30,7 +32,7 @@ def nuisance(design: Design, rng: np.random.Generator) -> list[Scaled]:
 
     tool = Imperfection("background", {}, tool=act)
     zero = Imperfection("background", {}, sensor=lambda y: y + shift)
-    own = carried.self_weight(design, rng, 0.1 * min(1.0, mass / 0.004))
+    own = carried.self_weight(design, rng, min(0.1, 0.4 * mass / 0.04))
     return [(tool, 1.0), (zero, 1.0), (own, 1.0)]
 
 
@@ -39,7 +41,9 @@ def rows(design: Design, rng: np.random.Generator) -> Imperfection:
     step = rng.uniform(0.0, 0.4) * design.noise_std
     shake = EFFECTS["base.vibration"].draw(design, rng, rng.uniform(0.02, 0.2)).rows
     assert shake is not None
-    return Imperfection("background", {}, rows=Rows(np.ones(6), step, shake.shake, shake.frequency))
+    rise = float(np.max(np.mean((shake.shake / design.noise_std) ** 2, axis=0)))
+    calm = min(1.0, float(np.sqrt(MOST_RISE / max(rise, 1e-12)))) * shake.shake
+    return Imperfection("background", {}, rows=Rows(np.ones(6), step, calm, shake.frequency))
 
 
 def background(world: World, rng: np.random.Generator) -> list[Scaled]:

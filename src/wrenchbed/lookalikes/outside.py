@@ -110,10 +110,10 @@ def magnet(design: Design, rng: np.random.Generator) -> Imperfection:
 
 
 def product(design: Design, rng: np.random.Generator) -> Imperfection:
-    """Two channels multiply into a third, as fx·fy into tz."""
+    """Two channels multiply into a third; not forces into a torque, as a flexing tool does it."""
     a, b, into = (int(k) for k in rng.choice(6, 3, replace=False))
-    if rng.uniform() < 0.5:
-        a, b, into = 0, 1, 5
+    while max(a, b) < 3 <= into:
+        a, b, into = (int(k) for k in rng.choice(6, 3, replace=False))
     factor = 6.0 * design.noise_std[into] / (design.swing[a] * design.swing[b])
 
     def act(y: np.ndarray) -> np.ndarray:
