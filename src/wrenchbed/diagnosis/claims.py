@@ -18,6 +18,8 @@ CLAIMABLE = 0.75
 """Gap that a cause must add, as estimated: 1 by definition, less its uncertainty."""
 WRONG = 5.0
 """A stated number that is wrong is off by this many tolerances, typically."""
+ZERO_SIGMAS = 0.4
+"""Small imperfections move a bias by so much, in σ of a row."""
 ODDS = 0.15
 """Prior odds of a stated number being wrong."""
 
@@ -120,6 +122,9 @@ def wrong_numbers(refitter: Refitter, f: Finalist, named: set[int | None]) -> li
     """
     d, told = refitter.d, stated(refitter, f)
     std = np.sqrt(np.maximum(np.diagonal(told.covariance), 1e-24))
+    zero = np.array([d.label[k][0] == "sensor.bias" for k in d.stated])
+    row = 1.0 / np.sqrt(np.maximum(d.configured_gap[d.stated] * 6.0, 1e-300))  # σ, typical sizes
+    std = np.where(zero, np.hypot(std, ZERO_SIGMAS * row), std)
     finite = np.isfinite(d.tolerance)
     tolerance = np.where(finite, d.tolerance, 1.0) + own_zero(refitter, f, named)
     inside = ndtr((tolerance - told.mean) / std) - ndtr((-tolerance - told.mean) / std)

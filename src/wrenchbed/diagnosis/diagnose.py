@@ -10,7 +10,6 @@ import numpy as np
 from wrenchbed.diagnosis import closure, following, isolability, rows, where, witness
 from wrenchbed.diagnosis.analysis import Analysis, analyse
 from wrenchbed.diagnosis.apart import parted
-from wrenchbed.diagnosis.claims import Explanation, stated
 from wrenchbed.diagnosis.dictionary import STATED
 from wrenchbed.diagnosis.likeness import Likeness
 from wrenchbed.diagnosis.prepare import Prepared
@@ -18,6 +17,7 @@ from wrenchbed.diagnosis.reliability import Reliability, features, shipped
 from wrenchbed.diagnosis.result import Diagnosis
 from wrenchbed.diagnosis.rows import RowFinding
 from wrenchbed.diagnosis.search import NONE, UNKNOWN
+from wrenchbed.diagnosis.told import cause_entry, row_entry
 from wrenchbed.diagnosis.verdict import Cause, Verdict, decide, tempered
 from wrenchbed.plan import Plan
 from wrenchbed.recording import Recording
@@ -86,8 +86,8 @@ def diagnose(
     named = {n for c in verdict.causes for n in c.names}
     cannot = isolability.cannot_tell(analysis.dictionary, likeness, named) if named else ()
     plans, then = _next(analysis, verdict, seed)
-    causes = [_cause(analysis, verdict, c, gap) for c in verdict.causes]
-    causes += [_row_cause(r) for r in shown]
+    causes = [cause_entry(analysis, verdict, c, gap) for c in verdict.causes]
+    causes += [row_entry(r) for r in shown]
     outcome = verdict.verdict
     if shown and outcome == NONE:
         outcome = "identified"
@@ -148,64 +148,6 @@ def _twin(a: Analysis, verdict: Verdict, seed: int) -> tuple[Any, closure.Closur
         return closure.calibrated(a), closure.measure(a, None, (), seed)
     twin = closure.twin_of(a, chosen, keep)
     return twin, closure.measure(a, twin, wrong, seed)
-
-
-def _cause(a: Analysis, verdict: Verdict, cause: Cause, gap: closure.Closure) -> dict[str, Any]:
-    f = verdict.explanation.finalist
-    name, *rivals = cause.names
-    parameters: dict[str, Any]
-    if cause.part.index is None:
-        parameters = _wrong_numbers(a, verdict.explanation, name)
-    else:
-        part = f.parts[cause.part.index]
-        values = a.refitter.values(f.parts, f.x)[cause.part.index]
-        std = _uncertainty(a, f, cause.part.index)
-        parameters = part.effect.publish(a.prepared.model.robot, part.variant, values, std)
-    return {
-        "effect": name,
-        "probability": cause.probability,
-        "rivals": rivals,
-        "parameters": parameters,
-        "closed_share": gap.shares.get(name),
-    }
-
-
-def _uncertainty(a: Analysis, f: Any, part: int) -> dict[str, float]:
-    """Standard uncertainties of a part's variables by name, SI."""
-    robot = a.prepared.model.robot
-    known = {p.name: p.tolerance for p in f.parts[part].effect.parameters(robot)}
-    std = np.sqrt(np.maximum(np.diagonal(f.covariance), 0.0))
-    variables = a.refitter.variables(f.parts)
-    return {
-        name: float(std[i]) * known[name] for i, (k, name, _) in enumerate(variables) if k == part
-    }
-
-
-def _wrong_numbers(a: Analysis, e: Explanation, name: str) -> dict[str, Any]:
-    """The errors of a stated number: what it should be more than what is stated."""
-    d, told = a.dictionary, stated(a.refitter, e.finalist)
-    std = np.sqrt(np.maximum(np.diagonal(told.covariance), 0.0))
-    hypothesis = next(h for h in d.hypotheses if h.name == name)
-    known = hypothesis.effect.parameters(a.prepared.model.robot)
-    result = {}
-    for i, k in enumerate(d.stated):
-        effect, parameter = d.label[k]
-        if effect == name:
-            unit = known[known.index(parameter)].unit
-            size = float(d.size[k])
-            value, spread = float(told.mean[i]) * size, float(std[i]) * size
-            result[parameter] = {"value": value, "std": spread, "unit": unit}
-    return result
-
-
-def _row_cause(r: RowFinding) -> dict[str, Any]:
-    return {
-        "effect": r.effect,
-        "probability": r.probability,
-        "rivals": [],
-        "parameters": r.parameters,
-        "closed_share": None,
-    }
 
 
 def _places(

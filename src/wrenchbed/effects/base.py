@@ -98,6 +98,9 @@ class Effect(ABC):
     form_error: ClassVar[float] = 0.06
     """Share of its own gap that the form given here may miss of the real thing."""
 
+    size_error: ClassVar[float] = 0.0
+    """Relative standard uncertainty of a size, because the form given here is only nearly right."""
+
     @property
     def subsystem(self) -> str:
         """The part of the robot that it sits in: the name before the dot."""

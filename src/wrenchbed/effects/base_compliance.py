@@ -28,6 +28,7 @@ class BaseCompliance(PoseEffect):
 
     name = "base.compliance"
     title = "the base gives under the arm's weight"
+    size_error = 0.1
     source = "1e-6–1e-5 rad/(N·m) of pedestals and tables: engineering memory"
 
     def parameters(self, robot: Robot) -> ParameterSet:

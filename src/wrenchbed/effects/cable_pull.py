@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wrenchbed.effects.base import LoadEffect, Pose, Values, Variant
-from wrenchbed.frames import apply, cross
+from wrenchbed.effects.base import LoadEffect, Pose, Residual, Values, Variant
+from wrenchbed.frames import apply, cross, sphere
 from wrenchbed.jets import value
 from wrenchbed.parameters import Parameter, ParameterSet
 from wrenchbed.robots.base import Robot
@@ -18,6 +18,11 @@ if TYPE_CHECKING:
 POINT = ("point.x", "point.y", "point.z")
 REACHES = (0.6, 1.3)
 """How far from the middle of the recorded positions the anchors lie where a search begins [m]."""
+
+SCANNED_REACHES, WAYS = (0.4, 0.8, 1.5, 2.5), 40
+SLACKS = (0.0, 0.25, 0.5, 0.75)
+"""What is tried when a residual is scanned: distances [m] and directions of anchors, shares of rows
+in which the cable is slack."""
 
 
 class CablePull(LoadEffect):
@@ -32,6 +37,7 @@ class CablePull(LoadEffect):
     name = "cable.pull"
     title = "a cable or hose pulls on the tool"
     rough = True
+    size_error = 0.1
     source = "0.2–3 N, engineering memory"
 
     def parameters(self, robot: Robot) -> ParameterSet:
@@ -70,6 +76,37 @@ class CablePull(LoadEffect):
                 slack.append(Variant("slack in part", ("stiffness",), at, (*shape, *POINT)))
         return (taut, *slack)
 
+    def found(self, scene: Scene, residual: Residual) -> tuple[Variant, ...]:
+        """Anchors and lengths whose pull a residual follows best, held at any point of the tool.
+
+        Force u along the line and torque p × u: linear in k and k p, held at the CoG to begin with.
+        """
+        if not scene.jointed:
+            return ()
+        rotation, origin = (value(x)[residual.rows] for x in scene.pose)
+        holder = origin + apply(rotation, scene.tool.cog)
+        middle = holder.mean(axis=0)
+        told: list[tuple[float, np.ndarray, float, np.ndarray]] = []
+        for reach in SCANNED_REACHES:
+            for anchor in middle + reach * sphere(WAYS):
+                line = anchor - holder
+                far = np.linalg.norm(line, axis=1)
+                own = apply(np.swapaxes(rotation, 1, 2), line / far[:, None])
+                for share in SLACKS:
+                    length = float(np.quantile(far, share))
+                    pull = own * np.maximum(far - length, 0.0)[:, None]
+                    gain, size = _gain(pull, residual)
+                    told.append((gain, anchor, length, size[1:] / size[0]))
+        told.sort(key=lambda t: -t[0])
+        result: list[Variant] = []
+        for _, anchor, length, point in told[:3]:
+            held = np.clip(point, -0.3, 0.3)
+            names = ("anchor.x", "anchor.y", "anchor.z", "length", *POINT)
+            at = dict(zip(names, map(float, (*anchor, length, *held)), strict=True))
+            label = f"slack in part, found, {len(result) + 1}"
+            result.append(Variant(label, ("stiffness",), at, names, {}, 1.5))
+        return tuple(result)
+
     def load(self, scene: Scene, pose: Pose, load: np.ndarray, p: Values) -> np.ndarray:
         rotation = np.swapaxes(value(pose.rotation), -1, -2)
         lever = np.array([p[n] for n in POINT])
@@ -90,6 +127,25 @@ class CablePull(LoadEffect):
         if p["stiffness"]:
             cable(spec, self.name, point, anchor, p["stiffness"], p["length"])
         pull(spec, self.name, point, np.array([p[f"pull.{a}"] for a in "xyz"]))
+
+
+def _gain(pull: np.ndarray, residual: Residual) -> tuple[float, np.ndarray]:
+    """What of a residual a force (R, 3) explains, held anywhere, and its k, k p (4,)."""
+    x, y, z = pull.T
+    none = np.zeros_like(x)
+    torque = np.stack(
+        [np.stack([none, z, -y]), np.stack([-z, none, x]), np.stack([y, -x, none])], axis=1
+    )  # (3 torques, 3 places, R)
+    force = np.concatenate([pull.T[:, None], np.zeros((3, 3, len(x)))], axis=1)
+    rows = np.concatenate([force, np.concatenate([np.zeros((3, 1, len(x))), torque], axis=1)])
+    columns = (rows / residual.noise[:, None, None]).transpose(2, 0, 1).reshape(-1, 4)
+    columns = columns - columns.reshape(-1, 6, 4).mean(axis=0)[None].repeat(len(x), 0).reshape(
+        -1, 4
+    )
+    normal = columns.T @ columns
+    score = columns.T @ residual.value.ravel()
+    size = np.linalg.solve(normal + 1e-9 * np.trace(normal) * np.eye(4), score)
+    return (float(score @ size) if size[0] > 0 else 0.0), size + np.array([1e-12, 0, 0, 0])
 
 
 EFFECT = CablePull()

@@ -27,6 +27,7 @@ class CableTorsion(LoadEffect):
     name = "cable.torsion"
     title = "a cable or hose twists as the last joint turns"
     form_error = 0.1
+    size_error = 0.1
     source = "5–50 mN·m a turn and as much friction: engineering memory"
 
     def parameters(self, robot: Robot) -> ParameterSet:

@@ -42,6 +42,7 @@ class EnvironmentContact(LoadEffect):
     title = "the tool's tip touches something"
     rough = True
     form_error = 0.2
+    size_error = 0.15
     source = "skin, gel and foam 100–2000 N/m: engineering memory"
 
     def parameters(self, robot: Robot) -> ParameterSet:

@@ -38,6 +38,7 @@ class JointClearance(JointEffect, PoseEffect):
 
     name = "joint.clearance"
     title = "passive joints have play and lie on the side of their load"
+    size_error = 0.15
     source = "10–50 µm: engineering memory"
     amplitude = "play"
 

@@ -23,6 +23,7 @@ class JointCompliance(JointEffect):
 
     name = "joint.compliance"
     title = "joints give under the weight that they carry"
+    size_error = 0.1
     source = "UR 1–3e4 N·m/rad, wrists 3–8e3: engineering memory; drives 1e5–1e6 N/m"
     amplitude = "compliance"
 

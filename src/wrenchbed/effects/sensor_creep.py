@@ -33,6 +33,7 @@ class SensorCreep(ReadingEffect):
     title = "the sensor goes on moving after its load has changed"
     form_error = 0.1
     form_error = 0.15
+    size_error = 0.15
     source = (
         "0.05–0.1 % of the load in 30 min (strain-gauge data sheets); three times that: a poor one"
     )

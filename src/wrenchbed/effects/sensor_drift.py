@@ -26,6 +26,7 @@ class SensorDrift(ReadingEffect):
 
     name = "sensor.drift"
     title = "the sensor's zero wanders steadily"
+    size_error = 0.1
     source = "0.05–0.5 N/h and 1–10 mN·m/h, engineering memory"
 
     def parameters(self, robot: Robot) -> ParameterSet:

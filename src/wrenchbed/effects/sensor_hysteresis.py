@@ -29,6 +29,7 @@ class SensorHysteresis(ReadingEffect):
 
     name = "sensor.hysteresis"
     title = "the sensor remembers where its load came from"
+    size_error = 0.2
     source = "0.1–0.3 % of full scale, strain-gauge data sheets"
     form_error = 0.45
 

@@ -37,6 +37,7 @@ class SensorNonlinearity(ReadingEffect):
 
     name = "sensor.nonlinearity"
     title = "the sensor's readings bend with the load"
+    size_error = 0.1
     source = "0.1–0.3 % of full scale at full scale; 0.2 %: FRB load ring data sheet"
 
     def parameters(self, robot: Robot) -> ParameterSet:

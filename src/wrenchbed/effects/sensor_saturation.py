@@ -29,6 +29,7 @@ class SensorSaturation(ReadingEffect):
     name = "sensor.saturation"
     title = "a channel cannot read beyond a level"
     form_error = 0.1
+    size_error = 0.02
     source = "converters end at 105 % of range; a wrong range setting or gain clips far earlier"
 
     def parameters(self, robot: Robot) -> ParameterSet:

@@ -39,6 +39,7 @@ class ToolLoose(LoadEffect):
     title = "a part of the tool is loose and falls to one side or the other"
     rough = True
     form_error = 0.2
+    size_error = 0.1
     source = "CoG jumps of 0.5–5 mm: engineering memory"
 
     def parameters(self, robot: Robot) -> ParameterSet:

@@ -39,11 +39,11 @@ def nuisance(design: Design, rng: np.random.Generator) -> list[Scaled]:
 def rows(design: Design, rng: np.random.Generator) -> Imperfection:
     """Steps and a shake far below the noise."""
     step = rng.uniform(0.0, 0.4) * design.noise_std
-    shake = EFFECTS["base.vibration"].draw(design, rng, rng.uniform(0.02, 0.2)).rows
-    assert shake is not None
-    rise = float(np.max(np.mean((shake.shake / design.noise_std) ** 2, axis=0)))
-    calm = min(1.0, float(np.sqrt(MOST_RISE / max(rise, 1e-12)))) * shake.shake
-    return Imperfection("background", {}, rows=Rows(np.ones(6), step, calm, shake.frequency))
+    drawn = EFFECTS["base.vibration"].draw(design, rng, rng.uniform(0.02, 0.2)).rows
+    assert drawn is not None and drawn.shake is not None
+    rise = float(np.max(np.mean((drawn.shake / design.noise_std) ** 2, axis=0)))
+    calm = min(1.0, float(np.sqrt(MOST_RISE / max(rise, 1e-12)))) * drawn.shake
+    return Imperfection("background", {}, rows=Rows(np.ones(6), step, calm, drawn.frequency))
 
 
 def background(world: World, rng: np.random.Generator) -> list[Scaled]:

@@ -19,7 +19,7 @@ def relay(signal: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
 
 
 def preisach(
-    signal: np.ndarray, rng: np.random.Generator, reach: float, relays: int = 24
+    signal: np.ndarray, rng: np.random.Generator, reach: float, relays: int = 96
 ) -> np.ndarray:
     """Hysteresis (T, C) of signals (T, C), about ±1 wide at its widest, without its linear part.
 
@@ -37,8 +37,10 @@ def preisach(
     width = reach * rng.gamma(4.0, 0.25, relays)
     weight = rng.gamma(3.0, 1.0, relays) * (1.1 - np.abs(grid))
     state = relay(unit[..., None], centre - width, centre + width)
-    smooth = np.clip((unit[..., None] - centre) / 0.1, -1.0, 1.0)
-    loop = (state - smooth) @ (weight / weight.sum())
+    middle_way = np.sign(unit[..., None] - centre - width) + np.sign(
+        unit[..., None] - centre + width
+    )
+    loop = (state - 0.5 * middle_way) @ (weight / weight.sum())
     return np.asarray(loop / max(1e-6, 2.0 * min(1.0, reach)))
 
 

@@ -1,0 +1,75 @@
+"""Causes as ``diagnosis.json`` tells them: parameters with their uncertainties."""
+
+from typing import Any
+
+import numpy as np
+
+from wrenchbed.diagnosis import closure
+from wrenchbed.diagnosis.analysis import Analysis
+from wrenchbed.diagnosis.claims import Explanation, stated
+from wrenchbed.diagnosis.rows import RowFinding
+from wrenchbed.diagnosis.verdict import Cause, Verdict
+
+
+def cause_entry(
+    a: Analysis, verdict: Verdict, cause: Cause, gap: closure.Closure
+) -> dict[str, Any]:
+    f = verdict.explanation.finalist
+    name, *rivals = cause.names
+    parameters: dict[str, Any]
+    if cause.part.index is None:
+        parameters = _wrong_numbers(a, verdict.explanation, name)
+    else:
+        part = f.parts[cause.part.index]
+        values = a.refitter.values(f.parts, f.x)[cause.part.index]
+        std = _uncertainty(a, f, cause.part.index)
+        parameters = part.effect.publish(a.prepared.model.robot, part.variant, values, std)
+    return {
+        "effect": name,
+        "probability": cause.probability,
+        "rivals": rivals,
+        "parameters": parameters,
+        "closed_share": gap.shares.get(name),
+    }
+
+
+def _uncertainty(a: Analysis, f: Any, part: int) -> dict[str, float]:
+    """Standard uncertainties of a part's variables by name, SI; what its form may miss included."""
+    robot = a.prepared.model.robot
+    known = {p.name: p.tolerance for p in f.parts[part].effect.parameters(robot)}
+    std = np.sqrt(np.maximum(np.diagonal(f.covariance), 0.0))
+    effect = f.parts[part].effect
+    variables = a.refitter.variables(f.parts)
+    told = {}
+    for i, (k, name, shape) in enumerate(variables):
+        if k == part:
+            form = 0.0 if shape else effect.size_error * float(f.x[i])
+            told[name] = float(np.hypot(std[i], form)) * known[name]
+    return told
+
+
+def _wrong_numbers(a: Analysis, e: Explanation, name: str) -> dict[str, Any]:
+    """The errors of a stated number: what it should be more than what is stated."""
+    d, told = a.dictionary, stated(a.refitter, e.finalist)
+    std = np.sqrt(np.maximum(np.diagonal(told.covariance), 0.0))
+    hypothesis = next(h for h in d.hypotheses if h.name == name)
+    known = hypothesis.effect.parameters(a.prepared.model.robot)
+    result = {}
+    for i, k in enumerate(d.stated):
+        effect, parameter = d.label[k]
+        if effect == name:
+            unit = known[known.index(parameter)].unit
+            size = float(d.size[k])
+            value, spread = float(told.mean[i]) * size, float(std[i]) * size
+            result[parameter] = {"value": value, "std": spread, "unit": unit}
+    return result
+
+
+def row_entry(r: RowFinding) -> dict[str, Any]:
+    return {
+        "effect": r.effect,
+        "probability": r.probability,
+        "rivals": [],
+        "parameters": r.parameters,
+        "closed_share": None,
+    }
