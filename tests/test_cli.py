@@ -279,7 +279,7 @@ def test_real_files_import_and_calibrate(tmp_path, capfd):
     assert main(["import", file, "--map", str(DATA / "static.toml"), "--out", out]) == 0
     assert "24 rows" in capfd.readouterr().out
     assert main(["calibrate", out]) == 0
-    assert "0.9323" in capfd.readouterr().out
+    assert "0.9332" in capfd.readouterr().out
 
 
 def recording_process(folder: Path, poses: int) -> subprocess.Popen:
