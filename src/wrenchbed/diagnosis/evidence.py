@@ -86,6 +86,20 @@ class Level:
             return np.asarray((z - ways @ (share[:, None] * (ways.T @ z))) / root)
         return np.asarray(cho_solve(self._factor, z, check_finite=False) / root)
 
+    def precision(self, rows: np.ndarray) -> np.ndarray:
+        """The block of K₀⁻¹ of some rows (k, k)."""
+        root = np.sqrt(self.v0)
+        if self._tall:
+            ways, share = self._main
+            own = ways[rows]
+            inner = np.eye(len(rows)) - (own * share) @ own.T
+            return np.asarray(inner / np.outer(root[rows], root[rows]))
+        return np.asarray(self._inverse[np.ix_(rows, rows)])
+
+    @cached_property
+    def _inverse(self) -> np.ndarray:
+        return self.solve(np.eye(len(self.v0)))
+
     @cached_property
     def information(self) -> np.ndarray:
         """P = Eᵀ K₀⁻¹ E (n, n)."""

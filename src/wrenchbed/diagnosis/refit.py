@@ -237,6 +237,10 @@ class Refitter:
             if s.index < 0 or self.searcher.hypotheses[s.index].name not in taken
         ]
 
+    def level_of(self, f: Finalist) -> Level:
+        """The background that a finalist is judged against."""
+        return self._level((), f.rung)
+
     def _level(self, parts: Sequence[Hypothesis], rung: int) -> Level:
         """The rung's background with the stated numbers that a structure blames set free."""
         blamed = frozenset(int(c) for h in parts if h.name in STATED for c in h.columns)

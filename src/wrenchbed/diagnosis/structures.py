@@ -8,6 +8,7 @@ from scipy.special import logsumexp
 
 from wrenchbed.diagnosis.broad import beside
 from wrenchbed.diagnosis.claims import CLAIMABLE, Explanation, explained, share
+from wrenchbed.diagnosis.crossvote import score
 from wrenchbed.diagnosis.dictionary import STATED
 from wrenchbed.diagnosis.finalist import Finalist
 from wrenchbed.diagnosis.refit import Refitter
@@ -20,6 +21,8 @@ AT_ONCE = 3
 """Most effects named together."""
 MINOR = 1
 """Effects beside them that are too small to be named, but that evidence asks for."""
+VOTERS = 6
+"""Explanations that are cross-validated."""
 NEGLIGIBLE = 30.0
 """Explanations so much less likely than the best (natural logarithm) are dropped."""
 
@@ -34,6 +37,7 @@ class Ranking:
         mixed: of the best finalist with something unknown beside it.
         kernel: the variable on which the unknown depends, of the best such explanation.
         gap: of the calibrated simulator, beyond the noise.
+        votes: how well the first explanations foretell left-out blocks, see `crossvote`.
     """
 
     explanations: tuple[Explanation, ...]
@@ -41,6 +45,7 @@ class Ranking:
     mixed: float
     kernel: str
     gap: float
+    votes: tuple[float, ...] = ()
 
 
 def rank(searcher: Searcher, refitter: Refitter) -> Ranking:
@@ -94,7 +99,8 @@ def rank(searcher: Searcher, refitter: Refitter) -> Ranking:
     least = found[0].log_posterior - NEGLIGIBLE
     told = [explained(refitter, f) for f in found if f.log_posterior > least]
     gap = searcher.d.gap(refitter.y) - float(searcher.d.prepared.variance.mean())
-    return Ranking(tuple(told), unknown, mixed, kernel, gap)
+    votes = tuple(score(refitter, e.finalist) for e in told[:VOTERS])
+    return Ranking(tuple(told), unknown, mixed, kernel, gap, votes)
 
 
 def _beside_broad(

@@ -1,12 +1,13 @@
 """What may be claimed: none, unknown, or causes, each a class with its rivals and probability."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import logsumexp
 
 from wrenchbed.diagnosis.claims import Explanation, Part
+from wrenchbed.diagnosis.crossvote import MARGIN
 from wrenchbed.diagnosis.search import NONE, UNKNOWN
 from wrenchbed.diagnosis.structures import Ranking
 
@@ -85,7 +86,7 @@ def decide(ranking: Ranking) -> Verdict:
     claim = next((e for e in told if e.parts), None)
     if claim is None:
         return Verdict(max(others, key=lambda n: others[n]), (), best, others)
-    causes = _causes(claim, told, weight[1:])
+    causes = _causes(claim, told, weight[1:], _outvoting(ranking, claim))
     probabilities = _by_class(causes, effects) | others
     lead = causes[0].probability
     if others[NONE] >= max(others[UNKNOWN], lead):
@@ -114,17 +115,30 @@ def tempered(verdict: Verdict, right: float) -> Verdict:
     return replace(verdict, causes=causes, probabilities=told)
 
 
+def _outvoting(ranking: Ranking, claim: Explanation) -> frozenset[int]:
+    """Explanations that foretell left-out blocks clearly better than the claim does."""
+    told, votes = ranking.explanations, ranking.votes
+    place = next(k for k, e in enumerate(told) if e is claim)
+    if place >= len(votes):
+        return frozenset()
+    return frozenset(k for k, v in enumerate(votes) if v > votes[place] + MARGIN)
+
+
 def _causes(
-    claim: Explanation, told: Sequence[Explanation], weight: np.ndarray
+    claim: Explanation,
+    told: Sequence[Explanation],
+    weight: np.ndarray,
+    outvoting: Collection[int],
 ) -> tuple[Cause, ...]:
     causes = []
     for part in claim.parts:
         rest = claim.names - {part.name}
         score = {part.name: 0.0}
-        for w, e in zip(weight, told, strict=True):
+        for k, (w, e) in enumerate(zip(weight, told, strict=True)):
             if rest <= e.names and len(e.names - rest) == 1:
                 (name,) = e.names - rest
-                score[name] = max(score.get(name, 0.0), float(w) ** (1.0 / DOUBT))
+                own = 1.0 if k in outvoting else float(w) ** (1.0 / DOUBT)
+                score[name] = max(score.get(name, 0.0), own)
         total = max(sum(score.values()), 1e-300)
         rivals = sorted((n for n in score if n != part.name), key=lambda n: -score[n])
         members = (part.name, *(n for n in rivals if score[n] > RIVAL * total))

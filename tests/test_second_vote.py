@@ -1,0 +1,128 @@
+"""The second vote is the exact predictive density; learnt reliability tempers what is claimed."""
+
+import json
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.stats import multivariate_normal
+
+from wrenchbed import planning, registry
+from wrenchbed.diagnosis import crossvote, own_design
+from wrenchbed.diagnosis.evidence import Level
+from wrenchbed.diagnosis.finalist import Finalist
+from wrenchbed.diagnosis.reliability import NAMES, Reliability, learnt, shipped
+from wrenchbed.diagnosis.verdict import Cause, Verdict, tempered
+from wrenchbed.errors import DiagnosisError
+from wrenchbed.lookalikes import Design, draw, recording
+
+
+@pytest.mark.parametrize("columns", [5, 60], ids=["many rows", "many columns"])
+def test_the_vote_is_what_each_block_is_given_the_others(columns):
+    rng = np.random.default_rng(columns)
+    rows = 24
+    E = rng.standard_normal((rows, columns))
+    level = Level(E, np.tile(rng.uniform(0.5, 2.0, 6), rows // 6), rng.uniform(0.1, 1.0, columns))
+    design, spread = rng.standard_normal((rows, 3)), np.array([1.0, 0.5, 2.0])
+    y = rng.standard_normal(rows)
+    f = Finalist((), 0, np.zeros(3), np.eye(3), y, y, design, spread, 0.0, spread)
+    block = np.array([0, 0, 1, 2])
+    refitter = SimpleNamespace(
+        level_of=lambda _: level,
+        d=SimpleNamespace(prepared=SimpleNamespace(block_rows=block)),
+    )
+    K = np.diag(level.v0) + (E * level.V) @ E.T + (design * spread**2) @ design.T
+    expected = 0.0
+    for b in range(3):
+        own = np.repeat(block, 6) == b
+        gain = K[np.ix_(own, ~own)] @ np.linalg.inv(K[np.ix_(~own, ~own)])
+        mean = gain @ y[~own]
+        covariance = K[np.ix_(own, own)] - gain @ K[np.ix_(~own, own)]
+        expected += multivariate_normal(mean, covariance).logpdf(y[own])
+    expected += 0.5 * rows * np.log(2 * np.pi)
+    assert crossvote.score(refitter, f) == pytest.approx(expected, rel=1e-6)
+
+
+def test_reliability_learns_what_tells_right_claims_from_wrong():
+    rng = np.random.default_rng(0)
+    truth = np.zeros(len(NAMES))
+    truth[:3] = 1.0, 3.0, -2.0
+    x = np.column_stack([np.ones(4000), rng.uniform(0, 1, (4000, len(NAMES) - 1))])
+    right = rng.random(4000) < 1.0 / (1.0 + np.exp(-x @ truth))
+    claims = list(zip(x.tolist(), right.tolist(), strict=True))
+    model = learnt(claims, (9, 10), (8, 10), "a test")
+    assert np.abs(np.array(model.claim)[:3] - truth[:3]).max() < 0.6
+    assert model.none == pytest.approx(10 / 12)
+    told = np.array([model.of(f) for f in x])
+    for low in (0.2, 0.4, 0.6, 0.8):
+        inside = (told >= low) & (told < low + 0.2)
+        if inside.sum() > 100:
+            assert abs(told[inside].mean() - right[inside].mean()) < 0.06
+    with pytest.raises(DiagnosisError, match="nothing to learn"):
+        learnt([], (1, 1), (1, 1), "nothing")
+
+
+def test_the_package_ships_a_model_for_both_modes():
+    for moving in (False, True):
+        model = shipped("a robot of somebody else", moving)
+        assert model is not None
+        assert len(model.claim) == len(NAMES)
+        assert model.cases > 30
+
+
+@pytest.mark.parametrize("right", [0.95, 0.3])
+def test_a_claim_more_likely_wrong_than_right_becomes_unknown(right):
+    cause = Cause(("sensor.gain",), 1.0, part=None)
+    probabilities = {"sensor.gain": 0.9, "none": 0.04, "unknown": 0.06}
+    verdict = Verdict("identified", (cause,), None, probabilities)
+    told = tempered(verdict, right)
+    assert sum(told.probabilities.values()) == pytest.approx(1.0)
+    assert told.probabilities["sensor.gain"] == pytest.approx(0.9 * right)
+    if right > 0.5:
+        assert told.verdict == "identified"
+        assert told.causes[0].probability == pytest.approx(right)
+    else:
+        assert (told.verdict, told.causes) == ("unknown", ())
+
+
+def still(seed=0, poses=24):
+    robot = registry.load("robots", "ur5")
+    design = Design.of_plan(planning.poses(robot, poses, seed), robot, samples=30)
+    return recording(design, draw(design, 5, "none"))
+
+
+def test_look_alikes_are_kept_and_not_computed_twice(tmp_path):
+    rows = still()
+    key = own_design._key(Design.of(rows), 0)
+    known = [
+        {
+            "index": k, "kind": "single", "raw": "identified", "named": True, "right": k % 4 > 0,
+            "features": [1.0] + [0.1] * (len(NAMES) - 1),
+        }
+        for k in range(20)
+    ]  # fmt: skip
+    text = "".join(json.dumps(r) + "\n" for r in known)
+    (tmp_path / f"look-alikes-{key}.jsonl").write_text(text + '{"index": 20, "ki')
+    told = []
+    model = own_design.at_design_of(
+        rows, 20, cache=tmp_path, told=lambda done, total: told.append((done, total))
+    )
+    assert told == [(20, 20)]
+    assert isinstance(model, Reliability)
+    assert 0.5 < model.of(known[0]["features"]) < 0.999
+    with pytest.raises(DiagnosisError, match="at least 20"):
+        own_design.at_design_of(rows, 3, cache=tmp_path)
+
+
+def test_another_design_has_a_cache_of_its_own():
+    same, other = own_design._key(Design.of(still()), 0), own_design._key(Design.of(still()), 1)
+    assert same == own_design._key(Design.of(still()), 0)
+    assert same != other
+    assert same != own_design._key(Design.of(still(seed=1)), 0)
+
+
+def test_one_look_alike_is_drawn_and_judged():
+    own_design._begin(Design.of(still(poses=30)), 0)
+    row = own_design._case(6)  # a case without a gap
+    assert (row["kind"], row["raw"], row["right"]) == ("none", "none", True)
+    assert len(row["features"]) == len(NAMES)
