@@ -79,14 +79,19 @@ def explained(refitter: Refitter, f: Finalist) -> Explanation:
     return Explanation(f, tuple(parts), rest(refitter, f, named))
 
 
+ALIKE = frozenset({"cable", "environment"})
+"""Subsystems that push on the tool from outside: the form of one may pass for the other."""
+
+
 def _form_of_another(part: Part, parts: list[Part], f: Finalist) -> bool:
-    """Whether a part may be what the form given to a larger one of its subsystem misses."""
+    """Whether a part may be what the form given to a larger one of its kind misses."""
     assert part.index is not None
     own = f.parts[part.index].effect.subsystem
     for other in parts:
         assert other.index is not None
         effect = f.parts[other.index].effect
-        if effect.subsystem == own and part.share < effect.form_error * other.share:
+        alike = effect.subsystem == own or {effect.subsystem, own} <= ALIKE
+        if alike and part.share < effect.form_error * other.share:
             return True
     return False
 

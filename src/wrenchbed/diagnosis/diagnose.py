@@ -74,7 +74,8 @@ def diagnose(
     progress("effects and their evidence")
     analysis = analyse(prepared)
     untempered = decide(analysis.ranking)
-    verdict = witness.upheld(analysis, _tempered(analysis, untempered, reliability))
+    known = reliability or shipped(prepared.model.robot.name, prepared.moving)
+    verdict = witness.upheld(analysis, _tempered(analysis, untempered, known))
     progress("rows")
     shown = (*rows.find(recording), *apart.trembling)
     progress("where")
@@ -86,7 +87,8 @@ def diagnose(
     named = {n for c in verdict.causes for n in c.names}
     cannot = isolability.cannot_tell(analysis.dictionary, likeness, named) if named else ()
     plans, then = _next(analysis, verdict, seed)
-    causes = [cause_entry(analysis, verdict, c, gap) for c in verdict.causes]
+    spread = 1.0 if known is None else known.spread
+    causes = [cause_entry(analysis, verdict, c, gap, spread) for c in verdict.causes]
     causes += [row_entry(r) for r in shown]
     outcome = verdict.verdict
     if shown and outcome == NONE:
@@ -118,12 +120,11 @@ def diagnose(
 
 def _tempered(a: Analysis, verdict: Verdict, known: Reliability | None) -> Verdict:
     """The verdict with probabilities that hold, as far as look-alike cases can tell."""
-    told = known or shipped(a.prepared.model.robot.name, a.prepared.moving)
-    if told is None:
+    if known is None:
         return verdict
     if verdict.causes:
-        return tempered(verdict, told.of(features(a.ranking, verdict)))
-    return tempered(verdict, told.none if verdict.verdict == NONE else told.unknown)
+        return tempered(verdict, known.of(features(a.ranking, verdict)))
+    return tempered(verdict, known.none if verdict.verdict == NONE else known.unknown)
 
 
 def _calibrated(a: Analysis) -> np.ndarray:

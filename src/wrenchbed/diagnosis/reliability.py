@@ -25,6 +25,7 @@ NAMES = (
 """Features of a claim, each about 0 … 1."""
 PRIOR_STD = 3.0
 """Of a weight, so that few cases do not make a sure model."""
+LEAST_ERRORS, LARGEST_SPREAD = 40, 2.5
 _STEPS = 50
 
 
@@ -37,6 +38,7 @@ class Reliability:
         none, unknown: share of such answers that were right.
         cases: that it was learnt from.
         source: where these are from.
+        spread: factor on standard uncertainties with which 90 % intervals held 90 % of the time.
     """
 
     claim: tuple[float, ...]
@@ -44,6 +46,7 @@ class Reliability:
     unknown: float
     cases: int
     source: str
+    spread: float = 1.0
 
     def of(self, features: Sequence[float]) -> float:
         """Probability that a claim with such features is right."""
@@ -81,11 +84,13 @@ def learnt(
     unknown: tuple[int, int],
     source: str,
     start: "Reliability | None" = None,
+    errors: Sequence[float] = (),
 ) -> Reliability:
     """The most probable model for (features, was it right) of cases; none and unknown: (right, of).
 
     Args:
         start: what is believed before these cases; its weights are the prior's centre.
+        errors: of parameters over their standard uncertainty; few teach no spread.
 
     Raises:
         DiagnosisError: no claims to learn from.
@@ -107,7 +112,11 @@ def learnt(
         if np.abs(step).max() < 1e-9:
             break
     total = len(claims) + none[1] + unknown[1] + (0 if start is None else start.cases)
-    return Reliability(tuple(float(v) for v in w), _rate(*none), _rate(*unknown), total, source)
+    spread = 1.0 if start is None else start.spread
+    if len(errors) >= LEAST_ERRORS:
+        spread = float(np.clip(np.quantile(np.abs(errors), 0.9) / 1.645, 1.0, LARGEST_SPREAD))
+    weights = tuple(float(v) for v in w)
+    return Reliability(weights, _rate(*none), _rate(*unknown), total, source, spread)
 
 
 def _rate(right: int, count: int) -> float:

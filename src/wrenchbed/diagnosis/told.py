@@ -12,17 +12,18 @@ from wrenchbed.diagnosis.verdict import Cause, Verdict
 
 
 def cause_entry(
-    a: Analysis, verdict: Verdict, cause: Cause, gap: closure.Closure
+    a: Analysis, verdict: Verdict, cause: Cause, gap: closure.Closure, spread: float
 ) -> dict[str, Any]:
+    """One item of ``which``; ``spread`` is a factor on all uncertainties, see `Reliability`."""
     f = verdict.explanation.finalist
     name, *rivals = cause.names
     parameters: dict[str, Any]
     if cause.part.index is None:
-        parameters = _wrong_numbers(a, verdict.explanation, name)
+        parameters = _wrong_numbers(a, verdict.explanation, name, spread)
     else:
         part = f.parts[cause.part.index]
         values = a.refitter.values(f.parts, f.x)[cause.part.index]
-        std = _uncertainty(a, f, cause.part.index)
+        std = {k: spread * v for k, v in _uncertainty(a, f, cause.part.index).items()}
         parameters = part.effect.publish(a.prepared.model.robot, part.variant, values, std)
     return {
         "effect": name,
@@ -48,7 +49,7 @@ def _uncertainty(a: Analysis, f: Any, part: int) -> dict[str, float]:
     return told
 
 
-def _wrong_numbers(a: Analysis, e: Explanation, name: str) -> dict[str, Any]:
+def _wrong_numbers(a: Analysis, e: Explanation, name: str, factor: float) -> dict[str, Any]:
     """The errors of a stated number: what it should be more than what is stated."""
     d, told = a.dictionary, stated(a.refitter, e.finalist)
     std = np.sqrt(np.maximum(np.diagonal(told.covariance), 0.0))
@@ -60,7 +61,7 @@ def _wrong_numbers(a: Analysis, e: Explanation, name: str) -> dict[str, Any]:
         if effect == name:
             unit = known[known.index(parameter)].unit
             size = float(d.size[k])
-            value, spread = float(told.mean[i]) * size, float(std[i]) * size
+            value, spread = float(told.mean[i]) * size, float(std[i]) * size * factor
             result[parameter] = {"value": value, "std": spread, "unit": unit}
     return result
 

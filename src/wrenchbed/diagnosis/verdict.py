@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import logsumexp
 
-from wrenchbed.diagnosis.claims import Explanation, Part
+from wrenchbed.diagnosis.claims import CLAIMABLE, Explanation, Part
 from wrenchbed.diagnosis.crossvote import MARGIN
 from wrenchbed.diagnosis.search import NONE, UNKNOWN
 from wrenchbed.diagnosis.structures import Ranking
@@ -73,7 +73,9 @@ def decide(ranking: Ranking) -> Verdict:
     told = ranking.explanations
     best = told[0]
     unknown = ranking.unknown
-    if not complete(best):
+    if ranking.gap < CLAIMABLE:  # normal imperfections, whatever they look like
+        unknown = -np.inf
+    elif not complete(best):
         unknown = float(np.logaddexp(unknown, max(ranking.mixed, best.log_posterior + 3.0)))
     logs = np.array([unknown, *(e.log_posterior for e in told)])
     weight = np.exp(logs - logsumexp(logs))

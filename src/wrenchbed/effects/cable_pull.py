@@ -104,7 +104,7 @@ class CablePull(LoadEffect):
             names = ("anchor.x", "anchor.y", "anchor.z", "length", *POINT)
             at = dict(zip(names, map(float, (*anchor, length, *held)), strict=True))
             label = f"slack in part, found, {len(result) + 1}"
-            result.append(Variant(label, ("stiffness",), at, names, {}, 1.5))
+            result.append(Variant(label, ("stiffness",), at, names, {}, 0.1))
         return tuple(result)
 
     def load(self, scene: Scene, pose: Pose, load: np.ndarray, p: Values) -> np.ndarray:

@@ -111,7 +111,7 @@ class EnvironmentContact(LoadEffect):
             begin = dict(zip((*NORMAL, *SLIDE), map(float, [*n, *drag]), strict=True))
             begin |= {"depth": depth, "power": 1.0, "reach": 1.0}
             text = f"a plane found, {len(result) + 1}"
-            result.append(Variant(text, ("stiffness",), begin, SHAPE, {}, 2.0))
+            result.append(Variant(text, ("stiffness",), begin, SHAPE, {}, 0.1))
         return tuple(result)
 
     def load(self, scene: Scene, pose: Pose, load: np.ndarray, p: Values) -> np.ndarray:

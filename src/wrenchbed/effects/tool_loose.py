@@ -96,7 +96,7 @@ class ToolLoose(LoadEffect):
             begin = dict(zip(WAY, map(float, ways[k]), strict=True)) | {"lean": lean, "grip": grip}
             text = f"{'sticks' if grip else 'falls'} along a way found, {len(result) + 1}"
             shape = (*WAY, "lean", "grip") if grip else (*WAY, "lean")
-            result.append(Variant(text, ("shift",), begin, shape, {}, 0.3))
+            result.append(Variant(text, ("shift",), begin, shape, {}, 0.05))
         return tuple(result)
 
     def _force(self, scene: Scene, load: np.ndarray) -> np.ndarray:
