@@ -13,6 +13,7 @@ from importlib import resources
 from typing import Any
 
 import numpy as np
+from scipy.optimize import minimize
 from scipy.special import expit
 
 from wrenchbed.diagnosis.structures import Ranking
@@ -26,7 +27,6 @@ NAMES = (
 PRIOR_STD = 3.0
 """Of a weight, so that few cases do not make a sure model."""
 LEAST_ERRORS, LARGEST_SPREAD = 40, 2.5
-_STEPS = 50
 
 
 @dataclass(frozen=True)
@@ -102,15 +102,13 @@ def learnt(
     centre = np.zeros(len(NAMES)) if start is None else np.array(start.claim)
     if start is None:
         centre[0] = 2.0
-    w = centre.copy()
-    for _ in range(_STEPS):
-        p = expit(x @ w)
-        gradient = x.T @ (y - p) - (w - centre) / PRIOR_STD**2
-        curvature = (x * (p * (1 - p))[:, None]).T @ x + np.eye(len(w)) / PRIOR_STD**2
-        step = np.linalg.solve(curvature, gradient)
-        w = w + step
-        if np.abs(step).max() < 1e-9:
-            break
+    sign = 2.0 * y - 1.0
+
+    def cost(w: np.ndarray) -> float:
+        told = np.logaddexp(0.0, -sign * (x @ w)).sum()
+        return float(told + 0.5 * ((w - centre) ** 2).sum() / PRIOR_STD**2)
+
+    w = minimize(cost, centre, method="BFGS").x
     total = len(claims) + none[1] + unknown[1] + (0 if start is None else start.cases)
     spread = 1.0 if start is None else start.spread
     if len(errors) >= LEAST_ERRORS:
