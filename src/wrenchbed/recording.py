@@ -137,8 +137,10 @@ def _check(recording: Recording) -> None:
     name, columns = recording.name, recording.columns
     missing = [c for c in ("t", *CHANNELS) if c not in columns]
     if missing:
+        bare = "q1" in columns and not {"t", "fx"} & set(columns)
+        plan = "; this looks like a plan: record it first" if bare else ""
         raise RecordingError(
-            f"{name}: column {missing[0]!r} is missing; found {', '.join(columns)}"
+            f"{name}: column {missing[0]!r} is missing; found {', '.join(columns)}{plan}"
         )
     joints = joint_columns(columns)
     oriented = [c for c in QUATERNION if c in columns]

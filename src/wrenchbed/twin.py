@@ -50,6 +50,8 @@ class Twin:
             TwinError: names the file and the field.
         """
         path = Path(path)
+        if path.is_dir():
+            raise TwinError(f"{path}: is a folder; give its twin.json")
         try:
             raw = json.loads(path.read_text(encoding="utf-8"))
         except FileNotFoundError as error:

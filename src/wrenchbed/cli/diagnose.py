@@ -36,7 +36,7 @@ def diagnose(
         samples: With --dry-run: rows a pose.
         rate: With --dry-run: rows a second [Hz].
         look_alikes: Learn how often such claims are right from so many simulated robots that do
-            what this one did (some 2 s each, kept for the next time); 0: use what is known.
+            what this one did (some 5 s each, kept for the next time); 0: use what is known.
         seed: Of the split into fitted and sealed blocks.
         as_json: Print the result as JSON.
     """

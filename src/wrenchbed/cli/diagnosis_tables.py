@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 _COLOURS = {"none": "green", "identified": "cyan", "ambiguous": "yellow", "unknown": "magenta"}
 _MEANING = {
-    "none": "no cause: what is left are normal imperfections",
+    "none": "no cause: what is left is below the noise, or normal imperfections",
     "identified": "cause identified",
     "ambiguous": "cause found, with rivals that this data cannot tell apart",
     "unknown": "a gap that no known effect explains",

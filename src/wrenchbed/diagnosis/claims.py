@@ -72,11 +72,12 @@ def explained(refitter: Refitter, f: Finalist) -> Explanation:
             added = min(share(refitter, f, k), whole)  # parts that cancel out add nothing
             if added >= CLAIMABLE:
                 parts.append(Part(h.name, added, index=k))
+    large = {p.index for p in parts}
     parts = [p for p in parts if not _form_of_another(p, parts, f)]
     named = {p.index for p in parts}
     parts += wrong_numbers(refitter, f, named)
     parts.sort(key=lambda p: -p.share)
-    return Explanation(f, tuple(parts), rest(refitter, f, named))
+    return Explanation(f, tuple(parts), rest(refitter, f, large))
 
 
 ALIKE = frozenset({"cable", "environment"})
@@ -112,10 +113,10 @@ def share(refitter: Refitter, f: Finalist, part: int) -> float:
     return refitter.d.gap(f.residual + own) - refitter.d.gap(f.residual)
 
 
-def rest(refitter: Refitter, f: Finalist, named: set[int | None]) -> float:
-    """Gap that the named parts of a finalist leave, beyond the noise."""
+def rest(refitter: Refitter, f: Finalist, large: set[int | None]) -> float:
+    """Gap that the large parts of a finalist leave, beyond the noise."""
     d = refitter.d
-    gone = without(refitter, f, [k for k in range(len(f.parts)) if k not in named])
+    gone = without(refitter, f, [k for k in range(len(f.parts)) if k not in large])
     minor = refitter.response(f.parts, f.x) - refitter.response(f.parts, gone)
     return d.gap(f.residual + minor) - float(d.prepared.variance.mean())
 
@@ -189,6 +190,15 @@ def stated(refitter: Refitter, f: Finalist) -> Stated:
     mean = covariance @ (columns.T @ solved[:, -1])
     mean = mean[: len(own)] + _jumped_before(refitter, f)
     return Stated(mean, covariance[: len(own), : len(own)])
+
+
+def beside(refitter: Refitter, f: Finalist) -> np.ndarray:
+    """Errors of the stated numbers (S,) that fit best with a finalist's parts as they are."""
+    d = refitter.d
+    columns, level = d.E[:, d.stated], _exact(refitter, f.rung)
+    solved = level.solve(np.column_stack([columns, f.residual]))
+    normal = columns.T @ solved[:, :-1] + np.eye(len(d.stated)) / LARGEST**2
+    return np.asarray(np.linalg.solve(normal, columns.T @ solved[:, -1]))
 
 
 def _jumped_before(refitter: Refitter, f: Finalist) -> np.ndarray:

@@ -10,7 +10,7 @@ from wrenchbed.diagnosis import spectrum
 from wrenchbed.diagnosis.analysis import Analysis
 from wrenchbed.diagnosis.baseline import BIAS
 from wrenchbed.diagnosis.blackbox import black_box
-from wrenchbed.diagnosis.claims import stated
+from wrenchbed.diagnosis.claims import beside
 from wrenchbed.diagnosis.dictionary import STATED
 from wrenchbed.diagnosis.finalist import Finalist
 from wrenchbed.diagnosis.prepare import Prepared
@@ -58,7 +58,7 @@ def twin_of(a: Analysis, f: Finalist, keep: Sequence[int]) -> Twin:
 def corrected(a: Analysis, f: Finalist) -> np.ndarray:
     """Full parameters (P,) with bias, mass and CoG as they come out beside a finalist."""
     d, model = a.dictionary, a.prepared.model
-    error = stated(a.refitter, f).mean * d.size[d.stated]
+    error = beside(a.refitter, f) * d.size[d.stated]
     by = {e: error[[d.label[k][0] == e for k in d.stated]] for e in STATED}
     theta = a.prepared.theta.copy()
     n = len(model.robot.parameters)

@@ -111,7 +111,7 @@ def diagnose(
         between=[a for r in shown if (a := r.active(prepared.model.robot)) is not None],
         seconds=time.perf_counter() - begun,
         notes=(
-            *_notes(prepared, analysis, shown, unknown=outcome == UNKNOWN),
+            *_notes(prepared, analysis, gap, shown, unknown=outcome == UNKNOWN),
             *witness.sentences(analysis, verdict),
         ),
     )
@@ -139,9 +139,11 @@ def _twin(a: Analysis, verdict: Verdict, seed: int) -> tuple[Any, closure.Closur
     keep = [c.part.index for c in verdict.causes if c.part.index is not None]
     wrong = [c.names[0] for c in verdict.causes if c.part.index is None]
     if verdict.causes and len(keep) < sum(h.name not in STATED for h in e.finalist.parts):
-        parts = tuple(e.finalist.parts[k] for k in keep)
-        refitter = a.refitter
-        chosen = refitter.fit(parts, e.finalist.rung) if parts else refitter.nothing()
+        f, refitter = e.finalist, a.refitter
+        parts = tuple(f.parts[k] for k in keep)
+        own = [i for k in keep for i, (p, _, _) in enumerate(refitter.variables(f.parts)) if p == k]
+        again = refitter.at(parts, f.rung, f.x[own], f.spread[own]) if parts else None
+        chosen = again or refitter.nothing()
         keep = list(range(len(parts)))
     else:
         chosen = e.finalist
@@ -220,8 +222,12 @@ def _next(a: Analysis, verdict: Verdict, seed: int) -> tuple[dict[str, Plan], li
     return plans, told
 
 
+LEFT = 0.2
+"""Share of the calibrated gap that causes may leave without a word."""
+
+
 def _notes(
-    p: Prepared, a: Analysis, shown: Sequence[RowFinding], *, unknown: bool
+    p: Prepared, a: Analysis, gap: closure.Closure, shown: Sequence[RowFinding], *, unknown: bool
 ) -> tuple[str, ...]:
     n, again = len(p.y), int(np.count_nonzero(p.count == 0))
     still = "poses" if p.recording.metadata.mode == "static" else "averages of a motion"
@@ -233,6 +239,12 @@ def _notes(
         told.append(f"{p.left_out} saturated rows were left out")
     if again:
         told.append(f"{again} rows that repeat the one before take no part")
+    left = None if gap.with_effects is None else gap.with_effects - max(gap.floor, 0.0)
+    if left is not None and left > max(1.0, LEFT * gap.calibrated):
+        told.append(
+            f"the named causes leave a gap of {left:.3g} on sealed rows: something else is wrong "
+            "too, or their form is; do not trust the twin"
+        )
     if a.dictionary.invisible:
         told.append("not visible in this data: " + ", ".join(a.dictionary.invisible))
     if shown and unknown:

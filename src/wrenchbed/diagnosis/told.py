@@ -14,7 +14,7 @@ from wrenchbed.diagnosis.verdict import Cause, Verdict
 def cause_entry(
     a: Analysis, verdict: Verdict, cause: Cause, gap: closure.Closure, spread: float
 ) -> dict[str, Any]:
-    """One item of ``which``; ``spread`` is a factor on all uncertainties, see `Reliability`."""
+    """One item of ``which``; ``spread`` is a factor on standard uncertainties, see `Reliability`."""
     f = verdict.explanation.finalist
     name, *rivals = cause.names
     parameters: dict[str, Any]
@@ -23,7 +23,7 @@ def cause_entry(
     else:
         part = f.parts[cause.part.index]
         values = a.refitter.values(f.parts, f.x)[cause.part.index]
-        std = {k: spread * v for k, v in _uncertainty(a, f, cause.part.index).items()}
+        std = _uncertainty(a, f, cause.part.index, spread)
         parameters = part.effect.publish(a.prepared.model.robot, part.variant, values, std)
     return {
         "effect": name,
@@ -34,7 +34,7 @@ def cause_entry(
     }
 
 
-def _uncertainty(a: Analysis, f: Any, part: int) -> dict[str, float]:
+def _uncertainty(a: Analysis, f: Any, part: int, spread: float) -> dict[str, float]:
     """Standard uncertainties of a part's variables by name, SI; what its form may miss included."""
     robot = a.prepared.model.robot
     known = {p.name: p.tolerance for p in f.parts[part].effect.parameters(robot)}
@@ -45,7 +45,7 @@ def _uncertainty(a: Analysis, f: Any, part: int) -> dict[str, float]:
     for i, (k, name, shape) in enumerate(variables):
         if k == part:
             form = 0.0 if shape else effect.size_error * float(f.x[i])
-            told[name] = float(np.hypot(std[i], form)) * known[name]
+            told[name] = float(np.hypot(spread * std[i], form)) * known[name]
     return told
 
 

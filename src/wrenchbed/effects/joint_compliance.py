@@ -39,11 +39,9 @@ class JointCompliance(JointEffect):
         """Also takes ``joint=2,stiffness=1.4e4`` [N·m/rad]."""
         rest = one_joint(given, len(robot.joints), "stiffness")
         for name in [n for n in rest if n.startswith("stiffness.")]:
-            stiffness = float(rest.pop(name))
-            if not stiffness > 0:
-                raise ParameterError(
-                    f"{self.name}: {name} = {stiffness:g} N·m/rad must be positive"
-                )
+            stiffness = rest.pop(name)
+            if not isinstance(stiffness, int | float) or not stiffness > 0:
+                raise ParameterError(f"{self.name}: {name} = {stiffness} must be above 0 N·m/rad")
             rest[name.replace("stiffness", "compliance")] = 1.0 / stiffness
         return super().values(robot, rest)
 
