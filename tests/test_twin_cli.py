@@ -109,8 +109,8 @@ def test_backlash_remembers_the_way_across_holds(plans, tmp_path):
         ("base.tilt:z=1", "there is no parameter 'z'"),
         ("base.tilt:x=90", "is it in degrees?"),
         ("base.tilt:x", "'x' is not name=value"),
-        ("joint.compliance:joint=9,stiffness=1e4", "joint 9.0 does not exist"),
-        ("joint.compliance:joint=2,stiffness=-1", "must be positive"),
+        ("joint.compliance:joint=9,stiffness=1e4", "joint 9 does not exist"),
+        ("joint.compliance:joint=2,stiffness=-1", "must be above 0"),
     ],
 )
 def test_a_wrong_effect_gives_one_line_and_nothing_is_written(

@@ -14,6 +14,8 @@ from wrenchbed.diagnosis.evidence import Level
 from wrenchbed.diagnosis.finalist import Finalist
 from wrenchbed.diagnosis.refit import Refitter
 
+REST = 0.55
+"""Gap that normal imperfections may make together."""
 CLAIMABLE = 0.75
 """Gap that a cause must add, as estimated: 1 by definition, less its uncertainty."""
 WRONG = 5.0
@@ -73,11 +75,43 @@ def explained(refitter: Refitter, f: Finalist) -> Explanation:
             if added >= CLAIMABLE:
                 parts.append(Part(h.name, added, index=k))
     large = {p.index for p in parts}
+    left = rest(refitter, f, large)
+    if whole >= CLAIMABLE and left > REST:
+        more, left = _standing_in(refitter, f, large)
+        parts += more
     parts = [p for p in parts if not _form_of_another(p, parts, f)]
     named = {p.index for p in parts}
     parts += wrong_numbers(refitter, f, named)
     parts.sort(key=lambda p: -p.share)
-    return Explanation(f, tuple(parts), rest(refitter, f, large))
+    return Explanation(f, tuple(parts), left)
+
+
+def _standing_in(
+    refitter: Refitter, f: Finalist, large: set[int | None]
+) -> tuple[list[Part], float]:
+    """Small parts that stand in for each other: leaving one out costs little, leaving all does.
+
+    The one that takes up most of what all of them hold counts with that, then the next. Also what
+    is left then, beyond the noise.
+    """
+    d, found = refitter.d, list[Part]()
+    small = [k for k, h in enumerate(f.parts) if k not in large and h.name not in STATED]
+    gone = without(refitter, f, small)
+    left = f.residual + refitter.response(f.parts, f.x) - refitter.response(f.parts, gone)
+    owner = np.array([k for k, _, _ in refitter.variables(f.parts)], dtype=int)
+    while small and d.gap(left) - float(d.prepared.variance.mean()) > REST:
+        rests = []
+        for k in small:
+            columns = np.column_stack([d.E[:, d.stated], f.design[:, : len(owner)][:, owner == k]])
+            rests.append(left - columns @ np.linalg.lstsq(columns, left, rcond=None)[0])
+        best = int(np.argmin([d.gap(r) for r in rests]))
+        taken = d.gap(left) - d.gap(rests[best])
+        if taken < CLAIMABLE:
+            break
+        k = small.pop(best)
+        found.append(Part(f.parts[k].name, taken, index=k))
+        left = rests[best]
+    return found, d.gap(left) - float(d.prepared.variance.mean())
 
 
 ALIKE = frozenset({"cable", "environment"})

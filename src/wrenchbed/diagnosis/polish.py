@@ -8,7 +8,7 @@ import numpy as np
 from wrenchbed.diagnosis.dictionary import Hypothesis
 from wrenchbed.diagnosis.evidence import Level
 
-_TRIALS = 60
+_TRIALS = 160
 """Shapes that are tried, from wide steps to narrow ones."""
 
 

@@ -21,6 +21,8 @@ AT_ONCE = 3
 """Most effects named together."""
 MINOR = 1
 """Effects beside them that are too small to be named, but that evidence asks for."""
+SHAPED = 0.5
+"""Share of its linear gain by which an effect may be behind another before its shape is fitted."""
 VOTERS = 6
 """Explanations that are cross-validated."""
 NEGLIGIBLE = 30.0
@@ -60,7 +62,7 @@ def rank(searcher: Searcher, refitter: Refitter) -> Ranking:
     kernel = _kernel(searcher, kernels)
     found = [
         refitter.fit((searcher.hypotheses[s.index],), s.rung)
-        for s in _distinct(searcher, singles, SINGLES)
+        for s in _distinct(searcher, singles, SINGLES, float(nulls.max()))
     ]
     found += _beside_broad(refitter, found, singles)
     mixed, kernel_beside = -np.inf, kernel
@@ -74,7 +76,9 @@ def rank(searcher: Searcher, refitter: Refitter) -> Ranking:
             total = float(logsumexp([s.log_posterior for s in beside]))
             if total > mixed:
                 mixed, kernel_beside = total, _kernel(searcher, beside)
-            drafts += [(s.log_posterior, f, s) for s in _distinct(searcher, more, LONGER)]
+            drafts += [
+                (s.log_posterior, f, s) for s in _distinct(searcher, more, LONGER, f.log_posterior)
+            ]
         seen: set[frozenset[str]] = {frozenset(f.names) for f in found}
         for value, f, s in sorted(drafts, key=lambda d: -d[0]):
             h = searcher.hypotheses[s.index]
@@ -128,7 +132,9 @@ def _kernel(searcher: Searcher, kernels: Sequence[Single]) -> str:
     return searcher.kernels[-1 - best.index]
 
 
-def _distinct(searcher: Searcher, singles: Sequence[Single], count: int) -> list[Single]:
+def _distinct(
+    searcher: Searcher, singles: Sequence[Single], count: int, base: float
+) -> list[Single]:
     """The best of each effect, with a second variant where it is nearly as good."""
     kept: list[Single] = []
     best: dict[str, list[Single]] = {}
@@ -143,4 +149,6 @@ def _distinct(searcher: Searcher, singles: Sequence[Single], count: int) -> list
         kept.append(s)
         if len(best) > count:
             break
-    return [s for s in kept if s.log_posterior > kept[0].log_posterior - 60.0]
+    top = kept[0].log_posterior
+    far = 60.0 + SHAPED * max(top - base, 0.0)
+    return [s for s in kept if s.log_posterior > top - far]

@@ -14,7 +14,7 @@ from wrenchbed.diagnosis.verdict import Cause, Verdict
 def cause_entry(
     a: Analysis, verdict: Verdict, cause: Cause, gap: closure.Closure, spread: float
 ) -> dict[str, Any]:
-    """One item of ``which``; ``spread`` is a factor on standard uncertainties, see `Reliability`."""
+    """One item of ``which``; ``spread`` multiplies standard uncertainties, see `Reliability`."""
     f = verdict.explanation.finalist
     name, *rivals = cause.names
     parameters: dict[str, Any]

@@ -6,14 +6,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import logsumexp
 
-from wrenchbed.diagnosis.claims import CLAIMABLE, Explanation, Part
+from wrenchbed.diagnosis.claims import CLAIMABLE, REST, Explanation, Part
 from wrenchbed.diagnosis.crossvote import MARGIN
 from wrenchbed.diagnosis.search import NONE, UNKNOWN
 from wrenchbed.diagnosis.structures import Ranking
 
-REST = 0.55
-"""An explanation is complete if it leaves no more gap than normal imperfections make, and the form
-of its effects may miss."""
 MOST_RIVALS = 4
 RIVAL = 0.02
 """A rival has at least this share of its class's probability,"""
@@ -53,7 +50,7 @@ class Verdict:
 
 
 def allowed(explanation: Explanation) -> float:
-    """Gap that an explanation may leave."""
+    """Gap that an explanation may leave: of normal imperfections, and what its form misses."""
     parts = explanation.finalist.parts
     own = [
         (parts[p.index].effect.form_error, p.share)

@@ -133,9 +133,7 @@ def _gain(pull: np.ndarray, residual: Residual) -> tuple[float, np.ndarray]:
     """What of a residual a force (R, 3) explains, held anywhere, and its k, k p (4,)."""
     x, y, z = pull.T
     none = np.zeros_like(x)
-    torque = np.stack(
-        [np.stack([none, z, -y]), np.stack([-z, none, x]), np.stack([y, -x, none])], axis=1
-    )  # (3 torques, 3 places, R)
+    torque = np.stack([[none, z, -y], [-z, none, x], [y, -x, none]])  # (3 torques, 3 places, R)
     force = np.concatenate([pull.T[:, None], np.zeros((3, 3, len(x)))], axis=1)
     rows = np.concatenate([force, np.concatenate([np.zeros((3, 1, len(x))), torque], axis=1)])
     columns = (rows / residual.noise[:, None, None]).transpose(2, 0, 1).reshape(-1, 4)

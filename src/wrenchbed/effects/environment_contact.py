@@ -24,7 +24,8 @@ SLIDE = ("slide.x", "slide.y", "slide.z")
 WAYS = 400
 DEPTHS = (0.04, 0.08, 0.12, 0.18, 0.25, 0.35)
 """What is tried when a residual is scanned: normals over a sphere, shares of rows that touch."""
-SHAPE = ("depth", *NORMAL, *SLIDE, "power", "reach")
+ASIDE = ("aside.x", "aside.y", "aside.z")
+SHAPE = ("depth", *NORMAL, *SLIDE, *ASIDE, "power", "reach")
 
 
 class EnvironmentContact(LoadEffect):
@@ -33,7 +34,8 @@ class EnvironmentContact(LoadEffect):
     l = 1 cm, and n = 1 of a spring, 3/2 of a ball on a half space (Hertz); s drags along the plane,
     always the same way.
 
-    The tip is that of the robot's model, else twice as far from the sensor as the CoG.
+    The tip is that of the robot's model, else twice as far from the sensor as the CoG; what touches
+    may lie nearer, farther or aside.
 
     Seen in: poses inside and outside the region that is touched; it acts on one side only.
     """
@@ -57,6 +59,10 @@ class EnvironmentContact(LoadEffect):
                     for n in NORMAL
                 ),
                 *(Parameter(n, 0.0, "1", 0.1, -2, 2, "drag over push, world") for n in SLIDE),
+                *(
+                    Parameter(n, 0.0, "m", 0.01, -1, 1, "of what touches, from there")
+                    for n in ASIDE
+                ),
             )
         )
 
@@ -74,7 +80,7 @@ class EnvironmentContact(LoadEffect):
             for share in SHARES:
                 depth = float(np.quantile(at @ normal, share))
                 begin = dict(zip(NORMAL, map(float, normal), strict=True)) | {"depth": depth}
-                begin |= dict.fromkeys(SLIDE, 0.0) | {"power": 1.0, "reach": 1.0}
+                begin |= dict.fromkeys((*SLIDE, *ASIDE), 0.0) | {"power": 1.0, "reach": 1.0}
                 text = f"from {label}, {share:.0%} of rows"
                 result.append(Variant(text, ("stiffness",), begin, SHAPE, {"side": label}))
         return tuple(result)
@@ -109,7 +115,7 @@ class EnvironmentContact(LoadEffect):
             n = ways[k]
             drag = np.clip(push / float(push @ n) - n, -1.0, 1.0)
             begin = dict(zip((*NORMAL, *SLIDE), map(float, [*n, *drag]), strict=True))
-            begin |= {"depth": depth, "power": 1.0, "reach": 1.0}
+            begin |= dict.fromkeys(ASIDE, 0.0) | {"depth": depth, "power": 1.0, "reach": 1.0}
             text = f"a plane found, {len(result) + 1}"
             result.append(Variant(text, ("stiffness",), begin, SHAPE, {}, 0.1))
         return tuple(result)
@@ -117,7 +123,7 @@ class EnvironmentContact(LoadEffect):
     def load(self, scene: Scene, pose: Pose, load: np.ndarray, p: Values) -> np.ndarray:
         normal = np.array([p[n] for n in NORMAL])
         normal = normal / max(float(np.linalg.norm(normal)), 1e-9)
-        rotation, lever = value(pose.rotation), p["reach"] * tip(scene)
+        rotation, lever = value(pose.rotation), touching(scene, p)
         at = value(pose.position) + apply(rotation, lever)
         push = p["stiffness"] * pressed(p["depth"] - at @ normal, p["power"])
         way = normal + np.array([p[n] for n in SLIDE])
@@ -133,13 +139,18 @@ class EnvironmentContact(LoadEffect):
             still = Scene(robot, theta, np.zeros(3), q, np.zeros(1), np.ones(1, dtype=bool))
             normal = np.array([p[n] for n in NORMAL])
             normal = normal / max(float(np.linalg.norm(normal)), 1e-9)
-            point = [float(x) for x in p["reach"] * tip(still)]
+            point = [float(x) for x in touching(still, p)]
             plane(spec, self.name, point, normal, p["depth"], p["stiffness"])
 
 
 def pressed(x: np.ndarray, power: float) -> np.ndarray:
     """l (x/l)₊ⁿ of depths (M,) [m]."""
     return np.asarray(LENGTH * (np.maximum(0.0, x) / LENGTH) ** power)
+
+
+def touching(scene: Scene, p: Values) -> np.ndarray:
+    """The point of the tool that touches, in sensor axes (3,) [m]."""
+    return p["reach"] * tip(scene) + np.array([p[n] for n in ASIDE])
 
 
 def tip(scene: Scene) -> np.ndarray:
