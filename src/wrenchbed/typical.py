@@ -50,7 +50,7 @@ def active_effect(robot: Robot, text: str) -> Active:
     if variant is None:
         size = {p.name: p.tolerance for p in known if p.nominal == 0.0}
     else:
-        size = {n: known[known.index(n)].tolerance for n in variant.free}
+        size = {n: known[known.index(n)].tolerance for n in active.effect.usual(variant)}
         size |= {k: v for k, v in variant.at.items() if k not in size}
     return Active.of(robot, name, size)
 

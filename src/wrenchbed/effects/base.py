@@ -94,10 +94,8 @@ class Effect(ABC):
     """Recordings in which it can show."""
     rough: ClassVar[bool] = False
     """Whether its shapes act by jumps, so that slopes do not show the way to better ones."""
-
     form_error: ClassVar[float] = 0.06
     """Share of its own gap that the form given here may miss of the real thing."""
-
     size_error: ClassVar[float] = 0.0
     """Relative standard uncertainty of a size, because the form given here is only nearly right."""
 
@@ -113,6 +111,10 @@ class Effect(ABC):
     @abstractmethod
     def variants(self, scene: Scene) -> tuple[Variant, ...]:
         """The ways in which it may show in a scene; none where it cannot."""
+
+    def usual(self, variant: Variant) -> tuple[str, ...]:
+        """Amplitudes of a variant that a robot with the effect at its typical size has."""
+        return variant.free
 
     def found(self, scene: Scene, residual: Residual) -> tuple[Variant, ...]:
         """Further variants whose shapes a scan of a residual suggests; default: none."""

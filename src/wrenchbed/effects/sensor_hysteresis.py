@@ -54,6 +54,9 @@ class SensorHysteresis(ReadingEffect):
             of("all channels", CHANNELS, 3.0),
         )
 
+    def usual(self, variant: Variant) -> tuple[str, ...]:
+        return tuple(n for n in variant.free if n.startswith("middle.") and ".slope" not in n)
+
     def read(self, scene: Scene, reading: np.ndarray, p: Values) -> np.ndarray:
         lag = np.array([[p[f"{w}.{c}"] for c in CHANNELS] for w in WIDTHS])  # (widths, 6)
         slope = np.array([[p[f"{w}.slope.{c}"] for c in CHANNELS] for w in WIDTHS])
