@@ -300,7 +300,7 @@ def wait_for(path: Path, rows: int) -> None:
 
 
 def test_record_killed_with_9_leaves_a_recording_that_calibrates(tmp_path, capfd):
-    with recording_process(tmp_path, 400) as process:
+    with recording_process(tmp_path, 1500) as process:
         wait_for(tmp_path / "rec.parquet", 500)
         process.send_signal(signal.SIGKILL)
     with pytest.warns(UserWarning, match="did not finish"):
@@ -315,7 +315,7 @@ def test_record_killed_with_9_leaves_a_recording_that_calibrates(tmp_path, capfd
 
 
 def test_record_stopped_with_ctrl_c_finishes_its_file(tmp_path):
-    with recording_process(tmp_path, 400) as process:
+    with recording_process(tmp_path, 1500) as process:
         wait_for(tmp_path / "rec.parquet", 500)
         process.send_signal(signal.SIGINT)
         assert process.stderr is not None

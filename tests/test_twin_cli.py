@@ -14,7 +14,7 @@ from wrenchbed.recording import Recording
 from wrenchbed.twin import nominal
 from wrenchbed.typical import active_effect
 
-EFFECTS = ("joint.compliance:joint=2,stiffness=1.4e4", "sensor.hysteresis", "joint.backlash",
+EFFECTS = ("joint.compliance:joint=2,stiffness=1.0e4", "sensor.hysteresis", "joint.backlash",
            "sensor.creep", "sensor.drift")  # fmt: skip
 
 
