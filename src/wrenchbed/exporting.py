@@ -21,6 +21,7 @@ README = """# {robot}: twin as plain MJCF
 `{robot}.xml` loads with `mujoco.MjModel.from_xml_path`; `effects.json` says what is not in it.
 **Signs:** MuJoCo's `force` and `torque` sensors read the support force. The load on the sensor, as
 recordings state it, is minus that. Then come `sensor` and the effects `outside` of effects.json.
+**Start** from the keyframe `home` (`mujoco.mj_resetDataKeyframe`): with no controls the arm leaps.
 {weights}
 """
 _IN_FULL = (

@@ -14,7 +14,6 @@ from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.signal import lfilter
 
 from wrenchbed.errors import ParameterError
 
@@ -241,6 +240,8 @@ class NoiseStream:
 
     def _filter(self, normal: Array, keep: Array, kick: Array, total: Array) -> None:
         """Equal steps: as `_step` to the last bit, with one filter a rate."""
+        from scipy.signal import lfilter  # slow to load: only when it is used
+
         for j, pole in enumerate(keep):
             kicks = np.multiply(normal[:, j].T, kick[j], order="C")
             carried = (pole * self._state[j])[:, None]

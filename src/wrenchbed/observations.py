@@ -3,7 +3,6 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.signal import savgol_coeffs, savgol_filter
 
 from wrenchbed import registry
 from wrenchbed.errors import CalibrationError
@@ -91,6 +90,8 @@ def _motion(recording: Recording, keep: np.ndarray, left_out: int) -> Observatio
             f"{recording.name}: motion needs at least {4 * window} rows on an even clock "
             f"(steps {step.min(initial=h):.4g} … {step.max(initial=h):.4g} s)"
         )
+    from scipy.signal import savgol_coeffs, savgol_filter  # slow to load: only when it is used
+
     q = recording.q
     smooth, qd, qdd = (
         savgol_filter(q, window, _ORDER, deriv=k, delta=h, axis=0, mode="interp") for k in range(3)

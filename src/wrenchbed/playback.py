@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 import numpy as np
-from scipy.signal import savgol_filter
 
 from wrenchbed import registry
 from wrenchbed.errors import RecordingError
@@ -72,6 +71,8 @@ def _in_motion(twin: Twin, recording: Recording) -> np.ndarray:
         raise RecordingError(
             f"{recording.name}: motion needs joints and more than {window} rows on an even clock"
         )
+    from scipy.signal import savgol_filter  # slow to load: only when it is used
+
     jets = [
         savgol_filter(recording.q, window, _ORDER, deriv=k, delta=h, axis=0, mode="interp")
         for k in range(3)

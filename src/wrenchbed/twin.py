@@ -221,7 +221,9 @@ class _Part:
         self.raw = raw
         for key in raw:
             if known is not None and key not in known:
-                raise TwinError(f"{where}: there is no field {self._name(key)}")
+                has = ", ".join(sorted(known))
+                text = f"there is no field {self._name(key)}; {field or 'a twin'} has {has}"
+                raise TwinError(f"{where}: {text}")
 
     def _name(self, key: str) -> str:
         return f"{self.field}.{key}" if self.field else key

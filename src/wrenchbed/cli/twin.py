@@ -8,6 +8,7 @@ import tyro
 import wrenchbed as wb
 from wrenchbed.cli import console
 from wrenchbed.cli.console import Json
+from wrenchbed.errors import ParameterError
 
 
 def simulate(
@@ -46,6 +47,8 @@ def export(twin: tyro.conf.Positional[Path], /, mjcf: Path, as_json: Json = Fals
         mjcf: Folder to write to.
         as_json: Print the result as JSON.
     """
+    if mjcf.exists() and not mjcf.is_dir():
+        raise ParameterError(f"{mjcf}: is a file; give a folder")
     model, rest = wb.export(wb.Twin.read(twin), mjcf)
     result = {"mjcf": str(model), "effects": str(rest)}
     console.answer(result, as_json, f"exported → {model}, {rest}")

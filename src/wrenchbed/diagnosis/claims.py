@@ -6,7 +6,6 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.special import ndtr
-from scipy.stats import cauchy
 
 from wrenchbed.diagnosis.background import MOST
 from wrenchbed.diagnosis.dictionary import LARGEST, STATED
@@ -170,7 +169,8 @@ def wrong_numbers(refitter: Refitter, f: Finalist, named: set[int | None]) -> li
     inside = ndtr((tolerance - told.mean) / std) - ndtr((-tolerance - told.mean) / std)
     within = np.maximum(inside / (2 * tolerance), 1e-300)
     width = np.hypot(std, WRONG * tolerance)
-    wrong = cauchy.pdf(told.mean / width) / width  # a slip of the pen may be any size
+    # a slip of the pen may be any size: a Cauchy density
+    wrong = 1.0 / (np.pi * width * (1.0 + (told.mean / width) ** 2))
     odds = np.where(finite, ODDS * wrong / within, 0.0)
     found = []
     for effect in STATED:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from wrenchbed.chain import respond
 from wrenchbed.diagnosis.prepare import Prepared
@@ -142,7 +142,7 @@ def autocovariance(prepared: Prepared) -> np.ndarray:
 
 def _exceeding(ratio: np.ndarray, relative: np.ndarray) -> np.ndarray:
     freedom = 2.0 / relative
-    return np.maximum(np.asarray(chi2.sf(freedom * ratio, freedom)), LEAST_P)
+    return np.maximum(np.asarray(chdtrc(freedom, freedom * ratio)), LEAST_P)
 
 
 def _excess(energy: np.ndarray) -> np.ndarray:

@@ -96,6 +96,7 @@ class Likeness:
         """(ways, ways): the readings of the first can be made by the second."""
         result = np.zeros((len(self.ways),) * 2, dtype=bool)
         rows = len(self.d.E)
+        ridge = _RIDGE * rows / PLAUSIBLE**2
         member = np.zeros((len(self.ways), self.named))
         for k, way in enumerate(self.ways):
             member[k, way.columns] = 1.0
@@ -107,17 +108,16 @@ class Likeness:
             ]
             some_of, energy = member[own], np.diagonal(gram)
             whole = np.maximum(some_of @ energy, 1e-300)
-            for b, other in enumerate(self.ways):
-                if key and other.name == key:
-                    continue
-                some = other.columns
-                block, cross = gram[np.ix_(some, some)], gram[some]
-                ridge = _RIDGE * rows / PLAUSIBLE**2 * np.eye(len(some))
-                x = np.linalg.solve(block + ridge, cross)
-                rest = energy - 2 * (x * cross).sum(axis=0) + (x * (block @ x)).sum(axis=0)
-                size = np.sqrt((some_of @ (x**2).T).max(axis=1) * rows / whole)
-                alike = some_of @ rest <= (1.0 - ALIKE**2) * whole
-                result[own, b] = alike & (size <= PLAUSIBLE)
+            rest_of = [b for b, w in enumerate(self.ways) if not key or w.name != key]
+            for k in {len(self.ways[b].columns) for b in rest_of}:
+                made = [b for b in rest_of if len(self.ways[b].columns) == k]
+                some = np.stack([self.ways[b].columns for b in made])  # (B, k)
+                block, cross = gram[some[:, :, None], some[:, None, :]], gram[some]
+                x = np.linalg.solve(block + ridge * np.eye(k), cross)  # (B, k, named)
+                rest = energy - (x * cross).sum(axis=1) - ridge * (x**2).sum(axis=1)
+                size = np.sqrt((x**2 @ some_of.T).max(axis=1).T * rows / whole[:, None])
+                alike = some_of @ rest.T <= (1.0 - ALIKE**2) * whole[:, None]
+                result[np.ix_(own, made)] = alike & (size <= PLAUSIBLE)
         return result
 
     def rivals(self, index: int) -> tuple[str, ...]:

@@ -7,7 +7,6 @@ says how sure a variance is, whatever tails and memory the rows have.
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import savgol_coeffs, savgol_filter
 
 from wrenchbed.diagnosis import checks
 from wrenchbed.frames import cross
@@ -133,6 +132,8 @@ class Scatter:
 
         Reversals and jumps have most of their power just above what the smooth course passes.
         """
+        from scipy.signal import savgol_coeffs, savgol_filter  # slow to load: only when it is used
+
         window = max(ORDER + 4, 2 * (round(len(self.kernel) * SHORTER) // 2) + 1)
         rest = self.rows - savgol_filter(self.rows, window, ORDER, axis=0)
         white = 1.0 - savgol_coeffs(window, ORDER).max()
@@ -201,6 +202,8 @@ def _in_motion(recording: Recording, stale: np.ndarray) -> _Gathered | None:
         return None
     if stale.any():
         y = np.stack([np.interp(t, t[fresh], x[fresh]) for x in y.T], axis=-1)
+    from scipy.signal import savgol_coeffs, savgol_filter  # slow to load: only when it is used
+
     kernel = savgol_coeffs(window, ORDER)
     y = (y - savgol_filter(y, window, ORDER, axis=0)) / np.sqrt(1.0 - kernel.max())
     index = fresh[(fresh >= window // 2) & (fresh < len(t) - window // 2)]

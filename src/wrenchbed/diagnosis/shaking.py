@@ -10,7 +10,7 @@ is alike in all directions looks like N too, so of A that part is taken as small
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from wrenchbed.diagnosis.scatter import Scatter
 
@@ -84,7 +84,7 @@ def shaking(s: Scatter) -> Shaking | None:
     covariance = inverse @ (score.T @ score) @ inverse * len(s.count) / (len(s.count) - 1.0)
     free = len(s.count) - 5
     quadratic = float(a @ np.linalg.solve(covariance, a)) * max(free - 4, 1) / free
-    if chi2.sf(quadratic, 5) > SURE:
+    if chdtrc(5, quadratic) > SURE:
         return None
     A, power, direction = _least(_TRACELESS @ a, float(np.sqrt(np.trace(covariance) / 5.0)))
     mean = np.tensordot(weight, design[:, _I == _J], 1)  # (6, 6)

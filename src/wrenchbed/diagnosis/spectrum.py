@@ -7,8 +7,7 @@ noise is on average (minimum statistics, Martin 2001, doi 10.1109/89.928915).
 """
 
 import numpy as np
-from scipy.signal import spectrogram
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 EDGE, ABOVE = 0.3, 4.0
 """Of the rate of the averages: no gap above; and, of that edge, up to where noise below it is
@@ -28,6 +27,8 @@ def noise(residual: np.ndarray, period: float, stride: int) -> tuple[np.ndarray,
         residual: rows of a motion (N, 6), any unit.
         period: between rows [s].
     """
+    from scipy.signal import spectrogram  # slow to load: only when it is used
+
     length = min(len(residual), max(LEAST, round(STRETCH_S / period)))
     f, _, power = spectrogram(
         residual, 1.0 / period, "hann", length, length - length // 4, detrend="constant", axis=0
@@ -38,7 +39,7 @@ def noise(residual: np.ndarray, period: float, stride: int) -> tuple[np.ndarray,
     edge = EDGE / (stride * period)
     fast, near = f >= edge, (f >= edge) & (f < ABOVE * edge)
     share = np.array(QUIET)
-    each = np.quantile(power[near], share, axis=2) / chi2.ppf(share, 2)[:, None, None] * 2.0
+    each = np.quantile(power[near], share, axis=2) / chdtri(2, 1.0 - share)[:, None, None] * 2.0
     level = np.median(each, axis=1).min(axis=0)
     whole = np.where(f > 0.0, 1.0, 0.5)  # of the first interval, half belongs to f < 0
     told = [
@@ -56,5 +57,5 @@ def _sum(power: np.ndarray, weight: np.ndarray) -> np.ndarray:
         spread += 2.0 * c * float(weight[k:] @ weight[:-k])
     freedom = 2.0 * weight.sum() ** 2 / spread
     parts = np.einsum("f,fct->ct", weight, power)
-    white = chi2.ppf(share, freedom) / freedom
+    white = chdtri(freedom, 1.0 - share) / freedom
     return np.asarray((np.quantile(parts, share, axis=1) / white[:, None]).min(axis=0))

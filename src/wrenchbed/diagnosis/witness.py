@@ -8,8 +8,7 @@ only agree, and be changed by it at all.
 from dataclasses import replace
 
 import numpy as np
-from scipy.special import logsumexp
-from scipy.stats import chi2
+from scipy.special import chdtrc, logsumexp
 
 from wrenchbed.diagnosis.accelerometer import TILT, Testimony
 from wrenchbed.diagnosis.analysis import Analysis
@@ -84,7 +83,7 @@ def agreement(a: Analysis, e: Explanation, t: Testimony) -> float:
     """p-value of the wrench's tilt and the accelerometer's being one."""
     value, covariance = _wrench(a, e)
     away = value - t.tilt
-    return float(chi2.sf(away @ np.linalg.solve(covariance + t.covariance, away), 2))
+    return float(chdtrc(2, away @ np.linalg.solve(covariance + t.covariance, away)))
 
 
 def _wrench(a: Analysis, e: Explanation) -> tuple[np.ndarray, np.ndarray]:

@@ -2,7 +2,6 @@
 
 import numpy as np
 from scipy.linalg import solve_banded
-from scipy.signal import lfilter
 
 from wrenchbed.effects.base import (
     ReadingEffect,
@@ -66,6 +65,8 @@ def settle(x: np.ndarray, t: np.ndarray, tau: float) -> np.ndarray:
     a = np.exp(-step / tau)
     g = -np.expm1(-step / tau) * tau / step
     if np.ptp(step) < 1e-6 * step[0]:  # an even clock: one filter
+        from scipy.signal import lfilter  # slow to load: only when it is used
+
         forward, back = [1.0 - g[0], g[0] - a[0]], [1.0, -a[0]]
         return np.asarray(lfilter(forward, back, x, axis=0, zi=g[0] * x[:1])[0])
     push = np.concatenate([x[:1], (1.0 - g)[:, None] * x[1:] + (g - a)[:, None] * x[:-1]])

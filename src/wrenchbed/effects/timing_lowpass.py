@@ -2,7 +2,6 @@
 
 import numpy as np
 from scipy.interpolate import CubicSpline
-from scipy.signal import lfilter
 
 from wrenchbed.effects.base import ReadingEffect, Values, Variant
 from wrenchbed.parameters import Parameter, ParameterSet
@@ -65,6 +64,8 @@ def filtered(x: np.ndarray, step: float, tau: float) -> np.ndarray:
     """
     a = np.exp(-step / tau)
     g = -np.expm1(-step / tau) * tau / step
+    from scipy.signal import lfilter  # slow to load: only when it is used
+
     return np.asarray(lfilter([1.0 - g, g - a], [1.0, -a], x, axis=0, zi=g * x[:1])[0])
 
 

@@ -96,6 +96,7 @@ def heat(h: Heat) -> str:
                 ax.text(
                     j + 0.5, i + 0.5, f"{v:.1f}" if v < 9.95 else f"{v:.0f}", ha="center",
                     va="center", fontsize=7.5, color="#ffffff" if dark else "#000000",
+                    in_layout=False,
                 )  # fmt: skip
             ax.set_yticks(np.arange(len(CHANNELS)) + 0.5, CHANNELS)
             ax.set_xticks(np.arange(len(h.bins)) + 0.5, h.bins, fontsize=7.5)

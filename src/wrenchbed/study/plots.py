@@ -48,9 +48,13 @@ def canvas(size: tuple[float, float], columns: int = 1, rows: int = 1, **options
 
 
 def to_svg(figure: Any) -> str:
-    """A figure as one SVG element."""
+    """A figure as one SVG element, drawn once (``savefig`` draws twice)."""
+    from matplotlib.backends.backend_svg import FigureCanvasSVG
+
     buffer = io.StringIO()
-    figure.savefig(buffer, format="svg", metadata={"Date": None}, dpi=150)
+    figure.set_dpi(150)
+    drawn: Any = FigureCanvasSVG(figure)
+    drawn.print_svg(buffer, metadata={"Date": None})
     text = buffer.getvalue()
     return text[text.index("<svg") :]
 

@@ -4,13 +4,17 @@ Joubair et al. 2016, doi 10.3390/s16060798, Sections 4 and 4.3. The ranges are n
 reproduce its printed errors (docs/medrue.md).
 """
 
+from typing import TYPE_CHECKING
+
 import numpy as np
-from scipy.stats import qmc
 
 from wrenchbed.errors import WrenchbedError
 from wrenchbed.frames import euler
 from wrenchbed.robots.base import Robot
 from wrenchbed.robots.medrue import inverse
+
+if TYPE_CHECKING:
+    from scipy.stats import qmc
 
 LOW, HIGH = (0.0, 0.2), (0.8, 0.65)
 """x, y of the pool [m]."""
@@ -40,6 +44,8 @@ def pool(
     Raises:
         WrenchbedError: the ranges leave hardly any feasible configuration.
     """
+    from scipy.stats import qmc  # slow to load: only when it is used
+
     rng = np.random.default_rng(seed)
     positions = np.arange(-(-n // orientations))
     kept: list[np.ndarray] = []
@@ -51,7 +57,7 @@ def pool(
 
 def _at_a_place(
     robot: Robot,
-    places: qmc.Sobol,
+    places: "qmc.Sobol",
     z: float,
     n: int,
     tilt: float,
