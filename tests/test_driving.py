@@ -10,7 +10,14 @@ from wrenchbed import campaign, planning, registry
 from wrenchbed.calibration import calibrate
 from wrenchbed.drivers import sim
 from wrenchbed.drivers.base import Driver
-from wrenchbed.errors import CalibrationError, DriverError, NotFoundError, ParameterError, PlanError
+from wrenchbed.errors import (
+    CalibrationError,
+    DriverError,
+    NotFoundError,
+    ParameterError,
+    PlanError,
+    WrenchbedWarning,
+)
 from wrenchbed.jets import Jet
 from wrenchbed.model import Model
 from wrenchbed.plan import Plan
@@ -267,3 +274,10 @@ def test_progress_is_told_pose_by_pose(tmp_path):
         )
     assert told == [1, 1, 1]
     assert (done.visited, done.rows) == (3, 6)
+
+
+def test_an_effect_that_cannot_show_in_the_plan_says_so():
+    with sim_driver("ur5", effects=("timing.delay",)) as driver:
+        plan = driver.robot.sample(3, np.random.default_rng(0))
+        with pytest.warns(WrenchbedWarning, match=r"timing\.delay does not show in a static plan"):
+            driver.expect(plan, "static")

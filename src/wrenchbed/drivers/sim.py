@@ -9,6 +9,7 @@ change in the load on the sensor is computed at the measured joints, at rest and
 rest (`twin`). They remember the whole campaign.
 """
 
+import warnings
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
@@ -17,7 +18,7 @@ from scipy.interpolate import CubicSpline
 
 from wrenchbed import registry
 from wrenchbed.drivers.base import Block, Driver, Reached, minimum_jerk
-from wrenchbed.errors import DriverError, NotFoundError
+from wrenchbed.errors import DriverError, NotFoundError, WrenchbedWarning
 from wrenchbed.metadata import Metadata, SensorInfo, ToolInfo
 from wrenchbed.model import Model
 from wrenchbed.noise import NoiseStream, noise_model
@@ -118,7 +119,13 @@ class SimDriver(Driver):
         )
 
     def expect(self, plan: np.ndarray, mode: str) -> None:
-        if self._playback is not None and mode == "static":
+        if self._playback is None:
+            return
+        for active in self._playback.twin.active:
+            if mode not in active.effect.modes:
+                text = f"{active.effect.name} does not show in a {mode} plan"
+                warnings.warn(f"{text}: recorded as without it", WrenchbedWarning, stacklevel=2)
+        if mode == "static":
             self._playback.expect(plan)
 
     def _connect(self) -> None:
