@@ -8,7 +8,7 @@ import numpy as np
 
 from wrenchbed.jets import Jet, Value, value
 from wrenchbed.robots.base import Robot
-from wrenchbed.wrench import Tool
+from wrenchbed.wrench import Tool, wrench
 
 WAY = 7
 """Rows between two poses at rest: what remembers must not miss a turn on the way."""
@@ -97,6 +97,11 @@ class Scene:
     def tool(self) -> Tool:
         """The load as configured."""
         return self.robot.tool(self.theta)
+
+    @cached_property
+    def load(self) -> np.ndarray:
+        """Wrench on the sensor (M, 6) [N, N·m], as configured."""
+        return wrench(*self.pose, self.tool, self.gravity)
 
     @cached_property
     def joint_torque(self) -> np.ndarray:

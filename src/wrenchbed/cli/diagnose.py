@@ -14,6 +14,7 @@ from wrenchbed.errors import MissingExtraError, ParameterError, WrenchbedWarning
 if TYPE_CHECKING:
     from wrenchbed.diagnosis.diagnose import Findings
     from wrenchbed.diagnosis.reliability import Reliability
+    from wrenchbed.report.artist import Artist
 
 
 def diagnose(
@@ -49,17 +50,19 @@ def diagnose(
     if out.exists() and not out.is_dir():
         raise ParameterError(f"{out}: is a file; give a folder")
     from wrenchbed.diagnosis.diagnose import diagnose as run
+    from wrenchbed.report.artist import Artist
 
     data = wb.Recording.read(recording)
     learnt = _learnt(data, look_alikes, seed) if look_alikes else None
-    with console.progress("diagnosing", 7) as tell:
-        found = run(data, seed=seed, reliability=learnt, progress=lambda step: tell(1, step))
-    found.diagnosis.write(out)
-    for name, plan in found.plans.items():
-        plan.write(out / name)
-    written = ["diagnosis.json", "twin.json"]
-    if _reported(found, recording, out, seed):
-        written.append("report.html")
+    with Artist() as artist:
+        with console.progress("diagnosing", 7) as tell:
+            found = run(data, seed=seed, reliability=learnt, progress=lambda step: tell(1, step))
+        found.diagnosis.write(out)
+        for name, plan in found.plans.items():
+            plan.write(out / name)
+        written = ["diagnosis.json", "twin.json"]
+        if _reported(found, recording, out, seed, artist):
+            written.append("report.html")
     told = found.diagnosis.to_json()
     console.answer(told, as_json, diagnosis_tables.diagnosis(found.diagnosis))
     if not as_json:
@@ -81,7 +84,7 @@ def _learnt(data: wb.Recording, count: int, seed: int) -> "Reliability":
         return at_design_of(data, count, seed=seed, told=told)
 
 
-def _reported(found: "Findings", recording: Path, out: Path, seed: int) -> bool:
+def _reported(found: "Findings", recording: Path, out: Path, seed: int, artist: "Artist") -> bool:
     """Write report.html; without the libraries that draw it a warning names the extra."""
     from wrenchbed.report import diagnosis_page
 
@@ -89,7 +92,7 @@ def _reported(found: "Findings", recording: Path, out: Path, seed: int) -> bool:
     if seed:
         command += ["--seed", str(seed)]
     try:
-        diagnosis_page(found, shlex.join(command)).write(out / "report.html")
+        diagnosis_page(found, shlex.join(command), artist).write(out / "report.html")
     except MissingExtraError as error:
         warnings.warn(f"no report.html: {error}", WrenchbedWarning, stacklevel=2)
         return False

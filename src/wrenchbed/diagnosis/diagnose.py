@@ -12,6 +12,7 @@ from wrenchbed.diagnosis.analysis import Analysis, analyse
 from wrenchbed.diagnosis.apart import parted
 from wrenchbed.diagnosis.dictionary import STATED
 from wrenchbed.diagnosis.likeness import Likeness
+from wrenchbed.diagnosis.one_thread import one_thread
 from wrenchbed.diagnosis.prepare import Prepared
 from wrenchbed.diagnosis.reliability import Reliability, features, shipped
 from wrenchbed.diagnosis.result import Diagnosis
@@ -49,6 +50,7 @@ class Findings:
     untempered: Verdict
 
 
+@one_thread
 def diagnose(
     recording: Recording,
     *,

@@ -24,7 +24,6 @@ from wrenchbed.effects.base import (
 )
 from wrenchbed.parameters import Parameter
 from wrenchbed.scene import Scene
-from wrenchbed.wrench import wrench
 
 STATED = ("sensor.bias", "tool.mass", "tool.cog")
 """Effects that are wrong numbers in the metadata: every user fits them."""
@@ -239,9 +238,7 @@ class Response:
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
         self.reading = respond(scene)
-        pose = Pose(*scene.pose)
-        self._pose = pose
-        self._load = wrench(pose.rotation, pose.position, scene.tool, scene.gravity)
+        self._pose = Pose(*scene.pose)
 
     def tangent(self, effect: Effect, parameter: Parameter, variant: Variant) -> np.ndarray:
         """Change of all readings (M, 6) per typical size, by central differences."""
@@ -255,5 +252,5 @@ class Response:
         if isinstance(effect, ReadingEffect):
             return effect.read(self.scene, self.reading, values)
         if isinstance(effect, LoadEffect) and not isinstance(effect, ModelEffect):
-            return effect.load(self.scene, self._pose, self._load, values)
+            return effect.load(self.scene, self._pose, self.scene.load, values)
         return respond(self.scene, [Active(effect, values)])

@@ -6,6 +6,7 @@ from wrenchbed.diagnosis.baseline import tolerances
 from wrenchbed.diagnosis.dictionary import build
 from wrenchbed.diagnosis.isolability import Showing, cannot_tell, isolability
 from wrenchbed.diagnosis.likeness import Likeness
+from wrenchbed.diagnosis.one_thread import one_thread
 from wrenchbed.diagnosis.rehearse import RATE, SAMPLES, of_plan
 from wrenchbed.plan import Plan
 
@@ -18,6 +19,7 @@ class DryRun:
     cannot_tell: tuple[str, ...]
 
 
+@one_thread
 def dry_run(plan: Plan, samples: int = SAMPLES, rate: float = RATE) -> DryRun:
     """Rehearse a plan on the nominal robot with its sensor's noise.
 

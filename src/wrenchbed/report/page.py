@@ -11,6 +11,7 @@ from typing import Any
 from wrenchbed import registry
 from wrenchbed.diagnosis.diagnose import Findings
 from wrenchbed.report import figures, numbers, tables, words
+from wrenchbed.report.artist import Artist, at_once
 from wrenchbed.report.evidence import Evidence
 
 _BADGES = {"none": "✓", "identified": "●", "ambiguous": "◐", "unknown": "?"}
@@ -46,12 +47,13 @@ class Page:
         half.replace(path)
 
 
-def diagnosis_page(found: Findings, command: str = "") -> Page:
+def diagnosis_page(found: Findings, command: str = "", artist: Artist | None = None) -> Page:
     """The page of a diagnosis.
 
     Args:
         found: from ``diagnose``.
         command: that made it; told without options if not given.
+        artist: draws the figures beside; drawn here if None.
 
     Raises:
         MissingExtraError: matplotlib is not installed.
@@ -63,6 +65,14 @@ def diagnosis_page(found: Findings, command: str = "") -> Page:
     before, after = evidence.channels()
     map_of_residuals = evidence.heat()
     told = {r.sentence for r in found.rows}
+    draw = artist.draw if artist else at_once
+    heat = draw(figures.heat, map_of_residuals)
+    gaps = draw(figures.gaps, tables.gaps(found))
+    channels = draw(figures.channels, before, after, evidence.first)
+    comparisons = [
+        (c, draw(figures.comparison, c, f"effect-{k}"))
+        for k, c in enumerate(evidence.comparisons())
+    ]
     return Page(
         {
             "d": d,
@@ -82,22 +92,18 @@ def diagnosis_page(found: Findings, command: str = "") -> Page:
             "bars": [
                 (label, numbers.gap(value), kind) for label, value, kind in tables.gaps(found)
             ],
-            "gaps": figures.gaps(tables.gaps(found)),
-            "channels": figures.channels(before, after, evidence.first),
+            "gaps": gaps.result(),
+            "channels": channels.result(),
             "places": tables.places(found),
             "unseen": tables.unseen(found),
-            "heat": figures.heat(map_of_residuals),
+            "heat": heat.result(),
             "heat_over": map_of_residuals.over,
             "candidates": tables.candidates(d.probabilities),
             "explanations": tables.explanations(found),
             "table": tables.causes(found),
             "comparisons": [
-                {
-                    "svg": figures.comparison(c, f"effect-{k}"),
-                    "title": c.title,
-                    "channel": c.channel,
-                }
-                for k, c in enumerate(evidence.comparisons())
+                {"svg": drawn.result(), "title": c.title, "channel": c.channel}
+                for c, drawn in comparisons
             ],
             "rows": [r.sentence for r in found.rows],
             "next": tables.steps(d.next),
