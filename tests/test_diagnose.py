@@ -46,3 +46,16 @@ def test_a_tilted_base_is_named_measured_and_put_into_the_twin(tmp_path):
 def test_too_few_poses_are_refused(tmp_path):
     with pytest.raises(DiagnosisError, match="poses cannot separate"):
         diagnose(recorded(tmp_path, n=8))
+
+
+def test_a_jump_between_two_poses_may_have_come_at_any_time_between_them(tmp_path):
+    t = recorded(tmp_path).t
+    before, after = t[599], t[600]  # the last row of a pose, the first of the next
+    moment = before + 0.8 * (after - before)
+    told = diagnose(recorded(tmp_path, f"sensor.jump:time={moment},step.fz=0.6")).diagnosis
+    (cause,) = told.to_json()["which"]
+    assert cause["effect"] == "sensor.jump"
+    time = cause["parameters"]["time"]
+    step = np.diff(t).max()  # a pose on either side may be a sealed one
+    assert abs(time["value"] - moment) < 2.0 * time["std"]
+    assert (after - before) / 12.0**0.5 < time["std"] < step

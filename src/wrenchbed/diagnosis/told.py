@@ -10,6 +10,9 @@ from wrenchbed.diagnosis.claims import Explanation, stated
 from wrenchbed.diagnosis.rows import RowFinding
 from wrenchbed.diagnosis.verdict import Cause, Verdict
 
+_HALVINGS = 5
+"""Of the last step, to find the edge of a range within which nothing changes."""
+
 
 def cause_entry(
     a: Analysis, verdict: Verdict, cause: Cause, gap: closure.Closure, spread: float
@@ -45,8 +48,34 @@ def _uncertainty(a: Analysis, f: Any, part: int, spread: float) -> dict[str, flo
     for i, (k, name, shape) in enumerate(variables):
         if k == part:
             form = 0.0 if shape else effect.size_error * float(f.x[i])
-            told[name] = float(np.hypot(spread * std[i], form)) * known[name]
+            flat = _flat(a, f, i) if shape and effect.rough else 0.0
+            told[name] = (flat or float(np.hypot(spread * std[i], form))) * known[name]
     return told
+
+
+def _flat(a: Analysis, f: Any, i: int) -> float:
+    """Rms distance of a variable from where it might as well be: no reading changes in between.
+
+    A jump may have come at any time between two poses.
+    """
+    reading, reach = a.refitter.response(f.parts, f.x), []
+
+    def same(step: float) -> bool:
+        x = f.x.copy()
+        x[i] += step
+        return bool(np.array_equal(a.refitter.response(f.parts, x), reading))
+
+    for sign in (-1.0, 1.0):
+        outside = next((s for s in 2.0 ** np.arange(-14, 1) if not same(sign * s)), 2.0)
+        inside = outside / 2.0
+        for _ in range(_HALVINGS):
+            middle = (inside + outside) / 2.0
+            inside, outside = (middle, outside) if same(sign * middle) else (inside, middle)
+        reach.append(inside)
+    left, right = reach
+    if max(reach) <= 2.0**-14:  # nothing flat
+        return 0.0
+    return float(np.sqrt((left**2 - left * right + right**2) / 3.0))
 
 
 def _wrong_numbers(a: Analysis, e: Explanation, name: str, factor: float) -> dict[str, Any]:
