@@ -110,7 +110,7 @@ _NAMES: dict[str, Callable[[Values], dict[str, float]]] = {
     "joint.compliance": _of_joints("compliance", "stiffness", lambda k: 1.0 / k),
     "sensor.gain": _prefixed("gain"),
     "sensor.drift": _prefixed("rate"),
-    "sensor.jump": _prefixed("step"),
+    "sensor.jump": lambda v: {"time": v["time"]} | _prefixed("step")(v),
     "sensor.crosstalk": lambda v: {"x." + k.replace("_", "."): x for k, x in v.items()},
     "link.length": _axes("length."),
     "timing.delay": _axes(""),

@@ -160,11 +160,15 @@ def jump(design: Design, rng: np.random.Generator, size: float) -> Imperfection:
 
 
 def saturation(design: Design, rng: np.random.Generator, size: float) -> Imperfection:
-    """A channel that reads no further than a few per cent below its largest load."""
+    """A channel that reads no further than a few per cent below its largest load.
+
+    At most one pose in five stands there: more is a fault that anyone sees.
+    """
     limit = np.full(6, np.inf)
     for k in np.flatnonzero(channels(rng, one=0.8)):
-        peak = float(np.abs(design.nominal[:, k]).max())
-        limit[k] = max(peak * (1.0 - 0.06 * min(size, 10.0) * rng.uniform(0.8, 1.25)), 0.25 * peak)
+        load = np.abs(design.nominal[:, k])
+        lowered = load.max() * (1.0 - 0.06 * min(size, 10.0) * rng.uniform(0.8, 1.25))
+        limit[k] = max(lowered, float(np.quantile(load, 0.8)))
     values = {CHANNELS[k]: float(limit[k]) for k in np.flatnonzero(np.isfinite(limit))}
     return Imperfection("sensor.saturation", values, rows=Rows(limit=limit))
 
