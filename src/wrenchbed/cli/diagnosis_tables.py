@@ -35,13 +35,16 @@ def diagnosis(d: Diagnosis) -> Group:
     parts += ["", Text("which", style="bold")]
     parts.append(_causes(d) if d.which else _line("no cause is claimed"))
     parts.append(_line(_probabilities(d)))
-    parts += ["", Text("how far", style="bold"), _gap(d)]
+    parts += ["", Text("how far", style="bold"), _line(_MEASURE), _gap(d)]
     for title, lines in (("what this data cannot tell", d.cannot_tell), ("note", d.notes)):
         if lines:
             parts += ["", Text(title, style="bold"), *map(_line, lines)]
     if d.next:
         parts += ["", Text("what next", style="bold"), *(_line(str(n["sentence"])) for n in d.next)]
     return Group(*parts)
+
+
+_MEASURE = "gap on rows that no fit saw; 1: errors as large as the noise of one row"
 
 
 def isolability(name: str, found: DryRun) -> Group:
@@ -114,6 +117,7 @@ def _gap(d: Diagnosis) -> Table:
         low, high = g.interval
         table.add_row("closed", f"{100 * g.closed:.1f} % ({100 * low:.1f} … {100 * high:.1f})")
     if g.black_box is not None:
-        table.add_row("a black box closes", f"{100 * g.black_box:.1f} %")
+        told = f"{100 * g.black_box:.1f} %" if g.black_box > 0.0 else "nothing"
+        table.add_row("a black box closes", told)
     table.add_row("sealed rows", f"{g.rows}")
     return table

@@ -235,7 +235,7 @@ def _notes(
     still = "poses" if p.recording.metadata.mode == "static" else "averages of a motion"
     what = "samples of motion" if p.moving else still
     told = [
-        f"{n} {what}, {int(p.sealed.sum())} of them sealed; noise of a row from its {p.source}",
+        f"{n} {what}, {int(p.sealed.sum())} of them sealed; noise of a row {p.noise_told}",
     ]
     if p.left_out:
         told.append(f"{p.left_out} saturated rows were left out")

@@ -73,6 +73,11 @@ class Prepared:
     def moving(self) -> bool:
         return self.scene.moving
 
+    @property
+    def noise_told(self) -> str:
+        """Where the noise of a row comes from, for people."""
+        return "as stated" if self.source == "stated" else f"from its {self.source}"
+
     def rows(self, x: np.ndarray, sealed: bool = False) -> np.ndarray:
         """Scene or held rows (M, 6) → whitened (R, 6), of the fit's blocks or the sealed ones."""
         held = x[self.scene.held] if len(x) == len(self.scene) else x

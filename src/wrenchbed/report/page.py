@@ -136,6 +136,6 @@ def _data(found: Findings) -> list[tuple[str, str]]:
             f"{words.observations(len(p.y), p.moving)}, {len(p.recording):,} rows{rate}, "
             f"source: {stated.source or 'not stated'}",
         ),
-        ("noise of a row", f"from its {p.source}"),
+        ("noise of a row", p.noise_told),
         ("made by", f"wrenchbed {version('wrenchbed')} in {found.diagnosis.seconds:.1f} s"),
     ]
