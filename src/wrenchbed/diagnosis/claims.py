@@ -27,12 +27,16 @@ ODDS = 0.15
 
 @dataclass(frozen=True)
 class Part:
-    """An effect of an explanation and the gap that it adds; for wrong numbers, how surely."""
+    """An effect of an explanation and the gap that it adds; for wrong numbers, how surely.
+
+    ``twins`` are effects whose small part in the same joint might as well be the large one.
+    """
 
     name: str
     share: float
     probability: float = 1.0
     index: int | None = None
+    twins: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,6 +84,7 @@ def explained(refitter: Refitter, f: Finalist) -> Explanation:
         parts += more
     parts = [p for p in parts if not _form_of_another(p, parts, f)]
     named = {p.index for p in parts}
+    parts = [replace(p, twins=_twins(refitter, f, p, named)) for p in parts]
     parts += wrong_numbers(refitter, f, named)
     parts.sort(key=lambda p: -p.share)
     return Explanation(f, tuple(parts), left)
@@ -111,6 +116,30 @@ def _standing_in(
         found.append(Part(f.parts[k].name, taken, index=k))
         left = rests[best]
     return found, d.gap(left) - float(d.prepared.variance.mean())
+
+
+TWIN = 0.85
+"""Correlation of two effects' readings from which either may be the large one."""
+
+
+def _twins(
+    refitter: Refitter, f: Finalist, part: Part, named: Collection[int | None]
+) -> tuple[str, ...]:
+    """Play that gravity holds at one end, but for a few poses, is an offset and a little play."""
+    assert part.index is not None
+    joint = f.parts[part.index].variant.detail.get("joint")
+    if joint is None:
+        return ()
+    made = refitter.response(f.parts, f.x)
+    alone = made - refitter.response(f.parts, without(refitter, f, [part.index]))
+    found = []
+    for k, h in enumerate(f.parts):
+        if k in named or h.variant.detail.get("joint") != joint:
+            continue
+        other = made - refitter.response(f.parts, without(refitter, f, [k]))
+        if abs(alone @ other) > TWIN * np.linalg.norm(alone) * np.linalg.norm(other):
+            found.append(h.name)
+    return tuple(found)
 
 
 ALIKE = frozenset({"cable", "environment"})

@@ -132,7 +132,7 @@ def _causes(
     causes = []
     for part in claim.parts:
         rest = claim.names - {part.name}
-        score = {part.name: 0.0}
+        score = {part.name: 0.0} | {n: 1.0 for n in part.twins if n not in rest}
         for k, (w, e) in enumerate(zip(weight, told, strict=True)):
             if rest <= e.names and len(e.names - rest) == 1:
                 (name,) = e.names - rest
