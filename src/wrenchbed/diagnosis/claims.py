@@ -251,7 +251,7 @@ def stated(refitter: Refitter, f: Finalist) -> Stated:
     normal = columns.T @ solved[:, :-1] + np.diag(1.0 / spread**2)
     covariance = np.linalg.inv(normal)
     mean = covariance @ (columns.T @ solved[:, -1])
-    mean = mean[: len(own)] + _jumped_before(refitter, f)
+    mean = mean[: len(own)] + _held_by_small(refitter, f)
     return Stated(mean, covariance[: len(own), : len(own)])
 
 
@@ -264,14 +264,15 @@ def beside(refitter: Refitter, f: Finalist) -> np.ndarray:
     return np.asarray(np.linalg.solve(normal, columns.T @ solved[:, -1]))
 
 
-def _jumped_before(refitter: Refitter, f: Finalist) -> np.ndarray:
-    """What jumps too small to be named hold of the stated numbers (S,), in typical sizes.
+def _held_by_small(refitter: Refitter, f: Finalist) -> np.ndarray:
+    """What parts too small to be named hold of the stated numbers (S,), in typical sizes.
 
-    A jump at an end of the recording is a zero that is off: hardly any row tells them apart.
+    A jump at an end of the recording is a zero that is off, a loose part that hardly moves is
+    where the tool's mass lies: few rows tell them apart.
     """
     d = refitter.d
-    jumps = [k for k, h in enumerate(f.parts) if h.name == "sensor.jump"]
-    small = [k for k in jumps if share(refitter, f, k) < CLAIMABLE]
+    parts = [k for k, h in enumerate(f.parts) if h.name not in STATED]
+    small = [k for k in parts if share(refitter, f, k) < CLAIMABLE]
     if not small:
         return np.zeros(len(d.stated))
     gone = without(refitter, f, small)
