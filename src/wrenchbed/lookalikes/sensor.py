@@ -138,11 +138,10 @@ def hysteresis(design: Design, rng: np.random.Generator, size: float) -> Imperfe
 
 
 def creep(design: Design, rng: np.random.Generator, size: float) -> Imperfection:
-    """After a change of load the reading still crawls: two time constants, about 1 % of it."""
+    """After a change of load the reading crawls for 20 s to 10 min, about 1 % of it: two rates."""
     share = 0.01 * size * np.abs(channels(rng, one=0.3))
     way = design.path
-    length = max(float(np.ptp(way.t)), 1e-9)
-    slow = length * np.exp(rng.uniform(np.log(0.01), np.log(0.3)))
+    slow = float(np.exp(rng.uniform(np.log(20.0), np.log(600.0))))
     mix = rng.uniform(0.6, 1.0)
     late = mix * relax(way.t, way.wrench, slow)
     late += (1.0 - mix) * relax(way.t, way.wrench, slow * rng.uniform(0.1, 0.4))
