@@ -85,7 +85,7 @@ def explained(refitter: Refitter, f: Finalist) -> Explanation:
     parts = [p for p in parts if not _form_of_another(p, parts, f)]
     named = {p.index for p in parts}
     parts = [replace(p, twins=_twins(refitter, f, p, named)) for p in parts]
-    parts += wrong_numbers(refitter, f, named)
+    parts += wrong_numbers(refitter, f)
     parts.sort(key=lambda p: -p.share)
     return Explanation(f, tuple(parts), left)
 
@@ -183,7 +183,7 @@ def rest(refitter: Refitter, f: Finalist, large: set[int | None]) -> float:
     return d.gap(f.residual + minor) - float(d.prepared.variance.mean())
 
 
-def wrong_numbers(refitter: Refitter, f: Finalist, named: set[int | None]) -> list[Part]:
+def wrong_numbers(refitter: Refitter, f: Finalist) -> list[Part]:
     """Stated numbers that are wrong beyond their tolerance and add to the configured gap.
 
     The odds of each are those of its estimate if it is wrong, against within its tolerance.
@@ -194,7 +194,7 @@ def wrong_numbers(refitter: Refitter, f: Finalist, named: set[int | None]) -> li
     row = 1.0 / np.sqrt(np.maximum(d.configured_gap[d.stated] * 6.0, 1e-300))  # σ, typical sizes
     std = np.where(zero, np.hypot(std, ZERO_SIGMAS * row), std)
     finite = np.isfinite(d.tolerance)
-    tolerance = np.where(finite, d.tolerance, 1.0) + own_zero(refitter, f, named)
+    tolerance = np.where(finite, d.tolerance, 1.0) + own_zero(refitter, f)
     inside = ndtr((tolerance - told.mean) / std) - ndtr((-tolerance - told.mean) / std)
     within = np.maximum(inside / (2 * tolerance), 1e-300)
     width = np.hypot(std, WRONG * tolerance)
@@ -218,14 +218,14 @@ CONVENTIONAL = (
 """Effects whose zero, and whose mean response to load, are a convention."""
 
 
-def own_zero(refitter: Refitter, f: Finalist, named: set[int | None]) -> np.ndarray:
-    """How far the named effects may move each stated number (S,), in typical sizes.
+def own_zero(refitter: Refitter, f: Finalist) -> np.ndarray:
+    """How far the parts may move each stated number (S,), in typical sizes.
 
     Where the zero of a drift, a cable or a memory lies is a convention: a constant part of such an
     effect within its own range is no wrong bias, its mean share of the load no wrong mass.
     """
     d = refitter.d
-    own = [k for k, h in enumerate(f.parts) if k in named and h.name in CONVENTIONAL]
+    own = [k for k, h in enumerate(f.parts) if h.name in CONVENTIONAL]
     if not own:
         return np.zeros(len(d.stated))
     signal = refitter.response(f.parts, f.x) - refitter.response(f.parts, without(refitter, f, own))
