@@ -59,3 +59,10 @@ def test_a_jump_between_two_poses_may_have_come_at_any_time_between_them(tmp_pat
     step = np.diff(t).max()  # a pose on either side may be a sealed one
     assert abs(time["value"] - moment) < 2.0 * time["std"]
     assert (after - before) / 12.0**0.5 < time["std"] < step
+
+
+def test_what_makes_the_same_readings_is_named_as_a_rival(tmp_path):
+    told = diagnose(recorded(tmp_path, "joint.offset:joint=6,offset=0.01")).diagnosis.to_json()
+    (cause,) = told["which"]
+    assert {"joint.offset", "mount.rotation"} <= {cause["effect"], *cause["rivals"]}
+    assert told["verdict"] in ("ambiguous", "identified")

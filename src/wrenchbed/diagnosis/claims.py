@@ -1,6 +1,5 @@
 """What an explanation says: effects that add enough, wrong stated numbers, and the rest."""
 
-from collections.abc import Collection
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -11,12 +10,12 @@ from wrenchbed.diagnosis.background import MOST
 from wrenchbed.diagnosis.dictionary import LARGEST, STATED
 from wrenchbed.diagnosis.evidence import Level
 from wrenchbed.diagnosis.finalist import Finalist
+from wrenchbed.diagnosis.parts import CLAIMABLE, rest, share, without
 from wrenchbed.diagnosis.refit import Refitter
+from wrenchbed.diagnosis.twins import twins
 
 REST = 0.55
 """Gap that normal imperfections may make together."""
-CLAIMABLE = 0.75
-"""Gap that a cause must add, as estimated: 1 by definition, less its uncertainty."""
 WRONG = 5.0
 """A stated number that is wrong is off by this many tolerances, typically."""
 ZERO_SIGMAS = 0.4
@@ -84,7 +83,7 @@ def explained(refitter: Refitter, f: Finalist) -> Explanation:
         parts += more
     parts = [p for p in parts if not _form_of_another(p, parts, f)]
     named = {p.index for p in parts}
-    parts = [replace(p, twins=_twins(refitter, f, p, named)) for p in parts]
+    parts = [replace(p, twins=twins(refitter, f, p.index, p.share, named)) for p in parts]
     parts += wrong_numbers(refitter, f)
     parts.sort(key=lambda p: -p.share)
     return Explanation(f, tuple(parts), left)
@@ -118,30 +117,6 @@ def _standing_in(
     return found, d.gap(left) - float(d.prepared.variance.mean())
 
 
-TWIN = 0.85
-"""Correlation of two effects' readings from which either may be the large one."""
-
-
-def _twins(
-    refitter: Refitter, f: Finalist, part: Part, named: Collection[int | None]
-) -> tuple[str, ...]:
-    """Play that gravity holds at one end, but for a few poses, is an offset and a little play."""
-    assert part.index is not None
-    joint = f.parts[part.index].variant.detail.get("joint")
-    if joint is None:
-        return ()
-    made = refitter.response(f.parts, f.x)
-    alone = made - refitter.response(f.parts, without(refitter, f, [part.index]))
-    found = []
-    for k, h in enumerate(f.parts):
-        if k in named or h.variant.detail.get("joint") != joint:
-            continue
-        other = made - refitter.response(f.parts, without(refitter, f, [k]))
-        if abs(alone @ other) > TWIN * np.linalg.norm(alone) * np.linalg.norm(other):
-            found.append(h.name)
-    return tuple(found)
-
-
 ALIKE = frozenset({"cable", "environment"})
 """Subsystems that push on the tool from outside: the form of one may pass for the other."""
 
@@ -157,30 +132,6 @@ def _form_of_another(part: Part, parts: list[Part], f: Finalist) -> bool:
         if alike and part.share < effect.form_error * other.share:
             return True
     return False
-
-
-def without(refitter: Refitter, f: Finalist, parts: Collection[int]) -> np.ndarray:
-    """Variables (k,) of a finalist with the amplitudes of some parts set to nothing."""
-    gone = f.x.copy()
-    for i, (k, _, shape) in enumerate(refitter.variables(f.parts)):
-        if k in parts and not shape:
-            gone[i] = 0.0
-    return gone
-
-
-def share(refitter: Refitter, f: Finalist, part: int) -> float:
-    """How much smaller the gap is with one part than without it, the others as they are."""
-    gone = without(refitter, f, [part])
-    own = refitter.response(f.parts, f.x) - refitter.response(f.parts, gone)
-    return refitter.d.gap(f.residual + own) - refitter.d.gap(f.residual)
-
-
-def rest(refitter: Refitter, f: Finalist, large: set[int | None]) -> float:
-    """Gap that the large parts of a finalist leave, beyond the noise."""
-    d = refitter.d
-    gone = without(refitter, f, [k for k in range(len(f.parts)) if k not in large])
-    minor = refitter.response(f.parts, f.x) - refitter.response(f.parts, gone)
-    return d.gap(f.residual + minor) - float(d.prepared.variance.mean())
 
 
 def wrong_numbers(refitter: Refitter, f: Finalist) -> list[Part]:

@@ -7,10 +7,11 @@ import numpy as np
 from scipy.special import logsumexp
 
 from wrenchbed.diagnosis.broad import beside
-from wrenchbed.diagnosis.claims import CLAIMABLE, Explanation, explained, share
+from wrenchbed.diagnosis.claims import Explanation, explained
 from wrenchbed.diagnosis.crossvote import score
 from wrenchbed.diagnosis.dictionary import STATED
 from wrenchbed.diagnosis.finalist import Finalist
+from wrenchbed.diagnosis.parts import CLAIMABLE, share
 from wrenchbed.diagnosis.refit import Refitter
 from wrenchbed.diagnosis.search import PRIOR, UNKNOWN, Searcher, Single
 from wrenchbed.diagnosis.swaps import swapped

@@ -6,8 +6,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import logsumexp
 
-from wrenchbed.diagnosis.claims import CLAIMABLE, REST, Explanation, Part
+from wrenchbed.diagnosis.claims import REST, Explanation, Part
 from wrenchbed.diagnosis.crossvote import MARGIN
+from wrenchbed.diagnosis.parts import CLAIMABLE
 from wrenchbed.diagnosis.search import NONE, UNKNOWN
 from wrenchbed.diagnosis.structures import Ranking
 

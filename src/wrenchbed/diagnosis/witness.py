@@ -12,8 +12,9 @@ from scipy.special import chdtrc, logsumexp
 
 from wrenchbed.diagnosis.accelerometer import TILT, Testimony
 from wrenchbed.diagnosis.analysis import Analysis
-from wrenchbed.diagnosis.claims import Explanation, Part, rest
+from wrenchbed.diagnosis.claims import Explanation, Part
 from wrenchbed.diagnosis.finalist import Finalist
+from wrenchbed.diagnosis.parts import rest
 from wrenchbed.diagnosis.search import NONE, UNKNOWN
 from wrenchbed.diagnosis.verdict import Cause, Verdict
 

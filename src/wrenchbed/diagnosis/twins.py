@@ -1,0 +1,66 @@
+"""Effects that might as well be a part of an explanation: what they leave is normal anyway."""
+
+from collections.abc import Collection
+
+import numpy as np
+
+from wrenchbed.diagnosis.dictionary import STATED
+from wrenchbed.diagnosis.finalist import Finalist
+from wrenchbed.diagnosis.parts import alone
+from wrenchbed.diagnosis.refit import Refitter
+
+ALIKE = 0.85
+"""Correlation of two effects' readings from which either may be the large one."""
+EXCUSED = 0.1
+"""Gap that a twin may leave: small imperfections, and what a form misses, make as much."""
+
+
+def twins(
+    refitter: Refitter, f: Finalist, part: int | None, share: float, named: Collection[int | None]
+) -> tuple[str, ...]:
+    """Names of effects that might as well be a part.
+
+    Args:
+        part: its number.
+        share: gap that it adds.
+        named: numbers of all parts that are claimed.
+    """
+    assert part is not None
+    own = alone(refitter, f, part)
+    found = [*_in_the_same_joint(refitter, f, part, own, named)]
+    claimed = {f.parts[k].name for k in named if k is not None}
+    found += [n for n in _of_one_number(refitter, f, part, own, share) if n not in claimed]
+    return tuple(dict.fromkeys(found))
+
+
+def _in_the_same_joint(
+    refitter: Refitter, f: Finalist, part: int, own: np.ndarray, named: Collection[int | None]
+) -> list[str]:
+    """Play that gravity holds at one end, but for a few poses, is an offset and a little play."""
+    joint = f.parts[part].variant.detail.get("joint")
+    if joint is None:
+        return []
+    found = []
+    for k, h in enumerate(f.parts):
+        if k not in named and h.variant.detail.get("joint") == joint:
+            other = alone(refitter, f, k)
+            if abs(own @ other) > ALIKE * np.linalg.norm(own) * np.linalg.norm(other):
+                found.append(h.name)
+    return found
+
+
+def _of_one_number(
+    refitter: Refitter, f: Finalist, part: int, own: np.ndarray, share: float
+) -> list[str]:
+    """Effects of one number that make what another of one number makes: a filter and a delay."""
+    d = refitter.d
+    if len(f.parts[part].columns) != 1:
+        return []
+    others = [h for h in d.hypotheses if len(h.columns) == 1 and h.name not in STATED]
+    basis = np.linalg.qr(d.E[:, d.stated])[0]
+    own = own - basis @ (basis.T @ own)
+    made = d.E[:, [h.columns[0] for h in others]]
+    made = made - basis @ (basis.T @ made)
+    energy = (own @ own) * (made**2).sum(axis=0)
+    left = (1.0 - (own @ made) ** 2 / np.maximum(energy, 1e-300)) * share
+    return [h.name for h, gap in zip(others, left, strict=True) if gap < EXCUSED]
