@@ -142,6 +142,10 @@ def _alone(row: Row, method: str) -> Sequence[float] | None:
     return (len(claim.causes) == 1 and row.truth[0] in claim.causes[0], 1.0)
 
 
+def _certain(row: Row, method: str) -> Sequence[float] | None:
+    return ((row.truth[0],) in row.answers[method].causes, 1.0) if _visible(row) else None
+
+
 def _first(row: Row, method: str) -> Sequence[float] | None:
     causes = row.answers[method].causes
     return (any(c[0] == row.truth[0] for c in causes[:1]), 1.0) if _visible(row) else None
@@ -266,6 +270,7 @@ METRICS = {
     ),
     "alone": Metric("… and nothing else is claimed", "", _alone, _share),
     "first": Metric("… as first choice", "> 66 %", _first, _share),
+    "certain": Metric("… without a rival", "", _certain, _share),
     "false_alarm": Metric("no gap: any verdict but none", "≤ 3 %", _alarm, _share),
     "sure_alarm": Metric("no gap: named with p > 0.9", "≤ 2 %", _sure_alarm, _share),
     "unknown": Metric("outside the library: unknown", "≥ 95 %", _unknown, _share),

@@ -11,8 +11,8 @@ from wrenchbed.diagnosis.refit import Refitter
 
 ALIKE = 0.85
 """Correlation of two effects' readings from which either may be the large one."""
-EXCUSED = 0.1
-"""Gap that a twin may leave: small imperfections, and what a form misses, make as much."""
+SAME, EXCUSED = 0.02, 0.1
+"""Share of a part's gap, and gap, that a twin may leave: small imperfections make as much."""
 
 
 def twins(
@@ -62,5 +62,6 @@ def _of_one_number(
     made = d.E[:, [h.columns[0] for h in others]]
     made = made - basis @ (basis.T @ made)
     energy = (own @ own) * (made**2).sum(axis=0)
-    left = (1.0 - (own @ made) ** 2 / np.maximum(energy, 1e-300)) * share
-    return [h.name for h, gap in zip(others, left, strict=True) if gap < EXCUSED]
+    left = 1.0 - (own @ made) ** 2 / np.maximum(energy, 1e-300)
+    most = min(SAME, EXCUSED / share)
+    return [h.name for h, rest in zip(others, left, strict=True) if rest < most]
