@@ -10,7 +10,7 @@ from wrenchbed.diagnosis.background import MOST
 from wrenchbed.diagnosis.dictionary import LARGEST, STATED
 from wrenchbed.diagnosis.evidence import Level
 from wrenchbed.diagnosis.finalist import Finalist
-from wrenchbed.diagnosis.parts import CLAIMABLE, rest, share, without
+from wrenchbed.diagnosis.parts import CLAIMABLE, made_by, rest, share
 from wrenchbed.diagnosis.refit import Refitter
 from wrenchbed.diagnosis.twins import twins
 
@@ -99,8 +99,7 @@ def _standing_in(
     """
     d, found = refitter.d, list[Part]()
     small = [k for k, h in enumerate(f.parts) if k not in large and h.name not in STATED]
-    gone = without(refitter, f, small)
-    left = f.residual + refitter.response(f.parts, f.x) - refitter.response(f.parts, gone)
+    left = f.residual + made_by(refitter, f, small)
     owner = np.array([k for k, _, _ in refitter.variables(f.parts)], dtype=int)
     while small and d.gap(left) - float(d.prepared.variance.mean()) > REST:
         rests = []
@@ -179,7 +178,7 @@ def own_zero(refitter: Refitter, f: Finalist) -> np.ndarray:
     own = [k for k, h in enumerate(f.parts) if h.name in CONVENTIONAL]
     if not own:
         return np.zeros(len(d.stated))
-    signal = refitter.response(f.parts, f.x) - refitter.response(f.parts, without(refitter, f, own))
+    signal = made_by(refitter, f, own)
     mean = np.linalg.lstsq(d.E[:, d.stated], signal, rcond=None)[0]
     extent = np.ptp(signal.reshape(-1, 6), axis=0)
     result = np.abs(mean)
@@ -226,8 +225,7 @@ def _held_by_small(refitter: Refitter, f: Finalist) -> np.ndarray:
     small = [k for k in parts if share(refitter, f, k) < CLAIMABLE]
     if not small:
         return np.zeros(len(d.stated))
-    gone = without(refitter, f, small)
-    signal = refitter.response(f.parts, f.x) - refitter.response(f.parts, gone)
+    signal = made_by(refitter, f, small)
     return np.asarray(np.linalg.lstsq(d.E[:, d.stated], signal, rcond=None)[0])
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from wrenchbed.diagnosis.dictionary import STATED
 from wrenchbed.diagnosis.finalist import Finalist
-from wrenchbed.diagnosis.parts import alone
+from wrenchbed.diagnosis.parts import made_by
 from wrenchbed.diagnosis.refit import Refitter
 
 ALIKE = 0.85
@@ -26,7 +26,7 @@ def twins(
         named: numbers of all parts that are claimed.
     """
     assert part is not None
-    own = alone(refitter, f, part)
+    own = made_by(refitter, f, [part])
     found = [*_in_the_same_joint(refitter, f, part, own, named)]
     claimed = {f.parts[k].name for k in named if k is not None}
     found += [n for n in _of_one_number(refitter, f, part, own, share) if n not in claimed]
@@ -43,7 +43,7 @@ def _in_the_same_joint(
     found = []
     for k, h in enumerate(f.parts):
         if k not in named and h.variant.detail.get("joint") == joint:
-            other = alone(refitter, f, k)
+            other = made_by(refitter, f, [k])
             if abs(own @ other) > ALIKE * np.linalg.norm(own) * np.linalg.norm(other):
                 found.append(h.name)
     return found
