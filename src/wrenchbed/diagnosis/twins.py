@@ -4,7 +4,7 @@ from collections.abc import Collection
 
 import numpy as np
 
-from wrenchbed.diagnosis.dictionary import STATED
+from wrenchbed.diagnosis.dictionary import STATED, Hypothesis
 from wrenchbed.diagnosis.finalist import Finalist
 from wrenchbed.diagnosis.parts import made_by
 from wrenchbed.diagnosis.refit import Refitter
@@ -27,26 +27,33 @@ def twins(
     """
     assert part is not None
     own = made_by(refitter, f, [part])
-    found = [*_in_the_same_joint(refitter, f, part, own, named)]
+    found = [*_in_the_same_place(refitter, f, part, own, named)]
     claimed = {f.parts[k].name for k in named if k is not None}
     found += [n for n in _of_one_number(refitter, f, part, own, share) if n not in claimed]
     return tuple(dict.fromkeys(found))
 
 
-def _in_the_same_joint(
+def _in_the_same_place(
     refitter: Refitter, f: Finalist, part: int, own: np.ndarray, named: Collection[int | None]
 ) -> list[str]:
-    """Play that gravity holds at one end, but for a few poses, is an offset and a little play."""
-    joint = f.parts[part].variant.detail.get("joint")
-    if joint is None:
+    """Play that gravity holds at one end, but for a few poses, is an offset and a little play; of
+    a link a wrong length and a little play."""
+    place = _place(f.parts[part])
+    if not place:
         return []
     found = []
     for k, h in enumerate(f.parts):
-        if k not in named and h.variant.detail.get("joint") == joint:
+        if k not in named and _place(h) == place:
             other = made_by(refitter, f, [k])
             if abs(own @ other) > ALIKE * np.linalg.norm(own) * np.linalg.norm(other):
                 found.append(h.name)
     return found
+
+
+def _place(h: Hypothesis) -> str:
+    """The one joint or link that a part is of, as the ends of its parameters' names."""
+    ends = {name.partition(".")[2] for name in h.variant.free}
+    return ends.pop() if h.effect.subsystem in ("joint", "link") and len(ends) == 1 else ""
 
 
 def _of_one_number(

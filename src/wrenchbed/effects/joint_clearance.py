@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 SOFT = 0.05
 """Force in a distal link, over its tip's load, at which it leaves the middle of its play."""
+DISTAL = ("L12", "L14", "L22", "L24")
+"""Links that carry the five-bars' tips."""
 MOMENT = 0.05
 """Moment on a serial arm's last bearing at which it leaves the middle of its play [N·m]."""
 _STEP = 1e-30
@@ -27,10 +29,10 @@ class JointClearance(JointEffect, PoseEffect):
     """Five-bar i: tip E moves by δE. A serial arm: its last bearing tilts.
 
     ``play.i`` lets the universal joint at E sag along gravity, no link turns: δE = p ĝ in the
-    five-bar's plane. ``slack.i`` shortens a distal link under pressure and lengthens it under
-    tension: e·δE = −s tanh(N/0.05) for both links' directions e, Σ N e = −ĝ. The tip carries weight
-    only, so ĝ is its load's direction. Both are given as what the joints would have to turn,
-    J δq = δE, and q6 as much as the wrist's roll then differs.
+    five-bar's plane. ``slack.Li2`` and ``slack.Li4`` shorten a distal link under pressure and
+    lengthen it under tension: e·δE = −s tanh(N/0.05) for both links' directions e, Σ N e = −ĝ. The
+    tip carries weight only, so ĝ is its load's direction. Both are given as what the joints would
+    have to turn, J δq = δE, and q6 as much as the wrist's roll then differs.
     ``tilt``: R → R Exp(t M/√(M² + M₀²)), M the moment of the tool's load across the sensor's z.
 
     Seen in: poses between which the force in a link changes its sign.
@@ -46,13 +48,11 @@ class JointClearance(JointEffect, PoseEffect):
         if not has_loops(robot):
             text = "half play of the last bearing"
             return ParameterSet((Parameter("tilt", 0.0, "rad", 2e-4, -0.1, 0.1, text),))
-        texts = {"play": "of the universal joint at a tip", "slack": "half play of a distal link"}
+        texts = {f"play.{i}": "of the universal joint at a tip" for i in (1, 2)}
+        texts |= {f"slack.{link}": "half play of a distal link" for link in DISTAL}
+        items = texts.items()
         return ParameterSet(
-            tuple(
-                Parameter(f"{stem}.{i}", 0.0, "m", 3e-5, -0.01, 0.01, text)
-                for stem, text in texts.items()
-                for i in (1, 2)
-            )
+            tuple(Parameter(name, 0.0, "m", 3e-5, -0.01, 0.01, text) for name, text in items)
         )
 
     def variants(self, scene: Scene) -> tuple[Variant, ...]:
@@ -60,13 +60,12 @@ class JointClearance(JointEffect, PoseEffect):
             return ()
         if not has_loops(scene.robot):
             return (Variant("last bearing", ("tilt",)),)
-        links = ("slack.1", "slack.2")
-        single = [
-            Variant(f"links of five-bar {n[-1]}", (n,), detail={"five_bar": int(n[-1])})
-            for n in links
-        ]
+        every = tuple(f"slack.{link}" for link in DISTAL)
+        single = [Variant(f"link {link}", (f"slack.{link}",)) for link in DISTAL]
+        pairs = [Variant(f"links of five-bar {i}", every[2 * i - 2 : 2 * i]) for i in (1, 2)]
         # tip 2 shows as tip 1 does, with the other sign: see `publish`
-        return (Variant("tips", ("play.1",)), *single, Variant("links of both five-bars", links))
+        tips = Variant("tips", ("play.1",))
+        return (tips, *single, *pairs, Variant("links of both five-bars", every))
 
     def displace(self, scene: Scene, p: Values) -> np.ndarray:
         dq = np.zeros_like(scene.joints)
@@ -81,7 +80,7 @@ class JointClearance(JointEffect, PoseEffect):
             bar = five_bar(theta, i, first, second)
             near, far = bar.E - bar.B, bar.E - bar.D
             links = _unit(np.stack([near, far], axis=-2))  # rows: directions of both
-            slack = p[f"slack.{i}"] * _give(links, down)
+            slack = _give(links, down) @ np.array([p[f"slack.L{i}{k}"] for k in (2, 4)])
             by = [
                 five_bar(theta, i, first + 1j * _STEP, second),
                 five_bar(theta, i, first, second + 1j * _STEP),
@@ -133,9 +132,10 @@ def has_loops(robot: Robot) -> bool:
 
 
 def _give(links: np.ndarray, down: np.ndarray) -> np.ndarray:
-    """δE (M, 2) for a slack of 1: both links as short as pressure or as long as tension makes."""
+    """δE (M, 2, 2) for a slack of 1 of either link (columns): as short as pressure or as long as
+    tension makes it."""
     pressure = np.linalg.solve(np.swapaxes(links, -1, -2), -down[:, None])
-    return np.linalg.solve(links, -np.tanh(pressure / SOFT))[..., 0]
+    return np.linalg.solve(links, -np.tanh(pressure / SOFT) * np.eye(2))
 
 
 def _rates(points: list[np.ndarray]) -> np.ndarray:
