@@ -73,6 +73,24 @@ class Arm(ABC):
         mass = float(tool.mass + tool.sensor_mass)
         return mass, mass * origin + rotation @ (tool.mass * tool.cog)
 
+    def push_along(
+        self, q: Value, theta: np.ndarray, gravity: np.ndarray, length: int
+    ) -> np.ndarray:
+        """Push (N,) of all weights at rest along a link: its ``length`` is that number in theta.
+
+        By virtual work, in newtons: Σ m g·∂p/∂L, the joints held; positive under tension.
+
+        Raises:
+            NotFoundError: the model of this robot has no masses of links.
+        """
+        step = np.zeros(len(theta))
+        step[length] = _STEP
+        fallen = []
+        for moved in (theta - step, theta + step):
+            mass, centres = self._centres(value(q), moved)
+            fallen.append(np.einsum("b,nbi,i->n", mass, centres, gravity))
+        return (fallen[1] - fallen[0]) / (2.0 * _STEP)
+
     def gravity_torque(self, q: Value, theta: np.ndarray, gravity: np.ndarray) -> np.ndarray:
         """Torque or force of weight on each actuated joint (N, J) [N·m or N].
 

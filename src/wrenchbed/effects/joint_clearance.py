@@ -1,6 +1,7 @@
 """Passive joints have play and lie on the side of their load."""
 
 from collections.abc import Mapping
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,8 +17,8 @@ from wrenchbed.wrench import wrench
 if TYPE_CHECKING:
     import mujoco
 
-SOFT = 0.05
-"""Force in a distal link, over its tip's load, at which it leaves the middle of its play."""
+SEAT = 0.5
+"""Force in a distal link at which it leaves the middle of its play [N]."""
 DISTAL = ("L12", "L14", "L22", "L24")
 """Links that carry the five-bars' tips."""
 MOMENT = 0.05
@@ -29,10 +30,10 @@ class JointClearance(JointEffect, PoseEffect):
     """Five-bar i: tip E moves by δE. A serial arm: its last bearing tilts.
 
     ``play.i`` lets the universal joint at E sag along gravity, no link turns: δE = p ĝ in the
-    five-bar's plane. ``slack.Li2`` and ``slack.Li4`` shorten a distal link under pressure and
-    lengthen it under tension: e·δE = −s tanh(N/0.05) for both links' directions e, Σ N e = −ĝ. The
-    tip carries weight only, so ĝ is its load's direction. Both are given as what the joints would
-    have to turn, J δq = δE, and q6 as much as the wrist's roll then differs.
+    five-bar's plane. ``slack.Li2`` and ``slack.Li4`` lengthen a distal link under tension and
+    shorten it under pressure, e·δE = s tanh(N/N₀) for both links' directions e; N is the push of
+    all weights along the link, by virtual work. Both are given as what the joints would have to
+    turn, J δq = δE, and q6 as much as the wrist's roll then differs.
     ``tilt``: R → R Exp(t M/√(M² + M₀²)), M the moment of the tool's load across the sensor's z.
 
     Seen in: poses between which the force in a link changes its sign.
@@ -80,7 +81,7 @@ class JointClearance(JointEffect, PoseEffect):
             bar = five_bar(theta, i, first, second)
             near, far = bar.E - bar.B, bar.E - bar.D
             links = _unit(np.stack([near, far], axis=-2))  # rows: directions of both
-            slack = _give(links, down) @ np.array([p[f"slack.L{i}{k}"] for k in (2, 4)])
+            slack = _moved(scene, links, {f"L{i}{k}": p[f"slack.L{i}{k}"] for k in (2, 4)})
             by = [
                 five_bar(theta, i, first + 1j * _STEP, second),
                 five_bar(theta, i, first, second + 1j * _STEP),
@@ -131,11 +132,20 @@ def has_loops(robot: Robot) -> bool:
     return "L14" in robot.parameters.names
 
 
-def _give(links: np.ndarray, down: np.ndarray) -> np.ndarray:
-    """δE (M, 2, 2) for a slack of 1 of either link (columns): as short as pressure or as long as
-    tension makes it."""
-    pressure = np.linalg.solve(np.swapaxes(links, -1, -2), -down[:, None])
-    return np.linalg.solve(links, -np.tanh(pressure / SOFT) * np.eye(2))
+def _moved(scene: Scene, links: np.ndarray, slack: Values) -> np.ndarray:
+    """δE (M, 2) [m] of a five-bar's tip by the slack of its distal links (rows of ``links``)."""
+    longer = np.zeros(links.shape[:2])
+    for k, (name, half) in enumerate(slack.items()):
+        if half:
+            longer[:, k] = half * np.tanh(_push(scene, name) / SEAT)
+    return np.asarray(np.linalg.solve(links, longer[..., None])[..., 0])
+
+
+@lru_cache(maxsize=16)
+def _push(scene: Scene, link: str) -> np.ndarray:
+    """Push of all weights along a link (M,) [N]."""
+    length = scene.robot.parameters.index(link)
+    return scene.robot.push_along(scene.q, scene.theta, scene.gravity, length)
 
 
 def _rates(points: list[np.ndarray]) -> np.ndarray:
