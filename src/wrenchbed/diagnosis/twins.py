@@ -29,7 +29,7 @@ def twins(
     own = made_by(refitter, f, [part])
     found = [*_in_the_same_place(refitter, f, part, own, named)]
     claimed = {f.parts[k].name for k in named if k is not None}
-    found += [n for n in _of_one_number(refitter, f, part, own, share) if n not in claimed]
+    found += [n for n in _as_many_numbers(refitter, f, part, own, share) if n not in claimed]
     return tuple(dict.fromkeys(found))
 
 
@@ -56,19 +56,27 @@ def _place(h: Hypothesis) -> str:
     return ends.pop() if h.effect.subsystem in ("joint", "link") and len(ends) == 1 else ""
 
 
-def _of_one_number(
+def _as_many_numbers(
     refitter: Refitter, f: Finalist, part: int, own: np.ndarray, share: float
 ) -> list[str]:
-    """Effects of one number that make what another of one number makes: a filter and a delay."""
+    """Effects that make the same readings with as many numbers: a slow filter and a delay, a drift
+    and a temperature that rises steadily."""
     d = refitter.d
-    if len(f.parts[part].columns) != 1:
-        return []
-    others = [h for h in d.hypotheses if len(h.columns) == 1 and h.name not in STATED]
+    count = len(f.parts[part].columns)
+    others = [h for h in d.hypotheses if len(h.columns) == count and h.name not in STATED]
     basis = np.linalg.qr(d.E[:, d.stated])[0]
     own = own - basis @ (basis.T @ own)
-    made = d.E[:, [h.columns[0] for h in others]]
-    made = made - basis @ (basis.T @ made)
-    energy = (own @ own) * (made**2).sum(axis=0)
-    left = 1.0 - (own @ made) ** 2 / np.maximum(energy, 1e-300)
-    most = min(SAME, EXCUSED / share)
-    return [h.name for h, rest in zip(others, left, strict=True) if rest < most]
+    most = min(SAME, EXCUSED / share) * float(own @ own)
+    if count == 1:
+        made = d.E[:, [h.columns[0] for h in others]]
+        made = made - basis @ (basis.T @ made)
+        left = own @ own - (own @ made) ** 2 / np.maximum((made**2).sum(axis=0), 1e-300)
+        return [h.name for h, rest in zip(others, left, strict=True) if rest < most]
+    found = []
+    for h in others:
+        made = d.E[:, h.columns]
+        made = made - basis @ (basis.T @ made)
+        rest = own - made @ np.linalg.lstsq(made, own, rcond=None)[0]
+        if rest @ rest < most:
+            found.append(h.name)
+    return found
