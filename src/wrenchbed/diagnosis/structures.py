@@ -15,6 +15,7 @@ from wrenchbed.diagnosis.parts import CLAIMABLE, share
 from wrenchbed.diagnosis.refit import Refitter
 from wrenchbed.diagnosis.search import PRIOR, UNKNOWN, Searcher, Single
 from wrenchbed.diagnosis.swaps import swapped
+from wrenchbed.diagnosis.twins import doubled
 
 SINGLES, EXTENDED, LONGER = 6, 4, 5
 """How many single effects are refitted, how many of these extended, and with how many more."""
@@ -89,7 +90,9 @@ def rank(searcher: Searcher, refitter: Refitter) -> Ranking:
                 continue
             seen.add(names)
             pair = refitter.extended(f, h)
-            if pair.log_posterior > f.log_posterior and len(_claimed(refitter, pair)) <= AT_ONCE:
+            if pair.log_posterior <= f.log_posterior or doubled(refitter, pair):
+                continue
+            if len(_claimed(refitter, pair)) <= AT_ONCE:
                 longer.append(pair)
         if not longer:
             break

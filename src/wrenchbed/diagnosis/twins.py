@@ -33,6 +33,15 @@ def twins(
     return tuple(dict.fromkeys(found))
 
 
+def doubled(refitter: Refitter, f: Finalist) -> bool:
+    """Whether the last part makes what another makes already, be it to undo a share of that."""
+    basis = np.linalg.qr(refitter.d.E[:, refitter.d.stated])[0]
+    own = [made_by(refitter, f, [k]) for k in range(len(f.parts))]
+    *others, last = (x - basis @ (basis.T @ x) for x in own)
+    energy = (1.0 - SAME) * float(last @ last)
+    return any(float(last @ x) ** 2 > energy * float(x @ x) > 0.0 for x in others)
+
+
 def _in_the_same_place(
     refitter: Refitter, f: Finalist, part: int, own: np.ndarray, named: Collection[int | None]
 ) -> list[str]:
