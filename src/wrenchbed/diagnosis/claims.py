@@ -7,7 +7,7 @@ import numpy as np
 from scipy.special import ndtr
 
 from wrenchbed.diagnosis.background import MOST
-from wrenchbed.diagnosis.dictionary import LARGEST, STATED
+from wrenchbed.diagnosis.dictionary import LARGEST, STATED, Dictionary
 from wrenchbed.diagnosis.evidence import Level
 from wrenchbed.diagnosis.finalist import Finalist
 from wrenchbed.diagnosis.parts import CLAIMABLE, made_by, rest, share
@@ -171,22 +171,29 @@ CONVENTIONAL = (
 def own_zero(refitter: Refitter, f: Finalist) -> np.ndarray:
     """How far the parts may move each stated number (S,), in typical sizes.
 
-    Where the zero of a drift, a cable or a memory lies is a convention: a constant part of such an
-    effect within its own range is no wrong bias, its mean share of the load no wrong mass.
+    Which share of an effect looks like a wrong bias, mass or CoG, and is none, no data tells. Where
+    the zero of a drift, a cable or a memory lies is a convention, too: anywhere in its range.
     """
     d = refitter.d
-    own = [k for k, h in enumerate(f.parts) if h.name in CONVENTIONAL]
-    if not own:
-        return np.zeros(len(d.stated))
-    signal = made_by(refitter, f, own)
-    mean = np.linalg.lstsq(d.E[:, d.stated], signal, rcond=None)[0]
-    extent = np.ptp(signal.reshape(-1, 6), axis=0)
-    result = np.abs(mean)
+    result = np.zeros(len(d.stated))
+    for k, h in enumerate(f.parts):
+        if h.name in STATED:
+            continue
+        signal = made_by(refitter, f, [k])
+        result += np.abs(np.linalg.lstsq(d.E[:, d.stated], signal, rcond=None)[0])
+        if h.name in CONVENTIONAL:
+            result += _range(d, np.ptp(signal.reshape(-1, 6), axis=0))
+    return result
+
+
+def _range(d: Dictionary, extent: np.ndarray) -> np.ndarray:
+    """The range (6,) of a signal, as biases (S,)."""
+    result = np.zeros(len(d.stated))
     for i, k in enumerate(d.stated):
         if d.label[k][0] == "sensor.bias":
             column = np.abs(d.E[:, k].reshape(-1, 6)).max(axis=0)
             channel = int(column.argmax())
-            result[i] += extent[channel] / column[channel]
+            result[i] = extent[channel] / column[channel]
     return result
 
 
@@ -201,8 +208,8 @@ def stated(refitter: Refitter, f: Finalist) -> Stated:
     normal = columns.T @ solved[:, :-1] + np.diag(1.0 / spread**2)
     covariance = np.linalg.inv(normal)
     mean = covariance @ (columns.T @ solved[:, -1])
-    mean = mean[: len(own)] + _held_by_small(refitter, f)
-    return Stated(mean, covariance[: len(own), : len(own)])
+    held = _held_by_small(refitter, f, mean[len(own) :])
+    return Stated(mean[: len(own)] + held, covariance[: len(own), : len(own)])
 
 
 def beside(refitter: Refitter, f: Finalist) -> np.ndarray:
@@ -214,8 +221,10 @@ def beside(refitter: Refitter, f: Finalist) -> np.ndarray:
     return np.asarray(np.linalg.solve(normal, columns.T @ solved[:, -1]))
 
 
-def _held_by_small(refitter: Refitter, f: Finalist) -> np.ndarray:
+def _held_by_small(refitter: Refitter, f: Finalist, x: np.ndarray) -> np.ndarray:
     """What parts too small to be named hold of the stated numbers (S,), in typical sizes.
+
+    ``x`` are the parts' variables (k,) that go with these numbers.
 
     A jump at an end of the recording is a zero that is off, a loose part that hardly moves is
     where the tool's mass lies: few rows tell them apart.
@@ -225,7 +234,8 @@ def _held_by_small(refitter: Refitter, f: Finalist) -> np.ndarray:
     small = [k for k in parts if share(refitter, f, k) < CLAIMABLE]
     if not small:
         return np.zeros(len(d.stated))
-    signal = made_by(refitter, f, small)
+    own = [i for i, (k, _, _) in enumerate(refitter.variables(f.parts)) if k in small]
+    signal = f.design[:, own] @ x[own]
     return np.asarray(np.linalg.lstsq(d.E[:, d.stated], signal, rcond=None)[0])
 
 
