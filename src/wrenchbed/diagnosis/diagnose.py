@@ -76,7 +76,7 @@ def diagnose(
     progress("effects and their evidence")
     analysis = analyse(prepared)
     untempered = decide(analysis.ranking)
-    known = reliability or shipped(prepared.model.robot.name, prepared.moving)
+    known = reliability or _known(prepared)
     verdict = witness.upheld(analysis, _tempered(analysis, untempered, known))
     progress("rows")
     shown = (*rows.find(recording), *apart.trembling)
@@ -118,6 +118,12 @@ def diagnose(
         ),
     )
     return Findings(apart.told(told), analysis, verdict, shown, places, plans, untempered)
+
+
+def _known(prepared: Prepared) -> Reliability | None:
+    """What ships with the package; of claims without joints only how often claims are right."""
+    known = shipped(prepared.model.robot.name, prepared.moving)
+    return known if known is None or prepared.scene.jointed else known.plain()
 
 
 def _tempered(a: Analysis, verdict: Verdict, known: Reliability | None) -> Verdict:

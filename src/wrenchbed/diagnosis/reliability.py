@@ -7,14 +7,14 @@ verdict follows from these (Guo et al. 2017, arXiv 1706.04599, calibrate classif
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from importlib import resources
 from typing import Any
 
 import numpy as np
 from scipy.optimize import minimize
-from scipy.special import expit
+from scipy.special import expit, logit
 
 from wrenchbed.diagnosis.structures import Ranking
 from wrenchbed.diagnosis.verdict import Verdict, allowed
@@ -39,6 +39,7 @@ class Reliability:
         cases: that it was learnt from.
         source: where these are from.
         spread: factor on standard uncertainties with which 90 % intervals held 90 % of the time.
+        right: share of all claims that were right.
     """
 
     claim: tuple[float, ...]
@@ -47,6 +48,11 @@ class Reliability:
     cases: int
     source: str
     spread: float = 1.0
+    right: float = 0.9
+
+    def plain(self) -> "Reliability":
+        """For recordings unlike the cases: how often claims were right, whatever their kind."""
+        return replace(self, claim=(float(logit(self.right)), *(0.0,) * (len(NAMES) - 1)))
 
     def of(self, features: Sequence[float]) -> float:
         """Probability that a claim with such features is right."""
@@ -114,7 +120,8 @@ def learnt(
     if len(errors) >= LEAST_ERRORS:
         spread = float(np.clip(np.quantile(np.abs(errors), 0.9) / 1.645, 1.0, LARGEST_SPREAD))
     weights = tuple(float(v) for v in w)
-    return Reliability(weights, _rate(*none), _rate(*unknown), total, source, spread)
+    right = _rate(int(y.sum()), len(y))
+    return Reliability(weights, _rate(*none), _rate(*unknown), total, source, spread, right)
 
 
 def _rate(right: int, count: int) -> float:
