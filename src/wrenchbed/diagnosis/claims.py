@@ -167,21 +167,26 @@ CONVENTIONAL = (
 )  # fmt: skip
 """Effects whose zero, and whose mean response to load, are a convention."""
 
+MANY = 9
+"""Columns of an effect that may imitate stated numbers: torques from forces, for instance."""
+
 
 def own_zero(refitter: Refitter, f: Finalist) -> np.ndarray:
     """How far the parts may move each stated number (S,), in typical sizes.
 
-    Which share of an effect looks like a wrong bias, mass or CoG, and is none, no data tells. Where
-    the zero of a drift, a cable or a memory lies is a convention, too: anywhere in its range.
+    Where the zero of a drift, a cable or a memory lies is a convention: a constant part of such an
+    effect within its own range is no wrong bias, its mean share of the load no wrong mass. And
+    which share of an effect of many numbers is a wrong centre of gravity, hardly any data tells.
     """
     d = refitter.d
     result = np.zeros(len(d.stated))
     for k, h in enumerate(f.parts):
-        if h.name in STATED:
+        conventional = h.name in CONVENTIONAL
+        if h.name in STATED or not (conventional or len(h.columns) >= MANY):
             continue
         signal = made_by(refitter, f, [k])
         result += np.abs(np.linalg.lstsq(d.E[:, d.stated], signal, rcond=None)[0])
-        if h.name in CONVENTIONAL:
+        if conventional:
             result += _range(d, np.ptp(signal.reshape(-1, 6), axis=0))
     return result
 
