@@ -28,7 +28,7 @@ ODDS = 0.15
 class Part:
     """An effect of an explanation and the gap that it adds; for wrong numbers, how surely.
 
-    ``twins`` are effects whose small part in the same joint might as well be the large one.
+    ``twins`` are effects that might as well be this one, whatever their evidence.
     """
 
     name: str

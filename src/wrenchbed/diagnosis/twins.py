@@ -4,7 +4,7 @@ from collections.abc import Collection
 
 import numpy as np
 
-from wrenchbed.diagnosis.dictionary import STATED, Hypothesis
+from wrenchbed.diagnosis.dictionary import STATED, Dictionary, Hypothesis
 from wrenchbed.diagnosis.finalist import Finalist
 from wrenchbed.diagnosis.parts import made_by
 from wrenchbed.diagnosis.refit import Refitter
@@ -35,9 +35,8 @@ def twins(
 
 def doubled(refitter: Refitter, f: Finalist) -> bool:
     """Whether the last part makes what another makes already, be it to undo a share of that."""
-    basis = np.linalg.qr(refitter.d.E[:, refitter.d.stated])[0]
-    own = [made_by(refitter, f, [k]) for k in range(len(f.parts))]
-    *others, last = (x - basis @ (basis.T @ x) for x in own)
+    made = np.stack([made_by(refitter, f, [k]) for k in range(len(f.parts))], axis=1)
+    *others, last = _beyond_stated(refitter.d, made).T
     energy = (1.0 - SAME) * float(last @ last)
     return any(float(last @ x) ** 2 > energy * float(x @ x) > 0.0 for x in others)
 
@@ -59,6 +58,12 @@ def _in_the_same_place(
     return found
 
 
+def _beyond_stated(d: Dictionary, x: np.ndarray) -> np.ndarray:
+    """Readings (6 R, …) without what bias, mass and CoG make of them."""
+    basis = np.linalg.qr(d.E[:, d.stated])[0]
+    return np.asarray(x - basis @ (basis.T @ x))
+
+
 def _place(h: Hypothesis) -> str:
     """The one joint or link that a part is of, as the ends of its parameters' names."""
     ends = {name.partition(".")[2] for name in h.variant.free}
@@ -73,18 +78,15 @@ def _as_many_numbers(
     d = refitter.d
     count = len(f.parts[part].columns)
     others = [h for h in d.hypotheses if len(h.columns) == count and h.name not in STATED]
-    basis = np.linalg.qr(d.E[:, d.stated])[0]
-    own = own - basis @ (basis.T @ own)
+    own = _beyond_stated(d, own)
     most = min(SAME, EXCUSED / share) * float(own @ own)
     if count == 1:
-        made = d.E[:, [h.columns[0] for h in others]]
-        made = made - basis @ (basis.T @ made)
+        made = _beyond_stated(d, d.E[:, [h.columns[0] for h in others]])
         left = own @ own - (own @ made) ** 2 / np.maximum((made**2).sum(axis=0), 1e-300)
         return [h.name for h, rest in zip(others, left, strict=True) if rest < most]
     found = []
     for h in others:
-        made = d.E[:, h.columns]
-        made = made - basis @ (basis.T @ made)
+        made = _beyond_stated(d, d.E[:, h.columns])
         rest = own - made @ np.linalg.lstsq(made, own, rcond=None)[0]
         if rest @ rest < most:
             found.append(h.name)

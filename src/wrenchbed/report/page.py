@@ -95,6 +95,7 @@ def diagnosis_page(found: Findings, command: str = "", artist: Artist | None = N
             "gaps": gaps.result(),
             "channels": channels.result(),
             "places": tables.places(found),
+            "shared": tables.shared(found),
             "unseen": tables.unseen(found),
             "heat": heat.result(),
             "heat_over": map_of_residuals.over,

@@ -46,13 +46,17 @@ def subsystems(found: Findings) -> list[dict[str, Any]]:
     return result
 
 
+LEAST_SHARE = 0.005
+"""Share of the residual below which a place that is seen has no row of its own."""
+
+
 def unseen(found: Findings) -> str:
     """Names of the places where nothing is seen."""
     return ", ".join(f.variable for f in found.places if not f.seen)
 
 
 def places(found: Findings) -> list[dict[str, str]]:
-    """What the calibrated residual is seen to lie in, or to vary with."""
+    """What the calibrated residual is seen to lie in, or to vary with, and how much of it."""
     return [
         {
             "variable": f.variable,
@@ -62,8 +66,13 @@ def places(found: Findings) -> list[dict[str, str]]:
             "sentence": f.sentence,
         }
         for f in found.places
-        if f.seen
+        if f.seen and f.share >= LEAST_SHARE
     ]
+
+
+def shared(found: Findings) -> str:
+    """Names of the places that show only what others explain."""
+    return ", ".join(f.variable for f in found.places if f.seen and f.share < LEAST_SHARE)
 
 
 def candidates(probabilities: Mapping[str, float]) -> list[dict[str, str]]:
