@@ -24,7 +24,8 @@ LAYERS = {
     "weighting": 6.3, "calibration": 7,
     "drivers": 8,
     "campaign": 9, "planning": 9, "mixing": 9, "rehearsal": 8,
-    "diagnosis": 10, "study": 10, "effects_page": 10.1,
+    "referee": 5.5,
+    "diagnosis": 10, "study": 10, "effects_page": 10.1, "blind": 10.5,
     "report": 11,
     "cli": 12, "__init__": 12, "__main__": 13,
 }  # fmt: skip
@@ -32,7 +33,7 @@ PLUGINS = ("robots", "sensors", "drivers", "effects")
 ONLY_IN = {
     "mujoco": (
         "robots", "mjcf", "simulation", "plant", "springs", "assembly", "mechanics",
-        "sensor_only", "exporting", "effects", "lookalikes",
+        "sensor_only", "exporting", "effects", "lookalikes", "referee",
     ),
     "rtde_control": ("drivers", "twins"), "rtde_receive": ("drivers", "twins"),
     "can": ("drivers", "twins"), "canopen": ("drivers", "twins"),

@@ -9,6 +9,7 @@
     ├── CalibrationError    data that cannot answer the question     (ValueError)
     ├── DiagnosisError      data that cannot be diagnosed            (ValueError)
     ├── TwinError           a twin that cannot be read or cannot follow (ValueError)
+    ├── BenchmarkError      sealed cases, claims or answers that do not belong together (ValueError)
     ├── NotFoundError       a robot, sensor or driver that does not exist (LookupError)
     ├── DriverError         a device that did not do as told         (RuntimeError)
     └── MissingExtraError   an optional library that is not installed (ImportError)
@@ -53,6 +54,10 @@ class DiagnosisError(WrenchbedError, ValueError):
 
 class TwinError(WrenchbedError, ValueError):
     """A twin's file that cannot be trusted, or a motion that its robot cannot follow."""
+
+
+class BenchmarkError(WrenchbedError, ValueError):
+    """Sealed cases, claims or answers that are missing, were changed or do not belong together."""
 
 
 class NotFoundError(WrenchbedError, LookupError):

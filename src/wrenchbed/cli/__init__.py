@@ -8,7 +8,7 @@ from typing import Any
 import tyro
 from rich.console import Console
 
-from wrenchbed.cli import study, twin, verbs
+from wrenchbed.cli import blind, study, twin, verbs
 from wrenchbed.cli.diagnose import diagnose
 from wrenchbed.cli.plan import plan
 from wrenchbed.errors import WrenchbedError, WrenchbedWarning
@@ -23,7 +23,9 @@ _VERBS: dict[str, Callable[..., Any]] = {
     "simulate": twin.simulate,
     "export": twin.export,
     "study": study.study,
+    "blind": blind.blind,
 }
+_GROUPS: dict[str, dict[str, Callable[..., Any]]] = {"blind": blind.VERBS}
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -35,11 +37,15 @@ def main(arguments: list[str] | None = None) -> int:
             warnings.showwarning = lambda message, *_, **__: stderr.print(
                 f"wrenchbed: warning: {message}", style="yellow", markup=False
             )
+            words = sys.argv[1:] if arguments is None else arguments
+            group = words[0] if words and words[0] in _GROUPS else None
             tyro.extras.subcommand_cli_from_dict(
-                _VERBS,
-                prog="wrenchbed",
-                description="Testbed for force-sensing robots: plan, record, calibrate, diagnose.",
-                args=sys.argv[1:] if arguments is None else arguments,
+                _VERBS if group is None else _GROUPS[group],
+                prog="wrenchbed" if group is None else f"wrenchbed {group}",
+                description="Testbed for force-sensing robots: plan, record, calibrate, diagnose."
+                if group is None
+                else _VERBS[group].__doc__,
+                args=words if group is None else words[1:],
             )
     except WrenchbedError as error:
         stderr.print(f"wrenchbed: error: {error}", style="red", markup=False)

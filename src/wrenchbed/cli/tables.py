@@ -15,6 +15,7 @@ from wrenchbed.wrench import CHANNELS
 
 if TYPE_CHECKING:
     from wrenchbed.fit import Fit, Identified
+    from wrenchbed.study.page import Page
 
 _SHOWN = {"m": ("mm", 1e3), "rad": ("°", 180 / np.pi), "kg·m²": ("g·m²", 1e3)}
 """Units that people read more easily than SI, and their factors."""
@@ -133,3 +134,16 @@ def _cannot_tell(result: Fit) -> list[Padding]:
         lines.append(f"no effect on any reading: {', '.join(o.no_effect)}")
     lines += [r.sentence for r in o.redundancies]
     return [_indented(line) for line in lines] if len(lines) > 1 else []
+
+
+def score_table(main: str, page: Page) -> Group:
+    """The figures of a sealed benchmark: targets, the judged entrant, the oracle."""
+    table = Table(box=None, padding=(0, 2, 0, 0), header_style="bold")
+    table.add_column("")
+    for head in ("target", f"{main} (95 %)", "n", "oracle"):
+        table.add_column(head, justify="right", no_wrap=True)
+    figures = page.sections[0].parts[0]
+    assert not hasattr(figures, "svg")
+    for row in figures.rows:
+        table.add_row(*row[:5])
+    return Group(Text(page.title, style="bold"), Text(page.lead), "", table)

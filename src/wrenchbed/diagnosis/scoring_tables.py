@@ -1,11 +1,11 @@
 """Figures of a benchmark as Markdown, and where they stand in a document."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 
 import numpy as np
 
-from wrenchbed.diagnosis.scoring import DRAWS, METRICS, Figure, Metric, holds, score
+from wrenchbed.diagnosis.scoring import DRAWS, METRICS, Figure, Metric, figure, holds
 from wrenchbed.diagnosis.scoring_rows import OURS, Row
 from wrenchbed.diagnosis.search import NONE, UNKNOWN
 from wrenchbed.errors import DiagnosisError
@@ -14,27 +14,51 @@ EDGES = (1.0, 2.0, 4.0, 8.0, 16.0, 32.0, np.inf)
 """Of the sizes that detection is shown against, in gap."""
 
 
+Cells = tuple[list[str], list[list[str]]]
+"""Heads and rows of a table."""
+
+
+def markdown(cells: Cells) -> str:
+    """A table."""
+    head, rows = cells
+    return "\n".join([_line(*head), "|" + "---|" * len(head), *(_line(*r) for r in rows)])
+
+
 def figures(rows: Sequence[Row], methods: Sequence[str], draws: int = DRAWS) -> str:
-    """Target, figure and each other method's, one line a metric."""
-    found = {m: score(rows, m, draws) for m in methods}
+    """Target, figure and each other method's, one line a metric, as Markdown."""
+    return markdown(figure_cells(rows, methods, METRICS, "wrenchbed", draws))
+
+
+def figure_cells(
+    rows: Sequence[Row],
+    methods: Sequence[str],
+    metrics: Mapping[str, Metric],
+    main: str,
+    draws: int = DRAWS,
+) -> Cells:
+    """Target, figure of the main method and each other's, one line a metric."""
     others = [m for m in methods if m != OURS]
-    lines = [_line("", "target", "wrenchbed (95 %)", "n", *others)]
-    lines.append("|" + "---|" * (4 + len(others)))
-    for key, metric in METRICS.items():
-        own = found[OURS][key]
-        theirs = [_told(metric, found[m].get(key)) for m in others]
+    told = []
+    for metric in metrics.values():
+        own = figure(metric, rows, OURS, draws)
+        theirs = [
+            "–" if metric.ours else _told(metric, figure(metric, rows, m, draws)) for m in others
+        ]
         count = "" if own is None else str(own.count)
-        lines.append(
-            _line(metric.title, metric.target, _told(metric, own, wide=True), count, *theirs)
-        )
-    return "\n".join(lines)
+        told.append([metric.title, metric.target, _told(metric, own, wide=True), count, *theirs])
+    return ["", "target", f"{main} (95 %)", "n", *others], told
 
 
 def by_effect(rows: Sequence[Row]) -> str:
+    """What became of the single effects, one line each, as Markdown."""
+    return markdown(effect_cells(rows))
+
+
+def effect_cells(rows: Sequence[Row]) -> Cells:
     """What became of the single effects, one line each."""
-    lines = [_line("effect", "n", "median gap", "isolated", "none", "unknown", "otherwise named")]
-    lines.append("|" + "---|" * 7)
+    head = ["effect", "n", "median gap", "isolated", "none", "unknown", "otherwise named"]
     singles = [r for r in rows if r.kind == "single"]
+    told = []
     for name in sorted({r.truth[0] for r in singles}):
         own = [r for r in singles if r.truth[0] == name]
         claims = [r.answers[OURS] for r in own]
@@ -47,26 +71,40 @@ def by_effect(rows: Sequence[Row]) -> str:
         said = ", ".join(f"{k} {v}" for k, v in sorted(wrong.items(), key=lambda i: -i[1]))
         size = float(np.median([r.size[name] for r in own]))
         title = f"{name} (between rows)" if own[0].between else name
-        lines.append(_line(title, str(len(own)), f"{size:.2g}", str(held), *map(str, counts), said))
-    return "\n".join(lines)
+        told.append([title, str(len(own)), f"{size:.2g}", str(held), *map(str, counts), said])
+    return head, told
 
 
 def by_size(rows: Sequence[Row], methods: Sequence[str] = (OURS,)) -> str:
     """How often single effects are noticed and isolated, against the gap that they add."""
     heads = [f"{m}: {what}" for m in methods for what in ("noticed", "isolated")]
-    lines = [_line("gap", "n", *heads), "|" + "---|" * (2 + len(heads))]
-    singles = [r for r in rows if r.kind == "single" and not r.between]
-    for low, high in pairwise(EDGES):
-        own = [r for r in singles if low <= r.size[r.truth[0]] < high]
+    told = []
+    for (low, high), own in sized(rows):
         cells = []
         for m in methods:
-            claims = [(r, r.answers[m]) for r in own]
-            seen = [c.verdict != NONE for _, c in claims]
-            held = [holds(c, r.truth) for r, c in claims]
-            cells += [f"{100 * np.mean(x):.0f} %" if x else "–" for x in (seen, held)]
+            for share in shares(own, m):
+                cells.append("–" if share is None else f"{100 * share:.0f} %")
         span = f"{low:g}–{high:g}" if np.isfinite(high) else f"> {low:g}"
-        lines.append(_line(span, str(len(own)), *cells))
-    return "\n".join(lines)
+        told.append([span, str(len(own)), *cells])
+    return markdown((["gap", "n", *heads], told))
+
+
+def sized(rows: Sequence[Row]) -> list[tuple[tuple[float, float], list[Row]]]:
+    """Single effects that show in means, by the gap that they add."""
+    singles = [r for r in rows if r.kind == "single" and not r.between]
+    return [
+        ((low, high), [r for r in singles if low <= r.size[r.truth[0]] < high])
+        for low, high in pairwise(EDGES)
+    ]
+
+
+def shares(rows: Sequence[Row], method: str) -> tuple[float | None, float | None]:
+    """Shares of cases in which a method says anything but none, and in which a class is right."""
+    claims = [(r, r.answers[method]) for r in rows]
+    if not claims:
+        return None, None
+    seen = np.mean([c.verdict != NONE for _, c in claims])
+    return float(seen), float(np.mean([holds(c, r.truth) for r, c in claims]))
 
 
 def placed(document: str, name: str, text: str) -> str:
@@ -88,9 +126,9 @@ def _told(metric: Metric, f: Figure | None, *, wide: bool = False) -> str:
         return "–"
     if metric.percent:
         value, low, high = (f"{100 * x:.0f}" for x in (f.value, f.low, f.high))
-        return f"**{value} %** ({low}–{high})" if wide else f"{value} %"
+        return f"{value} % ({low}–{high})" if wide else f"{value} %"
     value, low, high = (f"{x:.2f}" for x in (f.value, f.low, f.high))
-    return f"**{value}** ({low}–{high})" if wide else value
+    return f"{value} ({low}–{high})" if wide else value
 
 
 def _line(*cells: str) -> str:

@@ -39,7 +39,7 @@ def numbers(
     true = truth(design, case, effect)
     if true is None:
         return (), False
-    told = _compliant(published) if effect == "joint.compliance" else published
+    told = as_published(effect, published)
     found = [
         Number(f"{effect}:{name}", float(p["value"]), float(p["std"]), true.get(name, 0.0))
         for name, p in told.items()
@@ -68,9 +68,11 @@ def _stated(design: Design, case: Case, effect: str) -> dict[str, float]:
     return {f"cog.{a}": float(v) for a, v in zip("xyz", shift, strict=True)}
 
 
-def _compliant(published: Mapping[str, Mapping[str, Any]]) -> dict[str, Mapping[str, Any]]:
-    """The stiffness of one joint as a compliance: 1/k ± σ/k²."""
-    if "stiffness" not in published:
+def as_published(
+    effect: str, published: Mapping[str, Mapping[str, Any]]
+) -> dict[str, Mapping[str, Any]]:
+    """Published numbers under the names of true ones: a joint's stiffness as 1/k ± σ/k²."""
+    if effect != "joint.compliance" or "stiffness" not in published:
         return dict(published)
     k, std = published["stiffness"]["value"], published["stiffness"]["std"]
     give = {"value": 1.0 / k, "std": None if std is None else std / k**2}

@@ -63,9 +63,7 @@ def gear_error(setting: Setting, rng: Rng, size: float, j: int | None = None) ->
         return np.outer(wave * (np.sin(angle) + over * np.sin(2 * angle + phase[1])), own)
 
     true = {"amplitude": wave, "joint": float(k + 1)}
-    return Fault(
-        "joint.gear_error", true, size, body=lambda m: replace(m, drive=(*m.drive, drive))
-    )
+    return Fault("joint.gear_error", true, size, body=lambda m: replace(m, drive=(*m.drive, drive)))
 
 
 def clearance(setting: Setting, rng: Rng, size: float) -> Fault:
@@ -74,7 +72,9 @@ def clearance(setting: Setting, rng: Rng, size: float) -> Fault:
     count = int(rng.integers(1, len(pins) + 1))
     chosen = rng.choice(len(pins), count, replace=False)
     slack = {pins[int(k)]: about(rng, 4e-5 * size) for k in chosen}
-    return Fault("joint.clearance", slack, size, body=lambda m: replace(m, slack=m.slack | slack))
+    return Fault(
+        "joint.clearance", slack, size, body=lambda m: replace(m, slack={**m.slack, **slack})
+    )
 
 
 def link_length(setting: Setting, rng: Rng, size: float) -> Fault:

@@ -68,7 +68,8 @@ def _stated(setting: Setting, rng: np.random.Generator) -> list[Fault]:
     dm, dc, db = setting.tolerance
     tool = setting.metadata.tool
     assert tool.mass is not None and tool.cog is not None
-    weight = float(rng.uniform(0.0, 0.3) * min(dm, dc * tool.mass / max(np.linalg.norm(tool.cog), 1e-3)))
+    reach = max(float(np.linalg.norm(tool.cog)), 1e-3)
+    weight = float(rng.uniform(0.0, 0.3) * min(dm, dc * tool.mass / reach))
     heavier = float(rng.uniform(-0.6, 0.6) * dm)
     off = float(rng.uniform(0.0, 0.6) * dc) * direction(rng)
     zero = rng.uniform(-0.8, 0.8, 6) * db

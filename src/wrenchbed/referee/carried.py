@@ -58,9 +58,7 @@ def loose(setting: Setting, rng: Rng, size: float) -> Fault:
     travel = about(rng, 1.5e-3 * size)
     share = float(rng.uniform(0.08, 0.2))
     part = Loose(share, direction(rng), 0.5 * travel / share, float(rng.uniform(0.05, 0.3)))
-    return Fault(
-        "tool.loose", {"travel": travel}, size, body=lambda m: replace(m, loose=part)
-    )
+    return Fault("tool.loose", {"travel": travel}, size, body=lambda m: replace(m, loose=part))
 
 
 def flexure(setting: Setting, rng: Rng, size: float) -> Fault:
@@ -108,7 +106,9 @@ def pad(setting: Setting, rng: Rng, size: float) -> Fault:
     k = force / max(float(deep.mean()), 1e-4)
     point = ends.mean(axis=0) + (level - radius - float(ends.mean(axis=0) @ normal)) * normal
     block = Pad(point, normal, k, float(rng.uniform(0.1, 0.5)), tip, radius)
-    return Fault("environment.contact", {"stiffness": k}, size, body=lambda m: replace(m, pad=block))
+    return Fault(
+        "environment.contact", {"stiffness": k}, size, body=lambda m: replace(m, pad=block)
+    )
 
 
 def torsion(setting: Setting, rng: Rng, size: float) -> Fault:

@@ -185,7 +185,7 @@ def _outside(world: World, signatures: Bench, rng: np.random.Generator) -> Cause
         found = measured(world, family(world.setting, rng, size))
         if found.gap < NEEDED["outside"]:
             continue
-        left = signatures.imitated(found.signature, configured=False)
+        left = signatures.imitated(found.signature, configured=False, bounded=False)
         if min(left.values()) >= LIBRARY_LEAVES:
             return found
     raise ParameterError("no fault outside the library shows")

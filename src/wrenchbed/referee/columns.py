@@ -187,7 +187,9 @@ def _pushes(
 def _arm(setting: Setting, seen: Seen) -> Iterator[tuple[str, np.ndarray]]:
     every, robot, theta = stride(setting), setting.robot, setting.theta
     base = setting.stated(theta, every=every)
-    turn = [np.concatenate([np.cross(base[:, :3], e), np.cross(base[:, 3:], e)], 1) for e in np.eye(3)]
+    turn = [
+        np.concatenate([np.cross(base[:, :3], e), np.cross(base[:, 3:], e)], 1) for e in np.eye(3)
+    ]
     yield "mount.rotation", np.deg2rad(0.4) * np.stack(turn, -1)
     slopes = []
     for j in range(len(robot.joints)):

@@ -18,7 +18,11 @@ def vibration(setting: Setting, rng: np.random.Generator, size: float) -> Fault:
     axis /= np.linalg.norm(axis)
     top = 0.4 * float(setting.metadata.rate_hz or 100.0)
     rumble = rng.uniform() < 0.2
-    f, phase, seed = rng.uniform(7.0, min(40.0, top)), rng.uniform(0, 6.28, 3), int(rng.integers(2**32))
+    f, phase, seed = (
+        rng.uniform(7.0, min(40.0, top)),
+        rng.uniform(0, 6.28, 3),
+        int(rng.integers(2**32)),
+    )
 
     def shake(t: np.ndarray) -> np.ndarray:
         if rumble:

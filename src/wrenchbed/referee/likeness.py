@@ -18,8 +18,6 @@ together may leave four times as much."""
 LARGEST = 8.0
 """Largest size, in multiples of typical, of an effect that imitates another."""
 _NEAREST = 4
-DOUBT = 0.15
-"""Gap of imperfections that the oracle expects in any data."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,54 +78,41 @@ class Bench:
     alone: Mapping[str, list[Block]]
     beside: Mapping[str, list[Block]]
 
-    def imitated(self, signal: np.ndarray, configured: bool) -> dict[str, float]:
-        """Gap that each effect leaves of a signature (n, 6) when it imitates it as well as it can."""
-        x = self.usual.white(signal, configured)
+    def imitated(
+        self, signature: np.ndarray, configured: bool, bounded: bool = True
+    ) -> dict[str, float]:
+        """Gap that each effect leaves of a signature (n, 6) when it imitates it as well as it can.
+
+        Args:
+            bounded: with sizes that a robot may have, where any sizes imitate it.
+        """
+        x = self.usual.white(signature, configured)
         whole, every = float(x @ x), self.alone if configured else self.beside
         found = {}
         for name, own in every.items():
             free = [b.leaves(x, whole, bounded=False) for b in own]
             near = sorted(range(len(own)), key=lambda k: free[k])[:_NEAREST]
-            if free[near[0]] <= SAME * len(x):
-                found[name] = min(own[k].leaves(x, whole, bounded=True) for k in near) / len(x)
-            else:
-                found[name] = max(0.0, free[near[0]]) / len(x)
+            least = free[near[0]]
+            if bounded and least <= SAME * len(x):
+                least = min(own[k].leaves(x, whole, bounded=True) for k in near)
+            found[name] = max(0.0, least) / len(x)
         return found
 
-    def alike(self, name: str, signal: np.ndarray) -> list[str]:
+    def alike(self, name: str, signature: np.ndarray) -> list[str]:
         """Other effects that this data cannot tell from one with a signature (n, 6)."""
-        found = self.imitated(signal, name in STATED)
-        return sorted(k for k, left in found.items() if k != name and left <= SAME)
+        found = self.imitated(signature, name in STATED)
+        near = [k for k, left in found.items() if k != name and left <= SAME]
+        return sorted(near, key=lambda k: found[k])
 
-    def judged(
-        self, seen: np.ndarray, name: str, signal: np.ndarray, noise: float
-    ) -> tuple[str, ...]:
-        """What an oracle names that is told the form and size of what may be there.
+    def shows(self, seen: np.ndarray, signature: np.ndarray, configured: bool) -> bool:
+        """Whether data holds an exact signature: it takes away half of what it should, or more.
 
         Args:
             seen: measured less stated, and less what else is known to be there (n, 6).
-            name: of the cause; its exact signature is ``signal``.
-            noise: gap of noise alone.
-
-        Returns:
-            The best explanation and those that are as good; empty where nothing is as good.
         """
-        configured = name in STATED
-        x, s = self.usual.white(seen, configured), self.usual.white(signal, configured)
-        v, n = noise + DOUBT, len(x)
-        whole = float(x @ x)
-        cost = {"": whole / v, name: float((x - s) @ (x - s)) / v}
-        for rival, own in (self.alone if configured else self.beside).items():
-            if rival != name:
-                free = [b.leaves(x, whole, False) / v + b.q.shape[1] * np.log(n) for b in own]
-                k = int(np.argmin(free))
-                cost[rival] = free[k]
-                if free[k] < cost[name] + 2.0:
-                    cost[rival] += (own[k].leaves(x, whole, True) - own[k].leaves(x, whole, False)) / v
-        least = min(cost.values())
-        near = [k for k in cost if cost[k] - least < 2.0]
-        near.sort(key=lambda k: (k != name, cost[k]))
-        return tuple(near) if near[0] else ()
+        x, s = self.usual.white(seen, configured), self.usual.white(signature, configured)
+        fall = float(x @ x) - float((x - s) @ (x - s))
+        return fall >= 0.5 * float(s @ s)
 
 
 def bench(setting: Setting, ride: Ride, usual: Usual) -> Bench:

@@ -74,9 +74,12 @@ def build(robot: SimulatedRobot, truth: Mechanics, step: float) -> Machine:
         _pin(spec, name, radius)
     _base(spec, truth, step)
     _tool(spec, truth, step)
-    for part, write in ((truth.loose, _loose), (truth.hose, _hose), (truth.pad, _pad)):
-        if part is not None:
-            write(spec, part)
+    if truth.loose is not None:
+        _loose(spec, truth.loose)
+    if truth.hose is not None:
+        _hose(spec, truth.hose)
+    if truth.pad is not None:
+        _pad(spec, truth.pad)
     model = spec.compile()
     own = [model.joint(joint.name) for joint in robot.joints]
     return Machine(
@@ -145,9 +148,7 @@ def _base(spec: mujoco.MjSpec, truth: Mechanics, step: float) -> None:
     c, s = np.cos(truth.heading), np.sin(truth.heading)
     for name, axis, give in zip("xy", ([c, s, 0.0], [-s, c, 0.0]), truth.lean, strict=True):
         if give > _LEAST_GIVE:
-            hinge = spec.body("base").add_joint(
-                name=f"hidden_lean_{name}", type=_HINGE, axis=axis
-            )
+            hinge = spec.body("base").add_joint(name=f"hidden_lean_{name}", type=_HINGE, axis=axis)
             _spring(hinge, 1.0 / give, step)
 
 
@@ -209,7 +210,7 @@ def _pad(spec: mujoco.MjSpec, pad: Pad) -> None:
     way = plate.add_joint(name="hidden_pad", type=_SLIDE, axis=[0.0, 0.0, 1.0])
     way.limited, way.stiffness = False, [pad.stiffness, 0.0, 0.0]
     way.damping, way.armature = [0.03 * pad.stiffness, 0.0, 0.0], 0.05
-    shape = dict(contype=1, conaffinity=1, friction=[pad.friction, 0.0, 0.0])
+    shape = {"contype": 1, "conaffinity": 1, "friction": [pad.friction, 0.0, 0.0]}
     plate.add_geom(
         type=mujoco.mjtGeom.mjGEOM_BOX, size=[3.0, 3.0, 0.5], pos=[0.0, 0.0, -0.5], mass=0.05,
         **shape,

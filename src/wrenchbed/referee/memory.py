@@ -45,7 +45,7 @@ def lowpass(y: np.ndarray, dt: float, time: float, stages: int) -> np.ndarray:
     b0 = 1.0 - (1.0 - a) * time / (stages * dt)
     b1 = (1.0 - a) * time / (stages * dt) - a
     for _ in range(stages):
-        start = (a * y[:1] + b1 * y[:1])
+        start = a * y[:1] + b1 * y[:1]
         y = lfilter([b0, b1], [1.0, -a], y, axis=0, zi=start)[0]
     return np.asarray(y)
 

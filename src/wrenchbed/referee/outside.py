@@ -101,11 +101,13 @@ def dropout(setting: Setting, rng: Rng, size: float) -> Fault:
     return Fault("dropout", {}, size, gauge=gauge, stage=5)
 
 
-def leak(setting: Setting, rng: Rng, size: float) -> Fault:
-    """A bottle in the tool runs empty: its mass falls as the run goes on."""
-    share = _share(setting)
-    gone = 0.03 * size * (1.0 - np.exp(-rng.uniform(1.0, 3.0) * share))
-    return Fault("leak", {}, size, load=lambda ride, y: y * (1.0 - gone[:, None]))
+def shedding(setting: Setting, rng: Rng, size: float) -> Fault:
+    """Parts fall off the tool, one after the other."""
+    t = setting.path.t
+    when = np.sort(rng.uniform(t[0], t[-1], int(rng.integers(2, 7))))
+    share = 0.015 * size * rng.uniform(0.3, 1.0, len(when))
+    gone = np.concatenate([[0.0], np.cumsum(share)])[np.searchsorted(when, t)]
+    return Fault("shedding", {}, size, load=lambda ride, y: y * (1.0 - gone[:, None]))
 
 
 def unscrewing(setting: Setting, rng: Rng, size: float) -> Fault:
@@ -140,7 +142,7 @@ def sinking(setting: Setting, rng: Rng, size: float) -> Fault:
 
 Family = Callable[[Setting, Rng, float], Fault]
 _ALL: tuple[Family, ...] = (
-    boot, popcorn, triple, snag, gusts, dropout, leak, unscrewing, sinking,
+    boot, popcorn, triple, snag, gusts, dropout, shedding, unscrewing, sinking,
 )  # fmt: skip
 FAMILIES: dict[str, Family] = {f.__name__: f for f in _ALL}
 """By name; none of them is a family that probabilities were learnt on."""

@@ -28,7 +28,11 @@ class Rows:
 
 
 def rows(
-    setting: Setting, ride: Ride, clean: np.ndarray, faults: Sequence[Fault], rng: np.random.Generator
+    setting: Setting,
+    ride: Ride,
+    clean: np.ndarray,
+    faults: Sequence[Fault],
+    rng: np.random.Generator,
 ) -> Rows:
     """What is recorded of a clean signal at all instants (T, 6)."""
     path = setting.path
@@ -100,6 +104,6 @@ def _slow(setting: Setting, t: np.ndarray, rng: np.random.Generator) -> np.ndarr
     span = float(t[-1] - t[0])
     times = span * np.array([0.5, 0.1, 0.02, 0.004])
     every = np.linspace(t[0], t[-1], 2000)
-    waves = sum(ornstein(every, float(s), 6, rng) for s in times) / 2.0
+    waves = np.mean([ornstein(every, float(s), 6, rng) for s in times], axis=0) * 2.0
     level = rng.uniform(0.0, WANDER) * rng.uniform(0.5, 1.0, 6) * setting.noise
     return np.stack([np.interp(t, every, waves[:, k]) for k in range(6)], axis=1) * level

@@ -84,9 +84,7 @@ class Setting:
         """The robot as stated (H or N, 6) [N, N·m]."""
         return self.stated(self.theta)
 
-    def stated(
-        self, theta: np.ndarray, dq: np.ndarray | None = None, every: int = 1
-    ) -> np.ndarray:
+    def stated(self, theta: np.ndarray, dq: np.ndarray | None = None, every: int = 1) -> np.ndarray:
         """A rigid robot with these parameters (H or N, 6), joints off by dq, by `mj_inverse`.
 
         Args:
@@ -185,5 +183,7 @@ def _weather(t: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     span = float(t[-1] - t[0])
     rise = rng.uniform(1.0, 6.0) * rng.choice([-1.0, 1.0])
     slow = -np.expm1(-(t - t[0]) / (span * rng.uniform(0.3, 1.5)))
-    swing = rng.uniform(0.0, 0.8) * np.sin(2 * np.pi * (t / rng.uniform(90.0, 240.0) + rng.uniform()))
+    swing = rng.uniform(0.0, 0.8) * np.sin(
+        2 * np.pi * (t / rng.uniform(90.0, 240.0) + rng.uniform())
+    )
     return np.asarray(rng.uniform(19.0, 26.0) + rise * slow + swing)

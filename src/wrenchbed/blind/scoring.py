@@ -1,0 +1,156 @@
+"""The score of a sealed benchmark: commitments checked, claims held against answers."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from wrenchbed.blind import answer as answers_
+from wrenchbed.blind import claims as claims_
+from wrenchbed.blind import seal
+from wrenchbed.blind.answer import Answer
+from wrenchbed.blind.claims import Said
+from wrenchbed.diagnosis.linear import Claim
+from wrenchbed.diagnosis.scoring_rows import OURS, Number, Row
+from wrenchbed.diagnosis.scoring_truth import as_published
+from wrenchbed.errors import BenchmarkError
+from wrenchbed.referee.catalogue import STATED
+
+ORACLE = "oracle"
+
+
+@dataclass(frozen=True, eq=False)
+class Score:
+    """Every case with its truth and what was said.
+
+    Attributes:
+        main: the entrant that is judged.
+        others: beside it, as their names are in ``rows``.
+        rows: one a case; the main entrant's claim is under `OURS`.
+        answers: by case.
+        root: SHA-256 of the commitments.
+        unclaimed: cases that the main entrant has no claim for.
+    """
+
+    main: str
+    others: tuple[str, ...]
+    rows: tuple[Row, ...]
+    answers: dict[str, Answer]
+    root: str
+    unclaimed: int
+
+
+def score(cases: Path, claims: Path, answers: Path, main: str | None = None) -> Score:
+    """Check what was committed to, and hold claims against answers.
+
+    Args:
+        cases: folder of recordings and commitments.
+        claims: folder of claims, one folder an entrant.
+        answers: folder of answers.
+        main: entrant that is judged; wrenchbed's diagnosis, else the first.
+
+    Raises:
+        BenchmarkError: a case or an answer was changed, or claims are missing.
+    """
+    sealed = seal.verify(cases, answers)
+    names = claims_.entrants(claims, main)
+    told = {n: answers_.read(seal.answer_of(answers, n)) for n in sealed}
+    wrong = next((n for n, a in told.items() if a.case != n), None)
+    if wrong is not None:
+        raise BenchmarkError(f"{seal.answer_of(answers, wrong)}: answers case {told[wrong].case}")
+    rows, unclaimed = [], 0
+    for name, truth in told.items():
+        said = {n: claims_.read(claims / n / name) for n in names}
+        unclaimed += not (claims / names[0] / name).is_dir()
+        rows.append(_row(truth, said[names[0]], {n: said[n] for n in names[1:]}))
+    root = seal.digest((cases / seal.COMMITMENTS).read_bytes())
+    return Score(names[0], tuple(names[1:]), tuple(rows), told, root, unclaimed)
+
+
+def _row(truth: Answer, own: Said, others: dict[str, Said]) -> Row:
+    every = {OURS: own, **others}
+    closed = own_closed(truth, own)
+    numbers, variant = _numbers(truth, own)
+    oracle = Claim(truth.oracle.verdict, truth.oracle.causes, _certain(truth), ())
+    effects = truth.effects
+    return Row(
+        id=truth.case,
+        kind=truth.kind,
+        truth=effects,
+        outside=truth.causes[0].effect if truth.kind == "outside" else None,
+        size={c.effect: c.gap for c in truth.causes},
+        detectability={c.effect: _sigmas(truth, c) for c in truth.causes},
+        between=tuple(c.effect for c in truth.causes if c.rows),
+        answers={k: s.claim for k, s in every.items()} | {ORACLE: oracle},
+        where=own.where,
+        numbers=numbers,
+        variant=variant,
+        closed=closed,
+        oracle=truth.oracle.closed,
+        seconds={k: s.seconds for k, s in every.items() if s.seconds is not None},
+        error=own.error,
+    )
+
+
+def _certain(truth: Answer) -> dict[str, float]:
+    causes = truth.oracle.causes
+    return {"|".join(causes[0]) if causes else truth.oracle.verdict: 1.0}
+
+
+def _sigmas(truth: Answer, cause: answers_.Fact) -> float:
+    """Norm of a signature in noises; of a raised variance by its own scatter √(2/n)."""
+    if cause.rows:
+        return cause.rows * float(np.sqrt(truth.rows / 2))
+    return float(np.sqrt(6 * truth.rows * cause.gap))
+
+
+def own_closed(truth: Answer, said: Said) -> float | None:
+    """Share of the gap on rows that no fit saw that an entrant says it closes; 0 if it names none.
+
+    Of causes that are only wrong stated numbers from the configured simulator on, else from the
+    calibrated one.
+    """
+    if not truth.effects or all(c.rows for c in truth.causes):
+        return None
+    start = "configured" if set(truth.effects) <= set(STATED) else "calibrated"
+    gap = said.gap
+    numbers: Any = [gap.get(k) for k in (start, "floor", "calibrated")]
+    if any(not isinstance(x, int | float) for x in numbers):
+        return None
+    whole = numbers[0] - numbers[1]
+    after = gap.get("with_effects")
+    after = numbers[2] if after is None else after
+    return None if whole <= 0 else float((numbers[0] - after) / whole)
+
+
+def _numbers(truth: Answer, said: Said) -> tuple[tuple[Number, ...], bool]:
+    """Published numbers of every true effect that is named first, beside the true ones."""
+    found: list[Number] = []
+    complete = True
+    for cause in truth.causes if truth.effects else ():
+        published = said.parameters.get(cause.effect)
+        if published is None or cause.effect not in COMPARED:
+            continue
+        told = as_published(cause.effect, published)
+        own = [
+            Number(
+                f"{cause.effect}:{n}", float(p["value"]), float(p["std"]), cause.true.get(n, 0.0)
+            )
+            for n, p in told.items()
+            if isinstance(p.get("std"), int | float) and isinstance(p.get("value"), int | float)
+        ]
+        found += own
+        large = max((abs(v) for v in cause.true.values()), default=0.0)
+        needed = {k for k, v in cause.true.items() if abs(v) > 0.3 * large}
+        complete = complete and (needed <= set(told) or not own)
+    return tuple(found), complete and bool(found)
+
+
+COMPARED: Sequence[str] = (
+    *STATED, "tool.inertia", "base.tilt", "mount.rotation", "joint.offset", "joint.compliance",
+    "sensor.gain", "sensor.drift", "sensor.jump", "sensor.crosstalk", "link.length",
+    "timing.delay", "timing.skew",
+)  # fmt: skip
+"""Effects whose numbers mean the same to the referee and to the library."""

@@ -1,0 +1,133 @@
+"""The verbs of the sealed benchmark."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Literal
+
+import tyro
+
+from wrenchbed.cli import console
+from wrenchbed.cli.console import Json
+from wrenchbed.errors import ParameterError
+
+
+def make(
+    out: Path,
+    answers: Path,
+    cases: int = 300,
+    seed: int | None = None,
+    robot: str = "ur5",
+    mode: Literal["static", "dynamic"] = "static",
+    processes: int = 2,
+    as_json: Json = False,
+) -> None:
+    """Make sealed cases: recordings and commitments in one folder, answers in another.
+
+    Stopped work goes on when the same line is given again.
+
+    Args:
+        out: Folder of cases, to be given to entrants.
+        answers: Folder of answers, to be given to nobody.
+        cases: Number of them.
+        seed: All follows from it; one that nobody can guess if left out.
+        robot: Name of a simulated robot.
+        mode: At rest at poses, or in motion.
+        processes: Cases made at a time.
+        as_json: Print the result as JSON.
+    """
+    from wrenchbed.blind import making
+
+    if seed is None:
+        known = making.resumed(answers)
+        seed = making.drawn_seed() if known is None else known
+    family = making.Family(robot, mode, cases, seed)
+    with console.progress(f"sealing {robot} cases", cases) as tell:
+        root = making.make(family, out, answers, _some(processes), tell)
+    result = {"cases": str(out), "answers": str(answers), "number": cases, "commitments": root}
+    text = (
+        f"{cases} sealed cases → {out}, their answers → {answers}\n"
+        f"publish with the cases: SHA-256 of commitments.json {root}"
+    )
+    console.answer(result, as_json, text)
+
+
+def run(
+    cases: tyro.conf.Positional[Path],
+    /,
+    out: Path,
+    method: tyro.conf.UseAppendAction[tuple[str, ...]] = (),
+    processes: int = 2,
+    limit: float = 300.0,
+    as_json: Json = False,
+) -> None:
+    """Let methods answer sealed cases; what fails or takes too long is a wrong answer.
+
+    Stopped work goes on when the same line is given again.
+
+    Args:
+        cases: Folder of `wrenchbed blind make --out`.
+        out: Folder of claims: OUT/METHOD/CASE/diagnosis.json.
+        method: `diagnose`, a baseline, or any command: it is called as `COMMAND RECORDING --out
+            DIR` and writes DIR/diagnosis.json. May be repeated; diagnose and all baselines if none.
+        processes: Cases at a time.
+        limit: Most time of one method on one case [s].
+        as_json: Print the result as JSON.
+    """
+    from wrenchbed.blind import running, seal
+    from wrenchbed.blind.entrant import OURS
+    from wrenchbed.diagnosis.baselines import BASELINES
+
+    if not limit > 0:
+        raise ParameterError(f"--limit {limit:g} s must be above 0")
+    entrants = [running.Entrant.of(m) for m in method or (OURS, *BASELINES)]
+    total = len(seal.read(cases))
+    with console.progress("answering sealed cases", total) as tell:
+        failed = running.run(cases, out, entrants, _some(processes), limit, tell)
+    result = {"claims": str(out), "cases": total, "failed": failed}
+    lines = [f"{total} cases answered by {', '.join(e.name for e in entrants)} → {out}"]
+    lines += [f"{name} failed on {n} cases: wrong answers" for name, n in failed.items() if n]
+    console.answer(result, as_json, "\n".join(lines))
+
+
+def score(
+    cases: tyro.conf.Positional[Path],
+    claims: tyro.conf.Positional[Path],
+    answers: tyro.conf.Positional[Path],
+    /,
+    out: Path | None = None,
+    method: str | None = None,
+    as_json: Json = False,
+) -> None:
+    """Check the commitments, and score claims against answers.
+
+    Args:
+        cases: Folder of `wrenchbed blind make --out`.
+        claims: Folder of `wrenchbed blind run --out`.
+        answers: Folder of `wrenchbed blind make --answers`.
+        out: Folder for score.md, score.html and their figures; CLAIMS.score if none.
+        method: Entrant that is judged, the others stand beside it; diagnose, else the first.
+        as_json: Print every figure as JSON.
+    """
+    from wrenchbed.blind import report, scoring
+    from wrenchbed.cli.tables import score_table
+
+    found = scoring.score(cases, claims, answers, method)
+    page = report.page(found)
+    folder = claims.with_name(claims.name + ".score") if out is None else out
+    page.write(folder, "score")
+    console.answer(page.summary, as_json, score_table(found.main, page))
+    if not as_json:
+        console.OUT.print(f"score → {folder}", soft_wrap=True, markup=False, highlight=False)
+
+
+def blind() -> None:
+    """The sealed benchmark: blind make, blind run, blind score."""
+
+
+VERBS: dict[str, Callable[..., Any]] = {"make": make, "run": run, "score": score}
+
+
+def _some(processes: int) -> int:
+    if processes < 1:
+        raise ParameterError(f"--processes {processes} must be at least 1")
+    return processes

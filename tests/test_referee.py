@@ -1,0 +1,325 @@
+"""The referee's machine against closed forms, its laws against other integrators, its independence."""
+
+import ast
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from wrenchbed import registry
+from wrenchbed.referee import arm, carried, case, columns, outside
+from wrenchbed.referee import setting as settings
+from wrenchbed.referee.background import background
+from wrenchbed.referee.catalogue import EFFECTS, possible
+from wrenchbed.referee.fault import Fault, mechanics, signal, total
+from wrenchbed.referee.likeness import SAME, Usual, bench
+from wrenchbed.referee.mechanics import Hose, Loose, Mechanics, Pad, Play
+from wrenchbed.referee.memory import after, bouc_wen, lowpass
+from wrenchbed.referee.path import through
+from wrenchbed.referee.ride import ride
+from wrenchbed.referee.world import World
+
+SOURCE = Path(case.__file__).parents[1]
+FORBIDDEN = {
+    "effects", "chain", "springs", "twin", "lookalikes", "diagnosis", "sensor_only", "assembly",
+    "playback", "mechanics", "simulation", "plant", "drivers", "typical",
+}  # fmt: skip
+POSES = 6
+
+
+# ---- independence --------------------------------------------------------------------------------
+
+
+def units(path):
+    found = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        names = []
+        if isinstance(node, ast.Import):
+            names = [a.name for a in node.names]
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            names = [f"{node.module}.{a.name}" for a in node.names]
+        for name in names:
+            parts = name.split(".")
+            if parts[0] == "wrenchbed" and len(parts) > 1:
+                found.add(parts[1])
+    return found
+
+
+def files(unit):
+    folder = SOURCE / unit
+    return list(folder.rglob("*.py")) if folder.is_dir() else [SOURCE / f"{unit}.py"]
+
+
+def test_the_referee_shares_no_effect_code_even_indirectly():
+    reached, todo = set(), ["referee"]
+    while todo:
+        unit = todo.pop()
+        if unit in reached or not all(f.exists() for f in files(unit)):
+            continue
+        reached.add(unit)
+        todo += [u for f in files(unit) for u in units(f)]
+    assert {"robots", "recording", "metadata"} < reached
+    assert not reached & FORBIDDEN
+
+
+def test_the_library_does_not_know_the_referee():
+    for unit in ("effects", "chain", "lookalikes", "diagnosis"):
+        for file in files(unit):
+            assert "referee" not in units(file), file
+
+
+# ---- the machine ---------------------------------------------------------------------------------
+
+
+def scene(name, n=POSES):
+    robot = registry.load("robots", name)
+    poses = robot.sample(n, np.random.default_rng(4))
+    path = through(robot, poses, 5, 100.0, np.zeros(n))
+    truth = Mechanics(
+        robot.parameters.nominal, np.array(robot.gravity), np.zeros(len(robot.joints))
+    )
+    return robot, poses, path, truth
+
+
+def held(path, x):
+    return x[path.rows].reshape(-1, 5, *x.shape[1:]).mean(axis=1)
+
+
+@pytest.mark.parametrize("name", ["ur5", "medrue"])
+def test_a_rigid_machine_at_rest_weighs_what_statics_say(name):
+    robot, poses, path, truth = scene(name)
+    found = held(path, ride(robot, truth, path).load)
+    rotation, _ = robot.sensor_pose(poses, truth.theta)
+    tool = robot.tool(truth.theta)
+    force = float(tool.mass) * np.einsum("nij,i->nj", rotation, truth.gravity)
+    torque = np.cross(tool.cog, force)
+    assert np.abs(found[:, :3] - force).max() < 2e-4
+    assert np.abs(found[:, 3:] - torque).max() < 2e-5
+
+
+def test_a_soft_joint_turns_by_its_torque_over_its_stiffness():
+    robot, poses, path, truth = scene("ur5")
+    k = 2e4
+    soft = replace(truth, give=np.eye(6)[2] / k)
+    found = held(path, ride(robot, soft, path).load)
+    torque = robot.gravity_torque(poses, truth.theta, truth.gravity)
+    bent = poses.copy()
+    for _ in range(5):  # the torque is that of the bent arm
+        bent[:, 2] = poses[:, 2] + robot.gravity_torque(bent, truth.theta, truth.gravity)[:, 2] / k
+    rotation, _ = robot.sensor_pose(bent, truth.theta)
+    force = float(robot.tool(truth.theta).mass) * np.einsum("nij,i->nj", rotation, truth.gravity)
+    assert np.abs(torque[:, 2] / k).max() > 1e-3
+    assert np.abs(found[:, :3] - force).max() < 1e-3
+
+
+def test_a_gear_with_play_rests_where_the_weight_pulls():
+    robot, poses, path, truth = scene("ur5")
+    width = np.deg2rad(0.5)
+    loose = replace(truth, play={1: Play(width, 0.1)})
+    found = held(path, ride(robot, loose, path).load)
+    side = np.sign(robot.gravity_torque(poses, truth.theta, truth.gravity)[:, 1])
+    turned = poses.copy()
+    turned[:, 1] += 0.5 * width * side
+    rotation, _ = robot.sensor_pose(turned, truth.theta)
+    force = float(robot.tool(truth.theta).mass) * np.einsum("nij,i->nj", rotation, truth.gravity)
+    assert np.abs(found[:, :3] - force).max() < 5e-3
+
+
+def test_a_hose_pulls_with_its_stiffness_once_it_is_taut():
+    robot, poses, path, truth = scene("ur5")
+    hook, point = np.array([0.2, 0.1, 1.6]), np.array([0.0, 0.01, 0.05])
+    rotation, position = robot.sensor_pose(poses, truth.theta)
+    line = hook - (position + rotation @ point)
+    length = np.linalg.norm(line, axis=1)
+    slack = float(np.median(length))
+    rope = replace(truth, hose=Hose(hook, point, slack, 4.0))
+    difference = held(path, ride(robot, rope, path).load - ride(robot, truth, path).load)
+    pull = (4.0 * np.maximum(length - slack, 0.0) / length)[:, None] * line
+    force = np.einsum("nij,ni->nj", rotation, pull)
+    assert (length < slack).any()
+    assert np.abs(difference[:, :3] - force).max() < 2e-3
+    assert np.abs(difference[:, 3:] - np.cross(point, force)).max() < 2e-4
+
+
+def test_a_loose_part_lies_at_the_stop_that_is_below():
+    robot, poses, path, truth = scene("ur5")
+    axis, share, stop = np.array([1.0, 0.0, 0.0]), 0.1, 5e-3
+    part = replace(truth, loose=Loose(share, axis, stop, 0.05))
+    difference = held(path, ride(robot, part, path).load - ride(robot, truth, path).load)
+    rotation, _ = robot.sensor_pose(poses, truth.theta)
+    felt = np.einsum("nij,i->nj", rotation, truth.gravity)
+    mass = float(robot.tool(truth.theta).mass)
+    shift = share * stop * np.sign(felt @ axis)[:, None] * axis
+    clear = np.abs(felt @ axis) > 1.0
+    assert clear.sum() > 2
+    wanted = np.cross(shift, mass * felt)
+    assert np.abs(difference[clear, 3:] - wanted[clear]).max() < 2e-4
+
+
+def test_a_pad_pushes_as_far_as_its_spring_is_pressed():
+    robot, poses, path, truth = scene("ur5")
+    rotation, position = robot.sensor_pose(poses, truth.theta)
+    tip, radius, k = np.array([0.0, 0.0, 0.14]), 0.01, 400.0
+    height = (position + rotation @ tip)[:, 2]
+    level = float(np.sort(height)[2])
+    pad = Pad(np.array([0.0, 0.0, level - radius]), np.array([0.0, 0.0, 1.0]), k, 0.0, tip, radius)
+    difference = held(
+        path, ride(robot, replace(truth, pad=pad), path).load - ride(robot, truth, path).load
+    )
+    up = np.einsum("nij,nj->ni", rotation, difference[:, :3])[:, 2]
+    deep = np.maximum(level - height, 0.0)
+    assert up[deep > 0.01] == pytest.approx(k * deep[deep > 0.01], rel=0.05)
+    assert np.abs(up[deep == 0.0]).max() < 0.02
+
+
+# ---- laws of the sensor --------------------------------------------------------------------------
+
+
+def test_bouc_wen_agrees_with_a_general_integrator():
+    t = np.linspace(0.0, 3.0, 301)
+    x = 1.4 * np.sin(4.0 * t) * np.exp(-0.2 * t)
+    shape = 0.7
+    rate = lambda s: 1.4 * np.exp(-0.2 * s) * (4.0 * np.cos(4.0 * s) - 0.2 * np.sin(4.0 * s))  # noqa: E731
+
+    def slope(s, z):
+        v = rate(s)
+        return v * (1.0 - (shape * np.sign(v * z) + 1.0 - shape) * np.abs(z))
+
+    wanted = solve_ivp(slope, (0.0, 3.0), [0.0], t_eval=t, rtol=1e-9, atol=1e-11, max_step=0.01).y[
+        0
+    ]
+    assert bouc_wen(x[:, None], shape)[:, 0] == pytest.approx(wanted, abs=2e-3)
+
+
+def test_lags_of_a_ramp_are_their_time_constants():
+    t = np.arange(0.0, 4.0, 0.004)
+    ramp = np.stack([t, 2.0 * t], axis=1)
+    for late in (after(t, ramp, 0.3), lowpass(ramp, 0.004, 0.3, 2)):
+        assert ramp[-1] - late[-1] == pytest.approx([0.3, 0.6], rel=1e-3)
+
+
+# ---- cases ---------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def small(monkeypatch):
+    monkeypatch.setattr(settings, "POSES", (24, 24))
+    monkeypatch.setattr(settings, "SAMPLES", 10)
+
+
+@pytest.fixture
+def world(small):
+    robot = registry.load("robots", "ur5")
+    setting = settings.draw(robot, "static", np.random.default_rng(5))
+    return World.of(setting, (), Usual.of(setting))
+
+
+@pytest.mark.parametrize("name", [n for n, e in EFFECTS.items() if not e.motion and not e.loops])
+def test_every_effect_changes_what_is_read(world, name):
+    fault = EFFECTS[name].draw(world.setting, np.random.default_rng(6), 4.0)
+    assert fault.name == name
+    found = case.measured(world, fault)
+    assert max(found.gap, found.rows) > 1e-3
+
+
+@pytest.mark.parametrize("name", list(outside.FAMILIES))
+def test_every_family_outside_changes_what_is_read(world, name):
+    found = case.measured(
+        world, outside.FAMILIES[name](world.setting, np.random.default_rng(2), 2.0)
+    )
+    assert found.fault.name == name
+    assert name not in EFFECTS
+    assert found.gap > 0.1
+
+
+def test_effects_of_motion_are_for_motions():
+    robot = registry.load("robots", "ur5")
+    rng = np.random.default_rng(1)
+    still, moving = (settings.draw(robot, m, rng) for m in ("static", "dynamic"))
+    assert "timing.delay" not in possible(still)
+    assert {"timing.delay", "tool.inertia"} < set(possible(moving))
+    assert "link.length" not in possible(moving)
+    assert moving.path.moving and not still.path.moving
+
+
+def test_a_turned_last_joint_is_a_turned_sensor(world):
+    found = case.measured(world, arm.offset(world.setting, np.random.default_rng(1), 4.0, j=5))
+    signatures = bench(world.setting, world.way, world.usual)
+    left = signatures.imitated(found.signature, configured=False)
+    assert found.gap > 1.0
+    assert left["mount.rotation"] < 0.01 * found.gap
+    assert left["sensor.drift"] > 0.5 * found.gap
+    assert "mount.rotation" in signatures.alike("joint.offset", found.signature)
+    assert left["mount.rotation"] <= SAME
+
+
+def test_a_wrong_mass_is_a_gain_of_everything(world):
+    found = case.measured(world, carried.mass(world.setting, np.random.default_rng(1), 1.0))
+    signatures = bench(world.setting, world.way, world.usual)
+    assert "sensor.gain" in signatures.alike("tool.mass", found.signature)
+    assert signatures.shows(found.signature, found.signature, configured=True)
+    assert not signatures.shows(-found.signature, found.signature, configured=True)
+
+
+def test_the_usual_fit_takes_out_bias_mass_and_cog(world):
+    usual = columns.nuisance(world.setting)
+    mixed = usual @ np.linspace(1.0, 2.0, usual.shape[-1])
+    assert world.usual.gap(mixed, configured=False) < 1e-12 * world.usual.gap(
+        mixed, configured=True
+    )
+
+
+def test_numbers_of_one_effect_add_up():
+    faults = [Fault("base.tilt", {"x": 1.0, "y": 2.0}), Fault("base.tilt", {"x": 0.5})]
+    assert total([*faults, Fault("tool.mass", {"mass": 3.0})], "base.tilt") == {"x": 1.5, "y": 2.0}
+
+
+def test_the_background_has_many_families_and_grows_with_its_scale(world):
+    rng = lambda: np.random.default_rng(8)  # noqa: E731
+    faults = background(world.setting, rng(), 0.3)
+    assert len({f.name for f in faults}) > 12
+    readings = []
+    for scale in (0.1, 0.4):
+        around = background(world.setting, rng(), scale)
+        readings.append(World.of(world.setting, around, world.usual).base - world.base)
+    gaps = [world.usual.gap(r, configured=False) for r in readings]
+    assert 0.0 < gaps[0] < gaps[1]
+
+
+@pytest.mark.parametrize("kind", case.KINDS)
+def test_a_case_holds_what_its_kind_promises(small, kind):
+    found = case.make("ur5", "static", kind, (3, 1))
+    assert found.kind == kind
+    assert found.minor <= case.LARGEST_MINOR
+    assert len(found.causes) == {"none": 0, "single": 1, "pair": 2, "outside": 1}[kind]
+    for cause in found.causes:
+        between = kind != "outside" and EFFECTS[cause.fault.name].between
+        needed = case.ROWS_NEEDED if between else case.NEEDED
+        assert (cause.rows if between else cause.gap) >= needed[kind]
+        assert 0.5 <= cause.fault.size <= 4.0
+    if kind == "pair":
+        subsystems = {c.fault.name.split(".")[0] for c in found.causes}
+        assert len(subsystems) == 2
+    if kind == "outside":
+        left = found.bench.imitated(found.causes[0].signature, configured=False, bounded=False)
+        assert min(left.values()) >= case.LIBRARY_LEAVES
+    again = case.make("ur5", "static", kind, (3, 1))
+    for name, column in found.recording.columns.items():
+        assert np.array_equal(column, again.recording.columns[name]), name
+    assert found.recording.metadata == again.recording.metadata
+
+
+def test_mechanics_collects_the_faults_of_the_body(world):
+    start = Mechanics(world.setting.theta, np.array([0.0, 0.0, -9.8]), np.zeros(6))
+    rng = np.random.default_rng(0)
+    faults = [
+        arm.compliance(world.setting, rng, 1.0, j=2),
+        arm.offset(world.setting, rng, 1.0, j=1),
+    ]
+    truth = mechanics(start, faults)
+    assert truth.give[2] == pytest.approx(faults[0].true["compliance.q3"])
+    q = np.zeros((2, 6))
+    assert truth.driven(q)[:, 1] == pytest.approx(faults[1].true["offset.q2"])
+    assert np.array_equal(signal(world.way, []), world.way.load)
