@@ -1,4 +1,4 @@
-"""The referee's machine against closed forms, its laws against other integrators, its independence."""
+"""The referee: independent, its machine as closed forms say, its laws as other integrators say."""
 
 import ast
 from dataclasses import replace
