@@ -88,7 +88,7 @@ def _row(truth: Answer, own: Said, others: dict[str, Said]) -> Row:
         numbers=numbers,
         variant=variant,
         closed=closed,
-        oracle=truth.oracle.closed,
+        oracle=None if closed is None else truth.oracle.closed,
         seconds={k: s.seconds for k, s in every.items() if s.seconds is not None},
         error=own.error,
     )
@@ -109,10 +109,11 @@ def _sigmas(truth: Answer, cause: answers_.Fact) -> float:
 def own_closed(truth: Answer, said: Said) -> float | None:
     """Share of the gap on rows that no fit saw that an entrant says it closes; 0 if it names none.
 
+    None where a cause shows between rows: then the floor itself rose.
     Of causes that are only wrong stated numbers from the configured simulator on, else from the
     calibrated one.
     """
-    if not truth.effects or all(c.rows for c in truth.causes):
+    if not truth.effects or any(c.rows for c in truth.causes):
         return None
     start = "configured" if set(truth.effects) <= set(STATED) else "calibrated"
     gap = said.gap
