@@ -21,7 +21,8 @@ TAUS = (30.0, 150.0, 600.0)
 
 class SensorCreep(ReadingEffect):
     """y_i → y_i + c_i ∫h(t − s) ẏ_i ds, h(t) = 1 − exp(−t/τ): after a step of load by Δ the
-    reading is right at first and ends c_i Δ too high.
+    reading is right at first and ends c_i Δ too high; with ``late`` = 1 it starts c_i Δ too low and
+    ends right, as a sensor reads that was calibrated when it had settled.
 
     Settled at the first row; the load moves linearly from row to row, over which ∫ is exact.
 
@@ -30,7 +31,6 @@ class SensorCreep(ReadingEffect):
 
     name = "sensor.creep"
     title = "the sensor goes on moving after its load has changed"
-    form_error = 0.1
     form_error = 0.15
     size_error = 0.15
     source = (
@@ -41,16 +41,23 @@ class SensorCreep(ReadingEffect):
         text = "what a load adds in the end, relative"
         items = channel_parameters("share", 3e-3, 3e-3, text, ["1"] * 6)
         items.append(Parameter("tau", TAUS[1], "s", 150.0, 1e-2, 1e6, "time constant"))
+        items.append(Parameter("late", 0.0, "1", 1.0, 0.0, 1.0, "right in the end, not at first"))
         return ParameterSet(tuple(items))
 
     def variants(self, scene: Scene) -> tuple[Variant, ...]:
-        return tuple(v for tau in TAUS for v in channel_variants("share", {"tau": tau}, ("tau",)))
+        return tuple(
+            v
+            for tau in TAUS
+            for late in (0.0, 1.0)
+            for v in channel_variants("share", {"tau": tau, "late": late}, ("tau",))
+        )
 
     def read(self, scene: Scene, reading: np.ndarray, p: Values) -> np.ndarray:
         share = np.array([p[f"share.{c}"] for c in CHANNELS])
         if not share.any():
             return reading
-        return reading + share * (settle(reading, scene.t, p["tau"]) - reading[0])
+        end = reading[0] + p["late"] * (reading - reading[0])
+        return reading + share * (settle(reading, scene.t, p["tau"]) - end)
 
 
 def settle(x: np.ndarray, t: np.ndarray, tau: float) -> np.ndarray:

@@ -18,6 +18,8 @@ from wrenchbed.wrench import CHANNELS
 
 SPANS = (0.25, 1.0, 4.0)
 """Time constants of a warm-up that nobody recorded, relative to the recording's length."""
+LAG_S = 20.0
+"""Where a search for the sensor's lag behind a recorded temperature begins [s]."""
 ZERO = tuple(f"zero.{c}" for c in CHANNELS)
 SPAN = tuple(f"span.{c}" for c in CHANNELS)
 
@@ -25,8 +27,9 @@ SPAN = tuple(f"span.{c}" for c in CHANNELS)
 class SensorTemperature(ReadingEffect):
     """y_i → (1 + (γ + γ_i) ϑ) y_i + k_i ϑ with the temperature ϑ [K] above the first row's.
 
-    Where no temperature was recorded, ϑ = 1 − exp(−(t − t₀)/τ): a warm-up of first order, of
-    which ``zero`` [N, N·m] and ``span`` [1] are the whole changes that it ends in.
+    The sensor follows a temperature that was recorded beside it with a ``lag`` of first order.
+    Where none was recorded, ϑ = 1 − exp(−(t − t₀)/τ): a warm-up of first order, of which
+    ``zero`` [N, N·m] and ``span`` [1] are the whole changes that it ends in.
 
     Seen in: a warm-up with the temperature recorded; the span, two loads at two temperatures.
     """
@@ -49,17 +52,21 @@ class SensorTemperature(ReadingEffect):
                 Parameter("span", 0.0, "1/K", 1e-3, -1.0, 1.0, gain),
                 *(Parameter(n, 0.0, "1/K", 1e-3, -1.0, 1.0, gain) for n in SPAN),
                 Parameter("tau", 900.0, "s", 100.0, 1e-3, 1e8, "time constant of the warm-up"),
+                Parameter("lag", 0.0, "s", 10.0, 0.0, 1e5, "behind the recorded temperature"),
             )
         )
 
     def variants(self, scene: Scene) -> tuple[Variant, ...]:
         if scene.warmth is not None:
-            return _variants({}, ())
+            return _variants({}, ()) + _variants({"lag": LAG_S}, ("lag",))
         starts = [{"tau": s * scene.span} for s in SPANS]
         return tuple(v for at in starts for v in _variants(at, ("tau",)))
 
     def read(self, scene: Scene, reading: np.ndarray, p: Values) -> np.ndarray:
-        warmth = -np.expm1(-scene.age / p["tau"]) if scene.warmth is None else scene.warmth
+        if scene.warmth is None:
+            warmth = -np.expm1(-scene.age / p["tau"])
+        else:
+            warmth = behind(scene.warmth, scene.age, float(p["lag"]))
         span = p["span"] + np.array([p[n] for n in SPAN])
         return reading + warmth[:, None] * (np.array([p[n] for n in ZERO]) + span * reading)
 
@@ -73,6 +80,21 @@ class SensorTemperature(ReadingEffect):
                 if "unit" in item:
                     item["unit"] = item["unit"].removesuffix("/K")
         return told
+
+
+def behind(x: np.ndarray, t: np.ndarray, lag: float) -> np.ndarray:
+    """First-order lag (N,) [s] of x (N,) at times t (N,) [s], linear between rows."""
+    if lag < 1e-3:
+        return x
+    step = np.maximum(np.diff(t), 1e-9)
+    keep = np.exp(-step / lag)
+    ramp = -np.expm1(-step / lag) * lag / step
+    told = [float(x[0])]
+    for k, g, now, before in zip(
+        keep.tolist(), ramp.tolist(), x[1:].tolist(), x[:-1].tolist(), strict=True
+    ):
+        told.append(k * told[-1] + (1.0 - g) * now + (g - k) * before)
+    return np.array(told)
 
 
 def _variants(at: Values, shape: tuple[str, ...]) -> tuple[Variant, ...]:

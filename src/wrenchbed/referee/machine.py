@@ -21,6 +21,8 @@ _DAMPING_S = 6e-3
 """Damping of a hidden spring over its stiffness [s]."""
 _BEARING = 0.02
 """Damping of a joint that is not driven [N·m·s/rad]."""
+_PLAY_DAMPING = {False: 20.0, True: 120.0}
+"""Of a drive that crosses its play, without and with loops, which would rattle [N·m·s/rad]."""
 _PIN_DAMPING = 500.0
 """Of a pin that crosses its play [N·s/m]."""
 _LEAST_GIVE = 1e-9
@@ -114,7 +116,8 @@ def _joint(spec: mujoco.MjSpec, truth: Mechanics, k: int, name: str, step: float
         gap = body.add_joint(name=f"hidden_play_{name}", type=_HINGE, axis=axis, pos=drive.pos)
         gap.limited, gap.range = True, [-0.5 * play.width, 0.5 * play.width]
         gap.solref_limit, gap.solimp_limit = [2.0 * step, 1.0], [0.99, 0.999, 1e-4, 0.5, 2.0]
-        gap.armature, gap.damping, gap.frictionloss = 0.5, [20.0, 0.0, 0.0], play.friction
+        damping = _PLAY_DAMPING[len(list(spec.equalities)) > 0]
+        gap.armature, gap.damping, gap.frictionloss = 0.5, [damping, 0.0, 0.0], play.friction
     if drive.type == _HINGE and truth.give[k] > _LEAST_GIVE:
         spring = body.add_joint(name=f"hidden_give_{name}", type=_HINGE, axis=axis, pos=drive.pos)
         _spring(spring, 1.0 / truth.give[k], step)
