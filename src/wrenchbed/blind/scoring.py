@@ -140,11 +140,13 @@ def _numbers(truth: Answer, said: Said) -> tuple[tuple[Number, ...], bool]:
                 f"{cause.effect}:{n}", float(p["value"]), float(p["std"]), cause.true.get(n, 0.0)
             )
             for n, p in told.items()
-            if isinstance(p.get("std"), int | float) and isinstance(p.get("value"), int | float)
+            if n not in _FREE
+            and isinstance(p.get("std"), int | float)
+            and isinstance(p.get("value"), int | float)
         ]
         found += own
-        large = max((abs(v) for v in cause.true.values()), default=0.0)
-        needed = {k for k, v in cause.true.items() if abs(v) > 0.3 * large}
+        large = max((abs(v) for k, v in cause.true.items() if k not in _FREE), default=0.0)
+        needed = {k for k, v in cause.true.items() if abs(v) > 0.3 * large} - set(_FREE)
         complete = complete and (needed <= set(told) or not own)
     return tuple(found), complete and bool(found)
 
@@ -155,3 +157,5 @@ COMPARED: Sequence[str] = (
     "timing.delay", "timing.skew",
 )  # fmt: skip
 """Effects whose numbers mean the same to the referee and to the library."""
+_FREE = ("time",)
+"""Numbers that data at rest leaves open: any moment between two poses is as true as another."""

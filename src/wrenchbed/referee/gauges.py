@@ -63,7 +63,8 @@ def jump(setting: Setting, rng: Rng, size: float) -> Fault:
     when = float(t[0] + rng.uniform(0.12, 0.88) * (t[-1] - t[0]))
     step = about(rng, 4e-3 * size) * setting.full_scale * touched(rng)
     ramp = np.clip((t - when) / 0.5, 0.0, 1.0)
-    true = {"time": when} | by_channel(step, "step")
+    first = float(t[setting.path.rows[0]])
+    true = {"time": when - first} | by_channel(step, "step")
     return _zero("sensor.jump", true, size, lambda ride: np.outer(ramp, step))
 
 
