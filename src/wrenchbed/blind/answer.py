@@ -26,16 +26,16 @@ class Fact:
 
     Attributes:
         effect: the contract's name, or of an outside case the family's.
-        size: in multiples of typical.
-        gap: that it adds; between rows the mean rise of a row's variance.
+        size: in multiples of typical, None on a real robot.
+        gap: that it adds; between rows the mean rise of a row's variance; None on a real robot.
         rows: largest rise of a channel's row variance, 0 where means show it.
         true: its numbers as a diagnosis publishes them, SI, with what minor imperfections add.
         alike: effects that this very data cannot tell from it.
     """
 
     effect: str
-    size: float
-    gap: float
+    size: float | None
+    gap: float | None
     rows: float
     true: Mapping[str, float]
     alike: tuple[str, ...]
@@ -58,16 +58,19 @@ class Oracle:
 
 @dataclass(frozen=True)
 class Answer:
-    """The truth of a case; its salt makes the hash of the file impossible to guess."""
+    """The truth of a case; its salt makes the hash of the file impossible to guess.
+
+    Of a real robot nobody knows the minor imperfections, and no oracle can be asked.
+    """
 
     case: str
     robot: str
     mode: str
     kind: str
     causes: tuple[Fact, ...]
-    minor: float
+    minor: float | None
     rows: int
-    oracle: Oracle
+    oracle: Oracle | None
     salt: str
     format: int = FORMAT
 
@@ -93,7 +96,9 @@ def read(path: Path) -> Answer:
             raise BenchmarkError(f"{path}: format {raw['format']!r}, this version reads {FORMAT}")
         causes = [Fact(**{**c, "alike": tuple(c["alike"])}) for c in raw["causes"]]
         told = raw["oracle"]
-        oracle = Oracle(told["verdict"], tuple(tuple(c) for c in told["causes"]), told["closed"])
+        oracle = told and Oracle(
+            told["verdict"], tuple(tuple(c) for c in told["causes"]), told["closed"]
+        )
         return Answer(**{**raw, "causes": tuple(causes), "oracle": oracle})
     except (OSError, ValueError, KeyError, TypeError) as cause:
         raise BenchmarkError(f"{path}: is not a sealed answer: {cause}") from cause

@@ -83,7 +83,7 @@ def make(
         BenchmarkError: the folders are the same, hold each other or another family.
         ParameterError: the robot or mode cannot be simulated.
     """
-    _apart(out, answers)
+    apart(out, answers)
     _begin(family, out, answers)
     todo = list(_todo(family, out, answers))
     tell(family.cases - len(todo))
@@ -101,9 +101,9 @@ def make(
             seal.digest(recording.read_bytes()), seal.digest(answer.read_bytes())
         )
     text = seal.to_bytes(family.robot, family.mode, sealed)
-    _write(out / seal.COMMITMENTS, text)
+    write(out / seal.COMMITMENTS, text)
     root = seal.digest(text)
-    _write(answers / seal.FAMILY, _told(family, root))
+    write(answers / seal.FAMILY, _told(family, root))
     for path in (*out.iterdir(), out):
         os.utime(path, (EPOCH, EPOCH))
     return root
@@ -133,7 +133,7 @@ def _one(family: Family, index: int, kind: str, out: Path, answers: Path) -> Non
                 raise
     name = family.names()[index]
     answer = of_case(case, name, seal.salt(family.seed, name))
-    _write(seal.answer_of(answers, name), answer.to_bytes())
+    write(seal.answer_of(answers, name), answer.to_bytes())
     write_plain(case.recording, seal.recording_of(out, name))
 
 
@@ -146,7 +146,8 @@ def write_plain(recording: Recording, path: Path) -> None:
     part.replace(path)
 
 
-def _write(path: Path, data: bytes) -> None:
+def write(path: Path, data: bytes) -> None:
+    """Write a file whole or not at all."""
     part = path.with_name(f".{path.name}.part")
     part.write_bytes(data)
     part.replace(path)
@@ -155,12 +156,12 @@ def _write(path: Path, data: bytes) -> None:
 def _told(family: Family, root: str | None) -> bytes:
     told = {
         "robot": family.robot, "mode": family.mode, "cases": family.cases, "seed": family.seed,
-        "commitments": root,
     }  # fmt: skip
-    return (json.dumps(told, indent=1) + "\n").encode()
+    return seal.family(told, root)
 
 
-def _apart(out: Path, answers: Path) -> None:
+def apart(out: Path, answers: Path) -> None:
+    """Refuse folders that are the same or hold each other."""
     a, b = out.resolve(), answers.resolve()
     if a == b or a in b.parents or b in a.parents:
         raise BenchmarkError(f"{answers}: answers must lie apart from the cases in {out}")
@@ -175,7 +176,7 @@ def _begin(family: Family, out: Path, answers: Path) -> None:
         strangers = [f for folder in (out, answers) for f in folder.iterdir()]
         if strangers:
             raise BenchmarkError(f"{strangers[0]}: is not of this family; give empty folders")
-        _write(path, _told(family, None))
+        write(path, _told(family, None))
         return
     try:
         known = json.loads(path.read_bytes())

@@ -44,8 +44,9 @@ def detection(rows: Sequence[Row], score: Score) -> str:
         f"{low:g}–{high:g}\nn = {len(own)}" if np.isfinite(high) else f"> {low:g}\nn = {len(own)}"
         for (low, high), own in groups
     ]
-    curves = [(OURS, score.main, BLUE), (ORACLE, "oracle", PURPLE)]
-    curves += [("bic", "BIC", ORANGE)] if "bic" in score.others else []
+    curves = [(OURS, score.main, BLUE)]
+    named = ((ORACLE, "oracle", PURPLE), ("bic", "BIC", ORANGE))
+    curves += [(m, name, colour) for m, name, colour in named if m in score.beside]
     with canvas((6.4, 3.9)) as (figure, (ax,)):
         for method, name, colour in curves:
             told = [shares(own, method) for _, own in groups]

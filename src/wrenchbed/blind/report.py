@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 from wrenchbed.blind import plots
 from wrenchbed.blind.metrics import first, metrics
-from wrenchbed.blind.scoring import ORACLE, Score
+from wrenchbed.blind.scoring import Score
 from wrenchbed.diagnosis.scoring import SURE, figure, right
 from wrenchbed.diagnosis.scoring_rows import OURS, Row
 from wrenchbed.diagnosis.scoring_tables import effect_cells, figure_cells
@@ -30,7 +30,7 @@ def page(score: Score) -> Page:
     left = (
         f" {score.unclaimed} cases have no claim: they count as wrong." if score.unclaimed else ""
     )
-    head, told = figure_cells(rows, [OURS, ORACLE, *score.others], metrics(answers), score.main)
+    head, told = figure_cells(rows, [OURS, *score.beside], metrics(answers), score.main)
     title = f"Sealed benchmark: {score.main} on {len(rows)} robots ({some.robot}, {some.mode})"
     sections = (
         Section(
@@ -69,7 +69,7 @@ def page(score: Score) -> Page:
 
 def summary(score: Score) -> dict[str, object]:
     """Every figure by entrant and name: value, 95 % interval and count."""
-    names = [OURS, ORACLE, *score.others]
+    names = [OURS, *score.beside]
     told: dict[str, object] = {
         "cases": len(score.rows), "unclaimed": score.unclaimed, "commitments": score.root,
         "main": score.main,

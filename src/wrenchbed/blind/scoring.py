@@ -10,7 +10,7 @@ import numpy as np
 from wrenchbed.blind import answer as answers_
 from wrenchbed.blind import claims as claims_
 from wrenchbed.blind import seal
-from wrenchbed.blind.answer import Answer
+from wrenchbed.blind.answer import Answer, Oracle
 from wrenchbed.blind.claims import Said
 from wrenchbed.diagnosis.linear import Claim
 from wrenchbed.diagnosis.scoring_rows import OURS, Number, Row
@@ -40,6 +40,12 @@ class Score:
     answers: dict[str, Answer]
     root: str
     unclaimed: int
+
+    @property
+    def beside(self) -> tuple[str, ...]:
+        """Methods beside the judged one; an oracle where every truth is known to the last digit."""
+        known = all(a.oracle is not None for a in self.answers.values())
+        return (ORACLE, *self.others) if known else self.others
 
 
 def score(cases: Path, claims: Path, answers: Path, main: str | None = None) -> Score:
@@ -73,34 +79,38 @@ def _row(truth: Answer, own: Said, others: dict[str, Said]) -> Row:
     every = {OURS: own, **others}
     closed = own_closed(truth, own)
     numbers, variant = _numbers(truth, own)
-    oracle = Claim(truth.oracle.verdict, truth.oracle.causes, _certain(truth), ())
+    answers = {k: s.claim for k, s in every.items()}
+    if truth.oracle is not None:
+        answers[ORACLE] = _certain(truth.oracle)
     effects = truth.effects
     return Row(
         id=truth.case,
         kind=truth.kind,
         truth=effects,
         outside=truth.causes[0].effect if truth.kind == "outside" else None,
-        size={c.effect: c.gap for c in truth.causes},
+        size={c.effect: float("nan") if c.gap is None else c.gap for c in truth.causes},
         detectability={c.effect: _sigmas(truth, c) for c in truth.causes},
         between=tuple(c.effect for c in truth.causes if c.rows),
-        answers={k: s.claim for k, s in every.items()} | {ORACLE: oracle},
+        answers=answers,
         where=own.where,
         numbers=numbers,
         variant=variant,
         closed=closed,
-        oracle=None if closed is None else truth.oracle.closed,
+        oracle=None if closed is None or truth.oracle is None else truth.oracle.closed,
         seconds={k: s.seconds for k, s in every.items() if s.seconds is not None},
         error=own.error,
     )
 
 
-def _certain(truth: Answer) -> dict[str, float]:
-    causes = truth.oracle.causes
-    return {"|".join(causes[0]) if causes else truth.oracle.verdict: 1.0}
+def _certain(oracle: Oracle) -> Claim:
+    first = "|".join(oracle.causes[0]) if oracle.causes else oracle.verdict
+    return Claim(oracle.verdict, oracle.causes, {first: 1.0}, ())
 
 
 def _sigmas(truth: Answer, cause: answers_.Fact) -> float:
     """Norm of a signature in noises; of a raised variance by its own scatter √(2/n)."""
+    if cause.gap is None:
+        return float("inf")  # who makes a fault on a real robot makes it visible
     if cause.rows:
         return cause.rows * float(np.sqrt(truth.rows / 2))
     return float(np.sqrt(6 * truth.rows * cause.gap))

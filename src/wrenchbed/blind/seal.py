@@ -42,6 +42,11 @@ def to_bytes(robot: str, mode: str, cases: Mapping[str, Sealed]) -> bytes:
     return (json.dumps(told, indent=1) + "\n").encode()
 
 
+def family(told: Mapping[str, object], root: str | None) -> bytes:
+    """``family.json``: what a family is, and the SHA-256 of its ``commitments.json``."""
+    return (json.dumps({**told, "commitments": root}, indent=1) + "\n").encode()
+
+
 def read(cases: Path) -> dict[str, Sealed]:
     """What was committed to, by case.
 

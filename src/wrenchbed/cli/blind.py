@@ -44,10 +44,7 @@ def make(
     with console.progress(f"sealing {robot} cases", cases) as tell:
         root = making.make(family, out, answers, _some(processes), tell)
     result = {"cases": str(out), "answers": str(answers), "number": cases, "commitments": root}
-    text = (
-        f"{cases} sealed cases → {out}, their answers → {answers}\n"
-        f"publish with the cases: SHA-256 of commitments.json {root}"
-    )
+    text = f"{cases} sealed cases → {out}, their answers → {answers}\n{_PUBLISH} {root}"
     console.answer(result, as_json, text)
 
 
@@ -121,10 +118,29 @@ def score(
 
 
 def blind() -> None:
-    """The sealed benchmark: blind make, blind run, blind score."""
+    """The sealed benchmark: blind make, blind run, blind score, blind seal."""
 
 
-VERBS: dict[str, Callable[..., Any]] = {"make": make, "run": run, "score": score}
+def seal(
+    truth: tyro.conf.Positional[Path], /, out: Path, answers: Path, as_json: Json = False
+) -> None:
+    """Seal recordings of a real robot on which somebody made the truth, see docs/sealed.md.
+
+    Args:
+        truth: TOML file that names each recording, what was made wrong and by how much.
+        out: Empty folder for the cases, to be given to entrants.
+        answers: Empty folder for the answers, to be given to nobody.
+        as_json: Print the result as JSON.
+    """
+    from wrenchbed.blind.real import seal_real
+
+    root = seal_real(truth, out, answers)
+    text = f"sealed cases → {out}, their answers → {answers}\n{_PUBLISH} {root}"
+    console.answer({"cases": str(out), "answers": str(answers), "commitments": root}, as_json, text)
+
+
+VERBS: dict[str, Callable[..., Any]] = {"make": make, "run": run, "score": score, "seal": seal}
+_PUBLISH = "publish with the cases: SHA-256 of commitments.json"
 
 
 def _some(processes: int) -> int:

@@ -71,7 +71,8 @@ def effect_cells(rows: Sequence[Row]) -> Cells:
         said = ", ".join(f"{k} {v}" for k, v in sorted(wrong.items(), key=lambda i: -i[1]))
         size = float(np.median([r.size[name] for r in own]))
         title = f"{name} (between rows)" if own[0].between else name
-        told.append([title, str(len(own)), f"{size:.2g}", str(held), *map(str, counts), said])
+        gap = f"{size:.2g}" if np.isfinite(size) else "–"
+        told.append([title, str(len(own)), gap, str(held), *map(str, counts), said])
     return head, told
 
 
