@@ -274,16 +274,18 @@ def test_a_run_that_was_killed_goes_on(family, tmp_path):
     slow = script(tmp_path, "time.sleep(0.2)\n" + SAYS_NONE)
     call = [sys.executable, "-m", "wrenchbed", "blind", "run", str(cases), "--out"]
     call += [str(tmp_path / "claims"), "--method", slow]
-    process = subprocess.Popen(call, start_new_session=True)
+    process = subprocess.Popen(call)
     folder = tmp_path / "claims" / Entrant.of(slow).name
     give_up = time.monotonic() + 60
     while len(list(folder.glob("0*"))) < 4 and time.monotonic() < give_up:
         time.sleep(0.05)
-    os.killpg(process.pid, signal.SIGKILL)
+    os.kill(process.pid, signal.SIGKILL)
     process.wait()
-    done = {p.name: p.stat().st_mtime_ns for p in folder.glob("0*/run.json")}
+    time.sleep(2.0)  # its workers notice
     kept = {p.parent.name: p.stat().st_mtime_ns for p in folder.glob("0*/run.json")}
-    assert 4 <= len(kept) < COUNT, done
+    time.sleep(1.0)
+    assert len(list(folder.glob("0*/run.json"))) == len(kept), "workers outlived the run"
+    assert 4 <= len(kept) < COUNT
     assert main(call[3:]) == 0
     after = {p.parent.name: p.stat().st_mtime_ns for p in folder.glob("0*/run.json")}
     assert len(after) == COUNT
