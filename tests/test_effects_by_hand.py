@@ -123,6 +123,17 @@ def test_temperature_moves_zero_and_span():
     assert np.allclose(up[:, 0], [0.0, 0.1 * (1.0 - np.exp(-1.0)), 0.1])
 
 
+def test_a_sensor_lags_behind_a_recorded_ramp_by_its_time_constant():
+    t = np.concatenate([np.arange(0.0, 100.0, 2.5), np.arange(100.0, 300.0, 10.0)])
+    y = np.zeros((len(t), 6))
+    ramp = at_times(t, 0.02 * t)
+    late = reading("sensor.temperature", ramp, y, zero_fx=0.5, lag=30.0)[:, 0]
+    after = 0.5 * 0.02 * (t - 30.0 * -np.expm1(-t / 30.0))  # the exact answer to a ramp
+    assert late == pytest.approx(after, abs=1e-12)
+    prompt = reading("sensor.temperature", ramp, y, zero_fx=0.5)[:, 0]
+    assert prompt == pytest.approx(0.5 * 0.02 * t, abs=1e-15)
+
+
 def test_temperature_is_published_per_kelvin_only_where_there_was_one():
     effect = registry.load("effects", "sensor.temperature")
     for label, units in (("medrue static", ("N/K", "1/K")), ("ur5 static", ("N", "1"))):
@@ -142,6 +153,15 @@ def test_creep_after_a_step_of_load(step):
     crept = reading("sensor.creep", at_times(t), y, share_fx=0.01, tau=50.0) - y
     expected = 0.01 * 6.0 * -np.expm1(-t[1:] / 50.0)
     assert np.abs(crept[1:, 0] - expected).max() < 1e-5
+    assert not crept[:, 1:].any()
+
+
+def test_creep_that_ends_right_starts_too_low():
+    t = np.array([0.0, 1e-9, 50.0, 1000.0])
+    y = np.zeros((4, 6))
+    y[1:] = 2.0
+    crept = reading("sensor.creep", at_times(t), y, share_fx=0.01, tau=50.0, late=1.0) - y
+    assert crept[:, 0] == pytest.approx([0.0, -0.02, -0.02 * np.exp(-1.0), 0.0], abs=1e-8)
     assert not crept[:, 1:].any()
 
 
