@@ -86,14 +86,17 @@ def summary(score: Score) -> dict[str, object]:
     return told
 
 
-def _truth(row: Row) -> str:
+def _truth(row: Row, answer: str) -> str:
+    """True subsystem; of two, the one that was answered."""
     if row.kind in ("none", "outside"):
         return "none" if row.kind == "none" else "unknown"
-    return row.truth[0].partition(".")[0]
+    own = [t.partition(".")[0] for t in row.truth]
+    return answer if answer in own else own[0]
 
 
 def _confusion(rows: Sequence[Row]) -> Table:
-    counts = Counter((_truth(r), first(r.answers[OURS])) for r in rows)
+    answers = [first(r.answers[OURS]) for r in rows]
+    counts = Counter((_truth(r, a), a) for r, a in zip(rows, answers, strict=True))
     said = [s for s in _ORDER if any(k[1] == s for k in counts)]
     told = [
         [f"{t} ({sum(v for k, v in counts.items() if k[0] == t)})"]

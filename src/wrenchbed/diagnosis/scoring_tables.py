@@ -71,7 +71,7 @@ def effect_cells(rows: Sequence[Row]) -> Cells:
         said = ", ".join(f"{k} {v}" for k, v in sorted(wrong.items(), key=lambda i: -i[1]))
         size = float(np.median([r.size[name] for r in own]))
         title = f"{name} (between rows)" if own[0].between else name
-        gap = f"{size:.2g}" if np.isfinite(size) else "–"
+        gap = f"{size:.0f}" if size >= 99.5 else f"{size:.2g}" if np.isfinite(size) else "–"
         told.append([title, str(len(own)), gap, str(held), *map(str, counts), said])
     return head, told
 
