@@ -128,11 +128,24 @@ def _true(case: Case, cause: Cause) -> Fact:
     fault = cause.fault
     sums = total(case.faults, fault.name)
     numbers = fault.true if fault.name in _ONLY_ITS_OWN else sums
+    if fault.name in ("tool.mass", "tool.cog"):
+        numbers = _with_own_weight(case, fault.name, sums)
     alike: list[str] = []
     if case.kind != "outside" and not cause.rows:
         alike = case.bench.alike(fault.name, cause.signature)
     true = {k: float(v) for k, v in numbers.items()}
     return Fact(fault.name, fault.size, cause.gap, cause.rows, true, tuple(alike))
+
+
+def _with_own_weight(case: Case, name: str, sums: Mapping[str, float]) -> dict[str, float]:
+    """What gauges load by the sensor's own weight looks like mass at the sensor's origin."""
+    weight = total(case.faults, "tool.self_weight").get("mass", 0.0)
+    tool = case.setting.metadata.tool
+    assert tool.mass is not None and tool.cog is not None
+    if name == "tool.mass":
+        return {"mass": sums["mass"] + weight}
+    shift = dict(zip("xyz", tool.cog, strict=True))
+    return {k: v - weight / tool.mass * shift[k[-1]] for k, v in sums.items()}
 
 
 def _oracle(case: Case) -> Oracle:

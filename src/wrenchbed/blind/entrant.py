@@ -4,6 +4,7 @@ import json
 import os
 import re
 import shlex
+import shutil
 import signal
 import subprocess
 import time
@@ -16,9 +17,11 @@ from pathlib import Path
 from typing import Any
 
 from wrenchbed.blind import seal
+from wrenchbed.blind.workers import CHILDREN
 from wrenchbed.diagnosis.baselines import BASELINES, known
-from wrenchbed.diagnosis.diagnose import Findings, diagnose
+from wrenchbed.diagnosis.diagnose import diagnose
 from wrenchbed.diagnosis.linear import Claim
+from wrenchbed.diagnosis.prepare import Prepared, prepare
 from wrenchbed.errors import ParameterError
 from wrenchbed.parquet import FORMAT
 from wrenchbed.recording import Recording
@@ -26,6 +29,8 @@ from wrenchbed.recording import Recording
 OURS = "diagnose"
 RUN = "run.json"
 CLAIM = "diagnosis.json"
+RESERVED = ("wrenchbed", "oracle")
+"""Names that a score uses itself."""
 
 
 class OverTimeError(Exception):
@@ -53,13 +58,15 @@ class Entrant:
         """
         if method == OURS or method in BASELINES:
             return cls(method)
-        words = shlex.split(method)
+        known = f"give {OURS}, {', '.join(BASELINES)} or a command"
+        try:
+            words = shlex.split(method)
+        except ValueError as cause:
+            raise ParameterError(f"--method {method!r}: {cause}; {known}") from cause
         if not words:
-            raise ParameterError(
-                f"--method {method!r}: give {OURS}, {', '.join(BASELINES)} or a command"
-            )
+            raise ParameterError(f"--method {method!r}: {known}")
         slug = re.sub(r"[^A-Za-z0-9]+", "-", Path(words[0]).stem + " " + " ".join(words[1:]))
-        return cls(slug.strip("-")[:60], method)
+        return cls(f"{slug.strip('-')[:40]}-{seal.digest(method.encode())[:6]}", method)
 
 
 def enter(
@@ -71,32 +78,32 @@ def enter(
         Names of the entrants that failed.
     """
     recording = seal.recording_of(cases, name)
-    found: Findings | None = None
-    failed, trouble = [], ""
+    prepared: Prepared | None = None
+    failed = []
+    digest = seal.digest(recording.read_bytes())
     for entrant in sorted(entrants, key=lambda e: e.name != OURS):
         folder = claims / entrant.name / name
-        part = claims / entrant.name / f".{name}.part"
-        _clear(part)
+        part = claims / entrant.name / f".{name}.{os.getpid()}.part"
+        for stale in part.parent.glob(f".{name}.*part"):
+            shutil.rmtree(stale, ignore_errors=True)
         part.mkdir(parents=True)
         begun, error = time.perf_counter(), ""
         try:
-            if entrant.command is None and trouble:  # its calibration is the baselines', too
-                error = trouble
-            elif entrant.command is not None:
+            if entrant.command is not None:
                 _called(entrant.command, recording, part, limit)
             else:
                 with _at_most(limit), warnings.catch_warnings():
                     warnings.simplefilter("ignore")
-                    if found is None:
+                    if entrant.name == OURS:
                         found = diagnose(Recording.read(recording))
                         known(found.analysis)
-                        if entrant.name != OURS:  # only the method's own time counts
-                            begun = time.perf_counter()
-                    if entrant.name == OURS:
+                        prepared = found.analysis.prepared
                         found.diagnosis.write(part)
                     else:
-                        claim = BASELINES[entrant.name](found.analysis.prepared)
-                        told = contract(claim, recording.name, found.diagnosis.robot)
+                        if prepared is None:
+                            prepared = prepare(Recording.read(recording))
+                        claim = BASELINES[entrant.name](prepared)
+                        told = contract(claim, recording.name, prepared.scene.robot.name)
                         (part / CLAIM).write_text(json.dumps(told, indent=1), encoding="utf-8")
         except OverTimeError:
             error = f"took longer than {limit:g} s"
@@ -106,10 +113,13 @@ def enter(
             error = f"wrote no {CLAIM}"
         if error:
             failed.append(entrant.name)
-            trouble = trouble or (error if entrant.command is None and found is None else "")
-        told = {"seconds": time.perf_counter() - begun, "error": error}
+        told = {
+            "seconds": time.perf_counter() - begun, "error": error, "recording": digest,
+            "command": entrant.command,
+        }  # fmt: skip
+        part.mkdir(parents=True, exist_ok=True)  # an entrant may have thrown it away
         (part / RUN).write_text(json.dumps(told, indent=1) + "\n", encoding="utf-8")
-        _clear(folder)
+        shutil.rmtree(folder, ignore_errors=True)
         part.replace(folder)
     return failed
 
@@ -141,6 +151,7 @@ def _called(command: str, recording: Path, out: Path, limit: float) -> None:
             call, stdout=log, stderr=subprocess.STDOUT, stdin=subprocess.DEVNULL,
             start_new_session=True,
         )  # fmt: skip
+        CHILDREN.add(process.pid)
         try:
             code = process.wait(timeout=limit)
         except subprocess.TimeoutExpired as cause:
@@ -149,6 +160,7 @@ def _called(command: str, recording: Path, out: Path, limit: float) -> None:
             with suppress(ProcessLookupError):
                 os.killpg(process.pid, signal.SIGKILL)
             process.wait()
+            CHILDREN.discard(process.pid)
     if code != 0:
         said = (out / "output.txt").read_text(errors="replace")[-2000:]
         raise RuntimeError(f"exit code {code}: {said}")
@@ -168,10 +180,3 @@ def _at_most(seconds: float) -> Iterator[None]:
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0.0)
         signal.signal(signal.SIGALRM, before)
-
-
-def _clear(folder: Path) -> None:
-    if folder.is_dir():
-        for path in folder.iterdir():
-            path.unlink()
-        folder.rmdir()

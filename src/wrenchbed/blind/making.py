@@ -12,13 +12,14 @@ from pathlib import Path
 import numpy as np
 import pyarrow.parquet as pq
 
-from wrenchbed import parquet
+from wrenchbed import parquet, registry
 from wrenchbed.blind import seal
 from wrenchbed.blind.answer import of_case
 from wrenchbed.blind.workers import workers
 from wrenchbed.errors import BenchmarkError, ParameterError
 from wrenchbed.recording import Recording
 from wrenchbed.referee import case as referee
+from wrenchbed.robots.base import SimulatedRobot
 
 EPOCH = 946684800
 """Time that every file of a family bears: 2000-01-01 [s]."""
@@ -83,8 +84,14 @@ def make(
         BenchmarkError: the folders are the same, hold each other or another family.
         ParameterError: the robot or mode cannot be simulated.
     """
+    if not isinstance(registry.load("robots", family.robot), SimulatedRobot):
+        raise ParameterError(f"robot {family.robot!r} has no model to make cases with")
     apart(out, answers)
     _begin(family, out, answers)
+    if (root := _sealed(answers)) is not None:  # what was sealed stays sealed
+        seal.verify(out, answers)
+        tell(family.cases)
+        return root
     todo = list(_todo(family, out, answers))
     tell(family.cases - len(todo))
     with workers(processes) as pool:
@@ -104,14 +111,30 @@ def make(
     write(out / seal.COMMITMENTS, text)
     root = seal.digest(text)
     write(answers / seal.FAMILY, _told(family, root))
-    for path in (*out.iterdir(), out):
-        os.utime(path, (EPOCH, EPOCH))
+    forget_times(out)
     return root
+
+
+def forget_times(folder: Path) -> None:
+    """Write all files anew in the order of their names, and give them one time.
+
+    A file system remembers when a file was born, and hard cases take longer to make.
+    """
+    for path in sorted(folder.iterdir()):
+        write(path, path.read_bytes())
+    for path in (*folder.iterdir(), folder):
+        os.utime(path, (EPOCH, EPOCH))
+
+
+def _sealed(answers: Path) -> str | None:
+    """SHA-256 of the commitments of a family that is complete."""
+    root = json.loads((answers / seal.FAMILY).read_bytes())["commitments"]
+    return None if root is None else str(root)
 
 
 def resumed(answers: Path) -> int | None:
     """Seed of the family that a folder of answers belongs to, if any."""
-    with suppress(OSError, ValueError, KeyError):
+    with suppress(OSError, ValueError, LookupError, TypeError):
         return int(json.loads((answers / seal.FAMILY).read_bytes())["seed"])
     return None
 

@@ -1,6 +1,5 @@
 """Real cases, sealed: recordings of a robot on which somebody made the truth."""
 
-import os
 import re
 import secrets
 import tomllib
@@ -67,8 +66,7 @@ def seal_real(truth: Path, out: Path, answers: Path) -> str:
     root = seal.digest(text)
     family = {"source": truth.name, "cases": len(told), "salt": secrets.token_hex(16)}
     making.write(answers / seal.FAMILY, seal.family(family, root))
-    for path in (*out.iterdir(), out):
-        os.utime(path, (making.EPOCH, making.EPOCH))
+    making.forget_times(out)
     return root
 
 
@@ -87,7 +85,10 @@ def _cases(truth: Path) -> Iterator[tuple[str, tuple[Fact, ...], Recording]]:
         kind = case.get("kind")
         if kind not in KINDS:
             raise BenchmarkError(f"{where}: kind = {kind!r} is none of {', '.join(KINDS)}")
-        causes = tuple(_fact(c, kind, where) for c in case.get("cause", []))
+        listed = case.get("cause", [])
+        if not isinstance(listed, list):
+            raise BenchmarkError(f"{where}: write causes as [[case.cause]], in double brackets")
+        causes = tuple(_fact(c, kind, where) for c in listed)
         if len(causes) != CAUSES[kind]:
             raise BenchmarkError(
                 f"{where}: kind {kind!r} has {CAUSES[kind]} [[case.cause]], found {len(causes)}"
@@ -102,6 +103,9 @@ def _fact(raw: Mapping[str, Any], kind: str, where: str) -> Fact:
     if not isinstance(effect, str) or (kind != "outside" and effect not in EFFECTS):
         raise BenchmarkError(f"{where}: effect = {effect!r}; known are {', '.join(EFFECTS)}")
     true = raw.get("true", {})
+    if isinstance(true, Mapping):  # cog.x = 1 is a table in a table
+        inner = {k: v if isinstance(v, Mapping) else {"": v} for k, v in true.items()}
+        true = {f"{k}.{n}" if n else k: v for k, t in inner.items() for n, v in t.items()}
     if not isinstance(true, Mapping) or not all(
         isinstance(v, int | float) and np.isfinite(v) for v in true.values()
     ):

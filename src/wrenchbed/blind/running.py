@@ -1,5 +1,6 @@
 """Entrants on every case of a family: side by side, and on again where a run was stopped."""
 
+import json
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, as_completed
 from concurrent.futures.process import BrokenProcessPool
@@ -42,7 +43,7 @@ def run(
         path = seal.recording_of(cases, name)
         if not path.is_file() or seal.digest(path.read_bytes()) != committed.recording:
             raise BenchmarkError(f"{path}: is missing or is not the case that was sealed")
-    todo = {name: _left(entrants, claims, name) for name in sealed}
+    todo = {name: _left(entrants, claims, name, s.recording) for name, s in sealed.items()}
     todo = {name: left for name, left in todo.items() if left}
     tell(len(sealed) - len(todo))
     failed = dict.fromkeys(names, 0)
@@ -78,13 +79,32 @@ def _together(
                 unanswered.pop(jobs[done])
                 tell(1)
         except BrokenProcessPool:
-            return {n: _left(left, claims, n) for n, left in unanswered.items()}
+            again = {n: _left(left, claims, n, None) for n, left in unanswered.items()}
+            return {n: left for n, left in again.items() if left}
     return {}
 
 
-def _left(entrants: Sequence[Entrant], claims: Path, name: str) -> list[Entrant]:
-    """Entrants that have not answered a case."""
-    return [e for e in entrants if not (claims / e.name / name / RUN).is_file()]
+def _left(
+    entrants: Sequence[Entrant], claims: Path, name: str, recording: str | None
+) -> list[Entrant]:
+    """Entrants that have not answered a case.
+
+    Raises:
+        BenchmarkError: one has answered another case of that name.
+    """
+    left = []
+    for entrant in entrants:
+        path = claims / entrant.name / name / RUN
+        if not path.is_file():
+            left.append(entrant)
+            continue
+        try:
+            about = json.loads(path.read_bytes()).get("recording")
+        except (ValueError, AttributeError) as cause:
+            raise BenchmarkError(f"{path}: is broken: {cause}") from cause
+        if recording is not None and about not in (None, recording):
+            raise BenchmarkError(f"{path}: is about another family; give another --out")
+    return left
 
 
 def _crashed(folder: Path) -> None:

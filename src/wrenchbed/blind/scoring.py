@@ -1,6 +1,7 @@
 """The score of a sealed benchmark: commitments checked, claims held against answers."""
 
-from collections.abc import Sequence
+import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -48,7 +49,13 @@ class Score:
         return (ORACLE, *self.others) if known else self.others
 
 
-def score(cases: Path, claims: Path, answers: Path, main: str | None = None) -> Score:
+def score(
+    cases: Path,
+    claims: Path,
+    answers: Path,
+    main: str | None = None,
+    published: str | None = None,
+) -> Score:
     """Check what was committed to, and hold claims against answers.
 
     Args:
@@ -56,11 +63,12 @@ def score(cases: Path, claims: Path, answers: Path, main: str | None = None) -> 
         claims: folder of claims, one folder an entrant.
         answers: folder of answers.
         main: entrant that is judged; wrenchbed's diagnosis, else the first.
+        published: SHA-256 of the commitments as it was published with the cases, if it was.
 
     Raises:
         BenchmarkError: a case or an answer was changed, or claims are missing.
     """
-    sealed = seal.verify(cases, answers)
+    sealed = seal.verify(cases, answers, published)
     names = claims_.entrants(claims, main)
     told = {n: answers_.read(seal.answer_of(answers, n)) for n in sealed}
     wrong = next((n for n, a in told.items() if a.case != n), None)
@@ -68,7 +76,7 @@ def score(cases: Path, claims: Path, answers: Path, main: str | None = None) -> 
         raise BenchmarkError(f"{seal.answer_of(answers, wrong)}: answers case {told[wrong].case}")
     rows, unclaimed = [], 0
     for name, truth in told.items():
-        said = {n: claims_.read(claims / n / name) for n in names}
+        said = {n: claims_.read(claims / n / name, sealed[name].recording) for n in names}
         unclaimed += not (claims / names[0] / name).is_dir()
         rows.append(_row(truth, said[names[0]], {n: said[n] for n in names[1:]}))
     root = seal.digest((cases / seal.COMMITMENTS).read_bytes())
@@ -78,7 +86,6 @@ def score(cases: Path, claims: Path, answers: Path, main: str | None = None) -> 
 def _row(truth: Answer, own: Said, others: dict[str, Said]) -> Row:
     every = {OURS: own, **others}
     closed = own_closed(truth, own)
-    numbers, variant = _numbers(truth, own)
     answers = {k: s.claim for k, s in every.items()}
     if truth.oracle is not None:
         answers[ORACLE] = _certain(truth.oracle)
@@ -93,8 +100,7 @@ def _row(truth: Answer, own: Said, others: dict[str, Said]) -> Row:
         between=tuple(c.effect for c in truth.causes if c.rows),
         answers=answers,
         where=own.where,
-        numbers=numbers,
-        variant=variant,
+        numbers=_numbers(truth, own),
         closed=closed,
         oracle=None if closed is None or truth.oracle is None else truth.oracle.closed,
         seconds={k: s.seconds for k, s in every.items() if s.seconds is not None},
@@ -117,7 +123,7 @@ def _sigmas(truth: Answer, cause: answers_.Fact) -> float:
 
 
 def own_closed(truth: Answer, said: Said) -> float | None:
-    """Share of the gap on rows that no fit saw that an entrant says it closes; 0 if it names none.
+    """Share of the gap on rows that no fit saw that an entrant says it closes; 0 if it says none.
 
     None where a cause shows between rows: then the floor itself rose.
     Of causes that are only wrong stated numbers from the configured simulator on, else from the
@@ -127,45 +133,59 @@ def own_closed(truth: Answer, said: Said) -> float | None:
         return None
     start = "configured" if set(truth.effects) <= set(STATED) else "calibrated"
     gap = said.gap
-    numbers: Any = [gap.get(k) for k in (start, "floor", "calibrated")]
-    if any(not isinstance(x, int | float) for x in numbers):
-        return None
-    whole = numbers[0] - numbers[1]
-    after = gap.get("with_effects")
-    after = numbers[2] if after is None else after
-    return None if whole <= 0 else float((numbers[0] - after) / whole)
+    if not said.claim.causes or not {start, "floor", "calibrated"} <= set(gap):
+        return 0.0
+    whole = gap[start] - gap["floor"]
+    after = gap.get("with_effects", gap["calibrated"])
+    return (gap[start] - after) / whole if whole > 0 else 0.0
 
 
-def _numbers(truth: Answer, said: Said) -> tuple[tuple[Number, ...], bool]:
-    """Published numbers of every true effect that is named first, beside the true ones."""
+def _numbers(truth: Answer, said: Said) -> tuple[Number, ...]:
+    """Published numbers of every true effect that is named first, beside the true ones.
+
+    Of a simulated robot every number is known, 0 where none is listed; of a real one those listed.
+    """
     found: list[Number] = []
-    complete = True
     for cause in truth.causes if truth.effects else ():
-        published = said.parameters.get(cause.effect)
-        if published is None or cause.effect not in COMPARED:
+        published = said.parameters.get(cause.effect, {})
+        if cause.effect == "joint.compliance" and not _usable(published):
             continue
+        known = COMPARED.get(cause.effect)
         told = as_published(cause.effect, published)
-        own = [
-            Number(
-                f"{cause.effect}:{n}", float(p["value"]), float(p["std"]), cause.true.get(n, 0.0)
-            )
+        found += [
+            Number(f"{cause.effect}:{n}", p["value"], p["std"], cause.true.get(n, 0.0))
             for n, p in told.items()
-            if n not in _FREE
-            and isinstance(p.get("std"), int | float)
-            and isinstance(p.get("value"), int | float)
+            if known is not None
+            and re.fullmatch(known, n)
+            and p["std"] is not None
+            and (truth.oracle is not None or n in cause.true)
         ]
-        found += own
-        large = max((abs(v) for k, v in cause.true.items() if k not in _FREE), default=0.0)
-        needed = {k for k, v in cause.true.items() if abs(v) > 0.3 * large} - set(_FREE)
-        complete = complete and (needed <= set(told) or not own)
-    return tuple(found), complete and bool(found)
+    return tuple(found)
 
 
-COMPARED: Sequence[str] = (
-    *STATED, "tool.inertia", "base.tilt", "mount.rotation", "joint.offset", "joint.compliance",
-    "sensor.gain", "sensor.drift", "sensor.jump", "sensor.crosstalk", "link.length",
-    "timing.delay", "timing.skew",
-)  # fmt: skip
-"""Effects whose numbers mean the same to the referee and to the library."""
-_FREE = ("time",)
-"""Numbers that data at rest leaves open: any moment between two poses is as true as another."""
+def _usable(published: Mapping[str, Any]) -> bool:
+    """Whether a compliance follows: a stiffness needs a joint, and is not 0."""
+    stiffness = published.get("stiffness")
+    return stiffness is None or ("joint" in published and stiffness["value"] != 0.0)
+
+
+_CHANNEL = "[ft][xyz]"
+COMPARED: Mapping[str, str] = {
+    "sensor.bias": rf"bias\.{_CHANNEL}",
+    "tool.mass": "mass",
+    "tool.cog": r"cog\.[xyz]",
+    "tool.inertia": r"inertia\.[xyz]{2}",
+    "base.tilt": "[xy]",
+    "mount.rotation": r"rotation\.[xyz]",
+    "joint.offset": r"offset\.q\d",
+    "joint.compliance": r"compliance\.q\d",
+    "sensor.gain": rf"gain\.{_CHANNEL}",
+    "sensor.drift": rf"rate\.{_CHANNEL}",
+    "sensor.jump": rf"step\.{_CHANNEL}",
+    "sensor.crosstalk": rf"x\.{_CHANNEL}\.{_CHANNEL}",
+    "link.length": r"length\.[A-Z]\d\d?[yz]?",
+    "timing.delay": "delay",
+    "timing.skew": "skew",
+}
+"""Numbers that mean the same to the referee and to the library, by effect. The moment of a jump is
+not among them: any moment between two poses is as true as another."""

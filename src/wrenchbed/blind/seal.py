@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,6 +12,7 @@ from wrenchbed.parquet import FORMAT
 
 COMMITMENTS = "commitments.json"
 FAMILY = "family.json"
+_NAME = re.compile(r"\d{4,9}")
 
 
 @dataclass(frozen=True)
@@ -59,6 +61,9 @@ def read(cases: Path) -> dict[str, Sealed]:
         if raw["format"] != FORMAT:
             raise BenchmarkError(f"{path}: format {raw['format']!r}, this version reads {FORMAT}")
         found = {str(k): Sealed(**v) for k, v in raw["cases"].items()}
+        strange = next((k for k in found if not _NAME.fullmatch(k)), None)
+        if strange is not None:
+            raise BenchmarkError(f"{path}: {strange!r} is no name of a case")
     except FileNotFoundError as cause:
         raise BenchmarkError(
             f"{path}: there is no such file; a folder of `wrenchbed blind make --out` has one"
@@ -70,26 +75,32 @@ def read(cases: Path) -> dict[str, Sealed]:
     return found
 
 
-def verify(cases: Path, answers: Path) -> dict[str, Sealed]:
+def verify(cases: Path, answers: Path, published: str | None = None) -> dict[str, Sealed]:
     """The commitments, once every case and every answer is what was committed to.
+
+    Args:
+        published: SHA-256 of ``commitments.json`` as entrants know it; who holds the answers could
+            change all files together, but not that.
 
     Raises:
         BenchmarkError: names the first file that is missing or was changed.
     """
     sealed = read(cases)
-    family = answers / FAMILY
+    of_family = answers / FAMILY
     try:
-        root = json.loads(family.read_bytes())["commitments"]
+        root = json.loads(of_family.read_bytes())["commitments"]
     except (OSError, ValueError, KeyError, TypeError) as cause:
-        raise BenchmarkError(f"{family}: is missing or broken: {cause}") from cause
-    if digest((cases / COMMITMENTS).read_bytes()) != root:
-        raise BenchmarkError(
-            f"{cases / COMMITMENTS}: was changed after it was made: {family} expects {root}"
-        )
-    for name, expected in sealed.items():
+        raise BenchmarkError(f"{of_family}: is missing or broken: {cause}") from cause
+    found = digest((cases / COMMITMENTS).read_bytes())
+    for expected, who in ((root, str(of_family)), (published or found, "what was published")):
+        if found != expected:
+            raise BenchmarkError(
+                f"{cases / COMMITMENTS}: was changed after it was made: {who} has {expected}"
+            )
+    for name, own in sealed.items():
         pairs = (
-            (recording_of(cases, name), expected.recording),
-            (answer_of(answers, name), expected.answer),
+            (recording_of(cases, name), own.recording),
+            (answer_of(answers, name), own.answer),
         )
         for path, committed in pairs:
             if not path.is_file():

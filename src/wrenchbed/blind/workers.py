@@ -7,9 +7,11 @@ import threading
 import time
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 
 _WATCH_S = 0.5
+CHILDREN: set[int] = set()
+"""Process groups that this process has begun and that must not outlive it."""
 _ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
@@ -44,4 +46,7 @@ def _follow(parent: int) -> None:
     """Die with a parent that was killed: it could not tell us to stop."""
     while os.getppid() == parent:
         time.sleep(_WATCH_S)
+    for child in list(CHILDREN):
+        with suppress(ProcessLookupError):
+            os.killpg(child, signal.SIGKILL)
     os._exit(1)

@@ -93,6 +93,7 @@ def score(
     /,
     out: Path | None = None,
     method: str | None = None,
+    commitments: str | None = None,
     as_json: Json = False,
 ) -> None:
     """Check the commitments, and score claims against answers.
@@ -103,12 +104,13 @@ def score(
         answers: Folder of `wrenchbed blind make --answers`.
         out: Folder for score.md, score.html and their figures; CLAIMS.score if none.
         method: Entrant that is judged, the others stand beside it; diagnose, else the first.
+        commitments: SHA-256 of commitments.json as it was published, to be checked, too.
         as_json: Print every figure as JSON.
     """
     from wrenchbed.blind import report, scoring
     from wrenchbed.cli.tables import score_table
 
-    found = scoring.score(cases, claims, answers, method)
+    found = scoring.score(cases, claims, answers, method, commitments)
     page = report.page(found)
     folder = claims.with_name(claims.name + ".score") if out is None else out
     page.write(folder, "score")
