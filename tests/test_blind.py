@@ -110,6 +110,11 @@ def test_the_same_seed_makes_the_same_bytes(family, tmp_path, monkeypatch):
         assert (folder / file).read_bytes() == (tmp_path / other / file).read_bytes()
 
 
+def test_files_bear_one_time(family):
+    cases, _, _ = family
+    assert {p.stat().st_mtime for p in cases.iterdir()} == {making.EPOCH}
+
+
 @pytest.mark.parametrize("which", ["recording", "answer", "commitments", "root"])
 def test_what_was_tampered_with_is_refused(copied, which, tmp_path):
     cases, answers = copied
@@ -137,6 +142,44 @@ def test_what_was_tampered_with_is_refused(copied, which, tmp_path):
     path.write_bytes(bytes(data))
     with pytest.raises(BenchmarkError, match="was changed"):
         scoring.score(cases, tmp_path / "claims", answers)
+
+
+def test_what_was_sealed_is_not_sealed_again(copied):
+    cases, answers = copied
+    told = making.Family("ur5", "static", COUNT, SEED)
+    root = making.make(told, cases, answers)
+    path = seal.answer_of(answers, "0003")
+    path.write_bytes(path.read_bytes().replace(b'"minor": 0', b'"minor": 1', 1))
+    with pytest.raises(BenchmarkError, match=r"0003\.json: was changed"):
+        making.make(told, cases, answers)
+    assert seal.digest((cases / seal.COMMITMENTS).read_bytes()) == root
+
+
+def test_all_files_together_cannot_be_changed_behind_what_was_published(copied, tmp_path):
+    cases, answers = copied
+    truthful(cases, answers, tmp_path / "claims" / "me")
+    root = seal.digest((cases / seal.COMMITMENTS).read_bytes())
+    scoring.score(cases, tmp_path / "claims", answers, published=root)
+    told = json.loads((cases / seal.COMMITMENTS).read_bytes())
+    path = seal.answer_of(answers, "0003")
+    path.write_bytes(path.read_bytes().replace(b'"minor": 0', b'"minor": 1', 1))
+    told["cases"]["0003"]["answer"] = seal.digest(path.read_bytes())
+    text = json.dumps(told).encode()
+    (cases / seal.COMMITMENTS).write_bytes(text)
+    family = json.loads((answers / seal.FAMILY).read_bytes()) | {"commitments": seal.digest(text)}
+    (answers / seal.FAMILY).write_text(json.dumps(family))
+    scoring.score(cases, tmp_path / "claims", answers)  # nobody could tell
+    with pytest.raises(BenchmarkError, match="what was published"):
+        scoring.score(cases, tmp_path / "claims", answers, published=root)
+
+
+def test_a_case_cannot_be_called_a_path(copied):
+    cases, _ = copied
+    told = json.loads((cases / seal.COMMITMENTS).read_bytes())
+    told["cases"]["../../x"] = told["cases"]["0001"]
+    (cases / seal.COMMITMENTS).write_text(json.dumps(told))
+    with pytest.raises(BenchmarkError, match="no name of a case"):
+        seal.read(cases)
 
 
 def test_a_missing_answer_is_refused(copied, tmp_path):
@@ -242,6 +285,16 @@ def test_what_fails_is_a_wrong_answer(family, tmp_path, body, said):
         ({"verdict": "identified"}, "0 causes"),
         ({"probabilities": {"none": 1.7, "unknown": -0.7}}, "not between"),
         ({"which": None}, "breaks the contract"),
+        ({"probabilities": {"none": 10**400}}, "breaks the contract"),
+        ({"probabilities": {"a|b|c|d|e|f": 1.0}}, "more than 5 members"),
+        (
+            {
+                "verdict": "identified",
+                "which": [{"effect": "tool.mass", "probability": 1.0}] * 2,
+                "probabilities": {"tool.mass": 1.0},
+            },
+            "named twice",
+        ),
     ],
 )
 def test_a_claim_that_breaks_the_contract_is_wrong(tmp_path, change, said):
@@ -250,6 +303,67 @@ def test_a_claim_that_breaks_the_contract_is_wrong(tmp_path, change, said):
     found = claims.read(tmp_path)
     assert found.claim.verdict == "error"
     assert said in found.error
+
+
+def test_only_the_first_causes_count_and_odd_numbers_are_left_out(tmp_path):
+    odd = {"stiffness": {"value": 0.0, "std": 1.0}, "x": {"value": "wide"}, "y": 3, "z": {}}
+    odd |= {"fine": {"value": 1.0, "std": float("inf")}}
+    names = [
+        "joint.compliance",
+        "tool.mass",
+        "tool.cog",
+        "sensor.gain",
+        "sensor.drift",
+        "base.tilt",
+    ]
+    which = [{"effect": n, "probability": 0.5, "parameters": odd} for n in names]
+    told = {
+        "verdict": "identified", "which": which, "probabilities": {"none": 1.0},
+        "gap": {"configured": float("nan"), "floor": "low", "calibrated": 2.0},
+    }  # fmt: skip
+    (tmp_path / CLAIM).write_text(json.dumps(told))
+    found = claims.read(tmp_path)
+    assert found.error == ""
+    assert len(found.claim.causes) == claims.COUNTED
+    assert found.gap == {"calibrated": 2.0}
+    assert set(found.parameters["tool.mass"]) == {"stiffness", "fine"}
+    assert found.parameters["tool.mass"]["fine"]["std"] is None
+    assert not scoring._usable(found.parameters["joint.compliance"])
+
+
+def test_a_claim_belongs_to_one_case(family, tmp_path):
+    cases, answers, _ = family
+    entrant = Entrant("me", script(tmp_path, SAYS_NONE))
+    assert enter([entrant], cases, "0001", tmp_path / "claims", 20.0) == []
+    (tmp_path / "claims" / "me" / "0001").rename(tmp_path / "claims" / "me" / "0002")
+    with pytest.raises(BenchmarkError, match="another family"):
+        running.run(cases, tmp_path / "claims", [entrant])
+    found = scoring.score(cases, tmp_path / "claims", answers)
+    assert {r.error for r in found.rows} == {"no claim", "the claim is about another case"}
+
+
+def test_names_of_entrants_do_not_collide(tmp_path):
+    methods = ["./none.sh", "bin/diagnose", "/a/method", "/b/method", "§"]
+    names = [Entrant.of(m).name for m in methods]
+    assert len(set(names)) == 5
+    assert not {"none", "diagnose", ""} & set(names)
+    for bad in ("", "'open"):
+        with pytest.raises(ParameterError, match="give diagnose"):
+            Entrant.of(bad)
+    (tmp_path / "oracle").mkdir()
+    with pytest.raises(BenchmarkError, match="no name for an entrant"):
+        claims.entrants(tmp_path)
+
+
+def test_an_entrant_that_throws_its_folder_away_is_wrong(family, tmp_path):
+    cases, _, _ = family
+    entrant = Entrant("me", script(tmp_path, "import shutil\nshutil.rmtree(out)\n"))
+    assert enter([entrant], cases, "0001", tmp_path / "claims", 20.0) == ["me"]
+    messy = Entrant(
+        "you", script(tmp_path, "os.makedirs(os.path.join(out, 'a', 'b'))\n" + SAYS_NONE)
+    )
+    for _ in range(2):
+        assert enter([messy], cases, "0001", tmp_path / "claims", 20.0) == []
 
 
 def test_our_own_methods_answer_a_case(tmp_path, monkeypatch):
@@ -405,7 +519,7 @@ recording = "tilted.parquet"
 kind = "single"
 [[case.cause]]
 effect = "base.tilt"
-true = { x = 0.0087, y = 0.0 }
+true = { x = 0.0087, y = 0.0, a.b = 1.0 }
 
 [[case]]
 recording = "plain.parquet"
@@ -444,7 +558,7 @@ def test_real_recordings_are_sealed_under_numbers_and_scored(measured, capsys):
     assert "oracle" not in told
     assert "nan" not in report.page(score).markdown()
     truths = {a.effects: a.causes for a in score.answers.values()}
-    assert truths[("base.tilt",)][0].true == {"x": 0.0087, "y": 0.0}
+    assert truths[("base.tilt",)][0].true == {"x": 0.0087, "y": 0.0, "a.b": 1.0}
 
 
 @pytest.mark.parametrize(
@@ -455,6 +569,7 @@ def test_real_recordings_are_sealed_under_numbers_and_scored(measured, capsys):
         ('kind = "none"', 'kind = "fine"', "case 2: kind = 'fine'"),
         ('"plain.parquet"', '"gone.parquet"', "no such file"),
         ("x = 0.0087", 'x = "0.5 deg"', "table of numbers"),
+        ("[[case.cause]]", "[case.cause]", "double brackets"),
         ("[[case]]", "[[cases]]", "no .*case"),
         ("kind =", "kind", "not valid TOML"),
     ],
