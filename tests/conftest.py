@@ -1,6 +1,28 @@
 """One BLAS thread a test process: with several processes more threads only wait for each other."""
 
 import os
+import shutil
+from pathlib import Path
+
+import pytest
 
 for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(name, "1")
+
+
+@pytest.fixture(scope="session")
+def family(tmp_path_factory):
+    """Cases and answers of a small sealed family, and the SHA-256 of its commitments."""
+    from sealed_family import made
+
+    return made(tmp_path_factory.mktemp("sealed"))
+
+
+@pytest.fixture
+def copied(family, tmp_path):
+    """A family that may be spoiled."""
+    cases, answers, _ = family
+    return (
+        Path(shutil.copytree(cases, tmp_path / "cases")),
+        Path(shutil.copytree(answers, tmp_path / "answers")),
+    )

@@ -9,7 +9,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from wrenchbed import registry
-from wrenchbed.referee import arm, carried, case, columns, outside
+from wrenchbed.chain import Active, respond
+from wrenchbed.referee import arm, carried, case, columns, gauges, outside
 from wrenchbed.referee import setting as settings
 from wrenchbed.referee.background import background
 from wrenchbed.referee.catalogue import EFFECTS, possible
@@ -20,6 +21,7 @@ from wrenchbed.referee.memory import after, bouc_wen, lowpass
 from wrenchbed.referee.path import through
 from wrenchbed.referee.ride import ride
 from wrenchbed.referee.world import World
+from wrenchbed.scene import Scene
 
 SOURCE = Path(case.__file__).parents[1]
 FORBIDDEN = {
@@ -198,6 +200,43 @@ def test_lags_of_a_ramp_are_their_time_constants():
     ramp = np.stack([t, 2.0 * t], axis=1)
     for late in (after(t, ramp, 0.3), lowpass(ramp, 0.004, 0.3, 2)):
         assert ramp[-1] - late[-1] == pytest.approx([0.3, 0.6], rel=1e-3)
+
+
+# ---- its truth and the library's -----------------------------------------------------------------
+
+
+SAME_NUMBERS = {
+    "base.tilt": arm.tilt,
+    "mount.rotation": arm.mount,
+    "joint.offset": arm.offset,
+    "joint.compliance": lambda setting, rng, size: arm.compliance(setting, rng, size, j=2),
+    "tool.mass": carried.mass,
+    "tool.cog": carried.cog,
+    "sensor.bias": gauges.bias,
+    "sensor.gain": gauges.gain,
+    "sensor.crosstalk": gauges.crosstalk,
+    "sensor.drift": gauges.drift,
+}
+
+
+@pytest.mark.parametrize("name", list(SAME_NUMBERS))
+def test_true_numbers_mean_what_the_library_publishes(world, name):
+    """The library's formula with the referee's numbers gives what the referee's machine reads."""
+    setting = world.setting
+    fault = SAME_NUMBERS[name](setting, np.random.default_rng(3), 4.0)
+    found = case.measured(world, fault).signature
+    q, t = setting.mean(setting.path.q), setting.mean(setting.path.t)
+    held = np.ones(len(q), dtype=bool)
+    gravity = np.array(setting.robot.gravity)
+    scene = Scene(setting.robot, setting.theta, gravity, q, t - setting.path.t[0], held)
+    wanted = respond(scene, [Active.of(setting.robot, name, dict(fault.true))]) - respond(scene)
+    usual = world.usual
+    configured = name in case.STATED or name == "sensor.drift"
+    size = usual.gap(found, configured)
+    assert size > 0.1
+    assert usual.gap(found - wanted, configured) < 0.02 * size, np.abs(
+        (found - wanted) / noise
+    ).max()
 
 
 # ---- cases ---------------------------------------------------------------------------------------

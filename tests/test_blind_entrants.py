@@ -1,0 +1,182 @@
+"""Any program may enter, and is held to the contract."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from sealed_family import COUNT, SAYS_NONE, script
+from wrenchbed.blind import claims, making, report, running, scoring
+from wrenchbed.blind.entrant import CLAIM, Entrant, contract, enter
+from wrenchbed.cli import main
+from wrenchbed.diagnosis.linear import Claim
+from wrenchbed.errors import BenchmarkError, ParameterError
+from wrenchbed.referee import setting as settings
+
+
+def test_any_program_may_enter_and_goes_on_after_a_stop(family, tmp_path):
+    cases, answers, _ = family
+    entrant = Entrant("says-none", script(tmp_path, SAYS_NONE))
+    assert running.run(cases, tmp_path / "claims", [entrant]) == {"says-none": 0}
+    told = []
+    running.run(cases, tmp_path / "claims", [entrant], tell=lambda n, *_: told.append(n))
+    assert told == [COUNT]  # all were there
+    found = scoring.score(cases, tmp_path / "claims", answers)
+    figures = report.summary(found)["says-none"]
+    assert figures["false_alarm"]["value"] == 0.0
+    assert figures["isolation"]["value"] == 0.0
+
+
+@pytest.mark.parametrize(
+    ("body", "said"),
+    [
+        ("sys.exit(3)", "exit code 3"),
+        ("os.kill(os.getpid(), 9)", "exit code -9"),
+        ("time.sleep(60)", "longer than 1 s"),
+        ("", "wrote no diagnosis.json"),
+    ],
+)
+def test_what_fails_is_a_wrong_answer(family, tmp_path, body, said):
+    cases, answers, _ = family
+    entrant = Entrant("broken", script(tmp_path, body))
+    begun = time.monotonic()
+    assert enter([entrant], cases, "0001", tmp_path / "claims", 1.0) == ["broken"]
+    assert time.monotonic() - begun < 20
+    found = claims.read(tmp_path / "claims" / "broken" / "0001")
+    assert found.claim.verdict == "error"
+    assert said in found.error
+    rows = scoring.score(cases, tmp_path / "claims", answers).rows
+    assert all(r.answers["wrenchbed"].verdict == "error" for r in rows)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"verdict": "perhaps"}, "perhaps"),
+        ({"probabilities": {"none": 0.2}}, "sum"),
+        ({"verdict": "identified"}, "0 causes"),
+        ({"probabilities": {"none": 1.7, "unknown": -0.7}}, "not between"),
+        ({"which": None}, "breaks the contract"),
+        ({"probabilities": {"none": 10**400}}, "breaks the contract"),
+        ({"probabilities": {"a|b|c|d|e|f": 1.0}}, "more than 5 members"),
+        (
+            {
+                "verdict": "identified",
+                "which": [{"effect": "tool.mass", "probability": 1.0}] * 2,
+                "probabilities": {"tool.mass": 1.0},
+            },
+            "named twice",
+        ),
+    ],
+)
+def test_a_claim_that_breaks_the_contract_is_wrong(tmp_path, change, said):
+    told = contract(Claim("none", (), {"none": 1.0}), "a.parquet", "ur5") | change
+    (tmp_path / CLAIM).write_text(json.dumps(told))
+    found = claims.read(tmp_path)
+    assert found.claim.verdict == "error"
+    assert said in found.error
+
+
+def test_only_the_first_causes_count_and_odd_numbers_are_left_out(tmp_path):
+    odd = {"stiffness": {"value": 0.0, "std": 1.0}, "x": {"value": "wide"}, "y": 3, "z": {}}
+    odd |= {"fine": {"value": 1.0, "std": float("inf")}}
+    names = [
+        "joint.compliance",
+        "tool.mass",
+        "tool.cog",
+        "sensor.gain",
+        "sensor.drift",
+        "base.tilt",
+    ]
+    which = [{"effect": n, "probability": 0.5, "parameters": odd} for n in names]
+    told = {
+        "verdict": "identified", "which": which, "probabilities": {"none": 1.0},
+        "gap": {"configured": float("nan"), "floor": "low", "calibrated": 2.0},
+    }  # fmt: skip
+    (tmp_path / CLAIM).write_text(json.dumps(told))
+    found = claims.read(tmp_path)
+    assert found.error == ""
+    assert len(found.claim.causes) == claims.COUNTED
+    assert found.gap == {"calibrated": 2.0}
+    assert set(found.parameters["tool.mass"]) == {"stiffness", "fine"}
+    assert found.parameters["tool.mass"]["fine"]["std"] is None
+    assert not scoring._usable(found.parameters["joint.compliance"])
+
+
+def test_a_claim_belongs_to_one_case(family, tmp_path):
+    cases, answers, _ = family
+    entrant = Entrant("me", script(tmp_path, SAYS_NONE))
+    assert enter([entrant], cases, "0001", tmp_path / "claims", 20.0) == []
+    (tmp_path / "claims" / "me" / "0001").rename(tmp_path / "claims" / "me" / "0002")
+    with pytest.raises(BenchmarkError, match="another family"):
+        running.run(cases, tmp_path / "claims", [entrant])
+    found = scoring.score(cases, tmp_path / "claims", answers)
+    assert {r.error for r in found.rows} == {"no claim", "the claim is about another case"}
+
+
+def test_names_of_entrants_do_not_collide(tmp_path):
+    methods = ["./none.sh", "bin/diagnose", "/a/method", "/b/method", "§"]
+    names = [Entrant.of(m).name for m in methods]
+    assert len(set(names)) == 5
+    assert not {"none", "diagnose", ""} & set(names)
+    for bad in ("", "'open"):
+        with pytest.raises(ParameterError, match="give diagnose"):
+            Entrant.of(bad)
+    (tmp_path / "oracle").mkdir()
+    with pytest.raises(BenchmarkError, match="no name for an entrant"):
+        claims.entrants(tmp_path)
+
+
+def test_an_entrant_that_throws_its_folder_away_is_wrong(family, tmp_path):
+    cases, _, _ = family
+    entrant = Entrant("me", script(tmp_path, "import shutil\nshutil.rmtree(out)\n"))
+    assert enter([entrant], cases, "0001", tmp_path / "claims", 20.0) == ["me"]
+    messy = Entrant(
+        "you", script(tmp_path, "os.makedirs(os.path.join(out, 'a', 'b'))\n" + SAYS_NONE)
+    )
+    for _ in range(2):
+        assert enter([messy], cases, "0001", tmp_path / "claims", 20.0) == []
+
+
+def test_our_own_methods_answer_a_case(tmp_path, monkeypatch):
+    monkeypatch.setattr(settings, "POSES", (24, 24))
+    monkeypatch.setattr(settings, "SAMPLES", 10)
+    cases, answers = tmp_path / "cases", tmp_path / "answers"
+    told = making.Family("ur5", "static", 1, 3)
+    making._begin(told, cases, answers)
+    making._one(told, 0, "none", cases, answers)
+    making.make(told, cases, answers)
+    entrants = [Entrant.of(m) for m in ("bic", "diagnose", "none")]
+    assert enter(entrants, cases, "0001", tmp_path / "claims", 120.0) == []
+    for entrant in entrants:
+        assert claims.read(tmp_path / "claims" / entrant.name / "0001").error == ""
+    assert enter(entrants[1:2], cases, "0001", tmp_path / "claims", 0.01) == ["diagnose"]
+    found = claims.read(tmp_path / "claims" / "diagnose" / "0001")
+    assert "longer than" in found.error
+
+
+def test_a_run_that_was_killed_goes_on(family, tmp_path):
+    cases, _, _ = family
+    slow = script(tmp_path, "time.sleep(0.2)\n" + SAYS_NONE)
+    call = [sys.executable, "-m", "wrenchbed", "blind", "run", str(cases), "--out"]
+    call += [str(tmp_path / "claims"), "--method", slow]
+    process = subprocess.Popen(call)
+    folder = tmp_path / "claims" / Entrant.of(slow).name
+    give_up = time.monotonic() + 60
+    while len(list(folder.glob("0*"))) < 4 and time.monotonic() < give_up:
+        time.sleep(0.05)
+    os.kill(process.pid, signal.SIGKILL)
+    process.wait()
+    time.sleep(2.0)  # its workers notice
+    kept = {p.parent.name: p.stat().st_mtime_ns for p in folder.glob("0*/run.json")}
+    time.sleep(1.0)
+    assert len(list(folder.glob("0*/run.json"))) == len(kept), "workers outlived the run"
+    assert 4 <= len(kept) < COUNT
+    assert main(call[3:]) == 0
+    after = {p.parent.name: p.stat().st_mtime_ns for p in folder.glob("0*/run.json")}
+    assert len(after) == COUNT
+    assert all(after[k] == v for k, v in kept.items())

@@ -1,0 +1,112 @@
+"""Claims are held against answers."""
+
+import json
+
+import numpy as np
+
+from sealed_family import COUNT, SEED, truthful
+from wrenchbed.blind import answer, making, report, scoring, seal
+from wrenchbed.blind.entrant import CLAIM
+from wrenchbed.cli import main
+from wrenchbed.diagnosis.linear import Claim
+
+
+def test_one_who_knows_is_right_and_one_who_swaps_is_wrong(family, tmp_path):
+    cases, answers, _ = family
+    truthful(cases, answers, tmp_path / "claims" / "knows")
+
+    def swap(truth, claim):
+        if truth.kind == "none":
+            return Claim("unknown", (), {"unknown": 1.0})
+        if truth.kind == "outside":
+            return Claim("identified", (("sensor.drift",),), {"sensor.drift": 1.0})
+        return Claim("none", (), {"none": 1.0})
+
+    truthful(cases, answers, tmp_path / "claims" / "swaps", swap)
+    found = report.summary(scoring.score(cases, tmp_path / "claims", answers, "knows"))
+    good, bad = found["knows"], found["swaps"]
+    right = ("isolation", "isolation_alike", "first", "unknown", "sure", "pairs", "where")
+    assert all(good[k]["value"] == 1.0 for k in right)
+    assert good["false_alarm"]["value"] == good["ece"]["value"] == 0.0
+    assert all(bad[k]["value"] == 0.0 for k in ("isolation", "unknown", "sure", "pairs"))
+    assert bad["false_alarm"]["value"] == bad["misnamed"]["value"] == 1.0
+    assert found["oracle"]["isolation"]["value"] >= 0.9
+    assert found["oracle"]["unknown"]["value"] == 1.0
+
+
+def test_naming_what_cannot_be_told_from_the_truth_counts_apart(family, tmp_path):
+    cases, answers, _ = family
+
+    def imitate(truth, claim):
+        if truth.kind == "single" and truth.causes[0].alike:
+            other = truth.causes[0].alike[0]
+            return Claim("identified", ((other,),), {other: 1.0})
+        return claim
+
+    truthful(cases, answers, tmp_path / "claims" / "me", imitate)
+    told = report.summary(scoring.score(cases, tmp_path / "claims", answers))["me"]
+    assert told["isolation_alike"]["value"] == 1.0
+    assert told["isolation_unlike"]["value"] == 1.0
+    assert told["isolation"]["value"] < 1.0
+
+
+def test_numbers_are_held_against_true_ones(family, tmp_path):
+    cases, answers, _ = family
+    truthful(cases, answers, tmp_path / "claims" / "me")
+    changed = 0
+    for name in seal.read(cases):
+        truth = answer.read(seal.answer_of(answers, name))
+        path = tmp_path / "claims" / "me" / name / CLAIM
+        told = json.loads(path.read_bytes())
+        for cause, said in zip(truth.causes, told["which"], strict=False):
+            if cause.effect in scoring.COMPARED and cause.effect != "joint.compliance":
+                said["parameters"] = {k: {"value": v, "std": 1e-9} for k, v in cause.true.items()}
+                changed += 1
+        path.write_text(json.dumps(told))
+    found = scoring.score(cases, tmp_path / "claims", answers)
+    assert changed > 2
+    assert report.summary(found)["me"]["coverage"]["value"] == 1.0
+
+
+def test_the_verbs_make_and_score(tmp_path, capsys, monkeypatch, family):
+    cases, answers, root = family
+    truthful(cases, answers, tmp_path / "claims" / "me")
+    line = ["blind", "score", str(cases), str(tmp_path / "claims"), str(answers)]
+    assert main([*line, "--out", str(tmp_path / "page")]) == 0
+    assert root in capsys.readouterr().out.replace("\n", "")
+    page = (tmp_path / "page" / "score.md").read_text()
+    assert "Reliability" in page and "Wrong first answers" in page
+    assert (tmp_path / "page" / "score.html").read_text().count("<svg") == 2
+    assert main([*line, "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["cases"] == COUNT
+    assert main([*line, "--method", "nobody"]) == 1
+    assert "nobody" in capsys.readouterr().err
+    make = ["blind", "make", "--out", str(tmp_path / "o"), "--answers", str(tmp_path / "a")]
+    assert main([*make, "--cases", "1", "--seed", "-1"]) == 1
+    assert main([*make, "--cases", "1", "--robot", "oriented"]) == 1
+    assert "oriented" in capsys.readouterr().err
+
+
+def test_a_made_family_goes_on_where_it_was_stopped(family, tmp_path):
+    cases, answers, root = family
+    assert making.resumed(answers) == SEED
+    assert making.resumed(tmp_path) is None
+    told = []
+    again = making.make(
+        making.Family("ur5", "static", COUNT, SEED),
+        cases,
+        answers,
+        tell=lambda n, *_: told.append(n),
+    )
+    assert again == root
+    assert told == [COUNT]
+    assert making.drawn_seed() != making.drawn_seed()
+
+
+def test_probabilities_beside_how_often_they_hold(family, tmp_path):
+    cases, answers, _ = family
+    truthful(cases, answers, tmp_path / "claims" / "me")
+    found = report.page(scoring.score(cases, tmp_path / "claims", answers))
+    tables = [p for s in found.sections for p in s.parts if hasattr(p, "rows")]
+    assert np.all([len(t.rows) > 0 for t in tables[:-1]])
+    assert len(tables[-1].rows) == 0  # no wrong answers
