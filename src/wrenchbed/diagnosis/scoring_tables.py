@@ -26,7 +26,11 @@ def markdown(cells: Cells) -> str:
 
 def figures(rows: Sequence[Row], methods: Sequence[str], draws: int = DRAWS) -> str:
     """Target, figure and each other method's, one line a metric, as Markdown."""
-    return markdown(figure_cells(rows, methods, METRICS, "wrenchbed", draws))
+    head, told = figure_cells(rows, methods, METRICS, "wrenchbed", draws)
+    for cells in told:
+        value, bracket, rest = cells[2].partition(" (")
+        cells[2] = f"**{value}**{bracket}{rest}" if bracket else value
+    return markdown((head, told))
 
 
 def figure_cells(
