@@ -27,12 +27,9 @@ def reliability(rows: Sequence[Row]) -> str:
             x = 100 * float(stated[which == k].mean())
             ax.plot([x, x], [100 * low, 100 * high], color=BLUE, lw=1.6)
             ax.plot(x, 100 * share, "o", color=BLUE, ms=6)
-            ax.annotate(
-                f"n = {n}", (x, 100 * share), xytext=(-7, -3), textcoords="offset points",
-                fontsize=7.5, color=GREY, ha="right", va="top",
-            )  # fmt: skip
+            ax.annotate(f"n = {n}", (x, 2), rotation=90, fontsize=7.5, color=GREY, ha="center")
         ax.plot([], [], "o", color=BLUE, ms=6, label="right, with 90 % interval")
-        ax.set(xlim=(-3, 103), ylim=(-12, 104), xlabel="stated [%]", ylabel="right [%]")
+        ax.set(xlim=(-3, 103), ylim=(0, 104), xlabel="stated [%]", ylabel="right [%]")
         ax.legend(loc="upper left")
         return to_svg(figure)
 
