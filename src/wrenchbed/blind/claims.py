@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from wrenchbed.blind.answer import MOST
 from wrenchbed.blind.entrant import CLAIM, RESERVED, RUN
 from wrenchbed.diagnosis.linear import Claim
 from wrenchbed.errors import BenchmarkError
@@ -15,8 +16,6 @@ from wrenchbed.errors import BenchmarkError
 VERDICTS = ("none", "identified", "ambiguous", "unknown")
 COUNTED = 4
 """Causes of a claim that count, the first ones: naming everything is no diagnosis."""
-MOST = 5
-"""Members of a class (contract)."""
 WRONG = Claim("error", (), {})
 
 

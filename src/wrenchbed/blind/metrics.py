@@ -2,8 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 
-import numpy as np
-
 from wrenchbed.blind.answer import Answer
 from wrenchbed.diagnosis.linear import Claim
 from wrenchbed.diagnosis.scoring import METRICS, SURE, Metric, holds
@@ -32,11 +30,15 @@ def metrics(answers: Mapping[str, Answer]) -> dict[str, Metric]:
         allowed = alike(row) if row.truth else ()
         return (bool(set(claim.causes[0]) & set(allowed)), 1.0)
 
+    share = METRICS["isolation"].combine
     extra = {
         "isolation_alike": Metric(
-            "… or one that this data cannot tell from it", "≥ 95 %", isolated, _share
+            "… or one that this data cannot tell from it",
+            "≥ 95 %",
+            isolated,
+            share,
         ),
-        "isolation_unlike": Metric("… effects that nothing imitates", "≥ 95 %", unlike, _share),
+        "isolation_unlike": Metric("… effects that nothing imitates", "≥ 95 %", unlike, share),
     }
     told: dict[str, Metric] = {}
     for name, metric in METRICS.items():
@@ -47,13 +49,12 @@ def metrics(answers: Mapping[str, Answer]) -> dict[str, Metric]:
             told |= extra
         if name == "sure":
             told["sure_alike"] = Metric(
-                "… or as good as right, by what this data can tell", "≥ 97 %", sure, _share
+                "… or as good as right, by what this data can tell",
+                "≥ 97 %",
+                sure,
+                share,
             )
     return told
-
-
-def _share(s: np.ndarray) -> np.ndarray:
-    return np.asarray(s[..., 0] / s[..., -1])
 
 
 def first(claim: Claim) -> str:
