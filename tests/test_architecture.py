@@ -8,7 +8,7 @@ import pytest
 
 SOURCE = Path(__file__).parents[1] / "src" / "wrenchbed"
 LAYERS = {
-    "errors": 0,
+    "errors": 0, "health": 1,
     "registry": 1, "parameters": 1, "jets": 1, "frames": 1.1, "noise": 1,
     "wrench": 2, "identify": 2.1, "parquet": 1, "points": 1,
     "metadata": 2.1, "recording": 2.2, "writer": 2.3,
@@ -22,21 +22,22 @@ LAYERS = {
     "gauss_newton": 6.1, "fit": 6.16, "observations": 6.1, "wander": 6.1,
     "problem": 6.2, "start": 6.2,
     "weighting": 6.3, "calibration": 7,
-    "drivers": 8,
-    "campaign": 9, "planning": 9, "mixing": 9, "rehearsal": 8,
+    "transducers": 7.5, "drivers": 8, "serving": 8, "twins": 8.2,
+    "clearance": 4, "itinerary": 8.5, "resuming": 8.5, "campaign": 9, "planning": 9, "mixing": 9, "rehearsal": 8,
     "referee": 5.5,
     "diagnosis": 10, "study": 10, "effects_page": 10.1, "blind": 10.5,
     "report": 11,
     "cli": 12, "__init__": 12, "__main__": 13,
 }  # fmt: skip
-PLUGINS = ("robots", "sensors", "drivers", "effects")
+PLUGINS = ("robots", "sensors", "drivers", "transducers", "twins", "effects")
 ONLY_IN = {
     "mujoco": (
         "robots", "mjcf", "simulation", "plant", "springs", "assembly", "mechanics",
-        "sensor_only", "exporting", "effects", "lookalikes", "referee",
+        "sensor_only", "exporting", "effects", "lookalikes", "referee", "serving", "clearance",
     ),
-    "rtde_control": ("drivers", "twins"), "rtde_receive": ("drivers", "twins"),
-    "can": ("drivers", "twins"), "canopen": ("drivers", "twins"),
+    "rtde_control": ("drivers",), "rtde_receive": ("drivers",), "rtde_io": ("drivers",),
+    "dashboard_client": ("drivers",),
+    "can": ("drivers", "transducers", "twins", "serving"), "canopen": ("drivers", "twins"),
     "rerun": ("viewer",), "rich": ("cli",), "tyro": ("cli",),
 }  # fmt: skip
 FILES = sorted(SOURCE.rglob("*.py"))

@@ -55,7 +55,7 @@ def test_nothing_works_before_connect_and_close_may_come_twice(make):
 def test_a_move_arrives_and_says_where(make):
     with make() as driver:
         q = driver.robot.sample(1, np.random.default_rng(0))[0]
-        reached = driver.move(q)
+        reached = driver.move(q).wait()
         assert np.abs(reached.q - q).max() < 1e-11
         assert np.array_equal(reached.q, driver.position())
         assert reached.duration > 0.2
@@ -77,10 +77,10 @@ def test_time_only_grows(make):
     with make() as driver:
         robot = driver.robot
         blocks = [driver.sample(5, 100.0), driver.sample(5, 100.0)]
-        driver.move(robot.sample(1, np.random.default_rng(1))[0])
+        driver.move(robot.sample(1, np.random.default_rng(1))[0]).wait()
         blocks.append(driver.sample(3, 50.0))
         plan = planning.multisine(robot, 6.0, 125.0, seed=0)
-        driver.move(plan.q[0])
+        driver.move(plan.q[0]).wait()
         blocks += list(driver.track(plan.q, 125.0))
     t = np.concatenate([b["t"] for b in blocks])
     assert (np.diff(t) > 0).all()
@@ -90,7 +90,7 @@ def test_time_only_grows(make):
 def test_a_trajectory_is_followed_and_measured(make):
     with make() as driver:
         plan = planning.multisine(driver.robot, 6.0, 125.0, seed=3)
-        driver.move(plan.q[0])
+        driver.move(plan.q[0]).wait()
         rows = [dict(b) for b in driver.track(plan.q, 125.0)]
     names = [f"q{j}" for j in range(1, 7)]
     q = np.concatenate([np.stack([b[n] for n in names], axis=-1) for b in rows])

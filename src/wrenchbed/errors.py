@@ -12,6 +12,10 @@
     ├── BenchmarkError      sealed cases, claims or answers that do not belong together (ValueError)
     ├── NotFoundError       a robot, sensor or driver that does not exist (LookupError)
     ├── DriverError         a device that did not do as told         (RuntimeError)
+    │   ├── LinkError       a device that is silent or gone          (ConnectionError)
+    │   ├── StoppedError    a robot that stopped by itself
+    │   ├── LimitError      a command beyond the limits              (ValueError)
+    │   └── LateError       a deadline that passed                   (TimeoutError)
     └── MissingExtraError   an optional library that is not installed (ImportError)
 
     WrenchbedWarning        what a person should know, though the work goes on (UserWarning)
@@ -66,6 +70,22 @@ class NotFoundError(WrenchbedError, LookupError):
 
 class DriverError(WrenchbedError, RuntimeError):
     """A device that did not do what it was told."""
+
+
+class LinkError(DriverError, ConnectionError):
+    """A device that is silent, unreachable or gone; nothing moves until it is back."""
+
+
+class StoppedError(DriverError):
+    """A robot that stopped by itself: protective or emergency stop, program ended, power off."""
+
+
+class LimitError(DriverError, ValueError):
+    """A command, or a measured wrench, beyond the limits that the driver was given."""
+
+
+class LateError(DriverError, TimeoutError):
+    """A device that answers but was not done by its deadline."""
 
 
 class MissingExtraError(WrenchbedError, ImportError):

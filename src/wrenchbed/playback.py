@@ -118,7 +118,7 @@ class Playback:
     """
 
     def __init__(self, twin: Twin, seed: int) -> None:
-        self.twin, self._seed = twin, seed
+        self.twin, self.seed = twin, seed
         joints = len(twin.model.robot.joints)
         self._q, self._t, self._load = np.empty((0, joints)), np.empty(0), np.empty((0, 6))
         self._ahead, self._ahead_load = np.empty((0, joints)), np.empty((0, 6))
@@ -159,6 +159,11 @@ class Playback:
             self._load = self._load[[*range(last + 1), last]]
         return self.twin.reading(scene, load)[last : last + n]
 
+    def leave(self, t: float) -> None:
+        """The last rest ended at a time [s], not at its last reading."""
+        if len(self._t) > 1:
+            self._t[-1] = max(t, float(np.nextafter(self._t[-2], np.inf)))
+
     def motion(self, t: np.ndarray, q: np.ndarray, qd: np.ndarray, load: np.ndarray) -> np.ndarray:
         """Readings (N, 6) of a motion at t (N,), q and speeds qd (N, J) whose load without effects
         is (N, 6): what effects of the mechanism change is added to it."""
@@ -170,7 +175,7 @@ class Playback:
     def corrupt(self, t: np.ndarray, rows: np.ndarray) -> np.ndarray:
         """Rows (n, 6) with the effects' random parts, which go on through the recording."""
         self._rows, self._times = np.concatenate([self._rows, rows]), np.append(self._times, t)
-        return self.twin.corrupt(self._rows, self._times, self._seed)[-len(rows) :]
+        return self.twin.corrupt(self._rows, self._times, self.seed)[-len(rows) :]
 
     def _extend(self, q: np.ndarray, t: np.ndarray) -> None:
         """Go on to poses (n, J) at times (n,)."""

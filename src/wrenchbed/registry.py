@@ -1,7 +1,7 @@
 """Plug-ins: a folder is its registry, and other packages add to it through entry points.
 
 A plug-in of kind ``robots`` is a module or package ``wrenchbed/robots/<name>`` with one public
-constant in the kind's name (``ROBOT``, ``SENSOR``, ``DRIVER``, ``EFFECT``), or an entry point of
+constant in the kind's name (``ROBOT``, ``SENSOR``, ``DRIVER``, ``EFFECT``, …), or an entry point of
 another package in the group ``wrenchbed.robots`` that loads such an object.
 """
 
@@ -14,7 +14,14 @@ from typing import Any
 
 from wrenchbed.errors import MissingExtraError, NotFoundError
 
-KINDS = {"robots": "ROBOT", "sensors": "SENSOR", "drivers": "DRIVER", "effects": "EFFECT"}
+KINDS = {
+    "robots": "ROBOT",
+    "sensors": "SENSOR",
+    "drivers": "DRIVER",
+    "transducers": "TRANSDUCER",
+    "twins": "TWIN",
+    "effects": "EFFECT",
+}
 """Kind (the folder's name) → the constant that a plug-in's module holds."""
 
 _NOT_A_PLUGIN = {"base"}

@@ -8,20 +8,22 @@ from typing import Any
 import tyro
 from rich.console import Console
 
-from wrenchbed.cli import blind, study, twin, verbs
+from wrenchbed.cli import blind, serve, study, twin, verbs
 from wrenchbed.cli.diagnose import diagnose
 from wrenchbed.cli.plan import plan
+from wrenchbed.cli.record import record
 from wrenchbed.errors import WrenchbedError, WrenchbedWarning
 
 _VERBS: dict[str, Callable[..., Any]] = {
     "list": verbs.list_,
     "plan": plan,
-    "record": verbs.record,
+    "record": record,
     "import": verbs.import_,
     "calibrate": verbs.calibrate,
     "diagnose": diagnose,
     "simulate": twin.simulate,
     "export": twin.export,
+    "twin": serve.twin,
     "study": study.study,
     "blind": blind.blind,
 }

@@ -8,11 +8,13 @@ import tyro
 import wrenchbed as wb
 from wrenchbed.cli import console, tables
 from wrenchbed.cli.console import Json
-from wrenchbed.errors import ParameterError, PlanError
+from wrenchbed.errors import ParameterError
 
 
 def list_(
-    kind: tyro.conf.Positional[Literal["robots", "sensors", "drivers", "effects"]],
+    kind: tyro.conf.Positional[
+        Literal["robots", "sensors", "drivers", "transducers", "twins", "effects"]
+    ],
     /,
     as_json: Json = False,
 ) -> None:
@@ -24,56 +26,6 @@ def list_(
     """
     rows = {name: tables.describe(wb.load(kind, name)) for name in wb.names(kind)}
     console.answer(rows, as_json, tables.plugins(kind, rows))
-
-
-def record(
-    robot: str,
-    plan: Path,
-    out: Path,
-    driver: str = "sim",
-    parameters: Path | None = None,
-    noise: Literal["real", "white", "off"] = "real",
-    effect: tyro.conf.UseAppendAction[tuple[str, ...]] = (),
-    samples: int = 100,
-    rate: float | None = None,
-    seed: int = 0,
-    as_json: Json = False,
-) -> None:
-    """Run a plan on a simulated or real robot and record what its sensor reads.
-
-    Args:
-        robot: Name, see `wrenchbed list robots`.
-        plan: Parquet file with q1…qN, see `wrenchbed plan`.
-        out: Recording to write; an existing one is kept as OUT~.
-        driver: Name, see `wrenchbed list drivers`.
-        parameters: JSON {name: value} in SI: what the simulated robot truly is.
-        noise: Of the simulated sensor.
-        effect: ID[:name=value,…] of an effect on the simulated robot, see `wrenchbed list effects`;
-            without values of typical size. May be repeated.
-        samples: Rows a pose.
-        rate: Sampling rate [Hz]; the plan's, else 100 at rest and 125 in motion.
-        seed: Of the noise.
-        as_json: Print the result as JSON.
-    """
-    console.check_seed(seed)
-    console.check_out(out, plan, parameters)
-    device = wb.load("drivers", driver)
-    todo = wb.Plan.read(plan)
-    if todo.robot != robot:
-        raise PlanError(f"{plan}: the plan is for robot {todo.robot!r}, not {robot!r}")
-    extra = {"effects": effect} if effect else {}
-    if effect and "effects" not in device.options.__dataclass_fields__:
-        raise ParameterError(f"--effect: driver {driver!r} does not simulate effects")
-    truth = console.parameters(parameters)
-    options = device.options(robot=robot, parameters=truth, noise=noise, seed=seed, **extra)
-    with device(options) as link, console.progress(f"recording {robot}", len(todo)) as tell:
-        done = wb.record(link, todo, out, samples=samples, rate=rate, progress=tell)
-    result = {"recording": str(out), "robot": robot, "mode": todo.mode, "rows": done.rows,
-              "visited": done.visited, "seconds": done.seconds}  # fmt: skip
-    kind = "poses" if todo.points is None else "touches"
-    what = f"{done.visited} {kind}" if todo.mode == "static" else f"{done.rows} samples of motion"
-    text = f"recorded {what}, {done.rows} rows, {done.seconds:.0f} s of {driver} time → {out}"
-    console.answer(result, as_json, text)
 
 
 def import_(

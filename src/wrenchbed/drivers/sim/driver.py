@@ -17,22 +17,32 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from wrenchbed import registry
-from wrenchbed.drivers.base import Block, Driver, Reached, minimum_jerk
+from wrenchbed.drivers.base import (
+    Applied,
+    ArmSample,
+    Block,
+    Driver,
+    Limits,
+    Reached,
+    minimum_jerk,
+)
+from wrenchbed.drivers.base.stated import as_designed
+from wrenchbed.drivers.sim.motion import CONTROL_S, SimMotion
 from wrenchbed.errors import DriverError, NotFoundError, WrenchbedWarning
-from wrenchbed.metadata import Metadata, SensorInfo, ToolInfo
+from wrenchbed.health import Health
+from wrenchbed.metadata import Metadata
 from wrenchbed.model import Model
 from wrenchbed.noise import NoiseStream, noise_model
 from wrenchbed.plant import Plant, steps_in
 from wrenchbed.playback import Playback
-from wrenchbed.robots.base import INERTIA_AXES, SimulatedRobot
+from wrenchbed.robots.base import SimulatedRobot
 from wrenchbed.simulation import Simulation
 from wrenchbed.touches import STD
+from wrenchbed.transducers.base import WrenchSample
 from wrenchbed.twin import Twin
 from wrenchbed.typical import active_effect
 from wrenchbed.wrench import CHANNELS
 
-CONTROL_S = 0.008
-"""Period of the position targets in a move [s]."""
 _BLOCK_S = 1.0
 _PUSH = 3.0
 """Largest contact force of a touch along each axis [N]."""
@@ -51,6 +61,7 @@ class Options:
         seed: of the noise.
         gravity: (3,) [m/s²], the robot's default if None.
         effects: as ``joint.compliance:joint=2,stiffness=1.4e4``; without values of typical size.
+        limits: what it may do; half of top speed anywhere if None.
     """
 
     robot: str
@@ -59,6 +70,7 @@ class Options:
     seed: int = 0
     gravity: tuple[float, float, float] | None = None
     effects: tuple[str, ...] = ()
+    limits: Limits | None = None
 
 
 class SimDriver(Driver):
@@ -74,7 +86,7 @@ class SimDriver(Driver):
     options = Options
 
     def __init__(self, options: Options) -> None:
-        super().__init__()
+        super().__init__(options.limits)
         robot = registry.load("robots", options.robot)
         if not isinstance(robot, SimulatedRobot):
             raise NotFoundError(f"robot {options.robot!r} has no MuJoCo model to simulate")
@@ -90,33 +102,15 @@ class SimDriver(Driver):
         twin = Twin(self.model, self.theta, active)
         self._playback = Playback(twin, options.seed) if active else None
         self._plant = Plant(self._simulation, robot.home)
-        self._time = 0.0
+        self._time, self._seen, self._count = 0.0, -1.0, 0
         self._hand = np.random.default_rng([options.seed, 1])
         self._contact = np.zeros(6)
 
     def metadata(self, mode: str, rate: float) -> Metadata:
-        nominal = self.robot.parameters.nominal
-        tool = self.robot.tool(nominal)
-        values = self.robot.values(nominal)
-        on_flange = "mount.position.x" in self.robot.parameters.names
-        return Metadata(
-            robot=self.robot.name,
-            mode=mode,
-            source="sim",
-            rate_hz=rate,
-            tool=ToolInfo(
-                mass=float(tool.mass),
-                cog=tuple(float(c) for c in tool.cog),
-                inertia=tuple(float(values[f"tool.inertia.{a}"]) for a in INERTIA_AXES),
-            ),
-            sensor=SensorInfo(
-                model=self._sensor.name,
-                noise_std=tuple(float(s) for s in self._noise.row_std),
-                mass=float(values["sensor.mass"]),
-                pose_flange=(0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0) if on_flange else None,
-            ),
-            gravity=self.model.gravity,
-        )
+        return as_designed(
+            self.robot, source="sim", mode=mode, rate=rate, gravity=self.model.gravity,
+            sensor=self._sensor.name, noise_std=self._noise.row_std,
+        )  # fmt: skip
 
     def expect(self, plan: np.ndarray, mode: str) -> None:
         if self._playback is None:
@@ -137,6 +131,45 @@ class SimDriver(Driver):
     def _position(self) -> np.ndarray:
         return self._plant.q
 
+    def _read(self) -> ArmSample:
+        self._count += 1
+        fresh, self._seen = self._time > self._seen, self._time
+        target = np.array(self._plant.data.ctrl)
+        return ArmSample(
+            self._time, self._time, self._count, 0.0, fresh, self._plant.q, self._plant.qd,
+            target_q=target,
+        )  # fmt: skip
+
+    def _read_wrench(self) -> WrenchSample:
+        """One row at rest; takes a microsecond of simulated time."""
+        block = self._sample(1, 1e6)
+        reading = np.array([block[c][0] for c in CHANNELS])
+        saturated = int(block["status"][0])
+        return WrenchSample(
+            self._time, self._time, self._count, 0.0, True, reading, status=saturated,
+            saturated=saturated,
+        )  # fmt: skip
+
+    def _write(self, q: np.ndarray) -> Applied:
+        """Follow a target for one control period."""
+        why = self.limits.check_step(self.robot, np.array(self._plant.data.ctrl), q, CONTROL_S)
+        if why:
+            return Applied(None, why)
+        self._contact = np.zeros(6)
+        self._plant.advance(q, CONTROL_S)
+        self._time += CONTROL_S
+        return Applied(q)
+
+    def _stop(self, kind: str) -> None:
+        """Come to rest where it is."""
+        start, begun = self._plant.q, self._time
+        self._time += self._plant.settle(start)[1]
+        if self._playback is not None:
+            self._playback.way((begun, self._time), start, self._plant.q)
+
+    def _health(self) -> Health:
+        return Health("ok")
+
     def _touch(self, point: np.ndarray) -> Reached:
         """The tip sits within `touches.STD` of the point, pushed by an unknown force."""
         seat = point + self._hand.normal(0.0, STD, 3)
@@ -144,7 +177,7 @@ class SimDriver(Driver):
         target = self._simulation.seated(start, seat)
         if target is None or self.robot.infeasible(target[None], self._simulation.theta):
             raise DriverError(f"the simulated {self.robot.name} cannot reach the point {point} m")
-        reached = self._move(start, target, 1.0)
+        reached = self._move(start, target, 1.0).wait()
         own = self._simulation.theta
         rotation, origin = self.robot.sensor_pose(reached.q[None], own)
         force = rotation[0].T @ self._hand.uniform(-_PUSH, _PUSH, 3)
@@ -152,20 +185,33 @@ class SimDriver(Driver):
         self._contact = np.concatenate([force, np.cross(lever, force)])
         return reached
 
-    def _move(self, start: np.ndarray, target: np.ndarray, seconds: float) -> Reached:
+    def _move(self, start: np.ndarray, goal: np.ndarray, seconds: float) -> SimMotion:
+        def halt(seconds: float) -> None:
+            _, waited = self._plant.settle(self._plant.q)
+            self._arrived(start, seconds + waited)
+
+        return SimMotion(goal, self._steps(start, goal, seconds), halt)
+
+    def _steps(self, start: np.ndarray, goal: np.ndarray, seconds: float) -> Iterator[Reached]:
+        """Where a move is after each control period, and at last where it came to rest."""
         self._contact = np.zeros(6)
         steps = max(1, int(np.ceil(seconds / CONTROL_S)))
         for share in minimum_jerk(np.arange(1, steps + 1) / steps):
-            self._plant.advance(start + share * (target - start), seconds / steps)
-        there, waited = self._plant.settle(target)
+            self._plant.advance(start + share * (goal - start), seconds / steps)
+            yield Reached(self._plant.q, 0.0)
+        there, waited = self._plant.settle(goal)
         if not there:
-            miss = np.abs(self._plant.q - target).max()
+            miss = np.abs(self._plant.q - goal).max()
             raise DriverError(f"the simulated {self.robot.name} stopped {miss:.2g} off its target")
-        arrived = self._time + (seconds + waited)
+        yield self._arrived(start, seconds + waited)
+
+    def _arrived(self, start: np.ndarray, seconds: float) -> Reached:
+        """The robot rests where it is, after a way that took some time [s]."""
+        arrived = self._time + seconds
         if self._playback is not None:
             self._playback.way((self._time, arrived), start, self._plant.q)
         self._time = arrived
-        return Reached(self._plant.q, seconds + waited)
+        return Reached(self._plant.q, seconds)
 
     def _sample(self, n: int, rate: float) -> Block:
         q = self._plant.q
@@ -223,6 +269,3 @@ class SimDriver(Driver):
         joints = {f"q{j + 1}": q[:, j] for j in range(q.shape[1])}
         channels = {c: reading[:, k] for k, c in enumerate(CHANNELS)}
         return {"t": t} | joints | channels | {"status": status}
-
-
-DRIVER = SimDriver

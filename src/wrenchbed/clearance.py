@@ -1,0 +1,164 @@
+"""Does the robot hit itself or what stands around it? MuJoCo's collision test on the whole way.
+
+Every geom of the robot's MJCF counts, as it looks. Bodies that are at most two joints apart, or
+that touch at home or in three of ten random poses, are built or drawn so and do not count.
+"""
+
+from collections import Counter
+from functools import cached_property
+from itertools import pairwise
+
+import mujoco
+import numpy as np
+
+from wrenchbed.errors import PlanError
+from wrenchbed.robots.base import SimulatedRobot
+
+STEP = 0.03
+"""Largest move of a joint between two tests [rad or m]."""
+MARGIN = 0.005
+"""Distance from which two bodies count as touching [m]."""
+_DETOURS = 60
+_OFTEN = 0.3
+_TRIES = 400
+_PER_LEG = 0.3
+"""What a leg of a way costs beside its length [rad or m]: few long legs rather than many short."""
+
+
+class Clearance:
+    """A robot among its surroundings.
+
+    Args:
+        robot: with an MJCF.
+    """
+
+    def __init__(self, robot: SimulatedRobot) -> None:
+        self.robot = robot
+        self._theta = robot.parameters.nominal
+        spec = robot.spec(self._theta)
+        spec.option.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
+        for geom in spec.geoms:
+            geom.contype = geom.conaffinity = 1
+            geom.margin = MARGIN / 2
+        self.model: mujoco.MjModel = spec.compile()
+        self._data = mujoco.MjData(self.model)
+        self._open: set[tuple[int, int]] = set()
+        self._shut: set[tuple[int, int]] = set()
+        self._built = frozenset[tuple[int, int, int, int]]()
+        self._built = self._drawn_so()
+
+    def hit(self, q: np.ndarray) -> str:
+        """What touches what at joint values (J,); empty if nothing does."""
+        for a, b, _, _ in sorted(self._touching(q) - self._built):
+            return f"{self._name(a)} would touch {self._name(b)}"
+        return ""
+
+    def blocked(self, start: np.ndarray, end: np.ndarray) -> str:
+        """What touches what on a straight joint-space move (J,) → (J,), and how far along."""
+        n = max(1, int(np.ceil(np.abs(end - start).max() / STEP)))
+        for share in np.arange(1, n + 1) / n:
+            what = self.hit(start + share * (end - start))
+            if what:
+                return f"{what}, {100 * share:.0f} % along the way"
+        return ""
+
+    def way(self, start: np.ndarray, end: np.ndarray, where: str) -> list[np.ndarray]:
+        """Joint values to go through in straight lines, the last being ``end`` (J,).
+
+        Straight if that is free, else the shortest free way over home and some free poses: a lazy
+        probabilistic roadmap, Bohlin & Kavraki 2000, doi 10.1109/ROBOT.2000.844107.
+
+        Raises:
+            PlanError: the end itself, or every such way, is blocked; says by what.
+        """
+        why = self.hit(end)
+        if why:
+            raise PlanError(f"{where}: {why}")
+        why = self.blocked(start, end)
+        if not why:
+            return [end]
+        nodes = [start, end, self.robot.home, *self._free]
+        cost = np.array([[np.abs(a - b).max() for b in nodes] for a in nodes])
+        cost += _PER_LEG * (cost > 0.0)
+        cost[0, 1] = cost[1, 0] = 0.0
+        for pair in self._shut:
+            cost[pair] = 0.0
+        for _ in range(_TRIES):
+            steps = _shortest(cost)
+            if steps is None:
+                break
+            for pair in pairwise(steps):
+                if min(pair) > 1 and pair in self._open:
+                    continue
+                if self.blocked(nodes[pair[0]], nodes[pair[1]]):
+                    cost[pair] = cost[pair[::-1]] = 0.0
+                    self._shut |= {pair, pair[::-1]} if min(pair) > 1 else set()
+                    break
+                self._open |= {pair, pair[::-1]} if min(pair) > 1 else set()
+            else:
+                return [nodes[k] for k in steps[1:]]
+        raise PlanError(f"{where}: {why}, and no way around was found: leave this pose out")
+
+    def _drawn_so(self) -> frozenset[tuple[int, int, int, int]]:
+        """Pairs that touch at home or in many poses: the drawing, not a danger."""
+        drawn = self.robot.sample(_DETOURS, np.random.default_rng(1))
+        often = Counter(pair for q in drawn for pair in self._touching(q))
+        usual = {pair for pair, n in often.items() if n > _OFTEN * len(drawn)}
+        return frozenset(usual | self._touching(self.robot.home))
+
+    @cached_property
+    def _free(self) -> list[np.ndarray]:
+        """Some poses at which nothing touches."""
+        drawn = self.robot.sample(_DETOURS, np.random.default_rng(0))
+        return [q for q in drawn if not self.hit(q)]
+
+    def _touching(self, q: np.ndarray) -> set[tuple[int, int, int, int]]:
+        """Pairs of bodies, and for what stands around the robot, pairs of geoms."""
+        model, data = self.model, self._data
+        data.qpos[:] = self.robot.qpos(q[None], self._theta)[0]
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_collision(model, data)
+        found = set()
+        for contact in data.contact[: data.ncon]:
+            geoms = [int(g) for g in contact.geom]
+            (a, g), (b, h) = sorted(
+                (int(model.body_weldid[model.geom_bodyid[g]]), g) for g in geoms
+            )
+            if not self._close[a, b]:
+                found.add((a, b, g, h) if a == 0 else (a, b, 0, 0))
+        return found
+
+    @cached_property
+    def _close(self) -> np.ndarray:
+        """Whether two bodies (B, B) are at most two joints apart, loops included."""
+        model = self.model
+        joined = np.eye(model.nbody, dtype=int)
+        pairs = [(b, int(model.body_parentid[b])) for b in range(1, model.nbody)]
+        loops = model.eq_type == mujoco.mjtEq.mjEQ_CONNECT
+        sites = model.eq_objtype[loops] == mujoco.mjtObj.mjOBJ_SITE
+        ends = np.stack([model.eq_obj1id[loops], model.eq_obj2id[loops]], axis=-1)
+        pairs += [
+            tuple(model.site_bodyid[pair]) if at_site else tuple(pair)
+            for pair, at_site in zip(ends, sites, strict=True)
+        ]
+        for pair in pairs:
+            a, b = model.body_weldid[list(pair)]
+            joined[a, b] = joined[b, a] = 1
+        return np.asarray(joined @ joined > 0)
+
+    def _name(self, body: int) -> str:
+        return self.model.body(body).name if body else "what stands around it"
+
+
+def _shortest(cost: np.ndarray) -> list[int] | None:
+    """Nodes from node 0 to node 1 of a graph whose missing edges cost 0, None without a way."""
+    from scipy.sparse import csgraph, csr_array  # slow to load: only where a way is blocked
+
+    graph = csr_array(cost.astype(np.float64))
+    length, before = csgraph.dijkstra(graph, directed=False, indices=[0], return_predecessors=True)
+    if not np.isfinite(length[0, 1]):
+        return None
+    steps = [1]
+    while steps[-1] != 0:
+        steps.append(int(before[0, steps[-1]]))
+    return steps[::-1]

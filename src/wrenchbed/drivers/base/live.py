@@ -1,0 +1,225 @@
+"""What every real-time driver shares: pacing, ages, settling, moves that are watched to their end.
+
+A reading that is not fresh never enters a recording: the driver waits for it, and names the link
+when it does not come.
+"""
+
+import time
+from abc import abstractmethod
+from collections import deque
+from collections.abc import Iterator
+
+import numpy as np
+
+from wrenchbed import registry
+from wrenchbed.drivers.base.driver import Driver
+from wrenchbed.drivers.base.limits import Limits
+from wrenchbed.drivers.base.motion import Motion
+from wrenchbed.drivers.base.pacing import calm, pace
+from wrenchbed.drivers.base.samples import Applied, ArmSample, Block
+from wrenchbed.drivers.base.stated import as_designed
+from wrenchbed.drivers.base.watched import CALM_SPEED, WatchedMotion, check_ready
+from wrenchbed.errors import DriverError, LateError, LinkError
+from wrenchbed.health import GONE_S, Health
+from wrenchbed.metadata import Metadata
+from wrenchbed.transducers.base import Transducer, WrenchSample
+from wrenchbed.wrench import CHANNELS
+
+LIVE = Limits(speed=0.25, tracking=0.7)
+"""Limits of a live driver that is given none."""
+_POLL_S = 0.002
+_BLOCK_S = 0.25
+SETTLE_S, SETTLED_WITHIN_S = 0.3, 15.0
+"""Length of the calm that `settle` asks for, and how long it waits for it [s]."""
+
+
+class LiveDriver(Driver):
+    """A robot that moves in this machine's time, with a transducer.
+
+    A device fills in ``_open``, ``_shut``, ``_read``, ``_begin``, ``_stream``, ``_stop``,
+    ``_arm_health`` and, where it has them, ``_activate``, ``_deactivate``, ``_recover``.
+    """
+
+    live = True
+    source: str
+    """What recordings state as their source."""
+    transducer: Transducer
+
+    def __init__(self, limits: Limits | None = None) -> None:
+        super().__init__(limits or LIVE)
+        self._start = self._last_row = 0.0
+        self._last_target: tuple[float, np.ndarray] | None = None
+
+    @abstractmethod
+    def _open(self) -> None:
+        """Open the robot's own link and wait for its first state; nothing moves."""
+
+    @abstractmethod
+    def _shut(self) -> None:
+        """Let go of the robot's own link; must bear a half-open one."""
+
+    @abstractmethod
+    def _begin(self, goal: np.ndarray, seconds: float) -> None:
+        """Start a move to rest at goal (J,) in some time [s]; returns at once."""
+
+    @abstractmethod
+    def _stream(self, q: np.ndarray) -> Applied:
+        """Send one target (J,) of a stream, already within limits."""
+
+    @abstractmethod
+    def _arm_health(self) -> Health: ...
+
+    def metadata(self, mode: str, rate: float) -> Metadata:
+        noise = registry.load("sensors", self.robot.sensor).noise
+        return as_designed(
+            self.robot, source=self.source, mode=mode, rate=rate, gravity=self.robot.gravity,
+            sensor=self.robot.sensor, noise_std=noise.row_std,
+        )  # fmt: skip
+
+    def _connect(self) -> None:
+        self._open()
+        self.transducer.connect()
+        self._start = time.monotonic()
+        self._last_row = -1.0
+
+    def _close(self) -> None:
+        try:
+            self.transducer.close()
+        finally:
+            self._shut()
+
+    def _read_wrench(self) -> WrenchSample:
+        return self.transducer.read()
+
+    def _health(self) -> Health:
+        arm, wrench = self._arm_health(), self.transducer.health()
+        counters = {f"arm {k}": v for k, v in arm.counters.items()}
+        counters |= {f"wrench {k}": v for k, v in wrench.counters.items()}
+        worst = arm if not arm.ok else wrench
+        return Health(worst.state, worst.detail, counters)
+
+    def _position(self) -> np.ndarray:
+        return self._fresh_arm(0.0).q
+
+    def _write(self, q: np.ndarray) -> Applied:
+        health = self._health()
+        if not health.ok:
+            return Applied(None, f"{health.state}: {health.detail}")
+        now = time.monotonic()
+        then, last = self._last_target or (now - _BLOCK_S, self._read().q)
+        why = self.limits.check_step(self.robot, last, q, max(now - then, 0.004))
+        if why:
+            return Applied(None, why)
+        self.guard()
+        applied = self._stream(q)
+        if applied.ok:
+            self._last_target = (now, q)
+        return applied
+
+    def _move(self, start: np.ndarray, goal: np.ndarray, seconds: float) -> Motion:
+        check_ready(self._health())
+        self._last_target = None
+        self._begin(goal, seconds)
+        return WatchedMotion(self, goal, seconds)
+
+    def guard(self) -> None:
+        """Stop the robot when the sensor reads more than the limits allow."""
+        try:
+            self.limits.check_wrench(self._read_wrench().wrench)
+        except DriverError:
+            self._stop("hard")
+            raise
+
+    def _settle(self) -> float:
+        begun = time.monotonic()
+        window: deque[tuple[float, np.ndarray]] = deque()
+        while time.monotonic() - begun < SETTLED_WITHIN_S:
+            arm, wrench = self._fresh_arm(0.0), self._fresh_wrench()
+            if np.abs(arm.qd).max() > CALM_SPEED:
+                window.clear()
+            window.append((wrench.t, wrench.wrench))
+            while window[-1][0] - window[0][0] > 1.2 * SETTLE_S:
+                window.popleft()
+            if window[-1][0] - window[0][0] > SETTLE_S and calm(np.array([w for _, w in window])):
+                return time.monotonic() - begun
+            time.sleep(0.01)
+        raise LateError(
+            f"the robot or its sensor is not calm {SETTLED_WITHIN_S:g} s after the move: "
+            "look for vibration, or for a load that swings"
+        )
+
+    def _sample(self, n: int, rate: float) -> Block:
+        rows: list[dict[str, float]] = []
+        due = time.monotonic()
+        for _ in range(n):
+            due = pace(due, 1.0 / rate)
+            wrench = self._fresh_wrench()
+            arm = self._fresh_arm(self._last_row)
+            rows.append(self._row(wrench.t, arm, wrench, wrench.wrench))
+        return _columns(rows)
+
+    def _track(self, targets: np.ndarray, rate: float) -> Iterator[Block]:
+        rows: list[dict[str, float]] = []
+        due = time.monotonic()
+        for q in targets:
+            due = pace(due, 1.0 / rate)
+            applied = self.write(q)
+            if not applied.ok:
+                self._stop("soft")
+                raise DriverError(f"the motion was stopped: {applied.reason}")
+            arm = self._fresh_arm(self._last_row)
+            wrench = self._fresh_wrench()
+            then = self.transducer.at(arm.t)
+            row = self._row(arm.t, arm, wrench, wrench.wrench if then is None else then)
+            rows.append(row | {f"q_target{j + 1}": float(v) for j, v in enumerate(q)})
+            if len(rows) >= _BLOCK_S * rate:
+                yield _columns(rows)
+                rows = []
+        if rows:
+            yield _columns(rows)
+        self._stop("soft")
+
+    def _row(
+        self, t: float, arm: ArmSample, wrench: WrenchSample, reading: np.ndarray
+    ) -> dict[str, float]:
+        self.limits.check_wrench(reading)
+        self._last_row = max(t, np.nextafter(self._last_row, np.inf))
+        row = {"t": self._last_row - self._start}
+        row |= {f"q{j + 1}": float(v) for j, v in enumerate(arm.q)}
+        row |= {f"qd{j + 1}": float(v) for j, v in enumerate(arm.qd)}
+        row |= {c: float(v) for c, v in zip(CHANNELS, reading, strict=True)}
+        age = max(arm.age, wrench.age)
+        return row | {
+            "status": wrench.status, "saturated": wrench.saturated, "lost": wrench.lost, "age": age
+        }  # fmt: skip
+
+    def _fresh_arm(self, after: float) -> ArmSample:
+        """A state that arrived after a time and is not stale; waits at most `GONE_S`."""
+        begun = time.monotonic()
+        while True:
+            arm = self._read()
+            health = self._arm_health()
+            if health.state in ("stopped", "fault", "lost", "closed"):
+                check_ready(health)
+            if health.ok and arm.t > after:
+                return arm
+            if time.monotonic() - begun > GONE_S:
+                raise LinkError(health.detail or f"{self.name}: no new state for {GONE_S:g} s")
+            time.sleep(_POLL_S)
+
+    def _fresh_wrench(self) -> WrenchSample:
+        """A reading newer than that of the last row; waits at most `GONE_S`."""
+        begun = time.monotonic()
+        while True:
+            wrench = self.transducer.read()
+            health = self.transducer.health()
+            if health.ok and wrench.t > self._last_row:
+                return wrench
+            if health.state in ("lost", "fault") or time.monotonic() - begun > GONE_S:
+                raise LinkError(health.detail or "the sensor sends nothing new")
+            time.sleep(_POLL_S / 2)
+
+
+def _columns(rows: list[dict[str, float]]) -> Block:
+    whole = {"status": np.uint32, "saturated": np.uint32, "lost": np.int64}
+    return {k: np.array([r[k] for r in rows], dtype=whole.get(k, float)) for k in rows[0]}

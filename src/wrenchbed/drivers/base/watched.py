@@ -1,0 +1,94 @@
+"""A move of a real robot, watched to its end: link, robot, wrench and deadline."""
+
+import time
+from typing import Protocol
+
+import numpy as np
+
+from wrenchbed.drivers.base.motion import Motion, Reached
+from wrenchbed.drivers.base.samples import ArmSample
+from wrenchbed.errors import DriverError, LateError, LinkError, StoppedError
+from wrenchbed.health import Health
+
+CALM_SPEED = 2e-3
+"""Fastest joint at rest [rad/s or m/s]."""
+TOLERANCE = 5e-4
+"""Farthest from its goal that a joint may come to rest [rad or m]."""
+_POLL_S = 0.002
+
+
+class Watched(Protocol):
+    """What a move asks of its driver."""
+
+    def read(self) -> ArmSample:
+        """The robot's newest state."""
+
+    def health(self) -> Health:
+        """What is wrong, if anything."""
+
+    def guard(self) -> None:
+        """Stop and raise when the sensor reads more than the limits allow."""
+
+    def stop(self, kind: str = "soft") -> None:
+        """Come to rest."""
+
+
+class WatchedMotion(Motion):
+    """A move that is watched: link, robot, wrench and deadline."""
+
+    def __init__(self, driver: Watched, goal: np.ndarray, seconds: float) -> None:
+        self.goal = goal
+        self._driver, self._begun = driver, time.monotonic()
+        self._deadline = self._begun + 2.0 * seconds + 3.0
+        self._end: Reached | DriverError | None = None
+
+    def poll(self) -> Reached | None:
+        if self._end is None:
+            try:
+                self._end = self._look()
+            except DriverError as error:
+                self._end = error
+                self._driver.stop("soft")
+        if isinstance(self._end, DriverError):
+            raise self._end
+        return self._end
+
+    def _look(self) -> Reached | None:
+        driver, now = self._driver, time.monotonic()
+        health = driver.health()
+        if not health.ok and health.state != "stale":
+            check_ready(health)
+        driver.guard()
+        arm = driver.read()
+        near = np.abs(arm.q - self.goal).max() < TOLERANCE
+        if health.ok and near and np.abs(arm.qd).max() < CALM_SPEED:
+            return Reached(arm.q, now - self._begun)
+        if now > self._deadline:
+            miss = float(np.abs(arm.q - self.goal).max())
+            raise LateError(f"the move did not arrive by its deadline, {miss:.2g} off its goal")
+        return None
+
+    def wait(self, timeout: float | None = None) -> Reached:
+        if timeout is not None:
+            self._deadline = min(self._deadline, time.monotonic() + timeout)
+        while (end := self.poll()) is None:
+            time.sleep(_POLL_S)
+        return end
+
+    def cancel(self) -> None:
+        if self._end is None:
+            self._end = DriverError("the move was cancelled")
+            self._driver.stop("soft")
+
+
+def check_ready(health: Health) -> None:
+    """Raise what a bad state calls for.
+
+    Raises:
+        StoppedError: the robot stopped or is in fault.
+        LinkError: it is silent or gone.
+    """
+    if health.state in ("stopped", "fault"):
+        raise StoppedError(health.detail)
+    if not health.ok:
+        raise LinkError(health.detail or health.state)

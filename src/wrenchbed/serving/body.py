@@ -1,0 +1,166 @@
+"""The robot behind a twin's wires: MuJoCo a control cycle at a time, with its whole sensor.
+
+The same robot, sensor, noise and effects as the simulated driver's, but as time goes on: nothing
+knows what comes next. `step` and `readings` may be called from different threads.
+"""
+
+import threading
+from collections import deque
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from wrenchbed import registry
+from wrenchbed.errors import NotFoundError, ParameterError
+from wrenchbed.model import Model
+from wrenchbed.noise import NoiseStream, noise_model
+from wrenchbed.plant import Plant, steps_in
+from wrenchbed.playback import Playback
+from wrenchbed.robots.base import SimulatedRobot
+from wrenchbed.serving.felt import Felt, Row
+from wrenchbed.simulation import Simulation
+from wrenchbed.twin import Twin
+from wrenchbed.typical import active_effect
+
+HISTORY_S = 4.0
+"""How far back a cycle's state is kept [s]."""
+_TIP = np.array([0.0, 0.0, 0.14])
+"""End of UR5's example tool in sensor axes [m]."""
+
+
+@dataclass(frozen=True)
+class Options:
+    """What is behind the wires.
+
+    Attributes:
+        robot: registry name.
+        parameters: true values where they differ from nominal, by name, SI.
+        noise: ``real``, ``white`` or ``off``.
+        seed: of the noise and of the effects' random parts.
+        effects: as ``joint.compliance:joint=2,stiffness=1.4e4``; without values of typical size.
+        table: height of a plate that UR5's tool may press on [m]; None: nothing to touch.
+        table_stiffness: of the plate [N/m].
+    """
+
+    robot: str
+    parameters: Mapping[str, float] = field(default_factory=dict)
+    noise: str = "real"
+    seed: int = 0
+    effects: tuple[str, ...] = ()
+    table: float | None = None
+    table_stiffness: float = 2e4
+
+
+class Body:
+    """A robot that moves a cycle at a time.
+
+    Args:
+        options: what it is.
+        cycle: period of its control [s].
+
+    Raises:
+        NotFoundError: the robot has no MuJoCo model, or no such effect.
+        ParameterError: an unknown parameter, an impossible value or kind of noise.
+    """
+
+    def __init__(self, options: Options, cycle: float) -> None:
+        robot = registry.load("robots", options.robot)
+        if options.table is not None and robot.name != "ur5":
+            raise ParameterError(f"a plate to press on is there for ur5, not for {robot.name!r}")
+        if not isinstance(robot, SimulatedRobot):
+            raise NotFoundError(f"robot {options.robot!r} has no MuJoCo model to simulate")
+        self.robot: SimulatedRobot = robot
+        self.cycle = cycle
+        self.model = Model(robot, tuple(robot.gravity))
+        self.theta = self.model.parameters.vector(options.parameters)
+        own = self._own = self.theta[: len(robot.parameters)]
+        self.simulation = Simulation(robot, own, self.model.gravity)
+        self.sensor = registry.load("sensors", robot.sensor)
+        self._stream = NoiseStream(noise_model(options.noise, self.sensor.noise), options.seed)
+        active = tuple(active_effect(robot, text) for text in options.effects)
+        twin = Twin(self.model, self.theta, active)
+        self._playback = Playback(twin, options.seed) if active else None
+        touching = options.table is not None
+        self._felt = None if self._playback is None else Felt(self._playback, touching)
+        self._plant = Plant(self.simulation, robot.home)
+        self._table, self._stiffness = options.table, options.table_stiffness
+        self._substeps = steps_in(cycle)
+        self._lock = threading.Lock()
+        self._target = np.array(robot.home)
+        self._rows: deque[Row] = deque(maxlen=max(8, round(HISTORY_S / cycle)))
+        self._cycles = 0
+        self._shown = -np.inf
+        self.step(robot.home)
+
+    @property
+    def time(self) -> float:
+        """Simulated time of the newest state [s]: whole cycles since it was made."""
+        return self._rows[-1].t
+
+    @property
+    def q(self) -> np.ndarray:
+        """Joint values (J,) [rad or m]."""
+        return self._rows[-1].q
+
+    @property
+    def qd(self) -> np.ndarray:
+        """Joint speeds (J,)."""
+        return self._rows[-1].qd
+
+    @property
+    def target(self) -> np.ndarray:
+        """Where the servos were last told to go (J,)."""
+        return self._target
+
+    @property
+    def load(self) -> np.ndarray:
+        """True load on the sensor (6,) [N, N·m], without effects and noise."""
+        return self._rows[-1].load
+
+    def step(self, target: np.ndarray) -> None:
+        """Take one control cycle to a target (J,)."""
+        share = np.arange(1, self._substeps + 1)[:, None] / self._substeps
+        way = self._target + share * (np.asarray(target, dtype=float) - self._target)
+        if self._table is not None:
+            self._press(self._table)
+        sampled = self._plant.follow(way, self.cycle)
+        self._target = way[-1]
+        with self._lock:
+            self._rows.append(Row(self._cycles * self.cycle, *sampled))
+            self._cycles += 1
+            if self._felt is not None:
+                self._felt.advance(self._rows)
+
+    def readings(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """What the sensor shows (n, 6) [N, N·m] and which channels saturate (n,), as bits 0 … 5.
+
+        Args:
+            t: times (n,) [s], increasing from call to call; later ones than the newest state show
+                that state, times that were shown already are moved on by a nanosecond each.
+        """
+        with self._lock:
+            t = np.maximum(t, self._shown + 1e-9 * np.arange(1, len(t) + 1))
+            self._shown = float(t[-1])
+            shown = self._mean(t) if self._felt is None else self._felt.mean(t)
+            values, status = self._stream.corrupt(t, shown)
+            if self._felt is not None:
+                values = self._felt.corrupt(t, values)
+            return values, status
+
+    def _press(self, height: float) -> None:
+        """A plate at a height [m] pushes the tip, straight up, as a spring does."""
+        data = self._plant.data
+        rotation, origin = self.robot.sensor_pose(data.qpos[None, :6], self._own)
+        tip = origin[0] + rotation[0] @ _TIP
+        push = np.array([0.0, 0.0, self._stiffness * max(0.0, height - tip[2])])
+        tool = self._plant.model.body("tool").id
+        lever = tip - data.xipos[tool]
+        data.xfrc_applied[tool] = np.concatenate([push, np.cross(lever, push)])
+
+    def _mean(self, t: np.ndarray) -> np.ndarray:
+        recent = list(self._rows)[-16:]
+        times = np.array([row.t for row in recent])
+        loads = np.array([row.load for row in recent])
+        load = np.stack([np.interp(t, times, loads[:, k]) for k in range(6)], axis=-1)
+        return self.model.read(load, self.theta)

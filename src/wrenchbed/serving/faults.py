@@ -1,0 +1,156 @@
+"""Timed faults: what a twin shall do wrong, when and for how long, from a TOML script or live.
+
+    [[fault]]
+    at = 5.0            # seconds after the twin was ready
+    link = "rtde"       # which of the twin's links
+    kind = "stall"      # what happens; each link lists the kinds it knows
+    seconds = 1.5       # how long; 0 or absent: once, or for ever
+    scale = 1.01        # further numbers or words that the kind asks for
+
+Live, one JSON object a line with the same keys (without ``at``) on the twin's standard input.
+"""
+
+import json
+import threading
+import time
+import tomllib
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, TextIO
+
+from wrenchbed.errors import MapError
+
+Handler = Callable[["Fault"], None]
+
+
+@dataclass(frozen=True)
+class Fault:
+    """One fault.
+
+    Attributes:
+        link: of the twin, for instance ``rtde``.
+        kind: what happens.
+        at: when, seconds after the twin was ready.
+        seconds: how long, 0 where it happens once or for ever.
+        values: what else the kind asks for.
+    """
+
+    link: str
+    kind: str
+    at: float = 0.0
+    seconds: float = 0.0
+    values: Mapping[str, Any] = field(default_factory=dict)
+
+
+def read(path: str | Path) -> tuple[Fault, ...]:
+    """Read a script, sorted by time.
+
+    Raises:
+        MapError: names the file, the entry and the field.
+    """
+    path = Path(path)
+    try:
+        raw = tomllib.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError as error:
+        raise MapError(f"{path}: there is no such file") from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise MapError(f"{path}: not valid TOML: {error}") from error
+    items = raw.get("fault", [])
+    if set(raw) - {"fault"} or not isinstance(items, list):
+        raise MapError(f"{path}: a fault script holds [[fault]] entries and nothing else")
+    found = [parse(item, f"{path}: fault {k + 1}") for k, item in enumerate(items)]
+    return tuple(sorted(found, key=lambda f: f.at))
+
+
+def parse(raw: Any, where: str) -> Fault:
+    """Check one entry.
+
+    Raises:
+        MapError: names the field.
+    """
+    if not isinstance(raw, Mapping):
+        raise MapError(f"{where}: is no table of keys and values")
+    for key in ("link", "kind"):
+        if not isinstance(raw.get(key), str):
+            raise MapError(f"{where}: {key} = {raw.get(key)!r} must be a name")
+    for key in ("at", "seconds"):
+        value = raw.get(key, 0.0)
+        if isinstance(value, bool) or not isinstance(value, int | float) or not value >= 0.0:
+            raise MapError(f"{where}: {key} = {value!r} must be seconds, 0 or more")
+    rest = {k: v for k, v in raw.items() if k not in ("link", "kind", "at", "seconds")}
+    return Fault(raw["link"], raw["kind"], float(raw.get("at", 0.0)),
+                 float(raw.get("seconds", 0.0)), rest)  # fmt: skip
+
+
+class Faults:
+    """What a twin's links can do wrong, and when they are told to.
+
+    Handlers are called from a thread of this object; they must return at once.
+    """
+
+    def __init__(self) -> None:
+        self._handlers: dict[tuple[str, str], Handler] = {}
+        self._stopped = threading.Event()
+
+    def on(self, link: str, kind: str, handler: Handler) -> None:
+        """Register what a link does for a kind of fault."""
+        self._handlers[link, kind] = handler
+
+    @property
+    def known(self) -> tuple[tuple[str, str], ...]:
+        """All (link, kind), sorted."""
+        return tuple(sorted(self._handlers))
+
+    def check(self, faults: Iterable[Fault], where: str) -> None:
+        """Refuse faults that no link knows.
+
+        Raises:
+            MapError: lists what exists.
+        """
+        for fault in faults:
+            if (fault.link, fault.kind) not in self._handlers:
+                known = ", ".join(f"{link} {kind}" for link, kind in self.known)
+                raise MapError(
+                    f"{where}: there is no fault {fault.link} {fault.kind}. Known: {known}"
+                )
+
+    def inject(self, fault: Fault) -> None:
+        """Do it now."""
+        self.check([fault], "fault")
+        self._handlers[fault.link, fault.kind](fault)
+
+    def start(self, script: tuple[Fault, ...], where: str = "faults") -> None:
+        """Run a script from now on, in a thread.
+
+        Raises:
+            MapError: it holds a fault that no link knows.
+        """
+        self.check(script, where)
+        threading.Thread(target=self._run, args=(script,), daemon=True).start()
+
+    def listen(self, lines: TextIO, answer: Callable[[str], None]) -> None:
+        """Take faults as JSON lines until the input ends, in a thread; each is answered."""
+        threading.Thread(target=self._take, args=(lines, answer), daemon=True).start()
+
+    def stop(self) -> None:
+        """No further fault."""
+        self._stopped.set()
+
+    def _run(self, script: tuple[Fault, ...]) -> None:
+        begun = time.monotonic()
+        for fault in script:
+            if self._stopped.wait(max(0.0, begun + fault.at - time.monotonic())):
+                return
+            self.inject(fault)
+
+    def _take(self, lines: TextIO, answer: Callable[[str], None]) -> None:
+        for line in lines:
+            if not line.strip():
+                continue
+            try:
+                self.inject(parse(json.loads(line), "fault"))
+            except (ValueError, MapError) as error:
+                answer(f"refused: {error}")
+            else:
+                answer("done")

@@ -1,0 +1,1 @@
+"""What reads a force/torque sensor, one file or folder a device."""

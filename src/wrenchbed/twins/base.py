@@ -1,0 +1,73 @@
+"""What a twin is: a server that unmodified client libraries take for the device.
+
+A twin runs in a process of its own (`wrenchbed twin`): client libraries may hold Python's lock
+while they wait for it.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import TracebackType
+from typing import ClassVar, Self
+
+from wrenchbed.serving.faults import Faults
+
+
+@dataclass(frozen=True)
+class Options:
+    """What every twin is told.
+
+    Attributes:
+        host: address of this machine to serve at, 127.0.0.1 … 127.255.255.254.
+        parameters: true values where they differ from nominal, by name, SI.
+        noise: ``real``, ``white`` or ``off``.
+        seed: of the noise and of the effects' random parts.
+        effects: as ``joint.compliance:joint=2,stiffness=1.4e4``; without values of typical size.
+        table: height of a plate that the tool may press on [m].
+        setting: what this twin alone knows, by name.
+    """
+
+    host: str = "127.0.0.1"
+    parameters: Mapping[str, float] = field(default_factory=dict)
+    noise: str = "real"
+    seed: int = 0
+    effects: tuple[str, ...] = ()
+    table: float | None = None
+    setting: Mapping[str, str] = field(default_factory=dict)
+
+
+class TwinServer(ABC):
+    """A device's protocols, served on this machine."""
+
+    name: ClassVar[str]
+    title: ClassVar[str]
+    settings: ClassVar[Mapping[str, str]]
+    """Name of each setting of its own → what it does and its default."""
+
+    def __init__(self, options: Options) -> None:
+        self.options = options
+        self.faults = Faults()
+
+    @abstractmethod
+    def start(self) -> dict[str, str]:
+        """Serve from now on; the address of each link by its name, for instance ``host:port``.
+
+        Raises:
+            DriverError: a port is taken or not allowed; names it and the remedy.
+        """
+
+    @abstractmethod
+    def stop(self) -> None:
+        """Close all links; may be called twice."""
+
+    def __enter__(self) -> Self:
+        self.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.stop()

@@ -1,0 +1,179 @@
+"""The robot behind the wires: its readings at rest and on the way, with effects and contact."""
+
+import numpy as np
+import pytest
+
+from wrenchbed.drivers import sim
+from wrenchbed.errors import MapError, NotFoundError
+from wrenchbed.serving import faults as timed
+from wrenchbed.serving.body import Body, Options
+from wrenchbed.serving.faults import Fault, Faults
+
+CYCLE = 0.008
+
+
+def go(body: Body, q: np.ndarray, seconds: float = 1.0, rest: float = 0.5) -> list[np.ndarray]:
+    """Move there smoothly and rest; the readings of each cycle on the way."""
+    start, n = np.array(body.target), round(seconds / CYCLE)
+    shown = []
+    for k in range(n + round(rest / CYCLE)):
+        s = min((k + 1) / n, 1.0)
+        body.step(start + (10 * s**3 - 15 * s**4 + 6 * s**5) * (q - start))
+        shown.append(body.readings(np.array([body.time]))[0][0])
+    return shown
+
+
+@pytest.mark.parametrize("robot", ["ur5", "medrue"])
+def test_at_rest_it_reads_the_exact_wrench(robot):
+    body = Body(Options(robot, noise="off"), CYCLE)
+    q = body.robot.sample(1, np.random.default_rng(3))[0]
+    last = go(body, q, 3.0, 1.5)[-1]
+    assert np.abs(body.q - q).max() < 1e-7
+    assert np.abs(last - body.simulation.wrench(q[None])[0]).max() < 1e-5
+    assert body.time == pytest.approx((375 + 188) * CYCLE)
+
+
+@pytest.mark.parametrize(
+    "effect",
+    ["joint.compliance", "sensor.gain", "base.tilt", "cable.pull", "link.length", "mount.rotation",
+     "joint.backlash"],
+)  # fmt: skip
+def test_effects_at_rest_are_those_of_the_simulated_driver(effect):
+    """Two routes through the same poses: the campaign in simulated time, and cycle by cycle."""
+    body = Body(Options("ur5", noise="off", effects=(effect,), seed=2), CYCLE)
+    poses = body.robot.sample(3, np.random.default_rng(4))
+    with sim.SimDriver(sim.Options("ur5", noise="off", effects=(effect,), seed=2)) as driver:
+        plain = Body(Options("ur5", noise="off"), CYCLE)
+        driver.sample(5, 100.0)
+        for q in poses:
+            driver.move(q).wait()
+            block = driver.sample(5, 100.0)
+            wanted = np.array([block[c][-1] for c in "fx fy fz tx ty tz".split()])
+            seen = go(body, q, 2.0)[-1]
+            without = go(plain, q, 2.0)[-1]
+            size = np.abs(wanted - without).max()
+            assert size > 1e-3
+            assert np.abs(seen - wanted).max() < 0.02 * size + 2e-5
+
+
+def test_hysteresis_reads_a_pose_by_the_way_it_came():
+    body = Body(Options("ur5", noise="off", effects=("sensor.hysteresis",)), CYCLE)
+    home, side = body.robot.home, body.robot.home + np.array([0, 0.5, 0, 0.4, 0, 0])
+    go(body, home)
+    go(body, side)
+    first = go(body, home)[-1]
+    go(body, home - np.array([0, 0.5, 0, 0.4, 0, 0]))
+    second = go(body, home)[-1]
+    assert np.abs(first - second).max() > 0.05
+
+
+def test_a_delay_shows_on_the_way_what_was_before():
+    late, prompt = (
+        Body(Options("ur5", noise="off", effects=e), CYCLE)
+        for e in (("timing.delay:delay=0.04",), ())
+    )
+    q = late.robot.home + 0.4
+    a, b = (np.array(go(body, q, 1.5, 0.0)) for body in (late, prompt))
+    moving = slice(60, 150)
+    shifted = np.array(b)[55:145]
+    swing = np.ptp(b[moving, 0])
+    assert swing > 1.0
+    assert np.abs(a[moving] - shifted).max() < 0.03 * swing
+    assert np.abs(a[moving] - b[moving]).max() > 0.1 * swing
+
+
+def test_noise_is_the_sensors_and_seeded():
+    bodies = [Body(Options("ur5", noise="white", seed=s), CYCLE) for s in (1, 1, 2)]
+    t = 1.0 + np.arange(4000) * 1e-3
+    first, again, other = (body.readings(t)[0] for body in bodies)
+    assert np.array_equal(first, again)
+    assert not np.array_equal(first, other)
+    std = bodies[0].sensor.noise.row_std
+    assert np.abs(first.std(axis=0) / std - 1).max() < 0.06
+
+
+def test_times_asked_twice_are_moved_on_not_refused():
+    body = Body(Options("ur5"), CYCLE)
+    a, _ = body.readings(np.array([0.1, 0.2]))
+    b, _ = body.readings(np.array([0.1, 0.15]))
+    assert np.isfinite(a).all()
+    assert np.isfinite(b).all()
+    assert not np.array_equal(a, b)
+
+
+def test_a_plate_pushes_back_on_the_tool_and_not_before():
+    """The tool hangs straight down; its tip is 140 mm below the flange."""
+    body = Body(Options("ur5", noise="off"), CYCLE)
+    q = np.array([0.0, -1.2, -1.9, -1.612389, 1.570796, 0.0])
+    _, at = body.robot.sensor_pose(q[None], body.robot.parameters.nominal)
+    free = go(body, q, 2.0)[-1]
+    tip = at[0, 2] - 0.14
+    for gap, touching in ((0.002, False), (-0.001, True)):
+        pressed = Body(Options("ur5", noise="off", table=tip + gap * -1.0), CYCLE)
+        reading = go(pressed, q, 2.0)[-1]
+        assert (np.abs(reading - free).max() > 1.0) == touching
+    _, now = body.robot.sensor_pose(pressed.q[None], body.robot.parameters.nominal)
+    depth = tip + 0.001 - (now[0, 2] - 0.14)  # the servos give a little
+    assert 0.0005 < depth < 0.001
+    push = (reading - free)[2]
+    assert push == pytest.approx(-2e4 * depth, rel=0.01)  # against the tool's z, which points down
+
+
+def test_what_it_cannot_be_is_refused():
+    with pytest.raises(NotFoundError, match="no MuJoCo model"):
+        Body(Options("oriented"), CYCLE)
+
+
+SCRIPT = """
+[[fault]]
+at = 0.05
+link = "rdt"
+kind = "drop"
+seconds = 1.5
+share = 0.3
+
+[[fault]]
+link = "rdt"
+kind = "stall"
+"""
+
+
+def test_a_script_is_sorted_and_run_in_time(tmp_path):
+    path = tmp_path / "faults.toml"
+    path.write_text(SCRIPT)
+    script = timed.read(path)
+    assert [f.kind for f in script] == ["stall", "drop"]
+    assert script[1] == Fault("rdt", "drop", 0.05, 1.5, {"share": 0.3})
+    done = []
+    faults = Faults()
+    for kind in ("drop", "stall"):
+        faults.on("rdt", kind, lambda f: done.append(f.kind))
+    faults.start(script)
+    for _ in range(100):
+        if len(done) == 2:
+            break
+        faults._stopped.wait(0.02)
+    assert done == ["stall", "drop"]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("[[fault]]\nlink='rdt'", r"fault 1: kind = None must be a name"),
+        ("[[fault]]\nlink='a'\nkind='b'\nat=-1", "at = -1 must be seconds, 0 or more"),
+        ("faults = 3", r"holds \[\[fault\]\] entries and nothing else"),
+        ("[[fault", "not valid TOML"),
+    ],
+)
+def test_a_bad_script_is_refused_by_field(tmp_path, text, message):
+    path = tmp_path / "f.toml"
+    path.write_text(text)
+    with pytest.raises(MapError, match=message):
+        timed.read(path)
+
+
+def test_an_unknown_fault_lists_what_exists():
+    faults = Faults()
+    faults.on("rdt", "drop", print)
+    with pytest.raises(MapError, match=r"no fault rdt melt\. Known: rdt drop"):
+        faults.inject(Fault("rdt", "melt"))

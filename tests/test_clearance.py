@@ -1,0 +1,146 @@
+"""Collisions on the way, ways around them, and the limits that are checked before a move."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from wrenchbed import campaign, registry
+from wrenchbed.clearance import Clearance
+from wrenchbed.drivers.base import Limits
+from wrenchbed.drivers.sim import Options, SimDriver
+from wrenchbed.errors import LimitError, ParameterError, PlanError
+from wrenchbed.itinerary import itinerary
+from wrenchbed.plan import Plan
+from wrenchbed.recording import Recording
+
+UR5 = registry.load("robots", "ur5")
+INTO_BENCH = np.array([0.0, 0.35, 0.0, 0.0, 1.5708, 0.0])  # the arm points 20° below the horizon
+
+
+@pytest.fixture(scope="module")
+def clearance():
+    return Clearance(UR5)
+
+
+def test_home_and_random_poses_touch_nothing(clearance):
+    assert clearance.hit(UR5.home) == ""
+    assert [clearance.hit(q) for q in UR5.sample(40, np.random.default_rng(0))] == [""] * 40
+
+
+def test_an_arm_in_its_bench_is_named(clearance):
+    assert "would touch" in clearance.hit(INTO_BENCH)
+    assert "what stands around it" in clearance.hit(INTO_BENCH)
+
+
+def test_a_tool_against_the_robots_own_arm_is_named(clearance):
+    """Elbow folded to 170° and wrist turned in: flange and tool lie on the upper arm."""
+    folded = np.array([0.0, -1.5708, 2.8, 0.3, -1.5708, 0.0])
+    hits = {clearance.hit(folded + np.array([0, 0, 0, w, 0, 0])) for w in np.linspace(-3, 3, 25)}
+    assert any("upper_arm" in what and "would touch" in what for what in hits)
+
+
+def test_blocked_ways_go_around_and_each_leg_is_free_on_a_finer_grid(clearance):
+    rng = np.random.default_rng(3)
+    drawn = rng.uniform([-3, -3.1, 2.2, -3, -3, -3], [3, 0, 2.9, 3, 3, 3], (60, 6))
+    free = [q for q in drawn if not clearance.hit(q)]
+    around = 0
+    for start, end in pairwise(free[:24]):
+        if not clearance.blocked(start, end):
+            continue
+        way = clearance.way(start, end, "test")
+        assert len(way) > 1
+        assert np.array_equal(way[-1], end)
+        for a, b in pairwise([start, *way]):
+            for share in np.linspace(0, 1, 400):
+                hit = clearance.hit(a + share * (b - a))
+                assert not hit, hit
+        around += 1
+    assert around >= 3
+
+
+def test_where_there_is_no_way_the_pose_is_refused(clearance):
+    under = UR5.home.copy()
+    under[1] += 2 * np.pi  # the same pose, one turn on: the upper arm would go through the bench
+    assert clearance.hit(under) == ""
+    with pytest.raises(PlanError, match=r"pose 7: .* no way around was found"):
+        clearance.way(UR5.home, under, "pose 7")
+
+
+def test_an_itinerary_is_refused_by_row():
+    plan = Plan.of("ur5", np.stack([UR5.home, INTO_BENCH]))
+    with pytest.raises(PlanError, match=r"row 1: .* would touch"):
+        itinerary(UR5, plan, UR5.home, Limits(), [0, 1], clear=True)
+    free = itinerary(UR5, plan, UR5.home, Limits(), [0, 1], clear=False)
+    assert [len(leg.via) for leg in free] == [1, 1]
+
+
+def test_slower_limits_take_longer_in_proportion():
+    plan = Plan.of("ur5", UR5.sample(3, np.random.default_rng(1)))
+    fast, slow = (
+        sum(leg.seconds for leg in itinerary(UR5, plan, UR5.home, Limits(s), range(3), clear=True))
+        for s in (0.4, 0.1)
+    )
+    assert slow == pytest.approx(4 * fast)
+
+
+def test_a_workspace_is_kept_on_the_whole_way():
+    _, at_home = UR5.sensor_pose(UR5.home[None], UR5.parameters.nominal)
+    box = tuple(at_home[0] - 0.1), tuple(at_home[0] + 0.1)
+    with SimDriver(Options("ur5", limits=Limits(workspace=box))) as driver:
+        driver.move(UR5.home + 0.02).wait()
+        with pytest.raises(PlanError, match="outside the workspace"):
+            driver.move(UR5.home + np.array([0.8, 0, 0, 0, 0, 0]))
+
+
+@pytest.mark.parametrize("bad", [{"speed": 0.0}, {"speed": 1.2}, {"force": -1.0}, {"tracking": 2}])
+def test_impossible_limits_are_refused(bad):
+    with pytest.raises(ParameterError, match="must be above 0"):
+        Limits(**bad)
+
+
+def test_a_streamed_target_that_leaps_is_refused_and_says_why():
+    with SimDriver(Options("ur5", limits=Limits(tracking=0.1))) as driver:
+        at = driver.position()
+        assert driver.write(at + 0.001).ok
+        leap = driver.write(at + 0.2)
+        assert leap.sent is None
+        assert "its limit is 0.314 rad/s" in leap.reason
+        assert not driver.write(np.full(6, np.nan)).ok
+        assert not driver.write(at[:5]).ok
+    assert not driver._active
+
+
+def test_too_large_a_wrench_is_named():
+    Limits(force=20.0).check_wrench(np.array([12.0, 12.0, 0, 0, 0, 0]))
+    with pytest.raises(LimitError, match=r"force 21\.2 N is above the limit 20 N"):
+        Limits(force=20.0).check_wrench(np.array([15.0, 15.0, 0, 0, 0, 0]))
+    with pytest.raises(LimitError, match="torque"):
+        Limits(torque=1.0).check_wrench(np.array([0, 0, 0, 0, 1.1, 0]))
+
+
+def test_a_trajectory_beyond_its_speed_is_refused_before_it_starts(tmp_path):
+    q = UR5.home + 0.5 * np.sin(np.arange(200) / 125 * 2 * np.pi)[:, None] * np.eye(6)[0]
+    plan = Plan.of("ur5", q, rate_hz=125.0)  # 3.1 rad/s at most
+    with SimDriver(Options("ur5", limits=Limits(tracking=0.5))) as driver:
+        with pytest.raises(PlanError, match=r"q1 would move at 3\.14 rad/s, 100% .* limit is 50%"):
+            campaign.record(driver, plan, tmp_path / "r.parquet")
+        assert np.array_equal(driver.position(), UR5.home)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_first_pose_again_shows_the_drift_of_the_sensor(tmp_path):
+    plan = Plan.of("ur5", UR5.sample(4, np.random.default_rng(2)))
+    drifting = Options("ur5", noise="white", effects=("sensor.drift:rate.fz=0.02",))
+    with SimDriver(drifting) as driver:
+        done = campaign.record(driver, plan, tmp_path / "r.parquet", samples=50, revisit=True)
+    rec = Recording.read(tmp_path / "r.parquet")
+    assert len(rec) == 5 * 50
+    assert list(np.unique(rec.columns["segment"])) == [0, 1, 2, 3, 4]
+    assert np.abs(rec.q[-1] - rec.q[0]).max() < 1e-9
+    assert done.drift is not None
+    assert done.drift.seconds > 5.0
+    assert done.drift.change[2] == pytest.approx(
+        rec.wrench[-50:, 2].mean() - rec.wrench[:50, 2].mean()
+    )
+    assert abs(done.drift.change[2]) > 5 * done.drift.std[2]
