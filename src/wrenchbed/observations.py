@@ -61,8 +61,8 @@ def observe(recording: Recording) -> Observations:
         raise CalibrationError(f"{recording.name}: every row is saturated")
     gathered = _motion if recording.metadata.mode == "dynamic" else _at_rest
     data = gathered(recording, keep, int((~keep).sum()))
-    status = recording.columns.get("status", np.zeros(1))
-    return replace(data, flagged=int(np.count_nonzero(status)) - data.left_out)
+    status = recording.columns.get("status", np.zeros(len(recording)))
+    return replace(data, flagged=int(np.count_nonzero(status[keep])))
 
 
 def _at_rest(recording: Recording, keep: np.ndarray, left_out: int) -> Observations:
@@ -128,11 +128,17 @@ def _check_smooth(recording: Recording, rough: np.ndarray, second: np.ndarray) -
 
 
 def usable(recording: Recording) -> np.ndarray:
-    """Rows (N,) to use; the word of a real device has its maker's meaning and drops nothing."""
-    status = recording.columns.get("status")
-    if status is None or recording.metadata.source != "sim":
+    """Rows (N,) to use: those that no channel of which is said to be saturated.
+
+    Recordings of live drivers say so in ``saturated``, simulated ones in ``status``; the word of
+    a real device has its maker's meaning and drops nothing.
+    """
+    told = recording.columns.get("saturated")
+    if told is None and recording.metadata.source == "sim":
+        told = recording.columns.get("status")
+    if told is None:
         return np.ones(len(recording), dtype=bool)
-    return (status.astype(np.uint32) & STATUS_SATURATED) == 0
+    return (told.astype(np.uint32) & STATUS_SATURATED) == 0
 
 
 def _stated(recording: Recording) -> tuple[np.ndarray, float, str]:

@@ -14,12 +14,13 @@ import json
 import threading
 import time
 import tomllib
+import warnings
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TextIO
 
-from wrenchbed.errors import MapError
+from wrenchbed.errors import MapError, WrenchbedWarning
 
 Handler = Callable[["Fault"], None]
 
@@ -142,7 +143,11 @@ class Faults:
         for fault in script:
             if self._stopped.wait(max(0.0, begun + fault.at - time.monotonic())):
                 return
-            self.inject(fault)
+            try:
+                self.inject(fault)
+            except MapError as error:
+                text = f"the fault at {fault.at:g} s was left out: {error}"
+                warnings.warn(text, WrenchbedWarning, stacklevel=2)
 
     def _take(self, lines: TextIO, answer: Callable[[str], None]) -> None:
         for line in lines:

@@ -8,11 +8,13 @@ import time
 from abc import abstractmethod
 from collections import deque
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
 from wrenchbed import registry
 from wrenchbed.drivers.base.driver import Driver
+from wrenchbed.drivers.base.evenly import Even, Evenly
 from wrenchbed.drivers.base.limits import Limits
 from wrenchbed.drivers.base.motion import Motion
 from wrenchbed.drivers.base.pacing import calm, pace
@@ -20,7 +22,7 @@ from wrenchbed.drivers.base.samples import Applied, ArmSample, Block
 from wrenchbed.drivers.base.stated import as_designed
 from wrenchbed.drivers.base.watched import CALM_SPEED, WatchedMotion, check_ready
 from wrenchbed.errors import DriverError, LateError, LinkError
-from wrenchbed.health import GONE_S, Health
+from wrenchbed.health import GONE_S, STALE_S, Health
 from wrenchbed.metadata import Metadata
 from wrenchbed.transducers.base import Transducer, WrenchSample
 from wrenchbed.wrench import CHANNELS
@@ -159,25 +161,49 @@ class LiveDriver(Driver):
         return _columns(rows)
 
     def _track(self, targets: np.ndarray, rate: float) -> Iterator[Block]:
+        """Stream the targets; rows lie at equal steps of the robot's own clock."""
+        even, done = Evenly(rate), 0
         rows: list[dict[str, float]] = []
         due = time.monotonic()
-        for q in targets:
-            due = pace(due, 1.0 / rate)
-            applied = self.write(q)
-            if not applied.ok:
-                self._stop("soft")
-                raise DriverError(f"the motion was stopped: {applied.reason}")
-            arm = self._fresh_arm(self._last_row)
-            wrench = self._fresh_wrench()
-            then = self.transducer.at(arm.t)
-            row = self._row(arm.t, arm, wrench, wrench.wrench if then is None else then)
-            rows.append(row | {f"q_target{j + 1}": float(v) for j, v in enumerate(q)})
-            if len(rows) >= _BLOCK_S * rate:
+        for k in range(len(targets) + round(GONE_S * rate)):
+            if k < len(targets):
+                applied = self.write(targets[k])
+                if not applied.ok:
+                    self._stop("soft")
+                    raise DriverError(f"the motion was stopped: {applied.reason}")
+            due = self._collect(even, due, 1.0 / rate)
+            for row in even.rows(len(targets) - done):
+                rows.append(self._tracked(row, targets[done]))
+                done += 1
+            if done == len(targets) or len(rows) >= _BLOCK_S * rate:
                 yield _columns(rows)
                 rows = []
-        if rows:
-            yield _columns(rows)
+            if done == len(targets):
+                self._stop("soft")
+                return
         self._stop("soft")
+        raise LinkError(f"{self.name}: {len(targets) - done} rows of the motion never came")
+
+    def _collect(self, even: Evenly, due: float, period: float) -> float:
+        """Take in states until the next target is due."""
+        until = due + period
+        if time.monotonic() - until > period:
+            until = time.monotonic()
+        even.add(self._fresh_arm(0.0))
+        while (left := until - time.monotonic()) > 0.0:
+            time.sleep(min(left, _POLL_S))
+            arm = self._read()
+            if arm.age < STALE_S:
+                even.add(arm)
+        return until
+
+    def _tracked(self, row: Even, target: np.ndarray) -> dict[str, float]:
+        wrench = self._fresh_wrench(since=0.0)
+        then = self.transducer.at(row.host)
+        reading = wrench.wrench if then is None else then
+        arm = replace(self._read(), q=row.q, qd=row.qd)
+        columns = self._row(row.t, arm, wrench, reading)
+        return columns | {f"q_target{j + 1}": float(v) for j, v in enumerate(target)}
 
     def _row(
         self, t: float, arm: ArmSample, wrench: WrenchSample, reading: np.ndarray
@@ -207,13 +233,14 @@ class LiveDriver(Driver):
                 raise LinkError(health.detail or f"{self.name}: no new state for {GONE_S:g} s")
             time.sleep(_POLL_S)
 
-    def _fresh_wrench(self) -> WrenchSample:
-        """A reading newer than that of the last row; waits at most `GONE_S`."""
+    def _fresh_wrench(self, since: float | None = None) -> WrenchSample:
+        """A reading that arrived after a time, else the last row's; waits at most `GONE_S`."""
         begun = time.monotonic()
+        after = self._last_row if since is None else since
         while True:
             wrench = self.transducer.read()
             health = self.transducer.health()
-            if health.ok and wrench.t > self._last_row:
+            if health.ok and wrench.t > after:
                 return wrench
             if health.state in ("lost", "fault") or time.monotonic() - begun > GONE_S:
                 raise LinkError(health.detail or "the sensor sends nothing new")

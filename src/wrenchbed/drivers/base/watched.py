@@ -1,5 +1,6 @@
 """A move of a real robot, watched to its end: link, robot, wrench and deadline."""
 
+import contextlib
 import time
 from typing import Protocol
 
@@ -48,7 +49,8 @@ class WatchedMotion(Motion):
                 self._end = self._look()
             except DriverError as error:
                 self._end = error
-                self._driver.stop("soft")
+                with contextlib.suppress(DriverError):  # the first error says more
+                    self._driver.stop("soft")
         if isinstance(self._end, DriverError):
             raise self._end
         return self._end

@@ -1,0 +1,100 @@
+"""A motion on an even clock: states as they come, rows at equal steps of the robot's own time.
+
+A network delivers states unevenly and drops some, but each carries the robot's time. Between two
+states joints follow the cubic that has their values and speeds (Hermite); the wrench is read at
+the same moment of this machine's clock, to which the robot's is fitted.
+"""
+
+from collections import deque
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from wrenchbed.drivers.base.samples import ArmSample
+
+_CLOCK_STATES = 600
+"""States that the fit of the two clocks looks back."""
+_LATEST = 64
+
+
+class Even(NamedTuple):
+    """One row: even time [s], the same moment on this machine's clock, joints and speeds (J,)."""
+
+    t: float
+    host: float
+    q: np.ndarray
+    qd: np.ndarray
+
+
+class Evenly:
+    """Turns states into rows at a rate [Hz], from the first state on."""
+
+    def __init__(self, rate: float) -> None:
+        self._period = 1.0 / rate
+        self._states: deque[ArmSample] = deque(maxlen=_LATEST)
+        self._clock: deque[tuple[float, float]] = deque(maxlen=_CLOCK_STATES)
+        self._first: float | None = None
+        self._origin = 0.0
+        self._given = 0
+
+    def add(self, arm: ArmSample) -> None:
+        """Take in a state; one that is not newer than the last is left out."""
+        t = own_time(arm)
+        if self._states and t <= own_time(self._states[-1]):
+            return
+        if self._first is None:
+            self._first, self._origin = t, arm.t
+        self._states.append(arm)
+        self._clock.append((t - self._first, arm.t - self._origin))
+
+    def rows(self, most: int) -> list[Even]:
+        """Rows that lie between states, at most some."""
+        found: list[Even] = []
+        while len(found) < most and (row := self._next()) is not None:
+            found.append(row)
+        return found
+
+    def _next(self) -> Even | None:
+        if self._first is None:
+            return None
+        due = self._given * self._period
+        states = list(self._states)
+        times = np.array([own_time(s) for s in states]) - self._first
+        if due > times[-1] + 1e-9:
+            return None
+        k = int(np.clip(np.searchsorted(times, due + 1e-9), 1, len(times) - 1))
+        if len(times) < 2:
+            return None
+        self._given += 1
+        before, after = states[k - 1], states[k]
+        span = times[k] - times[k - 1]
+        q, qd = hermite(before, after, span, float(np.clip((due - times[k - 1]) / span, 0.0, 1.0)))
+        return Even(self._origin + due, self._origin + self._host()(due), q, qd)
+
+    def _host(self) -> Callable[[float], float]:
+        """This machine's time at a time of the robot's, both from the first state on [s]."""
+        pairs = np.array(self._clock)
+        if len(pairs) < 20:
+            shift = float(np.median(pairs[:, 1] - pairs[:, 0]))
+            return lambda t: t + shift
+        slope, offset = np.polyfit(pairs[:, 0], pairs[:, 1] - pairs[:, 0], 1)
+        return lambda t: float(t + slope * t + offset)
+
+
+def own_time(arm: ArmSample) -> float:
+    """The robot's time of a state, this machine's where it has none [s]."""
+    return arm.t if arm.device_time is None else arm.device_time
+
+
+def hermite(
+    before: ArmSample, after: ArmSample, span: float, s: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Joint values and speeds (J,) at a share of the time [s] between two states."""
+    h00, h10 = (1 + 2 * s) * (1 - s) ** 2, s * (1 - s) ** 2
+    h01, h11 = s * s * (3 - 2 * s), s * s * (s - 1)
+    q = h00 * before.q + h01 * after.q + span * (h10 * before.qd + h11 * after.qd)
+    slope = (6 * s * s - 6 * s) / span
+    rate_in, rate_out = (1 - s) * (1 - 3 * s), s * (3 * s - 2)
+    qd = slope * (before.q - after.q) + rate_in * before.qd + rate_out * after.qd
+    return q, qd

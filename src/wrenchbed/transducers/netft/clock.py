@@ -1,0 +1,51 @@
+"""The device's clock, read off its sample counter, against this machine's."""
+
+from collections import deque
+
+import numpy as np
+
+from wrenchbed.transducers.netft.sequence import signed
+
+_EVERY_S, _SPAN_S, _LEAST_S = 0.1, 20.0, 2.0
+
+
+class DeviceClock:
+    """ft_sequence over its rate, unwrapped; how fast it runs from the earliest arrivals.
+
+    Attributes:
+        ppm: how much faster than this machine's clock it runs [1e-6]; None until 2 s are known.
+    """
+
+    def __init__(self, rate: float) -> None:
+        self._rate = rate
+        self._stamp: int | None = None
+        self._samples = 0
+        self._marks: deque[tuple[float, float]] = deque(maxlen=round(_SPAN_S / _EVERY_S))
+        self._best: tuple[float, float] | None = None
+        self._next = 0.0
+        self.ppm: float | None = None
+
+    def take(self, host: float, stamp: int) -> float:
+        """Device time [s] of a record that arrived at a host time [s]."""
+        step = 0 if self._stamp is None else signed(stamp - self._stamp)
+        if step < 0:
+            self._samples = 0
+            self._marks.clear()
+            self._best = None
+        self._samples = stamp if self._stamp is None or step < 0 else self._samples + step
+        self._stamp = stamp
+        device = self._samples / self._rate
+        if self._best is None or host - device < self._best[0] - self._best[1]:
+            self._best = (host, device)
+        if host >= self._next:
+            self._marks.append(self._best)
+            self._best, self._next = None, host + _EVERY_S
+            self.ppm = self._fit()
+        return device
+
+    def _fit(self) -> float | None:
+        marks = np.array(self._marks)
+        if len(marks) < 4 or marks[-1, 0] - marks[0, 0] < _LEAST_S:
+            return None
+        host, device = (marks - marks[0]).T
+        return float((np.polyfit(host, device, 1)[0] - 1.0) * 1e6)

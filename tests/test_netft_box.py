@@ -1,0 +1,143 @@
+"""The box's own side: requests, streams, pages, settings, and ports that are taken."""
+
+import time
+import urllib.error
+import urllib.request
+
+import numpy as np
+import pytest
+
+from netft_scene import boxed, plain
+from wrenchbed.errors import DriverError, MapError, ParameterError
+from wrenchbed.serving.netft import Settings
+from wrenchbed.serving.netft.timeline import Timeline
+
+
+def page(scene, path="/netftapi2.xml", data=None):
+    address = f"http://{scene.addresses['http']}{path}"
+    with urllib.request.urlopen(address, data, timeout=2.0) as answer:
+        return answer.read().decode()
+
+
+def field(text, name):
+    return text.split(f"<{name}>")[1].split("</")[0]
+
+
+def test_requests_start_replace_bias_and_stop_a_stream():
+    with boxed("127.0.3.30", rate=1000) as scene, plain(scene) as one, plain(scene) as two:
+        one.ask(2)
+        rows = one.records(60)
+        assert [r[0] for r in rows] == list(range(1, 61))
+        assert set(np.diff([r[1] for r in rows])) == {7}
+        assert np.mean([r[3:] for r in rows], axis=0) / 1e6 == pytest.approx(
+            scene.body.base, abs=1e-3
+        )
+        two.ask(2, 30)
+        assert [r[0] for r in two.records(30)] == list(range(1, 31))
+        assert one.silent() and two.silent()
+        one.ask(0x42)
+        one.ask(2)
+        assert np.abs(np.mean([r[3:] for r in one.records(60)], axis=0)).max() < 6000
+        one.ask(0)
+        assert one.silent()
+        one.sock.sendto(b"nonsense", one.box)
+        one.ask(0x41)
+        one.ask(0x77)
+        assert one.silent()
+        assert scene.box.counters["refused"] == 2
+
+
+def test_buffered_requests_fill_datagrams():
+    with boxed("127.0.3.30", rate=2000, buffer=8) as scene, plain(scene) as one:
+        one.ask(3, 20)
+        sizes = [len(one.sock.recv(4096)) for _ in range(3)]
+        assert sizes == [8 * 36, 8 * 36, 4 * 36]
+        assert one.silent()
+
+
+def test_pages_tell_and_take_settings():
+    with boxed("127.0.3.31", rate=2000, force_unit="lbf", counts_per_force=4e5) as scene:
+        text = page(scene)
+        assert field(text, "comrdtrate") == "2334" and field(text, "runrate") == "7000"
+        assert (field(text, "scfgfu"), field(text, "cfgcpf")) == ("lbf", "400000")
+        assert field(page(scene, "/netftapi2.xml?index=3"), "cfgid") == "3"
+        page(scene, "/comm.cgi?comrdtrate=500&comrdtbsiz=7")
+        assert field(page(scene), "comrdtrate") == "500"
+        page(scene, "/comm.cgi", b"comrdtrate=125")
+        assert field(page(scene), "comrdtrate") == "125"
+        page(scene, "/comm.cgi?comrdtrate=nan&comrdtbsiz=-1&nonsense")
+        assert field(page(scene), "comrdtrate") == "125"
+        page(scene, "/setting.cgi?setbias2=77")
+        assert field(page(scene), "setbias") == "0;0;77;0;0;0"
+        page(scene, "/comm.cgi?comrdte=0")
+        assert field(page(scene), "comrdte") == "Disabled"
+        with plain(scene) as one:
+            one.ask(2)
+            assert one.silent()
+        with pytest.raises(urllib.error.HTTPError) as refused:
+            page(scene, "/other")
+        refused.value.close()
+
+
+def test_faults_of_the_page():
+    with boxed("127.0.3.31") as scene:
+        scene.fault("http", "missing_field", 0.3, name="cfgcpt")
+        assert "<cfgcpt>" not in page(scene)
+        scene.fault("http", "unlisten", 0.3)
+        time.sleep(0.15)
+        with pytest.raises(OSError, match="refused"):
+            page(scene)
+        time.sleep(0.4)
+        assert "<cfgcpt>" in page(scene)
+        begun = time.monotonic()
+        scene.fault("http", "stall", 0.5)
+        page(scene)
+        assert 0.4 < time.monotonic() - begun < 1.2
+
+
+def test_what_a_fault_asks_for_is_checked():
+    with boxed("127.0.3.31") as scene:
+        for kind, values in (("drop", {"share": 2}), ("saturate", {"channel": "fx"})):
+            with pytest.raises(MapError, match="must be"):
+                scene.fault("rdt", kind, 1.0, **values)
+        with pytest.raises(MapError, match="Known: http garbage"):
+            scene.fault("rdt", "explode")
+
+
+def test_a_taken_port_is_named():
+    with boxed("127.0.3.32"):
+        with pytest.raises(DriverError, match="UDP port 127.0.3.32:49152"), boxed("127.0.3.32"):
+            pass
+        with pytest.raises(DriverError, match="TCP port"), boxed("127.0.3.32", rdt_port=49153):
+            pass
+
+
+@pytest.mark.parametrize(
+    "bad", [{"rate": 0.0}, {"rate": 7001.0}, {"buffer": 41}, {"force_unit": "stone"},
+            {"counts_per_force": 0.0}, {"product": "x"}, {"counts_per_torque": float("nan")}],
+)  # fmt: skip
+def test_impossible_settings_are_refused(bad):
+    with pytest.raises(ParameterError, match=next(iter(bad))):
+        Settings(**bad)
+
+
+def test_settings_of_a_command_line():
+    given = Settings.from_words({"rate": "500", "buffer": "4", "torque_unit": "lbf-in"})
+    assert (given.rate, given.buffer, given.torque_unit) == (500.0, 4, "lbf-in")
+    for words in ({"rates": "1"}, {"rate": "fast"}):
+        with pytest.raises(ParameterError, match="rate"):
+            Settings.from_words(words)
+
+
+def test_time_is_shown_one_cycle_late_and_follows_drift():
+    line = Timeline(0.008)
+    for k in range(4000):
+        now = 5.0 + 0.001 * k
+        line.observe(now, 0.9999 * (now - 5.0) // 0.008 * 0.008)
+        if k > 20:
+            assert -0.018 < line.shown(now) - 0.9999 * (now - 5.0) < -0.007
+    line.observe(20.0, 1.0)
+    assert line.shown(20.0) == pytest.approx(0.991)
+    for _ in range(100):
+        line.late()
+    assert line.shown(20.0) == pytest.approx(0.985)

@@ -1,0 +1,239 @@
+"""What comes off the wire of a Net F/T: any bytes are taken or refused by name."""
+
+import struct
+
+import numpy as np
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+from wrenchbed.errors import DriverError, LinkError
+from wrenchbed.serving.netft import records
+from wrenchbed.serving.netft import web as server
+from wrenchbed.transducers.netft import configuration, datagrams, web
+from wrenchbed.transducers.netft.clock import DeviceClock
+from wrenchbed.transducers.netft.sequence import Tracker, signed
+from wrenchbed.transducers.netft.status import table
+
+PAGE = """<?xml version="1.0" encoding="UTF-8"?>
+<netft><runstat>00000000</runstat><runrate>7000</runrate><setbias>0;0;0;0;0;0</setbias>
+<scfgfu>N</scfgfu><scfgtu>Nm</scfgtu><cfgcpf>1000000</cfgcpf><cfgcpt>1000000</cfgcpt>
+<cfgmr>65;65;200;5;5;5</cfgmr>
+<comrdte>Enabled</comrdte><comrdtrate>7000</comrdtrate><comrdtbsiz>1</comrdtbsiz></netft>
+"""
+
+
+def parse(text):
+    return configuration.parse(text.encode(), 7000.0)
+
+
+def swapped(name, value):
+    start, end = PAGE.index(f"<{name}>") + len(name) + 2, PAGE.index(f"</{name}>")
+    return PAGE[:start] + value + PAGE[end:]
+
+
+@given(st.binary(max_size=40))
+@example(struct.pack(">HHI", 0x1234, 2, 0))
+def test_a_box_takes_requests_or_leaves_them(data):
+    request = records.parse(data)
+    if request is None:
+        return
+    assert data == struct.pack(">HHI", 0x1234, request.command, request.samples)
+
+
+def test_a_box_knows_six_commands():
+    known = [c for c in range(65536) if records.parse(struct.pack(">HHI", 0x1234, c, 7))]
+    assert known == [0x0000, 0x0002, 0x0003, 0x0004, 0x0041, 0x0042]
+
+
+@given(
+    st.integers(0, 2**32 - 1),
+    st.integers(0, 2**40),
+    st.integers(0, 2**32 - 1),
+    st.lists(st.integers(-(2**31), 2**31 - 1), min_size=6, max_size=6),
+)
+def test_what_the_box_packs_the_client_reads(first, ft, status, counts):
+    packed = records.pack(first, np.array([ft, ft + 7]), np.array([status] * 2), [counts] * 2)
+    assert datagrams.record(packed, 0) == (first, ft % 2**32, status, tuple(counts))
+    assert datagrams.record(packed, 1)[:2] == ((first + 1) % 2**32, (ft + 7) % 2**32)
+    assert datagrams.numbers(packed)[1] == ((first + 1) % 2**32, (ft + 7) % 2**32)
+    assert datagrams.flagged(packed) == status
+
+
+@given(st.binary(max_size=200), st.integers(-2, 6))
+def test_a_datagram_is_records_or_refused(data, index):
+    assert datagrams.whole(len(data)) == (len(data) > 0 and len(data) % 36 == 0)
+    try:
+        got = datagrams.record(data, index)
+    except DriverError:
+        assert not 0 <= index * 36 <= len(data) - 36
+    else:
+        assert len(got.counts) == 6
+    if len(data) % 36:
+        with pytest.raises(DriverError, match="no whole number"):
+            datagrams.numbers(data)
+
+
+@given(st.binary(max_size=400))
+@example(PAGE.encode())
+@example(b"<a>" * 20000)
+@example(b"<netft>" + b"x" * 70000)
+def test_any_page_is_read_or_refused(data):
+    try:
+        said = configuration.parse(data, 7000.0)
+    except DriverError as error:
+        assert "\n" not in str(error)
+    else:
+        assert (said.per_si > 0).all()
+
+
+@given(st.sampled_from(["scfgfu", "cfgcpf", "cfgcpt", "comrdtrate", "runstat", "cfgmr"]),
+       st.text("0123456789.-+eE naNinfx;lbfkNm", max_size=12))  # fmt: skip
+def test_any_field_is_read_or_refused(name, value):
+    try:
+        said = parse(swapped(name, value))
+    except DriverError as error:
+        assert name in str(error)
+    else:
+        assert np.isfinite(said.per_si).all() and (said.per_si > 0).all() and said.rate > 0
+        assert said.rating is None or (np.isfinite(said.rating).all() and (said.rating > 0).all())
+
+
+@pytest.mark.parametrize(
+    ("force", "newton"),
+    [("N", 1), ("kN", 1e3), ("lbf", 4.4482216152605), ("klbf", 4448.22161526), ("kgf", 9.80665)],
+)
+def test_units_of_force(force, newton):
+    assert parse(swapped("scfgfu", force)).per_si[:3] == pytest.approx(1e6 / newton)
+
+
+@pytest.mark.parametrize(
+    ("torque", "metre"),
+    [("Nm", 1), ("N-m", 1), ("N·m", 1), ("Nmm", 1e-3), ("N-mm", 1e-3), ("kNm", 1e3),
+     ("lbf-in", 0.1129848290276), ("lbf-ft", 1.3558179483314)],
+)  # fmt: skip
+def test_units_of_torque(torque, metre):
+    assert parse(swapped("scfgtu", torque)).per_si[3:] == pytest.approx(1e6 / metre)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("scfgfu", "stone"), ("scfgfu", ""), ("scfgtu", "N"), ("cfgcpf", "0"), ("cfgcpt", "-1"),
+     ("cfgcpf", "nan"), ("cfgcpf", "1e999"), ("comrdtrate", "fast"), ("runstat", "broken")],
+)  # fmt: skip
+def test_impossible_fields_are_refused_by_name(name, value):
+    with pytest.raises(DriverError, match=f"<{name}>"):
+        parse(swapped(name, value))
+
+
+def test_pages_with_entities_are_refused():
+    bomb = '<!DOCTYPE a [<!ENTITY b "cc">]><netft>&b;</netft>'
+    with pytest.raises(DriverError, match="entities"):
+        parse(bomb)
+    with pytest.raises(DriverError, match="malformed"):
+        parse("<netft><cfgcpf>1</netft>")
+    with pytest.raises(DriverError, match="more than"):
+        parse("x" * 70000)
+
+
+@given(st.binary(max_size=300))
+@example(b"HTTP/1.0 200 OK\r\nContent-Length: 5\r\n\r\nabc")
+@example(b"HTTP/1.0 200 OK\r\nContent-Length: -5\r\n\r\nabc")
+def test_any_answer_is_a_page_or_refused(data):
+    try:
+        body = web.content(data, "there", 100)
+    except (DriverError, LinkError):
+        return
+    assert len(body) <= 100 and body in data
+
+
+@given(st.binary(max_size=300))
+@example(b"GET /netftapi2.xml HTTP/1.0\r\n\r\n")
+@example(b"POST /comm.cgi HTTP/1.1\r\nContent-Length: 1_0\r\n\r\nab")
+def test_a_box_bears_any_web_request(data):
+    assert server.complete(data) in (True, False)
+    assert len(server.parse(data)) == 3
+
+
+@settings(deadline=None)
+@given(
+    st.integers(0, 2**32 - 1),
+    st.lists(st.sampled_from("....dxs"), min_size=4, max_size=300),
+    st.integers(1, 9),
+)
+def test_losses_doubles_and_swaps_are_counted_exactly(start, fates, batch):
+    """Fates: . sent, d dropped, x doubled, s sent after the next one."""
+    fates = [".", *fates, ".", "."]
+    sent, held, dropped, doubled, late = [], None, 0, 0, 0
+    for k, fate in enumerate(fates):
+        pair = ((start + 1 + k) % 2**32, 7 * k)
+        if fate == "d":
+            dropped += 1
+            continue
+        if fate == "s" and held is None and k < len(fates) - 2:
+            held = pair
+            continue
+        sent += [pair] * (2 if fate == "x" else 1)
+        doubled += fate == "x"
+        if held is not None:
+            sent.append(held)
+            late, held = late + 1, None
+    tracker = Tracker(7000.0, 7.0)
+    tracker._last, tracker._begun, tracker._asked = (start, -7), True, False
+    kept = 0
+    for k in range(0, len(sent), batch):
+        part = sent[k : k + batch]
+        indices = tracker.take(part)
+        kept += len(part) if indices is None else len(indices)
+    counted = (tracker.lost, tracker.duplicates, tracker.late)
+    assert counted == (dropped, doubled, late)
+    assert kept == len(fates) - dropped
+    assert tracker.last[0] == (start + len(fates)) % 2**32
+    assert tracker.jumps == tracker.restarts == tracker.implausible == 0
+
+
+def test_a_lone_wild_record_is_left_out_and_a_new_start_is_believed():
+    tracker = Tracker(1000.0, 7.0)
+    assert tracker.take([(k, 7 * k) for k in range(1, 200)])
+    assert tracker.take([(3_000_000_000, 5), (200, 1400)]) == [1]
+    assert (tracker.implausible, tracker.lost) == (1, 0)
+    tracker.asked()
+    assert tracker.take([(1, 1470), (2, 1477)]) is not None
+    assert (tracker.jumps, tracker.restarts, tracker.lost) == (1, 0, 9)
+    assert tracker.take([(k, 1470 + 7 * k) for k in range(3, 500)]) is None
+    tracker.asked()
+    tracker.take([(1, 7), (2, 14)])
+    assert (tracker.jumps, tracker.restarts, tracker.lost) == (2, 1, 9)
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(-(2**31), 2**31 - 1))
+def test_differences_of_counters_wrap(a, step):
+    assert signed((a + step) % 2**32 - a) == step
+
+
+def test_the_clock_of_a_device_is_unwrapped_and_measured():
+    clock = DeviceClock(7000.0)
+    start = 2**32 - 7000
+    for k in range(5000):
+        t = k * 1e-3
+        device = clock.take(50.0 + t + 2e-4 * (k % 7), round(start + 7000 * 1.0002 * t) % 2**32)
+    assert device == pytest.approx(start / 7000 + 4.999 * 1.0002, abs=1e-3)
+    assert clock.ppm == pytest.approx(200.0, abs=30.0)
+
+
+def test_status_words_by_product():
+    netbox, axia = table("netbox"), table("axia")
+    assert netbox.faults(0x80020000) == ("transducer saturated or converter error",)
+    assert netbox.out_of_range(0x80020000) and not netbox.broken(0x80020000)
+    assert not netbox.broken(0x80010000)
+    assert netbox.broken(0x80000000) and netbox.broken(0x80020004) and not netbox.broken(0)
+    assert axia.faults(0xC0000000) == ("force or torque out of range",)
+    assert axia.faults(0x80000005) == ("temperature out of range", "broken gage")
+    assert axia.broken(0x80000005) and not axia.broken(0xC8000000) and not axia.broken(8)
+    assert axia.faults(0x80000100) == ("unknown bits 0x00000100",)
+
+
+@given(st.integers(0, 2**32 - 1), st.sampled_from(["netbox", "axia"]))
+def test_every_error_has_a_word(status, product):
+    said = table(product)
+    assert bool(said.faults(status)) == (status != 0)

@@ -1,0 +1,274 @@
+"""The transducer against a box: values, ages, losses, and each fault by its name."""
+
+import socket
+import time
+
+import numpy as np
+import pytest
+
+from netft_scene import boxed, client, until
+from wrenchbed.errors import DriverError, LinkError, ParameterError
+from wrenchbed.health import Health
+from wrenchbed.transducers.netft import NetftTransducer, Options, configuration
+from wrenchbed.transducers.netft.watch import Watch
+
+
+@pytest.fixture(scope="module")
+def scene():
+    with boxed("127.0.3.40", rate=1000) as found:
+        yield found
+
+
+@pytest.fixture
+def transducer(scene):
+    with client(scene, sensor="ati-gamma") as found:
+        time.sleep(0.1)
+        yield found
+
+
+def counters(transducer):
+    return transducer.health().counters
+
+
+@pytest.mark.parametrize(
+    "units",
+    [
+        {},
+        {"force_unit": "lbf", "torque_unit": "lbf-in", "counts_per_force": 2e5},
+        {"force_unit": "kN", "torque_unit": "N-mm", "counts_per_force": 1e8},
+        {"product": "axia", "torque_unit": "lbf-ft", "counts_per_torque": 7e6},
+    ],
+)
+def test_readings_are_si_whatever_the_box_counts_in(units):
+    product = units.get("product", "netbox")
+    with (
+        boxed("127.0.3.41", noise=1e-4, **units) as scene,
+        client(scene, product=product) as transducer,
+    ):
+        sample = transducer.read()
+        assert sample.wrench == pytest.approx(scene.body.base, abs=1e-3)
+        assert (sample.status, sample.saturated, sample.faults) == (0, 0, ())
+        assert (sample.frame, sample.reference) == ("sensor", "sensor")
+        assert transducer.health().ok
+
+
+def test_the_newest_record_is_read_not_the_next_in_the_queue():
+    with boxed("127.0.3.42", rate=7000) as scene, client(scene) as transducer:
+        time.sleep(0.3)
+        ages, sequences = [], []
+        for _ in range(60):
+            time.sleep(0.008)
+            sample = transducer.read()
+            ages.append(sample.age)
+            sequences.append(sample.sequence)
+            assert sample.fresh or sample.age > 0.007
+        assert np.median(ages) < 0.005
+        assert 40 < np.median(np.diff(sequences)) < 80
+        assert not transducer.read().fresh or transducer.read().age < 0.01
+
+
+def test_a_wrench_at_a_time_is_interpolated(scene, transducer):
+    scene.body.slope = np.array([0.0, 0.0, 5.0, 0.0, 0.0, 0.0])
+    try:
+        time.sleep(0.6)
+        now = time.monotonic()
+        for back in (0.02, 0.1, 0.4):
+            shown = transducer.at(now - back)
+            late = now - back - 0.0095 - scene.body.begun
+            assert shown[2] == pytest.approx(scene.body.load(late)[2], abs=0.06)
+        assert transducer.at(now - 30.0) is None
+        assert transducer.at(now + 1.0) is None
+    finally:
+        scene.body.slope = np.zeros(6)
+
+
+def test_lost_records_are_counted_exactly(scene, transducer):
+    before, told = scene.box.counters, counters(transducer)
+    for kind in ("drop", "duplicate", "swap"):
+        scene.fault("rdt", kind, 0.4, share=0.2)
+        time.sleep(0.5)
+    time.sleep(0.05)
+    now = counters(transducer)
+    for ours, theirs in (("lost", "dropped"), ("duplicates", "duplicated"), ("late", "swapped")):
+        assert now[ours] - told[ours] == scene.box.counters[theirs] - before[theirs] > 20
+    assert transducer.read().lost == now["lost"]
+    assert transducer.health().ok
+
+
+def test_silence_is_named_within_100_ms_and_ended(scene, transducer):
+    before = scene.box.counters["silent"]
+    scene.fault("rdt", "stall", 1.2)
+    assert until(lambda: transducer.health().state == "stale") < 0.1
+    assert "no fresh reading" in transducer.health().detail
+    aged = transducer.read().age
+    assert aged > 0.05
+    assert until(lambda: transducer.health().state == "lost") < 1.0
+    until(lambda: transducer.health().ok)
+    time.sleep(0.1)
+    assert transducer.read().lost == scene.box.counters["silent"] - before
+    assert counters(transducer)["requests"] >= 3
+
+
+def test_a_box_that_restarts_is_asked_again_and_has_a_new_zero(scene, transducer):
+    assert transducer.zero() == 1
+    until(lambda: abs(transducer.read().wrench[2]) < 0.1)
+    time.sleep(0.3)
+    scene.fault("rdt", "restart")
+    until(lambda: transducer.health().state == "stale")
+    until(lambda: transducer.health().ok)
+    sample = transducer.read()
+    assert counters(transducer)["restarts"] == 1 and sample.bias_id == 2
+    assert sample.wrench[2] == pytest.approx(30.0, abs=0.1)
+    assert sample.device_time < 5.0
+
+
+def test_frozen_counts_are_a_fault(scene, transducer):
+    scene.fault("rdt", "freeze", 0.4)
+    assert until(lambda: transducer.health().state == "fault") < 0.2
+    assert "frozen" in transducer.health().detail
+    until(lambda: transducer.health().ok)
+
+
+def test_a_sensor_without_noise_is_not_frozen():
+    with boxed("127.0.3.42", noise=0.0, rate=500) as scene, client(scene) as transducer:
+        time.sleep(0.3)
+        assert transducer.health().ok
+
+
+def test_saturation_names_its_channel(scene, transducer):
+    scene.fault("rdt", "saturate", 0.2, channel=2)
+    until(lambda: transducer.read().saturated == 0b100)
+    assert "saturated" in transducer.read().faults[0]
+    assert transducer.health().ok and "saturated" in transducer.health().detail
+    time.sleep(0.25)
+    transducer.read()
+    assert until(lambda: transducer.read().saturated == 0) < 0.1
+
+
+def test_an_error_of_the_box_is_a_fault_in_words(scene, transducer):
+    scene.fault("rdt", "status", 0.2, bits=0x80000010)
+    assert until(lambda: transducer.health().state == "fault") < 0.1
+    assert "no data from the transducer" in transducer.health().detail
+    until(lambda: transducer.health().ok)
+
+
+def test_what_is_no_record_of_this_box_is_left_out(scene, transducer):
+    before = counters(transducer)
+    for kind in ("short", "foreign", "garbage", "buffered"):
+        scene.fault("rdt", kind, 0.25)
+    time.sleep(0.4)
+    now = counters(transducer)
+    for kind in ("misshapen", "foreign", "implausible"):
+        assert now[kind] - before[kind] > 20
+    assert now["lost"] == before["lost"] and transducer.health().ok
+    assert transducer.read().wrench == pytest.approx(scene.body.base, abs=0.02)
+
+
+def test_counts_that_disagree_with_the_page_show_beyond_full_scale(scene, transducer):
+    scene.fault("rdt", "wrong_counts", 0.3, factor=10.0)
+    until(lambda: transducer.health().state == "fault")
+    assert "check counts" in transducer.health().detail
+    until(lambda: transducer.health().ok)
+
+
+def test_a_clock_that_runs_wrong_is_named(scene, transducer):
+    scene.fault("rdt", "skew", 4.0, factor=1.01)
+    until(lambda: any("clock runs +" in f for f in transducer.read().faults), 4.0)
+    scene.fault("rdt", "skew", 0.001, factor=1.0)
+
+
+def test_a_rate_is_asked_for(scene):
+    with client(scene, rate=500.0) as transducer:
+        time.sleep(0.1)
+        first = counters(transducer)["records"]
+        time.sleep(0.5)
+        assert counters(transducer)["records"] - first == pytest.approx(250, abs=30)
+    with client(scene, rate=1000.0):
+        pass
+
+
+@pytest.mark.parametrize(
+    ("kind", "error", "words"),
+    [("stall", LinkError, "no answer within 2 s"), ("unlisten", LinkError, "refused"),
+     ("garbage", DriverError, "malformed"), ("missing_field", DriverError, "has no <cfgcpf>")],
+)  # fmt: skip
+def test_a_page_that_fails_is_named(kind, error, words):
+    with boxed("127.0.3.43") as scene:
+        scene.fault("http", kind, 3.0)
+        time.sleep(0.2)
+        begun = time.monotonic()
+        with pytest.raises(error, match=words), client(scene):
+            pass
+        assert time.monotonic() - begun < 3.0
+
+
+def test_a_page_without_a_stream_is_named():
+    with boxed("127.0.3.43") as scene:
+        scene.fault("rdt", "stall", 5.0)
+        with pytest.raises(LinkError, match="sends no RDT"), client(scene):
+            pass
+
+
+def test_a_box_with_rdt_off_is_named(scene):
+    scene.box._pace.on = False
+    try:
+        with pytest.raises(DriverError, match="RDT is off"), client(scene):
+            pass
+    finally:
+        scene.box._pace.on = True
+
+
+def test_nobody_there_is_named():
+    with pytest.raises(LinkError, match=r"127\.0\.3\.99:8080"):
+        NetftTransducer(Options("127.0.3.99")).connect()
+    with pytest.raises(LinkError, match="no such address"):
+        NetftTransducer(Options("no-such-host.invalid")).connect()
+
+
+def test_a_server_that_drips_is_given_up():
+    with socket.create_server(("127.0.3.44", 0)) as listener:
+        port = listener.getsockname()[1]
+        transducer = NetftTransducer(Options("127.0.3.44", http_port=port))
+        begun = time.monotonic()
+        with pytest.raises(LinkError, match="no answer within"):
+            transducer.connect()
+        assert time.monotonic() - begun < 3.0
+
+
+@pytest.mark.parametrize(
+    "bad", [{"port": 0}, {"rate": 0.0}, {"product": "x"}, {"frozen_s": -1.0}, {"http_port": -1}]
+)
+def test_impossible_options_are_refused(bad):
+    with pytest.raises(ParameterError, match=next(iter(bad))):
+        Options("127.0.0.1", **bad)
+
+
+def test_a_closed_transducer_says_so(scene):
+    transducer = NetftTransducer(Options("127.0.3.40"))
+    assert transducer.health() == Health("closed", "call connect() first")
+    with pytest.raises(DriverError, match="call connect"):
+        transducer.read()
+    transducer.close()
+
+
+def said(counts=1e6, bias="0;0"):
+    return configuration.Configuration(
+        np.ones(6), ("N", "Nm"), (counts, 1e6), 7000.0, 7000.0, True, 0, bias, None
+    )
+
+
+def test_a_watch_notices_new_counts_and_a_zero_that_was_not_taken():
+    looks = [said()]
+    watch = Watch(said(), lambda: looks[0])
+    watch.start()
+    try:
+        watch.zeroed()
+        until(lambda: "new zero" in watch.wrong)
+        looks[0] = said(bias="5;5")
+        watch.zeroed()
+        until(lambda: watch.wrong == "")
+        looks[0] = said(counts=10.0)
+        watch.zeroed()
+        until(lambda: "was set to 10 / N" in watch.wrong)
+    finally:
+        watch.stop()
