@@ -28,14 +28,14 @@ class StandIn:
         self.random = np.random.default_rng(5)
 
     @property
-    def time(self) -> float:
+    def ahead(self) -> float:
         return (time.monotonic() - self.begun) // self.cycle * self.cycle
 
     def load(self, t):
         return self.base + self.slope * np.asarray(t)[..., None]
 
     def readings(self, t):
-        values = self.load(np.minimum(t, self.time))
+        values = self.load(np.minimum(t, self.ahead))
         values = values + self.noise * self.random.standard_normal(values.shape)
         over = (np.abs(values) >= self.sensor.calibration().range).any(axis=1)
         return values, over.astype(np.uint32)

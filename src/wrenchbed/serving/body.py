@@ -23,6 +23,9 @@ from wrenchbed.simulation import Simulation
 from wrenchbed.twin import Twin
 from wrenchbed.typical import active_effect
 
+SHOWN_S = 0.008
+"""How long a state is computed before it is shown [s], so that what lies between states, which a
+fast sensor reads, is known by then. At least one cycle."""
 HISTORY_S = 4.0
 """How far back a cycle's state is kept [s]."""
 _TIP = np.array([0.0, 0.0, 0.14])
@@ -88,6 +91,7 @@ class Body:
         self._substeps = steps_in(cycle)
         self._lock = threading.Lock()
         self._target = np.array(robot.home)
+        self._behind = max(1, round(SHOWN_S / cycle))
         self._rows: deque[Row] = deque(maxlen=max(8, round(HISTORY_S / cycle)))
         self._cycles = 0
         self._shown = -np.inf
@@ -95,18 +99,23 @@ class Body:
 
     @property
     def time(self) -> float:
-        """Simulated time of the newest state [s]: whole cycles since it was made."""
+        """Simulated time of the state that is shown [s]: whole cycles since it was made."""
+        return self._now.t
+
+    @property
+    def ahead(self) -> float:
+        """Simulated time up to which the sensor's readings are known [s]."""
         return self._rows[-1].t
 
     @property
     def q(self) -> np.ndarray:
         """Joint values (J,) [rad or m]."""
-        return self._rows[-1].q
+        return self._now.q
 
     @property
     def qd(self) -> np.ndarray:
         """Joint speeds (J,)."""
-        return self._rows[-1].qd
+        return self._now.qd
 
     @property
     def target(self) -> np.ndarray:
@@ -116,7 +125,11 @@ class Body:
     @property
     def load(self) -> np.ndarray:
         """True load on the sensor (6,) [N, N·m], without effects and noise."""
-        return self._rows[-1].load
+        return self._now.load
+
+    @property
+    def _now(self) -> Row:
+        return self._rows[max(-self._behind - 1, -len(self._rows))]
 
     def step(self, target: np.ndarray) -> None:
         """Take one control cycle to a target (J,)."""

@@ -38,11 +38,11 @@ class Sensing:
 
     def observe(self, now: float) -> None:
         """Look at the body's clock; to be called often."""
-        self._timeline.observe(now, self._body.time)
+        self._timeline.observe(now, self._body.ahead)
 
     def warm_up(self) -> None:
         """Draw a block of noise, which loads what its filters need."""
-        self._body.readings(self._body.time + 1e-6 * np.arange(64))
+        self._body.readings(self._body.ahead + 1e-6 * np.arange(64))
 
     def tick(self, host: float) -> int:
         """Number of the newest sample at a time of this machine [s]."""
@@ -54,7 +54,7 @@ class Sensing:
 
     def ahead(self, tick: int, every: int) -> int:
         """How many samples from ``tick`` on, ``every`` so many, the body can tell already."""
-        behind = self._body.time - self._timeline.shown(self.host(tick))
+        behind = self._body.ahead - self._timeline.shown(self.host(tick))
         if behind < 0.0:
             self._timeline.late()
             return 0
