@@ -1,0 +1,120 @@
+"""URScript that arrives on ports 30001 to 30003: where a program ends, and which one it is.
+
+Nothing here interprets URScript. The control script of ur_rtde 1.6 is recognised by names that
+it alone defines; its register offset and the path that a client put into it are read from the text.
+"""
+
+import re
+from dataclasses import dataclass
+
+import numpy as np
+
+_LONGEST = 1 << 22
+_OPENS = re.compile(r"(?:def|sec|thread|if|while|for)\b")
+_END = re.compile(r"end\b(?!\s*[=(])")
+_MARKS = ("reg_offset_int", "def signal_done_with_cmd", "def rtde_cmd", "def exec_move_path")
+_OFFSET = re.compile(r"# int register offset\n\s*(\d+)")
+_NUMBER = r"[-+.\deE]+"
+_PATH_LINE = re.compile(
+    rf"\s*(movej|movel|movep)\((p?)\[([^\]]*)\],\s*a=({_NUMBER}),\s*v=({_NUMBER})"
+)
+_PROGRESS = re.compile(r"\s*signal_async_progress\((\d+)\)")
+_WRITES = re.compile(r"write_output_integer_register\(\s*0\s*\+\s*(\d+)\s*,\s*(-?\d+)\s*\)")
+
+
+@dataclass(frozen=True, eq=False)
+class Leg:
+    """One move of a path: kind, joint values or pose (6,), speed and acceleration."""
+
+    straight: bool
+    cartesian: bool
+    goal: np.ndarray
+    speed: float
+    acceleration: float
+
+
+@dataclass(frozen=True)
+class Script:
+    """A complete program.
+
+    Attributes:
+        secondary: runs beside the program that plays and changes nothing of it.
+        control: it is ur_rtde's control script.
+        offset: added to the number of each register that the control script uses.
+        path: the moves that were put into it.
+        writes: output integer registers that another script writes at its end, in order.
+    """
+
+    secondary: bool = False
+    control: bool = False
+    offset: int = 0
+    path: tuple[Leg, ...] = ()
+    writes: tuple[tuple[int, int], ...] = ()
+
+
+class Collector:
+    """Puts programs together from the bytes of one connection."""
+
+    def __init__(self) -> None:
+        self._line = b""
+        self._lines: list[str] = []
+        self._size = 0
+        self._depth = 0
+
+    @property
+    def held(self) -> int:
+        """Bytes of a program that is not complete."""
+        return self._size + len(self._line)
+
+    def feed(self, data: bytes) -> list[Script] | None:
+        """Programs that are complete now; None where one grows beyond all measure."""
+        *lines, self._line = (self._line + data).split(b"\n")
+        found = []
+        for raw in lines:
+            script = self._take(raw.decode("latin-1"))
+            if script is not None:
+                found.append(script)
+        return None if self.held > _LONGEST else found
+
+    def _take(self, line: str) -> Script | None:
+        bare = line.strip()
+        bare = "" if bare.startswith("#") else bare
+        if not bare and not self._lines:
+            return None
+        self._lines.append(line)
+        self._size += len(line) + 1
+        if _OPENS.match(bare):
+            self._depth += 1
+        elif _END.match(bare):
+            self._depth = max(0, self._depth - 1)
+        if self._depth:
+            return None
+        text = "\n".join(self._lines) + "\n"
+        self._lines, self._size = [], 0
+        return recognise(text)
+
+
+def recognise(text: str) -> Script:
+    """What kind of program a text is."""
+    if text.lstrip().startswith("sec "):
+        return Script(secondary=True)
+    if not all(mark in text for mark in _MARKS):
+        writes = tuple((int(k), int(value)) for k, value in _WRITES.findall(text))
+        return Script(writes=writes)
+    offset = _OFFSET.search(text)
+    return Script(control=True, offset=int(offset[1]) if offset else 0, path=_path(text))
+
+
+def _path(text: str) -> tuple[Leg, ...]:
+    _, _, rest = text.partition("# inject move path\n")
+    legs = []
+    for line in rest.split("\n"):
+        match = _PATH_LINE.match(line)
+        if match is None:
+            if _PROGRESS.match(line):
+                continue
+            break
+        kind, pose, numbers, acceleration, speed = match.groups()
+        goal = np.array([float(v) for v in numbers.split(",")])
+        legs.append(Leg(kind != "movej", bool(pose), goal, float(speed), float(acceleration)))
+    return tuple(legs)

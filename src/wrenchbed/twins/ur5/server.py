@@ -1,0 +1,186 @@
+"""The twin: ports, controller and fault handlers around one real-time loop."""
+
+import queue
+import sys
+import threading
+import time
+from collections.abc import Callable, Mapping
+from typing import ClassVar
+
+import numpy as np
+
+from wrenchbed.errors import DriverError
+from wrenchbed.robots.base import INERTIA_AXES
+from wrenchbed.serving.body import Body
+from wrenchbed.serving.body import Options as BodyOptions
+from wrenchbed.serving.clock import Clock, take_priority
+from wrenchbed.serving.netft import Box
+from wrenchbed.twins.base import Options, TwinServer
+from wrenchbed.twins.ur5.controller import Controller, Make
+from wrenchbed.twins.ur5.dashboard import Dashboard
+from wrenchbed.twins.ur5.estimate import Payload
+from wrenchbed.twins.ur5.misbehaviour import Misbehaviour
+from wrenchbed.twins.ur5.network import Conversation, Peer, Port, poll
+from wrenchbed.twins.ur5.outputs import Outputs
+from wrenchbed.twins.ur5.primary import ScriptClient
+from wrenchbed.twins.ur5.rtde import Rtde
+from wrenchbed.twins.ur5.session import Offer
+from wrenchbed.twins.ur5.settings import Settings, described, parse
+from wrenchbed.twins.ur5.timestamp import Timestamp
+
+_DASHBOARD, _SCRIPT = 29999, (30001, 30002, 30003)
+_LATE_S = 0.05
+"""Lag beyond which the loop leaves out packets to catch up [s] …"""
+_SHARE = 4
+"""… and sends one in so many cycles."""
+_SWITCH_S = 5e-4
+"""Longest that another thread keeps Python's lock from the loop [s]."""
+_JOIN_S = 2.0
+_INJECT_S = 2.0
+
+
+class UR5Twin(TwinServer):
+    """A Universal Robots UR5 whose controller is served on this machine."""
+
+    name = "ur5"
+    title = "Universal Robots UR5: RTDE, dashboard and script ports"
+    settings: ClassVar[Mapping[str, str]] = described()
+
+    def __init__(self, options: Options) -> None:
+        super().__init__(options)
+        self._settings = parse(options.setting)
+        self._thread: threading.Thread | None = None
+        self._stopped = threading.Event()
+        self._sent_at = 0.0
+        self._tasks: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
+        self._build(options, self._settings)
+
+    def start(self) -> dict[str, str]:
+        if self._stopped.is_set():
+            raise DriverError("this twin was stopped: make a new one")
+        try:
+            for port in self.ports.values():
+                port.open()
+            found = self._box.start() if self._box is not None else {}
+        except BaseException:
+            self._close()
+            raise
+        self._thread = threading.Thread(target=self._run, name="ur5 twin", daemon=True)
+        self._thread.start()
+        shown = {name: self.ports[name].address for name in ("rtde", "dashboard")}
+        return shown | {"script": self.ports["script"].address} | found
+
+    def stop(self) -> None:
+        self._stopped.set()
+        if self._thread is not None:
+            self._thread.join(_JOIN_S)
+        self._close()
+
+    def soon(self, task: Callable[[], None]) -> None:
+        """Do something in the loop's thread; returns when it was done."""
+        done = threading.Event()
+
+        def run() -> None:
+            task()
+            done.set()
+
+        self._tasks.put(run)
+        done.wait(_INJECT_S)
+
+    def _build(self, options: Options, settings: Settings) -> None:
+        table = BodyOptions(
+            "ur5", options.parameters, options.noise, options.seed, options.effects, options.table
+        )
+        self.body = Body(table, settings.cycle)
+        make = Make(settings.version, settings.cycle, settings.protective_force, settings.powered)
+        self.controller = Controller(make, self.body, _installed(self.body))
+        self._outputs = Outputs(self.controller, noisy=settings.box is None)
+        self.timestamp = Timestamp(self.body)
+        offer = Offer(
+            make.version, 1.0 / settings.cycle, self.controller.fields, self.controller.inputs
+        )
+        host, patience = options.host, settings.slow_reader
+        self.rtde = Rtde(host, offer, patience)
+        self.ports: dict[str, Port] = {
+            "rtde": self.rtde.port,
+            "dashboard": Port(host, _DASHBOARD, self._dashboard, patience),
+            **{
+                name: Port(host, number, self._script, patience)
+                for name, number in zip(("primary", "secondary", "script"), _SCRIPT, strict=True)
+            },
+        }
+        self._box: Box | None = None
+        if settings.box is not None:
+            self._box = Box(self.body, host, self.faults, settings.box, options.seed)
+        Misbehaviour(self).register(self.faults)
+
+    def _dashboard(self, peer: Peer) -> Conversation:
+        return Dashboard(self.controller, peer, self._shut_down)
+
+    def _script(self, peer: Peer) -> Conversation:
+        return ScriptClient(self.controller)
+
+    def _shut_down(self) -> None:
+        self._tasks.put(lambda: self.restart(float("inf")))
+
+    def restart(self, seconds: float) -> None:
+        """Cut the power of the control box for a time [s]."""
+        until = time.monotonic() + seconds
+        self.controller.reboot()
+        for port in self.ports.values():
+            port.hang_up()
+            port.unlisten(until)
+        self.timestamp.restart(until)
+
+    def _run(self) -> None:
+        if self._settings.realtime:
+            take_priority()
+        before = sys.getswitchinterval()
+        sys.setswitchinterval(_SWITCH_S)
+        try:
+            self._loop()
+        finally:
+            sys.setswitchinterval(before)
+            self._close_ports()
+
+    def _loop(self) -> None:
+        clock = Clock(self._settings.cycle)
+        while not self._stopped.is_set():
+            poll(self.ports.values(), clock.remaining)
+            if clock.remaining > 0.0:
+                continue
+            lost = clock.lost
+            behind = clock.advance()
+            self.timestamp.lost(clock.lost - lost)
+            self._cycle(behind)
+
+    def _cycle(self, behind: int) -> None:
+        now = time.monotonic()
+        while not self._tasks.empty():
+            self._tasks.get()()
+        self.controller.cycle(now)
+        self._outputs.update(self.timestamp.now(), self.rtde.wanted)
+        cycle = self._settings.cycle
+        send = behind * cycle < _LATE_S or now - self._sent_at > _SHARE * cycle
+        self._sent_at = now if send else self._sent_at
+        self.rtde.stream(self.controller.values, send)
+        for port in self.ports.values():
+            port.tick(now)
+
+    def _close_ports(self) -> None:
+        for port in self.ports.values():
+            port.close()
+
+    def _close(self) -> None:
+        self._close_ports()
+        if self._box is not None:
+            self._box.stop()
+
+
+def _installed(body: Body) -> Payload:
+    """The nominal tool, as a user would have entered it."""
+    robot = body.robot
+    nominal = robot.parameters.nominal
+    tool, values = robot.tool(nominal), robot.values(nominal)
+    inertia = np.array([float(values[f"tool.inertia.{axes}"]) for axes in INERTIA_AXES])
+    return Payload(float(tool.mass), np.array(tool.cog, dtype=float), inertia)

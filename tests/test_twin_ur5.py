@@ -1,0 +1,264 @@
+"""Unmodified ur_rtde interfaces against the UR5's twin in a process of its own."""
+
+import time
+from contextlib import nullcontext
+
+import numpy as np
+import pytest
+
+import twin_process
+from ur5_alone import alone
+from ur5_socket import Client
+from wrenchbed import registry
+
+rtde_control = pytest.importorskip("rtde_control")
+rtde_receive = pytest.importorskip("rtde_receive")
+rtde_io = pytest.importorskip("rtde_io")
+dashboard_client = pytest.importorskip("dashboard_client")
+
+CB3, E = "127.0.1.21", "127.0.1.22"
+ROBOT = registry.load("robots", "ur5")
+HOME = np.array(ROBOT.home)
+PRESS = np.array([0.4, -0.11, 0.25 + 0.142, np.pi, 0.0, 0.0])
+
+
+@pytest.fixture(scope="module")
+def cb3():
+    more = ("--table", "0.25", "--noise", "off", "--set", "box=off")
+    with twin_process.running("ur5", CB3, *more) as twin:
+        yield twin
+
+
+@pytest.fixture(scope="module")
+def e_series():
+    with twin_process.running("ur5", E, "--set", "series=e", "--set", "http_port=8099") as twin:
+        yield twin
+
+
+def receiving(host):
+    """An interface that ends with the process of its test, as disconnect() takes half a second."""
+    return nullcontext(rtde_receive.RTDEReceiveInterface(host))
+
+
+def controlling(host, *more):
+    return nullcontext(rtde_control.RTDEControlInterface(host, *more))
+
+
+def dashboard(host):
+    client = dashboard_client.DashboardClient(host)
+    client.connect()
+    return nullcontext(client)
+
+
+def within(seconds, condition):
+    """Wait for a condition; whether it came true."""
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        if condition():
+            return True
+        time.sleep(0.005)
+    return False
+
+
+def expected_pose(q):
+    rotation, position = ROBOT.flange_pose(np.array(q)[None], ROBOT.parameters.nominal)
+    return rotation[0], position[0]
+
+
+@alone
+def test_the_receive_interface_reads_every_default_field(cb3):
+    with receiving(CB3) as robot:
+        assert robot.getActualQ() == pytest.approx(HOME, abs=0.5)
+        assert robot.getRobotMode() == 7 and robot.getSafetyMode() == 1
+        assert robot.getSafetyStatusBits() == 1 and robot.getRobotStatus() & 1
+        assert robot.getPayload() == pytest.approx(1.35)
+        assert robot.getPayloadCog() == pytest.approx([0.004, -0.006, 0.071])
+        assert all(20.0 < t < 50.0 for t in robot.getJointTemperatures())
+        assert robot.getActualMainVoltage() == pytest.approx(48.0)
+        assert robot.getJointMode() == [253] * 6
+        assert np.linalg.norm(robot.getActualToolAccelerometer()) == pytest.approx(9.80665)
+        assert np.abs(robot.getActualCurrent()).max() > 0.5
+        _, position = expected_pose(robot.getActualQ())
+        assert robot.getActualTCPPose()[:3] == pytest.approx(position, abs=1e-9)
+        first = robot.getTimestamp()
+        time.sleep(0.5)
+        assert robot.getTimestamp() - first == pytest.approx(0.5, abs=0.1)
+
+
+@alone
+def test_moves_and_questions(cb3):
+    with controlling(CB3) as arm, receiving(CB3) as robot:
+        goal = HOME + 0.15
+        assert arm.moveJ(goal.tolist(), 1.5, 3.0)
+        assert within(0.5, lambda: np.abs(np.array(robot.getActualQ()) - goal).max() < 1e-4)
+        pose = np.array(arm.getForwardKinematics())
+        assert pose == pytest.approx(robot.getActualTCPPose(), abs=1e-4)
+        pose[2] += 0.05
+        assert arm.moveL(pose.tolist(), 0.5, 2.0)
+        assert within(0.5, lambda: np.allclose(robot.getActualTCPPose(), pose, atol=1e-4))
+        solved = arm.getInverseKinematics(pose.tolist())
+        assert solved == pytest.approx(robot.getActualQ(), abs=1e-3)
+        assert arm.poseTrans([1, 0, 0, 0, 0, 0], [0, 2, 0, 0, 0, 0]) == pytest.approx(
+            [1, 2, 0, 0, 0, 0]
+        )
+        assert arm.isJointsWithinSafetyLimits(HOME.tolist())
+        assert not arm.isPoseWithinSafetyLimits([3.0, 0, 0, 0, 0, 0])
+        assert arm.setTcp([0, 0, 0.1, 0, 0, 0])
+        assert arm.getTCPOffset() == pytest.approx([0, 0, 0.1, 0, 0, 0])
+        rotation, position = expected_pose(robot.getActualQ())
+        tip = position + 0.1 * rotation[:, 2]
+        assert within(0.5, lambda: np.allclose(robot.getActualTCPPose()[:3], tip, atol=1e-4))
+        assert arm.setTcp([0] * 6)
+        assert within(1.0, arm.isSteady)
+
+
+@alone
+def test_asynchronous_moves_and_paths(cb3):
+    with controlling(CB3) as arm, receiving(CB3) as robot:
+        assert arm.moveJ((HOME + 0.3).tolist(), 0.5, 2.0, True)
+        assert within(0.5, lambda: arm.getAsyncOperationProgress() == 0)
+        arm.stopJ(4.0)
+        assert within(1.0, lambda: np.abs(robot.getActualQd()).max() < 1e-3)
+        assert arm.getAsyncOperationProgress() < 0
+        path = [[*(HOME + a).tolist(), 1.5, 3.0, 0.0] for a in (0.1, 0.0)]
+        assert arm.moveJ(path)
+        assert within(0.5, lambda: np.abs(np.array(robot.getActualQ()) - HOME).max() < 1e-3)
+
+
+@alone
+def test_streams(cb3):
+    with controlling(CB3) as arm, receiving(CB3) as robot:
+        assert arm.moveJ(HOME.tolist(), 1.5, 3.0)
+        for k in range(60):
+            goal = HOME + 0.002 * k
+            assert arm.servoJ(goal.tolist(), 0, 0, 0.008, 0.05, 300)
+            time.sleep(0.008)
+        assert within(0.5, lambda: np.abs(np.array(robot.getTargetQ()) - goal).max() < 1e-3)
+        assert arm.servoStop()
+        assert arm.speedJ([0.1] * 6, 1.0, 0.1)
+        assert within(1.0, lambda: np.abs(np.array(robot.getTargetQd()) - 0.1).max() < 1e-6)
+        assert arm.speedStop()
+        assert within(1.0, lambda: np.abs(robot.getTargetQd()).max() < 1e-6)
+        assert arm.speedL([0, 0, 0.02, 0, 0, 0], 1.0, 0.1)
+        assert within(1.0, lambda: abs(robot.getTargetTCPSpeed()[2] - 0.02) < 1e-4)
+        assert arm.speedStop()
+
+
+@alone
+def test_force_mode_presses_with_its_force(cb3):
+    with controlling(CB3) as arm, receiving(CB3) as robot:
+        assert arm.moveJ_IK(PRESS.tolist(), 3.0, 8.0)
+        assert arm.zeroFtSensor()
+        assert arm.forceMode([0] * 6, [0, 0, 1, 0, 0, 0], [0, 0, -20, 0, 0, 0], 2, [0.05] * 6)
+        assert within(3.0, lambda: abs(robot.getActualTCPForce()[2] - 20.0) < 1.0)
+        assert arm.forceModeStop()
+        assert arm.moveJ(HOME.tolist(), 1.5, 3.0)
+
+
+@alone
+def test_the_watchdog_and_a_new_upload(cb3):
+    with controlling(CB3) as arm:
+        assert arm.setWatchdog(10.0)
+        for _ in range(10):
+            time.sleep(0.05)
+            assert arm.kickWatchdog()
+        assert arm.isProgramRunning()
+        assert within(0.5, lambda: not arm.isProgramRunning())
+        assert not arm.moveJ(HOME.tolist())
+        assert arm.reuploadScript()
+        assert within(0.5, arm.isProgramRunning)
+        assert arm.moveJ(HOME.tolist())
+        assert arm.sendCustomScriptFunction("words", 'textmsg("hello")')
+        assert arm.isProgramRunning()
+
+
+@alone
+def test_a_protective_stop_cannot_be_unlocked_at_once(cb3):
+    with controlling(CB3) as arm, receiving(CB3) as robot, dashboard(CB3) as desk:
+        cb3.fault("robot", "protective_stop")
+        assert within(0.5, lambda: robot.getSafetyMode() == 3)
+        assert not arm.moveJ(HOME.tolist())
+        assert desk.safetymode() == "Safetymode: PROTECTIVE_STOP"
+        assert not desk.running() and desk.programState().startswith("PAUSED")
+        with pytest.raises(RuntimeError, match="5s"):
+            desk.unlockProtectiveStop()
+
+
+@alone
+def test_the_e_series_shows_its_sensor_and_box(e_series):
+    assert {"rtde", "dashboard", "script", "rdt", "http"} <= e_series.addresses.keys()
+    with receiving(E) as robot, dashboard(E) as desk:
+        assert robot.getFtRawWrench()[2] == pytest.approx(13.0, abs=1.0)
+        assert desk.getSerialNumber().isdigit() and desk.isInRemoteControl()
+        assert desk.polyscopeVersion().startswith("5.11")
+
+
+@alone
+def test_upper_registers_and_lower_ones_side_by_side(e_series):
+    flags = rtde_control.RTDEControlInterface
+    upper = flags.FLAG_UPLOAD_SCRIPT | flags.FLAG_UPPER_RANGE_REGISTERS
+    with controlling(E, 500.0, upper) as arm, receiving(E) as robot, dashboard(E) as desk:
+        assert arm.moveJ((HOME + 0.1).tolist(), 1.5, 3.0)
+        assert robot.getActualQ() == pytest.approx(HOME + 0.1, abs=1e-2)
+        desk.stop()
+
+
+@alone
+def test_two_controllers_of_one_register_range_exclude_each_other(e_series):
+    with controlling(E), pytest.raises(RuntimeError, match="already in use"):
+        rtde_control.RTDEControlInterface(E)
+
+
+@alone
+def test_inputs_and_outputs(cb3):
+    terminals = rtde_io.RTDEIOInterface(CB3)
+    with receiving(CB3) as robot:
+        assert terminals.setStandardDigitalOut(3, True)
+        assert terminals.setToolDigitalOut(1, True)
+        assert terminals.setSpeedSlider(0.5)
+        assert terminals.setAnalogOutputVoltage(0, 0.25)
+        assert within(0.5, lambda: robot.getActualDigitalOutputBits() == 1 << 3 | 1 << 17)
+        assert within(0.5, lambda: robot.getTargetSpeedFraction() == 0.5)
+        assert robot.getStandardAnalogOutput0() == pytest.approx(0.25)
+        assert terminals.setStandardDigitalOut(3, False) and terminals.setSpeedSlider(1.0)
+        assert within(0.5, lambda: robot.getActualDigitalOutputBits() == 1 << 17)
+
+
+def test_the_stream_keeps_its_rate(cb3):
+    with Client(CB3) as client:
+        client.stream("timestamp,actual_q")
+        first, begun = client.newest()[0], time.monotonic()
+        stamps = [client.state()[0] for _ in range(250)]
+        assert stamps[-1] - first == pytest.approx(time.monotonic() - begun, rel=0.02)
+        assert np.median(np.diff(stamps)) == pytest.approx(0.008)
+
+
+def unlocked(desk):
+    try:
+        desk.unlockProtectiveStop()
+    except RuntimeError:
+        time.sleep(0.1)
+        return False
+    return True
+
+
+@alone
+def test_a_protective_stop_is_unlocked_later(cb3):
+    with dashboard(CB3) as desk:
+        assert within(8.0, lambda: unlocked(desk))
+        desk.stop()
+        assert desk.safetymode() == "Safetymode: NORMAL"
+    with controlling(CB3) as arm:
+        assert arm.moveJ(HOME.tolist())
+
+
+@alone
+def test_power_off_and_on_by_dashboard(cb3):
+    with receiving(CB3) as robot, dashboard(CB3) as desk:
+        desk.powerOff()
+        assert within(0.5, lambda: robot.getRobotMode() == 3)
+        desk.powerOn()
+        assert within(2.0, lambda: desk.robotmode() == "Robotmode: IDLE")
+        desk.brakeRelease()
+        assert within(2.0, lambda: robot.getRobotMode() == 7)
+        assert desk.getRobotModel() == "UR5"

@@ -1,0 +1,263 @@
+"""The twin's RTDE bytes against bytes written by hand, and its parser against anything."""
+
+import struct
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from wrenchbed.errors import LinkError
+from wrenchbed.twins.ur5 import wire
+from wrenchbed.twins.ur5.fields import inputs, outputs, zero
+from wrenchbed.twins.ur5.inputs import Inputs
+from wrenchbed.twins.ur5.script import Collector
+from wrenchbed.twins.ur5.session import Offer, Session
+
+CB3, E = (3, 15, 8, 106339), (5, 11, 1, 108318)
+
+
+class Sent(list):
+    """What a session said."""
+
+    def take(self) -> bytes:
+        said = b"".join(self)
+        self.clear()
+        return said
+
+
+def offer(version=CB3, written=lambda values: None) -> Offer:
+    return Offer(version, 125.0, outputs(version), Inputs(inputs(version), written))
+
+
+def session(of: Offer | None = None) -> tuple[Session, Sent]:
+    sent = Sent()
+    return Session(of or offer(), sent.append), sent
+
+
+def packet(kind: str, payload: bytes = b"") -> bytes:
+    return struct.pack(">HB", len(payload) + 3, ord(kind)) + payload
+
+
+def say(one: tuple[Session, Sent], data: bytes) -> bytes:
+    assert one[0].receive(data, 1.0)
+    return one[1].take()
+
+
+def test_versions_are_negotiated():
+    one = session()
+    assert say(one, bytes.fromhex("0005560002")) == bytes.fromhex("00045601")
+    assert one[0].protocol == 2
+    assert say(one, bytes.fromhex("0005560003")) == bytes.fromhex("00045600")
+    assert one[0].protocol == 2
+
+
+def test_the_controller_tells_its_version():
+    answer = say(session(), bytes.fromhex("000376"))
+    assert answer == bytes.fromhex("001376000000030000000f0000000800019f63")
+
+
+def test_an_output_recipe_and_its_data():
+    one = session()
+    say(one, bytes.fromhex("0005560002"))
+    request = packet("O", struct.pack(">d", 125.0) + b"timestamp,robot_mode,payload_cog,")
+    assert say(one, request) == b"\x00\x19\x4f" + b"\x01" + b"DOUBLE,INT32,VECTOR3D"
+    assert not one[0].due()
+    assert say(one, packet("S")) == bytes.fromhex("00045301")
+    assert one[0].due()
+    values = {"timestamp": (1.5,), "robot_mode": (7,), "payload_cog": (0.0, -2.0, 0.25)}
+    assert one[0].data(values) == bytes.fromhex(
+        "0028" "55" "01" "3ff8000000000000" "00000007"
+        "0000000000000000" "c000000000000000" "3fd0000000000000"
+    )  # fmt: skip
+    assert say(one, packet("P")) == bytes.fromhex("00045001")
+    assert not one[0].due()
+
+
+def test_protocol_1_has_no_frequency_and_no_recipe_number():
+    one = session()
+    assert say(one, packet("O", b"robot_mode,runtime_state")) == packet("O", b"INT32,UINT32")
+    data = one[0].data({"robot_mode": (-1,), "runtime_state": (2,)})
+    assert data == bytes.fromhex("000b55ffffffff00000002")
+
+
+def test_unknown_outputs_are_named_and_make_the_recipe_void():
+    one = session()
+    say(one, bytes.fromhex("0005560002"))
+    answer = say(one, packet("O", struct.pack(">d", 125.0) + b"timestamp,nonsense"))
+    assert answer == packet("O", b"\x00DOUBLE,NOT_FOUND")
+    say(one, packet("S"))
+    assert not one[0].due()
+
+
+def test_inputs_are_claimed_and_freed():
+    shared = offer()
+    first, second = session(shared), session(shared)
+    ask = packet("I", b"input_int_register_0,input_double_register_3,")
+    assert say(first, ask) == packet("I", b"\x01INT32,DOUBLE")
+    assert say(first, ask) == packet("I", b"\x02INT32,DOUBLE")
+    assert say(second, ask) == packet("I", b"\x00IN_USE,IN_USE")
+    assert say(second, packet("I", b"input_int_register_1,x")) == packet(
+        "I", b"\x00INT32,NOT_FOUND"
+    )
+    first[0].end()
+    assert say(second, ask) == packet("I", b"\x01INT32,DOUBLE")
+
+
+def test_input_data_is_taken_before_start_short_is_dropped_long_is_cut():
+    written = []
+    one = session(offer(written=written.append))
+    say(one, packet("I", b"input_int_register_0,speed_slider_fraction"))
+    body = bytes.fromhex("01fffffffe3fe0000000000000")
+    expected = {"input_int_register_0": (-2,), "speed_slider_fraction": (0.5,)}
+    assert say(one, packet("U", body)) == b""
+    assert say(one, packet("U", body + b"more")) == b""
+    assert say(one, packet("U", body[:-1])) == b""
+    assert say(one, packet("U", b"\x07" + body[1:])) == b""
+    assert say(one, packet("U")) == b""
+    assert written == [expected, expected]
+
+
+@pytest.mark.parametrize("asked, packets", [(500.0, 125), (125.0, 125), (25.0, 25), (40.0, 40)])
+def test_the_frequency_that_a_client_asks_for(asked, packets):
+    one = session()
+    say(one, bytes.fromhex("0005560002") + packet("O", struct.pack(">d", asked) + b"timestamp"))
+    say(one, packet("S"))
+    assert sum(one[0].due() for _ in range(125)) == packets
+
+
+@pytest.mark.parametrize("asked", [0.0, -1.0, float("nan"), float("inf")])
+def test_an_impossible_frequency_means_every_cycle(asked):
+    one = session()
+    say(one, bytes.fromhex("0005560002") + packet("O", struct.pack(">d", asked) + b"timestamp"))
+    say(one, packet("S"))
+    assert all(one[0].due() for _ in range(5))
+
+
+def test_text_messages():
+    said = wire.text("hot", "me", 2, version=2)
+    assert said == bytes.fromhex("000b4d03") + b"hot" + b"\x02me\x02"
+    assert wire.text("hot", "me", 2, version=1) == bytes.fromhex("00074d02") + b"hot"
+
+
+def test_a_list_of_names_beyond_2048_bytes_is_refused():
+    one = session()
+    long = ",".join(["timestamp"] * 300).encode()
+    assert say(one, packet("O", long)) == packet("O", b"NOT_FOUND")
+    assert say(one, packet("I", long)) == packet("I", b"\x00NOT_FOUND")
+
+
+def test_what_both_series_have_differs_by_the_internal_sensor():
+    assert set(outputs(E)) - set(outputs(CB3)) == {"ft_raw_wrench"}
+    assert outputs((3, 10, 0, 0)).keys().isdisjoint({"payload", "payload_cog"})
+    assert "input_int_register_24" not in inputs((3, 8, 0, 0))
+
+
+def test_every_field_has_a_value_of_its_type():
+    for name, kind in outputs(E).items():
+        recipe = wire.Recipe(1, [(name, kind)])
+        assert len(recipe.pack({name: zero(kind)})) == 4 + recipe.size
+
+
+def test_a_header_that_lies_ends_the_connection():
+    with pytest.raises(LinkError):
+        wire.Splitter().feed(b"\x00\x02\x55")
+    assert not session()[0].receive(b"\x00\x00\x00", 1.0)
+
+
+@settings(max_examples=300, deadline=None)
+@given(st.lists(st.binary(max_size=200), max_size=20))
+def test_arbitrary_bytes_never_crash_a_session(chunks):
+    one = session()
+    for chunk in chunks:
+        if not one[0].receive(chunk, 1.0):
+            break
+        assert one[0].held < 65536 + 200
+
+
+@settings(max_examples=300, deadline=None)
+@given(
+    st.lists(
+        st.tuples(st.sampled_from("VvOISPUMx"), st.binary(max_size=80) | st.just(b"timestamp")),
+        max_size=20,
+    ),
+    st.integers(1, 7),
+)
+def test_arbitrary_packets_in_arbitrary_pieces(packets, piece):
+    one = session()
+    stream = b"".join(packet(kind, payload) for kind, payload in packets)
+    for at in range(0, len(stream), piece):
+        assert one[0].receive(stream[at : at + piece], 1.0)
+    assert one[0].held == 0
+    assert len(one[1]) <= len(packets)
+
+
+def test_recipes_do_not_grow_without_end():
+    one = session()
+    for _ in range(300):
+        answer = say(one, packet("I", b"input_int_register_0"))
+    assert answer == packet("I", b"\x00NOT_FOUND")
+    assert len(one[0].inputs) == 255
+
+
+def program(*lines: str) -> bytes:
+    return ("\n".join(lines) + "\n").encode()
+
+
+CONTROL = (
+    "def rtde_control():",
+    "  global reg_offset_int = # int register offset",
+    "24  global x = 1",
+    "  def exec_move_path():",
+    "    # inject move path",
+    "\tsignal_async_progress(0)",
+    "\tmovej([0,1,2,3,4,5],a=1.4,v=1.05,r=0.02)",
+    "\tsignal_async_progress(1)",
+    "\tmovel(p[0.1,0.2,0.3,0,3,0],a=1.2,v=0.25,r=0)",
+    "  end",
+    "  def signal_done_with_cmd():",
+    "  end",
+    "  def rtde_cmd():",
+    "    if x == 1:",
+    "      end_force_mode()",
+    "    elif x == 2:",
+    "      x = 3",
+    "    end",
+    "  end",
+)
+
+
+def test_the_control_script_is_recognised_with_its_offset_and_path():
+    collector = Collector()
+    assert collector.feed(program(*CONTROL)) == []
+    (script,) = collector.feed(b"end\n")
+    assert script.control and script.offset == 24
+    joints, line = script.path
+    assert not joints.straight and list(joints.goal) == [0, 1, 2, 3, 4, 5]
+    assert (joints.speed, joints.acceleration) == (1.05, 1.4)
+    assert line.straight and line.cartesian and line.speed == 0.25
+    assert collector.held == 0
+
+
+def test_other_scripts_are_programs_of_their_own():
+    collector = Collector()
+    scripts = collector.feed(
+        program("# words", "", "stopj(2)", "sec s():", "  set_digital_out(0, True)", "end")
+    )
+    assert [s.secondary for s in scripts] == [False, True]
+    assert not any(s.control for s in scripts)
+    text = program("def f():", " write_output_integer_register(0 +24, 2)", "end")
+    assert collector.feed(text)[0].writes == ((24, 2),)
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.lists(st.binary(max_size=60), max_size=20))
+def test_arbitrary_text_never_crashes_the_collector(chunks):
+    collector = Collector()
+    for chunk in chunks:
+        assert collector.feed(chunk) is not None
+
+
+def test_an_endless_program_is_refused():
+    collector = Collector()
+    collector.feed(b"def f():\n")
+    assert any(collector.feed(b"x = 1\n" * 20000) is None for _ in range(60))

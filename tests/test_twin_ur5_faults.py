@@ -1,0 +1,355 @@
+"""Every fault of the UR5's twin, as a plain socket sees it."""
+
+import itertools
+import socket
+import statistics
+import time
+
+import pytest
+
+import twin_process
+from ur5_socket import Client, ClosedError, Lines
+
+HOST = "127.0.1.31"
+NAMES = "timestamp,actual_q,target_q,robot_mode,safety_mode,runtime_state,safety_status_bits"
+TIME, Q, TARGET = 0, slice(1, 7), slice(7, 13)
+MODE, SAFETY, RUNTIME, BITS = 13, 14, 15, 16
+CYCLE = 0.008
+
+
+@pytest.fixture(scope="module")
+def twin():
+    with twin_process.running("ur5", HOST, "--set", "box=off", "--set", "slow_reader=1") as twin:
+        yield twin
+
+
+@pytest.fixture
+def client(twin):
+    with Client(HOST) as client:
+        yield client.stream(NAMES)
+
+
+@pytest.fixture
+def restored(twin):
+    """Leaves the twin as it was switched on."""
+    yield
+    twin.fault("robot", "restart")
+    time.sleep(0.1)
+
+
+def silence(client: Client, longest: float) -> float:
+    """How long nothing comes from now on [s]."""
+    begun = time.monotonic()
+    client.state(longest)
+    return time.monotonic() - begun
+
+
+def gone(client: Client, timeout: float = 2.0) -> str:
+    with pytest.raises(ClosedError) as info:
+        end = time.monotonic() + timeout
+        while time.monotonic() < end:
+            client.packet()
+    return str(info.value)
+
+
+def drain(client: Client) -> float:
+    """Time stamp of the newest state that has arrived."""
+    return client.newest()[TIME]
+
+
+def test_stall(twin, client):
+    twin.fault("rtde", "stall", seconds=0.4)
+    client.clear()
+    assert 0.3 < silence(client, 1.0) < 0.6
+    assert client.state()[TIME] > 0.4
+
+
+def test_a_stalled_twin_answers_later(twin):
+    twin.fault("rtde", "stall", seconds=0.4)
+    with Client(HOST) as late:
+        begun = time.monotonic()
+        assert late.ask("V", b"\x00\x02") == b"\x01"
+        assert 0.3 < time.monotonic() - begun < 0.7
+
+
+def test_freeze(twin, client):
+    twin.fault("rtde", "freeze", seconds=0.3)
+    drain(client)
+    stamps = [client.state()[TIME] for _ in range(25)]
+    assert len(set(stamps)) == 1
+    thawed = client.until(lambda s: s[TIME] > stamps[0])
+    assert thawed[TIME] - stamps[0] > 0.25
+
+
+def test_drop(twin, client):
+    before = drain(client)
+    twin.fault("rtde", "drop", seconds=0.3)
+    stamps = [before] + [client.state()[TIME] for _ in range(20)]
+    assert max(b - a for a, b in itertools.pairwise(stamps)) == pytest.approx(0.3, abs=0.1)
+
+
+def test_burst_holds_back_and_loses_nothing(twin, client):
+    twin.fault("rtde", "burst", seconds=0.4)
+    drain(client)
+    first, begun = client.state()[TIME], time.monotonic()
+    stamps = [first] + [client.state()[TIME] for _ in range(30)]
+    assert time.monotonic() - begun < 0.15
+    steps = [b - a for a, b in itertools.pairwise(stamps)]
+    assert steps == pytest.approx([CYCLE] * 30)
+
+
+@pytest.mark.parametrize("kind, why", [("fin", "end of file"), ("rst", "reset")])
+def test_the_connection_ends(twin, client, kind, why):
+    twin.fault("rtde", kind)
+    assert gone(client) == why
+    with Client(HOST) as again:
+        again.stream("timestamp").state()
+
+
+def test_refuse_start(twin):
+    twin.fault("rtde", "refuse_start", seconds=0.3)
+    with Client(HOST) as client:
+        client.outputs("timestamp")
+        assert client.ask("S") == b"\x00"
+        with pytest.raises(TimeoutError):
+            client.state(0.1)
+        time.sleep(0.3)
+        assert client.ask("S") == b"\x01"
+        client.state()
+
+
+def test_deaf(twin, client):
+    twin.fault("rtde", "deaf", seconds=0.5)
+    with Client(HOST) as deaf:
+        deaf.send("V", b"\x00\x02")
+        with pytest.raises(TimeoutError):
+            deaf.packet(0.2)
+        drain(client)
+        client.state(0.1)
+        assert deaf.packet(1.0) == ("V", b"\x01")
+
+
+def test_unlisten_keeps_clients(twin, client):
+    twin.fault("rtde", "unlisten", seconds=0.3)
+    with pytest.raises(ConnectionRefusedError):
+        Client(HOST)
+    drain(client)
+    client.state(0.1)
+    time.sleep(0.4)
+    Client(HOST).close()
+
+
+def test_malformed_packets(twin):
+    said = {
+        "empty_data": ("U", b""),
+        "short_data": ("U", b"\x01" + bytes(11)),
+        "unknown_type": ("?", b"what is this"),
+        "short_header": ("U", b""),
+    }
+    for how, packet in said.items():
+        with Client(HOST) as client:
+            client.stream("timestamp,actual_q")
+            twin.fault("rtde", "malformed", how=how)
+            normal = 1 + 7 * 8
+            found = [p for p in (client.packet() for _ in range(10)) if len(p[1]) != normal]
+            assert found == [packet]
+    with Client(HOST) as client:
+        client.stream("timestamp")
+        twin.fault("rtde", "malformed", how="garbage")
+        with pytest.raises(TimeoutError):  # a size that is none
+            while True:
+                client.packet(0.3)
+        assert bytes(range(255, 0, -7)) in client.held
+
+
+def test_text_in_the_stream(twin, client):
+    twin.fault("rtde", "text", message="mind the gap")
+    assert client.answer("M") == b"\x0cmind the gap\x04twin\x02"
+    client.state()
+
+
+def test_not_found(twin):
+    twin.fault("rtde", "not_found", field="actual_q", seconds=0.3)
+    with Client(HOST) as client:
+        assert client.outputs("timestamp,actual_q") == b"\x00DOUBLE,NOT_FOUND"
+        time.sleep(0.4)
+        assert client.outputs("timestamp,actual_q") == b"\x01DOUBLE,VECTOR6D"
+
+
+def test_in_use(twin):
+    twin.fault("rtde", "in_use", seconds=0.3)
+    with Client(HOST) as client:
+        assert client.ask("I", b"input_int_register_0") == b"\x00IN_USE"
+        time.sleep(0.4)
+        assert client.ask("I", b"input_int_register_0") == b"\x01INT32"
+
+
+def test_inputs_are_free_again_when_their_client_is_gone(twin):
+    with Client(HOST) as first, Client(HOST) as second:
+        assert first.ask("I", b"input_int_register_5") == b"\x01INT32"
+        assert second.ask("I", b"input_int_register_5") == b"\x00IN_USE"
+        first.close()
+        time.sleep(0.05)
+        assert second.ask("I", b"input_int_register_5") == b"\x01INT32"
+
+
+def test_timestamp_jump(twin, client):
+    before = drain(client)
+    twin.fault("rtde", "timestamp_jump", by=-0.5)
+    states = [before] + [client.state()[TIME] for _ in range(20)]
+    assert min(states) == pytest.approx(before - 0.5, abs=0.1)
+    assert any(b - a == pytest.approx(CYCLE - 0.5) for a, b in itertools.pairwise(states))
+    twin.fault("rtde", "timestamp_jump", by=0.5)
+
+
+def test_timestamp_scale(twin, client):
+    twin.fault("rtde", "timestamp_scale", factor=1.25, seconds=0.3)
+    drain(client)
+    steps = _steps(client, 20)
+    assert statistics.median(steps) == pytest.approx(1.25 * CYCLE, rel=1e-6)
+    time.sleep(0.3)
+    drain(client)
+    assert statistics.median(_steps(client, 10)) == pytest.approx(CYCLE, rel=1e-6)
+
+
+def _steps(client: Client, n: int) -> list[float]:
+    stamps = [client.state()[TIME] for _ in range(n)]
+    return [b - a for a, b in itertools.pairwise(stamps)]
+
+
+def test_control_fin_spares_readers(twin, client):
+    with Client(HOST) as writer:
+        writer.stream("timestamp")
+        writer.ask("I", b"input_int_register_0")
+        twin.fault("control", "fin")
+        assert gone(writer) == "end of file"
+    drain(client)
+    client.state(0.1)
+
+
+def test_a_slow_reader_is_closed(twin):
+    with Client(HOST) as slow, Client(HOST) as quick:
+        quick.stream("timestamp")
+        slow.outputs(",".join(["target_moment"] * 140))
+        slow.sock.sendall(b"\x00\x03S")
+        time.sleep(4.0)
+        quick.newest()
+        assert gone(slow) in ("end of file", "reset")
+
+
+def test_protective_stop(twin, client, restored):
+    twin.fault("robot", "protective_stop")
+    state = client.until(lambda s: s[SAFETY] == 3)
+    assert state[BITS] & 1 << 2
+    with Lines(HOST) as dashboard:
+        assert dashboard.ask("safetymode") == "Safetymode: PROTECTIVE_STOP"
+        assert dashboard.ask("unlock protective stop").startswith("Cannot unlock")
+
+
+def test_emergency_stop(twin, client, restored):
+    twin.fault("robot", "emergency_stop", seconds=0.3)
+    state = client.until(lambda s: s[SAFETY] == 7)
+    assert state[BITS] & 1 << 7 and state[MODE] == 3
+    assert client.until(lambda s: s[SAFETY] == 1)[MODE] == 3
+    with Lines(HOST) as dashboard:
+        assert dashboard.ask("power on") == "Powering on"
+        client.until(lambda s: s[MODE] == 5)
+        assert dashboard.ask("brake release") == "Brake releasing"
+        client.until(lambda s: s[MODE] == 7)
+
+
+def play(host: str) -> None:
+    with Lines(host) as dashboard:
+        assert dashboard.ask("load test.urp") == "Loading program: test.urp"
+        assert dashboard.ask("play") == "Starting program"
+
+
+def test_program_stop(twin, client, restored):
+    play(HOST)
+    client.until(lambda s: s[RUNTIME] == 2)
+    twin.fault("robot", "program_stop")
+    client.until(lambda s: s[RUNTIME] == 1)
+
+
+def test_power_off(twin, client, restored):
+    play(HOST)
+    twin.fault("robot", "power_off")
+    state = client.until(lambda s: s[MODE] == 3)
+    assert state[RUNTIME] == 1
+
+
+def test_script_never_starts(twin, client):
+    twin.fault("robot", "script_never_starts", seconds=0.4)
+    with socket.create_connection((HOST, 30003), 2.0) as script:
+        script.sendall(b"def f():\n  sync()\nend\n")
+        drain(client)
+        assert {client.state()[RUNTIME] for _ in range(20)} == {1}
+        time.sleep(0.4)
+        script.sendall(b"def f():\n  sync()\nend\n")
+        client.until(lambda s: s[RUNTIME] == 2)
+        client.until(lambda s: s[RUNTIME] == 1)
+
+
+def test_following_error(twin, client):
+    off = [0.1, 0.0, 0.0, 0.0, 0.0, -0.05]
+    twin.fault("robot", "follow_error", joints=off, seconds=0.6)
+    time.sleep(0.4)
+    state = client.newest()
+    gap = [a - b for a, b in zip(state[Q], state[TARGET], strict=True)]
+    assert gap == pytest.approx(off, abs=2e-3)
+    time.sleep(0.6)
+    state = client.newest()
+    assert state[Q] == pytest.approx(state[TARGET], abs=1e-4)
+
+
+def test_restart(twin, client):
+    with Lines(HOST) as dashboard:
+        twin.fault("robot", "restart", seconds=0.3)
+        assert gone(client) in ("end of file", "reset")
+        assert dashboard.file.readline() == ""
+    with pytest.raises(ConnectionRefusedError):
+        Client(HOST)
+    time.sleep(0.4)
+    with Client(HOST) as again:
+        assert again.stream(NAMES).state()[TIME] < 1.0
+
+
+def test_dashboard_faults(twin):
+    with Lines(HOST) as dashboard:
+        twin.fault("dashboard", "fin")
+        assert dashboard.file.readline() == ""
+    twin.fault("dashboard", "stall", seconds=0.3)
+    begun = time.monotonic()
+    with Lines(HOST) as dashboard:
+        assert dashboard.greeting.startswith("Connected")
+        assert time.monotonic() - begun > 0.2
+    twin.fault("dashboard", "unlisten", seconds=0.2)
+    with pytest.raises(ConnectionRefusedError):
+        Lines(HOST)
+    time.sleep(0.3)
+
+
+def test_script_faults(twin):
+    with socket.create_connection((HOST, 30003), 2.0) as script:
+        time.sleep(0.05)
+        twin.fault("script", "fin")
+        assert script.recv(1) == b""
+    twin.fault("script", "unlisten", seconds=0.2)
+    with pytest.raises(ConnectionRefusedError):
+        socket.create_connection((HOST, 30003), 2.0)
+
+
+@pytest.mark.parametrize(
+    "link, kind, values",
+    [
+        ("rtde", "malformed", {"how": "nicely"}),
+        ("rtde", "not_found", {"field": "nonsense"}),
+        ("rtde", "timestamp_jump", {}),
+        ("rtde", "timestamp_scale", {"factor": "fast"}),
+        ("robot", "follow_error", {"joints": [1.0, 0, 0, 0, 0, 0]}),
+        ("robot", "dance", {}),
+    ],
+)
+def test_impossible_faults_are_refused(twin, link, kind, values):
+    with pytest.raises(AssertionError, match="refused"):
+        twin.fault(link, kind, **values)

@@ -1,0 +1,392 @@
+"""The UR5 twin's kinematics, motions and safety, in process and without waiting for real time."""
+
+from types import SimpleNamespace
+
+import mujoco
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from wrenchbed import registry
+from wrenchbed.errors import DriverError, ParameterError
+from wrenchbed.serving.body import Body, Options
+from wrenchbed.simulation import Simulation
+from wrenchbed.twins import base
+from wrenchbed.twins.ur5 import TWIN
+from wrenchbed.twins.ur5.controller import Controller, Make, Runtime, SafetyMode
+from wrenchbed.twins.ur5.estimate import Payload
+from wrenchbed.twins.ur5.kinematics import NO_TOOL, Kinematics
+from wrenchbed.twins.ur5.motions import ToPose
+from wrenchbed.twins.ur5.poses import matrix, pose_trans, rotation_vector, vector
+from wrenchbed.twins.ur5.profile import Profile
+from wrenchbed.twins.ur5.script import Script
+
+ROBOT = registry.load("robots", "ur5")
+NOMINAL = ROBOT.parameters.nominal
+TCP = np.array([0.01, -0.02, 0.15, 0.1, 0.2, -0.3])
+DOWN = np.array([0.4, -0.11, 0.45, np.pi, 0.0, 0.0])
+CYCLE = 0.008
+
+
+def random_joints(n: int, seed: int) -> np.ndarray:
+    return np.random.default_rng(seed).uniform(-3.0, 3.0, (n, 6))
+
+
+def test_forward_kinematics_are_the_robots_and_mujocos():
+    kinematics = Kinematics()
+    simulation = Simulation(ROBOT, NOMINAL)
+    for q in random_joints(20, 1):
+        rotation, position = kinematics.flange(q)
+        expected = ROBOT.flange_pose(q[None], NOMINAL)
+        assert rotation == pytest.approx(expected[0][0], abs=1e-12)
+        assert position == pytest.approx(expected[1][0], abs=1e-12)
+        simulation.data.qpos[:] = ROBOT.qpos(q[None], NOMINAL)[0]
+        mujoco.mj_kinematics(simulation.model, simulation.data)
+        flange = simulation.data.body("flange")
+        assert position == pytest.approx(flange.xpos, abs=1e-9)
+        assert rotation.ravel() == pytest.approx(flange.xmat, abs=1e-9)
+
+
+def test_the_jacobian_is_the_derivative():
+    kinematics, step = Kinematics(), 1e-6
+    for q in random_joints(5, 2):
+        jacobian = kinematics.jacobian(q, TCP)
+        for k in range(6):
+            moved = np.eye(6)[k] * step
+            ahead, behind = (kinematics.transform(q + s * moved, TCP) for s in (1, -1))
+            turn = rotation_vector(ahead[0] @ behind[0].T)
+            numeric = np.concatenate([ahead[1] - behind[1], turn]) / (2 * step)
+            assert jacobian[:, k] == pytest.approx(numeric, abs=1e-7)
+
+
+def test_inverse_kinematics_find_the_nearest_solution():
+    kinematics = Kinematics()
+    for q in ROBOT.sample(20, np.random.default_rng(3)):
+        pose = kinematics.pose(q, TCP)
+        assert kinematics.inverse(pose, TCP, q + 0.001) == pytest.approx(q, abs=1e-6)
+        followed = kinematics.follow(pose, TCP, q + 0.002)
+        assert kinematics.pose(followed, TCP)[:3] == pytest.approx(pose[:3], abs=1e-4)
+    assert kinematics.inverse(np.array([2.0, 0, 0, 0, 0, 0]), NO_TOOL, np.zeros(6)) is None
+
+
+@pytest.mark.parametrize("angle", [0.0, 1e-9, 1e-4, 1.0, 3.0, 3.1, np.pi - 1e-6, np.pi])
+def test_rotation_vectors_there_and_back(angle):
+    rng = np.random.default_rng(4)
+    for axis in [*np.eye(3), *rng.normal(size=(5, 3))]:
+        rotation = Rotation.from_rotvec(axis / np.linalg.norm(axis) * angle).as_matrix()
+        found = rotation_vector(rotation)
+        assert np.linalg.norm(found) <= np.pi + 1e-9
+        assert matrix(np.concatenate([np.zeros(3), found]))[0] == pytest.approx(rotation, abs=1e-7)
+
+
+def test_pose_trans_is_a_product_of_transforms():
+    first, second = np.array([1, 2, 3, 0, 0, np.pi / 2]), np.array([0.1, 0, 0, 0, 0, 0.5])
+    assert pose_trans(first, second) == pytest.approx([1, 2.1, 3, 0, 0, np.pi / 2 + 0.5])
+    assert vector(*matrix(DOWN)) == pytest.approx(DOWN)
+
+
+@pytest.mark.parametrize("length", [1.0, 0.01, 0.0])
+def test_a_profile_keeps_speed_and_acceleration(length):
+    speed, rate = 0.5, 1.0
+    profile = Profile(length, speed, rate)
+    t = np.linspace(0.0, profile.duration + 0.1, 4001)
+    s = np.array([profile.at(x) for x in t])
+    v = np.diff(s) / (t[1] - t[0])
+    assert s[0] == 0.0 and s[-1] == length
+    assert (v >= -1e-9).all() and v.max() <= speed + 1e-9
+    assert np.abs(np.diff(v)).max() <= rate * (t[1] - t[0]) + 1e-9
+
+
+class Bench:
+    """A controller whose time is its own."""
+
+    def __init__(self, table: float | None = None, series: str = "cb3") -> None:
+        version = (3, 15, 8, 0) if series == "cb3" else (5, 11, 1, 0)
+        self.body = Body(Options("ur5", noise="off", table=table), CYCLE)
+        tool = ROBOT.tool(NOMINAL)
+        payload = Payload(float(tool.mass), np.array(tool.cog, dtype=float), np.zeros(6))
+        self.controller = Controller(Make(version, CYCLE, 150.0, True), self.body, payload)
+        self.arm = self.controller.arm
+        self.now = 100.0
+
+    def run(self, seconds: float) -> list[np.ndarray]:
+        """Targets of the cycles of some time."""
+        found = []
+        for _ in range(round(seconds / CYCLE)):
+            self.now += CYCLE
+            self.controller.cycle(self.now)
+            found.append(self.arm.q)
+        return found
+
+    def write(self, **values: float) -> None:
+        """Registers by name: i0 …, d0 …."""
+        names = {"i": "input_int_register_", "d": "input_double_register_"}
+        kinds = {"i": int, "d": float}
+        written = {names[k[0]] + k[1:]: (kinds[k[0]](v),) for k, v in values.items()}
+        self.controller.inputs.write(written, self.now)
+
+    def command(self, number: int, *doubles: float, **more: float) -> None:
+        """Clear, then give a command of the control script."""
+        self.write(i0=0)
+        self.run(2 * CYCLE)
+        self.write(**{f"d{k}": v for k, v in enumerate(doubles)}, **more, i0=number)
+
+    def said(self, number: int) -> int:
+        return self.controller.values[f"output_int_register_{number}"][0]
+
+    def script(self) -> "Bench":
+        self.controller.upload([Script(control=True)])
+        self.run(2 * CYCLE)
+        assert self.said(0) == 1
+        return self
+
+
+def test_a_joint_move_arrives_within_its_limits():
+    bench = Bench().script()
+    goal = bench.arm.q + np.array([0.5, -0.2, 0.1, 0.0, 0.3, -0.5])
+    bench.command(1, *goal, 0.8, 1.5)
+    way = np.array(bench.run(1.6))
+    assert bench.said(0) == 2
+    assert bench.body.q == pytest.approx(goal, abs=1e-4)
+    speed = np.diff(way, axis=0) / CYCLE
+    assert np.abs(speed).max() == pytest.approx(0.8, rel=1e-6)
+    assert np.abs(np.diff(speed, axis=0)).max() <= 1.5 * CYCLE + 1e-9
+
+
+def test_a_straight_move_is_straight():
+    bench = Bench().script()
+    start = bench.arm.kinematics.pose(bench.arm.q, NO_TOOL)
+    goal = start + np.array([0.1, -0.05, 0.08, 0.0, 0.0, 0.0])
+    bench.command(3, *goal, 0.25, 1.0)
+    way = np.array([bench.arm.kinematics.pose(q, NO_TOOL)[:3] for q in bench.run(1.2)])
+    along = (goal - start)[:3] / np.linalg.norm((goal - start)[:3])
+    off = (way - start[:3]) - np.outer((way - start[:3]) @ along, along)
+    assert np.abs(off).max() < 1e-6
+    assert way[-1] == pytest.approx(goal[:3], abs=1e-6)
+
+
+def test_servoj_lags_by_its_lookahead_time():
+    bench = Bench().script()
+    start, speed, lookahead = bench.arm.q.copy(), 0.2, 0.1
+    for k in range(100):
+        goal = start + speed * k * CYCLE
+        bench.write(**{f"d{j}": goal[j] for j in range(6)}, d9=lookahead, d10=300, i0=11)
+        bench.run(CYCLE)
+    assert goal - bench.arm.q == pytest.approx(speed * lookahead, rel=0.05)
+    bench.command(16, 10.0)
+    bench.run(0.1)
+    assert bench.said(0) == 2 and not bench.arm.moving
+
+
+def test_servoj_beyond_the_speed_limit_is_a_protective_stop():
+    bench = Bench().script()
+    start = bench.arm.q.copy()
+    goal = start + 0.4
+    bench.write(**{f"d{j}": goal[j] for j in range(6)}, d9=0.1, d10=300, i0=11)
+    bench.run(0.2)
+    assert bench.controller.modes.safety is SafetyMode.PROTECTIVE_STOP
+    assert bench.controller.modes.runtime is Runtime.PAUSED
+    assert bench.arm.q == pytest.approx(start, abs=1e-9)
+
+
+def test_speedj_goes_on_until_it_is_told_to_stop():
+    bench = Bench().script()
+    bench.write(d0=0.1, d6=0.5, d7=0.1, i0=9)
+    way = bench.run(2.0)
+    assert (way[-1] - way[-2])[0] / CYCLE == pytest.approx(0.1)
+    bench.command(15, 2.0)
+    bench.run(0.5)
+    assert not bench.arm.moving
+
+
+def test_speedl_follows_the_tool():
+    bench = Bench().script()
+    bench.write(d0=0.0, d1=0.0, d2=0.05, d6=0.5, i0=10)
+    bench.run(0.5)
+    twist = bench.arm.kinematics.jacobian(bench.arm.q, NO_TOOL) @ bench.arm.qd
+    assert twist == pytest.approx([0, 0, 0.05, 0, 0, 0], abs=1e-3)
+
+
+def test_a_move_while_another_thread_drives_the_arm_ends_the_program():
+    bench = Bench().script()
+    bench.write(d0=0.1, d6=0.5, d7=0.1, i0=9)
+    bench.run(0.1)
+    bench.command(1, *bench.arm.q, 1.0, 1.0)
+    bench.run(2 * CYCLE)
+    assert bench.controller.modes.runtime is Runtime.STOPPED
+    bench.run(0.5)
+    assert not bench.arm.moving
+
+
+def test_an_asynchronous_move_tells_its_progress_and_can_be_stopped():
+    bench = Bench().script()
+    bench.command(1, *(bench.arm.q + 0.5), 0.5, 1.0, i1=1)
+    bench.run(0.3)
+    assert bench.said(0) == 2 and bench.said(2) & 1 << 15
+    bench.command(34, 5.0, i1=0)
+    bench.run(0.3)
+    assert not bench.arm.moving and not bench.said(2) & 1 << 15
+
+
+def test_the_watchdog_ends_the_program_100_ms_after_the_last_write():
+    bench = Bench().script()
+    bench.command(35, 10.0)
+    bench.run(2 * CYCLE)
+    bench.write(i0=0)
+    bench.run(0.08)
+    assert bench.controller.modes.runtime is Runtime.PLAYING
+    bench.run(0.04)
+    assert bench.controller.modes.runtime is Runtime.STOPPED
+
+
+def test_a_paused_move_goes_on_to_its_goal():
+    bench = Bench().script()
+    goal = bench.arm.q + 0.5
+    bench.command(1, *goal, 0.5, 1.0)
+    bench.run(0.5)
+    assert bench.controller.pause()
+    bench.run(1.0)
+    assert not bench.arm.moving and np.abs(bench.arm.q - goal).max() > 0.1
+    assert bench.controller.play()
+    bench.run(2.0)
+    assert bench.body.q == pytest.approx(goal, abs=1e-4)
+
+
+def test_a_protective_stop_brakes_and_unlocks_after_five_seconds():
+    bench = Bench().script()
+    bench.command(1, *(bench.arm.q + 0.5), 1.0, 3.0)
+    bench.run(0.3)
+    bench.controller.protective_stop()
+    bench.run(0.2)
+    assert not bench.arm.moving
+    assert not bench.controller.unlock() and not bench.controller.play()
+    bench.run(5.0)
+    assert bench.controller.unlock() and bench.controller.play()
+
+
+def test_an_emergency_stop_takes_the_power():
+    bench = Bench().script()
+    bench.controller.emergency_stop(bench.now + 0.5)
+    bench.run(0.2)
+    assert bench.controller.modes.safety is SafetyMode.ROBOT_EMERGENCY_STOP
+    assert bench.controller.modes.safety_bits & 1 << 7
+    bench.run(0.5)
+    assert bench.controller.modes.safety is SafetyMode.NORMAL
+    assert bench.controller.modes.robot.name == "POWER_OFF"
+
+
+def test_joint_limits_stop_the_robot():
+    bench = Bench().script()
+    bench.write(**{f"d{k}": 0.0 for k in range(5)}, d5=3.0, d6=5.0, i0=9)
+    bench.run(4.0)
+    assert bench.controller.modes.safety is SafetyMode.PROTECTIVE_STOP
+    assert np.abs(bench.arm.q).max() <= 6.2832
+
+
+def test_a_pose_out_of_reach_ends_the_program():
+    bench = Bench().script()
+    bench.command(3, 2.0, 0, 0, 0, 0, 0, 0.25, 1.0)
+    bench.run(2 * CYCLE)
+    assert bench.controller.modes.runtime is Runtime.STOPPED
+
+
+def test_a_way_through_the_column_is_unreachable():
+    kinematics = Kinematics()
+    q = kinematics.inverse(DOWN, NO_TOOL, ROBOT.home)
+    goal = DOWN * np.array([-1.0, -1.0, 1.0, 1.0, 1.0, 1.0])
+    motion = ToPose(kinematics, NO_TOOL, goal, 5.0, 50.0)
+    motion.begin(q, np.zeros(6))
+    with pytest.raises(Exception, match="reach"):
+        for _ in range(200):
+            following = motion.step(q, CYCLE)
+            if np.abs(following - q).max() > np.pi * CYCLE:
+                raise RuntimeError("beyond reach of the joints' speed")
+            q = following
+
+
+def pressing(bench: Bench) -> None:
+    """Bring the tool just above the plate."""
+    near = DOWN.copy()
+    near[2] = 0.25 + 0.142
+    q = bench.arm.kinematics.inverse(near, NO_TOOL, ROBOT.home)
+    bench.command(1, *q, 3.0, 10.0)
+    bench.run(2.5)
+    assert bench.said(0) == 2
+
+
+def test_force_mode_settles_at_its_force():
+    bench = Bench(table=0.25).script()
+    pressing(bench)
+    assert bench.controller.estimate.wrench == pytest.approx(np.zeros(6), abs=0.05)
+    bench.write(i0=0)
+    bench.run(2 * CYCLE)
+    wrench = dict(zip([f"d{k}" for k in range(6, 12)], [0, 0, -20, 0, 0, 0], strict=True))
+    frame = {f"d{k}": 0.0 for k in range(6)} | {f"d{k}": 0.05 for k in range(12, 18)}
+    bench.write(**frame, **wrench, i1=2, i2=0, i3=0, i4=1, i5=0, i6=0, i7=0, i0=6)
+    bench.run(3.0)
+    assert bench.controller.estimate.wrench[2] == pytest.approx(20.0, abs=0.1)
+    bench.command(7)
+    bench.run(0.2)
+    assert bench.arm.force is None and bench.said(0) == 2
+
+
+def test_too_much_force_is_a_protective_stop_that_one_can_leave():
+    bench = Bench(table=0.25).script()
+    pressing(bench)
+    bench.command(10, 0, 0, -0.05, 0, 0, 0, 0.5)
+    bench.run(1.0)
+    assert bench.controller.modes.safety is SafetyMode.PROTECTIVE_STOP
+    assert np.linalg.norm(bench.controller.estimate.wrench[:3]) > 150.0
+    bench.run(5.0)
+    assert bench.controller.unlock()
+    bench.write(i0=0)
+    bench.script()
+    bench.command(10, 0, 0, 0.05, 0, 0, 0, 0.5)
+    bench.run(1.0)
+    assert bench.controller.modes.safety is SafetyMode.NORMAL
+    assert np.linalg.norm(bench.controller.estimate.wrench[:3]) < 5.0
+
+
+def test_the_payload_is_taken_off_the_force():
+    bench = Bench().script()
+    bench.command(17, 0.35, 0.0, 0.0, 0.05)
+    bench.run(0.1)
+    assert bench.controller.estimate.wrench[2] == pytest.approx(-(1.35 - 0.35) * 9.80665, abs=1e-3)
+    bench.command(8)
+    bench.run(0.1)
+    assert bench.controller.estimate.wrench == pytest.approx(np.zeros(6), abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    "setting, why",
+    [
+        ({"series": "x"}, "cb3 or e"),
+        ({"speed": "1"}, "series"),
+        ({"protective_force": "-1"}, "above 0"),
+        ({"box": "maybe"}, "on or off"),
+        ({"buffer": "0"}, "1 … 40"),
+    ],
+)
+def test_settings_are_checked(setting, why):
+    with pytest.raises(ParameterError, match=why):
+        TWIN(base.Options("127.0.1.32", setting=setting))
+
+
+def test_a_taken_port_is_named_with_its_remedy():
+    import socket
+
+    with socket.create_server(("127.0.1.32", 30004)):
+        twin = TWIN(base.Options("127.0.1.32", setting={"box": "off"}))
+        with pytest.raises(DriverError, match=r"127\.0\.1\.32:30004.*--host"):
+            twin.start()
+        twin.stop()
+
+
+def test_every_fault_of_each_link_is_known():
+    twin = TWIN(base.Options("127.0.1.32", setting={"box": "off"}))
+    links = SimpleNamespace(**{link: set() for link, _ in twin.faults.known})
+    for link, kind in twin.faults.known:
+        getattr(links, link).add(kind)
+    assert links.control == {"fin"}
+    assert {"stall", "unlisten", "fin"} <= links.dashboard & links.script
+    assert "restart" in links.robot and "malformed" in links.rtde
