@@ -31,6 +31,8 @@ LIVE = Limits(speed=0.25, tracking=0.7)
 """Limits of a live driver that is given none."""
 _POLL_S = 0.002
 _BLOCK_S = 0.25
+_STREAM_S = (0.004, 0.1)
+"""Shortest and longest time since the last target that a streamed one may use up [s]."""
 SETTLE_S, SETTLED_WITHIN_S = 0.3, 15.0
 """Length of the calm that `settle` asks for, and how long it waits for it [s]."""
 
@@ -108,8 +110,9 @@ class LiveDriver(Driver):
         if not health.ok:
             return Applied(None, f"{health.state}: {health.detail}")
         now = time.monotonic()
-        then, last = self._last_target or (now - _BLOCK_S, self._read().q)
-        why = self.limits.check_step(self.robot, last, q, max(now - then, 0.004))
+        then, last = self._last_target or (now, self._read().q)
+        since = float(np.clip(now - then, *_STREAM_S))
+        why = self.limits.check_step(self.robot, last, q, since)
         if why:
             return Applied(None, why)
         self.guard()
