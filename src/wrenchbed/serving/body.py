@@ -14,11 +14,12 @@ import numpy as np
 from wrenchbed import registry
 from wrenchbed.errors import NotFoundError, ParameterError
 from wrenchbed.model import Model
-from wrenchbed.noise import NoiseStream, noise_model
+from wrenchbed.noise import noise_model
 from wrenchbed.plant import Plant, steps_in
 from wrenchbed.playback import Playback
 from wrenchbed.robots.base import SimulatedRobot
 from wrenchbed.serving.felt import Felt, Row
+from wrenchbed.serving.hiss import Hiss
 from wrenchbed.simulation import Simulation
 from wrenchbed.twin import Twin
 from wrenchbed.typical import active_effect
@@ -80,7 +81,7 @@ class Body:
         own = self._own = self.theta[: len(robot.parameters)]
         self.simulation = Simulation(robot, own, self.model.gravity)
         self.sensor = registry.load("sensors", robot.sensor)
-        self._stream = NoiseStream(noise_model(options.noise, self.sensor.noise), options.seed)
+        self._hiss = Hiss(noise_model(options.noise, self.sensor.noise), options.seed)
         active = tuple(active_effect(robot, text) for text in options.effects)
         twin = Twin(self.model, self.theta, active)
         self._playback = Playback(twin, options.seed) if active else None
@@ -156,7 +157,7 @@ class Body:
             t = np.maximum(t, self._shown + 1e-9 * np.arange(1, len(t) + 1))
             self._shown = float(t[-1])
             shown = self._mean(t) if self._felt is None else self._felt.mean(t)
-            values, status = self._stream.corrupt(t, shown)
+            values, status = self._hiss.corrupt(t, shown)
             if self._felt is not None:
                 values = self._felt.corrupt(t, values)
             return values, status
