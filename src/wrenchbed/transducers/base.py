@@ -1,4 +1,4 @@
-"""What a transducer is: it reads a force/torque sensor and says how far each reading is to be trusted.
+"""What a transducer is: it reads a force/torque sensor and says how far to trust each reading.
 
 A reading is never frozen silently: it carries its age, and `health` names what is wrong. Nothing
 here blocks but `connect`, which has a deadline.
@@ -119,7 +119,8 @@ class Transducer(ABC):
     def _health(self) -> Health: ...
 
     def _at(self, t: float) -> np.ndarray | None:
-        return None
+        """The newest reading, where a device keeps no earlier ones."""
+        return self._read().wrench
 
     def _zero(self) -> int:
         raise DriverError(f"transducer {self.name!r} cannot change its zero")

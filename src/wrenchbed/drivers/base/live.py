@@ -107,7 +107,7 @@ class LiveDriver(Driver):
 
     def _write(self, q: np.ndarray) -> Applied:
         health = self._health()
-        if not health.ok:
+        if not health.ok and not self._may_go_on(health):
             return Applied(None, f"{health.state}: {health.detail}")
         now = time.monotonic()
         then, last = self._last_target or (now, self._read().q)
@@ -120,6 +120,11 @@ class LiveDriver(Driver):
         if applied.ok:
             self._last_target = (now, q)
         return applied
+
+    def _may_go_on(self, health: Health) -> bool:
+        """Whether only the sensor is late, and nobody asked to stop by what it reads."""
+        guarded = self.limits.force is not None or self.limits.torque is not None
+        return health.state == "stale" and self._arm_health().ok and not guarded
 
     def _move(self, start: np.ndarray, goal: np.ndarray, seconds: float) -> Motion:
         check_ready(self._health())
@@ -167,18 +172,21 @@ class LiveDriver(Driver):
         """Stream the targets; rows lie at equal steps of the robot's own clock."""
         even, done = Evenly(rate), 0
         rows: list[dict[str, float]] = []
+        waiting: deque[Even] = deque()
         due = time.monotonic()
-        for k in range(len(targets) + round(GONE_S * rate)):
+        for k in range(len(targets) + round(2.0 * GONE_S * rate)):
             if k < len(targets):
                 applied = self.write(targets[k])
                 if not applied.ok:
                     self._stop("soft")
                     raise DriverError(f"the motion was stopped: {applied.reason}")
             due = self._collect(even, due, 1.0 / rate)
-            for row in even.rows(len(targets) - done):
-                rows.append(self._tracked(row, targets[done]))
+            waiting.extend(even.rows(len(targets) - done - len(waiting)))
+            while waiting and (row := self._tracked(waiting[0], targets[done])) is not None:
+                waiting.popleft()
+                rows.append(row)
                 done += 1
-            if done == len(targets) or len(rows) >= _BLOCK_S * rate:
+            if rows and (done == len(targets) or len(rows) >= _BLOCK_S * rate):
                 yield _columns(rows)
                 rows = []
             if done == len(targets):
@@ -200,12 +208,16 @@ class LiveDriver(Driver):
                 even.add(arm)
         return until
 
-    def _tracked(self, row: Even, target: np.ndarray) -> dict[str, float]:
-        wrench = self._fresh_wrench(since=0.0)
-        then = self.transducer.at(row.host)
-        reading = wrench.wrench if then is None else then
+    def _tracked(self, row: Even, target: np.ndarray) -> dict[str, float] | None:
+        """A row with the wrench of its moment; None until the sensor has told that."""
+        reading = self.transducer.at(row.host)
+        if reading is None:
+            if time.monotonic() - row.host < GONE_S:
+                return None
+            health = self.transducer.health()
+            raise LinkError("the sensor's readings have a gap" if health.ok else health.detail)
         arm = replace(self._read(), q=row.q, qd=row.qd)
-        columns = self._row(row.t, arm, wrench, reading)
+        columns = self._row(row.t, arm, self.transducer.read(), reading)
         return columns | {f"q_target{j + 1}": float(v) for j, v in enumerate(target)}
 
     def _row(

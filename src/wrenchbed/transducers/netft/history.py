@@ -8,6 +8,10 @@ from wrenchbed.transducers.netft import datagrams
 from wrenchbed.transducers.netft.sequence import signed
 
 _BATCHES = 8192
+_MOST_BEHIND = 2048
+"""Records by which one may be older than the newest of its batch."""
+_GAP_S = 0.05
+"""Longest time without records that is bridged [s]."""
 
 
 class History:
@@ -42,6 +46,9 @@ class History:
         slack = max(2.0 * self._period, 0.02)
         if not times[0] - slack <= t <= times[-1] + slack:
             return None
+        k = int(np.clip(np.searchsorted(times, t), 1, len(times) - 1))
+        if len(times) > 1 and times[k] - times[k - 1] > _GAP_S:
+            return None
         return np.array([np.interp(t, times, counts[:, k]) for k in range(6)])
 
     def _decode(self, batches: list[tuple[float, bytes]]) -> tuple[np.ndarray, np.ndarray]:
@@ -49,7 +56,7 @@ class History:
         for arrived, data in batches:
             rows = [datagrams.record(data, k) for k in range(len(data) // datagrams.SIZE)]
             newest = rows[-1].rdt
-            behind = [min(max(signed(newest - row.rdt), 0), 64) for row in rows]
+            behind = [min(max(signed(newest - row.rdt), 0), _MOST_BEHIND) for row in rows]
             times += [arrived - k * self._period for k in behind]
             counts += [row.counts for row in rows]
         order = np.argsort(times, kind="stable")

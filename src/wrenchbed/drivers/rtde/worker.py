@@ -1,0 +1,75 @@
+"""What both workers share: they start, listen to what ur_rtde prints, and end without a trace.
+
+``python -m wrenchbed.drivers.rtde.worker state|control …``. A worker always ends by `os._exit`:
+destructors of ur_rtde throw after the controller died, which would abort the process.
+"""
+
+import contextlib
+import json
+import os
+import signal
+import sys
+import threading
+from collections import deque
+from collections.abc import Callable
+from importlib import import_module
+from typing import Any
+
+from wrenchbed.drivers.rtde.record import Shared
+from wrenchbed.drivers.rtde.wire import Wire
+
+_PRIORITY = -10
+LOST = 3
+"""Exit code of a worker that lost the controller."""
+_LOSS = ("Could not receive data", "Lost connection", "Reconnecting", "closed the connection")
+"""What ur_rtde prints before it reconnects by itself, which ends in a crash."""
+
+
+class Printed:
+    """What the library prints in this process; a line that tells of a loss calls back."""
+
+    def __init__(self, lost: Callable[[str], None]) -> None:
+        self.lines: deque[str] = deque(maxlen=8)
+        self._lost = lost
+        out, into = os.pipe()
+        for standard in (1, 2):
+            os.dup2(into, standard)
+        os.close(into)
+        threading.Thread(target=self._read, args=(out,), daemon=True).start()
+
+    def _read(self, out: int) -> None:
+        with os.fdopen(out, "r", errors="replace") as lines:
+            for line in lines:
+                self.lines.append(line.strip())
+                if any(sign in line for sign in _LOSS):
+                    self._lost(line.strip())
+
+
+def settle(wire: Wire, event: str, why: str, code: int) -> None:
+    """Tell the driver why this process ends, and end it."""
+    wire.send({"event": event, "why": why})
+    os._exit(code)
+
+
+def cause(error: BaseException) -> str:
+    """One line of what an exception says."""
+    return " ".join(str(error).split()) or type(error).__name__
+
+
+def main(arguments: list[str]) -> None:
+    """Run a worker: its kind, then its setting as JSON."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    with contextlib.suppress(OSError):  # where the system allows it
+        os.setpriority(os.PRIO_PROCESS, 0, _PRIORITY)
+    kind, setting = arguments[0], dict[str, Any](json.loads(arguments[1]))
+    shared, wire = Shared(setting["memory"]), Wire.of(setting["wire"])
+    try:
+        run = import_module(f"wrenchbed.drivers.rtde.{kind}_worker").run
+        run(setting, shared, wire)
+    except BaseException as error:
+        settle(wire, "failed", cause(error), 1)
+    os._exit(0)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

@@ -1,0 +1,91 @@
+"""One client of the hub: its handshake, and a bounded buffer of what it has yet to read."""
+
+import socket
+import time
+
+from wrenchbed.serving.canbus.text import Command, split
+
+BUFFER = 256 * 1024
+"""Bytes that wait for a client at most; one that is slower is disconnected."""
+_KERNEL = 64 * 1024
+_QUIET_S = 0.1
+"""So long after the answer to ``rawmode``, or until the client sends, frames are held back: clients
+read that answer on its own."""
+
+
+class Client:
+    """A connection that spoke or will speak socketcand's text protocol."""
+
+    def __init__(self, number: int, connection: socket.socket, channel: str) -> None:
+        self.number, self.connection, self.channel = number, connection, channel
+        self.raw = self.too_slow = False
+        self._opened = False
+        self._quiet_until = 0.0
+        self._in, self._out, self._held = b"", bytearray(), bytearray()
+        connection.setblocking(False)
+        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _KERNEL)
+        self.answer("hi")
+
+    @property
+    def waiting(self) -> bool:
+        """Whether it has bytes yet to take."""
+        return bool(self._out or self._held)
+
+    def receive(self) -> tuple[list[Command], int, bool]:
+        """Commands that arrived, pieces of rubbish, and whether the connection is alive."""
+        try:
+            got = self.connection.recv(65536)
+        except BlockingIOError:
+            return [], 0, True
+        except OSError:
+            return [], 0, False
+        if not got:
+            return [], 0, False
+        commands, self._in, rubbish = split(self._in + got)
+        return commands, rubbish, True
+
+    def obey(self, command: Command) -> None:
+        """Answer everything but ``send``."""
+        if command.verb == "open" and not self._opened:
+            self._opened = command.words == (self.channel,)
+            self.answer("ok" if self._opened else "error could not open bus")
+        elif command.verb == "rawmode" and self._opened:
+            self.answer("ok")
+            self.raw, self._quiet_until = True, time.monotonic() + _QUIET_S
+        elif command.verb == "echo":
+            self.answer("echo")
+        else:
+            self.answer("error unknown command")
+
+    def answer(self, text: str) -> None:
+        """Queue an answer."""
+        self._out += f"< {text} >".encode("ascii")
+
+    def say(self, text: bytes) -> None:
+        """Queue a frame for a client in raw mode."""
+        if self.raw and self._quiet_until:
+            self._held += text
+        elif self.raw:
+            self._out += text
+
+    def speaks(self) -> None:
+        """It sent a frame, so it has read the answer to ``rawmode``."""
+        self._quiet_until = 0.0
+
+    def flush(self) -> bool:
+        """Send what the connection takes now; False where it is dead or too slow."""
+        if self._quiet_until and time.monotonic() >= self._quiet_until:
+            self._quiet_until = 0.0
+        if self._held and not self._quiet_until:
+            self._out += self._held
+            self._held.clear()
+        if self._out:
+            try:
+                del self._out[: self.connection.send(self._out)]
+            except BlockingIOError:
+                pass
+            except OSError:
+                return False
+        self.too_slow = len(self._out) + len(self._held) > BUFFER
+        return not self.too_slow

@@ -1,0 +1,295 @@
+"""The bus as a server: clients over TCP and devices of this process hear each other's frames.
+
+One thread does everything. A device's callback runs in it and must return at once. Without the
+wire model frames pass at once and in the order of arrival, their bits are only counted.
+"""
+
+import contextlib
+import heapq
+import selectors
+import socket
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+
+from wrenchbed.errors import DriverError
+from wrenchbed.serving.canbus.client import Client
+from wrenchbed.serving.canbus.foreign import NOBODY, Foreign
+from wrenchbed.serving.canbus.text import Command, error_text, frame_of, frame_text
+from wrenchbed.serving.canbus.wire import Frame, Sent, Wire
+
+Heard = Callable[[float, Frame], None]
+"""Called with the time at which a frame was complete (`time.monotonic`) and the frame."""
+DEFAULT_PORT = 29536
+CLIENTS = 16
+"""Most clients at a time."""
+_IDLE_S = 0.2
+_IDS = 2048
+
+
+class Hub:
+    """A CAN bus at ``host:port``.
+
+    Args:
+        host: address of this machine to bind to.
+        port: 0 for any.
+        channel: name that clients open.
+        bitrate: of the wire model [bit/s].
+        wire: whether frames take the time that their bits take.
+    """
+
+    def __init__(
+        self,
+        host: str,
+        port: int = DEFAULT_PORT,
+        channel: str = "can0",
+        bitrate: int = 1_000_000,
+        wire: bool = False,
+    ) -> None:
+        self.host, self.port, self.channel = host, port, channel
+        self.wire = Wire(bitrate)
+        self.foreign = Foreign()
+        self._modelled = wire
+        self.stalled_until = 0.0
+        self.counters = {"frames": 0, "slow clients": 0, "rubbish": 0, "lost in stall": 0}
+        self._devices: dict[int, tuple[Heard, frozenset[int] | None]] = {}
+        self._audience: dict[int, tuple[tuple[int, Heard], ...]] = {}
+        self._clients: dict[int, Client] = {}
+        self._posted: deque[tuple[int, Frame]] = deque(maxlen=4096)
+        self._orders: deque[Callable[[], None]] = deque(maxlen=256)
+        self._planned: list[tuple[float, int, Callable[[], None]]] = []
+        self._numbers = 0
+        self._next: Sent | None = None
+        self._running = False
+        self._thread: threading.Thread | None = None
+
+    def attach(self, heard: Heard, ids: frozenset[int] | None = None) -> Callable[[Frame], None]:
+        """Add a device of this process; returns what sends its frames, from any thread.
+
+        Args:
+            heard: called with what others send.
+            ids: of the frames that it hears, its acceptance filter; all if None.
+        """
+        number = self._number()
+        self._devices[number] = (heard, ids)
+        self._audience.clear()
+
+        def send(frame: Frame) -> None:
+            self._posted.append((number, frame))
+            if threading.current_thread() is not self._thread:
+                self._wake()
+
+        return send
+
+    def start(self) -> None:
+        """Listen.
+
+        Raises:
+            DriverError: the port is taken or not allowed.
+        """
+        self._selector = selectors.SelectSelector()
+        listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            listener.bind((self.host, self.port))
+        except OSError as error:
+            listener.close()
+            raise DriverError(
+                f"cannot serve CAN at {self.host}:{self.port}: {error.strerror}; "
+                "end the other server or give another host or port"
+            ) from error
+        listener.listen(CLIENTS)
+        listener.setblocking(False)
+        self._listener, self.port = listener, listener.getsockname()[1]
+        self._bell, self._ear = socket.socketpair()
+        self._bell.setblocking(False)
+        self._ear.setblocking(False)
+        self._selector.register(listener, selectors.EVENT_READ, self._accept)
+        self._selector.register(self._ear, selectors.EVENT_READ, self._heard_bell)
+        self._running = True
+        self._thread = threading.Thread(target=self._run, name="can hub", daemon=True)
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Close all connections; may be called twice."""
+        if self._thread is None:
+            return
+        self._running = False
+        self._wake()
+        self._thread.join(2.0)
+        self._thread = None
+        for client in list(self._clients.values()):
+            self._drop(client)
+        self._selector.close()
+        for one in (self._listener, self._bell, self._ear):
+            one.close()
+
+    def order(self, what: Callable[[], None]) -> None:
+        """Run something in the hub's thread soon."""
+        self._orders.append(what)
+        self._wake()
+
+    def later(self, t: float, what: Callable[[], None]) -> None:
+        """Run something in the hub's thread at a time of `time.monotonic` [s]."""
+        self.order(lambda: heapq.heappush(self._planned, (t, id(what), what)))
+
+    def destroy(self, count: int) -> None:
+        """Destroy the next transmissions by error frames; call it in the hub's thread."""
+        self.wire.spoil(count)
+
+    def load(self) -> float:
+        """Share of the wire that the last second used."""
+        return self.wire.load.share(time.monotonic())
+
+    def say(self, text: bytes) -> None:
+        """Put bytes as they are into every client's stream; call it in the hub's thread."""
+        for client in self._clients.values():
+            client.say(text)
+
+    def hang_up(self) -> None:
+        """Close every client's connection; call it in the hub's thread."""
+        for client in list(self._clients.values()):
+            self._drop(client)
+
+    def _number(self) -> int:
+        self._numbers += 1
+        return self._numbers
+
+    def _wake(self) -> None:
+        with contextlib.suppress(OSError):
+            self._bell.send(b"!")
+
+    def _heard_bell(self, _: socket.socket) -> None:
+        with contextlib.suppress(OSError):
+            self._ear.recv(4096)
+
+    def _run(self) -> None:
+        while self._running:
+            for key, _ in self._selector.select(self._patience()):
+                key.data(key.fileobj)
+            while self._planned and self._planned[0][0] <= time.monotonic():
+                self._orders.append(heapq.heappop(self._planned)[2])
+            while self._orders:
+                self._orders.popleft()()
+            self._pass_on()
+            for client in list(self._clients.values()):
+                if not client.flush():
+                    self.counters["slow clients"] += client.too_slow
+                    self._drop(client)
+
+    def _patience(self) -> float:
+        if self._posted or self._orders:
+            return 0.0
+        now = time.monotonic()
+        waits = [_IDLE_S]
+        if self._planned:
+            waits.append(max(0.0, self._planned[0][0] - now))
+        if any(client.waiting for client in self._clients.values()):
+            waits.append(0.002)
+        if self.foreign.active(now):
+            waits.append(self.foreign.interval)
+        due = self.wire.due() if self._next is None else self._next.end
+        if due is not None:
+            waits.append(max(0.0, due - now))
+        return min(waits)
+
+    def _pass_on(self) -> None:
+        """Move frames from senders to the wire and from the wire to those who hear it."""
+        while True:
+            moved = bool(self._posted)
+            while self._posted:
+                self._take(*self._posted.popleft())
+            now = time.monotonic()
+            self.foreign.offer(now, self.wire)
+            moved = self._advance(now) or moved
+            if not moved:
+                return
+
+    def _take(self, sender: int, frame: Frame) -> None:
+        now = time.monotonic()
+        if now < self.stalled_until:
+            self.counters["lost in stall"] += 1
+        elif self._modelled or self._trouble(now):
+            self.wire.offer(now, sender, frame)
+        else:
+            self.wire.load.add(now, frame.bits)
+            self._deliver(now, sender, frame)
+
+    def _trouble(self, now: float) -> bool:
+        """Whether only the wire model can tell what happens, now or to what waits already."""
+        waits = self._next is not None or self.wire.due() is not None
+        return waits or self.wire.spoiling or self.foreign.active(now)
+
+    def _advance(self, now: float) -> bool:
+        if self._next is None:
+            self._next = self.wire.transmit(now)
+        if self._next is None or self._next.end > now:
+            return False
+        sent, self._next = self._next, None
+        if sent.spoiled:
+            self.say(error_text(time.time()))
+        else:
+            self._deliver(sent.end, sent.sender, sent.frame)
+        return True
+
+    def _deliver(self, t: float, sender: int, frame: Frame) -> None:
+        self.counters["frames"] += 1
+        if sender == NOBODY:
+            return
+        for number, device in self._hearing(frame.can_id):
+            if number != sender:
+                device(t, frame)
+        text = frame_text(frame, time.time())
+        for number, client in self._clients.items():
+            if number != sender:
+                client.say(text)
+
+    def _hearing(self, can_id: int) -> tuple[tuple[int, Heard], ...]:
+        """Devices that hear an id."""
+        if can_id not in self._audience:
+            if len(self._audience) > _IDS:
+                self._audience.clear()
+            self._audience[can_id] = tuple(
+                (number, heard)
+                for number, (heard, ids) in self._devices.items()
+                if ids is None or can_id in ids
+            )
+        return self._audience[can_id]
+
+    def _accept(self, listener: socket.socket) -> None:
+        with contextlib.suppress(OSError):
+            connection, _ = listener.accept()
+            if len(self._clients) >= CLIENTS:
+                connection.close()
+                return
+            client = Client(self._number(), connection, self.channel)
+            self._clients[client.number] = client
+            self._selector.register(connection, selectors.EVENT_READ, lambda _: self._hear(client))
+
+    def _hear(self, client: Client) -> None:
+        commands, rubbish, alive = client.receive()
+        self.counters["rubbish"] += rubbish
+        for command in commands:
+            self._obey(client, command)
+        if not alive:
+            self._drop(client)
+
+    def _obey(self, client: Client, command: Command) -> None:
+        if client.raw and command.verb == "send":
+            client.speaks()
+            frame = frame_of(command.words)
+            if frame is None:
+                client.answer("error could not parse send command")
+                self.counters["rubbish"] += 1
+            else:
+                self._posted.append((client.number, frame))
+        else:
+            client.obey(command)
+
+    def _drop(self, client: Client) -> None:
+        if self._clients.pop(client.number, None) is not None:
+            with contextlib.suppress(KeyError, ValueError):
+                self._selector.unregister(client.connection)
+            client.connection.close()
+            self.wire.forget(client.number)

@@ -1,0 +1,184 @@
+"""One CiA 402 drive on the bus: the node, its axis, its process data, its watchdogs.
+
+On SYNC the controlword and the target that arrived before it are applied, then the state at this
+instant is sent. Without RPDOs for longer than their event timer (0x1400:5) or without SYNC for
+longer than that and `_SYNC_LOSS` periods (0x1006) an enabled axis stops on its quick-stop ramp.
+"""
+
+import threading
+from collections import deque
+from collections.abc import Callable
+
+from wrenchbed.serving.canbus.wire import Frame
+from wrenchbed.twins.medrue.axis import (
+    CYCLIC,
+    PROFILE,
+    RPDO_TIMEOUT,
+    SYNC_ERROR,
+    Axis,
+    Ratings,
+)
+from wrenchbed.twins.medrue.objects import WRONG_VALUE, AbortError
+from wrenchbed.twins.medrue.pdo import Pdo
+from wrenchbed.twins.medrue.slave import OPERATIONAL, Slave
+
+_SYNC_LOSS = 25
+_PERIODS = 250
+_GAP = 8.0
+_PERIOD_TOLERANCE = 0.25
+_GENERIC = 0x01
+_COMMUNICATION = 0x11
+
+
+class Drive(Slave):
+    """A drive.
+
+    Args:
+        node: id.
+        send: puts a frame on the bus.
+        ratings: of its axis.
+        position: where it stands [count].
+        watchdog: event timer of its RPDO after power-up [s].
+        lock: shared with the plant's thread.
+    """
+
+    def __init__(
+        self, node: int, send: Callable[[Frame], None], ratings: Ratings, position: float,
+        watchdog: float, lock: threading.RLock,
+    ) -> None:  # fmt: skip
+        super().__init__(node, send)
+        self.axis = Axis(ratings, position)
+        self.frozen_until = 0.0
+        self._shown = round(position)
+        self._lock, self._watchdog = lock, watchdog
+        self._fed = self._synced = self._speed = self._seen = 0.0
+        self._syncs = self._last_word = 0
+        self._periods: deque[float] = deque(maxlen=_PERIODS)
+        self._define()
+
+    def _define(self) -> None:
+        add, ratings, node = self.objects.add, self.axis.ratings, self.node
+        add(0x603F, 0, 0, 2, writable=False)
+        add(0x6040, 0, 0, 2)
+        add(0x6041, 0, 0x40, 2, writable=False)
+        add(0x605A, 0, 6, 2, signed=True, writable=False)
+        add(0x6060, 0, CYCLIC, 1, signed=True, check=self._check_mode)
+        add(0x6061, 0, CYCLIC, 1, signed=True, writable=False)
+        add(0x6064, 0, self._shown, 4, signed=True, writable=False)
+        add(0x6065, 0, ratings.window, 4)
+        add(0x606C, 0, 0, 4, signed=True, writable=False)
+        add(0x607A, 0, self._shown, 4, signed=True)
+        add(0x607D, 0, 2, 1, writable=False)
+        add(0x607D, 1, ratings.lower, 4, signed=True)
+        add(0x607D, 2, ratings.upper, 4, signed=True)
+        add(0x6081, 0, round(ratings.speed), 4, writable=False)
+        add(0x6085, 0, round(ratings.quick), 4, writable=False)
+        add(0x60C2, 0, 2, 1, writable=False)
+        add(0x60C2, 1, 4, 1)
+        add(0x60C2, 2, -3, 1, signed=True)
+        add(0x6502, 0, 1 << (PROFILE - 1) | 1 << (CYCLIC - 1), 4, writable=False)
+        self.rpdo = Pdo(self.objects, 0x1400, 0x200 + node, ((0x6040, 16), (0x607A, 32)))
+        self.tpdo = Pdo(self.objects, 0x1800, 0x180 + node, ((0x6041, 16), (0x6064, 32)))
+        self._forget()
+
+    def on_reset(self) -> None:
+        position, mute = self._shown, self.mute
+        ratings = self.axis.ratings
+        with self._lock:
+            self.axis = Axis(ratings, self.axis.actual)
+            self._define()
+        self._shown, self.mute = position, mute
+
+    def on_frame(self, t: float, frame: Frame) -> None:
+        if frame.can_id == self.rpdo.can_id and self.rpdo.unpack(frame.data):
+            self._fed = t
+            if not self.rpdo.synchronous:
+                self._apply(t)
+
+    def on_sync(self, t: float) -> None:
+        with self._lock:
+            if self._synced:
+                self._periods.append(t - self._synced)
+            self._synced = t
+            self._check_period()
+            if self._fed > 0.0:
+                self._apply(t)
+            self._tell()
+            self._show(t)
+            self._syncs += 1
+            tell = self.tpdo.can_id is not None and self.tpdo.synchronous
+            if tell and self._syncs % self.tpdo.every == 0:
+                self.send(int(self.tpdo.can_id or 0), self.tpdo.pack())
+
+    def track(self, t: float, seconds: float, actual: float, speed: float) -> float:
+        """Where the servo shall be after some time [s]; called by the plant, with the lock."""
+        self._speed, self._seen = speed, t
+        self._watch(t)
+        objects, axis = self.objects, self.axis
+        axis.window, axis.mode = objects[0x6065, 0], objects[0x6060, 0]
+        axis.lower, axis.upper = objects[0x607D, 1], objects[0x607D, 2]
+        command = axis.advance(t, seconds, actual)
+        self._tell()
+        return command
+
+    def _tell(self) -> None:
+        """Send what the axis raised, before its state shows it."""
+        while self.axis.raised:
+            code = self.axis.raised.pop(0)
+            register = 0 if not code else _COMMUNICATION if code >> 8 in (0x82, 0x87) else _GENERIC
+            self.emergency(code, register)
+
+    def _forget(self) -> None:
+        self.rpdo.timer = self._watchdog
+        self._fed = self._synced = self._speed = self._seen = 0.0
+        self._syncs = self._last_word = 0
+        self._periods.clear()
+
+    def _apply(self, t: float) -> None:
+        word, target = self.objects[0x6040, 0], self.objects[0x607A, 0]
+        rising, self._last_word = word & ~self._last_word, word
+        self.axis.control(word)
+        if rising & 0x10:
+            self.axis.new_goal(target)
+        self.axis.sync(t, target, self.period)
+
+    @property
+    def period(self) -> float:
+        """Interpolation period (0x60C2) [s]."""
+        return self.objects[0x60C2, 1] * 10.0 ** self.objects[0x60C2, 2]
+
+    def _show(self, t: float) -> None:
+        """Fill in what is read, at this instant: between two steps of the plant it moves on."""
+        axis = self.axis
+        if t >= self.frozen_until:
+            ahead = min(max(0.0, t - self._seen), 0.02) if self._seen else 0.0
+            self._shown = round(axis.actual + self._speed * ahead)
+        self.objects[0x6064, 0] = self._shown
+        self.objects[0x606C, 0] = round(self._speed)
+        self.objects[0x6041, 0] = axis.statusword
+        self.objects[0x6061, 0] = axis.mode
+        self.objects[0x603F, 0] = axis.code
+
+    def _watch(self, t: float) -> None:
+        if not self.axis.driven:
+            return
+        timer, cycle = self.rpdo.timer, self.objects[0x1006, 0] * 1e-6
+        silent = timer > 0.0 and t - self._fed > timer
+        if silent or self.state != OPERATIONAL:
+            self.axis.quick_stop(RPDO_TIMEOUT)
+        elif cycle > 0.0 and t - self._synced > max(_SYNC_LOSS * cycle, timer):
+            self.axis.quick_stop(SYNC_ERROR)
+
+    def _check_period(self) -> None:
+        """Compare the master's period with the interpolation's, over a second without a gap."""
+        if not self.axis.driven or self.axis.mode != CYCLIC or len(self._periods) < _PERIODS:
+            return
+        longest, mean = max(self._periods), sum(self._periods) / _PERIODS
+        self._periods.clear()
+        if longest < _GAP * self.period and abs(mean / self.period - 1.0) > _PERIOD_TOLERANCE:
+            self.axis.fault(SYNC_ERROR)
+
+    @staticmethod
+    def _check_mode(mode: int) -> None:
+        if mode not in (PROFILE, CYCLIC):
+            raise AbortError(WRONG_VALUE)

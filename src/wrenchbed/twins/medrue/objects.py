@@ -1,0 +1,106 @@
+"""A CANopen object dictionary: values of one to four bytes, and what a client may do with them.
+
+Sources: CiA 301 (communication objects, abort codes), CiA 402 (drive objects).
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+Key = tuple[int, int]
+"""Index and subindex."""
+
+NO_OBJECT, NO_SUBINDEX, READ_ONLY = 0x06020000, 0x06090011, 0x06010002
+WRONG_LENGTH, WRONG_VALUE, WRONG_STATE = 0x06070010, 0x06090030, 0x08000022
+NOT_MAPPABLE, TOO_LONG, BAD_COMMAND = 0x06040041, 0x06040042, 0x05040001
+
+
+class AbortError(Exception):
+    """An SDO transfer that the drive refuses, with CiA 301's code."""
+
+    def __init__(self, code: int) -> None:
+        super().__init__(f"0x{code:08X}")
+        self.code = code
+
+
+@dataclass
+class Entry:
+    """One value: its size [byte], sign, access, and a check that runs before it is written."""
+
+    value: int
+    size: int
+    signed: bool = False
+    writable: bool = True
+    check: Callable[[int], None] | None = None
+
+
+class Objects:
+    """The dictionary of one node."""
+
+    def __init__(self) -> None:
+        self._entries: dict[Key, Entry] = {}
+
+    def add(
+        self,
+        index: int,
+        sub: int,
+        value: int,
+        size: int,
+        *,
+        signed: bool = False,
+        writable: bool = True,
+        check: Callable[[int], None] | None = None,
+    ) -> None:
+        """Define a value of 1, 2 or 4 bytes."""
+        self._entries[index, sub] = Entry(value, size, signed, writable, check)
+
+    def __getitem__(self, key: Key) -> int:
+        return self._entries[key].value
+
+    def __setitem__(self, key: Key, value: int) -> None:
+        self._entries[key].value = value
+
+    def size(self, key: Key) -> int | None:
+        """Bytes of a value, None where there is none."""
+        entry = self._entries.get(key)
+        return None if entry is None else entry.size
+
+    def pack(self, key: Key) -> bytes:
+        """A value as it goes over the bus, little endian.
+
+        Raises:
+            AbortError: there is none.
+        """
+        entry = self._find(key)
+        span = 1 << 8 * entry.size
+        return (entry.value % span).to_bytes(entry.size, "little")
+
+    def unpack(self, key: Key, raw: bytes) -> None:
+        """Take a value from the bus, for PDOs, whatever its access.
+
+        Raises:
+            AbortError: there is no such value.
+        """
+        entry = self._find(key)
+        entry.value = int.from_bytes(raw[: entry.size], "little", signed=entry.signed)
+
+    def write(self, key: Key, raw: bytes) -> None:
+        """Take a value from an SDO client.
+
+        Raises:
+            AbortError: it may not be written, or not so.
+        """
+        entry = self._find(key)
+        if not entry.writable:
+            raise AbortError(READ_ONLY)
+        if len(raw) != entry.size:
+            raise AbortError(WRONG_LENGTH)
+        value = int.from_bytes(raw, "little", signed=entry.signed)
+        if entry.check is not None:
+            entry.check(value)
+        entry.value = value
+
+    def _find(self, key: Key) -> Entry:
+        if key in self._entries:
+            return self._entries[key]
+        known = any(index == key[0] for index, _ in self._entries)
+        raise AbortError(NO_SUBINDEX if known else NO_OBJECT)

@@ -1,0 +1,80 @@
+"""The robot behind the drives, in real time: a mute master does not stop the clock."""
+
+import threading
+import time
+from collections.abc import Sequence
+
+import numpy as np
+
+from wrenchbed.serving.body import Body
+from wrenchbed.twins.medrue.drive import Drive
+
+CYCLE_S = 0.004
+_READINGS = 2
+_LATE_S = 0.1
+"""How far the clock may run behind before it skips [s]."""
+
+
+class Plant:
+    """Steps the robot at 250 Hz towards where the drives' servos want it.
+
+    Args:
+        body: the robot, with a control cycle of `CYCLE_S`.
+        counts: per unit of each joint (J,).
+        lock: shared with the drives.
+    """
+
+    def __init__(self, body: Body, counts: np.ndarray, lock: threading.RLock) -> None:
+        self.body, self.counts = body, counts
+        self.drives: Sequence[Drive] = ()
+        self._lock = lock
+        self._running = threading.Event()
+        self._thread: threading.Thread | None = None
+        self._readings: tuple[float, np.ndarray] = (0.0, np.zeros((_READINGS, 6)))
+
+    def wrench(self, t: float) -> np.ndarray:
+        """What the sensor shows at a time [s] of `time.monotonic` (6,)."""
+        begun, rows = self._readings
+        k = int((t - begun) / CYCLE_S * len(rows))
+        return np.asarray(rows[min(max(k, 0), len(rows) - 1)])
+
+    def start(self) -> None:
+        """Let time run."""
+        self._measure(time.monotonic())
+        self._running.set()
+        self._thread = threading.Thread(target=self._run, name="medrue plant", daemon=True)
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Hold the clock; may be called twice."""
+        self._running.clear()
+        if self._thread is not None:
+            self._thread.join(2.0)
+            self._thread = None
+
+    def _run(self) -> None:
+        due = time.monotonic()
+        while self._running.is_set():
+            now = time.monotonic()
+            if now < due:
+                time.sleep(due - now)
+            elif now - due > _LATE_S:
+                due = now
+            self._step(time.monotonic())
+            due += CYCLE_S
+
+    def _step(self, t: float) -> None:
+        with self._lock:
+            q, qd = self.body.q * self.counts, self.body.qd * self.counts
+            commands = [
+                drive.track(t, CYCLE_S, float(q[j]), float(qd[j]))
+                for j, drive in enumerate(self.drives)
+            ]
+            self.body.step(np.array(commands) / self.counts)
+        for drive in self.drives:
+            drive.beat(t)
+        self._measure(t)
+
+    def _measure(self, t: float) -> None:
+        times = self.body.time + CYCLE_S * np.arange(_READINGS) / _READINGS
+        self._readings = (t, self.body.readings(times)[0])

@@ -1,0 +1,131 @@
+"""What a driver of UR robots says and does when something goes wrong during a move."""
+
+import contextlib
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from rtde_observer import Observer
+from twin_process import running
+from wrenchbed.drivers.base import Limits
+from wrenchbed.drivers.rtde import Options, RtdeDriver
+from wrenchbed.errors import DriverError
+
+A = np.array([0.0, -1.2, -1.9, -1.6, 1.5708, 0.0])
+B = A + np.array([0.9, 0.2, 0.0, 0.0, 0.0, 0.3])
+AT_REST_S = 0.45
+"""Time after which a robot that lost its client is at rest: watchdog 0.1 s, braking, a load."""
+
+
+@dataclass
+class Outcome:
+    """State named first and after how long [s], what the move raised and when, travel [rad]."""
+
+    state: str = "ok"
+    detail: str = ""
+    named: float = np.inf
+    error: DriverError | None = None
+    ended: float = np.inf
+    late_travel: float = 0.0
+    last: str = ""
+
+
+def alive(pid):
+    """Whether a process lives; one whose parent died may stay as a zombie."""
+    try:
+        stat = Path(f"/proc/{pid}/stat").read_text()
+    except FileNotFoundError:
+        return False
+    return stat.rpartition(")")[2].split()[0] != "Z"
+
+
+def driver(host, **more):
+    options = {"sensor": "rtde", "limits": Limits(speed=0.3, tracking=0.5)} | more
+    return RtdeDriver(Options(host=host, **options))
+
+
+@dataclass
+class Bench:
+    """A twin, an observer beside the driver, and the driver."""
+
+    twin: object
+    observer: Observer
+    driver: RtdeDriver
+
+    def ready(self):
+        """The driver, active and in order."""
+        if not self.driver._active or not self.driver.health().ok:
+            recovered(self.driver)
+        return self.driver
+
+
+@contextlib.contextmanager
+def bench(host, *more, **options):
+    """A twin and everything around it until the block ends."""
+    with (
+        running("ur5", host, "--set", "box=off", *more) as twin,
+        Observer(host) as observer,
+        contextlib.closing(driver(host, **options)) as link,
+    ):
+        link.connect()
+        yield Bench(twin, observer, link)
+
+
+def disturbed(bench, disturb, rest_from=AT_REST_S):
+    """Start a long move, disturb it, and watch until it ends; then whether the robot rests."""
+    link = bench.driver
+    motion = _under_way(link)
+    disturb()
+    begun, seen = time.monotonic(), Outcome()
+    while time.monotonic() < begun + 6.0:
+        health = link.health()
+        if not health.ok and seen.state == "ok":
+            seen.state, seen.detail = health.state, health.detail
+            seen.named = time.monotonic() - begun
+        try:
+            if motion.poll() is not None:
+                break
+        except DriverError as error:
+            seen.error = error
+            if seen.state == "ok":
+                seen.state, seen.detail = link.health().state, link.health().detail
+                seen.named = time.monotonic() - begun
+            break
+        time.sleep(0.001)
+    seen.ended = time.monotonic() - begun
+    seen.last = link.health().state
+    if seen.error is not None:
+        time.sleep(max(0.0, begun + rest_from + 0.2 - time.monotonic()))
+        seen.late_travel = bench.observer.travel(begun + rest_from)
+    return seen
+
+
+def _under_way(link):
+    """A move that goes on; on a busy machine the robot's watchdog may end one or two."""
+    for _ in range(3):
+        q = link.position()
+        try:
+            motion = link.move(A if np.abs(A - q).max() > np.abs(B - q).max() else B)
+            time.sleep(0.35)
+            assert motion.poll() is None
+            return motion
+        except DriverError:
+            recovered(link)
+    raise AssertionError("no move goes on undisturbed")
+
+
+def recovered(link, tries=6):
+    """Recover as a campaign would; the time it took [s]."""
+    begun = time.monotonic()
+    for k in range(tries):
+        try:
+            link.recover()
+            break
+        except DriverError:
+            if k == tries - 1:
+                raise
+            time.sleep(0.3)
+    assert link.health().ok, link.health()
+    return time.monotonic() - begun

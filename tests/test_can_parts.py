@@ -1,0 +1,269 @@
+"""The driver's parts without a bus: states, ids, rates, detection counted in cycles."""
+
+import struct
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from wrenchbed.drivers.can import Options, ids
+from wrenchbed.drivers.can.cia402 import State, Want, controlword, state_of
+from wrenchbed.drivers.can.cycle import Cycle
+from wrenchbed.drivers.can.drive import BEATS, Drive
+from wrenchbed.drivers.can.following import Following
+from wrenchbed.drivers.can.setpoints import Setpoints
+from wrenchbed.errors import ParameterError
+from wrenchbed.transducers.netcanoem.frames import COUNTS, FIRMWARE, GAUGES, MATRIX, SELECT
+from wrenchbed.twins.medrue import axis as served
+
+T = 0.004
+TOP = np.ones(6)
+
+
+@pytest.mark.parametrize(
+    "word, state",
+    [(0x0250, State.DISABLED), (0x0231, State.READY), (0x0233, State.SWITCHED_ON),
+     (0x1237, State.ENABLED), (0x0217, State.QUICK_STOP), (0x0218, State.FAULT),
+     (0x021F, State.REACTING), (0x0000, State.NOT_READY), (0x2238, State.FAULT)],
+)  # fmt: skip
+def test_statuswords_of_the_profile(word, state):
+    assert state_of(word) is state
+
+
+@given(st.integers(0, 0xFFFF))
+def test_every_statusword_has_a_state(word):
+    assert state_of(word) in State
+
+
+def ratings():
+    return served.Ratings(-1000, 100_000, 500, 1e6, 1e5, 1e5)
+
+
+def climb(axis, want, cycles=10):
+    word = 0
+    for _ in range(cycles):
+        word = controlword(want, state_of(axis.statusword), word)
+        axis.control(word)
+        axis.advance(0.0, T, axis.command)
+    return state_of(axis.statusword)
+
+
+def test_master_and_drive_agree_on_the_way_up_and_out_of_a_fault():
+    axis = served.Axis(ratings(), 100.0)
+    assert climb(axis, Want.ENABLE) is State.ENABLED
+    assert climb(axis, Want.QUICK_STOP) is State.QUICK_STOP
+    assert climb(axis, Want.RESET) is State.DISABLED
+    climb(axis, Want.ENABLE)
+    axis.fault(0x2310)
+    assert climb(axis, Want.ENABLE) is State.FAULT  # nothing but a reset leaves it
+    assert climb(axis, Want.RESET) is State.DISABLED
+    assert axis.raised == [0x2310, 0]
+    assert climb(axis, Want.ENABLE) is State.ENABLED
+
+
+def test_a_fault_is_reset_by_the_rising_edge_only():
+    axis = served.Axis(ratings(), 0.0)
+    axis.control(0x80)
+    axis.fault(0x2310)
+    axis.control(0x80)
+    assert axis.state is served.State.FAULT
+    axis.control(0x00)
+    axis.control(0x80)
+    assert axis.state is served.State.DISABLED
+
+
+def test_a_target_that_jumps_is_a_following_error():
+    axis = served.Axis(ratings(), 0.0)
+    climb(axis, Want.ENABLE)
+    axis.sync(0.0, 400.0, T)
+    assert axis.state is served.State.ENABLED
+    axis.sync(T, 501.0, T)
+    assert axis.state is served.State.FAULT and axis.code == 0x8611
+
+
+def test_targets_stay_within_the_software_limits():
+    axis = served.Axis(ratings(), -900.0)
+    climb(axis, Want.ENABLE)
+    axis.sync(0.0, -1200.0, T)
+    axis.advance(T, T, -900.0)
+    assert axis.command == -1000.0 and axis.statusword & 1 << 11
+
+
+def test_a_quick_stop_runs_down_its_ramp():
+    axis = served.Axis(ratings(), 0.0)
+    climb(axis, Want.ENABLE)
+    for k in range(50):
+        axis.sync(k * T, 40.0 * (k + 1), T)
+        axis.advance((k + 1) * T, T, axis.command)
+    begun = axis.command
+    axis.quick_stop(0x8250)
+    for k in range(20):
+        axis.advance(1.0 + k * T, T, axis.command)
+    speed = 40.0 / T
+    assert begun < axis.command <= begun + speed**2 / (2 * 1e6) + 1.0
+    assert state_of(axis.statusword) is State.QUICK_STOP and axis.raised == [0x8250]
+
+
+def test_profile_position_mode_goes_there_and_says_so():
+    axis = served.Axis(ratings(), 0.0)
+    axis.mode = served.PROFILE
+    climb(axis, Want.ENABLE)
+    axis.new_goal(5000.0)
+    axis.control(0x1F)
+    assert axis.statusword & 1 << 12 and not axis.statusword & 1 << 10
+    for k in range(400):
+        axis.advance(k * T, T, axis.command)
+    assert axis.command == 5000.0 and axis.statusword & 1 << 10
+
+
+def test_ids_that_collide_are_refused_with_the_remedy():
+    with pytest.raises(ParameterError, match=r"0x201 is RPDO1 of node 1.*base 0x68"):
+        Options(base=0x20)
+    with pytest.raises(ParameterError, match="SYNC"):
+        Options(base=0x08)
+    with pytest.raises(ParameterError, match="heartbeat of node 1"):
+        Options(base=0x70)
+    assert Options(base=0x20, nodes=(17, 18, 19, 20, 21, 22)).base == 0x20
+    for base in range(0x68, 0x6E):
+        ids.check(base, tuple(range(1, 128)))
+
+
+def test_nothing_that_changes_the_board_for_good_has_a_name():
+    assert not {GAUGES, MATRIX, SELECT, COUNTS, FIRMWARE} & {0xC, 0xD, 0xE}
+
+
+@pytest.mark.parametrize(
+    "words, named",
+    [({"rate": 600.0}, "tenths"), ({"rate": 500.0, "bitrate": 250_000}, "% of a bus"),
+     ({"nodes": (1, 2, 3)}, "six"), ({"nodes": (1, 1, 2, 3, 4, 5)}, "different"),
+     ({"watchdog": 0.001}, "watchdog"), ({"counts_per_unit": (0.0,) * 6}, "none may be 0"),
+     ({"rate": 0.0}, "rate")],
+)  # fmt: skip
+def test_options_that_cannot_be(words, named):
+    with pytest.raises(ParameterError, match=named):
+        Options(**words)
+
+
+def test_the_interpolation_period_is_what_a_drive_can_hold():
+    assert Options(rate=250.0).interpolation == (4, -3)
+    assert Options(rate=400.0).interpolation == (25, -4)
+    assert Options(rate=500.0).bus_load.share < 0.9
+
+
+def points():
+    setpoints = Setpoints(T, -np.ones(6), np.ones(6), TOP)
+    setpoints.hold(np.zeros(6))
+    return setpoints
+
+
+class Wire:
+    """A link that carries nothing; keeps what was sent."""
+
+    def __init__(self):
+        self.sent = []
+
+    def listen(self, heard):
+        self.heard = heard
+
+    def leave(self, heard):
+        pass
+
+    def send(self, can_id, data):
+        self.sent.append((can_id, data))
+
+
+class Bench:
+    """Six drives that answer, a cycle at a time."""
+
+    def __init__(self):
+        self.wire, self.now = Wire(), 0.0
+        self.setpoints = points()
+        self.cycle = Cycle(self.wire, [Drive(n) for n in range(1, 7)], np.full(6, 1e6),
+                           self.setpoints, lambda: None, Following(TOP), T)  # fmt: skip
+        self.words = dict.fromkeys(range(1, 7), 0x1237)
+        self.mute = set()
+        self.cycle.want = Want.ENABLE
+
+    def tick(self):
+        self.wire.sent.clear()
+        self.cycle._judge()
+        self.cycle._send()
+        for node, word in self.words.items():
+            if node not in self.mute:
+                raw = struct.pack("<Hi", word, 0)
+                self.cycle._heard(1.0, 0x180 + node, raw)
+
+    def controlwords(self):
+        rpdos = {i - 0x200: d for i, d in self.wire.sent if 0x200 < i < 0x207}
+        return {node: struct.unpack_from("<H", data)[0] for node, data in rpdos.items()}
+
+
+def test_a_mute_drive_stops_all_others_within_two_cycles():
+    bench = Bench()
+    for _ in range(5):
+        bench.tick()
+    assert set(bench.controlwords().values()) == {0x0F} and bench.cycle.following
+    bench.mute = {3}
+    cycles = 0
+    while bench.cycle.latched is None:
+        bench.tick()
+        cycles += 1
+    assert cycles == 3  # asked in the first, missed in it and the second, judged as the third began
+    assert bench.cycle.latched == ("lost", "drive 3 is mute: no answer for 2 cycles")
+    assert set(bench.controlwords().values()) == {0x02}
+
+
+def test_an_emergency_stops_all_others_in_the_next_cycle():
+    bench = Bench()
+    for _ in range(5):
+        bench.tick()
+    bench.cycle._heard(1.0, 0x085, struct.pack("<HB5x", 0x2310, 1))
+    assert bench.cycle.latched[0] == "fault" and "over-current" in bench.cycle.latched[1]
+    bench.tick()
+    assert set(bench.controlwords().values()) == {0x02}
+
+
+def test_one_lost_answer_is_no_alarm_and_a_silent_bus_names_no_drive():
+    bench = Bench()
+    for k in range(20):
+        bench.mute = {2} if k % 3 == 0 else set()
+        bench.tick()
+    assert bench.cycle.latched is None and bench.cycle.incomplete > 3
+    bench.mute = set(range(1, 7))
+    for _ in range(20):
+        bench.tick()
+    assert bench.cycle.latched is None
+
+
+@pytest.mark.parametrize(
+    "can_id, data, state, named",
+    [(0x703, b"\x00", "lost", "drive 3 restarted"), (0x703, b"\x7f", "lost", "left NMT"),
+     (0x083, struct.pack("<HB5x", 0x8250, 17), "stopped", "no targets")],
+)  # fmt: skip
+def test_what_a_drive_says_of_itself(can_id, data, state, named):
+    bench = Bench()
+    bench.tick()
+    bench.cycle._heard(1.0, can_id, data)
+    bench.tick()
+    assert bench.cycle.latched[0] == state and named in bench.cycle.latched[1]
+
+
+def test_a_drive_without_heartbeat_is_compared_with_the_others():
+    bench = Bench()
+    bench.tick()
+    beats = 0
+    while bench.cycle.latched is None and beats < 100:
+        bench.cycle._heard(1.0, 0x701 + beats % 5, b"\x05")  # nodes 1 … 5
+        bench.tick()
+        beats += 1
+    assert bench.cycle.latched == ("lost", "drive 6 sends no heartbeat while the others do")
+    assert beats == BEATS
+
+
+@given(st.binary(max_size=9))
+def test_frames_of_any_length_are_taken_or_dropped(raw):
+    bench = Bench()
+    for first in (0x080, 0x180, 0x700):
+        bench.cycle._heard(1.0, first + 1, raw)
+    bench.tick()

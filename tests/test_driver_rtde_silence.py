@@ -1,0 +1,62 @@
+"""A UR robot that falls silent during a move: named, and nothing moves on."""
+
+import time
+
+import pytest
+
+import rtde_moves
+from rtde_moves import disturbed, recovered
+from wrenchbed.errors import LinkError, StoppedError
+from wrenchbed.health import GONE_S, STALE_S
+
+pytest.importorskip("rtde_control")
+HOST = "127.0.2.12"
+LOAD_S = 0.35
+"""What a busy test machine may add."""
+
+
+@pytest.fixture(scope="module")
+def bench():
+    with rtde_moves.bench(HOST) as made:
+        yield made
+
+
+@pytest.fixture
+def link(bench):
+    return bench.ready()
+
+
+@pytest.mark.parametrize(
+    "where, kind, values",
+    [
+        ("rtde", "stall", {"seconds": 1.4}),
+        ("rtde", "freeze", {"seconds": 1.4}),
+        ("rtde", "drop", {"seconds": 1.4}),
+        ("rtde", "burst", {"seconds": 1.4}),
+    ],
+)
+def test_silence_is_stale_then_lost(bench, link, where, kind, values):
+    seen = disturbed(bench, lambda: bench.twin.fault(where, kind, **values), rest_from=1.9)
+    assert seen.state == "stale" and seen.named < STALE_S + LOAD_S
+    assert isinstance(seen.error, LinkError | StoppedError)
+    assert seen.ended < GONE_S + 1.2
+    assert seen.late_travel < 1e-3
+    assert recovered(link) < 6.0
+
+
+@pytest.mark.parametrize("kind", ["drop", "burst"])
+def test_a_short_silence_is_named_and_survived(bench, link, kind):
+    seen = disturbed(bench, lambda: bench.twin.fault("rtde", kind, seconds=0.3))
+    assert seen.state == "stale" and seen.named < STALE_S + LOAD_S
+    assert seen.error is None and seen.last == "ok"
+
+
+def test_targets_are_refused_while_states_are_stale(bench, link):
+    q = link.position()
+    assert link.write(q).ok
+    bench.twin.fault("rtde", "drop", seconds=0.4)
+    time.sleep(0.2)
+    applied = link.write(q)
+    assert not applied.ok and "stale" in applied.reason
+    time.sleep(0.5)
+    link.stop()

@@ -1,0 +1,258 @@
+"""NETCANOEM frames by hand from the manual's table, the pairing of gauges, and the twin's board."""
+
+import struct
+import threading
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from wrenchbed.errors import DriverError, ParameterError
+from wrenchbed.sensors.ati_mini40 import MATRIX
+from wrenchbed.serving.canbus.wire import Frame
+from wrenchbed.transducers.netcanoem import Options, calibration
+from wrenchbed.transducers.netcanoem.calibration import _si
+from wrenchbed.transducers.netcanoem.frames import (
+    Active,
+    Coefficients,
+    Counts,
+    EvenGauges,
+    Firmware,
+    OddGauges,
+    Serial,
+    Units,
+    faults,
+    parse,
+)
+from wrenchbed.transducers.netcanoem.pairs import PATIENCE_S, Pairs
+from wrenchbed.twins.medrue.board import Board
+
+EVEN = EvenGauges(0, (1, 3, 5))
+ODD = OddGauges((2, 4, 6))
+
+
+@pytest.mark.parametrize(
+    "can_id, raw, reply",
+    [
+        (0x680, "8010 0001 ffff 7fff", EvenGauges(0x8010, (1, -1, 32767))),
+        (0x681, "8000 0100 fffe", OddGauges((-32768, 256, -2))),
+        (0x682, "3f800000 c0000000", Coefficients(0, (1.0, -2.0))),
+        (0x684, "42c80000 00000000", Coefficients(2, (100.0, 0.0))),
+        (0x685, "4654313232383800", Serial("FT12288")),
+        (0x686, "02", Active(2)),
+        (0x687, "000f4240 00989680", Counts(1_000_000, 10_000_000)),
+        (0x688, "02 03", Units(2, 3)),
+        (0x68F, "03 08 0011", Firmware(3, 8, 17)),
+        (0x689, "0800", None),
+        (0x680, "", None),
+        (0x681, "8000 0100 fffe 0000", None),
+        (0x690, "8010 0001 ffff 7fff", None),
+        (0x200, "8010 0001 ffff 7fff", None),
+    ],
+)
+def test_frames_by_hand(can_id, raw, reply):
+    assert parse(can_id, bytes.fromhex(raw), 0x68) == reply
+
+
+@given(st.integers(0, 0x1FFFFFFF), st.binary(max_size=64), st.integers(0, 0x7F))
+def test_anything_a_bus_may_carry_is_parsed_or_refused(can_id, data, base):
+    reply = parse(can_id, data, base)
+    assert reply is None or can_id >> 4 == base
+
+
+def test_words_of_a_status():
+    assert faults(0x8000 | 1 << 4 | 1 << 11) == ("supply high", "temperature high")
+    assert faults(0x8000) == ("error without a name",) and faults(0) == ()
+
+
+def test_a_pair_is_put_together_in_the_gauges_order():
+    pairs = Pairs()
+    assert pairs.poll(0.0)
+    assert pairs.take(0.001, EVEN) is None
+    assert pairs.take(0.0011, ODD).gauges == (1, 2, 3, 4, 5, 6)
+    assert (pairs.lost, pairs.odd) == (0, 0)
+
+
+def test_a_second_frame_lost_never_mixes_two_requests():
+    pairs = Pairs()
+    pairs.poll(0.0)
+    pairs.take(0.001, EVEN)
+    assert not pairs.poll(0.004)  # waits for the rest
+    assert not pairs.poll(PATIENCE_S + 0.005)  # gives up, and is quiet for a turn
+    assert pairs.take(PATIENCE_S + 0.006, ODD) is None  # late, thrown away
+    assert pairs.poll(PATIENCE_S + 0.009)
+    assert pairs.take(PATIENCE_S + 0.010, OddGauges((9, 9, 9))) is None
+    assert pairs.lost == 1 and pairs.odd == 2
+
+
+def test_swapped_frames_are_no_reading():
+    pairs = Pairs()
+    pairs.poll(0.0)
+    assert pairs.take(0.001, ODD) is None and pairs.take(0.0011, EVEN) is None
+    assert pairs.odd == 1
+
+
+@given(st.lists(st.tuples(st.sampled_from(["poll", "even", "odd", "lose"]), st.integers(0, 40))))
+def test_no_order_of_frames_mixes_requests(events):
+    """Each request's frames carry its number; whatever is lost, swapped or late by less than the
+    patience, a reading never holds two numbers."""
+    pairs, t, number = Pairs(), 0.0, 0
+    pending: list[tuple[int, str]] = []
+    for kind, wait in events:
+        t += wait * 1e-4
+        if kind == "poll":
+            before = pairs.lost
+            if pairs.poll(t):
+                number += 1
+                pending = [(number, "even"), (number, "odd")]
+            elif pairs.lost > before:
+                pending = []
+        elif kind == "lose":
+            pending = pending[1:]
+        else:
+            for frame in [p for p in pending if p[1] == kind][:1]:
+                pending.remove(frame)
+                value = (frame[0],) * 3
+                made = EvenGauges(0, value) if kind == "even" else OddGauges(value)
+                reading = pairs.take(t, made)
+                assert reading is None or len(set(reading.gauges)) == 1
+
+
+def test_more_answers_than_requests_are_a_clash_and_late_ones_are_not():
+    pairs = Pairs()
+    for k in range(3):
+        pairs.poll(0.01 * k)
+        for _ in range(2):
+            pairs.take(0.01 * k + 0.001, EVEN)
+            pairs.take(0.01 * k + 0.001, ODD)
+    assert pairs.clash(0.03) and not pairs.clash(3.0)
+    late = Pairs()
+    for k in range(40):
+        late.poll(0.03 * k)
+    for k in range(late.polls):
+        late.take(1.3 + 1e-4 * k, EVEN)
+    assert not late.clash(1.4)
+
+
+def board(slot=2, base=0x68):
+    sent: list[Frame] = []
+    load = np.array([3.0, -2.0, 10.0, 0.05, -0.04, 0.1])
+    return Board(sent.append, base, slot, 1_000_000, lambda t: load), sent, load
+
+
+def ask(one, sent, opcode, data=b"", t=1.0):
+    sent.clear()
+    one.hear(t, Frame(one.base << 4 | opcode, data))
+    return [(frame.can_id & 0xF, frame.data) for frame in sent]
+
+
+def test_the_boards_answers_by_hand():
+    one, sent, _ = board()
+    assert ask(one, sent, 0x6, b"\x02") == [(6, b"\x02")]
+    assert ask(one, sent, 0x7) == [(7, bytes.fromhex("000f4240000f4240"))]
+    assert ask(one, sent, 0x8) == [(8, b"\x02\x03")]
+    assert ask(one, sent, 0x5) == [(5, b"FT12288\0")]
+    assert ask(one, sent, 0xF) == [(0xF, bytes.fromhex("03080011"))]
+    assert ask(one, sent, 0x9, b"\x00") == [(9, bytes.fromhex("0800"))]
+    assert [op for op, _ in ask(one, sent, 0x2, b"\x00")] == [2, 3, 4]
+    assert [len(data) for _, data in ask(one, sent, 0x0)] == [8, 6]
+    assert ask(one, sent, 0x2, b"\x06") == [] and ask(one, sent, 0x2) == []
+
+
+def test_gauges_through_the_matrix_that_the_board_tells_are_the_load():
+    one, sent, load = board()
+    ask(one, sent, 0x6, b"\x02")
+    rows = []
+    for axis in range(6):
+        raw = b"".join(data for _, data in ask(one, sent, 0x2, bytes([axis])))
+        rows.append(struct.unpack(">6f", raw))
+    (_, first), (_, second) = ask(one, sent, 0x0)
+    g0, g2, g4 = struct.unpack_from(">hhh", first, 2)
+    g1, g3, g5 = struct.unpack(">hhh", second)
+    wrench = np.array(rows) @ [g0, g1, g2, g3, g4, g5] / 1e6
+    step = np.abs(MATRIX).sum(axis=1) / 3276.8
+    assert (np.abs(wrench - load) < step).all()
+
+
+def test_the_calibration_is_forgotten_at_a_reset_and_a_new_base_waits_for_it():
+    one, sent, _ = board()
+    ask(one, sent, 0x6, b"\x02")
+    right = ask(one, sent, 0x2, b"\x00")
+    assert ask(one, sent, 0xD, b"\x30") == [(0xD, b"")] and one.base == 0x68
+    assert ask(one, sent, 0xC) == [] and one.base == 0x30
+    assert ask(one, sent, 0x2, b"\x00", t=1.01) == []  # it boots
+    assert ask(one, sent, 0x2, b"\x00", t=2.0) != right
+
+
+def test_a_slot_without_calibration_is_told_by_the_status():
+    one, sent, _ = board()
+    ask(one, sent, 0x6, b"\x05")
+    (_, first), _ = ask(one, sent, 0x0)
+    assert struct.unpack_from(">H", first)[0] == 0x8040
+
+
+def test_gauges_stop_at_their_range():
+    one, _, _ = board()
+    one.active = 2
+    one._wrench = lambda t: np.array([1e4, 0, 0, 0, 0, 0])
+    assert {32767, -32768} & set(one.gauges(0.0))
+
+
+def test_the_makers_base_takes_drives_targets_for_requests():
+    """Base 0x20: an RPDO to node 12 resets the board, one to node 13 moves it for good."""
+    one, _, _ = board(base=0x20)
+    one.active = 2
+    one.hear(1.0, Frame(0x200 + 12, bytes(6)))
+    assert one.active == 0
+
+
+class Late:
+    """A link to a board whose answers come late by more than a question is waited for."""
+
+    def __init__(self, late):
+        self._board, self._sent, _ = board()
+        self._late, self._asked = late, 0
+
+    def send(self, can_id, data):
+        self._asked += 1
+        replies = ask(self._board, self._sent, can_id & 0xF, data)
+        wait = 0.08 if self._asked in self._late else 0.0
+        threading.Timer(wait, lambda: [self.hand_on(op, raw) for op, raw in replies]).start()
+
+    def hand_on(self, op, raw):
+        self.one.take(parse(0x680 | op, raw, 0x68))
+
+
+@pytest.mark.parametrize("late", [(), (5,), (9, 13), (4, 5, 6)])
+def test_late_answers_never_make_a_wrong_matrix(monkeypatch, late):
+    monkeypatch.setattr(calibration, "ANSWER_S", 0.05)
+    link = Late(late)
+    link.one = calibration.Board(link, 0x68)
+    found = link.one.calibrate(2)
+    assert np.array_equal(found.raw, link._board.matrix().astype(float))
+
+
+@pytest.mark.parametrize("units, scale", [((2, 3), 1.0), ((4, 6), 1e3), ((1, 3), 4.4482216)])
+def test_units_become_si(units, scale):
+    matrix = _si(np.eye(6) * 5.0, Counts(10, 10), Units(*units), 0)
+    assert matrix[0, 0] == pytest.approx(0.5 * scale, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    "raw, counts, units, named",
+    [(np.zeros((6, 6)), Counts(1, 1), Units(2, 3), "no usable matrix"),
+     (np.full((6, 6), np.nan), Counts(1, 1), Units(2, 3), "no usable matrix"),
+     (np.eye(6), Counts(0, 1), Units(2, 3), "0 counts"),
+     (np.eye(6), Counts(1, 1), Units(9, 3), "units 9 and 3")],
+)  # fmt: skip
+def test_a_calibration_that_makes_no_sense_is_refused(raw, counts, units, named):
+    with pytest.raises(DriverError, match=named):
+        _si(raw, counts, units, 0)
+
+
+def test_options_out_of_range():
+    with pytest.raises(ParameterError):
+        Options(base=0x80)
+    with pytest.raises(ParameterError):
+        Options(slot=16)
