@@ -21,15 +21,27 @@ AT_REST_S = 0.45
 
 @dataclass
 class Outcome:
-    """State named first and after how long [s], what the move raised and when, travel [rad]."""
+    """What was seen after a fault: states, errors, times [s] and travel [rad].
 
+    ``first`` is the first state that is not ok and ``named`` its time; ``state`` and ``detail`` are
+    of the first that is worse than stale, which a busy machine may be for a moment.
+    """
+
+    first: str = "ok"
+    named: float = np.inf
     state: str = "ok"
     detail: str = ""
-    named: float = np.inf
     error: DriverError | None = None
     ended: float = np.inf
     late_travel: float = 0.0
     last: str = ""
+
+    def note(self, health, t):
+        """Take in a state at a time [s] after the fault."""
+        if not health.ok and self.first == "ok":
+            self.first, self.named = health.state, t
+        if health.state not in ("ok", "stale") and self.state == "ok":
+            self.state, self.detail = health.state, health.detail
 
 
 def alive(pid):
@@ -80,18 +92,13 @@ def disturbed(bench, disturb, rest_from=AT_REST_S):
     disturb()
     begun, seen = time.monotonic(), Outcome()
     while time.monotonic() < begun + 6.0:
-        health = link.health()
-        if not health.ok and seen.state == "ok":
-            seen.state, seen.detail = health.state, health.detail
-            seen.named = time.monotonic() - begun
+        seen.note(link.health(), time.monotonic() - begun)
         try:
             if motion.poll() is not None:
                 break
         except DriverError as error:
             seen.error = error
-            if seen.state == "ok":
-                seen.state, seen.detail = link.health().state, link.health().detail
-                seen.named = time.monotonic() - begun
+            seen.note(link.health(), time.monotonic() - begun)
             break
         time.sleep(0.001)
     seen.ended = time.monotonic() - begun

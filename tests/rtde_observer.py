@@ -30,8 +30,10 @@ class Observer:
 
     def travel(self, since, until=np.inf):
         """How far any joint went from where it was first seen after a time [rad]."""
-        rows = [q for t, q in list(self.rows) if since <= t <= until]
-        assert rows, "the observer saw nothing"
+        end = time.monotonic() + 3.0
+        while len(rows := [q for t, q in list(self.rows) if since <= t <= until]) < 3:
+            assert time.monotonic() < end, "the observer saw nothing"
+            time.sleep(0.02)
         return float(np.ptp(np.array(rows), axis=0).max())
 
     def _run(self):

@@ -17,6 +17,8 @@ from wrenchbed.serving.canbus.wire import Frame
 from wrenchbed.transducers.netcanoem.link import Link, open_bus
 from wrenchbed.twins.medrue import settings
 
+pytestmark = pytest.mark.wire
+
 HOST = "127.0.4.2"
 
 

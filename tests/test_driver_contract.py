@@ -21,6 +21,8 @@ from wrenchbed.plan import Plan
 from wrenchbed.recording import Recording
 from wrenchbed.wrench import CHANNELS
 
+pytestmark = pytest.mark.wire
+
 SLOW = Limits(speed=0.05, tracking=0.05)
 KINDS = ["sim-ur5", "sim-medrue", "rtde", "can"]
 HARDWARE = {"real-ur5": "WRENCHBED_UR5", "real-can": "WRENCHBED_CAN"}

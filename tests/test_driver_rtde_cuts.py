@@ -10,6 +10,7 @@ from rtde_moves import A, B, disturbed, recovered
 from wrenchbed.errors import DriverError, LinkError
 
 pytest.importorskip("rtde_control")
+pytestmark = pytest.mark.wire
 HOST = "127.0.2.15"
 LOAD_S = 0.35
 """What a busy test machine may add."""

@@ -11,6 +11,7 @@ from twin_process import running
 from wrenchbed.errors import DriverError, LinkError, StoppedError
 
 pytest.importorskip("rtde_control")
+pytestmark = pytest.mark.wire
 HOST = "127.0.2.14"
 
 

@@ -10,6 +10,7 @@ from wrenchbed.errors import LinkError, StoppedError
 from wrenchbed.health import GONE_S, STALE_S
 
 pytest.importorskip("rtde_control")
+pytestmark = pytest.mark.wire
 HOST = "127.0.2.12"
 LOAD_S = 0.35
 """What a busy test machine may add."""
@@ -37,7 +38,7 @@ def link(bench):
 )
 def test_silence_is_stale_then_lost(bench, link, where, kind, values):
     seen = disturbed(bench, lambda: bench.twin.fault(where, kind, **values), rest_from=1.9)
-    assert seen.state == "stale" and seen.named < STALE_S + LOAD_S
+    assert seen.first == "stale" and seen.named < STALE_S + LOAD_S
     assert isinstance(seen.error, LinkError | StoppedError)
     assert seen.ended < GONE_S + 1.2
     assert seen.late_travel < 1e-3
@@ -47,7 +48,7 @@ def test_silence_is_stale_then_lost(bench, link, where, kind, values):
 @pytest.mark.parametrize("kind", ["drop", "burst"])
 def test_a_short_silence_is_named_and_survived(bench, link, kind):
     seen = disturbed(bench, lambda: bench.twin.fault("rtde", kind, seconds=0.3))
-    assert seen.state == "stale" and seen.named < STALE_S + LOAD_S
+    assert seen.first == "stale" and seen.named < STALE_S + LOAD_S
     assert seen.error is None and seen.last == "ok"
 
 

@@ -9,6 +9,7 @@ from rtde_moves import A, disturbed, recovered
 from wrenchbed.errors import DriverError, StoppedError
 
 pytest.importorskip("rtde_control")
+pytestmark = pytest.mark.wire
 HOST = "127.0.2.13"
 LOAD_S = 0.35
 """What a busy test machine may add."""

@@ -14,6 +14,7 @@ from wrenchbed.errors import DriverError
 from wrenchbed.health import STALE_S
 
 pytest.importorskip("rtde_control")
+pytestmark = pytest.mark.wire
 HOST = "127.0.2.16"
 LOAD_S = 0.35
 """What a busy test machine may add."""
@@ -31,27 +32,28 @@ def link(bench):
 
 
 @pytest.mark.parametrize(
-    "which, how, state",
+    "which, how, states",
     [
-        ("control", "SIGKILL", "lost"),
-        ("control", "SIGSEGV", "lost"),
-        ("control", "SIGSTOP", "stopped"),
-        ("state", "SIGKILL", "lost"),
-        ("state", "SIGSEGV", "lost"),
-        ("state", "SIGSTOP", "stale"),
+        ("control", "SIGKILL", ("lost",)),
+        ("control", "SIGSEGV", ("lost",)),
+        ("control", "SIGSTOP", ("stopped", "lost")),
+        ("state", "SIGKILL", ("lost",)),
+        ("state", "SIGSEGV", ("lost",)),
+        ("state", "SIGSTOP", ("lost",)),
     ],
 )
-def test_a_worker_that_dies_or_hangs_is_named(bench, link, which, how, state):
+def test_a_worker_that_dies_or_hangs_is_named(bench, link, which, how, states):
     worker = link._control if which == "control" else link._links._state
     hang = how == "SIGSTOP"
     seen = disturbed(
         bench, lambda: os.kill(worker.pid, getattr(signal, how)),
         rest_from=1.6 if hang and which == "state" else 0.5,
     )  # fmt: skip
-    assert seen.state == state and seen.named < (STALE_S + LOAD_S if hang else 1.0)
+    assert seen.state in states, seen.detail
+    assert seen.named < (STALE_S + LOAD_S if hang else 1.0)
     if not hang:
         assert f"{which} worker died by signal" in seen.detail and how in seen.detail
-    assert isinstance(seen.error, DriverError) and seen.ended < 2.5
+    assert isinstance(seen.error, DriverError) and seen.ended < 2.5, seen.ended
     assert seen.late_travel < 1e-3
     assert recovered(link) < 6.0
     assert not rtde_moves.alive(worker.pid)

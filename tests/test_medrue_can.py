@@ -18,6 +18,8 @@ from wrenchbed.transducers.netcanoem import Options as SensorOptions
 from wrenchbed.twins.base import Options as TwinOptions
 from wrenchbed.twins.medrue import MedrueTwin
 
+pytestmark = pytest.mark.wire
+
 HOST, SLOT = "127.0.4.3", 2
 
 

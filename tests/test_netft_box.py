@@ -12,6 +12,8 @@ from wrenchbed.errors import DriverError, MapError, ParameterError
 from wrenchbed.serving.netft import Settings
 from wrenchbed.serving.netft.timeline import Timeline
 
+pytestmark = pytest.mark.wire
+
 
 def page(scene, path="/netftapi2.xml", data=None):
     address = f"http://{scene.addresses['http']}{path}"

@@ -12,6 +12,8 @@ from wrenchbed.health import Health
 from wrenchbed.transducers.netft import NetftTransducer, Options, configuration
 from wrenchbed.transducers.netft.watch import Watch
 
+pytestmark = pytest.mark.wire
+
 
 @pytest.fixture(scope="module")
 def scene():

@@ -10,6 +10,8 @@ from wrenchbed.errors import ParameterError
 from wrenchbed.transducers.netft import Options
 from wrenchbed.twins.base import Options as TwinOptions
 
+pytestmark = pytest.mark.wire
+
 
 def test_a_twin_is_read_and_misbehaves_when_told():
     with running("netft", "127.0.3.50", "--set", "rate=1000", "--set", "force_unit=lbf") as twin:

@@ -11,6 +11,8 @@ from ur5_alone import alone
 from ur5_socket import Client
 from wrenchbed import registry
 
+pytestmark = pytest.mark.wire
+
 rtde_control = pytest.importorskip("rtde_control")
 rtde_receive = pytest.importorskip("rtde_receive")
 rtde_io = pytest.importorskip("rtde_io")

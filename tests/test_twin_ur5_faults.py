@@ -10,6 +10,8 @@ import pytest
 import twin_process
 from ur5_socket import Client, ClosedError, Lines
 
+pytestmark = pytest.mark.wire
+
 HOST = "127.0.1.31"
 NAMES = "timestamp,actual_q,target_q,robot_mode,safety_mode,runtime_state,safety_status_bits"
 TIME, Q, TARGET = 0, slice(1, 7), slice(7, 13)

@@ -80,18 +80,23 @@ class UrWrench(Transducer):
         self._seen = -1
 
     def _read(self) -> WrenchSample:
-        reading = self._newest()
+        reading, wrench = self._take()
         fresh, self._seen = reading.sequence != self._seen, reading.sequence
-        wrench = in_sensor_axes(reading)
-        if fresh:
-            self._past.append((reading.t, wrench))
         age = time.monotonic() - reading.t
         return WrenchSample(
             reading.t, reading.device_time, reading.sequence, age, fresh, wrench,
             lost=reading.lost,
         )  # fmt: skip
 
+    def _take(self) -> tuple[Reading, np.ndarray]:
+        """The newest reading, remembered, and its wrench in the sensor's axes."""
+        reading = self._newest()
+        if not self._past or reading.t > self._past[-1][0]:
+            self._past.append((reading.t, in_sensor_axes(reading)))
+        return reading, self._past[-1][1]
+
     def _at(self, t: float) -> np.ndarray | None:
+        self._take()
         past = list(self._past)
         k = bisect.bisect_left(past, t, key=lambda known: known[0])
         if k == len(past) or (k == 0 and past[0][0] > t):

@@ -6,7 +6,6 @@ the same moment of this machine's clock, to which the robot's is fitted.
 """
 
 from collections import deque
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -16,6 +15,8 @@ from wrenchbed.drivers.base.samples import ArmSample
 _CLOCK_STATES = 600
 """States that the fit of the two clocks looks back."""
 _LATEST = 64
+_FEW = 20
+"""States below which only the offset of the clocks is fitted; rows between later fits."""
 
 
 class Even(NamedTuple):
@@ -37,6 +38,7 @@ class Evenly:
         self._first: float | None = None
         self._origin = 0.0
         self._given = 0
+        self._line, self._age = (0.0, 0.0), 0
 
     def add(self, arm: ArmSample) -> None:
         """Take in a state; one that is not newer than the last is left out."""
@@ -70,16 +72,19 @@ class Evenly:
         before, after = states[k - 1], states[k]
         span = times[k] - times[k - 1]
         q, qd = hermite(before, after, span, float(np.clip((due - times[k - 1]) / span, 0.0, 1.0)))
-        return Even(self._origin + due, self._origin + self._host()(due), q, qd)
+        return Even(self._origin + due, self._origin + self._host(due), q, qd)
 
-    def _host(self) -> Callable[[float], float]:
+    def _host(self, t: float) -> float:
         """This machine's time at a time of the robot's, both from the first state on [s]."""
-        pairs = np.array(self._clock)
-        if len(pairs) < 20:
-            shift = float(np.median(pairs[:, 1] - pairs[:, 0]))
-            return lambda t: t + shift
-        slope, offset = np.polyfit(pairs[:, 0], pairs[:, 1] - pairs[:, 0], 1)
-        return lambda t: float(t + slope * t + offset)
+        self._age -= 1
+        if self._age < 0:
+            pairs = np.array(self._clock)
+            own, apart = pairs[:, 0], pairs[:, 1] - pairs[:, 0]
+            few = len(pairs) < _FEW
+            slope, offset = (0.0, np.median(apart)) if few else np.polyfit(own, apart, 1)
+            self._line, self._age = (float(slope), float(offset)), 0 if few else _FEW
+        slope, offset = self._line
+        return t + slope * t + offset
 
 
 def own_time(arm: ArmSample) -> float:

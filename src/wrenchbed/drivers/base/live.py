@@ -31,8 +31,10 @@ LIVE = Limits(speed=0.25, tracking=0.7)
 """Limits of a live driver that is given none."""
 _POLL_S = 0.002
 _BLOCK_S = 0.25
-_STREAM_S = (0.004, 0.1)
+_STREAM_S = (0.008, 0.1)
 """Shortest and longest time since the last target that a streamed one may use up [s]."""
+_CATCH_UP_S = 0.06
+"""Lateness up to which a stream keeps its schedule [s]."""
 SETTLE_S, SETTLED_WITHIN_S = 0.3, 15.0
 """Length of the calm that `settle` asks for, and how long it waits for it [s]."""
 
@@ -198,7 +200,7 @@ class LiveDriver(Driver):
     def _collect(self, even: Evenly, due: float, period: float) -> float:
         """Take in states until the next target is due."""
         until = due + period
-        if time.monotonic() - until > period:
+        if time.monotonic() - until > _CATCH_UP_S:
             until = time.monotonic()
         even.add(self._fresh_arm(0.0))
         while (left := until - time.monotonic()) > 0.0:

@@ -1,6 +1,5 @@
 """The driver of UR robots: states from one worker process, commands through another one."""
 
-import contextlib
 import time
 from dataclasses import replace
 
@@ -149,8 +148,8 @@ class RtdeDriver(LiveDriver):
             why = control.ask(
                 "move", _MOVE_S, q=goal.tolist(), speed=speed, acceleration=acceleration
             )
-        except LinkError:
-            self._drop_control(0.0, forget=False)
+        except LinkError as error:
+            control.kill(str(error))
             raise
         if why:
             raise StoppedError(f"{why}: call recover()")
@@ -181,8 +180,8 @@ class RtdeDriver(LiveDriver):
             self._undelivered = control.ask(
                 "stop", _HARD_S if kind == "hard" else _SOFT_S, kind=kind
             )
-        except LinkError:
-            control.kill()
+        except LinkError as error:
+            control.kill(str(error))
             self._undelivered = clearing.halt(self._options.host, _DASHBOARD_S)
 
     def _arm_health(self) -> Health:
@@ -245,12 +244,10 @@ class RtdeDriver(LiveDriver):
                 raise LateError(f"the robot does not rest within {_REST_S:g} s of its stop")
             time.sleep(0.005)
 
-    def _drop_control(self, quit_s: float, forget: bool = True) -> None:
-        control = self._control
+    def _drop_control(self, quit_s: float) -> None:
+        """End the control worker, within a time [s] in which it may stop the robot itself."""
+        control, self._control = self._control, None
         if control is not None:
-            with contextlib.suppress(LinkError):
-                if quit_s > 0.0 and not control.gone():
-                    control.quit(quit_s)
+            if quit_s > 0.0 and not control.gone():
+                control.quit(quit_s)
             control.kill()
-        if forget:
-            self._control = None

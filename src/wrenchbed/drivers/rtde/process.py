@@ -42,6 +42,7 @@ class Worker:
         self.refused = ""
         """Why the newest streamed target was refused."""
         self.program_ended = False
+        self._why = ""
         with other:
             self._process = _spawn(kind, setting, shared, other)
         self._kill = weakref.finalize(self, _end, self._process)
@@ -94,6 +95,8 @@ class Worker:
 
     def gone(self) -> str:
         """Why the worker is gone; empty while it lives."""
+        if self._why:
+            return self._why
         code = self._process.poll()
         self._drain()
         if code is None:
@@ -112,8 +115,9 @@ class Worker:
             self._process.wait(timeout)
         self.kill()
 
-    def kill(self) -> None:
-        """End it at once and let go of it; may be called twice."""
+    def kill(self, why: str = "") -> None:
+        """End it at once, for a reason, and let go of it; may be called twice."""
+        self._why = self._why or self.gone() or why
         self._kill()
         with self._lock:
             self.wire.close()

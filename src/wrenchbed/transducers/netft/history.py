@@ -5,7 +5,6 @@ from collections import deque
 import numpy as np
 
 from wrenchbed.transducers.netft import datagrams
-from wrenchbed.transducers.netft.sequence import signed
 
 _BATCHES = 8192
 _MOST_BEHIND = 2048
@@ -54,10 +53,11 @@ class History:
     def _decode(self, batches: list[tuple[float, bytes]]) -> tuple[np.ndarray, np.ndarray]:
         times, counts = [], []
         for arrived, data in batches:
-            rows = [datagrams.record(data, k) for k in range(len(data) // datagrams.SIZE)]
-            newest = rows[-1].rdt
-            behind = [min(max(signed(newest - row.rdt), 0), _MOST_BEHIND) for row in rows]
-            times += [arrived - k * self._period for k in behind]
-            counts += [row.counts for row in rows]
-        order = np.argsort(times, kind="stable")
-        return np.array(times)[order], np.array(counts, dtype=float)[order]
+            words = np.frombuffer(data, dtype=">u4").reshape(-1, datagrams.SIZE // 4)
+            behind = (words[-1, 0].astype(np.int64) - words[:, 0]) & 0xFFFFFFFF
+            behind = np.where(behind < 1 << 31, behind, 0).clip(0, _MOST_BEHIND)
+            times.append(arrived - behind * self._period)
+            counts.append(words[:, 3:].astype(np.int32))
+        t = np.concatenate(times)
+        order = np.argsort(t, kind="stable")
+        return t[order], np.concatenate(counts)[order].astype(float)
