@@ -37,7 +37,7 @@ TRIES = 12
 
 @dataclass(frozen=True)
 class Drift:
-    """The first pose, visited again: change of the reading (6,), its uncertainty, time between [s]."""
+    """The first pose, visited again: change of its reading (6,), uncertainty, time between [s]."""
 
     change: np.ndarray
     std: np.ndarray

@@ -15,7 +15,9 @@ CALM_SPEED = 2e-3
 """Fastest joint at rest [rad/s or m/s]."""
 TOLERANCE = 5e-4
 """Farthest from its goal that a joint may come to rest [rad or m]."""
-_POLL_S = 0.002
+BLIND_S = 0.3
+"""Longest that a robot may move while its state or its sensor is stale [s]."""
+_POLL_S = 0.005
 
 
 class Watched(Protocol):
@@ -41,6 +43,7 @@ class WatchedMotion(Motion):
         self.goal = goal
         self._driver, self._begun = driver, time.monotonic()
         self._deadline = self._begun + 2.0 * seconds + 3.0
+        self._seen = self._begun
         self._end: Reached | DriverError | None = None
 
     def poll(self) -> Reached | None:
@@ -58,7 +61,9 @@ class WatchedMotion(Motion):
     def _look(self) -> Reached | None:
         driver, now = self._driver, time.monotonic()
         health = driver.health()
-        if not health.ok and health.state != "stale":
+        if health.ok:
+            self._seen = now
+        elif health.state != "stale" or now - self._seen > BLIND_S:
             check_ready(health)
         driver.guard()
         arm = driver.read()

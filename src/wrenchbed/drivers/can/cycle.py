@@ -6,6 +6,7 @@ the same cycle. A bus that is silent as a whole is braked on and then left to th
 """
 
 import struct
+import sys
 import threading
 import time
 from collections import deque
@@ -26,10 +27,12 @@ from wrenchbed.transducers.netcanoem.link import Link
 SYNC = 0x080
 _SPEED_OVER = 6
 _JITTER = 2500
+_SWITCH_S = 5e-4
+"""Longest that another thread of this process keeps the cycle waiting [s]."""
 
 
 class Told(NamedTuple):
-    """All drives' answers to one SYNC: arrival of the last [s], positions and speeds (J,) in
+    """All drives' answers to one SYNC: when that was sent [s], positions and speeds (J,) in
     units of the joints, thousandths of rated torque (J,), and how many such there were."""
 
     t: float
@@ -152,10 +155,18 @@ class Cycle:
             torque = np.array([one.torque for one in self.drives], dtype=float)
             self._recent.append((self._synced, q))
             sequence = 1 if self.told is None else self.told.sequence + 1
-            self.told = Told(t, q, _slope(self._recent), torque, sequence)
+            self.told = Told(self._synced, q, _slope(self._recent), torque, sequence)
             self.exchange.append(t - self._synced)
 
     def _run(self) -> None:
+        before = sys.getswitchinterval()
+        sys.setswitchinterval(min(before, _SWITCH_S))
+        try:
+            self._keep_time()
+        finally:
+            sys.setswitchinterval(before)
+
+    def _keep_time(self) -> None:
         due = time.monotonic()
         while self._running:
             now = time.monotonic()

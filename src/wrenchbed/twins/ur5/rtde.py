@@ -59,11 +59,11 @@ class Rtde:
         self._clients = [client for client in self._clients if not client.peer.closed]
         shown = self._frozen if now < self.frozen_until else values
         for client in self._clients:
-            if client.session.due() and send and now >= self.silent_until:
-                self._send(client, client.session.data(shown), now)
             if client.burst and now >= self.held_until:
                 client.peer.send(bytes(client.burst), _MOST_HELD)
                 client.burst.clear()
+            if client.session.due() and send and now >= self.silent_until:
+                self._send(client, client.session.data(shown), now)
 
     def hang_up(self, reset: bool = False, writers_only: bool = False) -> None:
         """Close connections: all, or of those clients that set up inputs."""
