@@ -34,6 +34,9 @@ RATE_HZ = {"static": 100.0, "dynamic": 125.0}
 TRIES = 12
 """How often one pose is tried on a live driver before the campaign gives up."""
 
+MOTIONS = 3
+"""How often a motion is begun on a live driver."""
+
 
 @dataclass(frozen=True)
 class Drift:
@@ -153,7 +156,7 @@ class _Campaign:
         if driver.live:
             extra = {**self.metadata.extra, STARTED: now()}
             self.metadata = replace(self.metadata, extra=extra)
-        self.tried_again = 0
+        self.tried_again = self.told = 0
         self.shift = self.t = 0.0
         self.firsts: list[tuple[float, np.ndarray]] = []
 
@@ -183,24 +186,44 @@ class _Campaign:
         return Done(self.path, len(rows), writer.rows, self.t, self.tried_again, drift)
 
     def motion(self) -> Done:
-        """Move to the start, then follow the trajectory."""
+        """Move to the start and follow the trajectory; on a live driver again if it was cut."""
+        driver = self.driver
+        driver.expect(self.plan.q, "dynamic")
+        for attempt in range(MOTIONS if driver.live else 1):
+            try:
+                if attempt:
+                    driver.recover()
+                return self._follow()
+            except LimitError:
+                raise
+            except DriverError as error:
+                if not driver.live or attempt + 1 == MOTIONS:
+                    raise
+                self._again(f"the motion: {error}")
+                self.tell(-self.told)
+                self.told = 0
+        raise AssertionError("the last attempt raises")
+
+    def _follow(self) -> Done:
         plan, driver = self.plan, self.driver
-        driver.expect(plan.q, "dynamic")
         with RecordingWriter(self.path, self.metadata) as writer:
             for leg in self._legs([0], driver.position()):
                 for q in leg.via:
                     driver.move(q).wait()
             driver.settle()
-            done = 0
             for measured in driver.track(plan.q, self.rate):
                 block = dict(measured)
                 n = len(block["t"])
-                block["segment"] = plan.segment[done : done + n]
+                block["segment"] = plan.segment[self.told : self.told + n]
                 writer.append(block)
                 self.t = float(block["t"][-1])
-                done += n
+                self.told += n
                 self.tell(n)
-        return Done(self.path, done, writer.rows, self.t)
+        return Done(self.path, self.told, writer.rows, self.t, self.tried_again)
+
+    def _again(self, what: str) -> None:
+        self.tried_again += 1
+        warnings.warn(f"{what}: trying again", WrenchbedWarning, stacklevel=2)
 
     def _legs(self, rows: list[int], start: np.ndarray) -> tuple[Leg, ...]:
         limits, clear = self.driver.limits, self.clear
@@ -221,9 +244,7 @@ class _Campaign:
             except DriverError as error:
                 if not self.driver.live or attempt + 1 == TRIES:
                     raise
-                self.tried_again += 1
-                text = f"pose {leg.row}: {error}: trying again"
-                warnings.warn(text, WrenchbedWarning, stacklevel=2)
+                self._again(f"pose {leg.row}: {error}")
                 time.sleep(0.2 * attempt)
         raise AssertionError("the last attempt raises")
 

@@ -33,8 +33,6 @@ _POLL_S = 0.002
 _BLOCK_S = 0.25
 _STREAM_S = (0.008, 0.1)
 """Shortest and longest time since the last target that a streamed one may use up [s]."""
-_CATCH_UP_S = 0.06
-"""Lateness up to which a stream keeps its schedule [s]."""
 SETTLE_S, SETTLED_WITHIN_S = 0.3, 15.0
 """Length of the calm that `settle` asks for, and how long it waits for it [s]."""
 
@@ -172,36 +170,38 @@ class LiveDriver(Driver):
 
     def _track(self, targets: np.ndarray, rate: float) -> Iterator[Block]:
         """Stream the targets; rows lie at equal steps of the robot's own clock."""
-        even, done = Evenly(rate), 0
+        even, done, whole = Evenly(rate), 0, len(targets)
         rows: list[dict[str, float]] = []
         waiting: deque[Even] = deque()
+        sent: deque[tuple[float, np.ndarray]] = deque(maxlen=round(3.0 * GONE_S * rate))
         due = time.monotonic()
-        for k in range(len(targets) + round(2.0 * GONE_S * rate)):
-            if k < len(targets):
+        for k in range(whole + round(2.0 * GONE_S * rate)):
+            if k < whole:
                 applied = self.write(targets[k])
                 if not applied.ok:
                     self._stop("soft")
                     raise DriverError(f"the motion was stopped: {applied.reason}")
+                sent.append((time.monotonic(), targets[k]))
             due = self._collect(even, due, 1.0 / rate)
-            waiting.extend(even.rows(len(targets) - done - len(waiting)))
-            while waiting and (row := self._tracked(waiting[0], targets[done])) is not None:
+            waiting.extend(even.rows(whole - done - len(waiting)))
+            while waiting and (row := self._tracked(waiting[0], sent)) is not None:
                 waiting.popleft()
                 rows.append(row)
                 done += 1
-            if rows and (done == len(targets) or len(rows) >= _BLOCK_S * rate):
+            if rows and (done == whole or len(rows) >= _BLOCK_S * rate):
                 yield _columns(rows)
                 rows = []
-            if done == len(targets):
+            if done == whole and k + 1 >= whole:
                 self._stop("soft")
                 return
         self._stop("soft")
-        raise LinkError(f"{self.name}: {len(targets) - done} rows of the motion never came")
+        raise LinkError(f"{self.name}: {whole - done} rows of the motion never came")
 
     def _collect(self, even: Evenly, due: float, period: float) -> float:
         """Take in states until the next target is due."""
         until = due + period
-        if time.monotonic() - until > _CATCH_UP_S:
-            until = time.monotonic()
+        if time.monotonic() - until > period:
+            until = time.monotonic()  # what came late stays late: a robot must not leap after it
         even.add(self._fresh_arm(0.0))
         while (left := until - time.monotonic()) > 0.0:
             time.sleep(min(left, _POLL_S))
@@ -210,8 +210,8 @@ class LiveDriver(Driver):
                 even.add(arm)
         return until
 
-    def _tracked(self, row: Even, target: np.ndarray) -> dict[str, float] | None:
-        """A row with the wrench of its moment; None until the sensor has told that."""
+    def _tracked(self, row: Even, sent: deque[tuple[float, np.ndarray]]) -> dict[str, float] | None:
+        """A row with wrench and target of its moment; None until the sensor has told that."""
         reading = self.transducer.at(row.host)
         if reading is None:
             if time.monotonic() - row.host < GONE_S:
@@ -220,6 +220,7 @@ class LiveDriver(Driver):
             raise LinkError("the sensor's readings have a gap" if health.ok else health.detail)
         arm = replace(self._read(), q=row.q, qd=row.qd)
         columns = self._row(row.t, arm, self.transducer.read(), reading)
+        target = next((q for t, q in reversed(sent) if t <= row.host), sent[0][1])
         return columns | {f"q_target{j + 1}": float(v) for j, v in enumerate(target)}
 
     def _row(

@@ -81,6 +81,8 @@ class Cycle:
         self._synced = 0.0
         self._recent: deque[tuple[float, np.ndarray]] = deque(maxlen=_SPEED_OVER)
         self._lock = threading.Lock()
+        self._round: set[int] = set()
+        self._rounds = 0
         self._running = False
         self._thread: threading.Thread | None = None
         self._by_id: dict[int, Callable[[float, bytes], None]] = {}
@@ -108,6 +110,7 @@ class Cycle:
             self.latched = None
             for drive in self.drives:
                 drive.missed, drive.error, drive.others = 0, 0, 0
+                drive.round = self._rounds
 
     def halt(self, state: HealthState, why: str) -> None:
         """Make every drive stop, and remember why."""
@@ -150,6 +153,7 @@ class Cycle:
     def _answer(self, t: float, drive: Drive, data: bytes) -> None:
         if not drive.take_answer(data):
             return
+        self._count_round(drive)
         if all(one.answered for one in self.drives):
             q = np.array([one.position for one in self.drives]) / self._counts
             torque = np.array([one.torque for one in self.drives], dtype=float)
@@ -157,6 +161,20 @@ class Cycle:
             sequence = 1 if self.told is None else self.told.sequence + 1
             self.told = Told(self._synced, q, _slope(self._recent), torque, sequence)
             self.exchange.append(t - self._synced)
+
+    def _count_round(self, drive: Drive) -> None:
+        """Who misses rounds of answers: by their order on the bus, however late they are heard."""
+        if drive.node in self._round:
+            self._round.clear()
+            self._rounds += 1
+        self._round.add(drive.node)
+        drive.round = self._rounds
+        most = len(self.drives) - 1
+        for other in self.drives:
+            passed = other.node not in self._round and (
+                max(self._round) > other.node or len(self._round) == most
+            )
+            other.missed = max(0, self._rounds - other.round - 1 + passed)
 
     def _run(self) -> None:
         before = sys.getswitchinterval()
@@ -189,11 +207,6 @@ class Cycle:
         answered = [drive.answered for drive in self.drives]
         if self.cycles:
             self.incomplete += not all(answered)
-        for drive in self.drives:
-            if drive.answered:
-                drive.missed = 0
-            elif any(answered):
-                drive.missed += 1
         enabled = self.want is Want.ENABLE and self.following
         for drive in self.drives:
             trouble = drive.trouble(enabled)

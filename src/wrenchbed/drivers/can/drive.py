@@ -26,7 +26,8 @@ class Drive:
         torque: 0x6077 of it, thousandths of the rated torque.
         answers: how many it sent.
         answered: whether since the last SYNC.
-        missed: cycles in a row in which others answered and it did not.
+        missed: whole rounds in a row in which others answered and it did not.
+        round: of answers, in which it took part last.
         error: its EMCY code, 0 where it has none.
         rebooted: whether it told a boot-up since it was configured.
         others: heartbeats of others since its own last; a silent bus is nobody's fault.
@@ -43,6 +44,7 @@ class Drive:
     answers: int = 0
     answered: bool = False
     missed: int = 0
+    round: int = 0
     error: int = 0
     rebooted: bool = False
     others: int = 0

@@ -4,13 +4,12 @@ from collections import deque
 
 import numpy as np
 
+from wrenchbed.health import STALE_S
 from wrenchbed.transducers.netft import datagrams
 
 _BATCHES = 8192
 _MOST_BEHIND = 2048
 """Records by which one may be older than the newest of its batch."""
-_GAP_S = 0.05
-"""Longest time without records that is bridged [s]."""
 
 
 class History:
@@ -46,7 +45,7 @@ class History:
         if not times[0] - slack <= t <= times[-1] + slack:
             return None
         k = int(np.clip(np.searchsorted(times, t), 1, len(times) - 1))
-        if len(times) > 1 and times[k] - times[k - 1] > _GAP_S:
+        if len(times) > 1 and times[k] - times[k - 1] > STALE_S:
             return None
         return np.array([np.interp(t, times, counts[:, k]) for k in range(6)])
 
