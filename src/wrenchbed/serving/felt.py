@@ -76,8 +76,9 @@ class Felt:
             self._playback.leave(now.t)
             self._left = (now.t, now.q)
         shown = self._on_the_way(rows)
-        self._knots = np.append(self._knots[self._knots < now.t], now.t)[-_WINDOW:]
-        self._values = np.vstack([self._values[: len(self._knots) - 1], shown])[-_WINDOW:]
+        keep = self._knots < now.t
+        self._knots = np.append(self._knots[keep], now.t)[-_WINDOW:]
+        self._values = np.vstack([self._values[keep], shown])[-_WINDOW:]
 
     def mean(self, t: np.ndarray) -> np.ndarray:
         """Readings (n, 6) at times (n,) without random parts."""
