@@ -26,3 +26,19 @@ def copied(family, tmp_path):
         Path(shutil.copytree(cases, tmp_path / "cases")),
         Path(shutil.copytree(answers, tmp_path / "answers")),
     )
+
+
+@pytest.fixture(scope="module")
+def bench(request):
+    """A UR5's twin at the module's HOST, an observer, and the driver with its options DRIVER."""
+    import rtde_moves
+
+    more = getattr(request.module, "DRIVER", {})
+    with rtde_moves.bench(request.module.HOST, **more) as made:
+        yield made
+
+
+@pytest.fixture
+def link(bench):
+    """The driver, active and in order."""
+    return bench.ready()

@@ -15,6 +15,8 @@ from wrenchbed.errors import DriverError
 
 A = np.array([0.0, -1.2, -1.9, -1.6, 1.5708, 0.0])
 B = A + np.array([0.9, 0.2, 0.0, 0.0, 0.0, 0.3])
+NAMED_S = 0.1
+"""By when a stale state must be named [s]; what dies or hangs otherwise by 1 s."""
 AT_REST_S = 0.45
 """Time after which a robot that lost its client is at rest: watchdog 0.1 s, braking, a load."""
 

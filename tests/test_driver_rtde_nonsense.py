@@ -5,26 +5,12 @@ import time
 import numpy as np
 import pytest
 
-import rtde_moves
 from rtde_moves import A, disturbed, recovered
 from wrenchbed.errors import LinkError, StoppedError
 
 pytest.importorskip("rtde_control")
 pytestmark = pytest.mark.wire
 HOST = "127.0.2.17"
-LOAD_S = 0.35
-"""What a busy test machine may add."""
-
-
-@pytest.fixture(scope="module")
-def bench():
-    with rtde_moves.bench(HOST) as made:
-        yield made
-
-
-@pytest.fixture
-def link(bench):
-    return bench.ready()
 
 
 @pytest.mark.parametrize("how", ["empty_data", "short_data", "unknown_type", "garbage"])

@@ -7,7 +7,6 @@ import time
 
 import pytest
 
-import rtde_moves
 from rtde_moves import alive
 
 pytest.importorskip("rtde_control")
@@ -24,12 +23,6 @@ link.move(q + [0.9 if q[0] < 0.4 else -0.9, 0, 0, 0, 0, 0])
 time.sleep(0.4)
 print(link._control.pid, link._links._state.pid, flush=True)
 """
-
-
-@pytest.fixture(scope="module")
-def bench():
-    with rtde_moves.bench(HOST) as made:
-        yield made
 
 
 @pytest.mark.parametrize("how", ["exit", "SIGINT", "SIGKILL", "SIGSTOP"])

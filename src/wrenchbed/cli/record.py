@@ -47,7 +47,7 @@ def record(
     max_torque: float | None = None,
     dry_run: Flag = False,
     resume: Flag = False,
-    revisit: bool | None = None,
+    revisit: Literal["auto", "yes", "no"] = "auto",
     seed: int | None = None,
     as_json: Json = False,
 ) -> None:
@@ -76,7 +76,8 @@ def record(
         max_torque: Stop the robot above this measured torque [N·m].
         dry_run: Check every move, show the campaign, and record it in simulation instead.
         resume: Go on with the stopped campaign in OUT, at the pose where it stopped.
-        revisit: Visit the first pose again at the end, which shows drift; yes on real robots.
+        revisit: Visit the first pose again at the end, which shows drift; auto: on real robots
+            and in dry runs.
         seed: Of the noise.
         as_json: Print the result as JSON.
     """
@@ -97,7 +98,7 @@ def record(
              "parameters": console.parameters(parameters) or None, "noise": noise,
              "effects": effect or None, "seed": seed}  # fmt: skip
     link: Driver = device(_options(device, driver, robot, limits, given))
-    again = (True if dry_run else None) if revisit is None else revisit
+    again = {"yes": True, "no": False, "auto": True if dry_run else None}[revisit]
     with link, console.progress(f"recording {robot}", len(todo)) as tell:
         done = wb.record(
             link, todo, out, samples=samples, rate=rate, progress=tell, revisit=again,

@@ -1,0 +1,120 @@
+"""`record` on the command line: dry runs, limits, replays, and what a driver does not take."""
+
+import json
+
+import numpy as np
+import pytest
+
+from wrenchbed import registry
+from wrenchbed.cli import main
+from wrenchbed.plan import Plan
+from wrenchbed.recording import Recording
+
+UR5 = registry.load("robots", "ur5")
+
+
+@pytest.fixture
+def plan(tmp_path):
+    Plan.of("ur5", UR5.sample(3, np.random.default_rng(0))).write(tmp_path / "p.parquet")
+    return tmp_path / "p.parquet"
+
+
+@pytest.fixture
+def record(plan, tmp_path):
+    """Runs `record` with further words; gives the exit code and where it writes."""
+
+    def run(*more: str, out: str = "r.parquet"):
+        words = ["record", "--robot", "ur5", "--plan", str(plan), "--out", str(tmp_path / out)]
+        return main([*words, "--samples", "8", *more]), tmp_path / out
+
+    return run
+
+
+def test_a_dry_run_shows_every_move_and_simulates_the_campaign(record, capsys):
+    code, out = record("--driver", "rtde", "--dry-run", "--speed", "0.1")
+    text = capsys.readouterr().out
+    assert code == 0
+    assert "Every move is within reach and touches nothing" in text
+    assert "at 10% of top speed" in text
+    assert "first pose again after" in text
+    rec = Recording.read(out)
+    assert rec.metadata.source == "sim"
+    assert len(rec) == 4 * 8  # three poses, and the first again
+
+
+def test_a_slower_campaign_takes_longer(record, capsys):
+    seconds = []
+    for share in ("0.5", "0.05"):
+        assert record("--speed", share, "--json")[0] == 0
+        seconds.append(json.loads(capsys.readouterr().out)["seconds"])
+    assert seconds[1] > 5 * seconds[0]
+
+
+def test_a_pose_in_the_bench_is_refused_before_anything_moves(tmp_path, capsys):
+    into = np.array([0.0, 0.35, 0.0, 0.0, 1.5708, 0.0])
+    Plan.of("ur5", np.stack([UR5.home, into])).write(tmp_path / "p.parquet")
+    words = ["record", "--robot", "ur5", "--plan", str(tmp_path / "p.parquet"), "--out",
+             str(tmp_path / "r.parquet"), "--dry-run"]  # fmt: skip
+    assert main(words) == 1
+    assert "row 1: what stands around it would touch" in capsys.readouterr().err
+    assert not (tmp_path / "r.parquet").exists()
+
+
+def test_revisit_shows_the_drift(record, capsys):
+    code, _ = record("--revisit", "yes", "--json")
+    drift = json.loads(capsys.readouterr().out)["drift"]
+    assert code == 0
+    assert set(drift) == {"fx", "fy", "fz", "tx", "ty", "tz"}
+    assert all(entry["std"] > 0.0 for entry in drift.values())
+
+
+def test_a_recording_is_replayed_as_it_was(record, tmp_path, capsys):
+    first = record()[1]
+    code, second = record("--driver", "replay", "--recording", str(first), out="again.parquet")
+    assert code == 0
+    a, b = Recording.read(first), Recording.read(second)
+    assert np.array_equal(a.wrench, b.wrench)
+    assert np.array_equal(a.q, b.q)
+    assert np.array_equal(a.t, b.t)
+    assert b.metadata == a.metadata
+    code, _ = record(
+        "--driver", "replay", "--recording", str(first), "--samples", "9", out="more.parquet"
+    )
+    assert code == 1
+    assert "8 more rows at this pose, not 9" in capsys.readouterr().err
+
+
+def test_a_replay_of_other_poses_is_refused(record, tmp_path, capsys):
+    first = record()[1]
+    Plan.of("ur5", UR5.home[None] + 0.1).write(tmp_path / "other.parquet")
+    words = ["record", "--robot", "ur5", "--plan", str(tmp_path / "other.parquet"), "--out",
+             str(tmp_path / "no.parquet"), "--driver", "replay", "--recording"]  # fmt: skip
+    assert main([*words, str(first)]) == 1
+    assert "no further row at this pose" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("more", "message"),
+    [
+        (("--host", "127.0.0.2"), "--host: driver 'sim' does not take it"),
+        (("--driver", "replay"), "needs a recording: give --recording FILE"),
+        (("--driver", "rtde", "--effect", "base.tilt"), "does not simulate effects"),
+        (("--speed", "3"), "speed 3 must be above 0 and at most 1"),
+        (("--dry-run", "--resume"), "leave --resume out"),
+        (("--workspace", *"0 0 0 0.1 0.1 0.1".split()), "outside the workspace"),
+        (("--workspace", *"1 0 0 0 1 1".split()), "each upper bound must be larger"),
+    ],
+)
+def test_what_makes_no_sense_is_refused_by_name(record, capsys, more, message):
+    code, out = record(*more)
+    assert code == 1
+    said = capsys.readouterr().err
+    assert message in said.replace("\n", " ")
+    assert not out.exists()
+
+
+def test_a_simulated_recording_cannot_be_resumed(record, capsys):
+    record()
+    code, _ = record("--resume")
+    assert code == 1
+    assert "does not say which poses it holds" in capsys.readouterr().err
