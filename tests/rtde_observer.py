@@ -12,11 +12,15 @@ _RECIPE = "timestamp,target_q,actual_q"
 
 
 class Observer:
-    """Joint values over this machine's time; connects again whenever it is cut off."""
+    """Joint values over this machine's time; connects again whenever it is cut off.
+
+    ``odd`` counts the packets that no recipe or protocol knows.
+    """
 
     def __init__(self, host):
         self.host = host
         self.rows = []
+        self.odd = 0
         self._stopped = threading.Event()
         self._thread = threading.Thread(target=self._run, daemon=True)
 
@@ -53,6 +57,8 @@ class Observer:
                 if kind == ord("U") and len(body) == 1 + 13 * 8:
                     q = np.array(struct.unpack_from(">6d", body, 1 + 7 * 8))
                     self.rows.append((time.monotonic(), q))
+                else:
+                    self.odd += kind != ord("M")
 
     def _ask(self, link, kind, body):
         link.sendall(struct.pack(">HB", 3 + len(body), kind[0]) + body)
@@ -62,6 +68,7 @@ class Observer:
     def _packet(self, link):
         size, kind = struct.unpack(">HB", self._exactly(link, 3))
         if not 3 <= size < 2048 or chr(kind) not in "VOSUM":
+            self.odd += 1
             raise ConnectionResetError
         return kind, self._exactly(link, size - 3)
 

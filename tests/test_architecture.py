@@ -8,7 +8,7 @@ import pytest
 
 SOURCE = Path(__file__).parents[1] / "src" / "wrenchbed"
 LAYERS = {
-    "errors": 0, "health": 1,
+    "errors": 0, "health": 1, "device": 1.1,
     "registry": 1, "parameters": 1, "jets": 1, "frames": 1.1, "noise": 1,
     "wrench": 2, "identify": 2.1, "parquet": 1, "points": 1,
     "metadata": 2.1, "recording": 2.2, "writer": 2.3,

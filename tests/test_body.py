@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
+from wrenchbed import registry
 from wrenchbed.drivers import sim
-from wrenchbed.errors import MapError, NotFoundError
-from wrenchbed.serving import faults as timed
+from wrenchbed.errors import NotFoundError, ParameterError
 from wrenchbed.serving.body import Body, Options
-from wrenchbed.serving.faults import Fault, Faults
+from wrenchbed.twins.base import Options as TwinOptions
 
 CYCLE = 0.008
 
@@ -57,6 +57,18 @@ def test_effects_at_rest_are_those_of_the_simulated_driver(effect):
             assert np.abs(seen - wanted).max() < 0.02 * size + 2e-5
 
 
+def test_effects_of_the_sensor_are_those_of_a_pocket_calculator():
+    plain, gain, bias = (
+        Body(Options("ur5", noise="off", effects=e), CYCLE)
+        for e in ((), ("sensor.gain:gain.fz=0.02",), ("sensor.bias:bias.tx=0.05",))
+    )
+    q = plain.robot.home + 0.3
+    a, b, c = (go(body, q, 2.0)[-1] for body in (plain, gain, bias))
+    assert a[2] != pytest.approx(0.0, abs=1.0)
+    assert b == pytest.approx(a * [1, 1, 1.02, 1, 1, 1], abs=1e-4)
+    assert c - a == pytest.approx([0, 0, 0, 0.05, 0, 0], abs=1e-4)
+
+
 @pytest.mark.parametrize("robot", ["ur5", "medrue"])
 def test_a_slow_arrival_shows_the_pose_where_it_is(robot):
     """Also after more cycles on the way than are looked back on, and before it counts as a rest."""
@@ -85,6 +97,21 @@ def test_hysteresis_reads_a_pose_by_the_way_it_came():
     assert np.abs(first - second).max() > 0.05
 
 
+def test_a_long_campaign_is_forgotten_bit_by_bit(monkeypatch):
+    """Memory stays bounded, and a pose is read as by a twin that remembers everything."""
+    whole = Body(Options("ur5", noise="off", effects=("sensor.hysteresis",)), CYCLE)
+    poses = whole.robot.sample(8, np.random.default_rng(8))
+    last = [go(whole, q, 1.5, 0.3)[-1] for q in (*poses, *poses)][-1]
+    monkeypatch.setattr("wrenchbed.serving.felt._REMEMBERED", 90)
+    short = Body(Options("ur5", noise="off", effects=("sensor.hysteresis",)), CYCLE)
+    kept = []
+    for q in (*poses, *poses):
+        again = go(short, q, 1.5, 0.3)[-1]
+        kept.append(len(short._playback._q))
+    assert max(kept) < 110 < len(whole._playback._q)
+    assert np.abs(again - last).max() < 0.02
+
+
 def test_a_delay_shows_on_the_way_what_was_before():
     late, prompt = (
         Body(Options("ur5", noise="off", effects=e), CYCLE)
@@ -108,6 +135,19 @@ def test_noise_is_the_sensors_and_seeded():
     assert not np.array_equal(first, other)
     std = bodies[0].sensor.noise.row_std
     assert np.abs(first.std(axis=0) / std - 1).max() < 0.06
+
+
+@pytest.mark.parametrize("twin", ["ur5", "medrue", "netft"])
+@pytest.mark.parametrize("host", ["0.0.0.0", "192.168.1.1", "localhost", "::1", ""])
+def test_a_twin_serves_this_machine_alone(twin, host):
+    with pytest.raises(ParameterError, match="serves this machine only: give 127"):
+        registry.load("twins", twin)(TwinOptions(host=host))
+
+
+def test_a_twin_of_a_bus_stays_away_from_real_ones():
+    options = TwinOptions(setting={"bus": "socketcan:can0"})
+    with pytest.raises(ParameterError, match="never one with real devices"):
+        registry.load("twins", "medrue")(options)
 
 
 def test_times_asked_twice_are_moved_on_not_refused():
@@ -140,58 +180,3 @@ def test_a_plate_pushes_back_on_the_tool_and_not_before():
 def test_what_it_cannot_be_is_refused():
     with pytest.raises(NotFoundError, match="no MuJoCo model"):
         Body(Options("oriented"), CYCLE)
-
-
-SCRIPT = """
-[[fault]]
-at = 0.05
-link = "rdt"
-kind = "drop"
-seconds = 1.5
-share = 0.3
-
-[[fault]]
-link = "rdt"
-kind = "stall"
-"""
-
-
-def test_a_script_is_sorted_and_run_in_time(tmp_path):
-    path = tmp_path / "faults.toml"
-    path.write_text(SCRIPT)
-    script = timed.read(path)
-    assert [f.kind for f in script] == ["stall", "drop"]
-    assert script[1] == Fault("rdt", "drop", 0.05, 1.5, {"share": 0.3})
-    done = []
-    faults = Faults()
-    for kind in ("drop", "stall"):
-        faults.on("rdt", kind, lambda f: done.append(f.kind))
-    faults.start(script)
-    for _ in range(100):
-        if len(done) == 2:
-            break
-        faults._stopped.wait(0.02)
-    assert done == ["stall", "drop"]
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("[[fault]]\nlink='rdt'", r"fault 1: kind = None must be a name"),
-        ("[[fault]]\nlink='a'\nkind='b'\nat=-1", "at = -1 must be seconds, 0 or more"),
-        ("faults = 3", r"holds \[\[fault\]\] entries and nothing else"),
-        ("[[fault", "not valid TOML"),
-    ],
-)
-def test_a_bad_script_is_refused_by_field(tmp_path, text, message):
-    path = tmp_path / "f.toml"
-    path.write_text(text)
-    with pytest.raises(MapError, match=message):
-        timed.read(path)
-
-
-def test_an_unknown_fault_lists_what_exists():
-    faults = Faults()
-    faults.on("rdt", "drop", print)
-    with pytest.raises(MapError, match=r"no fault rdt melt\. Known: rdt drop"):
-        faults.inject(Fault("rdt", "melt"))

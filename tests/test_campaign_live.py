@@ -45,14 +45,20 @@ class Gauge(Transducer):
         self.rng = np.random.default_rng(1)
         self.count = 0
 
-    def _open(self) -> None: ...
-    def _shut(self) -> None: ...
+    def _connect(self) -> None: ...
+    def _close(self) -> None: ...
 
     def _read(self) -> WrenchSample:
         self.count += 1
         load = self.model.predict(self.arm.q[None], self.model.parameters.nominal)[0]
         noisy = load + 1e-3 * self.rng.standard_normal(6)
         return WrenchSample(time.monotonic(), None, self.count, 0.0, True, noisy + self.arm.push)
+
+    def _at(self, t: float) -> WrenchSample | None:
+        return self._read()
+
+    def _at(self, t: float) -> WrenchSample:
+        return self._read()
 
     def _health(self) -> Health:
         return Health("ok")
@@ -93,7 +99,7 @@ class Arm(LiveDriver):
     def _stop(self, kind: str) -> None:
         self.stops.append(kind)
 
-    def _recover(self) -> None:
+    def _recover(self, unlock: bool) -> None:
         self.recovered += 1
         self.state = Health("ok")
 
@@ -128,7 +134,7 @@ def test_every_pose_is_there_and_the_first_one_twice(tmp_path):
 
 
 def test_what_fails_is_recovered_from_and_nothing_is_lost(tmp_path):
-    arm = Arm({1: LinkError("gone"), 2: StoppedError("protective stop"), 4: LinkError("gone")})
+    arm = Arm({1: LinkError("gone"), 2: StoppedError("program stopped"), 4: LinkError("gone")})
     with pytest.warns(WrenchbedWarning, match=r"pose \d: .*: trying again"):
         done = run(arm, tmp_path / "r.parquet")
     assert (done.tried_again, arm.recovered) == (3, 3)
@@ -141,7 +147,7 @@ def test_it_gives_up_in_the_end_and_keeps_what_it_has(tmp_path, monkeypatch):
     arm = Arm({k: LinkError("gone for good") for k in range(2, 99)})
     with (
         warnings.catch_warnings(),
-        pytest.raises(LinkError, match="gone for good"),
+        pytest.raises(LinkError, match=r"pose 2: gone for good; find the cause, .* --resume"),
     ):
         warnings.simplefilter("ignore", WrenchbedWarning)
         run(arm, tmp_path / "r.parquet")

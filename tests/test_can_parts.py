@@ -37,7 +37,7 @@ def test_every_statusword_has_a_state(word):
 
 
 def ratings():
-    return served.Ratings(-1000, 100_000, 500, 1e6, 1e5, 1e5)
+    return served.Ratings(-1000, 100_000, 500, 1e6, 1e5, 1e5, 10.0)
 
 
 def climb(axis, want, cycles=10):

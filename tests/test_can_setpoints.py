@@ -57,6 +57,41 @@ def test_braking_ends_at_rest_without_a_jerk_back():
     assert abs(speed[int(BRAKE_S / T) + 1 :]).max() == 0.0
 
 
+def test_braking_that_is_asked_for_in_every_cycle_takes_no_longer():
+    once, again = points(), points()
+    for setpoints in (once, again):
+        setpoints.move(np.full(6, 0.8), 1.5)
+        for _ in range(180):
+            setpoints.step()
+        setpoints.brake()
+    ways: list[list[float]] = [[], []]
+    for _ in range(60):
+        again.brake()
+        for way, setpoints in zip(ways, (once, again), strict=True):
+            way.append(setpoints.step()[0])
+    assert ways[0] == ways[1] and not again.moving
+    again.move(np.zeros(6), 1.0)  # and what is told after it is done as ever
+    again.step()
+    again.brake()
+    assert again.moving
+
+
+def test_a_joint_beyond_its_limits_is_held_there_and_only_let_in():
+    setpoints = points(-1.4)
+    assert setpoints.outside(np.full(6, -1.4)) == (0, -1.0, 1.0)
+    assert setpoints.outside(np.full(6, -1.0005)) is None
+    assert setpoints.outside(np.array([0, 0, 0, np.nan, 0, 0]))[0] == 3
+    held = [setpoints.step()[0] for _ in range(50)]
+    assert set(held) == {-1.4} and setpoints.clipped == 0
+    setpoints.move(np.full(6, -2.0), 1.0)
+    assert min(setpoints.step()[0] for _ in range(300)) == -1.4 and setpoints.clipped > 0
+    setpoints.move(np.zeros(6), 4.0)
+    way = [setpoints.step()[0] for _ in range(1010)]
+    assert way[-1] == pytest.approx(0.0) and (np.diff(way) >= -1e-12).all()
+    setpoints.move(np.full(6, -1.4), 4.0)
+    assert min(setpoints.step()[0] for _ in range(1010)) == -1.0  # once in, it stays in
+
+
 def test_a_stream_reaches_each_target_in_the_time_between_them():
     setpoints = points()
     for k in range(1, 40):

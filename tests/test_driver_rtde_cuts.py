@@ -19,6 +19,7 @@ HOST = "127.0.2.15"
         ("rtde", "fin", {}, "worker"),
         ("rtde", "rst", {}, "worker"),
         ("control", "fin", {}, "control worker"),
+        ("control", "rst", {}, "control worker"),
         ("rtde", "malformed", {"how": "short_header"}, "worker"),
         ("rtde", "timestamp_jump", {"by": -50.0}, "clock went back"),
         ("robot", "restart", {"seconds": 0.5}, "worker"),

@@ -17,6 +17,7 @@ HOST = "127.0.2.12"
     "where, kind, values",
     [
         ("rtde", "stall", {"seconds": 1.4}),
+        ("rtde", "stall", {"seconds": 4.0}),
         ("rtde", "freeze", {"seconds": 1.4}),
         ("rtde", "drop", {"seconds": 1.4}),
         ("rtde", "burst", {"seconds": 1.4}),
@@ -27,6 +28,16 @@ def test_silence_is_stale_then_lost(bench, link, where, kind, values):
     assert seen.first == "stale" and seen.named <= NAMED_S
     assert isinstance(seen.error, LinkError | StoppedError)
     assert seen.ended < GONE_S + 1.2
+    assert seen.late_travel < 1e-3
+    assert recovered(link) < 6.0
+
+
+def test_a_short_stall_is_named_and_the_robots_watchdog_stops_it(bench, link):
+    """Nothing that is written reaches the robot meanwhile."""
+    seen = disturbed(bench, lambda: bench.twin.fault("rtde", "stall", seconds=0.3))
+    assert seen.first == "stale" and seen.named <= NAMED_S
+    assert isinstance(seen.error, StoppedError) and "program is stopped" in str(seen.error)
+    assert seen.state == "stopped" and 0.25 < seen.ended < 0.8
     assert seen.late_travel < 1e-3
     assert recovered(link) < 6.0
 

@@ -73,5 +73,5 @@ def test_without_atheris_the_remedy_is_named(tmp_path):
 
 
 def test_pieces_of_a_stream():
-    assert FUZZ._chunks(FUZZ._joined(b"ab", b"c")) == [b"ab", b"c"]
-    assert FUZZ._chunks(b"\xffx") == [b"x"]
+    assert FUZZ.chunks(FUZZ.joined(b"ab", b"c")) == [b"ab", b"c"]
+    assert FUZZ.chunks(b"\xffx") == [b"x"]

@@ -1,17 +1,16 @@
 """MedRUE's twin in a process of its own, and the driver against it: motion, faults, recovery."""
 
-import subprocess
-import sys
 import time
 
 import numpy as np
 import pytest
 
+from medrue_bench import away, options, until
 from twin_process import running
 from wrenchbed import registry
 from wrenchbed.drivers.base import Limits
 from wrenchbed.drivers.can import CanDriver, Options
-from wrenchbed.errors import DriverError, LimitError, LinkError, StoppedError
+from wrenchbed.errors import DriverError, LimitError, LinkError, SafetyStopError
 from wrenchbed.simulation import Simulation
 from wrenchbed.transducers.netcanoem import NetcanoemTransducer
 from wrenchbed.transducers.netcanoem import Options as SensorOptions
@@ -29,14 +28,9 @@ def twin():
         yield process
 
 
-def options(**more):
-    """A patient watchdog: other processes may keep this machine busy for a tenth of a second."""
-    return Options(**({"host": HOST, "slot": SLOT, "watchdog": 0.3} | more))
-
-
 @pytest.fixture
 def driver(twin):
-    one = CanDriver(options())
+    one = CanDriver(options(HOST, slot=SLOT))
     one.connect()
     if not one.health().ok:
         one.recover()
@@ -44,20 +38,6 @@ def driver(twin):
     assert until(lambda: one.health().ok), one.health()
     yield one
     one.close()
-
-
-def until(done, seconds=2.0):
-    end = time.monotonic() + seconds
-    while not done() and time.monotonic() < end:
-        time.sleep(0.002)
-    return done()
-
-
-def away(driver):
-    """A goal that joint 1 takes half a second or more to reach."""
-    q = driver.position()
-    q[0] += 0.05 if q[0] < 0.05 else -0.05
-    return q
 
 
 def test_address_and_registry(twin):
@@ -68,7 +48,7 @@ def test_address_and_registry(twin):
 
 
 def test_state_and_wrench_while_connected_only(twin):
-    driver = CanDriver(options())
+    driver = CanDriver(options(HOST, slot=SLOT))
     assert driver.health().state == "closed"
     driver.connect()
     try:
@@ -124,24 +104,9 @@ def test_a_soft_stop_ends_at_rest_and_the_next_move_goes_on(driver):
     assert driver.move(driver.position()).wait().duration < 3.0
 
 
-def test_a_hard_stop_holds_until_recover(driver):
-    driver.move(away(driver))
-    time.sleep(0.3)
-    driver.stop("hard")
-    at = driver.read().q
-    assert driver.health().state == "stopped"
-    assert until(lambda: driver.read().safety == "quick stop")
-    time.sleep(0.1)
-    assert np.abs(driver.read().q - at).max() < 5e-3
-    with pytest.raises(StoppedError):
-        driver.move(at)
-    driver.recover()
-    driver.move(driver.position()).wait()
-
-
 def test_too_much_force_stops_hard(twin):
     limits = Limits(speed=0.25, force=1.0)
-    with CanDriver(options(limits=limits)) as driver:
+    with CanDriver(options(HOST, slot=SLOT, limits=limits)) as driver:
         with pytest.raises(LimitError, match="above the limit"):
             driver.move(away(driver)).wait()
         assert driver.health().state == "stopped"
@@ -175,6 +140,9 @@ def test_a_fault_of_the_arm_is_named_stops_it_and_is_recovered_from(driver, twin
     # at 62 mm/s: what it did before it was seen, a late cycle, the ramp, the servos' lag
     assert np.abs(driver.read().q - seen.q).max() < 0.0625 * (seen.age + 0.15)
     assert driver.health().state == state  # named until somebody recovers
+    if kind in ("emcy", "following_error"):
+        with pytest.raises(SafetyStopError, match=words):
+            driver.recover(unlock=False)
     driver.recover()
     assert until(lambda: driver.health().ok), driver.health()
     driver.move(driver.position()).wait()
@@ -216,48 +184,10 @@ def test_a_saturated_gauge_marks_every_channel_that_it_feeds(driver, twin):
     assert until(lambda: driver.read_wrench().saturated == 0, 2.0)
 
 
-def test_noise_on_the_bus_is_counted_and_survived(driver, twin):
+def test_error_frames_are_counted_and_survived(driver, twin):
     twin.fault("can", "error_frame", count=3)
     assert until(lambda: driver.health().counters["arm error frames"] >= 3)
     assert until(lambda: driver.health().ok)
-    twin.fault("can", "garbage", count=100)
-    time.sleep(0.2)
-    assert driver.health().state in ("ok", "lost", "fault", "stale", "stopped")
-    driver.recover()
-    assert until(lambda: driver.health().ok, 2.5)
-
-
-@pytest.mark.parametrize("kind", ["hub_fin", "garbage_text"])
-def test_a_bus_that_is_gone_is_named_and_the_drives_stop_by_themselves(twin, kind):
-    driver = CanDriver(options())
-    with driver:
-        motion = driver.move(away(driver))
-        time.sleep(0.25)
-        twin.fault("can", kind)
-        assert until(lambda: driver.health().state == "lost", 0.5)
-        with pytest.raises(LinkError, match="CAN bus"):
-            motion.wait()
-        last = driver.read()
-        time.sleep(0.3)
-        driver.recover()
-        assert until(lambda: driver.health().ok, 2.5), driver.health()
-        assert np.abs(driver.position() - last.q).max() < 0.02  # watchdog and quick-stop ramp
-        goal = driver.position() + 0.002
-        assert np.abs(driver.move(goal).wait().q - goal).max() < 1e-3
-
-
-def test_a_master_that_vanishes_leaves_drives_that_stop(twin):
-    code = (
-        "import os, numpy as np, time\n"
-        "from wrenchbed.drivers.can import CanDriver, Options\n"
-        f"d = CanDriver(Options(host='{HOST}', slot={SLOT})); d.connect(); d.recover()\n"
-        "q = d.position(); q[0] += 0.05 if q[0] < 0.05 else -0.05\n"
-        "d.move(q); time.sleep(0.3); print(*d.read().q, flush=True); os._exit(9)\n"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=30)
-    last = np.array([float(word) for word in done.stdout.split()])
-    with CanDriver(options()) as driver:
-        assert np.abs(driver.position() - last).max() < 0.02
 
 
 def test_the_wrong_slot_is_refused(twin):
@@ -271,7 +201,7 @@ def test_no_board_at_that_base_is_told(twin):
 
 
 def test_no_drive_at_that_node_is_told(twin):
-    driver = CanDriver(options(nodes=(1, 2, 3, 4, 5, 16)))
+    driver = CanDriver(options(HOST, slot=SLOT, nodes=(1, 2, 3, 4, 5, 16)))
     with pytest.raises(LinkError, match="drive 16"):
         driver.connect()
 

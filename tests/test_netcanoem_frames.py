@@ -199,12 +199,54 @@ def test_gauges_stop_at_their_range():
     assert {32767, -32768} & set(one.gauges(0.0))
 
 
+def rpdo(one, sent, node, word, length=6, t=1.0):
+    """What the board answers to a command of a drive, at the maker's base."""
+    raw = struct.pack("<Hi", word, 123_456)[:length]
+    return ask(one, sent, node, raw, t)
+
+
 def test_the_makers_base_takes_drives_targets_for_requests():
-    """Base 0x20: an RPDO to node 12 resets the board, one to node 13 moves it for good."""
-    one, _, _ = board(base=0x20)
+    """Base 0x20 is RPDO1 of nodes 1 … 15; the low byte of their controlword is what is asked."""
+    one, sent, _ = board(base=0x20)
     one.active = 2
-    one.hear(1.0, Frame(0x200 + 12, bytes(6)))
-    assert one.active == 0
+    quick_stop, enable = 0x02, 0x0F
+    row = one.matrix()[2].astype(">f4").tobytes()
+    answer = rpdo(one, sent, 2, quick_stop)  # row Fz
+    assert answer == [(2, row[:8]), (3, row[8:16]), (4, row[16:])]
+    assert rpdo(one, sent, 2, enable) == []  # there is no row 15
+    assert rpdo(one, sent, 6, 0x00, length=2) == [(6, b"\0")] and one.active == 0
+    assert rpdo(one, sent, 6, enable) == [(6, b"\x0f")]
+    assert one.active == 15 and one.status == 1 << 6
+
+
+def test_a_command_to_node_12_resets_the_board():
+    one, sent, _ = board(base=0x20)
+    one.active = 2
+    assert rpdo(one, sent, 12, 0x0F) == [] and one.active == 0
+    assert ask(one, sent, 0xF, t=1.05) == []  # it boots
+    assert len(ask(one, sent, 0xF, t=1.2)) == 1
+
+
+def test_a_command_to_node_13_moves_the_board_for_good():
+    one, sent, _ = board(base=0x20)
+    assert rpdo(one, sent, 13, 0x80) == [] and rpdo(one, sent, 13, 0x0F) == [(0xD, b"")]
+    assert len(ask(one, sent, 0xF)) == 1  # not yet
+    one.reset(2.0)
+    one.reset(3.0)
+    sent.clear()
+    one.hear(4.0, Frame(0x20F, b""))
+    assert not sent and one.base == 0x0F
+    assert len(ask(one, sent, 0xF, t=4.0)) == 1
+
+
+@pytest.mark.parametrize("word, rate", [(0, 2e6), (1, 1e6), (3, 5e5), (7, 2.5e5), (15, 1.25e5)])
+def test_a_command_to_node_14_takes_the_board_off_the_bus(word, rate):
+    one, sent, _ = board(base=0x20)  # on a bus of 1 Mbit/s
+    assert rpdo(one, sent, 14, word) == [(0xE, b"")]
+    assert len(ask(one, sent, 0xF)) == 1 and one.bitrate == 1e6  # not yet
+    for t in (2.0, 4.0):  # for good
+        one.reset(t)
+        assert one.bitrate == rate and len(ask(one, sent, 0xF, t=t + 1.0)) == (rate == 1e6)
 
 
 class Late:

@@ -77,7 +77,7 @@ def test_a_wrench_at_a_time_is_interpolated(scene, transducer):
         for back in (0.02, 0.1, 0.4):
             shown = transducer.at(now - back)
             late = now - back - 0.0095 - scene.body.begun
-            assert shown[2] == pytest.approx(scene.body.load(late)[2], abs=0.06)
+            assert shown.wrench[2] == pytest.approx(scene.body.load(late)[2], abs=0.06)
         assert transducer.at(now - 30.0) is None
         assert transducer.at(now + 1.0) is None
     finally:
@@ -274,3 +274,24 @@ def test_a_watch_notices_new_counts_and_a_zero_that_was_not_taken():
         until(lambda: "was set to 10 / N" in watch.wrong)
     finally:
         watch.stop()
+
+
+def test_counts_that_change_while_it_runs_are_noticed():
+    with boxed("127.0.3.44") as scene, client(scene, sensor="ati-gamma") as transducer:
+        begun = time.monotonic()
+        scene.fault("http", "other_counts", factor=0.5)
+        until(lambda: transducer.health().state == "fault", 6.0)
+        assert time.monotonic() - begun < 5.8 and "was set to" in transducer.health().detail
+
+
+def test_a_zero_that_was_lost_while_nobody_looked_changes_its_id():
+    with boxed("127.0.3.45", rate=1000) as scene:
+        port = int(scene.addresses["http"].split(":")[1])
+        transducer = NetftTransducer(Options("127.0.3.45", http_port=port))
+        with transducer:
+            assert transducer.zero() == 1
+        with transducer:
+            assert transducer.read().bias_id == 1
+        scene.fault("rdt", "restart")
+        with transducer:
+            assert transducer.read().bias_id == 2

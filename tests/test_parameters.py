@@ -55,7 +55,7 @@ def test_an_unknown_plug_in_lists_what_exists():
 
 
 def test_a_missing_extra_is_named():
-    with pytest.raises(MissingExtraError, match=r"pip install 'wrenchbed\[hil\]'"):
+    with pytest.raises(MissingExtraError, match=r"pip install -e '\.\[hil\]'  in the clone"):
         registry.require("a_library_that_is_not_here", "hil")
     assert registry.require("json", "hil").loads("1") == 1
 

@@ -36,6 +36,7 @@ def test_a_dry_run_shows_every_move_and_simulates_the_campaign(record, capsys):
     assert code == 0
     assert "Every move is within reach and touches nothing" in text
     assert "at 10% of top speed" in text
+    assert "joints [rad, m]" in text and "move [s]" in text
     assert "first pose again after" in text
     rec = Recording.read(out)
     assert rec.metadata.source == "sim"

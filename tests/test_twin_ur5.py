@@ -147,6 +147,24 @@ def test_streams(cb3):
 
 
 @alone
+def test_a_streamed_target_moves_the_robots_own_within_two_cycles(cb3):
+    with controlling(CB3) as arm, Client(CB3) as client:
+        client.stream("target_q")
+        assert arm.moveJ(HOME.tolist(), 1.5, 3.0)
+        goal, took = np.array(client.newest()), []
+        for k in range(40):
+            goal = goal + (0.002 if k % 2 else -0.002)
+            before = np.array(client.newest())
+            called = time.monotonic()
+            assert arm.servoJ(goal.tolist(), 0, 0, 0.008, 0.03, 2000)
+            client.until(lambda s, at=before: np.abs(np.array(s) - at).max() > 5e-5, 1.0)
+            took.append(time.monotonic() - called)
+            time.sleep(0.15)  # until it has arrived
+        assert arm.servoStop()
+        assert np.median(took) <= 0.016, sorted(took)
+
+
+@alone
 def test_force_mode_presses_with_its_force(cb3):
     with controlling(CB3) as arm, receiving(CB3) as robot:
         assert arm.moveJ_IK(PRESS.tolist(), 3.0, 8.0)
@@ -190,7 +208,7 @@ def test_a_protective_stop_cannot_be_unlocked_at_once(cb3):
 def test_the_e_series_shows_its_sensor_and_box(e_series):
     assert {"rtde", "dashboard", "script", "rdt", "http"} <= e_series.addresses.keys()
     with receiving(E) as robot, dashboard(E) as desk:
-        assert robot.getFtRawWrench()[2] == pytest.approx(13.0, abs=1.0)
+        assert robot.getFtRawWrench()[2] == pytest.approx(13.0, abs=8.0)
         assert desk.getSerialNumber().isdigit() and desk.isInRemoteControl()
         assert desk.polyscopeVersion().startswith("5.11")
 

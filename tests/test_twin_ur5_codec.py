@@ -10,7 +10,6 @@ from wrenchbed.errors import LinkError
 from wrenchbed.twins.ur5 import wire
 from wrenchbed.twins.ur5.fields import inputs, outputs, zero
 from wrenchbed.twins.ur5.inputs import Inputs
-from wrenchbed.twins.ur5.script import Collector
 from wrenchbed.twins.ur5.session import Offer, Session
 
 CB3, E = (3, 15, 8, 106339), (5, 11, 1, 108318)
@@ -197,67 +196,3 @@ def test_recipes_do_not_grow_without_end():
         answer = say(one, packet("I", b"input_int_register_0"))
     assert answer == packet("I", b"\x00NOT_FOUND")
     assert len(one[0].inputs) == 255
-
-
-def program(*lines: str) -> bytes:
-    return ("\n".join(lines) + "\n").encode()
-
-
-CONTROL = (
-    "def rtde_control():",
-    "  global reg_offset_int = # int register offset",
-    "24  global x = 1",
-    "  def exec_move_path():",
-    "    # inject move path",
-    "\tsignal_async_progress(0)",
-    "\tmovej([0,1,2,3,4,5],a=1.4,v=1.05,r=0.02)",
-    "\tsignal_async_progress(1)",
-    "\tmovel(p[0.1,0.2,0.3,0,3,0],a=1.2,v=0.25,r=0)",
-    "  end",
-    "  def signal_done_with_cmd():",
-    "  end",
-    "  def rtde_cmd():",
-    "    if x == 1:",
-    "      end_force_mode()",
-    "    elif x == 2:",
-    "      x = 3",
-    "    end",
-    "  end",
-)
-
-
-def test_the_control_script_is_recognised_with_its_offset_and_path():
-    collector = Collector()
-    assert collector.feed(program(*CONTROL)) == []
-    (script,) = collector.feed(b"end\n")
-    assert script.control and script.offset == 24
-    joints, line = script.path
-    assert not joints.straight and list(joints.goal) == [0, 1, 2, 3, 4, 5]
-    assert (joints.speed, joints.acceleration) == (1.05, 1.4)
-    assert line.straight and line.cartesian and line.speed == 0.25
-    assert collector.held == 0
-
-
-def test_other_scripts_are_programs_of_their_own():
-    collector = Collector()
-    scripts = collector.feed(
-        program("# words", "", "stopj(2)", "sec s():", "  set_digital_out(0, True)", "end")
-    )
-    assert [s.secondary for s in scripts] == [False, True]
-    assert not any(s.control for s in scripts)
-    text = program("def f():", " write_output_integer_register(0 +24, 2)", "end")
-    assert collector.feed(text)[0].writes == ((24, 2),)
-
-
-@settings(max_examples=200, deadline=None)
-@given(st.lists(st.binary(max_size=60), max_size=20))
-def test_arbitrary_text_never_crashes_the_collector(chunks):
-    collector = Collector()
-    for chunk in chunks:
-        assert collector.feed(chunk) is not None
-
-
-def test_an_endless_program_is_refused():
-    collector = Collector()
-    collector.feed(b"def f():\n")
-    assert any(collector.feed(b"x = 1\n" * 20000) is None for _ in range(60))

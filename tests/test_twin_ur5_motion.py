@@ -1,31 +1,23 @@
 """The UR5 twin's kinematics, motions and safety, in process and without waiting for real time."""
 
-from types import SimpleNamespace
-
 import mujoco
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from ur5_bench import CYCLE, Bench
 from wrenchbed import registry
-from wrenchbed.errors import DriverError, ParameterError
-from wrenchbed.serving.body import Body, Options
 from wrenchbed.simulation import Simulation
-from wrenchbed.twins import base
-from wrenchbed.twins.ur5 import TWIN
-from wrenchbed.twins.ur5.controller import Controller, Make, Runtime, SafetyMode
-from wrenchbed.twins.ur5.estimate import Payload
+from wrenchbed.twins.ur5.controller import Runtime, SafetyMode
 from wrenchbed.twins.ur5.kinematics import NO_TOOL, Kinematics
 from wrenchbed.twins.ur5.motions import ToPose
 from wrenchbed.twins.ur5.poses import matrix, pose_trans, rotation_vector, vector
 from wrenchbed.twins.ur5.profile import Profile
-from wrenchbed.twins.ur5.script import Script
 
 ROBOT = registry.load("robots", "ur5")
 NOMINAL = ROBOT.parameters.nominal
 TCP = np.array([0.01, -0.02, 0.15, 0.1, 0.2, -0.3])
 DOWN = np.array([0.4, -0.11, 0.45, np.pi, 0.0, 0.0])
-CYCLE = 0.008
 
 
 def random_joints(n: int, seed: int) -> np.ndarray:
@@ -95,50 +87,6 @@ def test_a_profile_keeps_speed_and_acceleration(length):
     assert s[0] == 0.0 and s[-1] == length
     assert (v >= -1e-9).all() and v.max() <= speed + 1e-9
     assert np.abs(np.diff(v)).max() <= rate * (t[1] - t[0]) + 1e-9
-
-
-class Bench:
-    """A controller whose time is its own."""
-
-    def __init__(self, table: float | None = None, series: str = "cb3") -> None:
-        version = (3, 15, 8, 0) if series == "cb3" else (5, 11, 1, 0)
-        self.body = Body(Options("ur5", noise="off", table=table), CYCLE)
-        tool = ROBOT.tool(NOMINAL)
-        payload = Payload(float(tool.mass), np.array(tool.cog, dtype=float), np.zeros(6))
-        self.controller = Controller(Make(version, CYCLE, 150.0, True), self.body, payload)
-        self.arm = self.controller.arm
-        self.now = 100.0
-
-    def run(self, seconds: float) -> list[np.ndarray]:
-        """Targets of the cycles of some time."""
-        found = []
-        for _ in range(round(seconds / CYCLE)):
-            self.now += CYCLE
-            self.controller.cycle(self.now)
-            found.append(self.arm.q)
-        return found
-
-    def write(self, **values: float) -> None:
-        """Registers by name: i0 …, d0 …."""
-        names = {"i": "input_int_register_", "d": "input_double_register_"}
-        kinds = {"i": int, "d": float}
-        written = {names[k[0]] + k[1:]: (kinds[k[0]](v),) for k, v in values.items()}
-        self.controller.inputs.write(written, self.now)
-
-    def command(self, number: int, *doubles: float, **more: float) -> None:
-        """Clear, then give a command of the control script."""
-        self.write(i0=0)
-        self.run(2 * CYCLE)
-        self.write(**{f"d{k}": v for k, v in enumerate(doubles)}, **more, i0=number)
-
-    def said(self, number: int) -> int:
-        return self.controller.values[f"output_int_register_{number}"][0]
-
-    def script(self) -> "Bench":
-        self.controller.upload([Script(control=True)])
-        self.run(2 * CYCLE)
-        assert self.said(0) == 1
-        return self
 
 
 def test_a_joint_move_arrives_within_its_limits():
@@ -302,91 +250,3 @@ def test_a_way_through_the_column_is_unreachable():
             if np.abs(following - q).max() > np.pi * CYCLE:
                 raise RuntimeError("beyond reach of the joints' speed")
             q = following
-
-
-def pressing(bench: Bench) -> None:
-    """Bring the tool just above the plate."""
-    near = DOWN.copy()
-    near[2] = 0.25 + 0.142
-    q = bench.arm.kinematics.inverse(near, NO_TOOL, ROBOT.home)
-    bench.command(1, *q, 3.0, 10.0)
-    bench.run(2.5)
-    assert bench.said(0) == 2
-
-
-def test_force_mode_settles_at_its_force():
-    bench = Bench(table=0.25).script()
-    pressing(bench)
-    assert bench.controller.estimate.wrench == pytest.approx(np.zeros(6), abs=0.05)
-    bench.write(i0=0)
-    bench.run(2 * CYCLE)
-    wrench = dict(zip([f"d{k}" for k in range(6, 12)], [0, 0, -20, 0, 0, 0], strict=True))
-    frame = {f"d{k}": 0.0 for k in range(6)} | {f"d{k}": 0.05 for k in range(12, 18)}
-    bench.write(**frame, **wrench, i1=2, i2=0, i3=0, i4=1, i5=0, i6=0, i7=0, i0=6)
-    bench.run(3.0)
-    assert bench.controller.estimate.wrench[2] == pytest.approx(20.0, abs=0.1)
-    bench.command(7)
-    bench.run(0.2)
-    assert bench.arm.force is None and bench.said(0) == 2
-
-
-def test_too_much_force_is_a_protective_stop_that_one_can_leave():
-    bench = Bench(table=0.25).script()
-    pressing(bench)
-    bench.command(10, 0, 0, -0.05, 0, 0, 0, 0.5)
-    bench.run(1.0)
-    assert bench.controller.modes.safety is SafetyMode.PROTECTIVE_STOP
-    assert np.linalg.norm(bench.controller.estimate.wrench[:3]) > 150.0
-    bench.run(5.0)
-    assert bench.controller.unlock()
-    bench.write(i0=0)
-    bench.script()
-    bench.command(10, 0, 0, 0.05, 0, 0, 0, 0.5)
-    bench.run(1.0)
-    assert bench.controller.modes.safety is SafetyMode.NORMAL
-    assert np.linalg.norm(bench.controller.estimate.wrench[:3]) < 5.0
-
-
-def test_the_payload_is_taken_off_the_force():
-    bench = Bench().script()
-    bench.command(17, 0.35, 0.0, 0.0, 0.05)
-    bench.run(0.1)
-    assert bench.controller.estimate.wrench[2] == pytest.approx(-(1.35 - 0.35) * 9.80665, abs=1e-3)
-    bench.command(8)
-    bench.run(0.1)
-    assert bench.controller.estimate.wrench == pytest.approx(np.zeros(6), abs=1e-6)
-
-
-@pytest.mark.parametrize(
-    "setting, why",
-    [
-        ({"series": "x"}, "cb3 or e"),
-        ({"speed": "1"}, "series"),
-        ({"protective_force": "-1"}, "above 0"),
-        ({"box": "maybe"}, "on or off"),
-        ({"buffer": "0"}, "1 … 40"),
-    ],
-)
-def test_settings_are_checked(setting, why):
-    with pytest.raises(ParameterError, match=why):
-        TWIN(base.Options("127.0.1.32", setting=setting))
-
-
-def test_a_taken_port_is_named_with_its_remedy():
-    import socket
-
-    with socket.create_server(("127.0.1.32", 30004)):
-        twin = TWIN(base.Options("127.0.1.32", setting={"box": "off"}))
-        with pytest.raises(DriverError, match=r"127\.0\.1\.32:30004.*--host"):
-            twin.start()
-        twin.stop()
-
-
-def test_every_fault_of_each_link_is_known():
-    twin = TWIN(base.Options("127.0.1.32", setting={"box": "off"}))
-    links = SimpleNamespace(**{link: set() for link, _ in twin.faults.known})
-    for link, kind in twin.faults.known:
-        getattr(links, link).add(kind)
-    assert links.control == {"fin"}
-    assert {"stall", "unlisten", "fin"} <= links.dashboard & links.script
-    assert "restart" in links.robot and "malformed" in links.rtde

@@ -1,26 +1,25 @@
 """Run a plan on any driver and write the recording as it grows.
 
 On a real robot, or a twin, every move is checked before the first one, each pose is settled by
-measured speed and wrench, what fails is recovered and tried again, and the first pose is visited
-once more at the end.
+measured speed and wrench, what fails by its link is recovered and tried again, and the first pose
+is visited once more at the end. A robot that stopped to protect itself ends the campaign.
 """
 
 import time
 import warnings
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from wrenchbed.clearance import Clearance
-from wrenchbed.drivers.base import Driver, check_motion, straight
-from wrenchbed.errors import DriverError, LimitError, PlanError, WrenchbedWarning
-from wrenchbed.itinerary import Leg, itinerary
+from wrenchbed.drivers.base import Driver
+from wrenchbed.errors import DriverError, LimitError, PlanError, SafetyStopError, WrenchbedWarning
+from wrenchbed.itinerary import Leg, check, itinerary
 from wrenchbed.plan import Plan
 from wrenchbed.recording import POINT
-from wrenchbed.resuming import POSE, STARTED, Before, before, now
-from wrenchbed.robots.base import SimulatedRobot
+from wrenchbed.resuming import POSE, STARTED, Again, Before, Hold, again, bare, before, encore, now
 from wrenchbed.wrench import CHANNELS
 from wrenchbed.writer import RecordingWriter
 
@@ -29,6 +28,8 @@ Progress = Callable[[int], None]
 
 _BLOCK_S = 0.5
 """Longest part of a hold that stays unwritten [s]."""
+_PAUSE_S = 0.2
+"""Before the second time that something is tried again, each further one by so much more [s]."""
 RATE_HZ = {"static": 100.0, "dynamic": 125.0}
 """Default sampling rates."""
 TRIES = 12
@@ -36,6 +37,8 @@ TRIES = 12
 
 MOTIONS = 3
 """How often a motion is begun on a live driver."""
+CUT = ".cut~"
+"""End of the name under which a campaign's own earlier rows are kept when it begins anew."""
 
 
 @dataclass(frozen=True)
@@ -93,6 +96,7 @@ def record(
 
     Raises:
         PlanError: another robot's plan, or a row or move that the robot cannot take.
+        SafetyStopError: the robot stopped to protect itself or is in fault; it was left as it is.
         DriverError: the robot or its sensor failed for good; what was recorded is on disk.
     """
     if plan.mode == "dynamic" and rate not in (None, plan.rate_hz) and plan.rate_hz is not None:
@@ -109,30 +113,6 @@ def record(
             raise PlanError(f"{path}: a motion cannot be resumed: record it again")
         return campaign.motion()
     return campaign.poses(driver.live if revisit is None else revisit, resume)
-
-
-def check(driver: Driver, plan: Plan, rate: float, *, clear: bool) -> None:
-    """Refuse a plan that the robot cannot run.
-
-    Raises:
-        PlanError: names the row.
-    """
-    robot = driver.robot
-    if plan.robot != robot.name:
-        raise PlanError(f"{plan.name}: the plan is for robot {plan.robot!r}, not {robot.name!r}")
-    driver.limits.check_path(robot, plan.q, plan.name)
-    if plan.mode == "static":
-        return
-    check_motion(robot, plan.q, rate, plan.name)
-    driver.limits.check_speed(robot, plan.q, rate, plan.name)
-    start = straight(driver.position(), plan.q[0])
-    robot.check(start, robot.parameters.nominal, f"{plan.name}: move to row 0")
-    if clear and isinstance(robot, SimulatedRobot):
-        clearance = Clearance(robot)
-        for row, q in enumerate(plan.q):
-            what = clearance.hit(q)
-            if what:
-                raise PlanError(f"{plan.name}: row {row}: {what}")
 
 
 class _Campaign:
@@ -158,95 +138,104 @@ class _Campaign:
             self.metadata = replace(self.metadata, extra=extra)
         self.tried_again = self.told = 0
         self.shift = self.t = 0.0
-        self.firsts: list[tuple[float, np.ndarray]] = []
+        self.first: Hold | None = None
+        self.zero: int | None = None
 
     def poses(self, revisit: bool, resume: bool) -> Done:
         """Visit what is still to come, then the first pose again."""
-        old = before(self.path, self.plan, self.needed) if resume else None
+        plan = self.plan
+        old = before(self.path, plan, self.needed, self.metadata) if resume else None
         done = frozenset[int]() if old is None else old.poses
-        rows = [row for row in range(len(self.plan)) if row not in done]
+        rows = [row for row in range(len(plan)) if row not in done]
+        last = None if old is None else old.first(encore(plan))
+        legs = self._legs(rows + [0] * (revisit and last is None), self.driver.position())
+        self.driver.expect(plan.q[rows], "static")
         if old is not None:
             self.metadata = old.metadata
-        again = [0] if revisit else []
-        legs = self._legs(rows + again, self.driver.position())
-        self.driver.expect(self.plan.q[rows], "static")
-        drift = None
-        with RecordingWriter(self.path, self.metadata) as writer:
-            if old is not None and old.columns:
-                writer.append(old.columns)
-                self._go_on(old)
-                self.tell(len(done))
+        with RecordingWriter(self.path, self.metadata, CUT if resume else "~") as writer:
+            if old is not None:
+                self._go_on(old, writer)
             for leg in legs[: len(rows)]:
-                hold = self._visit(leg, int(self.plan.segment[leg.row]), writer)
-                self.firsts += [hold] if leg.row == 0 else []
+                hold = self._visit(leg, int(plan.segment[leg.row]), writer)
+                self.first = hold if leg.row == 0 else self.first
                 self.tell(1)
             for leg in legs[len(rows) :]:
-                last = self._visit(leg, int(self.plan.segment.max()) + 1, writer)
-                drift = _drift(self.firsts[0], last)
+                last = self._visit(leg, encore(plan), writer)
+        drift = _drift(self.first, last) if self.first and last else None
         return Done(self.path, len(rows), writer.rows, self.t, self.tried_again, drift)
 
     def motion(self) -> Done:
         """Move to the start and follow the trajectory; on a live driver again if it was cut."""
         driver = self.driver
         driver.expect(self.plan.q, "dynamic")
-        for attempt in range(MOTIONS if driver.live else 1):
+        failed: Counter[Again] = Counter()
+        written = False
+        while True:
+            writer = RecordingWriter(self.path, self.metadata, CUT if written else "~")
             try:
-                if attempt:
-                    driver.recover()
-                return self._follow()
-            except LimitError:
-                raise
+                if failed:
+                    driver.recover(unlock=False)
+                with writer:
+                    self._follow(writer)
+                return Done(self.path, self.told, writer.rows, self.t, self.tried_again)
             except DriverError as error:
-                if not driver.live or attempt + 1 == MOTIONS:
-                    raise
-                self._again(f"the motion: {error}")
+                self._failed("the motion", error, failed, MOTIONS, "begin anew: `record …")
+                written |= writer.rows > 0
                 self.tell(-self.told)
                 self.told = 0
-        raise AssertionError("the last attempt raises")
 
-    def _follow(self) -> Done:
+    def _follow(self, writer: RecordingWriter) -> None:
         plan, driver = self.plan, self.driver
-        with RecordingWriter(self.path, self.metadata) as writer:
-            for leg in self._legs([0], driver.position()):
-                for q in leg.via:
-                    driver.move(q).wait()
-            driver.settle()
-            for measured in driver.track(plan.q, self.rate):
-                block = dict(measured)
-                n = len(block["t"])
-                block["segment"] = plan.segment[self.told : self.told + n]
-                writer.append(block)
-                self.t = float(block["t"][-1])
-                self.told += n
-                self.tell(n)
-        return Done(self.path, self.told, writer.rows, self.t, self.tried_again)
+        for leg in self._legs([0], driver.position()):
+            for q in leg.via:
+                driver.move(q).wait()
+        driver.settle()
+        for measured in driver.track(plan.q, self.rate):
+            block = dict(measured)
+            n = len(block["t"])
+            block["segment"] = plan.segment[self.told : self.told + n]
+            writer.append(block)
+            self.t = float(block["t"][-1])
+            self.told += n
+            self._heed_zero(f"row {self.told}")
+            self.tell(n)
 
-    def _again(self, what: str) -> None:
+    def _failed(
+        self, what: str, error: DriverError, failed: Counter[Again], most: int, remedy: str
+    ) -> None:
+        """Count a failure and wait a little; raise where a person must look, or at the last one."""
+        if not self.driver.live:
+            raise error
+        kind = again(self.driver, error)
+        what = "; ".join([f"{what}: {bare(error)}", *getattr(error, "__notes__", ())])
+        failed[kind] += 1
+        if failed[kind] > kind or failed.total() >= most:
+            look = "look what happened" if kind is Again.NEVER else "find the cause"
+            unsafe = kind is Again.NEVER and not isinstance(error, LimitError)
+            raised, flag = (SafetyStopError, " --recover") if unsafe else (type(error), "")
+            raise raised(f"{what}; {look}, then {remedy}{flag}`") from error
         self.tried_again += 1
         warnings.warn(f"{what}: trying again", WrenchbedWarning, stacklevel=2)
+        time.sleep(_PAUSE_S * (failed.total() - 1))
 
     def _legs(self, rows: list[int], start: np.ndarray) -> tuple[Leg, ...]:
         limits, clear = self.driver.limits, self.clear
         return itinerary(self.driver.robot, self.plan, start, limits, rows, clear=clear)
 
-    def _visit(self, leg: Leg, segment: int, writer: RecordingWriter) -> tuple[float, np.ndarray]:
-        """Go there and record; on a live driver, recover from what fails and try again."""
+    def _visit(self, leg: Leg, segment: int, writer: RecordingWriter) -> Hold:
+        """Go there and record; on a live driver, recover from a failed link and try again."""
         taken: list[np.ndarray] = []
-        for attempt in range(TRIES if self.driver.live else 1):
+        failed: Counter[Again] = Counter()
+        while True:
             try:
-                if attempt:
-                    self.driver.recover()
+                if failed:
+                    self.driver.recover(unlock=False)
                     leg = self._legs([leg.row], self.driver.position())[0]
                 self._go(leg)
                 return self._hold(leg.row, segment, writer, taken)
-            except LimitError:
-                raise
             except DriverError as error:
-                if not self.driver.live or attempt + 1 == TRIES:
-                    raise
-                self._again(f"pose {leg.row}: {error}")
-                time.sleep(0.2 * attempt)
-        raise AssertionError("the last attempt raises")
+                remedy = "go on: `record … --resume" if writer.rows else "begin anew: `record …"
+                self._failed(f"pose {leg.row}", error, failed, TRIES, remedy)
 
     def _go(self, leg: Leg) -> None:
         for q in leg.via[:-1]:
@@ -259,11 +248,12 @@ class _Campaign:
 
     def _hold(
         self, row: int, segment: int, writer: RecordingWriter, taken: list[np.ndarray]
-    ) -> tuple[float, np.ndarray]:
+    ) -> Hold:
         """Record what a pose still needs; its time and readings (n, 6)."""
         at_once = max(1, int(_BLOCK_S * self.rate))
         while (left := int(self.needed[row]) - sum(map(len, taken))) > 0:
             block = dict(self.driver.sample(min(at_once, left), self.rate))
+            self._heed_zero(f"pose {row}")
             n = len(block["t"])
             block["t"] = block["t"] + self.shift
             block["segment"] = np.full(n, segment)
@@ -277,17 +267,31 @@ class _Campaign:
             self.t = float(block["t"][-1])
         return self.t, np.concatenate(taken)
 
-    def _go_on(self, old: Before) -> None:
-        """Times go on from those of the stopped campaign."""
+    def _heed_zero(self, where: str) -> None:
+        """Warn where the sensor's zero is another one than before; a campaign sets none itself."""
+        if not self.driver.live:
+            return
+        was, self.zero = self.zero, self.driver.read_wrench().bias_id
+        if was not in (None, self.zero):
+            warnings.warn(
+                f"{where}: the sensor's zero changed (bias id {was}, now {self.zero}): calibrate "
+                "what was recorded before and after it separately, or record anew",
+                WrenchbedWarning,
+                stacklevel=2,
+            )
+
+    def _go_on(self, old: Before, writer: RecordingWriter) -> None:
+        """Take over what is whole; times go on from those of the stopped campaign."""
         here = float(self.driver.sample(1, self.rate)["t"][-1])
-        self.shift = max(old.elapsed, float(old.columns["t"][-1]) + 1.0) - here
-        first = old.columns[POSE] == 0
-        if first.any():
-            wrench = np.stack([old.columns[c][first] for c in CHANNELS], axis=-1)
-            self.firsts.append((float(old.columns["t"][first][-1]), wrench))
+        if old.columns:
+            writer.append(old.columns)
+            self.t = float(old.columns["t"][-1])
+        self.shift = max(old.elapsed, self.t + 1.0) - here
+        self.first = old.first(int(self.plan.segment[0]))
+        self.tell(len(old.poses))
 
 
-def _drift(first: tuple[float, np.ndarray], last: tuple[float, np.ndarray]) -> Drift:
+def _drift(first: Hold, last: Hold) -> Drift:
     means = [wrench.mean(axis=0) for _, wrench in (first, last)]
     variance = sum(
         wrench.var(axis=0, ddof=min(1, len(wrench) - 1)) / len(wrench)

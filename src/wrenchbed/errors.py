@@ -14,6 +14,7 @@
     ├── DriverError         a device that did not do as told         (RuntimeError)
     │   ├── LinkError       a device that is silent or gone          (ConnectionError)
     │   ├── StoppedError    a robot that stopped by itself
+    │   │   └── SafetyStopError   to protect itself or people; a person must look first
     │   ├── LimitError      a command beyond the limits              (ValueError)
     │   └── LateError       a deadline that passed                   (TimeoutError)
     └── MissingExtraError   an optional library that is not installed (ImportError)
@@ -78,6 +79,10 @@ class LinkError(DriverError, ConnectionError):
 
 class StoppedError(DriverError):
     """A robot that stopped by itself: protective or emergency stop, program ended, power off."""
+
+
+class SafetyStopError(StoppedError):
+    """A robot that stopped to protect itself or people; a person must look before it goes on."""
 
 
 class LimitError(DriverError, ValueError):

@@ -1,4 +1,4 @@
-"""The ways of a campaign: every move from pose to pose, checked before the first one starts."""
+"""The ways of a campaign: every row, and every move from pose to pose, checked before the first."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wrenchbed.clearance import Clearance
-from wrenchbed.drivers.base import Limits, duration, straight
+from wrenchbed.drivers.base import Driver, Limits, check_motion, duration, straight
 from wrenchbed.errors import PlanError
 from wrenchbed.plan import Plan
 from wrenchbed.robots.base import Robot, SimulatedRobot
@@ -25,6 +25,40 @@ class Leg:
     row: int
     via: tuple[np.ndarray, ...]
     seconds: float
+
+
+def check(driver: Driver, plan: Plan, rate: float, *, clear: bool) -> None:
+    """Refuse a plan that the robot cannot run, before it moves.
+
+    Raises:
+        PlanError: names the row.
+    """
+    robot = driver.robot
+    if plan.robot != robot.name:
+        raise PlanError(f"{plan.name}: the plan is for robot {plan.robot!r}, not {robot.name!r}")
+    if plan.points is not None and type(driver)._touch is Driver._touch:
+        raise PlanError(
+            f"{plan.name}: holds touches, and driver {driver.name!r} cannot touch points: "
+            "run this plan with 'sim'"
+        )
+    if rate > driver.top_rate:
+        raise PlanError(
+            f"{plan.name}: rate {rate:g} Hz: driver {driver.name!r} tells {driver.top_rate:g} "
+            "states a second: give no higher rate"
+        )
+    driver.limits.check_path(robot, plan.q, plan.name)
+    if plan.mode == "static":
+        return
+    check_motion(robot, plan.q, rate, plan.name)
+    driver.limits.check_speed(robot, plan.q, rate, plan.name)
+    start = straight(driver.position(), plan.q[0])
+    robot.check(start, robot.parameters.nominal, f"{plan.name}: move to row 0")
+    if clear and isinstance(robot, SimulatedRobot):
+        clearance = Clearance(robot)
+        for row, q in enumerate(plan.q):
+            what = clearance.hit(q)
+            if what:
+                raise PlanError(f"{plan.name}: row {row}: {what}")
 
 
 def itinerary(

@@ -164,6 +164,11 @@ class Playback:
         if len(self._t) > 1:
             self._t[-1] = max(t, float(np.nextafter(self._t[-2], np.inf)))
 
+    def forget(self, rows: int) -> None:
+        """Keep so many rows of where the robot has been."""
+        if len(self._q) > rows:
+            self._q, self._t, self._load = self._q[-rows:], self._t[-rows:], self._load[-rows:]
+
     def motion(self, t: np.ndarray, q: np.ndarray, qd: np.ndarray, load: np.ndarray) -> np.ndarray:
         """Readings (N, 6) of a motion at t (N,), q and speeds qd (N, J) whose load without effects
         is (N, 6): what effects of the mechanism change is added to it."""

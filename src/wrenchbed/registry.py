@@ -82,7 +82,8 @@ def require(library: str, extra: str) -> Any:
         return importlib.import_module(library)
     except ModuleNotFoundError as error:
         raise MissingExtraError(
-            f"{library} is not installed: run  pip install 'wrenchbed[{extra}]'"
+            f"{library} is not installed: run  pip install -e '.[{extra}]'  in the clone "
+            f"(extra wrenchbed[{extra}])"
         ) from error
 
 

@@ -1,12 +1,13 @@
 """Writes a recording row by row so that `kill -9` loses at most the last second.
 
 Rows go to a journal (an Arrow stream, ``<file>.journal``) at least once a second, and the
-recording itself is rewritten and renamed into place as often as that costs little. So there is
-always a complete Parquet file, and `Recording.read` adds what only the journal has. A clean close
-leaves the Parquet file alone.
+recording itself is rewritten and renamed into place as often as that costs little, in a thread of
+its own: who appends never waits for it. So there is always a complete Parquet file, and
+`Recording.read` adds what only the journal has. A clean close leaves the Parquet file alone.
 """
 
 import json
+import threading
 import time
 from collections.abc import Mapping
 from pathlib import Path
@@ -23,23 +24,23 @@ from wrenchbed.recording import JOURNAL
 FLUSH_S = 0.5
 """Longest time that rows stay in memory only [s]."""
 REWRITE_SHARE = 0.05
-"""Largest share of the time spent on rewriting the growing file."""
+"""Largest share of a processor's time spent on rewriting the growing file."""
 
 
 class RecordingWriter:
     """Context manager: ``append`` blocks of rows, close to finish.
 
-    An existing recording at ``path`` is kept as ``<path>~``.
-
     Args:
         path: target file.
         metadata: of the recording.
+        aside: what an existing recording at ``path`` is kept as: its name with this at the end.
     """
 
-    def __init__(self, path: str | Path, metadata: Metadata) -> None:
+    def __init__(self, path: str | Path, metadata: Metadata, aside: str = "~") -> None:
         self.path = Path(path)
         self.metadata = metadata
         self.rows = 0
+        self._aside = aside
         self._journal_path = self.path.with_name(self.path.name + JOURNAL)
         self._pending: list[dict[str, np.ndarray]] = []
         self._batches: list[pa.RecordBatch] = []
@@ -47,6 +48,8 @@ class RecordingWriter:
         self._stream: pa.RecordBatchStreamWriter | None = None
         self._flushed = self._rewritten = time.monotonic()
         self._rewrite_cost = 0.0
+        self._rewriting: threading.Thread | None = None
+        self._failed: Exception | None = None
 
     def __enter__(self) -> "RecordingWriter":
         self.path.parent.mkdir(parents=True, exist_ok=True)
@@ -55,15 +58,46 @@ class RecordingWriter:
         return self
 
     def append(self, block: Mapping[str, np.ndarray]) -> None:
-        """Add rows: every block has the same columns, each (n,)."""
+        """Add rows: every block has the same columns, each (n,).
+
+        Raises:
+            OSError: the disk did not take these rows or earlier ones.
+        """
+        self._check()
         rows = {name: np.atleast_1d(array) for name, array in block.items()}
         self._pending.append(rows)
         self.rows += len(rows["t"])
         if time.monotonic() - self._flushed > FLUSH_S:
-            self.flush()
+            self._note()
+            if self._due() and (self._rewriting is None or not self._rewriting.is_alive()):
+                self._rewriting = threading.Thread(
+                    target=self._rewrite_beside, args=(list(self._batches),), name="rewrite"
+                )
+                self._rewriting.start()
 
     def flush(self) -> None:
-        """Bring all rows to disk now."""
+        """Bring all rows to disk now, and wait for it."""
+        self._note()
+        self._wait()
+        self._check()
+        if self._batches and self._due():
+            self._rewrite(self._batches)
+
+    def close(self) -> None:
+        """Write the finished file and remove the journal."""
+        self._wait()
+        self._note()
+        if self._stream is None or self._sink is None:
+            return
+        self._rewrite(self._batches)
+        self._failed = None
+        self._stream.close()
+        self._sink.close()
+        self._journal_path.unlink(missing_ok=True)
+        self._stream = None
+
+    def _note(self) -> None:
+        """Bring rows to the journal."""
         self._flushed = time.monotonic()
         if not self._pending:
             return
@@ -79,35 +113,42 @@ class RecordingWriter:
         self._stream.write_batch(batch)
         if self._sink is not None:
             self._sink.flush()
-        if time.monotonic() - self._rewritten > self._rewrite_cost / REWRITE_SHARE:
-            self._rewrite()
-
-    def close(self) -> None:
-        """Write the finished file and remove the journal."""
-        self.flush()
-        if self._stream is None or self._sink is None:
-            return
-        self._rewrite()
-        self._stream.close()
-        self._sink.close()
-        self._journal_path.unlink(missing_ok=True)
-        self._stream = None
 
     def _set_aside(self) -> None:
         """Keep what stands at the target, with its journal if its writer was killed."""
-        kept = self.path.with_name(self.path.name + "~")
+        kept = self.path.with_name(self.path.name + self._aside)
+        journal = kept.with_name(kept.name + JOURNAL)
         if self.path.exists():
             self.path.replace(kept)
+            journal.unlink(missing_ok=True)  # of what was kept there before
         if self._journal_path.exists():
-            self._journal_path.replace(kept.with_name(kept.name + JOURNAL))
+            self._journal_path.replace(journal)
 
-    def _rewrite(self) -> None:
-        start = time.monotonic()
-        table = pa.Table.from_batches(self._batches).combine_chunks()
+    def _due(self) -> bool:
+        return time.monotonic() - self._rewritten > self._rewrite_cost / REWRITE_SHARE
+
+    def _wait(self) -> None:
+        if self._rewriting is not None:
+            self._rewriting.join()
+
+    def _check(self) -> None:
+        """Raise what the last rewriting beside failed with."""
+        if self._failed is not None:
+            raise self._failed
+
+    def _rewrite_beside(self, batches: list[pa.RecordBatch]) -> None:
+        try:
+            self._rewrite(batches)
+        except Exception as error:
+            self._failed = error
+
+    def _rewrite(self, batches: list[pa.RecordBatch]) -> None:
+        start = time.thread_time()
+        table = pa.Table.from_batches(batches).combine_chunks()
         key = {parquet.KEY: json.dumps(self.metadata.to_json(), ensure_ascii=False).encode()}
         parquet.write(self.path, table.replace_schema_metadata(key))
         self._rewritten = time.monotonic()
-        self._rewrite_cost = self._rewritten - start
+        self._rewrite_cost = time.thread_time() - start
 
     def __exit__(
         self,

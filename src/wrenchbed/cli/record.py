@@ -1,21 +1,23 @@
 """Record with a simulated or real robot."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import fields
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
 import tyro
+from rich.markup import escape
 from rich.table import Table
 
 import wrenchbed as wb
 from wrenchbed.campaign import Done
-from wrenchbed.cli import console
+from wrenchbed.cli import console, settings
 from wrenchbed.cli.console import Json
 from wrenchbed.drivers.base import Driver, Limits
 from wrenchbed.drivers.base.live import LIVE
-from wrenchbed.errors import ParameterError, PlanError
+from wrenchbed.errors import DriverError, ParameterError, PlanError
 from wrenchbed.itinerary import Leg, itinerary
 from wrenchbed.wrench import CHANNELS, UNITS
 
@@ -47,8 +49,10 @@ def record(
     max_torque: float | None = None,
     dry_run: Flag = False,
     resume: Flag = False,
+    recover: Flag = False,
     revisit: Literal["auto", "yes", "no"] = "auto",
     seed: int | None = None,
+    set: tyro.conf.UseAppendAction[tuple[str, ...]] = (),
     as_json: Json = False,
 ) -> None:
     """Run a plan on a simulated or real robot and record what its sensor reads.
@@ -56,7 +60,8 @@ def record(
     Args:
         robot: Name, see `wrenchbed list robots`.
         plan: Parquet file with q1…qN, see `wrenchbed plan`.
-        out: Recording to write; an existing one is kept as OUT~.
+        out: Recording to write; an existing one is kept as OUT~, what a resumed campaign or
+            another try of a motion replaces as OUT.cut~.
         driver: Name, see `wrenchbed list drivers`.
         host: Address of the robot's controller (rtde), or of the machine that shares its CAN bus.
         channel: CAN channel, for instance can0.
@@ -76,9 +81,13 @@ def record(
         max_torque: Stop the robot above this measured torque [N·m].
         dry_run: Check every move, show the campaign, and record it in simulation instead.
         resume: Go on with the stopped campaign in OUT, at the pose where it stopped.
+        recover: Somebody has looked: first clear a protective stop, a drive's fault, or a program
+            that was left on the robot.
         revisit: Visit the first pose again at the end, which shows drift; auto: on real robots
             and in dry runs.
         seed: Of the noise.
+        set: NAME=VALUE of a setting that this driver alone has, for instance base=0x68 with can or
+            frequency=none with rtde; a wrong NAME lists them. May be repeated.
         as_json: Print the result as JSON.
     """
     console.check_seed(seed or 0)
@@ -97,14 +106,33 @@ def record(
     given = {"host": host, "channel": channel, "sensor": sensor, "recording": recording,
              "parameters": console.parameters(parameters) or None, "noise": noise,
              "effects": effect or None, "seed": seed}  # fmt: skip
-    link: Driver = device(_options(device, driver, robot, limits, given))
+    words = {} if dry_run else settings.pairs(set)
+    own = settings.typed(device.options, words, ("robot", "limits", *given))
+    link: Driver = device(_options(device, driver, robot, limits, given | own))
     again = {"yes": True, "no": False, "auto": True if dry_run else None}[revisit]
-    with link, console.progress(f"recording {robot}", len(todo)) as tell:
+    with _ready(link, recover), console.progress(f"recording {robot}", len(todo)) as tell:
         done = wb.record(
             link, todo, out, samples=samples, rate=rate, progress=tell, revisit=again,
             resume=resume, clear=dry_run or None,
         )  # fmt: skip
     _answer(done, todo, driver, as_json)
+
+
+@contextmanager
+def _ready(link: Driver, recover: bool) -> Iterator[None]:
+    """Connected and able to move; what Python programs are told to call is a flag here."""
+    try:
+        link.connect()
+        try:
+            if recover:
+                link.recover()
+            else:
+                link.activate()
+            yield
+        finally:
+            link.close()
+    except DriverError as error:
+        raise type(error)(str(error).replace("call recover()", "give --recover")) from error
 
 
 def _limits(
@@ -147,7 +175,7 @@ def _show(robot: str, plan: wb.Plan, limits: Limits) -> None:
     legs = itinerary(arm, plan, arm.home, limits, rows, clear=True)
     table = Table(title=f"{plan.name}: {len(plan)} rows, moves from home", title_justify="left")
     for column in ("pose", "joints [rad, m]", "through", "move [s]"):
-        table.add_column(column, justify="left" if column.startswith("joints") else "right")
+        table.add_column(escape(column), justify="left" if column.startswith("joints") else "right")
     for leg in legs[:_SHOWN]:
         joints = " ".join(f"{v:+.2f}" for v in plan.q[leg.row])
         table.add_row(str(leg.row), joints, str(len(leg.via) - 1), f"{leg.seconds:.1f}")
@@ -160,8 +188,8 @@ def _total(legs: tuple[Leg, ...], limits: Limits) -> str:
     around = sum(len(leg.via) > 1 for leg in legs)
     seconds = sum(leg.seconds for leg in legs)
     return (
-        f"{more}Every move is within reach and touches nothing; {around} go around something. "
-        f"Moves take {seconds:.0f} s at {limits.speed:.0%} of top speed."
+        f"{more}Every move is within reach and touches nothing; {around or 'none'} of them lead "
+        f"around something. Moves take {seconds:.0f} s at {limits.speed:.0%} of top speed."
     )
 
 
@@ -175,7 +203,7 @@ def _answer(done: Done, plan: wb.Plan, driver: str, as_json: bool) -> None:
     text = f"recorded {what}, {done.rows} rows, {done.seconds:.0f} s of {driver} time → {done.path}"
     if done.tried_again:
         result["tried_again"] = done.tried_again
-        text += f"\n{done.tried_again} poses had to be tried again"
+        text += f"\n{done.tried_again} tries failed and were made again"
     if done.drift is not None:
         change, std = done.drift.change, done.drift.std
         result["drift"] = {

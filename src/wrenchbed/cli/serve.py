@@ -8,10 +8,12 @@ from typing import Literal
 import tyro
 
 import wrenchbed as wb
-from wrenchbed.cli import console, life
-from wrenchbed.errors import ParameterError
+from wrenchbed.cli import console, life, settings
+from wrenchbed.errors import DriverError
 from wrenchbed.serving import faults as timed
 from wrenchbed.twins.base import Options
+
+_LOOK_S = 0.2
 
 
 def twin(
@@ -44,9 +46,8 @@ def twin(
         seed: Of the noise.
     """
     console.check_seed(seed)
-    life.check_local(host)
     options = Options(
-        host, console.parameters(parameters), noise, seed, effect, table, _settings(set)
+        host, console.parameters(parameters), noise, seed, effect, table, settings.pairs(set)
     )
     server = wb.load("twins", name)(options)
     script = timed.read(faults) if faults not in (None, "-") else ()
@@ -64,15 +65,10 @@ def twin(
                         print(text, flush=True)
 
                 server.faults.listen(sys.stdin, answer)
-            told.wait()
+            while not told.wait(_LOOK_S) and not server.failed.is_set():
+                pass
+            if server.failure is not None:
+                raise DriverError(f"this twin has broken down: {server.failure!r}")
         finally:
             server.faults.stop()
             server.stop()
-
-
-def _settings(given: tuple[str, ...]) -> dict[str, str]:
-    pairs = [text.partition("=") for text in given]
-    for text, (key, equals, _) in zip(given, pairs, strict=True):
-        if not key or not equals:
-            raise ParameterError(f"--set {text}: give NAME=VALUE")
-    return {key: value for key, _, value in pairs}

@@ -128,7 +128,7 @@ class Effect(ABC):
         """
         known = self.parameters(robot)
         try:
-            return known.mapping(known.vector({k: float(v) for k, v in given.items()}))
+            return known.mapping(known.vector(dict(given)))
         except (TypeError, ValueError) as error:
             raise ParameterError(f"{self.name}: {error}") from error
 

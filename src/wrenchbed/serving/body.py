@@ -72,6 +72,8 @@ class Body:
         robot = registry.load("robots", options.robot)
         if options.table is not None and robot.name != "ur5":
             raise ParameterError(f"a plate to press on is there for ur5, not for {robot.name!r}")
+        if options.table is not None and not np.isfinite(options.table):
+            raise ParameterError(f"table = {options.table} must be a height [m]")
         if not isinstance(robot, SimulatedRobot):
             raise NotFoundError(f"robot {options.robot!r} has no MuJoCo model to simulate")
         self.robot: SimulatedRobot = robot

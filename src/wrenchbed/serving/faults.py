@@ -16,11 +16,12 @@ import time
 import tomllib
 import warnings
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, TextIO
 
 from wrenchbed.errors import MapError, WrenchbedWarning
+from wrenchbed.serving.asks import Ask
 
 Handler = Callable[["Fault"], None]
 
@@ -92,11 +93,15 @@ class Faults:
 
     def __init__(self) -> None:
         self._handlers: dict[tuple[str, str], Handler] = {}
+        self._asks: dict[tuple[str, str], Mapping[str, Ask]] = {}
         self._stopped = threading.Event()
 
-    def on(self, link: str, kind: str, handler: Handler) -> None:
-        """Register what a link does for a kind of fault."""
+    def on(
+        self, link: str, kind: str, handler: Handler, asks: Mapping[str, Ask] | None = None
+    ) -> None:
+        """Register what a link does for a kind of fault, and what else that asks for, by name."""
         self._handlers[link, kind] = handler
+        self._asks[link, kind] = asks or {}
 
     @property
     def known(self) -> tuple[tuple[str, str], ...]:
@@ -104,10 +109,10 @@ class Faults:
         return tuple(sorted(self._handlers))
 
     def check(self, faults: Iterable[Fault], where: str) -> None:
-        """Refuse faults that no link knows.
+        """Refuse faults that no link knows, and values that their kind does not ask for.
 
         Raises:
-            MapError: lists what exists.
+            MapError: lists what exists, or names the value.
         """
         for fault in faults:
             if (fault.link, fault.kind) not in self._handlers:
@@ -115,11 +120,22 @@ class Faults:
                 raise MapError(
                     f"{where}: there is no fault {fault.link} {fault.kind}. Known: {known}"
                 )
+            asks, name = self._asks[fault.link, fault.kind], f"{fault.link} {fault.kind}"
+            for key in fault.values:
+                if key not in asks:
+                    known = ", ".join(["at", "seconds", *asks])
+                    raise MapError(f"{where}: {name} knows no {key!r}. Known: {known}")
+            for key, ask in asks.items():
+                value = fault.values.get(key, ask.default)
+                if not ask.check(value):
+                    raise MapError(f"{where}: {name}: {key} = {value!r} must be {ask.what}")
 
     def inject(self, fault: Fault) -> None:
-        """Do it now."""
+        """Do it now, with the default of every value that is not given."""
         self.check([fault], "fault")
-        self._handlers[fault.link, fault.kind](fault)
+        key = fault.link, fault.kind
+        defaults = {name: ask.default for name, ask in self._asks[key].items()}
+        self._handlers[key](replace(fault, values=defaults | dict(fault.values)))
 
     def start(self, script: tuple[Fault, ...], where: str = "faults") -> None:
         """Run a script from now on, in a thread.
@@ -145,7 +161,7 @@ class Faults:
                 return
             try:
                 self.inject(fault)
-            except MapError as error:
+            except Exception as error:
                 text = f"the fault at {fault.at:g} s was left out: {error}"
                 warnings.warn(text, WrenchbedWarning, stacklevel=2)
 
@@ -154,8 +170,15 @@ class Faults:
             if not line.strip():
                 continue
             try:
-                self.inject(parse(json.loads(line), "fault"))
-            except (ValueError, MapError) as error:
+                self.inject(parse(_object(line), "fault"))
+            except Exception as error:
                 answer(f"refused: {error}")
             else:
                 answer("done")
+
+
+def _object(line: str) -> Any:
+    try:
+        return json.loads(line)
+    except ValueError as error:
+        raise MapError(f"{line.strip()[:60]!r}: give one JSON object a line: {error}") from error

@@ -1,8 +1,8 @@
 """What a sensor with effects shows as time goes on, at rest and on the way between rests.
 
-At rest the readings are those of `Playback`, with all that effects remember of the campaign. On
-the way, effects of the mechanism act as if at rest at the joints of the moment, and effects of the
-sensor and of timing see the last seconds.
+At rest the readings are those of `Playback`, with what effects remember of the last poses, some
+two hundred. On the way, effects of the mechanism act as if at rest at the joints of the moment, and
+effects of the sensor and of timing see the last seconds.
 """
 
 from collections import deque
@@ -25,6 +25,8 @@ _EPOCH = 1024
 """Rows over which effects' random parts go on without a seam."""
 _WINDOW = 256
 """Cycles that effects of sensor and timing look back on the way."""
+_REMEMBERED = 3000
+"""Rows of `Playback` that are kept; a move and the rest after it are some twelve."""
 _EVERY = 4
 """Cycles between evaluations of what the mechanism changes on the way."""
 
@@ -97,6 +99,7 @@ class Felt:
 
     def _arrive(self, now: Row) -> None:
         if self._left is not None:
+            self._playback.forget(_REMEMBERED)
             self._playback.way((self._left[0], now.t), self._left[1], now.q)
         self._resting = True
         self._rest(now)

@@ -4,15 +4,16 @@ A reading is never frozen silently: it carries its age, and `health` names what 
 here blocks but `connect`, which has a deadline.
 """
 
-from abc import ABC, abstractmethod
-from dataclasses import dataclass
-from types import TracebackType
-from typing import ClassVar
+import bisect
+from abc import abstractmethod
+from collections import deque
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from wrenchbed.device import Device
 from wrenchbed.errors import DriverError
-from wrenchbed.health import Health
+from wrenchbed.health import STALE_S
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,8 +31,8 @@ class WrenchSample:
         reference: about whose origin the torques are: ``sensor``, ``flange`` or ``tcp``.
         status: the sensor's own status word.
         saturated: bit i is set where channel i is at the end of its range.
-        lost: readings known to be lost since `connect`.
-        bias_id: how often the zero was changed since `connect`.
+        lost: readings known to be lost since this device was made.
+        bias_id: how often the zero was changed since this device was made.
         faults: what the status word says is wrong, in words.
     """
 
@@ -50,45 +51,19 @@ class WrenchSample:
     faults: tuple[str, ...] = ()
 
 
-class Transducer(ABC):
+class Transducer(Device):
     """A force/torque sensor with its electronics. Use as a context manager."""
-
-    name: ClassVar[str]
-    title: ClassVar[str]
-    options: ClassVar[type]
-    """A dataclass of what the constructor takes."""
-
-    def __init__(self) -> None:
-        self._connected = False
-
-    def connect(self) -> None:
-        """Open the device and wait for its first reading.
-
-        Raises:
-            LinkError: it does not answer within its deadline.
-            DriverError: it answers what cannot be used.
-        """
-        if not self._connected:
-            try:
-                self._open()
-            except BaseException:
-                self._shut()
-                raise
-            self._connected = True
-
-    def close(self) -> None:
-        """Let go of the device; may be called twice."""
-        if self._connected:
-            self._connected = False
-            self._shut()
 
     def read(self) -> WrenchSample:
         """The newest reading; never blocks."""
         self._check_connected()
         return self._read()
 
-    def at(self, t: float) -> np.ndarray | None:
-        """Wrench (6,) as it was at a time of `time.monotonic` [s]; None where nothing is known."""
+    def at(self, t: float) -> WrenchSample | None:
+        """The reading as it was at a time of `time.monotonic` [s]; None where nothing is known.
+
+        Its age is the time to the nearest reading, its flags are those of both neighbours.
+        """
         self._check_connected()
         return self._at(t)
 
@@ -101,42 +76,52 @@ class Transducer(ABC):
         self._check_connected()
         return self._zero()
 
-    def health(self) -> Health:
-        """What is wrong, if anything."""
-        return self._health() if self._connected else Health("closed", "call connect() first")
-
-    @abstractmethod
-    def _open(self) -> None: ...
-
-    @abstractmethod
-    def _shut(self) -> None:
-        """Must bear a half-open device."""
-
     @abstractmethod
     def _read(self) -> WrenchSample: ...
 
     @abstractmethod
-    def _health(self) -> Health: ...
-
-    def _at(self, t: float) -> np.ndarray | None:
-        """The newest reading, where a device keeps no earlier ones."""
-        return self._read().wrench
+    def _at(self, t: float) -> WrenchSample | None: ...
 
     def _zero(self) -> int:
         raise DriverError(f"transducer {self.name!r} cannot change its zero")
 
-    def _check_connected(self) -> None:
-        if not self._connected:
-            raise DriverError(f"transducer {self.name!r} is not connected: call connect() first")
 
-    def __enter__(self) -> "Transducer":
-        self.connect()
-        return self
+class Past:
+    """Keeps the last readings; written by one thread, read by others."""
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
+    def __init__(self, most: int) -> None:
+        self._samples: deque[WrenchSample] = deque(maxlen=most)
+
+    def add(self, sample: WrenchSample) -> None:
+        """Keep one more, unless it is not newer than the last."""
+        if not self._samples or sample.t > self._samples[-1].t:
+            self._samples.append(sample)
+
+    def clear(self) -> None:
+        """Forget everything."""
+        self._samples.clear()
+
+    def at(self, t: float) -> WrenchSample | None:
+        """A reading as it was at a time [s], in a straight line between its neighbours.
+
+        It has the flags of both. None before the first, after the last and in a gap.
+        """
+        samples = list(self._samples)
+        k = bisect.bisect_left(samples, t, key=lambda sample: sample.t)
+        if k == len(samples) or (k == 0 and samples[0].t > t):
+            return None
+        before, after = samples[max(k - 1, 0)], samples[k]
+        span = after.t - before.t
+        if span > STALE_S:
+            return None
+        share = (t - before.t) / span if span > 0.0 else 1.0
+        return replace(
+            after,
+            t=t,
+            device_time=None,
+            age=min(t - before.t, after.t - t),
+            wrench=before.wrench + share * (after.wrench - before.wrench),
+            status=before.status | after.status,
+            saturated=before.saturated | after.saturated,
+            faults=tuple(dict.fromkeys((*before.faults, *after.faults))),
+        )

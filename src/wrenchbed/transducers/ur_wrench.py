@@ -7,17 +7,15 @@ newtons, and about the flange on an e-Series. Both are taken as the load that th
 tool side; the sign on a robot's own software version should be checked once by a push.
 """
 
-import bisect
 import time
-from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from wrenchbed.errors import DriverError
 from wrenchbed.health import Health, by_age
-from wrenchbed.transducers.base import Transducer, WrenchSample
+from wrenchbed.transducers.base import Past, Transducer, WrenchSample
 
 _HISTORY = 512
 
@@ -68,42 +66,35 @@ class UrWrench(Transducer):
         super().__init__()
         self._source = (options or Options()).source
         self._seen = -1
-        self._past: deque[tuple[float, np.ndarray]] = deque(maxlen=_HISTORY)
+        self._past = Past(_HISTORY)
 
-    def _open(self) -> None:
+    def _connect(self) -> None:
         if self._source is None:
             raise DriverError("transducer 'ur-wrench' is read by driver 'rtde' only")
         self._newest()
 
-    def _shut(self) -> None:
+    def _close(self) -> None:
         self._past.clear()
         self._seen = -1
 
     def _read(self) -> WrenchSample:
-        reading, wrench = self._take()
-        fresh, self._seen = reading.sequence != self._seen, reading.sequence
-        age = time.monotonic() - reading.t
-        return WrenchSample(
-            reading.t, reading.device_time, reading.sequence, age, fresh, wrench,
-            lost=reading.lost,
-        )  # fmt: skip
+        sample = self._take()
+        fresh, self._seen = sample.sequence != self._seen, sample.sequence
+        return replace(sample, fresh=fresh)
 
-    def _take(self) -> tuple[Reading, np.ndarray]:
-        """The newest reading, remembered, and its wrench in the sensor's axes."""
+    def _take(self) -> WrenchSample:
+        """The newest reading in the sensor's axes, remembered."""
         reading = self._newest()
-        if not self._past or reading.t > self._past[-1][0]:
-            self._past.append((reading.t, in_sensor_axes(reading)))
-        return reading, self._past[-1][1]
+        sample = WrenchSample(
+            reading.t, reading.device_time, reading.sequence, time.monotonic() - reading.t, True,
+            in_sensor_axes(reading), lost=reading.lost,
+        )  # fmt: skip
+        self._past.add(sample)
+        return sample
 
-    def _at(self, t: float) -> np.ndarray | None:
+    def _at(self, t: float) -> WrenchSample | None:
         self._take()
-        past = list(self._past)
-        k = bisect.bisect_left(past, t, key=lambda known: known[0])
-        if k == len(past) or (k == 0 and past[0][0] > t):
-            return None
-        (before, first), (after, second) = past[max(k - 1, 0)], past[k]
-        share = (t - before) / (after - before) if after > before else 1.0
-        return np.asarray(first + share * (second - first))
+        return self._past.at(t)
 
     def _health(self) -> Health:
         reading = self._newest()

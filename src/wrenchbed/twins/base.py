@@ -4,12 +4,15 @@ A twin runs in a process of its own (`wrenchbed twin`): client libraries may hol
 while they wait for it.
 """
 
+import ipaddress
+import threading
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import TracebackType
 from typing import ClassVar, Self
 
+from wrenchbed.errors import ParameterError
 from wrenchbed.serving.faults import Faults
 
 
@@ -37,7 +40,11 @@ class Options:
 
 
 class TwinServer(ABC):
-    """A device's protocols, served on this machine."""
+    """A device's protocols, served on this machine and to nobody else.
+
+    Raises:
+        ParameterError: the host is not one of 127.0.0.0/8, or an option is impossible.
+    """
 
     name: ClassVar[str]
     title: ClassVar[str]
@@ -45,8 +52,16 @@ class TwinServer(ABC):
     """Name of each setting of its own → what it does and its default."""
 
     def __init__(self, options: Options) -> None:
+        _check_local(options.host)
         self.options = options
         self.faults = Faults()
+        self.failed = threading.Event()
+        self.failure: BaseException | None = None
+
+    def fail(self, error: BaseException) -> None:
+        """Tell, from any thread, that this twin serves no more and why."""
+        self.failure = self.failure or error
+        self.failed.set()
 
     @abstractmethod
     def start(self) -> dict[str, str]:
@@ -71,3 +86,14 @@ class TwinServer(ABC):
         trace: TracebackType | None,
     ) -> None:
         self.stop()
+
+
+def _check_local(host: str) -> None:
+    try:
+        local = ipaddress.IPv4Address(host).is_loopback
+    except ValueError:
+        local = False
+    if not local:
+        raise ParameterError(
+            f"--host {host}: a twin serves this machine only: give 127.0.0.1 … 127.255.255.254"
+        )

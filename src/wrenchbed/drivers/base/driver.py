@@ -1,24 +1,24 @@
 """What a driver is: lifecycle, reading, moving, recording; limits are checked here, once."""
 
-from abc import ABC, abstractmethod
+import math
+from abc import abstractmethod
 from collections.abc import Iterator
-from types import TracebackType
 from typing import ClassVar, Self
 
 import numpy as np
 
+from wrenchbed.device import Device
 from wrenchbed.drivers.base.limits import Limits
 from wrenchbed.drivers.base.motion import Motion, Reached
 from wrenchbed.drivers.base.paths import check_motion, duration, straight
 from wrenchbed.drivers.base.samples import Applied, ArmSample, Block
 from wrenchbed.errors import DriverError
-from wrenchbed.health import Health
 from wrenchbed.metadata import Metadata
 from wrenchbed.robots.base import Robot
 from wrenchbed.transducers.base import WrenchSample
 
 
-class Driver(ABC):
+class Driver(Device):
     """A robot with its sensor, simulated or real.
 
     ``connect`` opens the link and moves nothing, ``activate`` makes it ready to move,
@@ -26,33 +26,17 @@ class Driver(ABC):
     active inside. Times in recordings are seconds since `connect`, monotonic across all calls.
     """
 
-    name: ClassVar[str]
-    title: ClassVar[str]
     robot: Robot
     """Known before anything is connected: joints, units, limits."""
-    options: ClassVar[type]
-    """A dataclass of what the constructor takes."""
     live: ClassVar[bool] = False
     """Whether time is this machine's and something real may move."""
+    top_rate: float = math.inf
+    """How many rows a second it can tell apart [Hz]."""
 
     def __init__(self, limits: Limits | None = None) -> None:
+        super().__init__()
         self.limits = limits or Limits()
-        self._connected = self._active = False
-
-    def connect(self) -> None:
-        """Open the device; nothing moves.
-
-        Raises:
-            LinkError: it cannot be reached within its deadline.
-            DriverError: it answers what cannot be used.
-        """
-        if not self._connected:
-            try:
-                self._connect()
-            except BaseException:
-                self._close()
-                raise
-            self._connected = True
+        self._active = False
 
     def activate(self) -> None:
         """Make the robot ready to move, with its watchdog on; it does not move yet.
@@ -73,12 +57,10 @@ class Driver(ABC):
 
     def close(self) -> None:
         """Leave the device at rest and let go of it; may be called twice."""
-        if self._connected:
-            try:
-                self.deactivate()
-            finally:
-                self._connected = False
-                self._close()
+        try:
+            self.deactivate()
+        finally:
+            super().close()
 
     def read(self) -> ArmSample:
         """The robot's newest state; never blocks."""
@@ -114,20 +96,20 @@ class Driver(ABC):
         self._check_connected()
         self._stop(kind)
 
-    def recover(self) -> None:
+    def recover(self, unlock: bool = True) -> None:
         """Clear what can be cleared after a stop or a fault; nothing moves.
 
+        Args:
+            unlock: also what the robot did to protect itself: look at it before.
+
         Raises:
+            SafetyStopError: it protected itself, and that was not to be cleared.
             DriverError: it cannot be cleared from here; says who must do what.
         """
         self._check_connected()
         self._active = False
-        self._recover()
+        self._recover(unlock)
         self.activate()
-
-    def health(self) -> Health:
-        """What is wrong with the link, the robot or the sensor, if anything."""
-        return self._health() if self._connected else Health("closed", "call connect() first")
 
     def position(self) -> np.ndarray:
         """Joint values (J,) now [rad or m]."""
@@ -178,13 +160,6 @@ class Driver(ABC):
     def metadata(self, mode: str, rate: float) -> Metadata:
         """What a recording made with this driver states."""
 
-    @abstractmethod
-    def _connect(self) -> None: ...
-
-    @abstractmethod
-    def _close(self) -> None:
-        """Must bear a half-open device."""
-
     def _activate(self) -> None:
         """Nothing to switch on."""
         return None
@@ -211,12 +186,9 @@ class Driver(ABC):
     @abstractmethod
     def _stop(self, kind: str) -> None: ...
 
-    def _recover(self) -> None:
+    def _recover(self, unlock: bool) -> None:
         """Nothing to clear."""
         return None
-
-    @abstractmethod
-    def _health(self) -> Health: ...
 
     def _settle(self) -> float:
         return 0.0
@@ -229,10 +201,6 @@ class Driver(ABC):
 
     def _touch(self, point: np.ndarray) -> Reached:
         raise DriverError(f"driver {self.name!r} cannot touch points: run this plan with 'sim'")
-
-    def _check_connected(self) -> None:
-        if not self._connected:
-            raise DriverError(f"driver {self.name!r} is not connected: call connect() first")
 
     def _check_active(self) -> None:
         self._check_connected()
@@ -247,11 +215,3 @@ class Driver(ABC):
             self.close()
             raise
         return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()

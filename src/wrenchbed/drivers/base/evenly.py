@@ -5,12 +5,15 @@ states joints follow the cubic that has their values and speeds (Hermite); the w
 the same moment of this machine's clock, to which the robot's is fitted.
 """
 
+import bisect
 from collections import deque
 from typing import NamedTuple
 
 import numpy as np
 
 from wrenchbed.drivers.base.samples import ArmSample
+from wrenchbed.errors import LinkError
+from wrenchbed.health import STALE_S
 
 _CLOCK_STATES = 600
 """States that the fit of the two clocks looks back."""
@@ -34,6 +37,7 @@ class Evenly:
     def __init__(self, rate: float) -> None:
         self._period = 1.0 / rate
         self._states: deque[ArmSample] = deque(maxlen=_LATEST)
+        self._times: deque[float] = deque(maxlen=_LATEST)
         self._clock: deque[tuple[float, float]] = deque(maxlen=_CLOCK_STATES)
         self._first: float | None = None
         self._origin = 0.0
@@ -48,10 +52,15 @@ class Evenly:
         if self._first is None:
             self._first, self._origin = t, arm.t
         self._states.append(arm)
+        self._times.append(t - self._first)
         self._clock.append((t - self._first, arm.t - self._origin))
 
     def rows(self, most: int) -> list[Even]:
-        """Rows that lie between states, at most some."""
+        """Rows that lie between states, at most some.
+
+        Raises:
+            LinkError: two states are too far apart to tell what was between them.
+        """
         found: list[Even] = []
         while len(found) < most and (row := self._next()) is not None:
             found.append(row)
@@ -61,16 +70,15 @@ class Evenly:
         if self._first is None:
             return None
         due = self._given * self._period
-        states = list(self._states)
-        times = np.array([own_time(s) for s in states]) - self._first
-        if due > times[-1] + 1e-9:
+        times = list(self._times)
+        if due > times[-1] + 1e-9 or len(times) < 2:
             return None
-        k = int(np.clip(np.searchsorted(times, due + 1e-9), 1, len(times) - 1))
-        if len(times) < 2:
-            return None
-        self._given += 1
-        before, after = states[k - 1], states[k]
+        k = min(max(bisect.bisect_left(times, due + 1e-9), 1), len(times) - 1)
+        before, after = self._states[k - 1], self._states[k]
         span = times[k] - times[k - 1]
+        if span > STALE_S and due > times[k - 1] + 1e-9:
+            raise LinkError(f"the robot's states have a gap of {span:.3f} s in the motion")
+        self._given += 1
         q, qd = hermite(before, after, span, float(np.clip((due - times[k - 1]) / span, 0.0, 1.0)))
         return Even(self._origin + due, self._origin + self._host(due), q, qd)
 

@@ -165,7 +165,7 @@ class LiveDriver(Driver):
             due = pace(due, 1.0 / rate)
             wrench = self._fresh_wrench()
             arm = self._fresh_arm(self._last_row)
-            rows.append(self._row(wrench.t, arm, wrench, wrench.wrench))
+            rows.append(self._row(wrench.t, arm, wrench))
         return _columns(rows)
 
     def _track(self, targets: np.ndarray, rate: float) -> Iterator[Block]:
@@ -212,26 +212,24 @@ class LiveDriver(Driver):
 
     def _tracked(self, row: Even, sent: deque[tuple[float, np.ndarray]]) -> dict[str, float] | None:
         """A row with wrench and target of its moment; None until the sensor has told that."""
-        reading = self.transducer.at(row.host)
-        if reading is None:
+        wrench = self.transducer.at(row.host)
+        if wrench is None:
             if time.monotonic() - row.host < GONE_S:
                 return None
             health = self.transducer.health()
             raise LinkError("the sensor's readings have a gap" if health.ok else health.detail)
         arm = replace(self._read(), q=row.q, qd=row.qd)
-        columns = self._row(row.t, arm, self.transducer.read(), reading)
+        columns = self._row(row.t, arm, wrench)
         target = next((q for t, q in reversed(sent) if t <= row.host), sent[0][1])
         return columns | {f"q_target{j + 1}": float(v) for j, v in enumerate(target)}
 
-    def _row(
-        self, t: float, arm: ArmSample, wrench: WrenchSample, reading: np.ndarray
-    ) -> dict[str, float]:
-        self.limits.check_wrench(reading)
+    def _row(self, t: float, arm: ArmSample, wrench: WrenchSample) -> dict[str, float]:
+        self.limits.check_wrench(wrench.wrench)
         self._last_row = max(t, np.nextafter(self._last_row, np.inf))
         row = {"t": self._last_row - self._start}
         row |= {f"q{j + 1}": float(v) for j, v in enumerate(arm.q)}
         row |= {f"qd{j + 1}": float(v) for j, v in enumerate(arm.qd)}
-        row |= {c: float(v) for c, v in zip(CHANNELS, reading, strict=True)}
+        row |= {c: float(v) for c, v in zip(CHANNELS, wrench.wrench, strict=True)}
         age = max(arm.age, wrench.age)
         return row | {
             "status": wrench.status, "saturated": wrench.saturated, "lost": wrench.lost, "age": age

@@ -1,6 +1,5 @@
 """A move of a real robot, watched to its end: link, robot, wrench and deadline."""
 
-import contextlib
 import time
 from typing import Protocol
 
@@ -8,7 +7,7 @@ import numpy as np
 
 from wrenchbed.drivers.base.motion import Motion, Reached
 from wrenchbed.drivers.base.samples import ArmSample
-from wrenchbed.errors import DriverError, LateError, LinkError, StoppedError
+from wrenchbed.errors import DriverError, LateError, LimitError, LinkError, StoppedError
 from wrenchbed.health import Health
 
 CALM_SPEED = 2e-3
@@ -17,6 +16,10 @@ TOLERANCE = 5e-4
 """Farthest from its goal that a joint may come to rest [rad or m]."""
 BLIND_S = 0.3
 """Longest that a robot may move while its state or its sensor is stale [s]."""
+STUCK_S = 3.0
+"""A move beyond its time is given up when it comes no nearer for so long [s]: a speed slider or a
+safety limit of the robot's own may make it slow."""
+_NEARER = 2.0 * TOLERANCE
 _POLL_S = 0.005
 
 
@@ -42,8 +45,9 @@ class WatchedMotion(Motion):
     def __init__(self, driver: Watched, goal: np.ndarray, seconds: float) -> None:
         self.goal = goal
         self._driver, self._begun = driver, time.monotonic()
-        self._deadline = self._begun + 2.0 * seconds + 3.0
+        self._patience, self._deadline = self._begun + 2.0 * seconds + STUCK_S, np.inf
         self._seen = self._begun
+        self._nearest, self._nearer = np.inf, self._begun
         self._end: Reached | DriverError | None = None
 
     def poll(self) -> Reached | None:
@@ -51,9 +55,7 @@ class WatchedMotion(Motion):
             try:
                 self._end = self._look()
             except DriverError as error:
-                self._end = error
-                with contextlib.suppress(DriverError):  # the first error says more
-                    self._driver.stop("soft")
+                self._end = self._stopped(error)
         if isinstance(self._end, DriverError):
             raise self._end
         return self._end
@@ -70,10 +72,23 @@ class WatchedMotion(Motion):
         near = np.abs(arm.q - self.goal).max() < TOLERANCE
         if health.ok and near and np.abs(arm.qd).max() < CALM_SPEED:
             return Reached(arm.q, now - self._begun)
-        if now > self._deadline:
-            miss = float(np.abs(arm.q - self.goal).max())
-            raise LateError(f"the move did not arrive by its deadline, {miss:.2g} off its goal")
+        miss = float(np.abs(arm.q - self.goal).max())
+        if miss < self._nearest - _NEARER:
+            self._nearest, self._nearer = miss, now
+        if now > self._deadline or now > max(self._patience, self._nearer + STUCK_S):
+            raise LateError(
+                f"the move did not arrive by its deadline, {miss:.2g} off its goal: does a speed "
+                "slider, a safety limit or something in its way hold it?"
+            )
         return None
+
+    def _stopped(self, error: DriverError) -> DriverError:
+        """Stop, as hard as the error asks for; the error, and the stop's own if it failed."""
+        try:
+            self._driver.stop("hard" if isinstance(error, LimitError) else "soft")
+        except DriverError as failed:
+            error.add_note(f"the stop failed, too: {failed}")
+        return error
 
     def wait(self, timeout: float | None = None) -> Reached:
         if timeout is not None:

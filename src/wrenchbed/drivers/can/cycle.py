@@ -5,6 +5,7 @@ last SYNC brought. A drive in error or mute while others answer makes every othe
 the same cycle. A bus that is silent as a whole is braked on and then left to the drives' watchdogs.
 """
 
+import contextlib
 import struct
 import sys
 import threading
@@ -15,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wrenchbed.drivers.can.cia402 import State, Want, controlword
+from wrenchbed.drivers.can.cia402 import QUICK_STOP, State, Want, controlword
 from wrenchbed.drivers.can.drive import Drive, Trouble
 from wrenchbed.drivers.can.following import Following
 from wrenchbed.drivers.can.setpoints import Setpoints
@@ -50,7 +51,7 @@ class Cycle:
         drives: in the order of the joints.
         counts: per unit of each joint (J,).
         setpoints: where targets come from.
-        poll: asks the sensor.
+        poll: asks the sensor, and sends what else belongs into a cycle.
         period: [s].
 
     Attributes:
@@ -103,6 +104,11 @@ class Cycle:
         if self._thread is not None:
             self._thread.join(2.0)
             self._thread = None
+
+    @property
+    def alive(self) -> bool:
+        """Whether the exchange goes on."""
+        return self._thread is not None and self._thread.is_alive()
 
     def clear(self) -> None:
         """Forget troubles that are over."""
@@ -181,8 +187,23 @@ class Cycle:
         sys.setswitchinterval(min(before, _SWITCH_S))
         try:
             self._keep_time()
+        except Exception as error:
+            self._fail(error)
         finally:
             sys.setswitchinterval(before)
+
+    def _fail(self, error: Exception) -> None:
+        """End by a quick stop; a drive that does not hear it stops by its watchdog."""
+        words = " ".join(f"{type(error).__name__}: {error}".split())[:120]
+        with self._lock:
+            why = f"the cyclic exchange broke off ({words}): call recover()"
+            self.latched, self.latched_at = ("lost", why), time.monotonic()
+            self.want, self.following = Want.QUICK_STOP, False
+        with contextlib.suppress(Exception):
+            for drive in self.drives:
+                word = struct.pack("<Hi", QUICK_STOP, drive.position)
+                self._link.send(0x200 + drive.node, word)
+            self._link.send(SYNC, b"")
 
     def _keep_time(self) -> None:
         due = time.monotonic()
@@ -228,7 +249,8 @@ class Cycle:
         if want is not Want.NOTHING:
             counts = self._targets(want)
             for drive, target in zip(self.drives, counts, strict=True):
-                drive.sent = controlword(want, drive.state, drive.sent)
+                fell = self.following and drive.state is not State.ENABLED
+                drive.sent = QUICK_STOP if fell else controlword(want, drive.state, drive.sent)
                 self._link.send(0x200 + drive.node, struct.pack("<Hi", drive.sent, target))
         self._poll()
         for drive in self.drives:

@@ -13,15 +13,18 @@ import numpy as np
 from wrenchbed import registry
 from wrenchbed.drivers.base import Applied, ArmSample
 from wrenchbed.drivers.base.live import LiveDriver
+from wrenchbed.drivers.can import ids
 from wrenchbed.drivers.can.cia402 import State, Want
 from wrenchbed.drivers.can.cycle import Cycle
 from wrenchbed.drivers.can.drive import Drive
 from wrenchbed.drivers.can.following import Following
+from wrenchbed.drivers.can.heartbeat import Heartbeat
 from wrenchbed.drivers.can.network import Drives
-from wrenchbed.drivers.can.options import Options
+from wrenchbed.drivers.can.options import HEARTBEAT_S, Options
+from wrenchbed.drivers.can.rest import Rest
 from wrenchbed.drivers.can.setpoints import BRAKE_S, Setpoints
-from wrenchbed.errors import DriverError, LinkError
-from wrenchbed.health import STALE_S, Health, by_age
+from wrenchbed.errors import DriverError, LinkError, SafetyStopError
+from wrenchbed.health import GONE_S, STALE_S, Health, by_age
 from wrenchbed.robots.base import Robot
 from wrenchbed.transducers.netcanoem import NetcanoemTransducer
 from wrenchbed.transducers.netcanoem import Options as SensorOptions
@@ -51,7 +54,9 @@ class CanDriver(LiveDriver):
         self.transducer: NetcanoemTransducer = NetcanoemTransducer(
             SensorOptions(s.interface, s.channel, s.host, s.port, s.bitrate, s.base, s.slot, s.rate)
         )
-        self._counts = np.array(s.counts_per_unit)
+        self._counts, self.top_rate = np.array(s.counts_per_unit), s.rate
+        self._top = np.array([joint.speed for joint in self.robot.joints])
+        self._rest = Rest(self._top, self._counts, 1.0 / s.rate, s.watchdog)
         self._link: Link | None = None
         self._network: Drives | None = None
         self._cycle: Cycle | None = None
@@ -68,9 +73,9 @@ class CanDriver(LiveDriver):
             self._rated = np.array([network.rated_torque(node) for node in s.nodes])
         self.transducer.use(link)
         drives = [Drive(node, hint=network.error_code(node)) for node in s.nodes]
-        follow = Following(np.array([joint.speed for joint in self.robot.joints]))
+        beat = Heartbeat(link, ids.master(s.base, s.nodes), HEARTBEAT_S, self.transducer.poll)
         self._cycle = cycle = Cycle(
-            link, drives, self._counts, self._setpoints, self.transducer.poll, follow, 1.0 / s.rate
+            link, drives, self._counts, self._setpoints, beat, Following(self._top), 1.0 / s.rate
         )
         cycle.start()
         self._seen = 0
@@ -87,14 +92,15 @@ class CanDriver(LiveDriver):
             if own is not None:
                 ends = sorted(count / self._counts[k] for count in own)
                 lower[k], upper[k] = max(lower[k], ends[0]), min(upper[k], ends[1])
-        speed = np.array([j.speed for j in joints])
-        return Setpoints(1.0 / self.setting.rate, lower, upper, speed)
+        return Setpoints(1.0 / self.setting.rate, lower, upper, self._top)
 
     def _shut(self) -> None:
+        if self._network is not None:
+            if self._age() < STALE_S:
+                self._network.guards.release()
+            self._network.close()
         if self._cycle is not None:
             self._cycle.stop()
-        if self._network is not None:
-            self._network.close()
         if self._link is not None:
             self._link.close()
         self._cycle = self._network = self._link = None
@@ -104,6 +110,7 @@ class CanDriver(LiveDriver):
         health = self._arm_health()
         if not health.ok:
             raise DriverError(f"cannot enable the drives: {health.detail}")
+        self._check_start()
         cycle.want = Want.ENABLE
         if not self._until(lambda: cycle.following or cycle.latched is not None, ENABLED_S):
             late = [d for d in cycle.drives if d.state is not State.ENABLED]
@@ -113,21 +120,49 @@ class CanDriver(LiveDriver):
         if cycle.latched is not None:
             raise DriverError(f"cannot enable the drives: {cycle.latched[1]}")
 
+    def _check_start(self) -> None:
+        """Refuse drives without a deadline for targets, and positions that no joint can have."""
+        cycle, network, q = self._running(), self._network, self._read().q
+        if not self._until(lambda: self._rest.reached(cycle.told), self._rest.longest):
+            raise DriverError("cannot enable the drives: the robot moves; call recover()")
+        for why in () if network is None else network.guards.unguarded.values():
+            raise DriverError(f"{why}: without a deadline for targets it would not stop by itself")
+        beyond = self._setpoints.outside(q)
+        if beyond is not None:
+            j, lower, upper = beyond
+            joint, node = self.robot.joints[j], self.setting.nodes[j]
+            raise DriverError(
+                f"{joint.name} (drive {node}) tells {q[j]:.4g} {joint.unit}, outside its limits "
+                f"{lower:.4g} … {upper:.4g}: home the drives, or check counts_per_unit"
+            )
+
     def _deactivate(self) -> None:
         cycle = self._cycle
         if cycle is None:
             return
         self._setpoints.brake()
         self._until(lambda: not self._setpoints.moving, STILL_S)
-        self._until(lambda: cycle.told is None or np.abs(cycle.told.qd).max() < 0.02, STILL_S)
+        if not self._until(lambda: self._rest.reached(cycle.told), STILL_S):
+            cycle.want = Want.QUICK_STOP
+            if not self._until(lambda: self._rest.reached(cycle.told), 2.0 * self._rest.longest):
+                return  # still being braked: it keeps its voltage
         cycle.want = Want.DISABLE
-        self._until(lambda: not any(d.state is State.ENABLED for d in cycle.drives), STILL_S)
+        powered = (State.ENABLED, State.QUICK_STOP, State.SWITCHED_ON)
+        self._until(lambda: not any(d.state in powered for d in cycle.drives), STILL_S)
         cycle.want = Want.NOTHING
 
-    def _recover(self) -> None:
-        if self._link is None or self._link.dead:
+    def _recover(self, unlock: bool) -> None:
+        cycle, link = self._cycle, self._link
+        alive = cycle is not None and cycle.alive and link is not None and not link.dead
+        if not alive or self._age() > GONE_S:
             self._reopen()
+        self._come_to_rest()
         cycle, network = self._running(), self._network
+        for drive in () if unlock else cycle.drives:
+            trouble = drive.trouble(enabled=False)
+            if trouble is not None and trouble[0] == "fault":
+                raise SafetyStopError(trouble[1])
+        self.transducer.connect()
         assert network is not None
         forgot = [d for d in cycle.drives if d.rebooted or d.nmt != 0x05 or d.missed]
         cycle.want = Want.RESET
@@ -135,7 +170,7 @@ class CanDriver(LiveDriver):
         for drive in forgot:
             drive.rebooted, drive.nmt = False, 0x05
         cycle.clear()
-        stuck = (State.FAULT, State.REACTING, State.QUICK_STOP)
+        stuck = (State.FAULT, State.REACTING, State.QUICK_STOP, State.ENABLED)
         cleared = self._until(
             lambda: (
                 self._age() < STALE_S and not any(d.state in stuck or d.error for d in cycle.drives)
@@ -155,12 +190,33 @@ class CanDriver(LiveDriver):
         self._last_target = None
 
     def _reopen(self) -> None:
-        """Open a bus that is gone once more; the drives have stopped by their watchdogs."""
-        self.transducer.close()
-        self._shut()
-        self._open()
-        self.transducer.connect()
+        """Open a bus anew that is gone or silent; the drives have stopped by their watchdogs."""
+        began = 0.0 if self._cycle is None else self._cycle.began[-1]
+        try:
+            self._close()
+            time.sleep(max(0.0, began + self._rest.longest - time.monotonic()))
+            self._open()
+        except BaseException:
+            self._shut()
+            raise
         self._last_target = None
+
+    def _come_to_rest(self) -> None:
+        """Stop what moves, before the voltage is taken off it."""
+        cycle, longest = self._running(), 2.0 * self._rest.longest
+        cycle.halt("stopped", "recover() stops the robot first")
+        if not cycle.all_in(State.DISABLED):
+            cycle.want = Want.QUICK_STOP
+        if self._until(lambda: self._rest.reached(cycle.told), longest):
+            return
+        if self._link is None or self._link.dead:
+            raise LinkError("the CAN bus is gone: call recover() again")
+        for drive, moves in zip(cycle.drives, self._rest.moving(cycle.told), strict=True):
+            if moves and drive.state in (State.ENABLED, State.QUICK_STOP, State.REACTING):
+                raise SafetyStopError(
+                    f"drive {drive.node} still moves {longest:.1f} s after a quick stop: press "
+                    "the emergency stop"
+                )
 
     def _begin(self, goal: np.ndarray, seconds: float) -> None:
         self._setpoints.move(goal, seconds)
@@ -207,7 +263,7 @@ class CanDriver(LiveDriver):
     def _arm_health(self) -> Health:
         cycle, link = self._cycle, self._link
         if cycle is None or link is None:
-            return Health("closed", "the bus is not open")
+            return Health("lost", "the CAN bus is not open: call recover()")
         counters = self._counters(cycle, link)
         if link.dead:
             return Health("lost", f"CAN bus: {link.dead}", counters)
@@ -226,12 +282,12 @@ class CanDriver(LiveDriver):
             "cycles": float(cycle.cycles), "incomplete": float(cycle.incomplete),
             "overruns": float(cycle.overruns), "clipped": float(self._setpoints.clipped),
             "error frames": float(link.error_frames), "odd frames": float(link.failures),
-            "bus_load": self.setting.bus_load.share,
-        }  # fmt: skip
+            "queue full": float(link.full), "bus_load": self.setting.bus_load.share,
+        } | (self._network.guards.counters if self._network else {})  # fmt: skip
 
     def _running(self) -> Cycle:
         if self._cycle is None:
-            raise DriverError("the CAN bus is not open: call connect() first")
+            raise LinkError("the CAN bus is not open: call recover()")
         return self._cycle
 
     def _until(self, done: Callable[[], bool], seconds: float) -> bool:

@@ -15,6 +15,11 @@ SAFE = 0x68
 """A base whose ids no CANopen service uses: 0x680 … 0x68F."""
 
 
+def master(base: int, nodes: Sequence[int]) -> int:
+    """A node id for this program's own heartbeat: the highest that nobody here uses."""
+    return next(n for n in range(127, 0, -1) if n not in nodes and (0x700 + n) >> 4 != base)
+
+
 def users(nodes: Sequence[int]) -> dict[int, str]:
     """Every id of these CANopen nodes → who uses it."""
     own = {

@@ -61,7 +61,9 @@ def cycle_bits(frames: Iterable[tuple[int, bytes]]) -> int:
     return sum(frame_bits(can_id, data) for can_id, data in frames)
 
 
-def modelled(nodes: int, rate: float, bitrate: int, torque: bool, heartbeat: float) -> Load:
+def modelled(
+    nodes: int, rate: float, bitrate: int, torque: bool, heartbeat: float, masters: int = 0
+) -> Load:
     """Load of the cyclic exchange.
 
     Args:
@@ -69,9 +71,10 @@ def modelled(nodes: int, rate: float, bitrate: int, torque: bool, heartbeat: flo
         rate: of the cycles [Hz].
         bitrate: [bit/s].
         torque: whether drives tell it.
-        heartbeat: period of each drive's [s].
+        heartbeat: period of each drive's and master's [s].
+        masters: how many send a heartbeat beside the drives.
     """
     lengths = [_SYNC, _POLL, _EVEN, _ODD] + nodes * [_RPDO, 8 if torque else 6]
     least, worst = (sum(bits(n) for n in lengths) for bits in (least_bits, worst_bits))
-    beats = nodes / heartbeat * worst_bits(_HEARTBEAT)
+    beats = (nodes + masters) / heartbeat * worst_bits(_HEARTBEAT)
     return Load(least, worst, (worst * rate + beats) / bitrate)

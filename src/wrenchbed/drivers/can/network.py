@@ -9,6 +9,7 @@ import struct
 from collections.abc import Sequence
 from typing import Any
 
+from wrenchbed.drivers.can.guards import Guards
 from wrenchbed.drivers.can.options import HEARTBEAT_S, Options
 from wrenchbed.errors import DriverError
 from wrenchbed.errors import LinkError as SilentError
@@ -20,6 +21,7 @@ ANSWER_S = 0.3
 TRIES = 3
 PRE_OPERATIONAL, START = 0x80, 0x01
 _OFF = 1 << 31
+_WRONG_STATE = 0x08000022
 _CYCLIC = 8
 _PROFILE = 402
 _CONTROL, _TARGET = 0x60400010, 0x607A0020
@@ -32,6 +34,9 @@ class Drives:
     Args:
         link: the bus.
         options: ids, rate, watchdog.
+
+    Attributes:
+        guards: what makes a drive stop when this program falls silent.
     """
 
     def __init__(self, link: Link, options: Options) -> None:
@@ -43,6 +48,7 @@ class Drives:
         self._network: Any = canopen.Network()
         self._network.send_message = self._send
         self._nodes: dict[int, Any] = {}
+        self.guards = Guards(self, options)
         for node in options.nodes:
             remote = canopen.RemoteNode(node, canopen.ObjectDictionary())
             remote.sdo.RESPONSE_TIMEOUT = ANSWER_S
@@ -96,13 +102,13 @@ class Drives:
         Raises:
             DriverError: it does not tell.
         """
-        return self._read(node, 0x6076, 0) * 1e-3
+        return self.read(node, 0x6076, 0) * 1e-3
 
     def _check(self, node: int) -> None:
-        profile = self._read(node, 0x1000, 0) & 0xFFFF
+        profile = self.read(node, 0x1000, 0) & 0xFFFF
         if profile != _PROFILE:
             raise DriverError(f"node {node} has device profile {profile}, it is no CiA 402 drive")
-        if not self._read(node, 0x6502, 0) >> (_CYCLIC - 1) & 1:
+        if not self.read(node, 0x6502, 0) >> (_CYCLIC - 1) & 1:
             raise DriverError(f"drive {node} has no cyclic synchronous position mode (0x6502)")
 
     def _map(self, node: int) -> None:
@@ -111,56 +117,67 @@ class Drives:
             (0x1400, 0x200 + node, (_CONTROL, _TARGET)),
             (0x1800, 0x180 + node, carried),
         ):
-            self._write(node, index, 1, _OFF | can_id, 4)
-            self._write(node, index + 0x200, 0, 0, 1)
+            self.write(node, index, 1, _OFF | can_id, 4)
+            self.write(node, index + 0x200, 0, 0, 1)
             for sub, entry in enumerate(entries, start=1):
-                self._write(node, index + 0x200, sub, entry, 4)
-            self._write(node, index + 0x200, 0, len(entries), 1)
-            self._write(node, index, 2, 1, 1)
+                self.write(node, index + 0x200, sub, entry, 4)
+            self.write(node, index + 0x200, 0, len(entries), 1)
+            self.write(node, index, 2, 1, 1)
             if index == 0x1400:
-                self._write(node, index, 5, round(self._options.watchdog * 1000), 2)
-            self._write(node, index, 1, can_id, 4)
+                self.guards.deadline(node)
+            self.write(node, index, 1, can_id, 4)
             for further in (1, 2, 3):
                 self._switch_off(node, index + further)
 
     def _set(self, node: int) -> None:
         ticks, power = self._options.interpolation or (0, 0)
-        self._write(node, 0x6060, 0, _CYCLIC, 1)
-        self._write(node, 0x60C2, 1, ticks, 1)
-        self._write(node, 0x60C2, 2, power & 0xFF, 1)
-        self._write(node, 0x1006, 0, round(1e6 / self._options.rate), 4)
-        self._write(node, 0x1017, 0, round(HEARTBEAT_S * 1000), 2)
+        self.write(node, 0x6060, 0, _CYCLIC, 1)
+        self.write(node, 0x60C2, 1, ticks, 1)
+        self.write(node, 0x60C2, 2, power & 0xFF, 1)
+        self.write(node, 0x1006, 0, round(1e6 / self._options.rate), 4)
+        self.write(node, 0x1017, 0, round(HEARTBEAT_S * 1000), 2)
+        self.guards.further(node)
 
     def _switch_off(self, node: int, index: int) -> None:
         """Silence a PDO that nobody asked for, where there is one."""
         now = self._maybe(node, index, 1)
         if now is not None:
-            self._write(node, index, 1, now % (1 << 32) | _OFF, 4)
+            self.write(node, index, 1, now % (1 << 32) | _OFF, 4)
 
     def _maybe(self, node: int, index: int, sub: int) -> int | None:
         try:
-            return self._read(node, index, sub)
+            return self.read(node, index, sub)
         except SilentError:
             raise
         except DriverError:
             return None
 
-    def _read(self, node: int, index: int, sub: int) -> int:
+    def read(self, node: int, index: int, sub: int) -> int:
+        """A value of a drive's dictionary.
+
+        Raises:
+            LinkError: it does not answer.
+            DriverError: it refuses.
+        """
         raw = self._transfer(node, index, sub, None)
         return int.from_bytes(raw, "little", signed=index in (0x607D,))
 
-    def _write(self, node: int, index: int, sub: int, value: int, size: int) -> None:
+    def write(self, node: int, index: int, sub: int, value: int, size: int) -> None:
+        """Write a value of some bytes; raises as `read` does."""
         self._transfer(node, index, sub, struct.pack("<Q", value)[:size])
 
     def _transfer(self, node: int, index: int, sub: int, raw: bytes | None) -> bytes:
         sdo, where = self._nodes[node].sdo, f"drive {node}, object 0x{index:04X}:{sub}"
-        for _ in range(TRIES):
+        for left in reversed(range(TRIES)):
             try:
                 if raw is None:
                     return bytes(sdo.upload(index, sub))
                 sdo.download(index, sub, raw)
                 return b""
             except self._abort as error:
+                if error.code == _WRONG_STATE and left:
+                    self.command(PRE_OPERATIONAL, node)  # nobody tells that such a frame was lost
+                    continue
                 raise DriverError(f"{where}: refused with 0x{error.code:08X}") from error
             except self._failure:
                 continue

@@ -28,6 +28,8 @@ _REST, _REST_S, _LAST_S = 5e-3, 2.0, 0.15
 _SOFT, _HARD, _SERVO_SOFT, _SERVO_HARD = 3.0, 15.0, 4.0, 15.0
 """Decelerations; of the joints [rad/s²] or of the tool [m/s²], as the robot's script takes them."""
 _LOOKAHEAD_S, _GAIN = 0.1, 300.0
+_BEGINS_S = 0.05
+"""Time in which a move or a stop is sure to show that it is under way, some cycles [s]."""
 
 
 def run(setting: dict[str, Any], shared: Shared, wire: Wire) -> None:
@@ -64,6 +66,7 @@ class Control:
         self._pause, self._period = 1.0 / (KICKS * watchdog_hz), period
         self._kick_due = 0.0
         self._playing, self._servoing, self._moving = True, False, False
+        self._began, self._hard = 0.0, False
 
     def serve(self) -> None:
         """Obey and kick until told to quit; stop the robot when the driver is gone."""
@@ -87,7 +90,7 @@ class Control:
 
     def mind(self) -> None:
         """End this process when the driver is gone and `serve` hangs in a call."""
-        while self._alive():
+        while self._shared.silence("driver") < DRIVER_SILENT_S:
             time.sleep(0.02)
         time.sleep(_STUCK_S)
         os._exit(LOST)
@@ -158,11 +161,14 @@ class Control:
         if not self._robot.moveJ(q, speed, acceleration, True):
             self._ended()
             return "the robot did not take the move: its program does not run"
-        self._moving = True
+        self._moving, self._hard, self._began = True, False, time.monotonic()
         return ""
 
     def _halt(self, hard: bool) -> str:
-        """Brake; returns before the robot rests. Why not, if not."""
+        """Brake; returns before the robot rests. Why not, if not.
+
+        A hard stop under way stays hard: the robot's script would brake anew, more softly.
+        """
         if not self._playing:
             return ""
         if self._servoing:
@@ -171,14 +177,17 @@ class Control:
             self._servoing = False
             if not self._robot.servoStop(_SERVO_HARD if hard else _SERVO_SOFT):
                 self._ended()
-        elif self._under_way() or hard:
+        elif hard or (self._under_way() and not self._hard):
             self._robot.stopJ(_HARD if hard else _SOFT, True)
+            self._moving, self._hard, self._began = True, hard, time.monotonic()
         return ""
 
     def _under_way(self) -> bool:
         """Whether a move or its stop goes on."""
-        if self._moving and not self._robot.getAsyncOperationProgressEx().isAsyncOperationRunning():
-            self._moving = False
+        if not self._moving or time.monotonic() - self._began < _BEGINS_S:
+            return self._moving
+        if not self._robot.getAsyncOperationProgressEx().isAsyncOperationRunning():
+            self._moving = self._hard = False
         return self._moving
 
     def _rest(self, within: float = _REST_S) -> bool:

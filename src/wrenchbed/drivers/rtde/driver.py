@@ -17,13 +17,22 @@ from wrenchbed.drivers.rtde.motion import Followed, trapezoid
 from wrenchbed.drivers.rtde.options import Options
 from wrenchbed.drivers.rtde.process import Worker
 from wrenchbed.drivers.rtde.record import Snapshot
-from wrenchbed.errors import DriverError, LateError, LinkError, ParameterError, StoppedError
+from wrenchbed.errors import (
+    DriverError,
+    LateError,
+    LinkError,
+    ParameterError,
+    SafetyStopError,
+    StoppedError,
+)
 from wrenchbed.health import GONE_S, Health
 from wrenchbed.metadata import Metadata, SensorInfo
 from wrenchbed.transducers.ur_wrench import Reading
 
 _MOVE_S, _SOFT_S, _HARD_S, _DASHBOARD_S = 3.0, 0.8, 0.2, 0.5
 _REST_S, _QUIT_S, _ENDED_S = 3.0, 4.0, 1.0
+_MOST_HZ = 500.0
+"""States a second of an e-Series."""
 
 
 class RtdeDriver(LiveDriver):
@@ -42,6 +51,7 @@ class RtdeDriver(LiveDriver):
         options = options or Options()
         super().__init__(options.limits)
         self._options = options
+        self.top_rate = options.frequency or _MOST_HZ
         self.robot = registry.load("robots", options.robot)
         self.transducer = sensing.transducer(options.sensor, options.host, self._own_wrench)
         self._links: Links | None = None
@@ -96,8 +106,8 @@ class RtdeDriver(LiveDriver):
         while int(self._look().runtime) != words.STOPPED:
             if time.monotonic() > end:
                 raise DriverError(
-                    f"a program of someone else is {words.program(self._look())} on the robot: "
-                    "stop it at the pendant, or close the other client"
+                    f"a program is {words.program(self._look())} on the robot, someone else's or "
+                    "one that a stop left: stop it there, close the other client, or call recover()"
                 )
             time.sleep(0.01)
         self._control = links.open_control()
@@ -111,7 +121,7 @@ class RtdeDriver(LiveDriver):
     def _deactivate(self) -> None:
         self._drop_control(_QUIT_S)
 
-    def _recover(self) -> None:
+    def _recover(self, unlock: bool) -> None:
         links, options = self._live(), self._options
         if self._recoveries >= options.recoveries:
             raise DriverError(
@@ -120,6 +130,9 @@ class RtdeDriver(LiveDriver):
         self._recoveries += 1
         self._drop_control(0.0)
         links.renew_state()
+        trouble = words.trouble(self._look())
+        if trouble is not None and not unlock:
+            raise SafetyStopError(trouble[1])
         clearing.clear(options.host, self._look)
         self._wait_for_rest()
         if not self.transducer.health().ok:

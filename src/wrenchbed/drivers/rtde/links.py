@@ -15,6 +15,7 @@ _FIRST_PAUSE_S = 0.1
 _POLL_S = 0.005
 _FRESH_S = 1.0
 _LEAST_S = 1.0
+_LOOK = "check --host, power, cable, and that nothing blocks TCP 30004"
 """Time that another attempt must have [s]."""
 _REFUSALS: tuple[tuple[str, type[DriverError], str, bool], ...] = (
     ("already in use", DriverError, "another client controls this robot: close it", True),
@@ -127,6 +128,8 @@ class Links:
                 break
             time.sleep(pause)
             pause *= 2.0
+        if isinstance(found, LinkError):
+            raise LinkError(f"robot at {options.host}: {found}: {_LOOK}") from found
         raise type(found)(f"robot at {options.host}: {found}") if found else LinkError("not tried")
 
 

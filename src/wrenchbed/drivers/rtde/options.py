@@ -38,6 +38,8 @@ class Options:
     recoveries: int = 100
 
     def __post_init__(self) -> None:
+        if not self.robot.startswith("ur"):
+            raise ParameterError(f"driver 'rtde' moves UR robots, not {self.robot!r}: give another")
         if self.frequency is not None and not 1.0 <= self.frequency <= 500.0:
             raise ParameterError(f"frequency {self.frequency:g} Hz must be from 1 to 500 Hz")
         if not 1.0 <= self.watchdog_hz <= 50.0:

@@ -23,15 +23,15 @@ def transducer(sensor: str, host: str, own: Callable[[], Reading]) -> Transducer
     Raises:
         ParameterError: it names none; lists the forms.
     """
-    if sensor == OWN:
+    if sensor in (OWN, "ur-wrench"):
         kind = registry.load("transducers", "ur-wrench")
         return kind(kind.options(source=own))
     kind = registry.load("transducers", "netft")
     if sensor in ("", "netft"):
         return kind(kind.options(host=host))
-    parts = urlsplit(sensor)
-    extra = parse_qs(parts.query)
     try:
+        parts = urlsplit(sensor)
+        extra = parse_qs(parts.query)
         if parts.scheme != "netft" or not parts.hostname or set(extra) - {"http"}:
             raise ValueError
         ports = {"port": parts.port} if parts.port else {}

@@ -18,7 +18,8 @@ class Client:
 
     def __init__(self, number: int, connection: socket.socket, channel: str) -> None:
         self.number, self.connection, self.channel = number, connection, channel
-        self.raw = self.too_slow = False
+        self.raw = self.too_slow = self.spoke = False
+        self.off_until = 0.0
         self._opened = False
         self._quiet_until = 0.0
         self._in, self._out, self._held = b"", bytearray(), bytearray()
@@ -31,6 +32,11 @@ class Client:
     def waiting(self) -> bool:
         """Whether it has bytes yet to take."""
         return bool(self._out or self._held)
+
+    @property
+    def off(self) -> bool:
+        """Whether it is bus off: it hears nothing and is not heard."""
+        return self.off_until > 0.0 and time.monotonic() < self.off_until
 
     def receive(self) -> tuple[list[Command], int, bool]:
         """Commands that arrived, pieces of rubbish, and whether the connection is alive."""
@@ -63,7 +69,9 @@ class Client:
         self._out += f"< {text} >".encode("ascii")
 
     def say(self, text: bytes) -> None:
-        """Queue a frame for a client in raw mode."""
+        """Queue a frame for a client in raw mode, unless it is bus off."""
+        if self.off:
+            return
         if self.raw and self._quiet_until:
             self._held += text
         elif self.raw:
@@ -71,6 +79,7 @@ class Client:
 
     def speaks(self) -> None:
         """It sent a frame, so it has read the answer to ``rawmode``."""
+        self.spoke = True
         self._quiet_until = 0.0
 
     def flush(self) -> bool:

@@ -1,31 +1,41 @@
 """The bus as a server: clients over TCP and devices of this process hear each other's frames.
 
 One thread does everything. A device's callback runs in it and must return at once. Without the
-wire model frames pass at once and in the order of arrival, their bits are only counted.
+wire model frames pass at once and in the order of arrival, their bits are only counted. What a
+device or an order does wrong is told and the bus goes on; should its own thread ever end by an
+error, that is told too and every client is hung up on.
 """
 
 import contextlib
-import heapq
 import selectors
 import socket
 import threading
 import time
-from collections import deque
+import warnings
+from collections import Counter, deque
 from collections.abc import Callable
 
-from wrenchbed.errors import DriverError
+from wrenchbed.errors import WrenchbedWarning
+from wrenchbed.serving.canbus.bell import Bell
 from wrenchbed.serving.canbus.client import Client
+from wrenchbed.serving.canbus.devices import Devices, Heard
 from wrenchbed.serving.canbus.foreign import NOBODY, Foreign
-from wrenchbed.serving.canbus.text import Command, error_text, frame_of, frame_text
+from wrenchbed.serving.canbus.listener import listening
+from wrenchbed.serving.canbus.orders import Orders
+from wrenchbed.serving.canbus.text import (
+    BUS_ERROR,
+    BUS_OFF,
+    Command,
+    error_text,
+    frame_of,
+    frame_text,
+)
 from wrenchbed.serving.canbus.wire import Frame, Sent, Wire
 
-Heard = Callable[[float, Frame], None]
-"""Called with the time at which a frame was complete (`time.monotonic`) and the frame."""
 DEFAULT_PORT = 29536
 CLIENTS = 16
 """Most clients at a time."""
 _IDLE_S = 0.2
-_IDS = 2048
 
 
 class Hub:
@@ -37,6 +47,7 @@ class Hub:
         channel: name that clients open.
         bitrate: of the wire model [bit/s].
         wire: whether frames take the time that their bits take.
+        failed: told, besides a warning, every exception of a device, an order or the bus itself.
     """
 
     def __init__(
@@ -46,22 +57,23 @@ class Hub:
         channel: str = "can0",
         bitrate: int = 1_000_000,
         wire: bool = False,
+        failed: Callable[[Exception], None] | None = None,
     ) -> None:
         self.host, self.port, self.channel = host, port, channel
         self.wire = Wire(bitrate)
         self.foreign = Foreign()
         self._modelled = wire
         self.stalled_until = 0.0
-        self.counters = {"frames": 0, "slow clients": 0, "rubbish": 0, "lost in stall": 0}
-        self._devices: dict[int, tuple[Heard, frozenset[int] | None]] = {}
-        self._audience: dict[int, tuple[tuple[int, Heard], ...]] = {}
+        self.counters: Counter[str] = Counter()
+        self._told = failed
+        self._devices = Devices(self._fail)
         self._clients: dict[int, Client] = {}
         self._posted: deque[tuple[int, Frame]] = deque(maxlen=4096)
-        self._orders: deque[Callable[[], None]] = deque(maxlen=256)
-        self._planned: list[tuple[float, int, Callable[[], None]]] = []
+        self._orders = Orders(self._fail)
         self._numbers = 0
         self._next: Sent | None = None
         self._running = False
+        self._bell: Bell | None = None
         self._thread: threading.Thread | None = None
 
     def attach(self, heard: Heard, ids: frozenset[int] | None = None) -> Callable[[Frame], None]:
@@ -72,8 +84,7 @@ class Hub:
             ids: of the frames that it hears, its acceptance filter; all if None.
         """
         number = self._number()
-        self._devices[number] = (heard, ids)
-        self._audience.clear()
+        self._devices.add(number, heard, ids)
 
         def send(frame: Frame) -> None:
             self._posted.append((number, frame))
@@ -88,32 +99,19 @@ class Hub:
         Raises:
             DriverError: the port is taken or not allowed.
         """
+        self._listener = listener = listening(self.host, self.port, CLIENTS)
+        self.port = listener.getsockname()[1]
         self._selector = selectors.SelectSelector()
-        listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
-        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
-            listener.bind((self.host, self.port))
-        except OSError as error:
-            listener.close()
-            raise DriverError(
-                f"cannot serve CAN at {self.host}:{self.port}: {error.strerror}; "
-                "end the other server or give another host or port"
-            ) from error
-        listener.listen(CLIENTS)
-        listener.setblocking(False)
-        self._listener, self.port = listener, listener.getsockname()[1]
-        self._bell, self._ear = socket.socketpair()
-        self._bell.setblocking(False)
-        self._ear.setblocking(False)
+        self._bell = Bell()
         self._selector.register(listener, selectors.EVENT_READ, self._accept)
-        self._selector.register(self._ear, selectors.EVENT_READ, self._heard_bell)
+        self._selector.register(self._bell.ear, selectors.EVENT_READ, self._bell.heard)
         self._running = True
         self._thread = threading.Thread(target=self._run, name="can hub", daemon=True)
         self._thread.start()
 
     def stop(self) -> None:
         """Close all connections; may be called twice."""
-        if self._thread is None:
+        if self._thread is None or self._bell is None:
             return
         self._running = False
         self._wake()
@@ -122,17 +120,18 @@ class Hub:
         for client in list(self._clients.values()):
             self._drop(client)
         self._selector.close()
-        for one in (self._listener, self._bell, self._ear):
-            one.close()
+        self._listener.close()
+        self._bell.close()
 
     def order(self, what: Callable[[], None]) -> None:
         """Run something in the hub's thread soon."""
-        self._orders.append(what)
+        self._orders.add(what)
         self._wake()
 
     def later(self, t: float, what: Callable[[], None]) -> None:
         """Run something in the hub's thread at a time of `time.monotonic` [s]."""
-        self.order(lambda: heapq.heappush(self._planned, (t, id(what), what)))
+        self._orders.plan(t, what)
+        self._wake()
 
     def destroy(self, count: int) -> None:
         """Destroy the next transmissions by error frames; call it in the hub's thread."""
@@ -152,26 +151,46 @@ class Hub:
         for client in list(self._clients.values()):
             self._drop(client)
 
+    def bus_off(self, until: float) -> None:
+        """Every client that has sent frames goes bus off; call it in the hub's thread.
+
+        It gets error frames, then nothing, and nothing of its own reaches the bus until a time
+        [s] or until it opens a connection anew. Who only listens is never bus off.
+        """
+        for client in self._clients.values():
+            if client.spoke:
+                client.say(error_text(time.time(), BUS_ERROR) + error_text(time.time(), BUS_OFF))
+                client.off_until = until
+                self.wire.forget(client.number)
+
+    def _fail(self, error: Exception) -> None:
+        self.counters["failures"] += 1
+        if self._told is not None:
+            self._told(error)
+        with contextlib.suppress(WrenchbedWarning):
+            warnings.warn(f"on the CAN bus: {error!r}", WrenchbedWarning, stacklevel=2)
+
     def _number(self) -> int:
         self._numbers += 1
         return self._numbers
 
     def _wake(self) -> None:
-        with contextlib.suppress(OSError):
-            self._bell.send(b"!")
-
-    def _heard_bell(self, _: socket.socket) -> None:
-        with contextlib.suppress(OSError):
-            self._ear.recv(4096)
+        if self._bell is not None:
+            self._bell.ring()
 
     def _run(self) -> None:
+        try:
+            self._serve()
+        except Exception as error:
+            self._listener.close()
+            self.hang_up()
+            self._fail(error)
+
+    def _serve(self) -> None:
         while self._running:
             for key, _ in self._selector.select(self._patience()):
                 key.data(key.fileobj)
-            while self._planned and self._planned[0][0] <= time.monotonic():
-                self._orders.append(heapq.heappop(self._planned)[2])
-            while self._orders:
-                self._orders.popleft()()
+            self._orders.do(time.monotonic())
             self._pass_on()
             for client in list(self._clients.values()):
                 if not client.flush():
@@ -179,12 +198,12 @@ class Hub:
                     self._drop(client)
 
     def _patience(self) -> float:
-        if self._posted or self._orders:
+        if self._posted:
             return 0.0
         now = time.monotonic()
-        waits = [_IDLE_S]
-        if self._planned:
-            waits.append(max(0.0, self._planned[0][0] - now))
+        waits, ordered = [_IDLE_S], self._orders.wait(now)
+        if ordered is not None:
+            waits.append(ordered)
         if any(client.waiting for client in self._clients.values()):
             waits.append(0.002)
         if self.foreign.active(now):
@@ -228,7 +247,7 @@ class Hub:
             return False
         sent, self._next = self._next, None
         if sent.spoiled:
-            self.say(error_text(time.time()))
+            self.say(error_text(time.time(), BUS_ERROR))
         else:
             self._deliver(sent.end, sent.sender, sent.frame)
         return True
@@ -237,25 +256,11 @@ class Hub:
         self.counters["frames"] += 1
         if sender == NOBODY:
             return
-        for number, device in self._hearing(frame.can_id):
-            if number != sender:
-                device(t, frame)
+        self._devices.hear(t, sender, frame)
         text = frame_text(frame, time.time())
         for number, client in self._clients.items():
             if number != sender:
                 client.say(text)
-
-    def _hearing(self, can_id: int) -> tuple[tuple[int, Heard], ...]:
-        """Devices that hear an id."""
-        if can_id not in self._audience:
-            if len(self._audience) > _IDS:
-                self._audience.clear()
-            self._audience[can_id] = tuple(
-                (number, heard)
-                for number, (heard, ids) in self._devices.items()
-                if ids is None or can_id in ids
-            )
-        return self._audience[can_id]
 
     def _accept(self, listener: socket.socket) -> None:
         with contextlib.suppress(OSError):
@@ -282,7 +287,7 @@ class Hub:
             if frame is None:
                 client.answer("error could not parse send command")
                 self.counters["rubbish"] += 1
-            else:
+            elif not client.off:
                 self._posted.append((client.number, frame))
         else:
             client.obey(command)

@@ -11,6 +11,8 @@ from wrenchbed.serving.canbus.wire import Frame
 
 LONGEST = 256
 """Longest command that is waited for [byte]."""
+BUS_ERROR, BUS_OFF = 0x80, 0x40
+"""Classes of error frames: a frame was destroyed; the sender is off the bus."""
 
 
 class Command(NamedTuple):
@@ -70,6 +72,6 @@ def frame_text(frame: Frame, t: float) -> bytes:
     return f"< frame {frame.can_id:{digits}} {t:.6f} {frame.data.hex()} >".encode("ascii")
 
 
-def error_text(t: float) -> bytes:
-    """An error frame of class bus error for the clients; t [s]."""
-    return f"< error 00000080 {t:.6f} >".encode("ascii")
+def error_text(t: float, kind: int) -> bytes:
+    """An error frame for the clients; t [s], its class as SocketCAN writes it."""
+    return f"< error {kind:08X} {t:.6f} >".encode("ascii")

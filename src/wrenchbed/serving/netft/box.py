@@ -1,8 +1,11 @@
 """A Net F/T box on the body's sensor: RDT over UDP, web pages over HTTP, and their faults."""
 
 import socket
+from dataclasses import replace
 
 from wrenchbed.errors import DriverError
+from wrenchbed.serving import asks
+from wrenchbed.serving.asks import Ask
 from wrenchbed.serving.body import Body
 from wrenchbed.serving.faults import Fault, Faults
 from wrenchbed.serving.netft import pages
@@ -12,17 +15,19 @@ from wrenchbed.serving.netft.settings import Settings
 from wrenchbed.serving.netft.troubles import Troubles
 from wrenchbed.serving.netft.web import Web
 
-_SHARE = {"share": (0.0, 1.0, 0.1)}
-_RDT: dict[str, dict[str, tuple[float, float, float]]] = {
+_SHARE = {"share": asks.number(0.0, 1.0, 0.1)}
+_RDT: dict[str, dict[str, Ask]] = {
     "drop": _SHARE, "duplicate": _SHARE, "swap": _SHARE, "buffered": {}, "freeze": {}, "stall": {},
     "short": {}, "garbage": {}, "foreign": {},
-    "saturate": {"channel": (0, 5, 0)},
-    "status": {"bits": (0, 2**32 - 1, 2**31)},
-    "skew": {"factor": (0.5, 2.0, 1.01)},
-    "wrong_counts": {"factor": (1e-6, 1e6, 10.0)},
+    "saturate": {"channel": asks.whole(0, 5, 0)},
+    "status": {"bits": asks.whole(0, 2**32 - 1, 2**31)},
+    "skew": {"factor": asks.number(0.5, 2.0, 1.01)},
+    "wrong_counts": {"factor": asks.number(1e-6, 1e6, 10.0)},
 }  # fmt: skip
-_HTTP: dict[str, dict[str, tuple[float, float, float]]] = {
-    "stall": {}, "unlisten": {}, "garbage": {}, "missing_field": {},
+_HTTP: dict[str, dict[str, Ask]] = {
+    "stall": {}, "unlisten": {}, "garbage": {},
+    "missing_field": {"name": asks.text("cfgcpf")},
+    "other_counts": {"factor": asks.number(1e-6, 1e6, 10.0)},
 }  # fmt: skip
 
 
@@ -32,8 +37,9 @@ class Box:
     Faults of link ``rdt``: ``drop``, ``duplicate``, ``swap`` (each with ``share``), ``buffered``,
     ``freeze``, ``stall``, ``short``, ``garbage``, ``foreign``, ``restart``, ``saturate``
     (``channel`` 0 … 5), ``status`` (``bits``), ``skew`` (``factor``) and ``wrong_counts``
-    (``factor``). Of link ``http``: ``stall``, ``unlisten``, ``garbage`` and ``missing_field``
-    (``name``, for instance ``cfgcpf``). ``seconds`` 0 lasts until the same kind is told again.
+    (``factor``). Of link ``http``: ``stall``, ``unlisten``, ``garbage``, ``missing_field``
+    (``name``, for instance ``cfgcpf``) and ``other_counts`` (``factor``). ``seconds`` 0 lasts until
+    the same kind is told again.
 
     Args:
         body: whose sensor; its `Body.readings` are this box's alone.
@@ -129,7 +135,11 @@ class Box:
 
     def _page(self, target: str, body: str) -> pages.Reply:
         missing = self._missing if self._web_troubles.now("missing_field") is not None else ""
-        return pages.answer(target, body, self.settings, self._pace, self._sensing, missing)
+        settings = self.settings
+        if other := self._web_troubles.now("other_counts"):
+            counts = settings.counts_per_force * other["factor"]
+            settings = replace(settings, counts_per_force=counts)
+        return pages.answer(target, body, settings, self._pace, self._sensing, missing)
 
     def _restart(self, fault: Fault) -> None:
         if self._rdt is not None:
@@ -137,4 +147,4 @@ class Box:
         self._sensing.restart()
 
     def _leave_out(self, fault: Fault) -> None:
-        self._missing = str(fault.values.get("name", "cfgcpf"))
+        self._missing = fault.values["name"]

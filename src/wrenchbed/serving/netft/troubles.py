@@ -2,9 +2,8 @@
 
 import time
 from collections.abc import Callable, Mapping
-from typing import Any
 
-from wrenchbed.errors import MapError
+from wrenchbed.serving.asks import Ask
 from wrenchbed.serving.faults import Fault, Faults
 
 
@@ -14,27 +13,21 @@ class Troubles:
     Args:
         faults: where they are told.
         link: name of the link.
-        kinds: kind → what it asks for: name of a number → its (lowest, highest, default).
+        kinds: kind → what it asks for, by name.
     """
 
-    def __init__(
-        self,
-        faults: Faults,
-        link: str,
-        kinds: Mapping[str, Mapping[str, tuple[float, float, float]]],
-    ) -> None:
-        self._kinds = kinds
-        self._active: dict[str, tuple[float, dict[str, float]]] = {}
+    def __init__(self, faults: Faults, link: str, kinds: Mapping[str, Mapping[str, Ask]]) -> None:
+        self._active: dict[str, tuple[float, Mapping[str, float]]] = {}
         self._at_once: dict[str, Callable[[Fault], None]] = {}
-        for kind in kinds:
-            faults.on(link, kind, self._begin)
+        for kind, asks in kinds.items():
+            faults.on(link, kind, self._begin, asks)
 
     def at_once(self, kind: str, act: Callable[[Fault], None]) -> None:
         """Also call ``act`` when a kind begins; it must return at once."""
         self._at_once[kind] = act
 
     def now(self, kind: str) -> Mapping[str, float] | None:
-        """Numbers of a kind that is under way, else None."""
+        """Values of a kind that is under way, else None."""
         entry = self._active.get(kind)
         if entry is None:
             return None
@@ -49,18 +42,7 @@ class Troubles:
         return bool(self._active)
 
     def _begin(self, fault: Fault) -> None:
-        asked = self._kinds[fault.kind]
-        values = {name: _number(fault, name, *bounds) for name, bounds in asked.items()}
         if act := self._at_once.get(fault.kind):
             act(fault)
         end = time.monotonic() + fault.seconds if fault.seconds else float("inf")
-        self._active[fault.kind] = (end, values)
-
-
-def _number(fault: Fault, name: str, low: float, high: float, default: float) -> float:
-    value: Any = fault.values.get(name, default)
-    if isinstance(value, bool) or not isinstance(value, int | float) or not low <= value <= high:
-        raise MapError(
-            f"fault {fault.link} {fault.kind}: {name} = {value!r} must be {low:g} … {high:g}"
-        )
-    return float(value)
+        self._active[fault.kind] = (end, fault.values)

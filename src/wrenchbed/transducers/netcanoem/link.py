@@ -5,6 +5,7 @@ that says nothing leaves its constructor waiting for ever; both are caught here.
 """
 
 import contextlib
+import errno
 import logging
 import socket
 import struct
@@ -22,6 +23,7 @@ OPENING_S = 3.0
 """How long a bus may take to open [s]."""
 _WAIT_S = 0.02
 _SEND_S = 0.05
+_AGAIN_S = 5e-4
 
 
 class Link:
@@ -34,6 +36,7 @@ class Link:
     Attributes:
         dead: why nothing more will come, empty while the bus lives.
         error_frames: seen on the wire.
+        full: how often the kernel's transmit queue took nothing and was tried again.
         failures: exceptions of those who listen, by themselves of no harm to others.
     """
 
@@ -43,7 +46,7 @@ class Link:
         self._refused: tuple[type[Exception], ...] = (OSError, ValueError, can.CanError)
         self._bus, self._own = bus, own
         self.dead = ""
-        self.error_frames = self.failures = 0
+        self.error_frames = self.failures = self.full = 0
         self._listeners: tuple[Heard, ...] = ()
         self._lock = threading.Lock()
         self._running = True
@@ -68,12 +71,18 @@ class Link:
         if self.dead:
             raise LinkError(f"CAN bus: {self.dead}")
         message = self._message(arbitration_id=can_id, data=data, is_extended_id=False)
-        try:
-            with self._lock:
-                self._bus.send(message, timeout=_SEND_S)
-        except self._refused as error:
-            self.dead = self.dead or f"it takes no frames: {error}"
-            raise LinkError(f"CAN bus: {self.dead}") from error
+        end = time.monotonic() + _SEND_S
+        while True:
+            try:
+                with self._lock:
+                    self._bus.send(message, timeout=_SEND_S)
+                return
+            except self._refused as error:
+                if not _queue_is_full(error) or time.monotonic() > end:
+                    self.dead = self.dead or f"it takes no frames: {error}"
+                    raise LinkError(f"CAN bus: {self.dead}") from error
+            self.full += 1
+            time.sleep(_AGAIN_S)
 
     def close(self) -> None:
         """Stop reading; may be called twice."""
@@ -157,6 +166,8 @@ def _check_server(host: str, port: int, channel: str) -> None:
     if not host:
         raise DriverError("interface socketcand needs a host")
     where = f"CAN server at {host}:{port}"
+    if not 0 < port < 1 << 16:
+        raise DriverError(f"{where}: a port is a number from 1 to 65535")
     try:
         with socket.create_connection((host, port), OPENING_S) as trial:
             greeting = trial.recv(64)
@@ -171,6 +182,14 @@ def _check_server(host: str, port: int, channel: str) -> None:
         raise
     except OSError as error:
         raise LinkError(f"no {where}: {error}; start it first") from error
+    except ValueError as error:
+        raise LinkError(f"{where}: this is no address ({error})") from error
+
+
+def _queue_is_full(error: Exception) -> bool:
+    """Whether SocketCAN's transmit queue is full, which passes as soon as the bus is free."""
+    code = getattr(error, "error_code", None) or getattr(error, "errno", None)
+    return bool(code == errno.ENOBUFS)
 
 
 def _bounded(connection: Any) -> socket.socket | None:

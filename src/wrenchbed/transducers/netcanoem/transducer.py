@@ -5,14 +5,14 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
 
 from wrenchbed.errors import DriverError, LinkError, ParameterError
 from wrenchbed.health import GONE_S, Health, by_age
-from wrenchbed.transducers.base import Transducer, WrenchSample
+from wrenchbed.transducers.base import Past, Transducer, WrenchSample
 from wrenchbed.transducers.netcanoem import frames
 from wrenchbed.transducers.netcanoem.calibration import Board, Calibration
 from wrenchbed.transducers.netcanoem.link import Link, open_bus
@@ -80,7 +80,7 @@ class NetcanoemTransducer(Transducer):
         self._given, self._link = link, link
         self._calibration: Calibration | None = None
         self._pairs = Pairs()
-        self._bias, self._bias_id = np.zeros(6), 0
+        self._bias, self._bias_id, self._lost = np.zeros(6), 0, 0
         self._reset_state()
 
     def _reset_state(self) -> None:
@@ -89,8 +89,9 @@ class NetcanoemTransducer(Transducer):
         self._suspect = threading.Event()
         self._running = threading.Event()
         self._threads: list[threading.Thread] = []
-        self._newest: tuple[Reading, np.ndarray, int] | None = None
-        self._history: deque[tuple[float, np.ndarray, np.ndarray]] = deque(maxlen=HISTORY)
+        self._newest: WrenchSample | None = None
+        self._past = Past(HISTORY)
+        self._gauges: deque[tuple[float, np.ndarray]] = deque(maxlen=HISTORY)
         self._count = self._seen = self._restarts = 0
         self._heard_at = 0.0
         self._unusable = ""
@@ -112,8 +113,9 @@ class NetcanoemTransducer(Transducer):
         """Be polled over another open bus from the next `connect` on."""
         self._given = link
 
-    def _open(self) -> None:
+    def _connect(self) -> None:
         self._reset_state()
+        self._lost += self._pairs.lost
         self._pairs = Pairs()
         s = self.setting
         self._link = self._given or open_bus(s.interface, s.channel, s.host, s.port, s.bitrate)
@@ -128,7 +130,7 @@ class NetcanoemTransducer(Transducer):
             self._start(self._poll_on, "netcanoem poll")
         self._first()
 
-    def _shut(self) -> None:
+    def _close(self) -> None:
         self._running.clear()
         self._suspect.set()
         for thread in self._threads:
@@ -153,7 +155,7 @@ class NetcanoemTransducer(Transducer):
                     f"lost, {self._pairs.odd} odd frames): is a second node at its ids?"
                 )
             time.sleep(0.005)
-        if self._newest[0].status & frames.BAD_CALIBRATION:
+        if self._newest.status & frames.BAD_CALIBRATION:
             raise DriverError(
                 f"the sensor's board holds no calibration in slot {self.setting.slot}: give "
                 "the slot of the mounted sensor"
@@ -173,7 +175,7 @@ class NetcanoemTransducer(Transducer):
             self._doubt()
         self._heard_at = t
         self._alive = self._verified
-        before = 0 if self._newest is None else self._newest[0].status
+        before = 0 if self._newest is None else self._newest.status
         if reading.status & ~before & frames.WATCHDOG_RESET and self._newest is not None:
             self._doubt()
         if self._verified and self._calibration is not None:
@@ -186,8 +188,13 @@ class NetcanoemTransducer(Transducer):
         channels = (matrix[:, railed] != 0.0).any(axis=1)
         saturated = sum(1 << k for k in range(6) if channels[k])
         self._count += 1
-        self._history.append((reading.t, wrench, gauges))
-        self._newest = (reading, wrench, saturated)
+        self._gauges.append((reading.t, gauges))
+        self._newest = sample = WrenchSample(
+            reading.t, None, self._count, 0.0, True, wrench, status=reading.status,
+            saturated=saturated, lost=self._lost + self._pairs.lost, bias_id=self._bias_id,
+            faults=frames.faults(reading.status),
+        )  # fmt: skip
+        self._past.add(sample)
 
     def _doubt(self) -> None:
         """The board may have restarted: publish nothing until its calibration is in force."""
@@ -236,30 +243,21 @@ class NetcanoemTransducer(Transducer):
             time.sleep(max(0.0, due - time.monotonic()))
 
     def _read(self) -> WrenchSample:
-        if self._newest is None:
+        newest = self._newest
+        if newest is None:
             raise LinkError("the sensor has sent no reading yet")
-        reading, wrench, saturated = self._newest
-        count, self._seen, before = self._count, self._count, self._seen
-        return WrenchSample(
-            t=reading.t, device_time=None, sequence=count, age=time.monotonic() - reading.t,
-            fresh=count != before, wrench=wrench.copy(), status=reading.status, saturated=saturated,
-            lost=self._pairs.lost, bias_id=self._bias_id, faults=frames.faults(reading.status),
+        fresh, self._seen = newest.sequence != self._seen, newest.sequence
+        return replace(
+            newest, age=time.monotonic() - newest.t, fresh=fresh, wrench=newest.wrench.copy(),
+            lost=self._lost + self._pairs.lost, bias_id=self._bias_id,
         )  # fmt: skip
 
-    def _at(self, t: float) -> np.ndarray | None:
-        known = list(self._history)
-        times = np.array([row[0] for row in known])
-        if not len(times) or not times[0] <= t <= times[-1]:
-            return None
-        k = max(1, int(np.searchsorted(times, t)))
-        if len(times) < 2:
-            return known[0][1].copy()
-        share = (t - times[k - 1]) / max(times[k] - times[k - 1], 1e-9)
-        return np.asarray(known[k - 1][1] + share * (known[k][1] - known[k - 1][1]))
+    def _at(self, t: float) -> WrenchSample | None:
+        return self._past.at(t)
 
     def _zero(self) -> int:
         since = time.monotonic() - _ZERO_S
-        recent = [gauges for t, _, gauges in list(self._history) if t > since]
+        recent = [gauges for t, gauges in list(self._gauges) if t > since]
         if not recent:
             raise DriverError("the sensor sent nothing lately: its zero cannot be set")
         self._bias = np.mean(recent, axis=0)
@@ -272,9 +270,10 @@ class NetcanoemTransducer(Transducer):
             "readings": float(self._count), "lost": float(self._pairs.lost),
             "odd frames": float(self._pairs.odd), "calibrations": 1.0 + self._restarts,
             "error frames": float(self._link.error_frames if self._link else 0),
+            "queue full": float(self._link.full if self._link else 0),
         }  # fmt: skip
-        status = self._newest[0].status if self._newest else 0
-        age = now - self._newest[0].t if self._newest else np.inf
+        status = self._newest.status if self._newest else 0
+        age = now - self._newest.t if self._newest else np.inf
         if self._link is None or self._link.dead:
             why = self._link.dead if self._link else "it is not open"
             return Health("lost", f"CAN bus of the sensor: {why}", counters)

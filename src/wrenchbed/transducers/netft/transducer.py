@@ -14,6 +14,7 @@ from wrenchbed.transducers.base import Transducer, WrenchSample
 from wrenchbed.transducers.netft import configuration, datagrams, web
 from wrenchbed.transducers.netft.configuration import Configuration
 from wrenchbed.transducers.netft.receiver import Receiver
+from wrenchbed.transducers.netft.sequence import signed
 from wrenchbed.transducers.netft.status import table
 from wrenchbed.transducers.netft.watch import Watch
 from wrenchbed.wrench import CHANNELS
@@ -86,9 +87,10 @@ class NetftTransducer(Transducer):
             sensor = registry.load("sensors", options.sensor)
             self._given = np.asarray(sensor.calibration(options.calibration).range)
         self._shown: tuple[int, int, float] | None = None
-        self._zeros = 0
+        self._zeros = self._lost = 0
+        self._last_ft: int | None = None
 
-    def _open(self) -> None:
+    def _connect(self) -> None:
         host = _resolve(self._options.host)
         port, said = self._look(host, _ports(self._options))
         if self._options.rate is not None and abs(said.rate - self._options.rate) > 0.5:
@@ -97,7 +99,7 @@ class NetftTransducer(Transducer):
             raise DriverError(
                 f"http://{host}:{port}: RDT is off: switch it on on the communications page"
             )
-        self._said, self._shown, self._zeros = said, None, 0
+        self._said, self._shown = said, None
         self._range = said.rating if self._given is None else self._given
         self._receiver = Receiver((host, self._options.port), said.rate, said.internal_rate)
         self._receiver.start()
@@ -109,14 +111,22 @@ class NetftTransducer(Transducer):
                     f"{_FIRST_S:g} s: check firewall and port"
                 )
             time.sleep(0.002)
+        last, first = self._last_ft, self._receiver.newest.record.ft
+        if last is not None and signed(first - last) < 0:
+            self._zeros += 1  # switched off and on meanwhile: its zero is lost
         self._watch = Watch(said, lambda: self._look(host, (port,))[1])
         self._watch.start()
 
-    def _shut(self) -> None:
+    def _close(self) -> None:
         if self._watch is not None:
             self._watch.stop()
         if self._receiver is not None:
             self._receiver.stop()
+            tracker = self._receiver.tracker
+            self._zeros += tracker.restarts
+            self._lost += tracker.lost
+            if self._receiver.newest is not None:
+                self._last_ft = self._receiver.newest.record.ft
         self._watch = self._receiver = None
 
     def _look(self, host: str, ports: tuple[int, ...]) -> tuple[int, Configuration]:
@@ -155,14 +165,30 @@ class NetftTransducer(Transducer):
             wrench=wrench,
             status=status,
             saturated=self._saturated(wrench, status),
-            lost=receiver.tracker.lost,
+            lost=self._lost + receiver.tracker.lost,
             bias_id=self._zeros + receiver.tracker.restarts,
             faults=self._words(status),
         )
 
-    def _at(self, t: float) -> np.ndarray | None:
-        counts = self._running.history.at(t)
-        return None if counts is None else counts / self._said.per_si
+    def _at(self, t: float) -> WrenchSample | None:
+        receiver = self._running
+        known = receiver.history.at(t)
+        if known is None:
+            return None
+        wrench = known.counts / self._said.per_si
+        return WrenchSample(
+            t=t,
+            device_time=None,
+            sequence=receiver.tracker.last[1],
+            age=known.age,
+            fresh=True,
+            wrench=wrench,
+            status=known.status,
+            saturated=self._saturated(wrench, known.status),
+            lost=self._lost + receiver.tracker.lost,
+            bias_id=self._zeros + receiver.tracker.restarts,
+            faults=self._words(known.status),
+        )
 
     def _zero(self) -> int:
         receiver = self._running
@@ -247,5 +273,5 @@ def _ports(options: Options) -> tuple[int, ...]:
 def _resolve(host: str) -> str:
     try:
         return socket.gethostbyname(host)
-    except OSError as error:
-        raise LinkError(f"{host}: no such address: {error.strerror}") from error
+    except (OSError, UnicodeError) as error:
+        raise LinkError(f"{host}: no such address: {error}") from error

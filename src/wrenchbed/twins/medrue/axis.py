@@ -41,6 +41,7 @@ class Ratings:
         quick: quick-stop deceleration [count/s²].
         speed: profile speed [count/s].
         acceleration: profile acceleration [count/s²].
+        torque: rated, of its motor [N·m, or N].
     """
 
     lower: int
@@ -49,6 +50,7 @@ class Ratings:
     quick: float
     speed: float
     acceleration: float
+    torque: float
 
 
 class Axis:

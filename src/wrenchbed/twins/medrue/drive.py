@@ -2,7 +2,8 @@
 
 On SYNC the controlword and the target that arrived before it are applied, then the state at this
 instant is sent. Without RPDOs for longer than their event timer (0x1400:5) or without SYNC for
-longer than that and `_SYNC_LOSS` periods (0x1006) an enabled axis stops on its quick-stop ramp.
+longer than that and `_SYNC_LOSS` periods (0x1006) an enabled axis does what its master chose in
+0x6007: it goes to FAULT, as after power-up, stops on its quick-stop ramp, or does nothing.
 """
 
 import threading
@@ -26,8 +27,10 @@ _SYNC_LOSS = 25
 _PERIODS = 250
 _GAP = 8.0
 _PERIOD_TOLERANCE = 0.25
+_MOST_TORQUE = 0x7FFF
 _GENERIC = 0x01
 _COMMUNICATION = 0x11
+_FAULT_SIGNAL, _QUICK_STOP = 1, 3
 
 
 class Drive(Slave):
@@ -51,23 +54,28 @@ class Drive(Slave):
         self.frozen_until = 0.0
         self._shown = round(position)
         self._lock, self._watchdog = lock, watchdog
-        self._fed = self._synced = self._speed = self._seen = 0.0
+        self._fed = self._synced = self._speed = self._seen = self._torque = 0.0
         self._syncs = self._last_word = 0
         self._periods: deque[float] = deque(maxlen=_PERIODS)
         self._define()
+        self.on_reset_communication()
 
     def _define(self) -> None:
-        add, ratings, node = self.objects.add, self.axis.ratings, self.node
-        add(0x603F, 0, 0, 2, writable=False)
-        add(0x6040, 0, 0, 2)
-        add(0x6041, 0, 0x40, 2, writable=False)
+        """The profile's area as it is after power-up."""
+        add, ratings = self.objects.add, self.axis.ratings
+        add(0x6007, 0, _FAULT_SIGNAL, 2, signed=True, check=self._check_abort)
+        add(0x603F, 0, 0, 2, writable=False, mappable=True)
+        add(0x6040, 0, 0, 2, mappable=True)
+        add(0x6041, 0, 0x40, 2, writable=False, mappable=True)
         add(0x605A, 0, 6, 2, signed=True, writable=False)
-        add(0x6060, 0, CYCLIC, 1, signed=True, check=self._check_mode)
-        add(0x6061, 0, CYCLIC, 1, signed=True, writable=False)
-        add(0x6064, 0, self._shown, 4, signed=True, writable=False)
+        add(0x6060, 0, CYCLIC, 1, signed=True, mappable=True, check=self._check_mode)
+        add(0x6061, 0, CYCLIC, 1, signed=True, writable=False, mappable=True)
+        add(0x6064, 0, self._shown, 4, signed=True, writable=False, mappable=True)
         add(0x6065, 0, ratings.window, 4)
-        add(0x606C, 0, 0, 4, signed=True, writable=False)
-        add(0x607A, 0, self._shown, 4, signed=True)
+        add(0x606C, 0, 0, 4, signed=True, writable=False, mappable=True)
+        add(0x6076, 0, round(ratings.torque * 1000.0), 4, writable=False)
+        add(0x6077, 0, 0, 2, signed=True, writable=False, mappable=True)
+        add(0x607A, 0, self._shown, 4, signed=True, mappable=True)
         add(0x607D, 0, 2, 1, writable=False)
         add(0x607D, 1, ratings.lower, 4, signed=True)
         add(0x607D, 2, ratings.upper, 4, signed=True)
@@ -77,17 +85,18 @@ class Drive(Slave):
         add(0x60C2, 1, 4, 1)
         add(0x60C2, 2, -3, 1, signed=True)
         add(0x6502, 0, 1 << (PROFILE - 1) | 1 << (CYCLIC - 1), 4, writable=False)
-        self.rpdo = Pdo(self.objects, 0x1400, 0x200 + node, ((0x6040, 16), (0x607A, 32)))
-        self.tpdo = Pdo(self.objects, 0x1800, 0x180 + node, ((0x6041, 16), (0x6064, 32)))
-        self._forget()
 
     def on_reset(self) -> None:
-        position, mute = self._shown, self.mute
-        ratings = self.axis.ratings
         with self._lock:
-            self.axis = Axis(ratings, self.axis.actual)
+            self.axis = Axis(self.axis.ratings, self.axis.actual)
             self._define()
-        self._shown, self.mute = position, mute
+
+    def on_reset_communication(self) -> None:
+        receive, tell = ((0x6040, 16), (0x607A, 32)), ((0x6041, 16), (0x6064, 32))
+        with self._lock:
+            self.rpdo = Pdo(self.objects, 0x1400, 0x200 + self.node, receive, received=True)
+            self.tpdo = Pdo(self.objects, 0x1800, 0x180 + self.node, tell, received=False)
+            self._forget()
 
     def on_frame(self, t: float, frame: Frame) -> None:
         if frame.can_id == self.rpdo.can_id and self.rpdo.unpack(frame.data):
@@ -110,15 +119,26 @@ class Drive(Slave):
             if tell and self._syncs % self.tpdo.every == 0:
                 self.send(int(self.tpdo.can_id or 0), self.tpdo.pack())
 
-    def track(self, t: float, seconds: float, actual: float, speed: float) -> float:
-        """Where the servo shall be after some time [s]; called by the plant, with the lock."""
-        self._speed, self._seen = speed, t
+    def track(
+        self, t: float, seconds: float, actual: float, speed: float, torque: float
+    ) -> float:  # fmt: skip
+        """Where the servo shall be after some time [s]; called by the plant, with the lock.
+
+        Args:
+            t: now [s].
+            seconds: until the next call [s].
+            actual: where the axis is [count].
+            speed: of it [count/s].
+            torque: that its motor gives [N·m, or N].
+        """
+        self._speed, self._seen, self._torque = speed, t, torque
         self._watch(t)
         objects, axis = self.objects, self.axis
         axis.window, axis.mode = objects[0x6065, 0], objects[0x6060, 0]
         axis.lower, axis.upper = objects[0x607D, 1], objects[0x607D, 2]
         command = axis.advance(t, seconds, actual)
         self._tell()
+        self._show(t)
         return command
 
     def _tell(self) -> None:
@@ -155,6 +175,8 @@ class Drive(Slave):
             self._shown = round(axis.actual + self._speed * ahead)
         self.objects[0x6064, 0] = self._shown
         self.objects[0x606C, 0] = round(self._speed)
+        thousandths = round(1000.0 * self._torque / axis.ratings.torque)
+        self.objects[0x6077, 0] = min(max(thousandths, -_MOST_TORQUE), _MOST_TORQUE)
         self.objects[0x6041, 0] = axis.statusword
         self.objects[0x6061, 0] = axis.mode
         self.objects[0x603F, 0] = axis.code
@@ -165,9 +187,17 @@ class Drive(Slave):
         timer, cycle = self.rpdo.timer, self.objects[0x1006, 0] * 1e-6
         silent = timer > 0.0 and t - self._fed > timer
         if silent or self.state != OPERATIONAL:
-            self.axis.quick_stop(RPDO_TIMEOUT)
+            self._break_off(RPDO_TIMEOUT)
         elif cycle > 0.0 and t - self._synced > max(_SYNC_LOSS * cycle, timer):
-            self.axis.quick_stop(SYNC_ERROR)
+            self._break_off(SYNC_ERROR)
+
+    def _break_off(self, code: int) -> None:
+        """The master fell silent: abort connection option code (CiA 402, 0x6007)."""
+        option = self.objects[0x6007, 0]
+        if option == _FAULT_SIGNAL:
+            self.axis.fault(code)
+        elif option == _QUICK_STOP:
+            self.axis.quick_stop(code)
 
     def _check_period(self) -> None:
         """Compare the master's period with the interpolation's, over a second without a gap."""
@@ -177,6 +207,11 @@ class Drive(Slave):
         self._periods.clear()
         if longest < _GAP * self.period and abs(mean / self.period - 1.0) > _PERIOD_TOLERANCE:
             self.axis.fault(SYNC_ERROR)
+
+    @staticmethod
+    def _check_abort(option: int) -> None:
+        if option not in (0, _FAULT_SIGNAL, _QUICK_STOP):
+            raise AbortError(WRONG_VALUE)
 
     @staticmethod
     def _check_mode(mode: int) -> None:

@@ -2,17 +2,19 @@
 
 import random
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
-from wrenchbed.errors import MapError
+from wrenchbed.serving import asks
+from wrenchbed.serving.asks import Ask
 from wrenchbed.serving.canbus.hub import Hub
 from wrenchbed.serving.canbus.wire import Frame
-from wrenchbed.serving.faults import Fault, Faults
+from wrenchbed.serving.faults import Fault, Faults, Handler
 from wrenchbed.twins.medrue.axis import FOLLOWING_ERROR
-from wrenchbed.twins.medrue.board import Board
+from wrenchbed.twins.medrue.board import RESET, SELECT, SET_BASE, SET_BITRATE, Board
 from wrenchbed.twins.medrue.drive import Drive
 
 _FOREVER = 1e9
+_SETTING = (SELECT, RESET, SET_BASE, SET_BITRATE)
 _GARBAGE_TEXT = b"< frame zz >\xff\xfe< nonsense > frame 12"
 Pair = list[tuple[int, bytes]]
 
@@ -26,24 +28,28 @@ class Mischief:
         self._chance = random.Random(0)
         self._impostor_until = 0.0
         self._impostor = hub.attach(self._pose, frozenset((board.base << 4,)))
-        for kind, handler in {
-            "mute": self._mute, "frozen": self._frozen, "heartbeat_loss": self._heartbeat,
-            "following_error": self._following, "emcy": self._emcy, "node_reboot": self._reboot,
-            "second_frame_lost": self._second_lost, "swapped_pair": self._swapped,
-            "saturated_gauge": self._saturated, "status": self._status,
-            "reset_board": self._reset_board, "mute_board": self._mute_board,
-            "id_clash": self._clash, "error_frame": self._error_frame, "overload": self._overload,
-            "bus_off": self._hang_up, "hub_fin": self._hang_up, "stall": self._stall,
-            "garbage": self._garbage, "garbage_text": self._garbage_text,
-        }.items():  # fmt: skip
-            faults.on("can", kind, handler)
+        node = {"node": _one_of(list(self._drives))}
+        count, share = {"count": asks.whole(1, 1000, 1)}, {"share": asks.number(0.01, 1.0, 1.0)}
+        kinds: dict[str, tuple[Handler, Mapping[str, Ask]]] = {
+            "mute": (self._mute, node), "frozen": (self._frozen, node),
+            "heartbeat_loss": (self._heartbeat, node), "following_error": (self._following, node),
+            "emcy": (self._emcy, node | {"code": asks.whole(1, 0xFFFF, 0x5441)}),
+            "node_reboot": (self._reboot, node),
+            "second_frame_lost": (self._second_lost, share), "swapped_pair": (self._swapped, {}),
+            "saturated_gauge": (self._saturated, {"gauge": asks.whole(0, 5, 0)}),
+            "status": (self._status, {"bits": asks.whole(1, 0xFFFF, 1 << 4)}),
+            "reset_board": (self._reset_board, {"silent": asks.flag(True)}),
+            "mute_board": (self._mute_board, {}), "id_clash": (self._clash, {}),
+            "error_frame": (self._error_frame, count), "overload": (self._overload, share),
+            "bus_off": (self._bus_off, {}), "hub_fin": (self._hang_up, {}),
+            "stall": (self._stall, {}), "garbage_text": (self._garbage_text, {}),
+            "garbage": (self._garbage, {"count": asks.whole(1, 1000, 100)}),
+        }  # fmt: skip
+        for kind, (handler, asked) in kinds.items():
+            faults.on("can", kind, handler, asked)
 
     def _drive(self, fault: Fault) -> Drive:
-        node = fault.values.get("node", next(iter(self._drives)))
-        if node not in self._drives:
-            known = ", ".join(str(n) for n in self._drives)
-            raise MapError(f"fault can {fault.kind}: there is no node {node!r}. Known: {known}")
-        return self._drives[node]
+        return self._drives[int(fault.values["node"])]
 
     def _mute(self, fault: Fault) -> None:
         drive = self._drive(fault)
@@ -61,13 +67,13 @@ class Mischief:
         self._drive(fault).axis.fault(FOLLOWING_ERROR)
 
     def _emcy(self, fault: Fault) -> None:
-        self._drive(fault).axis.fault(_number(fault, "code", 0x5441))
+        self._drive(fault).axis.fault(int(fault.values["code"]))
 
     def _reboot(self, fault: Fault) -> None:
         self._hub.order(self._drive(fault).boot)
 
     def _second_lost(self, fault: Fault) -> None:
-        share = float(fault.values.get("share", 1.0))
+        share = fault.values["share"]
         self._spoil(fault, lambda pair: pair[:1] if self._chance.random() < share else pair)
 
     def _swapped(self, fault: Fault) -> None:
@@ -78,13 +84,10 @@ class Mischief:
         self._board.spoil = lambda pair: how(pair) if time.monotonic() < until else pair
 
     def _saturated(self, fault: Fault) -> None:
-        gauge = _number(fault, "gauge", 0)
-        if not 0 <= gauge < 6:
-            raise MapError(f"fault can saturated_gauge: gauge {gauge} must be 0 … 5")
-        self._board.railed[gauge] = _until(fault)
+        self._board.railed[int(fault.values["gauge"])] = _until(fault)
 
     def _status(self, fault: Fault) -> None:
-        bits = _number(fault, "bits", 1 << 4)
+        bits = int(fault.values["bits"])
         self._board.status |= bits
         if fault.seconds:
             self._later(fault.seconds, lambda: self._clear_status(bits))
@@ -94,7 +97,7 @@ class Mischief:
 
     def _reset_board(self, fault: Fault) -> None:
         self._board.reset(time.monotonic())
-        if fault.values.get("silent") is False:
+        if not fault.values["silent"]:
             self._board.silent_until = 0.0
 
     def _mute_board(self, fault: Fault) -> None:
@@ -111,11 +114,11 @@ class Mischief:
             self._impostor(Frame(base | 1, bytes(6)))
 
     def _error_frame(self, fault: Fault) -> None:
-        count = min(max(1, _number(fault, "count", 1)), 1000)
+        count = int(fault.values["count"])
         self._hub.order(lambda: self._hub.destroy(count))
 
     def _overload(self, fault: Fault) -> None:
-        seconds, share = fault.seconds or 1.0, float(fault.values.get("share", 1.0))
+        seconds, share = fault.seconds or 1.0, fault.values["share"]
         hub = self._hub
         hub.order(
             lambda: hub.foreign.start(time.monotonic(), seconds, share, hub.wire.load.bitrate)
@@ -124,13 +127,19 @@ class Mischief:
     def _hang_up(self, _: Fault) -> None:
         self._hub.order(self._hub.hang_up)
 
+    def _bus_off(self, fault: Fault) -> None:
+        """The adapters of all who have sent frames leave the bus."""
+        until = _until(fault)
+        self._hub.order(lambda: self._hub.bus_off(until))
+
     def _stall(self, fault: Fault) -> None:
         self._hub.stalled_until = time.monotonic() + (fault.seconds or 1.0)
 
     def _garbage(self, fault: Fault) -> None:
         """Frames of any id but NMT, SYNC and those that would reconfigure something."""
-        ids = [0x680 + k for k in range(16)] + [0x181, 0x182, 0x081, 0x701, 0x581, 0x123, 0x7FF]
-        for _ in range(min(_number(fault, "count", 100), 1000)):
+        sensor = [self._board.base << 4 | k for k in range(16) if k not in _SETTING]
+        ids = [*sensor, 0x181, 0x182, 0x081, 0x701, 0x581, 0x123, 0x7FF]
+        for _ in range(int(fault.values["count"])):
             data = self._chance.randbytes(self._chance.randrange(9))
             self._impostor(Frame(self._chance.choice(ids), data))
 
@@ -145,8 +154,10 @@ def _until(fault: Fault) -> float:
     return time.monotonic() + (fault.seconds or _FOREVER)
 
 
-def _number(fault: Fault, name: str, default: int) -> int:
-    value = fault.values.get(name, default)
-    if isinstance(value, bool) or not isinstance(value, int):
-        raise MapError(f"fault can {fault.kind}: {name} = {value!r} must be a whole number")
-    return value
+def _one_of(nodes: Sequence[int]) -> Ask:
+    """One of some whole numbers, the first where none is given."""
+    known = ", ".join(str(node) for node in nodes)
+    return Ask(
+        lambda v: isinstance(v, int) and not isinstance(v, bool) and v in nodes,
+        f"a node: {known}", nodes[0],
+    )  # fmt: skip

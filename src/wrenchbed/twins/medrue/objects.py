@@ -24,13 +24,26 @@ class AbortError(Exception):
 
 @dataclass
 class Entry:
-    """One value: its size [byte], sign, access, and a check that runs before it is written."""
+    """One value: its size [byte], sign, access, whether a PDO may carry it, and a check that runs
+    before it is written."""
 
     value: int
     size: int
     signed: bool = False
     writable: bool = True
+    mappable: bool = False
     check: Callable[[int], None] | None = None
+
+    def read(self, raw: bytes) -> int:
+        """The value that some bytes would make it.
+
+        Raises:
+            AbortError: it may not have that value.
+        """
+        value = int.from_bytes(raw, "little", signed=self.signed)
+        if self.check is not None:
+            self.check(value)
+        return value
 
 
 class Objects:
@@ -48,10 +61,11 @@ class Objects:
         *,
         signed: bool = False,
         writable: bool = True,
+        mappable: bool = False,
         check: Callable[[int], None] | None = None,
     ) -> None:
-        """Define a value of 1, 2 or 4 bytes."""
-        self._entries[index, sub] = Entry(value, size, signed, writable, check)
+        """Define a value of 1, 2 or 4 bytes, or make it anew."""
+        self._entries[index, sub] = Entry(value, size, signed, writable, mappable, check)
 
     def __getitem__(self, key: Key) -> int:
         return self._entries[key].value
@@ -74,14 +88,25 @@ class Objects:
         span = 1 << 8 * entry.size
         return (entry.value % span).to_bytes(entry.size, "little")
 
-    def unpack(self, key: Key, raw: bytes) -> None:
-        """Take a value from the bus, for PDOs, whatever its access.
+    def carried(self, key: Key, writing: bool) -> int | None:
+        """Bits of a value that a PDO may carry, None where it may not.
+
+        Args:
+            key: of the value.
+            writing: whether the PDO would write it.
+        """
+        entry = self._entries.get(key)
+        if entry is None or not entry.mappable or (writing and not entry.writable):
+            return None
+        return 8 * entry.size
+
+    def read(self, key: Key, raw: bytes) -> int:
+        """The value that some bytes of a PDO would make it.
 
         Raises:
-            AbortError: there is no such value.
+            AbortError: there is no such value, or it may not be that.
         """
-        entry = self._find(key)
-        entry.value = int.from_bytes(raw[: entry.size], "little", signed=entry.signed)
+        return self._find(key).read(raw)
 
     def write(self, key: Key, raw: bytes) -> None:
         """Take a value from an SDO client.
@@ -94,10 +119,7 @@ class Objects:
             raise AbortError(READ_ONLY)
         if len(raw) != entry.size:
             raise AbortError(WRONG_LENGTH)
-        value = int.from_bytes(raw, "little", signed=entry.signed)
-        if entry.check is not None:
-            entry.check(value)
-        entry.value = value
+        entry.value = entry.read(raw)
 
     def _find(self, key: Key) -> Entry:
         if key in self._entries:

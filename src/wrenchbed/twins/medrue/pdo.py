@@ -1,8 +1,11 @@
 """One process data object of a drive: its parameters, its mapping, and the data it carries.
 
 As CiA 301 asks, a mapping is changed while the object is switched off (bit 31 of its id) and its
-number of entries is 0.
+number of entries is 0. An entry that may not be carried is refused, and so is a number that would
+cover one that was never written.
 """
+
+import itertools
 
 from wrenchbed.twins.medrue.objects import (
     NOT_MAPPABLE,
@@ -31,12 +34,14 @@ class Pdo:
         parameters: index of its communication parameters, 0x1400 … or 0x1800 …
         can_id: that it has after a reset.
         mapped: what it carries after a reset.
+        received: whether it is an RPDO, which writes what it carries.
     """
 
     def __init__(
-        self, objects: Objects, parameters: int, can_id: int, mapped: tuple[tuple[int, int], ...]
-    ) -> None:
-        self._objects, self._index = objects, parameters
+        self, objects: Objects, parameters: int, can_id: int, mapped: tuple[tuple[int, int], ...],
+        received: bool,
+    ) -> None:  # fmt: skip
+        self._objects, self._index, self._received = objects, parameters, received
         self._map = parameters + 0x200
         add = objects.add
         add(parameters, 0, 5, 1, writable=False)
@@ -84,13 +89,18 @@ class Pdo:
         return b"".join(self._objects.pack(key) for key in self.keys())
 
     def unpack(self, data: bytes) -> bool:
-        """Take its data; False where they are too short, then nothing is taken."""
+        """Take its data; False where they are too short or out of range: nothing is taken then."""
         keys = self.keys()
-        if len(data) < sum(self._objects.size(key) or 0 for key in keys):
+        ends = list(itertools.accumulate((self._objects.size(key) or 0 for key in keys), initial=0))
+        if len(data) < ends[-1]:
             return False
-        for key in keys:
-            self._objects.unpack(key, data)
-            data = data[self._objects.size(key) :]
+        parts = [data[begin:end] for begin, end in itertools.pairwise(ends)]
+        try:
+            values = [self._objects.read(key, part) for key, part in zip(keys, parts, strict=True)]
+        except AbortError:
+            return False
+        for key, value in zip(keys, values, strict=True):
+            self._objects[key] = value
         return True
 
     def _check_id(self, value: int) -> None:
@@ -104,12 +114,17 @@ class Pdo:
         if count > ENTRIES:
             raise AbortError(WRONG_VALUE)
         entries = [self._objects[self._map, k + 1] for k in range(count)]
+        for entry in entries:
+            self._check_carried(entry)
         if sum(entry & 0xFF for entry in entries) > 64:
             raise AbortError(TOO_LONG)
 
     def _check_entry(self, entry: int) -> None:
         if self.can_id is not None or self._objects[self._map, 0] != 0:
             raise AbortError(WRONG_STATE)
-        size = self._objects.size((entry >> 16, entry >> 8 & 0xFF))
-        if size is None or 8 * size != entry & 0xFF:
+        self._check_carried(entry)
+
+    def _check_carried(self, entry: int) -> None:
+        key = (entry >> 16, entry >> 8 & 0xFF)
+        if self._objects.carried(key, self._received) != entry & 0xFF:
             raise AbortError(NOT_MAPPABLE)

@@ -3,11 +3,11 @@
 import sys
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from wrenchbed.serving.body import Body
+from wrenchbed.twins.medrue.arm import Arm
 from wrenchbed.twins.medrue.drive import Drive
 
 CYCLE_S = 0.004
@@ -25,10 +25,14 @@ class Plant:
         body: the robot, with a control cycle of `CYCLE_S`.
         counts: per unit of each joint (J,).
         lock: shared with the drives.
+        failed: told what ended its clock, if anything does but `stop`.
     """
 
-    def __init__(self, body: Body, counts: np.ndarray, lock: threading.RLock) -> None:
-        self.body, self.counts = body, counts
+    def __init__(
+        self, body: Arm, counts: np.ndarray, lock: threading.RLock,
+        failed: Callable[[Exception], None],
+    ) -> None:  # fmt: skip
+        self.body, self.counts, self._failed = body, counts, failed
         self.drives: Sequence[Drive] = ()
         self._lock = lock
         self._running = threading.Event()
@@ -60,6 +64,8 @@ class Plant:
         sys.setswitchinterval(_SWITCH_S)
         try:
             self._keep_time()
+        except Exception as error:
+            self._failed(error)
         finally:
             sys.setswitchinterval(before)
 
@@ -77,8 +83,9 @@ class Plant:
     def _step(self, t: float) -> None:
         with self._lock:
             q, qd = self.body.q * self.counts, self.body.qd * self.counts
+            torque = self.body.torque
             commands = [
-                drive.track(t, CYCLE_S, float(q[j]), float(qd[j]))
+                drive.track(t, CYCLE_S, float(q[j]), float(qd[j]), float(torque[j]))
                 for j, drive in enumerate(self.drives)
             ]
             self.body.step(np.array(commands) / self.counts)

@@ -6,11 +6,11 @@ from typing import ClassVar
 import numpy as np
 
 from wrenchbed.robots.base import Joint
-from wrenchbed.serving.body import Body
 from wrenchbed.serving.body import Options as BodyOptions
 from wrenchbed.serving.canbus.bridge import Bridge
 from wrenchbed.serving.canbus.hub import Hub
 from wrenchbed.twins.base import Options, TwinServer
+from wrenchbed.twins.medrue.arm import Arm
 from wrenchbed.twins.medrue.axis import Ratings
 from wrenchbed.twins.medrue.board import Board
 from wrenchbed.twins.medrue.drive import Drive
@@ -35,8 +35,10 @@ class MedrueTwin(TwinServer):
     def __init__(self, options: Options) -> None:
         super().__init__(options)
         self.setting = setting = read(options.setting)
-        self.hub = Hub(options.host, setting.port, setting.channel, setting.bitrate, setting.wire)
-        body = Body(
+        self.hub = Hub(
+            options.host, setting.port, setting.channel, setting.bitrate, setting.wire, self.fail
+        )
+        body = Arm(
             BodyOptions(
                 "medrue", options.parameters, options.noise, options.seed, options.effects,
                 options.table,
@@ -45,7 +47,7 @@ class MedrueTwin(TwinServer):
         )  # fmt: skip
         lock = threading.RLock()
         counts = setting.per_unit(body.robot)
-        self.plant = Plant(body, counts, lock)
+        self.plant = Plant(body, counts, lock, self.fail)
         self.drives = [
             self._drive(setting.nodes[j], joint, counts[j], body.q[j], lock)
             for j, joint in enumerate(body.robot.joints)
@@ -85,6 +87,7 @@ class MedrueTwin(TwinServer):
             quick=joint.speed * counts / _QUICK_S,
             speed=joint.speed * counts,
             acceleration=2.0 * joint.speed * counts,
+            torque=self.setting.rated_force if joint.unit == "m" else self.setting.rated_torque,
         )
         heard: list[Drive] = []
         ids = frozenset((0x000, 0x080, 0x200 + node, 0x600 + node))
@@ -96,5 +99,10 @@ class MedrueTwin(TwinServer):
         heard: list[Board] = []
         send = self.hub.attach(lambda t, frame: heard[0].hear(t, frame))
         setting = self.setting
-        heard.append(Board(send, setting.base, setting.slot, setting.counts, self.plant.wrench))
+        heard.append(
+            Board(
+                send, setting.base, setting.slot, setting.counts, self.plant.wrench,
+                setting.bitrate,
+            )
+        )  # fmt: skip
         return heard[0]

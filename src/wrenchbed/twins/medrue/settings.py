@@ -14,13 +14,15 @@ KNOWN = {
     "channel": "name of the bus (can0)",
     "bitrate": "of the wire model [bit/s] (1000000)",
     "wire": "on: frames take the time that their bits take (off)",
-    "bus": "virtual:NAME or socketcan:NAME, a bus of python-can to serve as well (none)",
+    "bus": "virtual:NAME or socketcan:vcanN, a bus of python-can to serve as well (none)",
     "nodes": "ids of the six drives (1,2,3,4,5,6)",
     "base": "upper seven bits of the sensor board's ids (0x68)",
     "slot": "where the board keeps the sensor's calibration, 0 … 15 (0)",
     "counts": "of the sensor board per N and per N·m (1000000)",
     "counts_per_metre": "of the linear axis (1000000)",
     "counts_per_turn": "of the rotary axes (1048576)",
+    "rated_force": "of the linear axis's motor [N] (200)",
+    "rated_torque": "of the rotary axes' motors [N·m] (2)",
     "watchdog": "silence of a drive's RPDO that stops it [s], until it is told another (0.1)",
 }
 _JOINTS = 6
@@ -41,6 +43,8 @@ class Settings:
     counts: int = 1_000_000
     counts_per_metre: float = 1e6
     counts_per_turn: float = float(1 << 20)
+    rated_force: float = 200.0
+    rated_torque: float = 2.0
     watchdog: float = 0.1
 
     def per_unit(self, robot: Robot) -> np.ndarray:
@@ -75,7 +79,9 @@ def _value(name: str, word: str) -> object:
         case "bus":
             kind, _, channel = word.partition(":")
             if kind not in ("virtual", "socketcan") or not channel:
-                raise ValueError("give virtual:NAME or socketcan:NAME")
+                raise ValueError("give virtual:NAME or socketcan:vcanN")
+            if kind == "socketcan" and not channel.startswith("vcan"):
+                raise ValueError("a twin serves virtual buses alone, never one with real devices")
             return word
         case "wire":
             if word not in ("on", "off"):
@@ -86,7 +92,7 @@ def _value(name: str, word: str) -> object:
             if len(set(nodes)) != _JOINTS or not all(1 <= node <= 127 for node in nodes):
                 raise ValueError("six different numbers from 1 to 127")
             return nodes
-        case "counts_per_metre" | "counts_per_turn" | "watchdog":
+        case "counts_per_metre" | "counts_per_turn" | "rated_force" | "rated_torque" | "watchdog":
             return _above(float(word), 0.0)
         case _:
             top = {"port": 65535, "base": 0x7F, "slot": 15}.get(name, 1 << 31)

@@ -31,9 +31,13 @@ class Slave:
         self.heartbeat_off_until = 0.0
         self._send = send
         self._beat_due = 0.0
-        add = self.objects.add
+        self._define_communication()
+
+    def _define_communication(self) -> None:
+        """The communication area as it is after power-up."""
+        add, node = self.objects.add, self.node
         add(0x1000, 0, 0x00020192, 4, writable=False)
-        add(0x1001, 0, 0, 1, writable=False)
+        add(0x1001, 0, 0, 1, writable=False, mappable=True)
         add(0x1005, 0, SYNC, 4)
         add(0x1006, 0, 0, 4)
         add(0x1014, 0, 0x80 + node, 4, writable=False)
@@ -70,9 +74,19 @@ class Slave:
     def on_reset(self) -> None:
         """Back to what it is after power-up."""
 
-    def boot(self) -> None:
-        """Come up: say so and wait in PRE-OPERATIONAL."""
-        self.on_reset()
+    def on_reset_communication(self) -> None:
+        """The process data back to what they are after power-up."""
+
+    def boot(self, whole: bool = True) -> None:
+        """Come up: say so and wait in PRE-OPERATIONAL.
+
+        Args:
+            whole: the node; else its communication alone.
+        """
+        self._define_communication()
+        self.on_reset_communication()
+        if whole:
+            self.on_reset()
         self.state = PRE_OPERATIONAL
         self.send(0x700 + self.node, bytes([BOOT]))
 
@@ -97,7 +111,7 @@ class Slave:
         if command in states:
             self.state = states[command]
         elif command in (0x81, 0x82):
-            self.boot()
+            self.boot(whole=command == 0x81)
 
     def _sdo(self, data: bytes) -> None:
         if len(data) < 8:

@@ -1,14 +1,15 @@
 """The arm under its controller: one motion at a time, within the joints' limits."""
 
 import time
+from collections.abc import Callable
 
 import numpy as np
 
 from wrenchbed.serving.body import Body
 from wrenchbed.twins.ur5.estimate import Estimate
 from wrenchbed.twins.ur5.force_mode import ForceMode
-from wrenchbed.twins.ur5.kinematics import NO_TOOL, Kinematics
-from wrenchbed.twins.ur5.motions import Braking, Motion, Servo, UnreachableError
+from wrenchbed.twins.ur5.kinematics import NO_TOOL, Kinematics, UnreachableError
+from wrenchbed.twins.ur5.motions import Braking, Motion, Servo
 
 SAFE_DECELERATION = 15.0
 """With which the arm brakes when it is stopped by its safety system [rad/s²]."""
@@ -23,23 +24,29 @@ class Arm:
     Args:
         body: the robot.
         estimate: of the wrench at the tool.
+        feel: the load that the robot itself feels (6,) [N, N·m], asked once a cycle.
     """
 
-    def __init__(self, body: Body, estimate: Estimate) -> None:
+    def __init__(self, body: Body, estimate: Estimate, feel: Callable[[], np.ndarray]) -> None:
         self.body, self.estimate = body, estimate
+        self._feel = feel
+        self.felt = np.zeros(6)
         self.kinematics = Kinematics()
-        self.tcp = NO_TOOL.copy()
         self.q = np.array(body.target)
         self.qd = np.zeros(6)
         self.qdd = np.zeros(6)
-        self.slider = 1.0
         self.force: ForceMode | None = None
-        self.force_scaling = 1.0
         self._wanted_error, self._error, self._error_until = np.zeros(6), np.zeros(6), 0.0
         self._motion: Motion | None = None
         self._interrupted: Motion | None = None
         self._plain = self.q.copy()
         self._frozen = False
+        self.restart()
+
+    def restart(self) -> None:
+        """What clients can set is as after switching on; the arm stays where it is."""
+        self.tcp = NO_TOOL.copy()
+        self.slider = self.force_scaling = 1.0
 
     @property
     def moving(self) -> bool:
@@ -162,4 +169,5 @@ class Arm:
         self._error = self._error + np.clip(gap, -_FOLLOW_SPEED * dt, _FOLLOW_SPEED * dt)
         self.body.step(self.q + self._error)
         rotation, _ = self.kinematics.flange(self.body.q)
-        self.estimate.update(self.body.load, rotation, self.tcp)
+        self.felt = self._feel()
+        self.estimate.update(self.felt, rotation, self.tcp)

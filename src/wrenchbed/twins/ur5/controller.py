@@ -1,6 +1,6 @@
 """The controller: power, safety, program and arm, a control cycle at a time."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -49,22 +49,27 @@ class Controller:
         make: which controller it is.
         body: the robot.
         payload: as the installation states it.
+        feel: the load that the robot itself feels (6,) [N, N·m]; the true one if None.
     """
 
-    def __init__(self, make: Make, body: Body, payload: Payload) -> None:
+    def __init__(
+        self,
+        make: Make,
+        body: Body,
+        payload: Payload,
+        feel: Callable[[], np.ndarray] | None = None,
+    ) -> None:
         self.make = make
         self.terminals = Terminals()
         self.modes = Modes(make.powered)
         self.estimate = Estimate(payload, at_tcp=not make.e_series)
-        self.arm = Arm(body, self.estimate)
+        self.arm = Arm(body, self.estimate, feel or (lambda: body.load))
         self.fields = outputs(make.version)
         self.values: dict[str, Values] = {name: zero(kind) for name, kind in self.fields.items()}
         self.inputs = Inputs(inputs(make.version), self._written)
         self.program: Program | None = None
-        self.loaded = ""
-        self.script_denied_until = 0.0
-        self._tolerated = make.protective_force
         self.now = 0.0
+        self._forget()
 
     def cycle(self, now: float) -> None:
         """Take one control cycle at a time of `time.monotonic` [s]."""
@@ -83,7 +88,7 @@ class Controller:
             if script.secondary or self.now < self.script_denied_until:
                 continue
             self.stop_program()
-            if self.modes.ready:
+            if self.modes.ready and not script.faulty:
                 self._begin(self._program(script))
 
     def play(self) -> bool:
@@ -152,9 +157,17 @@ class Controller:
         self.terminals = Terminals()
         self.inputs.clear()
         self.arm.thaw(go_on=False)
+        self.arm.restart()
+        self.estimate.restart()
+        self._forget()
         for name, kind in self.fields.items():
             if "_register_" in name:
                 self.values[name] = zero(kind)
+
+    def _forget(self) -> None:
+        self.loaded = ""
+        self.script_denied_until = 0.0
+        self._tolerated = self.make.protective_force
 
     def set_output(self, kind: str, number: int, value: float) -> None:
         """Write an output register."""

@@ -1,9 +1,8 @@
 """The wrench at the tool as this controller states it.
 
 Axes of the base; positive where the surroundings push the tool. The CB3 refers the torque to the
-TCP, the e-Series to the flange's centre. It is the load on the tool side of the sensor less the
-weight of the payload that the controller was told; what a CB3 infers from its motor currents is
-noisier by far.
+TCP, the e-Series to the flange's centre. It is what the robot feels at the tool side of the sensor
+less the weight of the payload that the controller was told.
 """
 
 from dataclasses import dataclass
@@ -25,7 +24,7 @@ class Payload:
 
 
 class Estimate:
-    """Turns the load on the sensor into the controller's wrench.
+    """Turns the load that the robot feels into the controller's wrench.
 
     Args:
         payload: as the installation states it.
@@ -33,9 +32,13 @@ class Estimate:
     """
 
     def __init__(self, payload: Payload, at_tcp: bool) -> None:
-        self.payload = payload
+        self._installed, self._at_tcp = payload, at_tcp
+        self.restart()
+
+    def restart(self) -> None:
+        """As the installation states it: payload, gravity, zero."""
+        self.payload = self._installed
         self.gravity = GRAVITY.copy()
-        self._at_tcp = at_tcp
         self._zero = np.zeros(6)
         self.wrench = np.zeros(6)
 
@@ -45,7 +48,7 @@ class Estimate:
         self.wrench = np.zeros(6)
 
     def update(self, load: np.ndarray, rotation: np.ndarray, tcp: np.ndarray) -> None:
-        """Take the load on the sensor (6,); R_base_flange and the TCP in flange axes."""
+        """Take the load that is felt (6,); R_base_flange and the TCP in flange axes."""
         weight = self.payload.mass * self.gravity
         force = rotation @ load[:3] - weight
         torque = rotation @ load[3:] - cross(rotation @ self.payload.cog, weight)

@@ -15,6 +15,10 @@ _CLOSE = 1e-6
 NO_TOOL = np.zeros(6)
 
 
+class UnreachableError(Exception):
+    """A target to which the arm has no way."""
+
+
 class Kinematics:
     """Forward, inverse and differential kinematics of the nominal robot's flange or TCP."""
 
@@ -62,7 +66,11 @@ class Kinematics:
         return result, rotation, position
 
     def rates(self, q: np.ndarray, tcp: np.ndarray, twist: np.ndarray) -> np.ndarray:
-        """Joint speeds (6,) for a velocity of the TCP (6,), damped near singular poses."""
+        """Joint speeds (6,) for a velocity of the TCP (6,), damped near singular poses.
+
+        Raises:
+            UnreachableError: the TCP is so far away that there are none.
+        """
         return _solve(self.jacobian(q, tcp), twist)
 
     def follow(self, pose: np.ndarray, tcp: np.ndarray, near: np.ndarray) -> np.ndarray | None:
@@ -75,7 +83,10 @@ class Kinematics:
             miss = np.concatenate([goal - position, turn])
             if np.abs(miss).max() < _CLOSE:
                 return q
-            q = q + _solve(jacobian, miss)
+            try:
+                q = q + _solve(jacobian, miss)
+            except UnreachableError:
+                return None
         rotation, position = self.transform(q, tcp)
         return q if np.abs(goal - position).max() < 1e-4 else None
 
@@ -131,4 +142,7 @@ class Kinematics:
 def _solve(jacobian: np.ndarray, twist: np.ndarray) -> np.ndarray:
     square = jacobian @ jacobian.T
     square.flat[::7] += _DAMPING
-    return np.asarray(jacobian.T @ np.linalg.solve(square, twist))
+    try:
+        return np.asarray(jacobian.T @ np.linalg.solve(square, twist))
+    except np.linalg.LinAlgError as error:
+        raise UnreachableError("the TCP is too far away") from error

@@ -3,11 +3,12 @@
 import struct
 import time
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wrenchbed.errors import MapError
+from wrenchbed.serving import asks
+from wrenchbed.serving.asks import Ask
 from wrenchbed.serving.faults import Fault, Faults
 from wrenchbed.twins.ur5 import wire
 
@@ -25,6 +26,14 @@ _BROKEN = {
 }
 _MOST_OFF = 0.5
 """Largest following error [rad]."""
+_ASKS: dict[tuple[str, str], dict[str, Ask]] = {
+    ("rtde", "malformed"): {"how": asks.word(_BROKEN)},
+    ("rtde", "text"): {"message": asks.text("this is a fault that was asked for")},
+    ("rtde", "timestamp_jump"): {"by": asks.number(-1e6, 1e6)},
+    ("rtde", "timestamp_scale"): {"factor": asks.number(0.0, 100.0)},
+    ("robot", "follow_error"): {"joints": asks.numbers(6, _MOST_OFF)},
+}
+"""What a kind of fault must or may be told."""
 
 
 class Misbehaviour:
@@ -35,9 +44,12 @@ class Misbehaviour:
 
     def register(self, faults: Faults) -> None:
         """Tell what each link knows."""
+        outputs = self._twin.controller.fields
+        fields = {"field": Ask(lambda v: isinstance(v, str) and v in outputs, "an output's name")}
+        known = _ASKS | {("rtde", "not_found"): fields}
         for link, deeds in self._deeds().items():
             for kind, deed in deeds.items():
-                faults.on(link, kind, self._in_loop(deed))
+                faults.on(link, kind, self._in_loop(deed), known.get((link, kind)))
 
     def _in_loop(self, deed: Callable[[Fault], Callable[[], None]]) -> Deed:
         def handler(fault: Fault) -> None:
@@ -64,7 +76,10 @@ class Misbehaviour:
             },
             "dashboard": self._port("dashboard"),
             "script": self._port("script"),
-            "control": {"fin": lambda f: lambda: twin.rtde.hang_up(writers_only=True)},
+            "control": {
+                "fin": lambda f: lambda: twin.rtde.hang_up(writers_only=True),
+                "rst": lambda f: lambda: twin.rtde.hang_up(reset=True, writers_only=True),
+            },
             "robot": self._robot(),
         }  # fmt: skip
 
@@ -94,50 +109,26 @@ class Misbehaviour:
         }
 
     def _not_found(self, fault: Fault) -> Callable[[], None]:
-        field, outputs = fault.values.get("field"), self._twin.rtde.offer.denials.outputs
-        if field not in self._twin.controller.fields:
-            raise MapError(f"fault rtde not_found: field = {field!r} must be an output's name")
-        return lambda: outputs.update({str(field): _end(fault)})
+        outputs = self._twin.rtde.offer.denials.outputs
+        return lambda: outputs.update({fault.values["field"]: _end(fault)})
 
     def _malformed(self, fault: Fault) -> Callable[[], None]:
-        how = fault.values.get("how")
-        if how not in _BROKEN:
-            raise MapError(f"fault rtde malformed: how = {how!r} must be one of {list(_BROKEN)}")
-        return lambda: self._twin.rtde.inject(_BROKEN[str(how)])
+        return lambda: self._twin.rtde.inject(_BROKEN[fault.values["how"]])
 
     def _text(self, fault: Fault) -> Callable[[], None]:
-        message = str(fault.values.get("message", "this is a fault that was asked for"))
-        return lambda: self._twin.rtde.say(message, wire.WARNING)
+        return lambda: self._twin.rtde.say(fault.values["message"], wire.WARNING)
 
     def _jump(self, fault: Fault) -> Callable[[], None]:
-        by = _number(fault, "by")
-        return lambda: self._twin.timestamp.jump(by)
+        return lambda: self._twin.timestamp.jump(float(fault.values["by"]))
 
     def _scale(self, fault: Fault) -> Callable[[], None]:
-        factor = _number(fault, "factor")
-        return lambda: self._twin.timestamp.scale(factor, _end(fault))
+        return lambda: self._twin.timestamp.scale(float(fault.values["factor"]), _end(fault))
 
     def _follow_error(self, fault: Fault) -> Callable[[], None]:
-        raw: Any = fault.values.get("joints")
-        try:
-            joints = np.array(raw, dtype=float)
-        except (TypeError, ValueError):
-            joints = np.zeros(0)
-        if joints.shape != (6,) or not (np.abs(joints) <= _MOST_OFF).all():
-            raise MapError(
-                f"fault robot follow_error: joints = {raw!r} must be six angles, "
-                f"none beyond {_MOST_OFF:g} rad"
-            )
+        joints = np.array(fault.values["joints"], dtype=float)
         return lambda: self._twin.controller.arm.deviate(joints, _end(fault))
 
 
 def _end(fault: Fault) -> float:
     """When it ends on `time.monotonic` [s]; without seconds never."""
     return time.monotonic() + fault.seconds if fault.seconds else float("inf")
-
-
-def _number(fault: Fault, key: str) -> float:
-    value = fault.values.get(key)
-    if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value):
-        raise MapError(f"fault {fault.link} {fault.kind}: {key} = {value!r} must be a number")
-    return float(value)

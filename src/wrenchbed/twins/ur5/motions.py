@@ -5,7 +5,7 @@ from math import exp
 
 import numpy as np
 
-from wrenchbed.twins.ur5.kinematics import Kinematics
+from wrenchbed.twins.ur5.kinematics import Kinematics, UnreachableError
 from wrenchbed.twins.ur5.poses import matrix, rotation_vector, vector
 from wrenchbed.twins.ur5.profile import Profile
 
@@ -14,10 +14,6 @@ ROTATION_REACH = 0.25
 _STILL = 1e-4
 _GAIN = 300.0
 """servoj's default gain, at which the lookahead time is the time by which the arm lags."""
-
-
-class UnreachableError(Exception):
-    """A target to which the arm has no way."""
 
 
 class Motion(ABC):

@@ -39,14 +39,18 @@ class Outputs:
 
     Args:
         controller: whose.
-        noisy: ft_raw_wrench shows the body's sensor with its noise and effects, else the true load.
+        shared: ft_raw_wrench shows the body's sensor, else the one of the arm itself.
     """
 
-    def __init__(self, controller: Controller, noisy: bool) -> None:
-        self._controller, self._noisy = controller, noisy
+    def __init__(self, controller: Controller, shared: bool) -> None:
+        self._controller, self._shared = controller, shared
         self._count = 0
         self._torque = np.zeros(6)
         controller.values.update({k: v for k, v in _STILL.items() if k in controller.fields})
+
+    def restart(self) -> None:
+        """Count control cycles from zero."""
+        self._count = 0
 
     def update(self, timestamp: float, wanted: Set[str]) -> None:
         """Take the controller's state after a cycle.
@@ -70,10 +74,10 @@ class Outputs:
         values.update({name: value for name, value in found.items() if name in controller.fields})
 
     def _raw(self) -> Values:
-        """The reading of the sensor, or where a box has it for itself the true load on it."""
+        """The reading of the sensor, or where a box has it for itself what the arm feels."""
         body = self._controller.arm.body
-        if not self._noisy:
-            return tuple(body.load.tolist())
+        if not self._shared:
+            return tuple(self._controller.arm.felt.tolist())
         shown, _ = body.readings(np.array([body.time]))
         return tuple(shown[0].tolist())
 

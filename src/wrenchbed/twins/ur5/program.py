@@ -12,7 +12,7 @@ import numpy as np
 
 from wrenchbed.twins.ur5.contact import touching
 from wrenchbed.twins.ur5.motions import Motion
-from wrenchbed.twins.ur5.script import Leg
+from wrenchbed.twins.ur5.script import MOST, Leg
 
 if TYPE_CHECKING:
     from wrenchbed.twins.ur5.controller import Controller
@@ -162,12 +162,23 @@ class ControlProgram:
         return None if handler is None else handler(self)
 
     def integer(self, number: int) -> int:
-        """An input integer register."""
+        """An input integer register.
+
+        Raises:
+            ProgramError: there is no such register.
+        """
         return int(self._input("int", number))
 
     def doubles(self, first: int, count: int = 6) -> np.ndarray:
-        """Input double registers (count,)."""
-        return np.array([self._input("double", first + k) for k in range(count)])
+        """Input double registers (count,).
+
+        Raises:
+            ProgramError: one does not exist, or holds what no quantity of a robot can be.
+        """
+        values = [self._input("double", first + k) for k in range(count)]
+        if not all(abs(value) <= MOST for value in values):
+            raise ProgramError(f"input double registers hold {values}")
+        return np.array(values)
 
     def answer(self, values: np.ndarray) -> None:
         """Write output double registers from 0 on."""
@@ -245,4 +256,7 @@ class ControlProgram:
 
     def _input(self, kind: str, number: int) -> float:
         name = f"input_{kind}_register_{number + self._offset}"
-        return float(self.controller.inputs.values[name][0])
+        value = self.controller.inputs.values.get(name)
+        if value is None:
+            raise ProgramError(f"there is no {name}")
+        return float(value[0])

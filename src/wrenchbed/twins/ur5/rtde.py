@@ -39,9 +39,14 @@ class Rtde:
     def __init__(self, host: str, offer: Offer, patience: float) -> None:
         self.offer = offer
         self.port = Port(host, PORT, self._answer, patience)
-        self.frozen_until = self.silent_until = self.held_until = 0.0
         self._frozen: dict[str, Values] = {}
         self._clients: list[_Client] = []
+        self.restart()
+
+    def restart(self) -> None:
+        """Nothing is denied, frozen or held back, as after switching on."""
+        self.frozen_until = self.silent_until = self.held_until = 0.0
+        self.offer.denials.clear()
 
     @property
     def wanted(self) -> set[str]:

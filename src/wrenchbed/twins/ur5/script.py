@@ -2,6 +2,7 @@
 
 Nothing here interprets URScript. The control script of ur_rtde 1.6 is recognised by names that
 it alone defines; its register offset and the path that a client put into it are read from the text.
+Numbers there that no controller could use make the script faulty.
 """
 
 import re
@@ -10,6 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 _LONGEST = 1 << 22
+MOST = 1e6
+"""Largest number that any quantity of the robot has, SI."""
 _OPENS = re.compile(r"(?:def|sec|thread|if|while|for)\b")
 _END = re.compile(r"end\b(?!\s*[=(])")
 _MARKS = ("reg_offset_int", "def signal_done_with_cmd", "def rtde_cmd", "def exec_move_path")
@@ -43,6 +46,7 @@ class Script:
         offset: added to the number of each register that the control script uses.
         path: the moves that were put into it.
         writes: output integer registers that another script writes at its end, in order.
+        faulty: it holds a number that cannot be; the controller ends it at once.
     """
 
     secondary: bool = False
@@ -50,6 +54,7 @@ class Script:
     offset: int = 0
     path: tuple[Leg, ...] = ()
     writes: tuple[tuple[int, int], ...] = ()
+    faulty: bool = False
 
 
 class Collector:
@@ -96,13 +101,19 @@ class Collector:
 
 def recognise(text: str) -> Script:
     """What kind of program a text is."""
+    try:
+        return _recognise(text)
+    except ValueError:
+        return Script(faulty=True)
+
+
+def _recognise(text: str) -> Script:
     if text.lstrip().startswith("sec "):
         return Script(secondary=True)
     if not all(mark in text for mark in _MARKS):
-        writes = tuple((int(k), int(value)) for k, value in _WRITES.findall(text))
-        return Script(writes=writes)
+        return Script(writes=tuple((_int32(k), _int32(v)) for k, v in _WRITES.findall(text)))
     offset = _OFFSET.search(text)
-    return Script(control=True, offset=int(offset[1]) if offset else 0, path=_path(text))
+    return Script(control=True, offset=_int32(offset[1]) if offset else 0, path=_path(text))
 
 
 def _path(text: str) -> tuple[Leg, ...]:
@@ -115,6 +126,22 @@ def _path(text: str) -> tuple[Leg, ...]:
                 continue
             break
         kind, pose, numbers, acceleration, speed = match.groups()
-        goal = np.array([float(v) for v in numbers.split(",")])
-        legs.append(Leg(kind != "movej", bool(pose), goal, float(speed), float(acceleration)))
+        goal = np.array([_real(v) for v in numbers.split(",")])
+        if goal.shape != (6,):
+            raise ValueError(f"{line.strip()}: six numbers are needed")
+        legs.append(Leg(kind != "movej", bool(pose), goal, _real(speed), _real(acceleration)))
     return tuple(legs)
+
+
+def _int32(text: str) -> int:
+    value = int(text)
+    if not -(2**31) <= value < 2**31:
+        raise ValueError(f"{text} is no INT32")
+    return value
+
+
+def _real(text: str) -> float:
+    value = float(text)
+    if not abs(value) <= MOST:
+        raise ValueError(f"{text} is no quantity of a robot")
+    return value

@@ -4,7 +4,9 @@ import queue
 import sys
 import threading
 import time
+import traceback
 from collections.abc import Callable, Mapping
+from concurrent.futures import Future
 from typing import ClassVar
 
 import numpy as np
@@ -22,6 +24,7 @@ from wrenchbed.twins.ur5.estimate import Payload
 from wrenchbed.twins.ur5.misbehaviour import Misbehaviour
 from wrenchbed.twins.ur5.network import Conversation, Peer, Port, poll
 from wrenchbed.twins.ur5.outputs import Outputs
+from wrenchbed.twins.ur5.own_sensor import OwnSensor
 from wrenchbed.twins.ur5.primary import ScriptClient
 from wrenchbed.twins.ur5.rtde import Rtde
 from wrenchbed.twins.ur5.session import Offer
@@ -65,6 +68,7 @@ class UR5Twin(TwinServer):
         except BaseException:
             self._close()
             raise
+        self.controller.now = time.monotonic()  # clients are heard before the first cycle
         self._thread = threading.Thread(target=self._run, name="ur5 twin", daemon=True)
         self._thread.start()
         shown = {name: self.ports[name].address for name in ("rtde", "dashboard")}
@@ -77,15 +81,29 @@ class UR5Twin(TwinServer):
         self._close()
 
     def soon(self, task: Callable[[], None]) -> None:
-        """Do something in the loop's thread; returns when it was done."""
-        done = threading.Event()
+        """Do something in the loop's thread; returns when it was done.
+
+        Raises:
+            DriverError: the loop has broken down or did not get to it in time.
+        """
+        asked: Future[None] = Future()
 
         def run() -> None:
-            task()
-            done.set()
+            if asked.set_running_or_notify_cancel():
+                try:
+                    task()
+                except Exception as error:
+                    asked.set_exception(error)
+                else:
+                    asked.set_result(None)
 
         self._tasks.put(run)
-        done.wait(_INJECT_S)
+        try:
+            asked.result(0.0 if self.failed.is_set() else _INJECT_S)
+        except TimeoutError:
+            asked.cancel()
+            why = self.failure or f"it does not answer within {_INJECT_S:g} s"
+            raise DriverError(f"the twin's loop stands still: {why}") from None
 
     def _build(self, options: Options, settings: Settings) -> None:
         table = BodyOptions(
@@ -93,8 +111,9 @@ class UR5Twin(TwinServer):
         )
         self.body = Body(table, settings.cycle)
         make = Make(settings.version, settings.cycle, settings.protective_force, settings.powered)
-        self.controller = Controller(make, self.body, _installed(self.body))
-        self._outputs = Outputs(self.controller, noisy=settings.box is None)
+        own = OwnSensor(self.body, make.e_series, options.effects, options.noise, options.seed)
+        self.controller = Controller(make, self.body, _installed(self.body), own.load)
+        self._outputs = Outputs(self.controller, shared=settings.box is None)
         self.timestamp = Timestamp(self.body)
         offer = Offer(
             make.version, 1.0 / settings.cycle, self.controller.fields, self.controller.inputs
@@ -127,6 +146,8 @@ class UR5Twin(TwinServer):
         """Cut the power of the control box for a time [s]."""
         until = time.monotonic() + seconds
         self.controller.reboot()
+        self._outputs.restart()
+        self.rtde.restart()
         for port in self.ports.values():
             port.hang_up()
             port.unlisten(until)
@@ -139,6 +160,9 @@ class UR5Twin(TwinServer):
         sys.setswitchinterval(_SWITCH_S)
         try:
             self._loop()
+        except Exception as error:
+            traceback.print_exc()
+            self.fail(error)
         finally:
             sys.setswitchinterval(before)
             self._close_ports()

@@ -20,6 +20,11 @@ class Denials:
     inputs: float = 0.0
     outputs: dict[str, float] = field(default_factory=dict)
 
+    def clear(self) -> None:
+        """Refuse nothing."""
+        self.start = self.inputs = 0.0
+        self.outputs.clear()
+
 
 @dataclass(frozen=True)
 class Offer:

@@ -36,7 +36,7 @@ def described() -> dict[str, str]:
         "power": "on or off: whether the arm is on with its brakes free at the start; default on",
         "realtime": "on or off: ask the system for real-time scheduling; default off",
         "box": "on or off: a Net F/T box that shows the arm's sensor; default on. Without it "
-        "ft_raw_wrench shows the sensor, with it the true load",
+        "ft_raw_wrench shows that sensor, with it the arm's own",
         **netft.HELP,
     }
 

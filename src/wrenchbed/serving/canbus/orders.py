@@ -1,0 +1,49 @@
+"""What is to be done in the hub's thread, soon or at a time; given from any thread."""
+
+import heapq
+from collections import deque
+from collections.abc import Callable
+
+Order = Callable[[], None]
+
+
+class Orders:
+    """A queue and a calendar.
+
+    Args:
+        failed: told every exception of an order; the next ones are done all the same.
+    """
+
+    def __init__(self, failed: Callable[[Exception], None]) -> None:
+        self._failed = failed
+        self._soon: deque[Order] = deque(maxlen=256)
+        self._planned: list[tuple[float, int, Order]] = []
+        self._number = 0
+
+    def add(self, what: Order) -> None:
+        """Do something soon."""
+        self._soon.append(what)
+
+    def plan(self, t: float, what: Order) -> None:
+        """Do something at a time [s]."""
+        self.add(lambda: self._enter(t, what))
+
+    def wait(self, now: float) -> float | None:
+        """How long there is nothing to do [s], None where nothing is planned."""
+        if self._soon:
+            return 0.0
+        return max(0.0, self._planned[0][0] - now) if self._planned else None
+
+    def do(self, now: float) -> None:
+        """Do what is due; only the hub's thread calls it."""
+        while self._planned and self._planned[0][0] <= now:
+            self.add(heapq.heappop(self._planned)[2])
+        while self._soon:
+            try:
+                self._soon.popleft()()
+            except Exception as error:
+                self._failed(error)
+
+    def _enter(self, t: float, what: Order) -> None:
+        self._number += 1
+        heapq.heappush(self._planned, (t, self._number, what))

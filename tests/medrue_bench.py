@@ -1,0 +1,42 @@
+"""What tests of MedRUE's twin and driver share."""
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+
+from wrenchbed.drivers.can import CanDriver, Options
+
+
+def options(host: str, **more: Any) -> Options:
+    """A patient watchdog: other processes may keep this machine busy for a tenth of a second."""
+    return Options(**({"host": host, "watchdog": 0.3} | more))
+
+
+@contextmanager
+def ready(host: str, **more: Any) -> Iterator[CanDriver]:
+    """A driver with all drives enabled."""
+    one = CanDriver(options(host, **more))
+    with one:
+        if not one.health().ok:
+            one.recover()
+        one.activate()
+        assert until(lambda: one.health().ok), one.health()
+        yield one
+
+
+def until(done: Callable[[], Any], seconds: float = 2.0) -> Any:
+    """Wait until something is so; what it was last."""
+    end = time.monotonic() + seconds
+    while not done() and time.monotonic() < end:
+        time.sleep(0.002)
+    return done()
+
+
+def away(driver: CanDriver) -> np.ndarray:
+    """A goal that joint 1 takes half a second or more to reach."""
+    q = driver.position()
+    q[0] += 0.05 if q[0] < 0.05 else -0.05
+    return q

@@ -1,0 +1,304 @@
+"""What the driver does not do: move by itself, drop an axis, trust drives that it did not check."""
+
+import time
+from contextlib import nullcontext
+
+import can
+import numpy as np
+import pytest
+
+from can_servos import BEAT, GUARDS, Bus, Sensor, Servo, T
+from wrenchbed import health
+from wrenchbed.drivers.can import CanDriver, Options, cycle, driver, ids, load, network, rest
+from wrenchbed.drivers.can.options import HEARTBEAT_S
+from wrenchbed.drivers.can.rest import REST_S
+from wrenchbed.errors import DriverError, LinkError, ParameterError
+from wrenchbed.transducers.netcanoem.link import Link, open_bus
+
+pytestmark = pytest.mark.wire
+SLOW = 0.02 * 0.25 * 1e6 + 80.0
+"""What counts as rest [count/s]."""
+
+
+@pytest.fixture
+def arm(monkeypatch):
+    """The driver on six servos at home; `arm.buses` are the ones that it opened."""
+    one = CanDriver(Options())
+    one.transducer = Sensor()
+    home = one.robot.home * np.array(one.setting.counts_per_unit)
+    one.servos = [Servo(k + 1, float(round(q))) for k, q in enumerate(home)]
+    one.buses = []
+
+    def opened(*_):
+        one.buses.append(Bus(one.servos))
+        return one.buses[-1]
+
+    monkeypatch.setattr(driver, "open_bus", opened)
+    for module in (cycle, driver, rest, health):  # other processes may keep this machine busy
+        monkeypatch.setattr(module, "STALE_S", 0.3)
+    monkeypatch.setattr(network, "ANSWER_S", 0.02)
+    yield one
+    one.close()
+
+
+def until(done, seconds=3.0):
+    end = time.monotonic() + seconds
+    while not done() and time.monotonic() < end:
+        time.sleep(0.002)
+    return done()
+
+
+def started(arm):
+    arm.connect()
+    assert until(lambda: arm.health().ok)
+    arm.activate()
+    return arm.buses[-1]
+
+
+def underway(arm):
+    """Joint 1 at 40 mm/s or more."""
+    q = arm.position()
+    q[0] += 0.1 if q[0] < 0.0 else -0.1
+    arm.move(q)
+    assert until(lambda: abs(arm.servos[0].speed) > 4e4)
+
+
+def test_drives_that_stand_outside_their_limits_are_not_enabled(arm):
+    arm.servos[1].position = 0.0
+    arm.connect()
+    assert until(lambda: arm.health().ok)
+    with pytest.raises(DriverError, match=r"q2 \(drive 2\) tells 0 rad.*1\.658 .*home the drives"):
+        arm.activate()
+    assert arm.buses[-1].told == [] and arm.servos[1].position == 0.0
+    arm.servos[1].position = 2.0 * arm.setting.counts_per_unit[1]
+    assert until(lambda: arm.position()[1] == pytest.approx(2.0))
+    arm.activate()
+    assert arm.read().mode == "running"
+
+
+def test_recover_stops_a_moving_robot_before_it_takes_the_voltage_off(arm):
+    bus = started(arm)
+    underway(arm)
+    begun = time.monotonic()
+    arm.recover()
+    speeds = [v for v, _ in bus.voltage_off(begun)]
+    assert speeds and max(speeds) < SLOW
+    assert max(abs(v) for _, word, v, t in bus.told if word == 0x02) > 3e4
+    assert until(lambda: arm.read().mode == "running") and arm.health().ok
+
+
+def test_a_drive_that_stops_by_itself_keeps_its_voltage_on_its_ramp(arm, monkeypatch):
+    bus = started(arm)
+    underway(arm)
+    monkeypatch.setattr(arm._cycle, "_judge", lambda: None)  # it happens after the judgement
+    begun = time.monotonic()
+    arm.servos[0].state = 0x07
+    assert until(lambda: arm._cycle.drives[0].sent == 0x02)
+    time.sleep(5 * T)
+    assert bus.voltage_off(begun) == []
+
+
+def test_drives_that_still_move_are_not_enabled(arm):
+    arm.connect()
+    assert until(lambda: arm.health().ok and arm.read().sequence > 10)
+    arm.servos[3].speed = 8e4  # rolls out by itself, in 0.27 s
+    begun = time.monotonic()
+    assert until(lambda: abs(arm.read().qd[3]) > 0.1)
+    arm.activate()
+    assert min(t for *_, t in arm.buses[-1].told) > begun + 0.15
+
+
+@pytest.mark.parametrize("kind, ramp", [("soft", 3e5), ("hard", 2.5e4), ("hard", 0.0)])
+def test_deactivate_waits_for_the_ramp_too(arm, monkeypatch, kind, ramp):
+    bus = started(arm)
+    underway(arm)
+    monkeypatch.setattr("can_servos.RAMP", ramp)
+    if kind == "hard":
+        arm.stop("hard")
+    begun = time.monotonic()
+    arm.deactivate()
+    speeds = [v for v, _ in bus.voltage_off(begun)]
+    assert bool(speeds) == (ramp > 0.0)  # one that does not stop keeps its voltage
+    assert max(speeds, default=0.0) < SLOW
+
+
+def test_drives_that_are_silent_are_given_the_time_to_stop_by_themselves(arm):
+    bus = started(arm)
+    underway(arm)
+    bus.silent = True
+    begun = time.monotonic()
+    with pytest.raises(DriverError):
+        arm.recover()
+    first = min(t for _, t in bus.voltage_off(begun))
+    assert first - begun > arm.setting.watchdog + REST_S - 2 * T
+
+
+def test_an_axis_that_does_not_stop_keeps_its_voltage(arm, monkeypatch):
+    bus = started(arm)
+    underway(arm)
+    monkeypatch.setattr("can_servos.RAMP", 0.0)
+    begun = time.monotonic()
+    with pytest.raises(DriverError, match="drive 1 still moves .* emergency stop"):
+        arm.recover()
+    assert bus.voltage_off(begun) == []
+
+
+def test_recover_may_fail_and_be_called_again(arm):
+    started(arm).dead = "cut"
+    assert until(lambda: arm.health().state == "lost")
+    arm.servos[2].mute = True
+    for _ in range(2):
+        with pytest.raises(LinkError, match="drive 3"):
+            arm.recover()
+        assert arm.health().state == "lost" and arm.buses[-1].dead
+    arm.servos[2].mute = False
+    arm.transducer.broken = True
+    for _ in range(2):
+        with pytest.raises(LinkError, match="no board"):
+            arm.recover()
+    arm.transducer.broken = False
+    arm.recover()
+    assert until(lambda: arm.health().ok) and arm.transducer.open
+    underway(arm)
+
+
+@pytest.mark.parametrize("lost, ready", [(1, True), (2, True), (3, False)])
+def test_a_command_that_a_drive_did_not_hear_is_sent_again(arm, lost, ready):
+    for servo in arm.servos:
+        servo.running = True
+    arm.servos[4].lost = lost
+    refused = pytest.raises(DriverError, match="drive 5, object 0x1400:1: refused with 0x08000022")
+    with nullcontext() if ready else refused:
+        arm.connect()
+    assert arm.servos[4].running is True and (arm.health().state != "closed") is ready
+
+
+def test_a_cycle_that_breaks_off_is_named_and_recovered_from(arm, monkeypatch):
+    bus = started(arm)
+    underway(arm)
+
+    def odd():
+        raise ValueError("cannot convert\nNaN")
+
+    monkeypatch.setattr(arm._setpoints, "step", odd)
+    assert until(lambda: arm.health().state == "lost")
+    assert "ValueError: cannot convert NaN" in arm.health().detail
+    assert [word for _, word, _, _ in bus.told[-6:]] == [0x02] * 6
+    arm.recover()
+    assert len(arm.buses) == 2 and until(lambda: arm.health().ok)
+
+
+def test_what_stops_a_drive_without_master_is_set_where_it_has_it(arm):
+    for servo in arm.servos[:4]:
+        servo.objects |= GUARDS
+    arm.servos[0].objects[0x605A, 0] = 2
+    started(arm)
+    for servo in arm.servos[:4]:
+        assert servo.objects[0x1400, 5] == 50 and servo.objects[0x6007, 0] == 3
+        assert servo.objects[0x1016, 1] == (BEAT - 0x700) << 16 | 350
+        assert servo.objects[0x1029, 1] == 0
+    assert [servo.objects[0x605A, 0] for servo in arm.servos[:2]] == [2, 6]
+    counters = arm.health().counters
+    for index in ("0x6007", "0x605A", "0x1016", "0x1029"):
+        assert counters[f"arm without {index}"] == 2.0
+    arm.close()
+    assert {servo.objects[0x1016, 1] for servo in arm.servos[:4]} == {0}
+
+
+@pytest.mark.parametrize("taken", [0, 5000, None])
+def test_a_drive_without_deadline_for_targets_is_not_enabled(arm, taken):
+    if taken is None:
+        del arm.servos[4].objects[0x1400, 5]
+    else:
+        arm.servos[4].stubborn[0x1400, 5] = taken
+    arm.connect()
+    assert until(lambda: arm.health().ok) and arm.position().shape == (6,)
+    with pytest.raises(DriverError, match="drive 5, object 0x1400:5.*stop by itself"):
+        arm.activate()
+    assert arm.buses[-1].told == []
+
+
+def test_the_master_beats_and_the_load_counts_it(arm):
+    bus = started(arm)
+    begun, beats = time.monotonic(), bus.beats
+    time.sleep(1.0)
+    passed = time.monotonic() - begun
+    assert bus.beats - beats == pytest.approx(passed / HEARTBEAT_S, abs=2.5)
+    with_it = load.modelled(6, 250.0, 1_000_000, False, 0.1, 1).share
+    without = load.modelled(6, 250.0, 1_000_000, False, 0.1).share
+    assert arm.setting.bus_load.share == with_it == pytest.approx(without + 10 * 65 / 1e6)
+
+
+def test_the_masters_id_is_nobody_elses():
+    assert ids.master(0x68, (1, 2, 3)) == 127
+    assert ids.master(0x68, (127, 126)) == 125
+    assert ids.master(0x77, (1, 2)) == 0x6F
+
+
+class Full:
+    """A python-can bus whose transmit queue is full some times; then another error, if any."""
+
+    def __init__(self, times, then=None):
+        self.times, self.then, self.sent = times, then, 0
+
+    def send(self, message, timeout):
+        if self.times > 0:
+            self.times -= 1
+            raise can.CanOperationError("Failed to transmit: No buffer space available", 105)
+        if self.then is not None:
+            raise self.then
+        self.sent += 1
+
+    def recv(self, timeout):
+        time.sleep(timeout)
+
+    def shutdown(self):
+        pass
+
+
+def test_a_full_transmit_queue_is_waited_for():
+    bus = Full(3)
+    link = Link(bus)
+    link.send(0x123, b"")
+    link.close()
+    assert (bus.sent, link.full, link.failures) == (1, 3, 0)
+
+
+@pytest.mark.parametrize(
+    "bus, least", [(Full(10**9), 0.05), (Full(0, can.CanOperationError("down", 100)), 0.0)]
+)
+def test_a_bus_that_takes_nothing_is_given_up(bus, least):
+    link, begun = Link(bus), time.monotonic()
+    with pytest.raises(LinkError, match="takes no frames"):
+        link.send(0x123, b"")
+    passed = time.monotonic() - begun
+    link.close()
+    assert (
+        least <= passed < 3.0 and "takes no frames" in link.dead and (link.full > 0) == (least > 0)
+    )
+
+
+@pytest.mark.parametrize("host", ["192.168..1", "[::1", "a" * 300])
+def test_a_host_that_is_none_is_told(host):
+    with pytest.raises(LinkError, match="CAN server at"):
+        open_bus("", "can0", host, 29536, 1_000_000)
+
+
+ONES = (1e6,) * 5
+BAD = [
+    ({"counts_per_unit": (float("nan"), *ONES)}, "finite"), ({"robot": "ur5"}, "driver 'rtde'"),
+    ({"counts_per_unit": (*ONES, float("inf"))}, "finite"), ({"bitrate": 0}, "bitrate"),
+    ({"counts_per_unit": (*ONES, 1e9)}, "q6 do not fit"), ({"rate": float("nan")}, "rate"),
+    ({"nodes": (1, 2, 3, 4, 5, 6.5)}, "whole"), ({"watchdog": float("nan")}, "watchdog"),
+    ({"port": 70000}, "port"), ({"robot": "panda"}, "driver 'sim'"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("words, named", BAD)
+def test_options_that_no_drive_can_follow(words, named):
+    with pytest.raises(ParameterError, match=named):
+        Options(**words)
+
+
+def test_a_drive_may_count_the_other_way():
+    assert Options(counts_per_unit=(-1e6, *ONES)).counts_per_unit[0] < 0

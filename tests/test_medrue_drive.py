@@ -1,0 +1,259 @@
+"""The twin's drive without a bus: its dictionary, process data and watchdogs, by hand."""
+
+import struct
+import threading
+from types import SimpleNamespace
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from wrenchbed.drivers.can.cia402 import State, Want, controlword, state_of
+from wrenchbed.serving.canbus.wire import Frame
+from wrenchbed.twins.medrue.axis import RPDO_TIMEOUT, SYNC_ERROR, Ratings
+from wrenchbed.twins.medrue.drive import Drive
+from wrenchbed.twins.medrue.objects import NOT_MAPPABLE, WRONG_VALUE
+from wrenchbed.twins.medrue.plant import Plant
+
+NODE, T = 3, 0.004
+OFF = 1 << 31
+RPDO, TPDO = (0x1400, 0x200 + NODE), (0x1800, 0x180 + NODE)
+CONTROL, TARGET, MODE = 0x60400010, 0x607A0020, 0x60600008
+STATUS, ACTUAL, TORQUE = 0x60410010, 0x60640020, 0x60770010
+
+
+class Bench:
+    """A drive whose master sends what it is told to, and whose plant runs beside it."""
+
+    def __init__(self, period=T):
+        self.sent: list[Frame] = []
+        ratings = Ratings(-100_000, 100_000, 500, 1e6, 1e5, 1e5, 20.0)
+        self.drive = Drive(NODE, self.sent.append, ratings, 0.0, 0.1, threading.RLock())
+        self.drive.boot()
+        self.t, self.period, self.torque = 1.0, period, 0.0
+        self.actual = self.last = 0.0
+        self.word = 0
+
+    def sdo(self, index, sub, value, size):
+        """Write an object; the abort code, 0 where it was taken."""
+        raw = struct.pack("<BHB", 0x23 | (4 - size) << 2, index, sub)
+        raw += struct.pack("<Q", value % (1 << 64))[:size].ljust(4, b"\0")
+        answer = self.ask(raw)
+        return struct.unpack_from("<I", answer, 4)[0] if answer[0] == 0x80 else 0
+
+    def read(self, index, sub=0):
+        answer = self.ask(struct.pack("<BHB4x", 0x40, index, sub))
+        assert answer[0] & 0xE0 == 0x40
+        return int.from_bytes(answer[4 : 8 - (answer[0] >> 2 & 3)], "little", signed=True)
+
+    def ask(self, raw):
+        self.sent.clear()
+        self.drive.hear(self.t, Frame(0x600 + NODE, raw))
+        (answer,) = [frame.data for frame in self.sent if frame.can_id == 0x580 + NODE]
+        return answer
+
+    def nmt(self, command):
+        self.drive.hear(self.t, Frame(0x000, bytes([command, NODE])))
+
+    def map(self, pdo, *entries):
+        """Change a mapping; the first abort code, 0 where all was taken."""
+        parameters, can_id = pdo
+        mapping = parameters + 0x200
+        codes = [self.sdo(parameters, 1, OFF | can_id, 4), self.sdo(mapping, 0, 0, 1)]
+        codes += [self.sdo(mapping, k + 1, entry, 4) for k, entry in enumerate(entries)]
+        codes += [self.sdo(mapping, 0, len(entries), 1), self.sdo(parameters, 1, can_id, 4)]
+        return next((code for code in codes if code), 0)
+
+    def tick(self, target=0, rpdo=True, sync=True, want=None):
+        self.t += self.period
+        if rpdo:
+            if want is not None:
+                self.word = controlword(want, state_of(self.drive.axis.statusword), self.word)
+            raw = struct.pack("<Hi", self.word, target)
+            self.drive.hear(self.t, Frame(0x200 + NODE, raw))
+        if sync:
+            self.drive.hear(self.t, Frame(0x080, b""))
+        self.track()
+
+    def track(self):
+        self.actual = self.drive.track(self.t, self.period, self.actual, 0.0, self.torque)
+
+    def enabled(self, cycle=0, abort=3):
+        self.sdo(0x1006, 0, cycle, 4)
+        if abort is not None:
+            assert self.sdo(0x6007, 0, abort, 2) == 0
+        self.nmt(0x01)
+        for _ in range(8):
+            self.tick(want=Want.ENABLE)
+        assert self.state is State.ENABLED
+        self.sent.clear()
+        return self
+
+    @property
+    def state(self):
+        return state_of(self.drive.axis.statusword)
+
+    def emergencies(self):
+        found = [frame.data for frame in self.sent if frame.can_id == 0x80 + NODE]
+        return [struct.unpack_from("<H", data)[0] for data in found]
+
+
+@pytest.mark.parametrize("abort, state", [(None, State.FAULT), (1, State.FAULT),
+                                          (3, State.QUICK_STOP), (0, State.ENABLED)])  # fmt: skip
+def test_what_a_broken_connection_does_is_the_masters_choice(abort, state):
+    bench = Bench().enabled(abort=abort)
+    for _ in range(40):
+        bench.tick(rpdo=False)
+    assert bench.state in (state, State.REACTING if state is State.FAULT else state)
+    assert bench.sdo(0x6007, 0, 2, 2) == WRONG_VALUE
+
+
+def test_targets_that_stay_away_are_a_quick_stop_after_the_event_timer():
+    bench = Bench().enabled()
+    for _ in range(24):
+        bench.tick(rpdo=False)  # 96 ms
+    assert bench.state is State.ENABLED
+    for _ in range(2):
+        bench.tick(rpdo=False)
+    assert bench.state is State.QUICK_STOP and bench.emergencies() == [RPDO_TIMEOUT]
+    assert bench.read(0x603F) == RPDO_TIMEOUT - 0x10000
+    assert bench.read(0x6041) & 0x6F == 0x07
+
+
+def test_targets_without_sync_are_a_quick_stop_too():
+    bench = Bench().enabled(cycle=4000)
+    for _ in range(24):
+        bench.tick(sync=False)
+    assert bench.state is State.ENABLED
+    for _ in range(2):
+        bench.tick(sync=False)  # 25 periods
+    assert bench.state is State.QUICK_STOP and bench.emergencies() == [SYNC_ERROR]
+
+
+def test_without_a_period_nobody_waits_for_sync():
+    bench = Bench().enabled(cycle=0)
+    for _ in range(100):
+        bench.tick(sync=False)
+    assert bench.state is State.ENABLED and not bench.emergencies()
+
+
+@pytest.mark.parametrize("period, wrong", [(0.004, False), (0.0047, False), (0.0055, True),
+                                           (0.0025, True)])  # fmt: skip
+def test_a_master_of_another_period_than_the_interpolations_is_a_fault(period, wrong):
+    bench = Bench(period).enabled()
+    for _ in range(600):
+        bench.tick()
+    assert bench.state is (State.FAULT if wrong else State.ENABLED)
+    assert bench.emergencies() == ([SYNC_ERROR] if wrong else [])
+
+
+def test_one_long_gap_is_no_wrong_period():
+    bench = Bench().enabled()
+    for k in range(600):
+        bench.t += 0.05 if k % 240 == 100 else 0.0
+        bench.tick()
+    assert bench.state is State.ENABLED
+
+
+@pytest.mark.parametrize("command", [0x80, 0x02])
+def test_a_node_that_leaves_operational_stops(command):
+    bench = Bench().enabled()
+    bench.nmt(command)
+    bench.track()
+    assert bench.state is State.QUICK_STOP
+
+
+@pytest.mark.parametrize("command, mode", [(0x81, 8), (0x82, 1)])
+def test_a_reset_brings_the_communication_back_to_its_defaults(command, mode):
+    bench = Bench()
+    fresh = {key: bench.read(*key) for key in ((0x1006, 0), (0x1017, 0), (0x1400, 5), (0x1A00, 0))}
+    bench.sdo(0x1006, 0, 4000, 4)
+    bench.sdo(0x1017, 0, 100, 2)
+    bench.sdo(0x1400, 5, 33, 2)
+    bench.sdo(0x6060, 0, 1, 1)
+    assert bench.map(TPDO, STATUS) == 0
+    assert all(bench.read(*key) != value for key, value in fresh.items())
+    bench.sent.clear()
+    bench.nmt(command)
+    assert [(frame.can_id, frame.data) for frame in bench.sent] == [(0x703, b"\x00")]
+    assert {key: bench.read(*key) for key in fresh} == fresh
+    assert fresh == {(0x1006, 0): 0, (0x1017, 0): 0, (0x1400, 5): 100, (0x1A00, 0): 2}
+    assert bench.read(0x6060) == mode  # the profile's objects forget with the node alone
+
+
+def test_a_count_that_covers_an_empty_entry_is_refused():
+    bench = Bench()
+    for parameters, can_id in (RPDO, TPDO):
+        bench.sdo(parameters, 1, OFF | can_id, 4)
+        assert bench.sdo(parameters + 0x200, 0, 3, 1) == NOT_MAPPABLE
+        assert bench.sdo(parameters + 0x200, 0, 5, 1) == WRONG_VALUE
+        bench.sdo(parameters, 1, can_id, 4)
+    bench.enabled()
+    bench.tick(want=Want.ENABLE)
+    assert [frame.can_id for frame in bench.sent] == [0x183]
+
+
+@pytest.mark.parametrize(
+    "pdo, entry, code",
+    [(RPDO, STATUS, NOT_MAPPABLE), (RPDO, 0x16000008, NOT_MAPPABLE), (RPDO, MODE, 0),
+     (RPDO, 0x14000120, NOT_MAPPABLE), (RPDO, 0x10000020, NOT_MAPPABLE),
+     (TPDO, STATUS, 0), (TPDO, 0x10180120, NOT_MAPPABLE), (TPDO, 0x60410020, NOT_MAPPABLE),
+     (TPDO, 0x70000010, NOT_MAPPABLE), (TPDO, 0, NOT_MAPPABLE), (TPDO, TORQUE, 0)],
+)  # fmt: skip
+def test_what_a_pdo_may_carry(pdo, entry, code):
+    assert Bench().map(pdo, entry) == code
+
+
+@settings(deadline=None)
+@given(st.lists(st.tuples(st.sampled_from([0x1400, 0x1600, 0x1800, 0x1A00, 0x6060, 0x60C2, 0x1006,
+                                           0x6065, 0x607D, 0x6040, 0x607A]),
+                          st.integers(0, 5),
+                          st.sampled_from([0, 1, 2, 3, 4, 8, 255, CONTROL, TARGET, MODE, STATUS,
+                                           OFF | 0x183, 0x183, OFF | 0x203, 0x203]),
+                          st.sampled_from([1, 2, 4])), max_size=25))  # fmt: skip
+def test_no_writes_make_a_drive_that_fails_at_sync(writes):
+    bench = Bench()
+    for index, sub, value, size in writes:
+        bench.sdo(index, sub, value, size)
+    bench.nmt(0x01)
+    for k in range(12):
+        bench.tick(k, want=Want.ENABLE)
+
+
+def test_a_mode_that_does_not_exist_is_not_taken_from_a_pdo():
+    bench = Bench()
+    assert bench.map(RPDO, MODE, CONTROL) == 0
+    bench.nmt(0x01)
+    for mode, taken in ((1, 1), (6, 1), (8, 8)):
+        bench.drive.hear(bench.t, Frame(0x203, struct.pack("<BH", mode, 0)))
+        assert bench.read(0x6060) == taken
+
+
+def test_torque_is_told_in_thousandths_of_the_rated_one():
+    bench = Bench()
+    assert bench.read(0x6076) == 20_000  # mN·m
+    assert bench.map(TPDO, STATUS, ACTUAL, TORQUE) == 0
+    bench.enabled()
+    for torque, told in ((5.0, 250), (-0.021, -1), (1e4, 32767), (-1e4, -32767)):
+        bench.torque = torque
+        bench.track()
+        bench.tick()
+        (answer,) = [frame.data for frame in bench.sent if frame.can_id == 0x183]
+        assert struct.unpack_from("<h", answer, 6)[0] == told == bench.read(0x6077)
+        bench.sent.clear()
+
+
+def test_an_object_dictionary_tells_the_state_without_sync():
+    bench = Bench().enabled()
+    bench.drive.axis.fault(0x2310)
+    bench.tick(sync=False)
+    assert bench.read(0x6041) & 0x4F == 0x08 and bench.read(0x603F) == 0x2310
+
+
+def test_the_plants_clock_tells_what_stopped_it():
+    told = []
+    body = SimpleNamespace(time=0.0, readings=lambda t: ([0.0], 0))
+    plant = Plant(body, [1.0], threading.RLock(), told.append)
+    plant.start()
+    plant._thread.join(2.0)
+    assert [type(error) for error in told] == [AttributeError]

@@ -1,0 +1,113 @@
+"""Faults of MedRUE's twin that are told wrongly, and what its bus does when a device fails."""
+
+import socket
+import struct
+import time
+
+import pytest
+
+from can_witness import connected
+from medrue_bench import until
+from wrenchbed.errors import MapError
+from wrenchbed.serving.canbus.hub import Hub
+from wrenchbed.serving.canbus.wire import Frame
+from wrenchbed.serving.faults import Fault
+from wrenchbed.twins.base import Options
+from wrenchbed.twins.medrue import MedrueTwin
+
+HOST = "127.0.4.7"
+
+
+@pytest.fixture(scope="module")
+def idle():
+    """A twin that was never started."""
+    return MedrueTwin(Options(HOST, noise="off", setting={"port": "0"}))
+
+
+@pytest.mark.parametrize(
+    "kind, values, named",
+    [("status", {"bits": 0x80000010}, "bits = 2147483664 must be a whole number 1 … 65535"),
+     ("status", {"bits": -1}, "bits"), ("status", {"bits": "x"}, "bits"),
+     ("emcy", {"code": 0x12345}, "code = 74565"), ("emcy", {"code": 0}, "code"),
+     ("emcy", {"node": 7}, "node = 7 must be a node: 1, 2, 3, 4, 5, 6"),
+     ("mute", {"node": True}, "node = True"), ("mute", {"node": "1"}, "node"),
+     ("mute", {"node": [1]}, "node"),
+     ("saturated_gauge", {"gauge": 6}, "gauge = 6 must be a whole number 0 … 5"),
+     ("saturated_gauge", {"gauge": 0.5}, "gauge"),
+     ("second_frame_lost", {"share": 2.0}, "share"), ("overload", {"share": 0.0}, "share"),
+     ("overload", {"share": float("nan")}, "share"),
+     ("error_frame", {"count": 0}, "count"), ("garbage", {"count": 1e9}, "count"),
+     ("reset_board", {"silent": 0}, "silent = 0 must be true or false")],
+)  # fmt: skip
+def test_values_out_of_range_are_refused_by_name(idle, kind, values, named):
+    with pytest.raises(MapError, match=f"can {kind}.*{named}"):
+        idle.faults.inject(Fault("can", kind, values=values))
+
+
+@pytest.mark.parametrize("bits", [1, 0x10, 0x8000, 0xFFFF, 16.0])
+def test_every_status_that_is_taken_can_be_told(idle, bits):
+    idle.faults.inject(Fault("can", "status", values={"bits": bits}))
+    ((_, first), _) = idle.board._answer(1.0, 0x0, b"")
+    assert struct.unpack_from(">H", first)[0] & int(bits) == int(bits)
+    idle.board.status = 0
+
+
+def test_an_unknown_key_is_refused(idle):
+    with pytest.raises(MapError, match="nod"):
+        idle.faults.inject(Fault("can", "frozen", values={"nod": 4}))
+
+
+def test_garbage_holds_nothing_that_changes_the_board(idle):
+    idle.faults.inject(Fault("can", "garbage", values={"count": 1000}))
+    ids = {frame.can_id for _, frame in idle.hub._posted}
+    assert 0x680 in ids and not ids & {0x000, 0x080, 0x686, 0x68C, 0x68D, 0x68E}
+    assert not any(0x200 <= can_id < 0x280 or 0x600 <= can_id < 0x680 for can_id in ids)
+
+
+def raises(t, frame):
+    raise ValueError(f"no {frame.can_id:X}")
+
+
+def test_a_device_that_fails_is_told_and_the_bus_goes_on():
+    told, heard = [], []
+    hub = Hub(HOST, 0, failed=told.append)
+    hub.attach(raises)
+    hub.attach(lambda t, frame: heard.append(frame.can_id))
+    send = hub.attach(lambda t, frame: None)
+    hub.start()
+    try:
+        for can_id in (0x123, 0x124):
+            send(Frame(can_id, b""))
+        hub.order(lambda: 1 / 0)
+        hub.later(time.monotonic(), lambda: heard.append(0))
+        assert until(lambda: sorted(heard) == [0, 0x123, 0x124])
+        assert until(lambda: len(told) == 3)
+        assert sorted(str(error) for error in told) == ["division by zero", "no 123", "no 124"]
+        assert hub.counters["failures"] == 3
+    finally:
+        hub.stop()
+
+
+def test_a_hub_whose_thread_ends_says_so_and_hangs_up(monkeypatch):
+    told = []
+    hub = Hub(HOST, 0, failed=told.append)
+    hub.start()
+    try:
+        with connected(HOST, hub.port) as client:
+            monkeypatch.setattr(hub, "_pass_on", lambda: 1 / 0)
+            hub.order(lambda: None)
+            client.settimeout(2.0)
+            assert client.recv(100) == b""
+            assert until(lambda: told) and isinstance(told[0], ZeroDivisionError)
+            with pytest.raises(OSError):
+                socket.create_connection((HOST, hub.port), 0.5)
+    finally:
+        hub.stop()
+
+
+def test_a_twin_whose_board_fails_is_not_well():
+    with MedrueTwin(Options(HOST, noise="off", setting={"port": "0"})) as twin:
+        twin.board.status = 1 << 31
+        send = twin.hub.attach(lambda t, frame: None)
+        send(Frame(0x680, b""))
+        assert twin.failed.wait(2.0) and isinstance(twin.failure, struct.error)

@@ -1,0 +1,133 @@
+"""Twins that come late: cycles made up for, given up and stated, and packets left out."""
+
+import itertools
+from types import SimpleNamespace
+
+import pytest
+
+from wrenchbed.serving import clock as clock_module
+from wrenchbed.serving.clock import GIVE_UP_S, Clock
+from wrenchbed.twins import base
+from wrenchbed.twins.ur5 import TWIN, server, timestamp
+from wrenchbed.twins.ur5.timestamp import Timestamp
+
+PERIOD = 0.008
+
+
+class Hands:
+    """A clock that stands until it is moved [s]."""
+
+    def __init__(self) -> None:
+        self.now = 1000.0
+
+    def monotonic(self) -> float:
+        return self.now
+
+
+@pytest.fixture
+def hands(monkeypatch):
+    hands = Hands()
+    for module in (clock_module, server, timestamp):
+        monkeypatch.setattr(module, "time", hands)
+    return hands
+
+
+def test_deadlines_do_not_drift(hands):
+    clock = Clock(PERIOD)
+    for k in range(1, 100):
+        assert clock.due == pytest.approx(1000.0 + k * PERIOD)
+        hands.now = clock.due + 0.3 * PERIOD
+        assert clock.remaining == 0.0
+        assert clock.advance() == 0
+    assert clock.lost == 0.0
+
+
+def test_deadlines_that_were_missed_come_at_once(hands):
+    clock = Clock(PERIOD)
+    hands.now += 10.5 * PERIOD
+    behind = []
+    while clock.remaining == 0.0:
+        behind.append(clock.advance())
+    assert behind == [9, 8, 7, 6, 5, 4, 3, 2, 1, 0] and clock.lost == 0.0
+    assert clock.remaining == pytest.approx(0.5 * PERIOD)
+
+
+@pytest.mark.parametrize("late", [0.99 * GIVE_UP_S, 1.01 * GIVE_UP_S, 60.0])
+def test_a_clock_that_is_very_late_gives_the_rest_up_and_says_how_much(hands, late):
+    clock = Clock(PERIOD)
+    hands.now += PERIOD + late
+    behind = clock.advance()
+    if late < GIVE_UP_S:
+        assert behind == int(late / PERIOD) and clock.lost == 0.0
+        return
+    assert behind == 0 and clock.lost == pytest.approx(late)
+    assert clock.remaining == pytest.approx(PERIOD)
+    hands.now += PERIOD
+    assert clock.advance() == 0 and clock.lost == pytest.approx(late)
+
+
+def test_the_time_stamp_counts_lost_time_and_starts_anew(hands):
+    body = SimpleNamespace(time=3.0)
+    stamp = Timestamp(body)
+    assert stamp.now() == 0.0
+    body.time = 5.0
+    stamp.lost(1.5)
+    assert stamp.now() == pytest.approx(3.5)
+    stamp.restart(hands.now + 0.4)
+    body.time = 5.4
+    assert stamp.now() == pytest.approx(0.0)
+
+
+@pytest.fixture
+def twin():
+    return TWIN(base.Options("127.0.1.35", noise="off", setting={"box": "off"}))
+
+
+def test_a_loop_that_stood_still_tells_the_time_stamp(hands, twin, monkeypatch):
+    """As much as the clock gave up: afterwards both have gone on as far as real time."""
+    seen = []
+
+    def cycle(behind):
+        seen.append((behind, twin.timestamp.now() - first))
+        twin.body.step(twin.body.target)
+        if len(seen) == 5:
+            hands.now += 3.0
+        if len(seen) == 8:
+            twin._stopped.set()
+
+    def poll(ports, timeout):
+        hands.now += timeout
+
+    monkeypatch.setattr(twin, "_cycle", cycle)
+    monkeypatch.setattr(server, "poll", poll)
+    for _ in range(4):  # until the state that is shown moves on with each cycle
+        twin.body.step(twin.body.target)
+    first = twin.timestamp.now()
+    twin._loop()
+    assert [behind for behind, _ in seen] == [0] * 8
+    steps = [b - a for (_, a), (_, b) in itertools.pairwise(seen)]
+    assert steps[:4] == pytest.approx([PERIOD] * 4)
+    assert steps[4] == pytest.approx(3.0, abs=0.02)
+    assert steps[5:] == pytest.approx([PERIOD] * 2)
+
+
+def test_packets_are_left_out_while_the_loop_catches_up(hands, twin, monkeypatch):
+    sent = []
+    monkeypatch.setattr(twin.rtde, "stream", lambda values, send: sent.append(send))
+    twin._cycle(0)
+    late = int(server._LATE_S / PERIOD) + 1
+    for behind in range(late + 20, 0, -1):
+        hands.now += 0.001
+        twin._cycle(behind)
+    assert sent[0] and all(sent[-late + 1 :])
+    catching_up = sent[1 : -late + 1]
+    assert len(catching_up) == 21 and sum(catching_up) == 0
+
+
+def test_a_loop_that_stays_late_still_sends_one_packet_in_some_cycles(hands, twin, monkeypatch):
+    sent = []
+    monkeypatch.setattr(twin.rtde, "stream", lambda values, send: sent.append(send))
+    for _ in range(100):
+        hands.now += 1.01 * PERIOD
+        twin._cycle(50)
+    assert sum(sent) == pytest.approx(100 / server._SHARE, abs=1)

@@ -1,0 +1,132 @@
+"""Faults of the UR5 twin's robot itself, as a plain socket sees them."""
+
+import socket
+import time
+
+import pytest
+
+import twin_process
+from ur5_socket import Client, ClosedError, Lines
+from wrenchbed.twins.base import Options
+from wrenchbed.twins.ur5 import TWIN
+
+pytestmark = pytest.mark.wire
+
+HOST = "127.0.1.37"
+NAMES = "timestamp,actual_q,target_q,robot_mode,safety_mode,runtime_state,safety_status_bits"
+TIME, Q, TARGET = 0, slice(1, 7), slice(7, 13)
+MODE, SAFETY, RUNTIME, BITS = 13, 14, 15, 16
+
+
+@pytest.fixture(scope="module")
+def twin():
+    with twin_process.running("ur5", HOST, "--set", "box=off") as twin:
+        yield twin
+
+
+@pytest.fixture
+def client(twin):
+    with Client(HOST) as client:
+        yield client.stream(NAMES)
+
+
+@pytest.fixture
+def restored(twin):
+    """Leaves the twin as it was switched on."""
+    yield
+    twin.fault("robot", "restart")
+    time.sleep(0.1)
+
+
+def gone(client: Client, timeout: float = 2.0) -> str:
+    with pytest.raises(ClosedError) as info:
+        end = time.monotonic() + timeout
+        while time.monotonic() < end:
+            client.packet()
+    return str(info.value)
+
+
+def test_protective_stop(twin, client, restored):
+    twin.fault("robot", "protective_stop")
+    state = client.until(lambda s: s[SAFETY] == 3)
+    assert state[BITS] & 1 << 2
+    with Lines(HOST) as dashboard:
+        assert dashboard.ask("safetymode") == "Safetymode: PROTECTIVE_STOP"
+        assert dashboard.ask("unlock protective stop").startswith("Cannot unlock")
+
+
+def test_emergency_stop(twin, client, restored):
+    twin.fault("robot", "emergency_stop", seconds=0.3)
+    state = client.until(lambda s: s[SAFETY] == 7)
+    assert state[BITS] & 1 << 7 and state[MODE] == 3
+    assert client.until(lambda s: s[SAFETY] == 1)[MODE] == 3
+    with Lines(HOST) as dashboard:
+        assert dashboard.ask("power on") == "Powering on"
+        client.until(lambda s: s[MODE] == 5)
+        assert dashboard.ask("brake release") == "Brake releasing"
+        client.until(lambda s: s[MODE] == 7)
+
+
+def play(host: str) -> None:
+    with Lines(host) as dashboard:
+        assert dashboard.ask("load test.urp") == "Loading program: test.urp"
+        assert dashboard.ask("play") == "Starting program"
+
+
+def test_program_stop(twin, client, restored):
+    play(HOST)
+    client.until(lambda s: s[RUNTIME] == 2)
+    twin.fault("robot", "program_stop")
+    client.until(lambda s: s[RUNTIME] == 1)
+
+
+def test_power_off(twin, client, restored):
+    play(HOST)
+    twin.fault("robot", "power_off")
+    state = client.until(lambda s: s[MODE] == 3)
+    assert state[RUNTIME] == 1
+
+
+def test_script_never_starts(twin, client):
+    twin.fault("robot", "script_never_starts", seconds=0.4)
+    with socket.create_connection((HOST, 30003), 2.0) as script:
+        script.sendall(b"def f():\n  sync()\nend\n")
+        client.newest()
+        assert {client.state()[RUNTIME] for _ in range(20)} == {1}
+        time.sleep(0.4)
+        script.sendall(b"def f():\n  sync()\nend\n")
+        client.until(lambda s: s[RUNTIME] == 2)
+        client.until(lambda s: s[RUNTIME] == 1)
+
+
+def test_following_error(twin, client):
+    off = [0.1, 0.0, 0.0, 0.0, 0.0, -0.05]
+    twin.fault("robot", "follow_error", joints=off, seconds=0.6)
+    time.sleep(0.4)
+    state = client.newest()
+    gap = [a - b for a, b in zip(state[Q], state[TARGET], strict=True)]
+    assert gap == pytest.approx(off, abs=2e-3)
+    time.sleep(0.6)
+    state = client.newest()
+    assert state[Q] == pytest.approx(state[TARGET], abs=1e-4)
+
+
+def test_restart(twin, client):
+    with Lines(HOST) as dashboard:
+        twin.fault("robot", "restart", seconds=0.3)
+        assert gone(client) in ("end of file", "reset")
+        assert dashboard.file.readline() == ""
+    with pytest.raises(ConnectionRefusedError):
+        Client(HOST)
+    time.sleep(0.4)
+    with Client(HOST) as again:
+        assert again.stream(NAMES).state()[TIME] < 1.0
+
+
+def test_a_stop_before_the_first_cycle_lasts_as_long_as_any(monkeypatch):
+    twin = TWIN(Options("127.0.1.38", noise="off", setting={"box": "off"}))
+    monkeypatch.setattr(twin, "_run", lambda: None)
+    with twin:
+        twin.controller.protective_stop()
+        assert not twin.controller.modes.unlock(time.monotonic())
+        assert twin.controller.modes.unlock(time.monotonic() + 5.1)

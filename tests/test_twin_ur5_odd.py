@@ -1,0 +1,254 @@
+"""Odd clients of the UR5's twin: a program or a peer ends, and the robot serves on."""
+
+import itertools
+import math
+import struct
+import subprocess
+import sys
+import time
+import warnings
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from ur5_bench import CYCLE, Bench
+from wrenchbed.errors import DriverError
+from wrenchbed.twins import base
+from wrenchbed.twins.ur5 import TWIN
+from wrenchbed.twins.ur5.commands import COMMANDS
+from wrenchbed.twins.ur5.controller import Runtime
+from wrenchbed.twins.ur5.dashboard import Dashboard
+from wrenchbed.twins.ur5.kinematics import NO_TOOL, Kinematics, UnreachableError
+from wrenchbed.twins.ur5.outputs import Outputs
+from wrenchbed.twins.ur5.script import Collector, Script
+from wrenchbed.twins.ur5.wire import Recipe
+
+HOST = "127.0.1.33"
+ODD = (math.inf, -math.inf, math.nan, 1e300)
+
+
+@pytest.fixture(scope="module")
+def bench():
+    return Bench(series="e")
+
+
+def answers_and_packs(bench: Bench) -> None:
+    """All that it says can be sent, and a new program works."""
+    controller = bench.controller
+    outputs = Outputs(controller, shared=False)
+    outputs.update(1.0, set(controller.fields))
+    Recipe(1, list(controller.fields.items())).pack(controller.values)
+    assert np.isfinite(controller.values["actual_TCP_pose"]).all()
+    assert np.isfinite(controller.values["actual_TCP_force"]).all()
+    assert np.isfinite(bench.arm.q).all()
+
+
+@pytest.mark.parametrize("number", sorted(COMMANDS))
+def test_registers_that_hold_no_quantity_end_a_program_at_most(bench, number):
+    for odd, at in itertools.product(ODD, (0, 3, 8)):
+        bench.write(i0=0, i1=0, **{f"d{k}": 0.0 for k in range(18)})
+        bench.controller.reboot()
+        bench.script()
+        bench.command(number, **{f"d{at}": odd})
+        bench.run(5 * CYCLE)
+        answers_and_packs(bench)
+
+
+@pytest.mark.parametrize("number, at", [(29, 4), (3, 3), (1, 0), (11, 2), (17, 0), (59, 2), (6, 7)])
+@pytest.mark.parametrize("odd", ODD)
+def test_such_a_command_ends_its_program(bench, number, at, odd):
+    bench.controller.reboot()
+    bench.script()
+    bench.command(number, **{f"d{at}": odd})
+    bench.run(2 * CYCLE)
+    assert bench.controller.modes.runtime is Runtime.STOPPED
+    bench.write(i0=0, **{f"d{at}": 0.0})
+    bench.script()
+    assert bench.controller.modes.runtime is Runtime.PLAYING
+
+
+def test_a_tool_that_is_far_away_stops_the_arm_at_most(bench):
+    bench.controller.reboot()
+    bench.script()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)
+        for command in (10, 41, 24, 3, 43):
+            bench.command(29, *[1e6] * 6)
+            bench.run(2 * CYCLE)
+            bench.command(command, *[0.1] * 6, 0.5, 0.5)
+            bench.run(5 * CYCLE)
+            answers_and_packs(bench)
+            bench.controller.reboot()
+            bench.script()
+
+
+def test_where_no_joint_speeds_can_be_found_the_way_ends(monkeypatch):
+    kinematics = Kinematics()
+    jacobian, pose = np.full((6, 6), 1e100), kinematics.transform(np.zeros(6), NO_TOOL)
+    monkeypatch.setattr(kinematics, "jacobian", lambda q, tcp: jacobian)
+    monkeypatch.setattr(kinematics, "jacobian_and_transform", lambda q, tcp: (jacobian, *pose))
+    with pytest.raises(UnreachableError, match="too far"):
+        kinematics.rates(np.zeros(6), NO_TOOL, np.ones(6))
+    assert kinematics.follow(np.ones(6), NO_TOOL, np.zeros(6)) is None
+
+
+def control(line: str, offset: str = "0") -> bytes:
+    """A text that is taken for the control script, with a line in its path."""
+    return (
+        "def control():\n  reg_offset_int = # int register offset\n"
+        f"{offset}\n  def exec_move_path():\n    # inject move path\n{line}\n  end\n"
+        "  def signal_done_with_cmd():\n  end\n  def rtde_cmd():\n  end\nend\n"
+    ).encode()
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        control("movej([1,2,3],a=1,v=1,r=0)"),
+        control("movej([a,b,c,d,e,f],a=1,v=1,r=0)"),
+        control("movej([1,2,3,4,5,inf],a=1,v=1,r=0)"),
+        control("movel(p[1,2,3,4,5,nan],a=1,v=1,r=0)"),
+        control("movel(p[1,2,3,4,5,1e300],a=1,v=1,r=0)"),
+        control("movej([1,2,3,4,5,6],a=--,v=1,r=0)"),
+        control("movej([1,2,3,4,5,6],a=1,v=1e999,r=0)"),
+        control("movej([],a=1,v=1,r=0)"),
+        control("", "9" * 5000),
+        control("", "99999999999"),
+        b"write_output_integer_register(0 +0, 99999999999)\n",
+        b"write_output_integer_register(0 +0, -2147483649)\n",
+        b"write_output_integer_register(0 +" + b"1" * 5000 + b", 1)\n",
+    ],
+    ids=range(13),
+)
+def test_a_script_with_impossible_numbers_is_ended_at_once(bench, text):
+    bench.controller.reboot()
+    bench.script()
+    (script,) = Collector().feed(text)
+    assert script.faulty
+    bench.controller.upload([script])
+    assert bench.controller.modes.runtime is Runtime.STOPPED and bench.controller.program is None
+    bench.run(5 * CYCLE)
+    answers_and_packs(bench)
+
+
+def test_the_same_scripts_with_possible_numbers_play(bench):
+    bench.controller.reboot()
+    for text in (control("movej([1,2,3,4,5,6],a=1,v=1,r=0)"),
+                 b"write_output_integer_register(0 +0, -2147483648)\n"):  # fmt: skip
+        (script,) = Collector().feed(text)
+        assert not script.faulty
+        bench.controller.upload([script])
+        assert bench.controller.modes.runtime is Runtime.PLAYING
+        bench.run(CYCLE)
+        answers_and_packs(bench)
+    assert bench.said(0) == -(2**31)
+
+
+@pytest.mark.parametrize("offset", [1000, 47, 30, -5])
+def test_registers_that_do_not_exist_end_the_program(bench, offset):
+    bench.controller.reboot()
+    bench.controller.upload([Script(control=True, offset=offset)])
+    bench.run(2 * CYCLE)
+    name = f"input_int_register_{offset}"
+    if name in bench.controller.inputs.values:
+        assert bench.controller.modes.runtime is Runtime.PLAYING
+        bench.controller.inputs.write({name: (3,)}, bench.now)
+        bench.run(2 * CYCLE)
+    assert bench.controller.modes.runtime is Runtime.STOPPED
+
+
+def test_a_dashboard_line_without_end_ends_its_connection(bench):
+    said = []
+    talk = Dashboard(bench.controller, SimpleNamespace(send=said.append), lambda: None)
+    assert talk.receive(b"x" * 4000, 1.0)
+    assert not talk.receive(b"x" * 4000, 1.0)
+    assert len(said) == 1
+
+
+@pytest.fixture
+def broken(monkeypatch, capfd):
+    """A twin whose loop breaks down at once."""
+
+    def cycle(now):
+        raise ZeroDivisionError("a cycle that cannot be")
+
+    twin = TWIN(base.Options(HOST, noise="off", setting={"box": "off"}))
+    monkeypatch.setattr(twin.controller, "cycle", cycle)
+    with twin:
+        assert twin.failed.wait(3.0)
+        yield twin
+    assert "a cycle that cannot be" in capfd.readouterr().err
+
+
+def test_a_loop_that_breaks_down_says_so_and_refuses_faults(broken):
+    assert isinstance(broken.failure, ZeroDivisionError)
+    begun = time.monotonic()
+    with pytest.raises(DriverError, match="a cycle that cannot be"):
+        broken.soon(lambda: None)
+    assert time.monotonic() - begun < 1.0
+
+
+def test_a_loop_that_hangs_refuses_faults_and_never_does_them(monkeypatch):
+    monkeypatch.setattr("wrenchbed.twins.ur5.server._INJECT_S", 0.1)
+    twin = TWIN(base.Options(HOST, noise="off", setting={"box": "off"}))
+    done = []
+    with pytest.raises(DriverError, match=r"stands still.*0\.1 s"):
+        twin.soon(lambda: done.append(1))
+    twin._tasks.get()()
+    assert not done
+
+
+def test_a_fault_that_fails_is_told_to_who_asked():
+    twin = TWIN(base.Options(HOST, noise="off", setting={"box": "off"}))
+
+    def fail():
+        raise KeyError("no such thing")
+
+    with twin:
+        with pytest.raises(KeyError, match="no such thing"):
+            twin.soon(fail)
+        assert not twin.failed.is_set()
+
+
+BREAK = """
+import sys
+from wrenchbed.twins.ur5.controller import Controller
+def cycle(self, now):
+    raise ZeroDivisionError("a cycle that cannot be")
+Controller.cycle = cycle
+from wrenchbed.cli import main
+sys.exit(main(["twin", "ur5", "--host", sys.argv[1], "--set", "box=off"]))
+"""
+
+
+def test_a_process_whose_loop_breaks_down_ends_loudly():
+    done = subprocess.run(
+        [sys.executable, "-c", BREAK, HOST], capture_output=True, text=True, timeout=60
+    )
+    assert done.returncode not in (0, None)
+    assert "broken down" in done.stderr and "a cycle that cannot be" in done.stderr
+
+
+@pytest.mark.wire
+def test_odd_clients_one_after_the_other_leave_the_twin_serving():
+    from twin_process import running
+    from ur5_socket import Client, Lines
+    from ur5_socket import socket as sockets
+
+    with running("ur5", HOST, "--noise", "off", "--set", "box=off") as twin, Client(HOST) as reader:
+        reader.stream("timestamp,actual_TCP_pose,output_int_register_0,runtime_state")
+        with sockets.create_connection((HOST, 30003), 2.0) as script, Client(HOST) as writer:
+            script.sendall(control("movej([1,2,3],a=1,v=1,r=0)"))
+            script.sendall(b"write_output_integer_register(0 +0, 99999999999)\n")
+            script.sendall(control(""))
+            reader.until(lambda s: s[-1] == 2)
+            names = [f"input_double_register_{k}" for k in range(6)]
+            writer.ask("I", ",".join(["input_int_register_0", *names]).encode())
+            writer.send("U", struct.pack(">Bi6d", 1, 29, 0, 0, 0, math.inf, 0, 0))
+            reader.until(lambda s: s[-1] == 1)
+        with Lines(HOST) as dashboard:
+            assert dashboard.ask("\xff" * 100).startswith("could not")
+        reader.newest()
+        twin.fault("robot", "program_stop")
+        assert twin.process.poll() is None

@@ -1,0 +1,118 @@
+"""The UR5's twin after its control box was switched off and on: nothing of a client survives."""
+
+import time
+
+import numpy as np
+import pytest
+
+from ur5_bench import CYCLE, Bench
+from wrenchbed.twins import base
+from wrenchbed.twins.ur5 import TWIN
+from wrenchbed.twins.ur5.estimate import GRAVITY
+from wrenchbed.twins.ur5.outputs import Outputs
+
+
+@pytest.fixture
+def bench():
+    return Bench(series="e").script()
+
+
+def reboot(bench: Bench) -> dict:
+    """Switch off and on; all that it says afterwards."""
+    bench.controller.reboot()
+    bench.write(i0=0)
+    bench.run(0.5)
+    outputs = Outputs(bench.controller, shared=False)
+    outputs.update(1.0, set(bench.controller.fields))
+    return bench.controller.values
+
+
+def test_the_tcp_is_the_flange(bench):
+    bench.command(29, 0.0, 0.0, 0.1, 0.0, 0.0, 0.0)
+    bench.run(2 * CYCLE)
+    assert bench.arm.tcp[2] == 0.1
+    assert reboot(bench)["tcp_offset"] == (0.0,) * 6
+
+
+def test_payload_and_gravity_are_those_of_the_installation(bench):
+    bench.command(65, 0.35, 0.0, 0.0, 0.05, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0)
+    bench.run(2 * CYCLE)
+    bench.command(59, 0.0, 9.0, 0.0)
+    bench.run(2 * CYCLE)
+    estimate = bench.controller.estimate
+    assert estimate.payload.mass == 0.35 and estimate.gravity[1] == -9.0
+    values = reboot(bench)
+    assert values["payload"] == (pytest.approx(1.35),)
+    assert values["payload_cog"] == pytest.approx((0.004, -0.006, 0.071))
+    assert values["payload_inertia"] == (0.0,) * 6
+    assert values["target_gravity"] == pytest.approx(tuple(-GRAVITY))
+
+
+def test_the_zero_of_the_force_is_gone(bench):
+    bench.command(17, 0.35, 0.0, 0.0, 0.05)
+    bench.run(2 * CYCLE)
+    bench.command(8)
+    bench.run(2 * CYCLE)
+    assert np.abs(bench.controller.estimate._zero[2]) > 5.0
+    assert reboot(bench)["actual_TCP_force"] == pytest.approx((0.0,) * 6, abs=1e-3)
+
+
+def test_the_force_controllers_gain_is_one(bench):
+    bench.command(21, 0.1)
+    bench.run(2 * CYCLE)
+    assert bench.arm.force_scaling == 0.1
+    reboot(bench)
+    assert bench.arm.force_scaling == 1.0
+
+
+def test_the_speed_slider_is_at_full_speed_and_moves_keep_to_it(bench):
+    bench.controller.inputs.write(
+        {"speed_slider_mask": (1,), "speed_slider_fraction": (0.25,)}, bench.now
+    )
+    assert bench.arm.slider == 0.25
+    assert reboot(bench)["speed_scaling"] == (1.0,)
+    bench.script()
+    bench.command(1, *(bench.arm.q + 0.5), 0.5, 5.0)
+    way = np.array(bench.run(0.6))
+    assert np.abs(np.diff(way, axis=0)).max() / CYCLE == pytest.approx(0.5, rel=1e-3)
+
+
+def test_no_program_is_loaded_and_scripts_start(bench):
+    bench.controller.loaded = "mine.urp"
+    bench.controller.script_denied_until = float("inf")
+    reboot(bench)
+    assert not bench.controller.loaded and not bench.controller.play()
+    bench.script()
+
+
+def test_a_press_that_was_tolerated_is_not_any_more(bench):
+    bench.controller.protective_stop()
+    bench.controller.estimate.wrench = np.array([0.0, 0.0, 200.0, 0.0, 0.0, 0.0])
+    assert not bench.controller._pressed_too_hard()
+    bench.controller.reboot()
+    bench.controller.estimate.wrench = np.array([0.0, 0.0, 200.0, 0.0, 0.0, 0.0])
+    assert bench.controller._pressed_too_hard()
+
+
+def test_the_arm_stays_where_it_is(bench):
+    bench.command(1, *(bench.arm.q + 0.5), 0.5, 5.0)
+    bench.run(0.5)
+    q, speed = bench.arm.q.copy(), np.abs(bench.arm.qd).max()
+    assert speed > 0.4
+    bench.controller.reboot()
+    bench.run(1.0)
+    assert not bench.arm.moving and 0.0 < np.abs(bench.arm.q - q).max() < 0.03
+
+
+def test_what_was_denied_held_back_or_counted_is_not():
+    twin = TWIN(base.Options("127.0.1.34", noise="off", setting={"box": "off"}))
+    rtde, denials = twin.rtde, twin.rtde.offer.denials
+    denials.start = denials.inputs = denials.outputs["actual_q"] = float("inf")
+    rtde.freeze(float("inf"), {})
+    rtde.silent_until = rtde.held_until = float("inf")
+    twin._outputs.update(1.0, set())
+    twin.restart(0.0)
+    assert (denials.start, denials.inputs, denials.outputs) == (0.0, 0.0, {})
+    assert max(rtde.frozen_until, rtde.silent_until, rtde.held_until) < time.monotonic()
+    twin._outputs.update(1.0, set())
+    assert twin.controller.values["control_step"] == (1,)

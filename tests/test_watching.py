@@ -1,0 +1,165 @@
+"""Readings at a time, moves watched to their end, and stops that stay as hard as they were."""
+
+import numpy as np
+import pytest
+
+from wrenchbed.drivers.base import watched
+from wrenchbed.drivers.base.evenly import Evenly
+from wrenchbed.drivers.base.samples import ArmSample
+from wrenchbed.drivers.base.watched import WatchedMotion
+from wrenchbed.drivers.rtde.control_worker import Control
+from wrenchbed.errors import LateError, LimitError, LinkError
+from wrenchbed.health import Health
+from wrenchbed.transducers.base import Past, WrenchSample
+
+SOFT, HARD = 3.0, 15.0
+
+
+def sample(t, force, status=0, saturated=0, faults=()):
+    wrench = np.array([force, 0.0, 0.0, 0.0, 0.0, 0.0])
+    return WrenchSample(t, None, 1, 0.0, True, wrench, status=status, saturated=saturated,
+                        faults=faults)  # fmt: skip
+
+
+def test_a_reading_between_two_has_the_flags_of_both():
+    past = Past(8)
+    past.add(sample(1.00, 1.0, status=1, faults=("hot",)))
+    past.add(sample(1.04, 3.0, status=2, saturated=4, faults=("hot", "wet")))
+    between = past.at(1.01)
+    assert between.wrench[0] == pytest.approx(1.5)
+    assert (between.status, between.saturated, between.faults) == (3, 4, ("hot", "wet"))
+    assert between.age == pytest.approx(0.01)
+
+
+def test_nothing_is_told_before_after_and_in_a_gap():
+    past = Past(8)
+    for t in (1.0, 1.04, 1.2):
+        past.add(sample(t, 0.0))
+    past.add(sample(1.1, 9.0))  # older than the last: not kept
+    assert past.at(0.99) is None and past.at(1.21) is None and past.at(1.1) is None
+    assert past.at(1.0) is not None and past.at(1.2) is None
+
+
+def test_states_too_far_apart_end_a_motion():
+    even = Evenly(100.0)
+    for t in (0.0, 0.01, 0.02, 0.25):
+        even.add(ArmSample(t, None, 0, 0.0, True, np.zeros(6), np.zeros(6)))
+    assert len(even.rows(3)) == 3
+    with pytest.raises(LinkError, match=r"gap of 0\.230 s"):
+        even.rows(9)
+
+
+class Watched:
+    """A driver whose joints come nearer by so much a look."""
+
+    def __init__(self, step, clock, force=None):
+        self.q, self.step, self.clock, self.force = np.ones(6), step, clock, force
+        self.stops = []
+
+    def read(self):
+        self.clock[0] += 0.5
+        self.q = self.q - self.step
+        return ArmSample(self.clock[0], None, 0, 0.0, True, self.q, np.full(6, 0.01))
+
+    def health(self):
+        return Health("ok")
+
+    def guard(self):
+        if self.force is not None:
+            raise LimitError("too much")
+
+    def stop(self, kind="soft"):
+        self.stops.append(kind)
+        if self.force == "and the stop fails":
+            raise LinkError("no answer")
+
+
+@pytest.fixture
+def clock(monkeypatch):
+    now = [100.0]
+    monkeypatch.setattr(watched.time, "monotonic", lambda: now[0])
+    return now
+
+
+def test_a_slow_move_is_waited_for_while_it_comes_nearer(clock):
+    driver = Watched(0.01, clock)
+    motion = WatchedMotion(driver, np.zeros(6), 1.0)
+    for _ in range(80):  # forty seconds of a move of one
+        assert motion.poll() is None
+    driver.step = 0.0
+    with pytest.raises(LateError, match="speed slider"):
+        for _ in range(20):
+            motion.poll()
+    assert driver.stops == ["soft"]
+
+
+def test_a_stop_for_too_much_force_stays_hard(clock):
+    driver = Watched(0.01, clock, force="much")
+    with pytest.raises(LimitError):
+        WatchedMotion(driver, np.zeros(6), 1.0).poll()
+    assert driver.stops == ["hard"]
+
+
+def test_a_stop_that_fails_is_told_too(clock):
+    driver = Watched(0.01, clock, force="and the stop fails")
+    with pytest.raises(LimitError) as caught:
+        WatchedMotion(driver, np.zeros(6), 1.0).poll()
+    assert caught.value.__notes__ == ["the stop failed, too: no answer"]
+
+
+class Script:
+    """What ur_rtde was told; its operation goes on until it is told otherwise."""
+
+    def __init__(self):
+        self.told, self.running = [], False
+
+    def moveJ(self, q, speed, acceleration, asynchronous):
+        self.told.append("move")
+        return True
+
+    def stopJ(self, deceleration, asynchronous):
+        self.told.append(deceleration)
+
+    def getAsyncOperationProgressEx(self):
+        return self
+
+    def isAsyncOperationRunning(self):
+        return self.running
+
+
+class Channel:
+    def send(self, message):
+        self.last = message
+
+
+def told(control, script, *orders):
+    for order in orders:
+        do = {"do": "move", "q": [0.0] * 6, "speed": 1.0, "acceleration": 1.0}
+        control._obey({"id": 1} | (do if order == "move" else {"do": "stop", "kind": order}))
+    return script.told
+
+
+@pytest.fixture
+def control(monkeypatch):
+    script = Script()
+    return Control(script, None, Channel(), 10.0, 0.008), script
+
+
+def test_a_soft_stop_does_not_soften_a_hard_one(control):
+    control, script = control
+    script.running = True
+    assert told(control, script, "move", "hard", "soft") == ["move", HARD]
+
+
+def test_a_soft_stop_right_after_a_move_began_is_sent(control):
+    control, script = control  # the robot does not say yet that the move goes on
+    assert told(control, script, "move", "soft") == ["move", SOFT]
+
+
+def test_a_robot_at_rest_is_not_told_to_stop(control, monkeypatch):
+    control, script = control
+    told(control, script, "move")
+    monkeypatch.setattr(
+        "wrenchbed.drivers.rtde.control_worker.time.monotonic", lambda: control._began + 1.0
+    )
+    assert told(control, script, "soft") == ["move"]

@@ -1,0 +1,57 @@
+"""The UR5 twin's controller in this process, whose time is its own: nothing waits."""
+
+import numpy as np
+
+from wrenchbed import registry
+from wrenchbed.serving.body import Body, Options
+from wrenchbed.twins.ur5.controller import Controller, Make
+from wrenchbed.twins.ur5.estimate import Payload
+from wrenchbed.twins.ur5.script import Script
+
+ROBOT = registry.load("robots", "ur5")
+NOMINAL = ROBOT.parameters.nominal
+CYCLE = 0.008
+
+
+class Bench:
+    """A controller whose time is its own."""
+
+    def __init__(self, table: float | None = None, series: str = "cb3") -> None:
+        version = (3, 15, 8, 0) if series == "cb3" else (5, 11, 1, 0)
+        self.body = Body(Options("ur5", noise="off", table=table), CYCLE)
+        tool = ROBOT.tool(NOMINAL)
+        payload = Payload(float(tool.mass), np.array(tool.cog, dtype=float), np.zeros(6))
+        self.controller = Controller(Make(version, CYCLE, 150.0, True), self.body, payload)
+        self.arm = self.controller.arm
+        self.now = 100.0
+
+    def run(self, seconds: float) -> list[np.ndarray]:
+        """Targets of the cycles of some time."""
+        found = []
+        for _ in range(round(seconds / CYCLE)):
+            self.now += CYCLE
+            self.controller.cycle(self.now)
+            found.append(self.arm.q)
+        return found
+
+    def write(self, **values: float) -> None:
+        """Registers by name: i0 …, d0 …."""
+        names = {"i": "input_int_register_", "d": "input_double_register_"}
+        kinds = {"i": int, "d": float}
+        written = {names[k[0]] + k[1:]: (kinds[k[0]](v),) for k, v in values.items()}
+        self.controller.inputs.write(written, self.now)
+
+    def command(self, number: int, *doubles: float, **more: float) -> None:
+        """Clear, then give a command of the control script."""
+        self.write(i0=0)
+        self.run(2 * CYCLE)
+        self.write(**{f"d{k}": v for k, v in enumerate(doubles)}, **more, i0=number)
+
+    def said(self, number: int) -> int:
+        return self.controller.values[f"output_int_register_{number}"][0]
+
+    def script(self) -> "Bench":
+        self.controller.upload([Script(control=True)])
+        self.run(2 * CYCLE)
+        assert self.said(0) == 1
+        return self

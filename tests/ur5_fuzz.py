@@ -1,0 +1,214 @@
+"""Targets of scripts/fuzz at the UR5's twin: what its clients send, and what comes of it."""
+
+import struct
+from collections.abc import Callable
+from types import SimpleNamespace
+
+Target = Callable[[bytes], None]
+
+
+def chunks(data: bytes) -> list[bytes]:
+    """Pieces of a stream, of sizes that the data themselves say: one byte each, then so many."""
+    pieces, at = [], 0
+    while at < len(data):
+        size = data[at] + 1
+        pieces.append(data[at + 1 : at + 1 + size])
+        at += 1 + size
+    return pieces
+
+
+def joined(*pieces: bytes) -> bytes:
+    return b"".join(bytes([len(p) - 1]) + p for p in pieces)
+
+
+def rtde() -> tuple[Target, list[bytes]]:
+    """An RTDE client's packets on their way to the UR5 twin."""
+    from wrenchbed.twins.ur5 import fields, wire
+    from wrenchbed.twins.ur5.inputs import Inputs
+    from wrenchbed.twins.ur5.session import Offer, Session
+
+    version = (5, 11, 0, 1)
+    outputs = fields.outputs(version)
+    values = {name: fields.zero(kind) for name, kind in outputs.items()}
+    inputs = Inputs(fields.inputs(version), lambda written: None)
+    offer = Offer(version, 500.0, outputs, inputs)
+
+    def run(data: bytes) -> None:
+        sent: list[bytes] = []
+        session = Session(offer, sent.append)
+        for piece in chunks(data):
+            if not session.receive(piece, 1.0):
+                break
+            assert session.held < 65536
+            if session.due():
+                packet = session.data(values)
+                assert struct.unpack_from(">H", packet)[0] == len(packet)
+        session.end()
+        for packet in sent:
+            assert struct.unpack_from(">H", packet)[0] == len(packet)
+        assert not inputs._owners
+
+    names = b"timestamp,actual_q,actual_TCP_force,robot_mode"
+    opening = wire.packet(wire.VERSION, b"\0\2") + wire.packet(wire.CONTROLLER)
+    recipe = wire.packet(wire.OUTPUTS, struct.pack(">d", 125.0) + names)
+    written = wire.packet(wire.INPUTS, b"input_int_register_0,input_double_register_1")
+    value = wire.packet(wire.DATA, b"\1" + struct.pack(">id", 5, 0.5))
+    return run, [
+        joined(opening, recipe, wire.packet(wire.START), wire.packet(wire.PAUSE)),
+        joined(opening, written, value, value),
+        joined(wire.packet(wire.OUTPUTS, names), wire.packet(wire.START), b"\0\2"),
+    ]
+
+
+_CONTROL = (
+    b"def control():\n  reg_offset_int = # int register offset\n%s\n  def exec_move_path():\n"
+    b"    # inject move path\n%s\n  end\n  def signal_done_with_cmd():\n  end\n"
+    b"  def rtde_cmd():\n  end\nend\n"
+)
+
+
+def script() -> tuple[Target, list[bytes]]:
+    """Programs on their way to the controller, and moves that are put into its control script."""
+    import numpy as np
+
+    from wrenchbed.twins.ur5.script import MOST, Collector
+
+    def check(data: bytes, size: int) -> list:
+        collector, found = Collector(), []
+        for at in range(0, len(data), size):
+            scripts = collector.feed(data[at : at + size])
+            assert scripts is not None and collector.held <= len(data)
+            found += scripts
+        for one in found:
+            assert all(-(2**31) <= v < 2**31 for pair in one.writes for v in pair)
+            assert -(2**31) <= one.offset < 2**31
+            for leg in one.path:
+                numbers = np.array([*leg.goal, leg.speed, leg.acceleration])
+                assert numbers.shape == (8,) and (np.abs(numbers) <= MOST).all()
+            assert not one.faulty or (one.path, one.writes) == ((), ())
+        return found
+
+    def run(data: bytes) -> None:
+        check(data, 1 + len(data) % 7)
+        offset, _, moves = data.partition(b"\n")
+        check(_CONTROL % (offset, moves), 512)
+
+    moves = b"0\nmovej([0,1,2,3,4,5],a=1.4,v=1.05,r=0.02)\nsignal_async_progress(1)\n"
+    return run, [
+        moves + b"movel(p[0.1,0.2,0.3,0,3,0],a=1.2,v=0.25,r=0)\n",
+        b"sec s():\n  set_digital_out(0, True)\nend\n# words\nstopj(2)\n",
+        b"def f():\n  write_output_integer_register(0 +24, -2)\n  if x:\n  end\nend\n",
+    ]
+
+
+class _Body:
+    """A body that goes where it is told at once."""
+
+    def __init__(self, home) -> None:
+        import numpy as np
+
+        self.cycle, self.time = 0.008, 0.0
+        self.q = self.target = np.array(home)
+        self.qd, self.load = np.zeros(6), np.array([1.0, 2.0, 13.0, 0.0, 0.1, 0.0])
+
+    def step(self, target) -> None:
+        self.time += self.cycle
+        self.qd, self.q = (target - self.q) / self.cycle, target
+
+
+def _controller():
+    """An e-Series controller, which knows the most, with such a body."""
+    import numpy as np
+
+    from wrenchbed import registry
+    from wrenchbed.twins.ur5.controller import Controller, Make
+    from wrenchbed.twins.ur5.estimate import Payload
+
+    make = Make((5, 11, 1, 0), 0.008, 150.0, True)
+    body = _Body(registry.load("robots", "ur5").home)
+    return Controller(make, body, Payload(1.3, np.array([0.0, 0.0, 0.07]), np.zeros(6)))
+
+
+def dashboard() -> tuple[Target, list[bytes]]:
+    """Lines on their way to the dashboard: each is answered by one."""
+    from wrenchbed.twins.ur5.dashboard import GREETING, Dashboard
+
+    controller = _controller()
+
+    def run(data: bytes) -> None:
+        said: list[bytes] = []
+        controller.reboot()
+        talk = Dashboard(controller, SimpleNamespace(send=said.append), lambda: None)
+        for piece in chunks(data):
+            if not talk.receive(piece, 1.0):
+                break
+            controller.cycle(controller.now + 0.3)
+        lines = b"".join(chunks(data)).count(b"\n")
+        assert said[0] == GREETING.encode() + b"\n" and len(said) <= 1 + lines
+        assert all(answer.endswith(b"\n") and answer.count(b"\n") == 1 for answer in said)
+
+    return run, [
+        joined(b"robotmode\npower off\nsafetystatus\n", b"power on\nbrake release\n"),
+        joined(b"load a.urp\nplay\nrunning\npause\n", b"programState\nstop\nget loaded program\n"),
+        joined(
+            b"unlock protective stop\npopup hi\n", b"PolyscopeVersion\nget serial number\nquit\n"
+        ),
+    ]
+
+
+def registers() -> tuple[Target, list[bytes]]:
+    """Commands and numbers in input registers, carried out by the controller's program."""
+    import warnings
+
+    import numpy as np
+
+    from wrenchbed.twins.ur5.outputs import Outputs
+    from wrenchbed.twins.ur5.script import Leg, Script
+    from wrenchbed.twins.ur5.wire import Recipe
+
+    controller = _controller()
+    outputs, home = Outputs(controller, shared=False), controller.arm.q.copy()
+    everything = Recipe(1, list(controller.fields.items()))
+    path = (Leg(False, False, home + 0.1, 1.0, 2.0), Leg(True, True, home, 0.2, 1.0))
+    warnings.simplefilter("ignore", RuntimeWarning)  # a tool a thousand kilometres away overflows
+
+    def write(piece: bytes) -> None:
+        """A command, a register that one byte names, and a number in it."""
+        command, which, value = struct.unpack_from(">BBd", piece.ljust(10, b"\0"))
+        kind, name = (
+            ("double", value)
+            if which < 128
+            else ("int", struct.unpack(">i", piece[2:6].ljust(4, b"\0"))[0])
+        )
+        number = 1 + which % 24 if kind == "int" else which % 48
+        controller.inputs.write({f"input_{kind}_register_{number}": (name,)}, controller.now)
+        controller.inputs.write({"input_int_register_0": (command,)}, controller.now)
+
+    def run(data: bytes) -> None:
+        controller.reboot()
+        controller.upload([Script(control=True, offset=0, path=path)])
+        for piece in chunks(data)[:24]:
+            write(piece)
+            for _ in range(3):
+                controller.cycle(controller.now + 0.008)
+            if controller.program is None:
+                controller.upload([Script(control=True)])
+        outputs.update(1.0, set(controller.fields))
+        everything.pack(controller.values)
+        arm = controller.arm
+        assert np.isfinite([arm.q, arm.qd]).all() and arm.kinematics.within(arm.q)
+        assert (np.abs(arm.qd) <= 1.03 * arm.kinematics.speed).all()
+
+    def give(command: int, which: int = 127, value: float = 0.0) -> bytes:
+        return struct.pack(">BBd", command, which, value)
+
+    move = [give(0, k, v) for k, v in enumerate([*(home + 0.1), 1.0, 2.0])]
+    pose = [give(0, k, v) for k, v in enumerate([0.4, -0.1, 0.4, 3.1, 0.0, 0.0, 0.2, 1.0])]
+    return run, [
+        joined(*move, give(1), give(0), give(45), give(0), give(34)),
+        joined(*pose, give(3), give(0), give(24), give(16), give(30), give(12), give(16)),
+        joined(give(29, 2, 0.1), give(0), give(17, 0, 0.5), give(0), give(59, 1, 9.0), give(65)),
+        joined(give(9, 0, 0.1), give(15), give(0), give(10, 2, 0.05), give(42), give(41, 7, 1.0)),
+        joined(give(6, 8, 5.0), give(7), give(8), give(25, 2, -1.0), give(62), give(51, 0, 0.1)),
+        joined(give(35, 0, 10.0), give(0), give(44), give(39), give(61), give(37), give(31)),
+    ]
