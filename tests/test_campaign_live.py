@@ -57,9 +57,6 @@ class Gauge(Transducer):
     def _at(self, t: float) -> WrenchSample | None:
         return self._read()
 
-    def _at(self, t: float) -> WrenchSample:
-        return self._read()
-
     def _health(self) -> Health:
         return Health("ok")
 
@@ -211,3 +208,51 @@ def test_a_robot_in_fault_takes_no_target():
         assert applied.reason == "fault: drive 3 is hot"
         with pytest.raises(DriverError, match="drive 3 is hot"):
             arm.move(arm.q + 0.01)
+
+
+STANDING = np.repeat(UR5.home[None], 400, axis=0)
+
+
+def test_a_load_in_motion_stops_the_arm_hard():
+    with Arm(force=40.0) as arm:
+        rows = arm.track(STANDING, 125.0)
+        next(rows)
+        assert arm.stops == []
+        arm.push = np.array([0.0, 0.0, 60.0, 0.0, 0.0, 0.0])
+        with pytest.raises(LimitError, match="above the limit 40 N"):
+            list(rows)
+        assert arm.stops and set(arm.stops) == {"hard"}
+
+
+def test_a_motion_that_fails_or_is_left_stops_the_arm():
+    with Arm() as arm:
+        rows = arm.track(STANDING, 125.0)
+        next(rows)
+        rows.close()
+        assert arm.stops == ["soft"]
+    with Arm() as arm:
+
+        def gap(t):
+            raise LinkError("the sensor's readings have a gap")
+
+        rows = arm.track(STANDING, 125.0)
+        next(rows)
+        arm.transducer._at = gap
+        with pytest.raises(LinkError, match="have a gap"):
+            list(rows)
+        assert arm.stops == ["soft"]
+
+
+def test_a_stop_that_fails_stands_beside_its_cause():
+    with Arm() as arm:
+
+        def mute(kind):
+            raise LinkError("no answer")
+
+        arm._stop = mute
+        rows = arm.track(STANDING, 125.0)
+        next(rows)
+        arm.state = Health("stopped", "the program ended")
+        with pytest.raises(DriverError, match="the program ended") as told:
+            list(rows)
+        assert told.value.__notes__ == ["the stop failed, too: no answer"]

@@ -20,7 +20,7 @@ from wrenchbed.drivers.base.motion import Motion
 from wrenchbed.drivers.base.pacing import calm, pace
 from wrenchbed.drivers.base.samples import Applied, ArmSample, Block
 from wrenchbed.drivers.base.stated import as_designed
-from wrenchbed.drivers.base.watched import CALM_SPEED, WatchedMotion, check_ready
+from wrenchbed.drivers.base.watched import CALM_SPEED, WatchedMotion, check_ready, stop_after
 from wrenchbed.errors import DriverError, LateError, LinkError
 from wrenchbed.health import GONE_S, STALE_S, Health
 from wrenchbed.metadata import Metadata
@@ -169,6 +169,15 @@ class LiveDriver(Driver):
         return _columns(rows)
 
     def _track(self, targets: np.ndarray, rate: float) -> Iterator[Block]:
+        """Stream the targets and come to rest, however that ends."""
+        try:
+            yield from self._streamed(targets, rate)
+        except BaseException as error:
+            stop_after(error, self._stop)
+            raise
+        self._stop("soft")
+
+    def _streamed(self, targets: np.ndarray, rate: float) -> Iterator[Block]:
         """Stream the targets; rows lie at equal steps of the robot's own clock."""
         even, done, whole = Evenly(rate), 0, len(targets)
         rows: list[dict[str, float]] = []
@@ -179,7 +188,6 @@ class LiveDriver(Driver):
             if k < whole:
                 applied = self.write(targets[k])
                 if not applied.ok:
-                    self._stop("soft")
                     raise DriverError(f"the motion was stopped: {applied.reason}")
                 sent.append((time.monotonic(), targets[k]))
             due = self._collect(even, due, 1.0 / rate)
@@ -192,9 +200,7 @@ class LiveDriver(Driver):
                 yield _columns(rows)
                 rows = []
             if done == whole and k + 1 >= whole:
-                self._stop("soft")
                 return
-        self._stop("soft")
         raise LinkError(f"{self.name}: {whole - done} rows of the motion never came")
 
     def _collect(self, even: Evenly, due: float, period: float) -> float:

@@ -1,6 +1,7 @@
 """A move of a real robot, watched to its end: link, robot, wrench and deadline."""
 
 import time
+from collections.abc import Callable
 from typing import Protocol
 
 import numpy as np
@@ -55,7 +56,8 @@ class WatchedMotion(Motion):
             try:
                 self._end = self._look()
             except DriverError as error:
-                self._end = self._stopped(error)
+                stop_after(error, self._driver.stop)
+                self._end = error
         if isinstance(self._end, DriverError):
             raise self._end
         return self._end
@@ -82,14 +84,6 @@ class WatchedMotion(Motion):
             )
         return None
 
-    def _stopped(self, error: DriverError) -> DriverError:
-        """Stop, as hard as the error asks for; the error, and the stop's own if it failed."""
-        try:
-            self._driver.stop("hard" if isinstance(error, LimitError) else "soft")
-        except DriverError as failed:
-            error.add_note(f"the stop failed, too: {failed}")
-        return error
-
     def wait(self, timeout: float | None = None) -> Reached:
         if timeout is not None:
             self._deadline = min(self._deadline, time.monotonic() + timeout)
@@ -101,6 +95,14 @@ class WatchedMotion(Motion):
         if self._end is None:
             self._end = DriverError("the move was cancelled")
             self._driver.stop("soft")
+
+
+def stop_after(error: BaseException, stop: Callable[[str], None]) -> None:
+    """Stop, as hard as the error asks for; where the stop fails, the error gets a note of it."""
+    try:
+        stop("hard" if isinstance(error, LimitError) else "soft")
+    except DriverError as failed:
+        error.add_note(f"the stop failed, too: {failed}")
 
 
 def check_ready(health: Health) -> None:

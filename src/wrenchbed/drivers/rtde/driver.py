@@ -25,7 +25,7 @@ from wrenchbed.errors import (
     SafetyStopError,
     StoppedError,
 )
-from wrenchbed.health import GONE_S, Health
+from wrenchbed.health import GONE_S, STALE_S, Health
 from wrenchbed.metadata import Metadata, SensorInfo
 from wrenchbed.transducers.ur_wrench import Reading
 
@@ -165,7 +165,7 @@ class RtdeDriver(LiveDriver):
             control.kill(str(error))
             raise
         if why:
-            raise StoppedError(f"{why}: call recover()")
+            raise StoppedError(self._trouble() or f"{why}: call recover()")
 
     def _move(self, start: np.ndarray, goal: np.ndarray, seconds: float) -> Motion:
         if goal.shape != (6,) or not np.isfinite(goal).all():
@@ -244,6 +244,13 @@ class RtdeDriver(LiveDriver):
             if health.state == "lost" or time.monotonic() > end:
                 raise LinkError(health.detail)
             time.sleep(0.005)
+
+    def _trouble(self) -> str:
+        """What keeps the robot from moving; its states tell a cycle or two after its program."""
+        end = time.monotonic() + STALE_S
+        while (trouble := words.trouble(self._look())) is None and time.monotonic() < end:
+            time.sleep(0.005)
+        return trouble[1] if trouble else ""
 
     def _wait_for_rest(self) -> None:
         end = time.monotonic() + _REST_S
