@@ -89,7 +89,7 @@ class Arm(LiveDriver):
         else:
             raise error
 
-    def _stream(self, q: np.ndarray) -> Applied:
+    def _stream(self, q: np.ndarray, at: float) -> Applied:
         self.q = np.array(q)
         return Applied(q)
 

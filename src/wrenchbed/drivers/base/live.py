@@ -45,6 +45,8 @@ class LiveDriver(Driver):
     """
 
     live = True
+    lead: float = 0.0
+    """How long before its time the device is told a streamed target [s]."""
     source: str
     """What recordings state as their source."""
     transducer: Transducer
@@ -67,8 +69,8 @@ class LiveDriver(Driver):
         """Start a move to rest at goal (J,) in some time [s]; returns at once."""
 
     @abstractmethod
-    def _stream(self, q: np.ndarray) -> Applied:
-        """Send one target (J,) of a stream, already within limits."""
+    def _stream(self, q: np.ndarray, at: float) -> Applied:
+        """Send one target (J,) of a stream, within limits, for a time (`time.monotonic`, [s])."""
 
     @abstractmethod
     def _arm_health(self) -> Health: ...
@@ -106,19 +108,22 @@ class LiveDriver(Driver):
         return self._fresh_arm(0.0).q
 
     def _write(self, q: np.ndarray) -> Applied:
+        return self._aim(q, time.monotonic())
+
+    def _aim(self, q: np.ndarray, at: float) -> Applied:
+        """Stream one target (J,) for a time (`time.monotonic`, [s])."""
         health = self._health()
         if not health.ok and not self._may_go_on(health):
             return Applied(None, f"{health.state}: {health.detail}")
-        now = time.monotonic()
-        then, last = self._last_target or (now, self._read().q)
-        since = float(np.clip(now - then, *_STREAM_S))
+        then, last = self._last_target or (at, self._read().q)
+        since = float(np.clip(at - then, *_STREAM_S))
         why = self.limits.check_step(self.robot, last, q, since)
         if why:
             return Applied(None, why)
         self.guard()
-        applied = self._stream(q)
+        applied = self._stream(q, at)
         if applied.ok:
-            self._last_target = (now, q)
+            self._last_target = (at, q)
         return applied
 
     def _may_go_on(self, health: Health) -> bool:
@@ -186,10 +191,11 @@ class LiveDriver(Driver):
         due = time.monotonic()
         for k in range(whole + round(2.0 * GONE_S * rate)):
             if k < whole:
-                applied = self.write(targets[k])
+                at = due + self.lead
+                applied = self._aim(targets[k], at)
                 if not applied.ok:
                     raise DriverError(f"the motion was stopped: {applied.reason}")
-                sent.append((time.monotonic(), targets[k]))
+                sent.append((at, targets[k]))
             due = self._collect(even, due, 1.0 / rate)
             waiting.extend(even.rows(whole - done - len(waiting)))
             while waiting and (row := self._tracked(waiting[0], sent)) is not None:
@@ -206,7 +212,7 @@ class LiveDriver(Driver):
     def _collect(self, even: Evenly, due: float, period: float) -> float:
         """Take in states until the next target is due."""
         until = due + period
-        if time.monotonic() - until > period:
+        if time.monotonic() - until > max(period, self.lead):
             until = time.monotonic()  # what came late stays late: a robot must not leap after it
         even.add(self._fresh_arm(0.0))
         while (left := until - time.monotonic()) > 0.0:

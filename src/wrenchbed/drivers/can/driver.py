@@ -221,8 +221,8 @@ class CanDriver(LiveDriver):
     def _begin(self, goal: np.ndarray, seconds: float) -> None:
         self._setpoints.move(goal, seconds)
 
-    def _stream(self, q: np.ndarray) -> Applied:
-        self._setpoints.stream(q, time.monotonic())
+    def _stream(self, q: np.ndarray, at: float) -> Applied:
+        self._setpoints.stream(q, at)
         return Applied(q)
 
     def _stop(self, kind: str) -> None:

@@ -14,6 +14,7 @@ from importlib import import_module
 from typing import Any
 
 from wrenchbed.drivers.rtde.record import Shared
+from wrenchbed.drivers.rtde.stream import Stream
 from wrenchbed.drivers.rtde.wire import Closed, Message, Wire
 from wrenchbed.drivers.rtde.worker import LOST, Printed, cause, settle
 
@@ -23,7 +24,7 @@ DRIVER_SILENT_S = 0.5
 """Age of the driver's heartbeat at which the robot is stopped [s]."""
 BLIND_S = 1.0
 """Age of the newest state at which a robot that moves is stopped [s]."""
-_STUCK_S = 0.4
+_STUCK_S, _TICK_S = 0.4, 1e-3
 _REST, _REST_S, _LAST_S = 5e-3, 2.0, 0.15
 _SOFT, _HARD, _SERVO_SOFT, _SERVO_HARD = 3.0, 15.0, 4.0, 15.0
 """Decelerations; of the joints [rad/s²] or of the tool [m/s²], as the robot's script takes them."""
@@ -64,7 +65,7 @@ class Control:
     ) -> None:
         self._robot, self._shared, self._wire = robot, shared, wire
         self._pause, self._period = 1.0 / (KICKS * watchdog_hz), period
-        self._kick_due = 0.0
+        self._kick_due, self._stream = 0.0, Stream(period)
         self._playing, self._servoing, self._moving = True, False, False
         self._began, self._hard = 0.0, False
 
@@ -73,16 +74,11 @@ class Control:
         try:
             while self._alive():
                 self._kick()
-                message = self._wire.receive(self._kick_due - time.monotonic())
-                while message is not None and message.get("do") == "servo":
-                    newer = self._wire.receive(0.0)  # each call takes a cycle of the robot's
-                    if newer is None:
-                        break
-                    if newer.get("do") != "servo":
-                        self._obey(message)
-                    message = newer
-                if message is not None:
+                self._release()
+                message = self._wire.receive(self._idle())
+                while message is not None:
                     self._obey(message)
+                    message = self._wire.receive(0.0)
         except Closed:
             pass
         self._halt(hard=True)
@@ -110,6 +106,20 @@ class Control:
         elif self._playing and not self._robot.kickWatchdog():
             self._ended()
 
+    def _idle(self) -> float:
+        """How long an order may be waited for [s]; the wire's clock counts whole milliseconds."""
+        left = min(self._kick_due, self._stream.due) - time.monotonic()
+        if left < _TICK_S:
+            time.sleep(max(0.0, left))
+        return left - _TICK_S
+
+    def _release(self) -> None:
+        """Send the newest target that is due."""
+        now, state = time.monotonic(), self._shared.read() if self._stream.due < math.inf else None
+        q = self._stream.take(now, now if state is None else state.t)
+        if q is not None and (why := self._servo(q)):
+            self._wire.send({"event": "unsent", "why": why})
+
     def _blind(self) -> bool:
         """Whether the robot moves and nobody sees where."""
         state = self._shared.read()
@@ -124,10 +134,8 @@ class Control:
     def _obey(self, message: Message) -> None:
         do = message.get("do")
         if do == "servo":
-            why = self._servo(message["q"])
-            if why:
-                self._wire.send({"event": "unsent", "why": why})
-            return
+            return self._stream.add(message["q"], message["at"])
+        self._stream.clear()
         if do == "quit":
             self._halt(hard=False)
             self._rest()
@@ -169,6 +177,7 @@ class Control:
 
         A hard stop under way stays hard: the robot's script would brake anew, more softly.
         """
+        self._stream.clear()
         if not self._playing:
             return ""
         if self._servoing:

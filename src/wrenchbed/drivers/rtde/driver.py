@@ -45,7 +45,7 @@ class RtdeDriver(LiveDriver):
     name = "rtde"
     title = "a UR robot over ur_rtde, with a Net F/T sensor or its own wrench"
     options = Options
-    source = "ur_rtde"
+    source, lead = "ur_rtde", 0.03
 
     def __init__(self, options: Options | None = None) -> None:
         options = options or Options()
@@ -172,10 +172,10 @@ class RtdeDriver(LiveDriver):
             raise ParameterError("a goal must be 6 finite joint angles")
         return super()._move(start, goal, seconds)
 
-    def _stream(self, q: np.ndarray) -> Applied:
+    def _stream(self, q: np.ndarray, at: float) -> Applied:
         control = self._armed()
         why = control.gone() or control.refused
-        if not why and not control.tell("servo", q=q.tolist()):
+        if not why and not control.tell("servo", q=q.tolist(), at=at):
             why = "the control worker takes no targets"
         if not why:
             why = self._followed.add(time.monotonic(), q, np.array(self._look().target_q))
