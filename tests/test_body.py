@@ -2,10 +2,12 @@
 
 import numpy as np
 import pytest
+from scipy.signal import savgol_filter
 
 from wrenchbed import registry
 from wrenchbed.drivers import sim
 from wrenchbed.errors import NotFoundError, ParameterError
+from wrenchbed.jets import Jet
 from wrenchbed.serving.body import Body, Options
 from wrenchbed.twins.base import Options as TwinOptions
 
@@ -180,3 +182,20 @@ def test_a_plate_pushes_back_on_the_tool_and_not_before():
 def test_what_it_cannot_be_is_refused():
     with pytest.raises(NotFoundError, match="no MuJoCo model"):
         Body(Options("oriented"), CYCLE)
+
+
+def test_a_motion_pulls_at_the_sensor_as_newton_and_euler_say():
+    """Loads between cycles come from one smooth motion, not from jumps at each cycle's begin."""
+    body = Body(Options("ur5", noise="off"), CYCLE)
+    t = CYCLE * np.arange(1500)
+    wave = [0.3 * (1.0 - np.cos(2.0 * np.pi * (0.3 + 0.05 * j) * t)) for j in range(6)]
+    q, load = [], []
+    for target in body.robot.home + np.stack(wave, axis=-1):
+        body.step(target)
+        q.append(body._rows[-1].q)
+        load.append(body._rows[-1].load)
+    jets = Jet(*(savgol_filter(np.array(q), 11, 5, deriv=k, delta=CYCLE, axis=0) for k in range(3)))
+    off = np.array(load) - body.model.true_wrench(jets, body.theta)
+    assert np.abs(off[300:-20, :3]).max() < 0.02
+    assert np.abs(off[300:-20, 3:]).max() < 0.002
+    assert np.ptp(np.array(load)[300:-20], axis=0)[:3].min() > 1.0

@@ -93,7 +93,7 @@ class Body:
         self._table, self._stiffness = options.table, options.table_stiffness
         self._substeps = steps_in(cycle)
         self._lock = threading.Lock()
-        self._target = np.array(robot.home)
+        self._target = self._before = np.array(robot.home)
         self._behind = max(1, round(SHOWN_S / cycle))
         self._rows: deque[Row] = deque(maxlen=max(8, round(HISTORY_S / cycle)))
         self._cycles = 0
@@ -135,13 +135,19 @@ class Body:
         return self._rows[max(-self._behind - 1, -len(self._rows))]
 
     def step(self, target: np.ndarray) -> None:
-        """Take one control cycle to a target (J,)."""
+        """Take one control cycle towards a target (J,).
+
+        The servos follow the quadratic B-spline of the targets: with one acceleration a cycle and
+        no jump in speed, half a cycle late, as drives that interpolate do.
+        """
         share = np.arange(1, self._substeps + 1)[:, None] / self._substeps
-        way = self._target + share * (np.asarray(target, dtype=float) - self._target)
+        last, new = self._target, np.asarray(target, dtype=float)
+        way = 0.5 * (self._before + last) + share * (last - self._before)
+        way += 0.5 * share**2 * (new - 2.0 * last + self._before)
         if self._table is not None:
             self._press(self._table)
         sampled = self._plant.follow(way, self.cycle)
-        self._target = way[-1]
+        self._before, self._target = last, np.array(new)
         with self._lock:
             self._rows.append(Row(self._cycles * self.cycle, *sampled))
             self._cycles += 1

@@ -31,6 +31,6 @@ class Arm(Body):
         gain, spring, damper = (
             model.actuator_gainprm[:, 0], model.actuator_biasprm[:, 1], model.actuator_biasprm[:, 2]
         )  # fmt: skip
-        self._torques.append(gain * self.target + spring * plant.q + damper * plant.qd)
+        self._torques.append(gain * plant.data.ctrl + spring * plant.q + damper * plant.qd)
         while len(self._torques) > self._behind + 1:
             self._torques.popleft()
