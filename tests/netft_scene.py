@@ -31,6 +31,10 @@ class StandIn:
     def ahead(self) -> float:
         return (time.monotonic() - self.begun) // self.cycle * self.cycle
 
+    @property
+    def punctual(self) -> tuple[float, float]:
+        return self.begun + self.ahead, self.ahead
+
     def load(self, t):
         return self.base + self.slope * np.asarray(t)[..., None]
 

@@ -31,6 +31,14 @@ def test_a_reading_between_two_has_the_flags_of_both():
     assert between.age == pytest.approx(0.01)
 
 
+def test_of_readings_close_together_the_nearer_one_counts():
+    past = Past(8)
+    for t, force in ((1.0, 1.0), (1.0005, 3.0), (1.0025, 5.0)):
+        past.add(sample(t, force))
+    told = [past.at(t).wrench[0] for t in (1.0, 1.0002, 1.0003, 1.0005, 1.0015)]
+    assert told == pytest.approx([1.0, 1.0, 3.0, 3.0, 4.0])
+
+
 def test_nothing_is_told_before_after_and_in_a_gap():
     past = Past(8)
     for t in (1.0, 1.04, 1.2):

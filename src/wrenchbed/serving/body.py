@@ -5,6 +5,7 @@ knows what comes next. `step` and `readings` may be called from different thread
 """
 
 import threading
+import time
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -98,6 +99,8 @@ class Body:
         self._rows: deque[Row] = deque(maxlen=max(8, round(HISTORY_S / cycle)))
         self._cycles = 0
         self._shown = -np.inf
+        self.due = 0.0
+        """When the next state is due (`time.monotonic`, [s]); 0: when it is there."""
         self.step(robot.home)
 
     @property
@@ -134,6 +137,11 @@ class Body:
     def _now(self) -> Row:
         return self._rows[max(-self._behind - 1, -len(self._rows))]
 
+    @property
+    def punctual(self) -> tuple[float, float]:
+        """When the newest state was due (`time.monotonic`), and its simulated time [s]."""
+        return self._punctual
+
     def step(self, target: np.ndarray) -> None:
         """Take one control cycle towards a target (J,).
 
@@ -150,6 +158,7 @@ class Body:
         self._before, self._target = last, np.array(new)
         with self._lock:
             self._rows.append(Row(self._cycles * self.cycle, *sampled))
+            self._punctual = (self.due or time.monotonic(), self._rows[-1].t)
             self._cycles += 1
             if self._felt is not None:
                 self._felt.advance(self._rows)

@@ -15,6 +15,9 @@ from wrenchbed.device import Device
 from wrenchbed.errors import DriverError
 from wrenchbed.health import STALE_S
 
+CLOSE_S = 1e-3
+"""Readings that are less apart are not averaged [s]."""
+
 
 @dataclass(frozen=True, eq=False)
 class WrenchSample:
@@ -86,6 +89,17 @@ class Transducer(Device):
         raise DriverError(f"transducer {self.name!r} cannot change its zero")
 
 
+def weight(since: float, span: float) -> float:
+    """Share of the later of two readings, some time [s] after the first, a span [s] apart.
+
+    Of two that are less than `CLOSE_S` apart the nearer one counts, as it was read: a mean of both
+    would be calmer than the sensor is. Else a straight line is drawn between them.
+    """
+    if span < CLOSE_S:
+        return float(since >= 0.5 * span)
+    return since / span
+
+
 class Past:
     """Keeps the last readings; written by one thread, read by others."""
 
@@ -102,7 +116,7 @@ class Past:
         self._samples.clear()
 
     def at(self, t: float) -> WrenchSample | None:
-        """A reading as it was at a time [s], in a straight line between its neighbours.
+        """A reading as it was at a time [s], between its neighbours as `weight` says.
 
         It has the flags of both. None before the first, after the last and in a gap.
         """
@@ -114,7 +128,7 @@ class Past:
         span = after.t - before.t
         if span > STALE_S:
             return None
-        share = (t - before.t) / span if span > 0.0 else 1.0
+        share = weight(t - before.t, span)
         return replace(
             after,
             t=t,

@@ -63,6 +63,7 @@ class NetftTwin(TwinServer):
         while not self._ended.is_set():
             due = max(due + _CYCLE, time.monotonic() - 2.0 * _CYCLE)
             time.sleep(max(0.0, due - time.monotonic()))
+            self.body.due = due
             self.body.step(home)
 
 

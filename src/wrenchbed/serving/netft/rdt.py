@@ -122,7 +122,7 @@ class Rdt:
                 due = max(due + min(max(_BURST_S, period), 0.02), time.monotonic() - _BURST_S)
                 time.sleep(max(0.0, due - time.monotonic()))
             now = time.monotonic()
-            self._sensing.observe(now)
+            self._sensing.observe()
             if self._stream is None or now >= self._heard + _LISTEN_S:
                 self._heard = now
                 self._listen(now)
@@ -157,6 +157,9 @@ class Rdt:
             n = 1
         if stream.left is not None:
             n = min(n, stream.left)
+        if not self._sensing.stands(now):
+            first = stream.tick + len(self._ready) // _SIZE * stream.every
+            n = min(n, len(self._ready) // _SIZE + self._sensing.ahead(first, stream.every))
         group = self._pace.buffer if stream.buffered else 1
         if self._troubles.now("buffered"):
             group = LARGEST_BUFFER

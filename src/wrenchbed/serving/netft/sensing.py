@@ -11,6 +11,7 @@ from wrenchbed.serving.netft.timeline import Timeline
 from wrenchbed.serving.netft.troubles import Troubles
 
 _LARGEST = 2**31 - 1
+_STANDS_S = 0.05
 
 
 class Sensing:
@@ -36,9 +37,9 @@ class Sensing:
         self.status = 0
         self._drawn = 0
 
-    def observe(self, now: float) -> None:
+    def observe(self) -> None:
         """Look at the body's clock; to be called often."""
-        self._timeline.observe(now, self._body.ahead)
+        self._timeline.observe(*self._body.punctual)
 
     def warm_up(self) -> None:
         """Draw a block of noise, which loads what its filters need."""
@@ -55,10 +56,11 @@ class Sensing:
     def ahead(self, tick: int, every: int) -> int:
         """How many samples from ``tick`` on, ``every`` so many, the body can tell already."""
         behind = self._body.ahead - self._timeline.shown(self.host(tick))
-        if behind < 0.0:
-            self._timeline.late()
-            return 0
-        return int(behind * self.rate / every) + 1
+        return int(behind * self.rate / every) + 1 if behind >= 0.0 else 0
+
+    def stands(self, now: float) -> bool:
+        """Whether the body is so late that what it showed last is shown on."""
+        return now - self._body.punctual[0] > _STANDS_S
 
     def sample(self, tick: int, every: int, n: int) -> tuple[np.ndarray, np.ndarray]:
         """Counts (n, 6) and status words (n,) of n samples."""

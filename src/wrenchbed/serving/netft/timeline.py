@@ -2,38 +2,23 @@
 
 
 class Timeline:
-    """Follows a body's clock from below, so that the times it shows exist already.
+    """The simulated time that a sensor shows at a time of this machine.
 
-    A body has states at whole cycles. What it shows between two of them is known only when the
-    later one exists, so the time shown is one cycle behind, at least 8 ms (a block of samples at
-    a time costs least), and 1 ms more since nobody steps punctually: up to 7 ms where the
-    stepping is late again and again.
+    What a body shows between two states is known only when the later one exists, so the time shown
+    is one cycle behind, at least 8 ms (a block of samples at a time costs least), and 2 ms more
+    since nobody steps punctually. The delay is constant: what comes later still is waited for.
     """
 
-    _CREEP = 1e-3
-    _JUMP_S = 0.1
-    _SHORTEST_S = 8e-3
-    _SLACK_S, _MORE_S, _MOST_S = 1e-3, 5e-4, 7e-3
-    _RELAX = 1e-4
+    _SHORTEST_S, _SLACK_S = 8e-3, 2e-3
 
     def __init__(self, cycle: float) -> None:
-        self._lag = max(cycle, self._SHORTEST_S)
-        self._slack = self._SLACK_S
-        self._offset: float | None = None
+        self._lag = max(cycle, self._SHORTEST_S) + self._SLACK_S
+        self._offset = 0.0
 
-    def observe(self, now: float, newest: float) -> None:
-        """Take in that the newest state has a simulated time, at a time of this machine [s]."""
-        seen = now - newest
-        if self._offset is None or seen < self._offset or seen > self._offset + self._JUMP_S:
-            self._offset = seen
-        else:
-            self._offset += self._CREEP * (seen - self._offset)
-        self._slack += self._RELAX * (self._SLACK_S - self._slack)
-
-    def late(self) -> None:
-        """A time was shown before its state existed: keep more distance for a while."""
-        self._slack = min(self._slack + self._MORE_S, self._MOST_S)
+    def observe(self, due: float, newest: float) -> None:
+        """Take in the simulated time of the newest state, and when it was due here [s]."""
+        self._offset = due - newest
 
     def shown(self, host: float) -> float:
         """Simulated time shown at a time of this machine [s]."""
-        return host - (self._offset or 0.0) - self._lag - self._slack
+        return host - self._offset - self._lag

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from wrenchbed.health import STALE_S
+from wrenchbed.transducers.base import weight
 from wrenchbed.transducers.netft import datagrams
 
 _BATCHES = 8192
@@ -41,7 +42,7 @@ class History:
         self._batches.clear()
 
     def at(self, t: float) -> Known | None:
-        """What was at a time [s], between records in a straight line; None where unknown."""
+        """What was at a time [s], between records as `weight` says; None where unknown."""
         around: list[tuple[float, bytes]] = []
         for batch in reversed(self._batches.copy()):
             around.append(batch)
@@ -58,7 +59,7 @@ class History:
         span = times[k] - times[k - 1]
         if span > STALE_S:
             return None
-        share = (t - times[k - 1]) / span if span > 0.0 else 1.0
+        share = weight(t - times[k - 1], span)
         between = counts[k - 1] + share * (counts[k] - counts[k - 1])
         age = min(abs(t - times[k - 1]), abs(times[k] - t))
         return Known(between, int(status[k - 1] | status[k]), float(age))

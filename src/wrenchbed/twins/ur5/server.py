@@ -176,6 +176,7 @@ class UR5Twin(TwinServer):
             lost = clock.lost
             behind = clock.advance()
             self.timestamp.lost(clock.lost - lost)
+            self.body.due = clock.due - clock.period
             self._cycle(behind)
 
     def _cycle(self, behind: int) -> None:
