@@ -8,7 +8,7 @@ import time
 import pytest
 
 import twin_process
-from ur5_socket import Client, ClosedError, Lines
+from ur5_socket import Client, Lines, gone
 
 pytestmark = pytest.mark.wire
 
@@ -35,14 +35,6 @@ def silence(client: Client, longest: float) -> float:
     begun = time.monotonic()
     client.state(longest)
     return time.monotonic() - begun
-
-
-def gone(client: Client, timeout: float = 2.0) -> str:
-    with pytest.raises(ClosedError) as info:
-        end = time.monotonic() + timeout
-        while time.monotonic() < end:
-            client.packet()
-    return str(info.value)
 
 
 def drain(client: Client) -> float:

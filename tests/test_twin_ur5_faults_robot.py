@@ -6,7 +6,7 @@ import time
 import pytest
 
 import twin_process
-from ur5_socket import Client, ClosedError, Lines
+from ur5_socket import Client, Lines, gone
 from wrenchbed.twins.base import Options
 from wrenchbed.twins.ur5 import TWIN
 
@@ -36,14 +36,6 @@ def restored(twin):
     yield
     twin.fault("robot", "restart")
     time.sleep(0.1)
-
-
-def gone(client: Client, timeout: float = 2.0) -> str:
-    with pytest.raises(ClosedError) as info:
-        end = time.monotonic() + timeout
-        while time.monotonic() < end:
-            client.packet()
-    return str(info.value)
 
 
 def test_protective_stop(twin, client, restored):

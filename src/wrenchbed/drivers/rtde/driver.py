@@ -45,7 +45,7 @@ class RtdeDriver(LiveDriver):
     name = "rtde"
     title = "a UR robot over ur_rtde, with a Net F/T sensor or its own wrench"
     options = Options
-    source, lead = "ur_rtde", 0.03
+    source, lead = "ur_rtde", 0.1
 
     def __init__(self, options: Options | None = None) -> None:
         options = options or Options()
