@@ -321,7 +321,7 @@ def test_record_stopped_with_ctrl_c_finishes_its_file(tmp_path):
         assert process.stderr is not None
         err = process.stderr.read()
     assert process.returncode == 130
-    assert "what was done so far is on disk" in err
+    assert "what was recorded is on disk" in err and "--resume" in err
     assert len(Recording.read(tmp_path / "rec.parquet")) >= 500
     assert not list(tmp_path.glob("*.journal"))
 

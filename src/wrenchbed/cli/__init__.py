@@ -28,18 +28,24 @@ _VERBS: dict[str, Callable[..., Any]] = {
     "blind": blind.blind,
 }
 _GROUPS: dict[str, dict[str, Callable[..., Any]]] = {"blind": blind.VERBS}
+_KEPT = {
+    "record": "; what was recorded is on disk, and on a robot `record … --resume` goes on",
+    "study": "; what was done so far is on disk, and the same command goes on",
+    "blind": "; what was done so far is on disk, and the same command goes on",
+}
+"""What a verb that was stopped leaves."""
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Run one verb. Returns 0 done, 1 a named error (one line on stderr), 2 usage, 130 stopped."""
     stderr = Console(stderr=True, soft_wrap=True, highlight=False)
+    words = sys.argv[1:] if arguments is None else arguments
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("always", WrenchbedWarning)
             warnings.showwarning = lambda message, *_, **__: stderr.print(
                 f"wrenchbed: warning: {message}", style="yellow", markup=False
             )
-            words = sys.argv[1:] if arguments is None else arguments
             group = words[0] if words and words[0] in _GROUPS else None
             tyro.extras.subcommand_cli_from_dict(
                 _VERBS if group is None else _GROUPS[group],
@@ -57,7 +63,8 @@ def main(arguments: list[str] | None = None) -> int:
         stderr.print(f"wrenchbed: error: {what}", style="red", markup=False)
         return 1
     except KeyboardInterrupt:
-        stderr.print("wrenchbed: stopped; what was done so far is on disk", markup=False)
+        kept = _KEPT.get(words[0], "") if words else ""
+        stderr.print(f"wrenchbed: stopped{kept}", markup=False)
         return 130
     return 0
 
