@@ -33,7 +33,8 @@ class StandIn:
 
     @property
     def punctual(self) -> tuple[float, float]:
-        return self.begun + self.ahead, self.ahead
+        ahead = self.ahead
+        return self.begun + ahead, ahead
 
     def load(self, t):
         return self.base + self.slope * np.asarray(t)[..., None]

@@ -7,12 +7,9 @@ from wrenchbed.drivers.base import watched
 from wrenchbed.drivers.base.evenly import Evenly
 from wrenchbed.drivers.base.samples import ArmSample
 from wrenchbed.drivers.base.watched import WatchedMotion
-from wrenchbed.drivers.rtde.control_worker import Control
-from wrenchbed.errors import LateError, LimitError, LinkError
+from wrenchbed.errors import DriverError, LateError, LimitError, LinkError
 from wrenchbed.health import Health
 from wrenchbed.transducers.base import Past, WrenchSample
-
-SOFT, HARD = 3.0, 15.0
 
 
 def sample(t, force, status=0, saturated=0, faults=()):
@@ -115,59 +112,12 @@ def test_a_stop_that_fails_is_told_too(clock):
     assert caught.value.__notes__ == ["the stop failed, too: no answer"]
 
 
-class Script:
-    """What ur_rtde was told; its operation goes on until it is told otherwise."""
-
-    def __init__(self):
-        self.told, self.running = [], False
-
-    def moveJ(self, q, speed, acceleration, asynchronous):
-        self.told.append("move")
-        return True
-
-    def stopJ(self, deceleration, asynchronous):
-        self.told.append(deceleration)
-
-    def getAsyncOperationProgressEx(self):
-        return self
-
-    def isAsyncOperationRunning(self):
-        return self.running
-
-
-class Channel:
-    def send(self, message):
-        self.last = message
-
-
-def told(control, script, *orders):
-    for order in orders:
-        do = {"do": "move", "q": [0.0] * 6, "speed": 1.0, "acceleration": 1.0}
-        control._obey({"id": 1} | (do if order == "move" else {"do": "stop", "kind": order}))
-    return script.told
-
-
-@pytest.fixture
-def control(monkeypatch):
-    script = Script()
-    return Control(script, None, Channel(), 10.0, 0.008), script
-
-
-def test_a_soft_stop_does_not_soften_a_hard_one(control):
-    control, script = control
-    script.running = True
-    assert told(control, script, "move", "hard", "soft") == ["move", HARD]
-
-
-def test_a_soft_stop_right_after_a_move_began_is_sent(control):
-    control, script = control  # the robot does not say yet that the move goes on
-    assert told(control, script, "move", "soft") == ["move", SOFT]
-
-
-def test_a_robot_at_rest_is_not_told_to_stop(control, monkeypatch):
-    control, script = control
-    told(control, script, "move")
-    monkeypatch.setattr(
-        "wrenchbed.drivers.rtde.control_worker.time.monotonic", lambda: control._began + 1.0
-    )
-    assert told(control, script, "soft") == ["move"]
+def test_an_interrupted_wait_stops_the_robot(clock):
+    driver = Watched(0.01, clock)
+    driver.guard = lambda: (_ for _ in ()).throw(KeyboardInterrupt)
+    motion = WatchedMotion(driver, np.zeros(6), 1.0)
+    with pytest.raises(KeyboardInterrupt):
+        motion.wait()
+    assert driver.stops == ["soft"]
+    with pytest.raises(DriverError, match="interrupted"):
+        motion.poll()

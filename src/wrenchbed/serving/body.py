@@ -171,6 +171,7 @@ class Body:
                 that state, times that were shown already are moved on by a nanosecond each.
         """
         with self._lock:
+            t = np.minimum(t, self.ahead)
             t = np.maximum(t, self._shown + 1e-9 * np.arange(1, len(t) + 1))
             self._shown = float(t[-1])
             shown = self._mean(t) if self._felt is None else self._felt.mean(t)

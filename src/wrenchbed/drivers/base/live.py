@@ -4,6 +4,7 @@ A reading that is not fresh never enters a recording: the driver waits for it, a
 when it does not come.
 """
 
+import threading
 import time
 from abc import abstractmethod
 from collections import deque
@@ -55,6 +56,12 @@ class LiveDriver(Driver):
         super().__init__(limits or LIVE)
         self._start = self._last_row = 0.0
         self._last_target: tuple[float, np.ndarray] | None = None
+        self._ordering, self._stops = threading.Lock(), 0
+
+    def stop(self, kind: str = "soft") -> None:
+        with self._ordering:
+            self._stops += 1
+        super().stop(kind)
 
     @abstractmethod
     def _open(self) -> None:
@@ -110,8 +117,8 @@ class LiveDriver(Driver):
     def _write(self, q: np.ndarray) -> Applied:
         return self._aim(q, time.monotonic())
 
-    def _aim(self, q: np.ndarray, at: float) -> Applied:
-        """Stream one target (J,) for a time (`time.monotonic`, [s])."""
+    def _aim(self, q: np.ndarray, at: float, stops: int | None = None) -> Applied:
+        """Stream one target (J,) for a time (`time.monotonic`, [s]), unless stops are more now."""
         health = self._health()
         if not health.ok and not self._may_go_on(health):
             return Applied(None, f"{health.state}: {health.detail}")
@@ -121,9 +128,12 @@ class LiveDriver(Driver):
         if why:
             return Applied(None, why)
         self.guard()
-        applied = self._stream(q, at)
-        if applied.ok:
-            self._last_target = (at, q)
+        with self._ordering:
+            if stops is not None and stops != self._stops:
+                return Applied(None, "a stop was asked for")
+            applied = self._stream(q, at)
+            if applied.ok:
+                self._last_target = (at, q)
         return applied
 
     def _may_go_on(self, health: Health) -> bool:
@@ -134,7 +144,12 @@ class LiveDriver(Driver):
     def _move(self, start: np.ndarray, goal: np.ndarray, seconds: float) -> Motion:
         check_ready(self._health())
         self._last_target = None
-        self._begin(goal, seconds)
+        try:
+            self._begin(goal, seconds)
+        except BaseException as error:
+            if not isinstance(error, DriverError):
+                stop_after(error, self.stop)
+            raise
         return WatchedMotion(self, goal, seconds)
 
     def guard(self) -> None:
@@ -178,9 +193,9 @@ class LiveDriver(Driver):
         try:
             yield from self._streamed(targets, rate)
         except BaseException as error:
-            stop_after(error, self._stop)
+            stop_after(error, self.stop)
             raise
-        self._stop("soft")
+        self.stop()
 
     def _streamed(self, targets: np.ndarray, rate: float) -> Iterator[Block]:
         """Stream the targets; rows lie at equal steps of the robot's own clock."""
@@ -188,15 +203,16 @@ class LiveDriver(Driver):
         rows: list[dict[str, float]] = []
         waiting: deque[Even] = deque()
         sent: deque[tuple[float, np.ndarray]] = deque(maxlen=round(3.0 * GONE_S * rate))
-        due = time.monotonic()
+        due, stops = time.monotonic(), self._stops
+        begin = due + self.lead
         for k in range(whole + round(2.0 * GONE_S * rate)):
             if k < whole:
                 at = due + self.lead
-                applied = self._aim(targets[k], at)
+                applied = self._aim(targets[k], at, stops)
                 if not applied.ok:
                     raise DriverError(f"the motion was stopped: {applied.reason}")
                 sent.append((at, targets[k]))
-            due = self._collect(even, due, 1.0 / rate)
+            due = self._collect(even, due, 1.0 / rate, begin)
             waiting.extend(even.rows(whole - done - len(waiting)))
             while waiting and (row := self._tracked(waiting[0], sent)) is not None:
                 waiting.popleft()
@@ -209,16 +225,18 @@ class LiveDriver(Driver):
                 return
         raise LinkError(f"{self.name}: {whole - done} rows of the motion never came")
 
-    def _collect(self, even: Evenly, due: float, period: float) -> float:
-        """Take in states until the next target is due."""
+    def _collect(self, even: Evenly, due: float, period: float, begin: float) -> float:
+        """Take in states until the next target is due, none before the first one's time."""
         until = due + period
         if time.monotonic() - until > max(period, self.lead):
             until = time.monotonic()  # what came late stays late: a robot must not leap after it
-        even.add(self._fresh_arm(0.0))
+        arm = self._fresh_arm(0.0)
+        if arm.t >= begin:
+            even.add(arm)
         while (left := until - time.monotonic()) > 0.0:
             time.sleep(min(left, _POLL_S))
             arm = self._read()
-            if arm.age < STALE_S:
+            if arm.age < STALE_S and arm.t >= begin:
                 even.add(arm)
         return until
 

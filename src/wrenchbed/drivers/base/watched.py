@@ -87,8 +87,14 @@ class WatchedMotion(Motion):
     def wait(self, timeout: float | None = None) -> Reached:
         if timeout is not None:
             self._deadline = min(self._deadline, time.monotonic() + timeout)
-        while (end := self.poll()) is None:
-            time.sleep(_POLL_S)
+        try:
+            while (end := self.poll()) is None:
+                time.sleep(_POLL_S)
+        except BaseException as error:
+            if self._end is None:
+                self._end = DriverError("the move was interrupted")
+                stop_after(error, self._driver.stop)
+            raise
         return end
 
     def cancel(self) -> None:

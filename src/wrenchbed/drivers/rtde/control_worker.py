@@ -29,6 +29,7 @@ _REST, _REST_S, _LAST_S = 5e-3, 2.0, 0.15
 _SOFT, _HARD, _SERVO_SOFT, _SERVO_HARD = 3.0, 15.0, 4.0, 15.0
 """Decelerations; of the joints [rad/s²] or of the tool [m/s²], as the robot's script takes them."""
 _LOOKAHEAD_S, _GAIN = 0.1, 300.0
+_OVER = "the robot's program does not run"
 _BEGINS_S = 0.05
 """Time in which a move or a stop is sure to show that it is under way, some cycles [s]."""
 
@@ -101,7 +102,7 @@ class Control:
             return
         self._kick_due = now + self._pause
         if self._playing and self._blind():
-            self._halt(hard=False)
+            self._brake(hard=False)
             self._ended()  # no further kicks: the watchdog ends the program
         elif self._playing and not self._robot.kickWatchdog():
             self._ended()
@@ -128,6 +129,7 @@ class Control:
 
     def _ended(self) -> None:
         """The program on the robot does not run any more."""
+        self._stream.clear()
         self._playing = self._servoing = self._moving = False
         self._wire.send({"event": "ended"})
 
@@ -146,6 +148,8 @@ class Control:
 
     def _servo(self, q: list[float]) -> str:
         """Stream one target; why not, if not."""
+        if not self._playing:
+            return _OVER
         if not sound(q):
             return "a target must be 6 finite angles"
         if self._under_way() and not self._rest(_LAST_S):
@@ -154,7 +158,7 @@ class Control:
         self._kick_due = time.monotonic() + self._pause
         if not self._robot.servoJ(q, 0.5, 0.5, self._period, _LOOKAHEAD_S, _GAIN):
             self._ended()
-            return "the robot's program does not run"
+            return _OVER
         return ""
 
     def _move(self, message: Message) -> str:
@@ -180,16 +184,19 @@ class Control:
         self._stream.clear()
         if not self._playing:
             return ""
+        if self._servoing and not hard:
+            self._rest(0.4)
+        self._brake(hard)
+        return ""
+
+    def _brake(self, hard: bool) -> None:
         if self._servoing:
-            if not hard:
-                self._rest(0.4)
             self._servoing = False
             if not self._robot.servoStop(_SERVO_HARD if hard else _SERVO_SOFT):
                 self._ended()
         elif hard or (self._under_way() and not self._hard):
             self._robot.stopJ(_HARD if hard else _SOFT, True)
             self._moving, self._hard, self._began = True, hard, time.monotonic()
-        return ""
 
     def _under_way(self) -> bool:
         """Whether a move or its stop goes on."""

@@ -112,6 +112,7 @@ class RtdeDriver(LiveDriver):
             time.sleep(0.01)
         self._control = links.open_control()
         self._followed.clear()
+        self._last_target = None
         end = time.monotonic() + GONE_S
         while int(self._look().runtime) != words.PLAYING and time.monotonic() < end:
             time.sleep(0.01)
@@ -184,6 +185,7 @@ class RtdeDriver(LiveDriver):
     def _stop(self, kind: str) -> None:
         """Brake by the control worker; where it does not answer, by the dashboard."""
         self._followed.clear()
+        self._last_target = None
         self._undelivered = ""
         control = self._control
         if control is None:
@@ -196,6 +198,7 @@ class RtdeDriver(LiveDriver):
         except LinkError as error:
             control.kill(str(error))
             self._undelivered = clearing.halt(self._options.host, _DASHBOARD_S)
+        control.refused = ""  # of a target that came before the stop
 
     def _arm_health(self) -> Health:
         links, control = self._links, self._control
