@@ -24,12 +24,12 @@ class StandIn:
         self.begun = time.monotonic()
         self.base = np.array([1.0, -2.0, 30.0, 0.1, -0.2, 0.3])
         self.slope = np.zeros(6)
-        self.noise = noise
+        self.noise, self.late = noise, 0.0
         self.random = np.random.default_rng(5)
 
     @property
     def ahead(self) -> float:
-        return (time.monotonic() - self.begun) // self.cycle * self.cycle
+        return (time.monotonic() - self.begun - self.late) // self.cycle * self.cycle
 
     @property
     def punctual(self) -> tuple[float, float]:

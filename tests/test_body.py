@@ -184,6 +184,18 @@ def test_what_it_cannot_be_is_refused():
         Body(Options("oriented"), CYCLE)
 
 
+def test_readings_asked_for_too_early_do_not_delay_later_ones():
+    hasty, calm = (Body(Options("ur5", noise="off"), CYCLE) for _ in range(2))
+    hasty.readings(np.array([hasty.ahead + 2.0]))  # the loop stood, the sensor went on
+    for k in range(60):
+        for body in (hasty, calm):
+            body.step(body.robot.home + 0.002 * k * np.eye(6)[3])
+    at = np.array([calm.ahead - 5.5 * CYCLE])
+    shown, newest = calm.readings(at)[0][0], calm.readings(np.array([calm.ahead]))[0][0]
+    assert np.abs(shown - newest).max() > 0.05
+    assert hasty.readings(at)[0][0] == pytest.approx(shown, abs=1e-9)
+
+
 def test_a_motion_pulls_at_the_sensor_as_newton_and_euler_say():
     """Loads between cycles come from one smooth motion, not from jumps at each cycle's begin."""
     body = Body(Options("ur5", noise="off"), CYCLE)

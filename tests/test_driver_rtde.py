@@ -130,6 +130,7 @@ def test_a_trajectory_is_followed_and_recorded(ready):
     assert 0 < lag < 79
     assert np.abs(q[lag:] - targets[: len(q) - lag]).max() < 0.03
     assert ready.health().ok
+    assert np.abs(ready.position() - targets[-1]).max() < 0.01
     ready.move(B).wait()
 
 
@@ -139,6 +140,19 @@ def test_a_target_that_jumps_is_refused(ready):
     assert not applied.ok and "limit" in applied.reason
     assert ready.write(q).ok
     ready.stop()
+
+
+def test_after_a_stop_targets_are_held_against_where_the_robot_is(ready):
+    q = ready.position()
+    for k in range(60):
+        ready.write(q + 0.006 * k * np.eye(6)[5])
+        time.sleep(0.008)
+    ready.stop("hard")
+    behind = q + 0.006 * 59 * np.eye(6)[5] - ready.position()
+    assert behind[5] > 0.03
+    applied = ready.write(ready.position() + behind)
+    assert not applied.ok and "q6 would move" in applied.reason
+    ready.move(A).wait()
 
 
 def test_a_program_that_hangs_on_nothing_keeps_the_watchdog_alive(ready):

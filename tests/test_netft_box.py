@@ -57,6 +57,22 @@ def test_buffered_requests_fill_datagrams():
         assert one.silent()
 
 
+def test_what_the_body_does_not_know_yet_is_sent_later_as_it_was():
+    with boxed("127.0.3.30", rate=1000) as scene, plain(scene) as one:
+        scene.body.slope[0] = 10.0
+        one.ask(2)
+        rows = one.records(100)
+        scene.body.late = 0.025  # a loop that is late for a while
+        rows += one.records(100)
+        scene.body.late = 0.0
+        rows += one.records(100)
+        t, fx = np.array([r[1] for r in rows]) / 7000.0, np.array([r[3] for r in rows]) / 1e6
+        off = fx - 10.0 * t
+        assert np.abs(off - np.median(off)).max() < 0.03
+        scene.body.late = 0.5  # one that stands
+        assert len({r[1] for r in one.records(100)}) == 100
+
+
 def test_pages_tell_and_take_settings():
     with boxed("127.0.3.31", rate=2000, force_unit="lbf", counts_per_force=4e5) as scene:
         text = page(scene)
