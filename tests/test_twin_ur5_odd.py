@@ -153,7 +153,7 @@ def test_registers_that_do_not_exist_end_the_program(bench, offset):
     name = f"input_int_register_{offset}"
     if name in bench.controller.inputs.values:
         assert bench.controller.modes.runtime is Runtime.PLAYING
-        bench.controller.inputs.write({name: (3,)}, bench.now)
+        bench.controller.inputs.write("test", {name: (3,)}, bench.now)
         bench.run(2 * CYCLE)
     assert bench.controller.modes.runtime is Runtime.STOPPED
 

@@ -178,6 +178,7 @@ class UR5Twin(TwinServer):
             self.timestamp.lost(clock.lost - lost)
             self.body.due = clock.due - clock.period
             self._cycle(behind)
+            self.controller.inputs.cycle(time.monotonic(), clock.due)
 
     def _cycle(self, behind: int) -> None:
         now = time.monotonic()
