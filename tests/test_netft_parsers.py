@@ -223,6 +223,44 @@ def test_the_clock_of_a_device_is_unwrapped_and_measured():
     assert clock.ppm == pytest.approx(200.0, abs=30.0)
 
 
+def test_records_that_were_held_up_are_known_by_the_devices_clock():
+    """A millisecond's records in time, then 30 ms of them at once, then in time again."""
+    clock = DeviceClock(7000.0)
+    late = []
+    for k in range(3000):
+        t = 80.0 + k * 1e-3
+        arrived = max(t, 82.030) if t > 82.0 - 1e-9 else t
+        stamp = (2**32 - 7000 + 7 * k) % 2**32
+        clock.take(arrived + 3e-4, stamp)
+        late.append(clock.punctual(arrived + 3e-4, stamp) - t)
+    assert np.ptp(late) < 1e-6
+
+
+def test_clocks_that_drift_apart_or_leap_are_followed_again():
+    slow = DeviceClock(7000.0)
+    for k in range(60_000):
+        t = 5.0 + k * 1e-3
+        slow.take(t, round(7000 * (1 - 1e-4) * k * 1e-3))
+        assert 0.0 <= t - slow.punctual(t, round(7000 * (1 - 1e-4) * k * 1e-3)) < 4e-4
+    leapt = DeviceClock(7000.0)
+    late = []
+    for k in range(6000):
+        t = 5.0 + k * 1e-3 + (1.5 if k >= 3000 else 0.0)
+        leapt.take(t, 7 * k)
+        late.append(t - leapt.punctual(t, 7 * k))
+    assert max(late) <= 0.1
+    assert max(late[5200:]) < 1e-6
+
+
+def test_a_device_that_begins_anew_is_punctual_at_once():
+    clock = DeviceClock(1000.0)
+    assert clock.punctual(3.0, 77) == 3.0
+    for k in range(100):
+        clock.take(3.0 + 1e-3 * k, 1000 + k)
+    clock.take(4.0, 1)
+    assert clock.punctual(4.0, 1) == 4.0
+
+
 def test_status_words_by_product():
     netbox, axia = table("netbox"), table("axia")
     assert netbox.faults(0x80020000) == ("transducer saturated or converter error",)

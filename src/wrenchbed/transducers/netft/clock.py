@@ -1,12 +1,18 @@
 """The device's clock, read off its sample counter, against this machine's."""
 
+import math
 from collections import deque
+from itertools import islice
 
 import numpy as np
 
 from wrenchbed.transducers.netft.sequence import signed
 
 _EVERY_S, _SPAN_S, _LEAST_S = 0.1, 20.0, 2.0
+_RECENT = 20
+"""Marks among which the least delay is sought: clocks drift apart in a longer time."""
+_HELD_S = 0.1
+"""By which a record may have been held up; beyond, the clocks have leapt [s]."""
 
 
 class DeviceClock:
@@ -22,7 +28,7 @@ class DeviceClock:
         self._samples = 0
         self._marks: deque[tuple[float, float]] = deque(maxlen=round(_SPAN_S / _EVERY_S))
         self._best: tuple[float, float] | None = None
-        self._next = 0.0
+        self._next, self._least = 0.0, math.inf
         self.ppm: float | None = None
 
     def take(self, host: float, stamp: int) -> float:
@@ -31,17 +37,30 @@ class DeviceClock:
         if step < 0:
             self._samples = 0
             self._marks.clear()
-            self._best = None
+            self._best, self._least = None, math.inf
         self._samples = stamp if self._stamp is None or step < 0 else self._samples + step
         self._stamp = stamp
         device = self._samples / self._rate
         if self._best is None or host - device < self._best[0] - self._best[1]:
             self._best = (host, device)
+            self._least = min(self._least, host - device)
         if host >= self._next:
             self._marks.append(self._best)
             self._best, self._next = None, host + _EVERY_S
             self.ppm = self._fit()
+            self._least = min(h - d for h, d in islice(reversed(self._marks), _RECENT))
         return device
+
+    def punctual(self, host: float, stamp: int) -> float:
+        """When a record that arrived at a host time [s] would have arrived, had nothing held it up.
+
+        What holds datagrams up, a busy machine or network, makes them late and never early: the
+        least late of the last two seconds tells the delay that all have.
+        """
+        if self._stamp is None:
+            return host
+        device = (self._samples + signed(stamp - self._stamp)) / self._rate
+        return min(host, max(device + self._least, host - _HELD_S))
 
     def _fit(self) -> float | None:
         marks = np.array(self._marks)

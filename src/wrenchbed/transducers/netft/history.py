@@ -32,7 +32,7 @@ class History:
         self._batches: deque[tuple[float, bytes]] = deque(maxlen=_BATCHES)
 
     def add(self, t: float, data: bytes) -> None:
-        """Keep whole records whose newest arrived at t [s]."""
+        """Keep whole records whose last arrived at t [s], or would have, had it been in time."""
         self._batches.append((t, data))
         while self._batches[0][0] < t - self._seconds:
             self._batches.popleft()

@@ -141,10 +141,10 @@ class Receiver:
         if status := datagrams.flagged(data):
             with self._lock:
                 self._status |= status
-        self.history.add(now, data)
         last = self.tracker.last
         if last in numbers:
             self._show(datagrams.record(data, numbers.index(last)), now, len(numbers))
+        self.history.add(self.clock.punctual(now, numbers[-1][1]), data)
 
     def _show(self, record: Record, now: float, n: int) -> None:
         before = self.newest
