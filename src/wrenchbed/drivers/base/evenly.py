@@ -2,7 +2,8 @@
 
 A network delivers states unevenly and drops some, but each carries the robot's time. Between two
 states joints follow the cubic that has their values and speeds (Hermite); the wrench is read at
-the same moment of this machine's clock, to which the robot's is fitted.
+the same moment of this machine's clock, to which the robot's is fitted. What holds states up makes
+them late and never early, so of several states the least late one tells how the clocks stand.
 """
 
 import bisect
@@ -18,8 +19,10 @@ from wrenchbed.health import STALE_S
 _CLOCK_STATES = 600
 """States that the fit of the two clocks looks back."""
 _LATEST = 64
-_FEW = 20
-"""States below which only the offset of the clocks is fitted; rows between later fits."""
+_BIN = 50
+"""States of which the least late counts; rows between two fits."""
+_FEW = 4
+"""Of these below which only the offset of the clocks is fitted."""
 
 
 class Even(NamedTuple):
@@ -86,13 +89,21 @@ class Evenly:
         """This machine's time at a time of the robot's, both from the first state on [s]."""
         self._age -= 1
         if self._age < 0:
-            pairs = np.array(self._clock)
-            own, apart = pairs[:, 0], pairs[:, 1] - pairs[:, 0]
-            few = len(pairs) < _FEW
-            slope, offset = (0.0, np.median(apart)) if few else np.polyfit(own, apart, 1)
-            self._line, self._age = (float(slope), float(offset)), 0 if few else _FEW
+            self._line = _least_late(np.array(self._clock))
+            self._age = min(_BIN, len(self._clock) // 2)
         slope, offset = self._line
         return t + slope * t + offset
+
+
+def _least_late(pairs: np.ndarray) -> tuple[float, float]:
+    """Slope and offset [s] of how far two clocks are apart, from pairs (N, 2) of both's times."""
+    own, apart = pairs[:, 0], pairs[:, 1] - pairs[:, 0]
+    bins = np.array_split(np.arange(len(pairs)), max(1, len(pairs) // _BIN))
+    least = [part[np.argmin(apart[part])] for part in bins]
+    if len(least) < _FEW:
+        return 0.0, float(apart.min())
+    slope, offset = np.polyfit(own[least], apart[least], 1)
+    return float(slope), float(offset)
 
 
 def own_time(arm: ArmSample) -> float:
