@@ -146,9 +146,14 @@ def test_a_gap_of_one_is_found_where_it_lies(variable):
 def test_a_drift_in_motion_is_found_in_time():
     prepared, _ = bench("motion")
     age = prepared.scene.age[:, None] / prepared.scene.span
-    found = find(*made("motion", 0, age * np.eye(6)[3]))
-    assert varying(found)[0].variable == "time" and varying(found)[0].p_value < 0.01
-    assert [f.variable for f in found if f.seen and f.variable[:7] == "channel"] == ["channel tx"]
+    others = 0
+    for seed in range(5):
+        found = find(*made("motion", seed, age * np.eye(6)[3]))
+        assert varying(found)[0].variable == "time" and varying(found)[0].p_value < 0.01
+        seen = [f.variable for f in found if f.seen and f.variable[:7] == "channel"]
+        assert seen[0] == "channel tx"
+        others += len(seen) - 1
+    assert others <= 3  # of 25, each at a level of 5 %
 
 
 def test_a_hum_is_found_in_its_band_and_its_channel():

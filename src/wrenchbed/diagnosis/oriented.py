@@ -107,7 +107,7 @@ def prepare(recording: Recording, seed: int = 0) -> Prepared:
     count = np.full(len(t), means.stride)
     data = Observations(q, y, count, covariance, np.inf, "stated", t, 0)
     checks.enough(recording, data, model)
-    block, sealed = split(data, True, seed)
+    block, sealed = split(data, True, seed, 1)
     scene = scenery.of_motion(model, theta, q, t, None)
     scene = replace(scene, extra=accelerations(recording, means, q, t, scene.gravity))
     own = np.diagonal(covariance)

@@ -1,6 +1,5 @@
 """A recording made ready: what was measured, how noisy it is, and which rows are sealed."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -24,6 +23,8 @@ RATES_HZ = (10.0, 25.0)
 """To a rate within these a motion's rows are averaged before the linear analysis."""
 FINE = 10.0
 """Rows kept per period of the fastest part of the wrench that counts,"""
+PIECES = 4
+"""Of an average at least: what happens within them is simulated."""
 COUNTS = 0.999
 """which is where this share of the power lies below."""
 
@@ -104,13 +105,17 @@ class Prepared:
 
     @cached_property
     def coarse(self) -> "Prepared":
-        """The same on the averages of a motion's rows that ``rows`` gives, sealed ones too."""
-        if self.stride == 1:
+        """The same on averages of fewer rows, some of which make one of those that ``rows`` gives.
+
+        They are short beside what moves, so that delays and filters act as on the rows themselves.
+        """
+        inner = _inner(self.stride)
+        if inner == 1:
             return self
-        take = np.array(list(self._groups()))  # (G, stride)
+        rows = np.arange(len(self.y) // inner * inner).reshape(-1, inner)
 
         def mean(x: np.ndarray) -> np.ndarray:
-            return np.asarray(x[take].mean(axis=1))
+            return np.asarray(x[rows].mean(axis=1))
 
         scene = self.scene
         assert isinstance(scene.q, Jet)
@@ -118,21 +123,15 @@ class Prepared:
             scene,
             q=Jet(mean(scene.q.v), mean(scene.q.d), mean(scene.q.dd)),
             t=mean(scene.t),
-            held=np.ones(len(take), dtype=bool),
+            held=np.ones(len(rows), dtype=bool),
             warmth=None if scene.warmth is None else mean(scene.warmth),
         )
-        first = take[:, 0]
+        first = rows[:, 0]
         return replace(
-            self, scene=few, y=mean(self.y), count=self.count[take].sum(axis=1),
-            noise=self.variance, block=self.block[first], sealed=self.sealed[first],
-            scatter=mean(self.scatter), stride=1,
+            self, scene=few, y=mean(self.y), count=self.count[rows].sum(axis=1),
+            noise=self.noise / inner, block=self.block[first], sealed=self.sealed[first],
+            scatter=mean(self.scatter), stride=self.stride // inner,
         )  # fmt: skip
-
-    def _groups(self) -> Iterator[np.ndarray]:
-        """Rows of each average, in the order of time; blocks' last few rows are left out."""
-        for b in np.unique(self.block):
-            rows = np.flatnonzero(self.block == b)
-            yield from rows[: len(rows) // self.stride * self.stride].reshape(-1, self.stride)
 
     def at(self, theta: np.ndarray) -> "Prepared":
         """The same with the scene at other parameters (P,)."""
@@ -152,9 +151,9 @@ def prepare(recording: Recording, seed: int = 0) -> Prepared:
     data = observe(recording)
     checks.enough(recording, data, model)
     covariance, source = _row_noise(recording, data)
-    block, sealed = split(data, recording.metadata.mode == "dynamic", seed)
     scene = scenery.of_recording(recording, model, theta, data)
     turn, stride = np.diag(1.0 / np.sqrt(np.diagonal(covariance))), _stride(scene)
+    block, sealed = split(data, recording.metadata.mode == "dynamic", seed, stride)
     y, count = data.wrench, data.count
     if scene.moving:
         y, count = _refreshed(recording, data, scene)
@@ -176,7 +175,13 @@ def _stride(scene: Scene) -> int:
     power = (np.abs(np.fft.rfft(y * np.hanning(len(y))[:, None], axis=0)) ** 2).sum(axis=1)
     frequency = np.fft.rfftfreq(len(y), scene.period)
     top = frequency[int(np.searchsorted(np.cumsum(power), COUNTS * power.sum()))]
-    return max(1, round(1.0 / (scene.period * float(np.clip(FINE * top, *RATES_HZ)))))
+    stride = max(1, round(1.0 / (scene.period * float(np.clip(FINE * top, *RATES_HZ)))))
+    return stride // _inner(stride) * _inner(stride)
+
+
+def _inner(stride: int) -> int:
+    """Rows that are averaged before anything acts on them, a divisor of the stride."""
+    return max(1, stride // PIECES)
 
 
 def _row_noise(recording: Recording, data: Observations) -> tuple[np.ndarray, str]:
@@ -229,11 +234,16 @@ def _scatter(recording: Recording, data: Observations) -> np.ndarray:
     return np.asarray(products / data.count[:, None, None])
 
 
-def split(data: Observations, moving: bool, seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """Block of each observation, and which are sealed: whole poses, or stretches of a motion."""
+def split(
+    data: Observations, moving: bool, seed: int, stride: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Block of each observation, and which are sealed: whole poses, or stretches of a motion.
+
+    Stretches begin after whole numbers of ``stride`` rows.
+    """
     n = len(data)
     count = BLOCKS_IN_MOTION if moving else n
-    block = np.minimum(np.arange(n) * count // n, count - 1)
+    block = np.minimum(np.arange(n) // stride * count // max(1, n // stride), count - 1)
     rng = np.random.default_rng([seed, 20])
     # one of every 1 / SEALED neighbours, so that sealed blocks cover the whole recording
     group = round(1 / SEALED)

@@ -62,9 +62,10 @@ def rank(searcher: Searcher, refitter: Refitter) -> Ranking:
         logsumexp([*(s.log_posterior for s in kernels), *(nulls[~normal] + np.log(PRIOR[UNKNOWN]))])
     )
     kernel = _kernel(searcher, kernels)
+    chosen = _distinct(searcher, singles, SINGLES, float(nulls.max()))
     found = [
         refitter.fit((searcher.hypotheses[s.index],), s.rung)
-        for s in _distinct(searcher, singles, SINGLES, float(nulls.max()))
+        for s in (*chosen, *_other_clocks(searcher, singles, chosen))
     ]
     found += _beside_broad(refitter, found, singles)
     mixed, kernel_beside = -np.inf, kernel
@@ -120,6 +121,27 @@ def _beside_broad(
     if not pairs:
         return []
     return pairs + beside(refitter, min(pairs, key=_posterior), singles)
+
+
+def _other_clocks(
+    searcher: Searcher, singles: Sequence[Single], chosen: Sequence[Single]
+) -> list[Single]:
+    """All that makes readings late or smears them, where one such effect is chosen.
+
+    Their slopes are alike, and true only while the delay is short beside what moves.
+    """
+
+    def late(s: Single) -> bool:
+        return s.index >= 0 and searcher.hypotheses[s.index].effect.stage == "timing"
+
+    taken = {s.index for s in chosen}
+    if not any(map(late, chosen)):
+        return []
+    best: dict[int, Single] = {}
+    for s in sorted(filter(late, singles), key=lambda s: -s.log_posterior):
+        if s.index not in taken:
+            best.setdefault(s.index, s)
+    return list(best.values())
 
 
 def _posterior(f: Finalist) -> float:
