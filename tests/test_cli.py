@@ -287,7 +287,12 @@ def recording_process(folder: Path, poses: int) -> subprocess.Popen:
     assert main(["plan", "ur5", "--n", str(poses), "--out", plan]) == 0
     command = [sys.executable, "-m", "wrenchbed", "record", "--robot", "ur5", "--plan", plan]
     command += ["--out", str(folder / "rec.parquet"), "--samples", "50"]
-    return subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+    return subprocess.Popen(command, stderr=subprocess.PIPE, text=True, preexec_fn=_heeds_ctrl_c)
+
+
+def _heeds_ctrl_c() -> None:
+    """Also where the tests run in the background, whose children ignore it."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 def wait_for(path: Path, rows: int) -> None:
