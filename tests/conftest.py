@@ -10,6 +10,13 @@ for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(name, "1")
 
 
+def pytest_collection_modifyitems(items):
+    """Tests of the sealed family run in one process, so that it is made once."""
+    for item in items:
+        if "family" in getattr(item, "fixturenames", ()):
+            item.add_marker(pytest.mark.xdist_group("sealed"))
+
+
 @pytest.fixture(scope="session")
 def family(tmp_path_factory):
     """Cases and answers of a small sealed family, and the SHA-256 of its commitments."""

@@ -17,7 +17,7 @@ LAYERS = {
     "lookalikes": 5.5,
     "springs": 2.1, "sensor_only": 4, "model": 5, "simulation": 5, "plant": 5.1, "assembly": 5.05,
     "mechanics": 5.1, "twin": 5.3, "typical": 5.3, "playback": 6.2, "exporting": 5.4,
-    "observability": 6,
+    "observability": 6, "simulators": 6.3,
     "accuracy": 4, "touches": 6.15, "selection": 6.1,
     "gauss_newton": 6.1, "fit": 6.16, "observations": 6.1, "wander": 6.1,
     "problem": 6.2, "start": 6.2,
@@ -27,7 +27,7 @@ LAYERS = {
     "campaign": 9, "planning": 9, "mixing": 9, "rehearsal": 8,
     "referee": 5.5,
     "diagnosis": 10, "study": 10, "effects_page": 10.1, "blind": 10.5,
-    "report": 11,
+    "report": 11, "viewer": 11.5,
     "cli": 12, "__init__": 12, "__main__": 13,
 }  # fmt: skip
 PLUGINS = ("robots", "sensors", "drivers", "transducers", "twins", "effects")
@@ -35,6 +35,7 @@ ONLY_IN = {
     "mujoco": (
         "robots", "mjcf", "simulation", "plant", "springs", "assembly", "mechanics",
         "sensor_only", "exporting", "effects", "lookalikes", "referee", "serving", "clearance",
+        "viewer",
     ),
     "rtde_control": ("drivers",), "rtde_receive": ("drivers",), "rtde_io": ("drivers",),
     "dashboard_client": ("drivers",),

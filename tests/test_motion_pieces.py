@@ -28,7 +28,7 @@ def recorded(folder: Path, jerks: int) -> wb.Recording:
     """Recorded in MuJoCo, its readings 30 ms late."""
     options = wb.SimOptions("ur5", effects=("timing.delay:delay=0.03",), seed=3)
     with wb.SimDriver(options) as driver:
-        wb.record(driver, jerky(40.0, jerks, seed=3), folder / "rec.parquet")
+        wb.record(driver, jerky(30.0, jerks, seed=3), folder / "rec.parquet")
     return wb.Recording.read(folder / "rec.parquet")
 
 
@@ -71,7 +71,7 @@ def test_stretches_and_averages_begin_at_the_same_rows(late):
 
 
 def test_a_delay_is_told_from_a_filter_in_a_motion_that_jerks(tmp_path):
-    told = diagnose(recorded(tmp_path, 80)).diagnosis
+    told = diagnose(recorded(tmp_path, 60)).diagnosis
     assert told.which[0]["effect"] == "timing.delay"
     assert told.which[0]["probability"] > 0.8
     assert "timing.lowpass" not in told.which[0]["rivals"]

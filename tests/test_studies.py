@@ -216,6 +216,7 @@ def test_an_unknown_study_is_refused(tmp_path):
         study.run("puma", tmp_path)
 
 
+@pytest.mark.study
 def test_the_medrue_study_runs_from_pool_to_page(tmp_path, monkeypatch, capfd):
     monkeypatch.setattr(medrue_run, "POOL", 2000)
     monkeypatch.setattr(medrue_run, "CONFIRM", {True: 1})

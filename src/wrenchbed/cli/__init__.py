@@ -12,6 +12,7 @@ from wrenchbed.cli import blind, serve, study, twin, verbs
 from wrenchbed.cli.diagnose import diagnose
 from wrenchbed.cli.plan import plan
 from wrenchbed.cli.record import record
+from wrenchbed.cli.view import report, view
 from wrenchbed.errors import WrenchbedError, WrenchbedWarning
 
 _VERBS: dict[str, Callable[..., Any]] = {
@@ -21,6 +22,8 @@ _VERBS: dict[str, Callable[..., Any]] = {
     "import": verbs.import_,
     "calibrate": verbs.calibrate,
     "diagnose": diagnose,
+    "view": view,
+    "report": report,
     "simulate": twin.simulate,
     "export": twin.export,
     "twin": serve.twin,

@@ -32,7 +32,8 @@ def diagnose(
 
     Args:
         recording: Parquet file; with --dry-run a plan that has not been recorded yet.
-        out: Folder for diagnosis.json, twin.json, report.html and plans of what to do next.
+        out: Folder for diagnosis.json, twin.json, report.html, diagnosis.rrd and plans of what to
+            do next.
         dry_run: Only say which effects such a recording could show, and which look the same.
         samples: With --dry-run: rows a pose.
         rate: With --dry-run: rows a second [Hz].
@@ -63,6 +64,8 @@ def diagnose(
         written = ["diagnosis.json", "twin.json"]
         if _reported(found, recording, out, seed, artist):
             written.append("report.html")
+        if _pictured(found, out):
+            written.append("diagnosis.rrd")
     told = found.diagnosis.to_json()
     console.answer(told, as_json, diagnosis_tables.diagnosis(found.diagnosis))
     if not as_json:
@@ -95,6 +98,18 @@ def _reported(found: "Findings", recording: Path, out: Path, seed: int, artist: 
         diagnosis_page(found, shlex.join(command), artist).write(out / "report.html")
     except MissingExtraError as error:
         warnings.warn(f"no report.html: {error}", WrenchbedWarning, stacklevel=2)
+        return False
+    return True
+
+
+def _pictured(found: "Findings", out: Path) -> bool:
+    """Write diagnosis.rrd; without rerun a warning names the extra."""
+    try:
+        from wrenchbed.viewer import diagnosis_view
+
+        diagnosis_view(found, out / "diagnosis.rrd")
+    except MissingExtraError as error:
+        warnings.warn(f"no diagnosis.rrd: {error}", WrenchbedWarning, stacklevel=2)
         return False
     return True
 

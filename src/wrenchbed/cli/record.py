@@ -15,6 +15,7 @@ import wrenchbed as wb
 from wrenchbed.campaign import Done
 from wrenchbed.cli import console, settings
 from wrenchbed.cli.console import Json
+from wrenchbed.cli.watching import watched
 from wrenchbed.drivers.base import Driver, Limits
 from wrenchbed.drivers.base.live import LIVE
 from wrenchbed.errors import DriverError, ParameterError, PlanError
@@ -53,6 +54,8 @@ def record(
     revisit: Literal["auto", "yes", "no"] = "auto",
     seed: int | None = None,
     set: tyro.conf.UseAppendAction[tuple[str, ...]] = (),
+    rrd: Path | None = None,
+    view: Literal["window", "browser"] | None = None,
     as_json: Json = False,
 ) -> None:
     """Run a plan on a simulated or real robot and record what its sensor reads.
@@ -88,6 +91,9 @@ def record(
         seed: Of the noise.
         set: NAME=VALUE of a setting that this driver alone has, for instance base=0x68 with can or
             frequency=none with rtde; a wrong NAME lists them. May be repeated.
+        rrd: Picture of the campaign to write, see `wrenchbed view`; live drivers draw it as they
+            record.
+        view: With live drivers: watch while recording, in rerun's window or in a browser.
         as_json: Print the result as JSON.
     """
     console.check_seed(seed or 0)
@@ -110,7 +116,11 @@ def record(
     own = settings.typed(device.options, words, ("robot", "limits", *given))
     link: Driver = device(_options(device, driver, robot, limits, given | own))
     again = {"yes": True, "no": False, "auto": True if dry_run else None}[revisit]
-    with _ready(link, recover), console.progress(f"recording {robot}", len(todo)) as tell:
+    with (
+        _ready(link, recover),
+        watched(link, out, rrd, view),
+        console.progress(f"recording {robot}", len(todo)) as tell,
+    ):
         done = wb.record(
             link, todo, out, samples=samples, rate=rate, progress=tell, revisit=again,
             resume=resume, clear=dry_run or None,

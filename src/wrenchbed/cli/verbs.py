@@ -1,5 +1,6 @@
 """One function a verb; its signature is the command's usage."""
 
+import tempfile
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -65,6 +66,7 @@ def calibrate(
     touches: Path | None = None,
     touch_std: float | None = None,
     truth: Path | None = None,
+    rrd: Path | None = None,
     as_json: Json = False,
 ) -> None:
     """Identify a robot's parameters: value ± standard uncertainty, and what the data cannot tell.
@@ -79,6 +81,8 @@ def calibrate(
         touch_std: With --touches: how far the tip sits from its point, per axis [m]; 5e-5.
         loss: Huber and Student's t resist outliers.
         truth: JSON {name: value} of a simulated robot, shown beside the estimates.
+        rrd: Picture to write: the target workspace coloured by position error before and after
+            where the robot has one and the fit bounds it, else the recording with the fit.
         as_json: Print the result as JSON.
     """
     options = wb.Options(free or None, hold, prior, loss)
@@ -95,6 +99,19 @@ def calibrate(
             raise ParameterError(f"{truth}: {name!r} = {value!r} is no parameter with a number")
     if out is not None:
         fit.write(out)
+    if rrd is not None:
+        _picture(fit, data, rrd)
     console.answer(fit.to_json(), as_json, tables.fit(fit, known))
     if out is not None and not as_json:
         console.OUT.print(f"fit → {out}", soft_wrap=True, markup=False, highlight=False)
+
+
+def _picture(fit: wb.Fit, data: wb.Recording, rrd: Path) -> None:
+    from wrenchbed.viewer import calibration_view, recording_view
+
+    if fit.target_rms is not None:
+        calibration_view(fit, rrd)
+        return
+    with tempfile.TemporaryDirectory(prefix="wrenchbed-") as folder:
+        fit.write(Path(folder) / "fit.json")
+        recording_view(data, rrd, [Path(folder) / "fit.json"])

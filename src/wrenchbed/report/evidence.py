@@ -75,6 +75,15 @@ class Evidence:
         self.before = self._of(self.start)
         self.after = self._of(self.twin) if claimed else None
 
+    def stages(self) -> dict[str, np.ndarray]:
+        """Readings (H, 6) of each simulator: as configured, calibrated, with the effects."""
+        p, a = self.prepared, self.found.analysis
+        told = {"as configured": self._of(Twin(p.model, p.theta))}
+        told["calibrated"] = self._of(calibrated(a))
+        if self.after is not None:
+            told["with the effects"] = self.after
+        return told
+
     def channels(self) -> tuple[dict[str, float], dict[str, float]]:
         """Gap of each channel on sealed rows, before and after; after is empty without a claim."""
         known = self.found.diagnosis.gap.per_channel

@@ -23,10 +23,12 @@ class Page:
     """A report, ready to be written.
 
     Attributes:
-        context: what the template shows, by name.
+        context: what the template shows, by name; ``verdict`` chooses its colour.
+        template: which kind of report it is.
     """
 
     context: Mapping[str, Any]
+    template: str = "diagnosis"
 
     def html(self) -> str:
         """One self-contained page with the figures inside.
@@ -35,9 +37,13 @@ class Page:
             MissingExtraError: jinja2 is not installed.
         """
         jinja2 = registry.require("jinja2", "report")
-        text = (files("wrenchbed.report") / "page.html.j2").read_text(encoding="utf-8")
-        environment = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
-        return str(environment.from_string(text).render(self.context))
+        environment = jinja2.Environment(
+            autoescape=True,
+            trim_blocks=True,
+            lstrip_blocks=True,
+            loader=jinja2.FunctionLoader(_text),
+        )
+        return str(environment.get_template(f"{self.template}.html.j2").render(self.context))
 
     def write(self, path: str | Path) -> None:
         """Write the page, whole or not at all."""
@@ -45,6 +51,10 @@ class Page:
         half = path.with_name(path.name + ".part")
         half.write_text(self.html(), encoding="utf-8")
         half.replace(path)
+
+
+def _text(name: str) -> str:
+    return (files("wrenchbed.report") / name).read_text(encoding="utf-8")
 
 
 def diagnosis_page(found: Findings, command: str = "", artist: Artist | None = None) -> Page:
@@ -76,6 +86,7 @@ def diagnosis_page(found: Findings, command: str = "", artist: Artist | None = N
     return Page(
         {
             "d": d,
+            "verdict": d.verdict,
             "name": PurePath(d.recording).name,
             "badge": _BADGES[d.verdict],
             "headline": words.headline(found),

@@ -11,6 +11,8 @@ from wrenchbed.report import numbers
 
 LARGE_P = 0.006
 """Probabilities below are not worth a word."""
+MOST = 0.5
+"""Share of the calibrated gap above which most of it is left."""
 MOST_SIZES = 3
 """Parameters of a cause on the first screen."""
 _COUNT = ("No", "One", "Two", "Three", "Four", "Five", "Six", "Seven", "Eight", "Nine")
@@ -23,7 +25,14 @@ _KERNELS = {
 
 
 def headline(found: Findings) -> str:
-    """The verdict in one sentence."""
+    """The verdict in a sentence, and another where most of the gap is left."""
+    d = found.diagnosis
+    left = d.gap.with_effects
+    most = left is not None and left >= 1.0 and left > MOST * d.gap.calibrated
+    return _verdict(found) + " Most of the gap stays unexplained." * most
+
+
+def _verdict(found: Findings) -> str:
     d = found.diagnosis
     if d.verdict == "none":
         return "No cause found: what is left are normal imperfections."

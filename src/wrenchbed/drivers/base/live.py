@@ -19,7 +19,7 @@ from wrenchbed.drivers.base.evenly import Even, Evenly
 from wrenchbed.drivers.base.limits import Limits
 from wrenchbed.drivers.base.motion import Motion
 from wrenchbed.drivers.base.pacing import calm, pace
-from wrenchbed.drivers.base.samples import Applied, ArmSample, Block
+from wrenchbed.drivers.base.samples import Applied, ArmSample, Block, Onlooker, block_of
 from wrenchbed.drivers.base.stated import as_designed
 from wrenchbed.drivers.base.watched import CALM_SPEED, WatchedMotion, check_ready, stop_after
 from wrenchbed.errors import DriverError, LateError, LinkError
@@ -51,6 +51,7 @@ class LiveDriver(Driver):
     source: str
     """What recordings state as their source."""
     transducer: Transducer
+    onlooker: Onlooker | None = None
 
     def __init__(self, limits: Limits | None = None) -> None:
         super().__init__(limits or LIVE)
@@ -155,10 +156,13 @@ class LiveDriver(Driver):
     def guard(self) -> None:
         """Stop the robot when the sensor reads more than the limits allow."""
         try:
-            self.limits.check_wrench(self._read_wrench().wrench)
+            wrench = self._read_wrench().wrench
+            self.limits.check_wrench(wrench)
         except DriverError:
             self._stop("hard")
             raise
+        if self.onlooker is not None and self._last_target is None:  # a stream tells by its rows
+            self.onlooker(time.monotonic() - self._start, self._read().q, wrench)
 
     def _settle(self) -> float:
         begun = time.monotonic()
@@ -186,7 +190,7 @@ class LiveDriver(Driver):
             wrench = self._fresh_wrench()
             arm = self._fresh_arm(self._last_row)
             rows.append(self._row(wrench.t, arm, wrench))
-        return _columns(rows)
+        return block_of(rows)
 
     def _track(self, targets: np.ndarray, rate: float) -> Iterator[Block]:
         """Stream the targets and come to rest, however that ends."""
@@ -219,7 +223,7 @@ class LiveDriver(Driver):
                 rows.append(row)
                 done += 1
             if rows and (done == whole or len(rows) >= _BLOCK_S * rate):
-                yield _columns(rows)
+                yield block_of(rows)
                 rows = []
             if done == whole and k + 1 >= whole:
                 return
@@ -256,6 +260,8 @@ class LiveDriver(Driver):
     def _row(self, t: float, arm: ArmSample, wrench: WrenchSample) -> dict[str, float]:
         self.limits.check_wrench(wrench.wrench)
         self._last_row = max(t, np.nextafter(self._last_row, np.inf))
+        if self.onlooker is not None:
+            self.onlooker(self._last_row - self._start, arm.q, wrench.wrench)
         row = {"t": self._last_row - self._start}
         row |= {f"q{j + 1}": float(v) for j, v in enumerate(arm.q)}
         row |= {f"qd{j + 1}": float(v) for j, v in enumerate(arm.qd)}
@@ -291,8 +297,3 @@ class LiveDriver(Driver):
             if health.state in ("lost", "fault") or time.monotonic() - begun > GONE_S:
                 raise LinkError(health.detail or "the sensor sends nothing new")
             time.sleep(_POLL_S / 2)
-
-
-def _columns(rows: list[dict[str, float]]) -> Block:
-    whole = {"status": np.uint32, "saturated": np.uint32, "lost": np.int64}
-    return {k: np.array([r[k] for r in rows], dtype=whole.get(k, float)) for k in rows[0]}

@@ -1,12 +1,15 @@
 """What a robot says and what was really sent to it."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 Block = Mapping[str, np.ndarray]
 """Columns of a recording by name, each (n,)."""
+Onlooker = Callable[[float, np.ndarray, np.ndarray], None]
+"""Is shown what a driver reads anyway, in the thread that reads, and must not block: the time since
+`connect` [s], joint values (J,) and wrench (6,) [N, N·m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,3 +60,9 @@ class Applied:
     def ok(self) -> bool:
         """Whether anything was sent."""
         return self.sent is not None
+
+
+def block_of(rows: Sequence[Mapping[str, float]]) -> Block:
+    """Rows as columns."""
+    whole = {"status": np.uint32, "saturated": np.uint32, "lost": np.int64}
+    return {k: np.array([r[k] for r in rows], dtype=whole.get(k, float)) for k in rows[0]}

@@ -1,0 +1,107 @@
+"""The process that draws a running campaign: rows on stdin, pictures to a file or a viewer."""
+
+import json
+import os
+import signal
+import sys
+import time
+from collections import deque
+from collections.abc import Mapping
+from typing import Any, BinaryIO
+
+import numpy as np
+
+from wrenchbed import registry
+from wrenchbed.model import Model
+from wrenchbed.robots.base import SimulatedRobot
+from wrenchbed.simulation import Simulation
+from wrenchbed.viewer import layout
+from wrenchbed.viewer.arrows import Scale, log_arrows
+from wrenchbed.viewer.colours import MEASURED, SIMULATED
+from wrenchbed.viewer.curves import style_wrenches, wrench_columns
+from wrenchbed.viewer.live import ROW, width
+from wrenchbed.viewer.motion import FRAMES_HZ, frames, motion
+from wrenchbed.viewer.robot import log_motion, log_shapes, log_world
+from wrenchbed.viewer.stream import APP, Canvas
+
+_BATCH_S = 0.05
+"""Rows of so long a time are drawn at once [s]."""
+_NICE = 10
+_AT_ONCE = 1 << 16
+SCALE = Scale(0.01, 0.1)
+"""Of arrows: what will be measured is not known."""
+NAMES = ("measured", "weight alone")
+
+
+class Follower:
+    """Draws rows (n, 1 + J + 6) as they come."""
+
+    def __init__(self, canvas: Canvas, robot: SimulatedRobot) -> None:
+        self._canvas, self._robot = canvas, robot
+        self._model = Model.of(robot)
+        self._theta = self._model.parameters.nominal
+        self._simulation = Simulation(robot, robot.parameters.nominal)
+        self._shown = -np.inf
+        log_world(canvas)
+        log_shapes(canvas, "world/real", self._simulation.model)
+        style_wrenches(canvas, NAMES)
+
+    def draw(self, rows: np.ndarray) -> None:
+        """Show rows, the robot at most `FRAMES_HZ` times a second."""
+        joints = len(self._robot.joints)
+        t, q, wrench = rows[:, 0], rows[:, 1 : 1 + joints], rows[:, 1 + joints :]
+        weight = self._model.predict(q, self._theta)
+        wrench_columns(self._canvas, t, wrench, {NAMES[1]: weight})
+        shown = frames(q, t)
+        shown = shown[t[shown] - self._shown >= 1.0 / FRAMES_HZ]
+        if not len(shown):
+            return
+        self._shown = t[shown[-1]]
+        seen = motion(self._simulation, q[shown])
+        log_motion(self._canvas, "world/real", t[shown], seen)
+        told = (("measured", wrench, MEASURED, -1.0), ("simulated", weight, SIMULATED, 1.0))
+        for name, load, colour, side in told:
+            log_arrows(self._canvas, name, t[shown], load[shown], seen, SCALE, colour, side)
+
+
+def blueprint(robot: str) -> Any:
+    """Robot left, channels right, following the newest row."""
+    return layout.page([layout.scene(robot)], [layout.channels()], [1.0], follow=True)
+
+
+def run(told: Mapping[str, Any], source: BinaryIO) -> None:
+    """Draw until the rows end."""
+    rr = registry.require("rerun", "view")
+    robot = registry.load("robots", told["robot"])
+    stream = rr.RecordingStream(APP)
+    sinks = [rr.FileSink(told["path"])] if told["path"] else []
+    sinks += [rr.GrpcSink(told["url"])] if told["url"] else []
+    stream.set_sinks(*sinks, default_blueprint=blueprint(robot.name))
+    follower, size = Follower(Canvas(stream), robot), width(len(robot.joints)) * ROW.itemsize
+    held: deque[bytes] = deque()
+    rest, due = b"", 0.0
+    while data := os.read(source.fileno(), _AT_ONCE):
+        whole = (len(rest) + len(data)) // size * size
+        data = rest + data
+        held.append(data[:whole])
+        rest = data[whole:]
+        if time.monotonic() >= due:
+            _draw(follower, held, size)
+            due = time.monotonic() + _BATCH_S
+    _draw(follower, held, size)
+    stream.flush()
+    stream.disconnect()
+
+
+def _draw(follower: Follower, held: deque[bytes], size: int) -> None:
+    data = b"".join(held)
+    held.clear()
+    if data:
+        rows = np.frombuffer(data, ROW).reshape(-1, size // ROW.itemsize)
+        follower.draw(rows)
+
+
+if __name__ == "__main__":
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # who records ends it
+    os.nice(_NICE)
+    run(json.loads(sys.argv[1]), sys.stdin.buffer)

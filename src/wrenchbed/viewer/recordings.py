@@ -1,0 +1,153 @@
+"""A recording as one sees it: the robot, what its sensor said, and what simulators say."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from wrenchbed.recording import Recording
+from wrenchbed.robots.base import SimulatedRobot
+from wrenchbed.simulation import Simulation
+from wrenchbed.simulators import Simulator, modelled, noise_of, robot_of, simulators
+from wrenchbed.viewer import heatmap, layout
+from wrenchbed.viewer.arrows import log_arrows, scale_for
+from wrenchbed.viewer.colours import MEASURED, SIMULATED, ghost
+from wrenchbed.viewer.curves import log_curves, log_joints, log_residuals, log_wrenches
+from wrenchbed.viewer.motion import Motion, frames, motion
+from wrenchbed.viewer.robot import log_motion, log_shapes, log_world
+from wrenchbed.viewer.stream import ROW, TIME, Canvas, to_file
+from wrenchbed.viewer.words import log_words, readable
+from wrenchbed.wrench import UNITS
+
+GROWN_M = 0.003
+"""By which the simulated robot is larger, so that one sees it around the real one."""
+_APART_M = 1e-5
+"""Bodies nearer than this are where the real robot's are: no ghost."""
+_SHOWN_GAP_M = 1e-7
+"""Closure errors below are rounding."""
+
+
+def recording_view(
+    recording: Recording, path: str | Path, files: Sequence[str | Path] = ()
+) -> None:
+    """Write the view of a recording; the last of some fits and twins is held against it.
+
+    Args:
+        path: of the ``.rrd``.
+        files: fit.json or twin.json, at most three.
+
+    Raises:
+        ParameterError: a file is no fit or twin of this robot.
+        MissingExtraError: rerun is not installed.
+    """
+    if not files and not modelled(recording):
+        _readings_alone(recording, path)
+        return
+    known = simulators(recording, files)
+    robot, best = robot_of(recording), known[-1]
+    q, at_rest = recording.q.astype(float), recording.metadata.mode == "static"
+    at, axis = _over(recording)
+    shown = frames(q, None if at_rest else at)
+    real = motion(Simulation(robot, known[0].theta), q[shown])
+    residual = recording.wrench - best.reading
+    blueprint = layout.page(
+        [layout.scene(robot.name), layout.heat(readable(f"residual of {best.name} / noise"))],
+        [
+            layout.channels(),
+            layout.residuals(residual),
+            layout.curves("/joints", "joints [rad, m]"),
+            layout.document("/report", "about"),
+        ],
+        [2.2, 1.0],
+        axis,
+    )
+    with to_file(path, blueprint, axis) as canvas:
+        log_robot(canvas, robot, at[shown], real)
+        simulated = motion(Simulation(robot, best.theta), q[shown])
+        apart = np.abs(simulated.position - real.position).max(axis=(0, 2)) > _APART_M
+        if apart.any():
+            log_ghost(canvas, robot, best.theta, at[shown], simulated.of(apart))
+        scale = scale_for(recording.wrench)
+        log_arrows(
+            canvas, "measured", at[shown], recording.wrench[shown], real, scale, MEASURED, -1.0
+        )
+        log_arrows(canvas, "simulated", at[shown], best.reading[shown], real, scale, SIMULATED, 1.0)
+        log_wrenches(canvas, at, recording.wrench, {s.name: s.reading for s in known})
+        log_residuals(canvas, at, residual)
+        log_joints(canvas, at, q, [f"{j.name} [{j.unit}]" for j in robot.joints])
+        if real.gap.max() > _SHOWN_GAP_M:
+            gap = 1e6 * real.gap[:, None]
+            log_curves(canvas, "closure", at[shown], gap, ["loop closure [µm]"], [SIMULATED])
+        _log_map(canvas, recording, residual)
+        _log_words(canvas, recording, known, scale.sentence)
+
+
+def _readings_alone(recording: Recording, path: str | Path) -> None:
+    """What a sensor said on a robot without a model."""
+    at, axis = _over(recording)
+    left, right = layout.channels(), [layout.document("/report", "about")]
+    with to_file(path, layout.page([left], right, [1.0], axis), axis) as canvas:
+        log_wrenches(canvas, at, recording.wrench, {})
+        _log_words(canvas, recording, (), "there are none without a model of the robot")
+
+
+def _over(recording: Recording) -> tuple[np.ndarray, str]:
+    """What rows are drawn over: their numbers at rest, else time [s]; and its timeline."""
+    if recording.metadata.mode == "static":
+        return np.arange(float(len(recording))), ROW
+    return recording.t.astype(float), TIME
+
+
+def log_robot(canvas: Canvas, robot: SimulatedRobot, at: np.ndarray, real: Motion) -> None:
+    """Log the robot in its own colours over the canvas's axis at (K,)."""
+    log_world(canvas)
+    simulation = Simulation(robot, robot.parameters.nominal)
+    log_shapes(canvas, "world/real", simulation.model)
+    log_motion(canvas, "world/real", at, real)
+
+
+def log_ghost(
+    canvas: Canvas, robot: SimulatedRobot, theta: np.ndarray, at: np.ndarray, seen: Motion
+) -> None:
+    """Log a simulated robot's bodies around the real ones, in orange that one sees through."""
+    model = Simulation(robot, theta).model
+    log_shapes(canvas, "world/sim", model, ghost(SIMULATED), GROWN_M, only=seen.names)
+    log_motion(canvas, "world/sim", at, seen)
+
+
+def _log_map(canvas: Canvas, recording: Recording, residual: np.ndarray) -> None:
+    white = residual / noise_of(recording)
+    at_rest = recording.metadata.mode == "static"
+    order = (
+        recording.columns["segment"] if at_rest and "segment" in recording.columns else recording.t
+    )
+    unit = "s" if order is recording.t else "pose"
+    canvas.once("residual/map/labels", heatmap.labels(heatmap.ticks(order, unit)))
+    canvas.once("residual/map/cells", heatmap.cells(heatmap.binned(white, order)))
+
+
+def _log_words(
+    canvas: Canvas, recording: Recording, known: Sequence[Simulator], scale: str
+) -> None:
+    rows = [
+        f"# {recording.name}", "",
+        f"Robot **{recording.metadata.robot}**, {len(recording):,} rows of "
+        f"{recording.t[-1] - recording.t[0]:.1f} s, mode {recording.metadata.mode}, "
+        f"source {recording.metadata.source or 'not stated'}.", "",
+        "Measured is blue, simulated orange. Arrows are loads on the sensor, forces strong, "
+        f"torques pale: {scale}.", "",
+    ]  # fmt: skip
+    if not known:
+        log_words(canvas, "report", "\n".join(rows))
+        return
+    rows += ["| simulator | rms of the residual, force | torque |", "|---|---|---|"]
+    for s in known:
+        left = recording.wrench - s.reading
+        force, torque = (_rms(left[:, k : k + 3]) for k in (0, 3))
+        rows.append(f"| {s.name} | {force:.3g} {UNITS[0]} | {torque:.3g} {UNITS[3]} |")
+    rows += ["", "In the map grey is noise; dark red is ten times the noise of a row or more."]
+    log_words(canvas, "report", "\n".join(rows))
+
+
+def _rms(x: np.ndarray) -> float:
+    return float(np.sqrt(np.nanmean(np.square(x))))

@@ -1,0 +1,66 @@
+"""`wrenchbed view` and --rrd: files from every verb, and refusals that say what to do."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from wrenchbed.cli import main
+from wrenchbed.viewer import show
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("view")
+    assert main(["plan", "ur5", "--n", "12", "--out", str(folder / "plan.parquet")]) == 0
+    record = ["record", "--robot", "ur5", "--plan", str(folder / "plan.parquet"), "--samples", "10"]
+    assert (
+        main([*record, "--out", str(folder / "rec.parquet"), "--rrd", str(folder / "r.rrd")]) == 0
+    )
+    fit = ["--out", str(folder / "fit.json"), "--rrd", str(folder / "c.rrd")]
+    assert main(["calibrate", str(folder / "rec.parquet"), *fit]) == 0
+    return folder
+
+
+def test_verbs_write_pictures(folder, capsys):
+    assert (folder / "r.rrd").stat().st_size > 10_000
+    assert (folder / "c.rrd").stat().st_size > (folder / "r.rrd").stat().st_size
+    out = folder / "v.rrd"
+    told = ["view", str(folder / "rec.parquet"), str(folder / "fit.json"), "--rrd", str(out)]
+    assert main(told) == 0
+    assert f"view → {out}" in capsys.readouterr().out.replace("\n", "")
+    assert not list(folder.glob("*.part"))
+
+
+def test_the_viewer_is_told_to_listen_to_this_machine_alone():
+    for web in (False, True):
+        told = show.command("x.rrd", web=web)
+        assert told[told.index("--bind") + 1] == "127.0.0.1" and told[-1] == "x.rrd"
+        assert ("--serve-web" in told) == web
+    assert show.address().startswith("http://127.0.0.1:")
+
+
+def test_telemetry_is_off_and_the_users_settings_are_left_alone(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path))
+    with show.quiet() as environment:
+        written = list(Path(environment["XDG_CONFIG_HOME"]).rglob("*.json"))
+        assert written and json.loads(written[0].read_text())["analytics_enabled"] is False
+    assert not list(tmp_path.iterdir())
+
+
+def refused(capsys, *words):
+    assert main(list(map(str, words))) == 1
+    return capsys.readouterr().err
+
+
+def test_refusals_say_what_to_do(folder, capsys, monkeypatch):
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    assert "there is no screen" in refused(capsys, "view", folder / "rec.parquet")
+    assert "diagnose --out" in refused(capsys, "view", folder)
+    assert "picture already" in refused(capsys, "view", folder / "r.rrd", folder / "fit.json")
+    rec = folder / "rec.parquet"
+    assert "is an input too" in refused(capsys, "view", rec, "--rrd", rec)
+    plan = folder / "plan.parquet"
+    words = ("record", "--robot", "ur5", "--plan", plan, "--out", folder / "x.parquet")
+    assert "wrenchbed view" in refused(capsys, *words, "--view", "window")

@@ -1,0 +1,80 @@
+"""The report of a recording and its fits: right figures, and what to do next."""
+
+import json
+import re
+
+import pytest
+
+import wrenchbed as wb
+from wrenchbed.cli import main
+from wrenchbed.errors import ParameterError
+from wrenchbed.report import recording_page
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A UR5 whose tool is 0.2 kg heavier than stated, its fit, and the pages of both."""
+    folder = tmp_path_factory.mktemp("report")
+    robot = wb.load("robots", "ur5")
+    truth = {"tool.mass": 1.55}
+    with wb.SimDriver(wb.SimOptions("ur5", parameters=truth, seed=1)) as driver:
+        wb.record(driver, wb.poses(robot, 40, seed=1), folder / "rec.parquet", samples=20)
+    wb.calibrate(wb.Recording.read(folder / "rec.parquet")).write(folder / "fit.json")
+    return folder
+
+
+def text(page) -> str:
+    bare = re.sub(r"<style>.*?</style>|<svg.*?</svg>|<[^>]+>", " ", page.html(), flags=re.S)
+    return re.sub(r"\s+", " ", bare)
+
+
+def test_a_fit_that_agrees_says_so_with_its_figures(folder):
+    recording = wb.Recording.read(folder / "rec.parquet")
+    page = recording_page(recording, [folder / "fit.json"], "the command")
+    told, fit = text(page), json.loads((folder / "fit.json").read_text())
+    assert "Simulator fit agrees." in told and "40 poses at rest" in told and "the command" in told
+    assert f"{fit['tool']['mass']:.4g} kg" in told
+    assert all(name in told for name in fit["parameters"])
+    ratio = float(re.search(r"([\d.]+) times the noise", told)[1])
+    assert 0.9 < ratio < 1.25
+    assert "use this simulator" in told
+
+
+def test_a_simulator_that_is_off_is_named_with_the_next_step(folder):
+    page = recording_page(wb.Recording.read(folder / "rec.parquet"), [], "")
+    told = text(page)
+    assert "Even the best simulator, configured, is far off." in told
+    assert "wrenchbed calibrate rec.parquet --out fit.json" in told
+    assert "Nothing was fitted" in told
+
+
+def test_residuals_in_the_table_are_those_of_the_arrays(folder):
+    recording = wb.Recording.read(folder / "rec.parquet")
+    model = wb.Model.of(wb.load("robots", "ur5"), recording.metadata)
+    reading = model.predict(recording.q, model.configured(recording.metadata))
+    rms = ((recording.wrench - reading) ** 2).mean(axis=0) ** 0.5
+    told = text(recording_page(recording, [], ""))
+    assert all(f"{x:.3g}" in told for x in rms)
+
+
+def test_the_verb_writes_a_page_that_needs_nothing_else(folder, capsys):
+    out = folder / "report.html"
+    files = [str(folder / "rec.parquet"), str(folder / "fit.json")]
+    assert main(["report", *files, "--out", str(out)]) == 0
+    html = out.read_text()
+    assert "report → " in capsys.readouterr().out
+    assert not re.search(r"(src|href)=\"?(https?:)?//", html)
+    assert len(html) < 2_000_000
+
+
+def test_what_is_read_is_not_written_over(folder, capsys):
+    fit = str(folder / "fit.json")
+    assert main(["report", str(folder / "rec.parquet"), fit, "--out", fit]) == 1
+    assert "is an input too" in capsys.readouterr().err
+
+
+def test_a_file_that_is_no_simulator_is_refused(folder):
+    wrong = folder / "wrong.json"
+    wrong.write_text("[]")
+    with pytest.raises(ParameterError, match="wrong.json"):
+        recording_page(wb.Recording.read(folder / "rec.parquet"), [wrong], "")

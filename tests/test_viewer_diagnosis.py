@@ -1,0 +1,178 @@
+"""A diagnosis's and a calibration's picture: who is painted, and what the slider shows."""
+
+import numpy as np
+import pytest
+import rerun as rr
+
+import wrenchbed as wb
+from rrd_file import Rrd
+from wrenchbed.diagnosis.diagnose import diagnose
+from wrenchbed.errors import ParameterError
+from wrenchbed.simulation import Simulation
+from wrenchbed.viewer import calibration_view, diagnosed, diagnosis_view
+from wrenchbed.viewer.blame import blame, numbers, painted, part_of
+from wrenchbed.viewer.colours import heat
+
+
+def cause(effect, probability=1.0, rivals=(), **parameters):
+    return {
+        "effect": effect,
+        "probability": probability,
+        "rivals": list(rivals),
+        "parameters": {k: {"value": v, "std": abs(v) / 10 or 1.0} for k, v in parameters.items()},
+    }
+
+
+def told(*causes, **probabilities):
+    return {"which": list(causes), "probabilities": probabilities}
+
+
+def parts(robot="ur5", world=False):
+    arm = wb.load("robots", robot)
+    model = Simulation(arm, arm.parameters.nominal).model
+    return model, arm, part_of(model, arm, world)
+
+
+def test_rivals_share_what_their_class_has():
+    shares = blame(
+        told(
+            cause("sensor.gain", 0.9, ["sensor.creep", "tool.mass"]),
+            **{"sensor.gain": 0.5, "sensor.creep": 0.25, "tool.mass": 0.25},
+        )
+    )
+    assert shares == pytest.approx({"sensor": 0.675, "tool": 0.225})
+
+
+def test_joints_and_links_that_a_cause_names_are_blamed_alone():
+    one = told(cause("joint.compliance", 0.8, joint=2), **{"joint.compliance": 0.8})
+    assert blame(one) == pytest.approx({"joint 2": 0.8})
+    several = cause("joint.offset", **{"offset.q3": 0.01, "offset.q5": 0.02})
+    several["parameters"]["offset.q1"] = {"value": 1e-4, "std": 1e-3}
+    assert numbers(several) == [3, 5]
+    assert set(blame(told(several, **{"joint.offset": 1.0}))) == {"joint 3", "joint 5"}
+    assert set(blame(told(cause("link.length", **{"twist.2": 0.1}), **{"link.length": 1.0}))) == {
+        "link 2"
+    }
+
+
+@pytest.mark.parametrize("robot", ["ur5", "medrue"])
+def test_every_geom_of_the_robot_stands_for_a_part(robot):
+    model, _, known = parts(robot)
+    assert set(known) == {g for g in range(model.ngeom) if model.geom_bodyid[g]}
+    named = {n for names in known.values() for n in names}
+    assert {"sensor", "cable", "tool", "base", "link", "joint 1", "joint 6"} <= named
+
+
+@pytest.mark.parametrize("robot", ["ur5", "medrue"])
+@pytest.mark.parametrize("joint", range(1, 7))
+def test_blame_is_painted_on_the_body_that_the_joint_moves(robot, joint):
+    model, arm, _ = parts(robot)
+    colours = painted(model, arm, {f"joint {joint}": 1.0})
+    red = {int(model.geom_bodyid[g]) for g, c in colours.items() if c == tuple(heat(1.0))}
+    grey = {int(model.geom_bodyid[g]) for g, c in colours.items() if c == tuple(heat(0.0))}
+    own = int(model.joint(f"q{joint}").bodyid[0])
+    assert red == ({own} if len(model.body(own).geomnum) and model.body(own).geomnum[0] else set())
+    assert not red & grey and grey
+
+
+def test_sensor_cable_and_tool_are_told_apart():
+    model, _, known = parts()
+    of = {model.geom(g).name: names for g, names in known.items() if model.geom(g).name}
+    assert of["sensor"] == ("sensor",) and of["sensor_cable"] == ("cable",)
+    assert of["tool_plate"] == of["finger_left"] == ("tool",)
+    assert of["sensor_rim"] == ("mount", "sensor")
+    model, _, known = parts("medrue")
+    of = {model.geom(g).name: names for g, names in known.items() if model.geom(g).name}
+    assert of["sensor_socket"] == ("sensor",) and of["sensor_cable"] == ("cable",)
+    assert of["probe"] == of["holder"] == of["probe_cable"] == ("tool",)
+
+
+def test_the_ground_is_painted_only_where_the_environment_is_to_blame():
+    model, arm, _ = parts()
+    ground = {g for g in range(model.ngeom) if not model.geom_bodyid[g]}
+    assert not ground & set(painted(model, arm, {"tool": 1.0}))
+    red = painted(model, arm, {"environment": 1.0})
+    assert all(red[g] == tuple(heat(1.0)) for g in ground)
+
+
+@pytest.fixture(scope="module")
+def found(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("found")
+    robot = wb.load("robots", "ur5")
+    options = wb.SimOptions("ur5", effects=("joint.compliance:joint=2,stiffness=7000",), seed=2)
+    with wb.SimDriver(options) as driver:
+        wb.record(driver, wb.poses(robot, 50, seed=2), folder / "rec.parquet", samples=40)
+    findings = diagnose(wb.Recording.read(folder / "rec.parquet"))
+    rr.set_strict_mode(True)
+    diagnosis_view(findings, folder / "diagnosis.rrd")
+    rr.set_strict_mode(False)
+    return findings, Rrd(folder / "diagnosis.rrd"), folder
+
+
+def colours_of(rrd, body):
+    kinds = ("Boxes3D", "Cylinders3D", "Ellipsoids3D", "Capsules3D")
+    found = []
+    for kind in kinds:
+        entity = f"/world/real/{body}/{kind.removesuffix('3D').lower()}"
+        if entity in rrd.entities():
+            found += list(rrd.values(entity, f"{kind}:colors")[0])
+    return {(int(c) >> 24, int(c) >> 16 & 255, int(c) >> 8 & 255) for c in found}
+
+
+def test_the_blamed_joint_is_dark_and_the_rest_is_not(found):
+    findings, rrd, _ = found
+    share = blame(findings.diagnosis.to_json())["joint 2"]
+    assert share > 0.9
+    assert colours_of(rrd, "upper_arm") == {tuple(int(c) for c in heat(share))}
+    for body in ("shoulder", "forearm", "wrist_3", "flange", "tool"):
+        assert colours_of(rrd, body) == {tuple(int(c) for c in heat(0.0))}
+
+
+def test_blame_on_the_wrong_link_is_caught(found, monkeypatch):
+    findings, _, folder = found
+    monkeypatch.setattr(diagnosed, "blame", lambda _: {"joint 3": 0.99})
+    diagnosis_view(findings, folder / "wrong.rrd")
+    with pytest.raises(AssertionError):
+        test_the_blamed_joint_is_dark_and_the_rest_is_not((findings, Rrd(folder / "wrong.rrd"), 0))
+
+
+def test_the_slider_goes_from_before_to_after(found):
+    _, rrd, _ = found
+    gaps = [np.mean(v[0]["buffer"] if isinstance(v[0], dict) else v[0])
+            for v in rrd.values("/residual/gap", "BarChart:values", "simulator")]  # fmt: skip
+    assert len(gaps) == 3 and gaps[2] < 0.2 * gaps[1] <= 0.21 * gaps[0]
+    names = rrd.values("/residual/map/name", "Points2D:labels", "simulator")[:, 0]
+    assert list(names) == ["as configured", "calibrated", "with the effects"]
+
+
+def test_the_answers_are_in_words(found):
+    _, rrd, _ = found
+    text = rrd.values("/report", "TextDocument:text")[0, 0]
+    assert text.startswith("# Joints give under the weight")
+    assert "joint.compliance | " in text and "with the effects |" in text
+
+
+def test_a_calibration_colours_the_workspace(tmp_path):
+    robot = wb.load("robots", "medrue")
+    options = wb.SimOptions("medrue", parameters={"L11": 0.4012}, seed=4)
+    with wb.SimDriver(options) as driver:
+        wb.record(driver, wb.poses(robot, 60, seed=4), tmp_path / "rec.parquet", samples=20)
+    recording = wb.Recording.read(tmp_path / "rec.parquet")
+    fit = wb.calibrate(recording, wb.Options(prior=True))
+    calibration_view(fit, tmp_path / "fit.rrd")
+    rrd = Rrd(tmp_path / "fit.rrd")
+    places = rrd.values("/world/error", "Points3D:positions", "calibration")
+    assert places.shape[:2] == (2, len(robot.target()))
+    before, after = rrd.values("/error/share", "BarChart:abscissa", "calibration")
+    assert str(before) == str(after)
+    text = rrd.values("/report", "TextDocument:text")[0, 0]
+    assert f"{1e3 * fit.target_rms:.3g} mm" in text
+
+
+def test_a_calibration_that_bounds_nothing_says_so(tmp_path):
+    robot = wb.load("robots", "medrue")
+    with wb.SimDriver(wb.SimOptions("medrue", seed=4)) as driver:
+        wb.record(driver, wb.poses(robot, 30, seed=4), tmp_path / "rec.parquet", samples=10)
+    fit = wb.calibrate(wb.Recording.read(tmp_path / "rec.parquet"))
+    with pytest.raises(ParameterError, match="--prior"):
+        calibration_view(fit, tmp_path / "fit.rrd")

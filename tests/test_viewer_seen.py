@@ -1,0 +1,94 @@
+"""What a person sees: rerun's own viewer draws, without a screen, and the picture is measured."""
+
+import socket
+from pathlib import Path
+
+import numpy as np
+import psutil
+import pytest
+
+import silhouette
+import wrenchbed as wb
+from headless import seen
+from pictures import unless
+from wrenchbed.simulation import Simulation
+from wrenchbed.viewer import recording_view, shapes
+from wrenchbed.viewer.colours import MEASURED, SIMULATED
+from wrenchbed.viewer.motion import motion
+
+pytestmark = unless(
+    Path("/usr/share/vulkan/icd.d").is_dir(), "mesa-vulkan-drivers is not installed"
+)
+MARKER = np.array([0.45, 0.1, 0.6])
+LIKE = 0.97
+"""Least intersection over union of two outlines: rerun draws edges about half a pixel wider."""
+
+
+def port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+@pytest.mark.parametrize("name", ["ur5", "medrue"])
+def test_the_robot_has_the_outline_that_mujocos_rays_hit(tmp_path, name):
+    robot = wb.load("robots", name)
+    simulation = silhouette.draw(robot, tmp_path / "robot.rrd", MARKER)
+    picture = silhouette.pictured(tmp_path / "robot.rrd", port())
+    assert silhouette.overlap(picture, simulation) > LIKE
+    off = silhouette.marked(picture) - silhouette.projected(MARKER, picture)
+    assert np.abs(off).max() < 3.0  # of 2553 pixels: a millimetre and a half there
+
+
+def test_outlines_notice_turned_shifted_and_misshapen_robots(tmp_path, monkeypatch):
+    robot = wb.load("robots", "ur5")
+    simulation = Simulation(robot, robot.parameters.nominal)
+    moved = simulation.robot.home + np.array([0.0, 0.05, 0.0, 0.0, 0.0, 0.0])
+    here, there = (motion(simulation, q[None]).position[0] for q in (robot.home, moved))
+    assert 0.02 < np.abs(here - there).max() < 0.06  # the tool, some centimetres
+    monkeypatch.setattr(shapes, "xyzw", lambda q: q)
+    silhouette.draw(robot, tmp_path / "turned.rrd")
+    monkeypatch.undo()
+    monkeypatch.setattr(silhouette, "motion", lambda s, q: motion(s, moved[None]))
+    silhouette.draw(robot, tmp_path / "shifted.rrd")
+    for name in ("turned", "shifted"):
+        picture = silhouette.pictured(tmp_path / f"{name}.rrd", port())
+        assert silhouette.overlap(picture, simulation) < LIKE
+
+
+def test_the_viewer_shows_a_recording_without_complaint_and_keeps_to_itself(tmp_path):
+    robot = wb.load("robots", "ur5")
+    with wb.SimDriver(wb.SimOptions("ur5", seed=1)) as driver:
+        wb.record(driver, wb.poses(robot, 10, seed=1), tmp_path / "rec.parquet", samples=10)
+    recording = wb.Recording.read(tmp_path / "rec.parquet")
+    recording_view(recording, tmp_path / "view.rrd")
+    with seen(tmp_path / "view.rrd", port()) as viewer:
+        viewer.client.set_time(timeline="row", sequence=45)
+        names = {v.name for v in viewer.client.get_state().views}
+        assert {"robot", "fx [N]", "tz [N·m]", "about", "residual of configured / noise"} <= names
+        assert not [w for w in viewer.warnings() if "oftware rasterizer" not in w]
+        places = transforms(viewer)
+        picture = viewer.picture("fx [N]")
+        open_ones = connections(viewer.pid)
+    simulation = Simulation(robot, robot.parameters.nominal)
+    wanted = motion(simulation, recording.q[40:41])
+    for k, body in enumerate(wanted.names):
+        assert np.abs(places[body] - wanted.position[0, k]).max() < 1e-5
+    for colour in (MEASURED, SIMULATED):
+        assert (np.abs(picture.astype(int) - colour).max(axis=-1) < 40).sum() > 50
+    assert open_ones and all(c.laddr.ip == "127.0.0.1" for c in open_ones)
+    assert all(not c.raddr or c.raddr.ip == "127.0.0.1" for c in open_ones)
+
+
+def transforms(viewer) -> dict[str, np.ndarray]:
+    """Where the viewer has each body of the real robot."""
+    found = {}
+    for edge in viewer.client.get_transform_graph(include_transforms=True)["edges"]:
+        name = edge["child"].removeprefix("tf#/world/real/")
+        if edge["source"]["kind"] == "transform" and "/" not in name:
+            found[name] = np.array(edge["source"]["parent_from_child"])[:3, 3]
+    return found
+
+
+def connections(pid: int):
+    return psutil.Process(pid).net_connections("inet")
