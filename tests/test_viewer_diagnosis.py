@@ -140,7 +140,7 @@ def test_the_slider_goes_from_before_to_after(found):
     _, rrd, _ = found
     gaps = [np.mean(v[0]["buffer"] if isinstance(v[0], dict) else v[0])
             for v in rrd.values("/residual/gap", "BarChart:values", "simulator")]  # fmt: skip
-    assert len(gaps) == 3 and gaps[2] < 0.2 * gaps[1] <= 0.21 * gaps[0]
+    assert len(gaps) == 3 and gaps[2] < 0.2 * min(gaps[:2])
     names = rrd.values("/residual/map/name", "Points2D:labels", "simulator")[:, 0]
     assert list(names) == ["as configured", "calibrated", "with the effects"]
 
@@ -154,7 +154,7 @@ def test_the_answers_are_in_words(found):
 
 def test_a_calibration_colours_the_workspace(tmp_path):
     robot = wb.load("robots", "medrue")
-    options = wb.SimOptions("medrue", parameters={"L11": 0.4012}, seed=4)
+    options = wb.SimOptions("medrue", parameters={"L11": 0.408}, seed=4)
     with wb.SimDriver(options) as driver:
         wb.record(driver, wb.poses(robot, 60, seed=4), tmp_path / "rec.parquet", samples=20)
     recording = wb.Recording.read(tmp_path / "rec.parquet")
@@ -163,8 +163,10 @@ def test_a_calibration_colours_the_workspace(tmp_path):
     rrd = Rrd(tmp_path / "fit.rrd")
     places = rrd.values("/world/error", "Points3D:positions", "calibration")
     assert places.shape[:2] == (2, len(robot.target()))
-    before, after = rrd.values("/error/share", "BarChart:abscissa", "calibration")
-    assert str(before) == str(after)
+    shares = [np.asarray(v[0]["buffer"] if isinstance(v[0], dict) else v[0], dtype=float)
+              for v in rrd.values("/error/share", "BarChart:values", "calibration")]  # fmt: skip
+    middle = [float(s @ np.arange(len(s)) / s.sum()) for s in shares]
+    assert middle[1] < 0.5 * middle[0]  # errors shrink
     text = rrd.values("/report", "TextDocument:text")[0, 0]
     assert f"{1e3 * fit.target_rms:.3g} mm" in text
 

@@ -1,8 +1,8 @@
 """Simulators to hold against a recording: as configured, a fit's, a twin's."""
 
 import json
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -22,11 +22,19 @@ MOST = 4
 
 @dataclass(frozen=True, eq=False)
 class Simulator:
-    """A name for people, the robot's parameters (P,), and readings (N, 6) [N, N·m]."""
+    """What a simulator says of a recording.
+
+    Attributes:
+        name: for people.
+        theta: the robot's parameters (P,).
+        reading: of every row (N, 6) [N, N·m].
+        fit: the fit.json that it comes from, empty for others.
+    """
 
     name: str
     theta: np.ndarray
     reading: np.ndarray
+    fit: Mapping[str, Any] = field(default_factory=dict)
 
 
 def simulators(recording: Recording, files: Sequence[str | Path]) -> list[Simulator]:
@@ -39,18 +47,23 @@ def simulators(recording: Recording, files: Sequence[str | Path]) -> list[Simula
         raise ParameterError(f"{len(files)} simulators: at most {MOST - 1} can be told apart")
     robot = robot_of(recording)
     model = Model.of(robot, recording.metadata)
-    found = [_of("configured", Twin(model, model.configured(recording.metadata)), recording)]
-    for file in files:
-        path = Path(file)
-        found.append(_of(path.stem, _read(path, model), recording))
-    return found
+    twins: list[tuple[str, Twin, Mapping[str, Any]]] = [
+        ("configured", Twin(model, model.configured(recording.metadata)), {})
+    ]
+    twins += [(Path(file).stem, *_read(Path(file), model)) for file in files]
+    return [
+        Simulator(name, twin.own, simulate(twin, recording).wrench, fit)
+        for name, twin, fit in twins
+    ]
 
 
 def modelled(recording: Recording) -> bool:
     """Whether the recording's robot has joints and a model."""
-    name = recording.metadata.robot
-    known = name in registry.names("robots") and registry.load("robots", name)
-    return isinstance(known, SimulatedRobot) and bool(recording.joints)
+    try:
+        robot_of(recording)
+    except ParameterError:
+        return False
+    return True
 
 
 def robot_of(recording: Recording) -> SimulatedRobot:
@@ -59,11 +72,10 @@ def robot_of(recording: Recording) -> SimulatedRobot:
     Raises:
         ParameterError: it has no model that could be shown.
     """
-    robot = registry.load("robots", recording.metadata.robot)
+    name = recording.metadata.robot
+    robot = registry.load("robots", name) if name in registry.names("robots") else None
     if not isinstance(robot, SimulatedRobot) or not recording.joints:
-        raise ParameterError(
-            f"{recording.name}: robot {recording.metadata.robot!r} has no joints to show"
-        )
+        raise ParameterError(f"{recording.name}: there is no model of robot {name!r} to show")
     return robot
 
 
@@ -76,22 +88,25 @@ def noise_of(recording: Recording) -> np.ndarray:
     return np.maximum(np.median(steps, axis=0) / (np.sqrt(2.0) * 0.6745), 1e-9)
 
 
-def _of(name: str, twin: Twin, recording: Recording) -> Simulator:
-    return Simulator(name, twin.own, simulate(twin, recording).wrench)
+def order_of(recording: Recording) -> tuple[np.ndarray, str]:
+    """What rows are sorted by for people (N,): poses at rest where they are told, else time [s]."""
+    if recording.metadata.mode == "static" and "segment" in recording.columns:
+        return recording.columns["segment"], "pose"
+    return recording.t, "s"
 
 
-def _read(path: Path, model: Model) -> Twin:
-    """A twin.json, or a fit.json as a twin without effects."""
+def _read(path: Path, model: Model) -> tuple[Twin, Mapping[str, Any]]:
+    """A twin.json, or a fit.json as a twin without effects, and the fit."""
     raw = _json(path)
     if "parameters" not in raw:
-        return Twin.read(path)
+        return Twin.read(path), {}
     if raw.get("robot") != model.robot.name:
         raise ParameterError(f"{path}: is a fit of {raw.get('robot')!r}, not {model.robot.name!r}")
     try:
         theta = model.parameters.vector({k: float(v) for k, v in raw["theta"].items()})
     except (KeyError, TypeError, ValueError, AttributeError, WrenchbedError) as error:
         raise ParameterError(f"{path}: theta: {error}") from error
-    return Twin(model, theta)
+    return Twin(model, theta), raw
 
 
 def _json(path: Path) -> dict[str, Any]:

@@ -98,6 +98,7 @@ def record(
     """
     console.check_seed(seed or 0)
     console.check_out(out, plan, parameters, Path(recording) if recording else None)
+    console.check_out(rrd, out, plan)
     todo = wb.Plan.read(plan)
     if todo.robot != robot:
         raise PlanError(f"{plan}: the plan is for robot {todo.robot!r}, not {robot!r}")

@@ -87,6 +87,7 @@ def calibrate(
     """
     options = wb.Options(free or None, hold, prior, loss)
     console.check_out(out, recording, touches, truth)
+    console.check_out(rrd, recording, touches, truth, out)
     known = None if truth is None else console.parameters(truth)
     data = wb.Recording.read(recording)
     if touches is None and touch_std is not None:

@@ -38,7 +38,7 @@ def view(
 
     console.check_out(rrd, recording, *against)
     with tempfile.TemporaryDirectory(prefix="wrenchbed-") as folder:
-        file = _file(recording, against, rrd or Path(folder) / f"{recording.stem or 'view'}.rrd")
+        file = _file(recording, against, rrd, Path(folder))
         if rrd is not None:
             console.OUT.print(f"view → {file}", soft_wrap=True, markup=False, highlight=False)
             return
@@ -49,17 +49,18 @@ def view(
         show.show(show.command(file, web=web, port=port, web_port=web_port))
 
 
-def _file(recording: Path, against: tuple[Path, ...], out: Path) -> Path:
-    """The file to show, made if need be."""
+def _file(recording: Path, against: tuple[Path, ...], rrd: Path | None, folder: Path) -> Path:
+    """The file to show, made if need be: where it is asked for, else in a folder."""
     made = recording / _MADE if recording.is_dir() else recording
     if made.suffix == ".rrd":
-        if against:
+        if against or rrd is not None:
             raise ParameterError(f"{made}: is a picture already; give the recording instead")
         if not made.is_file():
             raise ParameterError(f"{made}: there is no such file; `diagnose --out` makes it")
         return made
     from wrenchbed.viewer import recording_view
 
+    out = rrd or folder / f"{recording.stem}.rrd"
     recording_view(wb.Recording.read(recording), out, against)
     return out
 

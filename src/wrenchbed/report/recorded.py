@@ -1,6 +1,5 @@
 """The report of a recording held against simulators, and of the fits that some come from."""
 
-import json
 from collections.abc import Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path, PurePath
@@ -12,7 +11,7 @@ from wrenchbed.recording import Recording
 from wrenchbed.report import figures, numbers
 from wrenchbed.report.evidence import BINS, Heat
 from wrenchbed.report.page import Page
-from wrenchbed.simulators import Simulator, noise_of, simulators
+from wrenchbed.simulators import Simulator, noise_of, order_of, simulators
 from wrenchbed.wrench import CHANNELS
 
 _AGREE, _NEAR = 1.25, 3.0
@@ -29,7 +28,7 @@ def recording_page(recording: Recording, files: Sequence[str | Path], command: s
     known = simulators(recording, files)
     noise = noise_of(recording)
     ratios = [float(np.sqrt(np.mean(_white(recording, s, noise) ** 2))) for s in known]
-    fits = [_fit(Path(f)) for f in files if "parameters" in _json(Path(f))]
+    fits = [_fit(s.name, s.fit) for s in known if s.fit]
     heat, over = _heat(recording, known, noise)
     best = int(np.argmin(ratios))
     told = _agreement(known[best].name, ratios[best])
@@ -69,23 +68,22 @@ def _rms(recording: Recording, s: Simulator) -> list[str]:
 
 
 def _heat(recording: Recording, known: Sequence[Simulator], noise: np.ndarray) -> tuple[Heat, str]:
-    at_rest = recording.metadata.mode == "static"
-    order = recording.columns["segment"] if at_rest else recording.t
+    order, unit = order_of(recording)
     groups = [g for g in np.array_split(np.argsort(order, kind="stable"), BINS) if len(g)]
     bins = tuple(f"{order[g].min():.0f}…\n{order[g].max():.0f}" for g in groups)
     panels = {}
     for s in known:
         white = _white(recording, s, noise) ** 2
         panels[s.name] = np.sqrt(np.stack([white[g].mean(axis=0) for g in groups], axis=1))
-    label, over = ("pose", "over the poses in order") if at_rest else ("time [s]", "over time")
-    return Heat(panels, bins, label, over), over
+    over = "over the poses in order" if unit == "pose" else "over time"
+    return Heat(panels, bins, "pose" if unit == "pose" else "time [s]", over), over
 
 
 def _what(recording: Recording) -> dict[str, str]:
-    at_rest = recording.metadata.mode == "static"
-    poses = len(np.unique(recording.columns["segment"])) if at_rest else 0
+    at_rest, (order, unit) = recording.metadata.mode == "static", order_of(recording)
     span = float(recording.t[-1] - recording.t[0])
-    figure = f"{poses} poses at rest" if at_rest else f"{span:.0f} s of motion"
+    figure = f"{len(np.unique(order))} poses at rest" if unit == "pose" else f"{span:.0f} s"
+    figure += "" if unit == "pose" else " at rest" if at_rest else " of motion"
     source = recording.metadata.source or "a source that is not stated"
     return {"figure": figure, "text": f"{len(recording):,} rows in {span:,.0f} s, from {source}."}
 
@@ -101,8 +99,7 @@ def _agreement(name: str, ratio: float) -> dict[str, str]:
     return {"figure": figure, "text": text, "headline": headline}
 
 
-def _fit(path: Path) -> dict[str, Any]:
-    raw = _json(path)
+def _fit(name: str, raw: Mapping[str, Any]) -> dict[str, Any]:
     tool = raw["tool"]
     cog = ", ".join(f"{1e3 * x:.4g}" for x in tool["cog"])
     shown = [("mass", f"{tool['mass']:.4g} kg"), ("centre of gravity", f"({cog}) mm")]
@@ -110,7 +107,7 @@ def _fit(path: Path) -> dict[str, Any]:
     if raw["no_effect"]:
         untold.append(f"No wrench depends on {', '.join(raw['no_effect'])}.")
     return {
-        "name": path.name,
+        "name": name,
         "status": raw["status"],
         "tool": [(label, numbers.minus(value)) for label, value in shown],
         "parameters": [_row(n, p) for n, p in raw["parameters"].items()],
@@ -155,9 +152,3 @@ def _data(recording: Recording) -> list[tuple[str, str]]:
         ("rows", f"{len(recording):,}{rate}"),
         ("made by", f"wrenchbed {version('wrenchbed')}"),
     ]
-
-
-def _json(path: Path) -> dict[str, Any]:
-    raw = json.loads(path.read_text(encoding="utf-8"))
-    assert isinstance(raw, dict)  # `simulators` has read it before
-    return raw

@@ -2,7 +2,6 @@
 
 import json
 import os
-import signal
 import sys
 import time
 from collections import deque
@@ -102,6 +101,5 @@ def _draw(follower: Follower, held: deque[bytes], size: int) -> None:
 
 
 if __name__ == "__main__":
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # who records ends it
     os.nice(_NICE)
     run(json.loads(sys.argv[1]), sys.stdin.buffer)

@@ -55,8 +55,9 @@ class LiveView:
         self.dropped = 0
 
     def __enter__(self) -> Self:
+        # in a group of its own: Ctrl-C is for who records, whose end is the end of the rows
         command = [sys.executable, "-m", "wrenchbed.viewer.follow", json.dumps(self._told)]
-        self._process = subprocess.Popen(command, stdin=subprocess.PIPE)
+        self._process = subprocess.Popen(command, stdin=subprocess.PIPE, process_group=0)
         assert self._process.stdin is not None
         self._pipe = self._process.stdin.fileno()
         os.set_blocking(self._pipe, False)

@@ -8,7 +8,7 @@ import numpy as np
 from wrenchbed.recording import Recording
 from wrenchbed.robots.base import SimulatedRobot
 from wrenchbed.simulation import Simulation
-from wrenchbed.simulators import Simulator, modelled, noise_of, robot_of, simulators
+from wrenchbed.simulators import Simulator, modelled, noise_of, order_of, robot_of, simulators
 from wrenchbed.viewer import heatmap, layout
 from wrenchbed.viewer.arrows import log_arrows, scale_for
 from wrenchbed.viewer.colours import MEASURED, SIMULATED, ghost
@@ -23,8 +23,6 @@ GROWN_M = 0.003
 """By which the simulated robot is larger, so that one sees it around the real one."""
 _APART_M = 1e-5
 """Bodies nearer than this are where the real robot's are: no ghost."""
-_SHOWN_GAP_M = 1e-7
-"""Closure errors below are rounding."""
 
 
 def recording_view(
@@ -50,12 +48,15 @@ def recording_view(
     shown = frames(q, None if at_rest else at)
     real = motion(Simulation(robot, known[0].theta), q[shown])
     residual = recording.wrench - best.reading
+    simulation = Simulation(robot, best.theta)
+    simulated, loops = motion(simulation, q[shown]), simulation.model.neq > 0
     blueprint = layout.page(
         [layout.scene(robot.name), layout.heat(readable(f"residual of {best.name} / noise"))],
         [
             layout.channels(),
             layout.residuals(residual),
             layout.curves("/joints", "joints [rad, m]"),
+            *([layout.curves("/closure", "loop closure [nm]")] if loops else []),
             layout.document("/report", "about"),
         ],
         [2.2, 1.0],
@@ -63,7 +64,6 @@ def recording_view(
     )
     with to_file(path, blueprint, axis) as canvas:
         log_robot(canvas, robot, at[shown], real)
-        simulated = motion(Simulation(robot, best.theta), q[shown])
         apart = np.abs(simulated.position - real.position).max(axis=(0, 2)) > _APART_M
         if apart.any():
             log_ghost(canvas, robot, best.theta, at[shown], simulated.of(apart))
@@ -75,9 +75,9 @@ def recording_view(
         log_wrenches(canvas, at, recording.wrench, {s.name: s.reading for s in known})
         log_residuals(canvas, at, residual)
         log_joints(canvas, at, q, [f"{j.name} [{j.unit}]" for j in robot.joints])
-        if real.gap.max() > _SHOWN_GAP_M:
-            gap = 1e6 * real.gap[:, None]
-            log_curves(canvas, "closure", at[shown], gap, ["loop closure [µm]"], [SIMULATED])
+        if loops:
+            gap = 1e9 * simulated.gap[:, None]
+            log_curves(canvas, "closure", at[shown], gap, ["gap of the loops"], [SIMULATED])
         _log_map(canvas, recording, residual)
         _log_words(canvas, recording, known, scale.sentence)
 
@@ -117,11 +117,7 @@ def log_ghost(
 
 def _log_map(canvas: Canvas, recording: Recording, residual: np.ndarray) -> None:
     white = residual / noise_of(recording)
-    at_rest = recording.metadata.mode == "static"
-    order = (
-        recording.columns["segment"] if at_rest and "segment" in recording.columns else recording.t
-    )
-    unit = "s" if order is recording.t else "pose"
+    order, unit = order_of(recording)
     canvas.once("residual/map/labels", heatmap.labels(heatmap.ticks(order, unit)))
     canvas.once("residual/map/cells", heatmap.cells(heatmap.binned(white, order)))
 

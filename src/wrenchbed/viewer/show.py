@@ -81,16 +81,19 @@ def quiet() -> Iterator[dict[str, str]]:
         yield environment
 
 
-def show(told: Sequence[str]) -> int:
-    """Run a viewer until it is closed; its exit code.
+def show(told: Sequence[str]) -> None:
+    """Run a viewer until it is closed.
 
     Raises:
         ParameterError: there is no screen for a native viewer.
+        DriverError: the viewer failed; it said why.
     """
     if "--serve-web" not in told:
         _check_screen()
     with quiet() as environment:
-        return subprocess.run(told, env=environment, check=False).returncode
+        code = subprocess.run(told, env=environment, check=False).returncode
+    if code:
+        raise DriverError(f"rerun's viewer ended with code {code}: is its port taken?")
 
 
 def _check_screen() -> None:
