@@ -21,11 +21,12 @@ _OPENS_S = 30.0
 class Tab:
     """One page; what it logs and asks of the network is kept."""
 
-    def __init__(self, socket: Any) -> None:
+    def __init__(self, socket: Any, console: bool) -> None:
         self._socket, self._number = socket, 0
         self.console: list[str] = []
-        self.requests: list[str] = []
-        for domain in ("Page", "Runtime", "Network", "Log"):
+        self.requests: dict[str, str] = {}
+        self.refused: dict[str, str] = {}
+        for domain in ("Page", "Network", *(("Runtime", "Log") if console else ())):
             self.call(f"{domain}.enable")
 
     def call(self, method: str, **parameters: Any) -> dict[str, Any]:
@@ -40,13 +41,13 @@ class Tab:
                 return told["result"]
             self._note(told)
 
-    def open(self, path: Path, width: int, height: int, **media: str) -> None:
-        """Load a file in a window of a size, with media features such as a dark scheme."""
+    def open(self, where: Path | str, width: int, height: int, **media: str) -> None:
+        """Load a page in a window of a size, with media features such as a dark scheme."""
         self.call("Emulation.setDeviceMetricsOverride", width=width, height=height,
                   deviceScaleFactor=1, mobile=False)  # fmt: skip
         features = [{"name": k.replace("_", "-"), "value": v} for k, v in media.items()]
         self.call("Emulation.setEmulatedMedia", features=features)
-        self.call("Page.navigate", url=path.as_uri())
+        self.call("Page.navigate", url=where if isinstance(where, str) else where.as_uri())
         until = time.monotonic() + _OPENS_S
         while self.run("document.readyState") != "complete":
             assert time.monotonic() < until, "the page does not load"
@@ -70,7 +71,9 @@ class Tab:
     def _note(self, told: dict[str, Any]) -> None:
         method, what = told.get("method"), told.get("params", {})
         if method == "Network.requestWillBeSent":
-            self.requests.append(what["request"]["url"])
+            self.requests[what["requestId"]] = what["request"]["url"]
+        elif method == "Network.loadingFailed":
+            self.refused[what["requestId"]] = what.get("blockedReason", what["errorText"])
         elif method == "Runtime.consoleAPICalled" or method == "Runtime.exceptionThrown":
             self.console.append(json.dumps(what)[:300])
         elif method == "Log.entryAdded":
@@ -78,11 +81,12 @@ class Tab:
 
 
 @contextmanager
-def tab() -> Iterator[Tab]:
+def tab(*flags: str, console: bool = True) -> Iterator[Tab]:
     """A page of a Chromium that may speak to nobody but us."""
     with tempfile.TemporaryDirectory() as folder:
         process = subprocess.Popen(
-            [BINARY, "--headless=new", "--no-sandbox", "--disable-gpu", "--hide-scrollbars",
+            [BINARY, "--headless=new", "--no-sandbox", *(flags or ["--disable-gpu"]),
+             "--hide-scrollbars",
              "--remote-debugging-port=0", "--remote-allow-origins=*", "--no-first-run",
              "--disable-background-networking", "--disable-component-update",
              "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1",
@@ -99,7 +103,7 @@ def tab() -> Iterator[Tab]:
             with urlopen(f"http://127.0.0.1:{port}/json/list", timeout=_OPENS_S) as answer:
                 pages = [p for p in json.load(answer) if p["type"] == "page"]
             with connect(pages[0]["webSocketDebuggerUrl"], max_size=None) as socket:
-                yield Tab(socket)
+                yield Tab(socket, console)
         finally:
             process.terminate()
             process.wait(10)

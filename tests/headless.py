@@ -42,7 +42,7 @@ class Seen:
 @contextmanager
 def seen(file: Path, port: int, size: tuple[int, int] = SIZE) -> Iterator[Seen]:
     """The viewer showing a file, on this machine alone."""
-    told = show.command(file, web=False, port=port)
+    told = show.command(file, port=port)
     told[1:1] = ["--headless", "--window-size", f"{size[0]}x{size[1]}", "--hide-welcome-screen"]
     with show.quiet() as environment:
         process = subprocess.Popen(

@@ -5,6 +5,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import rerun as rr
+from scipy import ndimage
 
 from headless import seen
 from wrenchbed.simulation import Simulation
@@ -18,13 +19,15 @@ FIELD = np.deg2rad(55.0)
 """Vertical field of view of rerun's eye."""
 PAINT, MARK = (255, 0, 0), (0, 255, 0)
 LARGE = (2560, 1440)
+_CUT, _OFF = 5.0, 0.5
+"""Pixels that the picture of a view lacks of its height, and by which its middle is off."""
 _STEP = 4
 """Every so many pixels a ray."""
 _NAME = "robot"
 
 
-def draw(robot, path: Path, marker: np.ndarray | None = None) -> Simulation:
-    """What moves of a robot, at home, in red before black; a green ball on request."""
+def draw(robot, path: Path, markers: np.ndarray | None = None) -> Simulation:
+    """What moves of a robot, at home, in red before black; green balls on request."""
     b = rr.blueprint
     eye = b.EyeControls3D(position=EYE, look_target=TARGET, eye_up=(0, 0, 1))
     view = b.Spatial3DView(
@@ -37,9 +40,8 @@ def draw(robot, path: Path, marker: np.ndarray | None = None) -> Simulation:
         moving = {n for n, b in bodies(model).items() if model.body_weldid[b]}
         log_shapes(canvas, "world/real", model, PAINT, only=moving)
         log_pose(canvas, "world/real", motion(simulation, robot.home[None]))
-        if marker is not None:
-            ball = rr.Points3D([marker], radii=0.006, colors=MARK)
-            canvas.once("world/marker", ball)
+        if markers is not None:
+            canvas.once("world/markers", rr.Points3D(markers, radii=0.006, colors=MARK))
     return simulation
 
 
@@ -59,21 +61,35 @@ def overlap(picture: np.ndarray, simulation: Simulation) -> float:
     return float((red & hit).sum() / (red | hit).sum())
 
 
-def projected(point: np.ndarray, picture: np.ndarray) -> np.ndarray:
-    """Pixel x, y at which a point of the world is drawn."""
+def around(depth: float, x: float, y: float) -> np.ndarray:
+    """Points (5, 3) in a plane before the eye: corners of ±x, ±y, and one between [m]."""
+    right, up, ahead = _axes()
+    corners = [(-x, -y), (x, -y), (-x, y), (x, y), (0.5 * x, y)]
+    return np.array([EYE + depth * ahead + a * right + b * up for a, b in corners])
+
+
+def projected(points: np.ndarray, picture: np.ndarray) -> np.ndarray:
+    """Where points (N, 3) of the world are drawn (N, 2) [px]."""
     height, width = picture.shape[:2]
     right, up, ahead = _axes()
-    away = point - EYE
-    scale = 0.5 * height / np.tan(0.5 * FIELD) / (away @ ahead)
-    return np.array([0.5 * width + scale * (away @ right), 0.5 * height - scale * (away @ up)])
+    away = points - EYE
+    scale = _scale(height) / (away @ ahead)
+    flat = scale[:, None] * np.stack([away @ right, -(away @ up)], axis=1)
+    return flat + np.array([0.5 * width + _OFF, 0.5 * height + _OFF])
 
 
 def marked(picture: np.ndarray) -> np.ndarray:
-    """Centre x, y of what is green [px]."""
-    part = picture.astype(int)
-    green = (part[..., 1] > 25) & (part[..., 1] > 2 * part[..., 0])
-    rows, columns = np.nonzero(green)
-    return np.array([columns.mean() + 0.5, rows.mean() + 0.5])
+    """Centres (N, 2) of what is green [px]."""
+    part = picture.astype(float)
+    green = (part[..., 1] > 25) & (part[..., 1] > 2 * part[..., 0]) & (part[..., 2] < 60)
+    spots, count = ndimage.label(green)
+    rows, columns = np.array(ndimage.center_of_mass(green, spots, range(1, count + 1))).T
+    return np.stack([columns + 0.5, rows + 0.5], axis=1)
+
+
+def _scale(height: int) -> float:
+    """Pixels per tangent of a view's picture."""
+    return float(0.5 * (height + _CUT) / np.tan(0.5 * FIELD))
 
 
 def _axes() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -86,8 +102,8 @@ def _axes() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 def _rays(rows: np.ndarray, columns: np.ndarray, height: int, width: int) -> np.ndarray:
     """Directions (…, 3) of pixels."""
     right, up, ahead = _axes()
-    scale = np.tan(0.5 * FIELD) / (0.5 * height)
-    x, y = scale * (columns - 0.5 * width), scale * (0.5 * height - rows)
+    x = (columns - 0.5 * width - _OFF) / _scale(height)
+    y = (0.5 * height + _OFF - rows) / _scale(height)
     ray = x[..., None] * right + y[..., None] * up + ahead
     return ray / np.linalg.norm(ray, axis=-1, keepdims=True)
 

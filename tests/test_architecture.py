@@ -26,7 +26,7 @@ LAYERS = {
     "clearance": 4, "itinerary": 8.5, "resuming": 8.5,
     "campaign": 9, "planning": 9, "mixing": 9, "rehearsal": 8,
     "referee": 5.5,
-    "diagnosis": 10, "study": 10, "effects_page": 10.1, "blind": 10.5,
+    "pages": 2, "diagnosis": 10, "study": 10, "effects_page": 10.1, "blind": 10.5,
     "report": 11, "viewer": 11.5,
     "cli": 12, "__init__": 12, "__main__": 13,
 }  # fmt: skip

@@ -9,6 +9,8 @@ from chromium import BINARY, tab
 from pictures import unless
 from test_report import found
 from wrenchbed.report import diagnosis_page
+from wrenchbed.study.page import Figure, Section, Table
+from wrenchbed.study.page import Page as Study
 
 pytestmark = unless(BINARY is not None, "chromium is not installed")
 
@@ -80,6 +82,22 @@ def test_text_can_be_read_and_nothing_overflows(shown, scheme, width):
     assert (max(map(int, re.findall(r"\d+", ground)[:3])) < 80) == (scheme == "dark")
 
 
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_pages_of_studies_can_be_read_too(tmp_path, scheme):
+    cells = [(f"method {k}", *([0.123456 * 10**k] * 9)) for k in range(3)]
+    table = Table.of("Table 1", ("method", *(f"force {k} [N]" for k in range(9))), cells, "note")
+    drawn = Figure("f", "Figure 1", '<svg width="900" height="300"></svg>', "what it shows")
+    study = Study("A study", "Lead.", (Section("S", "text", (table, drawn)),), "made by")
+    study.write(tmp_path, "study")
+    with tab() as page:
+        page.open(tmp_path / "study.html", 390, 800, prefers_color_scheme=scheme)
+        assert page.run(CONTRAST) == []
+        assert page.run("document.documentElement.scrollWidth") <= 390
+        assert "Figure 1. what it shows" in words(page)
+        assert set(page.requests.values()) == {(tmp_path / "study.html").as_uri()}
+        assert page.console == []
+
+
 def test_the_contrast_check_notices_pale_text(shown):
     page, path, _ = shown
     page.open(path, *SCREEN)
@@ -91,7 +109,7 @@ def test_it_needs_no_network_and_complains_of_nothing(shown):
     page, path, _ = shown
     page.open(path, *SCREEN)
     words(page)
-    assert set(page.requests) == {path.as_uri()}
+    assert set(page.requests.values()) == {path.as_uri()}
     assert page.console == []
     assert path.stat().st_size < 2_000_000
 

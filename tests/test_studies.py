@@ -240,7 +240,7 @@ def test_the_medrue_study_runs_from_pool_to_page(tmp_path, monkeypatch, capfd):
         assert (out / f"{figure}.svg").read_text(encoding="utf-8").startswith("<svg")
     assert json.loads((out / "medrue.json").read_text(encoding="utf-8")) == result
     assert pq.read_table(out / "robots.parquet").num_rows > 100
-    assert "http" not in (out / "medrue.html").read_text(encoding="utf-8").replace(
+    assert "://" not in (out / "medrue.html").read_text(encoding="utf-8").replace(
         "http://www.w3.org", ""
     ).replace("http://creativecommons.org", "").replace("https://matplotlib.org", "").replace(
         "http://purl.org", ""

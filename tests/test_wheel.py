@@ -23,7 +23,7 @@ def test_the_wheel_finds_its_models_from_another_folder(tmp_path):
     for robot in ("ur5", "medrue"):
         assert f"wrenchbed/models/{robot}/{robot}.xml" in inside
     assert "wrenchbed/py.typed" in inside
-    assert "wrenchbed/study/page.html.j2" in inside
+    assert "wrenchbed/pages/study.html.j2" in inside
     site = tmp_path / "site"
     run(*pip, "install", "--quiet", "--no-deps", "--target", str(site), str(wheel), cwd=tmp_path)
     code = (

@@ -6,6 +6,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 
 from wrenchbed import parquet
 from wrenchbed.errors import PlanError
@@ -99,6 +101,15 @@ class Plan:
         if self.rate_hz is not None:
             raw["rate_hz"] = self.rate_hz
         parquet.write(Path(path), parquet.table_of(data, raw))
+
+
+def is_plan(path: Path) -> bool:
+    """Whether a file is Parquet with joint values and no wrench."""
+    try:
+        names = pq.read_schema(path).names
+    except (pa.ArrowException, OSError):
+        return False
+    return "q1" in names and "fx" not in names
 
 
 def _check_numbers(path: Path, column: str, array: np.ndarray | None) -> None:

@@ -28,6 +28,7 @@ def plan(
     seconds: float = 60.0,
     rate: float = 125.0,
     seed: int = 0,
+    rrd: Path | None = None,
     as_json: Json = False,
 ) -> None:
     """Choose poses, or a multi-sine motion, for a robot.
@@ -51,9 +52,11 @@ def plan(
         seconds: Length of a motion.
         rate: Sampling rate of a motion [Hz].
         seed: Of the random choice.
+        rrd: Also write the plan as a picture for rerun: the way, poses, expected wrenches.
         as_json: Print the result as JSON.
     """
     console.check_seed(seed)
+    console.check_out(rrd, out)
     arm = wb.load("robots", robot)
     if motion != "poses" and (index is not None or goal is not None):
         raise PlanError("choose either poses or a motion: --index and --goal are for poses")
@@ -77,7 +80,9 @@ def plan(
                 arm, **{"accuracy": 3e-4, **given}, points=known, pool=size, seed=seed,
                 tell=lambda _: tell(1),
             )  # fmt: skip
-        return _answer_mix(mix, out, touch_std, as_json)
+        _answer_mix(mix, out, touch_std, as_json)
+        _draw(mix.gravity, rrd)
+        return
     if motion == "multisine":
         chosen = wb.multisine(arm, seconds, rate, seed)
     elif index is None:
@@ -85,9 +90,17 @@ def plan(
     else:
         chosen = wb.informative(arm, n, index, 40_000 if pool is None else pool, seed)
     chosen.write(out)
+    _draw(chosen, rrd)
     what = f"{len(chosen)} poses" if motion == "poses" else f"{seconds:g} s at {rate:g} Hz"
     result = {"plan": str(out), "robot": robot, "mode": chosen.mode, "rows": len(chosen)}
     console.answer(result, as_json, f"planned {what} for {robot} → {out}")
+
+
+def _draw(chosen: wb.Plan, rrd: Path | None) -> None:
+    if rrd is not None:
+        from wrenchbed.viewer import plan_view
+
+        plan_view(chosen, rrd)
 
 
 def _answer_mix(mix: wb.Mix, out: Path, touch_std: float | None, as_json: bool) -> None:

@@ -92,7 +92,7 @@ def record(
         set: NAME=VALUE of a setting that this driver alone has, for instance base=0x68 with can or
             frequency=none with rtde; a wrong NAME lists them. May be repeated.
         rrd: Picture of the campaign to write, see `wrenchbed view`; live drivers draw it as they
-            record.
+            record; of a dry run, the way through all poses.
         view: With live drivers: watch while recording, in rerun's window or in a browser.
         as_json: Print the result as JSON.
     """
@@ -110,6 +110,11 @@ def record(
         device, driver = wb.SimDriver, "sim"
         host = channel = sensor = recording = None
         _show(robot, todo, limits)
+        if rrd is not None:
+            from wrenchbed.viewer import plan_view
+
+            plan_view(todo, rrd, limits)
+            rrd = None
     given = {"host": host, "channel": channel, "sensor": sensor, "recording": recording,
              "parameters": console.parameters(parameters) or None, "noise": noise,
              "effects": effect or None, "seed": seed}  # fmt: skip

@@ -18,6 +18,7 @@ def simulate(
     out: Path,
     noise: Literal["off", "white", "real"] = "off",
     seed: int = 0,
+    rrd: Path | None = None,
     as_json: Json = False,
 ) -> None:
     """Run MuJoCo with a twin's effects on a recording's motion.
@@ -28,12 +29,19 @@ def simulate(
         out: Recording to write.
         noise: Of the simulated sensor.
         seed: Of the noise and of what effects draw.
+        rrd: Picture to write: the recording with the twin held against it.
         as_json: Print the result as JSON.
     """
     console.check_seed(seed)
     console.check_out(out, twin, like)
-    simulated = wb.simulate(wb.Twin.read(twin), wb.Recording.read(like), noise=noise, seed=seed)
+    console.check_out(rrd, twin, like, out)
+    followed = wb.Recording.read(like)
+    simulated = wb.simulate(wb.Twin.read(twin), followed, noise=noise, seed=seed)
     simulated.write(out)
+    if rrd is not None:
+        from wrenchbed.viewer import recording_view
+
+        recording_view(followed, rrd, [twin])
     rows = len(simulated)
     result = {"recording": str(out), "like": str(like), "rows": rows}
     console.answer(result, as_json, f"simulated {rows} rows of {like} → {out}")

@@ -10,6 +10,7 @@ import tyro
 import wrenchbed as wb
 from wrenchbed.cli import console
 from wrenchbed.errors import ParameterError
+from wrenchbed.plan import is_plan
 
 _MADE = "diagnosis.rrd"
 
@@ -23,10 +24,10 @@ def view(
     port: int = 9876,
     web_port: int = 9090,
 ) -> None:
-    """Look at a recording with what simulators say, or at a diagnosis, in rerun.
+    """Look at a recording with what simulators say, at a plan or at a diagnosis, in rerun.
 
     Args:
-        recording: Parquet file; the folder of a diagnosis; or an .rrd file.
+        recording: Parquet file, of a plan too; the folder of a diagnosis; or an .rrd file.
         against: fit.json and twin.json files whose simulators are held against it, the last as a
             ghost.
         rrd: Write this file and open nothing.
@@ -42,11 +43,11 @@ def view(
         if rrd is not None:
             console.OUT.print(f"view → {file}", soft_wrap=True, markup=False, highlight=False)
             return
-        if web:
-            where = show.address(port, web_port)
-            text = f"open {where} (Ctrl-C ends it)"
-            console.OUT.print(text, soft_wrap=True, markup=False, highlight=False)
-        show.show(show.command(file, web=web, port=port, web_port=web_port))
+        with show.viewer(file, web=web, port=port, web_port=web_port) as viewer:
+            if web:
+                text = f"open {show.address(port, web_port)} (Ctrl-C ends it)"
+                console.OUT.print(text, soft_wrap=True, markup=False, highlight=False)
+            show.until_closed(viewer)
 
 
 def _file(recording: Path, against: tuple[Path, ...], rrd: Path | None, folder: Path) -> Path:
@@ -58,10 +59,15 @@ def _file(recording: Path, against: tuple[Path, ...], rrd: Path | None, folder: 
         if not made.is_file():
             raise ParameterError(f"{made}: there is no such file; `diagnose --out` makes it")
         return made
-    from wrenchbed.viewer import recording_view
+    from wrenchbed.viewer import plan_view, recording_view
 
     out = rrd or folder / f"{recording.stem}.rrd"
-    recording_view(wb.Recording.read(recording), out, against)
+    if not is_plan(recording):
+        recording_view(wb.Recording.read(recording), out, against)
+    elif against:
+        raise ParameterError(f"{recording}: is a plan; fits and twins are held against recordings")
+    else:
+        plan_view(wb.Plan.read(recording), out)
     return out
 
 

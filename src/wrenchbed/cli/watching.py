@@ -1,7 +1,5 @@
 """Pictures of a campaign: drawn live on real robots and twins, afterwards in simulation."""
 
-import contextlib
-import subprocess
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -12,8 +10,6 @@ from wrenchbed.drivers.base import Driver
 from wrenchbed.drivers.base.live import LiveDriver
 from wrenchbed.errors import ParameterError
 from wrenchbed.robots.base import SimulatedRobot
-
-_CLOSED_S = 5.0
 
 
 @contextmanager
@@ -62,18 +58,13 @@ def _viewer(view: str | None) -> Iterator[str | None]:
         return
     from wrenchbed.viewer import show
 
-    command = show.live(web=view == "browser")
-    if view == "browser":
-        text = f"open {show.address()}"
-        console.OUT.print(text, soft_wrap=True, markup=False, highlight=False)
-    with show.quiet() as environment:
-        process = subprocess.Popen(command, env=environment)
+    with show.viewer(None, web=view == "browser") as viewer:
+        if view == "browser":
+            text = f"open {show.address()}"
+            console.OUT.print(text, soft_wrap=True, markup=False, highlight=False)
         try:
-            show.wait_for(process)
             yield show.PROXY
         finally:
-            with contextlib.suppress(KeyboardInterrupt):
-                if view == "window":
-                    process.wait()  # until the window is closed
-            process.terminate()
-            process.wait(_CLOSED_S)
+            if view == "window":
+                console.OUT.print("close the window to go on")
+                show.until_closed(viewer)

@@ -4,12 +4,12 @@ import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.metadata import version
-from importlib.resources import files
 from pathlib import Path, PurePath
 from typing import Any
 
 from wrenchbed import registry
 from wrenchbed.diagnosis.diagnose import Findings
+from wrenchbed.pages import rendered
 from wrenchbed.report import figures, numbers, tables, words
 from wrenchbed.report.artist import Artist, at_once
 from wrenchbed.report.evidence import Evidence
@@ -36,14 +36,7 @@ class Page:
         Raises:
             MissingExtraError: jinja2 is not installed.
         """
-        jinja2 = registry.require("jinja2", "report")
-        environment = jinja2.Environment(
-            autoescape=True,
-            trim_blocks=True,
-            lstrip_blocks=True,
-            loader=jinja2.FunctionLoader(_text),
-        )
-        return str(environment.get_template(f"{self.template}.html.j2").render(self.context))
+        return rendered(self.template, self.context)
 
     def write(self, path: str | Path) -> None:
         """Write the page, whole or not at all."""
@@ -51,10 +44,6 @@ class Page:
         half = path.with_name(path.name + ".part")
         half.write_text(self.html(), encoding="utf-8")
         half.replace(path)
-
-
-def _text(name: str) -> str:
-    return (files("wrenchbed.report") / name).read_text(encoding="utf-8")
 
 
 def diagnosis_page(found: Findings, command: str = "", artist: Artist | None = None) -> Page:

@@ -2,10 +2,9 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from importlib.resources import files
 from pathlib import Path
 
-from wrenchbed import registry
+from wrenchbed.pages import rendered
 
 
 @dataclass(frozen=True)
@@ -89,10 +88,7 @@ class Page:
         Raises:
             MissingExtraError: jinja2 is not installed.
         """
-        jinja2 = registry.require("jinja2", "report")
-        text = (files("wrenchbed.study") / "page.html.j2").read_text(encoding="utf-8")
-        template = jinja2.Environment(autoescape=True).from_string(text)
-        return str(template.render(page=self, is_table=lambda part: isinstance(part, Table)))
+        return rendered("study", {"page": self, "is_table": lambda p: isinstance(p, Table)})
 
     def write(self, folder: Path, name: str) -> None:
         """``name``.md, ``name``.html and the figures."""

@@ -2,6 +2,7 @@
 
 from wrenchbed.viewer.calibrated import calibration_view
 from wrenchbed.viewer.diagnosed import diagnosis_view
+from wrenchbed.viewer.plans import plan_view
 from wrenchbed.viewer.recordings import recording_view
 
-__all__ = ["calibration_view", "diagnosis_view", "recording_view"]
+__all__ = ["calibration_view", "diagnosis_view", "plan_view", "recording_view"]

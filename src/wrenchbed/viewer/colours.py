@@ -8,6 +8,8 @@ SIMULATED = (230, 110, 20)
 """Orange: what a simulator says."""
 OTHERS = ((0, 158, 115), (170, 110, 190), (225, 190, 60))
 """Further simulators beside the first."""
+NEXT = (13, 148, 136)
+"""Teal: what to do next."""
 XYZ = ((220, 38, 38), (22, 163, 74), (37, 99, 235))
 JOINTS = (
     (31, 119, 180), (255, 127, 14), (44, 160, 44),

@@ -54,6 +54,12 @@ def log_wrenches(
     wrench_columns(canvas, at, measured, simulated)
 
 
+def log_simulated(canvas: Canvas, at: np.ndarray, wrench: np.ndarray, name: str) -> None:
+    """Log each channel's curve of a simulator alone (N, 6) under ``wrench/<channel>``."""
+    for k, channel in enumerate(CHANNELS):
+        log_curves(canvas, f"wrench/{channel}", at, wrench[:, k : k + 1], [name], [SIMULATED])
+
+
 def style_wrenches(canvas: Canvas, names: Sequence[str]) -> None:
     """Say once how the curves of each channel look: the first is measured, the others not."""
     colours = [MEASURED, SIMULATED, *OTHERS][: len(names)]

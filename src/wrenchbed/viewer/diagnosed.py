@@ -14,7 +14,7 @@ from wrenchbed.robots.base import SimulatedRobot
 from wrenchbed.simulation import Simulation
 from wrenchbed.viewer import heatmap, layout
 from wrenchbed.viewer.blame import blame, painted, part_of
-from wrenchbed.viewer.colours import ghost
+from wrenchbed.viewer.colours import NEXT, ghost
 from wrenchbed.viewer.motion import Motion, motion
 from wrenchbed.viewer.robot import log_pose, log_shapes, log_world
 from wrenchbed.viewer.stream import Canvas, to_file
@@ -22,8 +22,6 @@ from wrenchbed.viewer.words import bar, log_words, readable
 
 STAGE = "simulator"
 """Timeline whose steps are the simulators: as configured, calibrated, with the effects."""
-NEXT = (13, 148, 136)
-"""Teal: what to do next."""
 MOST_NEXT = 5
 
 

@@ -14,7 +14,7 @@ from wrenchbed.viewer.arrows import log_arrows, scale_for
 from wrenchbed.viewer.colours import MEASURED, SIMULATED, ghost
 from wrenchbed.viewer.curves import log_curves, log_joints, log_residuals, log_wrenches
 from wrenchbed.viewer.motion import Motion, frames, motion
-from wrenchbed.viewer.robot import log_motion, log_shapes, log_world
+from wrenchbed.viewer.robot import log_motion, log_robot, log_shapes
 from wrenchbed.viewer.stream import ROW, TIME, Canvas, to_file
 from wrenchbed.viewer.words import log_words, readable
 from wrenchbed.wrench import UNITS
@@ -96,14 +96,6 @@ def _over(recording: Recording) -> tuple[np.ndarray, str]:
     if recording.metadata.mode == "static":
         return np.arange(float(len(recording))), ROW
     return recording.t.astype(float), TIME
-
-
-def log_robot(canvas: Canvas, robot: SimulatedRobot, at: np.ndarray, real: Motion) -> None:
-    """Log the robot in its own colours over the canvas's axis at (K,)."""
-    log_world(canvas)
-    simulation = Simulation(robot, robot.parameters.nominal)
-    log_shapes(canvas, "world/real", simulation.model)
-    log_motion(canvas, "world/real", at, real)
 
 
 def log_ghost(

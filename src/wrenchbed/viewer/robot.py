@@ -6,6 +6,8 @@ import mujoco
 import numpy as np
 
 from wrenchbed import registry
+from wrenchbed.robots.base import SimulatedRobot
+from wrenchbed.simulation import Simulation
 from wrenchbed.viewer.motion import Motion
 from wrenchbed.viewer.shapes import bodies, shapes
 from wrenchbed.viewer.stream import Canvas
@@ -15,6 +17,14 @@ def log_world(canvas: Canvas) -> None:
     """Say once that z is up."""
     rr = registry.require("rerun", "view")
     canvas.once("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP)
+
+
+def log_robot(canvas: Canvas, robot: SimulatedRobot, at: np.ndarray, real: Motion) -> None:
+    """Log the robot in its own colours over the canvas's axis at (K,)."""
+    log_world(canvas)
+    simulation = Simulation(robot, robot.parameters.nominal)
+    log_shapes(canvas, "world/real", simulation.model)
+    log_motion(canvas, "world/real", at, real)
 
 
 def log_shapes(

@@ -2,52 +2,88 @@
 
 import contextlib
 import os
+import signal
 import socket
 import subprocess
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 from wrenchbed import registry
 from wrenchbed.errors import DriverError, ParameterError
+from wrenchbed.viewer import page
+from wrenchbed.viewer.page import HOST
 
-HOST = "127.0.0.1"
 PORT, WEB_PORT = 9876, 9090
 PROXY = f"rerun+http://{HOST}:{PORT}/proxy"
 """Where a live picture is sent."""
-_QUIET_S, _OPENS_S = 20.0, 15.0
+_QUIET_S, _OPENS_S, _CLOSES_S = 20.0, 15.0, 5.0
 
 
-def command(
-    file: str | Path, *, web: bool, port: int = PORT, web_port: int = WEB_PORT
-) -> list[str]:
-    """What shows a file: rerun's native viewer, or a server for a browser.
+def command(file: str | Path | None, *, port: int = PORT, web_port: int | None = None) -> list[str]:
+    """What shows a file, or rows to come: rerun's native viewer, or with a port its web server.
 
     Raises:
         MissingExtraError: rerun is not installed.
     """
     told = [str(_binary()), "--bind", HOST, "--port", str(port)]
-    if web:
+    if web_port is not None:
         told += ["--serve-web", "--web-viewer-port", str(web_port)]
-    return [*told, str(file)]
+    return told if file is None else [*told, str(file)]
 
 
-def live(*, web: bool) -> list[str]:
-    """What shows rows that are still to come.
+@contextmanager
+def viewer(
+    file: str | Path | None, *, web: bool, port: int = PORT, web_port: int = WEB_PORT
+) -> Iterator["subprocess.Popen[bytes]"]:
+    """A viewer that listens, open until it is closed or the block ends.
+
+    Args:
+        file: to show; None for rows that are still to come.
+        web: served to a browser of this machine instead of in a window.
+        port: of its data.
+        web_port: of the page.
 
     Raises:
-        ParameterError: there is no screen for a native viewer.
+        ParameterError: there is no screen for a window.
+        DriverError: the viewer does not begin; a port is taken.
         MissingExtraError: rerun is not installed.
     """
-    told = command("", web=web)[:-1]
     if not web:
         _check_screen()
-    return told
+    _check_free(port)
+    behind = page.free_port() if web else None
+    told = command(file, port=port, web_port=behind)
+    with contextlib.ExitStack() as stack:
+        if behind is not None:
+            stack.enter_context(page.served(web_port, behind))
+        process = subprocess.Popen(told, env=stack.enter_context(quiet()))
+        try:
+            for listens in (port,) if behind is None else (port, behind):
+                _wait_for(process, listens)
+            yield process
+        finally:
+            process.terminate()
+            process.wait(_CLOSES_S)
 
 
-def wait_for(process: "subprocess.Popen[bytes]") -> None:
+def until_closed(process: "subprocess.Popen[bytes]") -> None:
+    """Wait until a viewer is closed, or Ctrl-C.
+
+    Raises:
+        DriverError: it failed; it said why.
+    """
+    try:
+        code = process.wait()
+    except KeyboardInterrupt:
+        return
+    if code not in (0, -signal.SIGINT):
+        raise DriverError(f"rerun's viewer ended with code {code}")
+
+
+def _wait_for(process: "subprocess.Popen[bytes]", port: int) -> None:
     """Wait until a viewer listens.
 
     Raises:
@@ -55,12 +91,12 @@ def wait_for(process: "subprocess.Popen[bytes]") -> None:
     """
     until = time.monotonic() + _OPENS_S
     while time.monotonic() < until:
-        with contextlib.suppress(OSError), socket.create_connection((HOST, PORT), 1.0):
+        with contextlib.suppress(OSError), socket.create_connection((HOST, port), 1.0):
             return
         if process.poll() is not None:
-            raise DriverError(f"rerun's viewer ended with {process.returncode}: is {PORT} taken?")
+            raise DriverError(f"rerun's viewer ended with code {process.returncode}")
         time.sleep(0.1)
-    raise DriverError(f"rerun's viewer does not listen at {HOST}:{PORT}")
+    raise DriverError(f"rerun's viewer does not listen at {HOST}:{port}")
 
 
 def address(port: int = PORT, web_port: int = WEB_PORT) -> str:
@@ -73,7 +109,7 @@ def quiet() -> Iterator[dict[str, str]]:
     """Environment in which rerun sends no telemetry; its settings are left as they are."""
     with tempfile.TemporaryDirectory(prefix="wrenchbed-view-") as folder:
         own = dict.fromkeys(("XDG_CONFIG_HOME", "XDG_DATA_HOME", "XDG_CACHE_HOME"), folder)
-        environment = os.environ | own
+        environment = {"RUST_LOG": "warn"} | os.environ | own
         subprocess.run(
             [str(_binary()), "analytics", "disable"],
             env=environment, check=True, capture_output=True, timeout=_QUIET_S,
@@ -81,19 +117,9 @@ def quiet() -> Iterator[dict[str, str]]:
         yield environment
 
 
-def show(told: Sequence[str]) -> None:
-    """Run a viewer until it is closed.
-
-    Raises:
-        ParameterError: there is no screen for a native viewer.
-        DriverError: the viewer failed; it said why.
-    """
-    if "--serve-web" not in told:
-        _check_screen()
-    with quiet() as environment:
-        code = subprocess.run(told, env=environment, check=False).returncode
-    if code:
-        raise DriverError(f"rerun's viewer ended with code {code}: is its port taken?")
+def _check_free(port: int) -> None:
+    with contextlib.suppress(OSError), socket.create_connection((HOST, port), 1.0):
+        raise DriverError(f"port {port} is taken, perhaps by a viewer that is open: close it")
 
 
 def _check_screen() -> None:

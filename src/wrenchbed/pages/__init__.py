@@ -1,0 +1,31 @@
+"""Templates of every HTML page: self-contained, light and dark, for screens and A4."""
+
+from collections.abc import Mapping
+from importlib.resources import files
+from typing import Any
+
+from wrenchbed import registry
+
+
+def rendered(template: str, context: Mapping[str, Any]) -> str:
+    """One self-contained page.
+
+    Args:
+        template: ``diagnosis``, ``recording`` or ``study``.
+        context: what it shows, by name; ``verdict``, if any, chooses its colour.
+
+    Raises:
+        MissingExtraError: jinja2 is not installed.
+    """
+    jinja2 = registry.require("jinja2", "report")
+    environment = jinja2.Environment(
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        loader=jinja2.FunctionLoader(_text),
+    )
+    return str(environment.get_template(f"{template}.html.j2").render(context))
+
+
+def _text(name: str) -> str:
+    return (files("wrenchbed.pages") / name).read_text(encoding="utf-8")

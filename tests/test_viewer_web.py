@@ -1,0 +1,101 @@
+"""Rerun's page in a browser: drawn, served to this machine alone, and asking nobody else."""
+
+import io
+import threading
+import time
+from http.server import BaseHTTPRequestHandler, HTTPServer
+from urllib.error import HTTPError
+from urllib.parse import urlsplit
+from urllib.request import urlopen
+
+import numpy as np
+import psutil
+import pytest
+from PIL import Image
+
+import wrenchbed as wb
+from chromium import BINARY, tab
+from pictures import unless
+from wrenchbed.errors import DriverError
+from wrenchbed.viewer import page, recording_view, show
+from wrenchbed.viewer.colours import MEASURED, SIMULATED
+
+HERE = "127.0.0.1"
+GL = ("--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
+DRAWS_S = 120.0
+
+
+class Origin(BaseHTTPRequestHandler):
+    """Serves a page that would ask others."""
+
+    def do_GET(self):
+        self.send_response(200 if self.path == "/" else 404)
+        self.send_header("Content-Type", "text/html")
+        self.end_headers()
+        self.wfile.write(b'<link rel="icon" href="x.ico" /><link\n href="https://a.example/f" />')
+
+    def log_message(self, *_):
+        pass
+
+
+@pytest.fixture
+def origin():
+    with HTTPServer((HERE, 0), Origin) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        yield server.server_port
+        server.shutdown()
+
+
+def test_the_page_comes_with_a_policy_and_without_links_elsewhere(origin):
+    port = page.free_port()
+    with page.served(port, origin), urlopen(f"http://{HERE}:{port}/") as answer:
+        assert answer.headers["Content-Security-Policy"] == page.POLICY
+        assert answer.read() == b'<link rel="icon" href="x.ico" />'
+        with pytest.raises(HTTPError, match="404"):
+            urlopen(f"http://{HERE}:{port}/none")
+    asked = page.POLICY.split("connect-src")[1].split()
+    assert asked == ["'self'", "http://127.0.0.1:*"]
+
+
+def test_ports_that_are_taken_are_named(origin):
+    with pytest.raises(DriverError, match=f"{origin} is taken"), page.served(origin, 1):
+        pass
+    with (
+        pytest.raises(DriverError, match=f"port {origin} is taken"),
+        show.viewer(None, web=True, port=origin),
+    ):
+        pass
+
+
+@unless(BINARY is not None, "chromium is not installed")
+def test_a_browser_draws_the_recording_and_asks_nobody_else(tmp_path):
+    robot = wb.load("robots", "ur5")
+    with wb.SimDriver(wb.SimOptions("ur5", seed=1)) as driver:
+        wb.record(driver, wb.poses(robot, 10, seed=1), tmp_path / "rec.parquet", samples=10)
+    recording_view(wb.Recording.read(tmp_path / "rec.parquet"), tmp_path / "v.rrd")
+    port, web_port = page.free_port(), page.free_port()
+    with (
+        show.viewer(tmp_path / "v.rrd", web=True, port=port, web_port=web_port) as viewer,
+        tab(*GL, console=False) as browser,
+    ):
+        browser.open(show.address(port, web_port), 1280, 800)
+        assert drawn(browser)
+        asked = {urlsplit(url).hostname for url in browser.requests.values()}
+        ours = [*psutil.Process().net_connections("inet")]
+        ours += psutil.Process(viewer.pid).net_connections("inet")
+    assert asked == {HERE}
+    listening = {c.laddr for c in ours if c.status == psutil.CONN_LISTEN}
+    assert {(HERE, port), (HERE, web_port)} <= {tuple(a) for a in listening}
+    assert {a.ip for a in listening} == {HERE}
+
+
+def drawn(browser) -> bool:
+    """Whether both colours are seen in time."""
+    until = time.monotonic() + DRAWS_S
+    while time.monotonic() < until:
+        image = np.array(Image.open(io.BytesIO(browser.picture())).convert("RGB")).astype(int)
+        seen = [(np.abs(image - c).max(axis=-1) < 40).sum() for c in (MEASURED, SIMULATED)]
+        if min(seen) > 50:
+            return True
+        time.sleep(1.0)
+    return False
