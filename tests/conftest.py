@@ -10,11 +10,20 @@ for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(name, "1")
 
 
-def pytest_collection_modifyitems(items):
-    """Tests of the sealed family run in one process, so that it is made once."""
-    for item in items:
-        if "family" in getattr(item, "fixturenames", ()):
-            item.add_marker(pytest.mark.xdist_group("sealed"))
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config, log):
+    """Tests of a file, and all of the sealed family, share a process: what they use is made once.
+
+    Groups by mark (--dist loadgroup) do nothing in pytest 9.2 with xdist 3.8.
+    """
+    from xdist.scheduler import LoadFileScheduling
+
+    class ByFile(LoadFileScheduling):
+        def _split_scope(self, nodeid):
+            file = super()._split_scope(nodeid)
+            return "sealed" if "test_blind" in file else file
+
+    return ByFile(config, log)
 
 
 @pytest.fixture(scope="session")

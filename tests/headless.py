@@ -14,6 +14,8 @@ from rerun.experimental import ViewerClient
 from wrenchbed.viewer import show
 
 SIZE = (1600, 900)
+VULKAN = Path("/usr/share/vulkan/icd.d").is_dir()
+"""Whether there is what the viewer draws with."""
 _LOADS_S = 60.0
 
 
@@ -27,6 +29,16 @@ class Seen:
         """What is drawn (H, W, 3), whole or in the view of a name."""
         png = self.client.take_screenshot(None if view is None else self.view(view).view_id)
         return np.array(Image.open(io.BytesIO(png)).convert("RGB"))
+
+    def settled(self) -> None:
+        """Wait until the picture no longer changes."""
+        until, last = time.monotonic() + _LOADS_S, None
+        while time.monotonic() < until:
+            now = self.picture()
+            if last is not None and np.array_equal(last, now):
+                return
+            last = now
+            time.sleep(0.5)
 
     def view(self, name: str):
         """A view by its name."""

@@ -5,13 +5,18 @@ import pytest
 import rerun as rr
 
 import wrenchbed as wb
+from headless import VULKAN, seen
+from on_screen import screen
+from pictures import unless
 from rrd_file import Rrd
 from wrenchbed.diagnosis.diagnose import diagnose
 from wrenchbed.errors import ParameterError
+from wrenchbed.report.numbers import gap as numbers_of
 from wrenchbed.simulation import Simulation
 from wrenchbed.viewer import calibration_view, diagnosed, diagnosis_view
 from wrenchbed.viewer.blame import blame, numbers, painted, part_of
 from wrenchbed.viewer.colours import heat
+from wrenchbed.viewer.page import free_port
 
 
 def cause(effect, probability=1.0, rivals=(), **parameters):
@@ -150,6 +155,22 @@ def test_the_answers_are_in_words(found):
     text = rrd.values("/report", "TextDocument:text")[0, 0]
     assert text.startswith("# Joints give under the weight")
     assert "joint.compliance | " in text and "with the effects |" in text
+
+
+@unless(VULKAN, "mesa-vulkan-drivers is not installed")
+def test_the_answers_are_read_on_the_screen(found):
+    findings, _, folder = found
+    port = free_port()
+    with seen(folder / "diagnosis.rrd", port), screen(port) as viewer:
+        text = viewer.words()
+    d = findings.diagnosis
+    assert "Joints give under the weight" in text
+    for name, p in d.probabilities.items():
+        assert p < 0.02 or (name in text and f"{p:.2f}" in text)
+    for tab in ("robot, painted by blame", "residual / noise: move the slider", "answers"):
+        assert tab in text
+    assert "gap of fx, fy, fz, tx, ty, tz" in text
+    assert d.gap.configured is not None and numbers_of(d.gap.configured) in text
 
 
 def test_a_calibration_colours_the_workspace(tmp_path):

@@ -1,24 +1,22 @@
 """What a person sees: rerun's own viewer draws, without a screen, and the picture is measured."""
 
-from pathlib import Path
-
 import numpy as np
 import psutil
 import pytest
 
 import silhouette
 import wrenchbed as wb
-from headless import seen
+from headless import VULKAN, seen
+from on_screen import screen
 from pictures import unless
 from wrenchbed.simulation import Simulation
 from wrenchbed.viewer import recording_view, shapes
 from wrenchbed.viewer.colours import MEASURED, SIMULATED
 from wrenchbed.viewer.motion import motion
 from wrenchbed.viewer.page import free_port
+from wrenchbed.wrench import CHANNELS, UNITS
 
-pytestmark = unless(
-    Path("/usr/share/vulkan/icd.d").is_dir(), "mesa-vulkan-drivers is not installed"
-)
+pytestmark = unless(VULKAN, "mesa-vulkan-drivers is not installed")
 MARKERS = silhouette.around(0.8, 0.42, 0.3)
 LIKE = 0.985
 """Least intersection over union of two outlines."""
@@ -74,6 +72,30 @@ def test_the_viewer_shows_a_recording_without_complaint_and_keeps_to_itself(tmp_
         assert (np.abs(picture.astype(int) - colour).max(axis=-1) < 40).sum() > 50
     assert open_ones and all(c.laddr.ip == "127.0.0.1" for c in open_ones)
     assert all(not c.raddr or c.raddr.ip == "127.0.0.1" for c in open_ones)
+
+
+def test_tabs_and_words_can_be_read_and_clicked(tmp_path):
+    robot = wb.load("robots", "medrue")
+    with wb.SimDriver(wb.SimOptions("medrue", seed=1)) as driver:
+        wb.record(driver, wb.poses(robot, 6, seed=1), tmp_path / "rec.parquet", samples=10)
+    recording = wb.Recording.read(tmp_path / "rec.parquet")
+    recording_view(recording, tmp_path / "view.rrd")
+    own = free_port()
+    with seen(tmp_path / "view.rrd", own), screen(own) as viewer:
+        first = viewer.words()
+        viewer.show("about", "rms of the residual")
+        about = viewer.words()
+    for text in (
+        "robot",
+        "loop closure [nm]",
+        *(f"{c} [{u}]" for c, u in zip(CHANNELS, UNITS, strict=True)),
+    ):
+        assert text in first.splitlines()
+    model = wb.Model.of(robot, recording.metadata)
+    theta = model.configured(recording.metadata)
+    left = recording.wrench - model.predict(recording.q, theta)
+    assert f"{np.sqrt(np.mean(left[:, :3] ** 2)):.3g} N" in about
+    assert "60 rows" in about and "Measured is blue, simulated orange" in about
 
 
 def transforms(viewer) -> dict[str, np.ndarray]:

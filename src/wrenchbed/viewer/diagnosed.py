@@ -8,6 +8,7 @@ import numpy as np
 
 from wrenchbed import registry
 from wrenchbed.diagnosis.diagnose import Findings
+from wrenchbed.plan import Plan
 from wrenchbed.report import numbers, words
 from wrenchbed.report.evidence import Evidence
 from wrenchbed.robots.base import SimulatedRobot
@@ -39,7 +40,7 @@ def diagnosis_view(found: Findings, path: str | Path) -> None:
         [*left, layout.heat("residual / noise: move the slider")],
         [
             layout.document("/report", "answers"),
-            layout.bars("/residual/gap", "gap of each channel"),
+            layout.bars("/residual/gap", "gap of fx, fy, fz, tx, ty, tz"),
         ],
         [2.0, 1.0] if jointed else [1.0],
         timeline=STAGE,
@@ -71,6 +72,7 @@ def answers(found: Findings, shares: Mapping[str, float]) -> str:
         rows += ["", f"Painted: {painted_parts}. Darker is more to blame, grey not at all."]
     if d.next:
         rows += ["", "**Next:**", *(f"- {step['sentence']}" for step in d.next)]
+    if shares and _proposed(found) is not None:
         rows += ["", f"Teal: up to {MOST_NEXT} of the poses that were proposed."]
     return "\n".join(rows)
 
@@ -85,8 +87,8 @@ def _log_robot(
     home = motion(simulation, robot.home[None])
     log_pose(canvas, "world/real", home)
     _log_label(canvas, model, robot, home, shares)
-    plan = next(iter(found.plans.values()), None)
-    if plan is not None and plan.mode == "static":
+    plan = _proposed(found)
+    if plan is not None:
         chosen = np.unique(np.linspace(0, len(plan) - 1, MOST_NEXT).astype(int))
         ahead = motion(simulation, plan.q[chosen])
         moving = [n for n in ahead.names if n != "world"]
@@ -94,6 +96,12 @@ def _log_robot(
             root = f"world/next/{k + 1}"
             log_shapes(canvas, root, model, ghost(NEXT), only=moving)
             log_pose(canvas, root, ahead, k)
+
+
+def _proposed(found: Findings) -> Plan | None:
+    """Poses that would tell more, if any."""
+    plan = next(iter(found.plans.values()), None)
+    return plan if plan is not None and plan.mode == "static" else None
 
 
 def _log_label(
