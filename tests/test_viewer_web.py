@@ -1,6 +1,8 @@
 """Rerun's page in a browser: drawn, served to this machine alone, and asking nobody else."""
 
 import io
+import subprocess
+import sys
 import threading
 import time
 from http.server import BaseHTTPRequestHandler, HTTPServer
@@ -67,6 +69,19 @@ def test_ports_that_are_taken_are_named(origin):
         pass
 
 
+def test_a_server_ends_with_its_command(tmp_path):
+    shown = tmp_path / "v.rrd"
+    shown.write_bytes(b"")
+    ports = ["--port", str(page.free_port()), "--web-port", str(page.free_port())]
+    command = [sys.executable, "-m", "wrenchbed", "view", str(shown), "--web", *ports]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout.readline().startswith("open http://127.0.0.1:")
+        (viewer,) = psutil.Process(process.pid).children()
+        process.terminate()
+        assert process.wait(10.0) == 0
+        viewer.wait(5.0)
+
+
 @unless(BINARY is not None, "chromium is not installed")
 def test_a_browser_draws_the_recording_and_asks_nobody_else(tmp_path):
     robot = wb.load("robots", "ur5")
@@ -78,12 +93,16 @@ def test_a_browser_draws_the_recording_and_asks_nobody_else(tmp_path):
         show.viewer(tmp_path / "v.rrd", web=True, port=port, web_port=web_port) as viewer,
         tab(*GL, console=False) as browser,
     ):
-        browser.open(show.address(port, web_port), 1280, 800)
+        browser.open(show.address(web_port), 1280, 800)
         assert drawn(browser)
+        worked = [sum(psutil.Process(viewer.pid).cpu_times()[:2])]
+        time.sleep(2.0)
+        worked.append(sum(psutil.Process(viewer.pid).cpu_times()[:2]))
         asked = {urlsplit(url).hostname for url in browser.requests.values()}
         ours = [*psutil.Process().net_connections("inet")]
         ours += psutil.Process(viewer.pid).net_connections("inet")
     assert asked == {HERE}
+    assert worked[1] - worked[0] < 0.5  # of 2 s in which nothing happens
     listening = {c.laddr for c in ours if c.status == psutil.CONN_LISTEN}
     assert {(HERE, port), (HERE, web_port)} <= {tuple(a) for a in listening}
     assert {a.ip for a in listening} == {HERE}

@@ -1,7 +1,5 @@
 """``python -m wrenchbed`` is the command line."""
 
-import sys
+from wrenchbed.cli import run
 
-from wrenchbed.cli import main
-
-sys.exit(main())
+run()

@@ -1,5 +1,6 @@
 """The command line: the library's verbs, files in and out. Only this package prints."""
 
+import signal
 import sys
 import warnings
 from collections.abc import Callable
@@ -73,5 +74,6 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def run() -> None:
-    """Entry point of the console script."""
+    """Entry point of the console script; being told to end is like Ctrl-C."""
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     sys.exit(main())

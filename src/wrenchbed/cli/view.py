@@ -45,7 +45,7 @@ def view(
             return
         with show.viewer(file, web=web, port=port, web_port=web_port) as viewer:
             if web:
-                text = f"open {show.address(port, web_port)} (Ctrl-C ends it)"
+                text = f"open {show.address(web_port)} (Ctrl-C ends it)"
                 console.OUT.print(text, soft_wrap=True, markup=False, highlight=False)
             show.until_closed(viewer)
 

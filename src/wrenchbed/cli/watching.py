@@ -60,7 +60,7 @@ def _viewer(view: str | None) -> Iterator[str | None]:
 
     with show.viewer(None, web=view == "browser") as viewer:
         if view == "browser":
-            text = f"open {show.address()}"
+            text = f"open {show.address(port=show.PORT)}"
             console.OUT.print(text, soft_wrap=True, markup=False, highlight=False)
         try:
             yield show.PROXY

@@ -4,6 +4,7 @@ The page that rerun serves asks Google for fonts and reports its use; here it co
 that forbids a browser to ask anybody but this machine.
 """
 
+import os
 import re
 import shutil
 import socket
@@ -11,12 +12,14 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
 from urllib.error import HTTPError, URLError
 from urllib.request import Request, urlopen
 
 from wrenchbed.errors import DriverError
 
 HOST = "127.0.0.1"
+FILE = "/shown.rrd"
 POLICY = (
     "default-src 'self' data: blob:; script-src 'self' 'unsafe-inline' 'wasm-unsafe-eval' blob:; "
     f"style-src 'self' 'unsafe-inline'; connect-src 'self' http://{HOST}:*"
@@ -31,12 +34,22 @@ class _Server(ThreadingHTTPServer):
     daemon_threads = True
     behind: int
     """Port at which rerun serves the page."""
+    file: Path | None
+    """Picture that the page shows."""
 
 
 class _Handler(BaseHTTPRequestHandler):
     server: _Server
 
     def do_GET(self) -> None:
+        if self.path == FILE and self.server.file is not None:
+            with self.server.file.open("rb") as shown:
+                self.send_response(200)
+                self.send_header("Content-Type", "application/octet-stream")
+                self.send_header("Content-Length", str(os.fstat(shown.fileno()).st_size))
+                self.end_headers()
+                shutil.copyfileobj(shown, self.wfile)
+            return
         asked = Request(f"http://{HOST}:{self.server.behind}{self.path}")
         try:
             with urlopen(asked, timeout=_ASKS_S) as answer:
@@ -70,8 +83,13 @@ def free_port() -> int:
 
 
 @contextmanager
-def served(port: int, behind: int) -> Iterator[None]:
+def served(port: int, behind: int, file: Path | None = None) -> Iterator[None]:
     """While the block runs the page that rerun serves at a port is served at another.
+
+    Args:
+        port: to serve at.
+        behind: at which rerun serves.
+        file: to serve as `FILE`.
 
     Raises:
         DriverError: the port is taken.
@@ -80,7 +98,7 @@ def served(port: int, behind: int) -> Iterator[None]:
         server = _Server((HOST, port), _Handler)
     except OSError as error:
         raise DriverError(f"the page's port {port} is taken: --web-port names another") from error
-    server.behind = behind
+    server.behind, server.file = behind, file
     with server:
         threading.Thread(target=server.serve_forever, daemon=True).start()
         try:

@@ -10,6 +10,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from urllib.parse import quote
 
 from wrenchbed import registry
 from wrenchbed.errors import DriverError, ParameterError
@@ -42,7 +43,8 @@ def viewer(
 
     Args:
         file: to show; None for rows that are still to come.
-        web: served to a browser of this machine instead of in a window.
+        web: served to a browser of this machine instead of in a window. A browser fetches the file
+            itself: rerun's server spins on files that it has read.
         port: of its data.
         web_port: of the page.
 
@@ -54,11 +56,11 @@ def viewer(
     if not web:
         _check_screen()
     _check_free(port)
-    behind = page.free_port() if web else None
-    told = command(file, port=port, web_port=behind)
+    behind, shown = page.free_port() if web else None, None if file is None else Path(file)
+    told = command(None if web else file, port=port, web_port=behind)
     with contextlib.ExitStack() as stack:
         if behind is not None:
-            stack.enter_context(page.served(web_port, behind))
+            stack.enter_context(page.served(web_port, behind, shown))
         process = subprocess.Popen(told, env=stack.enter_context(quiet()))
         try:
             for listens in (port,) if behind is None else (port, behind):
@@ -99,9 +101,11 @@ def _wait_for(process: "subprocess.Popen[bytes]", port: int) -> None:
     raise DriverError(f"rerun's viewer does not listen at {HOST}:{port}")
 
 
-def address(port: int = PORT, web_port: int = WEB_PORT) -> str:
-    """What to open in a browser."""
-    return f"http://{HOST}:{web_port}/?url=rerun%2Bhttp%3A%2F%2F{HOST}%3A{port}%2Fproxy"
+def address(web_port: int = WEB_PORT, port: int | None = None) -> str:
+    """What to open in a browser: the file of its server, or, with a port, rows to come."""
+    base = f"http://{HOST}:{web_port}"
+    what = f"{base}{page.FILE}" if port is None else f"rerun+http://{HOST}:{port}/proxy"
+    return f"{base}/?url={quote(what, safe='')}"
 
 
 @contextmanager
