@@ -1,5 +1,7 @@
 """What a person sees: rerun's own viewer draws, without a screen, and the picture is measured."""
 
+import socket
+
 import numpy as np
 import psutil
 import pytest
@@ -10,7 +12,7 @@ from headless import VULKAN, seen
 from on_screen import screen
 from pictures import unless
 from wrenchbed.simulation import Simulation
-from wrenchbed.viewer import recording_view, shapes
+from wrenchbed.viewer import recording_view, shapes, show
 from wrenchbed.viewer.colours import MEASURED, SIMULATED
 from wrenchbed.viewer.motion import motion
 from wrenchbed.viewer.page import free_port
@@ -72,6 +74,17 @@ def test_the_viewer_shows_a_recording_without_complaint_and_keeps_to_itself(tmp_
         assert (np.abs(picture.astype(int) - colour).max(axis=-1) < 40).sum() > 50
     assert open_ones and all(c.laddr.ip == "127.0.0.1" for c in open_ones)
     assert all(not c.raddr or c.raddr.ip == "127.0.0.1" for c in open_ones)
+
+
+def test_what_the_viewer_asks_of_others_goes_nowhere(tmp_path, monkeypatch):
+    silhouette.draw(wb.load("robots", "ur5"), tmp_path / "v.rrd")
+    with socket.create_server(("127.0.0.1", 0)) as nowhere:
+        monkeypatch.setattr(show, "NOWHERE", f"http://127.0.0.1:{nowhere.getsockname()[1]}")
+        nowhere.settimeout(30.0)
+        with seen(tmp_path / "v.rrd", free_port()):
+            asking, _ = nowhere.accept()
+            with asking:
+                assert asking.recv(200).startswith(b"CONNECT api.github.com:443")
 
 
 def test_tabs_and_words_can_be_read_and_clicked(tmp_path):

@@ -20,6 +20,9 @@ from wrenchbed.viewer.page import HOST
 PORT, WEB_PORT = 9876, 9090
 PROXY = f"rerun+http://{HOST}:{PORT}/proxy"
 """Where a live picture is sent."""
+NOWHERE = f"http://{HOST}:9"
+"""Proxy for what rerun would ask of others: the discard port, at which nobody listens."""
+_PROXIES = ("all_proxy", "https_proxy", "http_proxy")
 _QUIET_S, _OPENS_S, _CLOSES_S = 20.0, 15.0, 5.0
 
 
@@ -110,10 +113,14 @@ def address(web_port: int = WEB_PORT, port: int | None = None) -> str:
 
 @contextmanager
 def quiet() -> Iterator[dict[str, str]]:
-    """Environment in which rerun sends no telemetry; its settings are left as they are."""
+    """Environment in which rerun asks nobody; the user's settings are left as they are.
+
+    Telemetry is off, and its question for newer versions goes to a proxy that is not there.
+    """
     with tempfile.TemporaryDirectory(prefix="wrenchbed-view-") as folder:
         own = dict.fromkeys(("XDG_CONFIG_HOME", "XDG_DATA_HOME", "XDG_CACHE_HOME"), folder)
-        environment = {"RUST_LOG": "warn"} | os.environ | own
+        away = {name: NOWHERE for word in _PROXIES for name in (word, word.upper())}
+        environment = {"RUST_LOG": "warn"} | os.environ | own | away
         subprocess.run(
             [str(_binary()), "analytics", "disable"],
             env=environment, check=True, capture_output=True, timeout=_QUIET_S,
