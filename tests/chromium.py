@@ -83,7 +83,8 @@ class Tab:
 @contextmanager
 def tab(*flags: str, console: bool = True) -> Iterator[Tab]:
     """A page of a Chromium that may speak to nobody but us."""
-    with tempfile.TemporaryDirectory() as folder:
+    # its helpers write to the profile for a moment longer than it lives
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
         process = subprocess.Popen(
             [BINARY, "--headless=new", "--no-sandbox", *(flags or ["--disable-gpu"]),
              "--hide-scrollbars",
