@@ -16,7 +16,7 @@ from wrenchbed.drivers.base.live import LiveDriver
 from wrenchbed.drivers.can import ids
 from wrenchbed.drivers.can.cia402 import State, Want
 from wrenchbed.drivers.can.cycle import Cycle
-from wrenchbed.drivers.can.drive import Drive
+from wrenchbed.drivers.can.drive import OPERATIONAL, Drive
 from wrenchbed.drivers.can.following import Following
 from wrenchbed.drivers.can.heartbeat import Heartbeat
 from wrenchbed.drivers.can.network import Drives
@@ -164,19 +164,19 @@ class CanDriver(LiveDriver):
                 raise SafetyStopError(trouble[1])
         self.transducer.connect()
         assert network is not None
-        forgot = [d for d in cycle.drives if d.rebooted or d.nmt != 0x05 or d.missed]
+        forgot = [d for d in cycle.drives if d.rebooted or d.nmt != OPERATIONAL or d.missed]
         cycle.want = Want.RESET
         network.configure([drive.node for drive in forgot])
-        for drive in forgot:
-            drive.rebooted, drive.nmt = False, 0x05
+        for drive in forgot:  # a heartbeat from before may still be on its way: wait for one since
+            drive.rebooted, drive.nmt = False, 0x00
         cycle.clear()
         stuck = (State.FAULT, State.REACTING, State.QUICK_STOP, State.ENABLED)
-        cleared = self._until(
-            lambda: (
-                self._age() < STALE_S and not any(d.state in stuck or d.error for d in cycle.drives)
-            ),
-            CLEARED_S,
-        )
+
+        def well() -> bool:
+            there = self._age() < STALE_S and all(d.nmt == OPERATIONAL for d in forgot)
+            return there and not any(d.state in stuck or d.error for d in cycle.drives)
+
+        cleared = self._until(well, CLEARED_S)
         cycle.want = Want.NOTHING
         cycle.clear()
         if not cleared:
@@ -256,7 +256,7 @@ class CanDriver(LiveDriver):
         states = {drive.state for drive in cycle.drives}
         if states & {State.FAULT, State.REACTING}:
             return "fault"
-        if any(drive.nmt != 0x05 for drive in cycle.drives):
+        if any(drive.nmt != OPERATIONAL for drive in cycle.drives):
             return "off"
         return "running" if states == {State.ENABLED} else "idle"
 
