@@ -17,6 +17,7 @@
     │   │   └── SafetyStopError   to protect itself or people; a person must look first
     │   ├── LimitError      a command beyond the limits              (ValueError)
     │   └── LateError       a deadline that passed                   (TimeoutError)
+    ├── FleetError          work of many simulated robots that broke off (RuntimeError)
     └── MissingExtraError   an optional library that is not installed (ImportError)
 
     WrenchbedWarning        what a person should know, though the work goes on (UserWarning)
@@ -63,6 +64,10 @@ class TwinError(WrenchbedError, ValueError):
 
 class BenchmarkError(WrenchbedError, ValueError):
     """Sealed cases, claims or answers that are missing, were changed or do not belong together."""
+
+
+class FleetError(WrenchbedError, RuntimeError):
+    """Work of many simulated robots that broke off, or belongs to others; what is done is kept."""
 
 
 class NotFoundError(WrenchbedError, LookupError):

@@ -17,7 +17,6 @@ from pathlib import Path
 from typing import Any
 
 from wrenchbed.blind import seal
-from wrenchbed.blind.workers import CHILDREN
 from wrenchbed.diagnosis.baselines import BASELINES, known
 from wrenchbed.diagnosis.diagnose import diagnose
 from wrenchbed.diagnosis.linear import Claim
@@ -25,6 +24,7 @@ from wrenchbed.diagnosis.prepare import Prepared, prepare
 from wrenchbed.errors import ParameterError
 from wrenchbed.parquet import FORMAT
 from wrenchbed.recording import Recording
+from wrenchbed.workers import CHILDREN
 
 OURS = "diagnose"
 RUN = "run.json"

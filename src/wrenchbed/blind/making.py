@@ -15,11 +15,11 @@ import pyarrow.parquet as pq
 from wrenchbed import parquet, registry
 from wrenchbed.blind import seal
 from wrenchbed.blind.answer import of_case
-from wrenchbed.blind.workers import workers
 from wrenchbed.errors import BenchmarkError, ParameterError
 from wrenchbed.recording import Recording
 from wrenchbed.referee import case as referee
 from wrenchbed.robots.base import SimulatedRobot
+from wrenchbed.workers import workers
 
 EPOCH = 946684800
 """Time that every file of a family bears: 2000-01-01 [s]."""

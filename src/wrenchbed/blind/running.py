@@ -8,8 +8,8 @@ from pathlib import Path
 
 from wrenchbed.blind import seal
 from wrenchbed.blind.entrant import RUN, Entrant, enter
-from wrenchbed.blind.workers import workers
 from wrenchbed.errors import BenchmarkError
+from wrenchbed.workers import workers
 
 __all__ = ["Entrant", "Ran", "run"]
 Ran = dict[str, int]

@@ -11,6 +11,7 @@ from rich.console import Console
 
 from wrenchbed.cli import blind, serve, study, twin, verbs
 from wrenchbed.cli.diagnose import diagnose
+from wrenchbed.cli.fleet import campaign
 from wrenchbed.cli.plan import plan
 from wrenchbed.cli.record import record
 from wrenchbed.cli.view import report, view
@@ -28,12 +29,14 @@ _VERBS: dict[str, Callable[..., Any]] = {
     "simulate": twin.simulate,
     "export": twin.export,
     "twin": serve.twin,
+    "campaign": campaign,
     "study": study.study,
     "blind": blind.blind,
 }
 _GROUPS: dict[str, dict[str, Callable[..., Any]]] = {"blind": blind.VERBS}
 _KEPT = {
     "record": "; what was recorded is on disk, and on a robot `record … --resume` goes on",
+    "campaign": "; what was done so far is on disk, and the same command goes on",
     "study": "; what was done so far is on disk, and the same command goes on",
     "blind": "; what was done so far is on disk, and the same command goes on",
 }

@@ -8,7 +8,16 @@ from typing import Annotated, Any
 
 import tyro
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    ProgressColumn,
+    Task,
+    TextColumn,
+    TimeRemainingColumn,
+)
+from rich.text import Text
 
 from wrenchbed.errors import ParameterError
 
@@ -55,14 +64,21 @@ def answer(result: Any, as_json: bool, shown: Any) -> None:
         OUT.print(shown)
 
 
+class _RateColumn(ProgressColumn):
+    """How many are done in a second, or a minute."""
+
+    def render(self, task: Task) -> Text:
+        speed = task.speed or 0.0
+        return Text(f"{speed:.1f}/s" if speed >= 1.0 else f"{60.0 * speed:.0f}/min")
+
+
 @contextmanager
-def progress(what: str, total: int | None) -> Iterator[Callable[..., None]]:
+def progress(what: str, total: int | None, *, rate: bool = False) -> Iterator[Callable[..., None]]:
     """A bar on stderr, nothing where stderr is no terminal; call it with (steps done, label)."""
     console = Console(stderr=True)
-    bar = Progress(
-        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn(),
-        console=console, disable=not console.is_terminal, transient=True,
-    )  # fmt: skip
+    columns = [TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn()]
+    columns += [TimeRemainingColumn(), *([_RateColumn()] if rate else [])]
+    bar = Progress(*columns, console=console, disable=not console.is_terminal, transient=True)
     with bar:
         task = bar.add_task(what, total=total)
 

@@ -1,6 +1,6 @@
 """What a study shows: tables and figures in sections, as Markdown and as one HTML page."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -72,7 +72,7 @@ class Page:
     lead: str
     sections: tuple[Section, ...]
     made: str = ""
-    summary: dict[str, object] = field(default_factory=dict)
+    summary: Mapping[str, object] = field(default_factory=dict)
 
     def markdown(self) -> str:
         """The page as Markdown; figures are links."""

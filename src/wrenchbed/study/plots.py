@@ -95,7 +95,9 @@ def lines(
         return to_svg(figure)
 
 
-def histograms(panels: Mapping[str, Mapping[str, np.ndarray]], x: str) -> str:
+def histograms(
+    panels: Mapping[str, Mapping[str, np.ndarray]], x: str, y: str = "configurations"
+) -> str:
     """Side by side, each with one or more distributions by name."""
     with canvas((7.4, 2.9), len(panels)) as (figure, axes):
         for ax, (title, data) in zip(axes, panels.items(), strict=True):
@@ -103,7 +105,7 @@ def histograms(panels: Mapping[str, Mapping[str, np.ndarray]], x: str) -> str:
                 ax.hist(values, bins=50, color=colour, alpha=0.75, label=name)
             ax.set_title(title, fontsize=9.5)
             ax.set_xlabel(x)
-            ax.set_ylabel("configurations")
+            ax.set_ylabel(y)
             if len(data) > 1:
                 ax.legend()
         return to_svg(figure)

@@ -1,0 +1,159 @@
+"""One robot of the fleet: recorded in MuJoCo, calibrated, diagnosed, and judged by its truth."""
+
+import json
+import time
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from wrenchbed.calibration import calibrate
+from wrenchbed.errors import WrenchbedError
+from wrenchbed.fit import Fit
+from wrenchbed.fleet.course import course
+from wrenchbed.fleet.rows import Row, empty
+from wrenchbed.fleet.setting import Fleet
+from wrenchbed.fleet.truth import Truth, draw, varied
+from wrenchbed.model import Model
+from wrenchbed.playback import simulate
+from wrenchbed.recording import Recording
+from wrenchbed.robots.base import SimulatedRobot
+from wrenchbed.twin import Twin
+
+_JUDGED, _SEED = 100, 20_160_798
+"""Poses at which all robots are judged, and what they are drawn from."""
+_COURSES: dict[str, Recording] = {}
+
+
+def one(fleet: Fleet, k: int) -> Row:
+    """The row of robot k; what is refused by name is told under ``error``."""
+    row, begun = empty(fleet, k), time.perf_counter()
+    try:
+        recording, truth = recorded(fleet, k)
+        row |= _of_truth(fleet, truth, recording)
+        row["seconds.record"] = time.perf_counter() - begun
+        begun = time.perf_counter()
+        fit = calibrate(recording)
+        row["seconds.calibrate"] = time.perf_counter() - begun
+        row |= _of_fit(fleet, truth, fit)
+        if fleet.diagnose:
+            begun = time.perf_counter()
+            row |= _diagnosed(fleet, truth, recording)
+            row["seconds.diagnose"] = time.perf_counter() - begun
+    except WrenchbedError as error:
+        row["error"] = f"{type(error).__name__}: {error}"
+    return row
+
+
+def recorded(fleet: Fleet, k: int) -> tuple[Recording, Truth]:
+    """What robot k's sensor read, by MuJoCo, and what it truly is."""
+    if "poses" in fleet.vary:
+        way = course(fleet, k)
+    else:
+        key = json.dumps(fleet.told())
+        if key not in _COURSES:
+            _COURSES.clear()
+            _COURSES[key] = course(fleet, k)
+        way = _COURSES[key]
+    model = Model.of(fleet.model_robot())
+    visited = way.q[np.r_[True, np.diff(way.columns["segment"]) != 0]]
+    mode = way.metadata.mode
+    truth = draw(fleet, k, model, way.q if mode == "dynamic" else visited, mode)
+    seed = int(fleet.rng(k, "noise").integers(2**31))
+    twin = Twin(model, truth.theta, truth.active)
+    return simulate(twin, way, noise="real", seed=seed), truth
+
+
+def _of_truth(fleet: Fleet, truth: Truth, recording: Recording) -> Row:
+    model = Model.of(fleet.model_robot())
+    row: Row = {"rows": len(recording), "effect": truth.effect, "size": truth.size}
+    if truth.active:
+        row["added"] = _added(truth, model, recording)
+    row["values"] = json.dumps({n: float(v) for n, v in truth.values.items()})
+    for i in varied(model):
+        row[f"true.{model.parameters.names[i]}"] = float(truth.theta[i])
+    return row
+
+
+def _added(truth: Truth, model: Model, recording: Recording) -> float:
+    """Mean square change of a reading by the effect, in units of one row's noise."""
+    without, with_ = (
+        simulate(Twin(model, truth.theta, active), recording).wrench
+        for active in ((), truth.active)
+    )
+    noise = np.array(recording.metadata.sensor.noise_std)
+    return float(np.mean(((with_ - without) / noise) ** 2))
+
+
+def _of_fit(fleet: Fleet, truth: Truth, fit: Fit) -> Row:
+    model = Model.of(fleet.model_robot())
+    row: Row = {"converged": fit.converged, "rank": fit.observability.rank}
+    inside = []
+    for p in fit.identified:
+        row[f"fit.{p.name}"] = p.value
+        if p.std is not None and p.interval95 is not None:
+            row[f"std.{p.name}"] = p.std
+            true = truth.theta[model.parameters.index(p.name)]
+            inside.append(abs(p.value - true) <= p.interval95)
+    row["inside95"] = float(np.mean(inside)) if inside else float("nan")
+    for part, k in (("force", 0), ("torque", 3)):
+        row[f"residual.{part}"] = float(np.sqrt(np.mean(fit.residual_rms[k : k + 3] ** 2)))
+    fitted = model.parameters.vector(dict(fit.theta))
+    for when, theta in (("before", model.parameters.nominal), ("after", fitted)):
+        for what, error in _errors(fleet.robot, model, truth.theta, theta).items():
+            row[f"{what}.{when}"] = error
+    return row
+
+
+def _errors(name: str, model: Model, true: np.ndarray, theta: np.ndarray) -> dict[str, float]:
+    """Rms over fresh poses of the reading [N, N·m], and of the tool's position [m], if it has one.
+
+    Rigid robots are compared: an effect is neither in truth nor in what is judged.
+    """
+    q, target = judged(name)
+    off = model.predict(q, theta) - model.predict(q, true)
+    found = {
+        what: float(np.sqrt(np.nanmean((off[:, k : k + 3] ** 2).sum(axis=1))))
+        for what, k in (("force", 0), ("torque", 3))
+    }
+    if target is not None:
+        own = len(model.robot.parameters)
+        places = [model.robot.tool_pose(target, x[:own])[1] for x in (true, theta)]
+        apart = ((places[1] - places[0]) ** 2).sum(axis=1)
+        found["position"] = float(np.sqrt(np.nanmean(apart)))
+    return found
+
+
+@cache
+def judged(name: str) -> tuple[np.ndarray, np.ndarray | None]:
+    """Poses (100, J) at which readings are judged, and those (G, J) for positions, if any."""
+    robot: SimulatedRobot = Fleet(name, 1).model_robot()
+    return robot.sample(_JUDGED, np.random.default_rng(_SEED)), robot.target()
+
+
+def _diagnosed(fleet: Fleet, truth: Truth, recording: Recording) -> Row:
+    from wrenchbed.diagnosis.diagnose import diagnose
+
+    d = diagnose(recording).diagnosis
+    claimed = [str(w["effect"]) for w in d.which]
+    named = claimed + [str(r) for w in d.which for r in w["rivals"]]
+    row: dict[str, Any] = {
+        "verdict": d.verdict,
+        "claimed": " ".join(claimed),
+        "named": " ".join(named),
+        "probability": float(d.which[0]["probability"]) if d.which else float("nan"),
+        "where": str(d.where[0]["subsystem"]) if d.where else "",
+        "gap.configured": _number(d.gap.configured),
+        "gap.calibrated": _number(d.gap.calibrated),
+        "gap.with_effects": _number(d.gap.with_effects),
+        "closed": _number(d.gap.closed),
+    }
+    if truth.effect:
+        row["right"] = float(d.verdict == "identified" and truth.effect in claimed)
+    elif "parameters" not in fleet.vary:
+        row["right"] = float(d.verdict == "none")
+    return row
+
+
+def _number(x: float | None) -> float:
+    return float("nan") if x is None else float(x)

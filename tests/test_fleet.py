@@ -1,0 +1,243 @@
+"""Campaigns of many robots: rows follow from seed and number, and none is lost or doubled."""
+
+import errno
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+import wrenchbed as wb
+from wrenchbed.cli import main
+from wrenchbed.errors import FleetError, ParameterError
+from wrenchbed.fleet import Fleet, rows, run, summary
+from wrenchbed.fleet.one import one, recorded
+from wrenchbed.fleet.rows import SECONDS, Rows, empty
+from wrenchbed.fleet.truth import SIZES, possible, varied
+
+SMALL = {"poses": 24, "samples": 8}
+
+
+def small(robots=4, vary=("noise", "parameters"), robot="ur5", **more) -> Fleet:
+    return Fleet(robot, robots, vary, **{**SMALL, **more})
+
+
+def same(a: pa.Table, b: pa.Table) -> bool:
+    """Whether two tables are equal bit for bit, but for what time they took."""
+    a, b = (x.drop_columns(list(SECONDS)) for x in (a, b))
+    assert a.schema == b.schema
+    for name in a.column_names:
+        left, right = (x[name].to_numpy(zero_copy_only=False) for x in (a, b))
+        if left.dtype.kind == "f":
+            left, right = left.view("i8"), right.view("i8")
+        if not np.array_equal(left, right):
+            return False
+    return True
+
+
+def bare(row):
+    return {k: v for k, v in row.items() if k not in SECONDS}
+
+
+def test_a_row_follows_from_its_number_and_seed_alone():
+    here, there = one(small(4), 3), one(small(9), 3)
+    assert bare(here) == bare(there)
+    assert here["error"] == "" and here["rank"] == 22
+    assert here["fit.tool.mass"] != one(small(4, seed=1), 3)["fit.tool.mass"]
+    quiet = one(small(4, ("parameters",)), 3)
+    assert quiet["true.tool.mass"] == here["true.tool.mass"]  # noise is drawn apart
+    assert quiet["fit.tool.mass"] != here["fit.tool.mass"]
+
+
+@pytest.mark.parametrize("robot", ["ur5", "medrue"])
+def test_calibration_brings_robots_close_to_their_truth(robot):
+    fleet = Fleet(robot, 3, ("noise", "parameters"), poses=60, samples=20)
+    model = wb.Model.of(fleet.model_robot())
+    for k in range(3):
+        row = one(fleet, k)
+        assert row["error"] == ""
+        assert row["force.after"] < 0.05 * row["force.before"]
+        assert row["torque.after"] < 0.05 * row["torque.before"]
+        if robot == "medrue":
+            assert row["position.after"] < 0.1 * row["position.before"]
+        for i in varied(model):
+            p = model.parameters[i]
+            assert abs(row[f"true.{p.name}"] - p.nominal) <= p.tolerance
+            assert row[f"true.{p.name}"] != p.nominal
+
+
+def test_what_does_not_vary_is_the_same_for_all():
+    still = [bare(one(small(3, ()), k)) for k in range(2)]
+    assert {**still[0], "robot": 1} == still[1]
+    assert still[0]["force.before"] == 0.0
+    (a, _), (b, _) = (recorded(small(3, ("poses",)), k) for k in range(2))
+    assert np.abs(a.q - b.q).max() > 0.1
+    (a, _), (b, _) = (recorded(small(3, ("noise",)), k) for k in range(2))
+    assert np.array_equal(a.q, b.q) and not np.array_equal(a.wrench, b.wrench)
+
+
+def test_effects_are_drawn_with_their_sizes_and_show_in_the_readings():
+    fleet = small(40, ("effects",))
+    found = [recorded(fleet, k) for k in range(40)]
+    healthy = [r for r, t in found if not t.effect]
+    assert 4 <= len(healthy) <= 18  # a quarter of 40
+    assert all(np.array_equal(r.wrench, healthy[0].wrench) for r in healthy)
+    assert len({t.effect for _, t in found}) > 10
+    for k, (recording, truth) in enumerate(found[:16]):
+        if truth.effect:
+            assert truth.effect in possible("ur5", "static")
+            assert SIZES[0] <= truth.size <= SIZES[1]
+            changed = not np.array_equal(recording.wrench, healthy[0].wrench)
+            assert changed == (one(fleet, k)["added"] > 0), truth.effect
+    assert sum(one(fleet, k)["added"] > 1 for k, (_, t) in enumerate(found[:12]) if t.effect) > 3
+
+
+def test_a_plan_is_run_by_all_robots_at_rest_and_in_motion():
+    plan = wb.multisine(wb.load("robots", "ur5"), 8.0, 60.0, 1)
+    fleet = Fleet("ur5", 2, ("noise",), plan=plan)
+    recording, _ = recorded(fleet, 1)
+    assert recording.metadata.mode == "dynamic" and np.array_equal(recording.q, plan.q)
+    assert one(fleet, 0)["error"] == ""
+    with pytest.raises(ParameterError, match="the plan is for robot 'ur5'"):
+        Fleet("medrue", 2, plan=plan)
+    with pytest.raises(ParameterError, match="same for all"):
+        Fleet("ur5", 2, ("poses",), plan=plan)
+
+
+def test_settings_that_make_no_sense_are_named():
+    with pytest.raises(ParameterError, match="--vary colour"):
+        Fleet("ur5", 2, ("colour",))
+    with pytest.raises(ParameterError, match="--robots 0"):
+        Fleet("ur5", 0)
+    with pytest.raises(ParameterError, match="no model"):
+        Fleet("oriented", 2)
+
+
+def test_what_is_refused_by_name_becomes_a_row():
+    row = one(Fleet("ur5", 1, poses=2, samples=2), 0)
+    assert "Error" in row["error"] and row["robot"] == 0
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("whole")
+    return run(small(6), folder, workers=1)
+
+
+def test_rows_of_workers_are_those_of_one(whole, tmp_path):
+    table = run(small(6), tmp_path / "c", workers=2)
+    assert same(table, whole)
+    assert table["robot"].to_pylist() == list(range(6))
+    assert pq.read_table(tmp_path / "c" / "robots.parquet").num_rows == 6
+    assert sorted(p.name for p in (tmp_path / "c").iterdir()) == [
+        "campaign.json", "parts", "robots.parquet",
+    ]  # fmt: skip
+    assert not list((tmp_path / "c" / "parts").iterdir())
+
+
+def test_a_stopped_campaign_goes_on_and_may_grow(whole, tmp_path):
+    told = []
+
+    def stop(n):
+        told.append(n)
+        if sum(told) == 3:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run(small(6), tmp_path, workers=1, tell=stop)
+    begun = Rows(tmp_path, small(6)).done()
+    assert 3 <= len(begun) < 6
+    table = run(small(5), tmp_path, workers=1)
+    assert same(table, whole.slice(0, table.num_rows))
+    assert same(run(small(6), tmp_path, workers=1), whole)
+    again = []
+    assert same(run(small(6), tmp_path, workers=1, tell=again.append), whole)
+    assert again == [6]
+
+
+def test_a_killed_campaign_loses_and_doubles_nothing(whole, tmp_path, monkeypatch):
+    words = ["campaign", "ur5", "--robots", "6", "--poses", "24", "--samples", "8",
+             "--workers", "1", "--out", str(tmp_path / "c")]  # fmt: skip
+    with subprocess.Popen([sys.executable, "-m", "wrenchbed", *words]) as process:
+        until = time.monotonic() + 60
+        while not list(tmp_path.glob("c/parts/*.parquet")):
+            assert time.monotonic() < until and process.poll() is None
+            time.sleep(0.01)
+        os.kill(process.pid, signal.SIGKILL)
+    assert main(words) == 0
+    assert same(pq.read_table(tmp_path / "c" / "robots.parquet"), whole)
+
+
+def test_a_crash_between_the_whole_file_and_its_parts_doubles_nothing(whole, tmp_path):
+    run(small(6), tmp_path, workers=1)
+    pq.write_table(whole.slice(2, 2), tmp_path / "parts" / "000009.parquet")
+    assert same(run(small(6), tmp_path, workers=1), whole)
+
+
+def test_a_full_disk_is_told_and_what_was_written_stays(whole, tmp_path, monkeypatch):
+    monkeypatch.setattr(rows, "_EVERY_S", 0.0)
+    written, write = [], pq.write_table
+
+    def full(table, where, **more):
+        if len(written) == 2:
+            Path(where).write_bytes(b"PAR1")
+            raise OSError(errno.ENOSPC, "No space left on device", str(where))
+        written.append(where)
+        write(table, where, **more)
+
+    monkeypatch.setattr(rows.pq, "write_table", full)
+    with pytest.raises(OSError, match="No space left"):
+        run(small(6), tmp_path, workers=1)
+    monkeypatch.undo()
+    assert not list(tmp_path.rglob("*~"))
+    assert len(Rows(tmp_path, small(6)).done()) == 2
+    assert same(run(small(6), tmp_path, workers=1), whole)
+
+
+def test_another_campaigns_folder_is_refused(whole, tmp_path):
+    run(small(1), tmp_path / "c", workers=1)
+    with pytest.raises(FleetError, match="seed = 0, not 5"):
+        run(small(1, seed=5), tmp_path / "c")
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "thesis.tex").write_text("x")
+    with pytest.raises(FleetError, match="holds other files"):
+        run(small(1), tmp_path / "mine")
+
+
+def test_the_summary_tells_errors_coverage_and_detection(tmp_path):
+    fleet = small(40, ("noise", "effects"), diagnose=True)
+    kept = Rows(tmp_path, fleet)
+    rng = np.random.default_rng(0)
+    for k in range(40):
+        ill = k % 4 > 0
+        kept.add(empty(fleet, k) | {
+            "effect": "base.tilt" if ill else "", "size": rng.uniform(0.4, 5.0) if ill else 0.0,
+            "added": 9.0 if k != 1 else 0.1,
+            "verdict": "identified" if ill else "none", "named": "base.tilt" if ill else "",
+            "claimed": "base.tilt" if ill else "", "right": 1.0, "force.before": 1.0,
+            "force.after": 0.1, "inside95": 0.95,
+        })  # fmt: skip
+    page = summary.page(fleet, kept.finish())
+    text = page.markdown()
+    assert "1 robots are left out" in text
+    assert "Detection against the size" in text and "| base.tilt | 29 | 100 | 100 |" in text
+    assert "| none | 10 | 100 | – |" in text
+    assert page.summary["right"] == 1.0 and page.summary["force_after_median [N]"] == 0.1
+
+
+def test_one_robot_alone_again(tmp_path, capsys, whole):
+    words = ["campaign", "ur5", "--out", str(tmp_path), "--poses", "24", "--samples", "8"]
+    assert main([*words, "--only", "4", "--json"]) == 0
+    row = json.loads(capsys.readouterr().out)
+    assert row["fit.tool.mass"] == whole["fit.tool.mass"][4].as_py()
+    again = wb.calibrate(wb.Recording.read(tmp_path / "4" / "rec.parquet"))
+    assert again.theta["tool.mass"] == pytest.approx(row["fit.tool.mass"], abs=1e-12)
+    assert main([*words, "--vary", "tea"]) == 1
+    assert "--vary tea" in capsys.readouterr().err
