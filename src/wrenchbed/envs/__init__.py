@@ -1,0 +1,23 @@
+"""Gymnasium environments; importing this module registers them."""
+
+import gymnasium
+
+_LONGEST = {"Calibration": 400, "Contact": 500}
+"""Most steps of an episode: a bound for budgets that run out earlier."""
+
+
+def register() -> None:
+    """Make ``wrenchbed/…`` known to `gymnasium.make`; a second call does nothing."""
+    for robot, title in (("ur5", "UR5"), ("medrue", "MedRUE")):
+        for kind, steps in _LONGEST.items():
+            name = f"wrenchbed/{title}{kind}-v0"
+            if name not in gymnasium.registry:
+                gymnasium.register(
+                    name,
+                    entry_point=f"wrenchbed.envs.{kind.lower()}:{kind}Env",
+                    kwargs={"robot": robot},
+                    max_episode_steps=steps,
+                )
+
+
+register()
