@@ -25,7 +25,7 @@ LAYERS = {
     "transducers": 7.5, "drivers": 8, "serving": 8, "twins": 8.2,
     "clearance": 4, "itinerary": 8.5, "resuming": 8.5,
     "campaign": 9, "planning": 9, "mixing": 9, "rehearsal": 8,
-    "referee": 5.5, "workers": 1, "fleet": 10.6,
+    "referee": 5.5, "workers": 1, "whole": 1, "envs": 10.7, "fleet": 10.6,
     "pages": 2, "diagnosis": 10, "study": 10, "effects_page": 10.1, "blind": 10.5,
     "report": 11, "viewer": 11.5,
     "cli": 12, "__init__": 12, "__main__": 13,

@@ -3,6 +3,7 @@
 The names below are the public ones; each is imported on first use.
 """
 
+import sys
 from importlib import import_module
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
@@ -94,3 +95,7 @@ def __getattr__(name: str) -> Any:
         raise AttributeError(f"module 'wrenchbed' has no attribute {name!r}")
     module, attribute = _HOME[name]
     return getattr(import_module(f"wrenchbed.{module}"), attribute)
+
+
+if "gymnasium" in sys.modules:  # who has imported it will ask it for our environments
+    import_module("wrenchbed.envs")

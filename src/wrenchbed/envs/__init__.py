@@ -1,5 +1,8 @@
 """Gymnasium environments; importing this module registers them."""
 
+import os
+import sys
+
 import gymnasium
 
 _LONGEST = {"Calibration": 400, "Contact": 500}
@@ -20,4 +23,6 @@ def register() -> None:
                 )
 
 
+if sys.platform == "linux" and not os.environ.get("DISPLAY"):
+    os.environ.setdefault("MUJOCO_GL", "egl")  # pictures without a screen; mujoco reads it once
 register()

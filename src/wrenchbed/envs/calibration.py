@@ -7,7 +7,7 @@ import numpy as np
 
 from wrenchbed import registry
 from wrenchbed.drivers.base import Limits, duration
-from wrenchbed.envs.knowledge import Causes, Knowledge, knowledge
+from wrenchbed.envs.knowledge import Knowledge, knowledge
 from wrenchbed.envs.picture import Picture
 from wrenchbed.errors import ParameterError
 from wrenchbed.model import Model
@@ -23,12 +23,12 @@ class CalibrationEnv(gymnasium.Env[np.ndarray, np.int64]):
     """Choose poses from a pool; the robot goes there and its sensor is read.
 
     Each episode is a robot of its own, its parameters uniform within tolerance, and the budget is
-    spent by moves and readings. The reward is what the reading tells, in nats: of the tool's position in
-    the target workspace (MedRUE) or of the readings to come (UR5), or of which effect is at work.
+    spent by moves and readings. The reward is what a reading tells [nats]: of the tool's position
+    in the target workspace (MedRUE) or of readings to come (UR5), or of which effect is at work.
 
-    Observation (3 + J + 2, float32): share of the budget left; the error still expected, in powers of
-    e below that at the start; seconds of the last step; joint values from −1 to 1 between their
-    limits; the least and the mean share of the parameters' tolerance that is still open.
+    Observation (5 + J,) float32: share of the budget left; what is known, above the start [nats];
+    length of the last step [s]; joint values from −1 to 1 between their limits; the least and the
+    mean share of what was open at first (tolerances, or 1 / (1 + distance of causes in σ)).
 
     Action: number of a pose of the pool, ``env.unwrapped.pool`` (N, J).
 
@@ -90,7 +90,8 @@ class CalibrationEnv(gymnasium.Env[np.ndarray, np.int64]):
         own = self.theta[: len(self.robot.parameters)]
         self.simulation = Simulation(self.robot, own, self.model.gravity)
         self._stream = NoiseStream(self._noise, int(self.np_random.integers(2**31)))
-        self.knowledge: Knowledge | Causes = self._table.start()
+        self.knowledge: Knowledge = self._table.start()
+        self._known = self.knowledge.value
         self.q, self._time, self._last = np.array(self.robot.home, dtype=float), 0.0, 0.0
         self.visited: list[int] = []
         self.readings: list[np.ndarray] = []
@@ -114,7 +115,7 @@ class CalibrationEnv(gymnasium.Env[np.ndarray, np.int64]):
         move = duration(self.robot, self.q, self.pool[pose], Limits().speed)
         return move + SETTLE_S + self.samples / RATE_HZ
 
-    def render(self) -> np.ndarray | None:  # type: ignore[override]
+    def render(self) -> np.ndarray | None:
         """The robot at its pose (H, W, 3), if the render mode is ``rgb_array``."""
         if self.render_mode is None:
             return None
@@ -139,7 +140,11 @@ class CalibrationEnv(gymnasium.Env[np.ndarray, np.int64]):
         return np.array(self.model.parameters.nominal)
 
     def _row_std(self) -> np.ndarray:
-        return np.asarray(self._noise.row_std) / np.sqrt(self.samples)
+        """Of a reading's mean (6,): its white part, and what 1/f noise leaves between poses."""
+        hold = self.samples / RATE_HZ
+        octaves = np.log(max(self.budget / hold, np.e))
+        white, slow = np.asarray(self._noise.white), np.asarray(self._noise.flicker)
+        return np.sqrt(white**2 / self.samples + slow**2 * octaves)
 
     def _read(self) -> np.ndarray:
         """Mean of the rows (6,) [N, N·m], by MuJoCo, with the sensor's noise."""
@@ -153,11 +158,11 @@ class CalibrationEnv(gymnasium.Env[np.ndarray, np.int64]):
         place = np.clip(2.0 * (self.q - low) / (high - low) - 1.0, -1.0, 1.0)
         least, mean = self.knowledge.open
         left = max(0.0, 1.0 - self._time / self.budget)
-        start = [left, self.knowledge.value - self._table.start().value, self._last]
+        start = [left, self.knowledge.value - self._known, self._last]
         return np.concatenate([start, place, [least, mean]]).astype(np.float32)
 
     def _told(self) -> dict[str, Any]:
         return {
             "seconds": self._time, "visited": len(self.visited), "error": self.knowledge.error,
-            "unit": self._table.unit, "gains": self.knowledge.gains,
+            "unit": self._table.unit,
         }  # fmt: skip

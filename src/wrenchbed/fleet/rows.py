@@ -1,7 +1,6 @@
 """Rows of a campaign on disk: small files that appear whole, at the end one."""
 
 import json
-import os
 import time
 from pathlib import Path
 from typing import Any
@@ -14,6 +13,7 @@ from wrenchbed.errors import FleetError
 from wrenchbed.fleet.setting import Fleet
 from wrenchbed.fleet.truth import varied
 from wrenchbed.model import Model
+from wrenchbed.whole import whole
 
 Row = dict[str, Any]
 ALL, SETTING, PARTS = "robots.parquet", "campaign.json", "parts"
@@ -78,7 +78,8 @@ class Rows:
         elif self.folder.exists() and any(self.folder.iterdir()):
             raise FleetError(f"{self.folder}: holds other files; give a new folder")
         self._parts.mkdir(parents=True, exist_ok=True)
-        _whole(path, lambda half: half.write_text(json.dumps(fleet.told(), indent=1)))
+        with whole(path) as half:
+            half.write_text(json.dumps(fleet.told(), indent=1), encoding="utf-8")
 
     def table(self) -> pa.Table:
         """All rows so far in the order of the robots, each once."""
@@ -105,8 +106,8 @@ class Rows:
         if not self._waiting:
             return
         table = pa.Table.from_pylist(self._waiting, schema=self.schema)
-        path = self._parts / f"{self._number + 1:06d}.parquet"
-        _whole(path, lambda half: pq.write_table(table, half))
+        with whole(self._parts / f"{self._number + 1:06d}.parquet") as half:
+            pq.write_table(table, half)
         self._number += 1
         self._waiting, self._written = [], time.monotonic()
 
@@ -114,20 +115,8 @@ class Rows:
         """One file of all rows instead of many; the rows."""
         self.flush()
         table = self.table()
-        _whole(self.folder / ALL, lambda half: pq.write_table(table, half))
+        with whole(self.folder / ALL) as half:
+            pq.write_table(table, half)
         for part in self._parts.glob("*"):
             part.unlink()
         return table
-
-
-def _whole(path: Path, write: Any) -> None:
-    """A file that is on disk whole or not at all, also when the power fails."""
-    half = path.with_name(path.name + "~")
-    try:
-        write(half)
-        with half.open("rb") as file:
-            os.fsync(file.fileno())
-        half.replace(path)
-    except BaseException:
-        half.unlink(missing_ok=True)
-        raise

@@ -13,6 +13,7 @@ from wrenchbed.pages import rendered
 from wrenchbed.report import figures, numbers, tables, words
 from wrenchbed.report.artist import Artist, at_once
 from wrenchbed.report.evidence import Evidence
+from wrenchbed.whole import whole
 
 _BADGES = {"none": "✓", "identified": "●", "ambiguous": "◐", "unknown": "?"}
 """Shapes beside the colour of a verdict."""
@@ -40,10 +41,9 @@ class Page:
 
     def write(self, path: str | Path) -> None:
         """Write the page, whole or not at all."""
-        path = Path(path)
-        half = path.with_name(path.name + ".part")
-        half.write_text(self.html(), encoding="utf-8")
-        half.replace(path)
+        text = self.html()
+        with whole(Path(path)) as half:
+            half.write_text(text, encoding="utf-8")
 
 
 def diagnosis_page(found: Findings, command: str = "", artist: Artist | None = None) -> Page:

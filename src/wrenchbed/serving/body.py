@@ -21,6 +21,7 @@ from wrenchbed.playback import Playback
 from wrenchbed.robots.base import SimulatedRobot
 from wrenchbed.serving.felt import Felt, Row
 from wrenchbed.serving.hiss import Hiss
+from wrenchbed.serving.surface import Plate, Surface, tip_of
 from wrenchbed.simulation import Simulation
 from wrenchbed.twin import Twin
 from wrenchbed.typical import active_effect
@@ -30,8 +31,6 @@ SHOWN_S = 0.008
 fast sensor reads, is known by then. At least one cycle."""
 HISTORY_S = 4.0
 """How far back a cycle's state is kept [s]."""
-_TIP = np.array([0.0, 0.0, 0.14])
-"""End of UR5's example tool in sensor axes [m]."""
 
 
 @dataclass(frozen=True)
@@ -63,13 +62,14 @@ class Body:
     Args:
         options: what it is.
         cycle: period of its control [s].
+        surface: that the tool's tip may press on, instead of the options' plate.
 
     Raises:
         NotFoundError: the robot has no MuJoCo model, or no such effect.
         ParameterError: an unknown parameter, an impossible value or kind of noise.
     """
 
-    def __init__(self, options: Options, cycle: float) -> None:
+    def __init__(self, options: Options, cycle: float, surface: Surface | None = None) -> None:
         robot = registry.load("robots", options.robot)
         if options.table is not None and robot.name != "ur5":
             raise ParameterError(f"a plate to press on is there for ur5, not for {robot.name!r}")
@@ -88,10 +88,15 @@ class Body:
         active = tuple(active_effect(robot, text) for text in options.effects)
         twin = Twin(self.model, self.theta, active)
         self._playback = Playback(twin, options.seed) if active else None
-        touching = options.table is not None
+        if options.table is not None:
+            surface = Plate(options.table, options.table_stiffness)
+        touching = surface is not None
         self._felt = None if self._playback is None else Felt(self._playback, touching)
         self._plant = Plant(self.simulation, robot.home)
-        self._table, self._stiffness = options.table, options.table_stiffness
+        self._surface = surface
+        self._tip: np.ndarray | None = None
+        self.push = np.zeros(3)
+        """Of what stands there on the tip, in the world [N]."""
         self._substeps = steps_in(cycle)
         self._lock = threading.Lock()
         self._target = self._before = np.array(robot.home)
@@ -152,8 +157,8 @@ class Body:
         last, new = self._target, np.asarray(target, dtype=float)
         way = 0.5 * (self._before + last) + share * (last - self._before)
         way += 0.5 * share**2 * (new - 2.0 * last + self._before)
-        if self._table is not None:
-            self._press(self._table)
+        if self._surface is not None:
+            self._press(self._surface)
         sampled = self._plant.follow(way, self.cycle)
         self._before, self._target = last, np.array(new)
         with self._lock:
@@ -180,15 +185,16 @@ class Body:
                 values = self._felt.corrupt(t, values)
             return values, status
 
-    def _press(self, height: float) -> None:
-        """A plate at a height [m] pushes the tip, straight up, as a spring does."""
+    def _press(self, surface: Surface) -> None:
+        """What stands there pushes the tool's tip."""
         data = self._plant.data
-        rotation, origin = self.robot.sensor_pose(data.qpos[None, :6], self._own)
-        tip = origin[0] + rotation[0] @ _TIP
-        push = np.array([0.0, 0.0, self._stiffness * max(0.0, height - tip[2])])
+        tip = tip_of(self.robot, self._plant.q[None], self._own)[1][0]
+        before, self._tip = self._tip, tip
+        speed = (tip - before) / self.cycle if before is not None else np.zeros(3)
+        self.push = surface.push(tip, speed)
         tool = self._plant.model.body("tool").id
         lever = tip - data.xipos[tool]
-        data.xfrc_applied[tool] = np.concatenate([push, np.cross(lever, push)])
+        data.xfrc_applied[tool] = np.concatenate([self.push, np.cross(lever, self.push)])
 
     def _mean(self, t: np.ndarray) -> np.ndarray:
         recent = list(self._rows)[-16:]

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from wrenchbed.pages import rendered
+from wrenchbed.whole import whole
 
 
 @dataclass(frozen=True)
@@ -93,12 +94,12 @@ class Page:
     def write(self, folder: Path, name: str) -> None:
         """``name``.md, ``name``.html and the figures."""
         folder.mkdir(parents=True, exist_ok=True)
-        for section in self.sections:
-            for part in section.parts:
-                if isinstance(part, Figure):
-                    (folder / f"{part.name}.svg").write_text(part.svg, encoding="utf-8")
-        (folder / f"{name}.html").write_text(self.html(), encoding="utf-8")
-        (folder / f"{name}.md").write_text(self.markdown(), encoding="utf-8")
+        parts = [part for section in self.sections for part in section.parts]
+        texts = {f"{p.name}.svg": p.svg for p in parts if isinstance(p, Figure)}
+        texts |= {f"{name}.html": self.html(), f"{name}.md": self.markdown()}
+        for file, text in texts.items():
+            with whole(folder / file) as half:
+                half.write_text(text, encoding="utf-8")
 
 
 def show(x: object) -> str:

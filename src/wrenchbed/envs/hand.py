@@ -1,0 +1,60 @@
+"""The tip of a robot's tool, moved along straight lines with its orientation kept."""
+
+import numpy as np
+
+from wrenchbed.robots.base import SimulatedRobot
+from wrenchbed.serving.surface import tip_of
+
+_STEP, _DAMPING = 1e-6, 1e-6
+_BACK = 0.2
+"""Share of an error in orientation that one move takes back."""
+
+
+class Hand:
+    """Joint targets that lead the tip of a nominal robot.
+
+    Args:
+        robot: stands at home.
+    """
+
+    def __init__(self, robot: SimulatedRobot) -> None:
+        self.robot = robot
+        self._theta = robot.parameters.nominal
+        self.q = np.asarray(robot.home, dtype=float)
+        self._limits = np.array([(j.lower, j.upper) for j in robot.joints])
+        rotation, places = tip_of(robot, self.q[None], self._theta)
+        self.kept, self.tip = rotation[0], places[0]
+
+    def move(self, way: np.ndarray, parts: int) -> np.ndarray:
+        """Joint values (parts, J) that move the tip by ``way`` (3,) [m] in the world.
+
+        At a limit of the joints or of the workspace it stands still.
+        """
+        rotation, tip, jacobian = self._slopes()
+        back = _BACK * _vector(self.kept @ rotation.T)
+        wanted = np.concatenate([way, back])
+        square = jacobian @ jacobian.T + _DAMPING * np.eye(6)
+        new = self.q + jacobian.T @ np.linalg.solve(square, wanted)
+        low, high = self._limits.T
+        if ((new < low) | (new > high)).any() or self.robot.infeasible(new[None], self._theta):
+            return np.repeat(self.q[None], parts, axis=0)
+        share = np.arange(1, parts + 1)[:, None] / parts
+        line = self.q + share * (new - self.q)
+        self.q, self.tip = new, tip + jacobian[:3] @ (new - self.q)
+        return np.asarray(line)
+
+    def _slopes(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Orientation (3, 3), place (3,) and Jacobian (6, J): speed above, turning below."""
+        count = len(self.q)
+        around = self.q + np.vstack([np.zeros(count), _STEP * np.eye(count)])
+        rotation, tip = tip_of(self.robot, around, self._theta)
+        turns = rotation[1:] @ rotation[0].T
+        turning = np.stack([_vector(turn) for turn in turns], axis=1)
+        return rotation[0], tip[0], np.vstack([(tip[1:] - tip[0]).T, turning]) / _STEP
+
+
+def _vector(turn: np.ndarray) -> np.ndarray:
+    """Rotation vector (3,) of a small rotation (3, 3) [rad]."""
+    return 0.5 * np.array(
+        [turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]]
+    )

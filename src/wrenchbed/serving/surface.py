@@ -1,0 +1,75 @@
+"""What a tool's tip may press on: forces in closed form, as MuJoCo's contacts have no N/m."""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from wrenchbed.robots.base import Robot
+
+_TIP = np.array([0.0, 0.0, 0.14])
+"""End of UR5's example tool in sensor axes [m]."""
+_CREEP = 1e-3
+"""Speed at which friction is three quarters of its full size [m/s]."""
+
+
+class Surface(Protocol):
+    """Something that pushes back."""
+
+    def push(self, tip: np.ndarray, speed: np.ndarray) -> np.ndarray:
+        """Force (3,) on a tip at a place (3,) [m] that moves with a speed (3,) [m/s], in N."""
+
+
+@dataclass(frozen=True)
+class Plate:
+    """Horizontal, with its top at a height [m]; a spring [N/m], straight up."""
+
+    height: float
+    stiffness: float
+
+    def push(self, tip: np.ndarray, speed: np.ndarray) -> np.ndarray:
+        return np.array([0.0, 0.0, self.stiffness * max(0.0, self.height - tip[2])])
+
+
+@dataclass(frozen=True, eq=False)
+class Limb:
+    """A cylinder that gives: Hunt and Crossley's contact (1975) with friction.
+
+    Attributes:
+        point: on its axis (3,) [m].
+        axis: unit vector (3,).
+        radius: [m].
+        stiffness: [N/m].
+        damping: by which a unit of speed adds to the spring's force [s/m].
+        friction: coefficient of Coulomb.
+    """
+
+    point: np.ndarray
+    axis: np.ndarray
+    radius: float
+    stiffness: float
+    damping: float = 1.0
+    friction: float = 0.2
+
+    def push(self, tip: np.ndarray, speed: np.ndarray) -> np.ndarray:
+        away = tip - self.point
+        away = away - self.axis * (away @ self.axis)
+        distance = float(np.sqrt(away @ away))
+        depth = self.radius - distance
+        if depth <= 0.0 or distance == 0.0:
+            return np.zeros(3)
+        normal = away / distance
+        closing = -float(speed @ normal)
+        force = max(0.0, self.stiffness * depth * (1.0 + self.damping * closing))
+        slide = speed + closing * normal
+        drag = np.tanh(np.sqrt(slide @ slide) / _CREEP)
+        along = slide / max(float(np.sqrt(slide @ slide)), 1e-12)
+        return np.asarray(force * (normal - self.friction * drag * along))
+
+
+def tip_of(robot: Robot, q: np.ndarray, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Orientation of the tool (N, 3, 3) and place of its tip (N, 3) [m] in the world."""
+    if robot.name == "ur5":
+        rotation, origin = robot.sensor_pose(q, theta)
+        return rotation, origin + rotation @ _TIP
+    return robot.tool_pose(q, theta)
