@@ -35,7 +35,7 @@ ONLY_IN = {
     "mujoco": (
         "robots", "mjcf", "simulation", "plant", "springs", "assembly", "mechanics",
         "sensor_only", "exporting", "effects", "lookalikes", "referee", "serving", "clearance",
-        "viewer",
+        "viewer", "envs",
     ),
     "rtde_control": ("drivers",), "rtde_receive": ("drivers",), "rtde_io": ("drivers",),
     "dashboard_client": ("drivers",),

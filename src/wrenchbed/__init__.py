@@ -5,7 +5,6 @@ The names below are the public ones; each is imported on first use.
 
 import sys
 from importlib import import_module
-from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -30,7 +29,7 @@ if TYPE_CHECKING:
     from wrenchbed.touches import Touches
     from wrenchbed.twin import Twin
 
-__version__ = version("wrenchbed")
+    __version__: str
 
 _HOME = {
     "Fit": ("fit", "Fit"),
@@ -91,6 +90,10 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
+    if name == "__version__":
+        from importlib.metadata import version  # slow to load
+
+        return version("wrenchbed")
     if name not in _HOME:
         raise AttributeError(f"module 'wrenchbed' has no attribute {name!r}")
     module, attribute = _HOME[name]
