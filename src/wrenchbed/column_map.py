@@ -5,6 +5,7 @@ import math
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
+from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -58,10 +59,17 @@ class Source:
 
 @dataclass(frozen=True)
 class FileMap:
-    """Columns from the files whose name matches ``match``; ``clock`` is the one of time."""
+    """Columns from the files whose name matches ``match``; ``clock`` is the one of time.
+
+    Attributes:
+        topic: of a log, whose messages' fields are its columns.
+        delimiter: of a CSV file.
+    """
 
     match: str
     columns: tuple[Source, ...]
+    topic: str | None = None
+    delimiter: str = ","
 
     @property
     def clock(self) -> Source | None:
@@ -78,13 +86,19 @@ class ColumnMap:
     name: str
 
 
+def ready() -> dict[str, Path]:
+    """Maps that come with wrenchbed, by name."""
+    folder = Path(str(files("wrenchbed"))) / "maps"
+    return {p.stem: p for p in sorted(folder.glob("*.toml"))}
+
+
 def read(path: str | Path) -> ColumnMap:
-    """Read and check a map.
+    """Read and check a map, a file or by the name of one of `ready`.
 
     Raises:
         MapError: names the file, the entry and what it should say.
     """
-    path = Path(path)
+    path = ready().get(str(path), Path(path))
     raw = _load(path)
     if not isinstance(raw.get("recording", {}), Mapping):
         raise MapError(f"{path}: [recording] must be a table")
@@ -105,7 +119,8 @@ def _load(path: Path) -> dict[str, Any]:
         text = path.read_text(encoding="utf-8")
         raw = json.loads(text) if path.suffix == ".json" else tomllib.loads(text)
     except FileNotFoundError as error:
-        raise MapError(f"{path}: there is no such file") from error
+        known = ", ".join(ready())
+        raise MapError(f"{path}: there is no such file; ready maps: {known}") from error
     except (ValueError, UnicodeDecodeError) as error:
         kind = "JSON" if path.suffix == ".json" else "TOML"
         raise MapError(f"{path}: not valid {kind}: {str(error).splitlines()[0]}") from error
@@ -125,7 +140,13 @@ def _file(path: Path, i: int, entry: Mapping[str, Any]) -> FileMap:
     match = entry.get("match", "*")
     if not isinstance(match, str):
         raise MapError(f"{where}: match = {match!r} must be a file name or pattern")
-    return FileMap(match, tuple(_source(where, k, v) for k, v in columns.items()))
+    topic, delimiter = entry.get("topic"), entry.get("delimiter", ",")
+    if topic is not None and not isinstance(topic, str):
+        raise MapError(f"{where}: topic = {topic!r} must be the name of one")
+    if not isinstance(delimiter, str) or len(delimiter) != 1:
+        raise MapError(f"{where}: delimiter = {delimiter!r} must be one character")
+    sources = tuple(_source(where, k, v) for k, v in columns.items())
+    return FileMap(match, sources, topic, delimiter)
 
 
 def _source(where: str, target: str, entry: Any) -> Source:

@@ -1,4 +1,4 @@
-"""Bring foreign CSV files in: columns mapped, units converted, clocks merged, orientations checked.
+"""Bring CSV files and robots' logs in: columns mapped, units converted, clocks merged.
 
 The first file of the map sets the rows. Columns of other files are interpolated to its times,
 orientations along the shortest rotation (slerp), and rows outside any file's time are left out.
@@ -17,6 +17,8 @@ from scipy.spatial.transform import Rotation, Slerp
 from wrenchbed.column_map import ROTATION, ColumnMap, FileMap
 from wrenchbed.errors import MapError
 from wrenchbed.frames import quaternion
+from wrenchbed.logs import is_log
+from wrenchbed.logs import table as log_table
 from wrenchbed.recording import QUATERNION, Recording
 
 _ORTHONORMAL = 1e-3
@@ -80,12 +82,7 @@ def _matching(file_map: FileMap, paths: list[Path], name: str) -> Path:
 
 
 def _columns(path: Path, file_map: FileMap) -> dict[str, np.ndarray]:
-    try:
-        table = pcsv.read_csv(path)
-    except FileNotFoundError as error:
-        raise MapError(f"{path}: there is no such file") from error
-    except (pa.ArrowException, OSError) as error:
-        raise MapError(f"{path}: not a CSV table: {str(error).splitlines()[0]}") from error
+    table = _table(path, file_map)
     if table.num_rows == 0:
         raise MapError(f"{path}: the file has 0 rows")
     data: dict[str, np.ndarray] = {}
@@ -100,6 +97,17 @@ def _columns(path: Path, file_map: FileMap) -> dict[str, np.ndarray]:
     if ROTATION[0] in data:
         data |= _quaternions(path, data)
     return data
+
+
+def _table(path: Path, file_map: FileMap) -> pa.Table:
+    if is_log(path):
+        return log_table(path, file_map.topic, [c.column for c in file_map.columns])
+    try:
+        return pcsv.read_csv(path, parse_options=pcsv.ParseOptions(delimiter=file_map.delimiter))
+    except FileNotFoundError as error:
+        raise MapError(f"{path}: there is no such file") from error
+    except (pa.ArrowException, OSError) as error:
+        raise MapError(f"{path}: not a CSV table: {str(error).splitlines()[0]}") from error
 
 
 def _numbers(path: Path, name: str, table: pa.Table) -> np.ndarray:

@@ -47,16 +47,35 @@ def simulate(
     console.answer(result, as_json, f"simulated {rows} rows of {like} → {out}")
 
 
-def export(twin: tyro.conf.Positional[Path], /, mjcf: Path, as_json: Json = False) -> None:
-    """Write a twin as plain MJCF, and what MuJoCo cannot carry as JSON beside it.
+def export(
+    file: tyro.conf.Positional[Path],
+    /,
+    mjcf: Path | None = None,
+    mcap: Path | None = None,
+    as_json: Json = False,
+) -> None:
+    """Write a twin as plain MJCF, what MuJoCo cannot carry as JSON beside it; a recording as MCAP.
 
     Args:
-        twin: JSON file, see `wrenchbed diagnose`.
+        file: A twin's JSON file, see `wrenchbed diagnose`; with --mcap a recording.
         mjcf: Folder to write to.
+        mcap: File of ROS 2 messages to write: WrenchStamped, JointState, Temperature.
         as_json: Print the result as JSON.
     """
+    if (mjcf is None) == (mcap is None):
+        raise ParameterError("export needs --mjcf for a twin or --mcap for a recording")
+    if mcap is not None:
+        from wrenchbed.logs.writing import write_mcap
+
+        console.check_out(mcap, file)
+        recording = wb.Recording.read(file)
+        write_mcap(recording, mcap)
+        text = f"exported {len(recording):,} rows → {mcap}"
+        console.answer({"mcap": str(mcap), "rows": len(recording)}, as_json, text)
+        return
+    assert mjcf is not None
     if mjcf.exists() and not mjcf.is_dir():
         raise ParameterError(f"{mjcf}: is a file; give a folder")
-    model, rest = wb.export(wb.Twin.read(twin), mjcf)
+    model, rest = wb.export(wb.Twin.read(file), mjcf)
     result = {"mjcf": str(model), "effects": str(rest)}
     console.answer(result, as_json, f"exported → {model}, {rest}")

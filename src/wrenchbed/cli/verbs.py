@@ -36,11 +36,12 @@ def import_(
     out: Path,
     as_json: Json = False,
 ) -> None:
-    """Bring CSV files in through a column map that states units.
+    """Bring CSV files, rosbags and MCAP files in through a column map that states units.
 
     Args:
-        files: CSV files; several are merged on time.
-        map: TOML or JSON column map, see docs/import.md.
+        files: CSV files, rosbags (1 or 2), MCAP files; several are merged on time.
+        map: TOML or JSON column map, see docs/import.md; or the name of a ready one: ros-ur5,
+            ros-oriented, ur-rtde, ur-client.
         out: Recording to write.
         as_json: Print the result as JSON.
     """

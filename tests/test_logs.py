@@ -1,0 +1,229 @@
+"""Rosbags 1 and 2, MCAP and UR's own recordings come in as they are; a recording goes back out."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mcap.writer import Writer as McapWriter
+from rosbags.rosbag1 import Writer as Writer1
+from rosbags.rosbag2 import StoragePlugin
+from rosbags.rosbag2 import Writer as Writer2
+from rosbags.typesys import Stores, get_typestore
+
+import wrenchbed as wb
+from wrenchbed.cli import main
+from wrenchbed.column_map import ready
+from wrenchbed.errors import MapError
+from wrenchbed.importing import import_files
+from wrenchbed.logs import table
+from wrenchbed.logs.flatten import Rows
+from wrenchbed.logs.writing import write_mcap
+
+RATE, COUNT = 100.0, 60
+START = 1_700_000_000_123_456_789
+UR = ("elbow_joint", "shoulder_lift_joint", "shoulder_pan_joint", "wrist_1_joint",
+      "wrist_2_joint", "wrist_3_joint")  # fmt: skip
+"""In the order of the alphabet, as UR's driver publishes them."""
+ORDER = (2, 1, 0, 3, 4, 5)
+"""Of the robot's joints among these."""
+RNG = np.random.default_rng(3)
+LOAD, Q = RNG.normal(size=(COUNT, 6)), np.cumsum(RNG.normal(0, 1e-3, (COUNT, 6)), axis=0)
+TURN = RNG.normal(size=4) / 3
+
+
+def stamps():
+    return START + (1e9 / RATE * np.arange(COUNT)).astype(int)
+
+
+def messages(store, ros1=False):
+    """(topic, type, message, time [ns]) of a robot's log."""
+    known = store.types
+    time, header = known["builtin_interfaces/msg/Time"], known["std_msgs/msg/Header"]
+    vector, quaternion = known["geometry_msgs/msg/Vector3"], known["geometry_msgs/msg/Quaternion"]
+    wrench, stamped = known["geometry_msgs/msg/Wrench"], known["geometry_msgs/msg/WrenchStamped"]
+    state, imu = known["sensor_msgs/msg/JointState"], known["sensor_msgs/msg/Imu"]
+    warm, nine, none = known["sensor_msgs/msg/Temperature"], np.zeros(9), np.zeros(0)
+    unit = TURN / np.linalg.norm(TURN)
+    for k, at in enumerate(stamps().tolist()):
+        stamp = time(sec=at // 10**9, nanosec=at % 10**9)
+        own = {"seq": k} if ros1 else {}
+        head = header(stamp=stamp, frame_id="tool0", **own)
+        force, torque = (vector(*map(float, p)) for p in np.split(LOAD[k], 2))
+        yield "/wrench", "geometry_msgs/msg/WrenchStamped", stamped(
+            header=head, wrench=wrench(force=force, torque=torque)
+        ), at + 5_000  # fmt: skip
+        place = np.array([Q[k][list(ORDER).index(j)] for j in range(6)])
+        yield "/joint_states", "sensor_msgs/msg/JointState", state(
+            header=head, name=list(UR), position=place, velocity=none, effort=none
+        ), at + 6_000  # fmt: skip
+        yield "/imu", "sensor_msgs/msg/Imu", imu(
+            header=head, orientation=quaternion(*map(float, [*unit[1:], unit[0]])),
+            orientation_covariance=nine, angular_velocity=vector(0.0, 0.0, 0.0),
+            angular_velocity_covariance=nine,
+            linear_acceleration=vector(0.1, 0.2, 9.8), linear_acceleration_covariance=nine,
+        ), at + 7_000  # fmt: skip
+        yield "/temperature", "sensor_msgs/msg/Temperature", warm(
+            header=head, temperature=20.0 + k / 10, variance=0.0
+        ), at + 8_000  # fmt: skip
+
+
+def bag1(path: Path) -> Path:
+    store = get_typestore(Stores.ROS1_NOETIC)
+    with Writer1(path / "log.bag") as writer:
+        channels = {}
+        for topic, kind, message, at in messages(store, ros1=True):
+            if topic not in channels:
+                channels[topic] = writer.add_connection(topic, kind, typestore=store)
+            writer.write(channels[topic], at, store.serialize_ros1(message, kind))
+    return path / "log.bag"
+
+
+def bag2(path: Path, storage=StoragePlugin.SQLITE3) -> Path:
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    with Writer2(path / "log", version=9, storage_plugin=storage) as writer:
+        channels = {}
+        for topic, kind, message, at in messages(store):
+            if topic not in channels:
+                channels[topic] = writer.add_connection(topic, kind, typestore=store)
+            writer.write(channels[topic], at, store.serialize_cdr(message, kind))
+    return path / "log"
+
+
+def bag2_mcap(path: Path) -> Path:
+    return bag2(path, StoragePlugin.MCAP)
+
+
+def mcap_of_bag2(path: Path) -> Path:
+    return next(bag2_mcap(path).glob("*.mcap"))
+
+
+def mcap_json(path: Path) -> Path:
+    with (path / "log.mcap").open("wb") as stream:
+        writer = McapWriter(stream)
+        writer.start()
+        schema = writer.register_schema("any", "jsonschema", b"{}")
+        channels = {}
+        for topic, _, message, at in messages(get_typestore(Stores.ROS2_HUMBLE)):
+            if topic not in channels:
+                channels[topic] = writer.register_channel(topic, "json", schema)
+            told = json.dumps(plain(message)).encode()
+            writer.add_message(channels[topic], at, told, at)
+        writer.finish()
+    return path / "log.mcap"
+
+
+def plain(thing):
+    if isinstance(thing, np.ndarray):
+        return thing.tolist()
+    if hasattr(thing, "__dataclass_fields__"):
+        return {k: plain(getattr(thing, k)) for k in thing.__dataclass_fields__ if k[0] != "_"}
+    return thing
+
+
+LOGS = {"rosbag 1": bag1, "rosbag 2": bag2, "rosbag 2 in MCAP": bag2_mcap,
+        "MCAP of ROS 2": mcap_of_bag2, "MCAP of JSON": mcap_json}  # fmt: skip
+
+
+@pytest.mark.parametrize("make", LOGS.values(), ids=LOGS)
+def test_a_robots_log_comes_in_bit_for_bit(make, tmp_path):
+    log = make(tmp_path)
+    found = import_files([log], wb.read_map("ros-ur5")).recording
+    assert np.array_equal(found.wrench, LOAD)
+    assert np.array_equal(found.q, Q)
+    assert np.array_equal(found.t, (stamps() - START) / 1e9)
+    assert found.metadata.robot == "ur5" and found.metadata.mode == "dynamic"
+
+
+@pytest.mark.parametrize("make", LOGS.values(), ids=LOGS)
+def test_orientation_acceleration_and_temperature_come_too(make, tmp_path):
+    found = import_files([make(tmp_path)], wb.read_map("ros-oriented")).recording
+    unit = TURN / np.linalg.norm(TURN)
+    turned = np.stack([found.columns[c] for c in ("qw", "qx", "qy", "qz")], axis=1)
+    assert np.allclose(np.abs(turned @ unit), 1.0, atol=1e-12)
+    assert np.allclose(found.columns["az"], -9.8) and np.allclose(found.columns["ax"], -0.1)
+    assert np.allclose(found.columns["temperature"], 20.0 + np.arange(COUNT) / 10)
+
+
+def test_times_of_writing_can_be_taken_instead_of_stamps(tmp_path):
+    found = table(bag2(tmp_path), "/wrench", ["logged", "stamp"])
+    assert np.array_equal(found["stamp"], stamps())
+    assert np.array_equal(found["logged"], stamps() + 5_000)
+
+
+@pytest.mark.parametrize("make", LOGS.values(), ids=LOGS)
+def test_what_is_not_there_is_named_with_what_is(make, tmp_path):
+    log = make(tmp_path)
+    with pytest.raises(MapError, match=r"no topic '/ft'; it holds .*/wrench \("):
+        table(log, "/ft", ["wrench.force.x"])
+    with pytest.raises(MapError, match=r"message 1: has no 'wrench\.force\.w'"):
+        table(log, "/wrench", ["wrench.force.w"])
+    with pytest.raises(MapError, match="name one with topic"):
+        table(log, None, ["wrench.force.x"])
+
+
+@pytest.mark.parametrize("name", ["a.bag", "a.mcap", "a.db3"])
+def test_files_of_another_kind_are_refused(tmp_path, name):
+    with pytest.raises(MapError, match="there is no such file"):
+        table(tmp_path / name, "/wrench", ["x"])
+    (tmp_path / name).write_bytes(b"nothing of the kind" * 9)
+    with pytest.raises(MapError, match="that can be read"):
+        table(tmp_path / name, "/wrench", ["x"])
+
+
+def test_a_log_that_was_cut_off_is_told(tmp_path):
+    whole = mcap_json(tmp_path).read_bytes()
+    (tmp_path / "cut.mcap").write_bytes(whole[: len(whole) * 2 // 3])
+    with pytest.raises(MapError, match=r"cut\.mcap"):
+        table(tmp_path / "cut.mcap", "/wrench", ["wrench.force.x"])
+
+
+def test_the_clients_of_universal_robots_write_files_that_come_in(tmp_path):
+    parts = ("target_q", "actual_q", "ft_raw_wrench")
+    names = ["timestamp", *(f"{part}_{k}" for part in parts for k in range(6))]
+    rows = np.column_stack([np.arange(COUNT) / 125 + 77.5, Q, Q, LOAD])
+    for name, mark in (("ur-rtde", ","), ("ur-client", " ")):
+        lines = [mark.join(names), *(mark.join(map(repr, row.tolist())) for row in rows)]
+        (tmp_path / f"{name}.csv").write_text("\n".join(lines) + "\n")
+        found = import_files([tmp_path / f"{name}.csv"], wb.read_map(name)).recording
+        assert np.array_equal(found.wrench, LOAD) and np.array_equal(found.q, Q)
+        assert np.allclose(found.t, np.arange(COUNT) / 125, atol=1e-12)
+
+
+def test_ready_maps_are_all_tried_here():
+    assert set(ready()) == {"ros-ur5", "ros-oriented", "ur-rtde", "ur-client"}
+
+
+def test_a_recording_goes_out_as_mcap_and_comes_back(tmp_path, capsys):
+    robot = wb.load("robots", "ur5")
+    with wb.SimDriver(wb.SimOptions("ur5", seed=1)) as driver:
+        wb.record(driver, wb.multisine(robot, 6.0, 50.0, 1), tmp_path / "rec.parquet")
+    assert main(["export", str(tmp_path / "rec.parquet"), "--mcap", str(tmp_path / "r.mcap")]) == 0
+    out = ["--map", "ros-ur5", "--out", str(tmp_path / "back.parquet")]
+    assert main(["import", str(tmp_path / "r.mcap"), *out]) == 0
+    there, back = (wb.Recording.read(tmp_path / f"{n}.parquet") for n in ("rec", "back"))
+    assert np.array_equal(there.wrench, back.wrench) and np.array_equal(there.q, back.q)
+    assert np.abs(there.t - there.t[0] - back.t).max() < 1e-9
+    assert main(["export", str(tmp_path / "rec.parquet")]) == 1
+    assert "--mcap for a recording" in capsys.readouterr().err
+
+
+def test_mcap_keeps_the_recordings_own_metadata(tmp_path):
+    from mcap.reader import make_reader
+
+    with wb.SimDriver(wb.SimOptions("medrue", seed=1)) as driver:
+        wb.record(driver, wb.poses(driver.robot, 4, seed=1), tmp_path / "r.parquet", samples=3)
+    recording = wb.Recording.read(tmp_path / "r.parquet")
+    write_mcap(recording, tmp_path / "r.mcap")
+    with (tmp_path / "r.mcap").open("rb") as stream:
+        (kept,) = make_reader(stream).iter_metadata()
+    assert json.loads(kept.metadata["json"]) == recording.metadata.to_json()
+
+
+def test_lists_and_names_are_reached_by_their_path():
+    rows = Rows(["a.1", "position.my.joint", "logged"])
+    rows.add({"a": [1, 2.5], "name": ["x", "my.joint"], "position": [7.0, 8.0]}, 42)
+    assert rows.table().to_pylist() == [{"a.1": 2.5, "position.my.joint": 8.0, "logged": 42}]
+    assert not rows.missing
+    rows.add({"a": [1], "name": ["x"], "position": [7.0]}, 43)
+    assert rows.missing == {"a.1", "position.my.joint"}
