@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from wrenchbed.frames import matrix
-from wrenchbed.jets import Value, value
+from wrenchbed.jets import Jet, Value, value
 from wrenchbed.metadata import Metadata
 from wrenchbed.parameters import Parameter, ParameterSet
 from wrenchbed.robots.base import INERTIA_AXES, Robot
@@ -106,6 +106,10 @@ class Model:
 
         Complex-step derivative: Squire & Trapp 1998, doi 10.1137/S003614459631241X.
         """
+        if not isinstance(q, Jet):
+            written = self._at_rest(q, theta, columns)
+            if written is not None:
+                return written
         n = len(value(q))
         result = np.empty((n, 6, len(columns)))
         still = [k for k, c in enumerate(columns) if not self._moves_pose(c)]
@@ -119,6 +123,39 @@ class Model:
                 part = self.read(self.true_wrench(q, shifted, at), shifted).imag / _STEP
                 result[:, :, some] = np.moveaxis(np.broadcast_to(part, (len(some), n, 6)), 0, -1)
         return result
+
+    def _at_rest(
+        self, q: np.ndarray, theta: np.ndarray, columns: Sequence[int]
+    ) -> np.ndarray | None:
+        """The Jacobian at rest of a robot that has written out how gravity turns.
+
+        There the reading is linear in gravity as the sensor sees it, γ: dw = dγ·M + γ·dM + db, with
+        M (3, 6) and b of the load and the sensor alone.
+        """
+        own, names = len(self.robot.parameters), self.robot.parameters.names
+        moving = [k for k, c in enumerate(columns) if self._moves_pose(c)]
+        gravity = np.asarray(self.gravity)
+        turned = self.robot.gravity_slopes(
+            q, theta[:own], gravity, [names[columns[k]] for k in moving]
+        )
+        if turned is None:
+            return None
+        shifted = np.tile(theta.astype(complex), (len(columns), 1))
+        shifted[np.arange(len(columns)), list(columns)] += 1j * _STEP
+        parts = [self._linear(x) for x in shifted]
+        seen = gravity @ self.robot.sensor_pose(q, theta[:own])[0]
+        slopes = np.stack([m.imag / _STEP for m, _ in parts])
+        result = seen @ slopes + np.stack([b.imag / _STEP for _, b in parts])[:, None]
+        result[moving] += np.moveaxis(turned, -1, 0) @ self._linear(theta)[0]
+        return np.moveaxis(result, 0, -1)
+
+    def _linear(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Reading at rest = γ·M + b: M (3, 6) and b (6,)."""
+        tool, here = self.robot.tool(theta[: len(self.robot.parameters)]), np.eye(3)[None]
+        axes = np.vstack([np.eye(3), np.zeros(3)])
+        loads = [wrench(here, np.zeros((1, 3)), tool, g) for g in axes]
+        rows = self.read(np.concatenate(loads), theta)
+        return rows[:3] - rows[3], rows[3]
 
     def _moves_pose(self, column: int) -> bool:
         """Whether the sensor's pose depends on a parameter; the others cost no kinematics."""

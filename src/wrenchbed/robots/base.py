@@ -83,6 +83,15 @@ class Robot(Arm):
         """
         raise NotFoundError(f"robot {self.name!r} has no tool tip in its model")
 
+    def gravity_slopes(
+        self, q: np.ndarray, theta: np.ndarray, gravity: np.ndarray, names: Sequence[str]
+    ) -> np.ndarray | None:
+        """Derivative (N, 3, K) of gravity in sensor axes [m/s²] by parameters, if written out.
+
+        `Model.jacobian` then takes complex steps.
+        """
+        return None
+
     @abstractmethod
     def theta_of_tool(self, theta: np.ndarray, mass: float, cog: Sequence[float]) -> np.ndarray:
         """Parameters (P,) with the tool's mass [kg] and CoG (sensor axes, from its origin [m])."""

@@ -17,6 +17,7 @@ from wrenchbed.robots.base import (
 )
 from wrenchbed.robots.medrue import inverse, kinematics, links, workspace
 from wrenchbed.robots.medrue.parameters import IDENTIFIED, PAPER, PARAMETERS
+from wrenchbed.robots.medrue.slopes import gravity_slopes
 from wrenchbed.wrench import Tool
 
 if TYPE_CHECKING:
@@ -55,6 +56,11 @@ class MedRUE(SimulatedRobot):
     def tool_pose(self, q: np.ndarray, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """R_world_tool (…, N, 3, 3) and the probe's position in the world (…, N, 3) [m]."""
         return kinematics.tool_pose(self.values(theta), q)
+
+    def gravity_slopes(
+        self, q: np.ndarray, theta: np.ndarray, gravity: np.ndarray, names: Sequence[str]
+    ) -> np.ndarray:
+        return gravity_slopes(self.values(theta), q, gravity, names)
 
     def tool(self, theta: np.ndarray) -> Tool:
         p = self.values(theta)
