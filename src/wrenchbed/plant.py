@@ -89,6 +89,29 @@ class Plant:
             mujoco.mj_step(self.model, self.data)
         return Sampled(q, qd, load)
 
+    def follow_all(self, ways: np.ndarray, seconds: float) -> Sampled:
+        """`follow` for many samples: targets (N, S, J), each sample `seconds` long; (N, …) of each.
+
+        State and sensors are copied whole and sorted out afterwards.
+        """
+        model, data, step = self.model, self.data, mujoco.mj_step
+        model.opt.timestep = seconds / ways.shape[1]
+        count = len(ways)
+        qpos, qvel = np.empty((count, model.nq)), np.empty((count, model.nv))
+        felt = np.empty((count, model.nsensordata))
+        ctrl, at, speed, sensed = data.ctrl, data.qpos, data.qvel, data.sensordata
+        for i, way in enumerate(ways):
+            qpos[i], qvel[i] = at, speed
+            ctrl[:] = way[0]
+            step(model, data)
+            felt[i] = sensed
+            for target in way[1:]:
+                ctrl[:] = target
+                step(model, data)
+        first = [int(model.sensor(name).adr[0]) for name in ("force", "torque")]
+        load = -np.concatenate([felt[:, k : k + 3] for k in first], axis=1)
+        return Sampled(qpos[:, self._columns], qvel[:, self._speeds], load)
+
     def closure(self) -> float:
         """Largest gap between the two sides of a loop now [m]."""
         mujoco.mj_kinematics(self.model, self.data)

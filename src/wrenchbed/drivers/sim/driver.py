@@ -43,7 +43,7 @@ from wrenchbed.twin import Twin
 from wrenchbed.typical import active_effect
 from wrenchbed.wrench import CHANNELS
 
-_BLOCK_S = 1.0
+_BLOCK_S = 4.0
 _PUSH = 3.0
 """Largest contact force of a touch along each axis [N]."""
 Samples = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
@@ -244,10 +244,9 @@ class SimDriver(Driver):
         between = np.arange(1, steps + 1) / steps
         for first in range(0, len(targets), block):
             part = targets[first : first + block]
-            q, qd, load = np.empty_like(part), np.empty_like(part), np.empty((len(part), 6))
-            for i in range(len(part)):
-                way = path(np.minimum(first + i + between, len(targets) - 1))
-                q[i], qd[i], load[i] = self._plant.follow(way, 1.0 / rate)
+            at = first + np.arange(len(part))[:, None] + between
+            ways = path(np.minimum(at, len(targets) - 1))
+            q, qd, load = self._plant.follow_all(ways, 1.0 / rate)
             t = self._time + np.arange(len(part)) / rate
             self._time = float(t[-1]) + 1.0 / rate
             yield t, q, qd, load if self._playback else self.model.read(load, self.theta)
