@@ -6,8 +6,8 @@ from wrenchbed.robots.base import SimulatedRobot
 from wrenchbed.serving.surface import tip_of
 
 _STEP, _DAMPING = 1e-6, 1e-6
-_BACK = 0.2
-"""Share of an error in orientation that one move takes back."""
+_KEPT = 10
+"""Moves between evaluations of the Jacobian; what is missed meanwhile is made up for later."""
 
 
 class Hand:
@@ -15,6 +15,11 @@ class Hand:
 
     Args:
         robot: stands at home.
+
+    Attributes:
+        q: joint targets (J,).
+        tip: where they put the tip (3,) [m].
+        kept: orientation of the tool (3, 3).
     """
 
     def __init__(self, robot: SimulatedRobot) -> None:
@@ -24,24 +29,40 @@ class Hand:
         self._limits = np.array([(j.lower, j.upper) for j in robot.joints])
         rotation, places = tip_of(robot, self.q[None], self._theta)
         self.kept, self.tip = rotation[0], places[0]
+        self._age = _KEPT
 
     def move(self, way: np.ndarray, parts: int) -> np.ndarray:
         """Joint values (parts, J) that move the tip by ``way`` (3,) [m] in the world.
 
         At a limit of the joints or of the workspace it stands still.
         """
-        rotation, tip, jacobian = self._slopes()
-        back = _BACK * _vector(self.kept @ rotation.T)
-        wanted = np.concatenate([way, back])
-        square = jacobian @ jacobian.T + _DAMPING * np.eye(6)
-        new = self.q + jacobian.T @ np.linalg.solve(square, wanted)
-        low, high = self._limits.T
-        if ((new < low) | (new > high)).any() or self.robot.infeasible(new[None], self._theta):
+        if self._age >= _KEPT:
+            self._look()
+        new = self.q + self._inverse @ (np.concatenate([way, np.zeros(3)]) + self._back)
+        if self._blocked(new):
             return np.repeat(self.q[None], parts, axis=0)
         share = np.arange(1, parts + 1)[:, None] / parts
         line = self.q + share * (new - self.q)
-        self.q, self.tip = new, tip + jacobian[:3] @ (new - self.q)
+        self.q, self.tip, self._age = new, self.tip + way, self._age + 1
         return np.asarray(line)
+
+    def _look(self) -> None:
+        """The Jacobian here, and what the last moves missed."""
+        rotation, tip, jacobian = self._slopes()
+        missed = np.concatenate([self.tip - tip, _vector(self.kept @ rotation.T)])
+        self._back, self._age = missed / _KEPT, 0
+        square = jacobian @ jacobian.T + _DAMPING * np.eye(6)
+        self._inverse = jacobian.T @ np.linalg.inv(square)
+
+    def _blocked(self, new: np.ndarray) -> bool:
+        """Whether a target is out of reach; far from the edge one look ahead is enough."""
+        low, high = self._limits.T
+        if ((new < low) | (new > high)).any():
+            return True
+        if self._age == 0:
+            ahead = self.q + 2 * _KEPT * (new - self.q)
+            self._close = bool(self.robot.infeasible(ahead[None], self._theta))
+        return self._close and bool(self.robot.infeasible(new[None], self._theta))
 
     def _slopes(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Orientation (3, 3), place (3,) and Jacobian (6, J): speed above, turning below."""

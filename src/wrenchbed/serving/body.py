@@ -10,6 +10,7 @@ from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+import mujoco
 import numpy as np
 
 from wrenchbed import registry
@@ -21,7 +22,7 @@ from wrenchbed.playback import Playback
 from wrenchbed.robots.base import SimulatedRobot
 from wrenchbed.serving.felt import Felt, Row
 from wrenchbed.serving.hiss import Hiss
-from wrenchbed.serving.surface import Plate, Surface, tip_of
+from wrenchbed.serving.surface import Plate, Surface, tip_in
 from wrenchbed.simulation import Simulation
 from wrenchbed.twin import Twin
 from wrenchbed.typical import active_effect
@@ -187,12 +188,13 @@ class Body:
 
     def _press(self, surface: Surface) -> None:
         """What stands there pushes the tool's tip."""
-        data = self._plant.data
-        tip = tip_of(self.robot, self._plant.q[None], self._own)[1][0]
+        data, model = self._plant.data, self._plant.model
+        mujoco.mj_kinematics(model, data)
+        tip = tip_in(model, data)
         before, self._tip = self._tip, tip
         speed = (tip - before) / self.cycle if before is not None else np.zeros(3)
         self.push = surface.push(tip, speed)
-        tool = self._plant.model.body("tool").id
+        tool = model.body("tool").id
         lever = tip - data.xipos[tool]
         data.xfrc_applied[tool] = np.concatenate([self.push, np.cross(lever, self.push)])
 

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from typing import Protocol
 
+import mujoco
 import numpy as np
 
 from wrenchbed.robots.base import Robot
@@ -65,6 +66,15 @@ class Limb:
         drag = np.tanh(np.sqrt(slide @ slide) / _CREEP)
         along = slide / max(float(np.sqrt(slide @ slide)), 1e-12)
         return np.asarray(force * (normal - self.friction * drag * along))
+
+
+def tip_in(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
+    """Place of the tool's tip (3,) in the world [m], by MuJoCo's kinematics."""
+    own = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, "tcp")
+    if own >= 0:
+        return np.array(data.site_xpos[own])
+    sensor = model.site("ft").id
+    return np.asarray(data.site_xpos[sensor] + data.site_xmat[sensor].reshape(3, 3) @ _TIP)
 
 
 def tip_of(robot: Robot, q: np.ndarray, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
