@@ -229,7 +229,7 @@ def test_the_summary_tells_errors_coverage_and_detection(tmp_path):
     assert "1 robots are left out" in text
     assert "Detection against the size" in text and "| base.tilt | 29 | 100 | 100 |" in text
     assert "| none | 10 | 100 | – |" in text
-    assert page.summary["right"] == 1.0 and page.summary["force_after_median [N]"] == 0.1
+    assert page.summary["right"] == 1.0 and page.summary["force_after_median [mN]"] == 100.0
 
 
 def test_one_robot_alone_again(tmp_path, capsys, whole):

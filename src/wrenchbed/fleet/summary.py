@@ -11,7 +11,7 @@ from wrenchbed.fleet.truth import SIZES
 from wrenchbed.study.page import Figure, Page, Section, Table
 from wrenchbed.study.plots import histograms, lines
 
-_ERRORS = (("force", 1.0, "N"), ("torque", 1e3, "mN·m"), ("position", 1e3, "mm"))
+_ERRORS = (("force", 1e3, "mN"), ("torque", 1e3, "mN·m"), ("position", 1e3, "mm"))
 _QUANTILES = (5, 25, 50, 75, 95)
 _BINS = 6
 SHOWS = 1.0
