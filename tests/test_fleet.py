@@ -232,6 +232,17 @@ def test_the_summary_tells_errors_coverage_and_detection(tmp_path):
     assert page.summary["right"] == 1.0 and page.summary["force_after_median [mN]"] == 100.0
 
 
+def test_robots_are_diagnosed_and_judged():
+    """Of a few robots with effects that show, most are identified; without parameters varied."""
+    fleet = Fleet("ur5", 8, ("noise", "effects"), poses=60, samples=40, seed=3, diagnose=True)
+    done = [one(fleet, k) for k in (2, 3, 5)]
+    assert all(row["added"] > 10 and row["error"] == "" for row in done)
+    for row in done:
+        assert row["verdict"] == "identified" and row["claimed"] == row["effect"]
+        assert row["right"] == 1.0 and row["closed"] > 0.9 and row["probability"] > 0.9
+        assert row["where"] == row["effect"].partition(".")[0]
+
+
 def test_one_robot_alone_again(tmp_path, capsys, whole):
     words = ["campaign", "ur5", "--out", str(tmp_path), "--poses", "24", "--samples", "8"]
     assert main([*words, "--only", "4", "--json"]) == 0

@@ -41,7 +41,7 @@ def campaign(
         plan: That all robots run; random poses if none.
         poses: Of each robot, without --plan.
         samples: Rows a pose.
-        diagnose: Also diagnose each recording, some 5 to 20 s each.
+        diagnose: Also diagnose each recording, a second or more each.
         workers: Local processes; as many as cores if left out.
         scheduler: Address of a Dask scheduler, tcp://…, whose workers are used instead.
         only: Work on this robot alone and write its recording and fit to OUT/NUMBER.

@@ -49,7 +49,7 @@ def figures(table: pa.Table) -> dict[str, float | None]:
                 told[f"{what}_{when}_median [{unit}]"] = float(np.nanmedian(values))
     inside = numbers(table, "inside95")
     told["inside95"] = float(np.nanmean(inside)) if np.isfinite(inside).any() else None
-    right = numbers(table, "right")
+    right = numbers(table, "right")[seen(table)]
     if np.isfinite(right).any():
         told["right"] = float(np.nanmean(right))
     return told
@@ -63,6 +63,11 @@ def numbers(table: pa.Table, name: str) -> np.ndarray:
 def text(table: pa.Table, name: str) -> np.ndarray:
     """A column of texts (N,)."""
     return np.array([x or "" for x in table[name].to_pylist()])
+
+
+def seen(table: pa.Table) -> np.ndarray:
+    """Robots (N,) without an effect, or with one that shows in their readings."""
+    return np.asarray((text(table, "effect") == "") | (numbers(table, "added") >= SHOWS))
 
 
 def _calibration(table: pa.Table) -> Section:
@@ -110,11 +115,10 @@ def _coverage(table: pa.Table) -> Section:
 
 
 def _diagnosis(table: pa.Table) -> Section:
-    effect, added = text(table, "effect"), numbers(table, "added")
-    seen = (effect == "") | (added >= SHOWS)
-    hidden = int((~seen).sum())
-    table, effect = table.filter(pa.array(seen)), effect[seen]
-    right = numbers(table, "right")
+    shows = seen(table)
+    hidden = int((~shows).sum())
+    table = table.filter(pa.array(shows))
+    effect, right = text(table, "effect"), numbers(table, "right")
     named = text(table, "named")
     hit = np.array([e != "" and e in n.split() for e, n in zip(effect, named, strict=True)])
     rows = []
