@@ -38,11 +38,12 @@ def table(path: Path, topic: str | None, wanted: Sequence[str]) -> pa.Table:
     opened = _mcap if path.suffix == ".mcap" else _bag
     rows, count = Rows(wanted), 0
     with opened(path) as (topics, read):
-        for message, logged in read(_chosen(path, topic, topics)):
+        topic = _chosen(path, topic, topics)
+        for message, logged in read(topic):
             rows.add(message, logged)
             count += 1
             if rows.missing:
-                what = f"{topic!r} ({topics.get(topic or '', 'of unknown type')}), message {count}"
+                what = f"{topic!r} ({topics[topic]}), message {count}"
                 raise MapError(f"{path}: topic {what}: has no {sorted(rows.missing)[0]!r}")
     found = rows.table()
     if STAMP in found.column_names and count and found[STAMP][0].as_py() < 0:
@@ -51,8 +52,8 @@ def table(path: Path, topic: str | None, wanted: Sequence[str]) -> pa.Table:
 
 
 def _chosen(path: Path, topic: str | None, topics: Mapping[str, str]) -> str:
-    if topic in topics:
-        return str(topic)
+    if topic is not None and topic in topics:
+        return topic
     if topic is None and len(topics) == 1:
         return next(iter(topics))
     known = ", ".join(f"{n} ({kind})" for n, kind in sorted(topics.items())) or "none"

@@ -4,6 +4,7 @@ The page that rerun serves asks Google for fonts and reports its use; here it co
 that forbids a browser to ask anybody but this machine.
 """
 
+import contextlib
 import os
 import re
 import shutil
@@ -43,7 +44,7 @@ class _Handler(BaseHTTPRequestHandler):
 
     def do_GET(self) -> None:
         if self.path == FILE and self.server.file is not None:
-            with self.server.file.open("rb") as shown:
+            with contextlib.suppress(ConnectionError), self.server.file.open("rb") as shown:
                 self.send_response(200)
                 self.send_header("Content-Type", "application/octet-stream")
                 self.send_header("Content-Length", str(os.fstat(shown.fileno()).st_size))
