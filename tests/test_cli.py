@@ -83,48 +83,6 @@ def test_the_truth_stands_beside_the_estimates(made, capfd, tmp_path):
     assert abs(float(line.split()[6])) < 5
 
 
-def test_usage_errors_exit_with_2(capfd):
-    for arguments in (
-        [],
-        ["fly"],
-        ["plan", "ur5"],
-        ["list", "planets"],
-        ["plan", "ur5", "--x", "1"],
-    ):
-        with pytest.raises(SystemExit) as caught:
-            main(arguments)
-        assert caught.value.code == 2, arguments
-
-
-def test_help_names_every_verb(capfd):
-    with pytest.raises(SystemExit) as caught:
-        main(["--help"])
-    assert caught.value.code == 0
-    out = capfd.readouterr().out
-    for verb in ("list", "plan", "record", "import", "calibrate", "campaign", "blind"):
-        assert f"\n  {verb} " in out
-    assert max(map(len, out.splitlines())) <= 80
-    assert "Identify a robot's parameters: value ± standard uncertainty" in out
-
-
-def test_a_verb_that_is_not_there_is_met_with_the_nearest(capfd):
-    with pytest.raises(SystemExit):
-        main(["callibrate"])
-    assert "did you mean calibrate?" in capfd.readouterr().err
-
-
-@pytest.mark.parametrize(
-    "how", ["import wrenchbed", "from wrenchbed.cli import main; main(['-h'])"]
-)
-def test_nothing_heavy_is_loaded_before_it_is_used(how):
-    heavy = ("rerun", "rtde_control", "can", "canopen", "matplotlib", "mujoco", "scipy", "pyarrow",
-             "gymnasium", "distributed", "rosbags", "mcap", "tyro")  # fmt: skip
-    code = f"import sys\ntry:\n    {how}\nexcept SystemExit:\n    pass\n"
-    code += f"print([m for m in {heavy} if m in sys.modules])"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.splitlines()[-1] == "[]"
-
-
 def spoiled(made: Path, folder: Path, change) -> str:
     """A recording with one thing wrong, written without any check."""
     table = pq.read_table(made / "rec.parquet")
