@@ -19,9 +19,9 @@ class Servo:
     """A drive: dictionary, state machine, and an axis that needs time to stop."""
 
     def __init__(self, node, position):
-        self.node, self.position, self.speed = node, position, 0.0
+        self.node, self.position, self.speed, self.ramp = node, position, 0.0, RAMP
         self.state, self.rpdo = 0x40, (0, round(position))
-        self.mute = False
+        self.mute, self.stops_in = False, None  # seconds, where RAMP is not to hold
         self.stubborn = {}
         self.stepped = time.monotonic()
         self.running, self.lost = False, 0  # NMT commands that it does not hear
@@ -45,9 +45,10 @@ class Servo:
         now = time.monotonic()
         passed, self.stepped = max(now - self.stepped, 1e-4), now
         if self.state == 0x27:
-            self.speed, self.position = (target - self.position) / passed, target
+            self.speed, self.position = (target - self.position) / max(passed, T), target
+            self.ramp = RAMP if self.stops_in is None else abs(self.speed) / self.stops_in
         else:
-            self.speed -= np.clip(self.speed, -RAMP * passed, RAMP * passed)
+            self.speed -= np.clip(self.speed, -self.ramp * passed, self.ramp * passed)
             self.position += self.speed * passed
         return struct.pack("<Hi", self.state | 1 << 4, round(self.position))
 
