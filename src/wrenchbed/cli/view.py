@@ -1,5 +1,6 @@
 """`wrenchbed view` and `wrenchbed report`: recordings, fits and diagnoses for people."""
 
+import contextlib
 import shlex
 import tempfile
 from pathlib import Path
@@ -43,7 +44,10 @@ def view(
         if rrd is not None:
             console.OUT.print(f"view → {file}", soft_wrap=True, markup=False, highlight=False)
             return
-        with show.viewer(file, web=web, port=port, web_port=web_port) as viewer:
+        with (
+            contextlib.suppress(KeyboardInterrupt),  # the way to end it
+            show.viewer(file, web=web, port=port, web_port=web_port) as viewer,
+        ):
             if web:
                 text = f"open {show.address(web_port)} (Ctrl-C ends it)"
                 console.OUT.print(text, soft_wrap=True, markup=False, highlight=False)

@@ -1,5 +1,6 @@
 """Pictures of a campaign: drawn live on real robots and twins, afterwards in simulation."""
 
+import contextlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -67,4 +68,5 @@ def _viewer(view: str | None) -> Iterator[str | None]:
         finally:
             if view == "window":
                 console.OUT.print("close the window to go on")
-                show.until_closed(viewer)
+                with contextlib.suppress(KeyboardInterrupt):
+                    show.until_closed(viewer)

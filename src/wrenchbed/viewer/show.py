@@ -75,15 +75,12 @@ def viewer(
 
 
 def until_closed(process: "subprocess.Popen[bytes]") -> None:
-    """Wait until a viewer is closed, or Ctrl-C.
+    """Wait until a viewer is closed.
 
     Raises:
         DriverError: it failed; it said why.
     """
-    try:
-        code = process.wait()
-    except KeyboardInterrupt:
-        return
+    code = process.wait()
     if code not in (0, -signal.SIGINT):
         raise DriverError(f"rerun's viewer ended with code {code}")
 
