@@ -1,14 +1,18 @@
 """Holds: the rows of a recording at rest, gathered pose by pose, with the noise they show."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
-from wrenchbed.recording import Recording
+from wrenchbed.recording import QUATERNION, Recording
+from wrenchbed.wrench import CHANNELS
 
 MOVING = 1e-4
 MOVING_WITHIN_SEGMENT = 1e-3
 """Steps of joint values (or quaternion components) below these are one pose [rad or m]."""
+ROWS_AT_ONCE = 500_000
+"""Rows that are worked on together, so that memory stays small beside a long recording's own."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,19 +48,44 @@ def gather(recording: Recording, keep: np.ndarray) -> Holds:
         recording: at rest in each hold.
         keep: rows to use (N,), boolean.
     """
-    q, y, t = recording.q[keep], recording.wrench[keep], recording.t[keep]
-    segment = recording.columns.get("segment")
-    step = np.abs(np.diff(q, axis=0)).max(axis=1)
-    change = step > (MOVING if segment is None else MOVING_WITHIN_SEGMENT)
+    whole = bool(keep.all())
+
+    def column(name: str) -> np.ndarray:
+        values = recording.columns[name]
+        return values if whole else values[keep]
+
+    t, segment = column("t"), recording.columns.get("segment")
+    names, limit = recording.joints or QUATERNION, MOVING
+    change = np.zeros(len(t) - 1, dtype=bool)
     if segment is not None:
-        change |= np.diff(segment[keep]) != 0
+        limit = MOVING_WITHIN_SEGMENT
+        change |= np.diff(column("segment")) != 0
+    for name in names:
+        change |= np.abs(np.diff(column(name))) > limit
     starts = np.concatenate([[0], np.flatnonzero(change) + 1])
     count = np.diff(np.append(starts, len(t)))
-    mean = np.add.reduceat(y, starts) / count[:, None]
+
+    def mean(name: str) -> np.ndarray:
+        return np.asarray(np.add.reduceat(column(name), starts) / count)
+
+    middle, wrench = (np.stack([mean(n) for n in some], axis=1) for some in (names, CHANNELS))
     dof = len(t) - len(starts)
     covariance = None
     if dof > 0:
-        scatter = y - np.repeat(mean, count, axis=0)
-        covariance = scatter.T @ scatter / dof
-    middle = np.add.reduceat(q, starts) / count[:, None]
-    return Holds(np.add.reduceat(t, starts) / count, middle, mean, count, covariance, dof, starts)
+        rows, total = [column(c) for c in CHANNELS], np.zeros((6, 6))
+        for some, at in parts(count):
+            scatter = np.stack([y[at] for y in rows], axis=1)
+            scatter -= np.repeat(wrench[some], count[some], axis=0)
+            total += scatter.T @ scatter
+        covariance = total / dof
+    return Holds(mean("t"), middle, wrench, count, covariance, dof, starts)
+
+
+def parts(count: np.ndarray) -> Iterator[tuple[slice, slice]]:
+    """Holds (H,) of so many rows each, a number of whole ones at a time: which, and their rows."""
+    ends = np.cumsum(count)
+    first = row = 0
+    while first < len(count):
+        last = max(first + 1, int(np.searchsorted(ends, row + ROWS_AT_ONCE, side="right")))
+        yield slice(first, last), slice(row, int(ends[last - 1]))
+        first, row = last, int(ends[last - 1])

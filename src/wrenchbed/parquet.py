@@ -60,7 +60,7 @@ def metadata_of(table: pa.Table, path: Path, error: type[WrenchbedError]) -> dic
 
 
 def columns(table: pa.Table, path: Path, error: type[WrenchbedError]) -> dict[str, np.ndarray]:
-    """Every column as a numpy array.
+    """Every column as a read-only numpy array.
 
     Raises:
         error: a duplicated column, a missing value (names its row) or a column of another kind.
@@ -75,6 +75,7 @@ def columns(table: pa.Table, path: Path, error: type[WrenchbedError]) -> dict[st
             row = int(np.flatnonzero(column.is_null().to_numpy())[0])
             raise error(f"{path}: column {name!r}, row {row}: the value is missing")
         result[name] = column.to_numpy()
+        result[name].flags.writeable = False
     return result
 
 

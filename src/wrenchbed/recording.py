@@ -32,7 +32,8 @@ class Recording:
 
     Attributes:
         metadata: what is stated about robot, tool and sensor.
-        columns: read-only arrays, SI units; unknown columns are kept.
+        columns: read-only arrays, SI units; unknown columns are kept. Arrays that are already
+            read-only are taken as they are, others are copied.
         name: file name for messages.
     """
 
@@ -41,9 +42,7 @@ class Recording:
     name: str = "recording"
 
     def __post_init__(self) -> None:
-        frozen = {k: np.array(v) for k, v in self.columns.items()}
-        for array in frozen.values():
-            array.flags.writeable = False
+        frozen = {k: _frozen(v) for k, v in self.columns.items()}
         object.__setattr__(self, "columns", frozen)
         _check(self)
 
@@ -107,6 +106,14 @@ class Recording:
         journal = path.with_name(path.name + JOURNAL)
         if journal.exists():
             journal.replace(journal.with_name(journal.name + "~"))
+
+
+def _frozen(array: np.ndarray) -> np.ndarray:
+    if isinstance(array, np.ndarray) and not array.flags.writeable:
+        return array
+    array = np.array(array)
+    array.flags.writeable = False
+    return array
 
 
 def joint_columns(columns: Mapping[str, np.ndarray]) -> tuple[str, ...]:

@@ -1,10 +1,12 @@
 """What a recording must have before a diagnosis may say anything."""
 
 import numpy as np
+from scipy.fft import irfft, next_fast_len, rfft
 
 from wrenchbed import registry
 from wrenchbed.diagnosis import plausible
 from wrenchbed.errors import DiagnosisError, NotFoundError, PlanError
+from wrenchbed.holds import ROWS_AT_ONCE
 from wrenchbed.jets import value
 from wrenchbed.model import Model
 from wrenchbed.observations import Observations, usable
@@ -173,14 +175,18 @@ def correlation_time(recording: Recording, data: Observations) -> np.ndarray:
     """Integrated autocorrelation time of rows within poses (6,) [rows], at least 1."""
     if len(data.count) == 0 or np.min(data.count) < 8 or data.left_out:
         return np.ones(6)
-    n = int(np.min(data.count))
+    n, holds = int(np.min(data.count)), len(data.count)
     starts = np.concatenate([[0], np.cumsum(data.count)[:-1]])
-    rows = recording.wrench[starts[:, None] + np.arange(n)]  # (H, n, 6)
-    rows = rows - rows.mean(axis=1, keepdims=True)
-    variance = np.maximum((rows**2).mean(axis=(0, 1)), 1e-300)
+    size = next_fast_len(n + n // 4, real=True)  # as long as the lags that are asked for
     tau = np.ones(6)
-    for lag in range(1, n // 4):
-        rho = (rows[:, lag:] * rows[:, :-lag]).sum(axis=(0, 1)) / (len(rows) * n) / variance
-        rho = rho + 1.0 / n  # the mean taken from each hold biases it
-        tau += 2.0 * np.where(rho > 2.0 / np.sqrt(rows[..., 0].size), rho, 0.0)
+    for k, name in enumerate(CHANNELS):
+        column, product = recording.columns[name], np.zeros(n // 4)
+        for some in np.array_split(starts, max(1, holds * n // ROWS_AT_ONCE)):
+            rows = column[some[:, None] + np.arange(n)]  # (some of H, n)
+            rows = rows - rows.mean(axis=1, keepdims=True)
+            power = np.square(np.abs(rfft(rows, size, axis=1))).sum(axis=0)
+            product += irfft(power, size)[: n // 4]
+        rho = product / max(product[0], 1e-300 * holds * n)
+        rho = rho[1:] + 1.0 / n  # the mean taken from each hold biases it
+        tau[k] += 2.0 * rho[rho > 2.0 / np.sqrt(holds * n)].sum()
     return tau

@@ -8,6 +8,7 @@ are exact: with the precision P of all rows and w = P y, log p(y_b | rest) = ½ 
 
 import numpy as np
 
+from wrenchbed.diagnosis.evidence import Level
 from wrenchbed.diagnosis.finalist import Finalist
 from wrenchbed.diagnosis.refit import Refitter
 
@@ -27,8 +28,21 @@ def score(refitter: Refitter, f: Finalist) -> float:
     total = 0.0
     for b in np.unique(block):
         rows = np.flatnonzero(block == b)
-        own = level.precision(rows) - half[:, rows].T @ half[:, rows]
-        root = np.linalg.cholesky(own)
-        away = np.linalg.solve(root, w[rows])
-        total += float(np.log(np.diagonal(root)).sum() - 0.5 * away @ away)
+        total += _of_block(level, rows, half[:, rows], w[rows])
     return total
+
+
+def _of_block(level: Level, rows: np.ndarray, half: np.ndarray, w: np.ndarray) -> float:
+    """½ log|P_bb| − ½ w_bᵀ P_bb⁻¹ w_b; of many rows, P_bb is the unit matrix less a few ways."""
+    if level.tall:
+        root, ways = level.less(rows)
+        ways = np.column_stack([ways, (half * root).T])
+        if ways.shape[1] < len(rows):
+            z = root * w
+            inner = np.linalg.cholesky(np.eye(ways.shape[1]) - ways.T @ ways)
+            along = np.linalg.solve(inner, ways.T @ z)
+            size = np.log(np.diagonal(inner)).sum() - np.log(root).sum()
+            return float(size - 0.5 * (z @ z + along @ along))
+    own = np.linalg.cholesky(level.precision(rows) - half.T @ half)
+    away = np.linalg.solve(own, w)
+    return float(np.log(np.diagonal(own)).sum() - 0.5 * away @ away)

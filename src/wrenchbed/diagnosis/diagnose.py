@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from wrenchbed.diagnosis import closure, following, isolability, rows, where, witness
+from wrenchbed.diagnosis import closure, excerpt, following, isolability, rows, where, witness
 from wrenchbed.diagnosis.analysis import Analysis, analyse
 from wrenchbed.diagnosis.apart import parted
 from wrenchbed.diagnosis.dictionary import STATED
@@ -72,6 +72,7 @@ def diagnose(
     """
     begun = time.perf_counter()
     progress("noise and blocks")
+    whole, recording = recording, excerpt.stretch(recording)
     prepared, apart = parted(recording, seed)
     progress("effects and their evidence")
     analysis = analyse(prepared)
@@ -79,7 +80,8 @@ def diagnose(
     known = reliability or _known(prepared)
     verdict = witness.upheld(analysis, _tempered(analysis, untempered, known))
     progress("rows")
-    shown = (*rows.find(recording), *apart.trembling)
+    part = excerpt.excerpt(recording)
+    shown = (*rows.find(part), *apart.trembling)
     progress("where")
     places = where.find(prepared, _calibrated(analysis), seed=seed)
     progress("how far")
@@ -113,6 +115,7 @@ def diagnose(
         between=[a for r in shown if (a := r.active(prepared.model.robot)) is not None],
         seconds=time.perf_counter() - begun,
         notes=(
+            *excerpt.notes(whole, recording, part),
             *_notes(prepared, analysis, gap, shown, unknown=outcome == UNKNOWN),
             *witness.sentences(analysis, verdict),
         ),

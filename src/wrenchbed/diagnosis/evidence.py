@@ -35,7 +35,8 @@ class Level:
     grams: np.ndarray | None = None
 
     @property
-    def _tall(self) -> bool:
+    def tall(self) -> bool:
+        """Whether there are more rows than columns."""
         return len(self.v0) > len(self.V)
 
     @cached_property
@@ -51,7 +52,7 @@ class Level:
 
     @cached_property
     def _factor(self) -> tuple[np.ndarray, bool]:
-        if self._tall:
+        if self.tall:
             inner = self._gram * np.outer(self._root, self._root)
             return cho_factor(np.eye(len(inner)) + inner, lower=True)
         scaled = (self.E * self._root) / np.sqrt(self.v0)[:, None]
@@ -81,20 +82,23 @@ class Level:
         """K₀⁻¹ x for x (6 R, k); of many rows, without what is faint of the background."""
         root = np.sqrt(self.v0)[:, None]
         z = x / root
-        if self._tall:
+        if self.tall:
             ways, share = self._main
             return np.asarray((z - ways @ (share[:, None] * (ways.T @ z))) / root)
         return np.asarray(cho_solve(self._factor, z, check_finite=False) / root)
 
     def precision(self, rows: np.ndarray) -> np.ndarray:
         """The block of K₀⁻¹ of some rows (k, k)."""
-        root = np.sqrt(self.v0)
-        if self._tall:
-            ways, share = self._main
-            own = ways[rows]
-            inner = np.eye(len(rows)) - (own * share) @ own.T
-            return np.asarray(inner / np.outer(root[rows], root[rows]))
+        if self.tall:
+            root, ways = self.less(rows)
+            return np.asarray((np.eye(len(rows)) - ways @ ways.T) / np.outer(root, root))
         return np.asarray(self._inverse[np.ix_(rows, rows)])
+
+    def less(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """r (k,) and B (k, b) of the block D⁻¹ (I − B Bᵀ) D⁻¹ of K₀⁻¹, D = diag(r), where rows are
+        many."""
+        ways, share = self._main
+        return np.sqrt(self.v0[rows]), ways[rows] * np.sqrt(share)
 
     @cached_property
     def _inverse(self) -> np.ndarray:
@@ -103,7 +107,7 @@ class Level:
     @cached_property
     def information(self) -> np.ndarray:
         """P = Eᵀ K₀⁻¹ E (n, n)."""
-        g = self._gram if self._tall else None
+        g = self._gram if self.tall else None
         p = self.E.T @ self._solved if g is None else g - g @ self._kept(g)
         return (p + p.T) / 2
 
@@ -113,14 +117,14 @@ class Level:
 
     def score(self, y: np.ndarray) -> np.ndarray:
         """w = Eᵀ K₀⁻¹ y (n, C) of cases y (6 R, C)."""
-        if not self._tall:
+        if not self.tall:
             return np.asarray(self._solved.T @ y)
         u = self.E.T @ (y / self.v0[:, None])
         return np.asarray(u - self._gram @ self._kept(u))
 
     def null(self, y: np.ndarray) -> np.ndarray:
         """log N(y; 0, K₀) of cases (6 R, C), without the constant in 2π."""
-        if not self._tall:
+        if not self.tall:
             return np.asarray(-0.5 * ((y * self.solve(y)).sum(axis=0) + self.log_det))
         z = y / self.v0[:, None]
         u = self.E.T @ z

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import combinations_with_replacement
 
 import numpy as np
 
@@ -10,11 +11,13 @@ from wrenchbed.chain import respond
 from wrenchbed.diagnosis import checks, scenery, spectrum
 from wrenchbed.diagnosis.lattice import repeats
 from wrenchbed.errors import DiagnosisError
+from wrenchbed.holds import parts
 from wrenchbed.jets import Jet, value
 from wrenchbed.model import Model
 from wrenchbed.observations import Observations, observe, usable
 from wrenchbed.recording import Recording
 from wrenchbed.scene import Scene
+from wrenchbed.wrench import CHANNELS
 
 SEALED = 0.25
 """Share of blocks that no fit sees."""
@@ -227,11 +230,18 @@ def _refreshed(
 def _scatter(recording: Recording, data: Observations) -> np.ndarray:
     if recording.metadata.mode == "dynamic":
         return np.zeros((len(data), 6, 6))
-    rows = recording.wrench[usable(recording)]
-    away = rows - np.repeat(data.wrench, data.count, axis=0)
-    starts = np.cumsum(data.count) - data.count
-    products = np.add.reduceat(away[:, :, None] * away[:, None, :], starts)
-    return np.asarray(products / data.count[:, None, None])
+    keep = usable(recording)
+    rows = [y if keep.all() else y[keep] for y in (recording.columns[c] for c in CHANNELS)]
+    products = np.empty((len(data), 6, 6))
+    for some, at in parts(data.count):
+        count = data.count[some]
+        away = np.stack([y[at] for y in rows], axis=1)
+        away -= np.repeat(data.wrench[some], count, axis=0)
+        starts = np.cumsum(count) - count
+        for j, k in combinations_with_replacement(range(6), 2):
+            mean = np.add.reduceat(away[:, j] * away[:, k], starts) / count
+            products[some, j, k] = products[some, k, j] = mean
+    return products
 
 
 def split(

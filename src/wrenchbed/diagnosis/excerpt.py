@@ -1,0 +1,62 @@
+"""Parts of long recordings that show what all of it would, at a cost that no length exceeds.
+
+A motion's cost grows with its rows (0.7 ms and 20 kB each); at rest poses are averaged, but what
+happens between rows is looked for in rows.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from wrenchbed.holds import gather
+from wrenchbed.recording import Recording
+
+MOTION = 100_000
+"""Rows of a motion that are diagnosed: 13 min at 125 Hz."""
+ROWS = 1_000_000
+"""Rows between which things are looked for: they tell a share or a variance to about 0.1 %."""
+LEAST_IN_HOLD = 200
+"""Rows of a pose at least, before poses are left out."""
+
+
+def stretch(recording: Recording) -> Recording:
+    """The recording, or the middle of a longer motion: `MOTION` rows."""
+    spare = len(recording) - MOTION
+    if recording.metadata.mode != "dynamic" or spare <= 0:
+        return recording
+    return _rows(recording, slice(spare // 2, spare // 2 + MOTION))
+
+
+def excerpt(recording: Recording) -> Recording:
+    """The recording, or of a longer one at most `ROWS` rows, each beside its neighbours.
+
+    The first rows of every pose, or whole poses where these would be few.
+    """
+    n = len(recording)
+    if n <= ROWS:
+        return recording
+    count = gather(recording, np.ones(n, dtype=bool)).count
+    head = ROWS // len(count)
+    if head >= LEAST_IN_HOLD:
+        return _rows(recording, np.arange(n) - np.repeat(np.cumsum(count) - count, count) < head)
+    chosen = np.arange(len(count)) % int(np.ceil(n / ROWS)) == 0
+    return _rows(recording, np.repeat(chosen, count))
+
+
+def notes(whole: Recording, used: Recording, looked: Recording) -> Sequence[str]:
+    """What a reader should know: which rows took part."""
+    if len(used) < len(whole):
+        first, last = used.t[0] - whole.t[0], used.t[-1] - whole.t[0]
+        return (
+            f"of {len(whole):,} rows of motion, {len(used):,} were diagnosed, from {first:.0f} s "
+            f"to {last:.0f} s: what changes over longer times, such as drift, is not seen",
+        )
+    if len(looked) < len(used):
+        share = f"{len(looked):,} of {len(used):,} rows"
+        return (f"what happens between rows was looked for in {share}, next to each other",)
+    return ()
+
+
+def _rows(recording: Recording, keep: slice | np.ndarray) -> Recording:
+    return replace(recording, columns={k: v[keep] for k, v in recording.columns.items()})

@@ -1,0 +1,117 @@
+"""Long recordings: what is looked at, what it says of the whole, and how it is told."""
+
+import numpy as np
+import pytest
+
+import wrenchbed as wb
+from wrenchbed.diagnosis import checks, excerpt
+from wrenchbed.diagnosis.diagnose import diagnose
+from wrenchbed.holds import gather, parts
+from wrenchbed.observations import observe
+from wrenchbed.wrench import CHANNELS
+
+
+def at_rest(count, rho=0.0, seed=0):
+    """A UR5 at rest in poses of so many rows each, its noise correlated from row to row."""
+    rng = np.random.default_rng(seed)
+    robot = wb.load("robots", "ur5")
+    model, n = wb.Model.of(robot), int(np.sum(count))
+    hold = np.repeat(np.arange(len(count)), count)
+    q = robot.sample(len(count), rng)
+    with wb.SimDriver(wb.SimOptions("ur5")) as driver:
+        metadata = driver.metadata("static", 125.0)
+    std = np.array(metadata.sensor.noise_std)
+    noise = rng.standard_normal((n, 6))
+    for k in range(1, n):
+        noise[k] = rho * noise[k - 1] + np.sqrt(1.0 - rho**2) * noise[k]
+    y = model.predict(q, model.parameters.nominal)[hold] + std * noise
+    columns = {"t": np.arange(n) / 125.0, "segment": hold}
+    columns |= {f"q{k + 1}": q[hold, k] for k in range(6)}
+    columns |= {c: y[:, k] for k, c in enumerate(CHANNELS)}
+    return wb.Recording(metadata, columns, "long")
+
+
+@pytest.fixture
+def short(monkeypatch):
+    """Limits that small recordings exceed."""
+    monkeypatch.setattr(excerpt, "ROWS", 2000)
+    monkeypatch.setattr(excerpt, "LEAST_IN_HOLD", 20)
+
+
+def test_the_first_rows_of_every_pose_are_looked_at(short):
+    count = np.array([300, 40, 900, 500, 700, 10])
+    part = excerpt.excerpt(at_rest(count))
+    held, rows = np.unique(part.columns["segment"], return_counts=True)
+    assert held.tolist() == [0, 1, 2, 3, 4, 5]
+    assert rows.tolist() == [300, 40, 333, 333, 333, 10]
+    assert np.allclose(np.diff(part.t)[part.columns["segment"][1:] == 2][1:], 1 / 125.0)
+
+
+def test_whole_poses_are_left_out_where_many_would_keep_few_rows(short):
+    part = excerpt.excerpt(at_rest(np.full(300, 15)))
+    held, rows = np.unique(part.columns["segment"], return_counts=True)
+    assert held.tolist() == list(range(0, 300, 3))
+    assert set(rows) == {15}
+
+
+def test_what_is_short_stays_as_it_is():
+    recording = at_rest(np.full(12, 10))
+    assert excerpt.excerpt(recording) is recording
+    assert excerpt.stretch(recording) is recording
+    assert excerpt.notes(recording, recording, recording) == ()
+
+
+def test_rows_of_a_long_recording_are_diagnosed_as_of_a_short_one(short):
+    recording = at_rest(np.full(40, 120), seed=3)
+    told = diagnose(recording).diagnosis
+    assert told.verdict == "none"
+    assert "in 2,000 of 4,800 rows" in told.notes[0]
+    louder = dict(recording.columns)
+    rng = np.random.default_rng(4)
+    std = recording.metadata.sensor.noise_std[2]
+    louder["fz"] = louder["fz"] + 2.0 * std * rng.standard_normal(len(recording))
+    told = diagnose(wb.Recording(recording.metadata, louder, "louder")).diagnosis
+    assert [w["effect"] for w in told.which] == ["sensor.noise"]
+    found = told.which[0]["parameters"]["std.fz"]
+    assert found["value"] == pytest.approx(2.0 * std, rel=0.1)
+
+
+def test_of_a_long_motion_the_middle_is_diagnosed_and_said_to_be(monkeypatch, tmp_path):
+    monkeypatch.setattr(excerpt, "MOTION", 1500)
+    robot = wb.load("robots", "ur5")
+    with wb.SimDriver(wb.SimOptions("ur5", seed=5)) as driver:
+        wb.record(driver, wb.multisine(robot, 20.0, 125.0, 1), tmp_path / "m.parquet")
+    recording = wb.Recording.read(tmp_path / "m.parquet")
+    told = diagnose(recording).diagnosis
+    assert told.verdict == "none"
+    spare = (len(recording) - 1500) // 2 / 125.0
+    assert told.notes[0] == (
+        f"of {len(recording):,} rows of motion, 1,500 were diagnosed, from {spare:.0f} s to "
+        f"{spare + 1499 / 125.0:.0f} s: what changes over longer times, such as drift, is not seen"
+    )
+
+
+@pytest.mark.parametrize("rho", [0.0, 0.5, 0.9])
+def test_rows_that_follow_each_other_count_for_fewer(rho):
+    """An AR(1) process: τ = (1 + ρ)/(1 − ρ)."""
+    recording = at_rest(np.full(20, 1500), rho)
+    tau = checks.correlation_time(recording, observe(recording))
+    assert tau == pytest.approx(np.full(6, (1.0 + rho) / (1.0 - rho)), rel=0.25)
+
+
+def test_poses_are_gathered_alike_however_many_rows_at_once(monkeypatch):
+    recording = at_rest(np.array([50, 7, 120, 3, 80]))
+    keep = np.ones(len(recording), dtype=bool)
+    keep[[0, 60]] = False
+    whole = gather(recording, keep)
+    monkeypatch.setattr("wrenchbed.holds.ROWS_AT_ONCE", 60)
+    few = gather(recording, keep)
+    assert [(s.start, s.stop, r.start, r.stop) for s, r in parts(few.count)] == [
+        (0, 2, 0, 56), (2, 3, 56, 175), (3, 4, 175, 178), (4, 5, 178, 258),
+    ]  # fmt: skip
+    assert np.array_equal(few.count, [49, 7, 119, 3, 80])
+    assert np.allclose(few.row_covariance, whole.row_covariance, rtol=1e-12, atol=0.0)
+    y, hold = recording.wrench[keep], recording.columns["segment"][keep]
+    away = np.concatenate([y[hold == k] - y[hold == k].mean(axis=0) for k in range(5)])
+    assert np.allclose(few.row_covariance, away.T @ away / (258 - 5), rtol=1e-12, atol=1e-18)
+    assert np.allclose(few.wrench, [y[hold == k].mean(axis=0) for k in range(5)], rtol=1e-13)
