@@ -1,7 +1,7 @@
 """Parquet with wrenchbed's metadata: read with clear errors, written atomically."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,32 +15,44 @@ KEY = b"wrenchbed"
 """File-level metadata key that holds wrenchbed's JSON."""
 FORMAT = 1
 """The format number written and read."""
+AT_ONCE = 4
+"""Columns that are unpacked together."""
 
 
-def read(path: Path, error: type[WrenchbedError]) -> tuple[pa.Table, dict[str, Any]]:
-    """The table and the JSON metadata of a file.
+def read(path: Path, error: type[WrenchbedError]) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+    """The columns as `columns` gives them, and the JSON metadata of a file.
+
+    A few columns at a time are unpacked, so that a large file is never in memory twice.
 
     Raises:
-        error: missing, unreadable or truncated file, missing or broken metadata, unknown format.
+        error: missing, unreadable or truncated file, missing or broken metadata, unknown format,
+            and what `columns` raises.
     """
     if not path.is_file():
         raise error(f"{path}: there is no such file")
+    result: dict[str, np.ndarray] = {}
     try:
-        table = pq.read_table(path)
+        with pq.ParquetFile(path) as file:
+            schema = file.schema_arrow
+            metadata = metadata_of(schema, path, error)
+            _check_names(schema.names, path, error)
+            for first in range(0, len(schema.names), AT_ONCE):
+                some = file.read(columns=schema.names[first : first + AT_ONCE])
+                result |= columns(some, path, error)
     except (pa.ArrowException, OSError) as cause:
         raise error(
             f"{path}: not a complete Parquet file (truncated or of another kind)"
         ) from cause
-    return table, metadata_of(table, path, error)
+    return result, metadata
 
 
-def metadata_of(table: pa.Table, path: Path, error: type[WrenchbedError]) -> dict[str, Any]:
+def metadata_of(schema: pa.Schema, path: Path, error: type[WrenchbedError]) -> dict[str, Any]:
     """The JSON under the key ``wrenchbed``.
 
     Raises:
         error: no such key, not JSON, or a format that this version does not read.
     """
-    text = (table.schema.metadata or {}).get(KEY)
+    text = (schema.metadata or {}).get(KEY)
     if text is None:
         raise error(
             f"{path}: no metadata under the key 'wrenchbed'; bring foreign data in with "
@@ -65,9 +77,7 @@ def columns(table: pa.Table, path: Path, error: type[WrenchbedError]) -> dict[st
     Raises:
         error: a duplicated column, a missing value (names its row) or a column of another kind.
     """
-    if len(set(table.column_names)) != len(table.column_names):
-        twice = next(n for n in table.column_names if table.column_names.count(n) > 1)
-        raise error(f"{path}: column {twice!r} appears twice")
+    _check_names(table.column_names, path, error)
     result: dict[str, np.ndarray] = {}
     for name in table.column_names:
         column = table.column(name)
@@ -77,6 +87,12 @@ def columns(table: pa.Table, path: Path, error: type[WrenchbedError]) -> dict[st
         result[name] = column.to_numpy()
         result[name].flags.writeable = False
     return result
+
+
+def _check_names(names: Sequence[str], path: Path, error: type[WrenchbedError]) -> None:
+    twice = next((n for n in names if names.count(n) > 1), None)
+    if twice is not None:
+        raise error(f"{path}: column {twice!r} appears twice")
 
 
 def table_of(data: Mapping[str, np.ndarray], metadata: Mapping[str, Any]) -> pa.Table:

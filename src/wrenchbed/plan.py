@@ -66,14 +66,13 @@ class Plan:
             PlanError: names the file, the field or column, and the row.
         """
         path = Path(path)
-        table, raw = parquet.read(path, PlanError)
-        data = parquet.columns(table, path, PlanError)
+        data, raw = parquet.read(path, PlanError)
         joints = joint_columns(data)
         if "fx" in data:
             raise PlanError(f"{path}: this is a recording (it holds fx), not a plan")
         if not joints:
             raise PlanError(f"{path}: column 'q1' is missing; found {', '.join(data) or 'none'}")
-        if table.num_rows == 0:
+        if len(data[joints[0]]) == 0:
             raise PlanError(f"{path}: the plan has 0 rows")
         for column in (*joints, "dwell", *POINT):
             _check_numbers(path, column, data.get(column))

@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import mujoco
 import numpy as np
+from mujoco import rollout
 
 from wrenchbed.simulation import Simulation, load_on_sensor
 
@@ -92,24 +93,22 @@ class Plant:
     def follow_all(self, ways: np.ndarray, seconds: float) -> Sampled:
         """`follow` for many samples: targets (N, S, J), each sample `seconds` long; (N, …) of each.
 
-        State and sensors are copied whole and sorted out afterwards.
+        MuJoCo steps through all of them by itself and tells states and sensors of every step.
         """
-        model, data, step = self.model, self.data, mujoco.mj_step
-        model.opt.timestep = seconds / ways.shape[1]
-        count = len(ways)
-        qpos, qvel = np.empty((count, model.nq)), np.empty((count, model.nv))
-        felt = np.empty((count, model.nsensordata))
-        ctrl, at, speed, sensed = data.ctrl, data.qpos, data.qvel, data.sensordata
-        for i, way in enumerate(ways):
-            qpos[i], qvel[i] = at, speed
-            ctrl[:] = way[0]
-            step(model, data)
-            felt[i] = sensed
-            for target in way[1:]:
-                ctrl[:] = target
-                step(model, data)
+        model, data, every = self.model, self.data, ways.shape[1]
+        model.opt.timestep = seconds / every
+        kind = mujoco.mjtState.mjSTATE_FULLPHYSICS
+        start = np.empty(mujoco.mj_stateSize(model, kind))
+        mujoco.mj_getState(model, data, start, kind)
+        states, felt = rollout.rollout(
+            model, data, start, ways.reshape(1, -1, ways.shape[2]),
+            initial_warmstart=np.array(data.qacc_warmstart),
+        )  # fmt: skip
+        before = np.concatenate([start[None], states[0, every - 1 : -1 : every]])
+        qpos = before[:, 1 : 1 + model.nq]  # after the time
+        qvel = before[:, 1 + model.nq : 1 + model.nq + model.nv]
         first = [int(model.sensor(name).adr[0]) for name in ("force", "torque")]
-        load = -np.concatenate([felt[:, k : k + 3] for k in first], axis=1)
+        load = -np.concatenate([felt[0, ::every, k : k + 3] for k in first], axis=1)
         return Sampled(qpos[:, self._columns], qvel[:, self._speeds], load)
 
     def closure(self) -> float:

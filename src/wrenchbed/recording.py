@@ -93,10 +93,10 @@ class Recording:
                 WrenchbedWarning,
                 stacklevel=2,
             )
-            raw = parquet.metadata_of(table, path, RecordingError)
+            raw = parquet.metadata_of(table.schema, path, RecordingError)
+            data = parquet.columns(table, path, RecordingError)
         else:
-            table, raw = parquet.read(path, RecordingError)
-        data = parquet.columns(table, path, RecordingError)
+            data, raw = parquet.read(path, RecordingError)
         return cls(parse(raw, str(path)), data, str(path))
 
     def write(self, path: str | Path) -> None:

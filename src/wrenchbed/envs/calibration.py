@@ -65,7 +65,10 @@ class CalibrationEnv(gymnasium.Env[np.ndarray, np.int64]):
         self.sensor = registry.load("sensors", known.sensor)
         self._noise = noise_model("real", self.sensor.noise)
         self._size = pool
-        self._limits = np.array([(j.lower, j.upper) for j in known.joints])
+        low, high = np.array([(j.lower, j.upper) for j in known.joints]).T
+        self._middle, self._reach = 0.5 * (low + high), 0.5 * (high - low)
+        self._share = Limits().speed
+        self._ticks = np.arange(-samples, 0) / RATE_HZ
         joints = len(known.joints)
         self.action_space = gymnasium.spaces.Discrete(pool)
         low = np.concatenate([[0.0, -50.0, 0.0], -np.ones(joints), [0.0, 0.0]])
@@ -112,7 +115,7 @@ class CalibrationEnv(gymnasium.Env[np.ndarray, np.int64]):
 
     def seconds(self, pose: int) -> float:
         """What a step to a pose costs [s]: the move at half of top speed, settling, reading."""
-        move = duration(self.robot, self.q, self.pool[pose], Limits().speed)
+        move = duration(self.robot, self.q, self.pool[pose], self._share)
         return move + SETTLE_S + self.samples / RATE_HZ
 
     def render(self) -> np.ndarray | None:
@@ -149,17 +152,18 @@ class CalibrationEnv(gymnasium.Env[np.ndarray, np.int64]):
     def _read(self) -> np.ndarray:
         """Mean of the rows (6,) [N, N·m], by MuJoCo, with the sensor's noise."""
         load = self.model.read(self.simulation.wrench(self.q[None]), self.theta)
-        t = self._time + np.arange(-self.samples, 0) / RATE_HZ
+        t = self._time + self._ticks
         rows, _ = self._stream.corrupt(t, np.repeat(load, self.samples, axis=0))
-        return np.asarray(rows.mean(axis=0))
+        return np.asarray(rows.sum(axis=0) / self.samples)
 
     def _seen(self) -> np.ndarray:
-        low, high = self._limits.T
-        place = np.clip(2.0 * (self.q - low) / (high - low) - 1.0, -1.0, 1.0)
         least, mean = self.knowledge.open
         left = max(0.0, 1.0 - self._time / self.budget)
-        start = [left, self.knowledge.value - self._known, self._last]
-        return np.concatenate([start, place, [least, mean]]).astype(np.float32)
+        seen = np.empty(5 + len(self.q), dtype=np.float32)
+        seen[:3] = left, self.knowledge.value - self._known, self._last
+        seen[3:-2] = np.minimum(np.maximum((self.q - self._middle) / self._reach, -1.0), 1.0)
+        seen[-2:] = least, mean
+        return seen
 
     def _told(self) -> dict[str, Any]:
         return {

@@ -1,13 +1,17 @@
 """The tip of a robot's tool, moved along straight lines with its orientation kept."""
 
+import math
+
 import numpy as np
 
 from wrenchbed.robots.base import SimulatedRobot
 from wrenchbed.serving.surface import tip_of
 
 _STEP, _DAMPING = 1e-6, 1e-6
-_KEPT = 10
-"""Moves between evaluations of the Jacobian; what is missed meanwhile is made up for later."""
+_FAR = 0.006
+"""Way of the tip after which the Jacobian is evaluated anew [m], and what was missed meanwhile,"""
+_MADE_UP = 10
+"""which the next moves, so many, make up for."""
 
 
 class Hand:
@@ -29,38 +33,42 @@ class Hand:
         self._limits = np.array([(j.lower, j.upper) for j in robot.joints])
         rotation, places = tip_of(robot, self.q[None], self._theta)
         self.kept, self.tip = rotation[0], places[0]
-        self._age = _KEPT
+        self._gone, self._age = np.inf, 0
 
     def move(self, way: np.ndarray, parts: int) -> np.ndarray:
         """Joint values (parts, J) that move the tip by ``way`` (3,) [m] in the world.
 
         At a limit of the joints or of the workspace it stands still.
         """
-        if self._age >= _KEPT:
+        if self._gone >= _FAR:
             self._look()
-        new = self.q + self._inverse @ (np.concatenate([way, np.zeros(3)]) + self._back)
-        if self._blocked(new):
+        twist = self._back.copy() if self._age < _MADE_UP else np.zeros(6)
+        twist[:3] += way
+        new = self.q + self._inverse @ twist
+        length = math.sqrt(way @ way)
+        if self._blocked(new, length):
             return np.repeat(self.q[None], parts, axis=0)
         share = np.arange(1, parts + 1)[:, None] / parts
         line = self.q + share * (new - self.q)
-        self.q, self.tip, self._age = new, self.tip + way, self._age + 1
+        self.q, self.tip = new, self.tip + way
+        self._age, self._gone = self._age + 1, self._gone + length
         return np.asarray(line)
 
     def _look(self) -> None:
         """The Jacobian here, and what the last moves missed."""
         rotation, tip, jacobian = self._slopes()
         missed = np.concatenate([self.tip - tip, _vector(self.kept @ rotation.T)])
-        self._back, self._age = missed / _KEPT, 0
+        self._back, self._age, self._gone = missed / _MADE_UP, 0, 0.0
         square = jacobian @ jacobian.T + _DAMPING * np.eye(6)
         self._inverse = jacobian.T @ np.linalg.inv(square)
 
-    def _blocked(self, new: np.ndarray) -> bool:
+    def _blocked(self, new: np.ndarray, length: float) -> bool:
         """Whether a target is out of reach; far from the edge one look ahead is enough."""
         low, high = self._limits.T
         if ((new < low) | (new > high)).any():
             return True
         if self._age == 0:
-            ahead = self.q + 2 * _KEPT * (new - self.q)
+            ahead = self.q + 2 * _FAR / max(length, _STEP) * (new - self.q)
             self._close = bool(self.robot.infeasible(ahead[None], self._theta))
         return self._close and bool(self.robot.infeasible(new[None], self._theta))
 

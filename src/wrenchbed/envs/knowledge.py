@@ -1,5 +1,6 @@
 """What poses tell, linear about the nominal robot: how accurate it is, which effect is at work."""
 
+import math
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -94,18 +95,19 @@ class _Known:
 
     def __init__(self, table: _Accuracy, covariance: np.ndarray) -> None:
         self._table, self.covariance = table, covariance
-        self.error = float(np.sqrt(np.sum(table.weight * covariance)))
-        self.value = -float(np.log(self.error))
+        self.error = math.sqrt(np.vdot(table.weight, covariance))  # trace of the product
+        self.value = -math.log(self.error)
 
     @property
     def open(self) -> tuple[float, float]:
-        left = np.sqrt(np.clip(np.diagonal(self.covariance), 0.0, 1.0))
-        return float(left.min()), float(left.mean())
+        left = np.sqrt(np.minimum(np.maximum(self.covariance.diagonal(), 0.0), 1.0))
+        return float(left.min()), float(left.sum()) / len(left)
 
     def with_pose(self, pose: int) -> "_Known":
         rows = self._table.rows[pose]
         half = rows @ self.covariance
-        seen = np.eye(len(rows)) + half @ rows.T
+        seen = half @ rows.T
+        seen.flat[:: len(seen) + 1] += 1.0  # beside the noise
         smaller = self.covariance - half.T @ np.linalg.solve(seen, half)
         return _Known(self._table, 0.5 * (smaller + smaller.T))
 
