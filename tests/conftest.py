@@ -61,3 +61,17 @@ def bench(request):
 def link(bench):
     """The driver, active and in order."""
     return bench.ready()
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory) -> Path:
+    """A plan, a recording and a fit of the UR5."""
+    from wrenchbed.cli import main
+
+    folder = tmp_path_factory.mktemp("made")
+    plan, rec, fit = (str(folder / n) for n in ("plan.parquet", "rec.parquet", "fit.json"))
+    assert main(["plan", "ur5", "--n", "20", "--out", plan]) == 0
+    run = ["record", "--robot", "ur5", "--plan", plan, "--out", rec, "--samples", "5"]
+    assert main(run) == 0
+    assert main(["calibrate", rec, "--out", fit]) == 0
+    return folder

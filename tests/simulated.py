@@ -1,6 +1,8 @@
 """Recordings for tests: MuJoCo's wrench, never the closed form that fits it."""
 
+import json
 from collections.abc import Mapping
+from pathlib import Path
 
 import numpy as np
 
@@ -8,11 +10,21 @@ from wrenchbed import registry
 from wrenchbed.metadata import Metadata, SensorInfo, ToolInfo
 from wrenchbed.model import Model
 from wrenchbed.recording import Recording
+from wrenchbed.robots.medrue.parameters import PAPER
 from wrenchbed.simulation import Simulation
 from wrenchbed.wrench import CHANNELS
 
 WHITE = np.array([0.05, 0.05, 0.1, 2e-3, 2e-3, 2e-3])
 """Standard deviation of one row [N, N·m]."""
+_GOLDEN = json.loads((Path(__file__).parent / "data" / "medrue_golden.json").read_text())
+_UNIT = np.array([{"m": 1e-3, "rad": np.pi / 180, "kg": 1.0}[p.unit] for p in PAPER])
+MEDRUE_TRUTH = dict(zip(PAPER.names, np.array(_GOLDEN["actual"]) * _UNIT, strict=True))
+UR5_TRUTH = {
+    "tool.mass": 1.42, "tool.cog.x": 0.007, "tool.cog.y": -0.002, "tool.cog.z": 0.083,
+    "mount.rotation.x": 0.01, "mount.rotation.y": -0.015, "mount.rotation.z": 0.02,
+    "sensor.bias.fx": 3.0, "sensor.bias.fy": -8.0, "sensor.bias.fz": 12.0,
+    "sensor.bias.tx": 0.1, "sensor.bias.ty": -0.2, "sensor.bias.tz": 0.05,
+}  # fmt: skip
 
 
 def static(

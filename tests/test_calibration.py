@@ -7,27 +7,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from simulated import WHITE, static
+from simulated import MEDRUE_TRUTH, UR5_TRUTH, WHITE, static
 from wrenchbed import column_map, registry
 from wrenchbed.calibration import Options, calibrate
 from wrenchbed.errors import CalibrationError, ParameterError, RecordingError
 from wrenchbed.importing import import_files
 from wrenchbed.metadata import SensorInfo, ToolInfo
-from wrenchbed.noise import NoiseStream
 from wrenchbed.recording import Recording
 from wrenchbed.robots.medrue.parameters import IDENTIFIED, PAPER
-from wrenchbed.wrench import CHANNELS
 
 DATA = Path(__file__).parent / "data"
-GOLDEN = json.loads((DATA / "medrue_golden.json").read_text())
-UNIT = np.array([{"m": 1e-3, "rad": np.pi / 180, "kg": 1.0}[p.unit] for p in PAPER])
-MEDRUE_TRUTH = dict(zip(PAPER.names, np.array(GOLDEN["actual"]) * UNIT, strict=True))
-UR5_TRUTH = {
-    "tool.mass": 1.42, "tool.cog.x": 0.007, "tool.cog.y": -0.002, "tool.cog.z": 0.083,
-    "mount.rotation.x": 0.01, "mount.rotation.y": -0.015, "mount.rotation.z": 0.02,
-    "sensor.bias.fx": 3.0, "sensor.bias.fy": -8.0, "sensor.bias.fz": 12.0,
-    "sensor.bias.tx": 0.1, "sensor.bias.ty": -0.2, "sensor.bias.tz": 0.05,
-}  # fmt: skip
 
 
 def ntnu() -> Recording:
@@ -78,68 +67,6 @@ def test_a_prior_makes_every_parameter_determined():
     tolerance = dict(zip(PAPER.names, PAPER.tolerance, strict=True))
     assert abs(fit["x0"].std / tolerance["x0"] - 1) < 1e-6  # the data says nothing of x0
     assert fit["mTool"].std < 0.1 * tolerance["mTool"]
-
-
-def coverage(robot: str, truth, free, seeds: int, **how) -> tuple[float, int]:
-    """Share of 95 % intervals that hold the truth, and their number."""
-    inside = total = 0
-    for seed in range(seeds):
-        fit = calibrate(static(robot, truth, seed=1000 + seed, **how), Options(free=free))
-        for p in fit.identified:
-            inside += abs(p.value - truth.get(p.name, p.nominal)) <= p.interval95
-            total += 1
-    return inside / total, total
-
-
-def test_ninety_five_percent_intervals_hold_under_white_noise():
-    """200 seeds × 13 parameters; the share's own standard error is about 0.6 %."""
-    share, total = coverage("ur5", UR5_TRUTH, None, 200, poses=60, samples=20, noise=WHITE)
-    assert total == 2600
-    assert 0.93 <= share <= 0.97
-
-
-def test_medrues_intervals_hold_under_white_noise():
-    share, total = coverage("medrue", MEDRUE_TRUTH, None, 40, poses=100, samples=20, noise=WHITE)
-    assert total == 1080
-    assert 0.93 <= share <= 0.97
-
-
-def test_intervals_hold_where_holds_wander_and_the_effective_sample_size_is_stated():
-    """Each hold off by twice the noise of one row: 60 × 20 rows are worth 60/(1/20 + 4) ≈ 15."""
-    how = {"poses": 60, "samples": 20, "noise": WHITE, "wander": 2.0}
-    fit = calibrate(static("ur5", UR5_TRUTH, seed=1, **how))
-    assert fit.noise.inflated
-    assert 7 < np.median(fit.noise.effective) < 30
-    assert fit.noise.effective.max() < 60
-    assert "slow wander" in fit.status
-    share, _ = coverage("ur5", UR5_TRUTH, None, 60, **how)
-    assert 0.93 <= share <= 0.97
-
-
-def flickering(seed: int) -> Recording:
-    """UR5 data with the Gamma's real noise: 60 poses of 0.6 s, one every 5 s."""
-    rec = static("ur5", UR5_TRUTH, poses=60, samples=60, seed=seed)
-    t = rec.columns["segment"] * 5.0 + (np.arange(len(rec)) % 60) / 100
-    stream = NoiseStream(registry.load("sensors", "ati-gamma").noise, seed)
-    reading, _ = stream.corrupt(t, rec.wrench)
-    return edited(rec, t=t, **{c: reading[:, k] for k, c in enumerate(CHANNELS)})
-
-
-def test_under_one_over_f_noise_the_fit_states_what_its_rows_are_worth():
-    """The tz of the measured Gamma wanders most: its 3,600 rows fix a bias like 60 to 600 would.
-
-    Intervals that trusted 3,600 independent rows held the truth in 50 % of 100 seeds for that bias;
-    heeding the wander, 93 % of all 1,300 intervals did.
-    """
-    inside = total = 0
-    for seed in range(30):
-        fit = calibrate(flickering(seed))
-        assert fit.noise.inflated
-        assert fit.noise.effective[5] < 0.3 * fit.rows
-        for p in fit.identified:
-            inside += abs(p.value - UR5_TRUTH[p.name]) <= p.interval95
-            total += 1
-    assert inside / total > 0.9
 
 
 def test_noise_is_what_the_repeats_show():

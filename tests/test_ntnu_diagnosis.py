@@ -10,12 +10,10 @@ from wrenchbed import column_map
 from wrenchbed.diagnosis import accelerometer, apart, oriented, touching, trembling, witness
 from wrenchbed.diagnosis.diagnose import diagnose
 from wrenchbed.errors import DiagnosisError, MapError
-from wrenchbed.frames import cross, quaternion
+from wrenchbed.frames import cross
 from wrenchbed.importing import import_files
-from wrenchbed.metadata import Metadata, SensorInfo
-from wrenchbed.model import Model
+from wrenchbed.metadata import SensorInfo
 from wrenchbed.recording import Recording
-from wrenchbed.robots.oriented import ROBOT
 
 DATA = Path(__file__).parent / "data" / "ntnu_kuka_ati_gamma"
 RUNS = {1: "1-baseline", 2: "2-vibrations", 3: "3-vibrations-contact"}
@@ -101,88 +99,6 @@ def test_without_a_stated_noise_both_are_refused():
         bare = replace(rec.metadata, sensor=SensorInfo("ati-gamma"))
         with pytest.raises(DiagnosisError, match=r"State .*sensor\.noise_std|noise_std. State"):
             diagnose(Recording(bare, rec.columns))
-
-
-# ---- a simulated accelerometer ----------------------------------------------------------------
-
-
-def readings(rotation, rng, tilt=(0.0, 0.0), noise=0.02):
-    """Of an accelerometer mounted anyhow, 2 % of gain errors, an unknown zero (H, 3) [m/s²]."""
-    mounted = np.linalg.qr(rng.standard_normal((3, 3)))[0]
-    seen = (GRAVITY + cross(np.array([*tilt, 0.0]), GRAVITY)) @ rotation
-    gain = mounted @ (np.eye(3) + 0.02 * rng.standard_normal((3, 3)))
-    return seen @ gain + rng.standard_normal(3) + noise * rng.standard_normal(seen.shape)
-
-
-def test_an_accelerometer_sees_no_tilt_where_there_is_none():
-    rotation = static().rotation
-    rng = np.random.default_rng(1)
-    odds = [
-        accelerometer.fitted(readings(rotation, rng), rotation, GRAVITY).log_bayes
-        for _ in range(200)
-    ]
-    assert np.median(odds) < -2.0
-    assert np.quantile(odds, 0.99) < 1.0
-
-
-def test_an_accelerometers_tilt_is_right_within_its_uncertainty():
-    rotation = static().rotation
-    rng = np.random.default_rng(2)
-    tilt = np.deg2rad([0.2, -0.15])
-    chi2 = []
-    for _ in range(100):
-        t = accelerometer.fitted(readings(rotation, rng, tilt), rotation, GRAVITY)
-        assert t.log_bayes > 3.0
-        chi2.append((t.tilt - tilt) @ np.linalg.solve(t.covariance, t.tilt - tilt))
-    assert np.mean(chi2) == pytest.approx(2.0, abs=0.7)
-
-
-def test_too_few_orientations_say_nothing():
-    rotation = static().rotation
-    rng = np.random.default_rng(0)
-    assert accelerometer.fitted(readings(rotation[:8], rng), rotation[:8], GRAVITY) is None
-    same = np.repeat(rotation[:1], 24, axis=0)
-    assert accelerometer.fitted(readings(same, rng), same, GRAVITY) is None
-
-
-def simulated(seed: int, tilt=(0.0, 0.0), told=None) -> Recording:
-    """40 poses; the wrench with one tilt, the accelerometer with the same or another."""
-    rng = np.random.default_rng([seed, 7])
-    q = ROBOT.sample(40, rng)
-    metadata = Metadata(
-        "any", "static", sensor=SensorInfo("ati-gamma", tuple(STD)), gravity=tuple(GRAVITY),
-        tolerance={"sensor.bias": 5.0},
-    )  # fmt: skip
-    theta = Model.of(ROBOT, metadata).configured(metadata)[: len(ROBOT.parameters)]
-    theta = ROBOT.theta_of_tool(theta, 0.93, [0.0, 0.0, 0.044])
-    rotation = ROBOT.sensor_pose(q, theta)[0]
-    force = 0.93 * (GRAVITY + cross(np.array([*tilt, 0.0]), GRAVITY)) @ rotation
-    wrench = np.concatenate([force, cross(np.array([0.0, 0.0, 0.044]), force)], axis=1)
-    wrench += STD * rng.standard_normal(wrench.shape)
-    read = readings(rotation, rng, tilt if told is None else told)
-    columns = {"t": np.arange(40.0)} | dict(zip(CHANNELS, wrench.T, strict=True))
-    columns |= dict(zip(("qw", "qx", "qy", "qz"), quaternion(rotation).T, strict=True))
-    return Recording(metadata, columns | dict(zip(("ax", "ay", "az"), read.T, strict=True)))
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_an_accelerometer_raises_no_false_alarm(seed):
-    found = diagnose(simulated(seed))
-    assert found.diagnosis.verdict == "none"
-
-
-def test_a_small_tilt_is_claimed_with_the_accelerometer():
-    tilt = np.deg2rad([0.25, -0.25])
-    found = diagnose(simulated(0, tilt))
-    assert found.diagnosis.verdict == "identified"
-    told = np.array([values(causes(found)["base.tilt"])[a] for a in "xy"])
-    assert np.rad2deg(told) == pytest.approx([0.25, -0.25], abs=0.06)
-
-
-def test_an_accelerometer_that_contradicts_the_wrench_is_not_believed():
-    found = diagnose(simulated(0, told=np.deg2rad([1.0, 1.0])))
-    assert "base.tilt" not in causes(found)
-    assert any("does not agree" in n for n in found.diagnosis.notes)
 
 
 # ---- in motion --------------------------------------------------------------------------------

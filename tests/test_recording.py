@@ -1,10 +1,6 @@
 """Recordings: what is written returns bit for bit, and what is wrong is named by file and row."""
 
 import json
-import os
-import signal
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -15,32 +11,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
+from recorded import CHANNELS, METADATA, columns
 from wrenchbed import parquet
 from wrenchbed.errors import RecordingError
-from wrenchbed.metadata import Metadata, SensorInfo, ToolInfo, parse
+from wrenchbed.metadata import ToolInfo, parse
 from wrenchbed.recording import Recording
 from wrenchbed.writer import RecordingWriter
-
-CHANNELS = ("fx", "fy", "fz", "tx", "ty", "tz")
-METADATA = Metadata(
-    robot="ur5",
-    mode="static",
-    source="sim",
-    rate_hz=100.0,
-    tool=ToolInfo(1.35, (0.004, -0.006, 0.071), (2.7e-3, 2.7e-3, 1.1e-3, 0.0, 0.0, 0.0)),
-    sensor=SensorInfo("ati-gamma", (0.1,) * 6, 0.0, (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)),
-    tolerance={"tool.mass": 0.007},
-    gravity=(0.0, 0.0, -9.80665),
-    extra={"operator": "Ada"},
-)
-
-
-def columns(n: int = 20) -> dict[str, np.ndarray]:
-    rng = np.random.default_rng(0)
-    data = {"t": np.arange(n) / 100.0}
-    data |= {f"q{j}": rng.normal(size=n) for j in range(1, 7)}
-    data |= {c: rng.normal(size=n) for c in CHANNELS}
-    return data | {"segment": np.arange(n) // 5, "status": np.zeros(n, dtype=np.uint32)}
 
 
 def save(path: Path, data: dict[str, np.ndarray], metadata: dict | None = None) -> Path:
@@ -191,116 +167,9 @@ def test_orientations_stand_in_for_joints_and_must_be_unit(tmp_path):
         Recording(METADATA, data)
 
 
-def test_the_writer_leaves_one_file_and_keeps_the_old_one(tmp_path):
-    path = tmp_path / "rec.parquet"
-    path.write_text("precious")
-    with RecordingWriter(path, METADATA) as writer:
-        for start in range(0, 20, 5):
-            writer.append({k: v[start : start + 5] for k, v in columns().items()})
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["rec.parquet", "rec.parquet~"]
-    assert (tmp_path / "rec.parquet~").read_text() == "precious"
-    again = Recording.read(path)
-    assert all(np.array_equal(again.columns[k], v) for k, v in columns().items())
-
-
-def test_an_interrupted_writer_keeps_what_it_has(tmp_path):
-    path = tmp_path / "rec.parquet"
-    with pytest.raises(KeyboardInterrupt), RecordingWriter(path, METADATA) as writer:
-        writer.append(columns())
-        raise KeyboardInterrupt
-    assert len(Recording.read(path)) == 20
-
-
-WRITE_FOR_EVER = """
-import sys, time
-import numpy as np
-from wrenchbed.metadata import parse
-from wrenchbed.writer import RecordingWriter
-meta = parse({"format": 1, "robot": "ur5", "mode": "dynamic"}, "x")
-names = ["q1", "q2", "q3", "q4", "q5", "q6", "fx", "fy", "fz", "tx", "ty", "tz"]
-start = time.monotonic()
-with RecordingWriter(sys.argv[1], meta) as writer:
-    while True:
-        t = time.monotonic() - start
-        writer.append({"t": np.array([t])} | {n: np.array([t]) for n in names})
-        print(t, flush=True)
-        time.sleep(0.002)
-"""
-
-
-@pytest.mark.parametrize("seconds", [1.3, 2.2])
-def test_kill_9_loses_at_most_the_last_second(tmp_path, seconds):
-    path = tmp_path / "rec.parquet"
-    with subprocess.Popen(
-        [sys.executable, "-c", WRITE_FOR_EVER, str(path)], stdout=subprocess.PIPE, text=True
-    ) as process:
-        assert process.stdout is not None
-        first = float(process.stdout.readline())
-        last = first
-        while last < first + seconds:
-            last = float(process.stdout.readline())
-        os.kill(process.pid, signal.SIGKILL)
-        last = max([last, *(float(x) for x in process.stdout.read().split())])
-    plain = pq.read_table(path)  # opens for any reader of Parquet
-    with pytest.warns(UserWarning, match="did not finish"):
-        recording = Recording.read(path)
-    assert last - recording.t[-1] < 1.0
-    assert len(recording) >= plain.num_rows > 0
-    assert last - plain.column("t")[-1].as_py() < 1.0
-    assert recording.metadata.mode == "dynamic"
-    assert np.array_equal(recording.columns["fx"], recording.t)
-
-
-def test_a_journal_cut_in_the_middle_opens_up_to_the_cut(tmp_path):
-    path = tmp_path / "rec.parquet"
-    with RecordingWriter(path, METADATA) as writer:
-        for start in range(0, 20, 5):
-            writer.append({k: v[start : start + 5] for k, v in columns().items()})
-            writer.flush()
-        journal = path.with_name("rec.parquet.journal")
-        whole = journal.read_bytes()
-    for share in (0.5, 0.7, 0.9):
-        journal.write_bytes(whole[: int(share * len(whole))])
-        with pytest.warns(UserWarning, match="rows come from its journal"):
-            rows = len(Recording.read(path))
-        assert rows in (5, 10, 15)
-    journal.write_bytes(whole[:50])
-    with pytest.raises(RecordingError, match="journal"):
-        Recording.read(path)
-
-
 def test_metadata_is_plain_json():
     assert json.loads(json.dumps(METADATA.to_json())) == METADATA.to_json()
     assert parse(METADATA.to_json(), "x") == METADATA
-
-
-def killed(path: Path) -> None:
-    """A file whose writer died: its journal holds 20 rows, the file itself 5."""
-    writer = RecordingWriter(path, METADATA)
-    writer.__enter__()
-    writer.append({k: v[:5] for k, v in columns().items()})
-    writer.flush()
-    writer._rewrite_cost = 1e9
-    writer.append({k: v[5:] for k, v in columns().items()})
-    writer.flush()
-
-
-def test_the_backup_of_a_killed_writer_keeps_its_journal(tmp_path):
-    path = tmp_path / "rec.parquet"
-    killed(path)
-    with RecordingWriter(path, METADATA) as writer:
-        writer.append({k: v[:3] for k, v in columns().items()})
-    assert len(Recording.read(path)) == 3
-    with pytest.warns(UserWarning, match="did not finish"):
-        assert len(Recording.read(tmp_path / "rec.parquet~")) == 20
-
-
-def test_a_stale_journal_does_not_outlive_a_newer_file(tmp_path):
-    path = tmp_path / "rec.parquet"
-    killed(path)
-    Recording(METADATA, {k: v[:3] for k, v in columns().items()}).write(path)
-    assert len(Recording.read(path)) == 3
-    assert (tmp_path / "rec.parquet.journal~").exists()
 
 
 def test_folders_are_no_recordings(tmp_path):

@@ -1,6 +1,6 @@
 """Parts of long recordings that show what all of it would, at a cost that no length exceeds.
 
-A motion's cost grows with its rows (0.7 ms and 20 kB each); at rest poses are averaged, but what
+A motion's cost grows with its rows (1 ms and 30 kB each); at rest poses are averaged, but what
 happens between rows is looked for in rows.
 """
 
@@ -12,8 +12,8 @@ import numpy as np
 from wrenchbed.holds import gather
 from wrenchbed.recording import Recording
 
-MOTION = 100_000
-"""Rows of a motion that are diagnosed: 13 min at 125 Hz."""
+MOTION = 60_000
+"""Rows of a motion that are diagnosed: 8 min at 125 Hz."""
 ROWS = 1_000_000
 """Rows between which things are looked for: they tell a share or a variance to about 0.1 %."""
 LEAST_IN_HOLD = 200

@@ -1,0 +1,114 @@
+"""The referee's machine at rest stands and weighs as closed forms say."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from wrenchbed import registry
+from wrenchbed.referee.mechanics import Hose, Loose, Mechanics, Pad, Play
+from wrenchbed.referee.path import through
+from wrenchbed.referee.ride import ride
+
+POSES = 6
+
+
+def scene(name, n=POSES):
+    robot = registry.load("robots", name)
+    poses = robot.sample(n, np.random.default_rng(4))
+    path = through(robot, poses, 5, 100.0, np.zeros(n))
+    truth = Mechanics(
+        robot.parameters.nominal, np.array(robot.gravity), np.zeros(len(robot.joints))
+    )
+    return robot, poses, path, truth
+
+
+def held(path, x):
+    return x[path.rows].reshape(-1, 5, *x.shape[1:]).mean(axis=1)
+
+
+@pytest.mark.parametrize("name", ["ur5", "medrue"])
+def test_a_rigid_machine_at_rest_weighs_what_statics_say(name):
+    robot, poses, path, truth = scene(name)
+    found = held(path, ride(robot, truth, path).load)
+    rotation, _ = robot.sensor_pose(poses, truth.theta)
+    tool = robot.tool(truth.theta)
+    force = float(tool.mass) * np.einsum("nij,i->nj", rotation, truth.gravity)
+    torque = np.cross(tool.cog, force)
+    assert np.abs(found[:, :3] - force).max() < 2e-4
+    assert np.abs(found[:, 3:] - torque).max() < 2e-5
+
+
+def test_a_soft_joint_turns_by_its_torque_over_its_stiffness():
+    robot, poses, path, truth = scene("ur5")
+    k = 2e4
+    soft = replace(truth, give=np.eye(6)[2] / k)
+    found = held(path, ride(robot, soft, path).load)
+    torque = robot.gravity_torque(poses, truth.theta, truth.gravity)
+    bent = poses.copy()
+    for _ in range(5):  # the torque is that of the bent arm
+        bent[:, 2] = poses[:, 2] + robot.gravity_torque(bent, truth.theta, truth.gravity)[:, 2] / k
+    rotation, _ = robot.sensor_pose(bent, truth.theta)
+    force = float(robot.tool(truth.theta).mass) * np.einsum("nij,i->nj", rotation, truth.gravity)
+    assert np.abs(torque[:, 2] / k).max() > 1e-3
+    assert np.abs(found[:, :3] - force).max() < 1e-3
+
+
+def test_a_gear_with_play_rests_where_the_weight_pulls():
+    robot, poses, path, truth = scene("ur5")
+    width = np.deg2rad(0.5)
+    loose = replace(truth, play={1: Play(width, 0.1)})
+    found = held(path, ride(robot, loose, path).load)
+    side = np.sign(robot.gravity_torque(poses, truth.theta, truth.gravity)[:, 1])
+    turned = poses.copy()
+    turned[:, 1] += 0.5 * width * side
+    rotation, _ = robot.sensor_pose(turned, truth.theta)
+    force = float(robot.tool(truth.theta).mass) * np.einsum("nij,i->nj", rotation, truth.gravity)
+    assert np.abs(found[:, :3] - force).max() < 5e-3
+
+
+def test_a_hose_pulls_with_its_stiffness_once_it_is_taut():
+    robot, poses, path, truth = scene("ur5")
+    hook, point = np.array([0.2, 0.1, 1.6]), np.array([0.0, 0.01, 0.05])
+    rotation, position = robot.sensor_pose(poses, truth.theta)
+    line = hook - (position + rotation @ point)
+    length = np.linalg.norm(line, axis=1)
+    slack = float(np.median(length))
+    rope = replace(truth, hose=Hose(hook, point, slack, 4.0))
+    difference = held(path, ride(robot, rope, path).load - ride(robot, truth, path).load)
+    pull = (4.0 * np.maximum(length - slack, 0.0) / length)[:, None] * line
+    force = np.einsum("nij,ni->nj", rotation, pull)
+    assert (length < slack).any()
+    assert np.abs(difference[:, :3] - force).max() < 2e-3
+    assert np.abs(difference[:, 3:] - np.cross(point, force)).max() < 2e-4
+
+
+def test_a_loose_part_lies_at_the_stop_that_is_below():
+    robot, poses, path, truth = scene("ur5")
+    axis, share, stop = np.array([1.0, 0.0, 0.0]), 0.1, 5e-3
+    part = replace(truth, loose=Loose(share, axis, stop, 0.05))
+    difference = held(path, ride(robot, part, path).load - ride(robot, truth, path).load)
+    rotation, _ = robot.sensor_pose(poses, truth.theta)
+    felt = np.einsum("nij,i->nj", rotation, truth.gravity)
+    mass = float(robot.tool(truth.theta).mass)
+    shift = share * stop * np.sign(felt @ axis)[:, None] * axis
+    clear = np.abs(felt @ axis) > 1.0
+    assert clear.sum() > 2
+    wanted = np.cross(shift, mass * felt)
+    assert np.abs(difference[clear, 3:] - wanted[clear]).max() < 2e-4
+
+
+def test_a_pad_pushes_as_far_as_its_spring_is_pressed():
+    robot, poses, path, truth = scene("ur5")
+    rotation, position = robot.sensor_pose(poses, truth.theta)
+    tip, radius, k = np.array([0.0, 0.0, 0.14]), 0.01, 400.0
+    height = (position + rotation @ tip)[:, 2]
+    level = float(np.sort(height)[2])
+    pad = Pad(np.array([0.0, 0.0, level - radius]), np.array([0.0, 0.0, 1.0]), k, 0.0, tip, radius)
+    difference = held(
+        path, ride(robot, replace(truth, pad=pad), path).load - ride(robot, truth, path).load
+    )
+    up = np.einsum("nij,nj->ni", rotation, difference[:, :3])[:, 2]
+    deep = np.maximum(level - height, 0.0)
+    assert up[deep > 0.01] == pytest.approx(k * deep[deep > 0.01], rel=0.05)
+    assert np.abs(up[deep == 0.0]).max() < 0.02
