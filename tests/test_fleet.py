@@ -223,13 +223,20 @@ def test_the_summary_tells_errors_coverage_and_detection(tmp_path):
             "verdict": "identified" if ill else "none", "named": "base.tilt" if ill else "",
             "claimed": "base.tilt" if ill else "", "right": 1.0, "force.before": 1.0,
             "force.after": 0.1, "inside95": 0.95,
-        })  # fmt: skip
+        } | ({"named": "tool.mass", "alike": "base.tilt tool.mass", "right": 0.0} if k == 2 else {})
+        )  # fmt: skip
     page = summary.page(fleet, kept.finish())
     text = page.markdown()
-    assert "1 robots are left out" in text
-    assert "Detection against the size" in text and "| base.tilt | 29 | 100 | 100 |" in text
-    assert "| none | 10 | 100 | – |" in text
-    assert page.summary["right"] == 1.0 and page.summary["force_after_median [mN]"] == 100.0
+    assert "1 robots are left out of the table" in text
+    assert (
+        "Detection against what the effect changes" in text
+        and "| base.tilt | 29 | 97 | 97 | 100 |" in text
+    )
+    assert "| none | 10 | 100 | – | – | 100 |" in text
+    assert (
+        page.summary["right"] == pytest.approx(38 / 39)
+        and page.summary["force_after_median [mN]"] == 100.0
+    )
 
 
 def test_robots_are_diagnosed_and_judged():
@@ -241,6 +248,15 @@ def test_robots_are_diagnosed_and_judged():
         assert row["verdict"] == "identified" and row["claimed"] == row["effect"]
         assert row["right"] == 1.0 and row["closed"] > 0.9 and row["probability"] > 0.9
         assert row["where"] == row["effect"].partition(".")[0]
+
+
+def test_what_looks_the_same_is_held_though_not_named():
+    """One tool's mass makes all that a gain of all channels makes."""
+    row = one(Fleet("ur5", 41, ("noise", "effects"), diagnose=True), 40)
+    gains = json.loads(row["values"])
+    assert len(gains) == 6 and set(gains.values()) == {gains["gain.fx"]}
+    assert row["effect"] == "sensor.gain" and row["verdict"] == "identified"
+    assert row["named"] == "tool.mass" and "sensor.gain" in row["alike"].split()
 
 
 def test_one_robot_alone_again(tmp_path, capsys, whole):

@@ -1,6 +1,7 @@
 """One robot of the fleet: recorded in MuJoCo, calibrated, diagnosed, and judged by its truth."""
 
 import json
+import re
 import time
 from functools import cache
 from typing import Any
@@ -22,6 +23,8 @@ from wrenchbed.twin import Twin
 
 _JUDGED, _SEED = 100, 20_160_798
 """Poses at which all robots are judged, and what they are drawn from."""
+_EFFECT = re.compile(r"[a-z]+\.[a-z_]+")
+"""An effect's name in a sentence."""
 _COURSES: dict[str, Recording] = {}
 
 
@@ -141,6 +144,7 @@ def _diagnosed(fleet: Fleet, truth: Truth, recording: Recording) -> Row:
         "verdict": d.verdict,
         "claimed": " ".join(claimed),
         "named": " ".join(named),
+        "alike": " ".join(sorted({n for told in d.cannot_tell for n in _EFFECT.findall(told)})),
         "probability": float(d.which[0]["probability"]) if d.which else float("nan"),
         "where": str(d.where[0]["subsystem"]) if d.where else "",
         "gap.configured": _number(d.gap.configured),

@@ -18,7 +18,7 @@ from wrenchbed.whole import whole
 Row = dict[str, Any]
 ALL, SETTING, PARTS = "robots.parquet", "campaign.json", "parts"
 _EVERY_S, _MOST = 2.0, 256
-_TEXT = ("effect", "values", "error", "verdict", "claimed", "named", "where")
+_TEXT = ("effect", "values", "error", "verdict", "claimed", "named", "alike", "where")
 _WHOLE = ("rows", "rank")
 _NUMBER = ("size", "added", "inside95", "residual.force", "residual.torque")
 _JUDGED = tuple(f"{x}.{w}" for x in ("force", "torque", "position") for w in ("before", "after"))

@@ -1,19 +1,18 @@
 """What a campaign shows: distributions of errors, coverage of intervals, detection by size."""
 
-import itertools
+from collections.abc import Mapping
 from importlib.metadata import version
 
 import numpy as np
 import pyarrow as pa
 
 from wrenchbed.fleet.setting import Fleet
-from wrenchbed.fleet.truth import SIZES
 from wrenchbed.study.page import Figure, Page, Section, Table
 from wrenchbed.study.plots import histograms, lines
 
 _ERRORS = (("force", 1e3, "mN"), ("torque", 1e3, "mN·m"), ("position", 1e3, "mm"))
 _QUANTILES = (5, 25, 50, 75, 95)
-_BINS = 6
+_VERDICTS = ("none", "identified", "ambiguous", "unknown")
 SHOWS = 1.0
 """Least mean square change of a reading that an effect makes, in units of a row's noise."""
 
@@ -80,8 +79,9 @@ def _calibration(table: pa.Table) -> Section:
             known = values[np.isfinite(values)]
             cells = np.percentile(known, _QUANTILES)
             rows.append((f"{what} {when} [{unit}]", *cells, float(np.sqrt(np.mean(known**2)))))
-        shown = after[np.isfinite(after)]
-        panels[f"{what} after [{unit}]"] = {"robots": shown[shown <= np.percentile(shown, 99)]}
+        shown = after[after > 0.0]
+        if len(shown):
+            panels[f"{what} after [{unit}]"] = {"robots": shown}
     titles = ("rms error", *(f"{q} %" for q in _QUANTILES), "rms of all")
     text_ = (
         "Each robot is judged against its truth at 100 poses that no fit saw: the reading of the "
@@ -89,8 +89,8 @@ def _calibration(table: pa.Table) -> Section:
     )
     parts: list[Table | Figure] = [Table.of("Errors before and after calibration", titles, rows)]
     if panels:
-        svg = histograms(panels, "rms error", "robots")
-        parts.append(Figure("errors", "Errors after calibration, up to their 99 %", svg))
+        svg = histograms(panels, "rms error", "robots", log=True)
+        parts.append(Figure("errors", "Errors after calibration", svg))
     return Section("Calibration", text_, tuple(parts))
 
 
@@ -116,42 +116,56 @@ def _coverage(table: pa.Table) -> Section:
 
 def _diagnosis(table: pa.Table) -> Section:
     shows = seen(table)
-    hidden = int((~shows).sum())
-    table = table.filter(pa.array(shows))
-    effect, right = text(table, "effect"), numbers(table, "right")
-    named = text(table, "named")
-    hit = np.array([e != "" and e in n.split() for e, n in zip(effect, named, strict=True)])
+    effect, verdict = text(table, "effect"), text(table, "verdict")
+    right, named = numbers(table, "right"), _among(table, "named")
+    held, detected = named | _among(table, "alike"), (verdict != "none") & (verdict != "")
     rows = []
-    for name in sorted(set(effect)):
-        own = effect == name
-        verdicts = text(table, "verdict")[own]
-        shares = [f"{100 * np.mean(verdicts == v):.0f}"
-                  for v in ("none", "identified", "ambiguous", "unknown")]  # fmt: skip
-        known = right[own][np.isfinite(right[own])]
-        rows.append((name or "none", int(own.sum()),
-                     f"{100 * known.mean():.0f}" if len(known) else "–",
-                     f"{100 * hit[own].mean():.0f}" if name else "–", *shares))  # fmt: skip
-    columns = ("true effect", "robots", "identified right [%]", "named [%]", "none", "identified",
-               "ambiguous", "unknown")  # fmt: skip
+    for name in sorted(set(effect[shows])):
+        own = shows & (effect == name)
+        known = right[own & np.isfinite(right)]
+        of_effect = (_share(named[own]), _share(held[own])) if name else ("–", "–")
+        verdicts = (_share(verdict[own] == v) for v in _VERDICTS)
+        rows.append((name or "none", int(own.sum()), _share(known), *of_effect, *verdicts))
+    columns = ("true effect", "robots", "right [%]", "named [%]", "held [%]",
+               *(f"{v} [%]" for v in _VERDICTS))  # fmt: skip
     parts: list[Table | Figure] = [Table.of("Answers by true effect", columns, rows)]
-    size, ill = numbers(table, "size"), effect != ""
-    edges = np.geomspace(*SIZES, _BINS + 1)
-    at = [(low, high, ill & (size >= low) & (size < high))
-          for low, high in itertools.pairwise(edges)]  # fmt: skip
-    filled = [(float(np.sqrt(low * high)), own) for low, high, own in at if own.any()]
-    if len(filled) > 1:
-        xs = [x for x, _ in filled]
-        curves = {
-            "identified right": (xs, [100 * float(np.nanmean(right[own])) for _, own in filled]),
-            "named": (xs, [100 * float(hit[own].mean()) for _, own in filled]),
-        }
-        svg = lines(curves, "size [typical sizes of the effect]", "robots [%]")
-        parts.append(Figure("detection", "Detection against the size of the effect", svg))
+    hits = {"detected: any answer but none": detected, "held": held, "right": right}
+    judged = (effect != "") & (verdict != "")
+    curves = _by_change(np.where(judged, numbers(table, "added"), np.nan), hits)
+    if curves:
+        x = "mean square change of a reading [variances of a row's noise]"
+        svg = lines(curves, x, "robots [%]", percent=True, log_x=True)
+        parts.append(Figure("detection", "Detection against what the effect changes", svg))
     told = (
-        f"{hidden} robots are left out whose effect changes the readings by less than the noise of "
-        "a row: a joint whose axis is vertical does not give under weight. "
-        "Named: the true effect is among the claimed causes or their rivals. Robots of a "
-        "campaign have effects of the library's own form; the sealed benchmark judges by a physics "
-        "that shares no code with it."
+        f"{int((~shows).sum())} robots are left out of the table whose effect changes the readings "
+        "by less than a row's noise: a joint whose axis is vertical does not give under weight. "
+        "Right: the true effect is identified, or rightly none. Named: it is among the claimed "
+        "causes or their rivals. Held: it is named, or the diagnosis says that this data cannot "
+        "tell it from what it names (one tool's mass makes all that a gain of all channels makes). "
+        "Robots of a campaign have effects of the library's own form; the sealed benchmark judges "
+        "by a physics that shares no code with it."
     )
     return Section("Diagnosis", told, tuple(parts))
+
+
+def _among(table: pa.Table, column: str) -> np.ndarray:
+    """Robots (N,) whose true effect is in a column of names."""
+    pairs = zip(text(table, "effect"), text(table, column), strict=True)
+    return np.array([e != "" and e in names.split() for e, names in pairs], dtype=bool)
+
+
+def _share(hits: np.ndarray) -> str:
+    return f"{100 * float(np.mean(hits)):.0f}" if len(hits) else "–"
+
+
+def _by_change(
+    added: np.ndarray, hits: Mapping[str, np.ndarray]
+) -> dict[str, tuple[list[float], list[float]]]:
+    """Shares [%] by name, decade by decade of what is added; none of fewer than two decades."""
+    decade = np.floor(np.log10(np.clip(added, 1e-3, 5e3)))
+    filled = np.unique(decade[np.isfinite(decade)])
+    if len(filled) < 2:
+        return {}
+    xs = [float(10.0 ** (d + 0.5)) for d in filled]
+    return {n: (xs, [100.0 * float(np.nanmean(h[decade == d])) for d in filled])
+            for n, h in hits.items()}  # fmt: skip

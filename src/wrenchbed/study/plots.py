@@ -66,8 +66,19 @@ def lines(
     *,
     log: bool = False,
     levels: Mapping[str, float] | None = None,
+    percent: bool = False,
+    log_x: bool = False,
 ) -> str:
-    """Curves (x, y) by name on one axis, with named horizontal levels."""
+    """Curves (x, y) by name on one axis, with named horizontal levels.
+
+    Args:
+        curves: x and y by name.
+        x, y: what the axes show.
+        log: both axes in decades, marked at the first curve's x.
+        levels: horizontal lines.
+        percent: y from 0 to 100.
+        log_x: x in decades.
+    """
     colours = (BLUE, ORANGE, GREEN, PURPLE, RED, GREY)
     with canvas((6.0, 3.3)) as (figure, (ax,)):
         for colour, (name, (xs, ys)) in zip(colours, curves.items(), strict=False):
@@ -88,6 +99,10 @@ def lines(
                 axis.set_major_locator(FixedLocator(list(ticks)))
                 axis.set_major_formatter("{x:g}")
                 axis.set_minor_formatter(NullFormatter())
+        if log_x:
+            ax.set_xscale("log")
+        if percent:
+            ax.set_ylim(0.0, 105.0)
         ax.set_xlabel(x)
         ax.set_ylabel(y)
         if len(curves) > 1:
@@ -96,13 +111,20 @@ def lines(
 
 
 def histograms(
-    panels: Mapping[str, Mapping[str, np.ndarray]], x: str, y: str = "configurations"
+    panels: Mapping[str, Mapping[str, np.ndarray]],
+    x: str,
+    y: str = "configurations",
+    *,
+    log: bool = False,
 ) -> str:
-    """Side by side, each with one or more distributions by name."""
+    """Side by side, each with one or more distributions by name; ``log``: of positive numbers."""
     with canvas((7.4, 2.9), len(panels)) as (figure, axes):
         for ax, (title, data) in zip(axes, panels.items(), strict=True):
             for colour, (name, values) in zip((BLUE, ORANGE), data.items(), strict=False):
-                ax.hist(values, bins=50, color=colour, alpha=0.75, label=name)
+                bins = np.geomspace(values.min(), values.max(), 51) if log else 50
+                ax.hist(values, bins=bins, color=colour, alpha=0.75, label=name)
+            if log:
+                ax.set_xscale("log")
             ax.set_title(title, fontsize=9.5)
             ax.set_xlabel(x)
             ax.set_ylabel(y)
