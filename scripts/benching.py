@@ -1,0 +1,33 @@
+"""What benchmarks share: interleaved repeats, tables in Markdown, configurations."""
+
+import time
+from collections.abc import Callable, Mapping
+
+import numpy as np
+
+import wrenchbed as wb
+
+
+def timed(routes: Mapping[str, Callable[[], object]], repeats: int = 5) -> dict[str, float]:
+    """Least time of each route [s], repeats interleaved."""
+    best = dict.fromkeys(routes, np.inf)
+    for _ in range(repeats):
+        for name, route in routes.items():
+            begun = time.perf_counter()
+            route()
+            best[name] = min(best[name], time.perf_counter() - begun)
+    return best
+
+
+def tell(title: str, best: Mapping[str, float], first: str, note: str = "") -> None:
+    """A table: our time, and how many times it others take."""
+    print(f"\n**{title}**{': ' + note if note else ''}\n\n| route | time | × |\n|---|---|---|")
+    for name, seconds in best.items():
+        print(f"| {name} | {1e3 * seconds:.3g} ms | {seconds / best[first]:.3g} |", flush=True)
+
+
+def configurations(name: str, count: int) -> tuple:
+    """A robot, its nominal parameters and poses (count, J)."""
+    robot = wb.load("robots", name)
+    few = robot.sample(min(count, 2000), np.random.default_rng(0))
+    return robot, robot.parameters.nominal, np.resize(few, (count, few.shape[1]))
