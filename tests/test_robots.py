@@ -69,6 +69,23 @@ def test_the_wrench_in_motion_is_newton_eulers(robot):
 
 
 @each_robot
+def test_gravity_is_seen_as_the_sensor_is_turned(robot):
+    """Of one robot, of many at once, and along complex steps."""
+    rng = np.random.default_rng(7)
+    names = robot.parameters
+    q, gravity = robot.sample(9, rng), np.array([0.3, -0.4, -9.8])
+    off = names.tolerance * rng.uniform(-1.0, 1.0, (4, 1, len(names)))
+    for theta in (names.nominal, names.nominal + off, names.nominal + 1e-20j * off):
+        rotation = robot.sensor_pose(q, theta)[0]
+        seen = robot.gravity_seen(q, theta, gravity)
+        expected = np.swapaxes(rotation, -1, -2) @ gravity
+        assert seen.shape == expected.shape
+        assert np.abs((seen - expected).real).max() < 1e-13
+        assert np.abs((seen - expected).imag).max() < 1e-33
+        assert np.iscomplexobj(seen) == np.iscomplexobj(theta)
+
+
+@each_robot
 def test_the_sensor_stands_where_mujoco_puts_it(robot):
     for theta in vectors(robot)[:5]:
         q = feasible(robot, 50, theta, seed=4)

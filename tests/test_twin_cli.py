@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from test_cli import names, said
+from commanded import names, said
 from wrenchbed import registry
 from wrenchbed.cli import main
 from wrenchbed.recording import Recording

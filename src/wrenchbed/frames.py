@@ -98,6 +98,13 @@ def apply(matrix: Value, vector: Value) -> Value:
     return (matrix @ vector[..., None])[..., 0]
 
 
+def turned_back(vectors: np.ndarray, matrix: np.ndarray) -> np.ndarray:
+    """Rᵀ v of vectors (…, N, 3) for one matrix (3, 3), or for one of each batch (…, 1, 3, 3)."""
+    if matrix.ndim == 2:
+        return np.asarray(vectors @ matrix)
+    return np.asarray((vectors[..., None, :] @ matrix)[..., 0, :])
+
+
 def quaternion(matrix: np.ndarray) -> np.ndarray:
     """Rotation matrices (…, 3, 3) → quaternions w, x, y, z (…, 4) with w ≥ 0."""
     return np.asarray(Rotation.from_matrix(matrix).as_quat(canonical=True, scalar_first=True))

@@ -38,8 +38,16 @@ def identify(
     Raises:
         CalibrationError: the orientations cannot separate mass from bias.
     """
+    return identify_seen(gravity @ rotation, wrench, weight)
+
+
+def identify_seen(g: np.ndarray, wrench: np.ndarray, weight: np.ndarray | None = None) -> Load:
+    """`identify` from gravity in sensor axes (N, 3) [m/s²].
+
+    Raises:
+        CalibrationError: the orientations cannot separate mass from bias.
+    """
     w = np.ones(6) if weight is None else weight
-    g = gravity @ rotation  # in sensor axes (N, 3)
     y = np.concatenate([g, wrench], axis=1)
     mean = y.sum(axis=0) / len(y)
     mean_g, mean_y = mean[:3], mean[3:]
@@ -47,7 +55,7 @@ def identify(
     moments = y[:, :3].T @ y  # (3, 9)
     spread, mixed = moments[:, :3], moments[:, 3:]
     share = w[:3] @ spread.diagonal()
-    if not share > 1e-12 * len(g) * (gravity @ gravity) * w[:3].max():
+    if not share > 1e-12 * np.vdot(g, g) * w[:3].max():
         raise CalibrationError("all poses have one orientation: they cannot tell mass from bias")
     mass = w[:3] @ mixed.diagonal() / share
     # torque_i = ε_ijk h_j g_k, so the normal matrix is Σ_i w_i ε_ija ε_ilb spread_ab

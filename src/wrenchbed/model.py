@@ -10,7 +10,7 @@ from wrenchbed.jets import Jet, Value, value
 from wrenchbed.metadata import Metadata
 from wrenchbed.parameters import Parameter, ParameterSet
 from wrenchbed.robots.base import INERTIA_AXES, Robot
-from wrenchbed.wrench import CHANNELS, UNITS, wrench
+from wrenchbed.wrench import CHANNELS, UNITS, weight, wrench
 
 _STEP = 1e-30
 """Imaginary step of the complex-step derivative; exact to rounding however small."""
@@ -81,10 +81,12 @@ class Model:
 
         ``at`` (P,) gives the pose other parameters than ``theta`` gives the load.
         """
-        n = len(self.robot.parameters)
-        rotation, position = self.robot.sensor_pose(q, (theta if at is None else at)[..., :n])
-        tool = self.robot.tool(theta[..., :n])
-        return wrench(rotation, position, tool, np.asarray(self.gravity))
+        n, gravity = len(self.robot.parameters), np.asarray(self.gravity)
+        place, tool = (theta if at is None else at)[..., :n], self.robot.tool(theta[..., :n])
+        if not isinstance(q, Jet):
+            return weight(self.robot.gravity_seen(q, place, gravity), tool)
+        rotation, position = self.robot.sensor_pose(q, place)
+        return wrench(rotation, position, tool, gravity)
 
     def read(self, load: np.ndarray, theta: np.ndarray) -> np.ndarray:
         """What the sensor makes of a load (…, N, 6): its force gains and its bias."""
@@ -143,7 +145,7 @@ class Model:
         shifted = np.tile(theta.astype(complex), (len(columns), 1))
         shifted[np.arange(len(columns)), list(columns)] += 1j * _STEP
         parts = [self._linear(x) for x in shifted]
-        seen = gravity @ self.robot.sensor_pose(q, theta[:own])[0]
+        seen = self.robot.gravity_seen(q, theta[:own], gravity)
         slopes = np.stack([m.imag / _STEP for m, _ in parts])
         result = seen @ slopes + np.stack([b.imag / _STEP for _, b in parts])[:, None]
         result[moving] += np.moveaxis(turned, -1, 0) @ self._linear(theta)[0]

@@ -4,7 +4,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from wrenchbed.errors import CalibrationError
-from wrenchbed.identify import identify
+from wrenchbed.identify import identify_seen
 from wrenchbed.jets import Jet
 from wrenchbed.model import Model
 from wrenchbed.observations import Observations
@@ -16,14 +16,14 @@ def begin(model: Model, theta: np.ndarray, data: Observations, free: tuple[int, 
     if not {"sensor.bias.fx", "tool.mass"} <= names or isinstance(data.q, Jet):
         return theta
     n = len(model.robot.parameters)
-    rotation, _ = model.robot.sensor_pose(data.q, theta[:n])
-    load = identify(rotation, data.wrench, np.asarray(model.gravity))
+    gravity = np.asarray(model.gravity)
+    seen = model.robot.gravity_seen(data.q, theta[:n], gravity)
+    load = identify_seen(seen, data.wrench)
     if load.mass <= 0:
         if not {f"mount.rotation.{a}" for a in "xyz"} <= names:
             raise opposite(load.mass)
-        theta = _turned(model, theta, data, rotation, load.mass)
-        rotation, _ = model.robot.sensor_pose(data.q, theta[:n])
-        load = identify(rotation, data.wrench, np.asarray(model.gravity))
+        theta = _turned(model, theta, data, seen, load.mass)
+        load = identify_seen(model.robot.gravity_seen(data.q, theta[:n], gravity), data.wrench)
     start = theta.copy()
     start[:n] = model.robot.theta_of_tool(theta[:n], load.mass, list(load.cog))
     start[n : n + 6] = load.bias
@@ -33,13 +33,12 @@ def begin(model: Model, theta: np.ndarray, data: Observations, free: tuple[int, 
 
 
 def _turned(
-    model: Model, theta: np.ndarray, data: Observations, rotation: np.ndarray, mass: float
+    model: Model, theta: np.ndarray, data: Observations, g: np.ndarray, mass: float
 ) -> np.ndarray:
     """The sensor's mount turned to where forces and gravity agree best; a reflection is refused.
 
     Orthogonal Procrustes problem: Schönemann 1966, doi 10.1007/BF02289451.
     """
-    g = np.asarray(model.gravity) @ rotation
     force = data.wrench[:, :3]
     link = np.linalg.lstsq(g - g.mean(axis=0), force - force.mean(axis=0), rcond=1e-6)[0]
     if not np.linalg.det(link) > 0:

@@ -46,8 +46,12 @@ def wrench(rotation: Value, position: Value, tool: Tool, gravity: np.ndarray) ->
     """
     if isinstance(rotation, Jet):
         return _moving(rotation, position, tool, gravity)
-    g = _transposed(rotation) @ gravity
-    return _join(tool, _scale(tool.mass, g), _scale(tool.sensor_mass, g))
+    return weight(_transposed(rotation) @ gravity, tool)
+
+
+def weight(seen: np.ndarray, tool: Tool) -> np.ndarray:
+    """Load on the sensor (…, N, 6) [N, N·m] at rest in gravity that it sees as (…, N, 3) [m/s²]."""
+    return _join(tool, _scale(tool.mass, seen), _scale(tool.sensor_mass, seen))
 
 
 def physical_inertia(inertia: Sequence[float] | np.ndarray) -> bool:

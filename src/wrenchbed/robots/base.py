@@ -83,6 +83,10 @@ class Robot(Arm):
         """
         raise NotFoundError(f"robot {self.name!r} has no tool tip in its model")
 
+    def gravity_seen(self, q: np.ndarray, theta: np.ndarray, gravity: np.ndarray) -> np.ndarray:
+        """Gravity in sensor axes (…, N, 3) [m/s²] of gravity in world axes (3,), by the pose."""
+        return np.asarray(np.swapaxes(self.sensor_pose(q, theta)[0], -1, -2) @ gravity)
+
     def gravity_slopes(
         self, q: np.ndarray, theta: np.ndarray, gravity: np.ndarray, names: Sequence[str]
     ) -> np.ndarray | None:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wrenchbed.frames import apply, euler, rot_x_of, rot_y_of, rot_z_of
+from wrenchbed.frames import apply, euler, rot_x_of, rot_y_of, rot_z_of, turned_back
 from wrenchbed.jets import Value, atan2, cos, sin, sqrt, stack, value
 from wrenchbed.robots.base import Values
 
@@ -72,6 +72,13 @@ def support(p: Values, q: Value, left: FiveBar, right: FiveBar) -> tuple[Value, 
 def wrist(p: Values, q: Value, left: FiveBar, right: FiveBar) -> Wrist:
     """The wrist frame in the base frame (Equations 12–16)."""
     e1, e2, u, origin = support(p, q, left, right)
+    gamma, beta, alpha = _turns(p, q, left, u)
+    rotation = rot_x_of(*gamma) @ rot_y_of(*beta) @ rot_z_of(*alpha)
+    return Wrist(e1, e2, u, rotation, origin)
+
+
+def _turns(p: Values, q: Value, left: FiveBar, u: Value) -> tuple[tuple[Value, Value], ...]:
+    """Cosine and sine of γ, β and α (…, N)."""
     q6 = q[..., 5] + p["dq6"]
     link = (left.E - left.D) * (1.0 / p["L14"])[..., None]
     c, s = link[..., 0], link[..., 1]
@@ -80,8 +87,21 @@ def wrist(p: Values, q: Value, left: FiveBar, right: FiveBar) -> Wrist:
     c_alpha = sqrt(1.0 - s_alpha * s_alpha)
     psi = u[..., 1] * s_gamma - u[..., 2] * c_gamma
     s_beta, c_beta = psi / c_alpha, sqrt(c_alpha * c_alpha - psi * psi) / c_alpha
-    rotation = rot_x_of(c_gamma, s_gamma) @ rot_y_of(c_beta, s_beta) @ rot_z_of(c_alpha, s_alpha)
-    return Wrist(e1, e2, u, rotation, origin)
+    return (c_gamma, s_gamma), (c_beta, s_beta), (c_alpha, s_alpha)
+
+
+def gravity_seen(p: Values, q: np.ndarray, gravity: np.ndarray) -> np.ndarray:
+    """R_world_sensorᵀ g (…, N, 3) [m/s²], turned angle by angle: half the work of a pose."""
+    left = five_bar(p, 1, q[..., 1], q[..., 2])
+    right = five_bar(p, 2, q[..., 3], q[..., 4])
+    gamma, beta, alpha = _turns(p, q, left, support(p, q, left, right)[2])
+    base = euler(p["alpha0"], p["beta0"], p["gamma0"])
+    mount = euler(p["alphaS"], p["betaS"], p["gammaS"])
+    x, y, z = np.moveaxis(gravity @ base, -1, 0)
+    y, z = gamma[0] * y + gamma[1] * z, gamma[0] * z - gamma[1] * y
+    x, z = beta[0] * x - beta[1] * z, beta[0] * z + beta[1] * x
+    x, y = alpha[0] * x + alpha[1] * y, alpha[0] * y - alpha[1] * x
+    return turned_back(np.stack(np.broadcast_arrays(x, y, z), axis=-1), mount)
 
 
 def sensor_pose(p: Values, q: Value) -> tuple[Value, Value]:

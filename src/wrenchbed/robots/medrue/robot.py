@@ -57,6 +57,9 @@ class MedRUE(SimulatedRobot):
         """R_world_tool (…, N, 3, 3) and the probe's position in the world (…, N, 3) [m]."""
         return kinematics.tool_pose(self.values(theta), q)
 
+    def gravity_seen(self, q: np.ndarray, theta: np.ndarray, gravity: np.ndarray) -> np.ndarray:
+        return kinematics.gravity_seen(self.values(theta), q, gravity)
+
     def gravity_slopes(
         self, q: np.ndarray, theta: np.ndarray, gravity: np.ndarray, names: Sequence[str]
     ) -> np.ndarray:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wrenchbed.frames import apply, cross, exp, exp_rates, rot_x, rot_z
+from wrenchbed.frames import apply, cross, exp, exp_rates, rot_x, rot_z, turned_back
 from wrenchbed.jets import Jet, Value, cos, sin, stack
 from wrenchbed.parameters import Parameter, ParameterSet
 from wrenchbed.robots.base import (
@@ -118,6 +118,18 @@ class UR5(LoadInSensorAxes, SimulatedRobot):
         if theta[..., _TURN].any():
             rotation = rotation @ _mount(theta)
         return rotation, position
+
+    def gravity_seen(self, q: np.ndarray, theta: np.ndarray, gravity: np.ndarray) -> np.ndarray:
+        """Turned from joint to joint: less than half the work of a pose."""
+        _, _, alpha, dq = (theta[..., six] for six in _DH)
+        angle, twist = np.ascontiguousarray(np.moveaxis(q + dq, -1, 0)), np.moveaxis(alpha, -1, 0)
+        x, y, z = np.moveaxis(gravity @ _base(theta), -1, 0)
+        turns = (np.cos(angle), np.sin(angle), np.cos(twist), np.sin(twist))
+        for c, s, ca, sa in zip(*turns, strict=True):
+            x, y = c * x + s * y, c * y - s * x
+            y, z = ca * y + sa * z, ca * z - sa * y
+        seen = np.stack([x, y, z], axis=-1)
+        return turned_back(seen, _mount(theta)) if theta[..., _TURN].any() else seen
 
     def links(self, q: np.ndarray, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         centres = np.empty((len(q), len(LINKS), 3))
