@@ -72,7 +72,7 @@ def test_a_controller_that_does_not_obey_is_named_in_time(
     "where, kind", [("rtde", "unlisten"), ("dashboard", "unlisten"), ("script", "unlisten")]
 )
 def test_a_controller_that_is_late_is_waited_for(refusing, where, kind):
-    driver = fresh()
+    driver = fresh(attempts=5)  # with pauses of 1.5 s in all
     with contextlib.closing(driver):
         driver.connect() if where != "rtde" else None
         refusing.fault(where, kind, seconds=0.4)
