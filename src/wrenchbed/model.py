@@ -142,22 +142,22 @@ class Model:
         )
         if turned is None:
             return None
-        shifted = np.tile(theta.astype(complex), (len(columns), 1))
-        shifted[np.arange(len(columns)), list(columns)] += 1j * _STEP
-        parts = [self._linear(x) for x in shifted]
-        seen = self.robot.gravity_seen(q, theta[:own], gravity)
-        slopes = np.stack([m.imag / _STEP for m, _ in parts])
-        result = seen @ slopes + np.stack([b.imag / _STEP for _, b in parts])[:, None]
-        result[moving] += np.moveaxis(turned, -1, 0) @ self._linear(theta)[0]
+        shifted = np.tile(theta.astype(complex), (len(columns), 1, 1))
+        shifted[np.arange(len(columns)), 0, list(columns)] += 1j * _STEP
+        slopes, offset = (part.imag / _STEP for part in self._linear(shifted))
+        result = self.robot.gravity_seen(q, theta[:own], gravity) @ slopes
+        result += offset
+        here, _ = self._linear(theta)
+        for k, column in enumerate(moving):
+            result[column] += turned[:, :, k] @ here
         return np.moveaxis(result, 0, -1)
 
     def _linear(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Reading at rest = γ·M + b: M (3, 6) and b (6,)."""
-        tool, here = self.robot.tool(theta[: len(self.robot.parameters)]), np.eye(3)[None]
+        """Reading at rest = γ·M + b: M (…, 3, 6) and b (…, 1, 6), of one robot or (K, 1, P)."""
         axes = np.vstack([np.eye(3), np.zeros(3)])
-        loads = [wrench(here, np.zeros((1, 3)), tool, g) for g in axes]
-        rows = self.read(np.concatenate(loads), theta)
-        return rows[:3] - rows[3], rows[3]
+        tool = self.robot.tool(theta[..., : len(self.robot.parameters)])
+        rows = self.read(weight(axes, tool), theta)
+        return rows[..., :3, :] - rows[..., 3:, :], rows[..., 3:, :]
 
     def _moves_pose(self, column: int) -> bool:
         """Whether the sensor's pose depends on a parameter; the others cost no kinematics."""

@@ -87,6 +87,7 @@ def gravity_slopes(
     z = v / size
     axes = np.stack([u, _cross(z, u), z])
     down = gravity @ base
+    by_dz, by_du = _cross(u, down), _cross(down, z)  # of downᵀ dy, as y = z × u
     result = np.zeros((len(names), len(q), 3))
     for k, name in enumerate(names):
         if name in _TURNS["base"]:
@@ -111,8 +112,8 @@ def gravity_slopes(
         du = (du - u * _dot(u, du)) / length
         dv = _across(du, c, s) + turn * _across(u, -s, c)
         dz = (dv - z * _dot(z, dv)) / size
-        dy = _cross(dz, u) + _cross(z, du)
-        result[k] = np.stack([down @ du, down @ dy, down @ dz], axis=1) @ mount
+        seen = [down @ du, _dot(by_dz, dz) + _dot(by_du, du), down @ dz]
+        np.matmul(np.stack(seen, axis=1), mount, out=result[k])
     return np.moveaxis(result, 0, -1)
 
 
