@@ -1,7 +1,8 @@
-"""What benchmarks share: interleaved repeats, tables in Markdown, configurations."""
+"""What benchmarks share: interleaved repeats, tables in Markdown, configurations, an arm."""
 
 import time
 from collections.abc import Callable, Mapping
+from typing import Any
 
 import numpy as np
 
@@ -31,3 +32,13 @@ def configurations(name: str, count: int) -> tuple:
     robot = wb.load("robots", name)
     few = robot.sample(min(count, 2000), np.random.default_rng(0))
     return robot, robot.parameters.nominal, np.resize(few, (count, few.shape[1]))
+
+
+def arm(pin: Any, p: Mapping[str, Any]) -> tuple[Any, int, Any]:
+    """The UR5 in pinocchio: the model, its last joint and the flange's place at it."""
+    model, joint, place = pin.Model(), 0, pin.SE3.Identity()
+    for i in range(1, 7):
+        joint = model.addJoint(joint, pin.JointModelRZ(), place, f"q{i}")
+        offset = np.array([p[f"a{i}"], 0.0, p[f"d{i}"]])
+        place = pin.SE3(pin.utils.rotate("x", p[f"alpha{i}"]), offset)
+    return model, joint, place

@@ -1,6 +1,6 @@
 """Holds: the rows of a recording at rest, gathered pose by pose, with the noise they show."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -66,19 +66,31 @@ def gather(recording: Recording, keep: np.ndarray) -> Holds:
     count = np.diff(np.append(starts, len(t)))
 
     def mean(name: str) -> np.ndarray:
-        return np.asarray(np.add.reduceat(column(name), starts) / count)
+        return np.asarray(np.add.reduceat(column(name), starts, dtype=float) / count)
 
     middle, wrench = (np.stack([mean(n) for n in some], axis=1) for some in (names, CHANNELS))
     dof = len(t) - len(starts)
     covariance = None
     if dof > 0:
-        rows, total = [column(c) for c in CHANNELS], np.zeros((6, 6))
-        for some, at in parts(count):
-            scatter = np.stack([y[at] for y in rows], axis=1)
-            scatter -= np.repeat(wrench[some], count[some], axis=0)
-            total += scatter.T @ scatter
-        covariance = total / dof
+        rows = [column(c) for c in CHANNELS]
+        covariance = sum(away.T @ away for _, away in about_means(rows, wrench, count)) / dof
     return Holds(mean("t"), middle, wrench, count, covariance, dof, starts)
+
+
+def about_means(
+    rows: Sequence[np.ndarray], mean: np.ndarray, count: np.ndarray
+) -> Iterator[tuple[slice, np.ndarray]]:
+    """Rows about their hold's mean (n, 6), a number of whole holds at a time: which, and theirs.
+
+    Args:
+        rows: six channels (N,) [N, N·m].
+        mean: of each hold (H, 6).
+        count: rows of each hold (H,).
+    """
+    for some, at in parts(count):
+        away = np.stack([y[at] for y in rows], axis=1, dtype=float)
+        away -= np.repeat(mean[some], count[some], axis=0)
+        yield some, away
 
 
 def parts(count: np.ndarray) -> Iterator[tuple[slice, slice]]:

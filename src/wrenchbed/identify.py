@@ -42,7 +42,12 @@ def identify(
 
 
 def identify_seen(g: np.ndarray, wrench: np.ndarray, weight: np.ndarray | None = None) -> Load:
-    """`identify` from gravity in sensor axes (N, 3) [m/s²].
+    """`identify` from gravity in sensor axes.
+
+    Args:
+        g: gravity in sensor axes (N, 3) [m/s²].
+        wrench: readings at rest (N, 6) [N, N·m].
+        weight: inverse variance of each channel (6,), equal if None.
 
     Raises:
         CalibrationError: the orientations cannot separate mass from bias.

@@ -94,6 +94,7 @@ class Plant:
         """`follow` for many samples: targets (N, S, J), each sample `seconds` long; (N, …) of each.
 
         MuJoCo steps through all of them by itself and tells states and sensors of every step.
+        Forces applied from outside do not act: `mujoco.rollout` clears them.
         """
         model, data, every = self.model, self.data, ways.shape[1]
         model.opt.timestep = seconds / every

@@ -32,8 +32,8 @@ class Recording:
 
     Attributes:
         metadata: what is stated about robot, tool and sensor.
-        columns: read-only arrays, SI units; unknown columns are kept. Arrays that are already
-            read-only are taken as they are, others are copied.
+        columns: read-only arrays, SI units; unknown columns are kept. Arrays that
+            nobody can write are taken as they are, others are copied.
         name: file name for messages.
     """
 
@@ -109,7 +109,11 @@ class Recording:
 
 
 def _frozen(array: np.ndarray) -> np.ndarray:
-    if isinstance(array, np.ndarray) and not array.flags.writeable:
+    """A read-only array as it is, unless it looks into one that may be written; else a copy."""
+    seen: object = array
+    while isinstance(seen, np.ndarray) and not seen.flags.writeable:
+        seen = seen.base
+    if isinstance(array, np.ndarray) and not isinstance(seen, np.ndarray):
         return array
     array = np.array(array)
     array.flags.writeable = False

@@ -1,7 +1,7 @@
 """Parts of long recordings that show what all of it would, at a cost that no length exceeds.
 
-A motion's cost grows with its rows (1 ms and 30 kB each); at rest poses are averaged, but what
-happens between rows is looked for in rows.
+A motion's cost grows with its rows (1 ms and 30 kB each); at rest, and in motion without joints,
+rows are averaged, but what happens between rows is looked for in rows.
 """
 
 from collections.abc import Sequence
@@ -13,35 +13,39 @@ from wrenchbed.holds import gather
 from wrenchbed.recording import Recording
 
 MOTION = 60_000
-"""Rows of a motion that are diagnosed: 8 min at 125 Hz."""
+"""Rows of a motion with joints that are diagnosed: 8 min at 125 Hz."""
 ROWS = 1_000_000
 """Rows between which things are looked for: they tell a share or a variance to about 0.1 %."""
-LEAST_IN_HOLD = 200
-"""Rows of a pose at least, before poses are left out."""
+LEAST_IN_HOLD, RUNS = 200, 100
+"""Last rows of every pose at least; else so many runs of rows, whatever the poses."""
 
 
 def stretch(recording: Recording) -> Recording:
-    """The recording, or the middle of a longer motion: `MOTION` rows."""
+    """The recording, or the middle of a longer motion with joints: `MOTION` rows."""
     spare = len(recording) - MOTION
-    if recording.metadata.mode != "dynamic" or spare <= 0:
+    if recording.metadata.mode != "dynamic" or not recording.joints or spare <= 0:
         return recording
     return _rows(recording, slice(spare // 2, spare // 2 + MOTION))
 
 
 def excerpt(recording: Recording) -> Recording:
-    """The recording, or of a longer one at most `ROWS` rows, each beside its neighbours.
+    """The recording, or of a longer one at most `ROWS` rows, in runs without a gap.
 
-    The first rows of every pose, or whole poses where these would be few.
+    At rest the last rows of every pose, as after a move the tool may still ring, or where these
+    would be few, evenly spread runs; in motion one run from the middle.
     """
     n = len(recording)
     if n <= ROWS:
         return recording
+    if recording.metadata.mode == "dynamic":
+        return _rows(recording, slice((n - ROWS) // 2, (n - ROWS) // 2 + ROWS))
     count = gather(recording, np.ones(n, dtype=bool)).count
-    head = ROWS // len(count)
-    if head >= LEAST_IN_HOLD:
-        return _rows(recording, np.arange(n) - np.repeat(np.cumsum(count) - count, count) < head)
-    chosen = np.arange(len(count)) % int(np.ceil(n / ROWS)) == 0
-    return _rows(recording, np.repeat(chosen, count))
+    last = ROWS // len(count)
+    if last >= LEAST_IN_HOLD:
+        return _rows(recording, np.repeat(np.cumsum(count), count) - np.arange(n) <= last)
+    size = ROWS // RUNS
+    begins = np.linspace(0, n - size, RUNS).astype(int)
+    return _rows(recording, (begins[:, None] + np.arange(size)).ravel())
 
 
 def notes(whole: Recording, used: Recording, looked: Recording) -> Sequence[str]:
@@ -50,7 +54,7 @@ def notes(whole: Recording, used: Recording, looked: Recording) -> Sequence[str]
         first, last = used.t[0] - whole.t[0], used.t[-1] - whole.t[0]
         return (
             f"of {len(whole):,} rows of motion, {len(used):,} were diagnosed, from {first:.0f} s "
-            f"to {last:.0f} s: what changes over longer times, such as drift, is not seen",
+            f"to {last:.0f} s: what happens outside it, or over longer times, is not seen",
         )
     if len(looked) < len(used):
         share = f"{len(looked):,} of {len(used):,} rows"

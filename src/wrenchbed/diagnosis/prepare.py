@@ -11,7 +11,7 @@ from wrenchbed.chain import respond
 from wrenchbed.diagnosis import checks, scenery, spectrum
 from wrenchbed.diagnosis.lattice import repeats
 from wrenchbed.errors import DiagnosisError
-from wrenchbed.holds import parts
+from wrenchbed.holds import about_means
 from wrenchbed.jets import Jet, value
 from wrenchbed.model import Model
 from wrenchbed.observations import Observations, observe, usable
@@ -233,10 +233,8 @@ def _scatter(recording: Recording, data: Observations) -> np.ndarray:
     keep = usable(recording)
     rows = [y if keep.all() else y[keep] for y in (recording.columns[c] for c in CHANNELS)]
     products = np.empty((len(data), 6, 6))
-    for some, at in parts(data.count):
+    for some, away in about_means(rows, data.wrench, data.count):
         count = data.count[some]
-        away = np.stack([y[at] for y in rows], axis=1)
-        away -= np.repeat(data.wrench[some], count, axis=0)
         starts = np.cumsum(count) - count
         for j, k in combinations_with_replacement(range(6), 2):
             mean = np.add.reduceat(away[:, j] * away[:, k], starts) / count

@@ -10,8 +10,8 @@ from wrenchbed.serving.surface import tip_of
 _STEP, _DAMPING = 1e-6, 1e-6
 _FAR = 0.006
 """Way of the tip after which the Jacobian is evaluated anew [m], and what was missed meanwhile,"""
-_MADE_UP = 10
-"""which the next moves, so many, make up for."""
+_MADE_UP, _OFTEN = 10, 50
+"""which the next moves, so many, make up for; in slow motion after so many moves."""
 
 
 class Hand:
@@ -40,7 +40,7 @@ class Hand:
 
         At a limit of the joints or of the workspace it stands still.
         """
-        if self._gone >= _FAR:
+        if self._gone >= _FAR or self._age >= _OFTEN:
             self._look()
         twist = self._back.copy() if self._age < _MADE_UP else np.zeros(6)
         twist[:3] += way

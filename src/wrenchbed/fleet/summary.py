@@ -135,13 +135,14 @@ def _diagnosis(table: pa.Table) -> Section:
     if curves:
         x = "mean square change of a reading [variances of a row's noise]"
         svg = lines(curves, x, "robots [%]", percent=True, log_x=True)
-        parts.append(Figure("detection", "Detection against what the effect changes", svg))
+        title = "Detection against what the effect changes; the first point holds all below 0.01"
+        parts.append(Figure("detection", title, svg))
     told = (
         f"{int((~shows).sum())} robots are left out of the table whose effect changes the readings "
         "by less than a row's noise: a joint whose axis is vertical does not give under weight. "
         "Right: the true effect is identified, or rightly none. Named: it is among the claimed "
-        "causes or their rivals. Held: it is named, or the diagnosis says that this data cannot "
-        "tell it from what it names (one tool's mass makes all that a gain of all channels makes). "
+        "causes or their rivals. Held: it is named, or the diagnosis says that it looks the same "
+        "as what it names, or can make all of that (as a gain can of one tool's mass). "
         "Robots of a campaign have effects of the library's own form; the sealed benchmark judges "
         "by a physics that shares no code with it."
     )
@@ -162,7 +163,7 @@ def _by_change(
     added: np.ndarray, hits: Mapping[str, np.ndarray]
 ) -> dict[str, tuple[list[float], list[float]]]:
     """Shares [%] by name, decade by decade of what is added; none of fewer than two decades."""
-    decade = np.floor(np.log10(np.clip(added, 1e-3, 5e3)))
+    decade = np.floor(np.log10(np.maximum(added, 1e-3)))
     filled = np.unique(decade[np.isfinite(decade)])
     if len(filled) < 2:
         return {}

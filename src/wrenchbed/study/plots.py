@@ -117,11 +117,18 @@ def histograms(
     *,
     log: bool = False,
 ) -> str:
-    """Side by side, each with one or more distributions by name; ``log``: of positive numbers."""
+    """Side by side, each with one or more distributions (N,) by name.
+
+    Args:
+        panels: values by name, by the panel's title.
+        x, y: what the axes show.
+        log: x in decades; of positive numbers only.
+    """
     with canvas((7.4, 2.9), len(panels)) as (figure, axes):
         for ax, (title, data) in zip(axes, panels.items(), strict=True):
             for colour, (name, values) in zip((BLUE, ORANGE), data.items(), strict=False):
-                bins = np.geomspace(values.min(), values.max(), 51) if log else 50
+                low, high = values.min() / 1.05, values.max() * 1.05
+                bins = np.geomspace(low, high, 51) if log else 50
                 ax.hist(values, bins=bins, color=colour, alpha=0.75, label=name)
             if log:
                 ax.set_xscale("log")
