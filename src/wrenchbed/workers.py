@@ -5,9 +5,10 @@ import os
 import signal
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager, suppress
+from typing import Any
 
 _WATCH_S = 0.5
 CHILDREN: set[int] = set()
@@ -16,12 +17,19 @@ _ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
 @contextmanager
-def workers(count: int) -> Iterator[ProcessPoolExecutor]:
-    """A pool whose waiting work is dropped when something goes wrong."""
+def workers(
+    count: int, begin: Callable[..., None] | None = None, *given: Any
+) -> Iterator[ProcessPoolExecutor]:
+    """A pool whose waiting work is dropped when something goes wrong.
+
+    Args:
+        count: processes, at least one.
+        begin: called once in each, with ``given``.
+    """
     before = {k: os.environ.get(k) for k in _ONE_THREAD}
     os.environ.update(dict.fromkeys(_ONE_THREAD, "1"))  # read when a worker loads numpy
     context = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(max(1, count), mp_context=context, initializer=_begin)
+    pool = ProcessPoolExecutor(max(1, count), context, _begin, (begin, given))
     try:
         yield pool
     except BaseException:
@@ -37,9 +45,11 @@ def workers(count: int) -> Iterator[ProcessPoolExecutor]:
                 os.environ[key] = value
 
 
-def _begin() -> None:
+def _begin(begin: Callable[..., None] | None, given: tuple[Any, ...]) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent stops us
     threading.Thread(target=_follow, args=(os.getppid(),), daemon=True).start()
+    if begin is not None:
+        begin(*given)
 
 
 def _follow(parent: int) -> None:

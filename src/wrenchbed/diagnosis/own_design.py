@@ -4,8 +4,7 @@ import hashlib
 import json
 import os
 from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from multiprocessing import get_context
+from concurrent.futures import as_completed
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +20,7 @@ from wrenchbed.lookalikes import Design, draw
 from wrenchbed.lookalikes import recording as measured
 from wrenchbed.parquet import FORMAT
 from wrenchbed.recording import Recording
+from wrenchbed.workers import workers
 
 KINDS = ("single",) * 6 + ("none",) * 2 + ("outside",) * 1 + ("pair",) * 1
 """Kinds of ten cases in a row."""
@@ -67,7 +67,7 @@ def at_design_of(
     todo = [k for k in range(count) if k not in known]
     told(count - len(todo), count)
     if todo:
-        with ProcessPoolExecutor(processes, get_context("spawn"), _begin, (design, seed)) as pool:
+        with workers(processes, _begin, design, seed) as pool:
             waiting = [pool.submit(_case, k) for k in todo]
             for done, future in enumerate(as_completed(waiting), start=count - len(todo) + 1):
                 row = future.result()

@@ -2,18 +2,17 @@
 
 import hashlib
 import os
-import signal
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
+from concurrent.futures import as_completed
 from functools import cache
 from importlib.resources import files
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
 import pyarrow as pa
 import pyarrow.parquet as pq
+
+from wrenchbed.workers import workers as pool_of
 
 Row = dict[str, Any]
 Work = Callable[[Any, int], list[Row]]
@@ -59,20 +58,10 @@ def run(
             missing.append(i)
     if missing:
         count = min(workers or os.cpu_count() or 1, len(missing))
-        with (
-            _one_thread_each(),
-            ProcessPoolExecutor(
-                count, get_context("spawn"), initializer=_share, initargs=(shared,)
-            ) as pool,
-        ):
-            waiting = {pool.submit(_one, work, i, paths[i]): i for i in missing}
-            try:
-                for done in as_completed(waiting):
-                    done.result()
-                    tell(1)
-            except BaseException:
-                pool.shutdown(cancel_futures=True)
-                raise
+        with pool_of(count, _share, shared) as pool:
+            for done in as_completed([pool.submit(_one, work, i, paths[i]) for i in missing]):
+                done.result()
+                tell(1)
     return pa.concat_tables([pq.read_table(path) for path in paths.values()])
 
 
@@ -89,7 +78,6 @@ _SHARED: list[Any] = []
 
 
 def _share(shared: Any) -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # a part in work is finished, the parent stops
     _SHARED[:] = [shared]
 
 
@@ -98,19 +86,3 @@ def _one(work: Work, number: int, path: Path) -> None:
     partial = path.with_suffix(".partial")
     pq.write_table(table, partial)
     partial.replace(path)
-
-
-@contextmanager
-def _one_thread_each() -> Iterator[None]:
-    """Children inherit the environment: a process a core, each with one BLAS thread."""
-    names = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-    before = {n: os.environ.get(n) for n in names}
-    os.environ.update(dict.fromkeys(names, "1"))
-    try:
-        yield
-    finally:
-        for n, value in before.items():
-            if value is None:
-                os.environ.pop(n, None)
-            else:
-                os.environ[n] = value
