@@ -33,7 +33,9 @@ def test_the_python_lines_run(tmp_path):
 def test_the_shell_lines_run(tmp_path):
     shell = blocks("sh")[1]
     data = ROOT / "tests" / "data" / "ntnu_kuka_ati_gamma"
-    (tmp_path / "truth.json").write_text('{"tool.mass": 1.42}')
+    example = Path("models", "ur5", "example.json")
+    (tmp_path / example).parent.mkdir(parents=True)
+    (tmp_path / example).write_bytes((ROOT / example).read_bytes())
     raw = (data / "static.toml").read_text().replace("0-calibration_fts-accel.csv", "data.csv")
     (tmp_path / "map.toml").write_text(raw)
     (tmp_path / "data.csv").write_bytes((data / "0-calibration_fts-accel.csv").read_bytes())

@@ -234,7 +234,7 @@ def test_the_summary_tells_errors_coverage_and_detection(tmp_path):
     )
     assert "| none | 10 | 100 | – | – | 100 |" in text
     assert (
-        page.summary["right"] == pytest.approx(38 / 39)
+        page.summary["right, of those that show"] == pytest.approx(38 / 39)
         and page.summary["force_after_median [mN]"] == 100.0
     )
 

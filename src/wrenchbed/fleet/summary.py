@@ -44,13 +44,13 @@ def figures(table: pa.Table) -> dict[str, float | None]:
     for what, scale, unit in _ERRORS:
         for when in ("before", "after"):
             values = scale * numbers(table, f"{what}.{when}")
-            if np.isfinite(values).any():
+            if np.isfinite(values).any() and np.nanmax(values) > 0.0:
                 told[f"{what}_{when}_median [{unit}]"] = float(np.nanmedian(values))
-    inside = numbers(table, "inside95")
-    told["inside95"] = float(np.nanmean(inside)) if np.isfinite(inside).any() else None
+    inside = numbers(table, "inside95")[text(table, "effect") == ""]
+    told["inside95, no effect"] = float(np.nanmean(inside)) if np.isfinite(inside).any() else None
     right = numbers(table, "right")[seen(table)]
     if np.isfinite(right).any():
-        told["right"] = float(np.nanmean(right))
+        told["right, of those that show"] = float(np.nanmean(right))
     return told
 
 
@@ -77,6 +77,8 @@ def _calibration(table: pa.Table) -> Section:
             continue
         for when, values in (("before", before), ("after", after)):
             known = values[np.isfinite(values)]
+            if not known.any():  # no parameter varies: nothing is wrong before
+                continue
             cells = np.percentile(known, _QUANTILES)
             rows.append((f"{what} {when} [{unit}]", *cells, float(np.sqrt(np.mean(known**2)))))
         shown = after[after > 0.0]
@@ -139,7 +141,7 @@ def _diagnosis(table: pa.Table) -> Section:
         parts.append(Figure("detection", title, svg))
     told = (
         f"{int((~shows).sum())} robots are left out of the table whose effect changes the readings "
-        "by less than a row's noise: a joint whose axis is vertical does not give under weight. "
+        "by less than a row's noise, such as a joint's that has a vertical axis and does not give. "
         "Right: the true effect is identified, or rightly none. Named: it is among the claimed "
         "causes or their rivals. Held: it is named, or the diagnosis says that it looks the same "
         "as what it names, or can make all of that (as a gain can of one tool's mass). "
