@@ -1,29 +1,17 @@
 """An accelerometer beside the sensor: what it says of a tilt, on simulated and refused data."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
-from wrenchbed import column_map
+from ntnu import GRAVITY, STD, static
 from wrenchbed.diagnosis import accelerometer
 from wrenchbed.diagnosis.diagnose import diagnose
 from wrenchbed.frames import cross, quaternion
-from wrenchbed.importing import import_files
 from wrenchbed.metadata import Metadata, SensorInfo
 from wrenchbed.model import Model
 from wrenchbed.recording import Recording
 from wrenchbed.robots.oriented import ROBOT
-
-DATA = Path(__file__).parent / "data" / "ntnu_kuka_ati_gamma"
-CHANNELS = ("fx", "fy", "fz", "tx", "ty", "tz")
-STD = np.array([0.0351, 0.0211, 0.0750, 0.00116, 0.00187, 0.000257])
-GRAVITY = np.array([0.0, 0.0, -9.82085])
-
-
-def static() -> Recording:
-    mapping = column_map.read(DATA / "static.toml")
-    return import_files([DATA / "0-calibration_fts-accel.csv"], mapping).recording
+from wrenchbed.wrench import CHANNELS
 
 
 def readings(rotation, rng, tilt=(0.0, 0.0), noise=0.02):

@@ -1,11 +1,11 @@
 """The diagnosis on a real robot: A. Skrede, NTNU 2024, doi 10.5281/zenodo.11096791."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
+from ntnu import DATA, STD, static
 from wrenchbed import column_map
 from wrenchbed.diagnosis import accelerometer, apart, oriented, touching, trembling, witness
 from wrenchbed.diagnosis.diagnose import diagnose
@@ -14,17 +14,9 @@ from wrenchbed.frames import cross
 from wrenchbed.importing import import_files
 from wrenchbed.metadata import SensorInfo
 from wrenchbed.recording import Recording
+from wrenchbed.wrench import CHANNELS
 
-DATA = Path(__file__).parent / "data" / "ntnu_kuka_ati_gamma"
 RUNS = {1: "1-baseline", 2: "2-vibrations", 3: "3-vibrations-contact"}
-CHANNELS = ("fx", "fy", "fz", "tx", "ty", "tz")
-STD = np.array([0.0351, 0.0211, 0.0750, 0.00116, 0.00187, 0.000257])
-GRAVITY = np.array([0.0, 0.0, -9.82085])
-
-
-def static() -> Recording:
-    mapping = column_map.read(DATA / "static.toml")
-    return import_files([DATA / "0-calibration_fts-accel.csv"], mapping).recording
 
 
 def motion(run: int) -> Recording:
