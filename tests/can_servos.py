@@ -6,7 +6,7 @@ import time
 import numpy as np
 
 from wrenchbed.errors import LinkError
-from wrenchbed.health import Health
+from wrenchbed.hardware.device import Health
 
 T = 0.004
 RAMP = 3e5

@@ -5,9 +5,9 @@ from functools import cache
 import numpy as np
 
 from wrenchbed import registry
-from wrenchbed.chain import Active, respond
-from wrenchbed.jets import Jet
-from wrenchbed.scene import Scene
+from wrenchbed.effects.chain import ActiveEffect, respond
+from wrenchbed.effects.scene import Scene
+from wrenchbed.physics.taylor import Jet
 
 NAMES = registry.names("effects")
 SCENES = ("ur5 static", "ur5 motion", "medrue static", "oriented static")
@@ -93,7 +93,7 @@ def columns(name, label):
 def change(name, label, given):
     """What an effect with the given values adds to the readings (M, 6)."""
     scene = scene_of(label)
-    return respond(scene, [Active.of(scene.robot, name, given)]) - plain(label)
+    return respond(scene, [ActiveEffect.of(scene.robot, name, given)]) - plain(label)
 
 
 def typical(name, label, parameter):

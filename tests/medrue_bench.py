@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from wrenchbed.drivers.can import CanDriver, Options
+from wrenchbed.hardware.drivers.can import CanDriver, CanOptions
 
 
-def options(host: str, **more: Any) -> Options:
+def options(host: str, **more: Any) -> CanOptions:
     """A patient watchdog: other processes may keep this machine busy for a tenth of a second."""
-    return Options(**({"host": host, "watchdog": 0.3} | more))
+    return CanOptions(**({"host": host, "watchdog": 0.3} | more))
 
 
 @contextmanager

@@ -9,9 +9,9 @@ from contextlib import contextmanager
 import numpy as np
 
 import wrenchbed as wb
-from wrenchbed.serving.faults import Fault, Faults
-from wrenchbed.serving.netft import Box, Settings
-from wrenchbed.transducers.netft import NetftTransducer, Options
+from wrenchbed.emulators.base.faults import Faults, TimedFault
+from wrenchbed.emulators.netft_box import Box, BoxSettings
+from wrenchbed.hardware.transducers.netft import NetftOptions, NetftTransducer
 
 
 class StandIn:
@@ -53,14 +53,14 @@ class Scene:
         self.body, self.box, self.faults, self.addresses = body, box, faults, addresses
 
     def fault(self, link: str, kind: str, seconds: float = 0.0, **values) -> None:
-        self.faults.inject(Fault(link, kind, 0.0, seconds, values))
+        self.faults.inject(TimedFault(link, kind, 0.0, seconds, values))
 
 
 @contextmanager
 def boxed(host: str, *, noise: float = 1e-3, **settings) -> Iterator[Scene]:
     """A box at a host until the block ends."""
     body, faults = StandIn(noise), Faults()
-    box = Box(body, host, faults, Settings(**settings), seed=3)
+    box = Box(body, host, faults, BoxSettings(**settings), seed=3)
     try:
         yield Scene(body, box, faults, box.start())
     finally:
@@ -72,7 +72,7 @@ def client(scene: Scene, **options) -> Iterator[NetftTransducer]:
     """A connected transducer on the scene's box."""
     host = scene.addresses["rdt"].split(":")[0]
     port = int(scene.addresses["http"].split(":")[1])
-    with NetftTransducer(Options(host, http_port=port, **options)) as transducer:
+    with NetftTransducer(NetftOptions(host, http_port=port, **options)) as transducer:
         yield transducer
 
 

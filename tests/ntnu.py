@@ -4,9 +4,9 @@ from pathlib import Path
 
 import numpy as np
 
-from wrenchbed import column_map
-from wrenchbed.importing import import_files
-from wrenchbed.recording import Recording
+from wrenchbed.data import column_map
+from wrenchbed.data.import_files import import_files
+from wrenchbed.data.recording import Recording
 
 DATA = Path(__file__).parent / "data" / "ntnu_kuka_ati_gamma"
 STD = np.array([0.0351, 0.0211, 0.0750, 0.00116, 0.00187, 0.000257])

@@ -7,10 +7,10 @@ import numpy as np
 
 import wrenchbed as wb
 from rrd_file import Rrd
-from wrenchbed.frames import matrix
-from wrenchbed.simulation import Simulation
-from wrenchbed.viewer.arrows import scale_for
-from wrenchbed.viewer.shapes import bodies
+from wrenchbed.physics.rotations import matrix
+from wrenchbed.simulation.simulation import Simulation
+from wrenchbed.viewer.elements import scale_for
+from wrenchbed.viewer.robot import bodies
 
 CHANNELS = ("fx", "fy", "fz", "tx", "ty", "tz")
 

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from wrenchbed.metadata import Metadata, SensorInfo, ToolInfo
-from wrenchbed.wrench import CHANNELS
+from wrenchbed.data.metadata import Metadata, SensorInfo, ToolInfo
+from wrenchbed.physics.wrench import CHANNELS
 
 METADATA = Metadata(
     robot="ur5",

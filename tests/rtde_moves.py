@@ -9,9 +9,9 @@ import numpy as np
 
 from rtde_observer import Observer
 from twin_process import running
-from wrenchbed.drivers.base import Limits
-from wrenchbed.drivers.rtde import Options, RtdeDriver
 from wrenchbed.errors import DriverError
+from wrenchbed.hardware.drivers.base import Limits
+from wrenchbed.hardware.drivers.rtde import RtdeDriver, RtdeOptions
 
 A = np.array([0.0, -1.2, -1.9, -1.6, 1.5708, 0.0])
 B = A + np.array([0.9, 0.2, 0.0, 0.0, 0.0, 0.3])
@@ -57,7 +57,7 @@ def alive(pid):
 
 def driver(host, **more):
     options = {"sensor": "rtde", "limits": Limits(speed=0.3, tracking=0.5)} | more
-    return RtdeDriver(Options(host=host, **options))
+    return RtdeDriver(RtdeOptions(host=host, **options))
 
 
 @dataclass

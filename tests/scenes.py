@@ -5,10 +5,10 @@ from typing import Any
 import numpy as np
 
 from wrenchbed import registry
-from wrenchbed.chain import Active
 from wrenchbed.effects.base import Effect, Variant
-from wrenchbed.jets import Jet
-from wrenchbed.scene import Scene
+from wrenchbed.effects.chain import ActiveEffect
+from wrenchbed.effects.scene import Scene
+from wrenchbed.physics.taylor import Jet
 
 
 def still(name: str, n: int = 24) -> Scene:
@@ -44,9 +44,9 @@ def moving(rows: int = 251, rate: float = 125.0) -> Scene:
     return Scene(robot, robot.parameters.nominal, gravity, Jet(v, d, dd), t, held, warmth)
 
 
-def sized(effect: Effect, scene: Scene, variant: Variant, times: float = 2.0) -> Active:
+def sized(effect: Effect, scene: Scene, variant: Variant, times: float = 2.0) -> ActiveEffect:
     """A variant with its amplitudes at several times their typical size."""
     known = effect.parameters(scene.robot)
     values: dict[str, Any] = dict(variant.at)
     values |= {n: times * known[known.index(n)].tolerance for n in variant.free}
-    return Active.of(scene.robot, effect.name, values)
+    return ActiveEffect.of(scene.robot, effect.name, values)

@@ -5,10 +5,10 @@ import sys
 
 import pytest
 
-from wrenchbed.blind import answer, making, seal
-from wrenchbed.blind.entrant import CLAIM, RUN, contract
-from wrenchbed.diagnosis.linear import Claim
-from wrenchbed.referee import setting as settings
+from wrenchbed.benchmark.referee import setting as settings
+from wrenchbed.benchmark.scoring.linear import Claim
+from wrenchbed.benchmark.sealed import answer, commitments, make
+from wrenchbed.benchmark.sealed.entrants import CLAIM, RUN, contract
 
 COUNT, SEED = 32, 20
 
@@ -24,19 +24,19 @@ def made(folder):
     patch = pytest.MonkeyPatch()
     small(patch)
     cases, answers = folder / "cases", folder / "answers"
-    told = making.Family("ur5", "static", COUNT, SEED)
-    making._begin(told, cases, answers)
+    told = make.Family("ur5", "static", COUNT, SEED)
+    make._begin(told, cases, answers)
     for index, kind in enumerate(told.kinds()):
-        making._one(told, index, kind, cases, answers)
-    root = making.make(told, cases, answers)  # nothing is left but to commit
+        make._one(told, index, kind, cases, answers)
+    root = make.make(told, cases, answers)  # nothing is left but to commit
     patch.undo()
     return cases, answers, root
 
 
 def truthful(cases, answers, folder, twist=lambda truth, claim: claim):
     """Claims of one who knows."""
-    for name in seal.read(cases):
-        truth = answer.read(seal.answer_of(answers, name))
+    for name in commitments.read(cases):
+        truth = answer.read(commitments.answer_of(answers, name))
         if truth.kind == "outside":
             claim = Claim("unknown", (), {"unknown": 1.0})
         elif truth.kind == "none":

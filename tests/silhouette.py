@@ -8,10 +8,8 @@ import rerun as rr
 from scipy import ndimage
 
 from headless import seen
-from wrenchbed.simulation import Simulation
-from wrenchbed.viewer.motion import motion
-from wrenchbed.viewer.robot import log_pose, log_shapes, log_world
-from wrenchbed.viewer.shapes import bodies
+from wrenchbed.simulation.simulation import Simulation
+from wrenchbed.viewer.robot import bodies, log_pose, log_shapes, log_world, motion
 from wrenchbed.viewer.stream import to_file
 
 EYE, TARGET = np.array([0.75, -0.75, 0.75]), np.array([0.1, 0.1, 0.3])

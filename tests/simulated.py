@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 
 from wrenchbed import registry
-from wrenchbed.metadata import Metadata, SensorInfo, ToolInfo
-from wrenchbed.model import Model
-from wrenchbed.recording import Recording
-from wrenchbed.robots.medrue.parameters import PAPER
-from wrenchbed.simulation import Simulation
-from wrenchbed.wrench import CHANNELS
+from wrenchbed.data.metadata import Metadata, SensorInfo, ToolInfo
+from wrenchbed.data.recording import Recording
+from wrenchbed.physics.wrench import CHANNELS
+from wrenchbed.robots.medrue.kinematics import PAPER
+from wrenchbed.robots.model import Model
+from wrenchbed.simulation.simulation import Simulation
 
 WHITE = np.array([0.05, 0.05, 0.1, 2e-3, 2e-3, 2e-3])
 """Standard deviation of one row [N, N·m]."""

@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 
 from ntnu import GRAVITY, STD, static
-from wrenchbed.diagnosis import accelerometer
+from wrenchbed.data.metadata import Metadata, SensorInfo
+from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis.diagnose import diagnose
-from wrenchbed.frames import cross, quaternion
-from wrenchbed.metadata import Metadata, SensorInfo
-from wrenchbed.model import Model
-from wrenchbed.recording import Recording
+from wrenchbed.diagnosis.prepare import accelerometer
+from wrenchbed.physics.rotations import cross, quaternion
+from wrenchbed.physics.wrench import CHANNELS
+from wrenchbed.robots.model import Model
 from wrenchbed.robots.oriented import ROBOT
-from wrenchbed.wrench import CHANNELS
 
 
 def readings(rotation, rng, tilt=(0.0, 0.0), noise=0.02):

@@ -4,11 +4,14 @@ import numpy as np
 import pytest
 
 from wrenchbed import registry
-from wrenchbed.accuracy import Goal, statistics, tip_jacobian
-from wrenchbed.calibration import Options, calibrate
-from wrenchbed.campaign import record
-from wrenchbed.drivers.sim import Options as SimOptions
-from wrenchbed.drivers.sim import SimDriver
+from wrenchbed.calibration.accuracy import Goal, statistics, tip_jacobian
+from wrenchbed.calibration.calibrate import CalibrationOptions, calibrate
+from wrenchbed.calibration.least_squares import solve
+from wrenchbed.calibration.touches import STD, Touches
+from wrenchbed.campaigns.recording_run import record
+from wrenchbed.data.plan import Plan
+from wrenchbed.data.plan import read as read_points
+from wrenchbed.data.recording import Recording
 from wrenchbed.errors import (
     CalibrationError,
     DriverError,
@@ -17,15 +20,11 @@ from wrenchbed.errors import (
     RecordingError,
     WrenchbedError,
 )
-from wrenchbed.gauss_newton import solve
-from wrenchbed.mixing import reach
-from wrenchbed.model import Model
-from wrenchbed.plan import Plan
-from wrenchbed.points import read as read_points
-from wrenchbed.recording import Recording
+from wrenchbed.hardware.drivers.sim import SimDriver, SimOptions
+from wrenchbed.planning.accuracy_plan import reach
 from wrenchbed.robots.medrue import workspace
-from wrenchbed.simulation import Simulation
-from wrenchbed.touches import STD, Touches
+from wrenchbed.robots.model import Model
+from wrenchbed.simulation.simulation import Simulation
 
 MEDRUE = registry.load("robots", "medrue")
 MODEL = Model.of(MEDRUE)
@@ -146,7 +145,7 @@ def test_touches_bring_the_tool_into_reach(touched):
     folder, truth = touched
     recording = Recording.read(folder / "gravity.parquet")
     touches = Touches.of(Recording.read(folder / "touch.parquet"))
-    options = Options(free=("candidates", "sensor.bias"), prior=True)
+    options = CalibrationOptions(free=("candidates", "sensor.bias"), prior=True)
     alone, both = calibrate(recording, options), calibrate(recording, options, touches)
     target = workspace.target(MEDRUE)
     theta = MODEL.parameters.vector(truth)[:OWN]
@@ -172,7 +171,7 @@ def test_a_wrong_touch_is_named_and_no_accuracy_is_promised(touched):
     folder, _ = touched
     gravity = Recording.read(folder / "gravity.parquet")
     good = Touches.of(Recording.read(folder / "touch.parquet"))
-    options = Options(free=("candidates", "sensor.bias"), prior=True)
+    options = CalibrationOptions(free=("candidates", "sensor.bias"), prior=True)
     fit = calibrate(gravity, options, good)
     assert not fit.touches.doubtful
     assert fit.touches.count == 25
@@ -249,7 +248,7 @@ def test_robots_that_run_the_mix_reach_it(mix, tmp_path, number):
     with SimDriver(SimOptions("medrue", parameters=truth, seed=number)) as driver:
         record(driver, mix.gravity, tmp_path / "g.parquet")
         record(driver, mix.touches, tmp_path / "t.parquet", samples=3)
-    options = Options(free=("candidates", "sensor.bias"), prior=True)
+    options = CalibrationOptions(free=("candidates", "sensor.bias"), prior=True)
     touches = Touches.of(Recording.read(tmp_path / "t.parquet"))
     fit = calibrate(Recording.read(tmp_path / "g.parquet"), options, touches)
     theta = MODEL.parameters.vector(truth)[:OWN]

@@ -4,19 +4,18 @@ import numpy as np
 import pytest
 
 from wrenchbed import registry
-from wrenchbed.diagnosis.baselines import BASELINES
-from wrenchbed.diagnosis.linear import Claim, linear
-from wrenchbed.diagnosis.prepare import prepare
-from wrenchbed.diagnosis.regressions import descend
-from wrenchbed.lookalikes import Design, draw, recording
-from wrenchbed.plan import Plan
+from wrenchbed.benchmark.lookalikes import ExperimentDesign, draw, recording
+from wrenchbed.benchmark.scoring.baselines import BASELINES, descend
+from wrenchbed.benchmark.scoring.linear import Claim, linear
+from wrenchbed.data.plan import Plan
+from wrenchbed.diagnosis.prepare.prepared import prepare
 
 
 @pytest.fixture(scope="module")
 def design():
     robot = registry.load("robots", "ur5")
     q = robot.sample(60, np.random.default_rng(2))
-    return Design.of_plan(Plan.of("ur5", q), robot, samples=30)
+    return ExperimentDesign.of_plan(Plan.of("ur5", q), robot, samples=30)
 
 
 @pytest.fixture(scope="module")

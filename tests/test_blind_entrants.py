@@ -10,22 +10,22 @@ import time
 import pytest
 
 from sealed_family import COUNT, SAYS_NONE, script
-from wrenchbed.blind import claims, making, report, running, scoring
-from wrenchbed.blind.entrant import CLAIM, Entrant, contract, enter
+from wrenchbed.benchmark.referee import setting as settings
+from wrenchbed.benchmark.scoring.linear import Claim
+from wrenchbed.benchmark.sealed import claims, make, report, run, score
+from wrenchbed.benchmark.sealed.entrants import CLAIM, Entrant, contract, enter
 from wrenchbed.cli import main
-from wrenchbed.diagnosis.linear import Claim
 from wrenchbed.errors import BenchmarkError, ParameterError
-from wrenchbed.referee import setting as settings
 
 
 def test_any_program_may_enter_and_goes_on_after_a_stop(family, tmp_path):
     cases, answers, _ = family
     entrant = Entrant("says-none", script(tmp_path, SAYS_NONE))
-    assert running.run(cases, tmp_path / "claims", [entrant]) == {"says-none": 0}
+    assert run.run(cases, tmp_path / "claims", [entrant]) == {"says-none": 0}
     told = []
-    running.run(cases, tmp_path / "claims", [entrant], tell=lambda n, *_: told.append(n))
+    run.run(cases, tmp_path / "claims", [entrant], tell=lambda n, *_: told.append(n))
     assert told == [COUNT]  # all were there
-    found = scoring.score(cases, tmp_path / "claims", answers)
+    found = score.score(cases, tmp_path / "claims", answers)
     figures = report.summary(found)["says-none"]
     assert figures["false_alarm"]["value"] == 0.0
     assert figures["isolation"]["value"] == 0.0
@@ -49,7 +49,7 @@ def test_what_fails_is_a_wrong_answer(family, tmp_path, body, said):
     found = claims.read(tmp_path / "claims" / "broken" / "0001")
     assert found.claim.verdict == "error"
     assert said in found.error
-    rows = scoring.score(cases, tmp_path / "claims", answers).rows
+    rows = score.score(cases, tmp_path / "claims", answers).rows
     assert all(r.answers["wrenchbed"].verdict == "error" for r in rows)
 
 
@@ -104,7 +104,7 @@ def test_only_the_first_causes_count_and_odd_numbers_are_left_out(tmp_path):
     assert found.gap == {"calibrated": 2.0}
     assert set(found.parameters["tool.mass"]) == {"stiffness", "fine"}
     assert found.parameters["tool.mass"]["fine"]["std"] is None
-    assert not scoring._usable(found.parameters["joint.compliance"])
+    assert not score._usable(found.parameters["joint.compliance"])
 
 
 def test_a_claim_belongs_to_one_case(family, tmp_path):
@@ -113,8 +113,8 @@ def test_a_claim_belongs_to_one_case(family, tmp_path):
     assert enter([entrant], cases, "0001", tmp_path / "claims", 20.0) == []
     (tmp_path / "claims" / "me" / "0001").rename(tmp_path / "claims" / "me" / "0002")
     with pytest.raises(BenchmarkError, match="another family"):
-        running.run(cases, tmp_path / "claims", [entrant])
-    found = scoring.score(cases, tmp_path / "claims", answers)
+        run.run(cases, tmp_path / "claims", [entrant])
+    found = score.score(cases, tmp_path / "claims", answers)
     assert {r.error for r in found.rows} == {"no claim", "the claim is about another case"}
 
 
@@ -146,10 +146,10 @@ def test_our_own_methods_answer_a_case(tmp_path, monkeypatch):
     monkeypatch.setattr(settings, "POSES", (24, 24))
     monkeypatch.setattr(settings, "SAMPLES", 10)
     cases, answers = tmp_path / "cases", tmp_path / "answers"
-    told = making.Family("ur5", "static", 1, 3)
-    making._begin(told, cases, answers)
-    making._one(told, 0, "none", cases, answers)
-    making.make(told, cases, answers)
+    told = make.Family("ur5", "static", 1, 3)
+    make._begin(told, cases, answers)
+    make._one(told, 0, "none", cases, answers)
+    make.make(told, cases, answers)
     entrants = [Entrant.of(m) for m in ("bic", "diagnose", "none")]
     assert enter(entrants, cases, "0001", tmp_path / "claims", 120.0) == []
     for entrant in entrants:

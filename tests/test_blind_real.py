@@ -6,9 +6,10 @@ import re
 import pytest
 
 from sealed_family import truthful
-from wrenchbed.blind import report, scoring, seal
+from wrenchbed.benchmark.sealed import commitments, report
+from wrenchbed.benchmark.sealed import score as scoring
 from wrenchbed.cli import main
-from wrenchbed.recording import Recording
+from wrenchbed.data.recording import Recording
 
 TRUTH = """
 [[case]]
@@ -29,7 +30,7 @@ def measured(family, tmp_path):
     """Two recordings whose columns and metadata tell more than they should."""
     cases, _, _ = family
     for name, source in (("tilted", "0001"), ("plain", "0002")):
-        data = Recording.read(seal.recording_of(cases, source))
+        data = Recording.read(commitments.recording_of(cases, source))
         columns = dict(data.columns) | {"shim": data.t * 0.0 + 3.0}
         extra = {"operator": "put a shim under the base"}
         meta = type(data.metadata)(**{**vars(data.metadata), "extra": extra})
@@ -42,10 +43,10 @@ def test_real_recordings_are_sealed_under_numbers_and_scored(measured, capsys):
     line = ["blind", "seal", str(measured / "truth.toml"), "--out", str(measured / "c")]
     assert main([*line, "--answers", str(measured / "a"), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["commitments"]
-    sealed = seal.verify(measured / "c", measured / "a")
+    sealed = commitments.verify(measured / "c", measured / "a")
     assert list(sealed) == ["0001", "0002"]
     for name in sealed:
-        found = Recording.read(seal.recording_of(measured / "c", name))
+        found = Recording.read(commitments.recording_of(measured / "c", name))
         assert "shim" not in found.columns
         assert found.metadata.extra == {} and found.metadata.source is None
     truthful(measured / "c", measured / "a", measured / "claims" / "me")
@@ -77,4 +78,4 @@ def test_a_truth_that_is_wrong_is_named(measured, capsys, old, new, said):
     line = ["blind", "seal", str(path), "--out", str(measured / "c")]
     assert main([*line, "--answers", str(measured / "a")]) == 1
     assert re.search(said, capsys.readouterr().err.replace("\n", " "))
-    assert not (measured / "c" / seal.COMMITMENTS).exists()
+    assert not (measured / "c" / commitments.COMMITMENTS).exists()

@@ -5,10 +5,11 @@ import json
 import numpy as np
 
 from sealed_family import COUNT, SEED, truthful
-from wrenchbed.blind import answer, making, report, scoring, seal
-from wrenchbed.blind.entrant import CLAIM
+from wrenchbed.benchmark.scoring.linear import Claim
+from wrenchbed.benchmark.sealed import answer, commitments, report, score
+from wrenchbed.benchmark.sealed import make as making
+from wrenchbed.benchmark.sealed.entrants import CLAIM
 from wrenchbed.cli import main
-from wrenchbed.diagnosis.linear import Claim
 
 
 def test_one_who_knows_is_right_and_one_who_swaps_is_wrong(family, tmp_path):
@@ -23,7 +24,7 @@ def test_one_who_knows_is_right_and_one_who_swaps_is_wrong(family, tmp_path):
         return Claim("none", (), {"none": 1.0})
 
     truthful(cases, answers, tmp_path / "claims" / "swaps", swap)
-    found = report.summary(scoring.score(cases, tmp_path / "claims", answers, "knows"))
+    found = report.summary(score.score(cases, tmp_path / "claims", answers, "knows"))
     good, bad = found["knows"], found["swaps"]
     right = ("isolation", "isolation_alike", "first", "unknown", "sure", "pairs", "where")
     assert all(good[k]["value"] == 1.0 for k in right)
@@ -44,7 +45,7 @@ def test_naming_what_cannot_be_told_from_the_truth_counts_apart(family, tmp_path
         return claim
 
     truthful(cases, answers, tmp_path / "claims" / "me", imitate)
-    told = report.summary(scoring.score(cases, tmp_path / "claims", answers))["me"]
+    told = report.summary(score.score(cases, tmp_path / "claims", answers))["me"]
     assert told["isolation_alike"]["value"] == 1.0
     assert told["isolation_unlike"]["value"] == 1.0
     assert told["isolation"]["value"] < 1.0
@@ -54,16 +55,16 @@ def test_numbers_are_held_against_true_ones(family, tmp_path):
     cases, answers, _ = family
     truthful(cases, answers, tmp_path / "claims" / "me")
     changed = 0
-    for name in seal.read(cases):
-        truth = answer.read(seal.answer_of(answers, name))
+    for name in commitments.read(cases):
+        truth = answer.read(commitments.answer_of(answers, name))
         path = tmp_path / "claims" / "me" / name / CLAIM
         told = json.loads(path.read_bytes())
         for cause, said in zip(truth.causes, told["which"], strict=False):
-            if cause.effect in scoring.COMPARED and cause.effect != "joint.compliance":
+            if cause.effect in score.COMPARED and cause.effect != "joint.compliance":
                 said["parameters"] = {k: {"value": v, "std": 1e-9} for k, v in cause.true.items()}
                 changed += 1
         path.write_text(json.dumps(told))
-    found = scoring.score(cases, tmp_path / "claims", answers)
+    found = score.score(cases, tmp_path / "claims", answers)
     assert changed > 2
     assert report.summary(found)["me"]["coverage"]["value"] == 1.0
 
@@ -106,7 +107,7 @@ def test_a_made_family_goes_on_where_it_was_stopped(family, tmp_path):
 def test_probabilities_beside_how_often_they_hold(family, tmp_path):
     cases, answers, _ = family
     truthful(cases, answers, tmp_path / "claims" / "me")
-    found = report.page(scoring.score(cases, tmp_path / "claims", answers))
+    found = report.page(score.score(cases, tmp_path / "claims", answers))
     tables = [p for s in found.sections for p in s.parts if hasattr(p, "rows")]
     assert np.all([len(t.rows) > 0 for t in tables[:-1]])
     assert len(tables[-1].rows) == 0  # no wrong answers

@@ -6,28 +6,28 @@ import os
 import pytest
 
 from sealed_family import COUNT, SEED, small, truthful
-from wrenchbed.blind import answer, making, scoring, seal
-from wrenchbed.blind.attack import attack
+from wrenchbed.benchmark.sealed import answer, commitments, make, score
+from wrenchbed.benchmark.sealed.attack import attack
+from wrenchbed.data.recording import Recording
 from wrenchbed.errors import BenchmarkError, ParameterError
-from wrenchbed.recording import Recording
 
 
 def test_shares_of_kinds_are_as_promised():
-    kinds = making.Family("ur5", "static", 300, 1).kinds()
+    kinds = make.Family("ur5", "static", 300, 1).kinds()
     count = {k: kinds.count(k) for k in set(kinds)}
     assert count == {"none": 75, "single": 120, "pair": 45, "outside": 60}
     assert kinds != sorted(kinds)
-    assert making.Family("ur5", "static", 300, 2).kinds() != kinds
+    assert make.Family("ur5", "static", 300, 2).kinds() != kinds
 
 
 def test_cases_hold_recordings_and_commitments_only(family):
     cases, answers, root = family
     assert len(list(cases.iterdir())) == COUNT + 1
-    assert seal.digest((cases / seal.COMMITMENTS).read_bytes()) == root
-    assert len(seal.verify(cases, answers)) == COUNT
-    data = Recording.read(seal.recording_of(cases, "0001"))
+    assert commitments.digest((cases / commitments.COMMITMENTS).read_bytes()) == root
+    assert len(commitments.verify(cases, answers)) == COUNT
+    data = Recording.read(commitments.recording_of(cases, "0001"))
     assert data.metadata.extra == {}
-    text = (cases / seal.COMMITMENTS).read_text()
+    text = (cases / commitments.COMMITMENTS).read_text()
     assert "salt" not in text and "effect" not in text
 
 
@@ -41,28 +41,28 @@ def test_a_salt_hides_what_few_answers_there_are(family):
 def test_the_same_seed_makes_the_same_bytes(family, tmp_path, monkeypatch):
     cases, answers, _ = family
     small(monkeypatch)
-    told = making.Family("ur5", "static", COUNT, SEED)
-    making._begin(told, tmp_path / "c", tmp_path / "a")
-    making._one(told, 2, told.kinds()[2], tmp_path / "c", tmp_path / "a")
+    told = make.Family("ur5", "static", COUNT, SEED)
+    make._begin(told, tmp_path / "c", tmp_path / "a")
+    make._one(told, 2, told.kinds()[2], tmp_path / "c", tmp_path / "a")
     for folder, other, file in ((cases, "c", "0003.parquet"), (answers, "a", "0003.json")):
         assert (folder / file).read_bytes() == (tmp_path / other / file).read_bytes()
 
 
 def test_files_bear_one_time(family):
     cases, _, _ = family
-    assert {p.stat().st_mtime for p in cases.iterdir()} == {making.EPOCH}
+    assert {p.stat().st_mtime for p in cases.iterdir()} == {make.EPOCH}
 
 
 @pytest.mark.parametrize("which", ["recording", "answer", "commitments", "root"])
 def test_what_was_tampered_with_is_refused(copied, which, tmp_path):
     cases, answers = copied
     truthful(cases, answers, tmp_path / "claims" / "me")
-    scoring.score(cases, tmp_path / "claims", answers)
+    score.score(cases, tmp_path / "claims", answers)
     path = {
-        "recording": seal.recording_of(cases, "0002"),
-        "answer": seal.answer_of(answers, "0002"),
-        "commitments": cases / seal.COMMITMENTS,
-        "root": answers / seal.FAMILY,
+        "recording": commitments.recording_of(cases, "0002"),
+        "answer": commitments.answer_of(answers, "0002"),
+        "commitments": cases / commitments.COMMITMENTS,
+        "root": answers / commitments.FAMILY,
     }[which]
     data = bytearray(path.read_bytes())
     if which == "answer":
@@ -70,78 +70,80 @@ def test_what_was_tampered_with_is_refused(copied, which, tmp_path):
     elif which == "root":
         data = bytearray(json.dumps(json.loads(data) | {"commitments": "0" * 64}).encode())
     elif which == "commitments":  # of a case and its commitment together
-        recording = seal.recording_of(cases, "0002")
+        recording = commitments.recording_of(cases, "0002")
         recording.write_bytes(recording.read_bytes() + b" ")
         told = json.loads(data)
-        told["cases"]["0002"]["recording"] = seal.digest(recording.read_bytes())
+        told["cases"]["0002"]["recording"] = commitments.digest(recording.read_bytes())
         data = bytearray((json.dumps(told, indent=1) + "\n").encode())
     else:
         data[len(data) // 2] ^= 1
     path.write_bytes(bytes(data))
     with pytest.raises(BenchmarkError, match="was changed"):
-        scoring.score(cases, tmp_path / "claims", answers)
+        score.score(cases, tmp_path / "claims", answers)
 
 
 def test_what_was_sealed_is_not_sealed_again(copied):
     cases, answers = copied
-    told = making.Family("ur5", "static", COUNT, SEED)
-    root = making.make(told, cases, answers)
-    path = seal.answer_of(answers, "0003")
+    told = make.Family("ur5", "static", COUNT, SEED)
+    root = make.make(told, cases, answers)
+    path = commitments.answer_of(answers, "0003")
     path.write_bytes(path.read_bytes().replace(b'"minor": 0', b'"minor": 1', 1))
     with pytest.raises(BenchmarkError, match=r"0003\.json: was changed"):
-        making.make(told, cases, answers)
-    assert seal.digest((cases / seal.COMMITMENTS).read_bytes()) == root
+        make.make(told, cases, answers)
+    assert commitments.digest((cases / commitments.COMMITMENTS).read_bytes()) == root
 
 
 def test_all_files_together_cannot_be_changed_behind_what_was_published(copied, tmp_path):
     cases, answers = copied
     truthful(cases, answers, tmp_path / "claims" / "me")
-    root = seal.digest((cases / seal.COMMITMENTS).read_bytes())
-    scoring.score(cases, tmp_path / "claims", answers, published=root)
-    told = json.loads((cases / seal.COMMITMENTS).read_bytes())
-    path = seal.answer_of(answers, "0003")
+    root = commitments.digest((cases / commitments.COMMITMENTS).read_bytes())
+    score.score(cases, tmp_path / "claims", answers, published=root)
+    told = json.loads((cases / commitments.COMMITMENTS).read_bytes())
+    path = commitments.answer_of(answers, "0003")
     path.write_bytes(path.read_bytes().replace(b'"minor": 0', b'"minor": 1', 1))
-    told["cases"]["0003"]["answer"] = seal.digest(path.read_bytes())
+    told["cases"]["0003"]["answer"] = commitments.digest(path.read_bytes())
     text = json.dumps(told).encode()
-    (cases / seal.COMMITMENTS).write_bytes(text)
-    family = json.loads((answers / seal.FAMILY).read_bytes()) | {"commitments": seal.digest(text)}
-    (answers / seal.FAMILY).write_text(json.dumps(family))
-    scoring.score(cases, tmp_path / "claims", answers)  # nobody could tell
+    (cases / commitments.COMMITMENTS).write_bytes(text)
+    family = json.loads((answers / commitments.FAMILY).read_bytes()) | {
+        "commitments": commitments.digest(text)
+    }
+    (answers / commitments.FAMILY).write_text(json.dumps(family))
+    score.score(cases, tmp_path / "claims", answers)  # nobody could tell
     with pytest.raises(BenchmarkError, match="what was published"):
-        scoring.score(cases, tmp_path / "claims", answers, published=root)
+        score.score(cases, tmp_path / "claims", answers, published=root)
 
 
 def test_a_case_cannot_be_called_a_path(copied):
     cases, _ = copied
-    told = json.loads((cases / seal.COMMITMENTS).read_bytes())
+    told = json.loads((cases / commitments.COMMITMENTS).read_bytes())
     told["cases"]["../../x"] = told["cases"]["0001"]
-    (cases / seal.COMMITMENTS).write_text(json.dumps(told))
+    (cases / commitments.COMMITMENTS).write_text(json.dumps(told))
     with pytest.raises(BenchmarkError, match="no name of a case"):
-        seal.read(cases)
+        commitments.read(cases)
 
 
 def test_a_missing_answer_is_refused(copied, tmp_path):
     cases, answers = copied
     truthful(cases, answers, tmp_path / "claims" / "me")
-    seal.answer_of(answers, "0005").unlink()
+    commitments.answer_of(answers, "0005").unlink()
     with pytest.raises(BenchmarkError, match=r"0005\.json: is missing"):
-        scoring.score(cases, tmp_path / "claims", answers)
+        score.score(cases, tmp_path / "claims", answers)
 
 
 def test_answers_lie_apart_and_families_do_not_mix(tmp_path, family):
     cases, answers, _ = family
-    told = making.Family("ur5", "static", 2, 1)
+    told = make.Family("ur5", "static", 2, 1)
     for where in (tmp_path, tmp_path / "inside"):
         with pytest.raises(BenchmarkError, match="apart"):
-            making.make(told, tmp_path, where)
+            make.make(told, tmp_path, where)
     with pytest.raises(BenchmarkError, match="another family"):
-        making.make(told, cases, answers)
+        make.make(told, cases, answers)
     (tmp_path / "x").mkdir()
     (tmp_path / "x" / "notes.txt").write_text("mine")
     with pytest.raises(BenchmarkError, match=r"notes\.txt"):
-        making.make(told, tmp_path / "x", tmp_path / "y")
+        make.make(told, tmp_path / "x", tmp_path / "y")
     with pytest.raises(ParameterError, match="empty"):
-        making.Family("ur5", "static", 0, 1)
+        make.Family("ur5", "static", 0, 1)
 
 
 def test_nothing_but_wrench_and_joints_tells_the_answer(family):
@@ -153,27 +155,27 @@ def test_nothing_but_wrench_and_joints_tells_the_answer(family):
 
 def test_the_attack_finds_a_leak(copied):
     cases, answers = copied
-    for name in seal.read(cases):
-        kind = answer.read(seal.answer_of(answers, name)).kind
-        path = seal.recording_of(cases, name)
-        when = making.EPOCH + 1000 * ("none", "single", "pair", "outside").index(kind)
+    for name in commitments.read(cases):
+        kind = answer.read(commitments.answer_of(answers, name)).kind
+        path = commitments.recording_of(cases, name)
+        when = make.EPOCH + 1000 * ("none", "single", "pair", "outside").index(kind)
         os.utime(path, (when, when))
         data = Recording.read(path)
         columns = dict(data.columns) | {kind: data.t}
-        making.write_plain(Recording(data.metadata, columns, name), path)
+        make.write_plain(Recording(data.metadata, columns, name), path)
         os.utime(path, (when, when))
     assert attack(cases, answers)[0].p_value < 0.05
 
 
 @pytest.mark.parametrize(("robot", "mode"), [("ur5", "dynamic"), ("medrue", "static")])
 def test_workers_make_cases_and_a_stopped_make_goes_on(tmp_path, robot, mode):
-    told, told_again = making.Family(robot, mode, 2, 6), making.Family(robot, mode, 2, 6)
+    told, told_again = make.Family(robot, mode, 2, 6), make.Family(robot, mode, 2, 6)
     cases, answers = tmp_path / "c", tmp_path / "a"
-    root = making.make(told, cases, answers)
-    seal.recording_of(cases, "0002").unlink()  # as if it had not come so far
-    family = json.loads((answers / seal.FAMILY).read_bytes()) | {"commitments": None}
-    (answers / seal.FAMILY).write_text(json.dumps(family))
-    assert making.make(told_again, cases, answers) == root
-    assert len(seal.verify(cases, answers)) == 2
-    data = Recording.read(seal.recording_of(cases, "0001"))
+    root = make.make(told, cases, answers)
+    commitments.recording_of(cases, "0002").unlink()  # as if it had not come so far
+    family = json.loads((answers / commitments.FAMILY).read_bytes()) | {"commitments": None}
+    (answers / commitments.FAMILY).write_text(json.dumps(family))
+    assert make.make(told_again, cases, answers) == root
+    assert len(commitments.verify(cases, answers)) == 2
+    data = Recording.read(commitments.recording_of(cases, "0001"))
     assert (data.metadata.robot, data.metadata.mode) == (robot, mode)

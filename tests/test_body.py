@@ -5,11 +5,11 @@ import pytest
 from scipy.signal import savgol_filter
 
 from wrenchbed import registry
-from wrenchbed.drivers import sim
+from wrenchbed.emulators.base.body import Body, BodyOptions
+from wrenchbed.emulators.base.emulator import EmulatorOptions as TwinOptions
 from wrenchbed.errors import NotFoundError, ParameterError
-from wrenchbed.jets import Jet
-from wrenchbed.serving.body import Body, Options
-from wrenchbed.twins.base import Options as TwinOptions
+from wrenchbed.hardware.drivers import sim
+from wrenchbed.physics.taylor import Jet
 
 CYCLE = 0.008
 
@@ -27,7 +27,7 @@ def go(body: Body, q: np.ndarray, seconds: float = 1.0, rest: float = 0.5) -> li
 
 @pytest.mark.parametrize("robot", ["ur5", "medrue"])
 def test_at_rest_it_reads_the_exact_wrench(robot):
-    body = Body(Options(robot, noise="off"), CYCLE)
+    body = Body(BodyOptions(robot, noise="off"), CYCLE)
     q = body.robot.sample(1, np.random.default_rng(3))[0]
     last = go(body, q, 3.0, 1.5)[-1]
     assert np.abs(body.q - q).max() < 1e-7
@@ -43,10 +43,10 @@ def test_at_rest_it_reads_the_exact_wrench(robot):
 )  # fmt: skip
 def test_effects_at_rest_are_those_of_the_simulated_driver(effect):
     """Two routes through the same poses: the campaign in simulated time, and cycle by cycle."""
-    body = Body(Options("ur5", noise="off", effects=(effect,), seed=2), CYCLE)
+    body = Body(BodyOptions("ur5", noise="off", effects=(effect,), seed=2), CYCLE)
     poses = body.robot.sample(3, np.random.default_rng(4))
-    with sim.SimDriver(sim.Options("ur5", noise="off", effects=(effect,), seed=2)) as driver:
-        plain = Body(Options("ur5", noise="off"), CYCLE)
+    with sim.SimDriver(sim.SimOptions("ur5", noise="off", effects=(effect,), seed=2)) as driver:
+        plain = Body(BodyOptions("ur5", noise="off"), CYCLE)
         driver.sample(5, 100.0)
         for q in poses:
             driver.move(q).wait()
@@ -61,7 +61,7 @@ def test_effects_at_rest_are_those_of_the_simulated_driver(effect):
 
 def test_effects_of_the_sensor_are_those_of_a_pocket_calculator():
     plain, gain, bias = (
-        Body(Options("ur5", noise="off", effects=e), CYCLE)
+        Body(BodyOptions("ur5", noise="off", effects=e), CYCLE)
         for e in ((), ("sensor.gain:gain.fz=0.02",), ("sensor.bias:bias.tx=0.05",))
     )
     q = plain.robot.home + 0.3
@@ -75,7 +75,7 @@ def test_effects_of_the_sensor_are_those_of_a_pocket_calculator():
 def test_a_slow_arrival_shows_the_pose_where_it_is(robot):
     """Also after more cycles on the way than are looked back on, and before it counts as a rest."""
     body, plain = (
-        Body(Options(robot, noise="off", effects=e), 0.004)
+        Body(BodyOptions(robot, noise="off", effects=e), 0.004)
         for e in (("joint.offset:offset.q6=0.012",), ())
     )
     q = body.robot.sample(1, np.random.default_rng(6))[0]
@@ -89,7 +89,7 @@ def test_a_slow_arrival_shows_the_pose_where_it_is(robot):
 
 
 def test_hysteresis_reads_a_pose_by_the_way_it_came():
-    body = Body(Options("ur5", noise="off", effects=("sensor.hysteresis",)), CYCLE)
+    body = Body(BodyOptions("ur5", noise="off", effects=("sensor.hysteresis",)), CYCLE)
     home, side = body.robot.home, body.robot.home + np.array([0, 0.5, 0, 0.4, 0, 0])
     go(body, home)
     go(body, side)
@@ -101,11 +101,11 @@ def test_hysteresis_reads_a_pose_by_the_way_it_came():
 
 def test_a_long_campaign_is_forgotten_bit_by_bit(monkeypatch):
     """Memory stays bounded, and a pose is read as by a twin that remembers everything."""
-    whole = Body(Options("ur5", noise="off", effects=("sensor.hysteresis",)), CYCLE)
+    whole = Body(BodyOptions("ur5", noise="off", effects=("sensor.hysteresis",)), CYCLE)
     poses = whole.robot.sample(8, np.random.default_rng(8))
     last = [go(whole, q, 1.5, 0.3)[-1] for q in (*poses, *poses)][-1]
-    monkeypatch.setattr("wrenchbed.serving.felt._REMEMBERED", 90)
-    short = Body(Options("ur5", noise="off", effects=("sensor.hysteresis",)), CYCLE)
+    monkeypatch.setattr("wrenchbed.emulators.base.sensor._REMEMBERED", 90)
+    short = Body(BodyOptions("ur5", noise="off", effects=("sensor.hysteresis",)), CYCLE)
     kept = []
     for q in (*poses, *poses):
         again = go(short, q, 1.5, 0.3)[-1]
@@ -116,7 +116,7 @@ def test_a_long_campaign_is_forgotten_bit_by_bit(monkeypatch):
 
 def test_a_delay_shows_on_the_way_what_was_before():
     late, prompt = (
-        Body(Options("ur5", noise="off", effects=e), CYCLE)
+        Body(BodyOptions("ur5", noise="off", effects=e), CYCLE)
         for e in (("timing.delay:delay=0.04",), ())
     )
     q = late.robot.home + 0.8
@@ -130,7 +130,7 @@ def test_a_delay_shows_on_the_way_what_was_before():
 
 
 def test_noise_is_the_sensors_and_seeded():
-    bodies = [Body(Options("ur5", noise="white", seed=s), CYCLE) for s in (1, 1, 2)]
+    bodies = [Body(BodyOptions("ur5", noise="white", seed=s), CYCLE) for s in (1, 1, 2)]
     t = 1.0 + np.arange(4000) * 1e-3
     first, again, other = (body.readings(t)[0] for body in bodies)
     assert np.array_equal(first, again)
@@ -153,7 +153,7 @@ def test_a_twin_of_a_bus_stays_away_from_real_ones():
 
 
 def test_times_asked_twice_are_moved_on_not_refused():
-    body = Body(Options("ur5"), CYCLE)
+    body = Body(BodyOptions("ur5"), CYCLE)
     a, _ = body.readings(np.array([0.1, 0.2]))
     b, _ = body.readings(np.array([0.1, 0.15]))
     assert np.isfinite(a).all()
@@ -163,13 +163,13 @@ def test_times_asked_twice_are_moved_on_not_refused():
 
 def test_a_plate_pushes_back_on_the_tool_and_not_before():
     """The tool hangs straight down; its tip is 140 mm below the flange."""
-    body = Body(Options("ur5", noise="off"), CYCLE)
+    body = Body(BodyOptions("ur5", noise="off"), CYCLE)
     q = np.array([0.0, -1.2, -1.9, -1.612389, 1.570796, 0.0])
     _, at = body.robot.sensor_pose(q[None], body.robot.parameters.nominal)
     free = go(body, q, 2.0)[-1]
     tip = at[0, 2] - 0.14
     for gap, touching in ((0.002, False), (-0.001, True)):
-        pressed = Body(Options("ur5", noise="off", table=tip + gap * -1.0), CYCLE)
+        pressed = Body(BodyOptions("ur5", noise="off", table=tip + gap * -1.0), CYCLE)
         reading = go(pressed, q, 2.0)[-1]
         assert (np.abs(reading - free).max() > 1.0) == touching
     _, now = body.robot.sensor_pose(pressed.q[None], body.robot.parameters.nominal)
@@ -181,11 +181,11 @@ def test_a_plate_pushes_back_on_the_tool_and_not_before():
 
 def test_what_it_cannot_be_is_refused():
     with pytest.raises(NotFoundError, match="no MuJoCo model"):
-        Body(Options("oriented"), CYCLE)
+        Body(BodyOptions("oriented"), CYCLE)
 
 
 def test_readings_asked_for_too_early_do_not_delay_later_ones():
-    hasty, calm = (Body(Options("ur5", noise="off"), CYCLE) for _ in range(2))
+    hasty, calm = (Body(BodyOptions("ur5", noise="off"), CYCLE) for _ in range(2))
     hasty.readings(np.array([hasty.ahead + 2.0]))  # the loop stood, the sensor went on
     for k in range(60):
         for body in (hasty, calm):
@@ -198,7 +198,7 @@ def test_readings_asked_for_too_early_do_not_delay_later_ones():
 
 def test_a_motion_pulls_at_the_sensor_as_newton_and_euler_say():
     """Loads between cycles come from one smooth motion, not from jumps at each cycle's begin."""
-    body = Body(Options("ur5", noise="off"), CYCLE)
+    body = Body(BodyOptions("ur5", noise="off"), CYCLE)
     t = CYCLE * np.arange(1500)
     wave = [0.3 * (1.0 - np.cos(2.0 * np.pi * (0.3 + 0.05 * j) * t)) for j in range(6)]
     q, load = [], []

@@ -8,13 +8,14 @@ import numpy as np
 import pytest
 
 from simulated import MEDRUE_TRUTH, UR5_TRUTH, WHITE, static
-from wrenchbed import column_map, registry
-from wrenchbed.calibration import Options, calibrate
+from wrenchbed import registry
+from wrenchbed.calibration.calibrate import CalibrationOptions, calibrate
+from wrenchbed.data import column_map
+from wrenchbed.data.import_files import import_files
+from wrenchbed.data.metadata import SensorInfo, ToolInfo
+from wrenchbed.data.recording import Recording
 from wrenchbed.errors import CalibrationError, ParameterError, RecordingError
-from wrenchbed.importing import import_files
-from wrenchbed.metadata import SensorInfo, ToolInfo
-from wrenchbed.recording import Recording
-from wrenchbed.robots.medrue.parameters import IDENTIFIED, PAPER
+from wrenchbed.robots.medrue.kinematics import IDENTIFIED, PAPER
 
 DATA = Path(__file__).parent / "data"
 
@@ -49,7 +50,7 @@ def test_medrue_is_recovered_to_rounding_without_noise(seed):
 
 
 def test_all_of_medrue_free_fits_as_well_and_says_which_values_mean_nothing_alone():
-    fit = calibrate(static("medrue", MEDRUE_TRUTH), Options(free=PAPER.names))
+    fit = calibrate(static("medrue", MEDRUE_TRUTH), CalibrationOptions(free=PAPER.names))
     assert fit.residual_rms.max() < 1e-11
     assert fit["xS"].std is None
     assert fit["mTool"].std is not None
@@ -62,7 +63,9 @@ def test_all_of_medrue_free_fits_as_well_and_says_which_values_mean_nothing_alon
 
 
 def test_a_prior_makes_every_parameter_determined():
-    fit = calibrate(static("medrue", MEDRUE_TRUTH), Options(free=PAPER.names, prior=True))
+    fit = calibrate(
+        static("medrue", MEDRUE_TRUTH), CalibrationOptions(free=PAPER.names, prior=True)
+    )
     assert all(p.std is not None for p in fit.identified)
     tolerance = dict(zip(PAPER.names, PAPER.tolerance, strict=True))
     assert abs(fit["x0"].std / tolerance["x0"] - 1) < 1e-6  # the data says nothing of x0
@@ -99,7 +102,7 @@ def test_the_recordings_own_order_and_units_do_not_matter():
 def test_what_is_stated_is_where_the_fit_starts_and_what_is_held_stays():
     rec = static("ur5", UR5_TRUTH)
     stated = replace(rec.metadata, tool=ToolInfo(mass=1.5, cog=(0.0, 0.0, 0.1)))
-    fit = calibrate(Recording(stated, rec.columns), Options(hold=("tool.mass",)))
+    fit = calibrate(Recording(stated, rec.columns), CalibrationOptions(hold=("tool.mass",)))
     assert "tool.mass" not in [p.name for p in fit.identified]
     assert fit.theta["tool.mass"] == 1.5
     assert fit["tool.cog.z"].nominal == 0.1
@@ -113,7 +116,7 @@ def test_a_robust_loss_shrugs_off_outliers():
     bad = Recording(rec.metadata, wild)
     error = {}
     for loss in ("linear", "huber", "student"):
-        fit = calibrate(bad, Options(loss=loss))
+        fit = calibrate(bad, CalibrationOptions(loss=loss))
         error[loss] = abs(fit["sensor.bias.fx"].value - 3.0) + abs(
             fit["sensor.bias.ty"].value + 0.2
         )
@@ -139,7 +142,7 @@ def test_the_real_bases_tilt_is_the_accelerometers():
     """Freed with a 3 × 3 gain, the tilt from forces agrees with the one from the accelerometer."""
     rec = ntnu()
     free = ("tool.mass", "tool.cog", "sensor.bias", "base.tilt", "sensor.matrix")
-    fit = calibrate(rec, Options(free=free))
+    fit = calibrate(rec, CalibrationOptions(free=free))
     told = np.array([fit["base.tilt.x"].value, fit["base.tilt.y"].value])
     std = np.array([fit["base.tilt.x"].std, fit["base.tilt.y"].std])
     wanted = accelerometer_tilt(rec)
@@ -213,9 +216,9 @@ def test_what_data_cannot_support_is_refused():
     with pytest.raises(CalibrationError, match="2 poses give 12 readings, too few for 13"):
         calibrate(static("ur5", UR5_TRUTH, poses=2))
     with pytest.raises(ParameterError, match="did you mean 'tool.mass'"):
-        calibrate(rec, Options(free=("tool.mas",)))
+        calibrate(rec, CalibrationOptions(free=("tool.mas",)))
     with pytest.raises(CalibrationError, match="no parameter is free"):
-        calibrate(rec, Options(free=("tool.mass",), hold=("tool.mass",)))
+        calibrate(rec, CalibrationOptions(free=("tool.mass",), hold=("tool.mass",)))
     with pytest.raises(CalibrationError, match="every row is saturated"):
         calibrate(edited(rec, status=np.ones(100, dtype=np.uint32)))
 
@@ -248,7 +251,7 @@ def test_every_registered_robot_without_a_model_calibrates_from_orientations():
     """The same data, given once as joints and once as orientations, gives the same tool."""
     rec = static("ur5", {k: v for k, v in UR5_TRUTH.items() if "mount" not in k})
     robot = registry.load("robots", "ur5")
-    from wrenchbed.frames import quaternion
+    from wrenchbed.physics.rotations import quaternion
 
     q = quaternion(robot.sensor_pose(rec.q, robot.parameters.nominal)[0])
     columns = {k: v for k, v in rec.columns.items() if not k.startswith("q")}
@@ -269,6 +272,8 @@ def test_a_channel_whose_residual_is_swallowed_keeps_its_noise():
         for seed in range(3)
     ]
     for recording in recordings:
-        fit = calibrate(recording, Options(free=("candidates", "sensor.bias"), prior=True))
+        fit = calibrate(
+            recording, CalibrationOptions(free=("candidates", "sensor.bias"), prior=True)
+        )
         assert fit.noise.inflated
         assert (fit.noise.scatter / fit.noise.expected).min() > 0.02

@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 
 from test_campaign_live import PLAN, UR5, Arm, Gauge, poses, quick, run  # noqa: F401
-from wrenchbed import campaign
-from wrenchbed.drivers.base import ArmSample
+from wrenchbed.campaigns import recording_run
+from wrenchbed.campaigns.resume import Again, again
+from wrenchbed.data.plan import Plan
+from wrenchbed.data.recording import Recording
 from wrenchbed.errors import (
     DriverError,
     LateError,
@@ -21,10 +23,8 @@ from wrenchbed.errors import (
     StoppedError,
     WrenchbedWarning,
 )
-from wrenchbed.health import Health, State
-from wrenchbed.plan import Plan
-from wrenchbed.recording import Recording
-from wrenchbed.resuming import Again, again
+from wrenchbed.hardware.device import Health, State
+from wrenchbed.hardware.drivers.base import ArmSample
 
 
 class Trouble(NamedTuple):
@@ -106,7 +106,7 @@ def test_a_robot_that_protects_itself_ends_the_campaign(tmp_path, trouble):
 
 @pytest.mark.parametrize(("trouble", "kind"), ITSELF.values(), ids=ITSELF)
 def test_a_link_or_a_stopped_program_is_tried_again_so_often(tmp_path, monkeypatch, trouble, kind):
-    monkeypatch.setattr(campaign, "_PAUSE_S", 0.0)
+    monkeypatch.setattr(recording_run, "_PAUSE_S", 0.0)
     few = Telling(dict.fromkeys(range(2, 2 + kind), trouble))
     with pytest.warns(WrenchbedWarning, match="pose 2: .*: trying again"):
         done = run(few, tmp_path / "r.parquet")
@@ -152,7 +152,7 @@ def test_before_the_first_row_there_is_nothing_to_resume(tmp_path):
 def moving(arm: Arm, path, n: int = 60):
     plan = Plan.of("ur5", np.repeat(UR5.home[None], n, axis=0), rate_hz=125.0)
     with arm:
-        return campaign.record(arm, plan, path)
+        return recording_run.record(arm, plan, path)
 
 
 class Cut(Arm):
@@ -198,7 +198,7 @@ def test_touches_are_refused_before_the_arm_moves(tmp_path):
     arm = Arm()
     plan = Plan.of("ur5", PLAN.q, points=np.zeros((4, 3)))
     with arm, pytest.raises(PlanError, match="'arm' cannot touch points"):
-        campaign.record(arm, plan, tmp_path / "r.parquet")
+        recording_run.record(arm, plan, tmp_path / "r.parquet")
     assert (arm.moves, list(tmp_path.iterdir())) == (0, [])
 
 

@@ -8,9 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from wrenchbed import campaign, registry
-from wrenchbed.drivers.base import Applied, ArmSample, Limits
-from wrenchbed.drivers.base.live import LiveDriver
+from wrenchbed import registry
+from wrenchbed.campaigns import recording_run
+from wrenchbed.data.plan import Plan
+from wrenchbed.data.recording import Recording
 from wrenchbed.errors import (
     DriverError,
     LimitError,
@@ -19,11 +20,11 @@ from wrenchbed.errors import (
     StoppedError,
     WrenchbedWarning,
 )
-from wrenchbed.health import Health
-from wrenchbed.model import Model
-from wrenchbed.plan import Plan
-from wrenchbed.recording import Recording
-from wrenchbed.transducers.base import Transducer, WrenchSample
+from wrenchbed.hardware.device import Health
+from wrenchbed.hardware.drivers.base import Applied, ArmSample, Limits
+from wrenchbed.hardware.drivers.base.live import LiveDriver
+from wrenchbed.hardware.transducers.base import Transducer, WrenchSample
+from wrenchbed.robots.model import Model
 
 UR5 = registry.load("robots", "ur5")
 PLAN = Plan.of("ur5", UR5.home + 0.2 * np.random.default_rng(0).standard_normal((4, 6)))
@@ -107,12 +108,12 @@ class Arm(LiveDriver):
 @pytest.fixture(autouse=True)
 def quick(monkeypatch):
     """A calm of a tenth of a second will do for an arm that is always calm."""
-    monkeypatch.setattr("wrenchbed.drivers.base.live.SETTLE_S", 0.12)
+    monkeypatch.setattr("wrenchbed.hardware.drivers.base.live.SETTLE_S", 0.12)
 
 
-def run(arm: Arm, path: Path, **more) -> campaign.Done:
+def run(arm: Arm, path: Path, **more) -> recording_run.RunProgress:
     with arm:
-        return campaign.record(arm, PLAN, path, samples=10, rate=500.0, **more)
+        return recording_run.record(arm, PLAN, path, samples=10, rate=500.0, **more)
 
 
 def poses(path: Path) -> list[int]:
@@ -140,7 +141,7 @@ def test_what_fails_is_recovered_from_and_nothing_is_lost(tmp_path):
 
 
 def test_it_gives_up_in_the_end_and_keeps_what_it_has(tmp_path, monkeypatch):
-    monkeypatch.setattr(campaign, "TRIES", 3)
+    monkeypatch.setattr(recording_run, "TRIES", 3)
     arm = Arm({k: LinkError("gone for good") for k in range(2, 99)})
     with (
         warnings.catch_warnings(),
@@ -185,10 +186,10 @@ def test_a_campaign_of_another_plan_is_not_gone_on_with(tmp_path):
     run(Arm(), path)
     other = Plan.of("ur5", PLAN.q + 0.3)
     with Arm() as arm, pytest.raises(PlanError, match="row 0 is not at pose 0"):
-        campaign.record(arm, other, path, samples=10, resume=True)
+        recording_run.record(arm, other, path, samples=10, resume=True)
     motion = Plan.of("ur5", np.repeat(UR5.home[None], 20, axis=0), rate_hz=125.0)
     with Arm() as arm, pytest.raises(PlanError, match="a motion cannot be resumed"):
-        campaign.record(arm, motion, path, resume=True)
+        recording_run.record(arm, motion, path, resume=True)
 
 
 def test_too_large_a_load_stops_the_robot_and_is_not_tried_again(tmp_path):

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from test_campaign_live import PLAN, Arm, poses, quick, run  # noqa: F401
-from wrenchbed import campaign
+from wrenchbed.campaigns import recording_run
+from wrenchbed.data.plan import Plan
+from wrenchbed.data.recording import Recording
 from wrenchbed.errors import PlanError
-from wrenchbed.plan import Plan
-from wrenchbed.recording import Recording
 
 
 def cut(path, rows: int) -> Recording:
@@ -56,7 +56,7 @@ def test_a_revisit_does_not_make_its_pose_whole(tmp_path):
     keep = (np.arange(50) < 5) | (np.arange(50) >= 40)
     Recording(whole.metadata, {k: v[keep] for k, v in whole.columns.items()}).write(path)
     with Arm() as arm:
-        assert campaign.record(
+        assert recording_run.record(
             arm, PLAN, path, samples=10, rate=500.0, resume=True
         ).visited == 4  # fmt: skip
 
@@ -89,7 +89,7 @@ def test_other_samples_are_refused(tmp_path, samples):
     run(Arm(), path)
     words = f"10 samples at pose 0, not {samples}: give --samples 10, or record anew"
     with Arm() as arm, pytest.raises(PlanError, match=words):
-        campaign.record(arm, PLAN, path, samples=samples, rate=500.0, resume=True)
+        recording_run.record(arm, PLAN, path, samples=samples, rate=500.0, resume=True)
     assert len(Recording.read(path)) == 50
 
 
@@ -98,7 +98,7 @@ def test_another_dwell_is_refused(tmp_path):
     run(Arm(), path)
     dwell = Plan("ur5", PLAN.q, PLAN.segment, np.full(4, 0.1))
     with Arm() as arm, pytest.raises(PlanError, match="not 50: give the plan it was made with"):
-        campaign.record(arm, dwell, path, rate=500.0, resume=True)
+        recording_run.record(arm, dwell, path, rate=500.0, resume=True)
 
 
 def test_another_rate_sensor_or_driver_is_refused(tmp_path):
@@ -106,14 +106,14 @@ def test_another_rate_sensor_or_driver_is_refused(tmp_path):
     run(Arm(), path)
     with Arm() as arm:
         with pytest.raises(PlanError, match=r"rate_hz = 500\.0, not 250\.0: give --rate"):
-            campaign.record(arm, PLAN, path, samples=10, rate=250.0, resume=True)
+            recording_run.record(arm, PLAN, path, samples=10, rate=250.0, resume=True)
         told = arm.metadata
         own = replace(told("static", 500.0).sensor, model="ur-wrench")
         arm.metadata = lambda mode, rate: replace(told(mode, rate), sensor=own)
         words = "sensor.model = 'ati-gamma', not 'ur-wrench': give --sensor as it was"
         with pytest.raises(PlanError, match=words):
-            campaign.record(arm, PLAN, path, samples=10, rate=500.0, resume=True)
+            recording_run.record(arm, PLAN, path, samples=10, rate=500.0, resume=True)
         arm.metadata = lambda mode, rate: replace(told(mode, rate), source="other")
         with pytest.raises(PlanError, match="source 'test', not 'other': give --driver"):
-            campaign.record(arm, PLAN, path, samples=10, rate=500.0, resume=True)
+            recording_run.record(arm, PLAN, path, samples=10, rate=500.0, resume=True)
         assert arm.moves == 0

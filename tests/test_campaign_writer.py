@@ -9,10 +9,10 @@ import pytest
 
 from test_campaign_again import moving
 from test_campaign_live import Arm, quick  # noqa: F401
-from wrenchbed import parquet, writer
-from wrenchbed.metadata import parse
-from wrenchbed.recording import Recording
-from wrenchbed.writer import RecordingWriter
+from wrenchbed.data import parquet, writer
+from wrenchbed.data.metadata import parse
+from wrenchbed.data.recording import Recording
+from wrenchbed.data.writer import RecordingWriter
 
 METADATA = parse({"format": 1, "robot": "oriented", "mode": "dynamic"}, "x")
 NAMES = ("fx", "fy", "fz", "tx", "ty", "tz")

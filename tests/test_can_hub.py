@@ -10,12 +10,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from wrenchbed.emulators.can_bus import client as text
+from wrenchbed.emulators.can_bus.hub import Hub
+from wrenchbed.emulators.can_bus.wire import Frame
+from wrenchbed.emulators.medrue import server as settings
 from wrenchbed.errors import DriverError, LinkError, ParameterError
-from wrenchbed.serving.canbus import text
-from wrenchbed.serving.canbus.hub import Hub
-from wrenchbed.serving.canbus.wire import Frame
-from wrenchbed.transducers.netcanoem.link import Link, open_bus
-from wrenchbed.twins.medrue import settings
+from wrenchbed.hardware.transducers.netcanoem.link import CanLink, open_bus
 
 pytestmark = pytest.mark.wire
 
@@ -212,7 +212,7 @@ def test_a_bus_that_does_not_exist_is_told():
 def test_a_listener_that_fails_does_not_keep_frames_from_others():
     bus = can.Bus(interface="virtual", channel="test_listener")
     other = can.Bus(interface="virtual", channel="test_listener")
-    link, heard = Link(bus), []
+    link, heard = CanLink(bus), []
 
     def fails(t, can_id, data):
         raise ValueError("no")

@@ -7,15 +7,20 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from wrenchbed.drivers.can import Options, ids
-from wrenchbed.drivers.can.cia402 import State, Want, controlword, state_of
-from wrenchbed.drivers.can.cycle import Cycle
-from wrenchbed.drivers.can.drive import BEATS, Drive
-from wrenchbed.drivers.can.following import Following
-from wrenchbed.drivers.can.setpoints import Setpoints
+from wrenchbed.emulators.medrue import axis as served
 from wrenchbed.errors import ParameterError
-from wrenchbed.transducers.netcanoem.frames import COUNTS, FIRMWARE, GAUGES, MATRIX, SELECT
-from wrenchbed.twins.medrue import axis as served
+from wrenchbed.hardware.drivers.can import CanOptions, options
+from wrenchbed.hardware.drivers.can.cia402 import (
+    BEATS,
+    DriveState,
+    DriveStatus,
+    Want,
+    controlword,
+    state_of,
+)
+from wrenchbed.hardware.drivers.can.cycle import Cycle, Following
+from wrenchbed.hardware.drivers.can.setpoints import Setpoints
+from wrenchbed.hardware.transducers.netcanoem.frames import COUNTS, FIRMWARE, GAUGES, MATRIX, SELECT
 
 T = 0.004
 TOP = np.ones(6)
@@ -23,9 +28,9 @@ TOP = np.ones(6)
 
 @pytest.mark.parametrize(
     "word, state",
-    [(0x0250, State.DISABLED), (0x0231, State.READY), (0x0233, State.SWITCHED_ON),
-     (0x1237, State.ENABLED), (0x0217, State.QUICK_STOP), (0x0218, State.FAULT),
-     (0x021F, State.REACTING), (0x0000, State.NOT_READY), (0x2238, State.FAULT)],
+    [(0x0250, DriveStatus.DISABLED), (0x0231, DriveStatus.READY), (0x0233, DriveStatus.SWITCHED_ON),
+     (0x1237, DriveStatus.ENABLED), (0x0217, DriveStatus.QUICK_STOP), (0x0218, DriveStatus.FAULT),
+     (0x021F, DriveStatus.REACTING), (0x0000, DriveStatus.NOT_READY), (0x2238, DriveStatus.FAULT)],
 )  # fmt: skip
 def test_statuswords_of_the_profile(word, state):
     assert state_of(word) is state
@@ -33,7 +38,7 @@ def test_statuswords_of_the_profile(word, state):
 
 @given(st.integers(0, 0xFFFF))
 def test_every_statusword_has_a_state(word):
-    assert state_of(word) in State
+    assert state_of(word) in DriveStatus
 
 
 def ratings():
@@ -51,15 +56,15 @@ def climb(axis, want, cycles=10):
 
 def test_master_and_drive_agree_on_the_way_up_and_out_of_a_fault():
     axis = served.Axis(ratings(), 100.0)
-    assert climb(axis, Want.ENABLE) is State.ENABLED
-    assert climb(axis, Want.QUICK_STOP) is State.QUICK_STOP
-    assert climb(axis, Want.RESET) is State.DISABLED
+    assert climb(axis, Want.ENABLE) is DriveStatus.ENABLED
+    assert climb(axis, Want.QUICK_STOP) is DriveStatus.QUICK_STOP
+    assert climb(axis, Want.RESET) is DriveStatus.DISABLED
     climb(axis, Want.ENABLE)
     axis.fault(0x2310)
-    assert climb(axis, Want.ENABLE) is State.FAULT  # nothing but a reset leaves it
-    assert climb(axis, Want.RESET) is State.DISABLED
+    assert climb(axis, Want.ENABLE) is DriveStatus.FAULT  # nothing but a reset leaves it
+    assert climb(axis, Want.RESET) is DriveStatus.DISABLED
     assert axis.raised == [0x2310, 0]
-    assert climb(axis, Want.ENABLE) is State.ENABLED
+    assert climb(axis, Want.ENABLE) is DriveStatus.ENABLED
 
 
 def test_a_fault_is_reset_by_the_rising_edge_only():
@@ -67,19 +72,19 @@ def test_a_fault_is_reset_by_the_rising_edge_only():
     axis.control(0x80)
     axis.fault(0x2310)
     axis.control(0x80)
-    assert axis.state is served.State.FAULT
+    assert axis.state is served.AxisState.FAULT
     axis.control(0x00)
     axis.control(0x80)
-    assert axis.state is served.State.DISABLED
+    assert axis.state is served.AxisState.DISABLED
 
 
 def test_a_target_that_jumps_is_a_following_error():
     axis = served.Axis(ratings(), 0.0)
     climb(axis, Want.ENABLE)
     axis.sync(0.0, 400.0, T)
-    assert axis.state is served.State.ENABLED
+    assert axis.state is served.AxisState.ENABLED
     axis.sync(T, 501.0, T)
-    assert axis.state is served.State.FAULT and axis.code == 0x8611
+    assert axis.state is served.AxisState.FAULT and axis.code == 0x8611
 
 
 def test_targets_stay_within_the_software_limits():
@@ -102,7 +107,7 @@ def test_a_quick_stop_runs_down_its_ramp():
         axis.advance(1.0 + k * T, T, axis.command)
     speed = 40.0 / T
     assert begun < axis.command <= begun + speed**2 / (2 * 1e6) + 1.0
-    assert state_of(axis.statusword) is State.QUICK_STOP and axis.raised == [0x8250]
+    assert state_of(axis.statusword) is DriveStatus.QUICK_STOP and axis.raised == [0x8250]
 
 
 def test_profile_position_mode_goes_there_and_says_so():
@@ -119,14 +124,14 @@ def test_profile_position_mode_goes_there_and_says_so():
 
 def test_ids_that_collide_are_refused_with_the_remedy():
     with pytest.raises(ParameterError, match=r"0x201 is RPDO1 of node 1.*base 0x68"):
-        Options(base=0x20)
+        CanOptions(base=0x20)
     with pytest.raises(ParameterError, match="SYNC"):
-        Options(base=0x08)
+        CanOptions(base=0x08)
     with pytest.raises(ParameterError, match="heartbeat of node 1"):
-        Options(base=0x70)
-    assert Options(base=0x20, nodes=(17, 18, 19, 20, 21, 22)).base == 0x20
+        CanOptions(base=0x70)
+    assert CanOptions(base=0x20, nodes=(17, 18, 19, 20, 21, 22)).base == 0x20
     for base in range(0x68, 0x6E):
-        ids.check(base, tuple(range(1, 128)))
+        options.check(base, tuple(range(1, 128)))
 
 
 def test_nothing_that_changes_the_board_for_good_has_a_name():
@@ -142,13 +147,13 @@ def test_nothing_that_changes_the_board_for_good_has_a_name():
 )  # fmt: skip
 def test_options_that_cannot_be(words, named):
     with pytest.raises(ParameterError, match=named):
-        Options(**words)
+        CanOptions(**words)
 
 
 def test_the_interpolation_period_is_what_a_drive_can_hold():
-    assert Options(rate=250.0).interpolation == (4, -3)
-    assert Options(rate=400.0).interpolation == (25, -4)
-    assert Options(rate=500.0).bus_load.share < 0.9
+    assert CanOptions(rate=250.0).interpolation == (4, -3)
+    assert CanOptions(rate=400.0).interpolation == (25, -4)
+    assert CanOptions(rate=500.0).bus_load.share < 0.9
 
 
 def points():
@@ -179,7 +184,7 @@ class Bench:
     def __init__(self):
         self.wire, self.now = Wire(), 0.0
         self.setpoints = points()
-        self.cycle = Cycle(self.wire, [Drive(n) for n in range(1, 7)], np.full(6, 1e6),
+        self.cycle = Cycle(self.wire, [DriveState(n) for n in range(1, 7)], np.full(6, 1e6),
                            self.setpoints, lambda: None, Following(TOP), T)  # fmt: skip
         self.words = dict.fromkeys(range(1, 7), 0x1237)
         self.mute = set()

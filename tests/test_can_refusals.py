@@ -5,9 +5,9 @@ import time
 import can
 import pytest
 
-from wrenchbed.drivers.can import Options
 from wrenchbed.errors import LinkError, ParameterError
-from wrenchbed.transducers.netcanoem.link import Link, open_bus
+from wrenchbed.hardware.drivers.can import CanOptions
+from wrenchbed.hardware.transducers.netcanoem.link import CanLink, open_bus
 
 pytest.importorskip("canopen")
 
@@ -35,7 +35,7 @@ class Full:
 
 def test_a_full_transmit_queue_is_waited_for():
     bus = Full(3)
-    link = Link(bus)
+    link = CanLink(bus)
     link.send(0x123, b"")
     link.close()
     assert (bus.sent, link.full, link.failures) == (1, 3, 0)
@@ -45,7 +45,7 @@ def test_a_full_transmit_queue_is_waited_for():
     "bus, least", [(Full(10**9), 0.05), (Full(0, can.CanOperationError("down", 100)), 0.0)]
 )
 def test_a_bus_that_takes_nothing_is_given_up(bus, least):
-    link, begun = Link(bus), time.monotonic()
+    link, begun = CanLink(bus), time.monotonic()
     with pytest.raises(LinkError, match="takes no frames"):
         link.send(0x123, b"")
     passed = time.monotonic() - begun
@@ -74,8 +74,8 @@ BAD = [
 @pytest.mark.parametrize("words, named", BAD)
 def test_options_that_no_drive_can_follow(words, named):
     with pytest.raises(ParameterError, match=named):
-        Options(**words)
+        CanOptions(**words)
 
 
 def test_a_drive_may_count_the_other_way():
-    assert Options(counts_per_unit=(-1e6, *ONES)).counts_per_unit[0] < 0
+    assert CanOptions(counts_per_unit=(-1e6, *ONES)).counts_per_unit[0] < 0

@@ -7,11 +7,19 @@ import numpy as np
 import pytest
 
 from can_servos import BEAT, GUARDS, Bus, Sensor, Servo, T
-from wrenchbed import health
-from wrenchbed.drivers.can import CanDriver, Options, cycle, driver, ids, load, network, rest
-from wrenchbed.drivers.can.options import HEARTBEAT_S
-from wrenchbed.drivers.can.rest import REST_S
 from wrenchbed.errors import DriverError, LinkError
+from wrenchbed.hardware import device
+from wrenchbed.hardware.drivers.can import (
+    CanDriver,
+    CanOptions,
+    cycle,
+    driver,
+    network,
+    options,
+    standstill,
+)
+from wrenchbed.hardware.drivers.can.options import HEARTBEAT_S
+from wrenchbed.hardware.drivers.can.standstill import REST_S
 
 pytestmark = pytest.mark.wire
 SLOW = 0.02 * 0.25 * 1e6 + 80.0
@@ -21,7 +29,7 @@ SLOW = 0.02 * 0.25 * 1e6 + 80.0
 @pytest.fixture
 def arm(monkeypatch):
     """The driver on six servos at home; `arm.buses` are the ones that it opened."""
-    one = CanDriver(Options())
+    one = CanDriver(CanOptions())
     one.transducer = Sensor()
     home = one.robot.home * np.array(one.setting.counts_per_unit)
     one.servos = [Servo(k + 1, float(round(q))) for k, q in enumerate(home)]
@@ -32,7 +40,7 @@ def arm(monkeypatch):
         return one.buses[-1]
 
     monkeypatch.setattr(driver, "open_bus", opened)
-    for module in (cycle, driver, rest, health):  # other processes may keep this machine busy
+    for module in (cycle, driver, standstill, device):  # other processes may keep this machine busy
         monkeypatch.setattr(module, "STALE_S", 0.3)
     monkeypatch.setattr(network, "ANSWER_S", 0.02)
     yield one
@@ -222,12 +230,12 @@ def test_the_master_beats_and_the_load_counts_it(arm):
     time.sleep(1.0)
     passed = time.monotonic() - begun
     assert bus.beats - beats == pytest.approx(passed / HEARTBEAT_S, abs=2.5)
-    with_it = load.modelled(6, 250.0, 1_000_000, False, 0.1, 1).share
-    without = load.modelled(6, 250.0, 1_000_000, False, 0.1).share
+    with_it = options.modelled(6, 250.0, 1_000_000, False, 0.1, 1).share
+    without = options.modelled(6, 250.0, 1_000_000, False, 0.1).share
     assert arm.setting.bus_load.share == with_it == pytest.approx(without + 10 * 65 / 1e6)
 
 
 def test_the_masters_id_is_nobody_elses():
-    assert ids.master(0x68, (1, 2, 3)) == 127
-    assert ids.master(0x68, (127, 126)) == 125
-    assert ids.master(0x77, (1, 2)) == 0x6F
+    assert options.master(0x68, (1, 2, 3)) == 127
+    assert options.master(0x68, (127, 126)) == 125
+    assert options.master(0x77, (1, 2)) == 0x6F

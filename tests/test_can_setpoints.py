@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from wrenchbed.drivers.can.following import Following
-from wrenchbed.drivers.can.setpoints import BRAKE_S, Setpoints
+from wrenchbed.hardware.drivers.can.cycle import Following
+from wrenchbed.hardware.drivers.can.setpoints import BRAKE_S, Setpoints
 
 T = 0.004
 TOP = np.ones(6)

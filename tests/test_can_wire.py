@@ -7,11 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from wrenchbed.drivers.can import load
-from wrenchbed.serving.canbus import bits
-from wrenchbed.serving.canbus.foreign import NOBODY, Foreign
-from wrenchbed.serving.canbus.hub import Hub
-from wrenchbed.serving.canbus.wire import QUEUE, Frame, Wire
+from wrenchbed.emulators.can_bus import wire as bits
+from wrenchbed.emulators.can_bus.hub import NOBODY, Foreign, Hub
+from wrenchbed.emulators.can_bus.wire import QUEUE, BusArbiter, Frame
+from wrenchbed.hardware.drivers.can import options
 
 GENERATOR = 0b1100010110011001
 """x¹⁵ + x¹⁴ + x¹⁰ + x⁸ + x⁷ + x⁴ + x³ + 1, ISO 11898-1."""
@@ -55,7 +54,7 @@ def test_the_frame_of_sync_by_hand():
 @pytest.mark.parametrize("length, least, most", [(0, 47, 55), (6, 95, 115), (8, 111, 135)])
 def test_bounds_of_a_frame_by_hand(length, least, most):
     assert (bits.unstuffed(length), bits.worst(length)) == (least, most)
-    assert (load.least_bits(length), load.worst_bits(length)) == (least, most)
+    assert (options.least_bits(length), options.worst_bits(length)) == (least, most)
 
 
 @given(st.integers(0, 0x1FFFFFFF), st.binary(max_size=8), st.booleans())
@@ -68,7 +67,7 @@ def test_exact_bits_are_those_of_the_frame_written_out(can_id, data, extended):
 
 @given(st.integers(0, 0x7FF), st.binary(max_size=8))
 def test_driver_and_server_count_the_same_without_sharing_code(can_id, data):
-    assert load.frame_bits(can_id, data) == bits.exact(can_id, data)
+    assert options.frame_bits(can_id, data) == bits.exact(can_id, data)
 
 
 def test_the_poll_of_the_sensor_takes_what_its_three_frames_take():
@@ -78,14 +77,14 @@ def test_the_poll_of_the_sensor_takes_what_its_three_frames_take():
 
 
 def test_modelled_load_of_six_drives_and_the_sensor_by_hand():
-    told = load.modelled(6, 250.0, 1_000_000, torque=True, heartbeat=0.1)
+    told = options.modelled(6, 250.0, 1_000_000, torque=True, heartbeat=0.1)
     assert told.least == 47 + 253 + 6 * (95 + 111) == 1536
     assert told.worst == 55 + 305 + 6 * (115 + 135) == 1860
     assert told.share == pytest.approx((1860 * 250 + 6 * 10 * 65) / 1e6)
 
 
 def test_the_lowest_id_goes_first_where_several_wait():
-    wire = Wire(1_000_000)
+    wire = BusArbiter(1_000_000)
     wire.offer(0.0, 1, Frame(0x700, b""))
     for sender, can_id in ((2, 0x301), (3, 0x181), (4, 0x0FF)):
         wire.offer(1e-5, sender, Frame(can_id, b""))
@@ -95,7 +94,7 @@ def test_the_lowest_id_goes_first_where_several_wait():
 
 
 def test_a_frame_that_comes_after_the_wire_was_taken_waits_its_turn():
-    wire = Wire(500_000)
+    wire = BusArbiter(500_000)
     wire.offer(0.0, 1, Frame(0x600, bytes(8)))
     wire.offer(0.0, 1, Frame(0x001, b""))  # behind its own sender's first
     wire.offer(1e-6, 2, Frame(0x100, b""))
@@ -113,7 +112,7 @@ def test_eleven_bits_win_over_the_29_that_begin_with_them():
 
 
 def test_load_is_the_share_of_bits_in_the_last_second():
-    wire, frame = Wire(100_000), Frame(0x123, bytes(range(8)))
+    wire, frame = BusArbiter(100_000), Frame(0x123, bytes(range(8)))
     for k in range(400):
         wire.offer(10.0 + k / 400, 1, frame)
         wire.transmit(10.0 + k / 400)
@@ -122,7 +121,7 @@ def test_load_is_the_share_of_bits_in_the_last_second():
 
 
 def test_an_error_frame_costs_bits_and_the_frame_is_repeated():
-    wire, frame = Wire(1_000_000), Frame(0x123, bytes(8))
+    wire, frame = BusArbiter(1_000_000), Frame(0x123, bytes(8))
     wire.spoil(2)
     wire.offer(0.0, 1, frame)
     sent = [wire.transmit(1.0) for _ in range(3)]
@@ -133,14 +132,14 @@ def test_an_error_frame_costs_bits_and_the_frame_is_repeated():
 
 
 def test_a_sender_may_have_only_so_many_frames_waiting():
-    wire = Wire(1000)
+    wire = BusArbiter(1000)
     for _ in range(QUEUE + 7):
         wire.offer(0.0, 1, Frame(0x123, b""))
     assert wire.dropped == 7
 
 
 def test_foreign_traffic_starves_higher_ids():
-    wire, foreign = Wire(1_000_000), Foreign()
+    wire, foreign = BusArbiter(1_000_000), Foreign()
     foreign.start(0.0, 0.1, 1.0, 1_000_000)
     wire.offer(1e-3, 5, Frame(0x181, b""))
     now, others = 0.0, 0

@@ -5,14 +5,15 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from wrenchbed import campaign, registry
-from wrenchbed.clearance import Clearance
-from wrenchbed.drivers.base import Limits
-from wrenchbed.drivers.sim import Options, SimDriver
+from wrenchbed import registry
+from wrenchbed.campaigns import recording_run
+from wrenchbed.campaigns.itinerary import itinerary
+from wrenchbed.data.plan import Plan
+from wrenchbed.data.recording import Recording
 from wrenchbed.errors import LimitError, ParameterError, PlanError
-from wrenchbed.itinerary import itinerary
-from wrenchbed.plan import Plan
-from wrenchbed.recording import Recording
+from wrenchbed.hardware.drivers.base import Limits
+from wrenchbed.hardware.drivers.sim import SimDriver, SimOptions
+from wrenchbed.planning.clearance import Clearance
 
 UR5 = registry.load("robots", "ur5")
 INTO_BENCH = np.array([0.0, 0.35, 0.0, 0.0, 1.5708, 0.0])  # the arm points 20° below the horizon
@@ -87,7 +88,7 @@ def test_slower_limits_take_longer_in_proportion():
 def test_a_workspace_is_kept_on_the_whole_way():
     _, at_home = UR5.sensor_pose(UR5.home[None], UR5.parameters.nominal)
     box = tuple(at_home[0] - 0.1), tuple(at_home[0] + 0.1)
-    with SimDriver(Options("ur5", limits=Limits(workspace=box))) as driver:
+    with SimDriver(SimOptions("ur5", limits=Limits(workspace=box))) as driver:
         driver.move(UR5.home + 0.02).wait()
         with pytest.raises(PlanError, match="outside the workspace"):
             driver.move(UR5.home + np.array([0.8, 0, 0, 0, 0, 0]))
@@ -100,7 +101,7 @@ def test_impossible_limits_are_refused(bad):
 
 
 def test_a_streamed_target_that_leaps_is_refused_and_says_why():
-    with SimDriver(Options("ur5", limits=Limits(tracking=0.1))) as driver:
+    with SimDriver(SimOptions("ur5", limits=Limits(tracking=0.1))) as driver:
         at = driver.position()
         assert driver.write(at + 0.001).ok
         leap = driver.write(at + 0.2)
@@ -122,18 +123,18 @@ def test_too_large_a_wrench_is_named():
 def test_a_trajectory_beyond_its_speed_is_refused_before_it_starts(tmp_path):
     q = UR5.home + 0.5 * np.sin(np.arange(200) / 125 * 2 * np.pi)[:, None] * np.eye(6)[0]
     plan = Plan.of("ur5", q, rate_hz=125.0)  # 3.1 rad/s at most
-    with SimDriver(Options("ur5", limits=Limits(tracking=0.5))) as driver:
+    with SimDriver(SimOptions("ur5", limits=Limits(tracking=0.5))) as driver:
         with pytest.raises(PlanError, match=r"q1 would move at 3\.14 rad/s, 100% .* limit is 50%"):
-            campaign.record(driver, plan, tmp_path / "r.parquet")
+            recording_run.record(driver, plan, tmp_path / "r.parquet")
         assert np.array_equal(driver.position(), UR5.home)
     assert list(tmp_path.iterdir()) == []
 
 
 def test_the_first_pose_again_shows_the_drift_of_the_sensor(tmp_path):
     plan = Plan.of("ur5", UR5.sample(4, np.random.default_rng(2)))
-    drifting = Options("ur5", noise="white", effects=("sensor.drift:rate.fz=0.02",))
+    drifting = SimOptions("ur5", noise="white", effects=("sensor.drift:rate.fz=0.02",))
     with SimDriver(drifting) as driver:
-        done = campaign.record(driver, plan, tmp_path / "r.parquet", samples=50, revisit=True)
+        done = recording_run.record(driver, plan, tmp_path / "r.parquet", samples=50, revisit=True)
     rec = Recording.read(tmp_path / "r.parquet")
     assert len(rec) == 5 * 50
     assert list(np.unique(rec.columns["segment"])) == [0, 1, 2, 3, 4]

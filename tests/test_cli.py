@@ -12,7 +12,7 @@ import pytest
 
 from commanded import said
 from wrenchbed.cli import main
-from wrenchbed.recording import Recording
+from wrenchbed.data.recording import Recording
 
 DATA = Path(__file__).parent / "data" / "ntnu_kuka_ati_gamma"
 

@@ -8,8 +8,8 @@ import pyarrow.parquet as pq
 import pytest
 
 from commanded import names, said
-from wrenchbed import parquet
 from wrenchbed.cli import main
+from wrenchbed.data import parquet
 
 DATA = Path(__file__).parent / "data" / "ntnu_kuka_ati_gamma"
 

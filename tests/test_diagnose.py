@@ -5,17 +5,17 @@ import pytest
 
 import wrenchbed as wb
 from wrenchbed import registry
-from wrenchbed.campaign import record
+from wrenchbed.campaigns.recording_run import record
+from wrenchbed.data.plan import Plan
 from wrenchbed.diagnosis.diagnose import diagnose
-from wrenchbed.drivers.sim import Options, SimDriver
 from wrenchbed.errors import DiagnosisError
-from wrenchbed.plan import Plan
+from wrenchbed.hardware.drivers.sim import SimDriver, SimOptions
 
 
 def recorded(tmp_path, *effects, n=40, seed=1):
     robot = registry.load("robots", "ur5")
     plan = Plan.of("ur5", robot.sample(n, np.random.default_rng(seed)))
-    options = Options("ur5", noise="white", seed=seed, effects=effects)
+    options = SimOptions("ur5", noise="white", seed=seed, effects=effects)
     path = tmp_path / "rec.parquet"
     with SimDriver(options) as driver:
         record(driver, plan, path, samples=30)

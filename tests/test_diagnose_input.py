@@ -10,16 +10,16 @@ import pytest
 
 import wrenchbed as wb
 from wrenchbed import registry
-from wrenchbed.campaign import record
+from wrenchbed.campaigns.recording_run import record
 from wrenchbed.cli import main
+from wrenchbed.data.metadata import SensorInfo, ToolInfo
+from wrenchbed.data.plan import Plan
 from wrenchbed.diagnosis.diagnose import diagnose
-from wrenchbed.diagnosis.prepare import prepare
-from wrenchbed.drivers.sim import Options, SimDriver
+from wrenchbed.diagnosis.prepare.prepared import prepare
 from wrenchbed.errors import DiagnosisError, RecordingError
-from wrenchbed.metadata import SensorInfo, ToolInfo
-from wrenchbed.model import Model
-from wrenchbed.plan import Plan
-from wrenchbed.wrench import CHANNELS
+from wrenchbed.hardware.drivers.sim import SimDriver, SimOptions
+from wrenchbed.physics.wrench import CHANNELS
+from wrenchbed.robots.model import Model
 
 FORCES, TORQUES = CHANNELS[:3], CHANNELS[3:]
 POSES, ROWS = 40, 20
@@ -37,7 +37,7 @@ def recordings(tmp_path_factory):
     ):
         q = registry.load("robots", robot).sample(POSES, np.random.default_rng(1))
         path = folder / f"{name}.parquet"
-        with SimDriver(Options(robot, noise="white", seed=1, effects=effects)) as driver:
+        with SimDriver(SimOptions(robot, noise="white", seed=1, effects=effects)) as driver:
             record(driver, Plan.of(robot, q), path, samples=ROWS)
         made[name] = wb.Recording.read(path)
     return made

@@ -12,14 +12,15 @@ import numpy as np
 import pytest
 
 from twin_process import running
-from wrenchbed import campaign, registry
-from wrenchbed.drivers.base import Driver, Limits
-from wrenchbed.drivers.sim import Options, SimDriver
+from wrenchbed import registry
+from wrenchbed.campaigns import recording_run
+from wrenchbed.data.plan import Plan
+from wrenchbed.data.recording import Recording
 from wrenchbed.errors import DriverError, PlanError
-from wrenchbed.model import Model
-from wrenchbed.plan import Plan
-from wrenchbed.recording import Recording
-from wrenchbed.wrench import CHANNELS
+from wrenchbed.hardware.drivers.base import Driver, Limits
+from wrenchbed.hardware.drivers.sim import SimDriver, SimOptions
+from wrenchbed.physics.wrench import CHANNELS
+from wrenchbed.robots.model import Model
 
 pytestmark = pytest.mark.wire
 
@@ -41,7 +42,7 @@ def make(request) -> Iterator:
     """A function that makes the driver; its twin runs as long as the tests."""
     kind = request.param
     if kind.startswith("sim"):
-        yield lambda **more: SimDriver(Options(kind.removeprefix("sim-"), **more))
+        yield lambda **more: SimDriver(SimOptions(kind.removeprefix("sim-"), **more))
     elif kind == "rtde":
         with running("ur5", "127.0.5.1"):
             yield lambda **more: device("rtde", "ur5", host="127.0.5.1", **more)
@@ -158,7 +159,7 @@ def test_what_is_beyond_limits_is_refused_and_nothing_moves(driver):
 def test_a_recording_is_kept_bit_by_bit_and_its_time_only_grows(driver, tmp_path):
     q = driver.position() + SMALL * np.random.default_rng(5).standard_normal((3, 6))
     plan = Plan.of(driver.robot.name, q)
-    done = campaign.record(driver, plan, tmp_path / "r.parquet", samples=20, rate=100.0)
+    done = recording_run.record(driver, plan, tmp_path / "r.parquet", samples=20, rate=100.0)
     rec = Recording.read(tmp_path / "r.parquet")
     rows = 20 * (4 if driver.live else 3)
     assert done.rows == len(rec) == rows

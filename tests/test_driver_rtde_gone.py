@@ -13,7 +13,7 @@ import rtde_moves
 from rtde_moves import A, B, recovered
 from twin_process import running
 from wrenchbed.errors import DriverError, LinkError
-from wrenchbed.health import GONE_S
+from wrenchbed.hardware.device import GONE_S
 
 pytest.importorskip("rtde_control")
 pytestmark = pytest.mark.wire

@@ -12,17 +12,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from wrenchbed.drivers.rtde.clock import Clock
-from wrenchbed.drivers.rtde.control_worker import sound
-from wrenchbed.drivers.rtde.motion import Followed, trapezoid
-from wrenchbed.drivers.rtde.record import Shared, Snapshot
-from wrenchbed.drivers.rtde.state_worker import Copier, implausible
-from wrenchbed.drivers.rtde.wire import Closed, pair
+from wrenchbed.hardware.drivers.rtde.control_worker import sound
+from wrenchbed.hardware.drivers.rtde.driver import Followed, trapezoid
+from wrenchbed.hardware.drivers.rtde.shared_state import SharedState, Snapshot
+from wrenchbed.hardware.drivers.rtde.state_worker import ControllerClock, Copier, implausible
+from wrenchbed.hardware.drivers.rtde.worker import Closed, pair
 
 OK = Snapshot(t=1.0, stamp=1.0, q=(0.1,) * 6, mode=7.0, safety=1.0, runtime=2.0, major=3.0)
 HAMMER = """
 import sys, time
-from wrenchbed.drivers.rtde.record import Shared, Snapshot
+from wrenchbed.hardware.drivers.rtde.shared_state import Shared, Snapshot
 shared = Shared(int(sys.argv[1]))
 end = time.monotonic() + 1.5
 k = 0
@@ -35,7 +34,7 @@ while time.monotonic() < end:
 
 @contextlib.contextmanager
 def memory():
-    shared = Shared.create()
+    shared = SharedState.create()
     try:
         yield shared
     finally:
@@ -69,7 +68,7 @@ def test_a_writer_that_died_halfway_leaves_the_state_before_and_the_next_one_goe
             8, "little"
         )
         assert shared.read() is None
-        again = Shared(os.dup(shared.descriptor))
+        again = SharedState(os.dup(shared.descriptor))
         again.write(OK._replace(t=2.0))
         assert shared.read().t == again.read().t == 2.0
         again.close()
@@ -145,7 +144,7 @@ def test_targets_that_are_dropped_are_noticed():
 
 @pytest.mark.parametrize("ppm", [-300.0, 0.0, 500.0])
 def test_the_clock_is_estimated(ppm):
-    clock, rng = Clock(), random.Random(1)
+    clock, rng = ControllerClock(), random.Random(1)
     assert math.isnan(clock.drift())
     for k in range(1500):
         late = rng.expovariate(1 / 2e-3)

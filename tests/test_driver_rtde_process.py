@@ -14,7 +14,7 @@ pytestmark = pytest.mark.wire
 HOST = "127.0.2.18"
 START = """
 import sys, time
-from wrenchbed.drivers.rtde import Options, RtdeDriver
+from wrenchbed.hardware.drivers.rtde import Options, RtdeDriver
 link = RtdeDriver(Options(host=sys.argv[1], sensor="rtde"))
 link.connect()
 link.activate()

@@ -6,7 +6,7 @@ import pytest
 
 from rtde_moves import NAMED_S, disturbed, recovered
 from wrenchbed.errors import LinkError, StoppedError
-from wrenchbed.health import GONE_S
+from wrenchbed.hardware.device import GONE_S
 
 pytest.importorskip("rtde_control")
 pytestmark = pytest.mark.wire

@@ -12,13 +12,20 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from wrenchbed import registry
-from wrenchbed.drivers.rtde import Options, RtdeDriver, dashboard, judge, probe, sensing, words
-from wrenchbed.drivers.rtde.flange import Flange
-from wrenchbed.drivers.rtde.record import Snapshot
-from wrenchbed.drivers.rtde.state_worker import FIELDS, RAW
 from wrenchbed.errors import DriverError, LinkError, ParameterError
-from wrenchbed.frames import quaternion
-from wrenchbed.transducers.ur_wrench import UrWrench, in_sensor_axes
+from wrenchbed.hardware.drivers.rtde import (
+    RtdeDriver,
+    RtdeOptions,
+    dashboard,
+    sensing,
+    state_worker,
+    status,
+)
+from wrenchbed.hardware.drivers.rtde.sensing import Flange
+from wrenchbed.hardware.drivers.rtde.shared_state import Snapshot
+from wrenchbed.hardware.drivers.rtde.state_worker import FIELDS, RAW
+from wrenchbed.hardware.transducers.ur_wrench import UrWrench, in_sensor_axes
+from wrenchbed.physics.rotations import quaternion
 
 OK = Snapshot(t=1.0, stamp=1.0, q=(0.1,) * 6, mode=7.0, safety=1.0, runtime=2.0, major=3.0)
 
@@ -47,10 +54,17 @@ def server(port, serve):
 
 def seen(**change):
     usual = {
-        "state": OK, "age": 0.004, "worker_gone": "", "worker_silent": 0.01, "armed": True,
-        "control_gone": "", "control_silent": 0.01, "ended": False, "halts": 0.0,
-    }  # fmt: skip
-    return judge.Seen(**{**usual, **change})
+        "state": OK,
+        "age": 0.004,
+        "worker_gone": "",
+        "worker_silent": 0.01,
+        "armed": True,
+        "control_gone": "",
+        "control_silent": 0.01,
+        "ended": False,
+        "halts": 0.0,
+    }
+    return status.Observation(**{**usual, **change})
 
 
 @pytest.mark.parametrize(
@@ -80,7 +94,7 @@ def seen(**change):
     ],
 )
 def test_each_trouble_has_a_name(change, state, words_):
-    found = judge.judge(seen(**change), {})
+    found = status.judge(seen(**change), {})
     assert found.state == state and words_ in found.detail
 
 
@@ -88,8 +102,8 @@ def test_each_trouble_has_a_name(change, state, words_):
 @given(st.floats(-1, 8), st.floats(0, 13), st.integers(0, 2047))
 def test_every_state_of_the_robot_has_words(mode, safety, bits):
     state = OK._replace(mode=mode, safety=safety, bits=float(bits))
-    assert words.mode(state) and words.safety(state) and words.program(state)
-    trouble = words.trouble(state)
+    assert status.mode(state) and status.safety(state) and status.program(state)
+    trouble = status.problem(state)
     assert trouble is None or (trouble[0] in ("stopped", "fault") and trouble[1])
 
 
@@ -100,14 +114,14 @@ def test_the_dashboard_answers_within_a_deadline():
         link.sendall(b"Stopped\n")
 
     with server(dashboard.PORT, serve):
-        assert dashboard.ask("127.0.2.9", "stop") == "Stopped"
+        assert dashboard.request("127.0.2.9", "stop") == "Stopped"
     with server(dashboard.PORT, lambda link: time.sleep(0.5)):
         begun = time.monotonic()
         with pytest.raises(LinkError, match="no answer to 'stop'"):
-            dashboard.ask("127.0.2.9", "stop", 0.2)
+            dashboard.request("127.0.2.9", "stop", 0.2)
         assert time.monotonic() - begun < 0.4
     with pytest.raises(LinkError, match="refused"):
-        dashboard.ask("127.0.2.9", "stop", 0.2)
+        dashboard.request("127.0.2.9", "stop", 0.2)
 
 
 def test_a_controller_is_asked_for_its_version_first():
@@ -117,31 +131,35 @@ def test_a_controller_is_asked_for_its_version_first():
         link.recv(3)
         link.sendall(b"\x00\x13v" + b"".join(n.to_bytes(4, "big") for n in (3, 15, 8, 1)))
 
-    with server(probe.PORT, serve):
-        assert probe.version("127.0.2.9", 1.0) == (3, 15, 8, 1)
+    with server(state_worker.PORT, serve):
+        assert state_worker.controller_version("127.0.2.9", 1.0) == (3, 15, 8, 1)
 
 
 @pytest.mark.parametrize(
     "answer, error",
     [
-        (b"\x00\x01", probe.Unfit), (b"\x00\x02V", probe.Unfit), (b"\xff\xffV" * 3, probe.Unfit),
-        (b"\x00\x04V\x00", probe.Unfit), (b"\x00\x04Q\x01", probe.Unfit), (b"\x00", OSError),
+        (b"\x00\x01", state_worker.Unfit),
+        (b"\x00\x02V", state_worker.Unfit),
+        (b"\xff\xffV" * 3, state_worker.Unfit),
+        (b"\x00\x04V\x00", state_worker.Unfit),
+        (b"\x00\x04Q\x01", state_worker.Unfit),
+        (b"\x00", OSError),
         (b"", OSError),
     ],
-)  # fmt: skip
+)
 def test_a_controller_that_answers_nonsense_is_refused(answer, error):
     def serve(link):
         link.recv(5)
         link.sendall(answer if len(answer) != 2 else answer + b"V")
 
-    with server(probe.PORT, serve), pytest.raises(error):
-        probe.version("127.0.2.9", 1.0)
+    with server(state_worker.PORT, serve), pytest.raises(error):
+        state_worker.controller_version("127.0.2.9", 1.0)
 
 
 def test_a_silent_controller_is_named_in_time():
     begun = time.monotonic()
-    with server(probe.PORT, lambda link: time.sleep(0.6)), pytest.raises(TimeoutError):
-        probe.version("127.0.2.9", 0.2)
+    with server(state_worker.PORT, lambda link: time.sleep(0.6)), pytest.raises(TimeoutError):
+        state_worker.controller_version("127.0.2.9", 0.2)
     assert time.monotonic() - begun < 1.0
 
 
@@ -221,7 +239,7 @@ def test_the_flange_is_told_where_the_tcp_is_there():
 )
 def test_a_wrong_sensor_is_refused(sensor):
     with pytest.raises(ParameterError, match="netft"):
-        RtdeDriver(Options(sensor=sensor))
+        RtdeDriver(RtdeOptions(sensor=sensor))
 
 
 @pytest.mark.parametrize(
@@ -229,11 +247,11 @@ def test_a_wrong_sensor_is_refused(sensor):
 )
 def test_wrong_options_are_refused(change):
     with pytest.raises(ParameterError):
-        Options(**change)
+        RtdeOptions(**change)
 
 
 def test_what_the_robot_is_can_be_read_while_disconnected():
-    driver = RtdeDriver(Options(sensor="rtde"))
+    driver = RtdeDriver(RtdeOptions(sensor="rtde"))
     assert driver.robot.name == "ur5" and driver.live and driver.source == "ur_rtde"
     assert driver.health().state == "closed"
     assert driver.metadata("static", 100.0).source == "ur_rtde"
@@ -245,7 +263,7 @@ def test_what_the_robot_is_can_be_read_while_disconnected():
 
 
 def test_no_robot_is_named_within_the_deadline():
-    driver = RtdeDriver(Options(host="127.0.2.8", sensor="rtde", connect_s=2.0, attempts=3))
+    driver = RtdeDriver(RtdeOptions(host="127.0.2.8", sensor="rtde", connect_s=2.0, attempts=3))
     begun = time.monotonic()
     with pytest.raises(LinkError, match="refused"):
         driver.connect()
@@ -254,7 +272,7 @@ def test_no_robot_is_named_within_the_deadline():
 
 
 def test_a_controller_that_is_silent_at_connection_is_named():
-    with server(probe.PORT, lambda link: time.sleep(3.0)):
-        driver = RtdeDriver(Options(host="127.0.2.9", sensor="rtde", connect_s=2.5, attempts=1))
+    with server(state_worker.PORT, lambda link: time.sleep(3.0)):
+        driver = RtdeDriver(RtdeOptions(host="127.0.2.9", sensor="rtde", connect_s=2.5, attempts=1))
         with pytest.raises(LinkError, match="does not answer|timed out|did not connect"):
             driver.connect()

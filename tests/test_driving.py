@@ -6,10 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from wrenchbed import campaign, planning, registry
-from wrenchbed.calibration import calibrate
-from wrenchbed.drivers import sim
-from wrenchbed.drivers.base import Driver
+from wrenchbed import registry
+from wrenchbed.calibration.calibrate import calibrate
+from wrenchbed.campaigns import recording_run
+from wrenchbed.data.plan import Plan
+from wrenchbed.data.recording import Recording
 from wrenchbed.errors import (
     CalibrationError,
     DriverError,
@@ -18,12 +19,13 @@ from wrenchbed.errors import (
     PlanError,
     WrenchbedWarning,
 )
-from wrenchbed.jets import Jet
-from wrenchbed.model import Model
-from wrenchbed.plan import Plan
-from wrenchbed.recording import Recording
+from wrenchbed.hardware.drivers import sim
+from wrenchbed.hardware.drivers.base import Driver
+from wrenchbed.physics.taylor import Jet
+from wrenchbed.physics.wrench import wrench
+from wrenchbed.planning import choose
+from wrenchbed.robots.model import Model
 from wrenchbed.sensors.base import STATUS_SATURATED
-from wrenchbed.wrench import wrench
 
 MODELS = Path(__file__).parents[1] / "models"
 TABLE1 = json.loads((MODELS / "medrue" / "table1.json").read_text())
@@ -31,7 +33,7 @@ EXAMPLE = json.loads((MODELS / "ur5" / "example.json").read_text())
 
 
 def sim_driver(robot: str, **options) -> Driver:
-    return sim.SimDriver(sim.Options(robot, **options))
+    return sim.SimDriver(sim.SimOptions(robot, **options))
 
 
 DRIVERS = {f"sim-{r}": (lambda r=r: sim_driver(r)) for r in ("ur5", "medrue")}
@@ -79,7 +81,7 @@ def test_time_only_grows(make):
         blocks = [driver.sample(5, 100.0), driver.sample(5, 100.0)]
         driver.move(robot.sample(1, np.random.default_rng(1))[0]).wait()
         blocks.append(driver.sample(3, 50.0))
-        plan = planning.multisine(robot, 6.0, 125.0, seed=0)
+        plan = choose.multisine(robot, 6.0, 125.0, seed=0)
         driver.move(plan.q[0]).wait()
         blocks += list(driver.track(plan.q, 125.0))
     t = np.concatenate([b["t"] for b in blocks])
@@ -89,7 +91,7 @@ def test_time_only_grows(make):
 @each_driver
 def test_a_trajectory_is_followed_and_measured(make):
     with make() as driver:
-        plan = planning.multisine(driver.robot, 6.0, 125.0, seed=3)
+        plan = choose.multisine(driver.robot, 6.0, 125.0, seed=3)
         driver.move(plan.q[0]).wait()
         rows = [dict(b) for b in driver.track(plan.q, 125.0)]
     names = [f"q{j}" for j in range(1, 7)]
@@ -113,8 +115,8 @@ def test_what_does_not_exist_is_refused_by_name():
 @pytest.mark.parametrize(("robot", "truth"), [("ur5", EXAMPLE), ("medrue", TABLE1)])
 def test_a_noise_free_campaign_reads_the_true_robots_wrench(tmp_path, robot, truth):
     with sim_driver(robot, parameters=truth, noise="off") as driver:
-        plan = planning.poses(driver.robot, 5, seed=2)
-        campaign.record(driver, plan, tmp_path / "rec.parquet", samples=3)
+        plan = choose.poses(driver.robot, 5, seed=2)
+        recording_run.record(driver, plan, tmp_path / "rec.parquet", samples=3)
     rec = Recording.read(tmp_path / "rec.parquet")
     assert len(rec) == 15
     assert list(rec.columns["segment"]) == [0] * 3 + [1] * 3 + [2] * 3 + [3] * 3 + [4] * 3
@@ -134,8 +136,8 @@ def test_a_noise_free_campaign_reads_the_true_robots_wrench(tmp_path, robot, tru
 def test_the_wrench_in_a_motion_is_that_of_its_own_kinematics(tmp_path, robot):
     """Servo dynamics in MuJoCo against Newton–Euler on the measured joints' derivatives."""
     with sim_driver(robot, noise="off") as driver:
-        plan = planning.multisine(driver.robot, 8.0, 500.0, seed=5)
-        campaign.record(driver, plan, tmp_path / "rec.parquet")
+        plan = choose.multisine(driver.robot, 8.0, 500.0, seed=5)
+        recording_run.record(driver, plan, tmp_path / "rec.parquet")
     rec = Recording.read(tmp_path / "rec.parquet")
     arm = registry.load("robots", robot)
     theta = arm.parameters.nominal
@@ -154,8 +156,8 @@ def test_the_wrench_in_a_motion_is_that_of_its_own_kinematics(tmp_path, robot):
 
 def test_a_calibration_from_motion_recovers_the_tool(tmp_path):
     with sim_driver("ur5", parameters=EXAMPLE, noise="white", seed=4) as driver:
-        plan = planning.multisine(driver.robot, 30.0, 125.0, seed=6)
-        campaign.record(driver, plan, tmp_path / "rec.parquet")
+        plan = choose.multisine(driver.robot, 30.0, 125.0, seed=6)
+        recording_run.record(driver, plan, tmp_path / "rec.parquet")
     fit = calibrate(Recording.read(tmp_path / "rec.parquet"))
     for name in ("tool.mass", "tool.cog.z", "sensor.bias.fz", "mount.rotation.z"):
         assert abs(fit[name].value - EXAMPLE[name]) < 4 * fit[name].std, name
@@ -164,8 +166,8 @@ def test_a_calibration_from_motion_recovers_the_tool(tmp_path):
 
 def motion(tmp_path, rate: float, seconds: float, seed: int, noise: str) -> Recording:
     with sim_driver("ur5", parameters=EXAMPLE, noise=noise, seed=seed) as driver:
-        plan = planning.multisine(driver.robot, seconds, rate, seed=seed)
-        campaign.record(driver, plan, tmp_path / "rec.parquet")
+        plan = choose.multisine(driver.robot, seconds, rate, seed=seed)
+        recording_run.record(driver, plan, tmp_path / "rec.parquet")
     return Recording.read(tmp_path / "rec.parquet")
 
 
@@ -198,16 +200,16 @@ def test_encoder_noise_in_motion_is_smoothed_or_refused(tmp_path):
 
 def test_a_motion_is_played_at_its_own_rate(tmp_path):
     with sim_driver("ur5") as driver:
-        plan = planning.multisine(driver.robot, 6.0, 125.0, seed=0)
+        plan = choose.multisine(driver.robot, 6.0, 125.0, seed=0)
         with pytest.raises(PlanError, match="sampled at 125 Hz, not 250"):
-            campaign.record(driver, plan, tmp_path / "rec.parquet", rate=250.0)
+            recording_run.record(driver, plan, tmp_path / "rec.parquet", rate=250.0)
 
 
 @pytest.mark.parametrize(("robot", "truth"), [("ur5", EXAMPLE), ("medrue", TABLE1)])
 def test_a_campaign_with_real_noise_finds_the_true_robot(tmp_path, robot, truth):
     with sim_driver(robot, parameters=truth, seed=8) as driver:
-        plan = planning.poses(driver.robot, 60, seed=9)
-        campaign.record(driver, plan, tmp_path / "rec.parquet", samples=50)
+        plan = choose.poses(driver.robot, 60, seed=9)
+        recording_run.record(driver, plan, tmp_path / "rec.parquet", samples=50)
     fit = calibrate(Recording.read(tmp_path / "rec.parquet"))
     off = [abs(p.value - truth.get(p.name, p.nominal)) / p.std for p in fit.identified]
     assert max(off) < 4.5
@@ -219,8 +221,8 @@ def test_white_noise_is_as_stated_and_seeded(tmp_path):
     readings = []
     for k, seed in enumerate((1, 1, 2)):
         with sim_driver("ur5", noise="white", seed=seed) as driver:
-            plan = planning.poses(driver.robot, 2, seed=0)
-            campaign.record(driver, plan, tmp_path / f"{k}.parquet", samples=2000)
+            plan = choose.poses(driver.robot, 2, seed=0)
+            recording_run.record(driver, plan, tmp_path / f"{k}.parquet", samples=2000)
         readings.append(Recording.read(tmp_path / f"{k}.parquet"))
     assert np.array_equal(readings[0].wrench, readings[1].wrench)
     assert not np.array_equal(readings[0].wrench, readings[2].wrench)
@@ -230,8 +232,8 @@ def test_white_noise_is_as_stated_and_seeded(tmp_path):
 
 def test_an_overloaded_sensor_saturates_and_says_so(tmp_path):
     with sim_driver("ur5", parameters={"sensor.bias.fz": 195.0}) as driver:
-        plan = planning.poses(driver.robot, 8, seed=0)
-        campaign.record(driver, plan, tmp_path / "rec.parquet", samples=2)
+        plan = choose.poses(driver.robot, 8, seed=0)
+        recording_run.record(driver, plan, tmp_path / "rec.parquet", samples=2)
     rec = Recording.read(tmp_path / "rec.parquet")
     full = registry.load("sensors", "ati-gamma").calibration().range[2]
     over = rec.columns["fz"] >= full
@@ -244,7 +246,7 @@ def test_dwell_sets_the_rows_of_a_pose(tmp_path):
     with sim_driver("ur5") as driver:
         q = driver.robot.sample(2, np.random.default_rng(0))
         plan = Plan("ur5", q, np.array([7, 9]), np.array([0.25, 0.0]))
-        done = campaign.record(driver, plan, tmp_path / "rec.parquet", samples=10, rate=200.0)
+        done = recording_run.record(driver, plan, tmp_path / "rec.parquet", samples=10, rate=200.0)
     assert done.rows == 60
     segment = Recording.read(tmp_path / "rec.parquet").columns["segment"]
     assert list(np.unique(segment, return_counts=True)[1]) == [50, 10]
@@ -257,19 +259,19 @@ def test_a_bad_plan_is_refused_before_anything_is_written(tmp_path):
         q[2] = [0.0, *np.deg2rad([0.0, 180.0, 170.0, 130.0, 270.0])]  # golden: cannot close
         plan = Plan.of("medrue", q)
         with pytest.raises(PlanError, match="row 2: five-bar 1 cannot close"):
-            campaign.record(driver, plan, out)
+            recording_run.record(driver, plan, out)
         with pytest.raises(PlanError, match="for robot 'ur5', not 'medrue'"):
-            campaign.record(driver, Plan.of("ur5", q), out)
+            recording_run.record(driver, Plan.of("ur5", q), out)
         with pytest.raises(PlanError, match="must be above 0"):
-            campaign.record(driver, Plan.of("medrue", q[:1]), out, samples=0)
+            recording_run.record(driver, Plan.of("medrue", q[:1]), out, samples=0)
     assert list(tmp_path.iterdir()) == []
 
 
 def test_progress_is_told_pose_by_pose(tmp_path):
     told = []
     with sim_driver("ur5") as driver:
-        plan = planning.poses(driver.robot, 3, seed=0)
-        done = campaign.record(
+        plan = choose.poses(driver.robot, 3, seed=0)
+        done = recording_run.record(
             driver, plan, tmp_path / "r.parquet", samples=2, progress=told.append
         )
     assert told == [1, 1, 1]

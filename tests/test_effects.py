@@ -17,9 +17,9 @@ from effect_scenes import (
     variants,
 )
 from wrenchbed import registry
-from wrenchbed.chain import Active, respond
 from wrenchbed.effects import base
 from wrenchbed.effects.base import RowEffect
+from wrenchbed.effects.chain import ActiveEffect, respond
 from wrenchbed.errors import ParameterError
 
 each_effect = pytest.mark.parametrize("name", NAMES)
@@ -70,7 +70,7 @@ def test_nothing_happens_at_nominal(name, scene):
         return  # needs what this robot's model does not say
     shapes = [{}, *(dict(v.at) for v in variants(name, scene))]
     for at in {tuple(sorted(a.items())): a for a in shapes}.values():
-        active = Active(effect, effect.values(robot, at))
+        active = ActiveEffect(effect, effect.values(robot, at))
         assert np.abs(respond(scene_of(scene), [active]) - plain(scene)).max() < 1e-12
 
 

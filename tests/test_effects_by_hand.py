@@ -5,11 +5,11 @@ import pytest
 
 from effect_scenes import columns, plain, scene_of
 from wrenchbed import registry
-from wrenchbed.chain import Active, respond
+from wrenchbed.effects.chain import ActiveEffect, respond
+from wrenchbed.effects.scene import Scene
 from wrenchbed.errors import ParameterError
-from wrenchbed.jets import Jet
-from wrenchbed.scene import Scene
-from wrenchbed.wrench import CHANNELS
+from wrenchbed.physics.taylor import Jet
+from wrenchbed.physics.wrench import CHANNELS
 
 
 def reading(name, scene, y, **given):
@@ -229,7 +229,7 @@ def test_poses_at_rest_have_no_timing(name):
     assert effect.variants(scene) == ()
     given = {p.name: 0.05 for p in effect.parameters(scene.robot) if p.nominal == 0.0}
     assert np.array_equal(
-        respond(scene, [Active.of(scene.robot, name, given)]), plain("ur5 static")
+        respond(scene, [ActiveEffect.of(scene.robot, name, given)]), plain("ur5 static")
     )
 
 

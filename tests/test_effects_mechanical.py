@@ -7,11 +7,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from wrenchbed import registry
-from wrenchbed.chain import Active, displacement, respond
-from wrenchbed.jets import Jet
-from wrenchbed.lookalikes.weight import link_forces
+from wrenchbed.benchmark.lookalikes.loads import link_forces
+from wrenchbed.effects.chain import ActiveEffect, displacement, respond
+from wrenchbed.effects.scene import Scene
+from wrenchbed.physics.taylor import Jet
 from wrenchbed.robots.medrue import kinematics
-from wrenchbed.scene import Scene
 
 G = 9.80665
 NAMES = tuple(
@@ -61,7 +61,7 @@ def _swing(w, t):
 def added(scene, name, **given):
     """What an effect adds to the readings (M, 6); dots of names are written __."""
     values = {k.replace("__", "."): v for k, v in given.items()}
-    return respond(scene, [Active.of(scene.robot, name, values)]) - respond(scene)
+    return respond(scene, [ActiveEffect.of(scene.robot, name, values)]) - respond(scene)
 
 
 def weight(rotation, mass=1.35, cog=(0.004, -0.006, 0.071)):
@@ -113,18 +113,20 @@ def test_the_base_gives_towards_the_arm():
 
 def test_backlash_lies_on_the_side_of_gravity_or_behind_the_way():
     s = scene("ur5", [np.zeros(6), [0, 0.1, 0, 0, 0, 0], [0, 0.05, 0, 0, 0, 0]])
-    load = displacement(s, [Active.of(s.robot, "joint.backlash", {"joint": 2, "load": 2e-4})])
+    load = displacement(s, [ActiveEffect.of(s.robot, "joint.backlash", {"joint": 2, "load": 2e-4})])
     assert load[:, 1] == pytest.approx(2e-4)
-    way = displacement(s, [Active.of(s.robot, "joint.backlash", {"joint": 2, "approach": 2e-4})])
+    way = displacement(
+        s, [ActiveEffect.of(s.robot, "joint.backlash", {"joint": 2, "approach": 2e-4})]
+    )
     assert way[:, 1] == pytest.approx([0.0, -2e-4, 2e-4])
-    idle = displacement(s, [Active.of(s.robot, "joint.backlash", {"joint": 1, "load": 2e-4})])
+    idle = displacement(s, [ActiveEffect.of(s.robot, "joint.backlash", {"joint": 1, "load": 2e-4})])
     assert np.abs(idle).max() < 1e-12  # upright axis: no torque, no side
 
 
 def test_a_gear_error_in_motion_carries_exact_accelerations():
     s = swinging("ur5")
     given = {"joint": 2, "sin": 3e-4, "cos": 1e-4, "order": 20.0}
-    dq = displacement(s, [Active.of(s.robot, "joint.gear_error", given)])[..., 1]
+    dq = displacement(s, [ActiveEffect.of(s.robot, "joint.gear_error", given)])[..., 1]
     angle, rate = 20.0 * s.q.v[:, 1], 20.0 * s.q.d[:, 1]
     assert dq.v == pytest.approx(3e-4 * np.sin(angle) + 1e-4 * np.cos(angle))
     assert dq.d == pytest.approx(rate * (3e-4 * np.cos(angle) - 1e-4 * np.sin(angle)))

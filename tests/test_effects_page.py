@@ -5,10 +5,10 @@ from pathlib import Path
 import pytest
 
 from wrenchbed import registry
-from wrenchbed.diagnosis.verdict import INSEPARABLE
+from wrenchbed.diagnosis.explain.verdict import INSEPARABLE
 from wrenchbed.effects.base import ModelEffect
-from wrenchbed.effects_page import render, seen
 from wrenchbed.errors import NotFoundError
+from wrenchbed.report.effects_page import render, visible_size
 
 PAGE = Path(__file__).parents[1] / "docs" / "effects.md"
 TEXT = render()
@@ -26,7 +26,7 @@ def test_the_committed_page_is_the_rendered_one():
 def test_every_effect_says_all_about_itself(name):
     effect, text = registry.load("effects", name), section(name)
     assert effect.title[1:] in text and effect.source in text
-    assert f"stage: {effect.stage}" in text and seen(effect) in text
+    assert f"stage: {effect.stage}" in text and visible_size(effect) in text
     assert "- in MuJoCo: " in text and "- seen in: " in text
     for robot in ("ur5", "medrue"):
         for p in effect.parameters(registry.load("robots", robot)):
@@ -57,4 +57,4 @@ def test_an_effect_that_does_not_say_where_it_is_seen_is_refused():
             raise NotImplementedError
 
     with pytest.raises(NotFoundError, match=r"base\.silent.*Seen in"):
-        seen(Silent())
+        visible_size(Silent())

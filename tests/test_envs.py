@@ -8,15 +8,15 @@ import warnings
 import gymnasium
 import numpy as np
 import pytest
+import wrenchbed.envs
 from gymnasium.utils.env_checker import check_env
 
 import wrenchbed as wb
-import wrenchbed.envs
-from wrenchbed.envs.hand import Hand
-from wrenchbed.envs.knowledge import knowledge
-from wrenchbed.envs.policies import ForceController, GreedyInformation
+from wrenchbed.emulators.base.surface import Limb, tip_of
+from wrenchbed.environments.contact import Hand
+from wrenchbed.environments.knowledge import knowledge
+from wrenchbed.environments.policies import ForceController, GreedyInformation
 from wrenchbed.errors import ParameterError
-from wrenchbed.serving.surface import Limb, tip_of
 
 ROBOTS = ("UR5", "MedRUE")
 NAMES = [f"wrenchbed/{r}{kind}-v0" for r in ROBOTS for kind in ("Calibration", "Contact")]

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from wrenchbed.drivers.base.evenly import Evenly, hermite
-from wrenchbed.drivers.base.pacing import calm
-from wrenchbed.drivers.base.samples import ArmSample
+from wrenchbed.hardware.drivers.base.live import settled
+from wrenchbed.hardware.drivers.base.resampling import Evenly, hermite
+from wrenchbed.hardware.drivers.base.samples import ArmSample
 
 OMEGA = 2 * np.pi * 0.7
 
@@ -63,9 +63,9 @@ def test_a_cubic_is_followed_exactly():
 def test_noise_is_calm_and_a_swinging_load_is_not():
     rng = np.random.default_rng(1)
     noise = 0.05 * rng.standard_normal((200, 6))
-    assert calm(noise)
+    assert settled(noise)
     decay = np.exp(-np.arange(200) / 60.0)[:, None]
-    assert not calm(noise + 0.3 * decay)
-    assert not calm(noise[:5])
-    quiet = sum(calm(0.05 * rng.standard_normal((60, 6))) for _ in range(300))
+    assert not settled(noise + 0.3 * decay)
+    assert not settled(noise[:5])
+    quiet = sum(settled(0.05 * rng.standard_normal((60, 6))) for _ in range(300))
     assert quiet > 290

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 import wrenchbed as wb
-from wrenchbed.diagnosis import checks, excerpt
+from wrenchbed.calibration.observations import observe
+from wrenchbed.data.holds import gather, parts
 from wrenchbed.diagnosis.diagnose import diagnose
-from wrenchbed.holds import gather, parts
-from wrenchbed.observations import observe
-from wrenchbed.wrench import CHANNELS
+from wrenchbed.diagnosis.prepare import checks, scenes
+from wrenchbed.physics.wrench import CHANNELS
 
 
 def at_rest(count, rho=0.0, seed=0):
@@ -34,15 +34,15 @@ def at_rest(count, rho=0.0, seed=0):
 @pytest.fixture
 def short(monkeypatch):
     """Limits that small recordings exceed."""
-    monkeypatch.setattr(excerpt, "ROWS", 2000)
-    monkeypatch.setattr(excerpt, "LEAST_IN_HOLD", 20)
+    monkeypatch.setattr(scenes, "ROWS", 2000)
+    monkeypatch.setattr(scenes, "LEAST_IN_HOLD", 20)
 
 
 def test_the_last_rows_of_every_pose_are_looked_at(short):
     """What rings after a move is gone by then."""
     count = np.array([300, 40, 900, 500, 700, 10])
     recording = at_rest(count)
-    part = excerpt.excerpt(recording)
+    part = scenes.excerpt(recording)
     held, rows = np.unique(part.columns["segment"], return_counts=True)
     assert held.tolist() == [0, 1, 2, 3, 4, 5]
     assert rows.tolist() == [300, 40, 333, 333, 333, 10]
@@ -53,9 +53,9 @@ def test_the_last_rows_of_every_pose_are_looked_at(short):
 
 @pytest.mark.parametrize("count", [np.full(300, 15), np.array([4000, *[1] * 200])])
 def test_evenly_spread_runs_are_looked_at_where_poses_are_many(short, monkeypatch, count):
-    monkeypatch.setattr(excerpt, "RUNS", 10)
+    monkeypatch.setattr(scenes, "RUNS", 10)
     recording = at_rest(count)
-    part = excerpt.excerpt(recording)
+    part = scenes.excerpt(recording)
     assert len(part) == 2000
     gaps = np.flatnonzero(np.diff(part.t) > 1.5 / 125.0)
     assert np.array_equal(gaps, np.arange(199, 1999, 200))
@@ -75,9 +75,9 @@ def test_channels_may_be_whole_numbers():
 
 def test_what_is_short_stays_as_it_is():
     recording = at_rest(np.full(12, 10))
-    assert excerpt.excerpt(recording) is recording
-    assert excerpt.stretch(recording) is recording
-    assert excerpt.notes(recording, recording, recording) == ()
+    assert scenes.excerpt(recording) is recording
+    assert scenes.stretch(recording) is recording
+    assert scenes.notes(recording, recording, recording) == ()
 
 
 def test_rows_of_a_long_recording_are_diagnosed_as_of_a_short_one(short):
@@ -96,7 +96,7 @@ def test_rows_of_a_long_recording_are_diagnosed_as_of_a_short_one(short):
 
 
 def test_of_a_long_motion_the_middle_is_diagnosed_and_said_to_be(monkeypatch, tmp_path):
-    monkeypatch.setattr(excerpt, "MOTION", 1500)
+    monkeypatch.setattr(scenes, "MOTION", 1500)
     robot = wb.load("robots", "ur5")
     with wb.SimDriver(wb.SimOptions("ur5", seed=5)) as driver:
         wb.record(driver, wb.multisine(robot, 20.0, 125.0, 1), tmp_path / "m.parquet")
@@ -123,7 +123,7 @@ def test_poses_are_gathered_alike_however_many_rows_at_once(monkeypatch):
     keep = np.ones(len(recording), dtype=bool)
     keep[[0, 60]] = False
     whole = gather(recording, keep)
-    monkeypatch.setattr("wrenchbed.holds.ROWS_AT_ONCE", 60)
+    monkeypatch.setattr("wrenchbed.data.holds.ROWS_AT_ONCE", 60)
     few = gather(recording, keep)
     assert [(s.start, s.stop, r.start, r.stop) for s, r in parts(few.count)] == [
         (0, 2, 0, 56), (2, 3, 56, 175), (3, 4, 175, 178), (4, 5, 178, 258),

@@ -2,10 +2,10 @@
 
 import pytest
 
+from wrenchbed.emulators.base import faults as asks
+from wrenchbed.emulators.base import faults as timed
+from wrenchbed.emulators.base.faults import Faults, TimedFault
 from wrenchbed.errors import MapError
-from wrenchbed.serving import asks
-from wrenchbed.serving import faults as timed
-from wrenchbed.serving.faults import Fault, Faults
 
 SCRIPT = """
 [[fault]]
@@ -26,7 +26,7 @@ def test_a_script_is_sorted_and_run_in_time(tmp_path):
     path.write_text(SCRIPT)
     script = timed.read(path)
     assert [f.kind for f in script] == ["stall", "drop"]
-    assert script[1] == Fault("rdt", "drop", 0.05, 1.5, {"share": 0.3})
+    assert script[1] == TimedFault("rdt", "drop", 0.05, 1.5, {"share": 0.3})
     done = []
     faults = Faults()
     faults.on("rdt", "drop", lambda f: done.append(f.kind), {"share": asks.number(0.0, 1.0)})
@@ -59,11 +59,11 @@ def test_an_unknown_fault_lists_what_exists():
     faults = Faults()
     faults.on("rdt", "drop", print)
     with pytest.raises(MapError, match=r"no fault rdt melt\. Known: rdt drop"):
-        faults.inject(Fault("rdt", "melt"))
+        faults.inject(TimedFault("rdt", "melt"))
 
 
 ASKS = {
-    "share": asks.number(0.0, 1.0, 0.1), "node": asks.whole(1, 127, 1),
+    "share": asks.number(0.0, 1.0, 0.1), "node": asks.integer(1, 127, 1),
     "how": asks.word(("short", "long"), "short"), "silent": asks.flag(True),
     "joints": asks.numbers(2, 0.5), "name": asks.text("cfgcpf"),
 }  # fmt: skip
@@ -73,7 +73,7 @@ def told(**values):
     """What a handler is given for these values."""
     faults, got = Faults(), []
     faults.on("rdt", "drop", got.append, ASKS)
-    faults.inject(Fault("rdt", "drop", values={"joints": [0.1, -0.1]} | values))
+    faults.inject(TimedFault("rdt", "drop", values={"joints": [0.1, -0.1]} | values))
     return got[0].values
 
 
@@ -111,7 +111,7 @@ def test_a_script_with_a_wrong_value_is_refused_before_it_runs():
     faults = Faults()
     faults.on("rdt", "drop", print, ASKS)
     with pytest.raises(MapError, match="script: rdt drop: share"):
-        faults.start((Fault("rdt", "drop", 9.0, 0.0, {"share": 2.0}),), "script")
+        faults.start((TimedFault("rdt", "drop", 9.0, 0.0, {"share": 2.0}),), "script")
 
 
 def test_a_fault_that_breaks_does_not_end_the_others():

@@ -15,12 +15,12 @@ import pyarrow.parquet as pq
 import pytest
 
 import wrenchbed as wb
+from wrenchbed.campaigns import Fleet, rows, run, summary
+from wrenchbed.campaigns.one_robot import one, recorded
+from wrenchbed.campaigns.rows import SECONDS, CampaignRows, empty
+from wrenchbed.campaigns.setting import SIZES, possible, varied
 from wrenchbed.cli import main
 from wrenchbed.errors import FleetError, ParameterError
-from wrenchbed.fleet import Fleet, rows, run, summary
-from wrenchbed.fleet.one import one, recorded
-from wrenchbed.fleet.rows import SECONDS, Rows, empty
-from wrenchbed.fleet.truth import SIZES, possible, varied
 
 SMALL = {"poses": 24, "samples": 8}
 
@@ -152,7 +152,7 @@ def test_a_stopped_campaign_goes_on_and_may_grow(whole, tmp_path):
 
     with pytest.raises(KeyboardInterrupt):
         run(small(6), tmp_path, workers=1, tell=stop)
-    begun = Rows(tmp_path, small(6)).done()
+    begun = CampaignRows(tmp_path, small(6)).done()
     assert 3 <= len(begun) < 6
     table = run(small(5), tmp_path, workers=1)
     assert same(table, whole.slice(0, table.num_rows))
@@ -197,7 +197,7 @@ def test_a_full_disk_is_told_and_what_was_written_stays(whole, tmp_path, monkeyp
         run(small(6), tmp_path, workers=1)
     monkeypatch.undo()
     assert not list(tmp_path.rglob("*~"))
-    assert len(Rows(tmp_path, small(6)).done()) == 2
+    assert len(CampaignRows(tmp_path, small(6)).done()) == 2
     assert same(run(small(6), tmp_path, workers=1), whole)
 
 
@@ -213,7 +213,7 @@ def test_another_campaigns_folder_is_refused(whole, tmp_path):
 
 def test_the_summary_tells_errors_coverage_and_detection(tmp_path):
     fleet = small(40, ("noise", "effects"), diagnose=True)
-    kept = Rows(tmp_path, fleet)
+    kept = CampaignRows(tmp_path, fleet)
     rng = np.random.default_rng(0)
     for k in range(40):
         ill = k % 4 > 0

@@ -11,8 +11,8 @@ from contextlib import contextmanager
 import pytest
 
 from test_fleet import same, small
+from wrenchbed.campaigns import run
 from wrenchbed.errors import FleetError
-from wrenchbed.fleet import run
 
 HOST = "127.0.0.1"
 ALONE = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
@@ -73,7 +73,7 @@ def test_a_cluster_gives_the_same_rows_though_a_worker_is_killed(cluster, tmp_pa
 
 
 def test_a_cluster_that_is_not_there_is_named(tmp_path, monkeypatch):
-    monkeypatch.setattr("wrenchbed.fleet.running._ANSWERS_S", 1.0)
+    monkeypatch.setattr("wrenchbed.campaigns.campaign._ANSWERS_S", 1.0)
     begun = time.monotonic()
     with pytest.raises(FleetError, match="nobody answers there"):
         run(small(1), tmp_path, scheduler=f"tcp://{HOST}:{free_port()}")

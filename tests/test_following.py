@@ -4,18 +4,17 @@ import numpy as np
 import pytest
 
 from wrenchbed import registry
-from wrenchbed.diagnosis.actions import actions, feasible
-from wrenchbed.diagnosis.analysis import analyse
-from wrenchbed.diagnosis.baseline import calibrate
-from wrenchbed.diagnosis.contest import Contest, jensen_shannon
-from wrenchbed.diagnosis.dictionary import build
-from wrenchbed.diagnosis.following import candidates_of, explore, propose, separate
-from wrenchbed.diagnosis.prepare import prepare
-from wrenchbed.diagnosis.rehearse import of_plan
-from wrenchbed.diagnosis.sessions import Session, posed
-from wrenchbed.lookalikes import Design, draw, recording
-from wrenchbed.plan import Plan
-from wrenchbed.planning import poses
+from wrenchbed.benchmark.lookalikes import ExperimentDesign, draw, recording
+from wrenchbed.data.plan import Plan
+from wrenchbed.diagnosis.evidence.dictionary import build
+from wrenchbed.diagnosis.explain.analysis import analyse
+from wrenchbed.diagnosis.next.actions import ExperimentRun, actions, feasible, posed
+from wrenchbed.diagnosis.next.discrimination import Contest, jensen_shannon
+from wrenchbed.diagnosis.next.dry_run import of_plan
+from wrenchbed.diagnosis.next.experiments import candidates_of, explore, propose, separate
+from wrenchbed.diagnosis.prepare.baseline import calibrate
+from wrenchbed.diagnosis.prepare.prepared import prepare
+from wrenchbed.planning.choose import poses
 
 UR5 = registry.load("robots", "ur5")
 WIDE = UR5.sample(60, np.random.default_rng(3))
@@ -108,7 +107,9 @@ def test_poses_are_chosen_where_the_explanations_differ(still):
     contest = Contest(still, pair)
     noise = still.prepared.noise
     q = np.concatenate([STILL[:5], STILL[:5] + np.array([2.0, 0, 0, 0, 0, 0])])
-    rows = contest.rows(Session(posed(still.prepared, q, np.arange(10.0), noise, after=False)))
+    rows = contest.rows(
+        ExperimentRun(posed(still.prepared, q, np.arange(10.0), noise, after=False))
+    )
     told = contest.contrast([contest.old], rows)
     assert told[5:].min() > 0.0 and told[5:].mean() > 10 * told[:5].mean()
 
@@ -119,7 +120,7 @@ def test_columns_of_a_contest_are_those_of_the_dictionary(wide):
         candidate(wide, "sensor.gain", "all channels", 1.0),
     ]
     contest = Contest(wide, pair)
-    again = contest.rows(Session(wide.prepared))
+    again = contest.rows(ExperimentRun(wide.prepared))
     assert np.allclose(again.E, contest.old.E, atol=1e-9)
     far = contest.distance(0, 1, [contest.old])
     assert contest.distance(0, 1, [again, again]) > far > 0
@@ -141,7 +142,7 @@ def test_the_unknown_is_asked_for_its_variable(wide, kernel, word):
 
 def test_experiments_after_an_analysis():
     robot = registry.load("robots", "ur5")
-    design = Design.of_plan(poses(robot, 40, 3), robot)
+    design = ExperimentDesign.of_plan(poses(robot, 40, 3), robot)
     analysis = analyse(prepare(recording(design, draw(design, 2, "single", "joint.offset"))))
     lead = analysis.ranking.explanations[0].parts[0].name
     found = candidates_of(analysis, {lead})

@@ -9,9 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from wrenchbed import column_map
+from wrenchbed.data import column_map
+from wrenchbed.data.import_files import import_files
 from wrenchbed.errors import MapError, WrenchbedError
-from wrenchbed.importing import import_files
 
 NTNU = Path(__file__).parent / "data" / "ntnu_kuka_ati_gamma"
 CHANNELS = ("fx", "fy", "fz", "tx", "ty", "tz")

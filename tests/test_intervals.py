@@ -4,17 +4,19 @@ import numpy as np
 
 from simulated import MEDRUE_TRUTH, UR5_TRUTH, WHITE, static
 from wrenchbed import registry
-from wrenchbed.calibration import Options, calibrate
-from wrenchbed.noise import NoiseStream
-from wrenchbed.recording import Recording
-from wrenchbed.wrench import CHANNELS
+from wrenchbed.calibration.calibrate import CalibrationOptions, calibrate
+from wrenchbed.data.recording import Recording
+from wrenchbed.physics.noise import NoiseStream
+from wrenchbed.physics.wrench import CHANNELS
 
 
 def coverage(robot: str, truth, free, seeds: int, **how) -> tuple[float, int]:
     """Share of 95 % intervals that hold the truth, and their number."""
     inside = total = 0
     for seed in range(seeds):
-        fit = calibrate(static(robot, truth, seed=1000 + seed, **how), Options(free=free))
+        fit = calibrate(
+            static(robot, truth, seed=1000 + seed, **how), CalibrationOptions(free=free)
+        )
         for p in fit.identified:
             inside += abs(p.value - truth.get(p.name, p.nominal)) <= p.interval95
             total += 1

@@ -4,14 +4,20 @@ import numpy as np
 import pytest
 
 from wrenchbed import registry
-from wrenchbed.diagnosis.baseline import calibrate
-from wrenchbed.diagnosis.dictionary import build
-from wrenchbed.diagnosis.isolability import Showing, cannot_tell, classes, isolability, showing
-from wrenchbed.diagnosis.likeness import Likeness
-from wrenchbed.diagnosis.rehearse import of_plan
+from wrenchbed.data.plan import Plan
+from wrenchbed.diagnosis.evidence.dictionary import build
+from wrenchbed.diagnosis.evidence.similarity import Likeness
+from wrenchbed.diagnosis.next.dry_run import of_plan
+from wrenchbed.diagnosis.next.isolability import (
+    VisibleSize,
+    cannot_tell,
+    classes,
+    isolability,
+    visible_sizes,
+)
+from wrenchbed.diagnosis.prepare.baseline import calibrate
 from wrenchbed.errors import DiagnosisError
-from wrenchbed.plan import Plan
-from wrenchbed.planning import multisine
+from wrenchbed.planning.choose import multisine
 
 UR5 = registry.load("robots", "ur5")
 WIDE = UR5.sample(60, np.random.default_rng(3))
@@ -53,7 +59,7 @@ def test_every_effect_with_a_mean_is_told_once(designs):
 
 def test_the_smallest_size_adds_a_gap_of_one(designs):
     d, likeness = designs["wide"]
-    told = showing(likeness, "joint.offset", "joint 6")
+    told = visible_sizes(likeness, "joint.offset", "joint 6")
     (k,) = next(h.columns for h in d.hypotheses if (h.name, h.variant.label) == (
         "joint.offset", "joint 6"))  # fmt: skip
     assert d.gap(told.smallest * d.E[:, k]) == pytest.approx(1.0)
@@ -107,8 +113,8 @@ def test_timing_cannot_show_at_rest(designs):
 
 
 def test_without_turning_joint_one_a_tilt_looks_like_an_offset(designs):
-    assert "base.tilt" in showing(designs["still"][1], "joint.offset", "joint 2").rivals
-    assert "base.tilt" not in showing(designs["wide"][1], "joint.offset", "joint 2").rivals
+    assert "base.tilt" in visible_sizes(designs["still"][1], "joint.offset", "joint 2").rivals
+    assert "base.tilt" not in visible_sizes(designs["wide"][1], "joint.offset", "joint 2").rivals
 
 
 def test_narrow_orientations_merge_more_and_show_less(designs):
@@ -121,7 +127,7 @@ def test_narrow_orientations_merge_more_and_show_less(designs):
 
 def test_classes_join_what_is_mutual():
     def told(name, *rivals):
-        return Showing(name, "", 1.0, {}, True, rivals)
+        return VisibleSize(name, "", 1.0, {}, True, rivals)
 
     chain = [told("a", "b"), told("b", "a", "c"), told("c", "b"), told("d", "a"), told("e")]
     assert classes(chain) == (frozenset("abc"),)

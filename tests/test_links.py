@@ -7,9 +7,9 @@ import pytest
 from test_robots import ROBOTS, each_robot, feasible, random_theta
 from wrenchbed import registry
 from wrenchbed.errors import NotFoundError
-from wrenchbed.gravity import Arm
-from wrenchbed.robots.medrue import links as medrue
-from wrenchbed.robots.ur5 import links as ur5
+from wrenchbed.physics.gravity import ArmBodies
+from wrenchbed.robots.medrue import bodies as medrue
+from wrenchbed.robots.ur5 import robot as ur5
 
 LINKS = {"ur5": ur5.LINKS, "medrue": medrue.LINKS}
 POSES = 20
@@ -90,7 +90,7 @@ def test_ur5s_joints_feel_what_mujoco_says():
         torque = robot.gravity_torque(q, theta, heavy.gravity)
         assert np.abs(torque).max() > 20.0
         assert np.abs(torque + heavy.bias(q)).max() < 1e-6
-        general = Arm.gravity_torque(robot, q, theta, heavy.gravity)
+        general = ArmBodies.gravity_torque(robot, q, theta, heavy.gravity)
         assert np.abs(torque - general).max() < 1e-7
 
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from test_campaign_live import UR5, Arm
-from wrenchbed.drivers.base import Applied, ArmSample
 from wrenchbed.errors import DriverError, LimitError, LinkError
-from wrenchbed.health import Health
+from wrenchbed.hardware.device import Health
+from wrenchbed.hardware.drivers.base import Applied, ArmSample
 
 STANDING = np.repeat(UR5.home[None], 400, axis=0)
 

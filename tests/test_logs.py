@@ -13,12 +13,10 @@ from rosbags.typesys import Stores, get_typestore
 
 import wrenchbed as wb
 from wrenchbed.cli import main
-from wrenchbed.column_map import ready
+from wrenchbed.data.column_map import ready
+from wrenchbed.data.import_files import import_files
+from wrenchbed.data.logs import MessageRows, table, write_mcap
 from wrenchbed.errors import MapError
-from wrenchbed.importing import import_files
-from wrenchbed.logs import table
-from wrenchbed.logs.flatten import Rows
-from wrenchbed.logs.writing import write_mcap
 
 RATE, COUNT = 100.0, 60
 START = 1_700_000_000_123_456_789
@@ -221,7 +219,7 @@ def test_mcap_keeps_the_recordings_own_metadata(tmp_path):
 
 
 def test_lists_and_names_are_reached_by_their_path():
-    rows = Rows(["a.1", "position.my.joint", "logged"])
+    rows = MessageRows(["a.1", "position.my.joint", "logged"])
     rows.add({"a": [1, 2.5], "name": ["x", "my.joint"], "position": [7.0, 8.0]}, 42)
     assert rows.table().to_pylist() == [{"a.1": 2.5, "position.my.joint": 8.0, "logged": 42}]
     assert not rows.missing

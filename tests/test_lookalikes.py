@@ -7,13 +7,20 @@ import numpy as np
 import pytest
 
 from wrenchbed import registry
+from wrenchbed.benchmark.lookalikes import (
+    ExperimentDesign,
+    draw,
+    effects,
+    families,
+    means,
+    recording,
+)
+from wrenchbed.benchmark.lookalikes.catalogue import EFFECTS
 from wrenchbed.errors import ParameterError
-from wrenchbed.jets import Jet
-from wrenchbed.lookalikes import Design, draw, effects, families, means, recording
-from wrenchbed.lookalikes.catalogue import EFFECTS
-from wrenchbed.planning import multisine, poses
+from wrenchbed.physics.taylor import Jet
+from wrenchbed.physics.wrench import wrench
+from wrenchbed.planning.choose import multisine, poses
 from wrenchbed.robots.oriented import ROBOT as ORIENTED
-from wrenchbed.wrench import wrench
 
 SOURCE = Path(__file__).parents[1] / "src" / "wrenchbed" / "lookalikes"
 FORBIDDEN = {"effects", "model", "diagnosis", "scene", "simulation", "chain", "turning"}
@@ -22,12 +29,12 @@ MOTION_ONLY = {"tool.inertia", "timing.delay", "timing.lowpass", "timing.stale",
 
 def _static(name, holds=60):
     robot = registry.load("robots", name)
-    return Design.of_plan(poses(robot, holds, 3), robot)
+    return ExperimentDesign.of_plan(poses(robot, holds, 3), robot)
 
 
 def _dynamic(name, seconds=12.0):
     robot = registry.load("robots", name)
-    return Design.of_plan(multisine(robot, seconds, 125.0, 1), robot)
+    return ExperimentDesign.of_plan(multisine(robot, seconds, 125.0, 1), robot)
 
 
 DESIGNS = {
@@ -184,13 +191,13 @@ def test_means_of_holds_agree_with_full_rows(kind):
 
 def test_a_recording_gives_its_design_back():
     design = design_of("ur5 static")
-    again = Design.of(recording(design, draw(design, 0, "none")))
+    again = ExperimentDesign.of(recording(design, draw(design, 0, "none")))
     assert len(again) == len(design) and again.samples == design.samples
     np.testing.assert_allclose(again.q, design.q, atol=1e-4)
     np.testing.assert_allclose(again.t - again.t[0], design.t - design.t[0], atol=1e-2)
     assert "sensor.gain" in effects(again)
     design = design_of("ur5 dynamic")
-    again = Design.of(recording(design, draw(design, 0, "none")))
+    again = ExperimentDesign.of(recording(design, draw(design, 0, "none")))
     np.testing.assert_allclose(again.nominal, design.nominal, atol=0.01)
 
 
@@ -212,7 +219,7 @@ def test_orientations_alone_are_a_design():
     rng = np.random.default_rng(0)
     q = ORIENTED.sample(40, rng)
     seed = design_of("ur5 static")
-    design = Design(
+    design = ExperimentDesign(
         ORIENTED, "static", q, 4.0 * np.arange(40.0), 20, 100.0, seed.metadata, seed.noise_std,
         20.0 + 8.0 * np.linspace(0.0, 1.0, 40),
     )  # fmt: skip

@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 
 from wrenchbed import registry
-from wrenchbed.drivers.base import minimum_jerk
+from wrenchbed.calibration.observability import analyse
 from wrenchbed.errors import PlanError
-from wrenchbed.model import Model
-from wrenchbed.observability import analyse
-from wrenchbed.plant import Plant
-from wrenchbed.robots.medrue import inverse, kinematics
-from wrenchbed.robots.medrue.parameters import IDENTIFIED, PAPER
-from wrenchbed.simulation import Simulation
-from wrenchbed.wrench import wrench
+from wrenchbed.hardware.drivers.base import minimum_jerk
+from wrenchbed.physics.wrench import wrench
+from wrenchbed.robots.medrue import kinematics, workspace
+from wrenchbed.robots.medrue.kinematics import IDENTIFIED, PAPER
+from wrenchbed.robots.model import Model
+from wrenchbed.simulation.servo_motion import ServoDrivenRobot
+from wrenchbed.simulation.simulation import Simulation
 
 DATA = Path(__file__).parent / "data"
 GOLDEN = json.loads((DATA / "medrue_golden.json").read_text())
@@ -80,15 +80,15 @@ def test_inverse_kinematics_returns_the_joints():
     for case, which in CASES:
         theta, q = theta_of(which), joints_of(case["psi_mm_deg"])
         assert (
-            np.abs(inverse.joints(ROBOT.values(theta), *ROBOT.tool_pose(q, theta)) - q).max()
+            np.abs(workspace.joints(ROBOT.values(theta), *ROBOT.tool_pose(q, theta)) - q).max()
             < 1e-12
         )
 
 
 def test_the_papers_workspace_is_reached_and_link_lengths_hold():
     p = ROBOT.values(ROBOT.parameters.nominal)
-    rotation, position = inverse.random_poses(40_000, np.random.default_rng(0))
-    q = inverse.joints(p, rotation, position)
+    rotation, position = workspace.random_poses(40_000, np.random.default_rng(0))
+    q = workspace.joints(p, rotation, position)
     reached = np.isfinite(q).all(axis=1)
     assert reached.mean() > 0.998
     q = q[reached]
@@ -137,7 +137,7 @@ def test_rank_is_27_and_the_redundancies_have_names(which):
 
 def test_loops_stay_closed_at_rest_and_at_one_radian_a_second():
     theta = ROBOT.parameters.nominal
-    plant = Plant(Simulation(ROBOT, theta), ROBOT.home)
+    plant = ServoDrivenRobot(Simulation(ROBOT, theta), ROBOT.home)
     target = ROBOT.home + np.array([0.0, 0.5, 0.4, 0.5, 0.4, -0.5])
     moving = fastest = 0.0
     steps = int(1.875 * 0.5 / 0.002)

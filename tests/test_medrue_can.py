@@ -8,14 +8,14 @@ import pytest
 from medrue_bench import away, options, until
 from twin_process import running
 from wrenchbed import registry
-from wrenchbed.drivers.base import Limits
-from wrenchbed.drivers.can import CanDriver, Options
+from wrenchbed.emulators.base.emulator import EmulatorOptions as TwinOptions
+from wrenchbed.emulators.medrue import MedrueEmulator
 from wrenchbed.errors import DriverError, LimitError, LinkError, SafetyStopError
-from wrenchbed.simulation import Simulation
-from wrenchbed.transducers.netcanoem import NetcanoemTransducer
-from wrenchbed.transducers.netcanoem import Options as SensorOptions
-from wrenchbed.twins.base import Options as TwinOptions
-from wrenchbed.twins.medrue import MedrueTwin
+from wrenchbed.hardware.drivers.base import Limits
+from wrenchbed.hardware.drivers.can import CanDriver, CanOptions
+from wrenchbed.hardware.transducers.netcanoem import NetcanoemOptions as SensorOptions
+from wrenchbed.hardware.transducers.netcanoem import NetcanoemTransducer
+from wrenchbed.simulation.simulation import Simulation
 
 pytestmark = pytest.mark.wire
 
@@ -43,7 +43,7 @@ def driver(twin):
 def test_address_and_registry(twin):
     assert twin.addresses == {"can": f"socketcand:{HOST}:29536:can0"}
     assert registry.load("drivers", "can") is CanDriver
-    assert registry.load("twins", "medrue") is MedrueTwin
+    assert registry.load("twins", "medrue") is MedrueEmulator
     assert registry.load("transducers", "netcanoem") is NetcanoemTransducer
 
 
@@ -218,8 +218,8 @@ def test_the_transducer_alone(twin):
 
 def test_a_twin_on_a_virtual_bus_of_this_process():
     settings = {"port": "0", "bus": "virtual:medrue", "slot": "1"}
-    with MedrueTwin(TwinOptions("127.0.4.4", noise="off", setting=settings)):
-        driver = CanDriver(Options(interface="virtual", channel="medrue", slot=1))
+    with MedrueEmulator(TwinOptions("127.0.4.4", noise="off", setting=settings)):
+        driver = CanDriver(CanOptions(interface="virtual", channel="medrue", slot=1))
         driver.connect()
         try:
             assert until(lambda: driver.read().sequence > 20)

@@ -8,12 +8,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from wrenchbed.drivers.can.cia402 import State, Want, controlword, state_of
-from wrenchbed.serving.canbus.wire import Frame
-from wrenchbed.twins.medrue.axis import RPDO_TIMEOUT, SYNC_ERROR, Ratings
-from wrenchbed.twins.medrue.drive import Drive
-from wrenchbed.twins.medrue.objects import NOT_MAPPABLE, WRONG_VALUE
-from wrenchbed.twins.medrue.plant import Plant
+from wrenchbed.emulators.can_bus.wire import Frame
+from wrenchbed.emulators.medrue.axis import RPDO_TIMEOUT, SYNC_ERROR, Ratings
+from wrenchbed.emulators.medrue.canopen import NOT_MAPPABLE, WRONG_VALUE
+from wrenchbed.emulators.medrue.drive import DriveEmulator
+from wrenchbed.emulators.medrue.plant import RealTimePlant
+from wrenchbed.hardware.drivers.can.cia402 import DriveStatus, Want, controlword, state_of
 
 NODE, T = 3, 0.004
 OFF = 1 << 31
@@ -28,7 +28,7 @@ class Bench:
     def __init__(self, period=T):
         self.sent: list[Frame] = []
         ratings = Ratings(-100_000, 100_000, 500, 1e6, 1e5, 1e5, 20.0)
-        self.drive = Drive(NODE, self.sent.append, ratings, 0.0, 0.1, threading.RLock())
+        self.drive = DriveEmulator(NODE, self.sent.append, ratings, 0.0, 0.1, threading.RLock())
         self.drive.boot()
         self.t, self.period, self.torque = 1.0, period, 0.0
         self.actual = self.last = 0.0
@@ -85,7 +85,7 @@ class Bench:
         self.nmt(0x01)
         for _ in range(8):
             self.tick(want=Want.ENABLE)
-        assert self.state is State.ENABLED
+        assert self.state is DriveStatus.ENABLED
         self.sent.clear()
         return self
 
@@ -98,13 +98,20 @@ class Bench:
         return [struct.unpack_from("<H", data)[0] for data in found]
 
 
-@pytest.mark.parametrize("abort, state", [(None, State.FAULT), (1, State.FAULT),
-                                          (3, State.QUICK_STOP), (0, State.ENABLED)])  # fmt: skip
+@pytest.mark.parametrize(
+    "abort, state",
+    [
+        (None, DriveStatus.FAULT),
+        (1, DriveStatus.FAULT),
+        (3, DriveStatus.QUICK_STOP),
+        (0, DriveStatus.ENABLED),
+    ],
+)
 def test_what_a_broken_connection_does_is_the_masters_choice(abort, state):
     bench = Bench().enabled(abort=abort)
     for _ in range(40):
         bench.tick(rpdo=False)
-    assert bench.state in (state, State.REACTING if state is State.FAULT else state)
+    assert bench.state in (state, DriveStatus.REACTING if state is DriveStatus.FAULT else state)
     assert bench.sdo(0x6007, 0, 2, 2) == WRONG_VALUE
 
 
@@ -112,10 +119,10 @@ def test_targets_that_stay_away_are_a_quick_stop_after_the_event_timer():
     bench = Bench().enabled()
     for _ in range(24):
         bench.tick(rpdo=False)  # 96 ms
-    assert bench.state is State.ENABLED
+    assert bench.state is DriveStatus.ENABLED
     for _ in range(2):
         bench.tick(rpdo=False)
-    assert bench.state is State.QUICK_STOP and bench.emergencies() == [RPDO_TIMEOUT]
+    assert bench.state is DriveStatus.QUICK_STOP and bench.emergencies() == [RPDO_TIMEOUT]
     assert bench.read(0x603F) == RPDO_TIMEOUT - 0x10000
     assert bench.read(0x6041) & 0x6F == 0x07
 
@@ -124,26 +131,27 @@ def test_targets_without_sync_are_a_quick_stop_too():
     bench = Bench().enabled(cycle=4000)
     for _ in range(24):
         bench.tick(sync=False)
-    assert bench.state is State.ENABLED
+    assert bench.state is DriveStatus.ENABLED
     for _ in range(2):
         bench.tick(sync=False)  # 25 periods
-    assert bench.state is State.QUICK_STOP and bench.emergencies() == [SYNC_ERROR]
+    assert bench.state is DriveStatus.QUICK_STOP and bench.emergencies() == [SYNC_ERROR]
 
 
 def test_without_a_period_nobody_waits_for_sync():
     bench = Bench().enabled(cycle=0)
     for _ in range(100):
         bench.tick(sync=False)
-    assert bench.state is State.ENABLED and not bench.emergencies()
+    assert bench.state is DriveStatus.ENABLED and not bench.emergencies()
 
 
-@pytest.mark.parametrize("period, wrong", [(0.004, False), (0.0047, False), (0.0055, True),
-                                           (0.0025, True)])  # fmt: skip
+@pytest.mark.parametrize(
+    "period, wrong", [(0.004, False), (0.0047, False), (0.0055, True), (0.0025, True)]
+)
 def test_a_master_of_another_period_than_the_interpolations_is_a_fault(period, wrong):
     bench = Bench(period).enabled()
     for _ in range(600):
         bench.tick()
-    assert bench.state is (State.FAULT if wrong else State.ENABLED)
+    assert bench.state is (DriveStatus.FAULT if wrong else DriveStatus.ENABLED)
     assert bench.emergencies() == ([SYNC_ERROR] if wrong else [])
 
 
@@ -152,7 +160,7 @@ def test_one_long_gap_is_no_wrong_period():
     for k in range(600):
         bench.t += 0.05 if k % 240 == 100 else 0.0
         bench.tick()
-    assert bench.state is State.ENABLED
+    assert bench.state is DriveStatus.ENABLED
 
 
 @pytest.mark.parametrize("command", [0x80, 0x02])
@@ -160,7 +168,7 @@ def test_a_node_that_leaves_operational_stops(command):
     bench = Bench().enabled()
     bench.nmt(command)
     bench.track()
-    assert bench.state is State.QUICK_STOP
+    assert bench.state is DriveStatus.QUICK_STOP
 
 
 @pytest.mark.parametrize("command, mode", [(0x81, 8), (0x82, 1)])
@@ -195,22 +203,68 @@ def test_a_count_that_covers_an_empty_entry_is_refused():
 
 @pytest.mark.parametrize(
     "pdo, entry, code",
-    [(RPDO, STATUS, NOT_MAPPABLE), (RPDO, 0x16000008, NOT_MAPPABLE), (RPDO, MODE, 0),
-     (RPDO, 0x14000120, NOT_MAPPABLE), (RPDO, 0x10000020, NOT_MAPPABLE),
-     (TPDO, STATUS, 0), (TPDO, 0x10180120, NOT_MAPPABLE), (TPDO, 0x60410020, NOT_MAPPABLE),
-     (TPDO, 0x70000010, NOT_MAPPABLE), (TPDO, 0, NOT_MAPPABLE), (TPDO, TORQUE, 0)],
-)  # fmt: skip
+    [
+        (RPDO, STATUS, NOT_MAPPABLE),
+        (RPDO, 0x16000008, NOT_MAPPABLE),
+        (RPDO, MODE, 0),
+        (RPDO, 0x14000120, NOT_MAPPABLE),
+        (RPDO, 0x10000020, NOT_MAPPABLE),
+        (TPDO, STATUS, 0),
+        (TPDO, 0x10180120, NOT_MAPPABLE),
+        (TPDO, 0x60410020, NOT_MAPPABLE),
+        (TPDO, 0x70000010, NOT_MAPPABLE),
+        (TPDO, 0, NOT_MAPPABLE),
+        (TPDO, TORQUE, 0),
+    ],
+)
 def test_what_a_pdo_may_carry(pdo, entry, code):
     assert Bench().map(pdo, entry) == code
 
 
 @settings(deadline=None)
-@given(st.lists(st.tuples(st.sampled_from([0x1400, 0x1600, 0x1800, 0x1A00, 0x6060, 0x60C2, 0x1006,
-                                           0x6065, 0x607D, 0x6040, 0x607A]),
-                          st.integers(0, 5),
-                          st.sampled_from([0, 1, 2, 3, 4, 8, 255, CONTROL, TARGET, MODE, STATUS,
-                                           OFF | 0x183, 0x183, OFF | 0x203, 0x203]),
-                          st.sampled_from([1, 2, 4])), max_size=25))  # fmt: skip
+@given(
+    st.lists(
+        st.tuples(
+            st.sampled_from(
+                [
+                    0x1400,
+                    0x1600,
+                    0x1800,
+                    0x1A00,
+                    0x6060,
+                    0x60C2,
+                    0x1006,
+                    0x6065,
+                    0x607D,
+                    0x6040,
+                    0x607A,
+                ]
+            ),
+            st.integers(0, 5),
+            st.sampled_from(
+                [
+                    0,
+                    1,
+                    2,
+                    3,
+                    4,
+                    8,
+                    255,
+                    CONTROL,
+                    TARGET,
+                    MODE,
+                    STATUS,
+                    OFF | 0x183,
+                    0x183,
+                    OFF | 0x203,
+                    0x203,
+                ]
+            ),
+            st.sampled_from([1, 2, 4]),
+        ),
+        max_size=25,
+    )
+)
 def test_no_writes_make_a_drive_that_fails_at_sync(writes):
     bench = Bench()
     for index, sub, value, size in writes:
@@ -253,7 +307,7 @@ def test_an_object_dictionary_tells_the_state_without_sync():
 def test_the_plants_clock_tells_what_stopped_it():
     told = []
     body = SimpleNamespace(time=0.0, readings=lambda t: ([0.0], 0))
-    plant = Plant(body, [1.0], threading.RLock(), told.append)
+    plant = RealTimePlant(body, [1.0], threading.RLock(), told.append)
     plant.start()
     plant._thread.join(2.0)
     assert [type(error) for error in told] == [AttributeError]

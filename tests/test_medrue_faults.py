@@ -8,12 +8,12 @@ import pytest
 
 from can_witness import connected
 from medrue_bench import until
+from wrenchbed.emulators.base.emulator import EmulatorOptions
+from wrenchbed.emulators.base.faults import TimedFault
+from wrenchbed.emulators.can_bus.hub import Hub
+from wrenchbed.emulators.can_bus.wire import Frame
+from wrenchbed.emulators.medrue import MedrueEmulator
 from wrenchbed.errors import MapError
-from wrenchbed.serving.canbus.hub import Hub
-from wrenchbed.serving.canbus.wire import Frame
-from wrenchbed.serving.faults import Fault
-from wrenchbed.twins.base import Options
-from wrenchbed.twins.medrue import MedrueTwin
 
 HOST = "127.0.4.7"
 
@@ -21,7 +21,7 @@ HOST = "127.0.4.7"
 @pytest.fixture(scope="module")
 def idle():
     """A twin that was never started."""
-    return MedrueTwin(Options(HOST, noise="off", setting={"port": "0"}))
+    return MedrueEmulator(EmulatorOptions(HOST, noise="off", setting={"port": "0"}))
 
 
 @pytest.mark.parametrize(
@@ -41,12 +41,12 @@ def idle():
 )  # fmt: skip
 def test_values_out_of_range_are_refused_by_name(idle, kind, values, named):
     with pytest.raises(MapError, match=f"can {kind}.*{named}"):
-        idle.faults.inject(Fault("can", kind, values=values))
+        idle.faults.inject(TimedFault("can", kind, values=values))
 
 
 @pytest.mark.parametrize("bits", [1, 0x10, 0x8000, 0xFFFF, 16.0])
 def test_every_status_that_is_taken_can_be_told(idle, bits):
-    idle.faults.inject(Fault("can", "status", values={"bits": bits}))
+    idle.faults.inject(TimedFault("can", "status", values={"bits": bits}))
     ((_, first), _) = idle.board._answer(1.0, 0x0, b"")
     assert struct.unpack_from(">H", first)[0] & int(bits) == int(bits)
     idle.board.status = 0
@@ -54,11 +54,11 @@ def test_every_status_that_is_taken_can_be_told(idle, bits):
 
 def test_an_unknown_key_is_refused(idle):
     with pytest.raises(MapError, match="nod"):
-        idle.faults.inject(Fault("can", "frozen", values={"nod": 4}))
+        idle.faults.inject(TimedFault("can", "frozen", values={"nod": 4}))
 
 
 def test_garbage_holds_nothing_that_changes_the_board(idle):
-    idle.faults.inject(Fault("can", "garbage", values={"count": 1000}))
+    idle.faults.inject(TimedFault("can", "garbage", values={"count": 1000}))
     ids = {frame.can_id for _, frame in idle.hub._posted}
     assert 0x680 in ids and not ids & {0x000, 0x080, 0x686, 0x68C, 0x68D, 0x68E}
     assert not any(0x200 <= can_id < 0x280 or 0x600 <= can_id < 0x680 for can_id in ids)
@@ -106,7 +106,7 @@ def test_a_hub_whose_thread_ends_says_so_and_hangs_up(monkeypatch):
 
 
 def test_a_twin_whose_board_fails_is_not_well():
-    with MedrueTwin(Options(HOST, noise="off", setting={"port": "0"})) as twin:
+    with MedrueEmulator(EmulatorOptions(HOST, noise="off", setting={"port": "0"})) as twin:
         twin.board.status = 1 << 31
         send = twin.hub.attach(lambda t, frame: None)
         send(Frame(0x680, b""))

@@ -13,8 +13,8 @@ import pytest
 from can_witness import Witness, quick_stopped, upload
 from medrue_bench import away, options, ready, until
 from twin_process import running
-from wrenchbed.drivers.can import CanDriver
 from wrenchbed.errors import LinkError, StoppedError
+from wrenchbed.hardware.drivers.can import CanDriver
 
 pytestmark = pytest.mark.wire
 
@@ -91,7 +91,7 @@ def test_a_bus_that_is_gone_is_named_and_the_drives_stop_by_themselves(driver, t
 def test_a_master_that_vanishes_leaves_drives_that_stop(twin):
     code = (
         "import os, numpy as np, time\n"
-        "from wrenchbed.drivers.can import CanDriver, Options\n"
+        "from wrenchbed.hardware.drivers.can import CanDriver, Options\n"
         f"d = CanDriver(Options(host='{HOST}')); d.connect(); d.recover()\n"
         "q = d.position(); q[0] += 0.05 if q[0] < 0.05 else -0.05\n"
         "d.move(q); time.sleep(0.3); print(*d.read().q, flush=True); os._exit(9)\n"

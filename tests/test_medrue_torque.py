@@ -5,13 +5,12 @@ import numpy as np
 import pytest
 
 from medrue_bench import away, until
-from wrenchbed.drivers.base import minimum_jerk
-from wrenchbed.drivers.can import CanDriver, Options
-from wrenchbed.serving.body import Options as BodyOptions
-from wrenchbed.twins.base import Options as TwinOptions
-from wrenchbed.twins.medrue import MedrueTwin
-from wrenchbed.twins.medrue.arm import Arm
-from wrenchbed.twins.medrue.plant import CYCLE_S
+from wrenchbed.emulators.base.body import BodyOptions
+from wrenchbed.emulators.base.emulator import EmulatorOptions as TwinOptions
+from wrenchbed.emulators.medrue import MedrueEmulator
+from wrenchbed.emulators.medrue.plant import CYCLE_S, DrivenArm
+from wrenchbed.hardware.drivers.base import minimum_jerk
+from wrenchbed.hardware.drivers.can import CanDriver, CanOptions
 
 HOST = "127.0.4.8"
 
@@ -19,7 +18,7 @@ HOST = "127.0.4.8"
 @pytest.mark.parametrize("joint, within", [(0, 0.01), (5, 0.1)])
 def test_what_a_motor_gives_accelerates_what_it_moves(joint, within):
     """From rest on, the integral of a motor's torque is the momentum of its joint."""
-    arm = Arm(BodyOptions("medrue", noise="off"), CYCLE_S)
+    arm = DrivenArm(BodyOptions("medrue", noise="off"), CYCLE_S)
     model, data = arm.simulation.model, arm.simulation.data
     mujoco.mj_forward(model, data)
     inertias = np.zeros((model.nv, model.nv))
@@ -36,7 +35,7 @@ def test_what_a_motor_gives_accelerates_what_it_moves(joint, within):
 
 
 def test_a_motor_holds_what_pushes_and_gives_nothing_at_rest():
-    arm = Arm(BodyOptions("medrue", noise="off"), CYCLE_S)
+    arm = DrivenArm(BodyOptions("medrue", noise="off"), CYCLE_S)
     for _ in range(50):
         arm.step(arm.robot.home)
     assert np.abs(arm.torque).max() < 1e-6
@@ -50,7 +49,7 @@ def test_a_motor_holds_what_pushes_and_gives_nothing_at_rest():
 def test_the_drivers_effort_is_what_the_motors_give():
     rated = np.array([200.0] + 5 * [2.0])
     settings = {"port": "0", "bus": "virtual:medrue torque"}
-    with MedrueTwin(TwinOptions(HOST, noise="off", setting=settings)) as twin:
+    with MedrueEmulator(TwinOptions(HOST, noise="off", setting=settings)) as twin:
         body = twin.plant.body
         step, given = body.step, [np.zeros(6)]
 
@@ -60,7 +59,7 @@ def test_the_drivers_effort_is_what_the_motors_give():
 
         body.step = recorded
         driver = CanDriver(
-            Options(interface="virtual", channel="medrue torque", torque=True, rate=100.0)
+            CanOptions(interface="virtual", channel="medrue torque", torque=True, rate=100.0)
         )
         with driver:
             assert driver.health().counters["arm bus_load"] < 0.9

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import wrenchbed as wb
-from wrenchbed.chain import Active, respond
+from wrenchbed.data.plan import Plan
 from wrenchbed.diagnosis.diagnose import diagnose
-from wrenchbed.diagnosis.prepare import Prepared, prepare
-from wrenchbed.plan import Plan
+from wrenchbed.diagnosis.prepare.prepared import Prepared, prepare
+from wrenchbed.effects.chain import ActiveEffect, respond
 
 RATE = 125.0
 
@@ -39,7 +39,7 @@ def late(tmp_path_factory) -> wb.Recording:
 
 def added(prepared: Prepared, effect: str, **values: float) -> np.ndarray:
     """What an effect adds to the rows of the analysis (R, 6)."""
-    active = [Active.of(prepared.model.robot, effect, values)]
+    active = [ActiveEffect.of(prepared.model.robot, effect, values)]
     return prepared.rows(respond(prepared.scene, active) - respond(prepared.scene))
 
 

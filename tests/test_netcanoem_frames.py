@@ -8,25 +8,26 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from wrenchbed.emulators.can_bus.wire import Frame
+from wrenchbed.emulators.medrue.board import BoardEmulator
 from wrenchbed.errors import DriverError, ParameterError
-from wrenchbed.sensors.ati_mini40 import MATRIX
-from wrenchbed.serving.canbus.wire import Frame
-from wrenchbed.transducers.netcanoem import Options, calibration
-from wrenchbed.transducers.netcanoem.calibration import _si
-from wrenchbed.transducers.netcanoem.frames import (
-    Active,
+from wrenchbed.hardware.transducers.netcanoem import NetcanoemOptions, calibration
+from wrenchbed.hardware.transducers.netcanoem.calibration import _si
+from wrenchbed.hardware.transducers.netcanoem.frames import (
+    PATIENCE_S,
+    ActiveCalibration,
     Coefficients,
     Counts,
     EvenGauges,
     Firmware,
     OddGauges,
+    Pairs,
     Serial,
     Units,
     faults,
     parse,
 )
-from wrenchbed.transducers.netcanoem.pairs import PATIENCE_S, Pairs
-from wrenchbed.twins.medrue.board import Board
+from wrenchbed.sensors.ati_mini40 import MATRIX
 
 EVEN = EvenGauges(0, (1, 3, 5))
 ODD = OddGauges((2, 4, 6))
@@ -40,7 +41,7 @@ ODD = OddGauges((2, 4, 6))
         (0x682, "3f800000 c0000000", Coefficients(0, (1.0, -2.0))),
         (0x684, "42c80000 00000000", Coefficients(2, (100.0, 0.0))),
         (0x685, "4654313232383800", Serial("FT12288")),
-        (0x686, "02", Active(2)),
+        (0x686, "02", ActiveCalibration(2)),
         (0x687, "000f4240 00989680", Counts(1_000_000, 10_000_000)),
         (0x688, "02 03", Units(2, 3)),
         (0x68F, "03 08 0011", Firmware(3, 8, 17)),
@@ -138,7 +139,7 @@ def test_more_answers_than_requests_are_a_clash_and_late_ones_are_not():
 def board(slot=2, base=0x68):
     sent: list[Frame] = []
     load = np.array([3.0, -2.0, 10.0, 0.05, -0.04, 0.1])
-    return Board(sent.append, base, slot, 1_000_000, lambda t: load), sent, load
+    return BoardEmulator(sent.append, base, slot, 1_000_000, lambda t: load), sent, load
 
 
 def ask(one, sent, opcode, data=b"", t=1.0):
@@ -270,7 +271,7 @@ class Late:
 def test_late_answers_never_make_a_wrong_matrix(monkeypatch, late):
     monkeypatch.setattr(calibration, "ANSWER_S", 0.05)
     link = Late(late)
-    link.one = calibration.Board(link, 0x68)
+    link.one = calibration.BoardQueries(link, 0x68)
     found = link.one.calibrate(2)
     assert np.array_equal(found.raw, link._board.matrix().astype(float))
 
@@ -295,6 +296,6 @@ def test_a_calibration_that_makes_no_sense_is_refused(raw, counts, units, named)
 
 def test_options_out_of_range():
     with pytest.raises(ParameterError):
-        Options(base=0x80)
+        NetcanoemOptions(base=0x80)
     with pytest.raises(ParameterError):
-        Options(slot=16)
+        NetcanoemOptions(slot=16)

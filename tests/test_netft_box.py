@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from netft_scene import boxed, plain
+from wrenchbed.emulators.netft_box import BoxSettings
+from wrenchbed.emulators.netft_box.sensing import Timeline
 from wrenchbed.errors import DriverError, MapError, ParameterError
-from wrenchbed.serving.netft import Settings
-from wrenchbed.serving.netft.timeline import Timeline
 
 pytestmark = pytest.mark.wire
 
@@ -136,15 +136,15 @@ def test_a_taken_port_is_named():
 )  # fmt: skip
 def test_impossible_settings_are_refused(bad):
     with pytest.raises(ParameterError, match=next(iter(bad))):
-        Settings(**bad)
+        BoxSettings(**bad)
 
 
 def test_settings_of_a_command_line():
-    given = Settings.from_words({"rate": "500", "buffer": "4", "torque_unit": "lbf-in"})
+    given = BoxSettings.from_words({"rate": "500", "buffer": "4", "torque_unit": "lbf-in"})
     assert (given.rate, given.buffer, given.torque_unit) == (500.0, 4, "lbf-in")
     for words in ({"rates": "1"}, {"rate": "fast"}):
         with pytest.raises(ParameterError, match="rate"):
-            Settings.from_words(words)
+            BoxSettings.from_words(words)
 
 
 def test_the_time_shown_is_constantly_late():

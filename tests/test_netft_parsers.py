@@ -7,13 +7,13 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from wrenchbed.emulators.netft_box import rdt
+from wrenchbed.emulators.netft_box import web as server
 from wrenchbed.errors import DriverError, LinkError
-from wrenchbed.serving.netft import records
-from wrenchbed.serving.netft import web as server
-from wrenchbed.transducers.netft import configuration, datagrams, web
-from wrenchbed.transducers.netft.clock import DeviceClock
-from wrenchbed.transducers.netft.sequence import Tracker, signed
-from wrenchbed.transducers.netft.status import table
+from wrenchbed.hardware.transducers.netft import configuration, datagrams
+from wrenchbed.hardware.transducers.netft import configuration as web
+from wrenchbed.hardware.transducers.netft.datagrams import table
+from wrenchbed.hardware.transducers.netft.sequence import DeviceClock, Tracker, signed
 
 PAGE = """<?xml version="1.0" encoding="UTF-8"?>
 <netft><runstat>00000000</runstat><runrate>7000</runrate><setbias>0;0;0;0;0;0</setbias>
@@ -35,14 +35,14 @@ def swapped(name, value):
 @given(st.binary(max_size=40))
 @example(struct.pack(">HHI", 0x1234, 2, 0))
 def test_a_box_takes_requests_or_leaves_them(data):
-    request = records.parse(data)
+    request = rdt.parse(data)
     if request is None:
         return
     assert data == struct.pack(">HHI", 0x1234, request.command, request.samples)
 
 
 def test_a_box_knows_six_commands():
-    known = [c for c in range(65536) if records.parse(struct.pack(">HHI", 0x1234, c, 7))]
+    known = [c for c in range(65536) if rdt.parse(struct.pack(">HHI", 0x1234, c, 7))]
     assert known == [0x0000, 0x0002, 0x0003, 0x0004, 0x0041, 0x0042]
 
 
@@ -53,7 +53,7 @@ def test_a_box_knows_six_commands():
     st.lists(st.integers(-(2**31), 2**31 - 1), min_size=6, max_size=6),
 )
 def test_what_the_box_packs_the_client_reads(first, ft, status, counts):
-    packed = records.pack(first, np.array([ft, ft + 7]), np.array([status] * 2), [counts] * 2)
+    packed = rdt.pack(first, np.array([ft, ft + 7]), np.array([status] * 2), [counts] * 2)
     assert datagrams.record(packed, 0) == (first, ft % 2**32, status, tuple(counts))
     assert datagrams.record(packed, 1)[:2] == ((first + 1) % 2**32, (ft + 7) % 2**32)
     assert datagrams.numbers(packed)[1] == ((first + 1) % 2**32, (ft + 7) % 2**32)
@@ -62,7 +62,7 @@ def test_what_the_box_packs_the_client_reads(first, ft, status, counts):
 
 @given(st.binary(max_size=200), st.integers(-2, 6))
 def test_a_datagram_is_records_or_refused(data, index):
-    assert datagrams.whole(len(data)) == (len(data) > 0 and len(data) % 36 == 0)
+    assert datagrams.is_complete(len(data)) == (len(data) > 0 and len(data) % 36 == 0)
     try:
         got = datagrams.record(data, index)
     except DriverError:

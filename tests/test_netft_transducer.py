@@ -8,9 +8,9 @@ import pytest
 
 from netft_scene import boxed, client, until
 from wrenchbed.errors import DriverError, LinkError, ParameterError
-from wrenchbed.health import Health
-from wrenchbed.transducers.netft import NetftTransducer, Options, configuration
-from wrenchbed.transducers.netft.watch import Watch
+from wrenchbed.hardware.device import Health
+from wrenchbed.hardware.transducers.netft import NetftOptions, NetftTransducer, configuration
+from wrenchbed.hardware.transducers.netft.configuration import Watch
 
 pytestmark = pytest.mark.wire
 
@@ -222,15 +222,15 @@ def test_a_box_with_rdt_off_is_named(scene):
 
 def test_nobody_there_is_named():
     with pytest.raises(LinkError, match=r"127\.0\.3\.99:8080"):
-        NetftTransducer(Options("127.0.3.99")).connect()
+        NetftTransducer(NetftOptions("127.0.3.99")).connect()
     with pytest.raises(LinkError, match="no such address"):
-        NetftTransducer(Options("no-such-host.invalid")).connect()
+        NetftTransducer(NetftOptions("no-such-host.invalid")).connect()
 
 
 def test_a_server_that_drips_is_given_up():
     with socket.create_server(("127.0.3.44", 0)) as listener:
         port = listener.getsockname()[1]
-        transducer = NetftTransducer(Options("127.0.3.44", http_port=port))
+        transducer = NetftTransducer(NetftOptions("127.0.3.44", http_port=port))
         begun = time.monotonic()
         with pytest.raises(LinkError, match="no answer within"):
             transducer.connect()
@@ -242,11 +242,11 @@ def test_a_server_that_drips_is_given_up():
 )
 def test_impossible_options_are_refused(bad):
     with pytest.raises(ParameterError, match=next(iter(bad))):
-        Options("127.0.0.1", **bad)
+        NetftOptions("127.0.0.1", **bad)
 
 
 def test_a_closed_transducer_says_so(scene):
-    transducer = NetftTransducer(Options("127.0.3.40"))
+    transducer = NetftTransducer(NetftOptions("127.0.3.40"))
     assert transducer.health() == Health("closed", "call connect() first")
     with pytest.raises(DriverError, match="call connect"):
         transducer.read()
@@ -287,7 +287,7 @@ def test_counts_that_change_while_it_runs_are_noticed():
 def test_a_zero_that_was_lost_while_nobody_looked_changes_its_id():
     with boxed("127.0.3.45", rate=1000) as scene:
         port = int(scene.addresses["http"].split(":")[1])
-        transducer = NetftTransducer(Options("127.0.3.45", http_port=port))
+        transducer = NetftTransducer(NetftOptions("127.0.3.45", http_port=port))
         with transducer:
             assert transducer.zero() == 1
         with transducer:

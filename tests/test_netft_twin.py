@@ -6,16 +6,16 @@ import pytest
 import wrenchbed as wb
 from netft_scene import until
 from twin_process import running
+from wrenchbed.emulators.base.emulator import EmulatorOptions as TwinOptions
 from wrenchbed.errors import ParameterError
-from wrenchbed.transducers.netft import Options
-from wrenchbed.twins.base import Options as TwinOptions
+from wrenchbed.hardware.transducers.netft import NetftOptions
 
 pytestmark = pytest.mark.wire
 
 
 def test_a_twin_is_read_and_misbehaves_when_told():
     with running("netft", "127.0.3.50", "--set", "rate=1000", "--set", "force_unit=lbf") as twin:
-        transducer = wb.load("transducers", "netft")(Options("127.0.3.50", sensor="ati-gamma"))
+        transducer = wb.load("transducers", "netft")(NetftOptions("127.0.3.50", sensor="ati-gamma"))
         with transducer:
             sample = transducer.read()
             assert np.linalg.norm(sample.wrench[:3]) > 2.0

@@ -12,12 +12,7 @@ from hypothesis import strategies as st
 from scipy import signal
 
 from wrenchbed.errors import ParameterError
-from wrenchbed.noise import (
-    REST_S,
-    SATURATED_BITS,
-    NoiseModel,
-    NoiseStream,
-)
+from wrenchbed.physics.noise import REST_S, SATURATED_BITS, NoiseModel, NoiseStream
 
 SIX = np.array([0.02, 0.03, 0.05, 0.001, 0.002, 0.0005])
 LEVER = np.eye(6)

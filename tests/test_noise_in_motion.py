@@ -7,18 +7,18 @@ import pytest
 from scipy.signal import lfilter
 
 from wrenchbed import registry
-from wrenchbed.diagnosis import where
-from wrenchbed.diagnosis.closure import Sealed
-from wrenchbed.diagnosis.prepare import prepare
-from wrenchbed.diagnosis.rows import RowFinding, find
-from wrenchbed.diagnosis.spectrum import noise
+from wrenchbed.benchmark.lookalikes import ExperimentDesign, draw, recording
+from wrenchbed.diagnosis.between_rows.rows import RowFinding, find_row_effects
+from wrenchbed.diagnosis.gap import where
+from wrenchbed.diagnosis.gap.closure import HeldOut
+from wrenchbed.diagnosis.prepare.noise import noise
+from wrenchbed.diagnosis.prepare.prepared import prepare
 from wrenchbed.effects.joint_gear_error import EFFECT as GEAR
-from wrenchbed.lookalikes import Design, draw, recording
-from wrenchbed.planning import multisine
-from wrenchbed.wrench import CHANNELS
+from wrenchbed.physics.wrench import CHANNELS
+from wrenchbed.planning.choose import multisine
 
 ROBOT = registry.load("robots", "ur5")
-DESIGN = Design.of_plan(multisine(ROBOT, 60.0, 125.0, 11), ROBOT)
+DESIGN = ExperimentDesign.of_plan(multisine(ROBOT, 60.0, 125.0, 11), ROBOT)
 PERIOD, STRIDE, ROWS = 1.0 / 125.0, 12, 7488
 T = PERIOD * np.arange(ROWS)
 
@@ -67,13 +67,13 @@ def test_what_scatters_rows_raises_the_noise_not_the_gap(effect):
     loud = prepare(recording(DESIGN, case))
     assert (loud.noise >= 1.0).all() and (quiet.noise >= 1.0).all()
     assert loud.noise.max() > 1.3 * quiet.noise.max()
-    assert Sealed(loud).floor().mean() > 0.3 > abs(Sealed(quiet).floor().mean())
+    assert HeldOut(loud).floor().mean() > 0.3 > abs(HeldOut(quiet).floor().mean())
 
 
 def test_the_floor_of_noise_with_memory_is_not_below_it():
     """A look-alike late by 8 ms whose noise has memory."""
     case = draw(DESIGN, 3, "single", "timing.delay")
-    assert abs(Sealed(prepare(recording(DESIGN, case))).floor().mean()) < 0.12
+    assert abs(HeldOut(prepare(recording(DESIGN, case))).floor().mean()) < 0.12
 
 
 def test_rows_that_repeat_take_no_part():
@@ -90,7 +90,7 @@ def test_rows_that_repeat_take_no_part():
     raw = (columns["fx"] - rec.columns["fx"])[stale]
     assert np.sqrt(np.mean(off**2)) < 2.0
     assert np.sqrt(np.mean(raw**2)) * whole.turn[0, 0] > 2.0 * np.sqrt(np.mean(off[:, 0] ** 2))
-    assert Sealed(held).rows == np.count_nonzero(~again & held.sealed)
+    assert HeldOut(held).rows == np.count_nonzero(~again & held.sealed)
 
 
 @pytest.mark.parametrize("channel", range(6))
@@ -99,7 +99,7 @@ def test_a_clipped_channel_is_no_repeat(channel):
     y = rec.wrench[:, channel]
     top = np.quantile(y, 0.95)
     clipped = replace(rec, columns=dict(rec.columns) | {CHANNELS[channel]: np.minimum(y, top)})
-    assert "timing.stale" not in {f.effect for f in find(clipped)}
+    assert "timing.stale" not in {f.effect for f in find_row_effects(clipped)}
 
 
 def test_a_row_effect_says_that_it_lies_between_rows():

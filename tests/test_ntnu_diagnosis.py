@@ -6,15 +6,17 @@ import numpy as np
 import pytest
 
 from ntnu import DATA, STD, static
-from wrenchbed import column_map
-from wrenchbed.diagnosis import accelerometer, apart, oriented, touching, trembling, witness
+from wrenchbed.data import column_map
+from wrenchbed.data.import_files import import_files
+from wrenchbed.data.metadata import SensorInfo
+from wrenchbed.data.recording import Recording
+from wrenchbed.diagnosis.between_rows import averaged_motion, contact
 from wrenchbed.diagnosis.diagnose import diagnose
+from wrenchbed.diagnosis.explain import tilt as witness
+from wrenchbed.diagnosis.prepare import accelerometer, orientations
 from wrenchbed.errors import DiagnosisError, MapError
-from wrenchbed.frames import cross
-from wrenchbed.importing import import_files
-from wrenchbed.metadata import SensorInfo
-from wrenchbed.recording import Recording
-from wrenchbed.wrench import CHANNELS
+from wrenchbed.physics.rotations import cross
+from wrenchbed.physics.wrench import CHANNELS
 
 RUNS = {1: "1-baseline", 2: "2-vibrations", 3: "3-vibrations-contact"}
 
@@ -158,7 +160,7 @@ def test_a_push_at_a_point_is_found_there():
         turned = force * size * np.stack([np.cos(t), np.sin(t), np.ones_like(t)], axis=1)
         return np.concatenate([turned, cross(point, turned)], axis=1)
 
-    _, found = apart.parted(disturbed(1, push))
+    _, found = averaged_motion.separate(disturbed(1, push))
     told = [found.touch.parameters[f"point.{a}"]["value"] for a in "xyz"]
     assert told == pytest.approx(point, abs=0.01)
     assert found.touch.parameters["begin"]["value"] == pytest.approx(2.0, abs=0.1)
@@ -180,23 +182,26 @@ def test_a_force_at_no_point_is_unknown():
 def test_a_jump_of_the_zero_and_a_wrong_mass_are_no_touch():
     jump = np.array([4.0, -3.0, 2.0, 0.2, 0.1, 0.05])
     assert (
-        touching.find(oriented.prepare(disturbed(1, lambda t: during(t, 3.0, 9.9) * jump))) is None
+        contact.find_contact(
+            orientations.prepare(disturbed(1, lambda t: during(t, 3.0, 9.9) * jump))
+        )
+        is None
     )
     rec = motion(1)
     light = replace(rec.metadata, tool=replace(rec.metadata.tool, mass=0.5))
-    assert touching.find(oriented.prepare(Recording(light, rec.columns))) is None
+    assert contact.find_contact(orientations.prepare(Recording(light, rec.columns))) is None
 
 
 def test_noise_of_the_sensor_is_no_trembling():
     rng = np.random.default_rng(0)
     rec = motion(1)
-    prepared = oriented.prepare(rec)
+    prepared = orientations.prepare(rec)
     smooth = (
         np.stack([np.interp(rec.t, prepared.scene.t, c) for c in prepared.y.T], axis=1)
         + rng.standard_normal((len(rec), 6)) * 30 * STD
     )
     quiet = Recording(rec.metadata, dict(rec.columns) | dict(zip(CHANNELS, smooth.T, strict=True)))
-    assert trembling.find(oriented.prepare(quiet)) is None
+    assert averaged_motion.find_tool_vibration(orientations.prepare(quiet)) is None
 
 
 def test_a_motion_without_an_accelerometer_is_diagnosed_without_inertia():

@@ -3,10 +3,12 @@
 import numpy as np
 import pytest
 
-from wrenchbed import parquet, planning, registry
-from wrenchbed.drivers.base import check_motion
+from wrenchbed import registry
+from wrenchbed.data import parquet
+from wrenchbed.data.plan import Plan
 from wrenchbed.errors import PlanError
-from wrenchbed.plan import Plan
+from wrenchbed.hardware.drivers.base import check_motion
+from wrenchbed.planning import choose
 
 UR5 = registry.load("robots", "ur5")
 MEDRUE = registry.load("robots", "medrue")
@@ -70,13 +72,13 @@ def test_bad_plans_name_file_column_and_row(tmp_path, data, metadata, words):
 
 @pytest.mark.parametrize("robot", [UR5, MEDRUE], ids=lambda r: r.name)
 def test_a_multisine_starts_and_ends_at_rest_within_limits(robot):
-    plan = planning.multisine(robot, 20.0, 125.0, seed=1)
+    plan = choose.multisine(robot, 20.0, 125.0, seed=1)
     assert (len(plan), plan.mode, plan.rate_hz) == (2500, "dynamic", 125.0)
     check_motion(robot, plan.q, 125.0, "plan")
     speed = np.diff(plan.q, axis=0) * 125.0
     assert np.abs(speed[[0, -1]]).max() < 1e-3 * np.abs(speed).max()
     assert np.abs(speed).max(axis=0).min() > 0.01
-    assert np.array_equal(plan.q, planning.multisine(robot, 20.0, 125.0, seed=1).q)
+    assert np.array_equal(plan.q, choose.multisine(robot, 20.0, 125.0, seed=1).q)
 
 
 def test_a_motion_beyond_a_joints_speed_is_refused_by_row():
@@ -88,8 +90,8 @@ def test_a_motion_beyond_a_joints_speed_is_refused_by_row():
 
 def test_what_cannot_be_planned_says_why():
     with pytest.raises(PlanError, match="0 poses is empty"):
-        planning.poses(UR5, 0, seed=0)
+        choose.poses(UR5, 0, seed=0)
     with pytest.raises(PlanError, match="no joints to plan"):
-        planning.poses(registry.load("robots", "oriented"), 5, seed=0)
+        choose.poses(registry.load("robots", "oriented"), 5, seed=0)
     with pytest.raises(PlanError, match="at least 5 s"):
-        planning.multisine(UR5, 1.0, 125.0, seed=0)
+        choose.multisine(UR5, 1.0, 125.0, seed=0)

@@ -7,8 +7,8 @@ import pytest
 
 from wrenchbed import registry
 from wrenchbed.cli import main
-from wrenchbed.plan import Plan
-from wrenchbed.recording import Recording
+from wrenchbed.data.plan import Plan
+from wrenchbed.data.recording import Recording
 
 UR5 = registry.load("robots", "ur5")
 

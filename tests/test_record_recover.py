@@ -9,7 +9,7 @@ import pytest
 
 import wrenchbed as wb
 from twin_process import running
-from wrenchbed.plan import Plan
+from wrenchbed.data.plan import Plan
 
 pytest.importorskip("rtde_control")
 pytestmark = pytest.mark.wire

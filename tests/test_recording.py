@@ -12,11 +12,11 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from recorded import CHANNELS, METADATA, columns
-from wrenchbed import parquet
+from wrenchbed.data import parquet
+from wrenchbed.data.metadata import ToolInfo, parse
+from wrenchbed.data.recording import Recording
+from wrenchbed.data.writer import RecordingWriter
 from wrenchbed.errors import RecordingError
-from wrenchbed.metadata import ToolInfo, parse
-from wrenchbed.recording import Recording
-from wrenchbed.writer import RecordingWriter
 
 
 def save(path: Path, data: dict[str, np.ndarray], metadata: dict | None = None) -> Path:

@@ -8,17 +8,17 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from wrenchbed import registry
-from wrenchbed.chain import Active, respond
-from wrenchbed.referee import arm, carried, case, columns, gauges, outside
-from wrenchbed.referee import setting as settings
-from wrenchbed.referee.background import background
-from wrenchbed.referee.catalogue import EFFECTS, possible
-from wrenchbed.referee.fault import Fault, mechanics, signal, total
-from wrenchbed.referee.likeness import SAME, Usual, bench
-from wrenchbed.referee.mechanics import Mechanics
-from wrenchbed.referee.memory import after, bouc_wen, lowpass
-from wrenchbed.referee.world import World
-from wrenchbed.scene import Scene
+from wrenchbed.benchmark.referee import arm, case, outside, sensor, tool
+from wrenchbed.benchmark.referee import setting as settings
+from wrenchbed.benchmark.referee import signatures as columns
+from wrenchbed.benchmark.referee.catalogue import EFFECTS, background, possible
+from wrenchbed.benchmark.referee.equivalence import SAME, Usual, bench
+from wrenchbed.benchmark.referee.fault import RefereeFault, mechanics, signal, total
+from wrenchbed.benchmark.referee.machine import Mechanics
+from wrenchbed.benchmark.referee.sensor import after, bouc_wen, lowpass
+from wrenchbed.benchmark.referee.world import FaultyRobot
+from wrenchbed.effects.chain import ActiveEffect, respond
+from wrenchbed.effects.scene import Scene
 
 SOURCE = Path(case.__file__).parents[1]
 FORBIDDEN = {
@@ -103,12 +103,12 @@ SAME_NUMBERS = {
     "mount.rotation": arm.mount,
     "joint.offset": arm.offset,
     "joint.compliance": lambda setting, rng, size: arm.compliance(setting, rng, size, j=2),
-    "tool.mass": carried.mass,
-    "tool.cog": carried.cog,
-    "sensor.bias": gauges.bias,
-    "sensor.gain": gauges.gain,
-    "sensor.crosstalk": gauges.crosstalk,
-    "sensor.drift": gauges.drift,
+    "tool.mass": tool.mass,
+    "tool.cog": tool.cog,
+    "sensor.bias": sensor.bias,
+    "sensor.gain": sensor.gain,
+    "sensor.crosstalk": sensor.crosstalk,
+    "sensor.drift": sensor.drift,
 }
 
 
@@ -122,7 +122,9 @@ def test_true_numbers_mean_what_the_library_publishes(world, name):
     held = np.ones(len(q), dtype=bool)
     gravity = np.array(setting.robot.gravity)
     scene = Scene(setting.robot, setting.theta, gravity, q, t - setting.path.t[0], held)
-    wanted = respond(scene, [Active.of(setting.robot, name, dict(fault.true))]) - respond(scene)
+    wanted = respond(scene, [ActiveEffect.of(setting.robot, name, dict(fault.true))]) - respond(
+        scene
+    )
     usual = world.usual
     configured = name in case.STATED or name == "sensor.drift"
     size = usual.gap(found, configured)
@@ -143,7 +145,7 @@ def small(monkeypatch):
 def world(small):
     robot = registry.load("robots", "ur5")
     setting = settings.draw(robot, "static", np.random.default_rng(5))
-    return World.of(setting, (), Usual.of(setting))
+    return FaultyRobot.of(setting, (), Usual.of(setting))
 
 
 @pytest.mark.parametrize("name", [n for n, e in EFFECTS.items() if not e.motion and not e.loops])
@@ -186,7 +188,7 @@ def test_a_turned_last_joint_is_a_turned_sensor(world):
 
 
 def test_a_wrong_mass_is_a_gain_of_everything(world):
-    found = case.measured(world, carried.mass(world.setting, np.random.default_rng(1), 1.0))
+    found = case.measured(world, tool.mass(world.setting, np.random.default_rng(1), 1.0))
     signatures = bench(world.setting, world.way, world.usual)
     assert "sensor.gain" in signatures.alike("tool.mass", found.signature)
     assert signatures.shows(found.signature, found.signature, configured=True)
@@ -202,8 +204,14 @@ def test_the_usual_fit_takes_out_bias_mass_and_cog(world):
 
 
 def test_numbers_of_one_effect_add_up():
-    faults = [Fault("base.tilt", {"x": 1.0, "y": 2.0}), Fault("base.tilt", {"x": 0.5})]
-    assert total([*faults, Fault("tool.mass", {"mass": 3.0})], "base.tilt") == {"x": 1.5, "y": 2.0}
+    faults = [
+        RefereeFault("base.tilt", {"x": 1.0, "y": 2.0}),
+        RefereeFault("base.tilt", {"x": 0.5}),
+    ]
+    assert total([*faults, RefereeFault("tool.mass", {"mass": 3.0})], "base.tilt") == {
+        "x": 1.5,
+        "y": 2.0,
+    }
 
 
 def test_the_background_has_many_families_and_grows_with_its_scale(world):
@@ -213,7 +221,7 @@ def test_the_background_has_many_families_and_grows_with_its_scale(world):
     readings = []
     for scale in (0.1, 0.4):
         around = background(world.setting, rng(), scale)
-        readings.append(World.of(world.setting, around, world.usual).base - world.base)
+        readings.append(FaultyRobot.of(world.setting, around, world.usual).base - world.base)
     gaps = [world.usual.gap(r, configured=False) for r in readings]
     assert 0.0 < gaps[0] < gaps[1]
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from wrenchbed import registry
-from wrenchbed.referee.mechanics import Hose, Loose, Mechanics, Pad, Play
-from wrenchbed.referee.path import through
-from wrenchbed.referee.ride import ride
+from wrenchbed.benchmark.referee.machine import Hose, Loose, Mechanics, Pad, Play
+from wrenchbed.benchmark.referee.path import through
+from wrenchbed.benchmark.referee.ride import ride
 
 POSES = 6
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from wrenchbed.diagnosis.reliability import NAMES, learnt, shipped
+from wrenchbed.diagnosis.explain.reliability import NAMES, learnt, shipped
 
 
 def test_a_model_for_recordings_unlike_its_cases_knows_only_the_share_that_was_right():

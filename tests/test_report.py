@@ -11,13 +11,14 @@ import pytest
 
 import wrenchbed as wb
 from wrenchbed import registry
-from wrenchbed.campaign import record
+from wrenchbed.campaigns.recording_run import record
 from wrenchbed.cli import main
+from wrenchbed.data.plan import Plan
 from wrenchbed.diagnosis.diagnose import Findings, diagnose
-from wrenchbed.drivers.sim import Options, SimDriver
 from wrenchbed.errors import MissingExtraError
-from wrenchbed.plan import Plan
-from wrenchbed.report import diagnosis_page, numbers, words
+from wrenchbed.hardware.drivers.sim import SimDriver, SimOptions
+from wrenchbed.pages import numbers
+from wrenchbed.report import diagnosis_page, sentences
 
 MOST_BYTES = 2_000_000
 VOID = {"meta", "link", "img", "br", "hr", "input", "use", "path", "rect"}
@@ -57,7 +58,7 @@ class Page(HTMLParser):
 def found(folder, *effects):
     robot = registry.load("robots", "ur5")
     plan = Plan.of("ur5", robot.sample(40, np.random.default_rng(1)))
-    with SimDriver(Options("ur5", noise="white", seed=1, effects=effects)) as driver:
+    with SimDriver(SimOptions("ur5", noise="white", seed=1, effects=effects)) as driver:
         record(driver, plan, folder / "rec.parquet", samples=30)
     return diagnose(wb.Recording.read(folder / "rec.parquet"))
 
@@ -144,16 +145,16 @@ def test_two_causes_are_counted(tilted):
     (cause,) = tilted.diagnosis.which
     other = dict(cause) | {"effect": "sensor.gain", "rivals": ["tool.mass"]}
     both = changed(tilted, which=[cause, other], verdict="ambiguous")
-    told = words.headline(both)
+    told = sentences.headline(both)
     assert told.startswith("Two causes: the base is tilted against gravity; axes of the sensor")
     assert ", or the tool is heavier" in told and "cannot tell" in told
-    assert words.place(both) == "In the base and in the sensor or the tool"
-    assert "no difference" in words.headline(changed(both, verdict="identified"))
+    assert sentences.place(both) == "In the base and in the sensor or the tool"
+    assert "no difference" in sentences.headline(changed(both, verdict="identified"))
 
 
 def test_unknown_says_what_the_residual_follows(tilted):
     page = shown(without_cause(tilted, "unknown"))
-    kernel = words.depends(tilted.analysis.ranking.kernel)
+    kernel = sentences.depends(tilted.analysis.ranking.kernel)
     assert "There is a gap that no known effect explains" in page.sections["page"]
     assert f"what is left follows {kernel} best" in page.sections["where"]
     assert "Probability that it is something unknown: > 0.99" in page.sections["which"]
@@ -230,7 +231,7 @@ def test_a_page_is_written_whole(healthy, tmp_path):
 def recorded(folder):
     robot = registry.load("robots", "ur5")
     plan = Plan.of("ur5", robot.sample(40, np.random.default_rng(1)))
-    with SimDriver(Options("ur5", noise="white", seed=1)) as driver:
+    with SimDriver(SimOptions("ur5", noise="white", seed=1)) as driver:
         record(driver, plan, folder / "rec.parquet", samples=5)
     return str(folder / "rec.parquet")
 

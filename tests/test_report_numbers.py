@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from wrenchbed.report import numbers
+from wrenchbed.pages import numbers
 
 
 @pytest.mark.parametrize(

@@ -8,9 +8,9 @@ import pytest
 from chromium import BINARY, tab
 from pictures import unless
 from test_report import found
+from wrenchbed.pages.document import Document as Study
+from wrenchbed.pages.document import Figure, Section, Table
 from wrenchbed.report import diagnosis_page
-from wrenchbed.study.page import Figure, Section, Table
-from wrenchbed.study.page import Page as Study
 
 pytestmark = unless(BINARY is not None, "chromium is not installed")
 

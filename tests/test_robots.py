@@ -6,11 +6,11 @@ import pytest
 
 from wrenchbed import registry
 from wrenchbed.errors import ParameterError, PlanError
-from wrenchbed.jets import Jet
-from wrenchbed.model import Model
+from wrenchbed.physics.taylor import Jet
+from wrenchbed.physics.wrench import wrench
 from wrenchbed.robots.base import SimulatedRobot
-from wrenchbed.simulation import Simulation
-from wrenchbed.wrench import wrench
+from wrenchbed.robots.model import Model
+from wrenchbed.simulation.simulation import Simulation
 
 ROBOTS = [
     registry.load("robots", name)

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from wrenchbed import registry
-from wrenchbed.diagnosis.rows import find
-from wrenchbed.lookalikes import Design, draw, recording
-from wrenchbed.lookalikes.record import raised_variance
-from wrenchbed.plan import Plan
-from wrenchbed.wrench import CHANNELS
+from wrenchbed.benchmark.lookalikes import ExperimentDesign, draw, recording
+from wrenchbed.benchmark.lookalikes.recordings import raised_variance
+from wrenchbed.data.plan import Plan
+from wrenchbed.diagnosis.between_rows.rows import find_row_effects
+from wrenchbed.physics.wrench import CHANNELS
 
 ROBOT = registry.load("robots", "medrue")
 EFFECTS = ("sensor.noise", "sensor.quantization", "base.vibration")
@@ -20,7 +20,7 @@ NEAR = 0.3
 
 def design():
     q = ROBOT.sample(70, np.random.default_rng(5))
-    return Design.of_plan(Plan.of("medrue", q), ROBOT, samples=60)
+    return ExperimentDesign.of_plan(Plan.of("medrue", q), ROBOT, samples=60)
 
 
 DESIGN = design()
@@ -38,7 +38,7 @@ def test_nothing_is_claimed_that_does_not_count():
     quiet = 0
     for seed in range(300, 350):
         case = draw(DESIGN, seed, "none")
-        found = find(recording(DESIGN, case))
+        found = find_row_effects(recording(DESIGN, case))
         if rise_of_background(case) < NEAR:
             quiet += 1
             assert found == (), (seed, found)
@@ -51,7 +51,7 @@ def test_each_cause_is_named_first(effect):
     for seed in range(400, 410):
         case = draw(DESIGN, seed, "single", effect)
         if case.rows[effect] >= 1.0 and case.rows[effect] > 2.0 * rise_of_background(case):
-            assert find(recording(DESIGN, case))[0].effect == effect, seed
+            assert find_row_effects(recording(DESIGN, case))[0].effect == effect, seed
 
 
 def test_a_strong_shaking_is_no_noise():
@@ -59,7 +59,7 @@ def test_a_strong_shaking_is_no_noise():
     for seed in range(3):
         case = draw(DESIGN, seed, "single", "base.vibration", 12.0)
         assert case.rows["base.vibration"] > 50.0
-        (found,) = find(recording(DESIGN, case))
+        (found,) = find_row_effects(recording(DESIGN, case))
         assert found.effect == "base.vibration", seed
         truth = case.rows["base.vibration"]
         assert found.rise == pytest.approx(truth, rel=0.25)
@@ -76,4 +76,4 @@ def test_a_shaking_that_does_not_count_is_no_noise_either():
     wrench *= np.sqrt(0.4 / share.max())
     columns = dict(zip(CHANNELS, (rec.wrench + wrench).T, strict=True))
     shaken = replace(rec, columns=dict(rec.columns) | columns)
-    assert "sensor.noise" not in {f.effect for f in find(shaken)}
+    assert "sensor.noise" not in {f.effect for f in find_row_effects(shaken)}

@@ -2,9 +2,9 @@
 
 import pytest
 
-from wrenchbed.drivers.rtde import control_worker
-from wrenchbed.drivers.rtde.control_worker import Control
-from wrenchbed.drivers.rtde.record import Snapshot
+from wrenchbed.hardware.drivers.rtde import control_worker
+from wrenchbed.hardware.drivers.rtde.control_worker import Control
+from wrenchbed.hardware.drivers.rtde.shared_state import Snapshot
 
 SOFT, HARD, SOFT_SERVO = 3.0, 15.0, 4.0
 

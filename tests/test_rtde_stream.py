@@ -5,14 +5,14 @@ import math
 import numpy as np
 import pytest
 
-from wrenchbed.drivers.rtde.stream import Stream
+from wrenchbed.hardware.drivers.rtde.control_worker import TargetStream
 
 PERIOD = 0.008
 N = 20_000
 
 
 def test_a_target_waits_for_its_time():
-    stream = Stream(PERIOD)
+    stream = TargetStream(PERIOD)
     assert stream.due == math.inf and stream.take(1e9, 0.0) is None
     stream.add([1.0] * 6, 5.0)
     stream.add([2.0] * 6, 5.5)
@@ -23,7 +23,7 @@ def test_a_target_waits_for_its_time():
 
 
 def test_of_several_that_are_due_the_newest_goes():
-    stream = Stream(PERIOD)
+    stream = TargetStream(PERIOD)
     for k in range(5):
         stream.add([float(k)] * 6, 1.0 + k)
     assert stream.take(3.5, 3.5) == [2.0] * 6
@@ -32,7 +32,7 @@ def test_of_several_that_are_due_the_newest_goes():
 
 
 def test_it_does_not_grow_for_ever():
-    stream = Stream(PERIOD)
+    stream = TargetStream(PERIOD)
     for k in range(10_000):
         stream.add([float(k)] * 6, 1.0 + k * PERIOD)
     assert stream.due == pytest.approx(1.0 + (10_000 - 256) * PERIOD)
@@ -54,17 +54,17 @@ def cycles(stream, drift, n=N, jitter=3e-4, period=PERIOD, spacing=PERIOD):
 
 @pytest.mark.parametrize("drift", [0.0, 200e-6, -200e-6, 500e-6, -500e-6])
 def test_each_target_has_a_cycle_of_its_own_though_clocks_drift(drift):
-    odd = np.diff(cycles(Stream(PERIOD), drift))[300:] != 1
+    odd = np.diff(cycles(TargetStream(PERIOD), drift))[300:] != 1
     slips = abs(drift) * N  # where the clocks are a whole period apart
     assert odd.sum() <= math.ceil(slips) * 2
-    free = Stream(PERIOD)
+    free = TargetStream(PERIOD)
     free._follow = lambda phase: None
     if drift:
         assert (np.diff(cycles(free, drift))[300:] != 1).sum() > 10 * max(odd.sum(), 1)
 
 
 def test_targets_at_another_rate_are_sent_when_they_are_due():
-    stream = Stream(PERIOD)
+    stream = TargetStream(PERIOD)
     for k in range(200):
         stream.add([0.0] * 6, 10.0 + 0.01 * k)
         assert stream.due == 10.0 + 0.01 * k

@@ -5,9 +5,9 @@ import pytest
 
 from scenes import still
 from wrenchbed import registry
-from wrenchbed.chain import Active, respond
-from wrenchbed.diagnosis.dictionary import Response
+from wrenchbed.diagnosis.evidence.dictionary import Response
 from wrenchbed.effects.base import Residual, Variant
+from wrenchbed.effects.chain import ActiveEffect, respond
 
 NOISE = np.array([0.02, 0.02, 0.03, 1e-3, 1e-3, 5e-4])
 SCENE = still("ur5", 70)
@@ -16,7 +16,7 @@ SCENE = still("ur5", 70)
 def proposals(name, values):
     """Variants found for the effect's own signal with noise, best first, and that signal."""
     effect = registry.load("effects", name)
-    signal = respond(SCENE, [Active.of(SCENE.robot, name, values)]) - respond(SCENE)
+    signal = respond(SCENE, [ActiveEffect.of(SCENE.robot, name, values)]) - respond(SCENE)
     rng = np.random.default_rng(1)
     seen = (signal - signal.mean(axis=0)) / NOISE + 0.3 * rng.standard_normal(signal.shape)
     response, known = Response(SCENE), {p.name: p for p in effect.parameters(SCENE.robot)}
@@ -34,7 +34,7 @@ def alike(name, variant, signal):
     columns = []
     for free in variant.free:
         size = {p.name: p.tolerance for p in effect.parameters(SCENE.robot)}[free]
-        active = Active.of(SCENE.robot, name, dict(variant.at) | {free: size})
+        active = ActiveEffect.of(SCENE.robot, name, dict(variant.at) | {free: size})
         change = (respond(SCENE, [active]) - respond(SCENE)) / NOISE
         columns.append((change - change.mean(axis=0)).ravel())
     design = np.stack(columns, axis=1)
@@ -80,7 +80,7 @@ def test_the_order_and_joint_of_a_gear_are_found(joint, order):
 def test_a_shape_near_the_true_one_is_proposed(name, values):
     if name == "environment.contact":  # so that some of the poses touch
         from wrenchbed.effects.environment_contact import tip
-        from wrenchbed.frames import apply
+        from wrenchbed.physics.rotations import apply
 
         rotation, position = SCENE.pose
         height = (position + apply(rotation, tip(SCENE))) @ np.array([-0.3, 0.4, 0.87])

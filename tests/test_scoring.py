@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 
 from wrenchbed import registry
-from wrenchbed.diagnosis.linear import Claim
-from wrenchbed.diagnosis.scoring import METRICS, figure, matched, probability, right, score
-from wrenchbed.diagnosis.scoring_cases import Job, Setting, jobs
-from wrenchbed.diagnosis.scoring_rows import OURS, Journal, Number, Row, read, write
-from wrenchbed.diagnosis.scoring_tables import by_effect, by_size, figures, placed
-from wrenchbed.diagnosis.scoring_truth import truth
+from wrenchbed.benchmark.lookalikes import ExperimentDesign, draw
+from wrenchbed.benchmark.scoring.cases import BenchmarkSetting, Job, jobs
+from wrenchbed.benchmark.scoring.linear import Claim
+from wrenchbed.benchmark.scoring.metrics import METRICS, figure, matched, probability, right, score
+from wrenchbed.benchmark.scoring.rows import OURS, CaseRow, Journal, Number, read, write
+from wrenchbed.benchmark.scoring.tables import by_effect, by_size, figures, placed
+from wrenchbed.benchmark.scoring.truth import truth
+from wrenchbed.data.plan import Plan
 from wrenchbed.errors import DiagnosisError
-from wrenchbed.lookalikes import Design, draw
-from wrenchbed.plan import Plan
 
 NONE = Claim("none", (), {"none": 0.9, "base.tilt": 0.1})
 UNKNOWN = Claim("unknown", (), {"unknown": 0.8, "none": 0.2})
@@ -28,7 +28,7 @@ def named(*classes, p=0.95):
 
 def row(name, kind, claim, *effects, **more):
     shown = {"size": dict.fromkeys(effects, 4.0), "detectability": dict.fromkeys(effects, 40.0)}
-    return Row(name, kind, effects, answers={OURS: claim}, **(shown | more))
+    return CaseRow(name, kind, effects, answers={OURS: claim}, **(shown | more))
 
 
 TILT = row("a", "single", named(("base.tilt",)), "base.tilt", where="base")
@@ -168,7 +168,7 @@ def test_text_goes_between_its_marks():
 
 def test_jobs_follow_from_the_seed():
     counts = {"single": 3, "none": 2}
-    first, other = (list(jobs(Setting("ur5", "static", s), counts)) for s in (1, 2))
+    first, other = (list(jobs(BenchmarkSetting("ur5", "static", s), counts)) for s in (1, 2))
     assert len({j.id for j in first}) == 5 and not {j.id for j in first} & {j.id for j in other}
     assert [j.seed for j in first] == [Job(j.setting, j.kind, j.index).seed for j in first]
     assert len({j.seed for j in (*first, *other)}) == 10
@@ -177,21 +177,21 @@ def test_jobs_follow_from_the_seed():
 @pytest.mark.parametrize("effect", ["base.tilt", "mount.rotation", "joint.offset", "sensor.gain"])
 def test_true_parameters_have_the_published_names_and_signs(effect):
     """The library's effect at the true parameters reads as the look-alike does."""
-    from wrenchbed.chain import Active, effects, respond
-    from wrenchbed.diagnosis.prepare import prepare
-    from wrenchbed.lookalikes import recording
-    from wrenchbed.lookalikes.imperfection import World
+    from wrenchbed.benchmark.lookalikes import recording
+    from wrenchbed.benchmark.lookalikes.imperfection import ImperfectRobot
+    from wrenchbed.diagnosis.prepare.prepared import prepare
+    from wrenchbed.effects.chain import ActiveEffect, effects, respond
 
     robot = registry.load("robots", "ur5")
     q = robot.sample(30, np.random.default_rng(3))
-    design = Design.of_plan(Plan.of("ur5", q), robot, samples=20)
+    design = ExperimentDesign.of_plan(Plan.of("ur5", q), robot, samples=20)
     case = draw(design, 5, "single", effect, 2.0)
     true = truth(design, case, effect)
     own = effects()[effect]
     scene = prepare(recording(design, case)).scene
-    active = [Active(own, own.values(robot, true))]
+    active = [ActiveEffect(own, own.values(robot, true))]
     here = respond(scene, active) - respond(scene)
     items = [(i, k) for i, k in case.items if i.name == effect]
-    there = World(design).reading(items) - design.nominal
+    there = ImperfectRobot(design).reading(items) - design.nominal
     scale = np.abs(there).max(axis=0)
     np.testing.assert_allclose(here[scene.held], there, atol=0.04 * scale.max(), rtol=0.05)

@@ -7,14 +7,16 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from wrenchbed import planning, registry
-from wrenchbed.diagnosis import crossvote, own_design
-from wrenchbed.diagnosis.evidence import Level
-from wrenchbed.diagnosis.finalist import Finalist
-from wrenchbed.diagnosis.reliability import NAMES, Reliability, learnt, shipped
-from wrenchbed.diagnosis.verdict import Cause, Verdict, tempered
+from wrenchbed import registry
+from wrenchbed.benchmark.lookalikes import ExperimentDesign, draw, recording
+from wrenchbed.benchmark.scoring import own_design
+from wrenchbed.diagnosis.evidence.likelihood import BackgroundLevel
+from wrenchbed.diagnosis.explain import contributions
+from wrenchbed.diagnosis.explain.finalist import Finalist
+from wrenchbed.diagnosis.explain.reliability import NAMES, Reliability, learnt, shipped
+from wrenchbed.diagnosis.explain.verdict import Cause, Verdict, tempered
 from wrenchbed.errors import DiagnosisError
-from wrenchbed.lookalikes import Design, draw, recording
+from wrenchbed.planning import choose
 
 
 @pytest.mark.parametrize("columns", [5, 60], ids=["many rows", "many columns"])
@@ -22,7 +24,9 @@ def test_the_vote_is_what_each_block_is_given_the_others(columns):
     rng = np.random.default_rng(columns)
     rows = 24
     E = rng.standard_normal((rows, columns))
-    level = Level(E, np.tile(rng.uniform(0.5, 2.0, 6), rows // 6), rng.uniform(0.1, 1.0, columns))
+    level = BackgroundLevel(
+        E, np.tile(rng.uniform(0.5, 2.0, 6), rows // 6), rng.uniform(0.1, 1.0, columns)
+    )
     design, spread = rng.standard_normal((rows, 3)), np.array([1.0, 0.5, 2.0])
     y = rng.standard_normal(rows)
     f = Finalist((), 0, np.zeros(3), np.eye(3), y, y, design, spread, 0.0, spread)
@@ -40,7 +44,7 @@ def test_the_vote_is_what_each_block_is_given_the_others(columns):
         covariance = K[np.ix_(own, own)] - gain @ K[np.ix_(~own, own)]
         expected += multivariate_normal(mean, covariance).logpdf(y[own])
     expected += 0.5 * rows * np.log(2 * np.pi)
-    assert crossvote.score(refitter, f) == pytest.approx(expected, rel=1e-6)
+    assert contributions.score(refitter, f) == pytest.approx(expected, rel=1e-6)
 
 
 def test_reliability_learns_what_tells_right_claims_from_wrong():
@@ -88,13 +92,13 @@ def test_a_claim_more_likely_wrong_than_right_becomes_unknown(right):
 
 def still(seed=0, poses=24):
     robot = registry.load("robots", "ur5")
-    design = Design.of_plan(planning.poses(robot, poses, seed), robot, samples=30)
+    design = ExperimentDesign.of_plan(choose.poses(robot, poses, seed), robot, samples=30)
     return recording(design, draw(design, 5, "none"))
 
 
 def test_look_alikes_are_kept_and_not_computed_twice(tmp_path):
     rows = still()
-    key = own_design._key(Design.of(rows), 0)
+    key = own_design._key(ExperimentDesign.of(rows), 0)
     known = [
         {
             "index": k, "kind": "single", "raw": "identified", "named": True, "right": k % 4 > 0,
@@ -116,14 +120,17 @@ def test_look_alikes_are_kept_and_not_computed_twice(tmp_path):
 
 
 def test_another_design_has_a_cache_of_its_own():
-    same, other = own_design._key(Design.of(still()), 0), own_design._key(Design.of(still()), 1)
-    assert same == own_design._key(Design.of(still()), 0)
+    same, other = (
+        own_design._key(ExperimentDesign.of(still()), 0),
+        own_design._key(ExperimentDesign.of(still()), 1),
+    )
+    assert same == own_design._key(ExperimentDesign.of(still()), 0)
     assert same != other
-    assert same != own_design._key(Design.of(still(seed=1)), 0)
+    assert same != own_design._key(ExperimentDesign.of(still(seed=1)), 0)
 
 
 def test_one_look_alike_is_drawn_and_judged():
-    own_design._begin(Design.of(still(poses=30)), 0)
+    own_design._begin(ExperimentDesign.of(still(poses=30)), 0)
     row = own_design._case(6)  # a case without a gap
     assert (row["kind"], row["raw"], row["right"]) == ("none", "none", True)
     assert len(row["features"]) == len(NAMES)

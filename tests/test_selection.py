@@ -9,16 +9,10 @@ from hypothesis import strategies as st
 
 from wrenchbed import registry
 from wrenchbed.errors import PlanError
-from wrenchbed.planning import informative, poses
-from wrenchbed.selection.certificate import certify, rounded
-from wrenchbed.selection.criteria import (
-    INDICES,
-    a_optimality,
-    i_optimality,
-    observability_indices,
-)
-from wrenchbed.selection.elimination import eliminate
-from wrenchbed.selection.exchange import Pool, exchange
+from wrenchbed.planning.certificate import certify, rounded
+from wrenchbed.planning.choose import informative, poses
+from wrenchbed.planning.criteria import INDICES, a_optimality, i_optimality, observability_indices
+from wrenchbed.planning.exchange import Pool, eliminate, exchange
 
 M = 4
 
@@ -207,7 +201,7 @@ def test_informative_poses_beat_random_ones(robot):
 
 
 def _o1(arm, q: np.ndarray) -> float:
-    from wrenchbed.model import Model
+    from wrenchbed.robots.model import Model
 
     model = Model.of(arm)
     columns = model.parameters.select(arm.free)

@@ -9,13 +9,13 @@ from scipy import signal, stats
 
 from wrenchbed import registry
 from wrenchbed.errors import NotFoundError, ParameterError
-from wrenchbed.noise import NoiseStream, noise_model
+from wrenchbed.physics.noise import NoiseStream, noise_model
 from wrenchbed.sensors.ati_mini40 import MATRIX
 from wrenchbed.sensors.base import (
     STATUS_OK,
     STATUS_SATURATED,
-    Calibration,
     Sensor,
+    SensorCalibration,
     axes,
     gauge_noise,
 )
@@ -130,7 +130,7 @@ def test_an_unknown_calibration_is_refused_with_what_exists(sensor: Sensor) -> N
 
 def test_calibrations_without_a_range_are_refused() -> None:
     with pytest.raises(ParameterError, match="SI-0-0.range"):
-        Calibration("SI-0-0", np.zeros(6), axes(1.0, 1.0, 1.0), "none")
+        SensorCalibration("SI-0-0", np.zeros(6), axes(1.0, 1.0, 1.0), "none")
 
 
 def test_the_mini40_states_its_certificate() -> None:

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import wrenchbed as wb
-from wrenchbed.model import Model
 from wrenchbed.robots.base import Robot
+from wrenchbed.robots.model import Model
 
 MEDRUE = wb.load("robots", "medrue")
 

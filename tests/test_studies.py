@@ -8,18 +8,18 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from wrenchbed import registry, study
+from wrenchbed import registry, studies
 from wrenchbed.cli import main
 from wrenchbed.errors import MissingExtraError, NotFoundError
-from wrenchbed.study import parts
-from wrenchbed.study.medrue import beyond, identifiable, one_robot, published, robots
-from wrenchbed.study.medrue import run as medrue_run
-from wrenchbed.study.medrue.identification import as_the_paper, weighted
-from wrenchbed.study.medrue.noise import MINI40, PAPER, SAMPLES
-from wrenchbed.study.medrue.setting import Design, prepare
-from wrenchbed.study.page import Figure, Page, Section, Table, show
-from wrenchbed.study.ur5 import table1, trial
-from wrenchbed.study.ur5.scene import SCENARIOS
+from wrenchbed.jobs import parts
+from wrenchbed.pages.document import Document, Figure, Section, Table, render
+from wrenchbed.studies.medrue import beyond, identifiability, identification, one_robot
+from wrenchbed.studies.medrue import run as medrue_run
+from wrenchbed.studies.medrue import setting as published
+from wrenchbed.studies.medrue.identification import as_the_paper, weighted
+from wrenchbed.studies.medrue.setting import MINI40, PAPER, SAMPLES, PoseDesign, prepare
+from wrenchbed.studies.ur5 import scene, trial
+from wrenchbed.studies.ur5.scene import SCENARIOS
 
 
 @pytest.fixture(scope="module")
@@ -29,15 +29,15 @@ def setting():
 
 @pytest.fixture(scope="module")
 def chosen(setting):
-    from wrenchbed.selection.criteria import INDICES
-    from wrenchbed.selection.exchange import Pool, exchange
+    from wrenchbed.planning.criteria import INDICES
+    from wrenchbed.planning.exchange import Pool, exchange
 
     return exchange(Pool(setting.in_table_units), INDICES["O1"], 100, seed=0).chosen
 
 
 @pytest.fixture(scope="module")
 def paper_robot(setting, chosen):
-    designs = {k: Design(k, chosen, 1.0, None) for k in one_robot.INDICES}
+    designs = {k: PoseDesign(k, chosen, 1.0, None) for k in one_robot.INDICES}
     return one_robot.study(setting, designs, seed=0), designs
 
 
@@ -62,7 +62,7 @@ def test_without_noise_the_papers_procedure_is_exact_in_five_steps(paper_robot):
 
 
 def test_rank_and_redundancies_of_the_49(setting, chosen):
-    told = identifiable.examine(setting, chosen, one_robot.truth(setting))
+    told = identifiability.examine(setting, chosen, one_robot.truth(setting))
     assert set(told.ranks.values()) == {27}
     assert len(told.observability.no_effect) == 14
     sentences = " ".join(r.sentence for r in told.observability.redundancies)
@@ -76,9 +76,9 @@ def test_rank_and_redundancies_of_the_49(setting, chosen):
 
 
 def test_the_chosen_poses_are_certified_near_the_best(setting, chosen):
-    from wrenchbed.selection.certificate import certify
-    from wrenchbed.selection.criteria import INDICES
-    from wrenchbed.selection.exchange import Pool
+    from wrenchbed.planning.certificate import certify
+    from wrenchbed.planning.criteria import INDICES
+    from wrenchbed.planning.exchange import Pool
 
     pool = Pool(setting.in_table_units)
     value = float(INDICES["O1"].values(pool.information(chosen)))
@@ -97,7 +97,7 @@ def test_the_bound_follows_from_noise_and_mass(setting, chosen):
 
 def test_weighted_identification_is_efficient_and_unweighted_is_not(setting, chosen):
     theta = one_robot.truth(setting)
-    from wrenchbed.simulation import Simulation
+    from wrenchbed.simulation.simulation import Simulation
 
     q = setting.q[chosen]
     exact = Simulation(setting.robot, theta[: len(setting.robot.parameters)]).wrench(q)
@@ -143,10 +143,10 @@ def test_with_all_parameters_wrong_the_wrench_is_silent(setting, chosen):
 def test_one_robots_rows_are_the_same_when_run_again(setting, chosen):
     designs = {"O1": chosen, "random": np.arange(0, 4000, 40)}
     small = replace(setting, q=setting.q, jacobian=setting.jacobian[:0])
-    shared = robots.Shared(small, designs, seed=3)
-    first, again = robots.one_robot(shared, 5), robots.one_robot(shared, 5)
+    shared = identification.SharedDesigns(small, designs, seed=3)
+    first, again = identification.one_robot(shared, 5), identification.one_robot(shared, 5)
     assert first == again
-    assert first != robots.one_robot(shared, 6)
+    assert first != identification.one_robot(shared, 6)
     exact = [r for r in first if r["noise"] == "none" and r["quantity"] == "position"]
     assert max(r["max"] for r in exact) < 1e-12
 
@@ -185,14 +185,14 @@ def test_keys_change_with_their_content():
 
 
 def test_cells_are_shown_with_sense():
-    assert [show(x) for x in ("a", 40_000, 0.0, np.nan, 2.0312, 1.5e-9)] == [
+    assert [render(x) for x in ("a", 40_000, 0.0, np.nan, 2.0312, 1.5e-9)] == [
         "a", "40,000", "0", "–", "2.031", "1.50e-09",
     ]  # fmt: skip
 
 
 def test_pages_escape_what_would_break_them():
     table = Table.of("T <1>", ("a|b", "n"), [("x < y", 1)], "note & more")
-    page = Page("P", "lead", (Section("S", "text", (table, Figure("f", "F", "<svg></svg>"))),))
+    page = Document("P", "lead", (Section("S", "text", (table, Figure("f", "F", "<svg></svg>"))),))
     assert r"a\|b" in page.markdown()
     html = page.html()
     assert "x &lt; y" in html
@@ -213,7 +213,7 @@ def test_a_missing_library_names_its_extra(monkeypatch, tmp_path):
 
 def test_an_unknown_study_is_refused(tmp_path):
     with pytest.raises(NotFoundError, match="no study 'puma'"):
-        study.run("puma", tmp_path)
+        studies.run("puma", tmp_path)
 
 
 @pytest.mark.study
@@ -284,7 +284,7 @@ def test_a_wrong_stated_mass_spoils_all_but_the_joint_fit():
 
 def test_the_articles_table_does_not_reach_the_flange():
     ur5 = registry.load("robots", "ur5")
-    assert np.median(table1.distance(ur5, seed=0)) > 0.3
+    assert np.median(scene.distance(ur5, seed=0)) > 0.3
 
 
 def test_the_ur5_study_runs(tmp_path, capfd):

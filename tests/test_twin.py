@@ -9,12 +9,12 @@ import pytest
 
 from scenes import moving, sized, still
 from wrenchbed import registry
-from wrenchbed.assembly import edited
-from wrenchbed.chain import Active, effects, respond
+from wrenchbed.effects.chain import ActiveEffect, effects, respond
+from wrenchbed.effects.naming import active_effect, parse_effect
 from wrenchbed.errors import NotFoundError, ParameterError, TwinError
-from wrenchbed.exporting import export
-from wrenchbed.twin import Twin, nominal
-from wrenchbed.typical import active_effect, parse_effect
+from wrenchbed.twin.assembly import edited
+from wrenchbed.twin.export import export
+from wrenchbed.twin.twin import Twin, nominal
 
 SCENES = {"ur5": still("ur5"), "medrue": still("medrue"), "moving": moving()}
 SECOND_ORDER = {
@@ -74,7 +74,7 @@ def test_effects_of_a_tool_show_on_a_robot_known_by_its_sensors_orientation():
 def test_a_loose_part_may_lean_to_one_side():
     scene = SCENES["ur5"]
     for shift in (1e-3, -1e-3):
-        loose = Active.of(scene.robot, "tool.loose", {"shift": shift, "lean": 0.3})
+        loose = ActiveEffect.of(scene.robot, "tool.loose", {"shift": shift, "lean": 0.3})
         apart, own = difference(scene, [loose])
         assert apart < 1e-8 * own
 
@@ -108,7 +108,7 @@ def test_the_closed_form_is_not_called_for_mechanical_effects(monkeypatch):
 
 def test_the_cables_pull_is_mujocos_own_tendon_force():
     robot = SCENES["ur5"].robot
-    cable = Active.of(robot, "cable.pull", {"stiffness": 5.0, "anchor.x": 1.0, "length": 0.3})
+    cable = ActiveEffect.of(robot, "cable.pull", {"stiffness": 5.0, "anchor.x": 1.0, "length": 0.3})
     spec = edited(robot, robot.parameters.nominal, robot.gravity, [cable])
     model = spec.compile()
     data = mujoco.MjData(model)
@@ -126,7 +126,7 @@ def test_the_cables_pull_is_mujocos_own_tendon_force():
 
 def test_an_inertia_of_no_body_is_simulated_too():
     scene = SCENES["moving"]
-    odd = Active.of(scene.robot, "tool.inertia", {"inertia.xy": 5e-3})
+    odd = ActiveEffect.of(scene.robot, "tool.inertia", {"inertia.xy": 5e-3})
     apart, own = difference(scene, [odd])
     assert own > 1e-4
     assert apart < 1e-8 * own

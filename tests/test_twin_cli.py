@@ -10,9 +10,9 @@ import pytest
 from commanded import names, said
 from wrenchbed import registry
 from wrenchbed.cli import main
-from wrenchbed.recording import Recording
-from wrenchbed.twin import nominal
-from wrenchbed.typical import active_effect
+from wrenchbed.data.recording import Recording
+from wrenchbed.effects.naming import active_effect
+from wrenchbed.twin.twin import nominal
 
 EFFECTS = ("joint.compliance:joint=2,stiffness=1.0e4", "sensor.hysteresis", "joint.backlash",
            "sensor.creep", "sensor.drift")  # fmt: skip

@@ -5,11 +5,11 @@ from types import SimpleNamespace
 
 import pytest
 
-from wrenchbed.serving import clock as clock_module
-from wrenchbed.serving.clock import GIVE_UP_S, Clock
-from wrenchbed.twins import base
-from wrenchbed.twins.ur5 import TWIN, server, timestamp
-from wrenchbed.twins.ur5.timestamp import Timestamp
+from wrenchbed.emulators.base import emulator
+from wrenchbed.emulators.base import emulator as clock_module
+from wrenchbed.emulators.base.emulator import GIVE_UP_S, CycleClock
+from wrenchbed.emulators.ur5 import EMULATOR, outputs, server
+from wrenchbed.emulators.ur5.outputs import Timestamp
 
 PERIOD = 0.008
 
@@ -27,13 +27,13 @@ class Hands:
 @pytest.fixture
 def hands(monkeypatch):
     hands = Hands()
-    for module in (clock_module, server, timestamp):
+    for module in (clock_module, server, outputs):
         monkeypatch.setattr(module, "time", hands)
     return hands
 
 
 def test_deadlines_do_not_drift(hands):
-    clock = Clock(PERIOD)
+    clock = CycleClock(PERIOD)
     for k in range(1, 100):
         assert clock.due == pytest.approx(1000.0 + k * PERIOD)
         hands.now = clock.due + 0.3 * PERIOD
@@ -43,7 +43,7 @@ def test_deadlines_do_not_drift(hands):
 
 
 def test_deadlines_that_were_missed_come_at_once(hands):
-    clock = Clock(PERIOD)
+    clock = CycleClock(PERIOD)
     hands.now += 10.5 * PERIOD
     behind = []
     while clock.remaining == 0.0:
@@ -54,7 +54,7 @@ def test_deadlines_that_were_missed_come_at_once(hands):
 
 @pytest.mark.parametrize("late", [0.99 * GIVE_UP_S, 1.01 * GIVE_UP_S, 60.0])
 def test_a_clock_that_is_very_late_gives_the_rest_up_and_says_how_much(hands, late):
-    clock = Clock(PERIOD)
+    clock = CycleClock(PERIOD)
     hands.now += PERIOD + late
     behind = clock.advance()
     if late < GIVE_UP_S:
@@ -80,7 +80,7 @@ def test_the_time_stamp_counts_lost_time_and_starts_anew(hands):
 
 @pytest.fixture
 def twin():
-    return TWIN(base.Options("127.0.1.35", noise="off", setting={"box": "off"}))
+    return EMULATOR(emulator.EmulatorOptions("127.0.1.35", noise="off", setting={"box": "off"}))
 
 
 def test_a_loop_that_stood_still_tells_the_time_stamp(hands, twin, monkeypatch):

@@ -6,11 +6,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from wrenchbed.emulators.ur5 import packets as wire
+from wrenchbed.emulators.ur5.inputs import Inputs
+from wrenchbed.emulators.ur5.packets import inputs, outputs, zero
+from wrenchbed.emulators.ur5.rtde import Offer, RtdeSession
 from wrenchbed.errors import LinkError
-from wrenchbed.twins.ur5 import wire
-from wrenchbed.twins.ur5.fields import inputs, outputs, zero
-from wrenchbed.twins.ur5.inputs import Inputs
-from wrenchbed.twins.ur5.session import Offer, Session
 
 CB3, E = (3, 15, 8, 106339), (5, 11, 1, 108318)
 
@@ -28,16 +28,16 @@ def offer(version=CB3, written=lambda values: None) -> Offer:
     return Offer(version, 125.0, outputs(version), Inputs(inputs(version), written))
 
 
-def session(of: Offer | None = None) -> tuple[Session, Sent]:
+def session(of: Offer | None = None) -> tuple[RtdeSession, Sent]:
     sent = Sent()
-    return Session(of or offer(), sent.append), sent
+    return RtdeSession(of or offer(), sent.append), sent
 
 
 def packet(kind: str, payload: bytes = b"") -> bytes:
     return struct.pack(">HB", len(payload) + 3, ord(kind)) + payload
 
 
-def say(one: tuple[Session, Sent], data: bytes) -> bytes:
+def say(one: tuple[RtdeSession, Sent], data: bytes) -> bytes:
     assert one[0].receive(data, 1.0)
     return one[1].take()
 

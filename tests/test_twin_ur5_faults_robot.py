@@ -7,8 +7,8 @@ import pytest
 
 import twin_process
 from ur5_socket import Client, Lines, gone
-from wrenchbed.twins.base import Options
-from wrenchbed.twins.ur5 import TWIN
+from wrenchbed.emulators.base.emulator import EmulatorOptions
+from wrenchbed.emulators.ur5 import EMULATOR
 
 pytestmark = pytest.mark.wire
 
@@ -116,7 +116,7 @@ def test_restart(twin, client):
 
 
 def test_a_stop_before_the_first_cycle_lasts_as_long_as_any(monkeypatch):
-    twin = TWIN(Options("127.0.1.38", noise="off", setting={"box": "off"}))
+    twin = EMULATOR(EmulatorOptions("127.0.1.38", noise="off", setting={"box": "off"}))
     monkeypatch.setattr(twin, "_run", lambda: None)
     with twin:
         twin.controller.protective_stop()

@@ -1,7 +1,7 @@
 """Which packet counts in which cycle, also where a twin was held up and hears many at once."""
 
-from wrenchbed.twins.ur5.fields import inputs
-from wrenchbed.twins.ur5.inputs import Inputs
+from wrenchbed.emulators.ur5.inputs import Inputs
+from wrenchbed.emulators.ur5.packets import inputs
 
 CB3 = (3, 15, 8, 106339)
 NAME = "input_int_register_1"

@@ -7,12 +7,17 @@ from scipy.spatial.transform import Rotation
 
 from ur5_bench import CYCLE, Bench
 from wrenchbed import registry
-from wrenchbed.simulation import Simulation
-from wrenchbed.twins.ur5.controller import Runtime, SafetyMode
-from wrenchbed.twins.ur5.kinematics import NO_TOOL, Kinematics
-from wrenchbed.twins.ur5.motions import ToPose
-from wrenchbed.twins.ur5.poses import matrix, pose_trans, rotation_vector, vector
-from wrenchbed.twins.ur5.profile import Profile
+from wrenchbed.emulators.ur5.controller import Runtime, SafetyMode
+from wrenchbed.emulators.ur5.kinematics import (
+    NO_TOOL,
+    Kinematics,
+    matrix,
+    pose_trans,
+    rotation_vector,
+    vector,
+)
+from wrenchbed.emulators.ur5.motions import Profile, ToPose
+from wrenchbed.simulation.simulation import Simulation
 
 ROBOT = registry.load("robots", "ur5")
 NOMINAL = ROBOT.parameters.nominal

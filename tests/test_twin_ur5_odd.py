@@ -13,16 +13,16 @@ import numpy as np
 import pytest
 
 from ur5_bench import CYCLE, Bench
+from wrenchbed.emulators.base import emulator
+from wrenchbed.emulators.ur5 import EMULATOR
+from wrenchbed.emulators.ur5.commands import COMMANDS
+from wrenchbed.emulators.ur5.controller import Runtime
+from wrenchbed.emulators.ur5.dashboard import Dashboard
+from wrenchbed.emulators.ur5.kinematics import NO_TOOL, Kinematics, UnreachableError
+from wrenchbed.emulators.ur5.outputs import Outputs
+from wrenchbed.emulators.ur5.packets import Recipe
+from wrenchbed.emulators.ur5.script import Collector, Script
 from wrenchbed.errors import DriverError
-from wrenchbed.twins import base
-from wrenchbed.twins.ur5 import TWIN
-from wrenchbed.twins.ur5.commands import COMMANDS
-from wrenchbed.twins.ur5.controller import Runtime
-from wrenchbed.twins.ur5.dashboard import Dashboard
-from wrenchbed.twins.ur5.kinematics import NO_TOOL, Kinematics, UnreachableError
-from wrenchbed.twins.ur5.outputs import Outputs
-from wrenchbed.twins.ur5.script import Collector, Script
-from wrenchbed.twins.ur5.wire import Recipe
 
 HOST = "127.0.1.33"
 ODD = (math.inf, -math.inf, math.nan, 1e300)
@@ -173,7 +173,7 @@ def broken(monkeypatch, capfd):
     def cycle(now):
         raise ZeroDivisionError("a cycle that cannot be")
 
-    twin = TWIN(base.Options(HOST, noise="off", setting={"box": "off"}))
+    twin = EMULATOR(emulator.EmulatorOptions(HOST, noise="off", setting={"box": "off"}))
     monkeypatch.setattr(twin.controller, "cycle", cycle)
     with twin:
         assert twin.failed.wait(3.0)
@@ -190,8 +190,8 @@ def test_a_loop_that_breaks_down_says_so_and_refuses_faults(broken):
 
 
 def test_a_loop_that_hangs_refuses_faults_and_never_does_them(monkeypatch):
-    monkeypatch.setattr("wrenchbed.twins.ur5.server._INJECT_S", 0.1)
-    twin = TWIN(base.Options(HOST, noise="off", setting={"box": "off"}))
+    monkeypatch.setattr("wrenchbed.emulators.ur5.server._INJECT_S", 0.1)
+    twin = EMULATOR(emulator.EmulatorOptions(HOST, noise="off", setting={"box": "off"}))
     done = []
     with pytest.raises(DriverError, match=r"stands still.*0\.1 s"):
         twin.soon(lambda: done.append(1))
@@ -200,7 +200,7 @@ def test_a_loop_that_hangs_refuses_faults_and_never_does_them(monkeypatch):
 
 
 def test_a_fault_that_fails_is_told_to_who_asked():
-    twin = TWIN(base.Options(HOST, noise="off", setting={"box": "off"}))
+    twin = EMULATOR(emulator.EmulatorOptions(HOST, noise="off", setting={"box": "off"}))
 
     def fail():
         raise KeyError("no such thing")
@@ -213,7 +213,7 @@ def test_a_fault_that_fails_is_told_to_who_asked():
 
 BREAK = """
 import sys
-from wrenchbed.twins.ur5.controller import Controller
+from wrenchbed.emulators.ur5.controller import Controller
 def cycle(self, now):
     raise ZeroDivisionError("a cycle that cannot be")
 Controller.cycle = cycle

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from wrenchbed.twins import base
-from wrenchbed.twins.ur5 import TWIN
+from wrenchbed.emulators.base import emulator
+from wrenchbed.emulators.ur5 import EMULATOR
 
 HOST = "127.0.1.36"
 CABLE = "cable.pull:stiffness=6,pull.x=1.0,pull.z=-1.0"
@@ -13,7 +13,9 @@ GAIN = "sensor.gain:gain.fz=0.2"
 
 def made(*effects: str, noise: str = "off", series: str = "cb3", box: str = "off", seed: int = 0):
     setting = {"box": box, "series": series}
-    return TWIN(base.Options(HOST, noise=noise, effects=effects, seed=seed, setting=setting))
+    return EMULATOR(
+        emulator.EmulatorOptions(HOST, noise=noise, effects=effects, seed=seed, setting=setting)
+    )
 
 
 def forces(twin, n: int, step: float = 0.0) -> np.ndarray:

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from ur5_bench import CYCLE, Bench
-from wrenchbed.twins import base
-from wrenchbed.twins.ur5 import TWIN
-from wrenchbed.twins.ur5.estimate import GRAVITY
-from wrenchbed.twins.ur5.outputs import Outputs
+from wrenchbed.emulators.base import emulator
+from wrenchbed.emulators.ur5 import EMULATOR
+from wrenchbed.emulators.ur5.outputs import Outputs
+from wrenchbed.emulators.ur5.tool_wrench import GRAVITY
 
 
 @pytest.fixture
@@ -105,7 +105,7 @@ def test_the_arm_stays_where_it_is(bench):
 
 
 def test_what_was_denied_held_back_or_counted_is_not():
-    twin = TWIN(base.Options("127.0.1.34", noise="off", setting={"box": "off"}))
+    twin = EMULATOR(emulator.EmulatorOptions("127.0.1.34", noise="off", setting={"box": "off"}))
     rtde, denials = twin.rtde, twin.rtde.offer.denials
     denials.start = denials.inputs = denials.outputs["actual_q"] = float("inf")
     rtde.freeze(float("inf"), {})

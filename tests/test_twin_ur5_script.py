@@ -5,7 +5,7 @@ import itertools
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from wrenchbed.twins.ur5.script import Collector
+from wrenchbed.emulators.ur5.script import Collector
 
 
 def program(*lines: str) -> bytes:

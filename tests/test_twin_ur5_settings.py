@@ -4,9 +4,9 @@ from types import SimpleNamespace
 
 import pytest
 
+from wrenchbed.emulators.base import emulator
+from wrenchbed.emulators.ur5 import EMULATOR
 from wrenchbed.errors import DriverError, ParameterError
-from wrenchbed.twins import base
-from wrenchbed.twins.ur5 import TWIN
 
 
 @pytest.mark.parametrize(
@@ -21,21 +21,21 @@ from wrenchbed.twins.ur5 import TWIN
 )
 def test_settings_are_checked(setting, why):
     with pytest.raises(ParameterError, match=why):
-        TWIN(base.Options("127.0.1.32", setting=setting))
+        EMULATOR(emulator.EmulatorOptions("127.0.1.32", setting=setting))
 
 
 def test_a_taken_port_is_named_with_its_remedy():
     import socket
 
     with socket.create_server(("127.0.1.32", 30004)):
-        twin = TWIN(base.Options("127.0.1.32", setting={"box": "off"}))
+        twin = EMULATOR(emulator.EmulatorOptions("127.0.1.32", setting={"box": "off"}))
         with pytest.raises(DriverError, match=r"127\.0\.1\.32:30004.*--host"):
             twin.start()
         twin.stop()
 
 
 def test_every_fault_of_each_link_is_known():
-    twin = TWIN(base.Options("127.0.1.32", setting={"box": "off"}))
+    twin = EMULATOR(emulator.EmulatorOptions("127.0.1.32", setting={"box": "off"}))
     links = SimpleNamespace(**{link: set() for link, _ in twin.faults.known})
     for link, kind in twin.faults.known:
         getattr(links, link).add(kind)

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from wrenchbed import registry
-from wrenchbed.simulation import Simulation
+from wrenchbed.simulation.simulation import Simulation
 
 ROBOT = registry.load("robots", "ur5")
 # CB3 manual, "UR5 serie 3": a, d [m], alpha

@@ -11,12 +11,12 @@ from pictures import unless
 from rrd_file import Rrd
 from wrenchbed.diagnosis.diagnose import diagnose
 from wrenchbed.errors import ParameterError
-from wrenchbed.report.numbers import gap as numbers_of
-from wrenchbed.simulation import Simulation
+from wrenchbed.pages.numbers import gap as numbers_of
+from wrenchbed.simulation.simulation import Simulation
 from wrenchbed.viewer import calibration_view, diagnosed, diagnosis_view
-from wrenchbed.viewer.blame import blame, numbers, painted, part_of
-from wrenchbed.viewer.colours import heat
-from wrenchbed.viewer.page import free_port
+from wrenchbed.viewer.diagnosed import blame, joint_numbers, painted, part_of
+from wrenchbed.viewer.elements import heat
+from wrenchbed.viewer.show import free_port
 
 
 def cause(effect, probability=1.0, rivals=(), **parameters):
@@ -53,7 +53,7 @@ def test_joints_and_links_that_a_cause_names_are_blamed_alone():
     assert blame(one) == pytest.approx({"joint 2": 0.8})
     several = cause("joint.offset", **{"offset.q3": 0.01, "offset.q5": 0.02})
     several["parameters"]["offset.q1"] = {"value": 1e-4, "std": 1e-3}
-    assert numbers(several) == [3, 5]
+    assert joint_numbers(several) == [3, 5]
     assert set(blame(told(several, **{"joint.offset": 1.0}))) == {"joint 3", "joint 5"}
     assert set(blame(told(cause("link.length", **{"twist.2": 0.1}), **{"link.length": 1.0}))) == {
         "link 2"

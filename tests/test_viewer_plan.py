@@ -6,15 +6,15 @@ import rerun as rr
 
 import wrenchbed as wb
 from rrd_file import Rrd
-from wrenchbed.drivers.base import Limits
+from wrenchbed.campaigns.itinerary import itinerary
+from wrenchbed.data.plan import is_plan
 from wrenchbed.errors import ParameterError
-from wrenchbed.itinerary import itinerary
-from wrenchbed.plan import is_plan
-from wrenchbed.simulation import Simulation
+from wrenchbed.hardware.drivers.base import Limits
+from wrenchbed.physics.wrench import CHANNELS
+from wrenchbed.simulation.simulation import Simulation
 from wrenchbed.viewer import plan_view
-from wrenchbed.viewer.motion import motion
 from wrenchbed.viewer.plans import STAY_S, along
-from wrenchbed.wrench import CHANNELS
+from wrenchbed.viewer.robot import motion
 
 UR5 = wb.load("robots", "ur5")
 

@@ -14,14 +14,12 @@ import wrenchbed as wb
 from picture_checks import misplaced, stale_residual, wrong_arrow, wrong_curve
 from rrd_file import Rrd
 from wrenchbed.errors import MissingExtraError, NotFoundError, ParameterError
-from wrenchbed.simulation import Simulation
-from wrenchbed.viewer import motion as motions
+from wrenchbed.simulation.simulation import Simulation
 from wrenchbed.viewer import recording_view, recordings
-from wrenchbed.viewer.arrows import scale_for
-from wrenchbed.viewer.colours import heat
-from wrenchbed.viewer.motion import FRAMES_HZ, frames, motion
-from wrenchbed.viewer.shapes import bodies, geoms_of, shapes
-from wrenchbed.viewer.words import readable
+from wrenchbed.viewer import robot as motions
+from wrenchbed.viewer.elements import heat, scale_for
+from wrenchbed.viewer.robot import FRAMES_HZ, bodies, frames, geoms_of, motion, shapes
+from wrenchbed.viewer.stream import readable
 
 ROBOTS = ("ur5", "medrue")
 CHANNELS = ("fx", "fy", "fz", "tx", "ty", "tz")

@@ -11,12 +11,13 @@ import wrenchbed as wb
 from headless import VULKAN, seen
 from on_screen import screen
 from pictures import unless
-from wrenchbed.simulation import Simulation
-from wrenchbed.viewer import recording_view, shapes, show
-from wrenchbed.viewer.colours import MEASURED, SIMULATED
-from wrenchbed.viewer.motion import motion
-from wrenchbed.viewer.page import free_port
-from wrenchbed.wrench import CHANNELS, UNITS
+from wrenchbed.physics.wrench import CHANNELS, UNITS
+from wrenchbed.simulation.simulation import Simulation
+from wrenchbed.viewer import recording_view, show
+from wrenchbed.viewer import robot as shapes
+from wrenchbed.viewer.elements import MEASURED, SIMULATED
+from wrenchbed.viewer.robot import motion
+from wrenchbed.viewer.show import free_port
 
 pytestmark = unless(VULKAN, "mesa-vulkan-drivers is not installed")
 MARKERS = silhouette.around(0.8, 0.42, 0.3)

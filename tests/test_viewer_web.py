@@ -19,8 +19,9 @@ import wrenchbed as wb
 from chromium import BINARY, tab
 from pictures import unless
 from wrenchbed.errors import DriverError
-from wrenchbed.viewer import page, recording_view, show
-from wrenchbed.viewer.colours import MEASURED, SIMULATED
+from wrenchbed.viewer import recording_view, show
+from wrenchbed.viewer import show as page
+from wrenchbed.viewer.elements import MEASURED, SIMULATED
 
 HERE = "127.0.0.1"
 GL = ("--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")

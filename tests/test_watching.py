@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from wrenchbed.drivers.base import watched
-from wrenchbed.drivers.base.evenly import Evenly
-from wrenchbed.drivers.base.samples import ArmSample
-from wrenchbed.drivers.base.watched import WatchedMotion
 from wrenchbed.errors import DriverError, LateError, LimitError, LinkError
-from wrenchbed.health import Health
-from wrenchbed.transducers.base import Past, WrenchSample
+from wrenchbed.hardware.device import Health
+from wrenchbed.hardware.drivers.base import watched_move
+from wrenchbed.hardware.drivers.base.resampling import Evenly
+from wrenchbed.hardware.drivers.base.samples import ArmSample
+from wrenchbed.hardware.drivers.base.watched_move import WatchedMotion
+from wrenchbed.hardware.transducers.base import Past, WrenchSample
 
 
 def sample(t, force, status=0, saturated=0, faults=()):
@@ -82,7 +82,7 @@ class Watched:
 @pytest.fixture
 def clock(monkeypatch):
     now = [100.0]
-    monkeypatch.setattr(watched.time, "monotonic", lambda: now[0])
+    monkeypatch.setattr(watched_move.time, "monotonic", lambda: now[0])
     return now
 
 

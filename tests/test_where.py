@@ -8,15 +8,15 @@ from scipy.signal import lfilter
 from scipy.stats import kstest
 
 from wrenchbed import registry
-from wrenchbed.chain import respond
-from wrenchbed.diagnosis import levels
-from wrenchbed.diagnosis.baseline import calibrate
-from wrenchbed.diagnosis.partitions import family_wise, on_rows, partitions
-from wrenchbed.diagnosis.prepare import prepare
-from wrenchbed.diagnosis.where import SEEN, Finding, entries, find
-from wrenchbed.lookalikes import Design, draw, recording
-from wrenchbed.planning import multisine, poses
-from wrenchbed.wrench import CHANNELS
+from wrenchbed.benchmark.lookalikes import ExperimentDesign, draw, recording
+from wrenchbed.diagnosis.gap import levels
+from wrenchbed.diagnosis.gap.partitions import family_wise, on_rows, partitions
+from wrenchbed.diagnosis.gap.where import SEEN, Finding, entries, locate
+from wrenchbed.diagnosis.prepare.baseline import calibrate
+from wrenchbed.diagnosis.prepare.prepared import prepare
+from wrenchbed.effects.chain import respond
+from wrenchbed.physics.wrench import CHANNELS
+from wrenchbed.planning.choose import multisine, poses
 
 CACHE = {}
 
@@ -24,8 +24,8 @@ CACHE = {}
 def design_of(mode):
     robot = registry.load("robots", "ur5")
     if mode == "motion":
-        return Design.of_plan(multisine(robot, 16.0, 125.0, 1), robot)
-    return Design.of_plan(poses(robot, 60, 3), robot)
+        return ExperimentDesign.of_plan(multisine(robot, 16.0, 125.0, 1), robot)
+    return ExperimentDesign.of_plan(poses(robot, 60, 3), robot)
 
 
 def bench(mode):
@@ -104,7 +104,7 @@ def varying(findings):
 def test_noise_of_any_kind_is_seldom_taken_for_a_finding():
     alarms = 0
     for seed in range(200):
-        found = find(*made("poses", seed, kind=("normal", "heavy")[seed % 2]), 99, seed)
+        found = locate(*made("poses", seed, kind=("normal", "heavy")[seed % 2]), 99, seed)
         assert all(0.0 < f.p_value <= 1.0 and 0.0 <= f.share <= 1.0 for f in found)
         alarms += any(f.p_value < SEEN for f in found)
     assert alarms <= 14
@@ -113,7 +113,7 @@ def test_noise_of_any_kind_is_seldom_taken_for_a_finding():
 @pytest.mark.parametrize("kind", ["normal", "memory", "heavy"])
 def test_noise_with_memory_is_no_finding_in_motion(kind):
     alarms = sum(
-        any(f.seen for f in find(*made("motion", seed, kind=kind), 99, seed)) for seed in range(6)
+        any(f.seen for f in locate(*made("motion", seed, kind=kind), 99, seed)) for seed in range(6)
     )
     assert alarms <= 2
 
@@ -138,7 +138,7 @@ def test_p_values_of_noise_are_even():
 def test_a_gap_of_one_is_found_where_it_lies(variable):
     signal = signals(bench("poses")[0])[variable]
     for seed in range(3):
-        first = varying(find(*made("poses", seed, signal), seed=seed))[0]
+        first = varying(locate(*made("poses", seed, signal), seed=seed))[0]
         assert first.variable == variable and first.p_value < 0.01 and first.share > 0.7
         assert "%" in first.sentence
 
@@ -148,7 +148,7 @@ def test_a_drift_in_motion_is_found_in_time():
     age = prepared.scene.age[:, None] / prepared.scene.span
     others = 0
     for seed in range(5):
-        found = find(*made("motion", seed, age * np.eye(6)[3]))
+        found = locate(*made("motion", seed, age * np.eye(6)[3]))
         assert varying(found)[0].variable == "time" and varying(found)[0].p_value < 0.01
         seen = [f.variable for f in found if f.seen and f.variable[:7] == "channel"]
         assert seen[0] == "channel tx"
@@ -159,7 +159,7 @@ def test_a_drift_in_motion_is_found_in_time():
 def test_a_hum_is_found_in_its_band_and_its_channel():
     prepared, _ = bench("motion")
     hum = np.sin(2 * np.pi * 4.5 * prepared.scene.age)[:, None] * np.eye(6)[2]
-    found = {f.variable: f for f in find(*made("motion", 0, hum))}
+    found = {f.variable: f for f in locate(*made("motion", 0, hum))}
     (name,) = [v for v in found if v.startswith("frequency 4–")]
     band = found[name]
     assert band.p_value < 1e-6 and band.share > 0.7
@@ -171,7 +171,7 @@ def test_a_hum_is_found_in_its_band_and_its_channel():
 
 def test_shares_of_each_split_add_to_one_at_most():
     for name, signal in signals(bench("poses")[0]).items():
-        found = find(*made("poses", 4, signal, 20.0))
+        found = locate(*made("poses", 4, signal, 20.0))
         assert sum(f.share for f in varying(found)) <= 1.0 + 1e-12, name
         rest = [f.share for f in found if f.variable.startswith("channel")]
         assert sum(rest) == pytest.approx(1.0)
@@ -179,7 +179,7 @@ def test_shares_of_each_split_add_to_one_at_most():
 
 def test_the_same_seed_gives_the_same_findings():
     case = made("poses", 3, signals(bench("poses")[0])["time"])
-    assert find(*case, 49, 1) == find(*case, 49, 1)
+    assert locate(*case, 49, 1) == locate(*case, 49, 1)
 
 
 @pytest.mark.parametrize(
@@ -197,13 +197,13 @@ def test_faults_of_look_alikes_are_found(effect, variables):
     base = calibrate(prepared)
     scene = prepared.at(base.theta).scene
     residual = prepared.rows(prepared.y - respond(scene)[scene.held] - base.bias)
-    first = varying(find(prepared, residual))[0]
+    first = varying(locate(prepared, residual))[0]
     assert first.variable in variables and first.p_value < 0.01
 
 
 def test_a_residual_without_noise_or_gap_breaks_nothing():
     case, residual = made("poses", 0)
-    assert not any(f.seen for f in find(case, np.zeros_like(residual), 19))
+    assert not any(f.seen for f in locate(case, np.zeros_like(residual), 19))
 
 
 def test_claimed_causes_are_the_entries_by_share():
@@ -250,5 +250,5 @@ def test_functions_are_averaged_as_readings_are():
 def test_a_delay_in_motion_is_found_in_speed():
     prepared, _ = bench("motion")
     rate = np.gradient(respond(prepared.scene), prepared.scene.period, axis=0)
-    first = varying(find(*made("motion", 0, rate)))[0]
+    first = varying(locate(*made("motion", 0, rate)))[0]
     assert first.variable == "speed" and first.p_value < 0.01 and first.share > 0.8

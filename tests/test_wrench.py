@@ -5,11 +5,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from wrenchbed.calibration.closed_form import identify
 from wrenchbed.errors import CalibrationError
-from wrenchbed.frames import matrix, rot_z
-from wrenchbed.identify import identify
-from wrenchbed.jets import Jet
-from wrenchbed.wrench import Tool, physical_inertia, wrench
+from wrenchbed.physics.rotations import matrix, rot_z
+from wrenchbed.physics.taylor import Jet
+from wrenchbed.physics.wrench import Tool, physical_inertia, wrench
 
 G = np.array([0.0, 0.0, -9.80665])
 

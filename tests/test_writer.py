@@ -11,9 +11,9 @@ import pyarrow.parquet as pq
 import pytest
 
 from recorded import METADATA, columns
+from wrenchbed.data.recording import Recording
+from wrenchbed.data.writer import RecordingWriter
 from wrenchbed.errors import RecordingError
-from wrenchbed.recording import Recording
-from wrenchbed.writer import RecordingWriter
 
 
 def test_the_writer_leaves_one_file_and_keeps_the_old_one(tmp_path):
@@ -39,8 +39,8 @@ def test_an_interrupted_writer_keeps_what_it_has(tmp_path):
 WRITE_FOR_EVER = """
 import sys, time
 import numpy as np
-from wrenchbed.metadata import parse
-from wrenchbed.writer import RecordingWriter
+from wrenchbed.data.metadata import parse
+from wrenchbed.data.writer import RecordingWriter
 meta = parse({"format": 1, "robot": "ur5", "mode": "dynamic"}, "x")
 names = ["q1", "q2", "q3", "q4", "q5", "q6", "fx", "fy", "fz", "tx", "ty", "tz"]
 start = time.monotonic()

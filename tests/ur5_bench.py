@@ -3,10 +3,10 @@
 import numpy as np
 
 from wrenchbed import registry
-from wrenchbed.serving.body import Body, Options
-from wrenchbed.twins.ur5.controller import Controller, Make
-from wrenchbed.twins.ur5.estimate import Payload
-from wrenchbed.twins.ur5.script import Script
+from wrenchbed.emulators.base.body import Body, BodyOptions
+from wrenchbed.emulators.ur5.controller import Controller, Make
+from wrenchbed.emulators.ur5.script import Script
+from wrenchbed.emulators.ur5.tool_wrench import Payload
 
 ROBOT = registry.load("robots", "ur5")
 NOMINAL = ROBOT.parameters.nominal
@@ -18,7 +18,7 @@ class Bench:
 
     def __init__(self, table: float | None = None, series: str = "cb3") -> None:
         version = (3, 15, 8, 0) if series == "cb3" else (5, 11, 1, 0)
-        self.body = Body(Options("ur5", noise="off", table=table), CYCLE)
+        self.body = Body(BodyOptions("ur5", noise="off", table=table), CYCLE)
         tool = ROBOT.tool(NOMINAL)
         payload = Payload(float(tool.mass), np.array(tool.cog, dtype=float), np.zeros(6))
         self.controller = Controller(Make(version, CYCLE, 150.0, True), self.body, payload)

@@ -23,19 +23,19 @@ def joined(*pieces: bytes) -> bytes:
 
 def rtde() -> tuple[Target, list[bytes]]:
     """An RTDE client's packets on their way to the UR5 twin."""
-    from wrenchbed.twins.ur5 import fields, wire
-    from wrenchbed.twins.ur5.inputs import Inputs
-    from wrenchbed.twins.ur5.session import Offer, Session
+    from wrenchbed.emulators.ur5 import packets
+    from wrenchbed.emulators.ur5.inputs import Inputs
+    from wrenchbed.emulators.ur5.rtde import Offer, RtdeSession
 
     version = (5, 11, 0, 1)
-    outputs = fields.outputs(version)
-    values = {name: fields.zero(kind) for name, kind in outputs.items()}
-    inputs = Inputs(fields.inputs(version), lambda written: None)
+    outputs = packets.outputs(version)
+    values = {name: packets.zero(kind) for name, kind in outputs.items()}
+    inputs = Inputs(packets.inputs(version), lambda written: None)
     offer = Offer(version, 500.0, outputs, inputs)
 
     def run(data: bytes) -> None:
         sent: list[bytes] = []
-        session = Session(offer, sent.append)
+        session = RtdeSession(offer, sent.append)
         for piece in chunks(data):
             if not session.receive(piece, 1.0):
                 break
@@ -49,14 +49,14 @@ def rtde() -> tuple[Target, list[bytes]]:
         assert not inputs._owners
 
     names = b"timestamp,actual_q,actual_TCP_force,robot_mode"
-    opening = wire.packet(wire.VERSION, b"\0\2") + wire.packet(wire.CONTROLLER)
-    recipe = wire.packet(wire.OUTPUTS, struct.pack(">d", 125.0) + names)
-    written = wire.packet(wire.INPUTS, b"input_int_register_0,input_double_register_1")
-    value = wire.packet(wire.DATA, b"\1" + struct.pack(">id", 5, 0.5))
+    opening = packets.packet(packets.VERSION, b"\0\2") + packets.packet(packets.CONTROLLER)
+    recipe = packets.packet(packets.OUTPUTS, struct.pack(">d", 125.0) + names)
+    written = packets.packet(packets.INPUTS, b"input_int_register_0,input_double_register_1")
+    value = packets.packet(packets.DATA, b"\1" + struct.pack(">id", 5, 0.5))
     return run, [
-        joined(opening, recipe, wire.packet(wire.START), wire.packet(wire.PAUSE)),
+        joined(opening, recipe, packets.packet(packets.START), packets.packet(packets.PAUSE)),
         joined(opening, written, value, value),
-        joined(wire.packet(wire.OUTPUTS, names), wire.packet(wire.START), b"\0\2"),
+        joined(packets.packet(packets.OUTPUTS, names), packets.packet(packets.START), b"\0\2"),
     ]
 
 
@@ -71,7 +71,7 @@ def script() -> tuple[Target, list[bytes]]:
     """Programs on their way to the controller, and moves that are put into its control script."""
     import numpy as np
 
-    from wrenchbed.twins.ur5.script import MOST, Collector
+    from wrenchbed.emulators.ur5.script import MOST, Collector
 
     def check(data: bytes, size: int) -> list:
         collector, found = Collector(), []
@@ -121,8 +121,8 @@ def _controller():
     import numpy as np
 
     from wrenchbed import registry
-    from wrenchbed.twins.ur5.controller import Controller, Make
-    from wrenchbed.twins.ur5.estimate import Payload
+    from wrenchbed.emulators.ur5.controller import Controller, Make
+    from wrenchbed.emulators.ur5.tool_wrench import Payload
 
     make = Make((5, 11, 1, 0), 0.008, 150.0, True)
     body = _Body(registry.load("robots", "ur5").home)
@@ -131,7 +131,7 @@ def _controller():
 
 def dashboard() -> tuple[Target, list[bytes]]:
     """Lines on their way to the dashboard: each is answered by one."""
-    from wrenchbed.twins.ur5.dashboard import GREETING, Dashboard
+    from wrenchbed.emulators.ur5.dashboard import GREETING, Dashboard
 
     controller = _controller()
 
@@ -162,14 +162,14 @@ def registers() -> tuple[Target, list[bytes]]:
 
     import numpy as np
 
-    from wrenchbed.twins.ur5.outputs import Outputs
-    from wrenchbed.twins.ur5.script import Leg, Script
-    from wrenchbed.twins.ur5.wire import Recipe
+    from wrenchbed.emulators.ur5.outputs import Outputs
+    from wrenchbed.emulators.ur5.packets import Recipe
+    from wrenchbed.emulators.ur5.script import Script, ScriptMove
 
     controller = _controller()
     outputs, home = Outputs(controller, shared=False), controller.arm.q.copy()
     everything = Recipe(1, list(controller.fields.items()))
-    path = (Leg(False, False, home + 0.1, 1.0, 2.0), Leg(True, True, home, 0.2, 1.0))
+    path = (ScriptMove(False, False, home + 0.1, 1.0, 2.0), ScriptMove(True, True, home, 0.2, 1.0))
     warnings.simplefilter("ignore", RuntimeWarning)  # a tool a thousand kilometres away overflows
 
     def write(piece: bytes) -> None:

@@ -8,55 +8,55 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from wrenchbed.calibration import Options, calibrate
-    from wrenchbed.campaign import record
-    from wrenchbed.column_map import read as read_map
-    from wrenchbed.drivers.sim import Options as SimOptions
-    from wrenchbed.drivers.sim import SimDriver
+    from wrenchbed.calibration.calibrate import CalibrationOptions as Options
+    from wrenchbed.calibration.calibrate import calibrate
+    from wrenchbed.calibration.fit import Fit
+    from wrenchbed.calibration.touches import Touches
+    from wrenchbed.campaigns.recording_run import record
+    from wrenchbed.data.column_map import read as read_map
+    from wrenchbed.data.import_files import import_files
+    from wrenchbed.data.plan import Plan
+    from wrenchbed.data.plan import read as read_points
+    from wrenchbed.data.recording import Recording
     from wrenchbed.errors import WrenchbedError
-    from wrenchbed.exporting import export
-    from wrenchbed.fit import Fit
-    from wrenchbed.importing import import_files
-    from wrenchbed.mixing import Mix, reach
-    from wrenchbed.model import Model
-    from wrenchbed.plan import Plan
-    from wrenchbed.planning import informative, multisine, poses
-    from wrenchbed.playback import simulate
-    from wrenchbed.points import read as read_points
-    from wrenchbed.recording import Recording
+    from wrenchbed.hardware.drivers.sim import SimDriver, SimOptions
+    from wrenchbed.planning.accuracy_plan import Mix, reach
+    from wrenchbed.planning.choose import informative, multisine, poses
     from wrenchbed.registry import load, names
-    from wrenchbed.simulation import Simulation
-    from wrenchbed.touches import Touches
-    from wrenchbed.twin import Twin
+    from wrenchbed.robots.model import Model
+    from wrenchbed.simulation.simulation import Simulation
+    from wrenchbed.twin.export import export
+    from wrenchbed.twin.replay import simulate
+    from wrenchbed.twin.twin import Twin
 
     __version__: str
 
 _HOME = {
-    "Fit": ("fit", "Fit"),
-    "Mix": ("mixing", "Mix"),
-    "Model": ("model", "Model"),
-    "Options": ("calibration", "Options"),
-    "Plan": ("plan", "Plan"),
-    "Recording": ("recording", "Recording"),
-    "SimDriver": ("drivers.sim", "SimDriver"),
-    "SimOptions": ("drivers.sim", "Options"),
-    "Simulation": ("simulation", "Simulation"),
-    "Touches": ("touches", "Touches"),
-    "Twin": ("twin", "Twin"),
+    "Fit": ("calibration.fit", "Fit"),
+    "Mix": ("planning.accuracy_plan", "Mix"),
+    "Model": ("robots.model", "Model"),
+    "Options": ("calibration.calibrate", "CalibrationOptions"),
+    "Plan": ("data.plan", "Plan"),
+    "Recording": ("data.recording", "Recording"),
+    "SimDriver": ("hardware.drivers.sim", "SimDriver"),
+    "SimOptions": ("hardware.drivers.sim", "SimOptions"),
+    "Simulation": ("simulation.simulation", "Simulation"),
+    "Touches": ("calibration.touches", "Touches"),
+    "Twin": ("twin.twin", "Twin"),
     "WrenchbedError": ("errors", "WrenchbedError"),
-    "calibrate": ("calibration", "calibrate"),
-    "export": ("exporting", "export"),
-    "import_files": ("importing", "import_files"),
-    "informative": ("planning", "informative"),
+    "calibrate": ("calibration.calibrate", "calibrate"),
+    "export": ("twin.export", "export"),
+    "import_files": ("data.import_files", "import_files"),
+    "informative": ("planning.choose", "informative"),
     "load": ("registry", "load"),
-    "multisine": ("planning", "multisine"),
+    "multisine": ("planning.choose", "multisine"),
     "names": ("registry", "names"),
-    "poses": ("planning", "poses"),
-    "reach": ("mixing", "reach"),
-    "read_map": ("column_map", "read"),
-    "read_points": ("points", "read"),
-    "record": ("campaign", "record"),
-    "simulate": ("playback", "simulate"),
+    "poses": ("planning.choose", "poses"),
+    "reach": ("planning.accuracy_plan", "reach"),
+    "read_map": ("data.column_map", "read"),
+    "read_points": ("data.plan", "read"),
+    "record": ("campaigns.recording_run", "record"),
+    "simulate": ("twin.replay", "simulate"),
 }
 
 __all__ = [
@@ -101,4 +101,4 @@ def __getattr__(name: str) -> Any:
 
 
 if "gymnasium" in sys.modules:  # who has imported it will ask it for our environments
-    import_module("wrenchbed.envs")
+    import_module("wrenchbed.environments")

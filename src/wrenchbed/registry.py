@@ -19,19 +19,28 @@ KINDS = {
     "sensors": "SENSOR",
     "drivers": "DRIVER",
     "transducers": "TRANSDUCER",
-    "twins": "TWIN",
+    "emulators": "EMULATOR",
     "effects": "EFFECT",
 }
 """Kind (the folder's name) → the constant that a plug-in's module holds."""
 
-_NOT_A_PLUGIN = {"base"}
+_PACKAGES = {
+    "robots": "wrenchbed.robots",
+    "sensors": "wrenchbed.sensors",
+    "drivers": "wrenchbed.hardware.drivers",
+    "transducers": "wrenchbed.hardware.transducers",
+    "emulators": "wrenchbed.emulators",
+    "effects": "wrenchbed.effects",
+}
+"""Kind → the package whose modules are its plug-ins, but `base` and what its `SUPPORT` names."""
 
 
 @cache
 def _modules(kind: str) -> dict[str, str]:
-    package = importlib.import_module(f"wrenchbed.{kind}")
+    package = importlib.import_module(_PACKAGES[kind])
+    support = {"base", *getattr(package, "SUPPORT", ())}
     found = pkgutil.iter_modules(package.__path__)
-    return {_public(kind, m.name): m.name for m in found if m.name not in _NOT_A_PLUGIN}
+    return {_public(kind, m.name): m.name for m in found if m.name not in support}
 
 
 def _public(kind: str, module: str) -> str:
@@ -69,7 +78,7 @@ def load(kind: str, name: str) -> Any:
     module = _modules(kind).get(name)
     if module is None:
         return _entry_points(kind)[name].load()
-    return getattr(importlib.import_module(f"wrenchbed.{kind}.{module}"), KINDS[kind])
+    return getattr(importlib.import_module(f"{_PACKAGES[kind]}.{module}"), KINDS[kind])
 
 
 def require(library: str, extra: str) -> Any:

@@ -1,13 +1,55 @@
-"""The command line: the library's verbs, files in and out. Only this package prints."""
+"""The command line: the library's verbs, files in and out. Only this package prints.
 
+What verbs there are, told without loading what they need.
+"""
+
+import ast
 import signal
 import sys
+import textwrap
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from difflib import get_close_matches
 from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
 from typing import Any
 
 from wrenchbed.errors import WrenchbedError, WrenchbedWarning
+
+_WIDTH = 80
+
+
+def usage(verbs: Mapping[str, tuple[str, str]]) -> str:
+    """Every verb with the first paragraph of what it says of itself, in 80 columns."""
+    room = max(map(len, verbs)) + 4
+    lines = [
+        "usage: wrenchbed VERB …", "",
+        "Testbed for force-sensing robots: plan, record, calibrate, diagnose.", "",
+    ]  # fmt: skip
+    for verb, (module, function) in verbs.items():
+        text = " ".join(_said(module, function).split())
+        told = textwrap.wrap(text, _WIDTH - room)
+        lines += [f"  {verb:{room - 2}}{told[0]}", *(" " * room + line for line in told[1:])]
+    lines += ["", "wrenchbed VERB --help tells more of each."]
+    return "\n".join(lines)
+
+
+def unknown(word: str, verbs: Mapping[str, tuple[str, str]]) -> str:
+    """What is wrong with a word that is no verb."""
+    close = get_close_matches(word, verbs, 1)
+    hint = f"; did you mean {close[0]}?" if close else "."
+    return f"there is no verb {word!r}{hint} Known: {', '.join(verbs)}"
+
+
+def _said(module: str, function: str) -> str:
+    """First paragraph of a function's docstring, read from its source."""
+    spec = find_spec(module)
+    assert spec is not None and spec.origin is not None  # the verb's own module
+    tree = ast.parse(Path(spec.origin).read_text(encoding="utf-8"))
+    own = next(n for n in tree.body if isinstance(n, ast.FunctionDef) and n.name == function)
+    return (ast.get_docstring(own) or "").partition("\n\n")[0]
+
 
 _VERBS = {
     "list": ("verbs", "list_"),
@@ -18,11 +60,11 @@ _VERBS = {
     "diagnose": ("diagnose", "diagnose"),
     "view": ("view", "view"),
     "report": ("view", "report"),
-    "simulate": ("twin", "simulate"),
-    "export": ("twin", "export"),
+    "simulate": ("verbs", "simulate"),
+    "export": ("verbs", "export"),
     "twin": ("serve", "twin"),
-    "campaign": ("fleet", "campaign"),
-    "study": ("study", "study"),
+    "campaign": ("campaign", "campaign"),
+    "study": ("verbs", "study"),
     "blind": ("blind", "blind"),
 }
 """Module and function of each verb: only the one that is asked for is loaded."""
@@ -41,13 +83,11 @@ def main(arguments: list[str] | None = None) -> int:
     words = sys.argv[1:] if arguments is None else arguments
     verbs = {verb: (f"wrenchbed.cli.{m}", f) for verb, (m, f) in _VERBS.items()}
     if not words or words[0] not in verbs:
-        from wrenchbed.cli import overview
-
         asked = bool(words) and words[0] in ("-h", "--help")
         if asked:
-            print(overview.usage(verbs))
+            print(usage(verbs))
             raise SystemExit(0)
-        what = overview.unknown(words[0], verbs) if words else overview.usage(verbs)
+        what = unknown(words[0], verbs) if words else usage(verbs)
         print(f"wrenchbed: error: {what}" if words else what, file=sys.stderr)
         raise SystemExit(2)
     return _run(words)

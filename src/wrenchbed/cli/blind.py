@@ -35,7 +35,7 @@ def make(
         processes: Cases made at a time.
         as_json: Print the result as JSON.
     """
-    from wrenchbed.blind import making
+    from wrenchbed.benchmark.sealed import make as making
 
     if seed is None:
         known = making.resumed(answers)
@@ -70,9 +70,10 @@ def run(
         limit: Most time of one method on one case [s].
         as_json: Print the result as JSON.
     """
-    from wrenchbed.blind import running, seal
-    from wrenchbed.blind.entrant import OURS
-    from wrenchbed.diagnosis.baselines import BASELINES
+    from wrenchbed.benchmark.scoring.baselines import BASELINES
+    from wrenchbed.benchmark.sealed import commitments as seal
+    from wrenchbed.benchmark.sealed import run as running
+    from wrenchbed.benchmark.sealed.entrants import OURS
 
     if not limit > 0:
         raise ParameterError(f"--limit {limit:g} s must be above 0")
@@ -107,7 +108,8 @@ def score(
         commitments: SHA-256 of commitments.json as it was published, to be checked, too.
         as_json: Print every figure as JSON.
     """
-    from wrenchbed.blind import report, scoring
+    from wrenchbed.benchmark.sealed import report
+    from wrenchbed.benchmark.sealed import score as scoring
     from wrenchbed.cli.tables import score_table
 
     found = scoring.score(cases, claims, answers, method, commitments)
@@ -134,7 +136,7 @@ def seal(
         answers: Empty folder for the answers, to be given to nobody.
         as_json: Print the result as JSON.
     """
-    from wrenchbed.blind.real import seal_real
+    from wrenchbed.benchmark.sealed.real import seal_real
 
     root = seal_real(truth, out, answers)
     text = f"sealed cases → {out}, their answers → {answers}\n{_PUBLISH} {root}"

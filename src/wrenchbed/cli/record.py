@@ -1,5 +1,9 @@
-"""Record with a simulated or real robot."""
+"""Record with a simulated or real robot.
 
+Pictures of a campaign: drawn live on real robots and twins, afterwards in simulation.
+"""
+
+import contextlib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import fields
@@ -12,15 +16,76 @@ from rich.markup import escape
 from rich.table import Table
 
 import wrenchbed as wb
-from wrenchbed.campaign import Done
-from wrenchbed.cli import console, settings
+from wrenchbed.campaigns.itinerary import Leg, itinerary
+from wrenchbed.campaigns.recording_run import RunProgress
+from wrenchbed.cli import console
+from wrenchbed.cli import console as settings
 from wrenchbed.cli.console import Json
-from wrenchbed.cli.watching import watched
-from wrenchbed.drivers.base import Driver, Limits
-from wrenchbed.drivers.base.live import LIVE
 from wrenchbed.errors import DriverError, ParameterError, PlanError
-from wrenchbed.itinerary import Leg, itinerary
-from wrenchbed.wrench import CHANNELS, UNITS
+from wrenchbed.hardware.drivers.base import Driver, Limits
+from wrenchbed.hardware.drivers.base.live import LIVE, LiveDriver
+from wrenchbed.physics.wrench import CHANNELS, UNITS
+from wrenchbed.robots.base import SimulatedRobot
+
+
+@contextmanager
+def watched(link: Driver, out: Path, rrd: Path | None, view: str | None) -> Iterator[None]:
+    """While the block runs a live driver's readings are drawn; else the recording, at its end.
+
+    Args:
+        out: recording that the block writes.
+        rrd: picture to write, if any.
+        view: ``window`` or ``browser`` to watch in, if any.
+    """
+    if not isinstance(link, LiveDriver):
+        if view is not None:
+            raise ParameterError(
+                "--view is for live drivers; look at the recording: wrenchbed view"
+            )
+        yield
+        if rrd is not None:
+            from wrenchbed.viewer import recording_view
+
+            recording_view(wb.Recording.read(out), rrd)
+        return
+    if rrd is None and view is None:
+        yield
+        return
+    from wrenchbed.viewer.live import LiveView
+
+    if not isinstance(link.robot, SimulatedRobot):
+        raise ParameterError(f"robot {link.robot.name!r} has no model that could be shown")
+    with _viewer(view) as url, LiveView(link.robot, rrd, url) as picture:
+        link.onlooker = picture
+        try:
+            yield
+        finally:
+            link.onlooker = None
+    if picture.dropped:
+        text = f"the picture missed {picture.dropped} rows; the recording has them"
+        console.OUT.print(text, soft_wrap=True, markup=False, highlight=False)
+
+
+@contextmanager
+def _viewer(view: str | None) -> Iterator[str | None]:
+    """A viewer to draw in, open until it is closed by who looks."""
+    if view is None:
+        yield None
+        return
+    from wrenchbed.viewer import show
+
+    with show.viewer(None, web=view == "browser") as viewer:
+        if view == "browser":
+            text = f"open {show.address(port=show.PORT)}"
+            console.OUT.print(text, soft_wrap=True, markup=False, highlight=False)
+        try:
+            yield show.PROXY
+        finally:
+            if view == "window":
+                console.OUT.print("close the window to go on")
+                with contextlib.suppress(KeyboardInterrupt):
+                    show.until_closed(viewer)
+
 
 _SHOWN = 12
 """Most rows of a dry run's table."""
@@ -209,7 +274,7 @@ def _total(legs: tuple[Leg, ...], limits: Limits) -> str:
     )
 
 
-def _answer(done: Done, plan: wb.Plan, driver: str, as_json: bool) -> None:
+def _answer(done: RunProgress, plan: wb.Plan, driver: str, as_json: bool) -> None:
     result: dict[str, Any] = {
         "recording": str(done.path), "robot": plan.robot, "mode": plan.mode, "rows": done.rows,
         "visited": done.visited, "seconds": done.seconds,

@@ -8,10 +8,12 @@ from typing import Literal
 import tyro
 
 import wrenchbed as wb
-from wrenchbed.cli import console, life, settings
+from wrenchbed.cli import console
+from wrenchbed.cli import console as life
+from wrenchbed.cli import console as settings
+from wrenchbed.emulators.base import faults as timed
+from wrenchbed.emulators.base.emulator import EmulatorOptions
 from wrenchbed.errors import DriverError
-from wrenchbed.serving import faults as timed
-from wrenchbed.twins.base import Options
 
 _LOOK_S = 0.2
 
@@ -46,13 +48,13 @@ def twin(
         seed: Of the noise.
     """
     console.check_seed(seed)
-    options = Options(
+    options = EmulatorOptions(
         host, console.parameters(parameters), noise, seed, effect, table, settings.pairs(set)
     )
-    server = wb.load("twins", name)(options)
+    server = wb.load("emulators", name)(options)
     script = timed.read(faults) if faults not in (None, "-") else ()
     server.faults.check(script, str(faults))
-    with life.until_told() as told:
+    with life.until_signal() as told:
         try:
             addresses = server.start()
             print("ready " + " ".join(f"{k}={v}" for k, v in addresses.items()), flush=True)

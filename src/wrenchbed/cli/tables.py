@@ -11,11 +11,12 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from wrenchbed.wrench import CHANNELS
+from wrenchbed.physics.wrench import CHANNELS
 
 if TYPE_CHECKING:
-    from wrenchbed.fit import Fit, Identified
-    from wrenchbed.study.page import Page
+    from wrenchbed.calibration.fit import Fit, IdentifiedValue
+    from wrenchbed.pages.document import Document
+
 
 _SHOWN = {"m": ("mm", 1e3), "rad": ("°", 180 / np.pi), "kg·m²": ("g·m²", 1e3)}
 """Units that people read more easily than SI, and their factors."""
@@ -91,13 +92,13 @@ def _parameters(result: Fit, truth: Mapping[str, float] | None) -> Table:
     return table
 
 
-def _beside(p: Identified, true: float, factor: float) -> tuple[str, str]:
+def _beside(p: IdentifiedValue, true: float, factor: float) -> tuple[str, str]:
     """The true value, and how many standard uncertainties the estimate is off."""
     off = f"{(p.value - true) / p.std:+.1f} σ" if p.std else ""
     return f"{true * factor:.7g}", off
 
 
-def _numbers(p: Identified, factor: float) -> tuple[str, str, str]:
+def _numbers(p: IdentifiedValue, factor: float) -> tuple[str, str, str]:
     """Value, uncertainty and start with as many decimals as the uncertainty deserves."""
     if p.std is None:
         return f"{p.value * factor:.4f}", "in sum only", _start(p.nominal * factor)
@@ -136,7 +137,7 @@ def _cannot_tell(result: Fit) -> list[Padding]:
     return [_indented(line) for line in lines] if len(lines) > 1 else []
 
 
-def score_table(main: str, page: Page) -> Group:
+def score_table(main: str, page: Document) -> Group:
     """The figures of a sealed benchmark: targets, the judged entrant, the oracle."""
     table = Table(box=None, padding=(0, 2, 0, 0), header_style="bold")
     table.add_column("")

@@ -1,4 +1,9 @@
-"""One function a verb; its signature is the command's usage."""
+"""One function a verb; its signature is the command's usage.
+
+The verb that runs a paper again.
+
+Verbs on a twin: replay a recording with it, and export it.
+"""
 
 import tempfile
 from pathlib import Path
@@ -7,6 +12,7 @@ from typing import Annotated, Literal
 import tyro
 
 import wrenchbed as wb
+from wrenchbed import studies
 from wrenchbed.cli import console, tables
 from wrenchbed.cli.console import Json
 from wrenchbed.errors import ParameterError
@@ -14,7 +20,7 @@ from wrenchbed.errors import ParameterError
 
 def list_(
     kind: tyro.conf.Positional[
-        Literal["robots", "sensors", "drivers", "transducers", "twins", "effects"]
+        Literal["robots", "sensors", "drivers", "transducers", "emulators", "twins", "effects"]
     ],
     /,
     as_json: Json = False,
@@ -25,6 +31,7 @@ def list_(
         kind: of plug-in.
         as_json: Print the result as JSON.
     """
+    kind = "emulators" if kind == "twins" else kind
     rows = {name: tables.describe(wb.load(kind, name)) for name in wb.names(kind)}
     console.answer(rows, as_json, tables.plugins(kind, rows))
 
@@ -117,3 +124,101 @@ def _picture(fit: wb.Fit, data: wb.Recording, rrd: Path) -> None:
     with tempfile.TemporaryDirectory(prefix="wrenchbed-") as folder:
         fit.write(Path(folder) / "fit.json")
         recording_view(data, rrd, [Path(folder) / "fit.json"])
+
+
+def study(
+    paper: tyro.conf.Positional[Literal["medrue", "ur5"]],
+    /,
+    out: Path | None = None,
+    quick: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False,
+    robots: int | None = None,
+    seed: int = 0,
+    as_json: Json = False,
+) -> None:
+    """A paper's tables and figures on MuJoCo data, beside what it prints and what physics allows.
+
+    A stopped study goes on where it stopped.
+
+    Args:
+        paper: medrue (Sensors 2016, 16, 798) or ur5 (installation error of a force sensor).
+        out: Folder for tables (Markdown, HTML), figures (SVG) and results (Parquet).
+        quick: A small version, a minute or two.
+        robots: Random MedRUE robots (200, quick 8), or repetitions on the UR5 (20, quick 3).
+        seed: Of everything random.
+        as_json: Print the key results as JSON.
+    """
+    console.check_seed(seed)
+    folder = Path("out") / f"study-{paper}" if out is None else out
+    with console.progress(f"study {paper}", studies.steps(paper, quick, robots)) as tell:
+        done = studies.run(paper, folder, quick=quick, robots=robots, seed=seed, tell=tell)
+    console.answer(done.summary, as_json, "\n".join(done.lines))
+
+
+def simulate(
+    twin: tyro.conf.Positional[Path],
+    /,
+    like: Path,
+    out: Path,
+    noise: Literal["off", "white", "real"] = "off",
+    seed: int = 0,
+    rrd: Path | None = None,
+    as_json: Json = False,
+) -> None:
+    """Run MuJoCo with a twin's effects on a recording's motion.
+
+    Args:
+        twin: JSON file, see `wrenchbed diagnose`.
+        like: Recording whose times and joint values it follows.
+        out: Recording to write.
+        noise: Of the simulated sensor.
+        seed: Of the noise and of what effects draw.
+        rrd: Picture to write: the recording with the twin held against it.
+        as_json: Print the result as JSON.
+    """
+    console.check_seed(seed)
+    console.check_out(out, twin, like)
+    console.check_out(rrd, twin, like, out)
+    followed = wb.Recording.read(like)
+    simulated = wb.simulate(wb.Twin.read(twin), followed, noise=noise, seed=seed)
+    simulated.write(out)
+    if rrd is not None:
+        from wrenchbed.viewer import recording_view
+
+        recording_view(followed, rrd, [twin])
+    rows = len(simulated)
+    result = {"recording": str(out), "like": str(like), "rows": rows}
+    console.answer(result, as_json, f"simulated {rows} rows of {like} → {out}")
+
+
+def export(
+    file: tyro.conf.Positional[Path],
+    /,
+    mjcf: Path | None = None,
+    mcap: Path | None = None,
+    as_json: Json = False,
+) -> None:
+    """Write a twin as plain MJCF, what MuJoCo cannot carry as JSON beside it; a recording as MCAP.
+
+    Args:
+        file: A twin's JSON file, see `wrenchbed diagnose`; with --mcap a recording.
+        mjcf: Folder to write to.
+        mcap: File of ROS 2 messages to write: WrenchStamped, JointState, Temperature.
+        as_json: Print the result as JSON.
+    """
+    if (mjcf is None) == (mcap is None):
+        raise ParameterError("export needs --mjcf for a twin or --mcap for a recording")
+    if mcap is not None:
+        from wrenchbed.data.logs import write_mcap
+
+        console.check_out(mcap, file)
+        recording = wb.Recording.read(file)
+        write_mcap(recording, mcap)
+        text = f"exported {len(recording):,} rows → {mcap}"
+        console.answer({"mcap": str(mcap), "rows": len(recording)}, as_json, text)
+        return
+    assert mjcf is not None
+    if mjcf.exists() and not mjcf.is_dir():
+        raise ParameterError(f"{mjcf}: is a file; give a folder")
+    model, rest = wb.export(wb.Twin.read(file), mjcf)
+    result = {"mjcf": str(model), "effects": str(rest)}
+    console.answer(result, as_json, f"exported → {model}, {rest}")

@@ -10,8 +10,8 @@ import tyro
 
 import wrenchbed as wb
 from wrenchbed.cli import console
+from wrenchbed.data.plan import is_plan
 from wrenchbed.errors import ParameterError
-from wrenchbed.plan import is_plan
 
 _MADE = "diagnosis.rrd"
 

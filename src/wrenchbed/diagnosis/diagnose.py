@@ -1,4 +1,7 @@
-"""Diagnose a recording: where the gap lies, which effect causes it, how far it shrinks."""
+"""Diagnose a recording: where the gap lies, which effect causes it, how far it shrinks.
+
+Causes as ``diagnosis.json`` tells them: parameters with their uncertainties.
+"""
 
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -7,21 +10,120 @@ from typing import Any
 
 import numpy as np
 
-from wrenchbed.diagnosis import closure, excerpt, following, isolability, rows, where, witness
-from wrenchbed.diagnosis.analysis import Analysis, analyse
-from wrenchbed.diagnosis.apart import parted
-from wrenchbed.diagnosis.dictionary import STATED
-from wrenchbed.diagnosis.likeness import Likeness
-from wrenchbed.diagnosis.one_thread import one_thread
-from wrenchbed.diagnosis.prepare import Prepared
-from wrenchbed.diagnosis.reliability import Reliability, features, shipped
-from wrenchbed.diagnosis.result import Diagnosis
-from wrenchbed.diagnosis.rows import RowFinding
-from wrenchbed.diagnosis.search import NONE, UNKNOWN
-from wrenchbed.diagnosis.told import cause_entry, row_entry
-from wrenchbed.diagnosis.verdict import Cause, Verdict, decide, tempered
-from wrenchbed.plan import Plan
-from wrenchbed.recording import Recording
+from wrenchbed.data.plan import Plan
+from wrenchbed.data.recording import Recording
+from wrenchbed.diagnosis.between_rows import rows
+from wrenchbed.diagnosis.between_rows.averaged_motion import separate
+from wrenchbed.diagnosis.between_rows.rows import RowFinding
+from wrenchbed.diagnosis.evidence.dictionary import STATED
+from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
+from wrenchbed.diagnosis.evidence.similarity import Likeness
+from wrenchbed.diagnosis.explain import tilt
+from wrenchbed.diagnosis.explain.analysis import Analysis, analyse
+from wrenchbed.diagnosis.explain.claims import Explanation, stated
+from wrenchbed.diagnosis.explain.reliability import Reliability, features, shipped
+from wrenchbed.diagnosis.explain.verdict import Cause, Verdict, decide, tempered
+from wrenchbed.diagnosis.gap import closure, where
+from wrenchbed.diagnosis.gap.result import Diagnosis
+from wrenchbed.diagnosis.next import experiments, isolability
+from wrenchbed.diagnosis.prepare import scenes
+from wrenchbed.diagnosis.prepare.prepared import Prepared
+from wrenchbed.jobs.workers import one_thread
+
+_HALVINGS = 5
+"""Of the last step, to find the edge of a range within which nothing changes."""
+
+
+def cause_entry(
+    a: Analysis, verdict: Verdict, cause: Cause, gap: closure.Closure, spread: float
+) -> dict[str, Any]:
+    """One item of ``which``; ``spread`` multiplies standard uncertainties, see `Reliability`."""
+    f = verdict.explanation.finalist
+    name, *rivals = cause.names
+    parameters: dict[str, Any]
+    if cause.part.index is None:
+        parameters = _wrong_numbers(a, verdict.explanation, name, spread)
+    else:
+        part = f.parts[cause.part.index]
+        values = a.refitter.values(f.parts, f.x)[cause.part.index]
+        std = _uncertainty(a, f, cause.part.index, spread)
+        parameters = part.effect.publish(a.prepared.model.robot, part.variant, values, std)
+    return {
+        "effect": name,
+        "probability": cause.probability,
+        "rivals": rivals,
+        "parameters": parameters,
+        "closed_share": gap.shares.get(name),
+    }
+
+
+def _uncertainty(a: Analysis, f: Any, part: int, spread: float) -> dict[str, float]:
+    """Standard uncertainties of a part's variables by name, SI; what its form may miss included."""
+    robot = a.prepared.model.robot
+    known = {p.name: p.tolerance for p in f.parts[part].effect.parameters(robot)}
+    std = np.sqrt(np.maximum(np.diagonal(f.covariance), 0.0))
+    effect = f.parts[part].effect
+    variables = a.refitter.variables(f.parts)
+    told = {}
+    for i, (k, name, shape) in enumerate(variables):
+        if k == part:
+            form = 0.0 if shape else effect.size_error * float(f.x[i])
+            flat = _flat(a, f, i) if shape and effect.rough else 0.0
+            told[name] = (flat or float(np.hypot(spread * std[i], form))) * known[name]
+    return told
+
+
+def _flat(a: Analysis, f: Any, i: int) -> float:
+    """Rms distance of a variable from where it might as well be: no reading changes in between.
+
+    A jump may have come at any time between two poses.
+    """
+    reading, reach = a.refitter.response(f.parts, f.x), []
+
+    def same(step: float) -> bool:
+        x = f.x.copy()
+        x[i] += step
+        return bool(np.array_equal(a.refitter.response(f.parts, x), reading))
+
+    for sign in (-1.0, 1.0):
+        outside = next((s for s in 2.0 ** np.arange(-14, 1) if not same(sign * s)), 2.0)
+        inside = outside / 2.0
+        for _ in range(_HALVINGS):
+            middle = (inside + outside) / 2.0
+            inside, outside = (middle, outside) if same(sign * middle) else (inside, middle)
+        reach.append(inside)
+    left, right = reach
+    if max(reach) <= 2.0**-14:  # nothing flat
+        return 0.0
+    return float(np.sqrt((left**2 - left * right + right**2) / 3.0))
+
+
+def _wrong_numbers(a: Analysis, e: Explanation, name: str, factor: float) -> dict[str, Any]:
+    """The errors of a stated number: what it should be more than what is stated."""
+    d, told = a.dictionary, stated(a.refitter, e.finalist)
+    std = np.sqrt(np.maximum(np.diagonal(told.covariance), 0.0))
+    hypothesis = next(h for h in d.hypotheses if h.name == name)
+    known = hypothesis.effect.parameters(a.prepared.model.robot)
+    result = {}
+    for i, k in enumerate(d.stated):
+        effect, parameter = d.label[k]
+        if effect == name:
+            unit = known[known.index(parameter)].unit
+            size = float(d.size[k])
+            value, spread = float(told.mean[i]) * size, float(std[i]) * size * factor
+            result[parameter] = {"value": value, "std": spread, "unit": unit}
+    return result
+
+
+def row_entry(r: RowFinding) -> dict[str, Any]:
+    return {
+        "effect": r.effect,
+        "probability": r.probability,
+        "rivals": [],
+        "parameters": r.parameters,
+        "closed_share": None,
+    }
+
 
 Progress = Callable[[str], None]
 """Called with the name of each step as it begins."""
@@ -72,18 +174,18 @@ def diagnose(
     """
     begun = time.perf_counter()
     progress("noise and blocks")
-    whole, recording = recording, excerpt.stretch(recording)
-    prepared, apart = parted(recording, seed)
+    whole, recording = recording, scenes.stretch(recording)
+    prepared, apart = separate(recording, seed)
     progress("effects and their evidence")
     analysis = analyse(prepared)
     untempered = decide(analysis.ranking)
     known = reliability or _known(prepared)
-    verdict = witness.upheld(analysis, _tempered(analysis, untempered, known))
+    verdict = tilt.with_accelerometer(analysis, _tempered(analysis, untempered, known))
     progress("rows")
-    part = excerpt.excerpt(recording)
-    shown = (*rows.find(part), *apart.trembling)
+    part = scenes.excerpt(recording)
+    shown = (*rows.find_row_effects(part), *apart.trembling)
     progress("where")
-    places = where.find(prepared, _calibrated(analysis), seed=seed)
+    places = where.locate(prepared, _calibrated(analysis), seed=seed)
     progress("how far")
     twin, gap = _twin(analysis, verdict, seed)
     progress("what next")
@@ -115,9 +217,9 @@ def diagnose(
         between=[a for r in shown if (a := r.active(prepared.model.robot)) is not None],
         seconds=time.perf_counter() - begun,
         notes=(
-            *excerpt.notes(whole, recording, part),
+            *scenes.notes(whole, recording, part),
             *_notes(prepared, analysis, gap, shown, unknown=outcome == UNKNOWN),
-            *witness.sentences(analysis, verdict),
+            *tilt.sentences(analysis, verdict),
         ),
     )
     return Findings(apart.told(told), analysis, verdict, shown, places, plans, untempered)
@@ -211,8 +313,8 @@ def _next(a: Analysis, verdict: Verdict, seed: int) -> tuple[dict[str, Plan], li
     rivals = [n for c in verdict.causes if len(c.names) > 1 for n in c.names]
     if not unknown and not rivals:
         return {}, []
-    candidates = following.candidates_of(a, rivals)
-    found = following.propose(a, candidates, unknown=unknown, seed=seed)
+    candidates = experiments.candidates_of(a, rivals)
+    found = experiments.propose(a, candidates, unknown=unknown, seed=seed)
     plans: dict[str, Plan] = {}
     told = []
     for k, e in enumerate(found):

@@ -22,15 +22,16 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 
+from wrenchbed.effects.scene import Scene
 from wrenchbed.errors import ParameterError
-from wrenchbed.jets import Value
-from wrenchbed.parameters import Parameter, ParameterSet
+from wrenchbed.physics.parameters import Parameter, ParameterSet
+from wrenchbed.physics.taylor import Value
+from wrenchbed.physics.wrench import CHANNELS, UNITS
 from wrenchbed.robots.base import Robot
-from wrenchbed.scene import Scene
-from wrenchbed.wrench import CHANNELS, UNITS
 
 if TYPE_CHECKING:
     import mujoco
+
 
 STAGES = ("model", "joint", "pose", "load", "reading", "timing", "row")
 Values = Mapping[str, float]

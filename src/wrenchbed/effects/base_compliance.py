@@ -5,13 +5,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from wrenchbed.effects.base import Pose, PoseEffect, Values, Variant
-from wrenchbed.frames import apply, exp
-from wrenchbed.parameters import Parameter, ParameterSet
+from wrenchbed.effects.scene import Scene
+from wrenchbed.physics.parameters import Parameter, ParameterSet
+from wrenchbed.physics.rotations import apply, exp
 from wrenchbed.robots.base import Robot
-from wrenchbed.scene import Scene
 
 if TYPE_CHECKING:
     import mujoco
+
 
 NAMES = ("compliance", "compliance.x", "compliance.y")
 
@@ -59,7 +60,7 @@ class BaseCompliance(PoseEffect):
 
     def edit_spec(self, spec: "mujoco.MjSpec", robot: Robot, theta: np.ndarray, p: Values) -> None:
         """Two sprung hinges at the base, about x and y of the world."""
-        from wrenchbed.springs import base_axes, hinge
+        from wrenchbed.simulation.springs import base_axes, hinge
 
         for axis, name, world in zip("xy", NAMES[1:], np.eye(3), strict=False):
             give = p[NAMES[0]] + p[name]

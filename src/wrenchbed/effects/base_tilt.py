@@ -3,10 +3,9 @@
 import numpy as np
 
 from wrenchbed.effects.base import ModelEffect, Values, Variant
-from wrenchbed.parameters import Parameter, ParameterSet
-from wrenchbed.robots.base import TILT, Robot
-from wrenchbed.scene import Scene
-from wrenchbed.turning import turn_base
+from wrenchbed.effects.scene import Scene
+from wrenchbed.physics.parameters import Parameter, ParameterSet
+from wrenchbed.robots.base import TILT, Robot, rotate_base
 
 TYPICAL = np.deg2rad(0.5)
 
@@ -29,7 +28,7 @@ class BaseTilt(ModelEffect):
         return (Variant("about x and y", ("x", "y")),)
 
     def theta(self, robot: Robot, theta: np.ndarray, p: Values) -> np.ndarray:
-        return turn_base(robot, theta, np.array([p["x"], p["y"], 0.0]))
+        return rotate_base(robot, theta, np.array([p["x"], p["y"], 0.0]))
 
 
 EFFECT = BaseTilt()

@@ -3,9 +3,9 @@
 import numpy as np
 
 from wrenchbed.effects.base import RowEffect, Values, channel_parameters
-from wrenchbed.parameters import Parameter, ParameterSet
+from wrenchbed.physics.parameters import Parameter, ParameterSet
+from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.robots.base import Robot
-from wrenchbed.wrench import CHANNELS
 
 
 class BaseVibration(RowEffect):

@@ -6,14 +6,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from wrenchbed.effects.base import LoadEffect, Pose, Residual, Values, Variant
-from wrenchbed.frames import apply, cross, sphere
-from wrenchbed.jets import value
-from wrenchbed.parameters import Parameter, ParameterSet
+from wrenchbed.effects.scene import Scene
+from wrenchbed.physics.parameters import Parameter, ParameterSet
+from wrenchbed.physics.rotations import apply, cross, sphere
+from wrenchbed.physics.taylor import value
 from wrenchbed.robots.base import Robot
-from wrenchbed.scene import Scene
 
 if TYPE_CHECKING:
     import mujoco
+
 
 POINT = ("point.x", "point.y", "point.z")
 REACHES = (0.6, 1.3)
@@ -120,7 +121,7 @@ class CablePull(LoadEffect):
 
     def edit_spec(self, spec: "mujoco.MjSpec", robot: Robot, theta: np.ndarray, p: Values) -> None:
         """A tendon to the anchor, and one to far away for the constant pull."""
-        from wrenchbed.springs import cable, pull
+        from wrenchbed.simulation.springs import cable, pull
 
         point = tuple(p[n] for n in POINT)
         anchor = [p[f"anchor.{a}"] for a in "xyz"]

@@ -5,12 +5,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from wrenchbed.effects.base import LoadEffect, Pose, Values, Variant
-from wrenchbed.parameters import Parameter, ParameterSet
+from wrenchbed.effects.scene import Scene
+from wrenchbed.physics.parameters import Parameter, ParameterSet
 from wrenchbed.robots.base import Robot
-from wrenchbed.scene import Scene
 
 if TYPE_CHECKING:
     import mujoco
+
 
 _STEP = 1e-30
 
@@ -64,7 +65,7 @@ class CableTorsion(LoadEffect):
 
     def edit_spec(self, spec: "mujoco.MjSpec", robot: Robot, theta: np.ndarray, p: Values) -> None:
         """A tendon along the last joint."""
-        from wrenchbed.springs import twist
+        from wrenchbed.simulation.springs import twist
 
         if p["stiffness"] or p["friction"]:
             about, joint = "joint" if p["joint_axis"] > 0.5 else "z", robot.joints[-1].name

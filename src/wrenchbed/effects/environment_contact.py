@@ -6,15 +6,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from wrenchbed.effects.base import LoadEffect, Pose, Residual, Values, Variant
+from wrenchbed.effects.scene import Scene
 from wrenchbed.errors import NotFoundError
-from wrenchbed.frames import apply, cross, sphere
-from wrenchbed.jets import value
-from wrenchbed.parameters import Parameter, ParameterSet
+from wrenchbed.physics.parameters import Parameter, ParameterSet
+from wrenchbed.physics.rotations import apply, cross, sphere
+from wrenchbed.physics.taylor import value
 from wrenchbed.robots.base import Robot
-from wrenchbed.scene import Scene
 
 if TYPE_CHECKING:
     import mujoco
+
 
 LENGTH = 0.01
 SHARES = (0.05, 0.15, 0.35)
@@ -132,7 +133,7 @@ class EnvironmentContact(LoadEffect):
 
     def edit_spec(self, spec: "mujoco.MjSpec", robot: Robot, theta: np.ndarray, p: Values) -> None:
         """A plane that pushes the tip back like a spring; else it stays closed form."""
-        from wrenchbed.springs import plane
+        from wrenchbed.simulation.springs import plane
 
         if p["stiffness"] and p["power"] == 1.0 and not any(p[n] for n in SLIDE):
             q = robot.sample(1, np.random.default_rng(0))

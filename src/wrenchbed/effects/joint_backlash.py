@@ -5,20 +5,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from wrenchbed.effects.base import (
-    Effect,
-    JointEffect,
-    Values,
-    Variant,
-    joint_parameters,
-    one_joint,
-)
-from wrenchbed.parameters import ParameterSet
+from wrenchbed.effects.base import Effect, JointEffect, Values, Variant, joint_parameters, one_joint
+from wrenchbed.effects.scene import Scene
+from wrenchbed.physics.parameters import ParameterSet
 from wrenchbed.robots.base import Robot
-from wrenchbed.scene import Scene
 
 if TYPE_CHECKING:
     import mujoco
+
 
 SIDES = ("load", "approach")
 SOFT = 0.01
@@ -78,7 +72,7 @@ class JointBacklash(JointEffect):
 
     def edit_spec(self, spec: "mujoco.MjSpec", robot: Robot, theta: np.ndarray, p: Values) -> None:
         """Joints with play in series, some of which lag."""
-        from wrenchbed.springs import in_series
+        from wrenchbed.simulation.springs import in_series
 
         for k, joint in enumerate(robot.joints, start=1):
             for side in SIDES:

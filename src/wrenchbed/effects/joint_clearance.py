@@ -7,15 +7,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from wrenchbed.effects.base import Effect, JointEffect, Pose, PoseEffect, Values, Variant
-from wrenchbed.frames import apply, euler, exp
-from wrenchbed.parameters import Parameter, ParameterSet
+from wrenchbed.effects.scene import Scene
+from wrenchbed.physics.parameters import Parameter, ParameterSet
+from wrenchbed.physics.rotations import apply, euler, exp
+from wrenchbed.physics.wrench import wrench
 from wrenchbed.robots.base import Robot
 from wrenchbed.robots.medrue.kinematics import five_bar
-from wrenchbed.scene import Scene
-from wrenchbed.wrench import wrench
 
 if TYPE_CHECKING:
     import mujoco
+
 
 SEAT = 0.5
 """Force in a distal link at which it leaves the middle of its play [N]."""
@@ -118,7 +119,7 @@ class JointClearance(JointEffect, PoseEffect):
 
     def edit_spec(self, spec: "mujoco.MjSpec", robot: Robot, theta: np.ndarray, p: Values) -> None:
         """The last bearing's round play; play in loops acts through the joints' values."""
-        from wrenchbed.springs import ROUND, hinge
+        from wrenchbed.simulation.springs import ROUND, hinge
 
         half = p.get("tilt", 0.0)
         if half:

@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from wrenchbed.effects.base import JointEffect, Values, Variant, joint_parameters, one_joint
+from wrenchbed.effects.scene import Scene
 from wrenchbed.errors import ParameterError
-from wrenchbed.parameters import ParameterSet
+from wrenchbed.physics.parameters import ParameterSet
 from wrenchbed.robots.base import Robot
-from wrenchbed.scene import Scene
 
 if TYPE_CHECKING:
     import mujoco
@@ -64,7 +64,7 @@ class JointCompliance(JointEffect):
 
     def edit_spec(self, spec: "mujoco.MjSpec", robot: Robot, theta: np.ndarray, p: Values) -> None:
         """A spring in series with each joint."""
-        from wrenchbed.springs import in_series
+        from wrenchbed.simulation.springs import in_series
 
         for k, joint in enumerate(robot.joints, start=1):
             give = p[f"compliance.q{k}"]

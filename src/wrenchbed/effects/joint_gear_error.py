@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 
 from wrenchbed.effects.base import Effect, JointEffect, Residual, Values, Variant, one_joint
-from wrenchbed.jets import Value, cos, sin
-from wrenchbed.parameters import Parameter, ParameterSet
+from wrenchbed.effects.scene import Scene
+from wrenchbed.physics.parameters import Parameter, ParameterSet
+from wrenchbed.physics.taylor import Value, cos, sin
 from wrenchbed.robots.base import Robot
-from wrenchbed.scene import Scene
 
 TYPICAL = 3e-4
 """1 arcmin [rad]."""

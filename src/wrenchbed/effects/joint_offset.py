@@ -3,9 +3,9 @@
 import numpy as np
 
 from wrenchbed.effects.base import JointEffect, Values, joint_parameters
-from wrenchbed.parameters import ParameterSet
+from wrenchbed.effects.scene import Scene
+from wrenchbed.physics.parameters import ParameterSet
 from wrenchbed.robots.base import Robot
-from wrenchbed.scene import Scene
 
 TYPICAL = np.deg2rad(0.2)
 

@@ -3,10 +3,9 @@
 import numpy as np
 
 from wrenchbed.effects.base import ModelEffect, Values, Variant
-from wrenchbed.parameters import Parameter, ParameterSet
-from wrenchbed.robots.base import Robot
-from wrenchbed.scene import Scene
-from wrenchbed.turning import turn_sensor
+from wrenchbed.effects.scene import Scene
+from wrenchbed.physics.parameters import Parameter, ParameterSet
+from wrenchbed.robots.base import Robot, rotate_sensor
 
 TYPICAL = np.deg2rad(0.5)
 NAMES = tuple(f"rotation.{a}" for a in "xyz")
@@ -36,7 +35,7 @@ class MountRotation(ModelEffect):
         )
 
     def theta(self, robot: Robot, theta: np.ndarray, p: Values) -> np.ndarray:
-        return turn_sensor(robot, theta, np.array([p[n] for n in NAMES]))
+        return rotate_sensor(robot, theta, np.array([p[n] for n in NAMES]))
 
 
 EFFECT = MountRotation()

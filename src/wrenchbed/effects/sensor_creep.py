@@ -10,10 +10,10 @@ from wrenchbed.effects.base import (
     channel_parameters,
     channel_variants,
 )
-from wrenchbed.parameters import Parameter, ParameterSet
+from wrenchbed.effects.scene import Scene
+from wrenchbed.physics.parameters import Parameter, ParameterSet
+from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.robots.base import Robot
-from wrenchbed.scene import Scene
-from wrenchbed.wrench import CHANNELS
 
 TAUS = (30.0, 150.0, 600.0)
 """Time constants where a search begins [s]."""

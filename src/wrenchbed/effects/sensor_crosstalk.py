@@ -5,11 +5,11 @@ from itertools import permutations
 import numpy as np
 
 from wrenchbed.effects.base import ReadingEffect, Values, Variant
-from wrenchbed.frames import cross
-from wrenchbed.parameters import Parameter, ParameterSet
+from wrenchbed.effects.scene import Scene
+from wrenchbed.physics.parameters import Parameter, ParameterSet
+from wrenchbed.physics.rotations import cross
+from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.robots.base import Robot
-from wrenchbed.scene import Scene
-from wrenchbed.wrench import CHANNELS
 
 PAIRS = tuple(permutations(CHANNELS, 2))
 """The channel that shows, and the one of which it shows something: 30 pairs."""

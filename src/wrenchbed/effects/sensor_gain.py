@@ -9,10 +9,10 @@ from wrenchbed.effects.base import (
     channel_parameters,
     channel_variants,
 )
-from wrenchbed.parameters import ParameterSet
+from wrenchbed.effects.scene import Scene
+from wrenchbed.physics.parameters import ParameterSet
+from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.robots.base import Robot
-from wrenchbed.scene import Scene
-from wrenchbed.wrench import CHANNELS
 
 
 class SensorGain(ReadingEffect):

@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 
 from wrenchbed.effects.base import ReadingEffect, Values, Variant, channel_parameters
-from wrenchbed.parameters import Parameter, ParameterSet
+from wrenchbed.effects.scene import Scene
+from wrenchbed.physics.parameters import Parameter, ParameterSet
+from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.robots.base import Robot
-from wrenchbed.scene import Scene
-from wrenchbed.wrench import CHANNELS
 
 WIDTHS = {"narrow": 0.04, "middle": 0.15, "wide": 0.5}
 """Half widths of the plays, relative to a channel's range in the recording."""

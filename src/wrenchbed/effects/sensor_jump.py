@@ -3,10 +3,10 @@
 import numpy as np
 
 from wrenchbed.effects.base import ReadingEffect, Values, Variant, channel_parameters
-from wrenchbed.parameters import Parameter, ParameterSet
+from wrenchbed.effects.scene import Scene
+from wrenchbed.physics.parameters import Parameter, ParameterSet
+from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.robots.base import Robot
-from wrenchbed.scene import Scene
-from wrenchbed.wrench import CHANNELS
 
 MOMENTS = 24
 """At most so many moments where a search begins."""

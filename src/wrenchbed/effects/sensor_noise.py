@@ -3,9 +3,9 @@
 import numpy as np
 
 from wrenchbed.effects.base import RowEffect, Values
-from wrenchbed.parameters import Parameter, ParameterSet
+from wrenchbed.physics.parameters import Parameter, ParameterSet
+from wrenchbed.physics.wrench import CHANNELS, UNITS
 from wrenchbed.robots.base import Robot
-from wrenchbed.wrench import CHANNELS, UNITS
 
 
 class SensorNoise(RowEffect):

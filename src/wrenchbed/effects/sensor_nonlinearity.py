@@ -11,10 +11,10 @@ from wrenchbed.effects.base import (
     channel_parameters,
     channel_variants,
 )
-from wrenchbed.parameters import Parameter, ParameterSet
+from wrenchbed.effects.scene import Scene
+from wrenchbed.physics.parameters import Parameter, ParameterSet
+from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.robots.base import Robot
-from wrenchbed.scene import Scene
-from wrenchbed.wrench import CHANNELS
 
 REFERENCE = np.array([20.0, 20.0, 20.0, 2.0, 2.0, 0.2])
 """Load (6,) at which an amplitude is the relative error [N, N·m]: the full scale of a small sensor.

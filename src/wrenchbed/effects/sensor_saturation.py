@@ -7,11 +7,11 @@ import numpy as np
 
 from wrenchbed import registry
 from wrenchbed.effects.base import ReadingEffect, Values, Variant
+from wrenchbed.effects.scene import Scene
 from wrenchbed.errors import ParameterError
-from wrenchbed.parameters import Parameter, ParameterSet
+from wrenchbed.physics.parameters import Parameter, ParameterSet
+from wrenchbed.physics.wrench import CHANNELS, UNITS, wrench
 from wrenchbed.robots.base import Robot
-from wrenchbed.scene import Scene
-from wrenchbed.wrench import CHANNELS, UNITS, wrench
 
 QUANTILES = (0.7, 0.85, 0.95)
 """Of a channel's |load| in the recording, where a search for its level begins."""

@@ -11,10 +11,10 @@ from wrenchbed.effects.base import (
     channel_parameters,
     channel_variants,
 )
-from wrenchbed.parameters import Parameter, ParameterSet
+from wrenchbed.effects.scene import Scene
+from wrenchbed.physics.parameters import Parameter, ParameterSet
+from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.robots.base import Robot
-from wrenchbed.scene import Scene
-from wrenchbed.wrench import CHANNELS
 
 SPANS = (0.25, 1.0, 4.0)
 """Time constants of a warm-up that nobody recorded, relative to the recording's length."""

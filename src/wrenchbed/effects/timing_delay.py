@@ -4,9 +4,9 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from wrenchbed.effects.base import ReadingEffect, Values, Variant
-from wrenchbed.parameters import Parameter, ParameterSet
+from wrenchbed.effects.scene import Scene
+from wrenchbed.physics.parameters import Parameter, ParameterSet
 from wrenchbed.robots.base import Robot
-from wrenchbed.scene import Scene
 
 
 class TimingDelay(ReadingEffect):

@@ -3,7 +3,7 @@
 import numpy as np
 
 from wrenchbed.effects.base import RowEffect, Values
-from wrenchbed.parameters import Parameter, ParameterSet
+from wrenchbed.physics.parameters import Parameter, ParameterSet
 from wrenchbed.robots.base import Robot
 
 

@@ -5,13 +5,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from wrenchbed.effects.base import LoadEffect, Pose, Values, Variant
-from wrenchbed.frames import cross
-from wrenchbed.parameters import Parameter, ParameterSet
+from wrenchbed.effects.scene import Scene
+from wrenchbed.physics.parameters import Parameter, ParameterSet
+from wrenchbed.physics.rotations import cross
 from wrenchbed.robots.base import Robot
-from wrenchbed.scene import Scene
 
 if TYPE_CHECKING:
     import mujoco
+
 
 NAMES = tuple(f"compliance.{a}" for a in "xyz")
 SKEW = tuple(f"compliance.{a}" for a in ("xy", "xz", "yz"))
@@ -59,7 +60,7 @@ class ToolFlexure(LoadEffect):
 
     def edit_spec(self, spec: "mujoco.MjSpec", robot: Robot, theta: np.ndarray, p: Values) -> None:
         """The tool's mass on sprung hinges at the sensor and sprung slides."""
-        from wrenchbed.springs import hinge, slide, tool_mass
+        from wrenchbed.simulation.springs import hinge, slide, tool_mass
 
         if p["bending"]:
             mass = tool_mass(spec, self.name)

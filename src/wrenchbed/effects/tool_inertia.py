@@ -3,10 +3,10 @@
 import numpy as np
 
 from wrenchbed.effects.base import LoadEffect, ModelEffect, Pose, Values, Variant
-from wrenchbed.frames import cross
-from wrenchbed.parameters import Parameter, ParameterSet
+from wrenchbed.effects.scene import Scene
+from wrenchbed.physics.parameters import Parameter, ParameterSet
+from wrenchbed.physics.rotations import cross
 from wrenchbed.robots.base import INERTIA_AXES, Robot
-from wrenchbed.scene import Scene
 
 NAMES = tuple(f"inertia.{a}" for a in INERTIA_AXES)
 SHARE = "share"

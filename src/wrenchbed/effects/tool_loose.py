@@ -6,14 +6,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from wrenchbed.effects.base import LoadEffect, Pose, Residual, Values, Variant
-from wrenchbed.frames import cross, sphere
-from wrenchbed.parameters import Parameter, ParameterSet
+from wrenchbed.effects.scene import Scene, held_on
+from wrenchbed.physics.parameters import Parameter, ParameterSet
+from wrenchbed.physics.rotations import cross, sphere
+from wrenchbed.physics.wrench import wrench
 from wrenchbed.robots.base import Robot
-from wrenchbed.scene import Scene, held_on
-from wrenchbed.wrench import wrench
 
 if TYPE_CHECKING:
     import mujoco
+
 
 WAY = ("way.x", "way.y", "way.z")
 SOFT = 0.05
@@ -112,7 +113,7 @@ class ToolLoose(LoadEffect):
 
     def edit_spec(self, spec: "mujoco.MjSpec", robot: Robot, theta: np.ndarray, p: Values) -> None:
         """The tool's mass slides with play; what leans to one side stays closed form."""
-        from wrenchbed.springs import slide
+        from wrenchbed.simulation.springs import slide
 
         weight = float(robot.tool(theta).mass) * float(np.linalg.norm(spec.option.gravity))
         half = p["shift"]

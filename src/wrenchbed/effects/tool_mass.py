@@ -3,9 +3,9 @@
 import numpy as np
 
 from wrenchbed.effects.base import ModelEffect, Values, Variant
-from wrenchbed.parameters import Parameter, ParameterSet
+from wrenchbed.effects.scene import Scene
+from wrenchbed.physics.parameters import Parameter, ParameterSet
 from wrenchbed.robots.base import Robot
-from wrenchbed.scene import Scene
 
 
 class ToolMass(ModelEffect):

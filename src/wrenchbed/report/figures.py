@@ -1,17 +1,25 @@
-"""Figures of a diagnosis: simulated is orange, measured is blue, in light and in dark pages."""
+"""Figures of a diagnosis: simulated is orange, measured is blue, in light and in dark pages.
+
+Figures drawn beside the main work, in processes that make ready while it goes on.
+"""
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+import signal
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor
 from contextlib import contextmanager
-from typing import Any
+from multiprocessing import get_context
+from types import TracebackType
+from typing import Any, Self
 
 import numpy as np
 
 from wrenchbed import registry
-from wrenchbed.report import numbers
-from wrenchbed.report.evidence import Comparison, Heat
-from wrenchbed.study.plots import BLUE, GREY, ORANGE, PURPLE, canvas, to_svg
-from wrenchbed.wrench import CHANNELS
+from wrenchbed.errors import MissingExtraError
+from wrenchbed.pages import numbers
+from wrenchbed.pages.plots import BLUE, GREY, ORANGE, PURPLE, canvas, to_svg
+from wrenchbed.physics.wrench import CHANNELS
+from wrenchbed.report.simulators import Comparison, Heat
 
 INK = "#1c2126"
 WIDTH = 4.9
@@ -175,3 +183,56 @@ def _themed(figure: Any, name: str) -> str:
     text = re.sub(r' xmlns(:\w+)?="[^"]*"', "", text)
     text = re.sub(r"(url\(#|href=\"#|\bid=\")", rf"\1{name}-", text)
     return text.replace("xlink:href", "href")
+
+
+HANDS = 2
+"""Processes: figures take half of the time that one takes, on two cores."""
+
+
+class Artist:
+    """Draws figures in other processes; they load what draws as soon as the context is entered.
+
+    ```
+    with Artist() as artist:
+        figure = artist.draw(figures.gaps, rows)
+        ...
+        svg = figure.result()
+    ```
+    """
+
+    def __enter__(self) -> Self:
+        # forked at once: what is loaded here need not be loaded again
+        self._pool = ProcessPoolExecutor(HANDS, get_context("fork"), _ready)
+        for _ in range(HANDS):
+            self._pool.submit(_rehearse)
+        return self
+
+    def draw(self, figure: Callable[..., str], *given: object) -> "Future[str]":
+        """SVG of a figure to come."""
+        return self._pool.submit(figure, *given)
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:  # fmt: skip
+        self._pool.shutdown(cancel_futures=True)
+
+
+def at_once(figure: Callable[..., str], *given: object) -> "Future[str]":
+    """SVG of a figure, drawn here and now."""
+    drawn: Future[str] = Future()
+    drawn.set_result(figure(*given))
+    return drawn
+
+
+def _ready() -> None:
+    """Who stops the main work stops it alone."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def _rehearse() -> None:
+    """Load libraries and fonts."""
+    try:
+        gaps([("ready", 1.0, "sim")])
+    except MissingExtraError:
+        return  # told where it is missed

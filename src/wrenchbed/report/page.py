@@ -9,18 +9,18 @@ from typing import Any
 
 from wrenchbed import registry
 from wrenchbed.diagnosis.diagnose import Findings
-from wrenchbed.pages import rendered
-from wrenchbed.report import figures, numbers, tables, words
-from wrenchbed.report.artist import Artist, at_once
-from wrenchbed.report.evidence import Evidence
-from wrenchbed.whole import whole
+from wrenchbed.files import atomic_write
+from wrenchbed.pages import numbers, rendered
+from wrenchbed.report import figures, sentences, tables
+from wrenchbed.report.figures import Artist, at_once
+from wrenchbed.report.simulators import Evidence
 
 _BADGES = {"none": "✓", "identified": "●", "ambiguous": "◐", "unknown": "?"}
 """Shapes beside the colour of a verdict."""
 
 
 @dataclass(frozen=True)
-class Page:
+class DiagnosisPage:
     """A report, ready to be written.
 
     Attributes:
@@ -42,11 +42,13 @@ class Page:
     def write(self, path: str | Path) -> None:
         """Write the page, whole or not at all."""
         text = self.html()
-        with whole(Path(path)) as half:
+        with atomic_write(Path(path)) as half:
             half.write_text(text, encoding="utf-8")
 
 
-def diagnosis_page(found: Findings, command: str = "", artist: Artist | None = None) -> Page:
+def diagnosis_page(
+    found: Findings, command: str = "", artist: Artist | None = None
+) -> DiagnosisPage:
     """The page of a diagnosis.
 
     Args:
@@ -59,8 +61,8 @@ def diagnosis_page(found: Findings, command: str = "", artist: Artist | None = N
     """
     registry.require("matplotlib", "report")
     d, prepared = found.diagnosis, found.analysis.prepared
-    seen = words.observations(int(prepared.sealed.sum()), prepared.moving)
-    evidence, rows = Evidence(found), words.row_effects(found)
+    seen = sentences.observations(int(prepared.sealed.sum()), prepared.moving)
+    evidence, rows = Evidence(found), sentences.row_effects(found)
     before, after = evidence.channels()
     map_of_residuals = evidence.heat()
     told = {r.sentence for r in found.rows}
@@ -72,20 +74,20 @@ def diagnosis_page(found: Findings, command: str = "", artist: Artist | None = N
         (c, draw(figures.comparison, c, f"effect-{k}"))
         for k, c in enumerate(evidence.comparisons())
     ]
-    return Page(
+    return DiagnosisPage(
         {
             "d": d,
             "verdict": d.verdict,
             "name": PurePath(d.recording).name,
             "badge": _BADGES[d.verdict],
-            "headline": words.headline(found),
-            "place": words.place(found),
-            "where": words.places(found),
+            "headline": sentences.headline(found),
+            "place": sentences.place(found),
+            "where": sentences.places(found),
             "subsystems": tables.subsystems(found),
-            "causes": [words.cause(w, w["effect"] in rows) for w in d.which],
-            "no_cause": words.without_cause(d),
-            "how_far": words.distance(found, seen),
-            "black_box": words.black_box(d.gap.black_box) if d.gap.calibrated >= 1.0 else "",
+            "causes": [sentences.cause(w, w["effect"] in rows) for w in d.which],
+            "no_cause": sentences.without_cause(d),
+            "how_far": sentences.distance(found, seen),
+            "black_box": sentences.black_box(d.gap.black_box) if d.gap.calibrated >= 1.0 else "",
             "seen": seen,
             "moving": prepared.moving,
             "between_rows": bool(rows) and all(w["effect"] in rows for w in d.which),
@@ -96,7 +98,7 @@ def diagnosis_page(found: Findings, command: str = "", artist: Artist | None = N
             "channels": channels.result(),
             "places": tables.places(found),
             "shared": tables.shared(found),
-            "unseen": tables.unseen(found),
+            "unseen": tables.invisible(found),
             "heat": heat.result(),
             "heat_over": map_of_residuals.over,
             "candidates": tables.candidates(d.probabilities),
@@ -134,7 +136,7 @@ def _data(found: Findings) -> list[tuple[str, str]]:
         ("stated tool", ", ".join(tool) or "not stated"),
         (
             "data",
-            f"{words.observations(len(p.y), p.moving)}, {len(p.recording):,} rows{rate}, "
+            f"{sentences.observations(len(p.y), p.moving)}, {len(p.recording):,} rows{rate}, "
             f"source: {stated.source or 'not stated'}",
         ),
         ("noise of a row", p.noise_told),

@@ -7,9 +7,10 @@ import numpy as np
 from scipy.special import softmax
 
 from wrenchbed.diagnosis.diagnose import Findings
-from wrenchbed.diagnosis.dictionary import STATED
-from wrenchbed.diagnosis.search import NONE, UNKNOWN
-from wrenchbed.report import numbers, words
+from wrenchbed.diagnosis.evidence.dictionary import STATED
+from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
+from wrenchbed.pages import numbers
+from wrenchbed.report import sentences
 
 SUBSYSTEMS = (
     "base", "joint", "link", "mount", "sensor", "tool", "cable", "environment", "timing",
@@ -22,9 +23,9 @@ _MEANING = {NONE: "none: normal imperfections", UNKNOWN: "unknown: something els
 
 def subsystems(found: Findings) -> list[dict[str, Any]]:
     """The map of where: what each part of the robot has to do with the gap."""
-    d, rows = found.diagnosis, words.row_effects(found)
+    d, rows = found.diagnosis, sentences.row_effects(found)
     claimed = {str(w["effect"]).split(".")[0] for w in d.which}
-    rivals = {n.split(".")[0] for n in words.names(d.which)} - claimed
+    rivals = {n.split(".")[0] for n in sentences.names(d.which)} - claimed
     scatter = {n.split(".")[0] for n in rows} & claimed
     share: dict[str, float] = {}
     for w in d.where:
@@ -50,7 +51,7 @@ LEAST_SHARE = 0.005
 """Share of the residual below which a place that is seen has no row of its own."""
 
 
-def unseen(found: Findings) -> str:
+def invisible(found: Findings) -> str:
     """Names of the places where nothing is seen."""
     return ", ".join(f.variable for f in found.places if not f.seen)
 
@@ -122,10 +123,10 @@ def causes(found: Findings) -> list[dict[str, Any]]:
     result = []
     for entry in found.diagnosis.which:
         name = str(entry["effect"])
-        choices, sizes = words.parts(entry)
+        choices, sizes = sentences.parts(entry)
         own = [
             {
-                "name": words.parameter(n),
+                "name": sentences.parameter(n),
                 "value": numbers.quantity(n, v, signed=name in STATED),
                 "degrees": numbers.degrees(v),
                 "interval": numbers.interval(n, v),

@@ -6,9 +6,9 @@ Its "joints" are the sensor's orientation in the base, a quaternion w, x, y, z (
 import numpy as np
 
 from wrenchbed.errors import KinematicsError
-from wrenchbed.frames import exp, matrix
-from wrenchbed.jets import Jet, Value
-from wrenchbed.parameters import ParameterSet
+from wrenchbed.physics.parameters import ParameterSet
+from wrenchbed.physics.rotations import exp, matrix
+from wrenchbed.physics.taylor import Jet, Value
 from wrenchbed.robots.base import (
     TILT,
     LoadInSensorAxes,

@@ -24,26 +24,26 @@ SI-32-2.5.
 
 import numpy as np
 
-from wrenchbed.noise import NoiseModel
-from wrenchbed.sensors.base import Calibration, Sensor, axes
+from wrenchbed.physics.noise import NoiseModel
+from wrenchbed.sensors.base import Sensor, SensorCalibration, axes
 
 _SHEET = "ATI F/T data sheet, Gamma, 16-bit DAQ; "
 
-SI_32_2_5 = Calibration(
+SI_32_2_5 = SensorCalibration(
     "SI-32-2.5",
     range=axes(32.0, 100.0, 2.5),
     resolution=axes(1 / 160, 1 / 80, 1 / 2000),
     source=_SHEET + "1/160 N and 32 N as quoted by the force/torque sensor selection guide of "
     "roboticscenter.ai; the rest from memory, unverified",
 )
-SI_65_5 = Calibration(
+SI_65_5 = SensorCalibration(
     "SI-65-5",
     range=axes(65.0, 200.0, 5.0),
     resolution=axes(1 / 80, 1 / 40, 10 / 13333),
     source=_SHEET + "from memory, unverified; public drivers for the older CTL electronics count "
     "20 per N and 333.33 per N·m, the usual four times coarser",
 )
-SI_130_10 = Calibration(
+SI_130_10 = SensorCalibration(
     "SI-130-10",
     range=axes(130.0, 400.0, 10.0),
     resolution=axes(1 / 40, 1 / 20, 1 / 800),

@@ -20,26 +20,26 @@ converter of ±10 V seen through the matrix (0.005, 0.011 N, 0.13 mN·m).
 
 import numpy as np
 
-from wrenchbed.noise import NoiseModel
-from wrenchbed.sensors.base import Calibration, Sensor, axes, gauge_noise
+from wrenchbed.physics.noise import NoiseModel
+from wrenchbed.sensors.base import Sensor, SensorCalibration, axes, gauge_noise
 
 _SHEET = "ATI F/T data sheet, Mini40, 16-bit DAQ; "
 
-SI_20_1 = Calibration(
+SI_20_1 = SensorCalibration(
     "SI-20-1",
     range=axes(20.0, 60.0, 1.0),
     resolution=axes(1 / 200, 1 / 100, 1 / 8000),
     source=_SHEET + "verified against the table in the public data set "
     "sahandrez/aml_robot_cutting_dataset (README), a second hand",
 )
-SI_40_2 = Calibration(
+SI_40_2 = SensorCalibration(
     "SI-40-2",
     range=axes(40.0, 120.0, 2.0),
     resolution=axes(1 / 100, 1 / 50, 1 / 4000),
     source=_SHEET + "resolution verified against the table in Jimenez Lab's noise diagnostics, a "
     "second hand; ranges from memory, unverified",
 )
-SI_80_4 = Calibration(
+SI_80_4 = SensorCalibration(
     "SI-80-4",
     range=axes(80.0, 240.0, 4.0),
     resolution=axes(1 / 50, 1 / 25, 1 / 2000),

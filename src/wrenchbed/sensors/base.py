@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wrenchbed.errors import NotFoundError, ParameterError
-from wrenchbed.noise import SATURATED_BITS, Array, NoiseModel, channels
+from wrenchbed.physics.noise import SATURATED_BITS, Array, NoiseModel, channels
 
 STATUS_OK = 0
 """Status word (uint32) of a row whose six channels are all within their range."""
@@ -17,7 +17,7 @@ Other bits are a device's own and mean nothing here."""
 
 
 @dataclass(frozen=True, eq=False)
-class Calibration:
+class SensorCalibration:
     """One of the measuring ranges that a sensor is sold with.
 
     Attributes:
@@ -60,7 +60,7 @@ class Sensor:
 
     name: str
     title: str
-    calibrations: tuple[Calibration, ...]
+    calibrations: tuple[SensorCalibration, ...]
     default: str
     mass: float
     mass_source: str
@@ -74,7 +74,7 @@ class Sensor:
         if self.accuracy is not None:
             object.__setattr__(self, "accuracy", channels(self.accuracy, f"{self.name}.accuracy"))
 
-    def calibration(self, name: str | None = None) -> Calibration:
+    def calibration(self, name: str | None = None) -> SensorCalibration:
         """A calibration by its name, the default one if None.
 
         Raises:

@@ -7,18 +7,16 @@ from typing import Any
 import numpy as np
 
 from wrenchbed import registry
-from wrenchbed.accuracy import tip_jacobian
+from wrenchbed.calibration.accuracy import tip_jacobian
+from wrenchbed.calibration.fit import Fit
 from wrenchbed.errors import ParameterError
-from wrenchbed.fit import Fit
-from wrenchbed.model import Model
 from wrenchbed.robots.base import SimulatedRobot
-from wrenchbed.simulation import Simulation
+from wrenchbed.robots.model import Model
+from wrenchbed.simulation.simulation import Simulation
 from wrenchbed.viewer import layout
-from wrenchbed.viewer.colours import heat
-from wrenchbed.viewer.motion import motion
-from wrenchbed.viewer.robot import log_pose, log_shapes, log_world
-from wrenchbed.viewer.stream import to_file
-from wrenchbed.viewer.words import log_words
+from wrenchbed.viewer.elements import heat
+from wrenchbed.viewer.robot import log_pose, log_shapes, log_world, motion
+from wrenchbed.viewer.stream import log_words, to_file
 
 STAGE = "calibration"
 """Timeline of two steps: before and after."""

@@ -11,16 +11,20 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from wrenchbed import registry
-from wrenchbed.model import Model
 from wrenchbed.robots.base import SimulatedRobot
-from wrenchbed.simulation import Simulation
+from wrenchbed.robots.model import Model
+from wrenchbed.simulation.simulation import Simulation
 from wrenchbed.viewer import layout
-from wrenchbed.viewer.arrows import Scale, log_arrows
-from wrenchbed.viewer.colours import MEASURED, SIMULATED
-from wrenchbed.viewer.curves import style_wrenches, wrench_columns
+from wrenchbed.viewer.elements import (
+    MEASURED,
+    SIMULATED,
+    Scale,
+    log_arrows,
+    style_wrenches,
+    wrench_columns,
+)
 from wrenchbed.viewer.live import ROW, width
-from wrenchbed.viewer.motion import FRAMES_HZ, frames, motion
-from wrenchbed.viewer.robot import log_motion, log_shapes, log_world
+from wrenchbed.viewer.robot import FRAMES_HZ, frames, log_motion, log_shapes, log_world, motion
 from wrenchbed.viewer.stream import APP, Canvas
 
 _BATCH_S = 0.05

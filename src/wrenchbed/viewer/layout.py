@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 
 from wrenchbed import registry
-from wrenchbed.viewer.heatmap import BOUNDS
+from wrenchbed.physics.wrench import CHANNELS, UNITS
+from wrenchbed.viewer.elements import BOUNDS
 from wrenchbed.viewer.stream import TIME
-from wrenchbed.wrench import CHANNELS, UNITS
 
 _SKY = (242, 244, 247)
 """Behind the robot; curves keep the viewer's own ground."""

@@ -6,22 +6,25 @@ from pathlib import Path
 import numpy as np
 
 from wrenchbed import registry
-from wrenchbed.drivers.base import Limits, duration, minimum_jerk
+from wrenchbed.campaigns.itinerary import Leg, itinerary
+from wrenchbed.data.plan import Plan
 from wrenchbed.errors import ParameterError, PlanError
-from wrenchbed.itinerary import Leg, itinerary
-from wrenchbed.model import Model
-from wrenchbed.plan import Plan
+from wrenchbed.hardware.drivers.base import Limits, duration, minimum_jerk
+from wrenchbed.physics.wrench import CHANNELS, UNITS
 from wrenchbed.robots.base import SimulatedRobot
-from wrenchbed.simulation import Simulation
+from wrenchbed.robots.model import Model
+from wrenchbed.simulation.simulation import Simulation
 from wrenchbed.viewer import layout
-from wrenchbed.viewer.arrows import log_arrows, scale_for
-from wrenchbed.viewer.colours import NEXT, SIMULATED
-from wrenchbed.viewer.curves import log_joints, log_simulated
-from wrenchbed.viewer.motion import FRAMES_HZ, frames, motion
-from wrenchbed.viewer.robot import log_robot
-from wrenchbed.viewer.stream import ROW, TIME, Canvas, to_file
-from wrenchbed.viewer.words import log_words
-from wrenchbed.wrench import CHANNELS, UNITS
+from wrenchbed.viewer.elements import (
+    NEXT,
+    SIMULATED,
+    log_arrows,
+    log_joints,
+    log_simulated,
+    scale_for,
+)
+from wrenchbed.viewer.robot import FRAMES_HZ, frames, log_robot, motion
+from wrenchbed.viewer.stream import ROW, TIME, Canvas, log_words, to_file
 
 STAY_S = 1.0
 """Shown at a pose whose plan leaves the time to the recorder."""

@@ -5,19 +5,25 @@ from pathlib import Path
 
 import numpy as np
 
-from wrenchbed.recording import Recording
+from wrenchbed.data.recording import Recording
+from wrenchbed.physics.wrench import UNITS
 from wrenchbed.robots.base import SimulatedRobot
-from wrenchbed.simulation import Simulation
-from wrenchbed.simulators import Simulator, modelled, noise_of, order_of, robot_of, simulators
-from wrenchbed.viewer import heatmap, layout
-from wrenchbed.viewer.arrows import log_arrows, scale_for
-from wrenchbed.viewer.colours import MEASURED, SIMULATED, ghost
-from wrenchbed.viewer.curves import log_curves, log_joints, log_residuals, log_wrenches
-from wrenchbed.viewer.motion import Motion, frames, motion
-from wrenchbed.viewer.robot import log_motion, log_robot, log_shapes
-from wrenchbed.viewer.stream import ROW, TIME, Canvas, to_file
-from wrenchbed.viewer.words import log_words, readable
-from wrenchbed.wrench import UNITS
+from wrenchbed.simulation.simulation import Simulation
+from wrenchbed.twin.comparison import Simulator, modelled, noise_of, order_of, robot_of, simulators
+from wrenchbed.viewer import elements, layout
+from wrenchbed.viewer.elements import (
+    MEASURED,
+    SIMULATED,
+    ghost,
+    log_arrows,
+    log_curves,
+    log_joints,
+    log_residuals,
+    log_wrenches,
+    scale_for,
+)
+from wrenchbed.viewer.robot import BodyMotion, frames, log_motion, log_robot, log_shapes, motion
+from wrenchbed.viewer.stream import ROW, TIME, Canvas, log_words, readable, to_file
 
 GROWN_M = 0.003
 """By which the simulated robot is larger, so that one sees it around the real one."""
@@ -99,7 +105,7 @@ def _over(recording: Recording) -> tuple[np.ndarray, str]:
 
 
 def log_ghost(
-    canvas: Canvas, robot: SimulatedRobot, theta: np.ndarray, at: np.ndarray, seen: Motion
+    canvas: Canvas, robot: SimulatedRobot, theta: np.ndarray, at: np.ndarray, seen: BodyMotion
 ) -> None:
     """Log a simulated robot's bodies around the real ones, in orange that one sees through."""
     model = Simulation(robot, theta).model
@@ -110,8 +116,8 @@ def log_ghost(
 def _log_map(canvas: Canvas, recording: Recording, residual: np.ndarray) -> None:
     white = residual / noise_of(recording)
     order, unit = order_of(recording)
-    canvas.once("residual/map/labels", heatmap.labels(heatmap.ticks(order, unit)))
-    canvas.once("residual/map/cells", heatmap.cells(heatmap.binned(white, order)))
+    canvas.once("residual/map/labels", elements.labels(elements.ticks(order, unit)))
+    canvas.once("residual/map/cells", elements.cells(elements.binned(white, order)))
 
 
 def _log_words(

@@ -1,16 +1,216 @@
-"""A robot in the scene: its shapes once, then where its bodies are."""
+"""MuJoCo's geoms as rerun's shapes, body by body.
+
+Where a robot's bodies are at given joint values.
+
+A robot in the scene: its shapes once, then where its bodies are.
+"""
 
 from collections.abc import Collection, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
 
 import mujoco
 import numpy as np
 
 from wrenchbed import registry
+from wrenchbed.errors import NotFoundError
 from wrenchbed.robots.base import SimulatedRobot
-from wrenchbed.simulation import Simulation
-from wrenchbed.viewer.motion import Motion
-from wrenchbed.viewer.shapes import bodies, shapes
+from wrenchbed.simulation.simulation import Simulation
 from wrenchbed.viewer.stream import Canvas
+
+_HIDDEN_GROUP = 3
+"""First group that MuJoCo's own viewer does not show."""
+_PLAIN = np.array([0.5, 0.5, 0.5, 1.0], dtype=np.float32)
+"""Colour of a geom that states none."""
+_FLOOR = np.array([0.86, 0.87, 0.89, 1.0], dtype=np.float32)
+"""Colour of a plane, whose texture is not drawn."""
+_FLAT = 5e-4
+"""Half thickness of a plane [m]."""
+_WIDE = 2.0
+"""Half width of a plane without end [m]."""
+GEOM = mujoco.mjtGeom
+_KINDS = {
+    GEOM.mjGEOM_PLANE: "boxes", GEOM.mjGEOM_BOX: "boxes", GEOM.mjGEOM_SPHERE: "ellipsoids",
+    GEOM.mjGEOM_ELLIPSOID: "ellipsoids", GEOM.mjGEOM_CAPSULE: "capsules",
+    GEOM.mjGEOM_CYLINDER: "cylinders",
+}  # fmt: skip
+
+
+def bodies(model: mujoco.MjModel) -> dict[str, int]:
+    """Bodies that have something to show, by name."""
+    shown = (b for b in range(model.nbody) if len(geoms_of(model, b)))
+    return {model.body(b).name or f"body {b}": b for b in shown}
+
+
+def geoms_of(model: mujoco.MjModel, body: int) -> np.ndarray:
+    """Numbers of a body's visible geoms."""
+    seen = (model.geom_group < _HIDDEN_GROUP) & (_colours(model)[:, 3] > 0)
+    return np.flatnonzero((model.geom_bodyid == body) & seen)
+
+
+def shapes(
+    model: mujoco.MjModel,
+    body: int,
+    paint: Mapping[int, tuple[int, ...]] | tuple[int, ...] | None = None,
+    grown: float = 0.0,
+) -> dict[str, Any]:
+    """A body's geoms in its own frame as rerun archetypes, by kind.
+
+    Args:
+        paint: RGB(A) of 0 … 255 instead of the model's, for all geoms or by number.
+        grown: by which everything is larger [m], so that a ghost is seen around what it covers.
+
+    Raises:
+        NotFoundError: a geom is none of plane, box, sphere, ellipsoid, capsule, cylinder.
+    """
+    rr = registry.require("rerun", "view")
+    chosen: dict[str, list[int]] = {}
+    for g in geoms_of(model, body):
+        kind = _KINDS.get(GEOM(model.geom_type[g]))
+        if kind is None:
+            name = model.geom(g).name or g
+            raise NotFoundError(f"geom {name} is a {GEOM(model.geom_type[g]).name}: not drawn")
+        chosen.setdefault(kind, []).append(int(g))
+    found = {}
+    for kind, numbers in chosen.items():
+        g = np.array(numbers)
+        turn = xyzw(model.geom_quat[g])
+        size, at = _half_sizes(model, g) + grown, model.geom_pos[g]
+        look = {
+            "colors": _painted(model, g, paint),
+            "quaternions": turn,
+            "fill_mode": rr.components.FillMode.Solid,
+        }
+        if kind == "boxes":
+            found[kind] = rr.Boxes3D(half_sizes=size, centers=at, **look)
+        elif kind == "ellipsoids":
+            found[kind] = rr.Ellipsoids3D(half_sizes=size, centers=at, **look)
+        elif kind == "cylinders":
+            found[kind] = rr.Cylinders3D(
+                lengths=2 * size[:, 2], radii=size[:, 0], centers=at, **look
+            )
+        else:
+            half = model.geom_size[g][:, 1]  # a capsule's begins where its axis does
+            start = at - half[:, None] * _axis(model.geom_quat[g])
+            found[kind] = rr.Capsules3D(
+                lengths=2 * half, radii=size[:, 0], translations=start, **look
+            )
+    return found
+
+
+def xyzw(quaternion: np.ndarray) -> np.ndarray:
+    """MuJoCo's w x y z (…, 4) as x y z w."""
+    return np.asarray(np.roll(quaternion, -1, axis=-1))
+
+
+def _half_sizes(model: mujoco.MjModel, g: np.ndarray) -> np.ndarray:
+    """Half extents (n, 3) [m] along a geom's own axes; radius, radius, half length."""
+    size, kind = np.array(model.geom_size[g]), model.geom_type[g]
+    round_ = np.isin(kind, (GEOM.mjGEOM_CAPSULE, GEOM.mjGEOM_CYLINDER))
+    size[round_] = size[round_][:, [0, 0, 1]]
+    size[kind == GEOM.mjGEOM_SPHERE] = size[kind == GEOM.mjGEOM_SPHERE][:, :1]
+    flat = kind == GEOM.mjGEOM_PLANE
+    size[flat, :2] = np.where(size[flat, :2] > 0, size[flat, :2], _WIDE)
+    size[flat, 2] = _FLAT
+    return size
+
+
+def _axis(quaternion: np.ndarray) -> np.ndarray:
+    """Each geom's z axis (n, 3) in its body."""
+    w, x, y, z = quaternion.T
+    return np.stack([2 * (x * z + w * y), 2 * (y * z - w * x), w * w - x * x - y * y + z * z], 1)
+
+
+def _painted(
+    model: mujoco.MjModel,
+    g: np.ndarray,
+    paint: Mapping[int, tuple[int, ...]] | tuple[int, ...] | None,
+) -> np.ndarray:
+    own = np.rint(255 * _colours(model)[g]).astype(np.uint8)
+    if isinstance(paint, tuple):
+        own[:, : len(paint)] = paint
+    elif paint is not None:
+        for k, number in enumerate(g):
+            if int(number) in paint:
+                colour = paint[int(number)]
+                own[k, : len(colour)] = colour
+    return own
+
+
+def _colours(model: mujoco.MjModel) -> np.ndarray:
+    """RGBA (G, 4) of 0 … 1: a geom's own, else its material's."""
+    own, material = np.array(model.geom_rgba), model.geom_matid
+    plain = (own == _PLAIN).all(axis=1) & (material >= 0)
+    own[plain] = model.mat_rgba[material[plain]]
+    own[plain & (model.geom_type == GEOM.mjGEOM_PLANE)] = _FLOOR
+    return own
+
+
+FRAMES_HZ = 30.0
+"""Most pictures of the robot a second; curves keep every row."""
+
+
+@dataclass(frozen=True, eq=False)
+class BodyMotion:
+    """A robot at K moments.
+
+    Attributes:
+        names: bodies that can be seen (B).
+        position: of their frames in the world (K, B, 3) [m].
+        quaternion: likewise, x y z w (K, B, 4).
+        sensor: position of the sensor's frame (K, 3) [m].
+        rotation: R_world_sensor (K, 3, 3).
+        gap: largest distance of the two sides of a loop (K,) [m]; 0 without loops.
+    """
+
+    names: tuple[str, ...]
+    position: np.ndarray
+    quaternion: np.ndarray
+    sensor: np.ndarray
+    rotation: np.ndarray
+    gap: np.ndarray
+
+    def of(self, some: np.ndarray) -> "BodyMotion":
+        """Only some bodies (B,)."""
+        names = tuple(n for n, kept in zip(self.names, some, strict=True) if kept)
+        return replace(
+            self, names=names, position=self.position[:, some], quaternion=self.quaternion[:, some]
+        )
+
+
+def motion(simulation: Simulation, q: np.ndarray) -> BodyMotion:
+    """Bodies at joint values (K, J), by MuJoCo's kinematics."""
+    model, data = simulation.model, mujoco.MjData(simulation.model)
+    known = bodies(model)
+    numbers = list(known.values())
+    qpos = np.asarray(simulation.robot.qpos(q, simulation.theta))
+    count = len(qpos)
+    position, quaternion = np.empty((count, len(numbers), 3)), np.empty((count, len(numbers), 4))
+    sensor, rotation, gap = np.empty((count, 3)), np.empty((count, 3, 3)), np.empty(count)
+    site = model.site("ft").id
+    for k, row in enumerate(qpos):
+        data.qpos[:] = row
+        mujoco.mj_kinematics(model, data)
+        position[k], quaternion[k] = data.xpos[numbers], data.xquat[numbers]
+        sensor[k], rotation[k] = data.site_xpos[site], data.site_xmat[site].reshape(3, 3)
+        gap[k] = simulation.closure(data)
+    return BodyMotion(tuple(known), position, xyzw(quaternion), sensor, rotation, gap)
+
+
+def frames(q: np.ndarray, t: np.ndarray | None = None) -> np.ndarray:
+    """Rows (K,) of joint values (N, J) to show: each that differs from the last shown, and the end.
+
+    Args:
+        t: times (N,) [s] of a motion, of which at most `FRAMES_HZ` rows a second are shown.
+    """
+    if t is None:
+        first = np.arange(len(q))
+    else:
+        tick = np.floor((t - t[0]) * FRAMES_HZ).astype(np.int64)
+        first = np.append(np.unique(tick, return_index=True)[1], len(t) - 1)
+    differs = np.r_[True, (q[first[1:]] != q[first[:-1]]).any(axis=1)]
+    differs[-1] = True
+    return np.asarray(np.unique(first[differs]))
 
 
 def log_world(canvas: Canvas) -> None:
@@ -19,7 +219,7 @@ def log_world(canvas: Canvas) -> None:
     canvas.once("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP)
 
 
-def log_robot(canvas: Canvas, robot: SimulatedRobot, at: np.ndarray, real: Motion) -> None:
+def log_robot(canvas: Canvas, robot: SimulatedRobot, at: np.ndarray, real: BodyMotion) -> None:
     """Log the robot in its own colours over the canvas's axis at (K,)."""
     log_world(canvas)
     simulation = Simulation(robot, robot.parameters.nominal)
@@ -46,7 +246,7 @@ def log_shapes(
                 canvas.once(f"{root}/{name}/{kind}", shape)
 
 
-def log_motion(canvas: Canvas, root: str, at: np.ndarray, motion: Motion) -> None:
+def log_motion(canvas: Canvas, root: str, at: np.ndarray, motion: BodyMotion) -> None:
     """Log where each body is, over the canvas's axis at (K,)."""
     rr = registry.require("rerun", "view")
     for k, name in enumerate(motion.names):
@@ -56,7 +256,7 @@ def log_motion(canvas: Canvas, root: str, at: np.ndarray, motion: Motion) -> Non
         canvas.columns(f"{root}/{name}", at, where)
 
 
-def log_pose(canvas: Canvas, root: str, motion: Motion, at: int = 0) -> None:
+def log_pose(canvas: Canvas, root: str, motion: BodyMotion, at: int = 0) -> None:
     """Log one moment of a motion for all times."""
     rr = registry.require("rerun", "view")
     for k, name in enumerate(motion.names):

@@ -1,21 +1,120 @@
-"""Rerun's viewer, bound to this machine alone and without its telemetry."""
+"""Rerun's viewer, bound to this machine alone and without its telemetry.
+
+Rerun's page for browsers, served so that it speaks to this machine alone.
+
+The page that rerun serves asks Google for fonts and reports its use; here it comes with a policy
+that forbids a browser to ask anybody but this machine.
+"""
 
 import contextlib
 import os
+import re
+import shutil
 import signal
 import socket
 import subprocess
 import tempfile
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
+from urllib.error import HTTPError, URLError
 from urllib.parse import quote
+from urllib.request import Request, urlopen
 
 from wrenchbed import registry
 from wrenchbed.errors import DriverError, ParameterError
-from wrenchbed.viewer import page
-from wrenchbed.viewer.page import HOST
+
+HOST = "127.0.0.1"
+FILE = "/shown.rrd"
+POLICY = (
+    "default-src 'self' data: blob:; script-src 'self' 'unsafe-inline' 'wasm-unsafe-eval' blob:; "
+    f"style-src 'self' 'unsafe-inline'; connect-src 'self' http://{HOST}:*"
+)
+"""W3C Content Security Policy: what the page may load and ask."""
+_ELSEWHERE = re.compile(rb"<link\b[^>]*\bhttps?://[^>]*>")
+_KEPT = ("Content-Type", "rerun-final-length")
+_ASKS_S = 20.0
+
+
+class _Server(ThreadingHTTPServer):
+    daemon_threads = True
+    behind: int
+    """Port at which rerun serves the page."""
+    file: Path | None
+    """Picture that the page shows."""
+
+
+class _Handler(BaseHTTPRequestHandler):
+    server: _Server
+
+    def do_GET(self) -> None:
+        if self.path == FILE and self.server.file is not None:
+            with contextlib.suppress(ConnectionError), self.server.file.open("rb") as shown:
+                self.send_response(200)
+                self.send_header("Content-Type", "application/octet-stream")
+                self.send_header("Content-Length", str(os.fstat(shown.fileno()).st_size))
+                self.end_headers()
+                shutil.copyfileobj(shown, self.wfile)
+            return
+        asked = Request(f"http://{HOST}:{self.server.behind}{self.path}")
+        try:
+            with urlopen(asked, timeout=_ASKS_S) as answer:
+                self.send_response(answer.status)
+                for name in _KEPT:
+                    if answer.headers[name]:
+                        self.send_header(name, answer.headers[name])
+                self.send_header("Content-Security-Policy", POLICY)
+                self.send_header("Referrer-Policy", "no-referrer")
+                self.end_headers()
+                if answer.headers.get_content_type() == "text/html":
+                    self.wfile.write(_ELSEWHERE.sub(b"", answer.read()))
+                else:
+                    shutil.copyfileobj(answer, self.wfile)
+        except HTTPError as error:
+            self.send_error(error.code)
+        except URLError as error:
+            self.send_error(502, str(error.reason))
+        except ConnectionError:
+            self.close_connection = True  # the browser has left
+
+    def log_message(self, format: str, *args: object) -> None:
+        """A page's files are no news."""
+
+
+def free_port() -> int:
+    """A port of this machine that nobody listens at."""
+    with socket.socket() as probe:
+        probe.bind((HOST, 0))
+        return int(probe.getsockname()[1])
+
+
+@contextmanager
+def served(port: int, behind: int, file: Path | None = None) -> Iterator[None]:
+    """While the block runs the page that rerun serves at a port is served at another.
+
+    Args:
+        port: to serve at.
+        behind: at which rerun serves.
+        file: to serve as `FILE`.
+
+    Raises:
+        DriverError: the port is taken.
+    """
+    try:
+        server = _Server((HOST, port), _Handler)
+    except OSError as error:
+        raise DriverError(f"the page's port {port} is taken: --web-port names another") from error
+    server.behind, server.file = behind, file
+    with server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        try:
+            yield
+        finally:
+            server.shutdown()
+
 
 PORT, WEB_PORT = 9876, 9090
 PROXY = f"rerun+http://{HOST}:{PORT}/proxy"
@@ -59,11 +158,11 @@ def viewer(
     if not web:
         _check_screen()
     _check_free(port)
-    behind, shown = page.free_port() if web else None, None if file is None else Path(file)
+    behind, shown = free_port() if web else None, None if file is None else Path(file)
     told = command(None if web else file, port=port, web_port=behind)
     with contextlib.ExitStack() as stack:
         if behind is not None:
-            stack.enter_context(page.served(web_port, behind, shown))
+            stack.enter_context(served(web_port, behind, shown))
         process = subprocess.Popen(told, env=stack.enter_context(quiet()))
         try:
             for listens in (port,) if behind is None else (port, behind):
@@ -104,7 +203,7 @@ def _wait_for(process: "subprocess.Popen[bytes]", port: int) -> None:
 def address(web_port: int = WEB_PORT, port: int | None = None) -> str:
     """What to open in a browser: the file of its server, or, with a port, rows to come."""
     base = f"http://{HOST}:{web_port}"
-    what = f"{base}{page.FILE}" if port is None else f"rerun+http://{HOST}:{port}/proxy"
+    what = f"{base}{FILE}" if port is None else f"rerun+http://{HOST}:{port}/proxy"
     return f"{base}/?url={quote(what, safe='')}"
 
 

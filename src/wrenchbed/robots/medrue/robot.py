@@ -5,8 +5,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wrenchbed.frames import apply, euler, euler_rates
-from wrenchbed.jets import Value, stack
+from wrenchbed.physics.rotations import apply, euler, euler_rates
+from wrenchbed.physics.taylor import Value, stack
+from wrenchbed.physics.wrench import Tool
 from wrenchbed.robots.base import (
     LOAD,
     GoalSets,
@@ -15,10 +16,10 @@ from wrenchbed.robots.base import (
     inertia_matrix,
     sample_until,
 )
-from wrenchbed.robots.medrue import inverse, kinematics, links, workspace
-from wrenchbed.robots.medrue.parameters import IDENTIFIED, PAPER, PARAMETERS
-from wrenchbed.robots.medrue.slopes import gravity_slopes
-from wrenchbed.wrench import Tool
+from wrenchbed.robots.medrue import bodies, kinematics, workspace
+from wrenchbed.robots.medrue import workspace as inverse
+from wrenchbed.robots.medrue.jacobian import gravity_slopes
+from wrenchbed.robots.medrue.kinematics import IDENTIFIED, PAPER, PARAMETERS
 
 if TYPE_CHECKING:
     import mujoco
@@ -58,7 +59,7 @@ class MedRUE(SimulatedRobot):
         return kinematics.tool_pose(self.values(theta), q)
 
     def gravity_seen(self, q: np.ndarray, theta: np.ndarray, gravity: np.ndarray) -> np.ndarray:
-        return kinematics.gravity_seen(self.values(theta), q, gravity)
+        return kinematics.gravity_in_sensor(self.values(theta), q, gravity)
 
     def gravity_slopes(
         self, q: np.ndarray, theta: np.ndarray, gravity: np.ndarray, names: Sequence[str]
@@ -73,10 +74,10 @@ class MedRUE(SimulatedRobot):
         return Tool(p["mTool"], cog, inertia_matrix(p), p["sensor.mass"])
 
     def links(self, q: np.ndarray, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        return links.links(self.values(theta), q)
+        return bodies.links(self.values(theta), q)
 
     def base_origin(self, theta: np.ndarray) -> np.ndarray:
-        return links.base_origin(self.values(theta))
+        return bodies.base_origin(self.values(theta))
 
     def theta_of_tool(self, theta: np.ndarray, mass: float, cog: Sequence[float]) -> np.ndarray:
         p = self.values(theta)
@@ -118,10 +119,10 @@ class MedRUE(SimulatedRobot):
         return kinematics.qpos(self.values(theta), q)
 
     def spec(self, theta: np.ndarray) -> "mujoco.MjSpec":
-        from wrenchbed.robots.medrue import spec
+        from wrenchbed.robots.medrue import bodies
 
         ref = self.qpos(self.home[None], theta)[0]
-        return spec.write(self.mjcf, self.values(theta), self.tool(theta), ref)
+        return bodies.write(self.mjcf, self.values(theta), self.tool(theta), ref)
 
     def symmetries(self, theta: np.ndarray) -> dict[str, dict[str, float]]:
         p = {k: float(v) for k, v in self.values(theta).items()}

@@ -9,7 +9,7 @@ from itertools import product
 
 import numpy as np
 
-from wrenchbed.frames import rot_x, rot_z
+from wrenchbed.physics.rotations import rot_x, rot_z
 
 _SINGULAR = 1e-9
 

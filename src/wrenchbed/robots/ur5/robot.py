@@ -3,6 +3,12 @@
 Kinematics: the manufacturer's Denavit–Hartenberg parameters (CB3 manual, table "UR5 serie 3"),
 T_i = Rz(q_i + dq_i) · Tz(d_i) · Tx(a_i) · Rx(α_i). The world stands in the controller's base frame.
 Sensor axes and origin are the flange's (DH frame 6) unless the mount parameters say otherwise.
+
+UR5's moving bodies: masses and centres of gravity as in ``models/ur5/ur5.xml``.
+
+Links: Universal Robots, "Parameters for calculations of kinematics and dynamics", there in the
+axes at a link's end, here in those at its joint (DH frame i − 1 turned by joint i). Flange: the
+housing of an ATI Gamma.
 """
 
 from collections import deque
@@ -11,9 +17,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wrenchbed.frames import apply, cross, exp, exp_rates, rot_x, rot_z, turned_back
-from wrenchbed.jets import Jet, Value, cos, sin, stack
-from wrenchbed.parameters import Parameter, ParameterSet
+from wrenchbed.physics.gravity import BodyMass, masses
+from wrenchbed.physics.parameters import Parameter, ParameterSet
+from wrenchbed.physics.rotations import apply, cross, exp, exp_rates, inverse_rotated, rot_x, rot_z
+from wrenchbed.physics.taylor import Jet, Value, cos, sin, stack
 from wrenchbed.robots.base import (
     TILT,
     Joint,
@@ -25,10 +32,25 @@ from wrenchbed.robots.base import (
     vector_parameters,
 )
 from wrenchbed.robots.ur5 import inverse
-from wrenchbed.robots.ur5.links import GEAR_RATIO, LINKS, MASSES
 
 if TYPE_CHECKING:
     import mujoco
+
+
+LINKS = (
+    BodyMass("shoulder", 3.7, (0.0, -0.00193, 0.063549)),
+    BodyMass("upper_arm", 8.393, (-0.2125, 0.0, 0.11336)),
+    BodyMass("forearm", 2.33, (-0.24225, 0.0, 0.0265)),
+    BodyMass("wrist_1", 1.219, (0.0, -0.01634, 0.10735)),
+    BodyMass("wrist_2", 1.219, (0.0, 0.01634, 0.09285)),
+    BodyMass("wrist_3", 0.1879, (0.0, 0.0, 0.081141)),
+    BodyMass("flange", 0.255, (0.0, 0.0, 0.0167)),
+)
+MASSES = masses(LINKS)
+
+GEAR_RATIO = (101.0,) * 6
+"""Of Universal Robots' strain wave gears, equal at every joint."""
+
 
 _A = (0.0, -0.425, -0.39225, 0.0, 0.0, 0.0)
 _D = (0.089159, 0.0, 0.0, 0.10915, 0.09465, 0.0823)
@@ -129,7 +151,7 @@ class UR5(LoadInSensorAxes, SimulatedRobot):
             x, y = c * x + s * y, c * y - s * x
             y, z = ca * y + sa * z, ca * z - sa * y
         seen = np.stack([x, y, z], axis=-1)
-        return turned_back(seen, _mount(theta)) if theta[..., _TURN].any() else seen
+        return inverse_rotated(seen, _mount(theta)) if theta[..., _TURN].any() else seen
 
     def links(self, q: np.ndarray, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         centres = np.empty((len(q), len(LINKS), 3))
@@ -210,7 +232,7 @@ class UR5(LoadInSensorAxes, SimulatedRobot):
     def spec(self, theta: np.ndarray) -> "mujoco.MjSpec":
         import mujoco
 
-        from wrenchbed.mjcf import place, write_load
+        from wrenchbed.robots.mjcf import place, write_load
 
         p = {name: float(v) for name, v in self.values(theta).items()}
         spec = mujoco.MjSpec.from_file(str(self.mjcf))

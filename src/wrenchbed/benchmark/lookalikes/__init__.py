@@ -1,0 +1,16 @@
+"""Look-alike cases: robots with known faults, to test and to calibrate the diagnosis of real ones.
+
+The physics here is written a second time, from the catalogue's words, and shares no code with the
+library of effects: a diagnosis that is calibrated on its own effects would only confirm itself.
+Turns are finite, hysteresis is Preisach's, loads come from finite differences of the pose, and
+constants, exponents and time constants are jittered. Every case has small imperfections of all
+families, and noise with heavy tails, memory and correlation.
+"""
+
+from wrenchbed.benchmark.lookalikes.case import LookalikeCase, draw
+from wrenchbed.benchmark.lookalikes.catalogue import effects
+from wrenchbed.benchmark.lookalikes.design import ExperimentDesign
+from wrenchbed.benchmark.lookalikes.outside import families
+from wrenchbed.benchmark.lookalikes.recordings import means, recording
+
+__all__ = ["ExperimentDesign", "LookalikeCase", "draw", "effects", "families", "means", "recording"]

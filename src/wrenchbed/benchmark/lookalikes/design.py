@@ -1,0 +1,332 @@
+"""The design of an experiment: poses or a motion, sensor and stated numbers, with cached poses.
+
+The way between poses: straight moves in the joints, for everything that has a memory.
+"""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from scipy.signal import savgol_filter
+from scipy.spatial.transform import Rotation
+
+from wrenchbed import registry
+from wrenchbed.benchmark.lookalikes.loads import (
+    RigidLoad,
+    SensorMotion,
+    Weights,
+    follow,
+    load_wrench,
+    stand,
+    weights,
+)
+from wrenchbed.data.metadata import Metadata, SensorInfo, ToolInfo
+from wrenchbed.data.plan import Plan
+from wrenchbed.data.recording import Recording
+from wrenchbed.robots.base import INERTIA_AXES, Robot
+
+STEPS = 4
+"""Points on the move to each pose; the last one is the pose itself."""
+
+
+@dataclass(frozen=True, eq=False)
+class JointPath:
+    """A sequence of T instants that passes every pose.
+
+    Attributes:
+        t: (T,) [s].
+        q: (T, J) joint values.
+        wrench: nominal (T, 6) [N, N·m].
+        felt: specific force in sensor axes (T, 3) [m/s²].
+        torque: that the joints carry (T, J) [N·m or N], empty without joints.
+        at: index into the sequence of each hold or sample (N,).
+    """
+
+    t: np.ndarray
+    q: np.ndarray
+    wrench: np.ndarray
+    felt: np.ndarray
+    torque: np.ndarray
+    at: np.ndarray
+
+
+def path_of_motion(
+    t: np.ndarray, q: np.ndarray, motion: SensorMotion, wrench: np.ndarray, torque: np.ndarray
+) -> JointPath:
+    """The samples of a motion are their own path."""
+    return JointPath(t, q, wrench, motion.felt, torque, np.arange(len(t)))
+
+
+def path_of_holds(
+    robot: Robot,
+    theta: np.ndarray,
+    t: np.ndarray,
+    q: np.ndarray,
+    gravity: np.ndarray,
+    load: RigidLoad,
+) -> JointPath:
+    """Straight joint-space moves from hold to hold (H, J), without joint torques."""
+    share = np.arange(1, STEPS + 1) / STEPS
+    before = np.concatenate([q[:1], q[:-1]])
+    aim = q
+    if not robot.joints:
+        aim = q * np.where((before * q).sum(axis=1, keepdims=True) < 0.0, -1.0, 1.0)
+    way = before[:, None] + share[None, :, None] * (aim - before)[:, None]
+    way = way.reshape(-1, q.shape[1])
+    if not robot.joints:
+        way = way / np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-9)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        motion = stand(robot, theta, way, gravity)
+    at = np.arange(STEPS - 1, len(way), STEPS)
+    broken = ~np.isfinite(motion.rotation).all(axis=(1, 2))
+    if broken.any():  # the straight move leaves the workspace: the robot waits at its start
+        last = np.maximum.accumulate(np.where(broken, -1, np.arange(len(way))))
+        way = way[np.maximum(last, at[0])]
+        motion = stand(robot, theta, way, gravity)
+    since = np.concatenate([t[:1] - 1.0, t[:-1]])
+    times = (since[:, None] + share * (t - since)[:, None]).ravel()
+    wrench = load_wrench(motion, load)
+    return JointPath(times, way, wrench, motion.felt, np.zeros((len(way), 0)), at)
+
+
+STILL = 1e-3
+"""Steps of joint values below this are one hold where no segments are given [rad or m]."""
+_MOVE_S = 3.0
+_SMOOTH = (11, 4)
+"""Rows and degree of the polynomials that take encoder noise out of a recorded motion."""
+_STRIDE = 8
+"""In motion, joint torques are computed at every eighth sample and interpolated."""
+
+
+@dataclass(frozen=True, eq=False)
+class ExperimentDesign:
+    """What was or will be done: the same for every case made from it.
+
+    Attributes:
+        robot: the robot, as its nominal model.
+        mode: ``static`` or ``dynamic``.
+        q: joint values of the holds (H, J) or of the samples (N, J) [rad or m]; orientations
+            w, x, y, z (H, 4) for a robot without joints.
+        t: mean time of each hold (H,) or of each sample (N,) [s].
+        samples: rows of each hold, 1 in motion.
+        rate: rows per second [Hz].
+        metadata: what is stated about tool, sensor and tolerances.
+        noise_std: of one row (6,) [N, N·m].
+        temperature: per hold or sample (H or N,) [°C], None if it was not recorded.
+    """
+
+    robot: Robot
+    mode: str
+    q: np.ndarray
+    t: np.ndarray
+    samples: int
+    rate: float
+    metadata: Metadata
+    noise_std: np.ndarray
+    temperature: np.ndarray | None = None
+
+    @classmethod
+    def of(cls, recording: Recording) -> "ExperimentDesign":
+        """The design of a recording: its poses, times and stated numbers, not its wrenches."""
+        meta = recording.metadata
+        name = meta.robot if recording.joints else "oriented"
+        robot = registry.load("robots", name)
+        t, q = recording.t.astype(float), recording.q.astype(float)
+        warm = recording.columns.get("temperature")
+        step = float(np.median(np.diff(t))) if len(t) > 1 else 0.01
+        rate = float(meta.rate_hz or 1.0 / step)
+        if meta.mode == "dynamic":
+            noise = _noise(meta, robot, None)
+            if len(q) > _SMOOTH[0]:
+                q = savgol_filter(q, *_SMOOTH, axis=0)
+            return cls(robot, "dynamic", q, t, 1, rate, meta, noise, warm)
+        segment = recording.columns.get("segment")
+        change = np.abs(np.diff(q, axis=0)).max(axis=1) > STILL
+        if segment is not None:
+            change |= np.diff(segment) != 0
+        starts = np.concatenate([[0], np.flatnonzero(change) + 1])
+        count = np.diff(np.append(starts, len(t)))
+
+        def mean(rows: np.ndarray) -> np.ndarray:
+            return np.add.reduceat(rows, starts) / count.reshape(-1, *[1] * (rows.ndim - 1))
+
+        middle = mean(q)
+        if not recording.joints:
+            middle = middle / np.linalg.norm(middle, axis=1, keepdims=True)
+        scatter = recording.wrench - np.repeat(mean(recording.wrench), count, axis=0)
+        dof = len(t) - len(starts)
+        seen = np.sqrt((scatter**2).sum(axis=0) / dof) if dof > 10 else None
+        average = None if warm is None else mean(warm.astype(float))
+        samples = max(1, int(np.median(count)))
+        noise = _noise(meta, robot, seen)
+        return cls(robot, "static", middle, mean(t), samples, rate, meta, noise, average)
+
+    @classmethod
+    def of_plan(
+        cls,
+        plan: Plan,
+        robot: Robot,
+        samples: int = 50,
+        rate: float = 100.0,
+        metadata: Metadata | None = None,
+        temperature: np.ndarray | None = None,
+    ) -> "ExperimentDesign":
+        """A design from a plan before it is recorded; nominal numbers where none are stated."""
+        rate = float(plan.rate_hz or rate)
+        meta = metadata if metadata is not None else _nominal(robot, plan.mode, rate)
+        noise = _noise(meta, robot, None)
+        if plan.mode == "dynamic":
+            t = np.arange(len(plan)) / rate
+            return cls(robot, "dynamic", plan.q, t, 1, rate, meta, noise, temperature)
+        dwell = np.maximum(plan.dwell, samples / rate) + _MOVE_S
+        t = np.cumsum(dwell) - 0.5 * samples / rate
+        return cls(robot, "static", plan.q, t, samples, rate, meta, noise, temperature)
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+    @property
+    def moving(self) -> bool:
+        """Whether the samples are of one motion."""
+        return self.mode == "dynamic"
+
+    @cached_property
+    def has_joints(self) -> bool:
+        """Whether the robot has a model of joints."""
+        return len(self.robot.joints) > 0
+
+    @cached_property
+    def gravity(self) -> np.ndarray:
+        """Gravity in world axes (3,) [m/s²]."""
+        return np.array(self.metadata.gravity or self.robot.gravity, dtype=float)
+
+    @cached_property
+    def theta(self) -> np.ndarray:
+        """The robot's parameters (P,) as the metadata states them."""
+        robot, tool, sensor = self.robot, self.metadata.tool, self.metadata.sensor
+        theta = robot.parameters.nominal.astype(float)
+        stated: dict[str, float] = {}
+        if tool.inertia is not None:
+            names = [f"tool.inertia.{a}" for a in INERTIA_AXES]
+            stated |= dict(zip(names, tool.inertia, strict=True))
+        if sensor.mass is not None:
+            stated["sensor.mass"] = sensor.mass
+        if sensor.pose_flange is not None and "mount.position.x" in robot.parameters.names:
+            turn = Rotation.from_quat(sensor.pose_flange[3:], scalar_first=True).as_rotvec()
+            for k, a in enumerate("xyz"):
+                stated[f"mount.position.{a}"] = sensor.pose_flange[k]
+                stated[f"mount.rotation.{a}"] = float(turn[k])
+        theta = robot.parameters.vector(stated, start=theta)
+        own = robot.tool(theta)
+        mass = float(own.mass) if tool.mass is None else tool.mass
+        cog = [float(c) for c in own.cog] if tool.cog is None else list(tool.cog)
+        return robot.theta_of_tool(theta, mass, cog)
+
+    @cached_property
+    def load(self) -> RigidLoad:
+        """The stated load on the sensor."""
+        tool = self.robot.tool(self.theta)
+        return RigidLoad(float(tool.mass), tool.cog, tool.inertia, float(tool.sensor_mass))
+
+    @cached_property
+    def motion(self) -> SensorMotion:
+        """Where the nominal sensor is and how it moves."""
+        return self.moved(np.zeros(0), self.theta)
+
+    def moved(self, dq: np.ndarray, theta: np.ndarray) -> SensorMotion:
+        """The same with other joint values, q + dq (N, J), and parameters (P,) or (N, P)."""
+        q = self.q + dq if dq.size else self.q
+        if self.moving:
+            return follow(self.robot, theta, self.t, q, self.gravity)
+        return stand(self.robot, theta, q, self.gravity)
+
+    @cached_property
+    def nominal(self) -> np.ndarray:
+        """The wrench (N, 6) [N, N·m] of the robot as stated."""
+        return load_wrench(self.motion, self.load)
+
+    @cached_property
+    def full_scale(self) -> np.ndarray:
+        """The sensor's range per channel (6,) [N, N·m]."""
+        known = registry.names("sensors")
+        name = self.metadata.sensor.model or self.robot.sensor
+        name = name if name in known else self.robot.sensor
+        return np.asarray(registry.load("sensors", name).calibration().range, dtype=float)
+
+    @cached_property
+    def swing(self) -> np.ndarray:
+        """Largest magnitude of the nominal wrench per channel (6,), at least 3 row noises."""
+        return np.maximum(np.abs(self.nominal).max(axis=0), 3.0 * self.noise_std)
+
+    @cached_property
+    def path(self) -> JointPath:
+        """The nominal way through all poses with the moves between them."""
+        if self.moving:
+            return path_of_motion(self.t, self.q, self.motion, self.nominal, self.weights.torque)
+        way = path_of_holds(self.robot, self.theta, self.t, self.q, self.gravity, self.load)
+        torque = weights(self.robot, self.theta, way.q, self.gravity).torque
+        return replace(way, torque=torque)
+
+    @cached_property
+    def weights(self) -> Weights:
+        """Joint torques and base moments of the nominal robot (N, …)."""
+        stride = _STRIDE if self.moving else 1
+        t = self.t if self.moving else None
+        return weights(self.robot, self.theta, self.q, self.gravity, t, stride)
+
+    @cached_property
+    def tolerance(self) -> tuple[float, float, np.ndarray]:
+        """How wrong the stated mass [kg], CoG [m] and bias (6,) may be before it is a cause."""
+        given = self.metadata.tolerance
+        mass = float(given.get("tool.mass", 0.005 * self.load.mass))
+        cog = float(given.get("tool.cog", 5e-4))
+        bias = np.broadcast_to(given.get("sensor.bias", 3.0 * self.noise_std), 6)
+        return mass, cog, np.asarray(bias, dtype=float)
+
+    @cached_property
+    def nuisance(self) -> np.ndarray:
+        """Orthonormal columns (6 N, 10) of bias, mass and CoG in row noises."""
+        n, load = len(self), self.load
+        columns = np.zeros((10, n, 6))
+        columns[np.arange(6), :, np.arange(6)] = 1.0
+        heavy = RigidLoad(load.mass + 1.0, load.cog, load.inertia, load.sensor_mass)
+        columns[6] = load_wrench(self.motion, heavy) - self.nominal
+        for k in range(3):
+            cog = load.cog + 0.01 * np.eye(3)[k]
+            shifted = RigidLoad(load.mass, cog, load.inertia, load.sensor_mass)
+            columns[7 + k] = load_wrench(self.motion, shifted) - self.nominal
+        scaled = (columns / self.noise_std).reshape(10, -1)
+        return np.linalg.qr((scaled / np.linalg.norm(scaled, axis=1, keepdims=True)).T)[0]
+
+
+def _noise(meta: Metadata, robot: Robot, seen: np.ndarray | None) -> np.ndarray:
+    """Standard deviation of one row (6,): from repeats, else stated, else the sensor family's."""
+    own = np.asarray(registry.load("sensors", robot.sensor).noise.row_std, dtype=float)
+    if seen is not None:
+        return np.maximum(seen, 0.02 * own)
+    if meta.sensor.noise_std is not None and min(meta.sensor.noise_std) > 0.0:
+        return np.array(meta.sensor.noise_std, dtype=float)
+    return own
+
+
+def _nominal(robot: Robot, mode: str, rate: float) -> Metadata:
+    tool = robot.tool(robot.parameters.nominal)
+    sensor = registry.load("sensors", robot.sensor)
+    inertia = [tool.inertia[i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
+    return Metadata(
+        robot=robot.name,
+        mode=mode,
+        source="lookalike",
+        rate_hz=rate,
+        tool=ToolInfo(
+            float(tool.mass),
+            tuple(float(c) for c in tool.cog),
+            tuple(float(i) for i in inertia),
+        ),
+        sensor=SensorInfo(
+            model=sensor.name,
+            noise_std=tuple(float(s) for s in sensor.noise.row_std),
+            mass=float(tool.sensor_mass),
+        ),
+        gravity=robot.gravity,
+    )

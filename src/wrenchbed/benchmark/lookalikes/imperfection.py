@@ -1,0 +1,222 @@
+"""One imperfection of a robot: where it acts and how; a world that has several of them.
+
+How far two readings are apart, in noise of one row, with what every fit takes out left out.
+
+Things that remember: relays, a Preisach model of hysteresis and relaxation in time.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.linalg import solve_banded
+
+from wrenchbed.benchmark.lookalikes.design import ExperimentDesign
+from wrenchbed.benchmark.lookalikes.loads import RigidLoad, SensorMotion, load_wrench
+
+STATED = ("sensor.bias", "tool.mass", "tool.cog")
+"""Causes that count on the configured gap: a fit of bias, mass and CoG would hide them."""
+
+
+def gap(design: ExperimentDesign, difference: np.ndarray, *, configured: bool = False) -> float:
+    """Mean of r'Σ⁻¹r/6 of a noise-free difference (N, 6), Σ from ``noise_std``.
+
+    Args:
+        configured: count all of it, not only what bias, mass and CoG cannot take up.
+    """
+    r = (difference / design.noise_std).ravel()
+    total = float(r @ r)
+    if not configured:
+        part = design.nuisance.T @ r
+        total -= float(part @ part)
+    return max(total, 0.0) / len(r)
+
+
+Act = Callable[[np.ndarray], np.ndarray]
+"""Changes a wrench (N, 6) [N, N·m]."""
+
+
+@dataclass(frozen=True, eq=False)
+class RowImperfection:
+    """What happens to single rows, not to a hold's mean.
+
+    Attributes:
+        gain: factor on the noise per channel (6,).
+        step: of the rounding per channel (6,), 0 does not round [N, N·m].
+        shake: the wrench per unit of a shaking signal (N, 6) and its frequency [Hz], 0 is broad.
+        stale: chance that a row starts a repeat of the one before, and mean length of it.
+        limit: range that is read per channel (6,) [N, N·m].
+    """
+
+    gain: np.ndarray = field(default_factory=lambda: np.ones(6))
+    step: np.ndarray = field(default_factory=lambda: np.zeros(6))
+    shake: np.ndarray | None = None
+    frequency: float = 0.0
+    stale: tuple[float, float] = (0.0, 1.0)
+    limit: np.ndarray = field(default_factory=lambda: np.full(6, np.inf))
+
+
+@dataclass(frozen=True, eq=False)
+class Imperfection:
+    """One departure from the robot as stated; unused stages are None.
+
+    Attributes:
+        name: of the effect or of the family.
+        values: its true parameters, SI.
+        joint: change of the joint values (N, J) [rad or m].
+        link: change of the robot's parameters (P,) or (N, P).
+        base: rotation vector of the whole robot in the world (3,) or (N, 3) [rad].
+        mount: rotation vector of the sensor on the flange (3,) [rad].
+        tool: another load for this motion.
+        load: a further load on the sensor (N, 6) for this motion.
+        sensor: what the gauges make of the load.
+        clock: what timing makes of the reading.
+        rows: what happens between rows.
+    """
+
+    name: str
+    values: Mapping[str, float]
+    joint: np.ndarray | None = None
+    link: np.ndarray | None = None
+    base: np.ndarray | None = None
+    mount: np.ndarray | None = None
+    tool: Callable[[RigidLoad, SensorMotion], RigidLoad] | None = None
+    load: Callable[[SensorMotion, RigidLoad], np.ndarray] | None = None
+    sensor: Act | None = None
+    clock: Act | None = None
+    rows: RowImperfection | None = None
+
+    @property
+    def moves(self) -> bool:
+        """Whether the sensor stands elsewhere because of it, before tilt and mount."""
+        return self.joint is not None or self.link is not None
+
+
+Scaled = tuple[Imperfection, float]
+"""An imperfection and how much of it is there: 1 is all."""
+
+
+class ImperfectRobot:
+    """Evaluates noise-free readings of one design with any of its imperfections.
+
+    The poses of one set of joint imperfections are computed once.
+    """
+
+    def __init__(self, design: ExperimentDesign) -> None:
+        self.design = design
+        self._motions: dict[tuple[tuple[int, float], ...], SensorMotion] = {}
+        self._alive: list[Imperfection] = []  # keys hold identities, which must not be reused
+
+    def reading(self, items: Sequence[Scaled], *, clip: bool = True) -> np.ndarray:
+        """Noise-free reading (N, 6) [N, N·m]; without range limits if not ``clip``."""
+        motion = self._motion([(i, k) for i, k in items if i.moves])
+        tilts = [k * i.base for i, k in items if i.base is not None]
+        if tilts:
+            motion = motion.tilted(sum(tilts, np.zeros(3)))
+        for item, k in items:
+            if item.mount is not None:
+                motion = motion.mounted(k * item.mount)
+        load = self.design.load
+        for item, k in items:
+            if item.tool is not None:
+                load = _blend(load, item.tool(load, motion), k)
+        y = load_wrench(motion, load)
+        pushes = [k * i.load(motion, load) for i, k in items if i.load is not None]
+        y = sum(pushes, y)
+        for stage in ("sensor", "clock"):
+            for item, k in items:
+                act: Act | None = getattr(item, stage)
+                if act is not None:
+                    y = y + k * (act(y) - y)
+        if clip:
+            for item, _ in items:
+                if item.rows is not None and np.isfinite(item.rows.limit).any():
+                    y = np.clip(y, -item.rows.limit, item.rows.limit)
+        return y
+
+    def _motion(self, items: Sequence[Scaled]) -> SensorMotion:
+        if not items:
+            return self.design.motion
+        key = tuple((id(i), k) for i, k in items)
+        if key not in self._motions:
+            dq = np.zeros(0)
+            theta = self.design.theta
+            for item, k in items:
+                if item.joint is not None:
+                    dq = dq + k * item.joint if dq.size else k * item.joint
+                if item.link is not None:
+                    theta = theta + k * item.link
+            self._alive += [item for item, _ in items]
+            self._motions[key] = self.design.moved(dq, theta)
+        return self._motions[key]
+
+
+def _blend(old: RigidLoad, new: RigidLoad, k: float) -> RigidLoad:
+    if k == 1.0:
+        return new
+    return RigidLoad(
+        old.mass + k * (new.mass - old.mass),
+        old.cog + k * (new.cog - old.cog),
+        old.inertia + k * (new.inertia - old.inertia),
+        old.sensor_mass + k * (new.sensor_mass - old.sensor_mass),
+    )
+
+
+def relay(signal: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """State ±1 along time (T, …): up above ``high``, down below ``low``, else as before.
+
+    Before the first crossing the state is on the nearer side.
+    """
+    up, down = signal > high, signal < low
+    instant = np.arange(len(signal)).reshape(-1, *[1] * (up.ndim - 1))
+    last_up = np.maximum.accumulate(np.where(up, instant, -1), axis=0)
+    last_down = np.maximum.accumulate(np.where(down, instant, -1), axis=0)
+    start = np.where(signal[:1] > 0.5 * (low + high), 1.0, -1.0)
+    state = np.where(last_up > last_down, 1.0, -1.0)
+    return np.asarray(np.where(last_up == last_down, start, state))
+
+
+def preisach(
+    signal: np.ndarray, rng: np.random.Generator, reach: float, relays: int = 96
+) -> np.ndarray:
+    """Hysteresis (T, C) of signals (T, C), about ±1 wide at its widest, without its linear part.
+
+    Relays (centre, half width) are spread at random over the signal's range: the loop's shape
+    differs from draw to draw.
+
+    Args:
+        reach: mean half width of the relays in units of half the signal's range.
+    """
+    low, high = signal.min(axis=0), signal.max(axis=0)
+    middle, half = (low + high) / 2.0, np.maximum((high - low) / 2.0, 1e-12)
+    unit = (signal - middle) / half
+    grid = np.linspace(-0.9, 0.9, relays)
+    centre = grid[rng.permutation(relays)] + rng.normal(0.0, 0.03, relays)
+    width = reach * rng.gamma(4.0, 0.25, relays)
+    weight = rng.gamma(3.0, 1.0, relays) * (1.1 - np.abs(grid))
+    state = relay(unit[..., None], centre - width, centre + width)
+    middle_way = np.sign(unit[..., None] - centre - width) + np.sign(
+        unit[..., None] - centre + width
+    )
+    loop = (state - 0.5 * middle_way) @ (weight / weight.sum())
+    return np.asarray(loop / max(1e-6, 2.0 * min(1.0, reach)))
+
+
+def relax(t: np.ndarray, signal: np.ndarray, time: float) -> np.ndarray:
+    """The signal (T, C) seen through an exponential memory of a time constant [s]."""
+    keep = np.exp(-np.diff(t) / time)
+    bands = np.ones((2, len(t)))
+    bands[1, :-1], bands[1, -1] = -keep, 0.0
+    fed = signal.copy()
+    fed[1:] *= (1.0 - keep)[:, None]
+    return np.asarray(solve_banded((1, 0), bands, fed, check_finite=False))
+
+
+def slow_noise(rng: np.random.Generator, rows: int, columns: int) -> np.ndarray:
+    """1/f noise (rows, columns) of unit rms about a zero mean."""
+    spectrum = np.fft.rfft(rng.standard_normal((max(rows, 4), columns)), axis=0)
+    frequency = np.arange(len(spectrum), dtype=float)
+    frequency[0] = np.inf
+    wave = np.fft.irfft(spectrum / np.sqrt(frequency)[:, None], n=max(rows, 4), axis=0)[:rows]
+    wave = wave - wave.mean(axis=0)
+    return np.asarray(wave / np.maximum(wave.std(axis=0), 1e-12))

@@ -1,0 +1,207 @@
+"""One sealed case: a robot, what is wrong with it, and what its sensor read."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from wrenchbed import registry
+from wrenchbed.benchmark.referee import outside
+from wrenchbed.benchmark.referee.catalogue import EFFECTS, STATED, background, possible
+from wrenchbed.benchmark.referee.equivalence import Bench, Usual, bench
+from wrenchbed.benchmark.referee.fault import RefereeFault
+from wrenchbed.benchmark.referee.noise import rows
+from wrenchbed.benchmark.referee.setting import RefereeSetting, draw
+from wrenchbed.benchmark.referee.world import FaultyRobot
+from wrenchbed.data.recording import Recording
+from wrenchbed.errors import ParameterError
+from wrenchbed.physics.wrench import CHANNELS
+from wrenchbed.robots.base import SimulatedRobot
+
+KINDS = ("none", "single", "pair", "outside")
+SHARES = (0.25, 0.4, 0.15, 0.2)
+"""Of the kinds in a family of cases."""
+NEEDED = {"single": 1.0, "pair": 1.5, "outside": 2.0}
+"""Least gap that a cause adds beside all else."""
+ROWS_NEEDED = {"single": 0.5, "pair": 0.75}
+"""Least rise of a channel's row variance, of causes that show only there."""
+SIZES = (0.5, 4.0)
+"""Multiples of typical that sizes are drawn from, log-uniformly."""
+LIBRARY_LEAVES = 1.0
+"""Gap that the best imitation by any effect of the library leaves of a fault outside it."""
+LARGEST_MINOR = 0.42
+"""Gap of all minor imperfections together, at most."""
+_TRIES = 40
+
+
+@dataclass(frozen=True, eq=False)
+class TrueCause:
+    """A fault that counts.
+
+    Attributes:
+        fault: itself.
+        signature: what it adds to a clean reading where readings are compared (n, 6).
+        gap: that it adds; of a cause between rows the mean rise of a row's variance.
+        world: with it.
+        rows: largest rise of a channel's row variance, 0 of a cause that means show.
+    """
+
+    fault: RefereeFault
+    signature: np.ndarray
+    gap: float
+    world: FaultyRobot
+    rows: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class RefereeCase:
+    """A case with its truth.
+
+    Attributes:
+        kind: one of `KINDS`.
+        recording: what an entrant gets.
+        causes: what is wrong; of an outside case that fault.
+        faults: all that is not perfect, causes and background.
+        minor: gap of the background.
+        measured: less what is stated, where readings are compared (n, 6).
+        bench: signatures of the library on this robot.
+        setting: stated and told.
+    """
+
+    kind: str
+    recording: Recording
+    causes: tuple[TrueCause, ...]
+    faults: tuple[RefereeFault, ...]
+    minor: float
+    measured: np.ndarray
+    bench: Bench
+    setting: RefereeSetting
+
+
+def make(robot: str, mode: str, kind: str, seed: tuple[int, ...]) -> RefereeCase:
+    """A case that depends on its seed alone.
+
+    Raises:
+        ParameterError: nothing that was drawn shows enough, or the robot exists in no simulator.
+    """
+    rng = np.random.default_rng([*seed, KINDS.index(kind)])
+    arm = registry.load("robots", robot)
+    if not isinstance(arm, SimulatedRobot):
+        raise ParameterError(f"robot {robot!r} has no model to make cases with")
+    setting = draw(arm, mode, np.random.default_rng([*seed, 99]))
+    world, minor = _ordinary(setting, rng)
+    signatures = bench(setting, world.way, world.usual)
+    if kind == "none":
+        causes: list[TrueCause] = []
+    elif kind == "outside":
+        causes = [_outside(world, signatures, rng)]
+    else:
+        causes = _caused(world, kind, rng)
+    last = causes[-1].world if causes else world
+    data = rows(setting, last.way, last.clean, last.around, rng)
+    return RefereeCase(
+        kind, _recording(setting, data.wrench, data.q, rng), tuple(causes), last.around, minor,
+        world.compared(data.wrench), signatures, setting,
+    )  # fmt: skip
+
+
+def _ordinary(setting: RefereeSetting, rng: np.random.Generator) -> tuple[FaultyRobot, float]:
+    """A robot with nothing but minor imperfections, and their gap."""
+    scale = float(np.exp(rng.uniform(np.log(0.1), np.log(0.5))))
+    seed = int(rng.integers(2**62))
+    usual = Usual.of(setting)
+    for _ in range(8):
+        around = background(setting, np.random.default_rng(seed), scale)
+        world = FaultyRobot.of(setting, around, usual)
+        minor = usual.gap(world.base - setting.nominal[:: world.stride], configured=False)
+        if minor <= LARGEST_MINOR:
+            return world, minor
+        scale *= float(np.sqrt(rng.uniform(0.3, 0.85) * LARGEST_MINOR / minor))
+    raise ParameterError("the minor imperfections do not become minor")
+
+
+def _caused(world: FaultyRobot, kind: str, rng: np.random.Generator) -> list[TrueCause]:
+    first = _one(world, kind, possible(world.setting), rng)
+    if kind == "single":
+        return [first]
+    own = first.fault.name.split(".")[0]
+    others = [n for n in possible(world.setting) if n.split(".")[0] != own]
+    for _ in range(4):
+        second = _one(first.world, kind, others, rng)
+        without = world.with_(second.fault)
+        again = _difference(first.fault, without, second.world)
+        if enough(again, kind):
+            return [again, second]
+    raise ParameterError("no second cause leaves the first one visible")
+
+
+def _one(world: FaultyRobot, kind: str, names: list[str], rng: np.random.Generator) -> TrueCause:
+    """A cause that shows; where it is too small, once more and larger, then another one."""
+    for _ in range(_TRIES):
+        name = str(rng.choice(names))
+        size = float(np.exp(rng.uniform(*np.log(SIZES))))
+        for _ in range(2):
+            try:
+                found = measured(world, EFFECTS[name].draw(world.setting, rng, size))
+            except ParameterError:  # too much for the machine
+                break
+            if enough(found, kind):
+                return found
+            between = EFFECTS[name].between
+            shown = found.rows if between else found.gap
+            wanted = 1.2 * (ROWS_NEEDED if between else NEEDED)[kind]
+            least = size * float(np.sqrt(wanted / max(shown, 1e-9)))
+            if least > SIZES[1]:
+                break
+            size = float(np.exp(rng.uniform(np.log(least), np.log(SIZES[1]))))
+    raise ParameterError("nothing that was drawn shows enough")
+
+
+def measured(world: FaultyRobot, fault: RefereeFault) -> TrueCause:
+    """What a fault adds to a world."""
+    return _difference(fault, world, world.with_(fault))
+
+
+def _difference(fault: RefereeFault, without: FaultyRobot, with_: FaultyRobot) -> TrueCause:
+    if fault.name in EFFECTS and EFFECTS[fault.name].between:
+        rise = without.risen(fault)
+        return TrueCause(
+            fault, np.zeros_like(with_.base), float(rise.mean()), with_, float(rise.max())
+        )
+    signature = with_.base - without.base
+    return TrueCause(fault, signature, with_.usual.gap(signature, fault.name in STATED), with_)
+
+
+def enough(cause: TrueCause, kind: str) -> bool:
+    """Whether a cause counts (contract, "When a cause counts"), with a margin in pairs."""
+    if cause.fault.name in EFFECTS and EFFECTS[cause.fault.name].between:
+        return cause.rows >= ROWS_NEEDED[kind]
+    return cause.gap >= NEEDED[kind]
+
+
+def _outside(world: FaultyRobot, signatures: Bench, rng: np.random.Generator) -> TrueCause:
+    """A fault that shows, and that no effect of the library could make."""
+    for _ in range(4 * _TRIES):
+        family = outside.FAMILIES[str(rng.choice(list(outside.FAMILIES)))]
+        size = float(np.exp(rng.uniform(np.log(0.5), np.log(2.0))))
+        found = measured(world, family(world.setting, rng, size))
+        if found.gap < NEEDED["outside"]:
+            continue
+        left = signatures.imitated(found.signature, configured=False, bounded=False)
+        if min(left.values()) >= LIBRARY_LEAVES:
+            return found
+    raise ParameterError("no fault outside the library shows")
+
+
+def _recording(
+    setting: RefereeSetting, wrench: np.ndarray, q: np.ndarray, rng: np.random.Generator
+) -> Recording:
+    path = setting.path
+    t = path.t[path.rows] - path.t[path.rows][0]
+    t[1:] += np.clip(2e-5 * rng.standard_normal(len(t) - 1), -6e-5, 6e-5)
+    columns = {"t": t, "segment": path.hold.astype(np.int64)}
+    columns |= {f"q{j + 1}": q[:, j] for j in range(q.shape[1])}
+    columns |= {c: wrench[:, k] for k, c in enumerate(CHANNELS)}
+    if setting.temperature is not None:
+        warm = setting.temperature[path.rows]
+        columns["temperature"] = np.round(warm + 0.03 * rng.standard_normal(len(t)), 2)
+    return Recording(setting.metadata, columns, "case")

@@ -1,0 +1,130 @@
+"""One fault of a robot: where it acts, its true numbers, and how a list of faults makes a robot.
+
+Random draws that many faults share.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from wrenchbed.benchmark.referee.machine import Mechanics
+from wrenchbed.benchmark.referee.ride import Ride
+from wrenchbed.physics.wrench import CHANNELS
+
+
+def sign(rng: np.random.Generator) -> float:
+    """−1 or 1."""
+    return float(rng.choice([-1.0, 1.0]))
+
+
+def about(rng: np.random.Generator, value: float, spread: float = 0.2) -> float:
+    """A value within a factor of exp(±2 spread) or so."""
+    return float(value * np.exp(spread * np.clip(rng.standard_normal(), -2.0, 2.0)))
+
+
+def direction(rng: np.random.Generator) -> np.ndarray:
+    """A unit vector (3,)."""
+    v = rng.standard_normal(3)
+    return np.asarray(v / np.linalg.norm(v))
+
+
+def touched(rng: np.random.Generator) -> np.ndarray:
+    """Signed weights (6,) of channels: one, two, three of a kind or all; the largest is ±1."""
+    few = int(rng.choice([1, 2, 3, 6], p=[0.45, 0.2, 0.15, 0.2]))
+    chosen = np.zeros(6, dtype=bool)
+    if few == 3:
+        chosen[:3] = rng.uniform() < 0.5
+        chosen[3:] = not chosen[0]
+    else:
+        chosen[rng.choice(6, few, replace=False)] = True
+    weight = chosen * rng.uniform(0.4, 1.0, 6) * rng.choice([-1.0, 1.0], 6)
+    return np.asarray(weight / np.abs(weight).max())
+
+
+def by_channel(values: np.ndarray, stem: str) -> dict[str, float]:
+    """``stem.fx`` … of what is not 0."""
+    pairs = zip(CHANNELS, values.tolist(), strict=True)
+    return {f"{stem}.{c}": float(v) for c, v in pairs if v != 0.0}
+
+
+Change = Callable[[Ride, np.ndarray], np.ndarray]
+"""Makes another signal (T, 6) [N, N·m] of one, over the instants of a ride."""
+
+
+@dataclass(frozen=True, eq=False)
+class RowFault:
+    """What happens to single rows.
+
+    Attributes:
+        gain: factor on the noise (6,).
+        step: of rounding (6,), 0 does not round [N, N·m].
+        shake: acceleration of the base at times (n,) [s] in world axes (n, 3) [m/s²].
+        stale: chance that a row begins a repeat, and the mean number of rows repeated.
+        limit: range that is read (6,) [N, N·m].
+    """
+
+    gain: np.ndarray = field(default_factory=lambda: np.ones(6))
+    step: np.ndarray = field(default_factory=lambda: np.zeros(6))
+    shake: Callable[[np.ndarray], np.ndarray] | None = None
+    stale: tuple[float, float] = (0.0, 1.0)
+    limit: np.ndarray = field(default_factory=lambda: np.full(6, np.inf))
+
+
+@dataclass(frozen=True, eq=False)
+class RefereeFault:
+    """One thing that is wrong.
+
+    Attributes:
+        name: the contract's name of the effect, or of the family outside.
+        true: its numbers as a diagnosis would publish them, SI.
+        size: in multiples of typical.
+        body: changes the machine; it has to ride anew.
+        load: changes the load on the sensor.
+        gauge: changes what the gauges make of it, in the order of ``stage``.
+        clock: changes when it is read.
+        rows: what happens between rows.
+    """
+
+    name: str
+    true: Mapping[str, float] = field(default_factory=dict)
+    size: float = 0.0
+    body: Callable[[Mechanics], Mechanics] | None = None
+    load: Change | None = None
+    gauge: Change | None = None
+    stage: int = 0
+    clock: Change | None = None
+    rows: RowFault | None = None
+
+
+def mechanics(start: Mechanics, faults: Sequence[RefereeFault]) -> Mechanics:
+    """The machine with all faults of its body."""
+    for fault in faults:
+        if fault.body is not None:
+            start = fault.body(start)
+    return start
+
+
+def signal(ride: Ride, faults: Sequence[RefereeFault]) -> np.ndarray:
+    """What the sensor shows at every instant (T, 6) [N, N·m], without noise and range."""
+    y = ride.load
+    for fault in faults:
+        if fault.load is not None:
+            y = fault.load(ride, y)
+    for fault in sorted(faults, key=lambda f: f.stage):
+        if fault.gauge is not None:
+            y = fault.gauge(ride, y)
+    for fault in faults:
+        if fault.clock is not None:
+            y = fault.clock(ride, y)
+    return y
+
+
+def total(faults: Sequence[RefereeFault], name: str) -> dict[str, float]:
+    """True numbers of an effect: the cause's and those of the minor imperfections beside it."""
+    sums: dict[str, float] = {}
+    for fault in faults:
+        if fault.name == name:
+            for key, value in fault.true.items():
+                sums[key] = sums.get(key, 0.0) + value
+    return sums

@@ -1,0 +1,326 @@
+"""The true machine in MuJoCo: hidden hinges that give, stops, hoses and pads that really push.
+
+Drives are prescribed: each has an armature so large that nothing moves it but the acceleration it
+is told. Everything else follows from the equations of motion, by MuJoCo's implicit integrator.
+
+What the robot truly is, mechanically: numbers that a MuJoCo model is built from.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+import mujoco
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from wrenchbed.robots.base import SimulatedRobot
+
+Drive = Callable[[np.ndarray], np.ndarray]
+"""What gears and zeros add to reported joint values (T, J) [rad or m]."""
+
+
+@dataclass(frozen=True)
+class Play:
+    """A gear with play: its whole width [rad] and the friction inside it [N·m]."""
+
+    width: float
+    friction: float
+
+
+@dataclass(frozen=True, eq=False)
+class Loose:
+    """A part of the tool that slides between two stops.
+
+    Attributes:
+        share: of the tool's mass.
+        axis: it slides along, sensor axes (3,).
+        stop: half its way [m].
+        stick: friction as a share of its weight.
+    """
+
+    share: float
+    axis: np.ndarray
+    stop: float
+    stick: float
+
+
+@dataclass(frozen=True, eq=False)
+class Hose:
+    """A hose from the world (3,) [m] to the tool (3,) [m]: a spring once it is taut."""
+
+    hook: np.ndarray
+    point: np.ndarray
+    slack: float
+    stiffness: float
+
+
+@dataclass(frozen=True, eq=False)
+class Pad:
+    """A sprung pad in the way of the tool's end.
+
+    Attributes:
+        point: on its face at rest (3,) [m].
+        normal: towards the robot (3,).
+        stiffness: [N/m].
+        friction: coefficient.
+        tip: the tool's end in sensor axes (3,) [m].
+        radius: of that end [m].
+    """
+
+    point: np.ndarray
+    normal: np.ndarray
+    stiffness: float
+    friction: float
+    tip: np.ndarray
+    radius: float
+
+
+@dataclass(frozen=True, eq=False)
+class Mechanics:
+    """The true machine.
+
+    Attributes:
+        theta: its geometry and load, the robot's own parameters (P,).
+        gravity: in the axes of the nominal world (3,) [m/s²].
+        give: compliance of each driven joint (J,) [rad/(N·m)], 0 for sliding ones.
+        mass: factor on the mass of each body by name.
+        drive: errors between reported joint values and where the drives are.
+        play: of driven joints, by index.
+        slack: radius of the play of a pin that closes a loop, by its name [m].
+        lean: compliance of the base about two axes (2,) [rad/(N·m)].
+        heading: of the first of these axes in the base's plane [rad].
+        bend: compliance of the tool's root about x and y (2,) [rad/(N·m)].
+        root: height of that root above the sensor's origin [m].
+        turn: rotation vector of the sensor on its flange (3,) [rad].
+    """
+
+    theta: np.ndarray
+    gravity: np.ndarray
+    give: np.ndarray
+    mass: Mapping[str, float] = field(default_factory=dict)
+    drive: tuple[Drive, ...] = ()
+    play: Mapping[int, Play] = field(default_factory=dict)
+    slack: Mapping[str, float] = field(default_factory=dict)
+    lean: np.ndarray = field(default_factory=lambda: np.zeros(2))
+    heading: float = 0.0
+    bend: np.ndarray = field(default_factory=lambda: np.zeros(2))
+    root: float = 0.0
+    turn: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    loose: Loose | None = None
+    hose: Hose | None = None
+    pad: Pad | None = None
+
+    def driven(self, q: np.ndarray) -> np.ndarray:
+        """Where the drives are (T, J) when the robot reports q (T, J)."""
+        return np.asarray(q + sum((error(q) for error in self.drive), np.zeros_like(q)))
+
+
+ARMATURE = 1e8
+"""Of a prescribed drive [kg·m² or kg]."""
+_STIFFEST = 0.25
+"""Highest (frequency × step)² of a hidden spring alone: armature grows until it holds."""
+_DAMPING_S = 6e-3
+"""Damping of a hidden spring over its stiffness [s]."""
+_BEARING = 0.02
+"""Damping of a joint that is not driven [N·m·s/rad]."""
+_PLAY_DAMPING = {False: 20.0, True: 120.0}
+"""Of a drive that crosses its play, without and with loops, which would rattle [N·m·s/rad]."""
+_PIN_DAMPING = 500.0
+"""Of a pin that crosses its play [N·s/m]."""
+_LEAST_GIVE = 1e-9
+_BEND_RATIO = 0.3
+_HINGE, _SLIDE = mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE
+
+
+@dataclass(frozen=True, eq=False)
+class Machine:
+    """A compiled machine.
+
+    Attributes:
+        robot: its kind.
+        mechanics: its truth.
+        model: MuJoCo's.
+        position, velocity: where the drives (J,) are in ``qpos`` and ``qvel``.
+    """
+
+    robot: SimulatedRobot
+    mechanics: Mechanics
+    model: mujoco.MjModel
+    position: np.ndarray
+    velocity: np.ndarray
+
+    def stand(self, data: mujoco.MjData, driven: np.ndarray) -> None:
+        """Put the machine at rest with its drives at (J,), loops closed, hidden hinges straight."""
+        data.qpos[:] = self.model.qpos0
+        data.qvel[:] = 0.0
+        full = self.robot.qpos(driven[None], self.mechanics.theta)[0]
+        for name, value in zip(self._names(), full, strict=True):
+            data.qpos[self.model.joint(name).qposadr[0]] = value
+
+    def _names(self) -> list[str]:
+        """The robot's own joints, in the order of its ``qpos``."""
+        every = [self.model.joint(k).name for k in range(self.model.njnt)]
+        return [name for name in every if not name.startswith("hidden")]
+
+
+def build(robot: SimulatedRobot, truth: Mechanics, step: float) -> Machine:
+    """Compile a machine that is integrated in steps of ``step`` [s]."""
+    spec = robot.spec(truth.theta)
+    _strip(spec)
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    spec.option.timestep = step
+    spec.option.gravity = truth.gravity
+    for body in spec.bodies:
+        body.mass *= truth.mass.get(body.name, 1.0)
+    for k, joint in enumerate(robot.joints):
+        _joint(spec, truth, k, joint.name, step)
+    for name, radius in truth.slack.items():
+        _pin(spec, name, radius)
+    _base(spec, truth, step)
+    _tool(spec, truth, step)
+    if truth.loose is not None:
+        _loose(spec, truth.loose)
+    if truth.hose is not None:
+        _hose(spec, truth.hose)
+    if truth.pad is not None:
+        _pad(spec, truth.pad)
+    model = spec.compile()
+    own = [model.joint(joint.name) for joint in robot.joints]
+    return Machine(
+        robot,
+        truth,
+        model,
+        np.array([j.qposadr[0] for j in own]),
+        np.array([j.dofadr[0] for j in own]),
+    )
+
+
+def _strip(spec: mujoco.MjSpec) -> None:
+    """Leave bodies, joints, loops, sites and the wrench: no looks, servos or compensation."""
+    for kind in (spec.actuators, spec.keys, spec.geoms):
+        for element in list(kind):
+            spec.delete(element)
+    for body in spec.bodies:
+        body.gravcomp = 0
+    for joint in spec.joints:
+        joint.limited = False
+        if joint.type == _HINGE:
+            joint.damping = [_BEARING, 0.0, 0.0]
+
+
+def _joint(spec: mujoco.MjSpec, truth: Mechanics, k: int, name: str, step: float) -> None:
+    """A drive, and behind it the play and the spring of its gear."""
+    drive = spec.joint(name)
+    drive.armature, drive.damping = ARMATURE, [0.0, 0.0, 0.0]
+    body, axis = drive.parent, list(drive.axis)
+    if k in truth.play:
+        play = truth.play[k]
+        gap = body.add_joint(name=f"hidden_play_{name}", type=_HINGE, axis=axis, pos=drive.pos)
+        gap.limited, gap.range = True, [-0.5 * play.width, 0.5 * play.width]
+        gap.solref_limit, gap.solimp_limit = [2.0 * step, 1.0], [0.99, 0.999, 1e-4, 0.5, 2.0]
+        damping = _PLAY_DAMPING[len(list(spec.equalities)) > 0]
+        gap.armature, gap.damping, gap.frictionloss = 0.5, [damping, 0.0, 0.0], play.friction
+    if drive.type == _HINGE and truth.give[k] > _LEAST_GIVE:
+        spring = body.add_joint(name=f"hidden_give_{name}", type=_HINGE, axis=axis, pos=drive.pos)
+        _spring(spring, 1.0 / truth.give[k], step)
+
+
+def _spring(joint: "mujoco.MjsJoint", stiffness: float, step: float) -> None:
+    joint.limited = False
+    joint.stiffness = [stiffness, 0.0, 0.0]
+    joint.damping = [_DAMPING_S * stiffness, 0.0, 0.0]
+    joint.armature = 0.01 + stiffness * step**2 / _STIFFEST
+
+
+def _pin(spec: mujoco.MjSpec, name: str, radius: float) -> None:
+    """A pin with play: on one side of the loop it sits in a hole that is a little too wide."""
+    loop = spec.equality(name)
+    end = spec.site(loop.name2)
+    seat = end.parent.add_body(name=f"hidden_seat_{name}", pos=end.pos)
+    seat.mass, seat.ipos, seat.explicitinertial = 1e-3, [0.0, 0.0, 0.0], True
+    seat.inertia = [1e-8, 1e-8, 1e-8]
+    for axis in np.eye(3)[1:]:  # five-bars lie in y and z
+        way = seat.add_joint(name=f"hidden_{name}_{axis.argmax()}", type=_SLIDE, axis=axis)
+        way.limited, way.range = True, [-radius, radius]
+        way.solref_limit, way.solimp_limit = [2e-3, 1.0], [0.99, 0.9999, 1e-6, 0.5, 2.0]
+        way.armature, way.damping = 0.5, [_PIN_DAMPING, 0.0, 0.0]
+    seat.add_site(name=f"hidden_seat_{name}")
+    loop.name2 = f"hidden_seat_{name}"
+
+
+def _base(spec: mujoco.MjSpec, truth: Mechanics, step: float) -> None:
+    """The floor gives way about two axes of the base's plane."""
+    c, s = np.cos(truth.heading), np.sin(truth.heading)
+    for name, axis, give in zip("xy", ([c, s, 0.0], [-s, c, 0.0]), truth.lean, strict=True):
+        if give > _LEAST_GIVE:
+            hinge = spec.body("base").add_joint(name=f"hidden_lean_{name}", type=_HINGE, axis=axis)
+            _spring(hinge, 1.0 / give, step)
+
+
+def _tool(spec: mujoco.MjSpec, truth: Mechanics, step: float) -> None:
+    """The load moves from the sensor's body to one that hangs on it by a root that bends."""
+    tool = spec.body("tool")
+    turned = Rotation.from_quat(tool.quat, scalar_first=True) * Rotation.from_rotvec(truth.turn)
+    tool.quat = turned.as_quat(scalar_first=True)
+    load = tool.add_body(name="hidden_load")
+    load.mass, load.ipos, load.fullinertia = tool.mass, tool.ipos, tool.fullinertia
+    load.ialt.type = mujoco.mjtOrientation.mjORIENTATION_QUAT
+    load.explicitinertial = True
+    tool.mass, tool.ipos = 1e-9, [0.0, 0.0, 0.0]
+    tool.fullinertia = [np.nan] * 6
+    tool.inertia = [1e-12, 1e-12, 1e-12]
+    swing = load.mass * float(np.sum((np.asarray(load.ipos) - [0, 0, truth.root]) ** 2)) + 1e-4
+    for name, axis, give in zip("xy", np.eye(3)[:2], truth.bend, strict=True):
+        if give > _LEAST_GIVE:
+            hinge = load.add_joint(
+                name=f"hidden_bend_{name}", type=_HINGE, axis=axis, pos=[0.0, 0.0, truth.root]
+            )
+            k = 1.0 / give
+            hinge.limited, hinge.stiffness = False, [k, 0.0, 0.0]
+            hinge.armature = max(0.0, k * step**2 / _STIFFEST - swing)
+            inertia = swing + hinge.armature
+            hinge.damping = [2.0 * _BEND_RATIO * float(np.sqrt(k * inertia)), 0.0, 0.0]
+
+
+def _loose(spec: mujoco.MjSpec, part: Loose) -> None:
+    load = spec.body("hidden_load")
+    whole = load.mass
+    load.mass = (1.0 - part.share) * whole
+    slide = load.add_body(name="hidden_part", pos=load.ipos)
+    slide.mass, slide.ipos, slide.explicitinertial = part.share * whole, [0.0, 0.0, 0.0], True
+    slide.inertia = [1e-6, 1e-6, 1e-6]
+    way = slide.add_joint(name="hidden_slide", type=_SLIDE, axis=part.axis)
+    way.limited, way.range = True, [-part.stop, part.stop]
+    way.frictionloss = part.stick * part.share * whole * 9.81
+    way.damping = [2.0, 0.0, 0.0]
+
+
+def _hose(spec: mujoco.MjSpec, hose: Hose) -> None:
+    spec.worldbody.add_site(name="hidden_hook", pos=hose.hook)
+    spec.body("hidden_load").add_site(name="hidden_tie", pos=hose.point)
+    string = spec.add_tendon(name="hidden_hose", stiffness=[hose.stiffness, 0.0, 0.0])
+    string.springlength = [0.0, hose.slack]
+    string.damping = [0.02 * hose.stiffness, 0.0, 0.0]
+    string.wrap_site("hidden_hook")
+    string.wrap_site("hidden_tie")
+
+
+def _pad(spec: mujoco.MjSpec, pad: Pad) -> None:
+    """A light plate on a spring, behind a contact that is as hard as MuJoCo makes it."""
+    spec.option.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
+    turn, _ = Rotation.align_vectors([pad.normal], [[0.0, 0.0, 1.0]])
+    plate = spec.worldbody.add_body(
+        name="hidden_pad", pos=pad.point, quat=turn.as_quat(scalar_first=True)
+    )
+    way = plate.add_joint(name="hidden_pad", type=_SLIDE, axis=[0.0, 0.0, 1.0])
+    way.limited, way.stiffness = False, [pad.stiffness, 0.0, 0.0]
+    way.damping, way.armature = [0.03 * pad.stiffness, 0.0, 0.0], 0.05
+    shape = {"contype": 1, "conaffinity": 1, "friction": [pad.friction, 0.0, 0.0]}
+    plate.add_geom(
+        type=mujoco.mjtGeom.mjGEOM_BOX, size=[3.0, 3.0, 0.5], pos=[0.0, 0.0, -0.5], mass=0.05,
+        **shape,
+    )  # fmt: skip
+    spec.body("hidden_load").add_geom(
+        type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[pad.radius, 0.0, 0.0], pos=pad.tip, mass=0.0,
+        **shape,
+    )  # fmt: skip

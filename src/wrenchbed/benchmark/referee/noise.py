@@ -1,0 +1,109 @@
+"""Rows: heavy-tailed, correlated noise whose strength comes and goes, and a slow wander."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.signal import lfilter
+
+from wrenchbed import registry
+from wrenchbed.benchmark.referee.fault import RefereeFault, RowFault
+from wrenchbed.benchmark.referee.ride import Ride
+from wrenchbed.benchmark.referee.sensor import ornstein
+from wrenchbed.benchmark.referee.setting import RefereeSetting
+
+WANDER = 0.3
+"""Largest rms of the slow wander in noises of a row: a gap below 0.1."""
+_JITTER_S = 1.5e-4
+_ENCODER = {"rad": 2e-5, "m": 5e-6}
+"""Noise of reported joint values at rest; in motion a hundredth."""
+
+
+@dataclass(frozen=True, eq=False)
+class RowNoise:
+    """Recorded rows: wrench (N, 6) [N, N·m] and reported joints (N, J)."""
+
+    wrench: np.ndarray
+    q: np.ndarray
+
+
+def rows(
+    setting: RefereeSetting,
+    ride: Ride,
+    clean: np.ndarray,
+    faults: Sequence[RefereeFault],
+    rng: np.random.Generator,
+) -> RowNoise:
+    """What is recorded of a clean signal at all instants (T, 6)."""
+    path = setting.path
+    t = path.t[path.rows]
+    late = np.clip(_JITTER_S * rng.standard_normal(len(t)), -3 * _JITTER_S, 3 * _JITTER_S)
+    rate = np.gradient(clean, path.t, axis=0)[path.rows]
+    y = clean[path.rows] + (late[:, None] * rate if setting.mode == "dynamic" else 0.0)
+    changed = [f.rows for f in faults if f.rows is not None]
+    y = y + np.prod([r.gain for r in changed], axis=0, initial=1.0) * _noise(setting, rng)
+    y = y + _slow(setting, t, rng)
+    for r in changed:
+        if r.shake is not None:
+            y = y + shaken(setting, ride, r.shake(t))
+    for r in changed:
+        step = np.where(r.step > 0, r.step, 1.0)
+        y = np.where(r.step > 0, np.round(y / step) * step, y)
+    for r in changed:
+        y = np.clip(y, -r.limit, r.limit)
+    for r in changed:
+        y = y[held(len(y), r, rng)]
+    unit = np.array([_ENCODER[j.unit] for j in setting.robot.joints])
+    unit = unit * (0.01 if setting.mode == "dynamic" else 1.0)
+    q = path.q[path.rows]
+    return RowNoise(y, q + unit * rng.standard_normal(q.shape))
+
+
+def shaken(setting: RefereeSetting, ride: Ride, a: np.ndarray) -> np.ndarray:
+    """Wrench (N, 6) of accelerations of the base (N, 3) [m/s²] at the recorded rows."""
+    tool = setting.metadata.tool
+    assert tool.mass is not None and tool.cog is not None
+    rotation = ride.rotation[setting.path.rows]
+    force = -tool.mass * np.einsum("nij,ni->nj", rotation, a)
+    return np.concatenate([force, np.cross(np.array(tool.cog), force)], axis=1)
+
+
+def held(n: int, fault: RowFault, rng: np.random.Generator) -> np.ndarray:
+    """Which row (N,) is shown in each row's place."""
+    chance, length = fault.stale
+    if chance == 0.0:
+        return np.arange(n)
+    shown = np.arange(n)
+    i = int(rng.geometric(chance))
+    while i < n:
+        end = min(n, i + int(rng.geometric(1.0 / length)))
+        shown[i:end] = shown[i - 1]
+        i = end + int(rng.geometric(chance))
+    return shown
+
+
+def _noise(setting: RefereeSetting, rng: np.random.Generator) -> np.ndarray:
+    """Noise (N, 6): Laplace and normal parts, AR(2), correlated as the sensor was measured."""
+    n = len(setting.path.rows)
+    heavy = rng.uniform(0.0, 0.5)
+    white = np.sqrt(1 - heavy) * rng.standard_normal((n, 6))
+    white += np.sqrt(heavy) * rng.laplace(0.0, np.sqrt(0.5), (n, 6))
+    calm = ornstein(np.arange(n) * 1.0, rng.uniform(50.0, 400.0), 1, rng)
+    white *= np.exp(rng.uniform(0.0, 0.2) * calm)
+    radius, turn = rng.uniform(0.0, 0.55), rng.uniform(0.0, np.pi)
+    colour = lfilter([1.0], [1.0, -2 * radius * np.cos(turn), radius**2], white, axis=0)
+    measured = registry.load("sensors", setting.robot.sensor).noise.correlation
+    share = rng.uniform(0.0, 0.9)
+    mix = np.linalg.cholesky(share * measured + (1 - share) * np.eye(6) + 1e-9 * np.eye(6))
+    colour = colour / colour.std(axis=0) @ mix.T
+    return np.asarray(colour * setting.noise * rng.uniform(0.95, 1.05, 6))
+
+
+def _slow(setting: RefereeSetting, t: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """A wander (N, 6) of four rates, together at most 0.3 noises of a row."""
+    span = float(t[-1] - t[0])
+    times = span * np.array([0.5, 0.1, 0.02, 0.004])
+    every = np.linspace(t[0], t[-1], 2000)
+    waves = np.mean([ornstein(every, float(s), 6, rng) for s in times], axis=0) * 2.0
+    level = rng.uniform(0.0, WANDER) * rng.uniform(0.5, 1.0, 6) * setting.noise
+    return np.stack([np.interp(t, every, waves[:, k]) for k in range(6)], axis=1) * level

@@ -1,0 +1,147 @@
+"""Faults that are in no library: what an honest diagnosis calls unknown."""
+
+from collections.abc import Callable
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from wrenchbed.benchmark.referee.fault import RefereeFault, direction, sign, touched
+from wrenchbed.benchmark.referee.ride import Ride
+from wrenchbed.benchmark.referee.sensor import ornstein
+from wrenchbed.benchmark.referee.setting import RefereeSetting
+from wrenchbed.benchmark.referee.tool import dahl
+
+Rng = np.random.Generator
+
+
+def _share(setting: RefereeSetting) -> np.ndarray:
+    t = setting.path.t
+    return np.asarray(np.clip((t - t[0]) / (t[-1] - t[0]), 0.0, 1.0))
+
+
+def _telegraph(setting: RefereeSetting, rng: Rng, flips: float) -> np.ndarray:
+    """Random on and off (T,), about so many changes in a run."""
+    t = setting.path.t
+    gaps = rng.exponential((t[-1] - t[0]) / flips, int(20 * flips))
+    return np.asarray(np.searchsorted(np.cumsum(gaps), t - t[0]) % 2, dtype=float)
+
+
+def boot(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
+    """A rubber boot over one wrist joint drags at the tool the way that joint last turned."""
+    j = int(rng.integers(3, setting.path.q.shape[1]))
+    drag = dahl(setting.path.q[:, j], rng.uniform(0.05, 0.2))
+    push = 4.0 * size * setting.noise * touched(rng)
+    return RefereeFault("boot", {}, size, load=lambda ride, y: y + np.outer(drag, push))
+
+
+def popcorn(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
+    """A gauge whose zero hops between two levels at random moments."""
+    on = _telegraph(setting, rng, rng.uniform(6.0, 25.0))
+    hop = 4.0 * size * setting.noise * touched(rng)
+    return RefereeFault("popcorn", {}, size, gauge=lambda ride, y: y + np.outer(on, hop), stage=5)
+
+
+def triple(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
+    """One channel reads the square of a second times a third."""
+    a, b, into = (int(k) for k in rng.choice(6, 3, replace=False))
+    swing = setting.swing
+    amount = 10.0 * size * setting.noise[into] * sign(rng)
+
+    def gauge(ride: Ride, y: np.ndarray) -> np.ndarray:
+        out = y.copy()
+        out[:, into] += amount * (y[:, a] / swing[a]) ** 2 * y[:, b] / swing[b]
+        return out
+
+    return RefereeFault("triple", {}, size, gauge=gauge, stage=2)
+
+
+def snag(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
+    """A dress pack catches behind a screw as one joint passes it and springs off further on."""
+    j = int(rng.integers(1, setting.path.q.shape[1]))
+    angle = setting.path.q[:, j]
+    low, high = np.quantile(angle[setting.path.rows], np.sort(rng.uniform(0.15, 0.85, 2)))
+    caught = np.zeros(len(angle))
+    state = 0.0
+    for i, x in enumerate(angle):
+        if x > high:
+            state = 1.0
+        elif x < low:
+            state = 0.0
+        caught[i] = state
+    pull = 5.0 * size * setting.noise * touched(rng)
+    return RefereeFault("snag", {}, size, load=lambda ride, y: y + np.outer(caught, pull))
+
+
+def gusts(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
+    """A fan blows at the tool from one side of the room, in gusts of some seconds."""
+    wind = ornstein(setting.path.t, rng.uniform(3.0, 12.0), 1, rng)[:, 0] + 0.7
+    way = direction(rng) * [1.0, 1.0, 0.2]
+    force = 4.0 * size * float(setting.noise[:3].mean()) * np.outer(wind, way)
+    lever = np.array([0.0, 0.0, 0.1]) + rng.normal(0.0, 0.02, 3)
+
+    def load(ride: Ride, y: np.ndarray) -> np.ndarray:
+        own = ride.in_sensor(force)
+        return y + np.concatenate([own, np.cross(lever, own)], axis=1)
+
+    return RefereeFault("gusts", {}, size, load=load)
+
+
+def dropout(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
+    """A bad plug: at times one channel shows only part of what it reads."""
+    off = _telegraph(setting, rng, rng.uniform(6.0, 25.0))
+    k = int(rng.integers(6))
+    part = min(0.9, 0.15 * size)
+
+    def gauge(ride: Ride, y: np.ndarray) -> np.ndarray:
+        out = y.copy()
+        out[:, k] *= 1.0 - part * off
+        return out
+
+    return RefereeFault("dropout", {}, size, gauge=gauge, stage=5)
+
+
+def shedding(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
+    """Parts fall off the tool, one after the other."""
+    t = setting.path.t
+    when = np.sort(rng.uniform(t[0], t[-1], int(rng.integers(2, 7))))
+    share = 0.015 * size * rng.uniform(0.3, 1.0, len(when))
+    gone = np.concatenate([[0.0], np.cumsum(share)])[np.searchsorted(when, t)]
+    return RefereeFault("shedding", {}, size, load=lambda ride, y: y * (1.0 - gone[:, None]))
+
+
+def unscrewing(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
+    """The sensor's bolts work loose: it turns further and further on its flange."""
+    share = _share(setting)
+    angle = np.deg2rad(0.8) * size * sign(rng) * share ** rng.uniform(0.7, 2.0)
+    turn = Rotation.from_rotvec(angle[:, None] * (np.array([0, 0, 1.0]) + 0.1 * direction(rng)))
+
+    def load(ride: Ride, y: np.ndarray) -> np.ndarray:
+        return np.concatenate([turn.apply(y[:, :3]), turn.apply(y[:, 3:])], axis=1)
+
+    return RefereeFault("unscrewing", {}, size, load=load)
+
+
+def sinking(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
+    """The floor settles to one side while the run goes on."""
+    way = rng.uniform(-np.pi, np.pi)
+    share = _share(setting)
+    angle = np.deg2rad(0.8) * size * share ** rng.uniform(0.7, 2.0)
+    turn = Rotation.from_rotvec(np.outer(angle, [np.cos(way), np.sin(way), 0.0]))
+
+    tool = setting.metadata.tool
+    assert tool.mass is not None and tool.cog is not None
+    mass, cog = tool.mass, np.array(tool.cog)
+
+    def load(ride: Ride, y: np.ndarray) -> np.ndarray:
+        force = mass * ride.in_sensor(turn.apply(ride.gravity) - ride.gravity)
+        return y + np.concatenate([force, np.cross(cog, force)], axis=1)
+
+    return RefereeFault("sinking", {}, size, load=load)
+
+
+Family = Callable[[RefereeSetting, Rng, float], RefereeFault]
+_ALL: tuple[Family, ...] = (
+    boot, popcorn, triple, snag, gusts, dropout, shedding, unscrewing, sinking,
+)  # fmt: skip
+FAMILIES: dict[str, Family] = {f.__name__: f for f in _ALL}
+"""By name; none of them is a family that probabilities were learnt on."""

@@ -1,0 +1,189 @@
+"""One robot on the referee's bench: what is stated of it, and what it is told to do."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import mujoco
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from wrenchbed import registry
+from wrenchbed.benchmark.referee.path import DrivePath, along, through
+from wrenchbed.data.metadata import Metadata, SensorInfo, ToolInfo
+from wrenchbed.errors import ParameterError
+from wrenchbed.robots.base import INERTIA_AXES, SimulatedRobot
+
+POSES = (60, 100)
+SAMPLES, RATE_HZ = 60, 100.0
+"""Rows of a pose and their rate [Hz]."""
+MOTION_S, MOTION_HZ = 60.0, 125.0
+_KNOT_S = (1.6, 3.0)
+_REACH = np.deg2rad((20.0, 50.0))
+_REACH_M = (0.03, 0.1)
+_TRIES = 200
+
+
+@dataclass(frozen=True, eq=False)
+class RefereeSetting:
+    """What is stated and told; the same whatever is wrong.
+
+    Attributes:
+        robot: a robot that exists in MuJoCo.
+        path: told.
+        metadata: stated.
+        theta: the stated robot's parameters (P,).
+        temperature: beside the robot at each instant (T,) [°C], or None where nobody measured it.
+    """
+
+    robot: SimulatedRobot
+    path: DrivePath
+    metadata: Metadata
+    theta: np.ndarray
+    temperature: np.ndarray | None
+
+    @property
+    def mode(self) -> str:
+        """``static`` or ``dynamic``."""
+        return self.metadata.mode
+
+    @cached_property
+    def noise(self) -> np.ndarray:
+        """Stated standard deviation of one row (6,) [N, N·m]."""
+        return np.array(self.metadata.sensor.noise_std)
+
+    @cached_property
+    def full_scale(self) -> np.ndarray:
+        """The sensor's range (6,) [N, N·m]."""
+        sensor = registry.load("sensors", self.robot.sensor)
+        return np.asarray(sensor.calibration().range, dtype=float)
+
+    @cached_property
+    def tolerance(self) -> tuple[float, float, np.ndarray]:
+        """The contract's: mass [kg], CoG [m] and bias (6,)."""
+        mass = self.metadata.tool.mass
+        assert mass is not None
+        return 0.005 * mass, 5e-4, 3.0 * self.noise
+
+    def mean(self, signal: np.ndarray) -> np.ndarray:
+        """Of each pose (H, …) of a signal at all instants (T, …); in motion of each row (N, …)."""
+        rows = signal[self.path.rows]
+        if self.mode == "dynamic":
+            return rows
+        count = np.bincount(self.path.hold)
+        starts = np.concatenate([[0], np.cumsum(count)[:-1]])
+        total = np.add.reduceat(rows, starts, axis=0)
+        return np.asarray(total / count.reshape(-1, *[1] * (rows.ndim - 1)))
+
+    @cached_property
+    def swing(self) -> np.ndarray:
+        """Largest magnitude of the nominal wrench (6,), at least three noises of a row."""
+        return np.maximum(np.abs(self.nominal).max(axis=0), 3.0 * self.noise)
+
+    @cached_property
+    def nominal(self) -> np.ndarray:
+        """The robot as stated (H or N, 6) [N, N·m]."""
+        return self.stated(self.theta)
+
+    def stated(self, theta: np.ndarray, dq: np.ndarray | None = None, every: int = 1) -> np.ndarray:
+        """A rigid robot with these parameters (H or N, 6), joints off by dq, by `mj_inverse`.
+
+        Args:
+            every: only each so many-th pose or row.
+        """
+        spec = self.robot.spec(theta)
+        spec.option.gravity = self.robot.gravity
+        model = spec.compile()
+        data = mujoco.MjData(model)
+        q, qd, qdd = (self.mean(x)[::every] for x in (self.path.q, self.path.qd, self.path.qdd))
+        told = _told(self.robot, theta, q if dq is None else q + dq, qd, qdd)
+        wrench = np.empty((len(q), 6))
+        for i, (p, v, a) in enumerate(zip(*told, strict=True)):
+            data.qpos[:], data.qvel[:], data.qacc[:] = p, v, a
+            mujoco.mj_inverse(model, data)
+            wrench[i] = -np.concatenate([data.sensor("force").data, data.sensor("torque").data])
+        return wrench
+
+
+def _told(
+    robot: SimulatedRobot, theta: np.ndarray, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """All of MuJoCo's coordinates of a motion (N, nq), by differences along it."""
+    p = np.asarray(robot.qpos(q, theta))
+    if not np.abs(qd).any():
+        return p, np.zeros_like(p), np.zeros_like(p)
+    h = 1e-3
+    ahead = np.asarray(robot.qpos(q + h * qd + 0.5 * h * h * qdd, theta))
+    behind = np.asarray(robot.qpos(q - h * qd + 0.5 * h * h * qdd, theta))
+    return p, (ahead - behind) / (2 * h), (ahead - 2 * p + behind) / h**2
+
+
+def draw(robot: SimulatedRobot, mode: str, rng: np.random.Generator) -> RefereeSetting:
+    """A random setting.
+
+    Raises:
+        ParameterError: no feasible motion was found.
+    """
+    sensor = registry.load("sensors", robot.sensor)
+    own = robot.tool(robot.parameters.nominal)
+    mass = float(np.round(own.mass * np.exp(rng.uniform(-0.5, 0.4)), 3))
+    cog = np.round(own.cog * rng.uniform(0.8, 1.25) + rng.normal(0.0, 0.006, 3), 4)
+    inertia = np.asarray(own.inertia) * mass / float(own.mass)
+    six = [float(inertia[i, j]) for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
+    theta = robot.theta_of_tool(robot.parameters.nominal, mass, cog.tolist())
+    names = [f"tool.inertia.{a}" for a in INERTIA_AXES]
+    theta = robot.parameters.vector(dict(zip(names, six, strict=True)), start=theta)
+    path = _poses(robot, rng) if mode == "static" else _motion(robot, rng)
+    metadata = Metadata(
+        robot=robot.name,
+        mode=mode,
+        source="sim",
+        rate_hz=RATE_HZ if mode == "static" else MOTION_HZ,
+        tool=ToolInfo(mass, tuple(cog.tolist()), tuple(six)),
+        sensor=SensorInfo(
+            model=sensor.name, noise_std=tuple(float(s) for s in sensor.noise.row_std), mass=0.0
+        ),
+        gravity=tuple(float(g) for g in robot.gravity),
+    )
+    warm = _weather(path.t, rng) if rng.uniform() < 0.4 else None
+    return RefereeSetting(robot, path, metadata, theta, warm)
+
+
+def _poses(robot: SimulatedRobot, rng: np.random.Generator) -> DrivePath:
+    n = int(rng.integers(POSES[0], POSES[1] + 1))
+    pause = rng.gamma(1.0, 0.4, n)  # somebody presses a key
+    return through(robot, robot.sample(n, rng), SAMPLES, RATE_HZ, pause)
+
+
+def _motion(robot: SimulatedRobot, rng: np.random.Generator) -> DrivePath:
+    """A spline through random points about a pose, from rest to rest."""
+    share = rng.uniform()
+    low = np.array([_REACH_M[0] if j.unit == "m" else _REACH[0] for j in robot.joints])
+    high = np.array([_REACH_M[1] if j.unit == "m" else _REACH[1] for j in robot.joints])
+    reach = low + share * (high - low)
+    top = np.array([j.speed for j in robot.joints])
+    for attempt in range(_TRIES):
+        middle = robot.sample(1, rng)[0]
+        knots = [0.0]
+        while knots[-1] < MOTION_S:
+            knots.append(knots[-1] + rng.uniform(*_KNOT_S))
+        t = np.array(knots) * MOTION_S / knots[-1]
+        shrink = 0.5 ** (attempt // 20)
+        points = middle + shrink * reach * rng.uniform(-1.0, 1.0, (len(t), len(middle)))
+        points[0] = points[-1] = middle
+        way = CubicSpline(t, points, bc_type="clamped")
+        fine = way(np.linspace(0.0, MOTION_S, 600))
+        fast = np.abs(way(np.linspace(0.0, MOTION_S, 3000), 1)).max(axis=0)
+        if (fast < 0.8 * top).all() and not robot.infeasible(fine, robot.parameters.nominal):
+            return along(way, MOTION_S, MOTION_HZ)
+    raise ParameterError(f"found no feasible motion of {robot.name!r} in {_TRIES} tries")
+
+
+def _weather(t: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """A room that warms, or whose air conditioning comes and goes (T,) [°C]."""
+    span = float(t[-1] - t[0])
+    rise = rng.uniform(1.0, 6.0) * rng.choice([-1.0, 1.0])
+    slow = -np.expm1(-(t - t[0]) / (span * rng.uniform(0.3, 1.5)))
+    swing = rng.uniform(0.0, 0.8) * np.sin(
+        2 * np.pi * (t / rng.uniform(90.0, 240.0) + rng.uniform())
+    )
+    return np.asarray(rng.uniform(19.0, 26.0) + rise * slow + swing)

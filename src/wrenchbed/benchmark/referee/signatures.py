@@ -1,0 +1,264 @@
+"""What each effect of the library would look like on one robot: signatures, to compare with.
+
+Linear in an effect's sizes where it is, with a grid of variants where it is not. From MuJoCo and
+finite differences; no formula is shared with the library of effects.
+"""
+
+from collections.abc import Iterator, Mapping
+from functools import partial
+from typing import NamedTuple
+
+import mujoco
+import numpy as np
+
+from wrenchbed.benchmark.referee.ride import Ride
+from wrenchbed.benchmark.referee.sensor import after, bouc_wen, lowpass
+from wrenchbed.benchmark.referee.setting import RefereeSetting
+from wrenchbed.benchmark.referee.tool import dahl
+from wrenchbed.robots.base import INERTIA_AXES
+
+Blocks = Mapping[str, list[np.ndarray]]
+"""By effect, one (n, 6, k) array a variant: wrench [N, N·m] of a column of typical size."""
+_H = 1e-4
+EVERY = 5
+"""In motion, signatures are compared on each so many-th row."""
+
+
+class Signature(NamedTuple):
+    """Where signatures are compared: mean times (n,), joints (n, J), readings (n, 6)."""
+
+    t: np.ndarray
+    q: np.ndarray
+    y: np.ndarray
+
+
+def thin(setting: RefereeSetting, signal: np.ndarray) -> np.ndarray:
+    """A signal of all instants (T, …) where signatures are compared (n, …)."""
+    return setting.mean(signal)[:: stride(setting)]
+
+
+def stride(setting: RefereeSetting) -> int:
+    """1 at rest."""
+    return EVERY if setting.mode == "dynamic" else 1
+
+
+def nuisance(setting: RefereeSetting) -> np.ndarray:
+    """What every fit takes out: bias, mass and CoG (n, 6, 10)."""
+    base = setting.stated(setting.theta, every=stride(setting))
+    tool = setting.robot.tool(setting.theta)
+    mass, cog = float(tool.mass), np.asarray(tool.cog)
+    shifts = [(0.01, np.zeros(3)), *[(0.0, 1e-3 * e) for e in np.eye(3)]]
+    columns = [np.broadcast_to(e, base.shape) for e in np.eye(6)]
+    for dm, dc in shifts:
+        theta = setting.robot.theta_of_tool(setting.theta, mass + dm, (cog + dc).tolist())
+        columns.append((setting.stated(theta, every=stride(setting)) - base) / 1e-3)
+    return np.stack(columns, axis=-1)
+
+
+def blocks(setting: RefereeSetting, ride: Ride) -> Blocks:
+    """Signatures of every effect that a mean can show."""
+    cut = partial(thin, setting)
+    seen = Signature(cut(setting.path.t), cut(setting.path.q), cut(ride.load))
+    found: dict[str, list[np.ndarray]] = {}
+    parts = [_gauges(setting, ride, seen), _times(setting, ride), _carried(setting, ride, seen)]
+    for part in (*parts, _arm(setting, seen)):
+        for name, block in part:
+            found.setdefault(name, []).append(block)
+    return found
+
+
+def _each(y: np.ndarray) -> np.ndarray:
+    """One column a channel (n, 6, 6)."""
+    return y[:, :, None] * np.eye(6)
+
+
+def _gauges(
+    setting: RefereeSetting, ride: Ride, seen: Signature
+) -> Iterator[tuple[str, np.ndarray]]:
+    t, y, load = ride.path.t, seen.y, ride.load
+    share = ((seen.t - t[0]) / (t[-1] - t[0]))[:, None]
+    zero = setting.full_scale
+    yield "sensor.drift", 3e-3 * _each(share * zero)
+    levels = [-np.expm1(-share / s) for s in (0.05, 0.1, 0.15, 0.25, 0.4, 0.6)]
+    if setting.temperature is not None:
+        warm = setting.temperature[:, None]
+        levels = [thin(setting, after(t, warm, lag)) for lag in (1.0, 15.0, 30.0, 45.0)]
+    for level in levels:
+        level = level / max(float(np.abs(level - level[0]).max()), 1e-9)
+        both = [_each(level * zero), _each((level - level[0]) * y)]
+        yield "sensor.temperature", 2e-3 * np.concatenate(both, -1)
+    yield "sensor.gain", 0.01 * _each(y)
+    pairs = [(i, j) for i in range(6) for j in range(6) if i != j]
+    cross = np.zeros((*y.shape, len(pairs)))
+    for k, (i, j) in enumerate(pairs):
+        lever = 1.0 if i // 3 == j // 3 else (20.0 if i < 3 else 0.05)
+        cross[:, i, k] = 8e-3 * lever * y[:, j]
+    yield "sensor.crosstalk", cross
+    u = y / setting.swing
+    for bow in (u**2, np.abs(u), u**3, np.abs(u) ** 1.5, u * np.abs(u) ** 3):
+        yield "sensor.nonlinearity", 2e-3 * _each(bow * zero)
+    for reach in (0.05, 0.1, 0.2, 0.35):
+        loop = bouc_wen(load / (reach * setting.swing), 0.7)
+        yield "sensor.hysteresis", 1.5e-3 * _each(thin(setting, loop) * zero)
+    for time in (8.0, 25.0, 80.0, 250.0):
+        yield "sensor.creep", 8e-3 * _each(thin(setting, after(t, load, time)) - y)
+    starts = np.linspace(0.05, 0.95, 60)
+    for when in starts:
+        yield "sensor.jump", 4e-3 * _each((share > when) * zero)
+    for part in (0.8, 0.9, 0.95, 0.98):
+        limit = np.quantile(np.abs(y), part, axis=0)
+        yield "sensor.saturation", _each(np.clip(y, -limit, limit) - y)
+
+
+def _times(setting: RefereeSetting, ride: Ride) -> Iterator[tuple[str, np.ndarray]]:
+    if setting.mode != "dynamic":
+        return
+    t, y = ride.path.t, ride.load
+    dt, rate = float(t[1] - t[0]), np.gradient(y, ride.path.t, axis=0)
+    cut = partial(thin, setting)
+    yield "timing.delay", 7e-3 * cut(rate)[..., None]
+    for time in (4e-3, 15e-3):
+        for stages in (1, 2):
+            yield "timing.lowpass", (cut(lowpass(y, dt, time, stages)) - cut(y))[..., None]
+    yield "timing.skew", 0.012 / t[-1] * cut(rate * t[:, None])[..., None]
+    yield "timing.skew", 1e-3 * cut(rate * np.arange(6))[..., None]
+
+
+def _carried(
+    setting: RefereeSetting, ride: Ride, seen: Signature
+) -> Iterator[tuple[str, np.ndarray]]:
+    force, cut = seen.y[:, :3], partial(thin, setting)
+    zero = np.zeros_like(force)
+    bent = [np.concatenate([zero, np.cross(force * e, force)], 1) for e in np.eye(3)]
+    yield "tool.flexure", 5e-5 * np.stack(bent, -1)
+    for axis in _directions():
+        side = np.sign(force @ axis)[:, None]
+        moved = np.cross(7.5e-4 * side * axis, force)
+        yield "tool.loose", np.concatenate([zero, moved], 1)[..., None]
+    last = ride.path.q[:, -1]
+    turns = [last, dahl(last, 0.1)]
+    twist = np.stack([np.eye(6)[5] * cut(x[:, None]) for x in turns], -1)
+    yield "cable.torsion", 6.0 * setting.noise[5] * twist
+    if setting.mode == "dynamic":
+        base = setting.stated(setting.theta, every=stride(setting))
+        columns = []
+        for a in INERTIA_AXES:
+            theta = setting.theta.copy()
+            theta[setting.robot.parameters.index(f"tool.inertia.{a}")] += _H
+            size = 0.25 * float(np.trace(np.asarray(setting.robot.tool(theta).inertia))) / 3.0
+            columns.append((setting.stated(theta, every=stride(setting)) - base) * size / _H)
+        yield "tool.inertia", np.stack(columns, -1)
+    rotation, position = cut(ride.rotation), cut(ride.position)
+    yield from _pulls(rotation, position)
+    tip = max(2.0 * float(setting.robot.tool(setting.theta).cog[2]), 0.05)
+    yield from _pushes(rotation, position, tip)
+
+
+def _pulls(rotation: np.ndarray, position: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:
+    """Hoses from above, from several sides and with several slacks."""
+    reach = max(1.5 * float(np.linalg.norm(position.std(axis=0))), 0.2)
+    point = np.array([0.0, 0.0, 0.04])
+    tied = position + rotation @ point
+    for way in _directions():
+        if way[2] < 0.2:
+            continue
+        for far in (0.8, 1.5):
+            line = position.mean(axis=0) + far * reach * way - tied
+            length = np.linalg.norm(line, axis=1, keepdims=True)
+            for part in (0.0, 0.3, 0.6):
+                taut = np.maximum(length - np.quantile(length, part), 0.0)
+                taut = 0.3 * taut / max(float(taut.mean()), 1e-6)
+                force = np.einsum("nij,ni->nj", rotation, taut * line / length)
+                yield "cable.pull", np.concatenate([force, np.cross(point, force)], 1)[..., None]
+
+
+def _pushes(
+    rotation: np.ndarray, position: np.ndarray, tip: float
+) -> Iterator[tuple[str, np.ndarray]]:
+    """Planes that the tool's end presses on."""
+    lever = np.array([0.0, 0.0, tip])
+    ends = position + rotation @ lever
+    for normal in _directions():
+        height = ends @ normal
+        for part in (0.06, 0.12, 0.2):
+            deep = np.maximum(np.quantile(height, part) - height, 0.0)
+            deep = 0.4 * deep / max(float(deep[deep > 0].mean()), 1e-6)
+            force = np.einsum("nij,ni->nj", rotation, deep[:, None] * normal)
+            block = np.concatenate([force, np.cross(lever, force)], 1)[..., None]
+            yield "environment.contact", block
+
+
+def _arm(setting: RefereeSetting, seen: Signature) -> Iterator[tuple[str, np.ndarray]]:
+    every, robot, theta = stride(setting), setting.robot, setting.theta
+    base = setting.stated(theta, every=every)
+    turn = [
+        np.concatenate([np.cross(base[:, :3], e), np.cross(base[:, 3:], e)], 1) for e in np.eye(3)
+    ]
+    yield "mount.rotation", np.deg2rad(0.4) * np.stack(turn, -1)
+    slopes = []
+    for j in range(len(robot.joints)):
+        step = _H * np.eye(len(robot.joints))[j]
+        ahead = setting.stated(theta, step, every)
+        slopes.append((ahead - setting.stated(theta, -step, every)) / (2 * _H))
+    slope = np.stack(slopes[1:], -1)
+    yield "joint.offset", np.deg2rad(0.2) * slope
+    torque, moment = _weights(setting, seen.q)
+    turning = [j for j, joint in enumerate(robot.joints) if joint.unit == "rad" and j]
+    yield "joint.compliance", np.stack([slopes[j] * torque[:, j, None] for j in turning], -1) / 5e3
+    for j in turning:
+        side = np.deg2rad(0.04) * np.sign(torque[:, j, None])
+        yield "joint.backlash", (slopes[j] * side)[..., None]
+        for order in (1, 2, 3, 4):
+            waves = (np.sin(order * seen.q[:, j]), np.cos(order * seen.q[:, j]))
+            wave = np.stack([slopes[j] * w[:, None] for w in waves], -1)
+            yield "joint.gear_error", np.deg2rad(4.0 / 60.0) * wave
+    lean = [_tilted(setting, axis, every, base) for axis in np.eye(3)[:2]]
+    yield "base.tilt", np.deg2rad(0.4) * np.stack(lean, -1)
+    x, y = moment[:, :1], moment[:, 1:2]
+    three = [x * lean[0], y * lean[1], y * lean[0] + x * lean[1]]
+    yield "base.compliance", 2e-5 * np.stack(three, -1)
+    for name in robot.parameters.names:
+        if name[0] == "L" and name[1:].isdigit():
+            longer = theta.copy()
+            longer[robot.parameters.index(name)] += _H
+            change = (setting.stated(longer, None, every) - base) / _H
+            yield "link.length", 7e-4 * change[..., None]
+
+
+def _tilted(setting: RefereeSetting, axis: np.ndarray, every: int, base: np.ndarray) -> np.ndarray:
+    """∂w/∂α of gravity turned about an axis: the tool's weight turns, its inertia does not."""
+    q = setting.mean(setting.path.q)[::every]
+    rotation = setting.robot.sensor_pose(q, setting.theta)[0]
+    tool = setting.robot.tool(setting.theta)
+    turned = float(tool.mass) * np.cross(axis, np.array(setting.robot.gravity))
+    force = np.einsum("nij,i->nj", np.broadcast_to(rotation, (len(q), 3, 3)), turned)
+    return np.concatenate([force, np.cross(np.asarray(tool.cog), force)], axis=1)
+
+
+def _weights(setting: RefereeSetting, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Torque of gravity on each joint (n, J) by virtual work, and on the base (n, 2) [N·m]."""
+    robot, theta = setting.robot, setting.theta
+    model = robot.spec(theta).compile()
+    data = mujoco.MjData(model)
+    g = np.array(robot.gravity)
+
+    def centre(rows: np.ndarray) -> np.ndarray:
+        told = np.asarray(robot.qpos(rows, theta))
+        out = np.empty((len(rows), 3))
+        for i, row in enumerate(told):
+            data.qpos[:] = row
+            mujoco.mj_kinematics(model, data)
+            out[i] = model.body_mass @ data.xipos
+        return out
+
+    steps = _H * np.eye(q.shape[1])
+    torque = np.stack([(centre(q + s) - centre(q - s)) @ g / (2 * _H) for s in steps], -1)
+    base = model.body("base").pos
+    return torque, np.cross(centre(q) - model.body_mass.sum() * base, g)[:, :2]
+
+
+def _directions() -> np.ndarray:
+    """The 26 directions to the neighbours in a cubic grid (26, 3)."""
+    grid = np.stack(np.meshgrid(*[[-1.0, 0.0, 1.0]] * 3), -1).reshape(-1, 3)
+    grid = grid[np.abs(grid).sum(axis=1) > 0]
+    return np.asarray(grid / np.linalg.norm(grid, axis=1, keepdims=True))

@@ -1,0 +1,164 @@
+"""Faults of what the sensor carries and of what else pulls at it."""
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from wrenchbed.benchmark.referee.fault import RefereeFault, about, direction, sign
+from wrenchbed.benchmark.referee.machine import Hose, Loose, Mechanics, Pad
+from wrenchbed.benchmark.referee.ride import Ride
+from wrenchbed.benchmark.referee.setting import RefereeSetting
+from wrenchbed.robots.base import INERTIA_AXES
+
+Rng = np.random.Generator
+
+
+def mass(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
+    """The tool is about 2 % heavier or lighter than stated."""
+    own, least = _stated(setting)[0], 2.0 * setting.tolerance[0]
+    error = sign(rng) * max(least, about(rng, 0.02 * size * own))
+    return RefereeFault(
+        "tool.mass", {"mass": error}, size, body=lambda m: loaded(setting, m, dm=error)
+    )
+
+
+def cog(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
+    """Its centre of gravity is about 1.5 mm away from where it is stated."""
+    error = max(2.0 * setting.tolerance[1], about(rng, 1.5e-3 * size)) * direction(rng)
+    true = {f"cog.{a}": float(e) for a, e in zip("xyz", error, strict=True)}
+    return RefereeFault("tool.cog", true, size, body=lambda m: loaded(setting, m, dc=error))
+
+
+def inertia(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
+    """Its moments of inertia are about 25 % off, and their axes a little askew."""
+    stated = setting.metadata.tool.inertia
+    assert stated is not None
+    xx, yy, zz, xy, xz, yz = stated
+    own = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    grown = np.diag(np.exp(0.25 * size * rng.uniform(0.4, 1.0, 3) * rng.choice([-1, 1], 3)))
+    turn = Rotation.from_rotvec(0.15 * size * direction(rng)).as_matrix()
+    new = turn @ np.sqrt(grown) @ own @ np.sqrt(grown) @ turn.T
+    pick = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+    names = [f"tool.inertia.{a}" for a in INERTIA_AXES]
+    change = {n: float((new - own)[i]) for n, i in zip(names, pick, strict=True)}
+    p = setting.robot.parameters
+
+    def body(m: Mechanics) -> Mechanics:
+        theta = m.theta.copy()
+        for name, value in change.items():
+            theta[p.index(name)] += value
+        return replace(m, theta=theta)
+
+    true = {k.removeprefix("tool."): v for k, v in change.items()}
+    return RefereeFault("tool.inertia", true, size, body=body)
+
+
+def loose(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
+    """A part that slides to and fro in the tool and shifts its CoG by about 1.5 mm."""
+    travel = about(rng, 1.5e-3 * size)
+    share = float(rng.uniform(0.08, 0.2))
+    part = Loose(share, direction(rng), 0.5 * travel / share, float(rng.uniform(0.05, 0.3)))
+    return RefereeFault(
+        "tool.loose", {"travel": travel}, size, body=lambda m: replace(m, loose=part)
+    )
+
+
+def flexure(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
+    """A tool whose root bends, so that its CoG moves by about 5e-5 m/N, unequally across."""
+    root = float(rng.uniform(0.0, 0.3)) * float(_stated(setting)[1][2])
+    lever = max(float(np.linalg.norm(_stated(setting)[1] - [0.0, 0.0, root])), 0.02)
+    give = about(rng, 5e-5 * size) / lever**2 * np.array([1.0, rng.uniform(0.5, 1.0)])
+    give = give if rng.uniform() < 0.5 else give[::-1]
+    return RefereeFault(
+        "tool.flexure",
+        {"compliance": float(give.mean() * lever**2)},
+        size,
+        body=lambda m: replace(m, bend=give, root=root),
+    )
+
+
+def hose(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
+    """A hose from a hook above the robot: taut in part of the workspace, pulling about 0.3 N."""
+    place = _places(setting)
+    spread = max(float(np.linalg.norm(place.std(axis=0))), 0.05)
+    aside = rng.normal(0.0, 0.7, 2)
+    hook = place.mean(axis=0) + max(1.3 * spread, 0.2) * np.array([*aside, rng.uniform(0.4, 1.4)])
+    point = np.array([*rng.normal(0.0, 0.02, 2), rng.uniform(0.0, 0.08)])
+    far = np.linalg.norm(place - hook, axis=1)
+    slack = float(np.quantile(far, rng.uniform(0.0, 0.6)))
+    pull = float(np.mean(np.maximum(far - slack, 0.0))) + 1e-3
+    stiffness = about(rng, 0.02 * _stated(setting)[0] * 9.81 * size) / pull
+    rope = Hose(hook, point, slack, stiffness)
+    true = {"stiffness": stiffness, "slack": slack}
+    return RefereeFault("cable.pull", true, size, body=lambda m: replace(m, hose=rope))
+
+
+def pad(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
+    """Something soft in a corner of the workspace that the tool's end presses on: about 0.4 N."""
+    tip = np.array([0.0, 0.0, 1.9 * max(float(_stated(setting)[1][2]), 0.03)])
+    rotation, position = setting.robot.sensor_pose(setting.mean(setting.path.q), setting.theta)
+    ends = position + rotation @ tip
+    normal = np.array([0.0, 0.0, 1.0]) + rng.uniform(0.0, 0.6) * direction(rng)
+    normal /= np.linalg.norm(normal)
+    height = ends @ normal
+    radius = 0.01
+    level = float(np.quantile(height, rng.uniform(0.06, 0.2)))
+    deep = level - height[height < level]
+    force = about(rng, 0.03 * _stated(setting)[0] * 9.81 * size)
+    k = force / max(float(deep.mean()), 1e-4)
+    point = ends.mean(axis=0) + (level - radius - float(ends.mean(axis=0) @ normal)) * normal
+    block = Pad(point, normal, k, float(rng.uniform(0.1, 0.5)), tip, radius)
+    return RefereeFault(
+        "environment.contact", {"stiffness": k}, size, body=lambda m: replace(m, pad=block)
+    )
+
+
+def torsion(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
+    """A cable wound about the last joint, with dry friction (Dahl) in its jacket."""
+    last = setting.path.q.shape[1] - 1
+    angle = setting.path.q[:, last]
+    spread = max(float(np.std(angle[setting.path.rows])), 0.05)
+    k = sign(rng) * about(rng, 6.0 * setting.noise[5] * size) / spread
+    middle = float(np.median(angle)) + rng.normal(0.0, 0.3)
+    grip, reach = abs(k) * spread * rng.uniform(0.0, 0.15), rng.uniform(0.05, 0.3)
+    lean = rng.normal(0.0, 0.06, 2)
+    drag = dahl(angle, reach)
+
+    def load(ride: Ride, y: np.ndarray) -> np.ndarray:
+        twist = k * (angle - middle) + grip * drag
+        turn = np.stack([lean[0] * twist, lean[1] * twist, twist], axis=1)
+        return y + np.concatenate([np.zeros_like(turn), turn], axis=1)
+
+    return RefereeFault("cable.torsion", {"stiffness": k}, size, load=load)
+
+
+def dahl(x: np.ndarray, reach: float) -> np.ndarray:
+    """Dahl's friction (T,) in −1 … 1 as x (T,) moves (Dahl 1968, TOR-0158(3107-18)-1)."""
+    z = np.zeros(len(x))
+    for i, d in enumerate(np.diff(x), start=1):
+        side = np.sign(d)  # the exact solution over a piece of one direction
+        z[i] = side + (z[i - 1] - side) * np.exp(-abs(d) / reach)
+    return z
+
+
+def loaded(
+    setting: RefereeSetting, m: Mechanics, dm: float = 0.0, dc: np.ndarray | float = 0.0
+) -> Mechanics:
+    """The machine with another mass and CoG of its tool."""
+    tool = setting.robot.tool(m.theta)
+    centre = np.asarray(tool.cog) + dc
+    theta = setting.robot.theta_of_tool(m.theta, float(tool.mass) + dm, centre.tolist())
+    return replace(m, theta=theta)
+
+
+def _stated(setting: RefereeSetting) -> tuple[float, np.ndarray]:
+    tool = setting.metadata.tool
+    assert tool.mass is not None and tool.cog is not None
+    return tool.mass, np.array(tool.cog)
+
+
+def _places(setting: RefereeSetting) -> np.ndarray:
+    q = setting.mean(setting.path.q)
+    place = np.asarray(setting.robot.sensor_pose(q, setting.theta)[1])
+    return np.broadcast_to(place, (len(q), 3))

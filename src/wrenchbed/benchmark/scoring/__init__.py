@@ -1,0 +1,1 @@
+"""Scores of a diagnosis and of simple baselines on cases whose truth is known."""

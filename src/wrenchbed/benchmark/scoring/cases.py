@@ -1,0 +1,249 @@
+"""A benchmark's cases: designs and look-alikes from one seed, diagnosed by every method."""
+
+import time
+import traceback
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from wrenchbed import registry
+from wrenchbed.benchmark.lookalikes import ExperimentDesign, LookalikeCase, draw, recording
+from wrenchbed.benchmark.scoring.baselines import BASELINES, reuse_dictionary
+from wrenchbed.benchmark.scoring.linear import Claim
+from wrenchbed.benchmark.scoring.rows import OURS, CaseRow, Number
+from wrenchbed.benchmark.scoring.truth import numbers
+from wrenchbed.data.plan import Plan
+from wrenchbed.diagnosis.diagnose import Findings, diagnose
+from wrenchbed.diagnosis.evidence.dictionary import STATED
+from wrenchbed.diagnosis.explain import reliability
+from wrenchbed.diagnosis.explain.analysis import Analysis
+from wrenchbed.diagnosis.explain.finalist import Finalist
+from wrenchbed.diagnosis.gap import closure
+from wrenchbed.errors import ParameterError
+from wrenchbed.planning import choose
+
+KINDS = ("single", "none", "outside", "pair")
+POSES = (60, 100)
+"""Fewest and most poses of a design at rest."""
+SAMPLES, MOTION_S, RATE_HZ = 60, 60.0, 125.0
+"""Rows of a pose; length of a motion [s] and its rate [Hz]."""
+DESIGNS = {"static": 6, "dynamic": 3}
+VARIANTS = 3
+"""Variants of a true effect that the oracle refits, best of its linear evidence first."""
+_TRIES = 8
+
+
+@dataclass(frozen=True)
+class BenchmarkSetting:
+    """One benchmark: a robot, how it moves, and the seed that everything follows from."""
+
+    robot: str
+    mode: str
+    seed: int
+
+
+@dataclass(frozen=True)
+class Job:
+    """Case ``index`` of a kind."""
+
+    setting: BenchmarkSetting
+    kind: str
+    index: int
+
+    @property
+    def id(self) -> str:
+        s = self.setting
+        return f"{s.robot}-{s.mode}-{s.seed}-{self.kind}-{self.index}"
+
+    @property
+    def seed(self) -> int:
+        """Of the case; neighbours leave room for draws that show nothing."""
+        state = (self.setting.seed, 60, KINDS.index(self.kind), self.index)
+        return int(np.random.default_rng(state).integers(2**40)) * _TRIES
+
+
+def jobs(setting: BenchmarkSetting, counts: Mapping[str, int]) -> Iterator[Job]:
+    """All cases, kinds mixed so that figures grow together."""
+    every = [(i / n, k, i) for k, n in counts.items() for i in range(n)]
+    return (Job(setting, kind, index) for _, kind, index in sorted(every))
+
+
+@lru_cache(maxsize=8)
+def design(setting: BenchmarkSetting, number: int) -> ExperimentDesign:
+    """Random poses, or a multisine, with the robot's nominal numbers stated."""
+    robot = registry.load("robots", setting.robot)
+    rng = np.random.default_rng([setting.seed, 61, number])
+    if setting.mode == "dynamic":
+        seed = int(rng.integers(2**31))
+        return ExperimentDesign.of_plan(choose.multisine(robot, MOTION_S, RATE_HZ, seed), robot)
+    q = robot.sample(int(rng.integers(POSES[0], POSES[1] + 1)), rng)
+    return ExperimentDesign.of_plan(Plan.of(setting.robot, q), robot, samples=SAMPLES)
+
+
+def of_job(job: Job) -> tuple[ExperimentDesign, LookalikeCase]:
+    """Design and case of a job.
+
+    Raises:
+        ParameterError: nothing that was drawn shows enough.
+    """
+    place = design(job.setting, job.index % DESIGNS[job.setting.mode])
+    for attempt in range(_TRIES):
+        try:
+            return place, draw(place, job.seed + attempt, job.kind)
+        except ParameterError:
+            if attempt == _TRIES - 1:
+                raise
+    raise AssertionError
+
+
+def run(job: Job) -> CaseRow:
+    """Draw a case and ask every method; what fails is an answer, too: a wrong one."""
+    place, case = of_job(job)
+    rows = recording(place, case)
+    answers, seconds, errors = {}, {}, []
+    found: Findings | None = None
+    begun = time.perf_counter()
+    try:
+        found = diagnose(rows)
+        answers[OURS] = claim_of(found)
+    except Exception:  # a benchmark goes on, and counts it
+        errors.append(traceback.format_exc())
+        answers[OURS] = Claim("error", (), {})
+    seconds[OURS] = time.perf_counter() - begun
+    for name, baseline in BASELINES.items() if found is not None else ():
+        answers[name], seconds[name], error = _asked(baseline, found)
+        errors += error
+    answers |= {n: Claim("error", (), {}) for n in BASELINES if n not in answers}
+    between = tuple(case.rows)
+    told: tuple[tuple[Number, ...], bool, str | None] = ((), False, None)
+    shares: tuple[float | None, float | None] = (None, None)
+    if found is not None:
+        where = found.diagnosis.where
+        told = (*_numbers(place, case, found), where[0]["subsystem"] if where else None)
+        if case.causes and not between:
+            shares = _closed(found, case.causes)
+    return CaseRow(
+        id=job.id,
+        kind=case.kind,
+        truth=case.causes,
+        outside=case.outside,
+        size=dict(case.gaps),
+        detectability=_detectability(place, case),
+        between=between,
+        answers=answers,
+        where=told[2],
+        numbers=told[0],
+        variant=told[1],
+        closed=shares[0],
+        oracle=shares[1],
+        seconds=seconds,
+        error="\n".join(errors),
+        **_raw(found),
+    )
+
+
+def _raw(found: Findings | None) -> dict[str, Any]:
+    """What reliability is learnt from."""
+    if found is None:
+        return {}
+    raw = found.untempered
+    lead = raw.causes[0].names if raw.causes else ()
+    told = reliability.features(found.analysis.ranking, raw)
+    return {"raw": raw.verdict, "lead": lead, "features": told}
+
+
+def claim_of(found: Findings) -> Claim:
+    """What the diagnosis says, in the form that all methods share."""
+    told = found.diagnosis
+    causes = tuple((w["effect"], *w["rivals"]) for w in told.which)
+    presence = tuple(float(w["probability"]) for w in told.which)
+    return Claim(told.verdict, causes, dict(told.probabilities), presence)
+
+
+def _asked(
+    baseline: Callable[[Any], Claim], found: Findings | None
+) -> tuple[Claim, float, list[str]]:
+    """Claim and seconds of a baseline; it shares calibration and dictionary with the diagnosis."""
+    assert found is not None
+    reuse_dictionary(found.analysis)
+    begun = time.perf_counter()
+    try:
+        claim, errors = baseline(found.analysis.prepared), []
+    except Exception:
+        claim, errors = Claim("error", (), {}), [traceback.format_exc()]
+    return claim, time.perf_counter() - begun, errors
+
+
+def _detectability(place: ExperimentDesign, case: LookalikeCase) -> dict[str, float]:
+    """Of each cause [σ]: norm of its signature, of a raised variance by its own scatter √(2/n)."""
+    n = len(place)
+    told = {k: float(np.sqrt(6 * n * g)) for k, g in case.gaps.items()}
+    return told | {k: r * float(np.sqrt(n * place.samples / 2)) for k, r in case.rows.items()}
+
+
+def _numbers(
+    place: ExperimentDesign, case: LookalikeCase, found: Findings
+) -> tuple[tuple[Number, ...], bool]:
+    """Parameters of every true effect that the diagnosis names first in a class."""
+    told: list[Number] = []
+    variant = True
+    for cause in found.diagnosis.which:
+        if cause["effect"] in case.causes:
+            own, fits = numbers(place, case, cause["effect"], cause["parameters"])
+            told += own
+            variant = variant and (fits or not own)
+    return tuple(told), variant and bool(told)
+
+
+def _closed(found: Findings, causes: tuple[str, ...]) -> tuple[float | None, float | None]:
+    """Share of the held-out gap that the diagnosis closes, and that an oracle closes.
+
+    Of causes that are only wrong stated numbers, from the configured simulator on, else from the
+    calibrated one.
+    """
+    a, gap = found.analysis, found.diagnosis.gap
+    start = gap.configured if set(causes) <= set(STATED) else gap.calibrated
+    whole = start - gap.floor
+    best = oracle(a, causes)
+    if whole <= 0 or best is None:
+        return None, None
+    sealed = closure.HeldOut(a.prepared)
+    keep = [k for k, h in enumerate(best.parts) if h.name not in STATED]
+    twin = closure.twin_of(a, best, keep)
+    after = sealed.mean(sealed.of(twin.wrench(a.prepared.scene)))
+    own = gap.calibrated if gap.with_effects is None else gap.with_effects
+    return (start - own) / whole, (start - after) / whole
+
+
+def oracle(a: Analysis, causes: tuple[str, ...]) -> Finalist | None:
+    """The best refit of the true effects: of the first alone, then each further one beside it.
+
+    None where an effect has no hypothesis in this design.
+    """
+    searcher, refitter = a.searcher, a.refitter
+    best: Finalist | None = None
+    for name in sorted(causes, key=lambda n: n in STATED):
+        more = searcher.singles(refitter.y) if best is None else refitter.added(best)
+        own = [s for s in more if s.index >= 0 and searcher.hypotheses[s.index].name == name]
+        drafts = []
+        for s in _distinct(own):
+            h = searcher.hypotheses[s.index]
+            if best is None:
+                drafts.append(refitter.fit((h,), s.rung))
+            else:
+                start = np.concatenate([best.x, refitter.start((h,))])
+                drafts.append(refitter.fit((*best.parts, h), best.rung, start))
+        if not drafts:
+            return None
+        best = max(drafts, key=lambda f: f.log_posterior)
+    return best
+
+
+def _distinct(singles: list[Any]) -> list[Any]:
+    kept: dict[int, Any] = {}
+    for s in sorted(singles, key=lambda s: -s.log_posterior):
+        kept.setdefault(s.index, s)
+    return list(kept.values())[:VARIANTS]

@@ -1,0 +1,295 @@
+"""How good a diagnosis is: every figure of a benchmark, with its bootstrap interval.
+
+A figure is a function of sums over cases, so drawing cases anew is one product with a matrix of
+counts (Efron & Tibshirani 1993, ch. 6; percentile intervals, 95 %). Where all cases are alike no
+draw differs: then the interval is the exact one of Clopper & Pearson (1934).
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from wrenchbed.benchmark.scoring.linear import Claim
+from wrenchbed.benchmark.scoring.rows import OURS, CaseRow, unique
+from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
+
+VISIBLE = 3.0
+"""Effects that a perfect detector would miss do not count for isolation [σ]."""
+SURE = 0.9
+BINS = 10
+"""Of the expected calibration error, equally wide."""
+NORMAL_90 = 1.6448536269514722
+LEAST = 1e-4
+"""Least probability that a log score counts."""
+DRAWS = 2000
+
+
+@dataclass(frozen=True)
+class ScoredMetric:
+    """A figure, its 95 % interval, and the cases (or parameters) that it rests on."""
+
+    value: float
+    low: float
+    high: float
+    count: int
+
+
+@dataclass(frozen=True)
+class Metric:
+    """One figure: what each case adds to its sums, and what the sums (…, k) say.
+
+    Attributes:
+        title: for a table.
+        target: what it should be; empty where nobody stated a figure.
+        parts: sums of one case, None where it does not count.
+        combine: sums (…, k) → figure (…).
+        ours: only the diagnosis states it.
+        percent: a share.
+    """
+
+    title: str
+    target: str
+    parts: Callable[[CaseRow, str], Sequence[float] | None]
+    combine: Callable[[np.ndarray], np.ndarray]
+    ours: bool = False
+    percent: bool = True
+
+
+def figure(
+    metric: Metric, rows: Sequence[CaseRow], method: str = OURS, draws: int = DRAWS, seed: int = 0
+) -> ScoredMetric | None:
+    """A metric of a method; None where no case counts.
+
+    Raises:
+        DiagnosisError: a case is there twice.
+    """
+    unique(rows)
+    found = [p for row in rows if (p := metric.parts(row, method)) is not None]
+    if not found:
+        return None
+    sums = np.array(found, dtype=float)
+    n = len(sums)
+    weights = np.random.default_rng([seed, 50]).multinomial(n, np.full(n, 1.0 / n), size=draws)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        drawn = metric.combine(weights @ sums)
+        value = float(metric.combine(sums.sum(axis=0)))
+    if not np.isfinite(drawn).any():
+        return None
+    low, high = np.nanquantile(np.where(np.isfinite(drawn), drawn, np.nan), [0.025, 0.975])
+    if metric.percent and value == 0.0:
+        high = 1.0 - 0.025 ** (1.0 / n)
+    elif metric.percent and value == 1.0:
+        low = 0.025 ** (1.0 / n)
+    return ScoredMetric(value, float(low), float(high), n)
+
+
+def score(
+    rows: Sequence[CaseRow], method: str = OURS, draws: int = DRAWS
+) -> dict[str, ScoredMetric | None]:
+    """Every figure of a method by name."""
+    used = METRICS.items()
+    return {k: figure(m, rows, method, draws) for k, m in used if method == OURS or not m.ours}
+
+
+# ---- what a claim says ---------------------------------------------------------------------------
+
+
+def holds(claim: Claim, truth: Sequence[str]) -> bool:
+    """Whether any claimed class holds any true effect."""
+    return any(t in c for c in claim.causes for t in truth)
+
+
+def right(row: CaseRow, claim: Claim) -> bool:
+    """Whether the first answer is right: its class, none or unknown."""
+    if claim.causes:
+        return bool(set(claim.causes[0]) & set(row.truth))
+    return claim.verdict == {"none": NONE, "outside": UNKNOWN}.get(row.kind)
+
+
+def probability(row: CaseRow, claim: Claim) -> float:
+    """What a claim gives the right first answer."""
+    if row.kind in ("none", "outside"):
+        return claim.probabilities.get(NONE if row.kind == "none" else UNKNOWN, 0.0)
+    told = claim.probabilities.items()
+    return float(sum(p for k, p in told if set(k.split("|")) & set(row.truth)))
+
+
+def matched(row: CaseRow, claim: Claim) -> tuple[int, int, int]:
+    """True effects that are claimed, claims of nothing true, and true effects that are missed."""
+    found = sum(any(t in c for c in claim.causes) for t in row.truth)
+    wrong = sum(not set(c) & set(row.truth) for c in claim.causes)
+    return found, wrong, len(row.truth) - found
+
+
+# ---- sums of one case ----------------------------------------------------------------------------
+
+
+def _visible(row: CaseRow) -> bool:
+    return row.kind == "single" and all(row.detectability[t] > VISIBLE for t in row.truth)
+
+
+def _isolation(row: CaseRow, method: str) -> Sequence[float] | None:
+    return (holds(row.answers[method], row.truth), 1.0) if _visible(row) else None
+
+
+def _isolation_means(row: CaseRow, method: str) -> Sequence[float] | None:
+    return None if row.between else _isolation(row, method)
+
+
+def _alone(row: CaseRow, method: str) -> Sequence[float] | None:
+    claim = row.answers[method]
+    if not _visible(row):
+        return None
+    return (len(claim.causes) == 1 and row.truth[0] in claim.causes[0], 1.0)
+
+
+def _certain(row: CaseRow, method: str) -> Sequence[float] | None:
+    return ((row.truth[0],) in row.answers[method].causes, 1.0) if _visible(row) else None
+
+
+def _first(row: CaseRow, method: str) -> Sequence[float] | None:
+    causes = row.answers[method].causes
+    return (any(c[0] == row.truth[0] for c in causes[:1]), 1.0) if _visible(row) else None
+
+
+def _alarm(row: CaseRow, method: str) -> Sequence[float] | None:
+    return (row.answers[method].verdict != NONE, 1.0) if row.kind == "none" else None
+
+
+def _sure_alarm(row: CaseRow, method: str) -> Sequence[float] | None:
+    return (_named(row.answers[method]), 1.0) if row.kind == "none" else None
+
+
+def _named(claim: Claim) -> bool:
+    return bool(claim.causes) and claim.sure > SURE
+
+
+def _unknown(row: CaseRow, method: str) -> Sequence[float] | None:
+    if row.kind != "outside":
+        return None
+    return (row.answers[method].verdict == UNKNOWN, 1.0)
+
+
+def _misnamed(row: CaseRow, method: str) -> Sequence[float] | None:
+    return (_named(row.answers[method]), 1.0) if row.kind == "outside" else None
+
+
+def _sure(row: CaseRow, method: str) -> Sequence[float] | None:
+    claim = row.answers[method]
+    return (right(row, claim), 1.0) if _named(claim) else None
+
+
+def _bins(row: CaseRow, method: str) -> Sequence[float]:
+    claim = row.answers[method]
+    told = np.zeros((BINS, 2))
+    k = min(int(claim.sure * BINS), BINS - 1)
+    told[k] = claim.sure, right(row, claim)
+    return [*told.ravel(), 1.0]
+
+
+def _log_score(row: CaseRow, method: str) -> Sequence[float]:
+    return (-float(np.log(max(probability(row, row.answers[method]), LEAST))), 1.0)
+
+
+def _pairs(row: CaseRow, method: str) -> Sequence[float] | None:
+    return matched(row, row.answers[method]) if row.kind == "pair" else None
+
+
+def _where(row: CaseRow, method: str) -> Sequence[float] | None:
+    """The first subsystem is that of a true effect, or of a rival in a class that holds one."""
+    if not row.truth:
+        return None
+    causes = row.answers[method].causes
+    first = row.where if method == OURS else next((_subsystem(c[0]) for c in causes), None)
+    allowed = {_subsystem(t) for t in row.truth}
+    for c in causes:
+        if set(c) & set(row.truth):
+            allowed |= {_subsystem(n) for n in c}
+    return (first in allowed, 1.0)
+
+
+def _subsystem(name: str) -> str:
+    return name.partition(".")[0]
+
+
+def _coverage(row: CaseRow, method: str) -> Sequence[float] | None:
+    if not row.numbers:
+        return None
+    inside = [abs(n.value - n.truth) <= NORMAL_90 * n.std for n in row.numbers]
+    return (sum(inside), len(inside))
+
+
+def _coverage_right(row: CaseRow, method: str) -> Sequence[float] | None:
+    return _coverage(row, method) if row.variant else None
+
+
+def _closed(row: CaseRow, method: str) -> Sequence[float] | None:
+    if row.closed is None or row.oracle is None:
+        return None
+    return (float(np.clip(row.closed, -1, 1)), float(np.clip(row.oracle, -1, 1)), 1.0)
+
+
+def _seconds(row: CaseRow, method: str) -> Sequence[float] | None:
+    return (row.seconds[method], 1.0) if method in row.seconds else None
+
+
+def _failed(row: CaseRow, method: str) -> Sequence[float]:
+    return (row.answers[method].verdict == "error", 1.0)
+
+
+# ---- what sums say -------------------------------------------------------------------------------
+
+
+def _share(s: np.ndarray) -> np.ndarray:
+    return np.asarray(s[..., 0] / s[..., -1])
+
+
+def _second(s: np.ndarray) -> np.ndarray:
+    return np.asarray(s[..., 1] / s[..., -1])
+
+
+def _of_oracle(s: np.ndarray) -> np.ndarray:
+    return np.asarray(s[..., 0] / s[..., 1])
+
+
+def _f1(s: np.ndarray) -> np.ndarray:
+    return np.asarray(2 * s[..., 0] / (2 * s[..., 0] + s[..., 1] + s[..., 2]))
+
+
+def _calibration(s: np.ndarray) -> np.ndarray:
+    """Σ_b |Σ stated − Σ right| / n (Naeini, Cooper & Hauskrecht 2015)."""
+    bins = s[..., :-1].reshape(*s.shape[:-1], BINS, 2)
+    return np.asarray(np.abs(bins[..., 0] - bins[..., 1]).sum(axis=-1) / s[..., -1])
+
+
+METRICS = {
+    "isolation": Metric(
+        "isolation: a claimed class holds the effect", "≥ 95 %", _isolation, _share
+    ),
+    "isolation_means": Metric(
+        "… effects that show in means only", "≥ 95 %", _isolation_means, _share
+    ),
+    "alone": Metric("… and nothing else is claimed", "", _alone, _share),
+    "first": Metric("… as first choice", "> 66 %", _first, _share),
+    "certain": Metric("… without a rival", "", _certain, _share),
+    "false_alarm": Metric("no gap: any verdict but none", "≤ 3 %", _alarm, _share),
+    "sure_alarm": Metric("no gap: named with p > 0.9", "≤ 2 %", _sure_alarm, _share),
+    "unknown": Metric("outside the library: unknown", "≥ 95 %", _unknown, _share),
+    "misnamed": Metric("outside the library: named with p > 0.9", "≤ 2 %", _misnamed, _share),
+    "sure": Metric("right when it says p > 0.9", "≥ 97 %", _sure, _share),
+    "ece": Metric("expected calibration error", "≤ 5 %", _bins, _calibration),
+    "log_score": Metric("log score (lower is better)", "< 0.79", _log_score, _share, percent=False),
+    "pairs": Metric("two effects: F1", "≥ 85 %", _pairs, _f1),
+    "where": Metric("first subsystem right", "≥ 97 %", _where, _share),
+    "coverage": Metric("90 % intervals hold the truth", "87–93 %", _coverage, _share, ours=True),
+    "coverage_right": Metric(
+        "… where the variant is right", "90 %", _coverage_right, _share, ours=True
+    ),
+    "closed": Metric("held-out gap closed", "", _closed, _share, ours=True),
+    "oracle": Metric("… by an oracle told the effects", "", _closed, _second, ours=True),
+    "of_oracle": Metric("… as a share of the oracle's", "≥ 98 %", _closed, _of_oracle, ours=True),
+    "seconds": Metric("seconds a case", "", _seconds, _share, percent=False),
+    "failed": Metric("cases that end in an error", "0 %", _failed, _share),
+}
+"""Every figure by name, with the project's targets."""

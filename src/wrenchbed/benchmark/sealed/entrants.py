@@ -1,0 +1,182 @@
+"""Who may enter: wrenchbed's diagnosis, its baselines, or any program that writes the contract."""
+
+import json
+import os
+import re
+import shlex
+import shutil
+import signal
+import subprocess
+import time
+import traceback
+import warnings
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from wrenchbed.benchmark.scoring.baselines import BASELINES, reuse_dictionary
+from wrenchbed.benchmark.scoring.linear import Claim
+from wrenchbed.benchmark.sealed import commitments
+from wrenchbed.data.parquet import FORMAT
+from wrenchbed.data.recording import Recording
+from wrenchbed.diagnosis.diagnose import diagnose
+from wrenchbed.diagnosis.prepare.prepared import Prepared, prepare
+from wrenchbed.errors import ParameterError
+from wrenchbed.jobs.workers import CHILDREN
+
+OURS = "diagnose"
+RUN = "run.json"
+CLAIM = "diagnosis.json"
+RESERVED = ("wrenchbed", "oracle")
+"""Names that a score uses itself."""
+
+
+class OverTimeError(Exception):
+    """An entrant used up its time."""
+
+
+@dataclass(frozen=True)
+class Entrant:
+    """One method.
+
+    Attributes:
+        name: of its folder.
+        command: that is called as ``COMMAND RECORDING --out DIR``, None for a method of our own.
+    """
+
+    name: str
+    command: str | None = None
+
+    @classmethod
+    def of(cls, method: str) -> "Entrant":
+        """``diagnose``, the name of a baseline, or a command.
+
+        Raises:
+            ParameterError: an empty command.
+        """
+        if method == OURS or method in BASELINES:
+            return cls(method)
+        known = f"give {OURS}, {', '.join(BASELINES)} or a command"
+        try:
+            words = shlex.split(method)
+        except ValueError as cause:
+            raise ParameterError(f"--method {method!r}: {cause}; {known}") from cause
+        if not words:
+            raise ParameterError(f"--method {method!r}: {known}")
+        slug = re.sub(r"[^A-Za-z0-9]+", "-", Path(words[0]).stem + " " + " ".join(words[1:]))
+        return cls(f"{slug.strip('-')[:40]}-{commitments.digest(method.encode())[:6]}", method)
+
+
+def enter(
+    entrants: Sequence[Entrant], cases: Path, name: str, claims: Path, limit: float
+) -> list[str]:
+    """Let entrants answer one case; what fails or takes too long is an answer, too: a wrong one.
+
+    Returns:
+        Names of the entrants that failed.
+    """
+    recording = commitments.recording_of(cases, name)
+    prepared: Prepared | None = None
+    failed = []
+    digest = commitments.digest(recording.read_bytes())
+    for entrant in sorted(entrants, key=lambda e: e.name != OURS):
+        folder = claims / entrant.name / name
+        part = claims / entrant.name / f".{name}.{os.getpid()}.part"
+        for stale in part.parent.glob(f".{name}.*part"):
+            shutil.rmtree(stale, ignore_errors=True)
+        part.mkdir(parents=True)
+        begun, error = time.perf_counter(), ""
+        try:
+            if entrant.command is not None:
+                _called(entrant.command, recording, part, limit)
+            else:
+                with _at_most(limit), warnings.catch_warnings():
+                    warnings.simplefilter("ignore")
+                    if entrant.name == OURS:
+                        found = diagnose(Recording.read(recording))
+                        reuse_dictionary(found.analysis)
+                        prepared = found.analysis.prepared
+                        found.diagnosis.write(part)
+                    else:
+                        if prepared is None:
+                            prepared = prepare(Recording.read(recording))
+                        claim = BASELINES[entrant.name](prepared)
+                        told = contract(claim, recording.name, prepared.scene.robot.name)
+                        (part / CLAIM).write_text(json.dumps(told, indent=1), encoding="utf-8")
+        except OverTimeError:
+            error = f"took longer than {limit:g} s"
+        except Exception:  # an entrant's crash is its answer
+            error = traceback.format_exc()
+        if not error and not (part / CLAIM).is_file():
+            error = f"wrote no {CLAIM}"
+        if error:
+            failed.append(entrant.name)
+        told = {
+            "seconds": time.perf_counter() - begun, "error": error, "recording": digest,
+            "command": entrant.command,
+        }  # fmt: skip
+        part.mkdir(parents=True, exist_ok=True)  # an entrant may have thrown it away
+        (part / RUN).write_text(json.dumps(told, indent=1) + "\n", encoding="utf-8")
+        shutil.rmtree(folder, ignore_errors=True)
+        part.replace(folder)
+    return failed
+
+
+def contract(claim: Claim, recording: str, robot: str) -> dict[str, Any]:
+    """A baseline's claim as the contract's ``diagnosis.json``."""
+    which: list[dict[str, Any]] = [
+        {
+            "effect": c[0],
+            "probability": claim.probabilities.get("|".join(c), claim.sure if k == 0 else 1.0),
+            "rivals": list(c[1:]),
+            "parameters": {},
+            "closed_share": None,
+        }
+        for k, c in enumerate(claim.causes)
+    ]
+    return {
+        "format": FORMAT, "recording": recording, "robot": robot, "verdict": claim.verdict,
+        "gap": {}, "where": [], "which": which, "probabilities": claim.probabilities,
+        "cannot_tell": [], "next": [],
+    }  # fmt: skip
+
+
+def _called(command: str, recording: Path, out: Path, limit: float) -> None:
+    """Run a program in a group of its own, so that all of it can be stopped."""
+    call = [*shlex.split(command), str(recording.resolve()), "--out", str(out.resolve())]
+    with (out / "output.txt").open("w") as log:
+        process = subprocess.Popen(
+            call, stdout=log, stderr=subprocess.STDOUT, stdin=subprocess.DEVNULL,
+            start_new_session=True,
+        )  # fmt: skip
+        CHILDREN.add(process.pid)
+        try:
+            code = process.wait(timeout=limit)
+        except subprocess.TimeoutExpired as cause:
+            raise OverTimeError from cause
+        finally:
+            with suppress(ProcessLookupError):
+                os.killpg(process.pid, signal.SIGKILL)
+            process.wait()
+            CHILDREN.discard(process.pid)
+    if code != 0:
+        said = (out / "output.txt").read_text(errors="replace")[-2000:]
+        raise RuntimeError(f"exit code {code}: {said}")
+
+
+@contextmanager
+def _at_most(seconds: float) -> Iterator[None]:
+    """Raise `OverTimeError` in this thread when the time is up."""
+
+    def ring(*_: object) -> None:
+        raise OverTimeError
+
+    before = signal.signal(signal.SIGALRM, ring)
+    signal.setitimer(signal.ITIMER_REAL, seconds)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)

@@ -1,0 +1,126 @@
+"""Real cases, sealed: recordings of a robot on which somebody made the truth."""
+
+import re
+import secrets
+import tomllib
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from wrenchbed.benchmark.referee.case import KINDS
+from wrenchbed.benchmark.referee.catalogue import EFFECTS
+from wrenchbed.benchmark.sealed import commitments, make
+from wrenchbed.benchmark.sealed.answer import Answer, Fact
+from wrenchbed.data.metadata import parse
+from wrenchbed.data.recording import Recording
+from wrenchbed.errors import BenchmarkError
+
+CAUSES = {"none": 0, "single": 1, "pair": 2, "outside": 1}
+_KEPT = re.compile(
+    r"t|segment|status|temperature|f[xyz]|t[xyz]|a[xyz]|q[wxyz]|q\d+|qd\d+|q_target\d+|tau\d+"
+)
+"""Columns of the contract; others may tell more than they should."""
+
+
+def seal_real(truth: Path, out: Path, answers: Path) -> str:
+    """Seal real recordings in random order under numbers; SHA-256 of ``commitments.json``.
+
+    Args:
+        truth: TOML file, see docs/sealed.md; recordings are looked for beside it.
+        out: empty folder for cases.
+        answers: empty folder for answers.
+
+    Raises:
+        BenchmarkError: names the file, case and field that is wrong.
+        RecordingError: a recording cannot be trusted.
+    """
+    told = list(_cases(truth))
+    make.check_separate(out, answers)
+    for folder in (out, answers):
+        folder.mkdir(parents=True, exist_ok=True)
+        stranger = next(folder.iterdir(), None)
+        if stranger is not None:
+            raise BenchmarkError(f"{stranger}: give empty folders")
+    seed = make.drawn_seed()
+    order = np.random.default_rng(seed).permutation(len(told))
+    sealed, robots, modes = {}, set(), set()
+    for place, k in enumerate(order, start=1):
+        kind, causes, recording = told[k]
+        name = f"{place:04d}"
+        meta = recording.metadata
+        robots.add(meta.robot)
+        modes.add(meta.mode)
+        answer = Answer(
+            name, meta.robot, meta.mode, kind, causes, None, len(recording), None,
+            commitments.salt(seed, name),
+        )  # fmt: skip
+        make.write_plain(recording, commitments.recording_of(out, name))
+        make.write(commitments.answer_of(answers, name), answer.to_bytes())
+        sealed[name] = commitments.Commitment(
+            commitments.digest(commitments.recording_of(out, name).read_bytes()),
+            commitments.digest(answer.to_bytes()),
+        )
+    text = commitments.to_bytes("|".join(sorted(robots)), "|".join(sorted(modes)), sealed)
+    make.write(out / commitments.COMMITMENTS, text)
+    root = commitments.digest(text)
+    family = {"source": truth.name, "cases": len(told), "salt": secrets.token_hex(16)}
+    make.write(answers / commitments.FAMILY, commitments.family(family, root))
+    make.forget_times(out)
+    return root
+
+
+def _cases(truth: Path) -> Iterator[tuple[str, tuple[Fact, ...], Recording]]:
+    try:
+        raw = tomllib.loads(truth.read_text(encoding="utf-8"))
+    except FileNotFoundError as cause:
+        raise BenchmarkError(f"{truth}: there is no such file") from cause
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as cause:
+        raise BenchmarkError(f"{truth}: not valid TOML: {cause}") from cause
+    cases = raw.get("case")
+    if not isinstance(cases, list) or not cases:
+        raise BenchmarkError(f"{truth}: has no [[case]]")
+    for number, case in enumerate(cases, start=1):
+        where = f"{truth}: case {number}"
+        kind = case.get("kind")
+        if kind not in KINDS:
+            raise BenchmarkError(f"{where}: kind = {kind!r} is none of {', '.join(KINDS)}")
+        listed = case.get("cause", [])
+        if not isinstance(listed, list):
+            raise BenchmarkError(f"{where}: write causes as [[case.cause]], in double brackets")
+        causes = tuple(_fact(c, kind, where) for c in listed)
+        if len(causes) != CAUSES[kind]:
+            raise BenchmarkError(
+                f"{where}: kind {kind!r} has {CAUSES[kind]} [[case.cause]], found {len(causes)}"
+            )
+        if not isinstance(case.get("recording"), str):
+            raise BenchmarkError(f"{where}: recording = {case.get('recording')!r} is no file name")
+        yield kind, causes, plain(Recording.read(truth.parent / case["recording"]))
+
+
+def _fact(raw: Mapping[str, Any], kind: str, where: str) -> Fact:
+    effect = raw.get("effect")
+    if not isinstance(effect, str) or (kind != "outside" and effect not in EFFECTS):
+        raise BenchmarkError(f"{where}: effect = {effect!r}; known are {', '.join(EFFECTS)}")
+    true = raw.get("true", {})
+    if isinstance(true, Mapping):  # cog.x = 1 is a table in a table
+        inner = {k: v if isinstance(v, Mapping) else {"": v} for k, v in true.items()}
+        true = {f"{k}.{n}" if n else k: v for k, t in inner.items() for n, v in t.items()}
+    if not isinstance(true, Mapping) or not all(
+        isinstance(v, int | float) and np.isfinite(v) for v in true.values()
+    ):
+        raise BenchmarkError(f"{where}: true must be a table of numbers, SI")
+    rows = 1.0 if kind != "outside" and EFFECTS[effect].between else 0.0
+    return Fact(effect, None, None, rows, {k: float(v) for k, v in true.items()}, ())
+
+
+def plain(recording: Recording) -> Recording:
+    """A recording with what the contract names, and nothing else that might tell."""
+    meta = {k: v for k, v in recording.metadata.to_json().items() if k not in _UNSAID}
+    columns = {k: v for k, v in recording.columns.items() if _KEPT.fullmatch(k)}
+    known = {k: meta[k] for k in meta if k not in recording.metadata.extra}
+    return Recording(parse(known, recording.name), columns, recording.name)
+
+
+_UNSAID = ("source",)

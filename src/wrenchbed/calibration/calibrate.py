@@ -1,0 +1,265 @@
+"""Calibrate any robot from any recording: weighted least squares in the identifiable subspace."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import special
+
+from wrenchbed import registry
+from wrenchbed.calibration.accuracy import Goal, tip_jacobian
+from wrenchbed.calibration.closed_form import begin, opposite
+from wrenchbed.calibration.fit import Fit, FitNoise, IdentifiedValue
+from wrenchbed.calibration.least_squares import Solution
+from wrenchbed.calibration.observability import Observability, analyse
+from wrenchbed.calibration.observations import Observations, fallback_covariance, observe
+from wrenchbed.calibration.problem import LOSSES, Problem
+from wrenchbed.calibration.touches import Agreement, Touches
+from wrenchbed.calibration.weighting import Outcome, fit
+from wrenchbed.data.recording import POINT, QUATERNION, Recording
+from wrenchbed.errors import CalibrationError, PlanError, RecordingError
+from wrenchbed.robots.base import Robot
+from wrenchbed.robots.model import Model
+
+_ENOUGH_ROWS = 500
+_BLIND = 1e-5
+"""A parameter with more than this share in the null space is not identified by itself."""
+
+
+CANDIDATES = "candidates"
+"""Stands for all that a robot might have wrong, in `Options.free`."""
+
+
+@dataclass(frozen=True)
+class CalibrationOptions:
+    """How to calibrate.
+
+    Attributes:
+        free: patterns of parameters to identify; ``candidates`` for all that the robot might have
+            wrong; None for the robot's own choice.
+        hold: patterns to leave out of ``free`` again.
+        prior: whether each free parameter's tolerance is a prior standard deviation about nominal.
+        loss: ``linear``, ``huber`` or ``student``.
+    """
+
+    free: Sequence[str] | None = None
+    hold: Sequence[str] = ()
+    prior: bool = False
+    loss: str = "linear"
+
+
+def robot_of(recording: Recording) -> Robot:
+    """The robot that a recording names, or `Oriented` for one with orientations.
+
+    Raises:
+        RecordingError: no such robot and no orientations, or joints that the robot cannot take.
+    """
+    name = recording.metadata.robot
+    if not recording.joints:
+        oriented: Robot = registry.load("robots", "oriented")
+        return oriented
+    if name not in registry.names("robots"):
+        raise RecordingError(
+            f"{recording.name}: there is no robot {name!r} here "
+            f"(known: {', '.join(registry.names('robots'))}) and no orientation qw qx qy qz"
+        )
+    robot: Robot = registry.load("robots", name)
+    try:
+        robot.check(recording.q, robot.parameters.nominal, f"{recording.name}: robot {name!r}")
+    except PlanError as error:
+        raise RecordingError(str(error)) from error
+    return robot
+
+
+def _without_unknown_joints(recording: Recording) -> Recording:
+    """An unknown robot's joints mean nothing here; its sensor's orientation does."""
+    known = recording.metadata.robot in registry.names("robots")
+    if known or not recording.joints or QUATERNION[0] not in recording.columns:
+        return recording
+    kept = {k: v for k, v in recording.columns.items() if k not in recording.joints}
+    return Recording(recording.metadata, kept, recording.name)
+
+
+def calibrate(
+    recording: Recording, options: CalibrationOptions | None = None, touches: Touches | None = None
+) -> Fit:
+    """Identify a robot's parameters from a recording.
+
+    Weights come from the recording's own repeats (or its stated noise); where the means of the
+    holds scatter more than that, from the scatter, and the uncertainties with them. Touches of
+    known points, made with the same robot, join the wrenches in one fit.
+
+    Raises:
+        RecordingError: the recording does not fit its robot.
+        ParameterError: an unknown parameter.
+        CalibrationError: too little data, one orientation only, or a wrench of opposite sign.
+    """
+    options = options or CalibrationOptions()
+    recording = _without_unknown_joints(recording)
+    if options.loss not in LOSSES:
+        raise CalibrationError(f"loss {options.loss!r} is not one of {', '.join(LOSSES)}")
+    if POINT[0] in recording.columns:
+        raise CalibrationError(
+            f"{recording.name}: these are touches (columns px py pz), whose contact loads the "
+            "sensor; give them as touches beside a recording under gravity"
+        )
+    robot = robot_of(recording)
+    model = Model.of(robot, recording.metadata)
+    data = observe(recording)
+    free = _free(model, options)
+    if touches is not None:
+        if not robot.joints:
+            raise CalibrationError(
+                f"{recording.name}: has orientations only; touches need a robot's joints and tip"
+            )
+        robot.check(touches.q, robot.parameters.nominal, "touches")
+    seen = data.wrench.size + (0 if touches is None else touches.points.size)
+    if seen < len(free) and not options.prior:
+        raise CalibrationError(
+            f"{recording.name}: {len(data)} poses give {seen} readings, too few for "
+            f"{len(free)} parameters"
+        )
+    stated = model.configured(recording.metadata)
+    theta = begin(model, stated, data, free)
+    centre = stated[list(free)]
+    problem = Problem(model, data, theta, free, centre, options.prior, options.loss, touches)
+    outcome = fit(problem)
+    theta[list(free)] = outcome.solution.x
+    _check_load(model, theta)
+    return _result(recording, problem, outcome, theta)
+
+
+def _free(model: Model, options: CalibrationOptions) -> tuple[int, ...]:
+    wanted = list(model.robot.free if options.free is None else options.free)
+    if CANDIDATES in wanted:
+        wanted = [w for w in wanted if w != CANDIDATES] + list(model.robot.candidates)
+    chosen = model.parameters.select(wanted)
+    held = set(model.parameters.select(options.hold)) if options.hold else set()
+    free = tuple(i for i in chosen if i not in held)
+    if not free:
+        raise CalibrationError("no parameter is free")
+    return free
+
+
+def _check_load(model: Model, theta: np.ndarray) -> None:
+    tool = model.robot.tool(theta[: len(model.robot.parameters)])
+    if not float(tool.mass) > 0:
+        raise opposite(float(tool.mass))
+
+
+def _result(recording: Recording, problem: Problem, outcome: Outcome, theta: np.ndarray) -> Fit:
+    model, solution = problem.model, outcome.solution
+    std = np.sqrt(np.diagonal(outcome.covariance))
+    quantile = float(special.stdtrit(outcome.dof, 0.975)) if np.isfinite(outcome.dof) else 1.959964
+    started = model.configured(recording.metadata)
+    identified = []
+    for k, i in enumerate(problem.free):
+        parameter = model.parameters[i]
+        told = problem.prior or solution.blind[k] < _BLIND
+        identified.append(
+            IdentifiedValue(
+                parameter.name,
+                float(theta[i]),
+                float(std[k]) if told else None,
+                parameter.unit,
+                float(started[i]),
+                float(quantile * std[k]) if told else None,
+            )
+        )
+    tool = model.robot.tool(theta[: len(model.robot.parameters)])
+    rms = np.sqrt(np.mean(problem.residual(solution.x) ** 2, axis=0))
+    seats = problem.touches
+    agreement = None if seats is None else seats.agreement(solution, problem.data.wrench.size)
+    return Fit(
+        recording=recording.name,
+        robot=recording.metadata.robot,
+        status=_status(solution, outcome.noise, identified, problem.data, agreement),
+        converged=solution.converged,
+        iterations=solution.steps,
+        identified=tuple(identified),
+        theta=model.parameters.mapping(theta),
+        tool={"mass": float(tool.mass), "cog": [float(c) for c in tool.cog]},
+        covariance=outcome.covariance,
+        residual_rms=rms,
+        noise=outcome.noise,
+        poses=len(problem.data),
+        rows=int(problem.data.count.sum()),
+        left_out=problem.data.left_out,
+        observability=_observability(problem, theta),
+        target_rms=_target_rms(problem, outcome, theta, agreement),
+        touches=agreement,
+    )
+
+
+def _target_rms(
+    problem: Problem, outcome: Outcome, theta: np.ndarray, agreement: Agreement | None
+) -> float | None:
+    robot = problem.model.robot
+    target = robot.target()
+    if target is None or not problem.prior or (agreement is not None and agreement.doubtful):
+        return None
+    goal = Goal(tip_jacobian(robot, target, theta, problem.free))
+    return goal.rms(outcome.covariance)
+
+
+def _observability(problem: Problem, theta: np.ndarray) -> Observability:
+    model = problem.model
+    names = model.parameters.names
+    columns = model.parameters.select(model.robot.candidates)
+    extra = tuple(i for i in problem.free if i not in columns)
+    columns = tuple(sorted((*columns, *extra)))
+    n = len(problem.data)
+    some = np.sort(np.random.default_rng(0).permutation(n)[:_ENOUGH_ROWS])  # a rank needs no more
+    jacobian = model.jacobian(problem.data.q[some], theta, columns)
+    weight = 1.0 / np.sqrt(np.diagonal(fallback_covariance()))
+    rows = (jacobian * weight[:, None]).reshape(-1, len(columns))
+    if problem.touches is not None:
+        rows = np.concatenate([rows, problem.touches.jacobian(model.robot, theta, columns)])
+    return analyse(
+        rows,
+        [names[i] for i in columns],
+        model.parameters.tolerance[list(columns)],
+        model.robot.symmetries(theta[: len(model.robot.parameters)]),
+    )
+
+
+_NOISE = {"repeats": "the noise of the repeats", "stated": "the stated noise"}
+
+
+def _status(
+    solution: Solution,
+    noise: FitNoise,
+    identified: list[IdentifiedValue],
+    data: Observations,
+    agreement: Agreement | None,
+) -> str:
+    step = "step" if solution.steps == 1 else "steps"
+    parts = [
+        f"converged in {solution.steps} {step}"
+        if solution.converged
+        else f"not converged after {solution.steps} {step}: do not use these values"
+    ]
+    if noise.inflated:
+        times = float(np.max(noise.scatter / np.maximum(noise.expected, 1e-300)))
+        parts.append(
+            f"the residual is up to {times:.1f} times what {_NOISE[noise.source]} explains (slow "
+            "wander, or an effect that the model lacks); uncertainties follow the residual"
+        )
+    elif noise.source == "residual":
+        parts.append("no repeats and no stated noise: uncertainties follow the residual")
+    else:
+        parts.append(f"the residual is what {_NOISE[noise.source]} explains")
+    if agreement is not None and agreement.doubtful:
+        parts.append(
+            f"touch {agreement.worst} (counted from 0) lies {agreement.distance:.1f} standard "
+            "deviations from where all else puts it: check its point, the robot and the touches' "
+            "standard deviation before you use these values"
+        )
+    blind = [p.name for p in identified if p.std is None]
+    if blind:
+        parts.append(f"{len(blind)} parameters are fixed only in combination ({', '.join(blind)})")
+    if data.left_out:
+        parts.append(f"{data.left_out} saturated rows were left out")
+    if data.flagged:
+        parts.append(f"the sensor's status word is not 0 in {data.flagged} of the rows used")
+    return "; ".join(parts)

@@ -1,0 +1,177 @@
+"""The result of a calibration: values with uncertainty, residuals, and what it could not tell."""
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from wrenchbed.calibration.observability import Observability
+from wrenchbed.calibration.touches import Agreement
+from wrenchbed.physics.wrench import CHANNELS, UNITS
+
+FORMAT = 1
+
+
+@dataclass(frozen=True)
+class IdentifiedValue:
+    """One identified parameter.
+
+    Attributes:
+        value, nominal: [unit]; nominal is where the fit started from.
+        std: standard uncertainty [unit], None if this data fixes only a combination of it.
+        interval95: half width of the 95 % interval [unit], Student's t.
+    """
+
+    name: str
+    value: float
+    std: float | None
+    unit: str
+    nominal: float
+    interval95: float | None
+
+
+@dataclass(frozen=True)
+class FitNoise:
+    """What the data says of its own noise, per channel (6,) [N, N·m].
+
+    Attributes:
+        row: standard deviation of one row, from ``source``.
+        source: ``repeats``, ``stated`` or ``residual``.
+        expected: of the mean of one hold if its rows were independent.
+        scatter: of the hold means about the fit, found.
+        effective: independent rows that all rows are worth (6,).
+        rows: rows that one hold has, on average.
+        inflated: whether the uncertainties were widened from ``expected`` to ``scatter``.
+    """
+
+    row: np.ndarray
+    source: str
+    expected: np.ndarray
+    scatter: np.ndarray
+    effective: np.ndarray
+    rows: float
+    inflated: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """A calibration.
+
+    Attributes:
+        recording, robot: what was fitted.
+        status: one sentence: converged or not, and how far to trust it.
+        converged: whether the iteration stopped by itself.
+        iterations: Gauss–Newton steps.
+        identified: the free parameters.
+        theta: all parameters by name, fitted or held.
+        tool: the load in the contract's terms: mass [kg], cog (3,) [m] in sensor axes.
+        covariance: of the free parameters (K, K), minimum-norm where they are redundant.
+        correlation: the same, normalised.
+        residual_rms: per channel over the holds (6,) [N, N·m].
+        noise: see `Noise`.
+        poses, rows: how much data stood behind it.
+        observability: rank and null directions of the robot's candidates.
+        target_rms: expected position error of the tool in the robot's target workspace [m], rms;
+            only with a prior, which bounds what the data cannot tell, and touches that agree.
+        touches: how they agree with the rest, if there were any.
+    """
+
+    recording: str
+    robot: str
+    status: str
+    converged: bool
+    iterations: int
+    identified: tuple[IdentifiedValue, ...]
+    theta: Mapping[str, float]
+    tool: Mapping[str, Any]
+    covariance: np.ndarray
+    residual_rms: np.ndarray
+    noise: FitNoise
+    poses: int
+    rows: int
+    left_out: int
+    observability: Observability
+    target_rms: float | None = None
+    touches: Agreement | None = None
+
+    def __getitem__(self, name: str) -> IdentifiedValue:
+        return next(p for p in self.identified if p.name == name)
+
+    @property
+    def correlation(self) -> np.ndarray:
+        """Correlation (K, K) of the free parameters; 0 beside one without variance."""
+        std = np.sqrt(np.diagonal(self.covariance))
+        outer = np.outer(std, std)
+        return np.divide(self.covariance, outer, out=np.zeros_like(outer), where=outer > 0)
+
+    def to_json(self) -> dict[str, Any]:
+        """The fit as a JSON object."""
+        o, noise = self.observability, self.noise
+        return {
+            "format": FORMAT,
+            "recording": self.recording,
+            "robot": self.robot,
+            "status": self.status,
+            "converged": self.converged,
+            "iterations": self.iterations,
+            "poses": self.poses,
+            "rows": self.rows,
+            "rows_left_out": self.left_out,
+            "parameters": {
+                p.name: {
+                    "value": p.value,
+                    "std": p.std,
+                    "unit": p.unit,
+                    "nominal": p.nominal,
+                    "interval95": p.interval95,
+                }
+                for p in self.identified
+            },
+            "tool": dict(self.tool),
+            "target_rms": self.target_rms,
+            "touches": None if self.touches is None else asdict(self.touches),
+            "residual_rms": _channels(self.residual_rms),
+            "noise": {
+                "source": noise.source,
+                "row_std": _channels(noise.row),
+                "rows_per_pose": noise.rows,
+                "effective_rows": _channels(noise.effective),
+                "hold_mean_expected": _channels(noise.expected),
+                "hold_mean_scatter": _channels(noise.scatter),
+                "inflated": noise.inflated,
+            },
+            "rank": o.rank,
+            "candidates": list(o.names),
+            "no_effect": list(o.no_effect),
+            "redundancies": [
+                {
+                    "parameters": list(r.names),
+                    "direction": list(r.direction),
+                    "sentence": r.sentence,
+                }
+                for r in o.redundancies
+            ],
+            "singular_values": o.singular_values.tolist(),
+            "correlation": {
+                "names": [p.name for p in self.identified],
+                "matrix": self.correlation.tolist(),
+            },
+            "covariance": self.covariance.tolist(),
+            "theta": dict(self.theta),
+        }
+
+    def write(self, path: str | Path) -> None:
+        """Write the fit as JSON."""
+        path = Path(path)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        text = json.dumps(self.to_json(), indent=1, ensure_ascii=False, allow_nan=False)
+        path.write_text(text + "\n", encoding="utf-8")
+
+
+def _channels(values: np.ndarray) -> dict[str, Any]:
+    return {c: float(v) for c, v in zip(CHANNELS, values, strict=True)} | {
+        "unit": f"{UNITS[0]}, {UNITS[3]}"
+    }

@@ -1,0 +1,95 @@
+"""Least squares in the identifiable subspace: Gauss–Newton with step halving.
+
+Each step has minimum norm in units of the parameters' tolerances, so what the data cannot tell
+stays where it was. Björck, Numerical Methods for Least Squares Problems (1996), Section 9.2.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from wrenchbed.calibration.observability import RANK_TOLERANCE
+
+MAX_STEPS = 50
+_STEP_DONE = 1e-11
+_COST_DONE = 1e-11
+_HALVINGS = 30
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """Where the iteration ended.
+
+    Attributes:
+        x: parameters (K,).
+        residual: whitened, at x (M,).
+        jacobian: whitened and scaled by tolerance (M, K).
+        covariance: of x (K, K) for unit variance of the whitened residual, minimum norm.
+        blind: share of each parameter that lies in the null space (K,), 0 … 1.
+        rank, steps, converged: of the iteration.
+    """
+
+    x: np.ndarray
+    residual: np.ndarray
+    jacobian: np.ndarray
+    covariance: np.ndarray
+    blind: np.ndarray
+    rank: int
+    steps: int
+    converged: bool
+
+
+def solve(
+    residual: Callable[[np.ndarray], np.ndarray],
+    jacobian: Callable[[np.ndarray], np.ndarray],
+    start: np.ndarray,
+    scale: np.ndarray,
+) -> Solution:
+    """Minimise ½|residual(x)|².
+
+    Args:
+        residual: whitened measured − predicted (M,).
+        jacobian: of the whitened prediction (M, K).
+        start: (K,).
+        scale: typical size of each parameter (K,).
+    """
+    x, r = start.copy(), residual(start)
+    converged = False
+    steps = 0
+    while steps < MAX_STEPS and not converged:
+        steps += 1
+        j = jacobian(x) * scale
+        u, s, vt = np.linalg.svd(j, full_matrices=False)
+        keep = s > RANK_TOLERANCE * s[0]
+        step = vt[keep].T @ ((u[:, keep].T @ r) / s[keep])
+        x, r, moved, gained = _halve(residual, x, r, step * scale)
+        size = np.abs(step).max(initial=0.0)
+        converged = bool(not moved or size < _STEP_DONE or gained < _COST_DONE)
+    return _solution(x, r, jacobian(x) * scale, scale, steps, converged)
+
+
+def _halve(
+    residual: Callable[[np.ndarray], np.ndarray], x: np.ndarray, r: np.ndarray, step: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, bool, float]:
+    """The longest of step, step/2, … that does not raise the cost; and by what share it fell."""
+    cost = r @ r
+    with np.errstate(all="ignore"):
+        for _ in range(_HALVINGS):
+            trial = residual(x + step)
+            new = trial @ trial
+            if np.isfinite(new) and new <= cost:
+                return x + step, trial, True, float((cost - new) / max(cost, 1e-300))
+            step = step / 2
+    return x, r, False, 0.0
+
+
+def _solution(
+    x: np.ndarray, r: np.ndarray, j: np.ndarray, scale: np.ndarray, steps: int, converged: bool
+) -> Solution:
+    _, s, vt = np.linalg.svd(j, full_matrices=False)
+    keep = s > RANK_TOLERANCE * s[0]
+    seen = vt[keep].T
+    covariance = (seen / s[keep] ** 2) @ seen.T * np.outer(scale, scale)
+    blind = np.sqrt(np.clip(1.0 - (seen**2).sum(axis=1), 0.0, 1.0))
+    return Solution(x, r, j, covariance, blind, int(keep.sum()), steps, converged)

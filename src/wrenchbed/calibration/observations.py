@@ -1,0 +1,164 @@
+"""What a calibration fits: one row a pose at rest, or one row a sample in motion."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from wrenchbed import registry
+from wrenchbed.data.holds import gather
+from wrenchbed.data.recording import Recording
+from wrenchbed.errors import CalibrationError
+from wrenchbed.physics.taylor import Jet, Value
+from wrenchbed.sensors.base import STATUS_SATURATED
+
+_WINDOW_S, _LEAST_WINDOW, _ORDER = 0.085, 11, 5
+"""Savitzky–Golay window [s, samples] and order that turn joint values into acceleration."""
+_LEVER = 1.0
+"""Joint accelerations are taken to act over this length [m]."""
+_JITTER = 0.02
+_SCALE = np.array([1.0, 1.0, 1.0, 0.05, 0.05, 0.05])
+"""Relative weight of force [N] and torque [N·m] where nothing is known of the noise."""
+
+
+@dataclass(frozen=True, eq=False)
+class Observations:
+    """M observations.
+
+    Attributes:
+        q: joint values (M, J), orientations (M, 4), or jets in motion.
+        wrench: readings (M, 6) [N, N·m], means over ``count`` rows.
+        count: (M,).
+        row_covariance: of one row (6, 6); zero where there is no noise at all.
+        dof: degrees of freedom behind it; inf if stated, 0 if unknown.
+        source: ``repeats``, ``stated`` or ``residual``.
+        t: (M,) [s].
+        left_out: saturated rows not used.
+        flagged: rows used although a real device's status word is not 0.
+    """
+
+    q: Value
+    wrench: np.ndarray
+    count: np.ndarray
+    row_covariance: np.ndarray
+    dof: float
+    source: str
+    t: np.ndarray
+    left_out: int
+    flagged: int = 0
+
+    def __len__(self) -> int:
+        return len(self.wrench)
+
+
+def observe(recording: Recording) -> Observations:
+    """Gather the rows of a recording, leaving saturated ones out.
+
+    Raises:
+        CalibrationError: nothing is left, or motion is given without joints or an even clock.
+    """
+    keep = usable(recording)
+    if not keep.any():
+        raise CalibrationError(f"{recording.name}: every row is saturated")
+    gathered = _motion if recording.metadata.mode == "dynamic" else _at_rest
+    data = gathered(recording, keep, int((~keep).sum()))
+    status = recording.columns.get("status", np.zeros(len(recording)))
+    return replace(data, flagged=int(np.count_nonzero(status[keep])))
+
+
+def _at_rest(recording: Recording, keep: np.ndarray, left_out: int) -> Observations:
+    holds = gather(recording, keep)
+    covariance, dof, source = holds.row_covariance, float(holds.dof), "repeats"
+    if covariance is None or holds.dof < 12:
+        covariance, dof, source = _stated(recording)
+    return Observations(
+        holds.q, holds.wrench, holds.count, floored(covariance, recording), dof, source,
+        holds.t, left_out,
+    )  # fmt: skip
+
+
+def _motion(recording: Recording, keep: np.ndarray, left_out: int) -> Observations:
+    if not recording.joints:
+        raise CalibrationError(
+            f"{recording.name}: motion needs joint columns; orientations give no acceleration. "
+            "Calibrate a static recording"
+        )
+    step = np.diff(recording.t)
+    h = float(np.mean(step)) if len(step) else 1.0
+    window = max(_LEAST_WINDOW, 2 * round(_WINDOW_S / h / 2) + 1)
+    if len(step) < 4 * window or np.abs(step - h).max() > _JITTER * h:
+        raise CalibrationError(
+            f"{recording.name}: motion needs at least {4 * window} rows on an even clock "
+            f"(steps {step.min(initial=h):.4g} … {step.max(initial=h):.4g} s)"
+        )
+    from scipy.signal import savgol_coeffs, savgol_filter  # slow to load: only when it is used
+
+    q = recording.q
+    smooth, qd, qdd = (
+        savgol_filter(q, window, _ORDER, deriv=k, delta=h, axis=0, mode="interp") for k in range(3)
+    )
+    _check_smooth(recording, q - smooth, savgol_coeffs(window, _ORDER, deriv=2, delta=h))
+    edge = window // 2
+    use = keep.copy()
+    use[:edge] = use[-edge:] = False
+    covariance, dof, source = _stated(recording)
+    return Observations(
+        Jet(smooth[use], qd[use], qdd[use]), recording.wrench[use],
+        np.ones(int(use.sum()), dtype=int),
+        floored(covariance, recording), dof, source, recording.t[use], left_out,
+    )  # fmt: skip
+
+
+def _check_smooth(recording: Recording, rough: np.ndarray, second: np.ndarray) -> None:
+    """Refuse joint readings (N, J, their roughness) whose acceleration would be mostly noise.
+
+    Noise in a regressor biases the fit towards a smaller mass further in, whatever the sensor.
+    """
+    acceleration = np.sqrt((second**2).sum()) * rough.std(axis=0) * _LEVER
+    worst = float(np.sqrt((acceleration**2).sum()))
+    mass = recording.metadata.tool.mass or 1.0
+    std = recording.metadata.sensor.noise_std
+    allowed = _SCALE[0] if std is None or min(std[:3]) == 0 else max(std[:3])
+    if mass * worst > allowed:
+        joint = int(np.argmax(acceleration))
+        raise CalibrationError(
+            f"{recording.name}: q{joint + 1} is rough ({rough[:, joint].std():.1g}): its "
+            f"acceleration would add {mass * worst:.2g} N of noise to a sensor's {allowed:.2g} N; "
+            "smooth the joints, or calibrate at rest"
+        )
+
+
+def usable(recording: Recording) -> np.ndarray:
+    """Rows (N,) to use: those that no channel of which is said to be saturated.
+
+    Recordings of live drivers say so in ``saturated``, simulated ones in ``status``; the word of
+    a real device has its maker's meaning and drops nothing.
+    """
+    told = recording.columns.get("saturated")
+    if told is None and recording.metadata.source == "sim":
+        told = recording.columns.get("status")
+    if told is None:
+        return np.ones(len(recording), dtype=bool)
+    return (told.astype(np.uint32) & STATUS_SATURATED) == 0
+
+
+def _stated(recording: Recording) -> tuple[np.ndarray, float, str]:
+    std = recording.metadata.sensor.noise_std
+    if std is None:
+        return np.diag(_SCALE**2), 0.0, "residual"
+    return np.diag(np.square(std)), np.inf, "stated"
+
+
+def floored(covariance: np.ndarray, recording: Recording) -> np.ndarray:
+    """A channel cannot be quieter than its resolution; without any noise, weigh by `_SCALE`."""
+    variance = np.diagonal(covariance)
+    if (variance < (1e-9 * _SCALE) ** 2).all():
+        return np.zeros((6, 6))
+    model = recording.metadata.sensor.model
+    known = model in registry.names("sensors")
+    step = registry.load("sensors", str(model)).calibration().resolution if known else 1e-3 * _SCALE
+    return covariance + np.diag(np.maximum(0.0, np.square(step) / 12 - variance))
+
+
+def fallback_covariance() -> np.ndarray:
+    """Relative weights (6, 6) for data without noise."""
+    return np.diag(_SCALE**2)

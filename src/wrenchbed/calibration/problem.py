@@ -1,0 +1,115 @@
+"""A least-squares fit of a model to observations, for any whitening and loss."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from wrenchbed.calibration.least_squares import Solution, solve
+from wrenchbed.calibration.observations import Observations
+from wrenchbed.calibration.touches import Touches
+from wrenchbed.robots.model import Model
+
+LOSSES = ("linear", "huber", "student")
+_HUBER_K = 1.345
+"""95 % efficient under normal noise: Holland & Welsch 1977, doi 10.1080/03610927708827533."""
+_STUDENT_NU = 4.0
+_ROBUST_STEPS = 10
+_MAD = 1.4826
+"""Standard deviation of a normal variable over its median absolute deviation."""
+
+Whitening = Callable[[np.ndarray], np.ndarray]
+"""Rows (M, 6) or (M, 6, K) → the same shape, uncorrelated and of unit variance."""
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """A fit of the parameters at ``free``, beginning at ``theta`` (P,).
+
+    With a prior, each free parameter is drawn to ``centre`` (K,) within its tolerance. Touches, if
+    there are any, add the tool's position to the wrenches.
+    """
+
+    model: Model
+    data: Observations
+    theta: np.ndarray
+    free: tuple[int, ...]
+    centre: np.ndarray
+    prior: bool = False
+    loss: str = "linear"
+    touches: Touches | None = None
+
+    @property
+    def scale(self) -> np.ndarray:
+        """Tolerances (K,)."""
+        return self.model.parameters.tolerance[list(self.free)]
+
+    @property
+    def start(self) -> np.ndarray:
+        """Where the fit begins (K,)."""
+        return self.theta[list(self.free)]
+
+    @property
+    def dof(self) -> float:
+        """Of the residual per channel; parameters are shared out evenly."""
+        k = 0 if self.prior else len(self.free)
+        return max(1.0, len(self.data) - k / 6)
+
+    def at(self, x: np.ndarray) -> np.ndarray:
+        """All parameters (P,) with the free ones at x (K,)."""
+        theta = self.theta.copy()
+        theta[list(self.free)] = x
+        return theta
+
+    def residual(self, x: np.ndarray) -> np.ndarray:
+        """Measured − predicted (M, 6) [N, N·m]."""
+        return self.data.wrench - self.model.predict(self.data.q, self.at(x))
+
+    def jacobian(self, x: np.ndarray) -> np.ndarray:
+        """Derivative of the prediction (M, 6, K)."""
+        return self.model.jacobian(self.data.q, self.at(x), self.free)
+
+    def found(self, x: np.ndarray) -> np.ndarray:
+        """Variance of the observations about the fit (6,) [N², (N·m)²]; robust if the loss is."""
+        r = self.residual(x)
+        if self.loss == "linear":
+            return np.asarray((r**2).sum(axis=0) / self.dof)
+        return np.asarray((_MAD * np.median(np.abs(r), axis=0)) ** 2 * len(r) / self.dof)
+
+    def solve(self, whiten: Whitening, start: np.ndarray) -> Solution:
+        """The weighted fit; with a robust loss, reweighted until outliers have lost their say."""
+        weight = np.ones((len(self.data), 6))
+        solution = self._solve(whiten, start, weight)
+        for _ in range(_ROBUST_STEPS if self.loss != "linear" else 0):
+            plain = solution.residual[: weight.size].reshape(-1, 6) / weight
+            weight = np.sqrt(_robust_weight(plain, self.loss))
+            solution = self._solve(whiten, solution.x, weight)
+        return solution
+
+    def _solve(self, whiten: Whitening, start: np.ndarray, weight: np.ndarray) -> Solution:
+        scale, robot = self.scale, self.model.robot
+
+        def residual(x: np.ndarray) -> np.ndarray:
+            rows = [(whiten(self.residual(x)) * weight).ravel()]
+            if self.touches is not None:
+                rows.append(self.touches.residual(robot, self.at(x)))
+            if self.prior:
+                rows.append((self.centre - x) / scale)
+            return np.concatenate(rows)
+
+        def jacobian(x: np.ndarray) -> np.ndarray:
+            rows = [(whiten(self.jacobian(x)) * weight[..., None]).reshape(-1, len(x))]
+            if self.touches is not None:
+                rows.append(self.touches.jacobian(robot, self.at(x), self.free))
+            if self.prior:
+                rows.append(np.diag(1.0 / scale))
+            return np.concatenate(rows)
+
+        return solve(residual, jacobian, start, scale)
+
+
+def _robust_weight(residual: np.ndarray, loss: str) -> np.ndarray:
+    size = np.abs(residual) / max(1.0, _MAD * float(np.median(np.abs(residual))))
+    if loss == "huber":
+        return np.minimum(1.0, _HUBER_K / np.maximum(size, 1e-300))
+    return (_STUDENT_NU + 1) / (_STUDENT_NU + size**2)

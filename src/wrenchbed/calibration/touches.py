@@ -1,0 +1,112 @@
+"""Touches: joint values at which the tool's tip sat at a known point of the world."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import special
+
+from wrenchbed.calibration.accuracy import tip_jacobian
+from wrenchbed.calibration.least_squares import Solution
+from wrenchbed.calibration.observability import RANK_TOLERANCE
+from wrenchbed.data.holds import gather
+from wrenchbed.data.recording import POINT, Recording
+from wrenchbed.errors import CalibrationError
+from wrenchbed.robots.base import Robot
+
+STD = 5e-5
+"""How far a tip sits from the stated point, per axis [m]: a ball in a socket, an estimate."""
+
+
+DOUBT = 0.001
+"""Below this probability, over all touches, one does not agree with the rest of the data."""
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """How touches agree with the wrenches, the prior and each other.
+
+    Attributes:
+        count: of touches.
+        std: how far a tip was taken to sit from its point [m].
+        worst: index of the touch that agrees least when left out of the fit.
+        distance: of that one, in standard deviations of its prediction.
+        p_value: of so large a distance anywhere among the touches.
+    """
+
+    count: int
+    std: float
+    worst: int
+    distance: float
+    p_value: float
+
+    @property
+    def doubtful(self) -> bool:
+        """Whether a touch contradicts the rest."""
+        return self.p_value < DOUBT
+
+
+@dataclass(frozen=True, eq=False)
+class Touches:
+    """T touches; their wrenches hold the contact's unknown force and are not used.
+
+    Attributes:
+        q: joint values (T, J).
+        points: where the tip was (T, 3) in the world [m].
+        std: of that, per axis [m].
+    """
+
+    q: np.ndarray
+    points: np.ndarray
+    std: float = STD
+
+    def __len__(self) -> int:
+        return len(self.q)
+
+    @classmethod
+    def of(cls, recording: Recording, std: float = STD) -> "Touches":
+        """One touch a hold of a recording that has the columns px py pz.
+
+        Raises:
+            CalibrationError: no such columns, a std that is not above 0, or orientations only.
+        """
+        if not all(c in recording.columns for c in POINT):
+            raise CalibrationError(
+                f"{recording.name}: no columns px py pz: this is no recording of touches"
+            )
+        if not 0 < std < np.inf:
+            raise CalibrationError(f"touches with a standard deviation of {std} m: must be above 0")
+        if not recording.joints:
+            raise CalibrationError(f"{recording.name}: touches need joint columns")
+        holds = gather(recording, np.ones(len(recording), dtype=bool))
+        rows = np.searchsorted(recording.t, holds.t).clip(0, len(recording) - 1)
+        points = np.stack([recording.columns[c][rows] for c in POINT], axis=-1)
+        return cls(holds.q, points, std)
+
+    def residual(self, robot: Robot, theta: np.ndarray) -> np.ndarray:
+        """Stated − predicted position in standard deviations (3T,)."""
+        own = theta[: len(robot.parameters)]
+        return ((self.points - robot.tool_pose(self.q, own)[1]) / self.std).ravel()
+
+    def jacobian(self, robot: Robot, theta: np.ndarray, columns: Sequence[int]) -> np.ndarray:
+        """Derivative of the prediction in standard deviations (3T, K)."""
+        return tip_jacobian(robot, self.q, theta, columns).reshape(-1, len(columns)) / self.std
+
+    def agreement(self, solution: Solution, first: int) -> Agreement:
+        """Each touch against its prediction by all other data (deletion residuals).
+
+        Cook & Weisberg, Residuals and Influence in Regression (1982), Section 2.2.
+
+        Args:
+            solution: of the fit of everything, whitened.
+            first: row of the solution at which the touches begin.
+        """
+        rows = slice(first, first + 3 * len(self))
+        residual = solution.residual[rows].reshape(len(self), 3)
+        u, sizes, _ = np.linalg.svd(solution.jacobian, full_matrices=False)
+        hat = u[rows, sizes > RANK_TOLERANCE * sizes[0]].reshape(len(self), 3, -1)
+        left = np.eye(3) - hat @ np.swapaxes(hat, -1, -2)
+        square = np.einsum("ti,tij,tj->t", residual, np.linalg.pinv(left, hermitian=True), residual)
+        worst = int(np.argmax(square))
+        p_value = min(1.0, len(self) * float(special.chdtrc(3, square[worst])))
+        return Agreement(len(self), self.std, worst, float(np.sqrt(square[worst])), p_value)

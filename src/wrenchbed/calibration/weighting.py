@@ -1,0 +1,274 @@
+"""Weights from the data itself: its repeats, its stated noise, or what the fit leaves over.
+
+Slow wander of a sensor over a campaign: found in the poses' residual, heeded by the weights.
+
+The mean of a hold is off by an independent part and by a part that wanders as 1/f noise does:
+neighbouring holds are off together, and the bias of a whole campaign is known no better than the
+wander lets it. Both levels are found per channel by restricted maximum likelihood (Patterson &
+Thompson 1971, doi 10.1093/biomet/58.3.545), which knows that the fit has taken some of them away.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import special
+from scipy.optimize import minimize_scalar
+from scipy.special import sici
+
+from wrenchbed.calibration.fit import FitNoise
+from wrenchbed.calibration.least_squares import Solution
+from wrenchbed.calibration.observations import Observations, fallback_covariance
+from wrenchbed.calibration.problem import Problem, Whitening
+from wrenchbed.physics.taylor import Jet
+
+MOST_POSES = 1500
+"""With more, the N × N eigenvectors cost more than they are worth."""
+_DECADES_BELOW = 1.0
+"""How far the 1/f band reaches below the inverse of the campaign's length."""
+_RANGE = (-8.0, 12.0)
+"""Natural logarithm of wander over independent variance that is searched."""
+
+
+@dataclass(frozen=True, eq=False)
+class Wander:
+    """Variance of a hold's mean: independent part (6,), and 1/f level (6,) [N², (N·m)²].
+
+    ``basis`` (N, N) and ``spread`` (N,) are the eigenvectors and eigenvalues of the 1/f kernel.
+    """
+
+    independent: np.ndarray
+    level: np.ndarray
+    basis: np.ndarray
+    spread: np.ndarray
+
+    def whiten(self, rows: np.ndarray) -> np.ndarray:
+        """Rows (N, 6) or (N, 6, K) turned so that all have unit variance and none is correlated."""
+        turned = np.tensordot(self.basis.T, rows, axes=1)
+        root = np.sqrt(self.independent + self.level * self.spread[:, None])
+        return turned / root.reshape(root.shape + (1,) * (rows.ndim - 2))
+
+    @property
+    def mean_variance(self) -> np.ndarray:
+        """Variance (6,) of the best estimate of a constant."""
+        ones = self.whiten(np.ones((len(self.spread), 6)))
+        return 1.0 / (ones**2).sum(axis=0)
+
+
+def kernel(t: np.ndarray) -> np.ndarray:
+    """Covariance (N, N) at times (N,) [s] of unit 1/f noise, ∫ cos(2πfτ)/f df.
+
+    The band reaches from a tenth of the inverse of the whole time to one cycle a pose; what is
+    faster looks independent from pose to pose.
+    """
+    span = float(t[-1] - t[0])
+    low, high = 10.0**-_DECADES_BELOW / span, len(t) / span
+    lag = 2 * np.pi * np.abs(t[:, None] - t)
+    np.fill_diagonal(lag, 1.0)
+    result = sici(high * lag)[1] - sici(low * lag)[1]
+    np.fill_diagonal(result, np.log(high / low))
+    return np.asarray(result)
+
+
+def estimate(t: np.ndarray, residual: np.ndarray, design: np.ndarray, least: np.ndarray) -> Wander:
+    """Both levels of every channel.
+
+    Args:
+        t: mean times of the holds (N,) [s].
+        residual: measured − fitted (N, 6).
+        design: derivatives of the fit by its parameters (N, 6, K).
+        least: variance that the independent part has at least (6,).
+    """
+    spread, basis = np.linalg.eigh(kernel(t))
+    spread = np.maximum(spread, 0.0)
+    independent, level = np.empty(6), np.empty(6)
+    for c in range(6):
+        x = _span(basis.T @ design[:, c, :])
+        independent[c], level[c] = _levels(basis.T @ residual[:, c], x, spread, least[c])
+    return Wander(independent, level, basis, spread)
+
+
+def _span(design: np.ndarray) -> np.ndarray:
+    """Orthonormal basis of the columns that move a channel."""
+    u, s, _ = np.linalg.svd(design, full_matrices=False)
+    return u[:, s > 1e-9 * max(s[0], 1e-300)]
+
+
+def _levels(r: np.ndarray, x: np.ndarray, spread: np.ndarray, least: float) -> tuple[float, float]:
+    """Independent variance and 1/f level of one channel, in the kernel's eigenvectors."""
+
+    def variance(ratio: float) -> float:
+        return _restricted(r, x, 1.0 / (1.0 + ratio * spread))[1]
+
+    def cost(log_ratio: float) -> float:
+        return _restricted(r, x, 1.0 / (1.0 + np.exp(log_ratio) * spread))[0]
+
+    best = minimize_scalar(cost, bounds=_RANGE, method="bounded")
+    none, _ = _restricted(r, x, np.ones_like(spread))
+    ratio = float(np.exp(best.x)) if best.fun < none else 0.0
+    alone = variance(ratio)
+    return max(alone, least), ratio * alone
+
+
+def _restricted(r: np.ndarray, x: np.ndarray, weight: np.ndarray) -> tuple[float, float]:
+    """Restricted −log likelihood at weights (N,), and the variance of unit weight."""
+    gram = x.T @ (weight[:, None] * x)
+    right = x.T @ (weight * r)
+    dof = len(r) - x.shape[1]
+    square = float(r @ (weight * r) - right @ np.linalg.solve(gram, right)) / dof
+    square = max(square, 1e-300)
+    cost = dof * np.log(square) - np.log(weight).sum() + np.linalg.slogdet(gram)[1]
+    return float(cost) / 2, square
+
+
+def none_of(variance: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
+    """Whitening of independent rows with a variance a channel (6,)."""
+    root = np.sqrt(variance)
+    return lambda rows: rows / root.reshape(root.shape + (1,) * (rows.ndim - 2))
+
+
+_REWEIGHTINGS = 3
+_TRUST = 0.01
+"""Below this p-value of the residual's χ², the noise seen in the repeats does not explain it."""
+_BATCHES = 20
+_ENOUGH = 20
+"""Poses beyond the number of parameters from which the residual shows wander and correlation."""
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """A fit, the covariance (K, K) of its parameters, its degrees of freedom and its noise."""
+
+    solution: Solution
+    covariance: np.ndarray
+    dof: float
+    noise: FitNoise
+
+
+def fit(problem: Problem) -> Outcome:
+    """Fit with the known noise; if the residual denies it, fit again with the residual's own."""
+    data = problem.data
+    if data.source == "residual" or not data.row_covariance.any():
+        return _blind(problem)
+    solution = problem.solve(_rows(data.row_covariance, data.count), problem.start)
+    chi2 = float((solution.residual[: data.wrench.size] ** 2).sum())
+    explained = bool(special.chdtrc(6 * problem.dof, chi2) > _TRUST)
+    if isinstance(data.q, Jet):
+        return _scattered(problem, solution, inflated=not explained)
+    if explained:
+        noise = _noise(problem, solution, data.source, float(data.count.sum()) * np.ones(6))
+        return Outcome(solution, solution.covariance, data.dof, noise)
+    few = len(data) - len(problem.free) < _ENOUGH or len(data) > MOST_POSES
+    if few or problem.loss != "linear":
+        return _scattered(problem, solution)
+    return _wandering(problem, solution)
+
+
+def _rows(covariance: np.ndarray, count: np.ndarray) -> Whitening:
+    """Whitening of means over ``count`` (M,) rows of one covariance (6, 6)."""
+    turn = np.linalg.inv(np.linalg.cholesky(covariance))
+
+    def whiten(rows: np.ndarray) -> np.ndarray:
+        factor = np.sqrt(count).reshape((-1, 1) + (1,) * (rows.ndim - 2))
+        return np.asarray(np.moveaxis(np.tensordot(rows, turn, axes=(1, 1)), -1, 1) * factor)
+
+    return whiten
+
+
+def _blind(problem: Problem) -> Outcome:
+    """Nothing is known of the noise: one level of forces and one of torques, from the residual.
+
+    What is left is often an effect that the model lacks; to weigh each channel by its own share of
+    it would trust chance.
+    """
+    data = problem.data
+    solution = problem.solve(_rows(fallback_covariance(), np.ones(len(data))), problem.start)
+    factor = 1.0
+    for _ in range(_REWEIGHTINGS):
+        found = problem.found(solution.x)
+        if _exact(found, data):
+            whitened = solution.residual[: data.wrench.size]
+            factor = float(whitened @ whitened) / (6 * problem.dof)
+            break
+        pooled = np.repeat([found[:3].mean(), found[3:].mean()], 3)
+        time = _correlation_time(problem, solution.x)
+        solution = problem.solve(none_of(pooled * time), solution.x)
+    effective = float(data.count.sum()) / _correlation_time(problem, solution.x)
+    noise = _noise(problem, solution, "residual", effective)
+    return Outcome(solution, solution.covariance * factor, problem.dof, noise)
+
+
+def _scattered(problem: Problem, solution: Solution, inflated: bool = True) -> Outcome:
+    """The residual's own variance and correlation time, channel by channel."""
+    data = problem.data
+    expected = np.diagonal(data.row_covariance) / float(np.mean(data.count))
+    for _ in range(_REWEIGHTINGS):
+        # many parameters may swallow a channel's residual, never its noise
+        found = np.maximum(problem.found(solution.x), expected)
+        time = _correlation_time(problem, solution.x)
+        solution = problem.solve(none_of(found * time), solution.x)
+    share = np.minimum(1.0, expected / np.maximum(found, 1e-300)) if inflated else np.ones(6)
+    effective = float(data.count.sum()) / time * share
+    noise = _noise(problem, solution, data.source, effective, inflated)
+    return Outcome(solution, solution.covariance, problem.dof, noise)
+
+
+def _wandering(problem: Problem, solution: Solution) -> Outcome:
+    """The residual's own scatter, its 1/f wander and its channels' correlation."""
+    data = problem.data
+    least = np.diagonal(data.row_covariance) / float(np.mean(data.count))
+    order = np.argsort(data.t)
+    for _ in range(_REWEIGHTINGS):
+        design, left = problem.jacobian(solution.x)[order], problem.residual(solution.x)[order]
+        slow = estimate(data.t[order], left, design, least)
+        z = slow.whiten(left)
+        between = np.corrcoef(z, rowvar=False)
+        together = _rows(between, np.ones(len(data)))
+
+        def whiten(rows: np.ndarray, slow: Wander = slow, last: Whitening = together):  # type: ignore[no-untyped-def]
+            return last(slow.whiten(rows[order]))
+
+        solution = problem.solve(whiten, solution.x)
+    effective = np.diagonal(data.row_covariance) / slow.mean_variance
+    noise = _noise(problem, solution, data.source, effective, inflated=True)
+    return Outcome(solution, solution.covariance, problem.dof, noise)
+
+
+def _exact(found: np.ndarray, data: Observations) -> bool:
+    """Whether nothing but rounding is left."""
+    size = np.abs(data.wrench).max()
+    return bool(found.min() < (1e-12 * size) ** 2)
+
+
+def _correlation_time(problem: Problem, x: np.ndarray) -> np.ndarray:
+    """Integrated autocorrelation time of a motion's residual (6,) [samples]; 1 for poses.
+
+    Sokal's window: Goodman & Weare 2010, doi 10.2140/camcos.2010.5.65, Section 3.
+    """
+    if not isinstance(problem.data.q, Jet):
+        return np.ones(6)
+    r = problem.residual(x)
+    r = r - r.mean(axis=0)
+    power = np.abs(np.fft.rfft(r, 2 * len(r), axis=0)) ** 2
+    rho = np.fft.irfft(power, axis=0)[: len(r)]
+    tau = 2 * np.cumsum(rho / np.maximum(rho[0], 1e-300), axis=0) - 1
+    window = np.argmax(np.arange(len(r))[:, None] > 5 * tau, axis=0)
+    return np.maximum(np.maximum(1.0, tau[window, np.arange(6)]), _batch_time(r))
+
+
+def _batch_time(r: np.ndarray) -> np.ndarray:
+    """The same from the scatter of `_BATCHES` batch means, which 1/f wander cannot hide from."""
+    length = len(r) // _BATCHES
+    batches = r[: length * _BATCHES].reshape(_BATCHES, length, 6).mean(axis=1)
+    return length * batches.var(axis=0, ddof=1) / np.maximum(r.var(axis=0), 1e-300)
+
+
+def _noise(
+    problem: Problem, solution: Solution, source: str, effective: np.ndarray, inflated: bool = False
+) -> FitNoise:
+    data = problem.data
+    rows = float(np.mean(data.count))
+    found = np.sqrt(problem.found(solution.x))
+    known = source != "residual"
+    alone = np.sqrt(np.diagonal(data.row_covariance)) if known else found * np.sqrt(rows)
+    return FitNoise(alone, source, alone / np.sqrt(rows), found, effective, rows, inflated)

@@ -1,0 +1,182 @@
+"""A campaign that was stopped: may it go on by itself, and what does its recording hold?"""
+
+import json
+import re
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from enum import IntEnum
+from pathlib import Path
+
+import numpy as np
+
+from wrenchbed.data.metadata import Metadata
+from wrenchbed.data.plan import Plan
+from wrenchbed.data.recording import Recording
+from wrenchbed.errors import DriverError, LimitError, LinkError, PlanError, SafetyStopError
+from wrenchbed.hardware.drivers.base import Driver
+from wrenchbed.hardware.drivers.base.live import LiveDriver
+from wrenchbed.physics.wrench import CHANNELS
+
+POSE, STARTED = "pose", "started"
+"""Column with the plan's row, and metadata with the time of t = 0, by which a campaign goes on."""
+Hold = tuple[float, np.ndarray]
+"""Time of a pose's last row [s] and its readings (n, 6)."""
+_HARMLESS = ("normal", "reduced", "quick stop")
+"""Safety states after which a robot may be moved unseen; a quick stop is the driver's own."""
+_SAME = {"rate_hz": "--rate", "sensor": "--sensor", "wrench": "--sensor"}
+"""What must not change within a recording, and the flag that sets it."""
+
+
+class Again(IntEnum):
+    """How often in a row a campaign begins anew by itself, by what failed."""
+
+    NEVER = 0
+    """The robot protects itself or people, is in fault or off, or the load was too large."""
+    STOPPED = 2
+    """The robot is well: its program, its watchdog or a deadline ended the move."""
+    LINK = 11
+    """The link or the reading was at fault."""
+
+
+def again(driver: Driver, error: DriverError) -> Again:
+    """How often a campaign may go on by itself after an error, by what the robot says now."""
+    if not driver.live or isinstance(error, LimitError | SafetyStopError):
+        return Again.NEVER
+    arm = driver._arm_health() if isinstance(driver, LiveDriver) else driver.health()
+    try:
+        told = driver.read()
+    except DriverError:
+        told = None  # it has told nothing yet
+    if arm.state == "fault":
+        return Again.NEVER
+    if told is not None:
+        if told.safety not in _HARMLESS or told.mode == "fault":
+            return Again.NEVER
+        at_work = ("running",) if told.program else ("running", "idle")  # drives idle when stopped
+        if arm.state == "stopped" and told.mode not in at_work:
+            return Again.NEVER
+    unread = arm.state != "stopped" and not driver.health().ok
+    return Again.LINK if unread or isinstance(error, LinkError) else Again.STOPPED
+
+
+def bare(error: DriverError) -> str:
+    """What failed, without what a program would do about it."""
+    return re.sub(r"(,? then|[:;,]) call recover\(\)( again)?$", "", str(error))
+
+
+@dataclass(frozen=True, eq=False)
+class Before:
+    """What was recorded before.
+
+    Attributes:
+        columns: rows of whole poses (N,) by name; empty if there are none.
+        poses: rows of the plan that are done.
+        elapsed: time since t = 0 [s].
+        metadata: of the recording.
+        revisited: whether the first pose was visited again as a whole.
+    """
+
+    columns: Mapping[str, np.ndarray]
+    poses: frozenset[int]
+    elapsed: float
+    metadata: Metadata
+    revisited: bool
+
+    def first(self, segment: int) -> Hold | None:
+        """The first pose as it was visited in a segment; None if it was not."""
+        if not self.columns:
+            return None
+        rows = np.flatnonzero((self.columns[POSE] == 0) & (self.columns["segment"] == segment))
+        if not len(rows):
+            return None
+        wrench = np.stack([self.columns[c][rows] for c in CHANNELS], axis=-1)
+        return float(self.columns["t"][rows[-1]]), wrench
+
+
+def encore(plan: Plan) -> int:
+    """Segment of the first pose's second visit."""
+    return int(plan.segment.max()) + 1
+
+
+def before(path: Path, plan: Plan, needed: np.ndarray, metadata: Metadata) -> Before:
+    """Read a stopped campaign's recording; a cut visit is left out.
+
+    Args:
+        path: of the recording.
+        plan: that it followed.
+        needed: rows that each pose of the plan needs (P,).
+        metadata: that the campaign would state now.
+
+    Raises:
+        PlanError: it is not of this plan, was recorded otherwise, or cannot be gone on with.
+        RecordingError: it cannot be read.
+    """
+    if not path.exists():
+        raise PlanError(f"{path}: there is no such recording to go on with: leave --resume out")
+    old = Recording.read(path)
+    if old.metadata.source != metadata.source:
+        raise PlanError(
+            f"{path}: was recorded with source {old.metadata.source!r}, not {metadata.source!r}: "
+            "give --driver as it was, or another OUT"
+        )
+    if plan.mode != "static" or old.metadata.mode != "static":
+        raise PlanError(f"{path}: a motion cannot be resumed: record it again")
+    started = old.metadata.extra.get(STARTED)
+    if not {POSE, "segment"} <= old.columns.keys() or not isinstance(started, str):
+        raise PlanError(f"{path}: does not say which poses it holds: record it again")
+    pose = old.columns[POSE].astype(int)
+    if old.metadata.robot != plan.robot or pose.min() < 0 or pose.max() >= len(plan):
+        raise PlanError(f"{path}: is not of the plan {plan.name}: give the plan it was made with")
+    off = np.abs(old.q - plan.q[pose]).max(axis=1)
+    if off.max() > 0.05:
+        row = int(np.argmax(off))
+        raise PlanError(
+            f"{path}: row {row} is not at pose {pose[row]} of {plan.name}: "
+            "give the plan it was made with"
+        )
+    _check_same(path, old.metadata, metadata)
+    segment = old.columns["segment"]
+    own, second = segment == plan.segment[pose], segment == encore(plan)
+    _check_samples(path, plan, pose[own], needed)
+    whole = np.flatnonzero(np.bincount(pose[own], minlength=len(plan)) == needed)
+    revisited = bool(second.sum() == needed[0]) and len(whole) == len(plan)
+    keep = (own & np.isin(pose, whole)) | (second & revisited)
+    columns = {name: array[keep] for name, array in old.columns.items()} if keep.any() else {}
+    elapsed = time.time() - datetime.fromisoformat(started).timestamp()
+    return Before(columns, frozenset(int(k) for k in whole), elapsed, old.metadata, revisited)
+
+
+def _check_same(path: Path, old: Metadata, new: Metadata) -> None:
+    was, asked = (json.loads(json.dumps(m.to_json())) for m in (old, new))
+    for field, flag in _SAME.items():
+        a, b = was.get(field), asked.get(field)
+        if isinstance(a, dict) and isinstance(b, dict):
+            differ = [k for k in a | b if a.get(k) != b.get(k)]
+            if differ:
+                field, a, b = f"{field}.{differ[0]}", a.get(differ[0]), b.get(differ[0])
+        if a != b:
+            raise PlanError(
+                f"{path}: was recorded with {field} = {a!r}, not {b!r}: give {flag} as it was, "
+                "or record anew"
+            )
+
+
+def _check_samples(path: Path, plan: Plan, pose: np.ndarray, needed: np.ndarray) -> None:
+    """Every visit but the last, which may be cut, has as many rows as are asked for now."""
+    count = np.bincount(pose, minlength=len(plan))
+    bad = (count > 0) & (count != needed)
+    if len(pose):
+        bad[pose[-1]] = count[pose[-1]] > needed[pose[-1]]
+    for k in np.flatnonzero(bad)[:1]:
+        was = f"--samples {count[k]}" if plan.dwell[k] == 0 else "the plan it was made with"
+        raise PlanError(
+            f"{path}: was recorded with {count[k]} samples at pose {k}, not {needed[k]}: "
+            f"give {was}, or record anew"
+        )
+
+
+def now() -> str:
+    """The present in ISO 8601, UTC."""
+    return datetime.now(UTC).isoformat(timespec="milliseconds")

@@ -1,0 +1,103 @@
+"""Holds: the rows of a recording at rest, gathered pose by pose, with the noise they show."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from wrenchbed.data.recording import QUATERNION, Recording
+from wrenchbed.physics.wrench import CHANNELS
+
+MOVING = 1e-4
+MOVING_WITHIN_SEGMENT = 1e-3
+"""Steps of joint values (or quaternion components) below these are one pose [rad or m]."""
+ROWS_AT_ONCE = 500_000
+"""Rows that are worked on together, so that memory stays small beside a long recording's own."""
+
+
+@dataclass(frozen=True, eq=False)
+class Holds:
+    """H poses at rest.
+
+    Attributes:
+        t: mean time (H,) [s].
+        q: joint values (H, J) or orientations (H, 4).
+        wrench: mean reading (H, 6) [N, N·m].
+        count: rows in each hold (H,).
+        row_covariance: of one row about its hold's mean (6, 6), None without repeats.
+        dof: degrees of freedom behind it.
+        rows: index of each hold's first row among those kept (H,).
+    """
+
+    t: np.ndarray
+    q: np.ndarray
+    wrench: np.ndarray
+    count: np.ndarray
+    row_covariance: np.ndarray | None
+    dof: int
+    rows: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+
+def gather(recording: Recording, keep: np.ndarray) -> Holds:
+    """Average consecutive rows of one segment with unmoving joints.
+
+    Args:
+        recording: at rest in each hold.
+        keep: rows to use (N,), boolean.
+    """
+    whole = bool(keep.all())
+
+    def column(name: str) -> np.ndarray:
+        values = recording.columns[name]
+        return values if whole else values[keep]
+
+    t, segment = column("t"), recording.columns.get("segment")
+    names, limit = recording.joints or QUATERNION, MOVING
+    change = np.zeros(len(t) - 1, dtype=bool)
+    if segment is not None:
+        limit = MOVING_WITHIN_SEGMENT
+        change |= np.diff(column("segment")) != 0
+    for name in names:
+        change |= np.abs(np.diff(column(name))) > limit
+    starts = np.concatenate([[0], np.flatnonzero(change) + 1])
+    count = np.diff(np.append(starts, len(t)))
+
+    def mean(name: str) -> np.ndarray:
+        return np.asarray(np.add.reduceat(column(name), starts, dtype=float) / count)
+
+    middle, wrench = (np.stack([mean(n) for n in some], axis=1) for some in (names, CHANNELS))
+    dof = len(t) - len(starts)
+    covariance = None
+    if dof > 0:
+        rows = [column(c) for c in CHANNELS]
+        covariance = sum(away.T @ away for _, away in about_means(rows, wrench, count)) / dof
+    return Holds(mean("t"), middle, wrench, count, covariance, dof, starts)
+
+
+def about_means(
+    rows: Sequence[np.ndarray], mean: np.ndarray, count: np.ndarray
+) -> Iterator[tuple[slice, np.ndarray]]:
+    """Rows about their hold's mean (n, 6), a number of whole holds at a time: which, and theirs.
+
+    Args:
+        rows: six channels (N,) [N, N·m].
+        mean: of each hold (H, 6).
+        count: rows of each hold (H,).
+    """
+    for some, at in parts(count):
+        away = np.stack([y[at] for y in rows], axis=1, dtype=float)
+        away -= np.repeat(mean[some], count[some], axis=0)
+        yield some, away
+
+
+def parts(count: np.ndarray) -> Iterator[tuple[slice, slice]]:
+    """Holds (H,) of so many rows each, a number of whole ones at a time: which, and their rows."""
+    ends = np.cumsum(count)
+    first = row = 0
+    while first < len(count):
+        last = max(first + 1, int(np.searchsorted(ends, row + ROWS_AT_ONCE, side="right")))
+        yield slice(first, last), slice(row, int(ends[last - 1]))
+        first, row = last, int(ends[last - 1])

@@ -1,0 +1,310 @@
+"""Topics of rosbags 1 and 2 and of MCAP files, read message by message.
+
+Messages as rows of numbers: fields by their path, times as whole nanoseconds.
+
+Logs of robots that run ROS: one topic of a bag or an MCAP file as a table.
+
+A recording as an MCAP file of ROS 2 messages, for whoever looks at logs with ROS's tools.
+"""
+
+import json
+from array import array
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+
+from wrenchbed import registry
+from wrenchbed.data.recording import Recording
+from wrenchbed.errors import MapError
+from wrenchbed.files import atomic_write
+from wrenchbed.physics.wrench import CHANNELS
+
+STAMP, LOGGED = "stamp", "logged"
+"""Times of a message: its header's, and when it was written [ns]."""
+Getter = Callable[[Any], float]
+
+
+class MessageRows:
+    """Some fields of messages of one topic, gathered one by one.
+
+    Args:
+        wanted: names of columns: `STAMP`, `LOGGED`, a path such as ``wrench.force.x``, or, of
+            messages with names (JointState), ``position.<joint>``.
+    """
+
+    def __init__(self, wanted: Sequence[str]) -> None:
+        self.wanted = tuple(dict.fromkeys(wanted))
+        self.missing: set[str] = set()
+        self._times = {n: array("q") for n in self.wanted if n in (STAMP, LOGGED)}
+        self._values = {n: array("d") for n in self.wanted if n not in (STAMP, LOGGED)}
+
+    def add(self, message: Any, logged: int) -> None:
+        """One message."""
+        if LOGGED in self._times:
+            self._times[LOGGED].append(logged)
+        if STAMP in self._times:
+            at = _get(_get(message, "header"), "stamp")
+            self._times[STAMP].append(_nanoseconds(at))
+        names = _get(message, "name") if "." in "".join(self._values) else None
+        for column, values in self._values.items():
+            values.append(self._value(message, column, names))
+
+    def table(self) -> pa.Table:
+        """What was gathered; fields that some message lacked are NaN."""
+        columns = {n: pa.array(memoryview(v), pa.int64()) for n, v in self._times.items()}
+        columns |= {n: pa.array(memoryview(v), pa.float64()) for n, v in self._values.items()}
+        return pa.table({n: columns[n] for n in self.wanted})
+
+    def _value(self, message: Any, column: str, names: Any) -> float:
+        found: Any = message
+        parts = column.split(".")
+        for depth, part in enumerate(parts):
+            inner = _get(found, part)
+            if inner is None and names is not None and _listed(found):
+                joint = ".".join(parts[depth:])
+                inner = found[list(names).index(joint)] if joint in list(names) else None
+                found = inner
+                break
+            found = inner
+            if found is None:
+                break
+        if isinstance(found, bool | int | float) or hasattr(found, "__float__"):
+            return float(found)
+        self.missing.add(column)
+        return float("nan")
+
+
+def _get(thing: Any, name: str) -> Any:
+    if isinstance(thing, Mapping):
+        return thing.get(name)
+    if _listed(thing):
+        return thing[int(name)] if name.isdecimal() and int(name) < len(thing) else None
+    return getattr(thing, name, None)
+
+
+def _listed(thing: Any) -> bool:
+    return (
+        hasattr(thing, "__len__")
+        and hasattr(thing, "__getitem__")
+        and not isinstance(thing, str | Mapping)
+    )
+
+
+def _nanoseconds(stamp: Any) -> int:
+    """Of ROS 1 or 2, or JSON; −1 without one."""
+    if stamp is None:
+        return -1
+    second = _get(stamp, "sec")
+    part = _get(stamp, "nanosec")
+    if part is None:
+        part = _get(stamp, "nsec")
+    return -1 if second is None or part is None else int(second) * 1_000_000_000 + int(part)
+
+
+Messages = Iterator[tuple[Any, int]]
+"""Messages of a topic and when each was written [ns]."""
+
+
+def is_log(path: Path) -> bool:
+    """Whether a path is a bag (``.bag``, a folder with ``metadata.yaml``) or an MCAP file."""
+    return path.suffix in (".bag", ".mcap", ".db3") or (path / "metadata.yaml").is_file()
+
+
+def table(path: Path, topic: str | None, wanted: Sequence[str]) -> pa.Table:
+    """Columns of one topic of a log.
+
+    Args:
+        path: of the log.
+        topic: that is read; may be left out where there is only one.
+        wanted: columns, see `Rows`.
+
+    Raises:
+        MapError: no such file, topic or field; a message without a stamp.
+        MissingExtraError: rosbags or mcap is not installed.
+    """
+    if not path.exists():
+        raise MapError(f"{path}: there is no such file")
+    opened = _mcap if path.suffix == ".mcap" else _bag
+    rows, count = MessageRows(wanted), 0
+    with opened(path) as (topics, read):
+        topic = _chosen(path, topic, topics)
+        for message, logged in read(topic):
+            rows.add(message, logged)
+            count += 1
+            if rows.missing:
+                what = f"{topic!r} ({topics[topic]}), message {count}"
+                raise MapError(f"{path}: topic {what}: has no {sorted(rows.missing)[0]!r}")
+    found = rows.table()
+    if STAMP in found.column_names and count and found[STAMP][0].as_py() < 0:
+        raise MapError(f"{path}: messages of {topic!r} have no stamp: map t to column 'logged'")
+    return found
+
+
+def _chosen(path: Path, topic: str | None, topics: Mapping[str, str]) -> str:
+    if topic is not None and topic in topics:
+        return topic
+    if topic is None and len(topics) == 1:
+        return next(iter(topics))
+    known = ", ".join(f"{n} ({kind})" for n, kind in sorted(topics.items())) or "none"
+    what = "name one with topic =" if topic is None else f"there is no topic {topic!r}"
+    raise MapError(f"{path}: {what}; it holds {known}")
+
+
+@contextmanager
+def _bag(path: Path) -> Iterator[tuple[dict[str, str], Callable[[str], Messages]]]:
+    """A bag of ROS 1 or 2."""
+    rosbags = registry.require("rosbags.highlevel", "logs")
+    typesys = registry.require("rosbags.typesys", "logs")
+    folder = path.parent if path.suffix == ".db3" else path
+    try:
+        reader = rosbags.AnyReader(
+            [folder], default_typestore=typesys.get_typestore(typesys.Stores.LATEST)
+        )
+        reader.open()
+    except (rosbags.AnyReaderError, OSError, KeyError, ValueError) as error:
+        raise MapError(f"{path}: not a bag that can be read: {_line(error)}") from error
+    try:
+
+        def read(topic: str) -> Messages:
+            for connection, logged, raw in reader.messages(
+                [c for c in reader.connections if c.topic == topic]
+            ):
+                yield reader.deserialize(raw, connection.msgtype), logged
+
+        yield {c.topic: c.msgtype for c in reader.connections}, read
+    finally:
+        reader.close()
+
+
+@contextmanager
+def _mcap(path: Path) -> Iterator[tuple[dict[str, str], Callable[[str], Messages]]]:
+    """An MCAP file of ROS 1, ROS 2 or JSON messages."""
+    mcap = registry.require("mcap.reader", "logs")
+    errors = registry.require("mcap.exceptions", "logs")
+    with path.open("rb") as stream:
+        try:
+            reader = mcap.make_reader(stream)
+            summary = reader.get_summary()
+        except (errors.McapError, OSError, ValueError) as error:
+            raise MapError(f"{path}: not an MCAP file that can be read: {_line(error)}") from error
+        if summary is None:
+            raise MapError(f"{path}: ends early; mend it with `mcap recover`")
+        schemas = summary.schemas
+        topics = {c.topic: schemas[c.schema_id].name if c.schema_id in schemas else "no schema"
+                  for c in summary.channels.values()}  # fmt: skip
+
+        def read(topic: str) -> Messages:
+            decoders: dict[int, Callable[[bytes], Any]] = {}
+            for schema, channel, message in reader.iter_messages(topics=[topic]):
+                if channel.id not in decoders:
+                    decoders[channel.id] = _decoder(path, schema, channel.message_encoding)
+                yield decoders[channel.id](message.data), message.log_time
+
+        yield topics, read
+
+
+def _decoder(path: Path, schema: Any, encoding: str) -> Callable[[bytes], Any]:
+    if encoding == "json":
+        return json.loads
+    if encoding not in ("cdr", "ros1") or schema is None:
+        raise MapError(f"{path}: messages in {encoding!r} cannot be read; cdr, ros1 and json can")
+    typesys = registry.require("rosbags.typesys", "logs")
+    store = typesys.get_typestore(typesys.Stores.EMPTY)
+    name = schema.name if schema.name.count("/") == 2 else schema.name.replace("/", "/msg/")
+    store.register(typesys.get_types_from_msg(schema.data.decode(), name))
+    read = store.deserialize_cdr if encoding == "cdr" else store.deserialize_ros1
+    return lambda data: read(data, name)
+
+
+def _line(error: Exception) -> str:
+    return (str(error) or type(error).__name__).splitlines()[0]
+
+
+__all__ = ["is_log", "table"]
+
+
+WRENCH, JOINTS, TEMPERATURE = "/wrench", "/joint_states", "/temperature"
+KEY = "wrenchbed"
+"""Metadata record that keeps the recording's own metadata as JSON."""
+_FRAME = "sensor"
+JOINT_NAMES = {
+    "ur5": (
+        "shoulder_pan_joint", "shoulder_lift_joint", "elbow_joint",
+        "wrist_1_joint", "wrist_2_joint", "wrist_3_joint",
+    ),
+}  # fmt: skip
+"""As robots' own drivers call their joints; q1 … of others."""
+Message = Callable[[int], Any]
+
+
+def write_mcap(recording: Recording, path: str | Path) -> None:
+    """Write wrench, joints and temperature as `geometry_msgs` and `sensor_msgs` in CDR.
+
+    Args:
+        recording: its time 0 becomes the log's.
+        path: of the ``.mcap``.
+
+    Raises:
+        MissingExtraError: mcap or rosbags is not installed.
+    """
+    writer_of = registry.require("mcap.writer", "logs").Writer
+    typesys = registry.require("rosbags.typesys", "logs")
+    store = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
+    at = np.round(1e9 * recording.t.astype(float)).astype(np.int64)
+    with atomic_write(Path(path)) as half, half.open("wb") as stream:
+        writer = writer_of(stream)
+        writer.start(profile="ros2", library="wrenchbed")
+        channels = []
+        for topic, kind, message in _topics(recording, at, store):
+            text, _ = store.generate_msgdef(kind, ros_version=2)
+            schema = writer.register_schema(kind, "ros2msg", text.encode())
+            channel = writer.register_channel(topic, "cdr", schema)
+            channels.append((channel, kind, message))
+        for row, now in enumerate(at.tolist()):
+            for channel, kind, message in channels:
+                data = bytes(store.serialize_cdr(message(row), kind))
+                writer.add_message(channel, now, data, now, row)
+        told = json.dumps(recording.metadata.to_json(), ensure_ascii=False)
+        writer.add_metadata(KEY, {"json": told})
+        writer.finish()
+
+
+def _topics(recording: Recording, at: np.ndarray, store: Any) -> Iterator[tuple[str, str, Message]]:
+    """Topic, type and the message of a row, of all that a recording has."""
+    known = store.types
+    time, header = known["builtin_interfaces/msg/Time"], known["std_msgs/msg/Header"]
+
+    def head(row: int) -> Any:
+        seconds, rest = divmod(int(at[row]), 1_000_000_000)
+        return header(stamp=time(sec=seconds, nanosec=rest), frame_id=_FRAME)
+
+    values = np.stack([recording.columns[c] for c in CHANNELS], axis=1).astype(float)
+    vector = known["geometry_msgs/msg/Vector3"]
+    wrench, stamped = known["geometry_msgs/msg/Wrench"], known["geometry_msgs/msg/WrenchStamped"]
+
+    def load(row: int) -> Any:
+        force, torque = (vector(*map(float, part)) for part in np.split(values[row], 2))
+        return stamped(header=head(row), wrench=wrench(force=force, torque=torque))
+
+    yield WRENCH, "geometry_msgs/msg/WrenchStamped", load
+    if recording.joints:
+        names = list(JOINT_NAMES.get(recording.metadata.robot, recording.joints))
+        state, q = known["sensor_msgs/msg/JointState"], recording.q.astype(float)
+        none = np.zeros(0)
+
+        def place(row: int) -> Any:
+            return state(header=head(row), name=names, position=q[row], velocity=none, effort=none)
+
+        yield JOINTS, "sensor_msgs/msg/JointState", place
+    if "temperature" in recording.columns:
+        warm = recording.columns["temperature"].astype(float)
+        kind = known["sensor_msgs/msg/Temperature"]
+
+        def warmth(row: int) -> Any:
+            return kind(header=head(row), temperature=float(warm[row]), variance=0.0)
+
+        yield TEMPERATURE, "sensor_msgs/msg/Temperature", warmth

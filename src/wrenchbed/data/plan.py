@@ -1,0 +1,185 @@
+"""A plan: the joint values that a campaign visits, or the trajectory that it tracks, in Parquet.
+
+Known points of the world from a CSV file with the columns x, y, z [m].
+"""
+
+import csv
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from wrenchbed.data import parquet
+from wrenchbed.data.metadata import MODES
+from wrenchbed.data.recording import POINT, joint_columns
+from wrenchbed.errors import PlanError
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """Joint values (N, J) in visiting order.
+
+    Attributes:
+        robot: whose joints these are.
+        q: [rad or m]; in a dynamic plan one row a sample at ``rate_hz``.
+        segment: which hold or motion each row belongs to (N,).
+        dwell: how long to stay [s] (N,), 0 for the recorder's default.
+        mode: ``static`` or ``dynamic``.
+        rate_hz: of a dynamic plan.
+        points: known positions in the world (N, 3) [m] that the tool's tip shall touch from each
+            pose; None in a plan that touches nothing.
+        name: file name for messages.
+    """
+
+    robot: str
+    q: np.ndarray
+    segment: np.ndarray
+    dwell: np.ndarray
+    mode: str = "static"
+    rate_hz: float | None = None
+    points: np.ndarray | None = None
+    name: str = "plan"
+
+    @classmethod
+    def of(
+        cls,
+        robot: str,
+        q: np.ndarray,
+        *,
+        rate_hz: float | None = None,
+        points: np.ndarray | None = None,
+    ) -> "Plan":
+        """A plan of poses (N, J), of touches, or of one trajectory if a rate is given."""
+        n = len(q)
+        segment = np.arange(n) if rate_hz is None else np.zeros(n, dtype=int)
+        mode = "static" if rate_hz is None else "dynamic"
+        return cls(robot, np.asarray(q, dtype=float), segment, np.zeros(n), mode, rate_hz, points)
+
+    def __len__(self) -> int:
+        return len(self.q)
+
+    @classmethod
+    def read(cls, path: str | Path) -> "Plan":
+        """Read and check a file.
+
+        Raises:
+            PlanError: names the file, the field or column, and the row.
+        """
+        path = Path(path)
+        data, raw = parquet.read(path, PlanError)
+        joints = joint_columns(data)
+        if "fx" in data:
+            raise PlanError(f"{path}: this is a recording (it holds fx), not a plan")
+        if not joints:
+            raise PlanError(f"{path}: column 'q1' is missing; found {', '.join(data) or 'none'}")
+        if len(data[joints[0]]) == 0:
+            raise PlanError(f"{path}: the plan has 0 rows")
+        for column in (*joints, "dwell", *POINT):
+            _check_numbers(path, column, data.get(column))
+        q = np.stack([data[c].astype(float) for c in joints], axis=-1)
+        segment = _segments(path, data, len(q))
+        dwell = data.get("dwell", np.zeros(len(q))).astype(float)
+        if (dwell < 0).any():
+            row = int(np.flatnonzero(dwell < 0)[0])
+            raise PlanError(f"{path}: column 'dwell', row {row}: {dwell[row]} s is negative")
+        mode, rate = _mode(path, raw)
+        robot = raw.get("robot")
+        if not isinstance(robot, str):
+            raise PlanError(f"{path}: metadata robot = {robot!r} must be a name")
+        return cls(robot, q, segment, dwell, mode, rate, _points(path, data, mode), str(path))
+
+    def write(self, path: str | Path) -> None:
+        """Write a whole file or nothing."""
+        data = {f"q{j + 1}": self.q[:, j] for j in range(self.q.shape[1])}
+        data |= {"segment": self.segment.astype(np.int64)}
+        if self.dwell.any():
+            data["dwell"] = self.dwell
+        if self.points is not None:
+            data |= {c: self.points[:, k] for k, c in enumerate(POINT)}
+        raw: dict[str, Any] = {"format": parquet.FORMAT, "robot": self.robot, "mode": self.mode}
+        if self.rate_hz is not None:
+            raw["rate_hz"] = self.rate_hz
+        parquet.write(Path(path), parquet.table_of(data, raw))
+
+
+def is_plan(path: Path) -> bool:
+    """Whether a file is Parquet with joint values and no wrench."""
+    try:
+        names = pq.read_schema(path).names
+    except (pa.ArrowException, OSError):
+        return False
+    return "q1" in names and "fx" not in names
+
+
+def _check_numbers(path: Path, column: str, array: np.ndarray | None) -> None:
+    if array is None:
+        return
+    if array.dtype.kind not in "fiu":
+        raise PlanError(f"{path}: column {column!r} holds {array.dtype}, not numbers")
+    bad = np.flatnonzero(~np.isfinite(array.astype(float)))
+    if len(bad):
+        raise PlanError(f"{path}: column {column!r}, row {bad[0]}: {array[bad[0]]} is not finite")
+
+
+def _points(path: Path, data: Mapping[str, np.ndarray], mode: str) -> np.ndarray | None:
+    given = [c for c in POINT if c in data]
+    if not given:
+        return None
+    if len(given) != 3 or mode != "static":
+        raise PlanError(f"{path}: touches need all of px py pz, in a static plan")
+    return np.stack([data[c].astype(float) for c in POINT], axis=-1)
+
+
+def _segments(path: Path, data: Mapping[str, np.ndarray], n: int) -> np.ndarray:
+    segment = data.get("segment", np.arange(n))
+    if segment.dtype.kind not in "iu":
+        raise PlanError(f"{path}: column 'segment' must hold whole numbers")
+    return segment.astype(np.int64)
+
+
+def _mode(path: Path, raw: Mapping[str, Any]) -> tuple[str, float | None]:
+    mode = raw.get("mode", "static")
+    if mode not in MODES:
+        raise PlanError(f"{path}: metadata mode = {mode!r} must be 'static' or 'dynamic'")
+    rate = raw.get("rate_hz")
+    if rate is not None and (not isinstance(rate, int | float) or not rate > 0):
+        raise PlanError(f"{path}: metadata rate_hz = {rate!r} must be a number above 0")
+    return mode, rate
+
+
+_FAR = 10.0
+
+
+def read(path: str | Path) -> np.ndarray:
+    """Points (K, 3) [m].
+
+    Raises:
+        PlanError: names the file, the column and the row.
+    """
+    path = Path(path)
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as file:
+            rows = list(csv.DictReader(file))
+    except (OSError, UnicodeDecodeError) as cause:
+        raise PlanError(f"{path}: cannot be read as CSV") from cause
+    if not rows:
+        raise PlanError(f"{path}: holds no points")
+    points = np.empty((len(rows), 3))
+    for i, row in enumerate(rows):
+        for k, name in enumerate("xyz"):
+            text = row.get(name)
+            if text is None:
+                raise PlanError(f"{path}: row {i}: column {name!r} is missing; wanted x,y,z in m")
+            try:
+                points[i, k] = float(text)
+            except ValueError:
+                raise PlanError(f"{path}: row {i}: {name} = {text!r} is not a number") from None
+            if not abs(points[i, k]) < _FAR:
+                raise PlanError(
+                    f"{path}: row {i}: {name} = {text} m is not within {_FAR:g} m (is it in mm?)"
+                )
+    return points

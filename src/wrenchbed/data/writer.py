@@ -1,0 +1,159 @@
+"""Writes a recording row by row so that `kill -9` loses at most the last second.
+
+Rows go to a journal (an Arrow stream, ``<file>.journal``) at least once a second, and the
+recording itself is rewritten and renamed into place as often as that costs little, in a thread of
+its own: who appends never waits for it. So there is always a complete Parquet file, and
+`Recording.read` adds what only the journal has. A clean close leaves the Parquet file alone.
+"""
+
+import json
+import threading
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from types import TracebackType
+
+import numpy as np
+import pyarrow as pa
+
+from wrenchbed.data import parquet
+from wrenchbed.data.metadata import Metadata
+from wrenchbed.data.recording import JOURNAL
+from wrenchbed.errors import RecordingError
+
+FLUSH_S = 0.5
+"""Longest time that rows stay in memory only [s]."""
+REWRITE_SHARE = 0.05
+"""Largest share of a processor's time spent on rewriting the growing file."""
+
+
+class RecordingWriter:
+    """Context manager: ``append`` blocks of rows, close to finish.
+
+    Args:
+        path: target file.
+        metadata: of the recording.
+        aside: what an existing recording at ``path`` is kept as: its name with this at the end.
+    """
+
+    def __init__(self, path: str | Path, metadata: Metadata, aside: str = "~") -> None:
+        self.path = Path(path)
+        self.metadata = metadata
+        self.rows = 0
+        self._aside = aside
+        self._journal_path = self.path.with_name(self.path.name + JOURNAL)
+        self._pending: list[dict[str, np.ndarray]] = []
+        self._batches: list[pa.RecordBatch] = []
+        self._sink: pa.OSFile | None = None
+        self._stream: pa.RecordBatchStreamWriter | None = None
+        self._flushed = self._rewritten = time.monotonic()
+        self._rewrite_cost = 0.0
+        self._rewriting: threading.Thread | None = None
+        self._failed: Exception | None = None
+
+    def __enter__(self) -> "RecordingWriter":
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        if self.path.is_dir():
+            raise RecordingError(f"{self.path}: is a folder; give the name of a file")
+        return self
+
+    def append(self, block: Mapping[str, np.ndarray]) -> None:
+        """Add rows: every block has the same columns, each (n,).
+
+        Raises:
+            OSError: the disk did not take these rows or earlier ones.
+        """
+        self._check()
+        rows = {name: np.atleast_1d(array) for name, array in block.items()}
+        self._pending.append(rows)
+        self.rows += len(rows["t"])
+        if time.monotonic() - self._flushed > FLUSH_S:
+            self._note()
+            if self._due() and (self._rewriting is None or not self._rewriting.is_alive()):
+                self._rewriting = threading.Thread(
+                    target=self._rewrite_beside, args=(list(self._batches),), name="rewrite"
+                )
+                self._rewriting.start()
+
+    def flush(self) -> None:
+        """Bring all rows to disk now, and wait for it."""
+        self._note()
+        self._wait()
+        self._check()
+        if self._batches and self._due():
+            self._rewrite(self._batches)
+
+    def close(self) -> None:
+        """Write the finished file and remove the journal."""
+        self._wait()
+        self._note()
+        if self._stream is None or self._sink is None:
+            return
+        self._rewrite(self._batches)
+        self._failed = None
+        self._stream.close()
+        self._sink.close()
+        self._journal_path.unlink(missing_ok=True)
+        self._stream = None
+
+    def _note(self) -> None:
+        """Bring rows to the journal."""
+        self._flushed = time.monotonic()
+        if not self._pending:
+            return
+        joined = {k: np.concatenate([b[k] for b in self._pending]) for k in self._pending[0]}
+        self._pending.clear()
+        batch = pa.RecordBatch.from_pydict(joined)
+        if self._stream is None:
+            self._set_aside()
+            key = {parquet.KEY: json.dumps(self.metadata.to_json()).encode()}
+            self._sink = pa.OSFile(str(self._journal_path), "wb")
+            self._stream = pa.ipc.new_stream(self._sink, batch.schema.with_metadata(key))
+        self._batches.append(batch)
+        self._stream.write_batch(batch)
+        if self._sink is not None:
+            self._sink.flush()
+
+    def _set_aside(self) -> None:
+        """Keep what stands at the target, with its journal if its writer was killed."""
+        kept = self.path.with_name(self.path.name + self._aside)
+        journal = kept.with_name(kept.name + JOURNAL)
+        if self.path.exists():
+            self.path.replace(kept)
+            journal.unlink(missing_ok=True)  # of what was kept there before
+        if self._journal_path.exists():
+            self._journal_path.replace(journal)
+
+    def _due(self) -> bool:
+        return time.monotonic() - self._rewritten > self._rewrite_cost / REWRITE_SHARE
+
+    def _wait(self) -> None:
+        if self._rewriting is not None:
+            self._rewriting.join()
+
+    def _check(self) -> None:
+        """Raise what the last rewriting beside failed with."""
+        if self._failed is not None:
+            raise self._failed
+
+    def _rewrite_beside(self, batches: list[pa.RecordBatch]) -> None:
+        try:
+            self._rewrite(batches)
+        except Exception as error:
+            self._failed = error
+
+    def _rewrite(self, batches: list[pa.RecordBatch]) -> None:
+        start = time.thread_time()
+        table = pa.Table.from_batches(batches).combine_chunks()
+        key = {parquet.KEY: json.dumps(self.metadata.to_json(), ensure_ascii=False).encode()}
+        parquet.write(self.path, table.replace_schema_metadata(key))
+        self._rewritten = time.monotonic()
+        self._rewrite_cost = time.thread_time() - start
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()

@@ -1,0 +1,1 @@
+"""What shows only between rows: noise, quantisation, stale rows, vibration, contact."""

@@ -1,0 +1,162 @@
+"""A base that shakes: scatter that turns with the tool as an acceleration fixed in the world would.
+
+The covariance of rows is N + M_h A M_hᵀ: N belongs to the sensor and is the same in every pose; A
+is the covariance of an acceleration in world axes, and M_h = [m I; m [c]×] R_hᵀ what it puts on
+the sensor. Both are linear in the products of two channels, so least squares over holds separates
+them, and the holds' disagreement says how surely. Electronic noise is all N. An acceleration that
+is alike in all directions looks like N too, so of A that part is taken as small as it can be.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import chdtrc
+
+from wrenchbed.diagnosis.between_rows.scatter import Scatter
+
+_I, _J = np.triu_indices(6)
+_P, _Q = np.triu_indices(3)
+_TRACELESS = np.linalg.svd(np.eye(3)[_P, _Q][None])[2][1:].T
+"""(6, 5) basis of symmetric matrices without the part that is alike in all directions."""
+_EQUAL = 3.0
+"""The two weaker directions are taken as equal if they differ by less than this many std."""
+SURE = 1e-4
+"""There is no shaking if chance makes as much more often than this."""
+ALIKE = 1e-5
+"""Poses cannot tell if they change what an acceleration puts on the sensor by less, squared."""
+GRID = 4
+"""Frequencies tried per 1/(length of a group)."""
+LOWEST_HZ = 3.0
+NARROW = 0.45
+"""Share of the shaking's power within one line, from which it is one."""
+JACKKNIFE = 8
+
+
+@dataclass(frozen=True, eq=False)
+class Line:
+    """Frequency with standard uncertainty [Hz]; share of the power that is in it."""
+
+    frequency: float
+    std: float
+    share: float
+
+
+@dataclass(frozen=True, eq=False)
+class Shaking:
+    """Acceleration of the base and what it adds.
+
+    Attributes:
+        rise: of a row's variance (6,), in units of the squared scale.
+        seen: what of it is in the residual rows (6,).
+        std: its standard uncertainty (6,).
+        rms: acceleration along its main direction [m/s²].
+        direction: unit vector in base axes (3,).
+        line: None if its power is spread over frequencies.
+    """
+
+    rise: np.ndarray
+    seen: np.ndarray
+    std: np.ndarray
+    rms: float
+    direction: np.ndarray
+    line: Line | None
+
+
+def shaking(s: Scatter) -> Shaking | None:
+    """Acceleration of the base; None if it is no more than chance, or if the poses cannot tell."""
+    maps = (s.lever / s.scale[:, None]) @ s.rotation.transpose(0, 2, 1)  # (G, 6, 3)
+    unit = maps[:, _I][:, :, _P] * maps[:, _J][:, :, _Q]
+    other = maps[:, _I][:, :, _Q] * maps[:, _J][:, :, _P]
+    design = np.where(_P == _Q, unit, unit + other)  # (G, 21, 6)
+    products = s.means(s.rows[:, _I] * s.rows[:, _J])  # (G, 21)
+    weight = s.count / s.count.sum()
+    X = (design - np.tensordot(weight, design, 1)) @ _TRACELESS
+    Y = products - weight @ products
+    noise = np.sqrt(np.maximum(Y.var(axis=0), 1e-12))  # products of noisier channels are noisier
+    X, Y = X / noise[:, None], Y / noise
+    gram = np.einsum("g,gki,gkj->ij", weight, X, X)
+    whole = np.einsum("g,gki->", weight, (design / noise[:, None]) ** 2)
+    if np.linalg.eigvalsh(gram)[0] <= ALIKE * whole:
+        return None
+    inverse = np.linalg.inv(gram)
+    a = inverse @ np.einsum("g,gki,gk->i", weight, X, Y)
+    score = weight[:, None] * np.einsum("gki,gk->gi", X, Y - X @ a)
+    covariance = inverse @ (score.T @ score) @ inverse * len(s.count) / (len(s.count) - 1.0)
+    free = len(s.count) - 5
+    quadratic = float(a @ np.linalg.solve(covariance, a)) * max(free - 4, 1) / free
+    if chdtrc(5, quadratic) > SURE:
+        return None
+    A, power, direction = _least(_TRACELESS @ a, float(np.sqrt(np.trace(covariance) / 5.0)))
+    mean = np.tensordot(weight, design[:, _I == _J], 1)  # (6, 6)
+    rise = seen = np.maximum(mean @ A, 0.0)
+    relative = float(np.sqrt(a @ covariance @ a) / max(a @ a, 1e-300))
+    std, rms = rise * relative, float(np.sqrt(power))
+    x = _along(s, maps, direction)
+    if not s.steady(x):
+        return None
+    found = line(s, x, rms**2)
+    if found is not None:
+        passed = max(s.passed(found.frequency), 0.25)
+        rise, std, rms = rise / passed, std / passed, rms / np.sqrt(passed)
+    return Shaking(rise, seen, std, rms, direction, found)
+
+
+def _least(vector: np.ndarray, std: float) -> tuple[np.ndarray, float, np.ndarray]:
+    """Least covariance with a given traceless part (6,): it (6,), its largest power and axis."""
+    B = np.zeros((3, 3))
+    B[_P, _Q] = B[_Q, _P] = vector
+    power, axes = np.linalg.eigh(B)
+    low = power[0] if power[1] - power[0] > _EQUAL * std else 0.5 * (power[0] + power[1])
+    power = np.maximum(power - low, 0.0)
+    A = (axes * power) @ axes.T
+    return A[_P, _Q], float(power[2]), axes[:, 2]
+
+
+def _along(s: Scatter, maps: np.ndarray, direction: np.ndarray) -> np.ndarray:
+    """Best estimate of the base's acceleration along a direction, row by row (N,) [m/s²]."""
+    sensor = np.linalg.pinv(np.cov(s.rows.T) + 1e-9 * np.eye(6))
+    v = maps @ direction
+    weights = (v @ sensor) / np.einsum("gk,kl,gl->g", v, sensor, v)[:, None]
+    return np.asarray((s.rows * np.repeat(weights, s.count, axis=0)).sum(axis=1))
+
+
+def line(s: Scatter, x: np.ndarray, power: float) -> Line | None:
+    """The strongest line of a signal (N,), if it holds most of the ``power`` (a variance)."""
+    size = int(s.count.max())
+    length = size / s.rate
+    grid = np.fft.rfftfreq(GRID * size, 1.0 / s.rate)
+    use = (grid >= LOWEST_HZ) & (grid < 0.495 * s.rate)
+    if use.sum() < 3 or power <= 0.0:
+        return None
+    table = np.zeros((len(s.count), size))
+    group = np.repeat(np.arange(len(s.count)), s.count)
+    table[group, np.arange(len(x)) - s.starts[group]] = x
+    spectrum = np.fft.rfft(table, GRID * size, axis=1)[:, use]
+    grid, total = grid[use], 2.0 * np.abs(spectrum / s.count[:, None]) ** 2
+    mean = total.mean(axis=0)
+    peak = int(np.argmax(mean))
+    share = (mean[peak] - float(np.median(mean))) / power
+    if share < NARROW:
+        return None
+    fine = grid[peak] + np.linspace(-0.5, 0.5, 11) / length
+    parts = _power(s, x, fine)
+    group = np.arange(len(parts)) % JACKKNIFE
+    left = [_top(fine, parts[group != k].mean(axis=0)) for k in range(JACKKNIFE)]
+    std = np.sqrt((JACKKNIFE - 1.0) * np.var(left))
+    return Line(_top(fine, parts.mean(axis=0)), float(std), float(min(share, 1.0)))
+
+
+def _power(s: Scatter, x: np.ndarray, frequencies: np.ndarray) -> np.ndarray:
+    """Variance of the sine at each frequency in each group (G, F)."""
+    t = s.t - np.repeat(s.t[s.starts], s.count)
+    wave = np.exp((-2j * np.pi) * t[:, None] * frequencies)
+    return 2.0 * np.abs(s.means(x[:, None] * wave)) ** 2
+
+
+def _top(f: np.ndarray, p: np.ndarray) -> float:
+    """Where a sampled peak is highest: a parabola through its best three."""
+    k = int(np.clip(np.argmax(p), 1, len(p) - 2))
+    left, middle, right = p[k - 1 : k + 2]
+    bend = left - 2.0 * middle + right
+    shift = 0.5 * (left - right) / bend if bend < 0.0 else 0.0
+    return float(f[k] + np.clip(shift, -1.0, 1.0) * (f[1] - f[0]))

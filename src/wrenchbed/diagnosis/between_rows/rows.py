@@ -1,0 +1,222 @@
+"""What shows only between rows: noise, coarse counts, stale rows, a base that shakes.
+
+A cause counts when it raises a channel's row variance by half, against the stated noise of a row
+(contract, "When a cause counts"). The stated noise itself holds within about 10 %, so what is
+measured decides from `COUNTS` on, which lies between that and a half. A stale row adds the square
+of what it is late by; as rows that repeat are also not independent, a share of `STALE` is told
+whatever it adds, with the rise that it has.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.special import ndtr
+
+from wrenchbed.data.recording import Recording
+from wrenchbed.diagnosis.between_rows.base_vibration import Line, Shaking, line, shaking
+from wrenchbed.diagnosis.between_rows.scatter import Scatter, scatter
+from wrenchbed.diagnosis.prepare.noise import FEW, Repeats, Step, repeats, step
+from wrenchbed.effects.chain import ActiveEffect
+from wrenchbed.physics.wrench import CHANNELS, UNITS
+from wrenchbed.robots.base import Robot
+
+COUNTS, LEVEL = 0.35, 0.05
+"""Measured rise that counts, and the standard uncertainty of the stated variance, relative."""
+APART = 0.45
+"""Rise that counts of a step or a shaking base: both are told apart from the noise, stated or not,
+which leaves the scale of the rise alone uncertain."""
+STALE = 0.03
+BESIDE = 1.3
+"""What other causes explain, with a margin, is no noise."""
+TOLD, TOLD_CHANNEL = 0.75, 0.5
+"""Findings less probable are not told, nor channels of a finding: a false alarm costs more than a
+cause that hardly counts."""
+
+
+@dataclass(frozen=True)
+class RowFinding:
+    """One cause that shows between rows.
+
+    Attributes:
+        effect: name in the library of effects.
+        probability: that it is present and counts.
+        rise: largest relative rise of a channel's row variance that it explains.
+        channels: that it raises by enough to count; all that repeat, of stale rows.
+        parameters: of the effect by name: value, std (None if not known) and unit.
+        sentence: for people.
+    """
+
+    effect: str
+    probability: float
+    rise: float
+    channels: tuple[str, ...]
+    parameters: dict[str, dict[str, Any]]
+    sentence: str
+
+    def active(self, robot: Robot) -> ActiveEffect | None:
+        """The effect with its parameters; None if only some channels repeat."""
+        if self.effect == "timing.stale" and len(self.channels) < len(CHANNELS):
+            return None
+        given = {name: told["value"] for name, told in self.parameters.items()}
+        return ActiveEffect.of(robot, self.effect, given)
+
+
+def find_row_effects(recording: Recording) -> tuple[RowFinding, ...]:
+    """What rows show beyond the stated noise, empty if they are as stated.
+
+    The most probable comes first, of those that are equally sure the one that adds most.
+    """
+    if len(recording) < 3:
+        return ()
+    again = repeats(recording.wrench)
+    stale = again.stale & again.some
+    s = scatter(recording, stale)
+    fresh = recording.wrench[np.flatnonzero(stale == 0)]
+    steps = [step(y) for y in fresh.T]
+    found: list[RowFinding | None] = [_stale(recording, again, s)]
+    counted = np.array([0.0 if x is None else x.value**2 / 12.0 for x in steps])
+    base = _base(recording, s, counted)
+    if base is not None:
+        found.append(_coarse(steps, counted, base))
+    if s is not None:
+        shake = shaking(s)
+        vibration = None if shake is None else _vibration(s, shake)
+        found.append(vibration)
+        shaken = np.zeros(6) if shake is None else shake.seen
+        if s.stated:
+            found.append(_noise(s, counted / s.scale**2 + shaken))
+    told = [f for f in found if f is not None]
+    return tuple(sorted(told, key=lambda f: (-round(f.probability, 1), -f.rise)))
+
+
+def _base(recording: Recording, s: Scatter | None, counted: np.ndarray) -> np.ndarray | None:
+    """Variance of a row without a coarse count (6,): as stated, else what is left of it."""
+    std = recording.metadata.sensor.noise_std
+    if std is not None and min(std) > 0.0:
+        return np.square(std)
+    if s is None:
+        return None
+    return np.maximum(s.scale**2 * s.variance()[0] - counted, 0.01 * s.scale**2)
+
+
+def _coarse(steps: list[Step | None], counted: np.ndarray, base: np.ndarray) -> RowFinding | None:
+    rise = counted / base
+    chosen = [k for k in range(6) if rise[k] >= APART]
+    if not chosen:
+        return None
+    parameters: dict[str, dict[str, Any]] = {}
+    words = []
+    for k in chosen:
+        own = steps[k]
+        assert own is not None
+        parameters[f"step.{CHANNELS[k]}"] = _told(own.value, own.std, UNITS[k])
+        words.append(f"{CHANNELS[k]} {own.value:.3g} {UNITS[k]}")
+    sentence = (
+        f"Values stand on a coarse lattice: steps of {', '.join(words)}; rounding to them raises "
+        f"a row's variance by up to {100 * rise.max():.0f} %."
+    )
+    probability = float(ndtr((rise.max() - APART) / 0.02)) * 0.99
+    names = tuple(CHANNELS[k] for k in chosen)
+    return RowFinding(
+        "sensor.quantization", probability, float(rise.max()), names, parameters, sentence
+    )
+
+
+def _stale(recording: Recording, again: Repeats, s: Scatter | None) -> RowFinding | None:
+    excess = again.share - again.expected
+    rise = _late(recording, again, s)
+    if not again.some or (excess < STALE and rise < COUNTS):
+        return None
+    sure = float(ndtr((excess - FEW) / max(again.std, 1e-6)))
+    names = tuple(CHANNELS[k] for k in again.channels)
+    which = "rows repeat" if len(names) == 6 else f"rows of {', '.join(names)} repeat"
+    sentence = (
+        f"{100 * again.share:.1f} % of the {which} exactly what the row before shows, "
+        f"{again.length:.1f} in a run on average"
+    )
+    parameters = {"share": _told(again.share, again.std, "1")}
+    return RowFinding("timing.stale", 0.99 * sure, rise, names, parameters, f"{sentence}.")
+
+
+def _late(recording: Recording, again: Repeats, s: Scatter | None) -> float:
+    """Largest relative rise of a channel's variance by rows that show what was, not what is."""
+    stale = again.stale
+    fresh = np.flatnonzero(stale == 0)
+    if s is None or not stale.any() or len(fresh) < 2 or recording.metadata.mode != "dynamic":
+        return 0.0
+    t, y = recording.t, recording.wrench
+    due = np.stack([np.interp(t[stale], t[fresh], x[fresh]) for x in y.T], axis=-1)
+    error = ((due - y[stale]) ** 2).sum(axis=0) / len(t)
+    # of the difference of two noisy rows, noise is not what it is late by
+    error = error - 2.0 / 3.0 * s.scale**2 * s.variance()[0] * stale.mean()
+    return float(max(0.0, (error / s.scale**2)[list(again.channels)].max(initial=0.0)))
+
+
+def _vibration(s: Scatter, shake: Shaking) -> RowFinding | None:
+    rise, std = shake.rise, shake.std
+    if not s.stated:
+        rest = np.maximum(s.variance()[0] - shake.seen, 0.05)
+        rise, std = rise / rest, std / rest
+    k = int(np.argmax(rise))
+    probability = float(ndtr((rise[k] - APART) / np.hypot(std[k], LEVEL * rise[k])))
+    if probability < TOLD:
+        return None
+    size = np.sqrt(2.0 * shake.rise) * s.scale
+    slack = shake.std * s.scale**2 / np.maximum(size, 1e-12)
+    parameters = {
+        f"amplitude.{c}": _told(float(a), float(e), u)
+        for c, a, e, u in zip(CHANNELS, size, slack, UNITS, strict=True)
+    }
+    where = "over a broad band"
+    if shake.line is not None:
+        parameters["frequency"] = _told(shake.line.frequency, shake.line.std, "Hz")
+        where = f"at {shake.line.frequency:.2f} Hz"
+    x, y, z = shake.direction
+    sentence = (
+        f"The base shakes {where} with {shake.rms:.3g} m/s² rms along ({x:.2f}, {y:.2f}, {z:.2f}) "
+        f"in base axes: forces and torques scatter together as the tool's mass and centre of "
+        f"gravity make them, and turn with the pose; {CHANNELS[k]} scatters {100 * rise[k]:.0f} % "
+        "more in variance."
+    )
+    names = tuple(c for c, r in zip(CHANNELS, rise, strict=True) if r >= APART)
+    return RowFinding(
+        "base.vibration", 0.995 * probability, float(rise[k]), names, parameters, sentence
+    )
+
+
+def _noise(s: Scatter, explained: np.ndarray) -> RowFinding | None:
+    variance, std = s.variance()
+    rise = variance - 1.0 - BESIDE * explained
+    slack = np.hypot(std, LEVEL * (1.0 + explained))
+    sure = np.where(s.steady(s.rows), ndtr((rise - COUNTS) / slack), 0.0)
+    k = int(np.argmax(sure))
+    if sure[k] < TOLD:
+        return None
+    chosen = [j for j in range(6) if sure[j] >= TOLD_CHANNEL]
+    parameters = {}
+    for j in chosen:
+        beyond = np.sqrt(rise[j]) * s.scale[j]
+        parameters[f"std.{CHANNELS[j]}"] = _told(
+            float(beyond), float(0.5 * slack[j] * s.scale[j] ** 2 / beyond), UNITS[j]
+        )
+    names = tuple(CHANNELS[j] for j in chosen)
+    worst = max(chosen, key=lambda j: float(rise[j]))
+    sentence = (
+        f"{', '.join(names)} scatter more than stated: a row of {CHANNELS[worst]} has "
+        f"{np.sqrt(1.0 + rise[worst]) * s.scale[worst]:.3g} {UNITS[worst]} instead of "
+        f"{s.scale[worst]:.3g} {UNITS[worst]}."
+    )
+    tone: Line | None = line(s, s.rows[:, worst], float(rise[worst]))
+    if tone is not None:
+        sentence += (
+            f" {100 * tone.share:.0f} % of it is a line at {tone.frequency:.2f} Hz that does not "
+            "turn with the tool: electrical, not a shaking base."
+        )
+    return RowFinding(
+        "sensor.noise", 0.995 * float(sure[k]), float(rise[worst]), names, parameters, sentence
+    )
+
+
+def _told(value: float, std: float | None, unit: str) -> dict[str, Any]:
+    return {"value": value, "std": std, "unit": unit}

@@ -1,0 +1,234 @@
+"""How rows scatter about what moves slowly: about a hold's line, or about a motion's smooth course.
+
+Residuals come in groups, a hold or about a second of motion each, whose scatter among themselves
+says how sure a variance is, whatever tails and memory the rows have.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from wrenchbed.data.holds import gather
+from wrenchbed.data.recording import Recording
+from wrenchbed.diagnosis.prepare import checks
+from wrenchbed.physics.rotations import cross
+
+WINDOW_S, ORDER = 0.6, 5
+"""Savitzky–Golay window [s] and order of a motion's smooth course: it passes below about 3 Hz."""
+GROUP_S, LEAST_GROUP = 1.0, 32
+"""Length of a group in motion [s, rows at least]."""
+LEAST_HOLD, LEAST_GROUPS = 6, 12
+TAIL = 5.0
+"""Rows further out than this many median distances are drawn in to it."""
+FLAT, STRETCH = 1.45, 32
+"""At most this much more variance than second differences, if white, would have, by stretches."""
+SHORT, SHORTER = 1.2, 0.4
+"""The same of the scatter about a course with a window shorter by this factor."""
+EVEN, SPREAD = 1.06, 2.5
+"""At most this much more variance than the quietest tenth of a motion's groups shows, for groups
+whose variances spread by ``SPREAD`` over their rows, relative and squared: 2 for normal ones."""
+TILT = 4.0
+"""Power that falls by more than this towards high frequencies is reversals, jumps or friction of a
+motion, not noise; then only the highest counts."""
+QUIET = 0.4
+"""Share of the mean power that the quieter quarter of a motion has at least: play and friction
+make bursts."""
+STEADY = 1.15
+"""At most this much more variance than the median group has: bursts are no noise."""
+
+
+@dataclass(frozen=True, eq=False)
+class Scatter:
+    """Residuals of N rows in G groups, in units of ``scale``.
+
+    Attributes:
+        t: (N,) [s].
+        rows: (N, 6), scaled up for what the smooth course took of white noise.
+        scale: (6,) [N, N·m], the stated noise of a row, else what the rows show.
+        stated: whether the metadata states it.
+        starts: first row of each group (G,).
+        count: rows of each group (G,).
+        rotation: R_world_sensor of each group (G, 3, 3).
+        lever: (6, 3) acceleration of the tool in sensor axes [m/s²] → load [N, N·m].
+        kernel: of the smooth course in motion, empty at rest.
+    """
+
+    t: np.ndarray
+    rows: np.ndarray
+    scale: np.ndarray
+    stated: bool
+    starts: np.ndarray
+    count: np.ndarray
+    rotation: np.ndarray
+    lever: np.ndarray
+    kernel: np.ndarray
+
+    @property
+    def rate(self) -> float:
+        """Rows per second [Hz]."""
+        return 1.0 / float(np.median(np.diff(self.t)))
+
+    def means(self, x: np.ndarray) -> np.ndarray:
+        """Mean of x (N, …) over each group (G, …)."""
+        total = np.add.reduceat(x, self.starts)
+        return np.asarray((total.T / self.count).T)
+
+    def steady(self, x: np.ndarray) -> np.ndarray:
+        """Whether a motion's scatter x (N, …) is alike at all times, as no burst is; (…)."""
+        groups = self.means(x**2)
+        even = np.quantile(groups, 0.25, axis=0) >= QUIET * groups.mean(axis=0)
+        return np.asarray(even if len(self.kernel) else np.ones_like(even))
+
+    def passed(self, frequency: float) -> float:
+        """Share of a line's power [Hz] that is left of it in ``rows``."""
+        if not len(self.kernel):
+            return 1.0
+        m = np.arange(len(self.kernel)) - len(self.kernel) // 2
+        course = self.kernel @ np.cos(2.0 * np.pi * frequency / self.rate * m)
+        return float((1.0 - course) ** 2 / (1.0 - self.kernel.max()))
+
+    def variance(self) -> tuple[np.ndarray, np.ndarray]:
+        """Variance of a row in each channel (6,) and its standard uncertainty (6,)."""
+        groups = self.means(self.rows**2)
+        mean = np.minimum(groups.mean(axis=0), STEADY * np.median(groups, axis=0))
+        std = groups.std(axis=0, ddof=1) / np.sqrt(len(groups))
+        if len(self.kernel):
+            mean = np.minimum(self._with_slow(mean), FLAT * self._rough())
+            mean = np.minimum(mean, SHORT * self._short())
+            quiet = 1.0 - 1.28 * np.sqrt(SPREAD / self.count.mean())
+            mean = np.minimum(mean, EVEN * np.quantile(groups, 0.1, axis=0) / quiet)
+            slow, fast = self._ends()
+            mean = np.where(slow > TILT * fast, np.minimum(mean, fast), mean)
+        return mean, std
+
+    def _ends(self) -> tuple[np.ndarray, np.ndarray]:
+        """Variance (6,) of white noise with the power just above the smooth course, and the
+        highest."""
+        power = np.abs(np.fft.rfft(self.rows, axis=0)) ** 2 / len(self.rows)
+        power *= 1.0 - self.kernel.max()
+        f = np.fft.rfftfreq(len(self.rows), 1.0 / self.rate) * WINDOW_S
+        slow = power[(f > 2.4) & (f < 5.0)].mean(axis=0)
+        return slow, power[2 * len(power) // 3 :].mean(axis=0)
+
+    def _with_slow(self, variance: np.ndarray) -> np.ndarray:
+        """With memory, rows have more slow power than white ones: taken from lag one (AR(1))."""
+        same = np.ones(len(self.rows) - 1, dtype=bool)
+        same[self.starts[1:] - 1] = False
+        product = (self.rows[1:] * self.rows[:-1])[same].mean(axis=0)
+        lost = self.kernel.max()
+        rho = np.clip(product / np.maximum(variance, 1e-12) + lost, 0.0, 0.6)
+        return variance * (1.0 + lost * ((1.0 + rho) / (1.0 - rho) - 1.0))
+
+    def _rough(self) -> np.ndarray:
+        """Variance (6,) that white noise with the same second differences would have.
+
+        The median over short stretches: a reversal or a jump spoils one of them only.
+        """
+        second = np.diff(self.rows, 2, axis=0) ** 2 / 6.0
+        return _typical(second) * (1.0 - self.kernel.max())
+
+    def _short(self) -> np.ndarray:
+        """Variance (6,) that white noise with the same scatter about a shorter course would have.
+
+        Reversals and jumps have most of their power just above what the smooth course passes.
+        """
+        from scipy.signal import savgol_coeffs, savgol_filter  # slow to load: only when it is used
+
+        window = max(ORDER + 4, 2 * (round(len(self.kernel) * SHORTER) // 2) + 1)
+        rest = self.rows - savgol_filter(self.rows, window, ORDER, axis=0)
+        white = 1.0 - savgol_coeffs(window, ORDER).max()
+        return _typical(rest**2) * (1.0 - self.kernel.max()) / white
+
+
+def _typical(square: np.ndarray) -> np.ndarray:
+    """Median over short stretches of the mean of squares (N, 6)."""
+    whole = len(square) // STRETCH * STRETCH
+    parts = square[:whole].reshape(-1, STRETCH, 6).mean(axis=1)
+    return np.asarray(np.median(parts, axis=0))
+
+
+def scatter(recording: Recording, stale: np.ndarray) -> Scatter | None:
+    """Residuals of the rows that are not ``stale`` (N,); None if there are too few repeats."""
+    moving = recording.metadata.mode == "dynamic"
+    gathered = _in_motion(recording, stale) if moving else _at_rest(recording, stale)
+    if gathered is None or len(gathered[2]) < LEAST_GROUPS:
+        return None
+    index, rows, starts, kernel = gathered
+    count = np.diff(np.append(starts, len(index)))
+    std = recording.metadata.sensor.noise_std
+    scale = np.zeros(6) if std is None else np.asarray(std, dtype=float)
+    stated = bool((scale > 0.0).all())
+    if not stated:
+        scale = np.maximum(rows.std(axis=0), 1e-12)
+    rows = _drawn_in(rows / scale)
+    rotation, lever = _carried(recording, index[starts + count // 2])
+    return Scatter(recording.t[index], rows, scale, stated, starts, count, rotation, lever, kernel)
+
+
+_Gathered = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
+
+
+def _at_rest(recording: Recording, stale: np.ndarray) -> _Gathered | None:
+    kept = np.flatnonzero(~stale)
+    if len(kept) < LEAST_HOLD:
+        return None
+    holds = gather(recording, ~stale)
+    long = np.flatnonzero(holds.count >= LEAST_HOLD)
+    if not len(long):
+        return None
+    use = np.repeat(holds.count >= LEAST_HOLD, holds.count)
+    index, count = kept[use], holds.count[long]
+    starts = np.concatenate([[0], np.cumsum(count)[:-1]])
+    y, t = recording.wrench[index], recording.t[index]
+
+    def about(x: np.ndarray) -> np.ndarray:
+        mean = (np.add.reduceat(x, starts).T / count).T
+        return np.asarray(x - np.repeat(mean, count, axis=0))
+
+    y, t = about(y), about(t)
+    slope = np.add.reduceat(t[:, None] * y, starts) / np.add.reduceat(t**2, starts)[:, None]
+    y = y - t[:, None] * np.repeat(slope, count, axis=0)
+    grown = np.sqrt(count / (count - 2.0))
+    return index, y * np.repeat(grown, count)[:, None], starts, np.zeros(0)
+
+
+def _in_motion(recording: Recording, stale: np.ndarray) -> _Gathered | None:
+    t, y = recording.t, np.array(recording.wrench)
+    step = float(np.median(np.diff(t))) if len(t) > 1 else 1.0
+    window = max(11, 2 * round(WINDOW_S / step / 2) + 1)
+    size = max(LEAST_GROUP, round(GROUP_S / step))
+    fresh = np.flatnonzero(~stale)
+    if len(t) < 4 * window or len(fresh) < LEAST_GROUPS * LEAST_GROUP:
+        return None
+    if stale.any():
+        y = np.stack([np.interp(t, t[fresh], x[fresh]) for x in y.T], axis=-1)
+    from scipy.signal import savgol_coeffs, savgol_filter  # slow to load: only when it is used
+
+    kernel = savgol_coeffs(window, ORDER)
+    y = (y - savgol_filter(y, window, ORDER, axis=0)) / np.sqrt(1.0 - kernel.max())
+    index = fresh[(fresh >= window // 2) & (fresh < len(t) - window // 2)]
+    groups = max(1, len(index) // size)
+    return index, y[index], np.arange(groups) * (len(index) // groups), kernel
+
+
+def _drawn_in(rows: np.ndarray) -> np.ndarray:
+    """Rows (N, 6) with far ones drawn in, each as a whole."""
+    spread = np.maximum(rows.std(axis=0), 1e-12)
+    distance = np.linalg.norm(rows / spread, axis=1)
+    limit = TAIL * max(float(np.median(distance)), 1e-12)
+    return np.asarray(rows * np.minimum(1.0, limit / np.maximum(distance, 1e-12))[:, None])
+
+
+def _carried(recording: Recording, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Orientations at some rows (G, 3, 3), and what an accelerated tool puts on the sensor."""
+    model = checks.model_of(recording)
+    robot = model.robot
+    theta = model.configured(recording.metadata)[: len(robot.parameters)]
+    rotation = np.asarray(robot.sensor_pose(recording.q[rows], theta)[0])
+    tool = robot.tool(theta)
+    mass, cog = float(tool.mass), np.asarray(tool.cog, dtype=float)
+    if recording.metadata.tool.mass is None or mass <= 0.0:
+        mass = max(mass, 1.0)
+    force = np.eye(3) * (mass + float(tool.sensor_mass))
+    torque = mass * np.asarray(cross(np.broadcast_to(cog, (3, 3)), np.eye(3))).T
+    return np.broadcast_to(rotation, (len(rows), 3, 3)), np.vstack([force, torque])

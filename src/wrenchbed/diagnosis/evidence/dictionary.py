@@ -1,0 +1,346 @@
+"""The dictionary: what every effect, and a flexible unknown, would add to each reading.
+
+All columns are linear responses at the baseline, whitened; a column's coefficient is in units of
+the parameter's typical size. The Gram matrix of these columns is all that the evidence needs.
+
+The flexible unknown: smooth functions of what a residual may depend on, channel by channel.
+
+One group of columns per variable; together they catch what no effect of the library makes, and
+their share of a residual says what it varies with.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from wrenchbed.diagnosis.prepare.prepared import Prepared, held_values
+from wrenchbed.effects.base import (
+    Effect,
+    LoadEffect,
+    ModelEffect,
+    Pose,
+    ReadingEffect,
+    Residual,
+    Variant,
+)
+from wrenchbed.effects.chain import ActiveEffect, acts, effects, respond
+from wrenchbed.effects.scene import Scene
+from wrenchbed.physics.parameters import Parameter
+from wrenchbed.physics.taylor import Jet, value
+
+TIME_WAVES = 8
+"""Half waves over the recording."""
+
+
+def features(prepared: Prepared) -> dict[str, np.ndarray]:
+    """Columns (6 R, k) by variable; each group adds a gap of 1 at unit coefficients."""
+    groups: dict[str, np.ndarray] = {}
+    for name, base in variables(prepared).items():
+        columns = [_per_channel(prepared, base[:, k]) for k in range(base.shape[1])]
+        block = np.concatenate(columns, axis=1)
+        block = block[:, np.abs(block).max(axis=0) > 1e-9]
+        if block.shape[1]:
+            groups[name] = block / np.sqrt((block**2).sum() / len(block))
+    return groups
+
+
+def variables(prepared: Prepared) -> dict[str, np.ndarray]:
+    """Functions (H, k) of each variable at the observations."""
+    scene, held = prepared.scene, prepared.scene.held
+    rotation, position = (value(x) for x in scene.pose)
+    result: dict[str, np.ndarray] = {}
+    down = scene.gravity @ rotation[held] / np.linalg.norm(scene.gravity)
+    result["orientation"] = harmonics(down)
+    if scene.jointed:
+        at = np.broadcast_to(position, (len(scene), 3))[held]
+        at = (at - at.mean(axis=0)) / np.maximum(at.std(axis=0), 1e-3)
+        squares = [at[:, i] * at[:, j] for i in range(3) for j in range(i, 3)]
+        result["position"] = np.stack([*at.T, *squares], axis=1)
+        q = held_values(prepared)
+        for j, joint in enumerate(scene.robot.joints, start=1):
+            result[f"joint {j}"] = _of_joint(q[:, j - 1], joint.unit == "rad")
+        coming = scene.coming[held]
+        if np.abs(coming).any():
+            result["direction"] = coming[:, np.abs(coming).mean(axis=0) > 0.2]
+    age = scene.age[held] / scene.span
+    result["time"] = np.cos(np.pi * np.arange(1, TIME_WAVES + 1) * age[:, None])
+    if scene.warmth is not None and np.ptp(scene.warmth) > 0.1:
+        warm = scene.warmth[held] / np.abs(scene.warmth).max()
+        result["temperature"] = np.stack([warm, warm**2], axis=1)
+    if isinstance(scene.q, Jet):
+        result["speed"] = _scaled(np.concatenate([scene.q.d, scene.q.dd], axis=1))
+    return {k: v for k, v in result.items() if v.shape[1]}
+
+
+def harmonics(down: np.ndarray) -> np.ndarray:
+    """Real harmonic polynomials of degree 1 to 4 of unit vectors (H, 3) → (H, 24), orthogonalised
+    over the sphere by their recursion."""
+    x, y, z = down.T
+    return np.stack(
+        [
+            x, y, z,
+            x * y, y * z, x * z, x**2 - y**2, 3 * z**2 - 1,
+            x * y * z, z * (x**2 - y**2), x * (5 * z**2 - 1), y * (5 * z**2 - 1),
+            z * (5 * z**2 - 3), x * (x**2 - 3 * y**2), y * (3 * x**2 - y**2),
+            x * y * (x**2 - y**2), z * x * (x**2 - 3 * y**2), z * y * (3 * x**2 - y**2),
+            (x**2 - y**2) * (7 * z**2 - 1), x * y * (7 * z**2 - 1), x * z * (7 * z**2 - 3),
+            y * z * (7 * z**2 - 3), 35 * z**4 - 30 * z**2 + 3,
+            x**4 - 6 * x**2 * y**2 + y**4,
+        ],
+        axis=1,
+    )  # fmt: skip
+
+
+def _of_joint(q: np.ndarray, turns: bool) -> np.ndarray:
+    if turns:
+        return np.stack([f(k * q) for k in (1, 2, 3) for f in (np.sin, np.cos)], axis=1)
+    x = (q - q.mean()) / max(float(q.std()), 1e-3)
+    return np.stack([x, x**2, x**3], axis=1)
+
+
+def _scaled(x: np.ndarray) -> np.ndarray:
+    return np.asarray(x / np.maximum(x.std(axis=0), 1e-9))
+
+
+def _per_channel(prepared: Prepared, x: np.ndarray) -> np.ndarray:
+    """A function (H,) in each whitened channel: columns (6 R, 6)."""
+    fit = prepared.rows(np.repeat(x[:, None], 6, axis=1) @ np.linalg.inv(prepared.turn.T))
+    columns = np.zeros((*fit.shape, 6))
+    for c in range(6):
+        columns[:, c, c] = fit[:, c]
+    return columns.reshape(-1, 6)
+
+
+STATED = ("sensor.bias", "tool.mass", "tool.cog")
+"""Effects that are wrong numbers in the metadata: every user fits them."""
+LARGEST = 30.0
+"""An effect may be so many times its typical size; what stays invisible then is not considered."""
+VISIBLE = 0.5
+"""Gap that an effect must be able to add to be considered at all."""
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """One variant of one effect: its columns (k,), the gap that it adds at typical size."""
+
+    effect: Effect
+    variant: Variant
+    columns: np.ndarray
+    typical_gap: float
+
+    @property
+    def name(self) -> str:
+        return self.effect.name
+
+
+@dataclass(frozen=True, eq=False)
+class EffectDictionary:
+    """Columns of one design at one baseline.
+
+    Attributes:
+        prepared: the design and the noise, its scene at the baseline's parameters.
+        baseline: readings there (6 R,), whitened.
+        E: columns (6 R, n).
+        size: typical size of each column's parameter (n,), SI.
+        label: (effect, parameter) of each column, or (kernel, '') of a feature.
+        hypotheses: what may be claimed.
+        kernels: columns of the flexible unknown by the variable that they depend on.
+        stated: columns of the numbers that every user fits, and their tolerances in typical sizes.
+    """
+
+    prepared: Prepared
+    baseline: np.ndarray
+    E: np.ndarray
+    size: np.ndarray
+    label: tuple[tuple[str, str], ...]
+    hypotheses: tuple[Hypothesis, ...]
+    kernels: Mapping[str, np.ndarray]
+    stated: np.ndarray
+    tolerance: np.ndarray
+    invisible: tuple[str, ...]
+
+    @cached_property
+    def gram(self) -> np.ndarray:
+        """EᵀE (n, n)."""
+        return self.E.T @ self.E
+
+    @cached_property
+    def grams(self) -> np.ndarray | None:
+        """EᵀE of each channel's rows (6, n, n); None where there are fewer rows than columns."""
+        if len(self.E) <= self.E.shape[1]:
+            return None
+        channels = self.E.reshape(-1, 6, self.E.shape[1])
+        return np.stack([channels[:, c].T @ channels[:, c] for c in range(6)])
+
+    @property
+    def rows(self) -> int:
+        return len(self.E) // 6
+
+    @cached_property
+    def fitted_away(self) -> np.ndarray:
+        """Orthonormal basis of what a fit of bias, mass and CoG takes from any signal (6 R, 10)."""
+        return np.linalg.qr(self.E[:, self.stated])[0]
+
+    def gap(self, signal: np.ndarray, *, configured: bool = False) -> float:
+        """Gap of a signal (6 R,), after that fit unless it counts as configured."""
+        if not configured:
+            signal = signal - self.fitted_away @ (self.fitted_away.T @ signal)
+        return float((signal**2).mean())
+
+    @cached_property
+    def configured_gap(self) -> np.ndarray:
+        """Gap of each column at typical size (n,)."""
+        return np.asarray((self.E**2).mean(axis=0))
+
+    @cached_property
+    def column_gap(self) -> np.ndarray:
+        """Gap of each column at typical size after bias, mass and CoG are fitted (n,)."""
+        left = (self.E**2).sum(axis=0) - ((self.fitted_away.T @ self.E) ** 2).sum(axis=0)
+        return np.asarray(np.maximum(left, 0.0) / self.E.shape[0])
+
+    def of_effect(self, name: str) -> np.ndarray:
+        """Distinct columns of an effect, whatever the variant."""
+        return np.array([k for k, (e, p) in enumerate(self.label) if e == name and p], dtype=int)
+
+
+def build(
+    prepared: Prepared, theta: np.ndarray, tolerance: Mapping[str, np.ndarray]
+) -> EffectDictionary:
+    """All columns at a baseline.
+
+    Args:
+        prepared: the design.
+        theta: full parameters of the baseline (P,).
+        tolerance: of the stated numbers by effect, SI; inf where nothing is stated.
+    """
+    at = prepared.at(theta)
+    response = Response(at.scene)
+    left = UnknownKernel(at, response)
+    columns: list[np.ndarray] = []
+    size: list[float] = []
+    label: list[tuple[str, str]] = []
+    index: dict[tuple[str, str, tuple[tuple[str, float], ...]], int] = {}
+    drafts: list[tuple[Effect, Variant, list[int]]] = []
+    for effect in effects().values():
+        if not acts(effect, at.scene):
+            continue
+        known = effect.parameters(at.scene.robot)
+        for variant in (*effect.variants(at.scene), *left.suggests(effect)):
+            chosen = []
+            for name in variant.free:
+                key = (effect.name, name, tuple(sorted(variant.at.items())))
+                if key not in index:
+                    parameter = known[known.index(name)]
+                    index[key] = len(columns)
+                    columns.append(
+                        prepared.rows(response.tangent(effect, parameter, variant)).ravel()
+                    )
+                    size.append(parameter.tolerance)
+                    label.append((effect.name, name))
+                chosen.append(index[key])
+            drafts.append((effect, variant, chosen))
+    stated = np.array([k for k, (e, _) in enumerate(label) if e in STATED])
+    basis = np.linalg.qr(np.stack([columns[k] for k in stated], axis=1))[0]
+    kernels: dict[str, np.ndarray] = {}
+    for kernel, full in features(at).items():
+        block = full - basis @ (basis.T @ full)  # what every user fits is nothing unknown
+        kernels[kernel] = len(columns) + np.arange(block.shape[1])
+        columns.extend(block.T)
+        size.extend([1.0] * block.shape[1])
+        label.extend([(kernel, "")] * block.shape[1])
+    wide = np.concatenate([np.atleast_1d(tolerance[e]) for e in _in_order(label, stated)])
+    draft = EffectDictionary(
+        prepared=at,
+        baseline=prepared.rows(response.reading).ravel(),
+        E=np.stack(columns, axis=1),
+        size=np.array(size),
+        label=tuple(label),
+        hypotheses=(),
+        kernels=kernels,
+        stated=stated,
+        tolerance=wide / np.array(size)[stated],
+        invisible=(),
+    )
+    return _with_hypotheses(draft, drafts)
+
+
+def _in_order(label: list[tuple[str, str]], stated: np.ndarray) -> list[str]:
+    seen: list[str] = []
+    for k in stated:
+        if label[k][0] not in seen:
+            seen.append(label[k][0])
+    return seen
+
+
+def _with_hypotheses(
+    draft: EffectDictionary, drafts: list[tuple[Effect, Variant, list[int]]]
+) -> EffectDictionary:
+    gap = draft.column_gap
+    own = draft.configured_gap
+    kept: list[Hypothesis] = []
+    shown: set[str] = set()
+    free = {draft.label[k][0] for k in draft.stated[np.isinf(draft.tolerance)]}
+    for effect, variant, chosen in drafts:
+        if effect.name in free:  # nothing is stated: nothing can be wrong
+            continue
+        counted = own if effect.name in STATED else gap
+        typical = float(counted[chosen].sum())
+        if typical * LARGEST**2 >= VISIBLE:
+            kept.append(Hypothesis(effect, variant, np.array(chosen), typical))
+            shown.add(effect.name)
+    invisible = sorted({e.name for e, _, _ in drafts} - shown - free)
+    values = {f: getattr(draft, f) for f in draft.__dataclass_fields__}
+    return EffectDictionary(**values | {"hypotheses": tuple(kept), "invisible": tuple(invisible)})
+
+
+class UnknownKernel:
+    """What is left of a recording after bias, mass and CoG, for effects to look through."""
+
+    def __init__(self, prepared: Prepared, response: "Response") -> None:
+        self.scene, self.response = prepared.scene, response
+        self._rows = np.flatnonzero(prepared.scene.held)[~prepared.sealed]
+        noise = 1.0 / np.diagonal(prepared.turn)
+        whole = (prepared.y - response.reading[prepared.scene.held])[~prepared.sealed] / noise
+        stated = [
+            response.tangent(e, p, Variant(e.name, (p.name,)))[self._rows] / noise
+            for e in (effects()[n] for n in STATED)
+            for p in e.parameters(self.scene.robot)
+        ]
+        basis = np.linalg.qr(np.stack([c.ravel() for c in stated], axis=1))[0]
+        value = whole.ravel() - basis @ (basis.T @ whole.ravel())
+        self._value, self._noise = value.reshape(-1, 6), noise
+
+    def suggests(self, effect: Effect) -> tuple[Variant, ...]:
+        """Variants that a scan of the residual suggests."""
+        known = {p.name: p for p in effect.parameters(self.scene.robot)}
+
+        def tangent(name: str, at: Mapping[str, float]) -> np.ndarray:
+            return self.response.tangent(effect, known[name], Variant(effect.name, (name,), at))
+
+        return effect.found(self.scene, Residual(self._rows, self._value, self._noise, tangent))
+
+
+class Response:
+    """Readings of a scene and how they change with one amplitude of one effect."""
+
+    def __init__(self, scene: Scene) -> None:
+        self.scene = scene
+        self.reading = respond(scene)
+        self._pose = Pose(*scene.pose)
+
+    def tangent(self, effect: Effect, parameter: Parameter, variant: Variant) -> np.ndarray:
+        """Change of all readings (M, 6) per typical size, by central differences."""
+        start = {p.name: p.nominal for p in effect.parameters(self.scene.robot)} | dict(variant.at)
+        half = 0.5 * parameter.tolerance
+        up = self._with(effect, start | {parameter.name: half})
+        down = self._with(effect, start | {parameter.name: -half})
+        return up - down
+
+    def _with(self, effect: Effect, values: Mapping[str, float]) -> np.ndarray:
+        if isinstance(effect, ReadingEffect):
+            return effect.read(self.scene, self.reading, values)
+        if isinstance(effect, LoadEffect) and not isinstance(effect, ModelEffect):
+            return effect.load(self.scene, self._pose, self.scene.load, values)
+        return respond(self.scene, [ActiveEffect(effect, values)])

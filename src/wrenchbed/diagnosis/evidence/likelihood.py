@@ -1,0 +1,210 @@
+"""Evidence of hypotheses: exact marginal likelihoods of a linear Gaussian model.
+
+y = E c + e with c ~ N(0, V), e ~ N(0, v₀ I). The background, small imperfections of all effects at
+once, sits in V; a hypothesis widens V for its own columns. Only evidence beyond what imperfections
+and the statement's tolerances explain counts (M-open view: Bernardo & Smith 1994, ch. 6).
+
+The ladder of background levels: how much many small imperfections add to a gap together.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve, eigh
+
+from wrenchbed.diagnosis.evidence.dictionary import EffectDictionary
+
+FAINT = 0.02
+"""Variance of the background over that of the noise, below which a direction is left out."""
+LARGE = 1e4
+"""Variance, in typical sizes, of a number that nobody states."""
+
+
+@dataclass(frozen=True, eq=False)
+class BackgroundLevel:
+    """One level of background: K₀ = v₀ I + E V Eᵀ with diagonal V (n,).
+
+    Attributes:
+        E: columns (6 R, n).
+        v0: noise variance (6 R,), may differ from row to row.
+        V: variance of each column's coefficient (n,).
+        grams: EᵀE of each channel's rows (6, n, n) where v₀ is the same in all rows of a channel;
+            without it the products are made from E.
+    """
+
+    E: np.ndarray
+    v0: np.ndarray
+    V: np.ndarray
+    grams: np.ndarray | None = None
+
+    @property
+    def tall(self) -> bool:
+        """Whether there are more rows than columns."""
+        return len(self.v0) > len(self.V)
+
+    @cached_property
+    def _root(self) -> np.ndarray:
+        return np.sqrt(self.V)
+
+    @cached_property
+    def _gram(self) -> np.ndarray:
+        """Eᵀ v₀⁻¹ E (n, n)."""
+        if self.grams is None:
+            return np.asarray(self.E.T @ (self.E / self.v0[:, None]))
+        return np.tensordot(1.0 / self.v0[:6], self.grams, 1)
+
+    @cached_property
+    def _factor(self) -> tuple[np.ndarray, bool]:
+        if self.tall:
+            inner = self._gram * np.outer(self._root, self._root)
+            return cho_factor(np.eye(len(inner)) + inner, lower=True)
+        scaled = (self.E * self._root) / np.sqrt(self.v0)[:, None]
+        return cho_factor(np.eye(len(scaled)) + scaled @ scaled.T, lower=True)
+
+    @cached_property
+    def log_det(self) -> float:
+        """log |K₀|."""
+        diagonal = np.diagonal(self._factor[0])
+        return float(2 * np.log(diagonal).sum() + np.log(self.v0).sum())
+
+    def _kept(self, w: np.ndarray) -> np.ndarray:
+        """D (I + D G D)⁻¹ D w with D = V½, of (n, k)."""
+        root = self._root[:, None]
+        return np.asarray(root * cho_solve(self._factor, root * w, check_finite=False))
+
+    @cached_property
+    def _main(self) -> tuple[np.ndarray, np.ndarray]:
+        """Orthonormal directions (6 R, r) in which the background exceeds `FAINT` of the noise, and
+        the share λ/(1 + λ) that it takes there (r,)."""
+        inner = self._gram * np.outer(self._root, self._root)
+        values, vectors = eigh(inner, subset_by_value=[FAINT, np.inf], check_finite=False)
+        ways = (self.E / np.sqrt(self.v0)[:, None]) @ (self._root[:, None] * vectors)
+        return ways / np.sqrt(values), values / (1.0 + values)
+
+    def solve(self, x: np.ndarray) -> np.ndarray:
+        """K₀⁻¹ x for x (6 R, k); of many rows, without what is faint of the background."""
+        root = np.sqrt(self.v0)[:, None]
+        z = x / root
+        if self.tall:
+            ways, share = self._main
+            return np.asarray((z - ways @ (share[:, None] * (ways.T @ z))) / root)
+        return np.asarray(cho_solve(self._factor, z, check_finite=False) / root)
+
+    def precision(self, rows: np.ndarray) -> np.ndarray:
+        """The block of K₀⁻¹ of some rows (k, k)."""
+        if self.tall:
+            root, ways = self.less(rows)
+            return np.asarray((np.eye(len(rows)) - ways @ ways.T) / np.outer(root, root))
+        return np.asarray(self._inverse[np.ix_(rows, rows)])
+
+    def less(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """r (k,) and B (k, b) of the block D⁻¹ (I − B Bᵀ) D⁻¹ of K₀⁻¹, D = diag(r), where rows are
+        many."""
+        ways, share = self._main
+        return np.sqrt(self.v0[rows]), ways[rows] * np.sqrt(share)
+
+    @cached_property
+    def _inverse(self) -> np.ndarray:
+        return self.solve(np.eye(len(self.v0)))
+
+    @cached_property
+    def information(self) -> np.ndarray:
+        """P = Eᵀ K₀⁻¹ E (n, n)."""
+        g = self._gram if self.tall else None
+        p = self.E.T @ self._solved if g is None else g - g @ self._kept(g)
+        return (p + p.T) / 2
+
+    @cached_property
+    def _solved(self) -> np.ndarray:
+        return self.solve(self.E)
+
+    def score(self, y: np.ndarray) -> np.ndarray:
+        """w = Eᵀ K₀⁻¹ y (n, C) of cases y (6 R, C)."""
+        if not self.tall:
+            return np.asarray(self._solved.T @ y)
+        u = self.E.T @ (y / self.v0[:, None])
+        return np.asarray(u - self._gram @ self._kept(u))
+
+    def null(self, y: np.ndarray) -> np.ndarray:
+        """log N(y; 0, K₀) of cases (6 R, C), without the constant in 2π."""
+        if not self.tall:
+            return np.asarray(-0.5 * ((y * self.solve(y)).sum(axis=0) + self.log_det))
+        z = y / self.v0[:, None]
+        u = self.E.T @ z
+        return np.asarray(-0.5 * ((y * z).sum(0) - (u * self._kept(u)).sum(0) + self.log_det))
+
+
+def gains(
+    information: np.ndarray, score: np.ndarray, size: np.ndarray, scales: np.ndarray
+) -> np.ndarray:
+    """Log evidence gained by widening columns: batches of b hypotheses of k columns each.
+
+    Args:
+        information: P of the columns (b, k, k).
+        score: w of the columns (b, k, C) for C cases.
+        size: relative prior standard deviations (b, k).
+        scales: multiples of it (s,) or (b, s).
+
+    Returns:
+        (b, s, C): −½ log|I + D½ P D½| + ½ uᵀ(I + D½ P D½)⁻¹u.
+    """
+    p = information * size[:, :, None] * size[:, None, :]
+    values, vectors = np.linalg.eigh(p)
+    u = np.swapaxes(vectors, -1, -2) @ (score * size[:, :, None])  # (b, k, C)
+    square = np.broadcast_to(np.square(scales), (len(p), np.shape(scales)[-1]))
+    ratio = 1.0 + square[:, :, None] * np.maximum(values, 0.0)[:, None, :]  # (b, s, k)
+    fit = np.einsum("bsk,bkc->bsc", square[:, :, None] / ratio, u**2)
+    return np.asarray(0.5 * (fit - np.log(ratio).sum(axis=-1)[:, :, None]))
+
+
+LADDER = (0.02, 0.08, 0.3, 1.2, 5.0, 20.0)
+"""Gap that the background adds in all. Up to `NORMAL` every robot has it; more is a gap of its
+own, or the price of an effect's form that the library has only nearly."""
+NORMAL = 0.5
+SHARES = {"effects": 0.45, "kernels": 0.3, "rows": 0.25}
+MOST = 0.2
+"""An imperfection is at most so large beside its effect's typical size."""
+CORRELATION_S = 0.4
+"""In a motion what the model lacks is alike for so long [s]."""
+WITHIN = 1.0
+"""Standard deviation of a stated number over its tolerance."""
+
+
+@dataclass(frozen=True, eq=False)
+class Background:
+    """One rung: its gap and the covariance that goes with it."""
+
+    gap: float
+    level: BackgroundLevel
+
+    @property
+    def normal(self) -> bool:
+        """Whether every robot may have so many imperfections."""
+        return self.gap <= NORMAL
+
+
+def ladder(d: EffectDictionary) -> tuple[Background, ...]:
+    """All rungs for a dictionary."""
+    return tuple(Background(g, _level(d, g)) for g in LADDER)
+
+
+def _level(d: EffectDictionary, gap: float) -> BackgroundLevel:
+    variance = np.zeros(len(d.label))
+    named = sorted({e for e, p in d.label if p} - {d.label[k][0] for k in d.stated})
+    for effect in named:
+        columns = d.of_effect(effect)
+        share = SHARES["effects"] * gap / (len(named) * len(columns))
+        variance[columns] = np.minimum(
+            MOST**2, share / np.maximum(d.configured_gap[columns], 1e-12)
+        )
+    for columns in d.kernels.values():
+        variance[columns] = SHARES["kernels"] * gap / len(d.kernels)
+    allowed = np.minimum((WITHIN * d.tolerance) ** 2, LARGE)
+    variance[d.stated] = allowed
+    rows = SHARES["rows"] * gap
+    if d.prepared.moving:
+        period = d.prepared.scene.period * d.prepared.stride
+        rows *= max(1.0, CORRELATION_S / period)
+    v0 = np.tile(d.prepared.variance + rows, d.rows)
+    return BackgroundLevel(d.E, v0, variance, d.grams)

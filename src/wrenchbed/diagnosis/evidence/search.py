@@ -1,0 +1,139 @@
+"""Every hypothesis alone: its exact evidence in the linear model, over all rungs and sizes."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from types import MappingProxyType
+
+import numpy as np
+from scipy.special import logsumexp
+
+from wrenchbed.diagnosis.evidence.dictionary import EffectDictionary, Hypothesis
+from wrenchbed.diagnosis.evidence.likelihood import Background, gains, ladder
+
+NONE, UNKNOWN = "none", "unknown"
+PRIOR = {NONE: 0.35, "one": 0.45, UNKNOWN: 0.15}
+MORE = 0.1
+"""Prior odds of a further effect."""
+STEPS = 7
+"""Scales from the smallest that adds a gap of 1 upwards, doubling."""
+LEAST_SCALE, LARGEST_SCALE = 0.06, 8.0
+KERNEL_SCALES = 2.0 ** np.arange(0, 9, 1.0)
+"""Standard deviations of the unknown's groups; their squares are gaps."""
+
+
+@dataclass(frozen=True)
+class SingleEvidence:
+    """A hypothesis (its place in the list; kernels from −1 down) on a rung, its log posterior."""
+
+    index: int
+    rung: int
+    log_posterior: float
+
+
+@dataclass(frozen=True, eq=False)
+class _Batch:
+    """Hypotheses with equally many columns."""
+
+    index: np.ndarray  # (b,) place in Searcher.columns
+    columns: np.ndarray  # (b, k)
+    scales: np.ndarray  # (b, s)
+    prior: np.ndarray  # (b,) log
+
+
+class Searcher:
+    """Searches structures for readings of one design; made once, used for many cases.
+
+    Args:
+        dictionary: of the design.
+        witness: log odds that something else than the wrench adds to an effect, by name.
+    """
+
+    def __init__(
+        self, dictionary: EffectDictionary, witness: Mapping[str, float] = MappingProxyType({})
+    ) -> None:
+        self.d = dictionary
+        self.witness = witness
+        self.rungs: tuple[Background, ...] = ladder(dictionary)
+        self.hypotheses: tuple[Hypothesis, ...] = dictionary.hypotheses
+        self.kernels = tuple(dictionary.kernels)
+
+    @cached_property
+    def batches(self) -> tuple[_Batch, ...]:
+        """All hypotheses and kernels by their number of columns."""
+        groups: dict[int, list[int]] = {}
+        for k, h in enumerate(self.hypotheses):
+            groups.setdefault(len(h.columns), []).append(k)
+        result = [
+            _Batch(
+                np.array(members),
+                np.stack([self.hypotheses[k].columns for k in members]),
+                np.stack([self.scales(self.hypotheses[k]) for k in members]),
+                np.array([self.prior(self.hypotheses[k]) for k in members]),
+            )
+            for members in groups.values()
+        ]
+        share = np.log(PRIOR[UNKNOWN] / max(1, len(self.kernels)))
+        for k, name in enumerate(self.kernels):
+            columns = self.d.kernels[name][None]
+            result.append(
+                _Batch(np.array([-1 - k]), columns, KERNEL_SCALES[None], np.array([share]))
+            )
+        return tuple(result)
+
+    def scales(self, h: Hypothesis) -> np.ndarray:
+        """Prior standard deviations (s,) of a hypothesis's amplitudes, in typical sizes."""
+        least = max(LEAST_SCALE, 1.0 / np.sqrt(max(h.typical_gap, 1e-12)))
+        return np.asarray(np.minimum(least * 2.0 ** np.arange(STEPS), max(LARGEST_SCALE, least)))
+
+    def prior(self, h: Hypothesis) -> float:
+        """Effects alike; variants by their weight; what must exceed its typical size is rarer."""
+        rare = min(1.0, float(np.sqrt(h.typical_gap)) * 2.0)
+        share = h.variant.weight / self._weights[h.name]
+        odds = self.witness.get(h.name, 0.0)
+        return float(np.log(PRIOR["one"] / len(self._weights) * share * rare)) + odds
+
+    @cached_property
+    def _weights(self) -> dict[str, float]:
+        """Weight of all variants of each effect."""
+        total: dict[str, float] = {}
+        for h in self.hypotheses:
+            total[h.name] = total.get(h.name, 0.0) + h.variant.weight
+        return total
+
+    def nulls(self, y: np.ndarray) -> np.ndarray:
+        """Log evidence of nothing but background on each rung (L,), its prior in it."""
+        null = [float(r.level.null(y[:, None])[0]) for r in self.rungs]
+        return np.array(null) + self.rung_prior(y)
+
+    def singles(self, y: np.ndarray) -> list[SingleEvidence]:
+        """Every hypothesis and kernel alone, on every rung."""
+        found: list[SingleEvidence] = []
+        for r, base in enumerate(self.nulls(y)):
+            level = self.rungs[r].level
+            found += self.added(r, float(base), level.information, level.score(y[:, None])[:, 0])
+        return found
+
+    def added(
+        self, rung: int, base: float, information: np.ndarray, score: np.ndarray
+    ) -> list[SingleEvidence]:
+        """What each hypothesis adds to a log evidence, given P (n, n) and w (n,)."""
+        result: list[SingleEvidence] = []
+        for batch in self.batches:
+            blocks = information[batch.columns[:, :, None], batch.columns[:, None, :]]
+            w = score[batch.columns][:, :, None]
+            gain = gains(blocks, w, np.ones(batch.columns.shape), batch.scales)[:, :, 0]
+            total = logsumexp(gain, axis=1) - np.log(gain.shape[1]) + batch.prior + base
+            result += [
+                SingleEvidence(int(k), rung, float(v))
+                for k, v in zip(batch.index, total, strict=True)
+            ]
+        return result
+
+    def rung_prior(self, y: np.ndarray) -> np.ndarray:
+        """Normal backgrounds alike; larger ones only beside a gap that dwarfs them."""
+        total = max(self.d.gap(y) - float(self.d.prepared.variance.mean()), 0.0)
+        gaps = np.array([r.gap for r in self.rungs])
+        normal = np.array([r.normal for r in self.rungs])
+        prior = np.where(normal, 1.0 / normal.sum(), 0.1)
+        return np.log(np.where(~normal & (gaps > 0.02 * total), 1e-4 * prior, prior))

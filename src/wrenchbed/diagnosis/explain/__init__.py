@@ -1,0 +1,1 @@
+"""Structures of up to three effects, their nonlinear refit, claims, verdict, reliability."""

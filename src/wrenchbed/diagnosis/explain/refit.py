@@ -1,0 +1,353 @@
+"""Nonlinear refit of a structure: finite angles, shapes, and the evidence at what was found.
+
+A random search over shapes that act by jumps, where slopes do not show the way.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from functools import cache
+from typing import Protocol
+
+import numpy as np
+from scipy.special import logsumexp
+
+from wrenchbed.diagnosis.evidence.dictionary import LARGEST, STATED, Hypothesis
+from wrenchbed.diagnosis.evidence.likelihood import BackgroundLevel
+from wrenchbed.diagnosis.evidence.search import MORE, NONE, PRIOR, Searcher, SingleEvidence
+from wrenchbed.diagnosis.explain.finalist import Finalist, over_scales
+from wrenchbed.effects.base import Effect
+from wrenchbed.effects.chain import ActiveEffect, respond
+from wrenchbed.physics.parameters import Parameter
+from wrenchbed.robots.base import Robot
+
+_TRIALS = 160
+"""Shapes that are tried, from wide steps to narrow ones."""
+
+
+class Responding(Protocol):
+    """What knows the readings y (6 R,) and how structures respond."""
+
+    y: np.ndarray
+
+    def variables(self, parts: Sequence[Hypothesis]) -> list[tuple[int, str, bool]]: ...
+
+    def response(self, parts: Sequence[Hypothesis], x: np.ndarray) -> np.ndarray: ...
+
+
+def polished(
+    refitter: Responding, level: BackgroundLevel, parts: Sequence[Hypothesis], x: np.ndarray
+) -> np.ndarray:
+    """Shapes of the last part after a random search, its amplitudes fitted along (k,)."""
+    names, last = refitter.variables(parts), len(parts) - 1
+    moves = np.array([shape and k == last for k, _, shape in names])
+    own = np.array([not shape and k == last for k, _, shape in names])
+    rng = np.random.default_rng(0)
+
+    others = np.where(own, 0.0, x)
+    rest = refitter.y - refitter.response(parts, others)  # parts hardly meddle with each other
+    solved_rest = level.solve(rest[:, None])[:, 0]
+    first = len(x) - int((own | moves).sum())
+
+    def fitted(at: np.ndarray) -> tuple[float, np.ndarray]:
+        """What is left with the best amplitudes of the part, and these."""
+        columns = []
+        for i in np.flatnonzero(own):
+            unit = np.where(own, 0.0, at)
+            unit[i] = 1.0
+            columns.append(refitter.response(parts[last:], unit[first:]))
+        design = np.stack(columns, axis=1)
+        solved = level.solve(design)
+        normal = design.T @ solved + 1e-3 * np.eye(design.shape[1])
+        score = design.T @ solved_rest
+        best = np.linalg.solve(normal, score)
+        found = at.copy()
+        found[own] = best
+        return float(rest @ solved_rest - score @ best), found
+
+    now, x = fitted(x)
+    for k in range(_TRIALS):
+        spread = 3.0 * 0.5 ** (5.0 * k / _TRIALS)
+        trial = x + np.where(moves, spread * rng.standard_normal(len(x)), 0.0)
+        then, found = fitted(trial)
+        if then < now:
+            now, x = then, found
+    return x
+
+
+_STEPS = 12
+_LEAST_SHARE = 0.02
+_STEP, _SHAPE_STEP = 0.1, 0.02
+"""Of finite differences, in typical sizes."""
+_DONE = 1e-3
+"""Largest step, in standard uncertainties, at which a fit has converged."""
+SHAPE_SPREAD = 2.0
+"""Prior standard deviation of a shape over its typical size."""
+
+
+class Refitter:
+    """Fits structures to one case.
+
+    Args:
+        searcher: of the design.
+        y: the case (6 R,), relative to the baseline, stated numbers as stated.
+
+    Attributes:
+        exact: rungs with exact stated numbers, made when first asked for.
+    """
+
+    def __init__(self, searcher: Searcher, y: np.ndarray) -> None:
+        self.searcher, self.y = searcher, y
+        self.d = searcher.d
+        self.scene = self.d.prepared.scene
+        self._zero = self.d.baseline
+        self._rung_prior = searcher.rung_prior(y)
+        self.exact: dict[int, BackgroundLevel] = {}
+        self._freed: dict[tuple[int, frozenset[int]], BackgroundLevel] = {}
+
+    def variables(self, parts: Sequence[Hypothesis]) -> list[tuple[int, str, bool]]:
+        """(part, parameter, is it a shape) of each variable; stated numbers have none."""
+        return [
+            (k, name, name in h.variant.shape)
+            for k, h in enumerate(parts)
+            if h.name not in STATED
+            for name in (*h.variant.free, *h.variant.shape)
+        ]
+
+    def values(self, parts: Sequence[Hypothesis], x: np.ndarray) -> list[dict[str, float]]:
+        """All parameters of each part at x (k,), SI; shapes within their bounds."""
+        robot = self.scene.robot
+        result = []
+        for h in parts:
+            start = {p.name: p.nominal for p in _parameters(h.effect, robot).values()} | dict(
+                h.variant.at
+            )
+            result.append(start)
+        for (k, name, shape), value in zip(self.variables(parts), x, strict=True):
+            parameter = _parameter(parts[k], robot, name)
+            si = float(value) * parameter.tolerance
+            if shape:
+                si = float(np.clip(si, parameter.lower, parameter.upper))
+            result[k][name] = si
+        return result
+
+    def active(self, parts: Sequence[Hypothesis], x: np.ndarray) -> list[ActiveEffect]:
+        """The parts that act in the chain."""
+        values = self.values(parts, x)
+        both = zip(parts, values, strict=True)
+        return [ActiveEffect(h.effect, v) for h, v in both if h.name not in STATED]
+
+    def response(self, parts: Sequence[Hypothesis], x: np.ndarray) -> np.ndarray:
+        """What the parts add to the baseline's readings (6 R,), whitened."""
+        active = self.active(parts, x)
+        if not active:
+            return np.zeros_like(self._zero)
+        return self.d.prepared.rows(respond(self.scene, active)).ravel() - self._zero
+
+    def fit(
+        self, parts: tuple[Hypothesis, ...], rung: int, start: np.ndarray | None = None
+    ) -> Finalist:
+        """Gauss–Newton from the hypotheses' own shapes; again on the rung that fits best."""
+        centre = self.start(parts)
+        spread = self._spread(parts, self.variables(parts))
+        return self._fitted(parts, rung, centre if start is None else start, spread)
+
+    def extended(self, f: Finalist, h: Hypothesis) -> Finalist:
+        """A finalist with one part more; the others begin, and keep to the size, where they are."""
+        parts = (*f.parts, h)
+        start = np.concatenate([f.x, self.start((h,))])
+        wide = self._spread(parts, self.variables(parts))
+        wide[: len(f.x)] = f.spread[: len(f.x)]
+        return self._fitted(parts, f.rung, start, wide)
+
+    def _fitted(
+        self, parts: tuple[Hypothesis, ...], rung: int, x: np.ndarray, spread: np.ndarray,
+        rough: bool = True,
+    ) -> Finalist:  # fmt: skip
+        centre = self.start(parts)
+        x = self._minimum(parts, rung, centre, x, spread)
+        if rough and parts[-1].effect.rough:
+            x = polished(self, self.searcher.rungs[rung].level, parts, x)
+            x = self._minimum(parts, rung, centre, x, spread)
+        found = self._judged(parts, rung, x, centre)
+        if found.rung != rung and len(x):
+            x = self._minimum(parts, found.rung, centre, found.x, spread)
+            found = self._judged(parts, found.rung, x, centre)
+        return found
+
+    def at(
+        self, parts: tuple[Hypothesis, ...], rung: int, x: np.ndarray, spread: np.ndarray
+    ) -> Finalist:
+        """A structure fitted again from x (k,), each variable kept to a size (k,)."""
+        return self._fitted(parts, rung, x, spread, rough=False)
+
+    def shrunk(self, f: Finalist) -> Finalist:
+        """The finalist again, every part kept to the size that its evidence asks for.
+
+        Of parts that can stand in for each other, the one of few amplitudes takes the signal.
+        """
+        centre = self.start(f.parts)
+        x = self._minimum(f.parts, f.rung, centre, f.x, f.spread[: len(f.x)])
+        return self._judged(f.parts, f.rung, x, centre)
+
+    def nothing(self) -> Finalist:
+        """The structure without any effect, on the rung that fits best."""
+        nulls = self.searcher.nulls(self.y)
+        empty = np.zeros((len(self.y), 0))
+        normal = [k for k, r in enumerate(self.searcher.rungs) if r.normal]
+        rung = max(normal, key=lambda k: nulls[k])
+        total = float(logsumexp(nulls[normal]) + np.log(PRIOR[NONE]))
+        x, cov = np.zeros(0), np.zeros((0, 0))
+        return Finalist((), rung, x, cov, self.y, self.y, empty, x, total, x)
+
+    def _minimum(
+        self, parts: Sequence[Hypothesis], rung: int, centre: np.ndarray, x: np.ndarray,
+        spread: np.ndarray,
+    ) -> np.ndarray:  # fmt: skip
+        """Gauss–Newton; slopes of amplitudes are those of the start, only shapes' are renewed."""
+        names = self.variables(parts)
+        if not names:
+            return x
+        level = self._level(parts, rung)
+        precision = 1.0 / spread**2
+        shapes = [i for i, (_, _, shape) in enumerate(names) if shape]
+
+        def cost(at: np.ndarray, left: np.ndarray) -> float:
+            prior = float((precision * (at - centre) ** 2).sum())
+            return float(left @ level.solve(left[:, None])[:, 0]) + prior
+
+        f = self.response(parts, x)
+        r = self.y - f
+        now = cost(x, r)
+        design = self._design(parts, x, f, range(len(x)))
+        for k in range(_STEPS):
+            if k and shapes:
+                fresh = shapes if k % 3 else range(len(x))
+                design[:, list(fresh)] = self._design(parts, x, self.y - r, fresh)
+            solved = level.solve(np.column_stack([design, r]))
+            normal = design.T @ solved[:, :-1] + np.diag(precision)
+            step = np.linalg.solve(normal, design.T @ solved[:, -1] - precision * (x - centre))
+            size, share = float(np.sqrt(max(step @ normal @ step, 0.0))), 1.0
+            while share > _LEAST_SHARE:
+                trial = x + share * step
+                left = self.y - self.response(parts, trial)
+                then = cost(trial, left)
+                if then < now:
+                    x, r, now = trial, left, then
+                    break
+                share /= 3.0
+            if share <= _LEAST_SHARE or size * share < _DONE:
+                break
+        return x
+
+    def _judged(
+        self, parts: tuple[Hypothesis, ...], rung: int, x: np.ndarray, centre: np.ndarray
+    ) -> Finalist:
+        names = self.variables(parts)
+        f = self.response(parts, x)
+        r, design = self.y - f, self._design(parts, x, f, range(len(x)))
+        y = r + design @ (x - centre)
+        stated = [h for h in parts if h.name in STATED]
+        owner = np.array(
+            [k for k, _, _ in names] + [parts.index(h) for h in stated for _ in h.columns],
+            dtype=int,
+        )
+        shape = np.array([s for _, _, s in names] + [False] * (len(owner) - len(names)), dtype=bool)
+        every = np.concatenate([design, *(self.d.E[:, h.columns] for h in stated)], axis=1)
+        rungs = sorted({rung, *(k for k, b in enumerate(self.searcher.rungs) if b.normal)})
+        ladder = np.stack([self.searcher.scales(h) for h in parts])
+        told = [
+            over_scales(
+                self.searcher.rungs[k].level,
+                y,
+                every,
+                owner,
+                np.where(shape, SHAPE_SPREAD, 0.0),
+                ladder,
+            ).raised(float(self._rung_prior[k]))
+            for k in rungs
+        ]
+        best = int(np.argmax([t.total for t in told]))
+        prior = sum(self.searcher.prior(h) for h in parts)
+        prior += (len(parts) - 1) * float(np.log(MORE / PRIOR["one"]))
+        total = float(logsumexp([t.total for t in told])) + prior
+        spread = np.where(shape, SHAPE_SPREAD, told[best].scale[owner])
+        covariance = np.linalg.inv(told[best].information + np.diag(1.0 / spread**2))
+        return Finalist(
+            parts, rungs[best], x, covariance, r, y, every, spread, total, told[best].scale
+        )
+
+    def added(self, finalist: Finalist) -> list[SingleEvidence]:
+        """Every further hypothesis beside a finalist, on its rung."""
+        level = self.searcher.rungs[finalist.rung].level
+        solved = level.solve(np.column_stack([finalist.design, finalist.y]))
+        side = self.d.E.T @ solved[:, :-1]
+        normal = finalist.design.T @ solved[:, :-1] + np.diag(1.0 / finalist.spread**2)
+        inner = np.linalg.solve(normal, side.T)
+        information = level.information - side @ inner
+        score = self.d.E.T @ solved[:, -1] - inner.T @ (finalist.design.T @ solved[:, -1])
+        base = finalist.log_posterior + float(np.log(MORE / PRIOR["one"]))
+        taken = set(finalist.names)
+        return [
+            s
+            for s in self.searcher.added(finalist.rung, base, information, score)
+            if s.index < 0 or self.searcher.hypotheses[s.index].name not in taken
+        ]
+
+    def level_of(self, f: Finalist) -> BackgroundLevel:
+        """The background that a finalist is judged against."""
+        return self._level((), f.rung)
+
+    def _level(self, parts: Sequence[Hypothesis], rung: int) -> BackgroundLevel:
+        """The rung's background with the stated numbers that a structure blames set free."""
+        blamed = frozenset(int(c) for h in parts if h.name in STATED for c in h.columns)
+        if not blamed:
+            return self.searcher.rungs[rung].level
+        if (rung, blamed) not in self._freed:
+            level = self.searcher.rungs[rung].level
+            variance = level.V.copy()
+            variance[list(blamed)] += LARGEST**2
+            self._freed[rung, blamed] = replace(level, V=variance)
+        return self._freed[rung, blamed]
+
+    def start(self, parts: Sequence[Hypothesis]) -> np.ndarray:
+        """Variables without any amplitude, shapes where the variants put them (k,)."""
+        robot = self.scene.robot
+
+        def at(h: Hypothesis, name: str) -> float:
+            return h.variant.at[name] / _parameter(h, robot, name).tolerance
+
+        return np.array([at(parts[k], n) if s else 0.0 for k, n, s in self.variables(parts)])
+
+    def _spread(
+        self, parts: Sequence[Hypothesis], names: list[tuple[int, str, bool]]
+    ) -> np.ndarray:
+        largest = [float(self.searcher.scales(h)[-1]) for h in parts]
+        return np.array([SHAPE_SPREAD if shape else largest[k] for k, _, shape in names])
+
+    def _design(
+        self, parts: Sequence[Hypothesis], x: np.ndarray, f: np.ndarray, which: Iterable[int]
+    ) -> np.ndarray:
+        """Slopes (6 R, k) of some variables at x, where the response is f.
+
+        Those of effects without shapes are the dictionary's: they hardly change.
+        """
+        names, columns = self.variables(parts), []
+        for i in which:
+            own = parts[names[i][0]]
+            if not own.variant.shape:
+                columns.append(self.d.E[:, own.columns[own.variant.free.index(names[i][1])]])
+                continue
+            h = _SHAPE_STEP if names[i][2] else _STEP
+            step = np.zeros(len(x))
+            step[i] = h
+            columns.append((self.response(parts, x + step) - f) / h)
+        return np.stack(columns, axis=1) if columns else np.zeros((len(self.y), 0))
+
+
+@cache
+def _parameters(effect: Effect, robot: Robot) -> dict[str, Parameter]:
+    return {p.name: p for p in effect.parameters(robot)}
+
+
+def _parameter(h: Hypothesis, robot: Robot, name: str) -> Parameter:
+    return _parameters(h.effect, robot)[name]

@@ -1,0 +1,149 @@
+"""How often claims like this one are right: learnt from look-alike cases of another generator.
+
+Evidence is exact only for the physics that it knows. A logistic model of what distinguishes claims
+that were right from wrong ones, in look-alike cases, turns it into probabilities that hold; the
+verdict follows from these (Guo et al. 2017, arXiv 1706.04599, calibrate classifiers likewise).
+"""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from importlib import resources
+from typing import Any
+
+import numpy as np
+from scipy.optimize import minimize
+from scipy.special import expit, logit
+
+from wrenchbed.diagnosis.explain.structures import Ranking
+from wrenchbed.diagnosis.explain.verdict import Verdict, allowed
+from wrenchbed.errors import DiagnosisError
+
+NAMES = (
+    "constant", "size", "rest", "lead", "unknown", "more", "form", "rivals", "minor",
+)  # fmt: skip
+"""Features of a claim, each about 0 … 1."""
+PRIOR_STD = 3.0
+"""Of a weight, so that few cases do not make a sure model."""
+LEAST_ERRORS, LARGEST_SPREAD = 40, 2.5
+
+
+@dataclass(frozen=True)
+class Reliability:
+    """A logistic model of being right.
+
+    Attributes:
+        claim: weight of each feature of a named cause, in the order of `NAMES`.
+        none, unknown: share of such answers that were right.
+        cases: that it was learnt from.
+        source: where these are from.
+        spread: factor on standard uncertainties with which 90 % intervals held 90 % of the time.
+        right: share of all claims that were right.
+    """
+
+    claim: tuple[float, ...]
+    none: float
+    unknown: float
+    cases: int
+    source: str
+    spread: float = 1.0
+    right: float = 0.9
+
+    def plain(self) -> "Reliability":
+        """For recordings unlike the cases: how often claims were right, whatever their kind."""
+        return replace(self, claim=(float(logit(self.right)), *(0.0,) * (len(NAMES) - 1)))
+
+    def of(self, features: Sequence[float]) -> float:
+        """Probability that a claim with such features is right."""
+        return float(expit(np.dot(self.claim, features)))
+
+
+def features(ranking: Ranking, verdict: Verdict) -> tuple[float, ...]:
+    """What distinguishes the leading claim of a verdict; all zero where nothing is named."""
+    if not verdict.causes:
+        return (0.0,) * len(NAMES)
+    best, lead = verdict.explanation, verdict.causes[0]
+    others = [e.log_posterior for e in ranking.explanations if not e.names & set(lead.names)]
+    beaten = best.log_posterior - max(others, default=best.log_posterior - 30.0)
+    known = best.log_posterior - max(ranking.unknown, ranking.mixed)
+    form = 0.0
+    if lead.part.index is not None:
+        form = best.finalist.parts[lead.part.index].effect.form_error
+    minor = len(best.finalist.parts) - len(best.parts)
+    return (
+        1.0,
+        float(np.log10(np.clip(lead.part.share, 0.5, 1e3)) / 3.0),
+        float(np.clip(best.rest / allowed(best), 0.0, 2.0)),
+        float(np.log1p(np.clip(beaten, 0.0, 1e3)) / 7.0),
+        float(np.log1p(np.clip(known, 0.0, 1e3)) / 7.0),
+        (len(verdict.causes) - 1) / 2.0,
+        2.0 * form,
+        (len(lead.names) - 1) / 4.0,
+        float(np.clip(minor, 0, 4)) / 4.0,
+    )
+
+
+def learnt(
+    claims: Sequence[tuple[Sequence[float], bool]],
+    none: tuple[int, int],
+    unknown: tuple[int, int],
+    source: str,
+    start: "Reliability | None" = None,
+    errors: Sequence[float] = (),
+) -> Reliability:
+    """The most probable model for (features, was it right) of cases; none and unknown: (right, of).
+
+    Args:
+        start: what is believed before these cases; its weights are the prior's centre.
+        errors: of parameters over their standard uncertainty; few teach no spread.
+
+    Raises:
+        DiagnosisError: no claims to learn from.
+    """
+    if not claims:
+        raise DiagnosisError("no case names a cause: nothing to learn reliability from")
+    x = np.array([f for f, _ in claims], dtype=float)
+    y = np.array([right for _, right in claims], dtype=float)
+    centre = np.zeros(len(NAMES)) if start is None else np.array(start.claim)
+    if start is None:
+        centre[0] = 2.0
+    sign = 2.0 * y - 1.0
+
+    def cost(w: np.ndarray) -> float:
+        told = np.logaddexp(0.0, -sign * (x @ w)).sum()
+        return float(told + 0.5 * ((w - centre) ** 2).sum() / PRIOR_STD**2)
+
+    w = minimize(cost, centre, method="BFGS").x
+    total = len(claims) + none[1] + unknown[1] + (0 if start is None else start.cases)
+    spread = 1.0 if start is None else start.spread
+    if len(errors) >= LEAST_ERRORS:
+        spread = float(np.clip(np.quantile(np.abs(errors), 0.9) / 1.645, 1.0, LARGEST_SPREAD))
+    weights = tuple(float(v) for v in w)
+    right = _rate(int(y.sum()), len(y))
+    return Reliability(weights, _rate(*none), _rate(*unknown), total, source, spread, right)
+
+
+def _rate(right: int, count: int) -> float:
+    return (right + 1.0) / (count + 2.0)
+
+
+@lru_cache(maxsize=1)
+def _shipped() -> Mapping[str, Any]:
+    text = (
+        resources.files("wrenchbed.diagnosis.explain")
+        .joinpath("reliability.json")
+        .read_text("utf-8")
+    )
+    return dict(json.loads(text))
+
+
+def shipped(robot: str, moving: bool) -> Reliability | None:
+    """The model that comes with the package, of the robot at rest or in motion.
+
+    A robot without one has that of all robots together.
+    """
+    mode = "dynamic" if moving else "static"
+    known = _shipped()
+    told = known.get(f"{robot} {mode}") or known.get(mode)
+    return None if told is None else Reliability(**told | {"claim": tuple(told["claim"])})

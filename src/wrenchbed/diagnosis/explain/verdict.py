@@ -1,0 +1,153 @@
+"""What may be claimed: none, unknown, or causes, each a class with its rivals and probability."""
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.special import logsumexp
+
+from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
+from wrenchbed.diagnosis.explain.claims import REST, Explanation, Part
+from wrenchbed.diagnosis.explain.contributions import CLAIMABLE, MARGIN
+from wrenchbed.diagnosis.explain.structures import Ranking
+
+MOST_RIVALS = 4
+RIVAL = 0.02
+"""A rival has at least this share of its class's probability,"""
+DOUBT = 2.0
+"""with log odds divided by this: evidence is exact for exact physics only."""
+INSEPARABLE = (
+    frozenset({"mount.rotation", "joint.offset"}),
+    frozenset({"mount.rotation", "sensor.crosstalk"}),
+)
+"""Pairs that no free-space data can tell apart."""
+
+
+@dataclass(frozen=True)
+class Cause:
+    """One claimed cause: the effect, then its rivals; the probability that one is present."""
+
+    names: tuple[str, ...]
+    probability: float
+    part: Part
+
+
+@dataclass(frozen=True, eq=False)
+class Verdict:
+    """Outcome of a diagnosis of readings' means.
+
+    Attributes:
+        verdict: ``none``, ``identified``, ``ambiguous`` or ``unknown``.
+        causes: claimed, largest first; empty for none and unknown.
+        explanation: the structure that the claims are from, also behind an unknown.
+        probabilities: of none, unknown and each class as the leading cause.
+    """
+
+    verdict: str
+    causes: tuple[Cause, ...]
+    explanation: Explanation
+    probabilities: Mapping[str, float]
+
+
+def allowed(explanation: Explanation) -> float:
+    """Gap that an explanation may leave: of normal imperfections, and what its form misses."""
+    parts = explanation.finalist.parts
+    own = [
+        (parts[p.index].effect.form_error, p.share)
+        for p in explanation.parts
+        if p.index is not None
+    ]
+    return REST + sum(error * share for error, share in own)
+
+
+def complete(explanation: Explanation) -> bool:
+    """Whether what is left is no more than normal."""
+    return explanation.rest <= allowed(explanation)
+
+
+def decide(ranking: Ranking) -> Verdict:
+    """Weigh all explanations."""
+    told = ranking.explanations
+    best = told[0]
+    unknown = ranking.unknown
+    if ranking.gap < CLAIMABLE:  # normal imperfections, whatever they look like
+        unknown = -np.inf
+    elif not complete(best):
+        unknown = float(np.logaddexp(unknown, max(ranking.mixed, best.log_posterior + 3.0)))
+    logs = np.array([unknown, *(e.log_posterior for e in told)])
+    weight = np.exp(logs - logsumexp(logs))
+    none = float(sum(w for w, e in zip(weight[1:], told, strict=True) if not e.parts))
+    effects: dict[str, float] = {}
+    for w, e in zip(weight[1:], told, strict=True):
+        if e.parts:
+            effects[e.parts[0].name] = effects.get(e.parts[0].name, 0.0) + float(w)
+    others = {NONE: none, UNKNOWN: float(weight[0])}
+    claim = next((e for e in told if e.parts), None)
+    if claim is None:
+        return Verdict(max(others, key=lambda n: others[n]), (), best, others)
+    causes = _causes(claim, told, weight[1:], _outvoting(ranking, claim))
+    probabilities = _by_class(causes, effects) | others
+    lead = causes[0].probability
+    if others[NONE] >= max(others[UNKNOWN], lead):
+        return Verdict(NONE, (), best, probabilities)
+    if others[UNKNOWN] >= lead or len(causes[0].names) > 1 + MOST_RIVALS:
+        return Verdict(UNKNOWN, (), claim, probabilities)
+    plain = all(len(c.names) == 1 or frozenset(c.names) in INSEPARABLE for c in causes)
+    return Verdict("identified" if plain else "ambiguous", causes, claim, probabilities)
+
+
+def tempered(verdict: Verdict, right: float) -> Verdict:
+    """The verdict if such answers are right that often: no claim that is more likely wrong.
+
+    What is taken from the leading answer goes to ``unknown``, from that to all others alike.
+    """
+    told = dict(verdict.probabilities)
+    lead = "|".join(verdict.causes[0].names) if verdict.causes else verdict.verdict
+    spare = told[lead] * (1.0 - right)
+    told[lead] -= spare
+    others = [UNKNOWN] if lead != UNKNOWN else [n for n in told if n != UNKNOWN] or [NONE]
+    for name in others:
+        told[name] = told.get(name, 0.0) + spare / len(others)
+    causes = tuple(replace(c, probability=c.probability * right) for c in verdict.causes)
+    if causes and told[lead] <= told[UNKNOWN]:
+        return replace(verdict, verdict=UNKNOWN, causes=(), probabilities=told)
+    return replace(verdict, causes=causes, probabilities=told)
+
+
+def _outvoting(ranking: Ranking, claim: Explanation) -> frozenset[int]:
+    """Explanations that foretell left-out blocks clearly better than the claim does."""
+    told, votes = ranking.explanations, ranking.votes
+    place = next(k for k, e in enumerate(told) if e is claim)
+    if place >= len(votes):
+        return frozenset()
+    return frozenset(k for k, v in enumerate(votes) if v > votes[place] + MARGIN)
+
+
+def _causes(
+    claim: Explanation,
+    told: Sequence[Explanation],
+    weight: np.ndarray,
+    outvoting: Collection[int],
+) -> tuple[Cause, ...]:
+    causes = []
+    for part in claim.parts:
+        rest = claim.names - {part.name}
+        score = {part.name: 0.0} | {n: 1.0 for n in part.twins if n not in rest}
+        for k, (w, e) in enumerate(zip(weight, told, strict=True)):
+            if rest <= e.names and len(e.names - rest) == 1:
+                (name,) = e.names - rest
+                own = 1.0 if k in outvoting else float(w) ** (1.0 / DOUBT)
+                score[name] = max(score.get(name, 0.0), own)
+        total = max(sum(score.values()), 1e-300)
+        rivals = sorted((n for n in score if n != part.name), key=lambda n: -score[n])
+        members = (part.name, *(n for n in rivals if score[n] > RIVAL * total))
+        both = zip(weight, told, strict=True)
+        present = sum(float(w) for w, e in both if e.names & set(members))
+        causes.append(Cause(members, present * part.probability, part))
+    return tuple(causes)
+
+
+def _by_class(causes: Sequence[Cause], effects: Mapping[str, float]) -> dict[str, float]:
+    lead = causes[0].names
+    told = {"|".join(lead): sum(effects.get(n, 0.0) for n in lead)}
+    return told | {n: p for n, p in effects.items() if n not in lead}

@@ -1,0 +1,273 @@
+"""What a residual may vary with: an orthonormal basis for each variable, and a test of them all.
+
+The test permutes whole poses, or stretches of a motion, of all six channels together; what every
+user fits (bias, mass, CoG) is taken from each permuted residual again (Freedman & Lane 1983,
+doi 10.2307/1391660). The largest studentised likelihood ratio over all variables
+gives family-wise p-values (Westfall & Young 1993).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from wrenchbed.diagnosis.evidence.dictionary import harmonics, variables
+from wrenchbed.diagnosis.prepare.prepared import Prepared
+from wrenchbed.effects.chain import respond
+from wrenchbed.effects.scene import held_on
+from wrenchbed.physics.taylor import Jet, value
+from wrenchbed.physics.wrench import Tool, wrench
+
+SHARED_ROWS = 3
+"""Rows that there must be for each function of a variable."""
+_RANK = 1e-6
+_DEGREE_2 = 8
+"""Harmonics of gravity's direction up to degree 2."""
+_TURN = 1e-5
+"""Step of a joint in the derivative of gravity's direction [rad or m]."""
+_DUPLICATE = 1e-3
+"""Part of a unit vector below which it counts as explained by those before it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Partitions:
+    """V variables at R rows.
+
+    Attributes:
+        names: of the variables (V,).
+        bases: orthonormal in each whitened channel, without a mean (6, R, k) each; columns of 0
+            where the functions depend on each other.
+        fitted: orthonormal basis of what every user fits (6 R, 10), rows of six channels.
+    """
+
+    names: tuple[str, ...]
+    bases: tuple[np.ndarray, ...]
+    fitted: np.ndarray
+
+    def explained(self, y: np.ndarray) -> np.ndarray:
+        """Log likelihood ratio per row (V, n) of each variable in residuals (6, R, n).
+
+        Each channel has its own level: −Σ log(1 − share of the channel's energy explained).
+        """
+        stacked = np.concatenate(self.bases, axis=2)
+        parts = (np.swapaxes(stacked, 1, 2) @ y) ** 2  # (6, K, n)
+        first = np.cumsum([0, *(b.shape[2] for b in self.bases[:-1])])
+        total = np.maximum(np.einsum("crn,crn->cn", y, y), 1e-300)[:, None]
+        share = np.add.reduceat(parts, first, axis=1) / total
+        return np.asarray(-np.log(np.maximum(1.0 - share, 1e-9)).sum(axis=0))
+
+    def without_fitted(self, y: np.ndarray) -> np.ndarray:
+        """Residuals (6, R, n) less what a fit of bias, mass and CoG takes."""
+        flat = np.swapaxes(y, 0, 1).reshape(-1, y.shape[2])
+        flat = flat - self.fitted @ (self.fitted.T @ flat)
+        return np.asarray(np.swapaxes(flat.reshape(y.shape[1], 6, -1), 0, 1))
+
+
+def partitions(prepared: Prepared) -> Partitions:
+    """Bases of every variable that changes in a recording, on the fit's rows."""
+    groups: dict[str, np.ndarray] = {}
+    for name, functions in _functions(prepared).items():
+        basis = _orthonormal(_on_rows(prepared, functions))
+        if basis.shape[2]:
+            groups[name] = basis
+    return Partitions(tuple(groups), tuple(groups.values()), _fitted(prepared))
+
+
+def family_wise(
+    parts: Partitions, residual: np.ndarray, block: np.ndarray, permutations: int, seed: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """p-values (V,) of each variable over all of them, and of each alone.
+
+    Args:
+        parts: the variables.
+        residual: (R, 6), whitened.
+        block: of each row (R,); blocks of one row are poses.
+        permutations: how often.
+        seed: of the permutations.
+    """
+    order = _orders(block, permutations, np.random.default_rng([seed, 30]))
+    permuted = np.ascontiguousarray(np.moveaxis(residual[order], 2, 0).swapaxes(1, 2))
+    # Wilson & Hilferty: the cube root of a χ² variable is nearly normal
+    root = np.cbrt(parts.explained(parts.without_fitted(permuted)))
+    spread = root.std(axis=1, keepdims=True)
+    z = (root - root.mean(axis=1, keepdims=True)) / np.maximum(spread, 1e-9 * root.max() + 1e-300)
+    together = (z.max(axis=0)[None] >= z[:, :1]).sum(axis=1)
+    alone = (z >= z[:, :1]).sum(axis=1)
+    return together / z.shape[1], alone / z.shape[1]
+
+
+def shares(parts: Partitions, residual: np.ndarray, chosen: np.ndarray, gap: float) -> np.ndarray:
+    """Split of a residual's energy (R, 6) above its noise over the variables chosen (V,) → (V,).
+
+    Forward selection: each step takes the variable that explains most of what is left beyond what
+    as many random columns would, and counts only what those before it did not explain. The shares
+    are fractions of ``gap`` [mean square of a row's channel] and add to at most 1; a variable
+    that adds nothing to the others has 0, and so do those that are not chosen.
+    """
+    result = np.zeros(len(parts.names))
+    y = parts.without_fitted(residual.T[:, :, None])[:, :, 0]  # (6, R)
+    taken = np.zeros((6, y.shape[1], 0))
+    left = [int(k) for k in np.flatnonzero(chosen)]
+    freedom, total = float(y.size), max(gap * y.size, 1e-300)
+    while left:
+        gains = {}
+        for k in left:
+            rest = parts.bases[k] - taken @ (np.swapaxes(taken, 1, 2) @ parts.bases[k])
+            new = _orthonormal(rest, _DUPLICATE)
+            size = int((np.abs(new).max(axis=1, initial=0.0) > 0.0).sum())
+            explained = float(((np.swapaxes(new, 1, 2) @ y[:, :, None]) ** 2).sum())
+            free = freedom - size
+            if free > 0 and size:
+                chance = (float((y**2).sum()) - explained) / free * size
+                gains[k] = (explained - chance, new, size)
+        best = max(gains, key=lambda k: gains[k][0], default=None)
+        if best is None or gains[best][0] <= 0.0:
+            break
+        gain, new, size = gains[best]
+        result[best] = min(gain / total, 1.0 - result.sum())
+        y = y - (new @ (np.swapaxes(new, 1, 2) @ y[:, :, None]))[:, :, 0]
+        taken = np.concatenate([taken, new], axis=2)
+        freedom -= size
+        left.remove(best)
+    return np.maximum(result, 0.0)
+
+
+def on_rows(prepared: Prepared, x: np.ndarray) -> np.ndarray:
+    """Functions (H, k) of the observations at the rows that ``prepared.rows`` gives (R, k)."""
+    fit, stride = x[~prepared.sealed], prepared.stride
+    if stride == 1:
+        return fit
+    block = prepared.block[~prepared.sealed]
+    parts = [fit[block == b] for b in np.unique(block)]
+    whole = [p[: len(p) // stride * stride].reshape(-1, stride, x.shape[1]) for p in parts]
+    return np.asarray(np.concatenate(whole).mean(axis=1))
+
+
+def _functions(prepared: Prepared) -> dict[str, np.ndarray]:
+    """Functions of each variable: (H, k), or (6, H, k) where each channel has its own."""
+    scene, held = prepared.scene, prepared.scene.held
+    known = variables(prepared)
+    rotation = value(scene.pose[0])[held]
+    down = scene.gravity @ rotation / np.linalg.norm(scene.gravity)
+    across = rotation[:, :2].reshape(len(rotation), 6)
+    wide = harmonics(down)
+    result = {"orientation": np.concatenate([wide[:, :3], across, wide[:, 3:_DEGREE_2]], axis=1)}
+    if "position" in known:
+        place = known["position"]
+        cell = (place[:, :3] > np.median(place[:, :3], axis=0)) @ (1, 2, 4)
+        cells = (cell[:, None] == np.arange(7)).astype(float)
+        result["position"] = np.concatenate([place, cells], axis=1)
+    for j in range(len(scene.robot.joints)):
+        turned, own = _turned(prepared, j), known[f"joint {j + 1}"]
+        both = [own[:, i, None] * turned for i in range(2)]
+        parts = [own[:, :2], turned, own[:, 2:4], *both, own[:, 4:]]
+        result[f"joint {j + 1}"] = np.concatenate(parts, axis=1)
+        coming = scene.coming[held][:, j, None]
+        if np.abs(coming).mean() > 0.2 and np.ptp(coming) > 1.0:
+            ones = np.ones_like(coming)
+            with_sign = coming * np.concatenate([ones, turned, down], axis=1)
+            result[f"direction of joint {j + 1}"] = with_sign
+    result |= {k: known[k] for k in ("time", "temperature") if k in known}
+    load = respond(scene) @ prepared.turn.T
+    result |= _of_load(prepared, load)
+    if isinstance(scene.q, Jet):
+        rate = np.gradient(load, scene.period, axis=0)[held]
+        # no single joint's speed or acceleration: in sums of sines they look like other angles
+        pace = np.sqrt((scene.q.d**2).sum(axis=1))[held]
+        shared = np.broadcast_to(np.stack([pace, pace**2], axis=1), (6, len(pace), 2))
+        each = rate.T[:, :, None]
+        result["speed"] = np.concatenate([each, np.abs(each), shared], axis=2)
+    return result
+
+
+def _of_load(prepared: Prepared, load: np.ndarray) -> dict[str, np.ndarray]:
+    """Functions of each channel's own load (6, H, k), of |F| and |T|, and of how the load came."""
+    held = prepared.scene.held
+    scaled = load / np.maximum(np.abs(load).max(axis=0), 1e-9)
+    x = scaled[held].T[:, :, None]
+    step = np.diff(load, axis=0, prepend=load[:1])
+    sign = held_on(np.where(np.abs(step) > 1e-6, np.sign(step), 0.0))[held].T[:, :, None]
+    lengths = np.linalg.norm(respond(prepared.scene)[held].reshape(-1, 2, 3), axis=2)
+    varied = lengths[:, np.ptp(lengths, axis=0) > 0.05 * lengths.max(axis=0)]
+    bins = [(v > np.quantile(v, s)).astype(float) for v in varied.T for s in (0.25, 0.5, 0.75)]
+    shared = np.broadcast_to(np.reshape(bins, (-1, x.shape[1])).T, (6, x.shape[1], len(bins)))
+    return {
+        "load": np.concatenate([x, x**2, np.abs(x), x**3, shared], axis=2),
+        "direction of load": np.concatenate([sign, sign * np.abs(x), sign * x**2], axis=2),
+    }
+
+
+def _turned(prepared: Prepared, joint: int) -> np.ndarray:
+    """How gravity's direction in the sensor changes with a joint (H, 3) [1/rad or 1/m]."""
+    scene = prepared.scene
+    q = scene.joints[scene.held]
+    step = np.zeros(q.shape[1])
+    step[joint] = _TURN
+    up, down = (scene.robot.sensor_pose(q + s * step, scene.theta)[0] for s in (1, -1))
+    change = scene.gravity @ (up - down) / np.linalg.norm(scene.gravity)
+    return np.asarray(change / (2 * _TURN))
+
+
+def _on_rows(prepared: Prepared, functions: np.ndarray) -> np.ndarray:
+    if functions.ndim == 2:
+        rows = on_rows(prepared, functions)
+        return np.broadcast_to(rows, (6, *rows.shape))
+    flat = np.moveaxis(functions, 0, 1).reshape(functions.shape[1], -1)
+    rows = on_rows(prepared, flat)
+    return np.moveaxis(rows.reshape(len(rows), 6, -1), 1, 0)
+
+
+def _orthonormal(columns: np.ndarray, tolerance: float = 0.0) -> np.ndarray:
+    """Per channel (6, R, k) → orthonormal (6, R, k'), without a mean, no more than rows allow.
+
+    Args:
+        columns: functions at the rows.
+        tolerance: least norm of a direction; with 0, columns are scaled and counted first.
+    """
+    centred = columns - columns.mean(axis=1, keepdims=True)
+    least = tolerance
+    if tolerance == 0.0:
+        centred = centred[:, :, : max(1, columns.shape[1] // SHARED_ROWS)]
+        norm = np.sqrt((centred**2).sum(axis=1, keepdims=True))
+        whole = np.sqrt((columns**2).sum(axis=1, keepdims=True))[:, :, : centred.shape[2]]
+        norm = np.where(norm > _RANK * whole, norm, np.inf)
+        centred, least = centred / norm, _RANK
+    values, vectors = np.linalg.eigh(np.swapaxes(centred, 1, 2) @ centred)
+    keep = values > least
+    scale = np.where(keep, 1.0 / np.sqrt(np.where(keep, values, 1.0)), 0.0)
+    basis = centred @ (vectors * scale[:, None, :])
+    return np.asarray(basis[:, :, keep.any(axis=0)])
+
+
+def _fitted(prepared: Prepared) -> np.ndarray:
+    """Orthonormal basis (6 R, 10) of bias, mass and CoG."""
+    scene = prepared.scene
+
+    def load(cog: np.ndarray) -> np.ndarray:
+        tool = Tool(np.ones(()), cog, np.zeros((3, 3)), np.zeros(()))
+        return prepared.rows(wrench(*scene.pose, tool, scene.gravity))
+
+    at_origin = load(np.zeros(3))
+    away = [(load(1e-3 * axis) - at_origin) * 1e3 for axis in np.eye(3)]
+    bias = [np.tile(axis, (len(at_origin), 1)) for axis in np.eye(6)]
+    columns = np.stack([x.ravel() for x in (at_origin, *away, *bias)], axis=1)
+    columns = columns / np.maximum(np.sqrt((columns**2).sum(axis=0)), 1e-300)
+    return np.asarray(np.linalg.qr(columns)[0])
+
+
+def _orders(block: np.ndarray, permutations: int, rng: np.random.Generator) -> np.ndarray:
+    """Row numbers (1 + permutations, R), the first in order.
+
+    Rows of a motion are shifted in a circle, cut into stretches of one block's length, and the
+    stretches permuted.
+    """
+    rows = len(block)
+    length = max(1, rows // len(np.unique(block)))
+    count = -(-rows // length)
+    number = np.arange(rows)
+    result = np.empty((permutations + 1, rows), dtype=int)
+    result[0] = number
+    for k in range(1, permutations + 1):
+        place = rng.permutation(count)[number // length] * rows + number % length
+        shift = int(rng.integers(rows)) if length > 1 else 0
+        result[k] = (np.argsort(place, kind="stable") + shift) % rows
+    return result

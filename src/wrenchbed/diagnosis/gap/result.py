@@ -1,0 +1,106 @@
+"""A diagnosis as people and programs read it: ``diagnosis.json``."""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path, PurePath
+from typing import Any
+
+import numpy as np
+
+from wrenchbed.data.parquet import FORMAT
+from wrenchbed.diagnosis.gap.closure import Closure
+from wrenchbed.effects.chain import ActiveEffect
+from wrenchbed.twin.twin import Twin
+
+
+@dataclass(frozen=True, eq=False)
+class Diagnosis:
+    """The three answers about a recording.
+
+    Attributes:
+        recording: its path, or a name.
+        robot: registry name.
+        verdict: ``none``, ``identified``, ``ambiguous`` or ``unknown``.
+        gap: how far, on rows that no fit saw.
+        where: subsystems with their share of the gap, as the contract has them.
+        which: claimed causes, likewise.
+        probabilities: over the leading cause.
+        cannot_tell: sentences.
+        next: experiments that would tell.
+        twin: the better simulator, of means.
+        seconds: that the diagnosis took.
+        notes: what a reader should know of the data: its noise, what was left out.
+        between: effects that show between rows only, which the written twin has besides.
+    """
+
+    recording: str
+    robot: str
+    verdict: str
+    gap: Closure
+    where: Sequence[Mapping[str, Any]]
+    which: Sequence[Mapping[str, Any]]
+    probabilities: Mapping[str, float]
+    cannot_tell: Sequence[str]
+    next: Sequence[Mapping[str, Any]]
+    twin: Twin
+    seconds: float = 0.0
+    notes: Sequence[str] = field(default_factory=tuple)
+    between: Sequence[ActiveEffect] = ()
+
+    def to_json(self) -> dict[str, Any]:
+        """The contract's object."""
+        g = self.gap
+        return plain(
+            {
+                "format": FORMAT,
+                "recording": PurePath(self.recording).name,
+                "robot": self.robot,
+                "verdict": self.verdict,
+                "gap": {
+                    "configured": g.configured,
+                    "calibrated": g.calibrated,
+                    "with_effects": g.with_effects,
+                    "floor": g.floor,
+                    "closed": g.closed,
+                    "closed_ci95": None if g.interval is None else list(g.interval),
+                    "closed_by_black_box": g.black_box,
+                    "held_out_rows": g.rows,
+                    "per_channel": {c: dict(v) for c, v in g.per_channel.items()},
+                },
+                "where": list(self.where),
+                "which": list(self.which),
+                "probabilities": dict(self.probabilities),
+                "cannot_tell": list(self.cannot_tell),
+                "next": list(self.next),
+            }
+        )
+
+    def write(self, folder: str | Path) -> None:
+        """Write ``diagnosis.json`` and ``twin.json``, each whole or not at all."""
+        folder = Path(folder)
+        folder.mkdir(parents=True, exist_ok=True)
+        text = json.dumps(self.to_json(), indent=1, ensure_ascii=False, allow_nan=False)
+        half = folder / "diagnosis.json.part"
+        half.write_text(text + "\n", encoding="utf-8")
+        half.replace(folder / "diagnosis.json")
+        name = None if self.twin.recording is None else PurePath(self.twin.recording).name
+        twin = replace(self.twin, active=(*self.twin.active, *self.between), recording=name)
+        twin.write(folder / "twin.json")
+
+
+def plain(x: Any) -> Any:
+    """Numbers of numpy as numbers of Python; what is not finite as null."""
+    if isinstance(x, Mapping):
+        return {str(k): plain(v) for k, v in x.items()}
+    if isinstance(x, list | tuple):
+        return [plain(v) for v in x]
+    if isinstance(x, np.ndarray):
+        return plain(x.tolist())
+    if isinstance(x, bool | np.bool_):
+        return bool(x)
+    if isinstance(x, int | np.integer):
+        return int(x)
+    if isinstance(x, float | np.floating):
+        return float(x) if np.isfinite(x) else None
+    return x

@@ -1,0 +1,1 @@
+"""Which experiment would separate what a recording cannot."""

@@ -1,0 +1,338 @@
+"""Experiments that may follow a recording: what is done, how long it takes, the plan to run.
+
+Rows that might be recorded after a recording: more poses, a motion, another payload.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from wrenchbed import registry
+from wrenchbed.data.plan import Plan
+from wrenchbed.diagnosis.prepare import checks, scenes
+from wrenchbed.diagnosis.prepare.prepared import BLOCKS_IN_MOTION, RATES_HZ, Prepared, held_values
+from wrenchbed.errors import PlanError
+from wrenchbed.hardware.drivers.base import duration, straight
+from wrenchbed.physics.taylor import Jet
+from wrenchbed.planning.choose import multisine
+from wrenchbed.robots.base import Robot, SimulatedRobot
+
+
+@dataclass(frozen=True, eq=False)
+class ExperimentRun:
+    """Rows that are recorded in one go.
+
+    Attributes:
+        prepared: the rows; their readings take no part.
+        payload: mass [kg] and CoG in sensor axes (3,) [m] of a known load beside the tool.
+        again: whether it continues the recording, whose zero then still holds.
+    """
+
+    prepared: Prepared
+    payload: tuple[float, np.ndarray] | None = None
+    again: bool = True
+
+
+def loaded(prepared: Prepared, payload: tuple[float, np.ndarray], **change: float) -> np.ndarray:
+    """Parameters (P,) with a known load beside the tool; ``change`` adds to the tool's own mass
+    or CoG (``mass``, ``cog.x`` …)."""
+    robot = prepared.model.robot
+    theta = np.array(prepared.scene.theta)
+    own = robot.tool(theta)
+    mass = float(own.mass) + change.get("mass", 0.0)
+    cog = np.asarray(own.cog, dtype=float) + [change.get(f"cog.{a}", 0.0) for a in "xyz"]
+    total = mass + payload[0]
+    centre = (mass * cog + payload[0] * payload[1]) / total
+    return robot.theta_of_tool(theta, total, [float(c) for c in centre])
+
+
+def posed(
+    prepared: Prepared, q: np.ndarray, t: np.ndarray, noise: np.ndarray, *, after: bool
+) -> Prepared:
+    """Poses at rest (N, J) at times (N,) [s], after the recorded ones or by themselves.
+
+    Args:
+        noise: variance of a pose over that of a row (6,).
+    """
+    old = held_values(prepared) if after else q[:0]
+    kept = prepared.sealed if after else np.zeros(0, dtype=bool)
+    when = prepared.scene.t[prepared.scene.held] if after else t[:0]
+    every, times = np.concatenate([old, q]), np.concatenate([when, t])
+    warm = prepared.scene.warmth
+    if warm is not None:
+        known = warm[prepared.scene.held] if after else warm[:0]
+        warm = np.concatenate([known, np.full(len(q), warm[-1])])  # as warm as at the end
+    scene = scenes.of_poses(prepared.model, prepared.scene.theta, every, times, warm)
+    n = len(every)
+    sealed = np.concatenate([kept, np.zeros(len(q), dtype=bool)])
+    return replace(
+        prepared, scene=scene, y=np.zeros((n, 6)), count=np.ones(n, dtype=int), noise=noise,
+        block=np.arange(n), sealed=sealed, stride=1,
+    )  # fmt: skip
+
+
+def moved(prepared: Prepared, q: np.ndarray, rate: float) -> Prepared:
+    """A motion (N, J) sampled at a rate [Hz], by itself."""
+    d = np.gradient(q, 1.0 / rate, axis=0)
+    jet = Jet(q, d, np.gradient(d, 1.0 / rate, axis=0))
+    n = len(q)
+    scene = scenes.of_motion(prepared.model, prepared.scene.theta, jet, np.arange(n) / rate, None)
+    return replace(
+        prepared, scene=scene, y=np.zeros((n, 6)), count=np.ones(n, dtype=int), noise=np.ones(6),
+        block=np.arange(n) * BLOCKS_IN_MOTION // n, sealed=np.zeros(n, dtype=bool),
+        stride=max(1, round(rate / RATES_HZ[1])),
+    )  # fmt: skip
+
+
+POSES = 20
+PAYLOAD_KG, MOUNTING_S = 0.5, 120.0
+"""A second payload, and the time to fix it [s]."""
+TURNS_S = 3.0
+"""Time of a turn between orientations of a robot without a model [s]."""
+_SIDES = 8
+_SIDE = (0.2, 0.02)
+"""A pose is reached from so far to either side [rad, m]."""
+_SWEPT = 16
+_SWEEP = 2.6
+"""A rotary joint is swept over ± so much [rad]."""
+_FAST_S, _SLOWER, _RATE, _LOOK = 10.0, 3, 125.0, 5
+"""A motion [s], how much slower it is done again, its rate [Hz]; one row in five is looked at."""
+_HOLDS, _HOLD_S = 20, 30.0
+_MORE = 4
+_HOLD_ROWS = 60
+
+Choose = Callable[[np.ndarray], np.ndarray]
+"""Which of some feasible poses (P, J) to take, in order."""
+
+
+@dataclass(frozen=True, eq=False)
+class Action:
+    """One thing to do next.
+
+    Attributes:
+        text: in the imperative, for people.
+        session: its rows; with ``again`` and no payload the recording's rows are among them.
+        minutes: that it takes.
+        plan: to run, None where there is nothing to plan.
+        variables: of the unknown, on which it throws light.
+    """
+
+    text: str
+    session: ExperimentRun
+    minutes: float
+    plan: Plan | None
+    variables: tuple[str, ...] = ()
+
+
+def actions(
+    prepared: Prepared, choose: Choose, seed: int = 0, sweeps: int | None = None
+) -> Iterator[Action]:
+    """All that this robot can do after a recording.
+
+    Args:
+        prepared: the recording, its scene at the baseline.
+        choose: which poses of a pool to add.
+        sweeps: joints, from the first, that are swept one by one; all if None.
+    """
+    for make in (_poses, _payload, _rows, _sides, _revisit, _hold, _motion):
+        action = make(prepared, choose, seed)
+        if action is not None:
+            yield action
+    for k, joint in enumerate(prepared.model.robot.joints[:sweeps]):
+        action = _sweep(prepared, k, joint.name, seed)
+        if action is not None:
+            yield action
+
+
+def feasible(robot: Robot, q: np.ndarray) -> np.ndarray:
+    """Poses (N, J) that the robot can take, where it knows clear of itself and the table (N,)."""
+    good = np.ones(len(q), dtype=bool)
+    good[list(robot.infeasible(q, robot.parameters.nominal))] = False
+    clear = getattr(robot, "clear", None)
+    if clear is not None and good.any():
+        good[good] = clear(q[good])
+    return good
+
+
+def reachable(robot: Robot, q: np.ndarray) -> np.ndarray:
+    """The poses (N, J) less those to which the straight way from the one before leads outside."""
+    kept: list[np.ndarray] = []
+    for pose in q:
+        if kept and robot.infeasible(straight(kept[-1], pose), robot.parameters.nominal):
+            continue
+        kept.append(pose)
+    return np.array(kept).reshape(-1, q.shape[1])
+
+
+def stay(prepared: Prepared) -> float:
+    """Time at each pose of a recording [s]."""
+    rate = prepared.recording.metadata.rate_hz or 100.0
+    rows = _HOLD_ROWS if prepared.moving else float(np.mean(prepared.count))
+    return rows / rate
+
+
+def static_noise(prepared: Prepared) -> np.ndarray:
+    """Variance of a pose's mean over a row's (6,)."""
+    return np.full(6, 1.0 / _HOLD_ROWS) if prepared.moving else prepared.noise
+
+
+def _visit(
+    prepared: Prepared, q: np.ndarray, text: str, variables: tuple[str, ...], dwell: float = 0.0
+) -> Action | None:
+    """Poses (N, J) right after a recording; with a dwell [s] other than the recording's."""
+    robot = prepared.model.robot
+    if robot.joints:
+        q = reachable(robot, q)
+    if len(q) < 3:
+        return None
+    seconds = dwell or stay(prepared)
+    last = held_values(prepared)[-1]
+    before = np.concatenate([last[None], q[:-1]])
+    both = zip(before, q, strict=True)
+    way = [duration(robot, a, b) if robot.joints else TURNS_S for a, b in both]
+    begin = 0.0 if prepared.moving else float(prepared.scene.t[-1])
+    t = begin + np.cumsum(np.array(way) + seconds) - seconds / 2
+    noise = static_noise(prepared)
+    session = ExperimentRun(posed(prepared, q, t, noise, after=not prepared.moving), None, True)
+    if prepared.moving:
+        session = replace(session, again=False)
+    plan = Plan.of(robot.name, q) if robot.joints else None
+    if plan is not None and dwell:
+        plan = replace(plan, dwell=np.full(len(q), dwell))
+    minutes = (float(np.sum(way)) + seconds * len(q)) / 60.0
+    return Action(text.format(n=len(q)), session, minutes, plan, variables)
+
+
+def _pool(prepared: Prepared, seed: int) -> np.ndarray:
+    robot = prepared.model.robot
+    pool = robot.pool(120, seed) if robot.joints else robot.sample(120, np.random.default_rng(seed))
+    return np.asarray(pool[feasible(robot, pool)] if robot.joints else pool)
+
+
+def _poses(prepared: Prepared, choose: Choose, seed: int) -> Action | None:
+    pool = _pool(prepared, seed)
+    chosen = pool[choose(pool)[:POSES]]
+    text = "record {n} more poses in other orientations"
+    return _visit(prepared, chosen, text, ("orientation", "position"))
+
+
+def _payload(prepared: Prepared, choose: Choose, seed: int) -> Action | None:
+    robot = prepared.model.robot
+    own = robot.tool(prepared.scene.theta)
+    sensor = registry.load("sensors", checks.sensor_name(prepared.recording))
+    weight = float(np.min(sensor.calibration().range[:3])) / 9.81 - float(own.mass)
+    mass = min(PAYLOAD_KG, 0.5 * weight)
+    if mass < 0.05:
+        return None
+    payload = (mass, 0.5 * np.asarray(own.cog, dtype=float))
+    text = f"fix a second, known payload of +{mass:.2g} kg and record {{n}} poses again"
+    action = _visit(prepared, _spread(prepared, 30), text, ())
+    if action is None:
+        return None
+    q = _spread(prepared, 30) if action.plan is None else action.plan.q
+    t = np.linspace(0.0, action.minutes * 60.0, len(q))
+    again = posed(prepared, q, t, static_noise(prepared), after=False)
+    minutes = action.minutes + MOUNTING_S / 60.0
+    return replace(action, session=ExperimentRun(again, payload, False), minutes=minutes)
+
+
+def _rows(prepared: Prepared, choose: Choose, seed: int) -> Action | None:
+    if prepared.moving:
+        return None
+    q = held_values(prepared)
+    text = f"record the same {{n}} poses with {_MORE} times as many rows each"
+    action = _visit(prepared, q, text, (), dwell=_MORE * stay(prepared))
+    if action is None:
+        return None
+    finer = replace(prepared, noise=prepared.noise / (1 + _MORE))
+    return replace(action, session=ExperimentRun(finer))
+
+
+def _sides(prepared: Prepared, choose: Choose, seed: int) -> Action | None:
+    robot = prepared.model.robot
+    if not robot.joints:
+        return None
+    side = np.array([_SIDE[j.unit == "m"] for j in robot.joints])
+    q = _some(prepared) if prepared.moving else held_values(prepared)
+    good = feasible(robot, q) & feasible(robot, q - side) & feasible(robot, q + side)
+    chosen = _evenly(q[good], _SIDES)
+    every = np.stack([chosen - side, chosen, chosen + side, chosen], axis=1)
+    text = f"approach {len(chosen)} poses from both sides"
+    return _visit(prepared, every.reshape(-1, q.shape[1]), text, ("direction",))
+
+
+def _revisit(prepared: Prepared, choose: Choose, seed: int) -> Action | None:
+    if prepared.moving:
+        return None
+    q = _spread(prepared, 30)
+    first = held_values(prepared)[:1]
+    parts = [np.concatenate([first, q[k : k + 10]]) for k in range(0, len(q), 10)]
+    text = "record {n} poses again and return to the first pose after every ten"
+    return _visit(prepared, np.concatenate([*parts, first]), text, ("time",))
+
+
+def _hold(prepared: Prepared, choose: Choose, seed: int) -> Action | None:
+    if prepared.moving:
+        return None
+    q = np.repeat(held_values(prepared)[:1], _HOLDS, axis=0)
+    minutes = _HOLDS * _HOLD_S / 60.0
+    text = f"hold the first pose from cold for {minutes:.0f} min and log the temperature"
+    return _visit(prepared, q, text, ("time", "temperature"), dwell=_HOLD_S)
+
+
+def _motion(prepared: Prepared, choose: Choose, seed: int) -> Action | None:
+    robot = prepared.model.robot
+    if not isinstance(robot, SimulatedRobot):
+        return None
+    try:
+        fast = multisine(robot, _FAST_S, _RATE, seed).q
+    except PlanError:
+        return None
+    t = np.arange(len(fast))
+    when = np.arange((len(fast) - 1) * _SLOWER + 1) / _SLOWER
+    slow = np.stack([np.interp(when, t, x) for x in fast.T], axis=1)
+    width = 2 * _SLOWER + 1  # rounds the corners of the interpolation
+    padded = np.pad(slow, ((_SLOWER, _SLOWER), (0, 0)), mode="edge")
+    slow = np.stack([np.convolve(x, np.full(width, 1 / width), "valid") for x in padded.T], axis=1)
+    q = np.concatenate([fast, slow])
+    session = ExperimentRun(moved(prepared, q[::_LOOK], _RATE / _LOOK), None, False)
+    text = f"move along one path fast and {_SLOWER} times slower"
+    plan = Plan.of(robot.name, q, rate_hz=_RATE)
+    return Action(text, session, len(q) / _RATE / 60.0 + 0.1, plan, ("speed", "direction"))
+
+
+def _sweep(prepared: Prepared, joint: int, name: str, seed: int) -> Action | None:
+    robot = prepared.model.robot
+    limit = robot.joints[joint]
+    low, high = limit.lower, limit.upper
+    if limit.unit == "rad":
+        low, high = max(low, -_SWEEP), min(high, _SWEEP)
+    source = _some(prepared) if prepared.moving else held_values(prepared)
+    if len(source) == 0:
+        return None
+    place = np.random.default_rng([seed, joint]).permutation(len(source))
+    kept: list[np.ndarray] = []
+    for k, at in enumerate(np.linspace(low, high, _SWEPT)):
+        trial = source[np.roll(place, -k)].copy()
+        trial[:, joint] = at
+        good = np.flatnonzero(feasible(robot, trial))
+        if len(good):
+            kept.append(trial[good[0]])
+    if len(kept) < 3:
+        return None
+    variables = (f"joint {joint + 1}", *(("position",) if joint == 0 else ()))
+    return _visit(prepared, np.array(kept), f"sweep joint {name} over {{n}} poses", variables)
+
+
+def _some(prepared: Prepared) -> np.ndarray:
+    """Feasible poses of a motion's robot."""
+    return _evenly(_pool(prepared, 1), 30)
+
+
+def _spread(prepared: Prepared, n: int) -> np.ndarray:
+    return _some(prepared) if prepared.moving else _evenly(held_values(prepared), n)
+
+
+def _evenly(q: np.ndarray, n: int) -> np.ndarray:
+    return q[np.unique(np.linspace(0, len(q) - 1, min(n, len(q))).astype(int))] if len(q) else q

@@ -1,0 +1,240 @@
+"""How well a further experiment would tell explanations apart, before it is done.
+
+Explanations are linear about the baseline: each predicts columns times sizes. Under the covariance
+of a rival, with all that the rival, the stated numbers and a normal background can make, the
+predicted readings of the other lie d standard deviations away; two Gaussians so far apart have the
+Jensen–Shannon divergence that one reading of the experiment is worth (Lin 1991,
+doi 10.1109/18.61115; its use for designs: Vanlier et al. 2014, doi 10.1186/1752-0509-8-20).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from wrenchbed.diagnosis.evidence.dictionary import STATED, EffectDictionary, Hypothesis, Response
+from wrenchbed.diagnosis.evidence.likelihood import CORRELATION_S, LARGE, MOST, BackgroundLevel
+from wrenchbed.diagnosis.next.actions import ExperimentRun, loaded
+from wrenchbed.diagnosis.prepare.prepared import Prepared
+from wrenchbed.effects.base import Effect, Variant
+from wrenchbed.effects.chain import effects
+
+Candidate = tuple[Hypothesis, np.ndarray]
+"""An explanation: a variant and its amplitudes (k,) in typical sizes."""
+
+GAP = 0.3
+"""Gap of the background that every robot has."""
+EFFECTS, ROWS = 0.5, 0.5
+"""Shares of it: small effects of the library, and what no effect makes."""
+FREE = 8.0
+"""Standard deviation of a rival's amplitudes, in typical sizes."""
+_NODES, _WEIGHTS = np.polynomial.hermite_e.hermegauss(41)
+
+
+@dataclass(frozen=True)
+class _Column:
+    effect: Effect
+    parameter: str
+    variant: Variant
+
+
+@dataclass(frozen=True, eq=False)
+class ExperimentRows:
+    """What a session would show.
+
+    Attributes:
+        E: columns (6 R, n), the same as every session's.
+        v0: variance of each row (6 R,).
+        own: columns (6 R, m) that only this session has: its zero, what only motion shows.
+        own_variance: of these (m,).
+    """
+
+    E: np.ndarray
+    v0: np.ndarray
+    own: np.ndarray | None = None
+    own_variance: np.ndarray = field(default_factory=lambda: np.zeros(0))
+
+
+class Contest:
+    """Compares explanations in designs that hold a recording and what may follow it.
+
+    Args:
+        d: dictionary of the recording.
+        candidates: two or more explanations.
+    """
+
+    def __init__(self, d: EffectDictionary, candidates: Sequence[Candidate]) -> None:
+        self.d, self.candidates = d, tuple(candidates)
+        self.chosen, self._columns = _columns_of(d, self.candidates)
+        self._place = {int(k): i for i, k in enumerate(self.chosen)}
+        self.stated = np.array([self._place[int(k)] for k in d.stated])
+        self.sizes = [self._sizes(c) for c in self.candidates]
+        self.old = ExperimentRows(d.E[:, self.chosen], self._variance(d.prepared))
+        self.background = self._background()
+
+    def _sizes(self, candidate: Candidate) -> np.ndarray:
+        x = np.zeros(len(self.chosen))
+        hypothesis, sizes = candidate
+        x[self.own(hypothesis)] = sizes
+        return x
+
+    def own(self, hypothesis: Hypothesis) -> np.ndarray:
+        """Places of a hypothesis's columns among the chosen ones."""
+        return np.array([self._place[int(k)] for k in hypothesis.columns])
+
+    def _variance(self, prepared: Prepared) -> np.ndarray:
+        rows = ROWS * GAP
+        if prepared.moving:
+            rows *= max(1.0, CORRELATION_S / (prepared.scene.period * prepared.stride))
+        count = len(prepared.rows(np.zeros((len(prepared.y), 6))))
+        return np.tile(prepared.variance + rows, count)
+
+    def _background(self) -> np.ndarray:
+        """Variance of each chosen column (n,) without any cause."""
+        label = [self.d.label[k] for k in self.chosen]
+        gap = self.d.configured_gap[self.chosen]
+        named = sorted({e for e, _ in label if e not in STATED})
+        result = np.zeros(len(label))
+        for name in named:
+            own = np.array([e == name for e, _ in label])
+            share = EFFECTS * GAP / (len(named) * own.sum())
+            result[own] = np.minimum(MOST**2, share / np.maximum(gap[own], 1e-12))
+        result[self.stated] = LARGE
+        blamed = {h.name for h, _ in self.candidates} & set(STATED)
+        for k, place in enumerate(self.stated):
+            if label[place][0] in blamed:  # its statement counts: it is what is in doubt
+                result[place] = min(float(self.d.tolerance[k]) ** 2, LARGE)
+        return result
+
+    def rows(self, session: ExperimentRun) -> ExperimentRows:
+        """Columns of a session at the recording's baseline."""
+        base = session.prepared
+        at = base if session.payload is None else base.at(loaded(base, session.payload))
+        mode = "dynamic" if base.moving else "static"
+        response = Response(at.scene)
+        result = np.zeros((len(self._variance(base)), len(self.chosen)))
+        for k, c in enumerate(self._columns):
+            if mode not in c.effect.modes:
+                continue
+            known = c.effect.parameters(at.scene.robot)
+            if session.payload is not None and c.effect.name in ("tool.mass", "tool.cog"):
+                size = float(self.d.size[self.chosen[k]])
+                change = _tool_change(base, session.payload, c.parameter, size)
+            else:
+                parameter = known[known.index(c.parameter)]
+                change = response.tangent(c.effect, parameter, c.variant)
+            result[:, k] = base.rows(change).ravel()
+        v0 = self._variance(base)
+        if session.again:
+            return ExperimentRows(result, v0)
+        own = [np.tile(np.eye(6), (len(v0) // 6, 1)), *self._only_there(base, response)]
+        wide = np.concatenate([np.full(6, LARGE), np.ones(sum(x.shape[1] for x in own[1:]))])
+        return ExperimentRows(result, v0, np.concatenate(own, axis=1), wide)
+
+    def _only_there(self, base: Prepared, response: Response) -> list[np.ndarray]:
+        """Columns of effects of which the recording could know nothing, at typical size."""
+        if base.moving == self.d.prepared.moving:
+            return []
+        mode, known = ("dynamic", "static") if base.moving else ("static", "dynamic")
+        result = []
+        for effect in effects().values():
+            if mode in effect.modes and known not in effect.modes:
+                scene = response.scene
+                variants = effect.variants(scene)
+                if not variants:
+                    continue
+                variant = max(variants, key=lambda v: len(v.free))
+                every = effect.parameters(scene.robot)
+                changes = [
+                    base.rows(response.tangent(effect, every[every.index(n)], variant)).ravel()
+                    for n in variant.free
+                ]
+                result.append(np.stack(changes, axis=1))
+        return result
+
+    def distance(self, first: int, rival: int, parts: Sequence[ExperimentRows]) -> float:
+        """Standard deviations between what an explanation predicts and all that a rival can."""
+        extra = [_placed(part.own, k, parts) for k, part in enumerate(parts)]
+        E = np.concatenate([p.E for p in parts])
+        delta = E @ self.sizes[first]
+        variance = self.background.copy()
+        variance[self.own(self.candidates[rival][0])] += FREE**2
+        stack = np.concatenate([E, *extra], axis=1)
+        wide = np.concatenate([variance, *(p.own_variance for p in parts)])
+        level = BackgroundLevel(stack, np.concatenate([p.v0 for p in parts]), wide)
+        return float(np.sqrt(max(delta @ level.solve(delta[:, None])[:, 0], 0.0)))
+
+    def divergence(self, parts: Sequence[ExperimentRows]) -> dict[tuple[int, int], float]:
+        """Jensen–Shannon divergence [nat] of each pair of explanations; at most log 2."""
+        n = len(self.candidates)
+        result = {}
+        for a in range(n):
+            for b in range(a + 1, n):
+                there = jensen_shannon(self.distance(a, b, parts))
+                back = jensen_shannon(self.distance(b, a, parts))
+                result[a, b] = 0.5 * (there + back)
+        return result
+
+    def contrast(self, parts: Sequence[ExperimentRows], pool: ExperimentRows) -> np.ndarray:
+        """Squared difference (P,) that rows of a pool would show between the first two
+        explanations, once the second is fitted to what is known, over their noise."""
+        free = np.unique(np.concatenate([self.stated, self.own(self.candidates[1][0])]))
+        known = np.concatenate([p.E for p in parts]) / np.sqrt(
+            np.concatenate([p.v0 for p in parts])
+        )[:, None]  # fmt: skip
+        new = pool.E / np.sqrt(pool.v0)[:, None]
+        x = self.sizes[0]
+        design = known[:, free]
+        normal = design.T @ design + np.eye(len(free)) / FREE**2
+        fitted = np.linalg.solve(normal, design.T @ (known @ x))
+        rest = new @ x - new[:, free] @ fitted
+        return np.asarray((rest.reshape(-1, 6) ** 2).sum(axis=1))
+
+
+def jensen_shannon(d: float) -> float:
+    """Divergence [nat] of two Gaussians of equal width that lie d widths apart."""
+    x = d / 2 + _NODES
+    lost = np.logaddexp(0.0, -d * x) @ _WEIGHTS / _WEIGHTS.sum()
+    return float(max(np.log(2.0) - lost, 0.0))
+
+
+def _columns_of(
+    d: EffectDictionary, candidates: Sequence[Candidate]
+) -> tuple[np.ndarray, list[_Column]]:
+    """Columns that a contest needs: the candidates', the stated ones, one set of each effect."""
+    found: dict[int, _Column] = {}
+
+    def add(h: Hypothesis) -> None:
+        for k, name in zip(h.columns, h.variant.free, strict=True):
+            found.setdefault(int(k), _Column(h.effect, name, h.variant))
+
+    for h, _ in candidates:
+        add(h)
+    for name in dict.fromkeys(h.name for h in d.hypotheses):
+        of = [h for h in d.hypotheses if h.name == name]
+        add(max(of, key=lambda h: len(h.columns)))
+        if name in STATED:
+            for h in of:
+                add(h)
+    chosen = np.array(sorted(found))
+    return chosen, [found[int(k)] for k in chosen]
+
+
+def _placed(own: np.ndarray | None, at: int, parts: Sequence[ExperimentRows]) -> np.ndarray:
+    """Columns (6 R of all, m) that only one session has."""
+    if own is None:
+        return np.zeros((sum(len(p.E) for p in parts), 0))
+    start = sum(len(p.E) for p in parts[:at])
+    result = np.zeros((sum(len(p.E) for p in parts), own.shape[1]))
+    result[start : start + len(own)] = own
+    return result
+
+
+def _tool_change(
+    prepared: Prepared, payload: tuple[float, np.ndarray], parameter: str, size: float
+) -> np.ndarray:
+    up, down = (
+        Response(prepared.at(loaded(prepared, payload, **{parameter: s * size / 2})).scene).reading
+        for s in (1.0, -1.0)
+    )
+    return up - down

@@ -1,0 +1,235 @@
+"""What a design can show before any cause is known: sizes that show, and effects that merge."""
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from wrenchbed.diagnosis.evidence.dictionary import STATED, EffectDictionary
+from wrenchbed.diagnosis.evidence.similarity import ALIKE, PLAUSIBLE, Likeness
+from wrenchbed.diagnosis.explain.verdict import INSEPARABLE
+from wrenchbed.effects.base import RowEffect
+from wrenchbed.effects.chain import acts, effects
+
+
+@dataclass(frozen=True)
+class VisibleSize:
+    """Whether and at what size an effect shows.
+
+    Attributes:
+        effect, variant: what; the variant that shows best.
+        smallest: multiple of its typical size that adds a gap of 1, None if it cannot show.
+        size: value and unit of each parameter at that multiple.
+        detectable: whether that size may occur.
+        rivals: effects of which some variant makes the same readings as this variant.
+    """
+
+    effect: str
+    variant: str
+    smallest: float | None
+    size: Mapping[str, tuple[float, str]]
+    detectable: bool
+    rivals: tuple[str, ...]
+
+
+def isolability(
+    dictionary: EffectDictionary, likeness: Likeness | None = None
+) -> tuple[VisibleSize, ...]:
+    """Every effect with a mean, by name: its best variant, the size that shows, its rivals.
+
+    Effects that show only between rows (noise, steps, repeats) depend on no pose and are left out.
+    """
+    likeness = likeness or Likeness(dictionary)
+    result = []
+    for name, effect in effects().items():
+        if isinstance(effect, RowEffect):
+            continue
+        own = [k for k, w in enumerate(likeness.ways) if w.name == name]
+        shown = {h.variant.label for h in dictionary.hypotheses if h.name == name}
+        own = [k for k in own if likeness.ways[k].variant.label in shown]
+        if not own:
+            result.append(VisibleSize(name, "", None, {}, False, ()))
+            continue
+        gaps = [likeness.gap(likeness.ways[k]) for k in own]
+        counts = [len(likeness.ways[k].columns) for k in own]
+        result.append(_showing(likeness, own[int(np.argmax(np.divide(gaps, counts)))]))
+    return tuple(result)
+
+
+def visible_sizes(likeness: Likeness, effect: str, variant: str) -> VisibleSize:
+    """The same of one variant by its label.
+
+    Raises:
+        KeyError: the design has no such variant.
+    """
+    for k, way in enumerate(likeness.ways):
+        if (way.name, way.variant.label) == (effect, variant):
+            return _showing(likeness, k)
+    raise KeyError(f"{effect} has no variant {variant!r} here")
+
+
+def _showing(likeness: Likeness, index: int) -> VisibleSize:
+    way, d = likeness.ways[index], likeness.d
+    gap = likeness.gap(way)
+    if gap <= 1e-12:
+        return VisibleSize(way.name, way.variant.label, None, {}, False, ())
+    smallest = 1.0 / float(np.sqrt(gap))
+    known = way.effect.parameters(d.prepared.scene.robot)
+    both = zip(way.variant.free, way.columns, strict=True)
+    size = {n: (smallest * float(d.size[k]), known[known.index(n)].unit) for n, k in both}
+    rivals = likeness.rivals(index)
+    return VisibleSize(way.name, way.variant.label, smallest, size, smallest <= PLAUSIBLE, rivals)
+
+
+def classes(showings: Sequence[VisibleSize]) -> tuple[frozenset[str], ...]:
+    """Groups of two or more effects that merge: each makes the readings of the other's best
+    variant, directly or through a third."""
+    rivals = {s.effect: set(s.rivals) for s in showings}
+    groups: list[set[str]] = []
+    for name, others in rivals.items():
+        pair = {o for o in others if name in rivals.get(o, set())}
+        if not pair:
+            continue
+        joined = {name} | pair
+        for group in [g for g in groups if g & joined]:
+            groups.remove(group)
+            joined |= group
+        groups.append(joined)
+    return tuple(frozenset(g) for g in groups)
+
+
+def cannot_tell(
+    dictionary: EffectDictionary,
+    likeness: Likeness | None = None,
+    among: Collection[str] | None = None,
+) -> tuple[str, ...]:
+    """What a design leaves open, in sentences.
+
+    Args:
+        among: only what concerns one of these effects; everything if None.
+    """
+    likeness = likeness or Likeness(dictionary)
+    told = [*_never(likeness), *_taken(likeness), *_sums(likeness), *_pairs(likeness)]
+    kept = [text for names, text in told if among is None or names & set(among)]
+    return tuple(dict.fromkeys(kept))
+
+
+_Told = list[tuple[frozenset[str], str]]
+
+
+def _never(likeness: Likeness) -> _Told:
+    """Effects of which nothing shows."""
+    d = likeness.d
+    where = "a motion" if d.prepared.moving else "poses at rest"
+    mean = [e for e in effects().values() if not isinstance(e, RowEffect)]
+    other = [e.name for e in mean if not acts(e, d.prepared.scene)]
+    acting = [e for e in mean if acts(e, d.prepared.scene)]
+    absent = [e.name for e in acting if not e.variants(d.prepared.scene)]
+    result: _Told = []
+    for names, why in (
+        (other, f"cannot show in {where}"),
+        (absent, "cannot show: this robot, or these rows, have nothing that it acts on"),
+    ):
+        if names:
+            result.append((frozenset(names), f"{listed(names)} {why}"))
+    for name in d.invisible:
+        own = [w for w in likeness.ways if w.name == name]
+        if any(d.configured_gap[w.columns].sum() * PLAUSIBLE**2 >= 1.0 for w in own):
+            why = "a fit of bias, mass and CoG takes all of it"
+        else:
+            why = "it stays below the noise at any plausible size"
+        result.append((frozenset({name}), f"{name} cannot show: {why}"))
+    return result
+
+
+def _taken(likeness: Likeness) -> _Told:
+    """Single joints that cannot show though others can; stated numbers that effects mimic."""
+    result: _Told = []
+    hidden: dict[str, list[int]] = {}
+    shown = {h.name for h in likeness.d.hypotheses}
+    for way in likeness.ways:
+        if list(way.variant.detail) == ["joint"] and way.name in shown and not likeness.seen(way):
+            hidden.setdefault(way.name, []).append(way.variant.detail["joint"])
+    for name, joints in hidden.items():
+        result.append((frozenset({name}), f"{name} of {_joints(joints)} cannot show"))
+    for name in STATED:
+        own = [k for k, w in enumerate(likeness.ways) if w.name == name]
+        whole = max(own, key=lambda k: len(likeness.ways[k].columns))
+        for k in _narrowest(likeness, np.flatnonzero(likeness.inside[whole])):
+            way = likeness.ways[k]
+            if len(way.columns) == len(likeness.ways[whole].columns):
+                text = f"{way.text} and {name} look the same with one payload"
+            else:
+                text = f"{way.text} can make all that {name} makes with one payload"
+            result.append((frozenset({name, way.name}), text))
+    return result
+
+
+def _sums(likeness: Likeness) -> _Told:
+    """Joints of one effect that act alike."""
+    result: _Told = []
+    left = likeness.grams[""]
+    for name in dict.fromkeys(w.name for w in likeness.ways):
+        own = [
+            w
+            for w in likeness.ways
+            if w.name == name and list(w.variant.detail) == ["joint"] and len(w.columns) == 1
+        ]
+        columns = {w.variant.detail["joint"]: int(w.columns[0]) for w in own if likeness.seen(w)}
+        rest = list(columns)
+        while rest:
+            first = rest.pop(0)
+            k = columns[first]
+            alike = [j for j in rest if abs(_cosine(left, k, columns[j])) > ALIKE]
+            rest = [j for j in rest if j not in alike]
+            if not alike:
+                continue
+            ratio = [left[k, columns[j]] / left[k, k] for j in alike]
+            sums = all(abs(r - 1.0) < 0.02 for r in ratio)
+            how = "enter only as their sum" if sums else "look the same"
+            result.append((frozenset({name}), f"{name} of {_joints([first, *alike])} {how}"))
+    return result
+
+
+def _pairs(likeness: Likeness) -> _Told:
+    """Different effects of which each, or one, makes the readings of the other."""
+    ways, inside = likeness.ways, likeness.inside
+    real = np.array([w.name not in STATED and likeness.shows(w) for w in ways])
+    result: _Told = []
+    done: set[frozenset[str]] = set()
+    order = np.argwhere(inside & inside.T & real[:, None] & real[None])
+    for a, b in sorted(order.tolist(), key=lambda p: sum(len(ways[k].columns) for k in p)):
+        pair = frozenset({ways[a].name, ways[b].name})
+        if len(pair) == 2 and pair not in done:
+            done.add(pair)
+            where = " in any free-space data" if pair in INSEPARABLE else " in this data"
+            result.append((pair, f"{ways[a].text} and {ways[b].text} look the same{where}"))
+    for a in np.flatnonzero(real).tolist():
+        for b in _narrowest(likeness, np.flatnonzero(inside[a] & real)):
+            pair = frozenset({ways[a].name, ways[b].name})
+            if len(pair) == 2 and pair not in done:
+                done.add(pair)
+                result.append((pair, f"{ways[b].text} can make what {ways[a].text} makes"))
+    return result
+
+
+def _narrowest(likeness: Likeness, members: np.ndarray) -> list[int]:
+    """Of each effect the way with the fewest columns."""
+    best: dict[str, int] = {}
+    for k in sorted(members.tolist(), key=lambda k: len(likeness.ways[k].columns)):
+        best.setdefault(likeness.ways[k].name, k)
+    return list(best.values())
+
+
+def _cosine(gram: np.ndarray, a: int, b: int) -> float:
+    return float(gram[a, b] / np.sqrt(max(gram[a, a] * gram[b, b], 1e-300)))
+
+
+def _joints(numbers: Sequence[int]) -> str:
+    return ("joint " if len(numbers) == 1 else "joints ") + listed([str(n) for n in numbers])
+
+
+def listed(names: Sequence[str]) -> str:
+    """``a, b and c``."""
+    *most, last = names
+    return f"{', '.join(most)} and {last}" if most else last

@@ -1,0 +1,1 @@
+"""A recording made ready: checks, noise, blocks, held-out rows, baseline calibration."""

@@ -1,0 +1,124 @@
+"""What an accelerometer on the tool says about the base's tilt: gravity measured a second time.
+
+At rest it reads a = A Rᵀ(g + α × g) + b: R the sensor's orientation, A the accelerometer's mounting
+and scales (3, 3), b its zero, α the tilt. A and b are free, so neither how it is mounted nor how
+well it is calibrated matters: only that gravity, as the base sees it, stands still. Nothing of this
+is in the wrench.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from wrenchbed.calibration.observations import usable
+from wrenchbed.data.holds import gather
+from wrenchbed.data.recording import Recording
+from wrenchbed.effects.base_tilt import TYPICAL
+from wrenchbed.physics.rotations import cross
+from wrenchbed.physics.taylor import value
+from wrenchbed.robots.model import Model
+
+TILT = "base.tilt"
+"""The effect that it bears witness to."""
+AXES = ("ax", "ay", "az")
+SIZES = TYPICAL * 2.0 ** np.arange(-2, 3)
+"""Prior standard deviations of a tilt about one axis [rad], all alike."""
+LEAST_FREE = 12
+"""Degrees of freedom that the fit must leave."""
+_NUISANCES = 12
+_STEPS = 8
+_GRID = np.linspace(-8.0, 8.0, 65)
+
+
+@dataclass(frozen=True, eq=False)
+class Testimony:
+    """A tilt as the accelerometer sees it.
+
+    Attributes:
+        tilt: rotation of gravity about the base's x and y (2,) [rad].
+        covariance: (2, 2), from its own residual.
+        log_bayes: log Bayes factor of a tilt against none.
+        rms: of what is left [m/s²].
+        dof: degrees of freedom behind it.
+    """
+
+    tilt: np.ndarray
+    covariance: np.ndarray
+    log_bayes: float
+    rms: float
+    dof: int
+
+    @property
+    def std(self) -> np.ndarray:
+        """Standard uncertainties (2,) [rad]."""
+        return np.asarray(np.sqrt(np.diagonal(self.covariance)))
+
+
+def testimony(recording: Recording, model: Model, theta: np.ndarray) -> Testimony | None:
+    """The tilt of a static recording with ``ax ay az``; None if it holds too little to tell.
+
+    Args:
+        recording: at rest.
+        model: its robot under its gravity.
+        theta: full parameters as stated (P,).
+    """
+    if recording.metadata.mode != "static" or not all(a in recording.columns for a in AXES):
+        return None
+    holds = gather(recording, usable(recording))
+    rows = np.stack([recording.columns[a] for a in AXES], axis=-1)[usable(recording)]
+    read = np.add.reduceat(rows, holds.rows) / holds.count[:, None]
+    own = theta[: len(model.robot.parameters)]
+    rotation = value(model.robot.sensor_pose(holds.q, own)[0])
+    return fitted(read, rotation, np.asarray(model.gravity))
+
+
+def fitted(read: np.ndarray, rotation: np.ndarray, gravity: np.ndarray) -> Testimony | None:
+    """The tilt from readings (H, 3) [m/s²] at orientations (H, 3, 3) under gravity (3,) [m/s²]."""
+    dof = read.size - _NUISANCES - 2
+    if dof < LEAST_FREE:
+        return None
+    tilt = np.zeros(2)
+    for _ in range(_STEPS):
+        seen = (gravity + cross(np.array([*tilt, 0.0]), gravity)) @ rotation
+        basis, scale, _ = np.linalg.svd(np.column_stack([seen, np.ones(len(seen))]), False)
+        if scale[-1] < 1e-6 * scale[0]:
+            return None
+        gain = np.linalg.lstsq(np.column_stack([seen, np.ones(len(seen))]), read, rcond=None)[0]
+        turns = [(cross(axis, gravity) @ rotation) @ gain[:3] for axis in np.eye(3)[:2]]
+        design = np.stack([_without(basis, x).ravel() for x in turns], axis=1)
+        left = _without(basis, read).ravel()
+        normal = design.T @ design
+        if np.linalg.eigvalsh(normal)[0] < 1e-9 * max(float((seen**2).sum()), 1e-12):
+            return None
+        step = np.linalg.solve(normal, design.T @ left)
+        tilt = tilt + step
+        if np.abs(step).max() < 1e-9:
+            break
+    square = float(((left - design @ step) ** 2).sum())
+    none = square + float(tilt @ normal @ tilt)
+    covariance = np.linalg.inv(normal) * square / dof
+    gain_of_tilt = [_log_bayes(tilt, normal, square, none, dof + 2, float(s)) for s in SIZES]
+    log_bayes = float(np.logaddexp.reduce(gain_of_tilt) - np.log(len(SIZES)))
+    return Testimony(tilt, covariance, log_bayes, float(np.sqrt(square / read.size)), dof)
+
+
+def _without(basis: np.ndarray, x: np.ndarray) -> np.ndarray:
+    return np.asarray(x - basis @ (basis.T @ x))
+
+
+def _log_bayes(
+    tilt: np.ndarray, normal: np.ndarray, square: float, none: float, free: int, size: float
+) -> float:
+    """log ∫ π(α) (S(α)/S(0))^(−n/2) dα, the noise's variance integrated out (Jeffreys' prior)."""
+    inside = normal * free / square
+    spread = np.linalg.inv(inside + np.eye(2) / size**2)
+    middle = spread @ inside @ tilt
+    root = np.linalg.cholesky(spread)
+    z = np.stack(np.meshgrid(_GRID, _GRID), axis=-1).reshape(-1, 2)
+    at = middle + z @ root.T
+    away = at - tilt
+    energy = square + np.einsum("ni,ij,nj->n", away, normal, away)
+    log = -0.5 * (at**2).sum(axis=1) / size**2 - np.log(2 * np.pi * size**2)
+    log -= 0.5 * free * np.log(energy / none)
+    cell = np.log(_GRID[1] - _GRID[0]) * 2 + np.log(np.diagonal(root)).sum()
+    return float(np.logaddexp.reduce(log) + cell)

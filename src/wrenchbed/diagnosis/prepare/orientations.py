@@ -1,0 +1,193 @@
+"""A motion of which only the sensor's orientation is known, made ready for a diagnosis.
+
+The configured simulator has gravity alone. Rows are averaged to `RATE_HZ`, so that a scene of slow
+poses follows the motion; an accelerometer on the tool, if there is one, gives the accelerations
+that orientations lack. What is faster than the averages is no part of their gap: what leaks through
+them says how sure an average is, and `trembling` what it is.
+"""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from wrenchbed.calibration.observations import Observations, floored, usable
+from wrenchbed.data.recording import Recording
+from wrenchbed.diagnosis.prepare import checks, scenes
+from wrenchbed.diagnosis.prepare.accelerometer import AXES
+from wrenchbed.diagnosis.prepare.prepared import Prepared, split
+from wrenchbed.effects.tool_inertia import ACCELERATION, SPIN, TURNING
+from wrenchbed.errors import DiagnosisError
+from wrenchbed.physics.rotations import cross
+from wrenchbed.physics.wrench import Tool
+
+RATE_HZ = 25.0
+EVEN = 0.2
+"""Largest departure of a step from the mean one, relative."""
+STILL = 0.02
+"""Below this rate of turn [rad/s] the tool counts as at rest."""
+LEAST_STILL = 5
+"""Averaged rows at rest from which an accelerometer's zero is taken."""
+SCALE, ZERO = 0.01, 1.0
+"""Standard deviations of an accelerometer's gain, relative, and zero [m/s²], before it is seen."""
+
+
+class Averages(NamedTuple):
+    """Averages of N rows under a Hann window of two strides, one a stride.
+
+    Attributes:
+        stride: rows.
+        weight: of the rows under the window (2 stride,), sum 1.
+    """
+
+    stride: int
+    weight: np.ndarray
+
+    def of(self, x: np.ndarray) -> np.ndarray:
+        """Averages (M, k) of rows (N, k)."""
+        windows = np.lib.stride_tricks.sliding_window_view(x, len(self.weight), axis=0)
+        return np.asarray(windows[:: self.stride] @ self.weight)
+
+    def rough(self, t: np.ndarray, x: np.ndarray) -> np.ndarray:
+        """What the averages do not follow (N', k) of rows x (N, k) at t (N,), the ends left out."""
+        at, course = self.of(t[:, None])[:, 0], self.of(x)
+        inside = (t >= at[0]) & (t <= at[-1])
+        smooth = np.stack([np.interp(t[inside], at, c) for c in course.T], axis=1)
+        return np.asarray(x[inside] - smooth)
+
+
+def applies(recording: Recording) -> bool:
+    """Whether it is a motion without joints."""
+    return recording.metadata.mode == "dynamic" and not recording.joints
+
+
+def averages(recording: Recording) -> Averages:
+    """The averages of a recording's rows.
+
+    Raises:
+        DiagnosisError: its clock is not even.
+    """
+    step = np.diff(recording.t)
+    h = float(step.mean()) if len(step) else 1.0
+    if not len(step) or np.abs(step - h).max() > EVEN * h:
+        raise DiagnosisError(
+            f"{recording.name}: a motion needs an even clock (steps {step.min(initial=h):.4g} … "
+            f"{step.max(initial=h):.4g} s)"
+        )
+    stride = max(1, round(1.0 / (h * RATE_HZ)))
+    window = np.hanning(2 * stride + 2)[1:-1]
+    return Averages(stride, window / window.sum())
+
+
+def prepare(recording: Recording, seed: int = 0) -> Prepared:
+    """Average, whiten and split a motion without joints.
+
+    Raises:
+        DiagnosisError: the data cannot answer, and why.
+    """
+    model = checks.model_of(recording)
+    theta = model.configured(recording.metadata)
+    std = recording.metadata.sensor.noise_std
+    if std is None:
+        raise DiagnosisError(
+            f"{recording.name}: cannot tell a gap from noise: in motion the noise of a row must be "
+            "stated. State sensor.noise_std as it is at rest"
+        )
+    if not usable(recording).all():
+        raise DiagnosisError(
+            f"{recording.name}: has saturated rows; leave them out, or turn slower"
+        )
+    means = averages(recording)
+    t = means.of(recording.t[:, None])[:, 0]
+    q = _orientations(means.of(_continuous(recording.q)))
+    y = means.of(recording.wrench)
+    covariance = floored(np.diag(np.square(std)), recording)
+    count = np.full(len(t), means.stride)
+    data = Observations(q, y, count, covariance, np.inf, "stated", t, 0)
+    checks.enough(recording, data, model)
+    block, sealed = split(data, True, seed, 1)
+    scene = scenes.of_motion(model, theta, q, t, None)
+    scene = replace(scene, extra=accelerations(recording, means, q, t, scene.gravity))
+    own = np.diagonal(covariance)
+    noise = variance(recording, means, scene.tool, np.zeros(len(t), dtype=bool)) / own
+    return Prepared(
+        recording, model, theta, scene, y, count, covariance, np.diag(1.0 / np.sqrt(own)), noise,
+        "stated noise, of an average from what it lets through of faster motion", block, sealed,
+        np.tile(covariance, (len(t), 1, 1)), 0,
+    )  # fmt: skip
+
+
+def variance(recording: Recording, means: Averages, tool: Tool, without: np.ndarray) -> np.ndarray:
+    """Variance of an average (6,) [N², (N·m)²]: of the reading, and of its inertial load.
+
+    What leaks through of a faster motion is measured; a row at rest counts as white. The
+    accelerometer's samples are fewer and their own, so of them each average has a random share.
+
+    Args:
+        tool: the load.
+        without: averages that do not count (M,).
+    """
+    share = float((means.weight**2).sum())
+    std = np.asarray(recording.metadata.sensor.noise_std)
+    at = means.of(recording.t[:, None])[:, 0]
+    inside = recording.t[(recording.t >= at[0]) & (recording.t <= at[-1])]
+    use = np.interp(inside, at, without.astype(float)) == 0.0
+    rough = means.rough(recording.t, recording.wrench)
+    leaked, kept = means.of(rough), means.of(use[:, None].astype(float))[:, 0] > 1.0 - 1e-9
+    noise = np.maximum(leaked[kept].var(axis=0), share * std**2)
+    if not all(a in recording.columns for a in AXES):
+        return np.asarray(noise)
+    read = np.stack([recording.columns[a] for a in AXES], axis=-1)
+    shaken = means.rough(recording.t, read)[use]
+    force = float(tool.mass) ** 2 * share * shaken.var(axis=0)
+    lever = np.asarray(cross(np.broadcast_to(tool.cog, (3, 3)), np.eye(3))).T
+    return np.asarray(noise + np.concatenate([force, lever**2 @ force]))
+
+
+def accelerations(
+    recording: Recording, means: Averages, q: np.ndarray, t: np.ndarray, gravity: np.ndarray
+) -> Mapping[str, np.ndarray]:
+    """Acceleration, spin and its change (M, 3) of the tool in sensor axes; empty if not measured.
+
+    Args:
+        q: orientations of the averages (M, 4).
+        t: their times (M,) [s].
+        gravity: in world axes (3,) [m/s²].
+    """
+    if not all(a in recording.columns for a in AXES):
+        return {}
+    turn = Rotation.from_quat(q, scalar_first=True)
+    period = float(np.diff(t).mean())
+    spin = np.zeros((len(t), 3))
+    spin[1:-1] = (turn[:-2].inv() * turn[2:]).as_rotvec() / (2.0 * period)
+    still = np.linalg.norm(spin, axis=1) < STILL
+    still[[0, -1]] = False
+    read = means.of(np.stack([recording.columns[a] for a in AXES], axis=-1))
+    weight = -(gravity @ turn.as_matrix())  # what it reads at rest
+    if still.sum() < LEAST_STILL:
+        still = np.ones(len(t), dtype=bool)
+    free = _own_reading(read[still], weight[still])
+    acceleration = (read - free[3]) @ np.linalg.inv(free[:3]) - weight
+    return {ACCELERATION: acceleration, SPIN: spin, TURNING: np.gradient(spin, period, axis=0)}
+
+
+def _own_reading(read: np.ndarray, weight: np.ndarray) -> np.ndarray:
+    """Gain and zero (4, 3) of an accelerometer near its stated ones, from readings at rest."""
+    design = np.column_stack([weight, np.ones(len(weight))])
+    noise = max(float((read - weight).std(axis=0).mean()) / 3.0, 1e-3)
+    trust = np.diag(noise**2 / np.array([SCALE, SCALE, SCALE, ZERO]) ** 2)
+    start = np.vstack([np.eye(3), np.zeros(3)])
+    step = np.linalg.solve(design.T @ design + trust, design.T @ (read - design @ start))
+    return np.asarray(start + step)
+
+
+def _continuous(q: np.ndarray) -> np.ndarray:
+    """Quaternions (N, 4) without jumps of sign."""
+    flips = np.where((q[1:] * q[:-1]).sum(axis=1) < 0.0, -1.0, 1.0)
+    return np.asarray(q * np.concatenate([[1.0], np.cumprod(flips)])[:, None])
+
+
+def _orientations(q: np.ndarray) -> np.ndarray:
+    return np.asarray(q / np.linalg.norm(q, axis=1, keepdims=True))

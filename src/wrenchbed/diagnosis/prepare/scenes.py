@@ -1,0 +1,116 @@
+"""Parts of long recordings that show what all of it would, at a cost that no length exceeds.
+
+A motion's cost grows with its rows (1 ms and 30 kB each); at rest, and in motion without joints,
+rows are averaged, but what happens between rows is looked for in rows.
+
+The scene of a recording or of a plan: rows that were measured and the ways between them.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from wrenchbed.calibration.observations import Observations
+from wrenchbed.data.holds import Holds, gather
+from wrenchbed.data.recording import Recording
+from wrenchbed.effects.scene import WAY, Scene
+from wrenchbed.physics.taylor import Value, value
+from wrenchbed.robots.model import Model
+
+
+def of_poses(
+    model: Model, theta: np.ndarray, q: np.ndarray, t: np.ndarray, warmth: np.ndarray | None
+) -> Scene:
+    """Poses at rest (H, J) at times (H,) [s], joined by straight joint-space moves."""
+    own = theta[: len(model.robot.parameters)]
+    gravity = np.asarray(model.gravity)
+    if not model.robot.joints or len(q) < 2:
+        return Scene(model.robot, own, gravity, q, t, np.ones(len(q), dtype=bool), warmth)
+    share = np.arange(WAY + 1) / (WAY + 1)
+
+    def fill(x: np.ndarray) -> np.ndarray:
+        steps = np.diff(x, axis=0)
+        part = share.reshape((1, -1) + (1,) * (x.ndim - 1))
+        ways = x[:-1, None] + part * steps[:, None]
+        return np.concatenate([ways.reshape(-1, *x.shape[1:]), x[-1:]])
+
+    held = np.zeros((len(q) - 1) * (WAY + 1) + 1, dtype=bool)
+    held[:: WAY + 1] = True
+    warm = None if warmth is None else fill(warmth)
+    return Scene(model.robot, own, gravity, fill(q), fill(t), held, warm)
+
+
+def of_motion(
+    model: Model, theta: np.ndarray, q: Value, t: np.ndarray, warmth: np.ndarray | None
+) -> Scene:
+    """Samples of a motion (N, J) as jets."""
+    own = theta[: len(model.robot.parameters)]
+    held = np.ones(len(value(q)), dtype=bool)
+    return Scene(model.robot, own, np.asarray(model.gravity), q, t, held, warmth)
+
+
+def of_recording(
+    recording: Recording, model: Model, theta: np.ndarray, data: Observations | Holds
+) -> Scene:
+    """The scene whose held rows are the observations of a recording."""
+    warmth = None
+    if "temperature" in recording.columns:
+        temperature = recording.columns["temperature"].astype(float)
+        warmth = np.interp(data.t, recording.t, temperature - temperature[0])
+    make = of_motion if recording.metadata.mode == "dynamic" else of_poses
+    return make(model, theta, data.q, data.t, warmth)
+
+
+MOTION = 60_000
+"""Rows of a motion with joints that are diagnosed: 8 min at 125 Hz."""
+ROWS = 1_000_000
+"""Rows between which things are looked for: they tell a share or a variance to about 0.1 %."""
+LEAST_IN_HOLD, RUNS = 200, 100
+"""Last rows of every pose at least; else so many runs of rows, whatever the poses."""
+
+
+def stretch(recording: Recording) -> Recording:
+    """The recording, or the middle of a longer motion with joints: `MOTION` rows."""
+    spare = len(recording) - MOTION
+    if recording.metadata.mode != "dynamic" or not recording.joints or spare <= 0:
+        return recording
+    return _rows(recording, slice(spare // 2, spare // 2 + MOTION))
+
+
+def excerpt(recording: Recording) -> Recording:
+    """The recording, or of a longer one at most `ROWS` rows, in runs without a gap.
+
+    At rest the last rows of every pose, as after a move the tool may still ring, or where these
+    would be few, evenly spread runs; in motion one run from the middle.
+    """
+    n = len(recording)
+    if n <= ROWS:
+        return recording
+    if recording.metadata.mode == "dynamic":
+        return _rows(recording, slice((n - ROWS) // 2, (n - ROWS) // 2 + ROWS))
+    count = gather(recording, np.ones(n, dtype=bool)).count
+    last = ROWS // len(count)
+    if last >= LEAST_IN_HOLD:
+        return _rows(recording, np.repeat(np.cumsum(count), count) - np.arange(n) <= last)
+    size = ROWS // RUNS
+    begins = np.linspace(0, n - size, RUNS).astype(int)
+    return _rows(recording, (begins[:, None] + np.arange(size)).ravel())
+
+
+def notes(whole: Recording, used: Recording, looked: Recording) -> Sequence[str]:
+    """What a reader should know: which rows took part."""
+    if len(used) < len(whole):
+        first, last = used.t[0] - whole.t[0], used.t[-1] - whole.t[0]
+        return (
+            f"of {len(whole):,} rows of motion, {len(used):,} were diagnosed, from {first:.0f} s "
+            f"to {last:.0f} s: what happens outside it, or over longer times, is not seen",
+        )
+    if len(looked) < len(used):
+        share = f"{len(looked):,} of {len(used):,} rows"
+        return (f"what happens between rows was looked for in {share}, next to each other",)
+    return ()
+
+
+def _rows(recording: Recording, keep: slice | np.ndarray) -> Recording:
+    return replace(recording, columns={k: v[keep] for k, v in recording.columns.items()})

@@ -1,0 +1,78 @@
+"""Effects as people name them: ``joint.compliance:joint=2,stiffness=1.4e4``."""
+
+from typing import Any
+
+import numpy as np
+
+from wrenchbed.effects.base import Variant
+from wrenchbed.effects.chain import ActiveEffect
+from wrenchbed.effects.scene import Scene
+from wrenchbed.errors import ParameterError
+from wrenchbed.robots.base import Robot
+
+_ROWS = 24
+
+
+def parse_effect(text: str) -> tuple[str, dict[str, Any]]:
+    """``name[:key=value,…]`` → the name and the values, numbers where they are numbers.
+
+    Raises:
+        ParameterError: a part without ``=``, or a key given twice.
+    """
+    name, _, rest = text.strip().partition(":")
+    values: dict[str, Any] = {}
+    for part in filter(None, (p.strip() for p in rest.split(","))):
+        key, equals, value = (x.strip() for x in part.partition("="))
+        if not equals or not key or not value:
+            raise ParameterError(f"--effect {text}: {part!r} is not name=value")
+        if key in values:
+            raise ParameterError(f"--effect {text}: {key!r} is given twice")
+        try:
+            values[key] = float(value)
+        except ValueError:
+            values[key] = value
+    return name, values
+
+
+def active_effect(robot: Robot, text: str) -> ActiveEffect:
+    """An effect by its text. Without amplitudes it has its typical size, in the variant that the
+    values given single out (``joint.offset:joint=3``), else in the commonest.
+
+    Raises:
+        NotFoundError, ParameterError: no such effect or parameter, or an impossible value.
+    """
+    name, given = parse_effect(text)
+    active = ActiveEffect.of(robot, name, {})
+    variant = _variant(active, robot, given)
+    if variant is None and given:
+        return ActiveEffect.of(robot, name, given)
+    known = active.effect.parameters(robot)
+    if variant is None:
+        size = {p.name: p.tolerance for p in known if p.nominal == 0.0}
+    else:
+        size = {n: known[known.index(n)].tolerance for n in active.effect.usual(variant)}
+        size |= {k: v for k, v in variant.at.items() if k not in size}
+    return ActiveEffect.of(robot, name, size)
+
+
+def _variant(active: ActiveEffect, robot: Robot, given: dict[str, Any]) -> Variant | None:
+    """The commonest variant whose details are the values given."""
+    fit = [
+        v
+        for still in (True, False)
+        for v in active.effect.variants(_some_scene(robot, still))
+        if all(k in v.detail and v.detail[k] == x for k, x in given.items())
+    ]
+    return max(fit, key=lambda v: v.weight, default=None)
+
+
+def _some_scene(robot: Robot, still: bool) -> Scene:
+    """A few poses, or the same as a motion, to ask an effect for its variants."""
+    theta, gravity = robot.parameters.nominal, np.array(robot.gravity)
+    q: Any = robot.sample(_ROWS, np.random.default_rng(0))
+    t = 10.0 * np.arange(_ROWS)
+    if not still:
+        from wrenchbed.physics.taylor import Jet
+
+        q = Jet(q, 0.0 * q, 0.0 * q)
+    return Scene(robot, theta, gravity, q, t, np.ones(_ROWS, dtype=bool))

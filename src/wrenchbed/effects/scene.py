@@ -1,0 +1,120 @@
+"""What a robot did, row by row: the input of every effect, before any effect acts."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from wrenchbed.physics.taylor import Jet, Value, value
+from wrenchbed.physics.wrench import Tool, wrench
+from wrenchbed.robots.base import Robot
+
+WAY = 7
+"""Rows between two poses at rest: what remembers must not miss a turn on the way."""
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """M rows in the order of time: poses at rest with the ways between them, or a motion.
+
+    Attributes:
+        robot: the robot.
+        theta: its own parameters as configured (P,).
+        gravity: in world axes (3,) [m/s²].
+        q: joint values (M, J), jets in motion, or the sensor's orientations (M, 4).
+        t: (M,) [s].
+        held: rows that were measured (M,); the others lie on the way between two poses, where
+            only what remembers (hysteresis, creep, backlash) looks.
+        warmth: temperature above the first row's (M,) [K], None where it was not recorded.
+    """
+
+    robot: Robot
+    theta: np.ndarray
+    gravity: np.ndarray
+    q: Value
+    t: np.ndarray
+    held: np.ndarray
+    warmth: np.ndarray | None = None
+    extra: Mapping[str, np.ndarray] = field(default_factory=dict)
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+    @property
+    def moving(self) -> bool:
+        """Whether the rows are samples of one motion on an even clock."""
+        return isinstance(self.q, Jet)
+
+    @property
+    def jointed(self) -> bool:
+        """Whether the rows are joint values of a robot with a model."""
+        return len(self.robot.joints) > 0
+
+    @property
+    def period(self) -> float:
+        """Sampling period of a motion [s]."""
+        return float(np.mean(np.diff(self.t)))
+
+    @property
+    def span(self) -> float:
+        """Time from the first row to the last [s]."""
+        return float(max(self.t[-1] - self.t[0], 1e-9))
+
+    @property
+    def age(self) -> np.ndarray:
+        """Time since the first row (M,) [s]."""
+        return np.asarray(self.t - self.t[0])
+
+    def in_motion(self, x: Value) -> Value:
+        """Rows (M, …) as jets where the rows are a motion; unchanged at rest or if jets already."""
+        if not self.moving or isinstance(x, Jet):
+            return x
+        d = np.gradient(x, self.period, axis=0)
+        return Jet(x, d, np.gradient(d, self.period, axis=0))
+
+    @cached_property
+    def joints(self) -> np.ndarray:
+        """Joint values (M, J) [rad or m]."""
+        return value(self.q)
+
+    @cached_property
+    def coming(self) -> np.ndarray:
+        """Direction in which each joint last moved (M, J): −1, 1, or 0 before it first moved."""
+        if isinstance(self.q, Jet):
+            sign = np.where(np.abs(self.q.d) > 1e-4, np.sign(self.q.d), 0.0)
+        else:
+            step = np.diff(self.joints, axis=0, prepend=self.joints[:1])
+            sign = np.where(np.abs(step) > 1e-5, np.sign(step), 0.0)
+        return held_on(sign)
+
+    @cached_property
+    def pose(self) -> tuple[Value, Value]:
+        """R_world_sensor (M, 3, 3) and the sensor's origin (M, 3) [m], as configured."""
+        return self.robot.sensor_pose(self.q, self.theta)
+
+    @cached_property
+    def tool(self) -> Tool:
+        """The load as configured."""
+        return self.robot.tool(self.theta)
+
+    @cached_property
+    def load(self) -> np.ndarray:
+        """Wrench on the sensor (M, 6) [N, N·m], as configured."""
+        return wrench(*self.pose, self.tool, self.gravity)
+
+    @cached_property
+    def joint_torque(self) -> np.ndarray:
+        """Torque of weight on each joint (M, J) [N·m; N on a slide], as configured."""
+        return self.robot.gravity_torque(self.q, self.theta, self.gravity)
+
+    @cached_property
+    def base_moment(self) -> np.ndarray:
+        """Moment of weight about the base's origin (M, 3) [N·m], as configured."""
+        return self.robot.base_moment(self.q, self.theta, self.gravity)
+
+
+def held_on(sign: np.ndarray) -> np.ndarray:
+    """Each zero of (M, J) replaced by the last value above it that is not zero."""
+    at = np.where(sign != 0, np.arange(len(sign))[:, None], 0)
+    return np.asarray(np.take_along_axis(sign, np.maximum.accumulate(at, axis=0), axis=0))

@@ -1,0 +1,205 @@
+"""The robot behind a twin's wires: MuJoCo a control cycle at a time, with its whole sensor.
+
+The same robot, sensor, noise and effects as the simulated driver's, but as time goes on: nothing
+knows what comes next. `step` and `readings` may be called from different threads.
+"""
+
+import threading
+import time
+from collections import deque
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import mujoco
+import numpy as np
+
+from wrenchbed import registry
+from wrenchbed.effects.naming import active_effect
+from wrenchbed.emulators.base.sensor import BufferedNoise, SensorRow, SensorWithEffects
+from wrenchbed.emulators.base.surface import Plate, Surface, tip_in
+from wrenchbed.errors import NotFoundError, ParameterError
+from wrenchbed.physics.noise import noise_model
+from wrenchbed.robots.base import SimulatedRobot
+from wrenchbed.robots.model import Model
+from wrenchbed.simulation.servo_motion import ServoDrivenRobot, steps_in
+from wrenchbed.simulation.simulation import Simulation
+from wrenchbed.twin.replay import Playback
+from wrenchbed.twin.twin import Twin
+
+SHOWN_S = 0.008
+"""How long a state is computed before it is shown [s], so that what lies between states, which a
+fast sensor reads, is known by then. At least one cycle."""
+HISTORY_S = 4.0
+"""How far back a cycle's state is kept [s]."""
+
+
+@dataclass(frozen=True)
+class BodyOptions:
+    """What is behind the wires.
+
+    Attributes:
+        robot: registry name.
+        parameters: true values where they differ from nominal, by name, SI.
+        noise: ``real``, ``white`` or ``off``.
+        seed: of the noise and of the effects' random parts.
+        effects: as ``joint.compliance:joint=2,stiffness=1.4e4``; without values of typical size.
+        table: height of a plate that UR5's tool may press on [m]; None: nothing to touch.
+        table_stiffness: of the plate [N/m].
+    """
+
+    robot: str
+    parameters: Mapping[str, float] = field(default_factory=dict)
+    noise: str = "real"
+    seed: int = 0
+    effects: tuple[str, ...] = ()
+    table: float | None = None
+    table_stiffness: float = 2e4
+
+
+class Body:
+    """A robot that moves a cycle at a time.
+
+    Args:
+        options: what it is.
+        cycle: period of its control [s].
+        surface: that the tool's tip may press on, instead of the options' plate.
+
+    Raises:
+        NotFoundError: the robot has no MuJoCo model, or no such effect.
+        ParameterError: an unknown parameter, an impossible value or kind of noise.
+    """
+
+    def __init__(self, options: BodyOptions, cycle: float, surface: Surface | None = None) -> None:
+        robot = registry.load("robots", options.robot)
+        if options.table is not None and robot.name != "ur5":
+            raise ParameterError(f"a plate to press on is there for ur5, not for {robot.name!r}")
+        if options.table is not None and not np.isfinite(options.table):
+            raise ParameterError(f"table = {options.table} must be a height [m]")
+        if not isinstance(robot, SimulatedRobot):
+            raise NotFoundError(f"robot {options.robot!r} has no MuJoCo model to simulate")
+        self.robot: SimulatedRobot = robot
+        self.cycle = cycle
+        self.model = Model(robot, tuple(robot.gravity))
+        self.theta = self.model.parameters.vector(options.parameters)
+        own = self._own = self.theta[: len(robot.parameters)]
+        self.simulation = Simulation(robot, own, self.model.gravity)
+        self.sensor = registry.load("sensors", robot.sensor)
+        self._hiss = BufferedNoise(noise_model(options.noise, self.sensor.noise), options.seed)
+        active = tuple(active_effect(robot, text) for text in options.effects)
+        twin = Twin(self.model, self.theta, active)
+        self._playback = Playback(twin, options.seed) if active else None
+        if options.table is not None:
+            surface = Plate(options.table, options.table_stiffness)
+        touching = surface is not None
+        self._felt = None if self._playback is None else SensorWithEffects(self._playback, touching)
+        self._plant = ServoDrivenRobot(self.simulation, robot.home)
+        self._surface = surface
+        self._tip: np.ndarray | None = None
+        self.push = np.zeros(3)
+        """Of what stands there on the tip, in the world [N]."""
+        self._substeps = steps_in(cycle)
+        self._lock = threading.Lock()
+        self._target = self._before = np.array(robot.home)
+        self._behind = max(1, round(SHOWN_S / cycle))
+        self._rows: deque[SensorRow] = deque(maxlen=max(8, round(HISTORY_S / cycle)))
+        self._cycles = 0
+        self._shown = -np.inf
+        self.due = 0.0
+        """When the next state is due (`time.monotonic`, [s]); 0: when it is there."""
+        self.step(robot.home)
+
+    @property
+    def time(self) -> float:
+        """Simulated time of the state that is shown [s]: whole cycles since it was made."""
+        return self._now.t
+
+    @property
+    def ahead(self) -> float:
+        """Simulated time up to which the sensor's readings are known [s]."""
+        return self._rows[-1].t
+
+    @property
+    def q(self) -> np.ndarray:
+        """Joint values (J,) [rad or m]."""
+        return self._now.q
+
+    @property
+    def qd(self) -> np.ndarray:
+        """Joint speeds (J,)."""
+        return self._now.qd
+
+    @property
+    def target(self) -> np.ndarray:
+        """Where the servos were last told to go (J,)."""
+        return self._target
+
+    @property
+    def load(self) -> np.ndarray:
+        """True load on the sensor (6,) [N, N·m], without effects and noise."""
+        return self._now.load
+
+    @property
+    def _now(self) -> SensorRow:
+        return self._rows[max(-self._behind - 1, -len(self._rows))]
+
+    @property
+    def punctual(self) -> tuple[float, float]:
+        """When the newest state was due (`time.monotonic`), and its simulated time [s]."""
+        return self._punctual
+
+    def step(self, target: np.ndarray) -> None:
+        """Take one control cycle towards a target (J,).
+
+        The servos follow the quadratic B-spline of the targets: with one acceleration a cycle and
+        no jump in speed, half a cycle late, as drives that interpolate do.
+        """
+        share = np.arange(1, self._substeps + 1)[:, None] / self._substeps
+        last, new = self._target, np.asarray(target, dtype=float)
+        way = 0.5 * (self._before + last) + share * (last - self._before)
+        way += 0.5 * share**2 * (new - 2.0 * last + self._before)
+        if self._surface is not None:
+            self._press(self._surface)
+        sampled = self._plant.follow(way, self.cycle)
+        self._before, self._target = last, np.array(new)
+        with self._lock:
+            self._rows.append(SensorRow(self._cycles * self.cycle, *sampled))
+            self._punctual = (self.due or time.monotonic(), self._rows[-1].t)
+            self._cycles += 1
+            if self._felt is not None:
+                self._felt.advance(self._rows)
+
+    def readings(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """What the sensor shows (n, 6) [N, N·m] and which channels saturate (n,), as bits 0 … 5.
+
+        Args:
+            t: times (n,) [s], increasing from call to call; later ones than the newest state show
+                that state, times that were shown already are moved on by a nanosecond each.
+        """
+        with self._lock:
+            t = np.minimum(t, self.ahead)
+            t = np.maximum(t, self._shown + 1e-9 * np.arange(1, len(t) + 1))
+            self._shown = float(t[-1])
+            shown = self._mean(t) if self._felt is None else self._felt.mean(t)
+            values, status = self._hiss.corrupt(t, shown)
+            if self._felt is not None:
+                values = self._felt.corrupt(t, values)
+            return values, status
+
+    def _press(self, surface: Surface) -> None:
+        """What stands there pushes the tool's tip."""
+        data, model = self._plant.data, self._plant.model
+        mujoco.mj_kinematics(model, data)
+        tip = tip_in(model, data)
+        before, self._tip = self._tip, tip
+        speed = (tip - before) / self.cycle if before is not None else np.zeros(3)
+        self.push = surface.push(tip, speed)
+        tool = model.body("tool").id
+        lever = tip - data.xipos[tool]
+        data.xfrc_applied[tool] = np.concatenate([self.push, np.cross(lever, self.push)])
+
+    def _mean(self, t: np.ndarray) -> np.ndarray:
+        recent = list(self._rows)[-16:]
+        times = np.array([row.t for row in recent])
+        loads = np.array([row.load for row in recent])
+        load = np.stack([np.interp(t, times, loads[:, k]) for k in range(6)], axis=-1)
+        return self.model.read(load, self.theta)

@@ -1,0 +1,246 @@
+"""Timed faults: what a twin shall do wrong, when and for how long, from a TOML script or live.
+
+    [[fault]]
+    at = 5.0            # seconds after the twin was ready
+    link = "rtde"       # which of the twin's links
+    kind = "stall"      # what happens; each link lists the kinds it knows
+    seconds = 1.5       # how long; 0 or absent: once, or for ever
+    scale = 1.01        # further numbers or words that the kind asks for
+
+Live, one JSON object a line with the same keys (without ``at``) on the twin's standard input.
+
+What a fault may be told besides its time: one check a value, with its default.
+"""
+
+import json
+import threading
+import time
+import tomllib
+import warnings
+from collections.abc import Callable, Collection, Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from math import isfinite
+from pathlib import Path
+from typing import Any, TextIO
+
+from wrenchbed.errors import MapError, WrenchbedWarning
+
+
+@dataclass(frozen=True)
+class Argument:
+    """One value.
+
+    Attributes:
+        check: whether it may be this.
+        what: it must be, in words.
+        default: where it is not given; one that `check` refuses makes it compulsory.
+    """
+
+    check: Callable[[Any], bool]
+    what: str
+    default: Any = None
+
+
+def number(low: float, high: float, default: float | None = None) -> Argument:
+    """A number from low to high."""
+    return Argument(
+        lambda v: _is_number(v) and low <= v <= high, f"a number {low:g} … {high:g}", default
+    )
+
+
+def integer(low: int, high: int, default: int | None = None) -> Argument:
+    """A whole number from low to high."""
+    return Argument(
+        lambda v: _is_number(v) and v == int(v) and low <= v <= high,
+        f"a whole number {low} … {high}", default,
+    )  # fmt: skip
+
+
+def word(known: Collection[str], default: str | None = None) -> Argument:
+    """One of some words."""
+    shown = list(known)
+    return Argument(lambda v: isinstance(v, str) and v in known, f"one of {shown}", default)
+
+
+def text(default: str) -> Argument:
+    """Any text."""
+    return Argument(lambda v: isinstance(v, str), "text", default)
+
+
+def flag(default: bool) -> Argument:
+    """True or false."""
+    return Argument(lambda v: isinstance(v, bool), "true or false", default)
+
+
+def numbers(count: int, most: float) -> Argument:
+    """A list of numbers, none beyond ± most."""
+    return Argument(
+        lambda v: isinstance(v, list) and len(v) == count
+        and all(_is_number(x) and abs(x) <= most for x in v),
+        f"{count} numbers, none beyond {most:g}",
+    )  # fmt: skip
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and isfinite(value)
+
+
+Handler = Callable[["TimedFault"], None]
+
+
+@dataclass(frozen=True)
+class TimedFault:
+    """One fault.
+
+    Attributes:
+        link: of the twin, for instance ``rtde``.
+        kind: what happens.
+        at: when, seconds after the twin was ready.
+        seconds: how long, 0 where it happens once or for ever.
+        values: what else the kind asks for.
+    """
+
+    link: str
+    kind: str
+    at: float = 0.0
+    seconds: float = 0.0
+    values: Mapping[str, Any] = field(default_factory=dict)
+
+
+def read(path: str | Path) -> tuple[TimedFault, ...]:
+    """Read a script, sorted by time.
+
+    Raises:
+        MapError: names the file, the entry and the field.
+    """
+    path = Path(path)
+    try:
+        raw = tomllib.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError as error:
+        raise MapError(f"{path}: there is no such file") from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise MapError(f"{path}: not valid TOML: {error}") from error
+    items = raw.get("fault", [])
+    if set(raw) - {"fault"} or not isinstance(items, list):
+        raise MapError(f"{path}: a fault script holds [[fault]] entries and nothing else")
+    found = [parse(item, f"{path}: fault {k + 1}") for k, item in enumerate(items)]
+    return tuple(sorted(found, key=lambda f: f.at))
+
+
+def parse(raw: Any, where: str) -> TimedFault:
+    """Check one entry.
+
+    Raises:
+        MapError: names the field.
+    """
+    if not isinstance(raw, Mapping):
+        raise MapError(f"{where}: is no table of keys and values")
+    for key in ("link", "kind"):
+        if not isinstance(raw.get(key), str):
+            raise MapError(f"{where}: {key} = {raw.get(key)!r} must be a name")
+    for key in ("at", "seconds"):
+        value = raw.get(key, 0.0)
+        if isinstance(value, bool) or not isinstance(value, int | float) or not value >= 0.0:
+            raise MapError(f"{where}: {key} = {value!r} must be seconds, 0 or more")
+    rest = {k: v for k, v in raw.items() if k not in ("link", "kind", "at", "seconds")}
+    return TimedFault(raw["link"], raw["kind"], float(raw.get("at", 0.0)),
+                 float(raw.get("seconds", 0.0)), rest)  # fmt: skip
+
+
+class Faults:
+    """What a twin's links can do wrong, and when they are told to.
+
+    Handlers are called from a thread of this object; they must return at once.
+    """
+
+    def __init__(self) -> None:
+        self._handlers: dict[tuple[str, str], Handler] = {}
+        self._asks: dict[tuple[str, str], Mapping[str, Argument]] = {}
+        self._stopped = threading.Event()
+
+    def on(
+        self, link: str, kind: str, handler: Handler, asks: Mapping[str, Argument] | None = None
+    ) -> None:
+        """Register what a link does for a kind of fault, and what else that asks for, by name."""
+        self._handlers[link, kind] = handler
+        self._asks[link, kind] = asks or {}
+
+    @property
+    def known(self) -> tuple[tuple[str, str], ...]:
+        """All (link, kind), sorted."""
+        return tuple(sorted(self._handlers))
+
+    def check(self, faults: Iterable[TimedFault], where: str) -> None:
+        """Refuse faults that no link knows, and values that their kind does not ask for.
+
+        Raises:
+            MapError: lists what exists, or names the value.
+        """
+        for fault in faults:
+            if (fault.link, fault.kind) not in self._handlers:
+                known = ", ".join(f"{link} {kind}" for link, kind in self.known)
+                raise MapError(
+                    f"{where}: there is no fault {fault.link} {fault.kind}. Known: {known}"
+                )
+            asks, name = self._asks[fault.link, fault.kind], f"{fault.link} {fault.kind}"
+            for key in fault.values:
+                if key not in asks:
+                    known = ", ".join(["at", "seconds", *asks])
+                    raise MapError(f"{where}: {name} knows no {key!r}. Known: {known}")
+            for key, ask in asks.items():
+                value = fault.values.get(key, ask.default)
+                if not ask.check(value):
+                    raise MapError(f"{where}: {name}: {key} = {value!r} must be {ask.what}")
+
+    def inject(self, fault: TimedFault) -> None:
+        """Do it now, with the default of every value that is not given."""
+        self.check([fault], "fault")
+        key = fault.link, fault.kind
+        defaults = {name: ask.default for name, ask in self._asks[key].items()}
+        self._handlers[key](replace(fault, values=defaults | dict(fault.values)))
+
+    def start(self, script: tuple[TimedFault, ...], where: str = "faults") -> None:
+        """Run a script from now on, in a thread.
+
+        Raises:
+            MapError: it holds a fault that no link knows.
+        """
+        self.check(script, where)
+        threading.Thread(target=self._run, args=(script,), daemon=True).start()
+
+    def listen(self, lines: TextIO, answer: Callable[[str], None]) -> None:
+        """Take faults as JSON lines until the input ends, in a thread; each is answered."""
+        threading.Thread(target=self._take, args=(lines, answer), daemon=True).start()
+
+    def stop(self) -> None:
+        """No further fault."""
+        self._stopped.set()
+
+    def _run(self, script: tuple[TimedFault, ...]) -> None:
+        begun = time.monotonic()
+        for fault in script:
+            if self._stopped.wait(max(0.0, begun + fault.at - time.monotonic())):
+                return
+            try:
+                self.inject(fault)
+            except Exception as error:
+                text = f"the fault at {fault.at:g} s was left out: {error}"
+                warnings.warn(text, WrenchbedWarning, stacklevel=2)
+
+    def _take(self, lines: TextIO, answer: Callable[[str], None]) -> None:
+        for line in lines:
+            if not line.strip():
+                continue
+            try:
+                self.inject(parse(_object(line), "fault"))
+            except Exception as error:
+                answer(f"refused: {error}")
+            else:
+                answer("done")
+
+
+def _object(line: str) -> Any:
+    try:
+        return json.loads(line)
+    except ValueError as error:
+        raise MapError(f"{line.strip()[:60]!r}: give one JSON object a line: {error}") from error

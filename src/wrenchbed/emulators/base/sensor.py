@@ -1,0 +1,186 @@
+"""What a sensor with effects shows as time goes on, at rest and on the way between rests.
+
+At rest the readings are those of `Playback`, with what effects remember of the last poses, some
+two hundred. On the way, effects of the mechanism act as if at rest at the joints of the moment, and
+effects of the sensor and of timing see the last seconds.
+
+A sensor's noise drawn ahead in blocks, since one row at a time costs as much as hundreds.
+"""
+
+from collections import deque
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from wrenchbed.effects.base import ReadingEffect
+from wrenchbed.effects.scene import Scene
+from wrenchbed.physics.noise import SATURATED_BITS, NoiseModel, NoiseStream
+from wrenchbed.physics.taylor import Jet
+from wrenchbed.twin.replay import Playback
+from wrenchbed.twin.twin import Twin
+
+_BLOCK = 512
+_SHORTEST_S = 1e-6
+
+
+class BufferedNoise:
+    """Noise of a sensor that is read on and on.
+
+    A block is drawn at the spacing of the reading that needed it, so that the slow parts keep
+    their pace; where the spacing changes, within a block they do not follow.
+
+    Args:
+        model: of the noise.
+        seed: of the draws.
+    """
+
+    def __init__(self, model: NoiseModel, seed: int) -> None:
+        self._model = model
+        self._stream = NoiseStream(replace(model, resolution=0.0, range=np.inf), seed)  # type: ignore[arg-type]
+        self._rows = np.empty((0, 6))
+        self._drawn = 0.0
+        self._last = 0.0
+
+    def corrupt(self, t: np.ndarray, wrench: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Readings (n, 6) and saturated channels (n,) of true loads (n, 6) at t (n,) [s]."""
+        n = len(t)
+        if len(self._rows) < n:
+            self._draw(n, float(t[-1]))
+        self._last = float(t[-1])
+        measured = wrench + self._rows[:n]
+        self._rows = self._rows[n:]
+        step, full = self._model.resolution, self._model.range
+        rounded = np.rint(measured / np.where(step > 0, step, 1.0)) * step
+        measured = np.where(step > 0, rounded, measured)
+        status = (np.abs(measured) >= full).astype(np.uint32) @ SATURATED_BITS
+        return np.clip(measured, -full, full), status
+
+    def _draw(self, n: int, until: float) -> None:
+        """At least n more rows."""
+        spacing = max((until - self._last) / n, _SHORTEST_S)
+        count = max(_BLOCK, n)
+        start = max(self._drawn, self._last)
+        times = start + spacing * np.arange(1, count + 1)
+        rows, _ = self._stream.corrupt(times, np.zeros((count, 6)))
+        self._drawn = float(times[-1])
+        self._rows = np.concatenate([self._rows, rows])
+
+
+STILL = 1e-4
+"""Fastest joint at rest [rad/s or m/s]."""
+_CALM_CYCLES = 6
+_KNOTS = np.array([0.0, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 40.0])
+"""Times after arrival at which a rest is computed ahead [s]; between them it is interpolated."""
+_EPOCH = 1024
+"""Rows over which effects' random parts go on without a seam."""
+_WINDOW = 256
+"""Cycles that effects of sensor and timing look back on the way."""
+_REMEMBERED = 3000
+"""Rows of `Playback` that are kept; a move and the rest after it are some twelve."""
+_EVERY = 4
+"""Cycles between evaluations of what the mechanism changes on the way."""
+
+
+class SensorRow(NamedTuple):
+    """State of one control cycle: time [s], joint values and speeds (J,), load on the sensor."""
+
+    t: float
+    q: np.ndarray
+    qd: np.ndarray
+    load: np.ndarray
+
+
+class SensorWithEffects:
+    """A twin's sensor with effects, fed a control cycle at a time.
+
+    Args:
+        playback: the robot with its effects.
+        touching: whether something stands there that the tool may press on.
+    """
+
+    def __init__(self, playback: Playback, touching: bool = False) -> None:
+        self._playback, self._twin, self._touching = playback, playback.twin, touching
+        self._plain = Twin(self._twin.model, self._twin.theta)
+        active = self._twin.active
+        self._mechanical = any(not isinstance(a.effect, ReadingEffect) for a in active)
+        self._knots = np.array([-1.0, 0.0])
+        self._values = np.zeros((2, 6))
+        self._since = np.empty((0, 6))
+        self._times = np.empty(0)
+        self._epoch = 0
+        self._calm = 0
+        self._resting = False
+        self._left: tuple[float, np.ndarray] | None = None
+        self._more, self._age = np.zeros(6), 0
+
+    def advance(self, rows: deque[SensorRow]) -> None:
+        """Take in the newest cycle, the last of ``rows``."""
+        now = rows[-1]
+        self._calm = self._calm + 1 if np.abs(now.qd).max() < STILL else 0
+        if self._calm >= _CALM_CYCLES:
+            if not self._resting:
+                self._arrive(now)
+            elif now.t > self._knots[-1]:
+                self._rest(now)
+            return
+        if self._resting:
+            self._resting = False
+            self._playback.leave(now.t)
+            self._left = (now.t, now.q)
+        shown = self._on_the_way(rows)
+        keep = self._knots < now.t
+        self._knots = np.append(self._knots[keep], now.t)[-_WINDOW:]
+        self._values = np.vstack([self._values[keep], shown])[-_WINDOW:]
+
+    def mean(self, t: np.ndarray) -> np.ndarray:
+        """Readings (n, 6) at times (n,) without random parts."""
+        columns = [np.interp(t, self._knots, self._values[:, k]) for k in range(6)]
+        return np.stack(columns, axis=-1)
+
+    def corrupt(self, t: np.ndarray, rows: np.ndarray) -> np.ndarray:
+        """Rows (n, 6) with the effects' random parts."""
+        if len(self._times) > _EPOCH:
+            self._since, self._times = np.empty((0, 6)), np.empty(0)
+            self._epoch += 1
+        self._since = np.concatenate([self._since, rows])
+        self._times = np.append(self._times, t)
+        seed = self._playback.seed + 7919 * self._epoch
+        return self._twin.corrupt(self._since, self._times, seed)[-len(rows) :]
+
+    def _arrive(self, now: SensorRow) -> None:
+        if self._left is not None:
+            self._playback.forget(_REMEMBERED)
+            self._playback.way((self._left[0], now.t), self._left[1], now.q)
+        self._resting = True
+        self._rest(now)
+
+    def _rest(self, now: SensorRow) -> None:
+        """Compute a rest ahead; contact with a plate pushes as it does now."""
+        push = np.zeros(6)
+        if self._touching:
+            push = now.load - self._plain.load(self._scene(now.q[None], np.zeros(1)))[0]
+        self._knots = now.t + _KNOTS
+        self._values = self._playback.rest(self._knots, now.q, push)
+
+    def _on_the_way(self, rows: deque[SensorRow]) -> np.ndarray:
+        recent = list(rows)[-_WINDOW:]
+        if len(recent) < 3:
+            return self._twin.model.read(recent[-1].load, self._twin.theta)
+        t = np.array([row.t for row in recent])
+        q, qd = (np.array([getattr(row, k) for row in recent]) for k in ("q", "qd"))
+        load = np.array([row.load for row in recent])
+        if self._mechanical:
+            self._age -= 1
+            if self._age <= 0:
+                self._age = _EVERY
+                pair = self._scene(q[[-2, -1]], t[[-2, -1]])
+                self._more = (self._twin.load(pair) - self._plain.load(pair))[-1]
+            load = load + self._more
+        jets = Jet(q, qd, np.gradient(qd, t[1] - t[0], axis=0))
+        return self._twin.reading(self._scene(jets, t), load)[-1]
+
+    def _scene(self, q: np.ndarray | Jet, t: np.ndarray) -> Scene:
+        gravity = np.asarray(self._twin.model.gravity)
+        held = np.ones(len(t), dtype=bool)
+        return Scene(self._twin.model.robot, self._twin.own, gravity, q, t, held)

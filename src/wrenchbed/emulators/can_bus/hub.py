@@ -1,0 +1,375 @@
+"""The bus as a server: clients over TCP and devices of this process hear each other's frames.
+
+One thread does everything. A device's callback runs in it and must return at once. Without the
+wire model frames pass at once and in the order of arrival, their bits are only counted. What a
+device or an order does wrong is told and the bus goes on; should its own thread ever end by an
+error, that is told too and every client is hung up on.
+
+Traffic of others that takes up the wire.
+
+The devices of this process on a bus: who hears which id, and what happens when one fails.
+
+A device whose code fails harms nobody else: its exception is handed on, and the bus goes on.
+"""
+
+import contextlib
+import selectors
+import socket
+import threading
+import time
+import warnings
+from collections import Counter, deque
+from collections.abc import Callable
+
+from wrenchbed.emulators.can_bus.client import (
+    BUS_ERROR,
+    BUS_OFF,
+    Client,
+    Command,
+    error_text,
+    frame_of,
+    frame_text,
+)
+from wrenchbed.emulators.can_bus.event_loop import Orders, Wakeup, listening
+from wrenchbed.emulators.can_bus.wire import BusArbiter, Frame, Sent
+from wrenchbed.errors import WrenchbedWarning
+
+NOBODY = 0
+"""Sender of traffic that occupies the wire while everybody's acceptance filter drops it."""
+_FRAME = Frame(0x001, bytes(range(8)))
+
+
+class Foreign:
+    """Frames of a very low id that use a share of the wire for some time."""
+
+    def __init__(self) -> None:
+        self.interval = 1e-3
+        self._until = self._next = 0.0
+
+    def start(self, now: float, seconds: float, share: float, bitrate: int) -> None:
+        """Use a share of the wire from now on [s]."""
+        self.interval = _FRAME.bits / (bitrate * min(max(share, 0.01), 1.0))
+        self._until, self._next = now + seconds, now
+
+    def active(self, now: float) -> bool:
+        """Whether they are about."""
+        return now < self._until
+
+    def offer(self, now: float, wire: BusArbiter) -> None:
+        """Hand the wire what they have sent by now."""
+        if not self.active(now):
+            return
+        while self._next <= now:
+            wire.offer(self._next, NOBODY, _FRAME)
+            self._next += self.interval
+
+
+Heard = Callable[[float, Frame], None]
+"""Called with the time at which a frame was complete (`time.monotonic`) and the frame."""
+_IDS = 2048
+
+
+class Devices:
+    """Callbacks by number, each with the ids that it hears.
+
+    Args:
+        failed: told every exception of a device.
+    """
+
+    def __init__(self, failed: Callable[[Exception], None]) -> None:
+        self._failed = failed
+        self._all: dict[int, tuple[Heard, frozenset[int] | None]] = {}
+        self._audience: dict[int, tuple[tuple[int, Heard], ...]] = {}
+
+    def add(self, number: int, heard: Heard, ids: frozenset[int] | None) -> None:
+        """One more; it hears all ids if None."""
+        self._all[number] = (heard, ids)
+        self._audience.clear()
+
+    def hear(self, t: float, sender: int, frame: Frame) -> None:
+        """Hand a frame, complete at t [s], to all who hear its id but its sender."""
+        for number, heard in self._hearing(frame.can_id):
+            if number != sender:
+                try:
+                    heard(t, frame)
+                except Exception as error:
+                    self._failed(error)
+
+    def _hearing(self, can_id: int) -> tuple[tuple[int, Heard], ...]:
+        if can_id not in self._audience:
+            if len(self._audience) > _IDS:
+                self._audience.clear()
+            self._audience[can_id] = tuple(
+                (number, heard)
+                for number, (heard, ids) in self._all.items()
+                if ids is None or can_id in ids
+            )
+        return self._audience[can_id]
+
+
+DEFAULT_PORT = 29536
+CLIENTS = 16
+"""Most clients at a time."""
+_IDLE_S = 0.2
+
+
+class Hub:
+    """A CAN bus at ``host:port``.
+
+    Args:
+        host: address of this machine to bind to.
+        port: 0 for any.
+        channel: name that clients open.
+        bitrate: of the wire model [bit/s].
+        wire: whether frames take the time that their bits take.
+        failed: told, besides a warning, every exception of a device, an order or the bus itself.
+    """
+
+    def __init__(
+        self,
+        host: str,
+        port: int = DEFAULT_PORT,
+        channel: str = "can0",
+        bitrate: int = 1_000_000,
+        wire: bool = False,
+        failed: Callable[[Exception], None] | None = None,
+    ) -> None:
+        self.host, self.port, self.channel = host, port, channel
+        self.wire = BusArbiter(bitrate)
+        self.foreign = Foreign()
+        self._modelled = wire
+        self.stalled_until = 0.0
+        self.counters: Counter[str] = Counter()
+        self._told = failed
+        self._devices = Devices(self._fail)
+        self._clients: dict[int, Client] = {}
+        self._posted: deque[tuple[int, Frame]] = deque(maxlen=4096)
+        self._orders = Orders(self._fail)
+        self._numbers = 0
+        self._next: Sent | None = None
+        self._running = False
+        self._bell: Wakeup | None = None
+        self._thread: threading.Thread | None = None
+
+    def attach(self, heard: Heard, ids: frozenset[int] | None = None) -> Callable[[Frame], None]:
+        """Add a device of this process; returns what sends its frames, from any thread.
+
+        Args:
+            heard: called with what others send.
+            ids: of the frames that it hears, its acceptance filter; all if None.
+        """
+        number = self._number()
+        self._devices.add(number, heard, ids)
+
+        def send(frame: Frame) -> None:
+            self._posted.append((number, frame))
+            if threading.current_thread() is not self._thread:
+                self._wake()
+
+        return send
+
+    def start(self) -> None:
+        """Listen.
+
+        Raises:
+            DriverError: the port is taken or not allowed.
+        """
+        self._listener = listener = listening(self.host, self.port, CLIENTS)
+        self.port = listener.getsockname()[1]
+        self._selector = selectors.SelectSelector()
+        self._bell = Wakeup()
+        self._selector.register(listener, selectors.EVENT_READ, self._accept)
+        self._selector.register(self._bell.ear, selectors.EVENT_READ, self._bell.heard)
+        self._running = True
+        self._thread = threading.Thread(target=self._run, name="can hub", daemon=True)
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Close all connections; may be called twice."""
+        if self._thread is None or self._bell is None:
+            return
+        self._running = False
+        self._wake()
+        self._thread.join(2.0)
+        self._thread = None
+        for client in list(self._clients.values()):
+            self._drop(client)
+        self._selector.close()
+        self._listener.close()
+        self._bell.close()
+
+    def order(self, what: Callable[[], None]) -> None:
+        """Run something in the hub's thread soon."""
+        self._orders.add(what)
+        self._wake()
+
+    def later(self, t: float, what: Callable[[], None]) -> None:
+        """Run something in the hub's thread at a time of `time.monotonic` [s]."""
+        self._orders.plan(t, what)
+        self._wake()
+
+    def destroy(self, count: int) -> None:
+        """Destroy the next transmissions by error frames; call it in the hub's thread."""
+        self.wire.spoil(count)
+
+    def load(self) -> float:
+        """Share of the wire that the last second used."""
+        return self.wire.load.share(time.monotonic())
+
+    def say(self, text: bytes) -> None:
+        """Put bytes as they are into every client's stream; call it in the hub's thread."""
+        for client in self._clients.values():
+            client.say(text)
+
+    def hang_up(self) -> None:
+        """Close every client's connection; call it in the hub's thread."""
+        for client in list(self._clients.values()):
+            self._drop(client)
+
+    def bus_off(self, until: float) -> None:
+        """Every client that has sent frames goes bus off; call it in the hub's thread.
+
+        It gets error frames, then nothing, and nothing of its own reaches the bus until a time
+        [s] or until it opens a connection anew. Who only listens is never bus off.
+        """
+        for client in self._clients.values():
+            if client.spoke:
+                client.say(error_text(time.time(), BUS_ERROR) + error_text(time.time(), BUS_OFF))
+                client.off_until = until
+                self.wire.forget(client.number)
+
+    def _fail(self, error: Exception) -> None:
+        self.counters["failures"] += 1
+        if self._told is not None:
+            self._told(error)
+        with contextlib.suppress(WrenchbedWarning):
+            warnings.warn(f"on the CAN bus: {error!r}", WrenchbedWarning, stacklevel=2)
+
+    def _number(self) -> int:
+        self._numbers += 1
+        return self._numbers
+
+    def _wake(self) -> None:
+        if self._bell is not None:
+            self._bell.ring()
+
+    def _run(self) -> None:
+        try:
+            self._serve()
+        except Exception as error:
+            self._listener.close()
+            self.hang_up()
+            self._fail(error)
+
+    def _serve(self) -> None:
+        while self._running:
+            for key, _ in self._selector.select(self._patience()):
+                key.data(key.fileobj)
+            self._orders.do(time.monotonic())
+            self._pass_on()
+            for client in list(self._clients.values()):
+                if not client.flush():
+                    self.counters["slow clients"] += client.too_slow
+                    self._drop(client)
+
+    def _patience(self) -> float:
+        if self._posted:
+            return 0.0
+        now = time.monotonic()
+        waits, ordered = [_IDLE_S], self._orders.wait(now)
+        if ordered is not None:
+            waits.append(ordered)
+        if any(client.waiting for client in self._clients.values()):
+            waits.append(0.002)
+        if self.foreign.active(now):
+            waits.append(self.foreign.interval)
+        due = self.wire.due() if self._next is None else self._next.end
+        if due is not None:
+            waits.append(max(0.0, due - now))
+        return min(waits)
+
+    def _pass_on(self) -> None:
+        """Move frames from senders to the wire and from the wire to those who hear it."""
+        while True:
+            moved = bool(self._posted)
+            while self._posted:
+                self._take(*self._posted.popleft())
+            now = time.monotonic()
+            self.foreign.offer(now, self.wire)
+            moved = self._advance(now) or moved
+            if not moved:
+                return
+
+    def _take(self, sender: int, frame: Frame) -> None:
+        now = time.monotonic()
+        if now < self.stalled_until:
+            self.counters["lost in stall"] += 1
+        elif self._modelled or self._trouble(now):
+            self.wire.offer(now, sender, frame)
+        else:
+            self.wire.load.add(now, frame.bits)
+            self._deliver(now, sender, frame)
+
+    def _trouble(self, now: float) -> bool:
+        """Whether only the wire model can tell what happens, now or to what waits already."""
+        waits = self._next is not None or self.wire.due() is not None
+        return waits or self.wire.spoiling or self.foreign.active(now)
+
+    def _advance(self, now: float) -> bool:
+        if self._next is None:
+            self._next = self.wire.transmit(now)
+        if self._next is None or self._next.end > now:
+            return False
+        sent, self._next = self._next, None
+        if sent.spoiled:
+            self.say(error_text(time.time(), BUS_ERROR))
+        else:
+            self._deliver(sent.end, sent.sender, sent.frame)
+        return True
+
+    def _deliver(self, t: float, sender: int, frame: Frame) -> None:
+        self.counters["frames"] += 1
+        if sender == NOBODY:
+            return
+        self._devices.hear(t, sender, frame)
+        text = frame_text(frame, time.time())
+        for number, client in self._clients.items():
+            if number != sender:
+                client.say(text)
+
+    def _accept(self, listener: socket.socket) -> None:
+        with contextlib.suppress(OSError):
+            connection, _ = listener.accept()
+            if len(self._clients) >= CLIENTS:
+                connection.close()
+                return
+            client = Client(self._number(), connection, self.channel)
+            self._clients[client.number] = client
+            self._selector.register(connection, selectors.EVENT_READ, lambda _: self._hear(client))
+
+    def _hear(self, client: Client) -> None:
+        commands, rubbish, alive = client.receive()
+        self.counters["rubbish"] += rubbish
+        for command in commands:
+            self._obey(client, command)
+        if not alive:
+            self._drop(client)
+
+    def _obey(self, client: Client, command: Command) -> None:
+        if client.raw and command.verb == "send":
+            client.speaks()
+            frame = frame_of(command.words)
+            if frame is None:
+                client.answer("error could not parse send command")
+                self.counters["rubbish"] += 1
+            elif not client.off:
+                self._posted.append((client.number, frame))
+        else:
+            client.obey(command)
+
+    def _drop(self, client: Client) -> None:
+        if self._clients.pop(client.number, None) is not None:
+            with contextlib.suppress(KeyError, ValueError):
+                self._selector.unregister(client.connection)
+            client.connection.close()
+            self.wire.forget(client.number)

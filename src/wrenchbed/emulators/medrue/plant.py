@@ -1,0 +1,132 @@
+"""The robot behind the drives, in real time: a mute master does not stop the clock.
+
+The robot behind the drives, with what its motors give.
+"""
+
+import sys
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from wrenchbed.emulators.base.body import Body, BodyOptions
+from wrenchbed.emulators.medrue.drive import DriveEmulator
+
+
+class DrivenArm(Body):
+    """A body that also tells the forces and torques of its actuators.
+
+    MedRUE's simulated links are weightless to their motors (MuJoCo's gravity compensation): what
+    these give accelerates the robot and holds what pushes on it. It is reckoned from the state at
+    a step's end, as MuJoCo's implicit integration applies it; ``actuator_force`` is reckoned at its
+    begin, and is off by some newtons while an axis moves.
+    """
+
+    def __init__(self, options: BodyOptions, cycle: float) -> None:
+        self._torques: deque[np.ndarray] = deque()
+        super().__init__(options, cycle)
+
+    @property
+    def torque(self) -> np.ndarray:
+        """Of each joint's actuator (J,) [N·m or N], in the cycle of the state that is shown."""
+        return self._torques[0]
+
+    def step(self, target: np.ndarray) -> None:
+        super().step(target)
+        model, plant = self.simulation.model, self._plant
+        gain, spring, damper = (
+            model.actuator_gainprm[:, 0], model.actuator_biasprm[:, 1], model.actuator_biasprm[:, 2]
+        )  # fmt: skip
+        self._torques.append(gain * plant.data.ctrl + spring * plant.q + damper * plant.qd)
+        while len(self._torques) > self._behind + 1:
+            self._torques.popleft()
+
+
+CYCLE_S = 0.004
+_READINGS = 2
+_SWITCH_S = 5e-4
+"""Longest that one thread keeps the others from answering [s]."""
+_LATE_S = 0.1
+"""How far the clock may run behind before it skips [s]."""
+
+
+class RealTimePlant:
+    """Steps the robot at 250 Hz towards where the drives' servos want it.
+
+    Args:
+        body: the robot, with a control cycle of `CYCLE_S`.
+        counts: per unit of each joint (J,).
+        lock: shared with the drives.
+        failed: told what ended its clock, if anything does but `stop`.
+    """
+
+    def __init__(
+        self, body: DrivenArm, counts: np.ndarray, lock: threading.RLock,
+        failed: Callable[[Exception], None],
+    ) -> None:  # fmt: skip
+        self.body, self.counts, self._failed = body, counts, failed
+        self.drives: Sequence[DriveEmulator] = ()
+        self._lock = lock
+        self._running = threading.Event()
+        self._thread: threading.Thread | None = None
+        self._readings: tuple[float, np.ndarray] = (0.0, np.zeros((_READINGS, 6)))
+
+    def wrench(self, t: float) -> np.ndarray:
+        """What the sensor shows at a time [s] of `time.monotonic` (6,)."""
+        begun, rows = self._readings
+        k = int((t - begun) / CYCLE_S * len(rows))
+        return np.asarray(rows[min(max(k, 0), len(rows) - 1)])
+
+    def start(self) -> None:
+        """Let time run."""
+        self._measure(time.monotonic())
+        self._running.set()
+        self._thread = threading.Thread(target=self._run, name="medrue plant", daemon=True)
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Hold the clock; may be called twice."""
+        self._running.clear()
+        if self._thread is not None:
+            self._thread.join(2.0)
+            self._thread = None
+
+    def _run(self) -> None:
+        before = sys.getswitchinterval()
+        sys.setswitchinterval(_SWITCH_S)
+        try:
+            self._keep_time()
+        except Exception as error:
+            self._failed(error)
+        finally:
+            sys.setswitchinterval(before)
+
+    def _keep_time(self) -> None:
+        due = time.monotonic()
+        while self._running.is_set():
+            now = time.monotonic()
+            if now < due:
+                time.sleep(due - now)
+            elif now - due > _LATE_S:
+                due = now
+            self._step(time.monotonic())
+            due += CYCLE_S
+
+    def _step(self, t: float) -> None:
+        with self._lock:
+            q, qd = self.body.q * self.counts, self.body.qd * self.counts
+            torque = self.body.torque
+            commands = [
+                drive.track(t, CYCLE_S, float(q[j]), float(qd[j]), float(torque[j]))
+                for j, drive in enumerate(self.drives)
+            ]
+            self.body.step(np.array(commands) / self.counts)
+        for drive in self.drives:
+            drive.beat(t)
+        self._measure(t)
+
+    def _measure(self, t: float) -> None:
+        times = self.body.time + CYCLE_S * np.arange(_READINGS) / _READINGS
+        self._readings = (t, self.body.readings(times)[0])

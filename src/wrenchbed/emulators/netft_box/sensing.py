@@ -1,0 +1,303 @@
+"""From the load on a body's sensor to counts: units, zero, range, and what can go wrong.
+
+This machine's time → simulated time of a body that someone else steps in real time.
+
+What a box is set to: its rate, its counts and their units, and what kind of box it is.
+
+What is wrong at the moment on one link of a box.
+"""
+
+import math
+import threading
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+
+from wrenchbed.emulators.base.body import Body
+from wrenchbed.emulators.base.faults import Argument, Faults, TimedFault
+from wrenchbed.errors import ParameterError
+
+
+class Timeline:
+    """The simulated time that a sensor shows at a time of this machine.
+
+    What a body shows between two states is known only when the later one exists, so the time shown
+    is one cycle behind, at least 8 ms (a block of samples at a time costs least), and 2 ms more
+    since nobody steps punctually. The delay is constant: what comes later still is waited for.
+    """
+
+    _SHORTEST_S, _SLACK_S = 8e-3, 2e-3
+
+    def __init__(self, cycle: float) -> None:
+        self._lag = max(cycle, self._SHORTEST_S) + self._SLACK_S
+        self._offset = 0.0
+
+    def observe(self, due: float, newest: float) -> None:
+        """Take in the simulated time of the newest state, and when it was due here [s]."""
+        self._offset = due - newest
+
+    def shown(self, host: float) -> float:
+        """Simulated time shown at a time of this machine [s]."""
+        return host - self._offset - self._lag
+
+
+INTERNAL_RATE = {"netbox": 7000, "axia": 7812}
+"""Samples that a product takes per second [Hz]."""
+SATURATED = {"netbox": 1 << 31 | 1 << 17, "axia": 1 << 31 | 1 << 30}
+"""Status word of a sample that left the sensor's range."""
+NEWTON = {"N": 1.0, "kN": 1e3, "lbf": 4.4482216152605, "klbf": 4448.2216152605, "kgf": 9.80665}
+"""Unit of force → [N]."""
+NEWTON_METRE = {
+    "Nm": 1.0, "N-m": 1.0, "Nmm": 1e-3, "N-mm": 1e-3, "kNm": 1e3, "lbf-in": 0.1129848290276167,
+    "lbf-ft": 1.3558179483314004, "kgf-cm": 0.0980665,
+}  # fmt: skip
+"""Unit of torque → [N·m]."""
+LARGEST_BUFFER = 40
+"""Records of a buffered datagram at most."""
+
+HELP: Mapping[str, str] = {
+    "rdt_port": "UDP port of RDT, default 49152",
+    "http_port": "TCP port of HTTP; 0 (default) takes 80, or 8080 where 80 is not allowed",
+    "rate": "RDT records per second, default 7000; rounded up to internal samples / whole number",
+    "buffer": "records of a buffered datagram, 1 … 40, default 10",
+    "counts_per_force": "counts per unit of force, default 1000000",
+    "counts_per_torque": "counts per unit of torque, default 1000000",
+    "force_unit": "N (default), kN, lbf, klbf or kgf",
+    "torque_unit": "Nm (default), N-m, Nmm, N-mm, kNm, lbf-in, lbf-ft or kgf-cm",
+    "product": "netbox (default, 7000 samples/s) or axia (7812 samples/s)",
+}
+"""What each setting does."""
+
+
+@dataclass(frozen=True)
+class BoxSettings:
+    """How a box is set up at power-up, see `HELP`.
+
+    Raises:
+        ParameterError: a value that no box has.
+    """
+
+    rdt_port: int = 49152
+    http_port: int = 0
+    rate: float = 7000.0
+    buffer: int = 10
+    counts_per_force: float = 1e6
+    counts_per_torque: float = 1e6
+    force_unit: str = "N"
+    torque_unit: str = "Nm"
+    product: str = "netbox"
+
+    def __post_init__(self) -> None:
+        for name, table in (
+            ("force_unit", NEWTON), ("torque_unit", NEWTON_METRE), ("product", INTERNAL_RATE),
+        ):  # fmt: skip
+            if getattr(self, name) not in table:
+                known = ", ".join(table)
+                raise ParameterError(f"{name} = {getattr(self, name)!r} is none of {known}")
+        if not 0 <= self.rdt_port < 65536 or not 0 <= self.http_port < 65536:
+            raise ParameterError("rdt_port and http_port must be 0 … 65535")
+        if not 1.0 <= self.rate <= self.internal_rate:
+            raise ParameterError(f"rate = {self.rate:g} Hz must be 1 … {self.internal_rate} Hz")
+        if not 1 <= self.buffer <= LARGEST_BUFFER:
+            raise ParameterError(f"buffer = {self.buffer} must be 1 … {LARGEST_BUFFER} records")
+        for name in ("counts_per_force", "counts_per_torque"):
+            if not 0.0 < getattr(self, name) < math.inf:
+                raise ParameterError(f"{name} = {getattr(self, name):g} must be above 0")
+
+    @property
+    def internal_rate(self) -> int:
+        """Samples per second [Hz]."""
+        return INTERNAL_RATE[self.product]
+
+    @classmethod
+    def from_words(cls, words: Mapping[str, str]) -> "BoxSettings":
+        """Settings of a command line, name → text.
+
+        Raises:
+            ParameterError: an unknown name, or text that is no such value.
+        """
+        kinds: dict[str, Any] = {f.name: f.type for f in fields(cls)}
+        given: dict[str, Any] = {}
+        for name, text in words.items():
+            if name not in kinds:
+                raise ParameterError(f"there is no setting {name!r}. Known: {', '.join(kinds)}")
+            try:
+                given[name] = kinds[name](text)
+            except ValueError as error:
+                raise ParameterError(f"{name}={text}: not a number") from error
+        return cls(**given)
+
+
+class LinkFaults:
+    """Faults of one link that last for a while; a kind that is told again starts anew.
+
+    Args:
+        faults: where they are told.
+        link: name of the link.
+        kinds: kind → what it asks for, by name.
+    """
+
+    def __init__(
+        self, faults: Faults, link: str, kinds: Mapping[str, Mapping[str, Argument]]
+    ) -> None:
+        self._active: dict[str, tuple[float, Mapping[str, float]]] = {}
+        self._at_once: dict[str, Callable[[TimedFault], None]] = {}
+        for kind, asks in kinds.items():
+            faults.on(link, kind, self._begin, asks)
+
+    def at_once(self, kind: str, act: Callable[[TimedFault], None]) -> None:
+        """Also call ``act`` when a kind begins; it must return at once."""
+        self._at_once[kind] = act
+
+    def now(self, kind: str) -> Mapping[str, float] | None:
+        """Values of a kind that is under way, else None."""
+        entry = self._active.get(kind)
+        if entry is None:
+            return None
+        if time.monotonic() >= entry[0]:
+            self._active.pop(kind, None)
+            return None
+        return entry[1]
+
+    @property
+    def any(self) -> bool:
+        """Whether anything is under way, or was until a moment ago."""
+        return bool(self._active)
+
+    def _begin(self, fault: TimedFault) -> None:
+        if act := self._at_once.get(fault.kind):
+            act(fault)
+        end = time.monotonic() + fault.seconds if fault.seconds else float("inf")
+        self._active[fault.kind] = (end, fault.values)
+
+
+_LARGEST = 2**31 - 1
+_STANDS_S = 0.05
+
+
+class Sensing:
+    """A transducer and its electronics, sampled at `Settings.internal_rate` since power-up."""
+
+    def __init__(self, body: Body, settings: BoxSettings, troubles: LinkFaults) -> None:
+        self._body, self._settings, self._troubles = body, settings, troubles
+        self.range = np.asarray(body.sensor.calibration().range)
+        unit = np.repeat([NEWTON[settings.force_unit], NEWTON_METRE[settings.torque_unit]], 3)
+        per_unit = np.repeat([settings.counts_per_force, settings.counts_per_torque], 3)
+        self.per_si = per_unit / unit
+        """(6,) counts per newton and newton metre."""
+        self.rating = self.range / unit
+        """(6,) full scale in the box's units."""
+        self.rate = settings.internal_rate
+        self._timeline = Timeline(body.cycle)
+        self._lock = threading.Lock()
+        self._power_up = time.monotonic()
+        self._raw = np.zeros(6)
+        self._bias = np.zeros(6)
+        self._frozen: np.ndarray | None = None
+        self._skew = (0.0, 0.0, 1.0)
+        self.status = 0
+        self._drawn = 0
+
+    def observe(self) -> None:
+        """Look at the body's clock; to be called often."""
+        self._timeline.observe(*self._body.punctual)
+
+    def warm_up(self) -> None:
+        """Draw a block of noise, which loads what its filters need."""
+        self._body.readings(self._body.ahead + 1e-6 * np.arange(64))
+
+    def tick(self, host: float) -> int:
+        """Number of the newest sample at a time of this machine [s]."""
+        return int((host - self._power_up) * self.rate)
+
+    def host(self, tick: float) -> float:
+        """When a sample is taken, in this machine's time [s]."""
+        return self._power_up + tick / self.rate
+
+    def ahead(self, tick: int, every: int) -> int:
+        """How many samples from ``tick`` on, ``every`` so many, the body can tell already."""
+        behind = self._body.ahead - self._timeline.shown(self.host(tick))
+        return int(behind * self.rate / every) + 1 if behind >= 0.0 else 0
+
+    def stands(self, now: float) -> bool:
+        """Whether the body is so late that what it showed last is shown on."""
+        return now - self._body.punctual[0] > _STANDS_S
+
+    def sample(self, tick: int, every: int, n: int) -> tuple[np.ndarray, np.ndarray]:
+        """Counts (n, 6) and status words (n,) of n samples."""
+        shown = self._timeline.shown(self.host(tick))
+        values, flagged = self._body.readings(shown + np.arange(n) * (every / self.rate))
+        if not np.isfinite(values.sum()):
+            values = np.nan_to_num(values)
+        wrong = self._troubles if self._troubles.any else None
+        if wrong and (one := wrong.now("saturate")):
+            values[:, int(one["channel"])] = self.range[int(one["channel"])]
+        status = np.zeros(n, dtype=np.int64)
+        over = np.abs(values) >= self.range
+        if over.any() or flagged.any():
+            status[over.any(axis=1) | (flagged != 0)] = SATURATED[self._settings.product]
+        raw = np.maximum(np.minimum(values, self.range), -self.range) * self.per_si
+        with self._lock:
+            self._raw = raw[-1]
+            counts = raw - self._bias
+        if wrong and (one := wrong.now("wrong_counts")):
+            counts *= one["factor"]
+        if wrong and (one := wrong.now("status")):
+            status |= int(one["bits"])
+        self.status = int(status[-1])
+        counts = np.maximum(np.minimum(np.rint(counts), _LARGEST), -_LARGEST).astype(np.int64)
+        return self._frost(self._flicker(counts)), status
+
+    def zero(self) -> None:
+        """Software bias: what is measured now reads as zero from now on."""
+        with self._lock:
+            self._bias = self._raw.copy()
+
+    @property
+    def bias(self) -> np.ndarray:
+        """(6,) counts that read as zero."""
+        return self._bias
+
+    @property
+    def newest(self) -> np.ndarray:
+        """(6,) counts of the newest sample."""
+        return self._raw - self._bias
+
+    def set_bias(self, channel: int, counts: float) -> None:
+        """Change one channel's zero."""
+        with self._lock:
+            self._bias = np.where(np.arange(6) == channel, counts, self._bias)
+
+    def restart(self) -> None:
+        """Power off and on: samples are counted from 0 and the zero is lost."""
+        with self._lock:
+            self._power_up = time.monotonic()
+            self._bias = np.zeros(6)
+            self._skew = (0.0, 0.0, 1.0)
+
+    def stamps(self, ticks: np.ndarray) -> np.ndarray:
+        """ft_sequence (n,) of samples: their number, unless the clock runs wrong."""
+        since, stamp, last = self._skew
+        wrong = self._troubles.now("skew")
+        factor = wrong["factor"] if wrong else 1.0
+        if factor != last:
+            since, stamp = float(ticks[0]), stamp + last * (float(ticks[0]) - since)
+            self._skew = (since, stamp, factor)
+        return np.asarray(np.rint(stamp + factor * (ticks - since)), dtype=np.int64)
+
+    def _flicker(self, counts: np.ndarray) -> np.ndarray:
+        """Without noise the last bit of a converter still flickers."""
+        if (counts[0] == counts[-1]).all() and (counts == counts[0]).all():
+            counts[:, 5] += (self._drawn + np.arange(len(counts))) & 1
+            self._drawn += len(counts)
+        return counts
+
+    def _frost(self, counts: np.ndarray) -> np.ndarray:
+        if self._troubles.now("freeze") is None:
+            self._frozen = None
+        elif self._frozen is None:
+            self._frozen = counts[0].copy()
+        return counts if self._frozen is None else np.tile(self._frozen, (len(counts), 1))

@@ -1,0 +1,233 @@
+"""A small HTTP server of one thread: bounded requests, a deadline each, one at a time.
+
+What a box's web server shows and takes: netftapi2.xml, comm.cgi, setting.cgi.
+"""
+
+import contextlib
+import math
+import random
+import socket
+import threading
+import time
+from collections.abc import Callable
+from urllib.parse import parse_qsl, urlsplit
+
+import numpy as np
+
+from wrenchbed.emulators.netft_box.rdt import Pace
+from wrenchbed.emulators.netft_box.sensing import LARGEST_BUFFER, BoxSettings, LinkFaults, Sensing
+
+_REQUEST_BYTES = 8192
+_DEADLINE_S = 2.0
+_LISTEN_S = 0.1
+
+
+class Web:
+    """Serves ``answer(target, body)`` → (status, content type, text) at an address.
+
+    Raises:
+        OSError: the address is taken or not allowed.
+    """
+
+    def __init__(
+        self,
+        address: tuple[str, int],
+        answer: Callable[[str, str], tuple[str, str, str]],
+        troubles: LinkFaults,
+    ) -> None:
+        self._answer, self._troubles = answer, troubles
+        self._listener: socket.socket | None = _listen(address)
+        self.address: tuple[str, int] = self._listener.getsockname()
+        self._random = random.Random(self.address[1])
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="netft http", daemon=True)
+
+    def start(self) -> None:
+        """Answer from now on."""
+        self._thread.start()
+
+    def stop(self) -> None:
+        """End the thread and close the port."""
+        self._ended.set()
+        if self._thread.is_alive():
+            self._thread.join(_DEADLINE_S + 1.0)
+        if self._listener is not None:
+            self._listener.close()
+            self._listener = None
+
+    def _run(self) -> None:
+        while not self._ended.is_set():
+            if self._troubles.now("unlisten") is not None:
+                self._leave()
+            elif self._listener is None:
+                with contextlib.suppress(OSError):
+                    self._listener = _listen(self.address)
+            if self._listener is None:
+                self._ended.wait(_LISTEN_S)
+                continue
+            with contextlib.suppress(OSError):
+                connection, _ = self._listener.accept()
+                with connection:
+                    self._serve(connection)
+
+    def _leave(self) -> None:
+        if self._listener is not None:
+            self._listener.close()
+            self._listener = None
+
+    def _serve(self, connection: socket.socket) -> None:
+        end = time.monotonic() + _DEADLINE_S
+        connection.settimeout(_LISTEN_S)
+        request = self._receive(connection, end)
+        while self._troubles.now("stall") is not None and not self._ended.wait(_LISTEN_S / 2):
+            end = time.monotonic() + _DEADLINE_S
+        connection.settimeout(max(0.1, end - time.monotonic()))
+        connection.sendall(self._reply(request))
+        connection.shutdown(socket.SHUT_WR)
+
+    def _receive(self, connection: socket.socket, end: float) -> bytes:
+        data = b""
+        while len(data) < _REQUEST_BYTES and time.monotonic() < end and not self._ended.is_set():
+            if complete(data):
+                break
+            try:
+                more = connection.recv(4096)
+            except TimeoutError:
+                continue
+            if not more:
+                break
+            data += more
+        return data
+
+    def _reply(self, request: bytes) -> bytes:
+        method, target, body = parse(request)
+        if method not in ("GET", "POST"):
+            status, kind, text = "400 Bad Request", "text/html", "<html></html>"
+        else:
+            status, kind, text = self._answer(target, body)
+        content = text.encode()
+        if self._troubles.now("garbage") is not None:
+            cut = self._random.randrange(len(content) // 2)
+            content = content[:cut] + self._random.randbytes(64) + b"<unclosed>"
+        head = (
+            f"HTTP/1.0 {status}\r\nContent-Type: {kind}\r\n"
+            f"Content-Length: {len(content)}\r\nConnection: close\r\n\r\n"
+        )
+        return head.encode() + content
+
+
+def parse(request: bytes) -> tuple[str, str, str]:
+    """Method, target and body of a request; empty words where it is none."""
+    head, _, body = request.partition(b"\r\n\r\n")
+    words = head.split(b"\r\n", 1)[0].decode("latin-1").split(" ")
+    if len(words) != 3 or not words[2].startswith("HTTP/1."):
+        return "", "", ""
+    return words[0], words[1], body.decode("latin-1")
+
+
+def complete(request: bytes) -> bool:
+    """Whether all of a request is there."""
+    head, end, body = request.partition(b"\r\n\r\n")
+    if not end:
+        return False
+    for line in head.split(b"\r\n")[1:]:
+        name, _, value = line.partition(b":")
+        if name.strip().lower() == b"content-length":
+            digits = value.strip()
+            return not digits.isdigit() or len(digits) > 5 or len(body) >= int(digits)
+    return True
+
+
+def _listen(address: tuple[str, int]) -> socket.socket:
+    listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+    try:
+        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        listener.bind(address)
+        listener.listen(4)
+        listener.settimeout(_LISTEN_S)
+    except OSError:
+        listener.close()
+        raise
+    return listener
+
+
+Reply = tuple[str, str, str]
+"""Status line, content type and text."""
+
+_DONE: Reply = ("200 OK", "text/html", "<html><body>settings applied</body></html>")
+_MISSING: Reply = ("404 Not Found", "text/html", "<html><body>no such page</body></html>")
+
+
+def answer(
+    target: str, body: str, settings: BoxSettings, pace: Pace, sensing: Sensing, missing: str = ""
+) -> Reply:
+    """Reply to a GET or POST of a target such as ``/comm.cgi?comrdtrate=500``.
+
+    Args:
+        body: what a POST carries.
+        missing: an element that netftapi2.xml leaves out.
+    """
+    try:
+        parts = urlsplit(target)
+        asked = parse_qsl(parts.query, max_num_fields=64)
+        asked += parse_qsl(body, max_num_fields=64)
+    except ValueError:
+        return "400 Bad Request", "text/html", "<html><body>no valid address</body></html>"
+    if parts.path == "/netftapi2.xml":
+        index = dict(asked).get("index", "0")
+        return "200 OK", "text/xml", page(settings, pace, sensing, index, missing)
+    if parts.path in ("/comm.cgi", "/setting.cgi", "/setcfg.cgi"):
+        for name, value in asked:
+            _apply(name, value, pace, sensing)
+        return _DONE
+    return _MISSING
+
+
+def page(
+    settings: BoxSettings, pace: Pace, sensing: Sensing, index: str = "0", missing: str = ""
+) -> str:
+    """netftapi2.xml; all configurations are alike."""
+    rate = sensing.rate / pace.every(sensing.rate)
+    fields = {
+        "runstat": f"0x{sensing.status:08x}",
+        "runft": _row(sensing.newest),
+        "runrate": str(sensing.rate),
+        "setcfgsel": "0",
+        "setuserfilter": "0",
+        "setbias": _row(sensing.bias),
+        "cfgid": index if index.isdecimal() and len(index) < 3 else "0",
+        "cfgnam": "wrenchbed twin",
+        "scfgfu": settings.force_unit,
+        "scfgtu": settings.torque_unit,
+        "cfgcpf": f"{settings.counts_per_force:.12g}",
+        "cfgcpt": f"{settings.counts_per_torque:.12g}",
+        "cfgmr": ";".join(f"{v:.9g}" for v in sensing.rating),
+        "comrdte": "Enabled" if pace.on else "Disabled",
+        "comrdtrate": f"{math.ceil(rate - 1e-9)}",
+        "comrdtbsiz": str(pace.buffer),
+    }
+    fields.pop(missing, None)
+    lines = "\n".join(f"<{name}>{text}</{name}>" for name, text in fields.items())
+    return f'<?xml version="1.0" encoding="UTF-8"?>\n<netft>\n{lines}\n</netft>\n'
+
+
+def _apply(name: str, value: str, pace: Pace, sensing: Sensing) -> None:
+    """Change one variable; what is no valid value changes nothing, as in a box."""
+    try:
+        number = float(value)
+    except ValueError:
+        return
+    if not math.isfinite(number):
+        return
+    if name == "comrdtrate":
+        pace.rate = min(max(number, 1.0), float(sensing.rate))
+    elif name == "comrdtbsiz":
+        pace.buffer = min(max(int(number), 1), LARGEST_BUFFER)
+    elif name == "comrdte":
+        pace.on = number != 0.0
+    elif name.startswith("setbias") and name[7:] in tuple("012345"):
+        sensing.set_bias(int(name[7:]), min(max(number, -(2.0**31)), 2.0**31))
+
+
+def _row(values: np.ndarray) -> str:
+    return ";".join(str(round(float(v))) for v in values)

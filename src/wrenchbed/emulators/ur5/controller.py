@@ -1,0 +1,331 @@
+"""The controller: power, safety, program and arm, a control cycle at a time.
+
+Power, safety and program state, as the controller numbers them.
+"""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+
+from wrenchbed.emulators.base.body import Body
+from wrenchbed.emulators.ur5.arm import SAFE_DECELERATION, ControlledArm
+from wrenchbed.emulators.ur5.inputs import Inputs, Terminals
+from wrenchbed.emulators.ur5.packets import Values, Version, inputs, outputs, zero
+from wrenchbed.emulators.ur5.program import ControlProgram, OtherProgram, Program, ProgramError
+from wrenchbed.emulators.ur5.script import Script
+from wrenchbed.emulators.ur5.tool_wrench import Estimate, Payload
+
+UNLOCK_AFTER_S = 5.0
+"""A protective stop can only be unlocked this long after it [s]."""
+_BOOT_S = 0.5
+"""Time that switching on and releasing the brakes take each [s]."""
+
+
+class RobotMode(IntEnum):
+    """The arm's power."""
+
+    POWER_OFF = 3
+    POWER_ON = 4
+    BOOTING = 2
+    IDLE = 5
+    RUNNING = 7
+
+
+class SafetyMode(IntEnum):
+    """What the safety system allows."""
+
+    NORMAL = 1
+    PROTECTIVE_STOP = 3
+    ROBOT_EMERGENCY_STOP = 7
+
+
+class Runtime(IntEnum):
+    """What the program does."""
+
+    STOPPING = 0
+    STOPPED = 1
+    PLAYING = 2
+    PAUSING = 3
+    PAUSED = 4
+
+
+_SAFETY_BITS = {
+    SafetyMode.NORMAL: 1 << 0,
+    SafetyMode.PROTECTIVE_STOP: 1 << 2 | 1 << 10,
+    SafetyMode.ROBOT_EMERGENCY_STOP: 1 << 6 | 1 << 7 | 1 << 10,
+}
+
+
+class Modes:
+    """State of power, safety and program, and how long each change takes."""
+
+    def __init__(self, powered: bool) -> None:
+        self.robot = RobotMode.RUNNING if powered else RobotMode.POWER_OFF
+        self.safety = SafetyMode.NORMAL
+        self.runtime = Runtime.STOPPED
+        self.stopped_at = 0.0
+        self._next: tuple[float, RobotMode] | None = None
+        self._emergency_ends = 0.0
+
+    @property
+    def ready(self) -> bool:
+        """Whether the arm may move."""
+        return self.robot is RobotMode.RUNNING and self.safety is SafetyMode.NORMAL
+
+    @property
+    def robot_bits(self) -> int:
+        """robot_status_bits: power on, program running."""
+        powered = self.robot is not RobotMode.POWER_OFF
+        return powered | (self.runtime is Runtime.PLAYING) << 1
+
+    @property
+    def safety_bits(self) -> int:
+        """safety_status_bits."""
+        return _SAFETY_BITS[self.safety]
+
+    def tick(self, now: float) -> None:
+        """Finish what takes its time."""
+        if self._next is not None and now >= self._next[0]:
+            self.robot, self._next = self._next[1], None
+        emergency = self.safety is SafetyMode.ROBOT_EMERGENCY_STOP
+        if emergency and now >= self._emergency_ends:
+            self.safety = SafetyMode.NORMAL
+
+    def power_on(self, now: float) -> None:
+        """Off → idle."""
+        if self.robot is RobotMode.POWER_OFF and self.safety is SafetyMode.NORMAL:
+            self.robot, self._next = RobotMode.POWER_ON, (now + _BOOT_S, RobotMode.IDLE)
+
+    def power_off(self) -> None:
+        """Any → off."""
+        self.robot, self._next = RobotMode.POWER_OFF, None
+
+    def release_brakes(self, now: float) -> None:
+        """Off or idle → running."""
+        if self.safety is SafetyMode.NORMAL and self.robot is not RobotMode.RUNNING:
+            steps = 2 if self.robot is RobotMode.POWER_OFF else 1
+            self.robot = RobotMode.POWER_ON if steps == 2 else self.robot
+            self._next = (now + steps * _BOOT_S, RobotMode.RUNNING)
+
+    def protective_stop(self, now: float) -> None:
+        """The safety system stops the arm; someone must unlock it."""
+        if self.safety is SafetyMode.NORMAL:
+            self.safety, self.stopped_at = SafetyMode.PROTECTIVE_STOP, now
+
+    def unlock(self, now: float) -> bool:
+        """End a protective stop; False where it is too early."""
+        if self.safety is SafetyMode.PROTECTIVE_STOP:
+            if now - self.stopped_at < UNLOCK_AFTER_S:
+                return False
+            self.safety = SafetyMode.NORMAL
+        return True
+
+    def emergency_stop(self, until: float) -> None:
+        """The button is pressed until a time [s]; the arm has no power after it."""
+        self.safety, self._emergency_ends = SafetyMode.ROBOT_EMERGENCY_STOP, until
+        self.power_off()
+
+
+_MORE_FORCE = 30.0
+"""Beyond what pressed when a stop was unlocked, from which the robot stops again [N]."""
+
+
+@dataclass(frozen=True)
+class Make:
+    """Which controller it is.
+
+    Attributes:
+        version: of its software.
+        cycle: of its control [s].
+        protective_force: at the tool, from which it stops [N].
+        powered: whether the arm is switched on and its brakes are free at the start.
+    """
+
+    version: Version
+    cycle: float
+    protective_force: float
+    powered: bool
+
+    @property
+    def e_series(self) -> bool:
+        """e-Series, else CB3."""
+        return self.version[0] >= 5
+
+
+class Controller:
+    """All of the robot but its network.
+
+    Args:
+        make: which controller it is.
+        body: the robot.
+        payload: as the installation states it.
+        feel: the load that the robot itself feels (6,) [N, N·m]; the true one if None.
+    """
+
+    def __init__(
+        self,
+        make: Make,
+        body: Body,
+        payload: Payload,
+        feel: Callable[[], np.ndarray] | None = None,
+    ) -> None:
+        self.make = make
+        self.terminals = Terminals()
+        self.modes = Modes(make.powered)
+        self.estimate = Estimate(payload, at_tcp=not make.e_series)
+        self.arm = ControlledArm(body, self.estimate, feel or (lambda: body.load))
+        self.fields = outputs(make.version)
+        self.values: dict[str, Values] = {name: zero(kind) for name, kind in self.fields.items()}
+        self.inputs = Inputs(inputs(make.version), self._written)
+        self.program: Program | None = None
+        self.now = 0.0
+        self._forget()
+
+    def cycle(self, now: float) -> None:
+        """Take one control cycle at a time of `time.monotonic` [s]."""
+        self.now = now
+        self.modes.tick(now)
+        self._play()
+        violation = self.arm.cycle()
+        if violation is None and self._pressed_too_hard():
+            violation = "the force at the tool exceeds its limit"
+        if violation is not None and self.modes.ready:
+            self.protective_stop()
+
+    def upload(self, scripts: Iterable[Script]) -> None:
+        """Take programs; each ends the one that plays."""
+        for script in scripts:
+            if script.secondary or self.now < self.script_denied_until:
+                continue
+            self.stop_program()
+            if self.modes.ready and not script.faulty:
+                self._begin(self._program(script))
+
+    def play(self) -> bool:
+        """Go on after a pause, or start what is loaded; False where neither can be."""
+        if not self.modes.ready or self.modes.runtime is Runtime.PLAYING:
+            return False
+        if self.modes.runtime is Runtime.PAUSED:
+            self.modes.runtime = Runtime.PLAYING
+            self.arm.thaw(go_on=True)
+            return True
+        if not self.loaded:
+            return False
+        self._begin(OtherProgram(self, (), endless=True))
+        return True
+
+    def pause(self) -> bool:
+        """Brake and hold the program; False where none plays."""
+        if self.modes.runtime is not Runtime.PLAYING:
+            return False
+        self.modes.runtime = Runtime.PAUSED
+        self.arm.freeze()
+        return True
+
+    def stop_program(self) -> None:
+        """End the program, braking; its registers keep their values."""
+        if self.program is not None:
+            self.program = None
+            self.modes.runtime = Runtime.STOPPED
+            self.arm.force = None
+            self.arm.thaw(go_on=False)
+            self.arm.end_force_mode()
+            self.arm.brake(SAFE_DECELERATION / 3)
+
+    def protective_stop(self) -> None:
+        """Brake at once; the program is paused until someone unlocks and plays."""
+        self.modes.protective_stop(self.now)
+        self._hold()
+
+    def unlock(self) -> bool:
+        """End a protective stop; False where it is too early."""
+        return self.modes.unlock(self.now)
+
+    def emergency_stop(self, until: float) -> None:
+        """The button is pressed until a time [s]."""
+        self.modes.emergency_stop(until)
+        self._hold()
+
+    def power_off(self) -> None:
+        """No power: the program ends."""
+        self.stop_program()
+        self.modes.power_off()
+        self.arm.freeze()
+
+    def power_on(self) -> None:
+        """Off → idle."""
+        self.modes.power_on(self.now)
+
+    def release_brakes(self) -> None:
+        """Idle → running."""
+        self.modes.release_brakes(self.now)
+
+    def reboot(self) -> None:
+        """Everything as after switching on; the arm stays where it is."""
+        self.stop_program()
+        self.modes = Modes(self.make.powered)
+        self.terminals = Terminals()
+        self.inputs.clear()
+        self.arm.thaw(go_on=False)
+        self.arm.restart()
+        self.estimate.restart()
+        self._forget()
+        for name, kind in self.fields.items():
+            if "_register_" in name:
+                self.values[name] = zero(kind)
+
+    def _forget(self) -> None:
+        self.loaded = ""
+        self.script_denied_until = 0.0
+        self._tolerated = self.make.protective_force
+
+    def set_output(self, kind: str, number: int, value: float) -> None:
+        """Write an output register."""
+        name = f"output_{kind}_register_{number}"
+        if name in self.fields:
+            self.values[name] = (int(value) if kind == "int" else float(value),)
+
+    def _program(self, script: Script) -> Program:
+        if script.control:
+            return ControlProgram(self, script.offset, script.path)
+        return OtherProgram(self, script.writes)
+
+    def _begin(self, program: Program) -> None:
+        self.arm.thaw(go_on=False)
+        self.program, self.modes.runtime = program, Runtime.PLAYING
+
+    def _play(self) -> None:
+        if self.program is None or self.modes.runtime is not Runtime.PLAYING:
+            return
+        try:
+            goes_on = self.program.cycle(self.now)
+        except ProgramError:
+            goes_on = False
+        if not goes_on:
+            self.stop_program()
+
+    def _hold(self) -> None:
+        if self.modes.runtime is Runtime.PLAYING:
+            self.modes.runtime = Runtime.PAUSED
+        self.arm.freeze()
+
+    def _pressed_too_hard(self) -> bool:
+        """Force above its limit; after a stop the arm may leave with what presses on it still."""
+        force = float(np.linalg.norm(self.estimate.wrench[:3]))
+        if force < self.make.protective_force:
+            self._tolerated = self.make.protective_force
+        elif not self.modes.ready:
+            self._tolerated = force + _MORE_FORCE
+        return force > self._tolerated
+
+    def _written(self, values: dict[str, Values]) -> None:
+        for name, value in values.items():
+            if name in self.values:
+                self.values[name] = value
+        self.terminals.take(values)
+        self.arm.slider = self.terminals.slider
+
+
+__all__ = ["Controller", "Make", "RobotMode", "Runtime", "SafetyMode"]

@@ -1,0 +1,274 @@
+"""What moves the arm: each motion yields the joints' next target, one control cycle at a time.
+
+How far along its way a move is: constant acceleration, constant speed, constant braking.
+"""
+
+from abc import ABC, abstractmethod
+from math import exp, sqrt
+
+import numpy as np
+
+from wrenchbed.emulators.ur5.kinematics import (
+    Kinematics,
+    UnreachableError,
+    matrix,
+    rotation_vector,
+    vector,
+)
+
+
+class Profile:
+    """Trapezoid of speed over a length.
+
+    Args:
+        length: of the way.
+        speed: highest.
+        acceleration: of start and end.
+    """
+
+    def __init__(self, length: float, speed: float, acceleration: float) -> None:
+        self.length, self._a = length, acceleration
+        self._v = min(speed, sqrt(length * acceleration))
+        self._ramp = self._v / acceleration
+        self.duration = 0.0 if length <= 0.0 else length / self._v + self._ramp
+
+    def at(self, t: float) -> float:
+        """Length covered after a time [s]."""
+        if t >= self.duration:
+            return self.length
+        if t < self._ramp:
+            return 0.5 * self._a * t * t
+        left = self.duration - t
+        if left < self._ramp:
+            return self.length - 0.5 * self._a * left * left
+        return self._v * (t - 0.5 * self._ramp)
+
+
+ROTATION_REACH = 0.25
+"""A turn of 1 rad of the tool takes a straight move as long as this way does [m]."""
+_STILL = 1e-4
+_GAIN = 300.0
+"""servoj's default gain, at which the lookahead time is the time by which the arm lags."""
+
+
+class ArmMotion(ABC):
+    """A motion under way.
+
+    Attributes:
+        done: it has come to its end.
+        scaled: the speed slider slows it down.
+    """
+
+    done = False
+    scaled = False
+
+    @abstractmethod
+    def begin(self, q: np.ndarray, qd: np.ndarray) -> None:
+        """Set out from joint values and speeds (6,), for the first time or after a pause."""
+
+    @abstractmethod
+    def step(self, q: np.ndarray, dt: float) -> np.ndarray:
+        """The next target (6,) after q, a time [s] later.
+
+        Raises:
+            UnreachableError: the way ends here.
+        """
+
+
+class Braking(ArmMotion):
+    """Bring all joints to rest at the same moment.
+
+    Args:
+        deceleration: of the fastest joint [rad/s²].
+        seconds: to rest, instead of the deceleration.
+    """
+
+    def __init__(self, deceleration: float, seconds: float | None = None) -> None:
+        self._rate, self._seconds = max(deceleration, 0.01), seconds
+
+    def begin(self, q: np.ndarray, qd: np.ndarray) -> None:
+        self._qd, self._t = np.array(qd), 0.0
+        asked = np.abs(qd).max() / self._rate if self._seconds is None else self._seconds
+        self._duration = float(asked)
+        self.done = bool(np.abs(qd).max() < _STILL or self._duration <= 0.0)
+
+    def step(self, q: np.ndarray, dt: float) -> np.ndarray:
+        if self.done:
+            return q
+        before, self._t = self._t, min(self._t + dt, self._duration)
+        self.done = self._t >= self._duration
+        middle = 1.0 - 0.5 * (before + self._t) / self._duration
+        return q + self._qd * middle * (self._t - before)
+
+
+class _Planned(ArmMotion):
+    """A move along a way that is known, after braking from any speed that is left."""
+
+    scaled = True
+
+    def __init__(self, speed: float, acceleration: float) -> None:
+        self._speed, self._acceleration = max(speed, 1e-4), max(acceleration, 1e-3)
+
+    def begin(self, q: np.ndarray, qd: np.ndarray) -> None:
+        self._braking = Braking(max(self._acceleration, 2.0))
+        self._braking.begin(q, qd)
+        self._profile: Profile | None = None
+
+    def step(self, q: np.ndarray, dt: float) -> np.ndarray:
+        if not self._braking.done:
+            return self._braking.step(q, dt)
+        if self._profile is None:
+            self._t = 0.0
+            self._profile = Profile(self._plan(q), self._speed, self._acceleration)
+        self._t += dt
+        self.done = self._t >= self._profile.duration
+        length = self._profile.length
+        return self._at(self._profile.at(self._t) / length if length > 0.0 else 1.0, q)
+
+    @abstractmethod
+    def _plan(self, q: np.ndarray) -> float:
+        """Length of the way from here."""
+
+    @abstractmethod
+    def _at(self, share: float, q: np.ndarray) -> np.ndarray:
+        """Joint values at a share of the way."""
+
+
+class ToJoints(_Planned):
+    """movej: all joints start and arrive together; speed of the one that goes farthest."""
+
+    def __init__(self, goal: np.ndarray, speed: float, acceleration: float) -> None:
+        super().__init__(speed, acceleration)
+        self._goal = goal
+
+    def _plan(self, q: np.ndarray) -> float:
+        self._start = np.array(q)
+        return float(np.abs(self._goal - q).max())
+
+    def _at(self, share: float, q: np.ndarray) -> np.ndarray:
+        return np.asarray(self._start + share * (self._goal - self._start))
+
+
+class ToPose(_Planned):
+    """movel: the TCP goes straight and turns about one axis."""
+
+    def __init__(
+        self, kinematics: Kinematics, tcp: np.ndarray, goal: np.ndarray, speed: float, rate: float
+    ) -> None:
+        super().__init__(speed, rate)
+        self._kinematics, self._tcp, self._goal = kinematics, tcp, goal
+
+    def _plan(self, q: np.ndarray) -> float:
+        self._rotation, self._from = self._kinematics.transform(q, self._tcp)
+        rotation, position = matrix(self._goal)
+        self._way = position - self._from
+        self._turn = rotation_vector(rotation @ self._rotation.T)
+        turn = ROTATION_REACH * float(np.linalg.norm(self._turn))
+        return max(float(np.linalg.norm(self._way)), turn)
+
+    def _at(self, share: float, q: np.ndarray) -> np.ndarray:
+        turn, _ = matrix(np.concatenate([np.zeros(3), share * self._turn]))
+        pose = vector(turn @ self._rotation, self._from + share * self._way)
+        found = self._kinematics.follow(pose, self._tcp, q)
+        if found is None:
+            raise UnreachableError("the straight way leaves the robot's reach")
+        return found
+
+
+class Servo(ArmMotion):
+    """servoj: follow a target that is given again and again, smoothed by the lookahead time."""
+
+    def __init__(self) -> None:
+        self._goal = np.zeros(6)
+        self._speed = np.zeros(6)
+        self._rate = 1.0
+
+    def aim(self, goal: np.ndarray, lookahead: float, gain: float) -> None:
+        """Take a new target (6,) [rad]."""
+        self._goal = goal
+        lag = min(max(lookahead, 0.03), 0.2) * _GAIN / min(max(gain, 100.0), 2000.0)
+        self._rate = 2.0 / max(lag, 0.03)
+
+    @property
+    def lag(self) -> float:
+        """Time by which the arm is behind a moving target [s]."""
+        return 2.0 / self._rate
+
+    def distance(self, q: np.ndarray) -> np.ndarray:
+        """How far the target is from q (6,)."""
+        return np.asarray(np.abs(self._goal - q))
+
+    def begin(self, q: np.ndarray, qd: np.ndarray) -> None:
+        self._speed = np.array(qd)
+
+    def step(self, q: np.ndarray, dt: float) -> np.ndarray:
+        """A critically damped second order, exact for a target at rest."""
+        w, miss = self._rate, q - self._goal
+        fade, slope = exp(-w * dt), self._speed + w * miss
+        self._speed = (self._speed - w * dt * slope) * fade
+        return np.asarray(self._goal + (miss + slope * dt) * fade)
+
+
+class JointSpeed(ArmMotion):
+    """speedj: joint speeds that are reached with an acceleration and then kept for ever."""
+
+    def __init__(self) -> None:
+        self._goal = np.zeros(6)
+        self._rate = 1.0
+
+    def aim(self, qd: np.ndarray, acceleration: float) -> None:
+        """Take new speeds (6,) [rad/s] and the acceleration towards them [rad/s²]."""
+        self._goal, self._rate = qd, max(acceleration, 0.01)
+
+    def begin(self, q: np.ndarray, qd: np.ndarray) -> None:
+        self._speed = np.array(qd)
+
+    def step(self, q: np.ndarray, dt: float) -> np.ndarray:
+        self._speed = ramp(self._speed, self._goal, self._rate * dt)
+        return np.asarray(q + self._speed * dt)
+
+
+class ToolSpeed(ArmMotion):
+    """speedl: velocity of the TCP in base axes, reached with an acceleration and then kept."""
+
+    def __init__(self, kinematics: Kinematics, tcp: np.ndarray) -> None:
+        self._kinematics, self._tcp = kinematics, tcp
+        self._goal = np.zeros(6)
+        self._rate = 0.5
+
+    def aim(self, twist: np.ndarray, acceleration: float) -> None:
+        """Take a new velocity (6,) [m/s, rad/s] and the acceleration [m/s²]."""
+        self._goal, self._rate = twist, max(acceleration, 0.01)
+
+    def begin(self, q: np.ndarray, qd: np.ndarray) -> None:
+        self._twist = self._kinematics.jacobian(q, self._tcp) @ qd
+
+    def step(self, q: np.ndarray, dt: float) -> np.ndarray:
+        self._twist = ramp(self._twist, self._goal, self._rate * dt)
+        return np.asarray(q + self._kinematics.rates(q, self._tcp, self._twist) * dt)
+
+
+class ToolTrack(ToolSpeed):
+    """servoc: go straight towards a pose that is given again and again, and stay there."""
+
+    def track(self, pose: np.ndarray, speed: float, acceleration: float) -> None:
+        """Take a new pose (6,), the speed [m/s] and the acceleration [m/s²]."""
+        self._pose, self._top, self._rate = pose, max(speed, 1e-4), max(acceleration, 0.01)
+
+    def step(self, q: np.ndarray, dt: float) -> np.ndarray:
+        rotation, position = self._kinematics.transform(q, self._tcp)
+        goal_rotation, goal = matrix(self._pose)
+        turn = rotation_vector(goal_rotation @ rotation.T)
+        way = np.concatenate([goal - position, turn])
+        length = max(float(np.linalg.norm(way[:3])), ROTATION_REACH * float(np.linalg.norm(turn)))
+        if length > 0.0:
+            speed = min(self._top, (self._rate * length) ** 0.5, length / (2.0 * dt))
+            self._goal = way / length * speed
+        return super().step(q, dt)
+
+
+def ramp(now: np.ndarray, goal: np.ndarray, most: float) -> np.ndarray:
+    """Towards a goal in a straight line, no component by more than ``most``."""
+    change = goal - now
+    largest = float(np.abs(change).max())
+    return goal.copy() if largest <= most else now + change * (most / largest)

@@ -1,0 +1,149 @@
+"""What the robot itself feels at its tool: true load, effects of the mechanism, its own error.
+
+A CB3 infers the wrench from its motors' currents: within ±10 N and ±5 N·m, as users of Universal
+Robots' forum report. An e-Series has a sensor in its flange: ±3.5 N and ±0.2 N·m, the precision in
+UR5e's data sheet. Both are taken as three standard deviations, one half of the variance white and
+the other 1/f. Effects of the Net F/T itself (gain, drift, delay …) are not felt here; those of the
+mechanism act as if at rest at the joints of the moment, and what creeps or sticks forgets its past.
+
+The wrench at the tool as this controller states it.
+
+Axes of the base; positive where the surroundings push the tool. The CB3 refers the torque to the
+TCP, the e-Series to the flange's centre. It is what the robot feels at the tool side of the sensor
+less the weight of the payload that the controller was told.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from wrenchbed.effects.base import ReadingEffect
+from wrenchbed.effects.chain import ActiveEffect
+from wrenchbed.effects.naming import active_effect
+from wrenchbed.effects.scene import Scene
+from wrenchbed.emulators.base.body import Body
+from wrenchbed.emulators.base.sensor import BufferedNoise
+from wrenchbed.physics.noise import NoiseModel, noise_model
+from wrenchbed.physics.rotations import cross
+from wrenchbed.twin.twin import Twin
+
+GRAVITY = np.array([0.0, 0.0, -9.80665])
+
+
+@dataclass
+class Payload:
+    """What the controller was told: mass [kg], CoG in flange axes (3,) [m], inertia (6,)."""
+
+    mass: float
+    cog: np.ndarray
+    inertia: np.ndarray
+
+
+class Estimate:
+    """Turns the load that the robot feels into the controller's wrench.
+
+    Args:
+        payload: as the installation states it.
+        at_tcp: torques about the TCP, else about the flange's centre.
+    """
+
+    def __init__(self, payload: Payload, at_tcp: bool) -> None:
+        self._installed, self._at_tcp = payload, at_tcp
+        self.restart()
+
+    def restart(self) -> None:
+        """As the installation states it: payload, gravity, zero."""
+        self.payload = self._installed
+        self.gravity = GRAVITY.copy()
+        self._zero = np.zeros(6)
+        self.wrench = np.zeros(6)
+
+    def zero(self) -> None:
+        """Make the present wrench read as zero."""
+        self._zero = self._zero + self.wrench
+        self.wrench = np.zeros(6)
+
+    def update(self, load: np.ndarray, rotation: np.ndarray, tcp: np.ndarray) -> None:
+        """Take the load that is felt (6,); R_base_flange and the TCP in flange axes."""
+        weight = self.payload.mass * self.gravity
+        force = rotation @ load[:3] - weight
+        torque = rotation @ load[3:] - cross(rotation @ self.payload.cog, weight)
+        if self._at_tcp:
+            torque = torque - cross(rotation @ tcp[:3], force)
+        self.wrench = np.concatenate([force, torque]) - self._zero
+
+
+_CB3, _E = (10.0, 5.0), (3.5, 0.2)
+"""Error of force [N] and torque [N·m], three standard deviations."""
+_LOW_HZ, _HIGH_HZ = 1e-3, 100.0
+_SEED = 104729
+"""Added to the twin's seed, so that this noise is not the Net F/T's."""
+_EVERY_S = 0.032
+"""Time between evaluations of what the mechanism changes [s]."""
+_MOVED = 1e-5
+"""By how much a joint moves before it is evaluated anew [rad]."""
+
+
+class OwnSensor:
+    """The robot's own wrench sensor, asked once a control cycle.
+
+    Args:
+        body: the robot.
+        e_series: which robot, else a CB3.
+        effects: as the twin was given them.
+        noise: ``real``, ``white`` or ``off``.
+        seed: of the noise.
+    """
+
+    def __init__(
+        self, body: Body, e_series: bool, effects: Sequence[str], noise: str, seed: int
+    ) -> None:
+        self._body = body
+        found = noise_model(noise, error(e_series))
+        self._hiss = BufferedNoise(found, seed + _SEED) if noise != "off" else None
+        active = tuple(active_effect(body.robot, text) for text in effects)
+        mechanical = tuple(a for a in active if not isinstance(a.effect, ReadingEffect))
+        self._twins = _pair(body, mechanical) if mechanical else None
+        self._more, self._at = np.zeros(6), np.full(6, np.inf)
+        self._every = max(1, round(_EVERY_S / body.cycle))
+        self._cycles = 0
+        if self._twins is not None:
+            self._look(*self._twins)
+        self.load()  # what is compiled or loaded on first use takes longer than a cycle
+
+    def load(self) -> np.ndarray:
+        """Load on the tool side of the flange (6,) [N, N·m], sensor axes."""
+        body = self._body
+        self._cycles += 1
+        if self._twins is not None and self._cycles % self._every == 0:
+            self._look(*self._twins)
+        load = body.load + self._more
+        if self._hiss is None:
+            return np.asarray(load)
+        rows, _ = self._hiss.corrupt(np.array([self._cycles * body.cycle]), load[None])
+        return np.asarray(rows[0])
+
+    def _look(self, twin: Twin, plain: Twin) -> None:
+        q = self._body.q
+        if np.abs(q - self._at).max() < _MOVED:
+            return
+        before = q if np.isinf(self._at).any() else self._at
+        self._at = q.copy()
+        gravity, held = np.asarray(twin.model.gravity), np.ones(2, dtype=bool)
+        t = np.array([-_EVERY_S, 0.0]) + self._body.time
+        way = Scene(twin.model.robot, twin.own, gravity, np.array([before, q]), t, held)
+        self._more = (twin.load(way) - plain.load(way))[-1]
+
+
+def error(e_series: bool) -> NoiseModel:
+    """What the robot's own wrench is off by."""
+    force, torque = _E if e_series else _CB3
+    half = np.repeat([force, torque], 3) / 3.0 / np.sqrt(2.0)
+    flicker = half / np.sqrt(np.log(_HIGH_HZ / _LOW_HZ))
+    return NoiseModel(white=half, flicker=flicker, f_low=_LOW_HZ, f_high=_HIGH_HZ)
+
+
+def _pair(body: Body, active: tuple[ActiveEffect, ...]) -> tuple[Twin, Twin]:
+    """The robot with effects, and without."""
+    return Twin(body.model, body.theta, active), Twin(body.model, body.theta)

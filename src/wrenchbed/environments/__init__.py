@@ -1,0 +1,28 @@
+"""Gymnasium environments; importing this module registers them."""
+
+import os
+import sys
+
+import gymnasium
+
+_LONGEST = {"Calibration": 400, "Contact": 500}
+"""Most steps of an episode: a bound for budgets that run out earlier."""
+
+
+def register() -> None:
+    """Make ``wrenchbed/…`` known to `gymnasium.make`; a second call does nothing."""
+    for robot, title in (("ur5", "UR5"), ("medrue", "MedRUE")):
+        for kind, steps in _LONGEST.items():
+            name = f"wrenchbed/{title}{kind}-v0"
+            if name not in gymnasium.registry:
+                gymnasium.register(
+                    name,
+                    entry_point=f"wrenchbed.environments.{kind.lower()}:{kind}Env",
+                    kwargs={"robot": robot},
+                    max_episode_steps=steps,
+                )
+
+
+if sys.platform == "linux" and not os.environ.get("DISPLAY"):
+    os.environ.setdefault("MUJOCO_GL", "egl")  # pictures without a screen; mujoco reads it once
+register()

@@ -1,0 +1,172 @@
+"""Calibration as a game: choose the next pose so that few seconds of the robot tell most."""
+
+from typing import Any
+
+import gymnasium
+import numpy as np
+
+from wrenchbed import registry
+from wrenchbed.environments.knowledge import Knowledge, knowledge
+from wrenchbed.environments.rendering import Picture
+from wrenchbed.errors import ParameterError
+from wrenchbed.hardware.drivers.base import Limits, duration
+from wrenchbed.physics.noise import NoiseStream, noise_model
+from wrenchbed.robots.base import SimulatedRobot
+from wrenchbed.robots.model import Model
+from wrenchbed.simulation.simulation import Simulation
+
+SETTLE_S, RATE_HZ = 0.5, 100.0
+_TRIES = 50
+
+
+class CalibrationEnv(gymnasium.Env[np.ndarray, np.int64]):
+    """Choose poses from a pool; the robot goes there and its sensor is read.
+
+    Each episode is a robot of its own, its parameters uniform within tolerance, and the budget is
+    spent by moves and readings. The reward is what a reading tells [nats]: of the tool's position
+    in the target workspace (MedRUE) or of readings to come (UR5), or of which effect is at work.
+
+    Observation (5 + J,) float32: share of the budget left; what is known, above the start [nats];
+    length of the last step [s]; joint values from −1 to 1 between their limits; the least and the
+    mean share of what was open at first (tolerances, or 1 / (1 + distance of causes in σ)).
+
+    Action: number of a pose of the pool, ``env.unwrapped.pool`` (N, J).
+
+    Args:
+        robot: registry name.
+        goal: ``accuracy`` or ``causes``.
+        budget: of robot time [s].
+        pool: number of poses to choose from; drawn anew with every seed.
+        samples: rows a reading, at 100 Hz.
+        render_mode: ``rgb_array`` or None.
+    """
+
+    metadata = {"render_modes": ["rgb_array"], "render_fps": 2}  # noqa: RUF012 - gymnasium's form
+
+    def __init__(
+        self,
+        robot: str = "ur5",
+        goal: str = "accuracy",
+        budget: float = 120.0,
+        pool: int = 256,
+        samples: int = 20,
+        render_mode: str | None = None,
+    ) -> None:
+        known = registry.load("robots", robot)
+        if not isinstance(known, SimulatedRobot):
+            raise ParameterError(f"robot {robot!r} has no model to simulate")
+        if goal not in ("accuracy", "causes"):
+            raise ParameterError(f"goal {goal!r}: known are accuracy and causes")
+        if not budget > 0 or pool < 2 or samples < 1:
+            raise ParameterError("budget must be above 0 s, pool at least 2, samples at least 1")
+        self.robot, self.goal = known, goal
+        self.budget, self.samples, self.render_mode = float(budget), samples, render_mode
+        self.model = Model.of(known)
+        self.sensor = registry.load("sensors", known.sensor)
+        self._noise = noise_model("real", self.sensor.noise)
+        self._size = pool
+        low, high = np.array([(j.lower, j.upper) for j in known.joints]).T
+        self._middle, self._reach = 0.5 * (low + high), 0.5 * (high - low)
+        self._share = Limits().speed
+        self._ticks = np.arange(-samples, 0) / RATE_HZ
+        joints = len(known.joints)
+        self.action_space = gymnasium.spaces.Discrete(pool)
+        low = np.concatenate([[0.0, -50.0, 0.0], -np.ones(joints), [0.0, 0.0]])
+        high = np.concatenate([[1.0, 50.0, 1e3], np.ones(joints), [1.0, 1.0]])
+        self.observation_space = gymnasium.spaces.Box(
+            low.astype(np.float32), high.astype(np.float32), dtype=np.float32
+        )
+        self.pool = np.empty((0, joints))
+        self._drawn: int | None = None
+        self._picture: Picture | None = None
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[np.ndarray, dict[str, Any]]:
+        """Another robot; with a seed also another pool."""
+        super().reset(seed=seed)
+        if seed is not None or self._drawn is None:
+            self.pool = self.robot.sample(self._size, self.np_random)
+            self._drawn = seed
+            self._table = knowledge(self.model, self.pool, self._row_std(), self.goal)
+        self.theta = self._own_parameters()
+        own = self.theta[: len(self.robot.parameters)]
+        self.simulation = Simulation(self.robot, own, self.model.gravity)
+        self._stream = NoiseStream(self._noise, int(self.np_random.integers(2**31)))
+        self.knowledge: Knowledge = self._table.start()
+        self._known = self.knowledge.value
+        self.q, self._time, self._last = np.array(self.robot.home, dtype=float), 0.0, 0.0
+        self.visited: list[int] = []
+        self.readings: list[np.ndarray] = []
+        return self._seen(), self._told()
+
+    def step(self, action: np.int64) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
+        """Go to a pose and read; the episode ends with the budget."""
+        chosen = int(action)
+        before = self.knowledge.value
+        self._last = self.seconds(chosen)
+        self._time += self._last
+        self.q = self.pool[chosen]
+        self.visited.append(chosen)
+        self.readings.append(self._read())
+        self.knowledge = self.knowledge.with_pose(chosen)
+        over = self._time >= self.budget
+        return self._seen(), self.knowledge.value - before, over, False, self._told()
+
+    def seconds(self, pose: int) -> float:
+        """What a step to a pose costs [s]: the move at half of top speed, settling, reading."""
+        move = duration(self.robot, self.q, self.pool[pose], self._share)
+        return move + SETTLE_S + self.samples / RATE_HZ
+
+    def render(self) -> np.ndarray | None:
+        """The robot at its pose (H, W, 3), if the render mode is ``rgb_array``."""
+        if self.render_mode is None:
+            return None
+        self._picture = self._picture or Picture()
+        return self._picture.of(self.simulation, self.q)
+
+    def close(self) -> None:
+        """Let go of the renderer."""
+        if self._picture is not None:
+            self._picture.close()
+            self._picture = None
+
+    def _own_parameters(self) -> np.ndarray:
+        """Parameters within tolerance with which every pose is reached."""
+        columns, own = list(self._table.columns), len(self.robot.parameters)
+        tolerance = self.model.parameters.tolerance[columns]
+        for _ in range(_TRIES):
+            theta = np.array(self.model.parameters.nominal)
+            theta[columns] += self.np_random.uniform(-1.0, 1.0, len(columns)) * tolerance
+            if not self.robot.infeasible(self.pool, theta[:own]):
+                return theta
+        return np.array(self.model.parameters.nominal)
+
+    def _row_std(self) -> np.ndarray:
+        """Of a reading's mean (6,): its white part, and what 1/f noise leaves between poses."""
+        hold = self.samples / RATE_HZ
+        octaves = np.log(max(self.budget / hold, np.e))
+        white, slow = np.asarray(self._noise.white), np.asarray(self._noise.flicker)
+        return np.sqrt(white**2 / self.samples + slow**2 * octaves)
+
+    def _read(self) -> np.ndarray:
+        """Mean of the rows (6,) [N, N·m], by MuJoCo, with the sensor's noise."""
+        load = self.model.read(self.simulation.wrench(self.q[None]), self.theta)
+        t = self._time + self._ticks
+        rows, _ = self._stream.corrupt(t, np.repeat(load, self.samples, axis=0))
+        return np.asarray(rows.sum(axis=0) / self.samples)
+
+    def _seen(self) -> np.ndarray:
+        least, mean = self.knowledge.open
+        left = max(0.0, 1.0 - self._time / self.budget)
+        seen = np.empty(5 + len(self.q), dtype=np.float32)
+        seen[:3] = left, self.knowledge.value - self._known, self._last
+        seen[3:-2] = np.minimum(np.maximum((self.q - self._middle) / self._reach, -1.0), 1.0)
+        seen[-2:] = least, mean
+        return seen
+
+    def _told(self) -> dict[str, Any]:
+        return {
+            "seconds": self._time, "visited": len(self.visited), "error": self.knowledge.error,
+            "unit": self._table.unit,
+        }  # fmt: skip

@@ -1,0 +1,257 @@
+"""Probing: keep a force on a leg that gives, with a sensor that is not perfect.
+
+The tip of a robot's tool, moved along straight lines with its orientation kept.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import gymnasium
+import numpy as np
+
+from wrenchbed import registry
+from wrenchbed.emulators.base.body import Body, BodyOptions
+from wrenchbed.emulators.base.surface import Limb, tip_of
+from wrenchbed.environments.rendering import Picture
+from wrenchbed.errors import ParameterError
+from wrenchbed.robots.base import SimulatedRobot
+
+_STEP, _DAMPING = 1e-6, 1e-6
+_FAR = 0.006
+"""Way of the tip after which the Jacobian is evaluated anew [m], and what was missed meanwhile,"""
+_MADE_UP, _OFTEN = 10, 50
+"""which the next moves, so many, make up for; in slow motion after so many moves."""
+
+
+class Hand:
+    """Joint targets that lead the tip of a nominal robot.
+
+    Args:
+        robot: stands at home.
+
+    Attributes:
+        q: joint targets (J,).
+        tip: where they put the tip (3,) [m].
+        kept: orientation of the tool (3, 3).
+    """
+
+    def __init__(self, robot: SimulatedRobot) -> None:
+        self.robot = robot
+        self._theta = robot.parameters.nominal
+        self.q = np.asarray(robot.home, dtype=float)
+        self._limits = np.array([(j.lower, j.upper) for j in robot.joints])
+        rotation, places = tip_of(robot, self.q[None], self._theta)
+        self.kept, self.tip = rotation[0], places[0]
+        self._gone, self._age = np.inf, 0
+
+    def move(self, way: np.ndarray, parts: int) -> np.ndarray:
+        """Joint values (parts, J) that move the tip by ``way`` (3,) [m] in the world.
+
+        At a limit of the joints or of the workspace it stands still.
+        """
+        if self._gone >= _FAR or self._age >= _OFTEN:
+            self._look()
+        twist = self._back.copy() if self._age < _MADE_UP else np.zeros(6)
+        twist[:3] += way
+        new = self.q + self._inverse @ twist
+        length = math.sqrt(way @ way)
+        if self._blocked(new, length):
+            return np.repeat(self.q[None], parts, axis=0)
+        share = np.arange(1, parts + 1)[:, None] / parts
+        line = self.q + share * (new - self.q)
+        self.q, self.tip = new, self.tip + way
+        self._age, self._gone = self._age + 1, self._gone + length
+        return np.asarray(line)
+
+    def _look(self) -> None:
+        """The Jacobian here, and what the last moves missed."""
+        rotation, tip, jacobian = self._slopes()
+        missed = np.concatenate([self.tip - tip, _vector(self.kept @ rotation.T)])
+        self._back, self._age, self._gone = missed / _MADE_UP, 0, 0.0
+        square = jacobian @ jacobian.T + _DAMPING * np.eye(6)
+        self._inverse = jacobian.T @ np.linalg.inv(square)
+
+    def _blocked(self, new: np.ndarray, length: float) -> bool:
+        """Whether a target is out of reach; far from the edge one look ahead is enough."""
+        low, high = self._limits.T
+        if ((new < low) | (new > high)).any():
+            return True
+        if self._age == 0:
+            ahead = self.q + 2 * _FAR / max(length, _STEP) * (new - self.q)
+            self._close = bool(self.robot.infeasible(ahead[None], self._theta))
+        return self._close and bool(self.robot.infeasible(new[None], self._theta))
+
+    def _slopes(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Orientation (3, 3), place (3,) and Jacobian (6, J): speed above, turning below."""
+        count = len(self.q)
+        around = self.q + np.vstack([np.zeros(count), _STEP * np.eye(count)])
+        rotation, tip = tip_of(self.robot, around, self._theta)
+        turns = rotation[1:] @ rotation[0].T
+        turning = np.stack([_vector(turn) for turn in turns], axis=1)
+        return rotation[0], tip[0], np.vstack([(tip[1:] - tip[0]).T, turning]) / _STEP
+
+
+def _vector(turn: np.ndarray) -> np.ndarray:
+    """Rotation vector (3,) of a small rotation (3, 3) [rad]."""
+    return 0.5 * np.array(
+        [turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]]
+    )
+
+
+CYCLE_S, CYCLES = 0.004, 5
+STEP_S = CYCLE_S * CYCLES
+"""Of one action [s]."""
+SPEED = 0.03
+"""Of the tip at an action of 1 [m/s]."""
+TOO_MUCH_N = 40.0
+"""A force that hurts: it ends the episode."""
+TARGET_N = (2.0, 8.0)
+STIFFNESS = (300.0, 3000.0)
+"""Of soft tissue over bone [N/m]; with `RADIUS`, `ABOVE` and the tool's bias what is randomised."""
+RADIUS, ABOVE = (0.04, 0.07), (0.005, 0.02)
+"""Of the leg, and from it to the tip at first [m]."""
+_BIAS, _MASS = (1.0, 0.02), 0.05
+_HURT, _JERKY = 10.0, 0.01
+_ZEROED = 25
+
+
+class ContactEnv(gymnasium.Env[np.ndarray, np.ndarray]):
+    """Press the tool's tip on a leg below it with a wanted force.
+
+    The robot is servo-driven MuJoCo, its sensor has its real noise, on request effects; a leg is a
+    cylinder after Hunt and Crossley with friction. Each episode has another leg, another force,
+    another bias, and, if there are any, one of the effects.
+
+    Observation (13,) float32: wrench in sensor axes since it was zeroed at the start [N, N·m]; way
+    of the tip since then in the world [m]; wanted force [N]; the last action.
+
+    Action (3,) −1 … 1: speed of the tip in the world, times `SPEED`; its orientation is kept.
+
+    Reward of a step: minus the true force's distance from the wanted one, in wanted forces, minus a
+    hundredth of the squared change of the action; −10 at the end when it hurts.
+
+    Args:
+        robot: registry name.
+        effects: as ``sensor.drift`` or ``joint.backlash:joint=3,…``; each episode has one of them.
+        randomise: whether episodes differ beyond noise.
+        seconds: length of an episode [s].
+        render_mode: ``rgb_array`` or None.
+    """
+
+    metadata = {"render_modes": ["rgb_array"], "render_fps": round(1 / STEP_S)}  # noqa: RUF012
+
+    def __init__(
+        self,
+        robot: str = "ur5",
+        effects: Sequence[str] = (),
+        randomise: bool = True,
+        seconds: float = 8.0,
+        render_mode: str | None = None,
+    ) -> None:
+        known = registry.load("robots", robot)
+        if not isinstance(known, SimulatedRobot):
+            raise ParameterError(f"robot {robot!r} has no model to simulate")
+        if not seconds > STEP_S:
+            raise ParameterError(f"seconds = {seconds} must be above {STEP_S}")
+        self.robot, self.effects, self.randomise = known, tuple(effects), randomise
+        self.steps, self.render_mode = round(seconds / STEP_S), render_mode
+        self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (3,), np.float32)
+        reach = np.array([200.0] * 3 + [20.0] * 3 + [2.0] * 3 + [TARGET_N[1]] + [1.0] * 3)
+        low = -reach
+        low[9] = 0.0
+        self.observation_space = gymnasium.spaces.Box(
+            low.astype(np.float32), reach.astype(np.float32), dtype=np.float32
+        )
+        self._picture: Picture | None = None
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[np.ndarray, dict[str, Any]]:
+        """Another leg below the tip, another force; the sensor is zeroed."""
+        super().reset(seed=seed)
+        rng = self.np_random
+        self.wanted = float(rng.uniform(*TARGET_N)) if self.randomise else float(np.mean(TARGET_N))
+        self.hand = Hand(self.robot)
+        self.limb = self._limb()
+        effect = (str(rng.choice(self.effects)),) if self.effects else ()
+        self.body = Body(
+            BodyOptions(
+                self.robot.name, self._parameters(), "real", int(rng.integers(2**31)), effect
+            ),
+            CYCLE_S,
+            self.limb,
+        )
+        zero = []
+        for _ in range(_ZEROED):
+            self.body.step(self.hand.q)
+            zero.append(self._reading())
+        self._zero = np.mean(zero, axis=0)
+        self._start, self._count = self.hand.tip, 0
+        self._action = np.zeros(3)
+        return self._seen(), self._told()
+
+    def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
+        """Move for `STEP_S`."""
+        wish = np.clip(np.asarray(action, dtype=float), -1.0, 1.0)
+        way = self.hand.move(SPEED * STEP_S * wish, CYCLES)
+        for q in way:
+            self.body.step(q)
+        self._count += 1
+        jerk, self._action = float(np.sum((wish - self._action) ** 2)), wish
+        force = float(np.linalg.norm(self.body.push))
+        hurt = force > TOO_MUCH_N
+        off = abs(force - self.wanted) / self.wanted
+        reward = -off - _JERKY * jerk - (_HURT if hurt else 0.0)
+        over = self._count >= self.steps
+        return self._seen(), reward, hurt, over and not hurt, self._told()
+
+    def render(self) -> np.ndarray | None:
+        """The robot now (H, W, 3), if the render mode is ``rgb_array``."""
+        if self.render_mode is None:
+            return None
+        self._picture = self._picture or Picture()
+        return self._picture.of(self.body.simulation, self.body.q, self.limb)
+
+    def close(self) -> None:
+        """Let go of the renderer."""
+        if self._picture is not None:
+            self._picture.close()
+            self._picture = None
+
+    def _limb(self) -> Limb:
+        """A leg below the tip."""
+        rng, share = self.np_random, (0.5, 0.5, 0.5, 0.5)
+        if self.randomise:
+            share = tuple(rng.random(4))
+        stiffness = STIFFNESS[0] * (STIFFNESS[1] / STIFFNESS[0]) ** share[0]
+        radius, above = (
+            a + s * (b - a) for s, (a, b) in zip(share[1:3], (RADIUS, ABOVE), strict=True)
+        )
+        turn = 0.6 * (share[3] - 0.5)  # about x, along which MedRUE's patient lies
+        axis = np.array([np.cos(turn), np.sin(turn), 0.0])
+        return Limb(self.hand.tip - [0.0, 0.0, radius + above], axis, radius, stiffness)
+
+    def _parameters(self) -> Mapping[str, float]:
+        """Another bias of the sensor."""
+        if not self.randomise:
+            return {}
+        rng = self.np_random
+        sizes = [_BIAS[0]] * 3 + [_BIAS[1]] * 3
+        names = [f"sensor.bias.{c}" for c in ("fx", "fy", "fz", "tx", "ty", "tz")]
+        return {n: float(rng.uniform(-s, s)) for n, s in zip(names, sizes, strict=True)}
+
+    def _reading(self) -> np.ndarray:
+        """What the sensor shows now (6,) [N, N·m]."""
+        return np.asarray(self.body.readings(np.array([self.body.time]))[0][0])
+
+    def _seen(self) -> np.ndarray:
+        wrench = self._reading() - self._zero
+        way = self.hand.tip - self._start
+        seen = np.concatenate([wrench, way, [self.wanted], self._action])
+        space = self.observation_space
+        assert isinstance(space, gymnasium.spaces.Box)
+        return np.clip(seen, space.low, space.high).astype(np.float32)
+
+    def _told(self) -> dict[str, Any]:
+        return {"force": float(np.linalg.norm(self.body.push)), "wanted": self.wanted}

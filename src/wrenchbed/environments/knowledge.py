@@ -1,0 +1,211 @@
+"""What poses tell, linear about the nominal robot: how accurate it is, which effect is at work."""
+
+import math
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from wrenchbed.calibration.accuracy import Goal, tip_jacobian
+from wrenchbed.campaigns.setting import possible
+from wrenchbed.effects.chain import ActiveEffect, respond
+from wrenchbed.effects.scene import Scene
+from wrenchbed.robots.base import SimulatedRobot
+from wrenchbed.robots.model import Model
+
+_TARGETS, _SEED = 200, 20_160_798
+_APART = 9.0
+"""Squared distance [σ²] from which two causes count as told apart."""
+
+
+class Knowledge(Protocol):
+    """What is known after some poses.
+
+    Attributes:
+        value: [nats], grows with every pose that tells something.
+        error: what is still expected, in the table's unit.
+    """
+
+    value: float
+    error: float
+
+    @property
+    def open(self) -> tuple[float, float]:
+        """Least and mean share that is still open, 0 … 1."""
+
+    def with_pose(self, pose: int) -> "Knowledge":
+        """After one more pose of the pool."""
+
+    def gains(self) -> np.ndarray:
+        """What each pose of the pool would add to ``value`` (N,)."""
+
+
+class InformationTable(Protocol):
+    """What a pool can tell.
+
+    Attributes:
+        columns: parameters that differ from robot to robot.
+        unit: of errors.
+    """
+
+    @property
+    def columns(self) -> tuple[int, ...]: ...
+    @property
+    def unit(self) -> str: ...
+
+    def start(self) -> Knowledge:
+        """Before any pose."""
+
+
+def knowledge(model: Model, pool: np.ndarray, std: np.ndarray, goal: str) -> InformationTable:
+    """What a pool (N, J) can tell when a pose is read with ``std`` (6,) [N, N·m]."""
+    columns = model.parameters.select(model.robot.free)
+    if goal == "causes":
+        return _causes(model, pool, std, columns)
+    scale = model.parameters.tolerance[list(columns)]
+    nominal = model.parameters.nominal
+    rows = model.jacobian(pool, nominal, columns) * scale / std[:, None]
+    robot = model.robot
+    target = robot.target() if isinstance(robot, SimulatedRobot) else None
+    rng = np.random.default_rng(_SEED)
+    if target is not None:
+        chosen = target[rng.permutation(len(target))[:_TARGETS]]
+        unit, sensitivity = "m", tip_jacobian(robot, chosen, nominal, columns) * scale
+    else:
+        q = robot.sample(_TARGETS, rng)
+        unit, sensitivity = "N", model.jacobian(q, nominal, columns)[:, :3] * scale
+    return _Accuracy(columns, unit, rows, Goal(sensitivity).weight)
+
+
+@dataclass(frozen=True, eq=False)
+class _Accuracy:
+    columns: tuple[int, ...]
+    unit: str
+    rows: np.ndarray
+    """Readings of each pose by the parameters, in noise and tolerances (N, 6, K)."""
+    weight: np.ndarray
+    """trace(weight · covariance) is the mean square error (K, K)."""
+
+    def start(self) -> "_Known":
+        return _Known(self, np.eye(len(self.columns)))
+
+
+class _Known:
+    """Covariance (K, K) of the parameters in tolerances."""
+
+    def __init__(self, table: _Accuracy, covariance: np.ndarray) -> None:
+        self._table, self.covariance = table, covariance
+        self.error = math.sqrt(np.vdot(table.weight, covariance))  # trace of the product
+        self.value = -math.log(self.error)
+
+    @property
+    def open(self) -> tuple[float, float]:
+        left = np.sqrt(np.minimum(np.maximum(self.covariance.diagonal(), 0.0), 1.0))
+        return float(left.min()), float(left.sum()) / len(left)
+
+    def with_pose(self, pose: int) -> "_Known":
+        rows = self._table.rows[pose]
+        half = rows @ self.covariance
+        seen = half @ rows.T
+        seen.flat[:: len(seen) + 1] += 1.0  # beside the noise
+        smaller = self.covariance - half.T @ np.linalg.solve(seen, half)
+        return _Known(self._table, 0.5 * (smaller + smaller.T))
+
+    def gains(self) -> np.ndarray:
+        rows = self._table.rows
+        half = rows @ self.covariance
+        seen = np.eye(rows.shape[1]) + half @ np.swapaxes(rows, 1, 2)
+        less = half @ self._table.weight @ np.swapaxes(half, 1, 2)
+        off = np.trace(np.linalg.solve(seen, less), axis1=1, axis2=2)
+        left = np.maximum(self.error**2 - off, 1e-300)
+        return np.asarray(-0.5 * np.log(left) - self.value)
+
+
+def _causes(
+    model: Model, pool: np.ndarray, std: np.ndarray, columns: tuple[int, ...]
+) -> "_Signatures":
+    nuisance = list(model.parameters.select([*sorted(model.robot.load), "sensor.bias"]))
+    nominal = model.parameters.nominal
+    minor = model.jacobian(pool, nominal, nuisance) * model.parameters.tolerance[nuisance]
+    marks, names = signatures(model, pool)
+    rows = np.concatenate([minor, np.moveaxis(marks, 0, -1)], axis=2) / std[:, None]
+    grams = np.swapaxes(rows, 1, 2) @ rows
+    return _Signatures(columns, "share of pairs", grams, len(nuisance), names)
+
+
+def signatures(model: Model, pool: np.ndarray) -> tuple[np.ndarray, tuple[str, ...]]:
+    """What typical effects change (C, N, 6) [N, N·m], of those that the order of poses leaves."""
+    order = np.random.default_rng(_SEED).permutation(len(pool))
+    found, names = [], []
+    plain = respond(_scene(model, pool))
+    for name, variants in possible(model.robot.name, "static").items():
+        variant = max(variants, key=lambda v: v.weight)
+        active = ActiveEffect.of(model.robot, name, {})
+        known = active.effect.parameters(model.robot)
+        size = {n: known[known.index(n)].tolerance for n in active.effect.usual(variant)}
+        size |= {k: v for k, v in variant.at.items() if k not in size}
+        own = (ActiveEffect.of(model.robot, name, size),)
+        mark = respond(_scene(model, pool), own) - plain
+        shuffled = respond(_scene(model, pool[order]), own) - plain[order]
+        if np.abs(mark).max() > 1e-9 and np.allclose(shuffled, mark[order], atol=1e-9):
+            found.append(mark)
+            names.append(name)
+    return np.array(found), tuple(names)
+
+
+def _scene(model: Model, q: np.ndarray) -> Scene:
+    robot = model.robot
+    own = model.parameters.nominal[: len(robot.parameters)]
+    held = np.ones(len(q), dtype=bool)
+    return Scene(robot, own, np.array(model.gravity), q, 10.0 * np.arange(len(q)), held)
+
+
+@dataclass(frozen=True, eq=False)
+class _Signatures:
+    columns: tuple[int, ...]
+    unit: str
+    grams: np.ndarray
+    """XᵀX of each pose (N, M, M): nuisance first, then causes, in noise."""
+    nuisance: int
+    names: tuple[str, ...]
+
+    def start(self) -> "_Suspects":
+        size = self.grams.shape[1]
+        return _Suspects(self, np.zeros((size, size)))
+
+
+class _Suspects:
+    """Gram matrix (M, M) of all that was read."""
+
+    def __init__(self, table: _Signatures, gram: np.ndarray) -> None:
+        self._table, self.gram = table, gram
+        self._apart = _distances(gram[None], table.nuisance)[0]
+        self.value = float(0.5 * np.log1p(self._apart).mean())
+        self.error = float((self._apart < _APART).mean())
+
+    @property
+    def open(self) -> tuple[float, float]:
+        left = 1.0 / (1.0 + np.sqrt(self._apart))
+        return float(left.min()), float(left.mean())
+
+    def with_pose(self, pose: int) -> "_Suspects":
+        return _Suspects(self._table, self.gram + self._table.grams[pose])
+
+    def gains(self) -> np.ndarray:
+        ahead = _distances(self.gram + self._table.grams, self._table.nuisance)
+        return np.asarray(0.5 * np.log1p(ahead).mean(axis=1) - self.value)
+
+
+def _distances(gram: np.ndarray, nuisance: int) -> np.ndarray:
+    """Squared distance (…, C(C−1)) [σ²] of each cause from every other one's best imitation.
+
+    All causes have their typical size, imitations any size within a prior of typical size.
+    """
+    first = gram[..., :nuisance, :nuisance] + np.eye(nuisance)
+    across = gram[..., :nuisance, nuisance:]
+    causes = gram[..., nuisance:, nuisance:]
+    causes = causes - np.swapaxes(across, -1, -2) @ np.linalg.solve(first, across)
+    own = np.diagonal(causes, axis1=-2, axis2=-1)
+    apart = own[..., :, None] - causes**2 / (own[..., None, :] + 1.0)
+    pairs = ~np.eye(own.shape[-1], dtype=bool)
+    return np.maximum(apart[..., pairs], 0.0)

@@ -1,0 +1,56 @@
+"""Policies to compare with: the most telling pose a second, and a force controller."""
+
+from typing import Any
+
+import numpy as np
+
+from wrenchbed.environments.calibration import CalibrationEnv
+from wrenchbed.environments.contact import SPEED, STEP_S, ContactEnv
+from wrenchbed.errors import ParameterError
+
+
+class GreedyInformation:
+    """Goes to the pose that tells most a second of robot time, by the nominal model.
+
+    Args:
+        env: a calibration environment, wrapped or not.
+
+    Raises:
+        ParameterError: another environment.
+    """
+
+    def __init__(self, env: Any) -> None:
+        if not isinstance(env.unwrapped, CalibrationEnv):
+            raise ParameterError("the greedy policy is for calibration environments")
+        self._env: CalibrationEnv = env.unwrapped
+
+    def __call__(self, observation: np.ndarray) -> int:
+        """The number of a pose."""
+        env = self._env
+        seconds = np.array([env.seconds(k) for k in range(len(env.pool))])
+        return int(np.argmax(env.knowledge.gains() / seconds))
+
+
+class ForceController:
+    """Lowers the tip until the sensor feels the wanted force, and keeps it: integral control.
+
+    Args:
+        env: a contact environment, wrapped or not.
+        softness: of what is touched, as far as one knows [m/N].
+
+    Raises:
+        ParameterError: another environment.
+    """
+
+    def __init__(self, env: Any, softness: float = 5e-4) -> None:
+        if not isinstance(env.unwrapped, ContactEnv):
+            raise ParameterError("the force controller is for contact environments")
+        self._env: ContactEnv = env.unwrapped
+        self._gain = 0.15 * softness / (SPEED * STEP_S)
+
+    def __call__(self, observation: np.ndarray) -> np.ndarray:
+        """Speed of the tip, straight up and down, −1 … 1."""
+        felt = self._env.hand.kept @ observation[:3]
+        wanted, least = float(observation[9]), -0.5
+        down = self._gain * (wanted - float(felt[2]))
+        return np.array([0.0, 0.0, -np.clip(down, least, 1.0)], dtype=np.float32)

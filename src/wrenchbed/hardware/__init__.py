@@ -1,0 +1,1 @@
+"""What moves a real or simulated robot and what reads its force/torque sensor."""

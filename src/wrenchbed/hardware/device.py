@@ -1,0 +1,113 @@
+"""The life of whatever is connected: a robot's driver, a sensor's electronics.
+
+How a device is doing: one named state, one sentence, and its counters.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import TracebackType
+from typing import ClassVar, Literal, Self
+
+from wrenchbed.errors import DriverError
+
+State = Literal["closed", "starting", "ok", "stale", "lost", "stopped", "fault"]
+"""``stale``: no fresh reading for `STALE_S`; ``lost``: the link or its worker is gone;
+``stopped``: the device is at rest by a stop of its own (protective, emergency, program ended);
+``fault``: the device answers and reports an error that someone must clear."""
+
+STALE_S = 0.08
+"""Age of the newest reading from which a link is stale [s]; named well within 100 ms."""
+GONE_S = 1.0
+"""Age from which a link is lost [s]."""
+
+
+@dataclass(frozen=True)
+class Health:
+    """State of a device.
+
+    Attributes:
+        state: one of `State`.
+        detail: one sentence for people; empty when all is well.
+        counters: readings, losses, restarts, by name.
+    """
+
+    state: State
+    detail: str = ""
+    counters: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def ok(self) -> bool:
+        """Whether the device may be used."""
+        return self.state == "ok"
+
+
+def by_age(age: float, what: str, counters: Mapping[str, float]) -> Health:
+    """Health of a link from the age [s] of its newest reading; ``what`` names the link."""
+    if age < STALE_S:
+        return Health("ok", "", counters)
+    state: State = "stale" if age < GONE_S else "lost"
+    return Health(state, f"{what}: no fresh reading for {age:.2f} s", counters)
+
+
+class Device(ABC):
+    """Something that is opened, used and let go of. Use as a context manager."""
+
+    name: ClassVar[str]
+    title: ClassVar[str]
+    options: ClassVar[type]
+    """A dataclass of what the constructor takes."""
+
+    def __init__(self) -> None:
+        self._connected = False
+
+    def connect(self) -> None:
+        """Open the device and wait until it tells something; nothing moves.
+
+        Raises:
+            LinkError: it cannot be reached, or does not answer within its deadline.
+            DriverError: it answers what cannot be used.
+        """
+        if not self._connected:
+            try:
+                self._connect()
+            except BaseException:
+                self._close()
+                raise
+            self._connected = True
+
+    def close(self) -> None:
+        """Let go of the device; may be called twice."""
+        if self._connected:
+            self._connected = False
+            self._close()
+
+    def health(self) -> Health:
+        """What is wrong, if anything."""
+        return self._health() if self._connected else Health("closed", "call connect() first")
+
+    @abstractmethod
+    def _connect(self) -> None: ...
+
+    @abstractmethod
+    def _close(self) -> None:
+        """Must bear a half-open device."""
+
+    @abstractmethod
+    def _health(self) -> Health: ...
+
+    def _check_connected(self) -> None:
+        if not self._connected:
+            raise DriverError(f"{self.name!r} is not connected: call connect() first")
+
+    def __enter__(self) -> Self:
+        self.connect()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()

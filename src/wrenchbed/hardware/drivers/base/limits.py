@@ -1,0 +1,160 @@
+"""Limits that are checked before anything is sent, the same in simulation and on a real robot.
+
+Straight joint-space moves and their speed.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from wrenchbed.errors import LimitError, ParameterError, PlanError
+from wrenchbed.robots.base import Robot
+
+SPEED_SHARE = 0.5
+"""Share of a joint's top speed that moves between poses use."""
+PATH_POINTS = 33
+"""Points at which a straight move is checked."""
+_PEAK = 1.875
+"""Peak over mean speed of a minimum-jerk move: Flash & Hogan 1985."""
+
+
+def straight(start: np.ndarray, end: np.ndarray) -> np.ndarray:
+    """Points on a straight joint-space line (`PATH_POINTS`, J)."""
+    share = np.linspace(0.0, 1.0, PATH_POINTS)[:, None]
+    return np.asarray(start + share * (np.asarray(end) - start))
+
+
+def duration(robot: Robot, start: np.ndarray, end: np.ndarray, share: float = SPEED_SHARE) -> float:
+    """Time of a minimum-jerk move whose fastest joint uses its share of top speed [s]."""
+    speed = np.array([j.speed for j in robot.joints]) * share
+    return max(0.2, float(np.max(_PEAK * np.abs(np.asarray(end) - start) / speed)))
+
+
+def minimum_jerk(share: np.ndarray) -> np.ndarray:
+    """Position 0 … 1 along a move at a share of its time (Flash & Hogan 1985)."""
+    return share**3 * (10.0 + share * (-15.0 + 6.0 * share))
+
+
+def peak_speed(targets: np.ndarray, rate: float) -> np.ndarray:
+    """Largest speed (J,) of each joint along a trajectory (N, J) at a rate [Hz]."""
+    if len(targets) < 2:
+        return np.zeros(targets.shape[1])
+    return np.asarray(np.abs(np.diff(targets, axis=0)).max(axis=0) * rate)
+
+
+def check_motion(robot: Robot, targets: np.ndarray, rate: float, where: str) -> None:
+    """Refuse a trajectory (N, J) that leaves limits, the solvable region or the joints' speed.
+
+    Raises:
+        PlanError: names the row.
+    """
+    robot.check(targets, robot.parameters.nominal, where)
+    speed = np.abs(np.diff(targets, axis=0)) * rate
+    top = np.array([j.speed for j in robot.joints])
+    if (speed > top).any():
+        row, joint = (int(k[0]) for k in np.nonzero(speed > top))
+        unit = robot.joints[joint].unit
+        raise PlanError(
+            f"{where}: row {row + 1}: {robot.joints[joint].name} would move at "
+            f"{speed[row, joint]:.3g} {unit}/s, its limit is {top[joint]:.3g} {unit}/s"
+        )
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What a robot may do.
+
+    Attributes:
+        speed: share of each joint's top speed that moves may use, above 0 and at most 1.
+        tracking: the same for trajectories and streamed targets.
+        workspace: where the sensor may be, (lower xyz), (upper xyz) in the world [m]; anywhere if
+            None.
+        force: largest measured force [N]; the robot is stopped above it. None: no limit.
+        torque: largest measured torque [N·m], likewise.
+    """
+
+    speed: float = SPEED_SHARE
+    tracking: float = 1.0
+    workspace: tuple[tuple[float, float, float], tuple[float, float, float]] | None = None
+    force: float | None = None
+    torque: float | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("speed", "tracking"):
+            share = getattr(self, name)
+            if not 0.0 < share <= 1.0:
+                raise ParameterError(f"{name} {share:g} must be above 0 and at most 1 of top speed")
+        for name in ("force", "torque"):
+            value = getattr(self, name)
+            if value is not None and not value > 0.0:
+                raise ParameterError(f"largest {name} {value:g} must be above 0")
+        if self.workspace is not None and not (np.diff(self.workspace, axis=0) > 0.0).all():
+            raise ParameterError(f"workspace {self.workspace}: each upper bound must be larger")
+
+    def check_path(self, robot: Robot, q: np.ndarray, where: str) -> None:
+        """Refuse joint values (N, J) outside joint limits, the solvable region or the workspace.
+
+        Raises:
+            PlanError: names the row.
+        """
+        nominal = robot.parameters.nominal
+        robot.check(q, nominal, where)
+        if self.workspace is None:
+            return
+        _, position = robot.sensor_pose(q, nominal)
+        lower, upper = np.asarray(self.workspace)
+        for row in np.flatnonzero(((position < lower) | (position > upper)).any(axis=1))[:1]:
+            x, y, z = position[row]
+            raise PlanError(
+                f"{where}: row {row}: the sensor would be at ({x:.3f}, {y:.3f}, {z:.3f}) m, "
+                "outside the workspace"
+            )
+
+    def check_speed(self, robot: Robot, targets: np.ndarray, rate: float, where: str) -> None:
+        """Refuse a trajectory (N, J) at a rate [Hz] that is faster than ``tracking`` allows.
+
+        Raises:
+            PlanError: names the fastest joint.
+        """
+        speed = peak_speed(targets, rate)
+        top = np.array([j.speed for j in robot.joints])
+        j = int(np.argmax(speed / top))
+        if speed[j] > self.tracking * top[j] * 1.001:
+            unit = robot.joints[j].unit
+            raise PlanError(
+                f"{where}: {robot.joints[j].name} would move at {speed[j]:.3g} {unit}/s, "
+                f"{speed[j] / top[j]:.0%} of its top speed; the limit is {self.tracking:.0%}"
+            )
+
+    def check_step(self, robot: Robot, last: np.ndarray, q: np.ndarray, seconds: float) -> str:
+        """Why a streamed target (J,) may not follow another so soon; empty if it may."""
+        if q.shape != last.shape or not np.isfinite(q).all():
+            return f"a target must be {len(last)} finite numbers"
+        try:
+            self.check_path(robot, q[None], "target")
+        except PlanError as error:
+            return str(error)
+        top = np.array([j.speed for j in robot.joints]) * self.tracking
+        speed = np.abs(q - last) / max(seconds, 1e-6)
+        if (speed > 1.05 * top).any():
+            j = int(np.argmax(speed / top))
+            joint = robot.joints[j]
+            return (
+                f"{joint.name} would move at {speed[j]:.3g} {joint.unit}/s, "
+                f"its limit is {top[j]:.3g} {joint.unit}/s"
+            )
+        return ""
+
+    def check_wrench(self, wrench: np.ndarray) -> None:
+        """Refuse to go on against a measured load (6,) beyond the limits.
+
+        Raises:
+            LimitError: says which.
+        """
+        force, torque = np.linalg.norm(wrench[:3]), np.linalg.norm(wrench[3:])
+        if self.force is not None and force > self.force:
+            raise LimitError(f"measured force {force:.1f} N is above the limit {self.force:g} N")
+        if self.torque is not None and torque > self.torque:
+            raise LimitError(
+                f"measured torque {torque:.2f} N·m is above the limit {self.torque:g} N·m"
+            )

@@ -1,0 +1,334 @@
+"""What every real-time driver shares: pacing, ages, settling, moves that are watched to their end.
+
+A reading that is not fresh never enters a recording: the driver waits for it, and names the link
+when it does not come.
+
+Even ticks, and whether a sensor is calm.
+"""
+
+import threading
+import time
+from abc import abstractmethod
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from wrenchbed import registry
+from wrenchbed.data.metadata import Metadata
+from wrenchbed.errors import DriverError, LateError, LinkError
+from wrenchbed.hardware.device import GONE_S, STALE_S, Health
+from wrenchbed.hardware.drivers.base.driver import Driver
+from wrenchbed.hardware.drivers.base.limits import Limits
+from wrenchbed.hardware.drivers.base.resampling import Even, Evenly
+from wrenchbed.hardware.drivers.base.samples import (
+    Applied,
+    ArmSample,
+    Block,
+    Move,
+    Onlooker,
+    as_designed,
+    block_of,
+)
+from wrenchbed.hardware.drivers.base.watched_move import (
+    CALM_SPEED,
+    WatchedMotion,
+    check_ready,
+    stop_after,
+)
+from wrenchbed.hardware.transducers.base import Transducer, WrenchSample
+from wrenchbed.physics.wrench import CHANNELS
+
+
+def pace(due: float, period: float) -> float:
+    """Sleep until ``due`` [s]; the next due time, later where this one was missed by a period."""
+    now = time.monotonic()
+    if now < due:
+        time.sleep(due - now)
+    elif now - due > period:
+        due = now
+    return due + period
+
+
+def settled(wrench: np.ndarray) -> bool:
+    """Whether the second half (n, 6) reads the same as the first, within three standard errors."""
+    first, second = np.array_split(wrench, 2)
+    if len(first) < 4 or len(second) < 4:
+        return False
+    spread = first.var(axis=0, ddof=1) / len(first) + second.var(axis=0, ddof=1) / len(second)
+    step = np.abs(second.mean(axis=0) - first.mean(axis=0))
+    return bool((step <= 3.5 * np.sqrt(spread) + 1e-9).all())
+
+
+LIVE = Limits(speed=0.25, tracking=0.7)
+"""Limits of a live driver that is given none."""
+_POLL_S = 0.002
+_BLOCK_S = 0.25
+_STREAM_S = (0.008, 0.1)
+"""Shortest and longest time since the last target that a streamed one may use up [s]."""
+SETTLE_S, SETTLED_WITHIN_S = 0.3, 15.0
+"""Length of the calm that `settle` asks for, and how long it waits for it [s]."""
+
+
+class LiveDriver(Driver):
+    """A robot that moves in this machine's time, with a transducer.
+
+    A device fills in ``_open``, ``_shut``, ``_read``, ``_begin``, ``_stream``, ``_stop``,
+    ``_arm_health`` and, where it has them, ``_activate``, ``_deactivate``, ``_recover``.
+    """
+
+    live = True
+    lead: float = 0.0
+    """How long before its time the device is told a streamed target [s]."""
+    source: str
+    """What recordings state as their source."""
+    transducer: Transducer
+    onlooker: Onlooker | None = None
+
+    def __init__(self, limits: Limits | None = None) -> None:
+        super().__init__(limits or LIVE)
+        self._start = self._last_row = 0.0
+        self._last_target: tuple[float, np.ndarray] | None = None
+        self._ordering, self._stops = threading.Lock(), 0
+
+    def stop(self, kind: str = "soft") -> None:
+        with self._ordering:
+            self._stops += 1
+        super().stop(kind)
+
+    @abstractmethod
+    def _open(self) -> None:
+        """Open the robot's own link and wait for its first state; nothing moves."""
+
+    @abstractmethod
+    def _shut(self) -> None:
+        """Let go of the robot's own link; must bear a half-open one."""
+
+    @abstractmethod
+    def _begin(self, goal: np.ndarray, seconds: float) -> None:
+        """Start a move to rest at goal (J,) in some time [s]; returns at once."""
+
+    @abstractmethod
+    def _stream(self, q: np.ndarray, at: float) -> Applied:
+        """Send one target (J,) of a stream, within limits, for a time (`time.monotonic`, [s])."""
+
+    @abstractmethod
+    def _arm_health(self) -> Health: ...
+
+    def metadata(self, mode: str, rate: float) -> Metadata:
+        noise = registry.load("sensors", self.robot.sensor).noise
+        return as_designed(
+            self.robot, source=self.source, mode=mode, rate=rate, gravity=self.robot.gravity,
+            sensor=self.robot.sensor, noise_std=noise.row_std,
+        )  # fmt: skip
+
+    def _connect(self) -> None:
+        self._open()
+        self.transducer.connect()
+        self._start = time.monotonic()
+        self._last_row = -1.0
+
+    def _close(self) -> None:
+        try:
+            self.transducer.close()
+        finally:
+            self._shut()
+
+    def _read_wrench(self) -> WrenchSample:
+        return self.transducer.read()
+
+    def _health(self) -> Health:
+        arm, wrench = self._arm_health(), self.transducer.health()
+        counters = {f"arm {k}": v for k, v in arm.counters.items()}
+        counters |= {f"wrench {k}": v for k, v in wrench.counters.items()}
+        worst = arm if not arm.ok else wrench
+        return Health(worst.state, worst.detail, counters)
+
+    def _position(self) -> np.ndarray:
+        return self._fresh_arm(0.0).q
+
+    def _write(self, q: np.ndarray) -> Applied:
+        return self._aim(q, time.monotonic())
+
+    def _aim(self, q: np.ndarray, at: float, stops: int | None = None) -> Applied:
+        """Stream one target (J,) for a time (`time.monotonic`, [s]), unless stops are more now."""
+        health = self._health()
+        if not health.ok and not self._may_go_on(health):
+            return Applied(None, f"{health.state}: {health.detail}")
+        then, last = self._last_target or (at, self._read().q)
+        since = float(np.clip(at - then, *_STREAM_S))
+        why = self.limits.check_step(self.robot, last, q, since)
+        if why:
+            return Applied(None, why)
+        self.guard()
+        with self._ordering:
+            if stops is not None and stops != self._stops:
+                return Applied(None, "a stop was asked for")
+            applied = self._stream(q, at)
+            if applied.ok:
+                self._last_target = (at, q)
+        return applied
+
+    def _may_go_on(self, health: Health) -> bool:
+        """Whether only the sensor is late, and nobody asked to stop by what it reads."""
+        guarded = self.limits.force is not None or self.limits.torque is not None
+        return health.state == "stale" and self._arm_health().ok and not guarded
+
+    def _move(self, start: np.ndarray, goal: np.ndarray, seconds: float) -> Move:
+        check_ready(self._health())
+        self._last_target = None
+        try:
+            self._begin(goal, seconds)
+        except BaseException as error:
+            if not isinstance(error, DriverError):
+                stop_after(error, self.stop)
+            raise
+        return WatchedMotion(self, goal, seconds)
+
+    def guard(self) -> None:
+        """Stop the robot when the sensor reads more than the limits allow."""
+        try:
+            wrench = self._read_wrench().wrench
+            self.limits.check_wrench(wrench)
+        except DriverError:
+            self._stop("hard")
+            raise
+        if self.onlooker is not None and self._last_target is None:  # a stream tells by its rows
+            self.onlooker(time.monotonic() - self._start, self._read().q, wrench)
+
+    def _settle(self) -> float:
+        begun = time.monotonic()
+        window: deque[tuple[float, np.ndarray]] = deque()
+        while time.monotonic() - begun < SETTLED_WITHIN_S:
+            arm, wrench = self._fresh_arm(0.0), self._fresh_wrench()
+            if np.abs(arm.qd).max() > CALM_SPEED:
+                window.clear()
+            window.append((wrench.t, wrench.wrench))
+            while window[-1][0] - window[0][0] > 1.2 * SETTLE_S:
+                window.popleft()
+            if window[-1][0] - window[0][0] > SETTLE_S and settled(
+                np.array([w for _, w in window])
+            ):
+                return time.monotonic() - begun
+            time.sleep(0.01)
+        raise LateError(
+            f"the robot or its sensor is not calm {SETTLED_WITHIN_S:g} s after the move: "
+            "look for vibration, or for a load that swings"
+        )
+
+    def _sample(self, n: int, rate: float) -> Block:
+        rows: list[dict[str, float]] = []
+        due = time.monotonic()
+        for _ in range(n):
+            due = pace(due, 1.0 / rate)
+            wrench = self._fresh_wrench()
+            arm = self._fresh_arm(self._last_row)
+            rows.append(self._row(wrench.t, arm, wrench))
+        return block_of(rows)
+
+    def _track(self, targets: np.ndarray, rate: float) -> Iterator[Block]:
+        """Stream the targets and come to rest, however that ends."""
+        try:
+            yield from self._streamed(targets, rate)
+        except BaseException as error:
+            stop_after(error, self.stop)
+            raise
+        self.stop()
+
+    def _streamed(self, targets: np.ndarray, rate: float) -> Iterator[Block]:
+        """Stream the targets; rows lie at equal steps of the robot's own clock."""
+        even, done, whole = Evenly(rate), 0, len(targets)
+        rows: list[dict[str, float]] = []
+        waiting: deque[Even] = deque()
+        sent: deque[tuple[float, np.ndarray]] = deque(maxlen=round(3.0 * GONE_S * rate))
+        due, stops = time.monotonic(), self._stops
+        begin = due + self.lead
+        for k in range(whole + round(2.0 * GONE_S * rate)):
+            if k < whole:
+                at = due + self.lead
+                applied = self._aim(targets[k], at, stops)
+                if not applied.ok:
+                    raise DriverError(f"the motion was stopped: {applied.reason}")
+                sent.append((at, targets[k]))
+            due = self._collect(even, due, 1.0 / rate, begin)
+            waiting.extend(even.rows(whole - done - len(waiting)))
+            while waiting and (row := self._tracked(waiting[0], sent)) is not None:
+                waiting.popleft()
+                rows.append(row)
+                done += 1
+            if rows and (done == whole or len(rows) >= _BLOCK_S * rate):
+                yield block_of(rows)
+                rows = []
+            if done == whole and k + 1 >= whole:
+                return
+        raise LinkError(f"{self.name}: {whole - done} rows of the motion never came")
+
+    def _collect(self, even: Evenly, due: float, period: float, begin: float) -> float:
+        """Take in states until the next target is due, none before the first one's time."""
+        until = due + period
+        if time.monotonic() - until > max(period, self.lead):
+            until = time.monotonic()  # what came late stays late: a robot must not leap after it
+        arm = self._fresh_arm(0.0)
+        if arm.t >= begin:
+            even.add(arm)
+        while (left := until - time.monotonic()) > 0.0:
+            time.sleep(min(left, _POLL_S))
+            arm = self._read()
+            if arm.age < STALE_S and arm.t >= begin:
+                even.add(arm)
+        return until
+
+    def _tracked(self, row: Even, sent: deque[tuple[float, np.ndarray]]) -> dict[str, float] | None:
+        """A row with wrench and target of its moment; None until the sensor has told that."""
+        wrench = self.transducer.at(row.host)
+        if wrench is None:
+            if time.monotonic() - row.host < GONE_S:
+                return None
+            health = self.transducer.health()
+            raise LinkError("the sensor's readings have a gap" if health.ok else health.detail)
+        arm = replace(self._read(), q=row.q, qd=row.qd)
+        columns = self._row(row.t, arm, wrench)
+        target = next((q for t, q in reversed(sent) if t <= row.host), sent[0][1])
+        return columns | {f"q_target{j + 1}": float(v) for j, v in enumerate(target)}
+
+    def _row(self, t: float, arm: ArmSample, wrench: WrenchSample) -> dict[str, float]:
+        self.limits.check_wrench(wrench.wrench)
+        self._last_row = max(t, np.nextafter(self._last_row, np.inf))
+        if self.onlooker is not None:
+            self.onlooker(self._last_row - self._start, arm.q, wrench.wrench)
+        row = {"t": self._last_row - self._start}
+        row |= {f"q{j + 1}": float(v) for j, v in enumerate(arm.q)}
+        row |= {f"qd{j + 1}": float(v) for j, v in enumerate(arm.qd)}
+        row |= {c: float(v) for c, v in zip(CHANNELS, wrench.wrench, strict=True)}
+        age = max(arm.age, wrench.age)
+        return row | {
+            "status": wrench.status, "saturated": wrench.saturated, "lost": wrench.lost, "age": age
+        }  # fmt: skip
+
+    def _fresh_arm(self, after: float) -> ArmSample:
+        """A state that arrived after a time and is not stale; waits at most `GONE_S`."""
+        begun = time.monotonic()
+        while True:
+            arm = self._read()
+            health = self._arm_health()
+            if health.state in ("stopped", "fault", "lost", "closed"):
+                check_ready(health)
+            if health.ok and arm.t > after:
+                return arm
+            if time.monotonic() - begun > GONE_S:
+                raise LinkError(health.detail or f"{self.name}: no new state for {GONE_S:g} s")
+            time.sleep(_POLL_S)
+
+    def _fresh_wrench(self, since: float | None = None) -> WrenchSample:
+        """A reading that arrived after a time, else the last row's; waits at most `GONE_S`."""
+        begun = time.monotonic()
+        after = self._last_row if since is None else since
+        while True:
+            wrench = self.transducer.read()
+            health = self.transducer.health()
+            if health.ok and wrench.t > after:
+                return wrench
+            if health.state in ("lost", "fault") or time.monotonic() - begun > GONE_S:
+                raise LinkError(health.detail or "the sensor sends nothing new")
+            time.sleep(_POLL_S / 2)

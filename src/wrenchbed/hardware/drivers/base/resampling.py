@@ -1,0 +1,124 @@
+"""A motion on an even clock: states as they come, rows at equal steps of the robot's own time.
+
+A network delivers states unevenly and drops some, but each carries the robot's time. Between two
+states joints follow the cubic that has their values and speeds (Hermite); the wrench is read at
+the same moment of this machine's clock, to which the robot's is fitted. What holds states up makes
+them late and never early, so of several states the least late one tells how the clocks stand.
+"""
+
+import bisect
+from collections import deque
+from typing import NamedTuple
+
+import numpy as np
+
+from wrenchbed.errors import LinkError
+from wrenchbed.hardware.device import STALE_S
+from wrenchbed.hardware.drivers.base.samples import ArmSample
+
+_CLOCK_STATES = 600
+"""States that the fit of the two clocks looks back."""
+_LATEST = 64
+_BIN = 50
+"""States of which the least late counts; rows between two fits."""
+_FEW = 4
+"""Of these below which only the offset of the clocks is fitted."""
+
+
+class Even(NamedTuple):
+    """One row: even time [s], the same moment on this machine's clock, joints and speeds (J,)."""
+
+    t: float
+    host: float
+    q: np.ndarray
+    qd: np.ndarray
+
+
+class Evenly:
+    """Turns states into rows at a rate [Hz], from the first state on."""
+
+    def __init__(self, rate: float) -> None:
+        self._period = 1.0 / rate
+        self._states: deque[ArmSample] = deque(maxlen=_LATEST)
+        self._times: deque[float] = deque(maxlen=_LATEST)
+        self._clock: deque[tuple[float, float]] = deque(maxlen=_CLOCK_STATES)
+        self._first: float | None = None
+        self._origin = 0.0
+        self._given = 0
+        self._line, self._age = (0.0, 0.0), 0
+
+    def add(self, arm: ArmSample) -> None:
+        """Take in a state; one that is not newer than the last is left out."""
+        t = controller_time(arm)
+        if self._states and t <= controller_time(self._states[-1]):
+            return
+        if self._first is None:
+            self._first, self._origin = t, arm.t
+        self._states.append(arm)
+        self._times.append(t - self._first)
+        self._clock.append((t - self._first, arm.t - self._origin))
+
+    def rows(self, most: int) -> list[Even]:
+        """Rows that lie between states, at most some.
+
+        Raises:
+            LinkError: two states are too far apart to tell what was between them.
+        """
+        found: list[Even] = []
+        while len(found) < most and (row := self._next()) is not None:
+            found.append(row)
+        return found
+
+    def _next(self) -> Even | None:
+        if self._first is None:
+            return None
+        due = self._given * self._period
+        times = list(self._times)
+        if due > times[-1] + 1e-9 or len(times) < 2:
+            return None
+        k = min(max(bisect.bisect_left(times, due + 1e-9), 1), len(times) - 1)
+        before, after = self._states[k - 1], self._states[k]
+        span = times[k] - times[k - 1]
+        if span > STALE_S and due > times[k - 1] + 1e-9:
+            raise LinkError(f"the robot's states have a gap of {span:.3f} s in the motion")
+        self._given += 1
+        q, qd = hermite(before, after, span, float(np.clip((due - times[k - 1]) / span, 0.0, 1.0)))
+        return Even(self._origin + due, self._origin + self._host(due), q, qd)
+
+    def _host(self, t: float) -> float:
+        """This machine's time at a time of the robot's, both from the first state on [s]."""
+        self._age -= 1
+        if self._age < 0:
+            self._line = _least_late(np.array(self._clock))
+            self._age = min(_BIN, len(self._clock) // 2)
+        slope, offset = self._line
+        return t + slope * t + offset
+
+
+def _least_late(pairs: np.ndarray) -> tuple[float, float]:
+    """Slope and offset [s] of how far two clocks are apart, from pairs (N, 2) of both's times."""
+    own, apart = pairs[:, 0], pairs[:, 1] - pairs[:, 0]
+    bins = np.array_split(np.arange(len(pairs)), max(1, len(pairs) // _BIN))
+    least = [part[np.argmin(apart[part])] for part in bins]
+    if len(least) < _FEW:
+        return 0.0, float(apart.min())
+    slope, offset = np.polyfit(own[least], apart[least], 1)
+    return float(slope), float(offset)
+
+
+def controller_time(arm: ArmSample) -> float:
+    """The robot's time of a state, this machine's where it has none [s]."""
+    return arm.t if arm.device_time is None else arm.device_time
+
+
+def hermite(
+    before: ArmSample, after: ArmSample, span: float, s: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Joint values and speeds (J,) at a share of the time [s] between two states."""
+    h00, h10 = (1 + 2 * s) * (1 - s) ** 2, s * (1 - s) ** 2
+    h01, h11 = s * s * (3 - 2 * s), s * s * (s - 1)
+    q = h00 * before.q + h01 * after.q + span * (h10 * before.qd + h11 * after.qd)
+    slope = (6 * s * s - 6 * s) / span
+    rate_in, rate_out = (1 - s) * (1 - 3 * s), s * (3 * s - 2)
+    qd = slope * (before.q - after.q) + rate_in * before.qd + rate_out * after.qd
+    return q, qd

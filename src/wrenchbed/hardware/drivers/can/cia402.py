@@ -1,0 +1,218 @@
+"""What is known of one drive: its last frames, and what is wrong with it.
+
+Statusword and controlword of CiA 402 drives, and the next step towards what is wanted.
+"""
+
+import enum
+import struct
+from dataclasses import dataclass, field
+
+from wrenchbed.hardware.device import State as HealthState
+
+
+class DriveStatus(enum.Enum):
+    """State of a drive, in its profile's words."""
+
+    NOT_READY = "not ready to switch on"
+    DISABLED = "switch on disabled"
+    READY = "ready to switch on"
+    SWITCHED_ON = "switched on"
+    ENABLED = "operation enabled"
+    QUICK_STOP = "quick stop active"
+    REACTING = "fault reaction active"
+    FAULT = "fault"
+
+
+class Want(enum.Enum):
+    """What the master wants of its drives."""
+
+    NOTHING = "no commands at all"
+    DISABLE = "voltage off"
+    ENABLE = "follow targets"
+    QUICK_STOP = "stop as fast as allowed"
+    RESET = "clear faults"
+
+
+_MASKED = (
+    (0x4F, 0x00, DriveStatus.NOT_READY),
+    (0x4F, 0x40, DriveStatus.DISABLED),
+    (0x6F, 0x21, DriveStatus.READY),
+    (0x6F, 0x23, DriveStatus.SWITCHED_ON),
+    (0x6F, 0x27, DriveStatus.ENABLED),
+    (0x6F, 0x07, DriveStatus.QUICK_STOP),
+    (0x4F, 0x0F, DriveStatus.REACTING),
+    (0x4F, 0x08, DriveStatus.FAULT),
+)
+LIMITED = 1 << 11
+"""Statusword: the drive does not go where it is told, an internal limit is active."""
+SHUTDOWN, SWITCH_ON, ENABLE, VOLTAGE_OFF, QUICK_STOP, FAULT_RESET = (
+    0x06,
+    0x07,
+    0x0F,
+    0x00,
+    0x02,
+    0x80,
+)
+
+
+def state_of(statusword: int) -> DriveStatus:
+    """The state that a statusword (0x6041) tells; NOT_READY where it tells none."""
+    for mask, value, state in _MASKED:
+        if statusword & mask == value:
+            return state
+    return DriveStatus.NOT_READY
+
+
+def controlword(want: Want, state: DriveStatus, last: int) -> int:
+    """The controlword (0x6040) that brings a drive one step nearer, after the last one sent.
+
+    A fault is cleared by the rising edge of its bit, so every other word is without it.
+    """
+    match want:
+        case Want.QUICK_STOP:
+            return QUICK_STOP
+        case Want.RESET:
+            stuck = state in (DriveStatus.FAULT, DriveStatus.REACTING)
+            return FAULT_RESET if stuck and last == VOLTAGE_OFF else VOLTAGE_OFF
+        case Want.ENABLE:
+            steps = {
+                DriveStatus.DISABLED: SHUTDOWN,
+                DriveStatus.READY: SWITCH_ON,
+                DriveStatus.SWITCHED_ON: ENABLE,
+                DriveStatus.ENABLED: ENABLE,
+            }
+            return steps.get(state, VOLTAGE_OFF)
+        case _:
+            return VOLTAGE_OFF
+
+
+ERRORS = {
+    0x2310: "over-current",
+    0x3210: "supply too high",
+    0x3220: "supply too low",
+    0x4210: "drive too hot",
+    0x5441: "emergency input",
+    0x7300: "encoder",
+    0x7305: "encoder",
+    0x8130: "heartbeat of the master lost",
+    0x8250: "no targets arrived in time",
+    0x8611: "following error",
+    0x8612: "position limit",
+    0x8700: "SYNC lost or of wrong period",
+}
+"""Error codes (0x603F, EMCY) of CiA 301 and 402 that are worth words."""
+
+
+def error_words(code: int) -> str:
+    """An error code in words."""
+    return f"0x{code:04X}" + (f" ({ERRORS[code]})" if code in ERRORS else "")
+
+
+def stopped_itself(code: int) -> bool:
+    """Whether a code means that the drive stopped because its master fell silent."""
+    return code in (0x8130, 0x8250, 0x8700)
+
+
+Trouble = tuple[HealthState, str]
+"""State of health and its reason."""
+MISSED = 2
+"""Cycles without an answer, while others answer, after which a drive counts as mute."""
+BEATS = 18
+"""Heartbeats of the five others, 3.5 periods, without one of its own after which it is lost."""
+OPERATIONAL = 0x05
+
+
+@dataclass
+class DriveState:
+    """A drive as the master sees it.
+
+    Attributes:
+        node: its id.
+        statusword: 0x6041 of its last answer.
+        position: 0x6064 of it [count].
+        torque: 0x6077 of it, thousandths of the rated torque.
+        answers: how many it sent.
+        answered: whether since the last SYNC.
+        missed: whole rounds in a row in which others answered and it did not.
+        round: of answers, in which it took part last.
+        error: its EMCY code, 0 where it has none.
+        rebooted: whether it told a boot-up since it was configured.
+        others: heartbeats of others since its own last; a silent bus is nobody's fault.
+        nmt: its NMT state, of the heartbeat.
+        sent: controlword that it was sent last.
+        hint: error code that it had before it could tell (0x603F), 0 where it had none.
+        odd: answers of another form than was asked for.
+    """
+
+    node: int
+    statusword: int = 0
+    position: int = 0
+    torque: int = 0
+    answers: int = 0
+    answered: bool = False
+    missed: int = 0
+    round: int = 0
+    error: int = 0
+    rebooted: bool = False
+    others: int = 0
+    nmt: int = OPERATIONAL
+    sent: int = 0
+    hint: int = 0
+    odd: int = field(default=0)
+
+    @property
+    def state(self) -> DriveStatus:
+        """What its statusword tells."""
+        return state_of(self.statusword)
+
+    def take_answer(self, data: bytes) -> bool:
+        """A TPDO; False where it is of another form than was asked for."""
+        if len(data) not in (6, 8):
+            self.odd += 1
+            return False
+        self.statusword, self.position = struct.unpack_from("<Hi", data)
+        if len(data) == 8:
+            (self.torque,) = struct.unpack_from("<h", data, 6)
+        self.answers += 1
+        self.answered = True
+        return True
+
+    def take_emergency(self, data: bytes) -> None:
+        """An EMCY."""
+        if len(data) == 8:
+            (self.error,) = struct.unpack_from("<H", data)
+
+    def take_heartbeat(self, data: bytes) -> None:
+        """A heartbeat or a boot-up message."""
+        if len(data) == 1:
+            self.others = 0
+            self.nmt = data[0] & 0x7F
+            self.rebooted = self.rebooted or self.nmt == 0x00
+
+    def trouble(self, enabled: bool) -> Trouble | None:
+        """State of health and reason where it must not be moved on.
+
+        Args:
+            enabled: it should follow targets.
+
+        A drive that is gone is ``lost``, one that stopped because it heard nothing ``stopped``.
+        """
+        name = f"drive {self.node}"
+        if self.error and not stopped_itself(self.error):
+            return "fault", f"{name} reports error {error_words(self.error)}: call recover()"
+        if self.state in (DriveStatus.FAULT, DriveStatus.REACTING):
+            words = f" {error_words(self.hint)}" if self.hint else ""
+            return "fault", f"{name} is in fault{words}: call recover()"
+        if self.rebooted:
+            return "lost", f"{name} restarted and forgot its configuration: call recover()"
+        if self.missed >= MISSED:
+            return "lost", f"{name} is mute: no answer for {self.missed} cycles"
+        if self.others >= BEATS:
+            return "lost", f"{name} sends no heartbeat while the others do"
+        if self.nmt not in (OPERATIONAL, 0x00):
+            return "lost", f"{name} left NMT state OPERATIONAL (0x{self.nmt:02X}): call recover()"
+        if self.error:
+            return "stopped", f"{name} stopped itself, {error_words(self.error)}: call recover()"
+        if enabled and self.state is not DriveStatus.ENABLED:
+            return "stopped", f"{name} is in state {self.state.value}: call recover()"
+        return None

@@ -1,0 +1,336 @@
+"""The cyclic exchange: one thread, one cycle after the other, by absolute deadlines.
+
+Each cycle sends the six RPDOs, the request to the sensor and SYNC, and before it judges what the
+last SYNC brought. A drive in error or mute while others answer makes every other drive stop, in
+the same cycle. A bus that is silent as a whole is braked on and then left to the drives' watchdogs.
+
+Whether drives go where they are told, as the master sees it.
+
+A drive watches its own following error; one whose encoder froze does not see any.
+"""
+
+import contextlib
+import struct
+import sys
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from wrenchbed.errors import LinkError
+from wrenchbed.hardware.device import STALE_S
+from wrenchbed.hardware.device import State as HealthState
+from wrenchbed.hardware.drivers.can.cia402 import (
+    QUICK_STOP,
+    DriveState,
+    DriveStatus,
+    Trouble,
+    Want,
+    controlword,
+)
+from wrenchbed.hardware.drivers.can.setpoints import Setpoints
+from wrenchbed.hardware.transducers.netcanoem.link import CanLink
+
+STUCK_S = 0.01
+"""A target may move as far as top speed takes it in this time while the position stays [s]."""
+FAR_S = 0.15
+"""Farthest that a position may be behind its target, likewise [s]."""
+
+
+class Following:
+    """Positions beside targets, cycle by cycle.
+
+    Args:
+        speed: top speed of each joint (J,).
+    """
+
+    def __init__(self, speed: np.ndarray) -> None:
+        self._stuck, self._far = STUCK_S * speed, FAR_S * speed
+        self._last: np.ndarray | None = None
+        self._told = np.zeros(len(speed))
+
+    def forget(self) -> None:
+        """Begin anew."""
+        self._last = None
+
+    def check(
+        self, counts: np.ndarray, q: np.ndarray, target: np.ndarray
+    ) -> tuple[int, str] | None:
+        """The first joint that does not follow, and how.
+
+        Args:
+            counts: positions as the drives tell them (J,).
+            q: the same in units of the joints (J,).
+            target: what they were told (J,).
+        """
+        if self._last is None:
+            self._last, self._told = counts, np.array(target)
+            return None
+        moved = counts != self._last
+        self._told[moved] = target[moved]
+        self._last = counts
+        for joint in np.flatnonzero(np.abs(target - self._told) > self._stuck)[:1]:
+            way = float(abs(target[joint] - self._told[joint]))
+            return int(joint), f"stands still while its target moved by {way:.2g}"
+        for joint in np.flatnonzero(np.abs(target - q) > self._far)[:1]:
+            return int(joint), f"is {float(abs(target[joint] - q[joint])):.2g} off its target"
+        return None
+
+
+SYNC = 0x080
+_SPEED_OVER = 6
+_JITTER = 2500
+_SWITCH_S = 5e-4
+"""Longest that another thread of this process keeps the cycle waiting [s]."""
+
+
+class CycleCommands(NamedTuple):
+    """All drives' answers to one SYNC: when that was sent [s], positions and speeds (J,) in
+    units of the joints, thousandths of rated torque (J,), and how many such there were."""
+
+    t: float
+    q: np.ndarray
+    qd: np.ndarray
+    torque: np.ndarray
+    sequence: int
+
+
+class Cycle:
+    """Runs from `start` to `stop`.
+
+    Args:
+        link: the bus.
+        drives: in the order of the joints.
+        counts: per unit of each joint (J,).
+        setpoints: where targets come from.
+        poll: asks the sensor, and sends what else belongs into a cycle.
+        period: [s].
+
+    Attributes:
+        want: of all drives.
+        latched: state of health and reason of the first trouble since `clear`.
+        latched_at: when it came [s].
+        told: newest whole answer.
+        following: whether every drive takes targets.
+        cycles: begun; ``incomplete``: without all drives' answers; ``overruns``: a period late.
+        began: times of the last cycles [s].
+        exchange: from SYNC to the last answer in the last whole ones [s].
+    """
+
+    def __init__(
+        self, link: CanLink, drives: Sequence[DriveState], counts: np.ndarray, setpoints: Setpoints,
+        poll: Callable[[], None], follow: Following, period: float,
+    ) -> None:  # fmt: skip
+        self._link, self.drives, self._counts = link, drives, counts
+        self._setpoints, self._poll, self._follow, self._period = setpoints, poll, follow, period
+        self.want = Want.NOTHING
+        self.latched: Trouble | None = None
+        self.told: CycleCommands | None = None
+        self.cycles = self.incomplete = self.overruns = 0
+        self.began: deque[float] = deque(maxlen=_JITTER)
+        self.exchange: deque[float] = deque(maxlen=_JITTER)
+        self.latched_at = 0.0
+        self.following = False
+        self._synced = 0.0
+        self._recent: deque[tuple[float, np.ndarray]] = deque(maxlen=_SPEED_OVER)
+        self._lock = threading.Lock()
+        self._round: set[int] = set()
+        self._rounds = 0
+        self._running = False
+        self._thread: threading.Thread | None = None
+        self._by_id: dict[int, Callable[[float, bytes], None]] = {}
+        for drive in drives:
+            self._by_id |= self._handlers(drive)
+
+    def start(self) -> None:
+        """Begin."""
+        self._link.listen(self._heard)
+        self._running = True
+        self._thread = threading.Thread(target=self._run, name="can cycle", daemon=True)
+        self._thread.start()
+
+    def stop(self) -> None:
+        """End; may be called twice."""
+        self._running = False
+        self._link.leave(self._heard)
+        if self._thread is not None:
+            self._thread.join(2.0)
+            self._thread = None
+
+    @property
+    def alive(self) -> bool:
+        """Whether the exchange goes on."""
+        return self._thread is not None and self._thread.is_alive()
+
+    def clear(self) -> None:
+        """Forget troubles that are over."""
+        with self._lock:
+            self.latched = None
+            for drive in self.drives:
+                drive.missed, drive.error, drive.others = 0, 0, 0
+                drive.round = self._rounds
+
+    def halt(self, state: HealthState, why: str) -> None:
+        """Make every drive stop, and remember why."""
+        with self._lock:
+            if self.latched is None:
+                self.latched, self.latched_at = (state, why), time.monotonic()
+            if self.want is Want.ENABLE:
+                self.want = Want.QUICK_STOP
+
+    def all_in(self, *states: DriveStatus) -> bool:
+        """Whether every drive is in one of some states."""
+        return all(drive.state in states for drive in self.drives)
+
+    def _handlers(self, drive: DriveState) -> dict[int, Callable[[float, bytes], None]]:
+        return {
+            0x180 + drive.node: lambda t, data: self._answer(t, drive, data),
+            0x080 + drive.node: lambda t, data: self._emergency(drive, data),
+            0x700 + drive.node: lambda t, data: self._heartbeat(drive, data),
+        }
+
+    def _heard(self, t: float, can_id: int, data: bytes) -> None:
+        handler = self._by_id.get(can_id)
+        if handler is not None:
+            handler(t, data)
+
+    def _heartbeat(self, drive: DriveState, data: bytes) -> None:
+        for other in self.drives:
+            other.others += 1
+        drive.take_heartbeat(data)
+
+    def _emergency(self, drive: DriveState, data: bytes) -> None:
+        bare = drive.trouble(enabled=False) if not drive.error else None
+        drive.take_emergency(data)
+        trouble = drive.trouble(enabled=False)
+        if trouble is not None and self.want is not Want.RESET:
+            if self.latched is not None and self.latched == bare:
+                self.latched = trouble  # its state came first, its reason later
+            self.halt(*trouble)
+
+    def _answer(self, t: float, drive: DriveState, data: bytes) -> None:
+        if not drive.take_answer(data):
+            return
+        self._count_round(drive)
+        if all(one.answered for one in self.drives):
+            q = np.array([one.position for one in self.drives]) / self._counts
+            torque = np.array([one.torque for one in self.drives], dtype=float)
+            self._recent.append((self._synced, q))
+            sequence = 1 if self.told is None else self.told.sequence + 1
+            self.told = CycleCommands(self._synced, q, _slope(self._recent), torque, sequence)
+            self.exchange.append(t - self._synced)
+
+    def _count_round(self, drive: DriveState) -> None:
+        """Who misses rounds of answers: by their order on the bus, however late they are heard."""
+        if drive.node in self._round:
+            self._round.clear()
+            self._rounds += 1
+        self._round.add(drive.node)
+        drive.round = self._rounds
+        most = len(self.drives) - 1
+        for other in self.drives:
+            passed = other.node not in self._round and (
+                max(self._round) > other.node or len(self._round) == most
+            )
+            other.missed = max(0, self._rounds - other.round - 1 + passed)
+
+    def _run(self) -> None:
+        before = sys.getswitchinterval()
+        sys.setswitchinterval(min(before, _SWITCH_S))
+        try:
+            self._keep_time()
+        except Exception as error:
+            self._fail(error)
+        finally:
+            sys.setswitchinterval(before)
+
+    def _fail(self, error: Exception) -> None:
+        """End by a quick stop; a drive that does not hear it stops by its watchdog."""
+        words = " ".join(f"{type(error).__name__}: {error}".split())[:120]
+        with self._lock:
+            why = f"the cyclic exchange broke off ({words}): call recover()"
+            self.latched, self.latched_at = ("lost", why), time.monotonic()
+            self.want, self.following = Want.QUICK_STOP, False
+        with contextlib.suppress(Exception):
+            for drive in self.drives:
+                word = struct.pack("<Hi", QUICK_STOP, drive.position)
+                self._link.send(0x200 + drive.node, word)
+            self._link.send(SYNC, b"")
+
+    def _keep_time(self) -> None:
+        due = time.monotonic()
+        while self._running:
+            now = time.monotonic()
+            if now < due:
+                time.sleep(due - now)
+            elif now - due > self._period:
+                self.overruns += 1
+                due = now
+            try:
+                self._judge()
+                self._send()
+            except LinkError as error:
+                self.halt("lost", str(error))
+                return
+            due += self._period
+
+    def _judge(self) -> None:
+        now = time.monotonic()
+        self.began.append(now)
+        answered = [drive.answered for drive in self.drives]
+        if self.cycles:
+            self.incomplete += not all(answered)
+        enabled = self.want is Want.ENABLE and self.following
+        for drive in self.drives:
+            trouble = drive.trouble(enabled)
+            if trouble is not None and self.want is not Want.RESET:
+                self.halt(*trouble)
+        if enabled and all(answered):
+            self._check_following()
+        if self.told is not None and now - self.told.t > STALE_S and enabled:
+            self._setpoints.brake()
+
+    def _check_following(self) -> None:
+        counts = np.array([drive.position for drive in self.drives])
+        bad = self._follow.check(counts, counts / self._counts, self._setpoints.command)
+        if bad is not None:
+            self.halt("fault", f"drive {self.drives[bad[0]].node} {bad[1]}: call recover()")
+
+    def _send(self) -> None:
+        want = self.want
+        if want is not Want.NOTHING:
+            counts = self._targets(want)
+            for drive, target in zip(self.drives, counts, strict=True):
+                fell = self.following and drive.state is not DriveStatus.ENABLED
+                drive.sent = QUICK_STOP if fell else controlword(want, drive.state, drive.sent)
+                self._link.send(0x200 + drive.node, struct.pack("<Hi", drive.sent, target))
+        self._poll()
+        for drive in self.drives:
+            drive.answered = False
+        self._synced = time.monotonic()
+        self._link.send(SYNC, b"")
+        self.cycles += 1
+
+    def _targets(self, want: Want) -> list[int]:
+        """Targets [count]; where the robot is, until every drive follows."""
+        if want is not Want.ENABLE:
+            self.following = False
+        elif not self.following and self.all_in(DriveStatus.ENABLED):
+            self._setpoints.hold(np.array([d.position for d in self.drives]) / self._counts)
+            self._follow.forget()
+            self.following = True
+        if not self.following:
+            return [drive.position for drive in self.drives]
+        return [round(c) for c in self._setpoints.step() * self._counts]
+
+
+def _slope(recent: Sequence[tuple[float, np.ndarray]]) -> np.ndarray:
+    """Speeds (J,) by a straight line through the last positions."""
+    q = np.array([row[1] for row in recent])
+    t = np.array([row[0] for row in recent])
+    t = t - t.mean()
+    spread = float(t @ t)
+    return np.zeros(q.shape[1]) if spread < 1e-9 else np.asarray(t @ (q - q.mean(axis=0)) / spread)

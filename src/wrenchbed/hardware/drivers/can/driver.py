@@ -1,0 +1,306 @@
+"""MedRUE by CiA 402 drives on CAN, with its sensor's board on the same bus.
+
+Python's threads share one lock: another thread that computes without pause delays the cycles by up
+to its switch interval (5 ms) each time. Late cycles are counted; the drives stop by themselves
+when targets stay away for longer than the watchdog that `Options` names.
+"""
+
+import time
+from collections.abc import Callable
+
+import numpy as np
+
+from wrenchbed import registry
+from wrenchbed.errors import DriverError, LinkError, SafetyStopError
+from wrenchbed.hardware.device import GONE_S, STALE_S, Health, by_age
+from wrenchbed.hardware.drivers.base import Applied, ArmSample
+from wrenchbed.hardware.drivers.base.live import LiveDriver
+from wrenchbed.hardware.drivers.can import options as ids
+from wrenchbed.hardware.drivers.can.cia402 import OPERATIONAL, DriveState, DriveStatus, Want
+from wrenchbed.hardware.drivers.can.cycle import Cycle, Following
+from wrenchbed.hardware.drivers.can.network import Drives
+from wrenchbed.hardware.drivers.can.options import HEARTBEAT_S, CanOptions
+from wrenchbed.hardware.drivers.can.setpoints import BRAKE_S, Setpoints
+from wrenchbed.hardware.drivers.can.standstill import Heartbeat, Rest
+from wrenchbed.hardware.transducers.netcanoem import NetcanoemOptions as SensorOptions
+from wrenchbed.hardware.transducers.netcanoem import NetcanoemTransducer
+from wrenchbed.hardware.transducers.netcanoem.link import CanLink, open_bus
+from wrenchbed.robots.base import Robot
+
+FIRST_S, ENABLED_S, CLEARED_S, STILL_S = 2.0, 2.0, 1.0, 0.5
+"""Deadlines: first state, all drives enabled, faults cleared, at rest [s]."""
+_TICK_S = 0.002
+
+
+class CanDriver(LiveDriver):
+    """MedRUE on a CAN bus.
+
+    Args:
+        options: where and what it is; refuses ids that collide and rates that the bus cannot carry.
+    """
+
+    name = "can"
+    title = "MedRUE: CiA 402 drives and ATI NETCANOEM on one CAN bus"
+    source = "can"
+    options = CanOptions
+
+    def __init__(self, options: CanOptions | None = None) -> None:
+        self.setting = s = options or CanOptions()
+        super().__init__(s.limits)
+        self.robot: Robot = registry.load("robots", s.robot)
+        self.transducer: NetcanoemTransducer = NetcanoemTransducer(
+            SensorOptions(s.interface, s.channel, s.host, s.port, s.bitrate, s.base, s.slot, s.rate)
+        )
+        self._counts, self.top_rate = np.array(s.counts_per_unit), s.rate
+        self._top = np.array([joint.speed for joint in self.robot.joints])
+        self._rest = Rest(self._top, self._counts, 1.0 / s.rate, s.watchdog)
+        self._link: CanLink | None = None
+        self._network: Drives | None = None
+        self._cycle: Cycle | None = None
+        self._rated: np.ndarray | None = None
+        self._seen = 0
+
+    def _open(self) -> None:
+        s = self.setting
+        self._link = link = open_bus(s.interface, s.channel, s.host, s.port, s.bitrate)
+        self._network = network = Drives(link, s)
+        network.configure(s.nodes)
+        self._setpoints = self._make_setpoints(network)
+        if s.torque:
+            self._rated = np.array([network.rated_torque(node) for node in s.nodes])
+        self.transducer.use(link)
+        drives = [DriveState(node, hint=network.error_code(node)) for node in s.nodes]
+        beat = Heartbeat(link, ids.master(s.base, s.nodes), HEARTBEAT_S, self.transducer.poll)
+        self._cycle = cycle = Cycle(
+            link, drives, self._counts, self._setpoints, beat, Following(self._top), 1.0 / s.rate
+        )
+        cycle.start()
+        self._seen = 0
+        if not self._until(lambda: cycle.told is not None, FIRST_S):
+            silent = [d.node for d in cycle.drives if not d.answers]
+            raise LinkError(f"drives {silent} do not answer SYNC: are their PDOs switched on?")
+
+    def _make_setpoints(self, network: Drives) -> Setpoints:
+        joints = self.robot.joints
+        lower = np.array([j.lower for j in joints])
+        upper = np.array([j.upper for j in joints])
+        for k, node in enumerate(self.setting.nodes):
+            own = network.limits(node)
+            if own is not None:
+                ends = sorted(count / self._counts[k] for count in own)
+                lower[k], upper[k] = max(lower[k], ends[0]), min(upper[k], ends[1])
+        return Setpoints(1.0 / self.setting.rate, lower, upper, self._top)
+
+    def _shut(self) -> None:
+        if self._network is not None:
+            if self._age() < STALE_S:
+                self._network.guards.release()
+            self._network.close()
+        if self._cycle is not None:
+            self._cycle.stop()
+        if self._link is not None:
+            self._link.close()
+        self._cycle = self._network = self._link = None
+
+    def _activate(self) -> None:
+        cycle = self._running()
+        health = self._arm_health()
+        if not health.ok:
+            raise DriverError(f"cannot enable the drives: {health.detail}")
+        self._check_start()
+        cycle.want = Want.ENABLE
+        if not self._until(lambda: cycle.following or cycle.latched is not None, ENABLED_S):
+            late = [d for d in cycle.drives if d.state is not DriveStatus.ENABLED]
+            cycle.want = Want.DISABLE
+            words = ", ".join(f"drive {d.node} is in state {d.state.value}" for d in late)
+            raise DriverError(f"not enabled within {ENABLED_S:g} s: {words}; call recover()")
+        if cycle.latched is not None:
+            raise DriverError(f"cannot enable the drives: {cycle.latched[1]}")
+
+    def _check_start(self) -> None:
+        """Refuse drives without a deadline for targets, and positions that no joint can have."""
+        cycle, network, q = self._running(), self._network, self._read().q
+        if not self._until(lambda: self._rest.reached(cycle.told), self._rest.longest):
+            raise DriverError("cannot enable the drives: the robot moves; call recover()")
+        for why in () if network is None else network.guards.unguarded.values():
+            raise DriverError(f"{why}: without a deadline for targets it would not stop by itself")
+        beyond = self._setpoints.outside(q)
+        if beyond is not None:
+            j, lower, upper = beyond
+            joint, node = self.robot.joints[j], self.setting.nodes[j]
+            raise DriverError(
+                f"{joint.name} (drive {node}) tells {q[j]:.4g} {joint.unit}, outside its limits "
+                f"{lower:.4g} … {upper:.4g}: home the drives, or check counts_per_unit"
+            )
+
+    def _deactivate(self) -> None:
+        cycle = self._cycle
+        if cycle is None:
+            return
+        self._setpoints.brake()
+        self._until(lambda: not self._setpoints.moving, STILL_S)
+        if not self._until(lambda: self._rest.reached(cycle.told), STILL_S):
+            cycle.want = Want.QUICK_STOP
+            if not self._until(lambda: self._rest.reached(cycle.told), 2.0 * self._rest.longest):
+                return  # still being braked: it keeps its voltage
+        cycle.want = Want.DISABLE
+        powered = (DriveStatus.ENABLED, DriveStatus.QUICK_STOP, DriveStatus.SWITCHED_ON)
+        self._until(lambda: not any(d.state in powered for d in cycle.drives), STILL_S)
+        cycle.want = Want.NOTHING
+
+    def _recover(self, unlock: bool) -> None:
+        cycle, link = self._cycle, self._link
+        alive = cycle is not None and cycle.alive and link is not None and not link.dead
+        if not alive or self._age() > GONE_S:
+            self._reopen()
+        self._come_to_rest()
+        cycle, network = self._running(), self._network
+        for drive in () if unlock else cycle.drives:
+            trouble = drive.trouble(enabled=False)
+            if trouble is not None and trouble[0] == "fault":
+                raise SafetyStopError(trouble[1])
+        self.transducer.connect()
+        assert network is not None
+        forgot = [d for d in cycle.drives if d.rebooted or d.nmt != OPERATIONAL or d.missed]
+        cycle.want = Want.RESET
+        network.configure([drive.node for drive in forgot])
+        for drive in forgot:  # a heartbeat from before may still be on its way: wait for one since
+            drive.rebooted, drive.nmt = False, 0x00
+        cycle.clear()
+        stuck = (
+            DriveStatus.FAULT,
+            DriveStatus.REACTING,
+            DriveStatus.QUICK_STOP,
+            DriveStatus.ENABLED,
+        )
+
+        def well() -> bool:
+            there = self._age() < STALE_S and all(d.nmt == OPERATIONAL for d in forgot)
+            return there and not any(d.state in stuck or d.error for d in cycle.drives)
+
+        cleared = self._until(well, CLEARED_S)
+        cycle.want = Want.NOTHING
+        cycle.clear()
+        if not cleared:
+            bad = next((d for d in cycle.drives if d.state in stuck), None)
+            if bad is None:
+                raise LinkError(f"the drives tell nothing new for {self._age():.2f} s")
+            raise DriverError(
+                f"drive {bad.node} stays in state {bad.state.value}: remove the cause, or switch "
+                "its power off and on"
+            )
+        self._last_target = None
+
+    def _reopen(self) -> None:
+        """Open a bus anew that is gone or silent; the drives have stopped by their watchdogs."""
+        began = 0.0 if self._cycle is None else self._cycle.began[-1]
+        try:
+            self._close()
+            time.sleep(max(0.0, began + self._rest.longest - time.monotonic()))
+            self._open()
+        except BaseException:
+            self._shut()
+            raise
+        self._last_target = None
+
+    def _come_to_rest(self) -> None:
+        """Stop what moves, before the voltage is taken off it."""
+        cycle, longest = self._running(), 2.0 * self._rest.longest
+        cycle.halt("stopped", "recover() stops the robot first")
+        if not cycle.all_in(DriveStatus.DISABLED):
+            cycle.want = Want.QUICK_STOP
+        if self._until(lambda: self._rest.reached(cycle.told), longest):
+            return
+        if self._link is None or self._link.dead:
+            raise LinkError("the CAN bus is gone: call recover() again")
+        for drive, moves in zip(cycle.drives, self._rest.moving(cycle.told), strict=True):
+            if moves and drive.state in (
+                DriveStatus.ENABLED,
+                DriveStatus.QUICK_STOP,
+                DriveStatus.REACTING,
+            ):
+                raise SafetyStopError(
+                    f"drive {drive.node} still moves {longest:.1f} s after a quick stop: press "
+                    "the emergency stop"
+                )
+
+    def _begin(self, goal: np.ndarray, seconds: float) -> None:
+        self._setpoints.move(goal, seconds)
+
+    def _stream(self, q: np.ndarray, at: float) -> Applied:
+        self._setpoints.stream(q, at)
+        return Applied(q)
+
+    def _stop(self, kind: str) -> None:
+        if self._cycle is None:
+            return
+        self._last_target = None
+        if kind == "hard":
+            self._cycle.halt("stopped", "a quick stop was asked for: call recover()")
+        else:
+            self._setpoints.brake()
+            if self._cycle.want is Want.ENABLE:
+                self._until(lambda: not self._setpoints.moving, 2.0 * BRAKE_S)
+
+    def _read(self) -> ArmSample:
+        cycle = self._running()
+        told = cycle.told
+        if told is None:
+            raise LinkError("the drives have sent no state yet")
+        before, self._seen = self._seen, told.sequence
+        faults = tuple(t[1] for d in cycle.drives if (t := d.trouble(enabled=False)))
+        effort = None if self._rated is None else told.torque * 1e-3 * self._rated
+        return ArmSample(
+            t=told.t, device_time=None, sequence=told.sequence, age=time.monotonic() - told.t,
+            fresh=told.sequence != before, q=told.q.copy(), qd=told.qd.copy(), effort=effort,
+            target_q=(self._setpoints.command if cycle.following else told.q).copy(),
+            mode=self._mode(cycle),
+            safety="quick stop" if cycle.want is Want.QUICK_STOP else "normal", faults=faults,
+        )  # fmt: skip
+
+    def _mode(self, cycle: Cycle) -> str:
+        states = {drive.state for drive in cycle.drives}
+        if states & {DriveStatus.FAULT, DriveStatus.REACTING}:
+            return "fault"
+        if any(drive.nmt != OPERATIONAL for drive in cycle.drives):
+            return "off"
+        return "running" if states == {DriveStatus.ENABLED} else "idle"
+
+    def _arm_health(self) -> Health:
+        cycle, link = self._cycle, self._link
+        if cycle is None or link is None:
+            return Health("lost", "the CAN bus is not open: call recover()")
+        counters = self._counters(cycle, link)
+        if link.dead:
+            return Health("lost", f"CAN bus: {link.dead}", counters)
+        if cycle.latched is not None:
+            state, why = cycle.latched
+            return Health(state, why, counters)
+        return by_age(self._age(), "drives", counters)
+
+    def _age(self) -> float:
+        """Of the drives' newest answers [s]."""
+        told = None if self._cycle is None else self._cycle.told
+        return np.inf if told is None else time.monotonic() - told.t
+
+    def _counters(self, cycle: Cycle, link: CanLink) -> dict[str, float]:
+        return {
+            "cycles": float(cycle.cycles), "incomplete": float(cycle.incomplete),
+            "overruns": float(cycle.overruns), "clipped": float(self._setpoints.clipped),
+            "error frames": float(link.error_frames), "odd frames": float(link.failures),
+            "queue full": float(link.full), "bus_load": self.setting.bus_load.share,
+        } | (self._network.guards.counters if self._network else {})  # fmt: skip
+
+    def _running(self) -> Cycle:
+        if self._cycle is None:
+            raise LinkError("the CAN bus is not open: call recover()")
+        return self._cycle
+
+    def _until(self, done: Callable[[], bool], seconds: float) -> bool:
+        """Wait until something is so; False at the deadline [s] or where the bus is gone."""
+        end = time.monotonic() + seconds
+        while not done():
+            if time.monotonic() > end or (self._link is not None and self._link.dead):
+                return False
+            time.sleep(_TICK_S)
+        return True

@@ -1,0 +1,35 @@
+"""UR robots over ur_rtde, which runs in processes of its own: it can hang, and it can crash.
+
+One worker process receives states and puts them into shared memory; another one commands the
+robot and keeps its watchdog alive. Losing either is a named state of the driver, never a hang.
+Names are imported on first use, so that the workers start quickly.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from wrenchbed.hardware.drivers.rtde.connection import RtdeOptions
+    from wrenchbed.hardware.drivers.rtde.driver import RtdeDriver
+
+
+if TYPE_CHECKING:
+    from wrenchbed.hardware.drivers.rtde.connection import RtdeOptions
+    from wrenchbed.hardware.drivers.rtde.driver import RtdeDriver
+
+    DRIVER = RtdeDriver
+
+_HOME = {
+    "DRIVER": ("driver", "RtdeDriver"),
+    "RtdeOptions": ("connection", "RtdeOptions"),
+    "RtdeDriver": ("driver", "RtdeDriver"),
+}
+
+__all__ = ["DRIVER", "RtdeDriver", "RtdeOptions"]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    module, attribute = _HOME[name]
+    return getattr(import_module(f"{__name__}.{module}"), attribute)

@@ -1,0 +1,214 @@
+"""The two worker processes of one robot: opened with retries inside a deadline, and renewed.
+
+The driver's heartbeat: without it the control worker stops the robot.
+
+What the driver of UR robots is told.
+"""
+
+import threading
+import time
+from dataclasses import dataclass
+from typing import Any
+
+from wrenchbed.errors import DriverError, LinkError, ParameterError, StoppedError
+from wrenchbed.hardware.device import STALE_S
+from wrenchbed.hardware.drivers.base.limits import Limits
+from wrenchbed.hardware.drivers.rtde.process import Worker
+from wrenchbed.hardware.drivers.rtde.shared_state import SharedState
+from wrenchbed.hardware.drivers.rtde.worker import Message
+
+PERIOD_S = 0.05
+
+
+class Pulse:
+    """A thread that beats into shared memory as long as Python runs in this process."""
+
+    def __init__(self, shared: SharedState) -> None:
+        self._shared, self._stopped = shared, threading.Event()
+        self._thread = threading.Thread(target=self._run, name="rtde-pulse", daemon=True)
+        shared.beat("driver")
+        self._thread.start()
+
+    def stop(self) -> None:
+        """No further beat; may be called twice."""
+        self._stopped.set()
+        self._thread.join(1.0)
+
+    def _run(self) -> None:
+        while not self._stopped.wait(PERIOD_S):
+            self._shared.beat("driver")
+
+
+@dataclass(frozen=True)
+class RtdeOptions:
+    """Where the robot is and how it is used.
+
+    Attributes:
+        robot: registry name.
+        host: address of the robot's controller; its ports are fixed (30004, 30003, 29999).
+        sensor: empty or ``netft`` for a Net F/T at the robot's host,
+            ``netft://HOST[:PORT][?http=PORT]`` for one elsewhere, ``rtde`` for the robot's own
+            wrench.
+        frequency: of states and of streamed targets [Hz]; None: the controller's own, 125 Hz on a
+            CB3 and 500 Hz on an e-Series.
+        watchdog_hz: the robot stops its program when it hears nothing for 1/watchdog_hz [Hz].
+        limits: what it may do; a quarter of top speed anywhere if None.
+        power_on: whether `activate` may switch the robot on and release its brakes.
+        connect_s: deadline of `connect` and of each reconnection [s].
+        attempts: how often a link is tried within that deadline.
+        recoveries: how often `recover` may be called between `connect` and `close`.
+    """
+
+    robot: str = "ur5"
+    host: str = ""
+    sensor: str = ""
+    frequency: float | None = 125.0
+    watchdog_hz: float = 10.0
+    limits: Limits | None = None
+    power_on: bool = False
+    connect_s: float = 8.0
+    attempts: int = 5
+    recoveries: int = 100
+
+    def __post_init__(self) -> None:
+        if not self.robot.startswith("ur"):
+            raise ParameterError(f"driver 'rtde' moves UR robots, not {self.robot!r}: give another")
+        if self.frequency is not None and not 1.0 <= self.frequency <= 500.0:
+            raise ParameterError(f"frequency {self.frequency:g} Hz must be from 1 to 500 Hz")
+        if not 1.0 <= self.watchdog_hz <= 50.0:
+            raise ParameterError(f"watchdog_hz {self.watchdog_hz:g} Hz must be from 1 to 50 Hz")
+        if not self.connect_s > 0.0 or self.attempts < 1 or self.recoveries < 0:
+            raise ParameterError("connect_s and attempts must be above 0, recoveries at least 0")
+
+
+_FIRST_PAUSE_S = 0.1
+_POLL_S = 0.005
+_FRESH_S = 1.0
+_LEAST_S = 1.0
+_LOOK = "check --host, power, cable, and that nothing blocks TCP 30004"
+"""Time that another attempt must have [s]."""
+_REFUSALS: tuple[tuple[str, type[DriverError], str, bool], ...] = (
+    ("already in use", DriverError, "another client controls this robot: close it", True),
+    (
+        "remote control",
+        StoppedError,
+        "the robot is in local control: switch it to remote control at its pendant",
+        False,
+    ),
+    (
+        "start control script",
+        StoppedError,
+        "the robot does not start the program that it was sent: look at its pendant",
+        False,
+    ),
+)
+"""What a worker says, the error that it is, what it means, and whether it may pass."""
+
+
+class Links:
+    """Shared memory, heartbeat, state worker; makes control workers."""
+
+    def __init__(self, options: RtdeOptions) -> None:
+        self.shared = SharedState.create()
+        self.restarts = 0
+        self._options = options
+        self._pulse = Pulse(self.shared)
+        self._state: Worker | None = None
+
+    def open_state(self) -> None:
+        """Start receiving states.
+
+        Raises:
+            LinkError: the robot cannot be reached within the deadline.
+            DriverError: it answers what cannot be used.
+        """
+        begun = time.monotonic()
+        self._state = self._open("state", {})
+        end = time.monotonic() + _FRESH_S
+        while (state := self.shared.read()) is None or state.t < begun:
+            gone = self._state.gone()
+            if gone or time.monotonic() > end:
+                raise LinkError(gone or f"{self._options.host}: the controller sends no states")
+            time.sleep(_POLL_S)
+
+    def renew_state(self) -> None:
+        """A new state worker, where the present one gives no fresh states.
+
+        Raises:
+            LinkError: the robot cannot be reached within the deadline.
+            DriverError: it answers what cannot be used.
+        """
+        state = self.shared.read()
+        silent = state is None or time.monotonic() - state.t > STALE_S or state.back > 0.0
+        if not silent and not self.state_gone():
+            return
+        if self._state is not None:
+            self._state.kill()
+        self.restarts += 1
+        self.open_state()
+
+    def state_gone(self) -> str:
+        """Why the state worker is gone; empty while it lives."""
+        return self._state.gone() if self._state else "the state worker was not started"
+
+    def open_control(self) -> Worker:
+        """A worker that controls the robot, with the robot's watchdog on.
+
+        Raises:
+            StoppedError: the robot does not take a program.
+            DriverError: someone else controls it.
+            LinkError: it cannot be reached within the deadline.
+        """
+        state = self.shared.read()
+        native = 500.0 if state is not None and state.major > 3 else 125.0
+        period = 1.0 / (self._options.frequency or native)
+        more = {"watchdog_hz": self._options.watchdog_hz, "period": period}
+        return self._open("control", more)
+
+    def close(self) -> None:
+        """End the state worker; may be called twice."""
+        if self._state is not None:
+            self._state.kill()
+        self._state = None
+        self._pulse.stop()
+        self.shared.close()
+
+    def _open(self, kind: str, more: dict[str, Any]) -> Worker:
+        options = self._options
+        setting = {
+            "host": options.host, "frequency": options.frequency,
+            "alarm": int(options.connect_s) + 2,
+        }  # fmt: skip
+        deadline, pause = time.monotonic() + options.connect_s, _FIRST_PAUSE_S
+        found: DriverError | None = None
+        for _ in range(options.attempts):
+            worker = Worker(kind, setting | more, self.shared)
+            try:
+                event = worker.wait_ready(deadline)
+                if event.get("event") == "ready":
+                    return worker
+                found, passes = _refusal(kind, event)
+            except LinkError as error:
+                found, passes = found or error, True
+            except BaseException:
+                worker.kill()
+                raise
+            worker.kill()
+            if not passes or time.monotonic() + pause + _LEAST_S > deadline:
+                break
+            time.sleep(pause)
+            pause *= 2.0
+        if isinstance(found, LinkError):
+            raise LinkError(f"robot at {options.host}: {found}: {_LOOK}") from found
+        raise type(found)(f"robot at {options.host}: {found}") if found else LinkError("not tried")
+
+
+def _refusal(kind: str, event: Message) -> tuple[DriverError, bool]:
+    """Why a worker ended, and whether another attempt may help."""
+    why = str(event.get("why", ""))
+    for sign, error, meaning, passes in _REFUSALS:
+        if sign in why:
+            return error(meaning), passes
+    if kind == "state" and event.get("event") == "failed":
+        return DriverError(why), False
+    return LinkError(why), True

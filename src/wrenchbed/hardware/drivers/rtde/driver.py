@@ -1,0 +1,331 @@
+"""The driver of UR robots: states from one worker process, commands through another one.
+
+Speed of a move, and whether streamed targets arrive.
+"""
+
+import time
+from collections import deque
+from dataclasses import replace
+
+import numpy as np
+
+from wrenchbed import registry
+from wrenchbed.data.metadata import Metadata, SensorInfo
+from wrenchbed.errors import (
+    DriverError,
+    LateError,
+    LinkError,
+    ParameterError,
+    SafetyStopError,
+    StoppedError,
+)
+from wrenchbed.hardware.device import GONE_S, STALE_S, Health
+from wrenchbed.hardware.drivers.base import Applied, ArmSample, Move
+from wrenchbed.hardware.drivers.base.live import LiveDriver
+from wrenchbed.hardware.drivers.base.watched_move import CALM_SPEED, check_ready
+from wrenchbed.hardware.drivers.rtde import dashboard, sensing, status
+from wrenchbed.hardware.drivers.rtde.connection import Links, RtdeOptions
+from wrenchbed.hardware.drivers.rtde.process import Worker
+from wrenchbed.hardware.drivers.rtde.sensing import Flange
+from wrenchbed.hardware.drivers.rtde.shared_state import Snapshot
+from wrenchbed.hardware.drivers.rtde.status import Observation, count, judge
+from wrenchbed.hardware.transducers.ur_wrench import UrWrenchReading
+
+_LEAST_SPEED, _LEAST_ACCELERATION, _MOST_ACCELERATION = 0.01, 0.05, 15.0
+_WINDOW_S, _LAG_S = 0.6, 0.2
+_MOVED, _SHARE = 0.02, 0.2
+_EVERY = 8
+
+
+def trapezoid(distance: float, seconds: float, top: float) -> tuple[float, float]:
+    """Peak speed [rad/s] and acceleration [rad/s²] of a move over a distance [rad] in a time [s].
+
+    A third of the time speeds up and a third slows down, unless that needs more than ``top``
+    [rad/s] or 15 rad/s²; then the move takes longer.
+    """
+    speed = min(1.5 * distance / seconds, top)
+    acceleration = 3.0 * speed / seconds
+    return (
+        max(speed, _LEAST_SPEED),
+        min(max(acceleration, _LEAST_ACCELERATION), _MOST_ACCELERATION),
+    )
+
+
+class Followed:
+    """Whether the controller's own targets follow those that were sent.
+
+    ur_rtde says yes to targets that it drops; the controller's ``target_q`` does not.
+    """
+
+    def __init__(self) -> None:
+        self._seen: deque[tuple[float, np.ndarray, np.ndarray]] = deque(maxlen=400)
+        self._count = 0
+
+    def clear(self) -> None:
+        """A stream begins anew."""
+        self._seen.clear()
+
+    def add(self, t: float, sent: np.ndarray, target: np.ndarray) -> str:
+        """Take in a target (J,) that was sent and the controller's own (J,); why not, if not."""
+        if self._seen and t - self._seen[-1][0] > _LAG_S:
+            self._seen.clear()
+        self._seen.append((t, sent, target))
+        while t - self._seen[0][0] > _WINDOW_S:
+            self._seen.popleft()
+        self._count += 1
+        if self._count % _EVERY or t - self._seen[0][0] < 2.0 * _LAG_S:
+            return ""
+        old = np.array([s for then, s, _ in self._seen if t - then > _LAG_S])
+        moved = np.ptp(old, axis=0)
+        followed = np.ptp(np.array([a for _, _, a in self._seen]), axis=0)
+        joint = int(np.argmax(moved))
+        if moved[joint] > _MOVED and followed[joint] < _SHARE * moved[joint]:
+            return "targets are sent and the controller does not follow them: call recover()"
+        return ""
+
+
+_MOVE_S, _SOFT_S, _HARD_S, _DASHBOARD_S = 3.0, 0.8, 0.2, 0.5
+_REST_S, _QUIT_S, _ENDED_S = 3.0, 4.0, 1.0
+_MOST_HZ = 500.0
+"""States a second of an e-Series."""
+
+
+class RtdeDriver(LiveDriver):
+    """A UR robot over RTDE, with a Net F/T or its own wrench.
+
+    Raises:
+        ParameterError: an impossible option.
+    """
+
+    name = "rtde"
+    title = "a UR robot over ur_rtde, with a Net F/T sensor or its own wrench"
+    options = RtdeOptions
+    source, lead = "ur_rtde", 0.1
+
+    def __init__(self, options: RtdeOptions | None = None) -> None:
+        options = options or RtdeOptions()
+        super().__init__(options.limits)
+        self._options = options
+        self.top_rate = options.frequency or _MOST_HZ
+        self.robot = registry.load("robots", options.robot)
+        self.transducer = sensing.transducer(options.sensor, options.host, self._own_wrench)
+        self._links: Links | None = None
+        self._control: Worker | None = None
+        self._followed, self._flange = Followed(), Flange(self.robot)
+        self._own: UrWrenchReading | None = None
+        self._recoveries, self._seen, self._halts = 0, 0.0, 0.0
+        self._undelivered = ""
+
+    def metadata(self, mode: str, rate: float) -> Metadata:
+        stated = super().metadata(mode, rate)
+        if self._options.sensor != sensing.OWN:
+            return stated
+        told = sensing.facts(self._look()) if self._links else {}
+        own = SensorInfo(model="ur-wrench", pose_flange=stated.sensor.pose_flange)
+        return replace(stated, sensor=own, extra={**stated.extra, "wrench": told})
+
+    def stop(self, kind: str = "soft") -> None:
+        """Brake and wait until the robot rests.
+
+        Raises:
+            LinkError: the stop was not delivered; the robot's watchdog ends its program.
+            LateError: the robot does not rest in time.
+        """
+        super().stop(kind)
+        if self._undelivered:
+            raise LinkError(f"the stop was not delivered: {self._undelivered}")
+        self._wait_for_rest()
+
+    def _open(self) -> None:
+        registry.require("rtde_receive", "hil")
+        registry.require("rtde_control", "hil")
+        if not self._options.host:
+            raise ParameterError("driver 'rtde' needs the robot's address: give its host")
+        self._recoveries, self._seen = 0, 0.0
+        self._links = Links(self._options)
+        self._links.open_state()
+
+    def _shut(self) -> None:
+        self._drop_control(_QUIT_S)
+        if self._links is not None:
+            self._links.close()
+        self._links = None
+
+    def _activate(self) -> None:
+        links, options = self._live(), self._options
+        self._wait_for_state()
+        if options.power_on and status.safety(self._look()) in ("normal", "reduced"):
+            dashboard.switch_on(options.host, self._look)
+        check_ready(self._arm_health())
+        end = time.monotonic() + _ENDED_S
+        while int(self._look().runtime) != status.STOPPED:
+            if time.monotonic() > end:
+                raise DriverError(
+                    f"a program is {status.program(self._look())} on the robot, someone else's or "
+                    "one that a stop left: stop it there, close the other client, or call recover()"
+                )
+            time.sleep(0.01)
+        self._control = links.open_control()
+        self._followed.clear()
+        self._last_target = None
+        end = time.monotonic() + GONE_S
+        while int(self._look().runtime) != status.PLAYING and time.monotonic() < end:
+            time.sleep(0.01)
+        self._halts = self._look().halts
+        check_ready(self._arm_health())
+
+    def _deactivate(self) -> None:
+        self._drop_control(_QUIT_S)
+
+    def _recover(self, unlock: bool) -> None:
+        links, options = self._live(), self._options
+        if self._recoveries >= options.recoveries:
+            raise DriverError(
+                f"recover() was called {self._recoveries} times since connect(): look for the cause"
+            )
+        self._recoveries += 1
+        self._drop_control(0.0)
+        links.renew_state()
+        trouble = status.problem(self._look())
+        if trouble is not None and not unlock:
+            raise SafetyStopError(trouble[1])
+        dashboard.clear(options.host, self._look)
+        self._wait_for_rest()
+        if not self.transducer.health().ok:
+            self.transducer.close()
+            self.transducer.connect()
+
+    def _read(self) -> ArmSample:
+        state = self._look()
+        fresh, self._seen = state.received > self._seen, state.received
+        trouble = status.problem(state)
+        return ArmSample(
+            state.t, state.stamp, int(state.received), time.monotonic() - state.t, fresh,
+            np.array(state.q), np.array(state.qd), np.array(state.current),
+            self._flange.pose(state), np.array(state.target_q), status.mode(state),
+            status.safety(state), status.program(state), () if trouble is None else (trouble[1],),
+        )  # fmt: skip
+
+    def _begin(self, goal: np.ndarray, seconds: float) -> None:
+        self._followed.clear()
+        control = self._armed()
+        control.refused = ""
+        top = self.limits.speed * min(joint.speed for joint in self.robot.joints)
+        distance = float(np.abs(goal - np.array(self._look().q)).max())
+        speed, acceleration = trapezoid(distance, seconds, top)
+        try:
+            why = control.ask(
+                "move", _MOVE_S, q=goal.tolist(), speed=speed, acceleration=acceleration
+            )
+        except LinkError as error:
+            control.kill(str(error))
+            raise
+        if why:
+            raise StoppedError(self._trouble() or f"{why}: call recover()")
+
+    def _move(self, start: np.ndarray, goal: np.ndarray, seconds: float) -> Move:
+        if goal.shape != (6,) or not np.isfinite(goal).all():
+            raise ParameterError("a goal must be 6 finite joint angles")
+        return super()._move(start, goal, seconds)
+
+    def _stream(self, q: np.ndarray, at: float) -> Applied:
+        control = self._armed()
+        why = control.gone() or control.refused
+        if not why and not control.tell("servo", q=q.tolist(), at=at):
+            why = "the control worker takes no targets"
+        if not why:
+            why = self._followed.add(time.monotonic(), q, np.array(self._look().target_q))
+        return Applied(None, why) if why else Applied(q)
+
+    def _stop(self, kind: str) -> None:
+        """Brake by the control worker; where it does not answer, by the dashboard."""
+        self._followed.clear()
+        self._last_target = None
+        self._undelivered = ""
+        control = self._control
+        if control is None:
+            return
+        control.refused = ""
+        try:
+            self._undelivered = control.ask(
+                "stop", _HARD_S if kind == "hard" else _SOFT_S, kind=kind
+            )
+        except LinkError as error:
+            control.kill(str(error))
+            self._undelivered = dashboard.halt(self._options.host, _DASHBOARD_S)
+        control.refused = ""  # of a target that came before the stop
+
+    def _arm_health(self) -> Health:
+        links, control = self._links, self._control
+        if links is None:
+            return Health("closed", "call connect() first")
+        state = links.shared.read()
+        seen = Observation(
+            state=state,
+            age=time.monotonic() - state.t if state else np.inf,
+            worker_gone=links.state_gone(),
+            worker_silent=links.shared.silence("state"),
+            armed=control is not None,
+            control_gone=control.gone() if control else "",
+            control_silent=links.shared.silence("control"),
+            ended=control.program_ended if control else False,
+            halts=self._halts,
+        )
+        return judge(seen, count(state, links.restarts, self._recoveries))
+
+    def _own_wrench(self) -> UrWrenchReading:
+        state, own = self._look(), self._own
+        if own is None or own.t != state.t:
+            own = self._own = sensing.reading(state, self.robot)
+        return own
+
+    def _live(self) -> Links:
+        if self._links is None:
+            raise DriverError("driver 'rtde' is not connected: call connect() first")
+        return self._links
+
+    def _armed(self) -> Worker:
+        if self._control is None:
+            raise DriverError("driver 'rtde' is not active: call activate() first")
+        return self._control
+
+    def _look(self) -> Snapshot:
+        state = self._live().shared.read()
+        if state is None:
+            raise LinkError("the robot has sent no state: call recover()")
+        return state
+
+    def _wait_for_state(self) -> None:
+        """A state that is not stale; waits at most `GONE_S`."""
+        end = time.monotonic() + GONE_S
+        while (health := self._arm_health()).state in ("stale", "lost"):
+            if health.state == "lost" or time.monotonic() > end:
+                raise LinkError(health.detail)
+            time.sleep(0.005)
+
+    def _trouble(self) -> str:
+        """What keeps the robot from moving; its states tell a cycle or two after its program."""
+        end = time.monotonic() + STALE_S
+        while (trouble := status.problem(self._look())) is None and time.monotonic() < end:
+            time.sleep(0.005)
+        return trouble[1] if trouble else ""
+
+    def _wait_for_rest(self) -> None:
+        end = time.monotonic() + _REST_S
+        while True:
+            health = self._arm_health()
+            if health.state == "lost":
+                raise LinkError(health.detail)
+            if health.state != "stale" and np.abs(self._look().qd).max() < CALM_SPEED:
+                return
+            if time.monotonic() > end:
+                raise LateError(f"the robot does not rest within {_REST_S:g} s of its stop")
+            time.sleep(0.005)
+
+    def _drop_control(self, quit_s: float) -> None:
+        """End the control worker, within a time [s] in which it may stop the robot itself."""
+        control, self._control = self._control, None
+        if control is not None:
+            if quit_s > 0.0 and not control.gone():
+                control.quit(quit_s)
+            control.kill()

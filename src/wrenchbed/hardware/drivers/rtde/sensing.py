@@ -1,0 +1,108 @@
+"""Which sensor belongs to a UR robot, and what its own wrench means.
+
+The flange's pose from that of the TCP, whose offset RTDE's clients are not told.
+"""
+
+import time
+from collections.abc import Callable, Mapping
+from typing import Any
+from urllib.parse import parse_qs, urlsplit
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from wrenchbed import registry
+from wrenchbed.errors import ParameterError
+from wrenchbed.hardware.drivers.rtde.shared_state import Snapshot
+from wrenchbed.hardware.transducers.base import Transducer
+from wrenchbed.hardware.transducers.ur_wrench import UrWrenchReading
+from wrenchbed.robots.base import Robot
+
+_APART_M, _APART_RAD = 5e-3, 0.02
+_EVERY_S = 0.5
+
+
+class Flange:
+    """Knows where the TCP is the flange: there both are where the nominal robot has its sensor."""
+
+    def __init__(self, robot: Robot) -> None:
+        self._robot = robot
+        self._due, self._same = 0.0, False
+
+    def pose(self, state: Snapshot) -> np.ndarray | None:
+        """x y z [m] and qw qx qy qz in the base; None where the TCP is elsewhere."""
+        tcp = Rotation.from_rotvec(state.pose[3:])
+        if time.monotonic() > self._due:
+            self._due = time.monotonic() + _EVERY_S
+            self._same = self._compare(state, tcp.as_matrix())
+        if not self._same:
+            return None
+        turn = tcp.as_quat(canonical=True, scalar_first=True)
+        return np.concatenate([state.pose[:3], turn])
+
+    def _compare(self, state: Snapshot, tcp: np.ndarray) -> bool:
+        nominal = self._robot.parameters.nominal
+        rotation, origin = self._robot.sensor_pose(np.array([state.q]), nominal)
+        apart = np.linalg.norm(origin[0] - np.array(state.pose[:3]))
+        cosine = (np.trace(rotation[0].T @ tcp) - 1.0) / 2.0
+        return bool(apart < _APART_M and cosine > np.cos(_APART_RAD))
+
+
+OWN = "rtde"
+_FORMS = "netft, netft://HOST[:PORT][?http=PORT] or rtde"
+
+
+def transducer(sensor: str, host: str, own: Callable[[], UrWrenchReading]) -> Transducer:
+    """The sensor that an option names.
+
+    Raises:
+        ParameterError: it names none; lists the forms.
+    """
+    if sensor in (OWN, "ur-wrench"):
+        kind = registry.load("transducers", "ur-wrench")
+        return kind(kind.options(source=own))
+    kind = registry.load("transducers", "netft")
+    if sensor in ("", "netft"):
+        return kind(kind.options(host=host))
+    try:
+        parts = urlsplit(sensor)
+        extra = parse_qs(parts.query)
+        if parts.scheme != "netft" or not parts.hostname or set(extra) - {"http"}:
+            raise ValueError
+        ports = {"port": parts.port} if parts.port else {}
+        if "http" in extra:
+            ports["http_port"] = int(extra["http"][0])
+    except ValueError as error:
+        raise ParameterError(f"sensor {sensor!r}: give {_FORMS}") from error
+    return kind(kind.options(host=parts.hostname, **ports))
+
+
+def reading(state: Snapshot, robot: Robot) -> UrWrenchReading:
+    """The robot's own wrench of a state; the nominal robot tells where its sensor is."""
+    if np.isfinite(state.raw).all():
+        wrench, rotation, lever = np.array(state.raw), np.eye(3), np.zeros(3)
+    else:
+        rotations, origins = robot.sensor_pose(np.array([state.q]), robot.parameters.nominal)
+        wrench, rotation = np.array(state.force), rotations[0]
+        about_tcp = state.major <= 3
+        lever = np.array(state.pose[:3]) - origins[0] if about_tcp else np.zeros(3)
+    return UrWrenchReading(
+        state.t, state.stamp, int(state.received), int(state.skipped), wrench, rotation, lever
+    )
+
+
+def facts(state: Snapshot) -> Mapping[str, Any]:
+    """What the readings were before they were brought into the sensor's axes."""
+    if np.isfinite(state.raw).all():
+        return {
+            "source": "ft_raw_wrench", "frame": "flange", "reference": "flange",
+            "compensated": False,
+        }  # fmt: skip
+    estimated = state.major <= 3
+    return {
+        "source": "actual_TCP_force",
+        "frame": "base",
+        "reference": "tcp" if estimated else "flange",
+        "compensated": True,
+        "estimated_from_currents": estimated,
+    }

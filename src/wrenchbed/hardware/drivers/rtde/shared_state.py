@@ -1,0 +1,160 @@
+"""The robot's newest state in memory that driver and workers share.
+
+A sequence lock with a checksum: the writer makes the sequence odd, writes, makes it even; a reader
+takes a copy whose sequence is even and whose checksum fits, whatever the machine's memory ordering.
+Three heartbeats follow it. Only the standard library, since the workers import this.
+"""
+
+import mmap
+import os
+import struct
+import time
+import zlib
+from typing import NamedTuple, Self
+
+Six = tuple[float, ...]
+_ZERO = (0.0,) * 6
+_NAN = (float("nan"),) * 6
+
+
+class Snapshot(NamedTuple):
+    """One state of the robot.
+
+    Attributes:
+        t: `time.monotonic` when it arrived [s].
+        stamp: the controller's own clock [s].
+        q: joint angles [rad].
+        qd: their speeds [rad/s].
+        current: of the motors [A].
+        target_q: where the controller wants its joints [rad].
+        pose: of the TCP in the base, x y z [m] and rotation vector [rad].
+        force: ``actual_TCP_force`` [N, N·m], as the controller gives it.
+        raw: ``ft_raw_wrench`` [N, N·m], NaN where the controller has none.
+        scaling: speed scaling 0 … 1.
+        mode: ``robot_mode``.
+        safety: ``safety_mode``.
+        bits: ``safety_status_bits``.
+        runtime: ``runtime_state``.
+        major: version of the controller.
+        protective: `time.monotonic` when a protective stop was first seen, 0 without one [s].
+        halts: how often a program left off playing.
+        received: states received.
+        skipped: states known to be lost.
+        bad: states that were refused.
+        wrong: why the newest was refused, an index of `WRONG`; 0: it was not.
+        back: by how much the controller's clock went back [s], 0 if it never did.
+        drift: of the controller's clock against this machine's [ppm], NaN if not known yet.
+    """
+
+    t: float = 0.0
+    stamp: float = 0.0
+    q: Six = _ZERO
+    qd: Six = _ZERO
+    current: Six = _ZERO
+    target_q: Six = _ZERO
+    pose: Six = _ZERO
+    force: Six = _ZERO
+    raw: Six = _NAN
+    scaling: float = 1.0
+    mode: float = -1.0
+    safety: float = 0.0
+    bits: float = 0.0
+    runtime: float = 0.0
+    major: float = 0.0
+    protective: float = 0.0
+    halts: float = 0.0
+    received: float = 0.0
+    skipped: float = 0.0
+    bad: float = 0.0
+    wrong: float = 0.0
+    back: float = 0.0
+    drift: float = float("nan")
+
+
+_WIDTH = [6 if isinstance(v, tuple) else 1 for v in Snapshot()]
+_PAYLOAD = struct.Struct(f"={sum(_WIDTH)}d")
+_HEAD = struct.Struct("@qq")
+_BEAT = struct.Struct("@d")
+_BEATS = _HEAD.size + _PAYLOAD.size
+BEATS = ("driver", "state", "control")
+"""Who beats."""
+SIZE = _BEATS + len(BEATS) * _BEAT.size
+_TRIES = 20
+
+
+class SharedState:
+    """The memory, of a descriptor that child processes inherit."""
+
+    def __init__(self, descriptor: int) -> None:
+        self.descriptor = descriptor
+        self._memory = mmap.mmap(descriptor, SIZE)
+        self._sequence = _HEAD.unpack_from(self._memory, 0)[0] | 1
+        self._newest: Snapshot | None = None
+
+    @classmethod
+    def create(cls) -> Self:
+        """New memory; nothing is left of it when the last process that has it ends."""
+        descriptor = os.memfd_create("wrenchbed-rtde")
+        os.ftruncate(descriptor, SIZE)
+        return cls(descriptor)
+
+    def close(self) -> None:
+        """Let go of it; may be called twice."""
+        if self.descriptor >= 0:
+            self._memory.close()
+            os.close(self.descriptor)
+            self.descriptor = -1
+
+    def write(self, state: Snapshot) -> None:
+        """Publish a state; only one process may write."""
+        flat: list[float] = []
+        for value in state:
+            flat.extend(value) if isinstance(value, tuple) else flat.append(value)
+        payload = _PAYLOAD.pack(*flat)
+        odd = self._sequence
+        self._sequence += 2
+        check = zlib.crc32(payload, (odd + 1) & 0xFFFFFFFF)
+        self._put(0, _HEAD.pack(odd, 0))
+        self._put(_HEAD.size, payload)
+        self._put(0, _HEAD.pack(odd + 1, check))
+
+    def read(self) -> Snapshot | None:
+        """The newest whole state; None before the first.
+
+        While a writer is in the middle of one, or died there, it is the one before.
+        """
+        for _ in range(_TRIES):
+            raw = self._memory[:_BEATS]
+            sequence, check = _HEAD.unpack_from(raw, 0)
+            if sequence == 0:
+                break
+            payload = raw[_HEAD.size :]
+            if sequence % 2 == 0 and check == zlib.crc32(payload, sequence & 0xFFFFFFFF):
+                self._newest = _snapshot(_PAYLOAD.unpack(payload))
+                break
+        return self._newest
+
+    def beat(self, who: str) -> None:
+        """Say that one lives."""
+        self._put(_place(who), _BEAT.pack(time.monotonic()))
+
+    def silence(self, who: str) -> float:
+        """Time since one last said that it lives [s]."""
+        return time.monotonic() - _BEAT.unpack_from(self._memory, _place(who))[0]
+
+    def _put(self, place: int, data: bytes) -> None:
+        """One copy; `struct.pack_into` would let readers see zeros first."""
+        self._memory[place : place + len(data)] = data
+
+
+def _place(who: str) -> int:
+    return _BEATS + BEATS.index(who) * _BEAT.size
+
+
+def _snapshot(flat: tuple[float, ...]) -> Snapshot:
+    values: list[float | Six] = []
+    at = 0
+    for width in _WIDTH:
+        values.append(flat[at] if width == 1 else flat[at : at + width])
+        at += width
+    return Snapshot(*values)  # type: ignore[arg-type]

@@ -1,0 +1,328 @@
+"""The simulated robot: MuJoCo moves it in simulated time, its sensor adds realistic noise.
+
+At rest the wrench is exact at the joint values that the servos reached; in motion it is that of
+the servo-driven dynamics. What the robot truly is (``parameters``) never enters its metadata,
+which states the nominal robot.
+
+Effects do not change where the joints are measured: the plant moves without them, and what they
+change in the load on the sensor is computed at the measured joints, at rest and in motion as if at
+rest (`twin`). They remember the whole campaign.
+
+A simulated move: polled, awaited or cancelled in simulated time.
+
+The simulated robot: MuJoCo moves it in simulated time, its sensor adds realistic noise.
+"""
+
+import warnings
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from wrenchbed import registry
+from wrenchbed.calibration.touches import STD
+from wrenchbed.data.metadata import Metadata
+from wrenchbed.effects.naming import active_effect
+from wrenchbed.errors import DriverError, LateError, NotFoundError, WrenchbedWarning
+from wrenchbed.hardware.device import Health
+from wrenchbed.hardware.drivers.base import (
+    Applied,
+    ArmSample,
+    Block,
+    Driver,
+    Limits,
+    Move,
+    Reached,
+    minimum_jerk,
+)
+from wrenchbed.hardware.drivers.base.samples import as_designed
+from wrenchbed.hardware.transducers.base import WrenchSample
+from wrenchbed.physics.noise import NoiseStream, noise_model
+from wrenchbed.physics.wrench import CHANNELS
+from wrenchbed.robots.base import SimulatedRobot
+from wrenchbed.robots.model import Model
+from wrenchbed.simulation.servo_motion import ServoDrivenRobot, steps_in
+from wrenchbed.simulation.simulation import Simulation
+from wrenchbed.twin.replay import Playback
+from wrenchbed.twin.twin import Twin
+
+CONTROL_S = 0.008
+"""Period of the position targets in a move [s]."""
+
+
+class SimMotion(Move):
+    """A move of a simulated robot; each `poll` takes one control period of simulated time.
+
+    Args:
+        goal: joint values (J,).
+        steps: where it is after each period; the last one lasts longer than nothing.
+        halt: brings the robot to rest after some time on the way [s].
+    """
+
+    def __init__(
+        self, goal: np.ndarray, steps: Iterator[Reached], halt: Callable[[float], None]
+    ) -> None:
+        self.goal = goal
+        self._steps, self._stop = steps, halt
+        self._taken = 0
+        self._end: Reached | DriverError | None = None
+
+    def poll(self) -> Reached | None:
+        if self._end is None:
+            try:
+                at = next(self._steps)
+            except DriverError as error:
+                self._end = error
+            else:
+                self._taken += 1
+                self._end = at if at.duration > 0.0 else None
+        if isinstance(self._end, DriverError):
+            raise self._end
+        return self._end
+
+    def wait(self, timeout: float | None = None) -> Reached:
+        while (end := self.poll()) is None:
+            if timeout is not None and self._taken * CONTROL_S > timeout:
+                self._halt(LateError(f"the move did not arrive within {timeout:g} s"))
+        return end
+
+    def cancel(self) -> None:
+        if self._end is None:
+            self._halt(DriverError("the move was cancelled"))
+
+    def _halt(self, why: DriverError) -> None:
+        self._stop(self._taken * CONTROL_S)
+        self._end = why
+
+
+_BLOCK_S = 4.0
+_PUSH = 3.0
+"""Largest contact force of a touch along each axis [N]."""
+Samples = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
+"""Times (n,), joint values and speeds (n, J), loads or readings (n, 6)."""
+
+
+@dataclass(frozen=True)
+class SimOptions:
+    """What is simulated.
+
+    Attributes:
+        robot: registry name.
+        parameters: true values where they differ from nominal, by name, SI.
+        noise: ``real``, ``white`` or ``off``.
+        seed: of the noise.
+        gravity: (3,) [m/s²], the robot's default if None.
+        effects: as ``joint.compliance:joint=2,stiffness=1.4e4``; without values of typical size.
+        limits: what it may do; half of top speed anywhere if None.
+    """
+
+    robot: str
+    parameters: Mapping[str, float] = field(default_factory=dict)
+    noise: str = "real"
+    seed: int = 0
+    gravity: tuple[float, float, float] | None = None
+    effects: tuple[str, ...] = ()
+    limits: Limits | None = None
+
+
+class SimDriver(Driver):
+    """A robot in MuJoCo with its data-sheet sensor.
+
+    Raises:
+        NotFoundError: the robot has no MuJoCo model.
+        ParameterError: an unknown parameter, an impossible value or kind of noise.
+    """
+
+    name = "sim"
+    title = "the robot in MuJoCo, in simulated time, with realistic noise"
+    options = SimOptions
+
+    def __init__(self, options: SimOptions) -> None:
+        super().__init__(options.limits)
+        robot = registry.load("robots", options.robot)
+        if not isinstance(robot, SimulatedRobot):
+            raise NotFoundError(f"robot {options.robot!r} has no MuJoCo model to simulate")
+        self.robot: SimulatedRobot = robot
+        self.model = Model(robot, tuple(options.gravity or robot.gravity))
+        self.theta = self.model.parameters.vector(options.parameters)
+        own = self.theta[: len(robot.parameters)]
+        self._simulation = Simulation(robot, own, self.model.gravity)
+        self._sensor = registry.load("sensors", robot.sensor)
+        self._noise = noise_model(options.noise, self._sensor.noise)
+        self._stream = NoiseStream(self._noise, options.seed)
+        active = tuple(active_effect(robot, text) for text in options.effects)
+        twin = Twin(self.model, self.theta, active)
+        self._playback = Playback(twin, options.seed) if active else None
+        self._plant = ServoDrivenRobot(self._simulation, robot.home)
+        self._time, self._seen, self._count = 0.0, -1.0, 0
+        self._hand = np.random.default_rng([options.seed, 1])
+        self._contact = np.zeros(6)
+
+    def metadata(self, mode: str, rate: float) -> Metadata:
+        return as_designed(
+            self.robot, source="sim", mode=mode, rate=rate, gravity=self.model.gravity,
+            sensor=self._sensor.name, noise_std=self._noise.row_std,
+        )  # fmt: skip
+
+    def expect(self, plan: np.ndarray, mode: str) -> None:
+        if self._playback is None:
+            return
+        for active in self._playback.twin.active:
+            if mode not in active.effect.modes:
+                text = f"{active.effect.name} does not show in a {mode} plan"
+                warnings.warn(f"{text}: recorded as without it", WrenchbedWarning, stacklevel=2)
+        if mode == "static":
+            self._playback.expect(plan)
+
+    def _connect(self) -> None:
+        """Nothing to open: the robot stands at home since it was made."""
+
+    def _close(self) -> None:
+        """Nothing to let go of."""
+
+    def _position(self) -> np.ndarray:
+        return self._plant.q
+
+    def _read(self) -> ArmSample:
+        self._count += 1
+        fresh, self._seen = self._time > self._seen, self._time
+        target = np.array(self._plant.data.ctrl)
+        return ArmSample(
+            self._time, self._time, self._count, 0.0, fresh, self._plant.q, self._plant.qd,
+            target_q=target,
+        )  # fmt: skip
+
+    def _read_wrench(self) -> WrenchSample:
+        """One row at rest; takes a microsecond of simulated time."""
+        block = self._sample(1, 1e6)
+        reading = np.array([block[c][0] for c in CHANNELS])
+        saturated = int(block["status"][0])
+        return WrenchSample(
+            self._time, self._time, self._count, 0.0, True, reading, status=saturated,
+            saturated=saturated,
+        )  # fmt: skip
+
+    def _write(self, q: np.ndarray) -> Applied:
+        """Follow a target for one control period."""
+        why = self.limits.check_step(self.robot, np.array(self._plant.data.ctrl), q, CONTROL_S)
+        if why:
+            return Applied(None, why)
+        self._contact = np.zeros(6)
+        self._plant.advance(q, CONTROL_S)
+        self._time += CONTROL_S
+        return Applied(q)
+
+    def _stop(self, kind: str) -> None:
+        """Come to rest where it is."""
+        start, begun = self._plant.q, self._time
+        self._time += self._plant.settle(start)[1]
+        if self._playback is not None:
+            self._playback.way((begun, self._time), start, self._plant.q)
+
+    def _health(self) -> Health:
+        return Health("ok")
+
+    def _touch(self, point: np.ndarray) -> Reached:
+        """The tip sits within `touches.STD` of the point, pushed by an unknown force."""
+        seat = point + self._hand.normal(0.0, STD, 3)
+        start = self._plant.q
+        target = self._simulation.seated(start, seat)
+        if target is None or self.robot.infeasible(target[None], self._simulation.theta):
+            raise DriverError(f"the simulated {self.robot.name} cannot reach the point {point} m")
+        reached = self._move(start, target, 1.0).wait()
+        own = self._simulation.theta
+        rotation, origin = self.robot.sensor_pose(reached.q[None], own)
+        force = rotation[0].T @ self._hand.uniform(-_PUSH, _PUSH, 3)
+        lever = rotation[0].T @ (seat - origin[0])
+        self._contact = np.concatenate([force, np.cross(lever, force)])
+        return reached
+
+    def _move(self, start: np.ndarray, goal: np.ndarray, seconds: float) -> SimMotion:
+        def halt(seconds: float) -> None:
+            _, waited = self._plant.settle(self._plant.q)
+            self._arrived(start, seconds + waited)
+
+        return SimMotion(goal, self._steps(start, goal, seconds), halt)
+
+    def _steps(self, start: np.ndarray, goal: np.ndarray, seconds: float) -> Iterator[Reached]:
+        """Where a move is after each control period, and at last where it came to rest."""
+        self._contact = np.zeros(6)
+        steps = max(1, int(np.ceil(seconds / CONTROL_S)))
+        for share in minimum_jerk(np.arange(1, steps + 1) / steps):
+            self._plant.advance(start + share * (goal - start), seconds / steps)
+            yield Reached(self._plant.q, 0.0)
+        there, waited = self._plant.settle(goal)
+        if not there:
+            miss = np.abs(self._plant.q - goal).max()
+            raise DriverError(f"the simulated {self.robot.name} stopped {miss:.2g} off its target")
+        yield self._arrived(start, seconds + waited)
+
+    def _arrived(self, start: np.ndarray, seconds: float) -> Reached:
+        """The robot rests where it is, after a way that took some time [s]."""
+        arrived = self._time + seconds
+        if self._playback is not None:
+            self._playback.way((self._time, arrived), start, self._plant.q)
+        self._time = arrived
+        return Reached(self._plant.q, seconds)
+
+    def _sample(self, n: int, rate: float) -> Block:
+        q = self._plant.q
+        t = self._time + np.arange(n) / rate
+        self._time = float(t[-1]) + 1.0 / rate
+        if self._playback is None:
+            load = np.repeat(self._simulation.wrench(q[None]) + self._contact, n, axis=0)
+            reading = self.model.read(load, self.theta)
+        else:
+            reading = self._playback.rest(t, q, self._contact)
+        return self._columns(t, np.repeat(q[None], n, axis=0), reading)
+
+    def _track(self, targets: np.ndarray, rate: float) -> Iterator[Block]:
+        moved = self._moved(targets, rate)
+        if self._playback is not None:
+            moved = self._with_effects(list(moved))
+        done = 0
+        for t, q, qd, reading in moved:
+            part = targets[done : done + len(t)]
+            done += len(t)
+            columns = dict(self._columns(t, q, reading))
+            columns |= {f"qd{j + 1}": qd[:, j] for j in range(qd.shape[1])}
+            columns |= {f"q_target{j + 1}": part[:, j] for j in range(part.shape[1])}
+            yield columns
+
+    def _moved(self, targets: np.ndarray, rate: float) -> Iterator[Samples]:
+        """What was measured on the way, second by second, without effects."""
+        block, steps = max(1, int(_BLOCK_S * rate)), steps_in(1.0 / rate)
+        path = CubicSpline(np.arange(len(targets)), targets, bc_type="natural")
+        between = np.arange(1, steps + 1) / steps
+        for first in range(0, len(targets), block):
+            part = targets[first : first + block]
+            at = first + np.arange(len(part))[:, None] + between
+            ways = path(np.minimum(at, len(targets) - 1))
+            q, qd, load = self._plant.follow_all(ways, 1.0 / rate)
+            t = self._time + np.arange(len(part)) / rate
+            self._time = float(t[-1]) + 1.0 / rate
+            yield t, q, qd, load if self._playback else self.model.read(load, self.theta)
+
+    def _with_effects(self, blocks: list[Samples]) -> Iterator[Samples]:
+        """The same blocks with readings of the whole motion instead of loads."""
+        assert self._playback is not None
+        t, q, qd, load = (np.concatenate(part) for part in zip(*blocks, strict=True))
+        reading = self._playback.motion(t, q, qd, load)
+        done = 0
+        for block in blocks:
+            yield *block[:3], reading[done : done + len(block[0])]
+            done += len(block[0])
+
+    def _columns(self, t: np.ndarray, q: np.ndarray, reading: np.ndarray) -> Block:
+        reading, status = self._stream.corrupt(t, reading)
+        if self._playback is not None:
+            reading = self._playback.corrupt(t, reading)
+        joints = {f"q{j + 1}": q[:, j] for j in range(q.shape[1])}
+        channels = {c: reading[:, k] for k, c in enumerate(CHANNELS)}
+        return {"t": t} | joints | channels | {"status": status}
+
+
+DRIVER = SimDriver
+
+__all__ = ["DRIVER", "SimDriver", "SimOptions"]

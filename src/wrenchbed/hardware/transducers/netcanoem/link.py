@@ -1,0 +1,212 @@
+"""A CAN bus of python-can with one reader: it hands frames on, and knows when the bus is gone.
+
+A socketcand server that dies leaves python-can receiving nothing at full speed for ever, and one
+that says nothing leaves its constructor waiting for ever; both are caught here.
+"""
+
+import contextlib
+import errno
+import logging
+import socket
+import struct
+import threading
+import time
+from collections.abc import Callable
+from typing import Any
+
+from wrenchbed.errors import DriverError, LinkError
+from wrenchbed.registry import require
+
+Heard = Callable[[float, int, bytes], None]
+"""Called with the time of arrival (`time.monotonic` [s]), an 11-bit id and its data."""
+OPENING_S = 3.0
+"""How long a bus may take to open [s]."""
+_WAIT_S = 0.02
+_SEND_S = 0.05
+_AGAIN_S = 5e-4
+
+
+class CanLink:
+    """An open bus.
+
+    Args:
+        bus: of python-can.
+        own: whether `close` shuts the bus down.
+
+    Attributes:
+        dead: why nothing more will come, empty while the bus lives.
+        error_frames: seen on the wire.
+        full: how often the kernel's transmit queue took nothing and was tried again.
+        failures: exceptions of those who listen, by themselves of no harm to others.
+    """
+
+    def __init__(self, bus: Any, own: bool = True) -> None:
+        can = require("can", "hil")
+        self._message = can.Message
+        self._refused: tuple[type[Exception], ...] = (OSError, ValueError, can.CanError)
+        self._bus, self._own = bus, own
+        self.dead = ""
+        self.error_frames = self.failures = self.full = 0
+        self._listeners: tuple[Heard, ...] = ()
+        self._lock = threading.Lock()
+        self._running = True
+        self._socket = _bounded(getattr(bus, "_SocketCanDaemonBus__socket", None))
+        self._thread = threading.Thread(target=self._run, name="can reader", daemon=True)
+        self._thread.start()
+
+    def listen(self, heard: Heard) -> None:
+        """Hand every data frame to one more listener, in the reader's thread."""
+        self._listeners = (*self._listeners, heard)
+
+    def leave(self, heard: Heard) -> None:
+        """Hand it no more."""
+        self._listeners = tuple(one for one in self._listeners if one != heard)
+
+    def send(self, can_id: int, data: bytes) -> None:
+        """Send a data frame.
+
+        Raises:
+            LinkError: the bus is gone or takes nothing.
+        """
+        if self.dead:
+            raise LinkError(f"CAN bus: {self.dead}")
+        message = self._message(arbitration_id=can_id, data=data, is_extended_id=False)
+        end = time.monotonic() + _SEND_S
+        while True:
+            try:
+                with self._lock:
+                    self._bus.send(message, timeout=_SEND_S)
+                return
+            except self._refused as error:
+                if not _queue_is_full(error) or time.monotonic() > end:
+                    self.dead = self.dead or f"it takes no frames: {error}"
+                    raise LinkError(f"CAN bus: {self.dead}") from error
+            self.full += 1
+            time.sleep(_AGAIN_S)
+
+    def close(self) -> None:
+        """Stop reading; may be called twice."""
+        if not self._running:
+            return
+        self._running = False
+        if threading.current_thread() is not self._thread:
+            self._thread.join(2.0)
+        self.dead = self.dead or "it was closed"
+        if self._own:
+            with contextlib.suppress(*self._refused):
+                self._bus.shutdown()
+
+    def _run(self) -> None:
+        while self._running and not self.dead:
+            try:
+                message = self._bus.recv(_WAIT_S)
+            except Exception as error:
+                self.dead = f"it cannot be read: {' '.join(str(error).split())[:80]}"
+                return
+            if message is None:
+                if _ended(self._socket):
+                    self.dead = "its server closed the connection"
+            elif message.is_error_frame:
+                self.error_frames += 1
+            elif not message.is_remote_frame and not message.is_extended_id:
+                self._hand_on(message.arbitration_id, bytes(message.data))
+
+    def _hand_on(self, can_id: int, data: bytes) -> None:
+        now = time.monotonic()
+        for heard in self._listeners:
+            try:
+                heard(now, can_id, data)
+            except Exception:
+                self.failures += 1
+
+
+def open_bus(interface: str, channel: str, host: str, port: int, bitrate: int) -> CanLink:
+    """Open a bus: socketcand where a host is given, else ``interface`` or the kernel's SocketCAN.
+
+    Raises:
+        LinkError: it is not there, or does not answer within `OPENING_S`.
+        MissingExtraError: python-can is not installed.
+    """
+    can = require("can", "hil")
+    logging.getLogger("can").addHandler(logging.NullHandler())
+    kind = interface or ("socketcand" if host else "socketcan")
+    words: dict[str, Any] = {"interface": kind, "channel": channel}
+    if kind == "socketcand":
+        _check_server(host, port, channel)
+        words |= {"host": host, "port": port, "tcp_tune": True}
+    elif kind not in ("socketcan", "virtual"):
+        words["bitrate"] = bitrate
+    where = f"{kind}:{host}:{port}:{channel}" if host else f"{kind}:{channel}"
+    made: list[Any] = []
+    late = threading.Event()
+
+    def make() -> None:
+        try:
+            bus = can.Bus(**words)
+        except Exception as error:
+            made.append(error)
+            return
+        made.append(bus)
+        if late.is_set():
+            bus.shutdown()
+
+    maker = threading.Thread(target=make, name="can opener", daemon=True)
+    maker.start()
+    maker.join(OPENING_S)
+    if not made:
+        late.set()
+        raise LinkError(f"{where} does not answer within {OPENING_S:g} s: is it a CAN server?")
+    if isinstance(made[0], Exception):
+        raise LinkError(f"cannot open {where}: {' '.join(str(made[0]).split())[:120]}")
+    return CanLink(made[0])
+
+
+def _check_server(host: str, port: int, channel: str) -> None:
+    """Shake hands once with a deadline: python-can has none, and keeps its socket on failure."""
+    if not host:
+        raise DriverError("interface socketcand needs a host")
+    where = f"CAN server at {host}:{port}"
+    if not 0 < port < 1 << 16:
+        raise DriverError(f"{where}: a port is a number from 1 to 65535")
+    try:
+        with socket.create_connection((host, port), OPENING_S) as trial:
+            greeting = trial.recv(64)
+            if greeting != b"< hi >":
+                raise LinkError(f"{where} says {greeting[:20]!r}: it does not speak socketcand")
+            trial.sendall(f"< open {channel} >".encode())
+            if trial.recv(64) != b"< ok >":
+                raise LinkError(f"{where} has no bus {channel!r}: give the channel that it serves")
+    except TimeoutError as error:
+        raise LinkError(f"{where} does not answer within {OPENING_S:g} s") from error
+    except LinkError:
+        raise
+    except OSError as error:
+        raise LinkError(f"no {where}: {error}; start it first") from error
+    except ValueError as error:
+        raise LinkError(f"{where}: this is no address ({error})") from error
+
+
+def _queue_is_full(error: Exception) -> bool:
+    """Whether SocketCAN's transmit queue is full, which passes as soon as the bus is free."""
+    code = getattr(error, "error_code", None) or getattr(error, "errno", None)
+    return bool(code == errno.ENOBUFS)
+
+
+def _bounded(connection: Any) -> socket.socket | None:
+    """The connection, with a deadline on sending where it is one."""
+    if not isinstance(connection, socket.socket):
+        return None
+    limit = struct.pack("ll", 0, int(_SEND_S * 1e6))
+    connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, limit)
+    return connection
+
+
+def _ended(connection: socket.socket | None) -> bool:
+    if connection is None:
+        return False
+    try:
+        return connection.recv(1, socket.MSG_PEEK | socket.MSG_DONTWAIT) == b""
+    except BlockingIOError:
+        return False
+    except OSError:
+        return True

@@ -1,0 +1,294 @@
+"""The transducer: polls the gauges, keeps the calibration in force, and names what is wrong."""
+
+import contextlib
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+
+from wrenchbed.errors import DriverError, LinkError, ParameterError
+from wrenchbed.hardware.device import GONE_S, Health, by_age
+from wrenchbed.hardware.transducers.base import Past, Transducer, WrenchSample
+from wrenchbed.hardware.transducers.netcanoem import frames
+from wrenchbed.hardware.transducers.netcanoem.calibration import BoardQueries, GaugeCalibration
+from wrenchbed.hardware.transducers.netcanoem.frames import GaugeReading, Pairs
+from wrenchbed.hardware.transducers.netcanoem.link import CanLink, open_bus
+
+HISTORY = 1024
+SILENT_S = 0.05
+"""Silence after which the board may have restarted: its calibration is then selected anew [s]."""
+CHECK_S = 0.2
+"""How often a row of the active matrix is compared with the one in use [s]."""
+FIRST_S = 1.0
+"""How long the first reading may take [s]."""
+_ZERO_S = 0.2
+_RAIL = 32767
+
+
+@dataclass(frozen=True)
+class NetcanoemOptions:
+    """Where the board is.
+
+    Attributes:
+        interface: of python-can; SocketCAN, or socketcand where a host is given, if empty.
+        channel: name of the bus.
+        host: of a socketcand server.
+        port: of a socketcand server.
+        bitrate: for interfaces that set it [bit/s].
+        base: upper seven bits of the board's ids. The maker's 0x20 collides with CANopen.
+        slot: calibration to use, 0 … 15.
+        rate: of the polls where the bus is the transducer's own [Hz].
+    """
+
+    interface: str = ""
+    channel: str = "can0"
+    host: str = ""
+    port: int = 29536
+    bitrate: int = 1_000_000
+    base: int = 0x68
+    slot: int = 0
+    rate: float = 250.0
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.base <= 0x7F or not 0 <= self.slot <= 15:
+            raise ParameterError(
+                f"sensor base 0x{self.base:02X} must be 0 … 0x7F and slot {self.slot} 0 … 15"
+            )
+        if not 1.0 <= self.rate <= 2000.0:
+            raise ParameterError(f"sensor rate {self.rate:g} Hz must be 1 … 2000 Hz")
+
+
+class NetcanoemTransducer(Transducer):
+    """An ATI sensor on a NETCANOEM board.
+
+    Args:
+        options: where it is.
+        link: a bus that is open already; then its owner calls `poll` as often as it likes.
+    """
+
+    name = "netcanoem"
+    title = "ATI sensor on a NETCANOEM board over CAN"
+    options: ClassVar[type] = NetcanoemOptions
+
+    def __init__(
+        self, options: NetcanoemOptions | None = None, link: CanLink | None = None
+    ) -> None:
+        super().__init__()
+        self.setting = options or NetcanoemOptions()
+        self._given, self._link = link, link
+        self._calibration: GaugeCalibration | None = None
+        self._pairs = Pairs()
+        self._bias, self._bias_id, self._lost = np.zeros(6), 0, 0
+        self._reset_state()
+
+    def _reset_state(self) -> None:
+        self._verified = False
+        self._alive = False
+        self._suspect = threading.Event()
+        self._running = threading.Event()
+        self._threads: list[threading.Thread] = []
+        self._newest: WrenchSample | None = None
+        self._past = Past(HISTORY)
+        self._gauges: deque[tuple[float, np.ndarray]] = deque(maxlen=HISTORY)
+        self._count = self._seen = self._restarts = 0
+        self._heard_at = 0.0
+        self._unusable = ""
+
+    def poll(self) -> None:
+        """Ask for one reading; nothing happens before `connect` and after `close`.
+
+        Raises:
+            LinkError: the bus is gone.
+        """
+        if self._link is not None and self._running.is_set():
+            now = time.monotonic()
+            if self._alive and now - self._heard_at > SILENT_S:
+                self._doubt()
+            if self._pairs.poll(now):
+                self._link.send(self.setting.base << 4 | frames.GAUGES, b"")
+
+    def use(self, link: CanLink | None) -> None:
+        """Be polled over another open bus from the next `connect` on."""
+        self._given = link
+
+    def _connect(self) -> None:
+        self._reset_state()
+        self._lost += self._pairs.lost
+        self._pairs = Pairs()
+        s = self.setting
+        self._link = self._given or open_bus(s.interface, s.channel, s.host, s.port, s.bitrate)
+        self._board = BoardQueries(self._link, s.base)
+        self._link.listen(self._heard)
+        self._calibration = self._board.calibrate(s.slot)
+        self._verified = True
+        self._heard_at = time.monotonic()
+        self._running.set()
+        self._start(self._look_after, "netcanoem calibration")
+        if self._given is None:
+            self._start(self._poll_on, "netcanoem poll")
+        self._first()
+
+    def _close(self) -> None:
+        self._running.clear()
+        self._suspect.set()
+        for thread in self._threads:
+            thread.join(2.0)
+        self._threads = []
+        if self._link is not None:
+            self._link.leave(self._heard)
+            if self._given is None:
+                self._link.close()
+
+    def _start(self, run: Callable[[], None], name: str) -> None:
+        thread = threading.Thread(target=run, name=name, daemon=True)
+        self._threads.append(thread)
+        thread.start()
+
+    def _first(self) -> None:
+        begun = time.monotonic()
+        while self._newest is None:
+            if time.monotonic() - begun > FIRST_S:
+                raise LinkError(
+                    f"the sensor's board answers but sends no gauges ({self._pairs.lost} polls "
+                    f"lost, {self._pairs.odd} odd frames): is a second node at its ids?"
+                )
+            time.sleep(0.005)
+        if self._newest.status & frames.BAD_CALIBRATION:
+            raise DriverError(
+                f"the sensor's board holds no calibration in slot {self.setting.slot}: give "
+                "the slot of the mounted sensor"
+            )
+
+    def _heard(self, t: float, can_id: int, data: bytes) -> None:
+        reply = frames.parse(can_id, data, self.setting.base)
+        if reply is None:
+            return
+        if not isinstance(reply, frames.EvenGauges | frames.OddGauges):
+            self._board.take(reply)
+            return
+        reading = self._pairs.take(t, reply)
+        if reading is None:
+            return
+        if self._alive and t - self._heard_at > SILENT_S and self._running.is_set():
+            self._doubt()
+        self._heard_at = t
+        self._alive = self._verified
+        before = 0 if self._newest is None else self._newest.status
+        if reading.status & ~before & frames.WATCHDOG_RESET and self._newest is not None:
+            self._doubt()
+        if self._verified and self._calibration is not None:
+            self._publish(reading, self._calibration.matrix)
+
+    def _publish(self, reading: GaugeReading, matrix: np.ndarray) -> None:
+        gauges = np.array(reading.gauges, dtype=float)
+        wrench = matrix @ (gauges - self._bias)
+        railed = np.abs(gauges + 0.5) > _RAIL
+        channels = (matrix[:, railed] != 0.0).any(axis=1)
+        saturated = sum(1 << k for k in range(6) if channels[k])
+        self._count += 1
+        self._gauges.append((reading.t, gauges))
+        self._newest = sample = WrenchSample(
+            reading.t, None, self._count, 0.0, True, wrench, status=reading.status,
+            saturated=saturated, lost=self._lost + self._pairs.lost, bias_id=self._bias_id,
+            faults=frames.faults(reading.status),
+        )  # fmt: skip
+        self._past.add(sample)
+
+    def _doubt(self) -> None:
+        """The board may have restarted: publish nothing until its calibration is in force."""
+        self._verified = self._alive = False
+        self._suspect.set()
+
+    def _look_after(self) -> None:
+        """Select the calibration anew after a restart, and notice one that went unseen."""
+        axis = 0
+        while self._running.is_set():
+            doubted = self._suspect.wait(CHECK_S)
+            if not self._running.is_set():
+                return
+            with contextlib.suppress(DriverError):
+                if not doubted:
+                    known = self._calibration
+                    if known is None or tuple(known.raw[axis]) == self._board.row(axis):
+                        axis = (axis + 1) % 6
+                        continue
+                    self._doubt()
+                self._restore()
+                continue
+            time.sleep(0.01)
+
+    def _restore(self) -> None:
+        self._suspect.clear()
+        try:
+            self._calibration = self._board.calibrate(self.setting.slot)
+        except DriverError as error:
+            self._unusable = "" if isinstance(error, LinkError) else str(error)
+            self._suspect.set()
+            raise
+        self._unusable = ""
+        self._restarts += 1
+        self._heard_at = time.monotonic()
+        self._verified = not self._suspect.is_set()
+
+    def _poll_on(self) -> None:
+        period, due = 1.0 / self.setting.rate, time.monotonic()
+        while self._running.is_set():
+            try:
+                self.poll()
+            except LinkError:
+                return
+            due = max(due + period, time.monotonic() - period)
+            time.sleep(max(0.0, due - time.monotonic()))
+
+    def _read(self) -> WrenchSample:
+        newest = self._newest
+        if newest is None:
+            raise LinkError("the sensor has sent no reading yet")
+        fresh, self._seen = newest.sequence != self._seen, newest.sequence
+        return replace(
+            newest, age=time.monotonic() - newest.t, fresh=fresh, wrench=newest.wrench.copy(),
+            lost=self._lost + self._pairs.lost, bias_id=self._bias_id,
+        )  # fmt: skip
+
+    def _at(self, t: float) -> WrenchSample | None:
+        return self._past.at(t)
+
+    def _zero(self) -> int:
+        since = time.monotonic() - _ZERO_S
+        recent = [gauges for t, gauges in list(self._gauges) if t > since]
+        if not recent:
+            raise DriverError("the sensor sent nothing lately: its zero cannot be set")
+        self._bias = np.mean(recent, axis=0)
+        self._bias_id += 1
+        return self._bias_id
+
+    def _health(self) -> Health:
+        now = time.monotonic()
+        counters = {
+            "readings": float(self._count), "lost": float(self._pairs.lost),
+            "odd frames": float(self._pairs.odd), "calibrations": 1.0 + self._restarts,
+            "error frames": float(self._link.error_frames if self._link else 0),
+            "queue full": float(self._link.full if self._link else 0),
+        }  # fmt: skip
+        status = self._newest.status if self._newest else 0
+        age = now - self._newest.t if self._newest else np.inf
+        if self._link is None or self._link.dead:
+            why = self._link.dead if self._link else "it is not open"
+            return Health("lost", f"CAN bus of the sensor: {why}", counters)
+        if self._pairs.clash(now):
+            ids = f"0x{self.setting.base << 4:03X}"
+            why = f"a second node answers at the sensor's ids {ids} …: move one of them"
+            return Health("fault", why, counters)
+        if self._unusable:
+            return Health("fault", self._unusable, counters)
+        if status & frames.CRITICAL and age < GONE_S:
+            words = ", ".join(frames.faults(status & frames.CRITICAL))
+            return Health("fault", f"the sensor's board reports: {words}", counters)
+        if not (self._verified and self._alive) and age < GONE_S:
+            why = "the sensor's board fell silent: its calibration is being selected anew"
+            return Health("stale", why, counters)
+        return by_age(float(age), "sensor", counters)

@@ -1,0 +1,294 @@
+"""netftapi2.xml: how many counts a newton is, how fast RDT runs, and what the box is set to.
+
+One GET with one deadline and a largest size, so that no server can hold it up.
+
+Looks at the box's own page now and then: was its scaling changed, did it take the new zero?
+"""
+
+import math
+import socket
+import threading
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from xml.etree import ElementTree
+
+import numpy as np
+
+from wrenchbed.errors import DriverError, LinkError
+
+_HEAD = 8192
+
+
+def get(host: str, port: int, target: str, *, within: float, largest: int) -> bytes:
+    """Content of a page.
+
+    Args:
+        within: deadline [s] of the whole exchange.
+        largest: content [bytes] beyond which it is refused.
+
+    Raises:
+        LinkError: nobody listens, or nothing complete came in time.
+        DriverError: the answer is no page, or too long.
+    """
+    end = time.monotonic() + within
+    where = f"http://{host}:{port}{target.partition('?')[0]}"
+    try:
+        with socket.create_connection((host, port), timeout=within) as link:
+            link.sendall(
+                f"GET {target} HTTP/1.0\r\nHost: {host}\r\nConnection: close\r\n\r\n".encode()
+            )
+            data = _receive(link, end, largest + _HEAD)
+    except TimeoutError as error:
+        raise LinkError(
+            f"{where}: no answer within {within:g} s: check address and cable"
+        ) from error
+    except OSError as error:
+        raise LinkError(f"{where}: {error.strerror or error}: check address and cable") from error
+    return content(data, where, largest)
+
+
+def get_any(
+    host: str, ports: Sequence[int], target: str, *, within: float, largest: int
+) -> tuple[int, bytes]:
+    """Port and content of the first port that takes connections; raises as `get`."""
+    for port in ports[:-1]:
+        try:
+            return port, get(host, port, target, within=within, largest=largest)
+        except LinkError as error:
+            if not isinstance(error.__cause__, ConnectionRefusedError):
+                raise
+    return ports[-1], get(host, ports[-1], target, within=within, largest=largest)
+
+
+def content(answer: bytes, where: str, largest: int) -> bytes:
+    """What follows the head of an HTTP answer.
+
+    Raises:
+        LinkError: it broke off.
+        DriverError: no HTTP, another status than 200, or too long.
+    """
+    head, blank, body = answer.partition(b"\r\n\r\n")
+    lines = head.split(b"\r\n")
+    words = lines[0].decode("latin-1").split(" ")
+    if not blank or len(words) < 2 or not words[0].startswith("HTTP/"):
+        raise DriverError(f"{where}: answers {answer[:20]!r}, which is no HTTP")
+    if words[1] != "200":
+        raise DriverError(f"{where}: answers {' '.join(words[1:])[:60]!r}: is this a Net F/T?")
+    if len(body) > largest:
+        raise DriverError(f"{where}: answers more than {largest} bytes: this is no Net F/T")
+    for line in lines[1:]:
+        name, _, value = line.partition(b":")
+        digits = value.strip()
+        if name.strip().lower() == b"content-length" and digits.isdigit() and len(digits) < 9:
+            if len(body) < int(digits):
+                raise LinkError(f"{where}: the answer broke off after {len(body)} bytes")
+            return body[: int(digits)]
+    return body
+
+
+def _receive(link: socket.socket, end: float, largest: int) -> bytes:
+    data = bytearray()
+    while len(data) <= largest:
+        left = end - time.monotonic()
+        if left <= 0.0:
+            raise TimeoutError
+        link.settimeout(left)
+        more = link.recv(4096)
+        if not more:
+            break
+        data += more
+    return bytes(data)
+
+
+LARGEST = 65536
+"""Bytes of the longest page taken; real ones have a few thousand."""
+_NEWTON = {
+    "n": 1.0, "kn": 1e3, "lbf": 4.4482216152605, "klbf": 4448.2216152605,
+    "kgf": 9.80665, "gf": 9.80665e-3,
+}  # fmt: skip
+_NEWTON_METRE = {
+    "nm": 1.0, "nmm": 1e-3, "knm": 1e3, "lbfin": 4.4482216152605 * 0.0254,
+    "lbfft": 4.4482216152605 * 0.3048, "kgfcm": 0.0980665, "kgfm": 9.80665,
+}  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Configuration:
+    """What a box says of itself.
+
+    Attributes:
+        per_si: (6,) counts per newton and newton metre.
+        units: of force and torque, as the box writes them.
+        counts: per force and torque, as the box writes them.
+        rate: of RDT [Hz].
+        internal_rate: of ft_sequence [Hz].
+        enabled: whether RDT is on.
+        status: system status word.
+        bias: the software bias as written; empty where it is not shown.
+        rating: (6,) full scale [N, N·m], None where it is not shown.
+    """
+
+    per_si: np.ndarray
+    units: tuple[str, str]
+    counts: tuple[float, float]
+    rate: float
+    internal_rate: float
+    enabled: bool
+    status: int
+    bias: str
+    rating: np.ndarray | None
+
+    def differs(self, other: "Configuration") -> str:
+        """What scales readings otherwise than ``other``; empty if nothing does."""
+        if self.counts != other.counts or self.units != other.units:
+            mine = f"{self.counts[0]:g} / {self.units[0]}, {self.counts[1]:g} / {self.units[1]}"
+            return f"the box was set to {mine} counts since connect: close and connect again"
+        return ""
+
+
+def parse(page: bytes, internal_rate: float) -> Configuration:
+    """Read a page.
+
+    Args:
+        page: netftapi2.xml as it came.
+        internal_rate: of the product [Hz], where the page does not tell it.
+
+    Raises:
+        DriverError: too long, malformed, or a field that is missing or impossible; names it.
+    """
+    fields = _fields(page)
+    units = (_text(fields, "scfgfu"), _text(fields, "scfgtu"))
+    counts = (_positive(fields, "cfgcpf"), _positive(fields, "cfgcpt"))
+    newton = _unit(units[0], "scfgfu", _NEWTON)
+    metre = _unit(units[1], "scfgtu", _NEWTON_METRE)
+    si = np.repeat([newton, metre], 3)
+    return Configuration(
+        per_si=np.repeat(counts, 3) / si,
+        units=units,
+        counts=counts,
+        rate=_positive(fields, "comrdtrate"),
+        internal_rate=_positive(fields, "runrate") if "runrate" in fields else internal_rate,
+        enabled=_text(fields, "comrdte").lower() in ("enabled", "1", "on", "yes"),
+        status=_status(fields.get("runstat", "0")),
+        bias=fields.get("setbias", ""),
+        rating=_rating(fields.get("cfgmr", ""), si),
+    )
+
+
+def _fields(page: bytes) -> dict[str, str]:
+    if len(page) > LARGEST:
+        raise DriverError(f"netftapi2.xml has more than {LARGEST} bytes: this is no Net F/T")
+    if b"<!DOCTYPE" in page or b"<!ENTITY" in page or b"\0" in page:
+        raise DriverError("netftapi2.xml declares types or entities: this is no Net F/T")
+    try:
+        root = ElementTree.fromstring(page.decode("utf-8", errors="replace"))
+    except (ElementTree.ParseError, ValueError) as error:
+        raise DriverError(f"netftapi2.xml is malformed: {error}") from error
+    found: dict[str, str] = {}
+    for element in root.iter():
+        found.setdefault(element.tag, (element.text or "").strip())
+    return found
+
+
+def _text(fields: dict[str, str], name: str) -> str:
+    if name not in fields:
+        raise DriverError(f"netftapi2.xml has no <{name}>: is this the address of a Net F/T?")
+    return fields[name]
+
+
+def _positive(fields: dict[str, str], name: str) -> float:
+    text = _text(fields, name)
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not 1e-9 < value < 1e15:
+        raise DriverError(f"netftapi2.xml: <{name}> is {text[:40]!r}, not a number above 0")
+    return value
+
+
+def _unit(text: str, name: str, known: dict[str, float]) -> float:
+    plain = "".join(c for c in text.lower() if c not in " -·.*")
+    if plain not in known:
+        raise DriverError(
+            f"netftapi2.xml: <{name}> is {text[:40]!r}, none of the units {', '.join(known)}"
+        )
+    return known[plain]
+
+
+def _status(text: str) -> int:
+    try:
+        return int(text, 16) & 0xFFFFFFFF
+    except ValueError as error:
+        raise DriverError(f"netftapi2.xml: <runstat> is {text[:40]!r}, not a hex word") from error
+
+
+def _rating(text: str, si: np.ndarray) -> np.ndarray | None:
+    """Full scale (6,), None where it is not six numbers above 0."""
+    try:
+        values = [float(part) for part in text.split(";") if part.strip()]
+    except ValueError:
+        return None
+    if len(values) != 6 or not all(0.0 < v < math.inf for v in values):
+        return None
+    return np.array(values) * si
+
+
+EVERY_S = 5.0
+"""Time between two looks [s]."""
+_AFTER_ZERO_S = 0.1
+
+
+class Watch:
+    """A thread that compares what the box says with what it said at connect.
+
+    Attributes:
+        failures: looks that got no page.
+        wrong: what is wrong in words, empty if nothing is.
+    """
+
+    def __init__(self, first: Configuration, look: Callable[[], Configuration]) -> None:
+        self._first, self._look = first, look
+        self._bias = first.bias
+        self._zeroed = False
+        self.failures = 0
+        self.wrong = ""
+        self._wake, self._ended = threading.Event(), threading.Event()
+        self._thread = threading.Thread(target=self._run, name="netft watch", daemon=True)
+
+    def start(self) -> None:
+        """Look from now on."""
+        self._thread.start()
+
+    def stop(self) -> None:
+        """End the thread."""
+        self._ended.set()
+        self._wake.set()
+        if self._thread.is_alive():
+            self._thread.join(2.0)
+
+    def zeroed(self) -> None:
+        """A new zero was asked for: look soon whether the box has it."""
+        self._zeroed = True
+        self._wake.set()
+
+    def _run(self) -> None:
+        while not self._ended.is_set():
+            if self._wake.wait(EVERY_S):
+                self._wake.clear()
+                if self._ended.wait(_AFTER_ZERO_S):
+                    return
+            self._compare()
+
+    def _compare(self) -> None:
+        try:
+            now = self._look()
+        except DriverError:
+            self.failures += 1
+            return
+        asked, self._zeroed = self._zeroed, False
+        self.wrong = now.differs(self._first)
+        if asked and now.bias and now.bias == self._bias and not self.wrong:
+            self.wrong = "the box did not take the new zero: call zero() again"
+        self._bias = now.bias

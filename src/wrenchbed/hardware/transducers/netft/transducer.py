@@ -1,0 +1,277 @@
+"""An ATI sensor behind a Net Box or in an Ethernet Axia, read through RDT."""
+
+import socket
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from wrenchbed import registry
+from wrenchbed.errors import DriverError, LinkError, ParameterError
+from wrenchbed.hardware.device import Health, by_age
+from wrenchbed.hardware.transducers.base import Transducer, WrenchSample
+from wrenchbed.hardware.transducers.netft import configuration, datagrams
+from wrenchbed.hardware.transducers.netft import configuration as web
+from wrenchbed.hardware.transducers.netft.configuration import Configuration, Watch
+from wrenchbed.hardware.transducers.netft.datagrams import table
+from wrenchbed.hardware.transducers.netft.receiver import Receiver
+from wrenchbed.hardware.transducers.netft.sequence import signed
+from wrenchbed.physics.wrench import CHANNELS
+
+INTERNAL_RATE = {"netbox": 7000.0, "axia": 7812.0}
+"""Samples per second of a box whose page does not tell [Hz]."""
+_PAGE_S, _FIRST_S = 2.0, 1.5
+_ALL = 0x3F
+_FULL = 0.9999
+_SAME = 20
+_PPM = 1000.0
+_BEYOND = 1.05
+
+
+@dataclass(frozen=True)
+class NetftOptions:
+    """How to reach a box and what is attached to it.
+
+    Attributes:
+        host: its address.
+        port: of RDT, UDP.
+        http_port: of its web page; 0 tries 80, then 8080.
+        rate: RDT records per second to set the box to, which keeps it; None leaves it as it is.
+        product: ``netbox`` or ``axia``: whose status words it speaks.
+        sensor: registry name; its range tells which channel saturates. None takes what the box
+            says of itself.
+        calibration: of the sensor; its default if None.
+        frozen_s: time without any change of the six counts after which the readings count as
+            frozen [s]; 0 never.
+    """
+
+    host: str
+    port: int = 49152
+    http_port: int = 0
+    rate: float | None = None
+    product: str = "netbox"
+    sensor: str | None = None
+    calibration: str | None = None
+    frozen_s: float = 0.1
+
+    def __post_init__(self) -> None:
+        table(self.product)
+        if not 0 < self.port < 65536 or not 0 <= self.http_port < 65536:
+            raise ParameterError("port and http_port must be port numbers")
+        if self.rate is not None and not 1.0 <= self.rate <= 10000.0:
+            raise ParameterError(f"rate = {self.rate:g} Hz must be 1 … 10000 Hz")
+        if not 0.0 <= self.frozen_s < 1e6:
+            raise ParameterError(f"frozen_s = {self.frozen_s:g} s must be 0 or more")
+
+
+class NetftTransducer(Transducer):
+    """Reads the newest record, however fast the box sends.
+
+    `zero` is the box's own software bias; it does not wait until the box confirms it. A box that
+    was switched off and on has lost its zero: the bias id changes then, too.
+    """
+
+    name = "netft"
+    title = "ATI Net F/T or Ethernet Axia over UDP (RDT)"
+    options = NetftOptions
+
+    def __init__(self, options: NetftOptions) -> None:
+        super().__init__()
+        self._options = options
+        self._table = table(options.product)
+        self._receiver: Receiver | None = None
+        self._watch: Watch | None = None
+        self._given: np.ndarray | None = None
+        if options.sensor is not None:
+            sensor = registry.load("sensors", options.sensor)
+            self._given = np.asarray(sensor.calibration(options.calibration).range)
+        self._shown: tuple[int, int, float] | None = None
+        self._zeros = self._lost = 0
+        self._last_ft: int | None = None
+
+    def _connect(self) -> None:
+        host = _resolve(self._options.host)
+        port, said = self._look(host, _ports(self._options))
+        if self._options.rate is not None and abs(said.rate - self._options.rate) > 0.5:
+            said = self._set_rate(host, port, self._options.rate)
+        if not said.enabled:
+            raise DriverError(
+                f"http://{host}:{port}: RDT is off: switch it on on the communications page"
+            )
+        self._said, self._shown = said, None
+        self._range = said.rating if self._given is None else self._given
+        self._receiver = Receiver((host, self._options.port), said.rate, said.internal_rate)
+        self._receiver.start()
+        end = time.monotonic() + _FIRST_S + 2.0 / said.rate
+        while self._receiver.newest is None:
+            if time.monotonic() > end:
+                raise LinkError(
+                    f"{host}:{self._options.port}: the box shows its page but sends no RDT within "
+                    f"{_FIRST_S:g} s: check firewall and port"
+                )
+            time.sleep(0.002)
+        last, first = self._last_ft, self._receiver.newest.record.ft
+        if last is not None and signed(first - last) < 0:
+            self._zeros += 1  # switched off and on meanwhile: its zero is lost
+        self._watch = Watch(said, lambda: self._look(host, (port,))[1])
+        self._watch.start()
+
+    def _close(self) -> None:
+        if self._watch is not None:
+            self._watch.stop()
+        if self._receiver is not None:
+            self._receiver.stop()
+            tracker = self._receiver.tracker
+            self._zeros += tracker.restarts
+            self._lost += tracker.lost
+            if self._receiver.newest is not None:
+                self._last_ft = self._receiver.newest.record.ft
+        self._watch = self._receiver = None
+
+    def _look(self, host: str, ports: tuple[int, ...]) -> tuple[int, Configuration]:
+        port, page = web.get_any(
+            host, ports, "/netftapi2.xml", within=_PAGE_S, largest=configuration.LARGEST
+        )
+        return port, configuration.parse(page, INTERNAL_RATE[self._options.product])
+
+    def _set_rate(self, host: str, port: int, rate: float) -> Configuration:
+        target = f"/comm.cgi?comrdtrate={rate:.0f}"
+        web.get(host, port, target, within=_PAGE_S, largest=configuration.LARGEST)
+        said = self._look(host, (port,))[1]
+        if not 0.99 * rate <= said.rate <= 2.0 * rate:
+            raise DriverError(
+                f"http://{host}:{port}: asked for {rate:g} records/s, the box stays at "
+                f"{said.rate:g}: set it on its communications page"
+            )
+        return said
+
+    def _read(self) -> WrenchSample:
+        receiver = self._running
+        newest = receiver.newest
+        if newest is None:
+            raise LinkError(f"{receiver.box[0]}: no record came yet")
+        record = newest.record
+        key = (record.rdt, record.ft, newest.t)
+        fresh, self._shown = key != self._shown, key
+        status = record.status | receiver.flagged()
+        wrench = np.array(record.counts) / self._said.per_si
+        return WrenchSample(
+            t=newest.t,
+            device_time=newest.device_time,
+            sequence=record.ft,
+            age=max(0.0, time.monotonic() - newest.t),
+            fresh=fresh,
+            wrench=wrench,
+            status=status,
+            saturated=self._saturated(wrench, status),
+            lost=self._lost + receiver.tracker.lost,
+            bias_id=self._zeros + receiver.tracker.restarts,
+            faults=self._words(status),
+        )
+
+    def _at(self, t: float) -> WrenchSample | None:
+        receiver = self._running
+        known = receiver.history.at(t)
+        if known is None:
+            return None
+        wrench = known.counts / self._said.per_si
+        return WrenchSample(
+            t=t,
+            device_time=None,
+            sequence=receiver.tracker.last[1],
+            age=known.age,
+            fresh=True,
+            wrench=wrench,
+            status=known.status,
+            saturated=self._saturated(wrench, known.status),
+            lost=self._lost + receiver.tracker.lost,
+            bias_id=self._zeros + receiver.tracker.restarts,
+            faults=self._words(known.status),
+        )
+
+    def _zero(self) -> int:
+        receiver = self._running
+        receiver.send(datagrams.BIAS)
+        self._zeros += 1
+        if self._watch is not None:
+            self._watch.zeroed()
+        return self._zeros + receiver.tracker.restarts
+
+    def _health(self) -> Health:
+        receiver = self._running
+        newest, counters = receiver.newest, self._counters(receiver)
+        if newest is None:
+            return Health("starting", "no record came yet", counters)
+        what = f"Net F/T at {receiver.box[0]}"
+        health = by_age(time.monotonic() - newest.t, what, counters)
+        if not health.ok:
+            return health
+        frozen = newest.t - newest.since
+        if 0.0 < self._options.frozen_s <= frozen and newest.same > _SAME:
+            return Health("fault", f"{what}: frozen: same counts for {frozen:.2f} s", counters)
+        status = newest.record.status
+        words = ", ".join(self._words(status))
+        if self._table.broken(status):
+            return Health("fault", f"{what}: status 0x{status:08x}: {words}", counters)
+        if self._watch is not None and self._watch.wrong:
+            return Health("fault", f"{what}: {self._watch.wrong}", counters)
+        if beyond := self._beyond(newest.record.counts, status):
+            return Health("fault", f"{what}: {beyond}", counters)
+        return Health("ok", words, counters)
+
+    def _counters(self, receiver: Receiver) -> Mapping[str, float]:
+        tracker, ppm = receiver.tracker, receiver.clock.ppm
+        counters: dict[str, float] = {
+            "records": receiver.records, "lost": tracker.lost, "duplicates": tracker.duplicates,
+            "late": tracker.late, "implausible": tracker.implausible,
+            "misshapen": receiver.misshapen, "foreign": receiver.foreign,
+            "requests": receiver.requests, "restarts": tracker.restarts,
+            "page failures": 0 if self._watch is None else self._watch.failures,
+        }  # fmt: skip
+        return counters if ppm is None else counters | {"clock_ppm": ppm}
+
+    def _saturated(self, wrench: np.ndarray, status: int) -> int:
+        mask = 0
+        if self._range is not None:
+            over = np.abs(wrench) >= _FULL * self._range
+            mask = int(sum(1 << k for k in range(6) if over[k]))
+        return mask or (_ALL if self._table.out_of_range(status) else 0)
+
+    def _beyond(self, counts: tuple[int, ...], status: int) -> str:
+        """What cannot be: far out of range, and the status word does not say so."""
+        if self._range is None or self._table.out_of_range(status):
+            return ""
+        biased = self._zeros or any(c in "123456789" for c in self._said.bias)
+        share = np.abs(np.array(counts) / self._said.per_si) / self._range
+        k = int(np.argmax(share))
+        if share[k] < _BEYOND * (2.0 if biased else 1.0):
+            return ""
+        return (
+            f"{CHANNELS[k]} reads {share[k]:.2g} times its full scale, yet the box does not call "
+            "it out of range: check counts, units and calibration"
+        )
+
+    def _words(self, status: int) -> tuple[str, ...]:
+        ppm = self._running.clock.ppm
+        words = self._table.faults(status)
+        if ppm is not None and abs(ppm) > _PPM:
+            words = (*words, f"clock runs {ppm * 1e-4:+.2f} %")
+        return words
+
+    @property
+    def _running(self) -> Receiver:
+        if self._receiver is None:
+            raise DriverError("transducer 'netft' is not connected: call connect() first")
+        return self._receiver
+
+
+def _ports(options: NetftOptions) -> tuple[int, ...]:
+    return (options.http_port,) if options.http_port else (80, 8080)
+
+
+def _resolve(host: str) -> str:
+    try:
+        return socket.gethostbyname(host)
+    except (OSError, UnicodeError) as error:
+        raise LinkError(f"{host}: no such address: {error}") from error

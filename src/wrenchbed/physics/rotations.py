@@ -1,0 +1,135 @@
+"""Rotations that accept real and complex arrays and jets, shape (…) → (…, 3, 3).
+
+`R_a_b` maps coordinates in frame b to frame a. Euler angles follow the MedRUE paper:
+R(α, β, γ) = Rx(γ) Ry(β) Rz(α). Quaternions are w, x, y, z.
+"""
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from wrenchbed.physics.taylor import Value, cos, reshape_matrix, sin, stack
+
+
+def rot_x(angle: Value) -> Value:
+    return rot_x_of(cos(angle), sin(angle))
+
+
+def rot_y(angle: Value) -> Value:
+    return rot_y_of(cos(angle), sin(angle))
+
+
+def rot_z(angle: Value) -> Value:
+    return rot_z_of(cos(angle), sin(angle))
+
+
+def rot_x_of(c: Value, s: Value) -> Value:
+    """Rotation about x from cosine and sine."""
+    return reshape_matrix(stack([1.0, 0.0, 0.0, 0.0, c, -s, 0.0, s, c]))
+
+
+def rot_y_of(c: Value, s: Value) -> Value:
+    """Rotation about y from cosine and sine."""
+    return reshape_matrix(stack([c, 0.0, s, 0.0, 1.0, 0.0, -s, 0.0, c]))
+
+
+def rot_z_of(c: Value, s: Value) -> Value:
+    """Rotation about z from cosine and sine."""
+    return reshape_matrix(stack([c, -s, 0.0, s, c, 0.0, 0.0, 0.0, 1.0]))
+
+
+def euler(alpha: Value, beta: Value, gamma: Value) -> Value:
+    """R(α, β, γ) = Rx(γ) Ry(β) Rz(α) (Joubair et al. 2016, doi 10.3390/s16060798, Section 2.2)."""
+    return rot_x(gamma) @ rot_y(beta) @ rot_z(alpha)
+
+
+def euler_rates(alpha: float, beta: float, gamma: float) -> np.ndarray:
+    """Columns (3, 3): the angular velocity, in the turned axes, of dα/dt, dβ/dt, dγ/dt = 1."""
+    inner = rot_y(beta) @ rot_z(alpha)
+    return np.stack([np.eye(3)[2], rot_z(alpha).T[:, 1], inner.T[:, 0]], axis=-1)
+
+
+def exp(x: Value, y: Value, z: Value) -> Value:
+    """Rotation by the vector (x, y, z) [rad] (Rodrigues), analytic also at zero."""
+    square = x * x + y * y + z * z
+    a, b = _sinc(square), _cosc(square)
+    return reshape_matrix(
+        stack(
+            [
+                1.0 - b * (y * y + z * z), b * x * y - a * z, b * x * z + a * y,
+                b * x * y + a * z, 1.0 - b * (x * x + z * z), b * y * z - a * x,
+                b * x * z - a * y, b * y * z + a * x, 1.0 - b * (x * x + y * y),
+            ]
+        )
+    )  # fmt: skip
+
+
+def exp_rates(vector: np.ndarray) -> np.ndarray:
+    """Columns (3, 3): the angular velocity, in the fixed axes, as each component grows by 1/s."""
+    columns = []
+    for k in range(3):
+        shifted = vector.astype(complex)
+        shifted[k] += 1e-30j
+        spin = exp(*shifted).imag / 1e-30 @ exp(*vector).T
+        columns.append([spin[2, 1], spin[0, 2], spin[1, 0]])
+    return np.array(columns).T
+
+
+def _sinc(square: Value) -> Value:
+    """sin(φ)/φ as a series in φ²; exact to rounding for |φ| ≤ π."""
+    return _series(square, first=1.0, step=lambda k: 1.0 / ((2 * k) * (2 * k + 1)))
+
+
+def _cosc(square: Value) -> Value:
+    """(1 − cos φ)/φ² as a series in φ²."""
+    return _series(square, first=0.5, step=lambda k: 1.0 / ((2 * k + 1) * (2 * k + 2)))
+
+
+def _series(square: Value, first: float, step) -> Value:  # type: ignore[no-untyped-def]
+    total: Value = first + 0.0 * square
+    term: Value = first + 0.0 * square
+    for k in range(1, 18):
+        term = term * square * (-step(k))
+        total = total + term
+    return total
+
+
+def apply(matrix: Value, vector: Value) -> Value:
+    """Rotate vectors: (…, 3, 3) on (…, 3)."""
+    return (matrix @ vector[..., None])[..., 0]
+
+
+def inverse_rotated(vectors: np.ndarray, matrix: np.ndarray) -> np.ndarray:
+    """Rᵀ v of vectors (…, N, 3) for one matrix (3, 3), or for one of each batch (…, 1, 3, 3)."""
+    if matrix.ndim == 2:
+        return np.asarray(vectors @ matrix)
+    return np.asarray((vectors[..., None, :] @ matrix)[..., 0, :])
+
+
+def quaternion(matrix: np.ndarray) -> np.ndarray:
+    """Rotation matrices (…, 3, 3) → quaternions w, x, y, z (…, 4) with w ≥ 0."""
+    return np.asarray(Rotation.from_matrix(matrix).as_quat(canonical=True, scalar_first=True))
+
+
+def matrix(quaternion_wxyz: np.ndarray) -> np.ndarray:
+    """Quaternions w, x, y, z (…, 4) → rotation matrices (…, 3, 3)."""
+    return np.asarray(Rotation.from_quat(quaternion_wxyz, scalar_first=True).as_matrix())
+
+
+def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Cross product over the last axis; `np.cross` spends ten times as long on small arrays."""
+    return np.stack(
+        [
+            a[..., 1] * b[..., 2] - a[..., 2] * b[..., 1],
+            a[..., 2] * b[..., 0] - a[..., 0] * b[..., 2],
+            a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0],
+        ],
+        axis=-1,
+    )
+
+
+def sphere(count: int) -> np.ndarray:
+    """Evenly spread unit vectors (count, 3), on a golden spiral."""
+    k = np.arange(count) + 0.5
+    z, turn = 1.0 - 2.0 * k / count, np.pi * (1.0 + np.sqrt(5.0)) * k
+    flat = np.sqrt(1.0 - z**2)
+    return np.stack([flat * np.cos(turn), flat * np.sin(turn), z], axis=1)

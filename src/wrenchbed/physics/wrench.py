@@ -1,0 +1,92 @@
+"""What a rigid tool puts on the sensor: the wrench at rest and in motion, in the sensor's axes.
+
+Sign: the load that the world puts on the sensor's tool side, torque about the sensor's origin.
+At rest with the tool hanging below a sensor whose z points down, fz = +m g.
+Newton–Euler equations: Siciliano et al., Robotics (2009), Section 7.5.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from wrenchbed.physics.rotations import cross
+from wrenchbed.physics.taylor import Jet, Value
+
+CHANNELS = ("fx", "fy", "fz", "tx", "ty", "tz")
+"""The six channels of a wrench, forces [N] and torques [N·m]."""
+UNITS = ("N", "N", "N", "N·m", "N·m", "N·m")
+
+
+@dataclass(frozen=True, eq=False)
+class Tool:
+    """A rigid load on the sensor; shapes broadcast against a batch of parameter vectors.
+
+    Attributes:
+        mass: (…) [kg].
+        cog: centre of gravity (…, 3) in sensor axes from the sensor's origin [m].
+        inertia: (…, 3, 3) about the centre of gravity in sensor axes [kg·m²].
+        sensor_mass: (…) the part of the sensor's mass that loads its gauges, at its origin [kg].
+    """
+
+    mass: np.ndarray
+    cog: np.ndarray
+    inertia: np.ndarray
+    sensor_mass: np.ndarray
+
+
+def wrench(rotation: Value, position: Value, tool: Tool, gravity: np.ndarray) -> np.ndarray:
+    """Load on the sensor (…, N, 6) [N, N·m]; static for arrays, Newton–Euler for jets.
+
+    Args:
+        rotation: R_world_sensor (…, N, 3, 3).
+        position: the sensor's origin in the world (…, N, 3) [m]; only its acceleration matters.
+        tool: the load.
+        gravity: (3,) in world axes [m/s²].
+    """
+    if isinstance(rotation, Jet):
+        return _moving(rotation, position, tool, gravity)
+    return weight(_transposed(rotation) @ gravity, tool)
+
+
+def weight(seen: np.ndarray, tool: Tool) -> np.ndarray:
+    """Load on the sensor (…, N, 6) [N, N·m] at rest in gravity that it sees as (…, N, 3) [m/s²]."""
+    return _join(tool, _scale(tool.mass, seen), _scale(tool.sensor_mass, seen))
+
+
+def physical_inertia(inertia: Sequence[float] | np.ndarray) -> bool:
+    """Whether xx yy zz xy xz yz [kg·m²] has moments ≥ 0 with A + B ≥ C, as every body has."""
+    xx, yy, zz, xy, xz, yz = inertia
+    a, b, c = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    slack = 1e-9 * max(abs(c), 1e-12)
+    return bool(a >= -slack and a + b >= c - slack)
+
+
+def _moving(rotation: Jet, position: Jet, tool: Tool, gravity: np.ndarray) -> np.ndarray:
+    to_sensor = _transposed(rotation.v)
+    spin = to_sensor @ rotation.d  # [ω]×
+    turn = to_sensor @ rotation.dd  # [ω̇]× + [ω]×²
+    origin = (to_sensor @ (position.dd - gravity)[..., None])[..., 0]  # a − g
+    centre = origin + (turn @ tool.cog[..., None])[..., 0]
+    omega, alpha = _vee(spin), _vee(turn - spin @ spin)
+    momentum = (tool.inertia @ omega[..., None])[..., 0]
+    couple = (tool.inertia @ alpha[..., None])[..., 0] + cross(omega, momentum)
+    load = _join(tool, _scale(tool.mass, -centre), _scale(tool.sensor_mass, -origin))
+    load[..., 3:] -= couple
+    return load
+
+
+def _join(tool: Tool, force: np.ndarray, own: np.ndarray) -> np.ndarray:
+    return np.concatenate(np.broadcast_arrays(force + own, cross(tool.cog, force)), axis=-1)
+
+
+def _transposed(rotation: np.ndarray) -> np.ndarray:
+    return np.swapaxes(rotation, -1, -2)
+
+
+def _scale(factor: np.ndarray, vector: np.ndarray) -> np.ndarray:
+    return np.asarray(factor)[..., None] * vector
+
+
+def _vee(skew: np.ndarray) -> np.ndarray:
+    return np.stack([skew[..., 2, 1], skew[..., 0, 2], skew[..., 1, 0]], axis=-1)

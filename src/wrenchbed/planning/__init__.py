@@ -1,0 +1,1 @@
+"""Choice of what to record: pose criteria, exchange, certificates, accuracy plans, clearance."""

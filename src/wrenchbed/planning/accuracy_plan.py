@@ -1,0 +1,264 @@
+"""Few measurements that make the tool accurate: poses under gravity and touches, mixed.
+
+Gravity alone cannot fix where the base stands nor how long the tool is; touches of known points
+can, and gravity poses cost no fixture. Both are candidates of one Bayesian I-optimal design
+(Chaloner & Verdinelli 1995, doi 10.1214/ss/1177009939): the mean square position error in the
+robot's target, given each parameter's tolerance as prior, falls as fast as it can.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from wrenchbed import registry
+from wrenchbed.calibration.accuracy import Goal, tip_jacobian
+from wrenchbed.calibration.touches import STD
+from wrenchbed.data.plan import Plan
+from wrenchbed.errors import PlanError
+from wrenchbed.planning.criteria import Criterion, i_optimality
+from wrenchbed.planning.exchange import Pool, exchange
+from wrenchbed.planning.rehearsal import Measurements, simulate_plan
+from wrenchbed.robots.base import GoalSets, Robot
+from wrenchbed.robots.model import Model
+
+_MOST, _SCREENED, _TURNS, _ROUNDS = 400, 256, 2, 20
+SAMPLES = 100
+"""Rows that one pose under gravity averages."""
+
+
+@dataclass(frozen=True, eq=False)
+class Mix:
+    """A plan in two parts.
+
+    Attributes:
+        gravity, touches: plans; either may have 0 rows.
+        rms: root mean square position error in the target [m], over the rehearsed robots.
+        assured: what it stays below for the wanted share of them [m].
+        before: rms without any measurement [m].
+        share: of the rehearsed robots that the plan is for.
+        course: (measurements, error [m] assured by the linear design) as the plan grew.
+    """
+
+    gravity: Plan
+    touches: Plan
+    rms: float
+    assured: float
+    before: float
+    share: float
+    course: tuple[tuple[int, float], ...]
+
+    def __len__(self) -> int:
+        return len(self.gravity) + len(self.touches)
+
+
+@dataclass(frozen=True, eq=False)
+class _Task:
+    model: Model
+    columns: tuple[int, ...]
+    sets: GoalSets
+    wrench_std: np.ndarray
+    touch_std: float
+    gravity: Pool
+    touch: Pool
+    goal: Goal
+    scale: np.ndarray
+    share: float
+    criterion: Criterion
+
+    def information(self, still: list[int], touch: list[int]) -> np.ndarray:
+        seen = self.gravity.information(still) + self.touch.information(touch)
+        return np.eye(len(self.scale)) + seen
+
+    def covariance(self, still: list[int], touch: list[int]) -> np.ndarray:
+        return np.linalg.inv(self.information(still, touch)) * np.outer(self.scale, self.scale)
+
+    def assured(self, still: list[int], touch: list[int]) -> float:
+        return self.goal.quantile(self.covariance(still, touch), self.share)
+
+    def best(self, pool: Pool, information: np.ndarray, used: list[int]) -> tuple[int, float]:
+        """The candidate that helps most, and the criterion with it."""
+        slope = pool.slopes(self.criterion.gradient(information))
+        slope[used] = -np.inf
+        some = np.argsort(-slope)[:_SCREENED]
+        value = self.criterion.changed(information, pool.blocks[some], 1.0)
+        return int(some[np.argmax(value)]), float(value.max())
+
+
+def reach(
+    robot: Robot,
+    accuracy: float,
+    *,
+    share: float = 0.99,
+    least_poses: int = 6,
+    touch_cost: float = 1.0,
+    pool: int = 4000,
+    points: np.ndarray | None = None,
+    touch_std: float = STD,
+    seed: int = 0,
+    tell: Callable[[int], None] = lambda _: None,
+) -> Mix:
+    """Plan few measurements after which the rms error in the target is below ``accuracy``.
+
+    Greedy growth, exchange with one fewer as long as that suffices, then one more as long as a
+    rehearsal of the nonlinear fit asks for it: a local optimum, not a proven minimum. Every
+    candidate parameter of the robot and the sensor's bias are unknown within tolerance.
+
+    Args:
+        accuracy: wanted [m].
+        share: of such robots that shall reach it.
+        least_poses: under gravity, at least; they calibrate the sensor itself.
+        touch_cost: what a touch costs, in poses under gravity.
+        pool: gravity poses to choose from.
+        points: known positions to touch (K, 3) [m]; the robot's default if None.
+        touch_std: how far a tip sits from its point, per axis [m].
+        tell: called with the number of measurements as the plan grows.
+
+    Raises:
+        PlanError: a number makes no sense, or `_MOST` measurements are not enough.
+        NotFoundError: the robot has no tool tip or target workspace.
+    """
+    if not (accuracy > 0 and 0 < share < 1 and touch_cost > 0 and touch_std > 0):
+        raise PlanError(
+            f"accuracy {accuracy} m, touch cost {touch_cost} and touch std {touch_std} m must be "
+            f"above 0, share {share} between 0 and 1"
+        )
+    if not 0 <= least_poses <= pool or pool < 1:
+        raise PlanError(f"{least_poses} poses cannot be chosen from a pool of {pool}")
+    task = _task(robot, robot.goal_sets(pool, points, seed), touch_std, share)
+    _check_possible(task, accuracy)
+    still: list[int] = []
+    touch: list[int] = []
+    while len(still) < least_poses:
+        still.append(task.best(task.gravity, task.information(still, touch), still)[0])
+    course = [(len(still), task.assured(still, touch))]
+    while course[-1][1] > accuracy:
+        if len(still) + len(touch) == _MOST:
+            raise PlanError(
+                f"{_MOST} measurements reach {1e3 * course[-1][1]:.3g} mm, not "
+                f"{1e3 * accuracy:.3g} mm: touch more precisely, or other points"
+            )
+        _grow(task, still, touch, touch_cost)
+        course.append((len(still) + len(touch), task.assured(still, touch)))
+        tell(course[-1][0])
+    still, touch = _pruned(task, still, touch, accuracy, least_poses)
+    for _ in range(_ROUNDS):
+        before, after = _rehearsed(task, still, touch, seed)
+        tell(len(still) + len(touch))
+        if np.quantile(after, share) <= accuracy:
+            return _mix(robot, task, (still, touch), before, after, tuple(course))
+        _grow(task, still, touch, touch_cost)
+        still, touch = _exchanged(task, still, touch)
+    raise PlanError(
+        f"{len(still) + len(touch)} measurements still leave {1e3 * np.quantile(after, share):.3g} "
+        f"mm when rehearsed, not {1e3 * accuracy:.3g} mm: touch more precisely"
+    )
+
+
+def _rehearsed(
+    task: _Task, still: list[int], touch: list[int], seed: int
+) -> tuple[np.ndarray, np.ndarray]:
+    measured = Measurements(
+        task.sets.gravity[still],
+        task.wrench_std,
+        task.sets.touch[touch],
+        task.sets.points[touch],
+        task.touch_std,
+    )
+    return simulate_plan(task.model, task.columns, measured, task.sets.target, seed)
+
+
+def _check_possible(task: _Task, accuracy: float) -> None:
+    best = task.assured(list(range(len(task.gravity))), list(range(len(task.touch))))
+    if best > accuracy:
+        raise PlanError(
+            f"all {len(task.gravity)} poses and {len(task.touch)} touches together reach "
+            f"{1e3 * best:.3g} mm, not {1e3 * accuracy:.3g} mm: touch more precisely or elsewhere"
+        )
+
+
+def _grow(task: _Task, still: list[int], touch: list[int], touch_cost: float) -> None:
+    """Add whatever lowers the logarithm of the mean square error most for its cost."""
+    information = task.information(still, touch)
+    now = float(task.criterion.values(information))
+    pose, with_pose = task.best(task.gravity, information, still)
+    seat, with_touch = task.best(task.touch, information, touch)
+    if np.log(with_touch / now) / touch_cost >= np.log(with_pose / now):
+        touch.append(seat)
+    else:
+        still.append(pose)
+
+
+def _pruned(
+    task: _Task, still: list[int], touch: list[int], accuracy: float, least: int
+) -> tuple[list[int], list[int]]:
+    """Fewer touches, then fewer poses, as long as the rest, exchanged, assures the accuracy."""
+    while touch:
+        trial = _exchanged(task, still, _without_least(task, task.touch, still, touch, touch))
+        if task.assured(*trial) > accuracy:
+            break
+        still, touch = trial
+    while len(still) > least:
+        trial = _exchanged(task, _without_least(task, task.gravity, still, touch, still), touch)
+        if task.assured(*trial) > accuracy:
+            break
+        still, touch = trial
+    return still, touch
+
+
+def _without_least(
+    task: _Task, pool: Pool, still: list[int], touch: list[int], kind: list[int]
+) -> list[int]:
+    """One kind of measurement without the one whose loss costs least."""
+    left = task.criterion.changed(task.information(still, touch), pool.blocks[kind], -1.0)
+    return [m for k, m in enumerate(kind) if k != int(np.argmax(left))]
+
+
+def _exchanged(task: _Task, still: list[int], touch: list[int]) -> tuple[list[int], list[int]]:
+    """As many measurements of each kind, exchanged in turns."""
+    for _ in range(_TURNS):
+        if touch:
+            base = task.information(still, [])
+            done = exchange(task.touch, task.criterion, len(touch), start=touch, prior=base)
+            touch = [int(i) for i in done.chosen]
+        if still:
+            base = task.information([], touch)
+            done = exchange(task.gravity, task.criterion, len(still), start=still, prior=base)
+            still = [int(i) for i in done.chosen]
+    return still, touch
+
+
+def _task(robot: Robot, sets: GoalSets, touch_std: float, share: float) -> _Task:
+    model = Model.of(robot)
+    theta = model.parameters.nominal
+    columns = model.parameters.select([*robot.candidates, "sensor.bias"])
+    scale = model.parameters.tolerance[list(columns)]
+    noise = registry.load("sensors", robot.sensor).noise
+    slow = np.square(noise.flicker) * np.log(noise.f_high / noise.f_low)
+    std = np.sqrt(np.square(noise.white) / SAMPLES + slow)
+    gravity = model.jacobian(sets.gravity, theta, columns) / std[:, None]
+    touch = tip_jacobian(robot, sets.touch, theta, columns) / touch_std
+    goal = Goal(tip_jacobian(robot, sets.target, theta, columns))
+    criterion = i_optimality(goal.weight * np.outer(scale, scale))
+    pools = Pool(gravity * scale), Pool(touch * scale)
+    return _Task(model, columns, sets, std, touch_std, *pools, goal, scale, share, criterion)
+
+
+def _mix(
+    robot: Robot,
+    task: _Task,
+    chosen: tuple[list[int], list[int]],
+    before: np.ndarray,
+    after: np.ndarray,
+    course: tuple[tuple[int, float], ...],
+) -> Mix:
+    sets, (still, touch) = task.sets, chosen
+    return Mix(
+        gravity=Plan.of(robot.name, sets.gravity[still]),
+        touches=Plan.of(robot.name, sets.touch[touch], points=sets.points[touch]),
+        rms=float(np.sqrt(np.mean(after**2))),
+        assured=float(np.quantile(after, task.share)),
+        before=float(np.sqrt(np.mean(before**2))),
+        share=task.share,
+        course=course,
+    )

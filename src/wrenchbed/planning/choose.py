@@ -1,0 +1,106 @@
+"""Choose what to record: random poses, the most informative ones, or a multi-sine motion."""
+
+import numpy as np
+
+from wrenchbed import registry
+from wrenchbed.data.plan import Plan
+from wrenchbed.errors import PlanError
+from wrenchbed.planning.criteria import INDICES, a_optimality
+from wrenchbed.planning.exchange import Pool, exchange
+from wrenchbed.robots.base import Robot, SimulatedRobot
+from wrenchbed.robots.model import Model
+
+BASE_PERIOD_S = 10.0
+"""Period of a multi-sine's slowest sine [s]."""
+HARMONICS = 5
+_FADE_S = 2.0
+_SPEED_SHARE = 0.6
+_REACH = np.deg2rad(20.0)
+_REACH_M = 0.05
+
+
+def poses(robot: Robot, n: int, seed: int) -> Plan:
+    """n random feasible poses in random order.
+
+    Raises:
+        PlanError: n is below 1, or the robot has no joints to plan for.
+    """
+    if n < 1:
+        raise PlanError(f"a plan of {n} poses is empty")
+    if not robot.joints:
+        raise PlanError(f"robot {robot.name!r} has no joints to plan for")
+    return Plan.of(robot.name, robot.sample(n, np.random.default_rng(seed)))
+
+
+def informative(robot: Robot, n: int, index: str, pool: int, seed: int) -> Plan:
+    """n poses of a pool that make an observability index of the robot's free parameters largest.
+
+    The Jacobian is in standard deviations of the sensor's row and in the parameters' tolerances.
+
+    Args:
+        index: ``O1`` … ``O5`` or ``A``.
+        pool: number of candidate poses.
+
+    Raises:
+        PlanError: an unknown index, a pool smaller than n, too few poses for the parameters, or
+            free parameters that cannot be told apart.
+    """
+    if not robot.joints:
+        raise PlanError(f"robot {robot.name!r} has no joints to plan for")
+    if not 1 <= n <= pool:
+        raise PlanError(f"{n} poses cannot be chosen from a pool of {pool}")
+    model = Model.of(robot)
+    theta = model.parameters.nominal
+    columns = model.parameters.select(robot.free)
+    criteria = INDICES | {"A": a_optimality(len(columns))}
+    if index not in criteria:
+        raise PlanError(f"index {index!r} is not one of {', '.join(criteria)}")
+    q = robot.pool(pool, seed)
+    std = registry.load("sensors", robot.sensor).noise.row_std
+    scale = model.parameters.tolerance[list(columns)]
+    candidates = Pool(model.jacobian(q, theta, columns) / std[:, None] * scale)
+    chosen = exchange(candidates, criteria[index], n, seed=seed).chosen
+    return Plan.of(robot.name, q[np.random.default_rng(seed).permutation(chosen)])
+
+
+def multisine(robot: Robot, seconds: float, rate: float, seed: int) -> Plan:
+    """A periodic sum of sines in every joint about a feasible pose, faded in and out from rest.
+
+    Harmonics of 0.1 Hz with random phases: Swevers et al. 1997, doi 10.1109/70.631234.
+
+    Raises:
+        PlanError: no joints, too short, or no feasible motion was found.
+    """
+    if not isinstance(robot, SimulatedRobot):
+        raise PlanError(f"robot {robot.name!r} has no joints to plan for")
+    fine = 2 * _FADE_S + 1 <= seconds < np.inf and 10.0 <= rate < np.inf
+    if not fine:
+        raise PlanError(f"a motion takes at least {2 * _FADE_S + 1:.0f} s at 10 Hz or more")
+    rng = np.random.default_rng(seed)
+    t = np.arange(round(seconds * rate)) / rate
+    fade = _smooth(np.minimum(t, t[-1] - t) / _FADE_S)
+    reach = np.array([_REACH_M if j.unit == "m" else _REACH for j in robot.joints])
+    top = np.array([j.speed for j in robot.joints]) * _SPEED_SHARE
+    for _ in range(50):
+        middle = robot.sample(1, rng)[0]
+        wave = _wave(t, len(robot.joints), rng) * fade[:, None]
+        speed = np.abs(np.gradient(wave, t, axis=0)).max(axis=0)
+        swing = np.minimum(reach / np.abs(wave).max(axis=0), top / speed)
+        for shrink in (1.0, 0.5, 0.25):
+            q = middle + shrink * swing * wave
+            if not robot.infeasible(q, robot.parameters.nominal):
+                return Plan.of(robot.name, q, rate_hz=rate)
+    raise PlanError(f"found no feasible motion of {robot.name!r} in 50 tries: try another seed")
+
+
+def _wave(t: np.ndarray, joints: int, rng: np.random.Generator) -> np.ndarray:
+    """Unit-weight harmonics (N, J)."""
+    phase = rng.uniform(0.0, 2 * np.pi, (HARMONICS, joints))
+    weight = rng.uniform(0.3, 1.0, (HARMONICS, joints))
+    turn = 2 * np.pi * t[:, None] / BASE_PERIOD_S
+    return np.asarray(sum(weight[k] * np.sin((k + 1) * turn + phase[k]) for k in range(HARMONICS)))
+
+
+def _smooth(share: np.ndarray) -> np.ndarray:
+    s = np.clip(share, 0.0, 1.0)
+    return np.asarray(s**3 * (10 - 15 * s + 6 * s**2))

@@ -1,0 +1,223 @@
+"""What makes a set of configurations good: observability indices O1–O5, A- and I-optimality.
+
+Each is a function of the information matrix M = Σ JᵢᵀJᵢ (m, m) of the chosen configurations, whose
+eigenvalues are the squares of the singular values σ1 ≥ … ≥ σm of the stacked Jacobian. Definitions:
+Sun & Hollerbach 2008, doi 10.1109/ROBOT.2008.4543393; compared on robots in Joubair & Bonev 2013,
+doi 10.1016/j.mechmachtheory.2013.07.005. O2–O5 depend on the units of the parameters; O1 does not
+(a change of units multiplies it by a constant), nor does I-optimality.
+
+Choice of configurations: observability indices, exchange, certified bounds, elimination.
+"""
+
+from abc import ABC, abstractmethod
+
+import numpy as np
+
+from wrenchbed.errors import PlanError
+
+_SMALLEST = 1e-300
+_SOFT = 4
+
+
+class Criterion(ABC):
+    """A number to maximise.
+
+    Attributes:
+        name, title: for people.
+        power: `value` to this power is homogeneous of degree 1 in M and concave; None if it is not.
+        smooth: whether the gradient tells what a whole configuration does.
+    """
+
+    name: str
+    title: str
+    power: float | None
+    smooth = True
+
+    @abstractmethod
+    def values(self, information: np.ndarray) -> np.ndarray:
+        """Criterion (…) of information matrices (…, m, m)."""
+
+    @abstractmethod
+    def gradient(self, information: np.ndarray) -> np.ndarray:
+        """Derivative (m, m) by a matrix that is not singular."""
+
+    def screen(self, information: np.ndarray) -> np.ndarray:
+        """A matrix (m, m) whose product with JᵢᵀJᵢ tells promising configurations."""
+        return self.gradient(information)
+
+    def changed(self, information: np.ndarray, blocks: np.ndarray, sign: float) -> np.ndarray:
+        """Criterion (N,) after adding (+1) or removing (−1) each of blocks (N, k, m) alone."""
+        return self.values(information + sign * np.swapaxes(blocks, -1, -2) @ blocks)
+
+
+class Spectral(Criterion):
+    """A criterion of the singular values alone."""
+
+    def values(self, information: np.ndarray) -> np.ndarray:
+        return self._of(np.sqrt(np.maximum(np.linalg.eigvalsh(information), 0.0)))
+
+    def gradient(self, information: np.ndarray) -> np.ndarray:
+        squares, vectors = np.linalg.eigh(information)
+        sigma = np.sqrt(np.maximum(squares, _SMALLEST))
+        return (vectors * (self._slope(sigma) / (2 * sigma))) @ vectors.T
+
+    def screen(self, information: np.ndarray) -> np.ndarray:
+        squares, vectors = np.linalg.eigh(information)
+        sigma = np.sqrt(np.maximum(squares, _SMALLEST))
+        return (vectors * (self._screening_slope(sigma) / (2 * sigma))) @ vectors.T
+
+    def _screening_slope(self, sigma: np.ndarray) -> np.ndarray:
+        return self._slope(sigma)
+
+    @abstractmethod
+    def _of(self, sigma: np.ndarray) -> np.ndarray:
+        """Criterion (…) of singular values (…, m), smallest first."""
+
+    @abstractmethod
+    def _slope(self, sigma: np.ndarray) -> np.ndarray:
+        """Derivative (m,) by each singular value (m,)."""
+
+
+class O1(Spectral):
+    """(σ1 σ2 … σm)^(1/m), to be divided by √n: the volume of the ellipsoid; D-optimality."""
+
+    name, title, power = "O1", "geometric mean of the singular values over √n", 2.0
+
+    def _of(self, sigma: np.ndarray) -> np.ndarray:
+        return np.exp(np.log(np.maximum(sigma, _SMALLEST)).mean(axis=-1))
+
+    def _slope(self, sigma: np.ndarray) -> np.ndarray:
+        return self._of(sigma) / (len(sigma) * sigma)
+
+    def changed(self, information: np.ndarray, blocks: np.ndarray, sign: float) -> np.ndarray:
+        """By the determinant lemma: k × k determinants instead of m × m."""
+        m = len(information)
+        inner = blocks @ np.linalg.inv(information) @ np.swapaxes(blocks, -1, -2)
+        factor = np.linalg.det(np.eye(blocks.shape[1]) + sign * inner)
+        start = np.linalg.slogdet(information)[1] / 2
+        return np.exp((start + np.log(np.maximum(factor, _SMALLEST)) / 2) / m)
+
+
+class Weakest(Spectral):
+    """A criterion of the smallest singular value: many are small, so screening heeds them all."""
+
+    smooth = False
+
+    def _screening_slope(self, sigma: np.ndarray) -> np.ndarray:
+        slope = self._slope(sigma)
+        near = (sigma[0] / sigma) ** _SOFT
+        return np.where(slope < 0, slope, slope[0] * near / near.sum())
+
+
+class O2(Weakest):
+    """σm / σ1: the inverse condition number."""
+
+    name, title, power = "O2", "smallest over largest singular value", None
+
+    def _of(self, sigma: np.ndarray) -> np.ndarray:
+        return sigma[..., 0] / sigma[..., -1]
+
+    def _slope(self, sigma: np.ndarray) -> np.ndarray:
+        slope = np.zeros_like(sigma)
+        slope[0], slope[-1] = 1 / sigma[-1], -sigma[0] / sigma[-1] ** 2
+        return slope
+
+
+class O3(Weakest):
+    """σm: the worst direction; E-optimality."""
+
+    name, title, power = "O3", "smallest singular value", 2.0
+
+    def _of(self, sigma: np.ndarray) -> np.ndarray:
+        return np.asarray(sigma[..., 0])
+
+    def _slope(self, sigma: np.ndarray) -> np.ndarray:
+        slope = np.zeros_like(sigma)
+        slope[0] = 1.0
+        return slope
+
+
+class O4(Weakest):
+    """σm² / σ1: the noise amplification index."""
+
+    name, title, power = "O4", "square of the smallest over the largest singular value", None
+
+    def _of(self, sigma: np.ndarray) -> np.ndarray:
+        return sigma[..., 0] ** 2 / sigma[..., -1]
+
+    def _slope(self, sigma: np.ndarray) -> np.ndarray:
+        slope = np.zeros_like(sigma)
+        slope[0], slope[-1] = 2 * sigma[0] / sigma[-1], -((sigma[0] / sigma[-1]) ** 2)
+        return slope
+
+
+class O5(Spectral):
+    """1 / (1/σ1 + … + 1/σm): harmonic mean of the singular values over m."""
+
+    name, title, power = "O5", "one over the sum of inverse singular values", 2.0
+
+    def _of(self, sigma: np.ndarray) -> np.ndarray:
+        return 1 / (1 / np.maximum(sigma, _SMALLEST)).sum(axis=-1)
+
+    def _slope(self, sigma: np.ndarray) -> np.ndarray:
+        return (self._of(sigma) / sigma) ** 2
+
+
+class InverseTrace(Criterion):
+    """1 / trace(W M⁻¹): W = 1 is A-optimality; W of a goal's sensitivity makes it I-optimality.
+
+    With W = mean GᵢᵀGᵢ over goals Gᵢ (3, m), trace(W M⁻¹) is the mean square error at the goals.
+    """
+
+    power = 1.0
+
+    def __init__(self, weight: np.ndarray, name: str, title: str) -> None:
+        self.weight, self.name, self.title = weight, name, title
+
+    def values(self, information: np.ndarray) -> np.ndarray:
+        inverse = np.linalg.inv(information)
+        return 1 / np.einsum("...ij,ji->...", inverse, self.weight)
+
+    def gradient(self, information: np.ndarray) -> np.ndarray:
+        inverse = np.linalg.inv(information)
+        inner = inverse @ self.weight @ inverse
+        return inner / np.trace(self.weight @ inverse) ** 2
+
+    def changed(self, information: np.ndarray, blocks: np.ndarray, sign: float) -> np.ndarray:
+        """By the Woodbury identity."""
+        inverse = np.linalg.inv(information)
+        turned = np.swapaxes(blocks, -1, -2)
+        inner = np.eye(blocks.shape[1]) + sign * (blocks @ inverse @ turned)
+        outer = blocks @ (inverse @ self.weight @ inverse) @ turned
+        squares, axes = np.linalg.eigh(inner)
+        shares = np.einsum("nki,nkl,nli->ni", axes, outer, axes)
+        lost = (shares / np.maximum(squares, _SMALLEST**0.5)).sum(axis=-1)  # 0: rank would be lost
+        return 1 / (np.trace(self.weight @ inverse) - sign * lost)
+
+
+INDICES: dict[str, Criterion] = {c.name: c for c in (O1(), O2(), O3(), O4(), O5())}
+
+
+def a_optimality(m: int) -> Criterion:
+    """1 / trace(M⁻¹) for m parameters in their units."""
+    return InverseTrace(np.eye(m), "A", "one over the sum of the parameters' variances")
+
+
+def i_optimality(weight: np.ndarray) -> Criterion:
+    """1 / mean square error at the target; ``weight`` (m, m) = mean GᵢᵀGᵢ."""
+    return InverseTrace(weight, "I", "one over the mean square position error at the target")
+
+
+def observability_indices(jacobian: np.ndarray) -> dict[str, float]:
+    """O1 … O5 of configurations' Jacobians (n, k, m).
+
+    Raises:
+        PlanError: fewer rows than parameters.
+    """
+    n, k, m = jacobian.shape
+    if n * k < m:
+        raise PlanError(f"{n} configurations give {n * k} readings, too few for {m} parameters")
+    sigma = np.linalg.svd(jacobian.reshape(-1, m), compute_uv=False)[::-1]
+    result = {name: float(c._of(sigma)) for name, c in INDICES.items() if isinstance(c, Spectral)}
+    result["O1"] /= np.sqrt(n)
+    return result

@@ -1,0 +1,221 @@
+"""``docs/effects.md``: every effect of the registry as people read it; see `scripts/effects`."""
+
+import inspect
+from collections.abc import Iterator
+
+import numpy as np
+
+from wrenchbed import registry
+from wrenchbed.diagnosis.explain.verdict import INSEPARABLE
+from wrenchbed.effects.base import Effect, JointEffect, ModelEffect, RowEffect
+from wrenchbed.effects.chain import effects
+from wrenchbed.effects.scene import Scene
+from wrenchbed.errors import NotFoundError
+from wrenchbed.physics.parameters import Parameter
+from wrenchbed.physics.taylor import Jet
+from wrenchbed.physics.wrench import CHANNELS
+from wrenchbed.robots.base import Robot
+
+SEEN = "Seen in: "
+"""Begins the paragraph of an effect's docstring that says which data show it."""
+_ROWS = 24
+_INTRODUCTION = """# Effects
+
+What a simulator usually lacks, one effect a file in `src/wrenchbed/effects`. Each is written
+twice: in closed form, with which a diagnosis fits, and in MuJoCo, which simulates it. This page
+is written by `scripts/effects` from the effects themselves; a test holds the two together.
+
+Simulate one in the place of a real robot:
+
+```sh
+wrenchbed record --robot ur5 --plan poses.parquet --effect base.tilt:x=0.006 --out rec.parquet
+```
+
+`--effect` may be repeated; without values an effect has its typical size. A twin's `twin.json`
+lists effects with their values; `wrenchbed simulate` runs them on a recording's motion.
+
+Add one as a file `effects/<subsystem>_<name>.py` with the constant `EFFECT`: a subclass of
+`ModelEffect`, `JointEffect`, `PoseEffect`, `LoadEffect`, `ReadingEffect` or `RowEffect` that
+gives its parameters, its variants and its one formula, and `edit_spec` where MuJoCo can carry it.
+There is no list to edit; the contract tests take it up. Another package adds one through the
+entry point group `wrenchbed.effects`.
+
+## How to read it
+An effect acts at one stage of the chain from joint values to readings:
+
+| stage | what it changes |
+|---|---|
+| model | other parameters of the robot |
+| joint | the joints stand elsewhere than they report |
+| pose | the sensor stands elsewhere than the joints say |
+| load | more than the tool pulls on the sensor |
+| reading | the sensor shows something else than its load |
+| timing | the reading belongs to another moment |
+| row | no mean effect: rows scatter, repeat or step |
+
+*Amplitudes* are zero where there is no effect; *shapes* say where and how it acts. The size of an
+amplitude is what a robot of its kind typically has, the size of a shape how far a fit may look
+from where it begins. *May miss* is the share of its own gap that the closed form may miss of the
+real thing. SI units; symbols as in [nomenclature](nomenclature.md). Where two effects make the
+same readings in all data without contact, a diagnosis names them as one class: these are the
+companions. `tool.mass` inside a uniform `sensor.gain`, `tool.cog` inside `sensor.crosstalk` and
+the last joint's offset inside `mount.rotation` are named first, since the smaller explanation is
+the better one. `wrenchbed diagnose plan.parquet --dry-run` says what a plan can show and which
+effects look alike in it.
+"""
+
+
+def render() -> str:
+    """The page as Markdown."""
+    known = effects()
+    parts = [_INTRODUCTION, *_overview(known)]
+    for subsystem in dict.fromkeys(e.subsystem for e in known.values()):
+        parts.append(f"## {subsystem}\n")
+        for effect in known.values():
+            if effect.subsystem == subsystem:
+                parts.append(_section(effect))
+    return "\n".join(parts).rstrip() + "\n"
+
+
+def _overview(known: dict[str, Effect]) -> Iterator[str]:
+    yield "## All of them\n| effect | what happens | stage | recordings |\n|---|---|---|---|"
+    for name, e in known.items():
+        link = f"[`{name}`](#{name.replace('.', '')})"
+        yield f"| {link} | {e.title} | {e.stage} | {_recordings(e)} |"
+    yield ""
+
+
+def _section(e: Effect) -> str:
+    rows = [
+        f"### {e.name}\n",
+        _sentence(e) + "\n",
+        f"- stage: {e.stage}; recordings: {_recordings(e)}; robots: {_robots(e)}",
+        f"- seen in: {visible_size(e)}",
+        f"- in MuJoCo: {_in_mujoco(e)}",
+        f"- size from: {e.source}",
+    ]
+    if not isinstance(e, RowEffect):
+        rows.append(f"- may miss: {100 * e.form_error:g} %")
+    pairs = [p for p in INSEPARABLE if e.name in p]
+    if pairs:
+        others = sorted(n for p in pairs for n in p - {e.name})
+        rows.append("- companions: " + ", ".join(f"`{n}`" for n in others))
+    rows += ["", "| parameter | meaning | kind | size | robots |", "|---|---|---|---|---|"]
+    rows += _parameters(e)
+    return "\n".join(rows) + "\n"
+
+
+def _sentence(e: Effect) -> str:
+    """The title as a sentence, then the first line of the docstring: its formula."""
+    formula = " ".join(_paragraphs(e)[0].split())
+    return f"{e.title[0].upper()}{e.title[1:]}. {formula}"
+
+
+def visible_size(e: Effect) -> str:
+    """Which data show an effect, from its docstring.
+
+    Raises:
+        NotFoundError: the docstring does not say.
+    """
+    for text in _paragraphs(e):
+        if text.startswith(SEEN):
+            return " ".join(text.removeprefix(SEEN).split()).rstrip(".")
+    raise NotFoundError(f"effect {e.name}: its docstring has no paragraph {SEEN.strip()!r}")
+
+
+def _paragraphs(e: Effect) -> list[str]:
+    return (inspect.getdoc(type(e)) or "").replace("``", "`").split("\n\n")
+
+
+def _recordings(e: Effect) -> str:
+    told = {"static": "at rest", "dynamic": "in motion"}
+    return ", ".join(told[m] for m in e.modes)
+
+
+def _robots(e: Effect) -> str:
+    found = [n for n, robot in _all_robots().items() if _applies(e, robot)]
+    return "all" if len(found) == len(_all_robots()) else ", ".join(found)
+
+
+def _all_robots() -> dict[str, Robot]:
+    return {n: registry.load("robots", n) for n in registry.names("robots")}
+
+
+def _applies(e: Effect, robot: Robot) -> bool:
+    return isinstance(e, RowEffect) or any(e.variants(s) for s in _scenes(robot))
+
+
+def _scenes(robot: Robot) -> Iterator[Scene]:
+    """A few poses, and the same as a motion where the robot can move."""
+    theta, gravity = robot.parameters.nominal, np.array(robot.gravity)
+    q = robot.sample(_ROWS, np.random.default_rng(0))
+    t, held = 10.0 * np.arange(_ROWS), np.ones(_ROWS, dtype=bool)
+    yield Scene(robot, theta, gravity, q, t, held)
+    if robot.joints:
+        yield Scene(robot, theta, gravity, Jet(q, 0.0 * q, 0.0 * q), t, held)
+
+
+def _in_mujoco(e: Effect) -> str:
+    if type(e).edit_spec is not Effect.edit_spec:
+        told = (inspect.getdoc(type(e).edit_spec) or "").split("\n")[0]
+        return f"{told[0].lower()}{told[1:].rstrip('.')}"
+    if isinstance(e, ModelEffect):
+        return "the robot's own parameters, written into its MJCF"
+    if isinstance(e, JointEffect):
+        return "the joints of the model stand elsewhere than the recording says"
+    if isinstance(e, RowEffect):
+        return "on the rows that the simulated sensor gives, at random"
+    return "on what MuJoCo's sensor reads, by the closed form"
+
+
+def _parameters(e: Effect) -> Iterator[str]:
+    """One row for parameters that differ in their number or channel alone."""
+    robots = {n: r for n, r in _all_robots().items() if _applies(e, r)}
+    told: dict[tuple[str, str, str, str], list[str]] = {}
+    free = {n for robot in robots.values() for n in _amplitudes(e, robot)}
+    for robot_name, robot in robots.items():
+        groups: dict[tuple[str, str, str, str], list[str]] = {}
+        for p in e.parameters(robot):
+            kind = "amplitude" if p.name in free else "shape"
+            groups.setdefault((_stem(p.name), _text(p), kind, _size(p)), []).append(p.name)
+        for (_, text, kind, size), names in groups.items():
+            told.setdefault((_listed(names), text, kind, size), []).append(robot_name)
+    for (listed, text, kind, size), who in told.items():
+        yield f"| {listed} | {text} | {kind} | {size} | {_who(who, robots)} |"
+
+
+def _amplitudes(e: Effect, robot: Robot) -> set[str]:
+    if isinstance(e, RowEffect):
+        return {p.name for p in e.parameters(robot) if p.nominal == 0.0}
+    return {n for s in _scenes(robot) for v in e.variants(s) for n in v.free}
+
+
+def _who(who: list[str], robots: dict[str, Robot]) -> str:
+    return "all" if len(who) == len(robots) else ", ".join(who)
+
+
+def _stem(name: str) -> str:
+    first, *rest = name.split(".")
+    channels = rest and all(r in CHANNELS for r in rest)
+    return first if channels else name.rpartition(".")[0]
+
+
+def _text(p: Parameter) -> str:
+    """The text with channels as what they are, where the name is of two of them."""
+    text = p.text.replace("|", "\\|")
+    pair = [part for part in p.name.split(".") if part in CHANNELS]
+    for channel in pair if len(pair) > 1 else ():
+        text = text.replace(channel, "a force" if channel[0] == "f" else "a torque")
+    return text
+
+
+def _listed(names: list[str]) -> str:
+    if len(names) < 4:
+        return ", ".join(f"`{n}`" for n in names)
+    return f"`{names[0]}` … `{names[-1]}`"
+
+
+def _size(p: Parameter) -> str:
+    unit = "" if p.unit == "1" else f" {p.unit}"
+    degrees = f" ({np.rad2deg(p.tolerance):.2g}°)" if p.unit == "rad" else ""
+    return f"{p.tolerance:.3g}{unit}{degrees}"

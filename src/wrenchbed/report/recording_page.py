@@ -1,0 +1,157 @@
+"""The report of a recording held against simulators, and of the fits that some come from."""
+
+from collections.abc import Mapping, Sequence
+from importlib.metadata import version
+from pathlib import Path, PurePath
+from typing import Any
+
+import numpy as np
+
+from wrenchbed.data.recording import Recording
+from wrenchbed.pages import numbers
+from wrenchbed.physics.wrench import CHANNELS
+from wrenchbed.report import figures
+from wrenchbed.report.page import DiagnosisPage
+from wrenchbed.report.simulators import BINS, Heat
+from wrenchbed.twin.comparison import Simulator, noise_of, order_of, simulators
+
+_AGREE, _NEAR = 1.25, 3.0
+"""Residuals, in units of noise, up to which simulator and measurement agree, or nearly do."""
+
+
+def recording_page(
+    recording: Recording, files: Sequence[str | Path], command: str
+) -> DiagnosisPage:
+    """The page of a recording and of some fit.json and twin.json files.
+
+    Raises:
+        ParameterError: a file is neither, or of another robot.
+        MissingExtraError: matplotlib or jinja2 is not installed.
+    """
+    known = simulators(recording, files)
+    noise = noise_of(recording)
+    ratios = [float(np.sqrt(np.mean(_white(recording, s, noise) ** 2))) for s in known]
+    fits = [_fit(s.name, s.fit) for s in known if s.fit]
+    heat, over = _heat(recording, known, noise)
+    best = int(np.argmin(ratios))
+    told = _agreement(known[best].name, ratios[best])
+    context = {
+        "verdict": "none" if ratios[best] < _AGREE else "unknown",
+        "badge": "✓ agree" if ratios[best] < _AGREE else "≠ part",
+        "kind": "Recording",
+        "name": PurePath(recording.name).name,
+        "robot": recording.metadata.robot,
+        "headline": told["headline"],
+        "what": _what(recording),
+        "best": told,
+        "simulators": [
+            {"name": s.name, "ratio": f"{r:.3g}", "rms": _rms(recording, s)}
+            for s, r in zip(known, ratios, strict=True)
+        ],
+        "channels": CHANNELS,
+        "noise": [f"{x:.3g}" for x in noise],
+        "tool": fits[-1]["tool"] if fits else [],
+        "fits": fits,
+        "heat": figures.heat(heat),
+        "over": over,
+        "next": _next(ratios[best], bool(fits), PurePath(recording.name).name),
+        "data": _data(recording),
+        "command": command,
+    }
+    return DiagnosisPage(context, "recording")
+
+
+def _white(recording: Recording, s: Simulator, noise: np.ndarray) -> np.ndarray:
+    return np.asarray((recording.wrench - s.reading) / noise)
+
+
+def _rms(recording: Recording, s: Simulator) -> list[str]:
+    left = np.sqrt(np.mean((recording.wrench - s.reading) ** 2, axis=0))
+    return [f"{x:.3g}" for x in left]
+
+
+def _heat(recording: Recording, known: Sequence[Simulator], noise: np.ndarray) -> tuple[Heat, str]:
+    order, unit = order_of(recording)
+    groups = [g for g in np.array_split(np.argsort(order, kind="stable"), BINS) if len(g)]
+    bins = tuple(f"{order[g].min():.0f}…\n{order[g].max():.0f}" for g in groups)
+    panels = {}
+    for s in known:
+        white = _white(recording, s, noise) ** 2
+        panels[s.name] = np.sqrt(np.stack([white[g].mean(axis=0) for g in groups], axis=1))
+    over = "over the poses in order" if unit == "pose" else "over time"
+    return Heat(panels, bins, "pose" if unit == "pose" else "time [s]", over), over
+
+
+def _what(recording: Recording) -> dict[str, str]:
+    at_rest, (order, unit) = recording.metadata.mode == "static", order_of(recording)
+    span = float(recording.t[-1] - recording.t[0])
+    figure = f"{len(np.unique(order))} poses at rest" if unit == "pose" else f"{span:.0f} s"
+    figure += "" if unit == "pose" else " at rest" if at_rest else " of motion"
+    source = recording.metadata.source or "a source that is not stated"
+    return {"figure": figure, "text": f"{len(recording):,} rows in {span:,.0f} s, from {source}."}
+
+
+def _agreement(name: str, ratio: float) -> dict[str, str]:
+    figure = f"{ratio:.3g} times the noise"
+    if ratio < _AGREE:
+        text = f"What {name} leaves is no more than the noise of the sensor."
+        return {"figure": figure, "text": text, "headline": f"Simulator {name} agrees."}
+    much = "little" if ratio < _NEAR else "far"
+    text = f"This is the best of them, {name}."
+    headline = f"Even the best simulator, {name}, is {'a ' * (much == 'little')}{much} off."
+    return {"figure": figure, "text": text, "headline": headline}
+
+
+def _fit(name: str, raw: Mapping[str, Any]) -> dict[str, Any]:
+    tool = raw["tool"]
+    cog = ", ".join(f"{1e3 * x:.4g}" for x in tool["cog"])
+    shown = [("mass", f"{tool['mass']:.4g} kg"), ("centre of gravity", f"({cog}) mm")]
+    untold = [r["sentence"] for r in raw["redundancies"]]
+    if raw["no_effect"]:
+        untold.append(f"No wrench depends on {', '.join(raw['no_effect'])}.")
+    return {
+        "name": name,
+        "status": raw["status"],
+        "tool": [(label, numbers.minus(value)) for label, value in shown],
+        "parameters": [_row(n, p) for n, p in raw["parameters"].items()],
+        "untold": untold,
+    }
+
+
+def _row(name: str, p: Mapping[str, Any]) -> dict[str, str]:
+    """A parameter with as many digits as its uncertainty tells."""
+    value, std, half = p["value"], p["std"], p["interval95"]
+    if std is None or half is None:
+        return {"name": name, "value": numbers.minus(f"{value:.6g}"), "std": "not told",
+                "interval": "", "change": "", "unit": p["unit"]}  # fmt: skip
+    digits = max(0, 1 - int(np.floor(np.log10(std)))) if std > 0 else 6
+    low, high = value - half, value + half
+    return {
+        "name": name,
+        "value": numbers.minus(f"{value:.{digits}f}"),
+        "std": f"{std:.{digits}f}",
+        "interval": numbers.minus(f"{low:.{digits}f} … {high:.{digits}f}"),
+        "change": numbers.minus(f"{value - p['nominal']:+.{digits}f}"),
+        "unit": p["unit"],
+    }
+
+
+def _next(ratio: float, fitted: bool, name: str) -> list[str]:
+    if ratio < _AGREE:
+        return ["Nothing is left to explain: use this simulator."]
+    if not fitted:
+        return [f"wrenchbed calibrate {name} --out fit.json fits mass, centre of gravity and bias."]
+    return [f"wrenchbed diagnose {name} --out found says where the rest lies and what causes it."]
+
+
+def _data(recording: Recording) -> list[tuple[str, str]]:
+    stated = recording.metadata
+    rate = "" if stated.rate_hz is None else f" at {stated.rate_hz:g} Hz"
+    mass = "not stated" if stated.tool.mass is None else f"{stated.tool.mass:.4g} kg"
+    return [
+        ("recording", recording.name),
+        ("sensor", stated.sensor.model or "not stated"),
+        ("stated tool", mass),
+        ("rows", f"{len(recording):,}{rate}"),
+        ("made by", f"wrenchbed {version('wrenchbed')}"),
+    ]

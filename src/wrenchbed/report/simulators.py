@@ -1,0 +1,190 @@
+"""What a report draws: each simulator against the recording, channel by channel."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from wrenchbed.diagnosis.diagnose import Findings
+from wrenchbed.diagnosis.evidence.dictionary import STATED
+from wrenchbed.diagnosis.gap.closure import HeldOut, calibrated
+from wrenchbed.diagnosis.prepare.prepared import held_values
+from wrenchbed.physics.wrench import CHANNELS, UNITS
+from wrenchbed.twin.twin import Twin
+
+BINS = 8
+"""Columns of the map of residuals."""
+SECOND_CHANNEL = 0.1
+"""A second channel is drawn if it holds this share of what the first one does."""
+IN_TIME = ("sensor.drift", "sensor.jump", "sensor.creep", "sensor.temperature")
+"""Effects that are read best in the order of time."""
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """What a simulator without some effects leaves in one channel, and what these effects predict.
+
+    Attributes:
+        channel, unit: what is drawn.
+        title: the effects, or what is left without any.
+        x: where to draw each observation (N,).
+        x_label: what x is.
+        measured: minus the simulator without the effects (N,).
+        predicted: by the effects (N,), None where nothing is claimed.
+        sealed: observations that no fit saw (N,).
+    """
+
+    channel: str
+    unit: str
+    title: str
+    x: np.ndarray
+    x_label: str
+    measured: np.ndarray
+    predicted: np.ndarray | None
+    sealed: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Heat:
+    """Residuals of the channels over a variable, before and after.
+
+    Attributes:
+        panels: rms (6, B) in units of one row's noise, by simulator.
+        bins: range of the variable in each column.
+        label: what the variable is.
+        over: the same within a sentence.
+    """
+
+    panels: Mapping[str, np.ndarray]
+    bins: tuple[str, ...]
+    label: str
+    over: str
+
+
+class Evidence:
+    """Readings of the simulators at the observations (H, 6): each is run once."""
+
+    def __init__(self, found: Findings) -> None:
+        a = found.analysis
+        self.found, self.prepared, self.twin = found, a.prepared, found.diagnosis.twin
+        self.std = np.sqrt(np.diagonal(a.prepared.covariance))
+        claimed = found.diagnosis.gap.with_effects is not None
+        wrong_only = claimed and not self.twin.active
+        self.first = "as configured" if wrong_only else "calibrated"
+        self.start = Twin(a.prepared.model, a.prepared.theta) if wrong_only else calibrated(a)
+        self.before = self._of(self.start)
+        self.after = self._of(self.twin) if claimed else None
+
+    def stages(self) -> dict[str, np.ndarray]:
+        """Readings (H, 6) of each simulator: as configured, calibrated, with the effects."""
+        p, a = self.prepared, self.found.analysis
+        told = {"as configured": self._of(Twin(p.model, p.theta))}
+        told["calibrated"] = self._of(calibrated(a))
+        if self.after is not None:
+            told["with the effects"] = self.after
+        return told
+
+    def channels(self) -> tuple[dict[str, float], dict[str, float]]:
+        """Gap of each channel on sealed rows, before and after; after is empty without a claim."""
+        known = self.found.diagnosis.gap.per_channel
+        before = {c: float(v["before"]) for c, v in known.items()}
+        if self.first == "as configured":
+            told = HeldOut(self.prepared).channels(self.start.wrench(self.prepared.scene))
+            before = dict(zip(CHANNELS, map(float, told), strict=True))
+        after = {c: float(v["after"]) for c, v in known.items() if v.get("after") is not None}
+        return before, after
+
+    def heat(self) -> Heat:
+        """Residual rms over the variable that tells most."""
+        p = self.prepared
+        values, label, over = self._variable()
+        order = np.argsort(values, kind="stable")
+        groups = [g for g in np.array_split(order, BINS) if len(g)]
+        bins = [f"{values[g].min():.0f}…\n{values[g].max():.0f}".replace("-", "−") for g in groups]
+        panels = {self.first: self.before}
+        if self.after is not None:
+            panels["with the effects"] = self.after
+        maps = {}
+        for title, reading in panels.items():
+            left = ((p.y - reading) / self.std) ** 2
+            maps[title] = np.sqrt(np.stack([left[g].mean(axis=0) for g in groups], axis=1))
+        return Heat(maps, tuple(bins), label, over)
+
+    def comparisons(self) -> list[Comparison]:
+        """One or two channels for what is claimed, or for what nothing explains."""
+        p, d, twin = self.prepared, self.found.diagnosis, self.twin
+        if self.after is None:
+            left = p.y - self.before
+            largest = _largest(left / self.std) if d.verdict == "unknown" else []
+            return [self._comparison(c, "Calibrated residual", left, None) for c in largest]
+        result = []
+        for k, active in enumerate(twin.active):
+            others = tuple(x for i, x in enumerate(twin.active) if i != k)
+            result += self._against(active.effect.name, replace(twin, active=others))
+        named = [str(w["effect"]) for w in d.which]
+        wrong = [n for n in named if n in STATED]
+        if wrong:
+            result += self._against(" and ".join(wrong), replace(twin, theta=p.theta))
+        return result
+
+    def _of(self, twin: Twin) -> np.ndarray:
+        return np.asarray(twin.wrench(self.prepared.scene)[self.prepared.scene.held])
+
+    def _against(self, name: str, rest: Twin) -> list[Comparison]:
+        """What an effect makes, against a twin without it; one channel where causes are many."""
+        assert self.after is not None
+        without = self._of(rest)
+        effect, measured = self.after - without, self.prepared.y - without
+        chosen = _largest(effect / self.std)[: 1 if len(self.found.diagnosis.which) > 1 else 2]
+        return [self._comparison(c, name, measured, effect) for c in chosen]
+
+    def _comparison(
+        self, channel: int, title: str, measured: np.ndarray, effect: np.ndarray | None
+    ) -> Comparison:
+        p = self.prepared
+        order = np.arange(len(p.y))
+        x, label = 1.0 + order, "pose, in the order of time"
+        if p.moving:
+            x, label = p.scene.t[p.scene.held], "time [s]"
+        elif effect is not None and title not in IN_TIME:
+            order = np.argsort(effect[:, channel], kind="stable")
+            label = "poses, sorted by what the effect predicts"
+        elif effect is None:
+            values, label, _ = self._variable()
+            order = np.argsort(values, kind="stable")
+            x = values[order]
+        predicted = None if effect is None else effect[order, channel]
+        return Comparison(
+            CHANNELS[channel], UNITS[channel], title, x, label, measured[order, channel],
+            predicted, p.sealed[order],
+        )  # fmt: skip
+
+    def _variable(self) -> tuple[np.ndarray, str, str]:
+        """A joint where one is to blame or seen, else time: values (H,), axis, words."""
+        p = self.prepared
+        joints = p.model.robot.joints if p.scene.jointed else ()
+        for k in _blamed(self.found):
+            if 1 <= k <= len(joints):
+                x, turns = held_values(p)[:, k - 1], joints[k - 1].unit == "rad"
+                label = f"joint {k} [{'°' if turns else 'mm'}]"
+                return (np.rad2deg(x) if turns else 1e3 * x), label, f"over joint {k}"
+        if p.moving:
+            return p.scene.t[p.scene.held], "time [s]", "over time"
+        return 1.0 + np.arange(len(p.y)), "pose, in the order of time", "over the poses in order"
+
+
+def _blamed(found: Findings) -> list[int]:
+    """Joints that may tell most: of a claim, of the best unknown, of what is seen."""
+    told = [w["parameters"].get("joint", {}).get("value") for w in found.diagnosis.which]
+    names = [f.variable for f in found.places if f.seen and f.share > 0.05][:1]
+    if found.diagnosis.verdict == "unknown":
+        names.insert(0, found.analysis.ranking.kernel)
+    told += [int(n.split()[-1]) for n in names if n.startswith("joint ")]
+    return [k for k in told if isinstance(k, int)]
+
+
+def _largest(effect: np.ndarray) -> list[int]:
+    """One or two channels in which an effect (H, 6) shows most."""
+    size = ((effect - effect.mean(axis=0)) ** 2).sum(axis=0) + (effect**2).sum(axis=0)
+    first, second = (int(k) for k in np.argsort(-size)[:2])
+    return [first, second] if size[second] > SECOND_CHANNEL * size[first] else [first]

@@ -1,0 +1,48 @@
+"""Edits of an MjSpec that every robot needs."""
+
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+
+from wrenchbed.errors import ParameterError
+from wrenchbed.physics.rotations import quaternion
+from wrenchbed.physics.wrench import Tool, physical_inertia
+
+
+def place(
+    spec: mujoco.MjSpec, name: str, pos: Sequence[float], rotation: np.ndarray | None = None
+) -> None:
+    """Set a body's position (3,) [m] and rotation matrix (3, 3) in its parent."""
+    body = spec.body(name)
+    body.pos = [float(x) for x in pos]
+    if rotation is not None:
+        rotate_body(body, rotation)
+
+
+def rotate_body(element: "mujoco.MjsBody | mujoco.MjsSite", rotation: np.ndarray) -> None:
+    """Set the rotation matrix (3, 3) of a body or site in its parent."""
+    element.alt.type = mujoco.mjtOrientation.mjORIENTATION_QUAT
+    element.quat = quaternion(rotation)
+
+
+def write_load(spec: mujoco.MjSpec, tool: Tool) -> None:
+    """Write the load into the bodies ``tool`` (frame = the sensor's) and ``sensor_side``.
+
+    ``sensor_side`` is the part of the sensor that loads its own gauges, a point at its origin.
+
+    Raises:
+        ParameterError: the inertia is not that of any body.
+    """
+    inertia = np.asarray(tool.inertia, dtype=float)
+    six = inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
+    if not physical_inertia(six):
+        raise ParameterError(f"tool.inertia xx yy zz xy xz yz = {six} kg·m² is that of no body")
+    body = spec.body("tool")
+    body.mass = float(tool.mass)
+    body.ipos = np.asarray(tool.cog, dtype=float)
+    body.ialt.type = mujoco.mjtOrientation.mjORIENTATION_QUAT
+    body.iquat = [1.0, 0.0, 0.0, 0.0]
+    body.inertia = [0.0, 0.0, 0.0]
+    body.fullinertia = six
+    spec.body("sensor_side").mass = float(tool.sensor_mass)

@@ -1,0 +1,174 @@
+"""A model: a robot and its sensor in closed form, with exact Jacobians."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from wrenchbed.data.metadata import Metadata
+from wrenchbed.physics.parameters import Parameter, ParameterSet
+from wrenchbed.physics.rotations import matrix
+from wrenchbed.physics.taylor import Jet, Value, value
+from wrenchbed.physics.wrench import CHANNELS, UNITS, weight, wrench
+from wrenchbed.robots.base import INERTIA_AXES, Robot
+
+_STEP = 1e-30
+"""Imaginary step of the complex-step derivative; exact to rounding however small."""
+_ROWS_AT_ONCE = 200_000
+
+
+def _sensor_parameters() -> ParameterSet:
+    bias = [
+        Parameter(f"sensor.bias.{c}", 0.0, u, 1.0 if u == "N" else 0.05, -1e4, 1e4, "zero offset")
+        for c, u in zip(CHANNELS, UNITS, strict=True)
+    ]
+    gain = [
+        Parameter(
+            f"sensor.matrix.{a}{b}", float(a == b), "1", 0.01, -10.0, 10.0,
+            f"reading of force {a} per true force {b}",
+        )
+        for a in "xyz"
+        for b in "xyz"
+    ]  # fmt: skip
+    return ParameterSet((*bias, *gain))
+
+
+SENSOR = _sensor_parameters()
+"""Parameters of the sensor itself: bias (6) and the gain matrix of its forces (3 × 3)."""
+
+
+@dataclass(frozen=True)
+class Model:
+    """A robot with its sensor under gravity (3,) [m/s²] in world axes."""
+
+    robot: Robot
+    gravity: tuple[float, ...]
+    parameters: ParameterSet = field(init=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "parameters", self.robot.parameters + SENSOR)
+
+    @classmethod
+    def of(cls, robot: Robot, metadata: Metadata | None = None) -> "Model":
+        """The model under the gravity that a recording states, else the robot's default."""
+        stated = metadata.gravity if metadata is not None else None
+        return cls(robot, tuple(robot.gravity if stated is None else stated))
+
+    def configured(self, metadata: Metadata) -> np.ndarray:
+        """Parameters (P,) as the recording's metadata states them, nominal where it is silent."""
+        theta = self.parameters.nominal
+        names = self.parameters
+        n = len(self.robot.parameters)
+        tool, sensor = metadata.tool, metadata.sensor
+        if sensor.pose_flange is not None and "mount.position.x" in names.names:
+            theta = _mounted(names, theta, sensor.pose_flange)
+        if tool.mass is not None or tool.cog is not None:
+            own = self.robot.tool(theta[:n])
+            mass = float(own.mass) if tool.mass is None else tool.mass
+            cog = [float(c) for c in own.cog] if tool.cog is None else list(tool.cog)
+            theta[:n] = self.robot.theta_of_tool(theta[:n], mass, cog)
+        stated: dict[str, float] = {}
+        if tool.inertia is not None:
+            stated |= {
+                f"tool.inertia.{a}": v for a, v in zip(INERTIA_AXES, tool.inertia, strict=True)
+            }
+        if sensor.mass is not None:
+            stated["sensor.mass"] = sensor.mass
+        return names.vector(stated, start=theta)
+
+    def true_wrench(self, q: Value, theta: np.ndarray, at: np.ndarray | None = None) -> np.ndarray:
+        """Load on the sensor (…, N, 6) [N, N·m] before the sensor changes it.
+
+        ``at`` (P,) gives the pose other parameters than ``theta`` gives the load.
+        """
+        n, gravity = len(self.robot.parameters), np.asarray(self.gravity)
+        place, tool = (theta if at is None else at)[..., :n], self.robot.tool(theta[..., :n])
+        if not isinstance(q, Jet):
+            return weight(self.robot.gravity_seen(q, place, gravity), tool)
+        rotation, position = self.robot.sensor_pose(q, place)
+        return wrench(rotation, position, tool, gravity)
+
+    def read(self, load: np.ndarray, theta: np.ndarray) -> np.ndarray:
+        """What the sensor makes of a load (…, N, 6): its force gains and its bias."""
+        bias, gain = np.split(theta[..., len(self.robot.parameters) :], [6], axis=-1)
+        force = load[..., None, :3] @ np.swapaxes(gain.reshape(*gain.shape[:-1], 3, 3), -1, -2)
+        return np.concatenate([force[..., 0, :], load[..., 3:]], axis=-1) + bias
+
+    def predict(self, q: Value, theta: np.ndarray) -> np.ndarray:
+        """Reading (N, 6) [N, N·m] at joint values (N, J), at rest or, for jets, in motion.
+
+        Args:
+            q: joint values, or orientations of a robot without a model.
+            theta: parameters (P,), or (K, 1, P) for K vectors at once → (K, N, 6).
+        """
+        return self.read(self.true_wrench(q, theta), theta)
+
+    def jacobian(self, q: Value, theta: np.ndarray, columns: Sequence[int]) -> np.ndarray:
+        """Derivative (N, 6, K) of the reading by the parameters at ``columns``, exact to rounding.
+
+        Complex-step derivative: Squire & Trapp 1998, doi 10.1137/S003614459631241X.
+        """
+        if not isinstance(q, Jet):
+            written = self._at_rest(q, theta, columns)
+            if written is not None:
+                return written
+        n = len(value(q))
+        result = np.empty((n, 6, len(columns)))
+        still = [k for k, c in enumerate(columns) if not self._moves_pose(c)]
+        moving = [k for k, c in enumerate(columns) if self._moves_pose(c)]
+        at_once = max(1, _ROWS_AT_ONCE // max(n, 1))
+        for group, at in ((still, theta), (moving, None)):
+            for start in range(0, len(group), at_once):
+                some = group[start : start + at_once]
+                shifted = np.tile(theta.astype(complex), (len(some), 1, 1))
+                shifted[np.arange(len(some)), 0, [columns[k] for k in some]] += 1j * _STEP
+                part = self.read(self.true_wrench(q, shifted, at), shifted).imag / _STEP
+                result[:, :, some] = np.moveaxis(np.broadcast_to(part, (len(some), n, 6)), 0, -1)
+        return result
+
+    def _at_rest(
+        self, q: np.ndarray, theta: np.ndarray, columns: Sequence[int]
+    ) -> np.ndarray | None:
+        """The Jacobian at rest of a robot that has written out how gravity turns.
+
+        There the reading is linear in gravity as the sensor sees it, γ: dw = dγ·M + γ·dM + db, with
+        M (3, 6) and b of the load and the sensor alone.
+        """
+        own, names = len(self.robot.parameters), self.robot.parameters.names
+        moving = [k for k, c in enumerate(columns) if self._moves_pose(c)]
+        gravity = np.asarray(self.gravity)
+        turned = self.robot.gravity_slopes(
+            q, theta[:own], gravity, [names[columns[k]] for k in moving]
+        )
+        if turned is None:
+            return None
+        shifted = np.tile(theta.astype(complex), (len(columns), 1, 1))
+        shifted[np.arange(len(columns)), 0, list(columns)] += 1j * _STEP
+        slopes, offset = (part.imag / _STEP for part in self._linear(shifted))
+        result = self.robot.gravity_seen(q, theta[:own], gravity) @ slopes
+        result += offset
+        here, _ = self._linear(theta)
+        for k, column in enumerate(moving):
+            result[column] += turned[:, :, k] @ here
+        return np.moveaxis(result, 0, -1)
+
+    def _linear(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Reading at rest = γ·M + b: M (…, 3, 6) and b (…, 1, 6), of one robot or (K, 1, P)."""
+        axes = np.vstack([np.eye(3), np.zeros(3)])
+        tool = self.robot.tool(theta[..., : len(self.robot.parameters)])
+        rows = self.read(weight(axes, tool), theta)
+        return rows[..., :3, :] - rows[..., 3:, :], rows[..., 3:, :]
+
+    def _moves_pose(self, column: int) -> bool:
+        """Whether the sensor's pose depends on a parameter; the others cost no kinematics."""
+        own = self.robot.parameters
+        return column < len(own) and own[column].name not in self.robot.load
+
+
+def _mounted(names: ParameterSet, theta: np.ndarray, pose: Sequence[float]) -> np.ndarray:
+    from scipy.spatial.transform import Rotation
+
+    turn = Rotation.from_matrix(matrix(np.asarray(pose[3:]))).as_rotvec()
+    values = {f"mount.rotation.{a}": float(v) for a, v in zip("xyz", turn, strict=True)}
+    values |= {f"mount.position.{a}": float(v) for a, v in zip("xyz", pose[:3], strict=True)}
+    return names.vector(values, start=theta)

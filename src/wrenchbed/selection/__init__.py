@@ -1,1 +1,0 @@
-"""Choice of configurations: observability indices, exchange, certified bounds, elimination."""

@@ -1,1 +1,0 @@
-"""What every twin shares: the robot in MuJoCo in real time, its sensor, timed faults, its life."""

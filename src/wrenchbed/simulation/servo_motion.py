@@ -1,0 +1,123 @@
+"""A servo-driven robot in MuJoCo that moves in simulated time."""
+
+from typing import NamedTuple
+
+import mujoco
+import numpy as np
+from mujoco import rollout
+
+from wrenchbed.simulation.simulation import Simulation, load_on_sensor
+
+LONGEST_STEP = 0.002
+"""MuJoCo's step [s]; with its discrete integrator MedRUE's loops stay within 0.4 µm."""
+_STILL = 1e-10
+_THERE = 1e-12
+"""Where the servos' decay ends in rounding: speed [rad/s, m/s] and distance to target [rad, m]."""
+_PATIENCE_S = 4.0
+_TOLERABLE = 1e-6
+
+
+class Sampled(NamedTuple):
+    """Joint values (J,), their speeds (J,) and the load on the sensor (6,) at one instant."""
+
+    q: np.ndarray
+    qd: np.ndarray
+    load: np.ndarray
+
+
+class ServoDrivenRobot:
+    """The robot's dynamics; its joints follow ``ctrl``.
+
+    Args:
+        simulation: the compiled robot; the plant owns its state from now on.
+        q: joint values (J,) to stand at.
+    """
+
+    def __init__(self, simulation: Simulation, q: np.ndarray) -> None:
+        self.simulation = simulation
+        self.model, self.data = simulation.model, mujoco.MjData(simulation.model)
+        self.model.opt.timestep = LONGEST_STEP
+        self._columns = [
+            int(self.model.joint(joint.name).qposadr[0]) for joint in simulation.robot.joints
+        ]
+        self._speeds = [
+            int(self.model.joint(joint.name).dofadr[0]) for joint in simulation.robot.joints
+        ]
+        self.data.qpos[:] = simulation.robot.qpos(q[None], simulation.theta)[0]
+        self.data.ctrl[:] = q
+        mujoco.mj_forward(self.model, self.data)
+
+    @property
+    def q(self) -> np.ndarray:
+        """Joint values (J,)."""
+        return np.array(self.data.qpos[self._columns])
+
+    @property
+    def qd(self) -> np.ndarray:
+        """Joint speeds (J,)."""
+        return np.array(self.data.qvel[self._speeds])
+
+    def advance(self, target: np.ndarray, seconds: float) -> None:
+        """Follow a target for some time, in equal steps of at most `LONGEST_STEP`."""
+        steps = steps_in(seconds)
+        self.model.opt.timestep = seconds / steps
+        self.data.ctrl[:] = target
+        mujoco.mj_step(self.model, self.data, steps)
+
+    def settle(self, target: np.ndarray) -> tuple[bool, float]:
+        """Wait until the servos rest at the target: whether they do, and how long it took [s]."""
+        waited, step = 0.0, 0.05
+        while waited < _PATIENCE_S:
+            self.advance(target, step)
+            waited += step
+            if np.abs(self.qd).max() < _STILL and np.abs(self.q - target).max() < _THERE:
+                break
+        return bool(np.abs(self.q - target).max() < _TOLERABLE), waited
+
+    def follow(self, targets: np.ndarray, seconds: float) -> Sampled:
+        """Take one step to each target (S, J); returns what was measured as the first set out.
+
+        The wrench is read inside MuJoCo's step: with the discrete integrator only that acceleration
+        is the one that moves the robot, `mj_forward` would report the stiff servos' raw one.
+        """
+        self.model.opt.timestep = seconds / len(targets)
+        q, qd = self.q, self.qd
+        self.data.ctrl[:] = targets[0]
+        mujoco.mj_step(self.model, self.data)
+        load = load_on_sensor(self.data)
+        for target in targets[1:]:
+            self.data.ctrl[:] = target
+            mujoco.mj_step(self.model, self.data)
+        return Sampled(q, qd, load)
+
+    def follow_all(self, ways: np.ndarray, seconds: float) -> Sampled:
+        """`follow` for many samples: targets (N, S, J), each sample `seconds` long; (N, …) of each.
+
+        MuJoCo steps through all of them by itself and tells states and sensors of every step.
+        Forces applied from outside do not act: `mujoco.rollout` clears them.
+        """
+        model, data, every = self.model, self.data, ways.shape[1]
+        model.opt.timestep = seconds / every
+        kind = mujoco.mjtState.mjSTATE_FULLPHYSICS
+        start = np.empty(mujoco.mj_stateSize(model, kind))
+        mujoco.mj_getState(model, data, start, kind)
+        states, felt = rollout.rollout(
+            model, data, start, ways.reshape(1, -1, ways.shape[2]),
+            initial_warmstart=np.array(data.qacc_warmstart),
+        )  # fmt: skip
+        before = np.concatenate([start[None], states[0, every - 1 : -1 : every]])
+        qpos = before[:, 1 : 1 + model.nq]  # after the time
+        qvel = before[:, 1 + model.nq : 1 + model.nq + model.nv]
+        first = [int(model.sensor(name).adr[0]) for name in ("force", "torque")]
+        load = -np.concatenate([felt[0, ::every, k : k + 3] for k in first], axis=1)
+        return Sampled(qpos[:, self._columns], qvel[:, self._speeds], load)
+
+    def closure(self) -> float:
+        """Largest gap between the two sides of a loop now [m]."""
+        mujoco.mj_kinematics(self.model, self.data)
+        return self.simulation.closure(self.data)
+
+
+def steps_in(seconds: float) -> int:
+    """Steps of at most `LONGEST_STEP` in some time."""
+    return max(1, int(np.ceil(seconds / LONGEST_STEP - 1e-9)))

@@ -1,0 +1,74 @@
+"""Published studies run again: their tables and figures on MuJoCo data, beside what they print."""
+
+import json
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from wrenchbed import registry
+from wrenchbed.errors import NotFoundError, ParameterError
+
+PAPERS = ("medrue", "ur5")
+Tell = Callable[[int, str], None]
+
+
+@dataclass(frozen=True)
+class StudyResult:
+    """What a study wrote: its folder, key results, and lines for people."""
+
+    folder: Path
+    summary: dict[str, Any]
+    lines: tuple[str, ...]
+
+
+def steps(paper: str, quick: bool, robots: int | None) -> int:
+    """How many steps a study has."""
+    return int(_module(paper).steps(quick, robots))
+
+
+def run(
+    paper: str,
+    folder: Path,
+    *,
+    quick: bool = False,
+    robots: int | None = None,
+    seed: int = 0,
+    tell: Tell = lambda *_: None,
+) -> StudyResult:
+    """Run a paper again; a stopped run goes on where it stopped.
+
+    Raises:
+        NotFoundError: no such paper.
+        MissingExtraError: the extra ``report`` is not installed.
+    """
+    module = _module(paper)
+    if robots is not None and robots < 2:
+        raise ParameterError(f"{robots} robots (or repetitions) are too few: at least 2")
+    for library in ("matplotlib", "jinja2"):
+        registry.require(library, "report")
+    folder.mkdir(parents=True, exist_ok=True)
+    page = module.run(folder, quick, robots, seed, tell)
+    page.write(folder, paper)
+    summary = _finite(page.summary)
+    text = json.dumps(summary, indent=1, ensure_ascii=False, allow_nan=False)
+    (folder / f"{paper}.json").write_text(text + "\n", encoding="utf-8")
+    lines = (page.lead, f"tables and figures → {folder / paper}.html, {folder / paper}.md")
+    return StudyResult(folder, summary, lines)
+
+
+def _finite(value: Any) -> Any:
+    """The same for JSON: what is not a finite number becomes null."""
+    if isinstance(value, dict):
+        return {k: _finite(v) for k, v in value.items()}
+    if isinstance(value, list):
+        return [_finite(v) for v in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _module(paper: str) -> Any:
+    if paper not in PAPERS:
+        raise NotFoundError(f"there is no study {paper!r}. Known: {', '.join(PAPERS)}")
+    return import_module(f"wrenchbed.studies.{paper}.run")

@@ -1,0 +1,223 @@
+"""What the whole study of MedRUE shares: pool, target, Jacobians, and the designs compared.
+
+Figures that the paper prints: Joubair et al. 2016, doi 10.3390/s16060798.
+
+What the paper's words may mean as measurement noise.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from wrenchbed import registry
+from wrenchbed.calibration.accuracy import Goal, tip_jacobian
+from wrenchbed.planning.certificate import Certificate, certify, rounded
+from wrenchbed.planning.criteria import INDICES, Criterion, i_optimality
+from wrenchbed.planning.exchange import Pool, Selection, exchange
+from wrenchbed.robots.medrue import workspace
+from wrenchbed.robots.medrue.kinematics import IDENTIFIED
+from wrenchbed.robots.medrue.robot import MedRUE
+from wrenchbed.robots.model import Model
+
+NOISY = {
+    "A1z": 178.659, "C1y": -84.002, "A2y": -232.294, "A2z": 177.485, "C2z": 438.210,
+    "L11": 400.742, "L12": 520.321, "L13": 398.502, "L14": 520.271, "L21": 399.774,
+    "L22": 518.505, "L24": 520.460, "d41": 41.657, "beta0": 0.531, "gamma0": -0.176,
+    "dq2": 0.342, "dq3": -0.014, "dq4": 0.529, "dq5": 0.173, "dq6": 0.097,
+    "alphaS": -67.430, "betaS": -0.528, "gammaS": 0.196, "xG": 0.571, "yG": 0.042,
+    "zG": 153.136, "mTool": 0.365,
+}  # fmt: skip
+"""Table 1, identified with measurement errors [mm, °, kg]."""
+ACTUAL = {
+    "A1z": 178.612, "C1y": -84.005, "A2y": -232.267, "A2z": 177.325, "C2z": 438.112,
+    "L11": 400.730, "L12": 520.221, "L13": 398.485, "L14": 520.332, "L21": 399.799,
+    "L22": 518.336, "L24": 520.445, "d41": 41.660, "beta0": 0.525, "gamma0": -0.134,
+    "dq2": 0.313, "dq3": -0.052, "dq4": 0.500, "dq5": 0.135, "dq6": 0.102,
+    "alphaS": -67.397, "betaS": -0.525, "gammaS": 0.185, "xG": 0.576, "yG": 0.059,
+    "zG": 153.132, "mTool": 0.365,
+}  # fmt: skip
+"""Table 1, the simulated robot [mm, °, kg]."""
+ELIMINATED = {"C2y", "L23", "d42", "xS", "yS", "zS", "A1y", "C1z"}
+"""What Table 1 freezes beside the parameters without effect; A1y and C1z without a star."""
+AFTER = {"mean": 0.2771, "max": 0.320, "std": 0.0157}
+"""Target workspace after calibration [mm]: abstract and Section 5."""
+BEFORE = {"mean": 9.03, "max": 12.2, "std": 1.65}
+"""Target workspace before: from the above and Table 3's improvements [mm]."""
+WHOLE_MEAN = (8.9135, 0.286)
+"""Mean over the whole workspace before and after [mm]; Section 5 calls it the target's."""
+IMPROVEMENT = {
+    ("force", "whole"): (99.43, 99.29, 99.34), ("torque", "whole"): (100.0, 99.43, 100.0),
+    ("force", "target"): (98.31, 98.73, 99.24), ("torque", "target"): (96.36, 96.70, 100.0),
+    ("position", "whole"): (96.79, 97.72, 98.57), ("position", "target"): (96.93, 97.38, 99.05),
+}  # fmt: skip
+"""Tables 2 and 3: improvement of mean, maximum and standard deviation [%]."""
+T_STATISTIC = {("O1", "O2"): -655.874, ("O1", "O5"): -304.773, ("O2", "O5"): 421.3063}
+"""Table 5."""
+ITERATIONS = 5
+
+
+def rms_after() -> float:
+    """Root mean square of the published errors in the target [mm]."""
+    return float(np.hypot(AFTER["mean"], AFTER["std"]))
+
+
+SAMPLES = 100
+"""Measurements a configuration, which the paper may or may not average."""
+
+
+@dataclass(frozen=True, eq=False)
+class NoiseModel:
+    """One reading of the paper's noise.
+
+    Attributes:
+        name: for people.
+        row: standard deviation of one measurement (6,) [N, N·m].
+        samples: measurements that are averaged in each configuration.
+    """
+
+    name: str
+    row: np.ndarray
+    samples: int
+
+    @property
+    def std(self) -> np.ndarray:
+        """Standard deviation of a configuration's mean (6,) [N, N·m]."""
+        return self.row / np.sqrt(self.samples)
+
+
+STATED = np.array([1.0, 1.0, 1.0, 0.2, 0.2, 0.2])
+"""±1 N, ±0.2 N·m: Section 5."""
+CERTIFICATE: np.ndarray = registry.load("sensors", "ati-mini40").accuracy
+"""±0.25, 0.2, 0.45 N, ±0.0125, 0.0125, 0.02 N·m: the Mini40's certificate, Section 5."""
+
+PAPER = NoiseModel("±1 N as 3σ, 100 averaged", STATED / 3, SAMPLES)
+PLAIN = NoiseModel("±1 N as 3σ, one sample", STATED / 3, 1)
+WIDE = NoiseModel("±1 N as 1σ, 100 averaged", STATED, SAMPLES)
+WIDE_PLAIN = NoiseModel("±1 N as 1σ, one sample", STATED, 1)
+MINI40 = NoiseModel("certificate as 3σ, 100 averaged", CERTIFICATE / 3, SAMPLES)
+MINI40_PLAIN = NoiseModel("certificate as 3σ, one sample", CERTIFICATE / 3, 1)
+LOWER = tuple(
+    NoiseModel(f"±{level:g} N as 3σ, 100 averaged", STATED * level / 3, SAMPLES)
+    for level in (0.5, 0.25, 0.1)
+)
+"""For Table 6; its own levels are not in the text that we have. Torque in proportion."""
+READINGS = (PAPER, PLAIN, WIDE, WIDE_PLAIN, MINI40, MINI40_PLAIN)
+
+
+CONFIGURATIONS = 100
+"""For identification, the paper's number."""
+UNITS = {"m": 1e-3, "rad": np.pi / 180, "kg": 1.0}
+"""The paper's table: mm, degrees, and kg (its g is a slip)."""
+
+Tell = Callable[[str], None]
+
+
+@dataclass(frozen=True, eq=False)
+class StudySetting:
+    """Everything at nominal parameters.
+
+    Attributes:
+        columns: positions of the 27 identified parameters.
+        units: the paper's unit of each (27,) in SI.
+        q: pool (N, 6).
+        jacobian: of the wrench at the pool (N, 6, 27), SI.
+        target: joint values (336, 6).
+        goal: position in the target by the 27.
+    """
+
+    robot: MedRUE
+    model: Model
+    columns: tuple[int, ...]
+    units: np.ndarray
+    q: np.ndarray
+    jacobian: np.ndarray
+    target: np.ndarray
+    goal: Goal
+
+    @property
+    def theta(self) -> np.ndarray:
+        """Nominal parameters (P,)."""
+        return self.model.parameters.nominal
+
+    @property
+    def in_table_units(self) -> np.ndarray:
+        """The Jacobian (N, 6, 27) in N and N·m per mm, degree and kg."""
+        return self.jacobian * self.units
+
+    def whitened(self, std: np.ndarray) -> np.ndarray:
+        """The Jacobian (N, 6, 27) per standard deviation (6,) of the mean of a pose's samples."""
+        return self.jacobian / std[:, None]
+
+    def covariance(self, chosen: np.ndarray, std: np.ndarray) -> np.ndarray:
+        """Cramér–Rao bound (27, 27): of any unbiased estimate from the chosen configurations."""
+        rows = self.whitened(std)[chosen].reshape(-1, len(self.columns))
+        scale = self.units
+        triangle = np.linalg.inv(np.linalg.qr(rows * scale, mode="r"))
+        return (triangle @ triangle.T) * np.outer(scale, scale)
+
+    def bound(self, chosen: np.ndarray, std: np.ndarray) -> float:
+        """The same as rms position error in the target [m]."""
+        return self.goal.rms(self.covariance(chosen, std))
+
+
+def prepare(
+    n: int,
+    seed: int,
+    tilt: float = np.deg2rad(30.0),
+    roll: float = np.deg2rad(60.0),
+    orientations: int = workspace.ORIENTATIONS,
+) -> StudySetting:
+    """Pool of n configurations with tool orientations in `workspace.pool`'s ranges."""
+    robot: MedRUE = registry.load("robots", "medrue")
+    model = Model.of(robot)
+    columns = model.parameters.select(IDENTIFIED)
+    units = np.array([UNITS[model.parameters[c].unit] for c in columns])
+    q = workspace.pool(robot, n, seed, tilt=tilt, roll=roll, orientations=orientations)
+    theta = model.parameters.nominal
+    target = workspace.target(robot)
+    jacobian = model.jacobian(q, theta, columns)
+    goal = Goal(tip_jacobian(robot, target, theta, columns))
+    return StudySetting(robot, model, columns, units, q, jacobian, target, goal)
+
+
+@dataclass(frozen=True, eq=False)
+class PoseDesign:
+    """100 chosen configurations and how near the best possible they are certified to be."""
+
+    name: str
+    chosen: np.ndarray
+    value: float
+    certificate: Certificate | None
+    history: tuple[float, ...] = ()
+
+
+def designs(setting: StudySetting, seed: int, starts: int, tell: Tell) -> dict[str, PoseDesign]:
+    """By O1 … O5 in the paper's units, by the target's position error, and at random."""
+    table = Pool(setting.in_table_units)
+    result = {}
+    for criterion in INDICES.values():
+        result[criterion.name] = _best(table, criterion, seed, starts)
+        tell(f"poses by {criterion.name}")
+    scaled = Pool(setting.whitened(PAPER.std) * setting.units)
+    weight = setting.goal.weight * np.outer(setting.units, setting.units)
+    result["target"] = _best(scaled, i_optimality(weight), seed, starts, "target")
+    tell("poses by target error")
+    random = np.random.default_rng(seed).choice(len(setting.q), CONFIGURATIONS, replace=False)
+    result["random"] = PoseDesign("random", np.sort(random), np.nan, None)
+    return result
+
+
+def _best(pool: Pool, criterion: Criterion, seed: int, starts: int, name: str = "") -> PoseDesign:
+    found = [exchange(pool, criterion, CONFIGURATIONS, seed=seed + k) for k in range(starts)]
+    best: Selection = max(found, key=lambda s: s.value)
+    certificate = None
+    if criterion.power is not None and criterion.smooth:
+        certificate = certify(pool, criterion, CONFIGURATIONS, best.chosen)
+        begin = rounded(certificate, CONFIGURATIONS)
+        more = np.setdiff1d(best.chosen, begin)[: CONFIGURATIONS - len(begin)]
+        polished = exchange(pool, criterion, CONFIGURATIONS, start=np.concatenate([begin, more]))
+        best = max((best, polished), key=lambda s: s.value)
+    return PoseDesign(
+        name or criterion.name, best.chosen, best.value, certificate, found[0].history
+    )

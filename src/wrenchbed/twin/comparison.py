@@ -1,0 +1,119 @@
+"""Simulators to hold against a recording: as configured, a fit's, a twin's."""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from wrenchbed import registry
+from wrenchbed.data.recording import Recording
+from wrenchbed.errors import ParameterError, WrenchbedError
+from wrenchbed.robots.base import SimulatedRobot
+from wrenchbed.robots.model import Model
+from wrenchbed.twin.replay import simulate
+from wrenchbed.twin.twin import Twin
+
+MOST = 4
+"""Simulators that one picture can show apart."""
+
+
+@dataclass(frozen=True, eq=False)
+class Simulator:
+    """What a simulator says of a recording.
+
+    Attributes:
+        name: for people.
+        theta: the robot's parameters (P,).
+        reading: of every row (N, 6) [N, N·m].
+        fit: the fit.json that it comes from, empty for others.
+    """
+
+    name: str
+    theta: np.ndarray
+    reading: np.ndarray
+    fit: Mapping[str, Any] = field(default_factory=dict)
+
+
+def simulators(recording: Recording, files: Sequence[str | Path]) -> list[Simulator]:
+    """As the recording configures it, then of each file: a fit, or a twin.
+
+    Raises:
+        ParameterError: a file is neither, of another robot, or there are too many.
+    """
+    if len(files) >= MOST:
+        raise ParameterError(f"{len(files)} simulators: at most {MOST - 1} can be told apart")
+    robot = robot_of(recording)
+    model = Model.of(robot, recording.metadata)
+    twins: list[tuple[str, Twin, Mapping[str, Any]]] = [
+        ("configured", Twin(model, model.configured(recording.metadata)), {})
+    ]
+    twins += [(Path(file).stem, *_read(Path(file), model)) for file in files]
+    return [
+        Simulator(name, twin.own, simulate(twin, recording).wrench, fit)
+        for name, twin, fit in twins
+    ]
+
+
+def modelled(recording: Recording) -> bool:
+    """Whether the recording's robot has joints and a model."""
+    try:
+        robot_of(recording)
+    except ParameterError:
+        return False
+    return True
+
+
+def robot_of(recording: Recording) -> SimulatedRobot:
+    """The recording's robot.
+
+    Raises:
+        ParameterError: it has no model that could be shown.
+    """
+    name = recording.metadata.robot
+    robot = registry.load("robots", name) if name in registry.names("robots") else None
+    if not isinstance(robot, SimulatedRobot) or not recording.joints:
+        raise ParameterError(f"{recording.name}: there is no model of robot {name!r} to show")
+    return robot
+
+
+def noise_of(recording: Recording) -> np.ndarray:
+    """Noise of a row (6,) [N, N·m]: as stated, else how rows scatter about their neighbours."""
+    stated = recording.metadata.sensor.noise_std
+    if stated is not None:
+        return np.asarray(stated, dtype=float)
+    steps = np.abs(np.diff(recording.wrench, axis=0))
+    return np.maximum(np.median(steps, axis=0) / (np.sqrt(2.0) * 0.6745), 1e-9)
+
+
+def order_of(recording: Recording) -> tuple[np.ndarray, str]:
+    """What rows are sorted by for people (N,): poses at rest where they are told, else time [s]."""
+    if recording.metadata.mode == "static" and "segment" in recording.columns:
+        return recording.columns["segment"], "pose"
+    return recording.t, "s"
+
+
+def _read(path: Path, model: Model) -> tuple[Twin, Mapping[str, Any]]:
+    """A twin.json, or a fit.json as a twin without effects, and the fit."""
+    raw = _json(path)
+    if "parameters" not in raw:
+        return Twin.read(path), {}
+    if raw.get("robot") != model.robot.name:
+        raise ParameterError(f"{path}: is a fit of {raw.get('robot')!r}, not {model.robot.name!r}")
+    try:
+        theta = model.parameters.vector({k: float(v) for k, v in raw["theta"].items()})
+    except (KeyError, TypeError, ValueError, AttributeError, WrenchbedError) as error:
+        raise ParameterError(f"{path}: theta: {error}") from error
+    return Twin(model, theta), raw
+
+
+def _json(path: Path) -> dict[str, Any]:
+    try:
+        raw = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise ParameterError(f"{path}: no fit or twin can be read from it: {error}") from error
+    if not isinstance(raw, dict):
+        raise ParameterError(f"{path}: is no fit or twin")
+    return raw

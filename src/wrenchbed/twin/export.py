@@ -1,0 +1,135 @@
+"""A twin as files: plain MJCF with all that MuJoCo can carry, and the rest as JSON beside it."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from wrenchbed.data.parquet import FORMAT
+from wrenchbed.effects.base import JointEffect, ModelEffect
+from wrenchbed.effects.chain import ActiveEffect
+from wrenchbed.simulation.springs import MARK
+from wrenchbed.twin.assembly import edited, in_mujoco, marked
+from wrenchbed.twin.twin import Twin
+
+STIFFER = 100.0
+"""How much stiffer the servos are where weights act in full: they droop by 2e-5 rad, not 2e-3."""
+README = """# {robot}: twin as plain MJCF
+
+`{robot}.xml` loads with `mujoco.MjModel.from_xml_path`; `effects.json` says what is not in it.
+**Signs:** MuJoCo's `force` and `torque` sensors read the support force. The load on the sensor, as
+recordings state it, is minus that. Then come `sensor` and the effects `outside` of effects.json.
+**Start** from the keyframe `home` (`mujoco.mj_resetDataKeyframe`): with no controls the arm leaps.
+{weights}
+"""
+_IN_FULL = (
+    "Joints named `effect:…` are springs and play. Gravity compensation would hide the weight on\n"
+    f"them: `gravcomp` is 0 and the servos are {STIFFER:g} times stiffer instead."
+)
+
+
+def export(twin: Twin, folder: str | Path) -> tuple[Path, Path]:
+    """Write ``<robot>.xml``, ``effects.json`` and a README; returns the first two paths."""
+    folder, robot = Path(folder), twin.model.robot
+    spec, inside = _spec(twin)
+    folder.mkdir(parents=True, exist_ok=True)
+    mjcf, rest = folder / f"{robot.name}.xml", folder / "effects.json"
+    springs = any(MARK in joint.name for joint in spec.joints)
+    if springs:
+        _weigh_in_full(spec)
+    _stand(spec)
+    spec.compile()
+    mjcf.write_text(spec.to_xml(), encoding="utf-8")
+    text = json.dumps(_outside(twin, inside), indent=1, ensure_ascii=False, allow_nan=False)
+    rest.write_text(text + "\n", encoding="utf-8")
+    read = README.format(robot=robot.name, weights=_IN_FULL if springs else "")
+    (folder / "README.md").write_text(read.rstrip() + "\n", encoding="utf-8")
+    return mjcf, rest
+
+
+def _spec(twin: Twin) -> tuple[mujoco.MjSpec, set[str]]:
+    """The edited MJCF, and the names of the effects that are in it."""
+    robot, theta, inside = twin.model.robot, twin.own, set()
+    names = robot.parameters.names
+    for a in twin.active:
+        if isinstance(a.effect, ModelEffect):
+            theta = a.effect.theta(robot, theta, a.values)
+            inside.add(a.effect.name)
+        elif a.effect.name == "joint.offset" and f"dq{len(robot.joints)}" in names:
+            theta = _offset(twin, theta, a)
+            inside.add(a.effect.name)
+    spec = edited(robot, theta, twin.model.gravity, twin.active)
+    return spec, inside | {name.partition(MARK)[0] for name in marked(spec)}
+
+
+def _offset(twin: Twin, theta: np.ndarray, offset: ActiveEffect) -> np.ndarray:
+    """Parameters (P,) with joints' offsets in their zeros."""
+    result, known = np.array(theta), twin.model.robot.parameters
+    for k in range(1, len(twin.model.robot.joints) + 1):
+        result[known.index(f"dq{k}")] += offset[f"offset.q{k}"]
+    return result
+
+
+def _weigh_in_full(spec: mujoco.MjSpec) -> None:
+    """No compensation of gravity, and servos that hardly need it."""
+    for body in spec.bodies:
+        body.gravcomp = float(body.name == "base")  # bolted down
+    for servo in spec.actuators:
+        servo.gainprm[0] *= STIFFER
+        servo.biasprm[1] *= STIFFER
+        servo.biasprm[2] *= STIFFER
+
+
+def _stand(spec: mujoco.MjSpec) -> None:
+    """Each keyframe with the added joints at 0."""
+    bare = spec.copy()
+    for key in bare.keys:
+        bare.delete(key)
+    model = bare.compile()
+    own = [j for j in range(model.njnt) if MARK not in model.joint(j).name]
+    at = [int(model.joint(j).qposadr[0]) for j in own]
+    for key in spec.keys:
+        before = np.array(key.qpos)
+        if len(before) == len(own) != model.nq:
+            qpos = np.zeros(model.nq)
+            qpos[at] = before
+            key.qpos = qpos
+
+
+def _outside(twin: Twin, inside: set[str]) -> dict[str, Any]:
+    known = twin.model.parameters
+    sensor = known.items[len(twin.own) :]
+    values = known.mapping(twin.theta)
+    rest = [a for a in twin.active if a.effect.name not in inside or _hidden(a)]
+    return {
+        "format": FORMAT,
+        "robot": in_mujoco(twin.model.robot).name,
+        "inside": sorted(inside),
+        "outside": [
+            {
+                "effect": a.effect.name,
+                "acts": _acts(a),
+                "does": a.effect.title,
+                "parameters": dict(a.values),
+            }
+            for a in rest
+        ],
+        "sensor": {p.name: values[p.name] for p in sensor if values[p.name] != p.nominal},
+    }
+
+
+def _hidden(active: ActiveEffect) -> bool:
+    """In the model, but not in what MuJoCo's force sensor reads."""
+    return active.effect.name == "cable.torsion"
+
+
+def _acts(active: ActiveEffect) -> str:
+    if isinstance(active.effect, JointEffect):
+        return "on the joint values"
+    return {
+        "load": "on the load of the sensor",
+        "pose": "on the sensor's pose",
+        "row": "on the rows of a recording",
+    }.get(active.effect.stage, "on the sensor's readings")

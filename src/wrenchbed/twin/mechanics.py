@@ -1,0 +1,249 @@
+"""A robot in MuJoCo that gives: springs and play in its joints, base and tool find their balance.
+
+What effects add to the MJCF bears the mark of `springs`. What gives stands where the weight and the
+inertia of what it carries put it; its own dynamics, above 10 Hz, are left out. Weights act in full
+here; the servos' compensation of gravity (``gravcomp``) would hide them.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from wrenchbed.effects.chain import ActiveEffect
+from wrenchbed.effects.scene import held_on
+from wrenchbed.physics.taylor import Jet, Value, value
+from wrenchbed.robots.base import Robot
+from wrenchbed.simulation.simulation import load_on_sensor
+from wrenchbed.simulation.springs import LAGS, MARK, MASS, ROUND
+from wrenchbed.twin.assembly import edited, in_mujoco, marked, set_weights, with_some_inertia
+
+_UPDATES, _BALANCED = 60, 1e-13
+"""Most updates of the fixed point, and a change [rad or m] that ends it."""
+
+
+@dataclass(frozen=True)
+class _Added:
+    """A joint that an effect added: its columns, its spring, and its play if it has any."""
+
+    name: str
+    at: int
+    stiffness: float
+    half: float | None
+    friction: float
+    driven: int | None
+    in_tool: bool
+
+    def side(self, force: np.ndarray, coming: np.ndarray) -> np.ndarray:
+        """Where in its play (M,) it lies under forces (M,) in the middle, −half … half."""
+        half, turn = float(self.half or 0.0), np.sign(self.stiffness)
+        if self.name.endswith(LAGS):
+            return np.asarray(-half * turn * coming[:, self.driven])
+        if self.friction:
+            moved = np.where(np.abs(force) > self.friction, np.sign(force), 0.0)
+            return np.asarray(half * turn * held_on(moved[:, None])[:, 0])
+        return np.asarray(half * np.tanh(force / (self.stiffness * half)))
+
+
+class Mechanism:
+    """One robot with effects, compiled.
+
+    Args:
+        robot: the robot.
+        theta: its parameters (P,), with the effects on them.
+        gravity: in world axes (3,) [m/s²].
+        active: effects; those that can write themselves into the model do.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        theta: np.ndarray,
+        gravity: Sequence[float],
+        active: Sequence[ActiveEffect],
+    ) -> None:
+        self.robot, self.theta = in_mujoco(robot), theta
+        self.joints = [joint.name for joint in robot.joints]
+        spec = edited(robot, with_some_inertia(robot, theta), gravity, active)
+        self.carried = {name.partition(MARK)[0] for name in marked(spec)}
+        """Names of the effects that are in the model."""
+        spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_LIMIT  # `balance` heeds them
+        self.model: mujoco.MjModel = spec.compile()
+        self.model.dof_damping[:] = 0.0  # of motors, not of what they carry
+        self.data = mujoco.MjData(self.model)
+        set_weights(self.model, self.robot, theta)
+        joints = [self.model.joint(j) for j in range(self.model.njnt)]
+        own = [j for j in joints if MARK not in j.name]
+        self._added = [self._describe(j) for j in joints if MARK in j.name]
+        self._at = [a.at for a in self._added]
+        self._own = [int(j.qposadr[0]) for j in own]
+        self._driven = [int(self.model.joint(n).qposadr[0]) for n in self.joints]
+        self._passive = [int(j.qposadr[0]) for j in own if j.name not in self.joints]
+        self._series = np.array(
+            [[float(k == a.driven) for k in range(len(self.joints))] for a in self._added]
+        ).reshape(len(self._added), len(self.joints))
+        self._twists = [
+            t
+            for t in range(self.model.ntendon)
+            if self.model.wrap_type[self.model.tendon_adr[t]] == mujoco.mjtWrap.mjWRAP_JOINT
+        ]
+
+    @property
+    def smooth(self) -> np.ndarray:
+        """Which of the added joints (E,) take the arm along when they move; no jump does."""
+        return np.array(
+            [not a.in_tool and (a.half is None or a.name.endswith(ROUND)) for a in self._added]
+        )
+
+    def balance(self, q: Value, coming: np.ndarray) -> np.ndarray:
+        """Where the added joints stand (M, E) [rad or m].
+
+        Springs find it by the fixed point e ← e + force/k. What has play lies where the forces
+        in its middle put it.
+
+        Args:
+            q: joint values (M, J), jets in motion.
+            coming: direction in which each joint last moved (M, J).
+        """
+        give = np.zeros((len(value(q)), len(self._added)))
+        if not self._added:
+            return give
+        force = self._force(q, give)
+        self._settle_play(give, force, coming)
+        sprung = [k for k, a in enumerate(self._added) if a.half is None]
+        stiffness = np.array([self._added[k].stiffness for k in sprung])
+        for _ in range(_UPDATES if sprung else 0):
+            step = force[:, sprung] / stiffness
+            give[:, sprung] += step
+            if np.abs(step).max() < _BALANCED:
+                break
+            force = self._force(q, give)
+        return give
+
+    def load(self, q: Value, give: Value, coming: np.ndarray) -> np.ndarray:
+        """Load on the sensor (M, 6) [N, N·m] with the added joints at ``give`` (M, E)."""
+        rows = _Rows(self._place(q, give))
+        result = np.empty((len(rows), 6))
+        tool = self.model.body("tool").id
+        for i in range(len(rows)):
+            self.data.xfrc_applied[tool] = 0.0
+            rows.put(self.data, i)
+            mujoco.mj_inverse(self.model, self.data)
+            if self._twists:
+                self.data.xfrc_applied[tool, 3:] = self._torque(coming[i, -1])
+                mujoco.mj_inverseSkip(self.model, self.data, mujoco.mjtStage.mjSTAGE_VEL, 0)
+            result[i] = load_on_sensor(self.data)
+        return result
+
+    def _describe(self, joint: "mujoco.MjModel") -> _Added:
+        """One added joint from the compiled model."""
+        model, on = self.model, joint.name.partition(MARK)[2].removesuffix(LAGS)
+        body = model.jnt_bodyid[joint.id]
+        return _Added(
+            joint.name,
+            int(joint.qposadr[0]),
+            float(model.jnt_stiffness[joint.id]),
+            float(joint.range[1]) if model.jnt_limited[joint.id] else None,
+            float(model.dof_frictionloss[joint.dofadr[0]]),
+            self.joints.index(on) if on in self.joints else None,
+            model.body(body).name.endswith(MASS),
+        )
+
+    def _settle_play(self, give: np.ndarray, force: np.ndarray, coming: np.ndarray) -> None:
+        """Put what has play, columns of (M, E), where forces (M, E) push it."""
+        for k, a in enumerate(self._added):
+            if a.half is not None:
+                give[:, k] = a.side(force[:, k], coming)
+        disc = [k for k, a in enumerate(self._added) if a.name.endswith(ROUND)]
+        if disc:
+            soft = self._added[disc[0]].stiffness * float(self._added[disc[0]].half or 0.0)
+            size = np.sqrt((force[:, disc] ** 2).sum(axis=1, keepdims=True) + soft**2)
+            give[:, disc] = force[:, disc] / size * soft / self._added[disc[0]].stiffness
+
+    def _place(self, q: Value, give: Value) -> Value:
+        """All coordinates (M, nq); a loop stays closed as its joint gives."""
+        moved = q + give @ self._series if self._series.size else q
+        inner = self.robot.qpos(moved, self.theta)
+        if not isinstance(inner, Jet):
+            return self._spread(inner, value(give))
+        if not isinstance(give, Jet):
+            give = Jet(give, 0.0 * give, 0.0 * give)
+        pairs = ((inner.v, give.v), (inner.d, give.d), (inner.dd, give.dd))
+        return Jet(*(self._spread(a, b) for a, b in pairs))
+
+    def _spread(self, inner: np.ndarray, give: np.ndarray) -> np.ndarray:
+        result = np.zeros((len(inner), self.model.nq))
+        result[:, self._own] = inner
+        result[:, self._at] = give
+        if self._series.size:
+            result[:, self._driven] -= give @ self._series
+        return result
+
+    def _force(self, q: Value, give: np.ndarray) -> np.ndarray:
+        """What moves the added joints (M, E) [N·m or N], springs included; loops stay closed."""
+        rows = _Rows(self._place(q, give))
+        result, asked = np.empty(give.shape), np.empty(self.model.nv)
+        data = self.data
+        for i in range(len(rows)):
+            rows.put(data, i)
+            mujoco.mj_fwdPosition(self.model, data)
+            mujoco.mj_fwdVelocity(self.model, data)
+            mujoco.mj_rne(self.model, data, 1, asked)
+            force = data.qfrc_passive - asked
+            result[i] = force[self._at] + self._through_loops(force)
+        return result
+
+    def _through_loops(self, force: np.ndarray) -> np.ndarray | float:
+        """The share of the loops' passive joints: they turn as an added one does."""
+        if not self._passive:
+            return 0.0
+        return np.asarray(force[self._passive] @ self._turns(self._at))
+
+    def _turns(self, columns: list[int]) -> np.ndarray:
+        """How the loops' passive joints turn with those at the columns: −J_p⁺ J, closed."""
+        data = self.data
+        loops = data.efc_type[: data.nefc] == mujoco.mjtConstraint.mjCNSTR_EQUALITY
+        jacobian = np.asarray(data.efc_J).reshape(data.nefc, self.model.nv)[loops]
+        turn, *_ = np.linalg.lstsq(jacobian[:, self._passive], jacobian[:, columns])
+        return np.asarray(-turn)
+
+    def _torque(self, coming: float) -> np.ndarray:
+        """Torque (3,) [N·m] on the tool in world axes of the tendons along the last joint."""
+        model, data = self.model, self.data
+        total = np.zeros(3)
+        for t in self._twists:
+            about_joint = model.tendon(t).name.endswith("joint")
+            axis = self._last_axis() if about_joint else data.site("ft").xmat[2::3]
+            twist = data.ten_length[t] - model.tendon_lengthspring[t, 0]
+            twist = model.tendon_stiffness[t] * twist + model.tendon_frictionloss[t] * coming
+            total -= twist * axis
+        return total
+
+    def _last_axis(self) -> np.ndarray:
+        """Unit vector (3,) in the world about which the last joint turns the tool, loops closed."""
+        rates, turn = np.zeros(self.model.nv), np.zeros((3, self.model.nv))
+        rates[self._driven[-1]] = 1.0
+        if self._passive:
+            rates[self._passive] = self._turns(self._driven[-1:])[:, 0]
+        mujoco.mj_jacBody(self.model, self.data, None, turn, self.model.body("tool").id)
+        spin = turn @ rates
+        return np.asarray(spin / np.linalg.norm(spin))
+
+
+class _Rows:
+    """Coordinates (M, nq) of a scene, put into MuJoCo's state row by row."""
+
+    def __init__(self, qpos: Value) -> None:
+        self._v = value(qpos)
+        self._d = qpos.d if isinstance(qpos, Jet) else None
+        self._dd = qpos.dd if isinstance(qpos, Jet) else None
+
+    def __len__(self) -> int:
+        return len(self._v)
+
+    def put(self, data: mujoco.MjData, i: int) -> None:
+        """Row i into position, velocity and acceleration."""
+        data.qpos[:] = self._v[i]
+        data.qvel[:] = 0.0 if self._d is None else self._d[i]
+        data.qacc[:] = 0.0 if self._dd is None else self._dd[i]

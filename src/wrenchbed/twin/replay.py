@@ -1,0 +1,192 @@
+"""What a twin's sensor reads in a recording, and in a campaign as it goes on."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from wrenchbed import registry
+from wrenchbed.data.holds import MOVING
+from wrenchbed.data.recording import Recording
+from wrenchbed.effects.scene import WAY, Scene
+from wrenchbed.errors import RecordingError
+from wrenchbed.physics.noise import NoiseStream, noise_model
+from wrenchbed.physics.taylor import Jet, Value
+from wrenchbed.physics.wrench import CHANNELS
+from wrenchbed.twin.twin import Twin
+
+_BACK = 40
+"""Rows before a hold that are gone through again for what sticks."""
+_WINDOW_S, _LEAST_WINDOW, _ORDER = 0.085, 11, 5
+"""Savitzky–Golay window [s, samples] and order that turn joint values into acceleration."""
+_TAKEN = ("t", "segment", "temperature")
+
+
+def simulate(twin: Twin, recording: Recording, *, noise: str = "off", seed: int = 0) -> Recording:
+    """A recording's motion with the readings of a twin.
+
+    Args:
+        noise: ``real``, ``white`` or ``off``, of the robot's sensor.
+        seed: of the noise and of the effects' random parts.
+
+    Raises:
+        RecordingError: it is of another robot, or a motion without an even clock.
+        ParameterError: no such noise.
+    """
+    robot = twin.model.robot
+    if recording.metadata.robot != robot.name and recording.joints:
+        raise RecordingError(
+            f"{recording.name}: is of robot {recording.metadata.robot!r}, "
+            f"the twin is a {robot.name!r}"
+        )
+    robot.check(recording.q, twin.own, recording.name) if robot.joints else None
+    moving = recording.metadata.mode == "dynamic"
+    shown = _in_motion(twin, recording) if moving else _at_rest(twin, recording)
+    kind = noise_model(noise, registry.load("sensors", robot.sensor).noise)
+    rows, status = NoiseStream(kind, seed).corrupt(recording.t, shown)
+    rows = twin.corrupt(rows, recording.t, seed)
+    kept = [c for c in recording.columns if c in _TAKEN or c[0] == "q"]
+    columns = {c: recording.columns[c] for c in kept}
+    columns |= {c: rows[:, k] for k, c in enumerate(CHANNELS)} | {"status": status}
+    return Recording(replace(recording.metadata, source="sim"), columns, "simulation")
+
+
+def _warmth(recording: Recording) -> np.ndarray | None:
+    temperature = recording.columns.get("temperature")
+    return None if temperature is None else temperature.astype(float) - float(temperature[0])
+
+
+def _scene(
+    twin: Twin, q: Value, t: np.ndarray, held: np.ndarray, warmth: np.ndarray | None = None
+) -> Scene:
+    gravity = np.asarray(twin.model.gravity)
+    return Scene(twin.model.robot, twin.own, gravity, q, t, held, warmth)
+
+
+def _in_motion(twin: Twin, recording: Recording) -> np.ndarray:
+    t = recording.t.astype(float)
+    step = np.diff(t)
+    h = float(step.mean()) if len(step) else 1.0
+    window = max(_LEAST_WINDOW, 2 * round(_WINDOW_S / h / 2) + 1)
+    if not recording.joints or len(t) <= window or np.abs(step - h).max() > 0.02 * h:
+        raise RecordingError(
+            f"{recording.name}: motion needs joints and more than {window} rows on an even clock"
+        )
+    from scipy.signal import savgol_filter  # slow to load: only when it is used
+
+    jets = [
+        savgol_filter(recording.q, window, _ORDER, deriv=k, delta=h, axis=0, mode="interp")
+        for k in range(3)
+    ]
+    return twin.wrench(_scene(twin, Jet(*jets), t, np.ones(len(t), bool), _warmth(recording)))
+
+
+def _at_rest(twin: Twin, recording: Recording) -> np.ndarray:
+    """Every pose is computed once, with ways between poses; every row has its own time."""
+    q, t, warmth = recording.q.astype(float), recording.t.astype(float), _warmth(recording)
+    new = np.r_[True, np.abs(np.diff(q, axis=0)).max(axis=1) > MOVING]
+    first = np.flatnonzero(new)
+    poses = np.add.reduceat(q, first) / np.diff(np.append(first, len(q)))[:, None]
+    if not twin.model.robot.joints:
+        poses = q[first]
+    hold = np.cumsum(new) - 1
+    ways = WAY if twin.model.robot.joints else 0
+    slot = np.arange(len(q)) + ways * hold  # of each row among rows and ways
+    total = len(q) + ways * (len(first) - 1)
+    held = np.zeros(total, dtype=bool)
+    held[slot] = True
+    knots = np.arange(total)
+    pose = np.interp(knots, slot, hold.astype(float))  # 2.25: a quarter of the way to pose 3
+    at = np.unique(pose, return_inverse=True)
+    below = np.floor(at[0]).astype(int)
+    share = (at[0] - below)[:, None]
+    above = np.minimum(below + 1, len(poses) - 1)
+    spots = poses[below] + share * (poses[above] - poses[below])
+    times = np.interp(knots, slot, t)
+    warm = None if warmth is None else np.interp(knots, slot, warmth)
+    brief = _scene(twin, spots, np.arange(len(spots)) * 1.0, np.ones(len(spots), dtype=bool))
+    load = twin.load(brief)[at[1]]
+    whole = _scene(twin, spots[at[1]], times, held, warm)
+    return twin.reading(whole, load)[slot]
+
+
+class Playback:
+    """A twin's readings pose by pose: remembers where the campaign has been.
+
+    Args:
+        twin: the robot with its effects.
+        seed: of the effects' random parts.
+    """
+
+    def __init__(self, twin: Twin, seed: int) -> None:
+        self.twin, self.seed = twin, seed
+        joints = len(twin.model.robot.joints)
+        self._q, self._t, self._load = np.empty((0, joints)), np.empty(0), np.empty((0, 6))
+        self._ahead, self._ahead_load = np.empty((0, joints)), np.empty((0, 6))
+        self._rows, self._times = np.empty((0, 6)), np.empty(0)
+        self._plain = Twin(twin.model, twin.theta)
+
+    def expect(self, q: np.ndarray) -> None:
+        """Poses (N, J) to come: a sensor's hysteresis is known by the range of all its loads."""
+        n = len(q)
+        self._ahead = q
+        self._ahead_load = self.twin.load(
+            _scene(self.twin, q, np.arange(n) * 1.0, np.ones(n, dtype=bool))
+        )
+
+    def way(self, t: tuple[float, float], start: np.ndarray, end: np.ndarray) -> None:
+        """The robot moves from one pose (J,) to another in a time from … to [s]."""
+        share = np.arange(0 if not len(self._q) else 1, WAY + 1) / (WAY + 1)
+        q = start + share[:, None] * (end - start)
+        self._extend(q, t[0] + share * (t[1] - t[0]))
+
+    def rest(self, t: np.ndarray, q: np.ndarray, push: np.ndarray) -> np.ndarray:
+        """Readings (n, 6) at times t (n,) [s] at a pose (J,), with a push (6,) on the tool."""
+        self._extend(q[None], t[:1])
+        self._load[-1] += push
+        last = len(self._q) - 1
+        n, ahead = len(t), len(self._ahead)
+        rows = np.r_[np.arange(last), np.full(n, last)]
+        later = t[-1] + 1.0 + np.arange(ahead)
+        scene = _scene(
+            self.twin,
+            np.concatenate([self._q[rows], self._ahead]),
+            np.concatenate([self._t[:last], t, later]),
+            np.ones(len(rows) + ahead, dtype=bool),
+        )
+        load = np.concatenate([self._load[rows], self._ahead_load])
+        if n > 1:  # the hold's end: what creeps has crept
+            self._q, self._t = self._q[[*range(last + 1), last]], np.append(self._t, t[-1])
+            self._load = self._load[[*range(last + 1), last]]
+        return self.twin.reading(scene, load)[last : last + n]
+
+    def leave(self, t: float) -> None:
+        """The last rest ended at a time [s], not at its last reading."""
+        if len(self._t) > 1:
+            self._t[-1] = max(t, float(np.nextafter(self._t[-2], np.inf)))
+
+    def forget(self, rows: int) -> None:
+        """Keep so many rows of where the robot has been."""
+        if len(self._q) > rows:
+            self._q, self._t, self._load = self._q[-rows:], self._t[-rows:], self._load[-rows:]
+
+    def motion(self, t: np.ndarray, q: np.ndarray, qd: np.ndarray, load: np.ndarray) -> np.ndarray:
+        """Readings (N, 6) of a motion at t (N,), q and speeds qd (N, J) whose load without effects
+        is (N, 6): what effects of the mechanism change is added to it."""
+        h = float(np.mean(np.diff(t)))
+        jets = Jet(q, qd, np.gradient(qd, h, axis=0))
+        scene = _scene(self.twin, jets, t, np.ones(len(t), dtype=bool))
+        return self.twin.reading(scene, load + self.twin.load(scene) - self._plain.load(scene))
+
+    def corrupt(self, t: np.ndarray, rows: np.ndarray) -> np.ndarray:
+        """Rows (n, 6) with the effects' random parts, which go on through the recording."""
+        self._rows, self._times = np.concatenate([self._rows, rows]), np.append(self._times, t)
+        return self.twin.corrupt(self._rows, self._times, self.seed)[-len(rows) :]
+
+    def _extend(self, q: np.ndarray, t: np.ndarray) -> None:
+        """Go on to poses (n, J) at times (n,)."""
+        before = len(self._q)
+        self._q, self._t = np.concatenate([self._q, q]), np.append(self._t, t)
+        first = max(0, before - _BACK)
+        held = np.ones(len(self._q), dtype=bool)
+        load = self.twin.load(_scene(self.twin, self._q, self._t, held), first)
+        self._load = np.concatenate([self._load, load[before - first :]])
