@@ -10,8 +10,8 @@ import numpy as np
 from rtde_observer import Observer
 from twin_process import running
 from wrenchbed.errors import DriverError
-from wrenchbed.hardware.drivers.base import Limits
 from wrenchbed.hardware.drivers.rtde import RtdeDriver, RtdeOptions
+from wrenchbed.robots.motion_limits import Limits
 
 A = np.array([0.0, -1.2, -1.9, -1.6, 1.5708, 0.0])
 B = A + np.array([0.9, 0.2, 0.0, 0.0, 0.0, 0.3])

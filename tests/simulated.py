@@ -11,7 +11,7 @@ from wrenchbed.data.metadata import Metadata, SensorInfo, ToolInfo
 from wrenchbed.data.recording import Recording
 from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.robots.medrue.kinematics import PAPER
-from wrenchbed.robots.model import Model
+from wrenchbed.simulation.closed_form import Model
 from wrenchbed.simulation.simulation import Simulation
 
 WHITE = np.array([0.05, 0.05, 0.1, 2e-3, 2e-3, 2e-3])

@@ -10,8 +10,8 @@ from wrenchbed.diagnosis.diagnose import diagnose
 from wrenchbed.diagnosis.prepare import accelerometer
 from wrenchbed.physics.rotations import cross, quaternion
 from wrenchbed.physics.wrench import CHANNELS
-from wrenchbed.robots.model import Model
 from wrenchbed.robots.oriented import ROBOT
+from wrenchbed.simulation.closed_form import Model
 
 
 def readings(rotation, rng, tilt=(0.0, 0.0), noise=0.02):

@@ -23,7 +23,7 @@ from wrenchbed.errors import (
 from wrenchbed.hardware.drivers.sim import SimDriver, SimOptions
 from wrenchbed.planning.accuracy_plan import reach
 from wrenchbed.robots.medrue import workspace
-from wrenchbed.robots.model import Model
+from wrenchbed.simulation.closed_form import Model
 from wrenchbed.simulation.simulation import Simulation
 
 MEDRUE = registry.load("robots", "medrue")

@@ -21,10 +21,11 @@ from wrenchbed.errors import (
     WrenchbedWarning,
 )
 from wrenchbed.hardware.device import Health
-from wrenchbed.hardware.drivers.base import Applied, ArmSample, Limits
+from wrenchbed.hardware.drivers.base import Applied, ArmSample
 from wrenchbed.hardware.drivers.base.live import LiveDriver
 from wrenchbed.hardware.transducers.base import Transducer, WrenchSample
-from wrenchbed.robots.model import Model
+from wrenchbed.robots.motion_limits import Limits
+from wrenchbed.simulation.closed_form import Model
 
 UR5 = registry.load("robots", "ur5")
 PLAN = Plan.of("ur5", UR5.home + 0.2 * np.random.default_rng(0).standard_normal((4, 6)))

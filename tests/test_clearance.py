@@ -11,9 +11,9 @@ from wrenchbed.campaigns.itinerary import itinerary
 from wrenchbed.data.plan import Plan
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import LimitError, ParameterError, PlanError
-from wrenchbed.hardware.drivers.base import Limits
 from wrenchbed.hardware.drivers.sim import SimDriver, SimOptions
 from wrenchbed.planning.clearance import Clearance
+from wrenchbed.robots.motion_limits import Limits
 
 UR5 = registry.load("robots", "ur5")
 INTO_BENCH = np.array([0.0, 0.35, 0.0, 0.0, 1.5708, 0.0])  # the arm points 20° below the horizon

@@ -19,7 +19,7 @@ from wrenchbed.diagnosis.prepare.prepared import prepare
 from wrenchbed.errors import DiagnosisError, RecordingError
 from wrenchbed.hardware.drivers.sim import SimDriver, SimOptions
 from wrenchbed.physics.wrench import CHANNELS
-from wrenchbed.robots.model import Model
+from wrenchbed.simulation.closed_form import Model
 
 FORCES, TORQUES = CHANNELS[:3], CHANNELS[3:]
 POSES, ROWS = 40, 20

@@ -9,7 +9,7 @@ import pytest
 
 import wrenchbed
 from wrenchbed import registry
-from wrenchbed.robots.model import SENSOR
+from wrenchbed.simulation.closed_form import SENSOR
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")

@@ -17,10 +17,11 @@ from wrenchbed.campaigns import recording_run
 from wrenchbed.data.plan import Plan
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import DriverError, PlanError
-from wrenchbed.hardware.drivers.base import Driver, Limits
+from wrenchbed.hardware.drivers.base import Driver
 from wrenchbed.hardware.drivers.sim import SimDriver, SimOptions
 from wrenchbed.physics.wrench import CHANNELS
-from wrenchbed.robots.model import Model
+from wrenchbed.robots.motion_limits import Limits
+from wrenchbed.simulation.closed_form import Model
 
 pytestmark = pytest.mark.wire
 

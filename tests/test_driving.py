@@ -24,8 +24,8 @@ from wrenchbed.hardware.drivers.base import Driver
 from wrenchbed.physics.taylor import Jet
 from wrenchbed.physics.wrench import wrench
 from wrenchbed.planning import choose
-from wrenchbed.robots.model import Model
 from wrenchbed.sensors.base import STATUS_SATURATED
+from wrenchbed.simulation.closed_form import Model
 
 MODELS = Path(__file__).parents[1] / "models"
 TABLE1 = json.loads((MODELS / "medrue" / "table1.json").read_text())

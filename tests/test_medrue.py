@@ -9,11 +9,11 @@ import pytest
 from wrenchbed import registry
 from wrenchbed.calibration.observability import analyse
 from wrenchbed.errors import PlanError
-from wrenchbed.hardware.drivers.base import minimum_jerk
 from wrenchbed.physics.wrench import wrench
 from wrenchbed.robots.medrue import kinematics, workspace
 from wrenchbed.robots.medrue.kinematics import IDENTIFIED, PAPER
-from wrenchbed.robots.model import Model
+from wrenchbed.robots.motion_limits import minimum_jerk
+from wrenchbed.simulation.closed_form import Model
 from wrenchbed.simulation.servo_motion import ServoDrivenRobot
 from wrenchbed.simulation.simulation import Simulation
 

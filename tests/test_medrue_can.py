@@ -11,10 +11,10 @@ from wrenchbed import registry
 from wrenchbed.emulators.base.emulator import EmulatorOptions as TwinOptions
 from wrenchbed.emulators.medrue import MedrueEmulator
 from wrenchbed.errors import DriverError, LimitError, LinkError, SafetyStopError
-from wrenchbed.hardware.drivers.base import Limits
 from wrenchbed.hardware.drivers.can import CanDriver, CanOptions
 from wrenchbed.hardware.transducers.netcanoem import NetcanoemOptions as SensorOptions
 from wrenchbed.hardware.transducers.netcanoem import NetcanoemTransducer
+from wrenchbed.robots.motion_limits import Limits
 from wrenchbed.simulation.simulation import Simulation
 
 pytestmark = pytest.mark.wire

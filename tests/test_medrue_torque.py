@@ -9,8 +9,8 @@ from wrenchbed.emulators.base.body import BodyOptions
 from wrenchbed.emulators.base.emulator import EmulatorOptions as TwinOptions
 from wrenchbed.emulators.medrue import MedrueEmulator
 from wrenchbed.emulators.medrue.plant import CYCLE_S, DrivenArm
-from wrenchbed.hardware.drivers.base import minimum_jerk
 from wrenchbed.hardware.drivers.can import CanDriver, CanOptions
+from wrenchbed.robots.motion_limits import minimum_jerk
 
 HOST = "127.0.4.8"
 

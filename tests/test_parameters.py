@@ -5,7 +5,7 @@ import pytest
 
 from wrenchbed import registry
 from wrenchbed.errors import MissingExtraError, NotFoundError, ParameterError, WrenchbedError
-from wrenchbed.robots.model import Model
+from wrenchbed.simulation.closed_form import Model
 
 UR5 = Model.of(registry.load("robots", "ur5")).parameters
 MEDRUE = Model.of(registry.load("robots", "medrue")).parameters

@@ -7,8 +7,8 @@ from wrenchbed import registry
 from wrenchbed.data import parquet
 from wrenchbed.data.plan import Plan
 from wrenchbed.errors import PlanError
-from wrenchbed.hardware.drivers.base import check_motion
 from wrenchbed.planning import choose
+from wrenchbed.robots.motion_limits import check_motion
 
 UR5 = registry.load("robots", "ur5")
 MEDRUE = registry.load("robots", "medrue")

@@ -9,7 +9,7 @@ from wrenchbed.errors import ParameterError, PlanError
 from wrenchbed.physics.taylor import Jet
 from wrenchbed.physics.wrench import wrench
 from wrenchbed.robots.base import SimulatedRobot
-from wrenchbed.robots.model import Model
+from wrenchbed.simulation.closed_form import Model
 from wrenchbed.simulation.simulation import Simulation
 
 ROBOTS = [

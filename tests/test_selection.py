@@ -201,7 +201,7 @@ def test_informative_poses_beat_random_ones(robot):
 
 
 def _o1(arm, q: np.ndarray) -> float:
-    from wrenchbed.robots.model import Model
+    from wrenchbed.simulation.closed_form import Model
 
     model = Model.of(arm)
     columns = model.parameters.select(arm.free)

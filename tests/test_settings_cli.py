@@ -7,7 +7,7 @@ import pytest
 import wrenchbed as wb
 from wrenchbed.cli import console
 from wrenchbed.errors import ParameterError
-from wrenchbed.hardware.drivers.base import Limits
+from wrenchbed.robots.motion_limits import Limits
 
 
 @dataclass

@@ -5,7 +5,7 @@ import pytest
 
 import wrenchbed as wb
 from wrenchbed.robots.base import Robot
-from wrenchbed.robots.model import Model
+from wrenchbed.simulation.closed_form import Model
 
 MEDRUE = wb.load("robots", "medrue")
 

@@ -9,8 +9,8 @@ from rrd_file import Rrd
 from wrenchbed.campaigns.itinerary import itinerary
 from wrenchbed.data.plan import is_plan
 from wrenchbed.errors import ParameterError
-from wrenchbed.hardware.drivers.base import Limits
 from wrenchbed.physics.wrench import CHANNELS
+from wrenchbed.robots.motion_limits import Limits
 from wrenchbed.simulation.simulation import Simulation
 from wrenchbed.viewer import plan_view
 from wrenchbed.viewer.plans import STAY_S, along

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from wrenchbed.planning.accuracy_plan import Mix, reach
     from wrenchbed.planning.choose import informative, multisine, poses
     from wrenchbed.registry import load, names
-    from wrenchbed.robots.model import Model
+    from wrenchbed.simulation.closed_form import Model
     from wrenchbed.simulation.simulation import Simulation
     from wrenchbed.twin.export import export
     from wrenchbed.twin.replay import simulate
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 _HOME = {
     "Fit": ("calibration.fit", "Fit"),
     "Mix": ("planning.accuracy_plan", "Mix"),
-    "Model": ("robots.model", "Model"),
+    "Model": ("simulation.closed_form", "Model"),
     "Options": ("calibration.calibrate", "CalibrationOptions"),
     "Plan": ("data.plan", "Plan"),
     "Recording": ("data.recording", "Recording"),

@@ -8,18 +8,18 @@ from scipy import special
 
 from wrenchbed import registry
 from wrenchbed.calibration.accuracy import Goal, tip_jacobian
-from wrenchbed.calibration.closed_form import begin, opposite
 from wrenchbed.calibration.fit import Fit, FitNoise, IdentifiedValue
 from wrenchbed.calibration.least_squares import Solution
 from wrenchbed.calibration.observability import Observability, analyse
 from wrenchbed.calibration.observations import Observations, fallback_covariance, observe
 from wrenchbed.calibration.problem import LOSSES, Problem
+from wrenchbed.calibration.start_values import begin, opposite
 from wrenchbed.calibration.touches import Agreement, Touches
 from wrenchbed.calibration.weighting import Outcome, fit
 from wrenchbed.data.recording import POINT, QUATERNION, Recording
 from wrenchbed.errors import CalibrationError, PlanError, RecordingError
 from wrenchbed.robots.base import Robot
-from wrenchbed.robots.model import Model
+from wrenchbed.simulation.closed_form import Model
 
 _ENOUGH_ROWS = 500
 _BLIND = 1e-5

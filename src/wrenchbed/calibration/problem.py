@@ -8,7 +8,7 @@ import numpy as np
 from wrenchbed.calibration.least_squares import Solution, solve
 from wrenchbed.calibration.observations import Observations
 from wrenchbed.calibration.touches import Touches
-from wrenchbed.robots.model import Model
+from wrenchbed.simulation.closed_form import Model
 
 LOSSES = ("linear", "huber", "student")
 _HUBER_K = 1.345

@@ -7,9 +7,10 @@ import numpy as np
 
 from wrenchbed.data.plan import Plan
 from wrenchbed.errors import PlanError
-from wrenchbed.hardware.drivers.base import Driver, Limits, check_motion, duration, straight
+from wrenchbed.hardware.drivers.base import Driver
 from wrenchbed.planning.clearance import Clearance
 from wrenchbed.robots.base import Robot, SimulatedRobot
+from wrenchbed.robots.motion_limits import Limits, check_motion, duration, straight
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,12 +22,12 @@ from wrenchbed.campaigns.setting import Fleet, Truth, draw, varied
 from wrenchbed.data.plan import Plan
 from wrenchbed.data.recording import Recording, joint_columns
 from wrenchbed.errors import WrenchbedError
-from wrenchbed.hardware.drivers.base import Limits, duration
 from wrenchbed.hardware.drivers.base.samples import as_designed
 from wrenchbed.physics.noise import noise_model
 from wrenchbed.planning.choose import poses
 from wrenchbed.robots.base import SimulatedRobot
-from wrenchbed.robots.model import Model
+from wrenchbed.robots.motion_limits import Limits, duration
+from wrenchbed.simulation.closed_form import Model
 from wrenchbed.twin.replay import simulate
 from wrenchbed.twin.twin import Twin
 

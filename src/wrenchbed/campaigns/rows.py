@@ -12,7 +12,7 @@ import pyarrow.parquet as pq
 from wrenchbed.campaigns.setting import Fleet, varied
 from wrenchbed.errors import FleetError
 from wrenchbed.files import atomic_write
-from wrenchbed.robots.model import Model
+from wrenchbed.simulation.closed_form import Model
 
 Row = dict[str, Any]
 ALL, SETTING, PARTS = "robots.parquet", "campaign.json", "parts"

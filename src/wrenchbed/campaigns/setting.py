@@ -19,7 +19,7 @@ from wrenchbed.effects.scene import Scene
 from wrenchbed.errors import ParameterError
 from wrenchbed.physics.taylor import Jet
 from wrenchbed.robots.base import SimulatedRobot
-from wrenchbed.robots.model import Model
+from wrenchbed.simulation.closed_form import Model
 
 VARIED = ("noise", "parameters", "effects", "poses")
 """What may differ from robot to robot."""

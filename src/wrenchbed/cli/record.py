@@ -22,10 +22,11 @@ from wrenchbed.cli import console
 from wrenchbed.cli import console as settings
 from wrenchbed.cli.console import Json
 from wrenchbed.errors import DriverError, ParameterError, PlanError
-from wrenchbed.hardware.drivers.base import Driver, Limits
+from wrenchbed.hardware.drivers.base import Driver
 from wrenchbed.hardware.drivers.base.live import LIVE, LiveDriver
 from wrenchbed.physics.wrench import CHANNELS, UNITS
 from wrenchbed.robots.base import SimulatedRobot
+from wrenchbed.robots.motion_limits import Limits
 
 
 @contextmanager

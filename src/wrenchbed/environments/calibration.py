@@ -9,10 +9,10 @@ from wrenchbed import registry
 from wrenchbed.environments.knowledge import Knowledge, knowledge
 from wrenchbed.environments.rendering import Picture
 from wrenchbed.errors import ParameterError
-from wrenchbed.hardware.drivers.base import Limits, duration
 from wrenchbed.physics.noise import NoiseStream, noise_model
 from wrenchbed.robots.base import SimulatedRobot
-from wrenchbed.robots.model import Model
+from wrenchbed.robots.motion_limits import Limits, duration
+from wrenchbed.simulation.closed_form import Model
 from wrenchbed.simulation.simulation import Simulation
 
 SETTLE_S, RATE_HZ = 0.5, 100.0

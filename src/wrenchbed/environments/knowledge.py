@@ -11,7 +11,7 @@ from wrenchbed.campaigns.setting import possible
 from wrenchbed.effects.chain import ActiveEffect, respond
 from wrenchbed.effects.scene import Scene
 from wrenchbed.robots.base import SimulatedRobot
-from wrenchbed.robots.model import Model
+from wrenchbed.simulation.closed_form import Model
 
 _TARGETS, _SEED = 200, 20_160_798
 _APART = 9.0

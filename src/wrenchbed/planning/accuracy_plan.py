@@ -20,7 +20,7 @@ from wrenchbed.planning.criteria import Criterion, i_optimality
 from wrenchbed.planning.exchange import Pool, exchange
 from wrenchbed.planning.rehearsal import Measurements, simulate_plan
 from wrenchbed.robots.base import GoalSets, Robot
-from wrenchbed.robots.model import Model
+from wrenchbed.simulation.closed_form import Model
 
 _MOST, _SCREENED, _TURNS, _ROUNDS = 400, 256, 2, 20
 SAMPLES = 100

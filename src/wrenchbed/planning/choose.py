@@ -8,7 +8,7 @@ from wrenchbed.errors import PlanError
 from wrenchbed.planning.criteria import INDICES, a_optimality
 from wrenchbed.planning.exchange import Pool, exchange
 from wrenchbed.robots.base import Robot, SimulatedRobot
-from wrenchbed.robots.model import Model
+from wrenchbed.simulation.closed_form import Model
 
 BASE_PERIOD_S = 10.0
 """Period of a multi-sine's slowest sine [s]."""

@@ -12,7 +12,7 @@ from wrenchbed.calibration.least_squares import solve
 from wrenchbed.calibration.touches import Touches
 from wrenchbed.errors import PlanError
 from wrenchbed.robots.base import Robot
-from wrenchbed.robots.model import Model
+from wrenchbed.simulation.closed_form import Model
 
 ROBOTS = 100
 _STEP, _TRIES, _THERE = 1e-6, 20, 1e-8

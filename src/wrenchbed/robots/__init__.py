@@ -1,4 +1,4 @@
 """Robots, one file or package each; `wrenchbed.registry.names("robots")` lists them."""
 
-SUPPORT = ("mjcf", "model")
+SUPPORT = ("mjcf", "motion_limits")
 """Modules here that are no plug-ins."""

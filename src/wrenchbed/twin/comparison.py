@@ -12,7 +12,7 @@ from wrenchbed import registry
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import ParameterError, WrenchbedError
 from wrenchbed.robots.base import SimulatedRobot
-from wrenchbed.robots.model import Model
+from wrenchbed.simulation.closed_form import Model
 from wrenchbed.twin.replay import simulate
 from wrenchbed.twin.twin import Twin
 

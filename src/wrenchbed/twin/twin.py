@@ -18,7 +18,7 @@ from wrenchbed.effects.scene import Scene
 from wrenchbed.errors import TwinError, WrenchbedError
 from wrenchbed.physics.taylor import Jet, Value
 from wrenchbed.robots.base import Robot
-from wrenchbed.robots.model import Model
+from wrenchbed.simulation.closed_form import Model
 from wrenchbed.twin.mechanics import Mechanism
 
 

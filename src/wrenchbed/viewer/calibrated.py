@@ -11,7 +11,7 @@ from wrenchbed.calibration.accuracy import tip_jacobian
 from wrenchbed.calibration.fit import Fit
 from wrenchbed.errors import ParameterError
 from wrenchbed.robots.base import SimulatedRobot
-from wrenchbed.robots.model import Model
+from wrenchbed.simulation.closed_form import Model
 from wrenchbed.simulation.simulation import Simulation
 from wrenchbed.viewer import layout
 from wrenchbed.viewer.elements import heat

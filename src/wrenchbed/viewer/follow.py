@@ -12,7 +12,7 @@ import numpy as np
 
 from wrenchbed import registry
 from wrenchbed.robots.base import SimulatedRobot
-from wrenchbed.robots.model import Model
+from wrenchbed.simulation.closed_form import Model
 from wrenchbed.simulation.simulation import Simulation
 from wrenchbed.viewer import layout
 from wrenchbed.viewer.elements import (

@@ -9,10 +9,10 @@ from wrenchbed import registry
 from wrenchbed.campaigns.itinerary import Leg, itinerary
 from wrenchbed.data.plan import Plan
 from wrenchbed.errors import ParameterError, PlanError
-from wrenchbed.hardware.drivers.base import Limits, duration, minimum_jerk
 from wrenchbed.physics.wrench import CHANNELS, UNITS
 from wrenchbed.robots.base import SimulatedRobot
-from wrenchbed.robots.model import Model
+from wrenchbed.robots.motion_limits import Limits, duration, minimum_jerk
+from wrenchbed.simulation.closed_form import Model
 from wrenchbed.simulation.simulation import Simulation
 from wrenchbed.viewer import layout
 from wrenchbed.viewer.elements import (

@@ -17,7 +17,7 @@ from wrenchbed.diagnosis.prepare.baseline import BIAS
 from wrenchbed.diagnosis.prepare.prepared import Prepared
 from wrenchbed.effects.chain import ActiveEffect, respond
 from wrenchbed.physics.wrench import CHANNELS
-from wrenchbed.robots.model import Model
+from wrenchbed.simulation.closed_form import Model
 from wrenchbed.twin.twin import Twin
 
 RIDGES = 10.0 ** np.arange(-3.0, 3.0, 0.5)

@@ -13,10 +13,10 @@ from wrenchbed.data.plan import Plan
 from wrenchbed.diagnosis.prepare import checks, scenes
 from wrenchbed.diagnosis.prepare.prepared import BLOCKS_IN_MOTION, RATES_HZ, Prepared, held_values
 from wrenchbed.errors import PlanError
-from wrenchbed.hardware.drivers.base import duration, straight
 from wrenchbed.physics.taylor import Jet
 from wrenchbed.planning.choose import multisine
 from wrenchbed.robots.base import Robot, SimulatedRobot
+from wrenchbed.robots.motion_limits import duration, straight
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,13 +20,13 @@ from wrenchbed.diagnosis.prepare.baseline import tolerances
 from wrenchbed.diagnosis.prepare.prepared import Prepared, prepare
 from wrenchbed.effects.chain import respond
 from wrenchbed.errors import DiagnosisError
-from wrenchbed.hardware.drivers.base import duration
 from wrenchbed.jobs.workers import one_thread
 from wrenchbed.physics.noise import NoiseStream
 from wrenchbed.physics.taylor import Jet
 from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.robots.base import INERTIA_AXES, Robot
-from wrenchbed.robots.model import Model
+from wrenchbed.robots.motion_limits import duration
+from wrenchbed.simulation.closed_form import Model
 
 SAMPLES, RATE = 60, 100.0
 """Rows of a pose and their rate [Hz]."""

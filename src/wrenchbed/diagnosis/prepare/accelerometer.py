@@ -16,7 +16,7 @@ from wrenchbed.data.recording import Recording
 from wrenchbed.effects.base_tilt import TYPICAL
 from wrenchbed.physics.rotations import cross
 from wrenchbed.physics.taylor import value
-from wrenchbed.robots.model import Model
+from wrenchbed.simulation.closed_form import Model
 
 TILT = "base.tilt"
 """The effect that it bears witness to."""

@@ -16,8 +16,8 @@ from wrenchbed.errors import DiagnosisError, NotFoundError, PlanError
 from wrenchbed.physics.rotations import cross
 from wrenchbed.physics.taylor import value
 from wrenchbed.physics.wrench import CHANNELS, Tool, wrench
-from wrenchbed.robots.model import Model
 from wrenchbed.robots.oriented import ROBOT as ORIENTED
+from wrenchbed.simulation.closed_form import Model
 
 LEAST_WEIGHT = 0.01
 """Least weight, over the stated one: below it, no load shows."""

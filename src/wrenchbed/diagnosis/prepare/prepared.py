@@ -18,7 +18,7 @@ from wrenchbed.effects.scene import Scene
 from wrenchbed.errors import DiagnosisError
 from wrenchbed.physics.taylor import Jet, value
 from wrenchbed.physics.wrench import CHANNELS
-from wrenchbed.robots.model import Model
+from wrenchbed.simulation.closed_form import Model
 
 SEALED = 0.25
 """Share of blocks that no fit sees."""

@@ -16,7 +16,7 @@ from wrenchbed.data.holds import Holds, gather
 from wrenchbed.data.recording import Recording
 from wrenchbed.effects.scene import WAY, Scene
 from wrenchbed.physics.taylor import Value, value
-from wrenchbed.robots.model import Model
+from wrenchbed.simulation.closed_form import Model
 
 
 def of_poses(

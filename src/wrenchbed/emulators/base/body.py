@@ -20,7 +20,7 @@ from wrenchbed.emulators.base.surface import Plate, Surface, tip_in
 from wrenchbed.errors import NotFoundError, ParameterError
 from wrenchbed.physics.noise import noise_model
 from wrenchbed.robots.base import SimulatedRobot
-from wrenchbed.robots.model import Model
+from wrenchbed.simulation.closed_form import Model
 from wrenchbed.simulation.servo_motion import ServoDrivenRobot, steps_in
 from wrenchbed.simulation.simulation import Simulation
 from wrenchbed.twin.replay import Playback

@@ -14,8 +14,9 @@ from wrenchbed.data.metadata import Metadata
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import DriverError, RecordingError
 from wrenchbed.hardware.device import Health
-from wrenchbed.hardware.drivers.base import Applied, ArmSample, Block, Driver, Limits, Move, Reached
+from wrenchbed.hardware.drivers.base import Applied, ArmSample, Block, Driver, Move, Reached
 from wrenchbed.hardware.transducers.base import WrenchSample
+from wrenchbed.robots.motion_limits import Limits
 
 NEAR = 1e-3
 """Farthest from a row's joint values that a pose may be [rad or m]."""

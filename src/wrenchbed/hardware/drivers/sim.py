@@ -26,22 +26,14 @@ from wrenchbed.data.metadata import Metadata
 from wrenchbed.effects.naming import active_effect
 from wrenchbed.errors import DriverError, LateError, NotFoundError, WrenchbedWarning
 from wrenchbed.hardware.device import Health
-from wrenchbed.hardware.drivers.base import (
-    Applied,
-    ArmSample,
-    Block,
-    Driver,
-    Limits,
-    Move,
-    Reached,
-    minimum_jerk,
-)
+from wrenchbed.hardware.drivers.base import Applied, ArmSample, Block, Driver, Move, Reached
 from wrenchbed.hardware.drivers.base.samples import as_designed
 from wrenchbed.hardware.transducers.base import WrenchSample
 from wrenchbed.physics.noise import NoiseStream, noise_model
 from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.robots.base import SimulatedRobot
-from wrenchbed.robots.model import Model
+from wrenchbed.robots.motion_limits import Limits, minimum_jerk
+from wrenchbed.simulation.closed_form import Model
 from wrenchbed.simulation.servo_motion import ServoDrivenRobot, steps_in
 from wrenchbed.simulation.simulation import Simulation
 from wrenchbed.twin.replay import Playback

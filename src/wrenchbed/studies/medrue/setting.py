@@ -18,7 +18,7 @@ from wrenchbed.planning.exchange import Pool, Selection, exchange
 from wrenchbed.robots.medrue import workspace
 from wrenchbed.robots.medrue.kinematics import IDENTIFIED
 from wrenchbed.robots.medrue.robot import MedRUE
-from wrenchbed.robots.model import Model
+from wrenchbed.simulation.closed_form import Model
 
 NOISY = {
     "A1z": 178.659, "C1y": -84.002, "A2y": -232.294, "A2z": 177.485, "C2z": 438.210,

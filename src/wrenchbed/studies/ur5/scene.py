@@ -18,8 +18,8 @@ from wrenchbed.physics.noise import NoiseModel, NoiseStream
 from wrenchbed.physics.rotations import rot_x, rot_z
 from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.robots.base import INERTIA_AXES
-from wrenchbed.robots.model import Model
 from wrenchbed.robots.ur5.robot import UR5
+from wrenchbed.simulation.closed_form import Model
 from wrenchbed.simulation.simulation import Simulation
 
 DIRECTIONS = ("right", "up", "backward", "down", "left")

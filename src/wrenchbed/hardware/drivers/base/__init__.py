@@ -5,14 +5,6 @@ methods with an underscore. `LiveDriver` adds what every real-time device shares
 """
 
 from wrenchbed.hardware.drivers.base.driver import Driver
-from wrenchbed.hardware.drivers.base.limits import (
-    Limits,
-    check_motion,
-    duration,
-    minimum_jerk,
-    peak_speed,
-    straight,
-)
 from wrenchbed.hardware.drivers.base.samples import Applied, ArmSample, Block, Move, Reached
 
 __all__ = [
@@ -20,12 +12,6 @@ __all__ = [
     "ArmSample",
     "Block",
     "Driver",
-    "Limits",
     "Move",
     "Reached",
-    "check_motion",
-    "duration",
-    "minimum_jerk",
-    "peak_speed",
-    "straight",
 ]

@@ -10,10 +10,10 @@ import numpy as np
 from wrenchbed.data.metadata import Metadata
 from wrenchbed.errors import DriverError
 from wrenchbed.hardware.device import Device
-from wrenchbed.hardware.drivers.base.limits import Limits, check_motion, duration, straight
 from wrenchbed.hardware.drivers.base.samples import Applied, ArmSample, Block, Move, Reached
 from wrenchbed.hardware.transducers.base import WrenchSample
 from wrenchbed.robots.base import Robot
+from wrenchbed.robots.motion_limits import Limits, check_motion, duration, straight
 
 
 class Driver(Device):

@@ -20,7 +20,6 @@ from wrenchbed.data.metadata import Metadata
 from wrenchbed.errors import DriverError, LateError, LinkError
 from wrenchbed.hardware.device import GONE_S, STALE_S, Health
 from wrenchbed.hardware.drivers.base.driver import Driver
-from wrenchbed.hardware.drivers.base.limits import Limits
 from wrenchbed.hardware.drivers.base.resampling import Even, Evenly
 from wrenchbed.hardware.drivers.base.samples import (
     Applied,
@@ -39,6 +38,7 @@ from wrenchbed.hardware.drivers.base.watched_move import (
 )
 from wrenchbed.hardware.transducers.base import Transducer, WrenchSample
 from wrenchbed.physics.wrench import CHANNELS
+from wrenchbed.robots.motion_limits import Limits
 
 
 def pace(due: float, period: float) -> float:

@@ -15,7 +15,7 @@ from numbers import Integral
 
 from wrenchbed import registry
 from wrenchbed.errors import ParameterError
-from wrenchbed.hardware.drivers.base import Limits
+from wrenchbed.robots.motion_limits import Limits
 
 SERVICES = {
     0x080: "EMCY", 0x180: "TPDO1", 0x200: "RPDO1", 0x280: "TPDO2", 0x300: "RPDO2",

@@ -10,7 +10,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from wrenchbed.hardware.drivers.base import minimum_jerk
+from wrenchbed.robots.motion_limits import minimum_jerk
 
 BRAKE_S = 0.15
 """Time in which a motion is braked to rest [s]."""

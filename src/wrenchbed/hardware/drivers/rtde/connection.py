@@ -12,10 +12,10 @@ from typing import Any
 
 from wrenchbed.errors import DriverError, LinkError, ParameterError, StoppedError
 from wrenchbed.hardware.device import STALE_S
-from wrenchbed.hardware.drivers.base.limits import Limits
 from wrenchbed.hardware.drivers.rtde.process import Worker
 from wrenchbed.hardware.drivers.rtde.shared_state import SharedState
 from wrenchbed.hardware.drivers.rtde.worker import Message
+from wrenchbed.robots.motion_limits import Limits
 
 PERIOD_S = 0.05
 

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from wrenchbed.calibration.observations import Observations
 from wrenchbed.errors import CalibrationError
 from wrenchbed.physics.taylor import Jet
-from wrenchbed.robots.model import Model
+from wrenchbed.simulation.closed_form import Model
 
 _LEVI_CIVITA = np.zeros((3, 3, 3))
 for _i, _j, _k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):

@@ -1,7 +1,4 @@
-"""Limits that are checked before anything is sent, the same in simulation and on a real robot.
-
-Straight joint-space moves and their speed.
-"""
+"""Straight joint-space moves, their speed, and the limits checked before anything moves."""
 
 from dataclasses import dataclass
 
