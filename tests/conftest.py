@@ -24,7 +24,7 @@ def pytest_xdist_make_scheduler(config, log):
     class ByFile(LoadFileScheduling):
         def _split_scope(self, nodeid):
             file = super()._split_scope(nodeid)
-            return "sealed" if "test_blind" in file else file
+            return "sealed" if "test_sealed" in file else file
 
     return ByFile(config, log)
 

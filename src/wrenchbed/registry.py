@@ -35,6 +35,16 @@ _PACKAGES = {
 """Kind → the package whose modules are its plug-ins, but `base` and what its `SUPPORT` names."""
 
 
+def plugin_modules(kind: str) -> tuple[str, ...]:
+    """Names of the modules that hold the plug-ins of a kind.
+
+    Raises:
+        NotFoundError: the kind does not exist.
+    """
+    _check_kind(kind)
+    return tuple(sorted(_modules(kind).values()))
+
+
 @cache
 def _modules(kind: str) -> dict[str, str]:
     package = importlib.import_module(_PACKAGES[kind])

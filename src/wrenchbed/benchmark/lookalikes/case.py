@@ -13,9 +13,9 @@ from wrenchbed.benchmark.lookalikes.imperfection import (
     ImperfectRobot,
     Scaled,
     gap,
+    raised_variance,
 )
 from wrenchbed.benchmark.lookalikes.outside import FAMILIES, families
-from wrenchbed.benchmark.lookalikes.recordings import raised_variance
 from wrenchbed.errors import ParameterError
 
 KINDS = ("none", "single", "pair", "outside")

@@ -220,3 +220,30 @@ def slow_noise(rng: np.random.Generator, rows: int, columns: int) -> np.ndarray:
     wave = np.fft.irfft(spectrum / np.sqrt(frequency)[:, None], n=max(rows, 4), axis=0)[:rows]
     wave = wave - wave.mean(axis=0)
     return np.asarray(wave / np.maximum(wave.std(axis=0), 1e-12))
+
+
+def raised_variance(design: ExperimentDesign, item: Imperfection, base: np.ndarray) -> np.ndarray:
+    """Rise of a row's variance (6,) over noise that an imperfection between rows brings.
+
+    Args:
+        base: noise-free reading (N, 6) of all else.
+    """
+    r = item.rows
+    assert r is not None
+    rise = r.gain**2 - 1.0 + (r.step / design.noise_std) ** 2 / 12.0
+    if r.shake is not None:
+        rise = rise + ((r.shake / design.noise_std) ** 2).mean(axis=0)
+    if r.stale[0] > 0.0:
+        held = base[held_rows(len(base), r.stale, np.random.default_rng(len(base)))]
+        rise = rise + (((held - base) / design.noise_std) ** 2).mean(axis=0)
+    return np.asarray(rise)
+
+
+def held_rows(rows: int, stale: tuple[float, float], rng: np.random.Generator) -> np.ndarray:
+    """Index (N,) of the row that is shown at each row: itself, or the one before a repeat."""
+    chance, length = stale
+    fresh = np.ones(rows, dtype=bool)
+    for start in np.flatnonzero(rng.uniform(size=rows) < chance):
+        fresh[start : start + 1 + rng.poisson(max(length - 1.0, 0.0))] = False
+    fresh[0] = True
+    return np.maximum.accumulate(np.where(fresh, np.arange(rows), 0))

@@ -4,19 +4,15 @@ Noise of rows: heavy tails, memory, correlation between channels and a slow wand
 """
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.signal import lfilter
 
+from wrenchbed.benchmark.lookalikes.case import LookalikeCase
 from wrenchbed.benchmark.lookalikes.design import ExperimentDesign
-from wrenchbed.benchmark.lookalikes.imperfection import Imperfection, slow_noise
+from wrenchbed.benchmark.lookalikes.imperfection import held_rows, slow_noise
 from wrenchbed.data.recording import QUATERNION, Recording
 from wrenchbed.physics.wrench import CHANNELS
-
-if TYPE_CHECKING:
-    from wrenchbed.benchmark.lookalikes.case import LookalikeCase
-
 
 WANDER = 0.3
 """Largest rms of the wander between holds in noises of one row: a gap below 0.1."""
@@ -99,7 +95,7 @@ _FEW = 10
 """With fewer rows a mean is not Gaussian: rows are drawn."""
 
 
-def recording(design: ExperimentDesign, case: "LookalikeCase") -> Recording:
+def recording(design: ExperimentDesign, case: LookalikeCase) -> Recording:
     """All rows of a case, with noise, clock jitter and whatever happens between rows."""
     rng = np.random.default_rng([case.seed, 3])
     rows = _rows(design, case)
@@ -131,7 +127,7 @@ def recording(design: ExperimentDesign, case: "LookalikeCase") -> Recording:
     return Recording(design.metadata, columns, f"lookalike-{case.seed}")
 
 
-def means(design: ExperimentDesign, case: "LookalikeCase") -> np.ndarray:
+def means(design: ExperimentDesign, case: LookalikeCase) -> np.ndarray:
     """Means of the holds (H, 6) [N, N·m], or the rows of a motion, with their noise."""
     changed = [i.rows for i, _ in case.items if i.rows is not None]
     coarse = any((r.step > 1.5 * design.noise_std).any() for r in changed)
@@ -151,24 +147,7 @@ def means(design: ExperimentDesign, case: "LookalikeCase") -> np.ndarray:
     return y + scatter
 
 
-def raised_variance(design: ExperimentDesign, item: Imperfection, base: np.ndarray) -> np.ndarray:
-    """Rise of a row's variance (6,) over noise that an imperfection between rows brings.
-
-    Args:
-        base: noise-free reading (N, 6) of all else.
-    """
-    r = item.rows
-    assert r is not None
-    rise = r.gain**2 - 1.0 + (r.step / design.noise_std) ** 2 / 12.0
-    if r.shake is not None:
-        rise = rise + ((r.shake / design.noise_std) ** 2).mean(axis=0)
-    if r.stale[0] > 0.0:
-        held = base[_held(len(base), r.stale, np.random.default_rng(len(base)))]
-        rise = rise + (((held - base) / design.noise_std) ** 2).mean(axis=0)
-    return np.asarray(rise)
-
-
-def _rows(design: ExperimentDesign, case: "LookalikeCase") -> np.ndarray:
+def _rows(design: ExperimentDesign, case: LookalikeCase) -> np.ndarray:
     """Rows (N, samples, 6) [N, N·m]."""
     rng = np.random.default_rng([case.seed, 2])
     law = noise_law(rng)
@@ -196,7 +175,7 @@ def _rows(design: ExperimentDesign, case: "LookalikeCase") -> np.ndarray:
     for r in changed:
         if r.stale[0] > 0.0:
             flat = y.reshape(-1, 6)
-            y = flat[_held(len(flat), r.stale, rng)].reshape(y.shape)
+            y = flat[held_rows(len(flat), r.stale, rng)].reshape(y.shape)
     return y
 
 
@@ -207,13 +186,3 @@ def _shaking(t: np.ndarray, frequency: float, rng: np.random.Generator) -> np.nd
     breath = 0.3 * np.sin(0.11 * frequency * t + rng.uniform(0.0, 6.28))
     wave = np.sin(2.0 * np.pi * frequency * t + rng.uniform(0.0, 6.28))
     return np.asarray(np.sqrt(2.0) * (1.0 + breath) * wave / np.sqrt(1.0 + 0.045))
-
-
-def _held(rows: int, stale: tuple[float, float], rng: np.random.Generator) -> np.ndarray:
-    """Index (N,) of the row that is shown at each row: itself, or the one before a repeat."""
-    chance, length = stale
-    fresh = np.ones(rows, dtype=bool)
-    for start in np.flatnonzero(rng.uniform(size=rows) < chance):
-        fresh[start : start + 1 + rng.poisson(max(length - 1.0, 0.0))] = False
-    fresh[0] = True
-    return np.maximum.accumulate(np.where(fresh, np.arange(rows), 0))

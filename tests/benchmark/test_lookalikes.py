@@ -1,0 +1,252 @@
+"""Look-alike cases: faults that show, a background that does not, and physics of their own."""
+
+import ast
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from wrenchbed import registry
+from wrenchbed.benchmark.lookalikes import (
+    ExperimentDesign,
+    draw,
+    effects,
+    families,
+    means,
+    recording,
+)
+from wrenchbed.benchmark.lookalikes.catalogue import EFFECTS
+from wrenchbed.errors import ParameterError
+from wrenchbed.physics.taylor import Jet
+from wrenchbed.physics.wrench import wrench
+from wrenchbed.planning.choose import multisine, poses
+from wrenchbed.robots.oriented import ROBOT as ORIENTED
+
+SOURCE = Path(__file__).parents[2] / "src" / "wrenchbed" / "benchmark" / "lookalikes"
+FORBIDDEN = {"effects", "simulation", "diagnosis", "twin"}
+MOTION_ONLY = {"tool.inertia", "timing.delay", "timing.lowpass", "timing.stale", "timing.skew"}
+
+
+def _static(name, holds=60):
+    robot = registry.load("robots", name)
+    return ExperimentDesign.of_plan(poses(robot, holds, 3), robot)
+
+
+def _dynamic(name, seconds=12.0):
+    robot = registry.load("robots", name)
+    return ExperimentDesign.of_plan(multisine(robot, seconds, 125.0, 1), robot)
+
+
+DESIGNS = {
+    "ur5 static": lambda: _static("ur5"),
+    "ur5 dynamic": lambda: _dynamic("ur5"),
+    "medrue static": lambda: _static("medrue"),
+}
+CACHE = {}
+
+
+def design_of(kind):
+    if kind not in CACHE:
+        CACHE[kind] = DESIGNS[kind]()
+    return CACHE[kind]
+
+
+each_design = pytest.mark.parametrize("kind", DESIGNS)
+
+
+def shows(case, effect, needed=1.0, rows=0.5):
+    if EFFECTS[effect].rows:
+        return case.rows[effect] >= rows
+    return case.gaps[effect] >= needed
+
+
+@each_design
+def test_every_effect_of_a_design_can_be_drawn_and_shows(kind):
+    design = design_of(kind)
+    known = effects(design)
+    assert len(known) >= 24
+    assert (set(known) & MOTION_ONLY == MOTION_ONLY) == design.moving
+    for effect in known:
+        case = draw(design, 11, "single", effect)
+        assert case.causes == (effect,) and case.kind == "single" and case.outside is None
+        assert shows(case, effect), effect
+        assert case.clean.shape == design.nominal.shape and np.isfinite(case.clean).all()
+        assert all(np.isfinite(v) for v in case.sizes[effect].values()) and case.sizes[effect]
+
+
+def test_five_bars_have_clearance_and_links_that_show():
+    assert {"joint.clearance", "link.length"} <= set(effects(design_of("medrue static")))
+    assert not {"joint.clearance", "link.length"} & set(effects(design_of("ur5 static")))
+
+
+@each_design
+def test_the_same_seed_gives_the_same_case_bit_for_bit(kind):
+    one, two = design_of(kind), DESIGNS[kind]()
+    for case_kind in ("single", "pair", "outside"):
+        a, b = draw(one, 4, case_kind), draw(two, 4, case_kind)
+        assert a.causes == b.causes and a.sizes == b.sizes and a.gaps == b.gaps
+        np.testing.assert_array_equal(a.clean, b.clean)
+        np.testing.assert_array_equal(means(one, a), means(two, b))
+    np.testing.assert_array_equal(recording(one, a).wrench, recording(two, b).wrench)
+
+
+def test_other_seeds_give_other_cases():
+    design = design_of("ur5 static")
+    cases = [draw(design, s) for s in range(30)]
+    assert len({c.causes for c in cases}) > 10
+    assert not np.array_equal(cases[0].clean, cases[1].clean)
+    assert len({c.background for c in cases}) == 30
+
+
+@each_design
+def test_the_background_alone_is_no_gap(kind):
+    design = design_of(kind)
+    count = 3 if design.moving else 40
+    for seed in range(count):
+        case = draw(design, seed, "none")
+        assert case.causes == () and case.gaps == {}
+        r = ((case.clean - design.nominal) / design.noise_std).ravel()
+        left = r - design.nuisance @ (design.nuisance.T @ r)
+        assert 0.01 < left @ left / len(r) < 0.5
+
+
+@each_design
+def test_pairs_are_two_causes_of_different_subsystems_that_both_show(kind):
+    design = design_of(kind)
+    for seed in range(2 if design.moving else 8):
+        case = draw(design, seed, "pair")
+        first, second = case.causes
+        assert first.split(".")[0] != second.split(".")[0]
+        assert shows(case, first, 1.5, 0.75) and shows(case, second, 1.5, 0.75)
+
+
+@each_design
+def test_families_outside_the_library_show(kind):
+    design = design_of(kind)
+    known = families(design)
+    assert len(known) >= 10
+    for name in known:
+        case = draw(design, 5, "outside", name)
+        assert case.causes == () and case.outside == name and case.gaps[name] >= 2.0
+
+
+@pytest.mark.parametrize("name", ["ur5", "medrue"])
+def test_at_rest_the_nominal_case_is_the_closed_form(name):
+    design = _static(name, 20)
+    rotation, position = design.robot.sensor_pose(design.q, design.theta)
+    tool = design.robot.tool(design.theta)
+    expected = wrench(rotation, position, tool, design.gravity)
+    np.testing.assert_allclose(design.nominal, expected, atol=1e-9, rtol=0.0)
+
+
+def test_a_tool_below_a_sensor_that_points_down_pulls_with_its_weight():
+    design = _static("ur5", 20)
+    down = design.motion.rotation[:, 2, 2]
+    fz = -design.load.mass * 9.80665 * down
+    np.testing.assert_allclose(design.nominal[:, 2], fz, atol=1e-9)
+
+
+def test_in_motion_the_nominal_case_is_newton_and_euler():
+    design = design_of("ur5 dynamic")
+    step = 1.0 / 125.0
+    speed = np.gradient(design.q, step, axis=0, edge_order=2)
+    from scipy.interpolate import CubicSpline
+
+    way = CubicSpline(design.t, design.q)
+    jet = Jet(design.q, way(design.t, 1), way(design.t, 2))
+    assert np.abs(speed - jet.d).max() < 0.05
+    pose = design.robot.sensor_pose(jet, design.theta)
+    expected = wrench(*pose, design.robot.tool(design.theta), design.gravity)
+    np.testing.assert_allclose(design.nominal[2:-2], expected[2:-2], atol=2e-3)
+
+
+def test_base_tilt_and_mount_rotation_have_the_robots_own_sign():
+    design = design_of("ur5 static")
+    for effect, group in (("base.tilt", "base.tilt"), ("mount.rotation", "mount.rotation")):
+        item = EFFECTS[effect].draw(design, np.random.default_rng(0), 2.0)
+        names = {f"{group}.{a}": v for a, v in item.values.items()}
+        theta = design.robot.parameters.vector(names, start=design.theta)
+        rotation, _ = design.robot.sensor_pose(design.q, theta)
+        motion = design.motion
+        if item.base is not None:
+            motion = motion.tilted(item.base * [1.0, 1.0, 0.0])
+        if item.mount is not None:
+            motion = motion.mounted(item.mount)
+        np.testing.assert_allclose(motion.rotation, rotation, atol=1e-9)
+
+
+@pytest.mark.parametrize("kind", ["ur5 static", "medrue static"])
+def test_means_of_holds_agree_with_full_rows(kind):
+    design = design_of(kind)
+    case = draw(design, 2, "single", "sensor.gain")
+    rows = recording(design, case)
+    assert len(rows) == len(design) * design.samples
+    hold = rows.wrench.reshape(len(design), design.samples, 6)
+    for mean in (hold.mean(axis=1), means(design, case)):
+        spread = ((mean - case.clean) / design.noise_std).std(axis=0)
+        assert (spread < 0.8).all()
+    own = (hold - hold.mean(axis=1, keepdims=True)).std(axis=(0, 1)) / design.noise_std
+    assert (np.abs(own - 1.0) < 0.2).all()
+
+
+def test_a_recording_gives_its_design_back():
+    design = design_of("ur5 static")
+    again = ExperimentDesign.of(recording(design, draw(design, 0, "none")))
+    assert len(again) == len(design) and again.samples == design.samples
+    np.testing.assert_allclose(again.q, design.q, atol=1e-4)
+    np.testing.assert_allclose(again.t - again.t[0], design.t - design.t[0], atol=1e-2)
+    assert "sensor.gain" in effects(again)
+    design = design_of("ur5 dynamic")
+    again = ExperimentDesign.of(recording(design, draw(design, 0, "none")))
+    np.testing.assert_allclose(again.nominal, design.nominal, atol=0.01)
+
+
+def test_rows_between_holds_show_what_only_rows_can():
+    design = design_of("ur5 static")
+    coarse = draw(design, 3, "single", "sensor.quantization")
+    rows = recording(design, coarse).wrench
+    k = max(coarse.sizes["sensor.quantization"], key=coarse.sizes["sensor.quantization"].get)
+    step, column = coarse.sizes["sensor.quantization"][k], "fx fy fz tx ty tz".split().index(k)
+    np.testing.assert_allclose(rows[:, column] / step, np.round(rows[:, column] / step), atol=1e-6)
+    clipped = draw(design, 3, "single", "sensor.saturation")
+    for name, limit in clipped.sizes["sensor.saturation"].items():
+        column = "fx fy fz tx ty tz".split().index(name)
+        top = np.abs(recording(design, clipped).wrench[:, column]).max()
+        assert top <= limit * (1.0 + 1e-9)
+
+
+def test_orientations_alone_are_a_design():
+    rng = np.random.default_rng(0)
+    q = ORIENTED.sample(40, rng)
+    seed = design_of("ur5 static")
+    design = ExperimentDesign(
+        ORIENTED, "static", q, 4.0 * np.arange(40.0), 20, 100.0, seed.metadata, seed.noise_std,
+        20.0 + 8.0 * np.linspace(0.0, 1.0, 40),
+    )  # fmt: skip
+    known = effects(design)
+    assert "sensor.gain" in known and not any(e.startswith("joint.") for e in known)
+    for effect in known:
+        assert shows(draw(design, 1, "single", effect), effect)
+    rows = recording(design, draw(design, 0))
+    assert rows.joints == () and "temperature" in rows.columns
+
+
+def test_what_a_design_cannot_show_is_refused():
+    design = design_of("ur5 static")
+    with pytest.raises(ParameterError, match="shows no 'timing.delay'"):
+        draw(design, 0, "single", "timing.delay")
+    with pytest.raises(ParameterError, match="kind of case"):
+        draw(design, 0, "triple")
+
+
+@pytest.mark.parametrize("path", sorted(SOURCE.glob("*.py")), ids=lambda p: p.name)
+def test_no_code_is_shared_with_the_library_of_effects(path):
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        names = []
+        if isinstance(node, ast.Import):
+            names = [a.name for a in node.names]
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            names = [node.module] + [f"{node.module}.{a.name}" for a in node.names]
+        for name in names:
+            parts = name.split(".")
+            assert not (parts[0] == "wrenchbed" and parts[1:] and parts[1] in FORBIDDEN), name

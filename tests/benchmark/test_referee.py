@@ -1,0 +1,259 @@
+"""The referee: independent, its machine as closed forms say, its laws as other integrators say."""
+
+import ast
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import wrenchbed
+from wrenchbed import registry
+from wrenchbed.benchmark.referee import arm, case, outside, sensor, tool
+from wrenchbed.benchmark.referee import setting as settings
+from wrenchbed.benchmark.referee import signatures as columns
+from wrenchbed.benchmark.referee.catalogue import EFFECTS, background, possible
+from wrenchbed.benchmark.referee.equivalence import SAME, Usual, bench
+from wrenchbed.benchmark.referee.fault import RefereeFault, mechanics, signal, total
+from wrenchbed.benchmark.referee.machine import Mechanics
+from wrenchbed.benchmark.referee.sensor import after, bouc_wen, lowpass
+from wrenchbed.benchmark.referee.world import FaultyRobot
+from wrenchbed.effects.chain import ActiveEffect, respond
+from wrenchbed.effects.scene import Scene
+
+SOURCE = Path(wrenchbed.__file__).parent
+FORBIDDEN = ("effects", "simulation", "twin", "benchmark.lookalikes", "diagnosis", "hardware")
+POSES = 6
+
+
+# ---- independence --------------------------------------------------------------------------------
+
+
+def modules(path):
+    """Modules of wrenchbed that a file imports, by dotted name without the package's own."""
+    names = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            names |= {a.name for a in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            names |= {node.module} | {f"{node.module}.{a.name}" for a in node.names}
+    return {n.removeprefix("wrenchbed.") for n in names if n.startswith("wrenchbed.")}
+
+
+def files(module):
+    folder = SOURCE.joinpath(*module.split("."))
+    return [f for f in (folder.with_suffix(".py"), folder / "__init__.py") if f.is_file()]
+
+
+def test_the_referee_shares_no_effect_code_even_indirectly():
+    reached, todo = (
+        set(),
+        {f"benchmark.referee.{f.stem}" for f in SOURCE.glob("benchmark/referee/*.py")},
+    )
+    while todo:
+        module = todo.pop()
+        if module not in reached and files(module):
+            reached.add(module)
+            todo |= {m for f in files(module) for m in modules(f)}
+    assert {"robots.base", "data.recording", "data.metadata"} < reached
+    assert not [m for m in reached if m.startswith(FORBIDDEN)]
+
+
+def test_the_library_does_not_know_the_referee():
+    for room in ("effects", "simulation", "twin", "benchmark/lookalikes", "diagnosis"):
+        for file in (SOURCE / room).rglob("*.py"):
+            assert not [m for m in modules(file) if "referee" in m], file
+
+
+# ---- laws of the sensor --------------------------------------------------------------------------
+
+
+def test_bouc_wen_agrees_with_a_general_integrator():
+    t = np.linspace(0.0, 3.0, 301)
+    x = 1.4 * np.sin(4.0 * t) * np.exp(-0.2 * t)
+    shape = 0.7
+    rate = lambda s: 1.4 * np.exp(-0.2 * s) * (4.0 * np.cos(4.0 * s) - 0.2 * np.sin(4.0 * s))  # noqa: E731
+
+    def slope(s, z):
+        v = rate(s)
+        return v * (1.0 - (shape * np.sign(v * z) + 1.0 - shape) * np.abs(z))
+
+    wanted = solve_ivp(slope, (0.0, 3.0), [0.0], t_eval=t, rtol=1e-9, atol=1e-11, max_step=0.01).y[
+        0
+    ]
+    assert bouc_wen(x[:, None], shape)[:, 0] == pytest.approx(wanted, abs=2e-3)
+
+
+def test_lags_of_a_ramp_are_their_time_constants():
+    t = np.arange(0.0, 4.0, 0.004)
+    ramp = np.stack([t, 2.0 * t], axis=1)
+    for late in (after(t, ramp, 0.3), lowpass(ramp, 0.004, 0.3, 2)):
+        assert ramp[-1] - late[-1] == pytest.approx([0.3, 0.6], rel=1e-3)
+
+
+# ---- its truth and the library's -----------------------------------------------------------------
+
+
+SAME_NUMBERS = {
+    "base.tilt": arm.tilt,
+    "mount.rotation": arm.mount,
+    "joint.offset": arm.offset,
+    "joint.compliance": lambda setting, rng, size: arm.compliance(setting, rng, size, j=2),
+    "tool.mass": tool.mass,
+    "tool.cog": tool.cog,
+    "sensor.bias": sensor.bias,
+    "sensor.gain": sensor.gain,
+    "sensor.crosstalk": sensor.crosstalk,
+    "sensor.drift": sensor.drift,
+}
+
+
+@pytest.mark.parametrize("name", list(SAME_NUMBERS))
+def test_true_numbers_mean_what_the_library_publishes(world, name):
+    """The library's formula with the referee's numbers gives what the referee's machine reads."""
+    setting = world.setting
+    fault = SAME_NUMBERS[name](setting, np.random.default_rng(3), 4.0)
+    found = case.measured(world, fault).signature
+    q, t = setting.mean(setting.path.q), setting.mean(setting.path.t)
+    held = np.ones(len(q), dtype=bool)
+    gravity = np.array(setting.robot.gravity)
+    scene = Scene(setting.robot, setting.theta, gravity, q, t - setting.path.t[0], held)
+    wanted = respond(scene, [ActiveEffect.of(setting.robot, name, dict(fault.true))]) - respond(
+        scene
+    )
+    usual = world.usual
+    configured = name in case.STATED or name == "sensor.drift"
+    size = usual.gap(found, configured)
+    assert size > 0.1
+    assert usual.gap(found - wanted, configured) < 0.02 * size
+
+
+# ---- cases ---------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def small(monkeypatch):
+    monkeypatch.setattr(settings, "POSES", (24, 24))
+    monkeypatch.setattr(settings, "SAMPLES", 10)
+
+
+@pytest.fixture
+def world(small):
+    robot = registry.load("robots", "ur5")
+    setting = settings.draw(robot, "static", np.random.default_rng(5))
+    return FaultyRobot.of(setting, (), Usual.of(setting))
+
+
+@pytest.mark.parametrize("name", [n for n, e in EFFECTS.items() if not e.motion and not e.loops])
+def test_every_effect_changes_what_is_read(world, name):
+    fault = EFFECTS[name].draw(world.setting, np.random.default_rng(6), 4.0)
+    assert fault.name == name
+    found = case.measured(world, fault)
+    assert max(found.gap, found.rows) > 1e-3
+
+
+@pytest.mark.parametrize("name", list(outside.FAMILIES))
+def test_every_family_outside_changes_what_is_read(world, name):
+    found = case.measured(
+        world, outside.FAMILIES[name](world.setting, np.random.default_rng(2), 2.0)
+    )
+    assert found.fault.name == name
+    assert name not in EFFECTS
+    assert found.gap > 0.1
+
+
+def test_effects_of_motion_are_for_motions():
+    robot = registry.load("robots", "ur5")
+    rng = np.random.default_rng(1)
+    still, moving = (settings.draw(robot, m, rng) for m in ("static", "dynamic"))
+    assert "timing.delay" not in possible(still)
+    assert {"timing.delay", "tool.inertia"} < set(possible(moving))
+    assert "link.length" not in possible(moving)
+    assert moving.path.moving and not still.path.moving
+
+
+def test_a_turned_last_joint_is_a_turned_sensor(world):
+    found = case.measured(world, arm.offset(world.setting, np.random.default_rng(1), 4.0, j=5))
+    signatures = bench(world.setting, world.way, world.usual)
+    left = signatures.imitated(found.signature, configured=False)
+    assert found.gap > 1.0
+    assert left["mount.rotation"] < 0.01 * found.gap
+    assert left["sensor.drift"] > 0.5 * found.gap
+    assert "mount.rotation" in signatures.alike("joint.offset", found.signature)
+    assert left["mount.rotation"] <= SAME
+
+
+def test_a_wrong_mass_is_a_gain_of_everything(world):
+    found = case.measured(world, tool.mass(world.setting, np.random.default_rng(1), 1.0))
+    signatures = bench(world.setting, world.way, world.usual)
+    assert "sensor.gain" in signatures.alike("tool.mass", found.signature)
+    assert signatures.shows(found.signature, found.signature, configured=True)
+    assert not signatures.shows(-found.signature, found.signature, configured=True)
+
+
+def test_the_usual_fit_takes_out_bias_mass_and_cog(world):
+    usual = columns.nuisance(world.setting)
+    mixed = usual @ np.linspace(1.0, 2.0, usual.shape[-1])
+    assert world.usual.gap(mixed, configured=False) < 1e-12 * world.usual.gap(
+        mixed, configured=True
+    )
+
+
+def test_numbers_of_one_effect_add_up():
+    faults = [
+        RefereeFault("base.tilt", {"x": 1.0, "y": 2.0}),
+        RefereeFault("base.tilt", {"x": 0.5}),
+    ]
+    assert total([*faults, RefereeFault("tool.mass", {"mass": 3.0})], "base.tilt") == {
+        "x": 1.5,
+        "y": 2.0,
+    }
+
+
+def test_the_background_has_many_families_and_grows_with_its_scale(world):
+    rng = lambda: np.random.default_rng(8)  # noqa: E731
+    faults = background(world.setting, rng(), 0.3)
+    assert len({f.name for f in faults}) > 12
+    readings = []
+    for scale in (0.1, 0.4):
+        around = background(world.setting, rng(), scale)
+        readings.append(FaultyRobot.of(world.setting, around, world.usual).base - world.base)
+    gaps = [world.usual.gap(r, configured=False) for r in readings]
+    assert 0.0 < gaps[0] < gaps[1]
+
+
+@pytest.mark.parametrize("kind", case.KINDS)
+def test_a_case_holds_what_its_kind_promises(small, kind):
+    found = case.make("ur5", "static", kind, (3, 1))
+    assert found.kind == kind
+    assert found.minor <= case.LARGEST_MINOR
+    assert len(found.causes) == {"none": 0, "single": 1, "pair": 2, "outside": 1}[kind]
+    for cause in found.causes:
+        between = kind != "outside" and EFFECTS[cause.fault.name].between
+        needed = case.ROWS_NEEDED if between else case.NEEDED
+        assert (cause.rows if between else cause.gap) >= needed[kind]
+        assert 0.5 <= cause.fault.size <= 4.0
+    if kind == "pair":
+        subsystems = {c.fault.name.split(".")[0] for c in found.causes}
+        assert len(subsystems) == 2
+    if kind == "outside":
+        left = found.bench.imitated(found.causes[0].signature, configured=False, bounded=False)
+        assert min(left.values()) >= case.LIBRARY_LEAVES
+    again = case.make("ur5", "static", kind, (3, 1))
+    for name, column in found.recording.columns.items():
+        assert np.array_equal(column, again.recording.columns[name]), name
+    assert found.recording.metadata == again.recording.metadata
+
+
+def test_mechanics_collects_the_faults_of_the_body(world):
+    start = Mechanics(world.setting.theta, np.array([0.0, 0.0, -9.8]), np.zeros(6))
+    rng = np.random.default_rng(0)
+    faults = [
+        arm.compliance(world.setting, rng, 1.0, j=2),
+        arm.offset(world.setting, rng, 1.0, j=1),
+    ]
+    truth = mechanics(start, faults)
+    assert truth.give[2] == pytest.approx(faults[0].true["compliance.q3"])
+    q = np.zeros((2, 6))
+    assert truth.driven(q)[:, 1] == pytest.approx(faults[1].true["offset.q2"])
+    assert np.array_equal(signal(world.way, []), world.way.load)

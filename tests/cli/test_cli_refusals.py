@@ -1,0 +1,183 @@
+"""The command line refuses bad input in one clear line, and writes nothing."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+from commanded import names, said
+from wrenchbed.cli import main
+from wrenchbed.data import parquet
+
+DATA = Path(__file__).parents[1] / "data" / "ntnu_kuka_ati_gamma"
+
+
+def spoiled(made: Path, folder: Path, change) -> str:
+    """A recording with one thing wrong, written without any check."""
+    table = pq.read_table(made / "rec.parquet")
+    columns = {n: table.column(n).to_numpy().copy() for n in table.column_names}
+    raw = json.loads(table.schema.metadata[b"wrenchbed"])
+    change(columns, raw)
+    path = folder / "bad.parquet"
+    parquet.write(path, parquet.table_of(columns, raw))
+    return str(path)
+
+
+def cut(columns, raw):
+    for name in columns:
+        columns[name] = columns[name][:0]
+
+
+def degrees(columns, raw):
+    for j in range(1, 7):
+        columns[f"q{j}"] = np.rad2deg(columns[f"q{j}"])
+
+
+BAD_RECORDINGS = {
+    "NaN": (lambda c, r: c["fx"].__setitem__(3, np.nan), "column 'fx', row 3: nan"),
+    "unsorted": (lambda c, r: c.update(t=c["t"][::-1].copy()), "column 't', row 1"),
+    "missing column": (lambda c, r: c.pop("tz"), "column 'tz' is missing"),
+    "wrong robot": (lambda c, r: r.update(robot="medrue"), "robot 'medrue': row 0"),
+    "unknown robot": (lambda c, r: r.update(robot="hal"), "there is no robot 'hal' here"),
+    "0 rows": (cut, "0 rows"),
+    "mixed units": (degrees, "is it in degrees?"),
+    "negative mass": (lambda c, r: r["tool"].update(mass=-1.0), "tool.mass = -1.0 must be above 0"),
+    "negative weight": (
+        lambda c, r: [c.update({k: -c[k]}) for k in ("fx", "fy", "fz", "tx", "ty", "tz")],
+        "opposite sign",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", BAD_RECORDINGS)
+def test_a_bad_recording_gives_one_line_and_nothing_is_written(made, tmp_path, capfd, name):
+    change, words = BAD_RECORDINGS[name]
+    path = spoiled(made, tmp_path, change)
+    assert main(["calibrate", path, "--out", str(tmp_path / "fit.json")]) == 1
+    line = said(capfd)
+    assert words in line
+    assert names(tmp_path) == ["bad.parquet"]
+
+
+def test_a_truncated_recording_gives_one_line(made, tmp_path, capfd):
+    whole = (made / "rec.parquet").read_bytes()
+    (tmp_path / "bad.parquet").write_bytes(whole[: len(whole) // 2])
+    arguments = ["calibrate", str(tmp_path / "bad.parquet"), "--out", str(tmp_path / "fit.json")]
+    assert main(arguments) == 1
+    assert "not a complete Parquet file" in said(capfd)
+    assert names(tmp_path) == ["bad.parquet"]
+
+
+def bad_plan(folder: Path, q, robot="ur5") -> str:
+    path = folder / "plan.parquet"
+    data = {f"q{j + 1}": np.asarray(q, dtype=float)[:, j] for j in range(np.shape(q)[1])}
+    parquet.write(path, parquet.table_of(data, {"format": 1, "robot": robot}))
+    return str(path)
+
+
+@pytest.mark.parametrize(
+    ("q", "extra", "words"),
+    [
+        (np.full((2, 6), 90.0), [], "row 0: q1 = 90 rad is outside its limits"),
+        (np.zeros((2, 5)), [], "has 6 joints (q1…q6), found 5"),
+        (np.zeros((2, 6)), ["--driver", "warp"], "no driver 'warp'"),
+        (np.zeros((2, 6)), ["--robot", "medrue"], "the plan is for robot 'ur5', not 'medrue'"),
+        (np.zeros((2, 6)), ["--samples", "0"], "must be above 0"),
+        (np.zeros((2, 6)), ["--rate", "0"], "must be above 0"),
+        (np.zeros((2, 6)), ["--rate", "-5"], "must be above 0"),
+        (np.zeros((2, 6)), ["--parameters", "none.json"], "none.json: there is no such file"),
+    ],
+)
+def test_a_plan_that_cannot_run_gives_one_line_and_nothing_is_written(
+    tmp_path, capfd, q, extra, words
+):
+    plan = bad_plan(tmp_path, q)
+    out = str(tmp_path / "rec.parquet")
+    assert main(["record", "--robot", "ur5", "--plan", plan, "--out", out, *extra]) == 1
+    assert words in said(capfd)
+    assert names(tmp_path) == ["plan.parquet"]
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ('{"tool.mass": -1}', "tool.mass = -1 kg lies outside"),
+        ('{"tool.mas": 1}', "did you mean 'tool.mass'"),
+        ('{"dq1": 90}', "is it in degrees?"),
+        ("[1]", "must be a JSON object"),
+        ("{", "not valid JSON"),
+        ('{"tool.inertia.xx": 5}', "is that of no body"),
+    ],
+)
+def test_wrong_parameters_give_one_line(made, tmp_path, capfd, text, words):
+    (tmp_path / "truth.json").write_text(text)
+    arguments = ["record", "--robot", "ur5", "--plan", str(made / "plan.parquet")]
+    arguments += [
+        "--out",
+        str(tmp_path / "r.parquet"),
+        "--parameters",
+        str(tmp_path / "truth.json"),
+    ]
+    assert main(arguments) == 1
+    assert words in said(capfd)
+    assert names(tmp_path) == ["truth.json"]
+
+
+def test_a_place_that_cannot_be_written_gives_one_line(made, tmp_path, capfd):
+    (tmp_path / "file").write_text("")
+    out = str(tmp_path / "file" / "plan.parquet")
+    assert main(["plan", "ur5", "--out", out]) == 1
+    assert "file" in said(capfd)
+    out = str(tmp_path / "file" / "fit.json")
+    assert main(["calibrate", str(made / "rec.parquet"), "--out", out]) == 1
+    assert "file" in said(capfd)
+    assert names(tmp_path) == ["file"]
+
+
+def test_what_was_read_is_never_written_over(made, tmp_path, capfd):
+    rec = tmp_path / "rec.parquet"
+    rec.write_bytes((made / "rec.parquet").read_bytes())
+    before = rec.read_bytes()
+    assert main(["calibrate", str(rec), "--out", str(rec)]) == 1
+    assert "is an input too" in said(capfd)
+    assert main(["record", "--robot", "ur5", "--plan", str(rec), "--out", str(rec)]) == 1
+    assert "is an input too" in said(capfd)
+    out = str(tmp_path / "new.parquet")
+    assert main(["record", "--robot", "ur5", "--plan", str(rec), "--out", out]) == 1
+    assert "this is a recording" in said(capfd)
+    assert rec.read_bytes() == before
+    assert names(tmp_path) == ["rec.parquet"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["plan", "ur5", "--seed", "-1"], "seed -1 must not be negative"),
+        (["plan", "ur5", "--n", "0"], "is empty"),
+        (["plan", "ur5", "--motion", "multisine", "--rate", "nan"], "10 Hz or more"),
+        (["plan", "ur5", "--motion", "multisine", "--seconds", "inf"], "10 Hz or more"),
+    ],
+)
+def test_impossible_plans_give_one_line(tmp_path, capfd, arguments, words):
+    assert main([*arguments, "--out", str(tmp_path / "p.parquet")]) == 1
+    assert words in said(capfd)
+    assert names(tmp_path) == []
+
+
+def test_a_misspelt_truth_is_refused(made, tmp_path, capfd):
+    (tmp_path / "truth.json").write_text('{"tool.mas": 1}')
+    arguments = ["calibrate", str(made / "rec.parquet"), "--truth", str(tmp_path / "truth.json")]
+    assert main(arguments) == 1
+    assert "'tool.mas' = 1 is no parameter" in said(capfd)
+
+
+def test_a_map_with_mixed_units_gives_one_line(tmp_path, capfd):
+    text = (DATA / "static.toml").read_text().replace('"fy", unit = "N"', '"fy", unit = "lbf"')
+    (tmp_path / "map.toml").write_text(text)
+    file = str(DATA / "0-calibration_fts-accel.csv")
+    out = str(tmp_path / "rec.parquet")
+    assert main(["import", file, "--map", str(tmp_path / "map.toml"), "--out", out]) == 1
+    assert "mixed units: fx in N, fy in lbf, fz in N" in said(capfd)
+    assert names(tmp_path) == ["map.toml"]

@@ -1,0 +1,196 @@
+"""Imports: units, clocks, orientations, and every mistake in a map named."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from wrenchbed.data import column_map
+from wrenchbed.data.import_files import import_files
+from wrenchbed.errors import MapError, WrenchbedError
+
+NTNU = Path(__file__).parents[1] / "data" / "ntnu_kuka_ati_gamma"
+CHANNELS = ("fx", "fy", "fz", "tx", "ty", "tz")
+
+
+def basic(**changes):
+    columns = {c: {"column": c.upper(), "unit": "N" if c[0] == "f" else "N·m"} for c in CHANNELS}
+    columns |= {f"q{j}": {"column": f"J{j}", "unit": "deg"} for j in range(1, 7)}
+    columns |= {"t": {"column": "time", "unit": "ms"}}
+    columns |= changes
+    entry = {"match": "*.csv", "columns": {k: v for k, v in columns.items() if v is not None}}
+    return {"recording": {"robot": "ur5", "mode": "static"}, "file": [entry]}
+
+
+def write_map(folder: Path, raw) -> Path:
+    path = folder / "map.json"
+    path.write_text(json.dumps(raw))
+    return path
+
+
+def write_csv(folder: Path, n=4, name="data.csv", **changes) -> Path:
+    data = {"time": [str(10 * i) for i in range(n)]}
+    data |= {c.upper(): [f"{i + k}.5" for i in range(n)] for k, c in enumerate(CHANNELS)}
+    data |= {f"J{j}": ["90" for _ in range(n)] for j in range(1, 7)} | changes
+    rows = [",".join(data)] + [",".join(v[i] for v in data.values()) for i in range(n)]
+    path = folder / name
+    path.write_text("\n".join(rows) + "\n")
+    return path
+
+
+def load(folder: Path, raw, **changes):
+    return import_files([write_csv(folder, **changes)], column_map.read(write_map(folder, raw)))
+
+
+def test_units_are_converted_to_si(tmp_path):
+    raw = basic(
+        tx={"column": "TX", "unit": "Nmm"}, ty={"column": "TY", "unit": "Nmm"},
+        tz={"column": "TZ", "unit": "Nmm"}, fz={"column": "FZ", "unit": "N", "sign": -1},
+    )  # fmt: skip
+    recording = load(tmp_path, raw).recording
+    assert np.allclose(recording.t, [0, 0.01, 0.02, 0.03])
+    assert np.allclose(recording.q, np.pi / 2)
+    assert np.allclose(recording.wrench[0], [0.5, 1.5, -2.5, 3.5e-3, 4.5e-3, 5.5e-3])
+
+
+@pytest.mark.parametrize(
+    ("raw", "words"),
+    [
+        ({"recording": {"robot": "ur5", "mode": "static"}}, r"at least one \[\[file\]\]"),
+        ({"recordings": {}}, "unknown entry 'recordings'"),
+        (basic() | {"recording": {"mode": "static"}}, "robot = None"),
+        (basic() | {"recording": {"robot": "ur5", "mode": "static", "tool": {"mass": -1}}},
+         "tool.mass = -1 must be above 0"),
+        (basic(fx={"column": "FX"}), "fx states no unit; one of N, kN, lbf"),
+        (basic(fx={"column": "FX", "unit": "Nm"}), "fx in 'Nm' is no unit of force"),
+        (basic(fx={"column": "FX", "unit": "lbf"}), "mixed units: fx in lbf, fy in N, fz in N"),
+        (basic(fx={"unit": "N"}), "fx needs a table with column"),
+        (basic(fx={"column": "FX", "unit": "N", "sign": 2}), "sign = 2 must be 1 or -1"),
+        (basic(fx=None), "no column is mapped to fx"),
+        (basic(force={"column": "FX", "unit": "N"}), "'force' is no column of a recording"),
+        (basic(r11={"column": "R11"}), "needs all of r11…r33, found 1"),
+    ],
+    ids=str,
+)  # fmt: skip
+def test_a_wrong_map_names_the_entry(tmp_path, raw, words):
+    with pytest.raises(MapError, match=words):
+        column_map.read(write_map(tmp_path, raw))
+
+
+@pytest.mark.parametrize(
+    ("raw", "changes", "words"),
+    [
+        (basic(fx={"column": "Fx", "unit": "N"}), {}, "column 'Fx' is missing; found time, FX"),
+        (basic(), {"FX": ["1", "x", "2", "3"]}, "column 'FX', row 1: 'x' is no number|'FX', row 0"),
+        (basic(), {"FX": ["1", "", "2", "3"]}, "column 'FX', row 1: the value is missing"),
+        (basic(), {"time": ["0", "20", "10", "30"]}, "'time', row 2: the clock does not advance"),
+        (basic(), {"n": 0}, "0 rows"),
+        (basic() | {"file": [basic()["file"][0] | {"match": "x.csv"}]}, {}, "must fit one of"),
+    ],
+    ids=lambda x: x if isinstance(x, str) else "",
+)
+def test_a_wrong_file_names_column_and_row(tmp_path, raw, changes, words):
+    with pytest.raises(MapError, match=words):
+        load(tmp_path, raw, **changes)
+
+
+def test_a_column_that_appears_twice_is_refused(tmp_path):
+    path = write_csv(tmp_path)
+    lines = path.read_text().splitlines()
+    path.write_text("\n".join([lines[0] + ",FX", *(line + ",1" for line in lines[1:])]))
+    with pytest.raises(MapError, match="column 'FX' appears twice"):
+        import_files([path], column_map.read(write_map(tmp_path, basic())))
+
+
+def test_files_and_maps_that_do_not_exist_are_named(tmp_path):
+    with pytest.raises(MapError, match="no such file"):
+        column_map.read(tmp_path / "none.toml")
+    (tmp_path / "map.toml").write_text("= 3")
+    with pytest.raises(MapError, match="not valid TOML"):
+        column_map.read(tmp_path / "map.toml")
+    good = column_map.read(write_map(tmp_path, basic()))
+    with pytest.raises(MapError, match="no such file"):
+        import_files([tmp_path / "none.csv"], good)
+    extra = [write_csv(tmp_path), tmp_path / "notes.txt"]
+    with pytest.raises(MapError, match=r"notes.txt: no \[\[file\]\]"):
+        import_files(extra, good)
+
+
+def two_files(folder: Path, step_us: int):
+    """A wrench at 1 kHz and an orientation on its own slower clock, epoch times in µs."""
+    start = 1_708_857_503_929_545
+    clock = start + 1000 * np.arange(400)
+    other = start - 5000 + step_us * np.arange(int(500_000 / step_us))
+    wrench = ["t,fx,fy,fz,tx,ty,tz"] + [f"{c},1,2,3,4,5,6" for c in clock]
+    angle = (other - start) * 1e-6
+    turns = Rotation.from_rotvec(np.outer(angle, [0.0, 1.0, 0.0])).as_matrix().reshape(-1, 9)
+    names = [f"r{i}{j}" for i in (1, 2, 3) for j in (1, 2, 3)]
+    lines = ["t," + ",".join(names)]
+    lines += [f"{c}," + ",".join(f"{x:.12g}" for x in r) for c, r in zip(other, turns, strict=True)]
+    (folder / "w.csv").write_text("\n".join(wrench))
+    (folder / "o.csv").write_text("\n".join(lines))
+    clock_entry = {"t": {"column": "t", "unit": "us"}}
+    first = {c: {"column": c, "unit": "N" if c[0] == "f" else "Nm"} for c in CHANNELS}
+    raw = {
+        "recording": {"robot": "kuka", "mode": "dynamic", "rate_hz": 1000.0},
+        "file": [
+            {"match": "w.csv", "columns": first | clock_entry},
+            {"match": "o.csv", "columns": {n: {"column": n} for n in names} | clock_entry},
+        ],
+    }
+    return [folder / "w.csv", folder / "o.csv"], column_map.read(write_map(folder, raw))
+
+
+@settings(max_examples=10, deadline=None)
+@given(step=st.integers(2000, 40_000))
+def test_orientations_are_merged_along_the_shortest_turn(tmp_path_factory, step):
+    files, mapping = two_files(tmp_path_factory.mktemp("h"), step)
+    imported = import_files(files, mapping)
+    recording = imported.recording
+    assert len(recording) + imported.left_out == 400
+    wanted = Rotation.from_rotvec(np.outer(recording.t, [0.0, 1.0, 0.0])).as_matrix()
+    assert np.abs(recording.rotation - wanted).max() < 1e-9
+    assert np.allclose(np.diff(recording.t), 1e-3, atol=1e-12)
+
+
+def test_real_static_poses_come_in(tmp_path):
+    mapping = column_map.read(NTNU / "static.toml")
+    recording = import_files([NTNU / "0-calibration_fts-accel.csv"], mapping).recording
+    assert len(recording) == 24
+    assert recording.metadata.robot == "kuka-lbr-med14"
+    assert recording.metadata.gravity == (0.0, 0.0, -9.82085)
+    # the file states gravity in sensor axes beside the orientation: they must agree
+    raw = np.genfromtxt(NTNU / "0-calibration_fts-accel.csv", delimiter=",", names=True)
+    stated = np.stack([raw["gx"], raw["gy"], raw["gz"]], axis=-1)
+    seen = np.array(recording.metadata.gravity) @ recording.rotation
+    assert np.abs(seen - stated).max() < 0.01
+    # the accelerometer's axes are turned into the sensor's: at rest it reads minus gravity
+    assert np.allclose(recording.columns["ay"], raw["az"] * 9.80665)
+    read = np.stack([recording.columns[a] for a in ("ax", "ay", "az")], axis=-1)
+    assert np.abs(read + seen).max() < 1.0
+
+
+def test_real_motion_is_merged_from_three_clocks():
+    mapping = column_map.read(NTNU / "motion.toml")
+    files = [NTNU / f"1-baseline_{k}.csv" for k in ("wrench", "accel", "orientations")]
+    imported = import_files(files, mapping)
+    recording = imported.recording
+    assert len(recording) + imported.left_out == 4376
+    assert imported.left_out < 20
+    turned = Rotation.from_matrix(recording.rotation[0].T @ recording.rotation[-1]).magnitude()
+    assert np.rad2deg(turned) == pytest.approx(180.0, abs=1.0)
+    assert recording.t[-1] == pytest.approx(6.3, abs=0.2)
+
+
+@settings(max_examples=60, deadline=None)
+@given(text=st.text(max_size=200))
+def test_any_text_as_a_map_gives_a_named_error(tmp_path_factory, text):
+    folder = tmp_path_factory.mktemp("h")
+    for name in ("map.toml", "map.json"):
+        (folder / name).write_text(text, encoding="utf-8")
+        with pytest.raises(WrenchbedError):
+            column_map.read(folder / name)

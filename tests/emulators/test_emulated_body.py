@@ -1,0 +1,213 @@
+"""The robot behind the wires: its readings at rest and on the way, with effects and contact."""
+
+import numpy as np
+import pytest
+from scipy.signal import savgol_filter
+
+from wrenchbed import registry
+from wrenchbed.emulators.base.body import Body, BodyOptions
+from wrenchbed.emulators.base.emulator import EmulatorOptions as TwinOptions
+from wrenchbed.errors import NotFoundError, ParameterError
+from wrenchbed.hardware.drivers import sim
+from wrenchbed.physics.taylor import Jet
+
+CYCLE = 0.008
+
+
+def go(body: Body, q: np.ndarray, seconds: float = 1.0, rest: float = 0.5) -> list[np.ndarray]:
+    """Move there smoothly and rest; the readings of each cycle on the way."""
+    start, n = np.array(body.target), round(seconds / CYCLE)
+    shown = []
+    for k in range(n + round(rest / CYCLE)):
+        s = min((k + 1) / n, 1.0)
+        body.step(start + (10 * s**3 - 15 * s**4 + 6 * s**5) * (q - start))
+        shown.append(body.readings(np.array([body.ahead]))[0][0])
+    return shown
+
+
+@pytest.mark.parametrize("robot", ["ur5", "medrue"])
+def test_at_rest_it_reads_the_exact_wrench(robot):
+    body = Body(BodyOptions(robot, noise="off"), CYCLE)
+    q = body.robot.sample(1, np.random.default_rng(3))[0]
+    last = go(body, q, 3.0, 1.5)[-1]
+    assert np.abs(body.q - q).max() < 1e-7
+    assert np.abs(last - body.simulation.wrench(q[None])[0]).max() < 1e-5
+    assert body.ahead == pytest.approx((375 + 188) * CYCLE)
+    assert body.time == pytest.approx(body.ahead - CYCLE)
+
+
+@pytest.mark.parametrize(
+    "effect",
+    ["joint.compliance", "sensor.gain", "base.tilt", "cable.pull", "link.length", "mount.rotation",
+     "joint.backlash"],
+)  # fmt: skip
+def test_effects_at_rest_are_those_of_the_simulated_driver(effect):
+    """Two routes through the same poses: the campaign in simulated time, and cycle by cycle."""
+    body = Body(BodyOptions("ur5", noise="off", effects=(effect,), seed=2), CYCLE)
+    poses = body.robot.sample(3, np.random.default_rng(4))
+    with sim.SimDriver(sim.SimOptions("ur5", noise="off", effects=(effect,), seed=2)) as driver:
+        plain = Body(BodyOptions("ur5", noise="off"), CYCLE)
+        driver.sample(5, 100.0)
+        for q in poses:
+            driver.move(q).wait()
+            block = driver.sample(5, 100.0)
+            wanted = np.array([block[c][-1] for c in "fx fy fz tx ty tz".split()])
+            seen = go(body, q, 2.0)[-1]
+            without = go(plain, q, 2.0)[-1]
+            size = np.abs(wanted - without).max()
+            assert size > 1e-3
+            assert np.abs(seen - wanted).max() < 0.02 * size + 2e-5
+
+
+def test_effects_of_the_sensor_are_those_of_a_pocket_calculator():
+    plain, gain, bias = (
+        Body(BodyOptions("ur5", noise="off", effects=e), CYCLE)
+        for e in ((), ("sensor.gain:gain.fz=0.02",), ("sensor.bias:bias.tx=0.05",))
+    )
+    q = plain.robot.home + 0.3
+    a, b, c = (go(body, q, 2.0)[-1] for body in (plain, gain, bias))
+    assert a[2] != pytest.approx(0.0, abs=1.0)
+    assert b == pytest.approx(a * [1, 1, 1.02, 1, 1, 1], abs=1e-4)
+    assert c - a == pytest.approx([0, 0, 0, 0.05, 0, 0], abs=1e-4)
+
+
+@pytest.mark.parametrize("robot", ["ur5", "medrue"])
+def test_a_slow_arrival_shows_the_pose_where_it_is(robot):
+    """Also after more cycles on the way than are looked back on, and before it counts as a rest."""
+    body, plain = (
+        Body(BodyOptions(robot, noise="off", effects=e), 0.004)
+        for e in (("joint.offset:offset.q6=0.012",), ())
+    )
+    q = body.robot.sample(1, np.random.default_rng(6))[0]
+    start = np.array(body.target)
+    for k in range(900):
+        s = min((k + 1) / 700, 1.0)
+        for one in (body, plain):
+            one.step(start + (10 * s**3 - 15 * s**4 + 6 * s**5) * (q - start))
+        a, b = (one.readings(np.array([one.time]))[0][0] for one in (body, plain))
+        assert np.abs(a - b)[:3].max() < 0.35, k
+
+
+def test_hysteresis_reads_a_pose_by_the_way_it_came():
+    body = Body(BodyOptions("ur5", noise="off", effects=("sensor.hysteresis",)), CYCLE)
+    home, side = body.robot.home, body.robot.home + np.array([0, 0.5, 0, 0.4, 0, 0])
+    go(body, home)
+    go(body, side)
+    first = go(body, home)[-1]
+    go(body, home - np.array([0, 0.5, 0, 0.4, 0, 0]))
+    second = go(body, home)[-1]
+    assert np.abs(first - second).max() > 0.05
+
+
+def test_a_long_campaign_is_forgotten_bit_by_bit(monkeypatch):
+    """Memory stays bounded, and a pose is read as by a twin that remembers everything."""
+    whole = Body(BodyOptions("ur5", noise="off", effects=("sensor.hysteresis",)), CYCLE)
+    poses = whole.robot.sample(8, np.random.default_rng(8))
+    last = [go(whole, q, 1.5, 0.3)[-1] for q in (*poses, *poses)][-1]
+    monkeypatch.setattr("wrenchbed.emulators.base.sensor._REMEMBERED", 90)
+    short = Body(BodyOptions("ur5", noise="off", effects=("sensor.hysteresis",)), CYCLE)
+    kept = []
+    for q in (*poses, *poses):
+        again = go(short, q, 1.5, 0.3)[-1]
+        kept.append(len(short._playback._q))
+    assert max(kept) < 110 < len(whole._playback._q)
+    assert np.abs(again - last).max() < 0.02
+
+
+def test_a_delay_shows_on_the_way_what_was_before():
+    late, prompt = (
+        Body(BodyOptions("ur5", noise="off", effects=e), CYCLE)
+        for e in (("timing.delay:delay=0.04",), ())
+    )
+    q = late.robot.home + 0.8
+    a, b = (np.array(go(body, q, 4.0, 0.0)) for body in (late, prompt))
+    moving = slice(60, 450)
+    shifted = np.array(b)[55:445]
+    swing = np.ptp(b[moving, 0])
+    assert swing > 1.0
+    assert np.abs(a[moving] - shifted).max() < 0.03 * swing
+    assert np.abs(a[moving] - b[moving]).max() > 0.05 * swing
+
+
+def test_noise_is_the_sensors_and_seeded():
+    bodies = [Body(BodyOptions("ur5", noise="white", seed=s), CYCLE) for s in (1, 1, 2)]
+    t = 1.0 + np.arange(4000) * 1e-3
+    first, again, other = (body.readings(t)[0] for body in bodies)
+    assert np.array_equal(first, again)
+    assert not np.array_equal(first, other)
+    std = bodies[0].sensor.noise.row_std
+    assert np.abs(first.std(axis=0) / std - 1).max() < 0.06
+
+
+@pytest.mark.parametrize("twin", ["ur5", "medrue", "netft"])
+@pytest.mark.parametrize("host", ["0.0.0.0", "192.168.1.1", "localhost", "::1", ""])
+def test_a_twin_serves_this_machine_alone(twin, host):
+    with pytest.raises(ParameterError, match="serves this machine only: give 127"):
+        registry.load("emulators", twin)(TwinOptions(host=host))
+
+
+def test_a_twin_of_a_bus_stays_away_from_real_ones():
+    options = TwinOptions(setting={"bus": "socketcan:can0"})
+    with pytest.raises(ParameterError, match="never one with real devices"):
+        registry.load("emulators", "medrue")(options)
+
+
+def test_times_asked_twice_are_moved_on_not_refused():
+    body = Body(BodyOptions("ur5"), CYCLE)
+    a, _ = body.readings(np.array([0.1, 0.2]))
+    b, _ = body.readings(np.array([0.1, 0.15]))
+    assert np.isfinite(a).all()
+    assert np.isfinite(b).all()
+    assert not np.array_equal(a, b)
+
+
+def test_a_plate_pushes_back_on_the_tool_and_not_before():
+    """The tool hangs straight down; its tip is 140 mm below the flange."""
+    body = Body(BodyOptions("ur5", noise="off"), CYCLE)
+    q = np.array([0.0, -1.2, -1.9, -1.612389, 1.570796, 0.0])
+    _, at = body.robot.sensor_pose(q[None], body.robot.parameters.nominal)
+    free = go(body, q, 2.0)[-1]
+    tip = at[0, 2] - 0.14
+    for gap, touching in ((0.002, False), (-0.001, True)):
+        pressed = Body(BodyOptions("ur5", noise="off", table=tip + gap * -1.0), CYCLE)
+        reading = go(pressed, q, 2.0)[-1]
+        assert (np.abs(reading - free).max() > 1.0) == touching
+    _, now = body.robot.sensor_pose(pressed.q[None], body.robot.parameters.nominal)
+    depth = tip + 0.001 - (now[0, 2] - 0.14)  # the servos give a little
+    assert 0.0005 < depth < 0.001
+    push = (reading - free)[2]
+    assert push == pytest.approx(-2e4 * depth, rel=0.01)  # against the tool's z, which points down
+
+
+def test_what_it_cannot_be_is_refused():
+    with pytest.raises(NotFoundError, match="no MuJoCo model"):
+        Body(BodyOptions("oriented"), CYCLE)
+
+
+def test_readings_asked_for_too_early_do_not_delay_later_ones():
+    hasty, calm = (Body(BodyOptions("ur5", noise="off"), CYCLE) for _ in range(2))
+    hasty.readings(np.array([hasty.ahead + 2.0]))  # the loop stood, the sensor went on
+    for k in range(60):
+        for body in (hasty, calm):
+            body.step(body.robot.home + 0.002 * k * np.eye(6)[3])
+    at = np.array([calm.ahead - 5.5 * CYCLE])
+    shown, newest = calm.readings(at)[0][0], calm.readings(np.array([calm.ahead]))[0][0]
+    assert np.abs(shown - newest).max() > 0.05
+    assert hasty.readings(at)[0][0] == pytest.approx(shown, abs=1e-9)
+
+
+def test_a_motion_pulls_at_the_sensor_as_newton_and_euler_say():
+    """Loads between cycles come from one smooth motion, not from jumps at each cycle's begin."""
+    body = Body(BodyOptions("ur5", noise="off"), CYCLE)
+    t = CYCLE * np.arange(1500)
+    wave = [0.3 * (1.0 - np.cos(2.0 * np.pi * (0.3 + 0.05 * j) * t)) for j in range(6)]
+    q, load = [], []
+    for target in body.robot.home + np.stack(wave, axis=-1):
+        body.step(target)
+        q.append(body._rows[-1].q)
+        load.append(body._rows[-1].load)
+    jets = Jet(*(savgol_filter(np.array(q), 11, 5, deriv=k, delta=CYCLE, axis=0) for k in range(3)))
+    off = np.array(load) - body.model.true_wrench(jets, body.theta)
+    assert np.abs(off[300:-20, :3]).max() < 0.02
+    assert np.abs(off[300:-20, 3:]).max() < 0.002
+    assert np.ptp(np.array(load)[300:-20], axis=0)[:3].min() > 1.0

@@ -1,0 +1,37 @@
+"""`wrenchbed twin netft` in a process of its own, read by the transducer."""
+
+import numpy as np
+import pytest
+
+import wrenchbed as wb
+from netft_scene import until
+from twin_process import running
+from wrenchbed.emulators.base.emulator import EmulatorOptions as TwinOptions
+from wrenchbed.errors import ParameterError
+from wrenchbed.hardware.transducers.netft import NetftOptions
+
+pytestmark = pytest.mark.wire
+
+
+def test_a_twin_is_read_and_misbehaves_when_told():
+    with running("netft", "127.0.3.50", "--set", "rate=1000", "--set", "force_unit=lbf") as twin:
+        transducer = wb.load("transducers", "netft")(NetftOptions("127.0.3.50", sensor="ati-gamma"))
+        with transducer:
+            sample = transducer.read()
+            assert np.linalg.norm(sample.wrench[:3]) > 2.0
+            assert transducer.health().ok
+            assert transducer.zero() == 1
+            until(lambda: np.abs(transducer.read().wrench[:3]).max() < 0.5)
+            twin.fault("rdt", "stall", seconds=0.3)
+            until(lambda: transducer.health().state == "stale")
+            until(lambda: transducer.health().ok)
+            twin.process.terminate()
+            twin.process.wait(5)
+            until(lambda: transducer.health().state == "lost")
+
+
+def test_the_twin_lists_its_settings():
+    twin = wb.load("emulators", "netft")
+    assert {"robot", "rate", "force_unit"} <= set(twin.settings)
+    with pytest.raises(ParameterError, match="Known: robot, rdt_port"):
+        twin(TwinOptions(setting={"rte": "500"}))

@@ -1,0 +1,198 @@
+"""Gymnasium environments: sound, seeded, vectorised; the baselines beat chance."""
+
+import os
+import subprocess
+import sys
+import warnings
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+
+import wrenchbed as wb
+import wrenchbed.environments
+from wrenchbed.emulators.base.surface import Limb, tip_of
+from wrenchbed.environments.contact import Hand
+from wrenchbed.environments.knowledge import knowledge
+from wrenchbed.environments.policies import ForceController, GreedyInformation
+from wrenchbed.errors import ParameterError
+
+ROBOTS = ("UR5", "MedRUE")
+NAMES = [f"wrenchbed/{r}{kind}-v0" for r in ROBOTS for kind in ("Calibration", "Contact")]
+SHORT = {"Calibration": {"budget": 15.0, "pool": 24}, "Contact": {"seconds": 0.6}}
+
+
+def made(name, **more):
+    kind = "Contact" if "Contact" in name else "Calibration"
+    return gymnasium.make(name, **{**SHORT[kind], **more})
+
+
+def played(env, seed, policy=None):
+    """Observations, rewards and the last info of an episode."""
+    seen, told = env.reset(seed=seed)
+    env.action_space.seed(seed)
+    rows, rewards = [seen], []
+    act = policy(env) if policy else lambda _: env.action_space.sample()
+    while True:
+        seen, reward, ended, cut, told = env.step(act(seen))
+        rows.append(seen)
+        rewards.append(reward)
+        if ended or cut:
+            return np.array(rows), np.array(rewards), told
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_gymnasium_finds_nothing_to_complain_of(name):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        check_env(made(name).unwrapped, skip_render_check=True)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_an_episode_follows_from_its_seed_and_stays_in_its_spaces(name):
+    env = made(name)
+    first, second, other = (played(env, seed) for seed in (4, 4, 5))
+    assert np.array_equal(first[0], second[0]) and np.array_equal(first[1], second[1])
+    assert not np.array_equal(first[0], other[0])
+    assert all(row in env.observation_space for row in first[0])
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_environments_run_side_by_side(name):
+    kind = SHORT["Contact" if "Contact" in name else "Calibration"]
+    envs = gymnasium.make_vec(name, num_envs=2, vectorization_mode="sync", **kind)
+    seen, _ = envs.reset(seed=[4, 5])
+    alone, _ = made(name).reset(seed=5)
+    assert np.array_equal(seen[1], alone)
+    seen, rewards, *_ = envs.step(envs.action_space.sample())
+    assert seen.shape[0] == 2 and np.isfinite(rewards).all()
+    envs.close()
+
+
+@pytest.mark.parametrize("robot", ROBOTS)
+@pytest.mark.parametrize("goal", ["accuracy", "causes"])
+def test_greedy_information_beats_chance(robot, goal):
+    env = gymnasium.make(f"wrenchbed/{robot}Calibration-v0", goal=goal, budget=40.0, pool=64)
+    for seed in range(3):
+        chance, told = played(env, seed)[1:]
+        greedy, better = played(env, seed, GreedyInformation)[1:]
+        assert greedy.sum() > 1.1 * chance.sum() > 0
+        assert better["error"] < told["error"] or (goal == "causes")
+
+
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_a_force_controller_beats_chance_and_keeps_the_force(robot):
+    env = gymnasium.make(f"wrenchbed/{robot}Contact-v0", seconds=5.0)
+    for seed in range(2):
+        rewards, told = played(env, seed, ForceController)[1:]
+        assert rewards.sum() > played(env, seed)[1].sum() + 100
+        assert abs(told["force"] - told["wanted"]) < 0.3
+        assert rewards[-50:].min() > -0.1
+
+
+def test_effects_are_randomised_and_felt():
+    bare, ill = (gymnasium.make(NAMES[1], seconds=0.6, effects=e) for e in ((), ("sensor.gain",)))
+    without, with_ = (played(e, 3, ForceController)[0] for e in (bare, ill))
+    assert ill.unwrapped.body.time > 0 and not np.array_equal(without, with_)
+
+
+def test_rewards_of_a_calibration_add_up_to_what_is_known():
+    env = made(NAMES[0], budget=30.0)
+    rewards, told = played(env, 1)[1:]
+    known = env.unwrapped.knowledge
+    start = env.unwrapped._table.start()
+    assert rewards.sum() == pytest.approx(known.value - start.value)
+    assert known.value == pytest.approx(-np.log(told["error"]))
+    assert 30.0 <= told["seconds"] < 60.0
+
+
+@pytest.mark.parametrize("goal", ["accuracy", "causes"])
+def test_gains_foretell_what_a_pose_adds(goal):
+    robot = wb.load("robots", "ur5")
+    pool = robot.sample(12, np.random.default_rng(0))
+    std = np.array([0.03] * 3 + [0.001] * 3)
+    state = knowledge(wb.Model.of(robot), pool, std, goal).start()
+    for pose in (3, 7, 3):
+        gains = state.gains()
+        after = state.with_pose(pose)
+        assert gains[pose] == pytest.approx(after.value - state.value, rel=1e-6, abs=1e-9)
+        state = after
+
+
+def test_what_is_known_is_the_covariance_of_a_fit():
+    """(I + Σ JᵀJ)⁻¹ in tolerances, against the information matrix inverted at once."""
+    robot = wb.load("robots", "ur5")
+    model = wb.Model.of(robot)
+    pool = robot.sample(9, np.random.default_rng(1))
+    std = np.array([0.03] * 3 + [0.001] * 3)
+    table = knowledge(model, pool, std, "accuracy")
+    state = table.start()
+    for pose in range(9):
+        state = state.with_pose(pose)
+    columns = list(table.columns)
+    rows = model.jacobian(pool, model.parameters.nominal, columns)
+    rows = (rows * model.parameters.tolerance[columns] / std[:, None]).reshape(-1, len(columns))
+    exact = np.linalg.inv(np.eye(len(columns)) + rows.T @ rows)
+    assert np.allclose(state.covariance, exact, atol=1e-10)
+
+
+@pytest.mark.parametrize("name", ["ur5", "medrue"])
+def test_a_hand_moves_straight_and_keeps_its_orientation(name):
+    robot = wb.load("robots", name)
+    hand = Hand(robot)
+    start, kept = hand.tip, hand.kept
+    for _ in range(40):
+        hand.move(np.array([0.0003, -0.0002, 0.0004]), 2)
+    rotation, tip = tip_of(robot, hand.q[None], robot.parameters.nominal)
+    assert np.abs(tip[0] - start - 40 * np.array([0.0003, -0.0002, 0.0004])).max() < 1e-4
+    assert np.abs(rotation[0] - kept).max() < 1e-4
+    assert np.abs(hand.tip - tip[0]).max() < 1e-4
+
+
+def test_a_hand_stands_still_at_the_edge_of_its_workspace():
+    hand = Hand(wb.load("robots", "medrue"))
+    for _ in range(2000):
+        last = hand.move(np.array([0.0, 0.0, -0.002]), 1)
+    assert np.array_equal(last[0], hand.q)
+    assert not hand.robot.infeasible(hand.q[None], hand.robot.parameters.nominal)
+
+
+def test_a_limb_pushes_back_along_its_normal_and_drags():
+    limb = Limb(np.zeros(3), np.array([1.0, 0.0, 0.0]), 0.05, 1000.0, damping=2.0, friction=0.3)
+    assert np.array_equal(limb.push(np.array([0.2, 0.0, 0.06]), np.zeros(3)), np.zeros(3))
+    assert np.allclose(limb.push(np.array([0.2, 0.0, 0.04]), np.zeros(3)), [0.0, 0.0, 10.0])
+    closing = limb.push(np.array([0.0, 0.0, 0.04]), np.array([0.0, 0.0, -0.1]))
+    assert np.allclose(closing, [0.0, 0.0, 12.0])  # 10 N · (1 + 2 s/m · 0.1 m/s)
+    sliding = limb.push(np.array([0.0, 0.04, 0.0]), np.array([0.5, 0.0, 0.0]))
+    assert np.allclose(sliding, [-3.0, 10.0, 0.0])
+    parting = limb.push(np.array([0.0, 0.0, 0.04]), np.array([0.0, 0.0, 10.0]))
+    assert np.abs(parting).max() == 0.0  # it does not pull
+
+
+def test_nonsense_is_refused_by_name():
+    with pytest.raises(ParameterError, match="goal 'win'"):
+        gymnasium.make(NAMES[0], goal="win")
+    with pytest.raises(ParameterError, match="calibration environments"):
+        GreedyInformation(made(NAMES[1]))
+    with pytest.raises(ParameterError, match="no model"):
+        gymnasium.make(NAMES[1], robot="oriented")
+
+
+def test_importing_wrenchbed_after_gymnasium_registers_them():
+    code = f"import gymnasium, wrenchbed; gymnasium.make({NAMES[2]!r})"
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_it_is_drawn(name):
+    env = made(name, render_mode="rgb_array")
+    env.reset(seed=1)
+    try:
+        picture = env.render()
+    except Exception as error:
+        if "WRENCHBED_PICTURES" in os.environ:
+            raise
+        pytest.skip(f"MuJoCo draws nothing here, libegl1 is not installed: {error}")
+    assert picture.shape == (480, 640, 3) and picture.std() > 10
+    env.close()

@@ -1,0 +1,285 @@
+"""One contract for every driver, and campaigns run through it."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from wrenchbed import registry
+from wrenchbed.calibration.calibrate import calibrate
+from wrenchbed.campaigns import recording_run
+from wrenchbed.data.plan import Plan
+from wrenchbed.data.recording import Recording
+from wrenchbed.errors import (
+    CalibrationError,
+    DriverError,
+    NotFoundError,
+    ParameterError,
+    PlanError,
+    WrenchbedWarning,
+)
+from wrenchbed.hardware.drivers import sim
+from wrenchbed.hardware.drivers.base import Driver
+from wrenchbed.physics.taylor import Jet
+from wrenchbed.physics.wrench import wrench
+from wrenchbed.planning import choose
+from wrenchbed.sensors.base import STATUS_SATURATED
+from wrenchbed.simulation.closed_form import Model
+
+MODELS = Path(__file__).parents[2] / "models"
+TABLE1 = json.loads((MODELS / "medrue" / "table1.json").read_text())
+EXAMPLE = json.loads((MODELS / "ur5" / "example.json").read_text())
+
+
+def sim_driver(robot: str, **options) -> Driver:
+    return sim.SimDriver(sim.SimOptions(robot, **options))
+
+
+DRIVERS = {f"sim-{r}": (lambda r=r: sim_driver(r)) for r in ("ur5", "medrue")}
+each_driver = pytest.mark.parametrize("make", DRIVERS.values(), ids=DRIVERS.keys())
+
+
+@each_driver
+def test_nothing_works_before_connect_and_close_may_come_twice(make):
+    driver = make()
+    with pytest.raises(DriverError, match=r"call connect\(\) first"):
+        driver.position()
+    driver.connect()
+    driver.connect()
+    driver.close()
+    driver.close()
+    with pytest.raises(DriverError, match="not connected"):
+        driver.sample(1, 100.0)
+
+
+@each_driver
+def test_a_move_arrives_and_says_where(make):
+    with make() as driver:
+        q = driver.robot.sample(1, np.random.default_rng(0))[0]
+        reached = driver.move(q).wait()
+        assert np.abs(reached.q - q).max() < 1e-11
+        assert np.array_equal(reached.q, driver.position())
+        assert reached.duration > 0.2
+
+
+@each_driver
+def test_a_move_beyond_limits_is_refused_and_nothing_moves(make):
+    with make() as driver:
+        before = driver.position()
+        far = before.copy()
+        far[1] = 9.0
+        with pytest.raises(PlanError, match="outside its limits"):
+            driver.move(far)
+        assert np.array_equal(driver.position(), before)
+
+
+@each_driver
+def test_time_only_grows(make):
+    with make() as driver:
+        robot = driver.robot
+        blocks = [driver.sample(5, 100.0), driver.sample(5, 100.0)]
+        driver.move(robot.sample(1, np.random.default_rng(1))[0]).wait()
+        blocks.append(driver.sample(3, 50.0))
+        plan = choose.multisine(robot, 6.0, 125.0, seed=0)
+        driver.move(plan.q[0]).wait()
+        blocks += list(driver.track(plan.q, 125.0))
+    t = np.concatenate([b["t"] for b in blocks])
+    assert (np.diff(t) > 0).all()
+
+
+@each_driver
+def test_a_trajectory_is_followed_and_measured(make):
+    with make() as driver:
+        plan = choose.multisine(driver.robot, 6.0, 125.0, seed=3)
+        driver.move(plan.q[0]).wait()
+        rows = [dict(b) for b in driver.track(plan.q, 125.0)]
+    names = [f"q{j}" for j in range(1, 7)]
+    q = np.concatenate([np.stack([b[n] for n in names], axis=-1) for b in rows])
+    assert q.shape == plan.q.shape
+    assert np.abs(q[5:] - plan.q[5:]).max() < 0.05
+    assert {"qd1", "q_target6", "status", "fx"} <= rows[0].keys()
+
+
+def test_what_does_not_exist_is_refused_by_name():
+    with pytest.raises(NotFoundError, match="no robot 'ur6'"):
+        sim_driver("ur6")
+    with pytest.raises(NotFoundError, match="'oriented' has no MuJoCo model"):
+        sim_driver("oriented")
+    with pytest.raises(ParameterError, match="no parameter 'L99'"):
+        sim_driver("medrue", parameters={"L99": 1.0})
+    with pytest.raises(ParameterError, match="no noise 'loud'"):
+        sim_driver("ur5", noise="loud")
+
+
+@pytest.mark.parametrize(("robot", "truth"), [("ur5", EXAMPLE), ("medrue", TABLE1)])
+def test_a_noise_free_campaign_reads_the_true_robots_wrench(tmp_path, robot, truth):
+    with sim_driver(robot, parameters=truth, noise="off") as driver:
+        plan = choose.poses(driver.robot, 5, seed=2)
+        recording_run.record(driver, plan, tmp_path / "rec.parquet", samples=3)
+    rec = Recording.read(tmp_path / "rec.parquet")
+    assert len(rec) == 15
+    assert list(rec.columns["segment"]) == [0] * 3 + [1] * 3 + [2] * 3 + [3] * 3 + [4] * 3
+    assert np.abs(rec.q - np.repeat(plan.q, 3, axis=0)).max() < 2e-12
+    model = Model.of(registry.load("robots", robot))
+    wanted = model.predict(plan.q, model.parameters.vector(truth))
+    assert np.abs(rec.wrench[::3] - wanted).max() < 1e-10
+    stated = rec.metadata
+    assert stated.source == "sim"
+    assert stated.sensor.noise_std == (0.0,) * 6
+    nominal = model.robot.tool(model.robot.parameters.nominal)
+    assert stated.tool.mass == float(nominal.mass)  # the truth does not leak into the metadata
+    assert stated.gravity == model.robot.gravity
+
+
+@pytest.mark.parametrize("robot", ["ur5", "medrue"])
+def test_the_wrench_in_a_motion_is_that_of_its_own_kinematics(tmp_path, robot):
+    """Servo dynamics in MuJoCo against Newton–Euler on the measured joints' derivatives."""
+    with sim_driver(robot, noise="off") as driver:
+        plan = choose.multisine(driver.robot, 8.0, 500.0, seed=5)
+        recording_run.record(driver, plan, tmp_path / "rec.parquet")
+    rec = Recording.read(tmp_path / "rec.parquet")
+    arm = registry.load("robots", robot)
+    theta = arm.parameters.nominal
+    speed = np.stack([rec.columns[f"qd{j}"] for j in range(1, 7)], axis=-1)
+    acceleration = np.gradient(speed, rec.t, axis=0, edge_order=2)
+    g = np.array(arm.gravity)
+    moving = wrench(*arm.sensor_pose(Jet(rec.q, speed, acceleration), theta), arm.tool(theta), g)
+    at_rest = wrench(*arm.sensor_pose(rec.q, theta), arm.tool(theta), g)
+    inner = slice(50, -50)
+    rms = np.sqrt(((rec.wrench - moving)[inner, :3] ** 2).mean())
+    inertial = np.sqrt(((rec.wrench - at_rest)[inner, :3] ** 2).mean())
+    assert inertial > 0.05
+    assert rms < 0.05 * inertial
+    assert rms < 0.018  # what stepping MuJoCo at 0.1 ms instead of 2 ms changes
+
+
+def test_a_calibration_from_motion_recovers_the_tool(tmp_path):
+    with sim_driver("ur5", parameters=EXAMPLE, noise="white", seed=4) as driver:
+        plan = choose.multisine(driver.robot, 30.0, 125.0, seed=6)
+        recording_run.record(driver, plan, tmp_path / "rec.parquet")
+    fit = calibrate(Recording.read(tmp_path / "rec.parquet"))
+    for name in ("tool.mass", "tool.cog.z", "sensor.bias.fz", "mount.rotation.z"):
+        assert abs(fit[name].value - EXAMPLE[name]) < 4 * fit[name].std, name
+    assert fit["tool.mass"].std < 0.01
+
+
+def motion(tmp_path, rate: float, seconds: float, seed: int, noise: str) -> Recording:
+    with sim_driver("ur5", parameters=EXAMPLE, noise=noise, seed=seed) as driver:
+        plan = choose.multisine(driver.robot, seconds, rate, seed=seed)
+        recording_run.record(driver, plan, tmp_path / "rec.parquet")
+    return Recording.read(tmp_path / "rec.parquet")
+
+
+def test_intervals_from_motion_heed_slow_wander(tmp_path):
+    """The Gamma's own noise: batch means widen what its 1/f part makes uncertain."""
+    inside = []
+    for seed in range(8):
+        fit = calibrate(motion(tmp_path, 125.0, 30.0, seed, "real"))
+        inside += [abs(p.value - EXAMPLE[p.name]) <= p.interval95 for p in fit.identified]
+    assert np.mean(inside) > 0.85
+
+
+def with_encoder_noise(rec: Recording, std: float) -> Recording:
+    rng = np.random.default_rng(0)
+    noisy = {
+        f"q{j}": rec.columns[f"q{j}"] + std * rng.standard_normal(len(rec)) for j in range(1, 7)
+    }
+    return Recording(rec.metadata, dict(rec.columns) | noisy)
+
+
+def test_encoder_noise_in_motion_is_smoothed_or_refused(tmp_path):
+    for rate in (125.0, 500.0):
+        rec = motion(tmp_path, rate, 12.0, 3, "white")
+        fit = calibrate(with_encoder_noise(rec, 2e-6))
+        for name in ("tool.mass", "tool.cog.z"):
+            assert abs(fit[name].value - EXAMPLE[name]) < 4.5 * fit[name].std, (rate, name)
+        with pytest.raises(CalibrationError, match=r"q\d is rough .* calibrate at rest"):
+            calibrate(with_encoder_noise(rec, 2e-4))
+
+
+def test_a_motion_is_played_at_its_own_rate(tmp_path):
+    with sim_driver("ur5") as driver:
+        plan = choose.multisine(driver.robot, 6.0, 125.0, seed=0)
+        with pytest.raises(PlanError, match="sampled at 125 Hz, not 250"):
+            recording_run.record(driver, plan, tmp_path / "rec.parquet", rate=250.0)
+
+
+@pytest.mark.parametrize(("robot", "truth"), [("ur5", EXAMPLE), ("medrue", TABLE1)])
+def test_a_campaign_with_real_noise_finds_the_true_robot(tmp_path, robot, truth):
+    with sim_driver(robot, parameters=truth, seed=8) as driver:
+        plan = choose.poses(driver.robot, 60, seed=9)
+        recording_run.record(driver, plan, tmp_path / "rec.parquet", samples=50)
+    fit = calibrate(Recording.read(tmp_path / "rec.parquet"))
+    off = [abs(p.value - truth.get(p.name, p.nominal)) / p.std for p in fit.identified]
+    assert max(off) < 4.5
+    assert np.sqrt(np.mean(np.square(off))) < 1.6
+    assert fit.noise.source == "repeats"
+
+
+def test_white_noise_is_as_stated_and_seeded(tmp_path):
+    readings = []
+    for k, seed in enumerate((1, 1, 2)):
+        with sim_driver("ur5", noise="white", seed=seed) as driver:
+            plan = choose.poses(driver.robot, 2, seed=0)
+            recording_run.record(driver, plan, tmp_path / f"{k}.parquet", samples=2000)
+        readings.append(Recording.read(tmp_path / f"{k}.parquet"))
+    assert np.array_equal(readings[0].wrench, readings[1].wrench)
+    assert not np.array_equal(readings[0].wrench, readings[2].wrench)
+    std = readings[0].wrench[:2000].std(axis=0)
+    assert np.abs(std / readings[0].metadata.sensor.noise_std - 1).max() < 0.06
+
+
+def test_an_overloaded_sensor_saturates_and_says_so(tmp_path):
+    with sim_driver("ur5", parameters={"sensor.bias.fz": 195.0}) as driver:
+        plan = choose.poses(driver.robot, 8, seed=0)
+        recording_run.record(driver, plan, tmp_path / "rec.parquet", samples=2)
+    rec = Recording.read(tmp_path / "rec.parquet")
+    full = registry.load("sensors", "ati-gamma").calibration().range[2]
+    over = rec.columns["fz"] >= full
+    assert over.any()
+    assert not over.all()
+    assert np.array_equal((rec.columns["status"] & STATUS_SATURATED) == 4, over)
+
+
+def test_dwell_sets_the_rows_of_a_pose(tmp_path):
+    with sim_driver("ur5") as driver:
+        q = driver.robot.sample(2, np.random.default_rng(0))
+        plan = Plan("ur5", q, np.array([7, 9]), np.array([0.25, 0.0]))
+        done = recording_run.record(driver, plan, tmp_path / "rec.parquet", samples=10, rate=200.0)
+    assert done.rows == 60
+    segment = Recording.read(tmp_path / "rec.parquet").columns["segment"]
+    assert list(np.unique(segment, return_counts=True)[1]) == [50, 10]
+
+
+def test_a_bad_plan_is_refused_before_anything_is_written(tmp_path):
+    out = tmp_path / "rec.parquet"
+    with sim_driver("medrue") as driver:
+        q = driver.robot.sample(4, np.random.default_rng(0))
+        q[2] = [0.0, *np.deg2rad([0.0, 180.0, 170.0, 130.0, 270.0])]  # golden: cannot close
+        plan = Plan.of("medrue", q)
+        with pytest.raises(PlanError, match="row 2: five-bar 1 cannot close"):
+            recording_run.record(driver, plan, out)
+        with pytest.raises(PlanError, match="for robot 'ur5', not 'medrue'"):
+            recording_run.record(driver, Plan.of("ur5", q), out)
+        with pytest.raises(PlanError, match="must be above 0"):
+            recording_run.record(driver, Plan.of("medrue", q[:1]), out, samples=0)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_progress_is_told_pose_by_pose(tmp_path):
+    told = []
+    with sim_driver("ur5") as driver:
+        plan = choose.poses(driver.robot, 3, seed=0)
+        done = recording_run.record(
+            driver, plan, tmp_path / "r.parquet", samples=2, progress=told.append
+        )
+    assert told == [1, 1, 1]
+    assert (done.visited, done.rows) == (3, 6)
+
+
+def test_an_effect_that_cannot_show_in_the_plan_says_so():
+    with sim_driver("ur5", effects=("timing.delay",)) as driver:
+        plan = driver.robot.sample(3, np.random.default_rng(0))
+        with pytest.warns(WrenchbedWarning, match=r"timing\.delay does not show in a static plan"):
+            driver.expect(plan, "static")

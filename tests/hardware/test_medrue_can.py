@@ -1,0 +1,228 @@
+"""MedRUE's twin in a process of its own, and the driver against it: motion, faults, recovery."""
+
+import time
+
+import numpy as np
+import pytest
+
+from medrue_bench import away, options, until
+from twin_process import running
+from wrenchbed import registry
+from wrenchbed.emulators.base.emulator import EmulatorOptions as TwinOptions
+from wrenchbed.emulators.medrue import MedrueEmulator
+from wrenchbed.errors import DriverError, LimitError, LinkError, SafetyStopError
+from wrenchbed.hardware.drivers.can import CanDriver, CanOptions
+from wrenchbed.hardware.transducers.netcanoem import NetcanoemOptions as SensorOptions
+from wrenchbed.hardware.transducers.netcanoem import NetcanoemTransducer
+from wrenchbed.robots.motion_limits import Limits
+from wrenchbed.simulation.simulation import Simulation
+
+pytestmark = pytest.mark.wire
+
+HOST, SLOT = "127.0.4.3", 2
+
+
+@pytest.fixture(scope="module")
+def twin():
+    with running("medrue", HOST, "--set", f"slot={SLOT}", "--noise", "off") as process:
+        yield process
+
+
+@pytest.fixture
+def driver(twin):
+    one = CanDriver(options(HOST, slot=SLOT))
+    one.connect()
+    if not one.health().ok:
+        one.recover()
+    one.activate()
+    assert until(lambda: one.health().ok), one.health()
+    yield one
+    one.close()
+
+
+def test_address_and_registry(twin):
+    assert twin.addresses == {"can": f"socketcand:{HOST}:29536:can0"}
+    assert registry.load("drivers", "can") is CanDriver
+    assert registry.load("emulators", "medrue") is MedrueEmulator
+    assert registry.load("transducers", "netcanoem") is NetcanoemTransducer
+
+
+def test_state_and_wrench_while_connected_only(twin):
+    driver = CanDriver(options(HOST, slot=SLOT))
+    assert driver.health().state == "closed"
+    driver.connect()
+    try:
+        arm, wrench = driver.read(), driver.read_wrench()
+        assert arm.q.shape == (6,) and arm.mode == "idle" and arm.age < 0.5
+        robot = driver.robot
+        load = Simulation(robot, robot.parameters.nominal).wrench(arm.q[None])[0]
+        assert np.abs(wrench.wrench - load)[:3].max() < 0.1
+        assert np.abs(wrench.wrench - load)[3:].max() < 0.005
+        assert (wrench.frame, wrench.reference, wrench.saturated) == ("sensor", "sensor", 0)
+        assert driver.write(arm.q).sent is None
+        counters = driver.health().counters
+        assert counters["arm bus_load"] == pytest.approx(0.439, abs=0.001)
+    finally:
+        driver.close()
+    with pytest.raises(DriverError, match="connect"):
+        driver.read()
+
+
+def test_a_move_arrives_and_a_stream_follows(driver):
+    goal = away(driver)
+    reached = driver.move(goal).wait()
+    assert np.abs(reached.q - goal).max() < 5e-4
+    begin = driver.position()
+    t = np.arange(120) / 100.0
+    targets = begin + 0.01 * np.sin(np.pi * t / 1.2)[:, None] ** 2 * np.ones(6)
+    rows = list(driver.track(targets, 100.0))
+    q = np.concatenate([np.stack([b[f"q{j + 1}"] for j in range(6)], -1) for b in rows])
+    assert len(q) == 120
+    assert np.abs(q.max(axis=0) - begin - 0.01).max() < 2e-3
+    assert driver.health().ok and driver.health().counters["arm clipped"] == 0
+
+
+def test_samples_are_fresh_and_settled(driver):
+    driver.settle()
+    block = driver.sample(30, 100.0)
+    assert (np.diff(block["t"]) > 0).all() and block["age"].max() < 0.08
+    assert np.ptp(block["q1"]) < 1e-5 and np.ptp(block["fz"]) < 0.1
+
+
+def test_a_target_too_far_is_refused_before_it_is_sent(driver):
+    applied = driver.write(driver.position() + 0.2)
+    assert applied.sent is None and "would move" in applied.reason
+    assert driver.health().ok
+
+
+def test_a_soft_stop_ends_at_rest_and_the_next_move_goes_on(driver):
+    motion = driver.move(away(driver))
+    time.sleep(0.3)
+    driver.stop("soft")
+    assert until(lambda: np.abs(driver.read().qd).max() < 2e-3)
+    motion.cancel()
+    assert driver.move(driver.position()).wait().duration < 3.0
+
+
+def test_too_much_force_stops_hard(twin):
+    limits = Limits(speed=0.25, force=1.0)
+    with CanDriver(options(HOST, slot=SLOT, limits=limits)) as driver:
+        with pytest.raises(LimitError, match="above the limit"):
+            driver.move(away(driver)).wait()
+        assert driver.health().state == "stopped"
+
+
+ARM = {
+    "mute": ({"node": 3, "seconds": 0.4}, "lost", "drive 3 is mute", 0.15),
+    "emcy": ({"node": 5, "code": 0x2310}, "fault", "drive 5.*over-current", 0.15),
+    "following_error": ({"node": 4}, "fault", "drive 4.*following error", 0.15),
+    "frozen": ({"node": 1, "seconds": 0.6}, "fault", "drive 1 stands still", 0.5),
+    "node_reboot": ({"node": 6}, "lost", "drive 6 restarted", 0.15),
+    "heartbeat_loss": ({"node": 2, "seconds": 0.6}, "lost", "drive 2 sends no heartbeat", 0.6),
+    "stall": ({"seconds": 0.7}, "stopped", "drive", 1.0),
+    "overload": ({"seconds": 0.7}, "stopped", "drive", 1.2),
+}
+
+
+@pytest.mark.parametrize("kind", ARM)
+def test_a_fault_of_the_arm_is_named_stops_it_and_is_recovered_from(driver, twin, kind):
+    values, state, words, within = ARM[kind]
+    motion = driver.move(away(driver))
+    time.sleep(0.25)
+    begun = time.monotonic()
+    twin.fault("can", kind, **values)
+    assert until(lambda: driver.health().state == state, within + 1.0), driver.health()
+    assert time.monotonic() - begun < within + 0.5
+    with pytest.raises(DriverError, match=words):
+        motion.wait()
+    seen = driver.read()
+    time.sleep(max(0.15, begun + values.get("seconds", 0.0) + 0.1 - time.monotonic()))
+    # at 62 mm/s: what it did before it was seen, a late cycle, the ramp, the servos' lag
+    assert np.abs(driver.read().q - seen.q).max() < 0.0625 * (seen.age + 0.15)
+    assert driver.health().state == state  # named until somebody recovers
+    if kind in ("emcy", "following_error"):
+        with pytest.raises(SafetyStopError, match=words):
+            driver.recover(unlock=False)
+    driver.recover()
+    assert until(lambda: driver.health().ok), driver.health()
+    driver.move(driver.position()).wait()
+
+
+SENSOR = {
+    "swapped_pair": ({"seconds": 0.3}, "stale"),
+    "second_frame_lost": ({"share": 1.0, "seconds": 0.3}, "stale"),
+    "mute_board": ({"seconds": 0.3}, "stale"),
+    "reset_board": ({}, "stale"),
+    "status": ({"bits": 1 << 4, "seconds": 0.3}, "fault"),
+    "id_clash": ({"seconds": 0.3}, "fault"),
+}
+
+
+@pytest.mark.parametrize("kind", SENSOR)
+def test_a_fault_of_the_sensor_is_named_and_passes(driver, twin, kind):
+    values, state = SENSOR[kind]
+    before = driver.read_wrench().wrench
+    twin.fault("can", kind, **values)
+    assert until(lambda: driver.health().state == state, 0.4), driver.health()
+    assert until(lambda: driver.health().ok, 2.5), driver.health()
+    assert until(lambda: driver.read_wrench().age < 0.05)
+    assert driver.read_wrench().wrench == pytest.approx(before, abs=0.1)
+
+
+def test_a_reset_that_was_too_short_to_notice_is_found_in_the_matrix(driver, twin):
+    before = driver.read_wrench().wrench
+    calibrations = driver.health().counters["wrench calibrations"]
+    twin.fault("can", "reset_board", silent=False)
+    assert until(lambda: driver.health().counters["wrench calibrations"] > calibrations, 1.0)
+    assert until(lambda: driver.read_wrench().age < 0.05 and driver.health().ok)
+    assert driver.read_wrench().wrench == pytest.approx(before, abs=0.1)
+
+
+def test_a_saturated_gauge_marks_every_channel_that_it_feeds(driver, twin):
+    twin.fault("can", "saturated_gauge", gauge=2, seconds=0.3)
+    assert until(lambda: driver.read_wrench().saturated == 0b111111, 1.0)
+    assert until(lambda: driver.read_wrench().saturated == 0, 2.0)
+
+
+def test_error_frames_are_counted_and_survived(driver, twin):
+    twin.fault("can", "error_frame", count=3)
+    assert until(lambda: driver.health().counters["arm error frames"] >= 3)
+    assert until(lambda: driver.health().ok)
+
+
+def test_the_wrong_slot_is_refused(twin):
+    with pytest.raises(DriverError, match="no calibration in slot 7"):
+        NetcanoemTransducer(SensorOptions(host=HOST, slot=7)).connect()
+
+
+def test_no_board_at_that_base_is_told(twin):
+    with pytest.raises(LinkError, match="base 0x69"):
+        NetcanoemTransducer(SensorOptions(host=HOST, base=0x69)).connect()
+
+
+def test_no_drive_at_that_node_is_told(twin):
+    driver = CanDriver(options(HOST, slot=SLOT, nodes=(1, 2, 3, 4, 5, 16)))
+    with pytest.raises(LinkError, match="drive 16"):
+        driver.connect()
+
+
+def test_the_transducer_alone(twin):
+    with NetcanoemTransducer(SensorOptions(host=HOST, slot=SLOT, rate=200.0)) as sensor:
+        assert until(lambda: (sample := sensor.read()).sequence > 20 and sample.age < 0.05)
+        sample = sensor.read()
+        assert sensor.at(sample.t - 0.02) is not None and sensor.at(sample.t + 1.0) is None
+        assert sensor.zero() == 1
+        assert until(lambda: np.abs(sensor.read().wrench).max() < 0.05 and sensor.read().bias_id)
+    assert sensor.health().state == "closed"
+
+
+def test_a_twin_on_a_virtual_bus_of_this_process():
+    settings = {"port": "0", "bus": "virtual:medrue", "slot": "1"}
+    with MedrueEmulator(TwinOptions("127.0.4.4", noise="off", setting=settings)):
+        driver = CanDriver(CanOptions(interface="virtual", channel="medrue", slot=1))
+        driver.connect()
+        try:
+            assert until(lambda: driver.read().sequence > 20)
+            assert np.abs(driver.position() - driver.robot.home).max() < 1e-4
+        finally:
+            driver.close()

@@ -1,0 +1,179 @@
+"""The layers hold: rooms import downwards, files import in no circle, plug-ins know no sibling."""
+
+import ast
+import subprocess
+import sys
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+from wrenchbed.registry import plugin_modules
+
+SOURCE = Path(__file__).parents[2] / "src" / "wrenchbed"
+LAYERS = (
+    ("errors", "files", "jobs"),
+    ("physics", "registry"),
+    ("data", "pages", "robots", "sensors"),
+    ("simulation",),
+    ("calibration", "effects"),
+    ("planning", "twin"),
+    ("diagnosis", "emulators", "hardware"),
+    ("benchmark", "campaigns", "report"),
+    ("environments", "studies", "viewer"),
+    ("__init__",),
+    ("cli",),
+    ("__main__",),
+)
+"""Rooms from the ground up. A room imports from layers below its own only."""
+MOST_ROOMS, MOST_ARROWS = 30, 180
+PLUGINS = {
+    "robots": "robots",
+    "sensors": "sensors",
+    "drivers": "hardware/drivers",
+    "transducers": "hardware/transducers",
+    "emulators": "emulators",
+    "effects": "effects",
+}
+ONLY_IN = {
+    "mujoco": ("robots", "simulation", "effects", "twin", "planning/clearance", "benchmark",
+               "emulators/base", "viewer", "environments"),
+    "rtde_control": ("hardware/drivers/rtde",), "rtde_receive": ("hardware/drivers/rtde",),
+    "rtde_io": ("hardware/drivers/rtde",), "dashboard_client": ("hardware/drivers/rtde",),
+    "can": ("hardware", "emulators"), "canopen": ("hardware", "emulators"),
+    "rerun": ("viewer",), "rich": ("cli",), "tyro": ("cli",),
+}  # fmt: skip
+FILES = sorted(SOURCE.rglob("*.py"))
+ALL = {".".join(p.relative_to(SOURCE).with_suffix("").parts): p for p in FILES}
+
+
+def room(module: str) -> str:
+    return module.split(".")[0]
+
+
+def folder(module: str) -> str:
+    return module.rpartition(".")[0]
+
+
+@cache
+def imports(path: Path) -> tuple[tuple[str, str], ...]:
+    """(top-level package, module of wrenchbed or '') of every import, also inside functions."""
+    found = []
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            found += [(a.name.split(".")[0], known(a.name)) for a in node.names]
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            package = node.module.split(".")[0]
+            found += [(package, known(f"{node.module}.{a.name}")) for a in node.names]
+    return tuple(found)
+
+
+def known(name: str) -> str:
+    """The module of wrenchbed in which a dotted name lies; '' outside wrenchbed."""
+    parts = name.split(".")[1:] if name.startswith("wrenchbed") else []
+    for end in range(len(parts), 0, -1):
+        for module in (".".join(parts[:end]), ".".join([*parts[:end], "__init__"])):
+            if module in ALL:
+                return module
+    return "__init__" if name.split(".")[0] == "wrenchbed" else ""
+
+
+def graph(name) -> dict[str, set[str]]:
+    """Who imports whom, by what ``name`` makes of a module."""
+    arrows: dict[str, set[str]] = {name(m): set() for m in ALL}
+    for module, path in ALL.items():
+        for _, other in imports(path):
+            if other and name(other) != name(module):
+                arrows[name(module)].add(name(other))
+    return arrows
+
+
+def circles(arrows: dict[str, set[str]]) -> list[str]:
+    """Nodes that are left when all that import nothing left are taken away again and again."""
+    left = dict(arrows)
+    while free := [n for n, targets in left.items() if not targets & left.keys()]:
+        for node in free:
+            del left[node]
+    return sorted(left)
+
+
+def each_file(test):
+    return pytest.mark.parametrize("path", FILES, ids=lambda p: str(p.relative_to(SOURCE)))(test)
+
+
+def test_every_room_has_one_layer():
+    rooms = [r for layer in LAYERS for r in layer]
+    assert sorted(rooms) == sorted({room(m) for m in ALL})
+    assert len(rooms) <= MOST_ROOMS
+
+
+def test_rooms_import_downwards():
+    level = {r: k for k, layer in enumerate(LAYERS) for r in layer}
+    arrows = graph(room)
+    assert not [(a, b) for a, others in arrows.items() for b in others if level[b] >= level[a]]
+    assert sum(map(len, arrows.values())) <= MOST_ARROWS
+
+
+def test_no_files_and_no_folders_import_in_a_circle():
+    assert circles(graph(lambda m: m)) == []
+    assert circles(graph(folder)) == []
+
+
+def test_a_circle_is_seen():
+    assert circles({"a": {"b"}, "b": {"c"}, "c": {"a"}, "d": {"a"}}) == ["a", "b", "c", "d"]
+    assert circles({"a": {"b"}, "b": {"c"}, "c": set()}) == []
+
+
+@pytest.mark.parametrize("place", PLUGINS.values())
+def test_a_plugin_imports_no_sibling(place):
+    kind = next(k for k, v in PLUGINS.items() if v == place)
+    prefix = place.replace("/", ".") + "."
+    mine = plugin_modules(kind)
+    assert len(mine) > 1
+    for module, path in ALL.items():
+        if (
+            not module.startswith(prefix)
+            or (own := module[len(prefix) :].split(".")[0]) not in mine
+        ):
+            continue
+        for _, other in imports(path):
+            if other.startswith(prefix):
+                sibling = other[len(prefix) :].split(".")[0]
+                assert sibling == own or sibling not in mine, f"{module} imports {other}"
+
+
+@each_file
+def test_heavy_libraries_stay_in_their_corner(path):
+    place = path.relative_to(SOURCE).with_suffix("").as_posix()
+    for package, _ in imports(path):
+        if package in ONLY_IN:
+            assert place.startswith(ONLY_IN[package]), f"{place} imports {package}"
+
+
+@each_file
+def test_only_the_command_line_prints(path):
+    calls = [n for n in ast.walk(ast.parse(path.read_text())) if isinstance(n, ast.Call)]
+    prints = [n for n in calls if isinstance(n.func, ast.Name) and n.func.id == "print"]
+    assert not prints or path.relative_to(SOURCE).parts[0] == "cli"
+
+
+@each_file
+def test_a_file_says_what_it_is_for(path):
+    assert ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))), path
+
+
+@each_file
+def test_every_public_class_is_explained(path):
+    for node in ast.parse(path.read_text(encoding="utf-8")).body:
+        if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+            assert ast.get_docstring(node), f"{path.name}: {node.name}"
+
+
+def test_the_core_loads_no_optional_library():
+    code = (
+        "import wrenchbed.cli, sys; "
+        "optional = ('rerun', 'can', 'canopen', 'rtde_control', 'pinocchio'); "
+        "print([m for m in optional if m in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"

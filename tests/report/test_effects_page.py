@@ -1,0 +1,60 @@
+"""docs/effects.md says what the registry holds."""
+
+from pathlib import Path
+
+import pytest
+
+from wrenchbed import registry
+from wrenchbed.diagnosis.explain.verdict import INSEPARABLE
+from wrenchbed.effects.base import ModelEffect
+from wrenchbed.errors import NotFoundError
+from wrenchbed.report.effects_page import render, visible_size
+
+PAGE = Path(__file__).parents[2] / "docs" / "effects.md"
+TEXT = render()
+
+
+def section(name: str) -> str:
+    return TEXT.split(f"\n### {name}\n")[1].split("\n### ")[0]
+
+
+def test_the_committed_page_is_the_rendered_one():
+    assert PAGE.read_text(encoding="utf-8") == TEXT, "run scripts/effects"
+
+
+@pytest.mark.parametrize("name", registry.names("effects"))
+def test_every_effect_says_all_about_itself(name):
+    effect, text = registry.load("effects", name), section(name)
+    assert effect.title[1:] in text and effect.source in text
+    assert f"stage: {effect.stage}" in text and visible_size(effect) in text
+    assert "- in MuJoCo: " in text and "- seen in: " in text
+    for robot in ("ur5", "medrue"):
+        for p in effect.parameters(registry.load("robots", robot)):
+            stem = p.name.partition(".")[0]
+            assert f"`{p.name}`" in text or f"`{stem}." in text, p.name
+
+
+def test_companions_that_no_data_separates_are_named():
+    for pair in INSEPARABLE:
+        a, b = sorted(pair)
+        assert f"companions: `{b}`" in section(a) or f"`{b}`" in section(a).split("| parameter")[0]
+        assert f"`{a}`" in section(b).split("| parameter")[0]
+
+
+def test_an_effect_that_does_not_say_where_it_is_seen_is_refused():
+    class Silent(ModelEffect):
+        """Nothing more."""
+
+        name = "base.silent"
+
+        def parameters(self, robot):
+            raise NotImplementedError
+
+        def variants(self, scene):
+            raise NotImplementedError
+
+        def theta(self, robot, theta, p):
+            raise NotImplementedError
+
+    with pytest.raises(NotFoundError, match=r"base\.silent.*Seen in"):
+        visible_size(Silent())

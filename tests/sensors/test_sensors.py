@@ -1,0 +1,195 @@
+"""Every sensor keeps the contract; the Gamma's noise is that of the real recording."""
+
+import itertools
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy import signal, stats
+
+from wrenchbed import registry
+from wrenchbed.errors import NotFoundError, ParameterError
+from wrenchbed.physics.noise import NoiseStream, noise_model
+from wrenchbed.sensors.ati_mini40 import MATRIX
+from wrenchbed.sensors.base import (
+    STATUS_OK,
+    STATUS_SATURATED,
+    Sensor,
+    SensorCalibration,
+    axes,
+    gauge_noise,
+)
+
+REST = Path(__file__).parents[1] / "data" / "ntnu_kuka_ati_gamma" / "0-steady-state_wrench.csv"
+RATE = 698.1
+SENSORS = registry.names("sensors")
+
+
+@pytest.fixture(params=SENSORS)
+def sensor(request: pytest.FixtureRequest) -> Sensor:
+    loaded = registry.load("sensors", request.param)
+    assert isinstance(loaded, Sensor) and loaded.name == request.param
+    return loaded
+
+
+@pytest.fixture(scope="module")
+def real() -> np.ndarray:
+    return np.loadtxt(REST, delimiter=",", skiprows=1)
+
+
+def test_both_sensors_of_the_robots_exist() -> None:
+    assert {"ati-gamma", "ati-mini40"} <= set(SENSORS)
+
+
+def test_ranges_and_resolutions_are_plausible_and_sourced(sensor: Sensor) -> None:
+    assert len({c.name for c in sensor.calibrations}) == len(sensor.calibrations) > 0
+    for c in sensor.calibrations:
+        assert c.range.shape == c.resolution.shape == (6,)
+        assert (c.range > 0).all() and (c.resolution > 0).all()
+        assert (c.range / c.resolution > 1000).all() and (c.range / c.resolution < 1e6).all()
+        assert c.source.strip()
+    assert sensor.title and sensor.mass_source and sensor.noise_source
+    assert 0 < sensor.mass < 5
+
+
+def test_the_noise_belongs_to_the_default_calibration(sensor: Sensor) -> None:
+    own, noise = sensor.calibration(), sensor.noise
+    assert own is sensor.calibration(sensor.default)
+    np.testing.assert_array_equal(noise.range, own.range)
+    assert (noise.row_std > 0).all()
+    assert (noise.row_std < 1e-2 * own.range).all()
+    assert (noise.resolution < noise.row_std).all()
+    assert (noise.resolution <= own.resolution).all()
+    assert (own.resolution / np.sqrt(12) < noise.row_std).all()
+
+
+def test_accuracy_is_sourced_where_it_is_known(sensor: Sensor) -> None:
+    if sensor.accuracy is not None:
+        assert sensor.accuracy.shape == (6,) and (sensor.accuracy > 0).all()
+        assert sensor.accuracy_source.strip()
+        assert (sensor.accuracy < 0.05 * sensor.calibration().range).all()
+
+
+@pytest.mark.parametrize("kind", ["real", "white"])
+def test_a_simulated_rest_has_the_stated_deviation(sensor: Sensor, kind: str) -> None:
+    model = noise_model(kind, sensor.noise)
+    t = np.arange(2000) / 200.0
+    rows = [NoiseStream(model, s).corrupt(t, np.zeros((2000, 6)))[0].var(axis=0) for s in range(10)]
+    np.testing.assert_allclose(np.sqrt(np.mean(rows, axis=0)), model.row_std, rtol=0.05)
+
+
+def test_white_noise_is_independent_and_gaussian_with_the_same_deviation(sensor: Sensor) -> None:
+    model, std = noise_model("white", sensor.noise), sensor.noise.row_std
+    np.testing.assert_array_equal(model.row_std, std)
+    n = 20_000
+    rows = NoiseStream(model, 7).corrupt(np.arange(n) / 100, np.zeros((n, 6)))[0]
+    np.testing.assert_allclose(rows.std(axis=0), std, rtol=5 / np.sqrt(2 * n))
+    assert np.abs(rows.mean(axis=0) / std).max() < 5 / np.sqrt(n)
+    assert stats.kstest((rows / std).ravel(), "norm").pvalue > 1e-3
+    for lag in (1, 2, 10):
+        shared = (rows[lag:].T @ rows[:-lag]) / n / np.outer(std, std)
+        assert np.abs(shared).max() < 5 / np.sqrt(n)
+    assert np.abs(np.corrcoef(rows.T) - np.eye(6)).max() < 5 / np.sqrt(n)
+    far, status = NoiseStream(model, 1).corrupt([0.0, 1e6], np.full((2, 6), 1e6))
+    assert status.tolist() == [0, 0] and (np.abs(far - 1e6) < 6 * std).all()
+
+
+def test_noise_off_returns_every_bit_of_the_load(sensor: Sensor) -> None:
+    load = np.array([[0.0, -0.0, 1 / 3, 1e300, 5e-324, -7.1]])
+    model = noise_model("off", sensor.noise)
+    measured, status = NoiseStream(model, 1).corrupt([0.0], load)
+    assert measured.tobytes() == load.tobytes()
+    assert measured is not load and status.tolist() == [STATUS_OK]
+    np.testing.assert_array_equal(model.row_std, np.zeros(6))
+
+
+def test_the_kind_of_noise_is_chosen_by_name(sensor: Sensor) -> None:
+    assert noise_model("real", sensor.noise) is sensor.noise
+    with pytest.raises(ParameterError, match=r"no noise 'pink'\. Known: real, white, off"):
+        noise_model("pink", sensor.noise)
+
+
+def test_too_much_load_sets_the_channel_in_the_status_word(sensor: Sensor) -> None:
+    limit = sensor.calibration().range
+    load = np.vstack([np.zeros(6), 1.2 * np.diag(limit), -1.2 * np.diag(limit), 1.2 * limit])
+    measured, status = NoiseStream(sensor.noise, 1).corrupt(np.arange(14.0), load)
+    assert status.tolist() == [STATUS_OK, *[1 << i for i in range(6)] * 2, STATUS_SATURATED]
+    assert (np.abs(measured) <= limit).all()
+
+
+def test_a_warm_sensor_drifts_less_than_one_row_shows_in_ten_minutes(sensor: Sensor) -> None:
+    noise = sensor.noise
+    left = np.exp(-noise.warmup_age / noise.warmup_time) * -np.expm1(-600 / noise.warmup_time)
+    assert (noise.warmup_drift * left < noise.row_std).all()
+
+
+def test_an_unknown_calibration_is_refused_with_what_exists(sensor: Sensor) -> None:
+    with pytest.raises(NotFoundError, match=sensor.default):
+        sensor.calibration("SI-0-0")
+
+
+def test_calibrations_without_a_range_are_refused() -> None:
+    with pytest.raises(ParameterError, match="SI-0-0.range"):
+        SensorCalibration("SI-0-0", np.zeros(6), axes(1.0, 1.0, 1.0), "none")
+
+
+def test_the_mini40_states_its_certificate() -> None:
+    mini40 = registry.load("sensors", "ati-mini40")
+    assert mini40.accuracy.tolist() == [0.25, 0.2, 0.45, 0.0125, 0.0125, 0.02]
+    assert "10.3390/s16060798" in mini40.accuracy_source
+    share = mini40.accuracy / mini40.calibration("SI-20-1").range
+    np.testing.assert_allclose(share, [0.0125, 0.01, 0.0075, 0.0125, 0.0125, 0.02])
+
+
+def test_the_mini40s_noise_is_that_of_equal_gauges_near_the_published_rest() -> None:
+    noise = registry.load("sensors", "ati-mini40").noise
+    std, correlation = gauge_noise(MATRIX)
+    np.testing.assert_allclose(noise.correlation, correlation)
+    published = np.array([0.01515, 0.01425, 0.0293, 0.000425, 0.000735, 0.00029])
+    ratio = noise.row_std / published
+    assert (np.abs(np.delete(ratio, 4) - 1) < 0.15).all() and ratio[4] > 0.5
+    level = published[[0, 1, 2, 5]] / std[[0, 1, 2, 5]]
+    assert np.exp(np.log(level).mean()) == pytest.approx(0.87e-3, rel=0.01)
+
+
+def test_the_gammas_figures_are_those_of_the_recording(real: np.ndarray) -> None:
+    noise = registry.load("sensors", "ati-gamma").noise
+    assert real.shape == (698, 6)
+    f, p = signal.periodogram(real, RATE, axis=0)
+    flicker = np.sqrt((p[1:3] * f[1:3, None]).mean(axis=0))
+    shown = flicker**2 * np.log(noise.f_high * len(real) / RATE / 0.4)
+    white = np.sqrt(real.var(axis=0, ddof=1) - shown)
+    np.testing.assert_allclose(noise.white, white, rtol=0.005)
+    np.testing.assert_allclose(noise.flicker, flicker, rtol=0.02)
+    np.testing.assert_allclose(noise.correlation, np.corrcoef(real.T), atol=0.006)
+
+
+def test_no_mains_line_stands_out_in_the_recording(real: np.ndarray) -> None:
+    def power(frequency: float) -> np.ndarray:
+        angle = 2 * np.pi * frequency * np.arange(len(real)) / RATE
+        basis = np.c_[np.cos(angle), np.sin(angle), np.ones(len(real))]
+        return (np.linalg.lstsq(basis, real, rcond=None)[0][:2] ** 2).sum(axis=0)
+
+    around = np.mean([power(50.0 + side * k) for side in (-1, 1) for k in range(3, 9)], axis=0)
+    assert (np.exp(-power(50.0) / around) > 0.05).all()
+    assert not registry.load("sensors", "ati-gamma").noise.mains_amplitude.any()
+
+
+def test_a_simulated_gamma_rests_like_the_real_one(real: np.ndarray) -> None:
+    noise = registry.load("sensors", "ati-gamma").noise
+    t = np.arange(len(real)) / RATE
+    rests = [NoiseStream(noise, s).corrupt(t, np.zeros((len(t), 6)))[0] for s in range(40)]
+    std = np.sqrt(np.mean([r.var(axis=0) for r in rests], axis=0))
+    np.testing.assert_allclose(std, real.std(axis=0), rtol=0.03)
+    correlation = np.mean([np.corrcoef(r.T) for r in rests], axis=0)
+    np.testing.assert_allclose(correlation, np.corrcoef(real.T), atol=0.03)
+
+    f, simulated = signal.periodogram(np.array(rests), RATE, axis=1)
+    simulated = simulated.mean(axis=0)
+    _, measured = signal.periodogram(real, RATE, axis=0)
+    edges = [2.5, 5.5, 11, 22, 44, 88, 175, 349]
+    for low, high in itertools.pairwise(edges):
+        octave = (f >= low) & (f < high)
+        ratio = np.sqrt(measured[octave].mean(axis=0) / simulated[octave].mean(axis=0))
+        assert (ratio < 6.5).all() and (ratio > 1 / 6.5).all(), (low, ratio)
+        assert 1 / 1.6 < ratio[5] < 1.6, (low, ratio)

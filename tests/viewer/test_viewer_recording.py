@@ -1,0 +1,292 @@
+"""A recording's picture, read back from its file: is everything there, and where it belongs?"""
+
+import json
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+import rerun as rr
+from hypothesis import given
+from hypothesis import strategies as st
+
+import wrenchbed as wb
+from picture_checks import misplaced, stale_residual, wrong_arrow, wrong_curve
+from rrd_file import Rrd
+from wrenchbed.errors import MissingExtraError, NotFoundError, ParameterError
+from wrenchbed.simulation.simulation import Simulation
+from wrenchbed.viewer import recording_view, recordings
+from wrenchbed.viewer import robot as motions
+from wrenchbed.viewer.elements import heat, scale_for
+from wrenchbed.viewer.robot import FRAMES_HZ, bodies, frames, geoms_of, motion, shapes
+from wrenchbed.viewer.stream import readable
+
+ROBOTS = ("ur5", "medrue")
+CHANNELS = ("fx", "fy", "fz", "tx", "ty", "tz")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _strict():
+    rr.set_strict_mode(True)
+    yield
+    rr.set_strict_mode(False)
+
+
+@pytest.fixture(scope="module", params=ROBOTS)
+def recorded(request, tmp_path_factory):
+    """A few poses, their fit and the picture of both."""
+    folder = tmp_path_factory.mktemp(request.param)
+    robot = wb.load("robots", request.param)
+    with wb.SimDriver(wb.SimOptions(robot.name, seed=1)) as driver:
+        wb.record(driver, wb.poses(robot, 24, seed=1), folder / "rec.parquet", samples=10)
+    recording = wb.Recording.read(folder / "rec.parquet")
+    wb.calibrate(recording).write(folder / "fit.json")
+    recording_view(recording, folder / "view.rrd", [folder / "fit.json"])
+    return robot, recording, Rrd(folder / "view.rrd"), folder
+
+
+def test_curves_are_what_was_recorded(recorded):
+    robot, recording, rrd, folder = recorded
+    fit = json.loads((folder / "fit.json").read_text())
+    model = wb.Model.of(robot, recording.metadata)
+    fitted = model.predict(recording.q, model.parameters.vector(fit["theta"]))
+    configured = model.predict(recording.q, model.configured(recording.metadata))
+    for k, channel in enumerate(CHANNELS):
+        values = rrd.values(f"/wrench/{channel}", "Scalars:scalars", "row")
+        assert np.array_equal(values[:, 0], recording.wrench[:, k])
+        assert np.allclose(values[:, 1], configured[:, k], atol=1e-9)
+        assert np.allclose(values[:, 2], fitted[:, k], atol=1e-9)
+        assert np.array_equal(
+            rrd.times(f"/wrench/{channel}", "Scalars:scalars", "row"), np.arange(len(values))
+        )
+    force = rrd.values("/residual/force", "Scalars:scalars", "row")
+    assert np.allclose(force, (recording.wrench - fitted)[:, :3], atol=1e-9)
+    assert np.array_equal(rrd.values("/joints", "Scalars:scalars", "row"), recording.q)
+
+
+def test_bodies_are_where_mujoco_has_them(recorded):
+    _, recording, _, folder = recorded
+    assert misplaced(folder / "view.rrd", recording) < 1e-5
+
+
+MUTATIONS = {
+    "quaternions as w x y z": (motions, "xyzw", lambda _: lambda q: q),
+    "the tool 3 cm aside": (
+        recordings,
+        "motion",
+        lambda old: lambda simulation, q: _shifted(old(simulation, q)),
+    ),
+    "arrows that point the other way": (
+        recordings,
+        "log_arrows",
+        lambda old: lambda c, n, at, w, *more: old(c, n, at, -w, *more),
+    ),
+    "the residual of another simulator": (
+        recordings,
+        "log_residuals",
+        lambda old: lambda c, at, r: old(c, at, np.roll(r, 10, axis=0)),
+    ),
+    "channels in another order": (
+        recordings,
+        "log_wrenches",
+        lambda old: lambda c, at, w, s: old(c, at, w[:, [1, 0, 2, 3, 4, 5]], s),
+    ),
+}
+
+
+def _shifted(seen):
+    seen.position[:, seen.names.index("tool")] += [0.03, 0.0, 0.0]
+    return seen
+
+
+@pytest.mark.parametrize("fault", MUTATIONS)
+def test_a_fault_of_the_picture_is_caught(recorded, monkeypatch, fault):
+    robot, recording, _, folder = recorded
+    where, name, made = MUTATIONS[fault]
+    model = wb.Model.of(robot, recording.metadata)
+    reading = model.predict(recording.q, model.configured(recording.metadata))
+
+    def faults(path):
+        return (
+            misplaced(path, recording) > 1e-5
+            or wrong_arrow(path, recording) > 1e-2
+            or stale_residual(path, recording, reading) > 1e-6
+            or wrong_curve(path, recording) > 0.0
+        )
+
+    recording_view(recording, folder / "right.rrd")
+    assert not faults(folder / "right.rrd")
+    monkeypatch.setattr(where, name, made(getattr(where, name)))
+    recording_view(recording, folder / "wrong.rrd")
+    assert faults(folder / "wrong.rrd")
+
+
+def test_every_pose_is_shown(recorded):
+    _, recording, rrd, _ = recorded
+    rows = rrd.times("/world/real/tool", "Transform3D:translation", "row")
+    changes = np.flatnonzero(np.r_[True, np.diff(recording.columns["segment"]) != 0])
+    assert set(changes) <= set(rows)
+
+
+def test_an_arrow_is_the_load_on_the_sensor_in_the_world(recorded):
+    """The tool's weight pulls down, whichever way the sensor is turned."""
+    robot, recording, rrd, _ = recorded
+    rows = rrd.times("/world/wrench/measured/force", "Arrows3D:vectors", "row")
+    arrow = rrd.values("/world/wrench/measured/force", "Arrows3D:vectors", "row")[:, 0]
+    start = rrd.values("/world/wrench/measured/force", "Arrows3D:origins", "row")[:, 0]
+    scale = scale_for(recording.wrench).force
+    rotation, position = robot.sensor_pose(recording.q[rows], robot.parameters.nominal)
+    wanted = np.einsum("kij,kj->ki", rotation, recording.wrench[rows, :3])
+    assert np.abs(arrow - scale * wanted).max() < 1e-5
+    assert np.abs(start - position).max() < 0.0121
+    weight = 9.80665 * float(robot.tool(robot.parameters.nominal).mass)
+    assert np.abs(arrow / scale - [0, 0, -weight]).max() < 0.15 * weight + 0.3
+
+
+def test_a_ghost_is_only_where_the_fit_moves_a_body(recorded):
+    robot, _, rrd, _ = recorded
+    ghosts = {e for e in rrd.entities() if e.startswith("/world/sim")}
+    assert not any("/world/sim/world" in e for e in ghosts)
+    assert any(e.startswith("/world/sim/tool") for e in ghosts) == (robot.name == "medrue")
+
+
+def test_residuals_of_a_fit_stay_within_the_maps_colours(recorded):
+    _, _, rrd, _ = recorded
+    assert "/residual/map/cells" in rrd.entities()
+    labels = rrd.values("/residual/map/labels", "Points2D:labels")[0]
+    assert list(labels[:6]) == list(CHANNELS) and labels[6] == "pose 0"
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_all_visible_geoms_are_drawn(name):
+    robot = wb.load("robots", name)
+    model = Simulation(robot, robot.parameters.nominal).model
+    drawn = 0
+    for body in bodies(model).values():
+        found = shapes(model, body)
+        for shape in found.values():
+            sizes = getattr(shape, "half_sizes", None)
+            drawn += len((sizes if sizes is not None else shape.radii).as_arrow_array())
+    assert drawn == sum(len(geoms_of(model, b)) for b in range(model.nbody))
+    assert drawn == np.count_nonzero(model.geom_group < 3)
+
+
+def test_a_shape_that_is_not_drawn_is_named():
+    text = """<mujoco><asset><mesh name="m" vertex="0 0 0 1 0 0 0 1 0 0 0 1"/></asset>
+    <worldbody><geom name="odd" type="mesh" mesh="m"/></worldbody></mujoco>"""
+    with pytest.raises(NotFoundError, match="odd is a mjGEOM_MESH"):
+        shapes(mujoco.MjModel.from_xml_string(text), 0)
+
+
+def test_a_motion_is_shown_at_thirty_pictures_a_second():
+    t = np.arange(1000) / 500.0
+    moving = frames(np.sin(t)[:, None], t)
+    assert 2.0 * FRAMES_HZ - 2 <= len(moving) <= 2.0 * FRAMES_HZ + 2
+    assert moving[0] == 0 and moving[-1] == 999
+    resting = frames(np.zeros((1000, 1)), t)
+    assert resting.tolist() == [0, 999]
+    assert frames(np.array([[0.0], [0.0], [1.0], [1.0]])).tolist() == [0, 2, 3]
+    assert frames(np.array([[0.0]])).tolist() == [0]
+
+
+def test_loops_are_closed_in_what_is_shown(recorded):
+    robot, recording, rrd, _ = recorded
+    if robot.name == "medrue":
+        gap = rrd.values("/closure", "Scalars:scalars", "row")
+        poses = len(np.unique(recording.columns["segment"]))
+        assert gap.shape[0] >= poses and (gap >= 0.0).all() and gap.max() < 10.0  # nanometres
+    else:
+        assert "/closure" not in rrd.entities()
+
+
+def test_a_loop_that_is_open_shows():
+    robot = wb.load("robots", "medrue")
+    simulation = Simulation(robot, robot.parameters.nominal)
+    longer = simulation.model
+    longer.site_pos[longer.site("e_b1").id, 1] += 1e-3
+    assert motion(simulation, robot.home[None]).gap[0] == pytest.approx(1e-3, rel=1e-6)
+
+
+@given(st.floats(1e-6, 1e6), st.floats(1e-6, 1e6))
+def test_arrows_fit_the_scene(force, torque):
+    scale = scale_for(np.array([[force, 0, 0, torque, 0, 0]]))
+    assert 0.1 < scale.force * force <= 0.3 + 1e-9
+    assert 0.1 < scale.torque * torque <= 0.3 + 1e-9
+    for size in (scale.force, scale.torque):
+        assert round(size / 10 ** np.floor(np.log10(size) + 1e-9), 6) in (1.0, 2.0, 5.0)
+
+
+def test_arrows_of_no_load_have_a_scale():
+    assert scale_for(np.full((3, 6), np.nan)).force > 0
+    assert scale_for(np.zeros((3, 6))).force > 0
+
+
+@given(st.text())
+def test_words_are_made_of_what_the_viewers_font_has(text):
+    told = readable(text)
+    assert len(told) == len(text)
+    assert readable(told) == told
+    assert all(a == b or b == "?" for a, b in zip(text, told, strict=True))
+
+
+def test_words_of_reports_are_left_alone():
+    text = "Torque x is off by −0.0028 ± 0.0003 N·m, 15 × its noise: “joint 2” → 97 % of 3 µrad²"
+    assert readable(text) == text
+    assert readable("測試 █") == "?? ?"
+
+
+def test_colours_grow_darker_with_blame():
+    levels = heat(np.linspace(0, 1, 11)).astype(float) @ [0.299, 0.587, 0.114]
+    assert (np.diff(levels) < 0).all()
+    assert heat(-1.0).tolist() == heat(0.0).tolist() and heat(2.0).tolist() == heat(1.0).tolist()
+
+
+def test_a_view_that_fails_leaves_no_file(recorded, monkeypatch):
+    _, recording, _, folder = recorded
+
+    def broken(*_):
+        raise ValueError("broken")
+
+    monkeypatch.setattr(recordings, "log_joints", broken)
+    with pytest.raises(ValueError, match="broken"):
+        recording_view(recording, folder / "half.rrd")
+    assert not list(folder.glob("half.rrd*"))
+
+
+def test_what_is_no_simulator_is_refused(recorded):
+    robot, recording, _, folder = recorded
+    other = "ur5" if robot.name == "medrue" else "medrue"
+    fit = json.loads((folder / "fit.json").read_text())
+    wrong = folder / "wrong.json"
+
+    def refused(text, match):
+        wrong.write_text(text)
+        with pytest.raises((ParameterError, wb.WrenchbedError), match=match):
+            recording_view(recording, folder / "x.rrd", [wrong])
+
+    refused(json.dumps(fit | {"robot": other}), f"wrong.json: is a fit of '{other}'")
+    refused(json.dumps(fit | {"theta": {"no such": 1.0}}), "wrong.json: theta: .*no such")
+    refused("[1]", "wrong.json: is no fit or twin")
+    refused("{", "wrong.json: no fit or twin can be read")
+    with pytest.raises(ParameterError, match="at most 3"):
+        recording_view(recording, folder / "x.rrd", [folder / "fit.json"] * 4)
+
+
+def test_without_rerun_the_extra_is_named(recorded, monkeypatch):
+    import sys
+
+    _, recording, _, folder = recorded
+    monkeypatch.setitem(sys.modules, "rerun", None)
+    with pytest.raises(MissingExtraError, match=r"wrenchbed\[view\]"):
+        recording_view(recording, folder / "x.rrd")
+
+
+def test_a_sensor_without_a_robot_is_shown_by_its_readings(tmp_path):
+    folder = Path(__file__).parents[1] / "data/ntnu_kuka_ati_gamma"
+    column_map = wb.read_map(folder / "static.toml")
+    recording = wb.import_files([folder / "0-calibration_fts-accel.csv"], column_map).recording
+    recording_view(recording, tmp_path / "view.rrd")
+    rrd = Rrd(tmp_path / "view.rrd")
+    curves = rrd.values("/wrench/tz", "Scalars:scalars", "row")
+    assert np.array_equal(curves[:, 0], recording.wrench[:, 5])
+    assert not any(e.startswith("/world") for e in rrd.entities())
