@@ -65,7 +65,7 @@ def test_public_names_exist():
 
 
 def test_every_parameter_is_in_the_nomenclature():
-    text = (ROOT / "docs" / "nomenclature.md").read_text(encoding="utf-8")
+    text = (ROOT / "docs" / "reference" / "nomenclature.md").read_text(encoding="utf-8")
     stems = set(re.findall(r"`([A-Za-z0-9.]+)", text)) | set(re.findall(r"[A-Za-z0-9.]+", text))
     known = [p.name for p in SENSOR]
     for name in registry.names("robots"):

@@ -29,7 +29,7 @@ SECONDS = ("seconds.record", "seconds.calibrate", "seconds.diagnose")
 
 
 def schema(fleet: Fleet) -> pa.Schema:
-    """Columns of a fleet's rows; units are SI, see docs/campaigns.md."""
+    """Columns of a fleet's rows; units are SI, see docs/how-to/campaigns.md."""
     model = Model.of(fleet.model_robot())
     names = [model.parameters.names[i] for i in varied(model)]
     own = [f"{part}.{n}" for n in names for part in ("true", "fit", "std")]

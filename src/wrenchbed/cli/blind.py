@@ -128,7 +128,7 @@ def blind() -> None:
 def seal(
     truth: tyro.conf.Positional[Path], /, out: Path, answers: Path, as_json: Json = False
 ) -> None:
-    """Seal recordings of a real robot on which somebody made the truth, see docs/sealed.md.
+    """Seal recordings of a real robot on which somebody made the truth, see docs/how-to/sealed.md.
 
     Args:
         truth: TOML file that names each recording, what was made wrong and by how much.

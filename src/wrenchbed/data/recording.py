@@ -1,7 +1,7 @@
 """A recording: one row a sample, frozen and checked, in one Parquet file.
 
 Whatever made it (MuJoCo, RTDE, CAN, an import), it has the same columns, SI units and sign
-conventions; see ``docs/nomenclature.md``.
+conventions; see ``docs/reference/nomenclature.md``.
 """
 
 import warnings

@@ -15,7 +15,7 @@ class Parameter:
     """One scalar of a model.
 
     Attributes:
-        name: the field's or the paper's symbol, see ``docs/nomenclature.md``.
+        name: the field's or the paper's symbol, see ``docs/reference/nomenclature.md``.
         nominal: the value in the design [unit].
         unit: SI unit, for instance ``m``, ``rad``, ``kg``.
         tolerance: typical deviation of a real robot from nominal [unit]; scales the fit's columns.

@@ -28,7 +28,7 @@ def seal_real(truth: Path, out: Path, answers: Path) -> str:
     """Seal real recordings in random order under numbers; SHA-256 of ``commitments.json``.
 
     Args:
-        truth: TOML file, see docs/sealed.md; recordings are looked for beside it.
+        truth: TOML file, see docs/how-to/sealed.md; recordings are looked for beside it.
         out: empty folder for cases.
         answers: empty folder for answers.
 

@@ -60,7 +60,7 @@ DRAWS = 500
 
 @dataclass(frozen=True, eq=False)
 class Closure:
-    """Gaps on sealed rows (`docs/nomenclature.md`: 0 when only noise is left).
+    """Gaps on sealed rows (`docs/reference/nomenclature.md`: 0 when only noise is left).
 
     Attributes:
         configured, calibrated, with_effects, floor: of the simulator as stated, after bias, mass

@@ -1,7 +1,7 @@
 """The paper's two sets of configurations: 40,000 over the whole workspace, 336 in the target.
 
 Joubair et al. 2016, doi 10.3390/s16060798, Sections 4 and 4.3. The ranges are not printed; these
-reproduce its printed errors (docs/medrue.md).
+reproduce its printed errors (docs/explanation/medrue.md).
 
 MedRUE's inverse kinematics and its workspaces, nominal or any other parameters.
 """
