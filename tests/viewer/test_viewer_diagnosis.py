@@ -153,7 +153,7 @@ def test_the_slider_goes_from_before_to_after(found):
 def test_the_answers_are_in_words(found):
     _, rrd, _ = found
     text = rrd.values("/report", "TextDocument:text")[0, 0]
-    assert text.startswith("# Joints give under the weight")
+    assert text.startswith("# Joints are compliant")
     assert "joint.compliance | " in text and "with the effects |" in text
 
 
@@ -164,7 +164,7 @@ def test_the_answers_are_read_on_the_screen(found):
     with seen(folder / "diagnosis.rrd", port), screen(port) as viewer:
         text = viewer.words()
     d = findings.diagnosis
-    assert "Joints give under the weight" in text
+    assert "Joints are compliant" in text
     for name, p in d.probabilities.items():
         assert p < 0.02 or (name in text and f"{p:.2f}" in text)
     for tab in ("robot, painted by blame", "residual / noise: move the slider", "answers"):

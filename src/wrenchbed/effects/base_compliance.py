@@ -1,4 +1,4 @@
-"""The base gives under the arm's weight."""
+"""The base is compliant and tilts under the arm's weight."""
 
 from typing import TYPE_CHECKING
 
@@ -28,7 +28,7 @@ class BaseCompliance(PoseEffect):
     """
 
     name = "base.compliance"
-    title = "the base gives under the arm's weight"
+    title = "the base is compliant and tilts under the arm's weight"
     size_error = 0.1
     source = "1e-6–1e-5 rad/(N·m) of pedestals and tables: engineering memory"
 

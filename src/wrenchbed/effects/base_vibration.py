@@ -1,4 +1,4 @@
-"""What the base stands on shakes."""
+"""The base vibrates."""
 
 import numpy as np
 
@@ -17,7 +17,7 @@ class BaseVibration(RowEffect):
     """
 
     name = "base.vibration"
-    title = "what the base stands on shakes"
+    title = "the base vibrates"
     source = "0.1 m/s² of 1 kg on a frame that sways at 8–20 Hz: engineering memory"
 
     def parameters(self, robot: Robot) -> ParameterSet:

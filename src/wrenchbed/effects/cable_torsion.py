@@ -1,4 +1,4 @@
-"""A cable or hose twists as the last joint turns."""
+"""A cable or hose is twisted by the last joint."""
 
 from typing import TYPE_CHECKING
 
@@ -26,7 +26,7 @@ class CableTorsion(LoadEffect):
     """
 
     name = "cable.torsion"
-    title = "a cable or hose twists as the last joint turns"
+    title = "a cable or hose is twisted by the last joint"
     form_error = 0.1
     size_error = 0.1
     source = "5–50 mN·m a turn and as much friction: engineering memory"

@@ -1,4 +1,4 @@
-"""Joints lie at one end of their play or at the other."""
+"""Joints have backlash."""
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
@@ -30,7 +30,7 @@ class JointBacklash(JointEffect):
     """
 
     name = "joint.backlash"
-    title = "joints lie at one end of their play or at the other"
+    title = "joints have backlash"
     form_error = 0.15
     size_error = 0.15
     source = "gap 0.01–0.1° in servos, ≤ 0.02° in strain wave gears: engineering memory"

@@ -1,4 +1,4 @@
-"""Passive joints have play and lie on the side of their load."""
+"""Passive joints have clearance."""
 
 from collections.abc import Mapping
 from functools import lru_cache
@@ -41,7 +41,7 @@ class JointClearance(JointEffect, PoseEffect):
     """
 
     name = "joint.clearance"
-    title = "passive joints have play and lie on the side of their load"
+    title = "passive joints have clearance"
     size_error = 0.15
     source = "10–50 µm: engineering memory"
     amplitude = "play"

@@ -1,4 +1,4 @@
-"""Joints give under the weight that they carry."""
+"""Joints are compliant and deflect under gravity."""
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
@@ -22,7 +22,7 @@ class JointCompliance(JointEffect):
     """
 
     name = "joint.compliance"
-    title = "joints give under the weight that they carry"
+    title = "joints are compliant and deflect under gravity"
     size_error = 0.1
     source = "UR 1–3e4 N·m/rad, wrists 3–8e3: engineering memory; drives 1e5–1e6 N/m"
     amplitude = "compliance"

@@ -1,4 +1,4 @@
-"""Gears and encoders turn unevenly."""
+"""Gears and encoders have a periodic error."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -28,15 +28,15 @@ class JointGearError(JointEffect):
     """
 
     name = "joint.gear_error"
-    title = "gears and encoders turn unevenly"
+    title = "gears and encoders have a periodic error"
     size_error = 0.1
     source = "0.3–2 arcmin of strain wave gears, 0.5–5 of eccentric encoders: engineering memory"
     amplitude = "sin"
 
     def parameters(self, robot: Robot) -> ParameterSet:
         items = [
-            Parameter(f"{part}.q{k}", 0.0, "rad", TYPICAL, -1.0, 1.0, f"amplitude of the {part}e")
-            for part in ("sin", "cos")
+            Parameter(f"{part}.q{k}", 0.0, "rad", TYPICAL, -1.0, 1.0, f"amplitude of the {name}")
+            for part, name in (("sin", "sine"), ("cos", "cosine"))
             for k in rotary(robot)
         ]
         items.append(Parameter("order", 1.0, "1", 0.02, 0.01, 1e3, "waves per turn of the joint"))

@@ -1,4 +1,4 @@
-"""Joints stand a constant away from what they report."""
+"""Joint zeros are offset."""
 
 import numpy as np
 
@@ -18,7 +18,7 @@ class JointOffset(JointEffect):
     """
 
     name = "joint.offset"
-    title = "joints stand a constant away from what they report"
+    title = "joint zeros are offset"
     source = "zero offsets of 0.05–0.5°, drives 0.1–1 mm: engineering memory"
     amplitude = "offset"
 

@@ -1,4 +1,4 @@
-"""Links are longer, shorter or more twisted than drawn."""
+"""Link lengths or twists differ from nominal."""
 
 import numpy as np
 
@@ -22,7 +22,7 @@ class LinkLength(ModelEffect):
     """
 
     name = "link.length"
-    title = "links are longer, shorter or more twisted than drawn"
+    title = "link lengths or twists differ from nominal"
     source = "0.1–1 mm, 0.02–0.1° as made: engineering memory"
 
     def parameters(self, robot: Robot) -> ParameterSet:

@@ -1,4 +1,4 @@
-"""The sensor sits turned on its flange."""
+"""The sensor is rotated on its flange."""
 
 import numpy as np
 
@@ -18,7 +18,7 @@ class MountRotation(ModelEffect):
     """
 
     name = "mount.rotation"
-    title = "the sensor sits turned on its flange"
+    title = "the sensor is rotated on its flange"
     source = "0.2–1° of bolt holes and dowels: engineering memory"
 
     def parameters(self, robot: Robot) -> ParameterSet:

@@ -1,4 +1,4 @@
-"""The sensor's zero is off."""
+"""The sensor's zero is offset."""
 
 import numpy as np
 
@@ -22,7 +22,7 @@ class SensorBias(ReadingEffect):
     """
 
     name = "sensor.bias"
-    title = "the sensor's zero is off"
+    title = "the sensor's zero is offset"
     source = "0.1–5 N and 5–100 mN·m, engineering memory"
 
     def parameters(self, robot: Robot) -> ParameterSet:

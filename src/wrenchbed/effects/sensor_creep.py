@@ -1,4 +1,4 @@
-"""The sensor goes on moving after its load has changed."""
+"""The sensor's reading creeps after its load has changed."""
 
 import numpy as np
 from scipy.linalg import solve_banded
@@ -30,7 +30,7 @@ class SensorCreep(ReadingEffect):
     """
 
     name = "sensor.creep"
-    title = "the sensor goes on moving after its load has changed"
+    title = "the sensor's reading creeps after its load has changed"
     form_error = 0.15
     size_error = 0.15
     source = (

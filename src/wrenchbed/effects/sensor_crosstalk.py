@@ -1,4 +1,4 @@
-"""A channel shows something of the others."""
+"""A channel responds to the load of other channels."""
 
 from itertools import permutations
 
@@ -36,7 +36,7 @@ class SensorCrosstalk(ReadingEffect):
     """
 
     name = "sensor.crosstalk"
-    title = "a channel shows something of the others"
+    title = "a channel responds to the load of other channels"
     source = (
         "0.2–1 % between like channels, 0.1–1 mm torque from force, 0.005–0.05 N per N·m force "
         "from torque; origin 1–6 mm (a Mini40's, if forgotten, 5.36 mm): engineering memory"

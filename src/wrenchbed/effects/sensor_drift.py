@@ -1,4 +1,4 @@
-"""The sensor's zero wanders steadily."""
+"""The sensor's zero drifts steadily."""
 
 import numpy as np
 
@@ -25,7 +25,7 @@ class SensorDrift(ReadingEffect):
     """
 
     name = "sensor.drift"
-    title = "the sensor's zero wanders steadily"
+    title = "the sensor's zero drifts steadily"
     size_error = 0.1
     source = "0.05–0.5 N/h and 1–10 mN·m/h, engineering memory"
 

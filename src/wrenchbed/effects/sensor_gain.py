@@ -1,4 +1,4 @@
-"""Axes of the sensor read too much or too little."""
+"""Axes of the sensor have a gain error."""
 
 import numpy as np
 
@@ -23,7 +23,7 @@ class SensorGain(ReadingEffect):
     """
 
     name = "sensor.gain"
-    title = "axes of the sensor read too much or too little"
+    title = "axes of the sensor have a gain error"
     source = "0.2–1.5 %, ATI's stated uncertainty 0.75–1.5 % of full scale (unverified)"
 
     def parameters(self, robot: Robot) -> ParameterSet:

@@ -1,4 +1,4 @@
-"""The sensor remembers where its load came from."""
+"""The sensor's reading depends on its earlier loads."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -28,7 +28,7 @@ class SensorHysteresis(ReadingEffect):
     """
 
     name = "sensor.hysteresis"
-    title = "the sensor remembers where its load came from"
+    title = "the sensor's reading depends on its earlier loads"
     size_error = 0.2
     source = "0.1–0.3 % of full scale, strain-gauge data sheets"
     form_error = 0.45

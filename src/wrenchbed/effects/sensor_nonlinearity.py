@@ -1,4 +1,4 @@
-"""The sensor's readings bend with the load."""
+"""The sensor's readings are nonlinear in the load."""
 
 from dataclasses import replace
 
@@ -36,7 +36,7 @@ class SensorNonlinearity(ReadingEffect):
     """
 
     name = "sensor.nonlinearity"
-    title = "the sensor's readings bend with the load"
+    title = "the sensor's readings are nonlinear in the load"
     size_error = 0.1
     source = "0.1–0.3 % of full scale at full scale; 0.2 %: FRB load ring data sheet"
 

@@ -1,4 +1,4 @@
-"""The sensor counts in coarse steps."""
+"""The sensor's readings are quantised in coarse steps."""
 
 import numpy as np
 
@@ -15,7 +15,7 @@ class SensorQuantization(RowEffect):
     """
 
     name = "sensor.quantization"
-    title = "the sensor counts in coarse steps"
+    title = "the sensor's readings are quantised in coarse steps"
     source = "0.02–0.05 N and 0.5–1 mN·m (ATI, 16 bits); two to three bits fewer: 0.2 N and 5 mN·m"
 
     def parameters(self, robot: Robot) -> ParameterSet:

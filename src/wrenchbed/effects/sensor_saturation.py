@@ -1,4 +1,4 @@
-"""A channel cannot read beyond a level."""
+"""A channel saturates at a level."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -27,7 +27,7 @@ class SensorSaturation(ReadingEffect):
     """
 
     name = "sensor.saturation"
-    title = "a channel cannot read beyond a level"
+    title = "a channel saturates at a level"
     form_error = 0.1
     size_error = 0.02
     source = "converters end at 105 % of range; a wrong range setting or gain clips far earlier"

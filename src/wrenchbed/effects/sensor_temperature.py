@@ -1,4 +1,4 @@
-"""The sensor's zero and span follow its temperature."""
+"""The sensor's zero and span depend on its temperature."""
 
 from typing import Any
 
@@ -35,7 +35,7 @@ class SensorTemperature(ReadingEffect):
     """
 
     name = "sensor.temperature"
-    title = "the sensor's zero and span follow its temperature"
+    title = "the sensor's zero and span depend on its temperature"
     size_error = 0.1
     source = (
         "0.05–0.3 % of full scale per 10 K, span 0.02–0.05 %/K; HBM states < 0.05 % per 10 K; "

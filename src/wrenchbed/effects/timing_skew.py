@@ -19,7 +19,7 @@ class TimingSkew(ReadingEffect):
     """
 
     name = "timing.skew"
-    title = "clocks run apart, or channels are read one after the other"
+    title = "clocks run at different rates, or channels are read one after the other"
     stage = "timing"
     source = "clocks 1e-5–1e-4, channels 10–500 µs: engineering memory"
     modes = ("dynamic",)

@@ -1,4 +1,4 @@
-"""Some rows repeat the one before."""
+"""Some rows repeat the previous one."""
 
 import numpy as np
 
@@ -14,7 +14,7 @@ class TimingStale(RowEffect):
     """
 
     name = "timing.stale"
-    title = "some rows repeat the one before"
+    title = "some rows repeat the previous one"
     source = "0.01–1 % of rows; 10 % where a sensor is slower than its logger: engineering memory"
 
     def parameters(self, robot: Robot) -> ParameterSet:

@@ -1,4 +1,4 @@
-"""The tool's centre of gravity lies elsewhere than stated."""
+"""The tool's centre of gravity differs from what is stated."""
 
 import numpy as np
 
@@ -17,7 +17,7 @@ class ToolCog(ModelEffect):
     """
 
     name = "tool.cog"
-    title = "the tool's centre of gravity lies elsewhere than stated"
+    title = "the tool's centre of gravity differs from what is stated"
     source = "1–5 mm: engineering memory"
 
     def parameters(self, robot: Robot) -> ParameterSet:

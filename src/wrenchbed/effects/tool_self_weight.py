@@ -1,4 +1,4 @@
-"""The sensor's own tool side weighs on its gauges."""
+"""The weight of the sensor's own tool side loads its gauges."""
 
 import numpy as np
 
@@ -16,7 +16,7 @@ class ToolSelfWeight(ModelEffect):
     """
 
     name = "tool.self_weight"
-    title = "the sensor's own tool side weighs on its gauges"
+    title = "the weight of the sensor's own tool side loads its gauges"
     source = "20–60 g of an ATI Mini40 or Gamma's tool side: engineering memory"
 
     def parameters(self, robot: Robot) -> ParameterSet:

@@ -21,47 +21,52 @@ SEEN = "Seen in: "
 _ROWS = 24
 _INTRODUCTION = """# Effects
 
-What a simulator usually lacks, one effect a file in `src/wrenchbed/effects`. Each is written
-twice: in closed form, with which a diagnosis fits, and in MuJoCo, which simulates it. This page
-is written by `scripts/effects` from the effects themselves; a test holds the two together.
+An *effect* is one thing that a simulator usually lacks. Each effect is one file in
+`src/wrenchbed/effects`. It is written twice: in closed form, which the diagnosis fits, and in
+MuJoCo, which simulates it. `scripts/effects` writes this page from the effects themselves, and a
+test compares the two.
 
-Simulate one in the place of a real robot:
+To simulate an effect in the place of a real robot:
 
 ```sh
+wrenchbed plan ur5 --n 10 --out poses.parquet
 wrenchbed record --robot ur5 --plan poses.parquet --effect base.tilt:x=0.006 --out rec.parquet
 ```
 
-`--effect` may be repeated; without values an effect has its typical size. A twin's `twin.json`
+`--effect` may be repeated. Without values an effect has its typical size. A twin's `twin.json`
 lists effects with their values; `wrenchbed simulate` runs them on a recording's motion.
 
-Add one as a file `effects/<subsystem>_<name>.py` with the constant `EFFECT`: a subclass of
-`ModelEffect`, `JointEffect`, `PoseEffect`, `LoadEffect`, `ReadingEffect` or `RowEffect` that
-gives its parameters, its variants and its one formula, and `edit_spec` where MuJoCo can carry it.
-There is no list to edit; the contract tests take it up. Another package adds one through the
-entry point group `wrenchbed.effects`.
+To add an effect, write a file `effects/<subsystem>_<name>.py` with the constant `EFFECT`: a
+subclass of `ModelEffect`, `JointEffect`, `PoseEffect`, `LoadEffect`, `ReadingEffect` or
+`RowEffect` that has parameters, variants and one formula, and `edit_spec` where MuJoCo can carry
+it. There is no list to edit, and the contract tests include it automatically. Another package adds
+an effect through the entry point group `wrenchbed.effects`.
 
 ## How to read it
+
 An effect acts at one stage of the chain from joint values to readings:
 
 | stage | what it changes |
 |---|---|
-| model | other parameters of the robot |
-| joint | the joints stand elsewhere than they report |
-| pose | the sensor stands elsewhere than the joints say |
-| load | more than the tool pulls on the sensor |
-| reading | the sensor shows something else than its load |
+| model | parameters of the robot |
+| joint | true joint values differ from reported ones |
+| pose | the sensor's pose differs from what the joints give |
+| load | the load on the sensor differs from the tool's |
+| reading | the sensor's reading differs from its load |
 | timing | the reading belongs to another moment |
-| row | no mean effect: rows scatter, repeat or step |
+| row | no mean effect: rows scatter, repeat or are quantised |
 
-*Amplitudes* are zero where there is no effect; *shapes* say where and how it acts. The size of an
-amplitude is what a robot of its kind typically has, the size of a shape how far a fit may look
-from where it begins. *May miss* is the share of its own gap that the closed form may miss of the
-real thing. SI units; symbols as in [nomenclature](nomenclature.md). Where two effects make the
-same readings in all data without contact, a diagnosis names them as one class: these are the
-companions. `tool.mass` inside a uniform `sensor.gain`, `tool.cog` inside `sensor.crosstalk` and
-the last joint's offset inside `mount.rotation` are named first, since the smaller explanation is
-the better one. `wrenchbed diagnose plan.parquet --dry-run` says what a plan can show and which
-effects look alike in it.
+*Amplitudes* are zero where there is no effect. *Shapes* state where and how it acts. The size of an
+amplitude is the typical size for a robot of its kind. The size of a shape is how far a fit may
+search from its start. *May miss* is the share of the effect's gap by which the closed form may
+differ from the real effect. All values are in SI units; symbols are those of
+[nomenclature](nomenclature.md).
+
+Two effects that make the same readings in all data without contact are *companions*: a diagnosis
+names them as one class. `tool.mass` inside a uniform `sensor.gain`, `tool.cog` inside
+`sensor.crosstalk` and the last joint's offset inside `mount.rotation` are named first, because the
+smaller explanation is preferred. `wrenchbed diagnose plan.parquet --dry-run` lists what a plan can
+show and which effects look alike in it.
 """
 
 
@@ -78,7 +83,7 @@ def render() -> str:
 
 
 def _overview(known: dict[str, Effect]) -> Iterator[str]:
-    yield "## All of them\n| effect | what happens | stage | recordings |\n|---|---|---|---|"
+    yield "## All effects\n\n| effect | what happens | stage | recordings |\n|---|---|---|---|"
     for name, e in known.items():
         link = f"[`{name}`](#{name.replace('.', '')})"
         yield f"| {link} | {e.title} | {e.stage} | {_recordings(e)} |"
