@@ -10,11 +10,7 @@ from wrenchbed.effects.base import ModelEffect
 from wrenchbed.errors import NotFoundError
 from wrenchbed.report.effects_page import render, visible_size
 
-<<<<<<< HEAD:tests/report/test_effects_page.py
-PAGE = Path(__file__).parents[2] / "docs" / "effects.md"
-=======
-PAGE = Path(__file__).parents[1] / "docs" / "reference" / "effects.md"
->>>>>>> 4a5d76f (Docs lie in tutorials, how-to, reference and explanation; contracts have their page; the command line's page is generated):tests/test_effects_page.py
+PAGE = Path(__file__).parents[2] / "docs" / "reference" / "effects.md"
 TEXT = render()
 
 

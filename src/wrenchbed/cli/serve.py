@@ -41,7 +41,7 @@ def twin(
         noise: Of the sensor.
         effect: ID[:name=value,…] of an effect on the robot, see `wrenchbed list effects`. May be
             repeated.
-        faults: TOML script of timed faults, see docs/how-to/hardware.md; `-` takes them as JSON lines
+        faults: TOML script of timed faults (docs/how-to/hardware.md); `-` takes them as JSON lines
             on standard input.
         table: Height of a plate that the tool may press on [m].
         set: NAME=VALUE of a setting that this twin alone has; a wrong NAME lists them.

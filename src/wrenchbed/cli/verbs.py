@@ -47,7 +47,7 @@ def import_(
 
     Args:
         files: CSV files, rosbags (1 or 2), MCAP files; several are merged on time.
-        map: TOML or JSON column map, see docs/how-to/import.md; or the name of a ready one: ros-ur5,
+        map: TOML or JSON column map (docs/how-to/import.md), or the name of a ready one: ros-ur5,
             ros-oriented, ur-rtde, ur-client.
         out: Recording to write.
         as_json: Print the result as JSON.

@@ -1,4 +1,4 @@
-"""``docs/reference/effects.md``: every effect of the registry as people read it; see `scripts/effects`."""
+"""``docs/reference/effects.md``: every effect of the registry, written by `scripts/effects`."""
 
 import inspect
 from collections.abc import Iterator

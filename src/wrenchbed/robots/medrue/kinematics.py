@@ -1,6 +1,7 @@
 """MedRUE in closed form, in metres: Joubair et al. 2016, doi 10.3390/s16060798, Equations 1–16.
 
-The printed equations lost signs and subscripts; `docs/explanation/medrue.md` says how each was resolved.
+The printed equations lost signs and subscripts; `docs/explanation/medrue.md` says how each was
+resolved.
 Points of five-bar i lie in a plane of constant x of the base; E is where its distal links meet.
 
 MedRUE's 49 parameters: Joubair et al. 2016, doi 10.3390/s16060798, Section 3 and Table 1, in SI.
