@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from ur5_bench import CYCLE, ROBOT, Bench
-from wrenchbed.emulators.ur5.controller import SafetyMode
 from wrenchbed.emulators.ur5.kinematics import NO_TOOL
+from wrenchbed.emulators.ur5.modes import SafetyMode
 
 DOWN = np.array([0.4, -0.11, 0.45, np.pi, 0.0, 0.0])
 

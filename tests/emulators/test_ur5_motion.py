@@ -7,7 +7,6 @@ from scipy.spatial.transform import Rotation
 
 from ur5_bench import CYCLE, Bench
 from wrenchbed import registry
-from wrenchbed.emulators.ur5.controller import Runtime, SafetyMode
 from wrenchbed.emulators.ur5.kinematics import (
     NO_TOOL,
     Kinematics,
@@ -16,6 +15,7 @@ from wrenchbed.emulators.ur5.kinematics import (
     rotation_vector,
     vector,
 )
+from wrenchbed.emulators.ur5.modes import Runtime, SafetyMode
 from wrenchbed.emulators.ur5.motions import Profile, ToPose
 from wrenchbed.simulation.simulation import Simulation
 

@@ -16,9 +16,9 @@ from ur5_bench import CYCLE, Bench
 from wrenchbed.emulators.base import emulator
 from wrenchbed.emulators.ur5 import EMULATOR
 from wrenchbed.emulators.ur5.commands import COMMANDS
-from wrenchbed.emulators.ur5.controller import Runtime
 from wrenchbed.emulators.ur5.dashboard import Dashboard
 from wrenchbed.emulators.ur5.kinematics import NO_TOOL, Kinematics, UnreachableError
+from wrenchbed.emulators.ur5.modes import Runtime
 from wrenchbed.emulators.ur5.outputs import Outputs
 from wrenchbed.emulators.ur5.packets import Recipe
 from wrenchbed.emulators.ur5.script import Collector, Script

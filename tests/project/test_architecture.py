@@ -52,7 +52,8 @@ def room(module: str) -> str:
 
 
 def folder(module: str) -> str:
-    return module.rpartition(".")[0]
+    """The folder of a module; a module at the top stands for itself."""
+    return module.rpartition(".")[0] or module
 
 
 @cache

@@ -4,7 +4,8 @@ import numpy as np
 
 from wrenchbed import registry
 from wrenchbed.emulators.base.body import Body, BodyOptions
-from wrenchbed.emulators.ur5.controller import Controller, Make
+from wrenchbed.emulators.ur5.controller import Controller
+from wrenchbed.emulators.ur5.modes import Make
 from wrenchbed.emulators.ur5.script import Script
 from wrenchbed.emulators.ur5.tool_wrench import Payload
 

@@ -121,7 +121,8 @@ def _controller():
     import numpy as np
 
     from wrenchbed import registry
-    from wrenchbed.emulators.ur5.controller import Controller, Make
+    from wrenchbed.emulators.ur5.controller import Controller
+    from wrenchbed.emulators.ur5.modes import Make
     from wrenchbed.emulators.ur5.tool_wrench import Payload
 
     make = Make((5, 11, 1, 0), 0.008, 150.0, True)

@@ -6,6 +6,7 @@ import numpy as np
 
 from wrenchbed.emulators.ur5.arm import ForceMode
 from wrenchbed.emulators.ur5.kinematics import matrix
+from wrenchbed.emulators.ur5.modes import Make
 from wrenchbed.emulators.ur5.motions import (
     ArmMotion,
     JointSpeed,
@@ -268,6 +269,9 @@ COMMANDS: dict[int, Command] = {
     **QUERIES,
     **_MOVES,
 }
-"""Number → what it does."""
-E_SERIES_ONLY = frozenset((21, 25, 26, 27, 28, 51, 54, 62, 65))
-"""Commands that the script answers on a CB3 without doing anything."""
+_E_SERIES_ONLY = frozenset((21, 25, 26, 27, 28, 51, 54, 62, 65))
+
+
+def commands_of(make: Make) -> dict[int, Command]:
+    """Number → what it does; the script answers some on a CB3 without doing anything."""
+    return {n: c for n, c in COMMANDS.items() if make.e_series or n not in _E_SERIES_ONLY}

@@ -1,157 +1,21 @@
-"""The controller: power, safety, program and arm, a control cycle at a time.
-
-Power, safety and program state, as the controller numbers them.
-"""
+"""The controller: power, safety, program and arm, one control cycle at a time."""
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
-from enum import IntEnum
 
 import numpy as np
 
 from wrenchbed.emulators.base.body import Body
 from wrenchbed.emulators.ur5.arm import SAFE_DECELERATION, ControlledArm
+from wrenchbed.emulators.ur5.commands import commands_of
 from wrenchbed.emulators.ur5.inputs import Inputs, Terminals
-from wrenchbed.emulators.ur5.packets import Values, Version, inputs, outputs, zero
+from wrenchbed.emulators.ur5.modes import Make, Modes, Runtime
+from wrenchbed.emulators.ur5.packets import Values, inputs, outputs, zero
 from wrenchbed.emulators.ur5.program import ControlProgram, OtherProgram, Program, ProgramError
 from wrenchbed.emulators.ur5.script import Script
 from wrenchbed.emulators.ur5.tool_wrench import Estimate, Payload
 
-UNLOCK_AFTER_S = 5.0
-"""A protective stop can only be unlocked this long after it [s]."""
-_BOOT_S = 0.5
-"""Time that switching on and releasing the brakes take each [s]."""
-
-
-class RobotMode(IntEnum):
-    """The arm's power."""
-
-    POWER_OFF = 3
-    POWER_ON = 4
-    BOOTING = 2
-    IDLE = 5
-    RUNNING = 7
-
-
-class SafetyMode(IntEnum):
-    """What the safety system allows."""
-
-    NORMAL = 1
-    PROTECTIVE_STOP = 3
-    ROBOT_EMERGENCY_STOP = 7
-
-
-class Runtime(IntEnum):
-    """What the program does."""
-
-    STOPPING = 0
-    STOPPED = 1
-    PLAYING = 2
-    PAUSING = 3
-    PAUSED = 4
-
-
-_SAFETY_BITS = {
-    SafetyMode.NORMAL: 1 << 0,
-    SafetyMode.PROTECTIVE_STOP: 1 << 2 | 1 << 10,
-    SafetyMode.ROBOT_EMERGENCY_STOP: 1 << 6 | 1 << 7 | 1 << 10,
-}
-
-
-class Modes:
-    """State of power, safety and program, and how long each change takes."""
-
-    def __init__(self, powered: bool) -> None:
-        self.robot = RobotMode.RUNNING if powered else RobotMode.POWER_OFF
-        self.safety = SafetyMode.NORMAL
-        self.runtime = Runtime.STOPPED
-        self.stopped_at = 0.0
-        self._next: tuple[float, RobotMode] | None = None
-        self._emergency_ends = 0.0
-
-    @property
-    def ready(self) -> bool:
-        """Whether the arm may move."""
-        return self.robot is RobotMode.RUNNING and self.safety is SafetyMode.NORMAL
-
-    @property
-    def robot_bits(self) -> int:
-        """robot_status_bits: power on, program running."""
-        powered = self.robot is not RobotMode.POWER_OFF
-        return powered | (self.runtime is Runtime.PLAYING) << 1
-
-    @property
-    def safety_bits(self) -> int:
-        """safety_status_bits."""
-        return _SAFETY_BITS[self.safety]
-
-    def tick(self, now: float) -> None:
-        """Finish what takes its time."""
-        if self._next is not None and now >= self._next[0]:
-            self.robot, self._next = self._next[1], None
-        emergency = self.safety is SafetyMode.ROBOT_EMERGENCY_STOP
-        if emergency and now >= self._emergency_ends:
-            self.safety = SafetyMode.NORMAL
-
-    def power_on(self, now: float) -> None:
-        """Off → idle."""
-        if self.robot is RobotMode.POWER_OFF and self.safety is SafetyMode.NORMAL:
-            self.robot, self._next = RobotMode.POWER_ON, (now + _BOOT_S, RobotMode.IDLE)
-
-    def power_off(self) -> None:
-        """Any → off."""
-        self.robot, self._next = RobotMode.POWER_OFF, None
-
-    def release_brakes(self, now: float) -> None:
-        """Off or idle → running."""
-        if self.safety is SafetyMode.NORMAL and self.robot is not RobotMode.RUNNING:
-            steps = 2 if self.robot is RobotMode.POWER_OFF else 1
-            self.robot = RobotMode.POWER_ON if steps == 2 else self.robot
-            self._next = (now + steps * _BOOT_S, RobotMode.RUNNING)
-
-    def protective_stop(self, now: float) -> None:
-        """The safety system stops the arm; someone must unlock it."""
-        if self.safety is SafetyMode.NORMAL:
-            self.safety, self.stopped_at = SafetyMode.PROTECTIVE_STOP, now
-
-    def unlock(self, now: float) -> bool:
-        """End a protective stop; False where it is too early."""
-        if self.safety is SafetyMode.PROTECTIVE_STOP:
-            if now - self.stopped_at < UNLOCK_AFTER_S:
-                return False
-            self.safety = SafetyMode.NORMAL
-        return True
-
-    def emergency_stop(self, until: float) -> None:
-        """The button is pressed until a time [s]; the arm has no power after it."""
-        self.safety, self._emergency_ends = SafetyMode.ROBOT_EMERGENCY_STOP, until
-        self.power_off()
-
-
 _MORE_FORCE = 30.0
 """Beyond what pressed when a stop was unlocked, from which the robot stops again [N]."""
-
-
-@dataclass(frozen=True)
-class Make:
-    """Which controller it is.
-
-    Attributes:
-        version: of its software.
-        cycle: of its control [s].
-        protective_force: at the tool, from which it stops [N].
-        powered: whether the arm is switched on and its brakes are free at the start.
-    """
-
-    version: Version
-    cycle: float
-    protective_force: float
-    powered: bool
-
-    @property
-    def e_series(self) -> bool:
-        """e-Series, else CB3."""
-        return self.version[0] >= 5
 
 
 class Controller:
@@ -289,7 +153,7 @@ class Controller:
 
     def _program(self, script: Script) -> Program:
         if script.control:
-            return ControlProgram(self, script.offset, script.path)
+            return ControlProgram(self, commands_of(self.make), script.offset, script.path)
         return OtherProgram(self, script.writes)
 
     def _begin(self, program: Program) -> None:
@@ -326,6 +190,3 @@ class Controller:
                 self.values[name] = value
         self.terminals.take(values)
         self.arm.slider = self.terminals.slider
-
-
-__all__ = ["Controller", "Make", "RobotMode", "Runtime", "SafetyMode"]

@@ -5,7 +5,8 @@ Ports 30001 to 30003: they take URScript and send nothing.
 
 from collections.abc import Callable
 
-from wrenchbed.emulators.ur5.controller import Controller, Runtime, SafetyMode
+from wrenchbed.emulators.ur5.controller import Controller
+from wrenchbed.emulators.ur5.modes import Runtime, SafetyMode
 from wrenchbed.emulators.ur5.network import Peer
 from wrenchbed.emulators.ur5.script import Collector
 

@@ -3,17 +3,17 @@
 import struct
 import time
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 
 from wrenchbed.emulators.base import faults as asks
 from wrenchbed.emulators.base.faults import Argument, Faults, TimedFault
 from wrenchbed.emulators.ur5 import packets
-
-if TYPE_CHECKING:
-    from wrenchbed.emulators.ur5.server import UR5Emulator
-
+from wrenchbed.emulators.ur5.controller import Controller
+from wrenchbed.emulators.ur5.network import Port
+from wrenchbed.emulators.ur5.outputs import Timestamp
+from wrenchbed.emulators.ur5.rtde import Rtde
 
 Deed = Callable[[TimedFault], None]
 
@@ -36,10 +36,27 @@ _ASKS: dict[tuple[str, str], dict[str, Argument]] = {
 """What a kind of fault must or may be told."""
 
 
-class Misbehaviour:
-    """Every fault of the twin; each is done in the loop's thread."""
+class Target(Protocol):
+    """What the faults act on."""
 
-    def __init__(self, twin: "UR5Emulator") -> None:
+    controller: Controller
+    rtde: Rtde
+    ports: dict[str, Port]
+    timestamp: Timestamp
+
+    def soon(self, task: Callable[[], None]) -> None:
+        """Run a task in the loop's thread."""
+        ...
+
+    def restart(self, seconds: float) -> None:
+        """Cut the power of the control box for a time [s]."""
+        ...
+
+
+class Misbehaviour:
+    """Every fault of the emulator; each runs in the loop's thread."""
+
+    def __init__(self, twin: Target) -> None:
         self._twin = twin
 
     def register(self, faults: Faults) -> None:

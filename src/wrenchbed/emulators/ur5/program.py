@@ -7,17 +7,18 @@ done. Only one thread may move the arm; a second one ends the program.
 Whether the tool touches something, as URScript's tool_contact tells.
 """
 
-from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING, Protocol
+from collections.abc import Callable, Iterator, Mapping
+from typing import Protocol
 
 import numpy as np
 
+from wrenchbed.emulators.ur5.arm import ControlledArm
+from wrenchbed.emulators.ur5.inputs import Inputs
+from wrenchbed.emulators.ur5.modes import Make
 from wrenchbed.emulators.ur5.motions import ArmMotion
+from wrenchbed.emulators.ur5.packets import Values
 from wrenchbed.emulators.ur5.script import MOST, ScriptMove
-
-if TYPE_CHECKING:
-    from wrenchbed.emulators.ur5.controller import Controller
-
+from wrenchbed.emulators.ur5.tool_wrench import Estimate
 
 CONTACT_FORCE = 10.0
 """Force against the direction of motion from which the tool touches something [N]."""
@@ -55,6 +56,25 @@ class ProgramError(Exception):
     """A runtime error of the script, which ends it."""
 
 
+class Host(Protocol):
+    """What a program reads and does on the controller that plays it."""
+
+    make: Make
+    arm: ControlledArm
+    estimate: Estimate
+    inputs: Inputs
+    values: dict[str, Values]
+    now: float
+
+    def set_output(self, kind: str, number: int, value: float) -> None:
+        """Write an output register."""
+        ...
+
+    def protective_stop(self) -> None:
+        """Brake at once."""
+        ...
+
+
 class Program(Protocol):
     """A program that plays."""
 
@@ -73,7 +93,7 @@ class OtherProgram:
     """
 
     def __init__(
-        self, controller: "Controller", writes: tuple[tuple[int, int], ...], endless: bool = False
+        self, controller: Host, writes: tuple[tuple[int, int], ...], endless: bool = False
     ) -> None:
         self._controller, self._writes, self._endless = controller, list(writes), endless
         self._left = _OTHER_LASTS
@@ -92,23 +112,25 @@ class ControlProgram:
 
     Args:
         controller: it plays there.
+        commands: number → what it does.
         offset: of its registers.
         path: moves that a client put into it.
     """
 
-    def __init__(self, controller: "Controller", offset: int, path: tuple[ScriptMove, ...]) -> None:
-        from wrenchbed.emulators.ur5.commands import COMMANDS, E_SERIES_ONLY
-
+    def __init__(
+        self,
+        controller: Host,
+        commands: Mapping[int, Command],
+        offset: int,
+        path: tuple[ScriptMove, ...],
+    ) -> None:
         self.controller, self.arm = controller, controller.arm
         self.path = path
         self.streaming: ArmMotion | None = None
         """What a thread of its own drives until it is told to stop: servoj, speedj, jog."""
         self.contact_direction: np.ndarray | None = None
         self.contact_back = 0
-        self._commands = dict(COMMANDS)
-        if not controller.make.e_series:
-            for number in E_SERIES_ONLY:
-                del self._commands[number]
+        self._commands = commands
         self._offset = offset
         self._writes = self._operations = 0
         self._executing = False

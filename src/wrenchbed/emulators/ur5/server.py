@@ -19,9 +19,10 @@ from wrenchbed.emulators import netft_box
 from wrenchbed.emulators.base.body import Body, BodyOptions
 from wrenchbed.emulators.base.emulator import CycleClock, EmulatorOptions, TwinServer, take_priority
 from wrenchbed.emulators.netft_box import Box
-from wrenchbed.emulators.ur5.controller import Controller, Make
+from wrenchbed.emulators.ur5.controller import Controller
 from wrenchbed.emulators.ur5.dashboard import Dashboard, ScriptClient
 from wrenchbed.emulators.ur5.faults import Misbehaviour
+from wrenchbed.emulators.ur5.modes import Make
 from wrenchbed.emulators.ur5.network import Conversation, Peer, Port, poll
 from wrenchbed.emulators.ur5.outputs import Outputs, Timestamp
 from wrenchbed.emulators.ur5.packets import Version
