@@ -1,0 +1,163 @@
+"""docs/contracts.md holds to the letter: what it lists is what the program writes and takes."""
+
+import json
+import re
+from pathlib import Path
+
+import pyarrow.parquet as pq
+import pytest
+
+from wrenchbed import registry
+from wrenchbed.cli import _VERBS, main
+from wrenchbed.data.recording import Recording
+
+PAGE = (Path(__file__).parents[2] / "docs" / "contracts.md").read_text(encoding="utf-8")
+CALIBRATED = {"touches", "target_rms"}
+"""Fields of fit.json that only some calibrations have."""
+
+
+def section(title: str) -> str:
+    """Text below a heading, up to the next heading of the same rank or a higher one."""
+    rank, start = next(
+        (len(m.group(1)), m.end())
+        for m in re.finditer(r"^(#+) (.+)$", PAGE, flags=re.MULTILINE)
+        if m.group(2) == title
+    )
+    end = re.search(rf"^#{{1,{rank}}} ", PAGE[start:], flags=re.MULTILINE)
+    return PAGE[start : start + end.start()] if end else PAGE[start:]
+
+
+def table(title: str) -> dict[str, str]:
+    """Rows of the first table of a section: first cell → the rest."""
+    lines = [x for x in section(title).splitlines() if x.startswith("|")]
+    rows = [[c.strip() for c in x.strip("|").split("|", 1)] for x in lines[2:]]
+    return dict(rows)
+
+
+def fields(title: str) -> set[str]:
+    """Names in backticks in the first column of a section's table."""
+    return {n for first in table(title) for n in re.findall(r"`([^`]+)`", first)}
+
+
+def example(title: str) -> dict:
+    return json.loads(re.search(r"```json\n(.*?)```", section(title), flags=re.DOTALL).group(1))
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory):
+    """A folder with everything that the verbs write about one robot with a compliant joint."""
+    folder = tmp_path_factory.mktemp("contracts")
+    plan, rec = str(folder / "plan.parquet"), str(folder / "rec.parquet")
+    assert main(["plan", "ur5", "--n", "60", "--out", plan]) == 0
+    effect = "joint.compliance:joint=2,stiffness=9000"
+    line = ["record", "--robot", "ur5", "--plan", plan, "--out", rec, "--samples", "30"]
+    assert main([*line, "--effect", effect]) == 0
+    assert main(["calibrate", rec, "--out", str(folder / "fit.json")]) == 0
+    assert main(["diagnose", rec, "--out", str(folder / "out")]) == 0
+    return folder
+
+
+def read(path: Path) -> dict:
+    return json.loads(path.read_text(encoding="utf-8"))
+
+
+def test_a_recording_has_the_columns_and_metadata_of_the_page(written):
+    schema = pq.read_schema(written / "rec.parquet")
+    assert {"t", "fx", "fy", "fz", "tx", "ty", "tz", *(f"q{k}" for k in range(1, 7))} <= {
+        *schema.names
+    }
+    metadata = json.loads(schema.metadata[b"wrenchbed"])
+    required = next(first for first in table("Recording: one Parquet file") if "format" in first)
+    assert set(re.findall(r"`(\w+)`", required)) <= metadata.keys()
+    known = {name.split(".")[0] for name in fields_of_metadata()}
+    assert metadata.keys() <= known | {"started", "rate_hz"}
+
+
+def fields_of_metadata() -> set[str]:
+    text = section("Recording: one Parquet file").split("| field |")[1]
+    return set(re.findall(r"`([a-z_.]+)`", "\n".join(re.findall(r"^\|([^|]+)\|", text, re.M))))
+
+
+def test_the_metadata_of_the_page_are_read(written, tmp_path):
+    stated = example("Recording: one Parquet file") | {"source": "sim", "mode": "static"}
+    rows = pq.read_table(written / "rec.parquet")
+    pq.write_table(rows.replace_schema_metadata({"wrenchbed": json.dumps(stated)}), tmp_path / "r")
+    metadata = Recording.read(tmp_path / "r").metadata
+    assert metadata.tool.mass == 1.35
+    assert json.loads(json.dumps(metadata.to_json()))["tolerance"] == stated["tolerance"]
+
+
+def test_a_plan_has_the_columns_of_the_page(written):
+    schema = pq.read_schema(written / "plan.parquet")
+    assert {f"q{k}" for k in range(1, 7)} <= {*schema.names}
+    assert {"format", "robot"} <= json.loads(schema.metadata[b"wrenchbed"]).keys()
+
+
+def test_fit_json_has_exactly_the_fields_of_the_page(written):
+    assert read(written / "fit.json").keys() | CALIBRATED == fields("fit.json") | CALIBRATED
+    one = next(iter(read(written / "fit.json")["parameters"].values()))
+    assert one.keys() == {"value", "std", "unit", "nominal", "interval95"}
+
+
+def test_twin_json_has_exactly_the_fields_of_the_page(written):
+    twin = read(written / "out" / "twin.json")
+    assert twin.keys() == fields("twin.json")
+    assert twin["effects"][0].keys() == {"effect", "parameters"}
+
+
+def test_diagnosis_json_has_the_fields_of_the_page(written):
+    told, page = read(written / "out" / "diagnosis.json"), example("diagnosis.json")
+    assert page.keys() <= told.keys()
+    assert told["gap"].keys() == fields("Gap") == page["gap"].keys()
+    assert told["which"][0].keys() == page["which"][0].keys()
+    assert told["where"][0].keys() == page["where"][0].keys()
+    assert told["verdict"] in page["verdict"].split(" | ")
+    assert sum(told["probabilities"].values()) == pytest.approx(1.0, abs=1e-9)
+    assert told["which"][0]["parameters"]["stiffness"].keys() == {"value", "std", "unit"}
+
+
+def test_every_verdict_is_explained():
+    known = example("diagnosis.json")["verdict"].split(" | ")
+    assert {*known, "partial"} == fields("Verdicts")
+
+
+def test_the_verbs_are_those_of_the_page():
+    named = {re.match(r"`?(\w+)", n).group(1) for n in fields("Command line")} - {"report"}
+    assert named | {"report"} == {*_VERBS}
+
+
+@pytest.mark.parametrize("verb", [v for v in _VERBS if v != "blind"])
+def test_the_options_that_the_page_names_exist(verb, capsys):
+    text = " ".join(f"{a} {b}" for a, b in table("Command line").items() if f"`{verb} " in a)
+    if verb in ("record", "twin"):
+        text += re.search(rf"`{verb}` also takes ([^.]+)\.", section("Command line")).group(1)
+    with pytest.raises(SystemExit):
+        main([verb, "--help"])
+    usage = capsys.readouterr().out
+    options = {o for o in re.findall(r"--[a-z-]+", text) if "planned" not in text.split(o)[0][-9:]}
+    if verb == "twin":
+        options -= {"--quick"}
+    assert not {o for o in options if o not in usage}
+
+
+def test_the_effects_are_those_of_the_page():
+    text = section("Effects: names that referees use")
+    assert set(re.findall(r"`([a-z]+\.[a-z_]+)`", text)) == {*registry.names("effects")}
+
+
+@pytest.mark.parametrize("verb", ["robot", "live", "check", "compare", "can-check"])
+def test_what_is_planned_is_not_there_yet(verb):
+    assert (
+        "*planned*" in next(r for r in table("Verbs and options").items() if f"`{verb}" in r[0])[1]
+    )
+    with pytest.raises(SystemExit) as stopped:
+        main([verb])
+    assert stopped.value.code == 2
+
+
+def test_a_named_error_ends_with_one_and_wrong_usage_with_two(tmp_path, capsys):
+    assert main(["calibrate", str(tmp_path / "none.parquet"), "--out", str(tmp_path / "f")]) == 1
+    assert len(capsys.readouterr().err.strip().splitlines()) == 1
+    with pytest.raises(SystemExit) as stopped:
+        main(["calibrate"])
+    assert stopped.value.code == 2
