@@ -196,7 +196,7 @@ def test_a_full_disk_is_told_and_what_was_written_stays(whole, tmp_path, monkeyp
     with pytest.raises(OSError, match="No space left"):
         run(small(6), tmp_path, workers=1)
     monkeypatch.undo()
-    assert not list(tmp_path.rglob("*~"))
+    assert not list(tmp_path.rglob(".*"))
     assert len(CampaignRows(tmp_path, small(6)).done()) == 2
     assert same(run(small(6), tmp_path, workers=1), whole)
 

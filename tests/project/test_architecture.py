@@ -12,8 +12,8 @@ from wrenchbed.registry import plugin_modules
 
 SOURCE = Path(__file__).parents[2] / "src" / "wrenchbed"
 LAYERS = (
-    ("errors", "files", "jobs"),
-    ("physics", "registry"),
+    ("errors", "files"),
+    ("jobs", "physics", "registry"),
     ("data", "pages", "robots", "sensors"),
     ("simulation",),
     ("calibration", "effects"),

@@ -161,7 +161,7 @@ def test_finished_parts_are_not_done_again(tmp_path):
     assert table["square"].to_pylist() == [1, 2, 5, 10]
     assert sum(told) == 4
     (tmp_path / "x-00002.parquet").unlink()
-    (tmp_path / "x-00001.partial").write_bytes(b"half")
+    (tmp_path / ".x-00001.parquet.0.part").write_bytes(b"half")
     (tmp_path / "x-00003.parquet").write_bytes(b"PAR1 cut short")
     marked = pa.table({"number": [0], "square": [99]})
     pq.write_table(marked, tmp_path / "x-00000.parquet")

@@ -29,7 +29,7 @@ def test_verbs_write_pictures(folder, capsys):
     told = ["view", str(folder / "rec.parquet"), str(folder / "fit.json"), "--rrd", str(out)]
     assert main(told) == 0
     assert f"view → {out}" in capsys.readouterr().out.replace("\n", "")
-    assert not list(folder.glob("*.part"))
+    assert not list(folder.glob(".*"))
 
 
 def test_the_viewer_is_told_to_listen_to_this_machine_alone():

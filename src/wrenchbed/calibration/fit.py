@@ -1,6 +1,5 @@
 """The result of a calibration: values with uncertainty, residuals, and what it could not tell."""
 
-import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -10,6 +9,7 @@ import numpy as np
 
 from wrenchbed.calibration.observability import Observability
 from wrenchbed.calibration.touches import Agreement
+from wrenchbed.files import write_json
 from wrenchbed.physics.wrench import CHANNELS, UNITS
 
 FORMAT = 1
@@ -165,10 +165,7 @@ class Fit:
 
     def write(self, path: str | Path) -> None:
         """Write the fit as JSON."""
-        path = Path(path)
-        path.parent.mkdir(parents=True, exist_ok=True)
-        text = json.dumps(self.to_json(), indent=1, ensure_ascii=False, allow_nan=False)
-        path.write_text(text + "\n", encoding="utf-8")
+        write_json(path, self.to_json())
 
 
 def _channels(values: np.ndarray) -> dict[str, Any]:

@@ -11,7 +11,7 @@ import pyarrow.parquet as pq
 
 from wrenchbed.campaigns.setting import Fleet, varied
 from wrenchbed.errors import FleetError
-from wrenchbed.files import atomic_write
+from wrenchbed.files import atomic_write, write_text
 from wrenchbed.simulation.closed_form import Model
 
 Row = dict[str, Any]
@@ -77,8 +77,7 @@ class CampaignRows:
         elif self.folder.exists() and any(self.folder.iterdir()):
             raise FleetError(f"{self.folder}: holds other files; give a new folder")
         self._parts.mkdir(parents=True, exist_ok=True)
-        with atomic_write(path) as half:
-            half.write_text(json.dumps(fleet.told(), indent=1), encoding="utf-8")
+        write_text(path, json.dumps(fleet.told(), indent=1))
 
     def table(self) -> pa.Table:
         """All rows so far in the order of the robots, each once."""
@@ -105,8 +104,8 @@ class CampaignRows:
         if not self._waiting:
             return
         table = pa.Table.from_pylist(self._waiting, schema=self.schema)
-        with atomic_write(self._parts / f"{self._number + 1:06d}.parquet") as half:
-            pq.write_table(table, half)
+        with atomic_write(self._parts / f"{self._number + 1:06d}.parquet") as temporary:
+            pq.write_table(table, temporary)
         self._number += 1
         self._waiting, self._written = [], time.monotonic()
 
@@ -114,8 +113,8 @@ class CampaignRows:
         """One file of all rows instead of many; the rows."""
         self.flush()
         table = self.table()
-        with atomic_write(self.folder / ALL) as half:
-            pq.write_table(table, half)
+        with atomic_write(self.folder / ALL) as temporary:
+            pq.write_table(table, temporary)
         for part in self._parts.glob("*"):
             part.unlink()
         return table

@@ -1,6 +1,5 @@
 """The verb that works on many simulated robots."""
 
-import json
 import os
 from pathlib import Path
 from typing import Annotated, Any
@@ -11,6 +10,7 @@ import wrenchbed as wb
 from wrenchbed.cli import console
 from wrenchbed.cli.console import Json
 from wrenchbed.errors import MissingExtraError, ParameterError
+from wrenchbed.files import write_json
 
 
 def campaign(
@@ -82,11 +82,9 @@ def _alone(fleet: Any, k: int, out: Path, as_json: bool) -> None:
     if k < 0:
         raise ParameterError(f"--only {k} must not be negative")
     folder = out / str(k)
-    folder.mkdir(parents=True, exist_ok=True)
     recording, _ = recorded(fleet, k)
     recording.write(folder / "rec.parquet")
     wb.calibrate(wb.Recording.read(folder / "rec.parquet")).write(folder / "fit.json")
     row = {n: v for n, v in one(fleet, k).items() if v == v}  # without NaN
-    text = json.dumps(row, indent=1, ensure_ascii=False)
-    (folder / "row.json").write_text(text + "\n", encoding="utf-8")
+    write_json(folder / "row.json", row)
     console.answer(row, as_json, f"robot {k}: rec.parquet, fit.json, row.json → {folder}")

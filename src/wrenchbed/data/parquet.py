@@ -10,6 +10,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from wrenchbed.errors import WrenchbedError
+from wrenchbed.files import atomic_write
 
 KEY = b"wrenchbed"
 """File-level metadata key that holds wrenchbed's JSON."""
@@ -102,11 +103,6 @@ def table_of(data: Mapping[str, np.ndarray], metadata: Mapping[str, Any]) -> pa.
 
 
 def write(path: Path, table: pa.Table) -> None:
-    """Write a whole file or nothing: to a neighbour first, then renamed over the target."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    part = path.with_name(f".{path.name}.part")
-    try:
-        pq.write_table(table, part)
-        part.replace(path)
-    finally:
-        part.unlink(missing_ok=True)
+    """Write a file atomically."""
+    with atomic_write(path) as temporary:
+        pq.write_table(table, temporary)

@@ -12,6 +12,7 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from wrenchbed.files import atomic_write
 from wrenchbed.jobs.workers import workers as pool_of
 
 Row = dict[str, Any]
@@ -83,6 +84,5 @@ def _share(shared: Any) -> None:
 
 def _one(work: Work, number: int, path: Path) -> None:
     table = pa.Table.from_pylist(work(_SHARED[0], number))
-    partial = path.with_suffix(".partial")
-    pq.write_table(table, partial)
-    partial.replace(path)
+    with atomic_write(path) as temporary:
+        pq.write_table(table, temporary)

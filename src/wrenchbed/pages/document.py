@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from wrenchbed.files import atomic_write
+from wrenchbed.files import write_text
 from wrenchbed.pages import rendered
 
 
@@ -93,13 +93,11 @@ class Document:
 
     def write(self, folder: Path, name: str) -> None:
         """``name``.md, ``name``.html and the figures."""
-        folder.mkdir(parents=True, exist_ok=True)
         parts = [part for section in self.sections for part in section.parts]
         texts = {f"{p.name}.svg": p.svg for p in parts if isinstance(p, Figure)}
         texts |= {f"{name}.html": self.html(), f"{name}.md": self.markdown()}
         for file, text in texts.items():
-            with atomic_write(folder / file) as half:
-                half.write_text(text, encoding="utf-8")
+            write_text(folder / file, text)
 
 
 def render(x: object) -> str:

@@ -9,7 +9,7 @@ from typing import Any
 
 from wrenchbed import registry
 from wrenchbed.diagnosis.diagnose import Findings
-from wrenchbed.files import atomic_write
+from wrenchbed.files import write_text
 from wrenchbed.pages import numbers, rendered
 from wrenchbed.report import figures, sentences, tables
 from wrenchbed.report.figures import Artist, at_once
@@ -40,10 +40,8 @@ class DiagnosisPage:
         return rendered(self.template, self.context)
 
     def write(self, path: str | Path) -> None:
-        """Write the page, whole or not at all."""
-        text = self.html()
-        with atomic_write(Path(path)) as half:
-            half.write_text(text, encoding="utf-8")
+        """Write the page."""
+        write_text(path, self.html())
 
 
 def diagnosis_page(

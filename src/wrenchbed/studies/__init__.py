@@ -1,6 +1,5 @@
 """Published studies run again: their tables and figures on MuJoCo data, beside what they print."""
 
-import json
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -10,6 +9,7 @@ from typing import Any
 
 from wrenchbed import registry
 from wrenchbed.errors import NotFoundError, ParameterError
+from wrenchbed.files import write_json
 
 PAPERS = ("medrue", "ur5")
 Tell = Callable[[int, str], None]
@@ -53,8 +53,7 @@ def run(
     page = module.run(folder, quick, robots, seed, tell)
     page.write(folder, paper)
     summary = _finite(page.summary)
-    text = json.dumps(summary, indent=1, ensure_ascii=False, allow_nan=False)
-    (folder / f"{paper}.json").write_text(text + "\n", encoding="utf-8")
+    write_json(folder / f"{paper}.json", summary)
     lines = (page.lead, f"tables and figures → {folder / paper}.html, {folder / paper}.md")
     return StudyResult(folder, summary, lines)
 

@@ -1,6 +1,5 @@
 """A twin as files: plain MJCF with all that MuJoCo can carry, and the rest as JSON beside it."""
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +9,7 @@ import numpy as np
 from wrenchbed.data.parquet import FORMAT
 from wrenchbed.effects.base import JointEffect, ModelEffect
 from wrenchbed.effects.chain import ActiveEffect
+from wrenchbed.files import write_json, write_text
 from wrenchbed.simulation.springs import MARK
 from wrenchbed.twin.assembly import edited, in_mujoco, marked
 from wrenchbed.twin.twin import Twin
@@ -34,18 +34,16 @@ def export(twin: Twin, folder: str | Path) -> tuple[Path, Path]:
     """Write ``<robot>.xml``, ``effects.json`` and a README; returns the first two paths."""
     folder, robot = Path(folder), twin.model.robot
     spec, inside = _spec(twin)
-    folder.mkdir(parents=True, exist_ok=True)
     mjcf, rest = folder / f"{robot.name}.xml", folder / "effects.json"
     springs = any(MARK in joint.name for joint in spec.joints)
     if springs:
         _weigh_in_full(spec)
     _stand(spec)
     spec.compile()
-    mjcf.write_text(spec.to_xml(), encoding="utf-8")
-    text = json.dumps(_outside(twin, inside), indent=1, ensure_ascii=False, allow_nan=False)
-    rest.write_text(text + "\n", encoding="utf-8")
+    write_text(mjcf, spec.to_xml())
+    write_json(rest, _outside(twin, inside))
     read = README.format(robot=robot.name, weights=_IN_FULL if springs else "")
-    (folder / "README.md").write_text(read.rstrip() + "\n", encoding="utf-8")
+    write_text(folder / "README.md", read.rstrip() + "\n")
     return mjcf, rest
 
 

@@ -16,6 +16,7 @@ from wrenchbed.effects.base import JointEffect, LoadEffect, ModelEffect, Pose, R
 from wrenchbed.effects.chain import ActiveEffect, displacement
 from wrenchbed.effects.scene import Scene
 from wrenchbed.errors import TwinError, WrenchbedError
+from wrenchbed.files import write_json
 from wrenchbed.physics.taylor import Jet, Value
 from wrenchbed.robots.base import Robot
 from wrenchbed.simulation.closed_form import Model
@@ -109,13 +110,8 @@ class Twin:
         }
 
     def write(self, path: str | Path) -> None:
-        """Write ``twin.json``, whole or not at all."""
-        path = Path(path)
-        path.parent.mkdir(parents=True, exist_ok=True)
-        text = json.dumps(self.to_json(), indent=1, ensure_ascii=False, allow_nan=False)
-        half = path.with_name(path.name + ".part")
-        half.write_text(text + "\n", encoding="utf-8")
-        half.replace(path)
+        """Write ``twin.json``."""
+        write_json(path, self.to_json())
 
     def tool(self) -> dict[str, Any]:
         """Mass [kg] and CoG (3,) [m] in sensor axes, without effects."""

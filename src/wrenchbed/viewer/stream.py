@@ -1,7 +1,4 @@
-"""Where a view goes: a file, written whole or not at all.
-
-Words that rerun's viewer can draw: it ends at a character that its one font lacks.
-"""
+"""A canvas: what a view is drawn on, and the file of rerun that it becomes; Markdown for it."""
 
 import uuid
 from collections.abc import Iterator, Mapping
@@ -12,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from wrenchbed import registry
+from wrenchbed.files import atomic_write
 
 APP = "wrenchbed"
 TIME, ROW = "time", "row"
@@ -55,20 +53,14 @@ def to_file(path: str | Path, blueprint: Any, axis: str = TIME) -> Iterator[Canv
         MissingExtraError: rerun is not installed.
     """
     rr = registry.require("rerun", "view")
-    path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    half = path.with_name(path.name + ".part")
-    stream = rr.RecordingStream(APP, recording_id=uuid.uuid4())
-    stream.save(half, default_blueprint=blueprint)
-    try:
-        yield Canvas(stream, axis)
-    except BaseException:
-        stream.disconnect()
-        half.unlink(missing_ok=True)
-        raise
-    stream.flush()
-    stream.disconnect()
-    half.replace(path)
+    with atomic_write(path) as temporary:
+        stream = rr.RecordingStream(APP, recording_id=uuid.uuid4())
+        stream.save(temporary, default_blueprint=blueprint)
+        try:
+            yield Canvas(stream, axis)
+            stream.flush()
+        finally:
+            stream.disconnect()
 
 
 _RANGES = ((0x20, 0x7E), (0xA0, 0x17F), (0x391, 0x3C9), (0x410, 0x44F))

@@ -12,6 +12,7 @@ import pyarrow.parquet as pq
 
 from wrenchbed.benchmark.scoring.linear import Claim
 from wrenchbed.errors import DiagnosisError
+from wrenchbed.files import atomic_write
 
 OURS = "wrenchbed"
 """Name of the diagnosis among the methods."""
@@ -134,7 +135,7 @@ class Journal:
             os.fsync(file.fileno())
 
     def finish(self, rows: Iterable[CaseRow]) -> None:
-        """Write the Parquet file whole or not at all, and drop the lines."""
+        """Write the Parquet file, and delete the lines."""
         write(self.path, rows)
         self.lines.unlink(missing_ok=True)
 
@@ -145,9 +146,8 @@ def write(path: Path, rows: Iterable[CaseRow]) -> None:
     for row in rows:
         flat = to_json(row)
         told.append(flat | {k: json.dumps(flat[k], ensure_ascii=False) for k in _TEXT})
-    half = path.with_name(path.name + ".part")
-    pq.write_table(pa.Table.from_pylist(told, schema=_SCHEMA), half)
-    half.replace(path)
+    with atomic_write(path) as temporary:
+        pq.write_table(pa.Table.from_pylist(told, schema=_SCHEMA), temporary)
 
 
 def read(path: Path) -> list[CaseRow]:

@@ -19,6 +19,7 @@ from wrenchbed.benchmark.sealed.answer import of_case
 from wrenchbed.data import parquet
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import BenchmarkError, ParameterError
+from wrenchbed.files import TEMPORARY, atomic_write, write_bytes
 from wrenchbed.jobs.workers import workers
 from wrenchbed.robots.base import SimulatedRobot
 
@@ -112,9 +113,9 @@ def make(
             commitments.digest(recording.read_bytes()), commitments.digest(answer.read_bytes())
         )
     text = commitments.to_bytes(family.robot, family.mode, sealed)
-    write(out / commitments.COMMITMENTS, text)
+    write_bytes(out / commitments.COMMITMENTS, text)
     root = commitments.digest(text)
-    write(answers / commitments.FAMILY, _told(family, root))
+    write_bytes(answers / commitments.FAMILY, _told(family, root))
     forget_times(out)
     return root
 
@@ -125,7 +126,7 @@ def forget_times(folder: Path) -> None:
     A file system remembers when a file was born, and hard cases take longer to make.
     """
     for path in sorted(folder.iterdir()):
-        write(path, path.read_bytes())
+        write_bytes(path, path.read_bytes())
     for path in (*folder.iterdir(), folder):
         os.utime(path, (EPOCH, EPOCH))
 
@@ -153,7 +154,7 @@ def _todo(family: Family, out: Path, answers: Path) -> Iterator[tuple[int, str]]
 
 
 def _one(family: Family, index: int, kind: str, out: Path, answers: Path) -> None:
-    """Make one case; its files appear whole or not at all."""
+    """Make one case; its files are written atomically."""
     for attempt in range(_TRIES):
         try:
             case = referee.make(family.robot, family.mode, kind, (family.seed, index, attempt))
@@ -163,24 +164,18 @@ def _one(family: Family, index: int, kind: str, out: Path, answers: Path) -> Non
                 raise
     name = family.names()[index]
     answer = of_case(case, name, commitments.salt(family.seed, name))
-    write(commitments.answer_of(answers, name), answer.to_bytes())
+    write_bytes(commitments.answer_of(answers, name), answer.to_bytes())
     write_plain(case.recording, commitments.recording_of(out, name))
 
 
 def write_plain(recording: Recording, path: Path) -> None:
     """A recording without compression or dictionaries: its size tells nothing but its rows."""
     table = parquet.table_of(recording.columns, recording.metadata.to_json())
-    part = path.with_name(f".{path.name}.part")
-    pq.write_table(table, part, compression="none", use_dictionary=False, write_statistics=False)
-    os.utime(part, (EPOCH, EPOCH))
-    part.replace(path)
-
-
-def write(path: Path, data: bytes) -> None:
-    """Write a file whole or not at all."""
-    part = path.with_name(f".{path.name}.part")
-    part.write_bytes(data)
-    part.replace(path)
+    with atomic_write(path) as file:
+        pq.write_table(
+            table, file, compression="none", use_dictionary=False, write_statistics=False
+        )
+        os.utime(file, (EPOCH, EPOCH))
 
 
 def _told(family: Family, root: str | None) -> bytes:
@@ -201,12 +196,14 @@ def _begin(family: Family, out: Path, answers: Path) -> None:
     """Make the folders, or find that they belong to the same family."""
     for folder in (out, answers):
         folder.mkdir(parents=True, exist_ok=True)
+        for remainder in folder.glob(TEMPORARY):
+            remainder.unlink()
     path = answers / commitments.FAMILY
     if not path.exists():
         strangers = [f for folder in (out, answers) for f in folder.iterdir()]
         if strangers:
             raise BenchmarkError(f"{strangers[0]}: is not of this family; give empty folders")
-        write(path, _told(family, None))
+        write_bytes(path, _told(family, None))
         return
     try:
         known = json.loads(path.read_bytes())

@@ -16,6 +16,7 @@ from wrenchbed.benchmark.sealed.answer import Answer, Fact
 from wrenchbed.data.metadata import parse
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import BenchmarkError
+from wrenchbed.files import write_bytes
 
 CAUSES = {"none": 0, "single": 1, "pair": 2, "outside": 1}
 _KEPT = re.compile(
@@ -57,16 +58,16 @@ def seal_real(truth: Path, out: Path, answers: Path) -> str:
             commitments.salt(seed, name),
         )  # fmt: skip
         make.write_plain(recording, commitments.recording_of(out, name))
-        make.write(commitments.answer_of(answers, name), answer.to_bytes())
+        write_bytes(commitments.answer_of(answers, name), answer.to_bytes())
         sealed[name] = commitments.Commitment(
             commitments.digest(commitments.recording_of(out, name).read_bytes()),
             commitments.digest(answer.to_bytes()),
         )
     text = commitments.to_bytes("|".join(sorted(robots)), "|".join(sorted(modes)), sealed)
-    make.write(out / commitments.COMMITMENTS, text)
+    write_bytes(out / commitments.COMMITMENTS, text)
     root = commitments.digest(text)
     family = {"source": truth.name, "cases": len(told), "salt": secrets.token_hex(16)}
-    make.write(answers / commitments.FAMILY, commitments.family(family, root))
+    write_bytes(answers / commitments.FAMILY, commitments.family(family, root))
     make.forget_times(out)
     return root
 

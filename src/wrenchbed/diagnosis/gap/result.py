@@ -1,6 +1,5 @@
 """A diagnosis as people and programs read it: ``diagnosis.json``."""
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path, PurePath
@@ -11,6 +10,7 @@ import numpy as np
 from wrenchbed.data.parquet import FORMAT
 from wrenchbed.diagnosis.gap.closure import Closure
 from wrenchbed.effects.chain import ActiveEffect
+from wrenchbed.files import write_json
 from wrenchbed.twin.twin import Twin
 
 
@@ -77,13 +77,9 @@ class Diagnosis:
         )
 
     def write(self, folder: str | Path) -> None:
-        """Write ``diagnosis.json`` and ``twin.json``, each whole or not at all."""
+        """Write ``diagnosis.json`` and ``twin.json``."""
         folder = Path(folder)
-        folder.mkdir(parents=True, exist_ok=True)
-        text = json.dumps(self.to_json(), indent=1, ensure_ascii=False, allow_nan=False)
-        half = folder / "diagnosis.json.part"
-        half.write_text(text + "\n", encoding="utf-8")
-        half.replace(folder / "diagnosis.json")
+        write_json(folder / "diagnosis.json", self.to_json())
         name = None if self.twin.recording is None else PurePath(self.twin.recording).name
         twin = replace(self.twin, active=(*self.twin.active, *self.between), recording=name)
         twin.write(folder / "twin.json")

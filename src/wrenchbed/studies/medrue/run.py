@@ -8,6 +8,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from wrenchbed.files import atomic_write
 from wrenchbed.jobs import parts
 from wrenchbed.pages.document import Document
 from wrenchbed.studies.medrue import beyond, identifiability, limits, one_robot, population
@@ -63,7 +64,8 @@ def run(folder: Path, quick: bool, robots: int | None, seed: int, tell: Tell) ->
         each_robot, shared, range(count), folder / "parts", f"robots-{name}",
         lambda n: tell(n, "random robots"),
     )  # fmt: skip
-    pq.write_table(table, folder / "robots.parquet")
+    with atomic_write(folder / "robots.parquet") as temporary:
+        pq.write_table(table, temporary)
     limit = limits.section(setting, chosen, table, seed, step)
     wrong = beyond.all_wrong(setting, chosen["O1"].chosen, seed, ROBOTS_ALL_WRONG[quick])
     step("all parameters in error")
@@ -75,7 +77,8 @@ def run(folder: Path, quick: bool, robots: int | None, seed: int, tell: Tell) ->
         f"confirm-{parts.key(seed, mix.gravity.q.tolist(), mix.touches.q.tolist())}",
         lambda n: tell(n, "robots that run the plan"),
     )  # fmt: skip
-    pq.write_table(confirmed, folder / "confirmed.parquet")
+    with atomic_write(folder / "confirmed.parquet") as temporary:
+        pq.write_table(confirmed, temporary)
     summary = _summary(setting, chosen, told, one, table, wrong, confirmed)
     return Document(
         TITLE,

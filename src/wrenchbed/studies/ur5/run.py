@@ -9,6 +9,7 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from wrenchbed import registry
+from wrenchbed.files import atomic_write
 from wrenchbed.jobs import parts
 from wrenchbed.pages.document import Document, Figure, Section, Table
 from wrenchbed.pages.plots import components, groups
@@ -45,7 +46,8 @@ def run(folder: Path, quick: bool, robots: int | None, seed: int, tell: Tell) ->
         repetition, seed, range(count), folder / "parts", f"ur5-{parts.key(seed)}",
         lambda n: tell(n, "repetitions"),
     )  # fmt: skip
-    pq.write_table(table, folder / "trials.parquet")
+    with atomic_write(folder / "trials.parquet") as temporary:
+        pq.write_table(table, temporary)
     first = trial.run(SCENARIOS[0], 1000 * seed)
     tell(1, SCENARIOS[0].name)
     worst = trial.run(SCENARIOS[-1], 1000 * seed)
