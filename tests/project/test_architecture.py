@@ -19,7 +19,7 @@ LAYERS = (
     ("calibration", "effects"),
     ("planning", "twin"),
     ("diagnosis", "emulators", "hardware"),
-    ("benchmark", "campaigns", "report"),
+    ("benchmark", "campaigns", "reports"),
     ("environments", "studies", "viewer"),
     ("__init__",),
     ("cli",),

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from wrenchbed.diagnosis.explain.reliability import Reliability
     from wrenchbed.diagnosis.gap.result import Diagnosis
     from wrenchbed.diagnosis.next.dry_run import DryRun
-    from wrenchbed.report.figures import Artist
+    from wrenchbed.reports.figures import Artist
 
 
 _COLOURS = {"none": "green", "identified": "cyan", "ambiguous": "yellow", "unknown": "magenta"}
@@ -172,7 +172,7 @@ def diagnose(
     if out.exists() and not out.is_dir():
         raise ParameterError(f"{out}: is a file; give a folder")
     from wrenchbed.diagnosis.diagnose import diagnose as run
-    from wrenchbed.report.figures import Artist
+    from wrenchbed.reports.figures import Artist
 
     data = wb.Recording.read(recording)
     learnt = _learnt(data, look_alikes, seed) if look_alikes else None
@@ -210,7 +210,7 @@ def _learnt(data: wb.Recording, count: int, seed: int) -> Reliability:
 
 def _reported(found: Findings, recording: Path, out: Path, seed: int, artist: Artist) -> bool:
     """Write report.html; without the libraries that draw it a warning names the extra."""
-    from wrenchbed.report import diagnosis_page
+    from wrenchbed.reports import diagnosis_page
 
     command = ["wrenchbed", "diagnose", str(recording), "--out", str(out)]
     if seed:

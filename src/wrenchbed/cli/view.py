@@ -90,7 +90,7 @@ def report(
         against: fit.json and twin.json files whose simulators are held against it.
         out: Page to write.
     """
-    from wrenchbed.report import recording_page
+    from wrenchbed.reports import recording_page
 
     console.check_out(out, recording, *against)
     words = ["wrenchbed", "report", str(recording), *map(str, against), "--out", str(out)]

@@ -15,8 +15,8 @@ from wrenchbed import registry
 from wrenchbed.data.plan import Plan
 from wrenchbed.diagnosis.diagnose import Findings
 from wrenchbed.pages import numbers
-from wrenchbed.report import sentences
-from wrenchbed.report.simulators import Evidence
+from wrenchbed.reports import sentences
+from wrenchbed.reports.simulators import Evidence
 from wrenchbed.robots.base import Robot, SimulatedRobot
 from wrenchbed.simulation.simulation import Simulation
 from wrenchbed.viewer import elements, layout

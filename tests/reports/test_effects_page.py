@@ -8,7 +8,7 @@ from wrenchbed import registry
 from wrenchbed.diagnosis.explain.verdict import INSEPARABLE
 from wrenchbed.effects.base import ModelEffect
 from wrenchbed.errors import NotFoundError
-from wrenchbed.report.effects_page import render, visible_size
+from wrenchbed.reports.effects_page import render, visible_size
 
 PAGE = Path(__file__).parents[2] / "docs" / "reference" / "effects.md"
 TEXT = render()

@@ -10,9 +10,9 @@ import numpy as np
 from wrenchbed.data.recording import Recording
 from wrenchbed.pages import numbers
 from wrenchbed.physics.wrench import CHANNELS
-from wrenchbed.report import figures
-from wrenchbed.report.page import DiagnosisPage
-from wrenchbed.report.simulators import BINS, Heat
+from wrenchbed.reports import figures
+from wrenchbed.reports.page import DiagnosisPage
+from wrenchbed.reports.simulators import BINS, Heat
 from wrenchbed.twin.comparison import Simulator, noise_of, order_of, simulators
 
 _AGREE, _NEAR = 1.25, 3.0

@@ -11,9 +11,9 @@ from wrenchbed import registry
 from wrenchbed.diagnosis.diagnose import Findings
 from wrenchbed.files import write_text
 from wrenchbed.pages import numbers, rendered
-from wrenchbed.report import figures, sentences, tables
-from wrenchbed.report.figures import Artist, at_once
-from wrenchbed.report.simulators import Evidence
+from wrenchbed.reports import figures, sentences, tables
+from wrenchbed.reports.figures import Artist, at_once
+from wrenchbed.reports.simulators import Evidence
 
 _BADGES = {"none": "✓", "identified": "●", "ambiguous": "◐", "unknown": "?"}
 """Shapes beside the colour of a verdict."""

@@ -8,7 +8,7 @@ import pytest
 import wrenchbed as wb
 from wrenchbed.cli import main
 from wrenchbed.errors import ParameterError
-from wrenchbed.report import recording_page
+from wrenchbed.reports import recording_page
 
 
 @pytest.fixture(scope="module")

@@ -18,7 +18,7 @@ from wrenchbed.diagnosis.diagnose import Findings, diagnose
 from wrenchbed.errors import MissingExtraError
 from wrenchbed.hardware.drivers.sim import SimDriver, SimOptions
 from wrenchbed.pages import numbers
-from wrenchbed.report import diagnosis_page, sentences
+from wrenchbed.reports import diagnosis_page, sentences
 
 MOST_BYTES = 2_000_000
 VOID = {"meta", "link", "img", "br", "hr", "input", "use", "path", "rect"}

@@ -10,7 +10,7 @@ from wrenchbed.diagnosis.diagnose import Findings
 from wrenchbed.diagnosis.evidence.dictionary import STATED
 from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
 from wrenchbed.pages import numbers
-from wrenchbed.report import sentences
+from wrenchbed.reports import sentences
 
 SUBSYSTEMS = (
     "base", "joint", "link", "mount", "sensor", "tool", "cable", "environment", "timing",

@@ -19,7 +19,7 @@ from wrenchbed.errors import MissingExtraError
 from wrenchbed.pages import numbers
 from wrenchbed.pages.plots import BLUE, GREY, ORANGE, PURPLE, canvas, to_svg
 from wrenchbed.physics.wrench import CHANNELS
-from wrenchbed.report.simulators import Comparison, Heat
+from wrenchbed.reports.simulators import Comparison, Heat
 
 INK = "#1c2126"
 WIDTH = 4.9
