@@ -14,7 +14,7 @@ import numpy as np
 from wrenchbed import registry
 from wrenchbed.data.plan import Plan
 from wrenchbed.effects.base import Variant
-from wrenchbed.effects.chain import ActiveEffect, acts, effects
+from wrenchbed.effects.chain import ActiveEffect, effects
 from wrenchbed.effects.scene import Scene
 from wrenchbed.errors import ParameterError
 from wrenchbed.physics.taylor import Jet
@@ -186,5 +186,5 @@ def possible(name: str, mode: str) -> dict[str, tuple[Variant, ...]]:
         robot, robot.parameters.nominal, np.array(robot.gravity),
         Jet(q, 0.0 * q, 0.0 * q) if moving else q, 10.0 * np.arange(_ROWS), at,
     )  # fmt: skip
-    found = {n: e.variants(scene) for n, e in effects().items() if acts(e, scene)}
+    found = {n: e.variants(scene) for n, e in effects().items() if e.acts(scene)}
     return {n: v for n, v in found.items() if v}

@@ -1,4 +1,7 @@
-"""Unmodelled effects: one file each, found by the folder; see `base`."""
+"""Unmodelled effects, one file each; the registry lists the folder.
+Imports physics, robots, sensors, and simulation for what an effect writes into MuJoCo.
+Read first: `base` (the contract), then `chain` (how effects act together).
+"""
 
 SUPPORT = ("scene", "chain", "naming")
 """Modules here that are no plug-ins."""

@@ -1,18 +1,11 @@
-"""What an effect is: one thing that a simulator usually lacks, in closed form and in MuJoCo.
+"""The contract of an effect: what a simulator usually lacks, in closed form and in MuJoCo.
 
-An effect acts at one stage of the chain that turns joint values into readings:
+An effect declares all that other rooms ask about it: the stages of the chain at which it acts
+(`STAGES`), what it does there, its parameters and variants, and its place in diagnosis and report.
 
-``model``    other parameters of the robot (a tilted base, a wrong mass)
-``joint``    the joints stand elsewhere than they report
-``pose``     the sensor stands elsewhere than the joints say
-``load``     more than the tool pulls on the sensor
-``reading``  the sensor shows something else than its load
-``timing``   the reading belongs to another moment
-``row``      no mean effect: rows scatter, repeat or step
-
-A *variant* is one way in which an effect shows: which of its parameters are free, and where its
-shape (a moment, an anchor, a width) begins. Amplitudes are zero where there is no effect, and the
-mean of every variant is close to linear in them.
+A *variant* is one way in which an effect shows: its free parameters, and initial values of its
+shape (a moment, an anchor, a width). Amplitudes are zero where there is no effect; the mean of
+every variant is close to linear in them.
 """
 
 from abc import ABC, abstractmethod
@@ -22,7 +15,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from wrenchbed.effects.scene import Scene
+from wrenchbed.effects.scene import Scene, examples
 from wrenchbed.errors import ParameterError
 from wrenchbed.physics.parameters import Parameter, ParameterSet
 from wrenchbed.physics.taylor import Value
@@ -30,10 +23,50 @@ from wrenchbed.physics.wrench import CHANNELS, UNITS
 from wrenchbed.robots.base import Robot
 
 if TYPE_CHECKING:
-    import mujoco
+    from mujoco import MjSpec
+else:
+    MjSpec = Any
+"""MuJoCo is imported by what compiles a model only."""
 
 
-STAGES = ("model", "joint", "pose", "load", "reading", "timing", "row")
+class Stage(NamedTuple):
+    """One step of the chain from joint values to readings.
+
+    Attributes:
+        changes: what an effect changes there.
+        simulated: how a twin simulates an effect that its MJCF cannot hold.
+        exported: what such an effect is applied to beside an exported MJCF.
+    """
+
+    changes: str
+    simulated: str = "on what MuJoCo's sensor reads, by the closed form"
+    exported: str = "on the sensor's readings"
+
+
+STAGES: Mapping[str, Stage] = {
+    "model": Stage("parameters of the robot", "the robot's own parameters, written into its MJCF"),
+    "joint": Stage(
+        "true joint values differ from reported ones",
+        "the joints of the model stand elsewhere than the recording says",
+        "on the joint values",
+    ),
+    "pose": Stage(
+        "the sensor's pose differs from what the joints give", exported="on the sensor's pose"
+    ),
+    "load": Stage(
+        "the load on the sensor differs from the tool's", exported="on the load of the sensor"
+    ),
+    "reading": Stage("the sensor's reading differs from its load"),
+    "timing": Stage("the reading belongs to another moment"),
+    "row": Stage(
+        "no mean effect: rows scatter, repeat or are quantised",
+        "on the rows that the simulated sensor gives, at random",
+        "on the rows of a recording",
+    ),
+}
+"""By name, in the order in which they act."""
+STATED_NUMBERS = ("bias", "mass", "cog")
+"""Numbers of a recording's metadata that every user fits; an effect may be that one is wrong."""
 Values = Mapping[str, float]
 """All parameters of one effect by name, SI."""
 
@@ -88,22 +121,76 @@ class Effect(ABC):
     name: ClassVar[str]
     title: ClassVar[str]
     """One line: what happens."""
-    stage: ClassVar[str]
     source: ClassVar[str]
     """Where the typical size comes from."""
+    stage: ClassVar[str]
+    """Of `STAGES`, the first at which it acts."""
+    also_at: ClassVar[tuple[str, ...]] = ()
+    """Further stages at which it acts."""
     modes: ClassVar[tuple[str, ...]] = ("static", "dynamic")
     """Recordings in which it can show."""
+    smooth: ClassVar[bool] = True
+    """Whether velocities and accelerations follow from a displacement of joints."""
     rough: ClassVar[bool] = False
-    """Whether its shapes act by jumps, so that slopes do not show the way to better ones."""
+    """Whether its shapes act by jumps, so that slopes do not lead to better ones."""
     form_error: ClassVar[float] = 0.06
-    """Share of its own gap that the form given here may miss of the real thing."""
+    """Share of its own gap that this closed form may miss of the real thing; estimate."""
     size_error: ClassVar[float] = 0.0
-    """Relative standard uncertainty of a size, because the form given here is only nearly right."""
+    """Relative standard uncertainty of a size, because this closed form is only nearly right."""
+    stated: ClassVar[str] = ""
+    """The one of `STATED_NUMBERS` that is wrong in the metadata, if the effect is that."""
+    hidden_by: ClassVar[str] = ""
+    """The one of `STATED_NUMBERS` whose fit removes nearly all of it."""
+    companions: ClassVar[tuple[str, ...]] = ()
+    """Effects that make the same readings in all data without contact."""
+    external: ClassVar[bool] = False
+    """Whether it pushes on the tool from outside: the form of one such may pass for another."""
+    local: ClassVar[bool] = False
+    """Whether a parameter's name ends with the joint or link that it belongs to."""
+    zero_is_convention: ClassVar[bool] = False
+    """Whether its zero, and its mean response to load, are a convention."""
+    over_time: ClassVar[bool] = False
+    """Whether a report draws it in the order of time, not sorted by what it predicts."""
+    all_channels: ClassVar[bool] = False
+    """Whether it acts on rows as a unit: nothing can be simulated of a part of the channels."""
+    beside_sensor: ClassVar[bool] = False
+    """Whether MuJoCo's force sensor does not read it although the model holds it."""
+    no_lookalike: ClassVar[str] = ""
+    no_referee: ClassVar[str] = ""
+    """Why the benchmark's catalogues of look-alikes, or of the referee, have no draw of it."""
 
     @property
     def subsystem(self) -> str:
         """The part of the robot that it sits in: the name before the dot."""
         return self.name.partition(".")[0]
+
+    @property
+    def family(self) -> str:
+        """Effects of one family may imitate what the form of another of them misses."""
+        return "external" if self.external else self.subsystem
+
+    @property
+    def stages(self) -> tuple[str, ...]:
+        """All stages at which it acts."""
+        return (self.stage, *self.also_at)
+
+    @property
+    def between_rows(self) -> bool:
+        """Whether it shows only between rows, not in their means."""
+        return self.stage == "row"
+
+    @property
+    def in_sensor(self) -> bool:
+        """Whether it changes only what the sensor makes of its load."""
+        return self.stage in ("reading", "timing")
+
+    def acts(self, scene: Scene) -> bool:
+        """Whether it can show in such rows: measured accelerations show a motion's effects too."""
+        return scene.mode in self.modes or bool(scene.extra)
+
+    def applies(self, robot: Robot) -> bool:
+        """Whether it can show on a robot at all."""
+        return self.between_rows or any(self.variants(s) for s in examples(robot))
 
     @abstractmethod
     def parameters(self, robot: Robot) -> ParameterSet:
@@ -117,7 +204,7 @@ class Effect(ABC):
         """Amplitudes of a variant that a robot with the effect at its typical size has."""
         return variant.free
 
-    def found(self, scene: Scene, residual: Residual) -> tuple[Variant, ...]:
+    def scan(self, scene: Scene, residual: Residual) -> tuple[Variant, ...]:
         """Further variants whose shapes a scan of a residual suggests; default: none."""
         return ()
 
@@ -138,25 +225,56 @@ class Effect(ABC):
     ) -> dict[str, dict[str, Any]]:
         """Parameters as a diagnosis states them: value, standard uncertainty and unit by name."""
         known = self.parameters(robot)
-        names = [*variant.free, *variant.shape]
-        told: dict[str, dict[str, Any]] = {
+        numbers: dict[str, dict[str, Any]] = {
             n: {"value": values[n], "std": std.get(n), "unit": known[known.index(n)].unit}
-            for n in names
+            for n in (*variant.free, *variant.shape)
         }
-        return told | {k: {"value": v} for k, v in variant.detail.items()}
+        return numbers | {k: {"value": v} for k, v in variant.detail.items()}
 
-    # ---- MuJoCo ----------------------------------------------------------------------------
+    def amplitudes(
+        self, published: Mapping[str, Mapping[str, Any]]
+    ) -> dict[str, Mapping[str, Any]] | None:
+        """`publish` undone: value and std under the parameters' names; None if that cannot be."""
+        return dict(published)
 
-    def edit_spec(  # noqa: B027 - most effects have nothing to write
-        self, spec: "mujoco.MjSpec", robot: Robot, theta: np.ndarray, p: Values
-    ) -> None:
-        """Write the effect into a model, where MuJoCo can carry it; default: nothing to write."""
+    # ---- what it does at its stages: nothing at those at which it does not act ------------------
+
+    def theta(self, robot: Robot, theta: np.ndarray, p: Values) -> np.ndarray:
+        """``model``: the robot's parameters (P,) with the effect."""
+        return theta
+
+    def displace(self, scene: Scene, p: Values) -> Value:
+        """``joint``: what is added to the joint values (M, J) [rad or m]."""
+        return 0.0
+
+    def pose(self, scene: Scene, pose: Pose, p: Values) -> Pose:
+        """``pose``: the sensor's pose with the effect."""
+        return pose
+
+    def load(self, scene: Scene, pose: Pose, load: np.ndarray, p: Values) -> np.ndarray:
+        """``load``: what is added to the load on the sensor (M, 6) [N, N·m] in sensor axes."""
+        return np.zeros_like(load)
+
+    def read(self, scene: Scene, reading: np.ndarray, p: Values) -> np.ndarray:
+        """``reading`` and ``timing``: readings (M, 6) [N, N·m] with the effect."""
+        return reading
 
     def corrupt(
         self, rows: np.ndarray, t: np.ndarray, p: Values, rng: np.random.Generator
     ) -> np.ndarray:
-        """The random part on readings (N, 6) at times (N,) [s]; default: none."""
+        """``row``: the random part on readings (N, 6) at times (N,) [s]."""
         return rows
+
+    # ---- MuJoCo ----------------------------------------------------------------------------
+
+    def edit_spec(  # noqa: B027 - most effects have nothing to write
+        self, spec: MjSpec, robot: Robot, theta: np.ndarray, p: Values
+    ) -> None:
+        """Write the effect into a model, where MuJoCo can carry it; default: nothing to write."""
+
+    def as_parameters(self, robot: Robot, theta: np.ndarray, p: Values) -> np.ndarray | None:
+        """The robot's parameters (P,) with the effect in them; None if none of them can hold it."""
+        return None
 
 
 class ModelEffect(Effect):
@@ -168,22 +286,31 @@ class ModelEffect(Effect):
     def theta(self, robot: Robot, theta: np.ndarray, p: Values) -> np.ndarray:
         """The robot's parameters (P,) with the effect."""
 
+    def as_parameters(self, robot: Robot, theta: np.ndarray, p: Values) -> np.ndarray:
+        return self.theta(robot, theta, p)
+
 
 class JointEffect(Effect):
     """The joints stand elsewhere than they report; one amplitude a joint."""
 
     stage = "joint"
+    local = True
     amplitude: ClassVar[str]
-    """Name of the amplitude, with the joint's number behind: ``offset.q2``."""
-    smooth: ClassVar[bool] = True
-    """Whether velocities and accelerations follow from the displacement."""
+    """Name of the amplitude, before the joint's number: ``offset`` of ``offset.q2``."""
 
     @abstractmethod
-    def displace(self, scene: Scene, p: Values) -> np.ndarray:
+    def displace(self, scene: Scene, p: Values) -> Value:
         """What is added to the joint values (M, J) [rad or m]."""
 
     def variants(self, scene: Scene) -> tuple[Variant, ...]:
-        return joint_variants(self, scene)
+        """Each joint alone, and all together."""
+        if not scene.jointed:
+            return ()
+        names = each_joint(self.amplitude, scene.robot)
+        single = [
+            Variant(f"joint {k}", (n,), detail={"joint": k}) for k, n in enumerate(names, start=1)
+        ]
+        return (*single, Variant("all joints", names, weight=2.0))
 
     def values(self, robot: Robot, given: Mapping[str, Any]) -> dict[str, float]:
         """Also takes ``joint=2,offset=0.003`` for one joint."""
@@ -220,6 +347,24 @@ class ReadingEffect(Effect):
         """Readings (M, 6) [N, N·m] with the effect."""
 
 
+class ChannelEffect(ReadingEffect):
+    """A reading effect of one amplitude a channel, ``stem.fx`` …, and no shape."""
+
+    stem: ClassVar[str]
+    sizes: ClassVar[tuple[float, float]]
+    """Typical amplitudes of forces and of torques."""
+    units: ClassVar[Sequence[str]] = UNITS
+    text: ClassVar[str]
+
+    def parameters(self, robot: Robot) -> ParameterSet:
+        return ParameterSet(
+            tuple(channel_parameters(self.stem, *self.sizes, self.text, self.units))
+        )
+
+    def variants(self, scene: Scene) -> tuple[Variant, ...]:
+        return tuple(channel_variants(self.stem))
+
+
 class RowEffect(Effect):
     """Shows between rows only: its mean is nothing; ``corrupt`` makes it."""
 
@@ -246,16 +391,16 @@ def channel_variants(
     stem: str, at: Values | None = None, shape: tuple[str, ...] = ()
 ) -> list[Variant]:
     """Each channel alone, the forces, the torques, all six."""
-    names = [f"{stem}.{c}" for c in CHANNELS]
+    names = per_channel(stem)
     where = dict(at or {})
     single = [
         Variant(c, (n,), where, shape, {"channel": c}) for c, n in zip(CHANNELS, names, strict=True)
     ]
     return [
         *single,
-        Variant("forces", tuple(names[:3]), where, shape, weight=2.0),
-        Variant("torques", tuple(names[3:]), where, shape),
-        Variant("all channels", tuple(names), where, shape, weight=3.0),
+        Variant("forces", names[:3], where, shape, weight=2.0),
+        Variant("torques", names[3:], where, shape),
+        Variant("all channels", names, where, shape, weight=3.0),
     ]
 
 
@@ -271,15 +416,19 @@ def joint_parameters(
     return ParameterSet(tuple(items))
 
 
-def joint_variants(effect: JointEffect, scene: Scene) -> tuple[Variant, ...]:
-    """Each joint alone, and all together."""
-    if not scene.jointed:
-        return ()
-    names = [f"{effect.amplitude}.q{k + 1}" for k in range(len(scene.robot.joints))]
-    single = [
-        Variant(f"joint {k}", (n,), detail={"joint": k}) for k, n in enumerate(names, start=1)
-    ]
-    return (*single, Variant("all joints", tuple(names), weight=2.0))
+def per_channel(stem: str) -> tuple[str, ...]:
+    """``stem.fx`` … ``stem.tz``."""
+    return tuple(f"{stem}.{c}" for c in CHANNELS)
+
+
+def each_joint(stem: str, robot: Robot) -> tuple[str, ...]:
+    """``stem.q1`` …, one name a joint."""
+    return tuple(f"{stem}.q{k + 1}" for k in range(len(robot.joints)))
+
+
+def vector(p: Values, names: Sequence[str]) -> np.ndarray:
+    """Values of parameters (len(names),)."""
+    return np.array([p[n] for n in names])
 
 
 def one_joint(given: Mapping[str, Any], joints: int, amplitude: str) -> dict[str, Any]:

@@ -1,18 +1,12 @@
 """The base is compliant and tilts under the arm's weight."""
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
-from wrenchbed.effects.base import Pose, PoseEffect, Values, Variant
+from wrenchbed.effects.base import MjSpec, Pose, PoseEffect, Values, Variant
 from wrenchbed.effects.scene import Scene
 from wrenchbed.physics.parameters import Parameter, ParameterSet
 from wrenchbed.physics.rotations import apply, exp
 from wrenchbed.robots.base import Robot
-
-if TYPE_CHECKING:
-    import mujoco
-
 
 NAMES = ("compliance", "compliance.x", "compliance.y")
 
@@ -58,7 +52,7 @@ class BaseCompliance(PoseEffect):
         origin = scene.robot.base_origin(scene.theta)
         return Pose(turn @ pose.rotation, origin + apply(turn, pose.position - origin))
 
-    def edit_spec(self, spec: "mujoco.MjSpec", robot: Robot, theta: np.ndarray, p: Values) -> None:
+    def edit_spec(self, spec: MjSpec, robot: Robot, theta: np.ndarray, p: Values) -> None:
         """Two sprung hinges at the base, about x and y of the world."""
         from wrenchbed.simulation.springs import base_axes, hinge
 

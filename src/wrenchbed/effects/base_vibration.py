@@ -2,9 +2,8 @@
 
 import numpy as np
 
-from wrenchbed.effects.base import RowEffect, Values, channel_parameters
+from wrenchbed.effects.base import RowEffect, Values, channel_parameters, per_channel, vector
 from wrenchbed.physics.parameters import Parameter, ParameterSet
-from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.robots.base import Robot
 
 
@@ -30,7 +29,7 @@ class BaseVibration(RowEffect):
     ) -> np.ndarray:
         phase = rng.uniform(0.0, 2.0 * np.pi)
         line = np.sin(2.0 * np.pi * p["frequency"] * t + phase)
-        return rows + line[:, None] * np.array([p[f"amplitude.{c}"] for c in CHANNELS])
+        return rows + line[:, None] * vector(p, per_channel("amplitude"))
 
 
 EFFECT = BaseVibration()

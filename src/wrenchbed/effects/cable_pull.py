@@ -1,20 +1,15 @@
 """A cable or hose pulls on the tool."""
 
 from itertools import product
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wrenchbed.effects.base import LoadEffect, Pose, Residual, Values, Variant
+from wrenchbed.effects.base import LoadEffect, MjSpec, Pose, Residual, Values, Variant
 from wrenchbed.effects.scene import Scene
 from wrenchbed.physics.parameters import Parameter, ParameterSet
 from wrenchbed.physics.rotations import apply, cross, sphere
 from wrenchbed.physics.taylor import value
 from wrenchbed.robots.base import Robot
-
-if TYPE_CHECKING:
-    import mujoco
-
 
 POINT = ("point.x", "point.y", "point.z")
 REACHES = (0.6, 1.3)
@@ -39,6 +34,8 @@ class CablePull(LoadEffect):
     title = "a cable or hose pulls on the tool"
     rough = True
     size_error = 0.1
+    external = True
+    zero_is_convention = True
     source = "0.2–3 N, engineering memory"
 
     def parameters(self, robot: Robot) -> ParameterSet:
@@ -77,7 +74,7 @@ class CablePull(LoadEffect):
                 slack.append(Variant("slack in part", ("stiffness",), at, (*shape, *POINT)))
         return (taut, *slack)
 
-    def found(self, scene: Scene, residual: Residual) -> tuple[Variant, ...]:
+    def scan(self, scene: Scene, residual: Residual) -> tuple[Variant, ...]:
         """Anchors and lengths whose pull a residual follows best, held at any point of the tool.
 
         Force u along the line and torque p × u: linear in k and k p, held at the CoG to begin with.
@@ -119,7 +116,7 @@ class CablePull(LoadEffect):
         own = apply(rotation, force)
         return np.concatenate([own, cross(np.broadcast_to(lever, own.shape), own)], axis=-1)
 
-    def edit_spec(self, spec: "mujoco.MjSpec", robot: Robot, theta: np.ndarray, p: Values) -> None:
+    def edit_spec(self, spec: MjSpec, robot: Robot, theta: np.ndarray, p: Values) -> None:
         """A tendon to the anchor, and one to far away for the constant pull."""
         from wrenchbed.simulation.springs import cable, pull
 

@@ -1,17 +1,11 @@
 """A cable or hose is twisted by the last joint."""
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
-from wrenchbed.effects.base import LoadEffect, Pose, Values, Variant
+from wrenchbed.effects.base import LoadEffect, MjSpec, Pose, Values, Variant
 from wrenchbed.effects.scene import Scene
 from wrenchbed.physics.parameters import Parameter, ParameterSet
 from wrenchbed.robots.base import Robot
-
-if TYPE_CHECKING:
-    import mujoco
-
 
 _STEP = 1e-30
 
@@ -29,6 +23,9 @@ class CableTorsion(LoadEffect):
     title = "a cable or hose is twisted by the last joint"
     form_error = 0.1
     size_error = 0.1
+    external = True
+    zero_is_convention = True
+    beside_sensor = True
     source = "5–50 mN·m a turn and as much friction: engineering memory"
 
     def parameters(self, robot: Robot) -> ParameterSet:
@@ -63,7 +60,7 @@ class CableTorsion(LoadEffect):
         axis = joint_axis(scene) if p["joint_axis"] > 0.5 else np.array([0.0, 0.0, 1.0])
         return np.concatenate([np.zeros((len(scene), 3)), -axis * twist[:, None]], axis=1)
 
-    def edit_spec(self, spec: "mujoco.MjSpec", robot: Robot, theta: np.ndarray, p: Values) -> None:
+    def edit_spec(self, spec: MjSpec, robot: Robot, theta: np.ndarray, p: Values) -> None:
         """A tendon along the last joint."""
         from wrenchbed.simulation.springs import twist
 

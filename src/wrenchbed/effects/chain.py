@@ -1,4 +1,7 @@
-"""From joint values to readings, with effects, in closed form: what a diagnosis fits with."""
+"""The chain from joint values to readings with effects, in closed form.
+
+`EffectChain` is the one place that walks the stages; a diagnosis, a twin and an export use it.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -7,15 +10,7 @@ from typing import Any
 import numpy as np
 
 from wrenchbed import registry
-from wrenchbed.effects.base import (
-    Effect,
-    JointEffect,
-    LoadEffect,
-    ModelEffect,
-    Pose,
-    PoseEffect,
-    ReadingEffect,
-)
+from wrenchbed.effects.base import STAGES, STATED_NUMBERS, Effect, Pose
 from wrenchbed.effects.scene import Scene
 from wrenchbed.physics.taylor import Value
 from wrenchbed.physics.wrench import wrench
@@ -48,76 +43,91 @@ def effects() -> dict[str, Effect]:
     return {name: registry.load("effects", name) for name in registry.names("effects")}
 
 
-def acts(effect: Effect, scene: Scene) -> bool:
-    """Whether an effect can show in such a scene: measured accelerations show a motion's too."""
-    return ("dynamic" if scene.moving else "static") in effect.modes or bool(scene.extra)
+def stated_effects() -> tuple[str, ...]:
+    """Names of the effects that are a wrong bias, mass and CoG, in this order."""
+    by_number = {e.stated: name for name, e in effects().items()}
+    return tuple(by_number[number] for number in STATED_NUMBERS)
 
 
 def respond(scene: Scene, active: Sequence[ActiveEffect] = ()) -> np.ndarray:
-    """Mean readings (M, 6) [N, N·m] of every row of a scene with effects acting.
-
-    Effects of a stage act in the order given; stages in the order of the chain.
-    """
-    theta = with_model_effects(scene, active)
-    pose = _pose(scene, active, theta)
-    if theta is scene.theta and pose.rotation is scene.pose[0] and pose.position is scene.pose[1]:
-        load = scene.load
-    else:
-        load = wrench(pose.rotation, pose.position, scene.robot.tool(theta), scene.gravity)
-    return _read(scene, active, load + _more_load(scene, active, pose, load))
+    """Mean readings (M, 6) [N, N·m] of every row of a scene with effects acting."""
+    return EffectChain(active).respond(scene)
 
 
-def with_model_effects(scene: Scene, active: Sequence[ActiveEffect]) -> np.ndarray:
-    """The robot's parameters (P,) with the effects of the stage ``model``."""
-    theta = scene.theta
-    for a in active:
-        if isinstance(a.effect, ModelEffect):
-            theta = a.effect.theta(scene.robot, theta, a.values)
-    return theta
+class EffectChain:
+    """Walks the stages: effects of a stage act in the order given, stages in that of `STAGES`."""
 
+    def __init__(self, active: Sequence[ActiveEffect]) -> None:
+        self._at = {s: [a for a in active if s in a.effect.stages] for s in STAGES}
 
-def displacement(scene: Scene, active: Sequence[ActiveEffect]) -> Value:
-    """What effects add to the joint values (M, J), with derivatives in a motion; 0 without any."""
-    total: Any = 0.0
-    for a in active:
-        if isinstance(a.effect, JointEffect):
+    def theta(self, robot: Robot, theta: np.ndarray) -> np.ndarray:
+        """The robot's parameters (P,) with the effects of the stage ``model``."""
+        for a in self._at["model"]:
+            theta = a.effect.theta(robot, theta, a.values)
+        return theta
+
+    def displacement(self, scene: Scene) -> Value:
+        """What is added to the joint values (M, J), with derivatives in a motion; 0 of none."""
+        total: Any = 0.0
+        for a in self._at["joint"]:
             dq = a.effect.displace(scene, a.values)
             total = total + (scene.in_motion(dq) if a.effect.smooth else dq)
-    return total
+        return total
 
-
-def _pose(scene: Scene, active: Sequence[ActiveEffect], theta: np.ndarray) -> Pose:
-    shift = displacement(scene, active)
-    same_place = theta is scene.theta or _only_load(scene, theta)
-    if same_place and isinstance(shift, float):
-        pose = Pose(*scene.pose)
-    else:
-        pose = Pose(*scene.robot.sensor_pose(scene.q + shift, theta))
-    for a in active:
-        if isinstance(a.effect, PoseEffect):
+    def pose(self, scene: Scene, theta: np.ndarray) -> Pose:
+        """The sensor's pose of a robot with parameters (P,)."""
+        shift = self.displacement(scene)
+        same_place = theta is scene.theta or _only_load(scene, theta)
+        if same_place and isinstance(shift, float):
+            pose = Pose(*scene.pose)
+        else:
+            pose = Pose(*scene.robot.sensor_pose(scene.q + shift, theta))
+        for a in self._at["pose"]:
             pose = a.effect.pose(scene, pose, a.values)
-    return pose
+        return pose
+
+    def pull(self, scene: Scene, pose: Pose, load: np.ndarray) -> np.ndarray | float:
+        """What is added to a load on the sensor (M, 6) [N, N·m]; 0 of none."""
+        more: np.ndarray | float = 0.0
+        for a in self._at["load"]:
+            more = more + a.effect.load(scene, pose, load, a.values)
+        return more
+
+    def read(self, scene: Scene, load: np.ndarray) -> np.ndarray:
+        """What the sensor shows of a load (M, 6) [N, N·m]; no delay shows at rest."""
+        reading = load
+        for a in (*self._at["reading"], *self._at["timing"]):
+            if a.effect.acts(scene):
+                reading = a.effect.read(scene, reading, a.values)
+        return reading
+
+    def respond(self, scene: Scene) -> np.ndarray:
+        """All stages: mean readings (M, 6) [N, N·m] of every row."""
+        theta = self.theta(scene.robot, scene.theta)
+        pose = self.pose(scene, theta)
+        placed = pose.rotation is scene.pose[0] and pose.position is scene.pose[1]
+        if theta is scene.theta and placed:
+            load = scene.load
+        else:
+            load = wrench(pose.rotation, pose.position, scene.robot.tool(theta), scene.gravity)
+        return self.read(scene, load + self.pull(scene, pose, load))
+
+    def late_response(self, scene: Scene, nominal: np.ndarray) -> np.ndarray:
+        """Readings (M, 6) up to a constant, from the first stage at which an effect acts.
+
+        Args:
+            scene: the rows.
+            nominal: their readings without effects (M, 6).
+        """
+        stages = {s for s, active in self._at.items() if active}
+        if stages <= {"reading", "timing"}:
+            return self.read(scene, nominal)
+        if stages == {"load"}:
+            return np.asarray(self.pull(scene, Pose(*scene.pose), scene.load))
+        return self.respond(scene)
 
 
 def _only_load(scene: Scene, theta: np.ndarray) -> bool:
     changed = np.flatnonzero(theta != scene.theta)
     names = scene.robot.parameters.names
     return all(names[k] in scene.robot.load for k in changed)
-
-
-def _more_load(
-    scene: Scene, active: Sequence[ActiveEffect], pose: Pose, load: np.ndarray
-) -> np.ndarray | float:
-    more: np.ndarray | float = 0.0
-    for a in active:
-        if isinstance(a.effect, LoadEffect):
-            more = more + a.effect.load(scene, pose, load, a.values)
-    return more
-
-
-def _read(scene: Scene, active: Sequence[ActiveEffect], reading: np.ndarray) -> np.ndarray:
-    for stage in ("reading", "timing"):
-        for a in active:
-            if isinstance(a.effect, ReadingEffect) and a.effect.stage == stage:
-                reading = a.effect.read(scene, reading, a.values)
-    return reading

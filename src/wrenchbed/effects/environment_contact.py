@@ -1,21 +1,16 @@
 """The tool's tip touches something."""
 
 from itertools import product
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wrenchbed.effects.base import LoadEffect, Pose, Residual, Values, Variant
+from wrenchbed.effects.base import LoadEffect, MjSpec, Pose, Residual, Values, Variant
 from wrenchbed.effects.scene import Scene
 from wrenchbed.errors import NotFoundError
 from wrenchbed.physics.parameters import Parameter, ParameterSet
 from wrenchbed.physics.rotations import apply, cross, sphere
 from wrenchbed.physics.taylor import value
 from wrenchbed.robots.base import Robot
-
-if TYPE_CHECKING:
-    import mujoco
-
 
 LENGTH = 0.01
 SHARES = (0.05, 0.15, 0.35)
@@ -46,6 +41,8 @@ class EnvironmentContact(LoadEffect):
     rough = True
     form_error = 0.2
     size_error = 0.15
+    external = True
+    zero_is_convention = True
     source = "skin, gel and foam 100–2000 N/m: engineering memory"
 
     def parameters(self, robot: Robot) -> ParameterSet:
@@ -86,7 +83,7 @@ class EnvironmentContact(LoadEffect):
                 result.append(Variant(text, ("stiffness",), begin, SHAPE, {"side": label}))
         return tuple(result)
 
-    def found(self, scene: Scene, residual: Residual) -> tuple[Variant, ...]:
+    def scan(self, scene: Scene, residual: Residual) -> tuple[Variant, ...]:
         """Planes whose depth a residual follows best, as a force in any fixed way at the tip."""
         if not scene.jointed:
             return ()
@@ -131,7 +128,7 @@ class EnvironmentContact(LoadEffect):
         force = push[:, None] * (np.swapaxes(rotation, -1, -2) @ way)
         return np.concatenate([force, cross(np.broadcast_to(lever, force.shape), force)], axis=1)
 
-    def edit_spec(self, spec: "mujoco.MjSpec", robot: Robot, theta: np.ndarray, p: Values) -> None:
+    def edit_spec(self, spec: MjSpec, robot: Robot, theta: np.ndarray, p: Values) -> None:
         """A plane that pushes the tip back like a spring; else it stays closed form."""
         from wrenchbed.simulation.springs import plane
 

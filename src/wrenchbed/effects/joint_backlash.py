@@ -1,18 +1,24 @@
 """Joints have backlash."""
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from wrenchbed.effects.base import Effect, JointEffect, Values, Variant, joint_parameters, one_joint
+from wrenchbed.effects.base import (
+    Effect,
+    JointEffect,
+    MjSpec,
+    Values,
+    Variant,
+    each_joint,
+    joint_parameters,
+    one_joint,
+    vector,
+)
 from wrenchbed.effects.scene import Scene
 from wrenchbed.physics.parameters import ParameterSet
 from wrenchbed.robots.base import Robot
-
-if TYPE_CHECKING:
-    import mujoco
-
 
 SIDES = ("load", "approach")
 SOFT = 0.01
@@ -50,7 +56,7 @@ class JointBacklash(JointEffect):
             return ()
         result = []
         for side in SIDES:
-            names = tuple(f"{side}.q{k + 1}" for k in range(len(scene.robot.joints)))
+            names = each_joint(side, scene.robot)
             for k, n in enumerate(names, start=1):
                 detail = {"joint": k, "side": side}
                 result.append(Variant(f"joint {k}, side by {side}", (n,), detail=detail))
@@ -59,8 +65,7 @@ class JointBacklash(JointEffect):
         return tuple(result)
 
     def displace(self, scene: Scene, p: Values) -> np.ndarray:
-        joints = scene.joints.shape[1]
-        load, approach = (np.array([p[f"{s}.q{k + 1}"] for k in range(joints)]) for s in SIDES)
+        load, approach = (vector(p, each_joint(side, scene.robot)) for side in SIDES)
         lag = -approach * scene.coming
         return lag + load * np.tanh(scene.joint_torque / SOFT) if load.any() else lag
 
@@ -70,7 +75,7 @@ class JointBacklash(JointEffect):
         side = "approach" if "approach" in rest else "load"
         return Effect.values(self, robot, one_joint(rest, len(robot.joints), side))
 
-    def edit_spec(self, spec: "mujoco.MjSpec", robot: Robot, theta: np.ndarray, p: Values) -> None:
+    def edit_spec(self, spec: MjSpec, robot: Robot, theta: np.ndarray, p: Values) -> None:
         """Joints with play in series, some of which lag."""
         from wrenchbed.simulation.springs import in_series
 

@@ -2,21 +2,17 @@
 
 from collections.abc import Mapping
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from wrenchbed.effects.base import Effect, JointEffect, Pose, PoseEffect, Values, Variant
+from wrenchbed.effects.base import Effect, JointEffect, MjSpec, Pose, Values, Variant
 from wrenchbed.effects.scene import Scene
 from wrenchbed.physics.parameters import Parameter, ParameterSet
 from wrenchbed.physics.rotations import apply, euler, exp
 from wrenchbed.physics.wrench import wrench
 from wrenchbed.robots.base import Robot
 from wrenchbed.robots.medrue.kinematics import five_bar
-
-if TYPE_CHECKING:
-    import mujoco
-
 
 SEAT = 0.5
 """Force in a distal link at which it leaves the middle of its play [N]."""
@@ -27,7 +23,7 @@ MOMENT = 0.05
 _STEP = 1e-30
 
 
-class JointClearance(JointEffect, PoseEffect):
+class JointClearance(JointEffect):
     """Five-bar i: tip E moves by δE. A serial arm: its last bearing tilts.
 
     ``play.i`` lets the universal joint at E sag along gravity, no link turns: δE = p ĝ in the
@@ -45,6 +41,7 @@ class JointClearance(JointEffect, PoseEffect):
     size_error = 0.15
     source = "10–50 µm: engineering memory"
     amplitude = "play"
+    also_at = ("pose",)
 
     def parameters(self, robot: Robot) -> ParameterSet:
         if not has_loops(robot):
@@ -108,16 +105,16 @@ class JointClearance(JointEffect, PoseEffect):
         self, robot: Robot, variant: Variant, values: Values, std: Values
     ) -> dict[str, dict[str, Any]]:
         """A play of tip 1 below zero is one of tip 2."""
-        told = super().publish(robot, variant, values, std)
-        if "play.1" in told and told["play.1"]["value"] < 0.0:
-            play = told.pop("play.1")
-            return {"play.2": play | {"value": -play["value"]}} | told
-        return told
+        result = super().publish(robot, variant, values, std)
+        if "play.1" in result and result["play.1"]["value"] < 0.0:
+            play = result.pop("play.1")
+            return {"play.2": play | {"value": -play["value"]}} | result
+        return result
 
     def values(self, robot: Robot, given: Mapping[str, Any]) -> dict[str, float]:
         return Effect.values(self, robot, given)
 
-    def edit_spec(self, spec: "mujoco.MjSpec", robot: Robot, theta: np.ndarray, p: Values) -> None:
+    def edit_spec(self, spec: MjSpec, robot: Robot, theta: np.ndarray, p: Values) -> None:
         """The last bearing's round play; play in loops acts through the joints' values."""
         from wrenchbed.simulation.springs import ROUND, hinge
 

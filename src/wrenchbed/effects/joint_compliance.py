@@ -1,18 +1,24 @@
 """Joints are compliant and deflect under gravity."""
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from wrenchbed.effects.base import JointEffect, Values, Variant, joint_parameters, one_joint
+from wrenchbed.effects.base import (
+    JointEffect,
+    MjSpec,
+    Values,
+    Variant,
+    each_joint,
+    joint_parameters,
+    one_joint,
+    vector,
+)
 from wrenchbed.effects.scene import Scene
 from wrenchbed.errors import ParameterError
 from wrenchbed.physics.parameters import ParameterSet
 from wrenchbed.robots.base import Robot
-
-if TYPE_CHECKING:
-    import mujoco
 
 
 class JointCompliance(JointEffect):
@@ -32,7 +38,7 @@ class JointCompliance(JointEffect):
         return joint_parameters(robot, self.amplitude, 7e-5, 3e-6, text, ("rad/(N·m)", "m/N"))
 
     def displace(self, scene: Scene, p: Values) -> np.ndarray:
-        give = np.array([p[f"compliance.q{k + 1}"] for k in range(scene.joints.shape[1])])
+        give = vector(p, each_joint("compliance", scene.robot))
         return scene.joint_torque * give
 
     def values(self, robot: Robot, given: Mapping[str, Any]) -> dict[str, float]:
@@ -49,9 +55,9 @@ class JointCompliance(JointEffect):
         self, robot: Robot, variant: Variant, values: Values, std: Values
     ) -> dict[str, dict[str, Any]]:
         """Stiffness of a single joint, compliances of several."""
-        told = super().publish(robot, variant, values, std)
+        result = super().publish(robot, variant, values, std)
         if len(variant.free) != 1:
-            return told
+            return result
         name = variant.free[0]
         turns = robot.joints[int(variant.detail["joint"]) - 1].unit == "rad"
         give, unsure = values[name], std.get(name)
@@ -60,9 +66,21 @@ class JointCompliance(JointEffect):
             "std": None if unsure is None or not give else unsure / give**2,
             "unit": "N·m/rad" if turns else "N/m",
         }
-        return {"stiffness": stiffness} | {k: v for k, v in told.items() if k != name}
+        return {"stiffness": stiffness} | {k: v for k, v in result.items() if k != name}
 
-    def edit_spec(self, spec: "mujoco.MjSpec", robot: Robot, theta: np.ndarray, p: Values) -> None:
+    def amplitudes(
+        self, published: Mapping[str, Mapping[str, Any]]
+    ) -> dict[str, Mapping[str, Any]] | None:
+        """A stiffness k ± σ as the compliance 1/k ± σ/k² of its joint."""
+        if "stiffness" not in published:
+            return dict(published)
+        k, std = published["stiffness"]["value"], published["stiffness"]["std"]
+        if "joint" not in published or k == 0.0:
+            return None
+        give = {"value": 1.0 / k, "std": None if std is None else std / k**2}
+        return {f"compliance.q{published['joint']['value']}": give}
+
+    def edit_spec(self, spec: MjSpec, robot: Robot, theta: np.ndarray, p: Values) -> None:
         """A spring in series with each joint."""
         from wrenchbed.simulation.springs import in_series
 

@@ -5,7 +5,15 @@ from typing import Any
 
 import numpy as np
 
-from wrenchbed.effects.base import Effect, JointEffect, Residual, Values, Variant, one_joint
+from wrenchbed.effects.base import (
+    Effect,
+    JointEffect,
+    Residual,
+    Values,
+    Variant,
+    each_joint,
+    one_joint,
+)
 from wrenchbed.effects.scene import Scene
 from wrenchbed.physics.parameters import Parameter, ParameterSet
 from wrenchbed.physics.taylor import Value, cos, sin
@@ -55,7 +63,7 @@ class JointGearError(JointEffect):
                 result.append(Variant(label, free, {"order": order}, ("order",), {"joint": k}))
         return tuple(result)
 
-    def found(self, scene: Scene, residual: Residual) -> tuple[Variant, ...]:
+    def scan(self, scene: Scene, residual: Residual) -> tuple[Variant, ...]:
         """The order of the largest wave in a residual, of all joints."""
         best, at = 0.0, (0, 0.0)
         value = residual.value.ravel()
@@ -77,8 +85,10 @@ class JointGearError(JointEffect):
 
     def displace(self, scene: Scene, p: Values) -> Value:
         """As exact jets in motion: 101 waves a turn are fast."""
-        joints = range(1, scene.joints.shape[1] + 1)
-        a, b = (np.array([p.get(f"{s}.q{k}", 0.0) for k in joints]) for s in ("sin", "cos"))
+        a, b = (
+            np.array([p.get(n, 0.0) for n in each_joint(part, scene.robot)])
+            for part in ("sin", "cos")
+        )
         angle = p["order"] * scene.q
         return sin(angle) * a + cos(angle) * b
 

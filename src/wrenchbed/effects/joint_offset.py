@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from wrenchbed.effects.base import JointEffect, Values, joint_parameters
+from wrenchbed.effects.base import JointEffect, Values, each_joint, joint_parameters, vector
 from wrenchbed.effects.scene import Scene
 from wrenchbed.physics.parameters import ParameterSet
 from wrenchbed.robots.base import Robot
@@ -27,8 +27,16 @@ class JointOffset(JointEffect):
         return joint_parameters(robot, self.amplitude, TYPICAL, 5e-4, text, ("rad", "m"))
 
     def displace(self, scene: Scene, p: Values) -> np.ndarray:
-        offset = [p[f"offset.q{k + 1}"] for k in range(scene.joints.shape[1])]
-        return np.broadcast_to(offset, scene.joints.shape)
+        return np.broadcast_to(vector(p, each_joint("offset", scene.robot)), scene.joints.shape)
+
+    def as_parameters(self, robot: Robot, theta: np.ndarray, p: Values) -> np.ndarray | None:
+        """In the joints' zeros, where the robot has a parameter of each."""
+        result, known = np.array(theta), robot.parameters.names
+        for k in range(1, len(robot.joints) + 1):
+            if f"dq{k}" not in known:
+                return None
+            result[known.index(f"dq{k}")] += p[f"offset.q{k}"]
+        return result
 
 
 EFFECT = JointOffset()

@@ -23,6 +23,7 @@ class LinkLength(ModelEffect):
 
     name = "link.length"
     title = "link lengths or twists differ from nominal"
+    local = True
     source = "0.1–1 mm, 0.02–0.1° as made: engineering memory"
 
     def parameters(self, robot: Robot) -> ParameterSet:

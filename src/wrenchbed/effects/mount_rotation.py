@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from wrenchbed.effects.base import ModelEffect, Values, Variant
+from wrenchbed.effects.base import ModelEffect, Values, Variant, vector
 from wrenchbed.effects.scene import Scene
 from wrenchbed.physics.parameters import Parameter, ParameterSet
 from wrenchbed.robots.base import Robot, rotate_sensor
@@ -19,6 +19,7 @@ class MountRotation(ModelEffect):
 
     name = "mount.rotation"
     title = "the sensor is rotated on its flange"
+    companions = ("joint.offset", "sensor.crosstalk")
     source = "0.2–1° of bolt holes and dowels: engineering memory"
 
     def parameters(self, robot: Robot) -> ParameterSet:
@@ -35,7 +36,7 @@ class MountRotation(ModelEffect):
         )
 
     def theta(self, robot: Robot, theta: np.ndarray, p: Values) -> np.ndarray:
-        return rotate_sensor(robot, theta, np.array([p[n] for n in NAMES]))
+        return rotate_sensor(robot, theta, vector(p, NAMES))
 
 
 EFFECT = MountRotation()

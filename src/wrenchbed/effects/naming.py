@@ -1,16 +1,12 @@
-"""Effects as people name them: ``joint.compliance:joint=2,stiffness=1.4e4``."""
+"""Effects as users name them on the command line: ``joint.compliance:joint=2,stiffness=1.4e4``."""
 
 from typing import Any
 
-import numpy as np
-
 from wrenchbed.effects.base import Variant
 from wrenchbed.effects.chain import ActiveEffect
-from wrenchbed.effects.scene import Scene
+from wrenchbed.effects.scene import examples
 from wrenchbed.errors import ParameterError
 from wrenchbed.robots.base import Robot
-
-_ROWS = 24
 
 
 def parse_effect(text: str) -> tuple[str, dict[str, Any]]:
@@ -59,20 +55,8 @@ def _variant(active: ActiveEffect, robot: Robot, given: dict[str, Any]) -> Varia
     """The commonest variant whose details are the values given."""
     fit = [
         v
-        for still in (True, False)
-        for v in active.effect.variants(_some_scene(robot, still))
+        for scene in examples(robot)
+        for v in active.effect.variants(scene)
         if all(k in v.detail and v.detail[k] == x for k, x in given.items())
     ]
     return max(fit, key=lambda v: v.weight, default=None)
-
-
-def _some_scene(robot: Robot, still: bool) -> Scene:
-    """A few poses, or the same as a motion, to ask an effect for its variants."""
-    theta, gravity = robot.parameters.nominal, np.array(robot.gravity)
-    q: Any = robot.sample(_ROWS, np.random.default_rng(0))
-    t = 10.0 * np.arange(_ROWS)
-    if not still:
-        from wrenchbed.physics.taylor import Jet
-
-        q = Jet(q, 0.0 * q, 0.0 * q)
-    return Scene(robot, theta, gravity, q, t, np.ones(_ROWS, dtype=bool))

@@ -12,6 +12,7 @@ from wrenchbed.robots.base import Robot
 
 WAY = 7
 """Rows between two poses at rest: what remembers must not miss a turn on the way."""
+_EXAMPLE_ROWS = 24
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,6 +46,11 @@ class Scene:
     def moving(self) -> bool:
         """Whether the rows are samples of one motion on an even clock."""
         return isinstance(self.q, Jet)
+
+    @property
+    def mode(self) -> str:
+        """Mode of a recording that has such rows."""
+        return "dynamic" if self.moving else "static"
 
     @property
     def jointed(self) -> bool:
@@ -112,6 +118,15 @@ class Scene:
     def base_moment(self) -> np.ndarray:
         """Moment of weight about the base's origin (M, 3) [N·m], as configured."""
         return self.robot.base_moment(self.q, self.theta, self.gravity)
+
+
+def examples(robot: Robot) -> list[Scene]:
+    """A few poses, and the same as a motion where the robot has joints: to ask for variants."""
+    q: Value = robot.sample(_EXAMPLE_ROWS, np.random.default_rng(0))
+    theta, gravity = robot.parameters.nominal, np.array(robot.gravity)
+    t, held = 10.0 * np.arange(_EXAMPLE_ROWS), np.ones(_EXAMPLE_ROWS, dtype=bool)
+    motions = [q, Jet(q, 0.0 * q, 0.0 * q)] if robot.joints else [q]
+    return [Scene(robot, theta, gravity, x, t, held) for x in motions]
 
 
 def held_on(sign: np.ndarray) -> np.ndarray:

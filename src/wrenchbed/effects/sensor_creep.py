@@ -9,10 +9,11 @@ from wrenchbed.effects.base import (
     Variant,
     channel_parameters,
     channel_variants,
+    per_channel,
+    vector,
 )
 from wrenchbed.effects.scene import Scene
 from wrenchbed.physics.parameters import Parameter, ParameterSet
-from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.robots.base import Robot
 
 TAUS = (30.0, 150.0, 600.0)
@@ -33,6 +34,8 @@ class SensorCreep(ReadingEffect):
     title = "the sensor's reading creeps after its load has changed"
     form_error = 0.15
     size_error = 0.15
+    zero_is_convention = True
+    over_time = True
     source = (
         "0.05–0.1 % of the load in 30 min (strain-gauge data sheets); three times that: a poor one"
     )
@@ -53,7 +56,7 @@ class SensorCreep(ReadingEffect):
         )
 
     def read(self, scene: Scene, reading: np.ndarray, p: Values) -> np.ndarray:
-        share = np.array([p[f"share.{c}"] for c in CHANNELS])
+        share = vector(p, per_channel("share"))
         if not share.any():
             return reading
         end = reading[0] + p["late"] * (reading - reading[0])

@@ -4,7 +4,7 @@ from itertools import permutations
 
 import numpy as np
 
-from wrenchbed.effects.base import ReadingEffect, Values, Variant
+from wrenchbed.effects.base import ReadingEffect, Values, Variant, vector
 from wrenchbed.effects.scene import Scene
 from wrenchbed.physics.parameters import Parameter, ParameterSet
 from wrenchbed.physics.rotations import cross
@@ -72,7 +72,7 @@ class SensorCrosstalk(ReadingEffect):
     def read(self, scene: Scene, reading: np.ndarray, p: Values) -> np.ndarray:
         x = np.array([[p.get(f"x.{s}.{o}", 0.0) for o in CHANNELS] for s in CHANNELS])
         force = reading[:, :3]
-        shift = np.array([p[n] for n in ORIGIN])
+        shift = vector(p, ORIGIN)
         shown = reading + reading @ x.T
         shown[:, 3:] += cross(np.broadcast_to(shift, force.shape), force)
         return shown

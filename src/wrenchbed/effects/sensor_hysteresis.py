@@ -5,7 +5,14 @@ from typing import Any
 
 import numpy as np
 
-from wrenchbed.effects.base import ReadingEffect, Values, Variant, channel_parameters
+from wrenchbed.effects.base import (
+    ReadingEffect,
+    Values,
+    Variant,
+    channel_parameters,
+    per_channel,
+    vector,
+)
 from wrenchbed.effects.scene import Scene
 from wrenchbed.physics.parameters import Parameter, ParameterSet
 from wrenchbed.physics.wrench import CHANNELS
@@ -30,6 +37,7 @@ class SensorHysteresis(ReadingEffect):
     name = "sensor.hysteresis"
     title = "the sensor's reading depends on its earlier loads"
     size_error = 0.2
+    zero_is_convention = True
     source = "0.1–0.3 % of full scale, strain-gauge data sheets"
     form_error = 0.45
 
@@ -58,8 +66,8 @@ class SensorHysteresis(ReadingEffect):
         return tuple(n for n in variant.free if n.startswith("middle.") and ".slope" not in n)
 
     def read(self, scene: Scene, reading: np.ndarray, p: Values) -> np.ndarray:
-        lag = np.array([[p[f"{w}.{c}"] for c in CHANNELS] for w in WIDTHS])  # (widths, 6)
-        slope = np.array([[p[f"{w}.slope.{c}"] for c in CHANNELS] for w in WIDTHS])
+        lag = np.array([vector(p, per_channel(w)) for w in WIDTHS])  # (widths, 6)
+        slope = np.array([vector(p, per_channel(f"{w}.slope")) for w in WIDTHS])
         which, on = np.nonzero((lag != 0) | (slope != 0))
         if not len(on):
             return reading
@@ -75,7 +83,7 @@ class SensorHysteresis(ReadingEffect):
 
     def values(self, robot: Robot, given: Mapping[str, Any]) -> dict[str, float]:
         """Also takes ``lag.fx=0.1``: the middle play of a channel."""
-        short = {f"lag.{c}": f"middle.{c}" for c in CHANNELS}
+        short = dict(zip(per_channel("lag"), per_channel("middle"), strict=True))
         return super().values(robot, {short.get(k, k): v for k, v in given.items()})
 
 
@@ -83,11 +91,11 @@ def play(x: np.ndarray, width: np.ndarray) -> np.ndarray:
     """The play operator along the rows of (M, K) with half widths (K,)."""
     result = np.empty_like(x)
     for k, half in enumerate(width.tolist()):
-        at, told = float(x[0, k]), []
+        at, path = float(x[0, k]), []
         for value in x[:, k].tolist():
             at = value - half if at < value - half else value + half if at > value + half else at
-            told.append(at)
-        result[:, k] = told
+            path.append(at)
+        result[:, k] = path
     return result
 
 

@@ -2,15 +2,21 @@
 
 import numpy as np
 
-from wrenchbed.effects.base import ReadingEffect, Values, Variant, channel_parameters
+from wrenchbed.effects.base import (
+    ReadingEffect,
+    Values,
+    Variant,
+    channel_parameters,
+    per_channel,
+    vector,
+)
 from wrenchbed.effects.scene import Scene
 from wrenchbed.physics.parameters import Parameter, ParameterSet
-from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.robots.base import Robot
 
 MOMENTS = 24
 """At most so many moments where a search begins."""
-STEPS = tuple(f"step.{c}" for c in CHANNELS)
+STEPS = per_channel("step")
 
 
 class SensorJump(ReadingEffect):
@@ -22,6 +28,8 @@ class SensorJump(ReadingEffect):
     name = "sensor.jump"
     title = "the sensor's zero jumps once"
     rough = True
+    zero_is_convention = True
+    over_time = True
     source = "overload or a slipped bolt, 0.2–5 N: engineering memory"
 
     def parameters(self, robot: Robot) -> ParameterSet:
@@ -46,7 +54,7 @@ class SensorJump(ReadingEffect):
 
     def read(self, scene: Scene, reading: np.ndarray, p: Values) -> np.ndarray:
         after = scene.t >= p["time"]
-        return reading + after[:, None] * np.array([p[n] for n in STEPS])
+        return reading + after[:, None] * vector(p, STEPS)
 
 
 EFFECT = SensorJump()

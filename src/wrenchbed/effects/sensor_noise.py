@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from wrenchbed.effects.base import RowEffect, Values
+from wrenchbed.effects.base import RowEffect, Values, per_channel, vector
 from wrenchbed.physics.parameters import Parameter, ParameterSet
 from wrenchbed.physics.wrench import CHANNELS, UNITS
 from wrenchbed.robots.base import Robot
@@ -30,7 +30,7 @@ class SensorNoise(RowEffect):
     def corrupt(
         self, rows: np.ndarray, t: np.ndarray, p: Values, rng: np.random.Generator
     ) -> np.ndarray:
-        std = np.array([p[f"std.{c}"] for c in CHANNELS])
+        std = vector(p, per_channel("std"))
         return rows + std * rng.standard_normal(rows.shape)
 
 

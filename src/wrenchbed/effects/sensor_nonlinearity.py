@@ -10,10 +10,11 @@ from wrenchbed.effects.base import (
     Variant,
     channel_parameters,
     channel_variants,
+    per_channel,
+    vector,
 )
 from wrenchbed.effects.scene import Scene
 from wrenchbed.physics.parameters import Parameter, ParameterSet
-from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.robots.base import Robot
 
 REFERENCE = np.array([20.0, 20.0, 20.0, 2.0, 2.0, 0.2])
@@ -54,7 +55,7 @@ class SensorNonlinearity(ReadingEffect):
         )
 
     def read(self, scene: Scene, reading: np.ndarray, p: Values) -> np.ndarray:
-        even, odd = (np.array([p[f"{law}.{c}"] for c in CHANNELS]) for law in LAWS)
+        even, odd = (vector(p, per_channel(law)) for law in LAWS)
         relative = reading / REFERENCE
         bend = np.abs(relative) ** p["power"] * REFERENCE
         return np.asarray(reading + bend * (even + odd * np.sign(reading)))

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from wrenchbed.effects.base import RowEffect, Values
+from wrenchbed.effects.base import RowEffect, Values, per_channel, vector
 from wrenchbed.physics.parameters import Parameter, ParameterSet
 from wrenchbed.physics.wrench import CHANNELS, UNITS
 from wrenchbed.robots.base import Robot
@@ -29,7 +29,7 @@ class SensorQuantization(RowEffect):
     def corrupt(
         self, rows: np.ndarray, t: np.ndarray, p: Values, rng: np.random.Generator
     ) -> np.ndarray:
-        step = np.array([p[f"step.{c}"] for c in CHANNELS])
+        step = vector(p, per_channel("step"))
         some = np.where(step > 0.0, step, 1.0)
         return np.where(step > 0.0, some * np.round(rows / some), rows)
 

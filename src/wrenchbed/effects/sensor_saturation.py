@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from wrenchbed import registry
-from wrenchbed.effects.base import ReadingEffect, Values, Variant
+from wrenchbed.effects.base import ReadingEffect, Values, Variant, per_channel, vector
 from wrenchbed.effects.scene import Scene
 from wrenchbed.errors import ParameterError
 from wrenchbed.physics.parameters import Parameter, ParameterSet
@@ -61,8 +61,7 @@ class SensorSaturation(ReadingEffect):
         return tuple(found)
 
     def read(self, scene: Scene, reading: np.ndarray, p: Values) -> np.ndarray:
-        share = np.array([p[f"share.{c}"] for c in CHANNELS])
-        level = np.array([p[f"level.{c}"] for c in CHANNELS])
+        share, level = vector(p, per_channel("share")), vector(p, per_channel("level"))
         return reading + share * (np.clip(reading, -level, level) - reading)
 
     def values(self, robot: Robot, given: Mapping[str, Any]) -> dict[str, float]:

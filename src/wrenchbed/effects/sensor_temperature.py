@@ -10,6 +10,8 @@ from wrenchbed.effects.base import (
     Variant,
     channel_parameters,
     channel_variants,
+    per_channel,
+    vector,
 )
 from wrenchbed.effects.scene import Scene
 from wrenchbed.physics.parameters import Parameter, ParameterSet
@@ -20,8 +22,7 @@ SPANS = (0.25, 1.0, 4.0)
 """Time constants of a warm-up that nobody recorded, relative to the recording's length."""
 LAG_S = 20.0
 """Where a search for the sensor's lag behind a recorded temperature begins [s]."""
-ZERO = tuple(f"zero.{c}" for c in CHANNELS)
-SPAN = tuple(f"span.{c}" for c in CHANNELS)
+ZERO, SPAN = per_channel("zero"), per_channel("span")
 
 
 class SensorTemperature(ReadingEffect):
@@ -37,6 +38,8 @@ class SensorTemperature(ReadingEffect):
     name = "sensor.temperature"
     title = "the sensor's zero and span depend on its temperature"
     size_error = 0.1
+    zero_is_convention = True
+    over_time = True
     source = (
         "0.05–0.3 % of full scale per 10 K, span 0.02–0.05 %/K; HBM states < 0.05 % per 10 K; "
         "warm-up of 5–30 min: engineering memory"
@@ -67,19 +70,19 @@ class SensorTemperature(ReadingEffect):
             warmth = -np.expm1(-scene.age / p["tau"])
         else:
             warmth = behind(scene.warmth, scene.age, float(p["lag"]))
-        span = p["span"] + np.array([p[n] for n in SPAN])
-        return reading + warmth[:, None] * (np.array([p[n] for n in ZERO]) + span * reading)
+        span = p["span"] + vector(p, SPAN)
+        return reading + warmth[:, None] * (vector(p, ZERO) + span * reading)
 
     def publish(
         self, robot: Robot, variant: Variant, values: Values, std: Values
     ) -> dict[str, dict[str, Any]]:
         """Per K, or of the whole warm-up where no temperature was recorded."""
-        told = super().publish(robot, variant, values, std)
+        result = super().publish(robot, variant, values, std)
         if "tau" in variant.shape:
-            for item in told.values():
+            for item in result.values():
                 if "unit" in item:
                     item["unit"] = item["unit"].removesuffix("/K")
-        return told
+        return result
 
 
 def behind(x: np.ndarray, t: np.ndarray, lag: float) -> np.ndarray:
@@ -89,12 +92,12 @@ def behind(x: np.ndarray, t: np.ndarray, lag: float) -> np.ndarray:
     step = np.maximum(np.diff(t), 1e-9)
     keep = np.exp(-step / lag)
     ramp = -np.expm1(-step / lag) * lag / step
-    told = [float(x[0])]
+    z = [float(x[0])]
     for k, g, now, before in zip(
         keep.tolist(), ramp.tolist(), x[1:].tolist(), x[:-1].tolist(), strict=True
     ):
-        told.append(k * told[-1] + (1.0 - g) * now + (g - k) * before)
-    return np.array(told)
+        z.append(k * z[-1] + (1.0 - g) * now + (g - k) * before)
+    return np.array(z)
 
 
 def _variants(at: Values, shape: tuple[str, ...]) -> tuple[Variant, ...]:

@@ -1,18 +1,12 @@
 """The tool bends under its own weight."""
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
-from wrenchbed.effects.base import LoadEffect, Pose, Values, Variant
+from wrenchbed.effects.base import LoadEffect, MjSpec, Pose, Values, Variant
 from wrenchbed.effects.scene import Scene
 from wrenchbed.physics.parameters import Parameter, ParameterSet
 from wrenchbed.physics.rotations import cross
 from wrenchbed.robots.base import Robot
-
-if TYPE_CHECKING:
-    import mujoco
-
 
 NAMES = tuple(f"compliance.{a}" for a in "xyz")
 SKEW = tuple(f"compliance.{a}" for a in ("xy", "xz", "yz"))
@@ -58,7 +52,7 @@ class ToolFlexure(LoadEffect):
         shift = force @ compliance(p) + cross(p["bending"] * cross(cog, force), cog)
         return np.concatenate([np.zeros_like(force), cross(shift, force)], axis=1)
 
-    def edit_spec(self, spec: "mujoco.MjSpec", robot: Robot, theta: np.ndarray, p: Values) -> None:
+    def edit_spec(self, spec: MjSpec, robot: Robot, theta: np.ndarray, p: Values) -> None:
         """The tool's mass on sprung hinges at the sensor and sprung slides."""
         from wrenchbed.simulation.springs import hinge, slide, tool_mass
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from wrenchbed.effects.base import LoadEffect, ModelEffect, Pose, Values, Variant
+from wrenchbed.effects.base import ModelEffect, Pose, Values, Variant
 from wrenchbed.effects.scene import Scene
 from wrenchbed.physics.parameters import Parameter, ParameterSet
 from wrenchbed.physics.rotations import cross
@@ -14,7 +14,7 @@ ACCELERATION, SPIN, TURNING = "acceleration", "spin", "turning"
 """Of the tool in a scene's ``extra``, sensor axes (M, 3): a [m/s²], ω [rad/s], ω̇ [rad/s²]."""
 
 
-class ToolInertia(ModelEffect, LoadEffect):
+class ToolInertia(ModelEffect):
     """I → I + δI about the centre of gravity in sensor axes; no wrench at rest shows it.
 
     Where only orientations are known a simulator has weight alone. An accelerometer then says what
@@ -27,6 +27,7 @@ class ToolInertia(ModelEffect, LoadEffect):
     title = "the tool's inertia differs from what is stated"
     source = "20 % of a drawing's or a guess's: engineering memory"
     modes = ("dynamic",)
+    also_at = ("load",)
 
     def parameters(self, robot: Robot) -> ParameterSet:
         known = robot.parameters.mapping(robot.parameters.nominal)

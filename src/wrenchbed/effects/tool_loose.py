@@ -1,20 +1,15 @@
 """A part of the tool is loose and falls to one side or the other."""
 
 from itertools import product
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wrenchbed.effects.base import LoadEffect, Pose, Residual, Values, Variant
+from wrenchbed.effects.base import LoadEffect, MjSpec, Pose, Residual, Values, Variant
 from wrenchbed.effects.scene import Scene, held_on
 from wrenchbed.physics.parameters import Parameter, ParameterSet
 from wrenchbed.physics.rotations import cross, sphere
 from wrenchbed.physics.wrench import wrench
 from wrenchbed.robots.base import Robot
-
-if TYPE_CHECKING:
-    import mujoco
-
 
 WAY = ("way.x", "way.y", "way.z")
 SOFT = 0.05
@@ -66,7 +61,7 @@ class ToolLoose(LoadEffect):
                     result.append(Variant(f"{text} along {label}", ("shift",), begin, shape))
         return tuple(result)
 
-    def found(self, scene: Scene, residual: Residual) -> tuple[Variant, ...]:
+    def scan(self, scene: Scene, residual: Residual) -> tuple[Variant, ...]:
         """Ways, grips and leans whose jumps a residual's torques follow best.
 
         Of a jump s = ±1 along any lever δ: T = s δ × F, so Σ s Fᵀ× T is all that a scan needs.
@@ -111,7 +106,7 @@ class ToolLoose(LoadEffect):
         lever = p["shift"] * _side(towards @ way - p["lean"], p["grip"])[:, None] * way
         return np.concatenate([np.zeros_like(force), cross(lever, force)], axis=1)
 
-    def edit_spec(self, spec: "mujoco.MjSpec", robot: Robot, theta: np.ndarray, p: Values) -> None:
+    def edit_spec(self, spec: MjSpec, robot: Robot, theta: np.ndarray, p: Values) -> None:
         """The tool's mass slides with play; what leans to one side stays closed form."""
         from wrenchbed.simulation.springs import slide
 

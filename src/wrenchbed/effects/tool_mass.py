@@ -16,6 +16,7 @@ class ToolMass(ModelEffect):
 
     name = "tool.mass"
     title = "the tool is heavier or lighter than stated"
+    stated = "mass"
     source = "1–5 % of a drawing's mass: engineering memory"
 
     def parameters(self, robot: Robot) -> ParameterSet:

@@ -17,6 +17,8 @@ class ToolSelfWeight(ModelEffect):
 
     name = "tool.self_weight"
     title = "the weight of the sensor's own tool side loads its gauges"
+    hidden_by = "mass"
+    no_referee = "exactly a mass and a CoG: it is in the background of every case"
     source = "20–60 g of an ATI Mini40 or Gamma's tool side: engineering memory"
 
     def parameters(self, robot: Robot) -> ParameterSet:

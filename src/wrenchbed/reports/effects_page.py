@@ -7,18 +7,16 @@ import numpy as np
 
 from wrenchbed import registry
 from wrenchbed.diagnosis.explain.verdict import INSEPARABLE
-from wrenchbed.effects.base import Effect, JointEffect, ModelEffect, RowEffect
+from wrenchbed.effects.base import STAGES, Effect
 from wrenchbed.effects.chain import effects
-from wrenchbed.effects.scene import Scene
+from wrenchbed.effects.scene import examples
 from wrenchbed.errors import NotFoundError
 from wrenchbed.physics.parameters import Parameter
-from wrenchbed.physics.taylor import Jet
 from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.robots.base import Robot
 
 SEEN = "Seen in: "
 """Begins the paragraph of an effect's docstring that says which data show it."""
-_ROWS = 24
 _INTRODUCTION = """# Effects
 
 An *effect* is one thing that a simulator usually lacks. Each effect is one file in
@@ -48,13 +46,7 @@ An effect acts at one stage of the chain from joint values to readings:
 
 | stage | what it changes |
 |---|---|
-| model | parameters of the robot |
-| joint | true joint values differ from reported ones |
-| pose | the sensor's pose differs from what the joints give |
-| load | the load on the sensor differs from the tool's |
-| reading | the sensor's reading differs from its load |
-| timing | the reading belongs to another moment |
-| row | no mean effect: rows scatter, repeat or are quantised |
+{stages}
 
 *Amplitudes* are zero where there is no effect. *Shapes* state where and how it acts. The size of an
 amplitude is the typical size for a robot of its kind. The size of a shape is how far a fit may
@@ -73,7 +65,8 @@ show and which effects look alike in it.
 def render() -> str:
     """The page as Markdown."""
     known = effects()
-    parts = [_INTRODUCTION, *_overview(known)]
+    stages = "\n".join(f"| {n} | {s.changes} |" for n, s in STAGES.items())
+    parts = [_INTRODUCTION.format(stages=stages), *_overview(known)]
     for subsystem in dict.fromkeys(e.subsystem for e in known.values()):
         parts.append(f"## {subsystem}\n")
         for effect in known.values():
@@ -99,7 +92,7 @@ def _section(e: Effect) -> str:
         f"- in MuJoCo: {_in_mujoco(e)}",
         f"- size from: {e.source}",
     ]
-    if not isinstance(e, RowEffect):
+    if not e.between_rows:
         rows.append(f"- may miss: {100 * e.form_error:g} %")
     pairs = [p for p in INSEPARABLE if e.name in p]
     if pairs:
@@ -133,12 +126,12 @@ def _paragraphs(e: Effect) -> list[str]:
 
 
 def _recordings(e: Effect) -> str:
-    told = {"static": "at rest", "dynamic": "in motion"}
-    return ", ".join(told[m] for m in e.modes)
+    words = {"static": "at rest", "dynamic": "in motion"}
+    return ", ".join(words[m] for m in e.modes)
 
 
 def _robots(e: Effect) -> str:
-    found = [n for n, robot in _all_robots().items() if _applies(e, robot)]
+    found = [n for n, robot in _all_robots().items() if e.applies(robot)]
     return "all" if len(found) == len(_all_robots()) else ", ".join(found)
 
 
@@ -146,36 +139,16 @@ def _all_robots() -> dict[str, Robot]:
     return {n: registry.load("robots", n) for n in registry.names("robots")}
 
 
-def _applies(e: Effect, robot: Robot) -> bool:
-    return isinstance(e, RowEffect) or any(e.variants(s) for s in _scenes(robot))
-
-
-def _scenes(robot: Robot) -> Iterator[Scene]:
-    """A few poses, and the same as a motion where the robot can move."""
-    theta, gravity = robot.parameters.nominal, np.array(robot.gravity)
-    q = robot.sample(_ROWS, np.random.default_rng(0))
-    t, held = 10.0 * np.arange(_ROWS), np.ones(_ROWS, dtype=bool)
-    yield Scene(robot, theta, gravity, q, t, held)
-    if robot.joints:
-        yield Scene(robot, theta, gravity, Jet(q, 0.0 * q, 0.0 * q), t, held)
-
-
 def _in_mujoco(e: Effect) -> str:
     if type(e).edit_spec is not Effect.edit_spec:
         told = (inspect.getdoc(type(e).edit_spec) or "").split("\n")[0]
         return f"{told[0].lower()}{told[1:].rstrip('.')}"
-    if isinstance(e, ModelEffect):
-        return "the robot's own parameters, written into its MJCF"
-    if isinstance(e, JointEffect):
-        return "the joints of the model stand elsewhere than the recording says"
-    if isinstance(e, RowEffect):
-        return "on the rows that the simulated sensor gives, at random"
-    return "on what MuJoCo's sensor reads, by the closed form"
+    return STAGES[e.stage].simulated
 
 
 def _parameters(e: Effect) -> Iterator[str]:
     """One row for parameters that differ in their number or channel alone."""
-    robots = {n: r for n, r in _all_robots().items() if _applies(e, r)}
+    robots = {n: r for n, r in _all_robots().items() if e.applies(r)}
     told: dict[tuple[str, str, str, str], list[str]] = {}
     free = {n for robot in robots.values() for n in _amplitudes(e, robot)}
     for robot_name, robot in robots.items():
@@ -190,9 +163,9 @@ def _parameters(e: Effect) -> Iterator[str]:
 
 
 def _amplitudes(e: Effect, robot: Robot) -> set[str]:
-    if isinstance(e, RowEffect):
+    if e.between_rows:
         return {p.name for p in e.parameters(robot) if p.nominal == 0.0}
-    return {n for s in _scenes(robot) for v in e.variants(s) for n in v.free}
+    return {n for s in examples(robot) for v in e.variants(s) for n in v.free}
 
 
 def _who(who: list[str], robots: dict[str, Robot]) -> str:

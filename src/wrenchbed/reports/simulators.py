@@ -9,6 +9,7 @@ from wrenchbed.diagnosis.diagnose import Findings
 from wrenchbed.diagnosis.evidence.dictionary import STATED
 from wrenchbed.diagnosis.gap.closure import HeldOut, calibrated
 from wrenchbed.diagnosis.prepare.prepared import held_values
+from wrenchbed.effects.chain import effects
 from wrenchbed.physics.wrench import CHANNELS, UNITS
 from wrenchbed.twin.twin import Twin
 
@@ -16,8 +17,6 @@ BINS = 8
 """Columns of the map of residuals."""
 SECOND_CHANNEL = 0.1
 """A second channel is drawn if it holds this share of what the first one does."""
-IN_TIME = ("sensor.drift", "sensor.jump", "sensor.creep", "sensor.temperature")
-"""Effects that are read best in the order of time."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,12 +140,12 @@ class Evidence:
     def _comparison(
         self, channel: int, title: str, measured: np.ndarray, effect: np.ndarray | None
     ) -> Comparison:
-        p = self.prepared
+        p, known = self.prepared, effects()
         order = np.arange(len(p.y))
         x, label = 1.0 + order, "pose, in the order of time"
         if p.moving:
             x, label = p.scene.t[p.scene.held], "time [s]"
-        elif effect is not None and title not in IN_TIME:
+        elif effect is not None and not (title in known and known[title].over_time):
             order = np.argsort(effect[:, channel], kind="stable")
             label = "poses, sorted by what the effect predicts"
         elif effect is None:

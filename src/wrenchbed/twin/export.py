@@ -7,8 +7,7 @@ import mujoco
 import numpy as np
 
 from wrenchbed.data.parquet import FORMAT
-from wrenchbed.effects.base import JointEffect, ModelEffect
-from wrenchbed.effects.chain import ActiveEffect
+from wrenchbed.effects.base import STAGES
 from wrenchbed.files import write_json, write_text
 from wrenchbed.simulation.springs import MARK
 from wrenchbed.twin.assembly import edited, in_mujoco, marked
@@ -50,24 +49,13 @@ def export(twin: Twin, folder: str | Path) -> tuple[Path, Path]:
 def _spec(twin: Twin) -> tuple[mujoco.MjSpec, set[str]]:
     """The edited MJCF, and the names of the effects that are in it."""
     robot, theta, inside = twin.model.robot, twin.own, set()
-    names = robot.parameters.names
     for a in twin.active:
-        if isinstance(a.effect, ModelEffect):
-            theta = a.effect.theta(robot, theta, a.values)
-            inside.add(a.effect.name)
-        elif a.effect.name == "joint.offset" and f"dq{len(robot.joints)}" in names:
-            theta = _offset(twin, theta, a)
+        changed = a.effect.as_parameters(robot, theta, a.values)
+        if changed is not None:
+            theta = changed
             inside.add(a.effect.name)
     spec = edited(robot, theta, twin.model.gravity, twin.active)
     return spec, inside | {name.partition(MARK)[0] for name in marked(spec)}
-
-
-def _offset(twin: Twin, theta: np.ndarray, offset: ActiveEffect) -> np.ndarray:
-    """Parameters (P,) with joints' offsets in their zeros."""
-    result, known = np.array(theta), twin.model.robot.parameters
-    for k in range(1, len(twin.model.robot.joints) + 1):
-        result[known.index(f"dq{k}")] += offset[f"offset.q{k}"]
-    return result
 
 
 def _weigh_in_full(spec: mujoco.MjSpec) -> None:
@@ -100,7 +88,7 @@ def _outside(twin: Twin, inside: set[str]) -> dict[str, Any]:
     known = twin.model.parameters
     sensor = known.items[len(twin.own) :]
     values = known.mapping(twin.theta)
-    rest = [a for a in twin.active if a.effect.name not in inside or _hidden(a)]
+    rest = [a for a in twin.active if a.effect.name not in inside or a.effect.beside_sensor]
     return {
         "format": FORMAT,
         "robot": in_mujoco(twin.model.robot).name,
@@ -108,7 +96,7 @@ def _outside(twin: Twin, inside: set[str]) -> dict[str, Any]:
         "outside": [
             {
                 "effect": a.effect.name,
-                "acts": _acts(a),
+                "acts": STAGES[a.effect.stage].exported,
                 "does": a.effect.title,
                 "parameters": dict(a.values),
             }
@@ -116,18 +104,3 @@ def _outside(twin: Twin, inside: set[str]) -> dict[str, Any]:
         ],
         "sensor": {p.name: values[p.name] for p in sensor if values[p.name] != p.nominal},
     }
-
-
-def _hidden(active: ActiveEffect) -> bool:
-    """In the model, but not in what MuJoCo's force sensor reads."""
-    return active.effect.name == "cable.torsion"
-
-
-def _acts(active: ActiveEffect) -> str:
-    if isinstance(active.effect, JointEffect):
-        return "on the joint values"
-    return {
-        "load": "on the load of the sensor",
-        "pose": "on the sensor's pose",
-        "row": "on the rows of a recording",
-    }.get(active.effect.stage, "on the sensor's readings")

@@ -12,8 +12,8 @@ import numpy as np
 
 from wrenchbed import registry
 from wrenchbed.data.parquet import FORMAT
-from wrenchbed.effects.base import JointEffect, LoadEffect, ModelEffect, Pose, ReadingEffect
-from wrenchbed.effects.chain import ActiveEffect, displacement
+from wrenchbed.effects.base import Pose
+from wrenchbed.effects.chain import ActiveEffect, EffectChain
 from wrenchbed.effects.scene import Scene
 from wrenchbed.errors import TwinError, WrenchbedError
 from wrenchbed.files import write_json
@@ -138,32 +138,33 @@ class Twin:
     @cached_property
     def mechanism(self) -> Mechanism:
         """The robot with the effects that MuJoCo carries, compiled."""
-        robot, theta = self.model.robot, self.own
-        for a in self.active:
-            if isinstance(a.effect, ModelEffect):
-                theta = a.effect.theta(robot, theta, a.values)
+        robot = self.model.robot
+        theta = EffectChain(self.active).theta(robot, self.own)
         return Mechanism(robot, theta, self.model.gravity, self.active)
+
+    @cached_property
+    def _outside(self) -> EffectChain:
+        """The effects that MuJoCo does not carry."""
+        carried = self.mechanism.carried
+        return EffectChain([a for a in self.active if a.effect.name not in carried])
 
     def load(self, scene: Scene, first: int = 0) -> np.ndarray:
         """What pulls on the sensor (M − first, 6) [N, N·m]; at rest, from row ``first`` on."""
         scene, mechanism = self._own_scene(scene), self.mechanism
-        shift = displacement(scene, self._imposed(JointEffect))
+        shift = self._outside.displacement(scene)
         q, coming = (scene.q + shift)[first:], scene.coming[first:]
         give: Value = mechanism.balance(q, coming)
         if scene.moving:
             jets = scene.in_motion(give)
             give = Jet(give, jets.d * mechanism.smooth, jets.dd * mechanism.smooth)
         load = mechanism.load(q, give, coming)
-        return load + self._pull(scene, load, first)
+        padded = np.concatenate([np.zeros((first, 6)), load])
+        pull = self._outside.pull(scene, Pose(*scene.pose), padded)
+        return load + np.broadcast_to(pull, padded.shape)[first:]
 
     def reading(self, scene: Scene, load: np.ndarray) -> np.ndarray:
         """What the sensor shows (M, 6) [N, N·m] of a load (M, 6); without random parts."""
-        scene, shown = self._own_scene(scene), load
-        for stage in ("reading", "timing"):
-            for a in self.active:
-                acts = isinstance(a.effect, ReadingEffect) and shows(a, scene)
-                if acts and a.effect.stage == stage:
-                    shown = a.effect.read(scene, shown, a.values)  # type: ignore[attr-defined]
+        shown = EffectChain(self.active).read(self._own_scene(scene), load)
         return self.model.read(shown, self.theta)
 
     def corrupt(self, rows: np.ndarray, t: np.ndarray, seed: int) -> np.ndarray:
@@ -178,33 +179,11 @@ class Twin:
             return scene
         return replace(scene, theta=self.own, gravity=gravity)
 
-    def _imposed(self, kind: type) -> list[ActiveEffect]:
-        """Effects of a kind that MuJoCo does not carry."""
-        carried = self.mechanism.carried
-        return [
-            a for a in self.active if isinstance(a.effect, kind) and a.effect.name not in carried
-        ]
-
-    def _pull(self, scene: Scene, load: np.ndarray, first: int) -> np.ndarray | float:
-        """Loads that effects could not write into the model, at the scene's poses."""
-        rest = self._imposed(LoadEffect)
-        whole = np.concatenate([np.zeros((first, 6)), load])
-        more: np.ndarray | float = 0.0
-        for a in rest:
-            part = a.effect.load(scene, Pose(*scene.pose), whole, a.values)  # type: ignore[attr-defined]
-            more = more + part[first:]
-        return more
-
 
 def nominal(robot: Robot, active: Sequence[ActiveEffect] = ()) -> Twin:
     """The robot as designed, with effects."""
     model = Model.of(robot)
     return Twin(model, model.parameters.nominal, tuple(active))
-
-
-def shows(active: ActiveEffect, scene: Scene) -> bool:
-    """Whether an effect acts in this kind of recording: no delay shows at rest."""
-    return ("dynamic" if scene.moving else "static") in active.effect.modes
 
 
 class _Part:

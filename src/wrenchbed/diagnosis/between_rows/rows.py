@@ -17,7 +17,7 @@ from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis.between_rows.base_vibration import Line, Shaking, line, shaking
 from wrenchbed.diagnosis.between_rows.scatter import Scatter, scatter
 from wrenchbed.diagnosis.prepare.noise import FEW, Repeats, Step, repeats, step
-from wrenchbed.effects.chain import ActiveEffect
+from wrenchbed.effects.chain import ActiveEffect, effects
 from wrenchbed.physics.wrench import CHANNELS, UNITS
 from wrenchbed.robots.base import Robot
 
@@ -56,7 +56,7 @@ class RowFinding:
 
     def active(self, robot: Robot) -> ActiveEffect | None:
         """The effect with its parameters; None if only some channels repeat."""
-        if self.effect == "timing.stale" and len(self.channels) < len(CHANNELS):
+        if effects()[self.effect].all_channels and len(self.channels) < len(CHANNELS):
             return None
         given = {name: told["value"] for name, told in self.parameters.items()}
         return ActiveEffect.of(robot, self.effect, given)

@@ -16,16 +16,8 @@ from functools import cached_property
 import numpy as np
 
 from wrenchbed.diagnosis.prepare.prepared import Prepared, held_values
-from wrenchbed.effects.base import (
-    Effect,
-    LoadEffect,
-    ModelEffect,
-    Pose,
-    ReadingEffect,
-    Residual,
-    Variant,
-)
-from wrenchbed.effects.chain import ActiveEffect, acts, effects, respond
+from wrenchbed.effects.base import Effect, Residual, Variant
+from wrenchbed.effects.chain import ActiveEffect, EffectChain, effects, respond, stated_effects
 from wrenchbed.effects.scene import Scene
 from wrenchbed.physics.parameters import Parameter
 from wrenchbed.physics.taylor import Jet, value
@@ -113,8 +105,8 @@ def _per_channel(prepared: Prepared, x: np.ndarray) -> np.ndarray:
     return columns.reshape(-1, 6)
 
 
-STATED = ("sensor.bias", "tool.mass", "tool.cog")
-"""Effects that are wrong numbers in the metadata: every user fits them."""
+STATED = stated_effects()
+"""Effects that are a wrong bias, mass or CoG in the metadata: every user fits them."""
 LARGEST = 30.0
 """An effect may be so many times its typical size; what stays invisible then is not considered."""
 VISIBLE = 0.5
@@ -224,7 +216,7 @@ def build(
     index: dict[tuple[str, str, tuple[tuple[str, float], ...]], int] = {}
     drafts: list[tuple[Effect, Variant, list[int]]] = []
     for effect in effects().values():
-        if not acts(effect, at.scene):
+        if not effect.acts(at.scene):
             continue
         known = effect.parameters(at.scene.robot)
         for variant in (*effect.variants(at.scene), *left.suggests(effect)):
@@ -319,7 +311,7 @@ class UnknownKernel:
         def tangent(name: str, at: Mapping[str, float]) -> np.ndarray:
             return self.response.tangent(effect, known[name], Variant(effect.name, (name,), at))
 
-        return effect.found(self.scene, Residual(self._rows, self._value, self._noise, tangent))
+        return effect.scan(self.scene, Residual(self._rows, self._value, self._noise, tangent))
 
 
 class Response:
@@ -328,7 +320,6 @@ class Response:
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
         self.reading = respond(scene)
-        self._pose = Pose(*scene.pose)
 
     def tangent(self, effect: Effect, parameter: Parameter, variant: Variant) -> np.ndarray:
         """Change of all readings (M, 6) per typical size, by central differences."""
@@ -339,8 +330,5 @@ class Response:
         return up - down
 
     def _with(self, effect: Effect, values: Mapping[str, float]) -> np.ndarray:
-        if isinstance(effect, ReadingEffect):
-            return effect.read(self.scene, self.reading, values)
-        if isinstance(effect, LoadEffect) and not isinstance(effect, ModelEffect):
-            return effect.load(self.scene, self._pose, self.scene.load, values)
-        return respond(self.scene, [ActiveEffect(effect, values)])
+        chain = EffectChain([ActiveEffect(effect, values)])
+        return chain.late_response(self.scene, self.reading)

@@ -12,7 +12,7 @@ import numpy as np
 
 from wrenchbed.diagnosis.evidence.dictionary import STATED, EffectDictionary
 from wrenchbed.effects.base import Effect, Variant
-from wrenchbed.effects.chain import acts, effects
+from wrenchbed.effects.chain import effects
 
 ALIKE = 0.99
 """Cosine from which two signatures are one."""
@@ -150,4 +150,4 @@ def _ways(d: EffectDictionary) -> tuple[Way, ...]:
 
 
 def _acting(d: EffectDictionary) -> tuple[Effect, ...]:
-    return tuple(e for e in effects().values() if acts(e, d.prepared.scene))
+    return tuple(e for e in effects().values() if e.acts(d.prepared.scene))

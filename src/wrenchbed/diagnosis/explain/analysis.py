@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wrenchbed.diagnosis.evidence.dictionary import EffectDictionary, build
+from wrenchbed.diagnosis.evidence.dictionary import STATED, EffectDictionary, build
 from wrenchbed.diagnosis.evidence.search import Searcher
 from wrenchbed.diagnosis.explain.refit import Refitter
 from wrenchbed.diagnosis.explain.structures import Ranking, rank
@@ -58,7 +58,7 @@ def case(d: EffectDictionary, prepared: Prepared, baseline: Baseline) -> np.ndar
 def stated_vector(d: EffectDictionary, baseline: Baseline) -> np.ndarray:
     """Mass and CoG of the baseline against the stated ones (S,), in typical sizes; bias 0."""
     moved = np.zeros(len(d.stated))
-    for effect in ("tool.mass", "tool.cog"):
+    for effect in STATED[1:]:
         own = np.array([d.label[k][0] == effect for k in d.stated])
         moved[own] = baseline.moved[effect]
     return moved / d.size[d.stated]

@@ -11,7 +11,9 @@ from wrenchbed.diagnosis.evidence.likelihood import MOST, BackgroundLevel
 from wrenchbed.diagnosis.explain.contributions import CLAIMABLE, made_by, rest, share, twins
 from wrenchbed.diagnosis.explain.finalist import Finalist
 from wrenchbed.diagnosis.explain.refit import Refitter
+from wrenchbed.effects.chain import effects
 
+ZERO, MASS, _ = STATED
 REST = 0.55
 """Gap that normal imperfections may make together."""
 WRONG = 5.0
@@ -114,19 +116,14 @@ def _standing_in(
     return found, d.gap(left) - float(d.prepared.variance.mean())
 
 
-ALIKE = frozenset({"cable", "environment"})
-"""Subsystems that push on the tool from outside: the form of one may pass for the other."""
-
-
 def _form_of_another(part: Part, parts: list[Part], f: Finalist) -> bool:
     """Whether a part may be what the form given to a larger one of its kind misses."""
     assert part.index is not None
-    own = f.parts[part.index].effect.subsystem
+    family = f.parts[part.index].effect.family
     for other in parts:
         assert other.index is not None
         effect = f.parts[other.index].effect
-        alike = effect.subsystem == own or {effect.subsystem, own} <= ALIKE
-        if alike and part.share < effect.form_error * other.share:
+        if effect.family == family and part.share < effect.form_error * other.share:
             return True
     return False
 
@@ -138,7 +135,7 @@ def wrong_numbers(refitter: Refitter, f: Finalist) -> list[Part]:
     """
     d, told = refitter.d, stated(refitter, f)
     std = np.sqrt(np.maximum(np.diagonal(told.covariance), 1e-24))
-    zero = np.array([d.label[k][0] == "sensor.bias" for k in d.stated])
+    zero = np.array([d.label[k][0] == ZERO for k in d.stated])
     row = 1.0 / np.sqrt(np.maximum(d.configured_gap[d.stated] * 6.0, 1e-300))  # σ, typical sizes
     std = np.where(zero, np.hypot(std, ZERO_SIGMAS * row), std)
     finite = np.isfinite(d.tolerance)
@@ -159,12 +156,6 @@ def wrong_numbers(refitter: Refitter, f: Finalist) -> list[Part]:
     return found
 
 
-CONVENTIONAL = (
-    "sensor.drift", "sensor.creep", "sensor.temperature", "sensor.jump", "sensor.hysteresis",
-    "cable.pull", "cable.torsion", "environment.contact",
-)  # fmt: skip
-"""Effects whose zero, and whose mean response to load, are a convention."""
-
 MANY = 9
 """Columns of an effect that may imitate stated numbers: torques from forces, for instance."""
 
@@ -179,7 +170,7 @@ def zero_offset(refitter: Refitter, f: Finalist) -> np.ndarray:
     d = refitter.d
     result = np.zeros(len(d.stated))
     for k, h in enumerate(f.parts):
-        conventional = h.name in CONVENTIONAL
+        conventional = h.effect.zero_is_convention
         if h.name in STATED or not (conventional or len(h.columns) >= MANY):
             continue
         signal = made_by(refitter, f, [k])
@@ -193,7 +184,7 @@ def _range(d: EffectDictionary, extent: np.ndarray) -> np.ndarray:
     """The range (6,) of a signal, as biases (S,)."""
     result = np.zeros(len(d.stated))
     for i, k in enumerate(d.stated):
-        if d.label[k][0] == "sensor.bias":
+        if d.label[k][0] == ZERO:
             column = np.abs(d.E[:, k].reshape(-1, 6)).max(axis=0)
             channel = int(column.argmax())
             result[i] = extent[channel] / column[channel]
@@ -252,8 +243,9 @@ def _exact(refitter: Refitter, rung: int) -> BackgroundLevel:
     if rung not in refitter.exact:
         d, level = refitter.d, refitter.searcher.rungs[rung].level
         variance = level.V.copy()
-        own = d.of_effect("tool.self_weight")
-        (mass,) = (i for i, k in enumerate(d.stated) if d.label[k][0] == "tool.mass")
+        hidden = (n for n, e in effects().items() if e.hidden_by == "mass")
+        own = np.concatenate([d.of_effect(n) for n in hidden])
+        (mass,) = (i for i, k in enumerate(d.stated) if d.label[k][0] == MASS)
         off = 0.5 * d.tolerance[mass] * d.size[d.stated[mass]] / d.size[own]
         variance[own] = np.minimum(0.5 * MOST, off) ** 2
         variance[d.stated] = 0.0

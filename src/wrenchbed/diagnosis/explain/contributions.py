@@ -109,7 +109,7 @@ def _beyond_stated(d: EffectDictionary, x: np.ndarray) -> np.ndarray:
 def _place(h: Hypothesis) -> str:
     """The one joint or link that a part is of, as the ends of its parameters' names."""
     ends = {name.partition(".")[2] for name in h.variant.free}
-    return ends.pop() if h.effect.subsystem in ("joint", "link") and len(ends) == 1 else ""
+    return ends.pop() if h.effect.local and len(ends) == 1 else ""
 
 
 def _as_many_numbers(

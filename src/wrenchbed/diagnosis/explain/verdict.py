@@ -10,17 +10,15 @@ from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
 from wrenchbed.diagnosis.explain.claims import REST, Explanation, Part
 from wrenchbed.diagnosis.explain.contributions import CLAIMABLE, MARGIN
 from wrenchbed.diagnosis.explain.structures import Ranking
+from wrenchbed.effects.chain import effects
 
 MOST_RIVALS = 4
 RIVAL = 0.02
 """A rival has at least this share of its class's probability,"""
 DOUBT = 2.0
 """with log odds divided by this: evidence is exact for exact physics only."""
-INSEPARABLE = (
-    frozenset({"mount.rotation", "joint.offset"}),
-    frozenset({"mount.rotation", "sensor.crosstalk"}),
-)
-"""Pairs that no free-space data can tell apart."""
+INSEPARABLE = tuple(frozenset({n, c}) for n, e in effects().items() for c in e.companions)
+"""Pairs of effects that no data without contact distinguishes."""
 
 
 @dataclass(frozen=True)

@@ -20,6 +20,7 @@ from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.simulation.closed_form import Model
 from wrenchbed.twin.twin import Twin
 
+ZERO, MASS, COG = STATED
 RIDGES = 10.0 ** np.arange(-3.0, 3.0, 0.5)
 """Prior variances of a coefficient, in noises of a row, that are tried."""
 
@@ -99,9 +100,9 @@ def corrected(a: Analysis, f: Finalist) -> np.ndarray:
     theta = a.prepared.theta.copy()
     n = len(model.robot.parameters)
     tool = model.robot.tool(theta[:n])
-    mass = float(tool.mass) + float(by["tool.mass"][0])
-    cog = np.asarray(tool.cog, dtype=float) + by["tool.cog"]
-    return with_load(model, theta, mass, cog, by["sensor.bias"])
+    mass = float(tool.mass) + float(by[MASS][0])
+    cog = np.asarray(tool.cog, dtype=float) + by[COG]
+    return with_load(model, theta, mass, cog, by[ZERO])
 
 
 def with_load(
@@ -241,9 +242,9 @@ def _as_stated(a: Analysis, twin: Twin, name: str) -> np.ndarray:
     model, n = twin.model, len(twin.model.robot.parameters)
     now, then = model.robot.tool(twin.own), model.robot.tool(a.prepared.theta[:n])
     bias = np.array([twin.theta[model.parameters.index(b)] for b in BIAS])
-    mass = float((then if name == "tool.mass" else now).mass)
-    cog = np.asarray((then if name == "tool.cog" else now).cog, dtype=float)
-    return with_load(model, twin.theta, mass, cog, 0.0 * bias if name == "sensor.bias" else bias)
+    mass = float((then if name == MASS else now).mass)
+    cog = np.asarray((then if name == COG else now).cog, dtype=float)
+    return with_load(model, twin.theta, mass, cog, 0.0 * bias if name == ZERO else bias)
 
 
 def calibrated(a: Analysis) -> Twin:

@@ -117,7 +117,7 @@ class Contest:
             if mode not in c.effect.modes:
                 continue
             known = c.effect.parameters(at.scene.robot)
-            if session.payload is not None and c.effect.name in ("tool.mass", "tool.cog"):
+            if session.payload is not None and c.effect.stated in ("mass", "cog"):
                 size = float(self.d.size[self.chosen[k]])
                 change = _tool_change(base, session.payload, c.parameter, size)
             else:

@@ -8,8 +8,7 @@ import numpy as np
 from wrenchbed.diagnosis.evidence.dictionary import STATED, EffectDictionary
 from wrenchbed.diagnosis.evidence.similarity import ALIKE, PLAUSIBLE, Likeness
 from wrenchbed.diagnosis.explain.verdict import INSEPARABLE
-from wrenchbed.effects.base import RowEffect
-from wrenchbed.effects.chain import acts, effects
+from wrenchbed.effects.chain import effects
 
 
 @dataclass(frozen=True)
@@ -42,7 +41,7 @@ def isolability(
     likeness = likeness or Likeness(dictionary)
     result = []
     for name, effect in effects().items():
-        if isinstance(effect, RowEffect):
+        if effect.between_rows:
             continue
         own = [k for k, w in enumerate(likeness.ways) if w.name == name]
         shown = {h.variant.label for h in dictionary.hypotheses if h.name == name}
@@ -121,9 +120,9 @@ def _never(likeness: Likeness) -> _Told:
     """Effects of which nothing shows."""
     d = likeness.d
     where = "a motion" if d.prepared.moving else "poses at rest"
-    mean = [e for e in effects().values() if not isinstance(e, RowEffect)]
-    other = [e.name for e in mean if not acts(e, d.prepared.scene)]
-    acting = [e for e in mean if acts(e, d.prepared.scene)]
+    mean = [e for e in effects().values() if not e.between_rows]
+    other = [e.name for e in mean if not e.acts(d.prepared.scene)]
+    acting = [e for e in mean if e.acts(d.prepared.scene)]
     absent = [e.name for e in acting if not e.variants(d.prepared.scene)]
     result: _Told = []
     for names, why in (

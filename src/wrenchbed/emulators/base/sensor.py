@@ -13,7 +13,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wrenchbed.effects.base import ReadingEffect
 from wrenchbed.effects.scene import Scene
 from wrenchbed.physics.noise import SATURATED_BITS, NoiseModel, NoiseStream
 from wrenchbed.physics.taylor import Jet
@@ -103,7 +102,7 @@ class SensorWithEffects:
         self._playback, self._twin, self._touching = playback, playback.twin, touching
         self._plain = Twin(self._twin.model, self._twin.theta)
         active = self._twin.active
-        self._mechanical = any(not isinstance(a.effect, ReadingEffect) for a in active)
+        self._mechanical = any(not a.effect.in_sensor for a in active)
         self._knots = np.array([-1.0, 0.0])
         self._values = np.zeros((2, 6))
         self._since = np.empty((0, 6))

@@ -18,7 +18,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wrenchbed.effects.base import ReadingEffect
 from wrenchbed.effects.chain import ActiveEffect
 from wrenchbed.effects.naming import active_effect
 from wrenchbed.effects.scene import Scene
@@ -103,7 +102,7 @@ class OwnSensor:
         found = noise_model(noise, error(e_series))
         self._hiss = BufferedNoise(found, seed + _SEED) if noise != "off" else None
         active = tuple(active_effect(body.robot, text) for text in effects)
-        mechanical = tuple(a for a in active if not isinstance(a.effect, ReadingEffect))
+        mechanical = tuple(a for a in active if not a.effect.in_sensor)
         self._twins = _pair(body, mechanical) if mechanical else None
         self._more, self._at = np.zeros(6), np.full(6, np.inf)
         self._every = max(1, round(_EVERY_S / body.cycle))
