@@ -25,7 +25,7 @@ def proposals(name, values):
         return response.tangent(effect, known[parameter], Variant(name, (parameter,), at))
 
     rows = np.arange(len(SCENE))
-    return effect.found(SCENE, Residual(rows, seen, NOISE, tangent)), signal / NOISE
+    return effect.scan(SCENE, Residual(rows, seen, NOISE, tangent)), signal / NOISE
 
 
 def alike(name, variant, signal):
@@ -93,4 +93,4 @@ def test_a_shape_near_the_true_one_is_proposed(name, values):
 def test_nothing_is_proposed_that_could_not_be_seen():
     for name in ("sensor.gain", "base.tilt"):
         effect = registry.load("effects", name)
-        assert effect.found(SCENE, Residual(np.arange(3), np.zeros((3, 6)), NOISE, None)) == ()
+        assert effect.scan(SCENE, Residual(np.arange(3), np.zeros((3, 6)), NOISE, None)) == ()

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from wrenchbed import registry
 from wrenchbed.benchmark.lookalikes.loads import link_forces
-from wrenchbed.effects.chain import ActiveEffect, displacement, respond
+from wrenchbed.effects.chain import ActiveEffect, EffectChain, respond
 from wrenchbed.effects.scene import Scene
 from wrenchbed.physics.taylor import Jet
 from wrenchbed.robots.medrue import kinematics
@@ -111,22 +111,24 @@ def test_the_base_gives_towards_the_arm():
     assert found == pytest.approx(weight(turn * FLANGE) - weight(FLANGE), abs=1e-9)
 
 
+def displacement(scene, name, given):
+    return EffectChain([ActiveEffect.of(scene.robot, name, given)]).displacement(scene)
+
+
 def test_backlash_lies_on_the_side_of_gravity_or_behind_the_way():
     s = scene("ur5", [np.zeros(6), [0, 0.1, 0, 0, 0, 0], [0, 0.05, 0, 0, 0, 0]])
-    load = displacement(s, [ActiveEffect.of(s.robot, "joint.backlash", {"joint": 2, "load": 2e-4})])
+    load = displacement(s, "joint.backlash", {"joint": 2, "load": 2e-4})
     assert load[:, 1] == pytest.approx(2e-4)
-    way = displacement(
-        s, [ActiveEffect.of(s.robot, "joint.backlash", {"joint": 2, "approach": 2e-4})]
-    )
+    way = displacement(s, "joint.backlash", {"joint": 2, "approach": 2e-4})
     assert way[:, 1] == pytest.approx([0.0, -2e-4, 2e-4])
-    idle = displacement(s, [ActiveEffect.of(s.robot, "joint.backlash", {"joint": 1, "load": 2e-4})])
+    idle = displacement(s, "joint.backlash", {"joint": 1, "load": 2e-4})
     assert np.abs(idle).max() < 1e-12  # upright axis: no torque, no side
 
 
 def test_a_gear_error_in_motion_carries_exact_accelerations():
     s = swinging("ur5")
     given = {"joint": 2, "sin": 3e-4, "cos": 1e-4, "order": 20.0}
-    dq = displacement(s, [ActiveEffect.of(s.robot, "joint.gear_error", given)])[..., 1]
+    dq = displacement(s, "joint.gear_error", given)[..., 1]
     angle, rate = 20.0 * s.q.v[:, 1], 20.0 * s.q.d[:, 1]
     assert dq.v == pytest.approx(3e-4 * np.sin(angle) + 1e-4 * np.cos(angle))
     assert dq.d == pytest.approx(rate * (3e-4 * np.cos(angle) - 1e-4 * np.sin(angle)))

@@ -23,7 +23,7 @@ from wrenchbed.physics.wrench import CHANNELS, UNITS
 from wrenchbed.robots.base import Robot
 
 if TYPE_CHECKING:
-    from mujoco import MjSpec
+    from mujoco import MjSpec as MjSpec
 else:
     MjSpec = Any
 """MuJoCo is imported by what compiles a model only."""
