@@ -15,6 +15,7 @@ from wrenchbed.benchmark.scoring.linear import Claim
 from wrenchbed.benchmark.sealed import claims, make, report, run, score
 from wrenchbed.benchmark.sealed.entrants import CLAIM, Entrant, contract, enter
 from wrenchbed.cli import main
+from wrenchbed.effects.chain import effects
 from wrenchbed.errors import BenchmarkError, ParameterError
 
 
@@ -104,7 +105,7 @@ def test_only_the_first_causes_count_and_odd_numbers_are_left_out(tmp_path):
     assert found.gap == {"calibrated": 2.0}
     assert set(found.parameters["tool.mass"]) == {"stiffness", "fine"}
     assert found.parameters["tool.mass"]["fine"]["std"] is None
-    assert not score._usable(found.parameters["joint.compliance"])
+    assert effects()["joint.compliance"].amplitudes(found.parameters["joint.compliance"]) is None
 
 
 def test_a_claim_belongs_to_one_case(family, tmp_path):

@@ -5,6 +5,7 @@ import json
 import numpy as np
 
 from sealed_family import COUNT, SEED, truthful
+from wrenchbed.benchmark.referee.catalogue import EFFECTS
 from wrenchbed.benchmark.scoring.linear import Claim
 from wrenchbed.benchmark.sealed import answer, commitments, report, score
 from wrenchbed.benchmark.sealed import make as making
@@ -60,7 +61,7 @@ def test_numbers_are_held_against_true_ones(family, tmp_path):
         path = tmp_path / "claims" / "me" / name / CLAIM
         told = json.loads(path.read_bytes())
         for cause, said in zip(truth.causes, told["which"], strict=False):
-            if cause.effect in score.COMPARED and cause.effect != "joint.compliance":
+            if EFFECTS[cause.effect].compared and cause.effect != "joint.compliance":
                 said["parameters"] = {k: {"value": v, "std": 1e-9} for k, v in cause.true.items()}
                 changed += 1
         path.write_text(json.dumps(told))

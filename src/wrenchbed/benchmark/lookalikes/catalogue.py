@@ -3,7 +3,7 @@
 No robot is perfect: the small imperfections of every family that every case has.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,9 +21,12 @@ from wrenchbed.benchmark.lookalikes.imperfection import (
     gap,
 )
 from wrenchbed.benchmark.lookalikes.loads import RigidLoad, SensorMotion
+from wrenchbed.physics.wrench import CHANNELS
 
 Drawer = Callable[[ExperimentDesign, np.random.Generator, float], Imperfection]
 """Draws one imperfection of a size in multiples of typical."""
+Names = Callable[[Mapping[str, float]], dict[str, float]]
+"""True values under the names that a diagnosis publishes."""
 
 
 @dataclass(frozen=True)
@@ -36,6 +39,9 @@ class LookalikeEffect:
         fits: whether a design can show it at all.
         rows: it shows between rows: what counts is the variance of a row, not the gap.
         hard: it often shows too little: whether it can is tried out once for each design.
+        published: its true values under the names that a diagnosis publishes, where both physics
+            mean the same numbers.
+        adds: its numbers add up with those of the background's share of the same effect.
     """
 
     name: str
@@ -43,6 +49,8 @@ class LookalikeEffect:
     fits: Callable[[ExperimentDesign], bool]
     rows: bool = False
     hard: bool = False
+    published: Names | None = None
+    adds: bool = True
 
 
 LARGEST = 8.0
@@ -76,11 +84,50 @@ def _repeats(design: ExperimentDesign) -> bool:
     return design.moving or design.samples >= 4
 
 
+def _prefixed(stem: str) -> Names:
+    return lambda v: {f"{stem}.{k}": x for k, x in v.items() if k in CHANNELS}
+
+
+def _axes(stem: str) -> Names:
+    return lambda v: {f"{stem}{k}": x for k, x in v.items()}
+
+
+def _pairs(v: Mapping[str, float]) -> dict[str, float]:
+    return {"x." + k.replace("_", "."): x for k, x in v.items()}
+
+
+def _jump(v: Mapping[str, float]) -> dict[str, float]:
+    return {"time": v["time"]} | _prefixed("step")(v)
+
+
+def _offsets(v: Mapping[str, float]) -> dict[str, float]:
+    return {f"offset.q{j}": v["offset" + end] for end, j in _joints(v)}
+
+
+def _compliances(v: Mapping[str, float]) -> dict[str, float]:
+    return {f"compliance.q{j}": 1.0 / v["stiffness" + end] for end, j in _joints(v)}
+
+
+def _joints(v: Mapping[str, float]) -> list[tuple[str, int]]:
+    """Ends of the names that belong to a joint, and the joint's number."""
+    return [(k.removeprefix("joint"), int(x)) for k, x in v.items() if k.startswith("joint")]
+
+
+def _skew(v: Mapping[str, float]) -> dict[str, float]:
+    # there the sensor's clock is ahead, in the library its readings are late
+    return {"skew": -v["rate"]} if "rate" in v else {"channel": v["channel"]}
+
+
 _LIST = (
     LookalikeEffect("sensor.bias", sensor.bias, _always),
-    LookalikeEffect("sensor.drift", sensor.drift, _always),
-    LookalikeEffect("sensor.gain", sensor.gain, _always),
-    LookalikeEffect("sensor.crosstalk", sensor.crosstalk, _always),
+    LookalikeEffect("sensor.drift", sensor.drift, _always, published=_prefixed("rate")),
+    LookalikeEffect("sensor.gain", sensor.gain, _always, published=_prefixed("gain")),
+    LookalikeEffect(
+        "sensor.crosstalk",
+        sensor.crosstalk,
+        _always,
+        published=_pairs,
+    ),
     LookalikeEffect("sensor.hysteresis", sensor.hysteresis, _always),
     LookalikeEffect("sensor.saturation", sensor.saturation, _always),
     LookalikeEffect("sensor.quantization", sensor.quantization, _repeats, rows=True),
@@ -88,29 +135,42 @@ _LIST = (
     LookalikeEffect("sensor.temperature", sensor.temperature, _always),
     LookalikeEffect("sensor.nonlinearity", sensor.nonlinearity, _always),
     LookalikeEffect("sensor.creep", sensor.creep, _always, hard=True),
-    LookalikeEffect("sensor.jump", sensor.jump, _always),
-    LookalikeEffect("mount.rotation", arm.mount_rotation, _always),
+    LookalikeEffect(
+        "sensor.jump",
+        sensor.jump,
+        _always,
+        published=_jump,
+        adds=False,
+    ),
+    LookalikeEffect("mount.rotation", arm.mount_rotation, _always, published=_axes("rotation.")),
     LookalikeEffect("tool.mass", tool.mass, _always),
     LookalikeEffect("tool.cog", tool.cog, _always),
-    LookalikeEffect("tool.inertia", tool.inertia, _moving, hard=True),
+    LookalikeEffect("tool.inertia", tool.inertia, _moving, hard=True, published=_axes("inertia.")),
     LookalikeEffect("tool.loose", tool.loose, _always, hard=True),
     LookalikeEffect("tool.flexure", tool.flexure, _always, hard=True),
     LookalikeEffect("tool.self_weight", tool.self_weight, _never),
     LookalikeEffect("cable.pull", tool.cable_pull, _jointed),
     LookalikeEffect("cable.torsion", tool.cable_torsion, _jointed),
-    LookalikeEffect("joint.offset", arm.offset, _jointed),
-    LookalikeEffect("joint.compliance", arm.compliance, _jointed, hard=True),
+    LookalikeEffect("joint.offset", arm.offset, _jointed, published=_offsets),
+    LookalikeEffect(
+        "joint.compliance",
+        arm.compliance,
+        _jointed,
+        hard=True,
+        published=_compliances,
+        adds=False,
+    ),
     LookalikeEffect("joint.backlash", arm.backlash, _jointed, hard=True),
     LookalikeEffect("joint.gear_error", arm.gear_error, _jointed, hard=True),
     LookalikeEffect("joint.clearance", arm.clearance, _five_bars, hard=True),
-    LookalikeEffect("link.length", arm.link_length, _five_bars),
-    LookalikeEffect("base.tilt", arm.tilt, _always),
+    LookalikeEffect("link.length", arm.link_length, _five_bars, published=_axes("length.")),
+    LookalikeEffect("base.tilt", arm.tilt, _always, published=_axes("")),
     LookalikeEffect("base.compliance", arm.base_compliance, _jointed, hard=True),
     LookalikeEffect("base.vibration", tool.vibration, _repeats, rows=True),
-    LookalikeEffect("timing.delay", timing.delay, _moving),
+    LookalikeEffect("timing.delay", timing.delay, _moving, published=_axes("")),
     LookalikeEffect("timing.lowpass", timing.lowpass, _moving),
     LookalikeEffect("timing.stale", timing.stale, _moving, rows=True),
-    LookalikeEffect("timing.skew", timing.skew, _moving),
+    LookalikeEffect("timing.skew", timing.skew, _moving, published=_skew),
     LookalikeEffect("environment.contact", tool.contact, _jointed),
 )
 EFFECTS = {e.name: e for e in _LIST}

@@ -21,19 +21,33 @@ STATED = ("sensor.bias", "tool.mass", "tool.cog")
 
 @dataclass(frozen=True)
 class RefereeEffect:
-    """How an effect is drawn, when it can be, and whether only the scatter of rows shows it."""
+    """How an effect is drawn and compared.
+
+    Attributes:
+        draw: of a size in multiples of typical.
+        motion: it shows only in motion.
+        loops: only robots with closed loops have it.
+        between: only the scatter of rows shows it.
+        adds: its numbers add up with those of minor imperfections of the same name.
+        compared: names (a regular expression) of the numbers that mean the same to the referee and
+            to the library.
+    """
 
     draw: Callable[[RefereeSetting, np.random.Generator, float], RefereeFault]
     motion: bool = False
     loops: bool = False
     between: bool = False
+    adds: bool = True
+    compared: str = ""
 
+
+_CHANNEL = "[ft][xyz]"
 
 EFFECTS = {
-    "sensor.bias": RefereeEffect(sensor.bias),
-    "sensor.drift": RefereeEffect(sensor.drift),
-    "sensor.gain": RefereeEffect(sensor.gain),
-    "sensor.crosstalk": RefereeEffect(sensor.crosstalk),
+    "sensor.bias": RefereeEffect(sensor.bias, compared=rf"bias\.{_CHANNEL}"),
+    "sensor.drift": RefereeEffect(sensor.drift, compared=rf"rate\.{_CHANNEL}"),
+    "sensor.gain": RefereeEffect(sensor.gain, compared=rf"gain\.{_CHANNEL}"),
+    "sensor.crosstalk": RefereeEffect(sensor.crosstalk, compared=rf"x\.{_CHANNEL}\.{_CHANNEL}"),
     "sensor.hysteresis": RefereeEffect(sensor.hysteresis),
     "sensor.saturation": RefereeEffect(sensor.saturation),
     "sensor.quantization": RefereeEffect(sensor.quantization, between=True),
@@ -41,31 +55,32 @@ EFFECTS = {
     "sensor.temperature": RefereeEffect(sensor.temperature),
     "sensor.nonlinearity": RefereeEffect(sensor.nonlinearity),
     "sensor.creep": RefereeEffect(sensor.creep),
-    "sensor.jump": RefereeEffect(sensor.jump),
-    "mount.rotation": RefereeEffect(arm.mount),
-    "tool.mass": RefereeEffect(tool.mass),
-    "tool.cog": RefereeEffect(tool.cog),
-    "tool.inertia": RefereeEffect(tool.inertia, motion=True),
+    "sensor.jump": RefereeEffect(sensor.jump, adds=False, compared=rf"step\.{_CHANNEL}"),
+    "mount.rotation": RefereeEffect(arm.mount, compared=r"rotation\.[xyz]"),
+    "tool.mass": RefereeEffect(tool.mass, compared="mass"),
+    "tool.cog": RefereeEffect(tool.cog, compared=r"cog\.[xyz]"),
+    "tool.inertia": RefereeEffect(tool.inertia, motion=True, compared=r"inertia\.[xyz]{2}"),
     "tool.loose": RefereeEffect(tool.loose),
     "tool.flexure": RefereeEffect(tool.flexure),
     "cable.pull": RefereeEffect(tool.hose),
     "cable.torsion": RefereeEffect(tool.torsion),
-    "joint.offset": RefereeEffect(arm.offset),
-    "joint.compliance": RefereeEffect(arm.compliance),
-    "joint.backlash": RefereeEffect(arm.backlash),
-    "joint.gear_error": RefereeEffect(arm.gear_error),
+    "joint.offset": RefereeEffect(arm.offset, compared=r"offset\.q\d"),
+    "joint.compliance": RefereeEffect(arm.compliance, compared=r"compliance\.q\d"),
+    "joint.backlash": RefereeEffect(arm.backlash, adds=False),
+    "joint.gear_error": RefereeEffect(arm.gear_error, adds=False),
     "joint.clearance": RefereeEffect(arm.clearance, loops=True),
-    "link.length": RefereeEffect(arm.link_length, loops=True),
-    "base.tilt": RefereeEffect(arm.tilt),
+    "link.length": RefereeEffect(arm.link_length, loops=True, compared=r"length\.[A-Z]\d\d?[yz]?"),
+    "base.tilt": RefereeEffect(arm.tilt, compared="[xy]"),
     "base.compliance": RefereeEffect(arm.base_compliance),
     "base.vibration": RefereeEffect(timing.vibration, between=True),
-    "timing.delay": RefereeEffect(timing.delay, motion=True),
-    "timing.lowpass": RefereeEffect(timing.smooth, motion=True),
+    "timing.delay": RefereeEffect(timing.delay, motion=True, compared="delay"),
+    "timing.lowpass": RefereeEffect(timing.smooth, motion=True, adds=False),
     "timing.stale": RefereeEffect(timing.stale, motion=True, between=True),
-    "timing.skew": RefereeEffect(timing.skew, motion=True),
+    "timing.skew": RefereeEffect(timing.skew, motion=True, compared="skew"),
     "environment.contact": RefereeEffect(tool.pad),
 }
-"""By name; `tool.self_weight` is exactly a mass and a CoG, so it is only in the background."""
+"""By name; `tool.self_weight` is exactly a mass and a CoG, so it is only in the background.
+The moment of a jump is not compared: any moment between two poses is as true as another."""
 
 
 def possible(setting: RefereeSetting) -> list[str]:

@@ -9,15 +9,13 @@ from typing import Any
 import numpy as np
 
 from wrenchbed.benchmark.referee.case import RefereeCase, TrueCause
-from wrenchbed.benchmark.referee.catalogue import STATED
+from wrenchbed.benchmark.referee.catalogue import EFFECTS, STATED
 from wrenchbed.benchmark.referee.fault import total
 from wrenchbed.data.parquet import FORMAT
 from wrenchbed.errors import BenchmarkError
 
 MOST = 5
 """Members of a class that may be named; a larger one is unknown (contract)."""
-_ONLY_ITS_OWN = ("sensor.jump", "timing.lowpass", "joint.gear_error", "joint.backlash")
-"""Effects whose numbers do not add up with those of minor imperfections of the same name."""
 
 
 @dataclass(frozen=True)
@@ -127,9 +125,10 @@ def _per_pose(case: RefereeCase) -> int:
 def _true(case: RefereeCase, cause: TrueCause) -> Fact:
     fault = cause.fault
     sums = total(case.faults, fault.name)
-    numbers = fault.true if fault.name in _ONLY_ITS_OWN else sums
-    if fault.name in ("tool.mass", "tool.cog"):
-        numbers = _with_own_weight(case, fault.name, sums)
+    effect = EFFECTS.get(fault.name)
+    numbers = sums if effect is None or effect.adds else fault.true
+    if fault.name in STATED[1:]:
+        numbers = _with_own_weight(case, sums)
     alike: list[str] = []
     if case.kind != "outside" and not cause.rows:
         alike = case.bench.alike(fault.name, cause.signature)
@@ -137,12 +136,12 @@ def _true(case: RefereeCase, cause: TrueCause) -> Fact:
     return Fact(fault.name, fault.size, cause.gap, cause.rows, true, tuple(alike))
 
 
-def _with_own_weight(case: RefereeCase, name: str, sums: Mapping[str, float]) -> dict[str, float]:
+def _with_own_weight(case: RefereeCase, sums: Mapping[str, float]) -> dict[str, float]:
     """What gauges load by the sensor's own weight looks like mass at the sensor's origin."""
     weight = total(case.faults, "tool.self_weight").get("mass", 0.0)
     tool = case.setting.metadata.tool
     assert tool.mass is not None and tool.cog is not None
-    if name == "tool.mass":
+    if "mass" in sums:
         return {"mass": sums["mass"] + weight}
     shift = dict(zip("xyz", tool.cog, strict=True))
     return {k: v - weight / tool.mass * shift[k[-1]] for k, v in sums.items()}

@@ -7,20 +7,19 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from wrenchbed.benchmark.referee.catalogue import STATED
+from wrenchbed.benchmark.referee.catalogue import EFFECTS, STATED
 from wrenchbed.benchmark.scoring.linear import Claim
 from wrenchbed.benchmark.scoring.metrics import METRICS, SURE, Metric, holds
 from wrenchbed.benchmark.scoring.rows import OURS, CaseRow, Number
-from wrenchbed.benchmark.scoring.truth import as_published
 from wrenchbed.benchmark.sealed import answer as answers_
 from wrenchbed.benchmark.sealed import claims as claims_
 from wrenchbed.benchmark.sealed import commitments
 from wrenchbed.benchmark.sealed.answer import Answer, Oracle
 from wrenchbed.benchmark.sealed.claims import EntrantClaim
+from wrenchbed.effects.chain import effects
 from wrenchbed.errors import BenchmarkError
 
 
@@ -209,44 +208,13 @@ def _numbers(truth: Answer, said: EntrantClaim) -> tuple[Number, ...]:
     found: list[Number] = []
     for cause in truth.causes if truth.effects else ():
         published = said.parameters.get(cause.effect, {})
-        if cause.effect == "joint.compliance" and not _usable(published):
-            continue
-        known = COMPARED.get(cause.effect)
-        told = as_published(cause.effect, published)
+        known = EFFECTS[cause.effect].compared if cause.effect in EFFECTS else ""
+        told = effects()[cause.effect].amplitudes(published) if known else None
         found += [
             Number(f"{cause.effect}:{n}", p["value"], p["std"], cause.true.get(n, 0.0))
-            for n, p in told.items()
-            if known is not None
-            and re.fullmatch(known, n)
+            for n, p in (told or {}).items()
+            if re.fullmatch(known, n)
             and p["std"] is not None
             and (truth.oracle is not None or n in cause.true)
         ]
     return tuple(found)
-
-
-def _usable(published: Mapping[str, Any]) -> bool:
-    """Whether a compliance follows: a stiffness needs a joint, and is not 0."""
-    stiffness = published.get("stiffness")
-    return stiffness is None or ("joint" in published and stiffness["value"] != 0.0)
-
-
-_CHANNEL = "[ft][xyz]"
-COMPARED: Mapping[str, str] = {
-    "sensor.bias": rf"bias\.{_CHANNEL}",
-    "tool.mass": "mass",
-    "tool.cog": r"cog\.[xyz]",
-    "tool.inertia": r"inertia\.[xyz]{2}",
-    "base.tilt": "[xy]",
-    "mount.rotation": r"rotation\.[xyz]",
-    "joint.offset": r"offset\.q\d",
-    "joint.compliance": r"compliance\.q\d",
-    "sensor.gain": rf"gain\.{_CHANNEL}",
-    "sensor.drift": rf"rate\.{_CHANNEL}",
-    "sensor.jump": rf"step\.{_CHANNEL}",
-    "sensor.crosstalk": rf"x\.{_CHANNEL}\.{_CHANNEL}",
-    "link.length": r"length\.[A-Z]\d\d?[yz]?",
-    "timing.delay": "delay",
-    "timing.skew": "skew",
-}
-"""Numbers that mean the same to the referee and to the library, by effect. The moment of a jump is
-not among them: any moment between two poses is as true as another."""
