@@ -58,13 +58,20 @@ def explained(tree, lines):
                     own, node.name,
                 )  # fmt: skip
             elif isinstance(node, ast.ClassDef):
-                yield from scopes(node.body, [*texts, ast.get_docstring(node) or ""], node.name)
+                yield from scopes(node.body, [*texts, *declared(node)], node.name)
             elif isinstance(node, ast.Assign | ast.AnnAssign) and node.value is not None:
                 after = body[k + 1] if k + 1 < len(body) else None
                 text = ""
                 if isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant):
                     text = str(after.value.value)
                 yield where, node, [*texts, text, comments(node)]
+
+    def declared(node):
+        """The docstring of a class, and the ``source`` that it declares of its numbers."""
+        yield ast.get_docstring(node) or ""
+        for item in node.body:
+            if isinstance(item, ast.Assign) and ast.unparse(item.targets[0]) == "source":
+                yield str(ast.literal_eval(item.value))
 
     def comments(node):
         return " ".join(line.partition("#")[2] for line in lines[node.lineno - 1 : node.end_lineno])

@@ -380,7 +380,10 @@ class RowEffect(Effect):
 def channel_parameters(
     stem: str, force: float, torque: float, text: str, units: Sequence[str] = UNITS
 ) -> list[Parameter]:
-    """One amplitude a channel, ``stem.fx`` …, with typical sizes of forces and torques."""
+    """One amplitude a channel, ``stem.fx`` …, with typical sizes of forces and torques.
+
+    The bounds only refuse absurd values: estimates.
+    """
     return [
         Parameter(f"{stem}.{c}", 0.0, u, force if c[0] == "f" else torque, -1e4, 1e4, text)
         for c, u in zip(CHANNELS, units, strict=True)
@@ -407,7 +410,10 @@ def channel_variants(
 def joint_parameters(
     robot: Robot, stem: str, rotary: float, linear: float, text: str, units: tuple[str, str]
 ) -> ParameterSet:
-    """One amplitude a joint, ``stem.q1`` …; typical sizes and units of rotary and linear joints."""
+    """One amplitude a joint, ``stem.q1`` …; typical sizes and units of rotary and linear joints.
+
+    The bounds only refuse absurd values: estimates.
+    """
     items = []
     for k, joint in enumerate(robot.joints, start=1):
         turns = joint.unit == "rad"

@@ -24,7 +24,7 @@ class BaseCompliance(PoseEffect):
     name = "base.compliance"
     title = "the base is compliant and tilts under the arm's weight"
     size_error = 0.1
-    source = "1e-6–1e-5 rad/(N·m) of pedestals and tables: engineering memory"
+    source = "1e-6–1e-5 rad/(N·m) of pedestals and tables: estimate"
 
     def parameters(self, robot: Robot) -> ParameterSet:
         texts = ("about every horizontal axis", "more about x", "more about y")

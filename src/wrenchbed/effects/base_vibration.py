@@ -17,7 +17,7 @@ class BaseVibration(RowEffect):
 
     name = "base.vibration"
     title = "the base vibrates"
-    source = "0.1 m/s² of 1 kg on a frame that sways at 8–20 Hz: engineering memory"
+    source = "0.1 m/s² of 1 kg on a frame that sways at 8–20 Hz: estimate"
 
     def parameters(self, robot: Robot) -> ParameterSet:
         items = channel_parameters("amplitude", 0.1, 7e-3, "of the line, to its peak")

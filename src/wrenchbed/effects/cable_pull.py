@@ -13,12 +13,13 @@ from wrenchbed.robots.base import Robot
 
 POINT = ("point.x", "point.y", "point.z")
 REACHES = (0.6, 1.3)
-"""How far from the middle of the recorded positions the anchors lie where a search begins [m]."""
+"""Distances of anchors from the middle of the recorded positions where a search begins [m];
+estimates."""
 
 SCANNED_REACHES, WAYS = (0.4, 0.8, 1.5, 2.5), 40
+"""Distances [m] and number of directions of the anchors that a scan tries; estimates."""
 SLACKS = (0.0, 0.25, 0.5, 0.75)
-"""What is tried when a residual is scanned: distances [m] and directions of anchors, shares of rows
-in which the cable is slack."""
+"""Shares of rows with a slack cable that a scan tries; estimates."""
 
 
 class CablePull(LoadEffect):
@@ -36,7 +37,7 @@ class CablePull(LoadEffect):
     size_error = 0.1
     external = True
     zero_is_convention = True
-    source = "0.2–3 N, engineering memory"
+    source = "0.2–3 N, estimate"
 
     def parameters(self, robot: Robot) -> ParameterSet:
         return ParameterSet(

@@ -26,7 +26,7 @@ class CableTorsion(LoadEffect):
     external = True
     zero_is_convention = True
     beside_sensor = True
-    source = "5–50 mN·m a turn and as much friction: engineering memory"
+    source = "5–50 mN·m a turn and as much friction: estimate"
 
     def parameters(self, robot: Robot) -> ParameterSet:
         return ParameterSet(

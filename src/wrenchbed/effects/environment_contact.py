@@ -13,13 +13,15 @@ from wrenchbed.physics.taylor import value
 from wrenchbed.robots.base import Robot
 
 LENGTH = 0.01
+"""Reference depth [m] of the law of contact, by definition."""
 SHARES = (0.05, 0.15, 0.35)
-"""Of the rows, that touch where a search begins."""
+"""Shares of rows in contact where a search begins; estimates."""
 NORMAL = ("normal.x", "normal.y", "normal.z")
 SLIDE = ("slide.x", "slide.y", "slide.z")
 WAYS = 400
+"""Normals over a sphere that a scan tries; estimate."""
 DEPTHS = (0.04, 0.08, 0.12, 0.18, 0.25, 0.35)
-"""What is tried when a residual is scanned: normals over a sphere, shares of rows that touch."""
+"""Shares of rows in contact that a scan tries; estimates."""
 ASIDE = ("aside.x", "aside.y", "aside.z")
 SHAPE = ("depth", *NORMAL, *SLIDE, *ASIDE, "power", "reach")
 
@@ -43,7 +45,7 @@ class EnvironmentContact(LoadEffect):
     size_error = 0.15
     external = True
     zero_is_convention = True
-    source = "skin, gel and foam 100–2000 N/m: engineering memory"
+    source = "skin, gel and foam 100–2000 N/m: estimate"
 
     def parameters(self, robot: Robot) -> ParameterSet:
         return ParameterSet(

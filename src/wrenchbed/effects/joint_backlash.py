@@ -22,7 +22,8 @@ from wrenchbed.robots.base import Robot
 
 SIDES = ("load", "approach")
 SOFT = 0.01
-"""Torque of gravity at which a joint leaves the middle of its play [N·m; N on a slide]."""
+"""Torque of gravity at which a joint leaves the middle of its backlash [N·m; N on a slide]; small:
+nearly a jump; estimate."""
 
 
 class JointBacklash(JointEffect):
@@ -39,7 +40,7 @@ class JointBacklash(JointEffect):
     title = "joints have backlash"
     form_error = 0.15
     size_error = 0.15
-    source = "gap 0.01–0.1° in servos, ≤ 0.02° in strain wave gears: engineering memory"
+    source = "gap 0.01–0.1° in servos, ≤ 0.02° in strain wave gears: estimate"
     amplitude = "load"
     smooth = False
 

@@ -15,11 +15,12 @@ from wrenchbed.robots.base import Robot
 from wrenchbed.robots.medrue.kinematics import five_bar
 
 SEAT = 0.5
-"""Force in a distal link at which it leaves the middle of its play [N]."""
+"""Force in a distal link at which it leaves the middle of its clearance [N]; estimate."""
 DISTAL = ("L12", "L14", "L22", "L24")
 """Links that carry the five-bars' tips."""
 MOMENT = 0.05
-"""Moment on a serial arm's last bearing at which it leaves the middle of its play [N·m]."""
+"""Moment on a serial arm's last bearing at which it leaves the middle of its clearance [N·m];
+estimate."""
 _STEP = 1e-30
 
 
@@ -39,7 +40,7 @@ class JointClearance(JointEffect):
     name = "joint.clearance"
     title = "passive joints have clearance"
     size_error = 0.15
-    source = "10–50 µm: engineering memory"
+    source = "10–50 µm: estimate"
     amplitude = "play"
     also_at = ("pose",)
 

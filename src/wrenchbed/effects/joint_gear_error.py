@@ -20,11 +20,11 @@ from wrenchbed.physics.taylor import Value, cos, sin
 from wrenchbed.robots.base import Robot
 
 TYPICAL = 3e-4
-"""1 arcmin [rad]."""
+"""1 arcmin [rad], estimate."""
 
 
 ORDERS = np.arange(5.0, 221.0)
-"""Waves a turn that are looked for in a residual, besides those that gears are known for."""
+"""Waves a turn that a scan of a residual tries, besides those typical of gears; estimate."""
 
 
 class JointGearError(JointEffect):
@@ -38,7 +38,7 @@ class JointGearError(JointEffect):
     name = "joint.gear_error"
     title = "gears and encoders have a periodic error"
     size_error = 0.1
-    source = "0.3–2 arcmin of strain wave gears, 0.5–5 of eccentric encoders: engineering memory"
+    source = "0.3–2 arcmin of strain wave gears, 0.5–5 of eccentric encoders: estimate"
     amplitude = "sin"
 
     def parameters(self, robot: Robot) -> ParameterSet:

@@ -8,6 +8,7 @@ from wrenchbed.physics.parameters import ParameterSet
 from wrenchbed.robots.base import Robot
 
 TYPICAL = np.deg2rad(0.2)
+"""Offset of a rotary joint [rad], estimate."""
 
 
 class JointOffset(JointEffect):
@@ -19,7 +20,7 @@ class JointOffset(JointEffect):
 
     name = "joint.offset"
     title = "joint zeros are offset"
-    source = "zero offsets of 0.05–0.5°, drives 0.1–1 mm: engineering memory"
+    source = "zero offsets of 0.05–0.5°, drives 0.1–1 mm: estimate"
     amplitude = "offset"
 
     def parameters(self, robot: Robot) -> ParameterSet:

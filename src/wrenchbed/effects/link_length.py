@@ -24,7 +24,7 @@ class LinkLength(ModelEffect):
     name = "link.length"
     title = "link lengths or twists differ from nominal"
     local = True
-    source = "0.1–1 mm, 0.02–0.1° as made: engineering memory"
+    source = "0.1–1 mm, 0.02–0.1° as made: estimate"
 
     def parameters(self, robot: Robot) -> ParameterSet:
         lengths = LOOPS if is_loop(robot) else SERIAL

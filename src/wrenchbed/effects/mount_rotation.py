@@ -20,7 +20,7 @@ class MountRotation(ModelEffect):
     name = "mount.rotation"
     title = "the sensor is rotated on its flange"
     companions = ("joint.offset", "sensor.crosstalk")
-    source = "0.2–1° of bolt holes and dowels: engineering memory"
+    source = "0.2–1° of bolt holes and dowels: estimate"
 
     def parameters(self, robot: Robot) -> ParameterSet:
         text = "rotation vector in sensor axes"

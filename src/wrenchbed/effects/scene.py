@@ -13,6 +13,7 @@ from wrenchbed.robots.base import Robot
 WAY = 7
 """Rows between two poses at rest: what remembers must not miss a turn on the way."""
 _EXAMPLE_ROWS = 24
+"""Poses of `examples`; estimate."""
 
 
 @dataclass(frozen=True, eq=False)

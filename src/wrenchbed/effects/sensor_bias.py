@@ -14,7 +14,7 @@ class SensorBias(ChannelEffect):
 
     name = "sensor.bias"
     title = "the sensor's zero is offset"
-    source = "0.1–5 N and 5–100 mN·m, engineering memory"
+    source = "0.1–5 N and 5–100 mN·m, estimate"
     stated = "bias"
     stem, sizes, text = "bias", (1.0, 0.05), "reading without load"
 

@@ -17,7 +17,7 @@ from wrenchbed.physics.parameters import Parameter, ParameterSet
 from wrenchbed.robots.base import Robot
 
 TAUS = (30.0, 150.0, 600.0)
-"""Time constants where a search begins [s]."""
+"""Time constants where a search begins [s]; estimates."""
 
 
 class SensorCreep(ReadingEffect):

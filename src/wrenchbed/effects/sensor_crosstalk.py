@@ -15,7 +15,7 @@ PAIRS = tuple(permutations(CHANNELS, 2))
 """The channel that shows, and the one of which it shows something: 30 pairs."""
 SIZES = {"ff": ("1", 0.01), "tf": ("m", 5e-4), "ft": ("1/m", 0.03), "tt": ("1", 0.01)}
 """Unit and typical size of force from force, torque from force, force from torque, torque from
-torque."""
+torque; estimates."""
 LABELS = {
     "ff": "forces from forces",
     "tf": "torques from forces",
@@ -39,7 +39,7 @@ class SensorCrosstalk(ReadingEffect):
     title = "a channel responds to the load of other channels"
     source = (
         "0.2–1 % between like channels, 0.1–1 mm torque from force, 0.005–0.05 N per N·m force "
-        "from torque; origin 1–6 mm (a Mini40's, if forgotten, 5.36 mm): engineering memory"
+        "from torque; origin 1–6 mm (a Mini40's, if forgotten, 5.36 mm): estimate"
     )
 
     def parameters(self, robot: Robot) -> ParameterSet:

@@ -18,7 +18,7 @@ class SensorDrift(ChannelEffect):
     name = "sensor.drift"
     title = "the sensor's zero drifts steadily"
     size_error = 0.1
-    source = "0.05–0.5 N/h and 1–10 mN·m/h, engineering memory"
+    source = "0.05–0.5 N/h and 1–10 mN·m/h, estimate"
     zero_is_convention = True
     over_time = True
     stem, sizes, text = "rate", (1e-4, 2e-6), "change of the zero in time"

@@ -19,7 +19,7 @@ from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.robots.base import Robot
 
 WIDTHS = {"narrow": 0.04, "middle": 0.15, "wide": 0.5}
-"""Half widths of the plays, relative to a channel's range in the recording."""
+"""Half widths of the play operators, relative to a channel's range in the recording; estimates."""
 FORMS = tuple(f"{w}{s}" for w in WIDTHS for s in ("", ".slope"))
 
 

@@ -15,7 +15,7 @@ from wrenchbed.physics.parameters import Parameter, ParameterSet
 from wrenchbed.robots.base import Robot
 
 MOMENTS = 24
-"""At most so many moments where a search begins."""
+"""Most moments where a search begins; estimate."""
 STEPS = per_channel("step")
 
 
@@ -30,7 +30,7 @@ class SensorJump(ReadingEffect):
     rough = True
     zero_is_convention = True
     over_time = True
-    source = "overload or a slipped bolt, 0.2–5 N: engineering memory"
+    source = "overload or a slipped bolt, 0.2–5 N: estimate"
 
     def parameters(self, robot: Robot) -> ParameterSet:
         items = channel_parameters("step", 0.5, 0.02, "jump of the zero")

@@ -16,7 +16,9 @@ class SensorNoise(RowEffect):
 
     name = "sensor.noise"
     title = "the sensor is noisier than stated"
-    source = "0.01–0.1 N at 1 kHz; UR CB3 3.6 N against an FT300's 0.6 N: UR forum, topic 229"
+    source = (
+        "0.01–0.1 N at 1 kHz: estimate; UR CB3 3.6 N against an FT300's 0.6 N: UR forum, topic 229"
+    )
 
     def parameters(self, robot: Robot) -> ParameterSet:
         text = "standard deviation of a row beyond the usual"

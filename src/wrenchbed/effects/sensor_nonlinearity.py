@@ -19,7 +19,7 @@ from wrenchbed.robots.base import Robot
 
 REFERENCE = np.array([20.0, 20.0, 20.0, 2.0, 2.0, 0.2])
 """Load (6,) at which an amplitude is the relative error [N, N·m]: the full scale of a small sensor.
-Fixed, so that the number does not depend on the range that a sensor was ordered with."""
+Fixed by definition, so that the number does not depend on the range of the sensor."""
 LAWS = ("even", "odd")
 BEGIN = {"even": ("even", 2.0), "odd": ("odd", 3.0), "gain by sign": ("even", 1.0)}
 """Laws and powers of the load at which a search begins."""

@@ -16,7 +16,9 @@ class SensorQuantization(RowEffect):
 
     name = "sensor.quantization"
     title = "the sensor's readings are quantised in coarse steps"
-    source = "0.02–0.05 N and 0.5–1 mN·m (ATI, 16 bits); two to three bits fewer: 0.2 N and 5 mN·m"
+    source = (
+        "0.02–0.05 N and 0.5–1 mN·m (ATI data sheets, 16 bits); 2 to 3 bits fewer: 0.2 N and 5 mN·m"
+    )
 
     def parameters(self, robot: Robot) -> ParameterSet:
         return ParameterSet(

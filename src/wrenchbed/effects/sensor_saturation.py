@@ -14,7 +14,7 @@ from wrenchbed.physics.wrench import CHANNELS, UNITS, wrench
 from wrenchbed.robots.base import Robot
 
 QUANTILES = (0.7, 0.85, 0.95)
-"""Of a channel's |load| in the recording, where a search for its level begins."""
+"""Quantiles of a channel's |load| where a search for its level begins; estimates."""
 
 
 class SensorSaturation(ReadingEffect):
@@ -30,7 +30,7 @@ class SensorSaturation(ReadingEffect):
     title = "a channel saturates at a level"
     form_error = 0.1
     size_error = 0.02
-    source = "converters end at 105 % of range; a wrong range setting or gain clips far earlier"
+    source = "converters end at 105 % of range; a wrong range setting or gain clips far earlier: estimate"
 
     def parameters(self, robot: Robot) -> ParameterSet:
         full = registry.load("sensors", robot.sensor).calibration().range

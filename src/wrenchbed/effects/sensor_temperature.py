@@ -19,9 +19,12 @@ from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.robots.base import Robot
 
 SPANS = (0.25, 1.0, 4.0)
-"""Time constants of a warm-up that nobody recorded, relative to the recording's length."""
+"""Time constants of an unrecorded warm-up where a search begins, relative to the recording's
+duration; estimates."""
 LAG_S = 20.0
-"""Where a search for the sensor's lag behind a recorded temperature begins [s]."""
+"""Lag of the sensor behind a recorded temperature where a search begins [s]; estimate."""
+_NO_LAG = 1e-3
+"""A shorter lag [s] is none; estimate."""
 ZERO, SPAN = per_channel("zero"), per_channel("span")
 
 
@@ -42,7 +45,7 @@ class SensorTemperature(ReadingEffect):
     over_time = True
     source = (
         "0.05–0.3 % of full scale per 10 K, span 0.02–0.05 %/K; HBM states < 0.05 % per 10 K; "
-        "warm-up of 5–30 min: engineering memory"
+        "warm-up of 5–30 min: estimate"
     )
 
     def parameters(self, robot: Robot) -> ParameterSet:
@@ -87,7 +90,7 @@ class SensorTemperature(ReadingEffect):
 
 def behind(x: np.ndarray, t: np.ndarray, lag: float) -> np.ndarray:
     """First-order lag (N,) [s] of x (N,) at times t (N,) [s], linear between rows."""
-    if lag < 1e-3:
+    if lag < _NO_LAG:
         return x
     step = np.maximum(np.diff(t), 1e-9)
     keep = np.exp(-step / lag)

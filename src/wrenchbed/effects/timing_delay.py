@@ -20,7 +20,7 @@ class TimingDelay(ReadingEffect):
     name = "timing.delay"
     title = "readings arrive late"
     stage = "timing"
-    source = "1–20 ms, of which RTDE 2–8 ms: engineering memory"
+    source = "1–20 ms, of which RTDE 2–8 ms: estimate"
     modes = ("dynamic",)
 
     def parameters(self, robot: Robot) -> ParameterSet:

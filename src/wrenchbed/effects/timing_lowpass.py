@@ -9,7 +9,7 @@ from wrenchbed.physics.parameters import Parameter, ParameterSet
 from wrenchbed.robots.base import Robot
 
 FINE, MOST = 4.0, 32
-"""Pieces of a time constant, and at most of a row."""
+"""Pieces of a time constant, and most pieces of a row; estimates."""
 
 
 class TimingLowpass(ReadingEffect):
@@ -28,7 +28,7 @@ class TimingLowpass(ReadingEffect):
     title = "a filter smooths the readings"
     stage = "timing"
     size_error = 0.05
-    source = "0.5–20 ms: engineering memory"
+    source = "0.5–20 ms: estimate"
     modes = ("dynamic",)
 
     def parameters(self, robot: Robot) -> ParameterSet:

@@ -21,7 +21,7 @@ class TimingSkew(ReadingEffect):
     name = "timing.skew"
     title = "clocks run at different rates, or channels are read one after the other"
     stage = "timing"
-    source = "clocks 1e-5–1e-4, channels 10–500 µs: engineering memory"
+    source = "clocks 1e-5–1e-4, channels 10–500 µs: estimate"
     modes = ("dynamic",)
 
     def parameters(self, robot: Robot) -> ParameterSet:

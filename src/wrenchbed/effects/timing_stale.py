@@ -16,7 +16,7 @@ class TimingStale(RowEffect):
     name = "timing.stale"
     title = "some rows repeat the previous one"
     all_channels = True
-    source = "0.01–1 % of rows; 10 % where a sensor is slower than its logger: engineering memory"
+    source = "0.01–1 % of rows; 10 % where a sensor is slower than its logger: estimate"
 
     def parameters(self, robot: Robot) -> ParameterSet:
         text = "of the rows that repeat the one before"

@@ -19,7 +19,7 @@ class ToolCog(ModelEffect):
     name = "tool.cog"
     title = "the tool's centre of gravity differs from what is stated"
     stated = "cog"
-    source = "1–5 mm: engineering memory"
+    source = "1–5 mm: estimate"
 
     def parameters(self, robot: Robot) -> ParameterSet:
         text = "added, sensor axes"

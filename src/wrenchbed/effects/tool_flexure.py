@@ -23,7 +23,7 @@ class ToolFlexure(LoadEffect):
     name = "tool.flexure"
     title = "the tool bends under its own weight"
     size_error = 0.1
-    source = "1e-6–1e-5 m/N in metal, 1e-4 in plastic: engineering memory"
+    source = "1e-6–1e-5 m/N in metal, 1e-4 in plastic: estimate"
 
     def parameters(self, robot: Robot) -> ParameterSet:
         return ParameterSet(

@@ -25,7 +25,7 @@ class ToolInertia(ModelEffect):
 
     name = "tool.inertia"
     title = "the tool's inertia differs from what is stated"
-    source = "20 % of a drawing's or a guess's: engineering memory"
+    source = "20 % of a drawing's or a guess's: estimate"
     modes = ("dynamic",)
     also_at = ("load",)
 

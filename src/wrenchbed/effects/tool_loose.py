@@ -13,13 +13,15 @@ from wrenchbed.robots.base import Robot
 
 WAY = ("way.x", "way.y", "way.z")
 SOFT = 0.05
-"""Share of the load along the way at which the part leaves the middle; small: nearly a jump."""
+"""Share of the load along the way at which the part leaves the middle; small: nearly a jump;
+estimate."""
 GRIP = 0.3
-"""Share of the load along the way below which a part that sticks stays where it was."""
+"""Share of the load along the way below which a part that sticks stays where it was; estimate."""
 
 WAYS = 200
+"""Ways over a half sphere that a scan tries; estimate."""
 GRIPS, LEANS = (0.0, 0.08, 0.16, 0.24, 0.32), (-0.6, -0.4, -0.2, 0.0, 0.2, 0.4, 0.6)
-"""What is tried when a residual is scanned: ways over a half sphere, grips and leans."""
+"""Grips and leans that a scan tries; estimates."""
 
 
 class ToolLoose(LoadEffect):
@@ -36,7 +38,7 @@ class ToolLoose(LoadEffect):
     rough = True
     form_error = 0.2
     size_error = 0.1
-    source = "CoG jumps of 0.5–5 mm: engineering memory"
+    source = "CoG jumps of 0.5–5 mm: estimate"
 
     def parameters(self, robot: Robot) -> ParameterSet:
         return ParameterSet(

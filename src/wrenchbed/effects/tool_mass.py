@@ -17,7 +17,7 @@ class ToolMass(ModelEffect):
     name = "tool.mass"
     title = "the tool is heavier or lighter than stated"
     stated = "mass"
-    source = "1–5 % of a drawing's mass: engineering memory"
+    source = "1–5 % of a drawing's mass: estimate"
 
     def parameters(self, robot: Robot) -> ParameterSet:
         size = max(0.02 * float(robot.tool(robot.parameters.nominal).mass), 0.01)

@@ -19,7 +19,7 @@ class ToolSelfWeight(ModelEffect):
     title = "the weight of the sensor's own tool side loads its gauges"
     hidden_by = "mass"
     no_referee = "exactly a mass and a CoG: it is in the background of every case"
-    source = "20–60 g of an ATI Mini40 or Gamma's tool side: engineering memory"
+    source = "20–60 g of an ATI Mini40 or Gamma's tool side: estimate"
 
     def parameters(self, robot: Robot) -> ParameterSet:
         return ParameterSet((Parameter("mass", 0.0, "kg", 0.05, -5.0, 5.0, "added to the gauges"),))

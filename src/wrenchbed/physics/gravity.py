@@ -14,7 +14,7 @@ from wrenchbed.physics.wrench import Tool
 _STEP = 1e-6
 """Step of the central differences, relative to max(1, |q|)."""
 _INSTANT = 1e-3
-"""Step in time of a centre's acceleration [s]."""
+"""Step in time of the differences for a centre's acceleration [s]; estimate."""
 
 
 @dataclass(frozen=True)

@@ -74,6 +74,11 @@ def exp_rates(vector: np.ndarray) -> np.ndarray:
     return np.array(columns).T
 
 
+_TERMS = 18
+"""Of the series, by definition φ²ᵏ/(2k + 1)!: at φ = π the first omitted one, 6e-26, is below
+rounding."""
+
+
 def _sinc(square: Value) -> Value:
     """sin(φ)/φ as a series in φ²; exact to rounding for |φ| ≤ π."""
     return _series(square, first=1.0, step=lambda k: 1.0 / ((2 * k) * (2 * k + 1)))
@@ -87,7 +92,7 @@ def _cosc(square: Value) -> Value:
 def _series(square: Value, first: float, step) -> Value:  # type: ignore[no-untyped-def]
     total: Value = first + 0.0 * square
     term: Value = first + 0.0 * square
-    for k in range(1, 18):
+    for k in range(1, _TERMS):
         term = term * square * (-step(k))
         total = total + term
     return total
@@ -128,7 +133,7 @@ def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def sphere(count: int) -> np.ndarray:
-    """Evenly spread unit vectors (count, 3), on a golden spiral."""
+    """Evenly spread unit vectors (count, 3) on a golden spiral (by definition steps of π(1 + √5))."""
     k = np.arange(count) + 0.5
     z, turn = 1.0 - 2.0 * k / count, np.pi * (1.0 + np.sqrt(5.0)) * k
     flat = np.sqrt(1.0 - z**2)
