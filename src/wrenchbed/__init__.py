@@ -12,7 +12,9 @@ if TYPE_CHECKING:
     from wrenchbed.calibration.calibrate import calibrate
     from wrenchbed.calibration.fit import Fit
     from wrenchbed.calibration.touches import Touches
-    from wrenchbed.campaigns.recording_run import record
+    from wrenchbed.campaigns.campaign import campaign
+    from wrenchbed.campaigns.recording.run import record
+    from wrenchbed.campaigns.setting import Fleet
     from wrenchbed.data.column_map import read as read_map
     from wrenchbed.data.import_files import import_files
     from wrenchbed.data.plan import Plan
@@ -33,6 +35,7 @@ if TYPE_CHECKING:
 
 _HOME = {
     "Fit": ("calibration.fit", "Fit"),
+    "Fleet": ("campaigns.setting", "Fleet"),
     "Mix": ("planning.accuracy_plan", "Mix"),
     "Model": ("simulation.closed_form", "Model"),
     "Options": ("calibration.calibrate", "CalibrationOptions"),
@@ -45,6 +48,7 @@ _HOME = {
     "Twin": ("twin.twin", "Twin"),
     "WrenchbedError": ("errors", "WrenchbedError"),
     "calibrate": ("calibration.calibrate", "calibrate"),
+    "campaign": ("campaigns.campaign", "campaign"),
     "export": ("twin.export", "export"),
     "import_files": ("data.import_files", "import_files"),
     "informative": ("planning.choose", "informative"),
@@ -55,12 +59,13 @@ _HOME = {
     "reach": ("planning.accuracy_plan", "reach"),
     "read_map": ("data.column_map", "read"),
     "read_points": ("data.plan", "read"),
-    "record": ("campaigns.recording_run", "record"),
+    "record": ("campaigns.recording.run", "record"),
     "simulate": ("twin.replay", "simulate"),
 }
 
 __all__ = [
     "Fit",
+    "Fleet",
     "Mix",
     "Model",
     "Options",
@@ -74,6 +79,7 @@ __all__ = [
     "WrenchbedError",
     "__version__",
     "calibrate",
+    "campaign",
     "export",
     "import_files",
     "informative",

@@ -8,7 +8,7 @@ from wrenchbed.calibration.accuracy import Goal, statistics, tip_jacobian
 from wrenchbed.calibration.calibrate import CalibrationOptions, calibrate
 from wrenchbed.calibration.least_squares import solve
 from wrenchbed.calibration.touches import STD, Touches
-from wrenchbed.campaigns.recording_run import record
+from wrenchbed.campaigns.recording.run import record
 from wrenchbed.data.plan import Plan
 from wrenchbed.data.plan import read as read_points
 from wrenchbed.data.recording import Recording

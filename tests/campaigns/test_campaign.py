@@ -15,10 +15,11 @@ import pyarrow.parquet as pq
 import pytest
 
 import wrenchbed as wb
-from wrenchbed.campaigns import Fleet, rows, run, summary
+from wrenchbed.campaigns import rows, summary
+from wrenchbed.campaigns.campaign import campaign
 from wrenchbed.campaigns.one_robot import one, recorded
 from wrenchbed.campaigns.rows import SECONDS, CampaignRows, empty
-from wrenchbed.campaigns.setting import SIZES, possible, varied
+from wrenchbed.campaigns.setting import SIZES, Fleet, possible, varied
 from wrenchbed.cli import main
 from wrenchbed.errors import FleetError, ParameterError
 
@@ -128,11 +129,11 @@ def test_what_is_refused_by_name_becomes_a_row():
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory):
     folder = tmp_path_factory.mktemp("whole")
-    return run(small(6), folder, workers=1)
+    return campaign(small(6), folder, workers=1)
 
 
 def test_rows_of_workers_are_those_of_one(whole, tmp_path):
-    table = run(small(6), tmp_path / "c", workers=2)
+    table = campaign(small(6), tmp_path / "c", workers=2)
     assert same(table, whole)
     assert table["robot"].to_pylist() == list(range(6))
     assert pq.read_table(tmp_path / "c" / "robots.parquet").num_rows == 6
@@ -151,14 +152,14 @@ def test_a_stopped_campaign_goes_on_and_may_grow(whole, tmp_path):
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        run(small(6), tmp_path, workers=1, tell=stop)
+        campaign(small(6), tmp_path, workers=1, progress=stop)
     begun = CampaignRows(tmp_path, small(6)).done()
     assert 3 <= len(begun) < 6
-    table = run(small(5), tmp_path, workers=1)
+    table = campaign(small(5), tmp_path, workers=1)
     assert same(table, whole.slice(0, table.num_rows))
-    assert same(run(small(6), tmp_path, workers=1), whole)
+    assert same(campaign(small(6), tmp_path, workers=1), whole)
     again = []
-    assert same(run(small(6), tmp_path, workers=1, tell=again.append), whole)
+    assert same(campaign(small(6), tmp_path, workers=1, progress=again.append), whole)
     assert again == [6]
 
 
@@ -176,9 +177,9 @@ def test_a_killed_campaign_loses_and_doubles_nothing(whole, tmp_path, monkeypatc
 
 
 def test_a_crash_between_the_whole_file_and_its_parts_doubles_nothing(whole, tmp_path):
-    run(small(6), tmp_path, workers=1)
+    campaign(small(6), tmp_path, workers=1)
     pq.write_table(whole.slice(2, 2), tmp_path / "parts" / "000009.parquet")
-    assert same(run(small(6), tmp_path, workers=1), whole)
+    assert same(campaign(small(6), tmp_path, workers=1), whole)
 
 
 def test_a_full_disk_is_told_and_what_was_written_stays(whole, tmp_path, monkeypatch):
@@ -194,21 +195,21 @@ def test_a_full_disk_is_told_and_what_was_written_stays(whole, tmp_path, monkeyp
 
     monkeypatch.setattr(rows.pq, "write_table", full)
     with pytest.raises(OSError, match="No space left"):
-        run(small(6), tmp_path, workers=1)
+        campaign(small(6), tmp_path, workers=1)
     monkeypatch.undo()
     assert not list(tmp_path.rglob(".*"))
     assert len(CampaignRows(tmp_path, small(6)).done()) == 2
-    assert same(run(small(6), tmp_path, workers=1), whole)
+    assert same(campaign(small(6), tmp_path, workers=1), whole)
 
 
 def test_another_campaigns_folder_is_refused(whole, tmp_path):
-    run(small(1), tmp_path / "c", workers=1)
+    campaign(small(1), tmp_path / "c", workers=1)
     with pytest.raises(FleetError, match="seed = 0, not 5"):
-        run(small(1, seed=5), tmp_path / "c")
+        campaign(small(1, seed=5), tmp_path / "c")
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "thesis.tex").write_text("x")
     with pytest.raises(FleetError, match="holds other files"):
-        run(small(1), tmp_path / "mine")
+        campaign(small(1), tmp_path / "mine")
 
 
 def test_the_summary_tells_errors_coverage_and_detection(tmp_path):

@@ -11,7 +11,7 @@ from contextlib import contextmanager
 import pytest
 from test_campaign import same, small
 
-from wrenchbed.campaigns import run
+from wrenchbed.campaigns.campaign import campaign
 from wrenchbed.errors import FleetError
 
 HOST = "127.0.0.1"
@@ -67,14 +67,14 @@ def test_a_cluster_gives_the_same_rows_though_a_worker_is_killed(cluster, tmp_pa
         if sum(told) == 3:
             os.kill(first.pid, signal.SIGKILL)
 
-    there = run(fleet, tmp_path / "cluster", scheduler=address, tell=kill)
+    there = campaign(fleet, tmp_path / "cluster", scheduler=address, progress=kill)
     assert sum(told) == 12 and first.wait(5) == -signal.SIGKILL
-    assert same(there, run(fleet, tmp_path / "here", workers=1))
+    assert same(there, campaign(fleet, tmp_path / "here", workers=1))
 
 
 def test_a_cluster_that_is_not_there_is_named(tmp_path, monkeypatch):
     monkeypatch.setattr("wrenchbed.campaigns.campaign._ANSWERS_S", 1.0)
     begun = time.monotonic()
     with pytest.raises(FleetError, match="nobody answers there"):
-        run(small(1), tmp_path, scheduler=f"tcp://{HOST}:{free_port()}")
+        campaign(small(1), tmp_path, scheduler=f"tcp://{HOST}:{free_port()}")
     assert time.monotonic() - begun < 15

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from test_run_live import PLAN, UR5, Arm, Gauge, poses, quick, run  # noqa: F401
 
-from wrenchbed.campaigns import recording_run
-from wrenchbed.campaigns.resume import Again, again
+from wrenchbed.campaigns.recording import run as recording_run
+from wrenchbed.campaigns.recording.resume import Retries, retries
 from wrenchbed.data.plan import Plan
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import (
@@ -77,14 +77,14 @@ PERSON = {
     "the load": Trouble("ok", error=LimitError("50 N, above the limit 40 N")),
 }
 ITSELF = {
-    "link": (Trouble("ok", error=LinkError("gone")), Again.LINK),
-    "silent": (Trouble("lost"), Again.LINK),
-    "bus silent": (Trouble("lost", "quick stop", "idle", ""), Again.LINK),
-    "node rebooted": (Trouble("lost", "quick stop", "off", ""), Again.LINK),
-    "program stopped": (Trouble("stopped", program="stopped"), Again.STOPPED),
-    "drives stopped by watchdog": (Trouble("stopped", "quick stop", "idle", ""), Again.STOPPED),
-    "late": (Trouble("ok", error=LateError("not calm")), Again.STOPPED),
-    "other": (Trouble("ok", error=DriverError("another client controls it")), Again.STOPPED),
+    "link": (Trouble("ok", error=LinkError("gone")), Retries.LINK),
+    "silent": (Trouble("lost"), Retries.LINK),
+    "bus silent": (Trouble("lost", "quick stop", "idle", ""), Retries.LINK),
+    "node rebooted": (Trouble("lost", "quick stop", "off", ""), Retries.LINK),
+    "program stopped": (Trouble("stopped", program="stopped"), Retries.STOPPED),
+    "drives stopped by watchdog": (Trouble("stopped", "quick stop", "idle", ""), Retries.STOPPED),
+    "late": (Trouble("ok", error=LateError("not calm")), Retries.STOPPED),
+    "other": (Trouble("ok", error=DriverError("another client controls it")), Retries.STOPPED),
 }
 
 
@@ -125,9 +125,9 @@ def test_a_link_or_a_stopped_program_is_tried_again_so_often(tmp_path, monkeypat
 def test_a_sensor_in_fault_is_no_fault_of_the_arm():
     with Arm() as arm:
         arm.transducer.health = lambda: Health("fault", "frozen")
-        assert again(arm, StoppedError("frozen")) is Again.LINK
+        assert retries(arm, StoppedError("frozen")) is Retries.LINK
         arm.state = Health("fault", "drive 2 is hot")
-        assert again(arm, StoppedError("drive 2 is hot")) is Again.NEVER
+        assert retries(arm, StoppedError("drive 2 is hot")) is Retries.NEVER
 
 
 def test_an_arm_that_tells_nothing_yet_is_a_lost_link():
@@ -136,9 +136,9 @@ def test_an_arm_that_tells_nothing_yet_is_a_lost_link():
 
     with Arm() as arm:
         arm._read, arm.state = silent, Health("lost", "gone")
-        assert again(arm, DriverError("gone")) is Again.LINK
+        assert retries(arm, DriverError("gone")) is Retries.LINK
         arm.state = Health("fault", "broken")
-        assert again(arm, DriverError("broken")) is Again.NEVER
+        assert retries(arm, DriverError("broken")) is Retries.NEVER
 
 
 def test_before_the_first_row_there_is_nothing_to_resume(tmp_path):

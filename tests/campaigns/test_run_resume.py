@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from test_run_live import PLAN, Arm, poses, quick, run  # noqa: F401
 
-from wrenchbed.campaigns import recording_run
+from wrenchbed.campaigns.recording import run as recording_run
 from wrenchbed.data.plan import Plan
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import PlanError

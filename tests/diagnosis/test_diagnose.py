@@ -5,7 +5,7 @@ import pytest
 
 import wrenchbed as wb
 from wrenchbed import registry
-from wrenchbed.campaigns.recording_run import record
+from wrenchbed.campaigns.recording.run import record
 from wrenchbed.data.plan import Plan
 from wrenchbed.diagnosis.diagnose import diagnose
 from wrenchbed.errors import DiagnosisError

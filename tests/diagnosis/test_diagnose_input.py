@@ -10,7 +10,7 @@ import pytest
 
 import wrenchbed as wb
 from wrenchbed import registry
-from wrenchbed.campaigns.recording_run import record
+from wrenchbed.campaigns.recording.run import record
 from wrenchbed.cli import main
 from wrenchbed.data.metadata import SensorInfo, ToolInfo
 from wrenchbed.data.plan import Plan

@@ -13,7 +13,7 @@ import pytest
 
 from twin_process import running
 from wrenchbed import registry
-from wrenchbed.campaigns import recording_run
+from wrenchbed.campaigns.recording import run as recording_run
 from wrenchbed.data.plan import Plan
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import DriverError, PlanError

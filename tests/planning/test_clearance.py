@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from wrenchbed import registry
-from wrenchbed.campaigns import recording_run
-from wrenchbed.campaigns.itinerary import itinerary
+from wrenchbed.campaigns.recording import run as recording_run
+from wrenchbed.campaigns.recording.itinerary import itinerary
 from wrenchbed.data.plan import Plan
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import LimitError, ParameterError, PlanError

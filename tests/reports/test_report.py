@@ -11,7 +11,7 @@ import pytest
 
 import wrenchbed as wb
 from wrenchbed import registry
-from wrenchbed.campaigns.recording_run import record
+from wrenchbed.campaigns.recording.run import record
 from wrenchbed.cli import main
 from wrenchbed.data.plan import Plan
 from wrenchbed.diagnosis.diagnose import Findings, diagnose

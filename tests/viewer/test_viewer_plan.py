@@ -6,7 +6,7 @@ import rerun as rr
 
 import wrenchbed as wb
 from rrd_file import Rrd
-from wrenchbed.campaigns.itinerary import itinerary
+from wrenchbed.campaigns.recording.itinerary import itinerary
 from wrenchbed.data.plan import is_plan
 from wrenchbed.errors import ParameterError
 from wrenchbed.physics.wrench import CHANNELS

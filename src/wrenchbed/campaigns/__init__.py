@@ -1,6 +1,5 @@
-"""Campaigns of many simulated robots: what a calibration and a diagnosis are worth on average."""
+"""Campaigns of many simulated robots, and (folder ``recording``) the run of one plan on one robot.
 
-from wrenchbed.campaigns.campaign import run
-from wrenchbed.campaigns.setting import VARIED, Fleet
-
-__all__ = ["VARIED", "Fleet", "run"]
+May import: hardware, diagnosis, calibration, planning, twin and the rooms below them.
+Read first: ``recording/run.py`` for one plan's run; ``setting.py``, ``campaign.py`` for campaigns.
+"""

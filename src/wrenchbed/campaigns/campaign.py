@@ -1,4 +1,4 @@
-"""Run a campaign on any executor: local processes, a Dask cluster."""
+"""Run a campaign of many simulated robots on local processes or on a Dask cluster."""
 
 from collections.abc import Callable, Iterator
 from concurrent.futures import (
@@ -23,48 +23,52 @@ from wrenchbed.errors import FleetError
 from wrenchbed.jobs.workers import workers as local
 
 _AHEAD = 3
-"""Robots that wait for each worker, so that none is idle."""
+"""Robots queued for each worker, so that none is idle."""
 _ANSWERS_S = 10.0
+"""Time in which a Dask scheduler must answer [s]."""
 
 
-def run(
+def campaign(
     fleet: Fleet,
-    folder: Path,
+    folder: str | Path,
     *,
     workers: int = 2,
     scheduler: str | None = None,
-    tell: Callable[[int], None] = lambda _: None,
+    progress: Callable[[int], None] = lambda _: None,
 ) -> pa.Table:
-    """Rows of all robots; those that the folder holds already are not done again.
+    """Record, calibrate and, if asked for, diagnose many simulated robots: one row each.
+
+    Robots whose rows are in the folder already are not simulated again.
 
     Args:
+        fleet: the robots and what differs from one to the next.
         folder: gets ``robots.parquet`` and, while it works, ``parts/``.
         workers: local processes.
         scheduler: address of a Dask scheduler whose workers are used instead.
-        tell: called with how many more robots are done.
+        progress: called with how many more robots are done.
 
     Raises:
-        FleetError: another campaign's folder, workers that died, no such cluster. What is done is
-            kept; the same call goes on.
+        FleetError: another campaign's folder, workers that died, no such cluster. Finished rows
+            are kept; the same call continues.
         OSError: the disk is full; likewise.
     """
-    rows = CampaignRows(folder, fleet)
+    rows = CampaignRows(Path(folder), fleet)
     done = rows.done()
     todo = (k for k in range(fleet.robots) if k not in done)
-    tell(sum(k < fleet.robots for k in done))
+    progress(sum(k < fleet.robots for k in done))
     if len(done) < fleet.robots:
         with _executor(workers, scheduler) as (pool, count):
             try:
                 for row in _results(pool, fleet, todo, _AHEAD * count):
                     rows.add(row)
-                    tell(1)
+                    progress(1)
             finally:
                 rows.flush()
     return rows.finish()
 
 
 def _results(pool: Executor, fleet: Fleet, todo: Iterator[int], ahead: int) -> Iterator[Row]:
-    """Rows as they are done; never more than some robots wait."""
+    """Rows as they are finished; at most ``ahead`` robots are queued."""
     waiting: set[Future[Row]] = {pool.submit(one, fleet, k) for k in islice(todo, ahead)}
     try:
         while waiting:
@@ -84,7 +88,7 @@ def _results(pool: Executor, fleet: Fleet, todo: Iterator[int], ahead: int) -> I
 
 @contextmanager
 def _executor(workers: int, scheduler: str | None) -> Iterator[tuple[Executor, int]]:
-    """Where robots are worked on, and by how many at a time."""
+    """An executor, and how many robots it works on at a time."""
     if scheduler is None:
         with local(workers) as pool:
             yield pool, workers

@@ -1,9 +1,7 @@
-"""One robot of the fleet: recorded in MuJoCo, calibrated, diagnosed, and judged by its truth.
+"""One robot of a campaign: recorded in MuJoCo, calibrated, diagnosed, compared with its truth.
 
-The course of a simulated campaign: when each row is read, and at which joint values.
-
-Moves between poses take their time but are not simulated; `wrenchbed record` steps MuJoCo through
-each. At rest the joints are measured where the servos brought them, so that nothing hangs on it.
+Moves between poses take their time but are not simulated (`wrenchbed record` steps MuJoCo through
+each). Recordings at rest do not depend on them: joints are measured where the servos hold them.
 """
 
 import json
@@ -32,8 +30,9 @@ from wrenchbed.twin.replay import simulate
 from wrenchbed.twin.twin import Twin
 
 RATE_HZ = 100.0
+"""Sampling rate at rest [Hz]."""
 SETTLE_S = 0.5
-"""From the end of a move to the first row."""
+"""Time from the end of a move to the first row [s]."""
 
 
 def course(fleet: Fleet, k: int) -> Recording:
@@ -82,7 +81,7 @@ _COURSES: dict[str, Recording] = {}
 
 
 def one(fleet: Fleet, k: int) -> Row:
-    """The row of robot k; what is refused by name is told under ``error``."""
+    """The row of robot k; a named error of the package is reported in column ``error``."""
     row, begun = empty(fleet, k), time.perf_counter()
     try:
         recording, truth = recorded(fleet, k)
@@ -104,20 +103,20 @@ def one(fleet: Fleet, k: int) -> Row:
 def recorded(fleet: Fleet, k: int) -> tuple[Recording, Truth]:
     """What robot k's sensor read, by MuJoCo, and what it truly is."""
     if "poses" in fleet.vary:
-        way = course(fleet, k)
+        path = course(fleet, k)
     else:
-        key = json.dumps(fleet.told())
+        key = json.dumps(fleet.to_json())
         if key not in _COURSES:
             _COURSES.clear()
             _COURSES[key] = course(fleet, k)
-        way = _COURSES[key]
+        path = _COURSES[key]
     model = Model.of(fleet.model_robot())
-    visited = way.q[np.r_[True, np.diff(way.columns["segment"]) != 0]]
-    mode = way.metadata.mode
-    truth = draw(fleet, k, model, way.q if mode == "dynamic" else visited, mode)
+    visited = path.q[np.r_[True, np.diff(path.columns["segment"]) != 0]]
+    mode = path.metadata.mode
+    truth = draw(fleet, k, model, path.q if mode == "dynamic" else visited, mode)
     seed = int(fleet.rng(k, "noise").integers(2**31))
     twin = Twin(model, truth.theta, truth.active)
-    return simulate(twin, way, noise="real", seed=seed), truth
+    return simulate(twin, path, noise="real", seed=seed), truth
 
 
 def _of_truth(fleet: Fleet, truth: Truth, recording: Recording) -> Row:
@@ -168,16 +167,16 @@ def _errors(name: str, model: Model, true: np.ndarray, theta: np.ndarray) -> dic
     """
     q, target = judged(name)
     off = model.predict(q, theta) - model.predict(q, true)
-    found = {
+    errors = {
         what: float(np.sqrt(np.nanmean((off[:, k : k + 3] ** 2).sum(axis=1))))
         for what, k in (("force", 0), ("torque", 3))
     }
     if target is not None:
-        own = len(model.robot.parameters)
-        places = [model.robot.tool_pose(target, x[:own])[1] for x in (true, theta)]
+        n_robot = len(model.robot.parameters)
+        places = [model.robot.tool_pose(target, x[:n_robot])[1] for x in (true, theta)]
         apart = ((places[1] - places[0]) ** 2).sum(axis=1)
-        found["position"] = float(np.sqrt(np.nanmean(apart)))
-    return found
+        errors["position"] = float(np.sqrt(np.nanmean(apart)))
+    return errors
 
 
 @cache
@@ -197,7 +196,7 @@ def _diagnosed(fleet: Fleet, truth: Truth, recording: Recording) -> Row:
         "verdict": d.verdict,
         "claimed": " ".join(claimed),
         "named": " ".join(named),
-        "alike": " ".join(sorted({n for told in d.cannot_tell for n in _EFFECT.findall(told)})),
+        "alike": " ".join(sorted({n for text in d.cannot_tell for n in _EFFECT.findall(text)})),
         "probability": float(d.which[0]["probability"]) if d.which else float("nan"),
         "where": str(d.where[0]["subsystem"]) if d.where else "",
         "gap.configured": _number(d.gap.configured),

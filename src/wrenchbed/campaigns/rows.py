@@ -1,4 +1,4 @@
-"""Rows of a campaign on disk: small files that appear whole, at the end one."""
+"""Rows of a campaign on disk: small files, each written atomically; at the end one file."""
 
 import json
 import time
@@ -17,8 +17,9 @@ from wrenchbed.simulation.closed_form import Model
 Row = dict[str, Any]
 ALL, SETTING, PARTS = "robots.parquet", "campaign.json", "parts"
 _EVERY_S, _MOST = 2.0, 256
+"""Longest time [s] and largest number of rows between two writes."""
 _TEXT = ("effect", "values", "error", "verdict", "claimed", "named", "alike", "where")
-_WHOLE = ("rows", "rank")
+_INTEGER = ("rows", "rank")
 _NUMBER = ("size", "added", "inside95", "residual.force", "residual.torque")
 _JUDGED = tuple(f"{x}.{w}" for x in ("force", "torque", "position") for w in ("before", "after"))
 _DIAGNOSED = (
@@ -32,11 +33,11 @@ def schema(fleet: Fleet) -> pa.Schema:
     """Columns of a fleet's rows; units are SI, see docs/how-to/campaigns.md."""
     model = Model.of(fleet.model_robot())
     names = [model.parameters.names[i] for i in varied(model)]
-    own = [f"{part}.{n}" for n in names for part in ("true", "fit", "std")]
+    parameters = [f"{part}.{n}" for n in names for part in ("true", "fit", "std")]
     columns = [("robot", pa.int64()), ("seed", pa.int64())]
-    columns += [(n, pa.string()) for n in _TEXT] + [(n, pa.int64()) for n in _WHOLE]
+    columns += [(n, pa.string()) for n in _TEXT] + [(n, pa.int64()) for n in _INTEGER]
     columns += [("converged", pa.bool_())]
-    columns += [(n, pa.float64()) for n in (*_NUMBER, *_JUDGED, *_DIAGNOSED, *own, *SECONDS)]
+    columns += [(n, pa.float64()) for n in (*_NUMBER, *_JUDGED, *_DIAGNOSED, *parameters, *SECONDS)]
     return pa.schema(columns)
 
 
@@ -46,7 +47,7 @@ def empty(fleet: Fleet, k: int) -> Row:
 
 
 class CampaignRows:
-    """What is done of a campaign, in a folder.
+    """The finished rows of a campaign, in a folder.
 
     Args:
         folder: of this campaign alone.
@@ -68,7 +69,7 @@ class CampaignRows:
         path = self.folder / SETTING
         if path.exists():
             before = json.loads(path.read_text(encoding="utf-8"))
-            for name, value in fleet.told().items():
+            for name, value in fleet.to_json().items():
                 if before.get(name) != value:
                     raise FleetError(
                         f"{self.folder}: holds a campaign with {name} = {before.get(name)!r}, "
@@ -77,7 +78,7 @@ class CampaignRows:
         elif self.folder.exists() and any(self.folder.iterdir()):
             raise FleetError(f"{self.folder}: holds other files; give a new folder")
         self._parts.mkdir(parents=True, exist_ok=True)
-        write_text(path, json.dumps(fleet.told(), indent=1))
+        write_text(path, json.dumps(fleet.to_json(), indent=1))
 
     def table(self) -> pa.Table:
         """All rows so far in the order of the robots, each once."""

@@ -1,6 +1,6 @@
-"""What is wrong with a robot of the fleet: its true parameters and the effect that it has.
+"""Settings of a campaign, and the true parameters and effect of each of its robots.
 
-What a campaign of many robots is: everything that its rows follow from.
+Row k of a campaign is a function of the settings (`Fleet`) and of k alone.
 """
 
 import hashlib
@@ -84,10 +84,10 @@ class Fleet:
 
     def rng(self, k: int, what: str) -> np.random.Generator:
         """Random numbers of robot k for one of `VARIED`; the same for all if it does not vary."""
-        own = k + 1 if what in self.vary else 0
-        return np.random.default_rng([self.seed, own, VARIED.index(what)])
+        robot = k + 1 if what in self.vary else 0
+        return np.random.default_rng([self.seed, robot, VARIED.index(what)])
 
-    def told(self) -> dict[str, Any]:
+    def to_json(self) -> dict[str, Any]:
         """What rows follow from, as JSON; the number of robots may grow later."""
         plan = None
         if self.plan is not None:
@@ -103,6 +103,7 @@ HEALTHY = 0.25
 SIZES = (0.3, 6.0)
 """Sizes are drawn log-uniformly between these multiples of typical."""
 _TRIES, _ROWS = 50, 24
+"""Draws until a robot reaches all poses, and poses at which effects are tested for an influence."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,12 +164,12 @@ def draw(fleet: Fleet, k: int, model: Model, q: np.ndarray, mode: str) -> Truth:
 def _parameters(
     rng: np.random.Generator, model: Model, robot: SimulatedRobot, q: np.ndarray
 ) -> np.ndarray:
-    columns, own = list(varied(model)), len(robot.parameters)
+    columns, n_robot = list(varied(model)), len(robot.parameters)
     tolerance = model.parameters.tolerance[columns]
     for _ in range(_TRIES):
         theta = np.array(model.parameters.nominal)
         theta[columns] += rng.uniform(-1.0, 1.0, len(columns)) * tolerance
-        if not robot.infeasible(q, theta[:own]):
+        if not robot.infeasible(q, theta[:n_robot]):
             return theta
     raise ParameterError(
         f"no {robot.name} within tolerance reaches all poses: plan poses further from its limits"
@@ -177,7 +178,7 @@ def _parameters(
 
 @cache
 def possible(name: str, mode: str) -> dict[str, tuple[Variant, ...]]:
-    """Effects that a robot may have and their variants."""
+    """Effects that change a reading of a robot, and their variants."""
     robot = Fleet(name, 1).model_robot()
     q = robot.sample(_ROWS, np.random.default_rng(0))
     moving = mode == "dynamic"
@@ -186,5 +187,5 @@ def possible(name: str, mode: str) -> dict[str, tuple[Variant, ...]]:
         robot, robot.parameters.nominal, np.array(robot.gravity),
         Jet(q, 0.0 * q, 0.0 * q) if moving else q, 10.0 * np.arange(_ROWS), at,
     )  # fmt: skip
-    found = {n: e.variants(scene) for n, e in effects().items() if e.acts(scene)}
-    return {n: v for n, v in found.items() if v}
+    variants = {n: e.variants(scene) for n, e in effects().items() if e.acts(scene)}
+    return {n: v for n, v in variants.items() if v}

@@ -1,4 +1,4 @@
-"""What a campaign shows: distributions of errors, coverage of intervals, detection by size."""
+"""The summary of a campaign: distributions of errors, coverage of intervals, detection by size."""
 
 from collections.abc import Mapping
 from importlib.metadata import version
@@ -38,20 +38,22 @@ def page(fleet: Fleet, table: pa.Table) -> Document:
 
 def figures(table: pa.Table) -> dict[str, float | None]:
     """Key results as JSON."""
-    told: dict[str, float | None] = {
+    results: dict[str, float | None] = {
         "robots": table.num_rows, "failed": int((text(table, "error") != "").sum())
     }  # fmt: skip
     for what, scale, unit in _ERRORS:
         for when in ("before", "after"):
             values = scale * numbers(table, f"{what}.{when}")
             if np.isfinite(values).any() and np.nanmax(values) > 0.0:
-                told[f"{what}_{when}_median [{unit}]"] = float(np.nanmedian(values))
+                results[f"{what}_{when}_median [{unit}]"] = float(np.nanmedian(values))
     inside = numbers(table, "inside95")[text(table, "effect") == ""]
-    told["inside95, no effect"] = float(np.nanmean(inside)) if np.isfinite(inside).any() else None
+    results["inside95, no effect"] = (
+        float(np.nanmean(inside)) if np.isfinite(inside).any() else None
+    )
     right = numbers(table, "right")[is_detected(table)]
     if np.isfinite(right).any():
-        told["right, of those that show"] = float(np.nanmean(right))
-    return told
+        results["right, of those that show"] = float(np.nanmean(right))
+    return results
 
 
 def numbers(table: pa.Table, name: str) -> np.ndarray:
@@ -65,7 +67,7 @@ def text(table: pa.Table, name: str) -> np.ndarray:
 
 
 def is_detected(table: pa.Table) -> np.ndarray:
-    """Robots (N,) without an effect, or with one that shows in their readings."""
+    """Robots (N,) without an effect, or with one that changes their readings enough."""
     return np.asarray((text(table, "effect") == "") | (numbers(table, "added") >= SHOWS))
 
 
@@ -81,11 +83,11 @@ def _calibration(table: pa.Table) -> Section:
                 continue
             cells = np.percentile(known, _QUANTILES)
             rows.append((f"{what} {when} [{unit}]", *cells, float(np.sqrt(np.mean(known**2)))))
-        shown = after[after > 0.0]
-        if len(shown):
-            panels[f"{what} after [{unit}]"] = {"robots": shown}
+        positive = after[after > 0.0]
+        if len(positive):
+            panels[f"{what} after [{unit}]"] = {"robots": positive}
     titles = ("rms error", *(f"{q} %" for q in _QUANTILES), "rms of all")
-    text_ = (
+    lead = (
         "Each robot is judged against its truth at 100 poses that no fit saw: the reading of the "
         "rigid robot, and the tool's position in its target workspace where it has one."
     )
@@ -93,7 +95,7 @@ def _calibration(table: pa.Table) -> Section:
     if panels:
         svg = histograms(panels, "rms error", "robots", log=True)
         parts.append(Figure("errors", "Errors after calibration", svg))
-    return Section("Calibration", text_, tuple(parts))
+    return Section("Calibration", lead, tuple(parts))
 
 
 def _coverage(table: pa.Table) -> Section:
@@ -109,11 +111,11 @@ def _coverage(table: pa.Table) -> Section:
                      f"{100 * np.mean(np.abs(z) < 1.96):.1f}"))  # fmt: skip
     columns = ("parameter", "robots", "spread of errors", "stated uncertainty", "mean z", "rms z",
                "|z| < 1.96 [%]")  # fmt: skip
-    told = (
+    lead = (
         "Errors of each parameter that the data determine, against the uncertainty that the fit "
         "states, SI; z is their ratio. Calibrated intervals hold 95 %."
     )
-    return Section("Uncertainty", told, (Table.of("Coverage", columns, rows),))
+    return Section("Uncertainty", lead, (Table.of("Coverage", columns, rows),))
 
 
 def _diagnosis(table: pa.Table) -> Section:
@@ -123,11 +125,11 @@ def _diagnosis(table: pa.Table) -> Section:
     held, detected = named | _among(table, "alike"), (verdict != "none") & (verdict != "")
     rows = []
     for name in sorted(set(effect[shows])):
-        own = shows & (effect == name)
-        known = right[own & np.isfinite(right)]
-        of_effect = (_share(named[own]), _share(held[own])) if name else ("–", "–")
-        verdicts = (_share(verdict[own] == v) for v in _VERDICTS)
-        rows.append((name or "none", int(own.sum()), _share(known), *of_effect, *verdicts))
+        chosen = shows & (effect == name)
+        known = right[chosen & np.isfinite(right)]
+        of_effect = (_share(named[chosen]), _share(held[chosen])) if name else ("–", "–")
+        verdicts = (_share(verdict[chosen] == v) for v in _VERDICTS)
+        rows.append((name or "none", int(chosen.sum()), _share(known), *of_effect, *verdicts))
     columns = ("true effect", "robots", "right [%]", "named [%]", "held [%]",
                *(f"{v} [%]" for v in _VERDICTS))  # fmt: skip
     parts: list[Table | Figure] = [Table.of("Answers by true effect", columns, rows)]
@@ -139,16 +141,16 @@ def _diagnosis(table: pa.Table) -> Section:
         svg = lines(curves, x, "robots [%]", percent=True, log_x=True)
         title = "Detection against what the effect changes; the first point holds all below 0.01"
         parts.append(Figure("detection", title, svg))
-    told = (
+    lead = (
         f"{int((~shows).sum())} robots are left out of the table whose effect changes the readings "
-        "by less than a row's noise, such as a joint's that has a vertical axis and does not give. "
+        "by less than a row's noise, such as an effect in a joint with a vertical axis. "
         "Right: the true effect is identified, or rightly none. Named: it is among the claimed "
         "causes or their rivals. Held: it is named, or the diagnosis says that it looks the same "
         "as what it names, or can make all of that (as a gain can of one tool's mass). "
         "Robots of a campaign have effects of the library's own form; the sealed benchmark judges "
         "by a physics that shares no code with it."
     )
-    return Section("Diagnosis", told, tuple(parts))
+    return Section("Diagnosis", lead, tuple(parts))
 
 
 def _among(table: pa.Table, column: str) -> np.ndarray:

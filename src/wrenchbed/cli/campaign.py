@@ -48,11 +48,9 @@ def campaign(
         seed: All follows from it.
         as_json: Print the key results as JSON.
     """
-    from wrenchbed import campaigns as fleets
-
     words = tuple(w.strip() for w in vary.split(",") if w.strip())
     chosen = None if plan is None else wb.Plan.read(plan)
-    fleet = fleets.Fleet(robot, robots, words, poses, samples, seed, diagnose, chosen)
+    fleet = wb.Fleet(robot, robots, words, poses, samples, seed, diagnose, chosen)
     if only is not None:
         _alone(fleet, only, out, as_json)
         return
@@ -60,7 +58,7 @@ def campaign(
     if count < 1:
         raise ParameterError(f"--workers {count} must be at least 1")
     with console.progress(f"campaign {robot}", robots, rate=True) as tell:
-        table = fleets.run(fleet, out, workers=count, scheduler=scheduler, tell=tell)
+        table = wb.campaign(fleet, out, workers=count, scheduler=scheduler, progress=tell)
     from wrenchbed.campaigns import summary
 
     told = summary.figures(table)

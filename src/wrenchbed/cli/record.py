@@ -16,8 +16,8 @@ from rich.markup import escape
 from rich.table import Table
 
 import wrenchbed as wb
-from wrenchbed.campaigns.itinerary import Leg, itinerary
-from wrenchbed.campaigns.recording_run import RunProgress
+from wrenchbed.campaigns.recording.itinerary import Leg, itinerary
+from wrenchbed.campaigns.recording.run import RunProgress
 from wrenchbed.cli import console
 from wrenchbed.cli import console as settings
 from wrenchbed.cli.console import Json

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from wrenchbed import registry
-from wrenchbed.campaigns.itinerary import Leg, itinerary
+from wrenchbed.campaigns.recording.itinerary import Leg, itinerary
 from wrenchbed.data.plan import Plan
 from wrenchbed.errors import ParameterError, PlanError
 from wrenchbed.physics.wrench import CHANNELS, UNITS

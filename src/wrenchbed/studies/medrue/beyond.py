@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from wrenchbed.calibration.accuracy import Goal, tip_jacobian
 from wrenchbed.calibration.calibrate import CANDIDATES, CalibrationOptions, calibrate
 from wrenchbed.calibration.touches import Touches
-from wrenchbed.campaigns.recording_run import record
+from wrenchbed.campaigns.recording.run import record
 from wrenchbed.data.recording import Recording
 from wrenchbed.hardware.drivers.sim import SimDriver, SimOptions
 from wrenchbed.jobs.parts import Row

@@ -1,4 +1,4 @@
-"""The ways of a campaign: every row, and every move from pose to pose, checked before the first."""
+"""The moves of a run: every row and every move between poses is checked before the first one."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -76,14 +76,14 @@ def itinerary(
     Args:
         robot: of the plan.
         plan: static.
-        start: where the robot stands.
+        start: where the robot is.
         limits: joint speed and workspace.
         rows: of the plan, in the order of the visit.
         clear: whether moves must not touch the robot itself or its surroundings; then a blocked
-            straight way is replaced by one around.
+            straight move is replaced by one around the obstacle.
 
     Raises:
-        PlanError: a pose or every way to it is out of reach or blocked; names the row.
+        PlanError: a pose or every path to it is out of reach or blocked; names the row.
     """
     clearance = Clearance(robot) if clear and isinstance(robot, SimulatedRobot) else None
     legs, here = [], np.asarray(start, dtype=float)

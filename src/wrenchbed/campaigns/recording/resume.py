@@ -1,4 +1,4 @@
-"""A campaign that was stopped: may it go on by itself, and what does its recording hold?"""
+"""A run that was stopped: may it continue by itself, and which poses does its recording hold?"""
 
 import json
 import re
@@ -20,17 +20,19 @@ from wrenchbed.hardware.drivers.base.live import LiveDriver
 from wrenchbed.physics.wrench import CHANNELS
 
 POSE, STARTED = "pose", "started"
-"""Column with the plan's row, and metadata with the time of t = 0, by which a campaign goes on."""
+"""Column with the plan's row, and metadata with the time of t = 0, by which a run is resumed."""
 Hold = tuple[float, np.ndarray]
 """Time of a pose's last row [s] and its readings (n, 6)."""
 _HARMLESS = ("normal", "reduced", "quick stop")
 """Safety states after which a robot may be moved unseen; a quick stop is the driver's own."""
+_NEAR = 0.05
+"""Farthest from its pose that a recorded row may be [rad or m]; estimate."""
 _SAME = {"rate_hz": "--rate", "sensor": "--sensor", "wrench": "--sensor"}
 """What must not change within a recording, and the flag that sets it."""
 
 
-class Again(IntEnum):
-    """How often in a row a campaign begins anew by itself, by what failed."""
+class Retries(IntEnum):
+    """How often in a row an attempt is repeated without a person, by what failed."""
 
     NEVER = 0
     """The robot protects itself or people, is in fault or off, or the load was too large."""
@@ -40,25 +42,27 @@ class Again(IntEnum):
     """The link or the reading was at fault."""
 
 
-def again(driver: Driver, error: DriverError) -> Again:
-    """How often a campaign may go on by itself after an error, by what the robot says now."""
+def retries(driver: Driver, error: DriverError) -> Retries:
+    """How often an attempt may be repeated after an error, by the robot's present state."""
     if not driver.live or isinstance(error, LimitError | SafetyStopError):
-        return Again.NEVER
+        return Retries.NEVER
     arm = driver._arm_health() if isinstance(driver, LiveDriver) else driver.health()
     try:
-        told = driver.read()
+        sample = driver.read()
     except DriverError:
-        told = None  # it has told nothing yet
+        sample = None  # no state has arrived yet
     if arm.state == "fault":
-        return Again.NEVER
-    if told is not None:
-        if told.safety not in _HARMLESS or told.mode == "fault":
-            return Again.NEVER
-        at_work = ("running",) if told.program else ("running", "idle")  # drives idle when stopped
-        if arm.state == "stopped" and told.mode not in at_work:
-            return Again.NEVER
+        return Retries.NEVER
+    if sample is not None:
+        if sample.safety not in _HARMLESS or sample.mode == "fault":
+            return Retries.NEVER
+        at_work = (
+            ("running",) if sample.program else ("running", "idle")
+        )  # drives idle when stopped
+        if arm.state == "stopped" and sample.mode not in at_work:
+            return Retries.NEVER
     unread = arm.state != "stopped" and not driver.health().ok
-    return Again.LINK if unread or isinstance(error, LinkError) else Again.STOPPED
+    return Retries.LINK if unread or isinstance(error, LinkError) else Retries.STOPPED
 
 
 def bare(error: DriverError) -> str:
@@ -71,11 +75,11 @@ class Before:
     """What was recorded before.
 
     Attributes:
-        columns: rows of whole poses (N,) by name; empty if there are none.
+        columns: rows of complete poses (N,) by name; empty if there are none.
         poses: rows of the plan that are done.
         elapsed: time since t = 0 [s].
         metadata: of the recording.
-        revisited: whether the first pose was visited again as a whole.
+        revisited: whether the second visit of the first pose is complete.
     """
 
     columns: Mapping[str, np.ndarray]
@@ -95,22 +99,22 @@ class Before:
         return float(self.columns["t"][rows[-1]]), wrench
 
 
-def encore(plan: Plan) -> int:
+def second_visit(plan: Plan) -> int:
     """Segment of the first pose's second visit."""
     return int(plan.segment.max()) + 1
 
 
 def before(path: Path, plan: Plan, needed: np.ndarray, metadata: Metadata) -> Before:
-    """Read a stopped campaign's recording; a cut visit is left out.
+    """Read a stopped run's recording; an incomplete visit is dropped.
 
     Args:
         path: of the recording.
         plan: that it followed.
         needed: rows that each pose of the plan needs (P,).
-        metadata: that the campaign would state now.
+        metadata: that the run would state now.
 
     Raises:
-        PlanError: it is not of this plan, was recorded otherwise, or cannot be gone on with.
+        PlanError: it is not of this plan, was recorded otherwise, or cannot be resumed.
         RecordingError: it cannot be read.
     """
     if not path.exists():
@@ -130,7 +134,7 @@ def before(path: Path, plan: Plan, needed: np.ndarray, metadata: Metadata) -> Be
     if old.metadata.robot != plan.robot or pose.min() < 0 or pose.max() >= len(plan):
         raise PlanError(f"{path}: is not of the plan {plan.name}: give the plan it was made with")
     off = np.abs(old.q - plan.q[pose]).max(axis=1)
-    if off.max() > 0.05:
+    if off.max() > _NEAR:
         row = int(np.argmax(off))
         raise PlanError(
             f"{path}: row {row} is not at pose {pose[row]} of {plan.name}: "
@@ -138,14 +142,14 @@ def before(path: Path, plan: Plan, needed: np.ndarray, metadata: Metadata) -> Be
         )
     _check_same(path, old.metadata, metadata)
     segment = old.columns["segment"]
-    own, second = segment == plan.segment[pose], segment == encore(plan)
-    _check_samples(path, plan, pose[own], needed)
-    whole = np.flatnonzero(np.bincount(pose[own], minlength=len(plan)) == needed)
-    revisited = bool(second.sum() == needed[0]) and len(whole) == len(plan)
-    keep = (own & np.isin(pose, whole)) | (second & revisited)
+    regular, second = segment == plan.segment[pose], segment == second_visit(plan)
+    _check_samples(path, plan, pose[regular], needed)
+    complete = np.flatnonzero(np.bincount(pose[regular], minlength=len(plan)) == needed)
+    revisited = bool(second.sum() == needed[0]) and len(complete) == len(plan)
+    keep = (regular & np.isin(pose, complete)) | (second & revisited)
     columns = {name: array[keep] for name, array in old.columns.items()} if keep.any() else {}
     elapsed = time.time() - datetime.fromisoformat(started).timestamp()
-    return Before(columns, frozenset(int(k) for k in whole), elapsed, old.metadata, revisited)
+    return Before(columns, frozenset(int(k) for k in complete), elapsed, old.metadata, revisited)
 
 
 def _check_same(path: Path, old: Metadata, new: Metadata) -> None:
