@@ -30,7 +30,7 @@ class SensorSaturation(ReadingEffect):
     title = "a channel saturates at a level"
     form_error = 0.1
     size_error = 0.02
-    source = "converters end at 105 % of range; a wrong range setting or gain clips far earlier: estimate"
+    source = "converters end at 105 % of range, wrong range or gain settings far earlier: estimate"
 
     def parameters(self, robot: Robot) -> ParameterSet:
         full = registry.load("sensors", robot.sensor).calibration().range
