@@ -1,5 +1,6 @@
-"""README's lines run, and what the docs name exists."""
+"""The lines of README and docs run, and what the docs name exists."""
 
+import importlib.util
 import re
 import subprocess
 import sys
@@ -8,71 +9,105 @@ from pathlib import Path
 import pytest
 
 import wrenchbed
+from pages import PAGES, ROOT, Place, anchors, blocks, to_run
 from wrenchbed import registry
 from wrenchbed.simulation.closed_form import SENSOR
 
-ROOT = Path(__file__).parents[2]
-README = (ROOT / "README.md").read_text(encoding="utf-8")
+
+def name(page: Path) -> str:
+    return str(page.relative_to(ROOT))
 
 
-def blocks(language: str) -> list[str]:
-    return re.findall(rf"```{language}\n(.*?)```", README, flags=re.DOTALL)
+def runnable():
+    """Pages with blocks to run; emulators keep real time and want the machine alone."""
+    pages = []
+    for page in PAGES:
+        code = "".join(b.code for b in to_run(page))
+        marks = [pytest.mark.wire] if "wrenchbed twin " in code else []
+        if code:
+            pages.append(pytest.param(page, marks=marks, id=name(page)))
+    return pages
 
 
-def test_the_python_lines_run(tmp_path):
-    (code,) = blocks("python")
-    lines = [line for line in code.splitlines() if line]
-    assert len(lines) <= 15
-    done = subprocess.run(
-        [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=True
-    )
-    assert "converged" in done.stdout
-    assert "d41 and d42 enter only as their sum" in done.stdout
+@pytest.mark.parametrize("page", runnable())
+def test_the_lines_of_a_page_run_in_their_order(page, tmp_path):
+    place = Place(tmp_path)
+    printed = "".join(place.run(block) for block in to_run(page))
+    if page.name == "README.md":
+        assert "joint.compliance" in printed and "converged" in printed
+        assert "d41 and d42 enter only as their sum" in printed
 
 
-def test_the_shell_lines_run(tmp_path):
-    shell = blocks("sh")[1]
-    data = ROOT / "tests" / "data" / "ntnu_kuka_ati_gamma"
-    example = Path("models", "ur5", "example.json")
-    (tmp_path / example).parent.mkdir(parents=True)
-    (tmp_path / example).write_bytes((ROOT / example).read_bytes())
-    raw = (data / "static.toml").read_text().replace("0-calibration_fts-accel.csv", "data.csv")
-    (tmp_path / "map.toml").write_text(raw)
-    (tmp_path / "data.csv").write_bytes((data / "0-calibration_fts-accel.csv").read_bytes())
-    for line in shell.strip().splitlines():
-        arguments = line.split()
-        assert arguments[0] == "wrenchbed"
-        command = [sys.executable, "-m", "wrenchbed", *arguments[1:]]
-        done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
-        assert done.returncode == 0, done.stderr
-    assert (tmp_path / "fit.json").exists()
+def test_readmes_python_lines_are_few():
+    (block,) = [b for b in blocks(ROOT / "README.md") if b.language == "python"]
+    assert len([line for line in block.code.splitlines() if line]) <= 15
 
 
-@pytest.mark.parametrize("path", sorted(ROOT.rglob("*.md")), ids=lambda p: p.name)
+def test_no_block_escapes():
+    for page in PAGES:
+        text = page.read_text(encoding="utf-8")
+        fences = re.findall(r"^ *```(?:sh|shell|bash|python|py)\b", text, flags=re.MULTILINE)
+        assert len(fences) == len(blocks(page)), name(page)
+        reasons = text.count("<!-- not run")
+        assert reasons == sum(b.reason is not None for b in blocks(page)), name(page)
+
+
+@pytest.mark.parametrize("path", sorted(ROOT.rglob("*.md")), ids=name)
 def test_links_lead_somewhere(path):
-    if ".venv" in path.parts:
+    if {".venv", "out"} & set(path.parts):
         return
-    for target in re.findall(r"\]\(([^)#]+)\)", path.read_text(encoding="utf-8")):
+    text = path.read_text(encoding="utf-8")
+    for target, anchor in re.findall(r"\]\(([^)#\s]*)#?([^)\s]*)\)", text):
         if not target.startswith("http"):
-            assert (path.parent / target).exists(), f"{path.name}: {target}"
+            there = path.parent / target if target else path
+            assert there.exists(), f"{path.name}: {target}"
+            if anchor:
+                known = set(anchors(there.read_text(encoding="utf-8")))
+                assert anchor in known, f"{path.name}: {target}#{anchor}"
 
 
-def test_public_names_exist():
-    for name in wrenchbed.__all__:
-        assert getattr(wrenchbed, name) is not None
+def test_readme_is_short():
+    assert len((ROOT / "README.md").read_text(encoding="utf-8").splitlines()) <= 220
+
+
+def test_the_page_of_the_command_line_is_the_programs_own_help():
+    command = [sys.executable, str(ROOT / "scripts" / "command_line"), "--check"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+def test_public_names_exist_and_are_on_the_page():
+    page = (ROOT / "docs" / "reference" / "python.md").read_text(encoding="utf-8")
+    shown = set(re.findall(r"^::: wrenchbed\.(\w+)$", page, flags=re.MULTILINE))
+    assert shown == set(wrenchbed.__all__) - {"__version__"}
+    for public in wrenchbed.__all__:
+        assert getattr(wrenchbed, public) is not None
     with pytest.raises(AttributeError, match="no attribute 'nothing'"):
         _ = wrenchbed.nothing
+
+
+def test_the_site_builds_strictly_and_loads_nothing_from_elsewhere(tmp_path):
+    for module in ("mkdocs", "material", "mkdocstrings"):
+        if importlib.util.find_spec(module) is None:
+            pytest.skip(f"{module} is not installed: pip install -e '.[docs]'")
+    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(tmp_path)]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    loaded = re.compile(r"<(?:script|img|iframe|link)\b[^>]*\b(?:src|href)=\"?(?:https?:)?//[^>]*>")
+    for page in tmp_path.rglob("*.html"):
+        found = loaded.findall(page.read_text(encoding="utf-8"))
+        assert not found, f"{page.name}: {found[0]}"
 
 
 def test_every_parameter_is_in_the_nomenclature():
     text = (ROOT / "docs" / "reference" / "nomenclature.md").read_text(encoding="utf-8")
     stems = set(re.findall(r"`([A-Za-z0-9.]+)", text)) | set(re.findall(r"[A-Za-z0-9.]+", text))
     known = [p.name for p in SENSOR]
-    for name in registry.names("robots"):
-        known += registry.load("robots", name).parameters.names
-    for name in set(known):
-        group = name.rsplit(".", 1)[0]
-        numbered = name.rstrip("123456789")
-        close = {name, group, f"{group}.x", f"{group}.xx", f"{group}.fx", f"{numbered}1"}
-        series = {f"L{i}1" for i in (1, 2)} if name.startswith("L") else set()
-        assert (close | series) & stems, name
+    for robot in registry.names("robots"):
+        known += registry.load("robots", robot).parameters.names
+    for parameter in set(known):
+        group = parameter.rsplit(".", 1)[0]
+        numbered = parameter.rstrip("123456789")
+        close = {parameter, group, f"{group}.x", f"{group}.xx", f"{group}.fx", f"{numbered}1"}
+        series = {f"L{i}1" for i in (1, 2)} if parameter.startswith("L") else set()
+        assert (close | series) & stems, parameter
