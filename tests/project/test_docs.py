@@ -1,5 +1,6 @@
 """The lines of README and docs run, and what the docs name exists."""
 
+import importlib
 import importlib.util
 import os
 import re
@@ -65,6 +66,19 @@ def test_links_lead_somewhere(path):
             if anchor:
                 known = set(anchors(there.read_text(encoding="utf-8")))
                 assert anchor in known, f"{path.name}: {target}#{anchor}"
+
+
+@pytest.mark.parametrize("page", [*PAGES, ROOT / "CONTRIBUTING.md"], ids=name)
+def test_files_that_a_page_names_exist(page):
+    text = page.read_text(encoding="utf-8")
+    for path in re.findall(r"`((?:src|tests|scripts|models|docs)/[\w./-]+)`", text):
+        assert (ROOT / path).exists(), path
+    for path in re.findall(r"`([a-z_]+/[a-z_/]+\.py)`", text):
+        inside = ROOT / "src" / "wrenchbed" / path
+        assert (ROOT / path).exists() or inside.exists(), path
+    for module in re.findall(r"`(wrenchbed\.[a-z_]+(?:\.[a-z_]+)*)`", text):
+        above, _, last = module.rpartition(".")
+        assert importlib.util.find_spec(module) or hasattr(importlib.import_module(above), last)
 
 
 def test_readme_is_short():
