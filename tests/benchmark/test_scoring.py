@@ -10,7 +10,7 @@ from wrenchbed.benchmark.lookalikes import ExperimentDesign, draw
 from wrenchbed.benchmark.scoring.cases import BenchmarkSetting, Job, jobs
 from wrenchbed.benchmark.scoring.linear import Claim
 from wrenchbed.benchmark.scoring.metrics import METRICS, figure, matched, probability, right, score
-from wrenchbed.benchmark.scoring.rows import OURS, CaseRow, Journal, Number, read, write
+from wrenchbed.benchmark.scoring.rows import OURS, CaseFile, CaseRow, Number, read, write
 from wrenchbed.benchmark.scoring.tables import by_effect, by_size, figures, placed
 from wrenchbed.benchmark.scoring.truth import truth
 from wrenchbed.data.plan import Plan
@@ -135,18 +135,18 @@ def test_a_case_counts_once():
 def test_rows_survive_the_disk_and_a_kill(tmp_path):
     path = tmp_path / "rows.parquet"
     rows = [*ROWS, row("z", "single", NONE, "x.y", numbers=(Number("x", 1.0, 0.1, 1.2),))]
-    journal = Journal(path)
+    file = CaseFile(path)
     for r in rows:
-        journal.append(r)
-    with journal.lines.open("a") as file:
-        file.write('{"id": "half')
-    again = Journal(path)
+        file.append(r)
+    with file.journal.path.open("a") as journal:
+        journal.write('{"id": "half')
+    again = CaseFile(path)
     assert again.read() == rows
+    again.finish()
+    assert read(path) == CaseFile(path).read() == rows
+    assert not again.journal.path.exists()
     again.append(row("next", "none", NONE))
-    assert [r.id for r in again.read()][-1] == "next"
-    again.finish(rows)
-    assert read(path) == Journal(path).read() == rows
-    assert not again.lines.exists()
+    assert [r.id for r in again.read()] == [*(r.id for r in rows), "next"]
     write(path, [])
     assert read(path) == []
 

@@ -6,7 +6,7 @@ import os
 import pytest
 
 from sealed_family import COUNT, SEED, small, truthful
-from wrenchbed.benchmark.sealed import answer, commitments, make, score
+from wrenchbed.benchmark.sealed import answer, case_files, commitments, make, score
 from wrenchbed.benchmark.sealed.attack import attack
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import BenchmarkError, ParameterError
@@ -25,7 +25,7 @@ def test_cases_hold_recordings_and_commitments_only(family):
     assert len(list(cases.iterdir())) == COUNT + 1
     assert commitments.digest((cases / commitments.COMMITMENTS).read_bytes()) == root
     assert len(commitments.verify(cases, answers)) == COUNT
-    data = Recording.read(commitments.recording_of(cases, "0001"))
+    data = Recording.read(case_files.recording_of(cases, "0001"))
     assert data.metadata.extra == {}
     text = (cases / commitments.COMMITMENTS).read_text()
     assert "salt" not in text and "effect" not in text
@@ -42,15 +42,15 @@ def test_the_same_seed_makes_the_same_bytes(family, tmp_path, monkeypatch):
     cases, answers, _ = family
     small(monkeypatch)
     told = make.Family("ur5", "static", COUNT, SEED)
-    make._begin(told, tmp_path / "c", tmp_path / "a")
-    make._one(told, 2, told.kinds()[2], tmp_path / "c", tmp_path / "a")
+    make.open_family(told, tmp_path / "c", tmp_path / "a")
+    make.make_case(told, tmp_path / "c", tmp_path / "a", 2)
     for folder, other, file in ((cases, "c", "0003.parquet"), (answers, "a", "0003.json")):
         assert (folder / file).read_bytes() == (tmp_path / other / file).read_bytes()
 
 
 def test_files_bear_one_time(family):
     cases, _, _ = family
-    assert {p.stat().st_mtime for p in cases.iterdir()} == {make.EPOCH}
+    assert {p.stat().st_mtime for p in cases.iterdir()} == {case_files.EPOCH}
 
 
 @pytest.mark.parametrize("which", ["recording", "answer", "commitments", "root"])
@@ -59,8 +59,8 @@ def test_what_was_tampered_with_is_refused(copied, which, tmp_path):
     truthful(cases, answers, tmp_path / "claims" / "me")
     score.score(cases, tmp_path / "claims", answers)
     path = {
-        "recording": commitments.recording_of(cases, "0002"),
-        "answer": commitments.answer_of(answers, "0002"),
+        "recording": case_files.recording_of(cases, "0002"),
+        "answer": case_files.answer_of(answers, "0002"),
         "commitments": cases / commitments.COMMITMENTS,
         "root": answers / commitments.FAMILY,
     }[which]
@@ -70,7 +70,7 @@ def test_what_was_tampered_with_is_refused(copied, which, tmp_path):
     elif which == "root":
         data = bytearray(json.dumps(json.loads(data) | {"commitments": "0" * 64}).encode())
     elif which == "commitments":  # of a case and its commitment together
-        recording = commitments.recording_of(cases, "0002")
+        recording = case_files.recording_of(cases, "0002")
         recording.write_bytes(recording.read_bytes() + b" ")
         told = json.loads(data)
         told["cases"]["0002"]["recording"] = commitments.digest(recording.read_bytes())
@@ -86,7 +86,7 @@ def test_what_was_sealed_is_not_sealed_again(copied):
     cases, answers = copied
     told = make.Family("ur5", "static", COUNT, SEED)
     root = make.make(told, cases, answers)
-    path = commitments.answer_of(answers, "0003")
+    path = case_files.answer_of(answers, "0003")
     path.write_bytes(path.read_bytes().replace(b'"minor": 0', b'"minor": 1', 1))
     with pytest.raises(BenchmarkError, match=r"0003\.json: was changed"):
         make.make(told, cases, answers)
@@ -99,7 +99,7 @@ def test_all_files_together_cannot_be_changed_behind_what_was_published(copied, 
     root = commitments.digest((cases / commitments.COMMITMENTS).read_bytes())
     score.score(cases, tmp_path / "claims", answers, published=root)
     told = json.loads((cases / commitments.COMMITMENTS).read_bytes())
-    path = commitments.answer_of(answers, "0003")
+    path = case_files.answer_of(answers, "0003")
     path.write_bytes(path.read_bytes().replace(b'"minor": 0', b'"minor": 1', 1))
     told["cases"]["0003"]["answer"] = commitments.digest(path.read_bytes())
     text = json.dumps(told).encode()
@@ -125,7 +125,7 @@ def test_a_case_cannot_be_called_a_path(copied):
 def test_a_missing_answer_is_refused(copied, tmp_path):
     cases, answers = copied
     truthful(cases, answers, tmp_path / "claims" / "me")
-    commitments.answer_of(answers, "0005").unlink()
+    case_files.answer_of(answers, "0005").unlink()
     with pytest.raises(BenchmarkError, match=r"0005\.json: is missing"):
         score.score(cases, tmp_path / "claims", answers)
 
@@ -136,7 +136,7 @@ def test_answers_lie_apart_and_families_do_not_mix(tmp_path, family):
     for where in (tmp_path, tmp_path / "inside"):
         with pytest.raises(BenchmarkError, match="apart"):
             make.make(told, tmp_path, where)
-    with pytest.raises(BenchmarkError, match="another family"):
+    with pytest.raises(BenchmarkError, match="belongs to a run with cases"):
         make.make(told, cases, answers)
     (tmp_path / "x").mkdir()
     (tmp_path / "x" / "notes.txt").write_text("mine")
@@ -156,13 +156,13 @@ def test_nothing_but_wrench_and_joints_tells_the_answer(family):
 def test_the_attack_finds_a_leak(copied):
     cases, answers = copied
     for name in commitments.read(cases):
-        kind = answer.read(commitments.answer_of(answers, name)).kind
-        path = commitments.recording_of(cases, name)
-        when = make.EPOCH + 1000 * ("none", "single", "pair", "outside").index(kind)
+        kind = answer.read(case_files.answer_of(answers, name)).kind
+        path = case_files.recording_of(cases, name)
+        when = case_files.EPOCH + 1000 * ("none", "single", "pair", "outside").index(kind)
         os.utime(path, (when, when))
         data = Recording.read(path)
         columns = dict(data.columns) | {kind: data.t}
-        make.write_plain(Recording(data.metadata, columns, name), path)
+        case_files.write_recording(Recording(data.metadata, columns, name), path)
         os.utime(path, (when, when))
     assert attack(cases, answers)[0].p_value < 0.05
 
@@ -172,10 +172,10 @@ def test_workers_make_cases_and_a_stopped_make_goes_on(tmp_path, robot, mode):
     told, told_again = make.Family(robot, mode, 2, 6), make.Family(robot, mode, 2, 6)
     cases, answers = tmp_path / "c", tmp_path / "a"
     root = make.make(told, cases, answers)
-    commitments.recording_of(cases, "0002").unlink()  # as if it had not come so far
+    case_files.recording_of(cases, "0002").unlink()  # as if it had not come so far
     family = json.loads((answers / commitments.FAMILY).read_bytes()) | {"commitments": None}
     (answers / commitments.FAMILY).write_text(json.dumps(family))
     assert make.make(told_again, cases, answers) == root
     assert len(commitments.verify(cases, answers)) == 2
-    data = Recording.read(commitments.recording_of(cases, "0001"))
+    data = Recording.read(case_files.recording_of(cases, "0001"))
     assert (data.metadata.robot, data.metadata.mode) == (robot, mode)

@@ -24,7 +24,7 @@ def test_any_program_may_enter_and_goes_on_after_a_stop(family, tmp_path):
     entrant = Entrant("says-none", script(tmp_path, SAYS_NONE))
     assert run.run(cases, tmp_path / "claims", [entrant]) == {"says-none": 0}
     told = []
-    run.run(cases, tmp_path / "claims", [entrant], tell=lambda n, *_: told.append(n))
+    run.run(cases, tmp_path / "claims", [entrant], report=lambda n, *_: told.append(n))
     assert told == [COUNT]  # all were there
     found = score.score(cases, tmp_path / "claims", answers)
     figures = report.summary(found)["says-none"]
@@ -148,8 +148,8 @@ def test_our_own_methods_answer_a_case(tmp_path, monkeypatch):
     monkeypatch.setattr(settings, "SAMPLES", 10)
     cases, answers = tmp_path / "cases", tmp_path / "answers"
     told = make.Family("ur5", "static", 1, 3)
-    make._begin(told, cases, answers)
-    make._one(told, 0, "none", cases, answers)
+    make.open_family(told, cases, answers)
+    make.make_case(told, cases, answers, 0)
     make.make(told, cases, answers)
     entrants = [Entrant.of(m) for m in ("bic", "diagnose", "none")]
     assert enter(entrants, cases, "0001", tmp_path / "claims", 120.0) == []

@@ -7,7 +7,7 @@ import numpy as np
 from sealed_family import COUNT, SEED, truthful
 from wrenchbed.benchmark.referee.catalogue import EFFECTS
 from wrenchbed.benchmark.scoring.linear import Claim
-from wrenchbed.benchmark.sealed import answer, commitments, report, score
+from wrenchbed.benchmark.sealed import answer, case_files, commitments, report, score
 from wrenchbed.benchmark.sealed import make as making
 from wrenchbed.benchmark.sealed.entrants import CLAIM
 from wrenchbed.cli import main
@@ -57,7 +57,7 @@ def test_numbers_are_held_against_true_ones(family, tmp_path):
     truthful(cases, answers, tmp_path / "claims" / "me")
     changed = 0
     for name in commitments.read(cases):
-        truth = answer.read(commitments.answer_of(answers, name))
+        truth = answer.read(case_files.answer_of(answers, name))
         path = tmp_path / "claims" / "me" / name / CLAIM
         told = json.loads(path.read_bytes())
         for cause, said in zip(truth.causes, told["which"], strict=False):
@@ -98,7 +98,7 @@ def test_a_made_family_goes_on_where_it_was_stopped(family, tmp_path):
         making.Family("ur5", "static", COUNT, SEED),
         cases,
         answers,
-        tell=lambda n, *_: told.append(n),
+        report=lambda n, *_: told.append(n),
     )
     assert again == root
     assert told == [COUNT]

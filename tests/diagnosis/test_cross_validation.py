@@ -9,7 +9,7 @@ from scipy.stats import multivariate_normal
 
 from wrenchbed import registry
 from wrenchbed.benchmark.lookalikes import ExperimentDesign, draw, recording
-from wrenchbed.benchmark.scoring import own_design
+from wrenchbed.benchmark.scoring import reliability_at_design as at_design
 from wrenchbed.diagnosis.evidence.likelihood import BackgroundLevel
 from wrenchbed.diagnosis.explain import contributions
 from wrenchbed.diagnosis.explain.finalist import Finalist
@@ -98,7 +98,7 @@ def still(seed=0, poses=24):
 
 def test_look_alikes_are_kept_and_not_computed_twice(tmp_path):
     rows = still()
-    key = own_design._key(ExperimentDesign.of(rows), 0)
+    key = at_design._key(ExperimentDesign.of(rows), 0)
     known = [
         {
             "index": k, "kind": "single", "raw": "identified", "named": True, "right": k % 4 > 0,
@@ -109,28 +109,26 @@ def test_look_alikes_are_kept_and_not_computed_twice(tmp_path):
     text = "".join(json.dumps(r) + "\n" for r in known)
     (tmp_path / f"look-alikes-{key}.jsonl").write_text(text + '{"index": 20, "ki')
     told = []
-    model = own_design.at_design_of(
-        rows, 20, cache=tmp_path, told=lambda done, total: told.append((done, total))
-    )
-    assert told == [(20, 20)]
+    model = at_design.reliability_at_design(rows, 20, cache=tmp_path, report=told.append)
+    assert told == [20]
     assert isinstance(model, Reliability)
     assert 0.5 < model.of(known[0]["features"]) < 0.999
     with pytest.raises(DiagnosisError, match="at least 20"):
-        own_design.at_design_of(rows, 3, cache=tmp_path)
+        at_design.reliability_at_design(rows, 3, cache=tmp_path)
 
 
 def test_another_design_has_a_cache_of_its_own():
     same, other = (
-        own_design._key(ExperimentDesign.of(still()), 0),
-        own_design._key(ExperimentDesign.of(still()), 1),
+        at_design._key(ExperimentDesign.of(still()), 0),
+        at_design._key(ExperimentDesign.of(still()), 1),
     )
-    assert same == own_design._key(ExperimentDesign.of(still()), 0)
+    assert same == at_design._key(ExperimentDesign.of(still()), 0)
     assert same != other
-    assert same != own_design._key(ExperimentDesign.of(still(seed=1)), 0)
+    assert same != at_design._key(ExperimentDesign.of(still(seed=1)), 0)
 
 
 def test_one_look_alike_is_drawn_and_judged():
-    own_design._begin(ExperimentDesign.of(still(poses=30)), 0)
-    row = own_design._case(6)  # a case without a gap
+    at_design._share(ExperimentDesign.of(still(poses=30)), 0)
+    row = at_design._case(6)  # a case without a gap
     assert (row["kind"], row["raw"], row["right"]) == ("none", "none", True)
     assert len(row["features"]) == len(NAMES)

@@ -4,14 +4,12 @@ import json
 from dataclasses import replace
 
 import numpy as np
-import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
 from wrenchbed import registry, studies
 from wrenchbed.cli import main
 from wrenchbed.errors import MissingExtraError, NotFoundError
-from wrenchbed.jobs import parts
 from wrenchbed.pages.document import Document, Figure, Section, Table, render
 from wrenchbed.studies.medrue import beyond, identifiability, identification, one_robot
 from wrenchbed.studies.medrue import run as medrue_run
@@ -149,39 +147,6 @@ def test_one_robots_rows_are_the_same_when_run_again(setting, chosen):
     assert first != identification.one_robot(shared, 6)
     exact = [r for r in first if r["noise"] == "none" and r["quantity"] == "position"]
     assert max(r["max"] for r in exact) < 1e-12
-
-
-def squares(shared: int, number: int) -> list[parts.Row]:
-    return [{"number": number, "square": number**2 + shared}]
-
-
-def test_finished_parts_are_not_done_again(tmp_path):
-    told: list[int] = []
-    table = parts.run(squares, 1, range(4), tmp_path, "x", told.append, workers=2)
-    assert table["square"].to_pylist() == [1, 2, 5, 10]
-    assert sum(told) == 4
-    (tmp_path / "x-00002.parquet").unlink()
-    (tmp_path / ".x-00001.parquet.0.part").write_bytes(b"half")
-    (tmp_path / "x-00003.parquet").write_bytes(b"PAR1 cut short")
-    marked = pa.table({"number": [0], "square": [99]})
-    pq.write_table(marked, tmp_path / "x-00000.parquet")
-    again = parts.run(squares, 1, range(4), tmp_path, "x", told.append, workers=2)
-    assert again["square"].to_pylist() == [99, 2, 5, 10]
-
-
-def broken(shared: int, number: int) -> list[parts.Row]:
-    raise ValueError(f"part {number}")
-
-
-def test_a_part_that_fails_says_so(tmp_path):
-    with pytest.raises(ValueError, match="part"):
-        parts.run(broken, 0, range(2), tmp_path, "b", lambda _: None, workers=1)
-    assert not list(tmp_path.glob("b-*.parquet"))
-
-
-def test_keys_change_with_their_content():
-    assert parts.key(1, [2]) == parts.key(1, [2])
-    assert parts.key(1, [2]) != parts.key(1, [3])
 
 
 def test_cells_are_shown_with_sense():

@@ -7,7 +7,7 @@ import pytest
 
 from wrenchbed.benchmark.referee import setting as settings
 from wrenchbed.benchmark.scoring.linear import Claim
-from wrenchbed.benchmark.sealed import answer, commitments, make
+from wrenchbed.benchmark.sealed import answer, case_files, commitments, make
 from wrenchbed.benchmark.sealed.entrants import CLAIM, RUN, contract
 
 COUNT, SEED = 32, 20
@@ -25,9 +25,9 @@ def made(folder):
     small(patch)
     cases, answers = folder / "cases", folder / "answers"
     told = make.Family("ur5", "static", COUNT, SEED)
-    make._begin(told, cases, answers)
-    for index, kind in enumerate(told.kinds()):
-        make._one(told, index, kind, cases, answers)
+    make.open_family(told, cases, answers)
+    for index in range(COUNT):
+        make.make_case(told, cases, answers, index)
     root = make.make(told, cases, answers)  # nothing is left but to commit
     patch.undo()
     return cases, answers, root
@@ -36,7 +36,7 @@ def made(folder):
 def truthful(cases, answers, folder, twist=lambda truth, claim: claim):
     """Claims of one who knows."""
     for name in commitments.read(cases):
-        truth = answer.read(commitments.answer_of(answers, name))
+        truth = answer.read(case_files.answer_of(answers, name))
         if truth.kind == "outside":
             claim = Claim("unknown", (), {"unknown": 1.0})
         elif truth.kind == "none":

@@ -41,8 +41,8 @@ def make(
         known = making.resumed(answers)
         seed = making.drawn_seed() if known is None else known
     family = making.Family(robot, mode, cases, seed)
-    with console.progress(f"sealing {robot} cases", cases) as tell:
-        root = making.make(family, out, answers, _some(processes), tell)
+    with console.progress(f"sealing {robot} cases", cases) as report:
+        root = making.make(family, out, answers, _some(processes), report)
     result = {"cases": str(out), "answers": str(answers), "number": cases, "commitments": root}
     text = f"{cases} sealed cases → {out}, their answers → {answers}\n{_PUBLISH} {root}"
     console.answer(result, as_json, text)
@@ -79,8 +79,8 @@ def run(
         raise ParameterError(f"--limit {limit:g} s must be above 0")
     entrants = [running.Entrant.of(m) for m in method or (OURS, *BASELINES)]
     total = len(seal.read(cases))
-    with console.progress("answering sealed cases", total) as tell:
-        failed = running.run(cases, out, entrants, _some(processes), limit, tell)
+    with console.progress("answering sealed cases", total) as report:
+        failed = running.run(cases, out, entrants, _some(processes), limit, report)
     result = {"claims": str(out), "cases": total, "failed": failed}
     lines = [f"{total} cases answered by {', '.join(e.name for e in entrants)} → {out}"]
     lines += [f"{name} failed on {n} cases: wrong answers" for name, n in failed.items() if n]

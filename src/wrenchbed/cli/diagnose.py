@@ -195,17 +195,10 @@ def diagnose(
 
 
 def _learnt(data: wb.Recording, count: int, seed: int) -> Reliability:
-    from wrenchbed.benchmark.scoring.own_design import at_design_of
+    from wrenchbed.benchmark.scoring.reliability_at_design import reliability_at_design
 
-    before = 0
-    with console.progress("look-alikes", count) as tell:
-
-        def told(done: int, total: int) -> None:
-            nonlocal before
-            tell(done - before, f"{done} of {total}")
-            before = done
-
-        return at_design_of(data, count, seed=seed, told=told)
+    with console.progress("look-alikes", count) as report:
+        return reliability_at_design(data, count, seed=seed, report=report)
 
 
 def _reported(found: Findings, recording: Path, out: Path, seed: int, artist: Artist) -> bool:

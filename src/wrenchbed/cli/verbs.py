@@ -149,8 +149,8 @@ def study(
     """
     console.check_seed(seed)
     folder = Path("out") / f"study-{paper}" if out is None else out
-    with console.progress(f"study {paper}", studies.steps(paper, quick, robots)) as tell:
-        done = studies.run(paper, folder, quick=quick, robots=robots, seed=seed, tell=tell)
+    with console.progress(f"study {paper}", studies.steps(paper, quick, robots)) as report:
+        done = studies.run(paper, folder, quick=quick, robots=robots, seed=seed, report=report)
     console.answer(done.summary, as_json, "\n".join(done.lines))
 
 

@@ -1,9 +1,14 @@
-"""Long work in parts: on all cores, each finished part on disk, so that a stopped run goes on."""
+"""Finished parts of long work on disk, so that a stopped run continues where it stopped.
+
+Two forms: `Parts` are numbered Parquet files, written atomically; a `Journal` is one file to which
+rows are appended as lines of JSON. `run` computes missing parts in worker processes.
+"""
 
 import hashlib
+import json
 import os
-from collections.abc import Callable, Sequence
-from concurrent.futures import as_completed
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import Future
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
@@ -12,8 +17,10 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from wrenchbed.files import atomic_write
-from wrenchbed.jobs.workers import workers as pool_of
+from wrenchbed.errors import WrenchbedError
+from wrenchbed.files import TEMPORARY, atomic_write
+from wrenchbed.jobs.progress import Progress, silent
+from wrenchbed.jobs.workers import in_workers
 
 Row = dict[str, Any]
 Work = Callable[[Any, int], list[Row]]
@@ -32,57 +39,167 @@ def _code() -> str:
     return hashlib.sha256(b"".join(texts)).hexdigest()
 
 
+def write_table(path: Path, table: pa.Table) -> None:
+    """Write a Parquet file atomically."""
+    with atomic_write(path) as temporary:
+        pq.write_table(table, temporary)
+
+
+class Parts:
+    """Numbered Parquet files of rows in a folder.
+
+    Args:
+        folder: is made if it is missing.
+        prefix: of the files' names; must change with all that determines the rows (`key`).
+        schema: of the rows; inferred if None.
+    """
+
+    def __init__(self, folder: Path, prefix: str = "", schema: pa.Schema | None = None) -> None:
+        folder.mkdir(parents=True, exist_ok=True)
+        self.folder, self.prefix, self.schema = folder, prefix, schema
+
+    def path(self, number: int) -> Path:
+        """File of a part."""
+        return self.folder / f"{self.prefix}{number:06d}.parquet"
+
+    def numbers(self) -> list[int]:
+        """Numbers of all parts on disk, in order."""
+        stems = (path.stem for path in self.folder.glob("*.parquet"))
+        names = (s.removeprefix(self.prefix) for s in stems if s.startswith(self.prefix))
+        return sorted(int(n) for n in names if n.isdecimal())
+
+    def readable(self, number: int) -> bool:
+        """Whether a part is on disk and can be read."""
+        try:
+            pq.read_table(self.path(number))
+        except (OSError, pa.ArrowException):
+            return False
+        return True
+
+    def write(self, number: int, rows: Iterable[Row]) -> None:
+        """Write a part atomically."""
+        write_table(self.path(number), pa.Table.from_pylist(list(rows), schema=self.schema))
+
+    def table(self, numbers: Sequence[int] | None = None) -> pa.Table:
+        """Rows of these parts, or of all, in this order."""
+        chosen = self.numbers() if numbers is None else numbers
+        tables = [] if self.schema is None else [self.schema.empty_table()]
+        tables += [pq.read_table(self.path(n), schema=self.schema) for n in chosen]
+        return pa.concat_tables(tables)
+
+    def remove(self) -> None:
+        """Delete all parts."""
+        for number in self.numbers():
+            self.path(number).unlink()
+
+
 def run(
     work: Work,
     shared: Any,
     numbers: Sequence[int],
-    folder: Path,
-    name: str,
-    tell: Callable[[int], None],
-    workers: int | None = None,
+    parts: Parts,
+    report: Progress = silent,
+    processes: int | None = None,
 ) -> pa.Table:
-    """Rows of all parts in the order of their numbers; parts found in ``folder`` are not redone.
+    """Rows of all parts in the order of their numbers; those on disk are not computed again.
 
     Args:
         work: a module-level function, called in other processes.
-        name: of the parts; must change with everything that changes their content (`key`).
-        tell: called with 1 for each part that is there.
-        workers: processes; as many as cores if None.
+        shared: first argument of ``work``, sent once to each process.
+        report: called with the number of further parts that are done.
+        processes: as many as cores if None.
     """
-    folder.mkdir(parents=True, exist_ok=True)
-    paths = {i: folder / f"{name}-{i:05d}.parquet" for i in numbers}
-    missing = []
-    for i, path in paths.items():
-        if _whole(path):
-            tell(1)
-        else:
-            missing.append(i)
-    if missing:
-        count = min(workers or os.cpu_count() or 1, len(missing))
-        with pool_of(count, _share, shared) as pool:
-            for done in as_completed([pool.submit(_one, work, i, paths[i]) for i in missing]):
-                done.result()
-                tell(1)
-    return pa.concat_tables([pq.read_table(path) for path in paths.values()])
+    missing = [n for n in numbers if not parts.readable(n)]
+    report(len(numbers) - len(missing))
 
+    def finished(number: int, future: "Future[None]") -> None:
+        future.result()
+        report(1)
 
-def _whole(path: Path) -> bool:
-    """Whether a part is there and can be read; what a crash left is done again."""
-    try:
-        pq.read_table(path)
-    except (OSError, pa.ArrowException):
-        return False
-    return True
+    count = processes or os.cpu_count() or 1
+    in_workers(_compute, missing, finished, count, _share, work, shared, parts)
+    return parts.table(numbers)
 
 
 _SHARED: list[Any] = []
 
 
-def _share(shared: Any) -> None:
-    _SHARED[:] = [shared]
+def _share(*shared: Any) -> None:
+    _SHARED[:] = shared
 
 
-def _one(work: Work, number: int, path: Path) -> None:
-    table = pa.Table.from_pylist(work(_SHARED[0], number))
-    with atomic_write(path) as temporary:
-        pq.write_table(table, temporary)
+def _compute(number: int) -> None:
+    work, shared, parts = _SHARED
+    parts.write(number, work(shared, number))
+
+
+class Journal:
+    """Rows as lines of JSON in one file; each is on disk at once, so that a kill loses none."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    def read(self) -> list[Row]:
+        """Rows so far, without lines that a kill cut short."""
+        if not self.path.exists():
+            return []
+        rows = []
+        for line in self.path.read_text(encoding="utf-8").splitlines():
+            try:
+                rows.append(json.loads(line))
+            except json.JSONDecodeError:
+                continue
+        return rows
+
+    def append(self, row: Mapping[str, Any]) -> None:
+        """Write a row so that it survives a kill."""
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        with self.path.open("a+b") as file:
+            if file.tell():
+                file.seek(-1, os.SEEK_END)
+                if file.read(1) != b"\n":  # after a line that a kill cut short
+                    file.write(b"\n")
+            file.write(json.dumps(row, ensure_ascii=False).encode() + b"\n")
+            file.flush()
+            os.fsync(file.fileno())
+
+    def remove(self) -> None:
+        """Delete the file."""
+        self.path.unlink(missing_ok=True)
+
+
+def check_folders(
+    settings_file: Path,
+    settings: Mapping[str, Any],
+    folders: Sequence[Path],
+    error: type[WrenchbedError],
+) -> None:
+    """Make the folders of a run, or check that they belong to a run with the same settings.
+
+    Args:
+        settings_file: JSON that the run keeps in one of the folders.
+        settings: names and values that must be in it.
+        error: what is raised.
+    """
+    for folder in folders:
+        folder.mkdir(parents=True, exist_ok=True)
+        for remainder in folder.glob(TEMPORARY):
+            remainder.unlink()
+    if not settings_file.exists():
+        other = next((f for folder in folders for f in folder.iterdir()), None)
+        if other is not None:
+            raise error(
+                f"{other.parent}: holds other files, such as {other.name}; give a new folder"
+            )
+        return
+    try:
+        before = json.loads(settings_file.read_bytes())
+        different = [n for n, value in settings.items() if before.get(n) != value]
+    except (ValueError, AttributeError) as cause:
+        raise error(f"{settings_file}: is broken: {cause}") from cause
+    if different:
+        name = different[0]
+        raise error(
+            f"{settings_file}: belongs to a run with {name} = {before.get(name)!r}, not "
+            f"{settings[name]!r}: give another folder"
+        )

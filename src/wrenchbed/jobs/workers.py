@@ -1,7 +1,7 @@
-"""Processes that work side by side, each with one thread for linear algebra.
+"""Worker processes, each with one thread for linear algebra.
 
-Linear algebra on one thread: matrices here are small, and threads that wait for each other cost
-up to fivefold on two cores (measured with OpenBLAS).
+Matrices here are small: with more threads, waiting for each other costs up to fivefold on two cores
+(measured with OpenBLAS).
 """
 
 import multiprocessing
@@ -9,34 +9,62 @@ import os
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterator
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from contextlib import contextmanager, suppress
 from functools import wraps
 from typing import Any, ParamSpec, TypeVar
 
 from threadpoolctl import threadpool_limits
 
-_WATCH_S = 0.5
 CHILDREN: set[int] = set()
-"""Process groups that this process has begun and that must not outlive it."""
+"""Process groups that this process started and that end with it."""
+_WATCH_S = 0.5
+"""How often a worker checks that its parent is alive [s]: an estimate."""
 _ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+Item = TypeVar("Item")
+P = ParamSpec("P")
+R = TypeVar("R")
+
+
+def in_workers(
+    work: Callable[[Item], R],
+    items: Sequence[Item],
+    finished: Callable[[Item, Future[R]], None],
+    count: int,
+    setup: Callable[..., None] | None = None,
+    *shared: Any,
+) -> None:
+    """Work on items in worker processes; an error or an interrupt here drops the waiting ones.
+
+    Args:
+        work: a module-level function of one item.
+        finished: called in this process with each item and its result, in the order they end.
+        count: processes.
+        setup: called once in each process with ``shared``.
+    """
+    if not items:
+        return
+    with workers(min(count, len(items)), setup, *shared) as pool:
+        waiting = {pool.submit(work, item): item for item in items}
+        for future in as_completed(waiting):
+            finished(waiting[future], future)
 
 
 @contextmanager
 def workers(
-    count: int, begin: Callable[..., None] | None = None, *given: Any
+    count: int, setup: Callable[..., None] | None = None, *shared: Any
 ) -> Iterator[ProcessPoolExecutor]:
-    """A pool whose waiting work is dropped when something goes wrong.
+    """A pool of processes whose waiting work is dropped on an error or an interrupt.
 
     Args:
         count: processes, at least one.
-        begin: called once in each, with ``given``.
+        setup: called once in each process with ``shared``.
     """
     before = {k: os.environ.get(k) for k in _ONE_THREAD}
     os.environ.update(dict.fromkeys(_ONE_THREAD, "1"))  # read when a worker loads numpy
     context = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(max(1, count), context, _begin, (begin, given))
+    pool = ProcessPoolExecutor(max(1, count), context, _initialise, (setup, shared))
     try:
         yield pool
     except BaseException:
@@ -52,15 +80,15 @@ def workers(
                 os.environ[key] = value
 
 
-def _begin(begin: Callable[..., None] | None, given: tuple[Any, ...]) -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent stops us
-    threading.Thread(target=_follow, args=(os.getppid(),), daemon=True).start()
-    if begin is not None:
-        begin(*given)
+def _initialise(setup: Callable[..., None] | None, shared: tuple[Any, ...]) -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent stops its workers
+    threading.Thread(target=_watch, args=(os.getppid(),), daemon=True).start()
+    if setup is not None:
+        setup(*shared)
 
 
-def _follow(parent: int) -> None:
-    """Die with a parent that was killed: it could not tell us to stop."""
+def _watch(parent: int) -> None:
+    """Exit when the parent was killed and could not stop its workers."""
     while os.getppid() == parent:
         time.sleep(_WATCH_S)
     for child in list(CHILDREN):
@@ -69,16 +97,12 @@ def _follow(parent: int) -> None:
     os._exit(1)
 
 
-P = ParamSpec("P")
-R = TypeVar("R")
-
-
 def one_thread(work: Callable[P, R]) -> Callable[P, R]:
-    """The same work without threads in its linear algebra."""
+    """The same function without threads in its linear algebra."""
 
     @wraps(work)
-    def alone(*args: P.args, **options: P.kwargs) -> R:
+    def limited(*args: P.args, **options: P.kwargs) -> R:
         with threadpool_limits(1):
             return work(*args, **options)
 
-    return alone
+    return limited

@@ -1,7 +1,6 @@
 """Published studies run again: their tables and figures on MuJoCo data, beside what they print."""
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
@@ -10,9 +9,9 @@ from typing import Any
 from wrenchbed import registry
 from wrenchbed.errors import NotFoundError, ParameterError
 from wrenchbed.files import write_json
+from wrenchbed.jobs.progress import Progress, silent
 
 PAPERS = ("medrue", "ur5")
-Tell = Callable[[int, str], None]
 
 
 @dataclass(frozen=True)
@@ -36,7 +35,7 @@ def run(
     quick: bool = False,
     robots: int | None = None,
     seed: int = 0,
-    tell: Tell = lambda *_: None,
+    report: Progress = silent,
 ) -> StudyResult:
     """Run a paper again; a stopped run goes on where it stopped.
 
@@ -50,7 +49,7 @@ def run(
     for library in ("matplotlib", "jinja2"):
         registry.require(library, "report")
     folder.mkdir(parents=True, exist_ok=True)
-    page = module.run(folder, quick, robots, seed, tell)
+    page = module.run(folder, quick, robots, seed, report)
     page.write(folder, paper)
     summary = _finite(page.summary)
     write_json(folder / f"{paper}.json", summary)

@@ -1,7 +1,6 @@
-"""One case of a benchmark: what was true, what each method said, and how that is kept on disk."""
+"""Cases of a benchmark on disk: the truth of each case, and what each method answered."""
 
 import json
-import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -12,7 +11,7 @@ import pyarrow.parquet as pq
 
 from wrenchbed.benchmark.scoring.linear import Claim
 from wrenchbed.errors import DiagnosisError
-from wrenchbed.files import atomic_write
+from wrenchbed.jobs.parts import Journal, write_table
 
 OURS = "wrenchbed"
 """Name of the diagnosis among the methods."""
@@ -105,49 +104,38 @@ def _claim(told: Mapping[str, Any]) -> Claim:
     return Claim(told["verdict"], causes, dict(told["probabilities"]), tuple(told["presence"]))
 
 
-class Journal:
-    """Rows of a benchmark on disk: one line a case, flushed at once, so that a kill loses none.
+class CaseFile:
+    """Rows of a benchmark in a Parquet file, and in a journal beside it while the benchmark runs.
 
     Args:
-        path: of the Parquet file that ``finish`` writes; lines go to ``path`` with ``.jsonl``.
+        path: of the Parquet file; the journal has the suffix ``.jsonl``.
     """
 
     def __init__(self, path: Path) -> None:
-        self.path, self.lines = path, path.with_suffix(".jsonl")
-        self.path.parent.mkdir(parents=True, exist_ok=True)
+        self.path, self.journal = path, Journal(path.with_suffix(".jsonl"))
 
     def read(self) -> list[CaseRow]:
-        """Rows so far; a last line that a kill cut off is dropped from the file."""
-        if not self.lines.exists():
-            return read(self.path) if self.path.exists() else []
-        whole = self.lines.read_bytes()
-        end = whole.rfind(b"\n") + 1
-        if end < len(whole):
-            with self.lines.open("r+b") as file:
-                file.truncate(end)
-        return [from_json(json.loads(x)) for x in whole[:end].decode().splitlines()]
+        """Rows so far, of both files; each case once."""
+        rows = read(self.path) if self.path.exists() else []
+        rows += map(from_json, self.journal.read())
+        return list({row.id: row for row in rows}.values())
 
     def append(self, row: CaseRow) -> None:
-        """Write a row so that it survives a kill at once."""
-        with self.lines.open("a", encoding="utf-8") as file:
-            file.write(json.dumps(to_json(row), ensure_ascii=False) + "\n")
-            file.flush()
-            os.fsync(file.fileno())
+        """Write a row so that it survives a kill."""
+        self.journal.append(to_json(row))
 
-    def finish(self, rows: Iterable[CaseRow]) -> None:
-        """Write the Parquet file, and delete the lines."""
-        write(self.path, rows)
-        self.lines.unlink(missing_ok=True)
+    def finish(self) -> None:
+        """Write all rows to the Parquet file, and delete the journal."""
+        write(self.path, self.read())
+        self.journal.remove()
 
 
 def write(path: Path, rows: Iterable[CaseRow]) -> None:
-    """Rows as Parquet, what is nested as JSON text."""
-    told = []
-    for row in rows:
-        flat = to_json(row)
-        told.append(flat | {k: json.dumps(flat[k], ensure_ascii=False) for k in _TEXT})
-    with atomic_write(path) as temporary:
-        pq.write_table(pa.Table.from_pylist(told, schema=_SCHEMA), temporary)
+    """Write rows as Parquet; nested values are JSON text."""
+    flat = [to_json(row) for row in rows]
+    text = [{k: json.dumps(row[k], ensure_ascii=False) for k in _TEXT} for row in flat]
+    table = pa.Table.from_pylist([f | t for f, t in zip(flat, text, strict=True)], schema=_SCHEMA)
+    write_table(path, table)
 
 
 def read(path: Path) -> list[CaseRow]:

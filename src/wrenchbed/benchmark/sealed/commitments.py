@@ -1,14 +1,16 @@
-"""Commitments: hashes that bind a case and its answer before anybody has seen either."""
+"""Commitments: SHA-256 of each case and its answer, published before anybody has seen either."""
 
 import hashlib
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from wrenchbed.benchmark.sealed import case_files
 from wrenchbed.data.parquet import FORMAT
 from wrenchbed.errors import BenchmarkError
+from wrenchbed.files import write_bytes
 
 COMMITMENTS = "commitments.json"
 FAMILY = "family.json"
@@ -33,20 +35,39 @@ def salt(seed: int, case: str) -> str:
     return digest(f"wrenchbed blind salt {seed} {case}".encode())
 
 
-def to_bytes(robot: str, mode: str, cases: Mapping[str, Commitment]) -> bytes:
-    """``commitments.json``."""
-    told = {
-        "format": FORMAT,
-        "robot": robot,
-        "mode": mode,
-        "cases": {k: {"recording": s.recording, "answer": s.answer} for k, s in cases.items()},
-    }
-    return (json.dumps(told, indent=1) + "\n").encode()
+def commit(
+    out: Path,
+    answers: Path,
+    robot: str,
+    mode: str,
+    names: Iterable[str],
+    about: Mapping[str, object],
+) -> str:
+    """Write ``commitments.json`` and ``family.json`` of cases that are on disk.
+
+    Args:
+        names: of the cases.
+        about: what ``family.json`` says of the family.
+
+    Returns:
+        SHA-256 of ``commitments.json``.
+    """
+    cases = {}
+    for name in names:
+        recording = digest(case_files.recording_of(out, name).read_bytes())
+        answer = digest(case_files.answer_of(answers, name).read_bytes())
+        cases[name] = {"recording": recording, "answer": answer}
+    document = {"format": FORMAT, "robot": robot, "mode": mode, "cases": cases}
+    data = (json.dumps(document, indent=1) + "\n").encode()
+    write_bytes(out / COMMITMENTS, data)
+    write_bytes(answers / FAMILY, family(about, digest(data)))
+    case_files.forget_times(out)
+    return digest(data)
 
 
-def family(told: Mapping[str, object], root: str | None) -> bytes:
-    """``family.json``: what a family is, and the SHA-256 of its ``commitments.json``."""
-    return (json.dumps({**told, "commitments": root}, indent=1) + "\n").encode()
+def family(about: Mapping[str, object], root: str | None) -> bytes:
+    """``family.json``: the family, and once it is complete the SHA-256 of its commitments."""
+    return (json.dumps({**about, "commitments": root}, indent=1) + "\n").encode()
 
 
 def read(cases: Path) -> dict[str, Commitment]:
@@ -99,8 +120,8 @@ def verify(cases: Path, answers: Path, published: str | None = None) -> dict[str
             )
     for name, own in sealed.items():
         pairs = (
-            (recording_of(cases, name), own.recording),
-            (answer_of(answers, name), own.answer),
+            (case_files.recording_of(cases, name), own.recording),
+            (case_files.answer_of(answers, name), own.answer),
         )
         for path, committed in pairs:
             if not path.is_file():
@@ -112,13 +133,3 @@ def verify(cases: Path, answers: Path, published: str | None = None) -> dict[str
                     f"committed {committed[:16]}…"
                 )
     return sealed
-
-
-def recording_of(cases: Path, name: str) -> Path:
-    """File of a case."""
-    return cases / f"{name}.parquet"
-
-
-def answer_of(answers: Path, name: str) -> Path:
-    """File of an answer."""
-    return answers / f"{name}.json"

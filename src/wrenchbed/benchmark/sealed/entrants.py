@@ -18,7 +18,7 @@ from typing import Any
 
 from wrenchbed.benchmark.scoring.baselines import BASELINES, reuse_dictionary
 from wrenchbed.benchmark.scoring.linear import Claim
-from wrenchbed.benchmark.sealed import commitments
+from wrenchbed.benchmark.sealed import case_files, commitments
 from wrenchbed.data.parquet import FORMAT
 from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis.diagnose import diagnose
@@ -72,56 +72,71 @@ class Entrant:
 def enter(
     entrants: Sequence[Entrant], cases: Path, name: str, claims: Path, limit: float
 ) -> list[str]:
-    """Let entrants answer one case; what fails or takes too long is an answer, too: a wrong one.
+    """Let entrants answer one case; a crash or a timeout counts as a wrong answer.
+
+    Args:
+        limit: of one entrant [s].
 
     Returns:
         Names of the entrants that failed.
     """
-    recording = commitments.recording_of(cases, name)
-    prepared: Prepared | None = None
+    case = _Case(case_files.recording_of(cases, name))
     failed = []
-    digest = commitments.digest(recording.read_bytes())
     for entrant in sorted(entrants, key=lambda e: e.name != OURS):
         folder = claims / entrant.name / name
-        part = claims / entrant.name / f".{name}.{os.getpid()}.part"
-        for stale in part.parent.glob(f".{name}.*part"):
+        partial = claims / entrant.name / f".{name}.{os.getpid()}.part"
+        for stale in partial.parent.glob(f".{name}.*part"):
             shutil.rmtree(stale, ignore_errors=True)
-        part.mkdir(parents=True)
+        partial.mkdir(parents=True)
         begun, error = time.perf_counter(), ""
         try:
-            if entrant.command is not None:
-                _called(entrant.command, recording, part, limit)
-            else:
-                with _at_most(limit), warnings.catch_warnings():
-                    warnings.simplefilter("ignore")
-                    if entrant.name == OURS:
-                        found = diagnose(Recording.read(recording))
-                        reuse_dictionary(found.analysis)
-                        prepared = found.analysis.prepared
-                        found.diagnosis.write(part)
-                    else:
-                        if prepared is None:
-                            prepared = prepare(Recording.read(recording))
-                        claim = BASELINES[entrant.name](prepared)
-                        told = contract(claim, recording.name, prepared.scene.robot.name)
-                        (part / CLAIM).write_text(json.dumps(told, indent=1), encoding="utf-8")
+            case.answer(entrant, partial, limit)
         except OverTimeError:
             error = f"took longer than {limit:g} s"
         except Exception:  # an entrant's crash is its answer
             error = traceback.format_exc()
-        if not error and not (part / CLAIM).is_file():
+        if not error and not (partial / CLAIM).is_file():
             error = f"wrote no {CLAIM}"
         if error:
             failed.append(entrant.name)
-        told = {
-            "seconds": time.perf_counter() - begun, "error": error, "recording": digest,
+        about = {
+            "seconds": time.perf_counter() - begun, "error": error, "recording": case.digest,
             "command": entrant.command,
         }  # fmt: skip
-        part.mkdir(parents=True, exist_ok=True)  # an entrant may have thrown it away
-        (part / RUN).write_text(json.dumps(told, indent=1) + "\n", encoding="utf-8")
+        partial.mkdir(parents=True, exist_ok=True)  # an entrant may have deleted it
+        (partial / RUN).write_text(json.dumps(about, indent=1) + "\n", encoding="utf-8")
         shutil.rmtree(folder, ignore_errors=True)
-        part.replace(folder)
+        partial.replace(folder)
     return failed
+
+
+class _Case:
+    """A case that entrants answer; wrenchbed's methods share what was prepared of it."""
+
+    def __init__(self, recording: Path) -> None:
+        self.recording = recording
+        self.digest = commitments.digest(recording.read_bytes())
+        self._prepared: Prepared | None = None
+
+    def answer(self, entrant: Entrant, out: Path, limit: float) -> None:
+        """Write an entrant's claim to ``out``."""
+        if entrant.command is not None:
+            _call(entrant.command, self.recording, out, limit)
+            return
+        with _at_most(limit), warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            if entrant.name == OURS:
+                result = diagnose(Recording.read(self.recording))
+                reuse_dictionary(result.analysis)
+                self._prepared = result.analysis.prepared
+                result.diagnosis.write(out)
+                return
+            if self._prepared is None:
+                self._prepared = prepare(Recording.read(self.recording))
+            claim = BASELINES[entrant.name](self._prepared)
+            robot = self._prepared.scene.robot.name
+            text = json.dumps(contract(claim, self.recording.name, robot), indent=1)
+            (out / CLAIM).write_text(text, encoding="utf-8")
 
 
 def contract(claim: Claim, recording: str, robot: str) -> dict[str, Any]:
@@ -143,8 +158,8 @@ def contract(claim: Claim, recording: str, robot: str) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _called(command: str, recording: Path, out: Path, limit: float) -> None:
-    """Run a program in a group of its own, so that all of it can be stopped."""
+def _call(command: str, recording: Path, out: Path, limit: float) -> None:
+    """Run a program in its own process group, so that all of it can be stopped."""
     call = [*shlex.split(command), str(recording.resolve()), "--out", str(out.resolve())]
     with (out / "output.txt").open("w") as log:
         process = subprocess.Popen(
@@ -162,8 +177,8 @@ def _called(command: str, recording: Path, out: Path, limit: float) -> None:
             process.wait()
             CHILDREN.discard(process.pid)
     if code != 0:
-        said = (out / "output.txt").read_text(errors="replace")[-2000:]
-        raise RuntimeError(f"exit code {code}: {said}")
+        output = (out / "output.txt").read_text(errors="replace")[-2000:]
+        raise RuntimeError(f"exit code {code}: {output}")
 
 
 @contextmanager

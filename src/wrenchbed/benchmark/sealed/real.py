@@ -11,7 +11,7 @@ import numpy as np
 
 from wrenchbed.benchmark.referee.case import KINDS
 from wrenchbed.benchmark.referee.catalogue import EFFECTS
-from wrenchbed.benchmark.sealed import commitments, make
+from wrenchbed.benchmark.sealed import case_files, commitments, make
 from wrenchbed.benchmark.sealed.answer import Answer, Fact
 from wrenchbed.data.metadata import parse
 from wrenchbed.data.recording import Recording
@@ -37,39 +37,29 @@ def seal_real(truth: Path, out: Path, answers: Path) -> str:
         BenchmarkError: names the file, case and field that is wrong.
         RecordingError: a recording cannot be trusted.
     """
-    told = list(_cases(truth))
-    make.check_separate(out, answers)
+    cases = list(_cases(truth))
+    case_files.check_separate(out, answers)
     for folder in (out, answers):
         folder.mkdir(parents=True, exist_ok=True)
-        stranger = next(folder.iterdir(), None)
-        if stranger is not None:
-            raise BenchmarkError(f"{stranger}: give empty folders")
+        other = next(folder.iterdir(), None)
+        if other is not None:
+            raise BenchmarkError(f"{other}: give empty folders")
     seed = make.drawn_seed()
-    order = np.random.default_rng(seed).permutation(len(told))
-    sealed, robots, modes = {}, set(), set()
-    for place, k in enumerate(order, start=1):
-        kind, causes, recording = told[k]
-        name = f"{place:04d}"
-        meta = recording.metadata
-        robots.add(meta.robot)
-        modes.add(meta.mode)
+    names = {}
+    for place, k in enumerate(np.random.default_rng(seed).permutation(len(cases)), start=1):
+        kind, causes, recording = cases[k]
+        name, meta = f"{place:04d}", recording.metadata
+        names[name] = meta
         answer = Answer(
             name, meta.robot, meta.mode, kind, causes, None, len(recording), None,
             commitments.salt(seed, name),
         )  # fmt: skip
-        make.write_plain(recording, commitments.recording_of(out, name))
-        write_bytes(commitments.answer_of(answers, name), answer.to_bytes())
-        sealed[name] = commitments.Commitment(
-            commitments.digest(commitments.recording_of(out, name).read_bytes()),
-            commitments.digest(answer.to_bytes()),
-        )
-    text = commitments.to_bytes("|".join(sorted(robots)), "|".join(sorted(modes)), sealed)
-    write_bytes(out / commitments.COMMITMENTS, text)
-    root = commitments.digest(text)
-    family = {"source": truth.name, "cases": len(told), "salt": secrets.token_hex(16)}
-    write_bytes(answers / commitments.FAMILY, commitments.family(family, root))
-    make.forget_times(out)
-    return root
+        case_files.write_recording(recording, case_files.recording_of(out, name))
+        write_bytes(case_files.answer_of(answers, name), answer.to_bytes())
+    robots, modes = ("|".join(sorted({getattr(m, k) for m in names.values()}))
+                     for k in ("robot", "mode"))  # fmt: skip
+    about = {"source": truth.name, "cases": len(cases), "salt": secrets.token_hex(16)}
+    return commitments.commit(out, answers, robots, modes, names, about)
 
 
 def _cases(truth: Path) -> Iterator[tuple[str, tuple[Fact, ...], Recording]]:

@@ -15,8 +15,8 @@ from wrenchbed.benchmark.scoring.linear import Claim
 from wrenchbed.benchmark.scoring.metrics import METRICS, SURE, Metric, holds
 from wrenchbed.benchmark.scoring.rows import OURS, CaseRow, Number
 from wrenchbed.benchmark.sealed import answer as answers_
+from wrenchbed.benchmark.sealed import case_files, commitments
 from wrenchbed.benchmark.sealed import claims as claims_
-from wrenchbed.benchmark.sealed import commitments
 from wrenchbed.benchmark.sealed.answer import Answer, Oracle
 from wrenchbed.benchmark.sealed.claims import EntrantClaim
 from wrenchbed.effects.chain import effects
@@ -128,11 +128,11 @@ def score(
     """
     sealed = commitments.verify(cases, answers, published)
     names = claims_.entrants(claims, main)
-    told = {n: answers_.read(commitments.answer_of(answers, n)) for n in sealed}
+    told = {n: answers_.read(case_files.answer_of(answers, n)) for n in sealed}
     wrong = next((n for n, a in told.items() if a.case != n), None)
     if wrong is not None:
         raise BenchmarkError(
-            f"{commitments.answer_of(answers, wrong)}: answers case {told[wrong].case}"
+            f"{case_files.answer_of(answers, wrong)}: answers case {told[wrong].case}"
         )
     rows, unclaimed = [], 0
     for name, truth in told.items():

@@ -1,15 +1,14 @@
 """The whole study of MedRUE, from pool to page."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.parquet as pq
 
-from wrenchbed.files import atomic_write
-from wrenchbed.jobs import parts
+from wrenchbed.jobs.parts import Parts, key, write_table
+from wrenchbed.jobs.parts import run as run_parts
+from wrenchbed.jobs.progress import Progress
 from wrenchbed.pages.document import Document
 from wrenchbed.studies.medrue import beyond, identifiability, limits, one_robot, population
 from wrenchbed.studies.medrue import setting as published
@@ -31,22 +30,20 @@ STARTS = {False: 3, True: 1}
 _FIXED = 1 + 6 + 2 + limits.STEPS + 2
 TITLE = "MedRUE calibrated by its own force sensor: Sensors 2016, 16, 798, reproduced"
 
-Tell = Callable[[int, str], None]
-
 
 def steps(quick: bool, robots: int | None) -> int:
-    """How many times `run` tells of progress."""
+    """How many steps `run` reports."""
     return _FIXED + (ROBOTS[quick] if robots is None else robots) + CONFIRM[quick]
 
 
-def run(folder: Path, quick: bool, robots: int | None, seed: int, tell: Tell) -> Document:
+def run(folder: Path, quick: bool, robots: int | None, seed: int, report: Progress) -> Document:
     """Run everything; results, tables and figures go to ``folder``.
 
     Finished robots are kept in ``folder``/parts, so that a stopped run goes on.
     """
 
     def step(label: str) -> None:
-        tell(1, label)
+        report(1, label)
 
     setting = prepare(POOL, seed)
     step("pool and Jacobians")
@@ -59,26 +56,24 @@ def run(folder: Path, quick: bool, robots: int | None, seed: int, tell: Tell) ->
     count = ROBOTS[quick] if robots is None else robots
     light = replace(setting, jacobian=setting.jacobian[:0])
     shared = SharedDesigns(light, {k: d.chosen for k, d in chosen.items()}, seed)
-    name = parts.key(POOL, seed, *(d.chosen.tolist() for d in chosen.values()))
-    table = parts.run(
-        each_robot, shared, range(count), folder / "parts", f"robots-{name}",
-        lambda n: tell(n, "random robots"),
+    name = key(POOL, seed, *(d.chosen.tolist() for d in chosen.values()))
+    table = run_parts(
+        each_robot, shared, range(count), Parts(folder / "parts", f"robots-{name}-"),
+        lambda n, _="": report(n, "random robots"),
     )  # fmt: skip
-    with atomic_write(folder / "robots.parquet") as temporary:
-        pq.write_table(table, temporary)
+    write_table(folder / "robots.parquet", table)
     limit = limits.section(setting, chosen, table, seed, step)
     wrong = beyond.all_wrong(setting, chosen["O1"].chosen, seed, ROBOTS_ALL_WRONG[quick])
     step("all parameters in error")
     mix = beyond.plan(setting, seed)
     step("a plan of poses and touches")
-    confirmed = parts.run(
+    name = key(seed, mix.gravity.q.tolist(), mix.touches.q.tolist())
+    confirmed = run_parts(
         beyond.confirm, beyond.Confirming(light, mix, seed, folder / "parts"),
-        range(CONFIRM[quick]), folder / "parts",
-        f"confirm-{parts.key(seed, mix.gravity.q.tolist(), mix.touches.q.tolist())}",
-        lambda n: tell(n, "robots that run the plan"),
+        range(CONFIRM[quick]), Parts(folder / "parts", f"confirm-{name}-"),
+        lambda n, _="": report(n, "robots that run the plan"),
     )  # fmt: skip
-    with atomic_write(folder / "confirmed.parquet") as temporary:
-        pq.write_table(confirmed, temporary)
+    write_table(folder / "confirmed.parquet", confirmed)
     summary = _summary(setting, chosen, told, one, table, wrong, confirmed)
     return Document(
         TITLE,

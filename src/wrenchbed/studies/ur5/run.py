@@ -1,16 +1,15 @@
 """The whole study of the installation error, from poses to page."""
 
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
-import pyarrow.parquet as pq
 
 from wrenchbed import registry
-from wrenchbed.files import atomic_write
-from wrenchbed.jobs import parts
+from wrenchbed.jobs.parts import Parts, Row, key, write_table
+from wrenchbed.jobs.parts import run as run_parts
+from wrenchbed.jobs.progress import Progress
 from wrenchbed.pages.document import Document, Figure, Section, Table
 from wrenchbed.pages.plots import components, groups
 from wrenchbed.robots.ur5.robot import UR5
@@ -24,11 +23,9 @@ TITLE = "Installation error of a force sensor on a UR5: four methods compared"
 REPEATS = {False: 20, True: 3}
 _COMPARED = ("Method 1", "Method 2", "Method 3", "joint fit")
 
-Tell = Callable[[int, str], None]
-
 
 def steps(quick: bool, robots: int | None) -> int:
-    """How many times `run` tells of progress."""
+    """How many steps `run` reports."""
     return 2 + len(SCENARIOS) * _repeats(quick, robots)
 
 
@@ -36,22 +33,21 @@ def _repeats(quick: bool, robots: int | None) -> int:
     return REPEATS[quick] if robots is None else max(1, robots)
 
 
-def run(folder: Path, quick: bool, robots: int | None, seed: int, tell: Tell) -> Document:
+def run(folder: Path, quick: bool, robots: int | None, seed: int, report: Progress) -> Document:
     """Every scenario, repeated with other poses and noise; the first fills Tables 2 to 6.
 
     Finished repetitions are kept in ``folder``/parts, so that a stopped run goes on.
     """
     count = len(SCENARIOS) * _repeats(quick, robots)
-    table = parts.run(
-        repetition, seed, range(count), folder / "parts", f"ur5-{parts.key(seed)}",
-        lambda n: tell(n, "repetitions"),
-    )  # fmt: skip
-    with atomic_write(folder / "trials.parquet") as temporary:
-        pq.write_table(table, temporary)
+    parts = Parts(folder / "parts", f"ur5-{key(seed)}-")
+    table = run_parts(
+        repetition, seed, range(count), parts, lambda n, _="": report(n, "repetitions")
+    )
+    write_table(folder / "trials.parquet", table)
     first = trial.run(SCENARIOS[0], 1000 * seed)
-    tell(1, SCENARIOS[0].name)
+    report(1, SCENARIOS[0].name)
     worst = trial.run(SCENARIOS[-1], 1000 * seed)
-    tell(1, SCENARIOS[-1].name)
+    report(1, SCENARIOS[-1].name)
     robot: UR5 = registry.load("robots", "ur5")
     off = table1.distance(robot, seed)
     summary = _summary(first, table)
@@ -95,7 +91,7 @@ def run(folder: Path, quick: bool, robots: int | None, seed: int, tell: Tell) ->
     )
 
 
-def repetition(seed: int, number: int) -> list[parts.Row]:
+def repetition(seed: int, number: int) -> list[Row]:
     """Rows of one scenario with its own poses and noise."""
     k, which = divmod(number, len(SCENARIOS))
     return [row | {"repetition": k} for row in trial.run(SCENARIOS[which], 1000 * seed + k).rows()]

@@ -1,0 +1,130 @@
+"""Reliability of claims at a recording's own design, learnt from look-alikes of the recording.
+
+Each look-alike is diagnosed once and kept in the user's cache.
+"""
+
+import hashlib
+import json
+import os
+from concurrent.futures import Future
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from wrenchbed.benchmark.lookalikes import ExperimentDesign, draw
+from wrenchbed.benchmark.lookalikes import recording as simulated
+from wrenchbed.data.parquet import FORMAT
+from wrenchbed.data.recording import Recording
+from wrenchbed.diagnosis.explain import reliability
+from wrenchbed.diagnosis.explain.analysis import analyse
+from wrenchbed.diagnosis.explain.reliability import Reliability, learnt, shipped
+from wrenchbed.diagnosis.explain.verdict import decide
+from wrenchbed.diagnosis.prepare import orientations
+from wrenchbed.diagnosis.prepare.prepared import prepare
+from wrenchbed.errors import DiagnosisError, ParameterError
+from wrenchbed.jobs.parts import Journal, Row
+from wrenchbed.jobs.progress import Progress, silent
+from wrenchbed.jobs.workers import in_workers
+
+KINDS = ("single",) * 6 + ("none",) * 2 + ("outside",) * 1 + ("pair",) * 1
+"""Kinds of ten successive cases."""
+LEAST = 20
+"""Fewest cases that anything can be learnt from: an estimate."""
+_VERDICTS = ("none", "unknown")
+"""Verdicts without a named cause."""
+
+
+def cache_folder() -> Path:
+    """Where results are kept: ``$XDG_CACHE_HOME`` or ``~/.cache``, in ``wrenchbed``."""
+    base = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
+    return Path(base) / "wrenchbed"
+
+
+def reliability_at_design(
+    recording: Recording,
+    count: int,
+    *,
+    seed: int = 0,
+    processes: int = 2,
+    cache: Path | None = None,
+    report: Progress = silent,
+) -> Reliability:
+    """Learn how often claims are right from look-alikes of a recording.
+
+    Args:
+        recording: whose poses, times, sensor and stated numbers the look-alikes share.
+        count: cases; those in the cache are not computed again.
+        seed: of the cases.
+        processes: that work at the same time.
+        cache: folder of results, `cache_folder` if None.
+        report: called with the number of further cases that are done.
+
+    Raises:
+        DiagnosisError: too few cases, or none of them can be drawn at this design.
+    """
+    if count < LEAST:
+        raise DiagnosisError(f"{count} look-alikes are too few: take at least {LEAST}")
+    design = ExperimentDesign.of(recording)
+    journal = Journal((cache or cache_folder()) / f"look-alikes-{_key(design, seed)}.jsonl")
+    known = {int(row["index"]): row for row in journal.read()}
+    todo = [k for k in range(count) if k not in known]
+    report(count - len(todo))
+
+    def finished(index: int, future: Future[Row]) -> None:
+        known[index] = future.result()
+        journal.append(known[index])
+        report(1)
+
+    in_workers(_case, todo, finished, processes, _share, design, seed)
+    rows = [row for k, row in sorted(known.items()) if k < count and row["raw"]]
+    claims = [(row["features"], bool(row["right"])) for row in rows if row["named"]]
+    none, unknown = (_right(rows, verdict) for verdict in _VERDICTS)
+    prior = shipped(recording.metadata.robot, recording.metadata.mode == "dynamic")
+    return learnt(claims, none, unknown, f"{len(rows)} look-alikes of this recording", prior)
+
+
+def _right(rows: list[Row], verdict: str) -> tuple[int, int]:
+    """How many verdicts without a named cause were right, of how many."""
+    chosen = [row for row in rows if row["raw"] == verdict and not row["named"]]
+    return sum(row["right"] for row in chosen), len(chosen)
+
+
+_SHARED: list[tuple[ExperimentDesign, int]] = []
+
+
+def _share(design: ExperimentDesign, seed: int) -> None:
+    _SHARED[:] = [(design, seed)]
+
+
+def _case(index: int) -> dict[str, Any]:
+    """One look-alike and the diagnosis of it."""
+    design, seed = _SHARED[0]
+    kind = KINDS[index % len(KINDS)]
+    number = int(np.random.default_rng([seed, 70, index]).integers(2**40))
+    row: Row = {"index": index, "kind": kind, "raw": "", "named": False, "right": False}
+    try:
+        case = draw(design, number, kind)
+        rows = simulated(design, case)
+        prepared = (orientations.prepare if orientations.applies(rows) else prepare)(rows)
+        analysis = analyse(prepared)
+    except (ParameterError, DiagnosisError):  # no such case at this design, or refused data
+        return row
+    verdict = decide(analysis.ranking)
+    if verdict.causes:
+        right = bool(set(verdict.causes[0].names) & set(case.causes))
+    elif verdict.verdict == "none":
+        right = case.outside is None and set(case.causes) <= set(case.rows)
+    else:
+        right = case.outside is not None
+    answer = {"raw": verdict.verdict, "named": bool(verdict.causes), "right": right}
+    return row | answer | {"features": list(reliability.features(analysis.ranking, verdict))}
+
+
+def _key(design: ExperimentDesign, seed: int) -> str:
+    """Hash of a design and of what would change the cases."""
+    text = json.dumps(design.metadata.to_json(), sort_keys=True, default=str)
+    rows = (design.q, design.t, design.noise_std)
+    data = b"".join(np.ascontiguousarray(x, dtype=float).tobytes() for x in rows)
+    head = f"{FORMAT} {seed} {design.samples} {design.rate} {text}".encode()
+    return hashlib.sha256(head + data).hexdigest()[:20]
