@@ -309,5 +309,5 @@ def test_the_plants_clock_tells_what_stopped_it():
     body = SimpleNamespace(time=0.0, readings=lambda t: ([0.0], 0))
     plant = RealTimePlant(body, [1.0], threading.RLock(), told.append)
     plant.start()
-    plant._thread.join(2.0)
+    plant._thread._thread.join(2.0)
     assert [type(error) for error in told] == [AttributeError]

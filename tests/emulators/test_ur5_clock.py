@@ -6,8 +6,8 @@ from types import SimpleNamespace
 import pytest
 
 from wrenchbed.emulators.base import emulator
-from wrenchbed.emulators.base import emulator as clock_module
-from wrenchbed.emulators.base.emulator import GIVE_UP_S, CycleClock
+from wrenchbed.emulators.base import real_time as clock_module
+from wrenchbed.emulators.base.real_time import GIVE_UP_S, CycleClock
 from wrenchbed.emulators.ur5 import EMULATOR, outputs, server
 from wrenchbed.emulators.ur5.outputs import Timestamp
 
@@ -90,20 +90,16 @@ def test_a_loop_that_stood_still_tells_the_time_stamp(hands, twin, monkeypatch):
     def cycle(behind):
         seen.append((behind, twin.timestamp.now() - first))
         twin.body.step(twin.body.target)
-        if len(seen) == 5:
-            hands.now += 3.0
-        if len(seen) == 8:
-            twin._stopped.set()
-
-    def poll(ports, timeout):
-        hands.now += timeout
 
     monkeypatch.setattr(twin, "_cycle", cycle)
-    monkeypatch.setattr(server, "poll", poll)
+    monkeypatch.setattr(twin, "_wait", lambda: None)
     for _ in range(4):  # until the state that is shown moves on with each cycle
         twin.body.step(twin.body.target)
     first = twin.timestamp.now()
-    twin._loop()
+    twin._begin()
+    for turn in range(8):
+        hands.now += PERIOD if turn != 5 else 3.0 + PERIOD
+        twin._turn()
     assert [behind for behind, _ in seen] == [0] * 8
     steps = [b - a for (_, a), (_, b) in itertools.pairwise(seen)]
     assert steps[:4] == pytest.approx([PERIOD] * 4)

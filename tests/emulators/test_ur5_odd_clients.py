@@ -193,10 +193,11 @@ def test_a_loop_that_hangs_refuses_faults_and_never_does_them(monkeypatch):
     monkeypatch.setattr("wrenchbed.emulators.ur5.server._INJECT_S", 0.1)
     twin = EMULATOR(emulator.EmulatorOptions(HOST, noise="off", setting={"box": "off"}))
     done = []
-    with pytest.raises(DriverError, match=r"stands still.*0\.1 s"):
+    with pytest.raises(DriverError, match=r"has stopped.*0\.1 s"):
         twin.soon(lambda: done.append(1))
-    twin._tasks.get()()
-    assert not done
+    with twin:
+        twin.soon(lambda: None)
+        assert not done
 
 
 def test_a_fault_that_fails_is_told_to_who_asked():

@@ -104,14 +104,16 @@ def test_the_arm_stays_where_it_is(bench):
     assert not bench.arm.moving and 0.0 < np.abs(bench.arm.q - q).max() < 0.03
 
 
-def test_what_was_denied_held_back_or_counted_is_not():
+def test_what_was_denied_held_back_or_counted_is_not(monkeypatch):
     twin = EMULATOR(emulator.EmulatorOptions("127.0.1.34", noise="off", setting={"box": "off"}))
     rtde, denials = twin.rtde, twin.rtde.offer.denials
     denials.start = denials.inputs = denials.outputs["actual_q"] = float("inf")
     rtde.freeze(float("inf"), {})
     rtde.silent_until = rtde.held_until = float("inf")
     twin._outputs.update(1.0, set())
-    twin.restart(0.0)
+    monkeypatch.setattr(twin, "_wait", lambda: None)  # no cycle
+    with twin:
+        twin.soon(lambda: twin.restart(0.0))
     assert (denials.start, denials.inputs, denials.outputs) == (0.0, 0.0, {})
     assert max(rtde.frozen_until, rtde.silent_until, rtde.held_until) < time.monotonic()
     twin._outputs.update(1.0, set())

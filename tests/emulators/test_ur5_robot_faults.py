@@ -117,7 +117,7 @@ def test_restart(twin, client):
 
 def test_a_stop_before_the_first_cycle_lasts_as_long_as_any(monkeypatch):
     twin = EMULATOR(EmulatorOptions("127.0.1.38", noise="off", setting={"box": "off"}))
-    monkeypatch.setattr(twin, "_run", lambda: None)
+    monkeypatch.setattr(twin, "_wait", lambda: None)
     with twin:
         twin.controller.protective_stop()
         assert not twin.controller.modes.unlock(time.monotonic())

@@ -1,19 +1,18 @@
-"""Twin of an ATI Net F/T: the sensor of a robot that stands at home, behind a Net Box."""
+"""Emulator of an ATI Net F/T: the sensor of a robot that stands at home, behind a Net Box."""
 
-import threading
-import time
 from collections.abc import Mapping
 from typing import ClassVar
 
-from wrenchbed.emulators.base.body import Body, BodyOptions
-from wrenchbed.emulators.base.emulator import EmulatorOptions, TwinServer
+from wrenchbed.emulators.base.body import Body
+from wrenchbed.emulators.base.emulator import Emulator, EmulatorOptions
+from wrenchbed.emulators.base.real_time import CycleThread
 from wrenchbed.emulators.netft_box import HELP, Box, BoxSettings
 from wrenchbed.errors import ParameterError
 
 _CYCLE = 0.008
 
 
-class NetftEmulator(TwinServer):
+class NetftEmulator(Emulator):
     """A Net Box with its sensor on a robot that does not move."""
 
     name = "netft"
@@ -32,38 +31,22 @@ class NetftEmulator(TwinServer):
                 raise ParameterError(f"--set {name}: no such setting. Known: {known}")
         robot = words.pop("robot", "ur5")
         settings = BoxSettings.from_words(words)
-        self.body = Body(
-            BodyOptions(
-                robot, options.parameters, options.noise, options.seed, options.effects,
-                options.table,
-            ),
-            _CYCLE,
-        )  # fmt: skip
+        self.body = Body(options.body(robot), _CYCLE)
         self.box = Box(self.body, options.host, self.faults, settings, options.seed)
-        self._ended = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="netft body", daemon=True)
+        self._thread = CycleThread("netft body", _CYCLE, 2.0 * _CYCLE, self._step, self.fail)
+        self._home = self.body.target
 
-    def start(self) -> dict[str, str]:
+    def serve(self) -> dict[str, str]:
         self._thread.start()
-        try:
-            return self.box.start()
-        except BaseException:
-            self.stop()
-            raise
+        return self.box.start()
 
     def stop(self) -> None:
-        self._ended.set()
-        if self._thread.is_alive():
-            self._thread.join(2.0)
+        self._thread.stop()
         self.box.stop()
 
-    def _run(self) -> None:
-        due, home = time.monotonic(), self.body.target
-        while not self._ended.is_set():
-            due = max(due + _CYCLE, time.monotonic() - 2.0 * _CYCLE)
-            time.sleep(max(0.0, due - time.monotonic()))
-            self.body.due = due
-            self.body.step(home)
+    def _step(self, due: float) -> None:
+        self.body.due = due
+        self.body.step(self._home)
 
 
 EMULATOR = NetftEmulator

@@ -1,16 +1,15 @@
-"""One client of the hub: its handshake, and a bounded buffer of what it has yet to read.
+"""One client of the hub: socketcand's text protocol as its server speaks it, with its handshake.
 
-The text protocol of socketcand, as its server speaks it.
-
-Commands and answers stand between ``<`` and ``>``, words between single spaces; numbers of ids and
-data are hexadecimal, three digits for an 11-bit id and eight for one of 29 bits.
+Commands and answers are enclosed in ``<`` and ``>``, with single spaces between words. Ids and data
+are hexadecimal: three digits for an 11-bit id, eight for one of 29 bits.
 Source: doc/protocol.md of linux-can/socketcand.
 """
 
-import socket
+import asyncio
 import time
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
+from wrenchbed.emulators.base.event_loop import Connection
 from wrenchbed.emulators.can_bus.wire import Frame
 
 LONGEST = 256
@@ -86,55 +85,67 @@ BUFFER = 256 * 1024
 _KERNEL = 64 * 1024
 _QUIET_S = 0.1
 """So long after the answer to ``rawmode``, or until the client sends, frames are held back: clients
-read that answer on its own."""
+read that answer by itself."""
 
 
-class Client:
+class Bus(Protocol):
+    """What a client needs of the hub."""
+
+    def joined(self, client: "Client") -> bool:
+        """Take a new client; False where there are too many."""
+        ...
+
+    def gone(self, client: "Client") -> None:
+        """Forget a client."""
+        ...
+
+    def hear(self, client: "Client", commands: list[Command], rubbish: int) -> None:
+        """Take what a client sent."""
+        ...
+
+
+class Client(Connection):
     """A connection that spoke or will speak socketcand's text protocol."""
 
-    def __init__(self, number: int, connection: socket.socket, channel: str) -> None:
-        self.number, self.connection, self.channel = number, connection, channel
-        self.raw = self.too_slow = self.spoke = False
+    def __init__(self, number: int, channel: str, bus: Bus) -> None:
+        super().__init__(_KERNEL)
+        self.number = number
+        self.raw = self.spoke = False
         self.off_until = 0.0
+        self._channel, self._bus = channel, bus
         self._opened = False
         self._quiet_until = 0.0
         self._in, self._out, self._held = b"", bytearray(), bytearray()
-        connection.setblocking(False)
-        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _KERNEL)
-        self.answer("hi")
-
-    @property
-    def waiting(self) -> bool:
-        """Whether it has bytes yet to take."""
-        return bool(self._out or self._held)
 
     @property
     def off(self) -> bool:
         """Whether it is bus off: it hears nothing and is not heard."""
         return self.off_until > 0.0 and time.monotonic() < self.off_until
 
-    def receive(self) -> tuple[list[Command], int, bool]:
-        """Commands that arrived, pieces of rubbish, and whether the connection is alive."""
-        try:
-            got = self.connection.recv(65536)
-        except BlockingIOError:
-            return [], 0, True
-        except OSError:
-            return [], 0, False
-        if not got:
-            return [], 0, False
-        commands, self._in, rubbish = split(self._in + got)
-        return commands, rubbish, True
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        super().connection_made(transport)
+        if self._bus.joined(self):
+            self.answer("hi")
+            self.flush()
+        else:
+            self.close()
+
+    def connection_lost(self, error: Exception | None) -> None:
+        self._bus.gone(self)
+
+    def data_received(self, data: bytes) -> None:
+        commands, self._in, rubbish = split(self._in + data)
+        self._bus.hear(self, commands, rubbish)
 
     def obey(self, command: Command) -> None:
         """Answer everything but ``send``."""
         if command.verb == "open" and not self._opened:
-            self._opened = command.words == (self.channel,)
+            self._opened = command.words == (self._channel,)
             self.answer("ok" if self._opened else "error could not open bus")
         elif command.verb == "rawmode" and self._opened:
             self.answer("ok")
             self.raw, self._quiet_until = True, time.monotonic() + _QUIET_S
+            asyncio.get_running_loop().call_at(self._quiet_until, self.flush)
         elif command.verb == "echo":
             self.answer("echo")
         else:
@@ -146,12 +157,9 @@ class Client:
 
     def say(self, text: bytes) -> None:
         """Queue a frame for a client in raw mode, unless it is bus off."""
-        if self.off:
-            return
-        if self.raw and self._quiet_until:
-            self._held += text
-        elif self.raw:
-            self._out += text
+        if self.raw and not self.off:
+            queue = self._held if self._quiet_until else self._out
+            queue += text
 
     def speaks(self) -> None:
         """It sent a frame, so it has read the answer to ``rawmode``."""
@@ -159,18 +167,13 @@ class Client:
         self._quiet_until = 0.0
 
     def flush(self) -> bool:
-        """Send what the connection takes now; False where it is dead or too slow."""
+        """Send what is queued; False where the client is too slow."""
         if self._quiet_until and time.monotonic() >= self._quiet_until:
             self._quiet_until = 0.0
         if self._held and not self._quiet_until:
             self._out += self._held
             self._held.clear()
-        if self._out:
-            try:
-                del self._out[: self.connection.send(self._out)]
-            except BlockingIOError:
-                pass
-            except OSError:
-                return False
-        self.too_slow = len(self._out) + len(self._held) > BUFFER
-        return not self.too_slow
+        if self._out and not self.closed:
+            self.transport.write(bytes(self._out))
+        self._out.clear()
+        return self.closed or self.waiting + len(self._held) <= BUFFER

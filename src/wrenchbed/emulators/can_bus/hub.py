@@ -1,26 +1,19 @@
 """The bus as a server: clients over TCP and devices of this process hear each other's frames.
 
 One thread does everything. A device's callback runs in it and must return at once. Without the
-wire model frames pass at once and in the order of arrival, their bits are only counted. What a
-device or an order does wrong is told and the bus goes on; should its own thread ever end by an
-error, that is told too and every client is hung up on.
-
-Traffic of others that takes up the wire.
-
-The devices of this process on a bus: who hears which id, and what happens when one fails.
-
-A device whose code fails harms nobody else: its exception is handed on, and the bus goes on.
+wire model frames pass at once and in the order of arrival, and their bits are only counted. An
+exception of a device or an order is reported and the bus goes on. An error of the hub itself is
+reported too; it closes the port and every connection.
 """
 
 import contextlib
-import selectors
-import socket
-import threading
 import time
 import warnings
+from asyncio import TimerHandle
 from collections import Counter, deque
 from collections.abc import Callable
 
+from wrenchbed.emulators.base.event_loop import Listener, LoopThread, taken
 from wrenchbed.emulators.can_bus.client import (
     BUS_ERROR,
     BUS_OFF,
@@ -30,7 +23,6 @@ from wrenchbed.emulators.can_bus.client import (
     frame_of,
     frame_text,
 )
-from wrenchbed.emulators.can_bus.event_loop import Orders, Wakeup, listening
 from wrenchbed.emulators.can_bus.wire import BusArbiter, Frame, Sent
 from wrenchbed.errors import WrenchbedWarning
 
@@ -73,7 +65,7 @@ class Devices:
     """Callbacks by number, each with the ids that it hears.
 
     Args:
-        failed: told every exception of a device.
+        failed: called with every exception of a device.
     """
 
     def __init__(self, failed: Callable[[Exception], None]) -> None:
@@ -110,7 +102,6 @@ class Devices:
 DEFAULT_PORT = 29536
 CLIENTS = 16
 """Most clients at a time."""
-_IDLE_S = 0.2
 
 
 class Hub:
@@ -122,7 +113,7 @@ class Hub:
         channel: name that clients open.
         bitrate: of the wire model [bit/s].
         wire: whether frames take the time that their bits take.
-        failed: told, besides a warning, every exception of a device, an order or the bus itself.
+        failed: called, besides a warning, with every exception of a device, an order or the bus.
     """
 
     def __init__(
@@ -140,16 +131,15 @@ class Hub:
         self._modelled = wire
         self.stalled_until = 0.0
         self.counters: Counter[str] = Counter()
-        self._told = failed
+        self._failed = failed
         self._devices = Devices(self._fail)
         self._clients: dict[int, Client] = {}
         self._posted: deque[tuple[int, Frame]] = deque(maxlen=4096)
-        self._orders = Orders(self._fail)
         self._numbers = 0
         self._next: Sent | None = None
-        self._running = False
-        self._bell: Wakeup | None = None
-        self._thread: threading.Thread | None = None
+        self._thread = LoopThread("can hub", self._break_down)
+        self._listener = Listener(self._thread, self._client)
+        self._timer: TimerHandle | None = None
 
     def attach(self, heard: Heard, ids: frozenset[int] | None = None) -> Callable[[Frame], None]:
         """Add a device of this process; returns what sends its frames, from any thread.
@@ -163,8 +153,8 @@ class Hub:
 
         def send(frame: Frame) -> None:
             self._posted.append((number, frame))
-            if threading.current_thread() is not self._thread:
-                self._wake()
+            if not self._thread.inside:
+                self._thread.soon(self._pass_on)
 
         return send
 
@@ -174,39 +164,33 @@ class Hub:
         Raises:
             DriverError: the port is taken or not allowed.
         """
-        self._listener = listener = listening(self.host, self.port, CLIENTS)
-        self.port = listener.getsockname()[1]
-        self._selector = selectors.SelectSelector()
-        self._bell = Wakeup()
-        self._selector.register(listener, selectors.EVENT_READ, self._accept)
-        self._selector.register(self._bell.ear, selectors.EVENT_READ, self._bell.heard)
-        self._running = True
-        self._thread = threading.Thread(target=self._run, name="can hub", daemon=True)
+        try:
+            self._listener.bind(self.host, self.port)
+        except OSError as error:
+            raise taken("CAN", self.host, self.port, error) from error
+        self.port = self._listener.address[1]
         self._thread.start()
 
     def stop(self) -> None:
         """Close all connections; may be called twice."""
-        if self._thread is None or self._bell is None:
-            return
-        self._running = False
-        self._wake()
-        self._thread.join(2.0)
-        self._thread = None
-        for client in list(self._clients.values()):
-            self._drop(client)
-        self._selector.close()
-        self._listener.close()
-        self._bell.close()
+        self._thread.soon(self._close)
+        self._thread.stop()
 
     def order(self, what: Callable[[], None]) -> None:
         """Run something in the hub's thread soon."""
-        self._orders.add(what)
-        self._wake()
+
+        def run() -> None:
+            try:
+                what()
+            except Exception as error:
+                self._fail(error)
+            self._pass_on()
+
+        self._thread.soon(run)
 
     def later(self, t: float, what: Callable[[], None]) -> None:
         """Run something in the hub's thread at a time of `time.monotonic` [s]."""
-        self._orders.plan(t, what)
-        self._wake()
+        self._thread.soon(lambda: self._thread.loop.call_at(t, self.order, what))
 
     def destroy(self, count: int) -> None:
         """Destroy the next transmissions by error frames; call it in the hub's thread."""
@@ -223,8 +207,8 @@ class Hub:
 
     def hang_up(self) -> None:
         """Close every client's connection; call it in the hub's thread."""
-        for client in list(self._clients.values()):
-            self._drop(client)
+        for client in self._clients.values():
+            client.close()
 
     def bus_off(self, until: float) -> None:
         """Every client that has sent frames goes bus off; call it in the hub's thread.
@@ -238,67 +222,84 @@ class Hub:
                 client.off_until = until
                 self.wire.forget(client.number)
 
-    def _fail(self, error: Exception) -> None:
-        self.counters["failures"] += 1
-        if self._told is not None:
-            self._told(error)
-        with contextlib.suppress(WrenchbedWarning):
-            warnings.warn(f"on the CAN bus: {error!r}", WrenchbedWarning, stacklevel=2)
+    def joined(self, client: Client) -> bool:
+        """Take a new client; False where there are too many."""
+        if len(self._clients) >= CLIENTS:
+            return False
+        self._clients[client.number] = client
+        return True
+
+    def gone(self, client: Client) -> None:
+        """Forget a client and what it had waiting."""
+        self._clients.pop(client.number, None)
+        self.wire.forget(client.number)
+
+    def hear(self, client: Client, commands: list[Command], rubbish: int) -> None:
+        """Take what a client sent: commands, and how many pieces were none."""
+        self.counters["rubbish"] += rubbish
+        for command in commands:
+            if client.raw and command.verb == "send":
+                client.speaks()
+                frame = frame_of(command.words)
+                if frame is None:
+                    client.answer("error could not parse send command")
+                    self.counters["rubbish"] += 1
+                elif not client.off:
+                    self._posted.append((client.number, frame))
+            else:
+                client.obey(command)
+        self._pass_on()
+
+    def _client(self) -> Client:
+        return Client(self._number(), self.channel, self)
 
     def _number(self) -> int:
         self._numbers += 1
         return self._numbers
 
-    def _wake(self) -> None:
-        if self._bell is not None:
-            self._bell.ring()
+    def _fail(self, error: Exception) -> None:
+        self.counters["failures"] += 1
+        if self._failed is not None:
+            self._failed(error)
+        with contextlib.suppress(WrenchbedWarning):
+            warnings.warn(f"on the CAN bus: {error!r}", WrenchbedWarning, stacklevel=2)
 
-    def _run(self) -> None:
-        try:
-            self._serve()
-        except Exception as error:
-            self._listener.close()
-            self.hang_up()
-            self._fail(error)
+    def _break_down(self, error: Exception) -> None:
+        self._close()
+        self._fail(error)
 
-    def _serve(self) -> None:
-        while self._running:
-            for key, _ in self._selector.select(self._patience()):
-                key.data(key.fileobj)
-            self._orders.do(time.monotonic())
-            self._pass_on()
-            for client in list(self._clients.values()):
-                if not client.flush():
-                    self.counters["slow clients"] += client.too_slow
-                    self._drop(client)
-
-    def _patience(self) -> float:
-        if self._posted:
-            return 0.0
-        now = time.monotonic()
-        waits, ordered = [_IDLE_S], self._orders.wait(now)
-        if ordered is not None:
-            waits.append(ordered)
-        if any(client.waiting for client in self._clients.values()):
-            waits.append(0.002)
-        if self.foreign.active(now):
-            waits.append(self.foreign.interval)
-        due = self.wire.due() if self._next is None else self._next.end
-        if due is not None:
-            waits.append(max(0.0, due - now))
-        return min(waits)
+    def _close(self) -> None:
+        self._listener.close()
+        self.hang_up()
 
     def _pass_on(self) -> None:
-        """Move frames from senders to the wire and from the wire to those who hear it."""
+        """Move frames from senders to the wire and on to those who hear them, up to now."""
         while True:
             moved = bool(self._posted)
             while self._posted:
                 self._take(*self._posted.popleft())
             now = time.monotonic()
             self.foreign.offer(now, self.wire)
-            moved = self._advance(now) or moved
-            if not moved:
-                return
+            if not self._advance(now) and not moved:
+                break
+        for client in self._clients.values():
+            if not client.flush():
+                self.counters["slow clients"] += 1
+                client.close()
+        self._wait()
+
+    def _wait(self) -> None:
+        """Come back when the wire will have moved."""
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+        now = time.monotonic()
+        due = self.wire.due() if self._next is None else self._next.end
+        waits = [due] if due is not None else []
+        if self.foreign.active(now):
+            waits.append(now + self.foreign.interval)
+        if waits:
+            self._timer = self._thread.loop.call_at(min(waits), self._pass_on)
 
     def _take(self, sender: int, frame: Frame) -> None:
         now = time.monotonic()
@@ -336,40 +337,3 @@ class Hub:
         for number, client in self._clients.items():
             if number != sender:
                 client.say(text)
-
-    def _accept(self, listener: socket.socket) -> None:
-        with contextlib.suppress(OSError):
-            connection, _ = listener.accept()
-            if len(self._clients) >= CLIENTS:
-                connection.close()
-                return
-            client = Client(self._number(), connection, self.channel)
-            self._clients[client.number] = client
-            self._selector.register(connection, selectors.EVENT_READ, lambda _: self._hear(client))
-
-    def _hear(self, client: Client) -> None:
-        commands, rubbish, alive = client.receive()
-        self.counters["rubbish"] += rubbish
-        for command in commands:
-            self._obey(client, command)
-        if not alive:
-            self._drop(client)
-
-    def _obey(self, client: Client, command: Command) -> None:
-        if client.raw and command.verb == "send":
-            client.speaks()
-            frame = frame_of(command.words)
-            if frame is None:
-                client.answer("error could not parse send command")
-                self.counters["rubbish"] += 1
-            elif not client.off:
-                self._posted.append((client.number, frame))
-        else:
-            client.obey(command)
-
-    def _drop(self, client: Client) -> None:
-        if self._clients.pop(client.number, None) is not None:
-            with contextlib.suppress(KeyError, ValueError):
-                self._selector.unregister(client.connection)
-            client.connection.close()
-            self.wire.forget(client.number)

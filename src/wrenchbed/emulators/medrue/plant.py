@@ -1,9 +1,5 @@
-"""The robot behind the drives, in real time: a mute master does not stop the clock.
+"""The robot behind the drives in real time, with its motors' torques."""
 
-The robot behind the drives, with what its motors give.
-"""
-
-import sys
 import threading
 import time
 from collections import deque
@@ -12,6 +8,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from wrenchbed.emulators.base.body import Body, BodyOptions
+from wrenchbed.emulators.base.real_time import CycleThread
 from wrenchbed.emulators.medrue.drive import DriveEmulator
 
 
@@ -46,8 +43,6 @@ class DrivenArm(Body):
 
 CYCLE_S = 0.004
 _READINGS = 2
-_SWITCH_S = 5e-4
-"""Longest that one thread keeps the others from answering [s]."""
 _LATE_S = 0.1
 """How far the clock may run behind before it skips [s]."""
 
@@ -59,18 +54,19 @@ class RealTimePlant:
         body: the robot, with a control cycle of `CYCLE_S`.
         counts: per unit of each joint (J,).
         lock: shared with the drives.
-        failed: told what ended its clock, if anything does but `stop`.
+        failed: called with the error that ended its clock.
     """
 
     def __init__(
         self, body: DrivenArm, counts: np.ndarray, lock: threading.RLock,
         failed: Callable[[Exception], None],
     ) -> None:  # fmt: skip
-        self.body, self.counts, self._failed = body, counts, failed
+        self.body, self.counts = body, counts
         self.drives: Sequence[DriveEmulator] = ()
         self._lock = lock
-        self._running = threading.Event()
-        self._thread: threading.Thread | None = None
+        self._thread = CycleThread(
+            "medrue plant", CYCLE_S, _LATE_S, lambda _: self._step(time.monotonic()), failed
+        )
         self._readings: tuple[float, np.ndarray] = (0.0, np.zeros((_READINGS, 6)))
 
     def wrench(self, t: float) -> np.ndarray:
@@ -82,37 +78,11 @@ class RealTimePlant:
     def start(self) -> None:
         """Let time run."""
         self._measure(time.monotonic())
-        self._running.set()
-        self._thread = threading.Thread(target=self._run, name="medrue plant", daemon=True)
         self._thread.start()
 
     def stop(self) -> None:
         """Hold the clock; may be called twice."""
-        self._running.clear()
-        if self._thread is not None:
-            self._thread.join(2.0)
-            self._thread = None
-
-    def _run(self) -> None:
-        before = sys.getswitchinterval()
-        sys.setswitchinterval(_SWITCH_S)
-        try:
-            self._keep_time()
-        except Exception as error:
-            self._failed(error)
-        finally:
-            sys.setswitchinterval(before)
-
-    def _keep_time(self) -> None:
-        due = time.monotonic()
-        while self._running.is_set():
-            now = time.monotonic()
-            if now < due:
-                time.sleep(due - now)
-            elif now - due > _LATE_S:
-                due = now
-            self._step(time.monotonic())
-            due += CYCLE_S
+        self._thread.stop()
 
     def _step(self, t: float) -> None:
         with self._lock:

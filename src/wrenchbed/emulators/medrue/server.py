@@ -11,8 +11,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from wrenchbed.emulators.base.body import BodyOptions
-from wrenchbed.emulators.base.emulator import EmulatorOptions, TwinServer
+from wrenchbed.emulators.base.emulator import Emulator, EmulatorOptions
 from wrenchbed.emulators.can_bus.bridge import Bridge
 from wrenchbed.emulators.can_bus.hub import Hub
 from wrenchbed.emulators.medrue.axis import Ratings
@@ -129,7 +128,7 @@ _QUICK_S = 0.1
 """A quick stop from top speed takes so long [s]."""
 
 
-class MedrueEmulator(TwinServer):
+class MedrueEmulator(Emulator):
     """Six CiA 402 drives and an ATI Mini40 with NETCANOEM on one CAN bus."""
 
     name = "medrue"
@@ -142,13 +141,7 @@ class MedrueEmulator(TwinServer):
         self.hub = Hub(
             options.host, setting.port, setting.channel, setting.bitrate, setting.wire, self.fail
         )
-        body = DrivenArm(
-            BodyOptions(
-                "medrue", options.parameters, options.noise, options.seed, options.effects,
-                options.table,
-            ),
-            CYCLE_S,
-        )  # fmt: skip
+        body = DrivenArm(options.body("medrue"), CYCLE_S)
         lock = threading.RLock()
         counts = setting.per_unit(body.robot)
         self.plant = RealTimePlant(body, counts, lock, self.fail)
@@ -161,15 +154,11 @@ class MedrueEmulator(TwinServer):
         self._bridge: Bridge | None = None
         BusFaults(self.faults, self.hub, self.drives, self.board)
 
-    def start(self) -> dict[str, str]:
+    def serve(self) -> dict[str, str]:
         self.hub.start()
-        try:
-            kind, _, channel = self.setting.bus.partition(":")
-            if kind:
-                self._bridge = Bridge(self.hub, kind, channel)
-        except BaseException:
-            self.hub.stop()
-            raise
+        kind, _, channel = self.setting.bus.partition(":")
+        if kind:
+            self._bridge = Bridge(self.hub, kind, channel)
         for drive in self.drives:
             drive.boot()
         self.plant.start()

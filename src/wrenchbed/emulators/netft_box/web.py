@@ -1,25 +1,28 @@
-"""A small HTTP server of one thread: bounded requests, a deadline each, one at a time.
+"""The box's web server: netftapi2.xml, comm.cgi, setting.cgi; bounded requests, a deadline each."""
 
-What a box's web server shows and takes: netftapi2.xml, comm.cgi, setting.cgi.
-"""
-
+import asyncio
 import contextlib
 import math
 import random
-import socket
-import threading
 import time
 from collections.abc import Callable
 from urllib.parse import parse_qsl, urlsplit
 
 import numpy as np
 
+from wrenchbed.emulators.base.event_loop import Listener, LoopThread
+from wrenchbed.emulators.base.faults import TimedFault
 from wrenchbed.emulators.netft_box.rdt import Pace
 from wrenchbed.emulators.netft_box.sensing import LARGEST_BUFFER, BoxSettings, LinkFaults, Sensing
 
 _REQUEST_BYTES = 8192
 _DEADLINE_S = 2.0
-_LISTEN_S = 0.1
+_LOOK_S = 0.05
+"""Time between two looks whether a stall is over [s]."""
+_CLIENTS = 16
+"""Most requests at a time."""
+Reply = tuple[str, str, str]
+"""Status line, content type and text."""
 
 
 class Web:
@@ -30,17 +33,16 @@ class Web:
     """
 
     def __init__(
-        self,
-        address: tuple[str, int],
-        answer: Callable[[str, str], tuple[str, str, str]],
-        troubles: LinkFaults,
+        self, address: tuple[str, int], answer: Callable[[str, str], Reply], faults: LinkFaults
     ) -> None:
-        self._answer, self._troubles = answer, troubles
-        self._listener: socket.socket | None = _listen(address)
-        self.address: tuple[str, int] = self._listener.getsockname()
+        self._answer, self._faults = answer, faults
+        self._thread = LoopThread("netft http", lambda error: None)
+        self._listener = Listener(self._thread, self._client)
+        self._listener.bind(*address)
+        self.address = self._listener.address
         self._random = random.Random(self.address[1])
-        self._ended = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="netft http", daemon=True)
+        self._requests: set[asyncio.Task[None]] = set()
+        faults.at_once("unlisten", self._unlisten)
 
     def start(self) -> None:
         """Answer from now on."""
@@ -48,55 +50,55 @@ class Web:
 
     def stop(self) -> None:
         """End the thread and close the port."""
-        self._ended.set()
-        if self._thread.is_alive():
-            self._thread.join(_DEADLINE_S + 1.0)
-        if self._listener is not None:
-            self._listener.close()
-            self._listener = None
+        if self._thread.running:
+            self._thread.call(self._close)
+            self._thread.stop()
+        self._listener.close()
 
-    def _run(self) -> None:
-        while not self._ended.is_set():
-            if self._troubles.now("unlisten") is not None:
-                self._leave()
-            elif self._listener is None:
-                with contextlib.suppress(OSError):
-                    self._listener = _listen(self.address)
-            if self._listener is None:
-                self._ended.wait(_LISTEN_S)
-                continue
-            with contextlib.suppress(OSError):
-                connection, _ = self._listener.accept()
-                with connection:
-                    self._serve(connection)
+    def _close(self) -> None:
+        self._listener.close()
+        for request in self._requests:
+            request.cancel()
 
-    def _leave(self) -> None:
-        if self._listener is not None:
-            self._listener.close()
-            self._listener = None
+    def _unlisten(self, fault: TimedFault) -> None:
+        until = time.monotonic() + fault.seconds if fault.seconds else float("inf")
+        self._thread.soon(lambda: self._listener.close_until(until))
 
-    def _serve(self, connection: socket.socket) -> None:
-        end = time.monotonic() + _DEADLINE_S
-        connection.settimeout(_LISTEN_S)
-        request = self._receive(connection, end)
-        while self._troubles.now("stall") is not None and not self._ended.wait(_LISTEN_S / 2):
-            end = time.monotonic() + _DEADLINE_S
-        connection.settimeout(max(0.1, end - time.monotonic()))
-        connection.sendall(self._reply(request))
-        connection.shutdown(socket.SHUT_WR)
+    def _client(self) -> asyncio.BaseProtocol:
+        reader = asyncio.StreamReader(limit=_REQUEST_BYTES, loop=self._thread.loop)
+        return asyncio.StreamReaderProtocol(reader, self._accept, loop=self._thread.loop)
 
-    def _receive(self, connection: socket.socket, end: float) -> bytes:
+    def _accept(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        if len(self._requests) >= _CLIENTS:
+            writer.transport.abort()
+            return
+        task = self._thread.loop.create_task(self._serve(reader, writer))
+        self._requests.add(task)
+        task.add_done_callback(self._requests.discard)
+
+    async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        try:
+            with contextlib.suppress(OSError, TimeoutError):
+                request = await self._receive(reader)
+                while self._faults.now("stall") is not None:
+                    await asyncio.sleep(_LOOK_S)
+                async with asyncio.timeout(_DEADLINE_S):
+                    writer.write(self._reply(request))
+                    await writer.drain()
+                    writer.close()
+                    await writer.wait_closed()
+        finally:
+            writer.transport.abort()
+
+    async def _receive(self, reader: asyncio.StreamReader) -> bytes:
         data = b""
-        while len(data) < _REQUEST_BYTES and time.monotonic() < end and not self._ended.is_set():
-            if complete(data):
-                break
-            try:
-                more = connection.recv(4096)
-            except TimeoutError:
-                continue
-            if not more:
-                break
-            data += more
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(_DEADLINE_S):
+                while len(data) < _REQUEST_BYTES and not complete(data):
+                    more = await reader.read(4096)
+                    if not more:
+                        break
+                    data += more
         return data
 
     def _reply(self, request: bytes) -> bytes:
@@ -106,7 +108,7 @@ class Web:
         else:
             status, kind, text = self._answer(target, body)
         content = text.encode()
-        if self._troubles.now("garbage") is not None:
+        if self._faults.now("garbage") is not None:
             cut = self._random.randrange(len(content) // 2)
             content = content[:cut] + self._random.randbytes(64) + b"<unclosed>"
         head = (
@@ -137,22 +139,6 @@ def complete(request: bytes) -> bool:
             return not digits.isdigit() or len(digits) > 5 or len(body) >= int(digits)
     return True
 
-
-def _listen(address: tuple[str, int]) -> socket.socket:
-    listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
-    try:
-        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        listener.bind(address)
-        listener.listen(4)
-        listener.settimeout(_LISTEN_S)
-    except OSError:
-        listener.close()
-        raise
-    return listener
-
-
-Reply = tuple[str, str, str]
-"""Status line, content type and text."""
 
 _DONE: Reply = ("200 OK", "text/html", "<html><body>settings applied</body></html>")
 _MISSING: Reply = ("404 Not Found", "text/html", "<html><body>no such page</body></html>")

@@ -108,7 +108,7 @@ class Misbehaviour:
         return {
             "fin": lambda f: lambda: port.hang_up(),
             "rst": lambda f: lambda: port.hang_up(reset=True),
-            "stall": lambda f: lambda: setattr(port, "stalled_until", _end(f)),
+            "stall": lambda f: lambda: port.stall(_end(f)),
             "deaf": lambda f: lambda: setattr(port, "deaf_until", _end(f)),
             "unlisten": lambda f: lambda: port.unlisten(_end(f)),
         }

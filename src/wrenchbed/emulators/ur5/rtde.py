@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
-from wrenchbed.emulators.ur5 import packets
+from wrenchbed.emulators.base.event_loop import LoopThread
 from wrenchbed.emulators.ur5 import packets as wire
 from wrenchbed.emulators.ur5.inputs import IN_USE, NOT_FOUND, Inputs
 from wrenchbed.emulators.ur5.network import Conversation, Peer, Port
@@ -83,10 +83,10 @@ class RtdeSession:
         """Take bytes; False where they are not RTDE and the connection must end."""
         self._now = now
         try:
-            packets = self._splitter.feed(data)
+            complete = self._splitter.feed(data)
         except LinkError:
             return False
-        for kind, payload in packets:
+        for kind, payload in complete:
             handler = self._handlers.get(kind)
             if handler is not None:
                 handler(payload)
@@ -206,9 +206,9 @@ class Rtde:
             packets are skipped, or held back to be sent at once, `time.monotonic` [s].
     """
 
-    def __init__(self, host: str, offer: Offer, patience: float) -> None:
+    def __init__(self, thread: LoopThread, host: str, offer: Offer, patience: float) -> None:
         self.offer = offer
-        self.port = Port(host, PORT, self._answer, patience)
+        self.port = Port(thread, host, PORT, self._answer, patience)
         self._frozen: dict[str, Values] = {}
         self._clients: list[_Client] = []
         self.restart()
@@ -255,7 +255,7 @@ class Rtde:
     def say(self, message: str, level: int) -> None:
         """Send a text message to every client."""
         for client in self._clients:
-            client.peer.send(packets.text(message, "twin", level, client.session.protocol))
+            client.peer.send(wire.text(message, "twin", level, client.session.protocol))
 
     def _send(self, client: _Client, data: bytes, now: float) -> None:
         if now < self.port.stalled_until:

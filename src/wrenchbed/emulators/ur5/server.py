@@ -3,27 +3,25 @@
 What this twin alone can be told.
 """
 
-import queue
-import sys
-import threading
 import time
 import traceback
 from collections.abc import Callable, Mapping
-from concurrent.futures import Future
 from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 
 from wrenchbed.emulators import netft_box
-from wrenchbed.emulators.base.body import Body, BodyOptions
-from wrenchbed.emulators.base.emulator import CycleClock, EmulatorOptions, TwinServer, take_priority
+from wrenchbed.emulators.base.body import Body
+from wrenchbed.emulators.base.emulator import Emulator, EmulatorOptions
+from wrenchbed.emulators.base.event_loop import LoopThread
+from wrenchbed.emulators.base.real_time import CycleClock, take_priority
 from wrenchbed.emulators.netft_box import Box
 from wrenchbed.emulators.ur5.controller import Controller
 from wrenchbed.emulators.ur5.dashboard import Dashboard, ScriptClient
 from wrenchbed.emulators.ur5.faults import Misbehaviour
 from wrenchbed.emulators.ur5.modes import Make
-from wrenchbed.emulators.ur5.network import Conversation, Peer, Port, poll
+from wrenchbed.emulators.ur5.network import Conversation, Peer, Port
 from wrenchbed.emulators.ur5.outputs import Outputs, Timestamp
 from wrenchbed.emulators.ur5.packets import Version
 from wrenchbed.emulators.ur5.rtde import Offer, Rtde
@@ -119,13 +117,10 @@ _LATE_S = 0.05
 """Lag beyond which the loop leaves out packets to catch up [s] …"""
 _SHARE = 4
 """… and sends one in so many cycles."""
-_SWITCH_S = 5e-4
-"""Longest that another thread keeps Python's lock from the loop [s]."""
-_JOIN_S = 2.0
 _INJECT_S = 2.0
 
 
-class UR5Emulator(TwinServer):
+class UR5Emulator(Emulator):
     """A Universal Robots UR5 whose controller is served on this machine."""
 
     name = "ur5"
@@ -135,33 +130,29 @@ class UR5Emulator(TwinServer):
     def __init__(self, options: EmulatorOptions) -> None:
         super().__init__(options)
         self._settings = parse(options.setting)
-        self._thread: threading.Thread | None = None
-        self._stopped = threading.Event()
+        self._thread = LoopThread("ur5 emulator", self._break_down, cyclic=True)
+        self._clock: CycleClock
         self._sent_at = 0.0
-        self._tasks: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
         self._build(options, self._settings)
 
-    def start(self) -> dict[str, str]:
-        if self._stopped.is_set():
-            raise DriverError("this twin was stopped: make a new one")
-        try:
-            for port in self.ports.values():
-                port.open()
-            found = self._box.start() if self._box is not None else {}
-        except BaseException:
-            self._close()
-            raise
+    def serve(self) -> dict[str, str]:
+        for port in self.ports.values():
+            port.open()
+        found = self._box.start() if self._box is not None else {}
         self.controller.now = time.monotonic()  # clients are heard before the first cycle
-        self._thread = threading.Thread(target=self._run, name="ur5 twin", daemon=True)
+        self._thread.soon(self._begin)
         self._thread.start()
-        shown = {name: self.ports[name].address for name in ("rtde", "dashboard")}
-        return shown | {"script": self.ports["script"].address} | found
+        shown = {name: self.ports[name].address for name in ("rtde", "dashboard", "script")}
+        return shown | found
 
     def stop(self) -> None:
-        self._stopped.set()
-        if self._thread is not None:
-            self._thread.join(_JOIN_S)
-        self._close()
+        if self._thread.running:
+            self._thread.soon(self._close_ports)
+            self._thread.stop()
+        else:
+            self._close_ports()
+        if self._box is not None:
+            self._box.stop()
 
     def soon(self, task: Callable[[], None]) -> None:
         """Do something in the loop's thread; returns when it was done.
@@ -169,30 +160,17 @@ class UR5Emulator(TwinServer):
         Raises:
             DriverError: the loop has broken down or did not get to it in time.
         """
-        asked: Future[None] = Future()
-
-        def run() -> None:
-            if asked.set_running_or_notify_cancel():
-                try:
-                    task()
-                except Exception as error:
-                    asked.set_exception(error)
-                else:
-                    asked.set_result(None)
-
-        self._tasks.put(run)
-        try:
-            asked.result(0.0 if self.failed.is_set() else _INJECT_S)
-        except TimeoutError:
-            asked.cancel()
-            why = self.failure or f"it does not answer within {_INJECT_S:g} s"
-            raise DriverError(f"the twin's loop stands still: {why}") from None
+        why: object = self.failure
+        if why is None:
+            try:
+                self._thread.call(task, _INJECT_S)
+                return
+            except TimeoutError:
+                why = self.failure or f"it does not answer within {_INJECT_S:g} s"
+        raise DriverError(f"the emulator's loop has stopped: {why}")
 
     def _build(self, options: EmulatorOptions, settings: ControllerSettings) -> None:
-        table = BodyOptions(
-            "ur5", options.parameters, options.noise, options.seed, options.effects, options.table
-        )
-        self.body = Body(table, settings.cycle)
+        self.body = Body(options.body("ur5"), settings.cycle)
         make = Make(settings.version, settings.cycle, settings.protective_force, settings.powered)
         own = OwnSensor(self.body, make.e_series, options.effects, options.noise, options.seed)
         self.controller = Controller(make, self.body, _installed(self.body), own.load)
@@ -202,12 +180,12 @@ class UR5Emulator(TwinServer):
             make.version, 1.0 / settings.cycle, self.controller.fields, self.controller.inputs
         )
         host, patience = options.host, settings.slow_reader
-        self.rtde = Rtde(host, offer, patience)
+        self.rtde = Rtde(self._thread, host, offer, patience)
         self.ports: dict[str, Port] = {
             "rtde": self.rtde.port,
-            "dashboard": Port(host, _DASHBOARD, self._dashboard, patience),
+            "dashboard": Port(self._thread, host, _DASHBOARD, self._dashboard, patience),
             **{
-                name: Port(host, number, self._script, patience)
+                name: Port(self._thread, host, number, self._script, patience)
                 for name, number in zip(("primary", "secondary", "script"), _SCRIPT, strict=True)
             },
         }
@@ -223,7 +201,7 @@ class UR5Emulator(TwinServer):
         return ScriptClient(self.controller)
 
     def _shut_down(self) -> None:
-        self._tasks.put(lambda: self.restart(float("inf")))
+        self._thread.soon(lambda: self.restart(float("inf")))
 
     def restart(self, seconds: float) -> None:
         """Cut the power of the control box for a time [s]."""
@@ -236,37 +214,33 @@ class UR5Emulator(TwinServer):
             port.unlisten(until)
         self.timestamp.restart(until)
 
-    def _run(self) -> None:
+    def _begin(self) -> None:
         if self._settings.realtime:
             take_priority()
-        before = sys.getswitchinterval()
-        sys.setswitchinterval(_SWITCH_S)
-        try:
-            self._loop()
-        except Exception as error:
-            traceback.print_exc()
-            self.fail(error)
-        finally:
-            sys.setswitchinterval(before)
-            self._close_ports()
+        self._clock = CycleClock(self._settings.cycle)
+        self._wait()
 
-    def _loop(self) -> None:
-        clock = CycleClock(self._settings.cycle)
-        while not self._stopped.is_set():
-            poll(self.ports.values(), clock.remaining)
-            if clock.remaining > 0.0:
-                continue
-            lost = clock.lost
-            behind = clock.advance()
-            self.timestamp.lost(clock.lost - lost)
-            self.body.due = clock.due - clock.period
-            self._cycle(behind)
-            self.controller.inputs.cycle(time.monotonic(), clock.due)
+    def _wait(self) -> None:
+        self._thread.loop.call_at(self._clock.due, self._turn)
+
+    def _turn(self) -> None:
+        """Take a control cycle at its deadline."""
+        clock = self._clock
+        lost = clock.lost
+        behind = clock.advance()
+        self.timestamp.lost(clock.lost - lost)
+        self.body.due = clock.due - clock.period
+        self._cycle(behind)
+        self.controller.inputs.cycle(time.monotonic(), clock.due)
+        self._wait()
+
+    def _break_down(self, error: Exception) -> None:
+        traceback.print_exception(error)
+        self.fail(error)
+        self._close_ports()
 
     def _cycle(self, behind: int) -> None:
         now = time.monotonic()
-        while not self._tasks.empty():
-            self._tasks.get()()
         self.controller.cycle(now)
         self._outputs.update(self.timestamp.now(), self.rtde.wanted)
         cycle = self._settings.cycle
@@ -279,11 +253,6 @@ class UR5Emulator(TwinServer):
     def _close_ports(self) -> None:
         for port in self.ports.values():
             port.close()
-
-    def _close(self) -> None:
-        self._close_ports()
-        if self._box is not None:
-            self._box.stop()
 
 
 def _installed(body: Body) -> Payload:

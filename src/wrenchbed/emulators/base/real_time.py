@@ -1,0 +1,115 @@
+"""Real time for an emulator's cycle: deadlines on an absolute grid, real-time scheduling."""
+
+import os
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+GIVE_UP_S = 1.0
+"""Lag beyond which lost cycles are not made up for [s]."""
+_SWITCH_S = 5e-4
+"""Longest that another thread keeps Python's lock from a real-time thread [s]."""
+_JOIN_S = 2.0
+
+
+class CycleClock:
+    """Deadlines every ``period`` seconds of `time.monotonic`, without drift.
+
+    A loop that is late gets the deadlines that it missed at once, one after the other, until it
+    has caught up; after more than ``give_up`` seconds the lag is forgotten and counted in `lost`.
+    """
+
+    def __init__(self, period: float, give_up: float = GIVE_UP_S) -> None:
+        self.period = period
+        self.lost = 0.0
+        self._give_up = give_up
+        self._begun = time.monotonic()
+        self._cycles = 0
+
+    @property
+    def due(self) -> float:
+        """Deadline of the next cycle [s]."""
+        return self._begun + (self._cycles + 1) * self.period
+
+    @property
+    def remaining(self) -> float:
+        """Time until the next deadline [s], 0 where it has passed."""
+        return max(0.0, self.due - time.monotonic())
+
+    def advance(self) -> int:
+        """Count one cycle as done; how many more deadlines have passed already."""
+        self._cycles += 1
+        behind = time.monotonic() - self._begun - self._cycles * self.period
+        if behind > self._give_up:
+            self._begun += behind
+            self.lost += behind
+            return 0
+        return max(0, int(behind / self.period))
+
+
+class CycleThread:
+    """A thread that runs a step every period.
+
+    Args:
+        name: of the thread.
+        period: of the steps [s].
+        give_up: lag beyond which lost steps are not made up for [s].
+        step: called with the deadline [s].
+        failed: called with the error that ended the thread.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        period: float,
+        give_up: float,
+        step: Callable[[float], None],
+        failed: Callable[[Exception], None],
+    ) -> None:
+        self._period, self._give_up = period, give_up
+        self._step, self._failed = step, failed
+        self._stopped = threading.Event()
+        self._thread = threading.Thread(target=self._run, name=name, daemon=True)
+
+    def start(self) -> None:
+        """Let time run."""
+        self._thread.start()
+
+    def stop(self) -> None:
+        """End the thread; may be called twice."""
+        self._stopped.set()
+        if self._thread.is_alive():
+            self._thread.join(_JOIN_S)
+
+    def _run(self) -> None:
+        try:
+            with quick_switching():
+                clock = CycleClock(self._period, self._give_up)
+                while not self._stopped.is_set():
+                    time.sleep(clock.remaining)
+                    clock.advance()
+                    self._step(clock.due - self._period)
+        except Exception as error:
+            self._failed(error)
+
+
+@contextmanager
+def quick_switching() -> Iterator[None]:
+    """Let Python change threads so often that a real-time thread is not kept waiting."""
+    before = sys.getswitchinterval()
+    sys.setswitchinterval(_SWITCH_S)
+    try:
+        yield
+    finally:
+        sys.setswitchinterval(before)
+
+
+def take_priority(priority: int = 50) -> bool:
+    """Give the calling thread the real-time policy SCHED_FIFO; whether the system allowed it."""
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
+    except (OSError, AttributeError):
+        return False
+    return True
