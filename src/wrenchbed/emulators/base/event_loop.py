@@ -200,6 +200,7 @@ class Connection(asyncio.Protocol):
         assert isinstance(transport, asyncio.Transport)
         self.transport = transport
         with contextlib.suppress(OSError):  # where the client is gone already
+            self._socket().setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             self._socket().setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, self._kernel)
 
     @property
