@@ -192,12 +192,12 @@ class Bench:
 
     def tick(self):
         self.wire.sent.clear()
-        self.cycle._judge()
+        self.cycle._evaluate()
         self.cycle._send()
         for node, word in self.words.items():
             if node not in self.mute:
                 raw = struct.pack("<Hi", word, 0)
-                self.cycle._heard(1.0, 0x180 + node, raw)
+                self.cycle._received(1.0, 0x180 + node, raw)
 
     def controlwords(self):
         rpdos = {i - 0x200: d for i, d in self.wire.sent if 0x200 < i < 0x207}
@@ -223,7 +223,7 @@ def test_an_emergency_stops_all_others_in_the_next_cycle():
     bench = Bench()
     for _ in range(5):
         bench.tick()
-    bench.cycle._heard(1.0, 0x085, struct.pack("<HB5x", 0x2310, 1))
+    bench.cycle._received(1.0, 0x085, struct.pack("<HB5x", 0x2310, 1))
     assert bench.cycle.latched[0] == "fault" and "over-current" in bench.cycle.latched[1]
     bench.tick()
     assert set(bench.controlwords().values()) == {0x02}
@@ -249,7 +249,7 @@ def test_one_lost_answer_is_no_alarm_and_a_silent_bus_names_no_drive():
 def test_what_a_drive_says_of_itself(can_id, data, state, named):
     bench = Bench()
     bench.tick()
-    bench.cycle._heard(1.0, can_id, data)
+    bench.cycle._received(1.0, can_id, data)
     bench.tick()
     assert bench.cycle.latched[0] == state and named in bench.cycle.latched[1]
 
@@ -259,7 +259,7 @@ def test_a_drive_without_heartbeat_is_compared_with_the_others():
     bench.tick()
     beats = 0
     while bench.cycle.latched is None and beats < 100:
-        bench.cycle._heard(1.0, 0x701 + beats % 5, b"\x05")  # nodes 1 … 5
+        bench.cycle._received(1.0, 0x701 + beats % 5, b"\x05")  # nodes 1 … 5
         bench.tick()
         beats += 1
     assert bench.cycle.latched == ("lost", "drive 6 sends no heartbeat while the others do")
@@ -270,5 +270,5 @@ def test_a_drive_without_heartbeat_is_compared_with_the_others():
 def test_frames_of_any_length_are_taken_or_dropped(raw):
     bench = Bench()
     for first in (0x080, 0x180, 0x700):
-        bench.cycle._heard(1.0, first + 1, raw)
+        bench.cycle._received(1.0, first + 1, raw)
     bench.tick()

@@ -65,11 +65,6 @@ def test_exact_bits_are_those_of_the_frame_written_out(can_id, data, extended):
     assert bits.unstuffed(len(data), extended) <= exact <= bits.worst(len(data), extended)
 
 
-@given(st.integers(0, 0x7FF), st.binary(max_size=8))
-def test_driver_and_server_count_the_same_without_sharing_code(can_id, data):
-    assert options.frame_bits(can_id, data) == bits.exact(can_id, data)
-
-
 def test_the_poll_of_the_sensor_takes_what_its_three_frames_take():
     least = [bits.unstuffed(n) for n in (0, 8, 6)]
     most = [bits.worst(n) for n in (0, 8, 6)]

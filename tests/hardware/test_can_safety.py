@@ -14,12 +14,12 @@ from wrenchbed.hardware.drivers.can import (
     CanOptions,
     cycle,
     driver,
+    monitoring,
     network,
     options,
-    standstill,
 )
+from wrenchbed.hardware.drivers.can.monitoring import REST_S
 from wrenchbed.hardware.drivers.can.options import HEARTBEAT_S
-from wrenchbed.hardware.drivers.can.standstill import REST_S
 
 pytestmark = pytest.mark.wire
 SLOW = 0.02 * 0.25 * 1e6 + 80.0
@@ -40,7 +40,7 @@ def arm(monkeypatch):
         return one.buses[-1]
 
     monkeypatch.setattr(driver, "open_bus", opened)
-    for module in (cycle, driver, standstill, device):  # other processes may keep this machine busy
+    for module in (cycle, driver, monitoring, device):  # other processes may keep this machine busy
         monkeypatch.setattr(module, "STALE_S", 0.3)
     monkeypatch.setattr(network, "ANSWER_S", 0.02)
     yield one
@@ -73,7 +73,7 @@ def test_drives_that_stand_outside_their_limits_are_not_enabled(arm):
     arm.servos[1].position = 0.0
     arm.connect()
     assert until(lambda: arm.health().ok)
-    with pytest.raises(DriverError, match=r"q2 \(drive 2\) tells 0 rad.*1\.658 .*home the drives"):
+    with pytest.raises(DriverError, match=r"q2 \(drive 2\) reports 0 rad.*1\.658 .*home the drives"):
         arm.activate()
     assert arm.buses[-1].told == [] and arm.servos[1].position == 0.0
     arm.servos[1].position = 2.0 * arm.setting.counts_per_unit[1]
@@ -96,7 +96,7 @@ def test_recover_stops_a_moving_robot_before_it_takes_the_voltage_off(arm):
 def test_a_drive_that_stops_by_itself_keeps_its_voltage_on_its_ramp(arm, monkeypatch):
     bus = started(arm)
     underway(arm)
-    monkeypatch.setattr(arm._cycle, "_judge", lambda: None)  # it happens after the judgement
+    monkeypatch.setattr(arm._cycle, "_evaluate", lambda: None)  # it happens after the judgement
     begun = time.monotonic()
     arm.servos[0].state = 0x07
     assert until(lambda: arm._cycle.drives[0].sent == 0x02)

@@ -91,8 +91,8 @@ def test_a_bus_that_is_gone_is_named_and_the_drives_stop_by_themselves(driver, t
 def test_a_master_that_vanishes_leaves_drives_that_stop(twin):
     code = (
         "import os, numpy as np, time\n"
-        "from wrenchbed.hardware.drivers.can import CanDriver, Options\n"
-        f"d = CanDriver(Options(host='{HOST}')); d.connect(); d.recover()\n"
+        "from wrenchbed.hardware.drivers.can import CanDriver, CanOptions\n"
+        f"d = CanDriver(CanOptions(host='{HOST}')); d.connect(); d.recover()\n"
         "q = d.position(); q[0] += 0.05 if q[0] < 0.05 else -0.05\n"
         "d.move(q); time.sleep(0.3); print(*d.read().q, flush=True); os._exit(9)\n"
     )

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from wrenchbed.hardware.drivers.base.live import settled
-from wrenchbed.hardware.drivers.base.resampling import Evenly, hermite
+from wrenchbed.hardware.drivers.base.resampling import Resampler, hermite
 from wrenchbed.hardware.drivers.base.samples import ArmSample
 
 OMEGA = 2 * np.pi * 0.7
@@ -18,7 +18,7 @@ def state(t: float, arrival: float) -> ArmSample:
 
 def test_late_states_and_gaps_leave_no_trace_in_the_rows():
     rng = np.random.default_rng(0)
-    even, rows = Evenly(125.0), []
+    even, rows = Resampler(125.0), []
     drift = 400e-6
     for k in range(1200):
         if k % 7 == 3 or 300 <= k < 304:
@@ -43,7 +43,7 @@ def test_late_states_and_gaps_leave_no_trace_in_the_rows():
 
 
 def test_repeated_and_older_states_are_left_out():
-    even = Evenly(100.0)
+    even = Resampler(100.0)
     for t in (0.0, 0.01, 0.01, 0.005, 0.02):
         even.add(state(t, t))
     assert [round(r.t, 6) for r in even.rows(10)] == [0.0, 0.01, 0.02]

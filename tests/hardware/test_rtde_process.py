@@ -14,8 +14,8 @@ pytestmark = pytest.mark.wire
 HOST = "127.0.2.18"
 START = """
 import sys, time
-from wrenchbed.hardware.drivers.rtde import Options, RtdeDriver
-link = RtdeDriver(Options(host=sys.argv[1], sensor="rtde"))
+from wrenchbed.hardware.drivers.rtde import RtdeDriver, RtdeOptions
+link = RtdeDriver(RtdeOptions(host=sys.argv[1], sensor="rtde"))
 link.connect()
 link.activate()
 q = link.position()

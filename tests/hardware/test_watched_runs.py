@@ -6,9 +6,9 @@ import pytest
 from wrenchbed.errors import DriverError, LateError, LimitError, LinkError
 from wrenchbed.hardware.device import Health
 from wrenchbed.hardware.drivers.base import watched_move
-from wrenchbed.hardware.drivers.base.resampling import Evenly
+from wrenchbed.hardware.drivers.base.resampling import Resampler
 from wrenchbed.hardware.drivers.base.samples import ArmSample
-from wrenchbed.hardware.drivers.base.watched_move import WatchedMotion
+from wrenchbed.hardware.drivers.base.watched_move import WatchedMove
 from wrenchbed.hardware.transducers.base import Past, WrenchSample
 
 
@@ -46,7 +46,7 @@ def test_nothing_is_told_before_after_and_in_a_gap():
 
 
 def test_states_too_far_apart_end_a_motion():
-    even = Evenly(100.0)
+    even = Resampler(100.0)
     for t in (0.0, 0.01, 0.02, 0.25):
         even.add(ArmSample(t, None, 0, 0.0, True, np.zeros(6), np.zeros(6)))
     assert len(even.rows(3)) == 3
@@ -88,7 +88,7 @@ def clock(monkeypatch):
 
 def test_a_slow_move_is_waited_for_while_it_comes_nearer(clock):
     driver = Watched(0.01, clock)
-    motion = WatchedMotion(driver, np.zeros(6), 1.0)
+    motion = WatchedMove(driver, np.zeros(6), 1.0)
     for _ in range(80):  # forty seconds of a move of one
         assert motion.poll() is None
     driver.step = 0.0
@@ -101,21 +101,21 @@ def test_a_slow_move_is_waited_for_while_it_comes_nearer(clock):
 def test_a_stop_for_too_much_force_stays_hard(clock):
     driver = Watched(0.01, clock, force="much")
     with pytest.raises(LimitError):
-        WatchedMotion(driver, np.zeros(6), 1.0).poll()
+        WatchedMove(driver, np.zeros(6), 1.0).poll()
     assert driver.stops == ["hard"]
 
 
 def test_a_stop_that_fails_is_told_too(clock):
     driver = Watched(0.01, clock, force="and the stop fails")
     with pytest.raises(LimitError) as caught:
-        WatchedMotion(driver, np.zeros(6), 1.0).poll()
+        WatchedMove(driver, np.zeros(6), 1.0).poll()
     assert caught.value.__notes__ == ["the stop failed, too: no answer"]
 
 
 def test_an_interrupted_wait_stops_the_robot(clock):
     driver = Watched(0.01, clock)
     driver.guard = lambda: (_ for _ in ()).throw(KeyboardInterrupt)
-    motion = WatchedMotion(driver, np.zeros(6), 1.0)
+    motion = WatchedMove(driver, np.zeros(6), 1.0)
     with pytest.raises(KeyboardInterrupt):
         motion.wait()
     assert driver.stops == ["soft"]

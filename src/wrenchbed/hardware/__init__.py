@@ -1,1 +1,5 @@
-"""What moves a real or simulated robot and what reads its force/torque sensor."""
+"""Drivers move a real or simulated robot; transducers read a force/torque sensor.
+
+May import: simulation, twin, effects, calibration, robots, sensors, data, physics, registry, errors.
+Read first: ``device.py``, then ``drivers/base/driver.py`` and ``transducers/base.py``.
+"""

@@ -1,10 +1,8 @@
-"""The life of whatever is connected: a robot's driver, a sensor's electronics.
+"""Lifecycle and health of a connected device: a robot's driver or a sensor's electronics."""
 
-How a device is doing: one named state, one sentence, and its counters.
-"""
-
+import time
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from types import TracebackType
 from typing import ClassVar, Literal, Self
@@ -17,9 +15,9 @@ State = Literal["closed", "starting", "ok", "stale", "lost", "stopped", "fault"]
 ``fault``: the device answers and reports an error that someone must clear."""
 
 STALE_S = 0.08
-"""Age of the newest reading from which a link is stale [s]; named well within 100 ms."""
+"""Age of the newest reading from which a link is stale [s]; estimate: named well within 100 ms."""
 GONE_S = 1.0
-"""Age from which a link is lost [s]."""
+"""Age of the newest reading from which a link is lost [s]; estimate."""
 
 
 @dataclass(frozen=True)
@@ -50,8 +48,18 @@ def by_age(age: float, what: str, counters: Mapping[str, float]) -> Health:
     return Health(state, f"{what}: no fresh reading for {age:.2f} s", counters)
 
 
+def wait_until(done: Callable[[], bool], seconds: float, pause: float = 0.005) -> bool:
+    """Wait until a condition holds, looking every ``pause`` [s]; False at the deadline [s]."""
+    end = time.monotonic() + seconds
+    while not done():
+        if time.monotonic() > end:
+            return False
+        time.sleep(pause)
+    return True
+
+
 class Device(ABC):
-    """Something that is opened, used and let go of. Use as a context manager."""
+    """Something that is connected, used and closed. Use as a context manager."""
 
     name: ClassVar[str]
     title: ClassVar[str]
@@ -62,11 +70,11 @@ class Device(ABC):
         self._connected = False
 
     def connect(self) -> None:
-        """Open the device and wait until it tells something; nothing moves.
+        """Open the device and wait for its first reading; nothing moves.
 
         Raises:
             LinkError: it cannot be reached, or does not answer within its deadline.
-            DriverError: it answers what cannot be used.
+            DriverError: its answer cannot be used.
         """
         if not self._connected:
             try:
@@ -77,13 +85,13 @@ class Device(ABC):
             self._connected = True
 
     def close(self) -> None:
-        """Let go of the device; may be called twice."""
+        """Release the device; may be called twice."""
         if self._connected:
             self._connected = False
             self._close()
 
     def health(self) -> Health:
-        """What is wrong, if anything."""
+        """The state, and what is wrong, if anything."""
         return self._health() if self._connected else Health("closed", "call connect() first")
 
     @abstractmethod
@@ -91,7 +99,7 @@ class Device(ABC):
 
     @abstractmethod
     def _close(self) -> None:
-        """Must bear a half-open device."""
+        """Release what is open; the device may be half open."""
 
     @abstractmethod
     def _health(self) -> Health: ...

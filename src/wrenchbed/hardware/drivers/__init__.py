@@ -1,1 +1,5 @@
-"""Drivers, one file a device; `wrenchbed.registry.names("drivers")` lists them."""
+"""Drivers of robots, one file or folder each; `wrenchbed.registry.names("drivers")` lists them.
+
+May import: transducers and device of this room, and what the room may import; no sibling driver.
+Read first: ``base/driver.py``, then ``replay.py``, the shortest driver.
+"""

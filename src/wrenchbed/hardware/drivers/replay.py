@@ -1,7 +1,7 @@
-"""A recording in the place of a robot: it answers with what was measured, and refuses the rest.
+"""A recording in the place of a robot: it returns measured rows and refuses other poses.
 
-A move goes to the hold of the recording at those joint values, samples are its rows one after the
-other. Times are the recording's own, moved on where a plan visits holds in another order.
+A move goes to the recording's hold at those joint values; samples are its rows in order. Times are
+those of the recording, shifted where a plan visits holds in another order.
 """
 
 from collections.abc import Iterator
@@ -19,7 +19,7 @@ from wrenchbed.hardware.transducers.base import WrenchSample
 from wrenchbed.robots.motion_limits import Limits
 
 NEAR = 1e-3
-"""Farthest from a row's joint values that a pose may be [rad or m]."""
+"""Farthest from a row's joint values that a pose may be [rad or m]; estimate."""
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class ReplayOptions:
     Attributes:
         robot: registry name.
         recording: Parquet file of that robot, with joints.
-        limits: what a plan may ask.
+        limits: of the plans.
     """
 
     robot: str
@@ -53,61 +53,61 @@ class ReplayDriver(Driver):
         self.robot = registry.load("robots", options.robot)
         if not options.recording:
             raise RecordingError("driver 'replay' needs a recording: give --recording FILE")
-        self._told = Recording.read(options.recording)
-        if self._told.metadata.robot != self.robot.name or not self._told.joints:
+        self._recording = Recording.read(options.recording)
+        if self._recording.metadata.robot != self.robot.name or not self._recording.joints:
             raise RecordingError(
                 f"{options.recording}: is no recording of the joints of {self.robot.name!r}"
             )
         self._row = 0
-        self._given = np.zeros(len(self._told), dtype=bool)
-        self._time = float(self._told.t[0])
+        self._used = np.zeros(len(self._recording), dtype=bool)
+        self._time = float(self._recording.t[0])
 
     def metadata(self, mode: str, rate: float) -> Metadata:
-        return self._told.metadata
+        return self._recording.metadata
 
     def _connect(self) -> None:
         """Nothing to open: the recording was read."""
 
     def _close(self) -> None:
-        """Nothing to let go of."""
+        """Nothing to release."""
 
     def _read(self) -> ArmSample:
-        row, columns = self._row, self._told.columns
-        joints = range(1, len(self._told.joints) + 1)
-        still = np.zeros(len(self._told))
+        row, columns = self._row, self._recording.columns
+        joints = range(1, len(self._recording.joints) + 1)
+        still = np.zeros(len(self._recording))
         qd = np.array([columns.get(f"qd{j}", still)[row] for j in joints], dtype=float)
         return ArmSample(
-            self._time, float(self._told.t[row]), row, 0.0, not self._given[row],
-            self._told.q[row].astype(float), qd, mode="replay",
+            self._time, float(self._recording.t[row]), row, 0.0, not self._used[row],
+            self._recording.q[row].astype(float), qd, mode="replay",
         )  # fmt: skip
 
     def _read_wrench(self) -> WrenchSample:
         row = self._row
-        status = int(self._told.columns.get("status", np.zeros(len(self._told)))[row])
+        status = int(self._recording.columns.get("status", np.zeros(len(self._recording)))[row])
         return WrenchSample(
-            self._time, float(self._told.t[row]), row, 0.0, not self._given[row],
-            self._told.wrench[row].astype(float), status=status,
+            self._time, float(self._recording.t[row]), row, 0.0, not self._used[row],
+            self._recording.wrench[row].astype(float), status=status,
         )  # fmt: skip
 
     def _write(self, q: np.ndarray) -> Applied:
         return Applied(None, "a recording follows no targets: use track() with its own motion")
 
     def _position(self) -> np.ndarray:
-        return np.array(self._told.q[self._row], dtype=float)
+        return np.array(self._recording.q[self._row], dtype=float)
 
     def _move(self, start: np.ndarray, goal: np.ndarray, seconds: float) -> Move:
-        return _Leap(self, goal)
+        return _InstantMove(self, goal)
 
-    def leap(self, goal: np.ndarray) -> Reached:
-        """Stand at the first row not yet given at joint values (J,).
+    def jump(self, goal: np.ndarray) -> Reached:
+        """Go to the first unused row at joint values (J,).
 
         Raises:
             DriverError: no row is there.
         """
-        off = np.abs(self._told.q - goal).max(axis=1)
-        at = np.flatnonzero((off < NEAR) & ~self._given)
+        distance = np.abs(self._recording.q - goal).max(axis=1)
+        at = np.flatnonzero((distance < NEAR) & ~self._used)
         if not len(at):
-            miss = float(off.min())
+            miss = float(distance.min())
             raise DriverError(
                 f"the recording has no further row at this pose; its nearest row is {miss:.2g} off"
             )
@@ -121,54 +121,43 @@ class ReplayDriver(Driver):
         return Health("ok")
 
     def _sample(self, n: int, rate: float) -> Block:
-        near = np.abs(self._told.q - self._position()).max(axis=1) < NEAR
-        rows = np.flatnonzero(near & ~self._given)[:n]
+        near = np.abs(self._recording.q - self._position()).max(axis=1) < NEAR
+        rows = np.flatnonzero(near & ~self._used)[:n]
         if len(rows) < n:
             raise DriverError(f"the recording has {len(rows)} more rows at this pose, not {n}")
-        return self._give(rows)
+        return self._use(rows)
 
     def _track(self, targets: np.ndarray, rate: float) -> Iterator[Block]:
-        wanted = np.stack([self._told.columns.get(f"q_target{j + 1}", self._told.q[:, j])
+        wanted = np.stack([self._recording.columns.get(f"q_target{j + 1}", self._recording.q[:, j])
                            for j in range(targets.shape[1])], axis=-1)  # fmt: skip
         if len(targets) > len(wanted) or np.abs(wanted[: len(targets)] - targets).max() > NEAR:
             raise DriverError("the recording followed another trajectory")
-        yield self._give(np.arange(len(targets)))
+        yield self._use(np.arange(len(targets)))
 
-    def _give(self, rows: np.ndarray) -> Block:
-        self._given[rows] = True
+    def _use(self, rows: np.ndarray) -> Block:
+        self._used[rows] = True
         self._row = int(rows[-1])
-        t = self._told.t[rows].astype(float)
+        t = self._recording.t[rows].astype(float)
         shift = max(0.0, self._time - t[0])
         self._time = float(np.nextafter(t[-1] + shift, np.inf))
-        columns = {k: v[rows] for k, v in self._told.columns.items() if k != "segment"}
+        columns = {k: v[rows] for k, v in self._recording.columns.items() if k != "segment"}
         return columns | {"t": t + shift}
 
 
-class _Leap(Move):
+class _InstantMove(Move):
     """A move that takes no time."""
 
     def __init__(self, driver: ReplayDriver, goal: np.ndarray) -> None:
-        self.goal, self._driver = goal, driver
-        self._end: Reached | DriverError | None = None
+        super().__init__(goal)
+        self._driver = driver
 
-    def poll(self) -> Reached | None:
-        if self._end is None:
-            try:
-                self._end = self._driver.leap(self.goal)
-            except DriverError as error:
-                self._end = error
-        if isinstance(self._end, DriverError):
-            raise self._end
-        return self._end
+    def _advance(self) -> Reached:
+        return self._driver.jump(self.goal)
 
     def wait(self, timeout: float | None = None) -> Reached:
         end = self.poll()
         assert end is not None
         return end
-
-    def cancel(self) -> None:
-        if self._end is None:
-            self._end = DriverError("the move was cancelled")
 
 
 DRIVER = ReplayDriver

@@ -1,16 +1,12 @@
 """The simulated robot: MuJoCo moves it in simulated time, its sensor adds realistic noise.
 
 At rest the wrench is exact at the joint values that the servos reached; in motion it is that of
-the servo-driven dynamics. What the robot truly is (``parameters``) never enters its metadata,
-which states the nominal robot.
+the servo-driven dynamics. The true ``parameters`` never enter the metadata, which state the nominal
+robot.
 
-Effects do not change where the joints are measured: the plant moves without them, and what they
-change in the load on the sensor is computed at the measured joints, at rest and in motion as if at
-rest (`twin`). They remember the whole campaign.
-
-A simulated move: polled, awaited or cancelled in simulated time.
-
-The simulated robot: MuJoCo moves it in simulated time, its sensor adds realistic noise.
+Effects do not change the measured joint values: the robot moves without them, and their change of
+the load on the sensor is computed at the measured joints (`twin`). Effects with memory, such as
+creep, remember the complete recording run.
 """
 
 import warnings
@@ -40,64 +36,52 @@ from wrenchbed.twin.replay import Playback
 from wrenchbed.twin.twin import Twin
 
 CONTROL_S = 0.008
-"""Period of the position targets in a move [s]."""
+"""Period of the position targets in a move [s]; estimate."""
 
 
-class SimMotion(Move):
-    """A move of a simulated robot; each `poll` takes one control period of simulated time.
+class SimMove(Move):
+    """A move of a simulated robot; each `poll` advances it by one control period.
 
     Args:
         goal: joint values (J,).
-        steps: where it is after each period; the last one lasts longer than nothing.
-        halt: brings the robot to rest after some time on the way [s].
+        steps: the robot's place after each period; the duration of the last one is above 0.
+        halt: brings the robot to rest after some time of the move [s].
     """
 
     def __init__(
         self, goal: np.ndarray, steps: Iterator[Reached], halt: Callable[[float], None]
     ) -> None:
-        self.goal = goal
+        super().__init__(goal)
         self._steps, self._stop = steps, halt
         self._taken = 0
-        self._end: Reached | DriverError | None = None
 
-    def poll(self) -> Reached | None:
-        if self._end is None:
-            try:
-                at = next(self._steps)
-            except DriverError as error:
-                self._end = error
-            else:
-                self._taken += 1
-                self._end = at if at.duration > 0.0 else None
-        if isinstance(self._end, DriverError):
-            raise self._end
-        return self._end
+    def _advance(self) -> Reached | None:
+        reached = next(self._steps)
+        self._taken += 1
+        return reached if reached.duration > 0.0 else None
 
     def wait(self, timeout: float | None = None) -> Reached:
         while (end := self.poll()) is None:
             if timeout is not None and self._taken * CONTROL_S > timeout:
-                self._halt(LateError(f"the move did not arrive within {timeout:g} s"))
+                self._halt()
+                self._end = LateError(f"the move did not arrive within {timeout:g} s")
         return end
 
-    def cancel(self) -> None:
-        if self._end is None:
-            self._halt(DriverError("the move was cancelled"))
-
-    def _halt(self, why: DriverError) -> None:
+    def _halt(self) -> None:
         self._stop(self._taken * CONTROL_S)
-        self._end = why
 
 
 _BLOCK_S = 4.0
+"""Length of the blocks of rows of a motion [s]."""
 _PUSH = 3.0
-"""Largest contact force of a touch along each axis [N]."""
+"""Largest contact force of a touch along each axis [N]; estimate."""
 Samples = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 """Times (n,), joint values and speeds (n, J), loads or readings (n, 6)."""
 
 
 @dataclass(frozen=True)
 class SimOptions:
-    """What is simulated.
+    """The simulated robot and its sensor.
 
     Attributes:
         robot: registry name.
@@ -106,7 +90,7 @@ class SimOptions:
         seed: of the noise.
         gravity: (3,) [m/s²], the robot's default if None.
         effects: as ``joint.compliance:joint=2,stiffness=1.4e4``; without values of typical size.
-        limits: what it may do; half of top speed anywhere if None.
+        limits: of its motion; half of top speed anywhere if None.
     """
 
     robot: str
@@ -138,8 +122,8 @@ class SimDriver(Driver):
         self.robot: SimulatedRobot = robot
         self.model = Model(robot, tuple(options.gravity or robot.gravity))
         self.theta = self.model.parameters.vector(options.parameters)
-        own = self.theta[: len(robot.parameters)]
-        self._simulation = Simulation(robot, own, self.model.gravity)
+        theta = self.theta[: len(robot.parameters)]
+        self._simulation = Simulation(robot, theta, self.model.gravity)
         self._sensor = registry.load("sensors", robot.sensor)
         self._noise = noise_model(options.noise, self._sensor.noise)
         self._stream = NoiseStream(self._noise, options.seed)
@@ -148,7 +132,7 @@ class SimDriver(Driver):
         self._playback = Playback(twin, options.seed) if active else None
         self._plant = ServoDrivenRobot(self._simulation, robot.home)
         self._time, self._seen, self._count = 0.0, -1.0, 0
-        self._hand = np.random.default_rng([options.seed, 1])
+        self._touch_rng = np.random.default_rng([options.seed, 1])
         self._contact = np.zeros(6)
 
     def metadata(self, mode: str, rate: float) -> Metadata:
@@ -168,10 +152,10 @@ class SimDriver(Driver):
             self._playback.expect(plan)
 
     def _connect(self) -> None:
-        """Nothing to open: the robot stands at home since it was made."""
+        """Nothing to open: the robot starts at its home pose."""
 
     def _close(self) -> None:
-        """Nothing to let go of."""
+        """Nothing to release."""
 
     def _position(self) -> np.ndarray:
         return self._plant.q
@@ -216,29 +200,28 @@ class SimDriver(Driver):
         return Health("ok")
 
     def _touch(self, point: np.ndarray) -> Reached:
-        """The tip sits within `touches.STD` of the point, pushed by an unknown force."""
-        seat = point + self._hand.normal(0.0, STD, 3)
+        """The tip rests within `touches.STD` of the point, pushed by an unknown force."""
+        seat = point + self._touch_rng.normal(0.0, STD, 3)
         start = self._plant.q
         target = self._simulation.seated(start, seat)
         if target is None or self.robot.infeasible(target[None], self._simulation.theta):
             raise DriverError(f"the simulated {self.robot.name} cannot reach the point {point} m")
         reached = self._move(start, target, 1.0).wait()
-        own = self._simulation.theta
-        rotation, origin = self.robot.sensor_pose(reached.q[None], own)
-        force = rotation[0].T @ self._hand.uniform(-_PUSH, _PUSH, 3)
+        rotation, origin = self.robot.sensor_pose(reached.q[None], self._simulation.theta)
+        force = rotation[0].T @ self._touch_rng.uniform(-_PUSH, _PUSH, 3)
         lever = rotation[0].T @ (seat - origin[0])
         self._contact = np.concatenate([force, np.cross(lever, force)])
         return reached
 
-    def _move(self, start: np.ndarray, goal: np.ndarray, seconds: float) -> SimMotion:
+    def _move(self, start: np.ndarray, goal: np.ndarray, seconds: float) -> SimMove:
         def halt(seconds: float) -> None:
             _, waited = self._plant.settle(self._plant.q)
             self._arrived(start, seconds + waited)
 
-        return SimMotion(goal, self._steps(start, goal, seconds), halt)
+        return SimMove(goal, self._steps(start, goal, seconds), halt)
 
     def _steps(self, start: np.ndarray, goal: np.ndarray, seconds: float) -> Iterator[Reached]:
-        """Where a move is after each control period, and at last where it came to rest."""
+        """Joint values after each control period of a move, and at last where it came to rest."""
         self._contact = np.zeros(6)
         steps = max(1, int(np.ceil(seconds / CONTROL_S)))
         for share in minimum_jerk(np.arange(1, steps + 1) / steps):
@@ -251,7 +234,7 @@ class SimDriver(Driver):
         yield self._arrived(start, seconds + waited)
 
     def _arrived(self, start: np.ndarray, seconds: float) -> Reached:
-        """The robot rests where it is, after a way that took some time [s]."""
+        """The robot rests where it is, after a move of some duration [s]."""
         arrived = self._time + seconds
         if self._playback is not None:
             self._playback.way((self._time, arrived), start, self._plant.q)
@@ -283,21 +266,21 @@ class SimDriver(Driver):
             yield columns
 
     def _moved(self, targets: np.ndarray, rate: float) -> Iterator[Samples]:
-        """What was measured on the way, second by second, without effects."""
+        """Rows of a motion without effects, block by block."""
         block, steps = max(1, int(_BLOCK_S * rate)), steps_in(1.0 / rate)
         path = CubicSpline(np.arange(len(targets)), targets, bc_type="natural")
         between = np.arange(1, steps + 1) / steps
         for first in range(0, len(targets), block):
             part = targets[first : first + block]
             at = first + np.arange(len(part))[:, None] + between
-            ways = path(np.minimum(at, len(targets) - 1))
-            q, qd, load = self._plant.follow_all(ways, 1.0 / rate)
+            places = path(np.minimum(at, len(targets) - 1))
+            q, qd, load = self._plant.follow_all(places, 1.0 / rate)
             t = self._time + np.arange(len(part)) / rate
             self._time = float(t[-1]) + 1.0 / rate
             yield t, q, qd, load if self._playback else self.model.read(load, self.theta)
 
     def _with_effects(self, blocks: list[Samples]) -> Iterator[Samples]:
-        """The same blocks with readings of the whole motion instead of loads."""
+        """The same blocks with the readings of the complete motion instead of loads."""
         assert self._playback is not None
         t, q, qd, load = (np.concatenate(part) for part in zip(*blocks, strict=True))
         reading = self._playback.motion(t, q, qd, load)

@@ -1,1 +1,5 @@
-"""What reads a force/torque sensor, one file or folder a device."""
+"""Transducers of force/torque sensors, one file or folder each.
+
+May import: ``hardware.device``, registry, sensors, physics, errors; no sibling and no driver.
+Read first: ``base.py``, then ``ur_wrench.py``, the shortest transducer.
+"""

@@ -1,7 +1,7 @@
-"""What a driver is: it moves a robot and reads its sensor; a simulated robot is one like any other.
+"""What all drivers share: the contract, its data types, and the real-time part of live drivers.
 
-`Driver` owns the public methods and checks limits before anything moves; a device fills in the
-methods with an underscore. `LiveDriver` adds what every real-time device shares.
+May import: what ``hardware/drivers`` may import; no driver.
+Read first: ``driver.py``; live drivers add ``live.py``, ``watched_move.py`` and ``resampling.py``.
 """
 
 from wrenchbed.hardware.drivers.base.driver import Driver

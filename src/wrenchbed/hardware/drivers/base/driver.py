@@ -1,4 +1,7 @@
-"""What a driver is: lifecycle, reading, moving, recording; limits are checked here, once."""
+"""The contract of a driver: lifecycle, reading, moving, recording.
+
+The public methods check state and limits; a driver fills in the methods with an underscore.
+"""
 
 import math
 from abc import abstractmethod
@@ -20,7 +23,7 @@ class Driver(Device):
     """A robot with its sensor, simulated or real.
 
     ``connect`` opens the link and moves nothing, ``activate`` makes it ready to move,
-    ``deactivate`` takes that back, ``close`` lets go. As a context manager it is connected and
+    ``deactivate`` ends that, ``close`` releases the link. As a context manager it is connected and
     active inside. Times in recordings are seconds since `connect`, monotonic across all calls.
     """
 
@@ -29,7 +32,7 @@ class Driver(Device):
     live: ClassVar[bool] = False
     """Whether time is this machine's and something real may move."""
     top_rate: float = math.inf
-    """How many rows a second it can tell apart [Hz]."""
+    """Highest rate of distinct rows [Hz]."""
 
     def __init__(self, limits: Limits | None = None) -> None:
         super().__init__()
@@ -40,7 +43,7 @@ class Driver(Device):
         """Make the robot ready to move, with its watchdog on; it does not move yet.
 
         Raises:
-            DriverError: it is stopped, in fault or not powered; says what to do.
+            DriverError: it is stopped, in fault or not powered; the message says what to do.
         """
         self._check_connected()
         if not self._active:
@@ -54,7 +57,7 @@ class Driver(Device):
             self._deactivate()
 
     def close(self) -> None:
-        """Leave the device at rest and let go of it; may be called twice."""
+        """Leave the device at rest and release it; may be called twice."""
         try:
             self.deactivate()
         finally:
@@ -71,7 +74,7 @@ class Driver(Device):
         return self._read_wrench()
 
     def write(self, q: np.ndarray) -> Applied:
-        """Stream one target (J,); says what was sent, or why it was refused."""
+        """Stream one target (J,); the result is what was sent, or why it was refused."""
         self._check_connected()
         if not self._active:
             return Applied(None, f"driver {self.name!r} is not active: call activate() first")
@@ -81,7 +84,7 @@ class Driver(Device):
         """Start a straight joint-space move that comes to rest at q (J,).
 
         Raises:
-            PlanError: the target or the way to it leaves limits, workspace or solvable region.
+            PlanError: the target or the path to it leaves limits, workspace or solvable region.
             DriverError: the robot is not ready.
         """
         self._check_active()
@@ -90,7 +93,7 @@ class Driver(Device):
         return self._move(start, goal, duration(self.robot, start, goal, self.limits.speed))
 
     def stop(self, kind: str = "soft") -> None:
-        """Come to rest, ``soft`` by braking or ``hard`` by what the device has for emergencies."""
+        """Come to rest: ``soft`` by braking, ``hard`` by the device's fastest stop."""
         self._check_connected()
         self._stop(kind)
 
@@ -98,11 +101,11 @@ class Driver(Device):
         """Clear what can be cleared after a stop or a fault; nothing moves.
 
         Args:
-            unlock: also what the robot did to protect itself: look at it before.
+            unlock: also clear a stop by which the robot protected itself: look at it before.
 
         Raises:
-            SafetyStopError: it protected itself, and that was not to be cleared.
-            DriverError: it cannot be cleared from here; says who must do what.
+            SafetyStopError: it protected itself, and ``unlock`` is False.
+            DriverError: it cannot be cleared from here; the message says who must do what.
         """
         self._check_connected()
         self._active = False
@@ -118,17 +121,17 @@ class Driver(Device):
         """Move to a pose near a known point of the world (3,) [m] and seat the tool's tip there.
 
         Raises:
-            PlanError: the pose or the way to it leaves the limits or the solvable region.
+            PlanError: the pose or the path to it leaves the limits or the solvable region.
             DriverError: this device cannot touch, or the tip did not reach the point.
         """
         self.move(q).wait()
         return self._touch(np.asarray(point, dtype=float))
 
     def settle(self) -> float:
-        """Wait until joints and wrench are calm; the time that it took [s].
+        """Wait until joints and wrench are steady; the time that it took [s].
 
         Raises:
-            LateError: they are not by the deadline.
+            LateError: they are not steady by the deadline.
         """
         self._check_connected()
         return self._settle()
@@ -139,7 +142,7 @@ class Driver(Device):
         return self._sample(n, rate)
 
     def track(self, targets: np.ndarray, rate: float) -> Iterator[Block]:
-        """Follow joint values (N, J), one a sample, and yield what was measured on the way.
+        """Follow joint values (N, J), one a sample, and yield the measured rows.
 
         Raises:
             PlanError: the trajectory leaves limits, the solvable region or the joints' speed.
@@ -151,12 +154,12 @@ class Driver(Device):
         yield from self._track(targets, rate)
 
     def expect(self, plan: np.ndarray, mode: str) -> None:
-        """A plan (N, J) is about to run; most devices need not know."""
+        """A plan (N, J) is about to run; most devices ignore it."""
         return None
 
     @abstractmethod
     def metadata(self, mode: str, rate: float) -> Metadata:
-        """What a recording made with this driver states."""
+        """Metadata of a recording made with this driver."""
 
     def _activate(self) -> None:
         """Nothing to switch on."""

@@ -1,9 +1,7 @@
-"""What every real-time driver shares: pacing, ages, settling, moves that are watched to their end.
+"""Base of the live drivers: pacing, fresh readings, settling, monitored moves, streamed motions.
 
 A reading that is not fresh never enters a recording: the driver waits for it, and names the link
 when it does not come.
-
-Even ticks, and whether a sensor is calm.
 """
 
 import threading
@@ -20,7 +18,7 @@ from wrenchbed.data.metadata import Metadata
 from wrenchbed.errors import DriverError, LateError, LinkError
 from wrenchbed.hardware.device import GONE_S, STALE_S, Health
 from wrenchbed.hardware.drivers.base.driver import Driver
-from wrenchbed.hardware.drivers.base.resampling import Even, Evenly
+from wrenchbed.hardware.drivers.base.resampling import EvenRow, Resampler
 from wrenchbed.hardware.drivers.base.samples import (
     Applied,
     ArmSample,
@@ -32,7 +30,7 @@ from wrenchbed.hardware.drivers.base.samples import (
 )
 from wrenchbed.hardware.drivers.base.watched_move import (
     CALM_SPEED,
-    WatchedMotion,
+    WatchedMove,
     check_ready,
     stop_after,
 )
@@ -52,23 +50,31 @@ def pace(due: float, period: float) -> float:
 
 
 def settled(wrench: np.ndarray) -> bool:
-    """Whether the second half (n, 6) reads the same as the first, within three standard errors."""
+    """Whether the second half (n, 6) has the mean of the first, within `_SIGMAS`."""
     first, second = np.array_split(wrench, 2)
     if len(first) < 4 or len(second) < 4:
         return False
     spread = first.var(axis=0, ddof=1) / len(first) + second.var(axis=0, ddof=1) / len(second)
     step = np.abs(second.mean(axis=0) - first.mean(axis=0))
-    return bool((step <= 3.5 * np.sqrt(spread) + 1e-9).all())
+    return bool((step <= _SIGMAS * np.sqrt(spread) + 1e-9).all())
 
 
 LIVE = Limits(speed=0.25, tracking=0.7)
-"""Limits of a live driver that is given none."""
+"""Default limits of a live driver, shares of top speed; estimate."""
 _POLL_S = 0.002
+"""Time between two looks for a new state [s]; estimate."""
 _BLOCK_S = 0.25
+"""Length of the blocks of rows of a motion [s]; estimate."""
 _STREAM_S = (0.008, 0.1)
-"""Shortest and longest time since the last target that a streamed one may use up [s]."""
+"""Shortest and longest time since the last target that a streamed one may use up [s]; estimate."""
 SETTLE_S, SETTLED_WITHIN_S = 0.3, 15.0
-"""Length of the calm that `settle` asks for, and how long it waits for it [s]."""
+"""Length of the steady window that `settle` requires, and its deadline [s]; estimates."""
+_WINDOW = 1.2
+"""Length of the kept readings in units of `SETTLE_S`; estimate."""
+_STEADY_POLL_S = 0.01
+"""Time between two looks of `settle` [s]; estimate."""
+_SIGMAS = 3.5
+"""Standard errors by which the means of a steady window's halves may differ; estimate."""
 
 
 class LiveDriver(Driver):
@@ -80,7 +86,7 @@ class LiveDriver(Driver):
 
     live = True
     lead: float = 0.0
-    """How long before its time the device is told a streamed target [s]."""
+    """How long before its time a streamed target is sent to the device [s]."""
     source: str
     """What recordings state as their source."""
     transducer: Transducer
@@ -103,7 +109,7 @@ class LiveDriver(Driver):
 
     @abstractmethod
     def _shut(self) -> None:
-        """Let go of the robot's own link; must bear a half-open one."""
+        """Release the robot's own link, which may be half open."""
 
     @abstractmethod
     def _begin(self, goal: np.ndarray, seconds: float) -> None:
@@ -152,7 +158,7 @@ class LiveDriver(Driver):
         return self._aim(q, time.monotonic())
 
     def _aim(self, q: np.ndarray, at: float, stops: int | None = None) -> Applied:
-        """Stream one target (J,) for a time (`time.monotonic`, [s]), unless stops are more now."""
+        """Stream a target (J,) for a time (`time.monotonic`, [s]), unless a stop was requested."""
         health = self._health()
         if not health.ok and not self._may_go_on(health):
             return Applied(None, f"{health.state}: {health.detail}")
@@ -171,7 +177,7 @@ class LiveDriver(Driver):
         return applied
 
     def _may_go_on(self, health: Health) -> bool:
-        """Whether only the sensor is late, and nobody asked to stop by what it reads."""
+        """Whether only the sensor is late, and no limit depends on its readings."""
         guarded = self.limits.force is not None or self.limits.torque is not None
         return health.state == "stale" and self._arm_health().ok and not guarded
 
@@ -184,7 +190,7 @@ class LiveDriver(Driver):
             if not isinstance(error, DriverError):
                 stop_after(error, self.stop)
             raise
-        return WatchedMotion(self, goal, seconds)
+        return WatchedMove(self, goal, seconds)
 
     def guard(self) -> None:
         """Stop the robot when the sensor reads more than the limits allow."""
@@ -194,7 +200,7 @@ class LiveDriver(Driver):
         except DriverError:
             self._stop("hard")
             raise
-        if self.onlooker is not None and self._last_target is None:  # a stream tells by its rows
+        if self.onlooker is not None and self._last_target is None:  # a stream reports by its rows
             self.onlooker(time.monotonic() - self._start, self._read().q, wrench)
 
     def _settle(self) -> float:
@@ -205,13 +211,13 @@ class LiveDriver(Driver):
             if np.abs(arm.qd).max() > CALM_SPEED:
                 window.clear()
             window.append((wrench.t, wrench.wrench))
-            while window[-1][0] - window[0][0] > 1.2 * SETTLE_S:
+            while window[-1][0] - window[0][0] > _WINDOW * SETTLE_S:
                 window.popleft()
             if window[-1][0] - window[0][0] > SETTLE_S and settled(
                 np.array([w for _, w in window])
             ):
                 return time.monotonic() - begun
-            time.sleep(0.01)
+            time.sleep(_STEADY_POLL_S)
         raise LateError(
             f"the robot or its sensor is not calm {SETTLED_WITHIN_S:g} s after the move: "
             "look for vibration, or for a load that swings"
@@ -238,49 +244,51 @@ class LiveDriver(Driver):
 
     def _streamed(self, targets: np.ndarray, rate: float) -> Iterator[Block]:
         """Stream the targets; rows lie at equal steps of the robot's own clock."""
-        even, done, whole = Evenly(rate), 0, len(targets)
+        even, done, total = Resampler(rate), 0, len(targets)
         rows: list[dict[str, float]] = []
-        waiting: deque[Even] = deque()
+        waiting: deque[EvenRow] = deque()
         sent: deque[tuple[float, np.ndarray]] = deque(maxlen=round(3.0 * GONE_S * rate))
         due, stops = time.monotonic(), self._stops
         begin = due + self.lead
-        for k in range(whole + round(2.0 * GONE_S * rate)):
-            if k < whole:
+        for k in range(total + round(2.0 * GONE_S * rate)):
+            if k < total:
                 at = due + self.lead
                 applied = self._aim(targets[k], at, stops)
                 if not applied.ok:
                     raise DriverError(f"the motion was stopped: {applied.reason}")
                 sent.append((at, targets[k]))
             due = self._collect(even, due, 1.0 / rate, begin)
-            waiting.extend(even.rows(whole - done - len(waiting)))
+            waiting.extend(even.rows(total - done - len(waiting)))
             while waiting and (row := self._tracked(waiting[0], sent)) is not None:
                 waiting.popleft()
                 rows.append(row)
                 done += 1
-            if rows and (done == whole or len(rows) >= _BLOCK_S * rate):
+            if rows and (done == total or len(rows) >= _BLOCK_S * rate):
                 yield block_of(rows)
                 rows = []
-            if done == whole and k + 1 >= whole:
+            if done == total and k + 1 >= total:
                 return
-        raise LinkError(f"{self.name}: {whole - done} rows of the motion never came")
+        raise LinkError(f"{self.name}: {total - done} rows of the motion never came")
 
-    def _collect(self, even: Evenly, due: float, period: float, begin: float) -> float:
-        """Take in states until the next target is due, none before the first one's time."""
+    def _collect(self, even: Resampler, due: float, period: float, begin: float) -> float:
+        """Take states until the next target is due, none from before ``begin``."""
         until = due + period
         if time.monotonic() - until > max(period, self.lead):
-            until = time.monotonic()  # what came late stays late: a robot must not leap after it
+            until = time.monotonic()  # stay late: a robot must not catch up by a jump
         arm = self._fresh_arm(0.0)
         if arm.t >= begin:
             even.add(arm)
-        while (left := until - time.monotonic()) > 0.0:
-            time.sleep(min(left, _POLL_S))
+        while (remaining := until - time.monotonic()) > 0.0:
+            time.sleep(min(remaining, _POLL_S))
             arm = self._read()
             if arm.age < STALE_S and arm.t >= begin:
                 even.add(arm)
         return until
 
-    def _tracked(self, row: Even, sent: deque[tuple[float, np.ndarray]]) -> dict[str, float] | None:
-        """A row with wrench and target of its moment; None until the sensor has told that."""
+    def _tracked(
+        self, row: EvenRow, sent: deque[tuple[float, np.ndarray]]
+    ) -> dict[str, float] | None:
+        """A row with wrench and target of its moment; None until the sensor has it."""
         wrench = self.transducer.at(row.host)
         if wrench is None:
             if time.monotonic() - row.host < GONE_S:
@@ -320,14 +328,13 @@ class LiveDriver(Driver):
                 raise LinkError(health.detail or f"{self.name}: no new state for {GONE_S:g} s")
             time.sleep(_POLL_S)
 
-    def _fresh_wrench(self, since: float | None = None) -> WrenchSample:
-        """A reading that arrived after a time, else the last row's; waits at most `GONE_S`."""
+    def _fresh_wrench(self) -> WrenchSample:
+        """A reading that arrived after the last row's; waits at most `GONE_S`."""
         begun = time.monotonic()
-        after = self._last_row if since is None else since
         while True:
             wrench = self.transducer.read()
             health = self.transducer.health()
-            if health.ok and wrench.t > after:
+            if health.ok and wrench.t > self._last_row:
                 return wrench
             if health.state in ("lost", "fault") or time.monotonic() - begun > GONE_S:
                 raise LinkError(health.detail or "the sensor sends nothing new")

@@ -1,9 +1,9 @@
-"""A motion on an even clock: states as they come, rows at equal steps of the robot's own time.
+"""Resample a motion: states arrive unevenly, rows lie at equal steps of the robot's clock.
 
 A network delivers states unevenly and drops some, but each carries the robot's time. Between two
 states joints follow the cubic that has their values and speeds (Hermite); the wrench is read at
-the same moment of this machine's clock, to which the robot's is fitted. What holds states up makes
-them late and never early, so of several states the least late one tells how the clocks stand.
+the same moment of this machine's clock, to which the robot's is fitted. Delays make states late and
+never early, so the clocks are fitted to the least late of several states.
 """
 
 import bisect
@@ -17,15 +17,16 @@ from wrenchbed.hardware.device import STALE_S
 from wrenchbed.hardware.drivers.base.samples import ArmSample
 
 _CLOCK_STATES = 600
-"""States that the fit of the two clocks looks back."""
+"""States in the fit of the two clocks; estimate."""
 _LATEST = 64
+"""States that are kept to interpolate between; estimate."""
 _BIN = 50
-"""States of which the least late counts; rows between two fits."""
+"""States of which the least late counts; rows between two fits; estimate."""
 _FEW = 4
-"""Of these below which only the offset of the clocks is fitted."""
+"""Bins below which only the offset of the clocks is fitted; estimate."""
 
 
-class Even(NamedTuple):
+class EvenRow(NamedTuple):
     """One row: even time [s], the same moment on this machine's clock, joints and speeds (J,)."""
 
     t: float
@@ -34,7 +35,7 @@ class Even(NamedTuple):
     qd: np.ndarray
 
 
-class Evenly:
+class Resampler:
     """Turns states into rows at a rate [Hz], from the first state on."""
 
     def __init__(self, rate: float) -> None:
@@ -44,7 +45,7 @@ class Evenly:
         self._clock: deque[tuple[float, float]] = deque(maxlen=_CLOCK_STATES)
         self._first: float | None = None
         self._origin = 0.0
-        self._given = 0
+        self._count = 0
         self._line, self._age = (0.0, 0.0), 0
 
     def add(self, arm: ArmSample) -> None:
@@ -58,21 +59,21 @@ class Evenly:
         self._times.append(t - self._first)
         self._clock.append((t - self._first, arm.t - self._origin))
 
-    def rows(self, most: int) -> list[Even]:
-        """Rows that lie between states, at most some.
+    def rows(self, most: int) -> list[EvenRow]:
+        """The next rows that lie between states, at most ``most``.
 
         Raises:
-            LinkError: two states are too far apart to tell what was between them.
+            LinkError: two states are too far apart to interpolate.
         """
-        found: list[Even] = []
-        while len(found) < most and (row := self._next()) is not None:
-            found.append(row)
-        return found
+        rows: list[EvenRow] = []
+        while len(rows) < most and (row := self._next()) is not None:
+            rows.append(row)
+        return rows
 
-    def _next(self) -> Even | None:
+    def _next(self) -> EvenRow | None:
         if self._first is None:
             return None
-        due = self._given * self._period
+        due = self._count * self._period
         times = list(self._times)
         if due > times[-1] + 1e-9 or len(times) < 2:
             return None
@@ -81,12 +82,12 @@ class Evenly:
         span = times[k] - times[k - 1]
         if span > STALE_S and due > times[k - 1] + 1e-9:
             raise LinkError(f"the robot's states have a gap of {span:.3f} s in the motion")
-        self._given += 1
+        self._count += 1
         q, qd = hermite(before, after, span, float(np.clip((due - times[k - 1]) / span, 0.0, 1.0)))
-        return Even(self._origin + due, self._origin + self._host(due), q, qd)
+        return EvenRow(self._origin + due, self._origin + self._host(due), q, qd)
 
     def _host(self, t: float) -> float:
-        """This machine's time at a time of the robot's, both from the first state on [s]."""
+        """This machine's time for a time of the robot, both since the first state [s]."""
         self._age -= 1
         if self._age < 0:
             self._line = _least_late(np.array(self._clock))
@@ -96,18 +97,18 @@ class Evenly:
 
 
 def _least_late(pairs: np.ndarray) -> tuple[float, float]:
-    """Slope and offset [s] of how far two clocks are apart, from pairs (N, 2) of both's times."""
-    own, apart = pairs[:, 0], pairs[:, 1] - pairs[:, 0]
+    """Slope and offset [s] of the difference of two clocks, from pairs (N, 2) of their times."""
+    t, apart = pairs[:, 0], pairs[:, 1] - pairs[:, 0]
     bins = np.array_split(np.arange(len(pairs)), max(1, len(pairs) // _BIN))
     least = [part[np.argmin(apart[part])] for part in bins]
     if len(least) < _FEW:
         return 0.0, float(apart.min())
-    slope, offset = np.polyfit(own[least], apart[least], 1)
+    slope, offset = np.polyfit(t[least], apart[least], 1)
     return float(slope), float(offset)
 
 
 def controller_time(arm: ArmSample) -> float:
-    """The robot's time of a state, this machine's where it has none [s]."""
+    """Time of a state on the robot's clock, on this machine's where it has none [s]."""
     return arm.t if arm.device_time is None else arm.device_time
 
 

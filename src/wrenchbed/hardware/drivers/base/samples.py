@@ -1,9 +1,4 @@
-"""What a robot says and what was really sent to it.
-
-A move under way: polled, awaited with a deadline, or cancelled.
-
-What a recording states about a robot as designed, whoever recorded it.
-"""
+"""Data types of drivers: states, applied targets, moves, rows, and a recording's metadata."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
@@ -12,13 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from wrenchbed.data.metadata import Metadata, SensorInfo, ToolInfo
+from wrenchbed.errors import DriverError
 from wrenchbed.robots.base import INERTIA_AXES, Robot
 
 Block = Mapping[str, np.ndarray]
 """Columns of a recording by name, each (n,)."""
 Onlooker = Callable[[float, np.ndarray, np.ndarray], None]
-"""Is shown what a driver reads anyway, in the thread that reads, and must not block: the time since
-`connect` [s], joint values (J,) and wrench (6,) [N, N·m]."""
+"""Called with each reading of a driver, in the thread that reads, and must not block: the time
+since `connect` [s], joint values (J,) and wrench (6,) [N, N·m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,8 +29,8 @@ class ArmSample:
         fresh: newer than what the call before returned.
         q: joint values (J,) [rad or m].
         qd: their speeds (J,).
-        effort: torque of each joint (J,) [N·m or N], or its current [A] where a robot gives that.
-        pose: flange in the robot's base x y z qw qx qy qz, None where it is not told.
+        effort: torque of each joint (J,) [N·m or N], or its current [A] where a robot reports that.
+        pose: flange in the robot's base x y z qw qx qy qz, None where it is unknown.
         target_q: where the robot's own controller wants its joints (J,).
         mode: ``off``, ``idle``, ``running``, ``fault`` or what the device calls it.
         safety: ``normal``, ``protective stop``, ``emergency stop`` …
@@ -60,7 +56,7 @@ class ArmSample:
 
 @dataclass(frozen=True, eq=False)
 class Applied:
-    """What came of a target: joint values (J,) as sent, or None and why they were refused."""
+    """The result of a target: joint values (J,) as sent, or None and why they were refused."""
 
     sent: np.ndarray | None
     reason: str = ""
@@ -73,43 +69,67 @@ class Applied:
 
 def block_of(rows: Sequence[Mapping[str, float]]) -> Block:
     """Rows as columns."""
-    whole = {"status": np.uint32, "saturated": np.uint32, "lost": np.int64}
-    return {k: np.array([r[k] for r in rows], dtype=whole.get(k, float)) for k in rows[0]}
+    dtypes = {"status": np.uint32, "saturated": np.uint32, "lost": np.int64}
+    return {k: np.array([r[k] for r in rows], dtype=dtypes.get(k, float)) for k in rows[0]}
 
 
 @dataclass(frozen=True)
 class Reached:
-    """What a move really did: joint values (J,) and duration [s]."""
+    """The result of a move: joint values (J,) and duration [s]."""
 
     q: np.ndarray
     duration: float
 
 
 class Move(ABC):
-    """A move of a robot towards ``goal`` (J,)."""
+    """A move of a robot towards ``goal`` (J,): polled, awaited with a deadline, or cancelled."""
 
-    goal: np.ndarray
+    def __init__(self, goal: np.ndarray) -> None:
+        self.goal = goal
+        self._end: Reached | DriverError | None = None
 
-    @abstractmethod
     def poll(self) -> Reached | None:
         """Where it ended, None while it moves; never blocks.
 
         Raises:
-            DriverError: it failed or was cancelled; the robot was told to stop.
+            DriverError: it failed or was cancelled; the robot was stopped.
         """
+        if self._end is None:
+            try:
+                self._end = self._advance()
+            except DriverError as error:
+                self._failed(error)
+                self._end = error
+        if isinstance(self._end, DriverError):
+            raise self._end
+        return self._end
 
     @abstractmethod
     def wait(self, timeout: float | None = None) -> Reached:
         """Block until it ends; the move's own deadline if no timeout [s] is given.
 
         Raises:
-            LateError: it did not arrive in time; the robot was told to stop.
+            LateError: it did not arrive in time; the robot was stopped.
             DriverError: it failed or was cancelled.
         """
 
-    @abstractmethod
     def cancel(self) -> None:
         """Stop here and come to rest; harmless when it has ended."""
+        if self._end is None:
+            self._end = DriverError("the move was cancelled")
+            self._halt()
+
+    @abstractmethod
+    def _advance(self) -> Reached | None:
+        """Where it ended, None while it moves; raises DriverError where it failed."""
+
+    def _failed(self, error: DriverError) -> None:
+        """Stop a robot that may still move after an error; nothing by default."""
+        return None
+
+    def _halt(self) -> None:
+        """Bring the robot to rest after `cancel`; nothing by default."""
+        return None
 
 
 def as_designed(

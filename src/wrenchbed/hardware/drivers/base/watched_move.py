@@ -1,4 +1,4 @@
-"""A move of a real robot, watched to its end: link, robot, wrench and deadline."""
+"""A move of a live robot, monitored to its end: link, robot, wrench and deadline."""
 
 import time
 from collections.abc import Callable
@@ -11,26 +11,27 @@ from wrenchbed.hardware.device import Health
 from wrenchbed.hardware.drivers.base.samples import ArmSample, Move, Reached
 
 CALM_SPEED = 2e-3
-"""Fastest joint at rest [rad/s or m/s]."""
+"""Fastest joint at rest [rad/s or m/s]; estimate."""
 TOLERANCE = 5e-4
-"""Farthest from its goal that a joint may come to rest [rad or m]."""
+"""Farthest from its goal that a joint may come to rest [rad or m]; estimate."""
 BLIND_S = 0.3
-"""Longest that a robot may move while its state or its sensor is stale [s]."""
+"""Longest that a robot may move while its state or its sensor is stale [s]; estimate."""
 STUCK_S = 3.0
-"""A move beyond its time is given up when it comes no nearer for so long [s]: a speed slider or a
-safety limit of the robot's own may make it slow."""
+"""A move beyond its time is given up when it comes no nearer for so long [s]; estimate. A speed
+slider or a safety limit of the robot may make it slow."""
 _NEARER = 2.0 * TOLERANCE
 _POLL_S = 0.005
+"""Time between two looks while waiting [s]; estimate."""
 
 
 class Watched(Protocol):
-    """What a move asks of its driver."""
+    """The methods of a driver that a move uses."""
 
     def read(self) -> ArmSample:
         """The robot's newest state."""
 
     def health(self) -> Health:
-        """What is wrong, if anything."""
+        """Its state, and what is wrong."""
 
     def guard(self) -> None:
         """Stop and raise when the sensor reads more than the limits allow."""
@@ -39,29 +40,17 @@ class Watched(Protocol):
         """Come to rest."""
 
 
-class WatchedMotion(Move):
-    """A move that is watched: link, robot, wrench and deadline."""
+class WatchedMove(Move):
+    """A move during which link, robot, wrench and deadline are monitored."""
 
     def __init__(self, driver: Watched, goal: np.ndarray, seconds: float) -> None:
-        self.goal = goal
+        super().__init__(goal)
         self._driver, self._begun = driver, time.monotonic()
         self._patience, self._deadline = self._begun + 2.0 * seconds + STUCK_S, np.inf
         self._seen = self._begun
         self._nearest, self._nearer = np.inf, self._begun
-        self._end: Reached | DriverError | None = None
 
-    def poll(self) -> Reached | None:
-        if self._end is None:
-            try:
-                self._end = self._look()
-            except DriverError as error:
-                stop_after(error, self._driver.stop)
-                self._end = error
-        if isinstance(self._end, DriverError):
-            raise self._end
-        return self._end
-
-    def _look(self) -> Reached | None:
+    def _advance(self) -> Reached | None:
         driver, now = self._driver, time.monotonic()
         health = driver.health()
         if health.ok:
@@ -70,10 +59,9 @@ class WatchedMotion(Move):
             check_ready(health)
         driver.guard()
         arm = driver.read()
-        near = np.abs(arm.q - self.goal).max() < TOLERANCE
-        if health.ok and near and np.abs(arm.qd).max() < CALM_SPEED:
-            return Reached(arm.q, now - self._begun)
         miss = float(np.abs(arm.q - self.goal).max())
+        if health.ok and miss < TOLERANCE and np.abs(arm.qd).max() < CALM_SPEED:
+            return Reached(arm.q, now - self._begun)
         if miss < self._nearest - _NEARER:
             self._nearest, self._nearer = miss, now
         if now > self._deadline or now > max(self._patience, self._nearer + STUCK_S):
@@ -96,14 +84,15 @@ class WatchedMotion(Move):
             raise
         return end
 
-    def cancel(self) -> None:
-        if self._end is None:
-            self._end = DriverError("the move was cancelled")
-            self._driver.stop("soft")
+    def _failed(self, error: DriverError) -> None:
+        stop_after(error, self._driver.stop)
+
+    def _halt(self) -> None:
+        self._driver.stop("soft")
 
 
 def stop_after(error: BaseException, stop: Callable[[str], None]) -> None:
-    """Stop, as hard as the error asks for; where the stop fails, the error gets a note of it."""
+    """Stop: hard after a limit was exceeded, else soft; a stop that fails is noted in the error."""
     try:
         stop("hard" if isinstance(error, LimitError) else "soft")
     except DriverError as failed:
@@ -111,7 +100,7 @@ def stop_after(error: BaseException, stop: Callable[[str], None]) -> None:
 
 
 def check_ready(health: Health) -> None:
-    """Raise what a bad state calls for.
+    """Raise the error that a bad state stands for.
 
     Raises:
         StoppedError: the robot stopped or is in fault.

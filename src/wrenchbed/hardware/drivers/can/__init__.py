@@ -1,4 +1,8 @@
-"""MedRUE over CAN: six CiA 402 drives and an ATI sensor on a NETCANOEM board, on one bus."""
+"""Driver of MedRUE over CAN: six CiA 402 drives and an ATI sensor on a NETCANOEM board, on one bus.
+
+May import: driver base, transducer ``netcanoem`` (it shares the bus), robots, registry, errors.
+Read first: ``driver.py``, then ``cycle.py`` (the cyclic exchange) and ``network.py`` (power-up).
+"""
 
 from wrenchbed.hardware.drivers.can.driver import CanDriver
 from wrenchbed.hardware.drivers.can.options import CanOptions

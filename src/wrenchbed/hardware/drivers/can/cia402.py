@@ -1,17 +1,17 @@
-"""What is known of one drive: its last frames, and what is wrong with it.
+"""CiA 402: statusword, controlword, error codes, and the state of one drive.
 
-Statusword and controlword of CiA 402 drives, and the next step towards what is wanted.
+Source of all codes: CiA 301 and CiA 402.
 """
 
 import enum
 import struct
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from wrenchbed.hardware.device import State as HealthState
 
 
 class DriveStatus(enum.Enum):
-    """State of a drive, in its profile's words."""
+    """State of a drive, in the words of CiA 402."""
 
     NOT_READY = "not ready to switch on"
     DISABLED = "switch on disabled"
@@ -24,7 +24,7 @@ class DriveStatus(enum.Enum):
 
 
 class Want(enum.Enum):
-    """What the master wants of its drives."""
+    """The master's command to its drives."""
 
     NOTHING = "no commands at all"
     DISABLE = "voltage off"
@@ -43,8 +43,9 @@ _MASKED = (
     (0x4F, 0x0F, DriveStatus.REACTING),
     (0x4F, 0x08, DriveStatus.FAULT),
 )
+"""Mask and value of the statusword in each state; source: CiA 402."""
 LIMITED = 1 << 11
-"""Statusword: the drive does not go where it is told, an internal limit is active."""
+"""Statusword: the drive does not follow its target: an internal limit is active."""
 SHUTDOWN, SWITCH_ON, ENABLE, VOLTAGE_OFF, QUICK_STOP, FAULT_RESET = (
     0x06,
     0x07,
@@ -53,10 +54,11 @@ SHUTDOWN, SWITCH_ON, ENABLE, VOLTAGE_OFF, QUICK_STOP, FAULT_RESET = (
     0x02,
     0x80,
 )
+"""Controlwords (0x6040); source: CiA 402."""
 
 
 def state_of(statusword: int) -> DriveStatus:
-    """The state that a statusword (0x6041) tells; NOT_READY where it tells none."""
+    """The state of a statusword (0x6041); NOT_READY where it has none."""
     for mask, value, state in _MASKED:
         if statusword & mask == value:
             return state
@@ -72,8 +74,8 @@ def controlword(want: Want, state: DriveStatus, last: int) -> int:
         case Want.QUICK_STOP:
             return QUICK_STOP
         case Want.RESET:
-            stuck = state in (DriveStatus.FAULT, DriveStatus.REACTING)
-            return FAULT_RESET if stuck and last == VOLTAGE_OFF else VOLTAGE_OFF
+            in_fault = state in (DriveStatus.FAULT, DriveStatus.REACTING)
+            return FAULT_RESET if in_fault and last == VOLTAGE_OFF else VOLTAGE_OFF
         case Want.ENABLE:
             steps = {
                 DriveStatus.DISABLED: SHUTDOWN,
@@ -100,7 +102,7 @@ ERRORS = {
     0x8612: "position limit",
     0x8700: "SYNC lost or of wrong period",
 }
-"""Error codes (0x603F, EMCY) of CiA 301 and 402 that are worth words."""
+"""Error codes (0x603F, EMCY) of CiA 301 and 402, and their meaning."""
 
 
 def error_words(code: int) -> str:
@@ -109,17 +111,18 @@ def error_words(code: int) -> str:
 
 
 def stopped_itself(code: int) -> bool:
-    """Whether a code means that the drive stopped because its master fell silent."""
+    """Whether a code means that the drive stopped because its master was silent."""
     return code in (0x8130, 0x8250, 0x8700)
 
 
-Trouble = tuple[HealthState, str]
+Problem = tuple[HealthState, str]
 """State of health and its reason."""
 MISSED = 2
-"""Cycles without an answer, while others answer, after which a drive counts as mute."""
+"""Cycles without an answer, while others answer, after which a drive counts as mute; estimate."""
 BEATS = 18
-"""Heartbeats of the five others, 3.5 periods, without one of its own after which it is lost."""
+"""Heartbeats of the five others, 3.5 periods, without its own after which it is lost; estimate."""
 OPERATIONAL = 0x05
+"""NMT state; source: CiA 301."""
 
 
 @dataclass
@@ -133,15 +136,15 @@ class DriveState:
         torque: 0x6077 of it, thousandths of the rated torque.
         answers: how many it sent.
         answered: whether since the last SYNC.
-        missed: whole rounds in a row in which others answered and it did not.
-        round: of answers, in which it took part last.
+        missed: complete rounds in a row in which others answered and it did not.
+        round: number of the last round that it answered.
         error: its EMCY code, 0 where it has none.
-        rebooted: whether it told a boot-up since it was configured.
-        others: heartbeats of others since its own last; a silent bus is nobody's fault.
+        rebooted: whether it sent a boot-up since it was configured.
+        others: heartbeats of others since its last one; a silent bus does not count.
         nmt: its NMT state, of the heartbeat.
-        sent: controlword that it was sent last.
-        hint: error code that it had before it could tell (0x603F), 0 where it had none.
-        odd: answers of another form than was asked for.
+        sent: the last controlword sent to it.
+        hint: error code from before it was connected (0x603F), 0 where it had none.
+        odd: answers of an unexpected length.
     """
 
     node: int
@@ -158,15 +161,15 @@ class DriveState:
     nmt: int = OPERATIONAL
     sent: int = 0
     hint: int = 0
-    odd: int = field(default=0)
+    odd: int = 0
 
     @property
     def state(self) -> DriveStatus:
-        """What its statusword tells."""
+        """State by its statusword."""
         return state_of(self.statusword)
 
     def take_answer(self, data: bytes) -> bool:
-        """A TPDO; False where it is of another form than was asked for."""
+        """Take a TPDO; False where its length is not the expected one."""
         if len(data) not in (6, 8):
             self.odd += 1
             return False
@@ -178,24 +181,24 @@ class DriveState:
         return True
 
     def take_emergency(self, data: bytes) -> None:
-        """An EMCY."""
+        """Take an EMCY."""
         if len(data) == 8:
             (self.error,) = struct.unpack_from("<H", data)
 
     def take_heartbeat(self, data: bytes) -> None:
-        """A heartbeat or a boot-up message."""
+        """Take a heartbeat or a boot-up message."""
         if len(data) == 1:
             self.others = 0
             self.nmt = data[0] & 0x7F
             self.rebooted = self.rebooted or self.nmt == 0x00
 
-    def trouble(self, enabled: bool) -> Trouble | None:
-        """State of health and reason where it must not be moved on.
+    def trouble(self, enabled: bool) -> Problem | None:
+        """State of health and reason where it must not move; None where it may.
 
         Args:
             enabled: it should follow targets.
 
-        A drive that is gone is ``lost``, one that stopped because it heard nothing ``stopped``.
+        A drive that is gone is ``lost``; one that stopped because of silence is ``stopped``.
         """
         name = f"drive {self.node}"
         if self.error and not stopped_itself(self.error):

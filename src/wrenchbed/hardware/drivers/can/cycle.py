@@ -1,12 +1,8 @@
-"""The cyclic exchange: one thread, one cycle after the other, by absolute deadlines.
+"""The cyclic exchange with the drives: one thread, absolute deadlines.
 
-Each cycle sends the six RPDOs, the request to the sensor and SYNC, and before it judges what the
-last SYNC brought. A drive in error or mute while others answer makes every other drive stop, in
-the same cycle. A bus that is silent as a whole is braked on and then left to the drives' watchdogs.
-
-Whether drives go where they are told, as the master sees it.
-
-A drive watches its own following error; one whose encoder froze does not see any.
+Each cycle first evaluates the answers to the last SYNC, then sends the six RPDOs, the request to
+the sensor and SYNC. A drive in error, or mute while others answer, makes every other drive stop in
+the same cycle. When the complete bus is silent, the targets brake and the drives' watchdogs stop.
 """
 
 import contextlib
@@ -16,7 +12,6 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
 
 import numpy as np
 
@@ -27,97 +22,45 @@ from wrenchbed.hardware.drivers.can.cia402 import (
     QUICK_STOP,
     DriveState,
     DriveStatus,
-    Trouble,
+    Problem,
     Want,
     controlword,
 )
+from wrenchbed.hardware.drivers.can.monitoring import CycleAnswers, Following
+from wrenchbed.hardware.drivers.can.options import EMCY, HEARTBEAT, RPDO1, TPDO1
 from wrenchbed.hardware.drivers.can.setpoints import Setpoints
 from wrenchbed.hardware.transducers.netcanoem.link import CanLink
 
-STUCK_S = 0.01
-"""A target may move as far as top speed takes it in this time while the position stays [s]."""
-FAR_S = 0.15
-"""Farthest that a position may be behind its target, likewise [s]."""
-
-
-class Following:
-    """Positions beside targets, cycle by cycle.
-
-    Args:
-        speed: top speed of each joint (J,).
-    """
-
-    def __init__(self, speed: np.ndarray) -> None:
-        self._stuck, self._far = STUCK_S * speed, FAR_S * speed
-        self._last: np.ndarray | None = None
-        self._told = np.zeros(len(speed))
-
-    def forget(self) -> None:
-        """Begin anew."""
-        self._last = None
-
-    def check(
-        self, counts: np.ndarray, q: np.ndarray, target: np.ndarray
-    ) -> tuple[int, str] | None:
-        """The first joint that does not follow, and how.
-
-        Args:
-            counts: positions as the drives tell them (J,).
-            q: the same in units of the joints (J,).
-            target: what they were told (J,).
-        """
-        if self._last is None:
-            self._last, self._told = counts, np.array(target)
-            return None
-        moved = counts != self._last
-        self._told[moved] = target[moved]
-        self._last = counts
-        for joint in np.flatnonzero(np.abs(target - self._told) > self._stuck)[:1]:
-            way = float(abs(target[joint] - self._told[joint]))
-            return int(joint), f"stands still while its target moved by {way:.2g}"
-        for joint in np.flatnonzero(np.abs(target - q) > self._far)[:1]:
-            return int(joint), f"is {float(abs(target[joint] - q[joint])):.2g} off its target"
-        return None
-
-
 SYNC = 0x080
+"""Id of SYNC; source: CiA 301."""
 _SPEED_OVER = 6
+"""Answers from which speeds are computed; estimate."""
 _JITTER = 2500
+"""Cycles whose times are kept; estimate."""
 _SWITCH_S = 5e-4
-"""Longest that another thread of this process keeps the cycle waiting [s]."""
-
-
-class CycleCommands(NamedTuple):
-    """All drives' answers to one SYNC: when that was sent [s], positions and speeds (J,) in
-    units of the joints, thousandths of rated torque (J,), and how many such there were."""
-
-    t: float
-    q: np.ndarray
-    qd: np.ndarray
-    torque: np.ndarray
-    sequence: int
+"""Longest time that another thread of this process delays the cycle [s]; estimate."""
 
 
 class Cycle:
-    """Runs from `start` to `stop`.
+    """Exchanges frames with all drives from `start` to `stop`.
 
     Args:
         link: the bus.
         drives: in the order of the joints.
         counts: per unit of each joint (J,).
         setpoints: where targets come from.
-        poll: asks the sensor, and sends what else belongs into a cycle.
+        poll: requests a reading of the sensor, and sends the heartbeat.
         period: [s].
 
     Attributes:
         want: of all drives.
-        latched: state of health and reason of the first trouble since `clear`.
+        latched: state of health and reason of the first problem since `clear`.
         latched_at: when it came [s].
-        told: newest whole answer.
+        answers: the newest complete ones.
         following: whether every drive takes targets.
         cycles: begun; ``incomplete``: without all drives' answers; ``overruns``: a period late.
         began: times of the last cycles [s].
-        exchange: from SYNC to the last answer in the last whole ones [s].
+        exchange: time from SYNC to the last answer in the last complete cycles [s].
     """
 
     def __init__(
@@ -127,8 +70,8 @@ class Cycle:
         self._link, self.drives, self._counts = link, drives, counts
         self._setpoints, self._poll, self._follow, self._period = setpoints, poll, follow, period
         self.want = Want.NOTHING
-        self.latched: Trouble | None = None
-        self.told: CycleCommands | None = None
+        self.latched: Problem | None = None
+        self.answers: CycleAnswers | None = None
         self.cycles = self.incomplete = self.overruns = 0
         self.began: deque[float] = deque(maxlen=_JITTER)
         self.exchange: deque[float] = deque(maxlen=_JITTER)
@@ -147,7 +90,7 @@ class Cycle:
 
     def start(self) -> None:
         """Begin."""
-        self._link.listen(self._heard)
+        self._link.listen(self._received)
         self._running = True
         self._thread = threading.Thread(target=self._run, name="can cycle", daemon=True)
         self._thread.start()
@@ -155,7 +98,7 @@ class Cycle:
     def stop(self) -> None:
         """End; may be called twice."""
         self._running = False
-        self._link.leave(self._heard)
+        self._link.leave(self._received)
         if self._thread is not None:
             self._thread.join(2.0)
             self._thread = None
@@ -166,7 +109,7 @@ class Cycle:
         return self._thread is not None and self._thread.is_alive()
 
     def clear(self) -> None:
-        """Forget troubles that are over."""
+        """Forget problems that are over."""
         with self._lock:
             self.latched = None
             for drive in self.drives:
@@ -174,7 +117,7 @@ class Cycle:
                 drive.round = self._rounds
 
     def halt(self, state: HealthState, why: str) -> None:
-        """Make every drive stop, and remember why."""
+        """Stop every drive, and keep the reason."""
         with self._lock:
             if self.latched is None:
                 self.latched, self.latched_at = (state, why), time.monotonic()
@@ -187,12 +130,12 @@ class Cycle:
 
     def _handlers(self, drive: DriveState) -> dict[int, Callable[[float, bytes], None]]:
         return {
-            0x180 + drive.node: lambda t, data: self._answer(t, drive, data),
-            0x080 + drive.node: lambda t, data: self._emergency(drive, data),
-            0x700 + drive.node: lambda t, data: self._heartbeat(drive, data),
+            TPDO1 + drive.node: lambda t, data: self._answer(t, drive, data),
+            EMCY + drive.node: lambda t, data: self._emergency(drive, data),
+            HEARTBEAT + drive.node: lambda t, data: self._heartbeat(drive, data),
         }
 
-    def _heard(self, t: float, can_id: int, data: bytes) -> None:
+    def _received(self, t: float, can_id: int, data: bytes) -> None:
         handler = self._by_id.get(can_id)
         if handler is not None:
             handler(t, data)
@@ -208,7 +151,7 @@ class Cycle:
         trouble = drive.trouble(enabled=False)
         if trouble is not None and self.want is not Want.RESET:
             if self.latched is not None and self.latched == bare:
-                self.latched = trouble  # its state came first, its reason later
+                self.latched = trouble  # the state came first, the reason later
             self.halt(*trouble)
 
     def _answer(self, t: float, drive: DriveState, data: bytes) -> None:
@@ -219,12 +162,12 @@ class Cycle:
             q = np.array([one.position for one in self.drives]) / self._counts
             torque = np.array([one.torque for one in self.drives], dtype=float)
             self._recent.append((self._synced, q))
-            sequence = 1 if self.told is None else self.told.sequence + 1
-            self.told = CycleCommands(self._synced, q, _slope(self._recent), torque, sequence)
+            sequence = 1 if self.answers is None else self.answers.sequence + 1
+            self.answers = CycleAnswers(self._synced, q, _slope(self._recent), torque, sequence)
             self.exchange.append(t - self._synced)
 
     def _count_round(self, drive: DriveState) -> None:
-        """Who misses rounds of answers: by their order on the bus, however late they are heard."""
+        """Count missed rounds of answers, by the order on the bus, not by the time of arrival."""
         if drive.node in self._round:
             self._round.clear()
             self._rounds += 1
@@ -248,7 +191,7 @@ class Cycle:
             sys.setswitchinterval(before)
 
     def _fail(self, error: Exception) -> None:
-        """End by a quick stop; a drive that does not hear it stops by its watchdog."""
+        """End by a quick stop; a drive that does not receive it stops by its watchdog."""
         words = " ".join(f"{type(error).__name__}: {error}".split())[:120]
         with self._lock:
             why = f"the cyclic exchange broke off ({words}): call recover()"
@@ -257,7 +200,7 @@ class Cycle:
         with contextlib.suppress(Exception):
             for drive in self.drives:
                 word = struct.pack("<Hi", QUICK_STOP, drive.position)
-                self._link.send(0x200 + drive.node, word)
+                self._link.send(RPDO1 + drive.node, word)
             self._link.send(SYNC, b"")
 
     def _keep_time(self) -> None:
@@ -270,14 +213,14 @@ class Cycle:
                 self.overruns += 1
                 due = now
             try:
-                self._judge()
+                self._evaluate()
                 self._send()
             except LinkError as error:
                 self.halt("lost", str(error))
                 return
             due += self._period
 
-    def _judge(self) -> None:
+    def _evaluate(self) -> None:
         now = time.monotonic()
         self.began.append(now)
         answered = [drive.answered for drive in self.drives]
@@ -290,7 +233,7 @@ class Cycle:
                 self.halt(*trouble)
         if enabled and all(answered):
             self._check_following()
-        if self.told is not None and now - self.told.t > STALE_S and enabled:
+        if self.answers is not None and now - self.answers.t > STALE_S and enabled:
             self._setpoints.brake()
 
     def _check_following(self) -> None:
@@ -304,9 +247,9 @@ class Cycle:
         if want is not Want.NOTHING:
             counts = self._targets(want)
             for drive, target in zip(self.drives, counts, strict=True):
-                fell = self.following and drive.state is not DriveStatus.ENABLED
-                drive.sent = QUICK_STOP if fell else controlword(want, drive.state, drive.sent)
-                self._link.send(0x200 + drive.node, struct.pack("<Hi", drive.sent, target))
+                failed = self.following and drive.state is not DriveStatus.ENABLED
+                drive.sent = QUICK_STOP if failed else controlword(want, drive.state, drive.sent)
+                self._link.send(RPDO1 + drive.node, struct.pack("<Hi", drive.sent, target))
         self._poll()
         for drive in self.drives:
             drive.answered = False
@@ -315,7 +258,7 @@ class Cycle:
         self.cycles += 1
 
     def _targets(self, want: Want) -> list[int]:
-        """Targets [count]; where the robot is, until every drive follows."""
+        """Targets [count]; the present positions until every drive follows."""
         if want is not Want.ENABLE:
             self.following = False
         elif not self.following and self.all_in(DriveStatus.ENABLED):
@@ -328,7 +271,7 @@ class Cycle:
 
 
 def _slope(recent: Sequence[tuple[float, np.ndarray]]) -> np.ndarray:
-    """Speeds (J,) by a straight line through the last positions."""
+    """Speeds (J,) by a line through the last positions."""
     q = np.array([row[1] for row in recent])
     t = np.array([row[0] for row in recent])
     t = t - t.mean()

@@ -2,7 +2,7 @@
 
 Python's threads share one lock: another thread that computes without pause delays the cycles by up
 to its switch interval (5 ms) each time. Late cycles are counted; the drives stop by themselves
-when targets stay away for longer than the watchdog that `Options` names.
+when no targets arrive for longer than the option ``watchdog``.
 """
 
 import time
@@ -12,31 +12,39 @@ import numpy as np
 
 from wrenchbed import registry
 from wrenchbed.errors import DriverError, LinkError, SafetyStopError
-from wrenchbed.hardware.device import GONE_S, STALE_S, Health, by_age
+from wrenchbed.hardware.device import GONE_S, STALE_S, Health, by_age, wait_until
 from wrenchbed.hardware.drivers.base import Applied, ArmSample
 from wrenchbed.hardware.drivers.base.live import LiveDriver
 from wrenchbed.hardware.drivers.can import options as ids
 from wrenchbed.hardware.drivers.can.cia402 import OPERATIONAL, DriveState, DriveStatus, Want
-from wrenchbed.hardware.drivers.can.cycle import Cycle, Following
-from wrenchbed.hardware.drivers.can.network import Drives
+from wrenchbed.hardware.drivers.can.cycle import Cycle
+from wrenchbed.hardware.drivers.can.monitoring import Following, Rest
+from wrenchbed.hardware.drivers.can.network import Drives, Heartbeat
 from wrenchbed.hardware.drivers.can.options import HEARTBEAT_S, CanOptions
 from wrenchbed.hardware.drivers.can.setpoints import BRAKE_S, Setpoints
-from wrenchbed.hardware.drivers.can.standstill import Heartbeat, Rest
 from wrenchbed.hardware.transducers.netcanoem import NetcanoemOptions as SensorOptions
 from wrenchbed.hardware.transducers.netcanoem import NetcanoemTransducer
 from wrenchbed.hardware.transducers.netcanoem.link import CanLink, open_bus
 from wrenchbed.robots.base import Robot
 
 FIRST_S, ENABLED_S, CLEARED_S, STILL_S = 2.0, 2.0, 1.0, 0.5
-"""Deadlines: first state, all drives enabled, faults cleared, at rest [s]."""
-_TICK_S = 0.002
+"""Deadlines: first state, all drives enabled, faults cleared, at rest [s]; estimates."""
+_POLL_S = 0.002
+"""Time between two looks while waiting [s]; estimate."""
+_STUCK = (
+    DriveStatus.FAULT,
+    DriveStatus.REACTING,
+    DriveStatus.QUICK_STOP,
+    DriveStatus.ENABLED,
+)
+"""States that a recovered drive has left."""
 
 
 class CanDriver(LiveDriver):
     """MedRUE on a CAN bus.
 
     Args:
-        options: where and what it is; refuses ids that collide and rates that the bus cannot carry.
+        options: of bus, drives and sensor.
     """
 
     name = "can"
@@ -76,7 +84,7 @@ class CanDriver(LiveDriver):
         )
         cycle.start()
         self._seen = 0
-        if not self._until(lambda: cycle.told is not None, FIRST_S):
+        if not self._until(lambda: cycle.answers is not None, FIRST_S):
             silent = [d.node for d in cycle.drives if not d.answers]
             raise LinkError(f"drives {silent} do not answer SYNC: are their PDOs switched on?")
 
@@ -85,9 +93,9 @@ class CanDriver(LiveDriver):
         lower = np.array([j.lower for j in joints])
         upper = np.array([j.upper for j in joints])
         for k, node in enumerate(self.setting.nodes):
-            own = network.limits(node)
-            if own is not None:
-                ends = sorted(count / self._counts[k] for count in own)
+            in_drive = network.limits(node)
+            if in_drive is not None:
+                ends = sorted(count / self._counts[k] for count in in_drive)
                 lower[k], upper[k] = max(lower[k], ends[0]), min(upper[k], ends[1])
         return Setpoints(1.0 / self.setting.rate, lower, upper, self._top)
 
@@ -118,9 +126,9 @@ class CanDriver(LiveDriver):
             raise DriverError(f"cannot enable the drives: {cycle.latched[1]}")
 
     def _check_start(self) -> None:
-        """Refuse drives without a deadline for targets, and positions that no joint can have."""
+        """Refuse drives without a deadline for targets, and impossible positions."""
         cycle, network, q = self._running(), self._network, self._read().q
-        if not self._until(lambda: self._rest.reached(cycle.told), self._rest.longest):
+        if not self._until(lambda: self._rest.reached(cycle.answers), self._rest.longest):
             raise DriverError("cannot enable the drives: the robot moves; call recover()")
         for why in () if network is None else network.guards.unguarded.values():
             raise DriverError(f"{why}: without a deadline for targets it would not stop by itself")
@@ -129,7 +137,7 @@ class CanDriver(LiveDriver):
             j, lower, upper = beyond
             joint, node = self.robot.joints[j], self.setting.nodes[j]
             raise DriverError(
-                f"{joint.name} (drive {node}) tells {q[j]:.4g} {joint.unit}, outside its limits "
+                f"{joint.name} (drive {node}) reports {q[j]:.4g} {joint.unit}, outside its limits "
                 f"{lower:.4g} … {upper:.4g}: home the drives, or check counts_per_unit"
             )
 
@@ -139,10 +147,10 @@ class CanDriver(LiveDriver):
             return
         self._setpoints.brake()
         self._until(lambda: not self._setpoints.moving, STILL_S)
-        if not self._until(lambda: self._rest.reached(cycle.told), STILL_S):
+        if not self._until(lambda: self._rest.reached(cycle.answers), STILL_S):
             cycle.want = Want.QUICK_STOP
-            if not self._until(lambda: self._rest.reached(cycle.told), 2.0 * self._rest.longest):
-                return  # still being braked: it keeps its voltage
+            if not self._until(lambda: self._rest.reached(cycle.answers), 2.0 * self._rest.longest):
+                return  # it still brakes, with voltage
         cycle.want = Want.DISABLE
         powered = (DriveStatus.ENABLED, DriveStatus.QUICK_STOP, DriveStatus.SWITCHED_ON)
         self._until(lambda: not any(d.state in powered for d in cycle.drives), STILL_S)
@@ -161,30 +169,24 @@ class CanDriver(LiveDriver):
                 raise SafetyStopError(trouble[1])
         self.transducer.connect()
         assert network is not None
-        forgot = [d for d in cycle.drives if d.rebooted or d.nmt != OPERATIONAL or d.missed]
+        restarted = [d for d in cycle.drives if d.rebooted or d.nmt != OPERATIONAL or d.missed]
         cycle.want = Want.RESET
-        network.configure([drive.node for drive in forgot])
-        for drive in forgot:  # a heartbeat from before may still be on its way: wait for one since
+        network.configure([drive.node for drive in restarted])
+        for drive in restarted:  # an old heartbeat may still arrive: wait for a new one
             drive.rebooted, drive.nmt = False, 0x00
         cycle.clear()
-        stuck = (
-            DriveStatus.FAULT,
-            DriveStatus.REACTING,
-            DriveStatus.QUICK_STOP,
-            DriveStatus.ENABLED,
-        )
 
-        def well() -> bool:
-            there = self._age() < STALE_S and all(d.nmt == OPERATIONAL for d in forgot)
-            return there and not any(d.state in stuck or d.error for d in cycle.drives)
+        def cleared() -> bool:
+            fresh = self._age() < STALE_S and all(d.nmt == OPERATIONAL for d in restarted)
+            return fresh and not any(d.state in _STUCK or d.error for d in cycle.drives)
 
-        cleared = self._until(well, CLEARED_S)
+        done = self._until(cleared, CLEARED_S)
         cycle.want = Want.NOTHING
         cycle.clear()
-        if not cleared:
-            bad = next((d for d in cycle.drives if d.state in stuck), None)
+        if not done:
+            bad = next((d for d in cycle.drives if d.state in _STUCK), None)
             if bad is None:
-                raise LinkError(f"the drives tell nothing new for {self._age():.2f} s")
+                raise LinkError(f"the drives send nothing new for {self._age():.2f} s")
             raise DriverError(
                 f"drive {bad.node} stays in state {bad.state.value}: remove the cause, or switch "
                 "its power off and on"
@@ -192,7 +194,7 @@ class CanDriver(LiveDriver):
         self._last_target = None
 
     def _reopen(self) -> None:
-        """Open a bus anew that is gone or silent; the drives have stopped by their watchdogs."""
+        """Reopen a bus that is gone or silent; the drives have stopped by their watchdogs."""
         began = 0.0 if self._cycle is None else self._cycle.began[-1]
         try:
             self._close()
@@ -204,16 +206,16 @@ class CanDriver(LiveDriver):
         self._last_target = None
 
     def _come_to_rest(self) -> None:
-        """Stop what moves, before the voltage is taken off it."""
+        """Stop the axes before their voltage is switched off."""
         cycle, longest = self._running(), 2.0 * self._rest.longest
         cycle.halt("stopped", "recover() stops the robot first")
         if not cycle.all_in(DriveStatus.DISABLED):
             cycle.want = Want.QUICK_STOP
-        if self._until(lambda: self._rest.reached(cycle.told), longest):
+        if self._until(lambda: self._rest.reached(cycle.answers), longest):
             return
         if self._link is None or self._link.dead:
             raise LinkError("the CAN bus is gone: call recover() again")
-        for drive, moves in zip(cycle.drives, self._rest.moving(cycle.told), strict=True):
+        for drive, moves in zip(cycle.drives, self._rest.moving(cycle.answers), strict=True):
             if moves and drive.state in (
                 DriveStatus.ENABLED,
                 DriveStatus.QUICK_STOP,
@@ -244,16 +246,17 @@ class CanDriver(LiveDriver):
 
     def _read(self) -> ArmSample:
         cycle = self._running()
-        told = cycle.told
-        if told is None:
+        answers = cycle.answers
+        if answers is None:
             raise LinkError("the drives have sent no state yet")
-        before, self._seen = self._seen, told.sequence
+        before, self._seen = self._seen, answers.sequence
         faults = tuple(t[1] for d in cycle.drives if (t := d.trouble(enabled=False)))
-        effort = None if self._rated is None else told.torque * 1e-3 * self._rated
+        effort = None if self._rated is None else answers.torque * 1e-3 * self._rated
         return ArmSample(
-            t=told.t, device_time=None, sequence=told.sequence, age=time.monotonic() - told.t,
-            fresh=told.sequence != before, q=told.q.copy(), qd=told.qd.copy(), effort=effort,
-            target_q=(self._setpoints.command if cycle.following else told.q).copy(),
+            t=answers.t, device_time=None, sequence=answers.sequence,
+            age=time.monotonic() - answers.t, fresh=answers.sequence != before,
+            q=answers.q.copy(), qd=answers.qd.copy(), effort=effort,
+            target_q=(self._setpoints.command if cycle.following else answers.q).copy(),
             mode=self._mode(cycle),
             safety="quick stop" if cycle.want is Want.QUICK_STOP else "normal", faults=faults,
         )  # fmt: skip
@@ -279,9 +282,9 @@ class CanDriver(LiveDriver):
         return by_age(self._age(), "drives", counters)
 
     def _age(self) -> float:
-        """Of the drives' newest answers [s]."""
-        told = None if self._cycle is None else self._cycle.told
-        return np.inf if told is None else time.monotonic() - told.t
+        """Age of the drives' newest answers [s]."""
+        answers = None if self._cycle is None else self._cycle.answers
+        return np.inf if answers is None else time.monotonic() - answers.t
 
     def _counters(self, cycle: Cycle, link: CanLink) -> dict[str, float]:
         return {
@@ -297,10 +300,9 @@ class CanDriver(LiveDriver):
         return self._cycle
 
     def _until(self, done: Callable[[], bool], seconds: float) -> bool:
-        """Wait until something is so; False at the deadline [s] or where the bus is gone."""
-        end = time.monotonic() + seconds
-        while not done():
-            if time.monotonic() > end or (self._link is not None and self._link.dead):
-                return False
-            time.sleep(_TICK_S)
-        return True
+        """Wait until a condition holds; False at the deadline [s] or where the bus is gone."""
+
+        def gone() -> bool:
+            return self._link is not None and bool(self._link.dead)
+
+        return wait_until(lambda: done() or gone(), seconds, _POLL_S) and (not gone() or done())

@@ -1,56 +1,99 @@
-"""Power-up by CANopen: identity, process data, periods and watchdogs of each drive, through SDO.
+"""Configuration of the drives by CANopen SDO: identity, process data, periods and watchdogs.
 
-canopen does the SDO transfers only; the bus's one reader hands it their answers. The cyclic
-exchange, the states and the heartbeats are not its business.
+canopen does the SDO transfers only; the one reader of the bus passes their answers to it. The
+cyclic exchange and the states are in ``cycle.py``.
 
-What makes a drive stop by itself when its master falls silent.
-
-Needed is the deadline of its targets (event timer of RPDO1, 0x1400:5); it is read back. The rest is
-set where a drive has it: what it does when the connection breaks (0x6007), how it quick-stops
-(0x605A), the master's heartbeat that it expects (0x1016), and that it takes no more targets after
-a communication error (0x1029). Sources: CiA 301, CiA 402.
+A drive must stop when its master falls silent. The deadline of its targets (event timer of RPDO1,
+0x1400:5) is required and read back. Where a drive has them, these are set too: its reaction to a
+broken connection (0x6007), its quick stop (0x605A), the expected heartbeat of the master (0x1016),
+and its state after a communication error (0x1029). Sources of all object numbers: CiA 301, CiA 402.
 """
 
 import contextlib
 import logging
 import struct
-from collections.abc import Sequence
+import time
+from collections.abc import Callable, Sequence
 from typing import Any, Protocol
 
 from wrenchbed.errors import DriverError, LinkError
-from wrenchbed.errors import LinkError as SilentError
 from wrenchbed.hardware.drivers.can import options as ids
+from wrenchbed.hardware.drivers.can.cia402 import OPERATIONAL
 from wrenchbed.hardware.drivers.can.options import HEARTBEAT_S, CanOptions
 from wrenchbed.hardware.transducers.netcanoem.link import CanLink
 from wrenchbed.registry import require
 
 TIMER, ABORT, QUICK, EXPECTED, AFTER = 0x1400, 0x6007, 0x605A, 0x1016, 0x1029
+"""Objects that make a drive stop by itself."""
 _QUICK_STOP = 3
+"""Option of 0x6007."""
+_LONGER = 1.1
+"""Factor by which a drive may round its deadline up; estimate."""
 _RAMPS = (2, 6)
 """Options of 0x605A: the quick-stop ramp, then voltage off, or staying in QUICK STOP ACTIVE."""
 _BEATS = 3
+"""Heartbeats of the master that may be missing beyond the watchdog; estimate."""
 
 
 class ObjectDictionary(Protocol):
-    """Objects of drives, by node, index and subindex."""
+    """Reads and writes objects of drives, by node, index and subindex."""
 
     def read(self, node: int, index: int, sub: int) -> int:
         """A value; DriverError where the drive refuses, LinkError where it is silent."""
 
     def write(self, node: int, index: int, sub: int, value: int, size: int) -> None:
-        """Likewise, of some bytes."""
+        """Write a value of ``size`` bytes; raises as `read` does."""
+
+
+def optional(objects: ObjectDictionary, node: int, index: int, sub: int = 0) -> int | None:
+    """A value that a drive need not have; None where it refuses, LinkError where it is silent."""
+    try:
+        return objects.read(node, index, sub)
+    except LinkError:
+        raise
+    except DriverError:
+        return None
+
+
+class Heartbeat:
+    """The master's heartbeat and the sensor's poll; called once a cycle.
+
+    Drives that expect the heartbeat (0x1016) stop when it stays away.
+
+    Args:
+        link: the bus.
+        node: id of the master.
+        period: [s].
+        poll: requests a reading of the sensor.
+    """
+
+    def __init__(self, link: CanLink, node: int, period: float, poll: Callable[[], None]) -> None:
+        self._link, self._id, self._period = link, ids.HEARTBEAT + node, period
+        self._due, self._poll = 0.0, poll
+
+    def __call__(self) -> None:
+        """Poll, and send the heartbeat where it is due.
+
+        Raises:
+            LinkError: the bus is gone.
+        """
+        self._poll()
+        now = time.monotonic()
+        if now >= self._due:
+            self._due = max(self._due + self._period, now)
+            self._link.send(self._id, bytes([OPERATIONAL]))
 
 
 class Guards:
-    """Sets them, and knows who lacks what.
+    """Sets what makes drives stop when their master falls silent, and lists what they lack.
 
     Args:
         objects: of the drives.
         options: watchdog, ids.
 
     Attributes:
-        unguarded: nodes whose targets have no deadline, with the reason.
-        lacking: objects that nodes do not have or do not take.
+        unguarded: nodes whose targets have no deadline, and the reason.
+        lacking: object → nodes that do not have it or refuse the value.
     """
 
     def __init__(self, objects: ObjectDictionary, options: CanOptions) -> None:
@@ -74,22 +117,22 @@ class Guards:
         except DriverError as error:
             self.unguarded[node] = str(error)
             return
-        if not 0 < taken <= 1.1 * asked + 1.0:
+        if not 0 < taken <= _LONGER * asked + 1.0:
             self.unguarded[node] = (
-                f"drive {node}, object 0x1400:5: it was told {asked} ms and has {taken} ms"
+                f"drive {node}, object 0x1400:5: it was set to {asked} ms and has {taken} ms"
             )
 
     def further(self, node: int) -> None:
         """Set what else a drive has."""
         self._set(node, ABORT, 0, _QUICK_STOP, 2)
-        if self._get(node, QUICK) not in _RAMPS:
+        if optional(self._objects, node, QUICK) not in _RAMPS:
             self._set(node, QUICK, 0, _RAMPS[1], 2)
         self._set(node, AFTER, 1, 0, 1)
         if self._set(node, EXPECTED, 1, self._expected, 4):
             self._expecting.add(node)
 
     def release(self) -> None:
-        """Let no drive miss a heartbeat that ends as it should."""
+        """Switch off the expected heartbeat before it ends on purpose."""
         with contextlib.suppress(DriverError):
             while self._expecting:
                 self._objects.write(self._expecting.pop(), EXPECTED, 1, 0, 4)
@@ -98,14 +141,6 @@ class Guards:
     def counters(self) -> dict[str, float]:
         """For health: how many drives are without an object."""
         return {f"without 0x{index:04X}": float(len(n)) for index, n in self.lacking.items() if n}
-
-    def _get(self, node: int, index: int) -> int | None:
-        try:
-            return self._objects.read(node, index, 0)
-        except LinkError:
-            raise
-        except DriverError:
-            return None
 
     def _set(self, node: int, index: int, sub: int, value: int, size: int) -> bool:
         without = self.lacking.setdefault(index, set())
@@ -120,16 +155,19 @@ class Guards:
         return True
 
 
-ANSWER_S = 0.3
-"""How long an answer may take [s]; a question is asked `TRIES` times."""
-TRIES = 3
+ANSWER_S, TRIES = 0.3, 3
+"""Deadline of an answer [s] and attempts at a question; estimates."""
 PRE_OPERATIONAL, START = 0x80, 0x01
+"""NMT commands; source: CiA 301."""
 _OFF = 1 << 31
+"""Bit of a PDO's id by which it is switched off; source: CiA 301."""
 _WRONG_STATE = 0x08000022
-_CYCLIC = 8
-_PROFILE = 402
-_CONTROL, _TARGET = 0x60400010, 0x607A0020
+"""SDO abort code: not in this state; source: CiA 301."""
+_CYCLIC, _PROFILE = 8, 402
+"""Mode of operation (cyclic synchronous position) and number of the profile; source: CiA 402."""
+_CONTROL, _TARGET = 0x60400010, 0x607A0020  # source: CiA 402
 _STATUS, _ACTUAL, _TORQUE = 0x60410010, 0x60640020, 0x60770010
+"""Mapped objects with their bits; source: CiA 402."""
 
 
 class Drives:
@@ -159,11 +197,11 @@ class Drives:
             remote.sdo.MAX_RETRIES = 1
             self._network.add_node(remote)
             self._nodes[node] = remote
-        link.listen(self._heard)
+        link.listen(self._received)
 
     def close(self) -> None:
-        """Listen no more."""
-        self._link.leave(self._heard)
+        """Stop listening."""
+        self._link.leave(self._received)
 
     def command(self, order: int, node: int = 0) -> None:
         """Send an NMT command, to all nodes unless one is named.
@@ -178,7 +216,7 @@ class Drives:
 
         Raises:
             LinkError: one does not answer.
-            DriverError: one cannot do what is needed; says what.
+            DriverError: one lacks what is needed; the message names it.
         """
         for node in nodes:
             self.command(PRE_OPERATIONAL, node)
@@ -191,20 +229,20 @@ class Drives:
 
     def limits(self, node: int) -> tuple[int, int] | None:
         """Software position limits of a drive [count], None where it has none."""
-        lower, upper = (self._maybe(node, 0x607D, sub) for sub in (1, 2))
+        lower, upper = (optional(self, node, 0x607D, sub) for sub in (1, 2))
         if lower is None or upper is None or lower >= upper:
             return None
         return lower, upper
 
     def error_code(self, node: int) -> int:
-        """Error code that a drive has (0x603F), 0 where it has none or does not tell."""
-        return self._maybe(node, 0x603F, 0) or 0
+        """Error code that a drive has (0x603F), 0 where it has none or does not report one."""
+        return optional(self, node, 0x603F) or 0
 
     def rated_torque(self, node: int) -> float:
         """Rated torque [N·m or N] of a drive.
 
         Raises:
-            DriverError: it does not tell.
+            DriverError: it does not report it.
         """
         return self.read(node, 0x6076, 0) * 1e-3
 
@@ -243,18 +281,10 @@ class Drives:
         self.guards.further(node)
 
     def _switch_off(self, node: int, index: int) -> None:
-        """Silence a PDO that nobody asked for, where there is one."""
-        now = self._maybe(node, index, 1)
+        """Switch off an unused PDO, where there is one."""
+        now = optional(self, node, index, 1)
         if now is not None:
             self.write(node, index, 1, now % (1 << 32) | _OFF, 4)
-
-    def _maybe(self, node: int, index: int, sub: int) -> int | None:
-        try:
-            return self.read(node, index, sub)
-        except SilentError:
-            raise
-        except DriverError:
-            return None
 
     def read(self, node: int, index: int, sub: int) -> int:
         """A value of a drive's dictionary.
@@ -272,26 +302,26 @@ class Drives:
 
     def _transfer(self, node: int, index: int, sub: int, raw: bytes | None) -> bytes:
         sdo, where = self._nodes[node].sdo, f"drive {node}, object 0x{index:04X}:{sub}"
-        for left in reversed(range(TRIES)):
+        for remaining in reversed(range(TRIES)):
             try:
                 if raw is None:
                     return bytes(sdo.upload(index, sub))
                 sdo.download(index, sub, raw)
                 return b""
             except self._abort as error:
-                if error.code == _WRONG_STATE and left:
-                    self.command(PRE_OPERATIONAL, node)  # nobody tells that such a frame was lost
+                if error.code == _WRONG_STATE and remaining:
+                    self.command(PRE_OPERATIONAL, node)  # NMT frames are not confirmed: it was lost
                     continue
                 raise DriverError(f"{where}: refused with 0x{error.code:08X}") from error
             except self._failure:
                 continue
-        raise SilentError(
+        raise LinkError(
             f"{where}: no answer; check its node id, bit rate, power and bus termination"
         )
 
     def _send(self, can_id: int, data: bytes, remote: bool = False) -> None:
         self._link.send(can_id, bytes(data))
 
-    def _heard(self, _: float, can_id: int, data: bytes) -> None:
+    def _received(self, _: float, can_id: int, data: bytes) -> None:
         if can_id - 0x580 in self._nodes:
             self._network.notify(can_id, bytearray(data), 0.0)

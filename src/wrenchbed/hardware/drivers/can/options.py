@@ -1,14 +1,11 @@
-"""What the driver must be told, checked before anything is sent.
+"""Options of the driver, checked before anything is sent: ids that do not collide, and bus load.
 
-Who uses which id: a sensor whose ids are also a drive's would take targets for commands.
-
-How much of the wire one cycle needs, before anything is sent.
-
-A classic frame has 47 bits and 8 a data byte, intermission included, and at most one stuff bit
-for every four of the 34 + 8 n bits that can be stuffed, the first excepted.
+A sensor that shares an id with a drive would take targets for commands. Source of the ids: CiA 301.
+A classic CAN frame (ISO 11898-1, 11-bit id) has 47 bits and 8 per data byte, intermission included,
+and at most one stuff bit for every four of the 34 + 8 n bits that can be stuffed, except the first.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import isfinite, tau
 from numbers import Integral
@@ -17,37 +14,44 @@ from wrenchbed import registry
 from wrenchbed.errors import ParameterError
 from wrenchbed.robots.motion_limits import Limits
 
+EMCY, TPDO1, RPDO1, HEARTBEAT = 0x080, 0x180, 0x200, 0x700
+"""First ids of services of nodes; source: CiA 301, predefined connection set."""
 SERVICES = {
-    0x080: "EMCY", 0x180: "TPDO1", 0x200: "RPDO1", 0x280: "TPDO2", 0x300: "RPDO2",
+    EMCY: "EMCY", TPDO1: "TPDO1", RPDO1: "RPDO1", 0x280: "TPDO2", 0x300: "RPDO2",
     0x380: "TPDO3", 0x400: "RPDO3", 0x480: "TPDO4", 0x500: "RPDO4", 0x580: "SDO answer",
-    0x600: "SDO request", 0x700: "heartbeat",
+    0x600: "SDO request", HEARTBEAT: "heartbeat",
 }  # fmt: skip
-"""CANopen's predefined connection set: first id of each service of nodes → its name."""
+"""First id of each service of nodes → its name; source: CiA 301, predefined connection set."""
 _SHARED = {0x000: "NMT", 0x080: "SYNC", 0x100: "TIME", 0x7E4: "LSS", 0x7E5: "LSS"}
+"""Ids that belong to no node; sources: CiA 301, CiA 305."""
+MOST_NODE = 127
+"""Highest node id; source: CiA 301."""
 SAFE = 0x68
 """A base whose ids no CANopen service uses: 0x680 … 0x68F."""
 
 
 def master(base: int, nodes: Sequence[int]) -> int:
-    """A node id for this program's own heartbeat: the highest that nobody here uses."""
-    return next(n for n in range(127, 0, -1) if n not in nodes and (0x700 + n) >> 4 != base)
+    """A node id for this program's heartbeat: the highest unused one."""
+    return next(
+        n for n in range(MOST_NODE, 0, -1) if n not in nodes and (HEARTBEAT + n) >> 4 != base
+    )
 
 
 def users(nodes: Sequence[int]) -> dict[int, str]:
-    """Every id of these CANopen nodes → who uses it."""
-    own = {
+    """Every id of these CANopen nodes → its user."""
+    of_nodes = {
         first + node: f"{name} of node {node}" for first, name in SERVICES.items() for node in nodes
     }
-    return _SHARED | own
+    return _SHARED | of_nodes
 
 
 def check(base: int, nodes: Sequence[int]) -> None:
-    """Refuse nodes that are no nodes, and a sensor whose ids collide with theirs.
+    """Refuse impossible node ids, and a sensor whose ids collide with theirs.
 
     Raises:
         ParameterError: names an id, both of its users, and the remedy.
     """
-    if len(set(nodes)) != len(nodes) or not all(1 <= node <= 127 for node in nodes):
+    if len(set(nodes)) != len(nodes) or not all(1 <= node <= MOST_NODE for node in nodes):
         raise ParameterError(f"nodes {tuple(nodes)}: give different numbers from 1 to 127")
     if not 0 <= base <= 0x7F:
         raise ParameterError(f"base 0x{base:X} must be 0 … 0x7F")
@@ -62,8 +66,9 @@ def check(base: int, nodes: Sequence[int]) -> None:
 
 
 MOST = 0.9
-"""Largest share of the wire that the cyclic exchange may need in the worst case."""
+"""Largest share of the wire that the cyclic exchange may need in the worst case; estimate."""
 _SYNC, _POLL, _EVEN, _ODD, _RPDO, _HEARTBEAT = 0, 0, 8, 6, 6, 1
+"""Data bytes of the frames of a cycle, by definition of the exchange."""
 
 
 @dataclass(frozen=True)
@@ -91,30 +96,6 @@ def worst_bits(length: int) -> int:
     return least_bits(length) + (33 + 8 * length) // 4
 
 
-def frame_bits(can_id: int, data: bytes) -> int:
-    """Bits of this very frame (11-bit id), stuff bits counted one by one."""
-    text = f"0{can_id:011b}000{len(data):04b}" + "".join(f"{byte:08b}" for byte in data)
-    register = 0
-    for bit in text:
-        feedback = (register >> 14) ^ int(bit)
-        register = (register << 1) & 0x7FFF
-        if feedback:
-            register ^= 0x4599
-    text += f"{register:015b}"
-    stuffed, run, last = 0, 0, ""
-    for bit in text:
-        run = run + 1 if bit == last else 1
-        last = bit
-        if run == 5:
-            stuffed, run, last = stuffed + 1, 1, "10"[int(bit)]
-    return len(text) + stuffed + 13
-
-
-def cycle_bits(frames: Iterable[tuple[int, bytes]]) -> int:
-    """Bits of a list of frames (id, data)."""
-    return sum(frame_bits(can_id, data) for can_id, data in frames)
-
-
 def modelled(
     nodes: int, rate: float, bitrate: int, torque: bool, heartbeat: float, masters: int = 0
 ) -> BusLoad:
@@ -124,7 +105,7 @@ def modelled(
         nodes: drives; each gets an RPDO of 6 bytes and answers a TPDO of 6, or 8 with torque.
         rate: of the cycles [Hz].
         bitrate: [bit/s].
-        torque: whether drives tell it.
+        torque: whether drives report it.
         heartbeat: period of each drive's and master's [s].
         masters: how many send a heartbeat beside the drives.
     """
@@ -135,14 +116,20 @@ def modelled(
 
 
 HEARTBEAT_S = 0.1
+"""Period of every heartbeat [s]; estimate."""
 ROBOT = "medrue"
 _DRIVES = 6
 _PER_TURN = (1 << 20) / tau
+"""Default counts per radian of a 20-bit encoder; estimate."""
+_WORD = 1 << 31
+"""Range of a target in counts, 32 bits with sign, by definition of 0x607A (CiA 402)."""
 
 
 @dataclass(frozen=True)
 class CanOptions:
-    """Where the robot is and how it counts. MedRUE's own figures are not public: set yours.
+    """Where the robot is and how it counts; all defaults are estimates.
+
+    MedRUE's own numbers are not public: set those of your robot.
 
     Attributes:
         robot: registry name; only MedRUE has these drives.
@@ -157,9 +144,9 @@ class CanOptions:
         rate: of the cyclic exchange [Hz].
         counts_per_unit: of each drive per m or rad, negative where it counts the other way;
             1 µm and 2²⁰ per turn unless given.
-        torque: whether drives shall tell their torque (0x6077, 0x6076).
-        watchdog: after how long without targets a drive stops by itself [s].
-        limits: what the robot may do; a quarter of top speed anywhere if None.
+        torque: whether drives report their torque (0x6077, 0x6076).
+        watchdog: time without targets after which a drive stops [s].
+        limits: of its motion; a quarter of top speed anywhere if None.
     """
 
     robot: str = ROBOT
@@ -178,6 +165,7 @@ class CanOptions:
     limits: Limits | None = None
 
     def __post_init__(self) -> None:
+        """Check the options; the accepted ranges are estimates."""
         if self.robot != ROBOT:
             raise ParameterError(
                 f"driver 'can' moves robot {ROBOT!r} only, not {self.robot!r}: "
@@ -186,8 +174,8 @@ class CanOptions:
         if len(self.nodes) != _DRIVES or len(self.counts_per_unit) != _DRIVES:
             raise ParameterError("nodes and counts_per_unit: give six each, one a joint")
         self._check_counts()
-        whole = (*self.nodes, self.port, self.bitrate, self.base, self.slot)
-        if not all(isinstance(number, Integral) for number in whole):
+        integers = (*self.nodes, self.port, self.bitrate, self.base, self.slot)
+        if not all(isinstance(number, Integral) for number in integers):
             raise ParameterError("nodes, port, bitrate, base and slot: give whole numbers")
         if not 0 < self.port < 1 << 16 or not self.bitrate >= 1000:
             raise ParameterError(
@@ -217,7 +205,7 @@ class CanOptions:
             )
         joints = registry.load("robots", ROBOT).joints
         for joint, count in zip(joints, self.counts_per_unit, strict=True):
-            if max(abs(joint.lower), abs(joint.upper)) * abs(count) >= 1 << 31:
+            if max(abs(joint.lower), abs(joint.upper)) * abs(count) >= _WORD:
                 raise ParameterError(
                     f"counts_per_unit: with {count:g} a {joint.unit} the limits of {joint.name} "
                     "do not fit into a target's 32 bits"
@@ -225,7 +213,7 @@ class CanOptions:
 
     @property
     def interpolation(self) -> tuple[int, int] | None:
-        """Period of the targets for 0x60C2: a number up to 255 and a power of ten [s]."""
+        """Period of the targets for 0x60C2 (CiA 402): a number up to 255, a power of ten [s]."""
         for power in (-3, -4):
             ticks = 10.0**-power / self.rate
             if abs(ticks - round(ticks)) < 1e-6 and 1 <= round(ticks) <= 255:

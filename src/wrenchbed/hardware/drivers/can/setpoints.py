@@ -1,8 +1,8 @@
-"""What the drives are told each cycle: holds, minimum-jerk moves, streams, and braking.
+"""Setpoints of each cycle: holds, minimum-jerk moves, streams, and braking.
 
-The way is counted in cycles, not in time: a cycle that came late does not make the next one jump.
-Whatever is asked, no joint goes further in a cycle than its top speed allows, or beyond its limits;
-one that stands outside them stays where it is until it is told to come in.
+A path is followed by the count of cycles, not by time: a late cycle does not make the next one
+jump. No joint goes further in a cycle than its top speed allows, or beyond its limits; a joint
+outside its limits stays where it is until it is commanded to come inside.
 """
 
 import threading
@@ -13,13 +13,15 @@ import numpy as np
 from wrenchbed.robots.motion_limits import minimum_jerk
 
 BRAKE_S = 0.15
-"""Time in which a motion is braked to rest [s]."""
+"""Time in which a motion is braked to rest [s]; estimate."""
 OUTSIDE = 1e-3
-"""How far beyond a limit a joint may come to rest and still count as inside [rad or m]."""
+"""How far beyond a limit a resting joint still counts as inside [rad or m]; estimate."""
 _STREAM_S = 0.1
+"""Longest duration of the path to a streamed target [s]; estimate."""
 _MARGIN = 1.1
-Way = Callable[[float], np.ndarray]
-"""Joint values (J,) some time [s] after the way began."""
+"""Factor on top speed in a single cycle; estimate."""
+Path = Callable[[float], np.ndarray]
+"""Joint values (J,) some time [s] after the path began."""
 
 
 class Setpoints:
@@ -42,9 +44,9 @@ class Setpoints:
         self.clipped = 0
         self._command: np.ndarray = np.clip(np.zeros(len(speed)), lower, upper)
         self._speed = np.zeros(len(speed))
-        self._way: Way | None = None
+        self._path: Path | None = None
         self._braking = False
-        self._length = self._gone = 0.0
+        self._length = self._elapsed = 0.0
         self._streamed = 0.0
 
     @property
@@ -55,10 +57,10 @@ class Setpoints:
     @property
     def moving(self) -> bool:
         """Whether a motion is under way."""
-        return self._way is not None
+        return self._path is not None
 
     def outside(self, q: np.ndarray) -> tuple[int, float, float] | None:
-        """The first joint that stands beyond its limits at q (J,), and those limits."""
+        """The first joint beyond its limits at q (J,), and those limits."""
         beyond = (q < self._lower - OUTSIDE) | (q > self._upper + OUTSIDE) | ~np.isfinite(q)
         for joint in np.flatnonzero(beyond)[:1]:
             return int(joint), float(self._lower[joint]), float(self._upper[joint])
@@ -67,7 +69,7 @@ class Setpoints:
     def hold(self, q: np.ndarray) -> None:
         """Stay where the robot is (J,)."""
         with self._lock:
-            self._command, self._speed, self._way = np.array(q), np.zeros(len(q)), None
+            self._command, self._speed, self._path = np.array(q), np.zeros(len(q)), None
             self._braking = False
 
     def move(self, goal: np.ndarray, seconds: float) -> None:
@@ -86,13 +88,13 @@ class Setpoints:
             self._start(lambda t: start + t / seconds * (q - start), seconds)
 
     def brake(self) -> None:
-        """Come to rest in `BRAKE_S`; asked for again, it goes on as it began."""
+        """Come to rest in `BRAKE_S`; a second call changes nothing."""
         with self._lock:
             if self._braking:
                 return
             start, speed = self._command, self._speed
             if not np.abs(speed).any():
-                self._way = None
+                self._path = None
                 return
             self._start(lambda t: start + speed * (t - t * t / (2.0 * BRAKE_S)), BRAKE_S)
             self._braking = True
@@ -101,19 +103,19 @@ class Setpoints:
         """Joint values (J,) for the next cycle."""
         with self._lock:
             wanted = self._command
-            if self._way is not None:
-                self._gone += self._period
-                wanted = self._way(min(self._gone, self._length))
+            if self._path is not None:
+                self._elapsed += self._period
+                wanted = self._path(min(self._elapsed, self._length))
             lower = np.minimum(self._lower, self._command)
             upper = np.maximum(self._upper, self._command)
             within = np.clip(wanted, lower, upper)
             near = np.clip(within, self._command - self._step, self._command + self._step)
             self.clipped += bool(np.abs(near - wanted).max() > 1e-9)
-            if self._gone >= self._length and np.array_equal(near, within):
-                self._way = None
+            if self._elapsed >= self._length and np.array_equal(near, within):
+                self._path = None
             self._speed = (near - self._command) / self._period
             self._command = near
             return near
 
-    def _start(self, way: Way, seconds: float) -> None:
-        self._way, self._length, self._gone, self._braking = way, seconds, 0.0, False
+    def _start(self, path: Path, seconds: float) -> None:
+        self._path, self._length, self._elapsed, self._braking = path, seconds, 0.0, False

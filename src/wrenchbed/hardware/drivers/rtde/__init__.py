@@ -1,17 +1,12 @@
-"""UR robots over ur_rtde, which runs in processes of its own: it can hang, and it can crash.
+"""Driver of UR robots over ur_rtde, which runs in worker processes because it can hang and crash.
 
-One worker process receives states and puts them into shared memory; another one commands the
-robot and keeps its watchdog alive. Losing either is a named state of the driver, never a hang.
-Names are imported on first use, so that the workers start quickly.
+May import: driver base, transducers; the workers import the standard library and shared_state only.
+Read first: ``driver.py``, then ``connection.py``, ``state_worker.py`` and ``control_worker.py``.
 """
 
+# Names are imported on first use, so that the workers start quickly.
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    from wrenchbed.hardware.drivers.rtde.connection import RtdeOptions
-    from wrenchbed.hardware.drivers.rtde.driver import RtdeDriver
-
 
 if TYPE_CHECKING:
     from wrenchbed.hardware.drivers.rtde.connection import RtdeOptions

@@ -1,8 +1,6 @@
-"""The two worker processes of one robot: opened with retries inside a deadline, and renewed.
+"""Connection to one UR robot: its options, the driver's heartbeat, and the two worker processes.
 
-The driver's heartbeat: without it the control worker stops the robot.
-
-What the driver of UR robots is told.
+Workers are started with retries within a deadline, and replaced when they fail.
 """
 
 import threading
@@ -11,17 +9,20 @@ from dataclasses import dataclass
 from typing import Any
 
 from wrenchbed.errors import DriverError, LinkError, ParameterError, StoppedError
-from wrenchbed.hardware.device import STALE_S
+from wrenchbed.hardware.device import STALE_S, wait_until
 from wrenchbed.hardware.drivers.rtde.process import Worker
 from wrenchbed.hardware.drivers.rtde.shared_state import SharedState
 from wrenchbed.hardware.drivers.rtde.worker import Message
 from wrenchbed.robots.motion_limits import Limits
 
 PERIOD_S = 0.05
+"""Period of the driver's heartbeat [s]; estimate, a tenth of `DRIVER_SILENT_S`."""
+NATIVE_HZ = {False: 125.0, True: 500.0}
+"""States per second of a CB3 and of an e-Series; source: Universal Robots, RTDE guide."""
 
 
 class Pulse:
-    """A thread that beats into shared memory as long as Python runs in this process."""
+    """The driver's heartbeat in shared memory; without it the control worker stops the robot."""
 
     def __init__(self, shared: SharedState) -> None:
         self._shared, self._stopped = shared, threading.Event()
@@ -30,7 +31,7 @@ class Pulse:
         self._thread.start()
 
     def stop(self) -> None:
-        """No further beat; may be called twice."""
+        """End the heartbeat; may be called twice."""
         self._stopped.set()
         self._thread.join(1.0)
 
@@ -41,7 +42,7 @@ class Pulse:
 
 @dataclass(frozen=True)
 class RtdeOptions:
-    """Where the robot is and how it is used.
+    """Where the robot is and how it is used; the default numbers are estimates.
 
     Attributes:
         robot: registry name.
@@ -52,7 +53,7 @@ class RtdeOptions:
         frequency: of states and of streamed targets [Hz]; None: the controller's own, 125 Hz on a
             CB3 and 500 Hz on an e-Series.
         watchdog_hz: the robot stops its program when it hears nothing for 1/watchdog_hz [Hz].
-        limits: what it may do; a quarter of top speed anywhere if None.
+        limits: of its motion; a quarter of top speed anywhere if None.
         power_on: whether `activate` may switch the robot on and release its brakes.
         connect_s: deadline of `connect` and of each reconnection [s].
         attempts: how often a link is tried within that deadline.
@@ -71,6 +72,7 @@ class RtdeOptions:
     recoveries: int = 100
 
     def __post_init__(self) -> None:
+        """Check the options; the accepted ranges are estimates."""
         if not self.robot.startswith("ur"):
             raise ParameterError(f"driver 'rtde' moves UR robots, not {self.robot!r}: give another")
         if self.frequency is not None and not 1.0 <= self.frequency <= 500.0:
@@ -82,11 +84,13 @@ class RtdeOptions:
 
 
 _FIRST_PAUSE_S = 0.1
-_POLL_S = 0.005
+"""Pause before the second attempt [s]; it doubles each time; estimate."""
 _FRESH_S = 1.0
+"""Time within which a connected worker must deliver a state [s]; estimate."""
 _LEAST_S = 1.0
+"""Time that must remain for another attempt [s]; estimate."""
 _LOOK = "check --host, power, cable, and that nothing blocks TCP 30004"
-"""Time that another attempt must have [s]."""
+"""What to check when the robot cannot be reached."""
 _REFUSALS: tuple[tuple[str, type[DriverError], str, bool], ...] = (
     ("already in use", DriverError, "another client controls this robot: close it", True),
     (
@@ -102,11 +106,11 @@ _REFUSALS: tuple[tuple[str, type[DriverError], str, bool], ...] = (
         False,
     ),
 )
-"""What a worker says, the error that it is, what it means, and whether it may pass."""
+"""Text of a worker, the error to raise, its message, and whether another attempt may help."""
 
 
 class Links:
-    """Shared memory, heartbeat, state worker; makes control workers."""
+    """Shared memory, heartbeat and state worker of one robot; starts control workers."""
 
     def __init__(self, options: RtdeOptions) -> None:
         self.shared = SharedState.create()
@@ -120,23 +124,25 @@ class Links:
 
         Raises:
             LinkError: the robot cannot be reached within the deadline.
-            DriverError: it answers what cannot be used.
+            DriverError: its answer cannot be used.
         """
         begun = time.monotonic()
         self._state = self._open("state", {})
-        end = time.monotonic() + _FRESH_S
-        while (state := self.shared.read()) is None or state.t < begun:
-            gone = self._state.gone()
-            if gone or time.monotonic() > end:
-                raise LinkError(gone or f"{self._options.host}: the controller sends no states")
-            time.sleep(_POLL_S)
+
+        def fresh() -> bool:
+            state = self.shared.read()
+            return (state is not None and state.t >= begun) or bool(self.state_gone())
+
+        if not wait_until(fresh, _FRESH_S) or self.state_gone():
+            gone = self.state_gone()
+            raise LinkError(gone or f"{self._options.host}: the controller sends no states")
 
     def renew_state(self) -> None:
-        """A new state worker, where the present one gives no fresh states.
+        """Replace a state worker that delivers no fresh states.
 
         Raises:
             LinkError: the robot cannot be reached within the deadline.
-            DriverError: it answers what cannot be used.
+            DriverError: its answer cannot be used.
         """
         state = self.shared.read()
         silent = state is None or time.monotonic() - state.t > STALE_S or state.back > 0.0
@@ -160,7 +166,7 @@ class Links:
             LinkError: it cannot be reached within the deadline.
         """
         state = self.shared.read()
-        native = 500.0 if state is not None and state.major > 3 else 125.0
+        native = NATIVE_HZ[state is not None and state.major > 3]
         period = 1.0 / (self._options.frequency or native)
         more = {"watchdog_hz": self._options.watchdog_hz, "period": period}
         return self._open("control", more)
@@ -180,16 +186,16 @@ class Links:
             "alarm": int(options.connect_s) + 2,
         }  # fmt: skip
         deadline, pause = time.monotonic() + options.connect_s, _FIRST_PAUSE_S
-        found: DriverError | None = None
+        failure: DriverError | None = None
         for _ in range(options.attempts):
             worker = Worker(kind, setting | more, self.shared)
             try:
                 event = worker.wait_ready(deadline)
                 if event.get("event") == "ready":
                     return worker
-                found, passes = _refusal(kind, event)
+                failure, passes = _refusal(kind, event)
             except LinkError as error:
-                found, passes = found or error, True
+                failure, passes = failure or error, True
             except BaseException:
                 worker.kill()
                 raise
@@ -198,9 +204,9 @@ class Links:
                 break
             time.sleep(pause)
             pause *= 2.0
-        if isinstance(found, LinkError):
-            raise LinkError(f"robot at {options.host}: {found}: {_LOOK}") from found
-        raise type(found)(f"robot at {options.host}: {found}") if found else LinkError("not tried")
+        failure = failure or LinkError("not tried")
+        look = f": {_LOOK}" if isinstance(failure, LinkError) else ""
+        raise type(failure)(f"robot at {options.host}: {failure}{look}") from failure
 
 
 def _refusal(kind: str, event: Message) -> tuple[DriverError, bool]:

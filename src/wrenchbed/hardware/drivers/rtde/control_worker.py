@@ -4,12 +4,7 @@ The robot-side watchdog is kicked only while the driver's heartbeat is young. Mo
 are asynchronous, since the watchdog stops what blocks longer than its period. When the driver is
 gone the robot is stopped, the kicks end, and so does this process.
 
-Streamed targets that wait for their time, so that each reaches the robot in a cycle of its own.
-
-The driver sends targets ahead, since its loop comes late now and then; the control worker, which
-does little else, passes each on when it is due. Where targets are as far apart as states, their
-times are shifted slowly until they lie between two states: two clocks that drift apart would else
-put two targets into one cycle of the robot, and none into the next.
+The driver sends streamed targets ahead of their time; this worker passes each on when it is due.
 """
 
 import math
@@ -29,17 +24,24 @@ from wrenchbed.hardware.drivers.rtde.worker import (
     MessageChannel,
     Printed,
     cause,
-    settle,
+    end_process,
 )
 
 _MOST = 256
+"""Streamed targets that may wait; estimate."""
 _PHASE_GAIN, _PHASE = 0.02, 0.4
-"""Share of the error that a target corrects, and of the period after a state where targets go."""
+"""Share of the phase error that a target corrects; phase of targets after a state as a share of the
+period; estimates."""
 _ALIKE = 0.01
+"""Relative difference up to which the target period counts as the state period; estimate."""
 
 
 class TargetStream:
-    """Targets that wait.
+    """Streamed targets that wait for their time, so that each reaches the robot in its own cycle.
+
+    Where targets are as far apart as states, their times are shifted slowly until they lie between
+    two states. Clocks that drift apart would otherwise put two targets into one cycle of the robot
+    and none into the next.
 
     Args:
         period: between two states [s].
@@ -56,14 +58,14 @@ class TargetStream:
         return self._waiting[0][0] + self._shift if self._waiting else math.inf
 
     def add(self, q: list[float], at: float) -> None:
-        """Take in a target (6,) for a time (`time.monotonic`, [s])."""
+        """Add a target (6,) for a time (`time.monotonic`, [s])."""
         apart = at - self._last
         self._locked = abs(apart - self._period) < _ALIKE * self._period
         self._last = at
         self._waiting.append((at, q))
 
     def clear(self) -> None:
-        """Forget what waits."""
+        """Drop all waiting targets."""
         self._waiting.clear()
 
     def take(self, now: float, state: float) -> list[float] | None:
@@ -89,24 +91,33 @@ class TargetStream:
 
 
 KICKS = 6.0
-"""Kicks of the watchdog in its period."""
+"""Kicks of the watchdog in its period; estimate."""
 DRIVER_SILENT_S = 0.5
-"""Age of the driver's heartbeat at which the robot is stopped [s]."""
+"""Age of the driver's heartbeat at which the robot is stopped [s]; estimate."""
 BLIND_S = 1.0
-"""Age of the newest state at which a robot that moves is stopped [s]."""
-_STUCK_S, _TICK_S = 0.4, 1e-3
-_REST, _REST_S, _LAST_S = 5e-3, 2.0, 0.15
+"""Age of the newest state at which a robot that moves is stopped [s]; estimate."""
+_STUCK_S, _MIND_S = 0.4, 0.02
+"""Time for a hanging call after the driver is gone, and period of that check [s]; estimates."""
+_TICK_S = 1e-3
+"""Resolution of the message channel's poll [s], by definition milliseconds."""
+_REST = 5e-3
+"""Fastest joint at rest [rad/s]; estimate."""
+_REST_S, _LAST_S, _SERVO_S, _POLL_S = 2.0, 0.15, 0.4, 0.005
+"""Deadlines of coming to rest: of any motion, of the end of a move, of a stream before its stop;
+and time between two looks [s]; estimates."""
 _SOFT, _HARD, _SERVO_SOFT, _SERVO_HARD = 3.0, 15.0, 4.0, 15.0
-"""Decelerations; of the joints [rad/s²] or of the tool [m/s²], as the robot's script takes them."""
+"""Decelerations; of the joints [rad/s²] or of the tool [m/s²], as the robot's script takes them;
+estimates."""
 _LOOKAHEAD_S, _GAIN = 0.1, 300.0
+"""Arguments of ``servoj``; source: defaults of the URScript manual (0.1 s, 300)."""
 _OVER = "the robot's program does not run"
 _BEGINS_S = 0.05
-"""Time in which a move or a stop is sure to show that it is under way, some cycles [s]."""
+"""Time in which a move or a stop surely reports that it is under way, some cycles [s]; estimate."""
 
 
 def run(setting: dict[str, Any], shared: SharedState, wire: MessageChannel) -> None:
-    """Take control, say so, and obey until told to quit or the driver is gone."""
-    printed = Printed(lambda why: settle(wire, "lost", why, LOST))
+    """Take control, report it, and obey until ``quit`` or until the driver is gone."""
+    printed = Printed(lambda why: end_process(wire, "lost", why, LOST))
     control = import_module("rtde_control").RTDEControlInterface
     frequency = setting["frequency"]
     signal.alarm(setting["alarm"])  # a constructor that hangs holds Python's lock
@@ -115,7 +126,7 @@ def run(setting: dict[str, Any], shared: SharedState, wire: MessageChannel) -> N
         if not robot.setWatchdog(setting["watchdog_hz"]):
             raise RuntimeError("the robot's script does not take the watchdog")
     except Exception as error:
-        return settle(wire, "failed", f"{cause(error)} {' '.join(printed.lines)}".strip(), 1)
+        return end_process(wire, "failed", f"{cause(error)} {' '.join(printed.lines)}".strip(), 1)
     signal.alarm(0)
     serving = Control(robot, shared, wire, setting["watchdog_hz"], setting["period"])
     threading.Thread(target=serving.mind, daemon=True).start()
@@ -141,7 +152,7 @@ class Control:
         self._began, self._hard = 0.0, False
 
     def serve(self) -> None:
-        """Obey and kick until told to quit; stop the robot when the driver is gone."""
+        """Obey and kick until ``quit``; stop the robot when the driver is gone."""
         try:
             while self._alive():
                 self._kick()
@@ -158,7 +169,7 @@ class Control:
     def mind(self) -> None:
         """End this process when the driver is gone and `serve` hangs in a call."""
         while self._shared.silence("driver") < DRIVER_SILENT_S:
-            time.sleep(0.02)
+            time.sleep(_MIND_S)
         time.sleep(_STUCK_S)
         os._exit(LOST)
 
@@ -178,11 +189,11 @@ class Control:
             self._ended()
 
     def _idle(self) -> float:
-        """How long an order may be waited for [s]; the wire's clock counts whole milliseconds."""
-        left = min(self._kick_due, self._stream.due) - time.monotonic()
-        if left < _TICK_S:
-            time.sleep(max(0.0, left))
-        return left - _TICK_S
+        """How long to wait for a message [s]; the channel polls in integer milliseconds."""
+        idle = min(self._kick_due, self._stream.due) - time.monotonic()
+        if idle < _TICK_S:
+            time.sleep(max(0.0, idle))
+        return idle - _TICK_S
 
     def _release(self) -> None:
         """Send the newest target that is due."""
@@ -192,7 +203,7 @@ class Control:
             self._wire.send({"event": "unsent", "why": why})
 
     def _blind(self) -> bool:
-        """Whether the robot moves and nobody sees where."""
+        """Whether the robot moves and no recent state shows where."""
         state = self._shared.read()
         silent = state is None or time.monotonic() - state.t > BLIND_S
         return silent and (self._servoing or self._under_way())
@@ -217,7 +228,7 @@ class Control:
         self._wire.send({"id": message["id"], "why": why})
 
     def _servo(self, q: list[float]) -> str:
-        """Stream one target; why not, if not."""
+        """Stream one target; the reason if it is refused."""
         if not self._playing:
             return _OVER
         if not sound(q):
@@ -232,7 +243,7 @@ class Control:
         return ""
 
     def _move(self, message: Message) -> str:
-        """Start a move, after whatever else has come to rest; why not, if not."""
+        """Start a move after any other motion has come to rest; the reason if it is refused."""
         q, speed, acceleration = message["q"], message["speed"], message["acceleration"]
         if not sound(q) or not math.isfinite(speed + acceleration):
             return "a goal must be 6 finite angles"
@@ -247,7 +258,7 @@ class Control:
         return ""
 
     def _halt(self, hard: bool) -> str:
-        """Brake; returns before the robot rests. Why not, if not.
+        """Brake; returns before the robot rests, with an empty reason.
 
         A hard stop under way stays hard: the robot's script would brake anew, more softly.
         """
@@ -255,7 +266,7 @@ class Control:
         if not self._playing:
             return ""
         if self._servoing and not hard:
-            self._rest(0.4)
+            self._rest(_SERVO_S)
         self._brake(hard)
         return ""
 
@@ -277,7 +288,7 @@ class Control:
         return self._moving
 
     def _rest(self, within: float = _REST_S) -> bool:
-        """Kick until the joints rest and no operation runs; whether they do in time [s]."""
+        """Kick until the joints rest and no operation runs; False if they do not in time [s]."""
         end = time.monotonic() + within
         while time.monotonic() < end and self._alive() and self._playing:
             self._kick()
@@ -285,12 +296,12 @@ class Control:
             still = state is not None and max(abs(v) for v in state.qd) < _REST
             if still and (self._servoing or not self._under_way()):
                 return True
-            time.sleep(0.005)
+            time.sleep(_POLL_S)
         return not self._playing
 
 
 def sound(q: object) -> bool:
-    """Whether these are six finite numbers; ur_rtde checks nothing and waits 300 s for the rest."""
+    """Whether these are six finite numbers; ur_rtde checks nothing and waits 300 s if not."""
     return (
         isinstance(q, list)
         and len(q) == 6

@@ -1,11 +1,8 @@
-"""What can be cleared on a UR robot from here, through its dashboard; nothing is ever resumed.
+"""Commands of a UR robot's dashboard server: power, brakes, stops; one command per connection.
 
-A protective stop only pauses the program: to play it again would go on with the interrupted move.
-So the program is stopped instead, and a new one is sent by the next `activate`.
-
-The robot's dashboard server: one text command a connection, with a deadline for all of it.
-
-Universal Robots, "Dashboard server": TCP 29999, a line in, a line out, after a line of welcome.
+A protective stop only pauses the program; playing it again would continue the interrupted move. So
+the program is stopped instead, and the next `activate` sends a new one. Source of the protocol:
+Universal Robots, "Dashboard server": TCP 29999; a line of welcome, a command line, an answer line.
 """
 
 import socket
@@ -13,10 +10,14 @@ import time
 from collections.abc import Callable
 
 from wrenchbed.errors import LinkError, StoppedError
+from wrenchbed.hardware.device import wait_until
 from wrenchbed.hardware.drivers.rtde import status
 from wrenchbed.hardware.drivers.rtde.shared_state import Snapshot
 
 PORT = 29999
+"""TCP port; source: Universal Robots, "Dashboard server"."""
+_LONGEST, _CHUNK = 4096, 1024
+"""Longest answer and bytes read at once; estimates."""
 
 
 def request(host: str, command: str, timeout: float = 1.0) -> str:
@@ -28,9 +29,9 @@ def request(host: str, command: str, timeout: float = 1.0) -> str:
     deadline = time.monotonic() + timeout
     try:
         with socket.create_connection((host, PORT), timeout) as link:
-            rest = _line(link, b"", deadline)[1]
+            after_welcome = _line(link, b"", deadline)[1]
             link.sendall(command.encode() + b"\n")
-            return _line(link, rest, deadline)[0].decode(errors="replace").strip()
+            return _line(link, after_welcome, deadline)[0].decode(errors="replace").strip()
     except OSError as error:
         why = error.strerror or str(error)
         raise LinkError(f"dashboard of {host}: no answer to {command!r}: {why}") from error
@@ -38,31 +39,34 @@ def request(host: str, command: str, timeout: float = 1.0) -> str:
 
 def _line(link: socket.socket, data: bytes, deadline: float) -> tuple[bytes, bytes]:
     while b"\n" not in data:
-        left = deadline - time.monotonic()
-        if left <= 0.0 or len(data) > 4096:
+        remaining = deadline - time.monotonic()
+        if remaining <= 0.0 or len(data) > _LONGEST:
             raise TimeoutError("timed out")
-        link.settimeout(left)
-        part = link.recv(1024)
+        link.settimeout(remaining)
+        part = link.recv(_CHUNK)
         if not part:
             raise ConnectionResetError("the connection was closed")
         data += part
-    line, _, rest = data.partition(b"\n")
-    return line, rest
+    line, _, following = data.partition(b"\n")
+    return line, following
 
 
-UNLOCK_AFTER_S = 5.0
-"""The controller refuses to unlock a protective stop earlier [s]."""
+UNLOCK_AFTER_S = 5.1
+"""The controller refuses to unlock a protective stop within 5 s [s]; source: Universal Robots,
+"Dashboard server"; 0.1 s is added as an estimate of the delay of the states."""
 _CLEARED_S, _STOPPED_S = 3.0, 2.0
 _POWER_S, _BRAKES_S = 15.0, 20.0
-_POLL_S = 0.01
+"""Deadlines: stop cleared, program ended, power on, brakes released [s]; estimates."""
+IDLE = 5
+"""``robot_mode`` with power and closed brakes; source: Universal Robots, RTDE guide."""
 Look = Callable[[], Snapshot]
 
 
 def clear(host: str, look: Look) -> None:
-    """Unlock a protective stop and end whatever program is there.
+    """Unlock a protective stop and end any program.
 
     Raises:
-        StoppedError: it cannot be cleared from here; says what to do.
+        StoppedError: it cannot be cleared from here; the message says what to do.
         LinkError: the dashboard does not answer.
     """
     state = look()
@@ -79,14 +83,14 @@ def end_program(host: str, look: Look) -> None:
     """Stop the program that plays or is paused.
 
     Raises:
-        StoppedError: it goes on.
+        StoppedError: it still runs.
         LinkError: the dashboard does not answer.
     """
     if int(look().runtime) == status.STOPPED:
         return
-    said = request(host, "stop")
-    if not _until(lambda: int(look().runtime) == status.STOPPED, _STOPPED_S):
-        raise StoppedError(f"the robot's program does not stop, the dashboard says {said!r}")
+    answer = request(host, "stop")
+    if not wait_until(lambda: int(look().runtime) == status.STOPPED, _STOPPED_S):
+        raise StoppedError(f"the robot's program does not stop, the dashboard says {answer!r}")
 
 
 def switch_on(host: str, look: Look) -> None:
@@ -96,38 +100,29 @@ def switch_on(host: str, look: Look) -> None:
         StoppedError: the robot does not come up in time.
         LinkError: the dashboard does not answer.
     """
-    if int(look().mode) not in (5, status.RUNNING):
+    if int(look().mode) not in (IDLE, status.RUNNING):
         request(host, "power on")
-        if not _until(lambda: int(look().mode) in (5, status.RUNNING), _POWER_S):
+        if not wait_until(lambda: int(look().mode) in (IDLE, status.RUNNING), _POWER_S):
             raise StoppedError(f"the robot does not power on: it is {status.mode(look())}")
-    if int(look().mode) == 5:
+    if int(look().mode) == IDLE:
         request(host, "brake release")
-        if not _until(lambda: int(look().mode) == status.RUNNING, _BRAKES_S):
+        if not wait_until(lambda: int(look().mode) == status.RUNNING, _BRAKES_S):
             raise StoppedError(f"the brakes are not released: the robot is {status.mode(look())}")
 
 
 def _unlock(host: str, look: Look) -> None:
     state = look()
-    time.sleep(max(0.0, state.protective + UNLOCK_AFTER_S + 0.1 - time.monotonic()))
+    time.sleep(max(0.0, state.protective + UNLOCK_AFTER_S - time.monotonic()))
     request(host, "close safety popup")
-    said = request(host, "unlock protective stop")
-    if not _until(lambda: status.problem(look()) is None, _CLEARED_S):
-        raise StoppedError(f"the protective stop is not cleared, the dashboard says {said!r}")
-
-
-def _until(done: Callable[[], bool], seconds: float) -> bool:
-    end = time.monotonic() + seconds
-    while not done():
-        if time.monotonic() > end:
-            return False
-        time.sleep(_POLL_S)
-    return True
+    answer = request(host, "unlock protective stop")
+    if not wait_until(lambda: status.problem(look()) is None, _CLEARED_S):
+        raise StoppedError(f"the protective stop is not cleared, the dashboard says {answer!r}")
 
 
 def halt(host: str, timeout: float) -> str:
-    """Stop the program by the dashboard; empty when it answered that it did, else why not."""
+    """Stop the program; empty when the dashboard confirms it, else the reason."""
     try:
-        said = request(host, "stop", timeout)
+        answer = request(host, "stop", timeout)
     except LinkError as error:
         return str(error)
-    return "" if said.lower().startswith("stopp") else f"the dashboard says {said!r}"
+    return "" if answer.lower().startswith("stopp") else f"the dashboard says {answer!r}"

@@ -1,7 +1,4 @@
-"""The driver of UR robots: states from one worker process, commands through another one.
-
-Speed of a move, and whether streamed targets arrive.
-"""
+"""Driver of UR robots: states from one worker process, commands through another one."""
 
 import time
 from collections import deque
@@ -19,7 +16,7 @@ from wrenchbed.errors import (
     SafetyStopError,
     StoppedError,
 )
-from wrenchbed.hardware.device import GONE_S, STALE_S, Health
+from wrenchbed.hardware.device import GONE_S, STALE_S, Health, wait_until
 from wrenchbed.hardware.drivers.base import Applied, ArmSample, Move
 from wrenchbed.hardware.drivers.base.live import LiveDriver
 from wrenchbed.hardware.drivers.base.watched_move import CALM_SPEED, check_ready
@@ -32,9 +29,15 @@ from wrenchbed.hardware.drivers.rtde.status import Observation, count, judge
 from wrenchbed.hardware.transducers.ur_wrench import UrWrenchReading
 
 _LEAST_SPEED, _LEAST_ACCELERATION, _MOST_ACCELERATION = 0.01, 0.05, 15.0
+"""Bounds of the speed [rad/s] and acceleration [rad/s²] of a move; estimates."""
+_PEAK = 1.5
+"""Peak speed over mean speed of a trapezoid whose ramps take a third each, by definition."""
 _WINDOW_S, _LAG_S = 0.6, 0.2
+"""Length of the compared stream and greatest delay of the controller [s]; estimates."""
 _MOVED, _SHARE = 0.02, 0.2
-_EVERY = 8
+"""Least motion of the sent targets [rad] and share that the controller must follow; estimates."""
+_EVERY, _KEPT = 8, 400
+"""Targets between two comparisons, and targets kept; estimates."""
 
 
 def trapezoid(distance: float, seconds: float, top: float) -> tuple[float, float]:
@@ -43,7 +46,7 @@ def trapezoid(distance: float, seconds: float, top: float) -> tuple[float, float
     A third of the time speeds up and a third slows down, unless that needs more than ``top``
     [rad/s] or 15 rad/s²; then the move takes longer.
     """
-    speed = min(1.5 * distance / seconds, top)
+    speed = min(_PEAK * distance / seconds, top)
     acceleration = 3.0 * speed / seconds
     return (
         max(speed, _LEAST_SPEED),
@@ -54,30 +57,30 @@ def trapezoid(distance: float, seconds: float, top: float) -> tuple[float, float
 class Followed:
     """Whether the controller's own targets follow those that were sent.
 
-    ur_rtde says yes to targets that it drops; the controller's ``target_q`` does not.
+    ur_rtde confirms targets that it drops; the controller's ``target_q`` shows which arrive.
     """
 
     def __init__(self) -> None:
-        self._seen: deque[tuple[float, np.ndarray, np.ndarray]] = deque(maxlen=400)
+        self._pairs: deque[tuple[float, np.ndarray, np.ndarray]] = deque(maxlen=_KEPT)
         self._count = 0
 
     def clear(self) -> None:
         """A stream begins anew."""
-        self._seen.clear()
+        self._pairs.clear()
 
     def add(self, t: float, sent: np.ndarray, target: np.ndarray) -> str:
-        """Take in a target (J,) that was sent and the controller's own (J,); why not, if not."""
-        if self._seen and t - self._seen[-1][0] > _LAG_S:
-            self._seen.clear()
-        self._seen.append((t, sent, target))
-        while t - self._seen[0][0] > _WINDOW_S:
-            self._seen.popleft()
+        """Add a sent target (J,) and the controller's (J,); a reason if it does not follow."""
+        if self._pairs and t - self._pairs[-1][0] > _LAG_S:
+            self._pairs.clear()
+        self._pairs.append((t, sent, target))
+        while t - self._pairs[0][0] > _WINDOW_S:
+            self._pairs.popleft()
         self._count += 1
-        if self._count % _EVERY or t - self._seen[0][0] < 2.0 * _LAG_S:
+        if self._count % _EVERY or t - self._pairs[0][0] < 2.0 * _LAG_S:
             return ""
-        old = np.array([s for then, s, _ in self._seen if t - then > _LAG_S])
+        old = np.array([s for then, s, _ in self._pairs if t - then > _LAG_S])
         moved = np.ptp(old, axis=0)
-        followed = np.ptp(np.array([a for _, _, a in self._seen]), axis=0)
+        followed = np.ptp(np.array([a for _, _, a in self._pairs]), axis=0)
         joint = int(np.argmax(moved))
         if moved[joint] > _MOVED and followed[joint] < _SHARE * moved[joint]:
             return "targets are sent and the controller does not follow them: call recover()"
@@ -85,9 +88,11 @@ class Followed:
 
 
 _MOVE_S, _SOFT_S, _HARD_S, _DASHBOARD_S = 3.0, 0.8, 0.2, 0.5
+"""Deadlines of answers: move, soft stop, hard stop, stop by the dashboard [s]; estimates."""
 _REST_S, _QUIT_S, _ENDED_S = 3.0, 4.0, 1.0
+"""Deadlines: robot at rest, worker ended, program ended [s]; estimates."""
 _MOST_HZ = 500.0
-"""States a second of an e-Series."""
+"""States per second of an e-Series; source: Universal Robots, RTDE guide."""
 
 
 class RtdeDriver(LiveDriver):
@@ -100,7 +105,8 @@ class RtdeDriver(LiveDriver):
     name = "rtde"
     title = "a UR robot over ur_rtde, with a Net F/T sensor or its own wrench"
     options = RtdeOptions
-    source, lead = "ur_rtde", 0.1
+    source = "ur_rtde"
+    lead = 0.1  # [s], estimate
 
     def __init__(self, options: RtdeOptions | None = None) -> None:
         options = options or RtdeOptions()
@@ -108,11 +114,11 @@ class RtdeDriver(LiveDriver):
         self._options = options
         self.top_rate = options.frequency or _MOST_HZ
         self.robot = registry.load("robots", options.robot)
-        self.transducer = sensing.transducer(options.sensor, options.host, self._own_wrench)
+        self.transducer = sensing.transducer(options.sensor, options.host, self._robot_wrench)
         self._links: Links | None = None
         self._control: Worker | None = None
         self._followed, self._flange = Followed(), Flange(self.robot)
-        self._own: UrWrenchReading | None = None
+        self._reading: UrWrenchReading | None = None
         self._recoveries, self._seen, self._halts = 0, 0.0, 0.0
         self._undelivered = ""
 
@@ -120,9 +126,9 @@ class RtdeDriver(LiveDriver):
         stated = super().metadata(mode, rate)
         if self._options.sensor != sensing.OWN:
             return stated
-        told = sensing.facts(self._look()) if self._links else {}
-        own = SensorInfo(model="ur-wrench", pose_flange=stated.sensor.pose_flange)
-        return replace(stated, sensor=own, extra={**stated.extra, "wrench": told})
+        facts = sensing.facts(self._look()) if self._links else {}
+        sensor = SensorInfo(model="ur-wrench", pose_flange=stated.sensor.pose_flange)
+        return replace(stated, sensor=sensor, extra={**stated.extra, "wrench": facts})
 
     def stop(self, kind: str = "soft") -> None:
         """Brake and wait until the robot rests.
@@ -157,20 +163,15 @@ class RtdeDriver(LiveDriver):
         if options.power_on and status.safety(self._look()) in ("normal", "reduced"):
             dashboard.switch_on(options.host, self._look)
         check_ready(self._arm_health())
-        end = time.monotonic() + _ENDED_S
-        while int(self._look().runtime) != status.STOPPED:
-            if time.monotonic() > end:
-                raise DriverError(
-                    f"a program is {status.program(self._look())} on the robot, someone else's or "
-                    "one that a stop left: stop it there, close the other client, or call recover()"
-                )
-            time.sleep(0.01)
+        if not wait_until(lambda: int(self._look().runtime) == status.STOPPED, _ENDED_S):
+            raise DriverError(
+                f"a program is {status.program(self._look())} on the robot, someone else's or "
+                "one that a stop left: stop it there, close the other client, or call recover()"
+            )
         self._control = links.open_control()
         self._followed.clear()
         self._last_target = None
-        end = time.monotonic() + GONE_S
-        while int(self._look().runtime) != status.PLAYING and time.monotonic() < end:
-            time.sleep(0.01)
+        wait_until(lambda: int(self._look().runtime) == status.PLAYING, GONE_S)
         self._halts = self._look().halts
         check_ready(self._arm_health())
 
@@ -231,7 +232,7 @@ class RtdeDriver(LiveDriver):
     def _stream(self, q: np.ndarray, at: float) -> Applied:
         control = self._armed()
         why = control.gone() or control.refused
-        if not why and not control.tell("servo", q=q.tolist(), at=at):
+        if not why and not control.send("servo", q=q.tolist(), at=at):
             why = "the control worker takes no targets"
         if not why:
             why = self._followed.add(time.monotonic(), q, np.array(self._look().target_q))
@@ -260,7 +261,7 @@ class RtdeDriver(LiveDriver):
         if links is None:
             return Health("closed", "call connect() first")
         state = links.shared.read()
-        seen = Observation(
+        observation = Observation(
             state=state,
             age=time.monotonic() - state.t if state else np.inf,
             worker_gone=links.state_gone(),
@@ -271,13 +272,13 @@ class RtdeDriver(LiveDriver):
             ended=control.program_ended if control else False,
             halts=self._halts,
         )
-        return judge(seen, count(state, links.restarts, self._recoveries))
+        return judge(observation, count(state, links.restarts, self._recoveries))
 
-    def _own_wrench(self) -> UrWrenchReading:
-        state, own = self._look(), self._own
-        if own is None or own.t != state.t:
-            own = self._own = sensing.reading(state, self.robot)
-        return own
+    def _robot_wrench(self) -> UrWrenchReading:
+        state, reading = self._look(), self._reading
+        if reading is None or reading.t != state.t:
+            reading = self._reading = sensing.reading(state, self.robot)
+        return reading
 
     def _live(self) -> Links:
         if self._links is None:
@@ -296,31 +297,27 @@ class RtdeDriver(LiveDriver):
         return state
 
     def _wait_for_state(self) -> None:
-        """A state that is not stale; waits at most `GONE_S`."""
-        end = time.monotonic() + GONE_S
-        while (health := self._arm_health()).state in ("stale", "lost"):
-            if health.state == "lost" or time.monotonic() > end:
-                raise LinkError(health.detail)
-            time.sleep(0.005)
+        """Wait at most `GONE_S` until the state is not stale."""
+        wait_until(lambda: self._arm_health().state != "stale", GONE_S)
+        health = self._arm_health()
+        if health.state in ("stale", "lost"):
+            raise LinkError(health.detail)
 
     def _trouble(self) -> str:
-        """What keeps the robot from moving; its states tell a cycle or two after its program."""
-        end = time.monotonic() + STALE_S
-        while (trouble := status.problem(self._look())) is None and time.monotonic() < end:
-            time.sleep(0.005)
+        """What keeps the robot from moving; its states report it some cycles after its program."""
+        wait_until(lambda: status.problem(self._look()) is not None, STALE_S)
+        trouble = status.problem(self._look())
         return trouble[1] if trouble else ""
 
     def _wait_for_rest(self) -> None:
-        end = time.monotonic() + _REST_S
-        while True:
+        def at_rest() -> bool:
             health = self._arm_health()
             if health.state == "lost":
                 raise LinkError(health.detail)
-            if health.state != "stale" and np.abs(self._look().qd).max() < CALM_SPEED:
-                return
-            if time.monotonic() > end:
-                raise LateError(f"the robot does not rest within {_REST_S:g} s of its stop")
-            time.sleep(0.005)
+            return health.state != "stale" and np.abs(self._look().qd).max() < CALM_SPEED
+
+        if not wait_until(at_rest, _REST_S):
+            raise LateError(f"the robot does not rest within {_REST_S:g} s of its stop")
 
     def _drop_control(self, quit_s: float) -> None:
         """End the control worker, within a time [s] in which it may stop the robot itself."""

@@ -1,4 +1,4 @@
-"""A worker process as the driver sees it: started under a deadline, told, asked, and ended."""
+"""A worker process as the driver sees it: started under a deadline, commanded, and ended."""
 
 import contextlib
 import itertools
@@ -20,7 +20,10 @@ from wrenchbed.hardware.drivers.rtde.shared_state import SharedState
 from wrenchbed.hardware.drivers.rtde.worker import Closed, Message, pair
 
 _ROOT = str(Path(__file__).parents[4])
-_SLICE_S = 0.01
+_POLL_S, _ANSWER_POLL_S = 0.01, 0.001
+"""Time between two looks for the first event and for an answer [s]; estimates."""
+_END_S = 5.0
+"""Time that a killed process gets to end [s]; estimate."""
 
 
 class Worker:
@@ -28,7 +31,7 @@ class Worker:
 
     Args:
         kind: ``state`` or ``control``.
-        setting: what it is told.
+        setting: of the worker.
         shared: memory that it inherits.
     """
 
@@ -61,17 +64,17 @@ class Worker:
                     return self.events.popleft()
             if gone:
                 raise LinkError(gone)
-            time.sleep(_SLICE_S)
+            time.sleep(_POLL_S)
         self.kill()
         waited = time.monotonic() - begun
         raise LinkError(f"the {self.kind} worker did not connect within {waited:.1f} s: killed")
 
-    def tell(self, do: str, **more: Any) -> bool:
-        """Send an order that is not answered; whether it could be sent at once."""
+    def send(self, do: str, **more: Any) -> bool:
+        """Send a command that is not answered; whether it could be sent at once."""
         return self.wire.send({"do": do} | more)
 
     def ask(self, do: str, timeout: float, **more: Any) -> str:
-        """Send an order; empty when it was done, else why not.
+        """Send a command; empty when it was done, else the reason.
 
         Raises:
             LinkError: the worker is gone or did not answer in time [s].
@@ -88,10 +91,10 @@ class Worker:
                 return str(reply.get("why", ""))
             if gone:
                 raise LinkError(gone)
-            left = end - time.monotonic()
-            if left <= 0.0:
+            remaining = end - time.monotonic()
+            if remaining <= 0.0:
                 raise LinkError(f"the {self.kind} worker did not answer {do!r} in {timeout:g} s")
-            time.sleep(min(left, 0.001))
+            time.sleep(min(remaining, _ANSWER_POLL_S))
 
     def gone(self) -> str:
         """Why the worker is gone; empty while it lives."""
@@ -109,14 +112,14 @@ class Worker:
         return f"the {self.kind} worker ended with code {code}"
 
     def quit(self, timeout: float) -> None:
-        """Ask it to end, kill it when it has not by then [s], and let go of it."""
-        self.tell("quit")
+        """Ask it to end, kill it when it has not ended by then [s], and release it."""
+        self.send("quit")
         with contextlib.suppress(subprocess.TimeoutExpired):
             self._process.wait(timeout)
         self.kill()
 
     def kill(self, why: str = "") -> None:
-        """End it at once, for a reason, and let go of it; may be called twice."""
+        """End it at once, for a reason, and release it; may be called twice."""
         self._why = self._why or self.gone() or why
         self._kill()
         with self._lock:
@@ -131,7 +134,7 @@ class Worker:
         number, event = message.get("id"), message.get("event")
         if number is not None:
             self._replies[number] = message
-            while len(self._replies) > 8:  # answers that came too late for who asked
+            while len(self._replies) > 8:  # answers that came after the deadline
                 self._replies.pop(min(self._replies))
         elif event == "unsent":
             self.refused = str(message.get("why", ""))
@@ -150,10 +153,10 @@ def _spawn(
     kind: str, setting: dict[str, Any], shared: SharedState, other: socket.socket
 ) -> subprocess.Popen[bytes]:
     inherited = (shared.descriptor, other.fileno())
-    told = json.dumps(setting | {"memory": inherited[0], "wire": inherited[1]})
+    arguments = json.dumps(setting | {"memory": inherited[0], "wire": inherited[1]})
     path = os.pathsep.join(p for p in (_ROOT, os.environ.get("PYTHONPATH", "")) if p)
     return subprocess.Popen(
-        [sys.executable, "-P", "-m", "wrenchbed.hardware.drivers.rtde.worker", kind, told],
+        [sys.executable, "-P", "-m", "wrenchbed.hardware.drivers.rtde.worker", kind, arguments],
         stdin=subprocess.DEVNULL,
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
@@ -167,4 +170,4 @@ def _end(process: subprocess.Popen[bytes]) -> None:
     if process.poll() is None:
         process.kill()
     with contextlib.suppress(subprocess.TimeoutExpired):
-        process.wait(5.0)
+        process.wait(_END_S)

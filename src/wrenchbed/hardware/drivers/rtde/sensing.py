@@ -1,7 +1,4 @@
-"""Which sensor belongs to a UR robot, and what its own wrench means.
-
-The flange's pose from that of the TCP, whose offset RTDE's clients are not told.
-"""
+"""Sensors of a UR robot: the transducer of an option, the robot's wrench, the flange's pose."""
 
 import time
 from collections.abc import Callable, Mapping
@@ -19,11 +16,16 @@ from wrenchbed.hardware.transducers.ur_wrench import UrWrenchReading
 from wrenchbed.robots.base import Robot
 
 _APART_M, _APART_RAD = 5e-3, 0.02
+"""Distance [m] and angle [rad] within which the TCP counts as the flange; estimates."""
 _EVERY_S = 0.5
+"""Time between two comparisons of TCP and flange [s]; estimate."""
 
 
 class Flange:
-    """Knows where the TCP is the flange: there both are where the nominal robot has its sensor."""
+    """Pose of the flange where the TCP is the flange; RTDE does not report the TCP's offset.
+
+    The TCP counts as the flange where it is at the sensor pose of the nominal robot.
+    """
 
     def __init__(self, robot: Robot) -> None:
         self._robot = robot
@@ -37,8 +39,8 @@ class Flange:
             self._same = self._compare(state, tcp.as_matrix())
         if not self._same:
             return None
-        turn = tcp.as_quat(canonical=True, scalar_first=True)
-        return np.concatenate([state.pose[:3], turn])
+        quaternion = tcp.as_quat(canonical=True, scalar_first=True)
+        return np.concatenate([state.pose[:3], quaternion])
 
     def _compare(self, state: Snapshot, tcp: np.ndarray) -> bool:
         nominal = self._robot.parameters.nominal
@@ -49,18 +51,19 @@ class Flange:
 
 
 OWN = "rtde"
+"""Option value for the robot's own wrench."""
 _FORMS = "netft, netft://HOST[:PORT][?http=PORT] or rtde"
 
 
-def transducer(sensor: str, host: str, own: Callable[[], UrWrenchReading]) -> Transducer:
+def transducer(sensor: str, host: str, source: Callable[[], UrWrenchReading]) -> Transducer:
     """The sensor that an option names.
 
     Raises:
-        ParameterError: it names none; lists the forms.
+        ParameterError: it names none; the message lists the forms.
     """
     if sensor in (OWN, "ur-wrench"):
         kind = registry.load("transducers", "ur-wrench")
-        return kind(kind.options(source=own))
+        return kind(kind.options(source=source))
     kind = registry.load("transducers", "netft")
     if sensor in ("", "netft"):
         return kind(kind.options(host=host))
@@ -78,7 +81,7 @@ def transducer(sensor: str, host: str, own: Callable[[], UrWrenchReading]) -> Tr
 
 
 def reading(state: Snapshot, robot: Robot) -> UrWrenchReading:
-    """The robot's own wrench of a state; the nominal robot tells where its sensor is."""
+    """The robot's own wrench of a state; the sensor's pose is that of the nominal robot."""
     if np.isfinite(state.raw).all():
         wrench, rotation, lever = np.array(state.raw), np.eye(3), np.zeros(3)
     else:
@@ -92,7 +95,7 @@ def reading(state: Snapshot, robot: Robot) -> UrWrenchReading:
 
 
 def facts(state: Snapshot) -> Mapping[str, Any]:
-    """What the readings were before they were brought into the sensor's axes."""
+    """How the controller states its wrench, before the change to the sensor's axes."""
     if np.isfinite(state.raw).all():
         return {
             "source": "ft_raw_wrench", "frame": "flange", "reference": "flange",

@@ -37,7 +37,7 @@ class Snapshot(NamedTuple):
         runtime: ``runtime_state``.
         major: version of the controller.
         protective: `time.monotonic` when a protective stop was first seen, 0 without one [s].
-        halts: how often a program left off playing.
+        halts: how often a program stopped playing.
         received: states received.
         skipped: states known to be lost.
         bad: states that were refused.
@@ -77,9 +77,12 @@ _HEAD = struct.Struct("@qq")
 _BEAT = struct.Struct("@d")
 _BEATS = _HEAD.size + _PAYLOAD.size
 BEATS = ("driver", "state", "control")
-"""Who beats."""
+"""Owners of the heartbeats."""
 SIZE = _BEATS + len(BEATS) * _BEAT.size
 _TRIES = 20
+"""Attempts at a consistent copy; estimate."""
+_WORD = 0xFFFFFFFF
+"""Mask of 32 bits, by definition of CRC-32."""
 
 
 class SharedState:
@@ -93,13 +96,13 @@ class SharedState:
 
     @classmethod
     def create(cls) -> Self:
-        """New memory; nothing is left of it when the last process that has it ends."""
+        """New memory; it is freed when the last process that has it ends."""
         descriptor = os.memfd_create("wrenchbed-rtde")
         os.ftruncate(descriptor, SIZE)
         return cls(descriptor)
 
     def close(self) -> None:
-        """Let go of it; may be called twice."""
+        """Release it; may be called twice."""
         if self.descriptor >= 0:
             self._memory.close()
             os.close(self.descriptor)
@@ -113,15 +116,15 @@ class SharedState:
         payload = _PAYLOAD.pack(*flat)
         odd = self._sequence
         self._sequence += 2
-        check = zlib.crc32(payload, (odd + 1) & 0xFFFFFFFF)
+        check = zlib.crc32(payload, (odd + 1) & _WORD)
         self._put(0, _HEAD.pack(odd, 0))
         self._put(_HEAD.size, payload)
         self._put(0, _HEAD.pack(odd + 1, check))
 
     def read(self) -> Snapshot | None:
-        """The newest whole state; None before the first.
+        """The newest complete state; None before the first.
 
-        While a writer is in the middle of one, or died there, it is the one before.
+        While a writer is within a state, or died there, the state before is returned.
         """
         for _ in range(_TRIES):
             raw = self._memory[:_BEATS]
@@ -129,17 +132,17 @@ class SharedState:
             if sequence == 0:
                 break
             payload = raw[_HEAD.size :]
-            if sequence % 2 == 0 and check == zlib.crc32(payload, sequence & 0xFFFFFFFF):
+            if sequence % 2 == 0 and check == zlib.crc32(payload, sequence & _WORD):
                 self._newest = _snapshot(_PAYLOAD.unpack(payload))
                 break
         return self._newest
 
     def beat(self, who: str) -> None:
-        """Say that one lives."""
+        """Write the heartbeat of one of `BEATS`."""
         self._put(_place(who), _BEAT.pack(time.monotonic()))
 
     def silence(self, who: str) -> float:
-        """Time since one last said that it lives [s]."""
+        """Age of the heartbeat of one of `BEATS` [s]."""
         return time.monotonic() - _BEAT.unpack_from(self._memory, _place(who))[0]
 
     def _put(self, place: int, data: bytes) -> None:

@@ -1,19 +1,13 @@
-"""The worker that receives states: copies each new one into shared memory with its arrival time.
+"""The worker that receives states: it copies each new one into shared memory with its arrival time.
 
-ur_rtde gives its last values for ever after a loss, and garbage after a short packet: a state
-counts only when its time stamp is new, no other one arrived while it was copied, and its values
-are those of a robot.
+After a lost link ur_rtde repeats its last values for ever, and after a short packet it returns
+garbage. So a state counts only when its time stamp is new, no other one arrived while it was
+copied, and its values are possible for a robot.
 
-How fast the controller's clock runs against this machine's; only the standard library.
-
-States arrive late by what the network and this machine add, never early: of each half second the
-one that was least late counts.
-
-Ask a controller for its version before ur_rtde is let near it.
-
-ur_rtde's constructors wait for ever for a controller that accepts and is silent, and return
-useless objects for one that refuses; two packets of the protocol with deadlines tell first.
-Protocol: Universal Robots, "RTDE guide": header uint16 size, uint8 type, big endian.
+ur_rtde's constructors wait for ever for a silent controller and return useless objects for one that
+refuses. So the controller's version is asked for first, with a deadline. Source of the protocol:
+Universal Robots, "RTDE guide": header uint16 size, uint8 type, big endian. Only the standard
+library is imported, so that the worker starts quickly.
 """
 
 import math
@@ -24,17 +18,29 @@ import struct
 import time
 from collections import deque
 from importlib import import_module
+from statistics import linear_regression
 from typing import Any
 
 from wrenchbed.hardware.drivers.rtde.shared_state import SharedState, Snapshot
-from wrenchbed.hardware.drivers.rtde.worker import LOST, Closed, MessageChannel, Printed, settle
+from wrenchbed.hardware.drivers.rtde.worker import (
+    LOST,
+    Closed,
+    MessageChannel,
+    Printed,
+    end_process,
+)
 
 _BIN_S = 0.5
+"""Time of whose states the least late one counts [s]; estimate."""
 _BINS, _LEAST_BINS = 60, 8
+"""Most and fewest such states of a fit; estimates."""
 
 
 class ControllerClock:
-    """Least squares over the last half minute of (arrival, stamp) [s]."""
+    """Drift of the controller's clock: least squares over half a minute of (arrival, stamp) [s].
+
+    Network and machine make states late, never early: the least late one of each bin counts.
+    """
 
     def __init__(self) -> None:
         self._best: deque[tuple[float, float]] = deque(maxlen=_BINS)
@@ -58,21 +64,20 @@ class ControllerClock:
 
     def drift(self) -> float:
         """Parts per million by which the controller's clock is faster; NaN for too short a time."""
-        n = len(self._best)
-        if n < _LEAST_BINS:
+        if len(self._best) < _LEAST_BINS:
             return float("nan")
         t0, s0 = self._best[0]
         x = [t - t0 for t, _ in self._best]
         y = [(s - s0) - (t - t0) for t, s in self._best]
-        mean_x, mean_y = sum(x) / n, sum(y) / n
-        spread = sum((a - mean_x) ** 2 for a in x)
-        return 1e6 * sum((a - mean_x) * (b - mean_y) for a, b in zip(x, y, strict=True)) / spread
+        return _MILLION * linear_regression(x, y).slope
 
 
 PORT = 30004
+"""TCP port of RTDE; source: Universal Robots, "RTDE guide"."""
 _HEADER = struct.Struct(">HB")
 _PROTOCOL, _VERSION, _TEXT = ord("V"), ord("v"), ord("M")
 _LONGEST = 4096
+"""Bytes of the longest packet that is taken; estimate."""
 
 
 class Unfit(Exception):  # noqa: N818
@@ -85,7 +90,7 @@ def controller_version(host: str, timeout: float) -> tuple[int, int, int, int]:
     Raises:
         OSError: it cannot be reached.
         TimeoutError: it accepts and does not answer in time [s].
-        Unfit: it answers what is no RTDE.
+        Unfit: its answer is not RTDE.
     """
     deadline = time.monotonic() + timeout
     with socket.create_connection((host, PORT), timeout) as link:
@@ -114,10 +119,10 @@ def _ask(link: socket.socket, deadline: float, kind: int, body: bytes) -> bytes:
 def _exactly(link: socket.socket, deadline: float, n: int) -> bytes:
     data = b""
     while len(data) < n:
-        left = deadline - time.monotonic()
-        if left <= 0.0:
+        remaining = deadline - time.monotonic()
+        if remaining <= 0.0:
             raise TimeoutError("the controller accepts connections and does not answer")
-        link.settimeout(left)
+        link.settimeout(remaining)
         try:
             part = link.recv(n - len(data))
         except TimeoutError:
@@ -133,39 +138,51 @@ FIELDS = (
     "actual_TCP_force", "robot_mode", "safety_mode", "speed_scaling", "runtime_state",
     "robot_status_bits", "safety_status_bits",
 )  # fmt: skip
-"""All of ur_rtde's own decoding table: it does not skip what it does not know, but shifts."""
+"""Fields of the states; ur_rtde's decoder would shift the values after an unknown field."""
 RAW = "ft_raw_wrench"
 WRONG = (
     "", "numbers that are not finite", "joint angles or modes that no robot has",
     "joints that jump faster than any robot", "time stamps that go back",
 )  # fmt: skip
-_SPEED, _SLACK, _PLAYING = 7.0, 0.05, 2
+"""Reasons to refuse a state; the index is stored in `Snapshot.wrong`."""
+_SPEED, _SLACK = 7.0, 0.05
+"""Fastest joint [rad/s] and jump beyond that [rad] of a plausible state; estimates."""
+_FARTHEST = 7.0
+"""Largest plausible joint angle [rad]; estimate, above the 2π of a UR robot."""
+_PLAYING = 2
 _RESTART_S = 1.0
-"""By how much the clock of a controller that was restarted goes back at least [s]."""
-_POLL_S = 0.0005
+"""Least backward step of the clock of a controller that was restarted [s]; estimate."""
+_GAP = 1.5
+"""Step of the time stamps in periods from which states are missing; estimate."""
+_POLL_S, _BEAT_S = 0.0005, 0.02
+"""Time between two looks for a state, and period of the heartbeat [s]; estimates."""
 _PROBE_S = 2.0
+"""Time in which the controller must report its version [s]; estimate."""
+_NATIVE_HZ = {False: 125.0, True: 500.0}
+"""States per second of a CB3 and of an e-Series; source: Universal Robots, "RTDE guide"."""
+_MILLION = 1e6  # by definition of ppm
 
 
 def run(setting: dict[str, Any], shared: SharedState, wire: MessageChannel) -> None:
-    """Connect, say so, and copy states until the driver or the controller is gone."""
-    printed = Printed(lambda why: settle(wire, "lost", why, LOST))
+    """Connect, report it, and copy states until the driver or the controller is gone."""
+    printed = Printed(lambda why: end_process(wire, "lost", why, LOST))
     host, frequency = str(setting["host"]), setting["frequency"]
     try:
         version = controller_version(host, _PROBE_S)
     except OSError as error:
-        return settle(wire, "refused", error.strerror or str(error), 1)
+        return end_process(wire, "refused", error.strerror or str(error), 1)
     except Unfit as error:
-        return settle(wire, "failed", str(error), 1)
+        return end_process(wire, "failed", str(error), 1)
     receive = import_module("rtde_receive").RTDEReceiveInterface
     signal.alarm(setting["alarm"])  # a constructor that hangs holds Python's lock
     has_raw = version[0] == 5 and version[:2] >= (5, 9)
     names = [*FIELDS, RAW] if has_raw else list(FIELDS)
     link = receive(host, -1.0 if frequency is None else frequency, names)
     if len(link.getActualQ()) != 6 or link.getTimestamp() == 0.0:
-        return settle(wire, "refused", "the controller sends no states", 1)
+        return end_process(wire, "refused", "the controller sends no states", 1)
     signal.alarm(0)
-    native = 125.0 if version[0] <= 3 else 500.0
-    copier = Copier(link, has_raw, version[0], 1.0 / (frequency or native), shared)
+    period = 1.0 / (frequency or _NATIVE_HZ[version[0] > 3])
+    copier = Copier(link, has_raw, version[0], period, shared)
     wire.send({"event": "ready", "version": version})
     try:
         _copy(link, copier, shared, wire, printed)
@@ -183,19 +200,19 @@ def _copy(
         else:
             time.sleep(_POLL_S)
         now = time.monotonic()
-        if now - beat > 0.02:
+        if now - beat > _BEAT_S:
             beat = now
             shared.beat("state")
             if not link.isConnected():
                 why = printed.lines[-1] if printed.lines else "no data for 2.5 s"
-                settle(wire, "lost", why, LOST)
+                end_process(wire, "lost", why, LOST)
             message = wire.receive(0.0)
             if message is not None and message.get("do") == "quit":
                 os._exit(0)
 
 
 class Copier:
-    """Copies whole and plausible states."""
+    """Copies complete and plausible states."""
 
     def __init__(
         self,
@@ -229,7 +246,7 @@ class Copier:
         return True
 
     def _take(self, stamp: float) -> Snapshot | None:
-        """A state that no other one overtook while it was read; None where that goes on."""
+        """A state during whose reading no other one arrived; None after five attempts."""
         for _ in range(5):
             state = self._read(stamp)
             again = self._link.getTimestamp()
@@ -261,7 +278,7 @@ class Copier:
         back, skipped, drift = last.back, last.skipped, last.drift
         if last.t > 0.0 and step < -_RESTART_S:
             back = -step
-        elif last.t > 0.0 and step > 1.5 * self.period:
+        elif last.t > 0.0 and step > _GAP * self.period:
             skipped += round(step / self.period) - 1
         if self._clock.add(new.t, new.stamp):
             drift = self._clock.drift()
@@ -275,12 +292,12 @@ class Copier:
 
 
 def implausible(new: Snapshot, last: Snapshot) -> int:
-    """What no robot can have sent, as an index of `WRONG`; 0 where all is well."""
+    """Why a robot cannot have sent this state, as an index of `WRONG`; 0 if it can."""
     sixes = (new.q, new.qd, new.current, new.target_q, new.pose, new.force)
     if not all(math.isfinite(v) for six in sixes for v in six) or not math.isfinite(new.stamp):
         return 1
     modes = -1 <= new.mode <= 8 and 1 <= new.safety <= 13 and 0 <= new.runtime <= 5
-    if not modes or any(abs(v) > 7.0 for v in new.q) or any(len(six) != 6 for six in sixes):
+    if not modes or any(abs(v) > _FARTHEST for v in new.q) or any(len(six) != 6 for six in sixes):
         return 2
     if last.t == 0.0 or new.stamp < last.stamp - _RESTART_S:
         return 0

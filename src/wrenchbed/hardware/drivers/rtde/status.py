@@ -1,9 +1,7 @@
-"""The state of a UR robot's link and of the robot, from all that the driver sees of them.
+"""State of a UR robot and of its link in words, with remedies.
 
-The controller's numbers in words, and what to do about them.
-
-Enumerations: Universal Robots, "RTDE guide", robot_mode, safety_mode, safety_status_bits and
-runtime_state.
+Source of the enumerations: Universal Robots, "RTDE guide", robot_mode, safety_mode,
+safety_status_bits and runtime_state.
 """
 
 import math
@@ -46,7 +44,7 @@ def mode(state: Snapshot) -> str:
 
 
 def safety(state: Snapshot) -> str:
-    """``normal``, ``protective stop`` …; the bits tell some stops earlier than the mode does."""
+    """``normal``, ``protective stop`` …; the bits report some stops earlier than the mode."""
     bits = int(state.bits)
     if bits & _EMERGENCY:
         return "emergency stop"
@@ -77,11 +75,12 @@ def problem(state: Snapshot) -> tuple[State, str] | None:
 
 
 _WORKER_SILENT_S = 0.06
+"""Age of the state worker's heartbeat from which it hangs [s]; estimate, three periods."""
 
 
 @dataclass(frozen=True)
 class Observation:
-    """What the driver sees.
+    """What the driver knows of the link and of both workers.
 
     Attributes:
         state: newest state, None before the first.
@@ -91,8 +90,8 @@ class Observation:
         armed: whether the robot was made ready to move.
         control_gone: why the control worker is gone, empty while it lives.
         control_silent: time since its heartbeat [s].
-        ended: whether the control worker found its program ended.
-        halts: how often the program had left off playing when the robot was made ready.
+        ended: whether the control worker saw its program ended.
+        halts: how often a program had stopped playing when the robot was made ready.
     """
 
     state: Snapshot | None
@@ -107,7 +106,7 @@ class Observation:
 
 
 def judge(seen: Observation, counters: Mapping[str, float]) -> Health:
-    """Name what is wrong: the link first, then the robot's safety, its program, its control."""
+    """What is wrong: the link first, then the robot's safety, its program, its control."""
     state = seen.state
     if seen.worker_gone or state is None:
         why = seen.worker_gone or "no state yet"
@@ -153,10 +152,14 @@ def _program(seen: Observation, state: Snapshot, counters: Mapping[str, float]) 
 
 def count(state: Snapshot | None, restarts: int, recoveries: int) -> dict[str, float]:
     """Counters of the link, by name."""
-    found: dict[str, float] = {"restarts": restarts, "recoveries": recoveries}
+    counters: dict[str, float] = {"restarts": restarts, "recoveries": recoveries}
     if state is not None:
-        found |= {"states": state.received, "skipped": state.skipped, "refused states": state.bad}
-        found["speed scaling"] = state.scaling
+        counters |= {
+            "states": state.received,
+            "skipped": state.skipped,
+            "refused states": state.bad,
+        }
+        counters["speed scaling"] = state.scaling
         if math.isfinite(state.drift):
-            found["clock_ppm"] = state.drift
-    return found
+            counters["clock_ppm"] = state.drift
+    return counters

@@ -1,11 +1,8 @@
-"""What both workers share: they start, listen to what ur_rtde prints, and end without a trace.
+"""Entry point of both workers, and their messages: JSON objects over a pair of local sockets.
 
 ``python -m wrenchbed.hardware.drivers.rtde.worker state|control …``. A worker always ends by
 `os._exit`: destructors of ur_rtde throw after the controller died, which would abort the process.
-
-Messages between the driver and a worker: JSON objects over a pair of local sockets.
-
-Only the standard library, since the workers import this.
+Only the standard library is imported, so that workers start quickly.
 """
 
 import contextlib
@@ -25,6 +22,8 @@ from wrenchbed.hardware.drivers.rtde.shared_state import SharedState
 
 Message = dict[str, Any]
 _LONGEST = 4096
+"""Bytes of the longest message; estimate."""
+_MS = 1e3  # by definition
 
 
 class Closed(Exception):  # noqa: N818
@@ -32,7 +31,7 @@ class Closed(Exception):  # noqa: N818
 
 
 class MessageChannel:
-    """One end. Messages keep their borders and order."""
+    """One end of a channel that keeps the borders and the order of messages."""
 
     def __init__(self, end: socket.socket) -> None:
         self._end = end
@@ -46,7 +45,7 @@ class MessageChannel:
         return cls(socket.socket(fileno=descriptor))
 
     def send(self, message: Message) -> bool:
-        """Send at once, or say that the other end does not take it."""
+        """Send at once; False where the other end does not take it."""
         with contextlib.suppress(OSError):
             self._end.send(json.dumps(message).encode()[:_LONGEST])
             return True
@@ -59,7 +58,7 @@ class MessageChannel:
             Closed: the other end is gone.
         """
         try:
-            if not self._poll.poll(max(0.0, timeout) * 1e3):
+            if not self._poll.poll(max(0.0, timeout) * _MS):
                 return None
             raw = self._end.recv(_LONGEST)
         except BlockingIOError:
@@ -71,7 +70,7 @@ class MessageChannel:
         return dict(json.loads(raw))
 
     def close(self) -> None:
-        """Let go of it; may be called twice."""
+        """Release it; may be called twice."""
         self._end.close()
 
 
@@ -82,6 +81,7 @@ def pair() -> tuple[MessageChannel, socket.socket]:
 
 
 _PRIORITY = -10
+"""Nice value of the workers; estimate."""
 LOST = 3
 """Exit code of a worker that lost the controller."""
 _LOSS = ("Could not receive data", "Lost connection", "Reconnecting", "closed the connection")
@@ -89,7 +89,7 @@ _LOSS = ("Could not receive data", "Lost connection", "Reconnecting", "closed th
 
 
 class Printed:
-    """What the library prints in this process; a line that tells of a loss calls back."""
+    """Lines that the library prints in this process; one that reports a loss calls back."""
 
     def __init__(self, lost: Callable[[str], None]) -> None:
         self.lines: deque[str] = deque(maxlen=8)
@@ -108,14 +108,14 @@ class Printed:
                     self._lost(line.strip())
 
 
-def settle(wire: MessageChannel, event: str, why: str, code: int) -> None:
-    """Tell the driver why this process ends, and end it."""
+def end_process(wire: MessageChannel, event: str, why: str, code: int) -> None:
+    """Report to the driver why this process ends, and end it."""
     wire.send({"event": event, "why": why})
     os._exit(code)
 
 
 def cause(error: BaseException) -> str:
-    """One line of what an exception says."""
+    """An exception's message on one line."""
     return " ".join(str(error).split()) or type(error).__name__
 
 
@@ -130,7 +130,7 @@ def main(arguments: list[str]) -> None:
         run = import_module(f"wrenchbed.hardware.drivers.rtde.{kind}_worker").run
         run(setting, shared, wire)
     except BaseException as error:
-        settle(wire, "failed", cause(error), 1)
+        end_process(wire, "failed", cause(error), 1)
     os._exit(0)
 
 
