@@ -73,7 +73,9 @@ def test_drives_that_stand_outside_their_limits_are_not_enabled(arm):
     arm.servos[1].position = 0.0
     arm.connect()
     assert until(lambda: arm.health().ok)
-    with pytest.raises(DriverError, match=r"q2 \(drive 2\) reports 0 rad.*1\.658 .*home the drives"):
+    with pytest.raises(
+        DriverError, match=r"q2 \(drive 2\) reports 0 rad.*1\.658 .*home the drives"
+    ):
         arm.activate()
     assert arm.buses[-1].told == [] and arm.servos[1].position == 0.0
     arm.servos[1].position = 2.0 * arm.setting.counts_per_unit[1]

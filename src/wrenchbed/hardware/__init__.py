@@ -1,5 +1,5 @@
 """Drivers move a real or simulated robot; transducers read a force/torque sensor.
 
-May import: simulation, twin, effects, calibration, robots, sensors, data, physics, registry, errors.
+May import: simulation, twin, effects, calibration, robots, sensors, data, physics, registry.
 Read first: ``device.py``, then ``drivers/base/driver.py`` and ``transducers/base.py``.
 """
