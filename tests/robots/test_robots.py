@@ -4,6 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from iiwa import IIWA
 from wrenchbed import registry
 from wrenchbed.errors import ParameterError, PlanError
 from wrenchbed.physics.taylor import Jet
@@ -16,7 +17,7 @@ ROBOTS = [
     registry.load("robots", name)
     for name in registry.names("robots")
     if isinstance(registry.load("robots", name), SimulatedRobot)
-]
+] + [IIWA]
 each_robot = pytest.mark.parametrize("robot", ROBOTS, ids=lambda r: r.name)
 
 
@@ -207,8 +208,8 @@ def test_joints_outside_limits_are_refused_by_row(robot):
     q[1, 1] = np.rad2deg(q[1, 1])
     with pytest.raises(PlanError, match=r"plan: row 1: q2 = .* outside its limits.*degrees"):
         robot.check(q, robot.parameters.nominal, "plan")
-    with pytest.raises(PlanError, match="has 6 joints"):
-        robot.check(q[:, :5], robot.parameters.nominal, "plan")
+    with pytest.raises(PlanError, match=f"has {len(robot.joints)} joints"):
+        robot.check(q[:, :-1], robot.parameters.nominal, "plan")
 
 
 @each_robot

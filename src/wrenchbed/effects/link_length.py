@@ -1,5 +1,7 @@
 """Link lengths or twists differ from nominal."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from wrenchbed.effects.base import ModelEffect, Values, Variant
@@ -7,8 +9,6 @@ from wrenchbed.effects.scene import Scene
 from wrenchbed.physics.parameters import Parameter, ParameterSet
 from wrenchbed.robots.base import Robot
 
-TWISTS = tuple(f"alpha{k}" for k in range(1, 7))
-SERIAL = tuple(f"{s}{k}" for s in "ad" for k in range(1, 7))
 LINKS = tuple(f"L{i}{k}" for i in (1, 2) for k in (1, 2, 3, 4))
 LOOPS = (*LINKS, *(f"{a}{i}{y}" for a in "AC" for i in (1, 2) for y in "yz"), "d41", "d42")
 
@@ -27,44 +27,49 @@ class LinkLength(ModelEffect):
     source = "0.1–1 mm, 0.02–0.1° as made: estimate"
 
     def parameters(self, robot: Robot) -> ParameterSet:
-        lengths = LOOPS if is_loop(robot) else SERIAL
-        known = set(robot.parameters.names)
-        twists = [
-            Parameter(public(n), 0.0, "rad", 1e-3, -0.5, 0.5, f"added to {n}")
-            for n in TWISTS
-            if n in known
-        ]
+        twists, lengths = geometry(robot)
+        sizes = [(n, "rad", 1e-3, 0.5) for n in twists] + [(n, "m", 5e-4, 0.1) for n in lengths]
         return ParameterSet(
-            (
-                *twists,
-                *(
-                    Parameter(public(n), 0.0, "m", 5e-4, -0.1, 0.1, f"added to {n}")
-                    for n in lengths
-                    if n in known
-                ),
+            tuple(
+                Parameter(public(n), 0.0, unit, size, -bound, bound, f"added to {n}")
+                for n, unit, size, bound in sizes
             )
         )
 
     def variants(self, scene: Scene) -> tuple[Variant, ...]:
+        twists, lengths = geometry(scene.robot)
         if is_loop(scene.robot):
-            every = Variant("all links", tuple(map(public, LINKS)), weight=2.0)
-            return (*single(LOOPS), every, Variant("all lengths", tuple(map(public, LOOPS))))
-        known = scene.robot.parameters.names
-        if TWISTS[0] not in known:
+            return (
+                *single(lengths),
+                together("all links", LINKS, 2.0),
+                together("all lengths", lengths),
+            )
+        if not twists:
             return ()
-        result = [*single(TWISTS), Variant("all twists", tuple(map(public, TWISTS)), weight=2.0)]
+        result = [*single(twists), together("all twists", twists, 2.0)]
         if scene.moving:
             nominal = scene.robot.parameters.mapping(scene.robot.parameters.nominal)
-            lengths = [n for n in SERIAL if nominal[n] != 0.0 and n != "d1"]  # d1 only lifts all
-            result += [*single(lengths), Variant("all lengths", tuple(map(public, lengths)))]
+            lengths = [n for n in lengths if nominal[n] != 0.0 and n != "d1"]  # d1 only lifts all
+            result += [*single(lengths), together("all lengths", lengths)]
         return tuple(result)
 
     def theta(self, robot: Robot, theta: np.ndarray, p: Values) -> np.ndarray:
         result = np.array(theta, dtype=float)
-        for n in (*TWISTS, *SERIAL, *LOOPS):
-            if public(n) in p:
-                result[robot.parameters.index(n)] += p[public(n)]
+        twists, lengths = geometry(robot)
+        for n in (*twists, *lengths):
+            result[robot.parameters.index(n)] += p[public(n)]
         return result
+
+
+def geometry(robot: Robot) -> tuple[list[str], list[str]]:
+    """Names of the robot's parameters that are twists, and of those that are lengths."""
+    known = robot.parameters.names
+    if is_loop(robot):
+        return [], [n for n in LOOPS if n in known]
+    each = range(1, len(robot.joints) + 1)
+    wanted = [f"alpha{k}" for k in each], [f"{symbol}{k}" for symbol in "ad" for k in each]
+    twists, lengths = ([n for n in names if n in known] for names in wanted)
+    return twists, lengths
 
 
 def is_loop(robot: Robot) -> bool:
@@ -74,12 +79,17 @@ def is_loop(robot: Robot) -> bool:
 
 def public(name: str) -> str:
     """``twist.3`` of alpha3, ``length.L11`` of L11."""
-    return f"twist.{name[5:]}" if name in TWISTS else f"length.{name}"
+    return f"twist.{name[5:]}" if name.startswith("alpha") else f"length.{name}"
 
 
-def single(names: tuple[str, ...] | list[str]) -> list[Variant]:
+def single(names: Sequence[str]) -> list[Variant]:
     """Each parameter of the robot alone."""
     return [Variant(n, (public(n),), detail={"parameter": n}) for n in names]
+
+
+def together(label: str, names: Sequence[str], weight: float = 1.0) -> Variant:
+    """Parameters of the robot that are fitted together."""
+    return Variant(label, tuple(map(public, names)), weight=weight)
 
 
 EFFECT = LinkLength()

@@ -78,8 +78,9 @@ def part_of(model: mujoco.MjModel, robot: Robot, shown_world: bool) -> dict[int,
     A geom without a name belongs to the named one before it in the same body.
     """
     carried = _carriers(model, robot)
-    sensor = int(model.geom("sensor").bodyid[0])
     tool = model.body("tool").id
+    on = {model.geom(g).name: int(model.geom_bodyid[g]) for g in range(model.ngeom)}
+    sensor = on.get("sensor", tool)
     found: dict[int, Sequence[str]] = {}
     name, body = "", -1
     for g in range(model.ngeom):

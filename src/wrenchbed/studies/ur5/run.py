@@ -12,7 +12,7 @@ from wrenchbed.jobs.parts import run as run_parts
 from wrenchbed.jobs.progress import Progress
 from wrenchbed.pages.document import Document, Figure, Section, Table
 from wrenchbed.pages.plots import components, groups
-from wrenchbed.robots.ur5.robot import UR5
+from wrenchbed.robots.ur5 import UR5
 from wrenchbed.studies.ur5 import scene as published
 from wrenchbed.studies.ur5 import scene as table1
 from wrenchbed.studies.ur5 import trial

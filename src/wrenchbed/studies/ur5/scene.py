@@ -18,7 +18,7 @@ from wrenchbed.physics.noise import NoiseModel, NoiseStream
 from wrenchbed.physics.rotations import rot_x, rot_z
 from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.robots.base import INERTIA_AXES
-from wrenchbed.robots.ur5.robot import UR5
+from wrenchbed.robots.ur5 import UR5
 from wrenchbed.simulation.closed_form import Model
 from wrenchbed.simulation.simulation import Simulation
 

@@ -21,7 +21,7 @@ from wrenchbed.data.recording import Recording
 from wrenchbed.errors import PlanError
 from wrenchbed.jobs.parts import Row
 from wrenchbed.physics.rotations import rot_z
-from wrenchbed.robots.ur5.robot import UR5
+from wrenchbed.robots.ur5 import UR5
 from wrenchbed.studies.ur5.scene import DIRECTIONS, SAMPLES, Scenario, StudyScene
 
 _AXES = {

@@ -1,0 +1,58 @@
+"""A serial arm of seven joints, data alone: planned, recorded, calibrated and diagnosed."""
+
+import json
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from iiwa import IIWA
+from wrenchbed import registry
+from wrenchbed.cli import main
+from wrenchbed.data.recording import Recording
+from wrenchbed.effects.chain import effects, respond
+from wrenchbed.effects.naming import active_effect
+from wrenchbed.effects.scene import examples
+from wrenchbed.twin.twin import nominal
+
+
+@pytest.fixture(autouse=True)
+def installed(monkeypatch):
+    """Another package's entry point brings the robot."""
+    point = SimpleNamespace(load=lambda: IIWA)
+    found = {"robots": {"iiwa14": point}}
+    monkeypatch.setattr(registry, "_entry_points", lambda kind: found.get(kind, {}))
+
+
+def test_seven_joints_are_planned_recorded_and_calibrated(tmp_path):
+    plan, recording = str(tmp_path / "plan.parquet"), str(tmp_path / "rec.parquet")
+    assert main(["plan", "iiwa14", "--n", "20", "--out", plan]) == 0
+    line = ["record", "--robot", "iiwa14", "--plan", plan, "--out", recording]
+    assert main([*line, "--noise", "off", "--effect", "tool.mass:mass=0.1"]) == 0
+    assert Recording.read(recording).q.shape[1] == 7
+    assert main(["calibrate", recording, "--out", str(tmp_path / "fit.json")]) == 0
+    fit = json.loads((tmp_path / "fit.json").read_text())
+    assert fit["theta"]["tool.mass"] == pytest.approx(1.45, abs=1e-6)
+
+
+def test_an_offset_of_joint_4_is_diagnosed(tmp_path):
+    plan, recording = str(tmp_path / "plan.parquet"), str(tmp_path / "rec.parquet")
+    assert main(["plan", "iiwa14", "--n", "60", "--out", plan]) == 0
+    line = ["record", "--robot", "iiwa14", "--plan", plan, "--out", recording]
+    assert main([*line, "--effect", "joint.offset:joint=4,offset=0.01"]) == 0
+    assert main(["diagnose", recording, "--out", str(tmp_path / "diagnosis")]) == 0
+    said = json.loads((tmp_path / "diagnosis" / "diagnosis.json").read_text())
+    assert said["which"][0]["effect"] == "joint.offset"
+    assert said["which"][0]["parameters"]["joint"]["value"] == 4
+
+
+def test_every_effect_of_the_arm_is_simulated_as_fitted():
+    (still, _), applied = examples(IIWA), 0
+    for name, effect in effects().items():
+        if not effect.between_rows and effect.acts(still) and effect.variants(still):
+            active = [active_effect(IIWA, name)]
+            closed = respond(still, active)
+            change = np.abs(closed - respond(still)).max()
+            assert np.abs(nominal(IIWA, active).wrench(still) - closed).max() < 0.05 * change + 1e-9
+            applied += 1
+    assert applied > 20
