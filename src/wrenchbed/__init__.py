@@ -1,6 +1,6 @@
 """wrenchbed: a testbed for robots that carry a six-axis force/torque sensor.
 
-The names below are the public ones; each is imported on first use.
+Every verb of the command line is a function here. A name is imported on first use.
 """
 
 import sys
@@ -17,60 +17,75 @@ if TYPE_CHECKING:
     from wrenchbed.campaigns.setting import Fleet
     from wrenchbed.data.column_map import read as read_map
     from wrenchbed.data.import_files import import_files
+    from wrenchbed.data.logs import write_mcap
     from wrenchbed.data.plan import Plan
     from wrenchbed.data.plan import read as read_points
     from wrenchbed.data.recording import Recording
+    from wrenchbed.emulators.base.emulator import EmulatorOptions
+    from wrenchbed.emulators.base.serve import serve
     from wrenchbed.errors import WrenchbedError
     from wrenchbed.hardware.drivers.sim import SimDriver, SimOptions
-    from wrenchbed.planning.accuracy_plan import Mix, reach
+    from wrenchbed.planning.accuracy_plan import Mix, MixOptions, reach
     from wrenchbed.planning.choose import informative, multisine, poses
-    from wrenchbed.registry import load, names
+    from wrenchbed.registry import descriptions, load, names
+    from wrenchbed.reports.recording_page import report
+    from wrenchbed.robots.base import Robot
     from wrenchbed.simulation.closed_form import Model
     from wrenchbed.simulation.simulation import Simulation
     from wrenchbed.twin.export import export
     from wrenchbed.twin.replay import simulate
     from wrenchbed.twin.twin import Twin
+    from wrenchbed.viewer.view import view
 
     __version__: str
 
+_PUBLIC = {
+    "calibration.calibrate": ("CalibrationOptions as Options", "calibrate"),
+    "calibration.fit": ("Fit",),
+    "calibration.touches": ("Touches",),
+    "campaigns.campaign": ("campaign",),
+    "campaigns.recording.run": ("record",),
+    "campaigns.setting": ("Fleet",),
+    "data.column_map": ("read as read_map",),
+    "data.import_files": ("import_files",),
+    "data.logs": ("write_mcap",),
+    "data.plan": ("Plan", "read as read_points"),
+    "data.recording": ("Recording",),
+    "emulators.base.emulator": ("EmulatorOptions",),
+    "emulators.base.serve": ("serve",),
+    "errors": ("WrenchbedError",),
+    "hardware.drivers.sim": ("SimDriver", "SimOptions"),
+    "planning.accuracy_plan": ("Mix", "MixOptions", "reach"),
+    "planning.choose": ("informative", "multisine", "poses"),
+    "registry": ("descriptions", "load", "names"),
+    "reports.recording_page": ("report",),
+    "robots.base": ("Robot",),
+    "simulation.closed_form": ("Model",),
+    "simulation.simulation": ("Simulation",),
+    "twin.export": ("export",),
+    "twin.replay": ("simulate",),
+    "twin.twin": ("Twin",),
+    "viewer.view": ("view",),
+}
+"""Public names by their module."""
 _HOME = {
-    "Fit": ("calibration.fit", "Fit"),
-    "Fleet": ("campaigns.setting", "Fleet"),
-    "Mix": ("planning.accuracy_plan", "Mix"),
-    "Model": ("simulation.closed_form", "Model"),
-    "Options": ("calibration.calibrate", "CalibrationOptions"),
-    "Plan": ("data.plan", "Plan"),
-    "Recording": ("data.recording", "Recording"),
-    "SimDriver": ("hardware.drivers.sim", "SimDriver"),
-    "SimOptions": ("hardware.drivers.sim", "SimOptions"),
-    "Simulation": ("simulation.simulation", "Simulation"),
-    "Touches": ("calibration.touches", "Touches"),
-    "Twin": ("twin.twin", "Twin"),
-    "WrenchbedError": ("errors", "WrenchbedError"),
-    "calibrate": ("calibration.calibrate", "calibrate"),
-    "campaign": ("campaigns.campaign", "campaign"),
-    "export": ("twin.export", "export"),
-    "import_files": ("data.import_files", "import_files"),
-    "informative": ("planning.choose", "informative"),
-    "load": ("registry", "load"),
-    "multisine": ("planning.choose", "multisine"),
-    "names": ("registry", "names"),
-    "poses": ("planning.choose", "poses"),
-    "reach": ("planning.accuracy_plan", "reach"),
-    "read_map": ("data.column_map", "read"),
-    "read_points": ("data.plan", "read"),
-    "record": ("campaigns.recording.run", "record"),
-    "simulate": ("twin.replay", "simulate"),
+    public: (module, name)
+    for module, entries in _PUBLIC.items()
+    for name, _, alias in (entry.partition(" as ") for entry in entries)
+    for public in (alias or name,)
 }
 
 __all__ = [
+    "EmulatorOptions",
     "Fit",
     "Fleet",
     "Mix",
+    "MixOptions",
     "Model",
     "Options",
     "Plan",
     "Recording",
+    "Robot",
     "SimDriver",
     "SimOptions",
     "Simulation",
@@ -80,6 +95,7 @@ __all__ = [
     "__version__",
     "calibrate",
     "campaign",
+    "descriptions",
     "export",
     "import_files",
     "informative",
@@ -91,7 +107,11 @@ __all__ = [
     "read_map",
     "read_points",
     "record",
+    "report",
+    "serve",
     "simulate",
+    "view",
+    "write_mcap",
 ]
 
 
@@ -106,5 +126,9 @@ def __getattr__(name: str) -> Any:
     return getattr(import_module(f"wrenchbed.{module}"), attribute)
 
 
-if "gymnasium" in sys.modules:  # who has imported it will ask it for our environments
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})
+
+
+if "gymnasium" in sys.modules:  # a program that has imported it will look for the environments
     import_module("wrenchbed.environments")

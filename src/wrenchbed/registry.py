@@ -91,6 +91,20 @@ def load(kind: str, name: str) -> Any:
     return getattr(importlib.import_module(f"{_PACKAGES[kind]}.{module}"), KINDS[kind])
 
 
+def descriptions(kind: str) -> dict[str, str]:
+    """One line on each plug-in of a kind, by name: its title, or its docstring's first line.
+
+    Raises:
+        NotFoundError: the kind does not exist.
+        MissingExtraError: a plug-in needs a library of an extra that is not installed.
+    """
+    plugins = {name: load(kind, name) for name in names(kind)}
+    return {
+        name: str(getattr(p, "title", None) or (p.__doc__ or "").strip().splitlines()[0])
+        for name, p in plugins.items()
+    }
+
+
 def require(library: str, extra: str) -> Any:
     """Import an optional library, or name the extra that installs it.
 

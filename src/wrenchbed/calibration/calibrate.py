@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from scipy import special
@@ -35,17 +36,17 @@ class CalibrationOptions:
     """How to calibrate.
 
     Attributes:
-        free: patterns of parameters to identify; ``candidates`` for all that the robot might have
-            wrong; None for the robot's own choice.
-        hold: patterns to leave out of ``free`` again.
-        prior: whether each free parameter's tolerance is a prior standard deviation about nominal.
-        loss: ``linear``, ``huber`` or ``student``.
+        free: Parameters, groups (tool.cog) or patterns (L1?) to identify; `candidates` for all
+            that the robot might have wrong; the robot's own if none.
+        hold: Of these, to hold at their stated or nominal value.
+        prior: Take each tolerance as a prior standard deviation.
+        loss: Huber and Student's t resist outliers.
     """
 
-    free: Sequence[str] | None = None
+    free: Sequence[str] = ()
     hold: Sequence[str] = ()
     prior: bool = False
-    loss: str = "linear"
+    loss: Literal["linear", "huber", "student"] = "linear"
 
 
 def robot_of(recording: Recording) -> Robot:
@@ -130,7 +131,7 @@ def calibrate(
 
 
 def _free(model: Model, options: CalibrationOptions) -> tuple[int, ...]:
-    wanted = list(model.robot.free if options.free is None else options.free)
+    wanted = list(options.free or model.robot.free)
     if CANDIDATES in wanted:
         wanted = [w for w in wanted if w != CANDIDATES] + list(model.robot.candidates)
     chosen = model.parameters.select(wanted)

@@ -1,6 +1,6 @@
-"""The command line: the library's verbs, files in and out. Only this package prints.
-
-What verbs there are, told without loading what they need.
+"""The command line: every verb is a function of the library with files in and out.
+May import every room; only this room prints.
+Read first: this file, then `console`; each verb's module is loaded when it is called.
 """
 
 import ast
@@ -8,55 +8,21 @@ import signal
 import sys
 import textwrap
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from difflib import get_close_matches
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Union
 
 from wrenchbed.errors import WrenchbedError, WrenchbedWarning
-
-_WIDTH = 80
-
-
-def usage(verbs: Mapping[str, tuple[str, str]]) -> str:
-    """Every verb with the first paragraph of what it says of itself, in 80 columns."""
-    room = max(map(len, verbs)) + 4
-    lines = [
-        "usage: wrenchbed VERB …", "",
-        "Testbed for force-sensing robots: plan, record, calibrate, diagnose.", "",
-    ]  # fmt: skip
-    for verb, (module, function) in verbs.items():
-        text = " ".join(_said(module, function).split())
-        told = textwrap.wrap(text, _WIDTH - room)
-        lines += [f"  {verb:{room - 2}}{told[0]}", *(" " * room + line for line in told[1:])]
-    lines += ["", "wrenchbed VERB --help tells more of each."]
-    return "\n".join(lines)
-
-
-def unknown(word: str, verbs: Mapping[str, tuple[str, str]]) -> str:
-    """What is wrong with a word that is no verb."""
-    close = get_close_matches(word, verbs, 1)
-    hint = f"; did you mean {close[0]}?" if close else "."
-    return f"there is no verb {word!r}{hint} Known: {', '.join(verbs)}"
-
-
-def _said(module: str, function: str) -> str:
-    """First paragraph of a function's docstring, read from its source."""
-    spec = find_spec(module)
-    assert spec is not None and spec.origin is not None  # the verb's own module
-    tree = ast.parse(Path(spec.origin).read_text(encoding="utf-8"))
-    own = next(n for n in tree.body if isinstance(n, ast.FunctionDef) and n.name == function)
-    return (ast.get_docstring(own) or "").partition("\n\n")[0]
-
 
 _VERBS = {
     "list": ("verbs", "list_"),
     "plan": ("plan", "plan"),
     "record": ("record", "record"),
     "import": ("verbs", "import_"),
-    "calibrate": ("verbs", "calibrate"),
+    "calibrate": ("calibrate", "calibrate"),
     "diagnose": ("diagnose", "diagnose"),
     "view": ("view", "view"),
     "report": ("view", "report"),
@@ -67,30 +33,84 @@ _VERBS = {
     "study": ("verbs", "study"),
     "blind": ("blind", "blind"),
 }
-"""Module and function of each verb: only the one that is asked for is loaded."""
+"""Module and function of each verb."""
 _GROUPS = ("blind",)
-_KEPT = {
+"""Verbs that consist of other verbs."""
+_WHEN_STOPPED = {
     "record": "; what was recorded is on disk, and on a robot `record … --resume` goes on",
     "campaign": "; what was done so far is on disk, and the same command goes on",
     "study": "; what was done so far is on disk, and the same command goes on",
     "blind": "; what was done so far is on disk, and the same command goes on",
 }
-"""What a verb that was stopped leaves."""
+"""What a stopped verb leaves."""
+_SHELLS = ("bash", "zsh", "tcsh")
+_COLUMNS = 80
+
+
+def run() -> None:
+    """Entry point of the console script; SIGTERM ends it like Ctrl-C."""
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    sys.exit(main())
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Run one verb. Returns 0 done, 1 a named error (one line on stderr), 2 usage, 130 stopped."""
     words = sys.argv[1:] if arguments is None else arguments
-    verbs = {verb: (f"wrenchbed.cli.{m}", f) for verb, (m, f) in _VERBS.items()}
-    if not words or words[0] not in verbs:
-        asked = bool(words) and words[0] in ("-h", "--help")
-        if asked:
-            print(usage(verbs))
-            raise SystemExit(0)
-        what = unknown(words[0], verbs) if words else usage(verbs)
-        print(f"wrenchbed: error: {what}" if words else what, file=sys.stderr)
-        raise SystemExit(2)
-    return _run(words)
+    if words and words[0] in _VERBS:
+        return _run(words)
+    match words:
+        case ["-h" | "--help", *_]:
+            print(_usage())
+        case ["--version"]:
+            import wrenchbed
+
+            print(f"wrenchbed {wrenchbed.__version__}")
+        case ["--print-completion", shell] if shell in _SHELLS:
+            _print_completion(shell)
+        case []:
+            print(_usage(), file=sys.stderr)
+            raise SystemExit(2)
+        case [word, *_]:
+            print(f"wrenchbed: error: {_unknown(word)}", file=sys.stderr)
+            raise SystemExit(2)
+    raise SystemExit(0)
+
+
+def _usage() -> str:
+    """Every verb with the first paragraph of its docstring, in 80 columns."""
+    indent = max(map(len, _VERBS)) + 4
+    lines = [
+        "usage: wrenchbed VERB …", "",
+        "Testbed for force-sensing robots: plan, record, calibrate, diagnose.", "",
+    ]  # fmt: skip
+    for verb, (module, function) in _VERBS.items():
+        text = " ".join(_summary(f"wrenchbed.cli.{module}", function).split())
+        first, *more = textwrap.wrap(text, _COLUMNS - indent)
+        lines += [f"  {verb:{indent - 2}}{first}", *(" " * indent + line for line in more)]
+    lines += [
+        "",
+        "wrenchbed VERB --help                describes a verb",
+        "wrenchbed --version                  prints the version",
+        f"wrenchbed --print-completion SHELL   prints completions for {', '.join(_SHELLS)}",
+    ]
+    return "\n".join(lines)
+
+
+def _summary(module: str, function: str) -> str:
+    """First paragraph of a function's docstring, read from its source without importing it."""
+    spec = find_spec(module)
+    assert spec is not None and spec.origin is not None  # the verb's own module
+    tree = ast.parse(Path(spec.origin).read_text(encoding="utf-8"))
+    node = next(n for n in tree.body if isinstance(n, ast.FunctionDef) and n.name == function)
+    return (ast.get_docstring(node) or "").partition("\n\n")[0]
+
+
+def _unknown(word: str) -> str:
+    if word == "--print-completion":
+        return f"--print-completion needs a shell: {', '.join(_SHELLS)}"
+    close = get_close_matches(word, _VERBS, 1)
+    hint = f"; did you mean {close[0]}?" if close else "."
+    return f"there is no verb {word!r}{hint} Known: {', '.join(_VERBS)}"
 
 
 def _run(words: Sequence[str]) -> int:
@@ -103,7 +123,7 @@ def _run(words: Sequence[str]) -> int:
             warnings.showwarning = lambda message, *_, **__: stderr.print(
                 f"wrenchbed: warning: {message}", style="yellow", markup=False
             )
-            _ask(words)
+            _call(words[0], words[1:])
     except WrenchbedError as error:
         stderr.print(f"wrenchbed: error: {error}", style="red", markup=False)
         return 1
@@ -112,28 +132,51 @@ def _run(words: Sequence[str]) -> int:
         stderr.print(f"wrenchbed: error: {what}", style="red", markup=False)
         return 1
     except KeyboardInterrupt:
-        stderr.print(f"wrenchbed: stopped{_KEPT.get(words[0], '')}", markup=False)
+        stderr.print(f"wrenchbed: stopped{_WHEN_STOPPED.get(words[0], '')}", markup=False)
         return 130
     return 0
 
 
-def _ask(words: Sequence[str]) -> None:
-    """Let a verb read its options and work."""
+def _call(verb: str, arguments: Sequence[str]) -> None:
+    """Parse a verb's arguments and call it."""
     import tyro
 
-    verb, rest = words[0], list(words[1:])
-    module, function = _VERBS[verb]
-    home = import_module(f"wrenchbed.cli.{module}")
-    own: Callable[..., Any] = getattr(home, function)
+    home, function = _loaded(verb)
+    config = (tyro.conf.OmitArgPrefixes, tyro.conf.FlagCreatePairsOff)
+    prog, args = f"wrenchbed {verb}", list(arguments)
     if verb in _GROUPS:
         tyro.extras.subcommand_cli_from_dict(
-            home.VERBS, prog=f"wrenchbed {verb}", description=own.__doc__, args=rest
+            home.VERBS, prog=prog, description=function.__doc__, args=args, config=config
         )
-        return
-    tyro.cli(own, prog=f"wrenchbed {verb}", args=rest)
+    else:
+        tyro.cli(function, prog=prog, args=args, config=config)
 
 
-def run() -> None:
-    """Entry point of the console script; being told to end is like Ctrl-C."""
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
-    sys.exit(main())
+def _loaded(verb: str) -> tuple[Any, Callable[..., Any]]:
+    """Module and function of a verb."""
+    module, name = _VERBS[verb]
+    home = import_module(f"wrenchbed.cli.{module}")
+    return home, getattr(home, name)
+
+
+def _print_completion(shell: str) -> None:
+    """Print the completion script of all verbs for a shell."""
+    import tyro
+
+    def subcommands(functions: dict[str, Callable[..., Any]]) -> Any:
+        named = [
+            Annotated[Any, tyro.conf.subcommand(name, constructor=function)]
+            for name, function in functions.items()
+        ]
+        return Union[tuple(named)]  # noqa: UP007
+
+    functions = {}
+    for verb in _VERBS:
+        home, function = _loaded(verb)
+        functions[verb] = subcommands(home.VERBS) if verb in _GROUPS else function
+    config = (tyro.conf.OmitArgPrefixes, tyro.conf.FlagCreatePairsOff,
+              tyro.conf.OmitSubcommandPrefixes)  # fmt: skip
+    tyro.cli(
+        subcommands(functions), prog="wrenchbed", args=["--tyro-print-completion", shell],
+        config=config,
+    )  # fmt: skip

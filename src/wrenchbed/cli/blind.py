@@ -1,14 +1,20 @@
-"""The verbs of the sealed benchmark."""
+"""`wrenchbed blind`: make, run, score and seal cases of the sealed benchmark."""
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import tyro
+from rich.console import Group
+from rich.table import Table
+from rich.text import Text
 
 from wrenchbed.cli import console
-from wrenchbed.cli.console import Json
+from wrenchbed.cli.console import Json, Repeated
 from wrenchbed.errors import ParameterError
+
+if TYPE_CHECKING:
+    from wrenchbed.pages.document import Document
 
 
 def make(
@@ -41,8 +47,9 @@ def make(
         known = making.resumed(answers)
         seed = making.drawn_seed() if known is None else known
     family = making.Family(robot, mode, cases, seed)
+    console.check_positive("--processes", processes)
     with console.progress(f"sealing {robot} cases", cases) as report:
-        root = making.make(family, out, answers, _some(processes), report)
+        root = making.make(family, out, answers, processes, report)
     result = {"cases": str(out), "answers": str(answers), "number": cases, "commitments": root}
     text = f"{cases} sealed cases → {out}, their answers → {answers}\n{_PUBLISH} {root}"
     console.answer(result, as_json, text)
@@ -52,7 +59,7 @@ def run(
     cases: tyro.conf.Positional[Path],
     /,
     out: Path,
-    method: tyro.conf.UseAppendAction[tuple[str, ...]] = (),
+    method: Repeated = (),
     processes: int = 2,
     limit: float = 300.0,
     as_json: Json = False,
@@ -79,8 +86,9 @@ def run(
         raise ParameterError(f"--limit {limit:g} s must be above 0")
     entrants = [running.Entrant.of(m) for m in method or (OURS, *BASELINES)]
     total = len(seal.read(cases))
+    console.check_positive("--processes", processes)
     with console.progress("answering sealed cases", total) as report:
-        failed = running.run(cases, out, entrants, _some(processes), limit, report)
+        failed = running.run(cases, out, entrants, processes, limit, report)
     result = {"claims": str(out), "cases": total, "failed": failed}
     lines = [f"{total} cases answered by {', '.join(e.name for e in entrants)} → {out}"]
     lines += [f"{name} failed on {n} cases: wrong answers" for name, n in failed.items() if n]
@@ -110,15 +118,27 @@ def score(
     """
     from wrenchbed.benchmark.sealed import report
     from wrenchbed.benchmark.sealed import score as scoring
-    from wrenchbed.cli.tables import score_table
 
-    found = scoring.score(cases, claims, answers, method, commitments)
-    page = report.page(found)
+    result = scoring.score(cases, claims, answers, method, commitments)
+    page = report.page(result)
     folder = claims.with_name(claims.name + ".score") if out is None else out
     page.write(folder, "score")
-    console.answer(page.summary, as_json, score_table(found.main, page))
+    console.answer(page.summary, as_json, _score_table(result.main, page))
     if not as_json:
-        console.OUT.print(f"score → {folder}", soft_wrap=True, markup=False, highlight=False)
+        console.say(f"score → {folder}")
+
+
+def _score_table(main: str, page: "Document") -> Group:
+    """The figures of a sealed benchmark: targets, the judged entrant, the oracle."""
+    table = Table(box=None, padding=(0, 2, 0, 0), header_style="bold")
+    table.add_column("")
+    for head in ("target", f"{main} (95 %)", "n", "oracle"):
+        table.add_column(head, justify="right", no_wrap=True)
+    figures = page.sections[0].parts[0]
+    assert not hasattr(figures, "svg")
+    for row in figures.rows:
+        table.add_row(*row[:5])
+    return Group(Text(page.title, style="bold"), Text(page.lead), "", table)
 
 
 def blind() -> None:
@@ -145,9 +165,3 @@ def seal(
 
 VERBS: dict[str, Callable[..., Any]] = {"make": make, "run": run, "score": score, "seal": seal}
 _PUBLISH = "publish with the cases: SHA-256 of commitments.json"
-
-
-def _some(processes: int) -> int:
-    if processes < 1:
-        raise ParameterError(f"--processes {processes} must be at least 1")
-    return processes

@@ -1,19 +1,13 @@
-"""What the verbs share: checks of their arguments, answers, progress bars.
-
-How long a server runs.
-
-NAME=VALUE of settings that one driver or one twin alone has.
-"""
+"""What the verbs share: argument checks, answers, progress bars, waiting for a signal."""
 
 import json
+import shlex
 import signal
 import threading
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import fields
 from pathlib import Path
-from types import NoneType, UnionType
-from typing import Annotated, Any, get_args, get_origin, get_type_hints
+from typing import Annotated, Any
 
 import tyro
 from rich.console import Console
@@ -30,10 +24,14 @@ from rich.text import Text
 
 from wrenchbed.errors import ParameterError
 
+Flag = Annotated[bool, tyro.conf.FlagCreatePairsOff]
+"""An option without a value."""
 Json = Annotated[bool, tyro.conf.FlagCreatePairsOff, tyro.conf.arg(name="json")]
 """Print the result as JSON on stdout."""
+Repeated = tyro.conf.UseAppendAction[tuple[str, ...]]
+"""A text option that may be given several times."""
 
-OUT = Console()
+_OUT = Console()
 
 
 def check_seed(seed: int) -> None:
@@ -46,6 +44,19 @@ def check_out(out: Path | None, *inputs: Path | None) -> None:
     """Refuse to write over what was read."""
     if out is not None and out.resolve() in [i.resolve() for i in inputs if i is not None]:
         raise ParameterError(f"{out}: is an input too; give another name")
+
+
+def check_folder(out: Path) -> None:
+    """Refuse a file where a folder is needed."""
+    if out.exists() and not out.is_dir():
+        raise ParameterError(f"{out}: is a file; give a folder")
+
+
+def check_positive(flag: str, count: int) -> int:
+    """Refuse a number of processes or workers below 1."""
+    if count < 1:
+        raise ParameterError(f"{flag} {count} must be at least 1")
+    return count
 
 
 def parameters(path: Path | None) -> dict[str, float]:
@@ -63,14 +74,24 @@ def parameters(path: Path | None) -> dict[str, float]:
     return raw
 
 
-def answer(result: Any, as_json: bool, shown: Any) -> None:
-    """Print what people read, or JSON on stdout."""
+def command(*words: object) -> str:
+    """A command line of wrenchbed, to be printed."""
+    return shlex.join(["wrenchbed", *map(str, words)])
+
+
+def say(text: str) -> None:
+    """Print one line for people, unbroken and without markup."""
+    _OUT.print(text, soft_wrap=True, markup=False, highlight=False)
+
+
+def answer(result: Any, as_json: bool, display: Any) -> None:
+    """Print what people read, text or a table of rich; or the result as JSON."""
     if as_json:
         print(json.dumps(result, indent=1, ensure_ascii=False, allow_nan=False))
-    elif isinstance(shown, str):
-        OUT.print(shown, soft_wrap=True, markup=False, highlight=False)
+    elif isinstance(display, str):
+        say(display)
     else:
-        OUT.print(shown)
+        _OUT.print(display)
 
 
 class _RateColumn(ProgressColumn):
@@ -91,88 +112,21 @@ def progress(what: str, total: int | None, *, rate: bool = False) -> Iterator[Ca
     with bar:
         task = bar.add_task(what, total=total)
 
-        def tell(n: int, label: str = "") -> None:
+        def report(n: int, label: str = "") -> None:
             text = f"{what}: {label}" if label else what
             bar.update(task, advance=n, description=text)
 
-        yield tell
+        yield report
 
 
 @contextmanager
 def until_signal() -> Iterator[threading.Event]:
     """An event that SIGINT and SIGTERM set; the handlers before are put back."""
-    told = threading.Event()
+    event = threading.Event()
     kinds = (signal.SIGINT, signal.SIGTERM)
-    before = {kind: signal.signal(kind, lambda *_: told.set()) for kind in kinds}
+    before = {kind: signal.signal(kind, lambda *_: event.set()) for kind in kinds}
     try:
-        yield told
+        yield event
     finally:
         for kind, handler in before.items():
             signal.signal(kind, handler)
-
-
-_SIMPLE = {int: "a whole number", float: "a number", str: "text", bool: "on or off"}
-
-
-def pairs(given: Sequence[str]) -> dict[str, str]:
-    """Words by name.
-
-    Raises:
-        ParameterError: one is not NAME=VALUE.
-    """
-    split = [text.partition("=") for text in given]
-    for text, (name, equals, _) in zip(given, split, strict=True):
-        if not name or not equals:
-            raise ParameterError(f"--set {text}: give NAME=VALUE")
-    return {name: value for name, _, value in split}
-
-
-def typed(options: type, words: Mapping[str, str], besides: Sequence[str]) -> dict[str, Any]:
-    """Values of fields of an options' dataclass; those that have a flag of their own are refused.
-
-    Raises:
-        ParameterError: no such field, listing all, or a word that is no value of its type.
-    """
-    hints = get_type_hints(options)
-    known = {f.name: hints[f.name] for f in fields(options) if f.name not in besides}
-    known = {name: hint for name, hint in known.items() if _parts(hint)}
-    found = {}
-    for name, word in words.items():
-        if name not in known:
-            raise ParameterError(f"--set {name}: no such setting. Known: {', '.join(known)}")
-        try:
-            found[name] = _value(known[name], word)
-        except ValueError as error:
-            raise ParameterError(f"--set {name}={word}: must be {_what(known[name])}") from error
-    return found
-
-
-def _parts(hint: Any) -> tuple[Any, ...]:
-    """What a word of this type is made of; nothing where no word can be one."""
-    if hint in _SIMPLE:
-        return (hint,)
-    inner = tuple(a for a in get_args(hint) if a not in (NoneType, Ellipsis))
-    simple = get_origin(hint) in (tuple, UnionType) and inner and all(map(_parts, inner))
-    return inner if simple else ()
-
-
-def _what(hint: Any) -> str:
-    """What a word must be."""
-    inner = _parts(hint)[0]
-    if get_origin(hint) is tuple:
-        return f"{_SIMPLE[inner]}, or several with commas between"
-    return _SIMPLE[inner] + (" or none" if get_origin(hint) is UnionType else "")
-
-
-def _value(hint: Any, word: str) -> Any:
-    if get_origin(hint) is UnionType:
-        inner = next(a for a in get_args(hint) if a is not NoneType)
-        return None if word == "none" else _value(inner, word)
-    if get_origin(hint) is tuple:
-        inner = _parts(hint)[0]
-        return tuple(_value(inner, part) for part in word.split(","))
-    if hint is bool:
-        if word not in ("on", "off"):
-            raise ValueError
-        return word == "on"
-    return int(word, 0) if hint is int else hint(word)

@@ -1,14 +1,10 @@
-"""`wrenchbed diagnose`: where a gap lies, which effect causes it, how far it shrinks.
-
-A diagnosis as people read it in a terminal of 80 columns.
-"""
+"""`wrenchbed diagnose`: run a diagnosis, write its files, and print it in 80 columns."""
 
 from __future__ import annotations
 
-import shlex
 import warnings
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import tyro
 from rich.console import Group
@@ -28,121 +24,11 @@ if TYPE_CHECKING:
     from wrenchbed.reports.figures import Artist
 
 
-_COLOURS = {"none": "green", "identified": "cyan", "ambiguous": "yellow", "unknown": "magenta"}
-_MEANING = {
-    "none": "no cause: what is left is below the noise, or normal imperfections",
-    "identified": "cause identified",
-    "ambiguous": "cause found, with rivals that this data cannot tell apart",
-    "unknown": "a gap that no known effect explains",
-}
-
-
-def diagnosis(d: Diagnosis) -> Group:
-    """The three answers, then what cannot be told and what to do next."""
-    head = Text.assemble(
-        ("diagnosis ", "bold"), f"{d.recording}  {d.robot}, {d.seconds:.1f} s",
-    )  # fmt: skip
-    verdict = Text.assemble((d.verdict, f"bold {_COLOURS[d.verdict]}"), f": {_MEANING[d.verdict]}")
-    parts: list[Any] = [head, verdict, ""]
-    parts += [Text("where", style="bold"), *(_line(str(w["sentence"])) for w in d.where[:4])]
-    if not d.where:
-        parts.append(_line("nothing stands out"))
-    parts += ["", Text("which", style="bold")]
-    parts.append(_causes(d) if d.which else _line("no cause is claimed"))
-    parts.append(_line(_probabilities(d)))
-    parts += ["", Text("how far", style="bold"), _line(_MEASURE), _gap(d)]
-    for title, lines in (("what this data cannot tell", d.cannot_tell), ("note", d.notes)):
-        if lines:
-            parts += ["", Text(title, style="bold"), *map(_line, lines)]
-    if d.next:
-        parts += ["", Text("what next", style="bold"), *(_line(str(n["sentence"])) for n in d.next)]
-    return Group(*parts)
-
-
-_MEASURE = "gap on rows that no fit saw; 1: errors as large as the noise of one row"
-
-
-def isolability(name: str, found: DryRun) -> Group:
-    """Which effects a plan could show, from what size on."""
-    table = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
-    table.add_column("effect", no_wrap=True)
-    table.add_column("shows from", justify="right", no_wrap=True)
-    table.add_column("looks the same as")
-    for s in sorted(found.showings, key=lambda s: s.smallest or 1e9):
-        if s.smallest is None:
-            shown = "never"
-        else:
-            parameter, (value, unit) = next(iter(s.size.items()))
-            shown = f"{value:.2g} {unit}" if s.detectable else f"({value:.2g} {unit})"
-            shown += f" {parameter}"
-        style = "" if s.detectable else "dim"
-        table.add_row(Text(s.effect, style=style), Text(shown, style=style), ", ".join(s.rivals))
-    parts: list[Any] = [Text(f"what {name} could show", style="bold"), table]
-    parts.append(_line("in brackets: only at an implausible size"))
-    if found.cannot_tell:
-        parts += ["", Text("what it cannot tell", style="bold"), *map(_line, found.cannot_tell)]
-    return Group(*parts)
-
-
-def _line(text: str) -> Padding:
-    return Padding(Text(text), (0, 0, 0, 2))
-
-
-def _causes(d: Diagnosis) -> Table:
-    table = Table(box=None, padding=(0, 2, 0, 2), header_style="dim")
-    table.add_column("effect")
-    table.add_column("p", justify="right", no_wrap=True)
-    table.add_column("parameters")
-    for cause in d.which:
-        name = str(cause["effect"])
-        if cause["rivals"]:
-            name += "\nor " + ", ".join(cause["rivals"])
-        told = "\n".join(_parameter(k, v) for k, v in list(cause["parameters"].items())[:6])
-        more = len(cause["parameters"]) - 6
-        told += f"\n… {more} more" * (more > 0)
-        table.add_row(name, f"{cause['probability']:.2f}", told)
-    return table
-
-
-def _parameter(name: str, told: dict[str, Any]) -> str:
-    from wrenchbed.pages.numbers import quantity
-
-    return f"{name} {quantity(name, told)}"
-
-
-def _probabilities(d: Diagnosis) -> str:
-    best = sorted(d.probabilities.items(), key=lambda kv: -kv[1])
-    return "leading cause: " + ", ".join(f"{k} {v:.2f}" for k, v in best if v >= 0.005)
-
-
-def _gap(d: Diagnosis) -> Table:
-    g = d.gap
-    table = Table(box=None, padding=(0, 2, 0, 2), show_header=False)
-    table.add_column(no_wrap=True)
-    table.add_column(justify="right", no_wrap=True)
-    for text, value in (
-        ("simulator as configured", g.configured),
-        ("calibrated: bias, mass, CoG", g.calibrated),
-        ("with the effects", g.with_effects),
-        ("noise alone", g.floor),
-    ):
-        if value is not None:
-            table.add_row(text, f"{value:.3g}")
-    if g.closed is not None and g.interval is not None:
-        low, high = g.interval
-        table.add_row("closed", f"{100 * g.closed:.1f} % ({100 * low:.1f} … {100 * high:.1f})")
-    if g.black_box is not None:
-        told = f"{100 * g.black_box:.1f} %" if g.black_box > 0.0 else "nothing"
-        table.add_row("a black box closes", told)
-    table.add_row("sealed rows", f"{g.rows}")
-    return table
-
-
 def diagnose(
     recording: tyro.conf.Positional[Path],
     /,
     out: Path | None = None,
-    dry_run: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False,
+    dry_run: bool = False,
     samples: int = 60,
     rate: float = 100.0,
     look_alikes: int = 0,
@@ -169,29 +55,32 @@ def diagnose(
         return
     if out is None:
         raise ParameterError("diagnose needs --out, the folder for its files (or --dry-run)")
-    if out.exists() and not out.is_dir():
-        raise ParameterError(f"{out}: is a file; give a folder")
+    console.check_folder(out)
     from wrenchbed.diagnosis.diagnose import diagnose as run
     from wrenchbed.reports.figures import Artist
 
     data = wb.Recording.read(recording)
     learnt = _learnt(data, look_alikes, seed) if look_alikes else None
+    command = ["diagnose", recording, "--out", out, *(["--seed", seed] if seed else [])]
     with Artist() as artist:
-        with console.progress("diagnosing", 7) as tell:
-            found = run(data, seed=seed, reliability=learnt, progress=lambda step: tell(1, step))
-        found.diagnosis.write(out)
-        for name, plan in found.plans.items():
+        with console.progress("diagnosing", 7) as report:
+            result = run(data, seed=seed, reliability=learnt, progress=lambda step: report(1, step))
+        result.diagnosis.write(out)
+        for name, plan in result.plans.items():
             plan.write(out / name)
         written = ["diagnosis.json", "twin.json"]
-        if _reported(found, recording, out, seed, artist):
-            written.append("report.html")
-        if _pictured(found, out):
-            written.append("diagnosis.rrd")
-    told = found.diagnosis.to_json()
-    console.answer(told, as_json, diagnosis(found.diagnosis))
+        for name in ("report.html", "diagnosis.rrd"):
+            try:
+                if name == "report.html":
+                    _report(result, out / name, console.command(*command), artist)
+                else:
+                    _draw(result, out / name)
+                written.append(name)
+            except MissingExtraError as error:
+                warnings.warn(f"no {name}: {error}", WrenchbedWarning, stacklevel=1)
+    console.answer(result.diagnosis.to_json(), as_json, diagnosis(result.diagnosis))
     if not as_json:
-        text = f"{', '.join(written)} → {out}"
-        console.OUT.print(text, soft_wrap=True, markup=False, highlight=False)
+        console.say(f"{', '.join(written)} → {out}")
 
 
 def _learnt(data: wb.Recording, count: int, seed: int) -> Reliability:
@@ -201,38 +90,23 @@ def _learnt(data: wb.Recording, count: int, seed: int) -> Reliability:
         return reliability_at_design(data, count, seed=seed, report=report)
 
 
-def _reported(found: Findings, recording: Path, out: Path, seed: int, artist: Artist) -> bool:
-    """Write report.html; without the libraries that draw it a warning names the extra."""
+def _report(result: Findings, path: Path, command: str, artist: Artist) -> None:
     from wrenchbed.reports import diagnosis_page
 
-    command = ["wrenchbed", "diagnose", str(recording), "--out", str(out)]
-    if seed:
-        command += ["--seed", str(seed)]
-    try:
-        diagnosis_page(found, shlex.join(command), artist).write(out / "report.html")
-    except MissingExtraError as error:
-        warnings.warn(f"no report.html: {error}", WrenchbedWarning, stacklevel=2)
-        return False
-    return True
+    diagnosis_page(result, command, artist).write(path)
 
 
-def _pictured(found: Findings, out: Path) -> bool:
-    """Write diagnosis.rrd; without rerun a warning names the extra."""
-    try:
-        from wrenchbed.viewer import diagnosis_view
+def _draw(result: Findings, path: Path) -> None:
+    from wrenchbed.viewer import diagnosis_view
 
-        diagnosis_view(found, out / "diagnosis.rrd")
-    except MissingExtraError as error:
-        warnings.warn(f"no diagnosis.rrd: {error}", WrenchbedWarning, stacklevel=2)
-        return False
-    return True
+    diagnosis_view(result, path)
 
 
 def _rehearsed(path: Path, samples: int, rate: float, as_json: bool) -> None:
     from wrenchbed.diagnosis.next.dry_run import dry_run as run
 
-    found = run(wb.Plan.read(path), samples, rate)
-    told = {
+    result = run(wb.Plan.read(path), samples, rate)
+    answer = {
         "plan": str(path),
         "effects": [
             {
@@ -243,8 +117,118 @@ def _rehearsed(path: Path, samples: int, rate: float, as_json: bool) -> None:
                 "detectable": s.detectable,
                 "rivals": list(s.rivals),
             }
-            for s in found.showings
+            for s in result.showings
         ],
-        "cannot_tell": list(found.cannot_tell),
+        "cannot_tell": list(result.cannot_tell),
     }
-    console.answer(told, as_json, isolability(path.name, found))
+    console.answer(answer, as_json, isolability(path.name, result))
+
+
+_COLOURS = {"none": "green", "identified": "cyan", "ambiguous": "yellow", "unknown": "magenta"}
+_MEANING = {
+    "none": "no cause: what is left is below the noise, or normal imperfections",
+    "identified": "cause identified",
+    "ambiguous": "cause found, with rivals that this data cannot tell apart",
+    "unknown": "a gap that no known effect explains",
+}
+
+
+def diagnosis(d: Diagnosis) -> Group:
+    """The three answers, then what cannot be text and what to do next."""
+    head = Text.assemble(
+        ("diagnosis ", "bold"), f"{d.recording}  {d.robot}, {d.seconds:.1f} s",
+    )  # fmt: skip
+    verdict = Text.assemble((d.verdict, f"bold {_COLOURS[d.verdict]}"), f": {_MEANING[d.verdict]}")
+    parts: list[Any] = [head, verdict, ""]
+    parts += [Text("where", style="bold"), *(_line(str(w["sentence"])) for w in d.where[:4])]
+    if not d.where:
+        parts.append(_line("nothing stands out"))
+    parts += ["", Text("which", style="bold")]
+    parts.append(_causes(d) if d.which else _line("no cause is claimed"))
+    parts.append(_line(_probabilities(d)))
+    parts += ["", Text("how far", style="bold"), _line(_MEASURE), _gap(d)]
+    for title, lines in (("what this data cannot tell", d.cannot_tell), ("note", d.notes)):
+        if lines:
+            parts += ["", Text(title, style="bold"), *map(_line, lines)]
+    if d.next:
+        parts += ["", Text("what next", style="bold"), *(_line(str(n["sentence"])) for n in d.next)]
+    return Group(*parts)
+
+
+_MEASURE = "gap on rows that no fit saw; 1: errors as large as the noise of one row"
+
+
+def isolability(name: str, result: DryRun) -> Group:
+    """Which effects a plan could show, from what size on."""
+    table = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
+    table.add_column("effect", no_wrap=True)
+    table.add_column("shows from", justify="right", no_wrap=True)
+    table.add_column("looks the same as")
+    for s in sorted(result.showings, key=lambda s: s.smallest or 1e9):
+        if s.smallest is None:
+            cell = "never"
+        else:
+            parameter, (value, unit) = next(iter(s.size.items()))
+            cell = f"{value:.2g} {unit}" if s.detectable else f"({value:.2g} {unit})"
+            cell += f" {parameter}"
+        style = "" if s.detectable else "dim"
+        table.add_row(Text(s.effect, style=style), Text(cell, style=style), ", ".join(s.rivals))
+    parts: list[Any] = [Text(f"what {name} could show", style="bold"), table]
+    parts.append(_line("in brackets: only at an implausible size"))
+    if result.cannot_tell:
+        parts += ["", Text("what it cannot tell", style="bold"), *map(_line, result.cannot_tell)]
+    return Group(*parts)
+
+
+def _line(text: str) -> Padding:
+    return Padding(Text(text), (0, 0, 0, 2))
+
+
+def _causes(d: Diagnosis) -> Table:
+    table = Table(box=None, padding=(0, 2, 0, 2), header_style="dim")
+    table.add_column("effect")
+    table.add_column("p", justify="right", no_wrap=True)
+    table.add_column("parameters")
+    for cause in d.which:
+        name = str(cause["effect"])
+        if cause["rivals"]:
+            name += "\nor " + ", ".join(cause["rivals"])
+        text = "\n".join(_parameter(k, v) for k, v in list(cause["parameters"].items())[:6])
+        more = len(cause["parameters"]) - 6
+        text += f"\n… {more} more" * (more > 0)
+        table.add_row(name, f"{cause['probability']:.2f}", text)
+    return table
+
+
+def _parameter(name: str, text: dict[str, Any]) -> str:
+    from wrenchbed.pages.numbers import quantity
+
+    return f"{name} {quantity(name, text)}"
+
+
+def _probabilities(d: Diagnosis) -> str:
+    best = sorted(d.probabilities.items(), key=lambda kv: -kv[1])
+    return "leading cause: " + ", ".join(f"{k} {v:.2f}" for k, v in best if v >= 0.005)
+
+
+def _gap(d: Diagnosis) -> Table:
+    g = d.gap
+    table = Table(box=None, padding=(0, 2, 0, 2), show_header=False)
+    table.add_column(no_wrap=True)
+    table.add_column(justify="right", no_wrap=True)
+    for text, value in (
+        ("simulator as configured", g.configured),
+        ("calibrated: bias, mass, CoG", g.calibrated),
+        ("with the effects", g.with_effects),
+        ("noise alone", g.floor),
+    ):
+        if value is not None:
+            table.add_row(text, f"{value:.3g}")
+    if g.closed is not None and g.interval is not None:
+        low, high = g.interval
+        table.add_row("closed", f"{100 * g.closed:.1f} % ({100 * low:.1f} … {100 * high:.1f})")
+    if g.black_box is not None:
+        text = f"{100 * g.black_box:.1f} %" if g.black_box > 0.0 else "nothing"
+        table.add_row("a black box closes", text)
+    table.add_row("held-out rows", f"{g.rows}")
+    return table

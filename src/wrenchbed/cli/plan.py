@@ -1,5 +1,6 @@
-"""The verb that chooses what to measure."""
+"""`wrenchbed plan`: choose poses, a motion, or the measurements that reach an accuracy."""
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
@@ -11,22 +12,64 @@ from wrenchbed.cli.console import Json
 from wrenchbed.errors import PlanError
 
 
+@dataclass(frozen=True)
+class PoseArguments:
+    """Poses at rest.
+
+    Attributes:
+        n: Number of poses.
+        index: Observability index to make as large as possible.
+        pool: Candidate poses to choose from; 40,000 for an index, 4,000 for a goal.
+    """
+
+    n: int = 100
+    index: Literal["O1", "O2", "O3", "O4", "O5", "A"] | None = None
+    pool: int | None = None
+
+
+@dataclass(frozen=True)
+class GoalArguments:
+    """Few measurements that make the tool accurate.
+
+    Attributes:
+        goal: Few measurements that reach a position accuracy in the robot's target workspace.
+        accuracy: With --goal: wanted rms position error [m] of 99 % of robots; 0.0003.
+        touch_cost: With --goal: what a touch costs, in poses under gravity; 1.
+        touch_std: With --goal: how far a tip sits from its point, per axis [m]; 5e-5.
+        least_poses: With --goal: poses under gravity at least, which calibrate the sensor; 6.
+        points: With --goal: CSV with columns x, y, z [m], known points to touch; a grid if none.
+    """
+
+    goal: Literal["target-position"] | None = None
+    accuracy: float | None = None
+    touch_cost: float | None = None
+    touch_std: float | None = None
+    least_poses: int | None = None
+    points: Path | None = None
+
+
+@dataclass(frozen=True)
+class MotionArguments:
+    """A motion to follow.
+
+    Attributes:
+        motion: Poses to rest at, or a multi-sine to follow.
+        seconds: Length of a motion.
+        rate: Sampling rate of a motion [Hz].
+    """
+
+    motion: Literal["poses", "multisine"] = "poses"
+    seconds: float = 60.0
+    rate: float = 125.0
+
+
 def plan(
     robot: tyro.conf.Positional[str],
     /,
     out: Path,
-    n: int = 100,
-    index: Literal["O1", "O2", "O3", "O4", "O5", "A"] | None = None,
-    pool: int | None = None,
-    goal: Literal["target-position"] | None = None,
-    accuracy: float | None = None,
-    touch_cost: float | None = None,
-    touch_std: float | None = None,
-    least_poses: int | None = None,
-    points: Path | None = None,
-    motion: Literal["poses", "multisine"] = "poses",
-    seconds: float = 60.0,
-    rate: float = 125.0,
+    poses: PoseArguments,
+    goal: GoalArguments,
+    motion: MotionArguments,
     seed: int = 0,
     rrd: Path | None = None,
     as_json: Json = False,
@@ -39,18 +82,6 @@ def plan(
     Args:
         robot: name, see `wrenchbed list robots`.
         out: Parquet file to write.
-        n: Number of poses.
-        index: Observability index to make as large as possible.
-        pool: Candidate poses to choose from; 40,000 for an index, 4,000 for a goal.
-        goal: Few measurements that reach a position accuracy in the robot's target workspace.
-        accuracy: With --goal: wanted rms position error [m] of 99 % of robots; 0.0003.
-        touch_cost: With --goal: what a touch costs, in poses under gravity; 1.
-        touch_std: With --goal: how far a tip sits from its point, per axis [m]; 5e-5.
-        least_poses: With --goal: poses under gravity at least, which calibrate the sensor; 6.
-        points: With --goal: CSV with columns x, y, z [m], known points to touch; a grid if none.
-        motion: Poses to rest at, or a multi-sine to follow.
-        seconds: Length of a motion.
-        rate: Sampling rate of a motion [Hz].
         seed: Of the random choice.
         rrd: Also write the plan as a picture for rerun: the way, poses, expected wrenches.
         as_json: Print the result as JSON.
@@ -58,52 +89,61 @@ def plan(
     console.check_seed(seed)
     console.check_out(rrd, out)
     arm = wb.load("robots", robot)
-    if motion != "poses" and (index is not None or goal is not None):
-        raise PlanError("choose either poses or a motion: --index and --goal are for poses")
-    if goal is not None and index is not None:
-        raise PlanError("--goal chooses its own poses; leave --index out")
-    wanted: dict[str, Any] = {
-        "accuracy": accuracy, "touch_cost": touch_cost, "touch_std": touch_std,
-        "least_poses": least_poses,
-    }  # fmt: skip
-    given = {k: v for k, v in wanted.items() if v is not None}
-    if goal is None and (given or points is not None):
-        name = next(iter(given), "points").replace("_", "-")
-        raise PlanError(f"--{name} goes with --goal target-position")
-    if goal is None and index is None and pool is not None:
-        raise PlanError("--pool goes with --index or --goal")
-    if goal is not None:
-        known = None if points is None else wb.read_points(points)
-        size = 4_000 if pool is None else pool
-        with console.progress("measurements", None) as tell:
-            mix = wb.reach(
-                arm, **{"accuracy": 3e-4, **given}, points=known, pool=size, seed=seed,
-                tell=lambda _: tell(1),
-            )  # fmt: skip
-        _answer_mix(mix, out, touch_std, as_json)
-        _draw(mix.gravity, rrd)
-        return
-    if motion == "multisine":
-        chosen = wb.multisine(arm, seconds, rate, seed)
-    elif index is None:
-        chosen = wb.poses(arm, n, seed)
+    _check(poses, goal, motion)
+    if goal.goal is not None:
+        mix = _mix(arm, poses.pool, goal, seed)
+        chosen = mix.gravity
+        _write_mix(mix, out, goal.touch_std, as_json)
     else:
-        chosen = wb.informative(arm, n, index, 40_000 if pool is None else pool, seed)
-    chosen.write(out)
-    _draw(chosen, rrd)
-    what = f"{len(chosen)} poses" if motion == "poses" else f"{seconds:g} s at {rate:g} Hz"
-    result = {"plan": str(out), "robot": robot, "mode": chosen.mode, "rows": len(chosen)}
-    console.answer(result, as_json, f"planned {what} for {robot} → {out}")
-
-
-def _draw(chosen: wb.Plan, rrd: Path | None) -> None:
+        chosen = _chosen(arm, poses, motion, seed)
+        chosen.write(out)
+        moving = chosen.mode == "dynamic"
+        length = f"{motion.seconds:g} s at {motion.rate:g} Hz"
+        result = {"plan": str(out), "robot": robot, "mode": chosen.mode, "rows": len(chosen)}
+        text = f"planned {length if moving else f'{len(chosen)} poses'} for {robot} → {out}"
+        console.answer(result, as_json, text)
     if rrd is not None:
         from wrenchbed.viewer import plan_view
 
         plan_view(chosen, rrd)
 
 
-def _answer_mix(mix: wb.Mix, out: Path, touch_std: float | None, as_json: bool) -> None:
+def _check(poses: PoseArguments, goal: GoalArguments, motion: MotionArguments) -> None:
+    """Refuse arguments that do not go together."""
+    if motion.motion != "poses" and (poses.index is not None or goal.goal is not None):
+        raise PlanError("choose either poses or a motion: --index and --goal are for poses")
+    if goal.goal is not None:
+        if poses.index is not None:
+            raise PlanError("--goal chooses its own poses; leave --index out")
+        return
+    extra = next((name for name, value in vars(goal).items() if value is not None), None)
+    if extra is not None:
+        raise PlanError(f"--{extra.replace('_', '-')} goes with --goal target-position")
+    if poses.index is None and poses.pool is not None:
+        raise PlanError("--pool goes with --index or --goal")
+
+
+def _mix(arm: wb.Robot, pool: int | None, goal: GoalArguments, seed: int) -> wb.Mix:
+    given = {"touch_cost": goal.touch_cost, "touch_std": goal.touch_std,
+             "least_poses": goal.least_poses, "pool": pool}  # fmt: skip
+    points = None if goal.points is None else wb.read_points(goal.points)
+    stated: dict[str, Any] = {n: value for n, value in given.items() if value is not None}
+    options = wb.MixOptions(**stated, points=points)
+    accuracy = 3e-4 if goal.accuracy is None else goal.accuracy
+    with console.progress("measurements", None) as report:
+        return wb.reach(arm, accuracy, options, seed=seed, progress=lambda _: report(1))
+
+
+def _chosen(arm: wb.Robot, poses: PoseArguments, motion: MotionArguments, seed: int) -> wb.Plan:
+    if motion.motion == "multisine":
+        return wb.multisine(arm, motion.seconds, motion.rate, seed)
+    if poses.index is None:
+        return wb.poses(arm, poses.n, seed)
+    pool = 40_000 if poses.pool is None else poses.pool
+    return wb.informative(arm, poses.n, poses.index, pool, seed)
+
+
+def _write_mix(mix: wb.Mix, out: Path, touch_std: float | None, as_json: bool) -> None:
     beside = out.with_name(f"{out.stem}.touches.parquet")
     if beside.exists():
         beside.replace(beside.with_name(beside.name + "~"))  # of another plan
@@ -116,8 +156,8 @@ def _answer_mix(mix: wb.Mix, out: Path, touch_std: float | None, as_json: bool) 
         "touches": len(mix.touches), "touch_plan": str(beside) if touched else None,
         "rms_mm": 1e3 * mix.rms, "assured_mm": 1e3 * mix.assured, "before_mm": 1e3 * mix.before,
     }  # fmt: skip
-    known = "" if touch_std is None else f" --touch-std {touch_std:g}"
-    fit = f" --touches TOUCHES{known}" if touched else ""
+    std = "" if touch_std is None else f" --touch-std {touch_std:g}"
+    fit = f" --touches TOUCHES{std}" if touched else ""
     lines = [f"{len(mix.gravity)} poses under gravity → {out}"]
     if touched:
         lines.append(f"{len(mix.touches)} touches of known points → {beside}")

@@ -1,19 +1,11 @@
-"""`wrenchbed view` and `wrenchbed report`: recordings, fits and diagnoses for people."""
+"""`wrenchbed view` and `wrenchbed report`: pictures and pages of recordings, fits and diagnoses."""
 
-import contextlib
-import shlex
-import tempfile
 from pathlib import Path
-from typing import Annotated
 
 import tyro
 
 import wrenchbed as wb
 from wrenchbed.cli import console
-from wrenchbed.data.plan import is_plan
-from wrenchbed.errors import ParameterError
-
-_MADE = "diagnosis.rrd"
 
 
 def view(
@@ -21,7 +13,7 @@ def view(
     against: tyro.conf.Positional[tuple[Path, ...]] = (),
     /,
     rrd: Path | None = None,
-    web: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False,
+    web: bool = False,
     port: int = 9876,
     web_port: int = 9090,
 ) -> None:
@@ -36,43 +28,13 @@ def view(
         port: Of the viewer's data, on 127.0.0.1.
         web_port: With --web: of the page.
     """
-    from wrenchbed.viewer import show
-
     console.check_out(rrd, recording, *against)
-    with tempfile.TemporaryDirectory(prefix="wrenchbed-") as folder:
-        file = _file(recording, against, rrd, Path(folder))
-        if rrd is not None:
-            console.OUT.print(f"view → {file}", soft_wrap=True, markup=False, highlight=False)
-            return
-        with (
-            contextlib.suppress(KeyboardInterrupt),  # the way to end it
-            show.viewer(file, web=web, port=port, web_port=web_port) as viewer,
-        ):
-            if web:
-                text = f"open {show.address(web_port)} (Ctrl-C ends it)"
-                console.OUT.print(text, soft_wrap=True, markup=False, highlight=False)
-            show.until_closed(viewer)
-
-
-def _file(recording: Path, against: tuple[Path, ...], rrd: Path | None, folder: Path) -> Path:
-    """The file to show, made if need be: where it is asked for, else in a folder."""
-    made = recording / _MADE if recording.is_dir() else recording
-    if made.suffix == ".rrd":
-        if against or rrd is not None:
-            raise ParameterError(f"{made}: is a picture already; give the recording instead")
-        if not made.is_file():
-            raise ParameterError(f"{made}: there is no such file; `diagnose --out` makes it")
-        return made
-    from wrenchbed.viewer import plan_view, recording_view
-
-    out = rrd or folder / f"{recording.stem}.rrd"
-    if not is_plan(recording):
-        recording_view(wb.Recording.read(recording), out, against)
-    elif against:
-        raise ParameterError(f"{recording}: is a plan; fits and twins are held against recordings")
-    else:
-        plan_view(wb.Plan.read(recording), out)
-    return out
+    wb.view(
+        recording, against, rrd=rrd, web=web, port=port, web_port=web_port,
+        opened=lambda address: console.say(f"open {address} (Ctrl-C ends it)"),
+    )  # fmt: skip
+    if rrd is not None:
+        console.say(f"view → {rrd}")
 
 
 def report(
@@ -90,9 +52,7 @@ def report(
         against: fit.json and twin.json files whose simulators are held against it.
         out: Page to write.
     """
-    from wrenchbed.reports import recording_page
-
     console.check_out(out, recording, *against)
-    words = ["wrenchbed", "report", str(recording), *map(str, against), "--out", str(out)]
-    recording_page(wb.Recording.read(recording), against, shlex.join(words)).write(out)
-    console.OUT.print(f"report → {out}", soft_wrap=True, markup=False, highlight=False)
+    command = console.command("report", recording, *against, "--out", out)
+    wb.report(wb.Recording.read(recording), against, out, command)
+    console.say(f"report → {out}")

@@ -7,7 +7,8 @@ robot's target, given each parameter's tolerance as prior, falls as fast as it c
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -25,6 +26,39 @@ from wrenchbed.simulation.closed_form import Model
 _MOST, _SCREENED, _TURNS, _ROUNDS = 400, 256, 2, 20
 SAMPLES = 100
 """Rows that one pose under gravity averages."""
+
+
+@dataclass(frozen=True, eq=False)
+class MixOptions:
+    """What a mix is chosen from, and what it costs.
+
+    Attributes:
+        share: of the robots that shall reach the accuracy.
+        least_poses: under gravity, at least; they calibrate the sensor itself.
+        touch_cost: what a touch costs, in poses under gravity.
+        pool: gravity poses to choose from.
+        points: known positions to touch (K, 3) [m]; the robot's default if None.
+        touch_std: how far a tip sits from its point, per axis [m].
+
+    Raises:
+        PlanError: a number makes no sense.
+    """
+
+    share: float = 0.99
+    least_poses: int = 6
+    touch_cost: float = 1.0
+    pool: int = 4000
+    points: np.ndarray | None = None
+    touch_std: float = STD
+
+    def __post_init__(self) -> None:
+        if not (0 < self.share < 1 and self.touch_cost > 0 and self.touch_std > 0):
+            raise PlanError(
+                f"touch cost {self.touch_cost} and touch std {self.touch_std} m must be above 0, "
+                f"share {self.share} between 0 and 1"
+            )
+        if not 0 <= self.least_poses <= self.pool or self.pool < 1:
+            raise PlanError(f"{self.least_poses} poses cannot be chosen from a pool of {self.pool}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,15 +122,11 @@ class _Task:
 def reach(
     robot: Robot,
     accuracy: float,
+    options: MixOptions | None = None,
     *,
-    share: float = 0.99,
-    least_poses: int = 6,
-    touch_cost: float = 1.0,
-    pool: int = 4000,
-    points: np.ndarray | None = None,
-    touch_std: float = STD,
     seed: int = 0,
-    tell: Callable[[int], None] = lambda _: None,
+    progress: Callable[[int], None] = lambda _: None,
+    **changes: Any,
 ) -> Mix:
     """Plan few measurements after which the rms error in the target is below ``accuracy``.
 
@@ -105,31 +135,25 @@ def reach(
     candidate parameter of the robot and the sensor's bias are unknown within tolerance.
 
     Args:
+        robot: with a tool tip and a target workspace.
         accuracy: wanted [m].
-        share: of such robots that shall reach it.
-        least_poses: under gravity, at least; they calibrate the sensor itself.
-        touch_cost: what a touch costs, in poses under gravity.
-        pool: gravity poses to choose from.
-        points: known positions to touch (K, 3) [m]; the robot's default if None.
-        touch_std: how far a tip sits from its point, per axis [m].
-        tell: called with the number of measurements as the plan grows.
+        options: what to choose from.
+        seed: of the pool and the rehearsed robots.
+        progress: called with the number of measurements as the plan grows.
+        changes: fields of the options, by name.
 
     Raises:
         PlanError: a number makes no sense, or `_MOST` measurements are not enough.
         NotFoundError: the robot has no tool tip or target workspace.
     """
-    if not (accuracy > 0 and 0 < share < 1 and touch_cost > 0 and touch_std > 0):
-        raise PlanError(
-            f"accuracy {accuracy} m, touch cost {touch_cost} and touch std {touch_std} m must be "
-            f"above 0, share {share} between 0 and 1"
-        )
-    if not 0 <= least_poses <= pool or pool < 1:
-        raise PlanError(f"{least_poses} poses cannot be chosen from a pool of {pool}")
-    task = _task(robot, robot.goal_sets(pool, points, seed), touch_std, share)
+    o = replace(options or MixOptions(), **changes)
+    if not accuracy > 0:
+        raise PlanError(f"accuracy {accuracy} m must be above 0")
+    task = _task(robot, robot.goal_sets(o.pool, o.points, seed), o.touch_std, o.share)
     _check_possible(task, accuracy)
     still: list[int] = []
     touch: list[int] = []
-    while len(still) < least_poses:
+    while len(still) < o.least_poses:
         still.append(task.best(task.gravity, task.information(still, touch), still)[0])
     course = [(len(still), task.assured(still, touch))]
     while course[-1][1] > accuracy:
@@ -138,20 +162,21 @@ def reach(
                 f"{_MOST} measurements reach {1e3 * course[-1][1]:.3g} mm, not "
                 f"{1e3 * accuracy:.3g} mm: touch more precisely, or other points"
             )
-        _grow(task, still, touch, touch_cost)
+        _grow(task, still, touch, o.touch_cost)
         course.append((len(still) + len(touch), task.assured(still, touch)))
-        tell(course[-1][0])
-    still, touch = _pruned(task, still, touch, accuracy, least_poses)
+        progress(course[-1][0])
+    still, touch = _pruned(task, still, touch, accuracy, o.least_poses)
     for _ in range(_ROUNDS):
         before, after = _rehearsed(task, still, touch, seed)
-        tell(len(still) + len(touch))
-        if np.quantile(after, share) <= accuracy:
+        progress(len(still) + len(touch))
+        if np.quantile(after, o.share) <= accuracy:
             return _mix(robot, task, (still, touch), before, after, tuple(course))
-        _grow(task, still, touch, touch_cost)
+        _grow(task, still, touch, o.touch_cost)
         still, touch = _exchanged(task, still, touch)
     raise PlanError(
-        f"{len(still) + len(touch)} measurements still leave {1e3 * np.quantile(after, share):.3g} "
-        f"mm when rehearsed, not {1e3 * accuracy:.3g} mm: touch more precisely"
+        f"{len(still) + len(touch)} measurements still leave "
+        f"{1e3 * np.quantile(after, o.share):.3g} mm when rehearsed, "
+        f"not {1e3 * accuracy:.3g} mm: touch more precisely"
     )
 
 

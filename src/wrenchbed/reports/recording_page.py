@@ -19,6 +19,27 @@ _AGREE, _NEAR = 1.25, 3.0
 """Residuals, in units of noise, up to which simulator and measurement agree, or nearly do."""
 
 
+def report(
+    recording: Recording,
+    against: Sequence[str | Path] = (),
+    out: str | Path = "report.html",
+    command: str = "",
+) -> None:
+    """Write one HTML page about a recording, what simulators say of it, and fits.
+
+    Args:
+        recording: what was measured.
+        against: fit.json and twin.json files whose simulators are compared with it.
+        out: page to write.
+        command: that made the page, to be printed on it.
+
+    Raises:
+        ParameterError: a file is neither, or of another robot.
+        MissingExtraError: matplotlib or jinja2 is not installed.
+    """
+    recording_page(recording, against, command).write(out)
+
+
 def recording_page(
     recording: Recording, files: Sequence[str | Path], command: str
 ) -> DiagnosisPage:

@@ -60,6 +60,7 @@ class Emulator(ABC):
         _check_local(options.host)
         self.options = options
         self.faults = Faults()
+        self.addresses: dict[str, str] = {}
         self.failed = threading.Event()
         self.failure: BaseException | None = None
         self._used = False

@@ -1,0 +1,117 @@
+"""Every flag keeps its spelling and its default; the shell's completion knows them."""
+
+import re
+import shutil
+import subprocess
+from importlib.metadata import version
+
+import pytest
+
+from wrenchbed.cli import main
+
+FLAGS = {
+    "list": "json=False",
+    "plan": (
+        "accuracy=None, goal=None, index=None, json=False, least-poses=None, "
+        "motion=poses, n=100, out=required, points=None, pool=None, rate=125.0, rrd=None, "
+        "seconds=60.0, seed=0, touch-cost=None, touch-std=None"
+    ),
+    "record": (
+        "channel=None, driver=sim, dry-run=False, effect=repeatable, host=None, "
+        "json=False, max-force=None, max-torque=None, noise=None, out=required, "
+        "parameters=None, plan=required, rate=None, recording=None, recover=False, "
+        "resume=False, revisit=auto, robot=required, rrd=None, samples=100, seed=None, "
+        "sensor=None, set=repeatable, speed=None, tracking=None, view=None, "
+        "workspace=None"
+    ),
+    "import": "json=False, map=required, out=required",
+    "calibrate": (
+        "free=none, hold=none, json=False, loss=linear, out=None, prior=False, rrd=None, "
+        "touch-std=None, touches=None, truth=None"
+    ),
+    "diagnose": (
+        "dry-run=False, json=False, look-alikes=0, out=None, rate=100.0, samples=60, seed=0"
+    ),
+    "view": "port=9876, rrd=None, web=False, web-port=9090",
+    "report": "out=report.html",
+    "simulate": "json=False, like=required, noise=off, out=required, rrd=None, seed=0",
+    "export": "json=False, mcap=None, mjcf=None",
+    "twin": (
+        "effect=repeatable, faults=None, host=127.0.0.1, noise=real, parameters=None, "
+        "seed=0, set=repeatable, table=None"
+    ),
+    "campaign": (
+        "diagnose=False, json=False, only=None, out=required, plan=None, poses=100, "
+        "robots=100, samples=50, scheduler=None, seed=0, vary=noise,parameters, "
+        "workers=None"
+    ),
+    "study": "json=False, out=None, quick=False, robots=None, seed=0",
+    "blind make": (
+        "answers=required, cases=300, json=False, mode=static, out=required, processes=2, "
+        "robot=ur5, seed=None"
+    ),
+    "blind run": "json=False, limit=300.0, method=repeatable, out=required, processes=2",
+    "blind score": "commitments=None, json=False, method=None, out=None",
+    "blind seal": "answers=required, json=False, out=required",
+}
+"""Flags and defaults that other programs may rely on."""
+
+
+def flags(text):
+    """Flags with their defaults, from the help of a verb."""
+    entries = []
+    for line in (line.strip("│ ") for line in text.splitlines()):
+        if not line or re.match(r"--[a-z]|[╭╰─-]", line):
+            entries.append(line)
+        elif entries:
+            entries[-1] += f" {line}"
+    known = {}
+    for entry in (e for e in entries if re.match("--[a-z]", e)):
+        end = re.search(r"\((?:default: ?([^()]*)|(required|repeatable))\)$", entry)
+        assert end, entry
+        known[entry[2:].split()[0]] = end[2] or end[1] or "none"
+    return ", ".join(f"{flag}={known[flag]}" for flag in sorted(known))
+
+
+def printed(arguments, capfd):
+    with pytest.raises(SystemExit) as caught:
+        main(arguments)
+    assert not caught.value.code
+    return capfd.readouterr().out
+
+
+@pytest.mark.parametrize("verb", FLAGS)
+def test_flags_and_defaults_stay(verb, capfd, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "150")
+    text = printed([*verb.split(), "--help"], capfd)
+    assert flags(re.sub(r"\x1b\[[0-9;]*m", "", text)) == FLAGS[verb]
+
+
+def test_the_version_is_printed(capfd):
+    assert printed(["--version"], capfd) == f"wrenchbed {version('wrenchbed')}\n"
+
+
+def test_completion_needs_a_known_shell(capfd):
+    with pytest.raises(SystemExit) as caught:
+        main(["--print-completion"])
+    assert caught.value.code == 2
+    assert "needs a shell: bash, zsh, tcsh" in capfd.readouterr().err
+
+
+@pytest.mark.skipif(shutil.which("bash") is None, reason="there is no bash")
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        (["cal"], "calibrate"),
+        (["calibrate", "--touch-s"], "--touch-std"),
+        (["blind", "sc"], "score"),
+        (["blind", "make", "--ans"], "--answers"),
+    ],
+)
+def test_bash_completes_verbs_and_flags(words, expected, capfd, tmp_path):
+    (tmp_path / "completion").write_text(printed(["--print-completion", "bash"], capfd))
+    script = f"""source {tmp_path}/completion
+        COMP_WORDS=(wrenchbed {" ".join(words)}); COMP_CWORD={len(words)}
+        _tyro_wrenchbed wrenchbed {words[-1]}; echo "${{COMPREPLY[@]}}" """
+    done = subprocess.run(["bash", "-c", script], capture_output=True, text=True, check=True)
+    assert expected in done.stdout.split()
