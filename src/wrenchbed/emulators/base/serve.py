@@ -6,13 +6,13 @@ from pathlib import Path
 
 from wrenchbed import registry
 from wrenchbed.emulators.base import faults as timed
-from wrenchbed.emulators.base.emulator import EmulatorOptions, TwinServer
+from wrenchbed.emulators.base.emulator import Emulator, EmulatorOptions
 
 
 @contextmanager
 def serve(
     name: str, options: EmulatorOptions | None = None, faults: str | Path | None = None
-) -> Iterator[TwinServer]:
+) -> Iterator[Emulator]:
     """Serve an emulated robot or sensor while the block runs.
 
     Args:
@@ -28,7 +28,7 @@ def serve(
         MapError: the script of faults is wrong.
         DriverError: a port is taken or not allowed.
     """
-    server: TwinServer = registry.load("emulators", name)(options or EmulatorOptions())
+    server: Emulator = registry.load("emulators", name)(options or EmulatorOptions())
     script = () if faults is None else timed.read(faults)
     server.faults.check(script, str(faults))
     try:
