@@ -7,7 +7,7 @@ import pytest
 
 from wrenchbed import registry
 from wrenchbed.benchmark.lookalikes import ExperimentDesign, draw, recording
-from wrenchbed.benchmark.lookalikes.recordings import raised_variance
+from wrenchbed.benchmark.lookalikes.imperfection import raised_variance
 from wrenchbed.data.plan import Plan
 from wrenchbed.diagnosis.between_rows.rows import find_row_effects
 from wrenchbed.physics.wrench import CHANNELS

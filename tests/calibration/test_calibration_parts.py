@@ -1,0 +1,113 @@
+"""Which parameters a calibration frees, what it refuses, and what it says of its result."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from simulated import UR5_TRUTH, WHITE, static
+from wrenchbed import registry
+from wrenchbed.calibration import calibrate as calibration
+from wrenchbed.calibration.calibrate import CalibrationOptions, calibrate
+from wrenchbed.calibration.fit import FitNoise
+from wrenchbed.calibration.touches import Agreement, Touches
+from wrenchbed.data.recording import POINT, Recording
+from wrenchbed.errors import CalibrationError
+from wrenchbed.simulation.closed_form import Model
+
+UR5 = Model.of(registry.load("robots", "ur5"))
+
+
+def names(options):
+    return [UR5.parameters.names[i] for i in calibration._free(UR5, options)]
+
+
+def test_a_robot_frees_its_own_parameters_unless_told_otherwise():
+    own = names(CalibrationOptions())
+    assert set(own) == set(UR5_TRUTH)
+    assert names(CalibrationOptions(hold=("tool.*",))) == [
+        n for n in own if not n.startswith("tool.")
+    ]
+    assert names(CalibrationOptions(free=("tool.mass",))) == ["tool.mass"]
+    assert set(names(CalibrationOptions(free=("candidates",)))) == {
+        UR5.parameters.names[i] for i in UR5.parameters.select(UR5.robot.candidates)
+    }
+    both = names(CalibrationOptions(free=("candidates", "tool.mass"), hold=("sensor.bias.*",)))
+    assert "tool.mass" in both and not any(n.startswith("sensor.bias") for n in both)
+    with pytest.raises(CalibrationError, match="no parameter is free"):
+        names(CalibrationOptions(free=("tool.mass",), hold=("tool.mass",)))
+
+
+def test_an_interval_of_a_stated_noise_is_normal_and_of_a_found_one_student_s():
+    stated = calibrate(static("ur5", UR5_TRUTH, poses=30, noise=WHITE))
+    for p in stated.identified:
+        assert p.interval95 == pytest.approx(1.959964 * p.std)
+    repeated = calibrate(static("ur5", UR5_TRUTH, poses=6, samples=4, noise=WHITE))
+    assert repeated.noise.source == "repeats"
+    for p in repeated.identified:  # 6 · 3 degrees of freedom
+        assert p.interval95 == pytest.approx(2.100922 * p.std)
+    assert (repeated.poses, repeated.rows) == (6, 24)
+
+
+def test_as_many_readings_as_parameters_are_enough_to_try():
+    rec = static("ur5", UR5_TRUTH, poses=12, noise=WHITE)
+    two = {k: v[:2] for k, v in rec.columns.items()}
+    with pytest.raises(CalibrationError, match="2 poses give 12 readings, too few for 13"):
+        calibrate(Recording(rec.metadata, two))
+    twelve = CalibrationOptions(hold=("mount.rotation.z",))
+    try:
+        assert len(calibrate(Recording(rec.metadata, two), twelve).identified) == 12
+    except CalibrationError as error:
+        assert "too few" not in str(error)
+
+
+def test_a_tool_weighs_something():
+    theta = UR5.parameters.nominal
+    calibration._check_load(UR5, theta)
+    for mass in (0.0, -0.5):
+        theta = UR5.parameters.vector({"tool.mass": 1.0})
+        theta[UR5.parameters.index("tool.mass")] = mass
+        with pytest.raises(CalibrationError, match="opposite sign"):
+            calibration._check_load(UR5, theta)
+
+
+def test_touches_are_no_recording_under_gravity_and_an_unknown_loss_is_refused():
+    rec = static("ur5", UR5_TRUTH, poses=12)
+    with pytest.raises(CalibrationError, match="loss 'cubic' is not one of linear, huber, student"):
+        calibrate(rec, CalibrationOptions(loss="cubic"))
+    touching = dict(rec.columns) | dict.fromkeys(POINT, np.zeros(12))
+    with pytest.raises(CalibrationError, match="these are touches"):
+        calibrate(Recording(rec.metadata, touching))
+    bare = {k: v for k, v in touching.items() if not k.startswith("q")}
+    with pytest.raises(CalibrationError, match="touches need joint columns"):
+        Touches.of(SimpleNamespace(name="r", columns=bare, joints=()), 1e-4)
+
+
+def status(noise=None, agreement=None, identified=(), steps=1, converged=True, **data):
+    solution = SimpleNamespace(steps=steps, converged=converged)
+    six = np.ones(6)
+    noise = noise or FitNoise(six, "repeats", six, six, six, 4.0, False)
+    seen = SimpleNamespace(**{"left_out": 0, "flagged": 0} | data)
+    return calibration._status(solution, noise, list(identified), seen, agreement)
+
+
+def test_the_status_says_how_far_to_trust_a_fit():
+    good = "converged in 1 step; the residual is what the noise of the repeats explains"
+    assert status() == good
+    assert status(steps=3).startswith("converged in 3 steps; ")
+    assert status(steps=50, converged=False).startswith(
+        "not converged after 50 steps: do not use these values; "
+    )
+    six = np.ones(6)
+    scatter = np.array([1.0, 2, 3, 4, 9, 6])
+    wide = status(FitNoise(six, "stated", 2.0 * six, scatter, six, 4.0, True))
+    assert "up to 4.5 times what the stated noise explains" in wide
+    alone = status(FitNoise(six, "residual", six, six, six, 4.0, False))
+    assert alone.endswith("no repeats and no stated noise: uncertainties follow the residual")
+    blind = [SimpleNamespace(name=n, std=s) for n, s in (("a", None), ("b", 0.1), ("c", None))]
+    assert status(identified=blind) == f"{good}; 2 parameters are fixed only in combination (a, c)"
+    assert status(left_out=3) == f"{good}; 3 saturated rows were left out"
+    assert status(flagged=2).endswith("; the sensor's status word is not 0 in 2 of the rows used")
+    assert "touch" not in status(agreement=Agreement(4, 1e-4, 2, 3.0, 0.5))
+    doubtful = status(agreement=Agreement(4, 1e-4, 2, 6.0, 1e-6))
+    assert "touch 2 (counted from 0) lies 6.0 standard deviations" in doubtful

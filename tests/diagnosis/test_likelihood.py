@@ -1,0 +1,105 @@
+"""Evidence of the linear model against dense matrices, and what the background is made of."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.stats import multivariate_normal
+
+from linear_case import KERNELS, dictionary
+from wrenchbed.diagnosis.evidence.likelihood import LADDER, BackgroundLevel, gains, ladder
+
+TWO_PI = np.log(2.0 * np.pi)
+
+
+def case(rows, columns, seed=0):
+    """A level whose noise differs from channel to channel, and its dense K₀."""
+    rng = np.random.default_rng(seed)
+    E = rng.standard_normal((rows, columns))
+    v0 = np.tile(rng.uniform(0.5, 2.0, 6), rows // 6)
+    level = BackgroundLevel(E, v0, rng.uniform(0.5, 2.0, columns))
+    return level, np.diag(v0) + (E * level.V) @ E.T, rng
+
+
+SIZES = pytest.mark.parametrize(("rows", "columns"), [(24, 5), (12, 30), (12, 12)])
+
+
+@SIZES
+def test_a_level_is_its_dense_matrix(rows, columns):
+    level, K, rng = case(rows, columns)
+    inverse = np.linalg.inv(K)
+    y = rng.standard_normal((rows, 3))
+    assert level.tall == (rows > columns)
+    assert level.log_det == pytest.approx(np.linalg.slogdet(K)[1])
+    assert level.solve(y) == pytest.approx(inverse @ y)
+    some = np.array([1, 4, 5])
+    assert level.precision(some) == pytest.approx(inverse[np.ix_(some, some)])
+    assert level.information == pytest.approx(level.E.T @ inverse @ level.E)
+    assert level.score(y) == pytest.approx(level.E.T @ inverse @ y)
+    expected = [multivariate_normal(np.zeros(rows), K).logpdf(c) for c in y.T]
+    assert level.null(y) - 0.5 * rows * TWO_PI == pytest.approx(expected)
+
+
+def test_grams_of_channels_say_the_same():
+    level, K, _ = case(24, 5)
+    channels = level.E.reshape(-1, 6, 5)
+    grams = np.stack([channels[:, c].T @ channels[:, c] for c in range(6)])
+    known = replace(level, grams=grams)
+    assert known.information == pytest.approx(level.E.T @ np.linalg.inv(K) @ level.E)
+
+
+@pytest.mark.parametrize(("variance", "kept"), [(0.01, False), (0.05, True)])
+def test_a_faint_direction_is_left_out_of_many_rows(variance, kept):
+    way = np.eye(12)[:, :1]
+    solved = BackgroundLevel(way, np.ones(12), np.array([variance])).solve(way)
+    assert solved[0, 0] == pytest.approx(1.0 / (1.0 + variance) if kept else 1.0)
+
+
+@SIZES
+def test_a_gain_is_what_widening_some_columns_adds(rows, columns):
+    level, K, rng = case(rows, columns)
+    y = rng.standard_normal((rows, 2))
+    own, size, scales = np.array([[0, 3]]), np.array([[0.7, 1.3]]), np.array([0.5, 2.0, 4.0])
+    blocks = level.information[own[:, :, None], own[:, None, :]]
+    told = gains(blocks, level.score(y)[own], size, scales)
+    assert told.shape == (1, 3, 2)
+    for s, scale in enumerate(scales):
+        wide = level.E[:, own[0]] * (scale * size[0])
+        for c in range(2):
+            before = multivariate_normal(np.zeros(rows), K).logpdf(y[:, c])
+            after = multivariate_normal(np.zeros(rows), K + wide @ wide.T).logpdf(y[:, c])
+            assert told[0, s, c] == pytest.approx(after - before)
+    each = gains(blocks, level.score(y)[own], size, scales[None])
+    assert each == pytest.approx(told)
+
+
+def test_backgrounds_add_the_gaps_that_they_state():
+    d = dictionary(tolerance=0.3)
+    rungs = ladder(d)
+    assert [r.gap for r in rungs] == [0.02, 0.08, 0.3, 1.2, 5.0, 20.0] == list(LADDER)
+    assert [r.normal for r in rungs] == [True, True, True, False, False, False]
+    effects = {e for e, p in d.label if p} - {d.label[k][0] for k in d.stated}
+    for r in rungs[:3]:
+        for e in effects:
+            own = d.of_effect(e)
+            added = float(r.level.V[own] @ d.configured_gap[own])
+            assert added == pytest.approx(0.45 * r.gap / len(effects))
+        for columns in d.kernels.values():
+            assert r.level.V[columns] == pytest.approx(0.3 * r.gap / len(KERNELS))
+        assert r.level.v0 == pytest.approx(1.0 + 0.25 * r.gap)
+        assert r.level.V[d.stated] == pytest.approx(0.09)
+    one = d.of_effect("joint.offset")
+    assert rungs[-1].level.V[one] == pytest.approx(0.04)  # a fifth of the typical size at most
+
+
+def test_a_number_that_nobody_states_may_be_anything_but_not_endless():
+    d = dictionary(tolerance=np.inf)
+    assert ladder(d)[0].level.V[d.stated] == pytest.approx(1e4)
+
+
+@pytest.mark.parametrize(("stride", "times"), [(5, 10.0), (100, 1.0)])
+def test_in_a_motion_neighbouring_rows_share_what_the_model_lacks(stride, times):
+    d = dictionary(moving=True)
+    d.prepared.stride = stride  # rows 8 ms apart
+    rung = ladder(d)[2]
+    assert rung.level.v0 == pytest.approx(1.0 + 0.25 * 0.3 * times)

@@ -1,0 +1,144 @@
+"""The core of the diagnosis on a linear robot whose gaps are known: what is named, and what not."""
+
+import numpy as np
+import pytest
+
+from linear_case import dictionary, noise, readings, refitter
+from wrenchbed.diagnosis.explain.structures import rank
+from wrenchbed.diagnosis.explain.verdict import decide
+
+
+def diagnosed(gaps, **options):
+    d = dictionary(**options)
+    r = refitter(d, readings(d, gaps))
+    ranking = rank(r.searcher, r)
+    return ranking, decide(ranking)
+
+
+def named(verdict):
+    return [c.names for c in verdict.causes]
+
+
+def test_noise_alone_is_no_gap():
+    ranking, verdict = diagnosed({})
+    assert (verdict.verdict, verdict.causes) == ("none", ())
+    assert verdict.probabilities["none"] > 0.99
+    assert ranking.gap == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("effect", ["base.tilt", "joint.offset", "timing.delay", "tool.loose"])
+def test_one_effect_is_named_with_the_gap_that_it_adds(effect):
+    ranking, verdict = diagnosed({effect: 3.0})
+    assert (verdict.verdict, named(verdict)) == ("identified", [(effect,)])
+    assert verdict.causes[0].probability > 0.99
+    assert verdict.causes[0].part.share == pytest.approx(3.0, abs=0.02)
+    assert verdict.explanation.rest == pytest.approx(0.0, abs=0.02)
+    assert ranking.gap == pytest.approx(3.0)
+
+
+@pytest.mark.parametrize(("gap", "verdict"), [(0.5, "none"), (0.7, "none"), (0.85, "identified")])
+def test_an_effect_counts_from_three_quarters_of_a_gap(gap, verdict):
+    ranking, found = diagnosed({"base.tilt": gap})
+    assert found.verdict == verdict
+    assert named(found) == ([("base.tilt",)] if gap > 0.75 else [])
+    assert ranking.explanations[0].finalist.names == ("base.tilt",)  # seen it is all the same
+
+
+@pytest.mark.parametrize(
+    "gaps",
+    [
+        {"base.tilt": 3.0, "cable.pull": 2.0},
+        {"tool.loose": 2.5, "joint.offset": 1.5, "link.length": 1.2},
+    ],
+    ids=["two", "three"],
+)
+def test_several_effects_are_named_together_largest_first(gaps):
+    _, verdict = diagnosed(gaps)
+    assert verdict.verdict == "identified"
+    assert named(verdict) == [(n,) for n in gaps]
+    assert [c.part.share for c in verdict.causes] == pytest.approx([*gaps.values()], abs=0.05)
+    assert min(c.probability for c in verdict.causes) > 0.99
+
+
+def test_four_effects_at_once_are_more_than_is_named():
+    gaps = {"base.tilt": 3.0, "cable.pull": 2.0, "joint.offset": 1.5, "tool.loose": 1.2}
+    ranking, verdict = diagnosed(gaps)
+    assert verdict.verdict == "unknown"
+    assert max(len(e.parts) for e in ranking.explanations) == 3
+
+
+def test_a_small_fourth_effect_stands_beside_three_without_being_named():
+    gaps = {"base.tilt": 3.0, "cable.pull": 2.0, "joint.offset": 1.5, "tool.loose": 0.3}
+    ranking, verdict = diagnosed(gaps)
+    assert named(verdict) == [("base.tilt",), ("cable.pull",), ("joint.offset",)]
+    assert set(ranking.explanations[0].finalist.names) == set(gaps)
+
+
+def test_no_structure_has_more_than_four_effects():
+    gaps = {"base.tilt": 3.0, "cable.pull": 2.0, "joint.offset": 1.5}
+    ranking, _ = diagnosed(gaps | {"tool.loose": 0.3, "link.length": 0.3})
+    assert max(len(e.finalist.names) for e in ranking.explanations) == 4
+
+
+def test_effects_that_look_the_same_are_rivals_and_those_that_do_not_are_none():
+    pair = ("joint.offset", "sensor.temperature")
+    _, same = diagnosed({"joint.offset": 3.0}, alike={pair: 0.9999})
+    assert same.verdict == "ambiguous"
+    assert [set(c) for c in named(same)] == [set(pair)]
+    _, other = diagnosed({"joint.offset": 3.0}, alike={pair: 0.9})
+    assert (other.verdict, named(other)) == ("identified", [("joint.offset",)])
+
+
+def test_what_no_effect_makes_is_unknown_and_depends_on_what_it_depends():
+    for kernel in ("time", "pose"):
+        ranking, verdict = diagnosed({kernel: 8.0})
+        assert (verdict.verdict, verdict.causes) == ("unknown", ())
+        assert ranking.kernel == kernel
+        assert ranking.gap == pytest.approx(8.0)
+
+
+def test_something_unknown_beside_an_effect_is_seen():
+    ranking, verdict = diagnosed({"base.tilt": 3.0, "pose": 6.0})
+    assert verdict.verdict == "unknown"
+    assert ranking.kernel == "pose"
+    assert ranking.mixed > ranking.unknown
+    assert verdict.explanation.rest == pytest.approx(6.0, abs=0.4)
+
+
+def test_a_wrong_mass_is_named_beside_an_effect():
+    _, verdict = diagnosed({"tool.mass": 8.0, "base.tilt": 3.0})
+    assert named(verdict) == [("tool.mass",), ("base.tilt",)]
+    assert verdict.causes[1].part.share == pytest.approx(3.0, abs=0.02)
+    assert verdict.causes[0].part.share == pytest.approx(8.0, abs=0.8)
+
+
+def test_every_explanation_is_better_than_negligible_and_one_says_nothing():
+    ranking, _ = diagnosed({"base.tilt": 0.5})
+    told = [e.log_posterior for e in ranking.explanations]
+    assert told == sorted(told, reverse=True)
+    assert told[-1] > told[0] - 30.0
+    ranking, _ = diagnosed({})
+    assert any(not e.finalist.names for e in ranking.explanations)
+    assert len(ranking.votes) == min(6, len(ranking.explanations))
+
+
+def test_the_evidence_of_a_structure_is_that_of_its_amplitudes():
+    """A fit's values and their covariance are those of the linear model."""
+    d = dictionary()
+    r = refitter(d, readings(d, {"cable.pull": 1.0}))
+    (pull,) = (h for h in d.hypotheses if h.name == "cable.pull")
+    f = r.fit((pull,), 0)
+    assert f.x == pytest.approx([0.5, 0.0], abs=5e-3)  # a gap of 1 with columns of 4
+    v0 = float(r.searcher.rungs[f.rung].level.v0[0])
+    own = 4.0 * len(r.y) / v0
+    background = float(r.searcher.rungs[f.rung].level.V[pull.columns[0]])
+    expected = 1.0 / (1.0 / (1.0 / own + background) + 1.0 / f.spread[0] ** 2)
+    assert np.diagonal(f.covariance) == pytest.approx([expected] * 2, rel=1e-3)
+    assert f.residual @ f.residual == pytest.approx(len(r.y), rel=0.02)
+
+
+def test_noise_that_no_column_explains_is_of_the_stated_size():
+    d = dictionary()
+    n = noise(d)
+    assert n @ n == pytest.approx(len(n))
+    assert np.abs(d.E.T @ n).max() < 1e-6

@@ -1,0 +1,112 @@
+"""A nonlinear refit finds amplitude and shape of a known signal, with their uncertainty."""
+
+from dataclasses import dataclass, replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from linear_case import Named, dictionary, noise
+from wrenchbed.diagnosis.evidence.dictionary import EffectDictionary, Hypothesis
+from wrenchbed.diagnosis.evidence.search import Searcher
+from wrenchbed.diagnosis.explain.refit import Refitter
+from wrenchbed.effects.base import Variant
+from wrenchbed.physics.parameters import Parameter
+
+NAME = "sensor.temperature"
+
+
+@dataclass(frozen=True)
+class Shaped(Named):
+    """An effect with an amplitude [N] and a shape [s] of typical size 0.5 between 1 and 3."""
+
+    def parameters(self, robot):
+        return [
+            Parameter("span", 0.0, "N", 0.2, -9.0, 9.0, ""),
+            Parameter("lag", 2.0, "s", 0.5, 1.0, 3.0, ""),
+            Parameter("held", 7.0, "1", 1.0, 0.0, 9.0, ""),
+        ]
+
+
+class Waving(Refitter):
+    """A response that is not linear in its shape: amplitude times a wave of that lag."""
+
+    def response(self, parts, x):
+        if not parts:
+            return np.zeros(len(self.y))
+        (given,) = self.values(parts, x)
+        return given["span"] / 0.2 * wave(len(self.y), given["lag"])
+
+
+def wave(n, lag):
+    return 2.0 * np.sqrt(2.0) * np.cos(lag * np.linspace(0.0, 6.0, n) + 0.3)
+
+
+def case(amplitude, lag, seed=0):
+    """A refitter of a wave in noise, and the hypothesis of a wave with a lag of 2 s."""
+    d = dictionary(effects={NAME: 1})
+    column = [e for e, _ in d.label].index(NAME)
+    d.E[:, column] = wave(len(d.E), 2.0)
+    d = EffectDictionary(**{f: getattr(d, f) for f in d.__dataclass_fields__})
+    variant = Variant("lag", ("span",), {"lag": 2.0}, ("lag",))
+    h = Hypothesis(Shaped(NAME), variant, np.array([column]), 4.0)
+    d = replace(d, hypotheses=(*d.hypotheses[:3], h))
+    y = amplitude * wave(len(d.E), lag) + noise(d, seed)
+    return Waving(Searcher(d), y), h
+
+
+def test_values_are_si_and_shapes_stay_within_their_bounds():
+    r, h = case(1.0, 2.0)
+    assert r.variables((h,)) == [(0, "span", False), (0, "lag", True)]
+    assert r.start((h,)) == pytest.approx([0.0, 4.0])  # 2 s in units of 0.5 s
+    for x, lag in ((4.6, 2.3), (1.0, 1.0), (9.0, 3.0)):
+        (told,) = r.values((h,), np.array([1.5, x]))
+        assert told == pytest.approx({"span": 0.3, "lag": lag, "held": 7.0})
+    stated = r.d.hypotheses[1]
+    assert r.variables((stated, h))[0] == (1, "span", False)
+
+
+@pytest.mark.parametrize("lag", [2.0, 2.15, 1.85])
+def test_amplitude_and_shape_are_found(lag):
+    r, h = case(1.2, lag)
+    f = r.fit((h,), 0)
+    (told,) = r.values((h,), f.x)
+    assert told["span"] == pytest.approx(1.2 * 0.2, rel=0.06)
+    assert told["lag"] == pytest.approx(lag, abs=0.015)
+    assert f.residual @ f.residual < 1.1 * len(r.y)
+    std = np.sqrt(np.diagonal(f.covariance))
+    assert abs(f.x[0] - 1.2) < 4.0 * std[0] < 0.5
+    assert abs(f.x[1] - lag / 0.5) < 4.0 * std[1] < 0.3
+    assert f.spread[1] == 2.0
+
+
+def test_a_shape_is_kept_near_its_variant():
+    """Without an amplitude nothing tells a shape: it stays where the variant puts it."""
+    r, h = case(0.0, 2.0)
+    f = r.fit((h,), 0)
+    assert r.values((h,), f.x)[0]["lag"] == pytest.approx(2.0, abs=0.5)
+    assert abs(f.x[0]) < 0.2
+
+
+def test_slopes_of_shapes_are_differences_and_those_of_plain_amplitudes_the_dictionary_s():
+    r, h = case(1.0, 2.0)
+    x = np.array([1.0, 4.0])
+    told = r._design((h,), x, r.response((h,), x), range(2))
+    assert told[:, 0] == pytest.approx(wave(len(r.y), 2.0))
+    n = np.linspace(0.0, 6.0, len(r.y))
+    slope = -2.0 * np.sqrt(2.0) * np.sin(2.0 * n + 0.3) * n * 0.5
+    assert told[:, 1] == pytest.approx(slope, abs=0.3)
+    plain = Hypothesis(h.effect, Variant("plain", ("span",), {"lag": 2.0}), h.columns, 4.0)
+    some = SimpleNamespace(parts=(plain,))
+    told = r._design(some.parts, np.array([1.0]), r.y, [0])
+    assert (told[:, 0] == r.d.E[:, h.columns[0]]).all()
+
+
+def test_the_linearised_data_is_what_is_left_and_what_the_slopes_make():
+    r, h = case(1.2, 2.1)
+    f = r.fit((h,), 0)
+    assert f.y == pytest.approx(f.residual + f.design @ (f.x - np.array([0.0, 4.0])))
+    assert f.residual == pytest.approx(r.y - r.response((h,), f.x))
+    level = r.searcher.rungs[f.rung].level
+    inner = f.design.T @ level.solve(f.design) + np.diag(1.0 / f.spread**2)
+    assert f.covariance == pytest.approx(np.linalg.inv(inner), rel=1e-6)

@@ -1,0 +1,150 @@
+"""Which hypotheses are refitted, and on what the unknown depends."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from linear_case import Named, dictionary, readings, refitter
+from wrenchbed.diagnosis.evidence.search import SingleEvidence
+from wrenchbed.diagnosis.explain import structures
+
+
+def searcher(*names, timing=()):
+    stages = {n: "timing" if n in timing else "reading" for n in names}
+    return SimpleNamespace(
+        hypotheses=[SimpleNamespace(name=n, effect=Named(n, stage=stages[n])) for n in names]
+    )
+
+
+def singles(*told):
+    return [SingleEvidence(index, rung, float(value)) for index, rung, value in told]
+
+
+def kept(found):
+    return [(s.index, s.log_posterior) for s in found]
+
+
+NAMES = ("a.a", "a.a", "a.a", "b.b", "b.b", "c.c", "d.d")
+
+
+def test_of_each_effect_the_best_and_a_second_variant_nearly_as_good():
+    told = singles(
+        (0, 0, 100), (0, 1, 99.9), (1, 0, 98.5), (2, 0, 98.2), (3, 0, 90), (4, 0, 87.9),
+        (-1, 0, 500), (5, 0, 89),
+    )  # fmt: skip
+    found = structures._distinct(searcher(*NAMES), told, 6, 100.0)
+    assert kept(found) == [(0, 100.0), (1, 98.5), (3, 90.0), (5, 89.0)]
+    near = structures._distinct(searcher(*NAMES), singles((3, 0, 90), (4, 0, 88.1)), 6, 90.0)
+    assert kept(near) == [(3, 90.0), (4, 88.1)]
+
+
+def test_no_more_effects_than_asked_for_and_the_first_beyond():
+    told = singles((0, 0, 100), (3, 0, 90), (5, 0, 80), (6, 0, 70))
+    found = structures._distinct(searcher(*NAMES), told, 2, 100.0)
+    assert kept(found) == [(0, 100.0), (3, 90.0), (5, 80.0)]
+
+
+@pytest.mark.parametrize(("base", "far"), [(100.0, 60.0), (150.0, 60.0), (60.0, 80.0)])
+def test_what_is_far_behind_the_best_is_left_out(base, far):
+    told = singles((0, 0, 100), (3, 0, 100 - far + 0.5), (5, 0, 100 - far - 0.5))
+    found = structures._distinct(searcher(*NAMES), told, 6, base)
+    assert kept(found) == [(0, 100.0), (3, 100 - far + 0.5)]
+
+
+def test_beside_one_effect_of_timing_all_are_tried_each_at_its_best():
+    s = searcher("timing.delay", "timing.lowpass", "a.a", timing=("timing.delay", "timing.lowpass"))
+    told = singles((0, 0, 50), (1, 0, 3), (1, 2, 7), (2, 0, 40), (-1, 0, 99))
+    found = structures._other_clocks(s, told, singles((0, 0, 50)))
+    assert [(f.index, f.rung, f.log_posterior) for f in found] == [(1, 2, 7.0)]
+    assert structures._other_clocks(s, told, singles((2, 0, 40))) == []
+    both = structures._other_clocks(s, told, singles((0, 0, 50), (1, 2, 7)))
+    assert both == []
+
+
+def test_the_unknown_beside_an_effect_may_depend_on_something_else_than_the_unknown_alone():
+    """A tilt that looks much like time: alone time explains most, beside the tilt the pose."""
+    alike = {("time", "base.tilt"): 0.95}
+    d = dictionary(alike=alike)
+    r = refitter(d, readings(d, {"base.tilt": 8.0, "pose": 3.0}))
+    told = structures.rank(r.searcher, r)
+    assert told.kernel == "pose"
+    r = refitter(d, readings(d, {"base.tilt": 8.0}))
+    told = structures.rank(r.searcher, r)
+    assert told.kernel == "time"
+    assert told.mixed < told.explanations[0].log_posterior
+    d = dictionary(alike={("pose", "base.tilt"): 0.999})
+    r = refitter(d, readings(d, {"base.tilt": 8.0}))
+    told = structures.rank(r.searcher, r)  # beside the tilt a wander in time is the likeliest
+    assert (told.kernel, told.mixed > told.unknown) == ("pose", True)
+
+
+def test_the_unknown_alone_weighs_kernels_and_large_backgrounds_together():
+    d = dictionary()
+    r = refitter(d, readings(d, {"pose": 4.0}))
+    s = r.searcher
+    told = structures.rank(s, r)
+    kernels = [x.log_posterior for x in s.singles(r.y) if x.index < 0]
+    large = s.nulls(r.y)[[not b.normal for b in s.rungs]] + np.log(0.15)
+    assert told.unknown == pytest.approx(np.logaddexp.reduce([*kernels, *large]))
+
+
+def test_what_is_claimable_is_what_counts_and_is_no_stated_number():
+    d = dictionary()
+    r = refitter(d, readings(d, {"base.tilt": 0.8, "cable.pull": 0.7, "tool.mass": 9.0}))
+    named = ("tool.mass", "cable.pull", "base.tilt")
+    parts = tuple(next(h for h in d.hypotheses if h.name == n) for n in named)
+    f = r.fit(parts, 0)
+    assert structures._claimed(r, f) == [2]
+
+
+def test_nothing_has_the_evidence_of_normal_backgrounds_and_its_prior():
+    d = dictionary()
+    r = refitter(d, readings(d, {"base.tilt": 0.2}))
+    told = r.nothing()
+    nulls = r.searcher.nulls(r.y)
+    assert told.log_posterior == pytest.approx(np.logaddexp.reduce(nulls[:3]) + np.log(0.35))
+    assert told.rung == int(np.argmax(nulls[:3]))
+    assert (told.parts, len(told.x)) == ((), 0)
+    assert (told.residual == r.y).all()
+
+
+def test_one_more_effect_has_prior_odds_of_two_ninths():
+    """The linear evidence of a second effect beside a first is that of both refitted."""
+    d = dictionary()
+    r = refitter(d, readings(d, {"base.tilt": 2.0, "cable.pull": 1.0}))
+    tilt, pull = (next(h for h in d.hypotheses if h.name == n) for n in ("base.tilt", "cable.pull"))
+    one = r.fit((tilt,), 0)
+    index = d.hypotheses.index(pull)
+    (told,) = (s for s in r.added(one) if s.index == index)
+    both = r.extended(one, pull)
+    assert both.names == ("base.tilt", "cable.pull")
+    s = r.searcher
+    gained = told.log_posterior - one.log_posterior
+    size = s.scales(pull)
+    column = d.E[:, pull.columns]
+    level = s.rungs[one.rung].level
+    w = column.T @ level.solve(r.y[:, None])[:, 0]
+    p = column.T @ level.solve(column)
+    each = [
+        0.5 * w @ np.linalg.solve(np.eye(2) / z**2 + p, w)
+        - 0.5 * np.linalg.slogdet(np.eye(2) + z**2 * p)[1]
+        for z in size
+    ]
+    evidence = np.logaddexp.reduce(each) - np.log(len(each))
+    assert gained == pytest.approx(evidence + s.prior(pull) + np.log(0.1 / 0.45), rel=1e-3)
+    assert not any(x.index == d.hypotheses.index(tilt) for x in r.added(one))
+
+
+def test_a_blamed_number_is_set_free():
+    d = dictionary(tolerance=0.05)
+    r = refitter(d, readings(d, {"tool.mass": 36.0}))
+    (mass,) = (h for h in d.hypotheses if h.name == "tool.mass")
+    f = r.fit((mass,), 0)
+    assert len(f.x) == 0 and f.design.shape[1] == 1
+    level = r._level((mass,), 1)
+    rung = r.searcher.rungs[1].level
+    assert level.V[6] == pytest.approx(rung.V[6] + 30.0**2)
+    assert np.delete(level.V, 6) == pytest.approx(np.delete(rung.V, 6))
+    assert r._level((mass,), 1) is level
+    assert r._level((), 1) is rung

@@ -1,0 +1,351 @@
+"""Limits, speeds and ticks of drivers at their bounds, with numbers by hand."""
+
+import time
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from wrenchbed import registry
+from wrenchbed.errors import (
+    DriverError,
+    LimitError,
+    LinkError,
+    ParameterError,
+    PlanError,
+    StoppedError,  # fmt: skip
+)
+from wrenchbed.hardware.device import Health
+from wrenchbed.hardware.drivers.base.live import pace, settled
+from wrenchbed.hardware.drivers.base.resampling import Evenly, _least_late, controller_time, hermite
+from wrenchbed.hardware.drivers.base.samples import Applied, ArmSample, as_designed, block_of
+from wrenchbed.hardware.drivers.base.watched_move import check_ready, stop_after
+from wrenchbed.hardware.drivers.sim import SimDriver, SimOptions
+from wrenchbed.robots.motion_limits import (
+    Limits,
+    check_motion,
+    duration,
+    minimum_jerk,
+    peak_speed,
+    straight,
+)
+
+UR5 = registry.load("robots", "ur5")
+HOME = np.asarray(UR5.home, dtype=float)
+TOP = np.array([j.speed for j in UR5.joints])
+
+
+@pytest.mark.parametrize("name", ["speed", "tracking"])
+def test_shares_are_above_0_and_at_most_1(name):
+    assert getattr(Limits(**{name: 1.0}), name) == 1.0
+    assert getattr(Limits(**{name: 0.01}), name) == 0.01
+    for share in (0.0, -0.1, 1.01):
+        with pytest.raises(ParameterError, match=f"{name} .* above 0 and at most 1"):
+            Limits(**{name: share})
+
+
+@pytest.mark.parametrize("name", ["force", "torque"])
+def test_largest_loads_are_above_0(name):
+    assert getattr(Limits(**{name: 0.5}), name) == 0.5
+    for value in (0.0, -1.0):
+        with pytest.raises(ParameterError, match=f"largest {name}"):
+            Limits(**{name: value})
+
+
+def test_without_limits_a_robot_goes_at_half_and_tracks_at_full_speed():
+    told = Limits()
+    assert (told.speed, told.tracking) == (0.5, 1.0)
+    told.check_wrench(np.full(6, 1e6))  # no limit of a load
+
+
+def test_a_workspace_has_its_upper_bounds_above():
+    low = (0.0, 0.0, 0.0)
+    Limits(workspace=(low, (1.0, 1.0, 1.0)))
+    for high in ((1.0, 1.0, 0.0), (1.0, -1.0, 1.0)):
+        with pytest.raises(ParameterError, match="each upper bound must be larger"):
+            Limits(workspace=(low, high))
+
+
+def test_the_sensor_stays_in_its_workspace():
+    at = UR5.sensor_pose(HOME[None], UR5.parameters.nominal)[1][0]
+    around = (tuple(at - 0.01), tuple(at + 0.01))
+    Limits(workspace=around).check_path(UR5, HOME[None], "plan")
+    away = HOME.copy()
+    away[1] += 0.1
+    path = np.stack([HOME, HOME, away, away])
+    with pytest.raises(PlanError, match="plan: row 2: the sensor would be at"):
+        Limits(workspace=around).check_path(UR5, path, "plan")
+    for axis in range(3):  # one axis beyond one bound is enough
+        for sign in (-1.0, 1.0):
+            shift = np.zeros(3)
+            shift[axis] = 0.02 * sign
+            moved = (tuple(at - 0.01 + shift), tuple(at + 0.01 + shift))
+            with pytest.raises(PlanError, match="row 0"):
+                Limits(workspace=moved).check_path(UR5, HOME[None], "plan")
+    outside = HOME.copy()
+    outside[0] = 99.0
+    with pytest.raises(PlanError):
+        Limits().check_path(UR5, outside[None], "plan")
+
+
+@pytest.mark.parametrize(("share", "allowed"), [(1.0, True), (1.002, False), (0.6, True)])
+def test_a_trajectory_keeps_its_share_of_top_speed(share, allowed):
+    rate, limits = 100.0, Limits(tracking=0.8)
+    targets = np.stack([HOME, HOME, HOME])
+    targets[1, 3] += 0.3 * 0.8 * TOP[3] / rate
+    targets[2, 4] += share * 0.8 * TOP[4] / rate
+    if allowed:
+        limits.check_speed(UR5, targets, rate, "trajectory")
+        return
+    name = UR5.joints[4].name
+    with pytest.raises(PlanError, match=f"trajectory: {name} would move at .*80% of its top"):
+        limits.check_speed(UR5, targets, rate, "trajectory")
+
+
+def test_a_streamed_target_may_be_a_twentieth_faster_as_ticks_are_uneven():
+    limits = Limits(tracking=0.5)
+    near, far = HOME.copy(), HOME.copy()
+    near[2] += 1.04 * 0.5 * TOP[2] * 0.01
+    far[2] -= 1.06 * 0.5 * TOP[2] * 0.01
+    assert limits.check_step(UR5, HOME, near, 0.01) == ""
+    told = limits.check_step(UR5, HOME, far, 0.01)
+    assert told.startswith(f"{UR5.joints[2].name} would move at")
+    assert f"its limit is {0.5 * TOP[2]:.3g}" in told
+    assert limits.check_step(UR5, HOME, far, 0.02) == ""
+    assert "would move" in limits.check_step(UR5, HOME, near, 0.0)
+
+
+def test_a_streamed_target_is_finite_complete_and_within_limits():
+    limits = Limits()
+    bad = HOME.copy()
+    bad[1] = np.nan
+    assert limits.check_step(UR5, HOME, bad, 0.01) == "a target must be 6 finite numbers"
+    assert limits.check_step(UR5, HOME, HOME[:5], 0.01) == "a target must be 6 finite numbers"
+    bad[1] = 99.0
+    assert "target" in limits.check_step(UR5, HOME, bad, 1e9)
+
+
+@pytest.mark.parametrize(
+    ("wrench", "told"),
+    [
+        ([3.0, 4.0, 0, 0, 0, 0], None),
+        ([3.0, 4.1, 0, 0, 0, 0], "measured force 5.1 N is above the limit 5 N"),
+        ([0, 0, 0, 0.6, 0.8, 0], None),
+        ([0, 0, 0, 0.6, 0, -0.9], "measured torque 1.08 N·m is above the limit 1 N·m"),
+    ],
+)
+def test_a_load_is_refused_above_its_norm(wrench, told):
+    limits = Limits(force=5.0, torque=1.0)
+    if told is None:
+        limits.check_wrench(np.array(wrench))
+        return
+    with pytest.raises(LimitError, match=told):
+        limits.check_wrench(np.array(wrench))
+
+
+# ---- paths --------------------------------------------------------------------------------------
+
+
+def test_a_move_is_straight_and_takes_what_its_fastest_joint_needs():
+    end = HOME.copy()
+    end[0] += 1.0
+    end[5] -= 0.9
+    path = straight(HOME, end)
+    assert path.shape == (33, 6)
+    assert path[0] == pytest.approx(HOME) and path[-1] == pytest.approx(end)
+    assert path[8] == pytest.approx(HOME + 0.25 * (end - HOME))
+    expected = 1.875 * max(1.0 / TOP[0], 0.9 / TOP[5]) / 0.5
+    assert duration(UR5, HOME, end) == pytest.approx(expected)
+    assert duration(UR5, HOME, end, 0.1) == pytest.approx(5.0 * expected)
+    assert duration(UR5, HOME, HOME) == 0.2
+
+
+def test_minimum_jerk_begins_and_ends_at_rest_and_peaks_in_the_middle():
+    s = np.array([0.0, 0.25, 0.5, 1.0])
+    expected = 10 * s**3 - 15 * s**4 + 6 * s**5
+    assert minimum_jerk(s) == pytest.approx(expected)
+    fine = np.linspace(0.0, 1.0, 2001)
+    assert (np.diff(minimum_jerk(fine)) * 2000).max() == pytest.approx(1.875, rel=1e-5)
+
+
+def test_peak_speed_is_of_the_fastest_step():
+    targets = np.array([[0.0, 0.0], [0.1, -0.3], [0.3, -0.2]])
+    assert peak_speed(targets, 10.0) == pytest.approx([2.0, 3.0])
+    assert peak_speed(targets[:1], 10.0) == pytest.approx([0.0, 0.0])
+    assert peak_speed(targets[:2], 10.0) == pytest.approx([1.0, 3.0])
+
+
+def test_a_motion_names_the_row_that_is_too_fast():
+    targets = np.stack([HOME] * 4)
+    targets[2:, 1] += 0.99 * TOP[1] / 50.0
+    check_motion(UR5, targets, 50.0, "motion")
+    targets[2:, 1] += 0.02 * TOP[1] / 50.0
+    with pytest.raises(PlanError, match=f"motion: row 2: {UR5.joints[1].name} would move at"):
+        check_motion(UR5, targets, 50.0, "motion")
+    targets[2:, 1] = 99.0
+    with pytest.raises(PlanError):
+        check_motion(UR5, targets, 1e-9, "motion")
+
+
+# ---- ticks and states ---------------------------------------------------------------------------
+
+
+def test_ticks_are_even_and_a_missed_one_is_not_made_up_for(monkeypatch):
+    slept = []
+    monkeypatch.setattr(time, "sleep", slept.append)
+    monkeypatch.setattr(time, "monotonic", lambda: 10.0)
+    assert pace(10.3, 0.1) == pytest.approx(10.4)
+    assert slept == [pytest.approx(0.3)]
+    assert pace(9.95, 0.1) == pytest.approx(10.05)  # late by half a period: caught up
+    assert pace(9.5, 0.1) == pytest.approx(10.1)  # by five: from now on
+    assert len(slept) == 1
+
+
+def test_calm_is_within_three_and_a_half_standard_errors():
+    half = np.tile([[1.0], [-1.0]], (8, 6))  # 16 rows, variance 16 / 15
+    error = np.sqrt(2.0 * (16.0 / 15.0) / 16.0)
+    for step, expected in ((3.4, True), (3.6, False), (-3.6, False)):
+        moved = half.copy()
+        moved[:, 2] += step * error
+        assert settled(np.concatenate([half, moved])) is expected
+    assert not settled(np.zeros((7, 6)))
+    assert settled(np.zeros((8, 6)))
+
+
+def arm(t, q, qd=0.0, device=None):
+    return ArmSample(t, device, 0, 0.0, True, np.array([q]), np.array([qd]))
+
+
+def test_between_two_states_joints_follow_the_cubic_of_their_values_and_speeds():
+    """x³ − 2 x² + 3 x − 1 from 1 to 3."""
+
+    def x(t):
+        return t**3 - 2 * t**2 + 3 * t - 1, 3 * t**2 - 4 * t + 3
+
+    before, after = arm(1.0, *x(1.0)), arm(3.0, *x(3.0))
+    for share in (0.0, 0.2, 0.5, 0.9, 1.0):
+        q, qd = hermite(before, after, 2.0, share)
+        assert (q[0], qd[0]) == pytest.approx(x(1.0 + 2.0 * share))
+
+
+def test_a_state_has_the_robot_s_own_time_where_it_has_one():
+    assert controller_time(arm(5.0, 0.0)) == 5.0
+    assert controller_time(arm(5.0, 0.0, device=2.0)) == 2.0
+
+
+def test_the_least_late_of_many_states_tells_how_clocks_stand():
+    t = np.arange(300) * 0.01
+    late = np.full(300, 0.02)
+    late[::25] = 0.0
+    pairs = np.stack([t, t * (1.0 + 1e-3) + 0.5 + late], axis=1)
+    slope, offset = _least_late(pairs)
+    assert (slope, offset) == pytest.approx((1e-3, 0.5), abs=1e-9)
+    slope, offset = _least_late(pairs[:150])  # three bins only: the offset alone
+    assert slope == 0.0
+    assert offset == pytest.approx(0.5)
+
+
+def test_rows_begin_with_the_first_state_and_end_with_the_last():
+    evenly = Evenly(50.0)
+    assert evenly.rows(5) == []
+    for k in range(5):
+        evenly.add(arm(100.0 + 0.02 * k, float(k), 50.0))
+        if k == 0:
+            assert evenly.rows(5) == []
+    rows = evenly.rows(3)
+    assert [r.t for r in rows] == pytest.approx([100.0, 100.02, 100.04])
+    rows += evenly.rows(99)
+    assert [r.q[0] for r in rows] == pytest.approx([0, 1, 2, 3, 4])
+    assert [r.host for r in rows] == pytest.approx([r.t for r in rows])
+    assert evenly.rows(99) == []
+
+
+def test_rows_become_columns_of_their_kind():
+    rows = [{"fx": 1.0, "status": 3, "lost": -1, "saturated": 0}, {"fx": 2, "status": 4, "lost": 2,
+             "saturated": 1}]  # fmt: skip
+    told = block_of(rows)
+    assert list(told["fx"]) == [1.0, 2.0]
+    assert [told[k].dtype for k in ("fx", "status", "saturated", "lost")] == [
+        np.float64, np.uint32, np.uint32, np.int64,
+    ]  # fmt: skip
+    assert Applied(np.zeros(1)).ok
+    assert not Applied(None, "too fast").ok
+
+
+@pytest.mark.parametrize("robot", ["ur5", "medrue"])
+def test_a_robot_as_designed_states_its_tool_and_where_its_sensor_sits(robot):
+    robot = registry.load("robots", robot)
+    told = as_designed(
+        robot, source="simulation", mode="static", rate=50.0, gravity=(0.0, 0.0, -9.8),
+        sensor="some", noise_std=np.arange(1.0, 7.0),
+    )  # fmt: skip
+    nominal = robot.parameters.nominal
+    tool, values = robot.tool(nominal), robot.values(nominal)
+    assert (told.robot, told.mode, told.source, told.rate_hz) == (
+        robot.name, "static", "simulation", 50.0,
+    )  # fmt: skip
+    assert told.tool.mass == pytest.approx(float(tool.mass))
+    assert told.tool.cog == pytest.approx([float(c) for c in tool.cog])
+    assert told.sensor.noise_std == (1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
+    assert told.sensor.mass == values["sensor.mass"]
+    flange = told.sensor.pose_flange
+    assert flange == (
+        (0, 0, 0, 1, 0, 0, 0) if "mount.position.x" in robot.parameters.names else None
+    )
+    assert told.gravity == (0.0, 0.0, -9.8)
+
+
+# ---- what a driver must be first -----------------------------------------------------------------
+
+
+def test_a_driver_is_connected_before_it_does_anything():
+    driver = SimDriver(SimOptions("ur5"))
+    for act in (
+        driver.read, driver.read_wrench, driver.settle, driver.stop, driver.recover,
+        driver.position, lambda: driver.write(HOME), lambda: driver.move(HOME),
+        lambda: driver.sample(2, 10.0), lambda: next(driver.track(HOME[None], 10.0)),
+    ):  # fmt: skip
+        with pytest.raises(DriverError, match="connect"):
+            act()
+
+
+def test_a_driver_is_active_before_it_moves():
+    driver = SimDriver(SimOptions("ur5"))
+    driver.connect()
+    try:
+        told = driver.write(HOME)
+        assert not told.ok and "not active" in told.reason
+        for act in (lambda: driver.move(HOME), lambda: next(driver.track(HOME[None], 10.0))):
+            with pytest.raises(DriverError, match="is not active"):
+                act()
+        assert driver.position() == pytest.approx(HOME)
+    finally:
+        driver.close()
+
+
+# ---- health -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("state", "error"),
+    [("ok", None), ("stopped", StoppedError), ("fault", StoppedError), ("stale", LinkError),
+     ("gone", LinkError)],
+)  # fmt: skip
+def test_a_bad_state_raises_what_it_calls_for(state, error):
+    health = SimpleNamespace(state=state, ok=state == "ok", detail="")
+    if error is None:
+        check_ready(health)
+        return
+    with pytest.raises(error) as raised:
+        check_ready(health)
+    assert type(raised.value) is error
+    assert error is not LinkError or str(raised.value) == state
+    assert isinstance(Health, type)
+
+
+def test_a_stop_is_as_hard_as_its_error():
+    kinds = []
+    stop_after(LimitError("force"), kinds.append)
+    stop_after(KeyboardInterrupt(), kinds.append)
+    stop_after(DriverError("link"), kinds.append)
+    assert kinds == ["hard", "soft", "soft"]
