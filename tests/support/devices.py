@@ -1,0 +1,135 @@
+"""How a test makes each driver and each transducer: an emulator or a recording where one is needed.
+
+The contract suites ask for an entry per registered plug-in: add one for a new plug-in.
+"""
+
+import os
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from netft_scene import boxed
+from twin_process import running
+from wrenchbed import registry
+from wrenchbed.campaigns.recording.run import record
+from wrenchbed.data.plan import Plan
+from wrenchbed.hardware.drivers.base import Driver
+from wrenchbed.hardware.drivers.sim import SimDriver, SimOptions
+from wrenchbed.hardware.transducers.base import Transducer
+from wrenchbed.hardware.transducers.netft import NetftOptions, NetftTransducer
+from wrenchbed.hardware.transducers.ur_wrench import UrWrench, UrWrenchOptions, UrWrenchReading
+from wrenchbed.robots.motion_limits import Limits
+
+SMALL = 0.03
+"""Length of a small move [rad or m]."""
+SLOW = Limits(speed=0.05, tracking=0.05)
+"""Limits on real hardware."""
+
+
+@dataclass(frozen=True)
+class DriverCase:
+    """A driver under test.
+
+    Attributes:
+        make: makes a closed driver; takes further options.
+        poses: joint values (n, J) that it can visit; about its position if None.
+        follows: whether it follows any path within its limits.
+        modelled: whether its sensor reads what the nominal model says.
+    """
+
+    make: Callable[..., Driver]
+    poses: np.ndarray | None = None
+    follows: bool = True
+    modelled: bool = True
+
+    def goals(self, driver: Driver) -> np.ndarray:
+        if self.poses is not None:
+            return self.poses
+        q = driver.position()
+        return q + SMALL * np.random.default_rng(5).standard_normal((3, len(q)))
+
+
+def _of(name: str, robot: str, **options) -> DriverCase:
+    kind = registry.load("drivers", name)
+    return DriverCase(lambda **more: kind(kind.options(**{"robot": robot} | options | more)))
+
+
+@contextmanager
+def _emulated(name: str, robot: str, emulator: str, host: str) -> Iterator[DriverCase]:
+    with running(emulator, host):
+        yield _of(name, robot, host=host)
+
+
+@contextmanager
+def _sim(robot: str) -> Iterator[DriverCase]:
+    yield _of("sim", robot)
+
+
+@contextmanager
+def _replay(folder: Path) -> Iterator[DriverCase]:
+    path = folder / "replayed.parquet"
+    with SimDriver(SimOptions("ur5")) as driver:
+        home = driver.position()
+        poses = home + SMALL * np.random.default_rng(5).standard_normal((3, len(home)))
+        record(driver, Plan.of("ur5", poses), path, samples=60)
+    made = _of("replay", "ur5", recording=str(path)).make
+    yield DriverCase(made, poses, follows=False)
+
+
+DRIVERS = {
+    "sim": {
+        "ur5": lambda folder: _sim("ur5"),
+        "medrue": lambda folder: _sim("medrue"),
+    },
+    "replay": {"ur5": _replay},
+    "rtde": {"ur5": lambda folder: _emulated("rtde", "ur5", "ur5", "127.0.5.1")},
+    "can": {"medrue": lambda folder: _emulated("can", "medrue", "medrue", "127.0.5.2")},
+}
+"""Driver → variant → a context in which its case can be used."""
+
+
+@contextmanager
+def _real(name: str, robot: str, **options) -> Iterator[DriverCase]:
+    yield DriverCase(_of(name, robot, limits=SLOW, **options).make, modelled=False)
+
+
+if "WRENCHBED_UR5" in os.environ:
+    _address, _, _sensor = os.environ["WRENCHBED_UR5"].partition(",")
+    DRIVERS["rtde"]["real"] = lambda folder: _real("rtde", "ur5", host=_address, sensor=_sensor)
+if "WRENCHBED_CAN" in os.environ:
+    DRIVERS["can"]["real"] = lambda folder: _real(
+        "can", "medrue", channel=os.environ["WRENCHBED_CAN"]
+    )
+
+
+@contextmanager
+def _netft() -> Iterator[Callable[[], Transducer]]:
+    with boxed("127.0.5.3") as scene:
+        host = scene.addresses["rdt"].split(":")[0]
+        port = int(scene.addresses["http"].split(":")[1])
+        yield lambda: NetftTransducer(NetftOptions(host, http_port=port))
+
+
+@contextmanager
+def _netcanoem() -> Iterator[Callable[[], Transducer]]:
+    kind = registry.load("transducers", "netcanoem")
+    with running("medrue", "127.0.5.4"):
+        yield lambda: kind(kind.options(host="127.0.5.4", rate=200.0))
+
+
+@contextmanager
+def _ur_wrench() -> Iterator[Callable[[], Transducer]]:
+    def reading() -> UrWrenchReading:
+        k = int(time.monotonic() / 0.008)  # a controller of 125 Hz
+        load = np.array([1.0, 2.0, 3.0, 0.1, 0.2, 0.3])
+        return UrWrenchReading(0.008 * k, 0.008 * k, k, 0, load, np.eye(3), np.zeros(3))
+
+    yield lambda: UrWrench(UrWrenchOptions(reading))
+
+
+TRANSDUCERS = {"netft": _netft, "netcanoem": _netcanoem, "ur-wrench": _ur_wrench}
+"""Transducer → a context in which a function makes closed ones."""
