@@ -8,7 +8,7 @@ from wrenchbed.benchmark.lookalikes import ExperimentDesign, draw, recording
 from wrenchbed.benchmark.scoring.baselines import BASELINES, descend
 from wrenchbed.benchmark.scoring.linear import Claim, linear
 from wrenchbed.data.plan import Plan
-from wrenchbed.diagnosis.prepare.prepared import prepare
+from wrenchbed.diagnosis.prepare.prepare_recording import prepare
 
 
 @pytest.fixture(scope="module")

@@ -179,7 +179,7 @@ def test_true_parameters_have_the_published_names_and_signs(effect):
     """The library's effect at the true parameters reads as the look-alike does."""
     from wrenchbed.benchmark.lookalikes import recording
     from wrenchbed.benchmark.lookalikes.imperfection import ImperfectRobot
-    from wrenchbed.diagnosis.prepare.prepared import prepare
+    from wrenchbed.diagnosis.prepare.prepare_recording import prepare
     from wrenchbed.effects.chain import ActiveEffect, effects, respond
 
     robot = registry.load("robots", "ur5")

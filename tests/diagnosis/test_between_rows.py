@@ -9,12 +9,18 @@ from wrenchbed import registry
 from wrenchbed.benchmark.lookalikes import ExperimentDesign, draw, recording
 from wrenchbed.data.metadata import Metadata, SensorInfo, ToolInfo
 from wrenchbed.diagnosis.between_rows.rows import find_row_effects
+from wrenchbed.diagnosis.prepare.configuration import configured
 from wrenchbed.physics.wrench import CHANNELS
 
 ROBOT = registry.load("robots", "ur5")
 STD = np.array(registry.load("sensors", "ati-gamma").noise.row_std)
 TOOL = ROBOT.tool(ROBOT.parameters.nominal)
 EFFECTS = ("sensor.noise", "sensor.quantization", "base.vibration", "timing.stale")
+
+
+def row_effects(rows):
+    """Effects between rows, on the robot that a recording names."""
+    return find_row_effects(rows, configured(rows))
 
 
 def metadata(mode, rate):
@@ -76,7 +82,7 @@ def test_nothing_is_claimed_without_a_cause_between_rows(mode, kind):
     for seed in range(40, 60) if mode == "static" else range(52, 60):
         case = draw(DESIGNS[mode], seed, kind)
         if not set(case.causes) & set(EFFECTS):
-            assert find_row_effects(recording(DESIGNS[mode], case)) == (), (seed, case.causes)
+            assert row_effects(recording(DESIGNS[mode], case)) == (), (seed, case.causes)
 
 
 @pytest.mark.parametrize("mode", DESIGNS)
@@ -86,7 +92,7 @@ def test_each_cause_is_found(mode, effect):
         pytest.skip("look-alikes show stale rows in motion only")
     design = DESIGNS[mode]
     for seed in range(60, 64):
-        found = find_row_effects(recording(design, draw(design, seed, "single", effect)))
+        found = row_effects(recording(design, draw(design, seed, "single", effect)))
         assert found and found[0].effect == effect, seed
         assert found[0].rise > 0.3
         assert found[0].sentence.endswith(".")
@@ -94,7 +100,7 @@ def test_each_cause_is_found(mode, effect):
 
 @pytest.mark.parametrize("mode", DESIGNS)
 def test_frequency_and_amplitude_of_a_shaking_base(mode):
-    found = {f.effect: f for f in find_row_effects(shaken(quiet(mode), 0.06, 17.3))}
+    found = {f.effect: f for f in row_effects(shaken(quiet(mode), 0.06, 17.3))}
     assert set(found) == {"base.vibration"}
     told = found["base.vibration"].parameters
     assert told["frequency"]["value"] == pytest.approx(17.3, abs=0.1)
@@ -106,7 +112,7 @@ def test_a_mains_line_is_noise_not_a_shaking_base():
     rec = quiet("static")
     wrench = np.array(rec.wrench)
     wrench[:, 2] += 2.0 * STD[2] * np.sin(2 * np.pi * 31.0 * rec.t)
-    (found,) = find_row_effects(changed(rec, wrench))
+    (found,) = row_effects(changed(rec, wrench))
     assert found.effect == "sensor.noise" and found.channels == ("fz",)
     assert "electrical" in found.sentence and " Hz" in found.sentence
 
@@ -115,7 +121,7 @@ def test_a_mains_line_is_noise_not_a_shaking_base():
 def test_added_noise_is_measured(mode):
     rec = quiet(mode)
     extra = 1.2 * STD * np.random.default_rng(0).standard_normal(rec.wrench.shape)
-    (found,) = find_row_effects(changed(rec, rec.wrench + extra))
+    (found,) = row_effects(changed(rec, rec.wrench + extra))
     assert found.effect == "sensor.noise" and found.channels == CHANNELS
     for c, s in zip(CHANNELS, STD, strict=True):
         assert found.parameters[f"std.{c}"]["value"] == pytest.approx(1.2 * s, rel=0.15)
@@ -127,18 +133,18 @@ def test_a_coarse_count_is_measured_even_when_printed_with_few_digits(mode):
     step = 4.0 * STD[0]
     wrench = np.array(rec.wrench)
     wrench[:, 0] = np.round(step * np.round(wrench[:, 0] / step), 3)
-    (found,) = find_row_effects(changed(rec, wrench))
+    (found,) = row_effects(changed(rec, wrench))
     assert found.effect == "sensor.quantization" and found.channels == ("fx",)
     told = found.parameters["step.fx"]
     assert told["value"] == pytest.approx(step, abs=max(3 * told["std"], 1e-5))
-    assert named(find_row_effects(unstated(changed(rec, wrench)))) == {"sensor.quantization"}
+    assert named(row_effects(unstated(changed(rec, wrench)))) == {"sensor.quantization"}
 
 
 def test_a_clipped_channel_or_a_fine_count_is_no_coarse_one():
     rec = quiet("static")
     wrench = np.round(rec.wrench, 6)
     wrench[:, 1] = np.clip(wrench[:, 1], -8.0, 3.0)
-    assert find_row_effects(changed(rec, wrench)) == ()
+    assert row_effects(changed(rec, wrench)) == ()
 
 
 @pytest.mark.parametrize("mode", DESIGNS)
@@ -146,7 +152,7 @@ def test_repeated_rows_are_counted(mode):
     rec = quiet(mode)
     stale = np.random.default_rng(1).random(len(rec)) < 0.1
     kept = np.maximum.accumulate(np.where(stale, 0, np.arange(len(rec))))
-    (found,) = find_row_effects(changed(rec, rec.wrench[kept]))
+    (found,) = row_effects(changed(rec, rec.wrench[kept]))
     assert found.effect == "timing.stale" and found.channels == CHANNELS
     told = found.parameters["share"]
     assert told["value"] == pytest.approx(0.1, abs=4 * told["std"] + 0.005)
@@ -159,7 +165,7 @@ def test_repeats_of_one_device_channel():
     stale = np.random.default_rng(1).random(len(rec)) < 0.2
     kept = np.maximum.accumulate(np.where(stale, 0, np.arange(len(rec))))
     wrench[:, 3:] = wrench[kept, 3:]
-    (found,) = find_row_effects(changed(rec, wrench))
+    (found,) = row_effects(changed(rec, wrench))
     assert found.effect == "timing.stale" and found.channels == CHANNELS[3:]
 
 
@@ -167,17 +173,17 @@ def test_noise_and_a_shaking_base_together():
     rec = shaken(quiet("static"), 0.06, 12.0)
     wrench = np.array(rec.wrench)
     wrench[:, 5] += 2.0 * STD[5] * np.random.default_rng(5).standard_normal(len(rec))
-    assert named(find_row_effects(changed(rec, wrench))) == {"sensor.noise", "base.vibration"}
+    assert named(row_effects(changed(rec, wrench))) == {"sensor.noise", "base.vibration"}
 
 
 def test_without_a_stated_noise_only_its_pattern_can_be_judged():
     rec = quiet("static")
     noisy = rec.wrench + 3.0 * STD * np.random.default_rng(0).standard_normal(rec.wrench.shape)
-    assert find_row_effects(unstated(changed(rec, noisy))) == ()
-    assert named(find_row_effects(unstated(shaken(rec, 0.08, 12.0)))) == {"base.vibration"}
+    assert row_effects(unstated(changed(rec, noisy))) == ()
+    assert named(row_effects(unstated(shaken(rec, 0.08, 12.0)))) == {"base.vibration"}
 
 
 def test_single_rows_a_pose_say_nothing():
     rec = quiet("static")
     thin = replace(rec, columns={k: v[::60] for k, v in rec.columns.items()})
-    assert find_row_effects(thin) == ()
+    assert row_effects(thin) == ()

@@ -10,12 +10,18 @@ from wrenchbed.benchmark.lookalikes import ExperimentDesign, draw, recording
 from wrenchbed.benchmark.lookalikes.imperfection import raised_variance
 from wrenchbed.data.plan import Plan
 from wrenchbed.diagnosis.between_rows.rows import find_row_effects
+from wrenchbed.diagnosis.prepare.configuration import configured
 from wrenchbed.physics.wrench import CHANNELS
 
 ROBOT = registry.load("robots", "medrue")
 EFFECTS = ("sensor.noise", "sensor.quantization", "base.vibration")
 NEAR = 0.3
 """Rise of a row's variance far enough below the half that counts."""
+
+
+def row_effects(rows):
+    """Effects between rows, on the robot that a recording names."""
+    return find_row_effects(rows, configured(rows))
 
 
 def design():
@@ -38,7 +44,7 @@ def test_nothing_is_claimed_that_does_not_count():
     quiet = 0
     for seed in range(300, 350):
         case = draw(DESIGN, seed, "none")
-        found = find_row_effects(recording(DESIGN, case))
+        found = row_effects(recording(DESIGN, case))
         if rise_of_background(case) < NEAR:
             quiet += 1
             assert found == (), (seed, found)
@@ -51,7 +57,7 @@ def test_each_cause_is_named_first(effect):
     for seed in range(400, 410):
         case = draw(DESIGN, seed, "single", effect)
         if case.rows[effect] >= 1.0 and case.rows[effect] > 2.0 * rise_of_background(case):
-            assert find_row_effects(recording(DESIGN, case))[0].effect == effect, seed
+            assert row_effects(recording(DESIGN, case))[0].effect == effect, seed
 
 
 def test_a_strong_shaking_is_no_noise():
@@ -59,7 +65,7 @@ def test_a_strong_shaking_is_no_noise():
     for seed in range(3):
         case = draw(DESIGN, seed, "single", "base.vibration", 12.0)
         assert case.rows["base.vibration"] > 50.0
-        (found,) = find_row_effects(recording(DESIGN, case))
+        (found,) = row_effects(recording(DESIGN, case))
         assert found.effect == "base.vibration", seed
         truth = case.rows["base.vibration"]
         assert found.rise == pytest.approx(truth, rel=0.25)
@@ -76,4 +82,4 @@ def test_a_shaking_that_does_not_count_is_no_noise_either():
     wrench *= np.sqrt(0.4 / share.max())
     columns = dict(zip(CHANNELS, (rec.wrench + wrench).T, strict=True))
     shaken = replace(rec, columns=dict(rec.columns) | columns)
-    assert "sensor.noise" not in {f.effect for f in find_row_effects(shaken)}
+    assert "sensor.noise" not in {f.effect for f in row_effects(shaken)}

@@ -1,7 +1,6 @@
 """The second vote is the exact predictive density; learnt reliability tempers what is claimed."""
 
 import json
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,7 +10,7 @@ from wrenchbed import registry
 from wrenchbed.benchmark.lookalikes import ExperimentDesign, draw, recording
 from wrenchbed.benchmark.scoring import reliability_at_design as at_design
 from wrenchbed.diagnosis.evidence.likelihood import BackgroundLevel
-from wrenchbed.diagnosis.explain import contributions
+from wrenchbed.diagnosis.explain.cross_validation import predictive_score
 from wrenchbed.diagnosis.explain.finalist import Finalist
 from wrenchbed.diagnosis.explain.reliability import NAMES, Reliability, learnt, shipped
 from wrenchbed.diagnosis.explain.verdict import Cause, Verdict, tempered
@@ -31,10 +30,6 @@ def test_the_vote_is_what_each_block_is_given_the_others(columns):
     y = rng.standard_normal(rows)
     f = Finalist((), 0, np.zeros(3), np.eye(3), y, y, design, spread, 0.0, spread)
     block = np.array([0, 0, 1, 2])
-    refitter = SimpleNamespace(
-        level_of=lambda _: level,
-        d=SimpleNamespace(prepared=SimpleNamespace(block_rows=block)),
-    )
     K = np.diag(level.v0) + (E * level.V) @ E.T + (design * spread**2) @ design.T
     expected = 0.0
     for b in range(3):
@@ -44,7 +39,7 @@ def test_the_vote_is_what_each_block_is_given_the_others(columns):
         covariance = K[np.ix_(own, own)] - gain @ K[np.ix_(~own, own)]
         expected += multivariate_normal(mean, covariance).logpdf(y[own])
     expected += 0.5 * rows * np.log(2 * np.pi)
-    assert contributions.score(refitter, f) == pytest.approx(expected, rel=1e-6)
+    assert predictive_score(level, f, block) == pytest.approx(expected, rel=1e-6)
 
 
 def test_reliability_learns_what_tells_right_claims_from_wrong():

@@ -15,7 +15,7 @@ from wrenchbed.cli import main
 from wrenchbed.data.metadata import SensorInfo, ToolInfo
 from wrenchbed.data.plan import Plan
 from wrenchbed.diagnosis.diagnose import diagnose
-from wrenchbed.diagnosis.prepare.prepared import prepare
+from wrenchbed.diagnosis.prepare.prepare_recording import prepare
 from wrenchbed.errors import DiagnosisError, RecordingError
 from wrenchbed.hardware.drivers.sim import SimDriver, SimOptions
 from wrenchbed.physics.wrench import CHANNELS

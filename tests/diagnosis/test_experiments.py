@@ -13,7 +13,7 @@ from wrenchbed.diagnosis.next.discrimination import Contest, jensen_shannon
 from wrenchbed.diagnosis.next.dry_run import of_plan
 from wrenchbed.diagnosis.next.experiments import candidates_of, explore, propose, separate
 from wrenchbed.diagnosis.prepare.baseline import calibrate
-from wrenchbed.diagnosis.prepare.prepared import prepare
+from wrenchbed.diagnosis.prepare.prepare_recording import prepare
 from wrenchbed.planning.choose import poses
 
 UR5 = registry.load("robots", "ur5")
@@ -24,7 +24,7 @@ STILL = np.column_stack([np.full(60, 0.3), WIDE[:, 1:]])
 
 def dictionary(robot, q):
     prepared = of_plan(Plan.of(robot, q))
-    return build(prepared, prepared.theta, calibrate(prepared).tolerance)
+    return build(prepared, prepared.configuration.robot_theta, calibrate(prepared).tolerance)
 
 
 @pytest.fixture(scope="module")

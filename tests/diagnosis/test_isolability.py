@@ -28,7 +28,7 @@ TIMING = {"timing.delay", "timing.lowpass", "timing.skew"}
 
 def dictionary(plan):
     prepared = of_plan(plan)
-    return build(prepared, prepared.theta, calibrate(prepared).tolerance)
+    return build(prepared, prepared.configuration.robot_theta, calibrate(prepared).tolerance)
 
 
 @pytest.fixture(scope="module")
@@ -150,6 +150,6 @@ def test_a_plan_too_short_is_refused():
 
 def test_a_rehearsed_plan_carries_only_noise():
     prepared = of_plan(Plan.of("ur5", WIDE))
-    d = build(prepared, prepared.theta, calibrate(prepared).tolerance)
+    d = build(prepared, prepared.configuration.robot_theta, calibrate(prepared).tolerance)
     left = prepared.rows(prepared.y).ravel() - d.baseline
     assert 0.005 < d.gap(left) < 0.1  # white noise of 60 rows, 0.017, and the sensor's wander

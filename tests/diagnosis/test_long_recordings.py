@@ -7,7 +7,8 @@ import wrenchbed as wb
 from wrenchbed.calibration.observations import observe
 from wrenchbed.data.holds import gather, parts
 from wrenchbed.diagnosis.diagnose import diagnose
-from wrenchbed.diagnosis.prepare import checks, scenes
+from wrenchbed.diagnosis.prepare import scenes
+from wrenchbed.diagnosis.prepare.noise import correlation_time
 from wrenchbed.physics.wrench import CHANNELS
 
 
@@ -114,7 +115,7 @@ def test_of_a_long_motion_the_middle_is_diagnosed_and_said_to_be(monkeypatch, tm
 def test_rows_that_follow_each_other_count_for_fewer(rho):
     """An AR(1) process: τ = (1 + ρ)/(1 − ρ)."""
     recording = at_rest(np.full(20, 1500), rho)
-    tau = checks.correlation_time(recording, observe(recording))
+    tau = correlation_time(recording, observe(recording))
     assert tau == pytest.approx(np.full(6, (1.0 + rho) / (1.0 - rho)), rel=0.25)
 
 

@@ -8,7 +8,8 @@ import pytest
 import wrenchbed as wb
 from wrenchbed.data.plan import Plan
 from wrenchbed.diagnosis.diagnose import diagnose
-from wrenchbed.diagnosis.prepare.prepared import Prepared, prepare
+from wrenchbed.diagnosis.prepare.prepare_recording import prepare
+from wrenchbed.diagnosis.prepare.prepared import Prepared
 from wrenchbed.effects.chain import ActiveEffect, respond
 
 RATE = 125.0

@@ -10,9 +10,10 @@ from wrenchbed import registry
 from wrenchbed.benchmark.lookalikes import ExperimentDesign, draw, recording
 from wrenchbed.diagnosis.between_rows.rows import RowFinding, find_row_effects
 from wrenchbed.diagnosis.gap import where
-from wrenchbed.diagnosis.gap.closure import HeldOut
-from wrenchbed.diagnosis.prepare.noise import noise
-from wrenchbed.diagnosis.prepare.prepared import prepare
+from wrenchbed.diagnosis.gap.held_out import HeldOut
+from wrenchbed.diagnosis.prepare.configuration import configured
+from wrenchbed.diagnosis.prepare.noise import noise_in_motion
+from wrenchbed.diagnosis.prepare.prepare_recording import prepare
 from wrenchbed.effects.joint_gear_error import EFFECT as GEAR
 from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.planning.choose import multisine
@@ -21,6 +22,11 @@ ROBOT = registry.load("robots", "ur5")
 DESIGN = ExperimentDesign.of_plan(multisine(ROBOT, 60.0, 125.0, 11), ROBOT)
 PERIOD, STRIDE, ROWS = 1.0 / 125.0, 12, 7488
 T = PERIOD * np.arange(ROWS)
+
+
+def row_effects(rows):
+    """Effects between rows, on the robot that a recording names."""
+    return find_row_effects(rows, configured(rows))
 
 
 def averages(x):
@@ -38,7 +44,7 @@ def remembering(seed=0):
 
 def test_white_noise_and_noise_with_memory_are_measured():
     for x, near in ((white(), 0.1), (2.0 * white(1), 0.1), (remembering(), 0.25)):
-        row, mean = noise(x, PERIOD, STRIDE)
+        row, mean = noise_in_motion(x, PERIOD, STRIDE)
         assert row == pytest.approx(x.var(axis=0), rel=near)
         assert mean == pytest.approx(averages(x), rel=0.4)
 
@@ -46,7 +52,7 @@ def test_white_noise_and_noise_with_memory_are_measured():
 @pytest.mark.parametrize("frequency", [7.3, 12.3, 31.0])
 def test_a_line_counts_as_what_is_left_of_it_in_the_averages(frequency):
     x = white() + 4.0 * np.sin(2 * np.pi * frequency * T)[:, None]
-    row, mean = noise(x, PERIOD, STRIDE)
+    row, mean = noise_in_motion(x, PERIOD, STRIDE)
     assert row == pytest.approx(x.var(axis=0), rel=0.15)
     assert mean == pytest.approx(averages(x), rel=0.4)
 
@@ -55,7 +61,7 @@ def test_what_moves_slowly_or_jumps_is_no_noise():
     """A gap of 0.7 Hz, reversals every 3 s and a jump."""
     slow = 6.0 * np.sin(2 * np.pi * 0.7 * T) + 3.0 * (T > 31.0)
     back = 2.0 * np.sign(np.sin(2 * np.pi * T / 6.0))
-    row, mean = noise(white() + (slow + back)[:, None], PERIOD, STRIDE)
+    row, mean = noise_in_motion(white() + (slow + back)[:, None], PERIOD, STRIDE)
     assert row == pytest.approx(np.ones(6), rel=0.15)
     assert mean == pytest.approx(np.ones(6), rel=0.35)
 
@@ -86,10 +92,10 @@ def test_rows_that_repeat_take_no_part():
     whole, held = prepare(rec), prepare(replace(rec, columns=columns))
     again = held.count == 0
     assert again.mean() == pytest.approx(stale.mean(), abs=0.005)
-    off = ((held.y - whole.y) @ whole.turn.T)[again]
+    off = ((held.y - whole.y) / whole.sigma)[again]
     raw = (columns["fx"] - rec.columns["fx"])[stale]
     assert np.sqrt(np.mean(off**2)) < 2.0
-    assert np.sqrt(np.mean(raw**2)) * whole.turn[0, 0] > 2.0 * np.sqrt(np.mean(off[:, 0] ** 2))
+    assert np.sqrt(np.mean(raw**2)) / whole.sigma[0] > 2.0 * np.sqrt(np.mean(off[:, 0] ** 2))
     assert HeldOut(held).rows == np.count_nonzero(~again & held.sealed)
 
 
@@ -99,7 +105,7 @@ def test_a_clipped_channel_is_no_repeat(channel):
     y = rec.wrench[:, channel]
     top = np.quantile(y, 0.95)
     clipped = replace(rec, columns=dict(rec.columns) | {CHANNELS[channel]: np.minimum(y, top)})
-    assert "timing.stale" not in {f.effect for f in find_row_effects(clipped)}
+    assert "timing.stale" not in {f.effect for f in row_effects(clipped)}
 
 
 def test_a_row_effect_says_that_it_lies_between_rows():

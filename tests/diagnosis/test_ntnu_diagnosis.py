@@ -10,10 +10,11 @@ from wrenchbed.data import column_map
 from wrenchbed.data.import_files import import_files
 from wrenchbed.data.metadata import SensorInfo
 from wrenchbed.data.recording import Recording
-from wrenchbed.diagnosis.between_rows import averaged_motion, contact
+from wrenchbed.diagnosis.between_rows.tool_vibration import find_tool_vibration
 from wrenchbed.diagnosis.diagnose import diagnose
-from wrenchbed.diagnosis.explain import tilt as witness
-from wrenchbed.diagnosis.prepare import accelerometer, orientations
+from wrenchbed.diagnosis.explain import tilt
+from wrenchbed.diagnosis.prepare import accelerometer, contact, orientations
+from wrenchbed.diagnosis.prepare.prepare_recording import prepare
 from wrenchbed.errors import DiagnosisError, MapError
 from wrenchbed.physics.rotations import cross
 from wrenchbed.physics.wrench import CHANNELS
@@ -58,11 +59,11 @@ def test_the_tilted_base_is_found_in_the_static_poses(poses):
 
 def test_wrench_and_accelerometer_agree_on_the_tilt_and_are_independent(poses):
     a = poses.analysis
-    assert np.rad2deg(a.testimony.tilt) == pytest.approx([-0.134, 0.203], abs=0.002)
-    assert np.rad2deg(a.testimony.std) == pytest.approx([0.015, 0.015], abs=0.001)
-    assert a.testimony.log_bayes > 30.0
+    assert np.rad2deg(a.prepared.testimony.tilt) == pytest.approx([-0.134, 0.203], abs=0.002)
+    assert np.rad2deg(a.prepared.testimony.std) == pytest.approx([0.015, 0.015], abs=0.001)
+    assert a.prepared.testimony.log_bayes > 30.0
     (own,) = (e for e in a.ranking.explanations if e.finalist.names == ("base.tilt",))
-    assert witness.agreement(a, own, a.testimony) > 0.5
+    assert tilt.agreement(a, own, a.prepared.testimony) > 0.5
     size = a.dictionary.size[own.finalist.parts[0].columns]
     alone = np.rad2deg(own.finalist.x * size)
     assert np.sign(alone) == pytest.approx([-1, 1])
@@ -160,7 +161,7 @@ def test_a_push_at_a_point_is_found_there():
         turned = force * size * np.stack([np.cos(t), np.sin(t), np.ones_like(t)], axis=1)
         return np.concatenate([turned, cross(point, turned)], axis=1)
 
-    _, found = averaged_motion.separate(disturbed(1, push))
+    found = prepare(disturbed(1, push))
     told = [found.touch.parameters[f"point.{a}"]["value"] for a in "xyz"]
     assert told == pytest.approx(point, abs=0.01)
     assert found.touch.parameters["begin"]["value"] == pytest.approx(2.0, abs=0.1)
@@ -183,25 +184,25 @@ def test_a_jump_of_the_zero_and_a_wrong_mass_are_no_touch():
     jump = np.array([4.0, -3.0, 2.0, 0.2, 0.1, 0.05])
     assert (
         contact.find_contact(
-            orientations.prepare(disturbed(1, lambda t: during(t, 3.0, 9.9) * jump))
+            orientations.averaged(disturbed(1, lambda t: during(t, 3.0, 9.9) * jump))
         )
         is None
     )
     rec = motion(1)
     light = replace(rec.metadata, tool=replace(rec.metadata.tool, mass=0.5))
-    assert contact.find_contact(orientations.prepare(Recording(light, rec.columns))) is None
+    assert contact.find_contact(orientations.averaged(Recording(light, rec.columns))) is None
 
 
 def test_noise_of_the_sensor_is_no_trembling():
     rng = np.random.default_rng(0)
     rec = motion(1)
-    prepared = orientations.prepare(rec)
+    prepared = orientations.averaged(rec)
     smooth = (
         np.stack([np.interp(rec.t, prepared.scene.t, c) for c in prepared.y.T], axis=1)
         + rng.standard_normal((len(rec), 6)) * 30 * STD
     )
     quiet = Recording(rec.metadata, dict(rec.columns) | dict(zip(CHANNELS, smooth.T, strict=True)))
-    assert averaged_motion.find_tool_vibration(orientations.prepare(quiet)) is None
+    assert find_tool_vibration(orientations.averaged(quiet)) == ()
 
 
 def test_a_motion_without_an_accelerometer_is_diagnosed_without_inertia():

@@ -19,7 +19,10 @@ def proposals(name, values):
     signal = respond(SCENE, [ActiveEffect.of(SCENE.robot, name, values)]) - respond(SCENE)
     rng = np.random.default_rng(1)
     seen = (signal - signal.mean(axis=0)) / NOISE + 0.3 * rng.standard_normal(signal.shape)
-    response, known = Response(SCENE), {p.name: p for p in effect.parameters(SCENE.robot)}
+    response, known = (
+        Response(SCENE, respond(SCENE)),
+        {p.name: p for p in effect.parameters(SCENE.robot)},
+    )
 
     def tangent(parameter, at):
         return response.tangent(effect, known[parameter], Variant(name, (parameter,), at))

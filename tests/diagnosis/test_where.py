@@ -10,10 +10,10 @@ from scipy.stats import kstest
 from wrenchbed import registry
 from wrenchbed.benchmark.lookalikes import ExperimentDesign, draw, recording
 from wrenchbed.diagnosis.gap import levels
-from wrenchbed.diagnosis.gap.partitions import family_wise, on_rows, partitions
+from wrenchbed.diagnosis.gap.partitions import family_wise, partitions
 from wrenchbed.diagnosis.gap.where import SEEN, Finding, entries, locate
 from wrenchbed.diagnosis.prepare.baseline import calibrate
-from wrenchbed.diagnosis.prepare.prepared import prepare
+from wrenchbed.diagnosis.prepare.prepare_recording import prepare
 from wrenchbed.effects.chain import respond
 from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.planning.choose import multisine, poses
@@ -49,7 +49,7 @@ def noise(prepared, rng, kind):
     if kind == "memory":
         unit = lfilter([0.8], [1.0, -0.6], rng.standard_normal((size[0] + 100, 6)), axis=0)[100:]
     size = 1.0 if prepared.moving else np.sqrt(prepared.noise)
-    return unit * size @ np.linalg.inv(prepared.turn).T
+    return unit * size @ np.diag(prepared.sigma)
 
 
 def made(mode, seed, signal=None, gap=1.0, kind="normal"):
@@ -87,7 +87,7 @@ def signals(prepared):
     age = scene.age[held, None] / scene.span
     reading = respond(scene)
     rising = np.sign(np.diff(reading, axis=0, prepend=reading[:1]))[held]
-    to_readings = np.linalg.inv(prepared.turn).T
+    to_readings = np.diag(prepared.sigma)
     return {
         "orientation": load(prepared, np.swapaxes(rotation, 1, 2) @ [0.3, 0.8, 0.0]),
         "joint 2": load(prepared, scene.joint_torque[held][:, 1:2] * turned(prepared, 1)),
@@ -195,8 +195,8 @@ def test_faults_of_look_alikes_are_found(effect, variables):
     design = design_of("poses")
     prepared = prepare(recording(design, draw(design, 2, "single", effect)))
     base = calibrate(prepared)
-    scene = prepared.at(base.theta).scene
-    residual = prepared.rows(prepared.y - respond(scene)[scene.held] - base.bias)
+    scene = prepared.at(base.robot_theta).scene
+    residual = prepared.rows(prepared.y - respond(scene)[scene.held] - base.configuration.bias)
     first = varying(locate(prepared, residual))[0]
     assert first.variable in variables and first.p_value < 0.01
 
@@ -243,8 +243,8 @@ def test_hints_come_from_one_split():
 def test_functions_are_averaged_as_readings_are():
     prepared, _ = bench("motion")
     x = np.random.default_rng(0).standard_normal((len(prepared.y), 6))
-    turned_back = x @ np.linalg.inv(prepared.turn).T
-    np.testing.assert_allclose(on_rows(prepared, x), prepared.rows(turned_back), atol=1e-9)
+    turned_back = x @ np.diag(prepared.sigma)
+    np.testing.assert_allclose(prepared.averages(x), prepared.rows(turned_back), atol=1e-9)
 
 
 def test_a_delay_in_motion_is_found_in_speed():

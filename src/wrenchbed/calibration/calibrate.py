@@ -18,9 +18,8 @@ from wrenchbed.calibration.start_values import begin, opposite
 from wrenchbed.calibration.touches import Agreement, Touches
 from wrenchbed.calibration.weighting import Outcome, fit
 from wrenchbed.data.recording import POINT, QUATERNION, Recording
-from wrenchbed.errors import CalibrationError, PlanError, RecordingError
-from wrenchbed.robots.base import Robot
-from wrenchbed.simulation.closed_form import Model
+from wrenchbed.errors import CalibrationError
+from wrenchbed.simulation.closed_form import Model, robot_of
 
 _ENOUGH_ROWS = 500
 _BLIND = 1e-5
@@ -47,29 +46,6 @@ class CalibrationOptions:
     hold: Sequence[str] = ()
     prior: bool = False
     loss: Literal["linear", "huber", "student"] = "linear"
-
-
-def robot_of(recording: Recording) -> Robot:
-    """The robot that a recording names, or `Oriented` for one with orientations.
-
-    Raises:
-        RecordingError: no such robot and no orientations, or joints that the robot cannot take.
-    """
-    name = recording.metadata.robot
-    if not recording.joints:
-        oriented: Robot = registry.load("robots", "oriented")
-        return oriented
-    if name not in registry.names("robots"):
-        raise RecordingError(
-            f"{recording.name}: there is no robot {name!r} here "
-            f"(known: {', '.join(registry.names('robots'))}) and no orientation qw qx qy qz"
-        )
-    robot: Robot = registry.load("robots", name)
-    try:
-        robot.check(recording.q, robot.parameters.nominal, f"{recording.name}: robot {name!r}")
-    except PlanError as error:
-        raise RecordingError(str(error)) from error
-    return robot
 
 
 def _without_unknown_joints(recording: Recording) -> Recording:

@@ -137,6 +137,6 @@ def _data(found: Findings) -> list[tuple[str, str]]:
             f"{sentences.observations(len(p.y), p.moving)}, {len(p.recording):,} rows{rate}, "
             f"source: {stated.source or 'not stated'}",
         ),
-        ("noise of a row", p.noise_told),
+        ("noise of a row", p.noise_source),
         ("made by", f"wrenchbed {version('wrenchbed')} in {found.diagnosis.seconds:.1f} s"),
     ]

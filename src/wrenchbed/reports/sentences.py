@@ -5,8 +5,8 @@ from typing import Any
 
 from wrenchbed import registry
 from wrenchbed.diagnosis.diagnose import Findings
-from wrenchbed.diagnosis.evidence.dictionary import STATED
 from wrenchbed.diagnosis.gap.result import Diagnosis
+from wrenchbed.diagnosis.prepare.configuration import STATED
 from wrenchbed.pages import numbers
 
 LARGE_P = 0.006

@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from wrenchbed.diagnosis.diagnose import Findings
-from wrenchbed.diagnosis.evidence.dictionary import STATED
-from wrenchbed.diagnosis.gap.closure import HeldOut, calibrated
-from wrenchbed.diagnosis.prepare.prepared import held_values
+from wrenchbed.diagnosis.gap.closure import calibrated
+from wrenchbed.diagnosis.gap.held_out import HeldOut
+from wrenchbed.diagnosis.prepare.configuration import STATED
 from wrenchbed.effects.chain import effects
 from wrenchbed.physics.wrench import CHANNELS, UNITS
 from wrenchbed.twin.twin import Twin
@@ -164,7 +164,7 @@ class Evidence:
         joints = p.model.robot.joints if p.scene.jointed else ()
         for k in _blamed(self.found):
             if 1 <= k <= len(joints):
-                x, turns = held_values(p)[:, k - 1], joints[k - 1].unit == "rad"
+                x, turns = p.poses[:, k - 1], joints[k - 1].unit == "rad"
                 label = f"joint {k} [{'°' if turns else 'mm'}]"
                 return (np.rad2deg(x) if turns else 1e3 * x), label, f"over joint {k}"
         if p.moving:

@@ -7,8 +7,8 @@ import numpy as np
 from scipy.special import softmax
 
 from wrenchbed.diagnosis.diagnose import Findings
-from wrenchbed.diagnosis.evidence.dictionary import STATED
 from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
+from wrenchbed.diagnosis.prepare.configuration import STATED
 from wrenchbed.pages import numbers
 from wrenchbed.reports import sentences
 

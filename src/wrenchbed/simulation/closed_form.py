@@ -5,12 +5,16 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from wrenchbed import registry
 from wrenchbed.data.metadata import Metadata
+from wrenchbed.data.recording import Recording
+from wrenchbed.errors import PlanError, RecordingError
 from wrenchbed.physics.parameters import Parameter, ParameterSet
 from wrenchbed.physics.rotations import matrix
 from wrenchbed.physics.taylor import Jet, Value, value
 from wrenchbed.physics.wrench import CHANNELS, UNITS, weight, wrench
 from wrenchbed.robots.base import INERTIA_AXES, Robot
+from wrenchbed.robots.oriented import ROBOT as ORIENTED
 
 _STEP = 1e-30
 """Imaginary step of the complex-step derivative; exact to rounding however small."""
@@ -172,3 +176,33 @@ def _mounted(names: ParameterSet, theta: np.ndarray, pose: Sequence[float]) -> n
     values = {f"mount.rotation.{a}": float(v) for a, v in zip("xyz", turn, strict=True)}
     values |= {f"mount.position.{a}": float(v) for a, v in zip("xyz", pose[:3], strict=True)}
     return names.vector(values, start=theta)
+
+
+def robot_of(recording: Recording) -> Robot:
+    """The robot that a recording names, or `Oriented` for one with orientations only.
+
+    Raises:
+        RecordingError: no such robot, or joint values that it cannot take.
+    """
+    name, joints = recording.metadata.robot, len(recording.joints)
+    if not joints:
+        return ORIENTED
+    if name not in registry.names("robots"):
+        raise RecordingError(
+            f"{recording.name}: metadata robot: there is no robot {name!r} here "
+            f"(known: {', '.join(registry.names('robots'))}) and no orientation qw qx qy qz"
+        )
+    robot: Robot = registry.load("robots", name)
+    if joints != len(robot.joints):
+        raise RecordingError(
+            f"{recording.name}: has {joints} joints, {robot.name} has {len(robot.joints)}: "
+            f"metadata robot = {name!r} is wrong"
+        )
+    try:
+        robot.check(recording.q, robot.parameters.nominal, recording.name)
+    except PlanError as error:
+        raise RecordingError(
+            f"{error}: state joints in rad and m, and in metadata robot = {name!r} the robot that "
+            "was recorded"
+        ) from error
+    return robot

@@ -21,9 +21,10 @@ from wrenchbed.benchmark.scoring.linear import (
     nothing,
     reuse_dictionary,
 )
-from wrenchbed.diagnosis.evidence.dictionary import LARGEST, STATED
+from wrenchbed.diagnosis.evidence.dictionary import LARGEST
 from wrenchbed.diagnosis.evidence.likelihood import LARGE, gains
 from wrenchbed.diagnosis.evidence.search import NONE
+from wrenchbed.diagnosis.prepare.configuration import STATED
 from wrenchbed.diagnosis.prepare.prepared import Prepared
 
 FOLDS = 5

@@ -17,11 +17,12 @@ from wrenchbed.benchmark.scoring.rows import OURS, CaseRow, Number
 from wrenchbed.benchmark.scoring.truth import numbers
 from wrenchbed.data.plan import Plan
 from wrenchbed.diagnosis.diagnose import Findings, diagnose
-from wrenchbed.diagnosis.evidence.dictionary import STATED
 from wrenchbed.diagnosis.explain import reliability
 from wrenchbed.diagnosis.explain.analysis import Analysis
 from wrenchbed.diagnosis.explain.finalist import Finalist
 from wrenchbed.diagnosis.gap import closure
+from wrenchbed.diagnosis.gap.held_out import HeldOut
+from wrenchbed.diagnosis.prepare.configuration import STATED
 from wrenchbed.errors import ParameterError
 from wrenchbed.planning import choose
 
@@ -210,7 +211,7 @@ def _closed(found: Findings, causes: tuple[str, ...]) -> tuple[float | None, flo
     best = oracle(a, causes)
     if whole <= 0 or best is None:
         return None, None
-    sealed = closure.HeldOut(a.prepared)
+    sealed = HeldOut(a.prepared)
     keep = [k for k, h in enumerate(best.parts) if h.name not in STATED]
     twin = closure.twin_of(a, best, keep)
     after = sealed.mean(sealed.of(twin.wrench(a.prepared.scene)))

@@ -11,11 +11,12 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from wrenchbed.diagnosis.evidence.dictionary import STATED, EffectDictionary, Hypothesis, build
+from wrenchbed.diagnosis.evidence.dictionary import EffectDictionary, Hypothesis, build
 from wrenchbed.diagnosis.evidence.likelihood import LARGE, BackgroundLevel
 from wrenchbed.diagnosis.evidence.search import NONE
 from wrenchbed.diagnosis.explain.analysis import Analysis, case
 from wrenchbed.diagnosis.prepare.baseline import calibrate
+from wrenchbed.diagnosis.prepare.configuration import STATED
 from wrenchbed.diagnosis.prepare.prepared import Prepared
 
 COUNTS = 1.0
@@ -132,7 +133,7 @@ def linear(prepared: Prepared) -> Linear:
     """The linear problem of a recording, made once."""
     if prepared not in _made:
         baseline = calibrate(prepared)
-        d = build(prepared, baseline.theta, baseline.tolerance)
+        d = build(prepared, baseline.robot_theta, baseline.tolerance)
         _made[prepared] = Linear(d, case(d, prepared, baseline), np.repeat(prepared.block_rows, 6))
     return _made[prepared]
 

@@ -21,7 +21,7 @@ from wrenchbed.diagnosis.explain.analysis import analyse
 from wrenchbed.diagnosis.explain.reliability import Reliability, learnt, shipped
 from wrenchbed.diagnosis.explain.verdict import decide
 from wrenchbed.diagnosis.prepare import orientations
-from wrenchbed.diagnosis.prepare.prepared import prepare
+from wrenchbed.diagnosis.prepare.prepare_recording import gathered
 from wrenchbed.errors import DiagnosisError, ParameterError
 from wrenchbed.jobs.parts import Journal, Row
 from wrenchbed.jobs.progress import Progress, silent
@@ -106,7 +106,7 @@ def _case(index: int) -> dict[str, Any]:
     try:
         case = draw(design, number, kind)
         rows = simulated(design, case)
-        prepared = (orientations.prepare if orientations.applies(rows) else prepare)(rows)
+        prepared = (orientations.averaged if orientations.applies(rows) else gathered)(rows)
         analysis = analyse(prepared)
     except (ParameterError, DiagnosisError):  # no such case at this design, or refused data
         return row

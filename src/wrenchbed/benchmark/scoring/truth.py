@@ -13,7 +13,7 @@ from wrenchbed.benchmark.lookalikes import ExperimentDesign, LookalikeCase
 from wrenchbed.benchmark.lookalikes.catalogue import EFFECTS
 from wrenchbed.benchmark.lookalikes.loads import RigidLoad
 from wrenchbed.benchmark.scoring.rows import Number
-from wrenchbed.diagnosis.evidence.dictionary import STATED
+from wrenchbed.diagnosis.prepare.configuration import STATED
 from wrenchbed.effects.chain import effects
 from wrenchbed.physics.wrench import CHANNELS
 

@@ -22,7 +22,8 @@ from wrenchbed.benchmark.sealed import case_files, commitments
 from wrenchbed.data.parquet import FORMAT
 from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis.diagnose import diagnose
-from wrenchbed.diagnosis.prepare.prepared import Prepared, prepare
+from wrenchbed.diagnosis.prepare.prepare_recording import prepare
+from wrenchbed.diagnosis.prepare.prepared import Prepared
 from wrenchbed.errors import ParameterError
 from wrenchbed.jobs.workers import CHILDREN
 

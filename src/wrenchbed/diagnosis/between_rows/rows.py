@@ -1,9 +1,9 @@
-"""What shows only between rows: noise, coarse counts, stale rows, a base that shakes.
+"""Effects that show only between rows: noise, coarse counts, stale rows, a base that vibrates.
 
 A cause counts when it raises a channel's row variance by half, against the stated noise of a row
-(contract, "When a cause counts"). The stated noise itself holds within about 10 %, so what is
-measured decides from `COUNTS` on, which lies between that and a half. A stale row adds the square
-of what it is late by; as rows that repeat are also not independent, a share of `STALE` is told
+(contract, "When a cause counts"). The stated noise itself holds within about 10 %, so a measured
+rise counts from `COUNTS` on, which lies between that and a half. A stale row adds the square of
+what it is late by; as rows that repeat are also not independent, a share of `STALE` is reported
 whatever it adds, with the rise that it has.
 """
 
@@ -16,11 +16,15 @@ from scipy.special import ndtr
 from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis.between_rows.base_vibration import Line, Shaking, line, shaking
 from wrenchbed.diagnosis.between_rows.scatter import Scatter, scatter
-from wrenchbed.diagnosis.prepare.noise import FEW, Repeats, Step, repeats, step
+from wrenchbed.diagnosis.prepare.configuration import Configuration
+from wrenchbed.diagnosis.prepare.repeats import FEW, Repeats, Step, repeats, step
+from wrenchbed.effects import base_vibration, sensor_noise, sensor_quantization, timing_stale
 from wrenchbed.effects.chain import ActiveEffect, effects
 from wrenchbed.physics.wrench import CHANNELS, UNITS
 from wrenchbed.robots.base import Robot
 
+STALE_ROWS, NOISE = timing_stale.EFFECT.name, sensor_noise.EFFECT.name
+QUANTIZATION, VIBRATION = sensor_quantization.EFFECT.name, base_vibration.EFFECT.name
 COUNTS, LEVEL = 0.35, 0.05
 """Measured rise that counts, and the standard uncertainty of the stated variance, relative."""
 APART = 0.45
@@ -29,9 +33,9 @@ which leaves the scale of the rise alone uncertain."""
 STALE = 0.03
 BESIDE = 1.3
 """What other causes explain, with a margin, is no noise."""
-TOLD, TOLD_CHANNEL = 0.75, 0.5
-"""Findings less probable are not told, nor channels of a finding: a false alarm costs more than a
-cause that hardly counts."""
+REPORTED, REPORTED_CHANNEL = 0.75, 0.5
+"""Probability from which a finding, and a channel of it, is reported: a false alarm costs more than
+a cause that hardly counts."""
 
 
 @dataclass(frozen=True)
@@ -58,36 +62,40 @@ class RowFinding:
         """The effect with its parameters; None if only some channels repeat."""
         if effects()[self.effect].all_channels and len(self.channels) < len(CHANNELS):
             return None
-        given = {name: told["value"] for name, told in self.parameters.items()}
+        given = {name: p["value"] for name, p in self.parameters.items()}
         return ActiveEffect.of(robot, self.effect, given)
 
 
-def find_row_effects(recording: Recording) -> tuple[RowFinding, ...]:
+def find_row_effects(recording: Recording, configuration: Configuration) -> tuple[RowFinding, ...]:
     """What rows show beyond the stated noise, empty if they are as stated.
 
     The most probable comes first, of those that are equally sure the one that adds most.
+
+    Args:
+        recording: rows next to each other.
+        configuration: the simulator as its metadata configures it.
     """
     if len(recording) < 3:
         return ()
     again = repeats(recording.wrench)
     stale = again.stale & again.some
-    s = scatter(recording, stale)
+    s = scatter(recording, configuration, stale)
     fresh = recording.wrench[np.flatnonzero(stale == 0)]
     steps = [step(y) for y in fresh.T]
-    found: list[RowFinding | None] = [_stale(recording, again, s)]
+    findings: list[RowFinding | None] = [_stale(recording, again, s)]
     counted = np.array([0.0 if x is None else x.value**2 / 12.0 for x in steps])
     base = _base(recording, s, counted)
     if base is not None:
-        found.append(_coarse(steps, counted, base))
+        findings.append(_coarse(steps, counted, base))
     if s is not None:
         shake = shaking(s)
         vibration = None if shake is None else _vibration(s, shake)
-        found.append(vibration)
+        findings.append(vibration)
         shaken = np.zeros(6) if shake is None else shake.seen
         if s.stated:
-            found.append(_noise(s, counted / s.scale**2 + shaken))
-    told = [f for f in found if f is not None]
-    return tuple(sorted(told, key=lambda f: (-round(f.probability, 1), -f.rise)))
+            findings.append(_noise(s, counted / s.scale**2 + shaken))
+    shown = [f for f in findings if f is not None]
+    return tuple(sorted(shown, key=lambda f: (-round(f.probability, 1), -f.rise)))
 
 
 def _base(recording: Recording, s: Scatter | None, counted: np.ndarray) -> np.ndarray | None:
@@ -110,7 +118,7 @@ def _coarse(steps: list[Step | None], counted: np.ndarray, base: np.ndarray) -> 
     for k in chosen:
         own = steps[k]
         assert own is not None
-        parameters[f"step.{CHANNELS[k]}"] = _told(own.value, own.std, UNITS[k])
+        parameters[f"step.{CHANNELS[k]}"] = quantity(own.value, own.std, UNITS[k])
         words.append(f"{CHANNELS[k]} {own.value:.3g} {UNITS[k]}")
     sentence = (
         f"Values stand on a coarse lattice: steps of {', '.join(words)}; rounding to them raises "
@@ -118,9 +126,7 @@ def _coarse(steps: list[Step | None], counted: np.ndarray, base: np.ndarray) -> 
     )
     probability = float(ndtr((rise.max() - APART) / 0.02)) * 0.99
     names = tuple(CHANNELS[k] for k in chosen)
-    return RowFinding(
-        "sensor.quantization", probability, float(rise.max()), names, parameters, sentence
-    )
+    return RowFinding(QUANTIZATION, probability, float(rise.max()), names, parameters, sentence)
 
 
 def _stale(recording: Recording, again: Repeats, s: Scatter | None) -> RowFinding | None:
@@ -135,8 +141,8 @@ def _stale(recording: Recording, again: Repeats, s: Scatter | None) -> RowFindin
         f"{100 * again.share:.1f} % of the {which} exactly what the row before shows, "
         f"{again.length:.1f} in a run on average"
     )
-    parameters = {"share": _told(again.share, again.std, "1")}
-    return RowFinding("timing.stale", 0.99 * sure, rise, names, parameters, f"{sentence}.")
+    parameters = {"share": quantity(again.share, again.std, "1")}
+    return RowFinding(STALE_ROWS, 0.99 * sure, rise, names, parameters, f"{sentence}.")
 
 
 def _late(recording: Recording, again: Repeats, s: Scatter | None) -> float:
@@ -160,17 +166,17 @@ def _vibration(s: Scatter, shake: Shaking) -> RowFinding | None:
         rise, std = rise / rest, std / rest
     k = int(np.argmax(rise))
     probability = float(ndtr((rise[k] - APART) / np.hypot(std[k], LEVEL * rise[k])))
-    if probability < TOLD:
+    if probability < REPORTED:
         return None
     size = np.sqrt(2.0 * shake.rise) * s.scale
     slack = shake.std * s.scale**2 / np.maximum(size, 1e-12)
     parameters = {
-        f"amplitude.{c}": _told(float(a), float(e), u)
+        f"amplitude.{c}": quantity(float(a), float(e), u)
         for c, a, e, u in zip(CHANNELS, size, slack, UNITS, strict=True)
     }
     where = "over a broad band"
     if shake.line is not None:
-        parameters["frequency"] = _told(shake.line.frequency, shake.line.std, "Hz")
+        parameters["frequency"] = quantity(shake.line.frequency, shake.line.std, "Hz")
         where = f"at {shake.line.frequency:.2f} Hz"
     x, y, z = shake.direction
     sentence = (
@@ -180,9 +186,7 @@ def _vibration(s: Scatter, shake: Shaking) -> RowFinding | None:
         "more in variance."
     )
     names = tuple(c for c, r in zip(CHANNELS, rise, strict=True) if r >= APART)
-    return RowFinding(
-        "base.vibration", 0.995 * probability, float(rise[k]), names, parameters, sentence
-    )
+    return RowFinding(VIBRATION, 0.995 * probability, float(rise[k]), names, parameters, sentence)
 
 
 def _noise(s: Scatter, explained: np.ndarray) -> RowFinding | None:
@@ -191,13 +195,13 @@ def _noise(s: Scatter, explained: np.ndarray) -> RowFinding | None:
     slack = np.hypot(std, LEVEL * (1.0 + explained))
     sure = np.where(s.steady(s.rows), ndtr((rise - COUNTS) / slack), 0.0)
     k = int(np.argmax(sure))
-    if sure[k] < TOLD:
+    if sure[k] < REPORTED:
         return None
-    chosen = [j for j in range(6) if sure[j] >= TOLD_CHANNEL]
+    chosen = [j for j in range(6) if sure[j] >= REPORTED_CHANNEL]
     parameters = {}
     for j in chosen:
         beyond = np.sqrt(rise[j]) * s.scale[j]
-        parameters[f"std.{CHANNELS[j]}"] = _told(
+        parameters[f"std.{CHANNELS[j]}"] = quantity(
             float(beyond), float(0.5 * slack[j] * s.scale[j] ** 2 / beyond), UNITS[j]
         )
     names = tuple(CHANNELS[j] for j in chosen)
@@ -214,9 +218,10 @@ def _noise(s: Scatter, explained: np.ndarray) -> RowFinding | None:
             "turn with the tool: electrical, not a shaking base."
         )
     return RowFinding(
-        "sensor.noise", 0.995 * float(sure[k]), float(rise[worst]), names, parameters, sentence
+        NOISE, 0.995 * float(sure[k]), float(rise[worst]), names, parameters, sentence
     )
 
 
-def _told(value: float, std: float | None, unit: str) -> dict[str, Any]:
+def quantity(value: float, std: float | None, unit: str) -> dict[str, Any]:
+    """A parameter of ``diagnosis.json``."""
     return {"value": value, "std": std, "unit": unit}

@@ -1,7 +1,7 @@
 """How rows scatter about what moves slowly: about a hold's line, or about a motion's smooth course.
 
-Residuals come in groups, a hold or about a second of motion each, whose scatter among themselves
-says how sure a variance is, whatever tails and memory the rows have.
+Residuals come in groups, a hold or about a second of motion each. The scatter of the groups among
+themselves is the uncertainty of a variance, whatever tails and memory the rows have.
 """
 
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ import numpy as np
 
 from wrenchbed.data.holds import gather
 from wrenchbed.data.recording import Recording
-from wrenchbed.diagnosis.prepare import checks
+from wrenchbed.diagnosis.prepare.configuration import Configuration
 from wrenchbed.physics.rotations import cross
 
 WINDOW_S, ORDER = 0.6, 5
@@ -142,12 +142,14 @@ class Scatter:
 
 def _typical(square: np.ndarray) -> np.ndarray:
     """Median over short stretches of the mean of squares (N, 6)."""
-    whole = len(square) // STRETCH * STRETCH
-    parts = square[:whole].reshape(-1, STRETCH, 6).mean(axis=1)
+    used = len(square) // STRETCH * STRETCH
+    parts = square[:used].reshape(-1, STRETCH, 6).mean(axis=1)
     return np.asarray(np.median(parts, axis=0))
 
 
-def scatter(recording: Recording, stale: np.ndarray) -> Scatter | None:
+def scatter(
+    recording: Recording, configuration: Configuration, stale: np.ndarray
+) -> Scatter | None:
     """Residuals of the rows that are not ``stale`` (N,); None if there are too few repeats."""
     moving = recording.metadata.mode == "dynamic"
     gathered = _in_motion(recording, stale) if moving else _at_rest(recording, stale)
@@ -161,7 +163,7 @@ def scatter(recording: Recording, stale: np.ndarray) -> Scatter | None:
     if not stated:
         scale = np.maximum(rows.std(axis=0), 1e-12)
     rows = _drawn_in(rows / scale)
-    rotation, lever = _carried(recording, index[starts + count // 2])
+    rotation, lever = _carried(recording, configuration, index[starts + count // 2])
     return Scatter(recording.t[index], rows, scale, stated, starts, count, rotation, lever, kernel)
 
 
@@ -219,16 +221,15 @@ def _drawn_in(rows: np.ndarray) -> np.ndarray:
     return np.asarray(rows * np.minimum(1.0, limit / np.maximum(distance, 1e-12))[:, None])
 
 
-def _carried(recording: Recording, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _carried(
+    recording: Recording, configuration: Configuration, rows: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Orientations at some rows (G, 3, 3), and what an accelerated tool puts on the sensor."""
-    model = checks.model_of(recording)
-    robot = model.robot
-    theta = model.configured(recording.metadata)[: len(robot.parameters)]
-    rotation = np.asarray(robot.sensor_pose(recording.q[rows], theta)[0])
-    tool = robot.tool(theta)
-    mass, cog = float(tool.mass), np.asarray(tool.cog, dtype=float)
+    robot, mass = configuration.model.robot, configuration.mass
+    rotation = np.asarray(robot.sensor_pose(recording.q[rows], configuration.robot_theta)[0])
     if recording.metadata.tool.mass is None or mass <= 0.0:
         mass = max(mass, 1.0)
-    force = np.eye(3) * (mass + float(tool.sensor_mass))
-    torque = mass * np.asarray(cross(np.broadcast_to(cog, (3, 3)), np.eye(3))).T
+    force = np.eye(3) * (mass + float(configuration.tool.sensor_mass))
+    cog = np.broadcast_to(configuration.cog, (3, 3))
+    torque = mass * np.asarray(cross(cog, np.eye(3))).T
     return np.broadcast_to(rotation, (len(rows), 3, 3)), np.vstack([force, torque])

@@ -2,113 +2,24 @@
 
 All columns are linear responses at the baseline, whitened; a column's coefficient is in units of
 the parameter's typical size. The Gram matrix of these columns is all that the evidence needs.
-
-The flexible unknown: smooth functions of what a residual may depend on, channel by channel.
-
-One group of columns per variable; together they catch what no effect of the library makes, and
-their share of a residual says what it varies with.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
-from wrenchbed.diagnosis.prepare.prepared import Prepared, held_values
+from wrenchbed.diagnosis.evidence.features import features
+from wrenchbed.diagnosis.prepare.configuration import STATED
+from wrenchbed.diagnosis.prepare.prepared import Prepared
 from wrenchbed.effects.base import Effect, Residual, Variant
-from wrenchbed.effects.chain import ActiveEffect, EffectChain, effects, respond, stated_effects
+from wrenchbed.effects.chain import ActiveEffect, EffectChain, effects
 from wrenchbed.effects.scene import Scene
 from wrenchbed.physics.parameters import Parameter
-from wrenchbed.physics.taylor import Jet, value
 
-TIME_WAVES = 8
-"""Half waves over the recording."""
-
-
-def features(prepared: Prepared) -> dict[str, np.ndarray]:
-    """Columns (6 R, k) by variable; each group adds a gap of 1 at unit coefficients."""
-    groups: dict[str, np.ndarray] = {}
-    for name, base in variables(prepared).items():
-        columns = [_per_channel(prepared, base[:, k]) for k in range(base.shape[1])]
-        block = np.concatenate(columns, axis=1)
-        block = block[:, np.abs(block).max(axis=0) > 1e-9]
-        if block.shape[1]:
-            groups[name] = block / np.sqrt((block**2).sum() / len(block))
-    return groups
-
-
-def variables(prepared: Prepared) -> dict[str, np.ndarray]:
-    """Functions (H, k) of each variable at the observations."""
-    scene, held = prepared.scene, prepared.scene.held
-    rotation, position = (value(x) for x in scene.pose)
-    result: dict[str, np.ndarray] = {}
-    down = scene.gravity @ rotation[held] / np.linalg.norm(scene.gravity)
-    result["orientation"] = harmonics(down)
-    if scene.jointed:
-        at = np.broadcast_to(position, (len(scene), 3))[held]
-        at = (at - at.mean(axis=0)) / np.maximum(at.std(axis=0), 1e-3)
-        squares = [at[:, i] * at[:, j] for i in range(3) for j in range(i, 3)]
-        result["position"] = np.stack([*at.T, *squares], axis=1)
-        q = held_values(prepared)
-        for j, joint in enumerate(scene.robot.joints, start=1):
-            result[f"joint {j}"] = _of_joint(q[:, j - 1], joint.unit == "rad")
-        coming = scene.coming[held]
-        if np.abs(coming).any():
-            result["direction"] = coming[:, np.abs(coming).mean(axis=0) > 0.2]
-    age = scene.age[held] / scene.span
-    result["time"] = np.cos(np.pi * np.arange(1, TIME_WAVES + 1) * age[:, None])
-    if scene.warmth is not None and np.ptp(scene.warmth) > 0.1:
-        warm = scene.warmth[held] / np.abs(scene.warmth).max()
-        result["temperature"] = np.stack([warm, warm**2], axis=1)
-    if isinstance(scene.q, Jet):
-        result["speed"] = _scaled(np.concatenate([scene.q.d, scene.q.dd], axis=1))
-    return {k: v for k, v in result.items() if v.shape[1]}
-
-
-def harmonics(down: np.ndarray) -> np.ndarray:
-    """Real harmonic polynomials of degree 1 to 4 of unit vectors (H, 3) → (H, 24), orthogonalised
-    over the sphere by their recursion."""
-    x, y, z = down.T
-    return np.stack(
-        [
-            x, y, z,
-            x * y, y * z, x * z, x**2 - y**2, 3 * z**2 - 1,
-            x * y * z, z * (x**2 - y**2), x * (5 * z**2 - 1), y * (5 * z**2 - 1),
-            z * (5 * z**2 - 3), x * (x**2 - 3 * y**2), y * (3 * x**2 - y**2),
-            x * y * (x**2 - y**2), z * x * (x**2 - 3 * y**2), z * y * (3 * x**2 - y**2),
-            (x**2 - y**2) * (7 * z**2 - 1), x * y * (7 * z**2 - 1), x * z * (7 * z**2 - 3),
-            y * z * (7 * z**2 - 3), 35 * z**4 - 30 * z**2 + 3,
-            x**4 - 6 * x**2 * y**2 + y**4,
-        ],
-        axis=1,
-    )  # fmt: skip
-
-
-def _of_joint(q: np.ndarray, turns: bool) -> np.ndarray:
-    if turns:
-        return np.stack([f(k * q) for k in (1, 2, 3) for f in (np.sin, np.cos)], axis=1)
-    x = (q - q.mean()) / max(float(q.std()), 1e-3)
-    return np.stack([x, x**2, x**3], axis=1)
-
-
-def _scaled(x: np.ndarray) -> np.ndarray:
-    return np.asarray(x / np.maximum(x.std(axis=0), 1e-9))
-
-
-def _per_channel(prepared: Prepared, x: np.ndarray) -> np.ndarray:
-    """A function (H,) in each whitened channel: columns (6 R, 6)."""
-    fit = prepared.rows(np.repeat(x[:, None], 6, axis=1) @ np.linalg.inv(prepared.turn.T))
-    columns = np.zeros((*fit.shape, 6))
-    for c in range(6):
-        columns[:, c, c] = fit[:, c]
-    return columns.reshape(-1, 6)
-
-
-STATED = stated_effects()
-"""Effects that are a wrong bias, mass or CoG in the metadata: every user fits them."""
 LARGEST = 30.0
-"""An effect may be so many times its typical size; what stays invisible then is not considered."""
+"""Largest multiple of its typical size that an effect may have; invisible then: not considered."""
 VISIBLE = 0.5
 """Gap that an effect must be able to add to be considered at all."""
 
@@ -178,7 +89,7 @@ class EffectDictionary:
     def gap(self, signal: np.ndarray, *, configured: bool = False) -> float:
         """Gap of a signal (6 R,), after that fit unless it counts as configured."""
         if not configured:
-            signal = signal - self.fitted_away @ (self.fitted_away.T @ signal)
+            signal = self.without_stated(signal)
         return float((signal**2).mean())
 
     @cached_property
@@ -189,8 +100,25 @@ class EffectDictionary:
     @cached_property
     def column_gap(self) -> np.ndarray:
         """Gap of each column at typical size after bias, mass and CoG are fitted (n,)."""
-        left = (self.E**2).sum(axis=0) - ((self.fitted_away.T @ self.E) ** 2).sum(axis=0)
-        return np.asarray(np.maximum(left, 0.0) / self.E.shape[0])
+        remaining = (self.E**2).sum(axis=0) - ((self.fitted_away.T @ self.E) ** 2).sum(axis=0)
+        return np.asarray(np.maximum(remaining, 0.0) / self.E.shape[0])
+
+    def of_stated(self, effect: str) -> np.ndarray:
+        """Which of the stated columns are of one effect (S,), boolean."""
+        return np.array([self.label[k][0] == effect for k in self.stated])
+
+    def fitted(self, signal: np.ndarray) -> np.ndarray:
+        """Stated numbers (S,), in typical sizes, that fit a signal (6 R,) best."""
+        return np.asarray(np.linalg.lstsq(self.E[:, self.stated], signal, rcond=None)[0])
+
+    def without_stated(self, signal: np.ndarray) -> np.ndarray:
+        """A signal (6 R, …) less what bias, mass and CoG make of it."""
+        return np.asarray(signal - self.fitted_away @ (self.fitted_away.T @ signal))
+
+    @property
+    def row_noise(self) -> float:
+        """Gap of the noise of the fit's rows."""
+        return float(self.prepared.variance.mean())
 
     def of_effect(self, name: str) -> np.ndarray:
         """Distinct columns of an effect, whatever the variant."""
@@ -198,18 +126,18 @@ class EffectDictionary:
 
 
 def build(
-    prepared: Prepared, theta: np.ndarray, tolerance: Mapping[str, np.ndarray]
+    prepared: Prepared, robot_theta: np.ndarray, tolerance: Mapping[str, np.ndarray]
 ) -> EffectDictionary:
     """All columns at a baseline.
 
     Args:
         prepared: the design.
-        theta: full parameters of the baseline (P,).
+        robot_theta: parameters of the baseline's robot.
         tolerance: of the stated numbers by effect, SI; inf where nothing is stated.
     """
-    at = prepared.at(theta)
-    response = Response(at.scene)
-    left = UnknownKernel(at, response)
+    at = prepared.at(robot_theta)
+    response = Response(at.scene, at.expected)
+    residual = FittedResidual(at, response)
     columns: list[np.ndarray] = []
     size: list[float] = []
     label: list[tuple[str, str]] = []
@@ -218,18 +146,16 @@ def build(
     for effect in effects().values():
         if not effect.acts(at.scene):
             continue
-        known = effect.parameters(at.scene.robot)
-        for variant in (*effect.variants(at.scene), *left.suggests(effect)):
+        known = {p.name: p for p in effect.parameters(at.robot)}
+        for variant in (*effect.variants(at.scene), *residual.suggests(effect)):
             chosen = []
             for name in variant.free:
                 key = (effect.name, name, tuple(sorted(variant.at.items())))
                 if key not in index:
-                    parameter = known[known.index(name)]
                     index[key] = len(columns)
-                    columns.append(
-                        prepared.rows(response.tangent(effect, parameter, variant)).ravel()
-                    )
-                    size.append(parameter.tolerance)
+                    change = response.tangent(effect, known[name], variant)
+                    columns.append(prepared.rows(change).ravel())
+                    size.append(known[name].tolerance)
                     label.append((effect.name, name))
                 chosen.append(index[key])
             drafts.append((effect, variant, chosen))
@@ -242,7 +168,8 @@ def build(
         columns.extend(block.T)
         size.extend([1.0] * block.shape[1])
         label.extend([(kernel, "")] * block.shape[1])
-    wide = np.concatenate([np.atleast_1d(tolerance[e]) for e in _in_order(label, stated)])
+    in_order = dict.fromkeys(label[k][0] for k in stated)
+    allowed = np.concatenate([np.atleast_1d(tolerance[e]) for e in in_order])
     draft = EffectDictionary(
         prepared=at,
         baseline=prepared.rows(response.reading).ravel(),
@@ -252,57 +179,43 @@ def build(
         hypotheses=(),
         kernels=kernels,
         stated=stated,
-        tolerance=wide / np.array(size)[stated],
+        tolerance=allowed / np.array(size)[stated],
         invisible=(),
     )
     return _with_hypotheses(draft, drafts)
 
 
-def _in_order(label: list[tuple[str, str]], stated: np.ndarray) -> list[str]:
-    seen: list[str] = []
-    for k in stated:
-        if label[k][0] not in seen:
-            seen.append(label[k][0])
-    return seen
-
-
 def _with_hypotheses(
     draft: EffectDictionary, drafts: list[tuple[Effect, Variant, list[int]]]
 ) -> EffectDictionary:
-    gap = draft.column_gap
-    own = draft.configured_gap
     kept: list[Hypothesis] = []
-    shown: set[str] = set()
     free = {draft.label[k][0] for k in draft.stated[np.isinf(draft.tolerance)]}
     for effect, variant, chosen in drafts:
         if effect.name in free:  # nothing is stated: nothing can be wrong
             continue
-        counted = own if effect.name in STATED else gap
-        typical = float(counted[chosen].sum())
+        gap = draft.configured_gap if effect.stated else draft.column_gap
+        typical = float(gap[chosen].sum())
         if typical * LARGEST**2 >= VISIBLE:
             kept.append(Hypothesis(effect, variant, np.array(chosen), typical))
-            shown.add(effect.name)
-    invisible = sorted({e.name for e, _, _ in drafts} - shown - free)
-    values = {f: getattr(draft, f) for f in draft.__dataclass_fields__}
-    return EffectDictionary(**values | {"hypotheses": tuple(kept), "invisible": tuple(invisible)})
+    invisible = {e.name for e, _, _ in drafts} - {h.name for h in kept} - free
+    return replace(draft, hypotheses=tuple(kept), invisible=tuple(sorted(invisible)))
 
 
-class UnknownKernel:
-    """What is left of a recording after bias, mass and CoG, for effects to look through."""
+class FittedResidual:
+    """What bias, mass and CoG leave of a recording, for effects to scan for their shapes."""
 
     def __init__(self, prepared: Prepared, response: "Response") -> None:
         self.scene, self.response = prepared.scene, response
         self._rows = np.flatnonzero(prepared.scene.held)[~prepared.sealed]
-        noise = 1.0 / np.diagonal(prepared.turn)
-        whole = (prepared.y - response.reading[prepared.scene.held])[~prepared.sealed] / noise
+        self._noise = prepared.sigma
+        measured = (prepared.residual[~prepared.sealed] / self._noise).ravel()
         stated = [
-            response.tangent(e, p, Variant(e.name, (p.name,)))[self._rows] / noise
+            response.tangent(e, p, Variant(e.name, (p.name,)))[self._rows] / self._noise
             for e in (effects()[n] for n in STATED)
             for p in e.parameters(self.scene.robot)
         ]
         basis = np.linalg.qr(np.stack([c.ravel() for c in stated], axis=1))[0]
-        value = whole.ravel() - basis @ (basis.T @ whole.ravel())
-        self._value, self._noise = value.reshape(-1, 6), noise
+        self._value = (measured - basis @ (basis.T @ measured)).reshape(-1, 6)
 
     def suggests(self, effect: Effect) -> tuple[Variant, ...]:
         """Variants that a scan of the residual suggests."""
@@ -315,11 +228,10 @@ class UnknownKernel:
 
 
 class Response:
-    """Readings of a scene and how they change with one amplitude of one effect."""
+    """Readings (M, 6) of a scene, and how they change with one amplitude of one effect."""
 
-    def __init__(self, scene: Scene) -> None:
-        self.scene = scene
-        self.reading = respond(scene)
+    def __init__(self, scene: Scene, reading: np.ndarray) -> None:
+        self.scene, self.reading = scene, reading
 
     def tangent(self, effect: Effect, parameter: Parameter, variant: Variant) -> np.ndarray:
         """Change of all readings (M, 6) per typical size, by central differences."""

@@ -4,16 +4,19 @@ y = E c + e with c ~ N(0, V), e ~ N(0, v₀ I). The background, small imperfecti
 once, sits in V; a hypothesis widens V for its own columns. Only evidence beyond what imperfections
 and the statement's tolerances explain counts (M-open view: Bernardo & Smith 1994, ch. 6).
 
-The ladder of background levels: how much many small imperfections add to a gap together.
+A ladder of background levels covers how much many small imperfections may add to a gap together.
 """
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve, eigh
+from scipy.special import logsumexp
 
 from wrenchbed.diagnosis.evidence.dictionary import EffectDictionary
+from wrenchbed.diagnosis.prepare.prepared import Prepared
 
 FAINT = 0.02
 """Variance of the background over that of the noise, below which a direction is left out."""
@@ -158,15 +161,62 @@ def gains(
     return np.asarray(0.5 * (fit - np.log(ratio).sum(axis=-1)[:, :, None]))
 
 
+class ScaledEvidence(NamedTuple):
+    """Log evidence, the scale of each part (p,), and the columns' information (k, k)."""
+
+    total: float
+    scale: np.ndarray
+    information: np.ndarray
+
+    def raised(self, by: float) -> "ScaledEvidence":
+        """The same with a log prior added."""
+        return self._replace(total=self.total + by)
+
+
+def over_scales(
+    level: BackgroundLevel,
+    y: np.ndarray,
+    columns: np.ndarray,
+    owner: np.ndarray,
+    fixed: np.ndarray,
+    ladder: np.ndarray,
+) -> ScaledEvidence:
+    """Log evidence of one rung, summed over the scales of one part after the other.
+
+    Args:
+        level: the rung.
+        y: linearised readings (6 R,).
+        columns: slopes of all variables (6 R, k).
+        owner: part of each column (k,).
+        fixed: prior standard deviation of columns whose scale is known (k,), else 0.
+        ladder: scales of each part that are tried (p, s).
+    """
+    solved = level.solve(np.column_stack([columns, y]))
+    information, score = columns.T @ solved[:, :-1], columns.T @ solved[:, -1]
+    start = -0.5 * float(y @ solved[:, -1] + level.log_det)
+    best, total = np.median(ladder, axis=1), -np.inf
+    for k in [*range(len(ladder)), *range(len(ladder) - 1)]:
+        size = np.where(fixed > 0, fixed, best[owner])
+        trial = np.repeat(size[None], ladder.shape[1], axis=0)
+        trial[:, (owner == k) & (fixed == 0)] = ladder[k][:, None]
+        blocks = np.broadcast_to(information, (len(trial), *information.shape))
+        w = np.broadcast_to(score[:, None], (len(trial), len(score), 1))
+        gain = gains(blocks, w, trial, np.ones(1))[:, 0, 0]
+        best[k] = ladder[k][int(gain.argmax())]
+        total = float(logsumexp(gain) - np.log(len(gain)))
+    return ScaledEvidence(start + total, best, information)
+
+
 LADDER = (0.02, 0.08, 0.3, 1.2, 5.0, 20.0)
 """Gap that the background adds in all. Up to `NORMAL` every robot has it; more is a gap of its
 own, or the price of an effect's form that the library has only nearly."""
 NORMAL = 0.5
 SHARES = {"effects": 0.45, "kernels": 0.3, "rows": 0.25}
+"""Shares of that gap: of effects of the library, of smooth functions, of single rows."""
 MOST = 0.2
 """An imperfection is at most so large beside its effect's typical size."""
 CORRELATION_S = 0.4
-"""In a motion what the model lacks is alike for so long [s]."""
+"""Correlation time of what the model of a motion lacks [s]."""
 WITHIN = 1.0
 """Standard deviation of a stated number over its tolerance."""
 
@@ -200,11 +250,12 @@ def _level(d: EffectDictionary, gap: float) -> BackgroundLevel:
         )
     for columns in d.kernels.values():
         variance[columns] = SHARES["kernels"] * gap / len(d.kernels)
-    allowed = np.minimum((WITHIN * d.tolerance) ** 2, LARGE)
-    variance[d.stated] = allowed
-    rows = SHARES["rows"] * gap
-    if d.prepared.moving:
-        period = d.prepared.scene.period * d.prepared.stride
-        rows *= max(1.0, CORRELATION_S / period)
-    v0 = np.tile(d.prepared.variance + rows, d.rows)
-    return BackgroundLevel(d.E, v0, variance, d.grams)
+    variance[d.stated] = np.minimum((WITHIN * d.tolerance) ** 2, LARGE)
+    return BackgroundLevel(d.E, row_variance(d.prepared, SHARES["rows"] * gap), variance, d.grams)
+
+
+def row_variance(prepared: Prepared, gap: float) -> np.ndarray:
+    """Variance of each row of the fit (6 R,): its noise, and a gap of rows without a model."""
+    if prepared.moving:
+        gap *= max(1.0, CORRELATION_S / (prepared.scene.period * prepared.stride))
+    return np.tile(prepared.variance + gap, len(prepared.block_rows))

@@ -46,14 +46,14 @@ class Searcher:
 
     Args:
         dictionary: of the design.
-        witness: log odds that something else than the wrench adds to an effect, by name.
+        odds: log odds that another sensor than the wrench adds to an effect, by name.
     """
 
     def __init__(
-        self, dictionary: EffectDictionary, witness: Mapping[str, float] = MappingProxyType({})
+        self, dictionary: EffectDictionary, odds: Mapping[str, float] = MappingProxyType({})
     ) -> None:
         self.d = dictionary
-        self.witness = witness
+        self.odds = odds
         self.rungs: tuple[Background, ...] = ladder(dictionary)
         self.hypotheses: tuple[Hypothesis, ...] = dictionary.hypotheses
         self.kernels = tuple(dictionary.kernels)
@@ -90,8 +90,8 @@ class Searcher:
         """Effects alike; variants by their weight; what must exceed its typical size is rarer."""
         rare = min(1.0, float(np.sqrt(h.typical_gap)) * 2.0)
         share = h.variant.weight / self._weights[h.name]
-        odds = self.witness.get(h.name, 0.0)
-        return float(np.log(PRIOR["one"] / len(self._weights) * share * rare)) + odds
+        prior = float(np.log(PRIOR["one"] / len(self._weights) * share * rare))
+        return prior + self.odds.get(h.name, 0.0)
 
     @cached_property
     def _weights(self) -> dict[str, float]:
@@ -108,11 +108,11 @@ class Searcher:
 
     def singles(self, y: np.ndarray) -> list[SingleEvidence]:
         """Every hypothesis and kernel alone, on every rung."""
-        found: list[SingleEvidence] = []
+        result: list[SingleEvidence] = []
         for r, base in enumerate(self.nulls(y)):
             level = self.rungs[r].level
-            found += self.added(r, float(base), level.information, level.score(y[:, None])[:, 0])
-        return found
+            result += self.added(r, float(base), level.information, level.score(y[:, None])[:, 0])
+        return result
 
     def added(
         self, rung: int, base: float, information: np.ndarray, score: np.ndarray
@@ -132,7 +132,7 @@ class Searcher:
 
     def rung_prior(self, y: np.ndarray) -> np.ndarray:
         """Normal backgrounds alike; larger ones only beside a gap that dwarfs them."""
-        total = max(self.d.gap(y) - float(self.d.prepared.variance.mean()), 0.0)
+        total = max(self.d.gap(y) - self.d.row_noise, 0.0)
         gaps = np.array([r.gap for r in self.rungs])
         normal = np.array([r.normal for r in self.rungs])
         prior = np.where(normal, 1.0 / normal.sum(), 0.1)

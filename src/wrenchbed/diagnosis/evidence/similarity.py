@@ -10,7 +10,8 @@ from functools import cached_property
 
 import numpy as np
 
-from wrenchbed.diagnosis.evidence.dictionary import STATED, EffectDictionary
+from wrenchbed.diagnosis.evidence.dictionary import EffectDictionary
+from wrenchbed.diagnosis.prepare.configuration import STATED
 from wrenchbed.effects.base import Effect, Variant
 from wrenchbed.effects.chain import effects
 

@@ -4,11 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wrenchbed.diagnosis.evidence.dictionary import STATED, EffectDictionary, build
+from wrenchbed.diagnosis.evidence.dictionary import EffectDictionary, build
 from wrenchbed.diagnosis.evidence.search import Searcher
 from wrenchbed.diagnosis.explain.refit import Refitter
 from wrenchbed.diagnosis.explain.structures import Ranking, rank
-from wrenchbed.diagnosis.prepare.accelerometer import TILT, Testimony, testimony
+from wrenchbed.diagnosis.prepare.accelerometer import TILT
 from wrenchbed.diagnosis.prepare.baseline import Baseline, calibrate
 from wrenchbed.diagnosis.prepare.prepared import Prepared
 
@@ -23,7 +23,6 @@ class Analysis:
         searcher: dictionary and background of the design.
         refitter: of this recording's readings.
         ranking: explanations, best first.
-        testimony: of an accelerometer on a tilt of the base, where there is one.
     """
 
     prepared: Prepared
@@ -31,22 +30,26 @@ class Analysis:
     searcher: Searcher
     refitter: Refitter
     ranking: Ranking
-    testimony: Testimony | None = None
 
     @property
     def dictionary(self) -> EffectDictionary:
         return self.searcher.d
+
+    @property
+    def calibrated(self) -> np.ndarray:
+        """Whitened residual (R, 6) after bias, mass and CoG."""
+        return self.dictionary.without_stated(self.refitter.y).reshape(-1, 6)
 
 
 def analyse(prepared: Prepared) -> Analysis:
     """Calibrate, build the dictionary there, and rank what explains the rest."""
     coarse = prepared.coarse
     baseline = calibrate(coarse)
-    told = testimony(prepared.recording, prepared.model, prepared.theta)
-    witness = {} if told is None else {TILT: told.log_bayes}
-    searcher = Searcher(build(coarse, baseline.theta, baseline.tolerance), witness)
+    t = prepared.testimony
+    odds = {} if t is None else {TILT: t.log_bayes}
+    searcher = Searcher(build(coarse, baseline.robot_theta, baseline.tolerance), odds)
     refitter = Refitter(searcher, case(searcher.d, coarse, baseline))
-    return Analysis(prepared, baseline, searcher, refitter, rank(searcher, refitter), told)
+    return Analysis(prepared, baseline, searcher, refitter, rank(searcher, refitter))
 
 
 def case(d: EffectDictionary, prepared: Prepared, baseline: Baseline) -> np.ndarray:
@@ -58,7 +61,6 @@ def case(d: EffectDictionary, prepared: Prepared, baseline: Baseline) -> np.ndar
 def stated_vector(d: EffectDictionary, baseline: Baseline) -> np.ndarray:
     """Mass and CoG of the baseline against the stated ones (S,), in typical sizes; bias 0."""
     moved = np.zeros(len(d.stated))
-    for effect in STATED[1:]:
-        own = np.array([d.label[k][0] == effect for k in d.stated])
-        moved[own] = baseline.moved[effect]
+    for effect, change in baseline.moved.items():
+        moved[d.of_stated(effect)] = change
     return moved / d.size[d.stated]

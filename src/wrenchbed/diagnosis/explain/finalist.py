@@ -1,16 +1,46 @@
-"""How large the parts of a structure are: its evidence over the scales of each.
+"""A structure of effects after its refit: its parts, their variables, and the residual."""
 
-A structure after its refit: which hypotheses, their values, and what they leave.
-"""
-
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from functools import cached_property
 
 import numpy as np
-from scipy.special import logsumexp
 
 from wrenchbed.diagnosis.evidence.dictionary import Hypothesis
-from wrenchbed.diagnosis.evidence.likelihood import BackgroundLevel, gains
+
+
+@dataclass(frozen=True, eq=False)
+class Variables:
+    """What each of the free variables ``x`` (k,) of a structure is; stated numbers have none.
+
+    Attributes:
+        part: number of the part that each belongs to (k,).
+        name: parameter of the effect (k,).
+        shape: whether it is a shape, not an amplitude (k,), boolean.
+    """
+
+    part: np.ndarray
+    name: tuple[str, ...]
+    shape: np.ndarray
+
+    @classmethod
+    def of(cls, parts: Sequence[Hypothesis]) -> "Variables":
+        """The variables of a structure: of each part its amplitudes, then its shapes."""
+        every = [
+            (k, name, name in h.variant.shape)
+            for k, h in enumerate(parts)
+            if not h.effect.stated
+            for name in (*h.variant.free, *h.variant.shape)
+        ]
+        part, shape = (np.array([v[i] for v in every], dtype=t) for i, t in ((0, int), (2, bool)))
+        return cls(part, tuple(name for _, name, _ in every), shape)
+
+    def __len__(self) -> int:
+        return len(self.name)
+
+    def of_parts(self, parts: Collection[int]) -> np.ndarray:
+        """Places of the variables of some parts."""
+        return np.flatnonzero(np.isin(self.part, list(parts)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,7 +52,7 @@ class Finalist:
         rung: background rung that fits best.
         x: fitted variables (k,) in typical sizes: amplitudes and shapes, no stated numbers.
         covariance: of ``design``'s columns (m, m), background and stated numbers included.
-        residual: what is left (6 R,), whitened, the stated numbers' part still in it.
+        residual: measured less fitted (6 R,), whitened, the stated numbers' part still in it.
         y: the data as linearised at x (6 R,).
         design: derivatives of the response by x, then the columns of blamed stated numbers.
         spread: prior standard deviation of each (m,).
@@ -45,48 +75,12 @@ class Finalist:
     def names(self) -> tuple[str, ...]:
         return tuple(h.name for h in self.parts)
 
+    @cached_property
+    def variables(self) -> Variables:
+        """What each of ``x`` is."""
+        return Variables.of(self.parts)
 
-class ScaledEvidence(NamedTuple):
-    """Log evidence, the scale of each part (p,), and the columns' information (k, k)."""
-
-    total: float
-    scale: np.ndarray
-    information: np.ndarray
-
-    def raised(self, by: float) -> "ScaledEvidence":
-        """The same with a log prior added."""
-        return self._replace(total=self.total + by)
-
-
-def over_scales(
-    level: BackgroundLevel,
-    y: np.ndarray,
-    columns: np.ndarray,
-    owner: np.ndarray,
-    fixed: np.ndarray,
-    ladder: np.ndarray,
-) -> ScaledEvidence:
-    """Log evidence of one rung, summed over the scales of one part after the other.
-
-    Args:
-        level: the rung.
-        y: linearised readings (6 R,).
-        columns: slopes of all variables (6 R, k).
-        owner: part of each column (k,).
-        fixed: prior standard deviation of columns whose scale is known (k,), else 0.
-        ladder: scales of each part that are tried (p, s).
-    """
-    solved = level.solve(np.column_stack([columns, y]))
-    information, score = columns.T @ solved[:, :-1], columns.T @ solved[:, -1]
-    start = -0.5 * float(y @ solved[:, -1] + level.log_det)
-    best, total = np.median(ladder, axis=1), -np.inf
-    for k in [*range(len(ladder)), *range(len(ladder) - 1)]:
-        size = np.where(fixed > 0, fixed, best[owner])
-        trial = np.repeat(size[None], ladder.shape[1], axis=0)
-        trial[:, (owner == k) & (fixed == 0)] = ladder[k][:, None]
-        blocks = np.broadcast_to(information, (len(trial), *information.shape))
-        w = np.broadcast_to(score[:, None], (len(trial), len(score), 1))
-        gain = gains(blocks, w, trial, np.ones(1))[:, 0, 0]
-        best[k] = ladder[k][int(gain.argmax())]
-        total = float(logsumexp(gain) - np.log(len(gain)))
-    return ScaledEvidence(start + total, best, information)
+    @cached_property
+    def effects(self) -> tuple[int, ...]:
+        """Numbers of the parts that are no stated numbers."""
+        return tuple(k for k, h in enumerate(self.parts) if not h.effect.stated)

@@ -1,78 +1,23 @@
-"""Nonlinear refit of a structure: finite angles, shapes, and the evidence at what was found.
+"""Nonlinear refit of a structure: finite angles, shapes, and the evidence at the minimum.
 
-A random search over shapes that act by jumps, where slopes do not show the way.
+Gauss–Newton; shapes that act by jumps, where slopes do not show the way, by a random search first.
 """
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from functools import cache
-from typing import Protocol
 
 import numpy as np
 from scipy.special import logsumexp
 
-from wrenchbed.diagnosis.evidence.dictionary import LARGEST, STATED, Hypothesis
-from wrenchbed.diagnosis.evidence.likelihood import BackgroundLevel
+from wrenchbed.diagnosis.evidence.dictionary import LARGEST, Hypothesis
+from wrenchbed.diagnosis.evidence.likelihood import BackgroundLevel, over_scales
 from wrenchbed.diagnosis.evidence.search import MORE, NONE, PRIOR, Searcher, SingleEvidence
-from wrenchbed.diagnosis.explain.finalist import Finalist, over_scales
+from wrenchbed.diagnosis.explain.finalist import Finalist, Variables
 from wrenchbed.effects.base import Effect
 from wrenchbed.effects.chain import ActiveEffect, respond
 from wrenchbed.physics.parameters import Parameter
 from wrenchbed.robots.base import Robot
-
-_TRIALS = 160
-"""Shapes that are tried, from wide steps to narrow ones."""
-
-
-class Responding(Protocol):
-    """What knows the readings y (6 R,) and how structures respond."""
-
-    y: np.ndarray
-
-    def variables(self, parts: Sequence[Hypothesis]) -> list[tuple[int, str, bool]]: ...
-
-    def response(self, parts: Sequence[Hypothesis], x: np.ndarray) -> np.ndarray: ...
-
-
-def polished(
-    refitter: Responding, level: BackgroundLevel, parts: Sequence[Hypothesis], x: np.ndarray
-) -> np.ndarray:
-    """Shapes of the last part after a random search, its amplitudes fitted along (k,)."""
-    names, last = refitter.variables(parts), len(parts) - 1
-    moves = np.array([shape and k == last for k, _, shape in names])
-    own = np.array([not shape and k == last for k, _, shape in names])
-    rng = np.random.default_rng(0)
-
-    others = np.where(own, 0.0, x)
-    rest = refitter.y - refitter.response(parts, others)  # parts hardly meddle with each other
-    solved_rest = level.solve(rest[:, None])[:, 0]
-    first = len(x) - int((own | moves).sum())
-
-    def fitted(at: np.ndarray) -> tuple[float, np.ndarray]:
-        """What is left with the best amplitudes of the part, and these."""
-        columns = []
-        for i in np.flatnonzero(own):
-            unit = np.where(own, 0.0, at)
-            unit[i] = 1.0
-            columns.append(refitter.response(parts[last:], unit[first:]))
-        design = np.stack(columns, axis=1)
-        solved = level.solve(design)
-        normal = design.T @ solved + 1e-3 * np.eye(design.shape[1])
-        score = design.T @ solved_rest
-        best = np.linalg.solve(normal, score)
-        found = at.copy()
-        found[own] = best
-        return float(rest @ solved_rest - score @ best), found
-
-    now, x = fitted(x)
-    for k in range(_TRIALS):
-        spread = 3.0 * 0.5 ** (5.0 * k / _TRIALS)
-        trial = x + np.where(moves, spread * rng.standard_normal(len(x)), 0.0)
-        then, found = fitted(trial)
-        if then < now:
-            now, x = then, found
-    return x
-
 
 _STEPS = 12
 _LEAST_SHARE = 0.02
@@ -82,6 +27,12 @@ _DONE = 1e-3
 """Largest step, in standard uncertainties, at which a fit has converged."""
 SHAPE_SPREAD = 2.0
 """Prior standard deviation of a shape over its typical size."""
+
+
+_TRIALS = 160
+"""Shapes that the random search tries, from wide steps to narrow ones."""
+_RIDGE = 1e-3
+"""Precision that keeps an amplitude bounded whose shape shows nothing."""
 
 
 class Refitter:
@@ -104,26 +55,16 @@ class Refitter:
         self.exact: dict[int, BackgroundLevel] = {}
         self._freed: dict[tuple[int, frozenset[int]], BackgroundLevel] = {}
 
-    def variables(self, parts: Sequence[Hypothesis]) -> list[tuple[int, str, bool]]:
-        """(part, parameter, is it a shape) of each variable; stated numbers have none."""
-        return [
-            (k, name, name in h.variant.shape)
-            for k, h in enumerate(parts)
-            if h.name not in STATED
-            for name in (*h.variant.free, *h.variant.shape)
-        ]
-
     def values(self, parts: Sequence[Hypothesis], x: np.ndarray) -> list[dict[str, float]]:
         """All parameters of each part at x (k,), SI; shapes within their bounds."""
-        robot = self.scene.robot
-        result = []
-        for h in parts:
-            start = {p.name: p.nominal for p in _parameters(h.effect, robot).values()} | dict(
-                h.variant.at
-            )
-            result.append(start)
-        for (k, name, shape), value in zip(self.variables(parts), x, strict=True):
-            parameter = _parameter(parts[k], robot, name)
+        known = [_parameters(h.effect, self.scene.robot) for h in parts]
+        result = [
+            {name: p.nominal for name, p in ps.items()} | dict(h.variant.at)
+            for h, ps in zip(parts, known, strict=True)
+        ]
+        v = Variables.of(parts)
+        for k, name, shape, value in zip(v.part, v.name, v.shape, x, strict=True):
+            parameter = known[k][name]
             si = float(value) * parameter.tolerance
             if shape:
                 si = float(np.clip(si, parameter.lower, parameter.upper))
@@ -134,7 +75,7 @@ class Refitter:
         """The parts that act in the chain."""
         values = self.values(parts, x)
         both = zip(parts, values, strict=True)
-        return [ActiveEffect(h.effect, v) for h, v in both if h.name not in STATED]
+        return [ActiveEffect(h.effect, v) for h, v in both if not h.effect.stated]
 
     def response(self, parts: Sequence[Hypothesis], x: np.ndarray) -> np.ndarray:
         """What the parts add to the baseline's readings (6 R,), whitened."""
@@ -148,14 +89,14 @@ class Refitter:
     ) -> Finalist:
         """Gauss–Newton from the hypotheses' own shapes; again on the rung that fits best."""
         centre = self.start(parts)
-        spread = self._spread(parts, self.variables(parts))
+        spread = self._spread(parts)
         return self._fitted(parts, rung, centre if start is None else start, spread)
 
     def extended(self, f: Finalist, h: Hypothesis) -> Finalist:
         """A finalist with one part more; the others begin, and keep to the size, where they are."""
         parts = (*f.parts, h)
         start = np.concatenate([f.x, self.start((h,))])
-        wide = self._spread(parts, self.variables(parts))
+        wide = self._spread(parts)
         wide[: len(f.x)] = f.spread[: len(f.x)]
         return self._fitted(parts, f.rung, start, wide)
 
@@ -166,13 +107,13 @@ class Refitter:
         centre = self.start(parts)
         x = self._minimum(parts, rung, centre, x, spread)
         if rough and parts[-1].effect.rough:
-            x = polished(self, self.searcher.rungs[rung].level, parts, x)
+            x = self._random_search(self.searcher.rungs[rung].level, parts, x)
             x = self._minimum(parts, rung, centre, x, spread)
-        found = self._judged(parts, rung, x, centre)
-        if found.rung != rung and len(x):
-            x = self._minimum(parts, found.rung, centre, found.x, spread)
-            found = self._judged(parts, found.rung, x, centre)
-        return found
+        result = self._judged(parts, rung, x, centre)
+        if result.rung != rung and len(x):
+            x = self._minimum(parts, result.rung, centre, result.x, spread)
+            result = self._judged(parts, result.rung, x, centre)
+        return result
 
     def at(
         self, parts: tuple[Hypothesis, ...], rung: int, x: np.ndarray, spread: np.ndarray
@@ -204,16 +145,15 @@ class Refitter:
         spread: np.ndarray,
     ) -> np.ndarray:  # fmt: skip
         """Gauss–Newton; slopes of amplitudes are those of the start, only shapes' are renewed."""
-        names = self.variables(parts)
-        if not names:
+        if not len(x):
             return x
         level = self._level(parts, rung)
         precision = 1.0 / spread**2
-        shapes = [i for i, (_, _, shape) in enumerate(names) if shape]
+        shapes = np.flatnonzero(Variables.of(parts).shape).tolist()
 
-        def cost(at: np.ndarray, left: np.ndarray) -> float:
+        def cost(at: np.ndarray, residual: np.ndarray) -> float:
             prior = float((precision * (at - centre) ** 2).sum())
-            return float(left @ level.solve(left[:, None])[:, 0]) + prior
+            return float(residual @ level.solve(residual[:, None])[:, 0]) + prior
 
         f = self.response(parts, x)
         r = self.y - f
@@ -229,52 +169,78 @@ class Refitter:
             size, share = float(np.sqrt(max(step @ normal @ step, 0.0))), 1.0
             while share > _LEAST_SHARE:
                 trial = x + share * step
-                left = self.y - self.response(parts, trial)
-                then = cost(trial, left)
+                residual = self.y - self.response(parts, trial)
+                then = cost(trial, residual)
                 if then < now:
-                    x, r, now = trial, left, then
+                    x, r, now = trial, residual, then
                     break
                 share /= 3.0
             if share <= _LEAST_SHARE or size * share < _DONE:
                 break
         return x
 
+    def _random_search(
+        self, level: BackgroundLevel, parts: Sequence[Hypothesis], x: np.ndarray
+    ) -> np.ndarray:
+        """Shapes of the last part after a random search, its amplitudes fitted along (k,)."""
+        v, last = Variables.of(parts), len(parts) - 1
+        moves, free = v.shape & (v.part == last), ~v.shape & (v.part == last)
+        rng = np.random.default_rng(0)
+        others = self.y - self.response(parts, np.where(free, 0.0, x))  # parts hardly interact
+        solved_others = level.solve(others[:, None])[:, 0]
+        first = len(x) - int((free | moves).sum())
+
+        def fitted(at: np.ndarray) -> tuple[float, np.ndarray]:
+            """Squared residual with the best amplitudes of the part, and these."""
+            columns = []
+            for i in np.flatnonzero(free):
+                unit = np.where(free, 0.0, at)
+                unit[i] = 1.0
+                columns.append(self.response(parts[last:], unit[first:]))
+            design = np.stack(columns, axis=1)
+            normal = design.T @ level.solve(design) + _RIDGE * np.eye(design.shape[1])
+            score = design.T @ solved_others
+            best = np.linalg.solve(normal, score)
+            result = at.copy()
+            result[free] = best
+            return float(others @ solved_others - score @ best), result
+
+        now, x = fitted(x)
+        for k in range(_TRIALS):
+            spread = 3.0 * 0.5 ** (5.0 * k / _TRIALS)
+            then, trial = fitted(x + np.where(moves, spread * rng.standard_normal(len(x)), 0.0))
+            if then < now:
+                now, x = then, trial
+        return x
+
     def _judged(
         self, parts: tuple[Hypothesis, ...], rung: int, x: np.ndarray, centre: np.ndarray
     ) -> Finalist:
-        names = self.variables(parts)
+        variables = Variables.of(parts)
         f = self.response(parts, x)
         r, design = self.y - f, self._design(parts, x, f, range(len(x)))
         y = r + design @ (x - centre)
-        stated = [h for h in parts if h.name in STATED]
-        owner = np.array(
-            [k for k, _, _ in names] + [parts.index(h) for h in stated for _ in h.columns],
-            dtype=int,
-        )
-        shape = np.array([s for _, _, s in names] + [False] * (len(owner) - len(names)), dtype=bool)
+        stated = [h for h in parts if h.effect.stated]
+        blamed = np.array([parts.index(h) for h in stated for _ in h.columns], dtype=int)
+        owner = np.concatenate([variables.part, blamed])
+        shape = np.concatenate([variables.shape, np.zeros(len(blamed), dtype=bool)])
         every = np.concatenate([design, *(self.d.E[:, h.columns] for h in stated)], axis=1)
         rungs = sorted({rung, *(k for k, b in enumerate(self.searcher.rungs) if b.normal)})
         ladder = np.stack([self.searcher.scales(h) for h in parts])
-        told = [
-            over_scales(
-                self.searcher.rungs[k].level,
-                y,
-                every,
-                owner,
-                np.where(shape, SHAPE_SPREAD, 0.0),
-                ladder,
-            ).raised(float(self._rung_prior[k]))
-            for k in rungs
+        fixed = np.where(shape, SHAPE_SPREAD, 0.0)
+        levels = [self.searcher.rungs[k].level for k in rungs]
+        evidence = [
+            over_scales(level, y, every, owner, fixed, ladder).raised(float(self._rung_prior[k]))
+            for k, level in zip(rungs, levels, strict=True)
         ]
-        best = int(np.argmax([t.total for t in told]))
+        best = int(np.argmax([e.total for e in evidence]))
         prior = sum(self.searcher.prior(h) for h in parts)
         prior += (len(parts) - 1) * float(np.log(MORE / PRIOR["one"]))
-        total = float(logsumexp([t.total for t in told])) + prior
-        spread = np.where(shape, SHAPE_SPREAD, told[best].scale[owner])
-        covariance = np.linalg.inv(told[best].information + np.diag(1.0 / spread**2))
-        return Finalist(
-            parts, rungs[best], x, covariance, r, y, every, spread, total, told[best].scale
-        )
+        total = float(logsumexp([e.total for e in evidence])) + prior
+        spread = np.where(shape, SHAPE_SPREAD, evidence[best].scale[owner])
+        covariance = np.linalg.inv(evidence[best].information + np.diag(1.0 / spread**2))
+        scale = evidence[best].scale
+        return Finalist(parts, rungs[best], x, covariance, r, y, every, spread, total, scale)
 
     def added(self, finalist: Finalist) -> list[SingleEvidence]:
         """Every further hypothesis beside a finalist, on its rung."""
@@ -299,7 +265,7 @@ class Refitter:
 
     def _level(self, parts: Sequence[Hypothesis], rung: int) -> BackgroundLevel:
         """The rung's background with the stated numbers that a structure blames set free."""
-        blamed = frozenset(int(c) for h in parts if h.name in STATED for c in h.columns)
+        blamed = frozenset(int(c) for h in parts if h.effect.stated for c in h.columns)
         if not blamed:
             return self.searcher.rungs[rung].level
         if (rung, blamed) not in self._freed:
@@ -311,18 +277,19 @@ class Refitter:
 
     def start(self, parts: Sequence[Hypothesis]) -> np.ndarray:
         """Variables without any amplitude, shapes where the variants put them (k,)."""
-        robot = self.scene.robot
 
         def at(h: Hypothesis, name: str) -> float:
-            return h.variant.at[name] / _parameter(h, robot, name).tolerance
+            return h.variant.at[name] / _parameters(h.effect, self.scene.robot)[name].tolerance
 
-        return np.array([at(parts[k], n) if s else 0.0 for k, n, s in self.variables(parts)])
+        v = Variables.of(parts)
+        both = zip(v.part, v.name, v.shape, strict=True)
+        return np.array([at(parts[k], name) if shape else 0.0 for k, name, shape in both])
 
-    def _spread(
-        self, parts: Sequence[Hypothesis], names: list[tuple[int, str, bool]]
-    ) -> np.ndarray:
-        largest = [float(self.searcher.scales(h)[-1]) for h in parts]
-        return np.array([SHAPE_SPREAD if shape else largest[k] for k, _, shape in names])
+    def _spread(self, parts: Sequence[Hypothesis]) -> np.ndarray:
+        """Widest prior standard deviation of each variable (k,)."""
+        largest = np.array([float(self.searcher.scales(h)[-1]) for h in parts])
+        v = Variables.of(parts)
+        return np.where(v.shape, SHAPE_SPREAD, largest[v.part])
 
     def _design(
         self, parts: Sequence[Hypothesis], x: np.ndarray, f: np.ndarray, which: Iterable[int]
@@ -331,13 +298,13 @@ class Refitter:
 
         Those of effects without shapes are the dictionary's: they hardly change.
         """
-        names, columns = self.variables(parts), []
+        v, columns = Variables.of(parts), []
         for i in which:
-            own = parts[names[i][0]]
-            if not own.variant.shape:
-                columns.append(self.d.E[:, own.columns[own.variant.free.index(names[i][1])]])
+            part = parts[v.part[i]]
+            if not part.variant.shape:
+                columns.append(self.d.E[:, part.columns[part.variant.free.index(v.name[i])]])
                 continue
-            h = _SHAPE_STEP if names[i][2] else _STEP
+            h = _SHAPE_STEP if v.shape[i] else _STEP
             step = np.zeros(len(x))
             step[i] = h
             columns.append((self.response(parts, x + step) - f) / h)
@@ -347,7 +314,3 @@ class Refitter:
 @cache
 def _parameters(effect: Effect, robot: Robot) -> dict[str, Parameter]:
     return {p.name: p for p in effect.parameters(robot)}
-
-
-def _parameter(h: Hypothesis, robot: Robot, name: str) -> Parameter:
-    return _parameters(h.effect, robot)[name]

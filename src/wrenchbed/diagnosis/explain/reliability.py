@@ -1,4 +1,4 @@
-"""How often claims like this one are right: learnt from look-alike cases of another generator.
+"""How often claims like this one are right, learnt from look-alike cases of another generator.
 
 Evidence is exact only for the physics that it knows. A logistic model of what distinguishes claims
 that were right from wrong ones, in look-alike cases, turns it into probabilities that hold; the
@@ -111,8 +111,8 @@ def learnt(
     sign = 2.0 * y - 1.0
 
     def cost(w: np.ndarray) -> float:
-        told = np.logaddexp(0.0, -sign * (x @ w)).sum()
-        return float(told + 0.5 * ((w - centre) ** 2).sum() / PRIOR_STD**2)
+        loss = np.logaddexp(0.0, -sign * (x @ w)).sum()
+        return float(loss + 0.5 * ((w - centre) ** 2).sum() / PRIOR_STD**2)
 
     w = minimize(cost, centre, method="BFGS").x
     total = len(claims) + none[1] + unknown[1] + (0 if start is None else start.cases)
@@ -130,12 +130,8 @@ def _rate(right: int, count: int) -> float:
 
 @lru_cache(maxsize=1)
 def _shipped() -> Mapping[str, Any]:
-    text = (
-        resources.files("wrenchbed.diagnosis.explain")
-        .joinpath("reliability.json")
-        .read_text("utf-8")
-    )
-    return dict(json.loads(text))
+    folder = resources.files("wrenchbed.diagnosis.explain")
+    return dict(json.loads(folder.joinpath("reliability.json").read_text("utf-8")))
 
 
 def shipped(robot: str, moving: bool) -> Reliability | None:
@@ -145,5 +141,5 @@ def shipped(robot: str, moving: bool) -> Reliability | None:
     """
     mode = "dynamic" if moving else "static"
     known = _shipped()
-    told = known.get(f"{robot} {mode}") or known.get(mode)
-    return None if told is None else Reliability(**told | {"claim": tuple(told["claim"])})
+    raw = known.get(f"{robot} {mode}") or known.get(mode)
+    return None if raw is None else Reliability(**raw | {"claim": tuple(raw["claim"])})

@@ -1,8 +1,8 @@
-"""What an accelerometer adds to a verdict: a tilt that it sees may be claimed though it is small.
+"""What an accelerometer adds to a verdict: a tilt that it measures may be claimed though small.
 
 A gap alone names a cause only when the cause is large against everything else that is not modelled.
-A second sensor lifts that: whether there is a tilt is then settled without the wrench, which need
-only agree, and be changed by it at all.
+A second sensor removes that limit: it decides whether there is a tilt, and the wrench need only
+agree with it and be changed by it at all.
 """
 
 from dataclasses import replace
@@ -28,32 +28,31 @@ DISAGREE = 0.01
 
 def with_accelerometer(a: Analysis, verdict: Verdict) -> Verdict:
     """The verdict with the tilt that the accelerometer sees, where wrench and it agree."""
-    told = [e for e in a.ranking.explanations if TILT in e.finalist.names]
-    if a.testimony is None or not told:
+    t, tilted, claimed = a.prepared.testimony, _tilted(a), verdict.explanation
+    if t is None or not tilted:
         return verdict
-    own, present = verdict.explanation, _present(a)
-    e = own if verdict.causes and TILT in own.finalist.names else told[0]
-    if agreement(a, e, a.testimony) < DISAGREE:
+    e = claimed if verdict.causes and TILT in claimed.finalist.names else tilted[0]
+    if agreement(a, e, t) < DISAGREE:
         return verdict
-    joint = replace(e, finalist=_joint(a, e.finalist, a.testimony))
+    joint, present = replace(e, finalist=_joint(a, e.finalist, t)), _present(a)
     if any(TILT in c.names for c in verdict.causes):
-        return replace(verdict, explanation=joint) if e is own else verdict
+        return replace(verdict, explanation=joint) if e is claimed else verdict
     part = _part(a, joint)
     if present < SURE or part.share < LEAST:
         return verdict
     cause = Cause((TILT,), present, part)
     if verdict.causes and verdict.verdict not in (NONE, UNKNOWN):
         both = (*verdict.causes, cause)
-        return replace(verdict, causes=both, explanation=joint) if e is own else verdict
-    rest = sum(verdict.probabilities.values())
-    others = {k: v * (1.0 - present) / rest for k, v in verdict.probabilities.items() if k != TILT}
+        return replace(verdict, causes=both, explanation=joint) if e is claimed else verdict
+    total = sum(verdict.probabilities.values())
+    others = {k: v * (1.0 - present) / total for k, v in verdict.probabilities.items() if k != TILT}
     others[UNKNOWN] = 1.0 - present - sum(v for k, v in others.items() if k != UNKNOWN)
     return Verdict("identified", (cause,), joint, {TILT: present} | others)
 
 
 def sentences(a: Analysis, verdict: Verdict) -> tuple[str, ...]:
     """What the accelerometer says, and how it goes with the wrench."""
-    t = a.testimony
+    t = a.prepared.testimony
     if t is None:
         return ()
     x, y = np.rad2deg(t.tilt)
@@ -62,22 +61,27 @@ def sentences(a: Analysis, verdict: Verdict) -> tuple[str, ...]:
     if t.log_bayes < 0.0:
         return (f"the accelerometer sees no tilt of the base: {size}",)
     text = f"the accelerometer, without the wrench, sees the base tilted by {size}"
-    told = [e for e in a.ranking.explanations if TILT in e.finalist.names]
-    if not told:
+    tilted = _tilted(a)
+    if not tilted:
         return (text,)
-    wx, wy = np.rad2deg(_wrench(a, told[0])[0])
-    p = agreement(a, told[0], t)
+    wx, wy = np.rad2deg(_wrench(a, tilted[0])[0])
+    p = agreement(a, tilted[0], t)
     agree = "agrees" if p >= DISAGREE else "does not agree"
     result = [f"{text}; the wrench's ({wx:.2f}, {wy:.2f})° {agree} (p = {p:.2g})"]
     if [c.names[0] for c in verdict.causes] == [TILT]:
         cause = verdict.causes[0].part
-        left = rest(a.refitter, verdict.explanation.finalist, {cause.index})
-    if [c.names[0] for c in verdict.causes] == [TILT] and left > cause.share:
-        result.append(
-            f"what is left, a gap of {left:.3g}, is not the tilt's, and no effect of the library "
-            "explains it well enough to be named"
-        )
+        remaining = rest(a.refitter, verdict.explanation.finalist, {cause.index})
+        if remaining > cause.share:
+            result.append(
+                f"what is left, a gap of {remaining:.3g}, is not the tilt's, and no effect of the "
+                "library explains it well enough to be named"
+            )
     return tuple(result)
+
+
+def _tilted(a: Analysis) -> list[Explanation]:
+    """Explanations that hold a tilt, best first."""
+    return [e for e in a.ranking.explanations if TILT in e.finalist.names]
 
 
 def agreement(a: Analysis, e: Explanation, t: Testimony) -> float:
@@ -89,14 +93,14 @@ def agreement(a: Analysis, e: Explanation, t: Testimony) -> float:
 
 def _wrench(a: Analysis, e: Explanation) -> tuple[np.ndarray, np.ndarray]:
     """Tilt (2,) [rad] of an explanation and its covariance (2, 2)."""
-    f, at = e.finalist, _places(a, e.finalist)
+    f, at = e.finalist, _places(e.finalist)
     size = _sizes(a, f)
     return f.x[at] * size, f.covariance[np.ix_(at, at)] * np.outer(size, size)
 
 
 def _joint(a: Analysis, f: Finalist, t: Testimony) -> Finalist:
     """A finalist with its tilt as both sensors have it: one step of a Kalman filter."""
-    at, size = _places(a, f), _sizes(a, f)
+    at, size = _places(f), _sizes(a, f)
     inside = f.covariance[np.ix_(at, at)] + t.covariance / np.outer(size, size)
     weight = f.covariance[:, at] @ np.linalg.inv(inside)
     x = f.x + (weight @ (t.tilt / size - f.x[at]))[: len(f.x)]
@@ -105,10 +109,9 @@ def _joint(a: Analysis, f: Finalist, t: Testimony) -> Finalist:
     return replace(f, x=x, covariance=covariance, residual=residual)
 
 
-def _places(a: Analysis, f: Finalist) -> list[int]:
+def _places(f: Finalist) -> np.ndarray:
     """Which of a finalist's variables are the tilt's."""
-    own = f.names.index(TILT)
-    return [i for i, (k, _, _) in enumerate(a.refitter.variables(f.parts)) if k == own]
+    return f.variables.of_parts([f.names.index(TILT)])
 
 
 def _sizes(a: Analysis, f: Finalist) -> np.ndarray:
@@ -118,9 +121,9 @@ def _sizes(a: Analysis, f: Finalist) -> np.ndarray:
 def _part(a: Analysis, e: Explanation) -> Part:
     """The tilt of an explanation with the gap that it makes alone."""
     f = e.finalist
-    own = f.names.index(TILT)
-    alone = a.refitter.response((f.parts[own],), f.x[_places(a, f)])
-    return Part(TILT, a.dictionary.gap(alone), index=own)
+    number = f.names.index(TILT)
+    alone = a.refitter.response((f.parts[number],), f.x[_places(f)])
+    return Part(TILT, a.dictionary.gap(alone), index=number)
 
 
 def _present(a: Analysis) -> float:

@@ -8,7 +8,8 @@ from scipy.special import logsumexp
 
 from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
 from wrenchbed.diagnosis.explain.claims import REST, Explanation, Part
-from wrenchbed.diagnosis.explain.contributions import CLAIMABLE, MARGIN
+from wrenchbed.diagnosis.explain.contributions import CLAIMABLE
+from wrenchbed.diagnosis.explain.cross_validation import MARGIN
 from wrenchbed.diagnosis.explain.structures import Ranking
 from wrenchbed.effects.chain import effects
 
@@ -48,42 +49,38 @@ class Verdict:
 
 
 def allowed(explanation: Explanation) -> float:
-    """Gap that an explanation may leave: of normal imperfections, and what its form misses."""
+    """Gap that an explanation may leave: normal imperfections, and what its form misses."""
     parts = explanation.finalist.parts
-    own = [
-        (parts[p.index].effect.form_error, p.share)
-        for p in explanation.parts
-        if p.index is not None
-    ]
-    return REST + sum(error * share for error, share in own)
+    named = [(p.index, p.share) for p in explanation.parts]
+    return REST + sum(parts[k].effect.form_error * share for k, share in named if k is not None)
 
 
 def complete(explanation: Explanation) -> bool:
-    """Whether what is left is no more than normal."""
+    """Whether what remains is no more than normal."""
     return explanation.rest <= allowed(explanation)
 
 
 def decide(ranking: Ranking) -> Verdict:
     """Weigh all explanations."""
-    told = ranking.explanations
-    best = told[0]
+    ranked = ranking.explanations
+    best = ranked[0]
     unknown = ranking.unknown
     if ranking.gap < CLAIMABLE:  # normal imperfections, whatever they look like
         unknown = -np.inf
     elif not complete(best):
         unknown = float(np.logaddexp(unknown, max(ranking.mixed, best.log_posterior + 3.0)))
-    logs = np.array([unknown, *(e.log_posterior for e in told)])
+    logs = np.array([unknown, *(e.log_posterior for e in ranked)])
     weight = np.exp(logs - logsumexp(logs))
-    none = float(sum(w for w, e in zip(weight[1:], told, strict=True) if not e.parts))
+    none = float(sum(w for w, e in zip(weight[1:], ranked, strict=True) if not e.parts))
     effects: dict[str, float] = {}
-    for w, e in zip(weight[1:], told, strict=True):
+    for w, e in zip(weight[1:], ranked, strict=True):
         if e.parts:
             effects[e.parts[0].name] = effects.get(e.parts[0].name, 0.0) + float(w)
     others = {NONE: none, UNKNOWN: float(weight[0])}
-    claim = next((e for e in told if e.parts), None)
+    claim = next((e for e in ranked if e.parts), None)
     if claim is None:
         return Verdict(max(others, key=lambda n: others[n]), (), best, others)
-    causes = _causes(claim, told, weight[1:], _outvoting(ranking, claim))
+    causes = _causes(claim, ranked, weight[1:], _outvoting(ranking, claim))
     probabilities = _by_class(causes, effects) | others
     lead = causes[0].probability
     if others[NONE] >= max(others[UNKNOWN], lead):
@@ -99,23 +96,23 @@ def tempered(verdict: Verdict, right: float) -> Verdict:
 
     What is taken from the leading answer goes to ``unknown``, from that to all others alike.
     """
-    told = dict(verdict.probabilities)
+    share = dict(verdict.probabilities)
     lead = "|".join(verdict.causes[0].names) if verdict.causes else verdict.verdict
-    spare = told[lead] * (1.0 - right)
-    told[lead] -= spare
-    others = [UNKNOWN] if lead != UNKNOWN else [n for n in told if n != UNKNOWN] or [NONE]
+    spare = share[lead] * (1.0 - right)
+    share[lead] -= spare
+    others = [UNKNOWN] if lead != UNKNOWN else [n for n in share if n != UNKNOWN] or [NONE]
     for name in others:
-        told[name] = told.get(name, 0.0) + spare / len(others)
+        share[name] = share.get(name, 0.0) + spare / len(others)
     causes = tuple(replace(c, probability=c.probability * right) for c in verdict.causes)
-    if causes and told[lead] <= told[UNKNOWN]:
-        return replace(verdict, verdict=UNKNOWN, causes=(), probabilities=told)
-    return replace(verdict, causes=causes, probabilities=told)
+    if causes and share[lead] <= share[UNKNOWN]:
+        return replace(verdict, verdict=UNKNOWN, causes=(), probabilities=share)
+    return replace(verdict, causes=causes, probabilities=share)
 
 
 def _outvoting(ranking: Ranking, claim: Explanation) -> frozenset[int]:
-    """Explanations that foretell left-out blocks clearly better than the claim does."""
-    told, votes = ranking.explanations, ranking.votes
-    place = next(k for k, e in enumerate(told) if e is claim)
+    """Explanations that predict left-out blocks clearly better than the claim does."""
+    votes = ranking.votes
+    place = next(k for k, e in enumerate(ranking.explanations) if e is claim)
     if place >= len(votes):
         return frozenset()
     return frozenset(k for k, v in enumerate(votes) if v > votes[place] + MARGIN)
@@ -123,7 +120,7 @@ def _outvoting(ranking: Ranking, claim: Explanation) -> frozenset[int]:
 
 def _causes(
     claim: Explanation,
-    told: Sequence[Explanation],
+    ranked: Sequence[Explanation],
     weight: np.ndarray,
     outvoting: Collection[int],
 ) -> tuple[Cause, ...]:
@@ -131,15 +128,15 @@ def _causes(
     for part in claim.parts:
         rest = claim.names - {part.name}
         score = {part.name: 0.0} | {n: 1.0 for n in part.twins if n not in rest}
-        for k, (w, e) in enumerate(zip(weight, told, strict=True)):
+        for k, (w, e) in enumerate(zip(weight, ranked, strict=True)):
             if rest <= e.names and len(e.names - rest) == 1:
                 (name,) = e.names - rest
-                own = 1.0 if k in outvoting else float(w) ** (1.0 / DOUBT)
-                score[name] = max(score.get(name, 0.0), own)
+                weighed = 1.0 if k in outvoting else float(w) ** (1.0 / DOUBT)
+                score[name] = max(score.get(name, 0.0), weighed)
         total = max(sum(score.values()), 1e-300)
         rivals = sorted((n for n in score if n != part.name), key=lambda n: -score[n])
         members = (part.name, *(n for n in rivals if score[n] > RIVAL * total))
-        both = zip(weight, told, strict=True)
+        both = zip(weight, ranked, strict=True)
         present = sum(float(w) for w, e in both if e.names & set(members))
         causes.append(Cause(members, present * part.probability, part))
     return tuple(causes)
@@ -147,5 +144,5 @@ def _causes(
 
 def _by_class(causes: Sequence[Cause], effects: Mapping[str, float]) -> dict[str, float]:
     lead = causes[0].names
-    told = {"|".join(lead): sum(effects.get(n, 0.0) for n in lead)}
-    return told | {n: p for n, p in effects.items() if n not in lead}
+    share = {"|".join(lead): sum(effects.get(n, 0.0) for n in lead)}
+    return share | {n: p for n, p in effects.items() if n not in lead}

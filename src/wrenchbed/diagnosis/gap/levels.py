@@ -1,7 +1,7 @@
-"""Is a channel, or a band of frequencies, louder than its noise?
+"""Whether the energy of a channel, or of a band of frequencies, exceeds that of its noise.
 
-The noise of averaged rows follows from the scatter of raw ones, their memory included; the spread
-of blocks of rows says how many degrees of freedom an energy really has (Satterthwaite 1946,
+The noise of averaged rows follows from the scatter of raw ones, their memory included. The spread
+of blocks of rows sets the degrees of freedom of an energy (Satterthwaite 1946,
 doi 10.2307/3002019), whatever the tails.
 """
 
@@ -11,8 +11,8 @@ from itertools import pairwise
 import numpy as np
 from scipy.special import chdtrc
 
+from wrenchbed.diagnosis.prepare.noise import HANN
 from wrenchbed.diagnosis.prepare.prepared import Prepared
-from wrenchbed.effects.chain import respond
 
 FITTED = 10
 """Numbers that every user fits: bias, mass, CoG."""
@@ -24,15 +24,17 @@ _SCALE_VARIANCE = 4.0
 """Relative variance of the noise of averaged rows as estimated, times rows."""
 _MEMORY = 2.0
 """A correlation of raw rows counts up to the first that is below so many standard errors."""
-_HANN = (4 / 9, 1 / 36)
-"""Correlation of a periodogram's neighbours under a Hann window (Welch 1967)."""
 
 
 @dataclass(frozen=True, eq=False)
 class ChannelLevel:
-    """Loudness of n parts: energy over that of the noise (n,), its p-values (n,) each alone.
+    """Energies of n channels or bands.
 
-    ``excess`` (n,) is the energy above the noise, in shares of the sum over all parts.
+    Attributes:
+        names: of the channels or bands (n,).
+        ratio: energy over that of the noise (n,).
+        p_value: of each alone (n,).
+        excess: energy above the noise, in shares of the sum over all (n,).
     """
 
     names: tuple[str, ...]
@@ -53,13 +55,12 @@ def holm(p_value: np.ndarray) -> np.ndarray:
 def channels(
     prepared: Prepared, residual: np.ndarray, covariance: np.ndarray, names: tuple[str, ...]
 ) -> ChannelLevel:
-    """Loudness of each channel in its own unit, of a whitened residual (R, 6).
+    """Energy of each channel of a whitened residual (R, 6).
 
     Args:
         covariance: of the fit's rows at lags 0 … (lags, 6), whitened, from ``autocovariance``.
     """
-    lower = np.linalg.inv(prepared.turn)
-    square = (residual @ lower.T) ** 2 / ((lower**2) @ covariance[0])
+    square = residual**2 / covariance[0]
     rows = len(square)
     sums, count = _by_block(square, prepared.block_rows)
     mean = square.mean(axis=0)
@@ -75,7 +76,7 @@ def channels(
 
 
 def bands(prepared: Prepared, residual: np.ndarray, covariance: np.ndarray) -> ChannelLevel:
-    """Loudness of octaves of a motion's whitened residual (R, 6), by Welch's periodogram."""
+    """Energy of octaves of a motion's whitened residual (R, 6), by Welch's periodogram."""
     block = prepared.block_rows
     first = np.flatnonzero(np.diff(block, prepend=-1))
     length = int(np.diff(np.append(first, len(block))).min())
@@ -99,22 +100,22 @@ def bands(prepared: Prepared, residual: np.ndarray, covariance: np.ndarray) -> C
         each = relative[:, inside].mean(axis=1)
         names.append(f"frequency {low:g}–{high:.3g} Hz")
         ratio.append(float(each.mean()))
-        overlap = 1.0 + 2.0 * sum(c * max(0.0, 1 - (i + 1) / n) for i, c in enumerate(_HANN))
+        overlap = 1.0 + 2.0 * sum(c * max(0.0, 1 - (i + 1) / n) for i, c in enumerate(HANN))
         theory.append(overlap / (6 * n * len(each)))
         spread = float(each.var(ddof=1)) / len(each) / max(ratio[-1], 1e-100) ** 2
         inflated.append(spread / theory[-1])
         excess.append((power[:, inside] - noise[inside]).sum())
     pooled = np.maximum(inflated, max(1.0, float(np.mean(inflated))))
-    own = np.array(theory) * pooled + _SCALE_VARIANCE / (6 * len(residual))
+    variance = np.array(theory) * pooled + _SCALE_VARIANCE / (6 * len(residual))
     level = np.array(ratio)
-    return ChannelLevel(tuple(names), level, _exceeding(level, own), _excess(np.array(excess)))
+    return ChannelLevel(tuple(names), level, _exceeding(level, variance), _excess(np.array(excess)))
 
 
 def autocovariance(prepared: Prepared) -> np.ndarray:
     """Noise of the fit's rows in whitened units at lags 0 … 3 (4, 6).
 
-    At rest rows are poses, without memory. In motion the variogram of raw rows tells their memory
-    and sees little of a slow gap: var(mean of s) = Σ (s − |k|) ρ(k) / s². The variance of a raw
+    At rest rows are poses, without memory. In motion the variogram of raw rows holds their memory
+    and little of a slow gap: var(mean of s) = Σ (s − |k|) ρ(k) / s². The variance of a raw
     row is 1 as stated; a slow gap that does show makes the noise larger, not smaller.
     """
     result = np.zeros((_LAGS, 6))
@@ -122,7 +123,7 @@ def autocovariance(prepared: Prepared) -> np.ndarray:
     if not prepared.moving:
         return result
     s = prepared.stride
-    raw = (prepared.y - respond(prepared.scene)[prepared.scene.held]) @ prepared.turn.T
+    raw = prepared.residual / prepared.sigma
     block = np.where(prepared.sealed, -1 - np.arange(len(raw)), prepared.block)
     vario = np.zeros(((_LAGS + 1) * s, 6))
     for k in range(1, len(vario)):

@@ -10,9 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wrenchbed.diagnosis.evidence.dictionary import harmonics, variables
+from wrenchbed.diagnosis.evidence.features import harmonics, variables
 from wrenchbed.diagnosis.prepare.prepared import Prepared
-from wrenchbed.effects.chain import respond
 from wrenchbed.effects.scene import held_on
 from wrenchbed.physics.taylor import Jet, value
 from wrenchbed.physics.wrench import Tool, wrench
@@ -106,11 +105,11 @@ def shares(parts: Partitions, residual: np.ndarray, chosen: np.ndarray, gap: flo
     result = np.zeros(len(parts.names))
     y = parts.without_fitted(residual.T[:, :, None])[:, :, 0]  # (6, R)
     taken = np.zeros((6, y.shape[1], 0))
-    left = [int(k) for k in np.flatnonzero(chosen)]
+    open_ = [int(k) for k in np.flatnonzero(chosen)]
     freedom, total = float(y.size), max(gap * y.size, 1e-300)
-    while left:
+    while open_:
         gains = {}
-        for k in left:
+        for k in open_:
             rest = parts.bases[k] - taken @ (np.swapaxes(taken, 1, 2) @ parts.bases[k])
             new = _orthonormal(rest, _DUPLICATE)
             size = int((np.abs(new).max(axis=1, initial=0.0) > 0.0).sum())
@@ -127,19 +126,8 @@ def shares(parts: Partitions, residual: np.ndarray, chosen: np.ndarray, gap: flo
         y = y - (new @ (np.swapaxes(new, 1, 2) @ y[:, :, None]))[:, :, 0]
         taken = np.concatenate([taken, new], axis=2)
         freedom -= size
-        left.remove(best)
+        open_.remove(best)
     return np.maximum(result, 0.0)
-
-
-def on_rows(prepared: Prepared, x: np.ndarray) -> np.ndarray:
-    """Functions (H, k) of the observations at the rows that ``prepared.rows`` gives (R, k)."""
-    fit, stride = x[~prepared.sealed], prepared.stride
-    if stride == 1:
-        return fit
-    block = prepared.block[~prepared.sealed]
-    parts = [fit[block == b] for b in np.unique(block)]
-    whole = [p[: len(p) // stride * stride].reshape(-1, stride, x.shape[1]) for p in parts]
-    return np.asarray(np.concatenate(whole).mean(axis=1))
 
 
 def _functions(prepared: Prepared) -> dict[str, np.ndarray]:
@@ -157,9 +145,9 @@ def _functions(prepared: Prepared) -> dict[str, np.ndarray]:
         cells = (cell[:, None] == np.arange(7)).astype(float)
         result["position"] = np.concatenate([place, cells], axis=1)
     for j in range(len(scene.robot.joints)):
-        turned, own = _turned(prepared, j), known[f"joint {j + 1}"]
-        both = [own[:, i, None] * turned for i in range(2)]
-        parts = [own[:, :2], turned, own[:, 2:4], *both, own[:, 4:]]
+        turned, waves = _turned(prepared, j), known[f"joint {j + 1}"]
+        both = [waves[:, i, None] * turned for i in range(2)]
+        parts = [waves[:, :2], turned, waves[:, 2:4], *both, waves[:, 4:]]
         result[f"joint {j + 1}"] = np.concatenate(parts, axis=1)
         coming = scene.coming[held][:, j, None]
         if np.abs(coming).mean() > 0.2 and np.ptp(coming) > 1.0:
@@ -167,7 +155,7 @@ def _functions(prepared: Prepared) -> dict[str, np.ndarray]:
             with_sign = coming * np.concatenate([ones, turned, down], axis=1)
             result[f"direction of joint {j + 1}"] = with_sign
     result |= {k: known[k] for k in ("time", "temperature") if k in known}
-    load = respond(scene) @ prepared.turn.T
+    load = prepared.expected / prepared.sigma
     result |= _of_load(prepared, load)
     if isinstance(scene.q, Jet):
         rate = np.gradient(load, scene.period, axis=0)[held]
@@ -186,7 +174,7 @@ def _of_load(prepared: Prepared, load: np.ndarray) -> dict[str, np.ndarray]:
     x = scaled[held].T[:, :, None]
     step = np.diff(load, axis=0, prepend=load[:1])
     sign = held_on(np.where(np.abs(step) > 1e-6, np.sign(step), 0.0))[held].T[:, :, None]
-    lengths = np.linalg.norm(respond(prepared.scene)[held].reshape(-1, 2, 3), axis=2)
+    lengths = np.linalg.norm(prepared.expected[held].reshape(-1, 2, 3), axis=2)
     varied = lengths[:, np.ptp(lengths, axis=0) > 0.05 * lengths.max(axis=0)]
     bins = [(v > np.quantile(v, s)).astype(float) for v in varied.T for s in (0.25, 0.5, 0.75)]
     shared = np.broadcast_to(np.reshape(bins, (-1, x.shape[1])).T, (6, x.shape[1], len(bins)))
@@ -209,10 +197,10 @@ def _turned(prepared: Prepared, joint: int) -> np.ndarray:
 
 def _on_rows(prepared: Prepared, functions: np.ndarray) -> np.ndarray:
     if functions.ndim == 2:
-        rows = on_rows(prepared, functions)
+        rows = prepared.averages(functions)
         return np.broadcast_to(rows, (6, *rows.shape))
     flat = np.moveaxis(functions, 0, 1).reshape(functions.shape[1], -1)
-    rows = on_rows(prepared, flat)
+    rows = prepared.averages(flat)
     return np.moveaxis(rows.reshape(len(rows), 6, -1), 1, 0)
 
 
@@ -228,8 +216,8 @@ def _orthonormal(columns: np.ndarray, tolerance: float = 0.0) -> np.ndarray:
     if tolerance == 0.0:
         centred = centred[:, :, : max(1, columns.shape[1] // SHARED_ROWS)]
         norm = np.sqrt((centred**2).sum(axis=1, keepdims=True))
-        whole = np.sqrt((columns**2).sum(axis=1, keepdims=True))[:, :, : centred.shape[2]]
-        norm = np.where(norm > _RANK * whole, norm, np.inf)
+        with_mean = np.sqrt((columns**2).sum(axis=1, keepdims=True))[:, :, : centred.shape[2]]
+        norm = np.where(norm > _RANK * with_mean, norm, np.inf)
         centred, least = centred / norm, _RANK
     values, vectors = np.linalg.eigh(np.swapaxes(centred, 1, 2) @ centred)
     keep = values > least

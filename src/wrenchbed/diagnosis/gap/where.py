@@ -73,11 +73,11 @@ def locate(
     """
     covariance = levels.autocovariance(prepared)
     splits = 3 if prepared.moving else 2
-    found = _channels(prepared, residual, covariance, splits)
+    findings = _channels(prepared, residual, covariance, splits)
     if prepared.moving:
-        found += _bands(prepared, residual, covariance, splits)
-    found += _variables(prepared, residual, covariance, permutations, seed, splits)
-    return tuple(sorted(found, key=lambda f: (not f.seen, -f.share, f.p_value)))
+        findings += _bands(prepared, residual, covariance, splits)
+    findings += _variables(prepared, residual, covariance, permutations, seed, splits)
+    return tuple(sorted(findings, key=lambda f: (not f.seen, -f.share, f.p_value)))
 
 
 def entries(
@@ -102,19 +102,18 @@ def entries(
         loud = [f for f in seen if f.variable.startswith("channel")]
         varying = [f for f in seen if f not in bands and f not in loud]
         chosen = varying or bands or loud
-        own = [f for f in chosen if f.share > 0.0] or chosen
-        result = _of_hints(sorted(own, key=lambda f: -f.share))
-    told = [_of_rows(*row, alone=not result) for row in rows]
-    return sorted([*result, *told], key=lambda e: -float(e["share"]))
+        chosen = [f for f in chosen if f.share > 0.0] or chosen
+        result = _of_hints(sorted(chosen, key=lambda f: -f.share))
+    between = [_of_rows(*row, alone=not result) for row in rows]
+    return sorted([*result, *between], key=lambda e: -float(e["share"]))
 
 
 def _channels(
     prepared: Prepared, residual: np.ndarray, covariance: np.ndarray, splits: int
 ) -> list[Finding]:
     level = levels.channels(prepared, residual, covariance, CHANNELS)
-    lower = np.linalg.inv(prepared.turn)
-    rms = np.sqrt(((residual @ lower.T) ** 2).mean(axis=0))
-    noise = np.sqrt((lower**2) @ covariance[0])
+    rms = prepared.sigma * np.sqrt((residual**2).mean(axis=0))
+    noise = prepared.sigma * np.sqrt(covariance[0])
     p_value = _raised(levels.holm(level.p_value), splits)
     result = []
     for c, name in enumerate(CHANNELS):
@@ -156,10 +155,10 @@ def _variables(
     gap = float((residual**2).mean() - covariance[0].mean() * freedom)
     split = shares(parts, residual, p_value < SEEN, gap) if gap > 0 else np.zeros(len(p_value))
     both = zip(parts.names, split, p_value, strict=True)
-    return [Finding(n, float(s), float(p), _told(n, float(s), float(p))) for n, s, p in both]
+    return [Finding(n, float(s), float(p), _sentence(n, float(s), float(p))) for n, s, p in both]
 
 
-def _told(name: str, share: float, p_value: float) -> str:
+def _sentence(name: str, share: float, p_value: float) -> str:
     varies = _varies(name)
     if p_value >= SEEN:
         return f"It is not seen that the residual {varies}."

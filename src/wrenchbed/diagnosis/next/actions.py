@@ -8,10 +8,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from wrenchbed import registry
 from wrenchbed.data.plan import Plan
-from wrenchbed.diagnosis.prepare import checks, scenes
-from wrenchbed.diagnosis.prepare.prepared import BLOCKS_IN_MOTION, RATES_HZ, Prepared, held_values
+from wrenchbed.diagnosis.prepare import scenes
+from wrenchbed.diagnosis.prepare.prepared import BLOCKS_IN_MOTION, RATES_HZ, Prepared
 from wrenchbed.errors import PlanError
 from wrenchbed.physics.taylor import Jet
 from wrenchbed.planning.choose import multisine
@@ -37,7 +36,7 @@ class ExperimentRun:
 def loaded(prepared: Prepared, payload: tuple[float, np.ndarray], **change: float) -> np.ndarray:
     """Parameters (P,) with a known load beside the tool; ``change`` adds to the tool's own mass
     or CoG (``mass``, ``cog.x`` …)."""
-    robot = prepared.model.robot
+    robot = prepared.robot
     theta = np.array(prepared.scene.theta)
     own = robot.tool(theta)
     mass = float(own.mass) + change.get("mass", 0.0)
@@ -55,7 +54,7 @@ def posed(
     Args:
         noise: variance of a pose over that of a row (6,).
     """
-    old = held_values(prepared) if after else q[:0]
+    old = prepared.poses if after else q[:0]
     kept = prepared.sealed if after else np.zeros(0, dtype=bool)
     when = prepared.scene.t[prepared.scene.held] if after else t[:0]
     every, times = np.concatenate([old, q]), np.concatenate([when, t])
@@ -139,7 +138,7 @@ def actions(
         action = make(prepared, choose, seed)
         if action is not None:
             yield action
-    for k, joint in enumerate(prepared.model.robot.joints[:sweeps]):
+    for k, joint in enumerate(prepared.robot.joints[:sweeps]):
         action = _sweep(prepared, k, joint.name, seed)
         if action is not None:
             yield action
@@ -181,13 +180,13 @@ def _visit(
     prepared: Prepared, q: np.ndarray, text: str, variables: tuple[str, ...], dwell: float = 0.0
 ) -> Action | None:
     """Poses (N, J) right after a recording; with a dwell [s] other than the recording's."""
-    robot = prepared.model.robot
+    robot = prepared.robot
     if robot.joints:
         q = reachable(robot, q)
     if len(q) < 3:
         return None
     seconds = dwell or stay(prepared)
-    last = held_values(prepared)[-1]
+    last = prepared.poses[-1]
     before = np.concatenate([last[None], q[:-1]])
     both = zip(before, q, strict=True)
     way = [duration(robot, a, b) if robot.joints else TURNS_S for a, b in both]
@@ -205,7 +204,7 @@ def _visit(
 
 
 def _pool(prepared: Prepared, seed: int) -> np.ndarray:
-    robot = prepared.model.robot
+    robot = prepared.robot
     pool = robot.pool(120, seed) if robot.joints else robot.sample(120, np.random.default_rng(seed))
     return np.asarray(pool[feasible(robot, pool)] if robot.joints else pool)
 
@@ -218,10 +217,9 @@ def _poses(prepared: Prepared, choose: Choose, seed: int) -> Action | None:
 
 
 def _payload(prepared: Prepared, choose: Choose, seed: int) -> Action | None:
-    robot = prepared.model.robot
+    robot = prepared.robot
     own = robot.tool(prepared.scene.theta)
-    sensor = registry.load("sensors", checks.sensor_name(prepared.recording))
-    weight = float(np.min(sensor.calibration().range[:3])) / 9.81 - float(own.mass)
+    weight = float(np.min(prepared.sensor.calibration().range[:3])) / 9.81 - float(own.mass)
     mass = min(PAYLOAD_KG, 0.5 * weight)
     if mass < 0.05:
         return None
@@ -240,7 +238,7 @@ def _payload(prepared: Prepared, choose: Choose, seed: int) -> Action | None:
 def _rows(prepared: Prepared, choose: Choose, seed: int) -> Action | None:
     if prepared.moving:
         return None
-    q = held_values(prepared)
+    q = prepared.poses
     text = f"record the same {{n}} poses with {_MORE} times as many rows each"
     action = _visit(prepared, q, text, (), dwell=_MORE * stay(prepared))
     if action is None:
@@ -250,11 +248,11 @@ def _rows(prepared: Prepared, choose: Choose, seed: int) -> Action | None:
 
 
 def _sides(prepared: Prepared, choose: Choose, seed: int) -> Action | None:
-    robot = prepared.model.robot
+    robot = prepared.robot
     if not robot.joints:
         return None
     side = np.array([_SIDE[j.unit == "m"] for j in robot.joints])
-    q = _some(prepared) if prepared.moving else held_values(prepared)
+    q = _some(prepared) if prepared.moving else prepared.poses
     good = feasible(robot, q) & feasible(robot, q - side) & feasible(robot, q + side)
     chosen = _evenly(q[good], _SIDES)
     every = np.stack([chosen - side, chosen, chosen + side, chosen], axis=1)
@@ -266,7 +264,7 @@ def _revisit(prepared: Prepared, choose: Choose, seed: int) -> Action | None:
     if prepared.moving:
         return None
     q = _spread(prepared, 30)
-    first = held_values(prepared)[:1]
+    first = prepared.poses[:1]
     parts = [np.concatenate([first, q[k : k + 10]]) for k in range(0, len(q), 10)]
     text = "record {n} poses again and return to the first pose after every ten"
     return _visit(prepared, np.concatenate([*parts, first]), text, ("time",))
@@ -275,14 +273,14 @@ def _revisit(prepared: Prepared, choose: Choose, seed: int) -> Action | None:
 def _hold(prepared: Prepared, choose: Choose, seed: int) -> Action | None:
     if prepared.moving:
         return None
-    q = np.repeat(held_values(prepared)[:1], _HOLDS, axis=0)
+    q = np.repeat(prepared.poses[:1], _HOLDS, axis=0)
     minutes = _HOLDS * _HOLD_S / 60.0
     text = f"hold the first pose from cold for {minutes:.0f} min and log the temperature"
     return _visit(prepared, q, text, ("time", "temperature"), dwell=_HOLD_S)
 
 
 def _motion(prepared: Prepared, choose: Choose, seed: int) -> Action | None:
-    robot = prepared.model.robot
+    robot = prepared.robot
     if not isinstance(robot, SimulatedRobot):
         return None
     try:
@@ -303,12 +301,12 @@ def _motion(prepared: Prepared, choose: Choose, seed: int) -> Action | None:
 
 
 def _sweep(prepared: Prepared, joint: int, name: str, seed: int) -> Action | None:
-    robot = prepared.model.robot
+    robot = prepared.robot
     limit = robot.joints[joint]
     low, high = limit.lower, limit.upper
     if limit.unit == "rad":
         low, high = max(low, -_SWEEP), min(high, _SWEEP)
-    source = _some(prepared) if prepared.moving else held_values(prepared)
+    source = _some(prepared) if prepared.moving else prepared.poses
     if len(source) == 0:
         return None
     place = np.random.default_rng([seed, joint]).permutation(len(source))
@@ -331,7 +329,7 @@ def _some(prepared: Prepared) -> np.ndarray:
 
 
 def _spread(prepared: Prepared, n: int) -> np.ndarray:
-    return _some(prepared) if prepared.moving else _evenly(held_values(prepared), n)
+    return _some(prepared) if prepared.moving else _evenly(prepared.poses, n)
 
 
 def _evenly(q: np.ndarray, n: int) -> np.ndarray:

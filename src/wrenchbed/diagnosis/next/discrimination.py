@@ -12,9 +12,15 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from wrenchbed.diagnosis.evidence.dictionary import STATED, EffectDictionary, Hypothesis, Response
-from wrenchbed.diagnosis.evidence.likelihood import CORRELATION_S, LARGE, MOST, BackgroundLevel
+from wrenchbed.diagnosis.evidence.dictionary import EffectDictionary, Hypothesis, Response
+from wrenchbed.diagnosis.evidence.likelihood import (
+    LARGE,
+    MOST,
+    BackgroundLevel,
+    row_variance,
+)
 from wrenchbed.diagnosis.next.actions import ExperimentRun, loaded
+from wrenchbed.diagnosis.prepare.configuration import STATED
 from wrenchbed.diagnosis.prepare.prepared import Prepared
 from wrenchbed.effects.base import Effect, Variant
 from wrenchbed.effects.chain import effects
@@ -69,7 +75,7 @@ class Contest:
         self._place = {int(k): i for i, k in enumerate(self.chosen)}
         self.stated = np.array([self._place[int(k)] for k in d.stated])
         self.sizes = [self._sizes(c) for c in self.candidates]
-        self.old = ExperimentRows(d.E[:, self.chosen], self._variance(d.prepared))
+        self.old = ExperimentRows(d.E[:, self.chosen], row_variance(d.prepared, ROWS * GAP))
         self.background = self._background()
 
     def _sizes(self, candidate: Candidate) -> np.ndarray:
@@ -81,13 +87,6 @@ class Contest:
     def own(self, hypothesis: Hypothesis) -> np.ndarray:
         """Places of a hypothesis's columns among the chosen ones."""
         return np.array([self._place[int(k)] for k in hypothesis.columns])
-
-    def _variance(self, prepared: Prepared) -> np.ndarray:
-        rows = ROWS * GAP
-        if prepared.moving:
-            rows *= max(1.0, CORRELATION_S / (prepared.scene.period * prepared.stride))
-        count = len(prepared.rows(np.zeros((len(prepared.y), 6))))
-        return np.tile(prepared.variance + rows, count)
 
     def _background(self) -> np.ndarray:
         """Variance of each chosen column (n,) without any cause."""
@@ -111,20 +110,18 @@ class Contest:
         base = session.prepared
         at = base if session.payload is None else base.at(loaded(base, session.payload))
         mode = "dynamic" if base.moving else "static"
-        response = Response(at.scene)
-        result = np.zeros((len(self._variance(base)), len(self.chosen)))
+        response, v0 = Response(at.scene, at.expected), row_variance(base, ROWS * GAP)
+        result = np.zeros((len(v0), len(self.chosen)))
         for k, c in enumerate(self._columns):
             if mode not in c.effect.modes:
                 continue
-            known = c.effect.parameters(at.scene.robot)
             if session.payload is not None and c.effect.stated in ("mass", "cog"):
                 size = float(self.d.size[self.chosen[k]])
                 change = _tool_change(base, session.payload, c.parameter, size)
             else:
-                parameter = known[known.index(c.parameter)]
-                change = response.tangent(c.effect, parameter, c.variant)
+                known = {p.name: p for p in c.effect.parameters(at.robot)}
+                change = response.tangent(c.effect, known[c.parameter], c.variant)
             result[:, k] = base.rows(change).ravel()
-        v0 = self._variance(base)
         if session.again:
             return ExperimentRows(result, v0)
         own = [np.tile(np.eye(6), (len(v0) // 6, 1)), *self._only_there(base, response)]
@@ -144,9 +141,9 @@ class Contest:
                 if not variants:
                     continue
                 variant = max(variants, key=lambda v: len(v.free))
-                every = effect.parameters(scene.robot)
+                known_ = {p.name: p for p in effect.parameters(scene.robot)}
                 changes = [
-                    base.rows(response.tangent(effect, every[every.index(n)], variant)).ravel()
+                    base.rows(response.tangent(effect, known_[n], variant)).ravel()
                     for n in variant.free
                 ]
                 result.append(np.stack(changes, axis=1))
@@ -234,7 +231,7 @@ def _tool_change(
     prepared: Prepared, payload: tuple[float, np.ndarray], parameter: str, size: float
 ) -> np.ndarray:
     up, down = (
-        Response(prepared.at(loaded(prepared, payload, **{parameter: s * size / 2})).scene).reading
+        prepared.at(loaded(prepared, payload, **{parameter: s * size / 2})).expected
         for s in (1.0, -1.0)
     )
     return up - down

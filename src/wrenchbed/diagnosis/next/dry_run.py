@@ -17,7 +17,9 @@ from wrenchbed.diagnosis.evidence.similarity import Likeness
 from wrenchbed.diagnosis.next.isolability import VisibleSize, cannot_tell, isolability
 from wrenchbed.diagnosis.prepare import scenes
 from wrenchbed.diagnosis.prepare.baseline import tolerances
-from wrenchbed.diagnosis.prepare.prepared import Prepared, prepare
+from wrenchbed.diagnosis.prepare.configuration import Configuration
+from wrenchbed.diagnosis.prepare.prepare_recording import prepare
+from wrenchbed.diagnosis.prepare.prepared import Prepared
 from wrenchbed.effects.chain import respond
 from wrenchbed.errors import DiagnosisError
 from wrenchbed.jobs.workers import one_thread
@@ -73,17 +75,17 @@ def recording_of(
     meta = nominal_metadata(robot, plan.mode, rate) if metadata is None else metadata
     meta = replace(meta, mode=plan.mode, rate_hz=rate)
     model = Model.of(robot, meta)
-    theta = model.configured(meta)
+    robot_theta = Configuration(model, model.configured(meta)).robot_theta
     if moving:
         t = np.arange(len(plan)) / rate
         count = np.ones(len(plan), dtype=int)
         d = np.gradient(plan.q, 1.0 / rate, axis=0)
         jet = Jet(plan.q, d, np.gradient(d, 1.0 / rate, axis=0))
-        clean = respond(scenes.of_motion(model, theta, jet, t, None))
+        clean = respond(scenes.of_motion(model, robot_theta, jet, t, None))
     else:
         count = rows_of(plan, samples, rate)
         start = begins(robot, plan.q, count / rate)
-        scene = scenes.of_poses(model, theta, plan.q, start + count / (2 * rate), None)
+        scene = scenes.of_poses(model, robot_theta, plan.q, start + count / (2 * rate), None)
         clean = np.repeat(respond(scene)[scene.held], count, axis=0)
         within = np.arange(len(clean)) - np.repeat(np.cumsum(count) - count, count)
         t = np.repeat(start, count) + within / rate
@@ -157,8 +159,6 @@ def dry_run(plan: Plan, samples: int = SAMPLES, rate: float = RATE) -> DryRun:
         DiagnosisError: such a recording could not be diagnosed, and why.
     """
     prepared = of_plan(plan, None, samples, rate)
-    n = len(prepared.model.robot.parameters)
-    mass = float(prepared.model.robot.tool(prepared.theta[:n]).mass)
-    d = build(prepared, prepared.theta, tolerances(prepared, mass))
+    d = build(prepared, prepared.configuration.robot_theta, tolerances(prepared))
     likeness = Likeness(d)
     return DryRun(isolability(d, likeness), cannot_tell(d, likeness))

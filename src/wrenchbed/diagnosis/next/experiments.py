@@ -6,7 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from wrenchbed.data.plan import Plan
-from wrenchbed.diagnosis.evidence.dictionary import EffectDictionary, features
+from wrenchbed.diagnosis.evidence.dictionary import EffectDictionary
+from wrenchbed.diagnosis.evidence.features import features
 from wrenchbed.diagnosis.evidence.likelihood import LARGE, BackgroundLevel
 from wrenchbed.diagnosis.explain.analysis import Analysis
 from wrenchbed.diagnosis.explain.claims import stated
@@ -89,9 +90,9 @@ def candidates_of(analysis: Analysis, names: Collection[str]) -> tuple[Candidate
                 place = {int(k): i for i, k in enumerate(d.stated)}
                 found[part.name] = (h, np.array([mean[place[int(k)]] for k in h.columns]))
                 continue
-            h = e.finalist.parts[part.index]
-            variables = refitter.variables(e.finalist.parts)
-            size = {n: e.finalist.x[i] for i, (k, n, _) in enumerate(variables) if k == part.index}
+            f = e.finalist
+            h, at = f.parts[part.index], f.variables.of_parts([part.index])
+            size = {f.variables.name[i]: f.x[i] for i in at}
             found[part.name] = (h, np.array([size[n] for n in h.variant.free]))
     return tuple(found.values())
 

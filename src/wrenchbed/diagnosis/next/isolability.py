@@ -5,9 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wrenchbed.diagnosis.evidence.dictionary import STATED, EffectDictionary
+from wrenchbed.diagnosis.evidence.dictionary import EffectDictionary
 from wrenchbed.diagnosis.evidence.similarity import ALIKE, PLAUSIBLE, Likeness
 from wrenchbed.diagnosis.explain.verdict import INSEPARABLE
+from wrenchbed.diagnosis.prepare.configuration import STATED
 from wrenchbed.effects.chain import effects
 
 

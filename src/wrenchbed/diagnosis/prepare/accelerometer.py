@@ -1,9 +1,8 @@
-"""What an accelerometer on the tool says about the base's tilt: gravity measured a second time.
+"""The base's tilt from an accelerometer on the tool: a second measurement of gravity.
 
 At rest it reads a = A Rᵀ(g + α × g) + b: R the sensor's orientation, A the accelerometer's mounting
-and scales (3, 3), b its zero, α the tilt. A and b are free, so neither how it is mounted nor how
-well it is calibrated matters: only that gravity, as the base sees it, stands still. Nothing of this
-is in the wrench.
+and scales (3, 3), b its zero, α the tilt. A and b are free, so neither its mounting nor its
+calibration matters; gravity must only be constant in the base. The wrench takes no part.
 """
 
 from dataclasses import dataclass
@@ -13,13 +12,12 @@ import numpy as np
 from wrenchbed.calibration.observations import usable
 from wrenchbed.data.holds import gather
 from wrenchbed.data.recording import Recording
-from wrenchbed.effects.base_tilt import TYPICAL
+from wrenchbed.diagnosis.prepare.configuration import Configuration
+from wrenchbed.effects.base_tilt import EFFECT, TYPICAL
 from wrenchbed.physics.rotations import cross
 from wrenchbed.physics.taylor import value
-from wrenchbed.simulation.closed_form import Model
 
-TILT = "base.tilt"
-"""The effect that it bears witness to."""
+TILT = EFFECT.name
 AXES = ("ax", "ay", "az")
 SIZES = TYPICAL * 2.0 ** np.arange(-2, 3)
 """Prior standard deviations of a tilt about one axis [rad], all alike."""
@@ -32,7 +30,7 @@ _GRID = np.linspace(-8.0, 8.0, 65)
 
 @dataclass(frozen=True, eq=False)
 class Testimony:
-    """A tilt as the accelerometer sees it.
+    """A tilt as the accelerometer measures it.
 
     Attributes:
         tilt: rotation of gravity about the base's x and y (2,) [rad].
@@ -54,21 +52,23 @@ class Testimony:
         return np.asarray(np.sqrt(np.diagonal(self.covariance)))
 
 
-def testimony(recording: Recording, model: Model, theta: np.ndarray) -> Testimony | None:
-    """The tilt of a static recording with ``ax ay az``; None if it holds too little to tell.
-
-    Args:
-        recording: at rest.
-        model: its robot under its gravity.
-        theta: full parameters as stated (P,).
-    """
-    if recording.metadata.mode != "static" or not all(a in recording.columns for a in AXES):
+def acceleration_columns(recording: Recording) -> np.ndarray | None:
+    """Readings (N, 3) of an accelerometer [m/s²], None without one."""
+    if not all(a in recording.columns for a in AXES):
         return None
-    holds = gather(recording, usable(recording))
-    rows = np.stack([recording.columns[a] for a in AXES], axis=-1)[usable(recording)]
-    read = np.add.reduceat(rows, holds.rows) / holds.count[:, None]
-    own = theta[: len(model.robot.parameters)]
-    rotation = value(model.robot.sensor_pose(holds.q, own)[0])
+    return np.stack([recording.columns[a] for a in AXES], axis=-1)
+
+
+def testimony(recording: Recording, configuration: Configuration) -> Testimony | None:
+    """The tilt of a static recording with ``ax ay az``; None if it holds too little of it."""
+    measured = acceleration_columns(recording)
+    if recording.metadata.mode != "static" or measured is None:
+        return None
+    keep = usable(recording)
+    holds = gather(recording, keep)
+    read = np.add.reduceat(measured[keep], holds.rows) / holds.count[:, None]
+    model = configuration.model
+    rotation = value(model.robot.sensor_pose(holds.q, configuration.robot_theta)[0])
     return fitted(read, rotation, np.asarray(model.gravity))
 
 
@@ -97,8 +97,8 @@ def fitted(read: np.ndarray, rotation: np.ndarray, gravity: np.ndarray) -> Testi
     square = float(((left - design @ step) ** 2).sum())
     none = square + float(tilt @ normal @ tilt)
     covariance = np.linalg.inv(normal) * square / dof
-    gain_of_tilt = [_log_bayes(tilt, normal, square, none, dof + 2, float(s)) for s in SIZES]
-    log_bayes = float(np.logaddexp.reduce(gain_of_tilt) - np.log(len(SIZES)))
+    logs = [_log_bayes(tilt, normal, square, none, dof + 2, float(s)) for s in SIZES]
+    log_bayes = float(np.logaddexp.reduce(logs) - np.log(len(SIZES)))
     return Testimony(tilt, covariance, log_bayes, float(np.sqrt(square / read.size)), dof)
 
 

@@ -1,23 +1,20 @@
-"""What a recording must have before a diagnosis may say anything.
+"""What a recording must have before a diagnosis may answer: `enough` refuses all else.
 
-Whether readings can be those of a weight that this robot turns about.
+Poses, orientations, live and unsaturated channels, and readings that follow a weight.
 """
 
 from typing import NamedTuple
 
 import numpy as np
-from scipy.fft import irfft, next_fast_len, rfft
 
 from wrenchbed import registry
 from wrenchbed.calibration.observations import Observations, usable
-from wrenchbed.data.holds import ROWS_AT_ONCE
 from wrenchbed.data.recording import Recording
-from wrenchbed.errors import DiagnosisError, NotFoundError, PlanError
+from wrenchbed.diagnosis.prepare.configuration import Configuration
+from wrenchbed.errors import DiagnosisError
 from wrenchbed.physics.rotations import cross
 from wrenchbed.physics.taylor import value
 from wrenchbed.physics.wrench import CHANNELS, Tool, wrench
-from wrenchbed.robots.oriented import ROBOT as ORIENTED
-from wrenchbed.simulation.closed_form import Model
 
 LEAST_WEIGHT = 0.01
 """Least weight, over the stated one: below it, no load shows."""
@@ -45,35 +42,32 @@ class _Carried(NamedTuple):
     noise: np.ndarray
 
 
-def check(name: str, data: Observations, model: Model, theta: np.ndarray, moving: bool) -> None:
+def check(name: str, data: Observations, configuration: Configuration, moving: bool) -> None:
     """Refuse readings that do not follow the weight of a tool on this robot.
 
     Args:
         name: of the recording, for messages.
         data: its observations.
-        model: the robot that its metadata names.
-        theta: parameters (P,) as the metadata states them.
+        configuration: the simulator as its metadata states it.
         moving: whether more than weight acts.
 
     Raises:
         DiagnosisError: no load shows, the forces turn otherwise than the joints, a channel does
             not follow its load, torques have the wrong sign, or the load is beyond all bounds.
     """
-    own = theta[: len(model.robot.parameters)]
-    tool = model.robot.tool(own)
-    gravity = np.asarray(model.gravity)
-    one = Tool(np.ones(()), np.asarray(tool.cog, dtype=float), np.zeros((3, 3)), np.zeros(()))
-    force = value(wrench(*model.robot.sensor_pose(data.q, own), one, gravity))[:, :3]
+    robot, gravity = configuration.model.robot, np.asarray(configuration.model.gravity)
+    one = Tool(np.ones(()), configuration.cog, np.zeros((3, 3)), np.zeros(()))
+    pose = robot.sensor_pose(data.q, configuration.robot_theta)
+    force = value(wrench(*pose, one, gravity))[:, :3]
     noise = np.sqrt(np.diagonal(data.row_covariance) / np.mean(data.count))
     carried = _Carried(force - force.mean(axis=0), data.wrench - data.wrench.mean(axis=0), noise)
     mass = _mass(carried)
-    still = not moving
-    if still:
-        _turns_with_the_joints(name, carried, mass, model.robot.name)
-    _some_weight(name, carried, mass, float(tool.mass))
+    if not moving:
+        _turns_with_the_joints(name, carried, mass, robot.name)
+    _some_weight(name, carried, mass, configuration.mass)
     _forces_follow(name, carried)
-    if still and mass > 0.0:  # else the calibration says that the sign is wrong
-        _torques_follow(name, carried, force * mass, tool.cog)
+    if not moving and mass > 0.0:  # else the calibration says that the sign is wrong
+        _torques_follow(name, carried, force * mass, configuration.cog)
 
 
 def _mass(c: _Carried) -> float:
@@ -179,43 +173,7 @@ ENDS = (1.0, 1.05)
 """Where converters end, over the range."""
 
 
-def model_of(recording: Recording) -> Model:
-    """The robot that a recording names, or one that is known by orientations only.
-
-    Raises:
-        DiagnosisError: there is no such robot, or it cannot take the recorded joint values.
-    """
-    named, joints = recording.metadata.robot, len(recording.joints)
-    if not joints:
-        return Model.of(ORIENTED, recording.metadata)
-    try:
-        robot = registry.load("robots", named)
-    except NotFoundError as error:
-        raise DiagnosisError(f"{recording.name}: metadata robot = {named!r}: {error}") from error
-    if joints != len(robot.joints):
-        raise DiagnosisError(
-            f"{recording.name}: has {joints} joints, {robot.name} has "
-            f"{len(robot.joints)}: metadata robot = {named!r} is wrong"
-        )
-    try:
-        robot.check(recording.q, robot.parameters.nominal, recording.name)
-    except PlanError as error:
-        raise DiagnosisError(
-            f"{error}: state joints in rad and m, and in metadata robot = {named!r} the robot that "
-            "was recorded"
-        ) from error
-    return Model.of(robot, recording.metadata)
-
-
-def sensor_name(recording: Recording) -> str:
-    """Registry name of the recording's sensor, the robot's own where it is not stated."""
-    stated = recording.metadata.sensor.model
-    if stated in registry.names("sensors"):
-        return str(stated)
-    return model_of(recording).robot.sensor
-
-
-def enough(recording: Recording, data: Observations, model: Model) -> None:
+def enough(recording: Recording, data: Observations, configuration: Configuration) -> None:
     """Refuse what no method could diagnose.
 
     Raises:
@@ -231,10 +189,9 @@ def enough(recording: Recording, data: Observations, model: Model) -> None:
     if moving and recording.t[-1] - recording.t[0] < LEAST_SECONDS:
         raise DiagnosisError(f"{name}: less than {LEAST_SECONDS:g} s of motion; record 60 s")
     _channels(recording)
-    theta = model.configured(recording.metadata)
-    own = theta[: len(model.robot.parameters)]
-    rotation = value(model.robot.sensor_pose(data.q, own)[0])
-    down = np.asarray(model.gravity) @ rotation / np.linalg.norm(model.gravity)
+    robot, gravity = configuration.model.robot, np.asarray(configuration.model.gravity)
+    rotation = value(robot.sensor_pose(data.q, configuration.robot_theta)[0])
+    down = gravity @ rotation / np.linalg.norm(gravity)
     spread = np.linalg.eigvalsh(np.cov(down.T))
     if spread[1] < LEAST_SPREAD**2:
         raise DiagnosisError(
@@ -242,7 +199,7 @@ def enough(recording: Recording, data: Observations, model: Model) -> None:
             f"{np.rad2deg(np.sqrt(max(spread[2], 0.0))):.1f}° rms): weight, bias and every other "
             "cause look the same. Turn the tool about"
         )
-    check(name, data, model, theta, moving)
+    check(name, data, configuration, moving)
 
 
 def _channels(recording: Recording) -> None:
@@ -318,24 +275,3 @@ def _longest_run(column: np.ndarray) -> tuple[int, int]:
     lengths = np.diff(np.append(starts, len(column)))
     longest = int(lengths.argmax())
     return int(starts[longest]), int(lengths[longest])
-
-
-def correlation_time(recording: Recording, data: Observations) -> np.ndarray:
-    """Integrated autocorrelation time of rows within poses (6,) [rows], at least 1."""
-    if len(data.count) == 0 or np.min(data.count) < 8 or data.left_out:
-        return np.ones(6)
-    n, holds = int(np.min(data.count)), len(data.count)
-    starts = np.concatenate([[0], np.cumsum(data.count)[:-1]])
-    size = next_fast_len(n + n // 4, real=True)  # as long as the lags that are asked for
-    tau = np.ones(6)
-    for k, name in enumerate(CHANNELS):
-        column, product = recording.columns[name], np.zeros(n // 4)
-        for some in np.array_split(starts, max(1, holds * n // ROWS_AT_ONCE)):
-            rows = column[some[:, None] + np.arange(n)]  # (some of H, n)
-            rows = rows - rows.mean(axis=1, keepdims=True)
-            power = np.square(np.abs(rfft(rows, size, axis=1))).sum(axis=0)
-            product += irfft(power, size)[: n // 4]
-        rho = product / max(product[0], 1e-300 * holds * n)
-        rho = rho[1:] + 1.0 / n  # the mean taken from each hold biases it
-        tau[k] += 2.0 * rho[rho > 2.0 / np.sqrt(holds * n)].sum()
-    return tau

@@ -1,9 +1,9 @@
 """A motion of which only the sensor's orientation is known, made ready for a diagnosis.
 
 The configured simulator has gravity alone. Rows are averaged to `RATE_HZ`, so that a scene of slow
-poses follows the motion; an accelerometer on the tool, if there is one, gives the accelerations
+poses follows the motion; an accelerometer on the tool, if there is one, supplies the accelerations
 that orientations lack. What is faster than the averages is no part of their gap: what leaks through
-them says how sure an average is, and `trembling` what it is.
+them sets the uncertainty of an average. Vibration of the tool is detected between rows.
 """
 
 from collections.abc import Mapping
@@ -16,7 +16,8 @@ from scipy.spatial.transform import Rotation
 from wrenchbed.calibration.observations import Observations, floored, usable
 from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis.prepare import checks, scenes
-from wrenchbed.diagnosis.prepare.accelerometer import AXES
+from wrenchbed.diagnosis.prepare.accelerometer import acceleration_columns
+from wrenchbed.diagnosis.prepare.configuration import configured
 from wrenchbed.diagnosis.prepare.prepared import Prepared, split
 from wrenchbed.effects.tool_inertia import ACCELERATION, SPIN, TURNING
 from wrenchbed.errors import DiagnosisError
@@ -81,14 +82,13 @@ def averages(recording: Recording) -> Averages:
     return Averages(stride, window / window.sum())
 
 
-def prepare(recording: Recording, seed: int = 0) -> Prepared:
+def averaged(recording: Recording, seed: int = 0) -> Prepared:
     """Average, whiten and split a motion without joints.
 
     Raises:
         DiagnosisError: the data cannot answer, and why.
     """
-    model = checks.model_of(recording)
-    theta = model.configured(recording.metadata)
+    configuration = configured(recording)
     std = recording.metadata.sensor.noise_std
     if std is None:
         raise DiagnosisError(
@@ -106,14 +106,14 @@ def prepare(recording: Recording, seed: int = 0) -> Prepared:
     covariance = floored(np.diag(np.square(std)), recording)
     count = np.full(len(t), means.stride)
     data = Observations(q, y, count, covariance, np.inf, "stated", t, 0)
-    checks.enough(recording, data, model)
-    block, sealed = split(data, True, seed, 1)
-    scene = scenes.of_motion(model, theta, q, t, None)
+    checks.enough(recording, data, configuration)
+    block, sealed = split(len(t), True, seed, 1)
+    scene = scenes.of_motion(configuration.model, configuration.robot_theta, q, t, None)
     scene = replace(scene, extra=accelerations(recording, means, q, t, scene.gravity))
-    own = np.diagonal(covariance)
-    noise = variance(recording, means, scene.tool, np.zeros(len(t), dtype=bool)) / own
+    row = np.diagonal(covariance)
+    noise = variance(recording, means, scene.tool, np.zeros(len(t), dtype=bool)) / row
     return Prepared(
-        recording, model, theta, scene, y, count, covariance, np.diag(1.0 / np.sqrt(own)), noise,
+        recording, configuration, scene, y, count, covariance, noise,
         "stated noise, of an average from what it lets through of faster motion", block, sealed,
         np.tile(covariance, (len(t), 1, 1)), 0,
     )  # fmt: skip
@@ -137,10 +137,10 @@ def variance(recording: Recording, means: Averages, tool: Tool, without: np.ndar
     rough = means.rough(recording.t, recording.wrench)
     leaked, kept = means.of(rough), means.of(use[:, None].astype(float))[:, 0] > 1.0 - 1e-9
     noise = np.maximum(leaked[kept].var(axis=0), share * std**2)
-    if not all(a in recording.columns for a in AXES):
+    measured = acceleration_columns(recording)
+    if measured is None:
         return np.asarray(noise)
-    read = np.stack([recording.columns[a] for a in AXES], axis=-1)
-    shaken = means.rough(recording.t, read)[use]
+    shaken = means.rough(recording.t, measured)[use]
     force = float(tool.mass) ** 2 * share * shaken.var(axis=0)
     lever = np.asarray(cross(np.broadcast_to(tool.cog, (3, 3)), np.eye(3))).T
     return np.asarray(noise + np.concatenate([force, lever**2 @ force]))
@@ -156,7 +156,8 @@ def accelerations(
         t: their times (M,) [s].
         gravity: in world axes (3,) [m/s²].
     """
-    if not all(a in recording.columns for a in AXES):
+    measured = acceleration_columns(recording)
+    if measured is None:
         return {}
     turn = Rotation.from_quat(q, scalar_first=True)
     period = float(np.diff(t).mean())
@@ -164,12 +165,12 @@ def accelerations(
     spin[1:-1] = (turn[:-2].inv() * turn[2:]).as_rotvec() / (2.0 * period)
     still = np.linalg.norm(spin, axis=1) < STILL
     still[[0, -1]] = False
-    read = means.of(np.stack([recording.columns[a] for a in AXES], axis=-1))
+    read = means.of(measured)
     weight = -(gravity @ turn.as_matrix())  # what it reads at rest
     if still.sum() < LEAST_STILL:
         still = np.ones(len(t), dtype=bool)
-    free = _own_reading(read[still], weight[still])
-    acceleration = (read - free[3]) @ np.linalg.inv(free[:3]) - weight
+    fitted = _own_reading(read[still], weight[still])
+    acceleration = (read - fitted[3]) @ np.linalg.inv(fitted[:3]) - weight
     return {ACCELERATION: acceleration, SPIN: spin, TURNING: np.gradient(spin, period, axis=0)}
 
 

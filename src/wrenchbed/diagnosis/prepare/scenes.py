@@ -1,9 +1,8 @@
-"""Parts of long recordings that show what all of it would, at a cost that no length exceeds.
+"""The scene of a recording or of a plan, and the part of a long recording that is diagnosed.
 
-A motion's cost grows with its rows (1 ms and 30 kB each); at rest, and in motion without joints,
-rows are averaged, but what happens between rows is looked for in rows.
-
-The scene of a recording or of a plan: rows that were measured and the ways between them.
+A scene holds the rows that were measured and the ways between them. A motion's cost grows with its
+rows (1 ms and 30 kB each); at rest, and in motion without joints, rows are averaged, but what
+happens between rows is looked for in the rows themselves, of a limited number.
 """
 
 from collections.abc import Sequence
@@ -12,21 +11,21 @@ from dataclasses import replace
 import numpy as np
 
 from wrenchbed.calibration.observations import Observations
-from wrenchbed.data.holds import Holds, gather
+from wrenchbed.data.holds import gather
 from wrenchbed.data.recording import Recording
+from wrenchbed.diagnosis.prepare.configuration import Configuration
 from wrenchbed.effects.scene import WAY, Scene
 from wrenchbed.physics.taylor import Value, value
 from wrenchbed.simulation.closed_form import Model
 
 
 def of_poses(
-    model: Model, theta: np.ndarray, q: np.ndarray, t: np.ndarray, warmth: np.ndarray | None
+    model: Model, robot_theta: np.ndarray, q: np.ndarray, t: np.ndarray, warmth: np.ndarray | None
 ) -> Scene:
     """Poses at rest (H, J) at times (H,) [s], joined by straight joint-space moves."""
-    own = theta[: len(model.robot.parameters)]
     gravity = np.asarray(model.gravity)
     if not model.robot.joints or len(q) < 2:
-        return Scene(model.robot, own, gravity, q, t, np.ones(len(q), dtype=bool), warmth)
+        return Scene(model.robot, robot_theta, gravity, q, t, np.ones(len(q), dtype=bool), warmth)
     share = np.arange(WAY + 1) / (WAY + 1)
 
     def fill(x: np.ndarray) -> np.ndarray:
@@ -38,34 +37,31 @@ def of_poses(
     held = np.zeros((len(q) - 1) * (WAY + 1) + 1, dtype=bool)
     held[:: WAY + 1] = True
     warm = None if warmth is None else fill(warmth)
-    return Scene(model.robot, own, gravity, fill(q), fill(t), held, warm)
+    return Scene(model.robot, robot_theta, gravity, fill(q), fill(t), held, warm)
 
 
 def of_motion(
-    model: Model, theta: np.ndarray, q: Value, t: np.ndarray, warmth: np.ndarray | None
+    model: Model, robot_theta: np.ndarray, q: Value, t: np.ndarray, warmth: np.ndarray | None
 ) -> Scene:
     """Samples of a motion (N, J) as jets."""
-    own = theta[: len(model.robot.parameters)]
     held = np.ones(len(value(q)), dtype=bool)
-    return Scene(model.robot, own, np.asarray(model.gravity), q, t, held, warmth)
+    return Scene(model.robot, robot_theta, np.asarray(model.gravity), q, t, held, warmth)
 
 
-def of_recording(
-    recording: Recording, model: Model, theta: np.ndarray, data: Observations | Holds
-) -> Scene:
+def of_recording(recording: Recording, configuration: Configuration, data: Observations) -> Scene:
     """The scene whose held rows are the observations of a recording."""
     warmth = None
     if "temperature" in recording.columns:
         temperature = recording.columns["temperature"].astype(float)
         warmth = np.interp(data.t, recording.t, temperature - temperature[0])
     make = of_motion if recording.metadata.mode == "dynamic" else of_poses
-    return make(model, theta, data.q, data.t, warmth)
+    return make(configuration.model, configuration.robot_theta, data.q, data.t, warmth)
 
 
 MOTION = 60_000
 """Rows of a motion with joints that are diagnosed: 8 min at 125 Hz."""
 ROWS = 1_000_000
-"""Rows between which things are looked for: they tell a share or a variance to about 0.1 %."""
+"""Rows in which effects between rows are looked for: enough for a variance within 0.1 %."""
 LEAST_IN_HOLD, RUNS = 200, 100
 """Last rows of every pose at least; else so many runs of rows, whatever the poses."""
 
@@ -98,12 +94,12 @@ def excerpt(recording: Recording) -> Recording:
     return _rows(recording, (begins[:, None] + np.arange(size)).ravel())
 
 
-def notes(whole: Recording, used: Recording, looked: Recording) -> Sequence[str]:
-    """What a reader should know: which rows took part."""
-    if len(used) < len(whole):
-        first, last = used.t[0] - whole.t[0], used.t[-1] - whole.t[0]
+def notes(given: Recording, used: Recording, looked: Recording) -> Sequence[str]:
+    """Which rows of a long recording took part."""
+    if len(used) < len(given):
+        first, last = used.t[0] - given.t[0], used.t[-1] - given.t[0]
         return (
-            f"of {len(whole):,} rows of motion, {len(used):,} were diagnosed, from {first:.0f} s "
+            f"of {len(given):,} rows of motion, {len(used):,} were diagnosed, from {first:.0f} s "
             f"to {last:.0f} s: what happens outside it, or over longer times, is not seen",
         )
     if len(looked) < len(used):

@@ -1,25 +1,25 @@
-"""Something touches the tool during a part of a motion that is known by orientations only.
+"""Contact of the tool during a part of a motion that is known by orientations only.
 
-A touch is told from every free-space cause by what it does: a force far beyond what weight and
-inertia leave, during a part of the recording only, that no gain and no zero of the sensor explains,
-and whose torque is r × F at one point r. The rows without it are left for the other causes.
+A contact differs from every free-space cause: its force is far beyond what weight and inertia leave
+as a residual, lasts for a part of the recording only, is explained by no gain and no zero of the
+sensor, and its torque is r × F at one point r. The other causes are diagnosed on the other rows.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from wrenchbed.diagnosis.prepare.orientations import averages, variance
-from wrenchbed.diagnosis.prepare.prepared import Prepared
-from wrenchbed.effects.chain import respond
+from wrenchbed.diagnosis.prepare.prepared import Prepared, Touch
+from wrenchbed.effects.environment_contact import EFFECT
 from wrenchbed.effects.tool_inertia import ACCELERATION, inertial
 from wrenchbed.physics.rotations import cross
 from wrenchbed.physics.taylor import value
 
-CONTACT = "environment.contact"
+CONTACT = EFFECT.name
 SURE = 0.99
-"""Probability of a touch that is found: more no test of one recording can say."""
+"""Probability of a contact that is detected: no test of one recording can be surer."""
 BEYOND = 0.2
 """Force that no imperfection of a robot in free space leaves, over the tool's weight: the largest
 gains, tilts and cables of the library are a tenth."""
@@ -31,32 +31,12 @@ MARGIN = 3
 """Averaged rows on either side of a touch that are left out with it."""
 
 
-@dataclass(frozen=True, eq=False)
-class Touch:
-    """A touch.
-
-    Attributes:
-        rows: observations that it takes part in (H,).
-        share: of the squared force that stated weight and inertia leave, within these rows.
-        parameters: as a cause; None if its force acts at no one point: then it is unknown.
-        detail: in a few words.
-        sentence: for people.
-    """
-
-    rows: np.ndarray
-    share: float
-    parameters: dict[str, dict[str, Any]] | None
-    detail: str
-    sentence: str
-
-
 def find_contact(prepared: Prepared) -> Touch | None:
     """The touch of an averaged motion; None if weight and inertia leave nothing like it."""
     scene = prepared.scene
-    load = respond(scene)
+    left = prepared.y - prepared.expected
     if ACCELERATION in scene.extra:
-        load = load + inertial(scene)
-    left = prepared.y - load
+        left = left - inertial(scene)
     limit = BEYOND * float(scene.tool.mass * np.linalg.norm(scene.gravity))
     away = np.linalg.norm(left[:, :3] - _usual(left[:, :3], limit), axis=1)
     touched = _long(away > limit, max(2, round(LEAST_S / scene.period)))
@@ -92,9 +72,12 @@ def find_contact(prepared: Prepared) -> Touch | None:
     return Touch(free, share, parameters, f"up to {peak:.3g} N, {first:.1f} to {last:.1f} s", text)
 
 
-def without(prepared: Prepared, rows: np.ndarray) -> Prepared:
-    """The same without some of its observations (H,)."""
-    keep, scene = ~rows, prepared.scene
+def without_touch(prepared: Prepared) -> Prepared:
+    """The same without the observations in which something touches the tool."""
+    touch = find_contact(prepared)
+    if touch is None:
+        return prepared
+    keep, scene = ~touch.rows, prepared.scene
     few = replace(
         scene,
         q=value(scene.q)[keep],
@@ -102,12 +85,12 @@ def without(prepared: Prepared, rows: np.ndarray) -> Prepared:
         held=scene.held[keep],
         extra={k: v[keep] for k, v in scene.extra.items()},
     )
-    own = np.diagonal(prepared.covariance)
     recording = prepared.recording
-    noise = variance(recording, averages(recording), scene.tool, rows) / own
+    noise = variance(recording, averages(recording), scene.tool, touch.rows)
     return replace(
-        prepared, noise=noise, scene=few, y=prepared.y[keep], count=prepared.count[keep],
-        block=prepared.block[keep], sealed=prepared.sealed[keep], scatter=prepared.scatter[keep],
+        prepared, touch=touch, noise=noise / np.diagonal(prepared.covariance), scene=few,
+        y=prepared.y[keep], count=prepared.count[keep], block=prepared.block[keep],
+        sealed=prepared.sealed[keep], scatter=prepared.scatter[keep],
     )  # fmt: skip
 
 

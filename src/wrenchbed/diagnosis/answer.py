@@ -1,0 +1,220 @@
+"""The entries of ``diagnosis.json``: causes with their parameters, places, probabilities, notes."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from wrenchbed.diagnosis.between_rows.rows import RowFinding
+from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
+from wrenchbed.diagnosis.explain.analysis import Analysis
+from wrenchbed.diagnosis.explain.claims import stated
+from wrenchbed.diagnosis.explain.finalist import Finalist
+from wrenchbed.diagnosis.explain.verdict import Cause, Verdict
+from wrenchbed.diagnosis.gap.closure import Closure
+from wrenchbed.diagnosis.gap.result import Diagnosis
+from wrenchbed.diagnosis.prepare.contact import CONTACT, SURE
+from wrenchbed.diagnosis.prepare.prepared import Touch
+
+Place = tuple[str, str, float, float]
+"""Effect, detail, share and p-value of an entry of ``where``."""
+_HALVINGS = 5
+"""Of the last step, to find the edge of a range within which nothing changes."""
+_FINEST = 2.0**-14
+"""Smallest step, in typical sizes, in a search for that edge."""
+UNEXPLAINED = 0.2
+"""Share of the calibrated gap that causes may leave without a note."""
+LEAST = 0.9
+"""Probability that another cause needs beside a contact, which leaves few rows to separate them."""
+
+
+def _cause(
+    effect: str, probability: float, parameters: Mapping[str, Any], rivals: Sequence[str] = (),
+    closed_share: float | None = None,
+) -> dict[str, Any]:  # fmt: skip
+    return {
+        "effect": effect,
+        "probability": probability,
+        "rivals": list(rivals),
+        "parameters": parameters,
+        "closed_share": closed_share,
+    }
+
+
+def causes(
+    a: Analysis, verdict: Verdict, gap: Closure, spread: float, between: Iterable[RowFinding]
+) -> list[dict[str, Any]]:
+    """``which``; ``spread`` multiplies standard uncertainties, see `Reliability`."""
+    result = []
+    for c in verdict.causes:
+        name, *rivals = c.names
+        parameters = _parameters(a, verdict, c, spread)
+        result.append(_cause(name, c.probability, parameters, rivals, gap.shares.get(name)))
+    return result + [_cause(r.effect, r.probability, r.parameters) for r in between]
+
+
+def _parameters(a: Analysis, verdict: Verdict, cause: Cause, spread: float) -> dict[str, Any]:
+    f, k = verdict.explanation.finalist, cause.part.index
+    if k is None:
+        return _wrong_numbers(a, f, cause.names[0], spread)
+    part, std = f.parts[k], _uncertainty(a, f, k, spread)
+    values = a.refitter.values(f.parts, f.x)[k]
+    return part.effect.publish(a.prepared.robot, part.variant, values, std)
+
+
+def _uncertainty(a: Analysis, f: Finalist, part: int, spread: float) -> dict[str, float]:
+    """Standard uncertainties of a part's variables by name, SI; errors of its form included."""
+    effect, v = f.parts[part].effect, f.variables
+    size = {p.name: p.tolerance for p in effect.parameters(a.prepared.robot)}
+    std = np.sqrt(np.maximum(np.diagonal(f.covariance), 0.0))
+    result = {}
+    for i in v.of_parts([part]):
+        form = 0.0 if v.shape[i] else effect.size_error * float(f.x[i])
+        flat = _flat(a, f, i) if v.shape[i] and effect.rough else 0.0
+        result[v.name[i]] = (flat or float(np.hypot(spread * std[i], form))) * size[v.name[i]]
+    return result
+
+
+def _flat(a: Analysis, f: Finalist, i: int) -> float:
+    """Rms distance of a variable from where it might as well be: no reading changes in between.
+
+    A jump may have come at any time between two poses.
+    """
+    reading, reach = a.refitter.response(f.parts, f.x), []
+
+    def same(step: float) -> bool:
+        x = f.x.copy()
+        x[i] += step
+        return bool(np.array_equal(a.refitter.response(f.parts, x), reading))
+
+    for sign in (-1.0, 1.0):
+        outside = next((s for s in 2.0 ** np.arange(-14, 1) if not same(sign * s)), 2.0)
+        inside = outside / 2.0
+        for _ in range(_HALVINGS):
+            middle = (inside + outside) / 2.0
+            inside, outside = (middle, outside) if same(sign * middle) else (inside, middle)
+        reach.append(inside)
+    return 0.0 if max(reach) <= _FINEST else rms_between(*reach)
+
+
+def rms_between(below: float, above: float) -> float:
+    """Rms distance from a point of values that are uniform from so far below to so far above it."""
+    return float(np.sqrt((below**2 - below * above + above**2) / 3.0))
+
+
+def _wrong_numbers(a: Analysis, f: Finalist, name: str, factor: float) -> dict[str, Any]:
+    """The errors of a stated number: true value less stated value."""
+    d, estimate = a.dictionary, stated(a.refitter, f)
+    hypothesis = next(h for h in d.hypotheses if h.name == name)
+    unit = {p.name: p.unit for p in hypothesis.effect.parameters(a.prepared.robot)}
+    result = {}
+    for i in np.flatnonzero(d.of_stated(name)):
+        parameter, size = d.label[d.stated[i]][1], float(d.size[d.stated[i]])
+        result[parameter] = {
+            "value": float(estimate.mean[i]) * size,
+            "std": float(estimate.std[i]) * size * factor,
+            "unit": unit[parameter],
+        }
+    return result
+
+
+def places(a: Analysis, verdict: Verdict, gap: Closure) -> list[Place]:
+    """Of each claim, for ``where``."""
+    result, best = [], verdict.explanation.log_posterior
+    total = sum(c.part.share for c in verdict.causes) or 1.0
+    for c in verdict.causes:
+        others = [e for e in a.ranking.explanations if not e.names & set(c.names)]
+        gain = best - max((e.log_posterior for e in others), default=best - 60.0)
+        # a Bayes factor is an e-value, and 1/e a p-value: Vovk & Wang 2021, 10.1214/20-AOS2020
+        p_value = float(np.exp(-max(gain, 0.0)))
+        share = min(1.0, max(0.0, gap.shares.get(c.names[0], 0.0) or c.part.share / total))
+        result.append((c.names[0], _detail(verdict, c), share, p_value))
+    return result
+
+
+def row_place(r: RowFinding) -> Place:
+    """Of a finding between rows, for ``where``."""
+    return r.effect, ", ".join(r.channels), r.rise / (1.0 + r.rise), 1.0 - r.probability
+
+
+def _detail(verdict: Verdict, cause: Cause) -> str:
+    if cause.part.index is None:
+        return "a number that the metadata states"
+    return verdict.explanation.finalist.parts[cause.part.index].variant.label
+
+
+def probabilities(verdict: Verdict, between: Sequence[RowFinding]) -> dict[str, float]:
+    """Of the leading cause; a finding between rows leads where nothing else does."""
+    share = dict(verdict.probabilities)
+    if between and not verdict.causes:
+        best = between[0]
+        spare = share.get(NONE, 0.0) * best.probability
+        share[NONE] = share.get(NONE, 0.0) - spare
+        share[best.effect] = share.get(best.effect, 0.0) + spare
+    total = sum(share.values())
+    return {k: v / total for k, v in share.items()}
+
+
+def notes(
+    a: Analysis, gap: Closure, between: Sequence[RowFinding], *, unknown: bool
+) -> tuple[str, ...]:
+    """What a reader should know of the data and of what remains."""
+    p = a.prepared
+    n, again = len(p.y), int(np.count_nonzero(p.count == 0))
+    still = "poses" if p.recording.metadata.mode == "static" else "averages of a motion"
+    what = "samples of motion" if p.moving else still
+    result = [f"{n} {what}, {int(p.sealed.sum())} of them sealed; noise of a row {p.noise_source}"]
+    if p.left_out:
+        result.append(f"{p.left_out} saturated rows were left out")
+    if again:
+        result.append(f"{again} rows that repeat the one before take no part")
+    rest = None if gap.with_effects is None else gap.with_effects - max(gap.floor, 0.0)
+    if rest is not None and rest > max(1.0, UNEXPLAINED * gap.calibrated):
+        result.append(
+            f"the named causes leave a gap of {rest:.3g} on sealed rows: something else is wrong "
+            "too, or their form is; do not trust the twin"
+        )
+    if a.dictionary.invisible:
+        result.append("not visible in this data: " + ", ".join(a.dictionary.invisible))
+    if between and unknown:
+        result.append(
+            "what causes the gap of the means is unknown; beside it rows show "
+            + ", ".join(f"{r.effect} (probability {r.probability:.2g})" for r in between)
+        )
+    return (*result, *(r.sentence for r in between))
+
+
+def with_contact(d: Diagnosis, touch: Touch | None) -> Diagnosis:
+    """The diagnosis of the rows that nothing touched, with the contact."""
+    if touch is None:
+        return d
+    rest = f"the other answers are of the {int((~touch.rows).sum())} averages without it"
+    notes = (*d.notes, touch.sentence, rest)
+    if touch.parameters is None:
+        return replace(d, verdict=UNKNOWN, which=[], probabilities={UNKNOWN: 1.0}, notes=notes)
+    kept = [w for w in d.which if float(w["probability"]) >= LEAST]
+    lost = [f"{w['effect']} (" for w in d.which if w not in kept]
+    other = [w for w in d.where if not any(name in str(w["sentence"]) for name in lost)]
+    entry = {
+        "subsystem": "environment", "detail": touch.detail, "share": touch.share,
+        "p_value": 1.0 - SURE,
+        "sentence": f"{100 * touch.share:.0f} % of the squared force that weight and inertia leave "
+        f"lies in the environment: {CONTACT} ({touch.detail}).",
+    }  # fmt: skip
+    return replace(
+        d,
+        verdict="identified" if d.verdict in (NONE, UNKNOWN) else d.verdict,
+        which=[_cause(CONTACT, SURE, touch.parameters), *kept],
+        where=[entry, *(_untouched(w, 1.0 - touch.share) for w in other)],
+        probabilities={CONTACT: SURE} | {k: (1.0 - SURE) * v for k, v in d.probabilities.items()},
+        notes=notes,
+    )
+
+
+def _untouched(entry: Mapping[str, Any], share: float) -> dict[str, Any]:
+    """An entry of ``where`` with its share of what a contact leaves."""
+    return dict(entry) | {
+        "share": share * float(entry["share"]),
+        "sentence": f"{str(entry['sentence']).rstrip('.')}, untouched.",
+    }

@@ -1,0 +1,128 @@
+"""The way from a recording to a `Prepared` one: checks, noise, blocks, held-out rows."""
+
+from dataclasses import replace
+from itertools import combinations_with_replacement
+
+import numpy as np
+
+from wrenchbed.calibration.observations import Observations, observe, usable
+from wrenchbed.data.holds import about_means
+from wrenchbed.data.recording import Recording
+from wrenchbed.diagnosis.prepare import checks, contact, orientations, scenes
+from wrenchbed.diagnosis.prepare.configuration import configured
+from wrenchbed.diagnosis.prepare.noise import correlation_time, noise_in_motion
+from wrenchbed.diagnosis.prepare.prepared import (
+    RATES_HZ,
+    Prepared,
+    inner_stride,
+    sensor_of,
+    split,
+)
+from wrenchbed.diagnosis.prepare.repeats import repeats
+from wrenchbed.effects.chain import respond
+from wrenchbed.errors import DiagnosisError
+from wrenchbed.physics.wrench import CHANNELS
+from wrenchbed.robots.base import Robot
+
+FINE = 10.0
+"""Rows kept per period of the fastest part of the wrench that counts,"""
+COUNTS = 0.999
+"""which is where this share of the power lies below."""
+
+
+def prepare(recording: Recording, seed: int = 0) -> Prepared:
+    """Check, whiten and split a recording, without rows in which something touches a bare tool.
+
+    Args:
+        recording: at rest or in motion; of a long motion the middle is taken.
+        seed: of the split into blocks.
+
+    Raises:
+        DiagnosisError: the data cannot answer, and why.
+        CalibrationError, RecordingError: from reading it.
+    """
+    used = scenes.stretch(recording)
+    if not orientations.applies(used):
+        return replace(gathered(used, seed), given=recording)
+    return contact.without_touch(replace(orientations.averaged(used, seed), given=recording))
+
+
+def gathered(recording: Recording, seed: int = 0) -> Prepared:
+    """Poses at rest, or a motion of joints."""
+    configuration = configured(recording)
+    data = observe(recording)
+    checks.enough(recording, data, configuration)
+    covariance, source = _row_noise(recording, data, configuration.model.robot)
+    scene = scenes.of_recording(recording, configuration, data)
+    y, count, stride = data.wrench, data.count, 1
+    noise = np.zeros(0)
+    if scene.moving:
+        expected, sigma = respond(scene), np.sqrt(np.diagonal(covariance))
+        stride = _stride(expected, scene.period)
+        y, count = _refreshed(recording, data, expected[scene.held])
+        residual = (y - expected[scene.held]) / sigma
+        # as rows scatter beyond what moves slowly
+        noise = np.maximum(1.0, noise_in_motion(residual, scene.period, stride)[1])
+    else:
+        tau = correlation_time(recording, data)  # autocorrelated rows average less
+        noise = np.minimum(1.0, tau / float(np.mean(data.count)))
+    block, sealed = split(len(data), recording.metadata.mode == "dynamic", seed, stride)
+    return Prepared(
+        recording, configuration, scene, y, count, covariance, noise, source, block, sealed,
+        _scatter(recording, data), data.left_out, stride,
+    )  # fmt: skip
+
+
+def _stride(expected: np.ndarray, period: float) -> int:
+    """From the band of the expected wrench (M, 6), all channels in units of their swing."""
+    y = (expected - expected.mean(axis=0)) / np.maximum(np.ptp(expected, axis=0), 1e-9)
+    power = (np.abs(np.fft.rfft(y * np.hanning(len(y))[:, None], axis=0)) ** 2).sum(axis=1)
+    frequency = np.fft.rfftfreq(len(y), period)
+    top = frequency[int(np.searchsorted(np.cumsum(power), COUNTS * power.sum()))]
+    stride = max(1, round(1.0 / (period * float(np.clip(FINE * top, *RATES_HZ)))))
+    return stride // inner_stride(stride) * inner_stride(stride)
+
+
+def _row_noise(recording: Recording, data: Observations, robot: Robot) -> tuple[np.ndarray, str]:
+    """Covariance (6, 6) of one row: from repeats, else stated."""
+    if data.source == "residual":
+        raise DiagnosisError(
+            f"{recording.name}: cannot tell a gap from noise: there are no repeats at rest and the "
+            "metadata states no sensor.noise_std. State it, or record several rows a pose"
+        )
+    if data.row_covariance.any():
+        return data.row_covariance, data.source
+    resolution = sensor_of(recording, robot).calibration().resolution
+    return np.diag(np.square(resolution) / 12), "resolution"
+
+
+def _refreshed(
+    recording: Recording, data: Observations, expected: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Readings (N, 6) whose repeats continue the residual around them, and their count (N,)."""
+    again = repeats(recording.wrench)
+    stale = again.stale[np.searchsorted(recording.t, data.t)] & again.some
+    fresh = np.flatnonzero(~stale)
+    if not stale.any() or len(fresh) < 2:
+        return data.wrench, data.count
+    y = np.array(data.wrench)
+    for k in again.channels:
+        residual = np.interp(data.t[stale], data.t[fresh], (y - expected)[fresh, k])
+        y[stale, k] = expected[stale, k] + residual
+    return y, np.where(stale, 0, data.count) if len(again.channels) == 6 else data.count
+
+
+def _scatter(recording: Recording, data: Observations) -> np.ndarray:
+    """Mean products of rows about the mean of their pose (H, 6, 6), 0 in motion."""
+    if recording.metadata.mode == "dynamic":
+        return np.zeros((len(data), 6, 6))
+    keep = usable(recording)
+    rows = [y if keep.all() else y[keep] for y in (recording.columns[c] for c in CHANNELS)]
+    products = np.empty((len(data), 6, 6))
+    for some, away in about_means(rows, data.wrench, data.count):
+        count = data.count[some]
+        starts = np.cumsum(count) - count
+        for j, k in combinations_with_replacement(range(6), 2):
+            mean = np.add.reduceat(away[:, j] * away[:, k], starts) / count
+            products[some, j, k] = products[some, k, j] = mean
+    return products

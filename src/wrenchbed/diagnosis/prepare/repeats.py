@@ -1,0 +1,151 @@
+"""Rows that step or repeat: the count on which a channel's values lie, and rows sent again."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+ON = 0.1
+"""A value is on a lattice if it is off by less than this part of its step."""
+ALL = 0.97
+"""Share of steps between rows that must be on it."""
+LEAST_STEPS = 20
+EXACT = 1e-9
+"""Values closer than this part of the range are the same number."""
+FAR, FAR_TO_NEAR = 11, 1.5
+"""Distance [rows] at which only coarse counts show the same row again, and how much oftener they
+may do so next to each other."""
+FEW = 0.015
+"""Share of rows beyond what counts may make, below which no row is taken for a repeat."""
+DEVICES = (0, 1, 2), (3, 4, 5)
+"""Channels that a device of its own may deliver: a clipped channel repeats alone."""
+WINDOW = 64
+"""Rows over which a channel's own chance of repeating is taken."""
+
+
+@dataclass(frozen=True)
+class Step:
+    """A channel's count and its standard uncertainty [N or N·m]."""
+
+    value: float
+    std: float
+
+
+def step(y: np.ndarray) -> Step | None:
+    """The largest step on whose multiples a channel (N,) stands; None for a continuous one."""
+    reach = float(np.ptp(y))
+    if reach <= 0.0:
+        return None
+    gaps = np.diff(np.unique(y))
+    gaps = gaps[gaps > EXACT * reach]
+    if len(gaps) < 3:
+        return None
+    d = np.abs(np.diff(y))
+    d = d[d > EXACT * reach]
+    if len(d) < LEAST_STEPS:
+        return None
+    for candidate in sorted(np.quantile(gaps, [0.0, 0.05, 0.25, 0.5]), reverse=True):
+        refined = _refined(d, float(candidate))
+        if refined is not None:
+            return refined
+    return None
+
+
+def _refined(d: np.ndarray, size: float) -> Step | None:
+    """Fit a step to ever larger multiples of it, then judge all of them."""
+    d = np.sort(d)
+    reach = 4.0
+    while True:
+        near = d[d < (reach + 0.5) * size]
+        k = np.round(near / size)
+        if (k > 0).sum() < 3:
+            return None
+        size = float((near @ k) / (k @ k))
+        if len(near) == len(d):
+            break
+        reach *= 2.0
+    k = np.round(d / size)
+    off = d - k * size
+    if np.mean((np.abs(off) < ON * size) & (k > 0)) < ALL:
+        return None
+    return Step(size, float(np.sqrt((off @ off) / max(len(d) - 1, 1) / (k @ k))))
+
+
+@dataclass(frozen=True, eq=False)
+class Repeats:
+    """Rows that show again what the row before showed.
+
+    Attributes:
+        stale: which (N,).
+        share: of all rows.
+        std: standard uncertainty of the share.
+        expected: share that coarse counts alone may make.
+        length: mean length of a run of repeats [rows].
+        channels: indices of those that repeat.
+    """
+
+    stale: np.ndarray
+    share: float
+    std: float
+    expected: float
+    length: float
+    channels: tuple[int, ...]
+
+    @property
+    def some(self) -> bool:
+        """Whether rows repeat more often than coarse counts may make them."""
+        return bool(self.channels) and self.share >= self.expected + FEW
+
+
+def repeats(wrench: np.ndarray) -> Repeats:
+    """Repeats of rows (N, 6) in all channels, else of continuous forces or torques alone."""
+    same = wrench[1:] == wrench[:-1]
+    all_same = same.all(axis=1)
+    others = same[~all_same]
+    if len(others) < 2 * WINDOW:
+        return _repeats(all_same, 1.0, ())
+    expected = max(_chance(others), FAR_TO_NEAR * _far(wrench, all_same))
+    result = _repeats(all_same, expected, (0, 1, 2, 3, 4, 5))
+    if result.share > result.expected + 0.01:
+        return result
+    for group in DEVICES:
+        again = same[:, group[0]]
+        together = all(np.array_equal(same[:, k], again) for k in group)
+        if together and again.mean() > 0.02 and all(_continuous(wrench[:, k]) for k in group):
+            return _repeats(again, 0.0, group)
+    return result
+
+
+def _repeats(again: np.ndarray, expected: float, channels: tuple[int, ...]) -> Repeats:
+    stale = np.concatenate([[False], again])
+    share = float(stale.mean())
+    runs = int(np.count_nonzero(np.diff(stale.astype(int)) == 1))
+    length = float(stale.sum() / runs) if runs else 0.0
+    std = float(np.sqrt(share * (1.0 - share) * max(1.0, 2.0 * length - 1.0) / len(stale)))
+    return Repeats(stale, share, std, expected, length, channels)
+
+
+def _chance(same: np.ndarray) -> float:
+    """Share of repeats in all channels that the channels' counts (M, 6) may make.
+
+    The root of the product of the channels' own shares, window by window: six independent channels
+    would repeat together as often as the product says, fully correlated ones as often as one.
+    """
+    used = len(same) // WINDOW * WINDOW
+    share = same[:used].reshape(-1, WINDOW, 6).mean(axis=1)
+    return float(np.sqrt(share.prod(axis=1)).mean())
+
+
+def _far(wrench: np.ndarray, all_same: np.ndarray) -> float:
+    """Share of rows that equal an earlier one with others between: only counts come back."""
+    changes = np.concatenate([[0], np.cumsum(~all_same)])
+    same = (wrench[FAR:] == wrench[:-FAR]).all(axis=1)
+    return float(np.mean(same & (changes[FAR:] > changes[:-FAR])))
+
+
+def _continuous(y: np.ndarray) -> bool:
+    """Whether a channel's changes hardly ever have the same size twice, and none has an end."""
+    fresh = y[np.concatenate([[True], y[1:] != y[:-1]])]
+    if len(fresh) < WINDOW:
+        return False
+    _, count = np.unique(fresh, return_counts=True)
+    return bool(count.max() <= 2 and len(count) > 0.98 * len(fresh))
