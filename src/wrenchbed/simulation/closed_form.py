@@ -8,7 +8,7 @@ import numpy as np
 from wrenchbed import registry
 from wrenchbed.data.metadata import Metadata
 from wrenchbed.data.recording import Recording
-from wrenchbed.errors import PlanError, RecordingError
+from wrenchbed.errors import NotFoundError, PlanError, RecordingError
 from wrenchbed.physics.parameters import Parameter, ParameterSet
 from wrenchbed.physics.rotations import matrix
 from wrenchbed.physics.taylor import Jet, Value, value
@@ -187,19 +187,20 @@ def robot_of(recording: Recording) -> Robot:
     name, joints = recording.metadata.robot, len(recording.joints)
     if not joints:
         return ORIENTED
-    if name not in registry.names("robots"):
+    try:
+        robot: Robot = registry.load("robots", name)
+    except NotFoundError as error:
         raise RecordingError(
-            f"{recording.name}: metadata robot: there is no robot {name!r} here "
-            f"(known: {', '.join(registry.names('robots'))}) and no orientation qw qx qy qz"
-        )
-    robot: Robot = registry.load("robots", name)
+            f"{recording.name}: metadata robot = {name!r}: there is no robot {name!r} here and no "
+            f"orientation qw qx qy qz: {error}"
+        ) from error
     if joints != len(robot.joints):
         raise RecordingError(
             f"{recording.name}: has {joints} joints, {robot.name} has {len(robot.joints)}: "
             f"metadata robot = {name!r} is wrong"
         )
     try:
-        robot.check(recording.q, robot.parameters.nominal, recording.name)
+        robot.check(recording.q, robot.parameters.nominal, f"{recording.name}: robot {name!r}")
     except PlanError as error:
         raise RecordingError(
             f"{error}: state joints in rad and m, and in metadata robot = {name!r} the robot that "

@@ -52,6 +52,12 @@ def calibrate(prepared: Prepared) -> Baseline:
     bias = np.stack([prepared.rows(ones * axis).ravel() for axis in np.eye(6)], axis=1)
 
     def weighed(x: np.ndarray) -> np.ndarray:
+        if x[0] <= 0:
+            raise DiagnosisError(
+                f"{prepared.recording.name}: the tool's mass comes out as {x[0]:.3g} kg: gravity "
+                "or the wrench has the opposite sign, or this is another robot or another tool "
+                "frame (wanted: the load on the sensor, +m·g along gravity at rest)"
+            )
         at = stated.with_load(x[0], x[1:4]).robot_theta
         return prepared.rows(respond(prepared.at(at).scene)).ravel()
 
@@ -66,12 +72,6 @@ def calibrate(prepared: Prepared) -> Baseline:
     columns = jacobian(start)
     scale = 1.0 / np.maximum(np.sqrt((columns**2).sum(axis=0)), 1e-300)
     x = solve(residual, jacobian, start, scale).x
-    if x[0] <= 0:
-        raise DiagnosisError(
-            f"{prepared.recording.name}: the tool's mass comes out as {x[0]:.3g} kg: gravity or "
-            "the wrench has the opposite sign, or this is another robot or another tool frame "
-            "(wanted: the load on the sensor, +m·g along gravity at rest)"
-        )
     moved = {STATED[1]: x[:1] - start[:1], STATED[2]: x[1:4] - start[1:4]}
     return Baseline(stated.with_load(x[0], x[1:4], x[4:]), moved, tolerances(prepared))
 
