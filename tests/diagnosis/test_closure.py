@@ -7,7 +7,8 @@ import pytest
 
 from wrenchbed import registry
 from wrenchbed.diagnosis.gap import closure
-from wrenchbed.diagnosis.gap.closure import HeldOut, with_load
+from wrenchbed.diagnosis.gap.held_out import HeldOut
+from wrenchbed.diagnosis.prepare.configuration import BIAS, Configuration
 from wrenchbed.simulation.closed_form import Model
 
 STD = np.array([2.0, 2.0, 2.0, 0.5, 0.5, 0.5])
@@ -18,11 +19,11 @@ SEALED = np.array([False, True, False, True])
 def prepared(y, scatter=None, moving=False, mode="static", noise=None):
     """Four poses, the second and the last of them sealed; a scene row between is not held."""
     return SimpleNamespace(
-        covariance=np.diag(STD**2), sealed=SEALED, y=y, count=COUNT, block=np.arange(4),
+        covariance=np.diag(STD**2), sigma=STD, sealed=SEALED, y=y, count=COUNT, block=np.arange(4),
         scatter=np.zeros((4, 6, 6)) if scatter is None else scatter, moving=moving,
         noise=np.ones(6) if noise is None else noise,
         scene=SimpleNamespace(held=np.array([True, True, False, True, True])),
-        recording=SimpleNamespace(metadata=SimpleNamespace(mode=mode)),
+        averaged=mode == "dynamic" and not moving,
     )  # fmt: skip
 
 
@@ -52,7 +53,7 @@ def test_rows_that_scatter_about_their_mean_add_to_the_gap():
 
 def test_correlated_channels_are_whitened_together():
     p = prepared(np.zeros((4, 6)))
-    p.covariance = np.eye(6)
+    p.covariance, p.sigma = np.eye(6), np.ones(6)
     p.covariance[0, 1] = p.covariance[1, 0] = 0.6
     p.y[1, :2] = 1.0
     expected = np.ones(2) @ np.linalg.inv(p.covariance[:2, :2]) @ np.ones(2) / 6 - 1.0
@@ -130,7 +131,8 @@ def test_the_closed_share_is_split_by_what_comes_back_without_each(monkeypatch):
     a = SimpleNamespace(prepared=SimpleNamespace(scene=None))
     told = closure._shares(a, Reads(tuple(named)), sealed, 10.0 - 2.0, 0.8, [])
     assert told == pytest.approx({"base.tilt": 0.6, "cable.pull": 0.2, "tool.loose": 0.0})
-    monkeypatch.setattr(closure, "_as_stated", lambda a, twin, name: -4.0)
+    one_stated = SimpleNamespace(theta=-4.0)
+    monkeypatch.setattr(closure, "_as_stated", lambda a, twin, name: one_stated)
     wrong = closure._shares(a, Reads(tuple(named)), sealed, 10.0 - 2.0, 0.8, ["tool.mass"])
     expected = {"base.tilt": 0.3, "cable.pull": 0.1, "tool.loose": 0.0, "tool.mass": 0.4}
     assert wrong == pytest.approx(expected)
@@ -142,30 +144,29 @@ def test_the_closed_share_is_split_by_what_comes_back_without_each(monkeypatch):
 def test_a_load_and_a_bias_are_put_where_they_belong(robot):
     robot = registry.load("robots", robot)
     model = Model.of(robot)
-    theta = model.parameters.nominal + 0.0
+    nominal = Configuration(model, model.parameters.nominal + 0.0)
     bias = np.arange(1.0, 7.0)
-    given = with_load(model, theta, 1.25, np.array([0.01, -0.02, 0.06]), bias)
-    tool = robot.tool(given[: len(robot.parameters)])
-    assert float(tool.mass) == pytest.approx(1.25)
-    assert tool.cog == pytest.approx([0.01, -0.02, 0.06])
-    told = dict(zip(model.parameters.names, given, strict=True))
-    assert [v for k, v in told.items() if k in closure.BIAS] == pytest.approx(bias)
-    assert theta == pytest.approx(model.parameters.nominal)  # a copy
+    given = nominal.with_load(1.25, np.array([0.01, -0.02, 0.06]), bias)
+    assert given.mass == pytest.approx(1.25)
+    assert given.cog == pytest.approx([0.01, -0.02, 0.06])
+    assert given.bias == pytest.approx(bias)
+    told = dict(zip(model.parameters.names, given.theta, strict=True))
+    assert [v for k, v in told.items() if k in BIAS] == pytest.approx(bias)
+    assert nominal.theta == pytest.approx(model.parameters.nominal)  # a copy
+    assert len(given.robot_theta) == len(robot.parameters)
 
 
 def stated_again(name):
     """Parameters of a twin with one number as the metadata states it: (mass, cog, bias)."""
     robot = registry.load("robots", "ur5")
     model = Model.of(robot)
-    n = len(robot.parameters)
-    stated = with_load(model, model.parameters.nominal, 0.9, np.zeros(3), np.zeros(6))
-    now = with_load(model, model.parameters.nominal, 1.4, np.array([0.0, 0.0, 0.1]), np.ones(6))
-    twin = SimpleNamespace(model=model, theta=now, own=now[:n])
-    a = SimpleNamespace(prepared=SimpleNamespace(theta=stated))
+    nominal = Configuration(model, model.parameters.nominal)
+    stated = nominal.with_load(0.9, np.zeros(3), np.zeros(6))
+    now = nominal.with_load(1.4, np.array([0.0, 0.0, 0.1]), np.ones(6))
+    twin = SimpleNamespace(model=model, theta=now.theta)
+    a = SimpleNamespace(prepared=SimpleNamespace(configuration=stated))
     told = closure._as_stated(a, twin, name)
-    tool = robot.tool(told[:n])
-    bias = [told[model.parameters.index(b)] for b in closure.BIAS]
-    return float(tool.mass), float(tool.cog[2]), float(np.mean(bias))
+    return told.mass, float(told.cog[2]), float(np.mean(told.bias))
 
 
 @pytest.mark.parametrize(

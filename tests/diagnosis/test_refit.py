@@ -9,6 +9,7 @@ import pytest
 from linear_case import Named, dictionary, noise
 from wrenchbed.diagnosis.evidence.dictionary import EffectDictionary, Hypothesis
 from wrenchbed.diagnosis.evidence.search import Searcher
+from wrenchbed.diagnosis.explain.finalist import Variables
 from wrenchbed.diagnosis.explain.refit import Refitter
 from wrenchbed.effects.base import Variant
 from wrenchbed.physics.parameters import Parameter
@@ -57,13 +58,17 @@ def case(amplitude, lag, seed=0):
 
 def test_values_are_si_and_shapes_stay_within_their_bounds():
     r, h = case(1.0, 2.0)
-    assert r.variables((h,)) == [(0, "span", False), (0, "lag", True)]
+    variables = Variables.of((h,))
+    assert variables.name == ("span", "lag")
+    assert variables.part.tolist() == [0, 0] and variables.shape.tolist() == [False, True]
     assert r.start((h,)) == pytest.approx([0.0, 4.0])  # 2 s in units of 0.5 s
     for x, lag in ((4.6, 2.3), (1.0, 1.0), (9.0, 3.0)):
         (told,) = r.values((h,), np.array([1.5, x]))
         assert told == pytest.approx({"span": 0.3, "lag": lag, "held": 7.0})
     stated = r.d.hypotheses[1]
-    assert r.variables((stated, h))[0] == (1, "span", False)
+    beside = Variables.of((stated, h))  # a stated number has no variables
+    assert len(beside) == 2 and beside.of_parts([1]).tolist() == [0, 1]
+    assert beside.of_parts([0]).tolist() == []
 
 
 @pytest.mark.parametrize("lag", [2.0, 2.15, 1.85])

@@ -8,7 +8,7 @@ from scipy.special import ndtr
 
 from wrenchbed.diagnosis.between_rows import rows
 from wrenchbed.diagnosis.between_rows.rows import RowFinding
-from wrenchbed.diagnosis.prepare.noise import Repeats, Step
+from wrenchbed.diagnosis.prepare.repeats import Repeats, Step
 from wrenchbed.physics.wrench import CHANNELS
 
 ALL = (0, 1, 2, 3, 4, 5)
@@ -174,4 +174,4 @@ def test_only_whole_rows_that_repeat_are_an_effect_of_the_twin():
 
 
 def test_too_few_rows_say_nothing():
-    assert rows.find_row_effects([1, 2]) == ()
+    assert rows.find_row_effects([1, 2], None) == ()

@@ -8,6 +8,7 @@ import pytest
 from linear_case import Named, dictionary, readings, refitter
 from wrenchbed.diagnosis.evidence.search import SingleEvidence
 from wrenchbed.diagnosis.explain import structures
+from wrenchbed.diagnosis.explain.contributions import claimable
 
 
 def searcher(*names, timing=()):
@@ -95,7 +96,7 @@ def test_what_is_claimable_is_what_counts_and_is_no_stated_number():
     named = ("tool.mass", "cable.pull", "base.tilt")
     parts = tuple(next(h for h in d.hypotheses if h.name == n) for n in named)
     f = r.fit(parts, 0)
-    assert structures._claimed(r, f) == [2]
+    assert claimable(r, f) == [2]
 
 
 def test_nothing_has_the_evidence_of_normal_backgrounds_and_its_prior():

@@ -28,7 +28,9 @@ def analysed(gaps, tilt, covariance, parts=None, probability=0.95):
     told.sort(key=lambda e: -e.log_posterior)
     ranking = SimpleNamespace(explanations=tuple(told), unknown=-np.inf)
     testimony = accelerometer.Testimony(np.array(tilt), np.array(covariance), 5.0, 0.01, 100)
-    return SimpleNamespace(ranking=ranking, testimony=testimony, refitter=r, dictionary=d)
+    return SimpleNamespace(
+        ranking=ranking, prepared=SimpleNamespace(testimony=testimony), refitter=r, dictionary=d
+    )
 
 
 def tilted(a):
@@ -48,7 +50,7 @@ def test_agreement_is_the_chance_of_a_difference_as_large():
     f = tilted(a).finalist
     away = f.x - np.array([0.35, 0.05])
     square = away @ np.linalg.inv(f.covariance + np.array(COVARIANCE)) @ away
-    assert agreement(a, tilted(a), a.testimony) == pytest.approx(np.exp(-square / 2))
+    assert agreement(a, tilted(a), a.prepared.testimony) == pytest.approx(np.exp(-square / 2))
     assert 0.01 < np.exp(-square / 2) < 0.9
 
 
@@ -93,7 +95,7 @@ def test_otherwise_the_verdict_stays(gap, probability, tilt):
 def test_without_a_testimony_or_a_tilt_the_verdict_stays():
     a = analysed({TILT: 0.4}, [np.sqrt(0.1), 0.0], COVARIANCE)
     verdict = verdict_of(a, "none")
-    a.testimony = None
+    a.prepared.testimony = None
     assert with_accelerometer(a, verdict) is verdict
     assert sentences(a, verdict) == ()
     other = analysed({"cable.pull": 3.0}, [0.3, 0.0], COVARIANCE)
@@ -127,7 +129,7 @@ def test_a_tilt_that_is_claimed_already_is_only_measured_better():
 
 def test_people_are_told_whether_they_agree_and_what_is_left():
     a = analysed({TILT: 0.4, "pose": 3.0}, [np.sqrt(0.1), 0.0], COVARIANCE, parts=(TILT,))
-    a.testimony = replace(a.testimony, tilt=tilted(a).finalist.x)
+    a.prepared.testimony = replace(a.prepared.testimony, tilt=tilted(a).finalist.x)
     part = Part(TILT, 0.4, index=0)
     cause = SimpleNamespace(names=(TILT,), probability=0.95, part=part)
     verdict = replace(verdict_of(a, "identified", cause), explanation=tilted(a))
@@ -136,11 +138,11 @@ def test_people_are_told_whether_they_agree_and_what_is_left():
     assert "what is left, a gap of 3" in second or "what is left, a gap of 2.9" in second
     large = SimpleNamespace(names=(TILT,), probability=0.95, part=replace(part, share=9.0))
     assert len(sentences(a, replace(verdict, causes=(large,)))) == 1
-    a.testimony = replace(a.testimony, tilt=a.testimony.tilt + 0.3)
+    a.prepared.testimony = replace(a.prepared.testimony, tilt=a.prepared.testimony.tilt + 0.3)
     assert "does not agree" in sentences(a, verdict)[0]
-    a.testimony = replace(a.testimony, log_bayes=0.5)
+    a.prepared.testimony = replace(a.prepared.testimony, log_bayes=0.5)
     assert "sees the base tilted" in sentences(a, verdict)[0]
-    a.testimony = replace(a.testimony, log_bayes=-0.1)
+    a.prepared.testimony = replace(a.prepared.testimony, log_bayes=-0.1)
     assert sentences(a, verdict)[0].startswith("the accelerometer sees no tilt")
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from wrenchbed import registry
 from wrenchbed.diagnosis.evidence.dictionary import EffectDictionary, Hypothesis
 from wrenchbed.diagnosis.evidence.search import Searcher
+from wrenchbed.diagnosis.explain.finalist import Variables
 from wrenchbed.diagnosis.explain.refit import Refitter
 from wrenchbed.effects.base import Effect, Variant
 
@@ -46,7 +47,8 @@ class LinearRefitter(Refitter):
     """Refits structures whose response is linear in their amplitudes."""
 
     def response(self, parts, x):
-        columns = [self._column(parts[k], name) for k, name, _ in self.variables(parts)]
+        v = Variables.of(parts)
+        columns = [self._column(parts[k], name) for k, name in zip(v.part, v.name, strict=True)]
         return np.stack(columns, axis=1) @ x if columns else np.zeros(len(self.y))
 
     def _column(self, h, name):

@@ -55,17 +55,14 @@ def gathered(recording: Recording, seed: int = 0) -> Prepared:
     covariance, source = _row_noise(recording, data, configuration.model.robot)
     scene = scenes.of_recording(recording, configuration, data)
     y, count, stride = data.wrench, data.count, 1
-    noise = np.zeros(0)
     if scene.moving:
         expected, sigma = respond(scene), np.sqrt(np.diagonal(covariance))
         stride = _stride(expected, scene.period)
         y, count = _refreshed(recording, data, expected[scene.held])
         residual = (y - expected[scene.held]) / sigma
-        # as rows scatter beyond what moves slowly
-        noise = np.maximum(1.0, noise_in_motion(residual, scene.period, stride)[1])
+        noise = _noise_of_averages(residual, scene.period, stride)
     else:
-        tau = correlation_time(recording, data)  # autocorrelated rows average less
-        noise = np.minimum(1.0, tau / float(np.mean(data.count)))
+        noise = _noise_at_rest(recording, data)
     block, sealed = split(len(data), recording.metadata.mode == "dynamic", seed, stride)
     return Prepared(
         recording, configuration, scene, y, count, covariance, noise, source, block, sealed,
@@ -94,6 +91,16 @@ def _row_noise(recording: Recording, data: Observations, robot: Robot) -> tuple[
         return data.row_covariance, data.source
     resolution = sensor_of(recording, robot).calibration().resolution
     return np.diag(np.square(resolution) / 12), "resolution"
+
+
+def _noise_at_rest(recording: Recording, data: Observations) -> np.ndarray:
+    """Variance of an observation over that of a row (6,): autocorrelated rows average less."""
+    return np.minimum(1.0, correlation_time(recording, data) / float(np.mean(data.count)))
+
+
+def _noise_of_averages(residual: np.ndarray, period: float, stride: int) -> np.ndarray:
+    """As rows (N, 6) in units of their noise scatter beyond what moves slowly, at least 1 (6,)."""
+    return np.maximum(1.0, noise_in_motion(residual, period, stride)[1])
 
 
 def _refreshed(
