@@ -1,10 +1,11 @@
-"""What a transducer is: it reads a force/torque sensor and says how far to trust each reading.
+"""The contract of a transducer: it reads a force/torque sensor and states the age of each reading.
 
-A reading is never frozen silently: it carries its age, and `health` names what is wrong. Nothing
-here blocks but `connect`, which has a deadline.
+A frozen reading is always visible: it carries its age, and `health` names what is wrong. Only
+`connect` blocks, and it has a deadline. A transducer fills in the methods with an underscore.
 """
 
 import bisect
+import time
 from abc import abstractmethod
 from collections import deque
 from dataclasses import dataclass, replace
@@ -15,7 +16,9 @@ from wrenchbed.errors import DriverError
 from wrenchbed.hardware.device import STALE_S, Device
 
 CLOSE_S = 1e-3
-"""Readings that are less apart are not averaged [s]."""
+"""Readings closer in time are not interpolated [s]; estimate."""
+HISTORY = 1024
+"""Readings that are kept; estimate."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +38,7 @@ class WrenchSample:
         saturated: bit i is set where channel i is at the end of its range.
         lost: readings known to be lost since this device was made.
         bias_id: how often the zero was changed since this device was made.
-        faults: what the status word says is wrong, in words.
+        faults: meaning of the status word, in words.
     """
 
     t: float
@@ -56,13 +59,21 @@ class WrenchSample:
 class Transducer(Device):
     """A force/torque sensor with its electronics. Use as a context manager."""
 
+    def __init__(self) -> None:
+        super().__init__()
+        self._past = Past(HISTORY)
+        self._last_read: tuple[int, float] | None = None
+
     def read(self) -> WrenchSample:
-        """The newest reading; never blocks."""
+        """The newest reading with its age; never blocks."""
         self._check_connected()
-        return self._read()
+        sample = self._read()
+        key = (sample.sequence, sample.t)
+        fresh, self._last_read = key != self._last_read, key
+        return replace(sample, age=max(0.0, time.monotonic() - sample.t), fresh=fresh)
 
     def at(self, t: float) -> WrenchSample | None:
-        """The reading as it was at a time of `time.monotonic` [s]; None where nothing is known.
+        """The reading at a time of `time.monotonic` [s]; None where it is unknown.
 
         Its age is the time to the nearest reading, its flags are those of both neighbours.
         """
@@ -79,10 +90,11 @@ class Transducer(Device):
         return self._zero()
 
     @abstractmethod
-    def _read(self) -> WrenchSample: ...
+    def _read(self) -> WrenchSample:
+        """The newest reading; `read` sets its age and whether it is fresh."""
 
-    @abstractmethod
-    def _at(self, t: float) -> WrenchSample | None: ...
+    def _at(self, t: float) -> WrenchSample | None:
+        return self._past.at(t)
 
     def _zero(self) -> int:
         raise DriverError(f"transducer {self.name!r} cannot change its zero")
@@ -91,8 +103,8 @@ class Transducer(Device):
 def weight(since: float, span: float) -> float:
     """Share of the later of two readings, some time [s] after the first, a span [s] apart.
 
-    Of two that are less than `CLOSE_S` apart the nearer one counts, as it was read: a mean of both
-    would be calmer than the sensor is. Else a straight line is drawn between them.
+    Of two that are less than `CLOSE_S` apart the nearer one counts: a mean of both would have less
+    noise than the sensor. Else the reading is interpolated linearly.
     """
     if span < CLOSE_S:
         return float(since >= 0.5 * span)
@@ -100,22 +112,22 @@ def weight(since: float, span: float) -> float:
 
 
 class Past:
-    """Keeps the last readings; written by one thread, read by others."""
+    """The last readings; written by one thread, read by others."""
 
     def __init__(self, most: int) -> None:
         self._samples: deque[WrenchSample] = deque(maxlen=most)
 
     def add(self, sample: WrenchSample) -> None:
-        """Keep one more, unless it is not newer than the last."""
+        """Keep one more reading, if it is newer than the last."""
         if not self._samples or sample.t > self._samples[-1].t:
             self._samples.append(sample)
 
     def clear(self) -> None:
-        """Forget everything."""
+        """Drop all readings."""
         self._samples.clear()
 
     def at(self, t: float) -> WrenchSample | None:
-        """A reading as it was at a time [s], between its neighbours as `weight` says.
+        """The reading at a time [s], interpolated between its neighbours by `weight`.
 
         It has the flags of both. None before the first, after the last and in a gap.
         """

@@ -3,33 +3,31 @@
 Where the controller has it (e-Series from 5.9), ``ft_raw_wrench``: the flange's sensor, not
 compensated for the payload, taken as it is. Else ``actual_TCP_force``: in the base's axes, without
 the payload's weight; about the TCP on a CB3, which estimates it from motor currents to some ten
-newtons, and about the flange on an e-Series. Both are taken as the load that the world puts on the
-tool side; the sign on a robot's own software version should be checked once by a push.
+newtons, and about the flange on an e-Series. Both count as the load of the world on the tool side;
+check the sign once on the robot's software version by a push.
 """
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from wrenchbed.errors import DriverError
 from wrenchbed.hardware.device import Health, by_age
-from wrenchbed.hardware.transducers.base import Past, Transducer, WrenchSample
-
-_HISTORY = 512
+from wrenchbed.hardware.transducers.base import Transducer, WrenchSample
 
 
 @dataclass(frozen=True, eq=False)
 class UrWrenchReading:
-    """What the controller said.
+    """The wrench as the controller reports it.
 
     Attributes:
         t: `time.monotonic` of its arrival [s].
         device_time: on the controller's clock [s].
         sequence: of the states received.
         lost: states known to be lost.
-        wrench: (6,) [N, N·m] as the controller gives it.
+        wrench: (6,) [N, N·m] as reported.
         rotation: R_given_sensor (3, 3), from the sensor's axes to those of ``wrench``.
         lever: from the sensor's origin to the point that the torque is about (3,), in the axes of
             ``wrench`` [m].
@@ -49,7 +47,7 @@ class UrWrenchOptions:
     """Where readings come from.
 
     Attributes:
-        source: gives the newest reading without blocking; a driver of UR robots has it.
+        source: returns the newest reading without blocking; a driver of UR robots has it.
     """
 
     source: Callable[[], UrWrenchReading] | None = None
@@ -65,8 +63,6 @@ class UrWrench(Transducer):
     def __init__(self, options: UrWrenchOptions | None = None) -> None:
         super().__init__()
         self._source = (options or UrWrenchOptions()).source
-        self._seen = -1
-        self._past = Past(_HISTORY)
 
     def _connect(self) -> None:
         if self._source is None:
@@ -75,26 +71,19 @@ class UrWrench(Transducer):
 
     def _close(self) -> None:
         self._past.clear()
-        self._seen = -1
 
     def _read(self) -> WrenchSample:
-        sample = self._take()
-        fresh, self._seen = sample.sequence != self._seen, sample.sequence
-        return replace(sample, fresh=fresh)
-
-    def _take(self) -> WrenchSample:
-        """The newest reading in the sensor's axes, remembered."""
         reading = self._newest()
         sample = WrenchSample(
-            reading.t, reading.device_time, reading.sequence, time.monotonic() - reading.t, True,
-            in_sensor_axes(reading), lost=reading.lost,
+            reading.t, reading.device_time, reading.sequence, 0.0, True, in_sensor_axes(reading),
+            lost=reading.lost,
         )  # fmt: skip
         self._past.add(sample)
         return sample
 
     def _at(self, t: float) -> WrenchSample | None:
-        self._take()
-        return self._past.at(t)
+        self._read()
+        return super()._at(t)
 
     def _health(self) -> Health:
         reading = self._newest()

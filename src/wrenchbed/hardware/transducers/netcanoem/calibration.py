@@ -1,4 +1,4 @@
-"""Questions to the board, each with a deadline, and the calibration that its answers make."""
+"""Queries to the board, each with a deadline, and the calibration from its answers."""
 
 import threading
 import time
@@ -11,21 +11,22 @@ from wrenchbed.errors import DriverError, LinkError
 from wrenchbed.hardware.transducers.netcanoem import frames
 from wrenchbed.hardware.transducers.netcanoem.link import CanLink
 
-ANSWER_S = 0.3
-"""How long an answer may take [s]; a question is asked `TRIES` times."""
-TRIES = 3
+ANSWER_S, TRIES = 0.3, 3
+"""Deadline of an answer [s] and attempts at a query; estimates."""
 FORCE = {1: 4.4482216152605, 2: 1.0, 3: 4448.2216152605, 4: 1e3, 5: 9.80665, 6: 9.80665e-3}
 """Code of a unit → N: lbf, N, klbf, kN, kgf, gf."""
 TORQUE = {1: 0.1129848290276167, 2: 1.3558179483314004, 3: 1.0, 4: 1e-3, 5: 0.0980665, 6: 1e3}
 """Code of a unit → N·m: lbf·in, lbf·ft, N·m, N·mm, kgf·cm, kN·m."""
-_TELLS_UNITS = (3, 7)
+_REPORTS_UNITS = (3, 7)
+"""Firmware from which counts and units are queried; estimate."""
 _DEFAULT_COUNTS = 1_000_000
+"""Counts per unit of older firmware; estimate."""
 Answer = TypeVar("Answer")
 
 
 @dataclass(frozen=True, eq=False)
 class GaugeCalibration:
-    """What makes SI of gauges.
+    """Conversion of gauge counts to SI.
 
     Attributes:
         raw: matrix (6, 6) as the board holds it.
@@ -41,7 +42,7 @@ class GaugeCalibration:
 
 
 class BoardQueries:
-    """Asks one board at a time one question.
+    """Queries of one board, one at a time.
 
     Args:
         link: the bus.
@@ -55,14 +56,14 @@ class BoardQueries:
         self._asking = threading.Lock()
 
     def take(self, reply: frames.Reply) -> None:
-        """An answer that is no gauge reading arrived."""
+        """Take an answer that is not a gauge reading."""
         with self._came:
             if len(self._answers) < 16:
                 self._answers.append(reply)
                 self._came.notify_all()
 
     def calibrate(self, slot: int) -> GaugeCalibration:
-        """Select a calibration and read everything that belongs to it.
+        """Select a calibration and read its matrix, counts and units.
 
         Raises:
             LinkError: the board does not answer.
@@ -76,7 +77,7 @@ class BoardQueries:
         raw = self._matrix()
         counts = frames.Counts(_DEFAULT_COUNTS, _DEFAULT_COUNTS)
         units = frames.Units(2, 3)
-        if (firmware.major, firmware.minor) >= _TELLS_UNITS:
+        if (firmware.major, firmware.minor) >= _REPORTS_UNITS:
             counts = self._ask(frames.COUNTS, b"", frames.Counts)
             units = self._ask(frames.UNITS, b"", frames.Units)
         return GaugeCalibration(raw, _si(raw, counts, units, slot), serial, firmware)
@@ -93,7 +94,7 @@ class BoardQueries:
             if before is not None and np.array_equal(before, now, equal_nan=True):
                 return now
             before = now
-        raise LinkError("the sensor's board tells another matrix each time it is asked")
+        raise LinkError("the sensor's board sends another matrix each time")
 
     def row(self, axis: int) -> tuple[float, ...]:
         """A row of the active matrix, 0 … 5 for Fx … Tz.
@@ -116,11 +117,11 @@ class BoardQueries:
                 with self._came:
                     self._answers.clear()
                 self._link.send(self._base << 4 | opcode, data)
-                found = self._wait(kind, n, ANSWER_S)
-                if len(found) >= n:
+                answers = self._wait(kind, n, ANSWER_S)
+                if len(answers) >= n:
                     if tries:  # a late answer to the try before would pass for the next one's
                         self._wait(kind, (tries + 1) * n, ANSWER_S)
-                    return found[:n]
+                    return answers[:n]
         raise LinkError(
             f"no answer of the sensor's board to opcode 0x{opcode:X} at base 0x{self._base:02X}: "
             "check its base address, bit rate, power and bus termination"
@@ -130,11 +131,11 @@ class BoardQueries:
         deadline = time.monotonic() + seconds
         with self._came:
             while True:
-                found: list[Answer] = [a for a in self._answers if isinstance(a, kind)]
-                left = deadline - time.monotonic()
-                if len(found) >= n or left <= 0.0:
-                    return found
-                self._came.wait(left)
+                answers: list[Answer] = [a for a in self._answers if isinstance(a, kind)]
+                remaining = deadline - time.monotonic()
+                if len(answers) >= n or remaining <= 0.0:
+                    return answers
+                self._came.wait(remaining)
 
 
 def _si(raw: np.ndarray, counts: frames.Counts, units: frames.Units, slot: int) -> np.ndarray:

@@ -1,11 +1,8 @@
-"""What a NETCANOEM board sends, frame by frame. Source: ATI 9610-05-1030, sections 7 and 10.
+"""Frames of a NETCANOEM board, and gauge readings of two frames each.
 
-`parse` takes anything that a bus may carry: what is no reply of this board is None.
-
-The two frames of a gauge reading, put together: never from two requests.
-
-The frames carry no number, so there is never more than one request under way. One without a whole
-answer is given up after `PATIENCE_S`; what still comes until the turn after that is thrown away.
+Source: ATI 9610-05-1030, sections 7 and 10. The frames carry no number, so at most one request is
+under way. One without a complete answer is given up after `PATIENCE_S`; frames that still arrive
+until the next request are dropped.
 """
 
 import struct
@@ -122,21 +119,23 @@ def parse(arbitration_id: int, data: bytes, base: int) -> Reply | None:
 
 
 def faults(status: int) -> tuple[str, ...]:
-    """What a status word says, in words."""
+    """Meaning of a status word."""
     return tuple(name for bit, name in enumerate(STATUS[:15]) if name and status >> bit & 1) or (
         ("error without a name",) if status >> 15 & 1 else ()
     )
 
 
 PATIENCE_S = 0.02
-"""How long the two frames of an answer may take [s]; on the wire they take 0.3 ms at 1 Mbit/s."""
+"""How long the two frames of an answer may take [s]; estimate; on the wire they take
+0.3 ms at 1 Mbit/s."""
 _OUTSTANDING = 250
-_EXCESS_S = 1.0
-_EXCESS = 2
+"""Requests that may still be answered; estimate."""
+_EXCESS_S, _EXCESS = 1.0, 2
+"""Time [s] and number of unrequested answers that reveal a second node; estimates."""
 
 
 class GaugeReading(NamedTuple):
-    """A whole reading: arrival of its first frame [s], status word, gauges 0 … 5."""
+    """A complete reading: arrival of its first frame [s], status word, gauges 0 … 5."""
 
     t: float
     status: int
@@ -144,10 +143,10 @@ class GaugeReading(NamedTuple):
 
 
 class Pairs:
-    """Counts what it drops.
+    """Combines the two frames of a reading, and counts what it drops.
 
     Attributes:
-        lost: requests without a whole answer.
+        lost: requests without a complete answer.
         odd: frames that belong to no request or came in the wrong order.
     """
 
@@ -160,7 +159,7 @@ class Pairs:
         self._excess: list[float] = []
 
     def poll(self, t: float) -> bool:
-        """It is time for a request, at a time [s]: whether to send one."""
+        """Whether to send a request at a time [s]."""
         if self._waiting:
             if t - self._asked > PATIENCE_S:
                 self.lost += 1
@@ -189,7 +188,7 @@ class Pairs:
         return GaugeReading(begun, first.status, (g0, g1, g2, g3, g4, g5))
 
     def clash(self, t: float) -> bool:
-        """Whether more answers came than were asked for: a second node uses the board's ids."""
+        """Whether there were more answers than requests: a second node uses the board's ids."""
         return sum(t - when < _EXCESS_S for when in self._excess) >= _EXCESS
 
     def _count(self, t: float) -> None:

@@ -1,7 +1,7 @@
-"""A CAN bus of python-can with one reader: it hands frames on, and knows when the bus is gone.
+"""A CAN bus of python-can with one reader that passes frames on and detects a lost bus.
 
-A socketcand server that dies leaves python-can receiving nothing at full speed for ever, and one
-that says nothing leaves its constructor waiting for ever; both are caught here.
+With a socketcand server that died, python-can receives nothing at full speed for ever; with a
+silent one its constructor waits for ever. Both are detected here.
 """
 
 import contextlib
@@ -17,13 +17,12 @@ from typing import Any
 from wrenchbed.errors import DriverError, LinkError
 from wrenchbed.registry import require
 
-Heard = Callable[[float, int, bytes], None]
+Listener = Callable[[float, int, bytes], None]
 """Called with the time of arrival (`time.monotonic` [s]), an 11-bit id and its data."""
 OPENING_S = 3.0
-"""How long a bus may take to open [s]."""
-_WAIT_S = 0.02
-_SEND_S = 0.05
-_AGAIN_S = 5e-4
+"""Deadline of opening a bus [s]; estimate."""
+_WAIT_S, _SEND_S, _AGAIN_S = 0.02, 0.05, 5e-4
+"""Longest wait for a frame and for sending, and pause while the queue is full [s]; estimates."""
 
 
 class CanLink:
@@ -31,35 +30,35 @@ class CanLink:
 
     Args:
         bus: of python-can.
-        own: whether `close` shuts the bus down.
+        owned: whether `close` shuts the bus down.
 
     Attributes:
         dead: why nothing more will come, empty while the bus lives.
         error_frames: seen on the wire.
         full: how often the kernel's transmit queue took nothing and was tried again.
-        failures: exceptions of those who listen, by themselves of no harm to others.
+        failures: exceptions of listeners, which do not affect other listeners.
     """
 
-    def __init__(self, bus: Any, own: bool = True) -> None:
+    def __init__(self, bus: Any, owned: bool = True) -> None:
         can = require("can", "hil")
         self._message = can.Message
         self._refused: tuple[type[Exception], ...] = (OSError, ValueError, can.CanError)
-        self._bus, self._own = bus, own
+        self._bus, self._owned = bus, owned
         self.dead = ""
         self.error_frames = self.failures = self.full = 0
-        self._listeners: tuple[Heard, ...] = ()
+        self._listeners: tuple[Listener, ...] = ()
         self._lock = threading.Lock()
         self._running = True
         self._socket = _bounded(getattr(bus, "_SocketCanDaemonBus__socket", None))
         self._thread = threading.Thread(target=self._run, name="can reader", daemon=True)
         self._thread.start()
 
-    def listen(self, heard: Heard) -> None:
-        """Hand every data frame to one more listener, in the reader's thread."""
+    def listen(self, heard: Listener) -> None:
+        """Pass every data frame to one more listener, in the reader's thread."""
         self._listeners = (*self._listeners, heard)
 
-    def leave(self, heard: Heard) -> None:
-        """Hand it no more."""
+    def leave(self, heard: Listener) -> None:
+        """Remove a listener."""
         self._listeners = tuple(one for one in self._listeners if one != heard)
 
     def send(self, can_id: int, data: bytes) -> None:
@@ -92,7 +91,7 @@ class CanLink:
         if threading.current_thread() is not self._thread:
             self._thread.join(2.0)
         self.dead = self.dead or "it was closed"
-        if self._own:
+        if self._owned:
             with contextlib.suppress(*self._refused):
                 self._bus.shutdown()
 

@@ -1,4 +1,4 @@
-"""The transducer: polls the gauges, keeps the calibration in force, and names what is wrong."""
+"""The transducer: polls the gauges, keeps the calibration active, and names what is wrong."""
 
 import contextlib
 import threading
@@ -11,22 +11,24 @@ from typing import ClassVar
 import numpy as np
 
 from wrenchbed.errors import DriverError, LinkError, ParameterError
-from wrenchbed.hardware.device import GONE_S, Health, by_age
-from wrenchbed.hardware.transducers.base import Past, Transducer, WrenchSample
+from wrenchbed.hardware.device import GONE_S, Health, by_age, wait_until
+from wrenchbed.hardware.transducers.base import HISTORY, Transducer, WrenchSample
 from wrenchbed.hardware.transducers.netcanoem import frames
 from wrenchbed.hardware.transducers.netcanoem.calibration import BoardQueries, GaugeCalibration
 from wrenchbed.hardware.transducers.netcanoem.frames import GaugeReading, Pairs
 from wrenchbed.hardware.transducers.netcanoem.link import CanLink, open_bus
 
-HISTORY = 1024
 SILENT_S = 0.05
-"""Silence after which the board may have restarted: its calibration is then selected anew [s]."""
+"""Silence after which the board may have restarted, so that its calibration is selected anew [s];
+estimate."""
 CHECK_S = 0.2
-"""How often a row of the active matrix is compared with the one in use [s]."""
+"""How often a row of the active matrix is compared with the one in use [s]; estimate."""
 FIRST_S = 1.0
-"""How long the first reading may take [s]."""
+"""Deadline of the first reading [s]; estimate."""
 _ZERO_S = 0.2
+"""Time over which gauges are averaged for a zero [s]; estimate."""
 _RAIL = 32767
+"""Largest gauge count, by definition of 16 bits."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +43,7 @@ class NetcanoemOptions:
         bitrate: for interfaces that set it [bit/s].
         base: upper seven bits of the board's ids. The maker's 0x20 collides with CANopen.
         slot: calibration to use, 0 … 15.
-        rate: of the polls where the bus is the transducer's own [Hz].
+        rate: of the polls, where the transducer opens the bus itself [Hz].
     """
 
     interface: str = ""
@@ -67,7 +69,7 @@ class NetcanoemTransducer(Transducer):
 
     Args:
         options: where it is.
-        link: a bus that is open already; then its owner calls `poll` as often as it likes.
+        link: a bus that is already open; its owner then calls `poll`.
     """
 
     name = "netcanoem"
@@ -79,27 +81,26 @@ class NetcanoemTransducer(Transducer):
     ) -> None:
         super().__init__()
         self.setting = options or NetcanoemOptions()
-        self._given, self._link = link, link
+        self._shared_link, self._link = link, link
         self._calibration: GaugeCalibration | None = None
         self._pairs = Pairs()
         self._bias, self._bias_id, self._lost = np.zeros(6), 0, 0
         self._reset_state()
 
     def _reset_state(self) -> None:
-        self._verified = False
-        self._alive = False
+        self._verified = self._alive = False
         self._suspect = threading.Event()
         self._running = threading.Event()
         self._threads: list[threading.Thread] = []
         self._newest: WrenchSample | None = None
-        self._past = Past(HISTORY)
+        self._past.clear()
         self._gauges: deque[tuple[float, np.ndarray]] = deque(maxlen=HISTORY)
-        self._count = self._seen = self._restarts = 0
+        self._count = self._restarts = 0
         self._heard_at = 0.0
         self._unusable = ""
 
     def poll(self) -> None:
-        """Ask for one reading; nothing happens before `connect` and after `close`.
+        """Request one reading; nothing happens before `connect` and after `close`.
 
         Raises:
             LinkError: the bus is gone.
@@ -113,22 +114,24 @@ class NetcanoemTransducer(Transducer):
 
     def use(self, link: CanLink | None) -> None:
         """Be polled over another open bus from the next `connect` on."""
-        self._given = link
+        self._shared_link = link
 
     def _connect(self) -> None:
         self._reset_state()
         self._lost += self._pairs.lost
         self._pairs = Pairs()
         s = self.setting
-        self._link = self._given or open_bus(s.interface, s.channel, s.host, s.port, s.bitrate)
+        self._link = self._shared_link or open_bus(
+            s.interface, s.channel, s.host, s.port, s.bitrate
+        )
         self._board = BoardQueries(self._link, s.base)
-        self._link.listen(self._heard)
+        self._link.listen(self._received)
         self._calibration = self._board.calibrate(s.slot)
         self._verified = True
         self._heard_at = time.monotonic()
         self._running.set()
-        self._start(self._look_after, "netcanoem calibration")
-        if self._given is None:
+        self._start(self._check_calibration, "netcanoem calibration")
+        if self._shared_link is None:
             self._start(self._poll_on, "netcanoem poll")
         self._first()
 
@@ -139,8 +142,8 @@ class NetcanoemTransducer(Transducer):
             thread.join(2.0)
         self._threads = []
         if self._link is not None:
-            self._link.leave(self._heard)
-            if self._given is None:
+            self._link.leave(self._received)
+            if self._shared_link is None:
                 self._link.close()
 
     def _start(self, run: Callable[[], None], name: str) -> None:
@@ -149,21 +152,18 @@ class NetcanoemTransducer(Transducer):
         thread.start()
 
     def _first(self) -> None:
-        begun = time.monotonic()
-        while self._newest is None:
-            if time.monotonic() - begun > FIRST_S:
-                raise LinkError(
-                    f"the sensor's board answers but sends no gauges ({self._pairs.lost} polls "
-                    f"lost, {self._pairs.odd} odd frames): is a second node at its ids?"
-                )
-            time.sleep(0.005)
+        if not wait_until(lambda: self._newest is not None, FIRST_S) or self._newest is None:
+            raise LinkError(
+                f"the sensor's board answers but sends no gauges ({self._pairs.lost} polls "
+                f"lost, {self._pairs.odd} odd frames): is a second node at its ids?"
+            )
         if self._newest.status & frames.BAD_CALIBRATION:
             raise DriverError(
                 f"the sensor's board holds no calibration in slot {self.setting.slot}: give "
                 "the slot of the mounted sensor"
             )
 
-    def _heard(self, t: float, can_id: int, data: bytes) -> None:
+    def _received(self, t: float, can_id: int, data: bytes) -> None:
         reply = frames.parse(can_id, data, self.setting.base)
         if reply is None:
             return
@@ -203,8 +203,8 @@ class NetcanoemTransducer(Transducer):
         self._verified = self._alive = False
         self._suspect.set()
 
-    def _look_after(self) -> None:
-        """Select the calibration anew after a restart, and notice one that went unseen."""
+    def _check_calibration(self) -> None:
+        """Select the calibration anew after a restart, and detect restarts without silence."""
         axis = 0
         while self._running.is_set():
             doubted = self._suspect.wait(CHECK_S)
@@ -248,14 +248,8 @@ class NetcanoemTransducer(Transducer):
         newest = self._newest
         if newest is None:
             raise LinkError("the sensor has sent no reading yet")
-        fresh, self._seen = newest.sequence != self._seen, newest.sequence
-        return replace(
-            newest, age=time.monotonic() - newest.t, fresh=fresh, wrench=newest.wrench.copy(),
-            lost=self._lost + self._pairs.lost, bias_id=self._bias_id,
-        )  # fmt: skip
-
-    def _at(self, t: float) -> WrenchSample | None:
-        return self._past.at(t)
+        lost = self._lost + self._pairs.lost
+        return replace(newest, wrench=newest.wrench.copy(), lost=lost, bias_id=self._bias_id)
 
     def _zero(self) -> int:
         since = time.monotonic() - _ZERO_S

@@ -1,7 +1,7 @@
-"""ATI Net F/T and Ethernet Axia: RDT over UDP, scaled by what the box's own web page says.
+"""Transducer for ATI Net F/T and Ethernet Axia: RDT over UDP, scaled by the box's web page.
 
-Sources: ATI 9620-05 Net F/T manual (RDT, CGI variables, netftapi2.xml, system status codes) and
-ATI 9620-05-C Ethernet Axia (its status codes).
+May import: transducer base, ``hardware.device``, registry, physics, errors; no other transducer.
+Read first: ``transducer.py``, then ``configuration.py`` (web page) and ``receiver.py`` (RDT).
 """
 
 from wrenchbed.hardware.transducers.netft.transducer import NetftOptions, NetftTransducer

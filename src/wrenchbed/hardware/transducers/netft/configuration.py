@@ -1,8 +1,7 @@
-"""netftapi2.xml: how many counts a newton is, how fast RDT runs, and what the box is set to.
+"""The box's web page netftapi2.xml: read with a deadline, parsed, and checked for changes.
 
-One GET with one deadline and a largest size, so that no server can hold it up.
-
-Looks at the box's own page now and then: was its scaling changed, did it take the new zero?
+It states counts per newton, the rate of RDT, full scale and the zero. Source of its fields: ATI
+9620-05 Net F/T manual (CGI variables, netftapi2.xml).
 """
 
 import math
@@ -18,6 +17,7 @@ import numpy as np
 from wrenchbed.errors import DriverError, LinkError
 
 _HEAD = 8192
+"""Bytes of the longest HTTP head; estimate."""
 
 
 def get(host: str, port: int, target: str, *, within: float, largest: int) -> bytes:
@@ -90,10 +90,10 @@ def content(answer: bytes, where: str, largest: int) -> bytes:
 def _receive(link: socket.socket, end: float, largest: int) -> bytes:
     data = bytearray()
     while len(data) <= largest:
-        left = end - time.monotonic()
-        if left <= 0.0:
+        remaining = end - time.monotonic()
+        if remaining <= 0.0:
             raise TimeoutError
-        link.settimeout(left)
+        link.settimeout(remaining)
         more = link.recv(4096)
         if not more:
             break
@@ -115,7 +115,7 @@ _NEWTON_METRE = {
 
 @dataclass(frozen=True, eq=False)
 class Configuration:
-    """What a box says of itself.
+    """Settings that a box reports.
 
     Attributes:
         per_si: (6,) counts per newton and newton metre.
@@ -140,7 +140,7 @@ class Configuration:
     rating: np.ndarray | None
 
     def differs(self, other: "Configuration") -> str:
-        """What scales readings otherwise than ``other``; empty if nothing does."""
+        """Whether readings are scaled otherwise than by ``other``, in words; empty if not."""
         if self.counts != other.counts or self.units != other.units:
             mine = f"{self.counts[0]:g} / {self.units[0]}, {self.counts[1]:g} / {self.units[1]}"
             return f"the box was set to {mine} counts since connect: close and connect again"
@@ -185,10 +185,7 @@ def _fields(page: bytes) -> dict[str, str]:
         root = ElementTree.fromstring(page.decode("utf-8", errors="replace"))
     except (ElementTree.ParseError, ValueError) as error:
         raise DriverError(f"netftapi2.xml is malformed: {error}") from error
-    found: dict[str, str] = {}
-    for element in root.iter():
-        found.setdefault(element.tag, (element.text or "").strip())
-    return found
+    return {e.tag: (e.text or "").strip() for e in reversed(list(root.iter()))}
 
 
 def _text(fields: dict[str, str], name: str) -> str:
@@ -236,12 +233,13 @@ def _rating(text: str, si: np.ndarray) -> np.ndarray | None:
 
 
 EVERY_S = 5.0
-"""Time between two looks [s]."""
+"""Time between two comparisons [s]; estimate."""
 _AFTER_ZERO_S = 0.1
+"""Time between a zero and its check [s]; estimate."""
 
 
 class Watch:
-    """A thread that compares what the box says with what it said at connect.
+    """A thread that compares the page with the page at connect: scaling, and a new zero.
 
     Attributes:
         failures: looks that got no page.

@@ -1,6 +1,7 @@
-"""Status words of a Net Box and of an Ethernet Axia, in words; each product has its own table.
+"""RDT datagrams, big endian: requests, 36-byte records, and the status words of each product.
 
-Bytes of RDT, big endian: the requests sent and the 36-byte records received.
+Sources: ATI 9620-05 Net F/T manual (RDT, system status codes) and ATI 9620-05-C Ethernet Axia (its
+status codes).
 """
 
 import struct
@@ -28,18 +29,18 @@ class StatusTable:
     harmless: int
 
     def faults(self, status: int) -> tuple[str, ...]:
-        """What a status word says, error or not; without the summary bit where another says why."""
-        said = tuple(word for bit, word in self.words.items() if status >> bit & 1)
+        """Meaning of a status word, error or not; the summary bit only where no other bit is set."""
+        words = tuple(word for bit, word in self.words.items() if status >> bit & 1)
         unknown = status & ~_ANY & ~sum(1 << bit for bit in self.words)
         if unknown:
-            said = (*said, f"unknown bits 0x{unknown:08x}")
-        return said or (("error of a kind that is not told",) if status & _ANY else ())
+            words = (*words, f"unknown bits 0x{unknown:08x}")
+        return words or (("error of a kind that is not told",) if status & _ANY else ())
 
     def broken(self, status: int) -> bool:
         """Whether a status word names an error other than a reading out of range."""
-        rest = status & ~(self.saturated | self.harmless)
-        only_summary = rest == _ANY and status & (self.saturated | self.harmless)
-        return rest != 0 and not only_summary
+        errors = status & ~(self.saturated | self.harmless)
+        only_summary = errors == _ANY and status & (self.saturated | self.harmless)
+        return errors != 0 and not only_summary
 
     def out_of_range(self, status: int) -> bool:
         """Whether a reading left the sensor's range."""
@@ -132,19 +133,19 @@ def record(data: bytes | memoryview, index: int) -> Record:
 
 
 def numbers(data: bytes | memoryview) -> list[tuple[int, int]]:
-    """(rdt_sequence, ft_sequence) of each record of whole datagrams.
+    """(rdt_sequence, ft_sequence) of each record of complete datagrams.
 
     Raises:
-        DriverError: not a whole number of records.
+        DriverError: not an integer number of records.
     """
     return [(rdt, ft) for rdt, ft in _each(_NUMBERS, data)]
 
 
 def flagged(data: bytes | memoryview) -> int:
-    """All status words of whole datagrams, or-ed.
+    """All status words of complete datagrams, or-ed.
 
     Raises:
-        DriverError: not a whole number of records.
+        DriverError: not an integer number of records.
     """
     word = 0
     for (status,) in _each(_STATUS, data):

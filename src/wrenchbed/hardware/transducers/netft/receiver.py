@@ -1,6 +1,6 @@
-"""The thread that drains the socket to its newest record, counts what is lost and asks again.
+"""The thread that receives RDT records, counts lost ones and repeats the request.
 
-The last second of records, kept as they came and decoded only when asked.
+The records of the last second are kept as bytes and decoded on demand.
 """
 
 import contextlib
@@ -22,10 +22,11 @@ from wrenchbed.hardware.transducers.netft.datagrams import LARGEST, Record
 from wrenchbed.hardware.transducers.netft.sequence import DeviceClock, Tracker
 
 _BATCHES = 8192
+"""Batches of records that are kept; estimate."""
 _AROUND_S = 0.005
-"""How far beyond the batches next to a time others are decoded, too [s]."""
+"""Time around a moment within which batches are decoded [s]; estimate."""
 _MOST_BEHIND = 2048
-"""Records by which one may be older than the newest of its batch."""
+"""Records by which one may be older than the newest of its batch; estimate."""
 
 
 class KnownRecord(NamedTuple):
@@ -44,17 +45,17 @@ class History:
         self._batches: deque[tuple[float, bytes]] = deque(maxlen=_BATCHES)
 
     def add(self, t: float, data: bytes) -> None:
-        """Keep whole records whose last arrived at t [s], or would have, had it been in time."""
+        """Keep complete records whose last arrived at t [s], or would have, had it been in time."""
         self._batches.append((t, data))
         while self._batches[0][0] < t - self._seconds:
             self._batches.popleft()
 
     def clear(self) -> None:
-        """Forget everything."""
+        """Drop all records."""
         self._batches.clear()
 
     def at(self, t: float) -> KnownRecord | None:
-        """What was at a time [s], between records as `weight` says; None where unknown."""
+        """Counts at a time [s], interpolated by `weight`; None where unknown."""
         around: list[tuple[float, bytes]] = []
         for batch in reversed(self._batches.copy()):
             around.append(batch)
@@ -94,12 +95,14 @@ class History:
 
 
 SILENT_S = 0.25
-"""Silence after which the stream is asked for again [s]; doubled each time up to `_PATIENCE_S`."""
+"""Silence until the request is repeated [s]; doubled each time up to `_PATIENCE_S`; estimate."""
 _PATIENCE_S = 2.0
-_PAUSE_S = 1e-3
-_WAIT_S = 0.05
+_PAUSE_S, _WAIT_S = 1e-3, 0.05
+"""Pause between two drains, and longest wait for a datagram [s]; estimates."""
 _ROOM = 128 * 1024
+"""Bytes of the receive buffer; estimate."""
 _HISTORY_S = 1.5
+"""Time of which records are kept [s]; estimate."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,12 +146,12 @@ class Receiver:
         self._thread = threading.Thread(target=self._run, name="netft receiver", daemon=True)
 
     def start(self) -> None:
-        """Ask for the stream and receive from now on."""
+        """Request the stream and start the thread."""
         self._ask()
         self._thread.start()
 
     def stop(self) -> None:
-        """Ask a box that sends to be silent, end the thread and close the socket."""
+        """Stop the stream, end the thread and close the socket."""
         self._ended.set()
         if self._thread.is_alive():
             self._thread.join(2.0)
@@ -189,7 +192,7 @@ class Receiver:
             time.sleep(_PAUSE_S)
 
     def _drain(self) -> int:
-        """Fill the buffer with all that came; bytes of whole records."""
+        """Fill the buffer with all that arrived; number of bytes of complete records."""
         view, used, box = memoryview(self._buffer), 0, self.box
         receive = self._socket.recvfrom_into
         while used < _ROOM - LARGEST - 1:

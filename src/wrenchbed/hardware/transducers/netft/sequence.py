@@ -1,7 +1,4 @@
-"""Which records are new, late, doubled, lost or none at all, by their two counters.
-
-The device's clock, read off its sample counter, against this machine's.
-"""
+"""The two counters of RDT records: new, late, doubled and lost records, and the device's clock."""
 
 import math
 from collections import deque
@@ -114,14 +111,15 @@ class Tracker:
 
 
 _EVERY_S, _SPAN_S, _LEAST_S = 0.1, 20.0, 2.0
+"""Time between marks, longest and shortest span of a fit [s]; estimates."""
 _RECENT = 20
-"""Marks among which the least delay is sought: clocks drift apart in a longer time."""
+"""Marks among which the least delay is sought: clocks drift apart in a longer time; estimate."""
 _HELD_S = 0.1
-"""By which a record may have been held up; beyond, the clocks have leapt [s]."""
+"""Greatest delay of a record; beyond it the clocks have jumped [s]; estimate."""
 
 
 class DeviceClock:
-    """ft_sequence over its rate, unwrapped; how fast it runs from the earliest arrivals.
+    """The device's clock: ft_sequence over its rate, unwrapped; its drift by the earliest arrivals.
 
     Attributes:
         ppm: how much faster than this machine's clock it runs [1e-6]; None until 2 s are known.
@@ -157,10 +155,10 @@ class DeviceClock:
         return device
 
     def punctual(self, host: float, stamp: int) -> float:
-        """When a record that arrived at a host time [s] would have arrived, had nothing held it up.
+        """When a record that arrived at a host time [s] would have arrived without extra delay.
 
-        What holds datagrams up, a busy machine or network, makes them late and never early: the
-        least late of the last two seconds tells the delay that all have.
+        A busy machine or network makes datagrams late and never early: the least late one of the
+        last two seconds gives the delay that all have.
         """
         if self._stamp is None:
             return host

@@ -3,16 +3,15 @@
 import socket
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from wrenchbed import registry
 from wrenchbed.errors import DriverError, LinkError, ParameterError
-from wrenchbed.hardware.device import Health, by_age
+from wrenchbed.hardware.device import Health, by_age, wait_until
 from wrenchbed.hardware.transducers.base import Transducer, WrenchSample
 from wrenchbed.hardware.transducers.netft import configuration, datagrams
-from wrenchbed.hardware.transducers.netft import configuration as web
 from wrenchbed.hardware.transducers.netft.configuration import Configuration, Watch
 from wrenchbed.hardware.transducers.netft.datagrams import table
 from wrenchbed.hardware.transducers.netft.receiver import Receiver
@@ -20,13 +19,17 @@ from wrenchbed.hardware.transducers.netft.sequence import signed
 from wrenchbed.physics.wrench import CHANNELS
 
 INTERNAL_RATE = {"netbox": 7000.0, "axia": 7812.0}
-"""Samples per second of a box whose page does not tell [Hz]."""
+"""Samples per second where the page does not report them [Hz]; estimates."""
 _PAGE_S, _FIRST_S = 2.0, 1.5
+"""Deadlines of the page and of the first record [s]; estimates."""
 _ALL = 0x3F
-_FULL = 0.9999
+"""Bits of all six channels."""
+_FULL, _BEYOND = 0.9999, 1.05
+"""Shares of full scale: saturated, and impossible unless reported as saturated; estimates."""
 _SAME = 20
+"""Equal records after which readings may be frozen; estimate."""
 _PPM = 1000.0
-_BEYOND = 1.05
+"""Drift of the clock that is reported [ppm]; estimate."""
 
 
 @dataclass(frozen=True)
@@ -38,9 +41,9 @@ class NetftOptions:
         port: of RDT, UDP.
         http_port: of its web page; 0 tries 80, then 8080.
         rate: RDT records per second to set the box to, which keeps it; None leaves it as it is.
-        product: ``netbox`` or ``axia``: whose status words it speaks.
-        sensor: registry name; its range tells which channel saturates. None takes what the box
-            says of itself.
+        product: ``netbox`` or ``axia``, which selects the table of status words.
+        sensor: registry name; its range tells which channel saturates. None takes the range
+            that the box reports.
         calibration: of the sensor; its default if None.
         frozen_s: time without any change of the six counts after which the readings count as
             frozen [s]; 0 never.
@@ -82,39 +85,37 @@ class NetftTransducer(Transducer):
         self._table = table(options.product)
         self._receiver: Receiver | None = None
         self._watch: Watch | None = None
-        self._given: np.ndarray | None = None
+        self._stated_range: np.ndarray | None = None
         if options.sensor is not None:
             sensor = registry.load("sensors", options.sensor)
-            self._given = np.asarray(sensor.calibration(options.calibration).range)
-        self._shown: tuple[int, int, float] | None = None
+            self._stated_range = np.asarray(sensor.calibration(options.calibration).range)
         self._zeros = self._lost = 0
         self._last_ft: int | None = None
 
     def _connect(self) -> None:
         host = _resolve(self._options.host)
-        port, said = self._look(host, _ports(self._options))
-        if self._options.rate is not None and abs(said.rate - self._options.rate) > 0.5:
-            said = self._set_rate(host, port, self._options.rate)
-        if not said.enabled:
+        port, page = self._look(host, _ports(self._options))
+        if self._options.rate is not None and abs(page.rate - self._options.rate) > 0.5:
+            page = self._set_rate(host, port, self._options.rate)
+        if not page.enabled:
             raise DriverError(
                 f"http://{host}:{port}: RDT is off: switch it on on the communications page"
             )
-        self._said, self._shown = said, None
-        self._range = said.rating if self._given is None else self._given
-        self._receiver = Receiver((host, self._options.port), said.rate, said.internal_rate)
+        self._page = page
+        self._range = page.rating if self._stated_range is None else self._stated_range
+        self._receiver = Receiver((host, self._options.port), page.rate, page.internal_rate)
         self._receiver.start()
-        end = time.monotonic() + _FIRST_S + 2.0 / said.rate
-        while self._receiver.newest is None:
-            if time.monotonic() > end:
-                raise LinkError(
-                    f"{host}:{self._options.port}: the box shows its page but sends no RDT within "
-                    f"{_FIRST_S:g} s: check firewall and port"
-                )
-            time.sleep(0.002)
-        last, first = self._last_ft, self._receiver.newest.record.ft
+        receiver = self._receiver
+        wait_until(lambda: receiver.newest is not None, _FIRST_S + 2.0 / page.rate)
+        if receiver.newest is None:
+            raise LinkError(
+                f"{host}:{self._options.port}: the box shows its page but sends no RDT within "
+                f"{_FIRST_S:g} s: check firewall and port"
+            )
+        last, first = self._last_ft, receiver.newest.record.ft
         if last is not None and signed(first - last) < 0:
             self._zeros += 1  # switched off and on meanwhile: its zero is lost
-        self._watch = Watch(said, lambda: self._look(host, (port,))[1])
+        self._watch = Watch(page, lambda: self._look(host, (port,))[1])
         self._watch.start()
 
     def _close(self) -> None:
@@ -130,65 +131,45 @@ class NetftTransducer(Transducer):
         self._watch = self._receiver = None
 
     def _look(self, host: str, ports: tuple[int, ...]) -> tuple[int, Configuration]:
-        port, page = web.get_any(
+        port, content = configuration.get_any(
             host, ports, "/netftapi2.xml", within=_PAGE_S, largest=configuration.LARGEST
         )
-        return port, configuration.parse(page, INTERNAL_RATE[self._options.product])
+        return port, configuration.parse(content, INTERNAL_RATE[self._options.product])
 
     def _set_rate(self, host: str, port: int, rate: float) -> Configuration:
         target = f"/comm.cgi?comrdtrate={rate:.0f}"
-        web.get(host, port, target, within=_PAGE_S, largest=configuration.LARGEST)
-        said = self._look(host, (port,))[1]
-        if not 0.99 * rate <= said.rate <= 2.0 * rate:
+        configuration.get(host, port, target, within=_PAGE_S, largest=configuration.LARGEST)
+        page = self._look(host, (port,))[1]
+        if not 0.99 * rate <= page.rate <= 2.0 * rate:
             raise DriverError(
                 f"http://{host}:{port}: asked for {rate:g} records/s, the box stays at "
-                f"{said.rate:g}: set it on its communications page"
+                f"{page.rate:g}: set it on its communications page"
             )
-        return said
+        return page
 
     def _read(self) -> WrenchSample:
         receiver = self._running
         newest = receiver.newest
         if newest is None:
             raise LinkError(f"{receiver.box[0]}: no record came yet")
-        record = newest.record
-        key = (record.rdt, record.ft, newest.t)
-        fresh, self._shown = key != self._shown, key
-        status = record.status | receiver.flagged()
-        wrench = np.array(record.counts) / self._said.per_si
-        return WrenchSample(
-            t=newest.t,
-            device_time=newest.device_time,
-            sequence=record.ft,
-            age=max(0.0, time.monotonic() - newest.t),
-            fresh=fresh,
-            wrench=wrench,
-            status=status,
-            saturated=self._saturated(wrench, status),
-            lost=self._lost + receiver.tracker.lost,
-            bias_id=self._zeros + receiver.tracker.restarts,
-            faults=self._words(status),
-        )
+        status = newest.record.status | receiver.flagged()
+        sample = self._sample(newest.t, np.array(newest.record.counts), status)
+        return replace(sample, device_time=newest.device_time, sequence=newest.record.ft)
 
     def _at(self, t: float) -> WrenchSample | None:
-        receiver = self._running
-        known = receiver.history.at(t)
+        known = self._running.history.at(t)
         if known is None:
             return None
-        wrench = known.counts / self._said.per_si
+        return replace(self._sample(t, known.counts, known.status), age=known.age)
+
+    def _sample(self, t: float, counts: np.ndarray, status: int) -> WrenchSample:
+        """A reading from counts (6,), arrived at a time [s]."""
+        tracker, wrench = self._running.tracker, counts / self._page.per_si
         return WrenchSample(
-            t=t,
-            device_time=None,
-            sequence=receiver.tracker.last[1],
-            age=known.age,
-            fresh=True,
-            wrench=wrench,
-            status=known.status,
-            saturated=self._saturated(wrench, known.status),
-            lost=self._lost + receiver.tracker.lost,
-            bias_id=self._zeros + receiver.tracker.restarts,
-            faults=self._words(known.status),
-        )
+            t, None, tracker.last[1], 0.0, True, wrench, status=status,
+            saturated=self._saturated(wrench, status), lost=self._lost + tracker.lost,
+            bias_id=self._zeros + tracker.restarts, faults=self._words(status),
+        )  # fmt: skip
 
     def _zero(self) -> int:
         receiver = self._running
@@ -242,8 +223,8 @@ class NetftTransducer(Transducer):
         """What cannot be: far out of range, and the status word does not say so."""
         if self._range is None or self._table.out_of_range(status):
             return ""
-        biased = self._zeros or any(c in "123456789" for c in self._said.bias)
-        share = np.abs(np.array(counts) / self._said.per_si) / self._range
+        biased = self._zeros or any(c in "123456789" for c in self._page.bias)
+        share = np.abs(np.array(counts) / self._page.per_si) / self._range
         k = int(np.argmax(share))
         if share[k] < _BEYOND * (2.0 if biased else 1.0):
             return ""
