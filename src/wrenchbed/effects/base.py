@@ -127,6 +127,8 @@ class Effect(ABC):
     """Of `STAGES`, the first at which it acts."""
     also_at: ClassVar[tuple[str, ...]] = ()
     """Further stages at which it acts."""
+    numbers: ClassVar[tuple[Parameter, ...]] = ()
+    """Its parameters, where they are the same on all robots: see `parameters`."""
     modes: ClassVar[tuple[str, ...]] = ("static", "dynamic")
     """Recordings in which it can show."""
     smooth: ClassVar[bool] = True
@@ -192,9 +194,9 @@ class Effect(ABC):
         """Whether it can show on a robot at all."""
         return self.between_rows or any(self.variants(s) for s in examples(robot))
 
-    @abstractmethod
     def parameters(self, robot: Robot) -> ParameterSet:
         """Amplitudes (nominal 0, tolerance = typical size) and shapes, SI."""
+        return ParameterSet(self.numbers)
 
     @abstractmethod
     def variants(self, scene: Scene) -> tuple[Variant, ...]:
@@ -225,11 +227,11 @@ class Effect(ABC):
     ) -> dict[str, dict[str, Any]]:
         """Parameters as a diagnosis states them: value, standard uncertainty and unit by name."""
         known = self.parameters(robot)
-        numbers: dict[str, dict[str, Any]] = {
+        result: dict[str, dict[str, Any]] = {
             n: {"value": values[n], "std": std.get(n), "unit": known[known.index(n)].unit}
             for n in (*variant.free, *variant.shape)
         }
-        return numbers | {k: {"value": v} for k, v in variant.detail.items()}
+        return result | {k: {"value": v} for k, v in variant.detail.items()}
 
     def amplitudes(
         self, published: Mapping[str, Mapping[str, Any]]
@@ -357,9 +359,7 @@ class ChannelEffect(ReadingEffect):
     text: ClassVar[str]
 
     def parameters(self, robot: Robot) -> ParameterSet:
-        return ParameterSet(
-            tuple(channel_parameters(self.stem, *self.sizes, self.text, self.units))
-        )
+        return ParameterSet(channel_parameters(self.stem, *self.sizes, self.text, self.units))
 
     def variants(self, scene: Scene) -> tuple[Variant, ...]:
         return tuple(channel_variants(self.stem))
@@ -377,17 +377,29 @@ class RowEffect(Effect):
 # ---- building blocks of parameter sets and variants ------------------------------------------
 
 
+def alike(
+    names: Sequence[str], unit: str, size: float, bound: float, text: str
+) -> tuple[Parameter, ...]:
+    """Parameters of one kind, nominally 0, within ± a bound."""
+    return tuple(Parameter(n, 0.0, unit, size, -bound, bound, text) for n in names)
+
+
 def channel_parameters(
-    stem: str, force: float, torque: float, text: str, units: Sequence[str] = UNITS
-) -> list[Parameter]:
+    stem: str,
+    force: float,
+    torque: float,
+    text: str,
+    units: Sequence[str] = UNITS,
+    bounds: tuple[float, float] = (-1e4, 1e4),
+) -> tuple[Parameter, ...]:
     """One amplitude a channel, ``stem.fx`` …, with typical sizes of forces and torques.
 
     The bounds only refuse absurd values: estimates.
     """
-    return [
-        Parameter(f"{stem}.{c}", 0.0, u, force if c[0] == "f" else torque, -1e4, 1e4, text)
+    return tuple(
+        Parameter(f"{stem}.{c}", 0.0, u, force if c[0] == "f" else torque, *bounds, text)
         for c, u in zip(CHANNELS, units, strict=True)
-    ]
+    )
 
 
 def channel_variants(

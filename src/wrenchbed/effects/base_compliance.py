@@ -2,9 +2,8 @@
 
 import numpy as np
 
-from wrenchbed.effects.base import MjSpec, Pose, PoseEffect, Values, Variant
+from wrenchbed.effects.base import MjSpec, Pose, PoseEffect, Values, Variant, alike
 from wrenchbed.effects.scene import Scene
-from wrenchbed.physics.parameters import Parameter, ParameterSet
 from wrenchbed.physics.rotations import apply, exp
 from wrenchbed.robots.base import Robot
 
@@ -25,15 +24,11 @@ class BaseCompliance(PoseEffect):
     title = "the base is compliant and tilts under the arm's weight"
     size_error = 0.1
     source = "1e-6–1e-5 rad/(N·m) of pedestals and tables: estimate"
-
-    def parameters(self, robot: Robot) -> ParameterSet:
-        texts = ("about every horizontal axis", "more about x", "more about y")
-        return ParameterSet(
-            tuple(
-                Parameter(n, 0.0, "rad/(N·m)", 1e-5, -0.01, 0.01, text)
-                for n, text in zip(NAMES, texts, strict=True)
-            )
-        )
+    numbers = (
+        *alike(NAMES[:1], "rad/(N·m)", 1e-5, 0.01, "about every horizontal axis"),
+        *alike(NAMES[1:2], "rad/(N·m)", 1e-5, 0.01, "more about x"),
+        *alike(NAMES[2:], "rad/(N·m)", 1e-5, 0.01, "more about y"),
+    )
 
     def variants(self, scene: Scene) -> tuple[Variant, ...]:
         if not scene.jointed:

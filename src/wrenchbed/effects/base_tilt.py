@@ -2,9 +2,8 @@
 
 import numpy as np
 
-from wrenchbed.effects.base import ModelEffect, Values, Variant
+from wrenchbed.effects.base import ModelEffect, Values, Variant, alike
 from wrenchbed.effects.scene import Scene
-from wrenchbed.physics.parameters import Parameter, ParameterSet
 from wrenchbed.robots.base import TILT, Robot, rotate_base
 
 TYPICAL = np.deg2rad(0.5)
@@ -20,9 +19,7 @@ class BaseTilt(ModelEffect):
     name = "base.tilt"
     title = "the base is tilted against gravity"
     source = "0.1–1° as mounted; −0.19° and 0.15° measured: A. Skrede 2024, 10.5281/zenodo.11096791"
-
-    def parameters(self, robot: Robot) -> ParameterSet:
-        return ParameterSet(tuple(Parameter(a, 0.0, "rad", TYPICAL, -0.8, 0.8, TILT) for a in "xy"))
+    numbers = alike("xy", "rad", TYPICAL, 0.8, TILT)
 
     def variants(self, scene: Scene) -> tuple[Variant, ...]:
         return (Variant("about x and y", ("x", "y")),)

@@ -3,8 +3,7 @@
 import numpy as np
 
 from wrenchbed.effects.base import RowEffect, Values, channel_parameters, per_channel, vector
-from wrenchbed.physics.parameters import Parameter, ParameterSet
-from wrenchbed.robots.base import Robot
+from wrenchbed.physics.parameters import Parameter
 
 
 class BaseVibration(RowEffect):
@@ -18,11 +17,10 @@ class BaseVibration(RowEffect):
     name = "base.vibration"
     title = "the base vibrates"
     source = "0.1 m/s² of 1 kg on a frame that sways at 8–20 Hz: estimate"
-
-    def parameters(self, robot: Robot) -> ParameterSet:
-        items = channel_parameters("amplitude", 0.1, 7e-3, "of the line, to its peak")
-        items.append(Parameter("frequency", 12.0, "Hz", 5.0, 0.01, 1e4, "of the line"))
-        return ParameterSet(tuple(items))
+    numbers = (
+        *channel_parameters("amplitude", 0.1, 7e-3, "of the line, to its peak"),
+        Parameter("frequency", 12.0, "Hz", 5.0, 0.01, 1e4, "of the line"),
+    )
 
     def corrupt(
         self, rows: np.ndarray, t: np.ndarray, p: Values, rng: np.random.Generator

@@ -4,14 +4,23 @@ from itertools import product
 
 import numpy as np
 
-from wrenchbed.effects.base import LoadEffect, MjSpec, Pose, Residual, Values, Variant
+from wrenchbed.effects.base import (
+    LoadEffect,
+    MjSpec,
+    Pose,
+    Residual,
+    Values,
+    Variant,
+    alike,
+    vector,
+)
 from wrenchbed.effects.scene import Scene
-from wrenchbed.physics.parameters import Parameter, ParameterSet
+from wrenchbed.physics.parameters import Parameter
 from wrenchbed.physics.rotations import apply, cross, sphere
 from wrenchbed.physics.taylor import value
 from wrenchbed.robots.base import Robot
 
-POINT = ("point.x", "point.y", "point.z")
+PULL, ANCHOR, POINT = (tuple(f"{stem}.{a}" for a in "xyz") for stem in ("pull", "anchor", "point"))
 REACHES = (0.6, 1.3)
 """Distances of anchors from the middle of the recorded positions where a search begins [m];
 estimates."""
@@ -38,28 +47,21 @@ class CablePull(LoadEffect):
     external = True
     zero_is_convention = True
     source = "0.2–3 N, estimate"
-
-    def parameters(self, robot: Robot) -> ParameterSet:
-        return ParameterSet(
-            (
-                Parameter("stiffness", 0.0, "N/m", 2.0, -1e4, 1e4, "of the cable"),
-                *(Parameter(f"pull.{a}", 0.0, "N", 1.0, -200, 200, "at the base") for a in "xyz"),
-                *(Parameter(f"anchor.{a}", 0.0, "m", 0.5, -5, 5, "in the world") for a in "xyz"),
-                Parameter("length", 0.0, "m", 0.3, 0.0, 5.0, "at which it becomes taut"),
-                *(
-                    Parameter(n, 0.0, "m", 0.03, -1, 1, "where it holds, sensor axes")
-                    for n in POINT
-                ),
-            )
-        )
+    numbers = (
+        *alike(("stiffness",), "N/m", 2.0, 1e4, "of the cable"),
+        *alike(PULL, "N", 1.0, 200.0, "at the base"),
+        *alike(ANCHOR, "m", 0.5, 5.0, "in the world"),
+        Parameter("length", 0.0, "m", 0.3, 0.0, 5.0, "at which it becomes taut"),
+        *alike(POINT, "m", 0.03, 1.0, "where it holds, sensor axes"),
+    )
 
     def variants(self, scene: Scene) -> tuple[Variant, ...]:
         if not scene.jointed:
             return ()
-        free = ("stiffness", "pull.x", "pull.y", "pull.z")
+        free = ("stiffness", *PULL)
         held = dict(zip(POINT, map(float, scene.tool.cog), strict=True))
         taut = Variant("always taut", free, held, POINT, weight=4.0)
-        shape = ("anchor.x", "anchor.y", "anchor.z", "length")
+        shape = (*ANCHOR, "length")
         position = value(scene.pose[1])[scene.held]
         middle = position.mean(axis=0)
         slack = []
@@ -100,7 +102,7 @@ class CablePull(LoadEffect):
         result: list[Variant] = []
         for _, anchor, length, point in told[:3]:
             held = np.clip(point, -0.3, 0.3)
-            names = ("anchor.x", "anchor.y", "anchor.z", "length", *POINT)
+            names = (*ANCHOR, "length", *POINT)
             at = dict(zip(names, map(float, (*anchor, length, *held)), strict=True))
             label = f"slack in part, found, {len(result) + 1}"
             result.append(Variant(label, ("stiffness",), at, names, {}, 0.1))
@@ -108,11 +110,11 @@ class CablePull(LoadEffect):
 
     def load(self, scene: Scene, pose: Pose, load: np.ndarray, p: Values) -> np.ndarray:
         rotation = np.swapaxes(value(pose.rotation), -1, -2)
-        lever = np.array([p[n] for n in POINT])
+        lever = vector(p, POINT)
         position = value(pose.position) + apply(value(pose.rotation), lever)
-        to_anchor = np.array([p[f"anchor.{a}"] for a in "xyz"]) - position
+        to_anchor = vector(p, ANCHOR) - position
         far = np.maximum(np.linalg.norm(to_anchor, axis=-1, keepdims=True), 1e-9)
-        pull = np.array([p[f"pull.{a}"] for a in "xyz"])
+        pull = vector(p, PULL)
         force = pull + p["stiffness"] * to_anchor * np.maximum(0.0, 1.0 - p["length"] / far)
         own = apply(rotation, force)
         return np.concatenate([own, cross(np.broadcast_to(lever, own.shape), own)], axis=-1)
@@ -122,10 +124,10 @@ class CablePull(LoadEffect):
         from wrenchbed.simulation.springs import cable, pull
 
         point = tuple(p[n] for n in POINT)
-        anchor = [p[f"anchor.{a}"] for a in "xyz"]
+        anchor = [p[n] for n in ANCHOR]
         if p["stiffness"]:
             cable(spec, self.name, point, anchor, p["stiffness"], p["length"])
-        pull(spec, self.name, point, np.array([p[f"pull.{a}"] for a in "xyz"]))
+        pull(spec, self.name, point, vector(p, PULL))
 
 
 def _gain(pull: np.ndarray, residual: Residual) -> tuple[float, np.ndarray]:

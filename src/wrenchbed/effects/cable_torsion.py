@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from wrenchbed.effects.base import LoadEffect, MjSpec, Pose, Values, Variant
+from wrenchbed.effects.base import LoadEffect, MjSpec, Pose, Values, Variant, alike
 from wrenchbed.effects.scene import Scene
-from wrenchbed.physics.parameters import Parameter, ParameterSet
+from wrenchbed.physics.parameters import Parameter
 from wrenchbed.robots.base import Robot
 
 _STEP = 1e-30
@@ -27,16 +27,12 @@ class CableTorsion(LoadEffect):
     zero_is_convention = True
     beside_sensor = True
     source = "5–50 mN·m a turn and as much friction: estimate"
-
-    def parameters(self, robot: Robot) -> ParameterSet:
-        return ParameterSet(
-            (
-                Parameter("stiffness", 0.0, "N·m/rad", 5e-3, -10, 10, "of the cable"),
-                Parameter("friction", 0.0, "N·m", 5e-3, -10, 10, "half the width of its loop"),
-                Parameter("neutral", 0.0, "rad", 1.0, -20, 20, "untwisted here"),
-                Parameter("joint_axis", 0.0, "1", 1.0, 0.0, 1.0, "1: about the joint, 0: about z"),
-            )
-        )
+    numbers = (
+        *alike(("stiffness",), "N·m/rad", 5e-3, 10.0, "of the cable"),
+        *alike(("friction",), "N·m", 5e-3, 10.0, "half the width of its loop"),
+        *alike(("neutral",), "rad", 1.0, 20.0, "untwisted here"),
+        Parameter("joint_axis", 0.0, "1", 1.0, 0.0, 1.0, "1: about the joint, 0: about z"),
+    )
 
     def variants(self, scene: Scene) -> tuple[Variant, ...]:
         if not scene.jointed or scene.robot.joints[-1].unit != "rad":

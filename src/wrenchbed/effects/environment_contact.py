@@ -4,10 +4,19 @@ from itertools import product
 
 import numpy as np
 
-from wrenchbed.effects.base import LoadEffect, MjSpec, Pose, Residual, Values, Variant
+from wrenchbed.effects.base import (
+    LoadEffect,
+    MjSpec,
+    Pose,
+    Residual,
+    Values,
+    Variant,
+    alike,
+    vector,
+)
 from wrenchbed.effects.scene import Scene
 from wrenchbed.errors import NotFoundError
-from wrenchbed.physics.parameters import Parameter, ParameterSet
+from wrenchbed.physics.parameters import Parameter
 from wrenchbed.physics.rotations import apply, cross, sphere
 from wrenchbed.physics.taylor import value
 from wrenchbed.robots.base import Robot
@@ -46,25 +55,16 @@ class EnvironmentContact(LoadEffect):
     external = True
     zero_is_convention = True
     source = "skin, gel and foam 100–2000 N/m: estimate"
-
-    def parameters(self, robot: Robot) -> ParameterSet:
-        return ParameterSet(
-            (
-                Parameter("stiffness", 0.0, "N/m", 500.0, -1e6, 1e6, "of what is touched"),
-                Parameter("reach", 1.0, "1", 0.2, 0.1, 5.0, "of what touches, over the tip's"),
-                Parameter("power", 1.0, "1", 0.2, 0.3, 4.0, "of the depth"),
-                Parameter("depth", 0.0, "m", 0.02, -10, 10, "of the plane: n·p = d"),
-                *(
-                    Parameter(n, float(n[-1] == "z"), "1", 0.1, -2, 2, "out of the plane, world")
-                    for n in NORMAL
-                ),
-                *(Parameter(n, 0.0, "1", 0.1, -2, 2, "drag over push, world") for n in SLIDE),
-                *(
-                    Parameter(n, 0.0, "m", 0.01, -1, 1, "of what touches, from there")
-                    for n in ASIDE
-                ),
-            )
-        )
+    numbers = (
+        *alike(("stiffness",), "N/m", 500.0, 1e6, "of what is touched"),
+        Parameter("reach", 1.0, "1", 0.2, 0.1, 5.0, "of what touches, over the tip's"),
+        Parameter("power", 1.0, "1", 0.2, 0.3, 4.0, "of the depth"),
+        *alike(("depth",), "m", 0.02, 10.0, "of the plane: n·p = d"),
+        *alike(NORMAL[:2], "1", 0.1, 2.0, "out of the plane, world"),
+        Parameter(NORMAL[2], 1.0, "1", 0.1, -2.0, 2.0, "out of the plane, world"),
+        *alike(SLIDE, "1", 0.1, 2.0, "drag over push, world"),
+        *alike(ASIDE, "m", 0.01, 1.0, "of what touches, from there"),
+    )
 
     def variants(self, scene: Scene) -> tuple[Variant, ...]:
         if not scene.jointed:
@@ -121,12 +121,12 @@ class EnvironmentContact(LoadEffect):
         return tuple(result)
 
     def load(self, scene: Scene, pose: Pose, load: np.ndarray, p: Values) -> np.ndarray:
-        normal = np.array([p[n] for n in NORMAL])
+        normal = vector(p, NORMAL)
         normal = normal / max(float(np.linalg.norm(normal)), 1e-9)
         rotation, lever = value(pose.rotation), touching(scene, p)
         at = value(pose.position) + apply(rotation, lever)
         push = p["stiffness"] * pressed(p["depth"] - at @ normal, p["power"])
-        way = normal + np.array([p[n] for n in SLIDE])
+        way = normal + vector(p, SLIDE)
         force = push[:, None] * (np.swapaxes(rotation, -1, -2) @ way)
         return np.concatenate([force, cross(np.broadcast_to(lever, force.shape), force)], axis=1)
 
@@ -137,7 +137,7 @@ class EnvironmentContact(LoadEffect):
         if p["stiffness"] and p["power"] == 1.0 and not any(p[n] for n in SLIDE):
             q = robot.sample(1, np.random.default_rng(0))
             still = Scene(robot, theta, np.zeros(3), q, np.zeros(1), np.ones(1, dtype=bool))
-            normal = np.array([p[n] for n in NORMAL])
+            normal = vector(p, NORMAL)
             normal = normal / max(float(np.linalg.norm(normal)), 1e-9)
             point = [float(x) for x in touching(still, p)]
             plane(spec, self.name, point, normal, p["depth"], p["stiffness"])
@@ -150,7 +150,7 @@ def pressed(x: np.ndarray, power: float) -> np.ndarray:
 
 def touching(scene: Scene, p: Values) -> np.ndarray:
     """The point of the tool that touches, in sensor axes (3,) [m]."""
-    return p["reach"] * tip(scene) + np.array([p[n] for n in ASIDE])
+    return p["reach"] * tip(scene) + vector(p, ASIDE)
 
 
 def tip(scene: Scene) -> np.ndarray:

@@ -2,9 +2,8 @@
 
 import numpy as np
 
-from wrenchbed.effects.base import ModelEffect, Values, Variant, vector
+from wrenchbed.effects.base import ModelEffect, Values, Variant, alike, vector
 from wrenchbed.effects.scene import Scene
-from wrenchbed.physics.parameters import Parameter, ParameterSet
 from wrenchbed.robots.base import Robot, rotate_sensor
 
 TYPICAL = np.deg2rad(0.5)
@@ -21,12 +20,7 @@ class MountRotation(ModelEffect):
     title = "the sensor is rotated on its flange"
     companions = ("joint.offset", "sensor.crosstalk")
     source = "0.2–1° of bolt holes and dowels: estimate"
-
-    def parameters(self, robot: Robot) -> ParameterSet:
-        text = "rotation vector in sensor axes"
-        return ParameterSet(
-            tuple(Parameter(n, 0.0, "rad", TYPICAL, -3.2, 3.2, text) for n in NAMES)
-        )
+    numbers = alike(NAMES, "rad", TYPICAL, 3.2, "rotation vector in sensor axes")
 
     def variants(self, scene: Scene) -> tuple[Variant, ...]:
         return (

@@ -13,8 +13,7 @@ from wrenchbed.effects.base import (
     vector,
 )
 from wrenchbed.effects.scene import Scene
-from wrenchbed.physics.parameters import Parameter, ParameterSet
-from wrenchbed.robots.base import Robot
+from wrenchbed.physics.parameters import Parameter
 
 TAUS = (30.0, 150.0, 600.0)
 """Time constants where a search begins [s]; estimates."""
@@ -39,13 +38,11 @@ class SensorCreep(ReadingEffect):
     source = (
         "0.05–0.1 % of the load in 30 min (strain-gauge data sheets); three times that: a poor one"
     )
-
-    def parameters(self, robot: Robot) -> ParameterSet:
-        text = "what a load adds in the end, relative"
-        items = channel_parameters("share", 3e-3, 3e-3, text, ["1"] * 6)
-        items.append(Parameter("tau", TAUS[1], "s", 150.0, 1e-2, 1e6, "time constant"))
-        items.append(Parameter("late", 0.0, "1", 1.0, 0.0, 1.0, "right in the end, not at first"))
-        return ParameterSet(tuple(items))
+    numbers = (
+        *channel_parameters("share", 3e-3, 3e-3, "what a load adds in the end, relative", "1" * 6),
+        Parameter("tau", TAUS[1], "s", 150.0, 1e-2, 1e6, "time constant"),
+        Parameter("late", 0.0, "1", 1.0, 0.0, 1.0, "right in the end, not at first"),
+    )
 
     def variants(self, scene: Scene) -> tuple[Variant, ...]:
         return tuple(

@@ -4,12 +4,10 @@ from itertools import permutations
 
 import numpy as np
 
-from wrenchbed.effects.base import ReadingEffect, Values, Variant, vector
+from wrenchbed.effects.base import ReadingEffect, Values, Variant, alike, vector
 from wrenchbed.effects.scene import Scene
-from wrenchbed.physics.parameters import Parameter, ParameterSet
 from wrenchbed.physics.rotations import cross
 from wrenchbed.physics.wrench import CHANNELS
-from wrenchbed.robots.base import Robot
 
 PAIRS = tuple(permutations(CHANNELS, 2))
 """The channel that shows, and the one of which it shows something: 30 pairs."""
@@ -41,16 +39,21 @@ class SensorCrosstalk(ReadingEffect):
         "0.2–1 % between like channels, 0.1–1 mm torque from force, 0.005–0.05 N per N·m force "
         "from torque; origin 1–6 mm (a Mini40's, if forgotten, 5.36 mm): estimate"
     )
-
-    def parameters(self, robot: Robot) -> ParameterSet:
-        items = []
-        for shows, of in PAIRS:
-            unit, size = SIZES[shows[0] + of[0]]
-            text = f"what {shows} shows per {of}"
-            items.append(Parameter(f"x.{shows}.{of}", 0.0, unit, size, -10.0, 10.0, text))
-        text = "where the sensor's origin lies, less where it should: it adds r × F"
-        items += [Parameter(n, 0.0, "m", 1e-3, -1.0, 1.0, text) for n in ORIGIN]
-        return ParameterSet(tuple(items))
+    numbers = (
+        *(
+            p
+            for shows, of in PAIRS
+            for unit, size in (SIZES[shows[0] + of[0]],)
+            for p in alike((f"x.{shows}.{of}",), unit, size, 10.0, f"what {shows} shows per {of}")
+        ),
+        *alike(
+            ORIGIN,
+            "m",
+            1e-3,
+            1.0,
+            "shift of the sensor's origin: it adds r × F",
+        ),
+    )
 
     def variants(self, scene: Scene) -> tuple[Variant, ...]:
         names = {pair: f"x.{pair[0]}.{pair[1]}" for pair in PAIRS}

@@ -17,7 +17,7 @@ class SensorGain(ChannelEffect):
     title = "axes of the sensor have a gain error"
     source = "0.2–1.5 %: estimate; ATI's stated uncertainty 0.75–1.5 % of full scale (unverified)"
     stem, sizes, text = "gain", (0.01, 0.01), "relative error of a channel"
-    units = ("1",) * 6
+    units = "1" * 6
 
     def read(self, scene: Scene, reading: np.ndarray, p: Values) -> np.ndarray:
         return reading * (1.0 + vector(p, per_channel("gain")))

@@ -14,7 +14,7 @@ from wrenchbed.effects.base import (
     vector,
 )
 from wrenchbed.effects.scene import Scene
-from wrenchbed.physics.parameters import Parameter, ParameterSet
+from wrenchbed.physics.parameters import Parameter
 from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.robots.base import Robot
 
@@ -40,13 +40,10 @@ class SensorHysteresis(ReadingEffect):
     zero_is_convention = True
     source = "0.1–0.3 % of full scale, strain-gauge data sheets"
     form_error = 0.45
-
-    def parameters(self, robot: Robot) -> ParameterSet:
-        items = [
-            p for f in FORMS for p in channel_parameters(f, 0.1, 0.01, "largest lag of a play")
-        ]
-        items.append(Parameter("width", 1.0, "1", 0.2, 0.1, 4.0, "factor of all widths"))
-        return ParameterSet(tuple(items))
+    numbers = (
+        *(p for f in FORMS for p in channel_parameters(f, 0.1, 0.01, "largest lag of a play")),
+        Parameter("width", 1.0, "1", 0.2, 0.1, 4.0, "factor of all widths"),
+    )
 
     def variants(self, scene: Scene) -> tuple[Variant, ...]:
         def of(label: str, channels: tuple[str, ...], weight: float = 1.0) -> Variant:

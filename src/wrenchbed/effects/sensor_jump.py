@@ -11,8 +11,7 @@ from wrenchbed.effects.base import (
     vector,
 )
 from wrenchbed.effects.scene import Scene
-from wrenchbed.physics.parameters import Parameter, ParameterSet
-from wrenchbed.robots.base import Robot
+from wrenchbed.physics.parameters import Parameter
 
 MOMENTS = 24
 """Most moments where a search begins; estimate."""
@@ -31,11 +30,10 @@ class SensorJump(ReadingEffect):
     zero_is_convention = True
     over_time = True
     source = "overload or a slipped bolt, 0.2–5 N: estimate"
-
-    def parameters(self, robot: Robot) -> ParameterSet:
-        items = channel_parameters("step", 0.5, 0.02, "jump of the zero")
-        items.append(Parameter("time", 0.0, "s", 60.0, text="of the jump, as the recording's"))
-        return ParameterSet(tuple(items))
+    numbers = (
+        *channel_parameters("step", 0.5, 0.02, "jump of the zero"),
+        Parameter("time", 0.0, "s", 60.0, text="of the jump, as the recording's"),
+    )
 
     def variants(self, scene: Scene) -> tuple[Variant, ...]:
         """Moments midway between two rows that were measured, evenly over the rows."""

@@ -2,10 +2,7 @@
 
 import numpy as np
 
-from wrenchbed.effects.base import RowEffect, Values, per_channel, vector
-from wrenchbed.physics.parameters import Parameter, ParameterSet
-from wrenchbed.physics.wrench import CHANNELS, UNITS
-from wrenchbed.robots.base import Robot
+from wrenchbed.effects.base import RowEffect, Values, channel_parameters, per_channel, vector
 
 
 class SensorNoise(RowEffect):
@@ -19,15 +16,9 @@ class SensorNoise(RowEffect):
     source = (
         "0.01–0.1 N at 1 kHz: estimate; UR CB3 3.6 N against an FT300's 0.6 N: UR forum, topic 229"
     )
-
-    def parameters(self, robot: Robot) -> ParameterSet:
-        text = "standard deviation of a row beyond the usual"
-        return ParameterSet(
-            tuple(
-                Parameter(f"std.{c}", 0.0, u, 0.1 if u == "N" else 5e-3, 0.0, 1e3, text)
-                for c, u in zip(CHANNELS, UNITS, strict=True)
-            )
-        )
+    numbers = channel_parameters(
+        "std", 0.1, 5e-3, "standard deviation of a row beyond the usual", bounds=(0.0, 1e3)
+    )
 
     def corrupt(
         self, rows: np.ndarray, t: np.ndarray, p: Values, rng: np.random.Generator

@@ -14,13 +14,13 @@ from wrenchbed.effects.base import (
     vector,
 )
 from wrenchbed.effects.scene import Scene
-from wrenchbed.physics.parameters import Parameter, ParameterSet
-from wrenchbed.robots.base import Robot
+from wrenchbed.physics.parameters import Parameter
 
 REFERENCE = np.array([20.0, 20.0, 20.0, 2.0, 2.0, 0.2])
 """Load (6,) at which an amplitude is the relative error [N, N·m]: the full scale of a small sensor.
 Fixed by definition, so that the number does not depend on the range of the sensor."""
 LAWS = ("even", "odd")
+TEXT = "relative error at 20 N, 2 N·m (z: 0.2)"
 BEGIN = {"even": ("even", 2.0), "odd": ("odd", 3.0), "gain by sign": ("even", 1.0)}
 """Laws and powers of the load at which a search begins."""
 
@@ -40,12 +40,11 @@ class SensorNonlinearity(ReadingEffect):
     title = "the sensor's readings are nonlinear in the load"
     size_error = 0.1
     source = "0.1–0.3 % of full scale at full scale; 0.2 %: FRB load ring data sheet"
-
-    def parameters(self, robot: Robot) -> ParameterSet:
-        text = "relative error at 20 N, 2 N·m (z: 0.2)"
-        items = [x for law in LAWS for x in channel_parameters(law, 5e-3, 5e-3, text, ["1"] * 6)]
-        items.append(Parameter("power", 2.0, "1", 0.2, 0.8, 5.0, "power of the load"))
-        return ParameterSet(tuple(items))
+    numbers = (
+        *channel_parameters("even", 5e-3, 5e-3, TEXT, "1" * 6),
+        *channel_parameters("odd", 5e-3, 5e-3, TEXT, "1" * 6),
+        Parameter("power", 2.0, "1", 0.2, 0.8, 5.0, "power of the load"),
+    )
 
     def variants(self, scene: Scene) -> tuple[Variant, ...]:
         return tuple(

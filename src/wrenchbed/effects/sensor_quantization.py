@@ -2,10 +2,7 @@
 
 import numpy as np
 
-from wrenchbed.effects.base import RowEffect, Values, per_channel, vector
-from wrenchbed.physics.parameters import Parameter, ParameterSet
-from wrenchbed.physics.wrench import CHANNELS, UNITS
-from wrenchbed.robots.base import Robot
+from wrenchbed.effects.base import RowEffect, Values, channel_parameters, per_channel, vector
 
 
 class SensorQuantization(RowEffect):
@@ -19,14 +16,7 @@ class SensorQuantization(RowEffect):
     source = (
         "0.02–0.05 N and 0.5–1 mN·m (ATI data sheets, 16 bits); 2 to 3 bits fewer: 0.2 N and 5 mN·m"
     )
-
-    def parameters(self, robot: Robot) -> ParameterSet:
-        return ParameterSet(
-            tuple(
-                Parameter(f"step.{c}", 0.0, u, 0.2 if u == "N" else 5e-3, 0.0, 1e3, "of the count")
-                for c, u in zip(CHANNELS, UNITS, strict=True)
-            )
-        )
+    numbers = channel_parameters("step", 0.2, 5e-3, "of the count", bounds=(0.0, 1e3))
 
     def corrupt(
         self, rows: np.ndarray, t: np.ndarray, p: Values, rng: np.random.Generator

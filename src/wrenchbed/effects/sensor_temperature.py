@@ -8,13 +8,14 @@ from wrenchbed.effects.base import (
     ReadingEffect,
     Values,
     Variant,
+    alike,
     channel_parameters,
     channel_variants,
     per_channel,
     vector,
 )
 from wrenchbed.effects.scene import Scene
-from wrenchbed.physics.parameters import Parameter, ParameterSet
+from wrenchbed.physics.parameters import Parameter
 from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.robots.base import Robot
 
@@ -47,20 +48,24 @@ class SensorTemperature(ReadingEffect):
         "0.05–0.3 % of full scale per 10 K, span 0.02–0.05 %/K; HBM states < 0.05 % per 10 K; "
         "warm-up of 5–30 min: estimate"
     )
-
-    def parameters(self, robot: Robot) -> ParameterSet:
-        units = ["N/K"] * 3 + ["N·m/K"] * 3
-        text = "shift of the zero per K; whole shift of a warm-up without recorded temperature"
-        gain = "relative change of the reading per K; whole change likewise"
-        return ParameterSet(
-            (
-                *channel_parameters("zero", 0.03, 1e-3, text, units),
-                Parameter("span", 0.0, "1/K", 1e-3, -1.0, 1.0, gain),
-                *(Parameter(n, 0.0, "1/K", 1e-3, -1.0, 1.0, gain) for n in SPAN),
-                Parameter("tau", 900.0, "s", 100.0, 1e-3, 1e8, "time constant of the warm-up"),
-                Parameter("lag", 0.0, "s", 10.0, 0.0, 1e5, "behind the recorded temperature"),
-            )
-        )
+    numbers = (
+        *channel_parameters(
+            "zero",
+            0.03,
+            1e-3,
+            "shift of the zero per K; whole shift of a warm-up without recorded temperature",
+            ("N/K",) * 3 + ("N·m/K",) * 3,
+        ),
+        *alike(
+            ("span", *SPAN),
+            "1/K",
+            1e-3,
+            1.0,
+            "relative change of the reading per K; whole change likewise",
+        ),
+        Parameter("tau", 900.0, "s", 100.0, 1e-3, 1e8, "time constant of the warm-up"),
+        Parameter("lag", 0.0, "s", 10.0, 0.0, 1e5, "behind the recorded temperature"),
+    )
 
     def variants(self, scene: Scene) -> tuple[Variant, ...]:
         if scene.warmth is not None:

@@ -3,10 +3,8 @@
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from wrenchbed.effects.base import ReadingEffect, Values, Variant
+from wrenchbed.effects.base import ReadingEffect, Values, Variant, alike
 from wrenchbed.effects.scene import Scene
-from wrenchbed.physics.parameters import Parameter, ParameterSet
-from wrenchbed.robots.base import Robot
 
 
 class TimingDelay(ReadingEffect):
@@ -22,11 +20,7 @@ class TimingDelay(ReadingEffect):
     stage = "timing"
     source = "1–20 ms, of which RTDE 2–8 ms: estimate"
     modes = ("dynamic",)
-
-    def parameters(self, robot: Robot) -> ParameterSet:
-        return ParameterSet(
-            (Parameter("delay", 0.0, "s", 8e-3, -1.0, 1.0, "of the reading behind the joints"),)
-        )
+    numbers = alike(("delay",), "s", 8e-3, 1.0, "of the reading behind the joints")
 
     def variants(self, scene: Scene) -> tuple[Variant, ...]:
         return (Variant("late readings", ("delay",)),) if scene.moving else ()

@@ -3,10 +3,9 @@
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from wrenchbed.effects.base import ReadingEffect, Values, Variant
+from wrenchbed.effects.base import ReadingEffect, Values, Variant, alike
 from wrenchbed.effects.scene import Scene
-from wrenchbed.physics.parameters import Parameter, ParameterSet
-from wrenchbed.robots.base import Robot
+from wrenchbed.physics.parameters import Parameter
 
 FINE, MOST = 4.0, 32
 """Pieces of a time constant, and most pieces of a row; estimates."""
@@ -30,10 +29,10 @@ class TimingLowpass(ReadingEffect):
     size_error = 0.05
     source = "0.5–20 ms: estimate"
     modes = ("dynamic",)
-
-    def parameters(self, robot: Robot) -> ParameterSet:
-        tau = Parameter("tau", 0.0, "s", 0.01, -10.0, 10.0, "time constants of all stages together")
-        return ParameterSet((tau, Parameter("stages", 1.0, "1", 1.0, 1.0, 8.0, "alike, in a row")))
+    numbers = (
+        *alike(("tau",), "s", 0.01, 10.0, "time constants of all stages together"),
+        Parameter("stages", 1.0, "1", 1.0, 1.0, 8.0, "alike, in a row"),
+    )
 
     def variants(self, scene: Scene) -> tuple[Variant, ...]:
         if not scene.moving:

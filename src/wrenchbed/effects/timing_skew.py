@@ -3,10 +3,8 @@
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from wrenchbed.effects.base import ReadingEffect, Values, Variant
+from wrenchbed.effects.base import ReadingEffect, Values, Variant, alike
 from wrenchbed.effects.scene import Scene
-from wrenchbed.physics.parameters import Parameter, ParameterSet
-from wrenchbed.robots.base import Robot
 
 
 class TimingSkew(ReadingEffect):
@@ -23,14 +21,10 @@ class TimingSkew(ReadingEffect):
     stage = "timing"
     source = "clocks 1e-5–1e-4, channels 10–500 µs: estimate"
     modes = ("dynamic",)
-
-    def parameters(self, robot: Robot) -> ParameterSet:
-        return ParameterSet(
-            (
-                Parameter("skew", 0.0, "1", 1e-4, -0.1, 0.1, "of the sensor's clock, relative"),
-                Parameter("channel", 0.0, "s", 5e-4, -0.1, 0.1, "from each channel to the next"),
-            )
-        )
+    numbers = (
+        *alike(("skew",), "1", 1e-4, 0.1, "of the sensor's clock, relative"),
+        *alike(("channel",), "s", 5e-4, 0.1, "from each channel to the next"),
+    )
 
     def variants(self, scene: Scene) -> tuple[Variant, ...]:
         if not scene.moving:

@@ -3,8 +3,7 @@
 import numpy as np
 
 from wrenchbed.effects.base import RowEffect, Values
-from wrenchbed.physics.parameters import Parameter, ParameterSet
-from wrenchbed.robots.base import Robot
+from wrenchbed.physics.parameters import Parameter
 
 
 class TimingStale(RowEffect):
@@ -17,10 +16,9 @@ class TimingStale(RowEffect):
     title = "some rows repeat the previous one"
     all_channels = True
     source = "0.01–1 % of rows; 10 % where a sensor is slower than its logger: estimate"
-
-    def parameters(self, robot: Robot) -> ParameterSet:
-        text = "of the rows that repeat the one before"
-        return ParameterSet((Parameter("share", 0.0, "1", 0.1, 0.0, 1.0, text),))
+    numbers = (
+        Parameter("share", 0.0, "1", 0.1, 0.0, 1.0, "of the rows that repeat the one before"),
+    )
 
     def corrupt(
         self, rows: np.ndarray, t: np.ndarray, p: Values, rng: np.random.Generator

@@ -2,9 +2,8 @@
 
 import numpy as np
 
-from wrenchbed.effects.base import ModelEffect, Values, Variant
+from wrenchbed.effects.base import ModelEffect, Values, Variant, alike
 from wrenchbed.effects.scene import Scene
-from wrenchbed.physics.parameters import Parameter, ParameterSet
 from wrenchbed.robots.base import Robot
 
 NAMES = tuple(f"cog.{a}" for a in "xyz")
@@ -20,10 +19,7 @@ class ToolCog(ModelEffect):
     title = "the tool's centre of gravity differs from what is stated"
     stated = "cog"
     source = "1–5 mm: estimate"
-
-    def parameters(self, robot: Robot) -> ParameterSet:
-        text = "added, sensor axes"
-        return ParameterSet(tuple(Parameter(n, 0.0, "m", 2e-3, -2.0, 2.0, text) for n in NAMES))
+    numbers = alike(NAMES, "m", 2e-3, 2.0, "added, sensor axes")
 
     def variants(self, scene: Scene) -> tuple[Variant, ...]:
         single = [Variant(n[-1], (n,), detail={"axis": n[-1]}) for n in NAMES]

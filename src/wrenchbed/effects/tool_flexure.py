@@ -2,9 +2,8 @@
 
 import numpy as np
 
-from wrenchbed.effects.base import LoadEffect, MjSpec, Pose, Values, Variant
+from wrenchbed.effects.base import LoadEffect, MjSpec, Pose, Values, Variant, alike
 from wrenchbed.effects.scene import Scene
-from wrenchbed.physics.parameters import Parameter, ParameterSet
 from wrenchbed.physics.rotations import cross
 from wrenchbed.robots.base import Robot
 
@@ -24,17 +23,10 @@ class ToolFlexure(LoadEffect):
     title = "the tool bends under its own weight"
     size_error = 0.1
     source = "1e-6–1e-5 m/N in metal, 1e-4 in plastic: estimate"
-
-    def parameters(self, robot: Robot) -> ParameterSet:
-        return ParameterSet(
-            (
-                *(
-                    Parameter(n, 0.0, "m/N", 2e-5, -0.1, 0.1, "CoG along the load")
-                    for n in (*NAMES, *SKEW)
-                ),
-                Parameter("bending", 0.0, "rad/(N·m)", 2e-3, -10, 10, "tilt under the own moment"),
-            )
-        )
+    numbers = (
+        *alike((*NAMES, *SKEW), "m/N", 2e-5, 0.1, "CoG along the load"),
+        *alike(("bending",), "rad/(N·m)", 2e-3, 10.0, "tilt under the own moment"),
+    )
 
     def variants(self, scene: Scene) -> tuple[Variant, ...]:
         single = [Variant(f"along {n[-1]}", (n,), detail={"axis": n[-1]}) for n in NAMES]

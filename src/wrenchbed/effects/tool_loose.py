@@ -4,9 +4,18 @@ from itertools import product
 
 import numpy as np
 
-from wrenchbed.effects.base import LoadEffect, MjSpec, Pose, Residual, Values, Variant
+from wrenchbed.effects.base import (
+    LoadEffect,
+    MjSpec,
+    Pose,
+    Residual,
+    Values,
+    Variant,
+    alike,
+    vector,
+)
 from wrenchbed.effects.scene import Scene, held_on
-from wrenchbed.physics.parameters import Parameter, ParameterSet
+from wrenchbed.physics.parameters import Parameter
 from wrenchbed.physics.rotations import cross, sphere
 from wrenchbed.physics.wrench import wrench
 from wrenchbed.robots.base import Robot
@@ -39,16 +48,13 @@ class ToolLoose(LoadEffect):
     form_error = 0.2
     size_error = 0.1
     source = "CoG jumps of 0.5–5 mm: estimate"
-
-    def parameters(self, robot: Robot) -> ParameterSet:
-        return ParameterSet(
-            (
-                Parameter("shift", 0.0, "m", 1e-3, -1.0, 1.0, "half the jump of the tool's CoG"),
-                *(Parameter(w, float(w == WAY[2]), "1", 0.1, -2, 2, "of the jump") for w in WAY),
-                Parameter("lean", 0.0, "1", 0.05, -0.9, 0.9, "share of the load at which it jumps"),
-                Parameter("grip", 0.0, "1", 0.1, 0.0, 0.9, "share of the load that moves it"),
-            )
-        )
+    numbers = (
+        *alike(("shift",), "m", 1e-3, 1.0, "half the jump of the tool's CoG"),
+        *alike(WAY[:2], "1", 0.1, 2.0, "of the jump"),
+        Parameter(WAY[2], 1.0, "1", 0.1, -2.0, 2.0, "of the jump"),
+        *alike(("lean",), "1", 0.05, 0.9, "share of the load at which it jumps"),
+        Parameter("grip", 0.0, "1", 0.1, 0.0, 0.9, "share of the load that moves it"),
+    )
 
     def variants(self, scene: Scene) -> tuple[Variant, ...]:
         result = []
@@ -122,7 +128,7 @@ class ToolLoose(LoadEffect):
 
 def direction(p: Values) -> np.ndarray:
     """n (3,)."""
-    way = np.array([p[w] for w in WAY])
+    way = vector(p, WAY)
     return way / max(float(np.linalg.norm(way)), 1e-9)
 
 

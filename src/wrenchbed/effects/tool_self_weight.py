@@ -2,9 +2,8 @@
 
 import numpy as np
 
-from wrenchbed.effects.base import ModelEffect, Values, Variant
+from wrenchbed.effects.base import ModelEffect, Values, Variant, alike
 from wrenchbed.effects.scene import Scene
-from wrenchbed.physics.parameters import Parameter, ParameterSet
 from wrenchbed.robots.base import Robot
 
 
@@ -20,9 +19,7 @@ class ToolSelfWeight(ModelEffect):
     hidden_by = "mass"
     no_referee = "exactly a mass and a CoG: it is in the background of every case"
     source = "20–60 g of an ATI Mini40 or Gamma's tool side: estimate"
-
-    def parameters(self, robot: Robot) -> ParameterSet:
-        return ParameterSet((Parameter("mass", 0.0, "kg", 0.05, -5.0, 5.0, "added to the gauges"),))
+    numbers = alike(("mass",), "kg", 0.05, 5.0, "added to the gauges")
 
     def variants(self, scene: Scene) -> tuple[Variant, ...]:
         return (Variant("mass", ("mass",)),)
