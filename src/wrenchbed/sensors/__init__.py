@@ -1,1 +1,4 @@
-"""Force/torque sensors, one file a family: data-sheet ranges, resolutions and measured noise."""
+"""Force/torque sensors, one file of data a family: ranges, resolutions and measured noise.
+Imports physics only.
+Read first: `base`, then `ati_gamma` as an example.
+"""

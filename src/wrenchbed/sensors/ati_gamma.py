@@ -24,41 +24,35 @@ SI-32-2.5.
 
 import numpy as np
 
-from wrenchbed.physics.noise import NoiseModel
-from wrenchbed.sensors.base import Sensor, SensorCalibration, axes
+from wrenchbed.sensors.base import Sensor, from_sheet, noise_at_rest
 
 _SHEET = "ATI F/T data sheet, Gamma, 16-bit DAQ; "
 
-SI_32_2_5 = SensorCalibration(
+SI_32_2_5 = from_sheet(
     "SI-32-2.5",
-    range=axes(32.0, 100.0, 2.5),
-    resolution=axes(1 / 160, 1 / 80, 1 / 2000),
-    source=_SHEET + "1/160 N and 32 N as quoted by the force/torque sensor selection guide of "
+    (32.0, 100.0, 2.5),
+    (1 / 160, 1 / 80, 1 / 2000),
+    _SHEET + "1/160 N and 32 N as quoted by the force/torque sensor selection guide of "
     "roboticscenter.ai; the rest from memory, unverified",
 )
-SI_65_5 = SensorCalibration(
+SI_65_5 = from_sheet(
     "SI-65-5",
-    range=axes(65.0, 200.0, 5.0),
-    resolution=axes(1 / 80, 1 / 40, 10 / 13333),
-    source=_SHEET + "from memory, unverified; public drivers for the older CTL electronics count "
+    (65.0, 200.0, 5.0),
+    (1 / 80, 1 / 40, 10 / 13333),
+    _SHEET + "from memory, unverified; public drivers for the older CTL electronics count "
     "20 per N and 333.33 per N·m, the usual four times coarser",
 )
-SI_130_10 = SensorCalibration(
+SI_130_10 = from_sheet(
     "SI-130-10",
-    range=axes(130.0, 400.0, 10.0),
-    resolution=axes(1 / 40, 1 / 20, 1 / 800),
-    source=_SHEET + "ranges verified in ATI's calibration file of Gamma FT8578 (2014-03-05); "
+    (130.0, 400.0, 10.0),
+    (1 / 40, 1 / 20, 1 / 800),
+    _SHEET + "ranges verified in ATI's calibration file of Gamma FT8578 (2014-03-05); "
     "resolution from memory, unverified",
 )
 
-WARMUP_SHARE = 1e-3
-"""Whole drift after power-up, as a share of full scale: 0.1 % within the first hour, estimate."""
-
-NOISE = NoiseModel(
+NOISE = noise_at_rest(
     white=np.array([0.0351, 0.0210, 0.0749, 0.00116, 0.00187, 0.000247]),
     flicker=np.array([0.00082, 0.00050, 0.0024, 4.1e-5, 2.6e-5, 3.1e-5]),
-    f_low=1e-3,
-    f_high=100.0,
     correlation=np.array(
         [
             [1.00, -0.13, 0.65, 0.15, 0.90, -0.14],
@@ -69,12 +63,8 @@ NOISE = NoiseModel(
             [-0.14, 0.12, -0.02, -0.12, -0.11, 1.00],
         ]
     ),
-    mains_amplitude=np.zeros(6),
-    warmup_drift=WARMUP_SHARE * SI_65_5.range,
-    warmup_time=900.0,
-    warmup_age=3600.0,
-    resolution=np.full(6, 1e-6),
-    range=SI_65_5.range,
+    full_scale=SI_65_5.range,
+    step=np.full(6, 1e-6),
 )
 
 SENSOR = Sensor(

@@ -20,30 +20,29 @@ converter of ±10 V seen through the matrix (0.005, 0.011 N, 0.13 mN·m).
 
 import numpy as np
 
-from wrenchbed.physics.noise import NoiseModel
-from wrenchbed.sensors.base import Sensor, SensorCalibration, axes, gauge_noise
+from wrenchbed.sensors.base import Sensor, from_sheet, gauge_noise, noise_at_rest
 
 _SHEET = "ATI F/T data sheet, Mini40, 16-bit DAQ; "
 
-SI_20_1 = SensorCalibration(
+SI_20_1 = from_sheet(
     "SI-20-1",
-    range=axes(20.0, 60.0, 1.0),
-    resolution=axes(1 / 200, 1 / 100, 1 / 8000),
-    source=_SHEET + "verified against the table in the public data set "
+    (20.0, 60.0, 1.0),
+    (1 / 200, 1 / 100, 1 / 8000),
+    _SHEET + "verified against the table in the public data set "
     "sahandrez/aml_robot_cutting_dataset (README), a second hand",
 )
-SI_40_2 = SensorCalibration(
+SI_40_2 = from_sheet(
     "SI-40-2",
-    range=axes(40.0, 120.0, 2.0),
-    resolution=axes(1 / 100, 1 / 50, 1 / 4000),
-    source=_SHEET + "resolution verified against the table in Jimenez Lab's noise diagnostics, a "
+    (40.0, 120.0, 2.0),
+    (1 / 100, 1 / 50, 1 / 4000),
+    _SHEET + "resolution verified against the table in Jimenez Lab's noise diagnostics, a "
     "second hand; ranges from memory, unverified",
 )
-SI_80_4 = SensorCalibration(
+SI_80_4 = from_sheet(
     "SI-80-4",
-    range=axes(80.0, 240.0, 4.0),
-    resolution=axes(1 / 50, 1 / 25, 1 / 2000),
-    source=_SHEET + "ranges verified in ATI's calibration file of Mini40 FT12288 (2012-04-05); "
+    (80.0, 240.0, 4.0),
+    (1 / 50, 1 / 25, 1 / 2000),
+    _SHEET + "ranges verified in ATI's calibration file of Mini40 FT12288 (2012-04-05); "
     "resolution from memory, unverified",
 )
 
@@ -65,18 +64,12 @@ GAUGE_STD = 0.87e-3
 
 _STD, _CORRELATION = gauge_noise(MATRIX)
 
-NOISE = NoiseModel(
+NOISE = noise_at_rest(
     white=GAUGE_STD * _STD,
     flicker=GAUGE_STD * _STD / 8,
-    f_low=1e-3,
-    f_high=100.0,
     correlation=_CORRELATION,
-    mains_amplitude=np.zeros(6),
-    warmup_drift=1e-3 * SI_20_1.range,
-    warmup_time=900.0,
-    warmup_age=3600.0,
-    resolution=SI_20_1.resolution,
-    range=SI_20_1.range,
+    full_scale=SI_20_1.range,
+    step=SI_20_1.resolution,
 )
 
 SENSOR = Sensor(

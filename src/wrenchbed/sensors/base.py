@@ -1,4 +1,8 @@
-"""What a force/torque sensor is: its calibrations, its noise and its certified accuracy."""
+"""What a six-axis force/torque sensor is: its calibrations, its noise and its certified accuracy.
+
+A new sensor is one file of data: `from_sheet` for each calibration, `noise_at_rest`, and the
+constant ``SENSOR = Sensor(...)``.
+"""
 
 import difflib
 from dataclasses import dataclass
@@ -94,6 +98,49 @@ class Sensor:
 def axes(across: float, along: float, torque: float) -> Array:
     """Per channel (6,) from a data sheet's three columns Fx,Fy · Fz · Tx,Ty,Tz [N, N, N·m]."""
     return np.array([across, across, along, torque, torque, torque])
+
+
+def from_sheet(
+    name: str,
+    full_scale: tuple[float, float, float],
+    resolution: tuple[float, float, float],
+    source: str,
+) -> SensorCalibration:
+    """A calibration from a data sheet's three columns: see `axes`."""
+    return SensorCalibration(name, axes(*full_scale), axes(*resolution), source)
+
+
+WARMUP_SHARE, WARMUP_S, AGE_S = 1e-3, 900.0, 3600.0
+"""Drift after power-up as a share of full scale, its time constant [s] and the time since power-up
+[s]: estimates."""
+F_LOW_HZ, F_HIGH_HZ = 1e-3, 100.0
+"""Band of the 1/f part [Hz]: estimates; nothing slower than a second was measured."""
+
+
+def noise_at_rest(
+    white: Array, flicker: Array, correlation: Array, full_scale: Array, step: Array
+) -> NoiseModel:
+    """Noise of one row without mains, of a sensor that was switched on an hour before.
+
+    Args:
+        white, flicker: (6,), see `NoiseModel` [N, N·m].
+        correlation: (6, 6) of the channels.
+        full_scale: (6,) of the calibration [N, N·m].
+        step: (6,) of the output words [N, N·m].
+    """
+    return NoiseModel(
+        white=white,
+        flicker=flicker,
+        f_low=F_LOW_HZ,
+        f_high=F_HIGH_HZ,
+        correlation=correlation,
+        mains_amplitude=np.zeros(6),
+        warmup_drift=WARMUP_SHARE * full_scale,
+        warmup_time=WARMUP_S,
+        warmup_age=AGE_S,
+        resolution=step,
+        range=full_scale,
+    )
 
 
 def gauge_noise(matrix: ArrayLike) -> tuple[Array, Array]:

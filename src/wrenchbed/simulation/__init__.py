@@ -1,1 +1,4 @@
-"""Robots in MuJoCo: exact wrenches at given joint values, servo-driven motion, springs."""
+"""MuJoCo simulates (`simulation`, `servo_motion`), the closed form fits (`closed_form`).
+Imports data, physics and robots.
+Read first: `closed_form`, then `simulation`; tests hold the two together.
+"""

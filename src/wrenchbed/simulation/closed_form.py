@@ -1,4 +1,7 @@
-"""A model: a robot and its sensor in closed form, with exact Jacobians."""
+"""The closed form: a robot and its sensor as formulas, with exact Jacobians, to fit with.
+
+Its counterpart is `simulation`: the same robot in MuJoCo. Tests compare the two.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field

@@ -1,5 +1,7 @@
 """The robot in MuJoCo: exact wrenches at given joint values, at rest and in motion.
 
+Its counterpart is `closed_form`: the same robot as formulas, with which a calibration fits.
+
 MuJoCo 4.0 reads the support force; the load on the sensor is minus that. `mj_inverse` at exact
 joint coordinates agrees with the closed form to 1e-14 N, `mj_forward` with a servo does not.
 """

@@ -1,1 +1,4 @@
-"""The corrected simulator: a robot in MuJoCo with the effects that a diagnosis identified."""
+"""The corrected simulator: a robot in MuJoCo with the effects that a diagnosis identified.
+Imports effects, simulation, data, robots, sensors and physics.
+Read first: `twin`, then `mechanics` (what is compliant) and `replay` (what its sensor reads).
+"""

@@ -1,8 +1,7 @@
-"""MedRUE's moving bodies: masses and centres of gravity as in ``models/medrue/medrue.xml``.
+"""MedRUE's moving bodies, and its parameters written into its MJCF.
 
-The masses are estimates (``models/medrue/README.md``): the paper has none.
-
-MedRUE's parameters written into its MJCF.
+Masses and centres of gravity are those of ``models/medrue/medrue.xml``: estimates
+(``models/medrue/README.md``), the paper has none.
 """
 
 from pathlib import Path

@@ -98,23 +98,31 @@ def gravity_slopes(
             result[k] = np.einsum("ain,i->na", axes, down) @ _slope_of(p, "mount", name)
             continue
         moved = [bar.slope(name) for bar in bars]
-        sideways = name in ("d41", "d42")
-        if moved == [None, None] and not sideways and name != "dq6":
+        if moved == [None, None] and name not in ("d41", "d42", "dq6"):
             continue
-        du, turn = np.zeros_like(u), np.full(len(q), 1.0 if name == "dq6" else 0.0)
-        du[0] = 1.0 if sideways else 0.0
-        for own, sign in zip(moved, (-1.0, 1.0), strict=True):
-            if own is not None:
-                du[1:] += sign * own[0]
-        if moved[0] is not None:
-            off = moved[0][0] - moved[0][1]
-            turn += (link[0] * off[1] - link[1] * off[0]) / p["L14"]
+        du, turn = _span_and_roll(name, moved, link, p["L14"])
         du = (du - u * _dot(u, du)) / length
         dv = _across(du, c, s) + turn * _across(u, -s, c)
         dz = (dv - z * _dot(z, dv)) / size
         seen = [down @ du, _dot(by_dz, dz) + _dot(by_du, du), down @ dz]
         np.matmul(np.stack(seen, axis=1), mount, out=result[k])
     return np.moveaxis(result, 0, -1)
+
+
+def _span_and_roll(
+    name: str, moved: list[tuple[np.ndarray, np.ndarray] | None], link: np.ndarray, length: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Derivatives of the span between the tips (3, N) and of the wrist's roll (N,)."""
+    rows = link.shape[1]
+    du, turn = np.zeros((3, rows)), np.full(rows, 1.0 if name == "dq6" else 0.0)
+    du[0] = 1.0 if name in ("d41", "d42") else 0.0
+    for tip, sign in zip(moved, (-1.0, 1.0), strict=True):
+        if tip is not None:
+            du[1:] += sign * tip[0]
+    if moved[0] is not None:
+        off = moved[0][0] - moved[0][1]
+        turn += (link[0] * off[1] - link[1] * off[0]) / length
+    return du, turn
 
 
 def _slope_of(p: Values, which: str, name: str) -> np.ndarray:

@@ -17,7 +17,6 @@ from wrenchbed.robots.base import (
     sample_until,
 )
 from wrenchbed.robots.medrue import bodies, kinematics, workspace
-from wrenchbed.robots.medrue import workspace as inverse
 from wrenchbed.robots.medrue.jacobian import gravity_slopes
 from wrenchbed.robots.medrue.kinematics import IDENTIFIED, PAPER, PARAMETERS
 
@@ -93,7 +92,7 @@ class MedRUE(SimulatedRobot):
         p = self.values(self.parameters.nominal)
 
         def draw(count: int) -> np.ndarray:
-            return inverse.joints(p, *inverse.random_poses(count, rng))
+            return workspace.joints(p, *workspace.random_poses(count, rng))
 
         def good(q: np.ndarray) -> np.ndarray:
             ok = np.isfinite(q).all(axis=1)
@@ -119,8 +118,6 @@ class MedRUE(SimulatedRobot):
         return kinematics.qpos(self.values(theta), q)
 
     def spec(self, theta: np.ndarray) -> "mujoco.MjSpec":
-        from wrenchbed.robots.medrue import bodies
-
         ref = self.qpos(self.home[None], theta)[0]
         return bodies.write(self.mjcf, self.values(theta), self.tool(theta), ref)
 
