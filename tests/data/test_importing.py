@@ -61,7 +61,7 @@ def test_units_are_converted_to_si(tmp_path):
     ("raw", "words"),
     [
         ({"recording": {"robot": "ur5", "mode": "static"}}, r"at least one \[\[file\]\]"),
-        ({"recordings": {}}, "unknown entry 'recordings'"),
+        ({"recordings": {}}, "there is no field recordings"),
         (basic() | {"recording": {"mode": "static"}}, "robot = None"),
         (basic() | {"recording": {"robot": "ur5", "mode": "static", "tool": {"mass": -1}}},
          "tool.mass = -1 must be above 0"),

@@ -22,6 +22,7 @@ from rich.progress import (
 )
 from rich.text import Text
 
+from wrenchbed.data.checked import load
 from wrenchbed.errors import ParameterError
 
 Flag = Annotated[bool, tyro.conf.FlagCreatePairsOff]
@@ -63,12 +64,7 @@ def parameters(path: Path | None) -> dict[str, float]:
     """A JSON object {name: value}; empty without a file."""
     if path is None:
         return {}
-    try:
-        raw = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError as error:
-        raise ParameterError(f"{path}: there is no such file") from error
-    except ValueError as error:
-        raise ParameterError(f"{path}: not valid JSON: {error}") from error
+    raw = load(path, ParameterError)
     if not isinstance(raw, dict):
         raise ParameterError(f"{path}: must be a JSON object {{name: value}}")
     return raw

@@ -1,14 +1,12 @@
 """A column map: which columns of which files make a recording, in which units. TOML or JSON."""
 
-import json
-import math
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
+from wrenchbed.data.checked import Fields, load
 from wrenchbed.data.metadata import Metadata, parse
 from wrenchbed.errors import MapError, RecordingError
 from wrenchbed.physics.wrench import CHANNELS
@@ -100,75 +98,65 @@ def read(path: str | Path) -> ColumnMap:
     """
     path = ready().get(str(path), Path(path))
     raw = _load(path)
-    if not isinstance(raw.get("recording", {}), Mapping):
-        raise MapError(f"{path}: [recording] must be a table")
     try:
-        metadata = parse({"format": 1, "source": "import", **raw.get("recording", {})}, str(path))
+        stated = raw.part("recording").raw
+        metadata = parse({"format": 1, "source": "import", **stated}, str(path))
     except RecordingError as error:
         raise MapError(str(error)) from error
-    entries = raw.get("file")
+    entries = raw.raw.get("file")
     if not isinstance(entries, list) or not entries:
         raise MapError(f'{path}: needs at least one [[file]] with match = "*.csv" and columns')
-    files = tuple(_file(path, i, entry) for i, entry in enumerate(entries, start=1))
+    files = tuple(_file(f"{path}: [[file]] {k}: ", x) for k, x in enumerate(entries, start=1))
     _consistent(path, files)
     return ColumnMap(files, metadata, metadata.rate_hz, str(path))
 
 
-def _load(path: Path) -> dict[str, Any]:
+def _load(path: Path) -> Fields:
     try:
-        text = path.read_text(encoding="utf-8")
-        raw = json.loads(text) if path.suffix == ".json" else tomllib.loads(text)
-    except FileNotFoundError as error:
-        known = ", ".join(ready())
-        raise MapError(f"{path}: there is no such file; ready maps: {known}") from error
-    except (ValueError, UnicodeDecodeError) as error:
-        kind = "JSON" if path.suffix == ".json" else "TOML"
-        raise MapError(f"{path}: not valid {kind}: {str(error).splitlines()[0]}") from error
-    if not isinstance(raw, dict):
-        raise MapError(f"{path}: must be an object with 'recording' and 'file'")
-    unknown = set(raw) - {"recording", "file"}
-    if unknown:
-        raise MapError(f"{path}: unknown entry {sorted(unknown)[0]!r}; known: recording, file")
-    return raw
+        raw = load(path, MapError, "TOML")
+    except MapError as error:
+        if path.exists():
+            raise
+        raise MapError(f"{error}; ready maps: {', '.join(ready())}") from error
+    return Fields(raw, f"{path}: ", MapError).only({"recording", "file"}, "a map")
 
 
-def _file(path: Path, i: int, entry: Mapping[str, Any]) -> FileMap:
-    where = f"{path}: [[file]] {i}"
-    columns = entry.get("columns") if isinstance(entry, Mapping) else None
-    if not isinstance(columns, Mapping) or not columns:
-        raise MapError(f'{where}: needs columns = {{ fx = {{ column = "Fx", unit = "N" }}, … }}')
-    match = entry.get("match", "*")
-    if not isinstance(match, str):
-        raise MapError(f"{where}: match = {match!r} must be a file name or pattern")
-    topic, delimiter = entry.get("topic"), entry.get("delimiter", ",")
-    if topic is not None and not isinstance(topic, str):
-        raise MapError(f"{where}: topic = {topic!r} must be the name of one")
-    if not isinstance(delimiter, str) or len(delimiter) != 1:
-        raise MapError(f"{where}: delimiter = {delimiter!r} must be one character")
-    sources = tuple(_source(where, k, v) for k, v in columns.items())
-    return FileMap(match, sources, topic, delimiter)
+def _file(where: str, entry: Any) -> FileMap:
+    fields = Fields(entry, where, MapError)
+    columns = fields.part("columns")
+    if not columns.raw:
+        raise MapError(f'{where}needs columns = {{ fx = {{ column = "Fx", unit = "N" }}, … }}')
+    delimiter = fields.text("delimiter", rule="must be one character") or ","
+    if len(delimiter) != 1:
+        raise fields.error("delimiter", "must be one character")
+    return FileMap(
+        fields.text("match", rule="must be a file name or pattern") or "*",
+        tuple(_source(where, target, entry) for target, entry in columns.raw.items()),
+        fields.text("topic", rule="must be the name of one"),
+        delimiter,
+    )
 
 
 def _source(where: str, target: str, entry: Any) -> Source:
     quantities = _quantities(target)
     if not quantities:
         known = "t, fx…tz, q1…, qw qx qy qz, r11…r33, ax ay az, temperature, segment, status"
-        raise MapError(f"{where}: {target!r} is no column of a recording; known: {known}")
+        raise MapError(f"{where}{target!r} is no column of a recording; known: {known}")
     if not isinstance(entry, Mapping) or not isinstance(entry.get("column"), str):
-        raise MapError(f'{where}: {target} needs a table with column = "…" and unit = "…"')
+        raise MapError(f'{where}{target} needs a table with column = "…" and unit = "…"')
+    fields = Fields(entry, where, MapError, target)
     unit = entry.get("unit", "1" if quantities == ("number",) else None)
+    units = ", ".join(u for u, (quantity, _) in UNITS.items() if quantity in quantities)
     if unit is None:
-        raise MapError(f"{where}: {target} states no unit; one of {_units_of(quantities)}")
+        raise MapError(f"{where}{target} states no unit; one of {units}")
     if not isinstance(unit, str) or unit not in UNITS or UNITS[unit][0] not in quantities:
-        raise MapError(f"{where}: {target} in {unit!r} is no unit of {' or '.join(quantities)}; "
-                       f"one of {_units_of(quantities)}")  # fmt: skip
+        known = f"{' or '.join(quantities)}; one of {units}"
+        raise MapError(f"{where}{target} in {unit!r} is no unit of {known}")
     sign = entry.get("sign", 1)
     if sign not in (1, -1):
-        raise MapError(f"{where}: {target} sign = {sign!r} must be 1 or -1")
-    zero = entry.get("zero", 0.0)
-    if isinstance(zero, bool) or not isinstance(zero, int | float) or not math.isfinite(zero):
-        raise MapError(f"{where}: {target} zero = {zero!r} must be a number [{unit}]")
-    return Source(target, entry["column"], unit, float(sign), float(zero))
+        raise fields.error("sign", "must be 1 or -1")
+    zero = fields.number("zero", unit) or 0.0
+    return Source(target, entry["column"], unit, float(sign), zero)
 
 
 def _quantities(target: str) -> tuple[str, ...]:
@@ -176,10 +164,6 @@ def _quantities(target: str) -> tuple[str, ...]:
         return (_FIXED[target],)
     stem = target.rstrip("0123456789")
     return _JOINT.get(stem, ()) if stem != target else ()
-
-
-def _units_of(quantities: tuple[str, ...]) -> str:
-    return ", ".join(u for u, (quantity, _) in UNITS.items() if quantity in quantities)
 
 
 def _consistent(path: Path, files: tuple[FileMap, ...]) -> None:

@@ -6,11 +6,16 @@ from typing import Any
 
 import numpy as np
 
+from wrenchbed.data.checked import Fields
 from wrenchbed.data.parquet import FORMAT
 from wrenchbed.errors import RecordingError
 from wrenchbed.physics.wrench import physical_inertia
 
 MODES = ("static", "dynamic")
+_UNIT_LENGTH = 1e-3
+"""Largest error of a unit quaternion's length: four digits are enough."""
+_LEAST_GRAVITY, _MOST_GRAVITY = 1.0, 30.0
+"""Range of a plausible gravity [m/s²], an estimate: it excludes g and other units."""
 
 
 @dataclass(frozen=True)
@@ -73,98 +78,33 @@ def parse(raw: Mapping[str, Any], where: str) -> Metadata:
     Raises:
         RecordingError: names the field, what was found and what is allowed.
     """
-    reader = _Reader(raw, where)
+    fields = Fields(raw, f"{where}: metadata ", RecordingError)
     known = {"format", *Metadata.__dataclass_fields__} - {"extra"}
-    robot = reader.text("robot", required=True)
-    mode = reader.text("mode", required=True)
-    if mode not in MODES:
-        raise reader.error("mode", mode, "must be 'static' or 'dynamic'")
-    tool, sensor = reader.part("tool"), reader.part("sensor")
+    robot = fields.text("robot", required=True)
+    mode = fields.choice("mode", MODES, "must be 'static' or 'dynamic'")
+    tool, sensor = fields.part("tool"), fields.part("sensor")
+    inertia = tool.numbers("inertia", 6)
+    if inertia is not None and not physical_inertia(inertia):
+        raise tool.error("inertia", "is not the inertia of any body")
+    pose = sensor.numbers("pose_flange", 7)
+    if pose is not None and abs(np.linalg.norm(pose[3:]) - 1.0) > _UNIT_LENGTH:
+        raise sensor.error("pose_flange", "must end in a unit quaternion w, x, y, z")
+    gravity = fields.numbers("gravity", 3)
+    if gravity is not None and not _LEAST_GRAVITY < np.linalg.norm(gravity) < _MOST_GRAVITY:
+        raise fields.error("gravity", "must be an acceleration in m/s² (Earth: 9.8)")
     return Metadata(
         robot=str(robot),
-        mode=str(mode),
-        source=reader.text("source"),
-        rate_hz=reader.number("rate_hz", "Hz", positive=True),
-        tool=ToolInfo(
-            mass=tool.number("mass", "kg", positive=True),
-            cog=tool.numbers("cog", 3),
-            inertia=_inertia(tool),
-        ),
+        mode=mode,
+        source=fields.text("source"),
+        rate_hz=fields.number("rate_hz", "Hz", positive=True),
+        tool=ToolInfo(tool.number("mass", "kg", positive=True), tool.numbers("cog", 3), inertia),
         sensor=SensorInfo(
             model=sensor.text("model"),
             noise_std=sensor.numbers("noise_std", 6, nonnegative=True),
             mass=sensor.number("mass", "kg", nonnegative=True),
-            pose_flange=_pose(sensor),
+            pose_flange=pose,
         ),
-        tolerance=dict(reader.part("tolerance").raw),
-        gravity=_gravity(reader),
+        tolerance=dict(fields.part("tolerance").raw),
+        gravity=gravity,
         extra={k: v for k, v in raw.items() if k not in known},
     )
-
-
-class _Reader:
-    def __init__(self, raw: Any, where: str, prefix: str = "") -> None:
-        self.where, self.prefix = where, prefix
-        if not isinstance(raw, Mapping):
-            raise RecordingError(f"{where}: metadata {prefix.rstrip('.')} is not a JSON object")
-        self.raw = raw
-
-    def error(self, key: str, found: Any, rule: str) -> RecordingError:
-        return RecordingError(f"{self.where}: metadata {self.prefix}{key} = {found!r} {rule}")
-
-    def part(self, key: str) -> "_Reader":
-        return _Reader(self.raw.get(key) or {}, self.where, f"{self.prefix}{key}.")
-
-    def text(self, key: str, required: bool = False) -> str | None:
-        found = self.raw.get(key)
-        if found is None and not required:
-            return None
-        if not isinstance(found, str) or not found:
-            raise self.error(key, found, "must be a name")
-        return found
-
-    def number(
-        self, key: str, unit: str, *, positive: bool = False, nonnegative: bool = False
-    ) -> float | None:
-        found = self.raw.get(key)
-        if found is None:
-            return None
-        if isinstance(found, bool) or not isinstance(found, int | float) or not np.isfinite(found):
-            raise self.error(key, found, f"must be a number [{unit}]")
-        if (positive and found <= 0) or (nonnegative and found < 0):
-            raise self.error(key, found, f"must be {'above' if positive else 'at least'} 0 {unit}")
-        return float(found)
-
-    def numbers(self, key: str, n: int, *, nonnegative: bool = False) -> tuple[float, ...] | None:
-        found = self.raw.get(key)
-        if found is None:
-            return None
-        if not isinstance(found, list | tuple) or len(found) != n:
-            raise self.error(key, found, f"must be {n} numbers")
-        for x in found:
-            if isinstance(x, bool) or not isinstance(x, int | float) or not np.isfinite(x):
-                raise self.error(key, found, f"must be {n} finite numbers")
-        if nonnegative and min(found) < 0:
-            raise self.error(key, found, "must not be negative")
-        return tuple(float(x) for x in found)
-
-
-def _inertia(reader: _Reader) -> tuple[float, ...] | None:
-    found = reader.numbers("inertia", 6)
-    if found is not None and not physical_inertia(found):
-        raise reader.error("inertia", list(found), "is not the inertia of any body")
-    return found
-
-
-def _pose(reader: _Reader) -> tuple[float, ...] | None:
-    found = reader.numbers("pose_flange", 7)
-    if found is not None and abs(np.linalg.norm(found[3:]) - 1.0) > 1e-3:
-        raise reader.error("pose_flange", list(found), "must end in a unit quaternion w, x, y, z")
-    return found
-
-
-def _gravity(reader: _Reader) -> tuple[float, ...] | None:
-    found = reader.numbers("gravity", 3)
-    if found is not None and not 1.0 < np.linalg.norm(found) < 30.0:
-        raise reader.error("gravity", list(found), "must be an acceleration in m/s² (Earth: 9.8)")
-    return found

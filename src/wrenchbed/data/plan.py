@@ -14,6 +14,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from wrenchbed.data import parquet
+from wrenchbed.data.checked import Fields
 from wrenchbed.data.metadata import MODES
 from wrenchbed.data.recording import POINT, joint_columns
 from wrenchbed.errors import PlanError
@@ -86,10 +87,10 @@ class Plan:
         if (dwell < 0).any():
             row = int(np.flatnonzero(dwell < 0)[0])
             raise PlanError(f"{path}: column 'dwell', row {row}: {dwell[row]} s is negative")
-        mode, rate = _mode(path, raw)
-        robot = raw.get("robot")
-        if not isinstance(robot, str):
-            raise PlanError(f"{path}: metadata robot = {robot!r} must be a name")
+        fields = Fields(raw, f"{path}: metadata ", PlanError)
+        mode = fields.choice("mode", MODES, "must be 'static' or 'dynamic'", default="static")
+        rate = fields.number("rate_hz", "Hz", positive=True)
+        robot = str(fields.text("robot", required=True))
         return cls(robot, q, segment, dwell, mode, rate, _points(path, data, mode), str(path))
 
     def write(self, path: str | Path) -> None:
@@ -139,16 +140,6 @@ def _segments(path: Path, data: Mapping[str, np.ndarray], n: int) -> np.ndarray:
     if segment.dtype.kind not in "iu":
         raise PlanError(f"{path}: column 'segment' must hold whole numbers")
     return segment.astype(np.int64)
-
-
-def _mode(path: Path, raw: Mapping[str, Any]) -> tuple[str, float | None]:
-    mode = raw.get("mode", "static")
-    if mode not in MODES:
-        raise PlanError(f"{path}: metadata mode = {mode!r} must be 'static' or 'dynamic'")
-    rate = raw.get("rate_hz")
-    if rate is not None and (not isinstance(rate, int | float) or not rate > 0):
-        raise PlanError(f"{path}: metadata rate_hz = {rate!r} must be a number above 0")
-    return mode, rate
 
 
 _FAR = 10.0

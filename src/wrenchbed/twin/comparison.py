@@ -1,6 +1,5 @@
 """Simulators to hold against a recording: as configured, a fit's, a twin's."""
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -9,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from wrenchbed import registry
+from wrenchbed.data.checked import load
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import ParameterError, WrenchbedError
 from wrenchbed.robots.base import SimulatedRobot
@@ -97,7 +97,9 @@ def order_of(recording: Recording) -> tuple[np.ndarray, str]:
 
 def _read(path: Path, model: Model) -> tuple[Twin, Mapping[str, Any]]:
     """A twin.json, or a fit.json as a twin without effects, and the fit."""
-    raw = _json(path)
+    raw = load(path, ParameterError)
+    if not isinstance(raw, dict):
+        raise ParameterError(f"{path}: is no fit or twin")
     if "parameters" not in raw:
         return Twin.read(path), {}
     if raw.get("robot") != model.robot.name:
@@ -107,13 +109,3 @@ def _read(path: Path, model: Model) -> tuple[Twin, Mapping[str, Any]]:
     except (KeyError, TypeError, ValueError, AttributeError, WrenchbedError) as error:
         raise ParameterError(f"{path}: theta: {error}") from error
     return Twin(model, theta), raw
-
-
-def _json(path: Path) -> dict[str, Any]:
-    try:
-        raw = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise ParameterError(f"{path}: no fit or twin can be read from it: {error}") from error
-    if not isinstance(raw, dict):
-        raise ParameterError(f"{path}: is no fit or twin")
-    return raw

@@ -1,8 +1,6 @@
 """A robot's twin: the robot in MuJoCo that carries the effects a diagnosis found."""
 
-import json
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -11,16 +9,19 @@ from typing import Any
 import numpy as np
 
 from wrenchbed import registry
+from wrenchbed.data import checked
 from wrenchbed.data.parquet import FORMAT
 from wrenchbed.effects.base import Pose
 from wrenchbed.effects.chain import ActiveEffect, EffectChain
 from wrenchbed.effects.scene import Scene
-from wrenchbed.errors import TwinError, WrenchbedError
+from wrenchbed.errors import TwinError
 from wrenchbed.files import write_json
 from wrenchbed.physics.taylor import Jet, Value
 from wrenchbed.robots.base import Robot
 from wrenchbed.simulation.closed_form import Model
 from wrenchbed.twin.mechanics import Mechanism
+
+_FIELDS = {"format", "robot", "gravity", "theta", "tool", "effects", "recording"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,48 +51,45 @@ class Twin:
         Raises:
             TwinError: names the file and the field.
         """
-        path = Path(path)
-        if path.is_dir():
-            raise TwinError(f"{path}: is a folder; give its twin.json")
-        try:
-            raw = json.loads(path.read_text(encoding="utf-8"))
-        except FileNotFoundError as error:
-            raise TwinError(f"{path}: there is no such file") from error
-        except (ValueError, OSError) as error:
-            raise TwinError(f"{path}: not valid JSON: {error}") from error
-        return cls.from_json(raw, str(path))
+        return cls.from_json(checked.load(path, TwinError), str(path))
 
     @classmethod
     def from_json(cls, raw: Any, where: str = "twin") -> "Twin":
         """From the contract's JSON object.
 
         Raises:
-            TwinError: names the field, what was found and what is allowed.
+            TwinError: names the field, its value and what is allowed.
         """
-        known = {"format", "robot", "gravity", "theta", "tool", "effects", "recording"}
-        part = _Part(where, "", raw, known)
-        if part.raw.get("format") != FORMAT:
-            raise part.error("format", f"must be {FORMAT}")
-        with part.naming("robot"):
-            robot = registry.load("robots", str(part.raw.get("robot")))
-        model = Model(robot, part.gravity(robot))
-        with part.naming("theta"):
-            theta = model.parameters.vector(part.inside("theta", None).raw)
+        fields = checked.Fields(raw, f"{where}: ", TwinError).only(_FIELDS, "a twin")
+        if fields.raw.get("format") != FORMAT:
+            raise fields.error("format", f"must be {FORMAT}")
+        with fields.naming("robot"):
+            robot = registry.load("robots", str(fields.raw.get("robot")))
+        gravity = fields.numbers("gravity", 3, rule="must be 3 numbers [m/s²]")
+        model = Model(robot, gravity or tuple(robot.gravity))
+        with fields.naming("theta"):
+            theta = model.parameters.vector(fields.part("theta").raw)
         active = []
-        listed = part.raw.get("effects", [])
-        if not isinstance(listed, list):
-            raise part.error("effects", "must be a list")
-        for k, item in enumerate(listed):
-            one = _Part(where, f"effects[{k}]", item, {"effect", "parameters"})
-            with one.naming("effect"):
-                given = one.inside("parameters", None).raw
-                active.append(ActiveEffect.of(robot, str(one.raw.get("effect")), given))
-        recording = part.raw.get("recording")
-        if not isinstance(recording, str | None):
-            raise part.error("recording", "must be a name")
-        twin = cls(model, theta, tuple(active), recording)
-        part.check_tool(twin.tool())
+        for entry in fields.parts("effects"):
+            entry.only({"effect", "parameters"}, entry.name)
+            with entry.naming("effect"):
+                name, values = str(entry.raw.get("effect")), entry.part("parameters").raw
+                active.append(ActiveEffect.of(robot, name, values))
+        twin = cls(model, theta, tuple(active), fields.text("recording"))
+        twin._check_tool(fields.part("tool"))
         return twin
+
+    def _check_tool(self, tool: checked.Fields) -> None:
+        """Refuse a tool that contradicts ``theta``."""
+        expected = self.tool()
+        for key, value in tool.only(expected, "tool").raw.items():
+            try:
+                same = np.allclose(np.asarray(value, float), expected[key], rtol=1e-6, atol=1e-9)
+            except (TypeError, ValueError):
+                same = False
+            if not same:
+                rule = f"contradicts theta, by which it is {expected[key]}: change that"
+                raise tool.error(key, rule)
 
     def to_json(self) -> dict[str, Any]:
         """The contract's JSON object; ``tool`` says again what ``theta`` holds."""
@@ -184,61 +182,3 @@ def nominal(robot: Robot, active: Sequence[ActiveEffect] = ()) -> Twin:
     """The robot as designed, with effects."""
     model = Model.of(robot)
     return Twin(model, model.parameters.nominal, tuple(active))
-
-
-class _Part:
-    """A JSON object of a file, with errors that name file and field."""
-
-    def __init__(self, where: str, field: str, raw: Any, known: set[str] | None) -> None:
-        self.where, self.field = where, field
-        if not isinstance(raw, Mapping):
-            raise TwinError(f"{where}: {field or 'the file'} is not a JSON object")
-        self.raw = raw
-        for key in raw:
-            if known is not None and key not in known:
-                has = ", ".join(sorted(known))
-                text = f"there is no field {self._name(key)}; {field or 'a twin'} has {has}"
-                raise TwinError(f"{where}: {text}")
-
-    def _name(self, key: str) -> str:
-        return f"{self.field}.{key}" if self.field else key
-
-    def error(self, key: str, rule: str) -> TwinError:
-        """What stands in a field, and what is allowed there."""
-        return TwinError(f"{self.where}: {self._name(key)} = {self.raw.get(key)!r} {rule}")
-
-    @contextmanager
-    def naming(self, key: str) -> Iterator[None]:
-        """Errors inside name the field."""
-        try:
-            yield
-        except TwinError:
-            raise
-        except WrenchbedError as error:
-            raise TwinError(f"{self.where}: {self._name(key)}: {error}") from error
-
-    def inside(self, key: str, known: set[str] | None) -> "_Part":
-        """The object in a field; empty where it is absent."""
-        return _Part(self.where, self._name(key), self.raw.get(key, {}), known)
-
-    def gravity(self, robot: Robot) -> tuple[float, ...]:
-        """(3,) [m/s²], the robot's own if absent."""
-        found = self.raw.get("gravity", robot.gravity)
-        if not isinstance(found, list | tuple) or len(found) != 3 or not all(map(_number, found)):
-            raise self.error("gravity", "must be 3 numbers [m/s²]")
-        return tuple(float(g) for g in found)
-
-    def check_tool(self, told: Mapping[str, Any]) -> None:
-        """Refuse a tool that is not the one of ``theta``."""
-        tool = self.inside("tool", {"mass", "cog"})
-        for key, value in tool.raw.items():
-            try:
-                same = np.allclose(np.asarray(value, dtype=float), told[key], rtol=1e-6, atol=1e-9)
-            except (TypeError, ValueError):
-                same = False
-            if not same:
-                raise tool.error(key, f"contradicts theta, by which it is {told[key]}: change that")
-
-
-def _number(x: Any) -> bool:
-    return isinstance(x, int | float) and not isinstance(x, bool) and bool(np.isfinite(x))

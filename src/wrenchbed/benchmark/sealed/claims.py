@@ -11,6 +11,7 @@ import numpy as np
 from wrenchbed.benchmark.scoring.linear import Claim
 from wrenchbed.benchmark.sealed.answer import MOST
 from wrenchbed.benchmark.sealed.entrants import CLAIM, RESERVED, RUN
+from wrenchbed.data.checked import is_number
 from wrenchbed.errors import BenchmarkError
 
 VERDICTS = ("none", "identified", "ambiguous", "unknown")
@@ -116,9 +117,7 @@ def _items(raw: Any) -> list[tuple[str, Any]]:
 
 
 def _finite(raw: Any) -> float | None:
-    if isinstance(raw, bool) or not isinstance(raw, int | float):
-        return None
-    return float(raw) if np.isfinite(float(raw)) else None
+    return float(raw) if is_number(raw) else None
 
 
 def _probability(value: Any) -> float:

@@ -2,10 +2,8 @@
 
 import re
 import secrets
-import tomllib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -13,6 +11,7 @@ from wrenchbed.benchmark.referee.case import KINDS
 from wrenchbed.benchmark.referee.catalogue import EFFECTS
 from wrenchbed.benchmark.sealed import case_files, commitments, make
 from wrenchbed.benchmark.sealed.answer import Answer, Fact
+from wrenchbed.data.checked import Fields, is_number, load
 from wrenchbed.data.metadata import parse
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import BenchmarkError
@@ -63,45 +62,34 @@ def seal_real(truth: Path, out: Path, answers: Path) -> str:
 
 
 def _cases(truth: Path) -> Iterator[tuple[str, tuple[Fact, ...], Recording]]:
-    try:
-        raw = tomllib.loads(truth.read_text(encoding="utf-8"))
-    except FileNotFoundError as cause:
-        raise BenchmarkError(f"{truth}: there is no such file") from cause
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as cause:
-        raise BenchmarkError(f"{truth}: not valid TOML: {cause}") from cause
-    cases = raw.get("case")
-    if not isinstance(cases, list) or not cases:
+    raw = load(truth, BenchmarkError, "TOML")
+    listed = raw.get("case")
+    if not isinstance(listed, list) or not listed:
         raise BenchmarkError(f"{truth}: has no [[case]]")
-    for number, case in enumerate(cases, start=1):
-        where = f"{truth}: case {number}"
-        kind = case.get("kind")
-        if kind not in KINDS:
-            raise BenchmarkError(f"{where}: kind = {kind!r} is none of {', '.join(KINDS)}")
-        listed = case.get("cause", [])
-        if not isinstance(listed, list):
-            raise BenchmarkError(f"{where}: write causes as [[case.cause]], in double brackets")
-        causes = tuple(_fact(c, kind, where) for c in listed)
+    for number, entry in enumerate(listed, start=1):
+        where = f"{truth}: case {number}: "
+        case = Fields(entry, where, BenchmarkError)
+        kind = case.choice("kind", KINDS, f"is none of {', '.join(KINDS)}")
+        if not isinstance(case.raw.get("cause", []), list):
+            raise BenchmarkError(f"{where}write causes as [[case.cause]], in double brackets")
+        causes = tuple(_fact(cause, kind) for cause in case.parts("cause"))
         if len(causes) != CAUSES[kind]:
             raise BenchmarkError(
-                f"{where}: kind {kind!r} has {CAUSES[kind]} [[case.cause]], found {len(causes)}"
+                f"{where}kind {kind!r} has {CAUSES[kind]} [[case.cause]], found {len(causes)}"
             )
-        if not isinstance(case.get("recording"), str):
-            raise BenchmarkError(f"{where}: recording = {case.get('recording')!r} is no file name")
-        yield kind, causes, plain(Recording.read(truth.parent / case["recording"]))
+        name = str(case.text("recording", required=True, rule="is no file name"))
+        yield kind, causes, plain(Recording.read(truth.parent / name))
 
 
-def _fact(raw: Mapping[str, Any], kind: str, where: str) -> Fact:
-    effect = raw.get("effect")
-    if not isinstance(effect, str) or (kind != "outside" and effect not in EFFECTS):
-        raise BenchmarkError(f"{where}: effect = {effect!r}; known are {', '.join(EFFECTS)}")
-    true = raw.get("true", {})
-    if isinstance(true, Mapping):  # cog.x = 1 is a table in a table
-        inner = {k: v if isinstance(v, Mapping) else {"": v} for k, v in true.items()}
-        true = {f"{k}.{n}" if n else k: v for k, t in inner.items() for n, v in t.items()}
-    if not isinstance(true, Mapping) or not all(
-        isinstance(v, int | float) and np.isfinite(v) for v in true.values()
-    ):
-        raise BenchmarkError(f"{where}: true must be a table of numbers, SI")
+def _fact(cause: Fields, kind: str) -> Fact:
+    effect = str(cause.text("effect", required=True))
+    if kind != "outside" and effect not in EFFECTS:
+        raise cause.error("effect", f"is unknown; known are {', '.join(EFFECTS)}")
+    tables = cause.part("true").raw  # cog.x = 1 is a table in a table
+    inner = {k: v if isinstance(v, Mapping) else {"": v} for k, v in tables.items()}
+    true = {f"{k}.{n}" if n else k: v for k, t in inner.items() for n, v in t.items()}
+    if not all(map(is_number, true.values())):
+        raise cause.error("true", "must be a table of numbers, SI")
     rows = 1.0 if kind != "outside" and EFFECTS[effect].between else 0.0
     return Fact(effect, None, None, rows, {k: float(v) for k, v in true.items()}, ())
 

@@ -15,14 +15,13 @@ What a fault may be told besides its time: one check a value, with its default.
 import json
 import threading
 import time
-import tomllib
 import warnings
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from math import isfinite
 from pathlib import Path
 from typing import Any, TextIO
 
+from wrenchbed.data.checked import Fields, is_number, load
 from wrenchbed.errors import MapError, WrenchbedWarning
 
 
@@ -44,14 +43,14 @@ class Argument:
 def number(low: float, high: float, default: float | None = None) -> Argument:
     """A number from low to high."""
     return Argument(
-        lambda v: _is_number(v) and low <= v <= high, f"a number {low:g} … {high:g}", default
+        lambda v: is_number(v) and low <= v <= high, f"a number {low:g} … {high:g}", default
     )
 
 
 def integer(low: int, high: int, default: int | None = None) -> Argument:
     """A whole number from low to high."""
     return Argument(
-        lambda v: _is_number(v) and v == int(v) and low <= v <= high,
+        lambda v: is_number(v) and v == int(v) and low <= v <= high,
         f"a whole number {low} … {high}", default,
     )  # fmt: skip
 
@@ -76,13 +75,9 @@ def numbers(count: int, most: float) -> Argument:
     """A list of numbers, none beyond ± most."""
     return Argument(
         lambda v: isinstance(v, list) and len(v) == count
-        and all(_is_number(x) and abs(x) <= most for x in v),
+        and all(is_number(x) and abs(x) <= most for x in v),
         f"{count} numbers, none beyond {most:g}",
     )  # fmt: skip
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and isfinite(value)
 
 
 Handler = Callable[["TimedFault"], None]
@@ -113,18 +108,12 @@ def read(path: str | Path) -> tuple[TimedFault, ...]:
     Raises:
         MapError: names the file, the entry and the field.
     """
-    path = Path(path)
-    try:
-        raw = tomllib.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError as error:
-        raise MapError(f"{path}: there is no such file") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise MapError(f"{path}: not valid TOML: {error}") from error
-    items = raw.get("fault", [])
-    if set(raw) - {"fault"} or not isinstance(items, list):
+    raw = Fields(load(path, MapError, "TOML"), f"{path}: ", MapError)
+    if set(raw.raw) - {"fault"} or not isinstance(raw.raw.get("fault", []), list):
         raise MapError(f"{path}: a fault script holds [[fault]] entries and nothing else")
-    found = [parse(item, f"{path}: fault {k + 1}") for k, item in enumerate(items)]
-    return tuple(sorted(found, key=lambda f: f.at))
+    entries = enumerate(raw.raw.get("fault", []), start=1)
+    faults = [parse(entry, f"{path}: fault {k}") for k, entry in entries]
+    return tuple(sorted(faults, key=lambda f: f.at))
 
 
 def parse(raw: Any, where: str) -> TimedFault:
@@ -133,18 +122,11 @@ def parse(raw: Any, where: str) -> TimedFault:
     Raises:
         MapError: names the field.
     """
-    if not isinstance(raw, Mapping):
-        raise MapError(f"{where}: is no table of keys and values")
-    for key in ("link", "kind"):
-        if not isinstance(raw.get(key), str):
-            raise MapError(f"{where}: {key} = {raw.get(key)!r} must be a name")
-    for key in ("at", "seconds"):
-        value = raw.get(key, 0.0)
-        if isinstance(value, bool) or not isinstance(value, int | float) or not value >= 0.0:
-            raise MapError(f"{where}: {key} = {value!r} must be seconds, 0 or more")
-    rest = {k: v for k, v in raw.items() if k not in ("link", "kind", "at", "seconds")}
-    return TimedFault(raw["link"], raw["kind"], float(raw.get("at", 0.0)),
-                 float(raw.get("seconds", 0.0)), rest)  # fmt: skip
+    fields = Fields(raw, f"{where}: ", MapError, "")
+    link, kind = (str(fields.text(key, required=True)) for key in ("link", "kind"))
+    at, seconds = (fields.number(key, "s", nonnegative=True) or 0.0 for key in ("at", "seconds"))
+    values = {k: v for k, v in fields.raw.items() if k not in ("link", "kind", "at", "seconds")}
+    return TimedFault(link, kind, at, seconds, values)
 
 
 class Faults:
