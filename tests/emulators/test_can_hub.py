@@ -10,10 +10,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from wrenchbed.emulators.base.arguments import read
 from wrenchbed.emulators.can_bus import client as text
 from wrenchbed.emulators.can_bus.hub import Hub
 from wrenchbed.emulators.can_bus.wire import Frame
-from wrenchbed.emulators.medrue import server as settings
+from wrenchbed.emulators.medrue.settings import BusSettings
 from wrenchbed.errors import DriverError, LinkError, ParameterError
 from wrenchbed.hardware.transducers.netcanoem.link import CanLink, open_bus
 
@@ -233,4 +234,4 @@ def test_a_listener_that_fails_does_not_keep_frames_from_others():
 )  # fmt: skip
 def test_settings_that_are_none(words, named):
     with pytest.raises(ParameterError, match=named):
-        settings.read(words)
+        read(words, BusSettings)

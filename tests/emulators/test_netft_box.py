@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from netft_scene import boxed, plain
+from wrenchbed.emulators.base.arguments import read
 from wrenchbed.emulators.netft_box import BoxSettings
 from wrenchbed.emulators.netft_box.sensing import Timeline
 from wrenchbed.errors import DriverError, MapError, ParameterError
@@ -140,11 +141,11 @@ def test_impossible_settings_are_refused(bad):
 
 
 def test_settings_of_a_command_line():
-    given = BoxSettings.from_words({"rate": "500", "buffer": "4", "torque_unit": "lbf-in"})
+    (given,) = read({"rate": "500", "buffer": "4", "torque_unit": "lbf-in"}, BoxSettings)
     assert (given.rate, given.buffer, given.torque_unit) == (500.0, 4, "lbf-in")
     for words in ({"rates": "1"}, {"rate": "fast"}):
         with pytest.raises(ParameterError, match="rate"):
-            BoxSettings.from_words(words)
+            read(words, BoxSettings)
 
 
 def test_the_time_shown_is_constantly_late():

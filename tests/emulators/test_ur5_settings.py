@@ -12,7 +12,7 @@ from wrenchbed.errors import DriverError, ParameterError
 @pytest.mark.parametrize(
     "setting, why",
     [
-        ({"series": "x"}, "cb3 or e"),
+        ({"series": "x"}, "one of cb3, e"),
         ({"speed": "1"}, "series"),
         ({"protective_force": "-1"}, "above 0"),
         ({"box": "maybe"}, "on or off"),

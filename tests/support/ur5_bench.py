@@ -5,8 +5,8 @@ import numpy as np
 from wrenchbed import registry
 from wrenchbed.emulators.base.body import Body, BodyOptions
 from wrenchbed.emulators.ur5.controller import Controller
-from wrenchbed.emulators.ur5.modes import Make
 from wrenchbed.emulators.ur5.script import Script
+from wrenchbed.emulators.ur5.settings import ControllerSettings
 from wrenchbed.emulators.ur5.tool_wrench import Payload
 
 ROBOT = registry.load("robots", "ur5")
@@ -18,11 +18,10 @@ class Bench:
     """A controller whose time is its own."""
 
     def __init__(self, table: float | None = None, series: str = "cb3") -> None:
-        version = (3, 15, 8, 0) if series == "cb3" else (5, 11, 1, 0)
         self.body = Body(BodyOptions("ur5", noise="off", table=table), CYCLE)
         tool = ROBOT.tool(NOMINAL)
         payload = Payload(float(tool.mass), np.array(tool.cog, dtype=float), np.zeros(6))
-        self.controller = Controller(Make(version, CYCLE, 150.0, True), self.body, payload)
+        self.controller = Controller(ControllerSettings(series), self.body, payload)
         self.arm = self.controller.arm
         self.now = 100.0
 

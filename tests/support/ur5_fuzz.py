@@ -122,12 +122,13 @@ def _controller():
 
     from wrenchbed import registry
     from wrenchbed.emulators.ur5.controller import Controller
-    from wrenchbed.emulators.ur5.modes import Make
+    from wrenchbed.emulators.ur5.settings import ControllerSettings
     from wrenchbed.emulators.ur5.tool_wrench import Payload
 
-    make = Make((5, 11, 1, 0), 0.008, 150.0, True)
     body = _Body(registry.load("robots", "ur5").home)
-    return Controller(make, body, Payload(1.3, np.array([0.0, 0.0, 0.07]), np.zeros(6)))
+    return Controller(
+        ControllerSettings("e"), body, Payload(1.3, np.array([0.0, 0.0, 0.07]), np.zeros(6))
+    )
 
 
 def dashboard() -> tuple[Target, list[bytes]]:

@@ -8,77 +8,20 @@
     scale = 1.01        # further numbers or words that the kind asks for
 
 Live, one JSON object a line with the same keys (without ``at``) on the twin's standard input.
-
-What a fault may be told besides its time: one check a value, with its default.
 """
 
 import json
 import threading
 import time
 import warnings
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, TextIO
 
-from wrenchbed.data.checked import Fields, is_number, load
+from wrenchbed.data.checked import Fields, load
+from wrenchbed.emulators.base.arguments import Argument
 from wrenchbed.errors import MapError, WrenchbedWarning
-
-
-@dataclass(frozen=True)
-class Argument:
-    """One value.
-
-    Attributes:
-        check: whether it may be this.
-        what: it must be, in words.
-        default: where it is not given; one that `check` refuses makes it compulsory.
-    """
-
-    check: Callable[[Any], bool]
-    what: str
-    default: Any = None
-
-
-def number(low: float, high: float, default: float | None = None) -> Argument:
-    """A number from low to high."""
-    return Argument(
-        lambda v: is_number(v) and low <= v <= high, f"a number {low:g} … {high:g}", default
-    )
-
-
-def integer(low: int, high: int, default: int | None = None) -> Argument:
-    """A whole number from low to high."""
-    return Argument(
-        lambda v: is_number(v) and v == int(v) and low <= v <= high,
-        f"a whole number {low} … {high}", default,
-    )  # fmt: skip
-
-
-def word(known: Collection[str], default: str | None = None) -> Argument:
-    """One of some words."""
-    shown = list(known)
-    return Argument(lambda v: isinstance(v, str) and v in known, f"one of {shown}", default)
-
-
-def text(default: str) -> Argument:
-    """Any text."""
-    return Argument(lambda v: isinstance(v, str), "text", default)
-
-
-def flag(default: bool) -> Argument:
-    """True or false."""
-    return Argument(lambda v: isinstance(v, bool), "true or false", default)
-
-
-def numbers(count: int, most: float) -> Argument:
-    """A list of numbers, none beyond ± most."""
-    return Argument(
-        lambda v: isinstance(v, list) and len(v) == count
-        and all(is_number(x) and abs(x) <= most for x in v),
-        f"{count} numbers, none beyond {most:g}",
-    )  # fmt: skip
-
 
 Handler = Callable[["TimedFault"], None]
 

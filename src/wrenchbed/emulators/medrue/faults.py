@@ -4,8 +4,9 @@ import random
 import time
 from collections.abc import Callable, Mapping, Sequence
 
-from wrenchbed.emulators.base import faults as asks
-from wrenchbed.emulators.base.faults import Argument, Faults, Handler, TimedFault
+from wrenchbed.emulators.base import arguments
+from wrenchbed.emulators.base.arguments import Argument
+from wrenchbed.emulators.base.faults import Faults, Handler, TimedFault
 from wrenchbed.emulators.can_bus.hub import Hub
 from wrenchbed.emulators.can_bus.wire import Frame
 from wrenchbed.emulators.medrue.axis import FOLLOWING_ERROR
@@ -30,21 +31,24 @@ class BusFaults:
         self._impostor_until = 0.0
         self._impostor = hub.attach(self._pose, frozenset((board.base << 4,)))
         node = {"node": _one_of(list(self._drives))}
-        count, share = {"count": asks.integer(1, 1000, 1)}, {"share": asks.number(0.01, 1.0, 1.0)}
+        count, share = (
+            {"count": arguments.integer(1, 1000, 1)},
+            {"share": arguments.number(0.01, 1.0, 1.0)},
+        )
         kinds: dict[str, tuple[Handler, Mapping[str, Argument]]] = {
             "mute": (self._mute, node), "frozen": (self._frozen, node),
             "heartbeat_loss": (self._heartbeat, node), "following_error": (self._following, node),
-            "emcy": (self._emcy, node | {"code": asks.integer(1, 0xFFFF, 0x5441)}),
+            "emcy": (self._emcy, node | {"code": arguments.integer(1, 0xFFFF, 0x5441)}),
             "node_reboot": (self._reboot, node),
             "second_frame_lost": (self._second_lost, share), "swapped_pair": (self._swapped, {}),
-            "saturated_gauge": (self._saturated, {"gauge": asks.integer(0, 5, 0)}),
-            "status": (self._status, {"bits": asks.integer(1, 0xFFFF, 1 << 4)}),
-            "reset_board": (self._reset_board, {"silent": asks.flag(True)}),
+            "saturated_gauge": (self._saturated, {"gauge": arguments.integer(0, 5, 0)}),
+            "status": (self._status, {"bits": arguments.integer(1, 0xFFFF, 1 << 4)}),
+            "reset_board": (self._reset_board, {"silent": arguments.flag(True)}),
             "mute_board": (self._mute_board, {}), "id_clash": (self._clash, {}),
             "error_frame": (self._error_frame, count), "overload": (self._overload, share),
             "bus_off": (self._bus_off, {}), "hub_fin": (self._hang_up, {}),
             "stall": (self._stall, {}), "garbage_text": (self._garbage_text, {}),
-            "garbage": (self._garbage, {"count": asks.integer(1, 1000, 100)}),
+            "garbage": (self._garbage, {"count": arguments.integer(1, 1000, 100)}),
         }  # fmt: skip
         for kind, (handler, asked) in kinds.items():
             faults.on("can", kind, handler, asked)

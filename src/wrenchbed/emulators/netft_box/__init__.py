@@ -5,6 +5,6 @@ ATI 9620-05-C Ethernet Axia (its status codes).
 """
 
 from wrenchbed.emulators.netft_box.box import Box
-from wrenchbed.emulators.netft_box.sensing import HELP, BoxSettings
+from wrenchbed.emulators.netft_box.sensing import BoxSettings
 
-__all__ = ["HELP", "Box", "BoxSettings"]
+__all__ = ["Box", "BoxSettings"]

@@ -3,28 +3,29 @@
 import socket
 from dataclasses import replace
 
-from wrenchbed.emulators.base import faults as asks
+from wrenchbed.emulators.base import arguments
+from wrenchbed.emulators.base.arguments import Argument
 from wrenchbed.emulators.base.body import Body
-from wrenchbed.emulators.base.faults import Argument, Faults, TimedFault
+from wrenchbed.emulators.base.faults import Faults, TimedFault
 from wrenchbed.emulators.netft_box import web
 from wrenchbed.emulators.netft_box.rdt import Pace, Rdt
 from wrenchbed.emulators.netft_box.sensing import BoxSettings, LinkFaults, Sensing
 from wrenchbed.emulators.netft_box.web import Web
 from wrenchbed.errors import DriverError
 
-_SHARE = {"share": asks.number(0.0, 1.0, 0.1)}
+_SHARE = {"share": arguments.number(0.0, 1.0, 0.1)}
 _RDT: dict[str, dict[str, Argument]] = {
     "drop": _SHARE, "duplicate": _SHARE, "swap": _SHARE, "buffered": {}, "freeze": {}, "stall": {},
     "short": {}, "garbage": {}, "foreign": {},
-    "saturate": {"channel": asks.integer(0, 5, 0)},
-    "status": {"bits": asks.integer(0, 2**32 - 1, 2**31)},
-    "skew": {"factor": asks.number(0.5, 2.0, 1.01)},
-    "wrong_counts": {"factor": asks.number(1e-6, 1e6, 10.0)},
+    "saturate": {"channel": arguments.integer(0, 5, 0)},
+    "status": {"bits": arguments.integer(0, 2**32 - 1, 2**31)},
+    "skew": {"factor": arguments.number(0.5, 2.0, 1.01)},
+    "wrong_counts": {"factor": arguments.number(1e-6, 1e6, 10.0)},
 }  # fmt: skip
 _HTTP: dict[str, dict[str, Argument]] = {
     "stall": {}, "unlisten": {}, "garbage": {},
-    "missing_field": {"name": asks.text("cfgcpf")},
-    "other_counts": {"factor": asks.number(1e-6, 1e6, 10.0)},
+    "missing_field": {"name": arguments.text("cfgcpf")},
+    "other_counts": {"factor": arguments.number(1e-6, 1e6, 10.0)},
 }  # fmt: skip
 
 

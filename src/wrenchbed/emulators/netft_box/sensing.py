@@ -7,17 +7,24 @@ What a box is set to: its rate, its counts and their units, and what kind of box
 What is wrong at the moment on one link of a box.
 """
 
-import math
 import threading
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 
+from wrenchbed.emulators.base.arguments import (
+    Argument,
+    Settings,
+    above,
+    integer,
+    number,
+    setting,
+    word,
+)
 from wrenchbed.emulators.base.body import Body
-from wrenchbed.emulators.base.faults import Argument, Faults, TimedFault
+from wrenchbed.emulators.base.faults import Faults, TimedFault
 from wrenchbed.errors import ParameterError
 
 
@@ -58,77 +65,48 @@ NEWTON_METRE = {
 LARGEST_BUFFER = 40
 """Records of a buffered datagram at most."""
 
-HELP: Mapping[str, str] = {
-    "rdt_port": "UDP port of RDT, default 49152",
-    "http_port": "TCP port of HTTP; 0 (default) takes 80, or 8080 where 80 is not allowed",
-    "rate": "RDT records per second, default 7000; rounded up to internal samples / whole number",
-    "buffer": "records of a buffered datagram, 1 … 40, default 10",
-    "counts_per_force": "counts per unit of force, default 1000000",
-    "counts_per_torque": "counts per unit of torque, default 1000000",
-    "force_unit": "N (default), kN, lbf, klbf or kgf",
-    "torque_unit": "Nm (default), N-m, Nmm, N-mm, kNm, lbf-in, lbf-ft or kgf-cm",
-    "product": "netbox (default, 7000 samples/s) or axia (7812 samples/s)",
-}
-"""What each setting does."""
-
 
 @dataclass(frozen=True)
-class BoxSettings:
-    """How a box is set up at power-up, see `HELP`.
+class BoxSettings(Settings):
+    """How a box is set up at power-up.
 
     Raises:
         ParameterError: a value that no box has.
     """
 
-    rdt_port: int = 49152
-    http_port: int = 0
-    rate: float = 7000.0
-    buffer: int = 10
-    counts_per_force: float = 1e6
-    counts_per_torque: float = 1e6
-    force_unit: str = "N"
-    torque_unit: str = "Nm"
-    product: str = "netbox"
+    rdt_port: int = setting(49152, integer(0, 65535), "UDP port of RDT, default 49152")
+    http_port: int = setting(
+        0, integer(0, 65535),
+        "TCP port of HTTP; 0 (default) takes 80, or 8080 where 80 is not allowed",
+    )  # fmt: skip
+    rate: float = setting(
+        7000.0, number(1.0, max(INTERNAL_RATE.values())),
+        "RDT records per second, default 7000; rounded up to internal samples / whole number",
+    )  # fmt: skip
+    buffer: int = setting(
+        10, integer(1, LARGEST_BUFFER), "records of a buffered datagram, 1 … 40, default 10"
+    )
+    counts_per_force: float = setting(1e6, above(0.0), "counts per unit of force, default 1000000")
+    counts_per_torque: float = setting(
+        1e6, above(0.0), "counts per unit of torque, default 1000000"
+    )
+    force_unit: str = setting("N", word(NEWTON), "N (default), kN, lbf, klbf or kgf")
+    torque_unit: str = setting(
+        "Nm", word(NEWTON_METRE), "Nm (default), N-m, Nmm, N-mm, kNm, lbf-in, lbf-ft or kgf-cm"
+    )
+    product: str = setting(
+        "netbox", word(INTERNAL_RATE), "netbox (default, 7000 samples/s) or axia (7812 samples/s)"
+    )
 
     def __post_init__(self) -> None:
-        for name, table in (
-            ("force_unit", NEWTON), ("torque_unit", NEWTON_METRE), ("product", INTERNAL_RATE),
-        ):  # fmt: skip
-            if getattr(self, name) not in table:
-                known = ", ".join(table)
-                raise ParameterError(f"{name} = {getattr(self, name)!r} is none of {known}")
-        if not 0 <= self.rdt_port < 65536 or not 0 <= self.http_port < 65536:
-            raise ParameterError("rdt_port and http_port must be 0 … 65535")
-        if not 1.0 <= self.rate <= self.internal_rate:
+        super().__post_init__()
+        if self.rate > self.internal_rate:
             raise ParameterError(f"rate = {self.rate:g} Hz must be 1 … {self.internal_rate} Hz")
-        if not 1 <= self.buffer <= LARGEST_BUFFER:
-            raise ParameterError(f"buffer = {self.buffer} must be 1 … {LARGEST_BUFFER} records")
-        for name in ("counts_per_force", "counts_per_torque"):
-            if not 0.0 < getattr(self, name) < math.inf:
-                raise ParameterError(f"{name} = {getattr(self, name):g} must be above 0")
 
     @property
     def internal_rate(self) -> int:
         """Samples per second [Hz]."""
         return INTERNAL_RATE[self.product]
-
-    @classmethod
-    def from_words(cls, words: Mapping[str, str]) -> "BoxSettings":
-        """Settings of a command line, name → text.
-
-        Raises:
-            ParameterError: an unknown name, or text that is no such value.
-        """
-        kinds: dict[str, Any] = {f.name: f.type for f in fields(cls)}
-        given: dict[str, Any] = {}
-        for name, text in words.items():
-            if name not in kinds:
-                raise ParameterError(f"there is no setting {name!r}. Known: {', '.join(kinds)}")
-            try:
-                given[name] = kinds[name](text)
-            except ValueError as error:
-                raise ParameterError(f"{name}={text}: not a number") from error
-        return cls(**given)
 
 
 class LinkFaults:

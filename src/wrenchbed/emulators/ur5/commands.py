@@ -6,7 +6,6 @@ import numpy as np
 
 from wrenchbed.emulators.ur5.arm import ForceMode
 from wrenchbed.emulators.ur5.kinematics import matrix
-from wrenchbed.emulators.ur5.modes import Make
 from wrenchbed.emulators.ur5.motions import (
     ArmMotion,
     JointSpeed,
@@ -19,6 +18,7 @@ from wrenchbed.emulators.ur5.motions import (
 from wrenchbed.emulators.ur5.program import Command, ControlProgram, ProgramError, Steps, touching
 from wrenchbed.emulators.ur5.queries import QUERIES, solve
 from wrenchbed.emulators.ur5.script import ScriptMove
+from wrenchbed.emulators.ur5.settings import ControllerSettings
 
 _TOUCH_DECELERATION = 3.0
 
@@ -272,6 +272,6 @@ COMMANDS: dict[int, Command] = {
 _E_SERIES_ONLY = frozenset((21, 25, 26, 27, 28, 51, 54, 62, 65))
 
 
-def commands_of(make: Make) -> dict[int, Command]:
+def commands_of(settings: ControllerSettings) -> dict[int, Command]:
     """Number → what it does; the script answers some on a CB3 without doing anything."""
-    return {n: c for n, c in COMMANDS.items() if make.e_series or n not in _E_SERIES_ONLY}
+    return {n: c for n, c in COMMANDS.items() if settings.e_series or n not in _E_SERIES_ONLY}

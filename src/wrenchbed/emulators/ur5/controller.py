@@ -8,10 +8,11 @@ from wrenchbed.emulators.base.body import Body
 from wrenchbed.emulators.ur5.arm import SAFE_DECELERATION, ControlledArm
 from wrenchbed.emulators.ur5.commands import commands_of
 from wrenchbed.emulators.ur5.inputs import Inputs, Terminals
-from wrenchbed.emulators.ur5.modes import Make, Modes, Runtime
+from wrenchbed.emulators.ur5.modes import Modes, Runtime
 from wrenchbed.emulators.ur5.packets import Values, inputs, outputs, zero
 from wrenchbed.emulators.ur5.program import ControlProgram, OtherProgram, Program, ProgramError
 from wrenchbed.emulators.ur5.script import Script
+from wrenchbed.emulators.ur5.settings import ControllerSettings
 from wrenchbed.emulators.ur5.tool_wrench import Estimate, Payload
 
 _MORE_FORCE = 30.0
@@ -22,7 +23,7 @@ class Controller:
     """All of the robot but its network.
 
     Args:
-        make: which controller it is.
+        settings: which controller it is.
         body: the robot.
         payload: as the installation states it.
         feel: the load that the robot itself feels (6,) [N, N·m]; the true one if None.
@@ -30,19 +31,19 @@ class Controller:
 
     def __init__(
         self,
-        make: Make,
+        settings: ControllerSettings,
         body: Body,
         payload: Payload,
         feel: Callable[[], np.ndarray] | None = None,
     ) -> None:
-        self.make = make
+        self.settings = settings
         self.terminals = Terminals()
-        self.modes = Modes(make.powered)
-        self.estimate = Estimate(payload, at_tcp=not make.e_series)
+        self.modes = Modes(settings.power)
+        self.estimate = Estimate(payload, at_tcp=not settings.e_series)
         self.arm = ControlledArm(body, self.estimate, feel or (lambda: body.load))
-        self.fields = outputs(make.version)
+        self.fields = outputs(settings.version)
         self.values: dict[str, Values] = {name: zero(kind) for name, kind in self.fields.items()}
-        self.inputs = Inputs(inputs(make.version), self._written)
+        self.inputs = Inputs(inputs(settings.version), self._written)
         self.program: Program | None = None
         self.now = 0.0
         self._forget()
@@ -129,7 +130,7 @@ class Controller:
     def reboot(self) -> None:
         """Everything as after switching on; the arm stays where it is."""
         self.stop_program()
-        self.modes = Modes(self.make.powered)
+        self.modes = Modes(self.settings.power)
         self.terminals = Terminals()
         self.inputs.clear()
         self.arm.thaw(go_on=False)
@@ -143,7 +144,7 @@ class Controller:
     def _forget(self) -> None:
         self.loaded = ""
         self.script_denied_until = 0.0
-        self._tolerated = self.make.protective_force
+        self._tolerated = self.settings.protective_force
 
     def set_output(self, kind: str, number: int, value: float) -> None:
         """Write an output register."""
@@ -153,7 +154,7 @@ class Controller:
 
     def _program(self, script: Script) -> Program:
         if script.control:
-            return ControlProgram(self, commands_of(self.make), script.offset, script.path)
+            return ControlProgram(self, commands_of(self.settings), script.offset, script.path)
         return OtherProgram(self, script.writes)
 
     def _begin(self, program: Program) -> None:
@@ -178,8 +179,8 @@ class Controller:
     def _pressed_too_hard(self) -> bool:
         """Force above its limit; after a stop the arm may leave with what presses on it still."""
         force = float(np.linalg.norm(self.estimate.wrench[:3]))
-        if force < self.make.protective_force:
-            self._tolerated = self.make.protective_force
+        if force < self.settings.protective_force:
+            self._tolerated = self.settings.protective_force
         elif not self.modes.ready:
             self._tolerated = force + _MORE_FORCE
         return force > self._tolerated

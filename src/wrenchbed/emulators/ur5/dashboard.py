@@ -43,7 +43,7 @@ class Dashboard:
             "version": lambda: self._version(),
             "get robot model": lambda: "UR5", "shutdown": self._shutdown, "quit": self._quit,
         }  # fmt: skip
-        if controller.make.e_series:
+        if controller.settings.e_series:
             self._exact["is in remote control"] = lambda: "true"
             self._exact["get serial number"] = lambda: SERIAL_NUMBER
             self._exact["get operational mode"] = lambda: "NONE"
@@ -80,7 +80,7 @@ class Dashboard:
         return f"could not understand: '{line}'" if valued is None else valued(value)
 
     def _version(self) -> str:
-        return ".".join(str(part) for part in self._controller.make.version)
+        return ".".join(str(part) for part in self._controller.settings.version)
 
     def _play(self) -> str:
         return "Starting program" if self._controller.play() else "Failed to execute: play"

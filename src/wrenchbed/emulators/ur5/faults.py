@@ -7,8 +7,9 @@ from typing import Protocol
 
 import numpy as np
 
-from wrenchbed.emulators.base import faults as asks
-from wrenchbed.emulators.base.faults import Argument, Faults, TimedFault
+from wrenchbed.emulators.base import arguments
+from wrenchbed.emulators.base.arguments import Argument
+from wrenchbed.emulators.base.faults import Faults, TimedFault
 from wrenchbed.emulators.ur5 import packets
 from wrenchbed.emulators.ur5.controller import Controller
 from wrenchbed.emulators.ur5.network import Port
@@ -27,11 +28,11 @@ _BROKEN = {
 _MOST_OFF = 0.5
 """Largest following error [rad]."""
 _ASKS: dict[tuple[str, str], dict[str, Argument]] = {
-    ("rtde", "malformed"): {"how": asks.word(_BROKEN)},
-    ("rtde", "text"): {"message": asks.text("this is a fault that was asked for")},
-    ("rtde", "timestamp_jump"): {"by": asks.number(-1e6, 1e6)},
-    ("rtde", "timestamp_scale"): {"factor": asks.number(0.0, 100.0)},
-    ("robot", "follow_error"): {"joints": asks.numbers(6, _MOST_OFF)},
+    ("rtde", "malformed"): {"how": arguments.word(_BROKEN)},
+    ("rtde", "text"): {"message": arguments.text("this is a fault that was asked for")},
+    ("rtde", "timestamp_jump"): {"by": arguments.number(-1e6, 1e6)},
+    ("rtde", "timestamp_scale"): {"factor": arguments.number(0.0, 100.0)},
+    ("robot", "follow_error"): {"joints": arguments.numbers(6, _MOST_OFF)},
 }
 """What a kind of fault must or may be told."""
 

@@ -1,32 +1,6 @@
-"""Which controller it is, and its power, safety and program state as it numbers them."""
+"""Power, safety and program state, as the controller numbers them."""
 
-from dataclasses import dataclass
 from enum import IntEnum
-
-from wrenchbed.emulators.ur5.packets import Version
-
-
-@dataclass(frozen=True)
-class Make:
-    """Which controller it is.
-
-    Attributes:
-        version: of its software.
-        cycle: of its control [s].
-        protective_force: at the tool, from which it stops [N].
-        powered: whether the arm is switched on and its brakes are free at the start.
-    """
-
-    version: Version
-    cycle: float
-    protective_force: float
-    powered: bool
-
-    @property
-    def e_series(self) -> bool:
-        """e-Series, else CB3."""
-        return self.version[0] >= 5
-
 
 UNLOCK_AFTER_S = 5.0
 """A protective stop can only be unlocked this long after it [s]."""

@@ -14,10 +14,10 @@ import numpy as np
 
 from wrenchbed.emulators.ur5.arm import ControlledArm
 from wrenchbed.emulators.ur5.inputs import Inputs
-from wrenchbed.emulators.ur5.modes import Make
 from wrenchbed.emulators.ur5.motions import ArmMotion
 from wrenchbed.emulators.ur5.packets import Values
 from wrenchbed.emulators.ur5.script import MOST, ScriptMove
+from wrenchbed.emulators.ur5.settings import ControllerSettings
 from wrenchbed.emulators.ur5.tool_wrench import Estimate
 
 CONTACT_FORCE = 10.0
@@ -59,7 +59,7 @@ class ProgramError(Exception):
 class Host(Protocol):
     """What a program reads and does on the controller that plays it."""
 
-    make: Make
+    settings: ControllerSettings
     arm: ControlledArm
     estimate: Estimate
     inputs: Inputs

@@ -34,7 +34,7 @@ def set_payload(program: ControlProgram) -> None:
     """17, 65: mass and CoG, where e-Series keep their CoG for one of zeros; 65 also inertia."""
     mass, *cog = program.doubles(0, 4).tolist()
     payload = program.controller.estimate.payload
-    keep = program.controller.make.e_series and not any(cog)
+    keep = program.controller.settings.e_series and not any(cog)
     inertia = program.doubles(4) if program.integer(0) == 65 else payload.inertia
     told = Payload(mass, payload.cog if keep else np.array(cog), inertia)
     program.controller.estimate.payload = told
@@ -57,7 +57,7 @@ def tcp_offset(program: ControlProgram) -> None:
 
 def step_time(program: ControlProgram) -> None:
     """26: the control cycle [s]."""
-    program.answer(np.array([program.controller.make.cycle]))
+    program.answer(np.array([program.controller.settings.cycle]))
 
 
 def history(program: ControlProgram) -> None:

@@ -1,0 +1,127 @@
+"""Values that users give by name: what each may be, for faults (JSON) and settings (text)."""
+
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass, field, fields
+from typing import Any
+
+from wrenchbed.data.checked import is_number
+from wrenchbed.errors import ParameterError
+
+
+@dataclass(frozen=True)
+class Argument:
+    """One value.
+
+    Attributes:
+        check: whether it may be this.
+        what: it must be, in words.
+        default: where it is not given; one that `check` refuses makes it compulsory.
+        parse: reads it from text.
+    """
+
+    check: Callable[[Any], bool]
+    what: str
+    default: Any = None
+    parse: Callable[[str], Any] = str
+
+
+def number(low: float, high: float, default: float | None = None) -> Argument:
+    """A number from low to high."""
+    return Argument(
+        lambda v: is_number(v) and low <= v <= high, f"a number {low:g} … {high:g}", default, float
+    )
+
+
+def above(low: float) -> Argument:
+    """A number above low."""
+    return Argument(lambda v: is_number(v) and v > low, f"a number above {low:g}", parse=float)
+
+
+def integer(low: int, high: int, default: int | None = None) -> Argument:
+    """A whole number from low to high; as text also hexadecimal."""
+    return Argument(
+        lambda v: is_number(v) and v == int(v) and low <= v <= high,
+        f"a whole number {low} … {high}", default, lambda word: int(word, 0),
+    )  # fmt: skip
+
+
+def word(known: Collection[str], default: str | None = None) -> Argument:
+    """One of some words."""
+    return Argument(
+        lambda v: isinstance(v, str) and v in known, f"one of {', '.join(known)}", default
+    )
+
+
+def text(default: str = "") -> Argument:
+    """Any text."""
+    return Argument(lambda v: isinstance(v, str), "text", default)
+
+
+def flag(default: bool | None = None) -> Argument:
+    """True or false; as text on or off."""
+    return Argument(
+        lambda v: isinstance(v, bool), "true or false (on or off)", default,
+        {"on": True, "off": False}.__getitem__,
+    )  # fmt: skip
+
+
+def numbers(count: int, most: float) -> Argument:
+    """A list of numbers, none beyond ± most."""
+    return Argument(
+        lambda v: isinstance(v, list) and len(v) == count
+        and all(is_number(x) and abs(x) <= most for x in v),
+        f"{count} numbers, none beyond {most:g}",
+    )  # fmt: skip
+
+
+def setting(default: Any, argument: Argument, text: str) -> Any:
+    """A field of `Settings`: its default, what it may be, and what it does."""
+    return field(default=default, metadata={"argument": argument, "text": text})
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Settings of an emulator, or of a part of it; each field is made by `setting`.
+
+    Raises:
+        ParameterError: names the value and what it must be.
+    """
+
+    def __post_init__(self) -> None:
+        for f in fields(self):
+            value, argument = getattr(self, f.name), f.metadata["argument"]
+            if not argument.check(value):
+                raise ParameterError(f"{f.name} = {value!r} must be {argument.what}")
+
+
+def described(*kinds: type[Settings]) -> dict[str, str]:
+    """Name of each setting → what it does and its default."""
+    return {f.name: f.metadata["text"] for kind in kinds for f in fields(kind)}
+
+
+def read(words: Mapping[str, str], *kinds: type[Settings]) -> list[Any]:
+    """Settings of each kind from text by name.
+
+    Raises:
+        ParameterError: an unknown name, listing all; or a value that is none.
+    """
+    known = described(*kinds)
+    for name in words:
+        if name not in known:
+            listed = "; ".join(f"{key}: {text}" for key, text in known.items())
+            raise ParameterError(f"--set {name}: there is no such setting. Known: {listed}")
+    return [
+        kind(**{f.name: _parsed(f.name, words[f.name], f.metadata["argument"])
+                for f in fields(kind) if f.name in words})
+        for kind in kinds
+    ]  # fmt: skip
+
+
+def _parsed(name: str, word: str, argument: Argument) -> Any:
+    try:
+        value = argument.parse(word)
+    except (ValueError, KeyError):
+        value = None
+    if not argument.check(value):
+        raise ParameterError(f"--set {name}={word}: must be {argument.what}")
+    return value
