@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import wrenchbed as wb
-from twin_process import running
+from emulator_process import running
 from wrenchbed.data.plan import Plan
 
 pytest.importorskip("rtde_control")

@@ -148,7 +148,7 @@ def test_a_twin_serves_this_machine_alone(twin, host):
 
 def test_a_twin_of_a_bus_stays_away_from_real_ones():
     options = TwinOptions(setting={"bus": "socketcan:can0"})
-    with pytest.raises(ParameterError, match="never one with real devices"):
+    with pytest.raises(ParameterError, match="never a bus with real devices"):
         registry.load("emulators", "medrue")(options)
 
 

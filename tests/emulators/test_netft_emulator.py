@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import wrenchbed as wb
+from emulator_process import running
 from netft_scene import until
-from twin_process import running
 from wrenchbed.emulators.base.emulator import EmulatorOptions as TwinOptions
 from wrenchbed.errors import ParameterError
 from wrenchbed.hardware.transducers.netft import NetftOptions

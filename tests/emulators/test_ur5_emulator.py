@@ -6,7 +6,7 @@ from contextlib import nullcontext
 import numpy as np
 import pytest
 
-import twin_process
+import emulator_process
 from ur5_alone import alone
 from ur5_socket import Client
 from wrenchbed import registry
@@ -27,13 +27,13 @@ PRESS = np.array([0.4, -0.11, 0.25 + 0.142, np.pi, 0.0, 0.0])
 @pytest.fixture(scope="module")
 def cb3():
     more = ("--table", "0.25", "--noise", "off", "--set", "box=off")
-    with twin_process.running("ur5", CB3, *more) as twin:
+    with emulator_process.running("ur5", CB3, *more) as twin:
         yield twin
 
 
 @pytest.fixture(scope="module")
 def e_series():
-    with twin_process.running("ur5", E, "--set", "series=e", "--set", "http_port=8099") as twin:
+    with emulator_process.running("ur5", E, "--set", "series=e", "--set", "http_port=8099") as twin:
         yield twin
 
 

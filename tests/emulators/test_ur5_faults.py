@@ -7,7 +7,7 @@ import time
 
 import pytest
 
-import twin_process
+import emulator_process
 from ur5_socket import Client, Lines, gone
 
 pytestmark = pytest.mark.wire
@@ -20,7 +20,9 @@ CYCLE = 0.008
 
 @pytest.fixture(scope="module")
 def twin():
-    with twin_process.running("ur5", HOST, "--set", "box=off", "--set", "slow_reader=1") as twin:
+    with emulator_process.running(
+        "ur5", HOST, "--set", "box=off", "--set", "slow_reader=1"
+    ) as twin:
         yield twin
 
 

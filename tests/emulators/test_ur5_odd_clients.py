@@ -233,7 +233,7 @@ def test_a_process_whose_loop_breaks_down_ends_loudly():
 
 @pytest.mark.wire
 def test_odd_clients_one_after_the_other_leave_the_twin_serving():
-    from twin_process import running
+    from emulator_process import running
     from ur5_socket import Client, Lines
     from ur5_socket import socket as sockets
 

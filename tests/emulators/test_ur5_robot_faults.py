@@ -5,7 +5,7 @@ import time
 
 import pytest
 
-import twin_process
+import emulator_process
 from ur5_socket import Client, Lines, gone
 from wrenchbed.emulators.base.emulator import EmulatorOptions
 from wrenchbed.emulators.ur5 import EMULATOR
@@ -20,7 +20,7 @@ MODE, SAFETY, RUNTIME, BITS = 13, 14, 15, 16
 
 @pytest.fixture(scope="module")
 def twin():
-    with twin_process.running("ur5", HOST, "--set", "box=off") as twin:
+    with emulator_process.running("ur5", HOST, "--set", "box=off") as twin:
         yield twin
 
 

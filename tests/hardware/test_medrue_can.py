@@ -5,8 +5,8 @@ import time
 import numpy as np
 import pytest
 
+from emulator_process import running
 from medrue_bench import away, options, until
-from twin_process import running
 from wrenchbed import registry
 from wrenchbed.emulators.base.emulator import EmulatorOptions as TwinOptions
 from wrenchbed.emulators.medrue import MedrueEmulator

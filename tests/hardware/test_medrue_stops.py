@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from can_witness import Witness, quick_stopped, upload
+from emulator_process import running
 from medrue_bench import away, options, ready, until
-from twin_process import running
 from wrenchbed.errors import LinkError, StoppedError
 from wrenchbed.hardware.drivers.can import CanDriver
 

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import rtde_moves
+from emulator_process import running
 from rtde_moves import A, B, alive
 from rtde_observer import Observer
-from twin_process import running
 from wrenchbed.errors import DriverError, PlanError
 
 pytest.importorskip("rtde_control")

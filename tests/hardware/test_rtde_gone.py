@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import rtde_moves
+from emulator_process import running
 from rtde_moves import A, B, recovered
-from twin_process import running
 from wrenchbed.errors import DriverError, LinkError
 from wrenchbed.hardware.device import GONE_S
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import rtde_moves
-from twin_process import running
+from emulator_process import running
 from wrenchbed.errors import DriverError, LinkError, StoppedError
 
 pytest.importorskip("rtde_control")

@@ -12,8 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
+from emulator_process import running
 from netft_scene import boxed
-from twin_process import running
 from wrenchbed import registry
 from wrenchbed.campaigns.recording.run import record
 from wrenchbed.data.plan import Plan

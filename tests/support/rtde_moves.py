@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
+from emulator_process import running
 from rtde_observer import Observer
-from twin_process import running
 from wrenchbed.errors import DriverError
 from wrenchbed.hardware.drivers.rtde import RtdeDriver, RtdeOptions
 from wrenchbed.robots.motion_limits import Limits

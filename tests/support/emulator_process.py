@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from typing import Any
 
 
-class TwinProcess:
+class EmulatorProcess:
     """A running `wrenchbed twin`: its addresses by link, and `fault` to make it misbehave."""
 
     def __init__(self, process: subprocess.Popen, addresses: dict[str, str]) -> None:
@@ -23,7 +23,7 @@ class TwinProcess:
 
 
 @contextmanager
-def running(name: str, host: str, *more: str) -> Iterator[TwinProcess]:
+def running(name: str, host: str, *more: str) -> Iterator[EmulatorProcess]:
     """`wrenchbed twin NAME --host HOST … --faults -` until the block ends."""
     command = [sys.executable, "-m", "wrenchbed", "twin", name, "--host", host, "--faults", "-"]
     process = subprocess.Popen(
@@ -32,7 +32,7 @@ def running(name: str, host: str, *more: str) -> Iterator[TwinProcess]:
     try:
         line = process.stdout.readline()
         assert line.startswith("ready "), line
-        yield TwinProcess(process, dict(part.split("=", 1) for part in line.split()[1:]))
+        yield EmulatorProcess(process, dict(part.split("=", 1) for part in line.split()[1:]))
     finally:
         process.terminate()
         try:

@@ -1,0 +1,167 @@
+"""One contract for every emulator that the registry knows; another plug-in is tested as it is."""
+
+import re
+import signal
+import socket
+import threading
+import time
+from contextlib import suppress
+
+import pytest
+
+from emulator_process import running
+from wrenchbed import registry
+from wrenchbed.emulators.base.emulator import Emulator, EmulatorOptions
+from wrenchbed.errors import DriverError, NotFoundError, ParameterError
+
+NAMES = registry.names("emulators")
+HOST = "127.0.6.{}"
+EFFECT = "sensor.gain:gain.fz=0.02"
+Kind = type[Emulator]
+
+
+def answers(addresses: dict[str, str]) -> list[tuple[str, int]]:
+    """The addresses at which somebody accepts a TCP connection."""
+    found = [re.search(r"(127\.[\d.]+):(\d+)", address) for address in addresses.values()]
+    assert addresses and all(found), addresses
+    open_ = []
+    for host, port in ((f[1], int(f[2])) for f in found):
+        with suppress(OSError), socket.create_connection((host, port), 2.0):
+            open_.append((host, port))
+    return open_
+
+
+def serves_at_a_loopback_address(kind: Kind, host: str) -> None:
+    emulator = kind(EmulatorOptions(host, noise="off"))
+    try:
+        addresses = emulator.start()
+        assert all(host in address for address in addresses.values())
+        assert answers(addresses)
+        assert not emulator.failed.wait(0.3), emulator.failure
+    finally:
+        emulator.stop()
+
+
+def refuses_other_addresses(kind: Kind, host: str) -> None:
+    for other in ("0.0.0.0", "10.0.0.1", "localhost.example", ""):
+        with pytest.raises(ParameterError, match=r"--host .*127\.0\.0\.1"):
+            kind(EmulatorOptions(other))
+
+
+def refuses_a_taken_port(kind: Kind, host: str) -> None:
+    with kind(EmulatorOptions(host, noise="off")):
+        other = kind(EmulatorOptions(host, noise="off"))
+        with pytest.raises(DriverError, match=re.escape(host)):
+            other.start()
+        other.stop()
+
+
+def stops_without_a_trace(kind: Kind, host: str) -> None:
+    before = set(threading.enumerate())
+    emulator = kind(EmulatorOptions(host, noise="off"))
+    addresses = emulator.start()
+    client = socket.create_connection(answers(addresses)[0], 2.0)
+    emulator.stop()
+    emulator.stop()
+    client.close()
+    end = time.monotonic() + 3.0
+    while set(threading.enumerate()) - before and time.monotonic() < end:
+        time.sleep(0.01)
+    assert not set(threading.enumerate()) - before
+    assert not answers(addresses)
+
+
+def starts_again_as_a_new_one(kind: Kind, host: str) -> None:
+    for _ in range(2):
+        emulator = kind(EmulatorOptions(host, noise="off"))
+        try:
+            assert answers(emulator.start())
+        finally:
+            emulator.stop()
+    with pytest.raises(DriverError, match="make a new one"):
+        emulator.start()
+
+
+def refuses_settings_by_name(kind: Kind, host: str) -> None:
+    with pytest.raises(ParameterError, match=r"no-such.*Known: " + next(iter(kind.settings))):
+        kind(EmulatorOptions(host, setting={"no-such": "1"}))
+    assert all(kind.settings.values())
+
+
+def refuses_faults_by_name(kind: Kind, host: str) -> None:
+    faults = kind(EmulatorOptions(host, noise="off")).faults
+    assert faults.known and all(link and name for link, name in faults.known)
+
+
+def runs_with_an_effect(kind: Kind, host: str) -> None:
+    with pytest.raises(NotFoundError, match=r"no\.such"):
+        kind(EmulatorOptions(host, effects=("no.such",)))
+    with kind(EmulatorOptions(host, effects=(EFFECT,))) as emulator:
+        assert not emulator.failed.wait(0.5), emulator.failure
+
+
+CONTRACT = (
+    serves_at_a_loopback_address, refuses_other_addresses, refuses_a_taken_port,
+    stops_without_a_trace, starts_again_as_a_new_one, refuses_settings_by_name,
+    refuses_faults_by_name, runs_with_an_effect,
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("clause", CONTRACT, ids=lambda clause: clause.__name__)
+def test_every_emulator(name, clause):
+    clause(registry.load("emulators", name), HOST.format(1 + NAMES.index(name)))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_process_says_ready_serves_and_ends_when_it_is_asked_to(name):
+    with running(name, HOST.format(21 + NAMES.index(name)), "--noise", "off") as emulator:
+        assert answers(emulator.addresses)
+        emulator.process.send_signal(signal.SIGTERM)
+        assert emulator.process.wait(10) == 0
+    assert not answers(emulator.addresses)
+
+
+class Broken(Emulator):
+    """An emulator that does nothing but raise."""
+
+    name = title = "broken"
+    settings = {}  # noqa: RUF012
+
+    def __init__(self, options: EmulatorOptions) -> None:
+        raise NotImplementedError
+
+    def serve(self) -> dict[str, str]:
+        raise NotImplementedError
+
+    def stop(self) -> None:
+        raise NotImplementedError
+
+
+class Silent(Broken):
+    """One that can be made and starts, but serves nothing."""
+
+    def __init__(self, options: EmulatorOptions) -> None:
+        Emulator.__init__(self, options)
+
+    def serve(self) -> dict[str, str]:
+        return {}
+
+    def stop(self) -> None:
+        pass
+
+
+@pytest.mark.parametrize("clause", CONTRACT, ids=lambda clause: clause.__name__)
+def test_an_emulator_that_only_raises_breaks_every_clause(clause):
+    with pytest.raises(BaseException) as broken:
+        clause(Broken, HOST.format(41))
+    assert not isinstance(broken.value, KeyboardInterrupt | SystemExit)
+
+
+@pytest.mark.parametrize(
+    "clause", [c for c in CONTRACT if c is not refuses_other_addresses], ids=lambda c: c.__name__
+)
+def test_an_emulator_that_serves_nothing_breaks_what_it_does_not_do(clause):
+    with pytest.raises(BaseException) as broken:
+        clause(Silent, HOST.format(42))
+    assert not isinstance(broken.value, KeyboardInterrupt | SystemExit)
