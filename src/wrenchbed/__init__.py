@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from wrenchbed.data.plan import Plan
     from wrenchbed.data.plan import read as read_points
     from wrenchbed.data.recording import Recording
+    from wrenchbed.diagnosis.diagnose import Findings, diagnose
+    from wrenchbed.diagnosis.next.dry_run import dry_run
     from wrenchbed.emulators.base.emulator import EmulatorOptions
     from wrenchbed.emulators.base.serve import serve
     from wrenchbed.errors import WrenchbedError
@@ -51,6 +53,8 @@ _PUBLIC = {
     "data.logs": ("write_mcap",),
     "data.plan": ("Plan", "read as read_points"),
     "data.recording": ("Recording",),
+    "diagnosis.diagnose": ("Findings", "diagnose"),
+    "diagnosis.next.dry_run": ("dry_run",),
     "emulators.base.emulator": ("EmulatorOptions",),
     "emulators.base.serve": ("serve",),
     "errors": ("WrenchbedError",),
@@ -77,6 +81,7 @@ _HOME = {
 
 __all__ = [
     "EmulatorOptions",
+    "Findings",
     "Fit",
     "Fleet",
     "Mix",
@@ -96,6 +101,8 @@ __all__ = [
     "calibrate",
     "campaign",
     "descriptions",
+    "diagnose",
+    "dry_run",
     "export",
     "import_files",
     "informative",

@@ -1,11 +1,14 @@
 """A diagnosis of recordings whose truth is known: made in MuJoCo, found in closed form."""
 
+import json
+
 import numpy as np
 import pytest
 
 import wrenchbed as wb
 from wrenchbed import registry
 from wrenchbed.campaigns.recording.run import record
+from wrenchbed.cli import main
 from wrenchbed.data.plan import Plan
 from wrenchbed.diagnosis.diagnose import diagnose
 from wrenchbed.errors import DiagnosisError
@@ -41,6 +44,24 @@ def test_a_tilted_base_is_named_measured_and_put_into_the_twin(tmp_path):
     assert told["gap"]["closed"] > 0.95
     assert told["gap"]["with_effects"] < 0.1 < told["gap"]["calibrated"]
     assert [a.effect.name for a in found.twin.active] == ["base.tilt"]
+
+
+def test_the_library_writes_what_the_command_line_writes(tmp_path):
+    path = tmp_path / "rec.parquet"
+    recorded(tmp_path, "joint.offset:joint=6,offset=0.01")
+    findings = wb.diagnose(wb.Recording.read(path))
+    findings.write(tmp_path / "library")
+    main(["diagnose", str(path), "--out", str(tmp_path / "command")])
+    plans = set(findings.plans)
+    assert plans and {e["plan"] for e in findings.diagnosis.next if e["plan"]} == plans
+    files = {p.name for p in (tmp_path / "library").iterdir()}
+    assert files == {"diagnosis.json", "twin.json", *plans}
+    for name in sorted(files - plans):
+        one, other = (tmp_path / folder / name for folder in ("library", "command"))
+        assert json.loads(one.read_text()) == json.loads(other.read_text()), name
+    for name in plans:
+        one, other = (wb.Plan.read(tmp_path / folder / name) for folder in ("library", "command"))
+        assert np.array_equal(one.q, other.q)
 
 
 def test_too_few_poses_are_refused(tmp_path):

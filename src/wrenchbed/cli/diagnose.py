@@ -65,9 +65,7 @@ def diagnose(
     with Artist() as artist:
         with console.progress("diagnosing", 7) as report:
             result = run(data, seed=seed, reliability=learnt, progress=lambda step: report(1, step))
-        result.diagnosis.write(out)
-        for name, plan in result.plans.items():
-            plan.write(out / name)
+        result.write(out)
         written = ["diagnosis.json", "twin.json"]
         for name in ("report.html", "diagnosis.rrd"):
             try:

@@ -1,1 +1,4 @@
-"""What shows only between rows: noise, quantisation, stale rows, vibration, contact."""
+"""Effects that no mean shows: noise, coarse counts, repeats, vibration.
+Imports prepare.
+Read first: `rows`, then `scatter`.
+"""

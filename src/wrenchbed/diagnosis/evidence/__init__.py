@@ -1,1 +1,4 @@
-"""What each effect would add to each reading, and the exact evidence of each hypothesis."""
+"""What each effect would add to each reading, and the exact evidence of each hypothesis.
+Imports prepare.
+Read first: `dictionary`, then `likelihood` and `search`.
+"""

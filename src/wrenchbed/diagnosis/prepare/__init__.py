@@ -1,1 +1,4 @@
-"""A recording made ready: checks, noise, blocks, held-out rows, baseline calibration."""
+"""A recording made ready: checks, noise, blocks, held-out rows, baseline calibration.
+Imports no other folder of the diagnosis.
+Read first: `prepared` (what all later steps work on), then `prepare_recording`.
+"""
