@@ -7,7 +7,7 @@ R(α, β, γ) = Rx(γ) Ry(β) Rz(α). Quaternions are w, x, y, z.
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from wrenchbed.physics.taylor import Value, cos, reshape_matrix, sin, stack
+from wrenchbed.physics.taylor import Value, cos, reshape_matrix, sin, stack_jets
 
 
 def rot_x(angle: Value) -> Value:
@@ -24,17 +24,17 @@ def rot_z(angle: Value) -> Value:
 
 def rot_x_of(c: Value, s: Value) -> Value:
     """Rotation about x from cosine and sine."""
-    return reshape_matrix(stack([1.0, 0.0, 0.0, 0.0, c, -s, 0.0, s, c]))
+    return reshape_matrix(stack_jets([1.0, 0.0, 0.0, 0.0, c, -s, 0.0, s, c]))
 
 
 def rot_y_of(c: Value, s: Value) -> Value:
     """Rotation about y from cosine and sine."""
-    return reshape_matrix(stack([c, 0.0, s, 0.0, 1.0, 0.0, -s, 0.0, c]))
+    return reshape_matrix(stack_jets([c, 0.0, s, 0.0, 1.0, 0.0, -s, 0.0, c]))
 
 
 def rot_z_of(c: Value, s: Value) -> Value:
     """Rotation about z from cosine and sine."""
-    return reshape_matrix(stack([c, -s, 0.0, s, c, 0.0, 0.0, 0.0, 1.0]))
+    return reshape_matrix(stack_jets([c, -s, 0.0, s, c, 0.0, 0.0, 0.0, 1.0]))
 
 
 def euler(alpha: Value, beta: Value, gamma: Value) -> Value:
@@ -53,7 +53,7 @@ def exp(x: Value, y: Value, z: Value) -> Value:
     square = x * x + y * y + z * z
     a, b = _sinc(square), _cosc(square)
     return reshape_matrix(
-        stack(
+        stack_jets(
             [
                 1.0 - b * (y * y + z * z), b * x * y - a * z, b * x * z + a * y,
                 b * x * y + a * z, 1.0 - b * (x * x + z * z), b * y * z - a * x,

@@ -97,7 +97,7 @@ def cos(x: Value) -> Value:
     return np.cos(x)
 
 
-def sqrt(x: Value) -> Value:
+def jet_sqrt(x: Value) -> Value:
     if isinstance(x, Jet):
         r = np.sqrt(x.v)
         return x._chain(r, 0.5 / r, -0.25 / (r * x.v))
@@ -116,12 +116,14 @@ def atan2(y: Value, x: Value) -> Value:
     return Jet(np.arctan2(jy.v, jx.v), d, dd)
 
 
-def stack(parts: Sequence[Value]) -> Value:
+def stack_jets(parts: Sequence[Value]) -> Value:
     """Stack along a new last axis, with broadcasting."""
     if any(isinstance(p, Jet) for p in parts):
         jets = [_as_jet(p) for p in parts]
         return Jet(
-            stack([j.v for j in jets]), stack([j.d for j in jets]), stack([j.dd for j in jets])
+            stack_jets([j.v for j in jets]),
+            stack_jets([j.d for j in jets]),
+            stack_jets([j.dd for j in jets]),
         )
     if len({np.shape(p) for p in parts}) > 1:
         parts = np.broadcast_arrays(*parts)

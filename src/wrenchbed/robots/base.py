@@ -18,7 +18,7 @@ from wrenchbed.errors import NotFoundError, PlanError, WrenchbedError
 from wrenchbed.physics.gravity import ArmBodies
 from wrenchbed.physics.parameters import Parameter, ParameterSet
 from wrenchbed.physics.rotations import euler, exp
-from wrenchbed.physics.taylor import Value, stack
+from wrenchbed.physics.taylor import Value, stack_jets
 from wrenchbed.physics.wrench import Tool
 
 if TYPE_CHECKING:
@@ -227,7 +227,7 @@ def load_parameters(inertia: Sequence[float]) -> ParameterSet:
 def inertia_matrix(p: Values) -> np.ndarray:
     """Inertia (…, 3, 3) [kg·m²] about the centre of gravity."""
     xx, yy, zz, xy, xz, yz = (p[f"tool.inertia.{a}"] for a in INERTIA_AXES)
-    rows = [stack([xx, xy, xz]), stack([xy, yy, yz]), stack([xz, yz, zz])]
+    rows = [stack_jets([xx, xy, xz]), stack_jets([xy, yy, yz]), stack_jets([xz, yz, zz])]
     return np.stack(rows, axis=-2)
 
 
@@ -238,7 +238,7 @@ class LoadInSensorAxes(Robot):
 
     def tool(self, theta: np.ndarray) -> Tool:
         p = self.values(theta)
-        cog = stack([p[f"tool.cog.{a}"] for a in "xyz"])
+        cog = stack_jets([p[f"tool.cog.{a}"] for a in "xyz"])
         return Tool(p["tool.mass"], cog, inertia_matrix(p), p["sensor.mass"])
 
     def theta_of_tool(self, theta: np.ndarray, mass: float, cog: Sequence[float]) -> np.ndarray:

@@ -22,7 +22,7 @@ import numpy as np
 from wrenchbed.physics.gravity import BodyMass, masses
 from wrenchbed.physics.parameters import Parameter, ParameterSet
 from wrenchbed.physics.rotations import apply, cross, exp, exp_rates, inverse_rotated, rot_x, rot_z
-from wrenchbed.physics.taylor import Jet, Value, cos, sin, stack
+from wrenchbed.physics.taylor import Jet, Value, cos, sin, stack_jets
 from wrenchbed.robots.base import (
     TILT,
     Joint,
@@ -164,7 +164,7 @@ class SerialArm(LoadInSensorAxes, SimulatedRobot):
     def flange_pose(self, q: Value, theta: np.ndarray) -> tuple[Value, Value]:
         """R_world_flange (…, N, 3, 3) and the flange's origin in the world (…, N, 3) [m]."""
         x, y, z, position = deque(self._frames(q, theta), maxlen=1).pop()
-        return stack([x, y, z]), position
+        return stack_jets([x, y, z]), position
 
     def _frames(self, q: Value, theta: np.ndarray) -> Iterator[tuple[Value, Value, Value, Value]]:
         """Axes x, y, z and origin (…, N, 3) of each link at its joint, turned by it; the flange's.

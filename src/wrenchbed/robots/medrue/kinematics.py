@@ -15,7 +15,7 @@ import numpy as np
 
 from wrenchbed.physics.parameters import Parameter, ParameterSet
 from wrenchbed.physics.rotations import apply, euler, inverse_rotated, rot_x_of, rot_y_of, rot_z_of
-from wrenchbed.physics.taylor import Value, atan2, cos, sin, sqrt, stack, value
+from wrenchbed.physics.taylor import Value, atan2, cos, jet_sqrt, sin, stack_jets, value
 from wrenchbed.robots.base import Values, load_parameters
 
 _LENGTH_ERROR = 2e-3
@@ -114,31 +114,33 @@ def five_bar(p: Values, i: int, first: Value, second: Value) -> FiveBar:
     l1, l2, l3, l4 = (p[f"L{i}{k}"] for k in (1, 2, 3, 4))
     a = first + p[f"dq{2 * i}"]
     c = second + p[f"dq{2 * i + 1}"]
-    base = sqrt((ay - cy) * (ay - cy) + (az - cz) * (az - cz))
+    base = jet_sqrt((ay - cy) * (ay - cy) + (az - cz) * (az - cz))
     s_theta, c_theta, half = (ay - cy) / base, (cz - az) / base, base / 2
     bx, by = half + l1 * cos(a), l1 * sin(a)
     dx, dy = -half + l3 * cos(c), l3 * sin(c)
     ex, ey = bx - dx, by - dy  # from D to B
     square = ex * ex + ey * ey
     along = ((l4 * l4 - l2 * l2) / square + 1.0) / 2
-    across = sqrt(l4 * l4 / square - along * along)
+    across = jet_sqrt(l4 * l4 / square - along * along)
     px, py = dx + along * ex - across * ey, dy + along * ey + across * ex
 
     def to_base(x: Value, y: Value) -> Value:
-        return stack(
+        return stack_jets(
             [s_theta * x + c_theta * y + (ay + cy) / 2, -c_theta * x + s_theta * y + (az + cz) / 2]
         )
 
-    return FiveBar(to_base(bx, by), to_base(dx, dy), to_base(px, py), stack([s_theta, -c_theta]))
+    return FiveBar(
+        to_base(bx, by), to_base(dx, dy), to_base(px, py), stack_jets([s_theta, -c_theta])
+    )
 
 
 def support(p: Values, q: Value, left: FiveBar, right: FiveBar) -> tuple[Value, ...]:
     """E1, E2, the unit vector u between them and the wrist's origin (…, N, 3) in the base."""
     x = q[..., 0] + p["dq1"]
-    e1 = stack([x - p["d41"], left.E[..., 0], left.E[..., 1]])
-    e2 = stack([x + p["d42"], right.E[..., 0], right.E[..., 1]])
+    e1 = stack_jets([x - p["d41"], left.E[..., 0], left.E[..., 1]])
+    e2 = stack_jets([x + p["d42"], right.E[..., 0], right.E[..., 1]])
     span = e2 - e1
-    length = sqrt(_dot(span, span))
+    length = jet_sqrt(_dot(span, span))
     u = span * (1.0 / length)[..., None]
     return e1, e2, u, e1 + u * (p["d41"] + p["d5"])[..., None]
 
@@ -158,9 +160,9 @@ def _turns(p: Values, q: Value, left: FiveBar, u: Value) -> tuple[tuple[Value, V
     c, s = link[..., 0], link[..., 1]
     c_gamma, s_gamma = c * cos(q6) - s * sin(q6), s * cos(q6) + c * sin(q6)
     s_alpha = u[..., 1] * c_gamma + u[..., 2] * s_gamma
-    c_alpha = sqrt(1.0 - s_alpha * s_alpha)
+    c_alpha = jet_sqrt(1.0 - s_alpha * s_alpha)
     psi = u[..., 1] * s_gamma - u[..., 2] * c_gamma
-    s_beta, c_beta = psi / c_alpha, sqrt(c_alpha * c_alpha - psi * psi) / c_alpha
+    s_beta, c_beta = psi / c_alpha, jet_sqrt(c_alpha * c_alpha - psi * psi) / c_alpha
     return (c_gamma, s_gamma), (c_beta, s_beta), (c_alpha, s_alpha)
 
 
@@ -185,15 +187,15 @@ def sensor_pose(p: Values, q: Value) -> tuple[Value, Value]:
     hand = wrist(p, q, left, right)
     base = euler(p["alpha0"], p["beta0"], p["gamma0"])
     mount = euler(p["alphaS"], p["betaS"], p["gammaS"])
-    inner = hand.origin + apply(hand.rotation, stack([p["xS"], p["yS"], p["zS"]]))
-    origin = stack([p["x0"], p["y0"], p["z0"]]) + apply(base, inner)
+    inner = hand.origin + apply(hand.rotation, stack_jets([p["xS"], p["yS"], p["zS"]]))
+    origin = stack_jets([p["x0"], p["y0"], p["z0"]]) + apply(base, inner)
     return base @ hand.rotation @ mount, origin
 
 
 def tool_pose(p: Values, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """R_world_tool and the tool's position in the world [m] (Equation 1)."""
     rotation, origin = sensor_pose(p, q)
-    position = origin + apply(rotation, stack([p["xT"], p["yT"], p["zT"]]))
+    position = origin + apply(rotation, stack_jets([p["xT"], p["yT"], p["zT"]]))
     return rotation @ euler(p["alphaT"], p["betaT"], p["gammaT"]), position
 
 
@@ -209,12 +211,12 @@ def qpos(p: Values, q: Value) -> Value:
     )
     alpha = atan2(-rotation[..., 0, 1], rotation[..., 0, 0])
     span = hand.E2 - hand.E1
-    return stack(
+    return stack_jets(
         [
             q[..., 0],
             q[..., 1], _elbow(left.direction, q[..., 1] + p["dq2"], left.E - left.B),
             q[..., 2], _elbow(left.direction, q[..., 2] + p["dq3"], left.E - left.D),
-            q[..., 5], beta, alpha, sqrt(_dot(span, span)),
+            q[..., 5], beta, alpha, jet_sqrt(_dot(span, span)),
             q[..., 3], _elbow(right.direction, q[..., 3] + p["dq4"], right.E - right.B),
             q[..., 4], _elbow(right.direction, q[..., 4] + p["dq5"], right.E - right.D),
         ]

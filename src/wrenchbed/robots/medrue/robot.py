@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from wrenchbed.physics.rotations import apply, euler, euler_rates
-from wrenchbed.physics.taylor import Value, stack
+from wrenchbed.physics.taylor import Value, stack_jets
 from wrenchbed.physics.wrench import Tool
 from wrenchbed.robots.base import (
     LOAD,
@@ -68,7 +68,7 @@ class MedRUE(SimulatedRobot):
     def tool(self, theta: np.ndarray) -> Tool:
         p = self.values(theta)
         mount = euler(p["alphaS"], p["betaS"], p["gammaS"])
-        lever = stack([p[f"{a}G"] - p[f"{a}S"] for a in "xyz"])
+        lever = stack_jets([p[f"{a}G"] - p[f"{a}S"] for a in "xyz"])
         cog = apply(np.swapaxes(mount, -1, -2), lever)
         return Tool(p["mTool"], cog, inertia_matrix(p), p["sensor.mass"])
 
