@@ -455,14 +455,14 @@ def one_joint(given: Mapping[str, Any], joints: int, amplitude: str) -> dict[str
     Raises:
         ParameterError: there is no such joint.
     """
-    rest = dict(given)
-    if "joint" not in rest:
-        return rest
-    number = rest.pop("joint")
+    remaining = dict(given)
+    if "joint" not in remaining:
+        return remaining
+    number = remaining.pop("joint")
     if not isinstance(number, int | float):
         raise ParameterError(f"joint {number!r} is no number: 1 … {joints}")
     if int(number) != float(number) or not 1 <= int(number) <= joints:
         raise ParameterError(f"joint {number:g} does not exist: 1 … {joints}")
-    if amplitude in rest:
-        rest[f"{amplitude}.q{int(number)}"] = rest.pop(amplitude)
-    return rest
+    if amplitude in remaining:
+        remaining[f"{amplitude}.q{int(number)}"] = remaining.pop(amplitude)
+    return remaining

@@ -49,13 +49,15 @@ class BaseCompliance(PoseEffect):
 
     def edit_spec(self, spec: MjSpec, robot: Robot, theta: np.ndarray, p: Values) -> None:
         """Two sprung hinges at the base, about x and y of the world."""
-        from wrenchbed.simulation.springs import base_axes, hinge
+        from wrenchbed.simulation.springs import Spring, base_axes, hinge
 
         for axis, name, world in zip("xy", NAMES[1:], np.eye(3), strict=False):
             give = p[NAMES[0]] + p[name]
             if give:
-                own = base_axes(spec).T @ world
-                hinge(spec, self.name, axis, spec.body("base"), [*map(float, own)], 1.0 / give)
+                in_base = base_axes(spec).T @ world
+                hinge(
+                    self.name, axis, spec.body("base"), [*map(float, in_base)], Spring(1.0 / give)
+                )
 
 
 EFFECT = BaseCompliance()

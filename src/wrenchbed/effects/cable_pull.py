@@ -87,20 +87,20 @@ class CablePull(LoadEffect):
         rotation, origin = (value(x)[residual.rows] for x in scene.pose)
         holder = origin + apply(rotation, scene.tool.cog)
         middle = holder.mean(axis=0)
-        told: list[tuple[float, np.ndarray, float, np.ndarray]] = []
+        candidates: list[tuple[float, np.ndarray, float, np.ndarray]] = []
         for reach in SCANNED_REACHES:
             for anchor in middle + reach * sphere(WAYS):
                 line = anchor - holder
                 far = np.linalg.norm(line, axis=1)
-                own = apply(np.swapaxes(rotation, 1, 2), line / far[:, None])
+                pull_way = apply(np.swapaxes(rotation, 1, 2), line / far[:, None])
                 for share in SLACKS:
                     length = float(np.quantile(far, share))
-                    pull = own * np.maximum(far - length, 0.0)[:, None]
+                    pull = pull_way * np.maximum(far - length, 0.0)[:, None]
                     gain, size = _gain(pull, residual)
-                    told.append((gain, anchor, length, size[1:] / size[0]))
-        told.sort(key=lambda t: -t[0])
+                    candidates.append((gain, anchor, length, size[1:] / size[0]))
+        candidates.sort(key=lambda t: -t[0])
         result: list[Variant] = []
-        for _, anchor, length, point in told[:3]:
+        for _, anchor, length, point in candidates[:3]:
             held = np.clip(point, -0.3, 0.3)
             names = (*ANCHOR, "length", *POINT)
             at = dict(zip(names, map(float, (*anchor, length, *held)), strict=True))
@@ -116,8 +116,8 @@ class CablePull(LoadEffect):
         far = np.maximum(np.linalg.norm(to_anchor, axis=-1, keepdims=True), 1e-9)
         pull = vector(p, PULL)
         force = pull + p["stiffness"] * to_anchor * np.maximum(0.0, 1.0 - p["length"] / far)
-        own = apply(rotation, force)
-        return np.concatenate([own, cross(np.broadcast_to(lever, own.shape), own)], axis=-1)
+        local = apply(rotation, force)
+        return np.concatenate([local, cross(np.broadcast_to(lever, local.shape), local)], axis=-1)
 
     def edit_spec(self, spec: MjSpec, robot: Robot, theta: np.ndarray, p: Values) -> None:
         """A tendon to the anchor, and one to far away for the constant pull."""

@@ -100,7 +100,7 @@ class EnvironmentContact(LoadEffect):
         each = np.einsum("rci,rcj->rij", columns, columns).reshape(-1, 9)
         ways = sphere(WAYS)
         height = at @ ways.T
-        told: list[tuple[float, int, float, np.ndarray]] = []
+        candidates: list[tuple[float, int, float, np.ndarray]] = []
         for share in DEPTHS:
             depth = np.quantile(height, share, axis=0)
             x = np.maximum(depth - height, 0.0)  # (R, ways)
@@ -108,10 +108,12 @@ class EnvironmentContact(LoadEffect):
             normal = (x.T**2 @ each).reshape(-1, 3, 3) + 1e-12 * np.eye(3)
             push = np.linalg.solve(normal, score[:, :, None])[:, :, 0]
             gain = np.where((push * ways).sum(axis=1) > 0, (score * push).sum(axis=1), 0.0)
-            told += [(float(gain[k]), k, float(depth[k]), push[k]) for k in np.argsort(-gain)[:2]]
-        told.sort(key=lambda t: -t[0])
+            candidates += [
+                (float(gain[k]), k, float(depth[k]), push[k]) for k in np.argsort(-gain)[:2]
+            ]
+        candidates.sort(key=lambda t: -t[0])
         result: list[Variant] = []
-        for _, k, depth, push in told[:3]:
+        for _, k, depth, push in candidates[:3]:
             n = ways[k]
             drag = np.clip(push / float(push @ n) - n, -1.0, 1.0)
             begin = dict(zip((*NORMAL, *SLIDE), map(float, [*n, *drag]), strict=True))

@@ -72,20 +72,20 @@ class JointBacklash(JointEffect):
 
     def values(self, robot: Robot, given: Mapping[str, Any]) -> dict[str, float]:
         """Also takes ``joint=2,load=2e-4`` or ``joint=2,approach=2e-4``, with or without side."""
-        rest = {k: v for k, v in given.items() if k != "side"}
-        side = "approach" if "approach" in rest else "load"
-        return Effect.values(self, robot, one_joint(rest, len(robot.joints), side))
+        remaining = {k: v for k, v in given.items() if k != "side"}
+        side = "approach" if "approach" in remaining else "load"
+        return Effect.values(self, robot, one_joint(remaining, len(robot.joints), side))
 
     def edit_spec(self, spec: MjSpec, robot: Robot, theta: np.ndarray, p: Values) -> None:
         """Joints with play in series, some of which lag."""
-        from wrenchbed.simulation.springs import in_series
+        from wrenchbed.simulation.springs import Spring, in_series
 
         for k, joint in enumerate(robot.joints, start=1):
             for side in SIDES:
                 half = p[f"{side}.q{k}"]
                 if half:
-                    soft, lags = SOFT / half, side == "approach"
-                    in_series(spec, self.name, joint.name, soft, abs(half), lags=lags)
+                    spring = Spring(SOFT / half, abs(half), lags=side == "approach")
+                    in_series(spec, self.name, joint.name, spring)
 
 
 EFFECT = JointBacklash()

@@ -117,13 +117,13 @@ class JointClearance(JointEffect):
 
     def edit_spec(self, spec: MjSpec, robot: Robot, theta: np.ndarray, p: Values) -> None:
         """The last bearing's round play; play in loops acts through the joints' values."""
-        from wrenchbed.simulation.springs import ROUND, hinge
+        from wrenchbed.simulation.springs import ROUND, Spring, hinge
 
         half = p.get("tilt", 0.0)
         if half:
             for axis, way in zip("xy", np.eye(3), strict=False):
-                part, body = f"tilt.{axis}{ROUND}", spec.body("tool")
-                hinge(spec, self.name, part, body, [*map(float, way)], MOMENT / half, abs(half))
+                part, spring = f"tilt.{axis}{ROUND}", Spring(MOMENT / half, abs(half))
+                hinge(self.name, part, spec.body("tool"), [*map(float, way)], spring)
 
 
 def has_loops(robot: Robot) -> bool:

@@ -24,7 +24,8 @@ from wrenchbed.robots.base import Robot
 class JointCompliance(JointEffect):
     """δq = τ/k with the torque τ of gravity; amplitudes are compliances 1/k.
 
-    Seen in: gravity's torque of both signs, and a second payload, which tells it from a gear error.
+    Seen in: gravity's torque of both signs, and a second payload, which distinguishes it from a
+    gear error.
     """
 
     name = "joint.compliance"
@@ -43,13 +44,13 @@ class JointCompliance(JointEffect):
 
     def values(self, robot: Robot, given: Mapping[str, Any]) -> dict[str, float]:
         """Also takes ``joint=2,stiffness=1.4e4`` [N·m/rad]."""
-        rest = one_joint(given, len(robot.joints), "stiffness")
-        for name in [n for n in rest if n.startswith("stiffness.")]:
-            stiffness = rest.pop(name)
+        remaining = one_joint(given, len(robot.joints), "stiffness")
+        for name in [n for n in remaining if n.startswith("stiffness.")]:
+            stiffness = remaining.pop(name)
             if not isinstance(stiffness, int | float) or not stiffness > 0:
                 raise ParameterError(f"{self.name}: {name} = {stiffness} must be above 0 N·m/rad")
-            rest[name.replace("stiffness", "compliance")] = 1.0 / stiffness
-        return super().values(robot, rest)
+            remaining[name.replace("stiffness", "compliance")] = 1.0 / stiffness
+        return super().values(robot, remaining)
 
     def publish(
         self, robot: Robot, variant: Variant, values: Values, std: Values
@@ -82,12 +83,12 @@ class JointCompliance(JointEffect):
 
     def edit_spec(self, spec: MjSpec, robot: Robot, theta: np.ndarray, p: Values) -> None:
         """A spring in series with each joint."""
-        from wrenchbed.simulation.springs import in_series
+        from wrenchbed.simulation.springs import Spring, in_series
 
         for k, joint in enumerate(robot.joints, start=1):
             give = p[f"compliance.q{k}"]
             if give:
-                in_series(spec, self.name, joint.name, stiffness=1.0 / give)
+                in_series(spec, self.name, joint.name, Spring(1.0 / give))
 
 
 EFFECT = JointCompliance()

@@ -94,10 +94,10 @@ class JointGearError(JointEffect):
 
     def values(self, robot: Robot, given: Mapping[str, Any]) -> dict[str, float]:
         """Also takes ``joint=2,sin=3e-4,cos=1e-4,order=101`` for one joint."""
-        rest = one_joint(given, len(robot.joints), "sin")
+        remaining = one_joint(given, len(robot.joints), "sin")
         if "joint" in given:
-            rest = one_joint(rest | {"joint": given["joint"]}, len(robot.joints), "cos")
-        return Effect.values(self, robot, rest)
+            remaining = one_joint(remaining | {"joint": given["joint"]}, len(robot.joints), "cos")
+        return Effect.values(self, robot, remaining)
 
 
 def _label(joint: int, order: float) -> str:

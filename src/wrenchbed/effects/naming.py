@@ -15,9 +15,9 @@ def parse_effect(text: str) -> tuple[str, dict[str, Any]]:
     Raises:
         ParameterError: a part without ``=``, or a key given twice.
     """
-    name, _, rest = text.strip().partition(":")
+    name, _, remaining = text.strip().partition(":")
     values: dict[str, Any] = {}
-    for part in filter(None, (p.strip() for p in rest.split(","))):
+    for part in filter(None, (p.strip() for p in remaining.split(","))):
         key, equals, value = (x.strip() for x in part.partition("="))
         if not equals or not key or not value:
             raise ParameterError(f"--effect {text}: {part!r} is not name=value")

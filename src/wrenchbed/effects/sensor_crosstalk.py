@@ -76,9 +76,9 @@ class SensorCrosstalk(ReadingEffect):
         x = np.array([[p.get(f"x.{s}.{o}", 0.0) for o in CHANNELS] for s in CHANNELS])
         force = reading[:, :3]
         shift = vector(p, ORIGIN)
-        shown = reading + reading @ x.T
-        shown[:, 3:] += cross(np.broadcast_to(shift, force.shape), force)
-        return shown
+        result = reading + reading @ x.T
+        result[:, 3:] += cross(np.broadcast_to(shift, force.shape), force)
+        return result
 
 
 EFFECT = SensorCrosstalk()

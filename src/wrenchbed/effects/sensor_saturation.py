@@ -46,19 +46,19 @@ class SensorSaturation(ReadingEffect):
 
     def variants(self, scene: Scene) -> tuple[Variant, ...]:
         load = np.abs(wrench(*scene.pose, scene.tool, scene.gravity)[scene.held])
-        found = []
+        result = []
         for c, levels in zip(CHANNELS, np.quantile(load, QUANTILES, axis=0).T, strict=True):
             for level in levels[levels > 1e-5]:
                 at, shape = {f"level.{c}": float(level)}, (f"level.{c}",)
-                found.append(Variant(c, (f"share.{c}",), at, shape, {"channel": c}))
+                result.append(Variant(c, (f"share.{c}",), at, shape, {"channel": c}))
         for label, group in (("forces", range(3)), ("torques", range(3, 6)), ("all", range(6))):
             for levels in np.quantile(load, QUANTILES, axis=0):
                 on = [k for k in group if levels[k] > 1e-5]
                 if len(on) > 1:
                     at = {f"level.{CHANNELS[k]}": float(levels[k]) for k in on}
                     free = tuple(f"share.{CHANNELS[k]}" for k in on)
-                    found.append(Variant(label, free, at, tuple(at)))
-        return tuple(found)
+                    result.append(Variant(label, free, at, tuple(at)))
+        return tuple(result)
 
     def read(self, scene: Scene, reading: np.ndarray, p: Values) -> np.ndarray:
         share, level = vector(p, per_channel("share")), vector(p, per_channel("level"))
@@ -66,15 +66,17 @@ class SensorSaturation(ReadingEffect):
 
     def values(self, robot: Robot, given: Mapping[str, Any]) -> dict[str, float]:
         """Also takes ``channel=fx,level=20`` for one channel, clipped fully."""
-        rest = dict(given)
-        channel = rest.pop("channel", None)
+        remaining = dict(given)
+        channel = remaining.pop("channel", None)
         if channel is not None:
             if channel not in CHANNELS:
                 known = ", ".join(CHANNELS)
                 raise ParameterError(f"{self.name}: there is no channel {channel!r}: {known}")
-            rest = {f"{k}.{channel}" if k in ("share", "level") else k: v for k, v in rest.items()}
-            rest.setdefault(f"share.{channel}", 1.0)
-        return super().values(robot, rest)
+            remaining = {
+                f"{k}.{channel}" if k in ("share", "level") else k: v for k, v in remaining.items()
+            }
+            remaining.setdefault(f"share.{channel}", 1.0)
+        return super().values(robot, remaining)
 
 
 EFFECT = SensorSaturation()

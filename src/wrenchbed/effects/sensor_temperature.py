@@ -34,7 +34,7 @@ class SensorTemperature(ReadingEffect):
 
     The sensor follows a temperature that was recorded beside it with a ``lag`` of first order.
     Where none was recorded, ϑ = 1 − exp(−(t − t₀)/τ): a warm-up of first order, of which
-    ``zero`` [N, N·m] and ``span`` [1] are the whole changes that it ends in.
+    ``zero`` [N, N·m] and ``span`` [1] are the complete changes at its end.
 
     Seen in: a warm-up with the temperature recorded; the span, two loads at two temperatures.
     """
@@ -84,7 +84,7 @@ class SensorTemperature(ReadingEffect):
     def publish(
         self, robot: Robot, variant: Variant, values: Values, std: Values
     ) -> dict[str, dict[str, Any]]:
-        """Per K, or of the whole warm-up where no temperature was recorded."""
+        """Per K, or of the complete warm-up where no temperature was recorded."""
         result = super().publish(robot, variant, values, std)
         if "tau" in variant.shape:
             for item in result.values():

@@ -12,7 +12,7 @@ class TimingDelay(ReadingEffect):
 
     Phase falls linearly with frequency, the amplitude stays.
 
-    Seen in: a motion; frequencies about 1/T tell it from a filter.
+    Seen in: a motion; frequencies about 1/T distinguish it from a filter.
     """
 
     name = "timing.delay"

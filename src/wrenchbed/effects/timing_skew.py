@@ -35,11 +35,11 @@ class TimingSkew(ReadingEffect):
         if not scene.moving or not (p["skew"] or p["channel"]):
             return reading
         common = scene.t - p["skew"] * scene.age
-        shown = np.empty_like(reading)
+        result = np.empty_like(reading)
         for i in range(reading.shape[1]):
             then = np.clip(common - i * p["channel"], scene.t[0], scene.t[-1])
-            shown[:, i] = CubicSpline(scene.t, reading[:, i])(then)
-        return shown
+            result[:, i] = CubicSpline(scene.t, reading[:, i])(then)
+        return result
 
 
 EFFECT = TimingSkew()

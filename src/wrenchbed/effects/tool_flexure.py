@@ -46,17 +46,17 @@ class ToolFlexure(LoadEffect):
 
     def edit_spec(self, spec: MjSpec, robot: Robot, theta: np.ndarray, p: Values) -> None:
         """The tool's mass on sprung hinges at the sensor and sprung slides."""
-        from wrenchbed.simulation.springs import hinge, slide, tool_mass
+        from wrenchbed.simulation.springs import Spring, hinge, slide, tool_mass
 
         if p["bending"]:
             mass = tool_mass(spec, self.name)
             for axis, way in zip("xyz", np.eye(3), strict=True):
                 about = [*map(float, way)]
-                hinge(spec, self.name, f"bends.{axis}", mass, about, 1.0 / p["bending"])
+                hinge(self.name, f"bends.{axis}", mass, about, Spring(1.0 / p["bending"]))
         give, ways = np.linalg.eigh(compliance(p))
         for k, (soft, way) in enumerate(zip(give, ways.T, strict=True)):
             if soft:
-                slide(spec, self.name, str(k + 1), [*map(float, way)], 1.0 / float(soft))
+                slide(spec, self.name, str(k + 1), [*map(float, way)], Spring(1.0 / float(soft)))
 
 
 def compliance(p: Values) -> np.ndarray:

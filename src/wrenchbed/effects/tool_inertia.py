@@ -36,7 +36,7 @@ class ToolInertia(ModelEffect):
             for n in NAMES
         ]
         if not robot.joints:
-            text = "of the inertial load that orientations do not tell"
+            text = "of the inertial load that orientations do not determine"
             items.append(Parameter(SHARE, 0.0, "1", 1.0, -10, 10, text))
         return ParameterSet(tuple(items))
 

@@ -77,14 +77,16 @@ class ToolLoose(LoadEffect):
         rotation, position = scene.pose
         force = self._force(scene, wrench(rotation, position, scene.tool, scene.gravity))
         towards = force / np.maximum(np.linalg.norm(force, axis=1, keepdims=True), 1e-9)
-        own = force[residual.rows]
-        levers = np.stack([cross(np.broadcast_to(e, own.shape), own) for e in np.eye(3)], axis=2)
+        fitted = force[residual.rows]
+        levers = np.stack(
+            [cross(np.broadcast_to(e, fitted.shape), fitted) for e in np.eye(3)], axis=2
+        )
         levers = levers / residual.noise[3:, None]  # (R, 3 torques, 3 levers)
         moment = np.einsum("rti,rt->ri", levers, residual.value[:, 3:])
         normal = np.einsum("rti,rtj->ij", levers, levers) + 1e-9 * np.eye(3)
         ways = sphere(2 * WAYS)[:WAYS]
         along = towards @ ways.T  # (M, ways)
-        told = []
+        candidates = []
         for grip in GRIPS:
             for lean in LEANS:
                 side = held_on(np.where(np.abs(along - lean) > grip, np.sign(along - lean), 0.0))
@@ -93,10 +95,12 @@ class ToolLoose(LoadEffect):
                 score = at.T @ moment  # (ways, 3)
                 lever = np.linalg.solve(normal, score.T).T
                 gain = (score * ways).sum(axis=1) * np.abs((lever * ways).sum(axis=1))
-                told += [(abs(float(gain[k])), k, grip, lean) for k in np.argsort(-abs(gain))[:2]]
-        told.sort(reverse=True)
+                candidates += [
+                    (abs(float(gain[k])), k, grip, lean) for k in np.argsort(-abs(gain))[:2]
+                ]
+        candidates.sort(reverse=True)
         result: list[Variant] = []
-        for _, k, grip, lean in told[:4]:
+        for _, k, grip, lean in candidates[:4]:
             begin = dict(zip(WAY, map(float, ways[k]), strict=True)) | {"lean": lean, "grip": grip}
             text = f"{'sticks' if grip else 'falls'} along a way found, {len(result) + 1}"
             shape = (*WAY, "lean", "grip") if grip else (*WAY, "lean")
@@ -116,14 +120,15 @@ class ToolLoose(LoadEffect):
 
     def edit_spec(self, spec: MjSpec, robot: Robot, theta: np.ndarray, p: Values) -> None:
         """The tool's mass slides with play; what leans to one side stays closed form."""
-        from wrenchbed.simulation.springs import slide
+        from wrenchbed.simulation.springs import Spring, slide
 
         weight = float(robot.tool(theta).mass) * float(np.linalg.norm(spec.option.gravity))
         half = p["shift"]
         if half:
             way, soft = [*map(float, direction(p))], SOFT * weight / half
-            grip, lean = p["grip"] * weight, -p["lean"] * weight
-            slide(spec, self.name, "shift", way, soft, abs(half), grip, lean)
+            friction, bias = p["grip"] * weight, -p["lean"] * weight
+            spring = Spring(soft, abs(half), friction=friction, bias=bias)
+            slide(spec, self.name, "shift", way, spring)
 
 
 def direction(p: Values) -> np.ndarray:

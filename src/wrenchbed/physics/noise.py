@@ -75,7 +75,7 @@ class NoiseModel:
         mains_amplitude: (6,) amplitude of the sine picked up from the mains [N, N·m]; its phase is
             random in each channel of each stream.
         mains_frequency: [Hz].
-        warmup_drift: (6,) whole drift from power-up on [N, N·m], approached exponentially.
+        warmup_drift: (6,) complete drift from power-up on [N, N·m], approached exponentially.
         warmup_time: time constant of the approach [s].
         warmup_age: time since power-up at t = 0 [s], when the reading counts as zeroed: the drift
             shown at t is warmup_drift·(exp(−age/time) − exp(−(age + t)/time)).

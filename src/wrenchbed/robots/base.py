@@ -73,7 +73,7 @@ class Robot(ArmBodies):
     sensor: str
     """Registry name of the sensor that it carries."""
     free: tuple[str, ...]
-    """Patterns of the parameters that `calibrate` identifies unless told otherwise."""
+    """Patterns of the parameters that `calibrate` identifies by default."""
     candidates: tuple[str, ...]
     """Patterns of the parameters whose identifiability `calibrate` reports."""
     load: frozenset[str]
@@ -274,13 +274,13 @@ def sample_until(
         WrenchbedError: fewer than 1 in 1,000 draws is good.
     """
     kept: list[np.ndarray] = []
-    found = drawn = 0
-    while found < n:
-        batch = draw(max(2 * (n - found), 64))
+    accepted = drawn = 0
+    while accepted < n:
+        batch = draw(max(2 * (n - accepted), 64))
         batch = batch[good(batch)]
-        drawn, found = drawn + max(2 * (n - found), 64), found + len(batch)
+        drawn, accepted = drawn + max(2 * (n - accepted), 64), accepted + len(batch)
         kept.append(batch)
-        if drawn > 1000 * (found + 10):
+        if drawn > 1000 * (accepted + 10):
             raise WrenchbedError(
                 "fewer than 1 in 1,000 random poses is feasible: loosen the ranges"
             )

@@ -54,7 +54,7 @@ class Sensor:
         title: one line for people.
         calibrations: the ranges it is sold with.
         default: name of the one that ``noise`` belongs to.
-        mass: of the whole sensor [kg].
+        mass: of the complete sensor [kg].
         mass_source: where the mass comes from.
         noise: of one row at rest, see ``NoiseModel``.
         noise_source: how it was measured or estimated.

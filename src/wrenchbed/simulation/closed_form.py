@@ -70,9 +70,9 @@ class Model:
         if sensor.pose_flange is not None and "mount.position.x" in names.names:
             theta = _mounted(names, theta, sensor.pose_flange)
         if tool.mass is not None or tool.cog is not None:
-            own = self.robot.tool(theta[:n])
-            mass = float(own.mass) if tool.mass is None else tool.mass
-            cog = [float(c) for c in own.cog] if tool.cog is None else list(tool.cog)
+            before = self.robot.tool(theta[:n])
+            mass = float(before.mass) if tool.mass is None else tool.mass
+            cog = [float(c) for c in before.cog] if tool.cog is None else list(tool.cog)
             theta[:n] = self.robot.theta_of_tool(theta[:n], mass, cog)
         stated: dict[str, float] = {}
         if tool.inertia is not None:

@@ -93,7 +93,7 @@ class ServoDrivenRobot:
     def follow_all(self, ways: np.ndarray, seconds: float) -> Sampled:
         """`follow` for many samples: targets (N, S, J), each sample `seconds` long; (N, …) of each.
 
-        MuJoCo steps through all of them by itself and tells states and sensors of every step.
+        MuJoCo steps through all of them by itself and returns states and sensors of every step.
         Forces applied from outside do not act: `mujoco.rollout` clears them.
         """
         model, data, every = self.model, self.data, ways.shape[1]
@@ -101,7 +101,7 @@ class ServoDrivenRobot:
         kind = mujoco.mjtState.mjSTATE_FULLPHYSICS
         start = np.empty(mujoco.mj_stateSize(model, kind))
         mujoco.mj_getState(model, data, start, kind)
-        states, felt = rollout.rollout(
+        states, sensed = rollout.rollout(
             model, data, start, ways.reshape(1, -1, ways.shape[2]),
             initial_warmstart=np.array(data.qacc_warmstart),
         )  # fmt: skip
@@ -109,7 +109,7 @@ class ServoDrivenRobot:
         qpos = before[:, 1 : 1 + model.nq]  # after the time
         qvel = before[:, 1 + model.nq : 1 + model.nq + model.nv]
         first = [int(model.sensor(name).adr[0]) for name in ("force", "torque")]
-        load = -np.concatenate([felt[0, ::every, k : k + 3] for k in first], axis=1)
+        load = -np.concatenate([sensed[0, ::every, k : k + 3] for k in first], axis=1)
         return Sampled(qpos[:, self._columns], qvel[:, self._speeds], load)
 
     def closure(self) -> float:

@@ -1,11 +1,13 @@
-"""Springs, play and cables written into an MjSpec; what an effect adds is named ``effect:part``.
+"""Springs, backlash and cables in an MjSpec; what an effect adds is named ``effect:part``.
 
-A joint with a range has play. Its spring is weak and only tells how soft its middle is: it lies at
-half·tanh(force/(k·half)). With friction it stays until the force exceeds that; what ``lags`` lies
-against the way in which its joint last moved. A negative stiffness turns the sides round.
+A joint with a range has backlash. Its spring is weak and only states how soft the middle is: the
+joint settles at half·tanh(force/(k·half)). With friction it stays until the force exceeds that;
+what ``lags`` settles against the way in which its joint last moved. A negative stiffness exchanges
+the sides.
 """
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
@@ -25,59 +27,45 @@ _HARD = ((0.004, 1.0), (0.9999, 0.9999, 0.001, 0.5, 2.0))
 """Of the ends of play: MuJoCo's usual ones give by more than the play."""
 
 
-def in_series(
-    spec: mujoco.MjSpec,
-    effect: str,
-    joint: str,
-    stiffness: float,
-    half: float | None = None,
-    *,
-    lags: bool = False,
-) -> None:
-    """A joint on the axis of ``joint``, sprung [N·m/rad or N/m], with play ±half [rad or m]."""
+class Spring(NamedTuple):
+    """What holds an added joint.
+
+    Attributes:
+        stiffness: [N·m/rad or N/m].
+        half: half its backlash [rad or m]; None of a joint without.
+        lags: whether it lies against the way in which its joint last moved.
+        friction: force [N] up to which it stays where it is.
+        bias: the spring's force in the middle [N].
+    """
+
+    stiffness: float
+    half: float | None = None
+    lags: bool = False
+    friction: float = 0.0
+    bias: float = 0.0
+
+
+def in_series(spec: mujoco.MjSpec, effect: str, joint: str, spring: Spring) -> None:
+    """A sprung joint on the axis of ``joint``."""
     driven = spec.joint(joint)
-    added = driven.parent.add_joint(
-        name=f"{effect}{MARK}{joint}{LAGS * lags}",
-        type=driven.type,
-        axis=driven.axis,
-        pos=driven.pos,
-    )
-    _give(added, stiffness, half)
+    name = f"{effect}{MARK}{joint}{LAGS * spring.lags}"
+    _add(driven.parent, name, driven.type, driven.axis, spring).pos = driven.pos
 
 
 def hinge(
-    spec: mujoco.MjSpec,
-    effect: str,
-    part: str,
-    body: mujoco.MjsBody,
-    axis: Sequence[float],
-    stiffness: float,
-    half: float | None = None,
+    effect: str, part: str, body: mujoco.MjsBody, axis: Sequence[float], spring: Spring
 ) -> None:
-    """A hinge at a body's origin about an axis (3,) in its own axes [N·m/rad, rad]."""
-    added = body.add_joint(name=f"{effect}{MARK}{part}", type=mujoco.mjtJoint.mjJNT_HINGE,
-                           axis=axis)  # fmt: skip
-    _give(added, stiffness, half)
+    """A sprung hinge at a body's origin about an axis (3,) in its own axes."""
+    _add(body, f"{effect}{MARK}{part}", mujoco.mjtJoint.mjJNT_HINGE, axis, spring)
 
 
 def slide(
-    spec: mujoco.MjSpec,
-    effect: str,
-    part: str,
-    axis: Sequence[float],
-    stiffness: float,
-    half: float | None = None,
-    friction: float = 0.0,
-    bias: float = 0.0,
+    spec: mujoco.MjSpec, effect: str, part: str, axis: Sequence[float], spring: Spring
 ) -> None:
-    """The tool's mass slides along an axis (3,) of the sensor [N/m, m, N].
-
-    ``bias`` is the spring's force in the middle [N].
-    """
-    kind = mujoco.mjtJoint.mjJNT_SLIDE
-    added = tool_mass(spec, effect).add_joint(name=f"{effect}{MARK}{part}", type=kind, axis=axis)
-    _give(added, stiffness, half)
-    added.frictionloss, added.springref = friction, bias / stiffness
+    """The tool's mass slides along an axis (3,) of the sensor."""
+    body, kind = tool_mass(spec, effect), mujoco.mjtJoint.mjJNT_SLIDE
+    added = _add(body, f"{effect}{MARK}{part}", kind, axis, spring)
+    added.frictionloss, added.springref = spring.friction, spring.bias / spring.stiffness
 
 
 def tool_mass(spec: mujoco.MjSpec, effect: str) -> mujoco.MjsBody:
@@ -154,14 +142,22 @@ def twist(
     tendon.frictionloss = friction
 
 
-def _give(joint: mujoco.MjsJoint, stiffness: float, half: float | None) -> None:
-    joint.limited = half is not None
+def _add(
+    body: mujoco.MjsBody,
+    name: str,
+    kind: mujoco.mjtJoint,
+    axis: Sequence[float],
+    spring: Spring,
+) -> mujoco.MjsJoint:
+    joint = body.add_joint(name=name, type=kind, axis=axis)
+    joint.limited = spring.half is not None
     joint.ref, joint.armature = 0.0, ROTOR
-    joint.stiffness = [stiffness, 0.0, 0.0]
-    joint.damping = [abs(stiffness) * DAMPING_S, 0.0, 0.0]
-    if half is not None:
-        joint.range = [-half, half]
+    joint.stiffness = [spring.stiffness, 0.0, 0.0]
+    joint.damping = [abs(spring.stiffness) * DAMPING_S, 0.0, 0.0]
+    if spring.half is not None:
+        joint.range = [-spring.half, spring.half]
         joint.solref_limit, joint.solimp_limit = _HARD
+    return joint
 
 
 def _tendon(
@@ -170,13 +166,13 @@ def _tendon(
     point: Sequence[float],
     anchor: Sequence[float] | np.ndarray | None,
     stiffness: float,
-    rest: Sequence[float],
+    lengths: Sequence[float],
 ) -> None:
-    """MuJoCo's force sensor feels it."""
+    """A spatial tendon to a point of the tool; MuJoCo's force sensor reads it."""
     if anchor is not None:
         spec.worldbody.add_site(name=f"{name}.anchor", pos=[float(x) for x in anchor])
     spec.body("tool").add_site(name=f"{name}.point", pos=[float(x) for x in point])
     tendon = spec.add_tendon(name=name)
     tendon.wrap_site(f"{name}.anchor")
     tendon.wrap_site(f"{name}.point")
-    tendon.stiffness, tendon.springlength = [stiffness, 0.0, 0.0], list(rest)
+    tendon.stiffness, tendon.springlength = [stiffness, 0.0, 0.0], list(lengths)

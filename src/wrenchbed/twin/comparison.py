@@ -52,7 +52,7 @@ def simulators(recording: Recording, files: Sequence[str | Path]) -> list[Simula
     ]
     twins += [(Path(file).stem, *_read(Path(file), model)) for file in files]
     return [
-        Simulator(name, twin.own, simulate(twin, recording).wrench, fit)
+        Simulator(name, twin.robot_theta, simulate(twin, recording).wrench, fit)
         for name, twin, fit in twins
     ]
 
@@ -89,7 +89,7 @@ def noise_of(recording: Recording) -> np.ndarray:
 
 
 def order_of(recording: Recording) -> tuple[np.ndarray, str]:
-    """What rows are sorted by for people (N,): poses at rest where they are told, else time [s]."""
+    """What rows are sorted by (N,): poses at rest where they are known, else time [s]."""
     if recording.metadata.mode == "static" and "segment" in recording.columns:
         return recording.columns["segment"], "pose"
     return recording.t, "s"

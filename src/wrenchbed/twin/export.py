@@ -33,22 +33,22 @@ def export(twin: Twin, folder: str | Path) -> tuple[Path, Path]:
     """Write ``<robot>.xml``, ``effects.json`` and a README; returns the first two paths."""
     folder, robot = Path(folder), twin.model.robot
     spec, inside = _spec(twin)
-    mjcf, rest = folder / f"{robot.name}.xml", folder / "effects.json"
+    mjcf, outside = folder / f"{robot.name}.xml", folder / "effects.json"
     springs = any(MARK in joint.name for joint in spec.joints)
     if springs:
         _weigh_in_full(spec)
     _stand(spec)
     spec.compile()
     write_text(mjcf, spec.to_xml())
-    write_json(rest, _outside(twin, inside))
+    write_json(outside, _outside(twin, inside))
     read = README.format(robot=robot.name, weights=_IN_FULL if springs else "")
     write_text(folder / "README.md", read.rstrip() + "\n")
-    return mjcf, rest
+    return mjcf, outside
 
 
 def _spec(twin: Twin) -> tuple[mujoco.MjSpec, set[str]]:
     """The edited MJCF, and the names of the effects that are in it."""
-    robot, theta, inside = twin.model.robot, twin.own, set()
+    robot, theta, inside = twin.model.robot, twin.robot_theta, set()
     for a in twin.active:
         changed = a.effect.as_parameters(robot, theta, a.values)
         if changed is not None:
@@ -74,11 +74,11 @@ def _stand(spec: mujoco.MjSpec) -> None:
     for key in bare.keys:
         bare.delete(key)
     model = bare.compile()
-    own = [j for j in range(model.njnt) if MARK not in model.joint(j).name]
-    at = [int(model.joint(j).qposadr[0]) for j in own]
+    original = [j for j in range(model.njnt) if MARK not in model.joint(j).name]
+    at = [int(model.joint(j).qposadr[0]) for j in original]
     for key in spec.keys:
         before = np.array(key.qpos)
-        if len(before) == len(own) != model.nq:
+        if len(before) == len(original) != model.nq:
             qpos = np.zeros(model.nq)
             qpos[at] = before
             key.qpos = qpos
@@ -86,9 +86,9 @@ def _stand(spec: mujoco.MjSpec) -> None:
 
 def _outside(twin: Twin, inside: set[str]) -> dict[str, Any]:
     known = twin.model.parameters
-    sensor = known.items[len(twin.own) :]
+    sensor = known.items[len(twin.robot_theta) :]
     values = known.mapping(twin.theta)
-    rest = [a for a in twin.active if a.effect.name not in inside or a.effect.beside_sensor]
+    outside = [a for a in twin.active if a.effect.name not in inside or a.effect.beside_sensor]
     return {
         "format": FORMAT,
         "robot": in_mujoco(twin.model.robot).name,
@@ -100,7 +100,7 @@ def _outside(twin: Twin, inside: set[str]) -> dict[str, Any]:
                 "does": a.effect.title,
                 "parameters": dict(a.values),
             }
-            for a in rest
+            for a in outside
         ],
         "sensor": {p.name: values[p.name] for p in sensor if values[p.name] != p.nominal},
     }

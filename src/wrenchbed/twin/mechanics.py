@@ -74,12 +74,12 @@ class Mechanism:
         self.data = mujoco.MjData(self.model)
         set_weights(self.model, self.robot, theta)
         joints = [self.model.joint(j) for j in range(self.model.njnt)]
-        own = [j for j in joints if MARK not in j.name]
+        original = [j for j in joints if MARK not in j.name]
         self._added = [self._describe(j) for j in joints if MARK in j.name]
         self._at = [a.at for a in self._added]
-        self._own = [int(j.qposadr[0]) for j in own]
+        self._own = [int(j.qposadr[0]) for j in original]
         self._driven = [int(self.model.joint(n).qposadr[0]) for n in self.joints]
-        self._passive = [int(j.qposadr[0]) for j in own if j.name not in self.joints]
+        self._passive = [int(j.qposadr[0]) for j in original if j.name not in self.joints]
         self._series = np.array(
             [[float(k == a.driven) for k in range(len(self.joints))] for a in self._added]
         ).reshape(len(self._added), len(self.joints))

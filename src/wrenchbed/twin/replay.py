@@ -38,11 +38,11 @@ def simulate(twin: Twin, recording: Recording, *, noise: str = "off", seed: int 
             f"{recording.name}: is of robot {recording.metadata.robot!r}, "
             f"the twin is a {robot.name!r}"
         )
-    robot.check(recording.q, twin.own, recording.name) if robot.joints else None
+    robot.check(recording.q, twin.robot_theta, recording.name) if robot.joints else None
     moving = recording.metadata.mode == "dynamic"
-    shown = _in_motion(twin, recording) if moving else _at_rest(twin, recording)
+    reading = _in_motion(twin, recording) if moving else _at_rest(twin, recording)
     kind = noise_model(noise, registry.load("sensors", robot.sensor).noise)
-    rows, status = NoiseStream(kind, seed).corrupt(recording.t, shown)
+    rows, status = NoiseStream(kind, seed).corrupt(recording.t, reading)
     rows = twin.corrupt(rows, recording.t, seed)
     kept = [c for c in recording.columns if c in _TAKEN or c[0] == "q"]
     columns = {c: recording.columns[c] for c in kept}
@@ -59,7 +59,7 @@ def _scene(
     twin: Twin, q: Value, t: np.ndarray, held: np.ndarray, warmth: np.ndarray | None = None
 ) -> Scene:
     gravity = np.asarray(twin.model.gravity)
-    return Scene(twin.model.robot, twin.own, gravity, q, t, held, warmth)
+    return Scene(twin.model.robot, twin.robot_theta, gravity, q, t, held, warmth)
 
 
 def _in_motion(twin: Twin, recording: Recording) -> np.ndarray:
@@ -105,8 +105,8 @@ def _at_rest(twin: Twin, recording: Recording) -> np.ndarray:
     warm = None if warmth is None else np.interp(knots, slot, warmth)
     brief = _scene(twin, spots, np.arange(len(spots)) * 1.0, np.ones(len(spots), dtype=bool))
     load = twin.load(brief)[at[1]]
-    whole = _scene(twin, spots[at[1]], times, held, warm)
-    return twin.reading(whole, load)[slot]
+    scene = _scene(twin, spots[at[1]], times, held, warm)
+    return twin.reading(scene, load)[slot]
 
 
 class Playback:

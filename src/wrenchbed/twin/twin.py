@@ -113,7 +113,7 @@ class Twin:
 
     def tool(self) -> dict[str, Any]:
         """Mass [kg] and CoG (3,) [m] in sensor axes, without effects."""
-        tool = self.model.robot.tool(self.own)
+        tool = self.model.robot.tool(self.robot_theta)
         return {"mass": float(tool.mass), "cog": [float(c) for c in tool.cog]}
 
     def wrench(self, scene: Scene) -> np.ndarray:
@@ -129,7 +129,7 @@ class Twin:
         return self.reading(scene, self.load(scene))
 
     @cached_property
-    def own(self) -> np.ndarray:
+    def robot_theta(self) -> np.ndarray:
         """Parameters of the robot alone."""
         return self.theta[: len(self.model.robot.parameters)]
 
@@ -137,7 +137,7 @@ class Twin:
     def mechanism(self) -> Mechanism:
         """The robot with the effects that MuJoCo carries, compiled."""
         robot = self.model.robot
-        theta = EffectChain(self.active).theta(robot, self.own)
+        theta = EffectChain(self.active).theta(robot, self.robot_theta)
         return Mechanism(robot, theta, self.model.gravity, self.active)
 
     @cached_property
@@ -173,9 +173,9 @@ class Twin:
 
     def _own_scene(self, scene: Scene) -> Scene:
         gravity = np.asarray(self.model.gravity)
-        if scene.theta is self.own and np.array_equal(scene.gravity, gravity):
+        if scene.theta is self.robot_theta and np.array_equal(scene.gravity, gravity):
             return scene
-        return replace(scene, theta=self.own, gravity=gravity)
+        return replace(scene, theta=self.robot_theta, gravity=gravity)
 
 
 def nominal(robot: Robot, active: Sequence[ActiveEffect] = ()) -> Twin:

@@ -182,4 +182,4 @@ class SensorWithEffects:
     def _scene(self, q: np.ndarray | Jet, t: np.ndarray) -> Scene:
         gravity = np.asarray(self._twin.model.gravity)
         held = np.ones(len(t), dtype=bool)
-        return Scene(self._twin.model.robot, self._twin.own, gravity, q, t, held)
+        return Scene(self._twin.model.robot, self._twin.robot_theta, gravity, q, t, held)

@@ -131,7 +131,7 @@ class OwnSensor:
         self._at = q.copy()
         gravity, held = np.asarray(twin.model.gravity), np.ones(2, dtype=bool)
         t = np.array([-_EVERY_S, 0.0]) + self._body.time
-        way = Scene(twin.model.robot, twin.own, gravity, np.array([before, q]), t, held)
+        way = Scene(twin.model.robot, twin.robot_theta, gravity, np.array([before, q]), t, held)
         self._more = (twin.load(way) - plain.load(way))[-1]
 
 

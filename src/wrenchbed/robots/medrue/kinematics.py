@@ -1,12 +1,12 @@
 """MedRUE in closed form, and its 49 parameters: Joubair et al. 2016, doi 10.3390/s16060798.
 
-The printed equations lost signs and subscripts; `docs/explanation/medrue.md` says how each was
-resolved.
-Points of five-bar i lie in a plane of constant x of the base; E is where its distal links meet.
+Equations 1–16 in metres; parameters of Section 3 and Table 1 in SI. The printed equations lost
+signs and subscripts; `docs/explanation/medrue.md` states how each was resolved. Points of five-bar
+i lie in a plane of constant x of the base; E is where its distal links meet.
 
-Equations 1–16 in metres; parameters of Section 3 and Table 1 in SI. The paper prints 46 in its table; δq1, d31, d32 stand in its list only and have no printed value
-(0 here). d31, d32 appear in none of its equations: here they are the pins between each five-bar's
-plane and its universal joint, which move geometry but neither the tool nor the wrench.
+The paper prints 46 parameters in its table; δq1, d31 and d32 are in its list only and have no
+printed value (0 here). d31 and d32 appear in none of its equations: here they are the pins between
+each five-bar's plane and its universal joint, which move neither the tool nor the wrench.
 """
 
 from dataclasses import dataclass

@@ -1,9 +1,8 @@
-"""The paper's two sets of configurations: 40,000 over the whole workspace, 336 in the target.
+"""MedRUE's inverse kinematics, and the paper's two sets of configurations.
 
-Joubair et al. 2016, doi 10.3390/s16060798, Sections 4 and 4.3. The ranges are not printed; these
-reproduce its printed errors (docs/explanation/medrue.md).
-
-MedRUE's inverse kinematics and its workspaces, nominal or any other parameters.
+40,000 over the full workspace and 336 in the target: Joubair et al. 2016, doi 10.3390/s16060798,
+Sections 4 and 4.3. The ranges are not printed; these reproduce its printed errors
+(`docs/explanation/medrue.md`).
 """
 
 from typing import TYPE_CHECKING
@@ -91,7 +90,7 @@ def random_poses(
     tilt: float = np.deg2rad(30.0),
     roll: float = np.deg2rad(60.0),
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Random tool poses in the paper's whole workspace: rotations (n, 3, 3), positions (n, 3) [m].
+    """Random tool poses in the paper's full workspace: rotations (n, 3, 3), positions (n, 3) [m].
 
     α, β within ±``tilt``, γ within 180° ± ``roll``; x 0…0.8, y 0.2…0.65, z −0.25…0.05 m.
     """
@@ -151,14 +150,14 @@ def _at_a_place(
 ) -> np.ndarray:
     for _ in range(_TRIES):
         place = np.array([*(LOW + places.random(1)[0] * np.subtract(HIGH, LOW)), z])
-        found: list[np.ndarray] = []
+        kept: list[np.ndarray] = []
         for _ in range(8):
             alpha, beta = rng.uniform(-tilt, tilt, (2, 2 * n))
             gamma = np.pi + rng.uniform(-roll, roll, 2 * n)
-            found.append(reachable(robot, euler(alpha, beta, gamma), np.tile(place, (2 * n, 1)))[0])
-            if sum(map(len, found)) >= n:
-                return np.concatenate(found)[:n]
-            if not len(found[0]):
+            kept.append(reachable(robot, euler(alpha, beta, gamma), np.tile(place, (2 * n, 1)))[0])
+            if sum(map(len, kept)) >= n:
+                return np.concatenate(kept)[:n]
+            if not len(kept[0]):
                 break
     raise WrenchbedError(f"no position on the layer z = {z} m is reachable in these ranges")
 
