@@ -11,7 +11,8 @@ import pyarrow.parquet as pq
 
 from wrenchbed.campaigns.setting import Fleet, varied
 from wrenchbed.errors import FleetError
-from wrenchbed.files import atomic_write, write_text
+from wrenchbed.files import write_text
+from wrenchbed.jobs.parts import Parts, check_folders, write_table
 from wrenchbed.simulation.closed_form import Model
 
 Row = dict[str, Any]
@@ -58,33 +59,19 @@ class CampaignRows:
     """
 
     def __init__(self, folder: Path, fleet: Fleet) -> None:
-        self.folder, self.schema = folder, schema(fleet)
-        self._parts = folder / PARTS
+        self.folder, settings = folder, fleet.to_json()
+        check_folders(folder / SETTING, settings, [folder], FleetError)
+        write_text(folder / SETTING, json.dumps(settings, indent=1))
+        self._parts = Parts(folder / PARTS, schema=schema(fleet))
+        self._next = max(self._parts.numbers(), default=0) + 1
         self._waiting: list[Row] = []
         self._written = time.monotonic()
-        self._begin(fleet)
-        self._number = max((int(p.stem) for p in self._parts.glob("*.parquet")), default=0)
-
-    def _begin(self, fleet: Fleet) -> None:
-        path = self.folder / SETTING
-        if path.exists():
-            before = json.loads(path.read_text(encoding="utf-8"))
-            for name, value in fleet.to_json().items():
-                if before.get(name) != value:
-                    raise FleetError(
-                        f"{self.folder}: holds a campaign with {name} = {before.get(name)!r}, "
-                        f"not {value!r}: give it another folder"
-                    )
-        elif self.folder.exists() and any(self.folder.iterdir()):
-            raise FleetError(f"{self.folder}: holds other files; give a new folder")
-        self._parts.mkdir(parents=True, exist_ok=True)
-        write_text(path, json.dumps(fleet.to_json(), indent=1))
 
     def table(self) -> pa.Table:
         """All rows so far in the order of the robots, each once."""
-        files = [self.folder / ALL, *sorted(self._parts.glob("*.parquet"))]
-        tables = [pq.read_table(f, schema=self.schema) for f in files if f.exists()]
-        table = pa.concat_tables([self.schema.empty_table(), *tables])
+        table, path = self._parts.table(), self.folder / ALL
+        if path.exists():
+            table = pa.concat_tables([pq.read_table(path, schema=table.schema), table])
         order = pc.sort_indices(table["robot"])
         numbers = table["robot"].take(order).to_pylist()
         first = [i for i, n in enumerate(numbers) if i == 0 or numbers[i - 1] != n]
@@ -101,21 +88,16 @@ class CampaignRows:
             self.flush()
 
     def flush(self) -> None:
-        """Write what waits, as one more part."""
-        if not self._waiting:
-            return
-        table = pa.Table.from_pylist(self._waiting, schema=self.schema)
-        with atomic_write(self._parts / f"{self._number + 1:06d}.parquet") as temporary:
-            pq.write_table(table, temporary)
-        self._number += 1
-        self._waiting, self._written = [], time.monotonic()
+        """Write the waiting rows as one more part."""
+        if self._waiting:
+            self._parts.write(self._next, self._waiting)
+            self._next += 1
+            self._waiting, self._written = [], time.monotonic()
 
     def finish(self) -> pa.Table:
-        """One file of all rows instead of many; the rows."""
+        """Write one file of all rows and remove the parts; the rows."""
         self.flush()
         table = self.table()
-        with atomic_write(self.folder / ALL) as temporary:
-            pq.write_table(table, temporary)
-        for part in self._parts.glob("*"):
-            part.unlink()
+        write_table(self.folder / ALL, table)
+        self._parts.remove()
         return table

@@ -29,7 +29,7 @@ class StatusTable:
     harmless: int
 
     def faults(self, status: int) -> tuple[str, ...]:
-        """Meaning of a status word, error or not; the summary bit only where no other bit is set."""
+        """Meaning of a status word; the summary bit only where no other bit is set."""
         words = tuple(word for bit, word in self.words.items() if status >> bit & 1)
         unknown = status & ~_ANY & ~sum(1 << bit for bit in self.words)
         if unknown:
