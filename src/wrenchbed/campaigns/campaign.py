@@ -1,6 +1,6 @@
 """Run a campaign of many simulated robots on local processes or on a Dask cluster."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from concurrent.futures import (
     FIRST_COMPLETED,
     BrokenExecutor,
@@ -20,6 +20,7 @@ from wrenchbed.campaigns.one_robot import one
 from wrenchbed.campaigns.rows import CampaignRows, Row
 from wrenchbed.campaigns.setting import Fleet
 from wrenchbed.errors import FleetError
+from wrenchbed.jobs.progress import Progress, silent
 from wrenchbed.jobs.workers import workers as local
 
 _AHEAD = 3
@@ -34,7 +35,7 @@ def campaign(
     *,
     workers: int = 2,
     scheduler: str | None = None,
-    progress: Callable[[int], None] = lambda _: None,
+    progress: Progress = silent,
 ) -> pa.Table:
     """Record, calibrate and, if asked for, diagnose many simulated robots: one row each.
 

@@ -9,7 +9,6 @@ stopped to protect itself ends the run.
 import time
 import warnings
 from collections import Counter
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -24,10 +23,9 @@ from wrenchbed.data.recording import POINT
 from wrenchbed.data.writer import RecordingWriter
 from wrenchbed.errors import DriverError, LimitError, PlanError, SafetyStopError, WrenchbedWarning
 from wrenchbed.hardware.drivers.base import Driver
+from wrenchbed.jobs.progress import Progress, silent
 from wrenchbed.physics.wrench import CHANNELS
 
-Progress = Callable[[int], None]
-"""Called with how many more poses or rows are done."""
 RATE_HZ = {"static": 100.0, "dynamic": 125.0}
 """Default sampling rates [Hz]."""
 TRIES = 12
@@ -110,7 +108,7 @@ def record(
     path: str | Path,
     settings: RunSettings | None = None,
     *,
-    progress: Progress = lambda _: None,
+    progress: Progress = silent,
     **changes: Any,
 ) -> RunProgress:
     """Visit every pose of a plan, or follow its trajectory, and record.

@@ -14,7 +14,7 @@ import logging
 import struct
 import time
 from collections.abc import Callable, Sequence
-from typing import Any, Protocol
+from typing import Any
 
 from wrenchbed.errors import DriverError, LinkError
 from wrenchbed.hardware.drivers.can import options as ids
@@ -33,26 +33,6 @@ _RAMPS = (2, 6)
 """Options of 0x605A: the quick-stop ramp, then voltage off, or staying in QUICK STOP ACTIVE."""
 _BEATS = 3
 """Heartbeats of the master that may be missing beyond the watchdog; estimate."""
-
-
-class ObjectDictionary(Protocol):
-    """Reads and writes objects of drives, by node, index and subindex."""
-
-    def read(self, node: int, index: int, sub: int) -> int:
-        """A value; DriverError where the drive refuses, LinkError where it is silent."""
-
-    def write(self, node: int, index: int, sub: int, value: int, size: int) -> None:
-        """Write a value of ``size`` bytes; raises as `read` does."""
-
-
-def optional(objects: ObjectDictionary, node: int, index: int, sub: int = 0) -> int | None:
-    """A value that a drive need not have; None where it refuses, LinkError where it is silent."""
-    try:
-        return objects.read(node, index, sub)
-    except LinkError:
-        raise
-    except DriverError:
-        return None
 
 
 class Heartbeat:
@@ -88,7 +68,7 @@ class Guards:
     """Sets what makes drives stop when their master falls silent, and lists what they lack.
 
     Args:
-        objects: of the drives.
+        drives: whose objects are set.
         options: watchdog, ids.
 
     Attributes:
@@ -96,8 +76,8 @@ class Guards:
         lacking: object → nodes that do not have it or refuse the value.
     """
 
-    def __init__(self, objects: ObjectDictionary, options: CanOptions) -> None:
-        self._objects = objects
+    def __init__(self, drives: "Drives", options: CanOptions) -> None:
+        self._drives = drives
         self._watchdog = round(options.watchdog * 1000.0)
         beats = self._watchdog + round(_BEATS * HEARTBEAT_S * 1000.0)
         self._expected = ids.master(options.base, options.nodes) << 16 | beats
@@ -110,8 +90,8 @@ class Guards:
         asked = self._watchdog
         self.unguarded.pop(node, None)
         try:
-            self._objects.write(node, TIMER, 5, asked, 2)
-            taken = self._objects.read(node, TIMER, 5)
+            self._drives.write(node, TIMER, 5, asked, 2)
+            taken = self._drives.read(node, TIMER, 5)
         except LinkError:
             raise
         except DriverError as error:
@@ -125,7 +105,7 @@ class Guards:
     def further(self, node: int) -> None:
         """Set what else a drive has."""
         self._set(node, ABORT, 0, _QUICK_STOP, 2)
-        if optional(self._objects, node, QUICK) not in _RAMPS:
+        if self._drives.optional(node, QUICK) not in _RAMPS:
             self._set(node, QUICK, 0, _RAMPS[1], 2)
         self._set(node, AFTER, 1, 0, 1)
         if self._set(node, EXPECTED, 1, self._expected, 4):
@@ -135,7 +115,7 @@ class Guards:
         """Switch off the expected heartbeat before it ends on purpose."""
         with contextlib.suppress(DriverError):
             while self._expecting:
-                self._objects.write(self._expecting.pop(), EXPECTED, 1, 0, 4)
+                self._drives.write(self._expecting.pop(), EXPECTED, 1, 0, 4)
 
     @property
     def counters(self) -> dict[str, float]:
@@ -146,7 +126,7 @@ class Guards:
         without = self.lacking.setdefault(index, set())
         without.discard(node)
         try:
-            self._objects.write(node, index, sub, value, size)
+            self._drives.write(node, index, sub, value, size)
         except LinkError:
             raise
         except DriverError:
@@ -229,14 +209,14 @@ class Drives:
 
     def limits(self, node: int) -> tuple[int, int] | None:
         """Software position limits of a drive [count], None where it has none."""
-        lower, upper = (optional(self, node, 0x607D, sub) for sub in (1, 2))
+        lower, upper = (self.optional(node, 0x607D, sub) for sub in (1, 2))
         if lower is None or upper is None or lower >= upper:
             return None
         return lower, upper
 
     def error_code(self, node: int) -> int:
         """Error code that a drive has (0x603F), 0 where it has none or does not report one."""
-        return optional(self, node, 0x603F) or 0
+        return self.optional(node, 0x603F) or 0
 
     def rated_torque(self, node: int) -> float:
         """Rated torque [N·m or N] of a drive.
@@ -282,7 +262,7 @@ class Drives:
 
     def _switch_off(self, node: int, index: int) -> None:
         """Switch off an unused PDO, where there is one."""
-        now = optional(self, node, index, 1)
+        now = self.optional(node, index, 1)
         if now is not None:
             self.write(node, index, 1, now % (1 << 32) | _OFF, 4)
 
@@ -296,8 +276,21 @@ class Drives:
         raw = self._transfer(node, index, sub, None)
         return int.from_bytes(raw, "little", signed=index in (0x607D,))
 
+    def optional(self, node: int, index: int, sub: int = 0) -> int | None:
+        """A value that a drive need not have; None where it refuses.
+
+        Raises:
+            LinkError: it does not answer.
+        """
+        try:
+            return self.read(node, index, sub)
+        except LinkError:
+            raise
+        except DriverError:
+            return None
+
     def write(self, node: int, index: int, sub: int, value: int, size: int) -> None:
-        """Write a value of some bytes; raises as `read` does."""
+        """Write a value of ``size`` bytes; raises as `read` does."""
         self._transfer(node, index, sub, struct.pack("<Q", value)[:size])
 
     def _transfer(self, node: int, index: int, sub: int, raw: bytes | None) -> bytes:

@@ -16,49 +16,47 @@ import numpy as np
 
 from wrenchbed.errors import DriverError, LinkError
 
+PAGE_S = 2.0
+"""Deadline of a complete page [s]; estimate."""
+LARGEST = 65536
+"""Bytes of the longest page taken; real ones have a few thousand."""
 _HEAD = 8192
 """Bytes of the longest HTTP head; estimate."""
 
 
-def get(host: str, port: int, target: str, *, within: float, largest: int) -> bytes:
+def get(host: str, port: int, target: str) -> bytes:
     """Content of a page.
-
-    Args:
-        within: deadline [s] of the whole exchange.
-        largest: content [bytes] beyond which it is refused.
 
     Raises:
         LinkError: nobody listens, or nothing complete came in time.
         DriverError: the answer is no page, or too long.
     """
-    end = time.monotonic() + within
+    end = time.monotonic() + PAGE_S
     where = f"http://{host}:{port}{target.partition('?')[0]}"
     try:
-        with socket.create_connection((host, port), timeout=within) as link:
+        with socket.create_connection((host, port), timeout=PAGE_S) as link:
             link.sendall(
                 f"GET {target} HTTP/1.0\r\nHost: {host}\r\nConnection: close\r\n\r\n".encode()
             )
-            data = _receive(link, end, largest + _HEAD)
+            data = _receive(link, end, LARGEST + _HEAD)
     except TimeoutError as error:
         raise LinkError(
-            f"{where}: no answer within {within:g} s: check address and cable"
+            f"{where}: no answer within {PAGE_S:g} s: check address and cable"
         ) from error
     except OSError as error:
         raise LinkError(f"{where}: {error.strerror or error}: check address and cable") from error
-    return content(data, where, largest)
+    return content(data, where, LARGEST)
 
 
-def get_any(
-    host: str, ports: Sequence[int], target: str, *, within: float, largest: int
-) -> tuple[int, bytes]:
+def get_any(host: str, ports: Sequence[int], target: str) -> tuple[int, bytes]:
     """Port and content of the first port that takes connections; raises as `get`."""
     for port in ports[:-1]:
         try:
-            return port, get(host, port, target, within=within, largest=largest)
+            return port, get(host, port, target)
         except LinkError as error:
             if not isinstance(error.__cause__, ConnectionRefusedError):
                 raise
-    return ports[-1], get(host, ports[-1], target, within=within, largest=largest)
+    return ports[-1], get(host, ports[-1], target)
 
 
 def content(answer: bytes, where: str, largest: int) -> bytes:
@@ -101,8 +99,6 @@ def _receive(link: socket.socket, end: float, largest: int) -> bytes:
     return bytes(data)
 
 
-LARGEST = 65536
-"""Bytes of the longest page taken; real ones have a few thousand."""
 _NEWTON = {
     "n": 1.0, "kn": 1e3, "lbf": 4.4482216152605, "klbf": 4448.2216152605,
     "kgf": 9.80665, "gf": 9.80665e-3,

@@ -20,8 +20,8 @@ from wrenchbed.physics.wrench import CHANNELS
 
 INTERNAL_RATE = {"netbox": 7000.0, "axia": 7812.0}
 """Samples per second where the page does not report them [Hz]; estimates."""
-_PAGE_S, _FIRST_S = 2.0, 1.5
-"""Deadlines of the page and of the first record [s]; estimates."""
+_FIRST_S = 1.5
+"""Deadline of the first record [s]; estimate."""
 _ALL = 0x3F
 """Bits of all six channels."""
 _FULL, _BEYOND = 0.9999, 1.05
@@ -131,14 +131,11 @@ class NetftTransducer(Transducer):
         self._watch = self._receiver = None
 
     def _look(self, host: str, ports: tuple[int, ...]) -> tuple[int, Configuration]:
-        port, content = configuration.get_any(
-            host, ports, "/netftapi2.xml", within=_PAGE_S, largest=configuration.LARGEST
-        )
+        port, content = configuration.get_any(host, ports, "/netftapi2.xml")
         return port, configuration.parse(content, INTERNAL_RATE[self._options.product])
 
     def _set_rate(self, host: str, port: int, rate: float) -> Configuration:
-        target = f"/comm.cgi?comrdtrate={rate:.0f}"
-        configuration.get(host, port, target, within=_PAGE_S, largest=configuration.LARGEST)
+        configuration.get(host, port, f"/comm.cgi?comrdtrate={rate:.0f}")
         page = self._look(host, (port,))[1]
         if not 0.99 * rate <= page.rate <= 2.0 * rate:
             raise DriverError(
