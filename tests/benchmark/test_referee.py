@@ -16,7 +16,7 @@ from wrenchbed.benchmark.referee.catalogue import EFFECTS, background, possible
 from wrenchbed.benchmark.referee.equivalence import SAME, Usual, bench
 from wrenchbed.benchmark.referee.fault import RefereeFault, mechanics, signal, total
 from wrenchbed.benchmark.referee.machine import Mechanics
-from wrenchbed.benchmark.referee.sensor import after, bouc_wen, lowpass
+from wrenchbed.benchmark.referee.memory import after, bouc_wen, lowpass
 from wrenchbed.benchmark.referee.world import FaultyRobot
 from wrenchbed.effects.chain import ActiveEffect, respond
 from wrenchbed.effects.scene import Scene
@@ -253,7 +253,7 @@ def test_mechanics_collects_the_faults_of_the_body(world):
         arm.offset(world.setting, rng, 1.0, j=1),
     ]
     truth = mechanics(start, faults)
-    assert truth.give[2] == pytest.approx(faults[0].true["compliance.q3"])
+    assert truth.compliance[2] == pytest.approx(faults[0].true["compliance.q3"])
     q = np.zeros((2, 6))
     assert truth.driven(q)[:, 1] == pytest.approx(faults[1].true["offset.q2"])
     assert np.array_equal(signal(world.way, []), world.way.load)

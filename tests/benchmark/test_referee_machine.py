@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from wrenchbed import registry
-from wrenchbed.benchmark.referee.machine import Hose, Loose, Mechanics, Pad, Play
+from wrenchbed.benchmark.referee.machine import Backlash, Hose, LoosePart, Mechanics, Pad
 from wrenchbed.benchmark.referee.path import through
 from wrenchbed.benchmark.referee.ride import ride
 
@@ -42,7 +42,7 @@ def test_a_rigid_machine_at_rest_weighs_what_statics_say(name):
 def test_a_soft_joint_turns_by_its_torque_over_its_stiffness():
     robot, poses, path, truth = scene("ur5")
     k = 2e4
-    soft = replace(truth, give=np.eye(6)[2] / k)
+    soft = replace(truth, compliance=np.eye(6)[2] / k)
     found = held(path, ride(robot, soft, path).load)
     torque = robot.gravity_torque(poses, truth.theta, truth.gravity)
     bent = poses.copy()
@@ -57,7 +57,7 @@ def test_a_soft_joint_turns_by_its_torque_over_its_stiffness():
 def test_a_gear_with_play_rests_where_the_weight_pulls():
     robot, poses, path, truth = scene("ur5")
     width = np.deg2rad(0.5)
-    loose = replace(truth, play={1: Play(width, 0.1)})
+    loose = replace(truth, backlash={1: Backlash(width, 0.1)})
     found = held(path, ride(robot, loose, path).load)
     side = np.sign(robot.gravity_torque(poses, truth.theta, truth.gravity)[:, 1])
     turned = poses.copy()
@@ -86,7 +86,7 @@ def test_a_hose_pulls_with_its_stiffness_once_it_is_taut():
 def test_a_loose_part_lies_at_the_stop_that_is_below():
     robot, poses, path, truth = scene("ur5")
     axis, share, stop = np.array([1.0, 0.0, 0.0]), 0.1, 5e-3
-    part = replace(truth, loose=Loose(share, axis, stop, 0.05))
+    part = replace(truth, loose=LoosePart(share, axis, stop, 0.05))
     difference = held(path, ride(robot, part, path).load - ride(robot, truth, path).load)
     rotation, _ = robot.sensor_pose(poses, truth.theta)
     felt = np.einsum("nij,i->nj", rotation, truth.gravity)

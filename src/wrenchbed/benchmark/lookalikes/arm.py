@@ -1,77 +1,119 @@
-"""Imperfections of the arm: joints that are off, give way or have play; links; the base."""
+"""Imperfections of the arm: joints, links, the base and the flange.
+
+Typical sizes and ranges are estimates.
+"""
 
 import re
+from collections.abc import Mapping
 
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
 from wrenchbed.benchmark.lookalikes.design import ExperimentDesign
-from wrenchbed.benchmark.lookalikes.imperfection import Imperfection, ImperfectRobot, gap, relay
-from wrenchbed.benchmark.lookalikes.loads import link_forces
+from wrenchbed.benchmark.lookalikes.imperfection import (
+    Imperfection,
+    ImperfectRobot,
+    Rng,
+    RowImperfection,
+    gap,
+    lookalike,
+    named,
+    repeated,
+    spread,
+    with_joints,
+)
+from wrenchbed.benchmark.lookalikes.loads import link_forces, rotate_back, wrench_at
+from wrenchbed.benchmark.lookalikes.memory import relay
 from wrenchbed.robots.base import SimulatedRobot
 
-_CACHE = "_lookalike_arm_"
 _CROSSING_S = 0.04
-"""In motion, play and clearance are crossed within about this time [s]."""
+"""In motion, backlash and clearance are crossed within about this time [s]: an estimate."""
 
 
-def offset(design: ExperimentDesign, rng: np.random.Generator, size: float) -> Imperfection:
-    """Zeros of joints that are off by about 0.2°, the rail's by 1 mm."""
+@lookalike("mount.rotation", published=named("rotation."))
+def mount_rotation(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
+    """The sensor is mounted on the flange with a rotation of about 0.5°."""
+    axis = rng.standard_normal(3)
+    if rng.uniform() < 0.4:  # mostly about the bolts' axis
+        axis = np.array([0.15, 0.15, 1.0]) * rng.standard_normal(3)
+    angle = np.deg2rad(0.5) * size * spread(rng)
+    vector = angle * axis / np.linalg.norm(axis)
+    values = dict(zip("xyz", vector.tolist(), strict=True))
+    return Imperfection("mount.rotation", values, mount=vector)
+
+
+def _joints_of(values: Mapping[str, float]) -> list[tuple[str, int]]:
+    """Suffixes of the names that belong to a joint, and the joint's number."""
+    return [(k.removeprefix("joint"), int(x)) for k, x in values.items() if k.startswith("joint")]
+
+
+def _offsets(v: Mapping[str, float]) -> dict[str, float]:
+    return {f"offset.q{j}": v["offset" + suffix] for suffix, j in _joints_of(v)}
+
+
+def _compliances(v: Mapping[str, float]) -> dict[str, float]:
+    return {f"compliance.q{j}": 1.0 / v["stiffness" + suffix] for suffix, j in _joints_of(v)}
+
+
+@lookalike("joint.offset", with_joints, published=_offsets)
+def offset(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
+    """Zeros of joints are wrong by about 0.2°, the rail's by 1 mm."""
     values: dict[str, float] = {}
     dq = np.zeros_like(design.q)
     for place, j in enumerate(_joints(design, rng)):
         typical = np.deg2rad(0.2) if design.robot.joints[j].unit == "rad" else 1e-3
-        value = _sign(rng) * size * typical * rng.uniform(0.8, 1.25)
+        value = _sign(rng) * size * typical * spread(rng)
         dq[:, j] += value
-        values |= _named(place, joint=j + 1, offset=value)
+        values |= _numbered(place, joint=j + 1, offset=value)
     return Imperfection("joint.offset", values, joint=dq)
 
 
-def compliance(design: ExperimentDesign, rng: np.random.Generator, size: float) -> Imperfection:
-    """Joints that give way under their torque, a little stiffer at higher torque.
+@lookalike("joint.compliance", with_joints, hard=True, published=_compliances, adds=False)
+def compliance(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
+    """Joints deflect under their torque, a little stiffer at higher torque.
 
     The stiffness stated is the one at small torque under the nominal masses.
     """
     torque = design.weights.torque
     values: dict[str, float] = {}
     dq = np.zeros_like(design.q)
-    for place, j in enumerate(_joints(design, rng, turning=True)):
+    for place, j in enumerate(_joints(design, rng, rotating=True)):
         largest = max(float(np.abs(torque[:, j]).max()), 1e-9)
-        base = 1.5e4 if design.robot.name == "ur5" and j < 3 else 5e3
-        stiffness = base / size * rng.uniform(0.8, 1.25)
-        known = torque[:, j] * rng.uniform(0.93, 1.07)  # true masses are not the CAD's
-        hard = rng.uniform(0.0, 0.25)
-        share = known / largest
-        dq[:, j] -= known / stiffness * (1.0 - hard * share**2)
-        values |= _named(place, joint=j + 1, stiffness=stiffness)
+        typical = 1.5e4 if design.robot.name == "ur5" and j < 3 else 5e3  # N·m/rad
+        stiffness = typical / size * spread(rng)
+        true_torque = torque[:, j] * rng.uniform(0.93, 1.07)  # true masses are not the CAD's
+        hardening = rng.uniform(0.0, 0.25)
+        share = true_torque / largest
+        dq[:, j] -= true_torque / stiffness * (1.0 - hardening * share**2)
+        values |= _numbered(place, joint=j + 1, stiffness=stiffness)
     return Imperfection("joint.compliance", values, joint=dq)
 
 
-def backlash(design: ExperimentDesign, rng: np.random.Generator, size: float) -> Imperfection:
-    """Play of a joint: the load holds one side until it clearly pulls to the other."""
-    (j,) = _joints(design, rng, turning=True, several=0.0)
-    width = np.deg2rad(0.1) * size * rng.uniform(0.8, 1.25)
+@lookalike("joint.backlash", with_joints, hard=True)
+def backlash(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
+    """Backlash of a joint: the load holds one side until it clearly pulls to the other."""
+    (j,) = _joints(design, rng, rotating=True, several=0.0)
+    width = np.deg2rad(0.1) * size * spread(rng)
     torque = design.path.torque[:, j]
     scale = max(float(np.abs(torque).max()), 1e-9)
-    drag = scale * rng.uniform(0.005, 0.05)  # friction that keeps the old side
-    side = relay(torque, np.array(-drag), np.array(drag))
-    soft = np.tanh(torque / (drag + 0.02 * scale))
-    state = 0.85 * side + 0.15 * soft
-    if design.moving:
-        state = gaussian_filter1d(state, max(1.0, _CROSSING_S * design.rate))
+    friction = scale * rng.uniform(0.005, 0.05)  # keeps the old side
+    side = relay(torque, np.array(-friction), np.array(friction))
+    soft = np.tanh(torque / (friction + 0.02 * scale))
+    state = _crossed(design, 0.85 * side + 0.15 * soft)
     dq = np.zeros_like(design.q)
     dq[:, j] = -0.5 * width * state[design.path.at]
     return Imperfection("joint.backlash", {"joint": j + 1, "width": width}, joint=dq)
 
 
-def gear_error(design: ExperimentDesign, rng: np.random.Generator, size: float) -> Imperfection:
-    """A periodic error of a gear: once or a few times a turn, seldom at the motor's turns."""
-    (j,) = _joints(design, rng, turning=True, several=0.0)
+@lookalike("joint.gear_error", with_joints, hard=True)
+def gear_error(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
+    """A periodic error of a gear: a few times per turn of the joint, seldom of the motor."""
+    (j,) = _joints(design, rng, rotating=True, several=0.0)
     if rng.uniform() < 0.88 or design.moving:
         harmonic = int(rng.choice([1, 2, 3, 4], p=[0.45, 0.35, 0.1, 0.1]))
     else:
         harmonic = int(rng.choice([50, 100, 101, 200]))
-    amplitude = np.deg2rad(5.0 / 60.0) * size * rng.uniform(0.8, 1.25)
+    amplitude = np.deg2rad(5.0 / 60.0) * size * spread(rng)
     phase = rng.uniform(-np.pi, np.pi)
     second = rng.uniform(0.0, 0.25)
     angle = harmonic * design.q[:, j] + phase
@@ -81,27 +123,45 @@ def gear_error(design: ExperimentDesign, rng: np.random.Generator, size: float) 
     return Imperfection("joint.gear_error", values, joint=dq)
 
 
-def clearance(design: ExperimentDesign, rng: np.random.Generator, size: float) -> Imperfection:
-    """Passive joints of the five-bars with play: the weight pushes each link to one end."""
+def distal_links(design: ExperimentDesign) -> list[str]:
+    """Names of the links that end in passive joints of the five-bars."""
+    return [n for n in design.robot.parameters.names if re.fullmatch(r"L\d[24]", n)]
+
+
+def _with_five_bars(design: ExperimentDesign) -> bool:
+    return design.has_joints and bool(distal_links(design))
+
+
+@lookalike("joint.clearance", _with_five_bars, hard=True)
+def clearance(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
+    """Passive joints of the five-bars have clearance: the weight pushes each link to one end."""
     names = distal_links(design)
     count = int(rng.choice([1, 2, len(names)], p=[0.3, 0.2, 0.5]))
     chosen = rng.choice(len(names), count, replace=False)
-    radius = 5e-5 * size * rng.uniform(0.8, 1.25)
-    force = _distal_forces(design)
+    radius = 5e-5 * size * spread(rng)
+    force = design.once("distal forces", lambda: _distal_forces(design))
     delta = np.zeros((len(design), len(design.theta)))
     values: dict[str, float] = {"radius": radius}
     for k in chosen:
-        seat = rng.uniform(0.2, 1.0)  # N until the pin lies on one side
-        state = np.tanh(force[:, k] / seat)
-        if design.moving:
-            state = gaussian_filter1d(state, max(1.0, _CROSSING_S * design.rate))
-        own = radius * rng.uniform(0.7, 1.3)
-        delta[:, design.robot.parameters.index(names[k])] = own * state
-        values[names[k]] = own
+        seating_force = rng.uniform(0.2, 1.0)  # N until the pin lies on one side
+        state = _crossed(design, np.tanh(force[:, k] / seating_force))
+        own_radius = radius * rng.uniform(0.7, 1.3)
+        delta[:, design.robot.parameters.index(names[k])] = own_radius * state
+        values[names[k]] = own_radius
     return Imperfection("joint.clearance", values, link=delta)
 
 
-def link_length(design: ExperimentDesign, rng: np.random.Generator, size: float) -> Imperfection:
+def _distal_forces(design: ExperimentDesign) -> np.ndarray:
+    assert isinstance(design.robot, SimulatedRobot)
+    names = tuple(distal_links(design))
+    rows = np.arange(len(design))
+    pick = rows[:: max(1, len(rows) // 500)]
+    force = link_forces(design.robot, design.theta, design.q[pick], design.gravity, names)
+    return np.stack([np.interp(rows, pick, force[:, k]) for k in range(len(names))], axis=1)
+
+
+@lookalike("link.length", _with_five_bars, published=named("length."))
+def link_length(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     """Links of a closed chain that are about 1 mm too long or short."""
     names = [n for n in design.robot.parameters.names if re.fullmatch(r"L\d\d", n)]
     names += [n for n in design.robot.parameters.names if re.fullmatch(r"[AC]\d[yz]", n)]
@@ -109,28 +169,28 @@ def link_length(design: ExperimentDesign, rng: np.random.Generator, size: float)
     delta = np.zeros(len(design.theta))
     values: dict[str, float] = {}
     for name in rng.choice(names[:8] if count == 1 else names, count, replace=False):
-        value = _sign(rng) * 1e-3 * size * rng.uniform(0.8, 1.25)
+        value = _sign(rng) * 1e-3 * size * spread(rng)
         delta[design.robot.parameters.index(str(name))] = value
         values[str(name)] = value
     return Imperfection("link.length", values, link=delta)
 
 
-def tilt(design: ExperimentDesign, rng: np.random.Generator, size: float) -> Imperfection:
-    """The base stands about 0.5° out of level."""
-    angle = np.deg2rad(0.5) * size * rng.uniform(0.8, 1.25)
+@lookalike("base.tilt", published=named(""))
+def tilt(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
+    """The base is about 0.5° out of level."""
+    angle = np.deg2rad(0.5) * size * spread(rng)
     heading = rng.uniform(-np.pi, np.pi)
     vector = angle * np.array([np.cos(heading), np.sin(heading), 0.0])
-    turn = np.array([0.0, 0.0, rng.normal(0.0, 0.01)])
-    # the parameter is how gravity turns as the base sees it, against the base's own turn
+    about_vertical = np.array([0.0, 0.0, rng.normal(0.0, 0.01)])
+    # the parameter is how gravity rotates as the base sees it, against the base's own rotation
     values = {"x": -float(vector[0]), "y": -float(vector[1])}
-    return Imperfection("base.tilt", values, base=vector + turn)
+    return Imperfection("base.tilt", values, base=vector + about_vertical)
 
 
-def base_compliance(
-    design: ExperimentDesign, rng: np.random.Generator, size: float
-) -> Imperfection:
-    """The base gives way under the moment of the arm's weight, unequally along two axes."""
-    c = 2e-5 * size * rng.uniform(0.8, 1.25) * np.array([1.0, rng.uniform(0.5, 1.0)])
+@lookalike("base.compliance", with_joints, hard=True)
+def base_compliance(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
+    """The base leans under the moment of the arm's weight, unequally about two axes."""
+    c = 2e-5 * size * spread(rng) * np.array([1.0, rng.uniform(0.5, 1.0)])
     heading = rng.uniform(0.0, np.pi)
     axes = np.array([[np.cos(heading), np.sin(heading)], [-np.sin(heading), np.cos(heading)]])
     matrix = axes.T @ np.diag(c) @ axes
@@ -141,75 +201,63 @@ def base_compliance(
     return Imperfection("base.compliance", values, base=vector)
 
 
-def mount_rotation(design: ExperimentDesign, rng: np.random.Generator, size: float) -> Imperfection:
-    """The sensor is bolted to the flange turned by about 0.5°."""
-    axis = rng.standard_normal(3)
-    if rng.uniform() < 0.4:  # mostly about the bolts' axis
-        axis = np.array([0.15, 0.15, 1.0]) * rng.standard_normal(3)
-    angle = np.deg2rad(0.5) * size * rng.uniform(0.8, 1.25)
-    vector = angle * axis / np.linalg.norm(axis)
-    values = dict(zip("xyz", vector.tolist(), strict=True))
-    return Imperfection("mount.rotation", values, mount=vector)
+@lookalike("base.vibration", repeated, rows=True)
+def vibration(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
+    """The floor shakes the base along one axis, at 5 to 45 Hz or with a broad spectrum."""
+    axis = rng.standard_normal(3) * [1.0, 1.0, 0.6]
+    axis /= np.linalg.norm(axis)
+    noise = float(np.min(design.noise_std[:3]))
+    level = 1.2 * noise / design.load.mass * size * spread(rng)  # m/s² rms
+    top = 0.45 * design.rate
+    narrow = rng.uniform() < 0.75
+    frequency = float(rng.uniform(min(5.0, 0.3 * top), min(45.0, top))) if narrow else 0.0
+    world = np.broadcast_to(-level * axis, (len(design), 3))
+    force = design.load.mass * rotate_back(design.motion.rotation, world)
+    shake = wrench_at(design.load.cog, force)
+    values = {"acceleration": level, "frequency": frequency}
+    values |= dict(zip("xyz", axis.tolist(), strict=True))
+    rows = RowImperfection(shake=shake, frequency=frequency)
+    return Imperfection("base.vibration", values, rows=rows)
 
 
-def distal_links(design: ExperimentDesign) -> list[str]:
-    """Names of the links that end in passive joints of the five-bars."""
-    key = _CACHE + "links"
-    if key not in design.__dict__:
-        names = design.robot.parameters.names
-        design.__dict__[key] = [n for n in names if re.fullmatch(r"L\d[24]", n)]
-    return list(design.__dict__[key])
-
-
-def _distal_forces(design: ExperimentDesign) -> np.ndarray:
-    key = _CACHE + "forces"
-    if key not in design.__dict__:
-        assert isinstance(design.robot, SimulatedRobot)
-        names = tuple(distal_links(design))
-        rows = np.arange(len(design))
-        pick = rows[:: max(1, len(rows) // 500)]
-        force = link_forces(design.robot, design.theta, design.q[pick], design.gravity, names)
-        every = np.stack([np.interp(rows, pick, force[:, k]) for k in range(len(names))], axis=1)
-        design.__dict__[key] = every
-    return np.asarray(design.__dict__[key])
+def _crossed(design: ExperimentDesign, state: np.ndarray) -> np.ndarray:
+    """The side on which a joint with clearance lies; in motion it takes time to change."""
+    if not design.moving:
+        return state
+    return np.asarray(gaussian_filter1d(state, max(1.0, _CROSSING_S * design.rate)))
 
 
 def _visibility(design: ExperimentDesign) -> np.ndarray:
-    """Share of each joint (J,): how much of 0.2° shows after the usual fit."""
-    key = _CACHE + "visible"
-    if key not in design.__dict__:
-        world, count = ImperfectRobot(design), design.q.shape[1]
-        seen = np.empty(count)
-        for j in range(count):
-            dq = np.zeros_like(design.q)
-            dq[:, j] = np.deg2rad(0.2)
-            moved = world.reading([(Imperfection("", {}, joint=dq), 1.0)])
-            seen[j] = np.sqrt(gap(design, moved - design.nominal))
-        design.__dict__[key] = seen / max(float(seen.max()), 1e-12)
-    return np.asarray(design.__dict__[key])
+    """Relative effect of 0.2° at each joint (J,) after the usual fit."""
+    robot, count = ImperfectRobot(design), design.q.shape[1]
+    seen = np.empty(count)
+    for j in range(count):
+        dq = np.zeros_like(design.q)
+        dq[:, j] = np.deg2rad(0.2)
+        shifted = robot.reading([(Imperfection("", {}, joint=dq), 1.0)])
+        seen[j] = np.sqrt(gap(design, shifted - design.nominal))
+    return np.asarray(seen / max(float(seen.max()), 1e-12))
 
 
 def _joints(
-    design: ExperimentDesign,
-    rng: np.random.Generator,
-    *,
-    turning: bool = False,
-    several: float = 0.2,
+    design: ExperimentDesign, rng: Rng, *, rotating: bool = False, several: float = 0.2
 ) -> list[int]:
     """One joint, sometimes two or three; visible ones more often."""
-    weight = 0.03 + _visibility(design)
-    weight[_visibility(design) < 1e-3] = 1e-6
-    if turning:
+    visibility = design.once("visibility", lambda: _visibility(design))
+    weight = 0.03 + visibility
+    weight[visibility < 1e-3] = 1e-6
+    if rotating:
         weight = weight * [j.unit == "rad" for j in design.robot.joints]
     count = int(rng.choice([2, 3])) if rng.uniform() < several else 1
     chosen = rng.choice(len(weight), count, replace=False, p=weight / weight.sum())
     return [int(j) for j in chosen]
 
 
-def _named(place: int, **values: float) -> dict[str, float]:
-    end = "" if place == 0 else f"_{place + 1}"
-    return {f"{k}{end}": float(v) for k, v in values.items()}
+def _numbered(place: int, **values: float) -> dict[str, float]:
+    """Values of one of several joints: names after the first get a number."""
+    suffix = "" if place == 0 else f"_{place + 1}"
+    return {f"{k}{suffix}": float(v) for k, v in values.items()}
 
 
-def _sign(rng: np.random.Generator) -> float:
+def _sign(rng: Rng) -> float:
     return 1.0 if rng.uniform() < 0.5 else -1.0

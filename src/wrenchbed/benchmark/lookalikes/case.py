@@ -1,6 +1,9 @@
-"""One test case: what is wrong with the robot, how much it shows, and the reading without noise."""
+"""One test case: what is wrong with the robot, how much it shows, and the reading without noise.
 
-from collections.abc import Mapping
+Thresholds with a margin and the growth of sizes are estimates; see docs/explanation/benchmark.md.
+"""
+
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -26,8 +29,11 @@ ROWS_NEEDED = {"single": 0.5, "pair": 0.75}
 SIZES = (0.5, 4.0)
 """Sizes are drawn log-uniformly between these multiples of typical and grow until they show."""
 _TRIES = 10
+"""Draws of one effect."""
 _EFFECT_TRIES = 12
+"""Effects that are tried."""
 _MARGIN = 1.25
+"""Aim above what is needed when a size grows."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,14 +68,6 @@ class LookalikeCase:
     unclipped: np.ndarray = field(default_factory=lambda: np.zeros((0, 6)))
 
 
-@dataclass(frozen=True, eq=False)
-class _Found:
-    item: Imperfection
-    gap: float
-    reading: np.ndarray
-    rows: float = 0.0
-
-
 def draw(
     design: ExperimentDesign,
     seed: int,
@@ -88,163 +86,155 @@ def draw(
     """
     if kind not in KINDS:
         raise ParameterError(f"there is no kind of case {kind!r}. Known: {', '.join(KINDS)}")
-    rng = np.random.default_rng([seed, 1])
-    world = ImperfectRobot(design)
-    around = background(world, rng)
-    base = world.reading(around)
-    minor = gap(design, base - design.nominal)
+    drawing = _Drawing(design, seed, kind, size)
     if kind == "none":
-        return _case(world, seed, kind, around, base, [], minor)
+        return drawing.case([])
     if kind == "outside":
-        return _outside(world, seed, around, base, effect, rng, minor)
+        return drawing.outside(effect)
     known = effects(design)
     if effect is not None and effect not in known:
         raise ParameterError(f"this design shows no {effect!r}. It shows: {', '.join(known)}")
     if kind == "single":
-        found = _any(world, around, base, known, effect, size, rng, kind)
-        return _case(world, seed, kind, around, base, [found], minor)
-    for _ in range(_EFFECT_TRIES):
-        first = _any(world, around, base, known, effect, size, rng, kind)
-        with_first = [*around, (first.item, 1.0)]
-        others = tuple(e for e in known if _subsystem(e) != _subsystem(first.item.name))
-        second = _any(world, with_first, world.reading(with_first), others, None, size, rng, kind)
-        with_second = [*around, (second.item, 1.0)]
-        again = _measure(world, with_second, world.reading(with_second), first.item)
-        if size is not None or _enough(again, kind):
-            return _case(world, seed, kind, around, base, [again, second], minor)
-    raise ParameterError("no two causes show together in this design")
+        return drawing.case([drawing.any_of(known, effect)])
+    return drawing.pair(known, effect)
 
 
-def _any(
-    world: ImperfectRobot,
-    around: list[Scaled],
-    base: np.ndarray,
-    known: tuple[str, ...],
-    effect: str | None,
-    size: float | None,
-    rng: np.random.Generator,
-    kind: str,
-) -> _Found:
-    left = list(known)
-    for _ in range(_EFFECT_TRIES):
-        name = effect if effect is not None else str(rng.choice(left))
-        found = _one(world, around, base, name, size, rng, kind)
-        if found is not None:
-            return found
-        if effect is None and len(left) > 1:
-            left.remove(name)
-    raise ParameterError(f"{effect or 'no effect'} shows enough in this design")
+@dataclass(frozen=True, eq=False)
+class _Measured:
+    """An imperfection, the gap and row variance that it adds, and the reading with it."""
+
+    item: Imperfection
+    gap: float
+    reading: np.ndarray
+    rows: float = 0.0
+
+    @property
+    def between_rows(self) -> bool:
+        return EFFECTS[self.item.name].rows
+
+    @property
+    def shown(self) -> float:
+        return self.rows if self.between_rows else self.gap
+
+    def needed(self, kind: str) -> float:
+        return (ROWS_NEEDED if self.between_rows else NEEDED)[kind]
+
+    def enough(self, kind: str) -> bool:
+        return self.shown >= self.needed(kind)
 
 
-def _one(
-    world: ImperfectRobot,
-    around: list[Scaled],
-    base: np.ndarray,
-    name: str,
-    size: float | None,
-    rng: np.random.Generator,
-    kind: str,
-) -> _Found | None:
-    """An effect that shows enough, None if it does not within the tries."""
-    low, high = SIZES
-    now = size if size is not None else float(np.exp(rng.uniform(np.log(low), np.log(high))))
-    for _ in range(_TRIES):
-        item = EFFECTS[name].draw(world.design, rng, now)
-        found = _measure(world, around, base, item)
-        if size is not None and np.isfinite(found.gap):
-            return found
-        if _enough(found, kind):
-            return found
-        shown, needed = found.gap, NEEDED[kind]
-        if EFFECTS[name].rows:
-            shown, needed = found.rows, ROWS_NEEDED[kind]
-        if not np.isfinite(shown):
-            now = 0.5 * now
-            continue
-        growth = float(np.sqrt(_MARGIN * needed / max(shown, 1e-12)))
-        if shown < 0.01 * needed:  # the draw, not the size, is what does not show
-            growth = 1.2
-        now = min(now * float(np.clip(growth, 1.05, 3.0)), LARGEST)
-    return None
+class _Drawing:
+    """Draws the causes of one case beside its background."""
 
+    def __init__(self, design: ExperimentDesign, seed: int, kind: str, size: float | None) -> None:
+        self.design, self.seed, self.kind, self.size = design, seed, kind, size
+        self.rng = np.random.default_rng([seed, 1])
+        self.robot = ImperfectRobot(design)
+        self.around = background(self.robot, self.rng)
+        self.base = self.robot.reading(self.around)
+        self.minor = gap(design, self.base - design.nominal)
 
-def _measure(
-    world: ImperfectRobot, around: list[Scaled], base: np.ndarray, item: Imperfection
-) -> _Found:
-    """What an imperfection adds to a reading ``base`` of everything around it."""
-    if EFFECTS[item.name].rows:
-        rise = raised_variance(world.design, item, base)
-        return _Found(item, float(rise.mean()), base, float(rise.max()))
-    with np.errstate(invalid="ignore"):
-        reading = world.reading([*around, (item, 1.0)])
-    if not np.isfinite(reading).all():
-        return _Found(item, float("nan"), base)
-    size = gap(world.design, reading - base, configured=item.name in STATED)
-    return _Found(item, size, reading)
+    def any_of(self, known: Sequence[str], effect: str | None) -> _Measured:
+        """A cause that shows: the effect if one is given, else a random one."""
+        remaining = list(known)
+        for _ in range(_EFFECT_TRIES):
+            name = effect if effect is not None else str(self.rng.choice(remaining))
+            cause = self._grown(name)
+            if cause is not None:
+                return cause
+            if effect is None and len(remaining) > 1:
+                remaining.remove(name)
+        raise ParameterError(f"{effect or 'no effect'} shows enough in this design")
 
+    def pair(self, known: Sequence[str], effect: str | None) -> LookalikeCase:
+        """Two causes of different subsystems, each of which shows beside the other."""
+        around, base = self.around, self.base
+        for _ in range(_EFFECT_TRIES):
+            first = self.any_of(known, effect)
+            self._surround([*around, (first.item, 1.0)])
+            others = [e for e in known if _subsystem(e) != _subsystem(first.item.name)]
+            second = self.any_of(others, None)
+            self._surround([*around, (second.item, 1.0)])
+            again = self._measure(first.item)
+            self.around, self.base = around, base
+            if self.size is not None or again.enough(self.kind):
+                return self.case([again, second])
+        raise ParameterError("no two causes show together in this design")
 
-def _enough(found: _Found, kind: str) -> bool:
-    if EFFECTS[found.item.name].rows:
-        return found.rows >= ROWS_NEEDED[kind]
-    return found.gap >= NEEDED[kind]
+    def outside(self, family: str | None) -> LookalikeCase:
+        """A fault outside the library, scaled to a random gap."""
+        known = families(self.design)
+        if family is not None and family not in known:
+            raise ParameterError(f"there is no family {family!r}. Known: {', '.join(known)}")
+        for _ in range(_EFFECT_TRIES):
+            name = family if family is not None else str(self.rng.choice(known))
+            item = FAMILIES[name](self.design, self.rng)
+            target = float(np.exp(self.rng.uniform(np.log(2.5), np.log(40.0))))
+            amount = 1.0
+            for _ in range(5):
+                items = [*self.around, (item, amount)]
+                reached = gap(self.design, self.robot.reading(items) - self.base)
+                if NEEDED["outside"] <= reached <= 2.0 * target:
+                    clean = self.robot.reading(items)
+                    return LookalikeCase(
+                        self.seed, "outside", (), name, {}, {name: reached}, clean,
+                        background=self.minor, items=tuple(items), unclipped=clean,
+                    )  # fmt: skip
+                amount *= float(np.clip(np.sqrt(target / max(reached, 1e-12)), 1e-3, 30.0))
+        raise ParameterError(f"{family or 'no family'} shows enough in this design")
 
+    def case(self, causes: Sequence[_Measured]) -> LookalikeCase:
+        """The case with these causes, the first one measured beside all others."""
+        items = [*self.around, *[(c.item, 1.0) for c in reversed(causes)]]
+        clean = causes[0].reading if causes else self.base
+        changed = [c.item.rows for c in causes if c.item.rows is not None]
+        limited = any(np.isfinite(rows.limit).any() for rows in changed)
+        return LookalikeCase(
+            seed=self.seed,
+            kind=self.kind,
+            causes=tuple(c.item.name for c in causes),
+            outside=None,
+            sizes={c.item.name: {k: float(v) for k, v in c.item.values.items()} for c in causes},
+            gaps={c.item.name: c.gap for c in causes},
+            clean=clean,
+            rows={c.item.name: c.rows for c in causes if c.between_rows},
+            background=self.minor,
+            items=tuple(items),
+            unclipped=self.robot.reading(items, clip=False) if limited else clean,
+        )
 
-def _outside(
-    world: ImperfectRobot,
-    seed: int,
-    around: list[Scaled],
-    base: np.ndarray,
-    family: str | None,
-    rng: np.random.Generator,
-    minor: float,
-) -> LookalikeCase:
-    known = families(world.design)
-    if family is not None and family not in known:
-        raise ParameterError(f"there is no family {family!r}. Known: {', '.join(known)}")
-    for _ in range(_EFFECT_TRIES):
-        name = family if family is not None else str(rng.choice(known))
-        item = FAMILIES[name](world.design, rng)
-        target = float(np.exp(rng.uniform(np.log(2.5), np.log(40.0))))
-        amount = 1.0
-        for _ in range(5):
-            items = [*around, (item, amount)]
-            found = gap(world.design, world.reading(items) - base)
-            if NEEDED["outside"] <= found <= 2.0 * target:
-                clean = world.reading(items)
-                return LookalikeCase(
-                    seed, "outside", (), name, {}, {name: found}, clean,
-                    background=minor, items=tuple(items), unclipped=clean,
-                )  # fmt: skip
-            amount *= float(np.clip(np.sqrt(target / max(found, 1e-12)), 1e-3, 30.0))
-    raise ParameterError(f"{family or 'no family'} shows enough in this design")
+    def _surround(self, around: list[Scaled]) -> None:
+        self.around, self.base = around, self.robot.reading(around)
 
+    def _grown(self, name: str) -> _Measured | None:
+        """An effect that shows enough, None if it does not within the tries."""
+        low, high = np.log(SIZES)
+        now = self.size if self.size is not None else float(np.exp(self.rng.uniform(low, high)))
+        for _ in range(_TRIES):
+            cause = self._measure(EFFECTS[name].draw(self.design, self.rng, now))
+            if (self.size is not None and np.isfinite(cause.gap)) or cause.enough(self.kind):
+                return cause
+            if not np.isfinite(cause.shown):
+                now = 0.5 * now
+                continue
+            needed = cause.needed(self.kind)
+            growth = float(np.sqrt(_MARGIN * needed / max(cause.shown, 1e-12)))
+            if cause.shown < 0.01 * needed:  # the draw, not the size, is what does not show
+                growth = 1.2
+            now = min(now * float(np.clip(growth, 1.05, 3.0)), LARGEST)
+        return None
 
-def _case(
-    world: ImperfectRobot,
-    seed: int,
-    kind: str,
-    around: list[Scaled],
-    base: np.ndarray,
-    found: list[_Found],
-    minor: float,
-) -> LookalikeCase:
-    items = [*around, *[(f.item, 1.0) for f in reversed(found)]]  # as ``found`` was measured
-    names = tuple(f.item.name for f in found)
-    clean = found[0].reading if found else base
-    limited = any(f.item.rows is not None and np.isfinite(f.item.rows.limit).any() for f in found)
-    return LookalikeCase(
-        seed=seed,
-        kind=kind,
-        causes=names,
-        outside=None,
-        sizes={f.item.name: {k: float(v) for k, v in f.item.values.items()} for f in found},
-        gaps={f.item.name: f.gap for f in found},
-        clean=clean,
-        rows={f.item.name: f.rows for f in found if EFFECTS[f.item.name].rows},
-        background=minor,
-        items=tuple(items),
-        unclipped=world.reading(items, clip=False) if limited else clean,
-    )
+    def _measure(self, item: Imperfection) -> _Measured:
+        """What an imperfection adds to the reading of everything around it."""
+        if EFFECTS[item.name].rows:
+            rise = raised_variance(self.design, item, self.base)
+            return _Measured(item, float(rise.mean()), self.base, float(rise.max()))
+        with np.errstate(invalid="ignore"):
+            reading = self.robot.reading([*self.around, (item, 1.0)])
+        if not np.isfinite(reading).all():
+            return _Measured(item, float("nan"), self.base)
+        size = gap(self.design, reading - self.base, configured=item.name in STATED)
+        return _Measured(item, size, reading)
 
 
 def _subsystem(name: str) -> str:

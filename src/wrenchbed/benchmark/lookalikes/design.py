@@ -1,10 +1,12 @@
-"""The design of an experiment: poses or a motion, sensor and stated numbers, with cached poses.
+"""The design of an experiment: poses or a motion, the path between them, and stated numbers.
 
-The way between poses: straight moves in the joints, for everything that has a memory.
+Typical tolerances and steps in this module are estimates.
 """
 
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any, TypeVar
 
 import numpy as np
 from scipy.signal import savgol_filter
@@ -15,9 +17,9 @@ from wrenchbed.benchmark.lookalikes.loads import (
     RigidLoad,
     SensorMotion,
     Weights,
-    follow,
+    at_rest,
+    in_motion,
     load_wrench,
-    stand,
     weights,
 )
 from wrenchbed.data.metadata import Metadata, SensorInfo, ToolInfo
@@ -25,8 +27,17 @@ from wrenchbed.data.plan import Plan
 from wrenchbed.data.recording import Recording
 from wrenchbed.robots.base import INERTIA_AXES, Robot
 
+Value = TypeVar("Value")
 STEPS = 4
 """Points on the move to each pose; the last one is the pose itself."""
+STILL = 1e-3
+"""Steps of joint values below this are one hold where no segments are given [rad or m]."""
+_MOVE_S = 3.0
+"""Time of a move between planned poses [s]: an estimate."""
+_SMOOTH = (11, 4)
+"""Rows and degree of the polynomials that remove encoder noise from a recorded motion."""
+_STRIDE = 8
+"""In motion, joint torques are computed at every eighth sample and interpolated."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +48,7 @@ class JointPath:
         t: (T,) [s].
         q: (T, J) joint values.
         wrench: nominal (T, 6) [N, N·m].
-        felt: specific force in sensor axes (T, 3) [m/s²].
+        specific_force: in sensor axes (T, 3) [m/s²].
         torque: that the joints carry (T, J) [N·m or N], empty without joints.
         at: index into the sequence of each hold or sample (N,).
     """
@@ -45,7 +56,7 @@ class JointPath:
     t: np.ndarray
     q: np.ndarray
     wrench: np.ndarray
-    felt: np.ndarray
+    specific_force: np.ndarray
     torque: np.ndarray
     at: np.ndarray
 
@@ -54,7 +65,7 @@ def path_of_motion(
     t: np.ndarray, q: np.ndarray, motion: SensorMotion, wrench: np.ndarray, torque: np.ndarray
 ) -> JointPath:
     """The samples of a motion are their own path."""
-    return JointPath(t, q, wrench, motion.felt, torque, np.arange(len(t)))
+    return JointPath(t, q, wrench, motion.specific_force, torque, np.arange(len(t)))
 
 
 def path_of_holds(
@@ -68,34 +79,25 @@ def path_of_holds(
     """Straight joint-space moves from hold to hold (H, J), without joint torques."""
     share = np.arange(1, STEPS + 1) / STEPS
     before = np.concatenate([q[:1], q[:-1]])
-    aim = q
+    target = q
     if not robot.joints:
-        aim = q * np.where((before * q).sum(axis=1, keepdims=True) < 0.0, -1.0, 1.0)
-    way = before[:, None] + share[None, :, None] * (aim - before)[:, None]
-    way = way.reshape(-1, q.shape[1])
+        target = q * np.where((before * q).sum(axis=1, keepdims=True) < 0.0, -1.0, 1.0)
+    points = before[:, None] + share[None, :, None] * (target - before)[:, None]
+    points = points.reshape(-1, q.shape[1])
     if not robot.joints:
-        way = way / np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-9)
+        points = points / np.maximum(np.linalg.norm(points, axis=1, keepdims=True), 1e-9)
     with np.errstate(invalid="ignore", divide="ignore"):
-        motion = stand(robot, theta, way, gravity)
-    at = np.arange(STEPS - 1, len(way), STEPS)
-    broken = ~np.isfinite(motion.rotation).all(axis=(1, 2))
-    if broken.any():  # the straight move leaves the workspace: the robot waits at its start
-        last = np.maximum.accumulate(np.where(broken, -1, np.arange(len(way))))
-        way = way[np.maximum(last, at[0])]
-        motion = stand(robot, theta, way, gravity)
+        motion = at_rest(robot, theta, points, gravity)
+    at = np.arange(STEPS - 1, len(points), STEPS)
+    unreachable = ~np.isfinite(motion.rotation).all(axis=(1, 2))
+    if unreachable.any():  # the straight move leaves the workspace: the robot waits at the start
+        last = np.maximum.accumulate(np.where(unreachable, -1, np.arange(len(points))))
+        points = points[np.maximum(last, at[0])]
+        motion = at_rest(robot, theta, points, gravity)
     since = np.concatenate([t[:1] - 1.0, t[:-1]])
     times = (since[:, None] + share * (t - since)[:, None]).ravel()
     wrench = load_wrench(motion, load)
-    return JointPath(times, way, wrench, motion.felt, np.zeros((len(way), 0)), at)
-
-
-STILL = 1e-3
-"""Steps of joint values below this are one hold where no segments are given [rad or m]."""
-_MOVE_S = 3.0
-_SMOOTH = (11, 4)
-"""Rows and degree of the polynomials that take encoder noise out of a recorded motion."""
-_STRIDE = 8
-"""In motion, joint torques are computed at every eighth sample and interpolated."""
+    return JointPath(times, points, wrench, motion.specific_force, np.zeros((len(points), 0)), at)
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,6 +126,7 @@ class ExperimentDesign:
     metadata: Metadata
     noise_std: np.ndarray
     temperature: np.ndarray | None = None
+    _computed: dict[str, Any] = field(default_factory=dict, repr=False)
 
     @classmethod
     def of(cls, recording: Recording) -> "ExperimentDesign":
@@ -155,10 +158,10 @@ class ExperimentDesign:
             middle = middle / np.linalg.norm(middle, axis=1, keepdims=True)
         scatter = recording.wrench - np.repeat(mean(recording.wrench), count, axis=0)
         dof = len(t) - len(starts)
-        seen = np.sqrt((scatter**2).sum(axis=0) / dof) if dof > 10 else None
+        measured = np.sqrt((scatter**2).sum(axis=0) / dof) if dof > 10 else None
         average = None if warm is None else mean(warm.astype(float))
         samples = max(1, int(np.median(count)))
-        noise = _noise(meta, robot, seen)
+        noise = _noise(meta, robot, measured)
         return cls(robot, "static", middle, mean(t), samples, rate, meta, noise, average)
 
     @classmethod
@@ -181,6 +184,13 @@ class ExperimentDesign:
         dwell = np.maximum(plan.dwell, samples / rate) + _MOVE_S
         t = np.cumsum(dwell) - 0.5 * samples / rate
         return cls(robot, "static", plan.q, t, samples, rate, meta, noise, temperature)
+
+    def once(self, name: str, compute: Callable[[], Value]) -> Value:
+        """A result of ``compute`` that belongs to this design, computed once."""
+        if name not in self._computed:
+            self._computed[name] = compute()
+        value: Value = self._computed[name]
+        return value
 
     def __len__(self) -> int:
         return len(self.t)
@@ -217,9 +227,9 @@ class ExperimentDesign:
                 stated[f"mount.position.{a}"] = sensor.pose_flange[k]
                 stated[f"mount.rotation.{a}"] = float(turn[k])
         theta = robot.parameters.vector(stated, start=theta)
-        own = robot.tool(theta)
-        mass = float(own.mass) if tool.mass is None else tool.mass
-        cog = [float(c) for c in own.cog] if tool.cog is None else list(tool.cog)
+        nominal = robot.tool(theta)
+        mass = float(nominal.mass) if tool.mass is None else tool.mass
+        cog = nominal.cog.tolist() if tool.cog is None else list(tool.cog)
         return robot.theta_of_tool(theta, mass, cog)
 
     @cached_property
@@ -230,15 +240,15 @@ class ExperimentDesign:
 
     @cached_property
     def motion(self) -> SensorMotion:
-        """Where the nominal sensor is and how it moves."""
+        """Pose and motion of the nominal sensor."""
         return self.moved(np.zeros(0), self.theta)
 
     def moved(self, dq: np.ndarray, theta: np.ndarray) -> SensorMotion:
         """The same with other joint values, q + dq (N, J), and parameters (P,) or (N, P)."""
         q = self.q + dq if dq.size else self.q
         if self.moving:
-            return follow(self.robot, theta, self.t, q, self.gravity)
-        return stand(self.robot, theta, q, self.gravity)
+            return in_motion(self.robot, theta, self.t, q, self.gravity)
+        return at_rest(self.robot, theta, q, self.gravity)
 
     @cached_property
     def nominal(self) -> np.ndarray:
@@ -260,12 +270,12 @@ class ExperimentDesign:
 
     @cached_property
     def path(self) -> JointPath:
-        """The nominal way through all poses with the moves between them."""
+        """The nominal path through all poses with the moves between them."""
         if self.moving:
             return path_of_motion(self.t, self.q, self.motion, self.nominal, self.weights.torque)
-        way = path_of_holds(self.robot, self.theta, self.t, self.q, self.gravity, self.load)
-        torque = weights(self.robot, self.theta, way.q, self.gravity).torque
-        return replace(way, torque=torque)
+        path = path_of_holds(self.robot, self.theta, self.t, self.q, self.gravity, self.load)
+        torque = weights(self.robot, self.theta, path.q, self.gravity).torque
+        return replace(path, torque=torque)
 
     @cached_property
     def weights(self) -> Weights:
@@ -289,30 +299,28 @@ class ExperimentDesign:
         n, load = len(self), self.load
         columns = np.zeros((10, n, 6))
         columns[np.arange(6), :, np.arange(6)] = 1.0
-        heavy = RigidLoad(load.mass + 1.0, load.cog, load.inertia, load.sensor_mass)
-        columns[6] = load_wrench(self.motion, heavy) - self.nominal
-        for k in range(3):
-            cog = load.cog + 0.01 * np.eye(3)[k]
-            shifted = RigidLoad(load.mass, cog, load.inertia, load.sensor_mass)
-            columns[7 + k] = load_wrench(self.motion, shifted) - self.nominal
+        changed = [replace(load, mass=load.mass + 1.0)]
+        changed += [replace(load, cog=load.cog + 0.01 * axis) for axis in np.eye(3)]
+        for k, other in enumerate(changed, start=6):
+            columns[k] = load_wrench(self.motion, other) - self.nominal
         scaled = (columns / self.noise_std).reshape(10, -1)
         return np.linalg.qr((scaled / np.linalg.norm(scaled, axis=1, keepdims=True)).T)[0]
 
 
-def _noise(meta: Metadata, robot: Robot, seen: np.ndarray | None) -> np.ndarray:
-    """Standard deviation of one row (6,): from repeats, else stated, else the sensor family's."""
-    own = np.asarray(registry.load("sensors", robot.sensor).noise.row_std, dtype=float)
-    if seen is not None:
-        return np.maximum(seen, 0.02 * own)
+def _noise(meta: Metadata, robot: Robot, measured: np.ndarray | None) -> np.ndarray:
+    """Standard deviation of one row (6,): measured from repeats, else stated, else the sensor's."""
+    typical = np.asarray(registry.load("sensors", robot.sensor).noise.row_std, dtype=float)
+    if measured is not None:
+        return np.maximum(measured, 0.02 * typical)
     if meta.sensor.noise_std is not None and min(meta.sensor.noise_std) > 0.0:
         return np.array(meta.sensor.noise_std, dtype=float)
-    return own
+    return typical
 
 
 def _nominal(robot: Robot, mode: str, rate: float) -> Metadata:
     tool = robot.tool(robot.parameters.nominal)
     sensor = registry.load("sensors", robot.sensor)
-    inertia = [tool.inertia[i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
+    rows, columns = (0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)
     return Metadata(
         robot=robot.name,
         mode=mode,
@@ -320,12 +328,12 @@ def _nominal(robot: Robot, mode: str, rate: float) -> Metadata:
         rate_hz=rate,
         tool=ToolInfo(
             float(tool.mass),
-            tuple(float(c) for c in tool.cog),
-            tuple(float(i) for i in inertia),
+            tuple(tool.cog.tolist()),
+            tuple(tool.inertia[rows, columns].tolist()),
         ),
         sensor=SensorInfo(
             model=sensor.name,
-            noise_std=tuple(float(s) for s in sensor.noise.row_std),
+            noise_std=tuple(sensor.noise.row_std.tolist()),
             mass=float(tool.sensor_mass),
         ),
         gravity=robot.gravity,

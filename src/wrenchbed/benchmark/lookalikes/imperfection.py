@@ -1,21 +1,24 @@
-"""One imperfection of a robot: where it acts and how; a world that has several of them.
+"""One imperfection of a robot: where it acts and how; and a robot that has several of them.
 
-How far two readings are apart, in noise of one row, with what every fit takes out left out.
-
-Things that remember: relays, a Preisach model of hysteresis and relaxation in time.
+Draws of imperfections register themselves with `lookalike`, each in the file of its family.
 """
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
-from scipy.linalg import solve_banded
 
 from wrenchbed.benchmark.lookalikes.design import ExperimentDesign
 from wrenchbed.benchmark.lookalikes.loads import RigidLoad, SensorMotion, load_wrench
 
 STATED = ("sensor.bias", "tool.mass", "tool.cog")
 """Causes that count on the configured gap: a fit of bias, mass and CoG would hide them."""
+LEAST_REPEATS = 4
+"""Rows of a hold from which the scatter of rows shows: an estimate."""
+Rng = np.random.Generator
+Act = Callable[[np.ndarray], np.ndarray]
+"""Changes a wrench (N, 6) [N, N·m]."""
 
 
 def gap(design: ExperimentDesign, difference: np.ndarray, *, configured: bool = False) -> float:
@@ -30,10 +33,6 @@ def gap(design: ExperimentDesign, difference: np.ndarray, *, configured: bool = 
         part = design.nuisance.T @ r
         total -= float(part @ part)
     return max(total, 0.0) / len(r)
-
-
-Act = Callable[[np.ndarray], np.ndarray]
-"""Changes a wrench (N, 6) [N, N·m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,10 +66,10 @@ class Imperfection:
         link: change of the robot's parameters (P,) or (N, P).
         base: rotation vector of the whole robot in the world (3,) or (N, 3) [rad].
         mount: rotation vector of the sensor on the flange (3,) [rad].
-        tool: another load for this motion.
-        load: a further load on the sensor (N, 6) for this motion.
-        sensor: what the gauges make of the load.
-        clock: what timing makes of the reading.
+        tool: changes the rigid load of a motion.
+        load: a further load on the sensor (N, 6) for a motion.
+        sensor: changes the wrench as the gauges do.
+        clock: changes the wrench as timing does.
         rows: what happens between rows.
     """
 
@@ -88,8 +87,88 @@ class Imperfection:
 
     @property
     def moves(self) -> bool:
-        """Whether the sensor stands elsewhere because of it, before tilt and mount."""
+        """Whether it changes the pose of the sensor, before tilt and mount."""
         return self.joint is not None or self.link is not None
+
+
+Draw = Callable[[ExperimentDesign, Rng, float], Imperfection]
+"""Draws one imperfection of a size in multiples of typical."""
+Names = Callable[[Mapping[str, float]], dict[str, float]]
+"""True values under the names that a diagnosis publishes."""
+
+
+@dataclass(frozen=True)
+class LookalikeEffect:
+    """One effect of the contract.
+
+    Attributes:
+        name: the contract's.
+        draw: its generator.
+        fits: whether a design can show it at all.
+        rows: it shows between rows: what counts is the variance of a row, not the gap.
+        hard: it often shows too little: whether it can is tried out once for each design.
+        published: its true values under the names that a diagnosis publishes, where both physics
+            mean the same numbers.
+        adds: its numbers add up with those of the background's share of the same effect.
+    """
+
+    name: str
+    draw: Draw
+    fits: Callable[[ExperimentDesign], bool]
+    rows: bool = False
+    hard: bool = False
+    published: Names | None = None
+    adds: bool = True
+
+
+DRAWN: dict[str, LookalikeEffect] = {}
+"""Every effect by name, in the order of the files' import."""
+
+
+def always(design: ExperimentDesign) -> bool:
+    """For effects that every design can show."""
+    return True
+
+
+def in_motion(design: ExperimentDesign) -> bool:
+    """For effects that only a motion can show."""
+    return design.moving
+
+
+def with_joints(design: ExperimentDesign) -> bool:
+    """For effects of robots whose joints are modelled."""
+    return design.has_joints
+
+
+def repeated(design: ExperimentDesign) -> bool:
+    """For effects that only repeated rows can show."""
+    return design.moving or design.samples >= LEAST_REPEATS
+
+
+def lookalike(
+    name: str, fits: Callable[[ExperimentDesign], bool] = always, **options: Any
+) -> Callable[[Draw], Draw]:
+    """Register a function as the draw of an effect.
+
+    Args:
+        fits, options: fields of `LookalikeEffect`.
+    """
+
+    def register(draw: Draw) -> Draw:
+        DRAWN[name] = LookalikeEffect(name, draw, fits, **options)
+        return draw
+
+    return register
+
+
+def spread(rng: Rng) -> float:
+    """Factor by which a size differs from what was asked for: an estimate."""
+    return rng.uniform(0.8, 1.25)
+
+
+def named(stem: str) -> Names:
+    """Published names: a stem before each name."""
+    return lambda values: {f"{stem}{k}": x for k, x in values.items()}
 
 
 Scaled = tuple[Imperfection, float]
@@ -105,7 +184,7 @@ class ImperfectRobot:
     def __init__(self, design: ExperimentDesign) -> None:
         self.design = design
         self._motions: dict[tuple[tuple[int, float], ...], SensorMotion] = {}
-        self._alive: list[Imperfection] = []  # keys hold identities, which must not be reused
+        self._known: list[Imperfection] = []  # kept: their identities are keys
 
     def reading(self, items: Sequence[Scaled], *, clip: bool = True) -> np.ndarray:
         """Noise-free reading (N, 6) [N, N·m]; without range limits if not ``clip``."""
@@ -121,8 +200,8 @@ class ImperfectRobot:
             if item.tool is not None:
                 load = _blend(load, item.tool(load, motion), k)
         y = load_wrench(motion, load)
-        pushes = [k * i.load(motion, load) for i, k in items if i.load is not None]
-        y = sum(pushes, y)
+        forces = [k * i.load(motion, load) for i, k in items if i.load is not None]
+        y = sum(forces, y)
         for stage in ("sensor", "clock"):
             for item, k in items:
                 act: Act | None = getattr(item, stage)
@@ -146,7 +225,7 @@ class ImperfectRobot:
                     dq = dq + k * item.joint if dq.size else k * item.joint
                 if item.link is not None:
                     theta = theta + k * item.link
-            self._alive += [item for item, _ in items]
+            self._known += [item for item, _ in items]
             self._motions[key] = self.design.moved(dq, theta)
         return self._motions[key]
 
@@ -162,74 +241,15 @@ def _blend(old: RigidLoad, new: RigidLoad, k: float) -> RigidLoad:
     )
 
 
-def relay(signal: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """State ±1 along time (T, …): up above ``high``, down below ``low``, else as before.
-
-    Before the first crossing the state is on the nearer side.
-    """
-    up, down = signal > high, signal < low
-    instant = np.arange(len(signal)).reshape(-1, *[1] * (up.ndim - 1))
-    last_up = np.maximum.accumulate(np.where(up, instant, -1), axis=0)
-    last_down = np.maximum.accumulate(np.where(down, instant, -1), axis=0)
-    start = np.where(signal[:1] > 0.5 * (low + high), 1.0, -1.0)
-    state = np.where(last_up > last_down, 1.0, -1.0)
-    return np.asarray(np.where(last_up == last_down, start, state))
-
-
-def preisach(
-    signal: np.ndarray, rng: np.random.Generator, reach: float, relays: int = 96
-) -> np.ndarray:
-    """Hysteresis (T, C) of signals (T, C), about ±1 wide at its widest, without its linear part.
-
-    Relays (centre, half width) are spread at random over the signal's range: the loop's shape
-    differs from draw to draw.
-
-    Args:
-        reach: mean half width of the relays in units of half the signal's range.
-    """
-    low, high = signal.min(axis=0), signal.max(axis=0)
-    middle, half = (low + high) / 2.0, np.maximum((high - low) / 2.0, 1e-12)
-    unit = (signal - middle) / half
-    grid = np.linspace(-0.9, 0.9, relays)
-    centre = grid[rng.permutation(relays)] + rng.normal(0.0, 0.03, relays)
-    width = reach * rng.gamma(4.0, 0.25, relays)
-    weight = rng.gamma(3.0, 1.0, relays) * (1.1 - np.abs(grid))
-    state = relay(unit[..., None], centre - width, centre + width)
-    middle_way = np.sign(unit[..., None] - centre - width) + np.sign(
-        unit[..., None] - centre + width
-    )
-    loop = (state - 0.5 * middle_way) @ (weight / weight.sum())
-    return np.asarray(loop / max(1e-6, 2.0 * min(1.0, reach)))
-
-
-def relax(t: np.ndarray, signal: np.ndarray, time: float) -> np.ndarray:
-    """The signal (T, C) seen through an exponential memory of a time constant [s]."""
-    keep = np.exp(-np.diff(t) / time)
-    bands = np.ones((2, len(t)))
-    bands[1, :-1], bands[1, -1] = -keep, 0.0
-    fed = signal.copy()
-    fed[1:] *= (1.0 - keep)[:, None]
-    return np.asarray(solve_banded((1, 0), bands, fed, check_finite=False))
-
-
-def slow_noise(rng: np.random.Generator, rows: int, columns: int) -> np.ndarray:
-    """1/f noise (rows, columns) of unit rms about a zero mean."""
-    spectrum = np.fft.rfft(rng.standard_normal((max(rows, 4), columns)), axis=0)
-    frequency = np.arange(len(spectrum), dtype=float)
-    frequency[0] = np.inf
-    wave = np.fft.irfft(spectrum / np.sqrt(frequency)[:, None], n=max(rows, 4), axis=0)[:rows]
-    wave = wave - wave.mean(axis=0)
-    return np.asarray(wave / np.maximum(wave.std(axis=0), 1e-12))
-
-
 def raised_variance(design: ExperimentDesign, item: Imperfection, base: np.ndarray) -> np.ndarray:
-    """Rise of a row's variance (6,) over noise that an imperfection between rows brings.
+    """Rise of a row's variance (6,) over the noise, by an imperfection between rows.
 
     Args:
         base: noise-free reading (N, 6) of all else.
     """
     r = item.rows
     assert r is not None
+    # of rounding: variance of a uniform distribution, by definition step²/12
     rise = r.gain**2 - 1.0 + (r.step / design.noise_std) ** 2 / 12.0
     if r.shake is not None:
         rise = rise + ((r.shake / design.noise_std) ** 2).mean(axis=0)

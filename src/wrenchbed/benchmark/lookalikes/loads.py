@@ -1,19 +1,23 @@
-"""A rigid load on a moving sensor: poses by finite differences, then Newton's and Euler's laws.
+"""Loads of a moving robot: on the sensor by Newton and Euler, on joints and base by MuJoCo.
 
-What gravity (and inertia) asks of the joints and of the base, from MuJoCo's own bodies.
+Velocities and accelerations of the sensor come from finite differences of its pose.
 """
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
+from wrenchbed.physics.rotations import cross
 from wrenchbed.robots.base import Robot, SimulatedRobot
 
 FINER = 4
-"""Central differences step by the time between samples divided by this."""
+"""Central differences in time step by the time between samples divided by this."""
+_STEP = 1e-5
+"""Step of central differences of potential energy [rad or m]: an estimate."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +32,7 @@ class RigidLoad:
 
 @dataclass(frozen=True, eq=False)
 class SensorMotion:
-    """Pose of the sensor and how it moves.
+    """Pose and motion of the sensor.
 
     Attributes:
         rotation: R_world_sensor (N, 3, 3).
@@ -36,7 +40,7 @@ class SensorMotion:
         acceleration: of the origin, world axes (N, 3) [m/s²].
         gravity: world axes (3,) [m/s²].
         spin: angular velocity in sensor axes (N, 3) [rad/s], None at rest.
-        turn: angular acceleration in sensor axes (N, 3) [rad/s²], None at rest.
+        spin_rate: angular acceleration in sensor axes (N, 3) [rad/s²], None at rest.
     """
 
     rotation: np.ndarray
@@ -44,32 +48,30 @@ class SensorMotion:
     acceleration: np.ndarray
     gravity: np.ndarray
     spin: np.ndarray | None = None
-    turn: np.ndarray | None = None
+    spin_rate: np.ndarray | None = None
 
     @property
-    def felt(self) -> np.ndarray:
-        """The specific force in sensor axes (N, 3) [m/s²]: Rᵀg at rest."""
+    def specific_force(self) -> np.ndarray:
+        """Gravity minus acceleration in sensor axes (N, 3) [m/s²]: Rᵀg at rest."""
         return rotate_back(self.rotation, self.gravity - self.acceleration)
 
     def tilted(self, vector: np.ndarray) -> "SensorMotion":
-        """The whole robot turned in the world by rotation vectors (N, 3) or (3,) [rad]."""
-        turn = Rotation.from_rotvec(np.atleast_2d(vector)).as_matrix()
-        return SensorMotion(
-            turn @ self.rotation,
-            rotate(turn, self.position),
-            rotate(turn, self.acceleration),
-            self.gravity,
-            self.spin,
-            self.turn,
+        """With the whole robot rotated in the world by rotation vectors (N, 3) or (3,) [rad]."""
+        tilt = Rotation.from_rotvec(np.atleast_2d(vector)).as_matrix()
+        return replace(
+            self,
+            rotation=tilt @ self.rotation,
+            position=rotate(tilt, self.position),
+            acceleration=rotate(tilt, self.acceleration),
         )
 
     def mounted(self, vector: np.ndarray) -> "SensorMotion":
-        """The sensor turned on its flange by a rotation vector (3,) or (N, 3) [rad]."""
+        """With the sensor rotated on its flange by a rotation vector (3,) or (N, 3) [rad]."""
         mount = Rotation.from_rotvec(np.atleast_2d(vector)).as_matrix()
-        spin = None if self.spin is None else rotate_back(mount, self.spin)
-        turn = None if self.turn is None else rotate_back(mount, self.turn)
-        rotation = self.rotation @ mount
-        return SensorMotion(rotation, self.position, self.acceleration, self.gravity, spin, turn)
+        spin, rate = (
+            None if v is None else rotate_back(mount, v) for v in (self.spin, self.spin_rate)
+        )
+        return replace(self, rotation=self.rotation @ mount, spin=spin, spin_rate=rate)
 
 
 def rotate(rotation: np.ndarray, vector: np.ndarray) -> np.ndarray:
@@ -82,68 +84,60 @@ def rotate_back(rotation: np.ndarray, vector: np.ndarray) -> np.ndarray:
     return (vector[..., None, :] @ rotation)[..., 0, :]
 
 
-def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """a × b over the last axis."""
-    ax, ay, az = a[..., 0], a[..., 1], a[..., 2]
-    bx, by, bz = b[..., 0], b[..., 1], b[..., 2]
-    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=-1)
+def wrench_at(lever: np.ndarray, force: np.ndarray) -> np.ndarray:
+    """Wrench (N, 6) of forces (N, 3) at a lever (N, 3) or (3,)."""
+    torque = cross(np.broadcast_to(lever, force.shape), force)
+    return np.concatenate([force, torque], axis=1)
 
 
-def stand(robot: Robot, theta: np.ndarray, q: np.ndarray, gravity: np.ndarray) -> SensorMotion:
+def at_rest(robot: Robot, theta: np.ndarray, q: np.ndarray, gravity: np.ndarray) -> SensorMotion:
     """The sensor at rest at joint values (N, J)."""
     rotation, position = robot.sensor_pose(q, theta)
     position = np.broadcast_to(position, (len(q), 3))
     return SensorMotion(rotation, position, np.zeros((len(q), 3)), gravity)
 
 
-def follow(
+def in_motion(
     robot: Robot, theta: np.ndarray, t: np.ndarray, q: np.ndarray, gravity: np.ndarray
 ) -> SensorMotion:
     """The sensor along a trajectory of samples (N, J) at times (N,) [s]."""
     step = float(np.median(np.diff(t))) / FINER
-    way = CubicSpline(t, q)
     instants = np.concatenate([t - step, t, t + step])
     thrice = np.tile(theta, (3, 1)) if theta.ndim == 2 else theta
-    rotation, position = robot.sensor_pose(way(instants), thrice)
+    rotation, position = robot.sensor_pose(CubicSpline(t, q)(instants), thrice)
     before, now, after = np.split(rotation, 3)
     p0, p1, p2 = np.split(position, 3)
     acceleration = (p2 - 2.0 * p1 + p0) / step**2
-    first, second = _turned(before, now) / step, _turned(now, after) / step
-    spin, turn = (first + second) / 2.0, (second - first) / step
-    return SensorMotion(now, p1, acceleration, gravity, spin, turn)
+    first, second = _rotation_vector(before, now) / step, _rotation_vector(now, after) / step
+    spin, rate = (first + second) / 2.0, (second - first) / step
+    return SensorMotion(now, p1, acceleration, gravity, spin, rate)
 
 
-def _turned(start: np.ndarray, end: np.ndarray) -> np.ndarray:
-    """Rotation vectors (N, 3) [rad] of small turns from start to end (N, 3, 3)."""
+def _rotation_vector(start: np.ndarray, end: np.ndarray) -> np.ndarray:
+    """Rotation vectors (N, 3) [rad] of small rotations from start to end (N, 3, 3).
+
+    Arcsine of their sine by its Taylor series, by definition x + x³/6 + 3x⁵/40.
+    """
     r = np.swapaxes(start, -1, -2) @ end
-    sine = 0.5 * np.stack(
-        [
-            r[:, 2, 1] - r[:, 1, 2],
-            r[:, 0, 2] - r[:, 2, 0],
-            r[:, 1, 0] - r[:, 0, 1],
-        ],
-        axis=-1,
-    )
+    pairs = ((2, 1), (0, 2), (1, 0))
+    sine = 0.5 * np.stack([r[:, i, j] - r[:, j, i] for i, j in pairs], axis=-1)
     square = (sine**2).sum(axis=-1, keepdims=True)
     return sine * (1.0 + square / 6.0 + 3.0 * square**2 / 40.0)
 
 
 def load_wrench(motion: SensorMotion, load: RigidLoad) -> np.ndarray:
     """Load on the sensor (N, 6) [N, N·m], torque about the sensor's origin."""
-    felt, cog = motion.felt, load.cog
-    if motion.spin is None or motion.turn is None:
-        force = load.mass * felt
-        torque = cross(np.broadcast_to(cog, force.shape), force)
+    specific = motion.specific_force
+    if motion.spin is None or motion.spin_rate is None:
+        force = load.mass * specific
+        torque = cross(np.broadcast_to(load.cog, force.shape), force)
     else:
-        spin, turn = motion.spin, motion.turn
-        lever = np.broadcast_to(cog, felt.shape)
-        force = load.mass * (felt - cross(turn, lever) - cross(spin, cross(spin, lever)))
+        spin, rate = motion.spin, motion.spin_rate
+        lever = np.broadcast_to(load.cog, specific.shape)
+        force = load.mass * (specific - cross(rate, lever) - cross(spin, cross(spin, lever)))
         momentum = spin @ load.inertia.T
-        torque = cross(lever, force) - turn @ load.inertia.T - cross(spin, momentum)
-    return np.concatenate([force + load.sensor_mass * felt, torque], axis=1)
-
-
-_STEP = 1e-5
+        torque = cross(lever, force) - rate @ load.inertia.T - cross(spin, momentum)
+    return np.concatenate([force + load.sensor_mass * specific, torque], axis=1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,29 +162,21 @@ def weights(
     """Torque to hold the robot at (N, J); with times (N,) [s] and an open chain, to move it."""
     if not isinstance(robot, SimulatedRobot):
         return Weights(np.zeros((len(q), 0)), np.zeros((len(q), 3)))
-    spec = robot.spec(theta)
-    spec.option.gravity = gravity
-    model = spec.compile()
-    model.body_gravcomp[:] = 0.0
-    model.dof_armature[:] = 0.0
-    model.dof_damping[:] = 0.0
-    model.dof_frictionloss[:] = 0.0
-    model.actuator_gainprm[:] = model.actuator_biasprm[:] = 0.0  # implicit steps add their damping
-    model.opt.disableflags |= (
-        mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_LIMIT
-    )
-    data = mujoco.MjData(model)
+    bodies = _Bodies(robot, theta, gravity)
     pick = np.unique(np.append(np.arange(0, len(q), stride), len(q) - 1))
     chosen = q[pick]
-    moment = _moments(robot, theta, model, data, chosen, gravity)
-    if model.neq == 0 and model.nv == q.shape[1]:
+    moment = np.array([np.cross(m, gravity) for m in bodies.first_moments(chosen)])
+    if bodies.model.neq == 0 and bodies.model.nv == q.shape[1]:
         speed = acceleration = np.zeros_like(chosen)
         if t is not None:
-            way = CubicSpline(t, q)
-            speed, acceleration = way(t[pick], 1), way(t[pick], 2)
-        torque = _inverse(model, data, chosen, speed, acceleration)
+            path = CubicSpline(t, q)
+            speed, acceleration = path(t[pick], 1), path(t[pick], 2)
+        torque = bodies.inverse_dynamics(chosen, speed, acceleration)
     else:
-        torque = _energy_slope(robot, theta, model, data, chosen, gravity)
+        torque = np.empty_like(chosen)
+        for j, step in enumerate(_STEP * np.eye(q.shape[1])):
+            high, low = bodies.energy(chosen + step), bodies.energy(chosen - step)
+            torque[:, j] = (high - low) / (2.0 * _STEP)
     if stride > 1 and t is not None:
         torque, moment = CubicSpline(t[pick], torque)(t), CubicSpline(t[pick], moment)(t)
     return Weights(torque, moment)
@@ -203,81 +189,57 @@ def link_forces(
     gravity: np.ndarray,
     names: tuple[str, ...],
 ) -> np.ndarray:
-    """Push (N, L) [N] of gravity that would lengthen each named link, by virtual work."""
-    slopes = []
+    """Force (N, L) [N] of gravity that would lengthen each named link, by virtual work."""
+    forces = []
     for name in names:
         energy = []
         for step in (-_STEP, _STEP):
-            moved = theta.copy()
-            moved[robot.parameters.index(name)] += step
-            spec = robot.spec(moved)
-            model = spec.compile()
-            data = mujoco.MjData(model)
-            energy.append(_energy(model, data, robot.qpos(q, moved), gravity))
-        slopes.append((energy[0] - energy[1]) / (2.0 * _STEP))
-    return np.stack(slopes, axis=1)
+            shifted = theta.copy()
+            shifted[robot.parameters.index(name)] += step
+            energy.append(_Bodies(robot, shifted, gravity).energy(q))
+        forces.append((energy[0] - energy[1]) / (2.0 * _STEP))
+    return np.stack(forces, axis=1)
 
 
-def _inverse(
-    model: mujoco.MjModel,
-    data: mujoco.MjData,
-    q: np.ndarray,
-    speed: np.ndarray,
-    acceleration: np.ndarray,
-) -> np.ndarray:
-    torque = np.empty_like(q)
-    for i in range(len(q)):
-        data.qpos[:], data.qvel[:], data.qacc[:] = q[i], speed[i], acceleration[i]
-        mujoco.mj_inverse(model, data)
-        torque[i] = data.qfrc_inverse
-    return torque
+class _Bodies:
+    """The robot's bodies in MuJoCo, without friction, damping, servos or contact."""
 
+    def __init__(self, robot: SimulatedRobot, theta: np.ndarray, gravity: np.ndarray) -> None:
+        spec = robot.spec(theta)
+        spec.option.gravity = gravity
+        self.robot, self.theta, self.gravity = robot, theta, gravity
+        self.model = model = spec.compile()
+        model.body_gravcomp[:] = 0.0
+        model.dof_armature[:] = model.dof_damping[:] = model.dof_frictionloss[:] = 0.0
+        model.actuator_gainprm[:] = model.actuator_biasprm[:] = 0.0  # implicit steps add damping
+        model.opt.disableflags |= (
+            mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_LIMIT
+        )
+        self.data = mujoco.MjData(model)
 
-def _energy(
-    model: mujoco.MjModel, data: mujoco.MjData, qpos: np.ndarray, gravity: np.ndarray
-) -> np.ndarray:
-    """Potential energy (N,) [J] of all bodies."""
-    lift = np.outer(model.body_mass, -gravity)
-    energy = np.empty(len(qpos))
-    for i, row in enumerate(qpos):
-        data.qpos[:] = row
-        mujoco.mj_kinematics(model, data)
-        energy[i] = np.einsum("ij,ij->", lift, data.xipos)
-    return energy
+    def inverse_dynamics(
+        self, q: np.ndarray, speed: np.ndarray, acceleration: np.ndarray
+    ) -> np.ndarray:
+        """Joint torques (N, J) [N·m or N] of an open chain."""
+        torque, data = np.empty_like(q), self.data
+        for i in range(len(q)):
+            data.qpos[:], data.qvel[:], data.qacc[:] = q[i], speed[i], acceleration[i]
+            mujoco.mj_inverse(self.model, data)
+            torque[i] = data.qfrc_inverse
+        return torque
 
+    def energy(self, q: np.ndarray) -> np.ndarray:
+        """Potential energy (N,) [J] at joint values (N, J)."""
+        lift = np.outer(self.model.body_mass, -self.gravity)
+        return np.array([np.einsum("ij,ij->", lift, places) for places in self._places(q)])
 
-def _energy_slope(
-    robot: SimulatedRobot,
-    theta: np.ndarray,
-    model: mujoco.MjModel,
-    data: mujoco.MjData,
-    q: np.ndarray,
-    gravity: np.ndarray,
-) -> np.ndarray:
-    """∂V/∂q (N, J) along the closed chains, by central differences."""
-    torque = np.empty_like(q)
-    for j in range(q.shape[1]):
-        step = _STEP * np.eye(q.shape[1])[j]
-        high = _energy(model, data, robot.qpos(q + step, theta), gravity)
-        low = _energy(model, data, robot.qpos(q - step, theta), gravity)
-        torque[:, j] = (high - low) / (2.0 * _STEP)
-    return torque
+    def first_moments(self, q: np.ndarray) -> np.ndarray:
+        """Sum of mass times position (N, 3) [kg·m]."""
+        return np.array([self.model.body_mass @ places for places in self._places(q)])
 
-
-def _moments(
-    robot: SimulatedRobot,
-    theta: np.ndarray,
-    model: mujoco.MjModel,
-    data: mujoco.MjData,
-    q: np.ndarray,
-    gravity: np.ndarray,
-) -> np.ndarray:
-    """Moment of all weights about the world's origin (N, 3) [N·m]."""
-    qpos = robot.qpos(q, theta)
-    moment = np.empty((len(q), 3))
-    for i, row in enumerate(qpos):
-        data.qpos[:] = row
-        mujoco.mj_kinematics(model, data)
-        first = model.body_mass @ data.xipos
-        moment[i] = np.cross(first, gravity)
-    return moment
+    def _places(self, q: np.ndarray) -> Iterator[np.ndarray]:
+        """Centres of mass of all bodies at each pose."""
+        for row in self.robot.qpos(q, self.theta):
+            self.data.qpos[:] = row
+            mujoco.mj_kinematics(self.model, self.data)
+            yield self.data.xipos

@@ -1,94 +1,104 @@
-"""Families that no list of effects holds: what a diagnosis must call unknown."""
+"""Families of faults that no list of effects holds: a diagnosis must call them unknown.
+
+Typical sizes and ranges are estimates.
+"""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
 from wrenchbed.benchmark.lookalikes.design import ExperimentDesign
-from wrenchbed.benchmark.lookalikes.imperfection import Imperfection, relax
-from wrenchbed.benchmark.lookalikes.loads import RigidLoad, SensorMotion, rotate_back
-from wrenchbed.benchmark.lookalikes.sensor import channels
+from wrenchbed.benchmark.lookalikes.imperfection import Imperfection, Rng
+from wrenchbed.benchmark.lookalikes.loads import (
+    RigidLoad,
+    SensorMotion,
+    rotate_back,
+    wrench_at,
+)
+from wrenchbed.benchmark.lookalikes.memory import relax
+from wrenchbed.benchmark.lookalikes.sensor import channels, duration, elapsed
 
-Family = Callable[[ExperimentDesign, np.random.Generator], Imperfection]
+Family = Callable[[ExperimentDesign, Rng], Imperfection]
+_G = 9.81
+"""Gravity to scale by [m/s²]: an estimate."""
 
 
 def _zero(name: str, shift: np.ndarray) -> Imperfection:
+    """A zero that shifts by (N, 6) [N, N·m]."""
     return Imperfection(name, {}, sensor=lambda y: y + shift)
 
 
-def _few(design: ExperimentDesign, rng: np.random.Generator) -> np.ndarray:
+def _cog(name: str, shift: np.ndarray) -> Imperfection:
+    """A centre of gravity that shifts by (N, 3) [m]."""
+    return Imperfection(name, {}, tool=lambda load, _: replace(load, cog=load.cog + shift))
+
+
+def _some_channels(design: ExperimentDesign, rng: Rng) -> np.ndarray:
     return 5.0 * design.noise_std * channels(rng, one=0.4)
 
 
-def _share(design: ExperimentDesign) -> np.ndarray:
-    return (design.t - design.t[0]) / max(float(np.ptp(design.t)), 1e-9)
-
-
-def part_lost(design: ExperimentDesign, rng: np.random.Generator) -> Imperfection:
+def part_lost(design: ExperimentDesign, rng: Rng) -> Imperfection:
     """A part falls off, or the tool is swapped, in the middle of the run."""
-    after = (_share(design) > rng.uniform(0.2, 0.8))[:, None]
+    after = (elapsed(design) > rng.uniform(0.2, 0.8))[:, None]
     lost = 0.05 * design.load.mass
     shift = rng.normal(0.0, 4e-3, 3)
 
     def act(motion: SensorMotion, load: RigidLoad) -> np.ndarray:
-        force = -lost * motion.felt * after
-        torque = np.cross(load.cog, force) + np.cross(shift, load.mass * motion.felt * after)
+        specific = motion.specific_force
+        force = -lost * specific * after
+        torque = np.cross(load.cog, force) + np.cross(shift, load.mass * specific * after)
         return np.concatenate([force, torque], axis=1)
 
     return Imperfection("part_lost", {}, load=act)
 
 
-def thermal_bow(design: ExperimentDesign, rng: np.random.Generator) -> Imperfection:
+def thermal_bow(design: ExperimentDesign, rng: Rng) -> Imperfection:
     """The tool bows as it warms on one side, late, and straightens again."""
-    share = _share(design)
+    share = elapsed(design)
     fast, slow = rng.uniform(0.05, 0.2), rng.uniform(0.3, 0.8)
     profile = np.exp(-share / slow) - np.exp(-share / fast)
     bow = (profile / np.abs(profile).max())[:, None] * rng.normal(0.0, 4e-3, 3)
-
-    def act(load: RigidLoad, motion: SensorMotion) -> RigidLoad:
-        return RigidLoad(load.mass, load.cog + bow, load.inertia, load.sensor_mass)
-
-    return Imperfection("thermal_bow", {}, tool=act)
+    return _cog("thermal_bow", bow)
 
 
-def slow_sine(design: ExperimentDesign, rng: np.random.Generator) -> Imperfection:
+def slow_sine(design: ExperimentDesign, rng: Rng) -> Imperfection:
     """The zero swings slowly, one to three times in the run."""
-    turns = rng.uniform(1.0, 3.0)
-    wave = np.sin(2.0 * np.pi * turns * _share(design) + rng.uniform(0.0, 6.28))
-    return _zero("slow_sine", wave[:, None] * _few(design, rng))
+    cycles = rng.uniform(1.0, 3.0)
+    wave = np.sin(2.0 * np.pi * cycles * elapsed(design) + rng.uniform(0.0, 6.28))
+    return _zero("slow_sine", wave[:, None] * _some_channels(design, rng))
 
 
-def random_walk(design: ExperimentDesign, rng: np.random.Generator) -> Imperfection:
+def random_walk(design: ExperimentDesign, rng: Rng) -> Imperfection:
     """The zero wanders off at random."""
     steps = np.sqrt(np.diff(design.t, prepend=design.t[0] - 1e-3))
     walk = np.cumsum(rng.standard_normal((len(design), 6)) * steps[:, None], axis=0)
-    walk = walk / max(float(np.ptp(design.t)), 1e-9) ** 0.5
-    return _zero("random_walk", 2.0 * walk * _few(design, rng))
+    walk = walk / duration(design) ** 0.5
+    return _zero("random_walk", 2.0 * walk * _some_channels(design, rng))
 
 
-def seating(design: ExperimentDesign, rng: np.random.Generator) -> Imperfection:
+def seating(design: ExperimentDesign, rng: Rng) -> Imperfection:
     """Something settles anew at each pose: offsets with heavy tails."""
-    spots = len(design)
-    which = np.arange(spots)
+    count = len(design)
+    which = np.arange(count)
     if design.moving:
-        change = np.cumsum(rng.exponential(2.5, spots))
+        change = np.cumsum(rng.exponential(2.5, count))
         which = np.searchsorted(change, design.t - design.t[0])
     offsets = np.clip(rng.standard_t(2.2, (int(which.max()) + 1, 6)), -8.0, 8.0)
-    return _zero("seating", offsets[which] * _few(design, rng))
+    return _zero("seating", offsets[which] * _some_channels(design, rng))
 
 
-def gas_spring(design: ExperimentDesign, rng: np.random.Generator) -> Imperfection:
-    """A hinge or a dress pack pushes as far as joint 2 has turned."""
+def gas_spring(design: ExperimentDesign, rng: Rng) -> Imperfection:
+    """A hinge or a dress pack pushes in proportion to the angle of joint 2."""
     j = min(1, design.q.shape[1] - 1)
     angle = design.q[:, j] - design.q[:, j].mean()
     axis = rng.standard_normal(3)
     push = 0.5 * angle[:, None] * axis
-    lever = rng.normal(0.0, 0.05, 3)
-    extra = np.concatenate([push, np.cross(lever, push)], axis=1)
-    return Imperfection("gas_spring", {}, load=lambda motion, load: extra)
+    wrench = wrench_at(rng.normal(0.0, 0.05, 3), push)
+    return Imperfection("gas_spring", {}, load=lambda motion, load: wrench)
 
 
-def magnet(design: ExperimentDesign, rng: np.random.Generator) -> Imperfection:
+def magnet(design: ExperimentDesign, rng: Rng) -> Imperfection:
     """A magnet near one spot of the workspace, or near one angle of joint 4, pulls."""
     if design.has_joints and rng.uniform() < 0.4 and design.q.shape[1] > 3:
         angle = design.q[:, 3]
@@ -100,70 +110,63 @@ def magnet(design: ExperimentDesign, rng: np.random.Generator) -> Imperfection:
         away = ((place - centre) ** 2).sum(axis=1) / wide**2
     pull = np.exp(-0.5 * away)[:, None] * rng.standard_normal(3)
     lever = rng.normal(0.0, 0.05, 3)
+    return Imperfection(
+        "magnet",
+        {},
+        load=lambda motion, load: wrench_at(lever, rotate_back(motion.rotation, pull)),
+    )
 
-    def act(motion: SensorMotion, load: RigidLoad) -> np.ndarray:
-        force = rotate_back(motion.rotation, pull)
-        return np.concatenate([force, np.cross(lever, force)], axis=1)
 
-    return Imperfection("magnet", {}, load=act)
-
-
-def product(design: ExperimentDesign, rng: np.random.Generator) -> Imperfection:
+def product(design: ExperimentDesign, rng: Rng) -> Imperfection:
     """Two channels multiply into a third; not forces into a torque, as a flexing tool does it."""
     a, b, into = (int(k) for k in rng.choice(6, 3, replace=False))
     while max(a, b) < 3 <= into:
         a, b, into = (int(k) for k in rng.choice(6, 3, replace=False))
     factor = 6.0 * design.noise_std[into] / (design.swing[a] * design.swing[b])
-
-    def act(y: np.ndarray) -> np.ndarray:
-        out = y.copy()
-        out[:, into] += factor * y[:, a] * y[:, b]
-        return out
-
-    return Imperfection("product", {}, sensor=act)
+    channel = np.eye(6)[into]
+    return Imperfection(
+        "product", {}, sensor=lambda y: y + np.outer(factor * y[:, a] * y[:, b], channel)
+    )
 
 
-def compressor(design: ExperimentDesign, rng: np.random.Generator) -> Imperfection:
+def compressor(design: ExperimentDesign, rng: Rng) -> Imperfection:
     """The zero shifts whenever a compressor runs: a square wave in time."""
     period = float(np.ptp(design.t)) / rng.uniform(3.0, 9.0)
     phase = ((design.t - design.t[0]) / period + rng.uniform()) % 1.0
     on = phase < rng.uniform(0.3, 0.6)
-    return _zero("compressor", on[:, None] * _few(design, rng))
+    return _zero("compressor", on[:, None] * _some_channels(design, rng))
 
 
-def bursts(design: ExperimentDesign, rng: np.random.Generator) -> Imperfection:
+def bursts(design: ExperimentDesign, rng: Rng) -> Imperfection:
     """Now and then, for a moment, the reading is far off."""
     count, n = int(rng.integers(2, 6)), len(design)
     shift = np.zeros((n, 6))
     for _ in range(count):
-        start = int(rng.integers(n))
+        first = int(rng.integers(n))
         length = int(rng.integers(1, max(2, n // 25)))
-        shift[start : start + length] = rng.standard_t(3.0, 6)
-    return _zero("bursts", 3.0 * shift * _few(design, rng))
+        shift[first : first + length] = rng.standard_t(3.0, 6)
+    return _zero("bursts", 3.0 * shift * _some_channels(design, rng))
 
 
-def third_harmonic(design: ExperimentDesign, rng: np.random.Generator) -> Imperfection:
-    """A zero that goes three times around with the wrist."""
+def third_harmonic(design: ExperimentDesign, rng: Rng) -> Imperfection:
+    """A zero that varies three times per turn of the wrist."""
     if design.has_joints:
         angle = design.q[:, -1]
     else:
-        felt = design.motion.felt
-        angle = np.arctan2(felt[:, 1], felt[:, 0])
+        specific = design.motion.specific_force
+        angle = np.arctan2(specific[:, 1], specific[:, 0])
     phase = rng.uniform(0.0, 2.0 * np.pi, 6)
-    return _zero("third_harmonic", np.sin(3.0 * angle[:, None] + phase) * _few(design, rng))
+    wave = np.sin(3.0 * angle[:, None] + phase)
+    return _zero("third_harmonic", wave * _some_channels(design, rng))
 
 
-def slow_liquid(design: ExperimentDesign, rng: np.random.Generator) -> Imperfection:
+def slow_liquid(design: ExperimentDesign, rng: Rng) -> Imperfection:
     """A thick liquid follows gravity with a lag of several poses."""
-    way = design.path
-    lag = max(float(np.ptp(way.t)), 1e-9) * rng.uniform(0.02, 0.1)
-    level = relax(way.t, way.felt, lag)[way.at] / 9.81
+    path = design.path
+    lag = max(float(np.ptp(path.t)), 1e-9) * rng.uniform(0.02, 0.1)
+    level = relax(path.t, path.specific_force, lag)[path.at] / _G
     shift = 4e-3 * (level**2 - level.mean(axis=0) ** 2) * rng.standard_normal(3)
-
-    def act(load: RigidLoad, motion: SensorMotion) -> RigidLoad:
-        return RigidLoad(load.mass, load.cog + shift, load.inertia, load.sensor_mass)
-
-    return Imperfection("slow_liquid", {}, tool=act)
+    return _cog("slow_liquid", shift)
 
 
 _ALL: tuple[Family, ...] = (

@@ -1,6 +1,7 @@
 """Readings of a case: full recordings row by row, or the means of its holds.
 
-Noise of rows: heavy tails, memory, correlation between channels and a slow wander.
+Noise of rows has heavy tails, memory, correlation between channels and a slow wander. Its ranges
+are estimates.
 """
 
 from dataclasses import dataclass
@@ -10,85 +11,13 @@ from scipy.signal import lfilter
 
 from wrenchbed.benchmark.lookalikes.case import LookalikeCase
 from wrenchbed.benchmark.lookalikes.design import ExperimentDesign
-from wrenchbed.benchmark.lookalikes.imperfection import held_rows, slow_noise
+from wrenchbed.benchmark.lookalikes.imperfection import held_rows
+from wrenchbed.benchmark.lookalikes.memory import slow_noise
 from wrenchbed.data.recording import QUATERNION, Recording
 from wrenchbed.physics.wrench import CHANNELS
 
 WANDER = 0.3
 """Largest rms of the wander between holds in noises of one row: a gap below 0.1."""
-
-
-@dataclass(frozen=True, eq=False)
-class Law:
-    """How one robot's rows scatter, in units of ``noise_std``.
-
-    Attributes:
-        level: per channel (6,), about 1.
-        tails: share of rows that are Student-t with ``freedom`` degrees of freedom.
-        freedom: 4 to 8.
-        memory: share of the variance that is AR(1) with coefficient ``keep``.
-        keep: 0 to 0.6.
-        mixing: (6, 6) root of the correlation between channels.
-        wander: rms of the wander per channel (6,).
-    """
-
-    level: np.ndarray
-    tails: float
-    freedom: float
-    memory: float
-    keep: float
-    mixing: np.ndarray
-    wander: np.ndarray
-
-
-def noise_law(rng: np.random.Generator) -> Law:
-    """A random law."""
-    lean = 0.25 * rng.standard_normal((6, 6))
-    root = np.eye(6) + lean
-    root = root / np.linalg.norm(root, axis=1, keepdims=True)
-    return Law(
-        level=rng.uniform(0.95, 1.05, 6),
-        tails=rng.uniform(0.0, 0.7),
-        freedom=rng.uniform(4.0, 8.0),
-        memory=rng.uniform(0.0, 0.6),
-        keep=rng.uniform(0.0, 0.6),
-        mixing=root,
-        wander=rng.uniform(0.0, WANDER) * rng.uniform(0.6, 1.0, 6),
-    )
-
-
-def rows(design: ExperimentDesign, law: Law, rng: np.random.Generator, samples: int) -> np.ndarray:
-    """Noise (H, samples, 6) [N, N·m], without the wander; in motion one run of all rows."""
-    count = len(design)
-    shape = (1, count, 6) if design.moving else (count, samples, 6)
-    white = rng.standard_normal(shape)
-    heavy = rng.uniform(size=shape[:2]) < law.tails
-    spread = np.sqrt((law.freedom - 2.0) / rng.chisquare(law.freedom, shape[:2]))
-    white *= np.where(heavy, spread, 1.0)[..., None]
-    kicks = rng.standard_normal(shape) * np.sqrt(1.0 - law.keep**2)
-    start = law.keep * rng.standard_normal((shape[0], 1, 6))
-    slow = lfilter([1.0], [1.0, -law.keep], kicks, axis=1, zi=start)[0]
-    unit = np.sqrt(1.0 - law.memory) * white + np.sqrt(law.memory) * slow
-    mixed = unit @ law.mixing.T * (law.level * design.noise_std)
-    return mixed.reshape(count, -1, 6)
-
-
-def of_means(
-    design: ExperimentDesign, law: Law, rng: np.random.Generator, samples: int
-) -> np.ndarray:
-    """Noise of the means of ``samples`` rows (H, 6), without the wander."""
-    n, a = samples, law.keep
-    together = (1.0 + a) / (1.0 - a) - 2.0 * a * (1.0 - a**n) / (n * (1.0 - a) ** 2)
-    variance = ((1.0 - law.memory) + law.memory * together) / n
-    unit = rng.standard_normal((len(design), 6)) @ law.mixing.T
-    return np.asarray(np.sqrt(variance) * unit * law.level * design.noise_std)
-
-
-def wander(design: ExperimentDesign, law: Law, rng: np.random.Generator) -> np.ndarray:
-    """1/f wander (N, 6) [N, N·m] over the run."""
-    return slow_noise(rng, len(design), 6) * law.wander * design.noise_std
-
-
 _ENCODER = 4e-6
 """Scatter of joint readings at rest, in motion a hundredth of it [rad or m]."""
 _FEW = 10
@@ -96,16 +25,16 @@ _FEW = 10
 
 
 def recording(design: ExperimentDesign, case: LookalikeCase) -> Recording:
-    """All rows of a case, with noise, clock jitter and whatever happens between rows."""
+    """All rows of a case, with noise, clock jitter and everything that happens between rows."""
     rng = np.random.default_rng([case.seed, 3])
     rows = _rows(design, case)
     count, samples = rows.shape[:2]
-    beat = (np.arange(samples) - (samples - 1) / 2.0) / design.rate
+    offset = (np.arange(samples) - (samples - 1) / 2.0) / design.rate
     if design.moving:
         t = design.t
     else:
         jitter = np.clip(rng.normal(0.0, 0.04, (count, samples)), -0.3, 0.3) / design.rate
-        t = (design.t[:, None] + beat + jitter).ravel()
+        t = (design.t[:, None] + offset + jitter).ravel()
         least = 1e-3 / design.rate * np.arange(len(t))  # holds of uneven length may touch
         t = np.maximum.accumulate(t - least) + least
         t = t - min(0.0, float(t[0]))
@@ -137,7 +66,7 @@ def means(design: ExperimentDesign, case: LookalikeCase) -> np.ndarray:
     rng = np.random.default_rng([case.seed, 2])
     law = noise_law(rng)
     y = case.clean + wander(design, law, rng)
-    scatter = of_means(design, law, rng, design.samples)
+    scatter = mean_noise(design, law, rng, design.samples)
     for r in changed:
         scatter = scatter * r.gain
     for r in changed:
@@ -147,13 +76,86 @@ def means(design: ExperimentDesign, case: LookalikeCase) -> np.ndarray:
     return y + scatter
 
 
+@dataclass(frozen=True, eq=False)
+class NoiseLaw:
+    """How one robot's rows scatter, in units of ``noise_std``.
+
+    Attributes:
+        level: per channel (6,), about 1.
+        tails: share of rows that are Student-t with ``freedom`` degrees of freedom.
+        freedom: 4 to 8.
+        memory: share of the variance that is AR(1) with coefficient ``keep``.
+        keep: 0 to 0.6.
+        mixing: (6, 6) root of the correlation between channels.
+        wander: rms of the wander per channel (6,).
+    """
+
+    level: np.ndarray
+    tails: float
+    freedom: float
+    memory: float
+    keep: float
+    mixing: np.ndarray
+    wander: np.ndarray
+
+
+def noise_law(rng: np.random.Generator) -> NoiseLaw:
+    """A random law."""
+    lean = 0.25 * rng.standard_normal((6, 6))
+    root = np.eye(6) + lean
+    root = root / np.linalg.norm(root, axis=1, keepdims=True)
+    return NoiseLaw(
+        level=rng.uniform(0.95, 1.05, 6),
+        tails=rng.uniform(0.0, 0.7),
+        freedom=rng.uniform(4.0, 8.0),
+        memory=rng.uniform(0.0, 0.6),
+        keep=rng.uniform(0.0, 0.6),
+        mixing=root,
+        wander=rng.uniform(0.0, WANDER) * rng.uniform(0.6, 1.0, 6),
+    )
+
+
+def row_noise(
+    design: ExperimentDesign, law: NoiseLaw, rng: np.random.Generator, samples: int
+) -> np.ndarray:
+    """Noise (H, samples, 6) [N, N·m], without the wander; in motion one run of all rows."""
+    count = len(design)
+    shape = (1, count, 6) if design.moving else (count, samples, 6)
+    white = rng.standard_normal(shape)
+    heavy = rng.uniform(size=shape[:2]) < law.tails
+    spread = np.sqrt((law.freedom - 2.0) / rng.chisquare(law.freedom, shape[:2]))
+    white *= np.where(heavy, spread, 1.0)[..., None]
+    kicks = rng.standard_normal(shape) * np.sqrt(1.0 - law.keep**2)
+    initial = law.keep * rng.standard_normal((shape[0], 1, 6))
+    slow = lfilter([1.0], [1.0, -law.keep], kicks, axis=1, zi=initial)[0]
+    unit = np.sqrt(1.0 - law.memory) * white + np.sqrt(law.memory) * slow
+    mixed = unit @ law.mixing.T * (law.level * design.noise_std)
+    return mixed.reshape(count, -1, 6)
+
+
+def mean_noise(
+    design: ExperimentDesign, law: NoiseLaw, rng: np.random.Generator, samples: int
+) -> np.ndarray:
+    """Noise of the means of ``samples`` rows (H, 6), without the wander."""
+    n, a = samples, law.keep
+    together = (1.0 + a) / (1.0 - a) - 2.0 * a * (1.0 - a**n) / (n * (1.0 - a) ** 2)
+    variance = ((1.0 - law.memory) + law.memory * together) / n
+    unit = rng.standard_normal((len(design), 6)) @ law.mixing.T
+    return np.asarray(np.sqrt(variance) * unit * law.level * design.noise_std)
+
+
+def wander(design: ExperimentDesign, law: NoiseLaw, rng: np.random.Generator) -> np.ndarray:
+    """1/f wander (N, 6) [N, N·m] over the run."""
+    return slow_noise(rng, len(design), 6) * law.wander * design.noise_std
+
+
 def _rows(design: ExperimentDesign, case: LookalikeCase) -> np.ndarray:
     """Rows (N, samples, 6) [N, N·m]."""
     rng = np.random.default_rng([case.seed, 2])
     law = noise_law(rng)
     samples = 1 if design.moving else design.samples
     slow = wander(design, law, rng)
-    scatter = rows(design, law, rng, samples)
+    scatter = row_noise(design, law, rng, samples)
     load = case.unclipped
     if design.moving:  # the clock of the sensor jitters
         late = np.clip(rng.normal(0.0, 1.5e-4, len(load)), -5e-4, 5e-4)

@@ -1,17 +1,46 @@
-"""Faults of the arm: its zeros, gears, links, base and flange."""
+"""Faults of the arm: its flange, zeros, gears, links and base.
+
+Typical sizes and ranges are estimates.
+"""
 
 from dataclasses import replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from wrenchbed.benchmark.referee.fault import RefereeFault, about, direction, sign
-from wrenchbed.benchmark.referee.machine import Mechanics, Play
+from wrenchbed.benchmark.referee.fault import (
+    RefereeFault,
+    Rng,
+    RowFault,
+    about,
+    direction,
+    drawn,
+    sign,
+)
+from wrenchbed.benchmark.referee.machine import Backlash, Mechanics
 from wrenchbed.benchmark.referee.setting import RefereeSetting
 
-Rng = np.random.Generator
+_TONE = 0.9
+"""Share of the lowest tone in the vibration of a machine nearby: an estimate."""
 
 
+@drawn("mount.rotation", compared=r"rotation\.[xyz]")
+def mount(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
+    """A sensor mounted with a rotation of about 0.4°, often about the axis of its bolts."""
+    axis = direction(rng)
+    if rng.uniform() < 0.35:
+        axis = np.array([0.0, 0.0, sign(rng)]) + 0.2 * axis
+    vector = about(rng, np.deg2rad(0.4) * size) * axis / np.linalg.norm(axis)
+    true = {f"rotation.{a}": float(v) for a, v in zip("xyz", vector, strict=True)}
+
+    def body(m: Mechanics) -> Mechanics:
+        both = Rotation.from_rotvec(m.mount) * Rotation.from_rotvec(vector)
+        return replace(m, mount=both.as_rotvec())
+
+    return RefereeFault("mount.rotation", true, size, body=body)
+
+
+@drawn("joint.offset", compared=r"offset\.q\d")
 def offset(setting: RefereeSetting, rng: Rng, size: float, j: int | None = None) -> RefereeFault:
     """The zero of a joint, about 0.2° or 1 mm off."""
     k = _joint(setting, rng) if j is None else j
@@ -25,39 +54,42 @@ def offset(setting: RefereeSetting, rng: Rng, size: float, j: int | None = None)
     return RefereeFault("joint.offset", {f"offset.q{k + 1}": value}, size, body=body)
 
 
+@drawn("joint.compliance", compared=r"compliance\.q\d")
 def compliance(
     setting: RefereeSetting, rng: Rng, size: float, j: int | None = None
 ) -> RefereeFault:
-    """A gear that gives: a hinge behind the drive, about 15,000 or 5,000 N·m/rad."""
-    k = _turning(setting, rng) if j is None else j
+    """A compliant gear: a hinge behind the drive, about 15,000 or 5,000 N·m/rad."""
+    k = _rotating(setting, rng) if j is None else j
     strong = setting.robot.name == "ur5" and k < 3
-    give = about(rng, size / (1.5e4 if strong else 5e3))
-    more = give * np.eye(len(setting.robot.joints))[k]
+    compliance = about(rng, size / (1.5e4 if strong else 5e3))
+    more = compliance * np.eye(len(setting.robot.joints))[k]
     return RefereeFault(
         "joint.compliance",
-        {f"compliance.q{k + 1}": give},
+        {f"compliance.q{k + 1}": compliance},
         size,
-        body=lambda m: replace(m, give=m.give + more),
+        body=lambda m: replace(m, compliance=m.compliance + more),
     )
 
 
+@drawn("joint.backlash", adds=False)
 def backlash(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
-    """Play between drive and link, about 0.08° wide: the weight finds its side."""
-    k = _turning(setting, rng)
+    """Backlash between drive and link, about 0.08° wide: the weight decides the side."""
+    k = _rotating(setting, rng)
     width = about(rng, np.deg2rad(0.08) * size)
     strong = setting.robot.name == "ur5" and k < 3
-    play = Play(width, float(rng.uniform(0.1, 0.8) if strong else rng.uniform(0.01, 0.08)))
+    gap = Backlash(width, float(rng.uniform(0.1, 0.8) if strong else rng.uniform(0.01, 0.08)))
     true = {"width": width, "joint": float(k + 1)}
     return RefereeFault(
-        "joint.backlash", true, size, body=lambda m: replace(m, play={**m.play, k: play})
+        "joint.backlash", true, size, body=lambda m: replace(m, backlash={**m.backlash, k: gap})
     )
 
 
+@drawn("joint.gear_error", adds=False)
 def gear_error(
     setting: RefereeSetting, rng: Rng, size: float, j: int | None = None
 ) -> RefereeFault:
     """A gear that runs unevenly, about 4′, with an overtone; lowest order 1 to 4 a turn."""
-    k = _turning(setting, rng) if j is None else j
+    k = _rotating(setting, rng) if j is None else j
     order = int(rng.choice([1, 2, 3, 4], p=[0.4, 0.4, 0.1, 0.1]))
     wave = about(rng, np.deg2rad(4.0 / 60.0) * size)
     phase, over = rng.uniform(-np.pi, np.pi, 2), rng.uniform(0.0, 0.2)
@@ -73,17 +105,22 @@ def gear_error(
     )
 
 
+@drawn("joint.clearance", loops=True)
 def clearance(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
-    """Pins that close loops, with a play of about 40 µm."""
+    """Pins that close loops, with a clearance of about 40 µm."""
     pins = loops(setting)
     count = int(rng.integers(1, len(pins) + 1))
     chosen = rng.choice(len(pins), count, replace=False)
-    slack = {pins[int(k)]: about(rng, 4e-5 * size) for k in chosen}
+    radius = {pins[int(k)]: about(rng, 4e-5 * size) for k in chosen}
     return RefereeFault(
-        "joint.clearance", slack, size, body=lambda m: replace(m, slack={**m.slack, **slack})
+        "joint.clearance",
+        radius,
+        size,
+        body=lambda m: replace(m, clearance={**m.clearance, **radius}),
     )
 
 
+@drawn("link.length", loops=True, compared=r"length\.[A-Z]\d\d?[yz]?")
 def link_length(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """A link of a closed chain, about 0.7 mm too long or too short."""
     names = [n for n in setting.robot.parameters.names if n[0] == "L" and n[1:].isdigit()]
@@ -99,21 +136,23 @@ def geometry(setting: RefereeSetting, errors: dict[str, float], size: float = 0.
     return RefereeFault("link.length", true, size, body=lambda m: replace(m, theta=m.theta + shift))
 
 
+@drawn("base.tilt", compared="[xy]")
 def tilt(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
-    """A base about 0.4° out of level; gravity turns by as much as the base sees it."""
-    way = rng.uniform(-np.pi, np.pi)
-    turn = about(rng, np.deg2rad(0.4) * size) * np.array([np.cos(way), np.sin(way), 0.0])
-    turned = Rotation.from_rotvec(turn)
+    """A base about 0.4° out of level: gravity rotates in its axes."""
+    heading = rng.uniform(-np.pi, np.pi)
+    vector = about(rng, np.deg2rad(0.4) * size) * np.array([np.cos(heading), np.sin(heading), 0.0])
+    rotation = Rotation.from_rotvec(vector)
     return RefereeFault(
         "base.tilt",
-        {"x": float(turn[0]), "y": float(turn[1])},
+        {"x": float(vector[0]), "y": float(vector[1])},
         size,
-        body=lambda m: replace(m, gravity=turned.apply(m.gravity)),
+        body=lambda m: replace(m, gravity=rotation.apply(m.gravity)),
     )
 
 
+@drawn("base.compliance")
 def base_compliance(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
-    """A floor that gives about 2e-5 rad/(N·m) about one axis and less about the other."""
+    """A floor with a compliance of about 2e-5 rad/(N·m) about one axis, less about the other."""
     most = about(rng, 2e-5 * size)
     lean = np.array([most, most * rng.uniform(0.3, 0.9)])
     heading = float(rng.uniform(-np.pi, np.pi))
@@ -125,19 +164,34 @@ def base_compliance(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFa
     )
 
 
-def mount(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
-    """A sensor bolted on about 0.4° askew, often about the bolts' circle."""
-    axis = direction(rng)
-    if rng.uniform() < 0.35:
-        axis = np.array([0.0, 0.0, sign(rng)]) + 0.2 * axis
-    turn = about(rng, np.deg2rad(0.4) * size) * axis / np.linalg.norm(axis)
-    true = {f"rotation.{a}": float(t) for a, t in zip("xyz", turn, strict=True)}
+@drawn("base.vibration", between=True)
+def vibration(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
+    """A machine nearby: a tone of 7 to 40 Hz with varying amplitude and an overtone, or a rumble."""
+    mass = setting.metadata.tool.mass
+    assert mass is not None
+    level = about(rng, 1.3 * float(setting.noise[:3].min()) / mass * size)
+    axis = direction(rng) * [1.0, 1.0, 0.7]
+    axis /= np.linalg.norm(axis)
+    top = 0.4 * float(setting.metadata.rate_hz or 100.0)
+    rumble = rng.uniform() < 0.2
+    f, phase, seed = (
+        rng.uniform(7.0, min(40.0, top)),
+        rng.uniform(0, 6.28, 3),
+        int(rng.integers(2**32)),
+    )
 
-    def body(m: Mechanics) -> Mechanics:
-        both = Rotation.from_rotvec(m.turn) * Rotation.from_rotvec(turn)
-        return replace(m, turn=both.as_rotvec())
+    def shake(t: np.ndarray) -> np.ndarray:
+        if rumble:
+            wave = np.random.default_rng(seed).standard_normal(len(t))
+        else:
+            swell = 1.0 + 0.35 * np.sin(2 * np.pi * 0.07 * t + phase[0])
+            tone = np.sin(2 * np.pi * f * t + phase[1])
+            tone = _TONE * tone + (1 - _TONE) * np.sin(4 * np.pi * f * t + phase[2])
+            wave = swell * tone * np.sqrt(2.0 / (1.061 * (_TONE**2 + (1 - _TONE) ** 2)))
+        return np.outer(level * wave, axis)
 
-    return RefereeFault("mount.rotation", true, size, body=body)
+    true = {"acceleration": level}
+    return RefereeFault("base.vibration", true, size, rows=RowFault(shake=shake))
 
 
 def loops(setting: RefereeSetting) -> list[str]:
@@ -147,10 +201,10 @@ def loops(setting: RefereeSetting) -> list[str]:
 
 
 def _joint(setting: RefereeSetting, rng: Rng) -> int:
-    """Any joint but the first: a rail moves nothing about, and no wrench sees the first turn."""
+    """Any joint but the first: no wrench shows a rail's position or a rotation about gravity."""
     return int(rng.integers(1, len(setting.robot.joints)))
 
 
-def _turning(setting: RefereeSetting, rng: Rng) -> int:
-    turning = [k for k, j in enumerate(setting.robot.joints) if j.unit == "rad" and k]
-    return int(rng.choice(turning))
+def _rotating(setting: RefereeSetting, rng: Rng) -> int:
+    rotating = [k for k, j in enumerate(setting.robot.joints) if j.unit == "rad" and k]
+    return int(rng.choice(rotating))

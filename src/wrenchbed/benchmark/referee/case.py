@@ -1,4 +1,7 @@
-"""One sealed case: a robot, what is wrong with it, and what its sensor read."""
+"""One case: a robot, its faults, and the recording of its sensor.
+
+Shares, thresholds beyond the contract's and ranges of sizes are estimates.
+"""
 
 from dataclasses import dataclass
 
@@ -31,6 +34,7 @@ LIBRARY_LEAVES = 1.0
 LARGEST_MINOR = 0.42
 """Gap of all minor imperfections together, at most."""
 _TRIES = 40
+"""Causes that are drawn before giving up."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,11 +42,11 @@ class TrueCause:
     """A fault that counts.
 
     Attributes:
-        fault: itself.
+        fault: the fault.
         signature: what it adds to a clean reading where readings are compared (n, 6).
         gap: that it adds; of a cause between rows the mean rise of a row's variance.
-        world: with it.
-        rows: largest rise of a channel's row variance, 0 of a cause that means show.
+        world: the robot with it.
+        rows: largest rise of a channel's row variance, 0 for a cause that shows in means.
     """
 
     fault: RefereeFault
@@ -59,12 +63,12 @@ class RefereeCase:
     Attributes:
         kind: one of `KINDS`.
         recording: what an entrant gets.
-        causes: what is wrong; of an outside case that fault.
-        faults: all that is not perfect, causes and background.
+        causes: of an outside case the fault outside the library.
+        faults: causes and background.
         minor: gap of the background.
-        measured: less what is stated, where readings are compared (n, 6).
+        measured: minus what is stated, where readings are compared (n, 6).
         bench: signatures of the library on this robot.
-        setting: stated and told.
+        setting: what is stated and commanded.
     """
 
     kind: str
@@ -123,8 +127,8 @@ def _caused(world: FaultyRobot, kind: str, rng: np.random.Generator) -> list[Tru
     first = _one(world, kind, possible(world.setting), rng)
     if kind == "single":
         return [first]
-    own = first.fault.name.split(".")[0]
-    others = [n for n in possible(world.setting) if n.split(".")[0] != own]
+    subsystem = first.fault.name.split(".")[0]
+    others = [n for n in possible(world.setting) if n.split(".")[0] != subsystem]
     for _ in range(4):
         second = _one(first.world, kind, others, rng)
         without = world.with_(second.fault)
@@ -141,13 +145,13 @@ def _one(world: FaultyRobot, kind: str, names: list[str], rng: np.random.Generat
         size = float(np.exp(rng.uniform(*np.log(SIZES))))
         for _ in range(2):
             try:
-                found = measured(world, EFFECTS[name].draw(world.setting, rng, size))
+                cause = measured(world, EFFECTS[name].draw(world.setting, rng, size))
             except ParameterError:  # too much for the machine
                 break
-            if enough(found, kind):
-                return found
+            if enough(cause, kind):
+                return cause
             between = EFFECTS[name].between
-            shown = found.rows if between else found.gap
+            shown = cause.rows if between else cause.gap
             wanted = 1.2 * (ROWS_NEEDED if between else NEEDED)[kind]
             least = size * float(np.sqrt(wanted / max(shown, 1e-9)))
             if least > SIZES[1]:
@@ -183,12 +187,12 @@ def _outside(world: FaultyRobot, signatures: Bench, rng: np.random.Generator) ->
     for _ in range(4 * _TRIES):
         family = outside.FAMILIES[str(rng.choice(list(outside.FAMILIES)))]
         size = float(np.exp(rng.uniform(np.log(0.5), np.log(2.0))))
-        found = measured(world, family(world.setting, rng, size))
-        if found.gap < NEEDED["outside"]:
+        fault = measured(world, family(world.setting, rng, size))
+        if fault.gap < NEEDED["outside"]:
             continue
-        left = signatures.imitated(found.signature, configured=False, bounded=False)
-        if min(left.values()) >= LIBRARY_LEAVES:
-            return found
+        remaining = signatures.imitated(fault.signature, configured=False, bounded=False)
+        if min(remaining.values()) >= LIBRARY_LEAVES:
+            return fault
     raise ParameterError("no fault outside the library shows")
 
 

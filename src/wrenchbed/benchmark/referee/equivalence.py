@@ -1,4 +1,4 @@
-"""Which effects one robot's data cannot tell apart, and what an oracle could say of it."""
+"""Which effects one robot's data cannot distinguish: how well each can imitate a signature."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -13,16 +13,17 @@ from wrenchbed.benchmark.referee.ride import Ride
 from wrenchbed.benchmark.referee.setting import RefereeSetting
 
 SAME = 0.1
-"""An effect that imitates another up to this gap cannot be told from it: minor imperfections
-together may leave four times as much."""
+"""An effect that imitates another up to this gap cannot be distinguished from it: an estimate;
+minor imperfections together may leave four times as much."""
 LARGEST = 8.0
-"""Largest size, in multiples of typical, of an effect that imitates another."""
+"""Largest size, in multiples of typical, of an effect that imitates another: an estimate."""
 _NEAREST = 4
+"""Variants that are fitted with bounds."""
 
 
 @dataclass(frozen=True, eq=False)
 class Usual:
-    """What every fit takes out of a difference: bias, mass and CoG.
+    """The part of a difference that every fit removes: bias, mass and CoG.
 
     Attributes:
         noise: of a row (6,).
@@ -55,14 +56,18 @@ class Block(NamedTuple):
     q: np.ndarray
     r: np.ndarray
 
-    def leaves(self, x: np.ndarray, whole: float, bounded: bool) -> float:
-        """Square of what the best imitation leaves of x (6 n,), with sizes a robot may have."""
-        seen = self.q.T @ x
-        free = whole - float(seen @ seen)
+    def residual(self, x: np.ndarray, bounded: bool) -> float:
+        """Squared residual of x (6 n,) after the best imitation.
+
+        Args:
+            bounded: with sizes that a robot may have.
+        """
+        projection = self.q.T @ x
+        free = float(x @ x) - float(projection @ projection)
         if not bounded:
             return free
-        best = lsq_linear(self.r, seen, (-LARGEST, LARGEST)).x
-        return free + float(np.sum((self.r @ best - seen) ** 2))
+        best = lsq_linear(self.r, projection, (-LARGEST, LARGEST)).x
+        return free + float(np.sum((self.r @ best - projection) ** 2))
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,36 +86,35 @@ class Bench:
     def imitated(
         self, signature: np.ndarray, configured: bool, bounded: bool = True
     ) -> dict[str, float]:
-        """Gap that each effect leaves of a signature (n, 6) when it imitates it as well as it can.
+        """Gap that remains of a signature (n, 6) when each effect imitates it as well as it can.
 
         Args:
             bounded: with sizes that a robot may have, where any sizes imitate it.
         """
         x = self.usual.white(signature, configured)
-        whole, every = float(x @ x), self.alone if configured else self.beside
-        found = {}
-        for name, own in every.items():
-            free = [b.leaves(x, whole, bounded=False) for b in own]
-            near = sorted(range(len(own)), key=lambda k: free[k])[:_NEAREST]
+        remaining = {}
+        for name, variants in (self.alone if configured else self.beside).items():
+            free = [b.residual(x, bounded=False) for b in variants]
+            near = sorted(range(len(variants)), key=lambda k: free[k])[:_NEAREST]
             least = free[near[0]]
             if bounded and least <= SAME * len(x):
-                least = min(own[k].leaves(x, whole, bounded=True) for k in near)
-            found[name] = max(0.0, least) / len(x)
-        return found
+                least = min(variants[k].residual(x, bounded=True) for k in near)
+            remaining[name] = max(0.0, least) / len(x)
+        return remaining
 
     def alike(self, name: str, signature: np.ndarray) -> list[str]:
-        """Other effects that this data cannot tell from one with a signature (n, 6)."""
-        found = self.imitated(signature, name in STATED)
-        near = [k for k, left in found.items() if k != name and left <= SAME]
-        return sorted(near, key=lambda k: found[k])
+        """Other effects that this data cannot distinguish from one with a signature (n, 6)."""
+        remaining = self.imitated(signature, name in STATED)
+        near = [k for k, gap in remaining.items() if k != name and gap <= SAME]
+        return sorted(near, key=lambda k: remaining[k])
 
-    def shows(self, seen: np.ndarray, signature: np.ndarray, configured: bool) -> bool:
-        """Whether data holds an exact signature: it takes away half of what it should, or more.
+    def shows(self, data: np.ndarray, signature: np.ndarray, configured: bool) -> bool:
+        """Whether data contain a signature: subtracting it removes at least half of its square.
 
         Args:
-            seen: measured less stated, and less what else is known to be there (n, 6).
+            data: measured minus stated, and minus all other known faults (n, 6).
         """
-        x, s = self.usual.white(seen, configured), self.usual.white(signature, configured)
+        x, s = self.usual.white(data, configured), self.usual.white(signature, configured)
         fall = float(x @ x) - float((x - s) @ (x - s))
         return fall >= 0.5 * float(s @ s)
 
@@ -118,8 +122,8 @@ class Bench:
 def bench(setting: RefereeSetting, ride: Ride, usual: Usual) -> Bench:
     """Signatures of every effect for one robot."""
     alone, beside = {}, {}
-    for name, own in signatures.blocks(setting, ride).items():
-        white = [_white(b, setting.noise) for b in own]
+    for name, variants in signatures.blocks(setting, ride).items():
+        white = [_white(b, setting.noise) for b in variants]
         alone[name] = [_block(w) for w in white]
         beside[name] = [_block(w - usual.basis @ (usual.basis.T @ w)) for w in white]
     return Bench(usual, alone, beside)

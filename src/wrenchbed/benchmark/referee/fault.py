@@ -1,35 +1,42 @@
 """One fault of a robot: where it acts, its true numbers, and how a list of faults makes a robot.
 
-Random draws that many faults share.
+Draws of faults register themselves with `drawn`, each in the file of its family. Ranges of the
+random draws that many faults share are estimates.
 """
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any, TypeVar
 
 import numpy as np
 
 from wrenchbed.benchmark.referee.machine import Mechanics
 from wrenchbed.benchmark.referee.ride import Ride
+from wrenchbed.benchmark.referee.setting import RefereeSetting
 from wrenchbed.physics.wrench import CHANNELS
 
+Rng = np.random.Generator
+CHANNEL = "[ft][xyz]"
+"""Pattern of a channel's name."""
 
-def sign(rng: np.random.Generator) -> float:
+
+def sign(rng: Rng) -> float:
     """−1 or 1."""
     return float(rng.choice([-1.0, 1.0]))
 
 
-def about(rng: np.random.Generator, value: float, spread: float = 0.2) -> float:
+def about(rng: Rng, value: float, spread: float = 0.2) -> float:
     """A value within a factor of exp(±2 spread) or so."""
     return float(value * np.exp(spread * np.clip(rng.standard_normal(), -2.0, 2.0)))
 
 
-def direction(rng: np.random.Generator) -> np.ndarray:
+def direction(rng: Rng) -> np.ndarray:
     """A unit vector (3,)."""
     v = rng.standard_normal(3)
     return np.asarray(v / np.linalg.norm(v))
 
 
-def touched(rng: np.random.Generator) -> np.ndarray:
+def touched(rng: Rng) -> np.ndarray:
     """Signed weights (6,) of channels: one, two, three of a kind or all; the largest is ±1."""
     few = int(rng.choice([1, 2, 3, 6], p=[0.45, 0.2, 0.15, 0.2]))
     chosen = np.zeros(6, dtype=bool)
@@ -97,6 +104,48 @@ class RefereeFault:
     rows: RowFault | None = None
 
 
+@dataclass(frozen=True)
+class RefereeEffect:
+    """How an effect is drawn and compared.
+
+    Attributes:
+        draw: of a size in multiples of typical.
+        motion: it shows only in motion.
+        loops: only robots with closed loops have it.
+        between: only the scatter of rows shows it.
+        adds: its numbers add up with those of minor imperfections of the same name.
+        compared: names (a regular expression) of the numbers that mean the same to the referee and
+            to the library. The moment of a jump is not compared: any moment between two poses is as
+            true as another.
+    """
+
+    draw: Callable[[RefereeSetting, Rng, float], RefereeFault]
+    motion: bool = False
+    loops: bool = False
+    between: bool = False
+    adds: bool = True
+    compared: str = ""
+
+
+DRAWN: dict[str, RefereeEffect] = {}
+"""Every effect by name, in the order of the files' import."""
+Draw = TypeVar("Draw", bound=Callable[..., RefereeFault])
+
+
+def drawn(name: str, **options: Any) -> Callable[[Draw], Draw]:
+    """Register a function as the draw of an effect.
+
+    Args:
+        options: fields of `RefereeEffect`.
+    """
+
+    def register(draw: Draw) -> Draw:
+        DRAWN[name] = RefereeEffect(draw, **options)
+        return draw
+
+    return register
+
+
 def mechanics(start: Mechanics, faults: Sequence[RefereeFault]) -> Mechanics:
     """The machine with all faults of its body."""
     for fault in faults:
@@ -106,7 +155,7 @@ def mechanics(start: Mechanics, faults: Sequence[RefereeFault]) -> Mechanics:
 
 
 def signal(ride: Ride, faults: Sequence[RefereeFault]) -> np.ndarray:
-    """What the sensor shows at every instant (T, 6) [N, N·m], without noise and range."""
+    """What the sensor reads at every instant (T, 6) [N, N·m], without noise and range."""
     y = ride.load
     for fault in faults:
         if fault.load is not None:

@@ -1,9 +1,8 @@
-"""The true machine in MuJoCo: hidden hinges that give, stops, hoses and pads that really push.
+"""The true machine in MuJoCo: compliant hidden hinges, stops, hoses and pads that push.
 
-Drives are prescribed: each has an armature so large that nothing moves it but the acceleration it
-is told. Everything else follows from the equations of motion, by MuJoCo's implicit integrator.
-
-What the robot truly is, mechanically: numbers that a MuJoCo model is built from.
+Drives are prescribed: each has an armature so large that only the commanded acceleration moves it.
+Everything else follows from the equations of motion, by MuJoCo's implicit integrator. Dampings and
+armatures are estimates: large enough for a stable simulation at its step.
 """
 
 from collections.abc import Callable, Mapping
@@ -20,21 +19,21 @@ Drive = Callable[[np.ndarray], np.ndarray]
 
 
 @dataclass(frozen=True)
-class Play:
-    """A gear with play: its whole width [rad] and the friction inside it [N·m]."""
+class Backlash:
+    """A gear with backlash: its full width [rad] and the friction inside it [N·m]."""
 
     width: float
     friction: float
 
 
 @dataclass(frozen=True, eq=False)
-class Loose:
+class LoosePart:
     """A part of the tool that slides between two stops.
 
     Attributes:
         share: of the tool's mass.
         axis: it slides along, sensor axes (3,).
-        stop: half its way [m].
+        stop: half its travel [m].
         stick: friction as a share of its weight.
     """
 
@@ -56,7 +55,7 @@ class Hose:
 
 @dataclass(frozen=True, eq=False)
 class Pad:
-    """A sprung pad in the way of the tool's end.
+    """A sprung pad that the tool's end can touch.
 
     Attributes:
         point: on its face at rest (3,) [m].
@@ -82,31 +81,31 @@ class Mechanics:
     Attributes:
         theta: its geometry and load, the robot's own parameters (P,).
         gravity: in the axes of the nominal world (3,) [m/s²].
-        give: compliance of each driven joint (J,) [rad/(N·m)], 0 for sliding ones.
+        compliance: of each driven joint (J,) [rad/(N·m)], 0 for sliding ones.
         mass: factor on the mass of each body by name.
         drive: errors between reported joint values and where the drives are.
-        play: of driven joints, by index.
-        slack: radius of the play of a pin that closes a loop, by its name [m].
+        backlash: of driven joints, by index.
+        clearance: radial, of a pin that closes a loop, by its name [m].
         lean: compliance of the base about two axes (2,) [rad/(N·m)].
         heading: of the first of these axes in the base's plane [rad].
         bend: compliance of the tool's root about x and y (2,) [rad/(N·m)].
         root: height of that root above the sensor's origin [m].
-        turn: rotation vector of the sensor on its flange (3,) [rad].
+        mount: rotation vector of the sensor on its flange (3,) [rad].
     """
 
     theta: np.ndarray
     gravity: np.ndarray
-    give: np.ndarray
+    compliance: np.ndarray
     mass: Mapping[str, float] = field(default_factory=dict)
     drive: tuple[Drive, ...] = ()
-    play: Mapping[int, Play] = field(default_factory=dict)
-    slack: Mapping[str, float] = field(default_factory=dict)
+    backlash: Mapping[int, Backlash] = field(default_factory=dict)
+    clearance: Mapping[str, float] = field(default_factory=dict)
     lean: np.ndarray = field(default_factory=lambda: np.zeros(2))
     heading: float = 0.0
     bend: np.ndarray = field(default_factory=lambda: np.zeros(2))
     root: float = 0.0
-    turn: np.ndarray = field(default_factory=lambda: np.zeros(3))
-    loose: Loose | None = None
+    mount: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    loose: LoosePart | None = None
     hose: Hose | None = None
     pad: Pad | None = None
 
@@ -123,12 +122,15 @@ _DAMPING_S = 6e-3
 """Damping of a hidden spring over its stiffness [s]."""
 _BEARING = 0.02
 """Damping of a joint that is not driven [N·m·s/rad]."""
-_PLAY_DAMPING = {False: 20.0, True: 120.0}
-"""Of a drive that crosses its play, without and with loops, which would rattle [N·m·s/rad]."""
+_BACKLASH_DAMPING = {False: 20.0, True: 120.0}
+"""Of a drive that crosses its backlash, without and with loops, which would rattle
+[N·m·s/rad]."""
 _PIN_DAMPING = 500.0
-"""Of a pin that crosses its play [N·s/m]."""
-_LEAST_GIVE = 1e-9
+"""Of a pin that crosses its clearance [N·s/m]."""
+_LEAST_COMPLIANCE = 1e-9
+"""Smaller ones are rigid [rad/(N·m)]."""
 _BEND_RATIO = 0.3
+"""Damping ratio of a tool's root."""
 _HINGE, _SLIDE = mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE
 
 
@@ -140,7 +142,7 @@ class Machine:
         robot: its kind.
         mechanics: its truth.
         model: MuJoCo's.
-        position, velocity: where the drives (J,) are in ``qpos`` and ``qvel``.
+        position, velocity: indices of the drives (J,) in ``qpos`` and ``qvel``.
     """
 
     robot: SimulatedRobot
@@ -149,7 +151,7 @@ class Machine:
     position: np.ndarray
     velocity: np.ndarray
 
-    def stand(self, data: mujoco.MjData, driven: np.ndarray) -> None:
+    def place(self, data: mujoco.MjData, driven: np.ndarray) -> None:
         """Put the machine at rest with its drives at (J,), loops closed, hidden hinges straight."""
         data.qpos[:] = self.model.qpos0
         data.qvel[:] = 0.0
@@ -174,7 +176,7 @@ def build(robot: SimulatedRobot, truth: Mechanics, step: float) -> Machine:
         body.mass *= truth.mass.get(body.name, 1.0)
     for k, joint in enumerate(robot.joints):
         _joint(spec, truth, k, joint.name, step)
-    for name, radius in truth.slack.items():
+    for name, radius in truth.clearance.items():
         _pin(spec, name, radius)
     _base(spec, truth, step)
     _tool(spec, truth, step)
@@ -185,18 +187,18 @@ def build(robot: SimulatedRobot, truth: Mechanics, step: float) -> Machine:
     if truth.pad is not None:
         _pad(spec, truth.pad)
     model = spec.compile()
-    own = [model.joint(joint.name) for joint in robot.joints]
+    drives = [model.joint(joint.name) for joint in robot.joints]
     return Machine(
         robot,
         truth,
         model,
-        np.array([j.qposadr[0] for j in own]),
-        np.array([j.dofadr[0] for j in own]),
+        np.array([j.qposadr[0] for j in drives]),
+        np.array([j.dofadr[0] for j in drives]),
     )
 
 
 def _strip(spec: mujoco.MjSpec) -> None:
-    """Leave bodies, joints, loops, sites and the wrench: no looks, servos or compensation."""
+    """Keep bodies, joints, loops, sites and the wrench: no geometry, servos or compensation."""
     for kind in (spec.actuators, spec.keys, spec.geoms):
         for element in list(kind):
             spec.delete(element)
@@ -209,20 +211,20 @@ def _strip(spec: mujoco.MjSpec) -> None:
 
 
 def _joint(spec: mujoco.MjSpec, truth: Mechanics, k: int, name: str, step: float) -> None:
-    """A drive, and behind it the play and the spring of its gear."""
+    """A drive, and behind it the backlash and the spring of its gear."""
     drive = spec.joint(name)
     drive.armature, drive.damping = ARMATURE, [0.0, 0.0, 0.0]
     body, axis = drive.parent, list(drive.axis)
-    if k in truth.play:
-        play = truth.play[k]
-        gap = body.add_joint(name=f"hidden_play_{name}", type=_HINGE, axis=axis, pos=drive.pos)
-        gap.limited, gap.range = True, [-0.5 * play.width, 0.5 * play.width]
+    if k in truth.backlash:
+        backlash = truth.backlash[k]
+        gap = body.add_joint(name=f"hidden_backlash_{name}", type=_HINGE, axis=axis, pos=drive.pos)
+        gap.limited, gap.range = True, [-0.5 * backlash.width, 0.5 * backlash.width]
         gap.solref_limit, gap.solimp_limit = [2.0 * step, 1.0], [0.99, 0.999, 1e-4, 0.5, 2.0]
-        damping = _PLAY_DAMPING[len(list(spec.equalities)) > 0]
-        gap.armature, gap.damping, gap.frictionloss = 0.5, [damping, 0.0, 0.0], play.friction
-    if drive.type == _HINGE and truth.give[k] > _LEAST_GIVE:
-        spring = body.add_joint(name=f"hidden_give_{name}", type=_HINGE, axis=axis, pos=drive.pos)
-        _spring(spring, 1.0 / truth.give[k], step)
+        damping = _BACKLASH_DAMPING[len(list(spec.equalities)) > 0]
+        gap.armature, gap.damping, gap.frictionloss = 0.5, [damping, 0.0, 0.0], backlash.friction
+    if drive.type == _HINGE and truth.compliance[k] > _LEAST_COMPLIANCE:
+        spring = body.add_joint(name=f"hidden_spring_{name}", type=_HINGE, axis=axis, pos=drive.pos)
+        _spring(spring, 1.0 / truth.compliance[k], step)
 
 
 def _spring(joint: "mujoco.MjsJoint", stiffness: float, step: float) -> None:
@@ -233,35 +235,35 @@ def _spring(joint: "mujoco.MjsJoint", stiffness: float, step: float) -> None:
 
 
 def _pin(spec: mujoco.MjSpec, name: str, radius: float) -> None:
-    """A pin with play: on one side of the loop it sits in a hole that is a little too wide."""
+    """A pin with clearance: on one side of the loop it sits in a hole that is a little too wide."""
     loop = spec.equality(name)
     end = spec.site(loop.name2)
     seat = end.parent.add_body(name=f"hidden_seat_{name}", pos=end.pos)
     seat.mass, seat.ipos, seat.explicitinertial = 1e-3, [0.0, 0.0, 0.0], True
     seat.inertia = [1e-8, 1e-8, 1e-8]
     for axis in np.eye(3)[1:]:  # five-bars lie in y and z
-        way = seat.add_joint(name=f"hidden_{name}_{axis.argmax()}", type=_SLIDE, axis=axis)
-        way.limited, way.range = True, [-radius, radius]
-        way.solref_limit, way.solimp_limit = [2e-3, 1.0], [0.99, 0.9999, 1e-6, 0.5, 2.0]
-        way.armature, way.damping = 0.5, [_PIN_DAMPING, 0.0, 0.0]
+        slide = seat.add_joint(name=f"hidden_{name}_{axis.argmax()}", type=_SLIDE, axis=axis)
+        slide.limited, slide.range = True, [-radius, radius]
+        slide.solref_limit, slide.solimp_limit = [2e-3, 1.0], [0.99, 0.9999, 1e-6, 0.5, 2.0]
+        slide.armature, slide.damping = 0.5, [_PIN_DAMPING, 0.0, 0.0]
     seat.add_site(name=f"hidden_seat_{name}")
     loop.name2 = f"hidden_seat_{name}"
 
 
 def _base(spec: mujoco.MjSpec, truth: Mechanics, step: float) -> None:
-    """The floor gives way about two axes of the base's plane."""
+    """The floor is compliant about two axes of the base's plane."""
     c, s = np.cos(truth.heading), np.sin(truth.heading)
-    for name, axis, give in zip("xy", ([c, s, 0.0], [-s, c, 0.0]), truth.lean, strict=True):
-        if give > _LEAST_GIVE:
+    for name, axis, compliance in zip("xy", ([c, s, 0.0], [-s, c, 0.0]), truth.lean, strict=True):
+        if compliance > _LEAST_COMPLIANCE:
             hinge = spec.body("base").add_joint(name=f"hidden_lean_{name}", type=_HINGE, axis=axis)
-            _spring(hinge, 1.0 / give, step)
+            _spring(hinge, 1.0 / compliance, step)
 
 
 def _tool(spec: mujoco.MjSpec, truth: Mechanics, step: float) -> None:
-    """The load moves from the sensor's body to one that hangs on it by a root that bends."""
+    """The load becomes a separate body that hangs on the sensor's by a compliant root."""
     tool = spec.body("tool")
-    turned = Rotation.from_quat(tool.quat, scalar_first=True) * Rotation.from_rotvec(truth.turn)
-    tool.quat = turned.as_quat(scalar_first=True)
+    rotation = Rotation.from_quat(tool.quat, scalar_first=True) * Rotation.from_rotvec(truth.mount)
+    tool.quat = rotation.as_quat(scalar_first=True)
     load = tool.add_body(name="hidden_load")
     load.mass, load.ipos, load.fullinertia = tool.mass, tool.ipos, tool.fullinertia
     load.ialt.type = mujoco.mjtOrientation.mjORIENTATION_QUAT
@@ -270,29 +272,29 @@ def _tool(spec: mujoco.MjSpec, truth: Mechanics, step: float) -> None:
     tool.fullinertia = [np.nan] * 6
     tool.inertia = [1e-12, 1e-12, 1e-12]
     swing = load.mass * float(np.sum((np.asarray(load.ipos) - [0, 0, truth.root]) ** 2)) + 1e-4
-    for name, axis, give in zip("xy", np.eye(3)[:2], truth.bend, strict=True):
-        if give > _LEAST_GIVE:
+    for name, axis, compliance in zip("xy", np.eye(3)[:2], truth.bend, strict=True):
+        if compliance > _LEAST_COMPLIANCE:
             hinge = load.add_joint(
                 name=f"hidden_bend_{name}", type=_HINGE, axis=axis, pos=[0.0, 0.0, truth.root]
             )
-            k = 1.0 / give
+            k = 1.0 / compliance
             hinge.limited, hinge.stiffness = False, [k, 0.0, 0.0]
             hinge.armature = max(0.0, k * step**2 / _STIFFEST - swing)
             inertia = swing + hinge.armature
             hinge.damping = [2.0 * _BEND_RATIO * float(np.sqrt(k * inertia)), 0.0, 0.0]
 
 
-def _loose(spec: mujoco.MjSpec, part: Loose) -> None:
+def _loose(spec: mujoco.MjSpec, part: LoosePart) -> None:
     load = spec.body("hidden_load")
-    whole = load.mass
-    load.mass = (1.0 - part.share) * whole
+    total = load.mass
+    load.mass = (1.0 - part.share) * total
     slide = load.add_body(name="hidden_part", pos=load.ipos)
-    slide.mass, slide.ipos, slide.explicitinertial = part.share * whole, [0.0, 0.0, 0.0], True
+    slide.mass, slide.ipos, slide.explicitinertial = part.share * total, [0.0, 0.0, 0.0], True
     slide.inertia = [1e-6, 1e-6, 1e-6]
-    way = slide.add_joint(name="hidden_slide", type=_SLIDE, axis=part.axis)
-    way.limited, way.range = True, [-part.stop, part.stop]
-    way.frictionloss = part.stick * part.share * whole * 9.81
-    way.damping = [2.0, 0.0, 0.0]
+    joint = slide.add_joint(name="hidden_slide", type=_SLIDE, axis=part.axis)
+    joint.limited, joint.range = True, [-part.stop, part.stop]
+    joint.frictionloss = part.stick * part.share * total * 9.81
+    joint.damping = [2.0, 0.0, 0.0]
 
 
 def _hose(spec: mujoco.MjSpec, hose: Hose) -> None:
@@ -308,13 +310,13 @@ def _hose(spec: mujoco.MjSpec, hose: Hose) -> None:
 def _pad(spec: mujoco.MjSpec, pad: Pad) -> None:
     """A light plate on a spring, behind a contact that is as hard as MuJoCo makes it."""
     spec.option.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
-    turn, _ = Rotation.align_vectors([pad.normal], [[0.0, 0.0, 1.0]])
+    rotation, _ = Rotation.align_vectors([pad.normal], [[0.0, 0.0, 1.0]])
     plate = spec.worldbody.add_body(
-        name="hidden_pad", pos=pad.point, quat=turn.as_quat(scalar_first=True)
+        name="hidden_pad", pos=pad.point, quat=rotation.as_quat(scalar_first=True)
     )
-    way = plate.add_joint(name="hidden_pad", type=_SLIDE, axis=[0.0, 0.0, 1.0])
-    way.limited, way.stiffness = False, [pad.stiffness, 0.0, 0.0]
-    way.damping, way.armature = [0.03 * pad.stiffness, 0.0, 0.0], 0.05
+    joint = plate.add_joint(name="hidden_pad", type=_SLIDE, axis=[0.0, 0.0, 1.0])
+    joint.limited, joint.stiffness = False, [pad.stiffness, 0.0, 0.0]
+    joint.damping, joint.armature = [0.03 * pad.stiffness, 0.0, 0.0], 0.05
     shape = {"contype": 1, "conaffinity": 1, "friction": [pad.friction, 0.0, 0.0]}
     plate.add_geom(
         type=mujoco.mjtGeom.mjGEOM_BOX, size=[3.0, 3.0, 0.5], pos=[0.0, 0.0, -0.5], mass=0.05,

@@ -1,4 +1,7 @@
-"""Rows: heavy-tailed, correlated noise whose strength comes and goes, and a slow wander."""
+"""Noise of rows: heavy-tailed, correlated, of varying strength, with a slow wander.
+
+Its ranges are estimates; the correlation is the sensor's measured one.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -8,15 +11,16 @@ from scipy.signal import lfilter
 
 from wrenchbed import registry
 from wrenchbed.benchmark.referee.fault import RefereeFault, RowFault
+from wrenchbed.benchmark.referee.memory import ornstein
 from wrenchbed.benchmark.referee.ride import Ride
-from wrenchbed.benchmark.referee.sensor import ornstein
 from wrenchbed.benchmark.referee.setting import RefereeSetting
 
 WANDER = 0.3
 """Largest rms of the slow wander in noises of a row: a gap below 0.1."""
 _JITTER_S = 1.5e-4
+"""Standard deviation of the times at which rows are sampled [s]."""
 _ENCODER = {"rad": 2e-5, "m": 5e-6}
-"""Noise of reported joint values at rest; in motion a hundredth."""
+"""Noise of reported joint values at rest [rad or m]; in motion a hundredth."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +73,7 @@ def shaken(setting: RefereeSetting, ride: Ride, a: np.ndarray) -> np.ndarray:
 
 
 def held(n: int, fault: RowFault, rng: np.random.Generator) -> np.ndarray:
-    """Which row (N,) is shown in each row's place."""
+    """Index of the row (N,) that is reported in each row's place."""
     chance, length = fault.stale
     if chance == 0.0:
         return np.arange(n)

@@ -1,17 +1,17 @@
-"""Faults that are in no library: what an honest diagnosis calls unknown."""
+"""Faults that are in no library: a diagnosis must call them unknown.
+
+Typical sizes and ranges are estimates.
+"""
 
 from collections.abc import Callable
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from wrenchbed.benchmark.referee.fault import RefereeFault, direction, sign, touched
+from wrenchbed.benchmark.referee.fault import RefereeFault, Rng, direction, sign, touched
+from wrenchbed.benchmark.referee.memory import dahl, ornstein
 from wrenchbed.benchmark.referee.ride import Ride
-from wrenchbed.benchmark.referee.sensor import ornstein
 from wrenchbed.benchmark.referee.setting import RefereeSetting
-from wrenchbed.benchmark.referee.tool import dahl
-
-Rng = np.random.Generator
 
 
 def _share(setting: RefereeSetting) -> np.ndarray:
@@ -27,7 +27,7 @@ def _telegraph(setting: RefereeSetting, rng: Rng, flips: float) -> np.ndarray:
 
 
 def boot(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
-    """A rubber boot over one wrist joint drags at the tool the way that joint last turned."""
+    """A rubber boot over one wrist joint drags at the tool in the direction of its last motion."""
     j = int(rng.integers(3, setting.path.q.shape[1]))
     drag = dahl(setting.path.q[:, j], rng.uniform(0.05, 0.2))
     push = 4.0 * size * setting.noise * touched(rng)
@@ -75,19 +75,19 @@ def snag(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
 def gusts(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """A fan blows at the tool from one side of the room, in gusts of some seconds."""
     wind = ornstein(setting.path.t, rng.uniform(3.0, 12.0), 1, rng)[:, 0] + 0.7
-    way = direction(rng) * [1.0, 1.0, 0.2]
-    force = 4.0 * size * float(setting.noise[:3].mean()) * np.outer(wind, way)
+    axis = direction(rng) * [1.0, 1.0, 0.2]
+    force = 4.0 * size * float(setting.noise[:3].mean()) * np.outer(wind, axis)
     lever = np.array([0.0, 0.0, 0.1]) + rng.normal(0.0, 0.02, 3)
 
     def load(ride: Ride, y: np.ndarray) -> np.ndarray:
-        own = ride.in_sensor(force)
-        return y + np.concatenate([own, np.cross(lever, own)], axis=1)
+        push = ride.in_sensor(force)
+        return y + np.concatenate([push, np.cross(lever, push)], axis=1)
 
     return RefereeFault("gusts", {}, size, load=load)
 
 
 def dropout(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
-    """A bad plug: at times one channel shows only part of what it reads."""
+    """A bad plug: at times one channel reads only part of its load."""
     off = _telegraph(setting, rng, rng.uniform(6.0, 25.0))
     k = int(rng.integers(6))
     part = min(0.9, 0.15 * size)
@@ -110,7 +110,7 @@ def shedding(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
 
 
 def unscrewing(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
-    """The sensor's bolts work loose: it turns further and further on its flange."""
+    """The sensor's bolts work loose: it rotates further and further on its flange."""
     share = _share(setting)
     angle = np.deg2rad(0.8) * size * sign(rng) * share ** rng.uniform(0.7, 2.0)
     turn = Rotation.from_rotvec(angle[:, None] * (np.array([0, 0, 1.0]) + 0.1 * direction(rng)))
@@ -123,10 +123,10 @@ def unscrewing(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
 
 def sinking(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """The floor settles to one side while the run goes on."""
-    way = rng.uniform(-np.pi, np.pi)
+    heading = rng.uniform(-np.pi, np.pi)
     share = _share(setting)
     angle = np.deg2rad(0.8) * size * share ** rng.uniform(0.7, 2.0)
-    turn = Rotation.from_rotvec(np.outer(angle, [np.cos(way), np.sin(way), 0.0]))
+    turn = Rotation.from_rotvec(np.outer(angle, [np.cos(heading), np.sin(heading), 0.0]))
 
     tool = setting.metadata.tool
     assert tool.mass is not None and tool.cog is not None

@@ -1,4 +1,7 @@
-"""The machine on its path: the load on the sensor at every instant, by forward dynamics."""
+"""The machine on its path: the load on the sensor at every instant, by forward dynamics.
+
+Steps are estimates: small against every time constant of the machine.
+"""
 
 from dataclasses import dataclass
 
@@ -13,7 +16,7 @@ from wrenchbed.robots.base import SimulatedRobot
 STEP_S = {"static": 1e-3, "dynamic": 5e-4}
 """MuJoCo's step; wrenchbed's own plant takes 2 ms."""
 _SEAT_S = 1.5
-"""Time to find rest where the machine stands anew [s]."""
+"""Time to come to rest where the machine is placed at a pose [s]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,7 +24,7 @@ class Ride:
     """What happened at each of T instants.
 
     Attributes:
-        path: that was told.
+        path: that was commanded.
         load: on the sensor, its true axes (T, 6) [N, N·m].
         rotation: R_world_sensor (T, 3, 3).
         position: of the sensor in the world (T, 3) [m].
@@ -44,12 +47,12 @@ def ride(robot: SimulatedRobot, truth: Mechanics, path: DrivePath) -> Ride:
     """Run a machine along a path.
 
     Raises:
-        ParameterError: the machine flew apart.
+        ParameterError: the simulation diverged.
     """
     h = STEP_S["dynamic" if path.moving else "static"]
     machine = build(robot, truth, h)
     model, data = machine.model, mujoco.MjData(machine.model)
-    place, speed = machine.position, machine.velocity
+    position_of, speed = machine.position, machine.velocity
     q, qd, qdd = _driven(truth, path)
     site = model.site("ft").id
     count = len(path.t)
@@ -58,23 +61,23 @@ def ride(robot: SimulatedRobot, truth: Mechanics, path: DrivePath) -> Ride:
     push = ARMATURE * qdd
     force, torque = data.sensor("force").data, data.sensor("torque").data
     for i in range(count):
-        if i in path.anew:
-            machine.stand(data, q[i])
+        if i in path.placed:
+            machine.place(data, q[i])
             data.qfrc_applied[:] = 0.0
             mujoco.mj_step(model, data, round(_SEAT_S / h))
-        data.qpos[place], data.qvel[speed], data.qfrc_applied[speed] = q[i], qd[i], push[i]
+        data.qpos[position_of], data.qvel[speed], data.qfrc_applied[speed] = q[i], qd[i], push[i]
         mujoco.mj_step(model, data)
         load[i, :3], load[i, 3:] = -force, -torque
         rotation[i], position[i] = data.site_xmat[site], data.site_xpos[site]
         if steps[i] > 1:
             mujoco.mj_step(model, data, int(steps[i]) - 1)
     if not np.isfinite(load).all() or np.abs(load).max() > 1e4:
-        raise ParameterError("the machine flew apart: its faults are beyond what it can carry")
+        raise ParameterError("the simulation diverged: the faults are too large for the machine")
     return Ride(path, load, rotation.reshape(-1, 3, 3), position, truth.gravity)
 
 
 def _driven(truth: Mechanics, path: DrivePath) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Where the drives truly are, and how they move (T, J): errors change along the way."""
+    """True positions, speeds and accelerations of the drives (T, J): errors vary on the path."""
     eps = 1e-4
     q0 = truth.driven(path.q)
     if not truth.drive:
@@ -82,6 +85,6 @@ def _driven(truth: Mechanics, path: DrivePath) -> tuple[np.ndarray, np.ndarray, 
     ahead = truth.driven(path.q + eps * path.qd)
     behind = truth.driven(path.q - eps * path.qd)
     qd = (ahead - behind) / (2 * eps)
-    bow = (ahead - 2 * q0 + behind) / eps**2
+    curvature = (ahead - 2 * q0 + behind) / eps**2
     slope = np.where(np.abs(path.qd) > 1e-6, qd / np.where(path.qd == 0, 1, path.qd), 1.0)
-    return q0, qd, slope * path.qdd + bow
+    return q0, qd, slope * path.qdd + curvature

@@ -1,4 +1,7 @@
-"""One robot on the referee's bench: what is stated of it, and what it is told to do."""
+"""One robot on the referee's bench: what is stated of it, and its commanded path.
+
+Ranges of tools, motions and weather are estimates.
+"""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -14,25 +17,31 @@ from wrenchbed.errors import ParameterError
 from wrenchbed.robots.base import INERTIA_AXES, SimulatedRobot
 
 POSES = (60, 100)
+"""Fewest and most poses of a recording at rest."""
 SAMPLES, RATE_HZ = 60, 100.0
 """Rows of a pose and their rate [Hz]."""
 MOTION_S, MOTION_HZ = 60.0, 125.0
+"""Length of a motion [s] and rate of its rows [Hz]."""
 _KNOT_S = (1.6, 3.0)
+"""Time between points of a motion [s]."""
 _REACH = np.deg2rad((20.0, 50.0))
+"""Amplitude of a motion's joints [rad]."""
 _REACH_M = (0.03, 0.1)
+"""The same of a rail [m]."""
 _TRIES = 200
+"""Motions that are drawn before giving up."""
 
 
 @dataclass(frozen=True, eq=False)
 class RefereeSetting:
-    """What is stated and told; the same whatever is wrong.
+    """What is stated and commanded, whatever the faults.
 
     Attributes:
         robot: a robot that exists in MuJoCo.
-        path: told.
-        metadata: stated.
+        path: commanded.
+        metadata: as stated.
         theta: the stated robot's parameters (P,).
-        temperature: beside the robot at each instant (T,) [°C], or None where nobody measured it.
+        temperature: beside the robot at each instant (T,) [°C], None if it is not recorded.
     """
 
     robot: SimulatedRobot
@@ -95,16 +104,16 @@ class RefereeSetting:
         model = spec.compile()
         data = mujoco.MjData(model)
         q, qd, qdd = (self.mean(x)[::every] for x in (self.path.q, self.path.qd, self.path.qdd))
-        told = _told(self.robot, theta, q if dq is None else q + dq, qd, qdd)
+        coordinates = _coordinates(self.robot, theta, q if dq is None else q + dq, qd, qdd)
         wrench = np.empty((len(q), 6))
-        for i, (p, v, a) in enumerate(zip(*told, strict=True)):
+        for i, (p, v, a) in enumerate(zip(*coordinates, strict=True)):
             data.qpos[:], data.qvel[:], data.qacc[:] = p, v, a
             mujoco.mj_inverse(model, data)
             wrench[i] = -np.concatenate([data.sensor("force").data, data.sensor("torque").data])
         return wrench
 
 
-def _told(
+def _coordinates(
     robot: SimulatedRobot, theta: np.ndarray, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """All of MuJoCo's coordinates of a motion (N, nq), by differences along it."""
@@ -124,10 +133,10 @@ def draw(robot: SimulatedRobot, mode: str, rng: np.random.Generator) -> RefereeS
         ParameterError: no feasible motion was found.
     """
     sensor = registry.load("sensors", robot.sensor)
-    own = robot.tool(robot.parameters.nominal)
-    mass = float(np.round(own.mass * np.exp(rng.uniform(-0.5, 0.4)), 3))
-    cog = np.round(own.cog * rng.uniform(0.8, 1.25) + rng.normal(0.0, 0.006, 3), 4)
-    inertia = np.asarray(own.inertia) * mass / float(own.mass)
+    nominal = robot.tool(robot.parameters.nominal)
+    mass = float(np.round(nominal.mass * np.exp(rng.uniform(-0.5, 0.4)), 3))
+    cog = np.round(nominal.cog * rng.uniform(0.8, 1.25) + rng.normal(0.0, 0.006, 3), 4)
+    inertia = np.asarray(nominal.inertia) * mass / float(nominal.mass)
     six = [float(inertia[i, j]) for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
     theta = robot.theta_of_tool(robot.parameters.nominal, mass, cog.tolist())
     names = [f"tool.inertia.{a}" for a in INERTIA_AXES]
@@ -170,16 +179,16 @@ def _motion(robot: SimulatedRobot, rng: np.random.Generator) -> DrivePath:
         shrink = 0.5 ** (attempt // 20)
         points = middle + shrink * reach * rng.uniform(-1.0, 1.0, (len(t), len(middle)))
         points[0] = points[-1] = middle
-        way = CubicSpline(t, points, bc_type="clamped")
-        fine = way(np.linspace(0.0, MOTION_S, 600))
-        fast = np.abs(way(np.linspace(0.0, MOTION_S, 3000), 1)).max(axis=0)
+        motion = CubicSpline(t, points, bc_type="clamped")
+        fine = motion(np.linspace(0.0, MOTION_S, 600))
+        fast = np.abs(motion(np.linspace(0.0, MOTION_S, 3000), 1)).max(axis=0)
         if (fast < 0.8 * top).all() and not robot.infeasible(fine, robot.parameters.nominal):
-            return along(way, MOTION_S, MOTION_HZ)
+            return along(motion, MOTION_S, MOTION_HZ)
     raise ParameterError(f"found no feasible motion of {robot.name!r} in {_TRIES} tries")
 
 
 def _weather(t: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """A room that warms, or whose air conditioning comes and goes (T,) [°C]."""
+    """Temperature of a room that warms, with the cycles of its air conditioning (T,) [°C]."""
     span = float(t[-1] - t[0])
     rise = rng.uniform(1.0, 6.0) * rng.choice([-1.0, 1.0])
     slow = -np.expm1(-(t - t[0]) / (span * rng.uniform(0.3, 1.5)))

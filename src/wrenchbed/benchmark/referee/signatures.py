@@ -1,7 +1,8 @@
-"""What each effect of the library would look like on one robot: signatures, to compare with.
+"""Signatures of the library's effects on one robot: what each would add to its reading.
 
-Linear in an effect's sizes where it is, with a grid of variants where it is not. From MuJoCo and
-finite differences; no formula is shared with the library of effects.
+Linear in an effect's sizes where the effect is, with a grid of variants where it is not. From
+MuJoCo and finite differences; no code is shared with the library of effects. Typical sizes and the
+grids of variants are estimates.
 """
 
 from collections.abc import Iterator, Mapping
@@ -11,21 +12,21 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
+from wrenchbed.benchmark.referee.memory import after, bouc_wen, dahl, lowpass
 from wrenchbed.benchmark.referee.ride import Ride
-from wrenchbed.benchmark.referee.sensor import after, bouc_wen, lowpass
 from wrenchbed.benchmark.referee.setting import RefereeSetting
-from wrenchbed.benchmark.referee.tool import dahl
 from wrenchbed.robots.base import INERTIA_AXES
 
 Blocks = Mapping[str, list[np.ndarray]]
 """By effect, one (n, 6, k) array a variant: wrench [N, N·m] of a column of typical size."""
 _H = 1e-4
+"""Step of finite differences [rad or m]: an estimate."""
 EVERY = 5
 """In motion, signatures are compared on each so many-th row."""
 
 
 class Signature(NamedTuple):
-    """Where signatures are compared: mean times (n,), joints (n, J), readings (n, 6)."""
+    """Points at which signatures are compared: mean times (n,), joints (n, J), readings (n, 6)."""
 
     t: np.ndarray
     q: np.ndarray
@@ -43,7 +44,7 @@ def stride(setting: RefereeSetting) -> int:
 
 
 def nuisance(setting: RefereeSetting) -> np.ndarray:
-    """What every fit takes out: bias, mass and CoG (n, 6, 10)."""
+    """Columns of bias, mass and CoG, which every fit removes (n, 6, 10)."""
     base = setting.stated(setting.theta, every=stride(setting))
     tool = setting.robot.tool(setting.theta)
     mass, cog = float(tool.mass), np.asarray(tool.cog)
@@ -59,12 +60,12 @@ def blocks(setting: RefereeSetting, ride: Ride) -> Blocks:
     """Signatures of every effect that a mean can show."""
     cut = partial(thin, setting)
     seen = Signature(cut(setting.path.t), cut(setting.path.q), cut(ride.load))
-    found: dict[str, list[np.ndarray]] = {}
+    result: dict[str, list[np.ndarray]] = {}
     parts = [_gauges(setting, ride, seen), _times(setting, ride), _carried(setting, ride, seen)]
     for part in (*parts, _arm(setting, seen)):
         for name, block in part:
-            found.setdefault(name, []).append(block)
-    return found
+            result.setdefault(name, []).append(block)
+    return result
 
 
 def _each(y: np.ndarray) -> np.ndarray:
@@ -102,8 +103,7 @@ def _gauges(
         yield "sensor.hysteresis", 1.5e-3 * _each(thin(setting, loop) * zero)
     for time in (8.0, 25.0, 80.0, 250.0):
         yield "sensor.creep", 8e-3 * _each(thin(setting, after(t, load, time)) - y)
-    starts = np.linspace(0.05, 0.95, 60)
-    for when in starts:
+    for when in np.linspace(0.05, 0.95, 60):
         yield "sensor.jump", 4e-3 * _each((share > when) * zero)
     for part in (0.8, 0.9, 0.95, 0.98):
         limit = np.quantile(np.abs(y), part, axis=0)
@@ -136,8 +136,8 @@ def _carried(
         moved = np.cross(7.5e-4 * side * axis, force)
         yield "tool.loose", np.concatenate([zero, moved], 1)[..., None]
     last = ride.path.q[:, -1]
-    turns = [last, dahl(last, 0.1)]
-    twist = np.stack([np.eye(6)[5] * cut(x[:, None]) for x in turns], -1)
+    twists = [np.eye(6)[5] * cut(x[:, None]) for x in (last, dahl(last, 0.1))]
+    twist = np.stack(twists, -1)
     yield "cable.torsion", 6.0 * setting.noise[5] * twist
     if setting.mode == "dynamic":
         base = setting.stated(setting.theta, every=stride(setting))
@@ -159,11 +159,11 @@ def _pulls(rotation: np.ndarray, position: np.ndarray) -> Iterator[tuple[str, np
     reach = max(1.5 * float(np.linalg.norm(position.std(axis=0))), 0.2)
     point = np.array([0.0, 0.0, 0.04])
     tied = position + rotation @ point
-    for way in _directions():
-        if way[2] < 0.2:
+    for direction in _directions():
+        if direction[2] < 0.2:
             continue
         for far in (0.8, 1.5):
-            line = position.mean(axis=0) + far * reach * way - tied
+            line = position.mean(axis=0) + far * reach * direction - tied
             length = np.linalg.norm(line, axis=1, keepdims=True)
             for part in (0.0, 0.3, 0.6):
                 taut = np.maximum(length - np.quantile(length, part), 0.0)
@@ -191,10 +191,9 @@ def _pushes(
 def _arm(setting: RefereeSetting, seen: Signature) -> Iterator[tuple[str, np.ndarray]]:
     every, robot, theta = stride(setting), setting.robot, setting.theta
     base = setting.stated(theta, every=every)
-    turn = [
-        np.concatenate([np.cross(base[:, :3], e), np.cross(base[:, 3:], e)], 1) for e in np.eye(3)
-    ]
-    yield "mount.rotation", np.deg2rad(0.4) * np.stack(turn, -1)
+    force, torque = base[:, :3], base[:, 3:]
+    rotated = [np.concatenate([np.cross(force, e), np.cross(torque, e)], 1) for e in np.eye(3)]
+    yield "mount.rotation", np.deg2rad(0.4) * np.stack(rotated, -1)
     slopes = []
     for j in range(len(robot.joints)):
         step = _H * np.eye(len(robot.joints))[j]
@@ -202,11 +201,11 @@ def _arm(setting: RefereeSetting, seen: Signature) -> Iterator[tuple[str, np.nda
         slopes.append((ahead - setting.stated(theta, -step, every)) / (2 * _H))
     slope = np.stack(slopes[1:], -1)
     yield "joint.offset", np.deg2rad(0.2) * slope
-    torque, moment = _weights(setting, seen.q)
-    turning = [j for j, joint in enumerate(robot.joints) if joint.unit == "rad" and j]
-    yield "joint.compliance", np.stack([slopes[j] * torque[:, j, None] for j in turning], -1) / 5e3
-    for j in turning:
-        side = np.deg2rad(0.04) * np.sign(torque[:, j, None])
+    load, moment = _weights(setting, seen.q)
+    rotating = [j for j, joint in enumerate(robot.joints) if joint.unit == "rad" and j]
+    yield "joint.compliance", np.stack([slopes[j] * load[:, j, None] for j in rotating], -1) / 5e3
+    for j in rotating:
+        side = np.deg2rad(0.04) * np.sign(load[:, j, None])
         yield "joint.backlash", (slopes[j] * side)[..., None]
         for order in (1, 2, 3, 4):
             waves = (np.sin(order * seen.q[:, j]), np.cos(order * seen.q[:, j]))
@@ -230,8 +229,8 @@ def _tilted(setting: RefereeSetting, axis: np.ndarray, every: int, base: np.ndar
     q = setting.mean(setting.path.q)[::every]
     rotation = setting.robot.sensor_pose(q, setting.theta)[0]
     tool = setting.robot.tool(setting.theta)
-    turned = float(tool.mass) * np.cross(axis, np.array(setting.robot.gravity))
-    force = np.einsum("nij,i->nj", np.broadcast_to(rotation, (len(q), 3, 3)), turned)
+    weight = float(tool.mass) * np.cross(axis, np.array(setting.robot.gravity))
+    force = np.einsum("nij,i->nj", np.broadcast_to(rotation, (len(q), 3, 3)), weight)
     return np.concatenate([force, np.cross(np.asarray(tool.cog), force)], axis=1)
 
 
@@ -243,9 +242,8 @@ def _weights(setting: RefereeSetting, q: np.ndarray) -> tuple[np.ndarray, np.nda
     g = np.array(robot.gravity)
 
     def centre(rows: np.ndarray) -> np.ndarray:
-        told = np.asarray(robot.qpos(rows, theta))
         out = np.empty((len(rows), 3))
-        for i, row in enumerate(told):
+        for i, row in enumerate(np.asarray(robot.qpos(rows, theta))):
             data.qpos[:] = row
             mujoco.mj_kinematics(model, data)
             out[i] = model.body_mass @ data.xipos

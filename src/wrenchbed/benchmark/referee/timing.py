@@ -1,19 +1,18 @@
-"""Faults of time, in motion: late, slow, skewed and held readings.
+"""Faults of time, in motion: late, slow, repeated and skewed readings.
 
-A base that shakes: accelerations over time that rows see and means do not.
+Typical sizes and ranges are estimates.
 """
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from wrenchbed.benchmark.referee.fault import RefereeFault, RowFault, about, direction, sign
+from wrenchbed.benchmark.referee.fault import RefereeFault, Rng, RowFault, about, drawn, sign
+from wrenchbed.benchmark.referee.memory import lowpass
 from wrenchbed.benchmark.referee.ride import Ride
-from wrenchbed.benchmark.referee.sensor import lowpass
 from wrenchbed.benchmark.referee.setting import RefereeSetting
 
-Rng = np.random.Generator
 
-
+@drawn("timing.delay", motion=True, compared="delay")
 def delay(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """Wrenches about 7 ms older than the joints."""
     lag = about(rng, 7e-3 * size)
@@ -22,6 +21,7 @@ def delay(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     )
 
 
+@drawn("timing.lowpass", motion=True, adds=False)
 def smooth(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """A filter of one to three stages, about 7 ms slow in all."""
     time, stages = about(rng, 7e-3 * size), int(rng.integers(1, 4))
@@ -32,6 +32,18 @@ def smooth(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     return RefereeFault("timing.lowpass", {"time": time}, size, clock=clock)
 
 
+@drawn("timing.stale", motion=True, between=True)
+def stale(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
+    """Readings that are repeated now and then, for about 30 ms."""
+    rate = setting.metadata.rate_hz or 1.0
+    length = max(1.0, about(rng, 0.03 * size) * rate)
+    share = min(0.5, about(rng, 0.06 * size))
+    return RefereeFault(
+        "timing.stale", {}, size, rows=RowFault(stale=(share / (length * (1 - share)), length))
+    )
+
+
+@drawn("timing.skew", motion=True, compared="skew")
 def skew(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """A sensor's clock that gains or loses about 12 ms over the run."""
     t = setting.path.t
@@ -42,48 +54,6 @@ def skew(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     return RefereeFault("timing.skew", true, size, clock=lambda ride, y: _at(ride, y, shift))
 
 
-def stale(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
-    """Readings that stand still now and then, for about 30 ms."""
-    rate = setting.metadata.rate_hz or 1.0
-    length = max(1.0, about(rng, 0.03 * size) * rate)
-    share = min(0.5, about(rng, 0.06 * size))
-    return RefereeFault(
-        "timing.stale", {}, size, rows=RowFault(stale=(share / (length * (1 - share)), length))
-    )
-
-
 def _at(ride: Ride, y: np.ndarray, shift: np.ndarray | float) -> np.ndarray:
     t = ride.path.t
     return np.asarray(CubicSpline(t, y)(np.clip(t + shift, t[0], t[-1])))
-
-
-_SHARE = 0.9
-
-
-def vibration(setting: RefereeSetting, rng: np.random.Generator, size: float) -> RefereeFault:
-    """A machine nearby: a tone of 7 to 40 Hz that breathes, with an overtone, or a rumble."""
-    mass = setting.metadata.tool.mass
-    assert mass is not None
-    level = about(rng, 1.3 * float(setting.noise[:3].min()) / mass * size)
-    axis = direction(rng) * [1.0, 1.0, 0.7]
-    axis /= np.linalg.norm(axis)
-    top = 0.4 * float(setting.metadata.rate_hz or 100.0)
-    rumble = rng.uniform() < 0.2
-    f, phase, seed = (
-        rng.uniform(7.0, min(40.0, top)),
-        rng.uniform(0, 6.28, 3),
-        int(rng.integers(2**32)),
-    )
-
-    def shake(t: np.ndarray) -> np.ndarray:
-        if rumble:
-            wave = np.random.default_rng(seed).standard_normal(len(t))
-        else:
-            breath = 1.0 + 0.35 * np.sin(2 * np.pi * 0.07 * t + phase[0])
-            tone = np.sin(2 * np.pi * f * t + phase[1])
-            tone = _SHARE * tone + (1 - _SHARE) * np.sin(4 * np.pi * f * t + phase[2])
-            wave = breath * tone * np.sqrt(2.0 / (1.061 * (_SHARE**2 + (1 - _SHARE) ** 2)))
-        return np.outer(level * wave, axis)
-
-    true = {"acceleration": level}
-    return RefereeFault("base.vibration", true, size, rows=RowFault(shake=shake))

@@ -1,28 +1,35 @@
-"""Faults of what the sensor carries and of what else pulls at it."""
+"""Faults of what the sensor carries and of what else pulls at it: tool, cables, contact.
+
+Typical sizes and ranges are estimates.
+"""
 
 from dataclasses import replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from wrenchbed.benchmark.referee.fault import RefereeFault, about, direction, sign
-from wrenchbed.benchmark.referee.machine import Hose, Loose, Mechanics, Pad
+from wrenchbed.benchmark.referee.fault import RefereeFault, Rng, about, direction, drawn, sign
+from wrenchbed.benchmark.referee.machine import Hose, LoosePart, Mechanics, Pad
+from wrenchbed.benchmark.referee.memory import dahl
 from wrenchbed.benchmark.referee.ride import Ride
 from wrenchbed.benchmark.referee.setting import RefereeSetting
 from wrenchbed.robots.base import INERTIA_AXES
 
-Rng = np.random.Generator
+_G = 9.81
+"""Gravity for typical forces [m/s²]: an estimate."""
 
 
+@drawn("tool.mass", compared="mass")
 def mass(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """The tool is about 2 % heavier or lighter than stated."""
-    own, least = _stated(setting)[0], 2.0 * setting.tolerance[0]
-    error = sign(rng) * max(least, about(rng, 0.02 * size * own))
+    stated, least = _stated(setting)[0], 2.0 * setting.tolerance[0]
+    error = sign(rng) * max(least, about(rng, 0.02 * size * stated))
     return RefereeFault(
         "tool.mass", {"mass": error}, size, body=lambda m: loaded(setting, m, dm=error)
     )
 
 
+@drawn("tool.cog", compared=r"cog\.[xyz]")
 def cog(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """Its centre of gravity is about 1.5 mm away from where it is stated."""
     error = max(2.0 * setting.tolerance[1], about(rng, 1.5e-3 * size)) * direction(rng)
@@ -30,18 +37,19 @@ def cog(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     return RefereeFault("tool.cog", true, size, body=lambda m: loaded(setting, m, dc=error))
 
 
+@drawn("tool.inertia", motion=True, compared=r"inertia\.[xyz]{2}")
 def inertia(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """Its moments of inertia are about 25 % off, and their axes a little askew."""
     stated = setting.metadata.tool.inertia
     assert stated is not None
     xx, yy, zz, xy, xz, yz = stated
-    own = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    old = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     grown = np.diag(np.exp(0.25 * size * rng.uniform(0.4, 1.0, 3) * rng.choice([-1, 1], 3)))
-    turn = Rotation.from_rotvec(0.15 * size * direction(rng)).as_matrix()
-    new = turn @ np.sqrt(grown) @ own @ np.sqrt(grown) @ turn.T
+    askew = Rotation.from_rotvec(0.15 * size * direction(rng)).as_matrix()
+    new = askew @ np.sqrt(grown) @ old @ np.sqrt(grown) @ askew.T
     pick = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
     names = [f"tool.inertia.{a}" for a in INERTIA_AXES]
-    change = {n: float((new - own)[i]) for n, i in zip(names, pick, strict=True)}
+    change = {n: float((new - old)[i]) for n, i in zip(names, pick, strict=True)}
     p = setting.robot.parameters
 
     def body(m: Mechanics) -> Mechanics:
@@ -54,30 +62,33 @@ def inertia(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     return RefereeFault("tool.inertia", true, size, body=body)
 
 
+@drawn("tool.loose")
 def loose(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """A part that slides to and fro in the tool and shifts its CoG by about 1.5 mm."""
     travel = about(rng, 1.5e-3 * size)
     share = float(rng.uniform(0.08, 0.2))
-    part = Loose(share, direction(rng), 0.5 * travel / share, float(rng.uniform(0.05, 0.3)))
+    part = LoosePart(share, direction(rng), 0.5 * travel / share, float(rng.uniform(0.05, 0.3)))
     return RefereeFault(
         "tool.loose", {"travel": travel}, size, body=lambda m: replace(m, loose=part)
     )
 
 
+@drawn("tool.flexure")
 def flexure(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """A tool whose root bends, so that its CoG moves by about 5e-5 m/N, unequally across."""
     root = float(rng.uniform(0.0, 0.3)) * float(_stated(setting)[1][2])
     lever = max(float(np.linalg.norm(_stated(setting)[1] - [0.0, 0.0, root])), 0.02)
-    give = about(rng, 5e-5 * size) / lever**2 * np.array([1.0, rng.uniform(0.5, 1.0)])
-    give = give if rng.uniform() < 0.5 else give[::-1]
+    bend = about(rng, 5e-5 * size) / lever**2 * np.array([1.0, rng.uniform(0.5, 1.0)])
+    bend = bend if rng.uniform() < 0.5 else bend[::-1]
     return RefereeFault(
         "tool.flexure",
-        {"compliance": float(give.mean() * lever**2)},
+        {"compliance": float(bend.mean() * lever**2)},
         size,
-        body=lambda m: replace(m, bend=give, root=root),
+        body=lambda m: replace(m, bend=bend, root=root),
     )
 
 
+@drawn("cable.pull")
 def hose(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """A hose from a hook above the robot: taut in part of the workspace, pulling about 0.3 N."""
     place = _places(setting)
@@ -88,12 +99,13 @@ def hose(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     far = np.linalg.norm(place - hook, axis=1)
     slack = float(np.quantile(far, rng.uniform(0.0, 0.6)))
     pull = float(np.mean(np.maximum(far - slack, 0.0))) + 1e-3
-    stiffness = about(rng, 0.02 * _stated(setting)[0] * 9.81 * size) / pull
+    stiffness = about(rng, 0.02 * _stated(setting)[0] * _G * size) / pull
     rope = Hose(hook, point, slack, stiffness)
     true = {"stiffness": stiffness, "slack": slack}
     return RefereeFault("cable.pull", true, size, body=lambda m: replace(m, hose=rope))
 
 
+@drawn("environment.contact")
 def pad(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """Something soft in a corner of the workspace that the tool's end presses on: about 0.4 N."""
     tip = np.array([0.0, 0.0, 1.9 * max(float(_stated(setting)[1][2]), 0.03)])
@@ -105,7 +117,7 @@ def pad(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     radius = 0.01
     level = float(np.quantile(height, rng.uniform(0.06, 0.2)))
     deep = level - height[height < level]
-    force = about(rng, 0.03 * _stated(setting)[0] * 9.81 * size)
+    force = about(rng, 0.03 * _stated(setting)[0] * _G * size)
     k = force / max(float(deep.mean()), 1e-4)
     point = ends.mean(axis=0) + (level - radius - float(ends.mean(axis=0) @ normal)) * normal
     block = Pad(point, normal, k, float(rng.uniform(0.1, 0.5)), tip, radius)
@@ -114,6 +126,7 @@ def pad(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     )
 
 
+@drawn("cable.torsion")
 def torsion(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """A cable wound about the last joint, with dry friction (Dahl) in its jacket."""
     last = setting.path.q.shape[1] - 1
@@ -127,19 +140,10 @@ def torsion(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
 
     def load(ride: Ride, y: np.ndarray) -> np.ndarray:
         twist = k * (angle - middle) + grip * drag
-        turn = np.stack([lean[0] * twist, lean[1] * twist, twist], axis=1)
-        return y + np.concatenate([np.zeros_like(turn), turn], axis=1)
+        torque = np.stack([lean[0] * twist, lean[1] * twist, twist], axis=1)
+        return y + np.concatenate([np.zeros_like(torque), torque], axis=1)
 
     return RefereeFault("cable.torsion", {"stiffness": k}, size, load=load)
-
-
-def dahl(x: np.ndarray, reach: float) -> np.ndarray:
-    """Dahl's friction (T,) in −1 … 1 as x (T,) moves (Dahl 1968, TOR-0158(3107-18)-1)."""
-    z = np.zeros(len(x))
-    for i, d in enumerate(np.diff(x), start=1):
-        side = np.sign(d)  # the exact solution over a piece of one direction
-        z[i] = side + (z[i - 1] - side) * np.exp(-abs(d) / reach)
-    return z
 
 
 def loaded(

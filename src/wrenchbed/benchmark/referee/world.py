@@ -1,4 +1,4 @@
-"""A robot with its faults on the bench: what its sensor would read without noise."""
+"""A robot with its faults: what its sensor would read without noise."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -17,13 +17,13 @@ from wrenchbed.benchmark.referee.signatures import stride, thin
 
 @dataclass(frozen=True, eq=False)
 class FaultyRobot:
-    """A setting with everything around a cause.
+    """A setting with all faults around a cause.
 
     Attributes:
-        setting: stated and told.
-        around: faults that are there anyway.
+        setting: what is stated and commanded.
+        around: its faults.
         way: its ride.
-        usual: what every fit takes out.
+        usual: what every fit removes.
     """
 
     setting: RefereeSetting
@@ -35,7 +35,7 @@ class FaultyRobot:
     def of(
         cls, setting: RefereeSetting, around: Sequence[RefereeFault], usual: Usual
     ) -> "FaultyRobot":
-        """The first world of a setting."""
+        """A robot of a setting with some faults."""
         return cls(setting, tuple(around), _ride(setting, around), usual)
 
     @property
@@ -58,13 +58,13 @@ class FaultyRobot:
         return y
 
     def with_(self, fault: RefereeFault) -> "FaultyRobot":
-        """The same with a fault more; the machine rides anew where the fault is of its body."""
+        """The same with a further fault; a fault of the machine needs another ride."""
         around = (*self.around, fault)
         way = self.way if fault.body is None else _ride(self.setting, around)
         return replace(self, around=around, way=way)
 
     def compared(self, wrench: np.ndarray) -> np.ndarray:
-        """Recorded rows (N, 6) less what is stated, where readings are compared (n, 6)."""
+        """Recorded rows (N, 6) minus what is stated, where readings are compared (n, 6)."""
         every = np.zeros((len(self.setting.path.t), 6))
         every[self.setting.path.rows] = wrench
         return thin(self.setting, every) - self.setting.nominal[:: self.stride]
@@ -74,7 +74,7 @@ class FaultyRobot:
         r = fault.rows
         assert r is not None
         path, noise = self.setting.path, self.setting.noise
-        rise = r.gain**2 - 1.0 + (r.step / noise) ** 2 / 12.0
+        rise = r.gain**2 - 1.0 + (r.step / noise) ** 2 / 12.0  # of rounding, by definition
         if r.shake is not None:
             shaken_rows = shaken(self.setting, self.way, r.shake(path.t[path.rows]))
             rise = rise + ((shaken_rows / noise) ** 2).mean(axis=0)
