@@ -166,7 +166,7 @@ def base_compliance(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFa
 
 @drawn("base.vibration", between=True)
 def vibration(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
-    """A machine nearby: a tone of 7 to 40 Hz with varying amplitude and an overtone, or a rumble."""
+    """A machine nearby: a varying tone of 7 to 40 Hz with an overtone, or a rumble."""
     mass = setting.metadata.tool.mass
     assert mass is not None
     level = about(rng, 1.3 * float(setting.noise[:3].min()) / mass * size)
