@@ -10,6 +10,7 @@ from wrenchbed import registry
 from wrenchbed.calibration import calibrate as calibration
 from wrenchbed.calibration.calibrate import CalibrationOptions, calibrate
 from wrenchbed.calibration.fit import FitNoise
+from wrenchbed.calibration.start_values import check_mass
 from wrenchbed.calibration.touches import Agreement, Touches
 from wrenchbed.data.recording import POINT, Recording
 from wrenchbed.errors import CalibrationError
@@ -62,13 +63,10 @@ def test_as_many_readings_as_parameters_are_enough_to_try():
 
 
 def test_a_tool_weighs_something():
-    theta = UR5.parameters.nominal
-    calibration._check_load(UR5, theta)
-    for mass in (0.0, -0.5):
-        theta = UR5.parameters.vector({"tool.mass": 1.0})
-        theta[UR5.parameters.index("tool.mass")] = mass
+    check_mass(1e-6)
+    for mass in (0.0, -0.5, float("nan")):
         with pytest.raises(CalibrationError, match="opposite sign"):
-            calibration._check_load(UR5, theta)
+            check_mass(mass)
 
 
 def test_touches_are_no_recording_under_gravity_and_an_unknown_loss_is_refused():

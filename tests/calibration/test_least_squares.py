@@ -364,7 +364,9 @@ def test_a_touch_is_doubtful_below_one_in_a_thousand():
 
 def test_touches_are_measured_in_their_standard_deviation():
     robot = SimpleNamespace(
-        parameters=("a", "b"), tool_pose=lambda q, own: (None, q + own[:1] + 0.0 * own[1])
+        parameters=("a", "b"),
+        robot_theta=lambda x: x[:2],
+        tool_pose=lambda q, own: (None, q + own[:1] + 0.0 * own[1]),
     )
     touches = Touches(np.zeros((2, 3)), np.array([[1.0, 2, 3], [4, 5, 6]]), 0.5)
     assert len(touches) == 2

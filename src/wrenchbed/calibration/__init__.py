@@ -1,1 +1,4 @@
-"""Identification of parameters from recordings: problem, solver, weights, observability."""
+"""Weighted least squares for a robot's parameters, and what the data can identify.
+May import: simulation (closed form), robots, sensors, data, physics.
+Read first: `calibrate`; then `problem` (what is fitted) and `weighting` (with which weights).
+"""

@@ -14,7 +14,7 @@ from wrenchbed.calibration.least_squares import Solution
 from wrenchbed.calibration.observability import Observability, analyse
 from wrenchbed.calibration.observations import Observations, fallback_covariance, observe
 from wrenchbed.calibration.problem import LOSSES, Problem
-from wrenchbed.calibration.start_values import begin, opposite
+from wrenchbed.calibration.start_values import check_mass, initial_values
 from wrenchbed.calibration.touches import Agreement, Touches
 from wrenchbed.calibration.weighting import Outcome, fit
 from wrenchbed.data.recording import POINT, QUATERNION, Recording
@@ -97,12 +97,12 @@ def calibrate(
             f"{len(free)} parameters"
         )
     stated = model.configured(recording.metadata)
-    theta = begin(model, stated, data, free)
+    theta = initial_values(model, stated, data, free)
     centre = stated[list(free)]
     problem = Problem(model, data, theta, free, centre, options.prior, options.loss, touches)
     outcome = fit(problem)
     theta[list(free)] = outcome.solution.x
-    _check_load(model, theta)
+    check_mass(float(model.robot.tool(model.robot.robot_theta(theta)).mass))
     return _result(recording, problem, outcome, theta)
 
 
@@ -116,12 +116,6 @@ def _free(model: Model, options: CalibrationOptions) -> tuple[int, ...]:
     if not free:
         raise CalibrationError("no parameter is free")
     return free
-
-
-def _check_load(model: Model, theta: np.ndarray) -> None:
-    tool = model.robot.tool(theta[: len(model.robot.parameters)])
-    if not float(tool.mass) > 0:
-        raise opposite(float(tool.mass))
 
 
 def _result(recording: Recording, problem: Problem, outcome: Outcome, theta: np.ndarray) -> Fit:
@@ -143,7 +137,7 @@ def _result(recording: Recording, problem: Problem, outcome: Outcome, theta: np.
                 float(quantile * std[k]) if told else None,
             )
         )
-    tool = model.robot.tool(theta[: len(model.robot.parameters)])
+    tool = model.robot.tool(model.robot.robot_theta(theta))
     rms = np.sqrt(np.mean(problem.residual(solution.x) ** 2, axis=0))
     seats = problem.touches
     agreement = None if seats is None else seats.agreement(solution, problem.data.wrench.size)
@@ -196,7 +190,7 @@ def _observability(problem: Problem, theta: np.ndarray) -> Observability:
         rows,
         [names[i] for i in columns],
         model.parameters.tolerance[list(columns)],
-        model.robot.symmetries(theta[: len(model.robot.parameters)]),
+        model.robot.symmetries(model.robot.robot_theta(theta)),
     )
 
 

@@ -1,9 +1,7 @@
-"""Mass, centre of gravity and bias from readings at rest: one linear least squares, in closed form.
+"""Initial values of a fit: mass, centre of gravity and bias from one linear least squares.
 
 With known orientations a static reading is linear in the mass m, the first moment h = m c and the
 six biases, and with independent channels the normal equations are sums over gravity directions.
-
-Where a fit begins: the closed-form solution for mass, centre of gravity and bias.
 """
 
 from dataclasses import dataclass
@@ -81,52 +79,60 @@ def identify_from_gravity(
     return IdentifiedLoad(float(mass), moment / mass, bias)
 
 
-def begin(model: Model, theta: np.ndarray, data: Observations, free: tuple[int, ...]) -> np.ndarray:
-    """Begin at the linear solution for mass, CoG and bias, as far as these are free."""
-    names = {model.parameters.names[i] for i in free}
+def initial_values(
+    model: Model, theta: np.ndarray, data: Observations, free: tuple[int, ...]
+) -> np.ndarray:
+    """The linear solution for mass, CoG and bias, as far as these are free.
+
+    Raises:
+        CalibrationError: one orientation only, or a wrench of opposite sign.
+    """
+    robot, names = model.robot, {model.parameters.names[i] for i in free}
     if not {"sensor.bias.fx", "tool.mass"} <= names or isinstance(data.q, Jet):
         return theta
-    n = len(model.robot.parameters)
     gravity = np.asarray(model.gravity)
-    seen = model.robot.gravity_seen(data.q, theta[:n], gravity)
+    seen = robot.gravity_seen(data.q, robot.robot_theta(theta), gravity)
     load = identify_from_gravity(seen, data.wrench)
-    if load.mass <= 0:
-        if not {f"mount.rotation.{a}" for a in "xyz"} <= names:
-            raise opposite(load.mass)
-        theta = _turned(model, theta, data, seen, load.mass)
-        load = identify_from_gravity(
-            model.robot.gravity_seen(data.q, theta[:n], gravity), data.wrench
-        )
+    if load.mass <= 0 and {f"mount.rotation.{a}" for a in "xyz"} <= names:
+        theta = _rotated_mount(model, theta, data, seen, load.mass)
+        seen = robot.gravity_seen(data.q, robot.robot_theta(theta), gravity)
+        load = identify_from_gravity(seen, data.wrench)
+    else:
+        check_mass(load.mass)
+    tool = robot.theta_of_tool(robot.robot_theta(theta), load.mass, list(load.cog))
+    known = np.concatenate([tool, load.bias, theta[len(tool) + len(load.bias) :]])
     start = theta.copy()
-    start[:n] = model.robot.theta_of_tool(theta[:n], load.mass, list(load.cog))
-    start[n : n + 6] = load.bias
-    held = [i for i in range(len(theta)) if i not in free]
-    start[held] = theta[held]
+    start[list(free)] = known[list(free)]
     return start
 
 
-def _turned(
+def _rotated_mount(
     model: Model, theta: np.ndarray, data: Observations, g: np.ndarray, mass: float
 ) -> np.ndarray:
-    """The sensor's mount turned to where forces and gravity agree best; a reflection is refused.
+    """The sensor's mount rotated to where forces and gravity agree best; reflections are refused.
 
     Orthogonal Procrustes problem: Schönemann 1966, doi 10.1007/BF02289451.
     """
     force = data.wrench[:, :3]
     link = np.linalg.lstsq(g - g.mean(axis=0), force - force.mean(axis=0), rcond=1e-6)[0]
     if not np.linalg.det(link) > 0:
-        raise opposite(mass)
+        check_mass(mass)
     u, _, vt = np.linalg.svd(link)
     names = [f"mount.rotation.{a}" for a in "xyz"]
     stated = Rotation.from_rotvec([theta[model.parameters.index(name)] for name in names])
-    turn = (stated * Rotation.from_matrix(u @ vt)).as_rotvec()
-    values = {name: float(v) for name, v in zip(names, turn, strict=True)}
+    rotation = (stated * Rotation.from_matrix(u @ vt)).as_rotvec()
+    values = {name: float(v) for name, v in zip(names, rotation, strict=True)}
     return model.parameters.vector(values, start=theta)
 
 
-def opposite(mass: float) -> CalibrationError:
-    """The error for a tool that would weigh less than nothing."""
-    return CalibrationError(
-        f"the tool's mass comes out as {mass:.4g} kg: the wrench or the gravity has the opposite "
-        "sign (wanted: the load on the sensor, +m·g along gravity at rest)"
-    )
+def check_mass(mass: float) -> None:
+    """Refuse a tool that would weigh nothing or less.
+
+    Raises:
+        CalibrationError: the wrench or the gravity has the opposite sign.
+    """
+    if not mass > 0:
+        raise CalibrationError(
+            f"the tool's mass comes out as {mass:.4g} kg: the wrench or the gravity has the "
+            "opposite sign (wanted: the load on the sensor, +m·g along gravity at rest)"
+        )

@@ -85,7 +85,7 @@ class Touches:
 
     def residual(self, robot: Robot, theta: np.ndarray) -> np.ndarray:
         """Stated − predicted position in standard deviations (3T,)."""
-        own = theta[: len(robot.parameters)]
+        own = robot.robot_theta(theta)
         return ((self.points - robot.tool_pose(self.q, own)[1]) / self.std).ravel()
 
     def jacobian(self, robot: Robot, theta: np.ndarray, columns: Sequence[int]) -> np.ndarray:

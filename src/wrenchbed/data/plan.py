@@ -1,7 +1,4 @@
-"""A plan: the joint values that a campaign visits, or the trajectory that it tracks, in Parquet.
-
-Known points of the world from a CSV file with the columns x, y, z [m].
-"""
+"""A plan: poses to visit, touches of known points or a motion to follow, in Parquet."""
 
 import csv
 from collections.abc import Mapping

@@ -90,7 +90,7 @@ class CalibrationEnv(gymnasium.Env[np.ndarray, np.int64]):
             self._drawn = seed
             self._table = knowledge(self.model, self.pool, self._row_std(), self.goal)
         self.theta = self._own_parameters()
-        own = self.theta[: len(self.robot.parameters)]
+        own = self.robot.robot_theta(self.theta)
         self.simulation = Simulation(self.robot, own, self.model.gravity)
         self._stream = NoiseStream(self._noise, int(self.np_random.integers(2**31)))
         self.knowledge: Knowledge = self._table.start()

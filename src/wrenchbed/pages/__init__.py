@@ -1,4 +1,7 @@
-"""Templates of every HTML page: self-contained, light and dark, for screens and A4."""
+"""HTML pages, plots and numbers for people: self-contained, light and dark, for screens and A4.
+May import: the root files only.
+Read first: this file; then `document` (studies), `plots` and `numbers`.
+"""
 
 from collections.abc import Mapping
 from importlib.resources import files

@@ -1,14 +1,15 @@
-"""A plan tried out in closed form on robots whose every parameter is wrong within tolerance.
+"""A plan simulated in closed form on robots whose every parameter is wrong within tolerance.
 
-The design of a mix is linear about the nominal robot; robots are not. Rehearsing it, with noise and
-the full nonlinear fit, tells what it really gives.
+The design of a mix is linear about the nominal robot; robots are not. The simulation has noise and
+the full nonlinear fit, and gives the accuracy that the plan really reaches.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from wrenchbed.calibration.least_squares import solve
+from wrenchbed.calibration.observations import Observations
+from wrenchbed.calibration.problem import Problem
 from wrenchbed.calibration.touches import Touches
 from wrenchbed.errors import PlanError
 from wrenchbed.robots.base import Robot
@@ -67,40 +68,28 @@ def _one(
 ) -> tuple[float, float]:
     rng = np.random.default_rng(seed)
     robot, nominal = model.robot, model.parameters.nominal
-    own = len(robot.parameters)
-    chosen = list(columns)
-    scale = model.parameters.tolerance[chosen]
+    free = list(columns)
     truth = nominal.copy()
-    truth[chosen] += rng.uniform(-1.0, 1.0, len(chosen)) * scale
+    tolerance = model.parameters.tolerance[free]
+    truth[free] += rng.uniform(-1.0, 1.0, len(free)) * tolerance
+    true = robot.robot_theta(truth)
     exact = model.predict(measured.gravity, truth)
     wrench = exact + rng.standard_normal(exact.shape) * measured.wrench_std
-    where = measured.points + rng.normal(0.0, measured.touch_std, measured.points.shape)
-    q = _seated(robot, measured.touch, where, truth[:own])
-    seats = Touches(q, measured.points, measured.touch_std)
-    centre = nominal[chosen]
+    tips = measured.points + rng.normal(0.0, measured.touch_std, measured.points.shape)
+    q = _seated(robot, measured.touch, tips, true)
+    rows = np.ones(len(wrench))
+    noise = np.diag(np.square(measured.wrench_std))
+    data = Observations(measured.gravity, wrench, rows, noise, np.inf, "stated", rows, 0)
+    touches = Touches(q, measured.points, measured.touch_std)
+    problem = Problem(model, data, nominal, columns, nominal[free], prior=True, touches=touches)
 
-    def at(x: np.ndarray) -> np.ndarray:
-        theta = nominal.copy()
-        theta[chosen] = x
-        return theta
+    def whiten(x: np.ndarray) -> np.ndarray:
+        std = measured.wrench_std
+        return x / (std if x.ndim == 2 else std[:, None])
 
-    def residual(x: np.ndarray) -> np.ndarray:
-        left = (wrench - model.predict(measured.gravity, at(x))) / measured.wrench_std
-        return np.concatenate([left.ravel(), seats.residual(robot, at(x)), (centre - x) / scale])
-
-    def jacobian(x: np.ndarray) -> np.ndarray:
-        rows = model.jacobian(measured.gravity, at(x), chosen) / measured.wrench_std[:, None]
-        return np.concatenate(
-            [
-                rows.reshape(-1, len(chosen)),
-                seats.jacobian(robot, at(x), chosen),
-                np.diag(1.0 / scale),
-            ]
-        )
-
-    found = at(solve(residual, jacobian, centre, scale).x)
-    true = robot.tool_pose(target, truth[:own])[1]
-    errors = (robot.tool_pose(target, theta[:own])[1] - true for theta in (nominal, found))
+    fitted = problem.at(problem.solve(whiten, problem.start).x)
+    tip = robot.tool_pose(target, true)[1]
+    errors = (robot.tool_pose(target, robot.robot_theta(x))[1] - tip for x in (nominal, fitted))
     before, after = (float(np.sqrt((e**2).sum(axis=-1).mean())) for e in errors)
     return before, after
 

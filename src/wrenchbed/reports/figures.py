@@ -1,6 +1,6 @@
-"""Figures of a diagnosis: simulated is orange, measured is blue, in light and in dark pages.
+"""Figures of a report: simulated is orange, measured is blue, on light and dark pages.
 
-Figures drawn beside the main work, in processes that make ready while it goes on.
+`Artist` draws them in other processes while the diagnosis runs.
 """
 
 import re

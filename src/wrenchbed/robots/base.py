@@ -81,6 +81,10 @@ class Robot(ArmBodies):
     unobservable: tuple[str, ...] = ()
     """Parameters that no wrench and no pose of the sensor depends on."""
 
+    def robot_theta(self, theta: np.ndarray) -> np.ndarray:
+        """The robot's parameters from a model's full vector (P,), which begins with them."""
+        return theta[: len(self.parameters)]
+
     def tool_pose(self, q: np.ndarray, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """R_world_tool (…, N, 3, 3) and the tool tip's position in the world (…, N, 3) [m].
 

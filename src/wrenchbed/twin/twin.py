@@ -131,7 +131,7 @@ class Twin:
     @cached_property
     def robot_theta(self) -> np.ndarray:
         """Parameters of the robot alone."""
-        return self.theta[: len(self.model.robot.parameters)]
+        return self.model.robot.robot_theta(self.theta)
 
     @cached_property
     def mechanism(self) -> Mechanism:

@@ -1,4 +1,7 @@
-"""What rerun shows of recordings, fits and diagnoses; the only part that knows rerun."""
+"""Recordings, plans, fits and diagnoses as pictures for rerun; the only room that knows rerun.
+May import: reports, diagnosis, campaigns (recording), twin, simulation and the rooms below them.
+Read first: `view`, then `recordings`; `stream` is the canvas that everything is drawn on.
+"""
 
 from wrenchbed.viewer.calibrated import calibration_view
 from wrenchbed.viewer.diagnosed import diagnosis_view

@@ -46,7 +46,7 @@ def calibration_view(fit: Fit, path: str | Path) -> None:
     model = Model.of(robot)
     theta = model.parameters.vector(dict(fit.theta))
     before, after = errors(fit, model, robot, q, theta)
-    places = robot.tool_pose(q, theta[: len(robot.parameters)])[1]
+    places = robot.tool_pose(q, robot.robot_theta(theta))[1]
     largest = float(np.quantile(before, 0.99))
     blueprint = layout.page(
         [layout.scene(robot.name, "position error over the workspace")],
@@ -59,7 +59,7 @@ def calibration_view(fit: Fit, path: str | Path) -> None:
     )
     with to_file(path, blueprint) as canvas:
         log_world(canvas)
-        simulation = Simulation(robot, theta[: len(robot.parameters)])
+        simulation = Simulation(robot, robot.robot_theta(theta))
         log_shapes(canvas, "world/real", simulation.model)
         log_pose(canvas, "world/real", motion(simulation, robot.home[None]))
         edges = np.linspace(0.0, largest, 25)
@@ -78,9 +78,10 @@ def errors(
     fit: Fit, model: Model, robot: SimulatedRobot, q: np.ndarray, theta: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Position error (G,) [m] before and after, at joint values (G, J)."""
-    own = len(robot.parameters)
-    nominal = np.array(robot.parameters.nominal)
-    moved = robot.tool_pose(q, theta[:own])[1] - robot.tool_pose(q, nominal)[1]
+    moved = (
+        robot.tool_pose(q, robot.robot_theta(theta))[1]
+        - robot.tool_pose(q, robot.parameters.nominal)[1]
+    )
     free = [model.parameters.index(p.name) for p in fit.identified]
     sensitivity = tip_jacobian(robot, q, theta, free)
     left = np.einsum("gik,kl,gil->g", sensitivity, fit.covariance, sensitivity)

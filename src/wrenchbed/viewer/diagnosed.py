@@ -1,7 +1,4 @@
-"""A diagnosis as one sees it: the robot painted by blame, and the residual before and after.
-
-Which part of the robot a diagnosis blames, and how much.
-"""
+"""The picture of a diagnosis: parts coloured by their probability, residuals before and after."""
 
 import re
 from collections.abc import Mapping, Sequence

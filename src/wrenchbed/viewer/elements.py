@@ -1,11 +1,4 @@
-"""What changes with time as curves: whole columns at once.
-
-Colours that mean something: measured or simulated, which axis, how much to blame.
-
-Forces and torques as arrows at the sensor, in the world.
-
-A map of residuals that can be read: cells, channel names and a range under each column.
-"""
+"""What pictures are made of: colours, curves, arrows at the sensor, the map of residuals."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

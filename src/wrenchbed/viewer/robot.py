@@ -1,9 +1,4 @@
-"""MuJoCo's geoms as rerun's shapes, body by body.
-
-Where a robot's bodies are at given joint values.
-
-A robot in the scene: its shapes once, then where its bodies are.
-"""
+"""The robot in the scene: MuJoCo's geoms as shapes of rerun, and where its bodies are."""
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace

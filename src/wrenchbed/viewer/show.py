@@ -1,9 +1,7 @@
 """Rerun's viewer, bound to this machine alone and without its telemetry.
 
-Rerun's page for browsers, served so that it speaks to this machine alone.
-
-The page that rerun serves asks Google for fonts and reports its use; here it comes with a policy
-that forbids a browser to ask anybody but this machine.
+The page that rerun serves asks Google for fonts and reports its use. Here it is served with a
+policy that forbids a browser to ask anybody but this machine.
 """
 
 import contextlib

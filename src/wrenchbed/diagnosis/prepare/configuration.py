@@ -28,7 +28,7 @@ class Configuration:
     @cached_property
     def robot_theta(self) -> np.ndarray:
         """Parameters of the robot alone, tool included."""
-        return self.theta[: len(self.model.robot.parameters)]
+        return self.model.robot.robot_theta(self.theta)
 
     @cached_property
     def tool(self) -> Tool:

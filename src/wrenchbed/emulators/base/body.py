@@ -81,7 +81,7 @@ class Body:
         self.cycle = cycle
         self.model = Model(robot, tuple(robot.gravity))
         self.theta = self.model.parameters.vector(options.parameters)
-        own = self._own = self.theta[: len(robot.parameters)]
+        own = self._own = robot.robot_theta(self.theta)
         self.simulation = Simulation(robot, own, self.model.gravity)
         self.sensor = registry.load("sensors", robot.sensor)
         self._hiss = BufferedNoise(noise_model(options.noise, self.sensor.noise), options.seed)

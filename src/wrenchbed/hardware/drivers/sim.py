@@ -122,7 +122,7 @@ class SimDriver(Driver):
         self.robot: SimulatedRobot = robot
         self.model = Model(robot, tuple(options.gravity or robot.gravity))
         self.theta = self.model.parameters.vector(options.parameters)
-        theta = self.theta[: len(robot.parameters)]
+        theta = robot.robot_theta(self.theta)
         self._simulation = Simulation(robot, theta, self.model.gravity)
         self._sensor = registry.load("sensors", robot.sensor)
         self._noise = noise_model(options.noise, self._sensor.noise)

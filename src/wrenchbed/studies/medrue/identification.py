@@ -139,7 +139,7 @@ def cases(
 ) -> list[Row]:
     """Before calibration, without noise, by design, and by reading of the noise."""
     setting = shared.setting
-    simulation = Simulation(setting.robot, theta[: len(setting.robot.parameters)])
+    simulation = Simulation(setting.robot, setting.robot.robot_theta(theta))
     judge = Judge(setting, theta, simulation)
     rows = judge.rows(setting.theta, robot=number, design="", noise="", method="before", steps=0)
     own_bound = bounds(setting, theta, setting.q[shared.designs["O1"]])
@@ -168,7 +168,7 @@ def cases(
 
 def bounds(setting: StudySetting, theta: np.ndarray, q: np.ndarray) -> dict[str, float]:
     """Cramér–Rao bound of the rms error in the target [m] at a robot's own parameters."""
-    own = theta[: len(setting.robot.parameters)]
+    own = setting.robot.robot_theta(theta)
     there = replace(
         setting,
         jacobian=setting.model.jacobian(q, theta, setting.columns),
@@ -228,7 +228,7 @@ def predict(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Wrench (N, 6) and tool position (N, 3) in closed form."""
     robot, model = setting.robot, setting.model
-    own = theta[: len(robot.parameters)]
+    own = robot.robot_theta(theta)
     with np.errstate(invalid="ignore"):  # a bad estimate cannot reach every configuration
         rotation, origin = robot.sensor_pose(q, own)
         load = wrench(rotation, origin, robot.tool(own), np.asarray(model.gravity))

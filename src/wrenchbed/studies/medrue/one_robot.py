@@ -66,7 +66,7 @@ class OneRobot:
 def study(setting: StudySetting, designs: dict[str, PoseDesign], seed: int) -> OneRobot:
     """Identify without noise, with the certificate's, and with ±1 N by each design."""
     theta = truth(setting)
-    simulation = Simulation(setting.robot, theta[: len(setting.robot.parameters)])
+    simulation = Simulation(setting.robot, setting.robot.robot_theta(theta))
     true = {"target": simulation.tip(setting.target), "whole": simulation.tip(setting.q)}
     rng = np.random.default_rng([seed, 10_000])
 
@@ -207,7 +207,7 @@ def _fit_of_noise(setting: StudySetting, designs: dict[str, PoseDesign]) -> Tabl
 
 
 def _figures(setting: StudySetting, one: OneRobot) -> tuple[Figure, ...]:
-    robot, own = setting.robot, setting.theta[: len(setting.robot.parameters)]
+    robot, own = setting.robot, setting.robot.robot_theta(setting.theta)
     some = np.linspace(0, len(setting.q) - 1, 2500).astype(int)
     pool, target = (robot.tool_pose(q, own)[1] for q in (setting.q[some], setting.target))
     mm = {k: 1e3 * v for k, v in one.before.items()}

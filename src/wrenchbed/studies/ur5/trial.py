@@ -116,7 +116,7 @@ def left_out(scene: StudyScene, q: np.ndarray, reference: np.ndarray) -> dict[st
     reference pose (1, 6), or with the tool's weight on top, how the sensor's does.
     """
     robot, truth = scene.model.robot, scene.model.parameters.mapping(scene.theta)
-    own = scene.theta[: len(robot.parameters)]
+    own = robot.robot_theta(scene.theta)
     gravity = np.asarray(scene.model.gravity)
     now, then = (np.asarray(gravity @ robot.sensor_pose(p, own)[0]) for p in (q, reference))
     bias = np.array([truth[f"sensor.bias.f{a}"] for a in "xyz"])
