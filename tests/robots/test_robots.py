@@ -193,6 +193,11 @@ def test_the_file_states_the_nominal_robot(robot):
     assert np.abs(plain.opt.gravity - written.opt.gravity).max() == 0
 
 
+@pytest.mark.parametrize("robot", [r for r in ROBOTS if r is not IIWA], ids=lambda r: r.name)
+def test_a_page_beside_the_file_states_where_its_numbers_come_from(robot):
+    assert robot.mjcf.with_name("README.md").read_text(encoding="utf-8").strip()
+
+
 @each_robot
 def test_samples_are_feasible_seeded_and_turn_the_tool_about(robot):
     q = robot.sample(200, np.random.default_rng(0))

@@ -1,8 +1,11 @@
 """A serial arm of seven joints, data alone: planned, recorded, calibrated and diagnosed."""
 
 import json
+import runpy
+from pathlib import Path
 from types import SimpleNamespace
 
+import mujoco
 import numpy as np
 import pytest
 
@@ -14,6 +17,8 @@ from wrenchbed.effects.chain import effects, respond
 from wrenchbed.effects.naming import active_effect
 from wrenchbed.effects.scene import examples
 from wrenchbed.twin.twin import nominal
+
+SCRIPT = Path(__file__).parents[2] / "scripts" / "arm_mjcf"
 
 
 @pytest.fixture(autouse=True)
@@ -56,3 +61,13 @@ def test_every_effect_of_the_arm_is_simulated_as_fitted():
             assert np.abs(nominal(IIWA, active).wrench(still) - closed).max() < 0.05 * change + 1e-9
             applied += 1
     assert applied > 20
+
+
+def test_the_file_of_an_arm_is_written_from_its_data():
+    text = runpy.run_path(str(SCRIPT))["text"]
+    ours = mujoco.MjModel.from_xml_string(text(IIWA.arm))
+    other = mujoco.MjModel.from_xml_path(str(IIWA.mjcf))
+    for name in ("body_pos", "body_mass", "body_ipos", "qpos0", "jnt_range", "key_qpos"):
+        assert np.allclose(getattr(ours, name), getattr(other, name), rtol=0.0, atol=1e-8), name
+    turn = np.abs((ours.body_quat * other.body_quat).sum(axis=1))
+    assert np.abs(turn - 1.0).max() < 1e-12

@@ -9,7 +9,7 @@ import numpy as np
 from wrenchbed.robots.base import Robot
 
 _TIP = np.array([0.0, 0.0, 0.14])
-"""End of UR5's example tool in sensor axes [m]."""
+"""Tip in sensor axes [m] of a robot that states none: the end of UR5's example tool."""
 _CREEP = 1e-3
 """Speed at which friction is three quarters of its full size [m/s]."""
 
@@ -79,7 +79,7 @@ def tip_in(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
 
 def tip_of(robot: Robot, q: np.ndarray, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Orientation of the tool (N, 3, 3) and place of its tip (N, 3) [m] in the world."""
-    if robot.name == "ur5":
+    if type(robot).tool_pose is Robot.tool_pose:
         rotation, origin = robot.sensor_pose(q, theta)
         return rotation, origin + rotation @ _TIP
     return robot.tool_pose(q, theta)
