@@ -12,7 +12,7 @@ from wrenchbed import registry
 from wrenchbed.benchmark.referee import arm, case, outside, sensor, tool
 from wrenchbed.benchmark.referee import setting as settings
 from wrenchbed.benchmark.referee import signatures as columns
-from wrenchbed.benchmark.referee.catalogue import EFFECTS, background, possible
+from wrenchbed.benchmark.referee.catalogue import EFFECTS, STATED, background, possible
 from wrenchbed.benchmark.referee.equivalence import SAME, Usual, bench
 from wrenchbed.benchmark.referee.fault import RefereeFault, mechanics, signal, total
 from wrenchbed.benchmark.referee.machine import Mechanics
@@ -160,6 +160,15 @@ def test_every_family_outside_changes_what_is_read(world, name):
     assert found.fault.name == name
     assert name not in EFFECTS
     assert found.gap > 0.1
+
+
+@pytest.mark.parametrize("mode", ["static", "dynamic"])
+def test_every_effect_on_means_has_a_signature(small, mode):
+    """What has none in referee/signatures.py is never named as a rival of another effect."""
+    setting = settings.draw(registry.load("robots", "ur5"), mode, np.random.default_rng(5))
+    world = FaultyRobot.of(setting, (), Usual.of(setting))
+    on_means = {n for n in possible(setting) if not EFFECTS[n].between}
+    assert on_means - set(STATED) <= set(columns.blocks(setting, world.way))
 
 
 def test_effects_of_motion_are_for_motions():

@@ -21,6 +21,7 @@ from wrenchbed.sensors.base import (
 )
 
 REST = Path(__file__).parents[1] / "data" / "ntnu_kuka_ati_gamma" / "0-steady-state_wrench.csv"
+PAGE = Path(__file__).parents[2] / "docs" / "reference" / "sensors.md"
 RATE = 698.1
 SENSORS = registry.names("sensors")
 
@@ -50,6 +51,12 @@ def test_ranges_and_resolutions_are_plausible_and_sourced(sensor: Sensor) -> Non
         assert c.source.strip()
     assert sensor.title and sensor.mass_source and sensor.noise_source
     assert 0 < sensor.mass < 5
+
+
+def test_the_page_of_the_sensors_has_it_and_its_calibrations(sensor: Sensor) -> None:
+    page = PAGE.read_text(encoding="utf-8")
+    for word in (f"`{sensor.name}`", *(c.name for c in sensor.calibrations)):
+        assert word in page, f"docs/reference/sensors.md does not have {word}"
 
 
 def test_the_noise_belongs_to_the_default_calibration(sensor: Sensor) -> None:

@@ -1,13 +1,14 @@
 """How a test makes each driver and each transducer: an emulator or a recording where one is needed.
 
-The contract suites ask for an entry per registered plug-in: add one for a new plug-in.
+The contract suites ask for an entry per registered plug-in. A driver that is not live and needs no
+option but ``robot`` has one by itself; add one for any other new plug-in.
 """
 
 import os
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import MISSING, dataclass, fields
 from pathlib import Path
 
 import numpy as np
@@ -65,8 +66,15 @@ def _emulated(name: str, robot: str, emulator: str, host: str) -> Iterator[Drive
 
 
 @contextmanager
-def _sim(robot: str) -> Iterator[DriverCase]:
-    yield _of("sim", robot)
+def _simulated(name: str, robot: str) -> Iterator[DriverCase]:
+    yield _of(name, robot)
+
+
+def _needs_only_a_robot(name: str) -> bool:
+    kind = registry.load("drivers", name)
+    needed = [f.name for f in fields(kind.options)
+              if f.default is MISSING and f.default_factory is MISSING]  # fmt: skip
+    return not kind.live and needed == ["robot"]
 
 
 @contextmanager
@@ -81,10 +89,13 @@ def _replay(folder: Path) -> Iterator[DriverCase]:
 
 
 DRIVERS = {
-    "sim": {
-        "ur5": lambda folder: _sim("ur5"),
-        "medrue": lambda folder: _sim("medrue"),
-    },
+    name: {
+        "ur5": lambda folder, name=name: _simulated(name, "ur5"),
+        "medrue": lambda folder, name=name: _simulated(name, "medrue"),
+    }
+    for name in registry.names("drivers")
+    if _needs_only_a_robot(name)
+} | {
     "replay": {"ur5": _replay},
     "rtde": {"ur5": lambda folder: _emulated("rtde", "ur5", "ur5", "127.0.5.1")},
     "can": {"medrue": lambda folder: _emulated("can", "medrue", "medrue", "127.0.5.2")},
