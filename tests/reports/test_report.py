@@ -132,8 +132,8 @@ def test_an_ambiguous_cause_is_one_or_the_other(tilted):
     rivals = [dict(cause) | {"rivals": ["cable.pull"]}]
     page = shown(changed(tilted, verdict="ambiguous", which=rivals))
     assert (
-        "The base is tilted against gravity, or a cable or hose pulls on the tool: "
-        "this data cannot tell."
+        "The base is tilted against gravity, or a cable or hose pulls on the tool. "
+        "This data cannot tell which."
     ) in page.sections["page"]
     assert "In the base or the cable" in page.sections["where"]
     assert "base.tilt or cable.pull" in page.sections["which"]
@@ -155,8 +155,8 @@ def test_two_causes_are_counted(tilted):
 def test_unknown_says_what_the_residual_follows(tilted):
     page = shown(without_cause(tilted, "unknown"))
     kernel = sentences.depends(tilted.analysis.ranking.kernel)
-    assert "There is a gap that no known effect explains" in page.sections["page"]
-    assert f"what is left follows {kernel} best" in page.sections["where"]
+    assert "No known effect explains the gap" in page.sections["page"]
+    assert f"the residual follows {kernel} best" in page.sections["where"]
     assert "Probability that it is something unknown: > 0.99" in page.sections["which"]
     assert f"Gap {tilted.diagnosis.gap.calibrated:.2f}" in page.sections["far"]
     assert "closed" not in page.sections["far"]
@@ -168,14 +168,14 @@ def test_a_class_that_is_too_large_names_its_members(tilted):
         without_cause(tilted, "unknown"), probabilities={crowd: 0.9, "none": 0.0, "unknown": 0.1}
     )
     page = shown(large)
-    assert "too many effects explain equally well" in page.sections["page"]
+    assert "Too many effects explain the gap equally well" in page.sections["page"]
     assert "base.tilt, cable.pull, link.length" in page.sections["which"]
 
 
 def test_none_is_none(healthy):
     assert healthy.diagnosis.verdict == "none"
     page = shown(healthy)
-    assert "No cause found: what is left are normal imperfections." in page.sections["page"]
+    assert "No cause found: the residual is within normal imperfections." in page.sections["page"]
     assert "No cause is named." in page.sections["which"]
     assert f"Gap {numbers.gap(healthy.diagnosis.gap.calibrated)}" in page.sections["far"]
     assert "there is nothing to close" in page.sections["far"]
@@ -188,7 +188,7 @@ def test_what_scatters_rows_is_no_share_of_the_gap(tmp_path):
     assert "The sensor is noisier than stated." in page.sections["page"]
     assert "of the variance of a channel's rows" in page.sections["where"]
     assert "of the gap lies" not in page.sections["where"]
-    assert "scatters single rows; means have no gap to close" in page.sections["far"]
+    assert "scatters single rows; the means have no gap to close" in page.sections["far"]
 
 
 def test_effects_that_do_not_close_the_gap_say_so(tilted):

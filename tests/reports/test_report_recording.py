@@ -32,10 +32,14 @@ def test_a_fit_that_agrees_says_so_with_its_figures(folder):
     recording = wb.Recording.read(folder / "rec.parquet")
     page = recording_page(recording, [folder / "fit.json"], "the command")
     told, fit = text(page), json.loads((folder / "fit.json").read_text())
-    assert "Simulator fit agrees." in told and "40 poses at rest" in told and "the command" in told
+    assert (
+        "Simulator fit agrees with the recording." in told
+        and "40 poses at rest" in told
+        and "the command" in told
+    )
     assert f"{fit['tool']['mass']:.4g} kg" in told
     assert all(name in told for name in fit["parameters"])
-    ratio = float(re.search(r"([\d.]+) times the noise", told)[1])
+    ratio = float(re.search(r"([\d.]+) × noise", told)[1])
     assert 0.9 < ratio < 1.25
     assert "use this simulator" in told
 
@@ -43,7 +47,7 @@ def test_a_fit_that_agrees_says_so_with_its_figures(folder):
 def test_a_simulator_that_is_off_is_named_with_the_next_step(folder):
     page = recording_page(wb.Recording.read(folder / "rec.parquet"), [], "")
     told = text(page)
-    assert "Even the best simulator, configured, is far off." in told
+    assert "The best simulator, configured, differs much from the recording." in told
     assert "wrenchbed calibrate rec.parquet --out fit.json" in told
     assert "Nothing was fitted" in told
 

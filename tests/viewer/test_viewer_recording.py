@@ -267,7 +267,7 @@ def test_what_is_no_simulator_is_refused(recorded):
     refused(json.dumps(fit | {"robot": other}), f"wrong.json: is a fit of '{other}'")
     refused(json.dumps(fit | {"theta": {"no such": 1.0}}), "wrong.json: theta: .*no such")
     refused("[1]", "wrong.json: is no fit or twin")
-    refused("{", "wrong.json: no fit or twin can be read")
+    refused("{", "wrong.json: not valid JSON")
     with pytest.raises(ParameterError, match="at most 3"):
         recording_view(recording, folder / "x.rrd", [folder / "fit.json"] * 4)
 

@@ -18,6 +18,7 @@ from wrenchbed.calibration.fit import IdentifiedValue
 from wrenchbed.cli import console
 from wrenchbed.cli.console import Json
 from wrenchbed.errors import ParameterError
+from wrenchbed.pages.numbers import decimals
 from wrenchbed.physics.wrench import CHANNELS
 
 _READABLE = {"m": ("mm", 1e3), "rad": ("°", 180 / np.pi), "kg·m²": ("g·m²", 1e3)}
@@ -155,8 +156,7 @@ def _numbers(p: IdentifiedValue, factor: float) -> tuple[str, str, str]:
     if p.std is None:
         return f"{p.value * factor:.4f}", "in sum only", start
     std = p.std * factor
-    decimals = int(np.clip(1 - np.floor(np.log10(std)), 0, 9)) if std > 0 else 9
-    return f"{p.value * factor:.{decimals}f}", f"{std:.2g}", start
+    return f"{p.value * factor:.{decimals(std)}f}", f"{std:.2g}", start
 
 
 def _residuals(result: wb.Fit) -> Table:

@@ -124,9 +124,9 @@ def _rehearsed(path: Path, samples: int, rate: float, as_json: bool) -> None:
 
 _COLOURS = {"none": "green", "identified": "cyan", "ambiguous": "yellow", "unknown": "magenta"}
 _MEANING = {
-    "none": "no cause: what is left is below the noise, or normal imperfections",
-    "identified": "cause identified",
-    "ambiguous": "cause found, with rivals that this data cannot tell apart",
+    "none": "no cause: the residual is within the noise, or normal imperfections",
+    "identified": "the cause is known",
+    "ambiguous": "a cause with rivals that this data cannot distinguish",
     "unknown": "a gap that no known effect explains",
 }
 
@@ -140,7 +140,7 @@ def diagnosis(d: Diagnosis) -> Group:
     parts: list[Any] = [head, verdict, ""]
     parts += [Text("where", style="bold"), *(_line(str(w["sentence"])) for w in d.where[:4])]
     if not d.where:
-        parts.append(_line("nothing stands out"))
+        parts.append(_line("no place differs from noise"))
     parts += ["", Text("which", style="bold")]
     parts.append(_causes(d) if d.which else _line("no cause is claimed"))
     parts.append(_line(_probabilities(d)))
@@ -153,7 +153,7 @@ def diagnosis(d: Diagnosis) -> Group:
     return Group(*parts)
 
 
-_MEASURE = "gap on rows that no fit saw; 1: errors as large as the noise of one row"
+_MEASURE = "gap on held-out rows; 1: errors as large as the noise of one row"
 
 
 def isolability(name: str, result: DryRun) -> Group:

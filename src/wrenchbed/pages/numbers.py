@@ -95,6 +95,11 @@ def measured(value: float, std: float | None, *, signed: bool = False) -> str:
     return f"({both}){_times(power)}" if power else both
 
 
+def decimals(std: float) -> int:
+    """Decimals of a value that leave its uncertainty two figures."""
+    return int(min(9, max(0, 1 - math.floor(math.log10(std))))) if std > 0 else 9
+
+
 def minus(text: str) -> str:
     """The minus sign proper instead of the hyphen, none before a plain zero."""
     return re.sub(r"-(?=0(\.0*)?(?![\d.]))", "", text).replace("-", "−")

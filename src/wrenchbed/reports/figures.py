@@ -132,7 +132,7 @@ def comparison(c: Comparison, name: str) -> str:
         )  # fmt: skip
         ax.plot(
             c.x[unseen], c.measured[unseen], "o", color=BLUE, ms=4.4,
-            label="measured, no fit saw it",
+            label="measured, held out",
         )  # fmt: skip
         ax.set_xlabel(c.x_label)
         ax.set_ylabel(f"{c.channel} [{c.unit}]")

@@ -13,7 +13,7 @@ from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.reports import figures
 from wrenchbed.reports.page import DiagnosisPage
 from wrenchbed.reports.simulators import BINS, Heat
-from wrenchbed.twin.comparison import Simulator, noise_of, order_of, simulators
+from wrenchbed.twin.comparison import Simulator, binned_rms, bins, noise_of, order_of, simulators
 
 _AGREE, _NEAR = 1.25, 3.0
 """Residuals, in units of noise, up to which simulator and measurement agree, or nearly do."""
@@ -55,16 +55,16 @@ def recording_page(
     fits = [_fit(s.name, s.fit) for s in known if s.fit]
     heat, over = _heat(recording, known, noise)
     best = int(np.argmin(ratios))
-    told = _agreement(known[best].name, ratios[best])
+    agreement = _agreement(known[best].name, ratios[best])
     context = {
         "verdict": "none" if ratios[best] < _AGREE else "unknown",
-        "badge": "✓ agree" if ratios[best] < _AGREE else "≠ part",
+        "badge": "✓ agree" if ratios[best] < _AGREE else "≠ differ",
         "kind": "Recording",
         "name": PurePath(recording.name).name,
         "robot": recording.metadata.robot,
-        "headline": told["headline"],
+        "headline": agreement["headline"],
         "what": _what(recording),
-        "best": told,
+        "best": agreement,
         "simulators": [
             {"name": s.name, "ratio": f"{r:.3g}", "rms": _rms(recording, s)}
             for s, r in zip(known, ratios, strict=True)
@@ -87,20 +87,17 @@ def _white(recording: Recording, s: Simulator, noise: np.ndarray) -> np.ndarray:
 
 
 def _rms(recording: Recording, s: Simulator) -> list[str]:
-    left = np.sqrt(np.mean((recording.wrench - s.reading) ** 2, axis=0))
-    return [f"{x:.3g}" for x in left]
+    rms = np.sqrt(np.mean((recording.wrench - s.reading) ** 2, axis=0))
+    return [f"{x:.3g}" for x in rms]
 
 
 def _heat(recording: Recording, known: Sequence[Simulator], noise: np.ndarray) -> tuple[Heat, str]:
     order, unit = order_of(recording)
-    groups = [g for g in np.array_split(np.argsort(order, kind="stable"), BINS) if len(g)]
-    bins = tuple(f"{order[g].min():.0f}…\n{order[g].max():.0f}" for g in groups)
-    panels = {}
-    for s in known:
-        white = _white(recording, s, noise) ** 2
-        panels[s.name] = np.sqrt(np.stack([white[g].mean(axis=0) for g in groups], axis=1))
+    groups = bins(order, BINS)
+    labels = tuple(f"{order[g].min():.0f}…\n{order[g].max():.0f}" for g in groups)
+    panels = {s.name: binned_rms(_white(recording, s, noise), groups) for s in known}
     over = "over the poses in order" if unit == "pose" else "over time"
-    return Heat(panels, bins, "pose" if unit == "pose" else "time [s]", over), over
+    return Heat(panels, labels, "pose" if unit == "pose" else "time [s]", over), over
 
 
 def _what(recording: Recording) -> dict[str, str]:
@@ -108,44 +105,45 @@ def _what(recording: Recording) -> dict[str, str]:
     span = float(recording.t[-1] - recording.t[0])
     figure = f"{len(np.unique(order))} poses at rest" if unit == "pose" else f"{span:.0f} s"
     figure += "" if unit == "pose" else " at rest" if at_rest else " of motion"
-    source = recording.metadata.source or "a source that is not stated"
+    source = recording.metadata.source or "an unstated source"
     return {"figure": figure, "text": f"{len(recording):,} rows in {span:,.0f} s, from {source}."}
 
 
 def _agreement(name: str, ratio: float) -> dict[str, str]:
-    figure = f"{ratio:.3g} times the noise"
+    figure = f"{ratio:.3g} × noise"
     if ratio < _AGREE:
-        text = f"What {name} leaves is no more than the noise of the sensor."
-        return {"figure": figure, "text": text, "headline": f"Simulator {name} agrees."}
-    much = "little" if ratio < _NEAR else "far"
-    text = f"This is the best of them, {name}."
-    headline = f"Even the best simulator, {name}, is {'a ' * (much == 'little')}{much} off."
+        text = f"The residual of {name} is within the noise of the sensor."
+        headline = f"Simulator {name} agrees with the recording."
+        return {"figure": figure, "text": text, "headline": headline}
+    much = "slightly" if ratio < _NEAR else "much"
+    text = f"This is the residual of {name}, the best simulator."
+    headline = f"The best simulator, {name}, differs {much} from the recording."
     return {"figure": figure, "text": text, "headline": headline}
 
 
 def _fit(name: str, raw: Mapping[str, Any]) -> dict[str, Any]:
     tool = raw["tool"]
     cog = ", ".join(f"{1e3 * x:.4g}" for x in tool["cog"])
-    shown = [("mass", f"{tool['mass']:.4g} kg"), ("centre of gravity", f"({cog}) mm")]
-    untold = [r["sentence"] for r in raw["redundancies"]]
+    load = [("mass", f"{tool['mass']:.4g} kg"), ("centre of gravity", f"({cog}) mm")]
+    limits = [r["sentence"] for r in raw["redundancies"]]
     if raw["no_effect"]:
-        untold.append(f"No wrench depends on {', '.join(raw['no_effect'])}.")
+        limits.append(f"No wrench depends on {', '.join(raw['no_effect'])}.")
     return {
         "name": name,
         "status": raw["status"],
-        "tool": [(label, numbers.minus(value)) for label, value in shown],
+        "tool": [(label, numbers.minus(value)) for label, value in load],
         "parameters": [_row(n, p) for n, p in raw["parameters"].items()],
-        "untold": untold,
+        "limits": limits,
     }
 
 
 def _row(name: str, p: Mapping[str, Any]) -> dict[str, str]:
-    """A parameter with as many digits as its uncertainty tells."""
+    """A parameter with as many digits as its uncertainty allows."""
     value, std, half = p["value"], p["std"], p["interval95"]
     if std is None or half is None:
-        return {"name": name, "value": numbers.minus(f"{value:.6g}"), "std": "not told",
+        return {"name": name, "value": numbers.minus(f"{value:.6g}"), "std": "not identified",
                 "interval": "", "change": "", "unit": p["unit"]}  # fmt: skip
-    digits = max(0, 1 - int(np.floor(np.log10(std)))) if std > 0 else 6
+    digits = numbers.decimals(std)
     low, high = value - half, value + half
     return {
         "name": name,
@@ -159,10 +157,10 @@ def _row(name: str, p: Mapping[str, Any]) -> dict[str, str]:
 
 def _next(ratio: float, fitted: bool, name: str) -> list[str]:
     if ratio < _AGREE:
-        return ["Nothing is left to explain: use this simulator."]
+        return ["The residual is explained: use this simulator."]
     if not fitted:
         return [f"wrenchbed calibrate {name} --out fit.json fits mass, centre of gravity and bias."]
-    return [f"wrenchbed diagnose {name} --out found says where the rest lies and what causes it."]
+    return [f"wrenchbed diagnose {name} --out found locates the residual and names its cause."]
 
 
 def _data(recording: Recording) -> list[tuple[str, str]]:

@@ -35,23 +35,22 @@ def headline(found: Findings) -> str:
 def _verdict(found: Findings) -> str:
     d = found.diagnosis
     if d.verdict == "none":
-        return "No cause found: what is left are normal imperfections."
+        return "No cause found: the residual is within normal imperfections."
     if d.verdict == "unknown" and _crowd(d):
-        return "There is a gap that too many effects explain equally well."
+        return "Too many effects explain the gap equally well."
     if d.verdict == "unknown":
         kernel = found.analysis.ranking.kernel
         on = f": it varies with {depends(kernel)}" if _seen(kernel, found) else ""
-        return f"There is a gap that no known effect explains{on}."
+        return f"No known effect explains the gap{on}."
     told = [_either([title(n) for n in (w["effect"], *w["rivals"])], ", or ") for w in d.which]
     each = capital("; ".join(told))
     if len(told) > 1:
         each = f"{_count(len(told))} causes: {'; '.join(told)}"
     if d.verdict == "ambiguous":
-        return f"{each}: this data cannot tell." if len(told) == 1 else (
-            f"{each}. Between the two of an “or” this data cannot tell."
-        )  # fmt: skip
+        which = "which" if len(told) == 1 else "which side of each “or” is true"
+        return f"{each}. This data cannot tell {which}."
     if any(w["rivals"] for w in d.which):
-        return f"{each}. In free space an “or” makes no difference."
+        return f"{each}. Without contact, the causes joined by “or” make no difference."
     return f"{each}."
 
 
@@ -64,7 +63,7 @@ def place(found: Findings) -> str:
     """Where, in a few words."""
     d = found.diagnosis
     if not d.which:
-        return "No place is named." if d.where else "Nothing stands out."
+        return "No place is named." if d.where else "No place differs from noise."
     told = []
     for w in d.which:
         own = dict.fromkeys(str(n).split(".")[0] for n in (w["effect"], *w["rivals"]))
@@ -88,7 +87,7 @@ def places(found: Findings) -> list[str]:
     told = [str(w["sentence"]) for w in d.where[:2]]
     if d.verdict == "unknown":
         kernel = found.analysis.ranking.kernel
-        text = f"Of all that was recorded, what is left follows {depends(kernel)} best"
+        text = f"Of all recorded variables, the residual follows {depends(kernel)} best"
         told.insert(0, f"{text}." if _seen(kernel, found) else f"{text}, but not beyond chance.")
     return told or ["No channel, joint or variable carries more than noise."]
 
@@ -122,7 +121,7 @@ def without_cause(d: Diagnosis) -> str:
         told = numbers.chance(p.get("none", 0.0))
         return (
             f"With probability {told} nothing counts as a cause: many small imperfections together "
-            "are normal, and a cause has to add a gap of 1."
+            "are normal, and a cause adds a gap of at least 1."
         )
     rest = {k: v for k, v in p.items() if k not in ("none", "unknown")}
     best = max(rest, key=lambda k: rest[k], default="")
@@ -141,7 +140,7 @@ def without_cause(d: Diagnosis) -> str:
 def distance(found: Findings, seen: str) -> dict[str, str]:
     """How far the gap shrinks: the figure, and a sentence."""
     d, g = found.diagnosis, found.diagnosis.gap
-    on = f"on {seen} that no fit saw"
+    on = f"on {seen} that were held out of every fit"
     if g.with_effects is not None:
         wrong_only = not d.twin.active
         start = g.configured if wrong_only else g.calibrated
@@ -160,12 +159,16 @@ def distance(found: Findings, seen: str) -> dict[str, str]:
     if d.verdict == "unknown":
         text = f"It stays {on}: without a cause there is nothing to close it with."
         return {"figure": figure, "text": f"{text} {black_box(g.black_box)}".strip()}
-    told = f"So far off is the calibrated simulator {on}"
+    told = f"This is the gap of the calibrated simulator {on}"
     if d.which:
         names = " and ".join(str(w["effect"]) for w in d.which)
-        text = f"{told}. What was found ({names}) scatters single rows; means have no gap to close."
+        effect = f"The detected cause ({names}) scatters single rows"
+        text = f"{told}. {effect}; the means have no gap to close."
         return {"figure": figure, "text": text}
-    return {"figure": figure, "text": f"{told}. A cause has to add 1; there is nothing to close."}
+    return {
+        "figure": figure,
+        "text": f"{told}. A cause adds at least 1; there is nothing to close.",
+    }
 
 
 def black_box(share: float | None) -> str:
@@ -173,11 +176,11 @@ def black_box(share: float | None) -> str:
     if share is None:
         return ""
     if share <= 0.0:
-        return "A black box closes nothing of it."
+        return "A black-box model closes nothing of it."
     many = numbers.percent(share)
     if share >= 0.5:
-        return f"A black box closes {many} % of it, so it repeats with what was recorded."
-    return f"A black box closes only {many} % of it."
+        return f"A black-box model closes {many} % of it, so it repeats with what was recorded."
+    return f"A black-box model closes only {many} % of it."
 
 
 def parts(entry: Mapping[str, Any]) -> tuple[list[str], list[tuple[str, Mapping[str, Any]]]]:

@@ -10,7 +10,9 @@ from wrenchbed.diagnosis.gap.closure import calibrated
 from wrenchbed.diagnosis.gap.held_out import HeldOut
 from wrenchbed.diagnosis.prepare.configuration import STATED
 from wrenchbed.effects.chain import effects
+from wrenchbed.pages.numbers import minus
 from wrenchbed.physics.wrench import CHANNELS, UNITS
+from wrenchbed.twin.comparison import binned_rms, bins
 from wrenchbed.twin.twin import Twin
 
 BINS = 8
@@ -84,7 +86,7 @@ class Evidence:
         return told
 
     def channels(self) -> tuple[dict[str, float], dict[str, float]]:
-        """Gap of each channel on sealed rows, before and after; after is empty without a claim."""
+        """Gap of each channel on held-out rows, before and after (empty without a claim)."""
         known = self.found.diagnosis.gap.per_channel
         before = {c: float(v["before"]) for c, v in known.items()}
         if self.first == "as configured":
@@ -97,17 +99,13 @@ class Evidence:
         """Residual rms over the variable that tells most."""
         p = self.prepared
         values, label, over = self._variable()
-        order = np.argsort(values, kind="stable")
-        groups = [g for g in np.array_split(order, BINS) if len(g)]
-        bins = [f"{values[g].min():.0f}…\n{values[g].max():.0f}".replace("-", "−") for g in groups]
+        groups = bins(values, BINS)
+        labels = [minus(f"{values[g].min():.0f}…\n{values[g].max():.0f}") for g in groups]
         panels = {self.first: self.before}
         if self.after is not None:
             panels["with the effects"] = self.after
-        maps = {}
-        for title, reading in panels.items():
-            left = ((p.y - reading) / self.std) ** 2
-            maps[title] = np.sqrt(np.stack([left[g].mean(axis=0) for g in groups], axis=1))
-        return Heat(maps, tuple(bins), label, over)
+        maps = {t: binned_rms((p.y - reading) / self.std, groups) for t, reading in panels.items()}
+        return Heat(maps, tuple(labels), label, over)
 
     def comparisons(self) -> list[Comparison]:
         """One or two channels for what is claimed, or for what nothing explains."""

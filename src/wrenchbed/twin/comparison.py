@@ -95,6 +95,17 @@ def order_of(recording: Recording) -> tuple[np.ndarray, str]:
     return recording.t, "s"
 
 
+def bins(order: np.ndarray, count: int) -> list[np.ndarray]:
+    """Rows sorted by a variable (N,), in at most ``count`` groups of about equal size."""
+    return [g for g in np.array_split(np.argsort(order, kind="stable"), count) if len(g)]
+
+
+def binned_rms(residual: np.ndarray, groups: Sequence[np.ndarray]) -> np.ndarray:
+    """Rms (6, B) of residuals (N, 6) in each of B groups of rows; gaps (NaN) are left out."""
+    with np.errstate(invalid="ignore"):
+        return np.sqrt(np.stack([np.nanmean(residual[g] ** 2, axis=0) for g in groups], axis=1))
+
+
 def _read(path: Path, model: Model) -> tuple[Twin, Mapping[str, Any]]:
     """A twin.json, or a fit.json as a twin without effects, and the fit."""
     raw = load(path, ParameterError)

@@ -159,7 +159,7 @@ def answers(found: Findings, shares: Mapping[str, float]) -> str:
     ranked = sorted(d.probabilities.items(), key=lambda item: -item[1])
     rows += [f"| {n} | {p:.2f} | {bar(p)} |" for n, p in ranked if p >= sentences.LARGE_P]
     gap = d.gap
-    rows += ["", "| simulator | gap on sealed rows |", "|---|---|"]
+    rows += ["", "| simulator | gap on held-out rows |", "|---|---|"]
     stages = (("as configured", gap.configured), ("calibrated", gap.calibrated),
               ("with the effects", gap.with_effects))  # fmt: skip
     rows += [f"| {name} | {numbers.gap(value)} |" for name, value in stages if value is not None]

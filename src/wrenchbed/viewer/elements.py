@@ -8,6 +8,7 @@ import numpy as np
 
 from wrenchbed import registry
 from wrenchbed.physics.wrench import CHANNELS
+from wrenchbed.twin.comparison import binned_rms, bins
 from wrenchbed.viewer.robot import BodyMotion
 from wrenchbed.viewer.stream import Canvas, readable
 
@@ -43,7 +44,7 @@ def heat(share: np.ndarray | float) -> np.ndarray:
 
 
 def ghost(colour: tuple[int, int, int]) -> tuple[int, int, int, int]:
-    """A colour that one sees through."""
+    """The colour, transparent."""
     return (*colour, GHOST_ALPHA)
 
 
@@ -203,9 +204,7 @@ WORST = 10.0
 
 def binned(residual: np.ndarray, order: np.ndarray) -> np.ndarray:
     """Rms (6, B) of residuals (N, 6) over rows in an order (N,), in at most `BINS` groups."""
-    groups = [g for g in np.array_split(np.argsort(order, kind="stable"), BINS) if len(g)]
-    with np.errstate(invalid="ignore"):
-        return np.sqrt(np.stack([np.nanmean(residual[g] ** 2, axis=0) for g in groups], axis=1))
+    return binned_rms(residual, bins(order, BINS))
 
 
 def cells(rms: np.ndarray) -> Any:
@@ -217,14 +216,14 @@ def cells(rms: np.ndarray) -> Any:
 
 
 def ticks(order: np.ndarray, unit: str) -> list[str]:
-    """What stands below each column of `binned`: where every fourth begins."""
-    groups = [g for g in np.array_split(np.sort(order), BINS) if len(g)]
-    told = [f"{g[0]:.0f}" if k % 4 == 0 else "" for k, g in enumerate(groups)]
-    return [f"{unit} {told[0]}", *told[1:]]
+    """Labels of the columns of `binned`: the first value of every fourth."""
+    first = [f"{order[g[0]]:.0f}" for g in bins(order, BINS)]
+    texts = [text if k % 4 == 0 else "" for k, text in enumerate(first)]
+    return [f"{unit} {texts[0]}", *texts[1:]]
 
 
 def title(name: str) -> Any:
-    """A title that stands above the map."""
+    """The title above the map."""
     rr = registry.require("rerun", "view")
     at = [(0.5 * CELL * BINS, -1.3 * CELL)]
     return rr.Points2D(at, labels=[name], colors=_INK, radii=0.5, show_labels=True)

@@ -68,7 +68,7 @@ def _picture(file: Path, against: Sequence[str | Path], rrd: Path | None, folder
     if not is_plan(file):
         recording_view(Recording.read(file), out, against)
     elif against:
-        raise ParameterError(f"{file}: is a plan; fits and twins are held against recordings")
+        raise ParameterError(f"{file}: is a plan; fits and twins are compared with recordings")
     else:
         plan_view(Plan.read(file), out)
     return out
