@@ -55,7 +55,7 @@ def test_its_error_is_not_that_of_the_net_ft():
     shown, own = [], []
     for k in range(400):
         forces(twin, 1)
-        own.append(twin.controller.arm.felt)
+        own.append(twin.controller.arm.load)
         shown.append(twin.body.readings(np.array([0.008 * (k + 1)]))[0][0])
     for lag in range(-4, 5):
         for j in range(3):

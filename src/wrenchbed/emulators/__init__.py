@@ -1,6 +1,6 @@
-"""Servers that speak the real robots' protocols, backed by MuJoCo; one folder a device.
-
-What every twin shares: the robot in MuJoCo in real time, its sensor, timed faults, its life.
+"""Emulators: servers that speak the real devices' protocols, with MuJoCo behind them; one a device.
+Imports: twin, effects, simulation, robots, sensors, physics, data, registry, errors.
+Read first: base/emulator.py, then the folder of a device, from its server.py.
 """
 
 SUPPORT = ("netft_box", "can_bus")

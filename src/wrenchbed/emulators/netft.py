@@ -1,4 +1,4 @@
-"""Emulator of an ATI Net F/T: the sensor of a robot that stands at home, behind a Net Box."""
+"""Emulator of an ATI Net F/T alone: a box on the sensor of a robot that rests at home."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

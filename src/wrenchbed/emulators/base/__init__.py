@@ -1,1 +1,4 @@
-"""What every emulator shares: the robot in MuJoCo in real time, its sensor, timed faults."""
+"""What every emulator shares: life cycle, event loop, real time, faults, the robot and its sensor.
+Imports: twin, effects, simulation, robots, physics, data, registry, errors.
+Read first: emulator.py, then body.py.
+"""

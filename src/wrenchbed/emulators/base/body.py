@@ -1,7 +1,7 @@
-"""The robot behind a twin's wires: MuJoCo a control cycle at a time, with its whole sensor.
+"""The robot behind an emulator: MuJoCo one control cycle at a time, with its sensor.
 
-The same robot, sensor, noise and effects as the simulated driver's, but as time goes on: nothing
-knows what comes next. `step` and `readings` may be called from different threads.
+Robot, sensor, noise and effects are those of the simulated driver, but in real time: the future is
+unknown. `step` and `readings` may be called from different threads.
 """
 
 import threading
@@ -26,16 +26,16 @@ from wrenchbed.simulation.simulation import Simulation
 from wrenchbed.twin.replay import Playback
 from wrenchbed.twin.twin import Twin
 
-SHOWN_S = 0.008
-"""How long a state is computed before it is shown [s], so that what lies between states, which a
-fast sensor reads, is known by then. At least one cycle."""
+DELAY_S = 0.008
+"""How long a state is computed before it is reported [s], so that a fast sensor, which reads
+between states, knows the next one. At least one cycle."""
 HISTORY_S = 4.0
 """How far back a cycle's state is kept [s]."""
 
 
 @dataclass(frozen=True)
 class BodyOptions:
-    """What is behind the wires.
+    """Which robot is simulated, and how.
 
     Attributes:
         robot: registry name.
@@ -57,12 +57,12 @@ class BodyOptions:
 
 
 class Body:
-    """A robot that moves a cycle at a time.
+    """A simulated robot that moves one control cycle at a time.
 
     Args:
-        options: what it is.
+        options: of the robot.
         cycle: period of its control [s].
-        surface: that the tool's tip may press on, instead of the options' plate.
+        surface: for the tool's tip to press on, instead of the options' plate.
 
     Raises:
         NotFoundError: the robot has no MuJoCo model, or no such effect.
@@ -81,41 +81,43 @@ class Body:
         self.cycle = cycle
         self.model = Model(robot, tuple(robot.gravity))
         self.theta = self.model.parameters.vector(options.parameters)
-        own = self._own = robot.robot_theta(self.theta)
-        self.simulation = Simulation(robot, own, self.model.gravity)
+        robot_theta = robot.robot_theta(self.theta)
+        self.simulation = Simulation(robot, robot_theta, self.model.gravity)
         self.sensor = registry.load("sensors", robot.sensor)
-        self._hiss = BufferedNoise(noise_model(options.noise, self.sensor.noise), options.seed)
+        self._noise = BufferedNoise(noise_model(options.noise, self.sensor.noise), options.seed)
         active = tuple(active_effect(robot, text) for text in options.effects)
         twin = Twin(self.model, self.theta, active)
         self._playback = Playback(twin, options.seed) if active else None
         if options.table is not None:
             surface = Plate(options.table, options.table_stiffness)
         touching = surface is not None
-        self._felt = None if self._playback is None else SensorWithEffects(self._playback, touching)
+        self._sensor_effects = (
+            None if self._playback is None else SensorWithEffects(self._playback, touching)
+        )
         self._plant = ServoDrivenRobot(self.simulation, robot.home)
         self._surface = surface
         self._tip: np.ndarray | None = None
         self.push = np.zeros(3)
-        """Of what stands there on the tip, in the world [N]."""
+        """Force of the surface on the tip, in the world [N]."""
         self._substeps = steps_in(cycle)
         self._lock = threading.Lock()
         self._target = self._before = np.array(robot.home)
-        self._behind = max(1, round(SHOWN_S / cycle))
+        self._behind = max(1, round(DELAY_S / cycle))
         self._rows: deque[SensorRow] = deque(maxlen=max(8, round(HISTORY_S / cycle)))
         self._cycles = 0
-        self._shown = -np.inf
+        self._last_read = -np.inf
         self.due = 0.0
         """When the next state is due (`time.monotonic`, [s]); 0: when it is there."""
         self.step(robot.home)
 
     @property
     def time(self) -> float:
-        """Simulated time of the state that is shown [s]: whole cycles since it was made."""
+        """Simulated time of the reported state [s]: full cycles since the start."""
         return self._now.t
 
     @property
     def ahead(self) -> float:
-        """Simulated time up to which the sensor's readings are known [s]."""
+        """Simulated time up to which the readings are known [s]."""
         return self._rows[-1].t
 
     @property
@@ -130,7 +132,7 @@ class Body:
 
     @property
     def target(self) -> np.ndarray:
-        """Where the servos were last told to go (J,)."""
+        """Last target of the servos (J,)."""
         return self._target
 
     @property
@@ -165,28 +167,28 @@ class Body:
             self._rows.append(SensorRow(self._cycles * self.cycle, *sampled))
             self._punctual = (self.due or time.monotonic(), self._rows[-1].t)
             self._cycles += 1
-            if self._felt is not None:
-                self._felt.advance(self._rows)
+            if self._sensor_effects is not None:
+                self._sensor_effects.advance(self._rows)
 
     def readings(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """What the sensor shows (n, 6) [N, N·m] and which channels saturate (n,), as bits 0 … 5.
+        """Readings (n, 6) [N, N·m] and saturated channels (n,), as bits 0 … 5.
 
         Args:
-            t: times (n,) [s], increasing from call to call; later ones than the newest state show
-                that state, times that were shown already are moved on by a nanosecond each.
+            t: times (n,) [s], increasing from call to call; after the newest state that state is
+                read; times before the last call are moved on by a nanosecond each.
         """
         with self._lock:
             t = np.minimum(t, self.ahead)
-            t = np.maximum(t, self._shown + 1e-9 * np.arange(1, len(t) + 1))
-            self._shown = float(t[-1])
-            shown = self._mean(t) if self._felt is None else self._felt.mean(t)
-            values, status = self._hiss.corrupt(t, shown)
-            if self._felt is not None:
-                values = self._felt.corrupt(t, values)
+            t = np.maximum(t, self._last_read + 1e-9 * np.arange(1, len(t) + 1))
+            self._last_read = float(t[-1])
+            means = self._mean(t) if self._sensor_effects is None else self._sensor_effects.mean(t)
+            values, status = self._noise.corrupt(t, means)
+            if self._sensor_effects is not None:
+                values = self._sensor_effects.corrupt(t, values)
             return values, status
 
     def _press(self, surface: Surface) -> None:
-        """What stands there pushes the tool's tip."""
+        """Apply the force of the surface to the tool's tip."""
         data, model = self._plant.data, self._plant.model
         mujoco.mj_kinematics(model, data)
         tip = tip_in(model, data)

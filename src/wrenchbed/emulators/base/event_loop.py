@@ -102,10 +102,16 @@ class LoopThread:
         try:
             with quick_switching() if self._cyclic else contextlib.nullcontext():
                 self.loop.run_forever()
-            self.loop.run_until_complete(asyncio.sleep(0.0))  # connections that end
-            self.loop.run_until_complete(asyncio.sleep(0.0))
+            self.loop.run_until_complete(self._end())
         finally:
             self.loop.close()
+
+    async def _end(self) -> None:
+        """Wait for requests that end and connections that close."""
+        tasks = asyncio.all_tasks() - {asyncio.current_task()}
+        await asyncio.gather(*tasks, return_exceptions=True)
+        for _ in range(2):
+            await asyncio.sleep(0.0)
 
     def _report(self, _: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
         error = context.get("exception")
@@ -173,7 +179,12 @@ class Listener:
             client, _ = listener.accept()
             task = loop.create_task(loop.connect_accepted_socket(self._factory, client))
             self._tasks.add(task)
-            task.add_done_callback(self._tasks.discard)
+            task.add_done_callback(lambda task: self._accepted(listener, task))
+
+    def _accepted(self, listener: socket.socket, task: asyncio.Task[Any]) -> None:
+        self._tasks.discard(task)
+        if listener is not self._socket and not task.exception():  # closed meanwhile
+            task.result()[0].abort()
 
 
 def taken(what: str, host: str, port: int, error: OSError) -> DriverError:

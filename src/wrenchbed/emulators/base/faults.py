@@ -1,13 +1,13 @@
-"""Timed faults: what a twin shall do wrong, when and for how long, from a TOML script or live.
+"""Timed faults of an emulator: what fails, when and for how long; from a TOML script or live.
 
     [[fault]]
-    at = 5.0            # seconds after the twin was ready
-    link = "rtde"       # which of the twin's links
+    at = 5.0            # seconds after the emulator was ready
+    link = "rtde"       # which of the emulator's links
     kind = "stall"      # what happens; each link lists the kinds it knows
     seconds = 1.5       # how long; 0 or absent: once, or for ever
-    scale = 1.01        # further numbers or words that the kind asks for
+    scale = 1.01        # further numbers or words of this kind
 
-Live, one JSON object a line with the same keys (without ``at``) on the twin's standard input.
+Live, one JSON object a line with the same keys (without ``at``) on the emulator's standard input.
 """
 
 import json
@@ -31,11 +31,11 @@ class TimedFault:
     """One fault.
 
     Attributes:
-        link: of the twin, for instance ``rtde``.
+        link: of the emulator, for instance ``rtde``.
         kind: what happens.
-        at: when, seconds after the twin was ready.
+        at: when, seconds after the emulator was ready.
         seconds: how long, 0 where it happens once or for ever.
-        values: what else the kind asks for.
+        values: the further arguments of the kind.
     """
 
     link: str
@@ -73,22 +73,26 @@ def parse(raw: Any, where: str) -> TimedFault:
 
 
 class Faults:
-    """What a twin's links can do wrong, and when they are told to.
+    """The faults that an emulator's links can have, and when they begin.
 
     Handlers are called from a thread of this object; they must return at once.
     """
 
     def __init__(self) -> None:
         self._handlers: dict[tuple[str, str], Handler] = {}
-        self._asks: dict[tuple[str, str], Mapping[str, Argument]] = {}
+        self._arguments: dict[tuple[str, str], Mapping[str, Argument]] = {}
         self._stopped = threading.Event()
 
     def on(
-        self, link: str, kind: str, handler: Handler, asks: Mapping[str, Argument] | None = None
+        self,
+        link: str,
+        kind: str,
+        handler: Handler,
+        arguments: Mapping[str, Argument] | None = None,
     ) -> None:
-        """Register what a link does for a kind of fault, and what else that asks for, by name."""
+        """Register a kind of fault of a link, with its further arguments by name."""
         self._handlers[link, kind] = handler
-        self._asks[link, kind] = asks or {}
+        self._arguments[link, kind] = arguments or {}
 
     @property
     def known(self) -> tuple[tuple[str, str], ...]:
@@ -96,7 +100,7 @@ class Faults:
         return tuple(sorted(self._handlers))
 
     def check(self, faults: Iterable[TimedFault], where: str) -> None:
-        """Refuse faults that no link knows, and values that their kind does not ask for.
+        """Refuse faults that no link knows, and values that their kind does not take.
 
         Raises:
             MapError: lists what exists, or names the value.
@@ -107,21 +111,21 @@ class Faults:
                 raise MapError(
                     f"{where}: there is no fault {fault.link} {fault.kind}. Known: {known}"
                 )
-            asks, name = self._asks[fault.link, fault.kind], f"{fault.link} {fault.kind}"
+            arguments, name = self._arguments[fault.link, fault.kind], f"{fault.link} {fault.kind}"
             for key in fault.values:
-                if key not in asks:
-                    known = ", ".join(["at", "seconds", *asks])
+                if key not in arguments:
+                    known = ", ".join(["at", "seconds", *arguments])
                     raise MapError(f"{where}: {name} knows no {key!r}. Known: {known}")
-            for key, ask in asks.items():
-                value = fault.values.get(key, ask.default)
-                if not ask.check(value):
-                    raise MapError(f"{where}: {name}: {key} = {value!r} must be {ask.what}")
+            for key, argument in arguments.items():
+                value = fault.values.get(key, argument.default)
+                if not argument.check(value):
+                    raise MapError(f"{where}: {name}: {key} = {value!r} must be {argument.what}")
 
     def inject(self, fault: TimedFault) -> None:
         """Do it now, with the default of every value that is not given."""
         self.check([fault], "fault")
         key = fault.link, fault.kind
-        defaults = {name: ask.default for name, ask in self._asks[key].items()}
+        defaults = {name: argument.default for name, argument in self._arguments[key].items()}
         self._handlers[key](replace(fault, values=defaults | dict(fault.values)))
 
     def start(self, script: tuple[TimedFault, ...], where: str = "faults") -> None:
@@ -162,6 +166,49 @@ class Faults:
                 answer(f"refused: {error}")
             else:
                 answer("done")
+
+
+class LinkFaults:
+    """Faults of one link that last for a while; a kind that is injected again starts anew.
+
+    Args:
+        faults: where they are registered.
+        link: name of the link.
+        kinds: kind → its arguments by name.
+    """
+
+    def __init__(
+        self, faults: Faults, link: str, kinds: Mapping[str, Mapping[str, Argument]]
+    ) -> None:
+        self._active: dict[str, tuple[float, Mapping[str, float]]] = {}
+        self._at_once: dict[str, Callable[[TimedFault], None]] = {}
+        for kind, arguments in kinds.items():
+            faults.on(link, kind, self._begin, arguments)
+
+    def at_once(self, kind: str, act: Callable[[TimedFault], None]) -> None:
+        """Also call ``act`` when a kind begins; it must return at once."""
+        self._at_once[kind] = act
+
+    def now(self, kind: str) -> Mapping[str, float] | None:
+        """Values of a kind that is under way, else None."""
+        entry = self._active.get(kind)
+        if entry is None:
+            return None
+        if time.monotonic() >= entry[0]:
+            self._active.pop(kind, None)
+            return None
+        return entry[1]
+
+    @property
+    def any(self) -> bool:
+        """Whether anything is under way, or was until a moment ago."""
+        return bool(self._active)
+
+    def _begin(self, fault: TimedFault) -> None:
+        if act := self._at_once.get(fault.kind):
+            act(fault)
+        end = time.monotonic() + fault.seconds if fault.seconds else float("inf")
+        self._active[fault.kind] = (end, fault.values)
 
 
 def _object(line: str) -> Any:

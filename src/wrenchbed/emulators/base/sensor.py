@@ -1,10 +1,9 @@
-"""What a sensor with effects shows as time goes on, at rest and on the way between rests.
+"""The sensor of a robot in real time, with effects and noise, at rest and in motion.
 
 At rest the readings are those of `Playback`, with what effects remember of the last poses, some
-two hundred. On the way, effects of the mechanism act as if at rest at the joints of the moment, and
-effects of the sensor and of timing see the last seconds.
-
-A sensor's noise drawn ahead in blocks, since one row at a time costs as much as hundreds.
+two hundred. In motion, effects of the mechanism act as if the robot rested at its present joints,
+and effects of the sensor and of timing see the last seconds. Noise is drawn in blocks, because one
+row at a time costs as much as hundreds.
 """
 
 from collections import deque
@@ -24,7 +23,7 @@ _SHORTEST_S = 1e-6
 
 
 class BufferedNoise:
-    """Noise of a sensor that is read on and on.
+    """Noise of a sensor that is read continuously.
 
     A block is drawn at the spacing of the reading that needed it, so that the slow parts keep
     their pace; where the spacing changes, within a block they do not follow.
@@ -70,15 +69,15 @@ STILL = 1e-4
 """Fastest joint at rest [rad/s or m/s]."""
 _CALM_CYCLES = 6
 _KNOTS = np.array([0.0, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 40.0])
-"""Times after arrival at which a rest is computed ahead [s]; between them it is interpolated."""
+"""Times after arrival at which readings at rest are computed ahead [s]; interpolated between."""
 _EPOCH = 1024
 """Rows over which effects' random parts go on without a seam."""
 _WINDOW = 256
-"""Cycles that effects of sensor and timing look back on the way."""
+"""Cycles that effects of sensor and timing look back in motion."""
 _REMEMBERED = 3000
 """Rows of `Playback` that are kept; a move and the rest after it are some twelve."""
 _EVERY = 4
-"""Cycles between evaluations of what the mechanism changes on the way."""
+"""Cycles between evaluations of what the mechanism changes in motion."""
 
 
 class SensorRow(NamedTuple):
@@ -91,11 +90,11 @@ class SensorRow(NamedTuple):
 
 
 class SensorWithEffects:
-    """A twin's sensor with effects, fed a control cycle at a time.
+    """A sensor with effects, fed one control cycle at a time.
 
     Args:
         playback: the robot with its effects.
-        touching: whether something stands there that the tool may press on.
+        touching: whether the tool may press on a surface.
     """
 
     def __init__(self, playback: Playback, touching: bool = False) -> None:
@@ -110,8 +109,8 @@ class SensorWithEffects:
         self._epoch = 0
         self._calm = 0
         self._resting = False
-        self._left: tuple[float, np.ndarray] | None = None
-        self._more, self._age = np.zeros(6), 0
+        self._departure: tuple[float, np.ndarray] | None = None
+        self._extra_load, self._age = np.zeros(6), 0
 
     def advance(self, rows: deque[SensorRow]) -> None:
         """Take in the newest cycle, the last of ``rows``."""
@@ -126,11 +125,11 @@ class SensorWithEffects:
         if self._resting:
             self._resting = False
             self._playback.leave(now.t)
-            self._left = (now.t, now.q)
-        shown = self._on_the_way(rows)
+            self._departure = (now.t, now.q)
+        reading = self._in_motion(rows)
         keep = self._knots < now.t
         self._knots = np.append(self._knots[keep], now.t)[-_WINDOW:]
-        self._values = np.vstack([self._values[keep], shown])[-_WINDOW:]
+        self._values = np.vstack([self._values[keep], reading])[-_WINDOW:]
 
     def mean(self, t: np.ndarray) -> np.ndarray:
         """Readings (n, 6) at times (n,) without random parts."""
@@ -148,21 +147,21 @@ class SensorWithEffects:
         return self._twin.corrupt(self._since, self._times, seed)[-len(rows) :]
 
     def _arrive(self, now: SensorRow) -> None:
-        if self._left is not None:
+        if self._departure is not None:
             self._playback.forget(_REMEMBERED)
-            self._playback.way((self._left[0], now.t), self._left[1], now.q)
+            self._playback.way((self._departure[0], now.t), self._departure[1], now.q)
         self._resting = True
         self._rest(now)
 
     def _rest(self, now: SensorRow) -> None:
-        """Compute a rest ahead; contact with a plate pushes as it does now."""
+        """Compute the readings at rest ahead; a surface pushes as it does now."""
         push = np.zeros(6)
         if self._touching:
             push = now.load - self._plain.load(self._scene(now.q[None], np.zeros(1)))[0]
         self._knots = now.t + _KNOTS
         self._values = self._playback.rest(self._knots, now.q, push)
 
-    def _on_the_way(self, rows: deque[SensorRow]) -> np.ndarray:
+    def _in_motion(self, rows: deque[SensorRow]) -> np.ndarray:
         recent = list(rows)[-_WINDOW:]
         if len(recent) < 3:
             return self._twin.model.read(recent[-1].load, self._twin.theta)
@@ -174,8 +173,8 @@ class SensorWithEffects:
             if self._age <= 0:
                 self._age = _EVERY
                 pair = self._scene(q[[-2, -1]], t[[-2, -1]])
-                self._more = (self._twin.load(pair) - self._plain.load(pair))[-1]
-            load = load + self._more
+                self._extra_load = (self._twin.load(pair) - self._plain.load(pair))[-1]
+            load = load + self._extra_load
         jets = Jet(q, qd, np.gradient(qd, t[1] - t[0], axis=0))
         return self._twin.reading(self._scene(jets, t), load)[-1]
 

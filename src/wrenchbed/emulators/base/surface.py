@@ -34,7 +34,7 @@ class Plate:
 
 @dataclass(frozen=True, eq=False)
 class Limb:
-    """A cylinder that gives: Hunt and Crossley's contact (1975) with friction.
+    """A compliant cylinder: Hunt and Crossley's contact (1975) with friction.
 
     Attributes:
         point: on its axis (3,) [m].
@@ -70,9 +70,9 @@ class Limb:
 
 def tip_in(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
     """Place of the tool's tip (3,) in the world [m], by MuJoCo's kinematics."""
-    own = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, "tcp")
-    if own >= 0:
-        return np.array(data.site_xpos[own])
+    site = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, "tcp")
+    if site >= 0:
+        return np.array(data.site_xpos[site])
     sensor = model.site("ft").id
     return np.asarray(data.site_xpos[sensor] + data.site_xmat[sensor].reshape(3, 3) @ _TIP)
 

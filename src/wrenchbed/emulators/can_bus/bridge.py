@@ -1,4 +1,4 @@
-"""Couples the hub to a bus of python-can: ``virtual`` in this process, or the kernel's own."""
+"""Couples the hub to a bus of python-can: ``virtual`` in this process, or ``socketcan``."""
 
 import contextlib
 import threading
@@ -38,7 +38,7 @@ class Bridge:
         self._thread.start()
 
     def stop(self) -> None:
-        """Let go of the bus; may be called twice."""
+        """Leave the bus; may be called twice."""
         if self._running:
             self._running = False
             self._thread.join(2.0)

@@ -305,14 +305,14 @@ class Hub:
         now = time.monotonic()
         if now < self.stalled_until:
             self.counters["lost in stall"] += 1
-        elif self._modelled or self._trouble(now):
+        elif self._modelled or self._contended(now):
             self.wire.offer(now, sender, frame)
         else:
             self.wire.load.add(now, frame.bits)
             self._deliver(now, sender, frame)
 
-    def _trouble(self, now: float) -> bool:
-        """Whether only the wire model can tell what happens, now or to what waits already."""
+    def _contended(self, now: float) -> bool:
+        """Whether the wire model decides when a frame passes, also while it is not asked for."""
         waits = self._next is not None or self.wire.due() is not None
         return waits or self.wire.spoiling or self.foreign.active(now)
 

@@ -1,13 +1,11 @@
-"""The wire: one frame at a time, the lowest id first, each as long as its bits take.
+"""The CAN wire: one frame at a time, the lowest id first, each as long as its bits take.
 
-Every sender puts its frames on the wire in its own order; where several senders wait, the lowest
-id wins (ISO 11898-1 arbitration). Time is passed in, nothing here waits.
+Every sender transmits its frames in order. Where several senders wait, the lowest id wins (ISO
+11898-1, arbitration). Time is an argument; nothing here waits.
 
-How long a classic CAN frame is on the wire, in bits (ISO 11898-1).
-
-Between start of frame and the end of the CRC, five equal bits are followed by a stuff bit of the
-other value. Delimiters, acknowledge, end of frame (10 bits) and intermission (3) are not stuffed.
-Both the CRC and the stuffing go through tables of a byte.
+Length of a classic frame in bits (ISO 11898-1): from start of frame to the end of the CRC, five
+equal bits are followed by a stuff bit of the other value. Delimiters, acknowledge, end of frame
+(10 bits) and intermission (3) are not stuffed. CRC and stuffing use tables of a byte.
 """
 
 from collections import deque

@@ -1,4 +1,7 @@
-"""MedRUE behind a CAN bus: six CiA 402 drives and an ATI Mini40 on its NETCANOEM board."""
+"""MedRUE behind a CAN bus: six CiA 402 drives and an ATI Mini40 on its NETCANOEM board.
+Imports: emulators/base, emulators/can_bus, robots, sensors, errors.
+Read first: server.py, then drive.py.
+"""
 
 from wrenchbed.emulators.medrue.server import MedrueEmulator
 

@@ -1,7 +1,7 @@
-"""The drive itself: CiA 402's state machine and the set-point generator, in counts.
+"""One drive's axis in counts: the CiA 402 state machine and the set-point generator.
 
 `control` takes the controlword, `sync` the target of cyclic synchronous position mode, `advance`
-the time. A fault or a quick stop brings the axis to rest on its quick-stop ramp; then the brake
+the time. A fault or a quick stop decelerates the axis on its quick-stop ramp; then the brake
 holds it.
 """
 
@@ -64,7 +64,7 @@ class Axis:
         self.mode = CYCLIC
         self.code = 0
         self.raised: list[int] = []
-        """Error codes that were not told to anybody yet; 0: the error is gone."""
+        """Error codes that were not reported yet; 0: the error is gone."""
         self._speed = 0.0
         self._word = 0
         self._segment: tuple[float, float, float, float] | None = None
@@ -107,7 +107,7 @@ class Axis:
             elif self.state is not AxisState.QUICK_STOP:
                 self._leave(AxisState.DISABLED)
         elif self.state is not AxisState.QUICK_STOP:
-            self._climb(word)
+            self._go_up(word)
         if self.driven and self.mode == PROFILE:
             self._acknowledged = bool(word & 0x10)
 
@@ -152,7 +152,7 @@ class Axis:
         self.raised.append(code)
 
     def quick_stop(self, code: int) -> None:
-        """Stop for a reason of its own and stay in QUICK STOP ACTIVE."""
+        """Stop without a command and stay in QUICK STOP ACTIVE."""
         if self.driven:
             self._leave(AxisState.QUICK_STOP)
             self.code = code
@@ -163,14 +163,14 @@ class Axis:
             self.raised.append(0)
         self.code = 0
 
-    def _climb(self, word: int) -> None:
-        ladder = [AxisState.READY, AxisState.SWITCHED_ON, AxisState.ENABLED]
+    def _go_up(self, word: int) -> None:
+        steps = [AxisState.READY, AxisState.SWITCHED_ON, AxisState.ENABLED]
         wanted = 0 if not word & 0x01 else 1 if not word & 0x08 else 2
-        at = ladder.index(self.state) if self.state in ladder else -1
+        at = steps.index(self.state) if self.state in steps else -1
         if wanted > at:
-            self._enter(ladder[at + 1])
+            self._enter(steps[at + 1])
         elif wanted < at:
-            self._leave(ladder[wanted])
+            self._leave(steps[wanted])
 
     def _enter(self, state: AxisState) -> None:
         if state is AxisState.ENABLED:

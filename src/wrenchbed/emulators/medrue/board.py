@@ -37,8 +37,8 @@ class BoardEmulator:
         base: upper seven bits of its ids.
         slot: where the calibration of the mounted Mini40 is.
         counts: per N and per N·m.
-        wrench: the load that the gauges feel at a time [s] → (6,).
-        bitrate: of the bus, and its own until it is told another [bit/s].
+        wrench: the load on the gauges at a time [s] → (6,).
+        bitrate: of the bus, and of the board until it is set to another [bit/s].
     """
 
     def __init__(

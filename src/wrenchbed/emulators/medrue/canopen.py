@@ -1,11 +1,8 @@
-"""A CANopen node: NMT, an expedited SDO server, heartbeat, emergency, and SYNC handed on.
+"""A CANopen node: object dictionary, NMT, expedited SDO server, heartbeat and emergency.
 
-Source: CiA 301 and its predefined connection set. Everything here runs in the bus's thread, but
-`beat`, which the plant's thread calls.
-
-A CANopen object dictionary: values of one to four bytes, and what a client may do with them.
-
-Sources: CiA 301 (communication objects, abort codes), CiA 402 (drive objects).
+Values have one to four bytes. All methods run in the bus's thread except `beat`, which the plant's
+thread calls. Sources: CiA 301 (communication objects, predefined connection set, abort codes) and
+CiA 402 (drive objects).
 """
 
 import struct
@@ -142,7 +139,7 @@ SYNC = 0x080
 
 
 class Slave:
-    """A node without its purpose.
+    """A node without a device profile.
 
     Args:
         node: id, 1 … 127.
@@ -203,21 +200,21 @@ class Slave:
     def on_reset_communication(self) -> None:
         """The process data back to what they are after power-up."""
 
-    def boot(self, whole: bool = True) -> None:
-        """Come up: say so and wait in PRE-OPERATIONAL.
+    def boot(self, everything: bool = True) -> None:
+        """Boot: send the boot-up message and wait in PRE-OPERATIONAL.
 
         Args:
-            whole: the node; else its communication alone.
+            everything: the node; else its communication alone.
         """
         self._define_communication()
         self.on_reset_communication()
-        if whole:
+        if everything:
             self.on_reset()
         self.state = PRE_OPERATIONAL
         self.send(0x700 + self.node, bytes([BOOT]))
 
     def emergency(self, code: int, register: int) -> None:
-        """Tell an error code, 0 where it is gone."""
+        """Send an error code, 0 where it is gone."""
         self.objects[0x1001, 0] = register
         self.send(0x80 + self.node, struct.pack("<HB5x", code, register))
 
@@ -237,7 +234,7 @@ class Slave:
         if command in states:
             self.state = states[command]
         elif command in (0x81, 0x82):
-            self.boot(whole=command == 0x81)
+            self.boot(everything=command == 0x81)
 
     def _sdo(self, data: bytes) -> None:
         if len(data) < 8:

@@ -1,15 +1,14 @@
-"""One CiA 402 drive on the bus: the node, its axis, its process data, its watchdogs.
+"""One CiA 402 drive on the bus: a CANopen node with its axis, process data and watchdogs.
 
-On SYNC the controlword and the target that arrived before it are applied, then the state at this
-instant is sent. Without RPDOs for longer than their event timer (0x1400:5) or without SYNC for
-longer than that and `_SYNC_LOSS` periods (0x1006) an enabled axis does what its master chose in
-0x6007: it goes to FAULT, as after power-up, stops on its quick-stop ramp, or does nothing.
+On SYNC the controlword and the target that arrived before it are applied, then the present state
+is sent. An enabled axis loses its master where no RPDO arrives for longer than its event timer
+(0x1400:5), or no SYNC for longer than that and `_SYNC_LOSS` periods (0x1006). It then does what
+the master wrote to 0x6007: it goes to FAULT (after power-up), stops on its quick-stop ramp, or
+does nothing.
 
-One process data object of a drive: its parameters, its mapping, and the data it carries.
-
-As CiA 301 asks, a mapping is changed while the object is switched off (bit 31 of its id) and its
-number of entries is 0. An entry that may not be carried is refused, and so is a number that would
-cover one that was never written.
+A PDO's mapping is changed as CiA 301 asks: the PDO is switched off (bit 31 of its id) and its
+number of entries is 0. Entries that must not be mapped are refused, and so is a number of entries
+that covers one that was never written.
 """
 
 import itertools
@@ -161,7 +160,7 @@ class DriveEmulator(Slave):
         node: id.
         send: puts a frame on the bus.
         ratings: of its axis.
-        position: where it stands [count].
+        position: initial position [count].
         watchdog: event timer of its RPDO after power-up [s].
         lock: shared with the plant's thread.
     """
@@ -173,7 +172,7 @@ class DriveEmulator(Slave):
         super().__init__(node, send)
         self.axis = Axis(ratings, position)
         self.frozen_until = 0.0
-        self._shown = round(position)
+        self._position = round(position)
         self._lock, self._watchdog = lock, watchdog
         self._fed = self._synced = self._speed = self._seen = self._torque = 0.0
         self._syncs = self._last_word = 0
@@ -191,12 +190,12 @@ class DriveEmulator(Slave):
         add(0x605A, 0, 6, 2, signed=True, writable=False)
         add(0x6060, 0, CYCLIC, 1, signed=True, mappable=True, check=self._check_mode)
         add(0x6061, 0, CYCLIC, 1, signed=True, writable=False, mappable=True)
-        add(0x6064, 0, self._shown, 4, signed=True, writable=False, mappable=True)
+        add(0x6064, 0, self._position, 4, signed=True, writable=False, mappable=True)
         add(0x6065, 0, ratings.window, 4)
         add(0x606C, 0, 0, 4, signed=True, writable=False, mappable=True)
         add(0x6076, 0, round(ratings.torque * 1000.0), 4, writable=False)
         add(0x6077, 0, 0, 2, signed=True, writable=False, mappable=True)
-        add(0x607A, 0, self._shown, 4, signed=True, mappable=True)
+        add(0x607A, 0, self._position, 4, signed=True, mappable=True)
         add(0x607D, 0, 2, 1, writable=False)
         add(0x607D, 1, ratings.lower, 4, signed=True)
         add(0x607D, 2, ratings.upper, 4, signed=True)
@@ -213,10 +212,10 @@ class DriveEmulator(Slave):
             self._define()
 
     def on_reset_communication(self) -> None:
-        receive, tell = ((0x6040, 16), (0x607A, 32)), ((0x6041, 16), (0x6064, 32))
+        received, sent = ((0x6040, 16), (0x607A, 32)), ((0x6041, 16), (0x6064, 32))
         with self._lock:
-            self.rpdo = Pdo(self.objects, 0x1400, 0x200 + self.node, receive, received=True)
-            self.tpdo = Pdo(self.objects, 0x1800, 0x180 + self.node, tell, received=False)
+            self.rpdo = Pdo(self.objects, 0x1400, 0x200 + self.node, received, received=True)
+            self.tpdo = Pdo(self.objects, 0x1800, 0x180 + self.node, sent, received=False)
             self._forget()
 
     def on_frame(self, t: float, frame: Frame) -> None:
@@ -233,11 +232,11 @@ class DriveEmulator(Slave):
             self._check_period()
             if self._fed > 0.0:
                 self._apply(t)
-            self._tell()
-            self._show(t)
+            self._report()
+            self._refresh(t)
             self._syncs += 1
-            tell = self.tpdo.can_id is not None and self.tpdo.synchronous
-            if tell and self._syncs % self.tpdo.every == 0:
+            transmits = self.tpdo.can_id is not None and self.tpdo.synchronous
+            if transmits and self._syncs % self.tpdo.every == 0:
                 self.send(int(self.tpdo.can_id or 0), self.tpdo.pack())
 
     def track(
@@ -258,12 +257,12 @@ class DriveEmulator(Slave):
         axis.window, axis.mode = objects[0x6065, 0], objects[0x6060, 0]
         axis.lower, axis.upper = objects[0x607D, 1], objects[0x607D, 2]
         command = axis.advance(t, seconds, actual)
-        self._tell()
-        self._show(t)
+        self._report()
+        self._refresh(t)
         return command
 
-    def _tell(self) -> None:
-        """Send what the axis raised, before its state shows it."""
+    def _report(self) -> None:
+        """Send the error codes of the axis before its state follows."""
         while self.axis.raised:
             code = self.axis.raised.pop(0)
             register = 0 if not code else _COMMUNICATION if code >> 8 in (0x82, 0x87) else _GENERIC
@@ -288,13 +287,13 @@ class DriveEmulator(Slave):
         """Interpolation period (0x60C2) [s]."""
         return self.objects[0x60C2, 1] * 10.0 ** self.objects[0x60C2, 2]
 
-    def _show(self, t: float) -> None:
-        """Fill in what is read, at this instant: between two steps of the plant it moves on."""
+    def _refresh(self, t: float) -> None:
+        """Update the objects for this instant; between two steps of the plant the axis moves on."""
         axis = self.axis
         if t >= self.frozen_until:
             ahead = min(max(0.0, t - self._seen), 0.02) if self._seen else 0.0
-            self._shown = round(axis.actual + self._speed * ahead)
-        self.objects[0x6064, 0] = self._shown
+            self._position = round(axis.actual + self._speed * ahead)
+        self.objects[0x6064, 0] = self._position
         self.objects[0x606C, 0] = round(self._speed)
         thousandths = round(1000.0 * self._torque / axis.ratings.torque)
         self.objects[0x6077, 0] = min(max(thousandths, -_MOST_TORQUE), _MOST_TORQUE)

@@ -1,4 +1,4 @@
-"""What can go wrong on this bus, on command: link ``can`` of the twin's faults."""
+"""Faults of the MedRUE emulator: link ``can``."""
 
 import random
 import time
@@ -31,27 +31,44 @@ class BusFaults:
         self._impostor_until = 0.0
         self._impostor = hub.attach(self._pose, frozenset((board.base << 4,)))
         node = {"node": _one_of(list(self._drives))}
-        count, share = (
-            {"count": arguments.integer(1, 1000, 1)},
-            {"share": arguments.number(0.01, 1.0, 1.0)},
-        )
+        count, share = arguments.integer(1, 1000, 1), arguments.number(0.01, 1.0, 1.0)
+        drive, order = self._drive, hub.order
         kinds: dict[str, tuple[Handler, Mapping[str, Argument]]] = {
-            "mute": (self._mute, node), "frozen": (self._frozen, node),
-            "heartbeat_loss": (self._heartbeat, node), "following_error": (self._following, node),
-            "emcy": (self._emcy, node | {"code": arguments.integer(1, 0xFFFF, 0x5441)}),
-            "node_reboot": (self._reboot, node),
-            "second_frame_lost": (self._second_lost, share), "swapped_pair": (self._swapped, {}),
-            "saturated_gauge": (self._saturated, {"gauge": arguments.integer(0, 5, 0)}),
+            "mute": (self._mute, node),
+            "frozen": (lambda f: setattr(drive(f), "frozen_until", _until(f)), node),
+            "heartbeat_loss": (
+                lambda f: setattr(drive(f), "heartbeat_off_until", _until(f)), node,
+            ),
+            "following_error": (lambda f: drive(f).axis.fault(FOLLOWING_ERROR), node),
+            "emcy": (
+                lambda f: drive(f).axis.fault(int(f.values["code"])),
+                node | {"code": arguments.integer(1, 0xFFFF, 0x5441)},
+            ),
+            "node_reboot": (lambda f: order(drive(f).boot), node),
+            "second_frame_lost": (self._second_lost, {"share": share}),
+            "swapped_pair": (lambda f: self._spoil(f, lambda pair: pair[::-1]), {}),
+            "saturated_gauge": (
+                lambda f: board.railed.update({int(f.values["gauge"]): _until(f)}),
+                {"gauge": arguments.integer(0, 5, 0)},
+            ),
             "status": (self._status, {"bits": arguments.integer(1, 0xFFFF, 1 << 4)}),
             "reset_board": (self._reset_board, {"silent": arguments.flag(True)}),
-            "mute_board": (self._mute_board, {}), "id_clash": (self._clash, {}),
-            "error_frame": (self._error_frame, count), "overload": (self._overload, share),
-            "bus_off": (self._bus_off, {}), "hub_fin": (self._hang_up, {}),
-            "stall": (self._stall, {}), "garbage_text": (self._garbage_text, {}),
+            "mute_board": (lambda f: setattr(board, "silent_until", _until(f)), {}),
+            "id_clash": (lambda f: setattr(self, "_impostor_until", _until(f)), {}),
+            "error_frame": (
+                lambda f: order(lambda: hub.destroy(int(f.values["count"]))), {"count": count},
+            ),
+            "overload": (self._overload, {"share": share}),
+            "bus_off": (lambda f: order(lambda: hub.bus_off(_until(f))), {}),
+            "hub_fin": (lambda f: order(hub.hang_up), {}),
+            "stall": (
+                lambda f: setattr(hub, "stalled_until", time.monotonic() + (f.seconds or 1.0)), {},
+            ),
+            "garbage_text": (lambda f: order(lambda: hub.say(_GARBAGE_TEXT)), {}),
             "garbage": (self._garbage, {"count": arguments.integer(1, 1000, 100)}),
         }  # fmt: skip
-        for kind, (handler, asked) in kinds.items():
-            faults.on("can", kind, handler, asked)
+        for kind, (handler, more) in kinds.items():
+            faults.on("can", kind, handler, more)
 
     def _drive(self, fault: TimedFault) -> DriveEmulator:
         return self._drives[int(fault.values["node"])]
@@ -62,54 +79,24 @@ class BusFaults:
         if fault.seconds:
             self._later(fault.seconds, lambda: setattr(drive, "mute", False))
 
-    def _frozen(self, fault: TimedFault) -> None:
-        self._drive(fault).frozen_until = _until(fault)
-
-    def _heartbeat(self, fault: TimedFault) -> None:
-        self._drive(fault).heartbeat_off_until = _until(fault)
-
-    def _following(self, fault: TimedFault) -> None:
-        self._drive(fault).axis.fault(FOLLOWING_ERROR)
-
-    def _emcy(self, fault: TimedFault) -> None:
-        self._drive(fault).axis.fault(int(fault.values["code"]))
-
-    def _reboot(self, fault: TimedFault) -> None:
-        self._hub.order(self._drive(fault).boot)
-
     def _second_lost(self, fault: TimedFault) -> None:
         share = fault.values["share"]
         self._spoil(fault, lambda pair: pair[:1] if self._chance.random() < share else pair)
-
-    def _swapped(self, fault: TimedFault) -> None:
-        self._spoil(fault, lambda pair: pair[::-1])
 
     def _spoil(self, fault: TimedFault, how: Callable[[Pair], Pair]) -> None:
         until = _until(fault)
         self._board.spoil = lambda pair: how(pair) if time.monotonic() < until else pair
 
-    def _saturated(self, fault: TimedFault) -> None:
-        self._board.railed[int(fault.values["gauge"])] = _until(fault)
-
     def _status(self, fault: TimedFault) -> None:
-        bits = int(fault.values["bits"])
-        self._board.status |= bits
+        board, bits = self._board, int(fault.values["bits"])
+        board.status |= bits
         if fault.seconds:
-            self._later(fault.seconds, lambda: self._clear_status(bits))
-
-    def _clear_status(self, bits: int) -> None:
-        self._board.status &= ~bits
+            self._later(fault.seconds, lambda: setattr(board, "status", board.status & ~bits))
 
     def _reset_board(self, fault: TimedFault) -> None:
         self._board.reset(time.monotonic())
         if not fault.values["silent"]:
             self._board.silent_until = 0.0
-
-    def _mute_board(self, fault: TimedFault) -> None:
-        self._board.silent_until = _until(fault)
-
-    def _clash(self, fault: TimedFault) -> None:
-        self._impostor_until = _until(fault)
 
     def _pose(self, t: float, frame: Frame) -> None:
         """Answer the sensor's gauge requests too, as a node at the same ids does."""
@@ -118,27 +105,11 @@ class BusFaults:
             self._impostor(Frame(base, bytes([0x37, 2, 1, 0, 0, 0, 7, 7])))
             self._impostor(Frame(base | 1, bytes(6)))
 
-    def _error_frame(self, fault: TimedFault) -> None:
-        count = int(fault.values["count"])
-        self._hub.order(lambda: self._hub.destroy(count))
-
     def _overload(self, fault: TimedFault) -> None:
-        seconds, share = fault.seconds or 1.0, fault.values["share"]
-        hub = self._hub
+        hub, seconds, share = self._hub, fault.seconds or 1.0, fault.values["share"]
         hub.order(
             lambda: hub.foreign.start(time.monotonic(), seconds, share, hub.wire.load.bitrate)
         )
-
-    def _hang_up(self, _: TimedFault) -> None:
-        self._hub.order(self._hub.hang_up)
-
-    def _bus_off(self, fault: TimedFault) -> None:
-        """The adapters of all who have sent frames leave the bus."""
-        until = _until(fault)
-        self._hub.order(lambda: self._hub.bus_off(until))
-
-    def _stall(self, fault: TimedFault) -> None:
-        self._hub.stalled_until = time.monotonic() + (fault.seconds or 1.0)
 
     def _garbage(self, fault: TimedFault) -> None:
         """Frames of any id but NMT, SYNC and those that would reconfigure something."""
@@ -147,9 +118,6 @@ class BusFaults:
         for _ in range(int(fault.values["count"])):
             data = self._chance.randbytes(self._chance.randrange(9))
             self._impostor(Frame(self._chance.choice(ids), data))
-
-    def _garbage_text(self, _: TimedFault) -> None:
-        self._hub.order(lambda: self._hub.say(_GARBAGE_TEXT))
 
     def _later(self, seconds: float, what: Callable[[], None]) -> None:
         self._hub.later(time.monotonic() + seconds, what)

@@ -13,11 +13,11 @@ from wrenchbed.emulators.medrue.drive import DriveEmulator
 
 
 class DrivenArm(Body):
-    """A body that also tells the forces and torques of its actuators.
+    """A body that also reports the forces and torques of its actuators.
 
     MedRUE's simulated links are weightless to their motors (MuJoCo's gravity compensation): what
-    these give accelerates the robot and holds what pushes on it. It is reckoned from the state at
-    a step's end, as MuJoCo's implicit integration applies it; ``actuator_force`` is reckoned at its
+    these give accelerates the robot and holds what pushes on it. It is computed from the state at
+    a step's end, as MuJoCo's implicit integration applies it; ``actuator_force`` is computed at its
     begin, and is off by some newtons while an axis moves.
     """
 
@@ -27,7 +27,7 @@ class DrivenArm(Body):
 
     @property
     def torque(self) -> np.ndarray:
-        """Of each joint's actuator (J,) [N·m or N], in the cycle of the state that is shown."""
+        """Of each joint's actuator (J,) [N·m or N], in the cycle of the reported state."""
         return self._torques[0]
 
     def step(self, target: np.ndarray) -> None:
@@ -70,7 +70,7 @@ class RealTimePlant:
         self._readings: tuple[float, np.ndarray] = (0.0, np.zeros((_READINGS, 6)))
 
     def wrench(self, t: float) -> np.ndarray:
-        """What the sensor shows at a time [s] of `time.monotonic` (6,)."""
+        """Reading of the sensor at a time [s] of `time.monotonic` (6,)."""
         begun, rows = self._readings
         k = int((t - begun) / CYCLE_S * len(rows))
         return np.asarray(rows[min(max(k, 0), len(rows) - 1)])

@@ -1,10 +1,9 @@
-"""ATI Net F/T: a Net Box or Ethernet Axia that streams RDT over UDP and shows its set-up by HTTP.
-
-Sources: ATI 9620-05 Net F/T manual (RDT, status codes, CGI variables, netftapi2.xml) and
-ATI 9620-05-C Ethernet Axia (its status codes).
+"""The machinery of an ATI Net F/T box (Net Box or Ethernet Axia): RDT over UDP, set-up over HTTP.
+Imports: emulators/base, errors. Sources: ATI 9620-05 (RDT, status, CGI, XML), 9620-05-C (Axia).
+Read first: box.py. The emulator of a sensor alone is emulators/netft.py; the UR5's uses Box too.
 """
 
 from wrenchbed.emulators.netft_box.box import Box
-from wrenchbed.emulators.netft_box.sensing import BoxSettings
+from wrenchbed.emulators.netft_box.settings import BoxSettings
 
 __all__ = ["Box", "BoxSettings"]

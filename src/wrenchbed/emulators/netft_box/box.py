@@ -1,4 +1,4 @@
-"""A Net F/T box on the body's sensor: RDT over UDP, web pages over HTTP, and their faults."""
+"""A Net F/T box on a body's sensor: RDT over UDP, web pages over HTTP, and their faults."""
 
 import socket
 from dataclasses import replace
@@ -6,10 +6,11 @@ from dataclasses import replace
 from wrenchbed.emulators.base import arguments
 from wrenchbed.emulators.base.arguments import Argument
 from wrenchbed.emulators.base.body import Body
-from wrenchbed.emulators.base.faults import Faults, TimedFault
+from wrenchbed.emulators.base.faults import Faults, LinkFaults, TimedFault
 from wrenchbed.emulators.netft_box import web
 from wrenchbed.emulators.netft_box.rdt import Pace, Rdt
-from wrenchbed.emulators.netft_box.sensing import BoxSettings, LinkFaults, Sensing
+from wrenchbed.emulators.netft_box.sensing import Sensing
+from wrenchbed.emulators.netft_box.settings import BoxSettings
 from wrenchbed.emulators.netft_box.web import Web
 from wrenchbed.errors import DriverError
 
@@ -30,19 +31,19 @@ _HTTP: dict[str, dict[str, Argument]] = {
 
 
 class Box:
-    """Serves what a body's sensor shows, while someone else steps the body in real time.
+    """Serves the readings of a body's sensor; someone else steps the body in real time.
 
     Faults of link ``rdt``: ``drop``, ``duplicate``, ``swap`` (each with ``share``), ``buffered``,
     ``freeze``, ``stall``, ``short``, ``garbage``, ``foreign``, ``restart``, ``saturate``
     (``channel`` 0 … 5), ``status`` (``bits``), ``skew`` (``factor``) and ``wrong_counts``
     (``factor``). Of link ``http``: ``stall``, ``unlisten``, ``garbage``, ``missing_field``
     (``name``, for instance ``cfgcpf``) and ``other_counts`` (``factor``). ``seconds`` 0 lasts until
-    the same kind is told again.
+    the next fault of this kind.
 
     Args:
         body: whose sensor; its `Body.readings` are this box's alone.
         host: address of this machine to serve at.
-        faults: where its faults are told.
+        faults: where its faults are registered.
         settings: of the box.
         seed: of faults that draw at random.
     """
@@ -57,16 +58,16 @@ class Box:
     ) -> None:
         self.settings = settings or BoxSettings()
         self._host, self._seed = host, seed
-        self._rdt_troubles = LinkFaults(faults, "rdt", _RDT)
-        self._web_troubles = LinkFaults(faults, "http", _HTTP)
+        self._rdt_faults = LinkFaults(faults, "rdt", _RDT)
+        self._web_faults = LinkFaults(faults, "http", _HTTP)
         self._pace = Pace(self.settings.rate, self.settings.buffer)
-        self._sensing = Sensing(body, self.settings, self._rdt_troubles)
+        self._sensing = Sensing(body, self.settings, self._rdt_faults)
         self._missing = ""
         self._socket: socket.socket | None = None
         self._rdt: Rdt | None = None
         self._web: Web | None = None
         faults.on("rdt", "restart", self._restart)
-        self._web_troubles.at_once("missing_field", self._leave_out)
+        self._web_faults.at_once("missing_field", self._leave_out)
 
     def start(self) -> dict[str, str]:
         """Serve from now on; the addresses of ``rdt`` and ``http``.
@@ -81,7 +82,7 @@ class Box:
             self.stop()
             raise
         self._sensing.warm_up()
-        self._rdt = Rdt(self._socket, self._sensing, self._pace, self._rdt_troubles, self._seed)
+        self._rdt = Rdt(self._socket, self._sensing, self._pace, self._rdt_faults, self._seed)
         self._rdt.start()
         self._web.start()
         host, port = self._socket.getsockname()
@@ -119,7 +120,7 @@ class Box:
         why: OSError | None = None
         for port in ports:
             try:
-                return Web((self._host, port), self._page, self._web_troubles)
+                return Web((self._host, port), self._page, self._web_faults)
             except PermissionError as error:
                 why = error
             except OSError as error:
@@ -132,9 +133,9 @@ class Box:
         ) from why
 
     def _page(self, target: str, body: str) -> web.Reply:
-        missing = self._missing if self._web_troubles.now("missing_field") is not None else ""
+        missing = self._missing if self._web_faults.now("missing_field") is not None else ""
         settings = self.settings
-        if other := self._web_troubles.now("other_counts"):
+        if other := self._web_faults.now("other_counts"):
             counts = settings.counts_per_force * other["factor"]
             settings = replace(settings, counts_per_force=counts)
         return web.answer(target, body, settings, self._pace, self._sensing, missing)

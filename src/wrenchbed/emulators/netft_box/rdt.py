@@ -1,8 +1,7 @@
 """The RDT server: one thread that answers requests and sends records on time.
 
-Bytes of RDT: 8-byte requests that arrive, 36-byte records that leave; all big endian.
-
-Sends datagrams as a network would that drops, doubles, swaps or spoils them.
+A request has 8 bytes, a record 36; all is big endian. Faults drop, duplicate, swap or corrupt
+datagrams. The thread keeps absolute deadlines, up to a record every 0.13 ms in bursts of 1 ms.
 """
 
 import contextlib
@@ -15,7 +14,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wrenchbed.emulators.netft_box.sensing import LARGEST_BUFFER, LinkFaults, Sensing
+from wrenchbed.emulators.base.faults import LinkFaults
+from wrenchbed.emulators.netft_box.sensing import Sensing
+from wrenchbed.emulators.netft_box.settings import LARGEST_BUFFER
 
 STOP, HIGH_SPEED, BUFFERED, MULTI_UNIT = 0x0000, 0x0002, 0x0003, 0x0004
 RESET_LATCH, BIAS = 0x0041, 0x0042
@@ -62,11 +63,11 @@ def pack(first: int, ft: np.ndarray, status: np.ndarray, counts: np.ndarray) -> 
     return rows.tobytes()
 
 
-class Mangler:
+class FaultySender:
     """Sends records; ``counters`` say how many, and what became of the rest."""
 
-    def __init__(self, sock: socket.socket, troubles: LinkFaults, seed: int) -> None:
-        self._socket, self._troubles = sock, troubles
+    def __init__(self, sock: socket.socket, faults: LinkFaults, seed: int) -> None:
+        self._socket, self._faults = sock, faults
         self._random = np.random.default_rng([seed, 49152])
         self._held: memoryview | None = None
         self._other: socket.socket | None = None
@@ -84,11 +85,11 @@ class Mangler:
     def send(self, data: memoryview, size: int, group: int, to: tuple[str, int]) -> None:
         """Send records of a size [bytes] in datagrams of ``group`` bytes at most."""
         parts = [data[k : k + group] for k in range(0, len(data), group)]
-        if not self._troubles.any and self._held is None:
+        if not self._faults.any and self._held is None:
             self.counters["sent"] += len(data) // size
             self._out(parts, to)
             return
-        if self._troubles.now("stall") is not None:
+        if self._faults.now("stall") is not None:
             self.counters["silent"] += len(data) // size
             return
         through = self._swap(self._thin(parts, size))
@@ -106,7 +107,7 @@ class Mangler:
     def _thin(self, parts: list[memoryview], size: int) -> list[memoryview]:
         """Drop and double a share."""
         out = []
-        drop, double = self._troubles.now("drop"), self._troubles.now("duplicate")
+        drop, double = self._faults.now("drop"), self._faults.now("duplicate")
         for part in parts:
             if drop and self._random.random() < drop["share"]:
                 self.counters["dropped"] += len(part) // size
@@ -119,7 +120,7 @@ class Mangler:
 
     def _swap(self, parts: list[memoryview]) -> list[memoryview]:
         """Send a share one place later than its turn."""
-        swap = self._troubles.now("swap")
+        swap = self._faults.now("swap")
         out = []
         for part in parts:
             if self._held is not None:
@@ -133,15 +134,15 @@ class Mangler:
         return out
 
     def _spoil(self, record: bytes, to: tuple[str, int]) -> None:
-        """Add datagrams that are no records, or not from the box."""
+        """Add datagrams that are no records, or come from another port."""
         random = self._random
-        if self._troubles.now("short") is not None:
+        if self._faults.now("short") is not None:
             cut = int(random.choice([1, 17, 35, 37, 71]))
             self._extra(self._socket, (record * 2)[:cut], to, "spoilt")
-        if self._troubles.now("garbage") is not None:
+        if self._faults.now("garbage") is not None:
             self._extra(self._socket, random.bytes(int(random.choice([8, 36, 72, 500]))), to,
                         "spoilt")  # fmt: skip
-        if self._troubles.now("foreign") is not None:
+        if self._faults.now("foreign") is not None:
             if self._other is None:
                 self._other = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
                 self._other.bind((self._socket.getsockname()[0], 0))
@@ -205,11 +206,11 @@ class Rdt:
     """Streams what ``sensing`` measures to whoever asked last."""
 
     def __init__(
-        self, sock: socket.socket, sensing: Sensing, pace: Pace, troubles: LinkFaults, seed: int
+        self, sock: socket.socket, sensing: Sensing, pace: Pace, faults: LinkFaults, seed: int
     ) -> None:
-        self._socket, self._sensing, self._pace, self._troubles = sock, sensing, pace, troubles
-        self._mangler = Mangler(sock, troubles, seed)
-        self.counters = self._mangler.counters
+        self._socket, self._sensing, self._pace, self._faults = sock, sensing, pace, faults
+        self._sender = FaultySender(sock, faults, seed)
+        self.counters = self._sender.counters
         self._stream: RecordStream | None = None
         self._ready = memoryview(b"")
         self._heard = 0.0
@@ -226,7 +227,7 @@ class Rdt:
         self._ended.set()
         if self._thread.is_alive():
             self._thread.join(2.0)
-        self._mangler.close()
+        self._sender.close()
 
     def forget(self) -> None:
         """Drop the request under way, as a box does that was switched off and on."""
@@ -284,7 +285,7 @@ class Rdt:
             request = parse(data)
             if request is None:
                 self.counters["refused"] += 1
-            elif self._troubles.now("stall") is None:
+            elif self._faults.now("stall") is None:
                 self.answer(request, sender, now)
 
     def _send_due(self, stream: RecordStream, now: float) -> None:
@@ -295,18 +296,18 @@ class Rdt:
             n = 1
         if stream.left is not None:
             n = min(n, stream.left)
-        if not self._sensing.stands(now):
+        if not self._sensing.stale(now):
             first = stream.tick + len(self._ready) // _SIZE * stream.every
             n = min(n, len(self._ready) // _SIZE + self._sensing.ahead(first, stream.every))
         group = self._pace.buffer if stream.buffered else 1
-        if self._troubles.now("buffered"):
+        if self._faults.now("buffered"):
             group = LARGEST_BUFFER
         if stream.left != n:
             n -= n % group
         if n <= 0:
             return
         data = self._take(stream, n)
-        self._mangler.send(data, _SIZE, group * _SIZE, stream.to)
+        self._sender.send(data, _SIZE, group * _SIZE, stream.to)
         stream.tick += n * stream.every
         if stream.left is not None:
             stream.left -= n
@@ -314,7 +315,7 @@ class Rdt:
                 self._stream = None
 
     def _take(self, stream: RecordStream, n: int) -> memoryview:
-        """The next n records; as many as the body can tell already are made at a time."""
+        """The next n records; as many as the body knows already are made at a time."""
         made = len(self._ready) // _SIZE
         if made < n:
             first, every = stream.tick + made * stream.every, stream.every

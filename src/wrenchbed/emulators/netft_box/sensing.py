@@ -1,39 +1,21 @@
-"""From the load on a body's sensor to counts: units, zero, range, and what can go wrong.
-
-This machine's time → simulated time of a body that someone else steps in real time.
-
-What a box is set to: its rate, its counts and their units, and what kind of box it is.
-
-What is wrong at the moment on one link of a box.
-"""
+"""The box's sensor: from the load in simulated time to counts, with its set-up and faults."""
 
 import threading
 import time
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 
 import numpy as np
 
-from wrenchbed.emulators.base.arguments import (
-    Argument,
-    Settings,
-    above,
-    integer,
-    number,
-    setting,
-    word,
-)
 from wrenchbed.emulators.base.body import Body
-from wrenchbed.emulators.base.faults import Faults, TimedFault
-from wrenchbed.errors import ParameterError
+from wrenchbed.emulators.base.faults import LinkFaults
+from wrenchbed.emulators.netft_box.settings import NEWTON, NEWTON_METRE, BoxSettings
 
 
 class Timeline:
-    """The simulated time that a sensor shows at a time of this machine.
+    """The simulated time that a sensor reports at a time of this machine.
 
-    What a body shows between two states is known only when the later one exists, so the time shown
-    is one cycle behind, at least 8 ms (a block of samples at a time costs least), and 2 ms more
-    since nobody steps punctually. The delay is constant: what comes later still is waited for.
+    A reading between two states is known only when the later one exists. The reported time is
+    therefore one cycle behind, at least 8 ms (a block of samples at a time costs least), and 2 ms
+    more because steps are not punctual. The delay is constant; a later state is waited for.
     """
 
     _SHORTEST_S, _SLACK_S = 8e-3, 2e-3
@@ -46,121 +28,22 @@ class Timeline:
         """Take in the simulated time of the newest state, and when it was due here [s]."""
         self._offset = due - newest
 
-    def shown(self, host: float) -> float:
-        """Simulated time shown at a time of this machine [s]."""
+    def simulated(self, host: float) -> float:
+        """Simulated time reported at a time of this machine [s]."""
         return host - self._offset - self._lag
 
 
-INTERNAL_RATE = {"netbox": 7000, "axia": 7812}
-"""Samples that a product takes per second [Hz]."""
 SATURATED = {"netbox": 1 << 31 | 1 << 17, "axia": 1 << 31 | 1 << 30}
 """Status word of a sample that left the sensor's range."""
-NEWTON = {"N": 1.0, "kN": 1e3, "lbf": 4.4482216152605, "klbf": 4448.2216152605, "kgf": 9.80665}
-"""Unit of force → [N]."""
-NEWTON_METRE = {
-    "Nm": 1.0, "N-m": 1.0, "Nmm": 1e-3, "N-mm": 1e-3, "kNm": 1e3, "lbf-in": 0.1129848290276167,
-    "lbf-ft": 1.3558179483314004, "kgf-cm": 0.0980665,
-}  # fmt: skip
-"""Unit of torque → [N·m]."""
-LARGEST_BUFFER = 40
-"""Records of a buffered datagram at most."""
-
-
-@dataclass(frozen=True)
-class BoxSettings(Settings):
-    """How a box is set up at power-up.
-
-    Raises:
-        ParameterError: a value that no box has.
-    """
-
-    rdt_port: int = setting(49152, integer(0, 65535), "UDP port of RDT, default 49152")
-    http_port: int = setting(
-        0, integer(0, 65535),
-        "TCP port of HTTP; 0 (default) takes 80, or 8080 where 80 is not allowed",
-    )  # fmt: skip
-    rate: float = setting(
-        7000.0, number(1.0, max(INTERNAL_RATE.values())),
-        "RDT records per second, default 7000; rounded up to internal samples / whole number",
-    )  # fmt: skip
-    buffer: int = setting(
-        10, integer(1, LARGEST_BUFFER), "records of a buffered datagram, 1 … 40, default 10"
-    )
-    counts_per_force: float = setting(1e6, above(0.0), "counts per unit of force, default 1000000")
-    counts_per_torque: float = setting(
-        1e6, above(0.0), "counts per unit of torque, default 1000000"
-    )
-    force_unit: str = setting("N", word(NEWTON), "N (default), kN, lbf, klbf or kgf")
-    torque_unit: str = setting(
-        "Nm", word(NEWTON_METRE), "Nm (default), N-m, Nmm, N-mm, kNm, lbf-in, lbf-ft or kgf-cm"
-    )
-    product: str = setting(
-        "netbox", word(INTERNAL_RATE), "netbox (default, 7000 samples/s) or axia (7812 samples/s)"
-    )
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.rate > self.internal_rate:
-            raise ParameterError(f"rate = {self.rate:g} Hz must be 1 … {self.internal_rate} Hz")
-
-    @property
-    def internal_rate(self) -> int:
-        """Samples per second [Hz]."""
-        return INTERNAL_RATE[self.product]
-
-
-class LinkFaults:
-    """Faults of one link that last for a while; a kind that is told again starts anew.
-
-    Args:
-        faults: where they are told.
-        link: name of the link.
-        kinds: kind → what it asks for, by name.
-    """
-
-    def __init__(
-        self, faults: Faults, link: str, kinds: Mapping[str, Mapping[str, Argument]]
-    ) -> None:
-        self._active: dict[str, tuple[float, Mapping[str, float]]] = {}
-        self._at_once: dict[str, Callable[[TimedFault], None]] = {}
-        for kind, asks in kinds.items():
-            faults.on(link, kind, self._begin, asks)
-
-    def at_once(self, kind: str, act: Callable[[TimedFault], None]) -> None:
-        """Also call ``act`` when a kind begins; it must return at once."""
-        self._at_once[kind] = act
-
-    def now(self, kind: str) -> Mapping[str, float] | None:
-        """Values of a kind that is under way, else None."""
-        entry = self._active.get(kind)
-        if entry is None:
-            return None
-        if time.monotonic() >= entry[0]:
-            self._active.pop(kind, None)
-            return None
-        return entry[1]
-
-    @property
-    def any(self) -> bool:
-        """Whether anything is under way, or was until a moment ago."""
-        return bool(self._active)
-
-    def _begin(self, fault: TimedFault) -> None:
-        if act := self._at_once.get(fault.kind):
-            act(fault)
-        end = time.monotonic() + fault.seconds if fault.seconds else float("inf")
-        self._active[fault.kind] = (end, fault.values)
-
-
 _LARGEST = 2**31 - 1
-_STANDS_S = 0.05
+_STALE_S = 0.05
 
 
 class Sensing:
     """A transducer and its electronics, sampled at `Settings.internal_rate` since power-up."""
 
-    def __init__(self, body: Body, settings: BoxSettings, troubles: LinkFaults) -> None:
-        self._body, self._settings, self._troubles = body, settings, troubles
+    def __init__(self, body: Body, settings: BoxSettings, faults: LinkFaults) -> None:
+        self._body, self._settings, self._faults = body, settings, faults
         self.range = np.asarray(body.sensor.calibration().range)
         unit = np.repeat([NEWTON[settings.force_unit], NEWTON_METRE[settings.torque_unit]], 3)
         per_unit = np.repeat([settings.counts_per_force, settings.counts_per_torque], 3)
@@ -196,21 +79,21 @@ class Sensing:
         return self._power_up + tick / self.rate
 
     def ahead(self, tick: int, every: int) -> int:
-        """How many samples from ``tick`` on, ``every`` so many, the body can tell already."""
-        behind = self._body.ahead - self._timeline.shown(self.host(tick))
+        """How many samples from ``tick`` on, ``every`` so many, the body knows already."""
+        behind = self._body.ahead - self._timeline.simulated(self.host(tick))
         return int(behind * self.rate / every) + 1 if behind >= 0.0 else 0
 
-    def stands(self, now: float) -> bool:
-        """Whether the body is so late that what it showed last is shown on."""
-        return now - self._body.punctual[0] > _STANDS_S
+    def stale(self, now: float) -> bool:
+        """Whether the body is so late that its last reading is repeated."""
+        return now - self._body.punctual[0] > _STALE_S
 
     def sample(self, tick: int, every: int, n: int) -> tuple[np.ndarray, np.ndarray]:
         """Counts (n, 6) and status words (n,) of n samples."""
-        shown = self._timeline.shown(self.host(tick))
-        values, flagged = self._body.readings(shown + np.arange(n) * (every / self.rate))
+        t = self._timeline.simulated(self.host(tick))
+        values, flagged = self._body.readings(t + np.arange(n) * (every / self.rate))
         if not np.isfinite(values.sum()):
             values = np.nan_to_num(values)
-        wrong = self._troubles if self._troubles.any else None
+        wrong = self._faults if self._faults.any else None
         if wrong and (one := wrong.now("saturate")):
             values[:, int(one["channel"])] = self.range[int(one["channel"])]
         status = np.zeros(n, dtype=np.int64)
@@ -227,7 +110,7 @@ class Sensing:
             status |= int(one["bits"])
         self.status = int(status[-1])
         counts = np.maximum(np.minimum(np.rint(counts), _LARGEST), -_LARGEST).astype(np.int64)
-        return self._frost(self._flicker(counts)), status
+        return self._frozen_or(self._flicker(counts)), status
 
     def zero(self) -> None:
         """Software bias: what is measured now reads as zero from now on."""
@@ -259,7 +142,7 @@ class Sensing:
     def stamps(self, ticks: np.ndarray) -> np.ndarray:
         """ft_sequence (n,) of samples: their number, unless the clock runs wrong."""
         since, stamp, last = self._skew
-        wrong = self._troubles.now("skew")
+        wrong = self._faults.now("skew")
         factor = wrong["factor"] if wrong else 1.0
         if factor != last:
             since, stamp = float(ticks[0]), stamp + last * (float(ticks[0]) - since)
@@ -273,8 +156,8 @@ class Sensing:
             self._drawn += len(counts)
         return counts
 
-    def _frost(self, counts: np.ndarray) -> np.ndarray:
-        if self._troubles.now("freeze") is None:
+    def _frozen_or(self, counts: np.ndarray) -> np.ndarray:
+        if self._faults.now("freeze") is None:
             self._frozen = None
         elif self._frozen is None:
             self._frozen = counts[0].copy()

@@ -11,14 +11,15 @@ from urllib.parse import parse_qsl, urlsplit
 import numpy as np
 
 from wrenchbed.emulators.base.event_loop import Listener, LoopThread
-from wrenchbed.emulators.base.faults import TimedFault
+from wrenchbed.emulators.base.faults import LinkFaults, TimedFault
 from wrenchbed.emulators.netft_box.rdt import Pace
-from wrenchbed.emulators.netft_box.sensing import LARGEST_BUFFER, BoxSettings, LinkFaults, Sensing
+from wrenchbed.emulators.netft_box.sensing import Sensing
+from wrenchbed.emulators.netft_box.settings import LARGEST_BUFFER, BoxSettings
 
 _REQUEST_BYTES = 8192
 _DEADLINE_S = 2.0
 _LOOK_S = 0.05
-"""Time between two looks whether a stall is over [s]."""
+"""Time between two checks whether a stall is over [s]."""
 _CLIENTS = 16
 """Most requests at a time."""
 Reply = tuple[str, str, str]

@@ -1,7 +1,4 @@
-"""The arm under its controller: one motion at a time, within the joints' limits.
-
-force_mode: compliant axes of a task frame move until the wanted wrench is there.
-"""
+"""The arm under its controller: one motion at a time within the joints' limits, and force_mode."""
 
 import time
 from collections.abc import Callable
@@ -12,7 +9,7 @@ import numpy as np
 from wrenchbed.emulators.base.body import Body
 from wrenchbed.emulators.ur5.kinematics import NO_TOOL, Kinematics, UnreachableError, matrix
 from wrenchbed.emulators.ur5.motions import ArmMotion, Braking, Servo
-from wrenchbed.emulators.ur5.tool_wrench import Estimate
+from wrenchbed.emulators.ur5.tool_wrench import WrenchEstimate
 
 _YIELDING = np.array([6e-4] * 3 + [0.02] * 3)
 """Speed per missing force [m/(s·N)] and torque [rad/(s·N·m)]; the axes' admittance."""
@@ -37,9 +34,9 @@ class ForceMode:
     def twist(self, measured: np.ndarray, scaling: float) -> np.ndarray:
         """Velocity (6,) of the TCP in base axes at a measured wrench (6,) in base axes."""
         rotation, _ = matrix(self.frame)
-        felt = np.concatenate([rotation.T @ measured[:3], rotation.T @ measured[3:]])
+        exerted = np.concatenate([rotation.T @ measured[:3], rotation.T @ measured[3:]])
         limits = np.abs(self.limits)
-        speed = np.clip(scaling * _YIELDING * (self.wrench + felt), -limits, limits)
+        speed = np.clip(scaling * _YIELDING * (self.wrench + exerted), -limits, limits)
         speed = speed * (self.selection != 0)
         return np.concatenate([rotation @ speed[:3], rotation @ speed[3:]])
 
@@ -57,13 +54,15 @@ class ControlledArm:
     Args:
         body: the robot.
         estimate: of the wrench at the tool.
-        feel: the load that the robot itself feels (6,) [N, N·m], asked once a cycle.
+        measure: the load that the robot measures (6,) [N, N·m], called once a cycle.
     """
 
-    def __init__(self, body: Body, estimate: Estimate, feel: Callable[[], np.ndarray]) -> None:
+    def __init__(
+        self, body: Body, estimate: WrenchEstimate, measure: Callable[[], np.ndarray]
+    ) -> None:
         self.body, self.estimate = body, estimate
-        self._feel = feel
-        self.felt = np.zeros(6)
+        self._measure = measure
+        self.load = np.zeros(6)
         self.kinematics = Kinematics()
         self.q = np.array(body.target)
         self.qd = np.zeros(6)
@@ -202,5 +201,5 @@ class ControlledArm:
         self._error = self._error + np.clip(gap, -_FOLLOW_SPEED * dt, _FOLLOW_SPEED * dt)
         self.body.step(self.q + self._error)
         rotation, _ = self.kinematics.flange(self.body.q)
-        self.felt = self._feel()
-        self.estimate.update(self.felt, rotation, self.tcp)
+        self.load = self._measure()
+        self.estimate.update(self.load, rotation, self.tcp)

@@ -36,7 +36,7 @@ def _move(program: ControlProgram, motion: ArmMotion) -> Steps | None:
     if program.integer(1) != 1:
         return until_done(motion)
     program.side(until_done(motion))
-    program.own(motion)
+    program.drives(motion)
     return None
 
 
@@ -87,7 +87,7 @@ def _legs(program: ControlProgram) -> Steps:
         program.progress(number)
         motion = _leg(program, leg)
         program.take_control(motion)
-        program.own(motion)
+        program.drives(motion)
         yield from until_done(motion)
 
 
@@ -193,7 +193,7 @@ def stop_move(program: ControlProgram) -> Steps | None:
     if not asynchronous:
         return until_done(braking)
     program.side(until_done(braking))
-    program.own(braking)
+    program.drives(braking)
     return None
 
 

@@ -13,7 +13,7 @@ from wrenchbed.emulators.ur5.packets import Values, inputs, outputs, zero
 from wrenchbed.emulators.ur5.program import ControlProgram, OtherProgram, Program, ProgramError
 from wrenchbed.emulators.ur5.script import Script
 from wrenchbed.emulators.ur5.settings import ControllerSettings
-from wrenchbed.emulators.ur5.tool_wrench import Estimate, Payload
+from wrenchbed.emulators.ur5.tool_wrench import Payload, WrenchEstimate
 
 _MORE_FORCE = 30.0
 """Beyond what pressed when a stop was unlocked, from which the robot stops again [N]."""
@@ -26,7 +26,7 @@ class Controller:
         settings: which controller it is.
         body: the robot.
         payload: as the installation states it.
-        feel: the load that the robot itself feels (6,) [N, N·m]; the true one if None.
+        measure: the load that the robot measures (6,) [N, N·m]; the true one if None.
     """
 
     def __init__(
@@ -34,13 +34,13 @@ class Controller:
         settings: ControllerSettings,
         body: Body,
         payload: Payload,
-        feel: Callable[[], np.ndarray] | None = None,
+        measure: Callable[[], np.ndarray] | None = None,
     ) -> None:
         self.settings = settings
         self.terminals = Terminals()
         self.modes = Modes(settings.power)
-        self.estimate = Estimate(payload, at_tcp=not settings.e_series)
-        self.arm = ControlledArm(body, self.estimate, feel or (lambda: body.load))
+        self.estimate = WrenchEstimate(payload, at_tcp=not settings.e_series)
+        self.arm = ControlledArm(body, self.estimate, measure or (lambda: body.load))
         self.fields = outputs(settings.version)
         self.values: dict[str, Values] = {name: zero(kind) for name, kind in self.fields.items()}
         self.inputs = Inputs(inputs(settings.version), self._written)

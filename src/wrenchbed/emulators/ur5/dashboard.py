@@ -1,12 +1,9 @@
-"""The dashboard server: one command a line, one answer a line.
-
-Ports 30001 to 30003: they take URScript and send nothing.
-"""
+"""Text clients of the controller: the dashboard server, and ports 30001 to 30003 for URScript."""
 
 from collections.abc import Callable
 
 from wrenchbed.emulators.ur5.controller import Controller
-from wrenchbed.emulators.ur5.modes import Runtime, SafetyMode
+from wrenchbed.emulators.ur5.modes import Runtime
 from wrenchbed.emulators.ur5.network import Peer
 from wrenchbed.emulators.ur5.script import Collector
 
@@ -14,6 +11,12 @@ GREETING = "Connected: Universal Robots Dashboard Server"
 SERIAL_NUMBER = "2021500042"
 _LONGEST_LINE = 4096
 _PROGRAM = "rtde_control.urp"
+_FAILED = "Failed to execute: {}"
+_UNLOCKED = "Protective stop releasing"
+_TOO_EARLY = (
+    "Cannot unlock protective stop until 5s after occurrence. Always inspect cause of "
+    "protective stop before unlocking"
+)
 
 
 class Dashboard:
@@ -26,33 +29,48 @@ class Dashboard:
     """
 
     def __init__(self, controller: Controller, peer: Peer, shut_down: Callable[[], None]) -> None:
-        self._controller, self._peer, self._shut_down = controller, peer, shut_down
+        self._controller, self._peer = controller, peer
         self._line = b""
+        self._ended = False
+        version = ".".join(map(str, controller.settings.version))
         self._exact: dict[str, Callable[[], str]] = {
-            "play": self._play, "pause": self._pause, "stop": self._stop,
-            "running": self._running, "robotmode": self._robot_mode,
-            "safetymode": lambda: f"Safetymode: {self._safety()}",
-            "safetystatus": lambda: f"Safetystatus: {self._safety()}",
-            "programstate": self._program_state, "power on": self._power_on,
-            "power off": self._power_off, "brake release": self._brake_release,
-            "unlock protective stop": self._unlock, "close popup": lambda: "closing popup",
+            "play": lambda: "Starting program" if controller.play() else _FAILED.format("play"),
+            "pause": lambda: "Pausing program" if controller.pause() else _FAILED.format("pause"),
+            "stop": self._after(controller.stop_program, "Stopped"),
+            "running": lambda: (
+                f"Program running: {str(controller.modes.runtime is Runtime.PLAYING).lower()}"
+            ),
+            "robotmode": lambda: f"Robotmode: {controller.modes.robot.name}",
+            "safetymode": lambda: f"Safetymode: {controller.modes.safety.name}",
+            "safetystatus": lambda: f"Safetystatus: {controller.modes.safety.name}",
+            "programstate": lambda: (
+                f"{controller.modes.runtime.name} {controller.loaded or _PROGRAM}"
+            ),
+            "power on": self._after(controller.power_on, "Powering on"),
+            "power off": self._after(controller.power_off, "Powering off"),
+            "brake release": self._after(controller.release_brakes, "Brake releasing"),
+            "unlock protective stop": lambda: _UNLOCKED if controller.unlock() else _TOO_EARLY,
+            "close popup": lambda: "closing popup",
             "close safety popup": lambda: "closing safety popup",
             "restart safety": lambda: "Restarting safety",
-            "get loaded program": self._loaded, "isprogramsaved": lambda: f"true {_PROGRAM}",
-            "polyscopeversion": lambda: f"URSoftware {self._version()} (Nov 10 2021)",
-            "version": lambda: self._version(),
-            "get robot model": lambda: "UR5", "shutdown": self._shutdown, "quit": self._quit,
-        }  # fmt: skip
+            "get loaded program": self._loaded,
+            "isprogramsaved": lambda: f"true {_PROGRAM}",
+            "polyscopeversion": lambda: f"URSoftware {version} (Nov 10 2021)",
+            "version": lambda: version,
+            "get robot model": lambda: "UR5",
+            "shutdown": self._after(shut_down, "Shutting down"),
+            "quit": self._quit,
+        }
         if controller.settings.e_series:
             self._exact["is in remote control"] = lambda: "true"
             self._exact["get serial number"] = lambda: SERIAL_NUMBER
             self._exact["get operational mode"] = lambda: "NONE"
         self._with_value: dict[str, Callable[[str], str]] = {
-            "load": self._load, "popup": lambda _: "showing popup",
+            "load": self._load,
+            "popup": lambda _: "showing popup",
             "addtolog": lambda _: "Added log message",
             "setuserrole": lambda role: f"Setting user role: {role}",
-        }  # fmt: skip
-        self._ended = False
+        }
         self._say(GREETING)
 
     def receive(self, data: bytes, now: float) -> bool:
@@ -79,52 +97,15 @@ class Dashboard:
         valued = self._with_value.get(word.lower())
         return f"could not understand: '{line}'" if valued is None else valued(value)
 
-    def _version(self) -> str:
-        return ".".join(str(part) for part in self._controller.settings.version)
+    @staticmethod
+    def _after(act: Callable[[], None], answer: str) -> Callable[[], str]:
+        """A command that always succeeds, with its answer."""
 
-    def _play(self) -> str:
-        return "Starting program" if self._controller.play() else "Failed to execute: play"
+        def run() -> str:
+            act()
+            return answer
 
-    def _pause(self) -> str:
-        return "Pausing program" if self._controller.pause() else "Failed to execute: pause"
-
-    def _stop(self) -> str:
-        self._controller.stop_program()
-        return "Stopped"
-
-    def _running(self) -> str:
-        playing = self._controller.modes.runtime is Runtime.PLAYING
-        return f"Program running: {str(playing).lower()}"
-
-    def _robot_mode(self) -> str:
-        return f"Robotmode: {self._controller.modes.robot.name}"
-
-    def _safety(self) -> str:
-        return SafetyMode(self._controller.modes.safety).name
-
-    def _program_state(self) -> str:
-        state = self._controller.modes.runtime.name
-        return f"{state} {self._controller.loaded or _PROGRAM}"
-
-    def _power_on(self) -> str:
-        self._controller.power_on()
-        return "Powering on"
-
-    def _power_off(self) -> str:
-        self._controller.power_off()
-        return "Powering off"
-
-    def _brake_release(self) -> str:
-        self._controller.release_brakes()
-        return "Brake releasing"
-
-    def _unlock(self) -> str:
-        if self._controller.unlock():
-            return "Protective stop releasing"
-        return (
-            "Cannot unlock protective stop until 5s after occurrence. Always inspect cause of "
-            "protective stop before unlocking"
-        )
+        return run
 
     def _load(self, name: str) -> str:
         if not name.endswith(".urp"):
@@ -136,10 +117,6 @@ class Dashboard:
     def _loaded(self) -> str:
         loaded = self._controller.loaded
         return f"Loaded program: {loaded}" if loaded else "No program loaded"
-
-    def _shutdown(self) -> str:
-        self._shut_down()
-        return "Shutting down"
 
     def _quit(self) -> str:
         self._ended = True

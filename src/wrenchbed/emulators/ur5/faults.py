@@ -1,4 +1,4 @@
-"""Faults: what the robot and its links do wrong when they are told to."""
+"""Faults of the UR5 emulator: of the robot and of its links."""
 
 import struct
 import time
@@ -9,14 +9,12 @@ import numpy as np
 
 from wrenchbed.emulators.base import arguments
 from wrenchbed.emulators.base.arguments import Argument
-from wrenchbed.emulators.base.faults import Faults, TimedFault
+from wrenchbed.emulators.base.faults import Faults, Handler, TimedFault
 from wrenchbed.emulators.ur5 import packets
 from wrenchbed.emulators.ur5.controller import Controller
 from wrenchbed.emulators.ur5.network import Port
 from wrenchbed.emulators.ur5.outputs import Timestamp
 from wrenchbed.emulators.ur5.rtde import Rtde
-
-Deed = Callable[[TimedFault], None]
 
 _BROKEN = {
     "short_header": struct.pack(">HB", 1, packets.DATA),
@@ -27,14 +25,14 @@ _BROKEN = {
 }
 _MOST_OFF = 0.5
 """Largest following error [rad]."""
-_ASKS: dict[tuple[str, str], dict[str, Argument]] = {
+_ARGUMENTS: dict[tuple[str, str], dict[str, Argument]] = {
     ("rtde", "malformed"): {"how": arguments.word(_BROKEN)},
     ("rtde", "text"): {"message": arguments.text("this is a fault that was asked for")},
     ("rtde", "timestamp_jump"): {"by": arguments.number(-1e6, 1e6)},
     ("rtde", "timestamp_scale"): {"factor": arguments.number(0.0, 100.0)},
     ("robot", "follow_error"): {"joints": arguments.numbers(6, _MOST_OFF)},
 }
-"""What a kind of fault must or may be told."""
+"""Arguments of a kind of fault, besides its time."""
 
 
 class Target(Protocol):
@@ -54,99 +52,69 @@ class Target(Protocol):
         ...
 
 
-class Misbehaviour:
-    """Every fault of the emulator; each runs in the loop's thread."""
+def register(emulator: Target, faults: Faults) -> None:
+    """Register every fault of the emulator; each runs in the loop's thread."""
+    outputs = emulator.controller.fields
+    field = Argument(lambda v: isinstance(v, str) and v in outputs, "an output's name")
+    known = _ARGUMENTS | {("rtde", "not_found"): {"field": field}}
+    links = {
+        "rtde": _port(emulator.ports["rtde"]) | _rtde(emulator),
+        "dashboard": _port(emulator.ports["dashboard"]),
+        "script": _port(emulator.ports["script"]),
+        "control": {
+            "fin": lambda f: emulator.rtde.hang_up(writers_only=True),
+            "rst": lambda f: emulator.rtde.hang_up(reset=True, writers_only=True),
+        },
+        "robot": _robot(emulator),
+    }
+    for link, handlers in links.items():
+        for kind, handler in handlers.items():
+            faults.on(link, kind, _in_loop(emulator, handler), known.get((link, kind)))
 
-    def __init__(self, twin: Target) -> None:
-        self._twin = twin
 
-    def register(self, faults: Faults) -> None:
-        """Tell what each link knows."""
-        outputs = self._twin.controller.fields
-        fields = {
-            "field": Argument(lambda v: isinstance(v, str) and v in outputs, "an output's name")
-        }
-        known = _ASKS | {("rtde", "not_found"): fields}
-        for link, deeds in self._deeds().items():
-            for kind, deed in deeds.items():
-                faults.on(link, kind, self._in_loop(deed), known.get((link, kind)))
+def _in_loop(emulator: Target, handler: Handler) -> Handler:
+    return lambda fault: emulator.soon(lambda: handler(fault))
 
-    def _in_loop(self, deed: Callable[[TimedFault], Callable[[], None]]) -> Deed:
-        def handler(fault: TimedFault) -> None:
-            self._twin.soon(deed(fault))
 
-        return handler
+def _port(port: Port) -> dict[str, Handler]:
+    """Faults of every port."""
+    return {
+        "fin": lambda f: port.hang_up(),
+        "rst": lambda f: port.hang_up(reset=True),
+        "stall": lambda f: port.stall(_end(f)),
+        "deaf": lambda f: setattr(port, "deaf_until", _end(f)),
+        "unlisten": lambda f: port.unlisten(_end(f)),
+    }
 
-    def _deeds(self) -> dict[str, dict[str, Callable[[TimedFault], Callable[[], None]]]]:
-        twin = self._twin
-        return {
-            "rtde": self._port("rtde") | {
-                "freeze": lambda f: lambda: twin.rtde.freeze(_end(f), twin.controller.values),
-                "drop": lambda f: lambda: setattr(twin.rtde, "silent_until", _end(f)),
-                "burst": lambda f: lambda: setattr(twin.rtde, "held_until", _end(f)),
-                "refuse_start": lambda f: lambda: setattr(
-                    twin.rtde.offer.denials, "start", _end(f)
-                ),
-                "in_use": lambda f: lambda: setattr(twin.rtde.offer.denials, "inputs", _end(f)),
-                "not_found": self._not_found,
-                "malformed": self._malformed,
-                "text": self._text,
-                "timestamp_jump": self._jump,
-                "timestamp_scale": self._scale,
-            },
-            "dashboard": self._port("dashboard"),
-            "script": self._port("script"),
-            "control": {
-                "fin": lambda f: lambda: twin.rtde.hang_up(writers_only=True),
-                "rst": lambda f: lambda: twin.rtde.hang_up(reset=True, writers_only=True),
-            },
-            "robot": self._robot(),
-        }  # fmt: skip
 
-    def _port(self, name: str) -> dict[str, Callable[[TimedFault], Callable[[], None]]]:
-        """What every port can do wrong."""
-        port = self._twin.ports[name]
-        return {
-            "fin": lambda f: lambda: port.hang_up(),
-            "rst": lambda f: lambda: port.hang_up(reset=True),
-            "stall": lambda f: lambda: port.stall(_end(f)),
-            "deaf": lambda f: lambda: setattr(port, "deaf_until", _end(f)),
-            "unlisten": lambda f: lambda: port.unlisten(_end(f)),
-        }
+def _rtde(emulator: Target) -> dict[str, Handler]:
+    rtde, denials = emulator.rtde, emulator.rtde.offer.denials
+    controller, timestamp = emulator.controller, emulator.timestamp
+    return {
+        "freeze": lambda f: rtde.freeze(_end(f), controller.values),
+        "drop": lambda f: setattr(rtde, "silent_until", _end(f)),
+        "burst": lambda f: setattr(rtde, "held_until", _end(f)),
+        "refuse_start": lambda f: setattr(denials, "start", _end(f)),
+        "in_use": lambda f: setattr(denials, "inputs", _end(f)),
+        "not_found": lambda f: denials.outputs.update({f.values["field"]: _end(f)}),
+        "malformed": lambda f: rtde.inject(_BROKEN[f.values["how"]]),
+        "text": lambda f: rtde.say(f.values["message"], packets.WARNING),
+        "timestamp_jump": lambda f: timestamp.jump(float(f.values["by"])),
+        "timestamp_scale": lambda f: timestamp.scale(float(f.values["factor"]), _end(f)),
+    }
 
-    def _robot(self) -> dict[str, Callable[[TimedFault], Callable[[], None]]]:
-        twin, controller = self._twin, self._twin.controller
-        return {
-            "protective_stop": lambda f: controller.protective_stop,
-            "emergency_stop": lambda f: lambda: controller.emergency_stop(_end(f)),
-            "program_stop": lambda f: controller.stop_program,
-            "power_off": lambda f: controller.power_off,
-            "script_never_starts": lambda f: (
-                lambda: setattr(controller, "script_denied_until", _end(f))
-            ),
-            "follow_error": self._follow_error,
-            "restart": lambda f: lambda: twin.restart(f.seconds),
-        }
 
-    def _not_found(self, fault: TimedFault) -> Callable[[], None]:
-        outputs = self._twin.rtde.offer.denials.outputs
-        return lambda: outputs.update({fault.values["field"]: _end(fault)})
-
-    def _malformed(self, fault: TimedFault) -> Callable[[], None]:
-        return lambda: self._twin.rtde.inject(_BROKEN[fault.values["how"]])
-
-    def _text(self, fault: TimedFault) -> Callable[[], None]:
-        return lambda: self._twin.rtde.say(fault.values["message"], packets.WARNING)
-
-    def _jump(self, fault: TimedFault) -> Callable[[], None]:
-        return lambda: self._twin.timestamp.jump(float(fault.values["by"]))
-
-    def _scale(self, fault: TimedFault) -> Callable[[], None]:
-        return lambda: self._twin.timestamp.scale(float(fault.values["factor"]), _end(fault))
-
-    def _follow_error(self, fault: TimedFault) -> Callable[[], None]:
-        joints = np.array(fault.values["joints"], dtype=float)
-        return lambda: self._twin.controller.arm.deviate(joints, _end(fault))
+def _robot(emulator: Target) -> dict[str, Handler]:
+    controller = emulator.controller
+    return {
+        "protective_stop": lambda f: controller.protective_stop(),
+        "emergency_stop": lambda f: controller.emergency_stop(_end(f)),
+        "program_stop": lambda f: controller.stop_program(),
+        "power_off": lambda f: controller.power_off(),
+        "script_never_starts": lambda f: setattr(controller, "script_denied_until", _end(f)),
+        "follow_error": lambda f: controller.arm.deviate(np.array(f.values["joints"]), _end(f)),
+        "restart": lambda f: emulator.restart(f.seconds),
+    }
 
 
 def _end(fault: TimedFault) -> float:

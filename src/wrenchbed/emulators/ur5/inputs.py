@@ -1,7 +1,4 @@
-"""What clients wrote, and which client holds which input.
-
-Digital and analog outputs, speed slider: what clients set besides registers.
-"""
+"""What clients write: input registers with their owners, and the control box's outputs."""
 
 from collections import deque
 from collections.abc import Callable, Hashable, Mapping, Sequence
@@ -20,8 +17,8 @@ class Inputs:
     first named it, until that client is gone.
 
     A controller that hears several packets in one cycle takes them all, so that the newest counts.
-    A twin that was held up hears what came in several cycles at once: of what it hears after the
-    next cycle's deadline it takes one packet of each client a cycle, as it would have in time.
+    An emulator that was held up receives the packets of several cycles at once. Of those received
+    after the next cycle's deadline it takes one of each client a cycle, as it would have in time.
 
     Args:
         fields: name → type.

@@ -1,8 +1,7 @@
-"""The controller's kinematics: it believes the nominal UR5, whatever the robot truly is.
+"""The controller's kinematics: of the nominal UR5, whatever the robot's true parameters are.
 
-Poses as Universal Robots writes them: x y z [m] and a rotation vector rx ry rz [rad].
-
-Plain numbers instead of arrays where a control cycle would feel the difference.
+Poses are as Universal Robots writes them: x y z [m] and a rotation vector rx ry rz [rad]. Scalars
+are used instead of arrays where this saves a noticeable share of a control cycle.
 """
 
 from functools import lru_cache

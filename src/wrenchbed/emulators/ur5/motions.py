@@ -1,7 +1,4 @@
-"""What moves the arm: each motion yields the joints' next target, one control cycle at a time.
-
-How far along its way a move is: constant acceleration, constant speed, constant braking.
-"""
+"""Motions of the arm: each yields the joints' next target, one control cycle at a time."""
 
 from abc import ABC, abstractmethod
 from math import exp, sqrt

@@ -1,7 +1,4 @@
-"""What the controller says about itself, a control cycle at a time.
-
-The controller's own clock, as RTDE states it.
-"""
+"""The controller's output fields, updated every control cycle, and its clock."""
 
 import time
 from collections.abc import Set
@@ -44,7 +41,7 @@ class Outputs:
 
     Args:
         controller: whose.
-        shared: ft_raw_wrench shows the body's sensor, else the one of the arm itself.
+        shared: ft_raw_wrench shows the body's sensor, else that of the arm.
     """
 
     def __init__(self, controller: Controller, shared: bool) -> None:
@@ -61,7 +58,7 @@ class Outputs:
         """Take the controller's state after a cycle.
 
         Args:
-            timestamp: on its own clock [s].
+            timestamp: on its clock [s].
             wanted: fields that someone looks at; what takes long is worked out for these alone.
         """
         controller = self._controller
@@ -79,12 +76,12 @@ class Outputs:
         values.update({name: value for name, value in found.items() if name in controller.fields})
 
     def _raw(self) -> Values:
-        """The reading of the sensor, or where a box has it for itself what the arm feels."""
+        """The reading of the sensor, or where a box has it for itself what the arm measures."""
         body = self._controller.arm.body
         if not self._shared:
-            return tuple(self._controller.arm.felt.tolist())
-        shown, _ = body.readings(np.array([body.time]))
-        return tuple(shown[0].tolist())
+            return tuple(self._controller.arm.load.tolist())
+        reading, _ = body.readings(np.array([body.time]))
+        return tuple(reading[0].tolist())
 
     def _joints(self) -> dict[str, Values]:
         arm = self._controller.arm

@@ -1,9 +1,7 @@
-"""What an RTDE client may read and write: names, types and the versions that brought them.
+"""RTDE's packets: headers, types, recipes, and the fields of each software version; big endian.
 
-RTDE's packets: header, types, recipes. Everything is big endian.
-
-Header: uint16 size of the whole packet, uint8 type. Universal Robots, "Real-Time Data Exchange
-(RTDE) guide".
+A header is the uint16 size of the packet and a uint8 type. Source: Universal Robots, "Real-Time
+Data Exchange (RTDE) guide".
 """
 
 import struct

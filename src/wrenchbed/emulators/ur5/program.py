@@ -1,10 +1,8 @@
-"""What a program does on the controller: ur_rtde's control script, or any other script.
+"""Programs on the controller: ur_rtde's control script, or any other script.
 
 The control script is a loop that reads a command from an input register in each control cycle,
 and threads that move the arm. Here a command is a generator that yields once a cycle until it is
 done. Only one thread may move the arm; a second one ends the program.
-
-Whether the tool touches something, as URScript's tool_contact tells.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -18,7 +16,7 @@ from wrenchbed.emulators.ur5.motions import ArmMotion
 from wrenchbed.emulators.ur5.packets import Values
 from wrenchbed.emulators.ur5.script import MOST, ScriptMove
 from wrenchbed.emulators.ur5.settings import ControllerSettings
-from wrenchbed.emulators.ur5.tool_wrench import Estimate
+from wrenchbed.emulators.ur5.tool_wrench import WrenchEstimate
 
 CONTACT_FORCE = 10.0
 """Force against the direction of motion from which the tool touches something [N]."""
@@ -61,7 +59,7 @@ class Host(Protocol):
 
     settings: ControllerSettings
     arm: ControlledArm
-    estimate: Estimate
+    estimate: WrenchEstimate
     inputs: Inputs
     values: dict[str, Values]
     now: float
@@ -96,15 +94,15 @@ class OtherProgram:
         self, controller: Host, writes: tuple[tuple[int, int], ...], endless: bool = False
     ) -> None:
         self._controller, self._writes, self._endless = controller, list(writes), endless
-        self._left = _OTHER_LASTS
+        self._remaining = _OTHER_LASTS
 
     def cycle(self, now: float) -> bool:
         """Write the next register, or end."""
         if self._writes:
             self._controller.set_output("int", *self._writes.pop(0))
             return True
-        self._left -= not self._endless
-        return self._left > 0
+        self._remaining -= not self._endless
+        return self._remaining > 0
 
 
 class ControlProgram:
@@ -127,7 +125,7 @@ class ControlProgram:
         self.controller, self.arm = controller, controller.arm
         self.path = path
         self.streaming: ArmMotion | None = None
-        """What a thread of its own drives until it is told to stop: servoj, speedj, jog."""
+        """What a side thread drives until it is stopped: servoj, speedj, jog."""
         self.contact_direction: np.ndarray | None = None
         self.contact_back = 0
         self._commands = commands
@@ -150,7 +148,7 @@ class ControlProgram:
             self._started = True
             self.progress(-1)
             self._say(READY)
-        if self._bitten(now):
+        if self._timed_out(now):
             return False
         if self._side is not None and next(self._side, "over") == "over":
             self._side = self._side_motion = None
@@ -233,7 +231,7 @@ class ControlProgram:
         self.controller.set_output("int", 1 + self._offset, value)
 
     def progress(self, value: int) -> None:
-        """Write the word about asynchronous operations; 0 starts one, −1 ends it."""
+        """Write the status of asynchronous operations; 0 starts one, −1 ends it."""
         self._writes = (self._writes + 1) % 128
         if value == 0:
             self._operations = (self._operations + 1) % 128
@@ -253,7 +251,7 @@ class ControlProgram:
         self.arm.start(motion)
 
     def stream(self, kind: type[ArmMotion], make: Callable[[], ArmMotion]) -> ArmMotion:
-        """The motion that a thread of its own drives, started on first use.
+        """The motion that a side thread drives, started on first use.
 
         Raises:
             ProgramError: another thread moves the arm.
@@ -270,7 +268,7 @@ class ControlProgram:
         self.progress(0)
         self._side = steps
 
-    def own(self, motion: ArmMotion) -> None:
+    def drives(self, motion: ArmMotion) -> None:
         """The asynchronous operation drives this motion now."""
         self._side_motion = motion
 
@@ -287,7 +285,7 @@ class ControlProgram:
         start = self.controller.now
         self._watchdog = (1.0 / frequency, start) if frequency > 0.0 else None
 
-    def _bitten(self, now: float) -> bool:
+    def _timed_out(self, now: float) -> bool:
         if self._watchdog is None:
             return False
         patience, since = self._watchdog

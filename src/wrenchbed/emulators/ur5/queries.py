@@ -36,8 +36,8 @@ def set_payload(program: ControlProgram) -> None:
     payload = program.controller.estimate.payload
     keep = program.controller.settings.e_series and not any(cog)
     inertia = program.doubles(4) if program.integer(0) == 65 else payload.inertia
-    told = Payload(mass, payload.cog if keep else np.array(cog), inertia)
-    program.controller.estimate.payload = told
+    given = Payload(mass, payload.cog if keep else np.array(cog), inertia)
+    program.controller.estimate.payload = given
 
 
 def set_gravity(program: ControlProgram) -> None:
@@ -66,7 +66,7 @@ def history(program: ControlProgram) -> None:
 
 
 def waypoint(program: ControlProgram) -> None:
-    """28: where the TCP is told to be."""
+    """28: target pose of the TCP."""
     program.answer(program.arm.kinematics.pose(program.arm.q, program.arm.tcp))
 
 
@@ -122,7 +122,7 @@ def trans(program: ControlProgram) -> None:
 
 
 def steady(program: ControlProgram) -> None:
-    """47: whether the arm stands still."""
+    """47: whether the arm is at rest."""
     still = not program.arm.moving and float(np.abs(program.arm.body.qd).max()) < 1e-3
     program.answer_integer(still)
 
@@ -138,13 +138,13 @@ def start_detection(program: ControlProgram) -> None:
 
 
 def stop_detection(program: ControlProgram) -> None:
-    """63: watch no more; tells what was found."""
+    """63: watch no more; returns the detection."""
     program.contact_direction = None
     program.answer_integer(program.contact_back)
 
 
 def read_detection(program: ControlProgram) -> None:
-    """64: what was found."""
+    """64: the detection."""
     program.answer_integer(program.contact_back)
 
 

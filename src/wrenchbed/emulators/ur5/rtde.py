@@ -1,7 +1,4 @@
-"""One RTDE client: its protocol version, recipes and whether data flow to it.
-
-The RTDE server: sessions, the stream of data packets, and what can be wrong with it.
-"""
+"""The RTDE server: one session a client, the stream of data packets, and its faults."""
 
 import struct
 import time
@@ -57,9 +54,13 @@ class RtdeSession:
     Args:
         offer: what there is.
         send: takes bytes for the client.
+
+    Attributes:
+        burst: data packets that a fault holds back.
     """
 
     def __init__(self, offer: Offer, send: Callable[[bytes], None]) -> None:
+        self.burst = bytearray()
         self.protocol = 1
         self.started = False
         self.inputs: dict[int, Recipe] = {}
@@ -183,21 +184,6 @@ _MOST_HELD = 1 << 22
 """Bytes that a burst may hold back."""
 
 
-class _Client:
-    """A session with its connection."""
-
-    def __init__(self, offer: Offer, peer: Peer) -> None:
-        self.peer = peer
-        self.session = RtdeSession(offer, peer.send)
-        self.burst = bytearray()
-
-    def receive(self, data: bytes, now: float) -> bool:
-        return self.session.receive(data, now)
-
-    def end(self) -> None:
-        self.session.end()
-
-
 class Rtde:
     """RTDE on one port.
 
@@ -210,7 +196,7 @@ class Rtde:
         self.offer = offer
         self.port = Port(thread, host, PORT, self._answer, patience)
         self._frozen: dict[str, Values] = {}
-        self._clients: list[_Client] = []
+        self._sessions: dict[Peer, RtdeSession] = {}
         self.restart()
 
     def restart(self) -> None:
@@ -221,7 +207,7 @@ class Rtde:
     @property
     def wanted(self) -> set[str]:
         """Fields that some client gets."""
-        recipes = [client.session.output for client in self._clients if client.session.started]
+        recipes = [session.output for session in self._sessions.values() if session.started]
         return {name for recipe in recipes if recipe is not None for name in recipe.names}
 
     def freeze(self, until: float, values: Mapping[str, Values]) -> None:
@@ -231,42 +217,36 @@ class Rtde:
     def stream(self, values: Mapping[str, Values], send: bool) -> None:
         """Send what is due, unless the controller is so late that it leaves packets out."""
         now = time.monotonic()
-        self._clients = [client for client in self._clients if not client.peer.closed]
-        shown = self._frozen if now < self.frozen_until else values
-        for client in self._clients:
-            if client.burst and now >= self.held_until:
-                client.peer.send(bytes(client.burst), _MOST_HELD)
-                client.burst.clear()
-            if client.session.due() and send and now >= self.silent_until:
-                self._send(client, client.session.data(shown), now)
+        self._sessions = {p: s for p, s in self._sessions.items() if not p.closed}
+        current = self._frozen if now < self.frozen_until else values
+        for peer, session in self._sessions.items():
+            if session.burst and now >= self.held_until:
+                peer.send(bytes(session.burst), _MOST_HELD)
+                session.burst.clear()
+            if session.due() and send and now >= max(self.silent_until, self.port.stalled_until):
+                data = session.data(current)
+                if now >= self.held_until:
+                    peer.send_or_skip(data)
+                elif len(session.burst) + len(data) <= _MOST_HELD:
+                    session.burst += data
 
     def hang_up(self, reset: bool = False, writers_only: bool = False) -> None:
         """Close connections: all, or of those clients that set up inputs."""
-        for client in self._clients:
-            if client.session.inputs or not writers_only:
-                client.peer.close(reset)
+        for peer, session in self._sessions.items():
+            if session.inputs or not writers_only:
+                peer.close(reset)
 
     def inject(self, data: bytes) -> None:
         """Put bytes into the stream of every client that gets data."""
-        for client in self._clients:
-            if client.session.started:
-                client.peer.send(data)
+        for peer, session in self._sessions.items():
+            if session.started:
+                peer.send(data)
 
     def say(self, message: str, level: int) -> None:
         """Send a text message to every client."""
-        for client in self._clients:
-            client.peer.send(wire.text(message, "twin", level, client.session.protocol))
-
-    def _send(self, client: _Client, data: bytes, now: float) -> None:
-        if now < self.port.stalled_until:
-            return
-        if now < self.held_until:
-            if len(client.burst) + len(data) <= _MOST_HELD:
-                client.burst += data
-        else:
-            client.peer.send_or_skip(data)
+        for peer, session in self._sessions.items():
+            peer.send(wire.text(message, "emulator", level, session.protocol))
 
     def _answer(self, peer: Peer) -> Conversation:
-        client = _Client(self.offer, peer)
-        self._clients.append(client)
-        return client
+        self._sessions[peer] = session = RtdeSession(self.offer, peer.send)
+        return session

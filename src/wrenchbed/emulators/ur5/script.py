@@ -1,6 +1,6 @@
 """URScript that arrives on ports 30001 to 30003: where a program ends, and which one it is.
 
-Nothing here interprets URScript. The control script of ur_rtde 1.6 is recognised by names that
+URScript is not interpreted. The control script of ur_rtde 1.6 is recognised by names that
 it alone defines; its register offset and the path that a client put into it are read from the text.
 Numbers there that no controller could use make the script faulty.
 """

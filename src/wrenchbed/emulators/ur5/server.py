@@ -15,12 +15,12 @@ from wrenchbed.emulators.base.real_time import CycleClock, take_priority
 from wrenchbed.emulators.netft_box import Box, BoxSettings
 from wrenchbed.emulators.ur5.controller import Controller
 from wrenchbed.emulators.ur5.dashboard import Dashboard, ScriptClient
-from wrenchbed.emulators.ur5.faults import Misbehaviour
+from wrenchbed.emulators.ur5.faults import register
 from wrenchbed.emulators.ur5.network import Conversation, Peer, Port
 from wrenchbed.emulators.ur5.outputs import Outputs, Timestamp
 from wrenchbed.emulators.ur5.rtde import Offer, Rtde
 from wrenchbed.emulators.ur5.settings import ControllerSettings
-from wrenchbed.emulators.ur5.tool_wrench import OwnSensor, Payload
+from wrenchbed.emulators.ur5.tool_wrench import ArmSensor, Payload
 from wrenchbed.errors import DriverError
 from wrenchbed.robots.base import INERTIA_AXES
 
@@ -50,12 +50,12 @@ class UR5Emulator(Emulator):
     def serve(self) -> dict[str, str]:
         for port in self.ports.values():
             port.open()
-        found = self._box.start() if self._box is not None else {}
+        more = self._box.start() if self._box is not None else {}
         self.controller.now = time.monotonic()  # clients are heard before the first cycle
         self._thread.soon(self._begin)
         self._thread.start()
-        shown = {name: self.ports[name].address for name in ("rtde", "dashboard", "script")}
-        return shown | found
+        addresses = {name: self.ports[name].address for name in ("rtde", "dashboard", "script")}
+        return addresses | more
 
     def stop(self) -> None:
         if self._thread.running:
@@ -85,8 +85,10 @@ class UR5Emulator(Emulator):
         self, options: EmulatorOptions, settings: ControllerSettings, box: BoxSettings
     ) -> None:
         self.body = Body(options.body("ur5"), settings.cycle)
-        own = OwnSensor(self.body, settings.e_series, options.effects, options.noise, options.seed)
-        self.controller = Controller(settings, self.body, _installed(self.body), own.load)
+        sensor = ArmSensor(
+            self.body, settings.e_series, options.effects, options.noise, options.seed
+        )
+        self.controller = Controller(settings, self.body, _installed(self.body), sensor.load)
         self._outputs = Outputs(self.controller, shared=not settings.box)
         self.timestamp = Timestamp(self.body)
         offer = Offer(
@@ -105,7 +107,7 @@ class UR5Emulator(Emulator):
         self._box: Box | None = None
         if settings.box:
             self._box = Box(self.body, host, self.faults, box, options.seed)
-        Misbehaviour(self).register(self.faults)
+        register(self, self.faults)
 
     def _dashboard(self, peer: Peer) -> Conversation:
         return Dashboard(self.controller, peer, self._shut_down)

@@ -1,16 +1,14 @@
-"""What the robot itself feels at its tool: true load, effects of the mechanism, its own error.
+"""The wrench at the tool as the robot measures it and as its controller reports it.
 
 A CB3 infers the wrench from its motors' currents: within ±10 N and ±5 N·m, as users of Universal
 Robots' forum report. An e-Series has a sensor in its flange: ±3.5 N and ±0.2 N·m, the precision in
 UR5e's data sheet. Both are taken as three standard deviations, one half of the variance white and
-the other 1/f. Effects of the Net F/T itself (gain, drift, delay …) are not felt here; those of the
-mechanism act as if at rest at the joints of the moment, and what creeps or sticks forgets its past.
+the other 1/f. Effects of the Net F/T (gain, drift, delay …) do not act here. Effects of the
+mechanism act as if the arm rested at its present joints; creep and stiction have no memory.
 
-The wrench at the tool as this controller states it.
-
-Axes of the base; positive where the surroundings push the tool. The CB3 refers the torque to the
-TCP, the e-Series to the flange's centre. It is what the robot feels at the tool side of the sensor
-less the weight of the payload that the controller was told.
+The controller reports the wrench in axes of the base, positive where the surroundings push the
+tool: the measured load less the weight of the payload that it was given. The CB3 refers the torque
+to the TCP, the e-Series to the flange's centre.
 """
 
 from collections.abc import Sequence
@@ -32,15 +30,15 @@ GRAVITY = np.array([0.0, 0.0, -9.80665])
 
 @dataclass
 class Payload:
-    """What the controller was told: mass [kg], CoG in flange axes (3,) [m], inertia (6,)."""
+    """What the controller was given: mass [kg], CoG in flange axes (3,) [m], inertia (6,)."""
 
     mass: float
     cog: np.ndarray
     inertia: np.ndarray
 
 
-class Estimate:
-    """Turns the load that the robot feels into the controller's wrench.
+class WrenchEstimate:
+    """Turns the load that the robot measures into the controller's wrench.
 
     Args:
         payload: as the installation states it.
@@ -64,7 +62,7 @@ class Estimate:
         self.wrench = np.zeros(6)
 
     def update(self, load: np.ndarray, rotation: np.ndarray, tcp: np.ndarray) -> None:
-        """Take the load that is felt (6,); R_base_flange and the TCP in flange axes."""
+        """Take the measured load (6,); R_base_flange and the TCP in flange axes."""
         weight = self.payload.mass * self.gravity
         force = rotation @ load[:3] - weight
         torque = rotation @ load[3:] - cross(rotation @ self.payload.cog, weight)
@@ -77,20 +75,20 @@ _CB3, _E = (10.0, 5.0), (3.5, 0.2)
 """Error of force [N] and torque [N·m], three standard deviations."""
 _LOW_HZ, _HIGH_HZ = 1e-3, 100.0
 _SEED = 104729
-"""Added to the twin's seed, so that this noise is not the Net F/T's."""
+"""Added to the emulator's seed, so that this noise is not the Net F/T's."""
 _EVERY_S = 0.032
 """Time between evaluations of what the mechanism changes [s]."""
 _MOVED = 1e-5
 """By how much a joint moves before it is evaluated anew [rad]."""
 
 
-class OwnSensor:
-    """The robot's own wrench sensor, asked once a control cycle.
+class ArmSensor:
+    """The arm's wrench sensor, read once a control cycle.
 
     Args:
         body: the robot.
         e_series: which robot, else a CB3.
-        effects: as the twin was given them.
+        effects: as given to the emulator.
         noise: ``real``, ``white`` or ``off``.
         seed: of the noise.
     """
@@ -99,16 +97,16 @@ class OwnSensor:
         self, body: Body, e_series: bool, effects: Sequence[str], noise: str, seed: int
     ) -> None:
         self._body = body
-        found = noise_model(noise, error(e_series))
-        self._hiss = BufferedNoise(found, seed + _SEED) if noise != "off" else None
+        model = noise_model(noise, error(e_series))
+        self._noise = BufferedNoise(model, seed + _SEED) if noise != "off" else None
         active = tuple(active_effect(body.robot, text) for text in effects)
         mechanical = tuple(a for a in active if not a.effect.in_sensor)
         self._twins = _pair(body, mechanical) if mechanical else None
-        self._more, self._at = np.zeros(6), np.full(6, np.inf)
+        self._extra_load, self._at = np.zeros(6), np.full(6, np.inf)
         self._every = max(1, round(_EVERY_S / body.cycle))
         self._cycles = 0
         if self._twins is not None:
-            self._look(*self._twins)
+            self._evaluate(*self._twins)
         self.load()  # what is compiled or loaded on first use takes longer than a cycle
 
     def load(self) -> np.ndarray:
@@ -116,14 +114,14 @@ class OwnSensor:
         body = self._body
         self._cycles += 1
         if self._twins is not None and self._cycles % self._every == 0:
-            self._look(*self._twins)
-        load = body.load + self._more
-        if self._hiss is None:
+            self._evaluate(*self._twins)
+        load = body.load + self._extra_load
+        if self._noise is None:
             return np.asarray(load)
-        rows, _ = self._hiss.corrupt(np.array([self._cycles * body.cycle]), load[None])
+        rows, _ = self._noise.corrupt(np.array([self._cycles * body.cycle]), load[None])
         return np.asarray(rows[0])
 
-    def _look(self, twin: Twin, plain: Twin) -> None:
+    def _evaluate(self, twin: Twin, plain: Twin) -> None:
         q = self._body.q
         if np.abs(q - self._at).max() < _MOVED:
             return
@@ -132,11 +130,11 @@ class OwnSensor:
         gravity, held = np.asarray(twin.model.gravity), np.ones(2, dtype=bool)
         t = np.array([-_EVERY_S, 0.0]) + self._body.time
         way = Scene(twin.model.robot, twin.robot_theta, gravity, np.array([before, q]), t, held)
-        self._more = (twin.load(way) - plain.load(way))[-1]
+        self._extra_load = (twin.load(way) - plain.load(way))[-1]
 
 
 def error(e_series: bool) -> NoiseModel:
-    """What the robot's own wrench is off by."""
+    """Error of the arm's wrench."""
     force, torque = _E if e_series else _CB3
     half = np.repeat([force, torque], 3) / 3.0 / np.sqrt(2.0)
     flicker = half / np.sqrt(np.log(_HIGH_HZ / _LOW_HZ))
