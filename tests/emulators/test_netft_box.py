@@ -153,6 +153,8 @@ def test_the_time_shown_is_constantly_late():
     for k in range(400):
         line.observe(5.0 + 0.008 * k, 0.008 * k)
         for since in (0.0, 0.003, 0.0079):
-            assert line.simulated(5.0 + 0.008 * k + since) == pytest.approx(0.008 * k + since - 0.010)
+            assert line.simulated(5.0 + 0.008 * k + since) == pytest.approx(
+                0.008 * k + since - 0.010
+            )
     line.observe(20.0, 1.0)  # cycles were lost
     assert line.simulated(20.0) == pytest.approx(0.990)

@@ -245,7 +245,7 @@ class Rtde:
     def say(self, message: str, level: int) -> None:
         """Send a text message to every client."""
         for peer, session in self._sessions.items():
-            peer.send(wire.text(message, "emulator", level, session.protocol))
+            peer.send(wire.text(message, "twin", level, session.protocol))
 
     def _answer(self, peer: Peer) -> Conversation:
         self._sessions[peer] = session = RtdeSession(self.offer, peer.send)
