@@ -11,7 +11,7 @@
     ├── TwinError           a twin that cannot be read or cannot follow (ValueError)
     ├── BenchmarkError      sealed cases, claims or answers that do not belong together (ValueError)
     ├── NotFoundError       a robot, sensor or driver that does not exist (LookupError)
-    ├── DriverError         a device that did not do as told         (RuntimeError)
+    ├── DriverError         a device that did not obey               (RuntimeError)
     │   ├── LinkError       a device that is silent or gone          (ConnectionError)
     │   ├── StoppedError    a robot that stopped by itself
     │   │   └── SafetyStopError   to protect itself or people; a person must look first
@@ -20,9 +20,9 @@
     ├── FleetError          work of many simulated robots that broke off (RuntimeError)
     └── MissingExtraError   an optional library that is not installed (ImportError)
 
-    WrenchbedWarning        what a person should know, though the work goes on (UserWarning)
+    WrenchbedWarning        what a person should know; the work continues (UserWarning)
 
-A message is one line. It names the file, field and row, says what was found and what to do.
+A message is one line. It names the file, field and row, the value and the remedy.
 """
 
 
@@ -67,7 +67,7 @@ class BenchmarkError(WrenchbedError, ValueError):
 
 
 class FleetError(WrenchbedError, RuntimeError):
-    """Work of many simulated robots that broke off, or belongs to others; what is done is kept."""
+    """Work of many simulated robots that broke off, or belongs to others; finished work is kept."""
 
 
 class NotFoundError(WrenchbedError, LookupError):
@@ -75,7 +75,7 @@ class NotFoundError(WrenchbedError, LookupError):
 
 
 class DriverError(WrenchbedError, RuntimeError):
-    """A device that did not do what it was told."""
+    """A device that did not execute a command."""
 
 
 class LinkError(DriverError, ConnectionError):
@@ -103,4 +103,4 @@ class MissingExtraError(WrenchbedError, ImportError):
 
 
 class WrenchbedWarning(UserWarning):
-    """What a person should know, though the work goes on."""
+    """What a person should know; the work continues."""

@@ -1,7 +1,7 @@
 """Least squares in the identifiable subspace: Gauss–Newton with step halving.
 
-Each step has minimum norm in units of the parameters' tolerances, so what the data cannot tell
-stays where it was. Björck, Numerical Methods for Least Squares Problems (1996), Section 9.2.
+Each step has minimum norm in units of the parameters' tolerances, so what the data cannot identify
+keeps its initial value. Björck, Numerical Methods for Least Squares Problems (1996), Section 9.2.
 """
 
 from collections.abc import Callable

@@ -77,7 +77,7 @@ class Problem:
         return np.asarray((_MAD * np.median(np.abs(r), axis=0)) ** 2 * len(r) / self.dof)
 
     def solve(self, whiten: Whitening, start: np.ndarray) -> Solution:
-        """The weighted fit; with a robust loss, reweighted until outliers have lost their say."""
+        """The weighted fit; with a robust loss, reweighted until outliers have little weight."""
         weight = np.ones((len(self.data), 6))
         solution = self._solve(whiten, start, weight)
         for _ in range(_ROBUST_STEPS if self.loss != "linear" else 0):

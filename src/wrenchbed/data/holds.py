@@ -1,4 +1,4 @@
-"""Holds: the rows of a recording at rest, gathered pose by pose, with the noise they show."""
+"""Holds: the rows of a recording at rest, averaged pose by pose, and the noise within them."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ MOVING = 1e-4
 MOVING_WITHIN_SEGMENT = 1e-3
 """Steps of joint values (or quaternion components) below these are one pose [rad or m]."""
 ROWS_AT_ONCE = 500_000
-"""Rows that are worked on together, so that memory stays small beside a long recording's own."""
+"""Rows processed together: this bounds the memory that a long recording needs."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,11 +48,11 @@ def gather(recording: Recording, keep: np.ndarray) -> Holds:
         recording: at rest in each hold.
         keep: rows to use (N,), boolean.
     """
-    whole = bool(keep.all())
+    every = bool(keep.all())
 
     def column(name: str) -> np.ndarray:
         values = recording.columns[name]
-        return values if whole else values[keep]
+        return values if every else values[keep]
 
     t, segment = column("t"), recording.columns.get("segment")
     names, limit = recording.joints or QUATERNION, MOVING
@@ -73,14 +73,14 @@ def gather(recording: Recording, keep: np.ndarray) -> Holds:
     covariance = None
     if dof > 0:
         rows = [column(c) for c in CHANNELS]
-        covariance = sum(away.T @ away for _, away in about_means(rows, wrench, count)) / dof
+        covariance = sum(r.T @ r for _, r in about_means(rows, wrench, count)) / dof
     return Holds(mean("t"), middle, wrench, count, covariance, dof, starts)
 
 
 def about_means(
     rows: Sequence[np.ndarray], mean: np.ndarray, count: np.ndarray
 ) -> Iterator[tuple[slice, np.ndarray]]:
-    """Rows about their hold's mean (n, 6), a number of whole holds at a time: which, and theirs.
+    """Rows minus their hold's mean (n, 6) of some complete holds at a time: (holds, rows).
 
     Args:
         rows: six channels (N,) [N, N·m].
@@ -88,13 +88,13 @@ def about_means(
         count: rows of each hold (H,).
     """
     for some, at in parts(count):
-        away = np.stack([y[at] for y in rows], axis=1, dtype=float)
-        away -= np.repeat(mean[some], count[some], axis=0)
-        yield some, away
+        residual = np.stack([y[at] for y in rows], axis=1, dtype=float)
+        residual -= np.repeat(mean[some], count[some], axis=0)
+        yield some, residual
 
 
 def parts(count: np.ndarray) -> Iterator[tuple[slice, slice]]:
-    """Holds (H,) of so many rows each, a number of whole ones at a time: which, and their rows."""
+    """Some complete holds (H,) at a time, by the number of rows of each: (holds, rows)."""
     ends = np.cumsum(count)
     first = row = 0
     while first < len(count):

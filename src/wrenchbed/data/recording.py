@@ -23,7 +23,7 @@ QUATERNION = ("qw", "qx", "qy", "qz")
 POINT = ("px", "py", "pz")
 """Known position in the world at which the tool's tip sat; such rows are touches [m]."""
 JOURNAL = ".journal"
-"""Suffix of the journal that stands beside a recording while it is being written."""
+"""Suffix of the journal beside a recording while it is written."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,7 +100,7 @@ class Recording:
         return cls(parse(raw, str(path)), data, str(path))
 
     def write(self, path: str | Path) -> None:
-        """Write a whole file or nothing; the journal of a killed writer there is kept as ``…~``."""
+        """Write the file; the journal of a killed writer there is kept as ``…~``."""
         path = Path(path)
         parquet.write(path, parquet.table_of(self.columns, self.metadata.to_json()))
         journal = path.with_name(path.name + JOURNAL)

@@ -1,8 +1,8 @@
 """Writes a recording row by row so that `kill -9` loses at most the last second.
 
 Rows go to a journal (an Arrow stream, ``<file>.journal``) at least once a second, and the
-recording itself is rewritten and renamed into place as often as that costs little, in a thread of
-its own: who appends never waits for it. So there is always a complete Parquet file, and
+recording itself is rewritten and renamed into place as often as that costs little, in a
+thread: `append` never waits for it. So there is always a complete Parquet file, and
 `Recording.read` adds what only the journal has. A clean close leaves the Parquet file alone.
 """
 
@@ -33,7 +33,7 @@ class RecordingWriter:
     Args:
         path: target file.
         metadata: of the recording.
-        aside: what an existing recording at ``path`` is kept as: its name with this at the end.
+        aside: suffix under which an existing recording at ``path`` is kept.
     """
 
     def __init__(self, path: str | Path, metadata: Metadata, aside: str = "~") -> None:
@@ -71,7 +71,7 @@ class RecordingWriter:
             self._note()
             if self._due() and (self._rewriting is None or not self._rewriting.is_alive()):
                 self._rewriting = threading.Thread(
-                    target=self._rewrite_beside, args=(list(self._batches),), name="rewrite"
+                    target=self._rewrite_in_thread, args=(list(self._batches),), name="rewrite"
                 )
                 self._rewriting.start()
 
@@ -115,12 +115,12 @@ class RecordingWriter:
             self._sink.flush()
 
     def _set_aside(self) -> None:
-        """Keep what stands at the target, with its journal if its writer was killed."""
+        """Rename an existing recording, with its journal if its writer was killed."""
         kept = self.path.with_name(self.path.name + self._aside)
         journal = kept.with_name(kept.name + JOURNAL)
         if self.path.exists():
             self.path.replace(kept)
-            journal.unlink(missing_ok=True)  # of what was kept there before
+            journal.unlink(missing_ok=True)  # of an older backup
         if self._journal_path.exists():
             self._journal_path.replace(journal)
 
@@ -132,11 +132,11 @@ class RecordingWriter:
             self._rewriting.join()
 
     def _check(self) -> None:
-        """Raise what the last rewriting beside failed with."""
+        """Raise the error of the last rewriting in the thread."""
         if self._failed is not None:
             raise self._failed
 
-    def _rewrite_beside(self, batches: list[pa.RecordBatch]) -> None:
+    def _rewrite_in_thread(self, batches: list[pa.RecordBatch]) -> None:
         try:
             self._rewrite(batches)
         except Exception as error:
