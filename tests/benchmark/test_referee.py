@@ -210,10 +210,10 @@ def test_the_usual_fit_takes_out_bias_mass_and_cog(world):
 
 def test_numbers_of_one_effect_add_up():
     faults = [
-        RefereeFault("base.tilt", {"x": 1.0, "y": 2.0}),
-        RefereeFault("base.tilt", {"x": 0.5}),
+        RefereeFault({"x": 1.0, "y": 2.0}, name="base.tilt"),
+        RefereeFault({"x": 0.5}, name="base.tilt"),
     ]
-    assert total([*faults, RefereeFault("tool.mass", {"mass": 3.0})], "base.tilt") == {
+    assert total([*faults, RefereeFault({"mass": 3.0}, name="tool.mass")], "base.tilt") == {
         "x": 1.5,
         "y": 2.0,
     }

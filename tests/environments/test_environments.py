@@ -141,7 +141,7 @@ def test_what_is_known_is_the_covariance_of_a_fit():
 def test_a_hand_moves_straight_and_keeps_its_orientation(name):
     robot = wb.load("robots", name)
     hand = Hand(robot)
-    start, kept = hand.tip, hand.kept
+    start, kept = hand.tip, hand.orientation
     for _ in range(40):
         hand.move(np.array([0.0003, -0.0002, 0.0004]), 2)
     rotation, tip = tip_of(robot, hand.q[None], robot.parameters.nominal)

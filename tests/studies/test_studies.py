@@ -60,7 +60,7 @@ def test_without_noise_the_papers_procedure_is_exact_in_five_steps(paper_robot):
 
 
 def test_rank_and_redundancies_of_the_49(setting, chosen):
-    told = identifiability.examine(setting, chosen, one_robot.truth(setting))
+    told = identifiability.examine(setting, chosen, one_robot.of_table_1(setting, published.ACTUAL))
     assert set(told.ranks.values()) == {27}
     assert len(told.observability.no_effect) == 14
     sentences = " ".join(r.sentence for r in told.observability.redundancies)
@@ -94,7 +94,7 @@ def test_the_bound_follows_from_noise_and_mass(setting, chosen):
 
 
 def test_weighted_identification_is_efficient_and_unweighted_is_not(setting, chosen):
-    theta = one_robot.truth(setting)
+    theta = one_robot.of_table_1(setting, published.ACTUAL)
     from wrenchbed.simulation.simulation import Simulation
 
     q = setting.q[chosen]

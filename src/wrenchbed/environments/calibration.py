@@ -1,4 +1,4 @@
-"""Calibration as a game: choose the next pose so that few seconds of the robot tell most."""
+"""Calibration environment: choose poses so that few seconds of the robot inform most."""
 
 from typing import Any
 
@@ -7,7 +7,7 @@ import numpy as np
 
 from wrenchbed import registry
 from wrenchbed.environments.knowledge import Knowledge, knowledge
-from wrenchbed.environments.rendering import Picture
+from wrenchbed.environments.rendering import Rendered
 from wrenchbed.errors import ParameterError
 from wrenchbed.physics.noise import NoiseStream, noise_model
 from wrenchbed.robots.base import SimulatedRobot
@@ -16,19 +16,22 @@ from wrenchbed.simulation.closed_form import Model
 from wrenchbed.simulation.simulation import Simulation
 
 SETTLE_S, RATE_HZ = 0.5, 100.0
+"""Rest before a reading [s], and rate of its rows [Hz]."""
 _TRIES = 50
+"""Draws of a robot that reaches every pose."""
 
 
-class CalibrationEnv(gymnasium.Env[np.ndarray, np.int64]):
-    """Choose poses from a pool; the robot goes there and its sensor is read.
+class CalibrationEnv(Rendered, gymnasium.Env[np.ndarray, np.int64]):
+    """Choose poses from a pool; the robot moves there and its sensor is read.
 
-    Each episode is a robot of its own, its parameters uniform within tolerance, and the budget is
-    spent by moves and readings. The reward is what a reading tells [nats]: of the tool's position
-    in the target workspace (MedRUE) or of readings to come (UR5), or of which effect is at work.
+    Each episode has another robot with parameters uniform within tolerance; moves and readings
+    use up the budget. The reward is the information of a reading [nats]: on the tool's position in
+    the target workspace (MedRUE), on further readings (UR5), or on which effect is present.
 
-    Observation (5 + J,) float32: share of the budget left; what is known, above the start [nats];
+    Observation (5 + J,) float32: remaining share of the budget; information since the start [nats];
     length of the last step [s]; joint values from −1 to 1 between their limits; the least and the
-    mean share of what was open at first (tolerances, or 1 / (1 + distance of causes in σ)).
+    mean remaining share of the initial uncertainty (tolerances, or 1 / (1 + distance of causes in
+    σ)).
 
     Action: number of a pose of the pool, ``env.unwrapped.pool`` (N, J).
 
@@ -78,7 +81,6 @@ class CalibrationEnv(gymnasium.Env[np.ndarray, np.int64]):
         )
         self.pool = np.empty((0, joints))
         self._drawn: int | None = None
-        self._picture: Picture | None = None
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -89,16 +91,16 @@ class CalibrationEnv(gymnasium.Env[np.ndarray, np.int64]):
             self.pool = self.robot.sample(self._size, self.np_random)
             self._drawn = seed
             self._table = knowledge(self.model, self.pool, self._row_std(), self.goal)
-        self.theta = self._own_parameters()
-        own = self.robot.robot_theta(self.theta)
-        self.simulation = Simulation(self.robot, own, self.model.gravity)
+        self.theta = self._random_parameters()
+        theta = self.robot.robot_theta(self.theta)
+        self.simulation = Simulation(self.robot, theta, self.model.gravity)
         self._stream = NoiseStream(self._noise, int(self.np_random.integers(2**31)))
         self.knowledge: Knowledge = self._table.start()
         self._known = self.knowledge.value
         self.q, self._time, self._last = np.array(self.robot.home, dtype=float), 0.0, 0.0
         self.visited: list[int] = []
         self.readings: list[np.ndarray] = []
-        return self._seen(), self._told()
+        return self._observation(), self._info()
 
     def step(self, action: np.int64) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
         """Go to a pose and read; the episode ends with the budget."""
@@ -111,39 +113,30 @@ class CalibrationEnv(gymnasium.Env[np.ndarray, np.int64]):
         self.readings.append(self._read())
         self.knowledge = self.knowledge.with_pose(chosen)
         over = self._time >= self.budget
-        return self._seen(), self.knowledge.value - before, over, False, self._told()
+        return self._observation(), self.knowledge.value - before, over, False, self._info()
 
     def seconds(self, pose: int) -> float:
-        """What a step to a pose costs [s]: the move at half of top speed, settling, reading."""
+        """Duration of a step to a pose [s]: the move at half of top speed, settling, reading."""
         move = duration(self.robot, self.q, self.pool[pose], self._share)
         return move + SETTLE_S + self.samples / RATE_HZ
 
     def render(self) -> np.ndarray | None:
         """The robot at its pose (H, W, 3), if the render mode is ``rgb_array``."""
-        if self.render_mode is None:
-            return None
-        self._picture = self._picture or Picture()
-        return self._picture.of(self.simulation, self.q)
+        return None if self.render_mode is None else self.picture(self.simulation, self.q)
 
-    def close(self) -> None:
-        """Let go of the renderer."""
-        if self._picture is not None:
-            self._picture.close()
-            self._picture = None
-
-    def _own_parameters(self) -> np.ndarray:
+    def _random_parameters(self) -> np.ndarray:
         """Parameters within tolerance with which every pose is reached."""
-        columns, own = list(self._table.columns), len(self.robot.parameters)
+        columns, count = list(self._table.columns), len(self.robot.parameters)
         tolerance = self.model.parameters.tolerance[columns]
         for _ in range(_TRIES):
             theta = np.array(self.model.parameters.nominal)
             theta[columns] += self.np_random.uniform(-1.0, 1.0, len(columns)) * tolerance
-            if not self.robot.infeasible(self.pool, theta[:own]):
+            if not self.robot.infeasible(self.pool, theta[:count]):
                 return theta
         return np.array(self.model.parameters.nominal)
 
     def _row_std(self) -> np.ndarray:
-        """Of a reading's mean (6,): its white part, and what 1/f noise leaves between poses."""
+        """Of a reading's mean (6,): its white part, and the 1/f noise between poses."""
         hold = self.samples / RATE_HZ
         octaves = np.log(max(self.budget / hold, np.e))
         white, slow = np.asarray(self._noise.white), np.asarray(self._noise.flicker)
@@ -156,16 +149,16 @@ class CalibrationEnv(gymnasium.Env[np.ndarray, np.int64]):
         rows, _ = self._stream.corrupt(t, np.repeat(load, self.samples, axis=0))
         return np.asarray(rows.sum(axis=0) / self.samples)
 
-    def _seen(self) -> np.ndarray:
+    def _observation(self) -> np.ndarray:
         least, mean = self.knowledge.open
-        left = max(0.0, 1.0 - self._time / self.budget)
-        seen = np.empty(5 + len(self.q), dtype=np.float32)
-        seen[:3] = left, self.knowledge.value - self._known, self._last
-        seen[3:-2] = np.minimum(np.maximum((self.q - self._middle) / self._reach, -1.0), 1.0)
-        seen[-2:] = least, mean
-        return seen
+        remaining = max(0.0, 1.0 - self._time / self.budget)
+        observation = np.empty(5 + len(self.q), dtype=np.float32)
+        observation[:3] = remaining, self.knowledge.value - self._known, self._last
+        observation[3:-2] = np.minimum(np.maximum((self.q - self._middle) / self._reach, -1.0), 1.0)
+        observation[-2:] = least, mean
+        return observation
 
-    def _told(self) -> dict[str, Any]:
+    def _info(self) -> dict[str, Any]:
         return {
             "seconds": self._time, "visited": len(self.visited), "error": self.knowledge.error,
             "unit": self._table.unit,

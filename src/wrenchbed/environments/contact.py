@@ -1,6 +1,7 @@
-"""Probing: keep a force on a leg that gives, with a sensor that is not perfect.
+"""Contact environment: keep a force on a soft limb, with a sensor that has noise and effects.
 
-The tip of a robot's tool, moved along straight lines with its orientation kept.
+The tip of the tool moves along straight lines and keeps its orientation. Ranges and thresholds are
+estimates.
 """
 
 import math
@@ -13,27 +14,27 @@ import numpy as np
 from wrenchbed import registry
 from wrenchbed.emulators.base.body import Body, BodyOptions
 from wrenchbed.emulators.base.surface import Limb, tip_of
-from wrenchbed.environments.rendering import Picture
+from wrenchbed.environments.rendering import Rendered
 from wrenchbed.errors import ParameterError
 from wrenchbed.robots.base import SimulatedRobot
 
 _STEP, _DAMPING = 1e-6, 1e-6
 _FAR = 0.006
-"""Way of the tip after which the Jacobian is evaluated anew [m], and what was missed meanwhile,"""
-_MADE_UP, _OFTEN = 10, 50
-"""which the next moves, so many, make up for; in slow motion after so many moves."""
+"""Travel of the tip after which the Jacobian is evaluated again [m]."""
+_CORRECTED, _OFTEN = 10, 50
+"""Moves over which the error until then is corrected; moves after which it is in any case."""
 
 
 class Hand:
     """Joint targets that lead the tip of a nominal robot.
 
     Args:
-        robot: stands at home.
+        robot: at its home pose.
 
     Attributes:
         q: joint targets (J,).
-        tip: where they put the tip (3,) [m].
-        kept: orientation of the tool (3, 3).
+        tip: its position there (3,) [m].
+        orientation: of the tool (3, 3), which is kept.
     """
 
     def __init__(self, robot: SimulatedRobot) -> None:
@@ -42,33 +43,33 @@ class Hand:
         self.q = np.asarray(robot.home, dtype=float)
         self._limits = np.array([(j.lower, j.upper) for j in robot.joints])
         rotation, places = tip_of(robot, self.q[None], self._theta)
-        self.kept, self.tip = rotation[0], places[0]
+        self.orientation, self.tip = rotation[0], places[0]
         self._gone, self._age = np.inf, 0
 
-    def move(self, way: np.ndarray, parts: int) -> np.ndarray:
-        """Joint values (parts, J) that move the tip by ``way`` (3,) [m] in the world.
+    def move(self, shift: np.ndarray, parts: int) -> np.ndarray:
+        """Joint values (parts, J) that move the tip by ``shift`` (3,) [m] in the world.
 
-        At a limit of the joints or of the workspace it stands still.
+        At a limit of the joints or of the workspace the robot stops.
         """
         if self._gone >= _FAR or self._age >= _OFTEN:
-            self._look()
-        twist = self._back.copy() if self._age < _MADE_UP else np.zeros(6)
-        twist[:3] += way
+            self._linearise()
+        twist = self._back.copy() if self._age < _CORRECTED else np.zeros(6)
+        twist[:3] += shift
         new = self.q + self._inverse @ twist
-        length = math.sqrt(way @ way)
+        length = math.sqrt(shift @ shift)
         if self._blocked(new, length):
             return np.repeat(self.q[None], parts, axis=0)
         share = np.arange(1, parts + 1)[:, None] / parts
         line = self.q + share * (new - self.q)
-        self.q, self.tip = new, self.tip + way
+        self.q, self.tip = new, self.tip + shift
         self._age, self._gone = self._age + 1, self._gone + length
         return np.asarray(line)
 
-    def _look(self) -> None:
-        """The Jacobian here, and what the last moves missed."""
+    def _linearise(self) -> None:
+        """Evaluate the Jacobian here, and the error of the last moves."""
         rotation, tip, jacobian = self._slopes()
-        missed = np.concatenate([self.tip - tip, _vector(self.kept @ rotation.T)])
-        self._back, self._age, self._gone = missed / _MADE_UP, 0, 0.0
+        error = np.concatenate([self.tip - tip, _vector(self.orientation @ rotation.T)])
+        self._back, self._age, self._gone = error / _CORRECTED, 0, 0.0
         square = jacobian @ jacobian.T + _DAMPING * np.eye(6)
         self._inverse = jacobian.T @ np.linalg.inv(square)
 
@@ -83,20 +84,18 @@ class Hand:
         return self._close and bool(self.robot.infeasible(new[None], self._theta))
 
     def _slopes(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Orientation (3, 3), place (3,) and Jacobian (6, J): speed above, turning below."""
+        """Orientation (3, 3), position (3,) and Jacobian (6, J), linear velocity first."""
         count = len(self.q)
         around = self.q + np.vstack([np.zeros(count), _STEP * np.eye(count)])
         rotation, tip = tip_of(self.robot, around, self._theta)
-        turns = rotation[1:] @ rotation[0].T
-        turning = np.stack([_vector(turn) for turn in turns], axis=1)
-        return rotation[0], tip[0], np.vstack([(tip[1:] - tip[0]).T, turning]) / _STEP
+        rotations = rotation[1:] @ rotation[0].T
+        angular = np.stack([_vector(r) for r in rotations], axis=1)
+        return rotation[0], tip[0], np.vstack([(tip[1:] - tip[0]).T, angular]) / _STEP
 
 
-def _vector(turn: np.ndarray) -> np.ndarray:
+def _vector(r: np.ndarray) -> np.ndarray:
     """Rotation vector (3,) of a small rotation (3, 3) [rad]."""
-    return 0.5 * np.array(
-        [turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]]
-    )
+    return 0.5 * np.array([r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]])
 
 
 CYCLE_S, CYCLES = 0.004, 5
@@ -105,23 +104,27 @@ STEP_S = CYCLE_S * CYCLES
 SPEED = 0.03
 """Of the tip at an action of 1 [m/s]."""
 TOO_MUCH_N = 40.0
-"""A force that hurts: it ends the episode."""
+"""A force that would hurt: it ends the episode [N]."""
 TARGET_N = (2.0, 8.0)
+"""Range of the wanted force [N]."""
 STIFFNESS = (300.0, 3000.0)
 """Of soft tissue over bone [N/m]; with `RADIUS`, `ABOVE` and the tool's bias what is randomised."""
 RADIUS, ABOVE = (0.04, 0.07), (0.005, 0.02)
 """Of the leg, and from it to the tip at first [m]."""
-_BIAS, _MASS = (1.0, 0.02), 0.05
+_BIAS = (1.0, 0.02)
+"""Largest bias of a channel [N, N·m]."""
 _HURT, _JERKY = 10.0, 0.01
+"""Penalties of a force that would hurt, and of the squared change of the action."""
 _ZEROED = 25
+"""Readings that the sensor is zeroed with."""
 
 
-class ContactEnv(gymnasium.Env[np.ndarray, np.ndarray]):
-    """Press the tool's tip on a leg below it with a wanted force.
+class ContactEnv(Rendered, gymnasium.Env[np.ndarray, np.ndarray]):
+    """Press the tool's tip on a limb below it with a wanted force.
 
-    The robot is servo-driven MuJoCo, its sensor has its real noise, on request effects; a leg is a
-    cylinder after Hunt and Crossley with friction. Each episode has another leg, another force,
-    another bias, and, if there are any, one of the effects.
+    The robot is servo-driven MuJoCo, its sensor has its real noise, on request effects; the limb
+    is a cylinder after Hunt and Crossley with friction. Each episode has another limb, force and
+    bias, and one of the effects, if there are any.
 
     Observation (13,) float32: wrench in sensor axes since it was zeroed at the start [N, N·m]; way
     of the tip since then in the world [m]; wanted force [N]; the last action.
@@ -163,12 +166,11 @@ class ContactEnv(gymnasium.Env[np.ndarray, np.ndarray]):
         self.observation_space = gymnasium.spaces.Box(
             low.astype(np.float32), reach.astype(np.float32), dtype=np.float32
         )
-        self._picture: Picture | None = None
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[np.ndarray, dict[str, Any]]:
-        """Another leg below the tip, another force; the sensor is zeroed."""
+        """Another limb below the tip, another force; the sensor is zeroed."""
         super().reset(seed=seed)
         rng = self.np_random
         self.wanted = float(rng.uniform(*TARGET_N)) if self.randomise else float(np.mean(TARGET_N))
@@ -189,13 +191,12 @@ class ContactEnv(gymnasium.Env[np.ndarray, np.ndarray]):
         self._zero = np.mean(zero, axis=0)
         self._start, self._count = self.hand.tip, 0
         self._action = np.zeros(3)
-        return self._seen(), self._told()
+        return self._observation(), self._info()
 
     def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
         """Move for `STEP_S`."""
         wish = np.clip(np.asarray(action, dtype=float), -1.0, 1.0)
-        way = self.hand.move(SPEED * STEP_S * wish, CYCLES)
-        for q in way:
+        for q in self.hand.move(SPEED * STEP_S * wish, CYCLES):
             self.body.step(q)
         self._count += 1
         jerk, self._action = float(np.sum((wish - self._action) ** 2)), wish
@@ -204,23 +205,16 @@ class ContactEnv(gymnasium.Env[np.ndarray, np.ndarray]):
         off = abs(force - self.wanted) / self.wanted
         reward = -off - _JERKY * jerk - (_HURT if hurt else 0.0)
         over = self._count >= self.steps
-        return self._seen(), reward, hurt, over and not hurt, self._told()
+        return self._observation(), reward, hurt, over and not hurt, self._info()
 
     def render(self) -> np.ndarray | None:
         """The robot now (H, W, 3), if the render mode is ``rgb_array``."""
         if self.render_mode is None:
             return None
-        self._picture = self._picture or Picture()
-        return self._picture.of(self.body.simulation, self.body.q, self.limb)
-
-    def close(self) -> None:
-        """Let go of the renderer."""
-        if self._picture is not None:
-            self._picture.close()
-            self._picture = None
+        return self.picture(self.body.simulation, self.body.q, self.limb)
 
     def _limb(self) -> Limb:
-        """A leg below the tip."""
+        """A limb below the tip."""
         rng, share = self.np_random, (0.5, 0.5, 0.5, 0.5)
         if self.randomise:
             share = tuple(rng.random(4))
@@ -228,8 +222,8 @@ class ContactEnv(gymnasium.Env[np.ndarray, np.ndarray]):
         radius, above = (
             a + s * (b - a) for s, (a, b) in zip(share[1:3], (RADIUS, ABOVE), strict=True)
         )
-        turn = 0.6 * (share[3] - 0.5)  # about x, along which MedRUE's patient lies
-        axis = np.array([np.cos(turn), np.sin(turn), 0.0])
+        angle = 0.6 * (share[3] - 0.5)  # about x, along which MedRUE's patient lies
+        axis = np.array([np.cos(angle), np.sin(angle), 0.0])
         return Limb(self.hand.tip - [0.0, 0.0, radius + above], axis, radius, stiffness)
 
     def _parameters(self) -> Mapping[str, float]:
@@ -242,16 +236,16 @@ class ContactEnv(gymnasium.Env[np.ndarray, np.ndarray]):
         return {n: float(rng.uniform(-s, s)) for n, s in zip(names, sizes, strict=True)}
 
     def _reading(self) -> np.ndarray:
-        """What the sensor shows now (6,) [N, N·m]."""
+        """The sensor's reading now (6,) [N, N·m]."""
         return np.asarray(self.body.readings(np.array([self.body.time]))[0][0])
 
-    def _seen(self) -> np.ndarray:
+    def _observation(self) -> np.ndarray:
         wrench = self._reading() - self._zero
         way = self.hand.tip - self._start
-        seen = np.concatenate([wrench, way, [self.wanted], self._action])
+        values = np.concatenate([wrench, way, [self.wanted], self._action])
         space = self.observation_space
         assert isinstance(space, gymnasium.spaces.Box)
-        return np.clip(seen, space.low, space.high).astype(np.float32)
+        return np.clip(values, space.low, space.high).astype(np.float32)
 
-    def _told(self) -> dict[str, Any]:
+    def _info(self) -> dict[str, Any]:
         return {"force": float(np.linalg.norm(self.body.push)), "wanted": self.wanted}

@@ -1,4 +1,4 @@
-"""What poses tell, linear about the nominal robot: how accurate it is, which effect is at work."""
+"""Information of poses, linear about the nominal robot: on its accuracy, or on its effect."""
 
 import math
 from dataclasses import dataclass
@@ -14,16 +14,17 @@ from wrenchbed.robots.base import SimulatedRobot
 from wrenchbed.simulation.closed_form import Model
 
 _TARGETS, _SEED = 200, 20_160_798
+"""Poses at which accuracy is judged, and the seed that chooses them."""
 _APART = 9.0
-"""Squared distance [σ²] from which two causes count as told apart."""
+"""Squared distance [σ²] from which two causes count as distinguished: an estimate, 3 σ."""
 
 
 class Knowledge(Protocol):
     """What is known after some poses.
 
     Attributes:
-        value: [nats], grows with every pose that tells something.
-        error: what is still expected, in the table's unit.
+        value: [nats], grows with every informative pose.
+        error: expected, in the table's unit.
     """
 
     value: float
@@ -31,17 +32,17 @@ class Knowledge(Protocol):
 
     @property
     def open(self) -> tuple[float, float]:
-        """Least and mean share that is still open, 0 … 1."""
+        """Least and mean remaining share of the initial uncertainty, 0 … 1."""
 
     def with_pose(self, pose: int) -> "Knowledge":
         """After one more pose of the pool."""
 
     def gains(self) -> np.ndarray:
-        """What each pose of the pool would add to ``value`` (N,)."""
+        """Rise of ``value`` by each pose of the pool (N,)."""
 
 
 class InformationTable(Protocol):
-    """What a pool can tell.
+    """Information of each pose of a pool.
 
     Attributes:
         columns: parameters that differ from robot to robot.
@@ -58,7 +59,7 @@ class InformationTable(Protocol):
 
 
 def knowledge(model: Model, pool: np.ndarray, std: np.ndarray, goal: str) -> InformationTable:
-    """What a pool (N, J) can tell when a pose is read with ``std`` (6,) [N, N·m]."""
+    """Information of a pool (N, J) when a pose is read with ``std`` (6,) [N, N·m]."""
     columns = model.parameters.select(model.robot.free)
     if goal == "causes":
         return _causes(model, pool, std, columns)
@@ -86,11 +87,11 @@ class _Accuracy:
     weight: np.ndarray
     """trace(weight · covariance) is the mean square error (K, K)."""
 
-    def start(self) -> "_Known":
-        return _Known(self, np.eye(len(self.columns)))
+    def start(self) -> "_AccuracyKnowledge":
+        return _AccuracyKnowledge(self, np.eye(len(self.columns)))
 
 
-class _Known:
+class _AccuracyKnowledge:
     """Covariance (K, K) of the parameters in tolerances."""
 
     def __init__(self, table: _Accuracy, covariance: np.ndarray) -> None:
@@ -100,25 +101,25 @@ class _Known:
 
     @property
     def open(self) -> tuple[float, float]:
-        left = np.sqrt(np.minimum(np.maximum(self.covariance.diagonal(), 0.0), 1.0))
-        return float(left.min()), float(left.sum()) / len(left)
+        std = np.sqrt(np.minimum(np.maximum(self.covariance.diagonal(), 0.0), 1.0))
+        return float(std.min()), float(std.sum()) / len(std)
 
-    def with_pose(self, pose: int) -> "_Known":
+    def with_pose(self, pose: int) -> "_AccuracyKnowledge":
         rows = self._table.rows[pose]
         half = rows @ self.covariance
-        seen = half @ rows.T
-        seen.flat[:: len(seen) + 1] += 1.0  # beside the noise
-        smaller = self.covariance - half.T @ np.linalg.solve(seen, half)
-        return _Known(self._table, 0.5 * (smaller + smaller.T))
+        reading = half @ rows.T
+        reading.flat[:: len(reading) + 1] += 1.0  # the noise
+        smaller = self.covariance - half.T @ np.linalg.solve(reading, half)
+        return _AccuracyKnowledge(self._table, 0.5 * (smaller + smaller.T))
 
     def gains(self) -> np.ndarray:
         rows = self._table.rows
         half = rows @ self.covariance
-        seen = np.eye(rows.shape[1]) + half @ np.swapaxes(rows, 1, 2)
+        reading = np.eye(rows.shape[1]) + half @ np.swapaxes(rows, 1, 2)
         less = half @ self._table.weight @ np.swapaxes(half, 1, 2)
-        off = np.trace(np.linalg.solve(seen, less), axis1=1, axis2=2)
-        left = np.maximum(self.error**2 - off, 1e-300)
-        return np.asarray(-0.5 * np.log(left) - self.value)
+        off = np.trace(np.linalg.solve(reading, less), axis1=1, axis2=2)
+        squared_error = np.maximum(self.error**2 - off, 1e-300)
+        return np.asarray(-0.5 * np.log(squared_error) - self.value)
 
 
 def _causes(
@@ -134,7 +135,7 @@ def _causes(
 
 
 def signatures(model: Model, pool: np.ndarray) -> tuple[np.ndarray, tuple[str, ...]]:
-    """What typical effects change (C, N, 6) [N, N·m], of those that the order of poses leaves."""
+    """Changes by typical effects (C, N, 6) [N, N·m], of effects that ignore the order of poses."""
     order = np.random.default_rng(_SEED).permutation(len(pool))
     found, names = [], []
     plain = respond(_scene(model, pool))
@@ -169,13 +170,13 @@ class _Signatures:
     nuisance: int
     names: tuple[str, ...]
 
-    def start(self) -> "_Suspects":
+    def start(self) -> "_CauseKnowledge":
         size = self.grams.shape[1]
-        return _Suspects(self, np.zeros((size, size)))
+        return _CauseKnowledge(self, np.zeros((size, size)))
 
 
-class _Suspects:
-    """Gram matrix (M, M) of all that was read."""
+class _CauseKnowledge:
+    """Gram matrix (M, M) of all readings."""
 
     def __init__(self, table: _Signatures, gram: np.ndarray) -> None:
         self._table, self.gram = table, gram
@@ -185,11 +186,11 @@ class _Suspects:
 
     @property
     def open(self) -> tuple[float, float]:
-        left = 1.0 / (1.0 + np.sqrt(self._apart))
-        return float(left.min()), float(left.mean())
+        near = 1.0 / (1.0 + np.sqrt(self._apart))
+        return float(near.min()), float(near.mean())
 
-    def with_pose(self, pose: int) -> "_Suspects":
-        return _Suspects(self._table, self.gram + self._table.grams[pose])
+    def with_pose(self, pose: int) -> "_CauseKnowledge":
+        return _CauseKnowledge(self._table, self.gram + self._table.grams[pose])
 
     def gains(self) -> np.ndarray:
         ahead = _distances(self.gram + self._table.grams, self._table.nuisance)

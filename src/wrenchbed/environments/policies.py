@@ -1,4 +1,4 @@
-"""Policies to compare with: the most telling pose a second, and a force controller."""
+"""Policies to compare with: the most informative pose per second, and a force controller."""
 
 from typing import Any
 
@@ -10,7 +10,7 @@ from wrenchbed.errors import ParameterError
 
 
 class GreedyInformation:
-    """Goes to the pose that tells most a second of robot time, by the nominal model.
+    """Chooses the pose with the most information per second of robot time, by the nominal model.
 
     Args:
         env: a calibration environment, wrapped or not.
@@ -32,7 +32,7 @@ class GreedyInformation:
 
 
 class ForceController:
-    """Lowers the tip until the sensor feels the wanted force, and keeps it: integral control.
+    """Lowers the tip until the sensor reads the wanted force, and keeps it: integral control.
 
     Args:
         env: a contact environment, wrapped or not.
@@ -50,7 +50,7 @@ class ForceController:
 
     def __call__(self, observation: np.ndarray) -> np.ndarray:
         """Speed of the tip, straight up and down, −1 … 1."""
-        felt = self._env.hand.kept @ observation[:3]
+        force = self._env.hand.orientation @ observation[:3]
         wanted, least = float(observation[9]), -0.5
-        down = self._gain * (wanted - float(felt[2]))
+        down = self._gain * (wanted - float(force[2]))
         return np.array([0.0, 0.0, -np.clip(down, least, 1.0)], dtype=np.float32)

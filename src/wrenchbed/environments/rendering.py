@@ -1,4 +1,4 @@
-"""Pictures of an environment's robot, drawn by MuJoCo without a screen."""
+"""Pictures of an environment's robot, rendered by MuJoCo without a screen."""
 
 import mujoco
 import numpy as np
@@ -9,19 +9,26 @@ from wrenchbed.simulation.simulation import Simulation
 SIZE = (480, 640)
 """Height and width [px]."""
 _HALF_M = 0.2
-"""Of the length of a leg that is drawn."""
+"""Half of the length of a limb in pictures [m]."""
 _SKIN = np.array([0.87, 0.67, 0.56, 1.0])
+"""Colour of a limb."""
 
 
-class Picture:
-    """A renderer that follows the robot."""
+class Rendered:
+    """Part of an environment that renders its robot.
 
-    def __init__(self) -> None:
-        self._renderer: mujoco.Renderer | None = None
-        self._model: mujoco.MjModel | None = None
+    Attributes:
+        render_mode: ``rgb_array`` or None.
+    """
 
-    def of(self, simulation: Simulation, q: np.ndarray, limb: Limb | None = None) -> np.ndarray:
-        """The robot (H, W, 3) at joint values (J,), and what it probes."""
+    render_mode: str | None
+    _renderer: mujoco.Renderer | None = None
+    _model: mujoco.MjModel | None = None
+
+    def picture(
+        self, simulation: Simulation, q: np.ndarray, limb: Limb | None = None
+    ) -> np.ndarray:
+        """The robot (H, W, 3) at joint values (J,), and the limb that it probes."""
         data = mujoco.MjData(simulation.model)
         data.qpos[:] = simulation.robot.qpos(q[None], simulation.theta)[0]
         mujoco.mj_forward(simulation.model, data)
@@ -36,7 +43,7 @@ class Picture:
         return np.asarray(self._renderer.render())
 
     def close(self) -> None:
-        """Let go of it."""
+        """Release the renderer."""
         if self._renderer is not None:
             self._renderer.close()
         self._renderer = self._model = None

@@ -39,7 +39,7 @@ def mount_rotation(design: ExperimentDesign, rng: Rng, size: float) -> Imperfect
     angle = np.deg2rad(0.5) * size * spread(rng)
     vector = angle * axis / np.linalg.norm(axis)
     values = dict(zip("xyz", vector.tolist(), strict=True))
-    return Imperfection("mount.rotation", values, mount=vector)
+    return Imperfection(values, mount=vector)
 
 
 def _joints_of(values: Mapping[str, float]) -> list[tuple[str, int]]:
@@ -65,7 +65,7 @@ def offset(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
         value = _sign(rng) * size * typical * spread(rng)
         dq[:, j] += value
         values |= _numbered(place, joint=j + 1, offset=value)
-    return Imperfection("joint.offset", values, joint=dq)
+    return Imperfection(values, joint=dq)
 
 
 @lookalike("joint.compliance", with_joints, hard=True, published=_compliances, adds=False)
@@ -86,7 +86,7 @@ def compliance(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
         share = true_torque / largest
         dq[:, j] -= true_torque / stiffness * (1.0 - hardening * share**2)
         values |= _numbered(place, joint=j + 1, stiffness=stiffness)
-    return Imperfection("joint.compliance", values, joint=dq)
+    return Imperfection(values, joint=dq)
 
 
 @lookalike("joint.backlash", with_joints, hard=True)
@@ -102,7 +102,7 @@ def backlash(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     state = _crossed(design, 0.85 * side + 0.15 * soft)
     dq = np.zeros_like(design.q)
     dq[:, j] = -0.5 * width * state[design.path.at]
-    return Imperfection("joint.backlash", {"joint": j + 1, "width": width}, joint=dq)
+    return Imperfection({"joint": j + 1, "width": width}, joint=dq)
 
 
 @lookalike("joint.gear_error", with_joints, hard=True)
@@ -120,7 +120,7 @@ def gear_error(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     dq = np.zeros_like(design.q)
     dq[:, j] = amplitude * (np.sin(angle) + second * np.sin(2.0 * angle + rng.uniform(0, 6.28)))
     values = {"joint": j + 1, "harmonic": harmonic, "amplitude": amplitude, "phase": phase}
-    return Imperfection("joint.gear_error", values, joint=dq)
+    return Imperfection(values, joint=dq)
 
 
 def distal_links(design: ExperimentDesign) -> list[str]:
@@ -148,7 +148,7 @@ def clearance(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
         own_radius = radius * rng.uniform(0.7, 1.3)
         delta[:, design.robot.parameters.index(names[k])] = own_radius * state
         values[names[k]] = own_radius
-    return Imperfection("joint.clearance", values, link=delta)
+    return Imperfection(values, link=delta)
 
 
 def _distal_forces(design: ExperimentDesign) -> np.ndarray:
@@ -172,7 +172,7 @@ def link_length(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection
         value = _sign(rng) * 1e-3 * size * spread(rng)
         delta[design.robot.parameters.index(str(name))] = value
         values[str(name)] = value
-    return Imperfection("link.length", values, link=delta)
+    return Imperfection(values, link=delta)
 
 
 @lookalike("base.tilt", published=named(""))
@@ -184,7 +184,7 @@ def tilt(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     about_vertical = np.array([0.0, 0.0, rng.normal(0.0, 0.01)])
     # the parameter is how gravity rotates as the base sees it, against the base's own rotation
     values = {"x": -float(vector[0]), "y": -float(vector[1])}
-    return Imperfection("base.tilt", values, base=vector + about_vertical)
+    return Imperfection(values, base=vector + about_vertical)
 
 
 @lookalike("base.compliance", with_joints, hard=True)
@@ -198,7 +198,7 @@ def base_compliance(design: ExperimentDesign, rng: Rng, size: float) -> Imperfec
     lean = moment @ matrix.T
     vector = np.concatenate([lean, np.zeros((len(lean), 1))], axis=1)
     values = {"compliance": float(c.mean()), "soft": float(c.max()), "stiff": float(c.min())}
-    return Imperfection("base.compliance", values, base=vector)
+    return Imperfection(values, base=vector)
 
 
 @lookalike("base.vibration", repeated, rows=True)
@@ -217,7 +217,7 @@ def vibration(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     values = {"acceleration": level, "frequency": frequency}
     values |= dict(zip("xyz", axis.tolist(), strict=True))
     rows = RowImperfection(shake=shake, frequency=frequency)
-    return Imperfection("base.vibration", values, rows=rows)
+    return Imperfection(values, rows=rows)
 
 
 def _crossed(design: ExperimentDesign, state: np.ndarray) -> np.ndarray:
@@ -234,7 +234,7 @@ def _visibility(design: ExperimentDesign) -> np.ndarray:
     for j in range(count):
         dq = np.zeros_like(design.q)
         dq[:, j] = np.deg2rad(0.2)
-        shifted = robot.reading([(Imperfection("", {}, joint=dq), 1.0)])
+        shifted = robot.reading([(Imperfection(joint=dq), 1.0)])
         seen[j] = np.sqrt(gap(design, shifted - design.nominal))
     return np.asarray(seen / max(float(seen.max()), 1e-12))
 

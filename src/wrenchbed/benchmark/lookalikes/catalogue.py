@@ -102,11 +102,10 @@ def _within_tolerance(design: ExperimentDesign, rng: Rng) -> list[Scaled]:
     direction = rng.standard_normal(3)
     off = rng.uniform(0.0, 0.9) * cog * direction / np.linalg.norm(direction)
     load = Imperfection(
-        "background",
-        {},
+        name="background",
         tool=lambda load, _: replace(load, mass=load.mass + heavier, cog=load.cog + off),
     )
-    zero = Imperfection("background", {}, sensor=lambda y: y + shift)
+    zero = Imperfection(name="background", sensor=lambda y: y + shift)
     weight = tool.self_weight(design, rng, min(0.1, 0.4 * mass / 0.04))
     return [(load, 1.0), (zero, 1.0), (weight, 1.0)]
 
@@ -119,4 +118,4 @@ def _between_rows(design: ExperimentDesign, rng: Rng) -> Imperfection:
     rise = float(np.max(np.mean((drawn.shake / design.noise_std) ** 2, axis=0)))
     shake = min(1.0, float(np.sqrt(MOST_RISE / max(rise, 1e-12)))) * drawn.shake
     rows = RowImperfection(np.ones(6), step, shake, drawn.frequency)
-    return Imperfection("background", {}, rows=rows)
+    return Imperfection(name="background", rows=rows)

@@ -4,7 +4,7 @@ Draws of imperfections register themselves with `lookalike`, each in the file of
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -60,7 +60,6 @@ class Imperfection:
     """One departure from the robot as stated; unused stages are None.
 
     Attributes:
-        name: of the effect or of the family.
         values: its true parameters, SI.
         joint: change of the joint values (N, J) [rad or m].
         link: change of the robot's parameters (P,) or (N, P).
@@ -71,10 +70,10 @@ class Imperfection:
         sensor: changes the wrench as the gauges do.
         clock: changes the wrench as timing does.
         rows: what happens between rows.
+        name: of the effect or of the family.
     """
 
-    name: str
-    values: Mapping[str, float]
+    values: Mapping[str, float] = field(default_factory=dict)
     joint: np.ndarray | None = None
     link: np.ndarray | None = None
     base: np.ndarray | None = None
@@ -84,6 +83,7 @@ class Imperfection:
     sensor: Act | None = None
     clock: Act | None = None
     rows: RowImperfection | None = None
+    name: str = ""
 
     @property
     def moves(self) -> bool:
@@ -148,15 +148,18 @@ def repeated(design: ExperimentDesign) -> bool:
 def lookalike(
     name: str, fits: Callable[[ExperimentDesign], bool] = always, **options: Any
 ) -> Callable[[Draw], Draw]:
-    """Register a function as the draw of an effect.
+    """Register a function as the draw of an effect, and name what it draws.
 
     Args:
         fits, options: fields of `LookalikeEffect`.
     """
 
     def register(draw: Draw) -> Draw:
-        DRAWN[name] = LookalikeEffect(name, draw, fits, **options)
-        return draw
+        def named_draw(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
+            return replace(draw(design, rng, size), name=name)
+
+        DRAWN[name] = LookalikeEffect(name, named_draw, fits, **options)
+        return named_draw
 
     return register
 

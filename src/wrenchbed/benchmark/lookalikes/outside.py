@@ -10,12 +10,7 @@ import numpy as np
 
 from wrenchbed.benchmark.lookalikes.design import ExperimentDesign
 from wrenchbed.benchmark.lookalikes.imperfection import Imperfection, Rng
-from wrenchbed.benchmark.lookalikes.loads import (
-    RigidLoad,
-    SensorMotion,
-    rotate_back,
-    wrench_at,
-)
+from wrenchbed.benchmark.lookalikes.loads import RigidLoad, SensorMotion, rotate_back, wrench_at
 from wrenchbed.benchmark.lookalikes.memory import relax
 from wrenchbed.benchmark.lookalikes.sensor import channels, duration, elapsed
 
@@ -24,20 +19,35 @@ _G = 9.81
 """Gravity to scale by [m/s²]: an estimate."""
 
 
-def _zero(name: str, shift: np.ndarray) -> Imperfection:
+FAMILIES: dict[str, Family] = {}
+"""Families outside every library, by name."""
+
+
+def family(draw: Family) -> Family:
+    """Register a function as the draw of a family of its name."""
+
+    def named_draw(design: ExperimentDesign, rng: Rng) -> Imperfection:
+        return replace(draw(design, rng), name=draw.__name__)
+
+    FAMILIES[draw.__name__] = named_draw
+    return named_draw
+
+
+def _zero(shift: np.ndarray) -> Imperfection:
     """A zero that shifts by (N, 6) [N, N·m]."""
-    return Imperfection(name, {}, sensor=lambda y: y + shift)
+    return Imperfection(sensor=lambda y: y + shift)
 
 
-def _cog(name: str, shift: np.ndarray) -> Imperfection:
+def _cog(shift: np.ndarray) -> Imperfection:
     """A centre of gravity that shifts by (N, 3) [m]."""
-    return Imperfection(name, {}, tool=lambda load, _: replace(load, cog=load.cog + shift))
+    return Imperfection(tool=lambda load, _: replace(load, cog=load.cog + shift))
 
 
 def _some_channels(design: ExperimentDesign, rng: Rng) -> np.ndarray:
     return 5.0 * design.noise_std * channels(rng, one=0.4)
 
 
+@family
 def part_lost(design: ExperimentDesign, rng: Rng) -> Imperfection:
     """A part falls off, or the tool is swapped, in the middle of the run."""
     after = (elapsed(design) > rng.uniform(0.2, 0.8))[:, None]
@@ -50,33 +60,37 @@ def part_lost(design: ExperimentDesign, rng: Rng) -> Imperfection:
         torque = np.cross(load.cog, force) + np.cross(shift, load.mass * specific * after)
         return np.concatenate([force, torque], axis=1)
 
-    return Imperfection("part_lost", {}, load=act)
+    return Imperfection(load=act)
 
 
+@family
 def thermal_bow(design: ExperimentDesign, rng: Rng) -> Imperfection:
     """The tool bows as it warms on one side, late, and straightens again."""
     share = elapsed(design)
     fast, slow = rng.uniform(0.05, 0.2), rng.uniform(0.3, 0.8)
     profile = np.exp(-share / slow) - np.exp(-share / fast)
     bow = (profile / np.abs(profile).max())[:, None] * rng.normal(0.0, 4e-3, 3)
-    return _cog("thermal_bow", bow)
+    return _cog(bow)
 
 
+@family
 def slow_sine(design: ExperimentDesign, rng: Rng) -> Imperfection:
     """The zero swings slowly, one to three times in the run."""
     cycles = rng.uniform(1.0, 3.0)
     wave = np.sin(2.0 * np.pi * cycles * elapsed(design) + rng.uniform(0.0, 6.28))
-    return _zero("slow_sine", wave[:, None] * _some_channels(design, rng))
+    return _zero(wave[:, None] * _some_channels(design, rng))
 
 
+@family
 def random_walk(design: ExperimentDesign, rng: Rng) -> Imperfection:
     """The zero wanders off at random."""
     steps = np.sqrt(np.diff(design.t, prepend=design.t[0] - 1e-3))
     walk = np.cumsum(rng.standard_normal((len(design), 6)) * steps[:, None], axis=0)
     walk = walk / duration(design) ** 0.5
-    return _zero("random_walk", 2.0 * walk * _some_channels(design, rng))
+    return _zero(2.0 * walk * _some_channels(design, rng))
 
 
+@family
 def seating(design: ExperimentDesign, rng: Rng) -> Imperfection:
     """Something settles anew at each pose: offsets with heavy tails."""
     count = len(design)
@@ -85,9 +99,10 @@ def seating(design: ExperimentDesign, rng: Rng) -> Imperfection:
         change = np.cumsum(rng.exponential(2.5, count))
         which = np.searchsorted(change, design.t - design.t[0])
     offsets = np.clip(rng.standard_t(2.2, (int(which.max()) + 1, 6)), -8.0, 8.0)
-    return _zero("seating", offsets[which] * _some_channels(design, rng))
+    return _zero(offsets[which] * _some_channels(design, rng))
 
 
+@family
 def gas_spring(design: ExperimentDesign, rng: Rng) -> Imperfection:
     """A hinge or a dress pack pushes in proportion to the angle of joint 2."""
     j = min(1, design.q.shape[1] - 1)
@@ -95,9 +110,10 @@ def gas_spring(design: ExperimentDesign, rng: Rng) -> Imperfection:
     axis = rng.standard_normal(3)
     push = 0.5 * angle[:, None] * axis
     wrench = wrench_at(rng.normal(0.0, 0.05, 3), push)
-    return Imperfection("gas_spring", {}, load=lambda motion, load: wrench)
+    return Imperfection(load=lambda motion, load: wrench)
 
 
+@family
 def magnet(design: ExperimentDesign, rng: Rng) -> Imperfection:
     """A magnet near one spot of the workspace, or near one angle of joint 4, pulls."""
     if design.has_joints and rng.uniform() < 0.4 and design.q.shape[1] > 3:
@@ -111,12 +127,11 @@ def magnet(design: ExperimentDesign, rng: Rng) -> Imperfection:
     pull = np.exp(-0.5 * away)[:, None] * rng.standard_normal(3)
     lever = rng.normal(0.0, 0.05, 3)
     return Imperfection(
-        "magnet",
-        {},
-        load=lambda motion, load: wrench_at(lever, rotate_back(motion.rotation, pull)),
+        load=lambda motion, load: wrench_at(lever, rotate_back(motion.rotation, pull))
     )
 
 
+@family
 def product(design: ExperimentDesign, rng: Rng) -> Imperfection:
     """Two channels multiply into a third; not forces into a torque, as a flexing tool does it."""
     a, b, into = (int(k) for k in rng.choice(6, 3, replace=False))
@@ -124,19 +139,19 @@ def product(design: ExperimentDesign, rng: Rng) -> Imperfection:
         a, b, into = (int(k) for k in rng.choice(6, 3, replace=False))
     factor = 6.0 * design.noise_std[into] / (design.swing[a] * design.swing[b])
     channel = np.eye(6)[into]
-    return Imperfection(
-        "product", {}, sensor=lambda y: y + np.outer(factor * y[:, a] * y[:, b], channel)
-    )
+    return Imperfection(sensor=lambda y: y + np.outer(factor * y[:, a] * y[:, b], channel))
 
 
+@family
 def compressor(design: ExperimentDesign, rng: Rng) -> Imperfection:
     """The zero shifts whenever a compressor runs: a square wave in time."""
     period = float(np.ptp(design.t)) / rng.uniform(3.0, 9.0)
     phase = ((design.t - design.t[0]) / period + rng.uniform()) % 1.0
     on = phase < rng.uniform(0.3, 0.6)
-    return _zero("compressor", on[:, None] * _some_channels(design, rng))
+    return _zero(on[:, None] * _some_channels(design, rng))
 
 
+@family
 def bursts(design: ExperimentDesign, rng: Rng) -> Imperfection:
     """Now and then, for a moment, the reading is far off."""
     count, n = int(rng.integers(2, 6)), len(design)
@@ -145,9 +160,10 @@ def bursts(design: ExperimentDesign, rng: Rng) -> Imperfection:
         first = int(rng.integers(n))
         length = int(rng.integers(1, max(2, n // 25)))
         shift[first : first + length] = rng.standard_t(3.0, 6)
-    return _zero("bursts", 3.0 * shift * _some_channels(design, rng))
+    return _zero(3.0 * shift * _some_channels(design, rng))
 
 
+@family
 def third_harmonic(design: ExperimentDesign, rng: Rng) -> Imperfection:
     """A zero that varies three times per turn of the wrist."""
     if design.has_joints:
@@ -157,24 +173,17 @@ def third_harmonic(design: ExperimentDesign, rng: Rng) -> Imperfection:
         angle = np.arctan2(specific[:, 1], specific[:, 0])
     phase = rng.uniform(0.0, 2.0 * np.pi, 6)
     wave = np.sin(3.0 * angle[:, None] + phase)
-    return _zero("third_harmonic", wave * _some_channels(design, rng))
+    return _zero(wave * _some_channels(design, rng))
 
 
+@family
 def slow_liquid(design: ExperimentDesign, rng: Rng) -> Imperfection:
     """A thick liquid follows gravity with a lag of several poses."""
     path = design.path
     lag = max(float(np.ptp(path.t)), 1e-9) * rng.uniform(0.02, 0.1)
     level = relax(path.t, path.specific_force, lag)[path.at] / _G
     shift = 4e-3 * (level**2 - level.mean(axis=0) ** 2) * rng.standard_normal(3)
-    return _cog("slow_liquid", shift)
-
-
-_ALL: tuple[Family, ...] = (
-    part_lost, thermal_bow, slow_sine, random_walk, seating, gas_spring, magnet, product,
-    compressor, bursts, third_harmonic, slow_liquid,
-)  # fmt: skip
-FAMILIES: dict[str, Family] = {f.__name__: f for f in _ALL}
-"""Families outside every library, by name."""
+    return _cog(shift)
 
 
 def families(design: ExperimentDesign) -> tuple[str, ...]:

@@ -72,7 +72,7 @@ def bias(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     weight = channels(rng)
     amount = np.maximum(0.004 * size * design.full_scale, 1.5 * design.tolerance[2])
     value = weight * amount
-    return Imperfection("sensor.bias", by_channel(value), sensor=lambda y: y + value)
+    return Imperfection(by_channel(value), sensor=lambda y: y + value)
 
 
 @lookalike("sensor.drift", published=_of_channels("rate"))
@@ -82,7 +82,7 @@ def drift(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     share = elapsed(design) ** rng.uniform(0.85, 1.2)
     shift = share[:, None] * span
     rate = by_channel(span / duration(design))
-    return Imperfection("sensor.drift", rate, sensor=lambda y: y + shift)
+    return Imperfection(rate, sensor=lambda y: y + shift)
 
 
 @lookalike("sensor.gain", published=_of_channels("gain"))
@@ -90,7 +90,7 @@ def gain(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     """Sensitivities that are off by about 1.5 %."""
     weight = channels(rng)
     error = 0.015 * size * weight
-    return Imperfection("sensor.gain", by_channel(error), sensor=lambda y: y * (1.0 + error))
+    return Imperfection(by_channel(error), sensor=lambda y: y * (1.0 + error))
 
 
 @lookalike("sensor.crosstalk", published=_of_pairs)
@@ -113,7 +113,7 @@ def crosstalk(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     np.fill_diagonal(matrix, 0.0)
     entries = np.argwhere(matrix != 0.0)
     values = {f"{CHANNELS[i]}_{CHANNELS[j]}": float(matrix[i, j]) for i, j in entries}
-    return Imperfection("sensor.crosstalk", values, sensor=lambda y: y + y @ matrix.T)
+    return Imperfection(values, sensor=lambda y: y + y @ matrix.T)
 
 
 @lookalike("sensor.hysteresis")
@@ -126,7 +126,7 @@ def hysteresis(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     loop[:, used] = preisach(design.path.wrench[:, used], rng, reach)[design.path.at]
     shift = -width * loop
     values = {"reach": reach} | by_channel(width)
-    return Imperfection("sensor.hysteresis", values, sensor=lambda y: y + shift)
+    return Imperfection(values, sensor=lambda y: y + shift)
 
 
 @lookalike("sensor.saturation")
@@ -141,14 +141,14 @@ def saturation(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
         lowered = load.max() * (1.0 - 0.06 * min(size, 10.0) * spread(rng))
         limit[k] = max(lowered, float(np.quantile(load, 0.8)))
     values = {CHANNELS[k]: float(limit[k]) for k in np.flatnonzero(np.isfinite(limit))}
-    return Imperfection("sensor.saturation", values, rows=RowImperfection(limit=limit))
+    return Imperfection(values, rows=RowImperfection(limit=limit))
 
 
 @lookalike("sensor.quantization", repeated, rows=True)
 def quantization(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     """Coarse steps, typically 2.5 times the noise of a row."""
     step = 2.5 * size * design.noise_std * np.abs(channels(rng, one=0.4))
-    return Imperfection("sensor.quantization", by_channel(step), rows=RowImperfection(step=step))
+    return Imperfection(by_channel(step), rows=RowImperfection(step=step))
 
 
 @lookalike("sensor.noise", repeated, rows=True)
@@ -156,7 +156,7 @@ def noise(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     """More noise than stated: half as much again, typically."""
     factor = 1.0 + 0.5 * size * np.abs(channels(rng, one=0.4))
     rows = RowImperfection(gain=factor)
-    return Imperfection("sensor.noise", by_channel(factor - 1.0), rows=rows)
+    return Imperfection(by_channel(factor - 1.0), rows=rows)
 
 
 @lookalike("sensor.temperature")
@@ -175,11 +175,7 @@ def temperature(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection
         level = -np.expm1(-(((design.t - design.t[0]) / time) ** rng.uniform(0.9, 1.1)))
         values = {"time": time} | by_channel(zero)
     column = level[:, None]
-    return Imperfection(
-        "sensor.temperature",
-        values,
-        sensor=lambda y: y * (1.0 + gain_error * column) + zero * column,
-    )
+    return Imperfection(values, sensor=lambda y: y * (1.0 + gain_error * column) + zero * column)
 
 
 @lookalike("sensor.nonlinearity")
@@ -200,7 +196,7 @@ def nonlinearity(design: ExperimentDesign, rng: Rng, size: float) -> Imperfectio
         return y + bend * (share if even else share * np.sign(y))
 
     unit = by_channel(bend / swing ** (2.0 if even else 3.0))
-    return Imperfection("sensor.nonlinearity", {"power": power} | unit, sensor=act)
+    return Imperfection({"power": power} | unit, sensor=act)
 
 
 @lookalike("sensor.creep", hard=True)
@@ -214,7 +210,7 @@ def creep(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     late += (1.0 - mix) * relax(path.t, path.wrench, slow * rng.uniform(0.1, 0.4))
     shift = share * (late - path.wrench)[path.at]
     values = {"time": slow} | by_channel(share)
-    return Imperfection("sensor.creep", values, sensor=lambda y: y + shift)
+    return Imperfection(values, sensor=lambda y: y + shift)
 
 
 @lookalike("sensor.jump", published=_of_jump, adds=False)
@@ -223,6 +219,4 @@ def jump(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     step = 2.5e-3 * size * design.full_scale * channels(rng)
     when = float(np.quantile(design.t, rng.uniform(0.15, 0.85)))
     shift = (design.t > when)[:, None] * step
-    return Imperfection(
-        "sensor.jump", {"time": when} | by_channel(step), sensor=lambda y: y + shift
-    )
+    return Imperfection({"time": when} | by_channel(step), sensor=lambda y: y + shift)

@@ -26,9 +26,7 @@ from wrenchbed.benchmark.lookalikes.loads import FINER
 def delay(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     """The wrench is about 8 ms older than the joints."""
     lag = 8e-3 * size * spread(rng)
-    return Imperfection(
-        "timing.delay", {"delay": lag}, clock=lambda y: _at(design, y, design.t - lag)
-    )
+    return Imperfection({"delay": lag}, clock=lambda y: _at(design, y, design.t - lag))
 
 
 @lookalike("timing.lowpass", in_motion)
@@ -47,7 +45,7 @@ def lowpass(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
             smooth = lfilter([1.0 - keep], [1.0, -keep], smooth, axis=0, zi=initial)[0]
         return np.asarray(smooth[::FINER])
 
-    return Imperfection("timing.lowpass", {"time": time, "order": float(order)}, clock=act)
+    return Imperfection({"time": time, "order": float(order)}, clock=act)
 
 
 @lookalike("timing.stale", in_motion, rows=True)
@@ -57,7 +55,7 @@ def stale(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     share = min(0.6, 0.06 * size * spread(rng))
     chance = share / (length * (1.0 - share))
     values = {"share": share, "length": length / design.rate}
-    return Imperfection("timing.stale", values, rows=RowImperfection(stale=(chance, length)))
+    return Imperfection(values, rows=RowImperfection(stale=(chance, length)))
 
 
 def _skewed(values: Mapping[str, float]) -> dict[str, float]:
@@ -72,9 +70,7 @@ def skew(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     if rng.uniform() < 0.65:
         rate = 0.012 * size / float(np.ptp(t)) * spread(rng) * rng.choice([-1.0, 1.0])
         return Imperfection(
-            "timing.skew",
-            {"rate": float(rate)},
-            clock=lambda y: _at(design, y, t + rate * (t - t[0])),
+            {"rate": float(rate)}, clock=lambda y: _at(design, y, t + rate * (t - t[0]))
         )
     gap = 2e-3 * size * spread(rng)
 
@@ -82,7 +78,7 @@ def skew(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
         path = CubicSpline(t, y)
         return np.stack([path(np.maximum(t - k * gap, t[0]))[:, k] for k in range(6)], axis=1)
 
-    return Imperfection("timing.skew", {"channel": gap}, clock=act)
+    return Imperfection({"channel": gap}, clock=act)
 
 
 def _at(design: ExperimentDesign, y: np.ndarray, t: np.ndarray) -> np.ndarray:

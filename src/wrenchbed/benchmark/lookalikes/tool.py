@@ -40,9 +40,7 @@ def mass(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     """The tool weighs about 2 % more or less than stated."""
     amount = max(0.02 * size * design.load.mass, 2.5 * design.tolerance[0])
     error = float(amount * rng.choice([-1.0, 1.0]))
-    return Imperfection(
-        "tool.mass", {"mass": error}, tool=lambda load, _: replace(load, mass=load.mass + error)
-    )
+    return Imperfection({"mass": error}, tool=lambda load, _: replace(load, mass=load.mass + error))
 
 
 @lookalike("tool.cog")
@@ -52,9 +50,7 @@ def cog(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     amount = max(1.5e-3 * size, 2.5 * design.tolerance[1])
     error = amount * axis / np.linalg.norm(axis)
     values = dict(zip("xyz", error.tolist(), strict=True))
-    return Imperfection(
-        "tool.cog", values, tool=lambda load, _: replace(load, cog=load.cog + error)
-    )
+    return Imperfection(values, tool=lambda load, _: replace(load, cog=load.cog + error))
 
 
 @lookalike("tool.inertia", in_motion, hard=True, published=named("inertia."))
@@ -68,7 +64,6 @@ def inertia(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     error = (error + error.T) / 2.0 + (products + products.T) / 2.0
     pairs = {"xx": (0, 0), "yy": (1, 1), "zz": (2, 2), "xy": (0, 1), "xz": (0, 2), "yz": (1, 2)}
     return Imperfection(
-        "tool.inertia",
         {k: float(error[i]) for k, i in pairs.items()},
         tool=lambda load, _: replace(load, inertia=load.inertia + error),
     )
@@ -92,9 +87,7 @@ def loose(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     shift = 0.5 * travel * state[:, None] * axis
     values = {"travel": travel, "stick": stick, "lean": lean}
     values |= dict(zip("xyz", axis.tolist(), strict=True))
-    return Imperfection(
-        "tool.loose", values, tool=lambda load, _: replace(load, cog=load.cog + shift)
-    )
+    return Imperfection(values, tool=lambda load, _: replace(load, cog=load.cog + shift))
 
 
 @lookalike("tool.flexure", hard=True)
@@ -120,7 +113,7 @@ def flexure(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
             bent = bent - along * 0.5 * length**2 / reach
         return replace(load, cog=bent)
 
-    return Imperfection("tool.flexure", {"compliance": base}, tool=act)
+    return Imperfection({"compliance": base}, tool=act)
 
 
 @lookalike("tool.self_weight", lambda design: False)
@@ -131,9 +124,7 @@ def self_weight(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection
     """
     weight = 0.04 * size * spread(rng)
     return Imperfection(
-        "tool.self_weight",
-        {"mass": weight},
-        tool=lambda load, _: replace(load, sensor_mass=load.sensor_mass + weight),
+        {"mass": weight}, tool=lambda load, _: replace(load, sensor_mass=load.sensor_mass + weight)
     )
 
 
@@ -163,7 +154,7 @@ def cable_pull(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     values = {"stiffness": stiffness, "slack": slack}
     values |= {f"hook_{a}": float(h) for a, h in zip("xyz", hook, strict=True)}
     values |= {f"point_{a}": float(p) for a, p in zip("xyz", point, strict=True)}
-    return Imperfection("cable.pull", values, load=act)
+    return Imperfection(values, load=act)
 
 
 @lookalike("cable.torsion", with_joints)
@@ -184,7 +175,7 @@ def cable_torsion(design: ExperimentDesign, rng: Rng, size: float) -> Imperfecti
     sign = np.sign(values["stiffness"])
     torque = (sign * twist[path.at])[:, None] * np.array([lean[0], lean[1], 1.0])
     wrench = np.concatenate([np.zeros_like(torque), torque], axis=1)
-    return Imperfection("cable.torsion", values, load=lambda motion, load: wrench)
+    return Imperfection(values, load=lambda motion, load: wrench)
 
 
 @lookalike("environment.contact", with_joints)
@@ -216,4 +207,4 @@ def contact(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
 
     values = {"stiffness": force / mean, "level": level, "power": power, "friction": friction}
     values |= {f"normal_{a}": float(n) for a, n in zip("xyz", normal, strict=True)}
-    return Imperfection("environment.contact", values, load=act)
+    return Imperfection(values, load=act)

@@ -37,7 +37,7 @@ def mount(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
         both = Rotation.from_rotvec(m.mount) * Rotation.from_rotvec(vector)
         return replace(m, mount=both.as_rotvec())
 
-    return RefereeFault("mount.rotation", true, size, body=body)
+    return RefereeFault(true, body=body)
 
 
 @drawn("joint.offset", compared=r"offset\.q\d")
@@ -51,7 +51,7 @@ def offset(setting: RefereeSetting, rng: Rng, size: float, j: int | None = None)
     def body(m: Mechanics) -> Mechanics:
         return replace(m, drive=(*m.drive, lambda q: np.broadcast_to(row, q.shape)))
 
-    return RefereeFault("joint.offset", {f"offset.q{k + 1}": value}, size, body=body)
+    return RefereeFault({f"offset.q{k + 1}": value}, body=body)
 
 
 @drawn("joint.compliance", compared=r"compliance\.q\d")
@@ -64,9 +64,7 @@ def compliance(
     compliance = about(rng, size / (1.5e4 if strong else 5e3))
     more = compliance * np.eye(len(setting.robot.joints))[k]
     return RefereeFault(
-        "joint.compliance",
         {f"compliance.q{k + 1}": compliance},
-        size,
         body=lambda m: replace(m, compliance=m.compliance + more),
     )
 
@@ -79,9 +77,7 @@ def backlash(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     strong = setting.robot.name == "ur5" and k < 3
     gap = Backlash(width, float(rng.uniform(0.1, 0.8) if strong else rng.uniform(0.01, 0.08)))
     true = {"width": width, "joint": float(k + 1)}
-    return RefereeFault(
-        "joint.backlash", true, size, body=lambda m: replace(m, backlash={**m.backlash, k: gap})
-    )
+    return RefereeFault(true, body=lambda m: replace(m, backlash={**m.backlash, k: gap}))
 
 
 @drawn("joint.gear_error", adds=False)
@@ -100,9 +96,7 @@ def gear_error(
         return np.outer(wave * (np.sin(angle) + over * np.sin(2 * angle + phase[1])), own)
 
     true = {"amplitude": wave, "joint": float(k + 1)}
-    return RefereeFault(
-        "joint.gear_error", true, size, body=lambda m: replace(m, drive=(*m.drive, drive))
-    )
+    return RefereeFault(true, body=lambda m: replace(m, drive=(*m.drive, drive)))
 
 
 @drawn("joint.clearance", loops=True)
@@ -112,28 +106,23 @@ def clearance(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     count = int(rng.integers(1, len(pins) + 1))
     chosen = rng.choice(len(pins), count, replace=False)
     radius = {pins[int(k)]: about(rng, 4e-5 * size) for k in chosen}
-    return RefereeFault(
-        "joint.clearance",
-        radius,
-        size,
-        body=lambda m: replace(m, clearance={**m.clearance, **radius}),
-    )
+    return RefereeFault(radius, body=lambda m: replace(m, clearance={**m.clearance, **radius}))
 
 
 @drawn("link.length", loops=True, compared=r"length\.[A-Z]\d\d?[yz]?")
 def link_length(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """A link of a closed chain, about 0.7 mm too long or too short."""
     names = [n for n in setting.robot.parameters.names if n[0] == "L" and n[1:].isdigit()]
-    return geometry(setting, {str(rng.choice(names)): sign(rng) * about(rng, 7e-4 * size)}, size)
+    return geometry(setting, {str(rng.choice(names)): sign(rng) * about(rng, 7e-4 * size)})
 
 
-def geometry(setting: RefereeSetting, errors: dict[str, float], size: float = 0.0) -> RefereeFault:
+def geometry(setting: RefereeSetting, errors: dict[str, float]) -> RefereeFault:
     """Links that are not as drawn."""
     shift = np.zeros(len(setting.theta))
     for name, value in errors.items():
         shift[setting.robot.parameters.index(name)] = value
     true = {f"length.{k}": v for k, v in errors.items()}
-    return RefereeFault("link.length", true, size, body=lambda m: replace(m, theta=m.theta + shift))
+    return RefereeFault(true, lambda m: replace(m, theta=m.theta + shift), name="link.length")
 
 
 @drawn("base.tilt", compared="[xy]")
@@ -143,9 +132,7 @@ def tilt(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     vector = about(rng, np.deg2rad(0.4) * size) * np.array([np.cos(heading), np.sin(heading), 0.0])
     rotation = Rotation.from_rotvec(vector)
     return RefereeFault(
-        "base.tilt",
         {"x": float(vector[0]), "y": float(vector[1])},
-        size,
         body=lambda m: replace(m, gravity=rotation.apply(m.gravity)),
     )
 
@@ -157,10 +144,7 @@ def base_compliance(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFa
     lean = np.array([most, most * rng.uniform(0.3, 0.9)])
     heading = float(rng.uniform(-np.pi, np.pi))
     return RefereeFault(
-        "base.compliance",
-        {"compliance": float(lean.mean())},
-        size,
-        body=lambda m: replace(m, lean=lean, heading=heading),
+        {"compliance": float(lean.mean())}, body=lambda m: replace(m, lean=lean, heading=heading)
     )
 
 
@@ -191,7 +175,7 @@ def vibration(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
         return np.outer(level * wave, axis)
 
     true = {"acceleration": level}
-    return RefereeFault("base.vibration", true, size, rows=RowFault(shake=shake))
+    return RefereeFault(true, rows=RowFault(shake=shake))
 
 
 def loops(setting: RefereeSetting) -> list[str]:

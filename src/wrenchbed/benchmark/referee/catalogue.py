@@ -88,7 +88,7 @@ def _geometry(setting: RefereeSetting, rng: Rng, scale: float) -> list[RefereeFa
     others = {"tool", "sensor_side", "world"}
     mass = {b.name: float(np.exp(_MASS * rng.standard_normal())) for b in spec.bodies}
     mass = {k: v for k, v in mass.items() if k not in others}
-    heavier = RefereeFault("background", body=lambda m: replace(m, mass=mass))
+    heavier = RefereeFault(name="background", body=lambda m: replace(m, mass=mass))
     return [arm.geometry(setting, errors), heavier]
 
 
@@ -109,21 +109,18 @@ def _within_tolerance(setting: RefereeSetting, rng: Rng) -> list[RefereeFault]:
         theta[column] += weight
         return replace(m, theta=theta)
 
+    shift = {f"cog.{a}": float(o) for a, o in zip("xyz", off, strict=True)}
     return [
         RefereeFault(
-            "tool.mass", {"mass": heavier}, body=lambda m: tool.loaded(setting, m, dm=heavier)
+            {"mass": heavier}, lambda m: tool.loaded(setting, m, dm=heavier), name="tool.mass"
         ),
+        RefereeFault(shift, lambda m: tool.loaded(setting, m, dc=off), name="tool.cog"),
+        RefereeFault({"mass": weight}, gauge_weight, name="tool.self_weight"),
         RefereeFault(
-            "tool.cog",
-            {f"cog.{a}": float(o) for a, o in zip("xyz", off, strict=True)},
-            body=lambda m: tool.loaded(setting, m, dc=off),
-        ),
-        RefereeFault("tool.self_weight", {"mass": weight}, body=gauge_weight),
-        RefereeFault(
-            "sensor.bias",
             by_channel(zero, "bias"),
             gauge=lambda ride, y: y + zero,
             stage=sensor.ZERO,
+            name="sensor.bias",
         ),
     ]
 
@@ -133,4 +130,4 @@ def _between_rows(setting: RefereeSetting, rng: Rng) -> RefereeFault:
     step = rng.uniform(0.0, 0.4) * setting.noise
     shake = arm.vibration(setting, _stream(rng), float(rng.uniform(0.02, 0.15))).rows
     assert shake is not None
-    return RefereeFault("background", rows=RowFault(step=step, shake=shake.shake))
+    return RefereeFault(name="background", rows=RowFault(step=step, shake=shake.shake))

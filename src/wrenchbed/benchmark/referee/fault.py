@@ -5,8 +5,8 @@ random draws that many faults share are estimates.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Any, TypeVar
+from dataclasses import dataclass, field, replace
+from typing import Any, Concatenate, ParamSpec
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from wrenchbed.benchmark.referee.setting import RefereeSetting
 from wrenchbed.physics.wrench import CHANNELS
 
 Rng = np.random.Generator
+P = ParamSpec("P")
 CHANNEL = "[ft][xyz]"
 """Pattern of a channel's name."""
 
@@ -83,25 +84,25 @@ class RefereeFault:
     """One thing that is wrong.
 
     Attributes:
-        name: the contract's name of the effect, or of the family outside.
         true: its numbers as a diagnosis would publish them, SI.
-        size: in multiples of typical.
         body: changes the machine; it has to ride anew.
         load: changes the load on the sensor.
         gauge: changes what the gauges make of it, in the order of ``stage``.
         clock: changes when it is read.
         rows: what happens between rows.
+        name: the contract's name of the effect, or of the family outside.
+        size: in multiples of typical.
     """
 
-    name: str
     true: Mapping[str, float] = field(default_factory=dict)
-    size: float = 0.0
     body: Callable[[Mechanics], Mechanics] | None = None
     load: Change | None = None
     gauge: Change | None = None
     stage: int = 0
     clock: Change | None = None
     rows: RowFault | None = None
+    name: str = ""
+    size: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -129,21 +130,33 @@ class RefereeEffect:
 
 DRAWN: dict[str, RefereeEffect] = {}
 """Every effect by name, in the order of the files' import."""
-Draw = TypeVar("Draw", bound=Callable[..., RefereeFault])
+Draw = Callable[Concatenate[RefereeSetting, Rng, float, P], RefereeFault]
 
 
-def drawn(name: str, **options: Any) -> Callable[[Draw], Draw]:
-    """Register a function as the draw of an effect.
+def drawn(name: str, **options: Any) -> Callable[[Draw[P]], Draw[P]]:
+    """Register a function as the draw of an effect; what it draws gets the name and size.
 
     Args:
         options: fields of `RefereeEffect`.
     """
 
-    def register(draw: Draw) -> Draw:
-        DRAWN[name] = RefereeEffect(draw, **options)
-        return draw
+    def register(draw: Draw[P]) -> Draw[P]:
+        named_draw = named(name, draw)
+        DRAWN[name] = RefereeEffect(named_draw, **options)
+        return named_draw
 
     return register
+
+
+def named(name: str, draw: Draw[P]) -> Draw[P]:
+    """A draw whose faults bear a name and their size."""
+
+    def named_draw(
+        setting: RefereeSetting, rng: Rng, size: float, /, *args: P.args, **options: P.kwargs
+    ) -> RefereeFault:
+        return replace(draw(setting, rng, size, *args, **options), name=name, size=size)
+
+    return named_draw
 
 
 def mechanics(start: Mechanics, faults: Sequence[RefereeFault]) -> Mechanics:

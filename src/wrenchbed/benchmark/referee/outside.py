@@ -8,10 +8,20 @@ from collections.abc import Callable
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from wrenchbed.benchmark.referee.fault import RefereeFault, Rng, direction, sign, touched
+from wrenchbed.benchmark.referee.fault import RefereeFault, Rng, direction, named, sign, touched
 from wrenchbed.benchmark.referee.memory import dahl, ornstein
 from wrenchbed.benchmark.referee.ride import Ride
 from wrenchbed.benchmark.referee.setting import RefereeSetting
+
+Family = Callable[[RefereeSetting, Rng, float], RefereeFault]
+FAMILIES: dict[str, Family] = {}
+"""By name; none of them is a family that probabilities were learnt on."""
+
+
+def family(draw: Family) -> Family:
+    """Register a function as the draw of a family of its name."""
+    FAMILIES[draw.__name__] = named(draw.__name__, draw)
+    return FAMILIES[draw.__name__]
 
 
 def _share(setting: RefereeSetting) -> np.ndarray:
@@ -26,21 +36,24 @@ def _telegraph(setting: RefereeSetting, rng: Rng, flips: float) -> np.ndarray:
     return np.asarray(np.searchsorted(np.cumsum(gaps), t - t[0]) % 2, dtype=float)
 
 
+@family
 def boot(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """A rubber boot over one wrist joint drags at the tool in the direction of its last motion."""
     j = int(rng.integers(3, setting.path.q.shape[1]))
     drag = dahl(setting.path.q[:, j], rng.uniform(0.05, 0.2))
     push = 4.0 * size * setting.noise * touched(rng)
-    return RefereeFault("boot", {}, size, load=lambda ride, y: y + np.outer(drag, push))
+    return RefereeFault(load=lambda ride, y: y + np.outer(drag, push))
 
 
+@family
 def popcorn(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """A gauge whose zero hops between two levels at random moments."""
     on = _telegraph(setting, rng, rng.uniform(6.0, 25.0))
     hop = 4.0 * size * setting.noise * touched(rng)
-    return RefereeFault("popcorn", {}, size, gauge=lambda ride, y: y + np.outer(on, hop), stage=5)
+    return RefereeFault(gauge=lambda ride, y: y + np.outer(on, hop), stage=5)
 
 
+@family
 def triple(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """One channel reads the square of a second times a third."""
     a, b, into = (int(k) for k in rng.choice(6, 3, replace=False))
@@ -52,9 +65,10 @@ def triple(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
         out[:, into] += amount * (y[:, a] / swing[a]) ** 2 * y[:, b] / swing[b]
         return out
 
-    return RefereeFault("triple", {}, size, gauge=gauge, stage=2)
+    return RefereeFault(gauge=gauge, stage=2)
 
 
+@family
 def snag(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """A dress pack catches behind a screw as one joint passes it and springs off further on."""
     j = int(rng.integers(1, setting.path.q.shape[1]))
@@ -69,9 +83,10 @@ def snag(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
             state = 0.0
         caught[i] = state
     pull = 5.0 * size * setting.noise * touched(rng)
-    return RefereeFault("snag", {}, size, load=lambda ride, y: y + np.outer(caught, pull))
+    return RefereeFault(load=lambda ride, y: y + np.outer(caught, pull))
 
 
+@family
 def gusts(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """A fan blows at the tool from one side of the room, in gusts of some seconds."""
     wind = ornstein(setting.path.t, rng.uniform(3.0, 12.0), 1, rng)[:, 0] + 0.7
@@ -83,9 +98,10 @@ def gusts(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
         push = ride.in_sensor(force)
         return y + np.concatenate([push, np.cross(lever, push)], axis=1)
 
-    return RefereeFault("gusts", {}, size, load=load)
+    return RefereeFault(load=load)
 
 
+@family
 def dropout(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """A bad plug: at times one channel reads only part of its load."""
     off = _telegraph(setting, rng, rng.uniform(6.0, 25.0))
@@ -97,18 +113,20 @@ def dropout(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
         out[:, k] *= 1.0 - part * off
         return out
 
-    return RefereeFault("dropout", {}, size, gauge=gauge, stage=5)
+    return RefereeFault(gauge=gauge, stage=5)
 
 
+@family
 def shedding(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """Parts fall off the tool, one after the other."""
     t = setting.path.t
     when = np.sort(rng.uniform(t[0], t[-1], int(rng.integers(2, 7))))
     share = 0.015 * size * rng.uniform(0.3, 1.0, len(when))
     gone = np.concatenate([[0.0], np.cumsum(share)])[np.searchsorted(when, t)]
-    return RefereeFault("shedding", {}, size, load=lambda ride, y: y * (1.0 - gone[:, None]))
+    return RefereeFault(load=lambda ride, y: y * (1.0 - gone[:, None]))
 
 
+@family
 def unscrewing(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """The sensor's bolts work loose: it rotates further and further on its flange."""
     share = _share(setting)
@@ -118,9 +136,10 @@ def unscrewing(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     def load(ride: Ride, y: np.ndarray) -> np.ndarray:
         return np.concatenate([turn.apply(y[:, :3]), turn.apply(y[:, 3:])], axis=1)
 
-    return RefereeFault("unscrewing", {}, size, load=load)
+    return RefereeFault(load=load)
 
 
+@family
 def sinking(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """The floor settles to one side while the run goes on."""
     heading = rng.uniform(-np.pi, np.pi)
@@ -136,12 +155,4 @@ def sinking(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
         force = mass * ride.in_sensor(turn.apply(ride.gravity) - ride.gravity)
         return y + np.concatenate([force, np.cross(cog, force)], axis=1)
 
-    return RefereeFault("sinking", {}, size, load=load)
-
-
-Family = Callable[[RefereeSetting, Rng, float], RefereeFault]
-_ALL: tuple[Family, ...] = (
-    boot, popcorn, triple, snag, gusts, dropout, shedding, unscrewing, sinking,
-)  # fmt: skip
-FAMILIES: dict[str, Family] = {f.__name__: f for f in _ALL}
-"""By name; none of them is a family that probabilities were learnt on."""
+    return RefereeFault(load=load)

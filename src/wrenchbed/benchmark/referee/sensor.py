@@ -35,7 +35,7 @@ def bias(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     weight = touched(rng)
     least = 1.5 * setting.tolerance[2]
     value = weight * np.maximum(least, about(rng, 4e-3 * size) * setting.full_scale)
-    return _zero("sensor.bias", by_channel(value, "bias"), size, value)
+    return _zero(by_channel(value, "bias"), value)
 
 
 @drawn("sensor.drift", compared=rf"rate\.{CHANNEL}")
@@ -47,7 +47,7 @@ def drift(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     curl = rng.uniform(-0.12, 0.12)
     shape = share + curl * share * (1.0 - share)
     true = by_channel(span / (t[-1] - t[0]), "rate")
-    return _zero("sensor.drift", true, size, np.outer(shape, span))
+    return _zero(true, np.outer(shape, span))
 
 
 @drawn("sensor.gain", compared=rf"gain\.{CHANNEL}")
@@ -55,9 +55,7 @@ def gain(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """Sensitivities about 1 % off."""
     error = about(rng, 0.01 * size) * touched(rng)
     true = by_channel(error, "gain")
-    return RefereeFault(
-        "sensor.gain", true, size, gauge=lambda ride, y: y * (1.0 + error), stage=GAIN
-    )
+    return RefereeFault(true, gauge=lambda ride, y: y * (1.0 + error), stage=GAIN)
 
 
 @drawn("sensor.crosstalk", compared=rf"x\.{CHANNEL}\.{CHANNEL}")
@@ -82,9 +80,7 @@ def crosstalk(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     true = {
         f"x.{CHANNELS[i]}.{CHANNELS[j]}": float(matrix[i, j]) for i, j in np.argwhere(matrix != 0)
     }
-    return RefereeFault(
-        "sensor.crosstalk", true, size, gauge=lambda ride, y: y + y @ matrix.T, stage=MIX
-    )
+    return RefereeFault(true, gauge=lambda ride, y: y + y @ matrix.T, stage=MIX)
 
 
 @drawn("sensor.hysteresis")
@@ -100,9 +96,7 @@ def hysteresis(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
         lag[:, used] = width[used] * bouc_wen(y[:, used] / reach[used], shape)
         return y - lag
 
-    return RefereeFault(
-        "sensor.hysteresis", by_channel(width, "width"), size, gauge=gauge, stage=LOOP
-    )
+    return RefereeFault(by_channel(width, "width"), gauge=gauge, stage=LOOP)
 
 
 @drawn("sensor.saturation")
@@ -114,21 +108,21 @@ def saturation(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
         limit[k] = float(np.quantile(largest[:, k], 1.0 - min(0.05 * size, 0.2)))
         limit[k] = max(limit[k], 5.0 * setting.noise[k])
     true = by_channel(np.where(np.isfinite(limit), limit, 0.0), "limit")
-    return RefereeFault("sensor.saturation", true, size, rows=RowFault(limit=limit))
+    return RefereeFault(true, rows=RowFault(limit=limit))
 
 
 @drawn("sensor.quantization", between=True)
 def quantization(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """Counts as coarse as about twice the noise."""
     step = about(rng, 2.0 * size) * setting.noise * np.abs(touched(rng))
-    return RefereeFault("sensor.quantization", {}, size, rows=RowFault(step=step))
+    return RefereeFault(rows=RowFault(step=step))
 
 
 @drawn("sensor.noise", between=True)
 def noise(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """Noise about one and a half times what is stated."""
     factor = 1.0 + about(rng, 0.5 * size) * np.abs(touched(rng))
-    return RefereeFault("sensor.noise", {}, size, rows=RowFault(gain=factor))
+    return RefereeFault(rows=RowFault(gain=factor))
 
 
 @drawn("sensor.temperature")
@@ -151,7 +145,7 @@ def temperature(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     def gauge(ride: Ride, y: np.ndarray) -> np.ndarray:
         return y * (1.0 + np.outer(level, gain)) + np.outer(level, zero)
 
-    return RefereeFault("sensor.temperature", {}, size, gauge=gauge, stage=ZERO)
+    return RefereeFault(gauge=gauge, stage=ZERO)
 
 
 @drawn("sensor.nonlinearity")
@@ -168,7 +162,7 @@ def nonlinearity(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault
             return y + bend * (np.cosh(sharp * u) - 1.0) / (np.cosh(sharp) - 1.0)
         return y + bend * (np.sinh(sharp * u) / np.sinh(sharp) - u) * 2.6
 
-    return RefereeFault("sensor.nonlinearity", {}, size, gauge=gauge, stage=BEND)
+    return RefereeFault(gauge=gauge, stage=BEND)
 
 
 @drawn("sensor.creep")
@@ -183,7 +177,7 @@ def creep(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
         late = sum(p * after(ride.path.t, y, s) for p, s in zip(part, times, strict=True))
         return y + share * (late - y)
 
-    return RefereeFault("sensor.creep", {}, size, gauge=gauge, stage=CREEP)
+    return RefereeFault(gauge=gauge, stage=CREEP)
 
 
 @drawn("sensor.jump", adds=False, compared=rf"step\.{CHANNEL}")
@@ -195,9 +189,9 @@ def jump(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     ramp = np.clip((t - when) / 0.5, 0.0, 1.0)
     first = float(t[setting.path.rows[0]])
     true = {"time": when - first} | by_channel(step, "step")
-    return _zero("sensor.jump", true, size, np.outer(ramp, step))
+    return _zero(true, np.outer(ramp, step))
 
 
-def _zero(name: str, true: dict[str, float], size: float, shift: np.ndarray) -> RefereeFault:
+def _zero(true: dict[str, float], shift: np.ndarray) -> RefereeFault:
     """A zero that shifts by (6,) or (T, 6) [N, N·m]."""
-    return RefereeFault(name, true, size, gauge=lambda ride, y: y + shift, stage=ZERO)
+    return RefereeFault(true, gauge=lambda ride, y: y + shift, stage=ZERO)

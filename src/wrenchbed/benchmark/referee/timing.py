@@ -16,9 +16,7 @@ from wrenchbed.benchmark.referee.setting import RefereeSetting
 def delay(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """Wrenches about 7 ms older than the joints."""
     lag = about(rng, 7e-3 * size)
-    return RefereeFault(
-        "timing.delay", {"delay": lag}, size, clock=lambda ride, y: _at(ride, y, -lag)
-    )
+    return RefereeFault({"delay": lag}, clock=lambda ride, y: _at(ride, y, -lag))
 
 
 @drawn("timing.lowpass", motion=True, adds=False)
@@ -29,7 +27,7 @@ def smooth(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     def clock(ride: Ride, y: np.ndarray) -> np.ndarray:
         return lowpass(y, float(ride.path.t[1] - ride.path.t[0]), time, stages)
 
-    return RefereeFault("timing.lowpass", {"time": time}, size, clock=clock)
+    return RefereeFault({"time": time}, clock=clock)
 
 
 @drawn("timing.stale", motion=True, between=True)
@@ -38,9 +36,7 @@ def stale(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     rate = setting.metadata.rate_hz or 1.0
     length = max(1.0, about(rng, 0.03 * size) * rate)
     share = min(0.5, about(rng, 0.06 * size))
-    return RefereeFault(
-        "timing.stale", {}, size, rows=RowFault(stale=(share / (length * (1 - share)), length))
-    )
+    return RefereeFault(rows=RowFault(stale=(share / (length * (1 - share)), length)))
 
 
 @drawn("timing.skew", motion=True, compared="skew")
@@ -51,7 +47,7 @@ def skew(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     rate = ahead / float(t[-1])
     shift = rate * np.maximum(t, 0.0)
     true = {"skew": -rate}
-    return RefereeFault("timing.skew", true, size, clock=lambda ride, y: _at(ride, y, shift))
+    return RefereeFault(true, clock=lambda ride, y: _at(ride, y, shift))
 
 
 def _at(ride: Ride, y: np.ndarray, shift: np.ndarray | float) -> np.ndarray:

@@ -24,9 +24,7 @@ def mass(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """The tool is about 2 % heavier or lighter than stated."""
     stated, least = _stated(setting)[0], 2.0 * setting.tolerance[0]
     error = sign(rng) * max(least, about(rng, 0.02 * size * stated))
-    return RefereeFault(
-        "tool.mass", {"mass": error}, size, body=lambda m: loaded(setting, m, dm=error)
-    )
+    return RefereeFault({"mass": error}, body=lambda m: loaded(setting, m, dm=error))
 
 
 @drawn("tool.cog", compared=r"cog\.[xyz]")
@@ -34,7 +32,7 @@ def cog(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """Its centre of gravity is about 1.5 mm away from where it is stated."""
     error = max(2.0 * setting.tolerance[1], about(rng, 1.5e-3 * size)) * direction(rng)
     true = {f"cog.{a}": float(e) for a, e in zip("xyz", error, strict=True)}
-    return RefereeFault("tool.cog", true, size, body=lambda m: loaded(setting, m, dc=error))
+    return RefereeFault(true, body=lambda m: loaded(setting, m, dc=error))
 
 
 @drawn("tool.inertia", motion=True, compared=r"inertia\.[xyz]{2}")
@@ -59,7 +57,7 @@ def inertia(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
         return replace(m, theta=theta)
 
     true = {k.removeprefix("tool."): v for k, v in change.items()}
-    return RefereeFault("tool.inertia", true, size, body=body)
+    return RefereeFault(true, body=body)
 
 
 @drawn("tool.loose")
@@ -68,9 +66,7 @@ def loose(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     travel = about(rng, 1.5e-3 * size)
     share = float(rng.uniform(0.08, 0.2))
     part = LoosePart(share, direction(rng), 0.5 * travel / share, float(rng.uniform(0.05, 0.3)))
-    return RefereeFault(
-        "tool.loose", {"travel": travel}, size, body=lambda m: replace(m, loose=part)
-    )
+    return RefereeFault({"travel": travel}, body=lambda m: replace(m, loose=part))
 
 
 @drawn("tool.flexure")
@@ -81,9 +77,7 @@ def flexure(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     bend = about(rng, 5e-5 * size) / lever**2 * np.array([1.0, rng.uniform(0.5, 1.0)])
     bend = bend if rng.uniform() < 0.5 else bend[::-1]
     return RefereeFault(
-        "tool.flexure",
         {"compliance": float(bend.mean() * lever**2)},
-        size,
         body=lambda m: replace(m, bend=bend, root=root),
     )
 
@@ -102,7 +96,7 @@ def hose(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     stiffness = about(rng, 0.02 * _stated(setting)[0] * _G * size) / pull
     rope = Hose(hook, point, slack, stiffness)
     true = {"stiffness": stiffness, "slack": slack}
-    return RefereeFault("cable.pull", true, size, body=lambda m: replace(m, hose=rope))
+    return RefereeFault(true, body=lambda m: replace(m, hose=rope))
 
 
 @drawn("environment.contact")
@@ -121,9 +115,7 @@ def pad(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     k = force / max(float(deep.mean()), 1e-4)
     point = ends.mean(axis=0) + (level - radius - float(ends.mean(axis=0) @ normal)) * normal
     block = Pad(point, normal, k, float(rng.uniform(0.1, 0.5)), tip, radius)
-    return RefereeFault(
-        "environment.contact", {"stiffness": k}, size, body=lambda m: replace(m, pad=block)
-    )
+    return RefereeFault({"stiffness": k}, body=lambda m: replace(m, pad=block))
 
 
 @drawn("cable.torsion")
@@ -143,7 +135,7 @@ def torsion(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
         torque = np.stack([lean[0] * twist, lean[1] * twist, twist], axis=1)
         return y + np.concatenate([np.zeros_like(torque), torque], axis=1)
 
-    return RefereeFault("cable.torsion", {"stiffness": k}, size, load=load)
+    return RefereeFault({"stiffness": k}, load=load)
 
 
 def loaded(

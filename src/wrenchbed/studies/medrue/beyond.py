@@ -1,4 +1,4 @@
-"""Beyond the paper: errors in all 49 parameters, what brings them into reach, and a plan for it."""
+"""Beyond the paper: errors in all 49 parameters, measurements that identify them, and a plan."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,16 +25,17 @@ from wrenchbed.studies.medrue.setting import PAPER, PoseDesign, StudySetting
 WANTED = 3e-4
 """Accuracy of the plan [m]."""
 ROBOTS = 200
+"""With errors in all parameters."""
 _UNIFORM = 1 / np.sqrt(3.0)
 """Standard deviation of a uniform draw over its half width."""
 
 
 @dataclass(frozen=True, eq=False)
 class AllWrong:
-    """Robots with errors in all parameters, calibrated from exact wrenches; (robots,) each, SI.
+    """Position errors of robots with errors in all parameters; (robots,) each, SI.
 
-    ``rigid`` and ``similar`` are what is left after the best rigid motion, and after motion and
-    scale.
+    ``after`` calibration from exact wrenches, and further after the best ``rigid`` motion and
+    after a ``similar`` one, with scale.
     """
 
     before: np.ndarray
@@ -68,23 +69,31 @@ def all_wrong(setting: StudySetting, chosen: np.ndarray, seed: int, robots: int)
         simulation = Simulation(setting.robot, theta[:own])
         q = setting.q[chosen]
         wrench = simulation.wrench(q)
-        found = as_the_paper(setting, q, wrench).theta
+        identified = as_the_paper(setting, q, wrench).theta
         true = simulation.tip(setting.target)
-        nominal, told = (setting.robot.tool_pose(setting.target, t[:own])[1]
-                         for t in (setting.theta, found))  # fmt: skip
-        left = np.abs(wrench - setting.model.predict(q, found)).max()
-        rigid, similar = (_aligned(told, true, scale) for scale in (False, True))
-        rows.append((_rms(nominal - true), _rms(told - true), _rms(rigid), _rms(similar), left))
+        before, after = (_tips(setting, t) for t in (setting.theta, identified))
+        residual = np.abs(wrench - setting.model.predict(q, identified)).max()
+        remaining = (_aligned(after, true, scale) for scale in (False, True))
+        errors = (before - true, after - true, *remaining)
+        rows.append((*map(_rms, errors), residual))
     return AllWrong(*np.array(rows).T)
 
 
-def _aligned(told: np.ndarray, true: np.ndarray, scale: bool) -> np.ndarray:
-    """What (T, 3) a rigid motion, with or without scale, leaves: Umeyama 1991, 10.1109/34.88573."""
-    a, b = told - told.mean(axis=0), true - true.mean(axis=0)
-    turn, _ = Rotation.align_vectors(b, a)
-    turned = turn.apply(a)
-    factor = float((turned * b).sum() / (turned**2).sum()) if scale else 1.0
-    return np.asarray(b - factor * turned)
+def _tips(setting: StudySetting, theta: np.ndarray) -> np.ndarray:
+    """Tool positions (T, 3) in the target in closed form."""
+    return setting.robot.tool_pose(setting.target, setting.robot.robot_theta(theta))[1]
+
+
+def _aligned(points: np.ndarray, true: np.ndarray, scale: bool) -> np.ndarray:
+    """Errors (T, 3) after the best rigid motion, with or without scale.
+
+    Umeyama 1991, doi 10.1109/34.88573.
+    """
+    a, b = points - points.mean(axis=0), true - true.mean(axis=0)
+    rotation, _ = Rotation.align_vectors(b, a)
+    rotated = rotation.apply(a)
+    factor = float((rotated * b).sum() / (rotated**2).sum()) if scale else 1.0
+    return np.asarray(b - factor * rotated)
 
 
 def _rms(error: np.ndarray) -> float:
@@ -123,16 +132,12 @@ def confirm(shared: Confirming, number: int) -> list[Row]:
         file.unlink()
     own = len(setting.robot.parameters)
     true = Simulation(setting.robot, theta[:own]).tip(setting.target)
-    found = names.vector(dict(fit.theta))
-    told, nominal = (setting.robot.tool_pose(setting.target, t[:own])[1]
-                     for t in (found, setting.theta))  # fmt: skip
-    error = np.linalg.norm(told - true, axis=1)
-    return [
-        {
-            "robot": number, "before": _rms(nominal - true), "after": _rms(told - true),
-            "worst": float(error.max()), "converged": fit.converged,
-        }
-    ]  # fmt: skip
+    before, after = (
+        _tips(setting, t) - true for t in (setting.theta, names.vector(dict(fit.theta)))
+    )
+    worst = float(np.linalg.norm(after, axis=1).max())
+    row = {"robot": number, "before": _rms(before), "after": _rms(after), "worst": worst}
+    return [row | {"converged": fit.converged}]
 
 
 def plan(setting: StudySetting, seed: int) -> Mix:

@@ -1,9 +1,7 @@
-"""What the wrench can tell: rank, named redundancies, and how arbitrary the elimination is.
+"""What the wrench identifies: rank, named redundancies, and how arbitrary the elimination is.
 
-Measurements beyond the tool's weight, and what each brings into reach.
-
-Every kind is a Jacobian by all 49 parameters in standard deviations, with what it leaves unknown
-itself (where a plane lies, where a fixed point is) projected out.
+Then measurements beyond the tool's weight. Each is a Jacobian by all 49 parameters in standard
+deviations; its own unknowns (the pose of a plane, the place of a fixed point) are projected out.
 """
 
 from collections import Counter
@@ -60,14 +58,10 @@ def examine(setting: StudySetting, chosen: np.ndarray, truth: np.ndarray) -> Ide
             ranks[f"{label}, {n:,} configurations"] = null_space(flat[:, active])[0]
             if label == "nominal" and n == 100:
                 jacobian = each
-    told = analyse(
-        jacobian.reshape(-1, len(columns)),
-        names,
-        scale,
-        setting.robot.symmetries(setting.theta[:own]),
-    )
+    flat = jacobian.reshape(-1, len(columns))
+    observability = analyse(flat, names, scale, setting.robot.symmetries(setting.theta[:own]))
     units = [model.parameters[c].unit for c in columns]
-    return Identifiable(told, ranks, _eliminations(jacobian, names, units))
+    return Identifiable(observability, ranks, _eliminations(jacobian, names, units))
 
 
 def _eliminations(
@@ -90,20 +84,23 @@ def _eliminations(
     return result
 
 
-def section(setting: StudySetting, found: Identifiable, designs: dict[str, PoseDesign]) -> Section:
+def section(
+    setting: StudySetting, identifiable: Identifiable, designs: dict[str, PoseDesign]
+) -> Section:
     """Rank, redundancies, the elimination, and the choice of configurations."""
-    told = found.observability
-    same = [len(published.ELIMINATED & set(e.dropped)) for e in found.eliminations.values()]
-    counted = Counter(n for e in found.eliminations.values() for n in e.dropped)
+    observed = identifiable.observability
+    silent = observed.no_effect
+    same = [len(published.ELIMINATED & set(e.dropped)) for e in identifiable.eliminations.values()]
+    counted = Counter(n for e in identifiable.eliminations.values() for n in e.dropped)
     ranks = Table.of(
         "Rank of the wrench's Jacobian by 49 parameters", ("parameters and data", "rank"),
-        list(found.ranks.items()),
-        f"{len(told.no_effect)} parameters without effect at nominal: {', '.join(told.no_effect)}.",
+        list(identifiable.ranks.items()),
+        f"{len(silent)} parameters without effect at nominal: {', '.join(silent)}.",
     )  # fmt: skip
     redundancies = Table.of(
         "What enters only together", ("redundancy", "parameters"),
-        [(r.sentence, len(r.names)) for r in told.redundancies],
-        f"49 − {len(told.no_effect)} − {len(told.redundancies)} = {told.rank}. The paper says 29 "
+        [(r.sentence, len(r.names)) for r in observed.redundancies],
+        f"49 − {len(silent)} − {len(observed.redundancies)} = {observed.rank}. The paper says 29 "
         "identifiable, prints 29 without a star, and freezes two of these.",
     )  # fmt: skip
     dropped = Table.of(
@@ -124,8 +121,8 @@ def section(setting: StudySetting, found: Identifiable, designs: dict[str, PoseD
 def _choice(setting: StudySetting, designs: dict[str, PoseDesign]) -> tuple[Table, Figure]:
     rows = []
     for d in designs.values():
-        told = observability_indices(setting.in_table_units[d.chosen])
-        value = told.get(d.name, d.value)
+        indices = observability_indices(setting.in_table_units[d.chosen])
+        value = indices.get(d.name, d.value)
         if d.certificate is not None:
             share = d.value / d.certificate.bound
             rows.append((d.name, value, value / share, 100 * share))
@@ -189,7 +186,7 @@ def kinds(setting: StudySetting, chosen: np.ndarray, std: np.ndarray, seed: int)
         return tip_jacobian(robot, joints[pick], theta, columns) / STD, points[which[pick]]
 
     def free(touches: np.ndarray, unknown: np.ndarray) -> np.ndarray:
-        """What touches (T, r, 49) tell once their own unknowns (T, r, U) are fitted too."""
+        """Touches (T, r, 49) with their own unknowns (T, r, U) projected out."""
         flat = touches.reshape(-1, len(columns))
         basis, _ = np.linalg.qr(unknown.reshape(len(flat), -1))
         return flat - basis @ (basis.T @ flat)

@@ -1,10 +1,8 @@
-"""Many random robots through the paper's procedure: measured in MuJoCo, identified, validated.
+"""Identification as in the paper and weighted by the noise, of many random robots.
 
-Each robot's 27 identified parameters but the mass are drawn uniformly within ±2 mm and ±1°, as
-Section 5 of the paper says. Its wrenches, and its wrenches and positions in the target, come from
+Each robot's 27 identified parameters but the mass are drawn uniformly within ±2 mm and ±1°, as in
+Section 5 of the paper. Its wrenches, and its wrenches and positions in the target, come from
 MuJoCo; over the whole pool they come from the closed form, which agrees with MuJoCo to 1e-12.
-
-Identification as the paper does it, and as the noise asks for.
 """
 
 from collections.abc import Mapping
@@ -31,6 +29,7 @@ from wrenchbed.studies.medrue.setting import (
 _STOP = 1e-12
 """RMS change of the parameters in the paper's units; its 1e-16 lies below rounding (1e-13)."""
 _MOST = 30
+"""Most Newton steps."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,12 +141,12 @@ def cases(
     simulation = Simulation(setting.robot, setting.robot.robot_theta(theta))
     judge = Judge(setting, theta, simulation)
     rows = judge.rows(setting.theta, robot=number, design="", noise="", method="before", steps=0)
-    own_bound = bounds(setting, theta, setting.q[shared.designs["O1"]])
+    bound = bounds(setting, theta, setting.q[shared.designs["O1"]])
     q = {name: setting.q[chosen] for name, chosen in shared.designs.items()}
     exact = {name: simulation.wrench(each) for name, each in q.items()}
-    found = as_the_paper(setting, q["O1"], exact["O1"])
+    robot = as_the_paper(setting, q["O1"], exact["O1"])
     rows += judge.rows(
-        found.theta, robot=number, design="O1", noise="none", method="paper", steps=found.steps
+        robot.theta, robot=number, design="O1", noise="none", method="paper", steps=robot.steps
     )
     for name in shared.designs:
         for noise in (*EMPIRICAL, *LOWER) if name == "O1" else (PAPER,):
@@ -156,13 +155,13 @@ def cases(
     for noise in (PAPER, MINI40):
         for _ in range(DRAWS):
             measured = exact["O1"] + rng.standard_normal(exact["O1"].shape) * noise.std
-            found = weighted(setting, q["O1"], measured, noise.std)
+            robot = weighted(setting, q["O1"], measured, noise.std)
             rows += judge.rows(
-                found.theta, whole=False, robot=number, design="O1", noise=noise.name,
-                method="again", steps=found.steps,
+                robot.theta, whole=False, robot=number, design="O1", noise=noise.name,
+                method="again", steps=robot.steps,
             )  # fmt: skip
     for row in rows:
-        row["bound"] = own_bound.get(str(row["noise"]), np.nan)
+        row["bound"] = bound.get(str(row["noise"]), np.nan)
     return rows
 
 
@@ -188,10 +187,10 @@ def _both(
     best = weighted(setting, q, measured, noise.std, plain.theta if good else None)
     wanted = noise in (PAPER, MINI40)
     rows = []
-    for method, found in (("paper", plain), ("weighted", best)):
+    for method, identified in (("paper", plain), ("weighted", best)):
         rows += judge.rows(
-            found.theta, whole=wanted and (design == "O1" or method == "paper"),
-            robot=robot, design=design, noise=noise.name, method=method, steps=found.steps,
+            identified.theta, whole=wanted and (design == "O1" or method == "paper"),
+            robot=robot, design=design, noise=noise.name, method=method, steps=identified.steps,
         )  # fmt: skip
     return rows
 

@@ -1,4 +1,4 @@
-"""The physical limit: Cramér–Rao bounds of the position error, beside what is attained."""
+"""The physical limit: Cramér–Rao bounds of the position error, beside the attained errors."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 import pyarrow as pa
 
-from wrenchbed.calibration.accuracy import statistics
 from wrenchbed.pages.document import Figure, Section, Table
 from wrenchbed.pages.plots import lines
 from wrenchbed.planning.certificate import certify, rounded
@@ -21,15 +20,17 @@ from wrenchbed.studies.medrue.setting import (
     NoiseModel,
     PoseDesign,
     StudySetting,
+    position_errors,
     prepare,
 )
 
 COUNTS = (30, 50, 100, 200, 400)
+"""Numbers of configurations that are compared."""
 MASSES = (0.365, 0.75, 1.5, 3.0)
+"""Tool masses that are compared [kg]; the first is the paper's."""
 RANGES = ((15, 30), (30, 60), (45, 120), (60, 180))
 """Tilt of α, β and range of γ about 180° [°]."""
 STEPS = len(COUNTS) + len(RANGES)
-_DRAWS = 4000
 _SMALL = 8000
 """Configurations of each range's pool."""
 _FEW = 20
@@ -39,9 +40,8 @@ _FEW = 20
 def expected(setting: StudySetting, chosen: np.ndarray, noise: NoiseModel) -> np.ndarray:
     """Expected mean, maximum, std, rms [m] over the target of an efficient estimate."""
     covariance = setting.covariance(chosen, noise.std) / np.outer(setting.units, setting.units)
-    root = np.linalg.cholesky(covariance)
-    draws = np.random.default_rng(0).standard_normal((_DRAWS, len(root))) @ root.T
-    return np.asarray(statistics(setting.goal.errors(draws * setting.units)).mean(axis=0))
+    errors = position_errors(setting, covariance, np.random.default_rng(0))
+    return np.asarray(errors.mean(axis=0))
 
 
 def section(
@@ -49,7 +49,7 @@ def section(
     designs: dict[str, PoseDesign],
     table: pa.Table,
     seed: int,
-    tell: Callable[[str], None],
+    report: Callable[[str], None],
 ) -> Section:
     """Bounds by reading of the noise, and how they fall with effort."""
     return Section(
@@ -61,30 +61,24 @@ def section(
             _headline(setting, designs, table),
             _efficiency(table),
             _by_design(setting, designs),
-            *_by_count(setting, designs["O1"].chosen, seed, tell),
+            *_by_count(setting, designs["O1"].chosen, seed, report),
             _by_channel(setting, designs["O1"].chosen),
             _by_mass(setting, designs["O1"].chosen),
-            _by_range(seed, tell),
+            _by_range(seed, report),
         ),
     )
 
 
 def attained(table: pa.Table, noise: NoiseModel, method: str) -> float:
     """Root mean square over robots and target [m]; NaN if it was not run."""
-    errors = column(
-        table, "rms", design="O1", noise=noise.name, method=method, quantity="position",
-        workspace="target",
-    )  # fmt: skip
+    errors = column(table, "rms", design="O1", noise=noise.name, method=method)
     errors = errors[np.isfinite(errors)]
     return float(np.sqrt(np.mean(errors**2))) if len(errors) else np.nan
 
 
 def _with_error(table: pa.Table, noise: NoiseModel, method: str) -> str:
     """The same in mm with its standard error, and how many robots were lost."""
-    errors = 1e3 * column(
-        table, "rms", design="O1", noise=noise.name, method=method, quantity="position",
-        workspace="target",
-    )  # fmt: skip
+    errors = 1e3 * column(table, "rms", design="O1", noise=noise.name, method=method)
     good = errors[np.isfinite(errors)]
     if len(good) < 2:
         return "–"
@@ -99,13 +93,9 @@ def _readings(setting: StudySetting, designs: dict[str, PoseDesign], table: pa.T
     for noise in READINGS:
         bound = 1e3 * setting.bound(designs["O1"].chosen, noise.std)
         best = 1e3 * setting.bound(designs["target"].chosen, noise.std)
-        rows.append(
-            (
-                noise.name, bound, _with_error(table, noise, "weighted"),
-                _with_error(table, noise, "paper"), best,
-                published.rms_after(), bound / published.rms_after(),
-            )
-        )  # fmt: skip
+        weighted, unweighted = (_with_error(table, noise, m) for m in ("weighted", "paper"))
+        printed = published.rms_after()
+        rows.append((noise.name, bound, weighted, unweighted, best, printed, bound / printed))
     return Table.of(
         "Attainable, attained, published: rms position error in the target [mm]",
         (
@@ -120,22 +110,17 @@ def _readings(setting: StudySetting, designs: dict[str, PoseDesign], table: pa.T
 
 def efficiency(table: pa.Table, noise: NoiseModel) -> tuple[int, float, float]:
     """Runs, rms error [m] of the weighted fit, and rms of each robot's own bound [m]."""
-    errors, bound = (
-        column(
-            table, name, design="O1", noise=noise.name, method="again", quantity="position",
-            workspace="target",
-        )
-        for name in ("rms", "bound")
-    )  # fmt: skip
-    found, limit = (float(np.sqrt(np.mean(x**2))) for x in (errors, bound))
-    return len(errors), found, limit
+    labels = {"design": "O1", "noise": noise.name, "method": "again"}
+    errors, bounds = (column(table, name, **labels) for name in ("rms", "bound"))
+    attained, bound = (float(np.sqrt(np.mean(x**2))) for x in (errors, bounds))
+    return len(errors), attained, bound
 
 
 def _efficiency(table: pa.Table) -> Table:
     rows = []
     for noise in (PAPER, MINI40):
-        runs, found, bound = efficiency(table, noise)
-        rows.append((noise.name, runs, 1e3 * found, 1e3 * bound, found / bound))
+        runs, reached, bound = efficiency(table, noise)
+        rows.append((noise.name, runs, 1e3 * reached, 1e3 * bound, reached / bound))
     return Table.of(
         "Is the weighted fit efficient? Random robots, several draws of noise each",
         ("noise", "runs", "rms error [mm]", "rms of each robot's bound [mm]", "ratio"),
@@ -149,15 +134,8 @@ def _headline(setting: StudySetting, designs: dict[str, PoseDesign], table: pa.T
     for noise in (MINI40, PAPER):
         mean, top, std, _ = 1e3 * expected(setting, designs["O1"].chosen, noise)
         rows.append((f"bound: {noise.name}", mean, top, std))
-        values = [
-            1e3 * np.nanmean(
-                column(
-                    table, s, design="O1", noise=noise.name, method="weighted",
-                    quantity="position", workspace="target",
-                )
-            )
-            for s in ("mean", "max", "std")
-        ]  # fmt: skip
+        labels = {"design": "O1", "noise": noise.name, "method": "weighted"}
+        values = (1e3 * np.nanmean(column(table, s, **labels)) for s in ("mean", "max", "std"))
         rows.append((f"attained, weighted: {noise.name}", *values))
     return Table.of(
         "The headline and the noise that makes it true [mm]",
@@ -171,10 +149,7 @@ def _headline(setting: StudySetting, designs: dict[str, PoseDesign], table: pa.T
 
 def _share(table: pa.Table) -> float:
     """Robots [%] whose mean error, certificate noise and unweighted fit, is as small as printed."""
-    errors = column(
-        table, "mean", design="O1", noise=MINI40.name, method="paper", quantity="position",
-        workspace="target",
-    )  # fmt: skip
+    errors = column(table, "mean", design="O1", noise=MINI40.name, method="paper")
     return float(100 * np.mean(1e3 * errors <= published.AFTER["mean"]))
 
 
@@ -198,7 +173,7 @@ def _by_design(setting: StudySetting, designs: dict[str, PoseDesign]) -> Table:
 
 
 def _by_count(
-    setting: StudySetting, best: np.ndarray, seed: int, tell: Callable[[str], None]
+    setting: StudySetting, best: np.ndarray, seed: int, report: Callable[[str], None]
 ) -> tuple[Table, Figure]:
     table = Pool(setting.in_table_units)
     rng = np.random.default_rng([seed, 40_000])
@@ -207,7 +182,7 @@ def _by_count(
         chosen = best if n == len(best) else _chosen(table, n, rng)
         random = rng.choice(len(setting.q), n, replace=False)
         rows.append((n, *(1e3 * setting.bound(c, PAPER.std) for c in (chosen, random))))
-        tell(f"bound with {n} configurations")
+        report(f"bound with {n} configurations")
     x = [r[0] for r in rows]
     figure = Figure(
         "limit", "How the bound falls with the number of configurations",
@@ -228,11 +203,11 @@ def _by_count(
 
 
 def _chosen(pool: Pool, n: int, rng: np.random.Generator) -> np.ndarray:
-    """n configurations by O1, begun at the best continuous design."""
-    start = rng.choice(len(pool), max(n, 60), replace=False)
-    begin = rounded(certify(pool, INDICES["O1"], n, start, gap=0.01), n)
-    more = np.setdiff1d(start, begin)[: n - len(begin)]
-    return exchange(pool, INDICES["O1"], n, start=np.concatenate([begin, more])).chosen
+    """n configurations by O1, from the best continuous design on."""
+    initial = rng.choice(len(pool), max(n, 60), replace=False)
+    best = rounded(certify(pool, INDICES["O1"], n, initial, gap=0.01), n)
+    more = np.setdiff1d(initial, best)[: n - len(best)]
+    return exchange(pool, INDICES["O1"], n, start=np.concatenate([best, more])).chosen
 
 
 def _by_channel(setting: StudySetting, chosen: np.ndarray) -> Table:
@@ -268,7 +243,7 @@ def _by_mass(setting: StudySetting, chosen: np.ndarray) -> Table:
     )
 
 
-def _by_range(seed: int, tell: Callable[[str], None]) -> Table:
+def _by_range(seed: int, report: Callable[[str], None]) -> Table:
     rows = []
     for tilt, roll in RANGES:
         setting = prepare(_SMALL, seed, np.deg2rad(tilt), np.deg2rad(roll), _FEW)
@@ -278,7 +253,7 @@ def _by_range(seed: int, tell: Callable[[str], None]) -> Table:
         first = exchange(Pool(setting.in_table_units), INDICES["O1"], 100, seed=seed)
         values = (1e3 * setting.bound(d.chosen, PAPER.std) for d in (first, best))
         rows.append((f"tilt ±{tilt}°, γ ±{roll}°", *values))
-        tell(f"bound with tilt ±{tilt}°, γ ±{roll}°")
+        report(f"bound with tilt ±{tilt}°, γ ±{roll}°")
     return Table.of(
         "Bound by range of orientations [mm rms], 100 configurations, ±1 N as 3σ, 100 averaged",
         ("range", "chosen by O1", "chosen by target error"), rows,

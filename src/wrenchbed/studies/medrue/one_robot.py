@@ -1,11 +1,11 @@
 """The paper's own robot, Table 1: identified from MuJoCo's wrenches by each design."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from scipy import stats
 
-from wrenchbed.calibration.accuracy import statistics
 from wrenchbed.jobs.parts import Row
 from wrenchbed.pages.document import Figure, Section, Table
 from wrenchbed.pages.plots import histograms, workspaces
@@ -18,27 +18,25 @@ from wrenchbed.studies.medrue.identification import (
     predict,
     weighted,
 )
-from wrenchbed.studies.medrue.setting import MINI40, PAPER, NoiseModel, PoseDesign, StudySetting
+from wrenchbed.studies.medrue.setting import (
+    MINI40,
+    PAPER,
+    NoiseModel,
+    PoseDesign,
+    StudySetting,
+    position_errors,
+)
 
-_DRAWS = 4000
 INDICES = ("O1", "O2", "O3", "O4", "O5")
 AGAIN = "O1 again"
 """The same poses with another draw of noise."""
 
 
-def truth(setting: StudySetting) -> np.ndarray:
-    """Parameters (P,) of Table 1's robot."""
+def of_table_1(setting: StudySetting, values: Mapping[str, float]) -> np.ndarray:
+    """Parameters (P,) of a column of Table 1, `ACTUAL` or `NOISY`."""
     theta = setting.theta.copy()
     for c, unit in zip(setting.columns, setting.units, strict=True):
-        theta[c] = published.ACTUAL[setting.model.parameters.names[c]] * unit
-    return theta
-
-
-def printed(setting: StudySetting) -> np.ndarray:
-    """Parameters (P,) that Table 1 prints as identified with measurement errors."""
-    theta = setting.theta.copy()
-    for c, unit in zip(setting.columns, setting.units, strict=True):
-        theta[c] = published.NOISY[setting.model.parameters.names[c]] * unit
+        theta[c] = values[setting.model.parameters.names[c]] * unit
     return theta
 
 
@@ -65,7 +63,7 @@ class OneRobot:
 
 def study(setting: StudySetting, designs: dict[str, PoseDesign], seed: int) -> OneRobot:
     """Identify without noise, with the certificate's, and with ±1 N by each design."""
-    theta = truth(setting)
+    theta = of_table_1(setting, published.ACTUAL)
     simulation = Simulation(setting.robot, setting.robot.robot_theta(theta))
     true = {"target": simulation.tip(setting.target), "whole": simulation.tip(setting.q)}
     rng = np.random.default_rng([seed, 10_000])
@@ -73,15 +71,14 @@ def study(setting: StudySetting, designs: dict[str, PoseDesign], seed: int) -> O
     def measured(name: str, noise: NoiseModel | None) -> tuple[np.ndarray, np.ndarray]:
         q = setting.q[designs[name].chosen]
         wrench = simulation.wrench(q)
-        return q, wrench if noise is None else wrench + rng.standard_normal(
-            wrench.shape
-        ) * noise.std
+        if noise is not None:
+            wrench = wrench + rng.standard_normal(wrench.shape) * noise.std
+        return q, wrench
 
     def errors(at: np.ndarray) -> dict[str, np.ndarray]:
-        places = {"target": setting.target, "whole": setting.q}
         return {
             k: np.linalg.norm(predict(setting, q, at)[1] - true[k], axis=1)
-            for k, q in places.items()
+            for k, q in (("target", setting.target), ("whole", setting.q))
         }
 
     exact = as_the_paper(setting, *measured("O1", None))
@@ -90,7 +87,7 @@ def study(setting: StudySetting, designs: dict[str, PoseDesign], seed: int) -> O
     after[AGAIN] = errors(as_the_paper(setting, *measured("O1", PAPER)).theta)
     judge = Judge(setting, theta, simulation)
     rows = judge.rows(setting.theta, method="before")
-    rows += judge.rows(printed(setting), method="printed")
+    rows += judge.rows(of_table_1(setting, published.NOISY), method="printed")
     return OneRobot(
         theta, exact, real, errors(setting.theta), errors(exact.theta), errors(real.theta), after,
         rows,
@@ -119,15 +116,13 @@ def _table1(setting: StudySetting, designs: dict[str, PoseDesign], one: OneRobot
         given = unit
         if kind == "g":
             unit = 1e-3 * unit
-        rows.append(
-            (
-                f"{name} [{kind}]", f"{setting.theta[c] / unit:.3f}", f"{one.theta[c] / unit:.3f}",
-                f"{(one.exact.theta[c] - one.theta[c]) / unit:.0e}",
-                f"{(one.real.theta[c] - one.theta[c]) / unit:+.3f}",
-                f"{(published.NOISY[name] - published.ACTUAL[name]) * given / unit:+.3f}",
-                f"{std[MINI40][k] / unit:.3f}", f"{std[PAPER][k] / unit:.3f}",
-            )
-        )  # fmt: skip
+        printed = (published.NOISY[name] - published.ACTUAL[name]) * given
+        error = one.real.theta[c] - one.theta[c]
+        rows.append((
+            f"{name} [{kind}]", f"{setting.theta[c] / unit:.3f}", f"{one.theta[c] / unit:.3f}",
+            f"{(one.exact.theta[c] - one.theta[c]) / unit:.0e}", f"{error / unit:+.3f}",
+            f"{printed / unit:+.3f}", f"{std[MINI40][k] / unit:.3f}", f"{std[PAPER][k] / unit:.3f}",
+        ))  # fmt: skip
     return Table.of(
         "Table 1: what was identified, and how far off",
         (
@@ -170,11 +165,8 @@ def readings(setting: StudySetting, designs: dict[str, PoseDesign]) -> dict[str,
         plain = (solver * np.tile(noise.std**2, len(chosen))) @ solver.T
         for fit, covariance in (("unweighted", plain), ("weighted", best)):
             part = covariance[np.ix_(kept, kept)] + rounding
-            draws = (
-                rng.standard_normal((_DRAWS, len(covariance))) @ np.linalg.cholesky(covariance).T
-            )
-            found = 1e3 * statistics(setting.goal.errors(draws * setting.units))
-            small = found[:, [0, 2]] <= [published.AFTER["mean"], published.AFTER["std"]]
+            errors = 1e3 * position_errors(setting, covariance, rng)
+            small = errors[:, [0, 2]] <= [published.AFTER["mean"], published.AFTER["std"]]
             result[f"{noise.name}, {fit}"] = MeasuredRobot(
                 chi_square=float(off @ np.linalg.solve(part, off)),
                 mean=float(small[:, 0].mean()),
@@ -207,11 +199,20 @@ def _fit_of_noise(setting: StudySetting, designs: dict[str, PoseDesign]) -> Tabl
 
 
 def _figures(setting: StudySetting, one: OneRobot) -> tuple[Figure, ...]:
-    robot, own = setting.robot, setting.robot.robot_theta(setting.theta)
+    robot, theta = setting.robot, setting.robot.robot_theta(setting.theta)
     some = np.linspace(0, len(setting.q) - 1, 2500).astype(int)
-    pool, target = (robot.tool_pose(q, own)[1] for q in (setting.q[some], setting.target))
-    mm = {k: 1e3 * v for k, v in one.before.items()}
+    pool, target = (robot.tool_pose(q, theta)[1] for q in (setting.q[some], setting.target))
     paper, real = one.after["O1"], one.real_errors
+    before_and_after = {
+        "before": one.before["whole"],
+        "after, ±1 N as 3σ": paper["whole"],
+        "after, certificate": real["whole"],
+    }
+    after = {"±1 N as 3σ, unweighted": paper["target"], "certificate, weighted": real["target"]}
+
+    def panels(errors: Mapping[str, np.ndarray]) -> str:
+        return histograms({k: {"": 1e3 * v} for k, v in errors.items()}, "position error [mm]")
+
     return (
         Figure(
             "figure6", "Figure 6: configurations over the whole workspace and in the target",
@@ -219,23 +220,10 @@ def _figures(setting: StudySetting, one: OneRobot) -> tuple[Figure, ...]:
         ),
         Figure(
             "figure7", "Figure 7: position errors in the whole workspace before and after",
-            histograms(
-                {
-                    "before": {"": mm["whole"]},
-                    "after, ±1 N as 3σ": {"": 1e3 * paper["whole"]},
-                    "after, certificate": {"": 1e3 * real["whole"]},
-                },
-                "position error [mm]",
-            ),
+            panels(before_and_after),
         ),
         Figure(
             "figure8", "Figure 8: position errors in the target after calibration",
-            histograms(
-                {
-                    "±1 N as 3σ, unweighted": {"": 1e3 * paper["target"]},
-                    "certificate, weighted": {"": 1e3 * real["target"]},
-                },
-                "position error [mm]",
-            ),
+            panels(after),
         ),
     )  # fmt: skip

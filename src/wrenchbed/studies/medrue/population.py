@@ -1,10 +1,9 @@
-"""What many random robots show: Tables 2–6 with their spread, and indices compared fairly."""
+"""Tables 2–6 over many random robots, with their spread; indices compared by paired tests."""
 
 from itertools import combinations
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.compute as pc
 from scipy import stats
 
 from wrenchbed.jobs.parts import Row
@@ -15,16 +14,19 @@ from wrenchbed.studies.medrue.one_robot import AGAIN, INDICES, OneRobot
 from wrenchbed.studies.medrue.setting import LOWER, MINI40, PAPER
 
 _ALPHA = 0.05
+"""Of simultaneous intervals."""
+_THREE = ("mean", "max", "std")
+_DESIGNS = (*INDICES, "target", "random")
 _SCALE = {"position": 1e3, "force": 1.0, "torque": 1.0}
 
 
-def column(table: pa.Table, name: str, **where: str) -> np.ndarray:
-    """A column (robots,) of the rows with some labels, in the order of the robots."""
-    keep = None
-    for key, value in where.items():
-        test = pc.equal(table[key], value)
-        keep = test if keep is None else pc.and_(keep, test)
-    rows = table.filter(keep).sort_by("robot")
+def column(
+    table: pa.Table, name: str, *, quantity: str = "position", place: str = "target", **where: str
+) -> np.ndarray:
+    """A column (robots,) of the rows with these labels, in the order of the robots."""
+    labels = {"quantity": quantity, "workspace": place, **where}
+    keep = np.logical_and.reduce([table[k].to_numpy() == v for k, v in labels.items()])
+    rows = table.filter(pa.array(keep)).sort_by("robot")
     return np.asarray(rows[name].to_numpy(zero_copy_only=False), dtype=float)
 
 
@@ -41,24 +43,24 @@ def section(table: pa.Table, one: OneRobot) -> Section:
     )  # fmt: skip
 
 
-def _printed(one: OneRobot, **where: str) -> dict[str, Row]:
+def _printed(one: OneRobot, quantity: str, place: str) -> dict[str, Row]:
     """Rows of Table 1's robot: before, and with the column that the paper prints."""
-    rows = [r for r in one.printed if all(r[k] == v for k, v in where.items())]
+    rows = [r for r in one.printed if (r["quantity"], r["workspace"]) == (quantity, place)]
     return {str(r["method"]): r for r in rows}
 
 
 def _improvements(table: pa.Table, one: OneRobot) -> Table:
     rows = []
     for (quantity, place), printed in setting.IMPROVEMENT.items():
-        common = {"quantity": quantity, "workspace": place}
-        for statistic, paper in zip(("mean", "max", "std"), printed, strict=True):
-            before = column(table, statistic, method="before", **common)
-            told = _printed(one, **common)
-            cells = [f"{100 * (1 - told['printed'][statistic] / told['before'][statistic]):.2f}"]
+        of = {"quantity": quantity, "place": place}
+        evaluated = _printed(one, **of)
+        for statistic, paper in zip(_THREE, printed, strict=True):
+            before = column(table, statistic, method="before", **of)
+            share = evaluated["printed"][statistic] / evaluated["before"][statistic]
+            cells = [f"{100 * (1 - share):.2f}"]
             for noise, method in ((PAPER, "paper"), (MINI40, "paper"), (MINI40, "weighted")):
-                after = column(
-                    table, statistic, design="O1", noise=noise.name, method=method, **common
-                )
+                labels = {"design": "O1", "noise": noise.name, "method": method}
+                after = column(table, statistic, **of, **labels)
                 cells.append(f"{100 * np.nanmedian(1 - after / before):.2f}")
             rows.append((f"{quantity}, {place}, {statistic}", f"{paper:.2f}", *cells))
     return Table.of(
@@ -67,49 +69,34 @@ def _improvements(table: pa.Table, one: OneRobot) -> Table:
          "certificate, unweighted", "certificate, weighted"),
         rows,
         "Evaluated: the nominal, actual and noisy columns of its Table 1 put into the model. The "
-        f"printed mean position over the whole workspace follows from them ({_told(rows, 12)}); "
-        f"the printed mean force does not ({_told(rows, 0)}).",
+        "printed mean position over the whole workspace follows from them "
+        f"({_compared(rows, 12)}); the printed mean force does not ({_compared(rows, 0)}).",
     )  # fmt: skip
 
 
-def _told(rows: list[tuple[str, ...]], i: int) -> str:
+def _compared(rows: list[tuple[str, ...]], i: int) -> str:
     return f"{rows[i][1]} printed, {rows[i][2]} evaluated"
 
 
 def _positions(table: pa.Table, one: OneRobot) -> Table:
-    rows = []
+    cases = {
+        "before": {"method": "before"},
+        "no noise, unweighted": {"noise": "none", "design": "O1"},
+    }
+    for noise in (PAPER, MINI40):
+        for method, label in (("paper", "unweighted"), ("weighted", "weighted")):
+            labels = {"noise": noise.name, "design": "O1", "method": method}
+            cases[f"{noise.name}, {label}"] = labels
+    rows: list[tuple[object, ...]] = []
     for place in ("target", "whole"):
-        common = {"quantity": "position", "workspace": place}
-        for label, where in (
-            ("before", {"method": "before"}),
-            ("no noise, unweighted", {"noise": "none", "design": "O1"}),
-            (
-                "±1 N as 3σ, 100 averaged, unweighted",
-                {"noise": PAPER.name, "design": "O1", "method": "paper"},
-            ),
-            (
-                "±1 N as 3σ, 100 averaged, weighted",
-                {"noise": PAPER.name, "design": "O1", "method": "weighted"},
-            ),
-            (
-                "certificate as 3σ, 100 averaged, unweighted",
-                {"noise": MINI40.name, "design": "O1", "method": "paper"},
-            ),
-            (
-                "certificate as 3σ, 100 averaged, weighted",
-                {"noise": MINI40.name, "design": "O1", "method": "weighted"},
-            ),
-        ):
-            values = [
-                1e3 * np.nanmedian(column(table, s, **common, **where))
-                for s in ("mean", "max", "std")
-            ]
-            rows.append((f"{place}: {label}", *values))
+        for label, labels in cases.items():
+            values = [column(table, s, place=place, **labels) for s in _THREE]
+            rows.append((f"{place}: {label}", *(1e3 * np.nanmedian(v) for v in values)))
     for place in ("target", "whole"):
-        told = _printed(one, quantity="position", workspace=place)
+        evaluated = _printed(one, "position", place)
         for method, label in (("before", "before"), ("printed", "after")):
-            values = [1e3 * float(told[method][s]) for s in ("mean", "max", "std")]
-            rows.append((f"{place}: its Table 1 evaluated, {label}", *values))
+            numbers = (1e3 * float(evaluated[method][s]) for s in _THREE)
+            rows.append((f"{place}: its Table 1 evaluated, {label}", *numbers))
     after = setting.AFTER
     rows.append(("target: published, before", *setting.BEFORE.values()))
     rows.append(("target: published, after", after["mean"], after["max"], after["std"]))
@@ -121,13 +108,11 @@ def _positions(table: pa.Table, one: OneRobot) -> Table:
 def _by_index(table: pa.Table) -> Table:
     rows = []
     for place in ("target", "whole"):
-        for name in (*INDICES, "target", "random"):
+        for name in _DESIGNS:
+            labels = {"design": name, "noise": PAPER.name, "method": "paper"}
             cells: list[object] = [f"{place}: poses by {_name(name)}"]
             for quantity in ("force", "torque", "position"):
-                values = column(
-                    table, "mean", design=name, noise=PAPER.name, method="paper",
-                    quantity=quantity, workspace=place,
-                )  # fmt: skip
+                values = column(table, "mean", quantity=quantity, place=place, **labels)
                 cells.append(_SCALE[quantity] * np.nanmedian(values))
             spread = 1e3 * np.nanpercentile(values, [5, 95])
             rows.append((*cells, f"{spread[0]:.2f} … {spread[1]:.2f}"))
@@ -143,11 +128,8 @@ def _by_index(table: pa.Table) -> Table:
 
 def _figure(table: pa.Table) -> Figure:
     values = {}
-    for name in (*INDICES, "target", "random"):
-        errors = column(
-            table, "rms", design=name, noise=PAPER.name, method="weighted",
-            quantity="position", workspace="target",
-        )  # fmt: skip
+    for name in _DESIGNS:
+        errors = column(table, "rms", design=name, noise=PAPER.name, method="weighted")
         values[f"poses by {_name(name)}"] = float(1e3 * np.sqrt(np.nanmean(errors**2)))
     return Figure(
         "indices", "Position error in the target by what chose the poses",
@@ -162,32 +144,16 @@ def _one_robot_tests(one: OneRobot) -> Table:
     for name, values in errors.items():
         standard = (values - values.mean()) / values.std()
         k = stats.kstest(standard, "norm")
-        rows.append(
-            (
-                f"Kolmogorov–Smirnov, {name}",
-                "Gaussian",
-                f"D = {k.statistic:.3f}",
-                _p(float(k.pvalue)),
-            )
-        )
+        distance = f"D = {k.statistic:.3f}"
+        rows.append((f"Kolmogorov–Smirnov, {name}", "Gaussian", distance, _p(float(k.pvalue))))
     pairs = list(combinations(("O1", "O2", "O5"), 2))
     for a, b in pairs:
         t = stats.ttest_ind(errors[a], errors[b])
-        rows.append(
-            (
-                f"t-test {a} against {b}", f"t = {setting.T_STATISTIC[a, b]:.4g}",
-                f"t = {t.statistic:.4g}", _p(float(t.pvalue) * len(pairs)),
-            )
-        )  # fmt: skip
+        printed, here = (f"t = {x:.4g}" for x in (setting.T_STATISTIC[a, b], t.statistic))
+        rows.append((f"t-test {a} against {b}", printed, here, _p(float(t.pvalue) * len(pairs))))
     same = stats.ttest_ind(errors["O1"], 1e3 * one.after[AGAIN]["whole"])
-    rows.append(
-        (
-            "t-test O1 against O1, other noise",
-            "",
-            f"t = {same.statistic:.4g}",
-            _p(float(same.pvalue)),
-        )
-    )
+    here = f"t = {same.statistic:.4g}"
+    rows.append(("t-test O1 against O1, other noise", "", here, _p(float(same.pvalue))))
     return Table.of(
         "Table 5 as the paper computes it: one robot, every configuration a sample",
         ("test", "published", "here", "p (Bonferroni for t)"),
@@ -200,21 +166,14 @@ def _one_robot_tests(one: OneRobot) -> Table:
 
 def _robot_tests(table: pa.Table) -> Table:
     errors = {
-        name: 1e3 * column(
-            table, "mean", design=name, noise=PAPER.name, method="paper",
-            quantity="position", workspace="target",
-        )
+        name: 1e3 * column(table, "mean", design=name, noise=PAPER.name, method="paper")
         for name in (*INDICES, "random")
-    }  # fmt: skip
+    }
     good = np.isfinite(np.stack(list(errors.values()))).all(axis=0)
     errors = {k: v[good] for k, v in errors.items()}
     friedman = stats.friedmanchisquare(*(errors[i] for i in INDICES))
-    rows: list[tuple[object, ...]] = [
-        (
-            "Friedman test over five indices", f"χ² = {friedman.statistic:.3g}",
-            _p(float(friedman.pvalue)), "",
-        )
-    ]  # fmt: skip
+    p, statistic = _p(float(friedman.pvalue)), f"χ² = {friedman.statistic:.3g}"
+    rows: list[tuple[object, ...]] = [("Friedman test over five indices", statistic, p, "")]
     pairs = [*combinations(INDICES, 2), ("O1", "random")]
     for a, b in pairs:
         t = stats.ttest_rel(errors[a], errors[b])
@@ -238,12 +197,9 @@ def _name(design: str) -> str:
 def _by_level(table: pa.Table) -> Table:
     rows = []
     for noise in (PAPER, *LOWER):
-        where = {"design": "O1", "noise": noise.name, "quantity": "position", "workspace": "target"}
-        values = [
-            1e3 * np.nanmedian(column(table, s, method="paper", **where))
-            for s in ("mean", "max", "std")
-        ]
-        bound = column(table, "bound", method="paper", **where)
+        labels = {"design": "O1", "noise": noise.name, "method": "paper"}
+        values = [1e3 * np.nanmedian(column(table, s, **labels)) for s in _THREE]
+        bound = column(table, "bound", **labels)
         rows.append((noise.name, *values, 1e3 * float(np.sqrt(np.mean(bound**2)))))
     return Table.of(
         "Table 6: position errors in the target by level of noise [mm]",

@@ -1,4 +1,4 @@
-"""The whole study of MedRUE, from pool to page."""
+"""The study of MedRUE, from the pool of configurations to the page."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -24,10 +24,17 @@ from wrenchbed.studies.medrue.setting import (
 )
 
 POOL = 40_000
+"""Configurations."""
 ROBOTS = {False: 200, True: 8}
+"""Random robots, in full and with --quick; likewise below."""
 CONFIRM = {False: 50, True: 4}
+"""Robots that run the plan."""
 STARTS = {False: 3, True: 1}
+"""Starting points of each exchange."""
+ROBOTS_ALL_WRONG = {False: beyond.ROBOTS, True: 10}
+"""Robots with errors in all parameters."""
 _FIXED = 1 + 6 + 2 + limits.STEPS + 2
+"""Steps that do not depend on the numbers of robots."""
 TITLE = "MedRUE calibrated by its own force sensor: Sensors 2016, 16, 798, reproduced"
 
 
@@ -48,8 +55,8 @@ def run(folder: Path, quick: bool, robots: int | None, seed: int, report: Progre
     setting = prepare(POOL, seed)
     step("pool and Jacobians")
     chosen = designs(setting, seed, STARTS[quick], step)
-    truth = one_robot.truth(setting)
-    told = identifiability.examine(setting, chosen["O1"].chosen, truth)
+    actual = one_robot.of_table_1(setting, published.ACTUAL)
+    identifiable = identifiability.examine(setting, chosen["O1"].chosen, actual)
     step("rank and redundancies")
     one = one_robot.study(setting, chosen, seed)
     step("the paper's robot")
@@ -74,12 +81,12 @@ def run(folder: Path, quick: bool, robots: int | None, seed: int, report: Progre
         lambda n, _="": report(n, "robots that run the plan"),
     )  # fmt: skip
     write_table(folder / "confirmed.parquet", confirmed)
-    summary = _summary(setting, chosen, told, one, table, wrong, confirmed)
+    summary = _summary(setting, chosen, identifiable, one, table, wrong, confirmed)
     return Document(
         TITLE,
         _lead(summary),
         (
-            identifiability.section(setting, told, chosen),
+            identifiability.section(setting, identifiable, chosen),
             one_robot.section(setting, chosen, one),
             population.section(table, one),
             limit,
@@ -91,13 +98,10 @@ def run(folder: Path, quick: bool, robots: int | None, seed: int, report: Progre
     )
 
 
-ROBOTS_ALL_WRONG = {False: beyond.ROBOTS, True: 10}
-
-
 def _summary(
     setting: StudySetting,
     chosen: dict[str, PoseDesign],
-    told: identifiability.Identifiable,
+    identifiable: identifiability.Identifiable,
     one: one_robot.OneRobot,
     table: pa.Table,
     wrong: beyond.AllWrong,
@@ -109,16 +113,16 @@ def _summary(
     attained = {n.name: 1e3 * limits.attained(table, n, "weighted") for n in (PAPER, MINI40)}
     efficient = {}
     for noise in (PAPER, MINI40):
-        _, found, limit = limits.efficiency(table, noise)
-        efficient[noise.name] = found / limit
+        _, attained_rms, bound = limits.efficiency(table, noise)
+        efficient[noise.name] = attained_rms / bound
     after = 1e3 * confirmed["after"].to_numpy()
     return {
-        "rank": told.observability.rank,
-        "ranks": told.ranks,
-        "no_effect": list(told.observability.no_effect),
+        "rank": identifiable.observability.rank,
+        "ranks": identifiable.ranks,
+        "no_effect": list(identifiable.observability.no_effect),
         "redundancies": [
             {"parameters": list(r.names), "direction": list(r.direction), "sentence": r.sentence}
-            for r in told.observability.redundancies
+            for r in identifiable.observability.redundancies
         ],
         "bound_mm": bounds["O1"],
         "bound_mm_best": 1e3 / np.sqrt(target.bound) if target else None,

@@ -1,8 +1,6 @@
-"""What the whole study of MedRUE shares: pool, target, Jacobians, and the designs compared.
+"""The setting of the study of MedRUE: published figures, noise, pool, target, designs.
 
-Figures that the paper prints: Joubair et al. 2016, doi 10.3390/s16060798.
-
-What the paper's words may mean as measurement noise.
+The paper is Joubair et al. 2016, doi 10.3390/s16060798.
 """
 
 from collections.abc import Callable
@@ -11,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wrenchbed import registry
-from wrenchbed.calibration.accuracy import Goal, tip_jacobian
+from wrenchbed.calibration.accuracy import Goal, statistics, tip_jacobian
 from wrenchbed.planning.certificate import Certificate, certify, rounded
 from wrenchbed.planning.criteria import INDICES, Criterion, i_optimality
 from wrenchbed.planning.exchange import Pool, Selection, exchange
@@ -55,6 +53,7 @@ IMPROVEMENT = {
 T_STATISTIC = {("O1", "O2"): -655.874, ("O1", "O5"): -304.773, ("O2", "O5"): 421.3063}
 """Table 5."""
 ITERATIONS = 5
+"""Of its Newton steps without noise."""
 
 
 def rms_after() -> float:
@@ -105,12 +104,15 @@ LOWER = tuple(
 READINGS = (PAPER, PLAIN, WIDE, WIDE_PLAIN, MINI40, MINI40_PLAIN)
 
 
+DRAWS = 4000
+"""Random estimates that expected errors are computed from."""
 CONFIGURATIONS = 100
 """For identification, the paper's number."""
 UNITS = {"m": 1e-3, "rad": np.pi / 180, "kg": 1.0}
 """The paper's table: mm, degrees, and kg (its g is a slip)."""
 
-Tell = Callable[[str], None]
+Report = Callable[[str], None]
+"""Called with the name of each finished step."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,6 +183,18 @@ def prepare(
     return StudySetting(robot, model, columns, units, q, jacobian, target, goal)
 
 
+def position_errors(
+    setting: StudySetting, covariance: np.ndarray, rng: np.random.Generator
+) -> np.ndarray:
+    """Statistics (`DRAWS`, 4) of errors [m] in the target, of random estimates.
+
+    Args:
+        covariance: of the estimates (27, 27) in the paper's units.
+    """
+    draws = rng.standard_normal((DRAWS, len(covariance))) @ np.linalg.cholesky(covariance).T
+    return np.asarray(statistics(setting.goal.errors(draws * setting.units)))
+
+
 @dataclass(frozen=True, eq=False)
 class PoseDesign:
     """100 chosen configurations and how near the best possible they are certified to be."""
@@ -192,32 +206,31 @@ class PoseDesign:
     history: tuple[float, ...] = ()
 
 
-def designs(setting: StudySetting, seed: int, starts: int, tell: Tell) -> dict[str, PoseDesign]:
+def designs(setting: StudySetting, seed: int, starts: int, report: Report) -> dict[str, PoseDesign]:
     """By O1 … O5 in the paper's units, by the target's position error, and at random."""
     table = Pool(setting.in_table_units)
     result = {}
     for criterion in INDICES.values():
         result[criterion.name] = _best(table, criterion, seed, starts)
-        tell(f"poses by {criterion.name}")
+        report(f"poses by {criterion.name}")
     scaled = Pool(setting.whitened(PAPER.std) * setting.units)
     weight = setting.goal.weight * np.outer(setting.units, setting.units)
     result["target"] = _best(scaled, i_optimality(weight), seed, starts, "target")
-    tell("poses by target error")
+    report("poses by target error")
     random = np.random.default_rng(seed).choice(len(setting.q), CONFIGURATIONS, replace=False)
     result["random"] = PoseDesign("random", np.sort(random), np.nan, None)
     return result
 
 
 def _best(pool: Pool, criterion: Criterion, seed: int, starts: int, name: str = "") -> PoseDesign:
-    found = [exchange(pool, criterion, CONFIGURATIONS, seed=seed + k) for k in range(starts)]
-    best: Selection = max(found, key=lambda s: s.value)
+    runs = [exchange(pool, criterion, CONFIGURATIONS, seed=seed + k) for k in range(starts)]
+    best: Selection = max(runs, key=lambda s: s.value)
     certificate = None
     if criterion.power is not None and criterion.smooth:
         certificate = certify(pool, criterion, CONFIGURATIONS, best.chosen)
-        begin = rounded(certificate, CONFIGURATIONS)
-        more = np.setdiff1d(best.chosen, begin)[: CONFIGURATIONS - len(begin)]
-        polished = exchange(pool, criterion, CONFIGURATIONS, start=np.concatenate([begin, more]))
+        continuous = rounded(certificate, CONFIGURATIONS)
+        more = np.setdiff1d(best.chosen, continuous)[: CONFIGURATIONS - len(continuous)]
+        initial = np.concatenate([continuous, more])
+        polished = exchange(pool, criterion, CONFIGURATIONS, start=initial)
         best = max((best, polished), key=lambda s: s.value)
-    return PoseDesign(
-        name or criterion.name, best.chosen, best.value, certificate, found[0].history
-    )
+    return PoseDesign(name or criterion.name, best.chosen, best.value, certificate, runs[0].history)

@@ -1,4 +1,4 @@
-"""The whole study of the installation error, from poses to page."""
+"""The study of the installation error, from poses to the page."""
 
 from pathlib import Path
 
@@ -13,14 +13,13 @@ from wrenchbed.jobs.progress import Progress
 from wrenchbed.pages.document import Document, Figure, Section, Table
 from wrenchbed.pages.plots import components, groups
 from wrenchbed.robots.ur5 import UR5
-from wrenchbed.studies.ur5 import scene as published
-from wrenchbed.studies.ur5 import scene as table1
-from wrenchbed.studies.ur5 import trial
+from wrenchbed.studies.ur5 import scene, trial
 from wrenchbed.studies.ur5.scene import DIRECTIONS, RATE_HZ, SAMPLES, SCENARIOS
 from wrenchbed.studies.ur5.trial import FREE, ORDER, Trial
 
 TITLE = "Installation error of a force sensor on a UR5: four methods compared"
 REPEATS = {False: 20, True: 3}
+"""Repetitions, in full and with --quick."""
 _COMPARED = ("Method 1", "Method 2", "Method 3", "joint fit")
 
 
@@ -49,7 +48,7 @@ def run(folder: Path, quick: bool, robots: int | None, seed: int, report: Progre
     worst = trial.run(SCENARIOS[-1], 1000 * seed)
     report(1, SCENARIOS[-1].name)
     robot: UR5 = registry.load("robots", "ur5")
-    off = table1.distance(robot, seed)
+    off = scene.distance(robot, seed)
     summary = _summary(first, table)
     return Document(
         TITLE,
@@ -107,22 +106,17 @@ def overall(table: pa.Table, scenario: str, method: str, what: str) -> float:
 
 def _direction(one: Trial, direction: str) -> Table:
     rows = []
-    found = {r["method"]: r for r in one.rows() if r["direction"] == direction}
-    for method in ORDER:
-        if method in published.METHODS:
-            k = published.METHODS.index(method)
-            printed = (published.FORCE[direction][k], published.TORQUE[direction][k])
-        else:
-            printed = (np.nan, np.nan)
-        r = found[method]
-        rows.append(
-            (
-                method, *printed, r["force"], r["torque"], r["force_std"], r["torque_std"],
-                r["ignored"],
-            )
-        )  # fmt: skip
+    for row in one.rows():
+        if row["direction"] != direction:
+            continue
+        method, printed = row["method"], (np.nan, np.nan)
+        if method in scene.METHODS:
+            k = scene.METHODS.index(method)
+            printed = (scene.FORCE[direction][k], scene.TORQUE[direction][k])
+        names = ("force", "torque", "force_std", "torque_std", "ignored")
+        rows.append((method, *printed, *(row[n] for n in names)))
     return Table.of(
-        f"Table {published.TABLE[direction]}: tool {direction}",
+        f"Table {scene.TABLE[direction]}: tool {direction}",
         (
             "method", "printed force [N]", "printed torque [N·m]", "force [N]", "torque [N·m]",
             "std force [N]", "std torque [N·m]", "ignores [N]",
@@ -135,28 +129,16 @@ def _figures(one: Trial) -> tuple[Figure, ...]:
     figures = []
     for i, direction in enumerate(DIRECTIONS):
         keep = one.direction == direction
-        left = {m: one.residual[m][keep] for m in _COMPARED}
-        figures.append(
-            Figure(
-                f"figure{8 + 2 * i}",
-                f"Figure {8 + 2 * i}, tool {direction}: what each method leaves, on its own scale",
-                components(left),
-            )
-        )  # fmt: skip
-        deviation = {m: (v[:, :3].std(axis=0, ddof=1), v[:, 3:].std(axis=0, ddof=1))
-                     for m, v in left.items()}  # fmt: skip
-        figures.append(
-            Figure(
-                f"figure{9 + 2 * i}", f"Figure {9 + 2 * i}, tool {direction}: standard deviations",
-                groups(
-                    {
-                        "force": ("std [N]", {m: v[0].tolist() for m, v in deviation.items()}),
-                        "torque": ("std [N·m]", {m: v[1].tolist() for m, v in deviation.items()}),
-                    },
-                    ("x", "y", "z"),
-                ),
-            )
-        )  # fmt: skip
+        residual = {m: one.residual[m][keep] for m in _COMPARED}
+        std = {m: r.std(axis=0, ddof=1).tolist() for m, r in residual.items()}
+        panels = {
+            "force": ("std [N]", {m: s[:3] for m, s in std.items()}),
+            "torque": ("std [N·m]", {m: s[3:] for m, s in std.items()}),
+        }
+        left = f"Figure {8 + 2 * i}, tool {direction}: what each method leaves, on its own scale"
+        spread = f"Figure {9 + 2 * i}, tool {direction}: standard deviations"
+        figures.append(Figure(f"figure{8 + 2 * i}", left, components(residual)))
+        figures.append(Figure(f"figure{9 + 2 * i}", spread, groups(panels, ("x", "y", "z"))))
     return tuple(figures)
 
 
@@ -178,13 +160,8 @@ def _fit_table(worst: Trial) -> Table:
     for p in worst.fit.identified:
         factor, unit = {"m": (1e3, "mm"), "rad": (180 / np.pi, "°")}.get(p.unit, (1.0, p.unit))
         std = p.std or np.nan
-        rows.append(
-            (
-                f"{p.name} [{unit}]", f"{factor * p.nominal:.4f}", f"{factor * p.value:.4f}",
-                f"{factor * std:.4f}", f"{factor * truth[p.name]:.4f}",
-                f"{(p.value - truth[p.name]) / std:+.1f}",
-            )
-        )  # fmt: skip
+        numbers = (f"{factor * x:.4f}" for x in (p.nominal, p.value, std, truth[p.name]))
+        rows.append((f"{p.name} [{unit}]", *numbers, f"{(p.value - truth[p.name]) / std:+.1f}"))
     return Table.of(
         "The joint fit when everything is wrong at once",
         ("parameter", "stated", "fitted", "± std", "true", "off [std]"),
@@ -195,22 +172,19 @@ def _fit_table(worst: Trial) -> Table:
 
 
 def _summary(first: Trial, table: pa.Table) -> dict[str, object]:
-    told = first.fit.observability
+    observed, rows = first.fit.observability, first.rows()
+    by_direction = {
+        what: {d: {r["method"]: r[what] for r in rows if r["direction"] == d} for d in DIRECTIONS}
+        for what in ("force", "torque")
+    }
     return {
-        "rank": told.rank,
+        "rank": observed.rank,
         "redundancies": [
             {"parameters": list(r.names), "direction": list(r.direction), "sentence": r.sentence}
-            for r in told.redundancies
+            for r in observed.redundancies
         ],
         "bound_mm": 1e3 * _bound(first),
-        "force": {
-            d: {r["method"]: r["force"] for r in first.rows() if r["direction"] == d}
-            for d in DIRECTIONS
-        },
-        "torque": {
-            d: {r["method"]: r["torque"] for r in first.rows() if r["direction"] == d}
-            for d in DIRECTIONS
-        },
+        **by_direction,
         "scenarios": {
             s.name: {m: overall(table, s.name, m, "force") for m in ORDER} for s in SCENARIOS
         },

@@ -1,9 +1,8 @@
-"""The simulated UR5 of the study: what is true, what is stated, and recordings from MuJoCo.
+"""The scene of the UR5 study: published figures, the simulated robot, recordings from MuJoCo.
 
-What the article prints: "Calculation of Installation Error for Six-Axis Force Sensors in Robotic
-Applications", Tables 1 to 6; it names no author and no DOI.
-
-The article's Denavit–Hartenberg table, read literally, against the manufacturer's.
+The article is "Calculation of Installation Error for Six-Axis Force Sensors in Robotic
+Applications", Tables 1 to 6; it names no author and no DOI. Its Denavit–Hartenberg table is
+compared with the manufacturer's.
 """
 
 from collections.abc import Mapping
@@ -43,6 +42,7 @@ ALPHA = np.array([0.0, np.pi / 2, 0.0, 0.0, np.pi / 2, -np.pi / 2])
 
 
 RATE_HZ, SAMPLES, MOVE_S = 100.0, 100, 3.0
+"""Rows per second and per pose, and the time between poses [s]."""
 INSTALLATION = {
     "sensor.bias.fx": 2.1, "sensor.bias.fy": -3.4, "sensor.bias.fz": 6.2,
     "sensor.bias.tx": 0.21, "sensor.bias.ty": -0.36, "sensor.bias.tz": 0.14,
@@ -129,8 +129,8 @@ class StudyScene:
         simulation = Simulation(self.model.robot, self.theta[:own], self.model.gravity)  # type: ignore[arg-type]
         exact = self.model.read(simulation.wrench(q), self.theta)
         n = len(q)
-        start = np.arange(n) * (SAMPLES / RATE_HZ + MOVE_S)
-        t = (start[:, None] + np.arange(SAMPLES) / RATE_HZ).ravel()
+        first = np.arange(n) * (SAMPLES / RATE_HZ + MOVE_S)
+        t = (first[:, None] + np.arange(SAMPLES) / RATE_HZ).ravel()
         segment = np.repeat(np.arange(n), SAMPLES)
         reading, status = NoiseStream(self.noise, self.seed).corrupt(t, exact[segment])
         columns: dict[str, np.ndarray] = {"t": t, "segment": segment, "status": status}
@@ -151,9 +151,9 @@ def flange(robot: UR5, q: np.ndarray) -> np.ndarray:
     d = np.array([p[f"d{i}"] for i in range(1, 7)])
     rotation, position = np.eye(3), np.zeros(3)
     for i in range(6):
-        turn = rot_z(q[:, i])
-        position = position + (rotation @ turn @ np.array([a[i], 0.0, d[i]]))
-        rotation = rotation @ turn @ rot_x(ALPHA[i])
+        rotation = rotation @ rot_z(q[:, i])
+        position = position + (rotation @ np.array([a[i], 0.0, d[i]]))
+        rotation = rotation @ rot_x(ALPHA[i])
     return position
 
 

@@ -1,12 +1,8 @@
-"""One scenario from campaign to residuals: every method on the same recording.
+"""One scenario: every method is fitted to the same recording and judged at other poses.
 
-Poses of the UR5 with its tool pointing right, up, backward, down and left.
-
-Four ways to tell contact from everything else that loads the sensor.
-
-D_s = D_TG(θ) + D_SG(θ) + D_I + D_O: the reading is the tool's weight, the sensor's own, the
-installation error and the external load. Each method is fitted to one recording and then predicts
-the reading without external load anywhere.
+The tool points right, up, backward, down and left. The reading is D_s = D_TG(θ) + D_SG(θ) + D_I +
+D_O: the tool's weight, the sensor's own, the installation error and the external load. Each method
+predicts the reading without external load.
 """
 
 from collections.abc import Callable
@@ -30,7 +26,9 @@ _AXES = {
 }  # fmt: skip
 """Where the tool's z points in the robot's base, whose x looks forward."""
 _LOW, _HIGH = np.array([-0.6, -0.6, 0.25]), np.array([0.6, 0.6, 0.8])
+"""Box of the tool's positions [m]."""
 _TRIES = 5000
+"""Random positions before giving up."""
 
 
 def poses(
@@ -47,17 +45,17 @@ def poses(
     z = np.array(_AXES[direction])
     x = np.array([0.0, 0.0, 1.0]) if abs(z[2]) < 0.5 else np.array([1.0, 0.0, 0.0])
     facing = np.stack([x, np.cross(z, x), z], axis=-1)
-    found: list[np.ndarray] = []
+    chosen: list[np.ndarray] = []
     for _ in range(_TRIES):
-        turn = rot_z(rng.uniform(-np.pi, np.pi) if roll is None else roll)
-        ways = robot.inverse(facing @ turn, rng.uniform(_LOW, _HIGH))
-        if len(ways):
-            ways = ways[robot.clear(ways)]
-        if len(ways):
-            found.append(ways[rng.integers(len(ways))])
-        if len(found) == n:
-            return np.array(found)
-    raise PlanError(f"only {len(found)} of {n} positions with the tool {direction} are reachable")
+        about = rot_z(rng.uniform(-np.pi, np.pi) if roll is None else roll)
+        solutions = robot.inverse(facing @ about, rng.uniform(_LOW, _HIGH))
+        if len(solutions):
+            solutions = solutions[robot.clear(solutions)]
+        if len(solutions):
+            chosen.append(solutions[rng.integers(len(solutions))])
+        if len(chosen) == n:
+            return np.array(chosen)
+    raise PlanError(f"only {len(chosen)} of {n} positions with the tool {direction} are reachable")
 
 
 Predictor = Callable[[np.ndarray], np.ndarray]
@@ -89,7 +87,7 @@ def tool_gravity(scene: StudyScene) -> Predictor:
 
 
 def tare(reference: np.ndarray) -> Predictor:
-    """Method 3 as we read it: what the sensor showed at a reference pose (6,) is taken for zero."""
+    """Method 3 as we read it: the reading at a reference pose (6,) is taken for zero."""
     return lambda q: np.repeat(reference[None], len(q), axis=0)
 
 
@@ -157,10 +155,10 @@ class Trial:
     def rows(self) -> list[Row]:
         """One row a method and direction, SI; ``ignored`` is NaN where a method ignores nothing."""
         rows = []
-        for method, left in self.residual.items():
+        for method, residual in self.residual.items():
             for direction in DIRECTIONS:
                 here = self.direction == direction
-                force, torque = (np.linalg.norm(left[here][:, k], axis=1) for k in _HALVES)
+                force, torque = (np.linalg.norm(residual[here][:, k], axis=1) for k in _HALVES)
                 out = self.ignored.get(method)
                 missing = np.nan if out is None else np.linalg.norm(out[here], axis=1).mean()
                 rows.append(
