@@ -23,7 +23,7 @@ def straight(start: np.ndarray, end: np.ndarray) -> np.ndarray:
 
 def duration(robot: Robot, start: np.ndarray, end: np.ndarray, share: float = SPEED_SHARE) -> float:
     """Time of a minimum-jerk move whose fastest joint uses its share of top speed [s]."""
-    speed = np.array([j.speed for j in robot.joints]) * share
+    speed = top_speeds(robot) * share
     return max(0.2, float(np.max(_PEAK * np.abs(np.asarray(end) - start) / speed)))
 
 
@@ -47,14 +47,23 @@ def check_motion(robot: Robot, targets: np.ndarray, rate: float, where: str) -> 
     """
     robot.check(targets, robot.parameters.nominal, where)
     speed = np.abs(np.diff(targets, axis=0)) * rate
-    top = np.array([j.speed for j in robot.joints])
+    top = top_speeds(robot)
     if (speed > top).any():
-        row, joint = (int(k[0]) for k in np.nonzero(speed > top))
-        unit = robot.joints[joint].unit
-        raise PlanError(
-            f"{where}: row {row + 1}: {robot.joints[joint].name} would move at "
-            f"{speed[row, joint]:.3g} {unit}/s, its limit is {top[joint]:.3g} {unit}/s"
-        )
+        row, j = (int(k[0]) for k in np.nonzero(speed > top))
+        raise PlanError(f"{where}: row {row + 1}: {_too_fast(robot, j, speed[row, j], top[j])}")
+
+
+def top_speeds(robot: Robot) -> np.ndarray:
+    """Of each joint (J,) [unit/s]."""
+    return np.array([j.speed for j in robot.joints])
+
+
+def _too_fast(robot: Robot, j: int, speed: float, limit: float) -> str:
+    joint = robot.joints[j]
+    return (
+        f"{joint.name} would move at {speed:.3g} {joint.unit}/s, "
+        f"its limit is {limit:.3g} {joint.unit}/s"
+    )
 
 
 @dataclass(frozen=True)
@@ -114,7 +123,7 @@ class Limits:
             PlanError: names the fastest joint.
         """
         speed = peak_speed(targets, rate)
-        top = np.array([j.speed for j in robot.joints])
+        top = top_speeds(robot)
         j = int(np.argmax(speed / top))
         if speed[j] > self.tracking * top[j] * 1.001:
             unit = robot.joints[j].unit
@@ -131,15 +140,11 @@ class Limits:
             self.check_path(robot, q[None], "target")
         except PlanError as error:
             return str(error)
-        top = np.array([j.speed for j in robot.joints]) * self.tracking
+        top = top_speeds(robot) * self.tracking
         speed = np.abs(q - last) / max(seconds, 1e-6)
         if (speed > 1.05 * top).any():
             j = int(np.argmax(speed / top))
-            joint = robot.joints[j]
-            return (
-                f"{joint.name} would move at {speed[j]:.3g} {joint.unit}/s, "
-                f"its limit is {top[j]:.3g} {joint.unit}/s"
-            )
+            return _too_fast(robot, j, speed[j], top[j])
         return ""
 
     def check_wrench(self, wrench: np.ndarray) -> None:
