@@ -17,7 +17,12 @@ from wrenchbed.errors import (
 )
 from wrenchbed.hardware.device import Health
 from wrenchbed.hardware.drivers.base.live import pace, settled
-from wrenchbed.hardware.drivers.base.resampling import Evenly, _least_late, controller_time, hermite
+from wrenchbed.hardware.drivers.base.resampling import (
+    Resampler,
+    _least_late,
+    controller_time,
+    hermite,
+)
 from wrenchbed.hardware.drivers.base.samples import Applied, ArmSample, as_designed, block_of
 from wrenchbed.hardware.drivers.base.watched_move import check_ready, stop_after
 from wrenchbed.hardware.drivers.sim import SimDriver, SimOptions
@@ -246,7 +251,7 @@ def test_the_least_late_of_many_states_tells_how_clocks_stand():
 
 
 def test_rows_begin_with_the_first_state_and_end_with_the_last():
-    evenly = Evenly(50.0)
+    evenly = Resampler(50.0)
     assert evenly.rows(5) == []
     for k in range(5):
         evenly.add(arm(100.0 + 0.02 * k, float(k), 50.0))
