@@ -31,7 +31,7 @@ class NetftEmulator(Emulator):
         super().__init__(options)
         mount, settings = read(options.setting, MountSettings, BoxSettings)
         self.body = Body(options.body(mount.robot), _CYCLE)
-        self.box = Box(self.body, options.host, self.faults, settings, options.seed)
+        self.box = Box(self.body, options.host, self.faults, settings, options.seed, self.fail)
         self._thread = CycleThread("netft body", _CYCLE, 2.0 * _CYCLE, self._step, self.fail)
         self._home = self.body.target
 

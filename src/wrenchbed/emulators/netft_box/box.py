@@ -1,11 +1,14 @@
 """A Net F/T box on a body's sensor: RDT over UDP, web pages over HTTP, and their faults."""
 
 import socket
+import traceback
+from collections.abc import Callable
 from dataclasses import replace
 
 from wrenchbed.emulators.base import arguments
 from wrenchbed.emulators.base.arguments import Argument
 from wrenchbed.emulators.base.body import Body
+from wrenchbed.emulators.base.event_loop import LoopThread
 from wrenchbed.emulators.base.faults import Faults, LinkFaults, TimedFault
 from wrenchbed.emulators.netft_box import web
 from wrenchbed.emulators.netft_box.rdt import Pace, Rdt
@@ -46,6 +49,7 @@ class Box:
         faults: where its faults are registered.
         settings: of the box.
         seed: of faults that draw at random.
+        failed: called with an error of the box itself.
     """
 
     def __init__(
@@ -55,6 +59,7 @@ class Box:
         faults: Faults,
         settings: BoxSettings | None = None,
         seed: int = 0,
+        failed: Callable[[Exception], None] = traceback.print_exception,
     ) -> None:
         self.settings = settings or BoxSettings()
         self._host, self._seed = host, seed
@@ -62,6 +67,7 @@ class Box:
         self._web_faults = LinkFaults(faults, "http", _HTTP)
         self._pace = Pace(self.settings.rate, self.settings.buffer)
         self._sensing = Sensing(body, self.settings, self._rdt_faults)
+        self._thread = LoopThread("netft box", failed)
         self._missing = ""
         self._socket: socket.socket | None = None
         self._rdt: Rdt | None = None
@@ -82,18 +88,23 @@ class Box:
             self.stop()
             raise
         self._sensing.warm_up()
-        self._rdt = Rdt(self._socket, self._sensing, self._pace, self._rdt_faults, self._seed)
-        self._rdt.start()
-        self._web.start()
+        self._thread.start()
+        self._rdt = Rdt(
+            self._thread, self._socket, self._sensing, self._pace, self._rdt_faults, self._seed
+        )
+        self._thread.soon(self._rdt.start)
         host, port = self._socket.getsockname()
         return {"rdt": f"{host}:{port}", "http": "{}:{}".format(*self._web.address)}
 
     def stop(self) -> None:
         """Close both ports; may be called twice."""
-        if self._rdt is not None:
-            self._rdt.stop()
-        if self._web is not None:
-            self._web.stop()
+        parts = [part for part in (self._rdt, self._web) if part is not None]
+        for part in parts:
+            if self._thread.running:
+                self._thread.call(part.stop)
+            else:
+                part.stop()
+        self._thread.stop()
         if self._socket is not None:
             self._socket.close()
         self._rdt = self._web = self._socket = None
@@ -120,7 +131,7 @@ class Box:
         why: OSError | None = None
         for port in ports:
             try:
-                return Web((self._host, port), self._page, self._web_faults)
+                return Web(self._thread, (self._host, port), self._page, self._web_faults)
             except PermissionError as error:
                 why = error
             except OSError as error:

@@ -1,19 +1,19 @@
-"""The RDT server: one thread that answers requests and sends records on time.
+"""The RDT server: answers requests and sends records on time, in the box's loop.
 
 A request has 8 bytes, a record 36; all is big endian. Faults drop, duplicate, swap or corrupt
-datagrams. The thread keeps absolute deadlines, up to a record every 0.13 ms in bursts of 1 ms.
+datagrams. Deadlines are absolute: up to a record every 0.13 ms, in bursts of 1 ms.
 """
 
 import contextlib
-import select
 import socket
-import threading
 import time
+from asyncio import TimerHandle
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
+from wrenchbed.emulators.base.event_loop import LoopThread
 from wrenchbed.emulators.base.faults import LinkFaults
 from wrenchbed.emulators.netft_box.sensing import Sensing
 from wrenchbed.emulators.netft_box.settings import LARGEST_BUFFER
@@ -159,7 +159,6 @@ Address = tuple[str, int]
 _SIZE = RECORD.itemsize
 _BURST_S = 1e-3
 _IDLE_S = 0.05
-_LISTEN_S = 4e-3
 _CHUNK_S = 2e-3
 """Least time that records are made for at once [s]."""
 _LATE_S = 0.25
@@ -206,27 +205,33 @@ class Rdt:
     """Streams what ``sensing`` measures to whoever asked last."""
 
     def __init__(
-        self, sock: socket.socket, sensing: Sensing, pace: Pace, faults: LinkFaults, seed: int
+        self,
+        thread: LoopThread,
+        sock: socket.socket,
+        sensing: Sensing,
+        pace: Pace,
+        faults: LinkFaults,
+        seed: int,
     ) -> None:
+        self._loop = thread.loop
         self._socket, self._sensing, self._pace, self._faults = sock, sensing, pace, faults
         self._sender = FaultySender(sock, faults, seed)
         self.counters = self._sender.counters
         self._stream: RecordStream | None = None
         self._ready = memoryview(b"")
-        self._heard = 0.0
-        self._ended = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="netft rdt", daemon=True)
+        self._timer: TimerHandle | None = None
         sock.setblocking(False)
 
     def start(self) -> None:
-        """Answer from now on."""
-        self._thread.start()
+        """Answer from now on; in the loop's thread."""
+        self._loop.add_reader(self._socket, self._listen)
+        self._turn(time.monotonic())
 
     def stop(self) -> None:
-        """End the thread; the socket is the caller's."""
-        self._ended.set()
-        if self._thread.is_alive():
-            self._thread.join(2.0)
+        """End; in the loop's thread. The socket is the caller's."""
+        self._loop.remove_reader(self._socket)
+        if self._timer is not None:
+            self._timer.cancel()
         self._sender.close()
 
     def forget(self) -> None:
@@ -250,24 +255,16 @@ class Rdt:
                 request.samples or None,
             )
 
-    def _run(self) -> None:
-        due = time.monotonic()
-        while not self._ended.is_set():
-            if self._stream is None:
-                select.select([self._socket], [], [], _IDLE_S)
-                due = time.monotonic()
-            else:
-                period = self._stream.every / self._sensing.rate
-                due = max(due + min(max(_BURST_S, period), 0.02), time.monotonic() - _BURST_S)
-                time.sleep(max(0.0, due - time.monotonic()))
-            now = time.monotonic()
-            self._sensing.observe()
-            if self._stream is None or now >= self._heard + _LISTEN_S:
-                self._heard = now
-                self._listen(now)
-            stream = self._stream
-            if stream is not None:
-                self._send_due(stream, now)
+    def _turn(self, due: float) -> None:
+        """Send what is due, on absolute deadlines [s]."""
+        now = time.monotonic()
+        self._sensing.observe()
+        wait = _IDLE_S
+        if self._stream is not None:
+            wait = min(max(_BURST_S, self._stream.every / self._sensing.rate), 0.02)
+            self._send_due(self._stream, now)
+        due = max(due + wait, now - _BURST_S)
+        self._timer = self._loop.call_at(due, self._turn, due)
 
     def _unmake(self) -> None:
         """Throw away records that are made but not sent; they are made anew."""
@@ -276,7 +273,8 @@ class Rdt:
             self._stream.sequence = (self._stream.sequence - made) & 0xFFFFFFFF
         self._ready = memoryview(b"")
 
-    def _listen(self, now: float) -> None:
+    def _listen(self) -> None:
+        now = time.monotonic()
         for _ in range(_REQUESTS):
             try:
                 data, sender = self._socket.recvfrom(2048)
@@ -287,6 +285,9 @@ class Rdt:
                 self.counters["refused"] += 1
             elif self._faults.now("stall") is None:
                 self.answer(request, sender, now)
+                if self._timer is not None:
+                    self._timer.cancel()
+                self._turn(now)
 
     def _send_due(self, stream: RecordStream, now: float) -> None:
         n = (self._sensing.tick(now) - stream.tick) // stream.every + 1

@@ -34,29 +34,22 @@ class Web:
     """
 
     def __init__(
-        self, address: tuple[str, int], answer: Callable[[str, str], Reply], faults: LinkFaults
+        self,
+        thread: LoopThread,
+        address: tuple[str, int],
+        answer: Callable[[str, str], Reply],
+        faults: LinkFaults,
     ) -> None:
-        self._answer, self._faults = answer, faults
-        self._thread = LoopThread("netft http", lambda error: None)
-        self._listener = Listener(self._thread, self._client)
+        self._thread, self._answer, self._faults = thread, answer, faults
+        self._listener = Listener(thread, self._client)
         self._listener.bind(*address)
         self.address = self._listener.address
         self._random = random.Random(self.address[1])
         self._requests: set[asyncio.Task[None]] = set()
         faults.at_once("unlisten", self._unlisten)
 
-    def start(self) -> None:
-        """Answer from now on."""
-        self._thread.start()
-
     def stop(self) -> None:
-        """End the thread and close the port."""
-        if self._thread.running:
-            self._thread.call(self._close)
-            self._thread.stop()
-        self._listener.close()
-
-    def _close(self) -> None:
+        """Close the port and end all requests; in the loop's thread, or before its start."""
         self._listener.close()
         for request in self._requests:
             request.cancel()

@@ -106,7 +106,7 @@ class UR5Emulator(Emulator):
         }
         self._box: Box | None = None
         if settings.box:
-            self._box = Box(self.body, host, self.faults, box, options.seed)
+            self._box = Box(self.body, host, self.faults, box, options.seed, self.fail)
         register(self, self.faults)
 
     def _dashboard(self, peer: Peer) -> Conversation:
