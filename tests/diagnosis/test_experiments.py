@@ -9,7 +9,7 @@ from wrenchbed.data.plan import Plan
 from wrenchbed.diagnosis.evidence.dictionary import build
 from wrenchbed.diagnosis.explain.analysis import analyse
 from wrenchbed.diagnosis.next.actions import ExperimentRun, actions, feasible, posed
-from wrenchbed.diagnosis.next.discrimination import Contest, jensen_shannon
+from wrenchbed.diagnosis.next.discrimination import Comparison, jensen_shannon
 from wrenchbed.diagnosis.next.dry_run import of_plan
 from wrenchbed.diagnosis.next.experiments import candidates_of, explore, propose, separate
 from wrenchbed.diagnosis.prepare.baseline import calibrate
@@ -104,13 +104,13 @@ def test_poses_are_chosen_where_the_explanations_differ(still):
         candidate(still, "joint.offset", "joint 2", 1.5),
         candidate(still, "base.tilt", "about x and y", 0.6),
     ]
-    contest = Contest(still, pair)
+    comparison = Comparison(still, pair)
     noise = still.prepared.noise
     q = np.concatenate([STILL[:5], STILL[:5] + np.array([2.0, 0, 0, 0, 0, 0])])
-    rows = contest.rows(
+    rows = comparison.rows(
         ExperimentRun(posed(still.prepared, q, np.arange(10.0), noise, after=False))
     )
-    told = contest.contrast([contest.old], rows)
+    told = comparison.contrast([comparison.old], rows)
     assert told[5:].min() > 0.0 and told[5:].mean() > 10 * told[:5].mean()
 
 
@@ -119,11 +119,11 @@ def test_columns_of_a_contest_are_those_of_the_dictionary(wide):
         candidate(wide, "joint.offset", "joint 2", 1.0),
         candidate(wide, "sensor.gain", "all channels", 1.0),
     ]
-    contest = Contest(wide, pair)
-    again = contest.rows(ExperimentRun(wide.prepared))
-    assert np.allclose(again.E, contest.old.E, atol=1e-9)
-    far = contest.distance(0, 1, [contest.old])
-    assert contest.distance(0, 1, [again, again]) > far > 0
+    comparison = Comparison(wide, pair)
+    again = comparison.rows(ExperimentRun(wide.prepared))
+    assert np.allclose(again.E, comparison.old.E, atol=1e-9)
+    far = comparison.distance(0, 1, [comparison.old])
+    assert comparison.distance(0, 1, [again, again]) > far > 0
 
 
 def test_one_explanation_needs_no_experiment(wide):

@@ -6,7 +6,7 @@ import pytest
 from wrenchbed import registry
 from wrenchbed.data.plan import Plan
 from wrenchbed.diagnosis.evidence.dictionary import build
-from wrenchbed.diagnosis.evidence.similarity import Likeness
+from wrenchbed.diagnosis.evidence.similarity import Similarity
 from wrenchbed.diagnosis.next.dry_run import of_plan
 from wrenchbed.diagnosis.next.isolability import (
     VisibleSize,
@@ -36,19 +36,19 @@ def designs():
     made = {}
     for name, q in {"wide": WIDE, "narrow": NARROW, "still": STILL}.items():
         d = dictionary(Plan.of("ur5", q))
-        made[name] = d, Likeness(d)
+        made[name] = d, Similarity(d)
     return made
 
 
-def within(likeness, first, second):
+def within(similarity, first, second):
     """Whether the readings of (effect, label) can be made by the other."""
-    place = {(w.name, w.variant.label): k for k, w in enumerate(likeness.ways)}
-    return bool(likeness.inside[place[first], place[second]])
+    place = {(w.name, w.variant.label): k for k, w in enumerate(similarity.signatures)}
+    return bool(similarity.inside[place[first], place[second]])
 
 
 def test_every_effect_with_a_mean_is_told_once(designs):
-    d, likeness = designs["wide"]
-    told = isolability(d, likeness)
+    d, similarity = designs["wide"]
+    told = isolability(d, similarity)
     names = [s.effect for s in told]
     assert len(set(names)) == len(names) >= 30
     assert "sensor.noise" not in names
@@ -58,8 +58,8 @@ def test_every_effect_with_a_mean_is_told_once(designs):
 
 
 def test_the_smallest_size_adds_a_gap_of_one(designs):
-    d, likeness = designs["wide"]
-    told = visible_sizes(likeness, "joint.offset", "joint 6")
+    d, similarity = designs["wide"]
+    told = visible_sizes(similarity, "joint.offset", "joint 6")
     (k,) = next(h.columns for h in d.hypotheses if (h.name, h.variant.label) == (
         "joint.offset", "joint 6"))  # fmt: skip
     assert d.gap(told.smallest * d.E[:, k]) == pytest.approx(1.0)
@@ -67,48 +67,48 @@ def test_the_smallest_size_adds_a_gap_of_one(designs):
 
 
 def test_torque_from_torque_crosstalk_lies_in_torque_from_force(designs):
-    likeness = designs["wide"][1]
+    similarity = designs["wide"][1]
     tt, tf = (("sensor.crosstalk", f"torques from {x}") for x in ("torques", "forces"))
-    assert within(likeness, tt, tf)
-    assert not within(likeness, tf, tt)
+    assert within(similarity, tt, tf)
+    assert not within(similarity, tf, tt)
 
 
 def test_mass_hides_in_a_gain_of_forces_and_cog_in_a_shifted_origin(designs):
-    d, likeness = designs["wide"]
-    assert within(likeness, ("tool.mass", "mass"), ("sensor.gain", "forces"))
-    assert within(likeness, ("tool.cog", "x, y and z"), ("sensor.crosstalk", "shifted origin"))
-    told = {s.effect: s for s in isolability(d, likeness)}
+    d, similarity = designs["wide"]
+    assert within(similarity, ("tool.mass", "mass"), ("sensor.gain", "forces"))
+    assert within(similarity, ("tool.cog", "x, y and z"), ("sensor.crosstalk", "shifted origin"))
+    told = {s.effect: s for s in isolability(d, similarity)}
     assert "sensor.crosstalk" in told["tool.cog"].rivals
     assert "sensor.gain" in told["tool.mass"].rivals
 
 
 def test_offsets_of_parallel_joints_enter_as_their_sum(designs):
-    d, likeness = designs["wide"]
-    assert within(likeness, ("joint.offset", "joint 2"), ("joint.offset", "joint 4"))
-    told = cannot_tell(d, likeness, among={"joint.offset"})
+    d, similarity = designs["wide"]
+    assert within(similarity, ("joint.offset", "joint 2"), ("joint.offset", "joint 4"))
+    told = cannot_tell(d, similarity, among={"joint.offset"})
     assert "joint.offset of joints 2, 3 and 4 enter only as their sum" in told
     assert "joint.offset of joint 1 cannot show" in told
     assert not any("tool.cog" in text for text in told)
 
 
 def test_a_turn_of_the_sensor_about_z_is_joint_six(designs):
-    d, likeness = designs["wide"]
+    d, similarity = designs["wide"]
     turn, joint = ("mount.rotation", "about z"), ("joint.offset", "joint 6")
-    assert within(likeness, turn, joint) and within(likeness, joint, turn)
+    assert within(similarity, turn, joint) and within(similarity, joint, turn)
     pair = {"mount.rotation about z", "joint.offset of joint 6"}
     assert any(
         all(p in text for p in pair) and "any free-space data" in text
-        for text in cannot_tell(d, likeness)
+        for text in cannot_tell(d, similarity)
     )
 
 
 def test_timing_cannot_show_at_rest(designs):
-    d, likeness = designs["wide"]
-    told = {s.effect: s for s in isolability(d, likeness)}
+    d, similarity = designs["wide"]
+    told = {s.effect: s for s in isolability(d, similarity)}
     for name in TIMING | {"tool.inertia", "tool.self_weight"}:
         assert told[name].smallest is None and not told[name].detectable
     assert any(
-        "timing.delay" in text and "poses at rest" in text for text in cannot_tell(d, likeness)
+        "timing.delay" in text and "poses at rest" in text for text in cannot_tell(d, similarity)
     )
 
 

@@ -12,7 +12,7 @@ from wrenchbed.diagnosis import answer
 from wrenchbed.diagnosis.between_rows.rows import RowFinding, find_row_effects
 from wrenchbed.diagnosis.between_rows.tool_vibration import find_tool_vibration
 from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
-from wrenchbed.diagnosis.evidence.similarity import Likeness
+from wrenchbed.diagnosis.evidence.similarity import Similarity
 from wrenchbed.diagnosis.explain import tilt
 from wrenchbed.diagnosis.explain.analysis import Analysis, analyse
 from wrenchbed.diagnosis.explain.reliability import Reliability, features, shipped
@@ -98,7 +98,7 @@ def diagnose(
     progress("what next")
     named = {n for c in verdict.causes for n in c.names}
     d = analysis.dictionary
-    cannot_tell = isolability.cannot_tell(d, Likeness(d), named) if named else ()
+    cannot_tell = isolability.cannot_tell(d, Similarity(d), named) if named else ()
     plans, proposed = _next(analysis, verdict, seed)
     outcome = "identified" if between and verdict.verdict == NONE else verdict.verdict
     spread = 1.0 if known is None else known.spread

@@ -1,7 +1,7 @@
-"""Which ways of which effects make the same readings in a design.
+"""Which variants of which effects make the same readings in a design.
 
-One way lies inside another where its signature lies in the columns of the other once bias, mass
-and CoG are fitted, with sizes that may occur (isolability: Frisk & Nyberg 2001,
+One signature lies inside another if the columns of the other make its readings once bias, mass and
+CoG are fitted, with sizes that may occur (isolability: Frisk & Nyberg 2001,
 doi 10.1016/S0005-1098(01)00076-0; here graded by angle and size instead of by structure).
 """
 
@@ -25,8 +25,8 @@ _RIDGE = 0.002
 
 
 @dataclass(frozen=True)
-class Way:
-    """A variant of an effect with its columns (k,), whether it shows or not."""
+class Signature:
+    """A variant of an effect with its columns (k,), whether it is visible or not."""
 
     effect: Effect
     variant: Variant
@@ -48,8 +48,8 @@ class Way:
         return f"{self.name} ({label})" if self.several else self.name
 
 
-class Likeness:
-    """Which ways of which effects make the same readings in a design.
+class Similarity:
+    """Which variants of which effects make the same readings in a design.
 
     Args:
         dictionary: of the design.
@@ -57,97 +57,100 @@ class Likeness:
 
     def __init__(self, dictionary: EffectDictionary) -> None:
         self.d = dictionary
-        self.ways = _ways(dictionary)
-        self.named = max(int(w.columns.max()) for w in self.ways) + 1
+        self.signatures = _signatures(dictionary)
+        self.named = max(int(w.columns.max()) for w in self.signatures) + 1
         self._gram = dictionary.gram[: self.named, : self.named]
 
-    def left(self, name: str | None = None) -> np.ndarray:
+    def remaining(self, name: str | None = None) -> np.ndarray:
         """Gram matrix of the named columns after the stated numbers, but those of ``name``,
         are fitted."""
         d = self.d
-        gone = np.array([k for k in d.stated if d.label[k][0] != name])
-        basis = np.linalg.qr(d.E[:, gone])[0]
+        fitted = np.array([k for k in d.stated if d.label[k][0] != name])
+        basis = np.linalg.qr(d.E[:, fitted])[0]
         inside = basis.T @ d.E[:, : self.named]
         return np.asarray(self._gram - inside.T @ inside)
 
     @cached_property
     def grams(self) -> dict[str, np.ndarray]:
-        """What is left for effects that are no stated number (key ''), and for each that is."""
-        return {"": self.left()} | {name: self.left(name) for name in STATED}
+        """`remaining` for effects that are no stated number (key ''), and for each that is."""
+        return {"": self.remaining()} | {name: self.remaining(name) for name in STATED}
 
-    def gap(self, way: Way) -> float:
-        """Gap that a way adds at typical size."""
-        if way.name in STATED:
-            return float(self.d.configured_gap[way.columns].sum())
-        diagonal = np.diagonal(self.grams[""])[way.columns]
-        own = np.diagonal(self._gram)[way.columns]
-        return float(diagonal[diagonal > _UNSEEN * own].sum()) / len(self.d.E)
+    def gap(self, signature: Signature) -> float:
+        """Gap that a signature adds at typical size."""
+        if signature.name in STATED:
+            return float(self.d.configured_gap[signature.columns].sum())
+        after = np.diagonal(self.grams[""])[signature.columns]
+        before = np.diagonal(self._gram)[signature.columns]
+        return float(after[after > _UNSEEN * before].sum()) / len(self.d.E)
 
-    def seen(self, way: Way) -> bool:
-        """Whether a fit of bias, mass and CoG leaves anything of a way."""
-        own = float(self.d.configured_gap[way.columns].sum())
-        return own > 1e-12 and (way.name in STATED or self.gap(way) > _UNSEEN * own)
+    def seen(self, signature: Signature) -> bool:
+        """Whether a fit of bias, mass and CoG leaves anything of a signature."""
+        total = float(self.d.configured_gap[signature.columns].sum())
+        return total > 1e-12 and (signature.name in STATED or self.gap(signature) > _UNSEEN * total)
 
-    def shows(self, way: Way) -> bool:
-        """Whether some plausible size of a way adds a gap of 1."""
-        return self.gap(way) * PLAUSIBLE**2 >= 1.0
+    def shows(self, signature: Signature) -> bool:
+        """Whether some plausible size of a signature adds a gap of 1."""
+        return self.gap(signature) * PLAUSIBLE**2 >= 1.0
 
     @cached_property
     def inside(self) -> np.ndarray:
-        """(ways, ways): the readings of the first can be made by the second."""
-        result = np.zeros((len(self.ways),) * 2, dtype=bool)
+        """(signatures, signatures): the readings of the first can be made by the second."""
+        result = np.zeros((len(self.signatures),) * 2, dtype=bool)
         rows = len(self.d.E)
         ridge = _RIDGE * rows / PLAUSIBLE**2
-        member = np.zeros((len(self.ways), self.named))
-        for k, way in enumerate(self.ways):
-            member[k, way.columns] = 1.0
+        member = np.zeros((len(self.signatures), self.named))
+        for k, signature in enumerate(self.signatures):
+            member[k, signature.columns] = 1.0
         for key, gram in self.grams.items():
-            own = [
+            of_key = [
                 k
-                for k, w in enumerate(self.ways)
+                for k, w in enumerate(self.signatures)
                 if (w.name if w.name in STATED else "") == key and self.gap(w) > 1e-12
             ]
-            some_of, energy = member[own], np.diagonal(gram)
-            whole = np.maximum(some_of @ energy, 1e-300)
-            rest_of = [b for b, w in enumerate(self.ways) if not key or w.name != key]
-            for k in {len(self.ways[b].columns) for b in rest_of}:
-                made = [b for b in rest_of if len(self.ways[b].columns) == k]
-                some = np.stack([self.ways[b].columns for b in made])  # (B, k)
+            some_of, energy = member[of_key], np.diagonal(gram)
+            total = np.maximum(some_of @ energy, 1e-300)
+            rest_of = [b for b, w in enumerate(self.signatures) if not key or w.name != key]
+            for k in {len(self.signatures[b].columns) for b in rest_of}:
+                made = [b for b in rest_of if len(self.signatures[b].columns) == k]
+                some = np.stack([self.signatures[b].columns for b in made])  # (B, k)
                 block, cross = gram[some[:, :, None], some[:, None, :]], gram[some]
                 x = np.linalg.solve(block + ridge * np.eye(k), cross)  # (B, k, named)
                 rest = energy - (x * cross).sum(axis=1) - ridge * (x**2).sum(axis=1)
-                size = np.sqrt((x**2 @ some_of.T).max(axis=1).T * rows / whole[:, None])
-                alike = some_of @ rest.T <= (1.0 - ALIKE**2) * whole[:, None]
-                result[np.ix_(own, made)] = alike & (size <= PLAUSIBLE)
+                size = np.sqrt((x**2 @ some_of.T).max(axis=1).T * rows / total[:, None])
+                alike = some_of @ rest.T <= (1.0 - ALIKE**2) * total[:, None]
+                result[np.ix_(of_key, made)] = alike & (size <= PLAUSIBLE)
         return result
 
     def rivals(self, index: int) -> tuple[str, ...]:
-        """Other effects that make the readings of a way."""
-        own = self.ways[index].name
-        names = {self.ways[b].name for b in np.flatnonzero(self.inside[index])}
-        return tuple(sorted(names - {own}))
+        """Other effects that make the readings of a signature."""
+        name = self.signatures[index].name
+        names = {self.signatures[b].name for b in np.flatnonzero(self.inside[index])}
+        return tuple(sorted(names - {name}))
 
 
-def _ways(d: EffectDictionary) -> tuple[Way, ...]:
+def _signatures(d: EffectDictionary) -> tuple[Signature, ...]:
     """Variants that may be claimed, and those that cannot show whose columns are known by name."""
     seen: dict[tuple[str, str], list[int]] = {}
     for k, key in enumerate(d.label):
         if key[1]:
             seen.setdefault(key, []).append(k)
     count = {e.name: len(e.variants(d.prepared.scene)) for e in _acting(d)}
-    ways = [
-        Way(h.effect, h.variant, np.asarray(h.columns), count[h.name] > 1) for h in d.hypotheses
+    signatures = [
+        Signature(h.effect, h.variant, np.asarray(h.columns), count[h.name] > 1)
+        for h in d.hypotheses
     ]
-    known = {(w.name, w.variant.label, tuple(w.columns)) for w in ways}
+    known = {(w.name, w.variant.label, tuple(w.columns)) for w in signatures}
     for effect in _acting(d):
         for variant in effect.variants(d.prepared.scene):
-            found = [seen.get((effect.name, n), []) for n in variant.free]
-            if any(len(columns) != 1 for columns in found):
+            every = [seen.get((effect.name, n), []) for n in variant.free]
+            if any(len(columns) != 1 for columns in every):
                 continue
-            columns = tuple(c[0] for c in found)
+            columns = tuple(c[0] for c in every)
             if (effect.name, variant.label, columns) not in known:
-                ways.append(Way(effect, variant, np.array(columns), count[effect.name] > 1))
-    return tuple(ways)
+                signatures.append(
+                    Signature(effect, variant, np.array(columns), count[effect.name] > 1)
+                )
+    return tuple(signatures)
 
 
 def _acting(d: EffectDictionary) -> tuple[Effect, ...]:

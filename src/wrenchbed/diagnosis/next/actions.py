@@ -10,6 +10,7 @@ import numpy as np
 
 from wrenchbed.data.plan import Plan
 from wrenchbed.diagnosis.prepare import scenes
+from wrenchbed.diagnosis.prepare.configuration import Configuration
 from wrenchbed.diagnosis.prepare.prepared import BLOCKS_IN_MOTION, RATES_HZ, Prepared
 from wrenchbed.errors import PlanError
 from wrenchbed.physics.taylor import Jet
@@ -36,14 +37,11 @@ class ExperimentRun:
 def loaded(prepared: Prepared, payload: tuple[float, np.ndarray], **change: float) -> np.ndarray:
     """Parameters (P,) with a known load beside the tool; ``change`` adds to the tool's own mass
     or CoG (``mass``, ``cog.x`` …)."""
-    robot = prepared.robot
-    theta = np.array(prepared.scene.theta)
-    own = robot.tool(theta)
-    mass = float(own.mass) + change.get("mass", 0.0)
-    cog = np.asarray(own.cog, dtype=float) + [change.get(f"cog.{a}", 0.0) for a in "xyz"]
+    bare = Configuration(prepared.model, np.array(prepared.scene.theta))
+    mass = bare.mass + change.get("mass", 0.0)
+    cog = bare.cog + [change.get(f"cog.{a}", 0.0) for a in "xyz"]
     total = mass + payload[0]
-    centre = (mass * cog + payload[0] * payload[1]) / total
-    return robot.theta_of_tool(theta, total, [float(c) for c in centre])
+    return bare.with_load(total, (mass * cog + payload[0] * payload[1]) / total).robot_theta
 
 
 def posed(
@@ -217,13 +215,12 @@ def _poses(prepared: Prepared, choose: Choose, seed: int) -> Action | None:
 
 
 def _payload(prepared: Prepared, choose: Choose, seed: int) -> Action | None:
-    robot = prepared.robot
-    own = robot.tool(prepared.scene.theta)
-    weight = float(np.min(prepared.sensor.calibration().range[:3])) / 9.81 - float(own.mass)
+    tool = prepared.scene.tool
+    weight = float(np.min(prepared.sensor.calibration().range[:3])) / 9.81 - float(tool.mass)
     mass = min(PAYLOAD_KG, 0.5 * weight)
     if mass < 0.05:
         return None
-    payload = (mass, 0.5 * np.asarray(own.cog, dtype=float))
+    payload = (mass, 0.5 * np.asarray(tool.cog, dtype=float))
     text = f"fix a second, known payload of +{mass:.2g} kg and record {{n}} poses again"
     action = _visit(prepared, _spread(prepared, 30), text, ())
     if action is None:

@@ -1,4 +1,4 @@
-"""How well a further experiment would tell explanations apart, before it is done.
+"""How well a further experiment would separate explanations, before it is done.
 
 Explanations are linear about the baseline: each predicts columns times sizes. Under the covariance
 of a rival, with all that the rival, the stated numbers and a normal background can make, the
@@ -51,17 +51,17 @@ class ExperimentRows:
     Attributes:
         E: columns (6 R, n), the same as every session's.
         v0: variance of each row (6 R,).
-        own: columns (6 R, m) that only this session has: its zero, what only motion shows.
-        own_variance: of these (m,).
+        extra: columns (6 R, m) that only this session has: its zero, what only motion shows.
+        extra_variance: of these (m,).
     """
 
     E: np.ndarray
     v0: np.ndarray
-    own: np.ndarray | None = None
-    own_variance: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    extra: np.ndarray | None = None
+    extra_variance: np.ndarray = field(default_factory=lambda: np.zeros(0))
 
 
-class Contest:
+class Comparison:
     """Compares explanations in designs that hold a recording and what may follow it.
 
     Args:
@@ -81,10 +81,10 @@ class Contest:
     def _sizes(self, candidate: Candidate) -> np.ndarray:
         x = np.zeros(len(self.chosen))
         hypothesis, sizes = candidate
-        x[self.own(hypothesis)] = sizes
+        x[self.columns_of(hypothesis)] = sizes
         return x
 
-    def own(self, hypothesis: Hypothesis) -> np.ndarray:
+    def columns_of(self, hypothesis: Hypothesis) -> np.ndarray:
         """Places of a hypothesis's columns among the chosen ones."""
         return np.array([self._place[int(k)] for k in hypothesis.columns])
 
@@ -95,9 +95,9 @@ class Contest:
         named = sorted({e for e, _ in label if e not in STATED})
         result = np.zeros(len(label))
         for name in named:
-            own = np.array([e == name for e, _ in label])
-            share = EFFECTS * GAP / (len(named) * own.sum())
-            result[own] = np.minimum(MOST**2, share / np.maximum(gap[own], 1e-12))
+            of = np.array([e == name for e, _ in label])
+            share = EFFECTS * GAP / (len(named) * of.sum())
+            result[of] = np.minimum(MOST**2, share / np.maximum(gap[of], 1e-12))
         result[self.stated] = LARGE
         blamed = {h.name for h, _ in self.candidates} & set(STATED)
         for k, place in enumerate(self.stated):
@@ -124,9 +124,9 @@ class Contest:
             result[:, k] = base.rows(change).ravel()
         if session.again:
             return ExperimentRows(result, v0)
-        own = [np.tile(np.eye(6), (len(v0) // 6, 1)), *self._only_there(base, response)]
-        wide = np.concatenate([np.full(6, LARGE), np.ones(sum(x.shape[1] for x in own[1:]))])
-        return ExperimentRows(result, v0, np.concatenate(own, axis=1), wide)
+        zero, more = np.tile(np.eye(6), (len(v0) // 6, 1)), self._only_there(base, response)
+        wide = np.concatenate([np.full(6, LARGE), np.ones(sum(x.shape[1] for x in more))])
+        return ExperimentRows(result, v0, np.concatenate([zero, *more], axis=1), wide)
 
     def _only_there(self, base: Prepared, response: Response) -> list[np.ndarray]:
         """Columns of effects of which the recording could know nothing, at typical size."""
@@ -141,9 +141,9 @@ class Contest:
                 if not variants:
                     continue
                 variant = max(variants, key=lambda v: len(v.free))
-                known_ = {p.name: p for p in effect.parameters(scene.robot)}
+                names = {p.name: p for p in effect.parameters(scene.robot)}
                 changes = [
-                    base.rows(response.tangent(effect, known_[n], variant)).ravel()
+                    base.rows(response.tangent(effect, names[n], variant)).ravel()
                     for n in variant.free
                 ]
                 result.append(np.stack(changes, axis=1))
@@ -151,13 +151,13 @@ class Contest:
 
     def distance(self, first: int, rival: int, parts: Sequence[ExperimentRows]) -> float:
         """Standard deviations between what an explanation predicts and all that a rival can."""
-        extra = [_placed(part.own, k, parts) for k, part in enumerate(parts)]
+        extra = [_placed(part.extra, k, parts) for k, part in enumerate(parts)]
         E = np.concatenate([p.E for p in parts])
         delta = E @ self.sizes[first]
         variance = self.background.copy()
-        variance[self.own(self.candidates[rival][0])] += FREE**2
+        variance[self.columns_of(self.candidates[rival][0])] += FREE**2
         stack = np.concatenate([E, *extra], axis=1)
-        wide = np.concatenate([variance, *(p.own_variance for p in parts)])
+        wide = np.concatenate([variance, *(p.extra_variance for p in parts)])
         level = BackgroundLevel(stack, np.concatenate([p.v0 for p in parts]), wide)
         return float(np.sqrt(max(delta @ level.solve(delta[:, None])[:, 0], 0.0)))
 
@@ -175,7 +175,7 @@ class Contest:
     def contrast(self, parts: Sequence[ExperimentRows], pool: ExperimentRows) -> np.ndarray:
         """Squared difference (P,) that rows of a pool would show between the first two
         explanations, once the second is fitted to what is known, over their noise."""
-        free = np.unique(np.concatenate([self.stated, self.own(self.candidates[1][0])]))
+        free = np.unique(np.concatenate([self.stated, self.columns_of(self.candidates[1][0])]))
         known = np.concatenate([p.E for p in parts]) / np.sqrt(
             np.concatenate([p.v0 for p in parts])
         )[:, None]  # fmt: skip
@@ -198,12 +198,12 @@ def jensen_shannon(d: float) -> float:
 def _columns_of(
     d: EffectDictionary, candidates: Sequence[Candidate]
 ) -> tuple[np.ndarray, list[_Column]]:
-    """Columns that a contest needs: the candidates', the stated ones, one set of each effect."""
-    found: dict[int, _Column] = {}
+    """Columns that a comparison needs: the candidates', the stated ones, one set of each effect."""
+    columns: dict[int, _Column] = {}
 
     def add(h: Hypothesis) -> None:
         for k, name in zip(h.columns, h.variant.free, strict=True):
-            found.setdefault(int(k), _Column(h.effect, name, h.variant))
+            columns.setdefault(int(k), _Column(h.effect, name, h.variant))
 
     for h, _ in candidates:
         add(h)
@@ -213,17 +213,17 @@ def _columns_of(
         if name in STATED:
             for h in of:
                 add(h)
-    chosen = np.array(sorted(found))
-    return chosen, [found[int(k)] for k in chosen]
+    chosen = np.array(sorted(columns))
+    return chosen, [columns[int(k)] for k in chosen]
 
 
-def _placed(own: np.ndarray | None, at: int, parts: Sequence[ExperimentRows]) -> np.ndarray:
+def _placed(extra: np.ndarray | None, at: int, parts: Sequence[ExperimentRows]) -> np.ndarray:
     """Columns (6 R of all, m) that only one session has."""
-    if own is None:
+    if extra is None:
         return np.zeros((sum(len(p.E) for p in parts), 0))
     start = sum(len(p.E) for p in parts[:at])
-    result = np.zeros((sum(len(p.E) for p in parts), own.shape[1]))
-    result[start : start + len(own)] = own
+    result = np.zeros((sum(len(p.E) for p in parts), extra.shape[1]))
+    result[start : start + len(extra)] = extra
     return result
 
 

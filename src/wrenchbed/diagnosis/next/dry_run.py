@@ -13,7 +13,7 @@ from wrenchbed.data.metadata import Metadata, SensorInfo, ToolInfo
 from wrenchbed.data.plan import Plan
 from wrenchbed.data.recording import QUATERNION, Recording
 from wrenchbed.diagnosis.evidence.dictionary import build
-from wrenchbed.diagnosis.evidence.similarity import Likeness
+from wrenchbed.diagnosis.evidence.similarity import Similarity
 from wrenchbed.diagnosis.next.isolability import VisibleSize, cannot_tell, isolability
 from wrenchbed.diagnosis.prepare import scenes
 from wrenchbed.diagnosis.prepare.baseline import tolerances
@@ -160,5 +160,5 @@ def dry_run(plan: Plan, samples: int = SAMPLES, rate: float = RATE) -> DryRun:
     """
     prepared = of_plan(plan, None, samples, rate)
     d = build(prepared, prepared.configuration.robot_theta, tolerances(prepared))
-    likeness = Likeness(d)
-    return DryRun(isolability(d, likeness), cannot_tell(d, likeness))
+    similarity = Similarity(d)
+    return DryRun(isolability(d, similarity), cannot_tell(d, similarity))

@@ -1,4 +1,4 @@
-"""Which experiment would separate what a recording cannot tell, by what a minute of it is worth."""
+"""Which experiment would separate what a recording cannot, by the gain of a minute of it."""
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ from wrenchbed.diagnosis.next.actions import (
 from wrenchbed.diagnosis.next.discrimination import (
     GAP,
     Candidate,
-    Contest,
+    Comparison,
     ExperimentRows,
     jensen_shannon,
 )
@@ -45,7 +45,7 @@ class Experiment:
 
     Attributes:
         action: what to do.
-        separates: effects that it would tell apart, or the variable that it would show.
+        separates: effects that it would separate, or the variable that it would show.
         gain: Jensen–Shannon divergence that it adds, mean over the pairs, per minute [nat/min].
         minutes: that it takes, moves and mounting included.
         plan: ready to record, None where there is nothing to plan.
@@ -77,78 +77,78 @@ def propose(
 
 def candidates_of(analysis: Analysis, names: Collection[str]) -> tuple[Candidate, ...]:
     """Of each effect the best explanation that it leads, with its fitted amplitudes."""
-    found: dict[str, Candidate] = {}
+    chosen: dict[str, Candidate] = {}
     refitter, d = analysis.refitter, analysis.dictionary
     for e in analysis.ranking.explanations:
         for part in e.parts:
-            if part.name not in names or part.name in found:
+            if part.name not in names or part.name in chosen:
                 continue
             if part.index is None:
-                own = [h for h in d.hypotheses if h.name == part.name]
-                h = max(own, key=lambda h: len(h.columns))
+                variants = [h for h in d.hypotheses if h.name == part.name]
+                h = max(variants, key=lambda h: len(h.columns))
                 mean = stated(refitter, e.finalist).mean
                 place = {int(k): i for i, k in enumerate(d.stated)}
-                found[part.name] = (h, np.array([mean[place[int(k)]] for k in h.columns]))
+                chosen[part.name] = (h, np.array([mean[place[int(k)]] for k in h.columns]))
                 continue
             f = e.finalist
             h, at = f.parts[part.index], f.variables.of_parts([part.index])
             size = {f.variables.name[i]: f.x[i] for i in at}
-            found[part.name] = (h, np.array([size[n] for n in h.variant.free]))
-    return tuple(found.values())
+            chosen[part.name] = (h, np.array([size[n] for n in h.variant.free]))
+    return tuple(chosen.values())
 
 
 def separate(
     d: EffectDictionary, candidates: Sequence[Candidate], seed: int = 0
 ) -> tuple[Experiment, ...]:
-    """Experiments that tell two or more explanations apart."""
+    """Experiments that separate two or more explanations."""
     if len(candidates) < 2:
         return ()
-    contest = Contest(d, candidates[:MOST])
-    before = contest.divergence([contest.old])
-    names = [h.name for h, _ in contest.candidates]
-    labels = [f"{h.name} ({h.variant.label})" for h, _ in contest.candidates]
-    found = []
-    for action in actions(d.prepared, _chooser(contest), seed, sweeps=1):
-        after = contest.divergence(_parts(contest, action))
+    comparison = Comparison(d, candidates[:MOST])
+    before = comparison.divergence([comparison.old])
+    names = [h.name for h, _ in comparison.candidates]
+    labels = [f"{h.name} ({h.variant.label})" for h, _ in comparison.candidates]
+    proposed = []
+    for action in actions(d.prepared, _chooser(comparison), seed, sweeps=1):
+        after = comparison.divergence(_parts(comparison, action))
         added = {pair: after[pair] - before[pair] for pair in before}
         mean = float(np.mean(list(added.values())))
-        told = [pair for pair, gain in added.items() if gain > SEPARATED]
+        pairs = [pair for pair, gain in added.items() if gain > SEPARATED]
         if mean < LEAST:
             continue
         best = max(added, key=lambda p: added[p])
-        told = told or [best]
-        apart = tuple(dict.fromkeys(names[k] for pair in told for k in pair))
-        what = listed([f"{labels[a]} from {labels[b]}" for a, b in told])
+        pairs = pairs or [best]
+        apart = tuple(dict.fromkeys(names[k] for pair in pairs for k in pair))
+        what = listed([f"{labels[a]} from {labels[b]}" for a, b in pairs])
         now, then = before[best], after[best]
         sentence = (
             f"{_capital(action.text)} ({action.minutes:.1f} min): it separates {what}; expected "
             f"divergence {now:.2f} → {then:.2f} of at most {np.log(2):.2f} nat."
         )
         gain = mean / action.minutes
-        found.append(Experiment(action.text, apart, gain, action.minutes, action.plan, sentence))
-    return tuple(sorted(found, key=lambda e: -e.gain)[:MOST])
+        proposed.append(Experiment(action.text, apart, gain, action.minutes, action.plan, sentence))
+    return tuple(sorted(proposed, key=lambda e: -e.gain)[:MOST])
 
 
-def _parts(contest: Contest, action: Action) -> list[ExperimentRows]:
-    rows = contest.rows(action.session)
-    return [rows] if action.session.again else [contest.old, rows]
+def _parts(comparison: Comparison, action: Action) -> list[ExperimentRows]:
+    rows = comparison.rows(action.session)
+    return [rows] if action.session.again else [comparison.old, rows]
 
 
-def _chooser(contest: Contest) -> Choose:
+def _chooser(comparison: Comparison) -> Choose:
     """Poses at which the two leading explanations differ most, in steps."""
 
     def choose(pool: np.ndarray) -> np.ndarray:
-        base = contest.d.prepared
+        base = comparison.d.prepared
         t = 3.0 * np.arange(len(pool))
-        rows = contest.rows(ExperimentRun(posed(base, pool, t, static_noise(base), after=False)))
+        rows = comparison.rows(ExperimentRun(posed(base, pool, t, static_noise(base), after=False)))
         chosen: list[int] = []
-        parts = [contest.old]
+        parts = [comparison.old]
         while len(chosen) < min(POSES, len(pool)):
-            score = contest.contrast(parts, rows)
+            score = comparison.contrast(parts, rows)
             score[chosen] = -1.0
             chosen += [int(k) for k in np.argsort(-score)[:_AT_ONCE]]
             take = (6 * np.array(chosen)[:, None] + np.arange(6)).ravel()
-            parts = [contest.old, ExperimentRows(rows.E[take], rows.v0[take])]
+            parts = [comparison.old, ExperimentRows(rows.E[take], rows.v0[take])]
         return np.array(chosen[:POSES])
 
     return choose
@@ -167,7 +167,7 @@ def explore(
     def choose(pool: np.ndarray) -> np.ndarray:
         return np.arange(len(pool))
 
-    found = []
+    proposed = []
     for action in actions(d.prepared, choose, seed):
         if kernel not in action.variables:
             continue
@@ -177,10 +177,10 @@ def explore(
             f"{_capital(action.text)} ({action.minutes:.1f} min): it shows whether what is left "
             f"depends on {kernel}."
         )
-        found.append(
+        proposed.append(
             Experiment(action.text, (kernel,), gain, action.minutes, action.plan, sentence)
         )
-    return tuple(sorted(found, key=lambda e: (-e.gain, e.minutes))[:MOST])
+    return tuple(sorted(proposed, key=lambda e: (-e.gain, e.minutes))[:MOST])
 
 
 def _depends(d: EffectDictionary, prepared: Prepared, kernel: str, gap: float) -> float:
@@ -188,14 +188,14 @@ def _depends(d: EffectDictionary, prepared: Prepared, kernel: str, gap: float) -
     groups = features(prepared)
     if kernel not in groups:
         return 0.0
-    own = groups.pop(kernel)
-    count = len(own)
+    target = groups.pop(kernel)
+    count = len(target)
     ones = np.tile(np.eye(6), (count // 6, 1))
     columns = np.concatenate([ones, *groups.values()], axis=1)
     variance = np.concatenate([np.full(6, LARGE), np.full(columns.shape[1] - 6, gap)])
     level = BackgroundLevel(columns, np.tile(prepared.variance + GAP, count // 6), variance)
-    square = gap * float((own * level.solve(own)).sum())
-    return jensen_shannon(float(np.sqrt(square / own.shape[1])))
+    square = gap * float((target * level.solve(target)).sum())
+    return jensen_shannon(float(np.sqrt(square / target.shape[1])))
 
 
 def _capital(text: str) -> str:

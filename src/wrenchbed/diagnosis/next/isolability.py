@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wrenchbed.diagnosis.evidence.dictionary import EffectDictionary
-from wrenchbed.diagnosis.evidence.similarity import ALIKE, PLAUSIBLE, Likeness
+from wrenchbed.diagnosis.evidence.similarity import ALIKE, PLAUSIBLE, Similarity
 from wrenchbed.diagnosis.explain.verdict import INSEPARABLE
 from wrenchbed.diagnosis.prepare.configuration import STATED
 from wrenchbed.effects.chain import effects
@@ -33,52 +33,54 @@ class VisibleSize:
 
 
 def isolability(
-    dictionary: EffectDictionary, likeness: Likeness | None = None
+    dictionary: EffectDictionary, similarity: Similarity | None = None
 ) -> tuple[VisibleSize, ...]:
     """Every effect with a mean, by name: its best variant, the size that shows, its rivals.
 
     Effects that show only between rows (noise, steps, repeats) depend on no pose and are left out.
     """
-    likeness = likeness or Likeness(dictionary)
+    similarity = similarity or Similarity(dictionary)
     result = []
     for name, effect in effects().items():
         if effect.between_rows:
             continue
-        own = [k for k, w in enumerate(likeness.ways) if w.name == name]
+        of_effect = [k for k, w in enumerate(similarity.signatures) if w.name == name]
         shown = {h.variant.label for h in dictionary.hypotheses if h.name == name}
-        own = [k for k in own if likeness.ways[k].variant.label in shown]
-        if not own:
+        of_effect = [k for k in of_effect if similarity.signatures[k].variant.label in shown]
+        if not of_effect:
             result.append(VisibleSize(name, "", None, {}, False, ()))
             continue
-        gaps = [likeness.gap(likeness.ways[k]) for k in own]
-        counts = [len(likeness.ways[k].columns) for k in own]
-        result.append(_showing(likeness, own[int(np.argmax(np.divide(gaps, counts)))]))
+        gaps = [similarity.gap(similarity.signatures[k]) for k in of_effect]
+        counts = [len(similarity.signatures[k].columns) for k in of_effect]
+        result.append(_visible_size(similarity, of_effect[int(np.argmax(np.divide(gaps, counts)))]))
     return tuple(result)
 
 
-def visible_sizes(likeness: Likeness, effect: str, variant: str) -> VisibleSize:
+def visible_sizes(similarity: Similarity, effect: str, variant: str) -> VisibleSize:
     """The same of one variant by its label.
 
     Raises:
         KeyError: the design has no such variant.
     """
-    for k, way in enumerate(likeness.ways):
-        if (way.name, way.variant.label) == (effect, variant):
-            return _showing(likeness, k)
+    for k, signature in enumerate(similarity.signatures):
+        if (signature.name, signature.variant.label) == (effect, variant):
+            return _visible_size(similarity, k)
     raise KeyError(f"{effect} has no variant {variant!r} here")
 
 
-def _showing(likeness: Likeness, index: int) -> VisibleSize:
-    way, d = likeness.ways[index], likeness.d
-    gap = likeness.gap(way)
+def _visible_size(similarity: Similarity, index: int) -> VisibleSize:
+    signature, d = similarity.signatures[index], similarity.d
+    gap = similarity.gap(signature)
     if gap <= 1e-12:
-        return VisibleSize(way.name, way.variant.label, None, {}, False, ())
+        return VisibleSize(signature.name, signature.variant.label, None, {}, False, ())
     smallest = 1.0 / float(np.sqrt(gap))
-    known = way.effect.parameters(d.prepared.scene.robot)
-    both = zip(way.variant.free, way.columns, strict=True)
+    known = signature.effect.parameters(d.prepared.scene.robot)
+    both = zip(signature.variant.free, signature.columns, strict=True)
     size = {n: (smallest * float(d.size[k]), known[known.index(n)].unit) for n, k in both}
-    rivals = likeness.rivals(index)
-    return VisibleSize(way.name, way.variant.label, smallest, size, smallest <= PLAUSIBLE, rivals)
+    rivals = similarity.rivals(index)
+    return VisibleSize(
+        signature.name, signature.variant.label, smallest, size, smallest <= PLAUSIBLE, rivals
+    )
 
 
 def classes(showings: Sequence[VisibleSize]) -> tuple[frozenset[str], ...]:
@@ -100,7 +102,7 @@ def classes(showings: Sequence[VisibleSize]) -> tuple[frozenset[str], ...]:
 
 def cannot_tell(
     dictionary: EffectDictionary,
-    likeness: Likeness | None = None,
+    similarity: Similarity | None = None,
     among: Collection[str] | None = None,
 ) -> tuple[str, ...]:
     """What a design leaves open, in sentences.
@@ -108,24 +110,24 @@ def cannot_tell(
     Args:
         among: only what concerns one of these effects; everything if None.
     """
-    likeness = likeness or Likeness(dictionary)
-    told = [*_never(likeness), *_taken(likeness), *_sums(likeness), *_pairs(likeness)]
-    kept = [text for names, text in told if among is None or names & set(among)]
+    similarity = similarity or Similarity(dictionary)
+    sentences = [*_never(similarity), *_taken(similarity), *_sums(similarity), *_pairs(similarity)]
+    kept = [text for names, text in sentences if among is None or names & set(among)]
     return tuple(dict.fromkeys(kept))
 
 
-_Told = list[tuple[frozenset[str], str]]
+_Sentences = list[tuple[frozenset[str], str]]
 
 
-def _never(likeness: Likeness) -> _Told:
+def _never(similarity: Similarity) -> _Sentences:
     """Effects of which nothing shows."""
-    d = likeness.d
+    d = similarity.d
     where = "a motion" if d.prepared.moving else "poses at rest"
     mean = [e for e in effects().values() if not e.between_rows]
     other = [e.name for e in mean if not e.acts(d.prepared.scene)]
     acting = [e for e in mean if e.acts(d.prepared.scene)]
     absent = [e.name for e in acting if not e.variants(d.prepared.scene)]
-    result: _Told = []
+    result: _Sentences = []
     for names, why in (
         (other, f"cannot show in {where}"),
         (absent, "cannot show: this robot, or these rows, have nothing that it acts on"),
@@ -133,8 +135,8 @@ def _never(likeness: Likeness) -> _Told:
         if names:
             result.append((frozenset(names), f"{listed(names)} {why}"))
     for name in d.invisible:
-        own = [w for w in likeness.ways if w.name == name]
-        if any(d.configured_gap[w.columns].sum() * PLAUSIBLE**2 >= 1.0 for w in own):
+        of_effect = [w for w in similarity.signatures if w.name == name]
+        if any(d.configured_gap[w.columns].sum() * PLAUSIBLE**2 >= 1.0 for w in of_effect):
             why = "a fit of bias, mass and CoG takes all of it"
         else:
             why = "it stays below the noise at any plausible size"
@@ -142,60 +144,66 @@ def _never(likeness: Likeness) -> _Told:
     return result
 
 
-def _taken(likeness: Likeness) -> _Told:
+def _taken(similarity: Similarity) -> _Sentences:
     """Single joints that cannot show though others can; stated numbers that effects mimic."""
-    result: _Told = []
+    result: _Sentences = []
     hidden: dict[str, list[int]] = {}
-    shown = {h.name for h in likeness.d.hypotheses}
-    for way in likeness.ways:
-        if list(way.variant.detail) == ["joint"] and way.name in shown and not likeness.seen(way):
-            hidden.setdefault(way.name, []).append(way.variant.detail["joint"])
+    shown = {h.name for h in similarity.d.hypotheses}
+    for signature in similarity.signatures:
+        if (
+            list(signature.variant.detail) == ["joint"]
+            and signature.name in shown
+            and not similarity.seen(signature)
+        ):
+            hidden.setdefault(signature.name, []).append(signature.variant.detail["joint"])
     for name, joints in hidden.items():
         result.append((frozenset({name}), f"{name} of {_joints(joints)} cannot show"))
     for name in STATED:
-        own = [k for k, w in enumerate(likeness.ways) if w.name == name]
-        whole = max(own, key=lambda k: len(likeness.ways[k].columns))
-        for k in _narrowest(likeness, np.flatnonzero(likeness.inside[whole])):
-            way = likeness.ways[k]
-            if len(way.columns) == len(likeness.ways[whole].columns):
-                text = f"{way.text} and {name} look the same with one payload"
+        of_effect = [k for k, w in enumerate(similarity.signatures) if w.name == name]
+        largest = max(of_effect, key=lambda k: len(similarity.signatures[k].columns))
+        for k in _narrowest(similarity, np.flatnonzero(similarity.inside[largest])):
+            signature = similarity.signatures[k]
+            if len(signature.columns) == len(similarity.signatures[largest].columns):
+                text = f"{signature.text} and {name} look the same with one payload"
             else:
-                text = f"{way.text} can make all that {name} makes with one payload"
-            result.append((frozenset({name, way.name}), text))
+                text = f"{signature.text} can make all that {name} makes with one payload"
+            result.append((frozenset({name, signature.name}), text))
     return result
 
 
-def _sums(likeness: Likeness) -> _Told:
+def _sums(similarity: Similarity) -> _Sentences:
     """Joints of one effect that act alike."""
-    result: _Told = []
-    left = likeness.grams[""]
-    for name in dict.fromkeys(w.name for w in likeness.ways):
-        own = [
+    result: _Sentences = []
+    gram = similarity.grams[""]
+    for name in dict.fromkeys(w.name for w in similarity.signatures):
+        of_joints = [
             w
-            for w in likeness.ways
+            for w in similarity.signatures
             if w.name == name and list(w.variant.detail) == ["joint"] and len(w.columns) == 1
         ]
-        columns = {w.variant.detail["joint"]: int(w.columns[0]) for w in own if likeness.seen(w)}
+        columns = {
+            w.variant.detail["joint"]: int(w.columns[0]) for w in of_joints if similarity.seen(w)
+        }
         rest = list(columns)
         while rest:
             first = rest.pop(0)
             k = columns[first]
-            alike = [j for j in rest if abs(_cosine(left, k, columns[j])) > ALIKE]
+            alike = [j for j in rest if abs(_cosine(gram, k, columns[j])) > ALIKE]
             rest = [j for j in rest if j not in alike]
             if not alike:
                 continue
-            ratio = [left[k, columns[j]] / left[k, k] for j in alike]
+            ratio = [gram[k, columns[j]] / gram[k, k] for j in alike]
             sums = all(abs(r - 1.0) < 0.02 for r in ratio)
             how = "enter only as their sum" if sums else "look the same"
             result.append((frozenset({name}), f"{name} of {_joints([first, *alike])} {how}"))
     return result
 
 
-def _pairs(likeness: Likeness) -> _Told:
+def _pairs(similarity: Similarity) -> _Sentences:
     """Different effects of which each, or one, makes the readings of the other."""
-    ways, inside = likeness.ways, likeness.inside
-    real = np.array([w.name not in STATED and likeness.shows(w) for w in ways])
-    result: _Told = []
+    ways, inside = similarity.signatures, similarity.inside
+    real = np.array([w.name not in STATED and similarity.shows(w) for w in ways])
+    result: _Sentences = []
     done: set[frozenset[str]] = set()
     order = np.argwhere(inside & inside.T & real[:, None] & real[None])
     for a, b in sorted(order.tolist(), key=lambda p: sum(len(ways[k].columns) for k in p)):
@@ -205,7 +213,7 @@ def _pairs(likeness: Likeness) -> _Told:
             where = " in any free-space data" if pair in INSEPARABLE else " in this data"
             result.append((pair, f"{ways[a].text} and {ways[b].text} look the same{where}"))
     for a in np.flatnonzero(real).tolist():
-        for b in _narrowest(likeness, np.flatnonzero(inside[a] & real)):
+        for b in _narrowest(similarity, np.flatnonzero(inside[a] & real)):
             pair = frozenset({ways[a].name, ways[b].name})
             if len(pair) == 2 and pair not in done:
                 done.add(pair)
@@ -213,11 +221,11 @@ def _pairs(likeness: Likeness) -> _Told:
     return result
 
 
-def _narrowest(likeness: Likeness, members: np.ndarray) -> list[int]:
-    """Of each effect the way with the fewest columns."""
+def _narrowest(similarity: Similarity, members: np.ndarray) -> list[int]:
+    """Of each effect the signature with the fewest columns."""
     best: dict[str, int] = {}
-    for k in sorted(members.tolist(), key=lambda k: len(likeness.ways[k].columns)):
-        best.setdefault(likeness.ways[k].name, k)
+    for k in sorted(members.tolist(), key=lambda k: len(similarity.signatures[k].columns)):
+        best.setdefault(similarity.signatures[k].name, k)
     return list(best.values())
 
 
