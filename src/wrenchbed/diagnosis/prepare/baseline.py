@@ -6,14 +6,15 @@ from typing import Any
 
 import numpy as np
 
-from wrenchbed.calibration.least_squares import solve
 from wrenchbed.diagnosis.prepare.configuration import STATED, Configuration
 from wrenchbed.diagnosis.prepare.prepared import Prepared
 from wrenchbed.effects.chain import respond
 from wrenchbed.errors import DiagnosisError
 
-_STEPS = (1e-4, 1e-5, 1e-5, 1e-5)
+_DIFFERENCES = (1e-4, 1e-5, 1e-5, 1e-5)
 """Finite differences of mass [kg] and CoG [m]."""
+_STEPS, _DONE = 5, 1e-9
+"""Gauss–Newton steps at most, and the change [kg, m] below which they end."""
 MASS_SHARE, COG_M, BIAS_SIGMAS = 0.005, 5e-4, 3.0
 """Default tolerances: share of the stated mass, CoG [m], bias in σ of one row."""
 
@@ -46,34 +47,34 @@ def calibrate(prepared: Prepared) -> Baseline:
         DiagnosisError: the weight comes out upside down.
     """
     stated = prepared.configuration
-    start = np.concatenate([[stated.mass], stated.cog, np.zeros(6)])
+    start = np.concatenate([[stated.mass], stated.cog])
     measured = prepared.rows(prepared.y).ravel()
     ones = np.ones((len(prepared.y), 1))
-    bias = np.stack([prepared.rows(ones * axis).ravel() for axis in np.eye(6)], axis=1)
+    biases = np.stack([prepared.rows(ones * axis).ravel() for axis in np.eye(6)], axis=1)
 
     def weighed(x: np.ndarray) -> np.ndarray:
+        at = stated.with_load(x[0], x[1:]).robot_theta
+        return prepared.rows(respond(prepared.at(at).scene)).ravel()
+
+    x, bias = start, np.zeros(6)
+    for _ in range(_STEPS):
+        here = weighed(x)
+        moved_by = zip(_DIFFERENCES, np.eye(4), strict=True)
+        slopes = [(weighed(x + h * unit) - here) / h for h, unit in moved_by]
+        design = np.column_stack([*slopes, biases])
+        scale = np.maximum(np.sqrt((design**2).sum(axis=0)), 1e-300)
+        change = np.linalg.lstsq(design / scale, measured - here, rcond=1e-10)[0] / scale
+        x, bias = x + change[:4], change[4:]
         if x[0] <= 0:
             raise DiagnosisError(
                 f"{prepared.recording.name}: the tool's mass comes out as {x[0]:.3g} kg: gravity "
                 "or the wrench has the opposite sign, or this is another robot or another tool "
                 "frame (wanted: the load on the sensor, +m·g along gravity at rest)"
             )
-        at = stated.with_load(x[0], x[1:4]).robot_theta
-        return prepared.rows(respond(prepared.at(at).scene)).ravel()
-
-    def residual(x: np.ndarray) -> np.ndarray:
-        return np.asarray(measured - weighed(x) - bias @ x[4:])
-
-    def jacobian(x: np.ndarray) -> np.ndarray:
-        here, unit = weighed(x), np.eye(10)
-        slopes = [(weighed(x + h * unit[k]) - here) / h for k, h in enumerate(_STEPS)]
-        return np.column_stack([*slopes, bias])
-
-    columns = jacobian(start)
-    scale = 1.0 / np.maximum(np.sqrt((columns**2).sum(axis=0)), 1e-300)
-    x = solve(residual, jacobian, start, scale).x
-    moved = {STATED[1]: x[:1] - start[:1], STATED[2]: x[1:4] - start[1:4]}
-    return Baseline(stated.with_load(x[0], x[1:4], x[4:]), moved, tolerances(prepared))
+        if np.abs(change[:4]).max() < _DONE:
+            break
+    moved = {STATED[1]: x[:1] - start[:1], STATED[2]: x[1:] - start[1:]}
+    return Baseline(stated.with_load(x[0], x[1:], bias), moved, tolerances(prepared))
 
 
 def tolerances(prepared: Prepared) -> dict[str, np.ndarray]:
