@@ -8,6 +8,12 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from wrenchbed.benchmark.sealed.entrants import Entrant
+    from wrenchbed.benchmark.sealed.make import Family
+    from wrenchbed.benchmark.sealed.make import make as blind_make
+    from wrenchbed.benchmark.sealed.real import seal_real as blind_seal
+    from wrenchbed.benchmark.sealed.run import run as blind_run
+    from wrenchbed.benchmark.sealed.score import score as blind_score
     from wrenchbed.calibration.calibrate import CalibrationOptions as Options
     from wrenchbed.calibration.calibrate import calibrate
     from wrenchbed.calibration.fit import Fit
@@ -34,6 +40,7 @@ if TYPE_CHECKING:
     from wrenchbed.robots.base import Robot
     from wrenchbed.simulation.closed_form import Model
     from wrenchbed.simulation.simulation import Simulation
+    from wrenchbed.studies import run as study
     from wrenchbed.twin.export import export
     from wrenchbed.twin.replay import simulate
     from wrenchbed.twin.twin import Twin
@@ -42,6 +49,11 @@ if TYPE_CHECKING:
     __version__: str
 
 _PUBLIC = {
+    "benchmark.sealed.entrants": ("Entrant",),
+    "benchmark.sealed.make": ("Family", "make as blind_make"),
+    "benchmark.sealed.real": ("seal_real as blind_seal",),
+    "benchmark.sealed.run": ("run as blind_run",),
+    "benchmark.sealed.score": ("score as blind_score",),
     "calibration.calibrate": ("CalibrationOptions as Options", "calibrate"),
     "calibration.fit": ("Fit",),
     "calibration.touches": ("Touches",),
@@ -66,6 +78,7 @@ _PUBLIC = {
     "robots.base": ("Robot",),
     "simulation.closed_form": ("Model",),
     "simulation.simulation": ("Simulation",),
+    "studies": ("run as study",),
     "twin.export": ("export",),
     "twin.replay": ("simulate",),
     "twin.twin": ("Twin",),
@@ -81,6 +94,8 @@ _HOME = {
 
 __all__ = [
     "EmulatorOptions",
+    "Entrant",
+    "Family",
     "Findings",
     "Fit",
     "Fleet",
@@ -98,6 +113,10 @@ __all__ = [
     "Twin",
     "WrenchbedError",
     "__version__",
+    "blind_make",
+    "blind_run",
+    "blind_score",
+    "blind_seal",
     "calibrate",
     "campaign",
     "descriptions",
@@ -117,6 +136,7 @@ __all__ = [
     "report",
     "serve",
     "simulate",
+    "study",
     "view",
     "write_mcap",
 ]
