@@ -185,7 +185,7 @@ def test_a_bus_that_the_server_does_not_have_is_named():
         open_bus("", "can7", HOST, one.port, 1_000_000)
 
 
-def test_a_server_of_something_else_is_told():
+def test_a_server_of_something_else_is_named():
     with socket.create_server((HOST, 0)) as other:
         threading.Timer(0.1, lambda: greet(other)).start()
         with pytest.raises(LinkError, match="does not speak socketcand"):
@@ -198,14 +198,14 @@ def greet(server: socket.socket) -> None:
     connection.close()
 
 
-def test_no_server_is_told_at_once():
+def test_a_missing_server_is_named_at_once():
     begun = time.monotonic()
     with pytest.raises(LinkError, match="no CAN server at"):
         open_bus("", "can0", HOST, 9, 1_000_000)
     assert time.monotonic() - begun < 1.0
 
 
-def test_a_bus_that_does_not_exist_is_told():
+def test_a_bus_that_does_not_exist_is_named():
     with pytest.raises(LinkError, match="cannot open"):
         open_bus("socketcan", "no-such-bus0", "", 0, 1_000_000)
 

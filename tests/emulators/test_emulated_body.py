@@ -6,7 +6,7 @@ from scipy.signal import savgol_filter
 
 from wrenchbed import registry
 from wrenchbed.emulators.base.body import Body, BodyOptions
-from wrenchbed.emulators.base.emulator import EmulatorOptions as TwinOptions
+from wrenchbed.emulators.base.emulator import EmulatorOptions
 from wrenchbed.errors import NotFoundError, ParameterError
 from wrenchbed.hardware.drivers import sim
 from wrenchbed.physics.taylor import Jet
@@ -100,7 +100,7 @@ def test_hysteresis_reads_a_pose_by_the_way_it_came():
 
 
 def test_a_long_campaign_is_forgotten_bit_by_bit(monkeypatch):
-    """Memory stays bounded, and a pose is read as by a twin that remembers everything."""
+    """Memory stays bounded, and a pose is read as by an emulator that remembers everything."""
     whole = Body(BodyOptions("ur5", noise="off", effects=("sensor.hysteresis",)), CYCLE)
     poses = whole.robot.sample(8, np.random.default_rng(8))
     last = [go(whole, q, 1.5, 0.3)[-1] for q in (*poses, *poses)][-1]
@@ -139,15 +139,15 @@ def test_noise_is_the_sensors_and_seeded():
     assert np.abs(first.std(axis=0) / std - 1).max() < 0.06
 
 
-@pytest.mark.parametrize("twin", ["ur5", "medrue", "netft"])
+@pytest.mark.parametrize("emulator", ["ur5", "medrue", "netft"])
 @pytest.mark.parametrize("host", ["0.0.0.0", "192.168.1.1", "localhost", "::1", ""])
-def test_a_twin_serves_this_machine_alone(twin, host):
+def test_an_emulator_serves_this_machine_alone(emulator, host):
     with pytest.raises(ParameterError, match="serves this machine only: give 127"):
-        registry.load("emulators", twin)(TwinOptions(host=host))
+        registry.load("emulators", emulator)(EmulatorOptions(host=host))
 
 
-def test_a_twin_of_a_bus_stays_away_from_real_ones():
-    options = TwinOptions(setting={"bus": "socketcan:can0"})
+def test_an_emulator_of_a_bus_stays_away_from_real_ones():
+    options = EmulatorOptions(setting={"bus": "socketcan:can0"})
     with pytest.raises(ParameterError, match="never a bus with real devices"):
         registry.load("emulators", "medrue")(options)
 

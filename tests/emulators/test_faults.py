@@ -1,4 +1,4 @@
-"""What a twin does wrong when it is told: scripts, live lines, and values that are refused."""
+"""What an emulator does wrong when it is told: scripts, live lines, and values that are refused."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""The twin's drive without a bus: its dictionary, process data and watchdogs, by hand."""
+"""The emulator's drive without a bus: its dictionary, process data and watchdogs, by hand."""
 
 import struct
 import threading
@@ -283,7 +283,7 @@ def test_a_mode_that_does_not_exist_is_not_taken_from_a_pdo():
         assert bench.read(0x6060) == taken
 
 
-def test_torque_is_told_in_thousandths_of_the_rated_one():
+def test_torque_is_reported_in_thousandths_of_the_rated_one():
     bench = Bench()
     assert bench.read(0x6076) == 20_000  # mN·m
     assert bench.map(TPDO, STATUS, ACTUAL, TORQUE) == 0
@@ -297,14 +297,14 @@ def test_torque_is_told_in_thousandths_of_the_rated_one():
         bench.sent.clear()
 
 
-def test_an_object_dictionary_tells_the_state_without_sync():
+def test_the_object_dictionary_holds_the_state_without_sync():
     bench = Bench().enabled()
     bench.drive.axis.fault(0x2310)
     bench.tick(sync=False)
     assert bench.read(0x6041) & 0x4F == 0x08 and bench.read(0x603F) == 0x2310
 
 
-def test_the_plants_clock_tells_what_stopped_it():
+def test_the_plants_clock_reports_what_stopped_it():
     told = []
     body = SimpleNamespace(time=0.0, readings=lambda t: ([0.0], 0))
     plant = RealTimePlant(body, [1.0], threading.RLock(), told.append)

@@ -1,4 +1,4 @@
-"""Faults of MedRUE's twin that are told wrongly, and what its bus does when a device fails."""
+"""Faults of MedRUE's emulator that are told wrongly, and what its bus does when a device fails."""
 
 import socket
 import struct
@@ -20,7 +20,7 @@ HOST = "127.0.4.7"
 
 @pytest.fixture(scope="module")
 def idle():
-    """A twin that was never started."""
+    """An emulator that was never started."""
     return MedrueEmulator(EmulatorOptions(HOST, noise="off", setting={"port": "0"}))
 
 
@@ -45,7 +45,7 @@ def test_values_out_of_range_are_refused_by_name(idle, kind, values, named):
 
 
 @pytest.mark.parametrize("bits", [1, 0x10, 0x8000, 0xFFFF, 16.0])
-def test_every_status_that_is_taken_can_be_told(idle, bits):
+def test_every_status_that_is_taken_is_sent(idle, bits):
     idle.faults.inject(TimedFault("can", "status", values={"bits": bits}))
     ((_, first), _) = idle.board._answer(1.0, 0x0, b"")
     assert struct.unpack_from(">H", first)[0] & int(bits) == int(bits)
@@ -68,7 +68,7 @@ def raises(t, frame):
     raise ValueError(f"no {frame.can_id:X}")
 
 
-def test_a_device_that_fails_is_told_and_the_bus_goes_on():
+def test_a_device_that_fails_is_reported_and_the_bus_goes_on():
     told, heard = [], []
     hub = Hub(HOST, 0, failed=told.append)
     hub.attach(raises)
@@ -105,9 +105,9 @@ def test_a_hub_whose_thread_ends_says_so_and_hangs_up(monkeypatch):
         hub.stop()
 
 
-def test_a_twin_whose_board_fails_is_not_well():
-    with MedrueEmulator(EmulatorOptions(HOST, noise="off", setting={"port": "0"})) as twin:
-        twin.board.status = 1 << 31
-        send = twin.hub.attach(lambda t, frame: None)
+def test_an_emulator_whose_board_fails_reports_it():
+    with MedrueEmulator(EmulatorOptions(HOST, noise="off", setting={"port": "0"})) as emulator:
+        emulator.board.status = 1 << 31
+        send = emulator.hub.attach(lambda t, frame: None)
         send(Frame(0x680, b""))
-        assert twin.failed.wait(2.0) and isinstance(twin.failure, struct.error)
+        assert emulator.failed.wait(2.0) and isinstance(emulator.failure, struct.error)

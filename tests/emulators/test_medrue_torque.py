@@ -6,7 +6,7 @@ import pytest
 
 from medrue_bench import away, until
 from wrenchbed.emulators.base.body import BodyOptions
-from wrenchbed.emulators.base.emulator import EmulatorOptions as TwinOptions
+from wrenchbed.emulators.base.emulator import EmulatorOptions
 from wrenchbed.emulators.medrue import MedrueEmulator
 from wrenchbed.emulators.medrue.plant import CYCLE_S, DrivenArm
 from wrenchbed.hardware.drivers.can import CanDriver, CanOptions
@@ -49,8 +49,8 @@ def test_a_motor_holds_what_pushes_and_gives_nothing_at_rest():
 def test_the_drivers_effort_is_what_the_motors_give():
     rated = np.array([200.0] + 5 * [2.0])
     settings = {"port": "0", "bus": "virtual:medrue torque"}
-    with MedrueEmulator(TwinOptions(HOST, noise="off", setting=settings)) as twin:
-        body = twin.plant.body
+    with MedrueEmulator(EmulatorOptions(HOST, noise="off", setting=settings)) as emulator:
+        body = emulator.plant.body
         step, given = body.step, [np.zeros(6)]
 
         def recorded(target):

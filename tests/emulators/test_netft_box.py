@@ -74,7 +74,7 @@ def test_what_the_body_does_not_know_yet_is_sent_later_as_it_was():
         assert len({r[1] for r in one.records(100)}) == 100
 
 
-def test_pages_tell_and_take_settings():
+def test_pages_report_and_take_settings():
     with boxed("127.0.3.31", rate=2000, force_unit="lbf", counts_per_force=4e5) as scene:
         text = page(scene)
         assert field(text, "comrdtrate") == "2334" and field(text, "runrate") == "7000"
@@ -148,7 +148,7 @@ def test_settings_of_a_command_line():
             read(words, BoxSettings)
 
 
-def test_the_time_shown_is_constantly_late():
+def test_the_reported_time_has_a_constant_delay():
     line = Timeline(0.008)
     for k in range(400):
         line.observe(5.0 + 0.008 * k, 0.008 * k)

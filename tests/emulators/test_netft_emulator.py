@@ -6,15 +6,17 @@ import pytest
 import wrenchbed as wb
 from emulator_process import running
 from netft_scene import until
-from wrenchbed.emulators.base.emulator import EmulatorOptions as TwinOptions
+from wrenchbed.emulators.base.emulator import EmulatorOptions
 from wrenchbed.errors import ParameterError
 from wrenchbed.hardware.transducers.netft import NetftOptions
 
 pytestmark = pytest.mark.wire
 
 
-def test_a_twin_is_read_and_misbehaves_when_told():
-    with running("netft", "127.0.3.50", "--set", "rate=1000", "--set", "force_unit=lbf") as twin:
+def test_the_transducer_reads_the_emulator_and_sees_its_faults():
+    with running(
+        "netft", "127.0.3.50", "--set", "rate=1000", "--set", "force_unit=lbf"
+    ) as emulator:
         transducer = wb.load("transducers", "netft")(NetftOptions("127.0.3.50", sensor="ati-gamma"))
         with transducer:
             sample = transducer.read()
@@ -22,16 +24,16 @@ def test_a_twin_is_read_and_misbehaves_when_told():
             assert transducer.health().ok
             assert transducer.zero() == 1
             until(lambda: np.abs(transducer.read().wrench[:3]).max() < 0.5)
-            twin.fault("rdt", "stall", seconds=0.3)
+            emulator.fault("rdt", "stall", seconds=0.3)
             until(lambda: transducer.health().state == "stale")
             until(lambda: transducer.health().ok)
-            twin.process.terminate()
-            twin.process.wait(5)
+            emulator.process.terminate()
+            emulator.process.wait(5)
             until(lambda: transducer.health().state == "lost")
 
 
-def test_the_twin_lists_its_settings():
-    twin = wb.load("emulators", "netft")
-    assert {"robot", "rate", "force_unit"} <= set(twin.settings)
+def test_the_emulator_lists_its_settings():
+    emulator = wb.load("emulators", "netft")
+    assert {"robot", "rate", "force_unit"} <= set(emulator.settings)
     with pytest.raises(ParameterError, match="Known: robot: .*rdt_port: "):
-        twin(TwinOptions(setting={"rte": "500"}))
+        emulator(EmulatorOptions(setting={"rte": "500"}))

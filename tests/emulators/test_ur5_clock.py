@@ -1,12 +1,12 @@
-"""Twins that come late: cycles made up for, given up and stated, and packets left out."""
+"""Emulators that come late: cycles made up for, given up and stated, and packets left out."""
 
 import itertools
 from types import SimpleNamespace
 
 import pytest
 
-from wrenchbed.emulators.base import emulator
 from wrenchbed.emulators.base import real_time as clock_module
+from wrenchbed.emulators.base.emulator import EmulatorOptions
 from wrenchbed.emulators.base.real_time import GIVE_UP_S, CycleClock
 from wrenchbed.emulators.ur5 import EMULATOR, outputs, server
 from wrenchbed.emulators.ur5.outputs import Timestamp
@@ -79,27 +79,27 @@ def test_the_time_stamp_counts_lost_time_and_starts_anew(hands):
 
 
 @pytest.fixture
-def twin():
-    return EMULATOR(emulator.EmulatorOptions("127.0.1.35", noise="off", setting={"box": "off"}))
+def emulator():
+    return EMULATOR(EmulatorOptions("127.0.1.35", noise="off", setting={"box": "off"}))
 
 
-def test_a_loop_that_stood_still_tells_the_time_stamp(hands, twin, monkeypatch):
+def test_the_time_stamp_counts_the_time_in_which_the_loop_stood_still(hands, emulator, monkeypatch):
     """As much as the clock gave up: afterwards both have gone on as far as real time."""
     seen = []
 
     def cycle(behind):
-        seen.append((behind, twin.timestamp.now() - first))
-        twin.body.step(twin.body.target)
+        seen.append((behind, emulator.timestamp.now() - first))
+        emulator.body.step(emulator.body.target)
 
-    monkeypatch.setattr(twin, "_cycle", cycle)
-    monkeypatch.setattr(twin, "_wait", lambda: None)
+    monkeypatch.setattr(emulator, "_cycle", cycle)
+    monkeypatch.setattr(emulator, "_wait", lambda: None)
     for _ in range(4):  # until the state that is shown moves on with each cycle
-        twin.body.step(twin.body.target)
-    first = twin.timestamp.now()
-    twin._begin()
+        emulator.body.step(emulator.body.target)
+    first = emulator.timestamp.now()
+    emulator._begin()
     for turn in range(8):
         hands.now += PERIOD if turn != 5 else 3.0 + PERIOD
-        twin._turn()
+        emulator._turn()
     assert [behind for behind, _ in seen] == [0] * 8
     steps = [b - a for (_, a), (_, b) in itertools.pairwise(seen)]
     assert steps[:4] == pytest.approx([PERIOD] * 4)
@@ -107,23 +107,23 @@ def test_a_loop_that_stood_still_tells_the_time_stamp(hands, twin, monkeypatch):
     assert steps[5:] == pytest.approx([PERIOD] * 2)
 
 
-def test_packets_are_left_out_while_the_loop_catches_up(hands, twin, monkeypatch):
+def test_packets_are_left_out_while_the_loop_catches_up(hands, emulator, monkeypatch):
     sent = []
-    monkeypatch.setattr(twin.rtde, "stream", lambda values, send: sent.append(send))
-    twin._cycle(0)
+    monkeypatch.setattr(emulator.rtde, "stream", lambda values, send: sent.append(send))
+    emulator._cycle(0)
     late = int(server._LATE_S / PERIOD) + 1
     for behind in range(late + 20, 0, -1):
         hands.now += 0.001
-        twin._cycle(behind)
+        emulator._cycle(behind)
     assert sent[0] and all(sent[-late + 1 :])
     catching_up = sent[1 : -late + 1]
     assert len(catching_up) == 21 and sum(catching_up) == 0
 
 
-def test_a_loop_that_stays_late_still_sends_one_packet_in_some_cycles(hands, twin, monkeypatch):
+def test_a_loop_that_stays_late_still_sends_one_packet_in_some_cycles(hands, emulator, monkeypatch):
     sent = []
-    monkeypatch.setattr(twin.rtde, "stream", lambda values, send: sent.append(send))
+    monkeypatch.setattr(emulator.rtde, "stream", lambda values, send: sent.append(send))
     for _ in range(100):
         hands.now += 1.01 * PERIOD
-        twin._cycle(50)
+        emulator._cycle(50)
     assert sum(sent) == pytest.approx(100 / server._SHARE, abs=1)

@@ -1,4 +1,4 @@
-"""Unmodified ur_rtde interfaces against the UR5's twin in a process of its own."""
+"""Unmodified ur_rtde interfaces against the UR5's emulator in a process of its own."""
 
 import time
 from contextlib import nullcontext
@@ -27,14 +27,16 @@ PRESS = np.array([0.4, -0.11, 0.25 + 0.142, np.pi, 0.0, 0.0])
 @pytest.fixture(scope="module")
 def cb3():
     more = ("--table", "0.25", "--noise", "off", "--set", "box=off")
-    with emulator_process.running("ur5", CB3, *more) as twin:
-        yield twin
+    with emulator_process.running("ur5", CB3, *more) as emulator:
+        yield emulator
 
 
 @pytest.fixture(scope="module")
 def e_series():
-    with emulator_process.running("ur5", E, "--set", "series=e", "--set", "http_port=8099") as twin:
-        yield twin
+    with emulator_process.running(
+        "ur5", E, "--set", "series=e", "--set", "http_port=8099"
+    ) as emulator:
+        yield emulator
 
 
 def receiving(host):

@@ -1,4 +1,4 @@
-"""The UR5 twin's force: pressing on a plate, payload and protective stops, in process."""
+"""The UR5 emulator's force: pressing on a plate, payload and protective stops, in process."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Which packet counts in which cycle, also where a twin was held up and hears many at once."""
+"""Which packet counts in which cycle, also where an emulator was held up and hears many at once."""
 
 from wrenchbed.emulators.ur5.inputs import Inputs
 from wrenchbed.emulators.ur5.packets import inputs

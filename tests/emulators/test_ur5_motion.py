@@ -1,4 +1,4 @@
-"""The UR5 twin's kinematics, motions and safety, in process and without waiting for real time."""
+"""The UR5 emulator: kinematics, motions and safety, in process, without waiting for real time."""
 
 import mujoco
 import numpy as np
@@ -142,7 +142,7 @@ def test_servoj_beyond_the_speed_limit_is_a_protective_stop():
     assert bench.arm.q == pytest.approx(start, abs=1e-9)
 
 
-def test_speedj_goes_on_until_it_is_told_to_stop():
+def test_speedj_goes_on_until_it_is_stopped():
     bench = Bench().script()
     bench.write(d0=0.1, d6=0.5, d7=0.1, i0=9)
     way = bench.run(2.0)
@@ -171,7 +171,7 @@ def test_a_move_while_another_thread_drives_the_arm_ends_the_program():
     assert not bench.arm.moving
 
 
-def test_an_asynchronous_move_tells_its_progress_and_can_be_stopped():
+def test_an_asynchronous_move_reports_its_progress_and_can_be_stopped():
     bench = Bench().script()
     bench.command(1, *(bench.arm.q + 0.5), 0.5, 1.0, i1=1)
     bench.run(0.3)

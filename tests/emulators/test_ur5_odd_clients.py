@@ -1,4 +1,4 @@
-"""Odd clients of the UR5's twin: a program or a peer ends, and the robot serves on."""
+"""Odd clients of the UR5's emulator: a program or a peer ends, and the robot serves on."""
 
 import itertools
 import math
@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from ur5_bench import CYCLE, Bench
-from wrenchbed.emulators.base import emulator
+from wrenchbed.emulators.base.emulator import EmulatorOptions
 from wrenchbed.emulators.ur5 import EMULATOR
 from wrenchbed.emulators.ur5.commands import COMMANDS
 from wrenchbed.emulators.ur5.dashboard import Dashboard
@@ -168,16 +168,16 @@ def test_a_dashboard_line_without_end_ends_its_connection(bench):
 
 @pytest.fixture
 def broken(monkeypatch, capfd):
-    """A twin whose loop breaks down at once."""
+    """An emulator whose loop breaks down at once."""
 
     def cycle(now):
         raise ZeroDivisionError("a cycle that cannot be")
 
-    twin = EMULATOR(emulator.EmulatorOptions(HOST, noise="off", setting={"box": "off"}))
-    monkeypatch.setattr(twin.controller, "cycle", cycle)
-    with twin:
-        assert twin.failed.wait(3.0)
-        yield twin
+    emulator = EMULATOR(EmulatorOptions(HOST, noise="off", setting={"box": "off"}))
+    monkeypatch.setattr(emulator.controller, "cycle", cycle)
+    with emulator:
+        assert emulator.failed.wait(3.0)
+        yield emulator
     assert "a cycle that cannot be" in capfd.readouterr().err
 
 
@@ -191,25 +191,25 @@ def test_a_loop_that_breaks_down_says_so_and_refuses_faults(broken):
 
 def test_a_loop_that_hangs_refuses_faults_and_never_does_them(monkeypatch):
     monkeypatch.setattr("wrenchbed.emulators.ur5.server._INJECT_S", 0.1)
-    twin = EMULATOR(emulator.EmulatorOptions(HOST, noise="off", setting={"box": "off"}))
+    emulator = EMULATOR(EmulatorOptions(HOST, noise="off", setting={"box": "off"}))
     done = []
     with pytest.raises(DriverError, match=r"has stopped.*0\.1 s"):
-        twin.soon(lambda: done.append(1))
-    with twin:
-        twin.soon(lambda: None)
+        emulator.soon(lambda: done.append(1))
+    with emulator:
+        emulator.soon(lambda: None)
         assert not done
 
 
-def test_a_fault_that_fails_is_told_to_who_asked():
-    twin = EMULATOR(emulator.EmulatorOptions(HOST, noise="off", setting={"box": "off"}))
+def test_a_fault_that_fails_raises_where_it_was_injected():
+    emulator = EMULATOR(EmulatorOptions(HOST, noise="off", setting={"box": "off"}))
 
     def fail():
         raise KeyError("no such thing")
 
-    with twin:
+    with emulator:
         with pytest.raises(KeyError, match="no such thing"):
-            twin.soon(fail)
-        assert not twin.failed.is_set()
+            emulator.soon(fail)
+        assert not emulator.failed.is_set()
 
 
 BREAK = """
@@ -232,12 +232,15 @@ def test_a_process_whose_loop_breaks_down_ends_loudly():
 
 
 @pytest.mark.wire
-def test_odd_clients_one_after_the_other_leave_the_twin_serving():
+def test_odd_clients_one_after_the_other_leave_the_emulator_serving():
     from emulator_process import running
     from ur5_socket import Client, Lines
     from ur5_socket import socket as sockets
 
-    with running("ur5", HOST, "--noise", "off", "--set", "box=off") as twin, Client(HOST) as reader:
+    with (
+        running("ur5", HOST, "--noise", "off", "--set", "box=off") as emulator,
+        Client(HOST) as reader,
+    ):
         reader.stream("timestamp,actual_TCP_pose,output_int_register_0,runtime_state")
         with sockets.create_connection((HOST, 30003), 2.0) as script, Client(HOST) as writer:
             script.sendall(control("movej([1,2,3],a=1,v=1,r=0)"))
@@ -251,5 +254,5 @@ def test_odd_clients_one_after_the_other_leave_the_twin_serving():
         with Lines(HOST) as dashboard:
             assert dashboard.ask("\xff" * 100).startswith("could not")
         reader.newest()
-        twin.fault("robot", "program_stop")
-        assert twin.process.poll() is None
+        emulator.fault("robot", "program_stop")
+        assert emulator.process.poll() is None

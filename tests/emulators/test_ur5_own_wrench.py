@@ -1,9 +1,9 @@
-"""The UR5 twin's own wrench: its effects and its error, apart from the Net F/T's."""
+"""The UR5 emulator's own wrench: its effects and its error, apart from the Net F/T's."""
 
 import numpy as np
 import pytest
 
-from wrenchbed.emulators.base import emulator
+from wrenchbed.emulators.base.emulator import EmulatorOptions
 from wrenchbed.emulators.ur5 import EMULATOR
 
 HOST = "127.0.1.36"
@@ -13,20 +13,18 @@ GAIN = "sensor.gain:gain.fz=0.2"
 
 def made(*effects: str, noise: str = "off", series: str = "cb3", box: str = "off", seed: int = 0):
     setting = {"box": box, "series": series}
-    return EMULATOR(
-        emulator.EmulatorOptions(HOST, noise=noise, effects=effects, seed=seed, setting=setting)
-    )
+    return EMULATOR(EmulatorOptions(HOST, noise=noise, effects=effects, seed=seed, setting=setting))
 
 
-def forces(twin, n: int, step: float = 0.0) -> np.ndarray:
+def forces(emulator, n: int, step: float = 0.0) -> np.ndarray:
     """actual_TCP_force (n, 6) of control cycles, each a step [rad] further."""
     rows = []
     for k in range(n):
-        twin.controller.arm.q = np.array(twin.body.robot.home) + step * k
-        twin.controller.arm._plain = twin.controller.arm.q.copy()
-        twin.controller.cycle(100.0 + 0.008 * k)
-        twin._outputs.update(1.0, {"actual_TCP_force", "ft_raw_wrench"})
-        rows.append(twin.controller.values["actual_TCP_force"])
+        emulator.controller.arm.q = np.array(emulator.body.robot.home) + step * k
+        emulator.controller.arm._plain = emulator.controller.arm.q.copy()
+        emulator.controller.cycle(100.0 + 0.008 * k)
+        emulator._outputs.update(1.0, {"actual_TCP_force", "ft_raw_wrench"})
+        rows.append(emulator.controller.values["actual_TCP_force"])
     return np.array(rows)
 
 
@@ -51,12 +49,12 @@ def test_its_error_is_seeded():
 
 
 def test_its_error_is_not_that_of_the_net_ft():
-    twin = made(noise="white", box="on")
+    emulator = made(noise="white", box="on")
     shown, own = [], []
     for k in range(400):
-        forces(twin, 1)
-        own.append(twin.controller.arm.load)
-        shown.append(twin.body.readings(np.array([0.008 * (k + 1)]))[0][0])
+        forces(emulator, 1)
+        own.append(emulator.controller.arm.load)
+        shown.append(emulator.body.readings(np.array([0.008 * (k + 1)]))[0][0])
     for lag in range(-4, 5):
         for j in range(3):
             first, second = (np.array(rows)[:, j] for rows in (shown, own))
@@ -71,16 +69,16 @@ def test_a_cable_pulls_on_it_in_each_pose_anew():
     assert np.abs(np.diff(moved[:, :3], axis=0)).max() < 0.2
 
 
-def test_what_the_net_ft_alone_makes_of_its_load_is_not_felt():
+def test_effects_of_the_net_ft_do_not_act_on_the_arms_wrench():
     assert forces(made(GAIN), 20) == pytest.approx(forces(made(), 20), abs=1e-12)
 
 
 def test_both_readings_of_an_e_series_are_of_one_sensor():
-    twin = made(CABLE, noise="real", series="e", box="on")
-    force = forces(twin, 30)[-1]
-    raw = np.array(twin.controller.values["ft_raw_wrench"])
-    arm = twin.controller.arm
+    emulator = made(CABLE, noise="real", series="e", box="on")
+    force = forces(emulator, 30)[-1]
+    raw = np.array(emulator.controller.values["ft_raw_wrench"])
+    arm = emulator.controller.arm
     rotation, _ = arm.kinematics.flange(arm.body.q)
     weight = arm.estimate.payload.mass * arm.estimate.gravity
     assert rotation @ raw[:3] - weight == pytest.approx(force[:3], abs=1e-9)
-    assert np.abs(raw - twin.body.load).max() > 0.1
+    assert np.abs(raw - emulator.body.load).max() > 0.1

@@ -1,4 +1,4 @@
-"""The twin's RTDE bytes against bytes written by hand, and its parser against anything."""
+"""The emulator's RTDE bytes against bytes written by hand, and its parser against anything."""
 
 import struct
 
@@ -50,7 +50,7 @@ def test_versions_are_negotiated():
     assert one[0].protocol == 2
 
 
-def test_the_controller_tells_its_version():
+def test_the_controller_reports_its_version():
     answer = say(session(), bytes.fromhex("000376"))
     assert answer == bytes.fromhex("001376000000030000000f0000000800019f63")
 

@@ -1,4 +1,4 @@
-"""The UR5's twin after its control box was switched off and on: nothing of a client survives."""
+"""The UR5 emulator after its control box was power-cycled: nothing of a client survives."""
 
 import time
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from ur5_bench import CYCLE, Bench
-from wrenchbed.emulators.base import emulator
+from wrenchbed.emulators.base.emulator import EmulatorOptions
 from wrenchbed.emulators.ur5 import EMULATOR
 from wrenchbed.emulators.ur5.outputs import Outputs
 from wrenchbed.emulators.ur5.tool_wrench import GRAVITY
@@ -105,16 +105,16 @@ def test_the_arm_stays_where_it_is(bench):
 
 
 def test_what_was_denied_held_back_or_counted_is_not(monkeypatch):
-    twin = EMULATOR(emulator.EmulatorOptions("127.0.1.34", noise="off", setting={"box": "off"}))
-    rtde, denials = twin.rtde, twin.rtde.offer.denials
+    emulator = EMULATOR(EmulatorOptions("127.0.1.34", noise="off", setting={"box": "off"}))
+    rtde, denials = emulator.rtde, emulator.rtde.offer.denials
     denials.start = denials.inputs = denials.outputs["actual_q"] = float("inf")
     rtde.freeze(float("inf"), {})
     rtde.silent_until = rtde.held_until = float("inf")
-    twin._outputs.update(1.0, set())
-    monkeypatch.setattr(twin, "_wait", lambda: None)  # no cycle
-    with twin:
-        twin.soon(lambda: twin.restart(0.0))
+    emulator._outputs.update(1.0, set())
+    monkeypatch.setattr(emulator, "_wait", lambda: None)  # no cycle
+    with emulator:
+        emulator.soon(lambda: emulator.restart(0.0))
     assert (denials.start, denials.inputs, denials.outputs) == (0.0, 0.0, {})
     assert max(rtde.frozen_until, rtde.silent_until, rtde.held_until) < time.monotonic()
-    twin._outputs.update(1.0, set())
-    assert twin.controller.values["control_step"] == (1,)
+    emulator._outputs.update(1.0, set())
+    assert emulator.controller.values["control_step"] == (1,)

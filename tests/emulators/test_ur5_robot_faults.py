@@ -1,4 +1,4 @@
-"""Faults of the UR5 twin's robot itself, as a plain socket sees them."""
+"""Faults of the UR5 emulator's robot itself, as a plain socket sees them."""
 
 import socket
 import time
@@ -19,27 +19,27 @@ MODE, SAFETY, RUNTIME, BITS = 13, 14, 15, 16
 
 
 @pytest.fixture(scope="module")
-def twin():
-    with emulator_process.running("ur5", HOST, "--set", "box=off") as twin:
-        yield twin
+def emulator():
+    with emulator_process.running("ur5", HOST, "--set", "box=off") as emulator:
+        yield emulator
 
 
 @pytest.fixture
-def client(twin):
+def client(emulator):
     with Client(HOST) as client:
         yield client.stream(NAMES)
 
 
 @pytest.fixture
-def restored(twin):
-    """Leaves the twin as it was switched on."""
+def restored(emulator):
+    """Leaves the emulator as it was switched on."""
     yield
-    twin.fault("robot", "restart")
+    emulator.fault("robot", "restart")
     time.sleep(0.1)
 
 
-def test_protective_stop(twin, client, restored):
-    twin.fault("robot", "protective_stop")
+def test_protective_stop(emulator, client, restored):
+    emulator.fault("robot", "protective_stop")
     state = client.until(lambda s: s[SAFETY] == 3)
     assert state[BITS] & 1 << 2
     with Lines(HOST) as dashboard:
@@ -47,8 +47,8 @@ def test_protective_stop(twin, client, restored):
         assert dashboard.ask("unlock protective stop").startswith("Cannot unlock")
 
 
-def test_emergency_stop(twin, client, restored):
-    twin.fault("robot", "emergency_stop", seconds=0.3)
+def test_emergency_stop(emulator, client, restored):
+    emulator.fault("robot", "emergency_stop", seconds=0.3)
     state = client.until(lambda s: s[SAFETY] == 7)
     assert state[BITS] & 1 << 7 and state[MODE] == 3
     assert client.until(lambda s: s[SAFETY] == 1)[MODE] == 3
@@ -65,22 +65,22 @@ def play(host: str) -> None:
         assert dashboard.ask("play") == "Starting program"
 
 
-def test_program_stop(twin, client, restored):
+def test_program_stop(emulator, client, restored):
     play(HOST)
     client.until(lambda s: s[RUNTIME] == 2)
-    twin.fault("robot", "program_stop")
+    emulator.fault("robot", "program_stop")
     client.until(lambda s: s[RUNTIME] == 1)
 
 
-def test_power_off(twin, client, restored):
+def test_power_off(emulator, client, restored):
     play(HOST)
-    twin.fault("robot", "power_off")
+    emulator.fault("robot", "power_off")
     state = client.until(lambda s: s[MODE] == 3)
     assert state[RUNTIME] == 1
 
 
-def test_script_never_starts(twin, client):
-    twin.fault("robot", "script_never_starts", seconds=0.4)
+def test_script_never_starts(emulator, client):
+    emulator.fault("robot", "script_never_starts", seconds=0.4)
     with socket.create_connection((HOST, 30003), 2.0) as script:
         script.sendall(b"def f():\n  sync()\nend\n")
         client.newest()
@@ -91,9 +91,9 @@ def test_script_never_starts(twin, client):
         client.until(lambda s: s[RUNTIME] == 1)
 
 
-def test_following_error(twin, client):
+def test_following_error(emulator, client):
     off = [0.1, 0.0, 0.0, 0.0, 0.0, -0.05]
-    twin.fault("robot", "follow_error", joints=off, seconds=0.6)
+    emulator.fault("robot", "follow_error", joints=off, seconds=0.6)
     time.sleep(0.4)
     state = client.newest()
     gap = [a - b for a, b in zip(state[Q], state[TARGET], strict=True)]
@@ -103,9 +103,9 @@ def test_following_error(twin, client):
     assert state[Q] == pytest.approx(state[TARGET], abs=1e-4)
 
 
-def test_restart(twin, client):
+def test_restart(emulator, client):
     with Lines(HOST) as dashboard:
-        twin.fault("robot", "restart", seconds=0.3)
+        emulator.fault("robot", "restart", seconds=0.3)
         assert gone(client) in ("end of file", "reset")
         assert dashboard.file.readline() == ""
     with pytest.raises(ConnectionRefusedError):
@@ -116,9 +116,9 @@ def test_restart(twin, client):
 
 
 def test_a_stop_before_the_first_cycle_lasts_as_long_as_any(monkeypatch):
-    twin = EMULATOR(EmulatorOptions("127.0.1.38", noise="off", setting={"box": "off"}))
-    monkeypatch.setattr(twin, "_wait", lambda: None)
-    with twin:
-        twin.controller.protective_stop()
-        assert not twin.controller.modes.unlock(time.monotonic())
-        assert twin.controller.modes.unlock(time.monotonic() + 5.1)
+    emulator = EMULATOR(EmulatorOptions("127.0.1.38", noise="off", setting={"box": "off"}))
+    monkeypatch.setattr(emulator, "_wait", lambda: None)
+    with emulator:
+        emulator.controller.protective_stop()
+        assert not emulator.controller.modes.unlock(time.monotonic())
+        assert emulator.controller.modes.unlock(time.monotonic() + 5.1)

@@ -1,4 +1,4 @@
-"""URScript on its way to the UR5's twin: programs put together, recognised and checked."""
+"""URScript on its way to the UR5's emulator: programs put together, recognised and checked."""
 
 import itertools
 
@@ -47,7 +47,7 @@ def test_the_control_script_is_recognised_with_its_offset_and_path():
     assert collector.held == 0
 
 
-def test_other_scripts_are_programs_of_their_own():
+def test_other_scripts_are_separate_programs():
     collector = Collector()
     scripts = collector.feed(
         program("# words", "", "stopj(2)", "sec s():", "  set_digital_out(0, True)", "end")

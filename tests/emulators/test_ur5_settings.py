@@ -1,10 +1,10 @@
-"""What the UR5's twin is told before it serves: settings, ports and faults."""
+"""What the UR5's emulator is told before it serves: settings, ports and faults."""
 
 from types import SimpleNamespace
 
 import pytest
 
-from wrenchbed.emulators.base import emulator
+from wrenchbed.emulators.base.emulator import EmulatorOptions
 from wrenchbed.emulators.ur5 import EMULATOR
 from wrenchbed.errors import DriverError, ParameterError
 
@@ -21,23 +21,23 @@ from wrenchbed.errors import DriverError, ParameterError
 )
 def test_settings_are_checked(setting, why):
     with pytest.raises(ParameterError, match=why):
-        EMULATOR(emulator.EmulatorOptions("127.0.1.32", setting=setting))
+        EMULATOR(EmulatorOptions("127.0.1.32", setting=setting))
 
 
 def test_a_taken_port_is_named_with_its_remedy():
     import socket
 
     with socket.create_server(("127.0.1.32", 30004)):
-        twin = EMULATOR(emulator.EmulatorOptions("127.0.1.32", setting={"box": "off"}))
+        emulator = EMULATOR(EmulatorOptions("127.0.1.32", setting={"box": "off"}))
         with pytest.raises(DriverError, match=r"127\.0\.1\.32:30004.*--host"):
-            twin.start()
-        twin.stop()
+            emulator.start()
+        emulator.stop()
 
 
 def test_every_fault_of_each_link_is_known():
-    twin = EMULATOR(emulator.EmulatorOptions("127.0.1.32", setting={"box": "off"}))
-    links = SimpleNamespace(**{link: set() for link, _ in twin.faults.known})
-    for link, kind in twin.faults.known:
+    emulator = EMULATOR(EmulatorOptions("127.0.1.32", setting={"box": "off"}))
+    links = SimpleNamespace(**{link: set() for link, _ in emulator.faults.known})
+    for link, kind in emulator.faults.known:
         getattr(links, link).add(kind)
     assert links.control == {"fin", "rst"}
     assert {"stall", "unlisten", "fin"} <= links.dashboard & links.script

@@ -1,4 +1,4 @@
-"""A twin in a process of its own, and faults told to it."""
+"""An emulator in a separate process, and faults injected into it."""
 
 import json
 import subprocess
@@ -9,13 +9,13 @@ from typing import Any
 
 
 class EmulatorProcess:
-    """A running `wrenchbed twin`: its addresses by link, and `fault` to make it misbehave."""
+    """A running `wrenchbed twin`: its addresses by link, and `fault` to inject one."""
 
     def __init__(self, process: subprocess.Popen, addresses: dict[str, str]) -> None:
         self.process, self.addresses = process, addresses
 
     def fault(self, link: str, kind: str, **values: Any) -> None:
-        """Inject one fault and wait until the twin has done it."""
+        """Inject one fault and wait until the emulator has done it."""
         self.process.stdin.write(json.dumps({"link": link, "kind": kind} | values) + "\n")
         self.process.stdin.flush()
         answer = self.process.stdout.readline().strip()

@@ -1,4 +1,4 @@
-"""What tests of MedRUE's twin and driver share."""
+"""What tests of MedRUE's emulator and driver share."""
 
 import time
 from collections.abc import Callable, Iterator

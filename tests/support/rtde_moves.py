@@ -62,9 +62,9 @@ def driver(host, **more):
 
 @dataclass
 class Bench:
-    """A twin, an observer beside the driver, and the driver."""
+    """An emulator, an observer beside the driver, and the driver."""
 
-    twin: object
+    emulator: object
     observer: Observer
     driver: RtdeDriver
 
@@ -77,14 +77,14 @@ class Bench:
 
 @contextlib.contextmanager
 def bench(host, *more, **options):
-    """A twin and everything around it until the block ends."""
+    """An emulator and everything around it until the block ends."""
     with (
-        running("ur5", host, "--set", "box=off", *more) as twin,
+        running("ur5", host, "--set", "box=off", *more) as emulator,
         Observer(host) as observer,
         contextlib.closing(driver(host, **options)) as link,
     ):
         link.connect()
-        yield Bench(twin, observer, link)
+        yield Bench(emulator, observer, link)
 
 
 def disturbed(bench, disturb, rest_from=AT_REST_S):

@@ -1,4 +1,4 @@
-"""The UR5 twin's controller in this process, whose time is its own: nothing waits."""
+"""The UR5 emulator's controller in this process, whose time is its own: nothing waits."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""Targets of scripts/fuzz at the UR5's twin: what its clients send, and what comes of it."""
+"""Targets of scripts/fuzz at the UR5's emulator: what its clients send, and what comes of it."""
 
 import struct
 from collections.abc import Callable
@@ -22,7 +22,7 @@ def joined(*pieces: bytes) -> bytes:
 
 
 def rtde() -> tuple[Target, list[bytes]]:
-    """An RTDE client's packets on their way to the UR5 twin."""
+    """An RTDE client's packets on their way to the UR5 emulator."""
     from wrenchbed.emulators.ur5 import packets
     from wrenchbed.emulators.ur5.inputs import Inputs
     from wrenchbed.emulators.ur5.rtde import Offer, RtdeSession

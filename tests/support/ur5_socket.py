@@ -1,4 +1,4 @@
-"""A plain RTDE client from the protocol alone; shares nothing with the twin or the driver."""
+"""A plain RTDE client from the protocol alone; shares nothing with the emulator or the driver."""
 
 import socket
 import struct
@@ -11,7 +11,7 @@ NUMBERS = {
 
 
 class ClosedError(Exception):
-    """The twin ended the connection."""
+    """The emulator ended the connection."""
 
 
 class Client:
