@@ -7,11 +7,11 @@ from wrenchbed import registry
 from wrenchbed.calibration.accuracy import Goal, statistics, tip_jacobian
 from wrenchbed.calibration.calibrate import CalibrationOptions, calibrate
 from wrenchbed.calibration.least_squares import solve
-from wrenchbed.calibration.touches import STD, Touches
+from wrenchbed.calibration.touches import Touches
 from wrenchbed.campaigns.recording.run import record
 from wrenchbed.data.plan import Plan
 from wrenchbed.data.plan import read as read_points
-from wrenchbed.data.recording import Recording
+from wrenchbed.data.recording import TOUCH_STD, Recording
 from wrenchbed.errors import (
     CalibrationError,
     DriverError,
@@ -136,7 +136,7 @@ def test_the_simulated_tip_really_sits_at_the_point(touched):
     touches = Touches.of(Recording.read(folder / "touch.parquet"))
     theta = MODEL.parameters.vector(truth)[:OWN]
     miss = MEDRUE.tool_pose(touches.q, theta)[1] - touches.points
-    assert 0.7 * STD < miss.std() < 1.3 * STD
+    assert 0.7 * TOUCH_STD < miss.std() < 1.3 * TOUCH_STD
     nominal = MEDRUE.tool_pose(touches.q, MEDRUE.parameters.nominal)[1] - touches.points
     assert np.abs(nominal).max() > 2e-3
 

@@ -10,13 +10,9 @@ from wrenchbed.calibration.accuracy import tip_jacobian
 from wrenchbed.calibration.least_squares import Solution
 from wrenchbed.calibration.observability import RANK_TOLERANCE
 from wrenchbed.data.holds import gather
-from wrenchbed.data.recording import POINT, Recording
+from wrenchbed.data.recording import POINT, TOUCH_STD, Recording
 from wrenchbed.errors import CalibrationError
 from wrenchbed.robots.base import Robot
-
-STD = 5e-5
-"""How far a tip sits from the stated point, per axis [m]: a ball in a socket, an estimate."""
-
 
 DOUBT = 0.001
 """Below this probability, over all touches, one does not agree with the rest of the data."""
@@ -58,13 +54,13 @@ class Touches:
 
     q: np.ndarray
     points: np.ndarray
-    std: float = STD
+    std: float = TOUCH_STD
 
     def __len__(self) -> int:
         return len(self.q)
 
     @classmethod
-    def of(cls, recording: Recording, std: float = STD) -> "Touches":
+    def of(cls, recording: Recording, std: float = TOUCH_STD) -> "Touches":
         """One touch a hold of a recording that has the columns px py pz.
 
         Raises:

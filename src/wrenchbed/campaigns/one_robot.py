@@ -8,6 +8,7 @@ import json
 import re
 import time
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,6 +21,7 @@ from wrenchbed.campaigns.setting import Fleet, Truth, draw, varied
 from wrenchbed.data.plan import Plan
 from wrenchbed.data.recording import Recording, joint_columns
 from wrenchbed.errors import WrenchbedError
+from wrenchbed.files import write_json
 from wrenchbed.hardware.drivers.base.samples import as_designed
 from wrenchbed.physics.noise import noise_model
 from wrenchbed.planning.choose import poses
@@ -213,3 +215,13 @@ def _diagnosed(fleet: Fleet, truth: Truth, recording: Recording) -> Row:
 
 def _number(x: float | None) -> float:
     return float("nan") if x is None else float(x)
+
+
+def write_one(fleet: Fleet, k: int, folder: Path) -> Row:
+    """Work on robot ``k`` again, and write rec.parquet, fit.json and row.json into a folder."""
+    recording, _ = recorded(fleet, k)
+    recording.write(folder / "rec.parquet")
+    calibrate(Recording.read(folder / "rec.parquet")).write(folder / "fit.json")
+    row = {n: v for n, v in one(fleet, k).items() if v == v}  # without NaN
+    write_json(folder / "row.json", row)
+    return row

@@ -10,7 +10,6 @@ import wrenchbed as wb
 from wrenchbed.cli import console
 from wrenchbed.cli.console import Json
 from wrenchbed.errors import MissingExtraError, ParameterError
-from wrenchbed.files import write_json
 
 
 @dataclass(frozen=True)
@@ -89,14 +88,9 @@ def campaign(
 
 def _alone(fleet: "wb.Fleet", k: int, out: Path, as_json: bool) -> None:
     """Work on one robot again and keep its files."""
-    from wrenchbed.campaigns.one_robot import one, recorded
+    from wrenchbed.campaigns.one_robot import write_one
 
     if k < 0:
         raise ParameterError(f"--only {k} must not be negative")
-    folder = out / str(k)
-    recording, _ = recorded(fleet, k)
-    recording.write(folder / "rec.parquet")
-    wb.calibrate(wb.Recording.read(folder / "rec.parquet")).write(folder / "fit.json")
-    row = {n: v for n, v in one(fleet, k).items() if v == v}  # without NaN
-    write_json(folder / "row.json", row)
+    row = write_one(fleet, k, folder := out / str(k))
     console.answer(row, as_json, f"robot {k}: rec.parquet, fit.json, row.json → {folder}")

@@ -22,6 +22,8 @@ QUATERNION = ("qw", "qx", "qy", "qz")
 """Orientation of the sensor in the base, for robots without a model."""
 POINT = ("px", "py", "pz")
 """Known position in the world at which the tool's tip sat; such rows are touches [m]."""
+TOUCH_STD = 5e-5
+"""How far a tip sits from the stated point, per axis [m]: a ball in a socket, an estimate."""
 JOURNAL = ".journal"
 """Suffix of the journal beside a recording while it is written."""
 

@@ -14,8 +14,8 @@ import numpy as np
 
 from wrenchbed import registry
 from wrenchbed.calibration.accuracy import Goal, tip_jacobian
-from wrenchbed.calibration.touches import STD
 from wrenchbed.data.plan import Plan
+from wrenchbed.data.recording import TOUCH_STD
 from wrenchbed.errors import PlanError
 from wrenchbed.planning.criteria import Criterion, i_optimality
 from wrenchbed.planning.exchange import Pool, exchange
@@ -49,7 +49,7 @@ class MixOptions:
     touch_cost: float = 1.0
     pool: int = 4000
     points: np.ndarray | None = None
-    touch_std: float = STD
+    touch_std: float = TOUCH_STD
 
     def __post_init__(self) -> None:
         if not (0 < self.share < 1 and self.touch_cost > 0 and self.touch_std > 0):

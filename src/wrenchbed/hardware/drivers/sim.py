@@ -17,8 +17,8 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from wrenchbed import registry
-from wrenchbed.calibration.touches import STD
 from wrenchbed.data.metadata import Metadata
+from wrenchbed.data.recording import TOUCH_STD
 from wrenchbed.effects.naming import active_effect
 from wrenchbed.errors import DriverError, LateError, NotFoundError, WrenchbedWarning
 from wrenchbed.hardware.device import Health
@@ -200,8 +200,8 @@ class SimDriver(Driver):
         return Health("ok")
 
     def _touch(self, point: np.ndarray) -> Reached:
-        """The tip rests within `touches.STD` of the point, pushed by an unknown force."""
-        seat = point + self._touch_rng.normal(0.0, STD, 3)
+        """The tip rests within `TOUCH_STD` of the point, pushed by an unknown force."""
+        seat = point + self._touch_rng.normal(0.0, TOUCH_STD, 3)
         start = self._plant.q
         target = self._simulation.seated(start, seat)
         if target is None or self.robot.infeasible(target[None], self._simulation.theta):

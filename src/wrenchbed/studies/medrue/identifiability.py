@@ -12,7 +12,7 @@ import numpy as np
 
 from wrenchbed.calibration.accuracy import tip_jacobian
 from wrenchbed.calibration.observability import Observability, analyse, null_space
-from wrenchbed.calibration.touches import STD
+from wrenchbed.data.recording import TOUCH_STD
 from wrenchbed.pages.document import Figure, Section, Table
 from wrenchbed.pages.plots import lines
 from wrenchbed.physics.rotations import cross
@@ -183,7 +183,7 @@ def kinds(setting: StudySetting, chosen: np.ndarray, std: np.ndarray, seed: int)
         each = -(-3 * TOUCHES // len(points))
         joints, which = workspace.touch_poses(robot, points, seed, each)
         pick = np.random.default_rng(seed).permutation(len(joints))[:TOUCHES]
-        return tip_jacobian(robot, joints[pick], theta, columns) / STD, points[which[pick]]
+        return tip_jacobian(robot, joints[pick], theta, columns) / TOUCH_STD, points[which[pick]]
 
     def free(touches: np.ndarray, unknown: np.ndarray) -> np.ndarray:
         """Touches (T, r, 49) with their own unknowns (T, r, U) projected out."""
