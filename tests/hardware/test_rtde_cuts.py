@@ -26,7 +26,7 @@ HOST = "127.0.2.15"
     ],
 )
 def test_a_link_that_is_gone_is_lost_at_once(bench, link, where, kind, values, words):
-    seen = disturbed(bench, lambda: bench.twin.fault(where, kind, **values), rest_from=0.8)
+    seen = disturbed(bench, lambda: bench.emulator.fault(where, kind, **values), rest_from=0.8)
     assert seen.state == "lost" and words in seen.detail and "recover()" in seen.detail
     assert seen.named < 1.0 and isinstance(seen.error, LinkError)
     assert seen.ended < 1.0
@@ -42,7 +42,7 @@ def test_ten_cuts_of_the_control_link_in_a_row_do_not_end_a_campaign(bench, link
             motion = link.move(poses[visited])
             if cuts:
                 cuts -= 1
-                bench.twin.fault("control", "fin")
+                bench.emulator.fault("control", "fin")
             reached = motion.wait()
             assert reached.q == pytest.approx(poses[visited], abs=1e-3)
             visited += 1
@@ -59,7 +59,7 @@ def test_a_stream_that_is_cut_says_why(bench, link):
     with pytest.raises(DriverError) as caught:
         for k, _ in enumerate(link.track(targets, 125.0)):
             if k == 1:
-                bench.twin.fault("control", "fin")
+                bench.emulator.fault("control", "fin")
                 begun = time.monotonic()
     assert time.monotonic() - begun < 1.5 and "worker" in str(caught.value)
     time.sleep(0.7)

@@ -25,7 +25,7 @@ class Injected:
     def __call__(self):
         observer, link = self.bench.observer, self.bench.driver
         before = observer.odd
-        self.bench.twin.fault("rtde", "malformed", how=self.how)
+        self.bench.emulator.fault("rtde", "malformed", how=self.how)
         for _ in range(50):
             self.states.append(link.read())
             time.sleep(0.004)
@@ -67,7 +67,7 @@ def test_garbage_that_hides_the_stream_is_stale_then_lost(bench, link):
     begun, named = [], []
 
     def disturb():
-        bench.twin.fault("rtde", "malformed", how="garbage")
+        bench.emulator.fault("rtde", "malformed", how="garbage")
         begun.append(time.monotonic())
         while link.health().ok and time.monotonic() < begun[0] + 1.0:
             time.sleep(0.001)
@@ -127,7 +127,7 @@ def test_an_unknown_packet_stops_nothing_and_is_not_counted(bench, link):
 )
 def test_what_does_no_harm_stops_nothing(bench, link, where, kind, values):
     before = link.health().counters["arm skipped"]
-    seen = disturbed(bench, lambda: bench.twin.fault(where, kind, **values))
+    seen = disturbed(bench, lambda: bench.emulator.fault(where, kind, **values))
     assert seen.error is None and seen.last == "ok"
     if kind == "timestamp_jump":
         assert link.health().counters["arm skipped"] > before + 1000

@@ -24,7 +24,7 @@ DRIVER = {"power_on": True}
     ],
 )
 def test_a_robot_that_stops_is_named_at_once(bench, link, kind, values, words):
-    seen = disturbed(bench, lambda: bench.twin.fault("robot", kind, **values))
+    seen = disturbed(bench, lambda: bench.emulator.fault("robot", kind, **values))
     assert isinstance(seen.error, StoppedError) and words in str(seen.error)
     assert seen.state == "stopped" and words in seen.detail
     assert seen.ended < 1.0
@@ -46,7 +46,7 @@ def test_joints_that_do_not_follow_are_read_and_no_move_ends_before_they_do(benc
     apart = []
 
     def disturb():
-        bench.twin.fault(
+        bench.emulator.fault(
             "robot", "follow_error", joints=[0.0, 0.0, 0.0, 0.2, 0.0, 0.0], seconds=2.5
         )
         for _ in range(100):
@@ -64,18 +64,20 @@ def test_joints_that_do_not_follow_are_read_and_no_move_ends_before_they_do(benc
 def test_joints_that_never_arrive_are_late(bench, link):
     goal = A if np.abs(link.position() - A).max() > 0.3 else B
     motion = link.move(goal)
-    bench.twin.fault("robot", "follow_error", joints=[0.0, 0.0, 0.0, 0.2, 0.0, 0.0], seconds=60.0)
+    bench.emulator.fault(
+        "robot", "follow_error", joints=[0.0, 0.0, 0.0, 0.2, 0.0, 0.0], seconds=60.0
+    )
     try:
         with pytest.raises(LateError, match=r"0\.2 off its goal"):
             motion.wait(6.0)
     finally:
-        bench.twin.fault("robot", "follow_error", joints=[0.0] * 6, seconds=0.1)
+        bench.emulator.fault("robot", "follow_error", joints=[0.0] * 6, seconds=0.1)
     time.sleep(0.6)
     recovered(link)
 
 
 def test_an_emergency_stop_is_not_cleared_from_here(bench, link):
-    bench.twin.fault("robot", "emergency_stop", seconds=0.5)
+    bench.emulator.fault("robot", "emergency_stop", seconds=0.5)
     time.sleep(0.1)
     assert link.read().safety == "emergency stop"
     with pytest.raises(StoppedError, match="cannot be cleared from here"):
