@@ -1,4 +1,7 @@
-"""Published studies run again: their tables and figures on MuJoCo data, beside what they print."""
+"""Published studies run again: their tables and figures on MuJoCo data, beside what they print.
+May import: campaigns (recording), hardware, planning, calibration, pages and the rooms below them.
+Read first: `medrue/run`, then `ur5/run`.
+"""
 
 import math
 from dataclasses import dataclass

@@ -1,1 +1,4 @@
-"""Scores of a diagnosis and of simple baselines on cases whose truth is known."""
+"""Scores of a diagnosis and of simple baselines on cases whose truth is known.
+May import: lookalikes, diagnosis, jobs and the rooms below them.
+Read first: `metrics`, then `cases`.
+"""
