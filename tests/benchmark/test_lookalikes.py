@@ -17,7 +17,7 @@ from wrenchbed.benchmark.lookalikes import (
 )
 from wrenchbed.benchmark.lookalikes.catalogue import EFFECTS
 from wrenchbed.errors import ParameterError
-from wrenchbed.physics.taylor import Jet
+from wrenchbed.physics.time_derivatives import Jet
 from wrenchbed.physics.wrench import wrench
 from wrenchbed.planning.choose import multisine, poses
 from wrenchbed.robots.oriented import ROBOT as ORIENTED

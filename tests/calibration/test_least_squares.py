@@ -15,7 +15,7 @@ from wrenchbed.calibration.observations import Observations
 from wrenchbed.calibration.problem import Problem, _robust_weight
 from wrenchbed.calibration.touches import Agreement, Touches
 from wrenchbed.errors import CalibrationError
-from wrenchbed.physics.taylor import Jet
+from wrenchbed.physics.time_derivatives import Jet
 
 # ---- Gauss-Newton -------------------------------------------------------------------------------
 

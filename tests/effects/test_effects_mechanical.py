@@ -10,7 +10,7 @@ from wrenchbed import registry
 from wrenchbed.benchmark.lookalikes.loads import link_forces
 from wrenchbed.effects.chain import ActiveEffect, EffectChain, respond
 from wrenchbed.effects.scene import Scene
-from wrenchbed.physics.taylor import Jet
+from wrenchbed.physics.time_derivatives import Jet
 from wrenchbed.robots.medrue import kinematics
 
 G = 9.80665

@@ -9,7 +9,7 @@ from wrenchbed.emulators.base.body import Body, BodyOptions
 from wrenchbed.emulators.base.emulator import EmulatorOptions
 from wrenchbed.errors import NotFoundError, ParameterError
 from wrenchbed.hardware.drivers import sim
-from wrenchbed.physics.taylor import Jet
+from wrenchbed.physics.time_derivatives import Jet
 
 CYCLE = 0.008
 

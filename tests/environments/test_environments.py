@@ -14,7 +14,7 @@ import wrenchbed as wb
 import wrenchbed.environments
 from wrenchbed.emulators.base.surface import Limb, tip_of
 from wrenchbed.environments.contact import Hand
-from wrenchbed.environments.knowledge import knowledge
+from wrenchbed.environments.information import knowledge
 from wrenchbed.environments.policies import ForceController, GreedyInformation
 from wrenchbed.errors import ParameterError
 

@@ -21,7 +21,7 @@ from wrenchbed.errors import (
 )
 from wrenchbed.hardware.drivers import sim
 from wrenchbed.hardware.drivers.base import Driver
-from wrenchbed.physics.taylor import Jet
+from wrenchbed.physics.time_derivatives import Jet
 from wrenchbed.physics.wrench import wrench
 from wrenchbed.planning import choose
 from wrenchbed.sensors.base import STATUS_SATURATED

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from wrenchbed.calibration.start_values import identify
 from wrenchbed.errors import CalibrationError
 from wrenchbed.physics.rotations import matrix, rot_z
-from wrenchbed.physics.taylor import Jet
+from wrenchbed.physics.time_derivatives import Jet
 from wrenchbed.physics.wrench import Tool, physical_inertia, wrench
 
 G = np.array([0.0, 0.0, -9.80665])

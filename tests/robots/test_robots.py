@@ -7,7 +7,7 @@ import pytest
 from iiwa import IIWA
 from wrenchbed import registry
 from wrenchbed.errors import ParameterError, PlanError
-from wrenchbed.physics.taylor import Jet
+from wrenchbed.physics.time_derivatives import Jet
 from wrenchbed.physics.wrench import wrench
 from wrenchbed.robots.base import SimulatedRobot
 from wrenchbed.simulation.closed_form import Model

@@ -7,7 +7,7 @@ import numpy as np
 from wrenchbed import registry
 from wrenchbed.effects.chain import ActiveEffect, respond
 from wrenchbed.effects.scene import Scene
-from wrenchbed.physics.taylor import Jet
+from wrenchbed.physics.time_derivatives import Jet
 
 NAMES = registry.names("effects")
 SCENES = ("ur5 static", "ur5 motion", "medrue static", "oriented static")

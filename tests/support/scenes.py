@@ -8,7 +8,7 @@ from wrenchbed import registry
 from wrenchbed.effects.base import Effect, Variant
 from wrenchbed.effects.chain import ActiveEffect
 from wrenchbed.effects.scene import Scene
-from wrenchbed.physics.taylor import Jet
+from wrenchbed.physics.time_derivatives import Jet
 
 
 def still(name: str, n: int = 24) -> Scene:

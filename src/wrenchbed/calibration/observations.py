@@ -8,7 +8,7 @@ from wrenchbed import registry
 from wrenchbed.data.holds import gather
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import CalibrationError
-from wrenchbed.physics.taylor import Jet, Value
+from wrenchbed.physics.time_derivatives import Jet, Value
 from wrenchbed.sensors.base import STATUS_SATURATED
 
 _WINDOW_S, _LEAST_WINDOW, _ORDER = 0.085, 11, 5

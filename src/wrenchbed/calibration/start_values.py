@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from wrenchbed.calibration.observations import Observations
 from wrenchbed.errors import CalibrationError
-from wrenchbed.physics.taylor import Jet
+from wrenchbed.physics.time_derivatives import Jet
 from wrenchbed.simulation.closed_form import Model
 
 _LEVI_CIVITA = np.zeros((3, 3, 3))

@@ -20,7 +20,7 @@ from wrenchbed.calibration.fit import FitNoise
 from wrenchbed.calibration.least_squares import Solution
 from wrenchbed.calibration.observations import Observations, fallback_covariance
 from wrenchbed.calibration.problem import Problem, Whitening
-from wrenchbed.physics.taylor import Jet
+from wrenchbed.physics.time_derivatives import Jet
 
 MOST_POSES = 1500
 """With more, the N × N eigenvectors cost more than they are worth."""

@@ -17,7 +17,7 @@ from wrenchbed.effects.base import Variant
 from wrenchbed.effects.chain import ActiveEffect, effects
 from wrenchbed.effects.scene import Scene
 from wrenchbed.errors import ParameterError
-from wrenchbed.physics.taylor import Jet
+from wrenchbed.physics.time_derivatives import Jet
 from wrenchbed.robots.base import SimulatedRobot
 from wrenchbed.simulation.closed_form import Model
 

@@ -13,7 +13,7 @@ from rich.table import Table
 import wrenchbed as wb
 from wrenchbed.campaigns.recording.itinerary import Leg, itinerary
 from wrenchbed.campaigns.recording.run import RunProgress
-from wrenchbed.cli import console, settings
+from wrenchbed.cli import console, set_options
 from wrenchbed.cli.console import Flag, Json, Repeated
 from wrenchbed.cli.watch import watched
 from wrenchbed.errors import DriverError, ParameterError, PlanError
@@ -66,7 +66,7 @@ class DeviceArguments:
         }  # fmt: skip
         known = [f.name for f in fields(device.options)]
         flagged = ("robot", "limits", *given)
-        words = settings.typed(device.options, settings.pairs(self.set), flagged)
+        words = set_options.typed(device.options, set_options.pairs(self.set), flagged)
         chosen = {k: v for k, v in given.items() if v is not None}
         for name in chosen:
             if name == "effects" and name not in known:

@@ -9,7 +9,7 @@ from typing import Literal
 import tyro
 
 import wrenchbed as wb
-from wrenchbed.cli import console, settings
+from wrenchbed.cli import console, set_options
 from wrenchbed.cli.console import Repeated
 from wrenchbed.errors import DriverError
 
@@ -42,7 +42,7 @@ class EmulatorArguments:
     def options(self) -> "wb.EmulatorOptions":
         """The emulator's options."""
         console.check_seed(self.seed)
-        parameters, words = console.parameters(self.parameters), settings.pairs(self.set)
+        parameters, words = console.parameters(self.parameters), set_options.pairs(self.set)
         return wb.EmulatorOptions(
             self.host, parameters, self.noise, self.seed, self.effect, self.table, words
         )

@@ -12,7 +12,7 @@ import numpy as np
 from wrenchbed import registry
 from wrenchbed.effects.base import STAGES, STATED_NUMBERS, Effect, Pose
 from wrenchbed.effects.scene import Scene
-from wrenchbed.physics.taylor import Value
+from wrenchbed.physics.time_derivatives import Value
 from wrenchbed.physics.wrench import wrench
 from wrenchbed.robots.base import Robot
 

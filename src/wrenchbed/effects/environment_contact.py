@@ -18,7 +18,7 @@ from wrenchbed.effects.scene import Scene
 from wrenchbed.errors import NotFoundError
 from wrenchbed.physics.parameters import Parameter
 from wrenchbed.physics.rotations import apply, cross, sphere
-from wrenchbed.physics.taylor import value
+from wrenchbed.physics.time_derivatives import value
 from wrenchbed.robots.base import Robot
 
 LENGTH = 0.01

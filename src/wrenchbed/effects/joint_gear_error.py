@@ -16,7 +16,7 @@ from wrenchbed.effects.base import (
 )
 from wrenchbed.effects.scene import Scene
 from wrenchbed.physics.parameters import Parameter, ParameterSet
-from wrenchbed.physics.taylor import Value, cos, sin
+from wrenchbed.physics.time_derivatives import Value, cos, sin
 from wrenchbed.robots.base import Robot
 
 TYPICAL = 3e-4

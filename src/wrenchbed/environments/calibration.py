@@ -6,7 +6,7 @@ import gymnasium
 import numpy as np
 
 from wrenchbed import registry
-from wrenchbed.environments.knowledge import Knowledge, knowledge
+from wrenchbed.environments.information import Knowledge, knowledge
 from wrenchbed.environments.rendering import Rendered
 from wrenchbed.errors import ParameterError
 from wrenchbed.physics.noise import NoiseStream, noise_model

@@ -1,4 +1,4 @@
 """Rotations, wrenches, gravity of an arm, sensor noise, parameters, Taylor arithmetic in time.
 Imports no other room.
-Read first: `wrench` (sign and axes), then `parameters` and `taylor`.
+Read first: `wrench` (sign and axes), then `parameters` and `time_derivatives`.
 """

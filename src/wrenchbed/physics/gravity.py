@@ -8,7 +8,7 @@ import numpy as np
 
 from wrenchbed.errors import NotFoundError
 from wrenchbed.physics.rotations import cross
-from wrenchbed.physics.taylor import Jet, Value, value
+from wrenchbed.physics.time_derivatives import Jet, Value, value
 from wrenchbed.physics.wrench import Tool
 
 _STEP = 1e-6

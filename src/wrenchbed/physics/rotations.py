@@ -7,7 +7,7 @@ R(α, β, γ) = Rx(γ) Ry(β) Rz(α). Quaternions are w, x, y, z.
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from wrenchbed.physics.taylor import Value, cos, reshape_matrix, sin, stack_jets
+from wrenchbed.physics.time_derivatives import Value, cos, reshape_matrix, sin, stack_jets
 
 
 def rot_x(angle: Value) -> Value:

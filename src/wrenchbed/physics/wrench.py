@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wrenchbed.physics.rotations import cross
-from wrenchbed.physics.taylor import Jet, Value
+from wrenchbed.physics.time_derivatives import Jet, Value
 
 CHANNELS = ("fx", "fy", "fz", "tx", "ty", "tz")
 """The six channels of a wrench, forces [N] and torques [N·m]."""

@@ -18,7 +18,7 @@ from wrenchbed.errors import NotFoundError, PlanError, WrenchbedError
 from wrenchbed.physics.gravity import ArmBodies
 from wrenchbed.physics.parameters import Parameter, ParameterSet
 from wrenchbed.physics.rotations import euler, exp
-from wrenchbed.physics.taylor import Value, stack_jets
+from wrenchbed.physics.time_derivatives import Value, stack_jets
 from wrenchbed.physics.wrench import Tool
 
 if TYPE_CHECKING:

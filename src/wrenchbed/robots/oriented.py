@@ -8,7 +8,7 @@ import numpy as np
 from wrenchbed.errors import KinematicsError
 from wrenchbed.physics.parameters import ParameterSet
 from wrenchbed.physics.rotations import exp, matrix
-from wrenchbed.physics.taylor import Jet, Value
+from wrenchbed.physics.time_derivatives import Jet, Value
 from wrenchbed.robots.base import (
     TILT,
     LoadInSensorAxes,

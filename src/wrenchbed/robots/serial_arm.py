@@ -22,7 +22,7 @@ import numpy as np
 from wrenchbed.physics.gravity import BodyMass, masses
 from wrenchbed.physics.parameters import Parameter, ParameterSet
 from wrenchbed.physics.rotations import apply, cross, exp, exp_rates, inverse_rotated, rot_x, rot_z
-from wrenchbed.physics.taylor import Jet, Value, cos, sin, stack_jets
+from wrenchbed.physics.time_derivatives import Jet, Value, cos, sin, stack_jets
 from wrenchbed.robots.base import (
     TILT,
     Joint,

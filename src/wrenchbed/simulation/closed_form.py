@@ -14,7 +14,7 @@ from wrenchbed.data.recording import Recording
 from wrenchbed.errors import NotFoundError, PlanError, RecordingError
 from wrenchbed.physics.parameters import Parameter, ParameterSet
 from wrenchbed.physics.rotations import matrix
-from wrenchbed.physics.taylor import Jet, Value, value
+from wrenchbed.physics.time_derivatives import Jet, Value, value
 from wrenchbed.physics.wrench import CHANNELS, UNITS, weight, wrench
 from wrenchbed.robots.base import INERTIA_AXES, Robot
 from wrenchbed.robots.oriented import ROBOT as ORIENTED

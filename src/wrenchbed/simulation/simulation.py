@@ -12,7 +12,7 @@ import mujoco
 import numpy as np
 
 from wrenchbed.errors import NotFoundError
-from wrenchbed.physics.taylor import Jet, Value, value
+from wrenchbed.physics.time_derivatives import Jet, Value, value
 from wrenchbed.robots.base import SimulatedRobot
 
 _STEP, _TRIES, _SEATED = 1e-6, 30, 1e-9

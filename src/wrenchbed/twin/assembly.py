@@ -10,7 +10,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from wrenchbed.effects.chain import ActiveEffect
-from wrenchbed.physics.taylor import Value
+from wrenchbed.physics.time_derivatives import Value
 from wrenchbed.physics.wrench import Tool, physical_inertia
 from wrenchbed.robots.base import INERTIA_AXES, Joint, Robot, SimulatedRobot
 from wrenchbed.robots.base import Values as Named

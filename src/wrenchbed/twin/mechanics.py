@@ -13,7 +13,7 @@ import numpy as np
 
 from wrenchbed.effects.chain import ActiveEffect
 from wrenchbed.effects.scene import held_on
-from wrenchbed.physics.taylor import Jet, Value, value
+from wrenchbed.physics.time_derivatives import Jet, Value, value
 from wrenchbed.robots.base import Robot
 from wrenchbed.simulation.simulation import load_on_sensor
 from wrenchbed.simulation.springs import LAGS, MARK, MASS, ROUND

@@ -10,7 +10,7 @@ from wrenchbed.data.recording import Recording
 from wrenchbed.effects.scene import WAY, Scene
 from wrenchbed.errors import RecordingError
 from wrenchbed.physics.noise import NoiseStream, noise_model
-from wrenchbed.physics.taylor import Jet, Value
+from wrenchbed.physics.time_derivatives import Jet, Value
 from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.twin.twin import Twin
 

@@ -16,7 +16,7 @@ from wrenchbed.effects.chain import ActiveEffect, EffectChain
 from wrenchbed.effects.scene import Scene
 from wrenchbed.errors import TwinError
 from wrenchbed.files import write_json
-from wrenchbed.physics.taylor import Jet, Value
+from wrenchbed.physics.time_derivatives import Jet, Value
 from wrenchbed.robots.base import Robot
 from wrenchbed.simulation.closed_form import Model
 from wrenchbed.twin.mechanics import Mechanism

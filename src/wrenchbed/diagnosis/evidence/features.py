@@ -7,7 +7,7 @@ share of a residual says what it varies with.
 import numpy as np
 
 from wrenchbed.diagnosis.prepare.prepared import Prepared
-from wrenchbed.physics.taylor import Jet, value
+from wrenchbed.physics.time_derivatives import Jet, value
 
 TIME_WAVES = 8
 """Half waves over the recording."""

@@ -13,7 +13,7 @@ import numpy as np
 from wrenchbed.diagnosis.evidence.features import harmonics, variables
 from wrenchbed.diagnosis.prepare.prepared import Prepared
 from wrenchbed.effects.scene import held_on
-from wrenchbed.physics.taylor import Jet, value
+from wrenchbed.physics.time_derivatives import Jet, value
 from wrenchbed.physics.wrench import Tool, wrench
 
 SHARED_ROWS = 3

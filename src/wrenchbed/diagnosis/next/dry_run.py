@@ -24,7 +24,7 @@ from wrenchbed.effects.chain import respond
 from wrenchbed.errors import DiagnosisError
 from wrenchbed.jobs.workers import one_thread
 from wrenchbed.physics.noise import NoiseStream
-from wrenchbed.physics.taylor import Jet
+from wrenchbed.physics.time_derivatives import Jet
 from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.robots.base import INERTIA_AXES, Robot
 from wrenchbed.robots.motion_limits import duration

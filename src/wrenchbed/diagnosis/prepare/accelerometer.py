@@ -15,7 +15,7 @@ from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis.prepare.configuration import Configuration
 from wrenchbed.effects.base_tilt import EFFECT, TYPICAL
 from wrenchbed.physics.rotations import cross
-from wrenchbed.physics.taylor import value
+from wrenchbed.physics.time_derivatives import value
 
 TILT = EFFECT.name
 AXES = ("ax", "ay", "az")

@@ -13,7 +13,7 @@ from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis.prepare.configuration import Configuration
 from wrenchbed.errors import DiagnosisError
 from wrenchbed.physics.rotations import cross
-from wrenchbed.physics.taylor import value
+from wrenchbed.physics.time_derivatives import value
 from wrenchbed.physics.wrench import CHANNELS, Tool, wrench
 
 LEAST_WEIGHT = 0.01

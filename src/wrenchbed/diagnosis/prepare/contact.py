@@ -15,7 +15,7 @@ from wrenchbed.diagnosis.prepare.prepared import Prepared, Touch
 from wrenchbed.effects.environment_contact import EFFECT
 from wrenchbed.effects.tool_inertia import ACCELERATION, inertial
 from wrenchbed.physics.rotations import cross
-from wrenchbed.physics.taylor import value
+from wrenchbed.physics.time_derivatives import value
 
 CONTACT = EFFECT.name
 SURE = 0.99

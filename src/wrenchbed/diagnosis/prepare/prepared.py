@@ -13,7 +13,7 @@ from wrenchbed.diagnosis.prepare.accelerometer import Testimony
 from wrenchbed.diagnosis.prepare.configuration import Configuration
 from wrenchbed.effects.chain import respond
 from wrenchbed.effects.scene import Scene
-from wrenchbed.physics.taylor import Jet, value
+from wrenchbed.physics.time_derivatives import Jet, value
 from wrenchbed.robots.base import Robot
 from wrenchbed.sensors.base import Sensor
 from wrenchbed.simulation.closed_form import Model

@@ -15,7 +15,7 @@ from wrenchbed.data.holds import gather
 from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis.prepare.configuration import Configuration
 from wrenchbed.effects.scene import WAY, Scene
-from wrenchbed.physics.taylor import Value, value
+from wrenchbed.physics.time_derivatives import Value, value
 from wrenchbed.simulation.closed_form import Model
 
 

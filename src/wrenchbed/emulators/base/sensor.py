@@ -14,7 +14,7 @@ import numpy as np
 
 from wrenchbed.effects.scene import Scene
 from wrenchbed.physics.noise import SATURATED_BITS, NoiseModel, NoiseStream
-from wrenchbed.physics.taylor import Jet
+from wrenchbed.physics.time_derivatives import Jet
 from wrenchbed.twin.replay import Playback
 from wrenchbed.twin.twin import Twin
 

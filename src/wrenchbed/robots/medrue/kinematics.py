@@ -15,7 +15,7 @@ import numpy as np
 
 from wrenchbed.physics.parameters import Parameter, ParameterSet
 from wrenchbed.physics.rotations import apply, euler, inverse_rotated, rot_x_of, rot_y_of, rot_z_of
-from wrenchbed.physics.taylor import Value, atan2, cos, jet_sqrt, sin, stack_jets, value
+from wrenchbed.physics.time_derivatives import Value, atan2, cos, jet_sqrt, sin, stack_jets, value
 from wrenchbed.robots.base import Values, load_parameters
 
 _LENGTH_ERROR = 2e-3

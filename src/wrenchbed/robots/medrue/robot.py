@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from wrenchbed.physics.rotations import apply, euler, euler_rates
-from wrenchbed.physics.taylor import Value, stack_jets
+from wrenchbed.physics.time_derivatives import Value, stack_jets
 from wrenchbed.physics.wrench import Tool
 from wrenchbed.robots.base import (
     LOAD,
