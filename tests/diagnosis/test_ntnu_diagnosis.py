@@ -223,7 +223,7 @@ def test_a_zero_in_a_map_is_taken_off_first(tmp_path):
     path.write_text(
         text.replace('column = "fx", unit = "N"', 'column = "fx", unit = "N", zero = "a"')
     )
-    with pytest.raises(MapError, match="fx zero = 'a' must be a number"):
+    with pytest.raises(MapError, match=r"fx\.zero = 'a' must be a number"):
         column_map.read(path)
 
 

@@ -7,7 +7,7 @@ from wrenchbed.errors import DriverError, LateError, LinkError, StoppedError
 from wrenchbed.hardware.device import Health
 from wrenchbed.hardware.drivers.base import watched_move
 from wrenchbed.hardware.drivers.base.samples import ArmSample
-from wrenchbed.hardware.drivers.base.watched_move import WatchedMotion
+from wrenchbed.hardware.drivers.base.watched_move import WatchedMove
 
 
 class Robot:
@@ -42,7 +42,7 @@ def robot(monkeypatch):
 
 
 def move(robot, seconds=1.0):
-    return WatchedMotion(robot, np.zeros(2), seconds)
+    return WatchedMove(robot, np.zeros(2), seconds)
 
 
 @pytest.mark.parametrize(
