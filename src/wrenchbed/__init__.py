@@ -18,9 +18,9 @@ if TYPE_CHECKING:
     from wrenchbed.calibration.calibrate import calibrate
     from wrenchbed.calibration.fit import Fit
     from wrenchbed.calibration.touches import Touches
-    from wrenchbed.campaigns.campaign import campaign
     from wrenchbed.campaigns.recording.run import record
     from wrenchbed.campaigns.setting import Fleet
+    from wrenchbed.campaigns.simulated_robots import campaign
     from wrenchbed.data.column_map import read as read_map
     from wrenchbed.data.import_files import import_files
     from wrenchbed.data.logs import write_mcap
@@ -29,8 +29,7 @@ if TYPE_CHECKING:
     from wrenchbed.data.recording import Recording
     from wrenchbed.diagnosis.diagnose import Findings, diagnose
     from wrenchbed.diagnosis.next.dry_run import dry_run
-    from wrenchbed.emulators.base.emulator import EmulatorOptions
-    from wrenchbed.emulators.base.serve import serve
+    from wrenchbed.emulators.base.emulator import EmulatorOptions, serve
     from wrenchbed.errors import WrenchbedError
     from wrenchbed.hardware.drivers.sim import SimDriver, SimOptions
     from wrenchbed.planning.accuracy_plan import Mix, MixOptions, reach
@@ -44,7 +43,7 @@ if TYPE_CHECKING:
     from wrenchbed.twin.export import export
     from wrenchbed.twin.replay import simulate
     from wrenchbed.twin.twin import Twin
-    from wrenchbed.viewer.view import view
+    from wrenchbed.viewer.show import view
 
     __version__: str
 
@@ -57,7 +56,7 @@ _PUBLIC = {
     "calibration.calibrate": ("CalibrationOptions as Options", "calibrate"),
     "calibration.fit": ("Fit",),
     "calibration.touches": ("Touches",),
-    "campaigns.campaign": ("campaign",),
+    "campaigns.simulated_robots": ("campaign",),
     "campaigns.recording.run": ("record",),
     "campaigns.setting": ("Fleet",),
     "data.column_map": ("read as read_map",),
@@ -67,8 +66,7 @@ _PUBLIC = {
     "data.recording": ("Recording",),
     "diagnosis.diagnose": ("Findings", "diagnose"),
     "diagnosis.next.dry_run": ("dry_run",),
-    "emulators.base.emulator": ("EmulatorOptions",),
-    "emulators.base.serve": ("serve",),
+    "emulators.base.emulator": ("EmulatorOptions", "serve"),
     "errors": ("WrenchbedError",),
     "hardware.drivers.sim": ("SimDriver", "SimOptions"),
     "planning.accuracy_plan": ("Mix", "MixOptions", "reach"),
@@ -82,7 +80,7 @@ _PUBLIC = {
     "twin.export": ("export",),
     "twin.replay": ("simulate",),
     "twin.twin": ("Twin",),
-    "viewer.view": ("view",),
+    "viewer.show": ("view",),
 }
 """Public names by their module."""
 _HOME = {

@@ -12,12 +12,12 @@ from wrenchbed import registry
 from wrenchbed.benchmark.referee import arm, case, outside, sensor, tool
 from wrenchbed.benchmark.referee import setting as settings
 from wrenchbed.benchmark.referee import signatures as columns
+from wrenchbed.benchmark.referee.case import FaultyRobot
 from wrenchbed.benchmark.referee.catalogue import EFFECTS, STATED, background, possible
 from wrenchbed.benchmark.referee.equivalence import SAME, Usual, bench
 from wrenchbed.benchmark.referee.fault import RefereeFault, mechanics, signal, total
 from wrenchbed.benchmark.referee.machine import Mechanics
 from wrenchbed.benchmark.referee.memory import after, bouc_wen, lowpass
-from wrenchbed.benchmark.referee.world import FaultyRobot
 from wrenchbed.effects.chain import ActiveEffect, respond
 from wrenchbed.effects.scene import Scene
 

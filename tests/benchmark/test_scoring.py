@@ -7,12 +7,21 @@ import pytest
 
 from wrenchbed import registry
 from wrenchbed.benchmark.lookalikes import ExperimentDesign, draw
-from wrenchbed.benchmark.scoring.cases import BenchmarkSetting, Job, jobs
+from wrenchbed.benchmark.scoring.cases import BenchmarkSetting, Job, jobs, truth
 from wrenchbed.benchmark.scoring.linear import Claim
-from wrenchbed.benchmark.scoring.metrics import METRICS, figure, matched, probability, right, score
+from wrenchbed.benchmark.scoring.metrics import (
+    METRICS,
+    by_effect,
+    by_size,
+    figure,
+    figures,
+    matched,
+    placed,
+    probability,
+    right,
+    score,
+)
 from wrenchbed.benchmark.scoring.rows import OURS, CaseFile, CaseRow, Number, read, write
-from wrenchbed.benchmark.scoring.tables import by_effect, by_size, figures, placed
-from wrenchbed.benchmark.scoring.truth import truth
 from wrenchbed.data.plan import Plan
 from wrenchbed.errors import DiagnosisError
 

@@ -6,7 +6,8 @@ import os
 import pytest
 
 from sealed_family import COUNT, SEED, small, truthful
-from wrenchbed.benchmark.sealed import answer, case_files, commitments, make, score
+from wrenchbed.benchmark.sealed import answer, commitments, make, score
+from wrenchbed.benchmark.sealed import commitments as case_files
 from wrenchbed.benchmark.sealed.attack import attack
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import BenchmarkError, ParameterError

@@ -12,7 +12,8 @@ import pytest
 from sealed_family import COUNT, SAYS_NONE, script
 from wrenchbed.benchmark.referee import setting as settings
 from wrenchbed.benchmark.scoring.linear import Claim
-from wrenchbed.benchmark.sealed import claims, make, report, run, score
+from wrenchbed.benchmark.sealed import make, report, run, score
+from wrenchbed.benchmark.sealed import score as claims
 from wrenchbed.benchmark.sealed.entrants import CLAIM, Entrant, contract, enter
 from wrenchbed.cli import main
 from wrenchbed.effects.chain import effects

@@ -6,7 +6,8 @@ import re
 import pytest
 
 from sealed_family import truthful
-from wrenchbed.benchmark.sealed import case_files, commitments, report
+from wrenchbed.benchmark.sealed import commitments, report
+from wrenchbed.benchmark.sealed import commitments as case_files
 from wrenchbed.benchmark.sealed import score as scoring
 from wrenchbed.cli import main
 from wrenchbed.data.recording import Recording

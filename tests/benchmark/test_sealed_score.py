@@ -7,7 +7,8 @@ import numpy as np
 from sealed_family import COUNT, SEED, truthful
 from wrenchbed.benchmark.referee.catalogue import EFFECTS
 from wrenchbed.benchmark.scoring.linear import Claim
-from wrenchbed.benchmark.sealed import answer, case_files, commitments, report, score
+from wrenchbed.benchmark.sealed import answer, commitments, report, score
+from wrenchbed.benchmark.sealed import commitments as case_files
 from wrenchbed.benchmark.sealed import make as making
 from wrenchbed.benchmark.sealed.entrants import CLAIM
 from wrenchbed.cli import main

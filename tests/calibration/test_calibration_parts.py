@@ -8,9 +8,8 @@ import pytest
 from simulated import UR5_TRUTH, WHITE, static
 from wrenchbed import registry
 from wrenchbed.calibration import calibrate as calibration
-from wrenchbed.calibration.calibrate import CalibrationOptions, calibrate
+from wrenchbed.calibration.calibrate import CalibrationOptions, calibrate, check_mass
 from wrenchbed.calibration.fit import FitNoise
-from wrenchbed.calibration.start_values import check_mass
 from wrenchbed.calibration.touches import Agreement, Touches
 from wrenchbed.data.recording import POINT, Recording
 from wrenchbed.errors import CalibrationError

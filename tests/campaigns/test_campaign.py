@@ -16,10 +16,9 @@ import pytest
 
 import wrenchbed as wb
 from wrenchbed.campaigns import rows, summary
-from wrenchbed.campaigns.campaign import campaign
-from wrenchbed.campaigns.one_robot import one, recorded
 from wrenchbed.campaigns.rows import SECONDS, CampaignRows, empty
 from wrenchbed.campaigns.setting import SIZES, Fleet, possible, varied
+from wrenchbed.campaigns.simulated_robots import campaign, one, recorded
 from wrenchbed.cli import main
 from wrenchbed.errors import FleetError, ParameterError
 

@@ -11,7 +11,7 @@ from contextlib import contextmanager
 import pytest
 from test_campaign import same, small
 
-from wrenchbed.campaigns.campaign import campaign
+from wrenchbed.campaigns.simulated_robots import campaign
 from wrenchbed.errors import FleetError
 
 HOST = "127.0.0.1"
@@ -73,7 +73,7 @@ def test_a_cluster_gives_the_same_rows_though_a_worker_is_killed(cluster, tmp_pa
 
 
 def test_a_cluster_that_is_not_there_is_named(tmp_path, monkeypatch):
-    monkeypatch.setattr("wrenchbed.campaigns.campaign._ANSWERS_S", 1.0)
+    monkeypatch.setattr("wrenchbed.campaigns.simulated_robots._ANSWERS_S", 1.0)
     begun = time.monotonic()
     with pytest.raises(FleetError, match="nobody answers there"):
         campaign(small(1), tmp_path, scheduler=f"tcp://{HOST}:{free_port()}")

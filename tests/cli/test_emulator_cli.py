@@ -11,7 +11,7 @@ from commanded import names, said
 from wrenchbed import registry
 from wrenchbed.cli import main
 from wrenchbed.data.recording import Recording
-from wrenchbed.effects.naming import active_effect
+from wrenchbed.effects.chain import active_effect
 from wrenchbed.twin.twin import nominal
 
 EFFECTS = ("joint.compliance:joint=2,stiffness=1.0e4", "sensor.hysteresis", "joint.backlash",

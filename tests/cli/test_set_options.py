@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import pytest
 
 import wrenchbed as wb
-from wrenchbed.cli import set_options
+from wrenchbed.cli import console
 from wrenchbed.errors import ParameterError
 from wrenchbed.robots.motion_limits import Limits
 
@@ -23,14 +23,14 @@ class Device:
 
 
 def test_words_become_what_the_options_hold():
-    words = set_options.pairs(
+    words = console.pairs(
         ("rate=none", "nodes=0x10,17", "counts=1e6,2.5", "tries=7", "torque=on", "channel=a=b")
     )
-    assert set_options.typed(Device, words, ("robot",)) == {
+    assert console.typed(Device, words, ("robot",)) == {
         "rate": None, "nodes": (16, 17), "counts": (1e6, 2.5), "tries": 7, "torque": True,
         "channel": "a=b",
     }  # fmt: skip
-    assert set_options.typed(Device, {"rate": "500"}, ()) == {"rate": 500.0}
+    assert console.typed(Device, {"rate": "500"}, ()) == {"rate": 500.0}
 
 
 @pytest.mark.parametrize(
@@ -48,13 +48,13 @@ def test_words_become_what_the_options_hold():
 )
 def test_other_words_are_refused(word, why):
     with pytest.raises(ParameterError, match=why):
-        set_options.typed(Device, set_options.pairs((word,)), ("robot",))
+        console.typed(Device, console.pairs((word,)), ("robot",))
 
 
 def test_the_drivers_for_hardware_can_be_told_what_is_theirs():
     words = {"nodes": "16,17,18,19,20,21", "counts_per_unit": "1e6,1,1,1,1,1", "base": "0x68"}
-    can = set_options.typed(wb.load("drivers", "can").options, words, ())
+    can = console.typed(wb.load("drivers", "can").options, words, ())
     assert can["nodes"] == (16, 17, 18, 19, 20, 21) and can["base"] == 0x68
-    assert set_options.typed(wb.load("drivers", "rtde").options, {"power_on": "on"}, ()) == {
+    assert console.typed(wb.load("drivers", "rtde").options, {"power_on": "on"}, ()) == {
         "power_on": True
     }

@@ -10,9 +10,9 @@ from wrenchbed import registry
 from wrenchbed.benchmark.lookalikes import ExperimentDesign, draw, recording
 from wrenchbed.benchmark.scoring import reliability_at_design as at_design
 from wrenchbed.diagnosis.evidence.likelihood import BackgroundLevel
-from wrenchbed.diagnosis.explain.cross_validation import predictive_score
-from wrenchbed.diagnosis.explain.finalist import Finalist
+from wrenchbed.diagnosis.explain.refit import Finalist
 from wrenchbed.diagnosis.explain.reliability import NAMES, Reliability, learnt, shipped
+from wrenchbed.diagnosis.explain.structures import predictive_score
 from wrenchbed.diagnosis.explain.verdict import Cause, Verdict, tempered
 from wrenchbed.errors import DiagnosisError
 from wrenchbed.planning import choose

@@ -7,11 +7,17 @@ from wrenchbed import registry
 from wrenchbed.benchmark.lookalikes import ExperimentDesign, draw, recording
 from wrenchbed.data.plan import Plan
 from wrenchbed.diagnosis.evidence.dictionary import build
-from wrenchbed.diagnosis.explain.analysis import analyse
+from wrenchbed.diagnosis.explain.structures import analyse
 from wrenchbed.diagnosis.next.actions import ExperimentRun, actions, feasible, posed
-from wrenchbed.diagnosis.next.discrimination import Comparison, jensen_shannon
 from wrenchbed.diagnosis.next.dry_run import of_plan
-from wrenchbed.diagnosis.next.experiments import candidates_of, explore, propose, separate
+from wrenchbed.diagnosis.next.experiments import (
+    Comparison,
+    candidates_of,
+    explore,
+    jensen_shannon,
+    propose,
+    separate,
+)
 from wrenchbed.diagnosis.prepare.baseline import calibrate
 from wrenchbed.diagnosis.prepare.prepare_recording import prepare
 from wrenchbed.planning.choose import poses

@@ -9,8 +9,7 @@ import pytest
 from linear_case import Named, dictionary, noise
 from wrenchbed.diagnosis.evidence.dictionary import EffectDictionary, Hypothesis
 from wrenchbed.diagnosis.evidence.search import Searcher
-from wrenchbed.diagnosis.explain.finalist import Variables
-from wrenchbed.diagnosis.explain.refit import Refitter
+from wrenchbed.diagnosis.explain.refit import Refitter, Variables
 from wrenchbed.effects.base import Variant
 from wrenchbed.physics.parameters import Parameter
 

@@ -9,7 +9,7 @@ from scipy.stats import kstest
 
 from wrenchbed import registry
 from wrenchbed.benchmark.lookalikes import ExperimentDesign, draw, recording
-from wrenchbed.diagnosis.gap import levels
+from wrenchbed.diagnosis.gap import where
 from wrenchbed.diagnosis.gap.partitions import family_wise, partitions
 from wrenchbed.diagnosis.gap.where import SEEN, Finding, entries, locate
 from wrenchbed.diagnosis.prepare.baseline import calibrate
@@ -125,8 +125,8 @@ def test_p_values_of_noise_are_even():
     for seed in range(150):
         case, residual = made("poses", 1000 + seed)
         alone.append(family_wise(parts, residual, case.block_rows, 99, seed)[1])
-        covariance = levels.autocovariance(case)
-        loud.append(levels.channels(case, residual, covariance, CHANNELS).p_value)
+        covariance = where.autocovariance(case)
+        loud.append(where.channels(case, residual, covariance, CHANNELS).p_value)
     for p_value in (*np.transpose(alone), *np.transpose(loud)):
         assert kstest(p_value, "uniform").pvalue > 1e-4
         assert (p_value < 0.05).mean() < 0.13

@@ -14,7 +14,7 @@ from wrenchbed.emulators.base.arguments import read
 from wrenchbed.emulators.can_bus import client as text
 from wrenchbed.emulators.can_bus.hub import Hub
 from wrenchbed.emulators.can_bus.wire import Frame
-from wrenchbed.emulators.medrue.settings import BusSettings
+from wrenchbed.emulators.medrue.server import BusSettings
 from wrenchbed.errors import DriverError, LinkError, ParameterError
 from wrenchbed.hardware.transducers.netcanoem.link import CanLink, open_bus
 

@@ -13,7 +13,7 @@ from wrenchbed.errors import (
     LinkError,
     ParameterError,
     PlanError,
-    StoppedError,  # fmt: skip
+    StoppedError,
 )
 from wrenchbed.hardware.device import Health
 from wrenchbed.hardware.drivers.base.live import pace, settled

@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 from wrenchbed.emulators.can_bus.wire import Frame
 from wrenchbed.emulators.medrue.board import BoardEmulator
 from wrenchbed.errors import DriverError, ParameterError
-from wrenchbed.hardware.transducers.netcanoem import NetcanoemOptions, calibration
-from wrenchbed.hardware.transducers.netcanoem.calibration import _si
+from wrenchbed.hardware.transducers.netcanoem import NetcanoemOptions, transducer
 from wrenchbed.hardware.transducers.netcanoem.frames import (
     PATIENCE_S,
     ActiveCalibration,
@@ -27,6 +26,7 @@ from wrenchbed.hardware.transducers.netcanoem.frames import (
     faults,
     parse,
 )
+from wrenchbed.hardware.transducers.netcanoem.transducer import _si
 from wrenchbed.sensors.ati_mini40 import MATRIX
 
 EVEN = EvenGauges(0, (1, 3, 5))
@@ -269,9 +269,9 @@ class Late:
 
 @pytest.mark.parametrize("late", [(), (5,), (9, 13), (4, 5, 6)])
 def test_late_answers_never_make_a_wrong_matrix(monkeypatch, late):
-    monkeypatch.setattr(calibration, "ANSWER_S", 0.05)
+    monkeypatch.setattr(transducer, "ANSWER_S", 0.05)
     link = Late(late)
-    link.one = calibration.BoardQueries(link, 0x68)
+    link.one = transducer.BoardQueries(link, 0x68)
     found = link.one.calibrate(2)
     assert np.array_equal(found.raw, link._board.matrix().astype(float))
 

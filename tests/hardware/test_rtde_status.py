@@ -17,13 +17,13 @@ from wrenchbed.hardware.drivers.rtde import (
     RtdeDriver,
     RtdeOptions,
     dashboard,
-    sensing,
     state_worker,
     status,
+    wrench_source,
 )
-from wrenchbed.hardware.drivers.rtde.sensing import Flange
 from wrenchbed.hardware.drivers.rtde.shared_state import Snapshot
 from wrenchbed.hardware.drivers.rtde.state_worker import FIELDS, RAW
+from wrenchbed.hardware.drivers.rtde.wrench_source import Flange
 from wrenchbed.hardware.transducers.ur_wrench import UrWrench, in_sensor_axes
 from wrenchbed.physics.rotations import quaternion
 
@@ -175,7 +175,7 @@ def test_only_what_ur_rtde_decodes_is_asked_for():
 
 
 def own(state):
-    return sensing.reading(state, registry.load("robots", "ur5"))
+    return wrench_source.reading(state, registry.load("robots", "ur5"))
 
 
 def test_the_own_wrench_comes_in_the_sensors_axes():
@@ -193,7 +193,10 @@ def test_the_own_wrench_comes_in_the_sensors_axes():
     assert in_sensor_axes(own(series_e)) == pytest.approx([*force, *torque], abs=1e-9)
     raw = series_e._replace(raw=(1.0, 2.0, 3.0, 4.0, 5.0, 6.0))
     assert in_sensor_axes(own(raw)) == pytest.approx([1, 2, 3, 4, 5, 6])
-    assert sensing.facts(state)["reference"] == "tcp" and sensing.facts(raw)["frame"] == "flange"
+    assert (
+        wrench_source.facts(state)["reference"] == "tcp"
+        and wrench_source.facts(raw)["frame"] == "flange"
+    )
 
 
 def test_the_own_wrench_is_a_transducer():

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from wrenchbed.calibration.start_values import identify
+from wrenchbed.calibration.calibrate import identify
 from wrenchbed.errors import CalibrationError
 from wrenchbed.physics.rotations import matrix, rot_z
 from wrenchbed.physics.time_derivatives import Jet

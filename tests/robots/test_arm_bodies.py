@@ -8,7 +8,7 @@ from test_robots import ROBOTS, each_robot, feasible, random_theta
 from wrenchbed import registry
 from wrenchbed.errors import NotFoundError
 from wrenchbed.physics.gravity import ArmBodies
-from wrenchbed.robots.medrue import bodies as medrue
+from wrenchbed.robots.medrue import robot as medrue
 from wrenchbed.robots.serial_arm import SerialArm
 
 LINKS = {robot.name: getattr(robot, "bodies", medrue.LINKS) for robot in ROBOTS}

@@ -13,8 +13,7 @@ from iiwa import IIWA
 from wrenchbed import registry
 from wrenchbed.cli import main
 from wrenchbed.data.recording import Recording
-from wrenchbed.effects.chain import effects, respond
-from wrenchbed.effects.naming import active_effect
+from wrenchbed.effects.chain import active_effect, effects, respond
 from wrenchbed.effects.scene import examples
 from wrenchbed.twin.twin import nominal
 

@@ -12,8 +12,7 @@ import numpy as np
 from wrenchbed import registry
 from wrenchbed.diagnosis.evidence.dictionary import EffectDictionary, Hypothesis
 from wrenchbed.diagnosis.evidence.search import Searcher
-from wrenchbed.diagnosis.explain.finalist import Variables
-from wrenchbed.diagnosis.explain.refit import Refitter
+from wrenchbed.diagnosis.explain.refit import Refitter, Variables
 from wrenchbed.effects.base import Effect, Variant
 
 STATED = [("sensor.bias", c) for c in "fx fy fz tx ty tz".split()]

@@ -7,7 +7,8 @@ import pytest
 
 from wrenchbed.benchmark.referee import setting as settings
 from wrenchbed.benchmark.scoring.linear import Claim
-from wrenchbed.benchmark.sealed import answer, case_files, commitments, make
+from wrenchbed.benchmark.sealed import answer, commitments, make
+from wrenchbed.benchmark.sealed import commitments as case_files
 from wrenchbed.benchmark.sealed.entrants import CLAIM, RUN, contract
 
 COUNT, SEED = 32, 20

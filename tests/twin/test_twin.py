@@ -9,8 +9,7 @@ import pytest
 
 from scenes import moving, sized, still
 from wrenchbed import registry
-from wrenchbed.effects.chain import ActiveEffect, effects, respond
-from wrenchbed.effects.naming import active_effect, parse_effect
+from wrenchbed.effects.chain import ActiveEffect, active_effect, effects, parse_effect, respond
 from wrenchbed.errors import NotFoundError, ParameterError, TwinError
 from wrenchbed.twin.assembly import edited
 from wrenchbed.twin.export import export

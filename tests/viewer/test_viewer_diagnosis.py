@@ -13,8 +13,8 @@ from wrenchbed.diagnosis.diagnose import diagnose
 from wrenchbed.errors import ParameterError
 from wrenchbed.pages.numbers import gap as numbers_of
 from wrenchbed.simulation.simulation import Simulation
-from wrenchbed.viewer import calibration_view, diagnosed, diagnosis_view
-from wrenchbed.viewer.diagnosed import blame, joint_numbers, painted, part_of
+from wrenchbed.viewer import calibration_view, diagnoses, diagnosis_view
+from wrenchbed.viewer.diagnoses import blame, joint_numbers, painted, part_of
 from wrenchbed.viewer.elements import heat
 from wrenchbed.viewer.show import free_port
 
@@ -135,7 +135,7 @@ def test_the_blamed_joint_is_dark_and_the_rest_is_not(found):
 
 def test_blame_on_the_wrong_link_is_caught(found, monkeypatch):
     findings, _, folder = found
-    monkeypatch.setattr(diagnosed, "blame", lambda _: {"joint 3": 0.99})
+    monkeypatch.setattr(diagnoses, "blame", lambda _: {"joint 3": 0.99})
     diagnosis_view(findings, folder / "wrong.rrd")
     with pytest.raises(AssertionError):
         test_the_blamed_joint_is_dark_and_the_rest_is_not((findings, Rrd(folder / "wrong.rrd"), 0))

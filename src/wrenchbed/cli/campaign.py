@@ -88,7 +88,7 @@ def campaign(
 
 def _alone(fleet: "wb.Fleet", k: int, out: Path, as_json: bool) -> None:
     """Work on one robot again and keep its files."""
-    from wrenchbed.campaigns.one_robot import write_one
+    from wrenchbed.campaigns.simulated_robots import write_one
 
     if k < 0:
         raise ParameterError(f"--only {k} must not be negative")

@@ -1,5 +1,6 @@
-"""`wrenchbed record`: run a plan on a simulated or real robot."""
+"""`wrenchbed record`: run a plan on a simulated or real robot, with pictures live or afterwards."""
 
+import contextlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, fields
@@ -13,14 +14,74 @@ from rich.table import Table
 import wrenchbed as wb
 from wrenchbed.campaigns.recording.itinerary import Leg, itinerary
 from wrenchbed.campaigns.recording.run import RunProgress
-from wrenchbed.cli import console, set_options
+from wrenchbed.cli import console
+from wrenchbed.cli import console as set_options
 from wrenchbed.cli.console import Flag, Json, Repeated
-from wrenchbed.cli.watch import watched
 from wrenchbed.errors import DriverError, ParameterError, PlanError
 from wrenchbed.hardware.drivers.base import Driver
-from wrenchbed.hardware.drivers.base.live import LIVE
+from wrenchbed.hardware.drivers.base.live import LIVE, LiveDriver
 from wrenchbed.physics.wrench import CHANNELS, UNITS
+from wrenchbed.robots.base import SimulatedRobot
 from wrenchbed.robots.motion_limits import Limits
+
+
+@contextmanager
+def watched(link: Driver, out: Path, rrd: Path | None, view: str | None) -> Iterator[None]:
+    """Draw a live driver's readings while the block runs; otherwise the recording at its end.
+
+    Args:
+        link: driver that the block records with.
+        out: recording that the block writes.
+        rrd: picture to write, if any.
+        view: ``window`` or ``browser`` to watch in, if any.
+    """
+    if not isinstance(link, LiveDriver):
+        if view is not None:
+            raise ParameterError(
+                "--view is for live drivers; look at the recording: wrenchbed view"
+            )
+        yield
+        if rrd is not None:
+            from wrenchbed.viewer import recording_view
+
+            recording_view(wb.Recording.read(out), rrd)
+        return
+    if rrd is None and view is None:
+        yield
+        return
+    from wrenchbed.viewer.live import LiveView
+
+    if not isinstance(link.robot, SimulatedRobot):
+        raise ParameterError(f"robot {link.robot.name!r} has no model that could be shown")
+    with _viewer(view) as url, LiveView(link.robot, rrd, url) as picture:
+        link.onlooker = picture
+        try:
+            yield
+        finally:
+            link.onlooker = None
+    if picture.dropped:
+        console.say(f"the picture missed {picture.dropped} rows; the recording has them")
+
+
+@contextmanager
+def _viewer(view: str | None) -> Iterator[str | None]:
+    """Address of a viewer, which stays open until its user closes it."""
+    if view is None:
+        yield None
+        return
+    from wrenchbed.viewer import show
+
+    with show.viewer(None, web=view == "browser") as viewer:
+        if view == "browser":
+            console.say(f"open {show.address(port=show.PORT)}")
+        try:
+            yield show.PROXY
+        finally:
+            if view == "window":
+                console.say("close the window to go on")
+                with contextlib.suppress(KeyboardInterrupt):
+                    show.until_closed(viewer)
+
 
 _MOST_LEGS = 12
 """Most rows of a dry run's table."""

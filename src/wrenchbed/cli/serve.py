@@ -9,7 +9,8 @@ from typing import Literal
 import tyro
 
 import wrenchbed as wb
-from wrenchbed.cli import console, set_options
+from wrenchbed.cli import console
+from wrenchbed.cli import console as set_options
 from wrenchbed.cli.console import Repeated
 from wrenchbed.errors import DriverError
 

@@ -8,9 +8,9 @@ import numpy as np
 
 from wrenchbed.diagnosis.between_rows.rows import RowFinding
 from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
-from wrenchbed.diagnosis.explain.analysis import Analysis
 from wrenchbed.diagnosis.explain.claims import stated
-from wrenchbed.diagnosis.explain.finalist import Finalist
+from wrenchbed.diagnosis.explain.refit import Finalist
+from wrenchbed.diagnosis.explain.structures import Analysis
 from wrenchbed.diagnosis.explain.verdict import Cause, Verdict
 from wrenchbed.diagnosis.gap.closure import Closure
 from wrenchbed.diagnosis.gap.result import Diagnosis

@@ -14,8 +14,8 @@ from wrenchbed.diagnosis.between_rows.tool_vibration import find_tool_vibration
 from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
 from wrenchbed.diagnosis.evidence.similarity import Similarity
 from wrenchbed.diagnosis.explain import tilt
-from wrenchbed.diagnosis.explain.analysis import Analysis, analyse
 from wrenchbed.diagnosis.explain.reliability import Reliability, features, shipped
+from wrenchbed.diagnosis.explain.structures import Analysis, analyse
 from wrenchbed.diagnosis.explain.verdict import Verdict, decide, tempered
 from wrenchbed.diagnosis.gap import closure, where
 from wrenchbed.diagnosis.gap.result import Diagnosis

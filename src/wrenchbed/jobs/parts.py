@@ -19,8 +19,7 @@ import pyarrow.parquet as pq
 
 from wrenchbed.errors import WrenchbedError
 from wrenchbed.files import TEMPORARY, atomic_write
-from wrenchbed.jobs.progress import Progress, silent
-from wrenchbed.jobs.workers import in_workers
+from wrenchbed.jobs.workers import Progress, in_workers, silent
 
 Row = dict[str, Any]
 Work = Callable[[Any, int], list[Row]]

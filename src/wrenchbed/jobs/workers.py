@@ -1,4 +1,4 @@
-"""Worker processes, each with one thread for linear algebra.
+"""Worker processes, each with one thread for linear algebra; the callback that reports progress.
 
 Matrices here are small: with more threads, waiting for each other costs up to fivefold on two cores
 (measured with OpenBLAS).
@@ -13,9 +13,21 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from contextlib import contextmanager, suppress
 from functools import wraps
-from typing import Any, ParamSpec, TypeVar
+from typing import Any, ParamSpec, Protocol, TypeVar
 
 from threadpoolctl import threadpool_limits
+
+
+class Progress(Protocol):
+    """Called when further steps are done."""
+
+    def __call__(self, count: int, label: str = "", /) -> None:
+        """Report ``count`` further steps; ``label`` names the last one."""
+
+
+def silent(count: int, label: str = "", /) -> None:
+    """Report nothing."""
+
 
 CHILDREN: set[int] = set()
 """Process groups that this process started and that end with it."""

@@ -12,7 +12,7 @@ from typing import Any
 from wrenchbed import registry
 from wrenchbed.errors import NotFoundError, ParameterError
 from wrenchbed.files import write_json
-from wrenchbed.jobs.progress import Progress, silent
+from wrenchbed.jobs.workers import Progress, silent
 
 PAPERS = ("medrue", "ur5")
 

@@ -3,8 +3,8 @@ May import: reports, diagnosis, campaigns (recording), twin, simulation and the 
 Read first: `view`, then `recordings`; `stream` is the canvas that everything is drawn on.
 """
 
-from wrenchbed.viewer.calibrated import calibration_view
-from wrenchbed.viewer.diagnosed import diagnosis_view
+from wrenchbed.viewer.calibrations import calibration_view
+from wrenchbed.viewer.diagnoses import diagnosis_view
 from wrenchbed.viewer.plans import plan_view
 from wrenchbed.viewer.recordings import recording_view
 

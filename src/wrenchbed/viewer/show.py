@@ -1,4 +1,4 @@
-"""Rerun's viewer, bound to this machine alone and without its telemetry.
+"""Look at a file in rerun's viewer, bound to this machine alone and without its telemetry.
 
 The page that rerun serves asks Google for fonts and reports its use. Here it is served with a
 policy that forbids a browser to ask anybody but this machine.
@@ -14,7 +14,7 @@ import subprocess
 import tempfile
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
@@ -23,7 +23,11 @@ from urllib.parse import quote
 from urllib.request import Request, urlopen
 
 from wrenchbed import registry
+from wrenchbed.data.plan import Plan, is_plan
+from wrenchbed.data.recording import Recording
 from wrenchbed.errors import DriverError, ParameterError
+from wrenchbed.viewer.plans import plan_view
+from wrenchbed.viewer.recordings import recording_view
 
 HOST = "127.0.0.1"
 FILE = "/shown.rrd"
@@ -236,3 +240,65 @@ def _binary() -> Path:
     """Rerun's viewer itself: killing the Python script around it would leave it running."""
     package = registry.require("rerun_cli", "view")
     return Path(str(package.__file__)).parent / "rerun"
+
+
+PICTURE = "diagnosis.rrd"
+"""Picture in the folder of a diagnosis."""
+
+
+def view(
+    file: str | Path,
+    against: Sequence[str | Path] = (),
+    *,
+    rrd: str | Path | None = None,
+    web: bool = False,
+    port: int = PORT,
+    web_port: int = WEB_PORT,
+    opened: Callable[[str], None] = lambda _: None,
+) -> None:
+    """Show a picture until its window is closed, or write it to a file.
+
+    Args:
+        file: recording or plan in Parquet, folder of a diagnosis, or an ``.rrd`` file.
+        against: fit.json and twin.json files whose simulators are compared with the recording.
+        rrd: file to write; then nothing is opened.
+        web: serve a browser on this machine instead of opening rerun's own window.
+        port: of the viewer's data, on 127.0.0.1.
+        web_port: of the page, with ``web``.
+        opened: called with the page's address, with ``web``.
+
+    Raises:
+        ParameterError: the file cannot be shown, or cannot be compared.
+        MissingExtraError: rerun is not installed.
+    """
+    with tempfile.TemporaryDirectory(prefix="wrenchbed-") as folder:
+        out = None if rrd is None else Path(rrd)
+        picture = _picture(Path(file), against, out, Path(folder))
+        if rrd is not None:
+            return
+        with (
+            contextlib.suppress(KeyboardInterrupt),  # the way to end it
+            viewer(picture, web=web, port=port, web_port=web_port) as opened_viewer,
+        ):
+            if web:
+                opened(address(web_port))
+            until_closed(opened_viewer)
+
+
+def _picture(file: Path, against: Sequence[str | Path], rrd: Path | None, folder: Path) -> Path:
+    """An existing picture, or one drawn at ``rrd`` or else in the folder."""
+    made = file / PICTURE if file.is_dir() else file
+    if made.suffix == ".rrd":
+        if against or rrd is not None:
+            raise ParameterError(f"{made}: is a picture already; give the recording instead")
+        if not made.is_file():
+            raise ParameterError(f"{made}: there is no such file; `diagnose --out` makes it")
+        return made
+    out = rrd or folder / f"{file.stem}.rrd"
+    if not is_plan(file):
+        recording_view(Recording.read(file), out, against)
+    elif against:
+        raise ParameterError(f"{file}: is a plan; fits and twins are compared with recordings")
+    else:
+        plan_view(Plan.read(file), out)
+    return out

@@ -18,12 +18,12 @@ from wrenchbed.benchmark.lookalikes.imperfection import (
     gap,
     lookalike,
     named,
+    relay,
     repeated,
     spread,
     with_joints,
 )
 from wrenchbed.benchmark.lookalikes.loads import link_forces, rotate_back, wrench_at
-from wrenchbed.benchmark.lookalikes.memory import relay
 from wrenchbed.robots.base import SimulatedRobot
 
 _CROSSING_S = 0.04

@@ -7,7 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from wrenchbed.benchmark.lookalikes import arm, sensor, timing, tool
+from wrenchbed.benchmark.lookalikes import arm, sensor, tool
+from wrenchbed.benchmark.lookalikes import sensor as timing
 from wrenchbed.benchmark.lookalikes.design import ExperimentDesign
 from wrenchbed.benchmark.lookalikes.imperfection import (
     DRAWN,

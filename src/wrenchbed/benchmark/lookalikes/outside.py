@@ -9,9 +9,8 @@ from dataclasses import replace
 import numpy as np
 
 from wrenchbed.benchmark.lookalikes.design import ExperimentDesign
-from wrenchbed.benchmark.lookalikes.imperfection import Imperfection, Rng
+from wrenchbed.benchmark.lookalikes.imperfection import Imperfection, Rng, relax
 from wrenchbed.benchmark.lookalikes.loads import RigidLoad, SensorMotion, rotate_back, wrench_at
-from wrenchbed.benchmark.lookalikes.memory import relax
 from wrenchbed.benchmark.lookalikes.sensor import channels, duration, elapsed
 
 Family = Callable[[ExperimentDesign, Rng], Imperfection]

@@ -11,8 +11,7 @@ from scipy.signal import lfilter
 
 from wrenchbed.benchmark.lookalikes.case import LookalikeCase
 from wrenchbed.benchmark.lookalikes.design import ExperimentDesign
-from wrenchbed.benchmark.lookalikes.imperfection import held_rows
-from wrenchbed.benchmark.lookalikes.memory import slow_noise
+from wrenchbed.benchmark.lookalikes.imperfection import held_rows, slow_noise
 from wrenchbed.data.recording import QUATERNION, Recording
 from wrenchbed.physics.wrench import CHANNELS
 

@@ -15,6 +15,7 @@ from wrenchbed.benchmark.lookalikes.imperfection import (
     in_motion,
     lookalike,
     named,
+    relay,
     spread,
     with_joints,
 )
@@ -25,7 +26,6 @@ from wrenchbed.benchmark.lookalikes.loads import (
     rotate_back,
     wrench_at,
 )
-from wrenchbed.benchmark.lookalikes.memory import relay
 
 _AXES = 8
 """Directions that are tried until a loose part really moves to and fro."""

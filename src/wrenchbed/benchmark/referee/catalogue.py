@@ -7,7 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from wrenchbed.benchmark.referee import arm, sensor, timing, tool
+from wrenchbed.benchmark.referee import arm, sensor, tool
+from wrenchbed.benchmark.referee import sensor as timing
 from wrenchbed.benchmark.referee.fault import (
     DRAWN,
     RefereeFault,

@@ -14,7 +14,7 @@ import numpy as np
 from wrenchbed.diagnosis.evidence.dictionary import EffectDictionary, Hypothesis, build
 from wrenchbed.diagnosis.evidence.likelihood import LARGE, BackgroundLevel
 from wrenchbed.diagnosis.evidence.search import NONE
-from wrenchbed.diagnosis.explain.analysis import Analysis, case
+from wrenchbed.diagnosis.explain.structures import Analysis, case
 from wrenchbed.diagnosis.prepare.baseline import calibrate
 from wrenchbed.diagnosis.prepare.configuration import STATED
 from wrenchbed.diagnosis.prepare.prepared import Prepared

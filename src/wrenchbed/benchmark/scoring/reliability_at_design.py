@@ -17,15 +17,14 @@ from wrenchbed.benchmark.lookalikes import recording as simulated
 from wrenchbed.data.parquet import FORMAT
 from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis.explain import reliability
-from wrenchbed.diagnosis.explain.analysis import analyse
 from wrenchbed.diagnosis.explain.reliability import Reliability, learnt, shipped
+from wrenchbed.diagnosis.explain.structures import analyse
 from wrenchbed.diagnosis.explain.verdict import decide
 from wrenchbed.diagnosis.prepare import orientations
 from wrenchbed.diagnosis.prepare.prepare_recording import gathered
 from wrenchbed.errors import DiagnosisError, ParameterError
 from wrenchbed.jobs.parts import Journal, Row
-from wrenchbed.jobs.progress import Progress, silent
-from wrenchbed.jobs.workers import in_workers
+from wrenchbed.jobs.workers import Progress, in_workers, silent
 
 KINDS = ("single",) * 6 + ("none",) * 2 + ("outside",) * 1 + ("pair",) * 1
 """Kinds of ten successive cases."""

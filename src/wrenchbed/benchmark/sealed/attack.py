@@ -8,7 +8,7 @@ import pyarrow.parquet as pq
 from scipy.stats import rankdata
 
 from wrenchbed.benchmark.sealed import answer as answers_
-from wrenchbed.benchmark.sealed import case_files, commitments
+from wrenchbed.benchmark.sealed import commitments
 from wrenchbed.data.recording import Recording
 
 DRAWS = 200
@@ -38,7 +38,7 @@ def attack(cases: Path, answers: Path, seed: int = 0) -> list[Attack]:
     x = np.array([features(cases, name, k) for k, name in enumerate(names)])
     ranked = rankdata(x, axis=0) / len(x)  # no scale decides
     ranked = ranked[:, np.ptp(x, axis=0) > 0]
-    told = [answers_.read(case_files.answer_of(answers, n)) for n in names]
+    told = [answers_.read(commitments.answer_of(answers, n)) for n in names]
     targets = {
         "kind": [a.kind for a in told],
         "subsystem": [a.effects[0].partition(".")[0] if a.effects else a.kind for a in told],
@@ -49,7 +49,7 @@ def attack(cases: Path, answers: Path, seed: int = 0) -> list[Attack]:
 
 def features(cases: Path, name: str, place: int) -> list[float]:
     """Numbers that anybody can read off a case without its wrench and joints."""
-    path = case_files.recording_of(cases, name)
+    path = commitments.recording_of(cases, name)
     data = Recording.read(path)
     meta, file = data.metadata, pq.ParquetFile(path).metadata
     t = data.t

@@ -1,16 +1,69 @@
-"""Commitments: SHA-256 of each case and its answer, published before anybody has seen either."""
+"""Files of sealed cases, and commitments: SHA-256 of each case and answer, published beforehand.
+
+Files are written without traces of how they were made.
+"""
 
 import hashlib
 import json
+import os
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from wrenchbed.benchmark.sealed import case_files
+import pyarrow.parquet as pq
+
+from wrenchbed.data import parquet
 from wrenchbed.data.parquet import FORMAT
+from wrenchbed.data.recording import Recording
 from wrenchbed.errors import BenchmarkError
-from wrenchbed.files import write_bytes
+from wrenchbed.files import atomic_write, write_bytes
+
+EPOCH = 946684800
+"""Time stamp of every file of a family: 2000-01-01 [s]."""
+
+
+def recording_of(cases: Path, name: str) -> Path:
+    """File of a case."""
+    return cases / f"{name}.parquet"
+
+
+def answer_of(answers: Path, name: str) -> Path:
+    """File of an answer."""
+    return answers / f"{name}.json"
+
+
+def write_recording(recording: Recording, path: Path) -> None:
+    """Write a recording without compression: the size of the file shows its number of rows only."""
+    table = parquet.table_of(recording.columns, recording.metadata.to_json())
+    with atomic_write(path) as temporary:
+        pq.write_table(
+            table, temporary, compression="none", use_dictionary=False, write_statistics=False
+        )
+        os.utime(temporary, (EPOCH, EPOCH))
+
+
+def forget_times(folder: Path) -> None:
+    """Rewrite all files in the order of their names, and give them one time stamp.
+
+    Creation times in the file system would show which cases took longer to make: the hard ones.
+    """
+    for path in sorted(folder.iterdir()):
+        write_bytes(path, path.read_bytes())
+    for path in (*folder.iterdir(), folder):
+        os.utime(path, (EPOCH, EPOCH))
+
+
+def check_separate(out: Path, answers: Path) -> None:
+    """Refuse folders that are the same or hold each other.
+
+    Raises:
+        BenchmarkError: they are, or do.
+    """
+    a, b = out.resolve(), answers.resolve()
+    if a == b or a in b.parents or b in a.parents:
+        raise BenchmarkError(f"{answers}: answers must lie apart from the cases in {out}")
+
 
 COMMITMENTS = "commitments.json"
 FAMILY = "family.json"
@@ -54,14 +107,14 @@ def commit(
     """
     cases = {}
     for name in names:
-        recording = digest(case_files.recording_of(out, name).read_bytes())
-        answer = digest(case_files.answer_of(answers, name).read_bytes())
+        recording = digest(recording_of(out, name).read_bytes())
+        answer = digest(answer_of(answers, name).read_bytes())
         cases[name] = {"recording": recording, "answer": answer}
     document = {"format": FORMAT, "robot": robot, "mode": mode, "cases": cases}
     data = (json.dumps(document, indent=1) + "\n").encode()
     write_bytes(out / COMMITMENTS, data)
     write_bytes(answers / FAMILY, family(about, digest(data)))
-    case_files.forget_times(out)
+    forget_times(out)
     return digest(data)
 
 
@@ -120,8 +173,8 @@ def verify(cases: Path, answers: Path, published: str | None = None) -> dict[str
             )
     for name, own in sealed.items():
         pairs = (
-            (case_files.recording_of(cases, name), own.recording),
-            (case_files.answer_of(answers, name), own.answer),
+            (recording_of(cases, name), own.recording),
+            (answer_of(answers, name), own.answer),
         )
         for path, committed in pairs:
             if not path.is_file():

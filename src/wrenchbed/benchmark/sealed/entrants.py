@@ -18,7 +18,7 @@ from typing import Any
 
 from wrenchbed.benchmark.scoring.baselines import BASELINES, reuse_dictionary
 from wrenchbed.benchmark.scoring.linear import Claim
-from wrenchbed.benchmark.sealed import case_files, commitments
+from wrenchbed.benchmark.sealed import commitments
 from wrenchbed.data.parquet import FORMAT
 from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis.diagnose import diagnose
@@ -81,7 +81,7 @@ def enter(
     Returns:
         Names of the entrants that failed.
     """
-    case = _Case(case_files.recording_of(cases, name))
+    case = _Case(commitments.recording_of(cases, name))
     failed = []
     for entrant in sorted(entrants, key=lambda e: e.name != OURS):
         folder = claims / entrant.name / name

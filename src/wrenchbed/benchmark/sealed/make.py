@@ -15,13 +15,12 @@ import numpy as np
 
 from wrenchbed import registry
 from wrenchbed.benchmark.referee import case as referee
-from wrenchbed.benchmark.sealed import case_files, commitments
+from wrenchbed.benchmark.sealed import commitments
 from wrenchbed.benchmark.sealed.answer import of_case
 from wrenchbed.errors import BenchmarkError, ParameterError
 from wrenchbed.files import write_bytes
 from wrenchbed.jobs.parts import check_folders
-from wrenchbed.jobs.progress import Progress, silent
-from wrenchbed.jobs.workers import in_workers
+from wrenchbed.jobs.workers import Progress, in_workers, silent
 from wrenchbed.robots.base import SimulatedRobot
 
 _TRIES = 12
@@ -88,7 +87,7 @@ def make(
     """
     if not isinstance(registry.load("robots", family.robot), SimulatedRobot):
         raise ParameterError(f"robot {family.robot!r} has no model to make cases with")
-    case_files.check_separate(out, answers)
+    commitments.check_separate(out, answers)
     open_family(family, out, answers)
     root = json.loads((answers / commitments.FAMILY).read_bytes())["commitments"]
     if root is not None:  # the family is complete and must not change
@@ -124,7 +123,7 @@ def open_family(family: Family, out: Path, answers: Path) -> None:
 
 
 def _complete(name: str, out: Path, answers: Path) -> bool:
-    files = case_files.recording_of(out, name), case_files.answer_of(answers, name)
+    files = commitments.recording_of(out, name), commitments.answer_of(answers, name)
     return all(path.exists() for path in files)
 
 
@@ -139,5 +138,5 @@ def make_case(family: Family, out: Path, answers: Path, index: int) -> None:
             if attempt == _TRIES - 1:
                 raise
     answer = of_case(case, name, commitments.salt(family.seed, name))
-    write_bytes(case_files.answer_of(answers, name), answer.to_bytes())
-    case_files.write_recording(case.recording, case_files.recording_of(out, name))
+    write_bytes(commitments.answer_of(answers, name), answer.to_bytes())
+    commitments.write_recording(case.recording, commitments.recording_of(out, name))

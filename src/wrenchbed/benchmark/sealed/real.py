@@ -9,7 +9,8 @@ import numpy as np
 
 from wrenchbed.benchmark.referee.case import KINDS
 from wrenchbed.benchmark.referee.catalogue import EFFECTS
-from wrenchbed.benchmark.sealed import case_files, commitments, make
+from wrenchbed.benchmark.sealed import commitments, make
+from wrenchbed.benchmark.sealed import commitments as case_files
 from wrenchbed.benchmark.sealed.answer import Answer, Fact
 from wrenchbed.data.checked import Fields, is_number, load
 from wrenchbed.data.metadata import parse

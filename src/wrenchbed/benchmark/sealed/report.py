@@ -8,9 +8,16 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from wrenchbed.benchmark.scoring.metrics import SURE, figure, right
+from wrenchbed.benchmark.scoring.metrics import (
+    SURE,
+    effect_cells,
+    figure,
+    figure_cells,
+    right,
+    shares,
+    sized,
+)
 from wrenchbed.benchmark.scoring.rows import OURS, CaseRow
-from wrenchbed.benchmark.scoring.tables import effect_cells, figure_cells, shares, sized
 from wrenchbed.benchmark.sealed.score import ORACLE, Score, first, metrics
 from wrenchbed.pages.document import Document, Figure, Section, Table
 from wrenchbed.pages.plots import BLUE, GREY, ORANGE, PURPLE, canvas, to_svg

@@ -8,11 +8,10 @@ from contextlib import suppress
 from functools import partial
 from pathlib import Path
 
-from wrenchbed.benchmark.sealed import case_files, commitments
+from wrenchbed.benchmark.sealed import commitments
 from wrenchbed.benchmark.sealed.entrants import RUN, Entrant, enter
 from wrenchbed.errors import BenchmarkError
-from wrenchbed.jobs.progress import Progress, silent
-from wrenchbed.jobs.workers import in_workers
+from wrenchbed.jobs.workers import Progress, in_workers, silent
 
 __all__ = ["Case", "Entrant", "Failures", "run"]
 Failures = dict[str, int]
@@ -45,7 +44,7 @@ def run(
     if len(set(names)) != len(names):
         raise BenchmarkError(f"two entrants are called {max(names, key=names.count)!r}")
     for name, committed in sealed.items():
-        path = case_files.recording_of(cases, name)
+        path = commitments.recording_of(cases, name)
         if not path.is_file() or commitments.digest(path.read_bytes()) != committed.recording:
             raise BenchmarkError(f"{path}: is missing or is not the case that was sealed")
     todo = [(name, _remaining(entrants, claims, name, s.recording)) for name, s in sealed.items()]

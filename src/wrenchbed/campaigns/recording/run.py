@@ -23,7 +23,7 @@ from wrenchbed.data.recording import POINT
 from wrenchbed.data.writer import RecordingWriter
 from wrenchbed.errors import DriverError, LimitError, PlanError, SafetyStopError, WrenchbedWarning
 from wrenchbed.hardware.drivers.base import Driver
-from wrenchbed.jobs.progress import Progress, silent
+from wrenchbed.jobs.workers import Progress, silent
 from wrenchbed.physics.wrench import CHANNELS
 
 RATE_HZ = {"static": 100.0, "dynamic": 125.0}

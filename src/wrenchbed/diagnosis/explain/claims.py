@@ -11,8 +11,7 @@ from wrenchbed.diagnosis.evidence.dictionary import LARGEST, EffectDictionary
 from wrenchbed.diagnosis.evidence.likelihood import MOST, BackgroundLevel
 from wrenchbed.diagnosis.explain.contributions import CLAIMABLE, claimable, made_by, rest, twins
 from wrenchbed.diagnosis.explain.contributions import share as share_of
-from wrenchbed.diagnosis.explain.finalist import Finalist
-from wrenchbed.diagnosis.explain.refit import Refitter
+from wrenchbed.diagnosis.explain.refit import Finalist, Refitter
 from wrenchbed.diagnosis.prepare.configuration import STATED
 from wrenchbed.effects.chain import effects
 

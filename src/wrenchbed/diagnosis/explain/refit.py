@@ -1,11 +1,12 @@
 """Nonlinear refit of a structure: finite angles, shapes, and the evidence at the minimum.
 
 Gauss–Newton; shapes that act by jumps, where slopes do not show the way, by a random search first.
+A `Finalist` is a structure after its refit: its parts, their variables, and the residual.
 """
 
-from collections.abc import Iterable, Sequence
-from dataclasses import replace
-from functools import cache
+from collections.abc import Collection, Iterable, Sequence
+from dataclasses import dataclass, replace
+from functools import cache, cached_property
 
 import numpy as np
 from scipy.special import logsumexp
@@ -13,11 +14,88 @@ from scipy.special import logsumexp
 from wrenchbed.diagnosis.evidence.dictionary import LARGEST, Hypothesis
 from wrenchbed.diagnosis.evidence.likelihood import BackgroundLevel, over_scales
 from wrenchbed.diagnosis.evidence.search import MORE, NONE, PRIOR, Searcher, SingleEvidence
-from wrenchbed.diagnosis.explain.finalist import Finalist, Variables
 from wrenchbed.effects.base import Effect
 from wrenchbed.effects.chain import ActiveEffect, respond
 from wrenchbed.physics.parameters import Parameter
 from wrenchbed.robots.base import Robot
+
+
+@dataclass(frozen=True, eq=False)
+class Variables:
+    """What each of the free variables ``x`` (k,) of a structure is; stated numbers have none.
+
+    Attributes:
+        part: number of the part that each belongs to (k,).
+        name: parameter of the effect (k,).
+        shape: whether it is a shape, not an amplitude (k,), boolean.
+    """
+
+    part: np.ndarray
+    name: tuple[str, ...]
+    shape: np.ndarray
+
+    @classmethod
+    def of(cls, parts: Sequence[Hypothesis]) -> "Variables":
+        """The variables of a structure: of each part its amplitudes, then its shapes."""
+        every = [
+            (k, name, name in h.variant.shape)
+            for k, h in enumerate(parts)
+            if not h.effect.stated
+            for name in (*h.variant.free, *h.variant.shape)
+        ]
+        part, shape = (np.array([v[i] for v in every], dtype=t) for i, t in ((0, int), (2, bool)))
+        return cls(part, tuple(name for _, name, _ in every), shape)
+
+    def __len__(self) -> int:
+        return len(self.name)
+
+    def of_parts(self, parts: Collection[int]) -> np.ndarray:
+        """Places of the variables of some parts."""
+        return np.flatnonzero(np.isin(self.part, list(parts)))
+
+
+@dataclass(frozen=True, eq=False)
+class Finalist:
+    """A structure after its refit.
+
+    Attributes:
+        parts: its hypotheses.
+        rung: background rung that fits best.
+        x: fitted variables (k,) in typical sizes: amplitudes and shapes, no stated numbers.
+        covariance: of ``design``'s columns (m, m), background and stated numbers included.
+        residual: measured less fitted (6 R,), whitened, the stated numbers' part still in it.
+        y: the data as linearised at x (6 R,).
+        design: derivatives of the response by x, then the columns of blamed stated numbers.
+        spread: prior standard deviation of each (m,).
+        log_posterior: summed over rungs and sizes.
+        scale: size of each part's prior that fits best (parts,).
+    """
+
+    parts: tuple[Hypothesis, ...]
+    rung: int
+    x: np.ndarray
+    covariance: np.ndarray
+    residual: np.ndarray
+    y: np.ndarray
+    design: np.ndarray
+    spread: np.ndarray
+    log_posterior: float
+    scale: np.ndarray
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return tuple(h.name for h in self.parts)
+
+    @cached_property
+    def variables(self) -> Variables:
+        """What each of ``x`` is."""
+        return Variables.of(self.parts)
+
+    @cached_property
+    def effects(self) -> tuple[int, ...]:
+        """Numbers of the parts that are no stated numbers."""
+        return tuple(k for k, h in enumerate(self.parts) if not h.effect.stated)
+
 
 _STEPS = 12
 _LEAST_SHARE = 0.02

@@ -1,10 +1,17 @@
 """Which effects, alone or up to three together, explain a case: finalists, ranked.
 
-`rank` refits the best single effects, extends the best of these, and replaces each part of the best
-explanation by its rivals. A broad hypothesis takes the signal of special ones: a crosstalk of all
-channels can be a rotated sensor and five gains as well, at the price of thirty numbers. Alone it
-fits better than any of them as soon as small imperfections matter too. Beside one of them it need
-only be small, and the evidence of both together decides.
+`analyse` goes from a prepared recording to ranked explanations. `rank` refits the best single
+effects, extends the best of these, and replaces each part of the best explanation by its rivals. A
+broad hypothesis takes the signal of special ones: a crosstalk of all channels can be a rotated
+sensor and five gains as well, at the price of thirty numbers. Alone it fits better than any of them
+as soon as small imperfections matter too. Beside one of them it need only be small, and the
+evidence of both together decides.
+
+A second vote is `predictive_score`: how well an explanation predicts each block of rows from all
+the others. Evidence weighs a prior as a whole; a block's density depends only on what the other
+blocks show (Vehtari, Gelman & Gabry 2017, 10.1007/s11222-016-9696-4). Of the linearised Gaussian
+model both are exact: with the precision P of all rows and w = P y, log p(y_b | others) =
+½ log|P_bb| − ½ w_bᵀ P_bb⁻¹ w_b.
 """
 
 from collections.abc import Sequence
@@ -13,14 +20,57 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import logsumexp
 
-from wrenchbed.diagnosis.evidence.dictionary import Hypothesis
+from wrenchbed.diagnosis.evidence.dictionary import EffectDictionary, Hypothesis, build
+from wrenchbed.diagnosis.evidence.likelihood import BackgroundLevel
 from wrenchbed.diagnosis.evidence.search import PRIOR, UNKNOWN, Searcher, SingleEvidence
 from wrenchbed.diagnosis.explain.claims import Explanation, explained
 from wrenchbed.diagnosis.explain.contributions import claimable, doubled
-from wrenchbed.diagnosis.explain.cross_validation import predictive_score
-from wrenchbed.diagnosis.explain.finalist import Finalist
-from wrenchbed.diagnosis.explain.refit import Refitter
+from wrenchbed.diagnosis.explain.refit import Finalist, Refitter
+from wrenchbed.diagnosis.prepare.accelerometer import TILT
+from wrenchbed.diagnosis.prepare.baseline import Baseline, calibrate
 from wrenchbed.diagnosis.prepare.configuration import STATED
+from wrenchbed.diagnosis.prepare.prepared import Prepared
+
+MARGIN = 3.0
+"""Difference of two scores (natural logarithm) from which one explanation predicts better."""
+
+
+def predictive_score(level: BackgroundLevel, f: Finalist, block_rows: np.ndarray) -> float:
+    """Sum over blocks of the log predictive density of each, without the constant in 2π.
+
+    Args:
+        level: the background that the finalist is judged against.
+        f: the explanation.
+        block_rows: block of each row of the fit (R,).
+    """
+    k = f.design.shape[1]
+    solved = level.solve(np.column_stack([f.design, f.y]))
+    normal = f.design.T @ solved[:, :k] + np.diag(1.0 / f.spread**2)
+    half = np.linalg.solve(np.linalg.cholesky(normal), solved[:, :k].T)  # (k, 6 R)
+    w = solved[:, k] - half.T @ (half @ f.y)
+    block = np.repeat(block_rows, 6)
+    total = 0.0
+    for b in np.unique(block):
+        rows = np.flatnonzero(block == b)
+        total += _of_block(level, rows, half[:, rows], w[rows])
+    return total
+
+
+def _of_block(level: BackgroundLevel, rows: np.ndarray, half: np.ndarray, w: np.ndarray) -> float:
+    """½ log|P_bb| − ½ w_bᵀ P_bb⁻¹ w_b; of many rows, P_bb is the unit matrix less a low rank."""
+    if level.tall:
+        root, ways = level.less(rows)
+        ways = np.column_stack([ways, (half * root).T])
+        if ways.shape[1] < len(rows):
+            z = root * w
+            inner = np.linalg.cholesky(np.eye(ways.shape[1]) - ways.T @ ways)
+            along = np.linalg.solve(inner, ways.T @ z)
+            size = np.log(np.diagonal(inner)).sum() - np.log(root).sum()
+            return float(size - 0.5 * (z @ z + along @ along))
+    lower = np.linalg.cholesky(level.precision(rows) - half.T @ half)
+    away = np.linalg.solve(lower, w)
+    return float(np.log(np.diagonal(lower)).sum() - 0.5 * away @ away)
+
 
 SINGLES, EXTENDED, LONGER = 6, 4, 5
 """How many single effects are refitted, how many of these extended, and with how many more."""
@@ -278,3 +328,56 @@ def _distinct(
     top = kept[0].log_posterior
     far = 60.0 + SHAPED * max(top - base, 0.0)
     return [s for s in kept if s.log_posterior > top - far]
+
+
+@dataclass(frozen=True, eq=False)
+class Analysis:
+    """A recording's linear and nonlinear analysis.
+
+    Attributes:
+        prepared: the recording.
+        baseline: its calibrated simulator.
+        searcher: dictionary and background of the design.
+        refitter: of this recording's readings.
+        ranking: explanations, best first.
+    """
+
+    prepared: Prepared
+    baseline: Baseline
+    searcher: Searcher
+    refitter: Refitter
+    ranking: Ranking
+
+    @property
+    def dictionary(self) -> EffectDictionary:
+        return self.searcher.d
+
+    @property
+    def calibrated(self) -> np.ndarray:
+        """Whitened residual (R, 6) after bias, mass and CoG."""
+        return self.dictionary.without_stated(self.refitter.y).reshape(-1, 6)
+
+
+def analyse(prepared: Prepared) -> Analysis:
+    """Calibrate, build the dictionary there, and rank what explains the rest."""
+    coarse = prepared.coarse
+    baseline = calibrate(coarse)
+    t = prepared.testimony
+    odds = {} if t is None else {TILT: t.log_bayes}
+    searcher = Searcher(build(coarse, baseline.robot_theta, baseline.tolerance), odds)
+    refitter = Refitter(searcher, case(searcher.d, coarse, baseline))
+    return Analysis(prepared, baseline, searcher, refitter, rank(searcher, refitter))
+
+
+def case(d: EffectDictionary, prepared: Prepared, baseline: Baseline) -> np.ndarray:
+    """Readings (6 R,) against the dictionary's baseline, the stated numbers as stated."""
+    moved = stated_vector(d, baseline)
+    return prepared.rows(prepared.y).ravel() - d.baseline + d.E[:, d.stated] @ moved
+
+
+def stated_vector(d: EffectDictionary, baseline: Baseline) -> np.ndarray:
+    """Mass and CoG of the baseline against the stated ones (S,), in typical sizes; bias 0."""
+    moved = np.zeros(len(d.stated))
+    for effect, change in baseline.moved.items():
+        moved[d.of_stated(effect)] = change
+    return moved / d.size[d.stated]

@@ -9,8 +9,7 @@ from scipy.special import logsumexp
 from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
 from wrenchbed.diagnosis.explain.claims import REST, Explanation, Part
 from wrenchbed.diagnosis.explain.contributions import CLAIMABLE
-from wrenchbed.diagnosis.explain.cross_validation import MARGIN
-from wrenchbed.diagnosis.explain.structures import Ranking
+from wrenchbed.diagnosis.explain.structures import MARGIN, Ranking
 from wrenchbed.effects.chain import effects
 
 MOST_RIVALS = 4

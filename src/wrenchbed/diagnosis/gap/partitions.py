@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wrenchbed.diagnosis.evidence.features import harmonics, variables
+from wrenchbed.diagnosis.evidence.dictionary import harmonics, variables
 from wrenchbed.diagnosis.prepare.prepared import Prepared
 from wrenchbed.effects.scene import held_on
 from wrenchbed.physics.time_derivatives import Jet, value

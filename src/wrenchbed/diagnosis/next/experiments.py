@@ -1,40 +1,255 @@
-"""Which experiment would separate what a recording cannot, by the gain of a minute of it."""
+"""Which experiment would separate what a recording cannot, by the gain of a minute of it.
+
+Explanations are linear about the baseline: each predicts columns times sizes. Under the covariance
+of a rival, with all that the rival, the stated numbers and a normal background can make, the
+predicted readings of the other lie d standard deviations away; two Gaussians so far apart have the
+Jensen–Shannon divergence that one reading of the experiment is worth (Lin 1991,
+doi 10.1109/18.61115; its use for designs: Vanlier et al. 2014, doi 10.1186/1752-0509-8-20).
+"""
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from wrenchbed.data.plan import Plan
-from wrenchbed.diagnosis.evidence.dictionary import EffectDictionary
-from wrenchbed.diagnosis.evidence.features import features
-from wrenchbed.diagnosis.evidence.likelihood import LARGE, BackgroundLevel
-from wrenchbed.diagnosis.explain.analysis import Analysis
+from wrenchbed.diagnosis.evidence.dictionary import EffectDictionary, Hypothesis, Response, features
+from wrenchbed.diagnosis.evidence.likelihood import LARGE, MOST, BackgroundLevel, row_variance
 from wrenchbed.diagnosis.explain.claims import stated
+from wrenchbed.diagnosis.explain.structures import Analysis
 from wrenchbed.diagnosis.next.actions import (
     POSES,
     Action,
     Choose,
     ExperimentRun,
     actions,
+    loaded,
     posed,
     static_noise,
 )
-from wrenchbed.diagnosis.next.discrimination import (
-    GAP,
-    Candidate,
-    Comparison,
-    ExperimentRows,
-    jensen_shannon,
-)
 from wrenchbed.diagnosis.next.isolability import listed
+from wrenchbed.diagnosis.prepare.configuration import STATED
 from wrenchbed.diagnosis.prepare.prepared import Prepared
+from wrenchbed.effects.base import Effect, Variant
+from wrenchbed.effects.chain import effects
+
+Candidate = tuple[Hypothesis, np.ndarray]
+"""An explanation: a variant and its amplitudes (k,) in typical sizes."""
+
+GAP = 0.3
+"""Gap of the background that every robot has."""
+EFFECTS, ROWS = 0.5, 0.5
+"""Shares of it: small effects of the library, and what no effect makes."""
+FREE = 8.0
+"""Standard deviation of a rival's amplitudes, in typical sizes."""
+_NODES, _WEIGHTS = np.polynomial.hermite_e.hermegauss(41)
+
+
+@dataclass(frozen=True)
+class _Column:
+    effect: Effect
+    parameter: str
+    variant: Variant
+
+
+@dataclass(frozen=True, eq=False)
+class ExperimentRows:
+    """What a session would show.
+
+    Attributes:
+        E: columns (6 R, n), the same as every session's.
+        v0: variance of each row (6 R,).
+        extra: columns (6 R, m) that only this session has: its zero, what only motion shows.
+        extra_variance: of these (m,).
+    """
+
+    E: np.ndarray
+    v0: np.ndarray
+    extra: np.ndarray | None = None
+    extra_variance: np.ndarray = field(default_factory=lambda: np.zeros(0))
+
+
+class Comparison:
+    """Compares explanations in designs that hold a recording and what may follow it.
+
+    Args:
+        d: dictionary of the recording.
+        candidates: two or more explanations.
+    """
+
+    def __init__(self, d: EffectDictionary, candidates: Sequence[Candidate]) -> None:
+        self.d, self.candidates = d, tuple(candidates)
+        self.chosen, self._columns = _columns_of(d, self.candidates)
+        self._place = {int(k): i for i, k in enumerate(self.chosen)}
+        self.stated = np.array([self._place[int(k)] for k in d.stated])
+        self.sizes = [self._sizes(c) for c in self.candidates]
+        self.old = ExperimentRows(d.E[:, self.chosen], row_variance(d.prepared, ROWS * GAP))
+        self.background = self._background()
+
+    def _sizes(self, candidate: Candidate) -> np.ndarray:
+        x = np.zeros(len(self.chosen))
+        hypothesis, sizes = candidate
+        x[self.columns_of(hypothesis)] = sizes
+        return x
+
+    def columns_of(self, hypothesis: Hypothesis) -> np.ndarray:
+        """Places of a hypothesis's columns among the chosen ones."""
+        return np.array([self._place[int(k)] for k in hypothesis.columns])
+
+    def _background(self) -> np.ndarray:
+        """Variance of each chosen column (n,) without any cause."""
+        label = [self.d.label[k] for k in self.chosen]
+        gap = self.d.configured_gap[self.chosen]
+        named = sorted({e for e, _ in label if e not in STATED})
+        result = np.zeros(len(label))
+        for name in named:
+            of = np.array([e == name for e, _ in label])
+            share = EFFECTS * GAP / (len(named) * of.sum())
+            result[of] = np.minimum(MOST**2, share / np.maximum(gap[of], 1e-12))
+        result[self.stated] = LARGE
+        blamed = {h.name for h, _ in self.candidates} & set(STATED)
+        for k, place in enumerate(self.stated):
+            if label[place][0] in blamed:  # its statement counts: it is what is in doubt
+                result[place] = min(float(self.d.tolerance[k]) ** 2, LARGE)
+        return result
+
+    def rows(self, session: ExperimentRun) -> ExperimentRows:
+        """Columns of a session at the recording's baseline."""
+        base = session.prepared
+        at = base if session.payload is None else base.at(loaded(base, session.payload))
+        mode = "dynamic" if base.moving else "static"
+        response, v0 = Response(at.scene, at.expected), row_variance(base, ROWS * GAP)
+        result = np.zeros((len(v0), len(self.chosen)))
+        for k, c in enumerate(self._columns):
+            if mode not in c.effect.modes:
+                continue
+            if session.payload is not None and c.effect.stated in ("mass", "cog"):
+                size = float(self.d.size[self.chosen[k]])
+                change = _tool_change(base, session.payload, c.parameter, size)
+            else:
+                known = {p.name: p for p in c.effect.parameters(at.robot)}
+                change = response.tangent(c.effect, known[c.parameter], c.variant)
+            result[:, k] = base.rows(change).ravel()
+        if session.again:
+            return ExperimentRows(result, v0)
+        zero, more = np.tile(np.eye(6), (len(v0) // 6, 1)), self._only_there(base, response)
+        wide = np.concatenate([np.full(6, LARGE), np.ones(sum(x.shape[1] for x in more))])
+        return ExperimentRows(result, v0, np.concatenate([zero, *more], axis=1), wide)
+
+    def _only_there(self, base: Prepared, response: Response) -> list[np.ndarray]:
+        """Columns of effects of which the recording could know nothing, at typical size."""
+        if base.moving == self.d.prepared.moving:
+            return []
+        mode, known = ("dynamic", "static") if base.moving else ("static", "dynamic")
+        result = []
+        for effect in effects().values():
+            if mode in effect.modes and known not in effect.modes:
+                scene = response.scene
+                variants = effect.variants(scene)
+                if not variants:
+                    continue
+                variant = max(variants, key=lambda v: len(v.free))
+                names = {p.name: p for p in effect.parameters(scene.robot)}
+                changes = [
+                    base.rows(response.tangent(effect, names[n], variant)).ravel()
+                    for n in variant.free
+                ]
+                result.append(np.stack(changes, axis=1))
+        return result
+
+    def distance(self, first: int, rival: int, parts: Sequence[ExperimentRows]) -> float:
+        """Standard deviations between what an explanation predicts and all that a rival can."""
+        extra = [_placed(part.extra, k, parts) for k, part in enumerate(parts)]
+        E = np.concatenate([p.E for p in parts])
+        delta = E @ self.sizes[first]
+        variance = self.background.copy()
+        variance[self.columns_of(self.candidates[rival][0])] += FREE**2
+        stack = np.concatenate([E, *extra], axis=1)
+        wide = np.concatenate([variance, *(p.extra_variance for p in parts)])
+        level = BackgroundLevel(stack, np.concatenate([p.v0 for p in parts]), wide)
+        return float(np.sqrt(max(delta @ level.solve(delta[:, None])[:, 0], 0.0)))
+
+    def divergence(self, parts: Sequence[ExperimentRows]) -> dict[tuple[int, int], float]:
+        """Jensen–Shannon divergence [nat] of each pair of explanations; at most log 2."""
+        n = len(self.candidates)
+        result = {}
+        for a in range(n):
+            for b in range(a + 1, n):
+                there = jensen_shannon(self.distance(a, b, parts))
+                back = jensen_shannon(self.distance(b, a, parts))
+                result[a, b] = 0.5 * (there + back)
+        return result
+
+    def contrast(self, parts: Sequence[ExperimentRows], pool: ExperimentRows) -> np.ndarray:
+        """Squared difference (P,) that rows of a pool would show between the first two
+        explanations, once the second is fitted to what is known, over their noise."""
+        free = np.unique(np.concatenate([self.stated, self.columns_of(self.candidates[1][0])]))
+        known = np.concatenate([p.E for p in parts]) / np.sqrt(
+            np.concatenate([p.v0 for p in parts])
+        )[:, None]  # fmt: skip
+        new = pool.E / np.sqrt(pool.v0)[:, None]
+        x = self.sizes[0]
+        design = known[:, free]
+        normal = design.T @ design + np.eye(len(free)) / FREE**2
+        fitted = np.linalg.solve(normal, design.T @ (known @ x))
+        rest = new @ x - new[:, free] @ fitted
+        return np.asarray((rest.reshape(-1, 6) ** 2).sum(axis=1))
+
+
+def jensen_shannon(d: float) -> float:
+    """Divergence [nat] of two Gaussians of equal width that lie d widths apart."""
+    x = d / 2 + _NODES
+    lost = np.logaddexp(0.0, -d * x) @ _WEIGHTS / _WEIGHTS.sum()
+    return float(max(np.log(2.0) - lost, 0.0))
+
+
+def _columns_of(
+    d: EffectDictionary, candidates: Sequence[Candidate]
+) -> tuple[np.ndarray, list[_Column]]:
+    """Columns that a comparison needs: the candidates', the stated ones, one set of each effect."""
+    columns: dict[int, _Column] = {}
+
+    def add(h: Hypothesis) -> None:
+        for k, name in zip(h.columns, h.variant.free, strict=True):
+            columns.setdefault(int(k), _Column(h.effect, name, h.variant))
+
+    for h, _ in candidates:
+        add(h)
+    for name in dict.fromkeys(h.name for h in d.hypotheses):
+        of = [h for h in d.hypotheses if h.name == name]
+        add(max(of, key=lambda h: len(h.columns)))
+        if name in STATED:
+            for h in of:
+                add(h)
+    chosen = np.array(sorted(columns))
+    return chosen, [columns[int(k)] for k in chosen]
+
+
+def _placed(extra: np.ndarray | None, at: int, parts: Sequence[ExperimentRows]) -> np.ndarray:
+    """Columns (6 R of all, m) that only one session has."""
+    if extra is None:
+        return np.zeros((sum(len(p.E) for p in parts), 0))
+    start = sum(len(p.E) for p in parts[:at])
+    result = np.zeros((sum(len(p.E) for p in parts), extra.shape[1]))
+    result[start : start + len(extra)] = extra
+    return result
+
+
+def _tool_change(
+    prepared: Prepared, payload: tuple[float, np.ndarray], parameter: str, size: float
+) -> np.ndarray:
+    up, down = (
+        prepared.at(loaded(prepared, payload, **{parameter: s * size / 2})).expected
+        for s in (1.0, -1.0)
+    )
+    return up - down
+
 
 LEAST = 0.02
 """Divergence [nat] that an experiment must add to be worth proposing."""
 SEPARATED = 0.1
 """… and that it must add to a pair to be said to separate it."""
-MOST = 4
+MOST_PROPOSED = 4
 """Explanations that are compared, experiments that are proposed."""
 _AT_ONCE = 5
 
@@ -103,7 +318,7 @@ def separate(
     """Experiments that separate two or more explanations."""
     if len(candidates) < 2:
         return ()
-    comparison = Comparison(d, candidates[:MOST])
+    comparison = Comparison(d, candidates[:MOST_PROPOSED])
     before = comparison.divergence([comparison.old])
     names = [h.name for h, _ in comparison.candidates]
     labels = [f"{h.name} ({h.variant.label})" for h, _ in comparison.candidates]
@@ -126,7 +341,7 @@ def separate(
         )
         gain = mean / action.minutes
         proposed.append(Experiment(action.text, apart, gain, action.minutes, action.plan, sentence))
-    return tuple(sorted(proposed, key=lambda e: -e.gain)[:MOST])
+    return tuple(sorted(proposed, key=lambda e: -e.gain)[:MOST_PROPOSED])
 
 
 def _parts(comparison: Comparison, action: Action) -> list[ExperimentRows]:
@@ -180,7 +395,7 @@ def explore(
         proposed.append(
             Experiment(action.text, (kernel,), gain, action.minutes, action.plan, sentence)
         )
-    return tuple(sorted(proposed, key=lambda e: (-e.gain, e.minutes))[:MOST])
+    return tuple(sorted(proposed, key=lambda e: (-e.gain, e.minutes))[:MOST_PROPOSED])
 
 
 def _depends(d: EffectDictionary, prepared: Prepared, kernel: str, gap: float) -> float:

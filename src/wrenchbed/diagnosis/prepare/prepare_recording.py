@@ -11,13 +11,7 @@ from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis.prepare import checks, contact, orientations, scenes
 from wrenchbed.diagnosis.prepare.configuration import configured
 from wrenchbed.diagnosis.prepare.noise import correlation_time, noise_in_motion
-from wrenchbed.diagnosis.prepare.prepared import (
-    RATES_HZ,
-    Prepared,
-    inner_stride,
-    sensor_of,
-    split,
-)
+from wrenchbed.diagnosis.prepare.prepared import RATES_HZ, Prepared, inner_stride, sensor_of, split
 from wrenchbed.diagnosis.prepare.repeats import repeats
 from wrenchbed.effects.chain import respond
 from wrenchbed.errors import DiagnosisError

@@ -14,7 +14,7 @@ import mujoco
 import numpy as np
 
 from wrenchbed import registry
-from wrenchbed.effects.naming import active_effect
+from wrenchbed.effects.chain import active_effect
 from wrenchbed.emulators.base.sensor import BufferedNoise, SensorRow, SensorWithEffects
 from wrenchbed.emulators.base.surface import Plate, Surface, tip_in
 from wrenchbed.errors import NotFoundError, ParameterError

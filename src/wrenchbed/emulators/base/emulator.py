@@ -1,17 +1,21 @@
 """What an emulator is: a server that unmodified client libraries take for the device.
 
 It runs in a process of its own (`wrenchbed twin`), because client libraries may hold Python's lock
-while they wait for it.
+while they wait for it. `serve` starts one by name, with timed faults.
 """
 
 import ipaddress
 import threading
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
+from pathlib import Path
 from types import TracebackType
 from typing import ClassVar, Self
 
+from wrenchbed import registry
+from wrenchbed.emulators.base import faults as timed
 from wrenchbed.emulators.base.body import BodyOptions
 from wrenchbed.emulators.base.faults import Faults
 from wrenchbed.errors import DriverError, ParameterError
@@ -116,3 +120,34 @@ def _check_local(host: str) -> None:
         raise ParameterError(
             f"--host {host}: an emulator serves this machine only: give 127.0.0.1 … 127.255.255.254"
         )
+
+
+@contextmanager
+def serve(
+    name: str, options: EmulatorOptions | None = None, faults: str | Path | None = None
+) -> Iterator[Emulator]:
+    """Serve an emulated robot or sensor while the block runs.
+
+    Args:
+        name: see ``names("emulators")``.
+        options: address, true parameters, noise, effects.
+        faults: TOML script of timed faults; their time counts from the start of the block.
+
+    Yields:
+        The server; ``addresses`` names each link, ``failed`` is set if it breaks down.
+
+    Raises:
+        NotFoundError: there is no such emulator.
+        MapError: the script of faults is wrong.
+        DriverError: a port is taken or not allowed.
+    """
+    server: Emulator = registry.load("emulators", name)(options or EmulatorOptions())
+    script = () if faults is None else timed.read(faults)
+    server.faults.check(script, str(faults))
+    try:
+        server.addresses = server.start()
+        server.faults.start(script, str(faults))
+        yield server
+    finally:
+        server.faults.stop()
+        server.stop()

@@ -4,6 +4,6 @@ Read first: box.py. The emulator of a sensor alone is emulators/netft.py; the UR
 """
 
 from wrenchbed.emulators.netft_box.box import Box
-from wrenchbed.emulators.netft_box.settings import BoxSettings
+from wrenchbed.emulators.netft_box.sensing import BoxSettings
 
 __all__ = ["Box", "BoxSettings"]

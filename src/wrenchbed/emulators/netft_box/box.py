@@ -12,8 +12,7 @@ from wrenchbed.emulators.base.event_loop import LoopThread
 from wrenchbed.emulators.base.faults import Faults, LinkFaults, TimedFault
 from wrenchbed.emulators.netft_box import web
 from wrenchbed.emulators.netft_box.rdt import Pace, Rdt
-from wrenchbed.emulators.netft_box.sensing import Sensing
-from wrenchbed.emulators.netft_box.settings import BoxSettings
+from wrenchbed.emulators.netft_box.sensing import BoxSettings, Sensing
 from wrenchbed.emulators.netft_box.web import Web
 from wrenchbed.errors import DriverError
 

@@ -15,8 +15,7 @@ import numpy as np
 
 from wrenchbed.emulators.base.event_loop import LoopThread
 from wrenchbed.emulators.base.faults import LinkFaults
-from wrenchbed.emulators.netft_box.sensing import Sensing
-from wrenchbed.emulators.netft_box.settings import LARGEST_BUFFER
+from wrenchbed.emulators.netft_box.sensing import LARGEST_BUFFER, Sensing
 
 STOP, HIGH_SPEED, BUFFERED, MULTI_UNIT = 0x0000, 0x0002, 0x0003, 0x0004
 RESET_LATCH, BIAS = 0x0041, 0x0042

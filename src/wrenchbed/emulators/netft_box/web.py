@@ -13,8 +13,7 @@ import numpy as np
 from wrenchbed.emulators.base.event_loop import Listener, LoopThread
 from wrenchbed.emulators.base.faults import LinkFaults, TimedFault
 from wrenchbed.emulators.netft_box.rdt import Pace
-from wrenchbed.emulators.netft_box.sensing import Sensing
-from wrenchbed.emulators.netft_box.settings import LARGEST_BUFFER, BoxSettings
+from wrenchbed.emulators.netft_box.sensing import LARGEST_BUFFER, BoxSettings, Sensing
 
 _REQUEST_BYTES = 8192
 _DEADLINE_S = 2.0

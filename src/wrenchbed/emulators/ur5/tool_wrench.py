@@ -16,8 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wrenchbed.effects.chain import ActiveEffect
-from wrenchbed.effects.naming import active_effect
+from wrenchbed.effects.chain import ActiveEffect, active_effect
 from wrenchbed.effects.scene import Scene
 from wrenchbed.emulators.base.body import Body
 from wrenchbed.emulators.base.sensor import BufferedNoise

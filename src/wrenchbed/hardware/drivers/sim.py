@@ -19,7 +19,7 @@ from scipy.interpolate import CubicSpline
 from wrenchbed import registry
 from wrenchbed.data.metadata import Metadata
 from wrenchbed.data.recording import TOUCH_STD
-from wrenchbed.effects.naming import active_effect
+from wrenchbed.effects.chain import active_effect
 from wrenchbed.errors import DriverError, LateError, NotFoundError, WrenchbedWarning
 from wrenchbed.hardware.device import Health
 from wrenchbed.hardware.drivers.base import Applied, ArmSample, Block, Driver, Move, Reached

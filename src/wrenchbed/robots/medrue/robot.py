@@ -1,11 +1,17 @@
-"""MedRUE as a plug-in."""
+"""MedRUE as a plug-in: its moving bodies, and its parameters written into its MJCF.
+
+Masses and centres of gravity are those of ``models/medrue/medrue.xml``: estimates
+(``models/medrue/README.md``), the paper has none.
+"""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from pathlib import Path
 
+import mujoco
 import numpy as np
 
-from wrenchbed.physics.rotations import apply, euler, euler_rates
+from wrenchbed.physics.gravity import BodyMass, masses
+from wrenchbed.physics.rotations import apply, euler, euler_rates, rot_x, rot_y, rot_z
 from wrenchbed.physics.time_derivatives import Value, stack_jets
 from wrenchbed.physics.wrench import Tool
 from wrenchbed.robots.base import (
@@ -13,15 +19,129 @@ from wrenchbed.robots.base import (
     GoalSets,
     Joint,
     SimulatedRobot,
+    Values,
     inertia_matrix,
     sample_until,
 )
-from wrenchbed.robots.medrue import bodies, kinematics, workspace
-from wrenchbed.robots.medrue.jacobian import gravity_slopes
-from wrenchbed.robots.medrue.kinematics import IDENTIFIED, PAPER, PARAMETERS
+from wrenchbed.robots.medrue import kinematics, workspace
+from wrenchbed.robots.medrue.kinematics import (
+    IDENTIFIED,
+    PAPER,
+    PARAMETERS,
+    FiveBar,
+    five_bar,
+    gravity_slopes,
+    support,
+)
+from wrenchbed.robots.mjcf import place, rotate_body, write_load
 
-if TYPE_CHECKING:
-    import mujoco
+_NEAR, _FAR = (0.0, 0.2, 0.0), (0.0, 0.26, 0.0)
+_CENTRE = (0.0, 0.0, 0.0)
+
+CARRIAGE = BodyMass("carriage", 14.0, (0.0, -0.16, 0.3))
+BARS = tuple(
+    (
+        BodyMass(f"proximal_a{i}", 1.2, _NEAR),
+        BodyMass(f"distal_b{i}", 0.8, _FAR),
+        BodyMass(f"proximal_c{i}", 1.2, _NEAR),
+        BodyMass(f"distal_d{i}", 0.9, _FAR),
+    )
+    for i in (1, 2)
+)
+"""Of five-bars 1 and 2: A–B, B–E, C–D, D–E, y along the link, x that of the base."""
+SUPPORT = (
+    BodyMass("roll", 0.15, _CENTRE),
+    BodyMass("yoke", 0.05, _CENTRE),
+    BodyMass("wrist", 0.4, _CENTRE),
+    BodyMass("slider", 0.05, _CENTRE),
+)
+"""At E1, E1, the wrist's origin and E2, their centres of gravity there."""
+LINKS = (CARRIAGE, *BARS[0], *BARS[1], *SUPPORT)
+
+_MASSES = masses(LINKS)
+
+
+def links(p: Values, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Masses (13,) [kg] of `LINKS` and their centres of gravity in the world (N, 13, 3) [m]."""
+    bars = [five_bar(p, i, q[:, 2 * i - 1], q[:, 2 * i]) for i in (1, 2)]
+    e1, e2, _, origin = support(p, q, *bars)
+    x = q[:, 0] + p["dq1"]
+    inner = np.empty((3, len(LINKS), len(q)))
+    inner[:, 0] = np.array(CARRIAGE.cog)[:, None]
+    inner[0, 0] += x
+    _place(p, 1, x - p["d41"] - p["d31"], bars[0], inner[:, 1:5])
+    _place(p, 2, x + p["d42"] + p["d32"], bars[1], inner[:, 5:9])
+    for k, point in enumerate((e1, e1, origin, e2), start=9):
+        inner[:, k] = point.T
+    base = euler(p["alpha0"], p["beta0"], p["gamma0"])
+    centres = base @ inner.reshape(3, -1) + base_origin(p)[:, None]
+    return _MASSES, centres.reshape(inner.shape).T
+
+
+def base_origin(p: Values) -> np.ndarray:
+    """The base's origin in the world (3,) [m]."""
+    return np.array([p["x0"], p["y0"], p["z0"]])
+
+
+def _place(p: Values, i: int, x: np.ndarray, bar: FiveBar, centres: np.ndarray) -> None:
+    """Write the CoGs (3, 4, N) of five-bar i, its plane at x (N,), in base axes."""
+    a, c = (np.array([p[f"{anchor}{i}y"], p[f"{anchor}{i}z"]]) for anchor in "AC")
+    ends = ((a, bar.B), (bar.B, bar.E), (c, bar.D), (bar.D, bar.E))
+    for k, (link, (start, end)) in enumerate(zip(BARS[i - 1], ends, strict=True)):
+        along = (end - start) / p[f"L{i}{k + 1}"]
+        off, reach, across = link.cog
+        centres[0, k] = x + off
+        centres[1, k] = start[..., 0] + reach * along[:, 0] - across * along[:, 1]
+        centres[2, k] = start[..., 1] + reach * along[:, 1] + across * along[:, 0]
+
+
+JOINTS = ("q1", "q2", "b1", "q3", "d1", "q6", "beta", "alpha", "slide", "q4", "b2", "q5", "d2")
+"""The MJCF's joints in the order of MuJoCo's ``qpos``."""
+
+
+def write(mjcf: Path, p: Values, tool: Tool, ref: np.ndarray) -> mujoco.MjSpec:
+    """The MJCF with every parameter in it, standing with its loops closed at ``ref`` (13,)."""
+    spec = mujoco.MjSpec.from_file(str(mjcf))
+    at = dict(zip(JOINTS, (float(r) for r in ref), strict=True))
+    for joint, value in at.items():
+        spec.joint(joint).ref = value
+    spec.key("home").qpos = ref
+    place(spec, "base", [p["x0"], p["y0"], p["z0"]], euler(p["alpha0"], p["beta0"], p["gamma0"]))
+    place(spec, "carriage", [p["dq1"] + at["q1"], 0.0, 0.0])
+    for i in (1, 2):
+        _write_five_bar(spec, p, i, at)
+    place(spec, "roll", [p["d31"], p["L14"], 0.0], rot_x(p["dq6"] + at["q6"]))
+    place(spec, "yoke", [0.0, 0.0, 0.0], rot_y(at["beta"]))
+    reach = np.array([p["d41"] + p["d5"], 0.0, 0.0])
+    swing = rot_z(at["alpha"])
+    place(spec, "wrist", swing @ reach, swing)
+    spec.joint("alpha").pos = -reach
+    place(spec, "slider", [at["slide"] - reach[0], 0.0, 0.0])
+    _write_tool(spec, p, tool)
+    return spec
+
+
+def _write_five_bar(spec: mujoco.MjSpec, p: Values, i: int, at: dict[str, float]) -> None:
+    side = -1.0 if i == 1 else 1.0
+    pin = p[f"d3{i}"]
+    plane = side * (p[f"d4{i}"] + pin)
+    theta = np.arctan2(p[f"A{i}y"] - p[f"C{i}y"], p[f"C{i}z"] - p[f"A{i}z"]) - np.pi / 2
+    arms = (("a", "b", 2 * i, "L%d1", "L%d2"), ("c", "d", 2 * i + 1, "L%d3", "L%d4"))
+    for near, far, k, near_link, far_link in arms:
+        anchor = near.upper() + str(i)
+        angle = rot_x(theta + p[f"dq{k}"] + at[f"q{k}"])
+        place(spec, f"proximal_{near}{i}", [plane, p[anchor + "y"], p[anchor + "z"]], angle)
+        place(spec, f"distal_{far}{i}", [0.0, p[near_link % i], 0.0], rot_x(at[f"{far}{i}"]))
+        spec.site(f"e_{far}{i}").pos = [-side * pin, p[far_link % i], 0.0]
+
+
+def _write_tool(spec: mujoco.MjSpec, p: Values, tool: Tool) -> None:
+    mount = euler(p["alphaS"], p["betaS"], p["gammaS"])
+    place(spec, "tool", [p["xS"], p["yS"], p["zS"]], mount)
+    write_load(spec, tool)
+    tcp = spec.site("tcp")
+    tcp.pos = [p["xT"], p["yT"], p["zT"]]
+    rotate_body(tcp, euler(p["alphaT"], p["betaT"], p["gammaT"]))
 
 
 class MedRUE(SimulatedRobot):
@@ -73,10 +193,10 @@ class MedRUE(SimulatedRobot):
         return Tool(p["mTool"], cog, inertia_matrix(p), p["sensor.mass"])
 
     def links(self, q: np.ndarray, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        return bodies.links(self.values(theta), q)
+        return links(self.values(theta), q)
 
     def base_origin(self, theta: np.ndarray) -> np.ndarray:
-        return bodies.base_origin(self.values(theta))
+        return base_origin(self.values(theta))
 
     def theta_of_tool(self, theta: np.ndarray, mass: float, cog: Sequence[float]) -> np.ndarray:
         p = self.values(theta)
@@ -119,7 +239,7 @@ class MedRUE(SimulatedRobot):
 
     def spec(self, theta: np.ndarray) -> "mujoco.MjSpec":
         ref = self.qpos(self.home[None], theta)[0]
-        return bodies.write(self.mjcf, self.values(theta), self.tool(theta), ref)
+        return write(self.mjcf, self.values(theta), self.tool(theta), ref)
 
     def symmetries(self, theta: np.ndarray) -> dict[str, dict[str, float]]:
         p = {k: float(v) for k, v in self.values(theta).items()}

@@ -8,7 +8,7 @@ import pyarrow as pa
 
 from wrenchbed.jobs.parts import Parts, key, write_table
 from wrenchbed.jobs.parts import run as run_parts
-from wrenchbed.jobs.progress import Progress
+from wrenchbed.jobs.workers import Progress
 from wrenchbed.pages.document import Document
 from wrenchbed.studies.medrue import beyond, identifiability, limits, one_robot, population
 from wrenchbed.studies.medrue import setting as published

@@ -9,7 +9,7 @@ import pyarrow.compute as pc
 from wrenchbed import registry
 from wrenchbed.jobs.parts import Parts, Row, key, write_table
 from wrenchbed.jobs.parts import run as run_parts
-from wrenchbed.jobs.progress import Progress
+from wrenchbed.jobs.workers import Progress
 from wrenchbed.pages.document import Document, Figure, Section, Table
 from wrenchbed.pages.plots import components, groups
 from wrenchbed.robots.ur5 import UR5

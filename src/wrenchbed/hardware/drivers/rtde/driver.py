@@ -20,12 +20,12 @@ from wrenchbed.hardware.device import GONE_S, STALE_S, Health, wait_until
 from wrenchbed.hardware.drivers.base import Applied, ArmSample, Move
 from wrenchbed.hardware.drivers.base.live import LiveDriver
 from wrenchbed.hardware.drivers.base.watched_move import CALM_SPEED, check_ready
-from wrenchbed.hardware.drivers.rtde import dashboard, sensing, status
+from wrenchbed.hardware.drivers.rtde import dashboard, status, wrench_source
 from wrenchbed.hardware.drivers.rtde.connection import Links, RtdeOptions
 from wrenchbed.hardware.drivers.rtde.process import Worker
-from wrenchbed.hardware.drivers.rtde.sensing import Flange
 from wrenchbed.hardware.drivers.rtde.shared_state import Snapshot
 from wrenchbed.hardware.drivers.rtde.status import Observation, count, judge
+from wrenchbed.hardware.drivers.rtde.wrench_source import Flange
 from wrenchbed.hardware.transducers.ur_wrench import UrWrenchReading
 
 _LEAST_SPEED, _LEAST_ACCELERATION, _MOST_ACCELERATION = 0.01, 0.05, 15.0
@@ -114,7 +114,7 @@ class RtdeDriver(LiveDriver):
         self._options = options
         self.top_rate = options.frequency or _MOST_HZ
         self.robot = registry.load("robots", options.robot)
-        self.transducer = sensing.transducer(options.sensor, options.host, self._robot_wrench)
+        self.transducer = wrench_source.transducer(options.sensor, options.host, self._robot_wrench)
         self._links: Links | None = None
         self._control: Worker | None = None
         self._followed, self._flange = Followed(), Flange(self.robot)
@@ -124,9 +124,9 @@ class RtdeDriver(LiveDriver):
 
     def metadata(self, mode: str, rate: float) -> Metadata:
         stated = super().metadata(mode, rate)
-        if self._options.sensor != sensing.OWN:
+        if self._options.sensor != wrench_source.OWN:
             return stated
-        facts = sensing.facts(self._look()) if self._links else {}
+        facts = wrench_source.facts(self._look()) if self._links else {}
         sensor = SensorInfo(model="ur-wrench", pose_flange=stated.sensor.pose_flange)
         return replace(stated, sensor=sensor, extra={**stated.extra, "wrench": facts})
 
@@ -277,7 +277,7 @@ class RtdeDriver(LiveDriver):
     def _robot_wrench(self) -> UrWrenchReading:
         state, reading = self._look(), self._reading
         if reading is None or reading.t != state.t:
-            reading = self._reading = sensing.reading(state, self.robot)
+            reading = self._reading = wrench_source.reading(state, self.robot)
         return reading
 
     def _live(self) -> Links:
