@@ -36,7 +36,7 @@ TYPES = {"None", "bool", "bytes", "complex", "float", "int", "list", "np.ndarray
 
 @dataclass(frozen=True)
 class Mutant:
-    """One change of a module; ``lines`` are those of its statement, ``name`` what it defines.
+    """One change of a module; ``lines`` are those of its statement, ``names`` what it defines.
 
     ``function`` is the first and last line of the function in which it is, None at module level.
     """
@@ -50,7 +50,7 @@ class Mutant:
     after: str
     lines: tuple[int, int]
     function: tuple[int, int] | None
-    name: str
+    names: tuple[str, ...]
 
     @property
     def id(self) -> str:
@@ -90,13 +90,14 @@ class _Finder:
         own, f, end_of = self.statement, self.function, self.source.find
         body = getattr(own, "body", None)
         last = max(own.lineno, body[0].lineno - 1) if body else own.end_lineno
-        targets = own.targets if isinstance(own, ast.Assign) else [getattr(own, "target", None)]
-        name = targets[0].id if f is None and isinstance(targets[0], ast.Name) else ""
+        target = own.targets[0] if isinstance(own, ast.Assign) else getattr(own, "target", None)
+        defined = target.elts if isinstance(target, ast.Tuple) else [target]
+        names = [t.id for t in defined if f is None and isinstance(t, ast.Name)]
         before = self.source[self.starts[line - 1] : end_of(b"\n", end)]
         after = changed[self.starts[line - 1] : changed.find(b"\n", start + len(new.encode()))]
         self.found.setdefault((start, end, new), Mutant(
             self.path, line, start, end, new, before.decode(), after.decode(), (own.lineno, last),
-            (f.body[0].lineno, f.end_lineno) if f else None, name,
+            (f.body[0].lineno, f.end_lineno) if f else None, tuple(names),
         ))  # fmt: skip
 
     def between(self, left, right, old: str, new: str) -> None:

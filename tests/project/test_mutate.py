@@ -5,6 +5,7 @@ import os
 import re
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -87,3 +88,38 @@ def test_a_sample_is_the_same_for_a_seed(tree):
     )
     assert first == same != other
     assert first.count("src/tiny.py:") == 3
+
+
+def test_a_table_that_names_no_file_is_refused(tree):
+    table = tree / "scripts" / "mutate.toml"
+    table.write_text(TABLE.replace("src/tiny.py", "src/teeny.py"))
+    with pytest.raises(subprocess.CalledProcessError) as caught:
+        mutate(tree, "--list")
+    assert "the table names src/teeny.py: there is no such file" in caught.value.stderr
+
+
+def test_the_table_names_files_that_exist():
+    root = SCRIPTS.parent
+    table = tomllib.loads((SCRIPTS / "mutate.toml").read_text(encoding="utf-8"))
+    for group in table["group"].values():
+        for pattern in (*group["modules"], *group["tests"]):
+            assert any(root.glob(pattern)), pattern
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="mutants are forks")
+def test_constants_that_are_assigned_together_are_tried_with_those_who_use_them(tree):
+    """A base class reads what its subclass declares; another test runs lines of that module."""
+    (tree / "src" / "tiny.py").write_text(
+        "from base import Base\n\n\nclass Tiny(Base):\n    low, high = 3, 5\n\n"
+        "    def other(self):\n        return self\n"
+    )
+    (tree / "src" / "base.py").write_text(
+        "class Base:\n    def width(self):\n        return self.high - self.low\n"
+    )
+    (tree / "tests" / "test_tiny.py").write_text(
+        "from tiny import Tiny\n\n\ndef test_width():\n    assert Tiny().width() == 2\n\n\n"
+        "def test_other():\n    assert Tiny().other()\n"
+    )
+    mutate(tree)
+    told = outcomes(tree)
+    assert told["low, high = 4, 5"] == told["low, high = 3, 6"] == "killed"
