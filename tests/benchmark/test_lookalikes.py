@@ -233,6 +233,8 @@ def test_orientations_alone_are_a_design():
 
 def test_what_a_design_cannot_show_is_refused():
     design = design_of("ur5 static")
+    with pytest.raises(ParameterError, match="shows no 'sensor.temperature'"):
+        draw(design, 0, "single", "sensor.temperature")
     with pytest.raises(ParameterError, match="shows no 'timing.delay'"):
         draw(design, 0, "single", "timing.delay")
     with pytest.raises(ParameterError, match="kind of case"):

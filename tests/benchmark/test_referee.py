@@ -1,6 +1,7 @@
 """The referee: independent, its machine as closed forms say, its laws as other integrators say."""
 
 import ast
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -179,6 +180,14 @@ def test_effects_of_motion_are_for_motions():
     assert {"timing.delay", "tool.inertia"} < set(possible(moving))
     assert "link.length" not in possible(moving)
     assert moving.path.moving and not still.path.moving
+
+
+def test_a_temperature_is_a_cause_only_where_it_is_recorded(world):
+    cold = replace(world.setting, temperature=None)
+    warm = replace(cold, temperature=np.linspace(20.0, 25.0, len(cold.path.t)))
+    assert "sensor.temperature" in possible(warm)
+    assert "sensor.temperature" not in possible(cold)
+    assert "sensor.temperature" not in columns.blocks(cold, world.way)
 
 
 def test_a_turned_last_joint_is_a_turned_sensor(world):

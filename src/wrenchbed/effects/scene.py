@@ -12,8 +12,8 @@ from wrenchbed.robots.base import Robot
 
 WAY = 7
 """Rows between two poses at rest: what remembers must not miss a turn on the way."""
-_EXAMPLE_ROWS = 24
-"""Poses of `examples`; estimate."""
+_EXAMPLE_ROWS, _EXAMPLE_RISE = 24, 5.0
+"""Poses of `examples`, and by how much they warm up [K]; estimates."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,12 +122,14 @@ class Scene:
 
 
 def examples(robot: Robot) -> list[Scene]:
-    """A few poses, and the same as a motion where the robot has joints: to ask for variants."""
+    """A few poses that warm up, and the same as a motion where the robot has joints: to ask for
+    variants."""
     q: Value = robot.sample(_EXAMPLE_ROWS, np.random.default_rng(0))
     theta, gravity = robot.parameters.nominal, np.array(robot.gravity)
     t, held = 10.0 * np.arange(_EXAMPLE_ROWS), np.ones(_EXAMPLE_ROWS, dtype=bool)
     motions = [q, Jet(q, 0.0 * q, 0.0 * q)] if robot.joints else [q]
-    return [Scene(robot, theta, gravity, x, t, held) for x in motions]
+    warmth = np.linspace(0.0, _EXAMPLE_RISE, _EXAMPLE_ROWS)
+    return [Scene(robot, theta, gravity, x, t, held, warmth) for x in motions]
 
 
 def held_on(sign: np.ndarray) -> np.ndarray:

@@ -1,7 +1,5 @@
 """The sensor's zero and span depend on its temperature."""
 
-from typing import Any
-
 import numpy as np
 
 from wrenchbed.effects.base import (
@@ -17,11 +15,7 @@ from wrenchbed.effects.base import (
 from wrenchbed.effects.scene import Scene
 from wrenchbed.physics.parameters import Parameter
 from wrenchbed.physics.wrench import CHANNELS
-from wrenchbed.robots.base import Robot
 
-SPANS = (0.25, 1.0, 4.0)
-"""Time constants of an unrecorded warm-up where a search begins, relative to the recording's
-duration; estimates."""
 LAG_S = 20.0
 """Lag of the sensor behind a recorded temperature where a search begins [s]; estimate."""
 _NO_LAG = 1e-3
@@ -33,8 +27,10 @@ class SensorTemperature(ReadingEffect):
     """y_i → (1 + (γ + γ_i) ϑ) y_i + k_i ϑ with the temperature ϑ [K] above the first row's.
 
     The sensor follows a temperature that was recorded beside it with a ``lag`` of first order.
-    Where none was recorded, ϑ = 1 − exp(−(t − t₀)/τ): a warm-up of first order, of which
-    ``zero`` [N, N·m] and ``span`` [1] are the complete changes at its end.
+    Where none was recorded, no reading shows a temperature and a diagnosis does not consider it:
+    what changes with time alone is a drift, or the tool. A simulation that states the effect has
+    ϑ = 1 − exp(−(t − t₀)/τ) there: a warm-up of first order, of which ``zero`` [N, N·m] and
+    ``span`` [1] are the complete changes at its end.
 
     Seen in: a warm-up with the temperature recorded; the span, two loads at two temperatures.
     """
@@ -68,10 +64,10 @@ class SensorTemperature(ReadingEffect):
     )
 
     def variants(self, scene: Scene) -> tuple[Variant, ...]:
-        if scene.warmth is not None:
-            return _variants({}, ()) + _variants({"lag": LAG_S}, ("lag",))
-        starts = [{"tau": s * scene.span} for s in SPANS]
-        return tuple(v for at in starts for v in _variants(at, ("tau",)))
+        """None where no temperature was recorded."""
+        if scene.warmth is None:
+            return ()
+        return _variants({}, ()) + _variants({"lag": LAG_S}, ("lag",))
 
     def read(self, scene: Scene, reading: np.ndarray, p: Values) -> np.ndarray:
         if scene.warmth is None:
@@ -80,17 +76,6 @@ class SensorTemperature(ReadingEffect):
             warmth = behind(scene.warmth, scene.age, float(p["lag"]))
         span = p["span"] + vector(p, SPAN)
         return reading + warmth[:, None] * (vector(p, ZERO) + span * reading)
-
-    def publish(
-        self, robot: Robot, variant: Variant, values: Values, std: Values
-    ) -> dict[str, dict[str, Any]]:
-        """Per K, or of the complete warm-up where no temperature was recorded."""
-        result = super().publish(robot, variant, values, std)
-        if "tau" in variant.shape:
-            for item in result.values():
-                if "unit" in item:
-                    item["unit"] = item["unit"].removesuffix("/K")
-        return result
 
 
 def behind(x: np.ndarray, t: np.ndarray, lag: float) -> np.ndarray:

@@ -229,23 +229,29 @@ def noise(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     return Imperfection(by_channel(factor - 1.0), rows=rows)
 
 
-@lookalike("sensor.temperature")
+_LEAST_RISE = 0.5
+"""Range of a recorded temperature [K] below which it shows nothing: an estimate."""
+
+
+def _warms(design: ExperimentDesign) -> bool:
+    """For effects that only a recorded temperature can show."""
+    return design.temperature is not None and bool(np.ptp(design.temperature) > _LEAST_RISE)
+
+
+@lookalike("sensor.temperature", _warms)
 def temperature(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
-    """Zeros and gains that follow the temperature, or a warm-up where it was not recorded."""
+    """Zeros and gains that follow the recorded temperature."""
     zero = 2.5e-3 * size * design.full_scale * channels(rng, one=0.4)
     gain_error = 2e-3 * size * rng.normal(0.0, 1.0, 6)
-    warm = design.temperature
-    if warm is not None and np.ptp(warm) > 0.5:
-        rise = relax(design.t, np.asarray(warm, float)[:, None], rng.uniform(5.0, 60.0))
-        level = rise[:, 0] - rise[0, 0]
-        level = level / max(float(np.abs(level).max()), 1e-9)
-        values = by_channel(zero / float(np.ptp(warm)))
-    else:
-        time = duration(design) * rng.uniform(0.12, 0.45)
-        level = -np.expm1(-(((design.t - design.t[0]) / time) ** rng.uniform(0.9, 1.1)))
-        values = {"time": time} | by_channel(zero)
+    warm = np.asarray(design.temperature, dtype=float)
+    rise = relax(design.t, warm[:, None], rng.uniform(5.0, 60.0))
+    level = rise[:, 0] - rise[0, 0]
+    level = level / max(float(np.abs(level).max()), 1e-9)
     column = level[:, None]
-    return Imperfection(values, sensor=lambda y: y * (1.0 + gain_error * column) + zero * column)
+    return Imperfection(
+        by_channel(zero / float(np.ptp(warm))),
+        sensor=lambda y: y * (1.0 + gain_error * column) + zero * column,
+    )
 
 
 @lookalike("sensor.nonlinearity")

@@ -45,7 +45,12 @@ _MASS = 0.06
 def possible(setting: RefereeSetting) -> list[str]:
     """Names of the effects that make sense for a robot and its mode."""
     closed, moving = bool(arm.loops(setting)), setting.mode == "dynamic"
-    return [k for k, e in EFFECTS.items() if (closed or not e.loops) and (moving or not e.motion)]
+    warm = setting.temperature is not None
+    return [
+        k
+        for k, e in EFFECTS.items()
+        if (closed or not e.loops) and (moving or not e.motion) and (warm or not e.warm)
+    ]
 
 
 def background(setting: RefereeSetting, rng: Rng, scale: float) -> list[RefereeFault]:

@@ -113,6 +113,7 @@ class RefereeEffect:
         draw: of a size in multiples of typical.
         motion: it shows only in motion.
         loops: only robots with closed loops have it.
+        warm: only a recorded temperature shows it; without one it is a minor imperfection.
         between: only the scatter of rows shows it.
         adds: its numbers add up with those of minor imperfections of the same name.
         compared: names (a regular expression) of the numbers that mean the same to the referee and
@@ -123,6 +124,7 @@ class RefereeEffect:
     draw: Callable[[RefereeSetting, Rng, float], RefereeFault]
     motion: bool = False
     loops: bool = False
+    warm: bool = False
     between: bool = False
     adds: bool = True
     compared: str = ""

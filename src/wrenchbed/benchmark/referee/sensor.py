@@ -170,7 +170,7 @@ def noise(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     return RefereeFault(rows=RowFault(gain=factor))
 
 
-@drawn("sensor.temperature")
+@drawn("sensor.temperature", warm=True)
 def temperature(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """Zeros and spans that follow the room, or a warm-up of two time constants."""
     t = setting.path.t

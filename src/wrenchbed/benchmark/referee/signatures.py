@@ -80,11 +80,10 @@ def _gauges(
     share = ((seen.t - t[0]) / (t[-1] - t[0]))[:, None]
     zero = setting.full_scale
     yield "sensor.drift", 3e-3 * _each(share * zero)
-    levels = [-np.expm1(-share / s) for s in (0.05, 0.1, 0.15, 0.25, 0.4, 0.6)]
-    if setting.temperature is not None:
-        warm = setting.temperature[:, None]
-        levels = [thin(setting, after(t, warm, lag)) for lag in (1.0, 15.0, 30.0, 45.0)]
-    for level in levels:
+    warm = setting.temperature
+    lags = () if warm is None else (1.0, 15.0, 30.0, 45.0)
+    for lag in lags:
+        level = thin(setting, after(t, np.asarray(warm)[:, None], lag))
         level = level / max(float(np.abs(level - level[0]).max()), 1e-9)
         both = [_each(level * zero), _each((level - level[0]) * y)]
         yield "sensor.temperature", 2e-3 * np.concatenate(both, -1)
