@@ -83,7 +83,7 @@ def problem(y, design, *, covariance=None, count=1, source="stated", q=None, t=N
     data = Observations(
         np.zeros((m, 1)) if q is None else q, y, np.full(m, count),
         np.zeros((6, 6)) if covariance is None else covariance, np.inf, source,
-        np.arange(float(m)) if t is None else t, 0,
+        np.arange(float(m)) if t is None else t, np.ones(m, dtype=bool),
     )  # fmt: skip
     model = Linear(design, options.pop("tolerance", np.ones(k)))
     return Problem(model, data, np.zeros(k), tuple(range(k - 1)), np.zeros(k - 1), **options)

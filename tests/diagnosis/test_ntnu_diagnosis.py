@@ -13,8 +13,8 @@ from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis.between_rows.tool_vibration import find_tool_vibration
 from wrenchbed.diagnosis.diagnose import diagnose
 from wrenchbed.diagnosis.explain import tilt
-from wrenchbed.diagnosis.prepare import accelerometer, contact, orientations
-from wrenchbed.diagnosis.prepare.prepare_recording import prepare
+from wrenchbed.diagnosis.prepare import accelerometer, contact
+from wrenchbed.diagnosis.prepare.prepare_recording import gathered, prepare
 from wrenchbed.errors import DiagnosisError, MapError
 from wrenchbed.physics.rotations import cross
 from wrenchbed.physics.wrench import CHANNELS
@@ -183,26 +183,23 @@ def test_a_force_at_no_point_is_unknown():
 def test_a_jump_of_the_zero_and_a_wrong_mass_are_no_touch():
     jump = np.array([4.0, -3.0, 2.0, 0.2, 0.1, 0.05])
     assert (
-        contact.find_contact(
-            orientations.averaged(disturbed(1, lambda t: during(t, 3.0, 9.9) * jump))
-        )
-        is None
+        contact.find_contact(gathered(disturbed(1, lambda t: during(t, 3.0, 9.9) * jump))) is None
     )
     rec = motion(1)
     light = replace(rec.metadata, tool=replace(rec.metadata.tool, mass=0.5))
-    assert contact.find_contact(orientations.averaged(Recording(light, rec.columns))) is None
+    assert contact.find_contact(gathered(Recording(light, rec.columns))) is None
 
 
 def test_noise_of_the_sensor_is_no_trembling():
     rng = np.random.default_rng(0)
     rec = motion(1)
-    prepared = orientations.averaged(rec)
+    prepared = gathered(rec)
     smooth = (
         np.stack([np.interp(rec.t, prepared.scene.t, c) for c in prepared.y.T], axis=1)
         + rng.standard_normal((len(rec), 6)) * 30 * STD
     )
     quiet = Recording(rec.metadata, dict(rec.columns) | dict(zip(CHANNELS, smooth.T, strict=True)))
-    assert find_tool_vibration(orientations.averaged(quiet)) == ()
+    assert find_tool_vibration(gathered(quiet)) == ()
 
 
 def test_a_motion_without_an_accelerometer_is_diagnosed_without_inertia():

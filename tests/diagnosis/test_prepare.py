@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from wrenchbed.calibration.observations import Observations
+from wrenchbed.calibration.observations import Observations, scatter
 from wrenchbed.diagnosis.prepare import prepare_recording as module
 from wrenchbed.diagnosis.prepare.prepared import Prepared, inner_stride, split
 from wrenchbed.errors import DiagnosisError
@@ -127,16 +127,16 @@ def test_joint_values_are_those_of_the_observations():
 def test_rows_of_a_pose_scatter_about_their_mean_and_rows_of_a_motion_do_not():
     data = Observations(
         None, np.array([np.full(6, 1.0), np.full(6, 5.0)]), np.array([2, 3]), np.eye(6), 1.0,
-        "repeats", np.zeros(2), 0,
+        "repeats", np.zeros(2), np.ones(5, dtype=bool),
     )  # fmt: skip
     columns = {c: np.array([0.0, 2.0, 5.0, 5.0, 5.0]) for c in CHANNELS}
     columns["tx"] = np.array([1.0, 1.0, 2.0, 5.0, 8.0])
     metadata = SimpleNamespace(mode="static", source="device")
     rec = _Long(SimpleNamespace(metadata=metadata, columns=columns), 5)
-    told = module._scatter(rec, data)
+    told = scatter(rec, data)
     assert told.shape == (2, 6, 6)
     assert told[0, 0, 1] == told[0, 2, 2] == pytest.approx(1.0)
     assert told[1, 3, 3] == pytest.approx((9.0 + 0.0 + 9.0) / 3.0)
     assert told[1, 0, 0] == told[1, 0, 3] == told[1, 3, 0] == pytest.approx(0.0)
     metadata.mode = "dynamic"
-    assert (module._scatter(rec, data) == np.zeros((2, 6, 6))).all()
+    assert (scatter(rec, data) == np.zeros((2, 6, 6))).all()

@@ -213,6 +213,11 @@ def calibrate(
     robot = robot_of(recording)
     model = Model.of(robot, recording.metadata)
     data = observe(recording)
+    if recording.metadata.mode == "dynamic" and not recording.joints:
+        raise CalibrationError(
+            f"{recording.name}: motion needs joint columns; orientations give no acceleration. "
+            "Calibrate a static recording"
+        )
     free = _free(model, options)
     if touches is not None:
         if not robot.joints:

@@ -1,14 +1,16 @@
 """What a calibration fits: one row a pose at rest, or one row a sample in motion."""
 
 from dataclasses import dataclass, replace
+from itertools import combinations_with_replacement
 
 import numpy as np
 
 from wrenchbed import registry
-from wrenchbed.data.holds import gather
+from wrenchbed.data.holds import about_means, gather
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import CalibrationError
 from wrenchbed.physics.time_derivatives import Jet, Value
+from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.sensors.base import STATUS_SATURATED
 
 _WINDOW_S, _LEAST_WINDOW, _ORDER = 0.085, 11, 5
@@ -32,7 +34,7 @@ class Observations:
         dof: degrees of freedom behind it; inf if stated, 0 if unknown.
         source: ``repeats``, ``stated`` or ``residual``.
         t: (M,) [s].
-        left_out: saturated rows not used.
+        keep: rows of the recording that are not saturated (N,), boolean.
         flagged: rows used although a real device's status word is not 0.
     """
 
@@ -43,45 +45,57 @@ class Observations:
     dof: float
     source: str
     t: np.ndarray
-    left_out: int
+    keep: np.ndarray
     flagged: int = 0
 
     def __len__(self) -> int:
         return len(self.wrench)
 
+    @property
+    def left_out(self) -> int:
+        """Saturated rows not used."""
+        return int(np.count_nonzero(~self.keep))
+
 
 def observe(recording: Recording) -> Observations:
     """Gather the rows of a recording, leaving saturated ones out.
 
+    A motion without joints gives its rows as they are: orientations have no acceleration.
+
     Raises:
-        CalibrationError: nothing is left, or motion is given without joints or an even clock.
+        CalibrationError: nothing is left, or a motion of joints has no even clock.
     """
     keep = usable(recording)
     if not keep.any():
         raise CalibrationError(f"{recording.name}: every row is saturated")
-    gathered = _motion if recording.metadata.mode == "dynamic" else _at_rest
-    data = gathered(recording, keep, int((~keep).sum()))
+    gathered = _at_rest
+    if recording.metadata.mode == "dynamic":
+        gathered = _motion if recording.joints else _rows
+    data = gathered(recording, keep)
     status = recording.columns.get("status", np.zeros(len(recording)))
     return replace(data, flagged=int(np.count_nonzero(status[keep])))
 
 
-def _at_rest(recording: Recording, keep: np.ndarray, left_out: int) -> Observations:
+def _at_rest(recording: Recording, keep: np.ndarray) -> Observations:
     holds = gather(recording, keep)
     covariance, dof, source = holds.row_covariance, float(holds.dof), "repeats"
     if covariance is None or holds.dof < 12:
         covariance, dof, source = _stated(recording)
     return Observations(
         holds.q, holds.wrench, holds.count, floored(covariance, recording), dof, source,
-        holds.t, left_out,
+        holds.t, keep,
     )  # fmt: skip
 
 
-def _motion(recording: Recording, keep: np.ndarray, left_out: int) -> Observations:
-    if not recording.joints:
-        raise CalibrationError(
-            f"{recording.name}: motion needs joint columns; orientations give no acceleration. "
-            "Calibrate a static recording"
-        )
+def _rows(recording: Recording, keep: np.ndarray) -> Observations:
+    covariance, dof, source = _stated(recording)
+    return Observations(
+        recording.q[keep], recording.wrench[keep], np.ones(int(keep.sum()), dtype=int),
+        floored(covariance, recording), dof, source, recording.t[keep], keep,
+    )  # fmt: skip
+
+
+def _motion(recording: Recording, keep: np.ndarray) -> Observations:
     step = np.diff(recording.t)
     h = float(np.mean(step)) if len(step) else 1.0
     window = max(_LEAST_WINDOW, 2 * round(_WINDOW_S / h / 2) + 1)
@@ -104,7 +118,7 @@ def _motion(recording: Recording, keep: np.ndarray, left_out: int) -> Observatio
     return Observations(
         Jet(smooth[use], qd[use], qdd[use]), recording.wrench[use],
         np.ones(int(use.sum()), dtype=int),
-        floored(covariance, recording), dof, source, recording.t[use], left_out,
+        floored(covariance, recording), dof, source, recording.t[use], keep,
     )  # fmt: skip
 
 
@@ -125,6 +139,22 @@ def _check_smooth(recording: Recording, rough: np.ndarray, second: np.ndarray) -
             f"acceleration would add {mass * worst:.2g} N of noise to a sensor's {allowed:.2g} N; "
             "smooth the joints, or calibrate at rest"
         )
+
+
+def scatter(recording: Recording, data: Observations) -> np.ndarray:
+    """Mean products of rows about the mean of their pose (M, 6, 6), 0 in motion."""
+    products = np.zeros((len(data), 6, 6))
+    if recording.metadata.mode == "dynamic":
+        return products
+    keep = data.keep
+    rows = [y if keep.all() else y[keep] for y in (recording.columns[c] for c in CHANNELS)]
+    for some, away in about_means(rows, data.wrench, data.count):
+        count = data.count[some]
+        starts = np.cumsum(count) - count
+        for j, k in combinations_with_replacement(range(6), 2):
+            mean = np.add.reduceat(away[:, j] * away[:, k], starts) / count
+            products[some, j, k] = products[some, k, j] = mean
+    return products
 
 
 def usable(recording: Recording) -> np.ndarray:

@@ -6,6 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
+from wrenchbed.physics.rotations import cross
 from wrenchbed.physics.time_derivatives import Jet, Value, value
 from wrenchbed.physics.wrench import Tool, wrench
 from wrenchbed.robots.base import Robot
@@ -14,6 +15,10 @@ WAY = 7
 """Rows between two poses at rest: what remembers must not miss a turn on the way."""
 _EXAMPLE_ROWS, _EXAMPLE_RISE = 24, 5.0
 """Poses of `examples`, and by how much they warm up [K]; estimates."""
+
+
+ACCELERATION, SPIN, TURNING = "acceleration", "spin", "turning"
+"""Of the tool in a scene's ``extra``, sensor axes (M, 3): a [m/s²], ω [rad/s], ω̇ [rad/s²]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,6 +114,16 @@ class Scene:
     def load(self) -> np.ndarray:
         """Wrench on the sensor (M, 6) [N, N·m], as configured."""
         return wrench(*self.pose, self.tool, self.gravity)
+
+    @cached_property
+    def inertial(self) -> np.ndarray:
+        """Inertial load of the tool (M, 6) [N, N·m] by accelerations in ``extra``, 0 without."""
+        if ACCELERATION not in self.extra:
+            return np.zeros((len(self), 6))
+        tool, spin = self.tool, self.extra[SPIN]
+        force = -float(tool.mass) * self.extra[ACCELERATION]
+        couple = self.extra[TURNING] @ tool.inertia + cross(spin, spin @ tool.inertia)
+        return np.concatenate([force, cross(tool.cog, force) - couple], axis=1)
 
     @cached_property
     def joint_torque(self) -> np.ndarray:

@@ -3,15 +3,12 @@
 import numpy as np
 
 from wrenchbed.effects.base import ModelEffect, Pose, Values, Variant
-from wrenchbed.effects.scene import Scene
+from wrenchbed.effects.scene import ACCELERATION, Scene
 from wrenchbed.physics.parameters import Parameter, ParameterSet
-from wrenchbed.physics.rotations import cross
 from wrenchbed.robots.base import INERTIA_AXES, Robot
 
 NAMES = tuple(f"inertia.{a}" for a in INERTIA_AXES)
 SHARE = "share"
-ACCELERATION, SPIN, TURNING = "acceleration", "spin", "turning"
-"""Of the tool in a scene's ``extra``, sensor axes (M, 3): a [m/s²], ω [rad/s], ω̇ [rad/s²]."""
 
 
 class ToolInertia(ModelEffect):
@@ -60,18 +57,7 @@ class ToolInertia(ModelEffect):
 
     def load(self, scene: Scene, pose: Pose, load: np.ndarray, p: Values) -> np.ndarray:
         """A share of the inertial load that the scene's accelerations make; none without them."""
-        if ACCELERATION not in scene.extra or not p.get(SHARE, 0.0):
-            return np.zeros_like(load)
-        return p[SHARE] * inertial(scene)
-
-
-def inertial(scene: Scene) -> np.ndarray:
-    """Inertial load (M, 6) [N, N·m] of the tool as configured, from a scene's accelerations."""
-    tool = scene.tool
-    spin, turning = scene.extra[SPIN], scene.extra[TURNING]
-    force = -float(tool.mass) * scene.extra[ACCELERATION]
-    couple = turning @ tool.inertia + cross(spin, spin @ tool.inertia)
-    return np.concatenate([force, cross(tool.cog, force) - couple], axis=1)
+        return p.get(SHARE, 0.0) * scene.inertial
 
 
 EFFECT = ToolInertia()

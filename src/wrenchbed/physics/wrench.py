@@ -34,6 +34,11 @@ class Tool:
     inertia: np.ndarray
     sensor_mass: np.ndarray
 
+    @property
+    def lever(self) -> np.ndarray:
+        """[c]× (…, 3, 3) [m]: a force at the centre of gravity → its torque."""
+        return np.swapaxes(cross(self.cog[..., None, :], np.eye(3)), -1, -2)
+
 
 def wrench(rotation: Value, position: Value, tool: Tool, gravity: np.ndarray) -> np.ndarray:
     """Load on the sensor (…, N, 6) [N, N·m]; static for arrays, Newton–Euler for jets.

@@ -93,7 +93,7 @@ def _one(
     q = _seated(robot, measured.touch, tips, true)
     rows = np.ones(len(wrench))
     noise = np.diag(np.square(measured.wrench_std))
-    data = Observations(measured.gravity, wrench, rows, noise, np.inf, "stated", rows, 0)
+    data = Observations(measured.gravity, wrench, rows, noise, np.inf, "stated", rows, rows > 0)
     touches = Touches(q, measured.points, measured.touch_std)
     problem = Problem(model, data, nominal, columns, nominal[free], prior=True, touches=touches)
 

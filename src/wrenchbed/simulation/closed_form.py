@@ -63,18 +63,17 @@ class Model:
 
     def configured(self, metadata: Metadata) -> np.ndarray:
         """Parameters (P,) as the recording's metadata states them, nominal where it is silent."""
-        theta = self.parameters.nominal
-        names = self.parameters
+        names, theta = self.parameters, self.parameters.nominal
         n = len(self.robot.parameters)
         tool, sensor = metadata.tool, metadata.sensor
-        if sensor.pose_flange is not None and "mount.position.x" in names.names:
-            theta = _mounted(names, theta, sensor.pose_flange)
         if tool.mass is not None or tool.cog is not None:
             before = self.robot.tool(theta[:n])
             mass = float(before.mass) if tool.mass is None else tool.mass
             cog = [float(c) for c in before.cog] if tool.cog is None else list(tool.cog)
             theta[:n] = self.robot.theta_of_tool(theta[:n], mass, cog)
         stated: dict[str, float] = {}
+        if sensor.pose_flange is not None and "mount.position.x" in names.names:
+            stated |= _mounted(sensor.pose_flange)
         if tool.inertia is not None:
             stated |= {
                 f"tool.inertia.{a}": v for a, v in zip(INERTIA_AXES, tool.inertia, strict=True)
@@ -172,13 +171,12 @@ class Model:
         return column < len(own) and own[column].name not in self.robot.load
 
 
-def _mounted(names: ParameterSet, theta: np.ndarray, pose: Sequence[float]) -> np.ndarray:
+def _mounted(pose: Sequence[float]) -> dict[str, float]:
     from scipy.spatial.transform import Rotation
 
     turn = Rotation.from_matrix(matrix(np.asarray(pose[3:]))).as_rotvec()
     values = {f"mount.rotation.{a}": float(v) for a, v in zip("xyz", turn, strict=True)}
-    values |= {f"mount.position.{a}": float(v) for a, v in zip("xyz", pose[:3], strict=True)}
-    return names.vector(values, start=theta)
+    return values | {f"mount.position.{a}": float(v) for a, v in zip("xyz", pose[:3], strict=True)}
 
 
 def robot_of(recording: Recording) -> Robot:

@@ -20,7 +20,6 @@ from wrenchbed.diagnosis.explain import reliability
 from wrenchbed.diagnosis.explain.reliability import Reliability, learnt, shipped
 from wrenchbed.diagnosis.explain.structures import analyse
 from wrenchbed.diagnosis.explain.verdict import decide
-from wrenchbed.diagnosis.prepare import orientations
 from wrenchbed.diagnosis.prepare.prepare_recording import gathered
 from wrenchbed.errors import DiagnosisError, ParameterError
 from wrenchbed.jobs.parts import Journal, Row
@@ -105,8 +104,7 @@ def _case(index: int) -> dict[str, Any]:
     try:
         case = draw(design, number, kind)
         rows = simulated(design, case)
-        prepared = (orientations.averaged if orientations.applies(rows) else gathered)(rows)
-        analysis = analyse(prepared)
+        analysis = analyse(gathered(rows))
     except (ParameterError, DiagnosisError):  # no such case at this design, or refused data
         return row
     verdict = decide(analysis.ranking)

@@ -11,7 +11,6 @@ import numpy as np
 from wrenchbed.data.holds import gather
 from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis.prepare.configuration import Configuration
-from wrenchbed.physics.rotations import cross
 
 WINDOW_S, ORDER = 0.6, 5
 """Savitzky–Golay window [s] and order of a motion's smooth course: it passes below about 3 Hz."""
@@ -230,6 +229,5 @@ def _carried(
     if recording.metadata.tool.mass is None or mass <= 0.0:
         mass = max(mass, 1.0)
     force = np.eye(3) * (mass + float(configuration.tool.sensor_mass))
-    cog = np.broadcast_to(configuration.cog, (3, 3))
-    torque = mass * np.asarray(cross(cog, np.eye(3))).T
+    torque = mass * configuration.tool.lever
     return np.broadcast_to(rotation, (len(rows), 3, 3)), np.vstack([force, torque])

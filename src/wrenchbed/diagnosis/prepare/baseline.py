@@ -8,7 +8,6 @@ import numpy as np
 
 from wrenchbed.diagnosis.prepare.configuration import STATED, Configuration
 from wrenchbed.diagnosis.prepare.prepared import Prepared
-from wrenchbed.effects.chain import respond
 from wrenchbed.errors import DiagnosisError
 
 _DIFFERENCES = (1e-4, 1e-5, 1e-5, 1e-5)
@@ -54,7 +53,7 @@ def calibrate(prepared: Prepared) -> Baseline:
 
     def weighed(x: np.ndarray) -> np.ndarray:
         at = stated.with_load(x[0], x[1:]).robot_theta
-        return prepared.rows(respond(prepared.at(at).scene)).ravel()
+        return prepared.rows(prepared.at(at).expected).ravel()
 
     x, bias = start, np.zeros(6)
     for _ in range(_STEPS):

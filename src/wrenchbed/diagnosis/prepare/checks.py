@@ -8,13 +8,14 @@ from typing import NamedTuple
 import numpy as np
 
 from wrenchbed import registry
-from wrenchbed.calibration.observations import Observations, usable
+from wrenchbed.calibration.observations import Observations
 from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis.prepare.configuration import Configuration
+from wrenchbed.diagnosis.prepare.prepared import sensor_of
 from wrenchbed.errors import DiagnosisError
-from wrenchbed.physics.rotations import cross
 from wrenchbed.physics.time_derivatives import value
 from wrenchbed.physics.wrench import CHANNELS, Tool, wrench
+from wrenchbed.robots.base import Robot
 
 LEAST_WEIGHT = 0.01
 """Least weight, over the stated one: below it, no load shows."""
@@ -124,8 +125,7 @@ def _forces_follow(name: str, c: _Carried) -> None:
 def _torques_follow(name: str, c: _Carried, load: np.ndarray, cog: np.ndarray) -> None:
     """Each torque against the lever that the other two show, T = c × F; all against the CoG."""
     centred = load - load.mean(axis=0)
-    levers = [cross(np.broadcast_to(e, centred.shape), centred) for e in np.eye(3)]
-    design = np.stack(levers, axis=-1)  # (M, 3 torques, 3 levers)
+    design = np.moveaxis(np.cross(np.eye(3)[:, None], centred), 0, -1)  # (M, 3 torques, 3 levers)
     for k in range(3):
         others = [i for i in range(3) if i != k]
         torque = c.reading[:, 3:][:, others].ravel()
@@ -188,8 +188,9 @@ def enough(recording: Recording, data: Observations, configuration: Configuratio
         )
     if moving and recording.t[-1] - recording.t[0] < LEAST_SECONDS:
         raise DiagnosisError(f"{name}: less than {LEAST_SECONDS:g} s of motion; record 60 s")
-    _channels(recording)
     robot, gravity = configuration.model.robot, np.asarray(configuration.model.gravity)
+    _channels(recording)
+    _ranges(recording, data.keep, robot)
     rotation = value(robot.sensor_pose(data.q, configuration.robot_theta)[0])
     down = gravity @ rotation / np.linalg.norm(gravity)
     spread = np.linalg.eigvalsh(np.cov(down.T))
@@ -223,7 +224,6 @@ def _channels(recording: Recording) -> None:
                 "the rows: it is saturated. Choose a larger range"
             )
         _one_sided(recording, c)
-    _ranges(recording)
 
 
 def _one_sided(recording: Recording, channel: str) -> None:
@@ -248,13 +248,12 @@ def _one_sided(recording: Recording, channel: str) -> None:
             )
 
 
-def _ranges(recording: Recording) -> None:
+def _ranges(recording: Recording, keep: np.ndarray, robot: Robot) -> None:
     """Refuse unmarked rows at the end of one of the sensor's ranges."""
     model = recording.metadata.sensor.model
     if model not in registry.names("sensors"):
         return
-    keep = usable(recording)
-    for calibration in registry.load("sensors", str(model)).calibrations:
+    for calibration in sensor_of(recording, robot).calibrations:
         for c, full in zip(CHANNELS, calibration.range, strict=True):
             size = np.abs(recording.columns[c][keep])
             top = float(size.max())

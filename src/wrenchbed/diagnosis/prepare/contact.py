@@ -13,8 +13,6 @@ import numpy as np
 from wrenchbed.diagnosis.prepare.orientations import averages, variance
 from wrenchbed.diagnosis.prepare.prepared import Prepared, Touch
 from wrenchbed.effects.environment_contact import EFFECT
-from wrenchbed.effects.tool_inertia import ACCELERATION, inertial
-from wrenchbed.physics.rotations import cross
 from wrenchbed.physics.time_derivatives import value
 
 CONTACT = EFFECT.name
@@ -34,9 +32,7 @@ MARGIN = 3
 def find_contact(prepared: Prepared) -> Touch | None:
     """The touch of an averaged motion; None if weight and inertia leave nothing like it."""
     scene = prepared.scene
-    left = prepared.y - prepared.expected
-    if ACCELERATION in scene.extra:
-        left = left - inertial(scene)
+    left = prepared.y - prepared.expected - scene.inertial
     limit = BEYOND * float(scene.tool.mass * np.linalg.norm(scene.gravity))
     away = np.linalg.norm(left[:, :3] - _usual(left[:, :3], limit), axis=1)
     touched = _long(away > limit, max(2, round(LEAST_S / scene.period)))
@@ -129,7 +125,7 @@ def _beyond_gains(prepared: Prepared, force: np.ndarray) -> np.ndarray:
 def _point(left: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
     """Point r (3,) [m] of T = r × F + T₀ over rows (H, 6), its uncertainty (3,), and R²."""
     force, torque = left[:, :3], left[:, 3:]
-    levers = [cross(np.broadcast_to(e, force.shape), force) for e in np.eye(3)]
+    levers = np.cross(np.eye(3)[:, None], force)
     design = np.stack([(x - x.mean(axis=0)).ravel() for x in levers], axis=1)
     about = (torque - torque.mean(axis=0)).ravel()
     normal = design.T @ design + 1e-9 * np.eye(3)

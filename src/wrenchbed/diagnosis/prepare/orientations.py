@@ -13,15 +13,14 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from wrenchbed.calibration.observations import Observations, floored, usable
+from wrenchbed.calibration.observations import Observations
 from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis.prepare import checks, scenes
 from wrenchbed.diagnosis.prepare.accelerometer import acceleration_columns
-from wrenchbed.diagnosis.prepare.configuration import configured
+from wrenchbed.diagnosis.prepare.configuration import Configuration
 from wrenchbed.diagnosis.prepare.prepared import Prepared, split
-from wrenchbed.effects.tool_inertia import ACCELERATION, SPIN, TURNING
+from wrenchbed.effects.scene import ACCELERATION, SPIN, TURNING
 from wrenchbed.errors import DiagnosisError
-from wrenchbed.physics.rotations import cross
 from wrenchbed.physics.wrench import Tool
 
 RATE_HZ = 25.0
@@ -82,20 +81,20 @@ def averages(recording: Recording) -> Averages:
     return Averages(stride, window / window.sum())
 
 
-def averaged(recording: Recording, seed: int = 0) -> Prepared:
+def averaged(
+    recording: Recording, configuration: Configuration, data: Observations, seed: int = 0
+) -> Prepared:
     """Average, whiten and split a motion without joints.
 
     Raises:
         DiagnosisError: the data cannot answer, and why.
     """
-    configuration = configured(recording)
-    std = recording.metadata.sensor.noise_std
-    if std is None:
+    if data.source == "residual":
         raise DiagnosisError(
             f"{recording.name}: cannot tell a gap from noise: in motion the noise of a row must be "
             "stated. State sensor.noise_std as it is at rest"
         )
-    if not usable(recording).all():
+    if data.left_out:
         raise DiagnosisError(
             f"{recording.name}: has saturated rows; leave them out, or turn slower"
         )
@@ -103,10 +102,8 @@ def averaged(recording: Recording, seed: int = 0) -> Prepared:
     t = means.of(recording.t[:, None])[:, 0]
     q = _orientations(means.of(_continuous(recording.q)))
     y = means.of(recording.wrench)
-    covariance = floored(np.diag(np.square(std)), recording)
-    count = np.full(len(t), means.stride)
-    data = Observations(q, y, count, covariance, np.inf, "stated", t, 0)
-    checks.enough(recording, data, configuration)
+    covariance, count = data.row_covariance, np.full(len(t), means.stride)
+    checks.enough(recording, replace(data, q=q, wrench=y, count=count, t=t), configuration)
     block, sealed = split(len(t), True, seed, 1)
     scene = scenes.of_motion(configuration.model, configuration.robot_theta, q, t, None)
     scene = replace(scene, extra=accelerations(recording, means, q, t, scene.gravity))
@@ -142,8 +139,7 @@ def variance(recording: Recording, means: Averages, tool: Tool, without: np.ndar
         return np.asarray(noise)
     shaken = means.rough(recording.t, measured)[use]
     force = float(tool.mass) ** 2 * share * shaken.var(axis=0)
-    lever = np.asarray(cross(np.broadcast_to(tool.cog, (3, 3)), np.eye(3))).T
-    return np.asarray(noise + np.concatenate([force, lever**2 @ force]))
+    return np.asarray(noise + np.concatenate([force, tool.lever**2 @ force]))
 
 
 def accelerations(

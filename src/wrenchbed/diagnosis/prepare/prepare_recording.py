@@ -1,21 +1,17 @@
 """The way from a recording to a `Prepared` one: checks, noise, blocks, held-out rows."""
 
 from dataclasses import replace
-from itertools import combinations_with_replacement
 
 import numpy as np
 
-from wrenchbed.calibration.observations import Observations, observe, usable
-from wrenchbed.data.holds import about_means
+from wrenchbed.calibration.observations import Observations, observe, scatter
 from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis.prepare import checks, contact, orientations, scenes
 from wrenchbed.diagnosis.prepare.configuration import configured
 from wrenchbed.diagnosis.prepare.noise import correlation_time, noise_in_motion
 from wrenchbed.diagnosis.prepare.prepared import RATES_HZ, Prepared, inner_stride, sensor_of, split
 from wrenchbed.diagnosis.prepare.repeats import repeats
-from wrenchbed.effects.chain import respond
 from wrenchbed.errors import DiagnosisError
-from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.robots.base import Robot
 
 FINE = 10.0
@@ -36,21 +32,22 @@ def prepare(recording: Recording, seed: int = 0) -> Prepared:
         CalibrationError, RecordingError: from reading it.
     """
     used = scenes.stretch(recording)
-    if not orientations.applies(used):
-        return replace(gathered(used, seed), given=recording)
-    return contact.without_touch(replace(orientations.averaged(used, seed), given=recording))
+    found = replace(gathered(used, seed), given=recording)
+    return contact.without_touch(found) if found.averaged else found
 
 
 def gathered(recording: Recording, seed: int = 0) -> Prepared:
-    """Poses at rest, or a motion of joints."""
-    configuration = configured(recording)
-    data = observe(recording)
+    """Poses at rest, samples of a motion of joints, or averages of a motion without."""
+    configuration, data = configured(recording), observe(recording)
+    products = scatter(recording, data)
+    if orientations.applies(recording):
+        return orientations.averaged(recording, configuration, data, seed)
     checks.enough(recording, data, configuration)
     covariance, source = _row_noise(recording, data, configuration.model.robot)
     scene = scenes.of_recording(recording, configuration, data)
     y, count, stride = data.wrench, data.count, 1
     if scene.moving:
-        expected, sigma = respond(scene), np.sqrt(np.diagonal(covariance))
+        expected, sigma = scene.load, np.sqrt(np.diagonal(covariance))
         stride = _stride(expected, scene.period)
         y, count = _refreshed(recording, data, expected[scene.held])
         residual = (y - expected[scene.held]) / sigma
@@ -60,7 +57,7 @@ def gathered(recording: Recording, seed: int = 0) -> Prepared:
     block, sealed = split(len(data), recording.metadata.mode == "dynamic", seed, stride)
     return Prepared(
         recording, configuration, scene, y, count, covariance, noise, source, block, sealed,
-        _scatter(recording, data), data.left_out, stride,
+        products, data.left_out, stride,
     )  # fmt: skip
 
 
@@ -111,19 +108,3 @@ def _refreshed(
         residual = np.interp(data.t[stale], data.t[fresh], (y - expected)[fresh, k])
         y[stale, k] = expected[stale, k] + residual
     return y, np.where(stale, 0, data.count) if len(again.channels) == 6 else data.count
-
-
-def _scatter(recording: Recording, data: Observations) -> np.ndarray:
-    """Mean products of rows about the mean of their pose (H, 6, 6), 0 in motion."""
-    if recording.metadata.mode == "dynamic":
-        return np.zeros((len(data), 6, 6))
-    keep = usable(recording)
-    rows = [y if keep.all() else y[keep] for y in (recording.columns[c] for c in CHANNELS)]
-    products = np.empty((len(data), 6, 6))
-    for some, away in about_means(rows, data.wrench, data.count):
-        count = data.count[some]
-        starts = np.cumsum(count) - count
-        for j, k in combinations_with_replacement(range(6), 2):
-            mean = np.add.reduceat(away[:, j] * away[:, k], starts) / count
-            products[some, j, k] = products[some, k, j] = mean
-    return products

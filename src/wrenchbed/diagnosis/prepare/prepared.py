@@ -11,7 +11,6 @@ from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis.prepare import accelerometer, scenes
 from wrenchbed.diagnosis.prepare.accelerometer import Testimony
 from wrenchbed.diagnosis.prepare.configuration import Configuration
-from wrenchbed.effects.chain import respond
 from wrenchbed.effects.scene import Scene
 from wrenchbed.physics.time_derivatives import Jet, value
 from wrenchbed.robots.base import Robot
@@ -122,10 +121,10 @@ class Prepared:
         """
         return np.sqrt(np.diagonal(self.covariance))
 
-    @cached_property
+    @property
     def expected(self) -> np.ndarray:
         """Readings (M, 6) of the scene's simulator without effects."""
-        return respond(self.scene)
+        return self.scene.load
 
     @cached_property
     def residual(self) -> np.ndarray:
