@@ -1,0 +1,463 @@
+"""Effects on the tool, the arm and the load against mechanics done by hand or by differences."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from effect_scenes import motion, scene_of
+from wrenchbed import registry
+from wrenchbed.effects.base import Pose
+from wrenchbed.effects.chain import ActiveEffect, EffectChain, respond
+from wrenchbed.effects.scene import Scene
+from wrenchbed.errors import ParameterError
+
+G = 9.80665
+TOOL, COG = 1.35, np.array([0.004, -0.006, 0.071])
+"""Mass [kg] and centre of gravity [m] of the UR5's tool."""
+FLANGE = Rotation.from_euler("x", 90, degrees=True)
+"""Of the UR5 at q = 0: the sensor's y points up."""
+
+
+def at(q):
+    robot = registry.load("robots", "ur5")
+    q = np.atleast_2d(np.asarray(q, dtype=float))
+    rows, gravity = np.arange(len(q)), np.array(robot.gravity)
+    return Scene(robot, robot.parameters.nominal, gravity, q, 1.0 * rows, rows >= 0)
+
+
+def added(scene, name, **given):
+    """What an effect adds to the readings (M, 6); dots of names are written __."""
+    values = {k.replace("__", "."): v for k, v in given.items()}
+    return respond(scene, [ActiveEffect.of(scene.robot, name, values)]) - respond(scene)
+
+
+def seen(scene):
+    """Rotations of the sensor and the force of the tool's weight in its axes (M, 3) [N]."""
+    rotation = Rotation.from_matrix(scene.pose[0])
+    return rotation, rotation.inv().apply([0.0, 0.0, -TOOL * G])
+
+
+def loads(force, cog=COG):
+    return np.concatenate([force, np.cross(cog, force)], axis=1)
+
+
+# ---- the robot's own parameters ----------------------------------------------------------------
+
+
+def test_a_moved_centre_of_gravity_adds_its_lever_times_the_weight():
+    scene = scene_of("ur5 static")
+    _, force = seen(scene)
+    found = added(scene, "tool.cog", cog__x=1e-3, cog__y=-2e-3, cog__z=3e-3)
+    assert np.abs(found[:, :3]).max() < 1e-12
+    assert found[:, 3:] == pytest.approx(np.cross([1e-3, -2e-3, 3e-3], force), abs=1e-12)
+
+
+def test_a_heavier_tool_pulls_more_at_the_same_place():
+    scene = scene_of("ur5 static")
+    _, force = seen(scene)
+    assert added(scene, "tool.mass", mass=0.135) == pytest.approx(loads(0.1 * force), abs=1e-12)
+
+
+def test_the_tool_side_of_the_sensor_has_no_lever():
+    scene = scene_of("ur5 static")
+    rotation, _ = seen(scene)
+    found = added(scene, "tool.self_weight", mass=0.05)
+    assert found[:, :3] == pytest.approx(rotation.inv().apply([0, 0, -0.05 * G]), abs=1e-12)
+    assert np.abs(found[:, 3:]).max() < 1e-12
+
+
+def test_a_tilted_base_turns_gravity():
+    scene = scene_of("ur5 static")
+    rotation, force = seen(scene)
+    turned = Rotation.from_rotvec([0.02, -0.01, 0.0]).apply([0.0, 0.0, -TOOL * G])
+    found = added(scene, "base.tilt", x=0.02, y=-0.01)
+    assert found == pytest.approx(loads(rotation.inv().apply(turned) - force), abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("name", "given", "way"),
+    [
+        ("mount.rotation", {"rotation__x": 0.1, "rotation__y": 0.2, "rotation__z": -0.3},
+         [0.1, 0.2, -0.3]),
+        ("joint.offset", {"joint": 6, "offset": 0.1}, [0.0, 0.0, 0.1]),
+        ("link.length", {"twist__6": 0.1}, [0.1, 0.0, 0.0]),
+    ],
+)  # fmt: skip
+def test_what_turns_the_sensor_turns_its_tool_with_it(name, given, way):
+    """The last joint turns about the sensor's z, and its twist about the sensor's x."""
+    scene = scene_of("ur5 static")
+    _, force = seen(scene)
+    turned = Rotation.from_rotvec(way).inv().apply(force)
+    assert added(scene, name, **given) == pytest.approx(loads(turned - force), abs=1e-12)
+
+
+def test_a_longer_upper_arm_accelerates_the_tool_more():
+    """a2 lies along (cos q1 cos q2, sin q1 cos q2, sin q2): F = −m δ d²/dt² of that."""
+    scene, h = motion("ur5", seconds=1.0), 1e-4
+
+    def way(q):
+        c = np.cos(q[:, 1])
+        return np.stack([np.cos(q[:, 0]) * c, np.sin(q[:, 0]) * c, np.sin(q[:, 1])], axis=1)
+
+    q, d, dd = scene.q.v, scene.q.d, scene.q.dd
+    after, before = (way(q + s * h * d + 0.5 * h * h * dd) for s in (1.0, -1.0))
+    acceleration = (after - 2.0 * way(q) + before) / h**2
+    to_sensor = Rotation.from_matrix(scene.pose[0].v).inv()
+    force = to_sensor.apply(-TOOL * 1e-3 * acceleration)
+    found = added(scene, "link.length", length__a2=1e-3)
+    assert np.abs(force).max() > 1e-3
+    assert found == pytest.approx(loads(force), abs=1e-6)
+
+
+def spins(scene, h=1e-3):
+    """ω and its derivative in sensor axes (M, 3) by differences of the sensor's rotation."""
+    q, d, dd = scene.q.v, scene.q.d, scene.q.dd
+
+    def rotation(s):
+        moved = q + s * h * d + 0.5 * (s * h) ** 2 * dd
+        return Rotation.from_matrix(scene.robot.sensor_pose(moved, scene.theta)[0])
+
+    now = rotation(0.0)
+    before, after = ((rotation(-1.0).inv() * now), (now.inv() * rotation(1.0)))
+    b, a = before.as_rotvec(), after.as_rotvec()
+    return (a + b) / (2.0 * h), (a - b) / h**2
+
+
+AXES = {"xx": (0, 0), "yy": (1, 1), "zz": (2, 2), "xy": (0, 1), "xz": (0, 2), "yz": (1, 2)}
+
+
+@pytest.mark.parametrize("axes", AXES)
+def test_more_inertia_takes_more_torque_to_turn(axes):
+    scene = motion("ur5", seconds=1.0)
+    inertia = np.zeros((3, 3))
+    i, j = AXES[axes]
+    inertia[i, j] = inertia[j, i] = 2e-3
+    spin, turning = spins(scene)
+    torque = -(turning @ inertia + np.cross(spin, spin @ inertia))
+    found = added(scene, "tool.inertia", **{f"inertia__{axes}": 2e-3})
+    assert np.abs(torque).max() > 1e-3
+    assert np.abs(found[:, :3]).max() < 1e-12
+    assert found[:, 3:] == pytest.approx(torque, abs=1e-6)
+
+
+def test_an_accelerometer_says_what_of_the_inertial_load_is_there():
+    """m = 2 kg at c = 0.1 m along z, I = diag(1, 2, 3)·1e-2 kg·m², one acceleration at a time."""
+    robot = registry.load("robots", "oriented")
+    known = robot.parameters
+    theta = robot.theta_of_tool(known.nominal, 2.0, (0.0, 0.0, 0.1))
+    for axis, size in zip(("xx", "yy", "zz"), (1e-2, 2e-2, 3e-2), strict=True):
+        theta[known.index(f"tool.inertia.{axis}")] = size
+    none = np.zeros((3, 3))
+    acceleration, turning, spin = none.copy(), none.copy(), none.copy()
+    acceleration[0] = [1.0, 2.0, 3.0]
+    turning[1] = [1.0, 1.0, 1.0]
+    spin[2] = [1.0, 2.0, 0.0]
+    extra = {"acceleration": acceleration, "spin": spin, "turning": turning}
+    q = np.tile([1.0, 0.0, 0.0, 0.0], (3, 1))
+    scene = Scene(robot, theta, np.array(robot.gravity), q, np.arange(3.0), np.ones(3, bool))
+    told = replace(scene, extra=extra)
+    effect = registry.load("effects", "tool.inertia")
+    (variant,) = effect.variants(told)
+    assert variant.free == ("share",)
+    expected = [
+        [-2.0, -4.0, -6.0, 0.1 * 4.0, 0.1 * -2.0, 0.0],
+        [0.0, 0.0, 0.0, -1e-2, -2e-2, -3e-2],
+        [0.0, 0.0, 0.0, 0.0, 0.0, -(1.0 * 2e-2 * 2.0 - 2.0 * 1e-2 * 1.0)],
+    ]
+    assert added(told, "tool.inertia", share=1.0) == pytest.approx(np.array(expected), abs=1e-12)
+    assert added(told, "tool.inertia", share=0.5) == pytest.approx(
+        0.5 * np.array(expected), abs=1e-12
+    )
+    assert not added(scene, "tool.inertia", share=1.0).any()
+
+
+AS_PARAMETERS = [("ur5 static", "base.tilt"), ("ur5 static", "mount.rotation"),
+                 ("ur5 static", "tool.cog"), ("ur5 motion", "link.length"),
+                 ("ur5 motion", "tool.inertia"), ("medrue static", "joint.offset")]  # fmt: skip
+
+
+@pytest.mark.parametrize(("label", "name"), AS_PARAMETERS)
+def test_a_robot_with_other_parameters_reads_what_the_effect_says(label, name):
+    scene, effect = scene_of(label), registry.load("effects", name)
+    for variant in effect.variants(scene)[:8]:
+        known = effect.parameters(scene.robot)
+        given = {n: 2.0 * known[known.index(n)].tolerance for n in variant.free}
+        values = effect.values(scene.robot, given)
+        before = scene.theta.copy()
+        theta = effect.as_parameters(scene.robot, scene.theta, values)
+        assert np.array_equal(scene.theta, before)
+        told = respond(replace(scene, theta=theta))
+        expected = respond(scene, [ActiveEffect(effect, values)])
+        assert told == pytest.approx(expected, abs=1e-9)
+
+
+@pytest.mark.parametrize("name", ["joint.compliance", "cable.pull", "sensor.gain"])
+def test_what_no_parameter_of_a_robot_holds_is_said(name):
+    robot, effect = registry.load("robots", "ur5"), registry.load("effects", name)
+    theta = robot.parameters.nominal
+    assert effect.as_parameters(robot, theta, effect.values(robot, {})) is None
+
+
+def test_offsets_are_parameters_only_where_every_joint_has_a_zero():
+    effect, theta = registry.load("effects", "joint.offset"), np.array([5.0, 0.1, 0.2])
+    values = {"offset.q1": 0.01, "offset.q2": 0.02}
+    robot = SimpleNamespace(joints=(1, 2), parameters=SimpleNamespace(names=("l", "dq1", "dq2")))
+    assert effect.as_parameters(robot, theta, values) == pytest.approx([5.0, 0.11, 0.22])
+    robot.parameters.names = ("l", "dq1", "dq3")
+    assert effect.as_parameters(robot, theta, values) is None
+
+
+# ---- joints and bases that give ----------------------------------------------------------------
+
+
+def test_a_bearing_with_play_tilts_about_the_moment_across_it():
+    scene = at(np.zeros(6))
+    force = FLANGE.inv().apply([0.0, 0.0, -TOOL * G])
+    moment = np.cross(COG, force) * [1.0, 1.0, 0.0]
+    turn = 2e-3 * moment / np.sqrt(moment @ moment + 0.05**2)
+    turned = Rotation.from_rotvec(turn).inv().apply(force)
+    found = added(scene, "joint.clearance", tilt=2e-3)
+    assert found == pytest.approx(loads((turned - force)[None]), abs=1e-12)
+
+
+@pytest.mark.parametrize("angle", [0.3, 0.588, 2.0, 5.0])
+def test_a_joint_leaves_the_middle_of_its_backlash_at_a_hundredth_of_a_newton_metre(angle):
+    """The last joint, whose axis lies level: the tool hangs 7 mm beside it."""
+    scene = at([0.0, 0.0, 0.0, 0.0, 0.0, angle])
+    rotation = FLANGE * Rotation.from_euler("z", angle)
+    torque = np.cross(COG, rotation.inv().apply([0.0, 0.0, -TOOL * G]))[2]
+    active = ActiveEffect.of(scene.robot, "joint.backlash", {"joint": 6, "load": 2e-4})
+    moved = EffectChain([active]).displacement(scene)
+    assert moved[0, 5] == pytest.approx(2e-4 * np.tanh(torque / 0.01), rel=1e-6)
+    assert np.abs(moved[0, :5]).max() == 0.0
+
+
+@pytest.mark.parametrize(("name", "axes"), [("compliance__x", "x"), ("compliance__y", "y"),
+                                            ("compliance", "xy")])  # fmt: skip
+def test_a_base_gives_about_the_axes_stated(name, axes):
+    scene = at([0.7, -0.5, 0.4, 0.2, 0.3, 0.1])
+    moment = scene.base_moment[0]
+    angle = [1e-5 * m if a in axes else 0.0 for a, m in zip("xyz", moment, strict=True)]
+    rotation, force = seen(scene)
+    turned = (Rotation.from_rotvec(angle) * rotation).inv().apply([0.0, 0.0, -TOOL * G])
+    assert np.abs(moment[:2]).min() > 1.0
+    found = added(scene, "base.compliance", **{name: 1e-5})
+    assert found == pytest.approx(loads(turned - force), abs=1e-10)
+
+
+def test_a_base_that_gives_moves_the_sensor_about_its_own_foot():
+    scene = at([0.7, -0.5, 0.4, 0.2, 0.3, 0.1])
+    effect = registry.load("effects", "base.compliance")
+    values = effect.values(scene.robot, {"compliance": 1e-4})
+    _, moved = effect.pose(scene, Pose(*scene.pose), values)
+    foot = scene.robot.base_origin(scene.theta)
+    turn = Rotation.from_rotvec(1e-4 * scene.base_moment[0] * [1.0, 1.0, 0.0])
+    assert moved[0] == pytest.approx(foot + turn.apply(scene.pose[1][0] - foot), abs=1e-12)
+
+
+# ---- stiffness as people state it ----------------------------------------------------------------
+
+
+def published(robot, joint, give, std):
+    effect = registry.load("effects", "joint.compliance")
+    scene = scene_of(f"{robot} static")
+    variant = effect.variants(scene)[joint - 1]
+    values = effect.values(scene.robot, {f"compliance.q{joint}": give})
+    return effect, effect.publish(scene.robot, variant, values, std)
+
+
+def test_one_joint_is_published_by_its_stiffness():
+    """1/k of 5e-5 ± 1e-6 rad/(N·m): 20 000 ± 400 N·m/rad."""
+    effect, told = published("ur5", 2, 5e-5, {"compliance.q2": 1e-6})
+    assert set(told) == {"stiffness", "joint"}
+    assert told["joint"] == {"value": 2}
+    assert told["stiffness"] == {
+        "value": pytest.approx(2e4), "std": pytest.approx(400.0), "unit": "N·m/rad",
+    }  # fmt: skip
+    back = effect.amplitudes(told)
+    assert back == {"compliance.q2": {"value": pytest.approx(5e-5), "std": pytest.approx(1e-6)}}
+    _, slide = published("medrue", 1, 1e-5, {})
+    assert slide["stiffness"] == {"value": pytest.approx(1e5), "std": None, "unit": "N/m"}
+    _, turning = published("medrue", 2, 1e-5, {})
+    assert turning["stiffness"]["unit"] == "N·m/rad"
+
+
+def test_a_joint_that_does_not_give_is_infinitely_stiff():
+    _, told = published("ur5", 3, 0.0, {"compliance.q3": 1e-6})
+    assert told["stiffness"] == {"value": np.inf, "std": None, "unit": "N·m/rad"}
+    effect = registry.load("effects", "joint.compliance")
+    joint = {"value": 3}
+    assert effect.amplitudes({"stiffness": {"value": 0.0, "std": None}, "joint": joint}) is None
+    assert effect.amplitudes({"stiffness": {"value": 1e4, "std": None}}) is None
+    told = effect.amplitudes({"stiffness": {"value": 1e4, "std": None}, "joint": joint})
+    assert told == {"compliance.q3": {"value": pytest.approx(1e-4), "std": None}}
+
+
+def test_several_joints_are_published_by_their_compliances():
+    effect, scene = registry.load("effects", "joint.compliance"), scene_of("ur5 static")
+    every = effect.variants(scene)[-1]
+    values = effect.values(scene.robot, {f"compliance.q{k}": k * 1e-5 for k in range(1, 7)})
+    told = effect.publish(scene.robot, every, values, {})
+    assert {n: item["value"] for n, item in told.items()} == values
+    assert effect.amplitudes(told) == told
+
+
+@pytest.mark.parametrize("stiffness", [0.0, -1.0, "soft"])
+def test_a_stiffness_is_above_zero(stiffness):
+    effect, robot = registry.load("effects", "joint.compliance"), registry.load("robots", "ur5")
+    with pytest.raises(ParameterError, match="must be above 0"):
+        effect.values(robot, {"joint": 2, "stiffness": stiffness})
+    assert effect.values(robot, {"joint": 2, "stiffness": 0.5})["compliance.q2"] == 2.0
+
+
+# ---- loads -------------------------------------------------------------------------------------
+
+
+def oriented(*turns):
+    """A tool of 1 kg, 100 mm below the sensor, in orientations given by rotation vectors."""
+    robot = registry.load("robots", "oriented")
+    q = Rotation.from_rotvec(np.array(turns)).as_quat()[:, [3, 0, 1, 2]]
+    theta = robot.theta_of_tool(robot.parameters.nominal, 1.0, [0.0, 0.0, 0.1])
+    rows = np.arange(len(q))
+    return Scene(robot, theta, np.array(robot.gravity), q, 1.0 * rows, rows >= 0)
+
+
+TURNS = np.array([[0.3, 0.0, 0.0], [0.0, 1.1, 0.2], [0.4, -0.8, 1.3]])
+GIVES = {"x": (0, 0), "y": (1, 1), "z": (2, 2), "xy": (0, 1), "xz": (0, 2), "yz": (1, 2)}
+
+
+@pytest.mark.parametrize("part", GIVES)
+def test_a_tool_gives_along_and_across_its_load(part):
+    force = Rotation.from_rotvec(TURNS).inv().apply([0.0, 0.0, -G])
+    give = np.zeros((3, 3))
+    i, j = GIVES[part]
+    give[i, j] = give[j, i] = 2e-5
+    found = added(oriented(*TURNS), "tool.flexure", **{f"compliance__{part}": 2e-5})
+    assert found == pytest.approx(
+        np.concatenate([0.0 * force, np.cross(force @ give, force)], axis=1), abs=1e-12
+    )
+
+
+@pytest.mark.parametrize(
+    ("name", "given"),
+    [
+        ("tool.flexure", {"compliance__x": 2e-5, "bending": 2e-3}),
+        ("tool.loose", {"shift": 1e-3, "way__x": 1.0, "way__z": 0.3}),
+    ],
+)
+def test_only_the_tool_pulls_on_the_tool(name, given):
+    """The sensor's own tool side loads its gauges, but bends nothing beyond them."""
+    scene = oriented(*TURNS)
+    theta = scene.theta.copy()
+    theta[scene.robot.parameters.index("sensor.mass")] = 0.5
+    found = added(replace(scene, theta=theta), name, **given)
+    assert np.abs(found).max() > 1e-4
+    assert found == pytest.approx(added(scene, name, **given), abs=1e-12)
+
+
+def test_a_loose_part_leans():
+    """At 45° about x the load along y is −0.707 of it: with a lean of −0.7 it is nearly midway."""
+    scene = oriented([np.pi / 4.0, 0.0, 0.0])
+    along = -np.sqrt(0.5)
+    found = added(scene, "tool.loose", shift=2e-3, way__y=2.0, way__z=0.0, lean=-0.7)[0]
+    lever = 2e-3 * np.tanh((along + 0.7) / 0.05)
+    assert found == pytest.approx([0, 0, 0, lever * along * G, 0, 0], abs=1e-12)
+    unmoved = added(scene, "tool.loose", shift=2e-3, way__y=1.0, way__z=0.0, lean=along)
+    assert np.abs(unmoved).max() < 1e-12
+
+
+def test_a_part_without_a_way_goes_nowhere():
+    found = added(oriented(*TURNS), "tool.loose", shift=1e-3, way__z=0.0)
+    assert np.abs(found).max() == 0.0
+
+
+TIP = 0.089159 - 0.09465 - 0.012
+"""Height of the tip of a UR5 at q = 0 [m]: twice as far from the sensor as the CoG."""
+
+
+@pytest.mark.parametrize(
+    ("given", "push", "lever"),
+    [
+        ({"depth": TIP + 0.04}, 500.0 * 0.04, [0.008, -0.012, 0.142]),
+        # Hertz: 8 times the force of 1 cm at 4 cm
+        ({"depth": TIP + 0.04, "power": 1.5}, 500.0 * 0.01 * 8.0, [0.008, -0.012, 0.142]),
+        ({"depth": TIP + 0.04, "normal.z": 2.0}, 500.0 * 0.04, [0.008, -0.012, 0.142]),
+        ({"depth": TIP + 0.04, "reach": 0.5}, 500.0 * 0.034, [0.004, -0.006, 0.071]),
+        # the sensor's y is up
+        ({"depth": TIP + 0.04, "aside.y": 0.02}, 500.0 * 0.02, [0.008, 0.008, 0.142]),
+    ],
+)
+def test_contact_pushes_by_its_law_where_it_touches(given, push, lever):
+    values = {k.replace(".", "__"): v for k, v in given.items()}
+    found = added(at(np.zeros(6)), "environment.contact", stiffness=500.0, **values)[0]
+    force = np.array([0.0, push, 0.0])
+    assert found == pytest.approx(np.concatenate([force, np.cross(lever, force)]), abs=1e-9)
+
+
+def test_contact_drags_along_the_plane():
+    """World x, y, z are the sensor's x, −z, y."""
+    given = {"stiffness": 500.0, "depth": TIP + 0.01, "slide__x": 0.1, "slide__y": 0.2}
+    found = added(at(np.zeros(6)), "environment.contact", **given)[0]
+    assert found[:3] == pytest.approx([0.5, 5.0, -1.0], abs=1e-9)
+
+
+def test_the_tip_is_the_robots_own_where_its_model_has_one():
+    from wrenchbed.effects.environment_contact import tip
+
+    scene = scene_of("medrue static")
+    _, end = scene.robot.tool_pose(scene.joints, scene.theta)
+    rotation, origin = scene.pose
+    reached = origin + np.einsum("mij,j->mi", rotation, tip(scene))
+    assert reached == pytest.approx(end, abs=1e-9)
+    assert tip(scene_of("ur5 static")) == pytest.approx(2.0 * COG)
+
+
+def test_a_cable_pulls_only_beyond_its_length():
+    """An anchor 1 m above the point where it holds."""
+    scene = at(np.zeros(6))
+    above = {"anchor__x": -0.81725, "anchor__y": -0.19145, "anchor__z": 1.0 - 0.005491}
+    for length, pull in ((0.0, 3.0), (0.25, 2.25), (0.999, 0.003), (1.001, 0.0), (2.0, 0.0)):
+        found = added(scene, "cable.pull", stiffness=3.0, length=length, **above)[0]
+        assert found == pytest.approx([0, pull, 0, 0, 0, 0], abs=1e-6)
+
+
+def test_a_cable_pulls_on_the_point_where_it_holds():
+    scene = scene_of("ur5 static")
+    rotation = Rotation.from_matrix(scene.pose[0])
+    point, anchor, pull = [0.02, -0.05, 0.1], np.array([0.3, -0.4, 1.2]), [0.5, 1.0, -2.0]
+    given = {f"point__{a}": v for a, v in zip("xyz", point, strict=True)}
+    given |= {f"anchor__{a}": v for a, v in zip("xyz", anchor, strict=True)}
+    given |= {f"pull__{a}": v for a, v in zip("xyz", pull, strict=True)}
+    held = scene.pose[1] + rotation.apply(point)
+    line = anchor - held
+    far = np.linalg.norm(line, axis=1, keepdims=True)
+    force = rotation.inv().apply(4.0 * line / far * np.maximum(far - 0.9, 0.0) + pull)
+    found = added(scene, "cable.pull", stiffness=4.0, length=0.9, **given)
+    assert 0.1 < (far < 0.9).mean() < 0.9
+    assert found == pytest.approx(loads(force, point), abs=1e-9)
+
+
+def test_a_cable_is_untwisted_at_its_neutral_angle():
+    q = np.zeros((3, 6))
+    q[:, 5] = 0.0, 1.0, 3.0
+    found = added(at(q), "cable.torsion", stiffness=5e-3, neutral=1.0)
+    assert found[:, 5] == pytest.approx([5e-3, 0.0, -10e-3], abs=1e-12)
+    about = added(at(q), "cable.torsion", stiffness=5e-3, neutral=1.0, joint_axis=1.0)
+    assert about == pytest.approx(found, abs=1e-12)  # on a UR5 both axes are one
+
+
+def test_a_gear_error_of_one_joint_by_its_short_names():
+    effect, robot = registry.load("effects", "joint.gear_error"), registry.load("robots", "ur5")
+    told = effect.values(robot, {"joint": 2, "sin": 3e-4, "cos": 1e-4, "order": 101.0})
+    assert {n: v for n, v in told.items() if v} == {
+        "sin.q2": 3e-4, "cos.q2": 1e-4, "order": 101.0,
+    }  # fmt: skip
+    q = np.tile([0.0, 0.3, 0.0, 0.0, 0.0, 0.0], (2, 1))
+    q[1, 1] = 0.3 + np.pi / 101.0  # half a wave on
+    moved = EffectChain([ActiveEffect(effect, told)]).displacement(at(q))
+    expected = 3e-4 * np.sin(30.3) + 1e-4 * np.cos(30.3)
+    assert moved[:, 1] == pytest.approx([expected, -expected], abs=1e-15)
+    assert np.abs(np.delete(moved, 1, axis=1)).max() == 0.0

@@ -1,0 +1,283 @@
+"""Rows of a scene, the stages of the chain, effects by their names: what each is by definition."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from effect_scenes import SCENES, motion, plain, scene_of
+from wrenchbed import registry
+from wrenchbed.effects.base import STAGES, Pose
+from wrenchbed.effects.chain import ActiveEffect, EffectChain, active_effect, effects, respond
+from wrenchbed.effects.scene import Scene, examples, held_on
+from wrenchbed.errors import NotFoundError, ParameterError
+from wrenchbed.physics.time_derivatives import Jet
+
+UR5 = registry.load("robots", "ur5")
+
+
+def rows(q, t):
+    gravity, held = np.array(UR5.gravity), np.ones(len(t), dtype=bool)
+    return Scene(UR5, UR5.parameters.nominal, gravity, q, np.asarray(t, dtype=float), held)
+
+
+# ---- rows --------------------------------------------------------------------------------------
+
+
+def test_time_of_a_scene_begins_at_its_first_row():
+    scene = rows(np.zeros((4, 6)), [100.0, 101.0, 104.0, 109.0])
+    assert len(scene) == 4
+    assert scene.age.tolist() == [0.0, 1.0, 4.0, 9.0]
+    assert scene.span == 9.0
+    assert scene.period == 3.0
+    assert rows(np.zeros((1, 6)), [5.0]).span == 1e-9  # a span is divided by
+
+
+def test_rows_are_a_motion_if_they_carry_velocities():
+    q = np.zeros((3, 6))
+    still, moves = rows(q, np.arange(3.0)), rows(Jet(q, q, q), np.arange(3.0))
+    assert (still.moving, still.mode) == (False, "static")
+    assert (moves.moving, moves.mode) == (True, "dynamic")
+    assert still.jointed and not scene_of("oriented static").jointed
+    assert np.array_equal(moves.joints, q) and np.array_equal(still.joints, q)
+
+
+def test_what_varies_along_a_motion_has_velocity_and_acceleration():
+    t = np.arange(200) / 100.0
+    q = np.zeros((200, 6))
+    scene = rows(Jet(q, q, q), 3.0 + t)
+    x = np.stack([t**2, 5.0 * t], axis=1)
+    jet = scene.in_motion(x)
+    assert np.array_equal(jet.v, x)
+    inside = slice(2, -2)
+    assert jet.d[inside] == pytest.approx(np.stack([2.0 * t, 5.0 + 0.0 * t], axis=1)[inside])
+    assert jet.dd[inside] == pytest.approx(np.tile([2.0, 0.0], (200, 1))[inside], abs=1e-9)
+    assert scene.in_motion(jet) is jet
+    assert rows(q, t).in_motion(x) is x
+
+
+def test_a_joint_comes_from_the_side_on_which_it_last_moved():
+    """In radians a row; 1e-5 rad is no step."""
+    q = np.zeros((7, 6))
+    q[:, 0] = [0.0, 0.0, 1e-3, 1e-3, 2e-3, 1e-3, 1.005e-3]
+    q[:, 1] = [0.0, -3e-5, -3e-5, -6e-5, -3.1e-5, -3.1e-5, 5.0]
+    scene = rows(q, np.arange(7.0))
+    assert scene.coming[:, 0].tolist() == [0, 0, 1, 1, 1, -1, -1]
+    assert scene.coming[:, 1].tolist() == [0, -1, -1, -1, 1, 1, 1]
+    assert not scene.coming[:, 2:].any()
+    speed = np.zeros((4, 6))
+    speed[:, 0] = [0.5e-4, 2e-4, -0.5e-4, -2e-4]  # below 1e-4 rad/s it stands
+    assert rows(Jet(q[:4], speed, speed), np.arange(4.0)).coming[:, 0].tolist() == [0, 1, 1, -1]
+
+
+def test_a_sign_is_held_until_the_next():
+    sign = np.array([[0.0, 1.0], [1.0, 0.0], [0.0, -1.0], [-1.0, 0.0], [0.0, 0.0]])
+    held = [[0.0, 1.0], [1.0, 1.0], [1.0, -1.0], [-1.0, -1.0], [-1.0, -1.0]]
+    assert held_on(sign).tolist() == held
+
+
+def test_examples_are_poses_at_rest_and_the_same_as_a_motion():
+    still, moves = examples(UR5)
+    assert len(still) == len(moves) == 24
+    assert not still.moving and moves.moving
+    assert np.array_equal(moves.joints, still.joints)
+    assert not moves.q.d.any() and not moves.q.dd.any()
+    assert still.held.all()
+    assert still.t.tolist() == [10.0 * k for k in range(24)]
+    assert not UR5.infeasible(still.joints, still.theta)
+    assert len(np.unique(still.joints, axis=0)) == 24
+    (only,) = examples(registry.load("robots", "oriented"))
+    assert not only.moving
+    again, _ = examples(UR5)
+    assert np.array_equal(again.joints, still.joints)
+
+
+# ---- what an effect does not do ------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", registry.names("effects"))
+def test_an_effect_leaves_the_other_stages_alone(name):
+    scene, effect = scene_of("ur5 static"), effects()[name]
+    known = effect.parameters(scene.robot)
+    p = effect.values(
+        scene.robot, {q.name: q.tolerance for q in known if not q.nominal and q.upper > q.tolerance}
+    )
+    pose, load = Pose(*scene.pose), scene.load
+    if "model" not in effect.stages:
+        assert effect.theta(scene.robot, scene.theta, p) is scene.theta
+    if "joint" not in effect.stages:
+        assert effect.displace(scene, p) == 0.0
+    if "pose" not in effect.stages:
+        assert effect.pose(scene, pose, p) is pose
+    if "load" not in effect.stages:
+        none = effect.load(scene, pose, load, p)
+        assert none.shape == load.shape and not none.any()
+    if not effect.in_sensor:
+        assert effect.read(scene, load, p) is load
+    if not effect.between_rows:
+        assert effect.corrupt(load, scene.t, p, np.random.default_rng(0)) is load
+
+
+def test_effects_of_a_family_may_be_taken_for_each_other():
+    outside = {n for n, e in effects().items() if e.family == "external"}
+    assert outside == {"cable.pull", "cable.torsion", "environment.contact"}
+    for name, effect in effects().items():
+        assert effect.family in ("external", name.split(".")[0])
+        assert effect.subsystem == name.split(".")[0]
+
+
+@pytest.mark.parametrize("scene", SCENES)
+@pytest.mark.parametrize("name", registry.names("effects"))
+def test_what_is_published_can_be_read_back(name, scene):
+    effect, at = effects()[name], scene_of(scene)
+    for variant in effect.variants(at)[:12]:
+        known = effect.parameters(at.robot)
+        size = {n: known[known.index(n)].tolerance for n in variant.free}
+        values = effect.values(at.robot, dict(variant.at) | size)
+        std = {n: 0.1 * x for n, x in size.items()}
+        back = effect.amplitudes(effect.publish(at.robot, variant, values, std))
+        for n in variant.free:
+            assert back[n]["value"] == pytest.approx(values[n])
+            assert back[n]["std"] == pytest.approx(std[n])
+        for n in variant.shape:
+            assert back[n]["value"] == values[n] and back[n]["std"] is None
+
+
+# ---- the chain -----------------------------------------------------------------------------------
+
+
+def active(name, scene, times=1.0):
+    effect = effects()[name]
+    variant = effect.variants(scene)[0]
+    known = effect.parameters(scene.robot)
+    size = {n: times * known[known.index(n)].tolerance for n in variant.free}
+    return ActiveEffect.of(scene.robot, name, dict(variant.at) | size)
+
+
+TOGETHER = [
+    ["sensor.gain"], ["sensor.bias", "sensor.nonlinearity"], ["cable.pull"],
+    ["cable.pull", "environment.contact"], ["cable.pull", "sensor.gain"], ["tool.mass"],
+    ["joint.offset"], ["base.compliance", "sensor.bias"], ["joint.backlash", "cable.torsion"], [],
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("label", ["ur5 static", "ur5 motion"])
+@pytest.mark.parametrize("names", TOGETHER, ids="+".join)
+def test_the_chain_from_a_late_stage_gives_the_same_but_for_what_is_constant(names, label):
+    scene = scene_of(label)
+    chain = EffectChain([active(n, scene) for n in names])
+    late = chain.late_response(scene, plain(label))
+    full = chain.respond(scene)
+    if set(names) <= {"cable.pull", "environment.contact"} and names:
+        late = late + plain(label)  # of loads alone it gives what they add
+    assert late == pytest.approx(full, abs=1e-12)
+
+
+def test_stages_act_in_their_order_whatever_the_order_given():
+    """A gain acts on all that pulls, weight of a heavier tool and cable; a zero is not scaled."""
+    scene = scene_of("ur5 static")
+    names = ["sensor.bias", "sensor.gain", "cable.pull", "tool.mass"]
+    given = {
+        "sensor.bias": {"bias.fx": 1.0}, "sensor.gain": {"gain.fx": 0.1},
+        "cable.pull": {"pull.x": 2.0, "pull.z": 1.0}, "tool.mass": {"mass": 0.5},
+    }  # fmt: skip
+
+    def told(*order):
+        chosen = [ActiveEffect.of(scene.robot, n, given[n]) for n in order]
+        return respond(scene, chosen)
+
+    load = told("cable.pull") + told("tool.mass") - plain("ur5 static")
+    expected = load * [1.1, 1, 1, 1, 1, 1] + [1.0, 0, 0, 0, 0, 0]
+    assert told("sensor.gain", "sensor.bias", "tool.mass", "cable.pull") == pytest.approx(expected)
+    assert told("cable.pull", "sensor.gain", "tool.mass", "sensor.bias") == pytest.approx(expected)
+    zero_first = told(*names) - told("sensor.gain", "sensor.bias", "cable.pull", "tool.mass")
+    assert zero_first[:, 0] == pytest.approx(0.1)  # of one stage the order is that given
+
+
+def test_joints_of_two_effects_add_up():
+    scene = scene_of("ur5 static")
+    offset, gear = (
+        ActiveEffect.of(scene.robot, n, v)
+        for n, v in (
+            ("joint.offset", {"joint": 2, "offset": 0.01}),
+            ("joint.gear_error", {"joint": 2, "cos": 1e-3, "order": 1.0}),
+        )
+    )
+    moved = EffectChain([offset, gear]).displacement(scene)
+    assert moved[:, 1] == pytest.approx(0.01 + 1e-3 * np.cos(scene.joints[:, 1]))
+    assert EffectChain([]).displacement(scene) == 0.0
+
+
+def test_velocities_follow_a_smooth_displacement_but_no_jump():
+    scene = motion("ur5", seconds=2.0)
+    give = ActiveEffect.of(scene.robot, "joint.compliance", {"joint": 2, "stiffness": 1e4})
+    moved = EffectChain([give]).displacement(scene)
+    assert isinstance(moved, Jet)
+    rate = np.gradient(scene.joint_torque[:, 1] / 1e4, 1.0 / 125.0)
+    assert moved.d[:, 1] == pytest.approx(rate, abs=1e-9)
+    jump = ActiveEffect.of(scene.robot, "joint.backlash", {"joint": 2, "load": 1e-3})
+    assert not isinstance(EffectChain([jump]).displacement(scene), Jet)
+
+
+def test_what_shows_only_in_motion_does_not_act_at_rest():
+    effect = effects()["timing.delay"]
+    assert not effect.acts(SimpleNamespace(mode="static", extra={}))
+    assert effect.acts(SimpleNamespace(mode="dynamic", extra={}))
+    still = scene_of("ur5 static")
+    late = ActiveEffect.of(still.robot, "timing.delay", {"delay": 0.5})
+    assert np.array_equal(EffectChain([late]).read(still, still.load), still.load)
+    assert list(STAGES) == ["model", "joint", "pose", "load", "reading", "timing", "row"]
+
+
+def test_a_scene_with_other_parameters_reads_by_them():
+    scene = scene_of("ur5 static")
+    theta = scene.theta.copy()
+    theta[scene.robot.parameters.index("tool.mass")] *= 2.0
+    assert respond(replace(scene, theta=theta)) == pytest.approx(2.0 * plain("ur5 static"))
+
+
+# ---- effects by name -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("joint.offset:joint=3", {"offset.q3": np.deg2rad(0.2)}),
+        ("joint.offset", {f"offset.q{k}": np.deg2rad(0.2) for k in range(1, 7)}),
+        ("joint.offset:joint=3,offset=0.01", {"offset.q3": 0.01}),
+        ("joint.backlash:joint=2,side=approach", {"approach.q2": 2e-4}),
+        ("sensor.gain:channel=fz", {"gain.fz": 0.01}),
+        ("sensor.hysteresis:channel=tx", {"middle.tx": 0.01, "width": 1.0}),
+        ("sensor.hysteresis:lag.fx=0.3", {"middle.fx": 0.3, "width": 1.0}),
+        ("tool.cog", {f"cog.{a}": 2e-3 for a in "xyz"}),
+        ("tool.cog:axis=y", {"cog.y": 2e-3}),
+        ("tool.cog: cog.x = 1e-3 , cog.z=-2e-3", {"cog.x": 1e-3, "cog.z": -2e-3}),
+        ("timing.lowpass:order=2", {"tau": 0.01, "stages": 2.0}),
+        ("timing.stale", {"share": 0.1}),
+        ("base.vibration:amplitude.fx=0.5", {"amplitude.fx": 0.5, "frequency": 12.0}),
+        ("tool.mass:", {"mass": 0.027}),
+    ],
+)
+def test_an_effect_by_its_text_has_these_values_and_no_other(text, expected):
+    told = active_effect(UR5, text)
+    assert told.effect.name == text.split(":")[0]
+    assert {n: v for n, v in told.values.items() if v} == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(
+    ("text", "error", "says"),
+    [
+        ("joint.offset:joint=9", ParameterError, "does not exist: 1 … 6"),
+        ("tool.cog:axis=w", ParameterError, "axis"),
+        ("tool.cog:=2", ParameterError, "is not name=value"),
+        ("tool.cog:cog.x", ParameterError, "'cog.x' is not name=value"),
+        ("tool.cog:cog.x=", ParameterError, "'cog.x=' is not name=value"),
+        ("tool.cog:cog.x=1,cog.x=1", ParameterError, "'cog.x' is given twice"),
+        ("tool.cog:cog.x=5", ParameterError, "outside"),
+        ("tool.cgo", NotFoundError, "tool.cog"),
+    ],
+)
+def test_a_text_that_says_nothing_possible_is_refused(text, error, says):
+    with pytest.raises(error, match=says):
+        active_effect(UR5, text)
