@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from wrenchbed.calibration.fit import Fit
     from wrenchbed.calibration.touches import Touches
     from wrenchbed.campaigns.recording.run import record
-    from wrenchbed.campaigns.setting import Fleet
+    from wrenchbed.campaigns.settings import Fleet
     from wrenchbed.campaigns.simulated_robots import campaign
     from wrenchbed.data.column_map import read as read_map
     from wrenchbed.data.import_files import import_files
@@ -58,7 +58,7 @@ _PUBLIC = {
     "calibration.touches": ("Touches",),
     "campaigns.simulated_robots": ("campaign",),
     "campaigns.recording.run": ("record",),
-    "campaigns.setting": ("Fleet",),
+    "campaigns.settings": ("Fleet",),
     "data.column_map": ("read as read_map",),
     "data.import_files": ("import_files",),
     "data.logs": ("write_mcap",),

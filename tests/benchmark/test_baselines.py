@@ -6,7 +6,7 @@ import pytest
 from wrenchbed import registry
 from wrenchbed.benchmark.lookalikes import ExperimentDesign, draw, recording
 from wrenchbed.benchmark.scoring.baselines import BASELINES, descend
-from wrenchbed.benchmark.scoring.linear import Claim, linear
+from wrenchbed.benchmark.scoring.linear_problem import Claim, linear
 from wrenchbed.data.plan import Plan
 from wrenchbed.diagnosis.prepare.prepare_recording import prepare
 

@@ -11,14 +11,14 @@ from scipy.integrate import solve_ivp
 import wrenchbed
 from wrenchbed import registry
 from wrenchbed.benchmark.referee import arm, case, outside, sensor, tool
-from wrenchbed.benchmark.referee import setting as settings
+from wrenchbed.benchmark.referee import scenario as settings
 from wrenchbed.benchmark.referee import signatures as columns
 from wrenchbed.benchmark.referee.case import FaultyRobot
 from wrenchbed.benchmark.referee.catalogue import EFFECTS, STATED, background, possible
 from wrenchbed.benchmark.referee.equivalence import SAME, Usual, bench
 from wrenchbed.benchmark.referee.fault import RefereeFault, mechanics, signal, total
-from wrenchbed.benchmark.referee.machine import Mechanics
 from wrenchbed.benchmark.referee.memory import after, bouc_wen, lowpass
+from wrenchbed.benchmark.referee.true_robot import Mechanics
 from wrenchbed.effects.chain import ActiveEffect, respond
 from wrenchbed.effects.scene import Scene
 

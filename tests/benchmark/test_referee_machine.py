@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from wrenchbed import registry
-from wrenchbed.benchmark.referee.machine import Backlash, Hose, LoosePart, Mechanics, Pad
+from wrenchbed.benchmark.referee.forward_dynamics import ride
 from wrenchbed.benchmark.referee.path import through
-from wrenchbed.benchmark.referee.ride import ride
+from wrenchbed.benchmark.referee.true_robot import Backlash, Hose, LoosePart, Mechanics, Pad
 
 POSES = 6
 

@@ -7,8 +7,9 @@ import pytest
 
 from wrenchbed import registry
 from wrenchbed.benchmark.lookalikes import ExperimentDesign, draw
+from wrenchbed.benchmark.scoring.case_rows import OURS, CaseFile, CaseRow, Number, read, write
 from wrenchbed.benchmark.scoring.cases import BenchmarkSetting, Job, jobs, truth
-from wrenchbed.benchmark.scoring.linear import Claim
+from wrenchbed.benchmark.scoring.linear_problem import Claim
 from wrenchbed.benchmark.scoring.metrics import (
     METRICS,
     by_effect,
@@ -21,7 +22,6 @@ from wrenchbed.benchmark.scoring.metrics import (
     right,
     score,
 )
-from wrenchbed.benchmark.scoring.rows import OURS, CaseFile, CaseRow, Number, read, write
 from wrenchbed.data.plan import Plan
 from wrenchbed.errors import DiagnosisError
 

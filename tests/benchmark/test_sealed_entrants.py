@@ -10,8 +10,8 @@ import time
 import pytest
 
 from sealed_family import COUNT, SAYS_NONE, script
-from wrenchbed.benchmark.referee import setting as settings
-from wrenchbed.benchmark.scoring.linear import Claim
+from wrenchbed.benchmark.referee import scenario as settings
+from wrenchbed.benchmark.scoring.linear_problem import Claim
 from wrenchbed.benchmark.sealed import make, report, run, score
 from wrenchbed.benchmark.sealed import score as claims
 from wrenchbed.benchmark.sealed.entrants import CLAIM, Entrant, contract, enter

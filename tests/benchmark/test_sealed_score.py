@@ -6,7 +6,7 @@ import numpy as np
 
 from sealed_family import COUNT, SEED, truthful
 from wrenchbed.benchmark.referee.catalogue import EFFECTS
-from wrenchbed.benchmark.scoring.linear import Claim
+from wrenchbed.benchmark.scoring.linear_problem import Claim
 from wrenchbed.benchmark.sealed import answer, commitments, report, score
 from wrenchbed.benchmark.sealed import commitments as case_files
 from wrenchbed.benchmark.sealed import make as making

@@ -9,10 +9,10 @@ from scipy.signal import lfilter
 
 from wrenchbed.calibration import weighting
 from wrenchbed.calibration import weighting as wander
+from wrenchbed.calibration.fit_problem import Problem, _robust_weight
 from wrenchbed.calibration.least_squares import MAX_STEPS, Solution, solve
 from wrenchbed.calibration.observability import analyse, null_space
 from wrenchbed.calibration.observations import Observations
-from wrenchbed.calibration.problem import Problem, _robust_weight
 from wrenchbed.calibration.touches import Agreement, Touches
 from wrenchbed.errors import CalibrationError
 from wrenchbed.physics.time_derivatives import Jet

@@ -15,9 +15,9 @@ import pyarrow.parquet as pq
 import pytest
 
 import wrenchbed as wb
-from wrenchbed.campaigns import rows, summary
-from wrenchbed.campaigns.rows import SECONDS, CampaignRows, empty
-from wrenchbed.campaigns.setting import SIZES, Fleet, possible, varied
+from wrenchbed.campaigns import result_rows, summary
+from wrenchbed.campaigns.result_rows import SECONDS, CampaignRows, empty
+from wrenchbed.campaigns.settings import SIZES, Fleet, possible, varied
 from wrenchbed.campaigns.simulated_robots import campaign, one, recorded
 from wrenchbed.cli import main
 from wrenchbed.errors import FleetError, ParameterError
@@ -182,7 +182,7 @@ def test_a_crash_between_the_whole_file_and_its_parts_doubles_nothing(whole, tmp
 
 
 def test_a_full_disk_is_told_and_what_was_written_stays(whole, tmp_path, monkeypatch):
-    monkeypatch.setattr(rows, "_EVERY_S", 0.0)
+    monkeypatch.setattr(result_rows, "_EVERY_S", 0.0)
     written, write = [], pq.write_table
 
     def full(table, where, **more):
@@ -192,7 +192,7 @@ def test_a_full_disk_is_told_and_what_was_written_stays(whole, tmp_path, monkeyp
         written.append(where)
         write(table, where, **more)
 
-    monkeypatch.setattr(rows.pq, "write_table", full)
+    monkeypatch.setattr(result_rows.pq, "write_table", full)
     with pytest.raises(OSError, match="No space left"):
         campaign(small(6), tmp_path, workers=1)
     monkeypatch.undo()

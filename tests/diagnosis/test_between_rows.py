@@ -8,7 +8,7 @@ import pytest
 from wrenchbed import registry
 from wrenchbed.benchmark.lookalikes import ExperimentDesign, draw, recording
 from wrenchbed.data.metadata import Metadata, SensorInfo, ToolInfo
-from wrenchbed.diagnosis.between_rows.rows import find_row_effects
+from wrenchbed.diagnosis.between_rows.row_effects import find_row_effects
 from wrenchbed.diagnosis.prepare.configuration import configured
 from wrenchbed.physics.wrench import CHANNELS
 

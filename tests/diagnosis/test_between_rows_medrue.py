@@ -9,7 +9,7 @@ from wrenchbed import registry
 from wrenchbed.benchmark.lookalikes import ExperimentDesign, draw, recording
 from wrenchbed.benchmark.lookalikes.imperfection import raised_variance
 from wrenchbed.data.plan import Plan
-from wrenchbed.diagnosis.between_rows.rows import find_row_effects
+from wrenchbed.diagnosis.between_rows.row_effects import find_row_effects
 from wrenchbed.diagnosis.prepare.configuration import configured
 from wrenchbed.physics.wrench import CHANNELS
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.special import ndtr
 
-from wrenchbed.diagnosis.between_rows import rows
-from wrenchbed.diagnosis.between_rows.rows import RowFinding
-from wrenchbed.diagnosis.prepare.repeats import Repeats, Step
+from wrenchbed.diagnosis.between_rows import row_effects
+from wrenchbed.diagnosis.between_rows.row_effects import RowFinding
+from wrenchbed.diagnosis.prepare.repeated_rows import Repeats, Step
 from wrenchbed.physics.wrench import CHANNELS
 
 ALL = (0, 1, 2, 3, 4, 5)
@@ -37,21 +37,21 @@ def repeats(share, expected=0.0, std=0.005, channels=ALL, stale=None):
 
 @pytest.fixture(autouse=True)
 def no_line(monkeypatch):
-    monkeypatch.setattr(rows, "line", lambda *_: None)
+    monkeypatch.setattr(row_effects, "line", lambda *_: None)
 
 
 def test_a_count_is_compared_with_what_is_stated_or_left():
     counted = np.array([3.0, 0, 0, 0, 0, 0])
-    stated = rows._base(recording(noise=[0.5] * 6), None, counted)
+    stated = row_effects._base(recording(noise=[0.5] * 6), None, counted)
     assert stated == pytest.approx([0.25] * 6)
-    assert rows._base(recording(), None, counted) is None
-    left = rows._base(recording(), scatter(np.ones(6)), counted)
+    assert row_effects._base(recording(), None, counted) is None
+    left = row_effects._base(recording(), scatter(np.ones(6)), counted)
     assert left == pytest.approx([1.0, 4, 4, 4, 4, 4])
-    loud = rows._base(recording(), scatter(np.full(6, 2.5)), counted)
+    loud = row_effects._base(recording(), scatter(np.full(6, 2.5)), counted)
     assert loud == pytest.approx([7.0, 10, 10, 10, 10, 10])
-    least = rows._base(recording(), scatter(np.ones(6)), counted + 9.0)
+    least = row_effects._base(recording(), scatter(np.ones(6)), counted + 9.0)
     assert least == pytest.approx([0.04] * 6)  # a hundredth of the scale's square
-    unknown = rows._base(recording(noise=[0.0, 1, 1, 1, 1, 1]), None, counted)
+    unknown = row_effects._base(recording(noise=[0.0, 1, 1, 1, 1, 1]), None, counted)
     assert unknown is None
 
 
@@ -59,33 +59,33 @@ def test_a_count_is_compared_with_what_is_stated_or_left():
 def test_a_coarse_count_is_told_from_a_rise_of_0_45(rise, told):
     steps = [Step(0.2, 0.001), None, None, Step(0.3, 0.002), None, None]
     counted = np.array([0.46, 0, 0, rise, 0, 0]) * 4.0
-    found = rows._coarse(steps, counted, np.full(6, 4.0))
+    found = row_effects._coarse(steps, counted, np.full(6, 4.0))
     assert found.effect == "sensor.quantization"
     assert found.channels == (("fx", "tx") if told else ("fx",))
     assert found.rise == pytest.approx(0.46)
     assert found.probability == pytest.approx(0.99 * ndtr(0.01 / 0.02))
     assert found.parameters["step.fx"] == {"value": 0.2, "std": 0.001, "unit": "N"}
-    assert rows._coarse(steps, counted * 0.9, np.full(6, 4.0)) is None
+    assert row_effects._coarse(steps, counted * 0.9, np.full(6, 4.0)) is None
 
 
 def test_repeats_are_told_from_a_share_of_three_hundredths():
     rec = recording()
-    assert rows._stale(rec, repeats(0.029), None) is None
-    found = rows._stale(rec, repeats(0.031), None)
+    assert row_effects._stale(rec, repeats(0.029), None) is None
+    found = row_effects._stale(rec, repeats(0.031), None)
     assert (found.effect, found.rise) == ("timing.stale", 0.0)
     assert found.probability == pytest.approx(0.99 * ndtr((0.031 - 0.015) / 0.005))
     assert found.channels == CHANNELS
     assert found.parameters["share"]["value"] == 0.031
     assert "3.1 % of the rows repeat" in found.sentence and "2.0 in a run" in found.sentence
-    assert rows._stale(rec, repeats(0.05, expected=0.025), None) is None  # counts make half
-    forces = rows._stale(rec, repeats(0.05, channels=(0, 1, 2)), None)
+    assert row_effects._stale(rec, repeats(0.05, expected=0.025), None) is None  # counts make half
+    forces = row_effects._stale(rec, repeats(0.05, channels=(0, 1, 2)), None)
     assert "rows of fx, fy, fz repeat" in forces.sentence
 
 
 def test_fewer_repeats_are_told_if_they_are_late_by_enough(monkeypatch):
     for late, told in ((0.34, False), (0.36, True)):
-        monkeypatch.setattr(rows, "_late", lambda *_, late=late: late)
-        found = rows._stale(recording(), repeats(0.02), None)
+        monkeypatch.setattr(row_effects, "_late", lambda *_, late=late: late)
+        found = row_effects._stale(recording(), repeats(0.02), None)
         assert (found is not None) == told
         assert found is None or found.rise == late
 
@@ -99,20 +99,22 @@ def test_a_repeat_is_late_by_what_moved_meanwhile():
     told = repeats(0.1, stale=stale)
     s = scatter(np.full(6, 0.3), scale=0.5)
     expected = (1.0 / 10 - 2.0 / 3.0 * 0.25 * 0.3 * 0.1) / 0.25
-    assert rows._late(rec, told, s) == pytest.approx(expected)
+    assert row_effects._late(rec, told, s) == pytest.approx(expected)
     rec.wrench[:, 3] *= 2.0  # a channel that moves twice as fast
     faster = (4.0 / 10 - 2.0 / 3.0 * 0.25 * 0.3 * 0.1) / 0.25
-    assert rows._late(rec, told, s) == pytest.approx(faster)
-    assert rows._late(rec, repeats(0.1, stale=stale, channels=(0,)), s) == pytest.approx(expected)
-    assert rows._late(rec, told, None) == 0.0
-    assert rows._late(recording("static"), told, s) == 0.0
-    assert rows._late(rec, repeats(0.0), s) == 0.0
-    assert rows._late(rec, told, scatter(np.full(6, 90.0))) == 0.0
+    assert row_effects._late(rec, told, s) == pytest.approx(faster)
+    assert row_effects._late(rec, repeats(0.1, stale=stale, channels=(0,)), s) == pytest.approx(
+        expected
+    )
+    assert row_effects._late(rec, told, None) == 0.0
+    assert row_effects._late(recording("static"), told, s) == 0.0
+    assert row_effects._late(rec, repeats(0.0), s) == 0.0
+    assert row_effects._late(rec, told, scatter(np.full(6, 90.0))) == 0.0
 
 
 def test_noise_is_told_from_a_rise_of_0_35_that_nothing_else_explains():
     variance = np.array([1.6, 1.2, 1.0, 1.0, 1.36, 1.3])
-    found = rows._noise(scatter(variance), np.zeros(6))
+    found = row_effects._noise(scatter(variance), np.zeros(6))
     assert (found.effect, found.channels) == ("sensor.noise", ("fx", "ty"))
     assert found.rise == pytest.approx(0.6)
     slack = np.hypot(0.01, 0.05)
@@ -122,14 +124,14 @@ def test_noise_is_told_from_a_rise_of_0_35_that_nothing_else_explains():
     assert told["std"] == pytest.approx(0.5 * slack * 4.0 / (np.sqrt(0.6) * 2.0))
     assert "a row of fx has 2.53 N instead of 2 N" in found.sentence
     explained = np.array([0.4, 0, 0, 0, 0, 0])
-    assert rows._noise(scatter(variance), explained) is None  # 1.3 · 0.4 of 0.6
-    assert rows._noise(scatter(variance, steady=False), np.zeros(6)) is None
+    assert row_effects._noise(scatter(variance), explained) is None  # 1.3 · 0.4 of 0.6
+    assert row_effects._noise(scatter(variance, steady=False), np.zeros(6)) is None
 
 
 @pytest.mark.parametrize(("rise", "told"), [(0.38, False), (0.39, True)])
 def test_noise_less_sure_than_three_quarters_is_not_told(rise, told):
     """Φ((rise − 0.35) / 0.05): 0.73 and 0.79."""
-    found = rows._noise(scatter(np.full(6, 1.0 + rise), std=0.0), np.zeros(6))
+    found = row_effects._noise(scatter(np.full(6, 1.0 + rise), std=0.0), np.zeros(6))
     assert (found is not None) == told
 
 
@@ -144,7 +146,7 @@ def shaking(rise, seen=0.0, std=0.02, line=None):
 @pytest.mark.parametrize(("rise", "told"), [(0.46, False), (0.48, True), (0.9, True)])
 def test_a_shaking_base_is_told_when_surely_above_0_45(rise, told):
     shake = shaking([0.1, rise, 0.46, 0.0, 0.0, 0.0])
-    found = rows._vibration(scatter(np.ones(6)), shake)
+    found = row_effects._vibration(scatter(np.ones(6)), shake)
     assert (found is not None) == told
     if found is not None:
         slack = np.hypot(0.02, 0.05 * rise)
@@ -160,11 +162,11 @@ def test_a_shaking_base_is_told_when_surely_above_0_45(rise, told):
 def test_a_line_has_a_frequency_and_without_a_stated_noise_the_rest_is_the_measure():
     tone = SimpleNamespace(frequency=12.3, std=0.1)
     s = scatter(np.ones(6), stated=False)
-    found = rows._vibration(s, shaking([0.4, 0, 0, 0, 0, 0], seen=0.5, line=tone))
+    found = row_effects._vibration(s, shaking([0.4, 0, 0, 0, 0, 0], seen=0.5, line=tone))
     assert found.rise == pytest.approx(0.8)
     assert found.parameters["frequency"] == {"value": 12.3, "std": 0.1, "unit": "Hz"}
     assert "at 12.30 Hz" in found.sentence
-    most = rows._vibration(s, shaking([0.4, 0, 0, 0, 0, 0], seen=2.0))
+    most = row_effects._vibration(s, shaking([0.4, 0, 0, 0, 0, 0], seen=2.0))
     assert most.rise == pytest.approx(0.4 / 0.05)
 
 
@@ -174,4 +176,4 @@ def test_only_whole_rows_that_repeat_are_an_effect_of_the_twin():
 
 
 def test_too_few_rows_say_nothing():
-    assert rows.find_row_effects([1, 2], None) == ()
+    assert row_effects.find_row_effects([1, 2], None) == ()

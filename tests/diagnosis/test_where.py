@@ -10,7 +10,7 @@ from scipy.stats import kstest
 from wrenchbed import registry
 from wrenchbed.benchmark.lookalikes import ExperimentDesign, draw, recording
 from wrenchbed.diagnosis.gap import where
-from wrenchbed.diagnosis.gap.partitions import family_wise, partitions
+from wrenchbed.diagnosis.gap.dependence import family_wise, partitions
 from wrenchbed.diagnosis.gap.where import SEEN, Finding, entries, locate
 from wrenchbed.diagnosis.prepare.baseline import calibrate
 from wrenchbed.diagnosis.prepare.prepare_recording import prepare

@@ -5,8 +5,8 @@ import sys
 
 import pytest
 
-from wrenchbed.benchmark.referee import setting as settings
-from wrenchbed.benchmark.scoring.linear import Claim
+from wrenchbed.benchmark.referee import scenario as settings
+from wrenchbed.benchmark.scoring.linear_problem import Claim
 from wrenchbed.benchmark.sealed import answer, commitments, make
 from wrenchbed.benchmark.sealed import commitments as case_files
 from wrenchbed.benchmark.sealed.entrants import CLAIM, RUN, contract

@@ -16,10 +16,10 @@ from scipy.spatial.transform import Rotation
 from wrenchbed import registry
 from wrenchbed.calibration.accuracy import Goal, tip_jacobian
 from wrenchbed.calibration.fit import Fit, FitNoise, IdentifiedValue
+from wrenchbed.calibration.fit_problem import LOSSES, Problem
 from wrenchbed.calibration.least_squares import Solution
 from wrenchbed.calibration.observability import Observability, analyse
 from wrenchbed.calibration.observations import Observations, fallback_covariance, observe
-from wrenchbed.calibration.problem import LOSSES, Problem
 from wrenchbed.calibration.touches import Agreement, Touches
 from wrenchbed.calibration.weighting import Outcome, fit
 from wrenchbed.data.recording import POINT, QUATERNION, Recording

@@ -17,9 +17,9 @@ from scipy.optimize import minimize_scalar
 from scipy.special import sici
 
 from wrenchbed.calibration.fit import FitNoise
+from wrenchbed.calibration.fit_problem import Problem, Whitening
 from wrenchbed.calibration.least_squares import Solution
 from wrenchbed.calibration.observations import Observations, fallback_covariance
-from wrenchbed.calibration.problem import Problem, Whitening
 from wrenchbed.physics.time_derivatives import Jet
 
 MOST_POSES = 1500

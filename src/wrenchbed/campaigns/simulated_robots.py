@@ -29,8 +29,8 @@ import pyarrow as pa
 from wrenchbed import registry
 from wrenchbed.calibration.calibrate import calibrate
 from wrenchbed.calibration.fit import Fit
-from wrenchbed.campaigns.rows import CampaignRows, Row, empty
-from wrenchbed.campaigns.setting import Fleet, Truth, draw, varied
+from wrenchbed.campaigns.result_rows import CampaignRows, Row, empty
+from wrenchbed.campaigns.settings import Fleet, Truth, draw, varied
 from wrenchbed.data.plan import Plan
 from wrenchbed.data.recording import Recording, joint_columns
 from wrenchbed.errors import FleetError, WrenchbedError

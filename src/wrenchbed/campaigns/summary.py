@@ -6,7 +6,7 @@ from importlib.metadata import version
 import numpy as np
 import pyarrow as pa
 
-from wrenchbed.campaigns.setting import Fleet
+from wrenchbed.campaigns.settings import Fleet
 from wrenchbed.pages.document import Document, Figure, Section, Table
 from wrenchbed.pages.plots import histograms, lines
 

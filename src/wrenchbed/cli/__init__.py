@@ -18,19 +18,19 @@ from typing import Annotated, Any, Union
 from wrenchbed.errors import WrenchbedError, WrenchbedWarning
 
 _VERBS = {
-    "list": ("verbs", "list_"),
+    "list": ("small_verbs", "list_"),
     "plan": ("plan", "plan"),
     "record": ("record", "record"),
-    "import": ("verbs", "import_"),
+    "import": ("small_verbs", "import_"),
     "calibrate": ("calibrate", "calibrate"),
     "diagnose": ("diagnose", "diagnose"),
     "view": ("view", "view"),
     "report": ("view", "report"),
-    "simulate": ("verbs", "simulate"),
-    "export": ("verbs", "export"),
+    "simulate": ("small_verbs", "simulate"),
+    "export": ("small_verbs", "export"),
     "twin": ("serve", "twin"),
     "campaign": ("campaign", "campaign"),
-    "study": ("verbs", "study"),
+    "study": ("small_verbs", "study"),
     "blind": ("blind", "blind"),
 }
 """Module and function of each verb."""

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from wrenchbed.diagnosis.between_rows.rows import RowFinding
+from wrenchbed.diagnosis.between_rows.row_effects import RowFinding
 from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
 from wrenchbed.diagnosis.explain.claims import stated
 from wrenchbed.diagnosis.explain.refit import Finalist

@@ -13,7 +13,7 @@ import numpy as np
 
 from wrenchbed import registry
 from wrenchbed.emulators.base.body import Body, BodyOptions
-from wrenchbed.emulators.base.surface import Limb, tip_of
+from wrenchbed.emulators.base.contact_surface import Limb, tip_of
 from wrenchbed.environments.rendering import Rendered
 from wrenchbed.errors import ParameterError
 from wrenchbed.robots.base import SimulatedRobot

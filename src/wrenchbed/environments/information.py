@@ -7,7 +7,7 @@ from typing import Protocol
 import numpy as np
 
 from wrenchbed.calibration.accuracy import Goal, tip_jacobian
-from wrenchbed.campaigns.setting import possible
+from wrenchbed.campaigns.settings import possible
 from wrenchbed.effects.chain import ActiveEffect, respond
 from wrenchbed.effects.scene import Scene
 from wrenchbed.robots.base import SimulatedRobot

@@ -18,8 +18,8 @@ import numpy as np
 
 from wrenchbed import registry
 from wrenchbed.calibration.accuracy import Goal, tip_jacobian
+from wrenchbed.calibration.fit_problem import Problem
 from wrenchbed.calibration.observations import Observations
-from wrenchbed.calibration.problem import Problem
 from wrenchbed.calibration.touches import Touches
 from wrenchbed.data.plan import Plan
 from wrenchbed.data.recording import TOUCH_STD

@@ -11,7 +11,7 @@ from wrenchbed.data.recording import Recording
 from wrenchbed.pages import numbers
 from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.reports import figures
-from wrenchbed.reports.page import DiagnosisPage
+from wrenchbed.reports.diagnosis_page import ReportPage
 from wrenchbed.reports.simulators import BINS, Heat
 from wrenchbed.twin.comparison import Simulator, binned_rms, bins, noise_of, order_of, simulators
 
@@ -40,9 +40,7 @@ def report(
     recording_page(recording, against, command).write(out)
 
 
-def recording_page(
-    recording: Recording, files: Sequence[str | Path], command: str
-) -> DiagnosisPage:
+def recording_page(recording: Recording, files: Sequence[str | Path], command: str) -> ReportPage:
     """The page of a recording and of some fit.json and twin.json files.
 
     Raises:
@@ -79,7 +77,7 @@ def recording_page(
         "data": _data(recording),
         "command": command,
     }
-    return DiagnosisPage(context, "recording")
+    return ReportPage(context, "recording")
 
 
 def _white(recording: Recording, s: Simulator, noise: np.ndarray) -> np.ndarray:

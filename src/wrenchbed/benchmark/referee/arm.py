@@ -17,8 +17,8 @@ from wrenchbed.benchmark.referee.fault import (
     drawn,
     sign,
 )
-from wrenchbed.benchmark.referee.machine import Backlash, Mechanics
-from wrenchbed.benchmark.referee.setting import RefereeSetting
+from wrenchbed.benchmark.referee.scenario import RefereeSetting
+from wrenchbed.benchmark.referee.true_robot import Backlash, Mechanics
 
 _TONE = 0.9
 """Share of the lowest tone in the vibration of a machine nearby: an estimate."""

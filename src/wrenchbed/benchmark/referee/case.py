@@ -14,11 +14,11 @@ from wrenchbed.benchmark.referee import outside
 from wrenchbed.benchmark.referee.catalogue import EFFECTS, STATED, background, possible
 from wrenchbed.benchmark.referee.equivalence import Bench, Usual, bench
 from wrenchbed.benchmark.referee.fault import RefereeFault, mechanics, signal
-from wrenchbed.benchmark.referee.machine import Mechanics
+from wrenchbed.benchmark.referee.forward_dynamics import Ride, ride
 from wrenchbed.benchmark.referee.noise import held, rows, shaken
-from wrenchbed.benchmark.referee.ride import Ride, ride
-from wrenchbed.benchmark.referee.setting import SAMPLES, RefereeSetting, draw
+from wrenchbed.benchmark.referee.scenario import SAMPLES, RefereeSetting, draw
 from wrenchbed.benchmark.referee.signatures import stride, thin
+from wrenchbed.benchmark.referee.true_robot import Mechanics
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import ParameterError
 from wrenchbed.physics.wrench import CHANNELS

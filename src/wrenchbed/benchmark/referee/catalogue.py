@@ -17,8 +17,8 @@ from wrenchbed.benchmark.referee.fault import (
     by_channel,
     direction,
 )
-from wrenchbed.benchmark.referee.machine import Mechanics
-from wrenchbed.benchmark.referee.setting import RefereeSetting
+from wrenchbed.benchmark.referee.scenario import RefereeSetting
+from wrenchbed.benchmark.referee.true_robot import Mechanics
 
 FILES = (arm, sensor, timing, tool)
 """Modules whose draws are registered by importing them."""

@@ -9,8 +9,8 @@ from scipy.optimize import lsq_linear
 
 from wrenchbed.benchmark.referee import signatures
 from wrenchbed.benchmark.referee.catalogue import STATED
-from wrenchbed.benchmark.referee.ride import Ride
-from wrenchbed.benchmark.referee.setting import RefereeSetting
+from wrenchbed.benchmark.referee.forward_dynamics import Ride
+from wrenchbed.benchmark.referee.scenario import RefereeSetting
 
 SAME = 0.1
 """An effect that imitates another up to this gap cannot be distinguished from it: an estimate;

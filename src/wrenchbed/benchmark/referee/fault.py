@@ -10,9 +10,9 @@ from typing import Any, Concatenate, ParamSpec
 
 import numpy as np
 
-from wrenchbed.benchmark.referee.machine import Mechanics
-from wrenchbed.benchmark.referee.ride import Ride
-from wrenchbed.benchmark.referee.setting import RefereeSetting
+from wrenchbed.benchmark.referee.forward_dynamics import Ride
+from wrenchbed.benchmark.referee.scenario import RefereeSetting
+from wrenchbed.benchmark.referee.true_robot import Mechanics
 from wrenchbed.physics.wrench import CHANNELS
 
 Rng = np.random.Generator

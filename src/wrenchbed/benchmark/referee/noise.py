@@ -11,9 +11,9 @@ from scipy.signal import lfilter
 
 from wrenchbed import registry
 from wrenchbed.benchmark.referee.fault import RefereeFault, RowFault
+from wrenchbed.benchmark.referee.forward_dynamics import Ride
 from wrenchbed.benchmark.referee.memory import ornstein
-from wrenchbed.benchmark.referee.ride import Ride
-from wrenchbed.benchmark.referee.setting import RefereeSetting
+from wrenchbed.benchmark.referee.scenario import RefereeSetting
 
 WANDER = 0.3
 """Largest rms of the slow wander in noises of a row: a gap below 0.1."""

@@ -9,9 +9,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from wrenchbed.benchmark.referee.fault import RefereeFault, Rng, direction, named, sign, touched
+from wrenchbed.benchmark.referee.forward_dynamics import Ride
 from wrenchbed.benchmark.referee.memory import dahl, ornstein
-from wrenchbed.benchmark.referee.ride import Ride
-from wrenchbed.benchmark.referee.setting import RefereeSetting
+from wrenchbed.benchmark.referee.scenario import RefereeSetting
 
 Family = Callable[[RefereeSetting, Rng, float], RefereeFault]
 FAMILIES: dict[str, Family] = {}

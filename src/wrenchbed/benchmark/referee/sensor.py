@@ -19,9 +19,9 @@ from wrenchbed.benchmark.referee.fault import (
     sign,
     touched,
 )
+from wrenchbed.benchmark.referee.forward_dynamics import Ride
 from wrenchbed.benchmark.referee.memory import after, bouc_wen, lowpass
-from wrenchbed.benchmark.referee.ride import Ride
-from wrenchbed.benchmark.referee.setting import RefereeSetting
+from wrenchbed.benchmark.referee.scenario import RefereeSetting
 from wrenchbed.physics.wrench import CHANNELS
 
 

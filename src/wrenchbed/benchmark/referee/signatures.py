@@ -12,9 +12,9 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
+from wrenchbed.benchmark.referee.forward_dynamics import Ride
 from wrenchbed.benchmark.referee.memory import after, bouc_wen, dahl, lowpass
-from wrenchbed.benchmark.referee.ride import Ride
-from wrenchbed.benchmark.referee.setting import RefereeSetting
+from wrenchbed.benchmark.referee.scenario import RefereeSetting
 from wrenchbed.robots.base import INERTIA_AXES
 
 Blocks = Mapping[str, list[np.ndarray]]

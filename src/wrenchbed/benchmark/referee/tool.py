@@ -9,10 +9,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from wrenchbed.benchmark.referee.fault import RefereeFault, Rng, about, direction, drawn, sign
-from wrenchbed.benchmark.referee.machine import Hose, LoosePart, Mechanics, Pad
+from wrenchbed.benchmark.referee.forward_dynamics import Ride
 from wrenchbed.benchmark.referee.memory import dahl
-from wrenchbed.benchmark.referee.ride import Ride
-from wrenchbed.benchmark.referee.setting import RefereeSetting
+from wrenchbed.benchmark.referee.scenario import RefereeSetting
+from wrenchbed.benchmark.referee.true_robot import Hose, LoosePart, Mechanics, Pad
 from wrenchbed.robots.base import INERTIA_AXES
 
 _G = 9.81

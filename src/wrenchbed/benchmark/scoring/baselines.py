@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 from scipy.special import logsumexp
 
-from wrenchbed.benchmark.scoring.linear import (
+from wrenchbed.benchmark.scoring.linear_problem import (
     COUNTS,
     Claim,
     Linear,

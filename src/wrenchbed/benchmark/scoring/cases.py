@@ -19,8 +19,8 @@ from wrenchbed.benchmark.lookalikes import ExperimentDesign, LookalikeCase, draw
 from wrenchbed.benchmark.lookalikes.catalogue import EFFECTS
 from wrenchbed.benchmark.lookalikes.loads import RigidLoad
 from wrenchbed.benchmark.scoring.baselines import BASELINES, reuse_dictionary
-from wrenchbed.benchmark.scoring.linear import Claim
-from wrenchbed.benchmark.scoring.rows import OURS, CaseRow, Number
+from wrenchbed.benchmark.scoring.case_rows import OURS, CaseRow, Number
+from wrenchbed.benchmark.scoring.linear_problem import Claim
 from wrenchbed.data.plan import Plan
 from wrenchbed.diagnosis.diagnose import Findings, diagnose
 from wrenchbed.diagnosis.explain import reliability

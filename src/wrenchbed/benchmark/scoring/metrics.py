@@ -11,8 +11,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from wrenchbed.benchmark.scoring.linear import Claim
-from wrenchbed.benchmark.scoring.rows import OURS, CaseRow, unique
+from wrenchbed.benchmark.scoring.case_rows import OURS, CaseRow, unique
+from wrenchbed.benchmark.scoring.linear_problem import Claim
 from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
 from wrenchbed.errors import DiagnosisError
 

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from wrenchbed.benchmark.scoring.baselines import BASELINES, reuse_dictionary
-from wrenchbed.benchmark.scoring.linear import Claim
+from wrenchbed.benchmark.scoring.linear_problem import Claim
 from wrenchbed.benchmark.sealed import commitments
 from wrenchbed.data.parquet import FORMAT
 from wrenchbed.data.recording import Recording

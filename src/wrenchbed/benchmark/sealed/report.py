@@ -8,6 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from wrenchbed.benchmark.scoring.case_rows import OURS, CaseRow
 from wrenchbed.benchmark.scoring.metrics import (
     SURE,
     effect_cells,
@@ -17,7 +18,6 @@ from wrenchbed.benchmark.scoring.metrics import (
     shares,
     sized,
 )
-from wrenchbed.benchmark.scoring.rows import OURS, CaseRow
 from wrenchbed.benchmark.sealed.score import ORACLE, Score, first, metrics
 from wrenchbed.pages.document import Document, Figure, Section, Table
 from wrenchbed.pages.plots import BLUE, GREY, ORANGE, PURPLE, canvas, to_svg

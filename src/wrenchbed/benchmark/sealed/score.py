@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 
 from wrenchbed.benchmark.referee.catalogue import EFFECTS, STATED
-from wrenchbed.benchmark.scoring.linear import Claim
+from wrenchbed.benchmark.scoring.case_rows import OURS, CaseRow, Number
+from wrenchbed.benchmark.scoring.linear_problem import Claim
 from wrenchbed.benchmark.scoring.metrics import METRICS, SURE, Metric, holds
-from wrenchbed.benchmark.scoring.rows import OURS, CaseRow, Number
 from wrenchbed.benchmark.sealed import answer as answers_
 from wrenchbed.benchmark.sealed import commitments
 from wrenchbed.benchmark.sealed.answer import MOST, Answer, Oracle

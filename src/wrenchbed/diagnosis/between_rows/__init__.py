@@ -1,4 +1,4 @@
 """Effects that no mean shows: noise, coarse counts, repeats, vibration.
 Imports prepare.
-Read first: `rows`, then `scatter`.
+Read first: `row_effects`, then `scatter`.
 """

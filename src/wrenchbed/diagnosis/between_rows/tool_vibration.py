@@ -8,7 +8,7 @@ acceleration.
 import numpy as np
 from scipy.special import ndtr
 
-from wrenchbed.diagnosis.between_rows.rows import COUNTS, VIBRATION, RowFinding, quantity
+from wrenchbed.diagnosis.between_rows.row_effects import COUNTS, VIBRATION, RowFinding, quantity
 from wrenchbed.diagnosis.prepare.accelerometer import acceleration_columns
 from wrenchbed.diagnosis.prepare.orientations import averages
 from wrenchbed.diagnosis.prepare.prepared import Prepared

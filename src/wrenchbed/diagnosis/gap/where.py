@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from scipy.special import chdtrc
 
-from wrenchbed.diagnosis.gap.partitions import family_wise, partitions, shares
+from wrenchbed.diagnosis.gap.dependence import family_wise, partitions, shares
 from wrenchbed.diagnosis.prepare.noise import HANN
 from wrenchbed.diagnosis.prepare.prepared import Prepared
 from wrenchbed.physics.wrench import CHANNELS, UNITS

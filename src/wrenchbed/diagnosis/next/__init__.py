@@ -1,4 +1,4 @@
 """Which experiment would separate the causes that a recording cannot.
 Imports prepare, evidence and explain.
-Read first: `experiments`, then `discrimination`; `dry_run` asks before a recording.
+Read first: `experiments`, then `actions`; `dry_run` asks before a recording.
 """

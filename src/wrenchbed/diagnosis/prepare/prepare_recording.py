@@ -10,7 +10,7 @@ from wrenchbed.diagnosis.prepare import checks, contact, orientations, scenes
 from wrenchbed.diagnosis.prepare.configuration import configured
 from wrenchbed.diagnosis.prepare.noise import correlation_time, noise_in_motion
 from wrenchbed.diagnosis.prepare.prepared import RATES_HZ, Prepared, inner_stride, sensor_of, split
-from wrenchbed.diagnosis.prepare.repeats import repeats
+from wrenchbed.diagnosis.prepare.repeated_rows import repeats
 from wrenchbed.errors import DiagnosisError
 from wrenchbed.robots.base import Robot
 

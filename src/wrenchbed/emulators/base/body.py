@@ -15,8 +15,8 @@ import numpy as np
 
 from wrenchbed import registry
 from wrenchbed.effects.chain import active_effect
+from wrenchbed.emulators.base.contact_surface import Plate, Surface, tip_in
 from wrenchbed.emulators.base.sensor import BufferedNoise, SensorRow, SensorWithEffects
-from wrenchbed.emulators.base.surface import Plate, Surface, tip_in
 from wrenchbed.errors import NotFoundError, ParameterError
 from wrenchbed.physics.noise import noise_model
 from wrenchbed.robots.base import SimulatedRobot

@@ -10,7 +10,7 @@ from wrenchbed.jobs.parts import Parts, key, write_table
 from wrenchbed.jobs.parts import run as run_parts
 from wrenchbed.jobs.workers import Progress
 from wrenchbed.pages.document import Document
-from wrenchbed.studies.medrue import beyond, identifiability, limits, one_robot, population
+from wrenchbed.studies.medrue import accuracy_limit, beyond, identifiability, one_robot, population
 from wrenchbed.studies.medrue import setting as published
 from wrenchbed.studies.medrue.identification import SharedDesigns
 from wrenchbed.studies.medrue.identification import one_robot as each_robot
@@ -33,7 +33,7 @@ STARTS = {False: 3, True: 1}
 """Starting points of each exchange."""
 ROBOTS_ALL_WRONG = {False: beyond.ROBOTS, True: 10}
 """Robots with errors in all parameters."""
-_FIXED = 1 + 6 + 2 + limits.STEPS + 2
+_FIXED = 1 + 6 + 2 + accuracy_limit.STEPS + 2
 """Steps that do not depend on the numbers of robots."""
 TITLE = "MedRUE calibrated by its own force sensor: Sensors 2016, 16, 798, reproduced"
 
@@ -69,7 +69,7 @@ def run(folder: Path, quick: bool, robots: int | None, seed: int, report: Progre
         lambda n, _="": report(n, "random robots"),
     )  # fmt: skip
     write_table(folder / "robots.parquet", table)
-    limit = limits.section(setting, chosen, table, seed, step)
+    limit = accuracy_limit.section(setting, chosen, table, seed, step)
     wrong = beyond.all_wrong(setting, chosen["O1"].chosen, seed, ROBOTS_ALL_WRONG[quick])
     step("all parameters in error")
     mix = beyond.plan(setting, seed)
@@ -108,12 +108,14 @@ def _summary(
     confirmed: pa.Table,
 ) -> dict[str, object]:
     bounds = {k: 1e3 * setting.bound(d.chosen, PAPER.std) for k, d in chosen.items()}
-    mini40 = 1e3 * limits.expected(setting, chosen["O1"].chosen, MINI40)
+    mini40 = 1e3 * accuracy_limit.expected(setting, chosen["O1"].chosen, MINI40)
     certificate, target = chosen["O1"].certificate, chosen["target"].certificate
-    attained = {n.name: 1e3 * limits.attained(table, n, "weighted") for n in (PAPER, MINI40)}
+    attained = {
+        n.name: 1e3 * accuracy_limit.attained(table, n, "weighted") for n in (PAPER, MINI40)
+    }
     efficient = {}
     for noise in (PAPER, MINI40):
-        _, attained_rms, bound = limits.efficiency(table, noise)
+        _, attained_rms, bound = accuracy_limit.efficiency(table, noise)
         efficient[noise.name] = attained_rms / bound
     after = 1e3 * confirmed["after"].to_numpy()
     return {

@@ -9,7 +9,7 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from wrenchbed.benchmark.scoring.linear import Claim
+from wrenchbed.benchmark.scoring.linear_problem import Claim
 from wrenchbed.errors import DiagnosisError
 from wrenchbed.jobs.parts import Journal, write_table
 

@@ -20,7 +20,7 @@ _BADGES = {"none": "✓", "identified": "●", "ambiguous": "◐", "unknown": "?
 
 
 @dataclass(frozen=True)
-class DiagnosisPage:
+class ReportPage:
     """A report, ready to be written.
 
     Attributes:
@@ -44,9 +44,7 @@ class DiagnosisPage:
         write_text(path, self.html())
 
 
-def diagnosis_page(
-    found: Findings, command: str = "", artist: Artist | None = None
-) -> DiagnosisPage:
+def diagnosis_page(found: Findings, command: str = "", artist: Artist | None = None) -> ReportPage:
     """The page of a diagnosis.
 
     Args:
@@ -72,7 +70,7 @@ def diagnosis_page(
         (c, draw(figures.comparison, c, f"effect-{k}"))
         for k, c in enumerate(evidence.comparisons())
     ]
-    return DiagnosisPage(
+    return ReportPage(
         {
             "d": d,
             "verdict": d.verdict,

@@ -9,7 +9,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
-from wrenchbed.campaigns.setting import Fleet, varied
+from wrenchbed.campaigns.settings import Fleet, varied
 from wrenchbed.errors import FleetError
 from wrenchbed.files import write_text
 from wrenchbed.jobs.parts import Parts, check_folders, write_table

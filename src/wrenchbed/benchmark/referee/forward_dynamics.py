@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from wrenchbed.benchmark.referee.machine import ARMATURE, Mechanics, build
 from wrenchbed.benchmark.referee.path import DrivePath
+from wrenchbed.benchmark.referee.true_robot import ARMATURE, Mechanics, build
 from wrenchbed.errors import ParameterError
 from wrenchbed.robots.base import SimulatedRobot
 
