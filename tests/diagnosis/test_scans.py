@@ -5,9 +5,8 @@ import pytest
 
 from scenes import still
 from wrenchbed import registry
-from wrenchbed.diagnosis.evidence.dictionary import Response
 from wrenchbed.effects.base import Residual, Variant
-from wrenchbed.effects.chain import ActiveEffect, respond
+from wrenchbed.effects.chain import ActiveEffect, Response, respond
 
 NOISE = np.array([0.02, 0.02, 0.03, 1e-3, 1e-3, 5e-4])
 SCENE = still("ur5", 70)

@@ -66,7 +66,7 @@ def test_companions_are_other_effects():
 
 def test_an_effect_acts_where_it_says():
     """A method of a stage is written exactly where the effect acts at that stage."""
-    methods = {"model": "theta", "joint": "displace", "pose": "pose", "load": "load"}
+    methods = {"model": "theta", "joint": "displace", "pose": "pose", "load": "pull"}
     for effect in effects().values():
         assert list(effect.stages) == [s for s in STAGES if s in effect.stages]
         for stage, method in methods.items():

@@ -253,7 +253,7 @@ class Effect(ABC):
         """``pose``: the sensor's pose with the effect."""
         return pose
 
-    def load(self, scene: Scene, pose: Pose, load: np.ndarray, p: Values) -> np.ndarray:
+    def pull(self, scene: Scene, pose: Pose, load: np.ndarray, p: Values) -> np.ndarray:
         """``load``: what is added to the load on the sensor (M, 6) [N, N·m] in sensor axes."""
         return np.zeros_like(load)
 
@@ -335,7 +335,7 @@ class LoadEffect(Effect):
     stage = "load"
 
     @abstractmethod
-    def load(self, scene: Scene, pose: Pose, load: np.ndarray, p: Values) -> np.ndarray:
+    def pull(self, scene: Scene, pose: Pose, load: np.ndarray, p: Values) -> np.ndarray:
         """What is added to the load on the sensor (M, 6) [N, N·m] in sensor axes."""
 
 

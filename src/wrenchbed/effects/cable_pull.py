@@ -108,7 +108,7 @@ class CablePull(LoadEffect):
             result.append(Variant(label, ("stiffness",), at, names, {}, 0.1))
         return tuple(result)
 
-    def load(self, scene: Scene, pose: Pose, load: np.ndarray, p: Values) -> np.ndarray:
+    def pull(self, scene: Scene, pose: Pose, load: np.ndarray, p: Values) -> np.ndarray:
         rotation = np.swapaxes(value(pose.rotation), -1, -2)
         lever = vector(p, POINT)
         position = value(pose.position) + apply(value(pose.rotation), lever)

@@ -50,7 +50,7 @@ class CableTorsion(LoadEffect):
             )
         )
 
-    def load(self, scene: Scene, pose: Pose, load: np.ndarray, p: Values) -> np.ndarray:
+    def pull(self, scene: Scene, pose: Pose, load: np.ndarray, p: Values) -> np.ndarray:
         twist = p["stiffness"] * (scene.joints[:, -1] - p["neutral"])
         twist = twist + p["friction"] * scene.coming[:, -1]
         axis = joint_axis(scene) if p["joint_axis"] > 0.5 else np.array([0.0, 0.0, 1.0])

@@ -14,6 +14,7 @@ from wrenchbed import registry
 from wrenchbed.effects.base import STAGES, STATED_NUMBERS, Effect, Pose, Variant
 from wrenchbed.effects.scene import Scene, examples
 from wrenchbed.errors import ParameterError
+from wrenchbed.physics.parameters import Parameter
 from wrenchbed.physics.time_derivatives import Value
 from wrenchbed.physics.wrench import wrench
 from wrenchbed.robots.base import Robot
@@ -92,7 +93,7 @@ class EffectChain:
         """What is added to a load on the sensor (M, 6) [N, N·m]; 0 of none."""
         more: np.ndarray | float = 0.0
         for a in self._at["load"]:
-            more = more + a.effect.load(scene, pose, load, a.values)
+            more = more + a.effect.pull(scene, pose, load, a.values)
         return more
 
     def read(self, scene: Scene, load: np.ndarray) -> np.ndarray:
@@ -127,6 +128,26 @@ class EffectChain:
         if stages == {"load"}:
             return np.asarray(self.pull(scene, Pose(*scene.pose), scene.load))
         return self.respond(scene)
+
+
+@dataclass(frozen=True, eq=False)
+class Response:
+    """Readings (M, 6) of a scene, and how they change with one amplitude of one effect."""
+
+    scene: Scene
+    reading: np.ndarray
+
+    def tangent(self, effect: Effect, parameter: Parameter, variant: Variant) -> np.ndarray:
+        """Change of all readings (M, 6) per typical size, by central differences."""
+        start = {p.name: p.nominal for p in effect.parameters(self.scene.robot)} | dict(variant.at)
+        half = 0.5 * parameter.tolerance
+        up = self._with(effect, start | {parameter.name: half})
+        down = self._with(effect, start | {parameter.name: -half})
+        return up - down
+
+    def _with(self, effect: Effect, values: Mapping[str, float]) -> np.ndarray:
+        chain = EffectChain([ActiveEffect(effect, values)])
+        return chain.late_response(self.scene, self.reading)
 
 
 def _only_load(scene: Scene, theta: np.ndarray) -> bool:

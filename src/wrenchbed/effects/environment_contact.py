@@ -122,7 +122,7 @@ class EnvironmentContact(LoadEffect):
             result.append(Variant(text, ("stiffness",), begin, SHAPE, {}, 0.1))
         return tuple(result)
 
-    def load(self, scene: Scene, pose: Pose, load: np.ndarray, p: Values) -> np.ndarray:
+    def pull(self, scene: Scene, pose: Pose, load: np.ndarray, p: Values) -> np.ndarray:
         normal = vector(p, NORMAL)
         normal = normal / max(float(np.linalg.norm(normal)), 1e-9)
         rotation, lever = value(pose.rotation), touching(scene, p)

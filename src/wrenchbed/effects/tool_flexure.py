@@ -37,7 +37,7 @@ class ToolFlexure(LoadEffect):
             Variant("along any way", (*NAMES[:2], *SKEW), weight=2.0),
         )
 
-    def load(self, scene: Scene, pose: Pose, load: np.ndarray, p: Values) -> np.ndarray:
+    def pull(self, scene: Scene, pose: Pose, load: np.ndarray, p: Values) -> np.ndarray:
         tool = scene.tool
         force = load[:, :3] * (tool.mass / (tool.mass + tool.sensor_mass))
         cog = np.broadcast_to(tool.cog, force.shape)

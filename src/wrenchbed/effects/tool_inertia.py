@@ -55,7 +55,7 @@ class ToolInertia(ModelEffect):
             result[robot.parameters.index(f"tool.{n}")] += p[n]
         return result
 
-    def load(self, scene: Scene, pose: Pose, load: np.ndarray, p: Values) -> np.ndarray:
+    def pull(self, scene: Scene, pose: Pose, load: np.ndarray, p: Values) -> np.ndarray:
         """A share of the inertial load that the scene's accelerations make; none without them."""
         return p.get(SHARE, 0.0) * scene.inertial
 

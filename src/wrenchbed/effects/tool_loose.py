@@ -111,7 +111,7 @@ class ToolLoose(LoadEffect):
         tool = scene.tool
         return np.asarray(load[:, :3] * (tool.mass / (tool.mass + tool.sensor_mass)))
 
-    def load(self, scene: Scene, pose: Pose, load: np.ndarray, p: Values) -> np.ndarray:
+    def pull(self, scene: Scene, pose: Pose, load: np.ndarray, p: Values) -> np.ndarray:
         force = self._force(scene, load)
         towards = force / np.maximum(np.linalg.norm(force, axis=1, keepdims=True), 1e-9)
         way = direction(p)

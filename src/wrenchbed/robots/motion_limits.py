@@ -21,6 +21,16 @@ def straight(start: np.ndarray, end: np.ndarray) -> np.ndarray:
     return np.asarray(start + share * (np.asarray(end) - start))
 
 
+def reachable(robot: Robot, q: np.ndarray) -> np.ndarray:
+    """The poses (N, J) less those to which the straight way from the one before leads outside."""
+    kept: list[np.ndarray] = []
+    for pose in q:
+        if kept and robot.infeasible(straight(kept[-1], pose), robot.parameters.nominal):
+            continue
+        kept.append(pose)
+    return np.array(kept).reshape(-1, q.shape[1])
+
+
 def duration(robot: Robot, start: np.ndarray, end: np.ndarray, share: float = SPEED_SHARE) -> float:
     """Time of a minimum-jerk move whose fastest joint uses its share of top speed [s]."""
     speed = top_speeds(robot) * share

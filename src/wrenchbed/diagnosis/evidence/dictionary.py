@@ -16,9 +16,7 @@ import numpy as np
 from wrenchbed.diagnosis.prepare.configuration import STATED
 from wrenchbed.diagnosis.prepare.prepared import Prepared
 from wrenchbed.effects.base import Effect, Residual, Variant
-from wrenchbed.effects.chain import ActiveEffect, EffectChain, effects
-from wrenchbed.effects.scene import Scene
-from wrenchbed.physics.parameters import Parameter
+from wrenchbed.effects.chain import Response, effects
 from wrenchbed.physics.time_derivatives import Jet, value
 
 TIME_WAVES = 8
@@ -290,7 +288,7 @@ def _with_hypotheses(
 class FittedResidual:
     """What bias, mass and CoG leave of a recording, for effects to scan for their shapes."""
 
-    def __init__(self, prepared: Prepared, response: "Response") -> None:
+    def __init__(self, prepared: Prepared, response: Response) -> None:
         self.scene, self.response = prepared.scene, response
         self._rows = np.flatnonzero(prepared.scene.held)[~prepared.sealed]
         self._noise = prepared.sigma
@@ -311,22 +309,3 @@ class FittedResidual:
             return self.response.tangent(effect, known[name], Variant(effect.name, (name,), at))
 
         return effect.scan(self.scene, Residual(self._rows, self._value, self._noise, tangent))
-
-
-class Response:
-    """Readings (M, 6) of a scene, and how they change with one amplitude of one effect."""
-
-    def __init__(self, scene: Scene, reading: np.ndarray) -> None:
-        self.scene, self.reading = scene, reading
-
-    def tangent(self, effect: Effect, parameter: Parameter, variant: Variant) -> np.ndarray:
-        """Change of all readings (M, 6) per typical size, by central differences."""
-        start = {p.name: p.nominal for p in effect.parameters(self.scene.robot)} | dict(variant.at)
-        half = 0.5 * parameter.tolerance
-        up = self._with(effect, start | {parameter.name: half})
-        down = self._with(effect, start | {parameter.name: -half})
-        return up - down
-
-    def _with(self, effect: Effect, values: Mapping[str, float]) -> np.ndarray:
-        chain = EffectChain([ActiveEffect(effect, values)])
-        return chain.late_response(self.scene, self.reading)

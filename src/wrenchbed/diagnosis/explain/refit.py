@@ -380,7 +380,8 @@ class Refitter:
         for i in which:
             part = parts[v.part[i]]
             if not part.variant.shape:
-                columns.append(self.d.E[:, part.columns[part.variant.free.index(v.name[i])]])
+                first = v.of_parts([v.part[i]])[0]
+                columns.append(self.d.E[:, part.columns[i - first]])
                 continue
             h = _SHAPE_STEP if v.shape[i] else _STEP
             step = np.zeros(len(x))

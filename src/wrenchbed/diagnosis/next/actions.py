@@ -16,7 +16,7 @@ from wrenchbed.errors import PlanError
 from wrenchbed.physics.time_derivatives import Jet
 from wrenchbed.planning.choose import multisine
 from wrenchbed.robots.base import Robot, SimulatedRobot
-from wrenchbed.robots.motion_limits import duration, straight
+from wrenchbed.robots.motion_limits import duration, reachable
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,16 +152,6 @@ def feasible(robot: Robot, q: np.ndarray) -> np.ndarray:
     return good
 
 
-def reachable(robot: Robot, q: np.ndarray) -> np.ndarray:
-    """The poses (N, J) less those to which the straight way from the one before leads outside."""
-    kept: list[np.ndarray] = []
-    for pose in q:
-        if kept and robot.infeasible(straight(kept[-1], pose), robot.parameters.nominal):
-            continue
-        kept.append(pose)
-    return np.array(kept).reshape(-1, q.shape[1])
-
-
 def stay(prepared: Prepared) -> float:
     """Time at each pose of a recording [s]."""
     rate = prepared.recording.metadata.rate_hz or 100.0
@@ -183,11 +173,9 @@ def _visit(
         q = reachable(robot, q)
     if len(q) < 3:
         return None
-    seconds = dwell or stay(prepared)
-    last = prepared.poses[-1]
-    before = np.concatenate([last[None], q[:-1]])
-    both = zip(before, q, strict=True)
+    both = zip([prepared.poses[-1], *q[:-1]], q, strict=True)
     way = [duration(robot, a, b) if robot.joints else TURNS_S for a, b in both]
+    seconds = dwell or stay(prepared)
     begin = 0.0 if prepared.moving else float(prepared.scene.t[-1])
     t = begin + np.cumsum(np.array(way) + seconds) - seconds / 2
     noise = static_noise(prepared)

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from wrenchbed.data.plan import Plan
-from wrenchbed.diagnosis.evidence.dictionary import EffectDictionary, Hypothesis, Response, features
+from wrenchbed.diagnosis.evidence.dictionary import EffectDictionary, Hypothesis, features
 from wrenchbed.diagnosis.evidence.likelihood import LARGE, MOST, BackgroundLevel, row_variance
 from wrenchbed.diagnosis.explain.claims import stated
 from wrenchbed.diagnosis.explain.structures import Analysis
@@ -31,7 +31,7 @@ from wrenchbed.diagnosis.next.isolability import listed
 from wrenchbed.diagnosis.prepare.configuration import STATED
 from wrenchbed.diagnosis.prepare.prepared import Prepared
 from wrenchbed.effects.base import Effect, Variant
-from wrenchbed.effects.chain import effects
+from wrenchbed.effects.chain import Response, effects
 
 Candidate = tuple[Hypothesis, np.ndarray]
 """An explanation: a variant and its amplitudes (k,) in typical sizes."""
