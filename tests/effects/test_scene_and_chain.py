@@ -111,7 +111,7 @@ def test_an_effect_leaves_the_other_stages_alone(name):
     if "pose" not in effect.stages:
         assert effect.pose(scene, pose, p) is pose
     if "load" not in effect.stages:
-        none = effect.load(scene, pose, load, p)
+        none = effect.pull(scene, pose, load, p)
         assert none.shape == load.shape and not none.any()
     if not effect.in_sensor:
         assert effect.read(scene, load, p) is load
