@@ -151,6 +151,12 @@ SIZES = {
         Size("inertia.[yz]z", 3e-4, "kg·m²", both(10.0)),
         Size("inertia.x[yz]", 3e-4, "kg·m²", both(10.0)),
     ],
+    "tool.leak": [
+        Size("rate", 3e-3 / 60.0, "kg/s", both(10.0)),
+        *(Size(f"wave.{k}", 5e-3 / k**2, "kg", both(50.0)) for k in range(1, 6)),
+        Size("place.?", 20e-3, "m", both(1.0)),
+        Size("duration", 60.0, "s", (1e-3, 1e8), 300.0),
+    ],
     "tool.loose": [
         Size("shift", 1e-3, "m", both(1.0)),
         Size("way.[xy]", 0.1, "1", both(2.0)),
@@ -160,6 +166,11 @@ SIZES = {
     ],
     "tool.mass": [Size("mass", 0.02 * 1.35, "kg", both(50.0))],
     "tool.self_weight": [Size("mass", 50e-3, "kg", both(5.0))],
+    "tool.slide": [
+        Size("rate.?", 3e-6, "m/s", both(1.0)),
+        *(Size(f"wave.?.{k}", 0.3e-3 / k**2, "m", both(2.0)) for k in range(1, 6)),
+        Size("duration", 60.0, "s", (1e-3, 1e8), 300.0),
+    ],
 }
 """Of each effect on a UR5 with a tool of 1.35 kg."""
 

@@ -87,8 +87,24 @@ WAYS = {
         "bends": (["bending"], 2),
         "along any way": ([f"compliance.{a}" for a in ("x", "y", "xy", "xz", "yz")], 2),
     },
+    "tool.leak": {
+        "steady": (["rate"], 1),
+        "any course": (["rate", *(f"wave.{k}" for k in range(1, 6))], 1),
+    },
     "tool.mass": {"mass": (["mass"], 1)},
     "tool.self_weight": {"mass": (["mass"], 1)},
+    "tool.slide": {
+        **{f"steady along {a}": ([f"rate.{a}"], 1) for a in "xyz"},
+        "steady": ([f"rate.{a}" for a in "xyz"], 3),
+        **{
+            f"any course along {a}": ([f"rate.{a}", *(f"wave.{a}.{k}" for k in range(1, 6))], 1)
+            for a in "xyz"
+        },
+        "any course": (
+            [n for a in "xyz" for n in (f"rate.{a}", *(f"wave.{a}.{k}" for k in range(1, 6)))],
+            3,
+        ),
+    },
 }
 """Label → free amplitudes and how likely against the others, of poses of a UR5."""
 INERTIAS = ["inertia.xx", "inertia.yy", "inertia.zz", "inertia.xy", "inertia.xz", "inertia.yz"]
@@ -171,6 +187,8 @@ def test_what_is_free_and_how_likely_it_is(scene, name, ways):
         ("ur5 motion", "tool.inertia", "inertia.xz", {"axes": "xz"}),
         ("ur5 static", "tool.cog", "cog.y", {"axis": "y"}),
         ("ur5 static", "tool.flexure", "compliance.z", {"axis": "z"}),
+        ("ur5 static", "tool.slide", "rate.y", {"axis": "y"}),
+        ("ur5 static", "tool.slide", "wave.x.2", {"axis": "x", "form": "free"}),
     ],
 )
 def test_an_amplitude_alone_is_told_by_what_it_is_of(scene, name, free, detail):
@@ -189,6 +207,14 @@ def test_filters_are_of_one_stage_or_of_two(label, order):
     assert dict(found.at) == {"stages": float(order)}
     assert dict(found.detail) == {"order": order}
     assert found.shape == ()
+
+
+@pytest.mark.parametrize("name", ["tool.leak", "tool.slide"])
+def test_a_free_course_lasts_as_long_as_the_recording(name):
+    free = [v for v in variants(name, "ur5 static") if v.label.startswith("any course")]
+    assert {v.at["duration"] for v in free} == {59 * 5.0}  # 60 poses, 5 s apart
+    assert {v.detail["form"] for v in free} == {"free"}
+    assert not any("duration" in v.shape for v in free)
 
 
 def test_a_cable_is_twisted_about_the_sensors_z_or_where_that_differs_the_last_joint():

@@ -444,6 +444,28 @@ def each_joint(stem: str, robot: Robot) -> tuple[str, ...]:
     return tuple(f"{stem}.q{k + 1}" for k in range(len(robot.joints)))
 
 
+WAVES = 5
+"""Half waves of a course in time that is free; estimate."""
+
+
+def waves(stem: str) -> tuple[str, ...]:
+    """``stem.1`` …, the amplitudes of a free `course`."""
+    return tuple(f"{stem}.{k}" for k in range(1, WAVES + 1))
+
+
+def course(scene: Scene, rate: float, wave: np.ndarray, duration: float) -> np.ndarray:
+    """r (t − t₀) + Σ_k w_k sin(kπ (t − t₀)/D) of each row (M,), from 0 at the first one.
+
+    Args:
+        rate: r, per second.
+        wave: w_k (W,).
+        duration: D [s]; beyond it the waves are over.
+    """
+    share = np.clip(scene.age / duration, 0.0, 1.0)
+    half_waves = np.sin(np.pi * np.outer(share, np.arange(1, len(wave) + 1)))
+    return np.asarray(rate * scene.age + half_waves @ wave)
+
+
 def vector(p: Values, names: Sequence[str]) -> np.ndarray:
     """Values of parameters (len(names),)."""
     return np.array([p[n] for n in names])

@@ -63,16 +63,6 @@ def part_lost(design: ExperimentDesign, rng: Rng) -> Imperfection:
 
 
 @family
-def thermal_bow(design: ExperimentDesign, rng: Rng) -> Imperfection:
-    """The tool bows as it warms on one side, late, and straightens again."""
-    share = elapsed(design)
-    fast, slow = rng.uniform(0.05, 0.2), rng.uniform(0.3, 0.8)
-    profile = np.exp(-share / slow) - np.exp(-share / fast)
-    bow = (profile / np.abs(profile).max())[:, None] * rng.normal(0.0, 4e-3, 3)
-    return _cog(bow)
-
-
-@family
 def slow_sine(design: ExperimentDesign, rng: Rng) -> Imperfection:
     """The zero swings slowly, one to three times in the run."""
     cycles = rng.uniform(1.0, 3.0)

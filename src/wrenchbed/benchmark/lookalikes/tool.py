@@ -26,6 +26,7 @@ from wrenchbed.benchmark.lookalikes.loads import (
     rotate_back,
     wrench_at,
 )
+from wrenchbed.benchmark.lookalikes.sensor import elapsed
 
 _AXES = 8
 """Directions that are tried until a loose part really moves to and fro."""
@@ -88,6 +89,46 @@ def loose(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     values = {"travel": travel, "stick": stick, "lean": lean}
     values |= dict(zip("xyz", axis.tolist(), strict=True))
     return Imperfection(values, tool=lambda load, _: replace(load, cog=load.cog + shift))
+
+
+@lookalike("tool.leak")
+def leak(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
+    """About 1.5 % of the mass runs out: by Torricelli's law, or faster and faster, or fills up."""
+    share = elapsed(design)
+    if rng.uniform() < 0.5:  # a tank whose level falls, empty at about the end or later
+        level = np.maximum(1.0 - share / rng.uniform(0.9, 2.5), 0.0) ** 2
+        law = (1.0 - level) / (1.0 - level[-1])
+    else:
+        law = share ** rng.uniform(0.7, 1.8)
+    lost = 0.015 * size * design.load.mass * spread(rng) * float(rng.choice([1.0, 1.0, 1.0, -1.0]))
+    place = design.load.cog + rng.normal(0.0, 0.02, 3)
+
+    def act(motion: SensorMotion, load: RigidLoad) -> np.ndarray:
+        return wrench_at(place, -lost * law[:, None] * motion.specific_force)
+
+    return Imperfection({"lost": lost}, load=act)
+
+
+@lookalike("tool.slide")
+def slide(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
+    """The CoG moves by about 2 mm: a clamp creeps, slips in steps, or the tool bows as it warms."""
+    share = elapsed(design)
+    kind = rng.choice(["creeps", "slips", "bows"])
+    if kind == "creeps":
+        slow = rng.uniform(0.03, 0.5)
+        law = np.log1p(share / slow) / np.log1p(1.0 / slow)
+    elif kind == "slips":
+        steps = rng.gamma(2.0, 1.0, int(rng.integers(12, 40)))
+        when = np.sort(rng.uniform(0.0, 1.0, len(steps)))
+        law = np.append(0.0, np.cumsum(steps))[np.searchsorted(when, share)] / steps.sum()
+    else:
+        fast, slow = rng.uniform(0.05, 0.2), rng.uniform(0.3, 0.8)
+        law = np.exp(-share / slow) - np.exp(-share / fast)
+        law = law / np.abs(law).max()
+    axis = rng.standard_normal(3)
+    amount = 2e-3 * size * spread(rng)
+    shift = amount * law[:, None] * axis / np.linalg.norm(axis)
+    return Imperfection({"moved": amount}, tool=lambda load, _: replace(load, cog=load.cog + shift))
 
 
 @lookalike("tool.flexure", hard=True)

@@ -134,6 +134,7 @@ def _carried(
         side = np.sign(force @ axis)[:, None]
         moved = np.cross(7.5e-4 * side * axis, force)
         yield "tool.loose", np.concatenate([zero, moved], 1)[..., None]
+    yield from _over_time(setting, seen, cut(ride.in_sensor(ride.gravity)))
     last = ride.path.q[:, -1]
     twists = [np.eye(6)[5] * cut(x[:, None]) for x in (last, dahl(last, 0.1))]
     twist = np.stack(twists, -1)
@@ -151,6 +152,33 @@ def _carried(
     yield from _pulls(rotation, position)
     tip = max(2.0 * float(setting.robot.tool(setting.theta).cog[2]), 0.05)
     yield from _pushes(rotation, position, tip)
+
+
+_COURSES = 6
+"""Courses in time that a slow change of the tool may be made of: an even one, and half waves."""
+_AWAY = 0.03
+"""Distance of lost mass from the tool's CoG, along each axis [m]."""
+
+
+def _over_time(
+    setting: RefereeSetting, seen: Signature, gravity: np.ndarray
+) -> Iterator[tuple[str, np.ndarray]]:
+    """Mass that leaves the tool, and a CoG that moves, in gravity as the sensor sees it (n, 3)."""
+    tool = setting.robot.tool(setting.theta)
+    share = (seen.t - setting.path.t[0]) / (setting.path.t[-1] - setting.path.t[0])
+    rows = [share, *(np.sin(np.pi * k * share) / 3.0 / k**2 for k in range(1, _COURSES))]
+    courses = np.stack(rows, axis=1)[:, None, :]
+    weight = float(tool.mass) * gravity
+    zero = np.zeros_like(weight)
+    levers = [np.concatenate([zero, np.cross(e, weight)], axis=1) for e in np.eye(3)]
+    away = _AWAY * np.concatenate([np.zeros((1, 3)), np.eye(3), -np.eye(3)])
+    for place in np.asarray(tool.cog) + away:
+        gone = np.concatenate([weight, np.cross(place, weight)], axis=1)[..., None]
+        yield "tool.leak", 0.015 * courses * gone
+    leaving = np.stack([np.concatenate([weight, np.cross(tool.cog, weight)], 1), *levers], -1)
+    yield "tool.leak", share[:, None, None] * leaving * [0.015, 3e-4, 3e-4, 3e-4]
+    yield "tool.slide", 2e-3 * share[:, None, None] * np.stack(levers, -1)
+    yield "tool.slide", 2e-3 * np.concatenate([courses * x[..., None] for x in levers], -1)
 
 
 def _pulls(rotation: np.ndarray, position: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:

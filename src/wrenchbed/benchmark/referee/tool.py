@@ -69,6 +69,51 @@ def loose(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     return RefereeFault({"travel": travel}, body=lambda m: replace(m, loose=part))
 
 
+@drawn("tool.leak")
+def leak(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
+    """About 1.5 % of the tool's mass is lost: by an exponential, in two stages, or in drops."""
+    share = _share(setting)
+    law = rng.choice(["exponential", "two stages", "drops"])
+    if law == "exponential":
+        gone = -np.expm1(-share / rng.uniform(0.2, 2.0))
+    elif law == "two stages":
+        when, slow = rng.uniform(0.25, 0.75), rng.uniform(0.0, 0.4)
+        gone = slow * share + (1.0 - slow) * np.maximum(share - when, 0.0)
+    else:
+        gaps = rng.uniform(0.5, 1.5, int(rng.integers(15, 60)))
+        gone = np.searchsorted(np.cumsum(gaps) / gaps.sum(), share, "right").astype(float)
+    lost = about(rng, 0.015 * size * _stated(setting)[0]) * gone / gone[-1]
+    lost = lost * float(rng.choice([1.0, 1.0, 1.0, -1.0]))  # or it fills up
+    place = _stated(setting)[1] + 0.02 * rng.standard_normal(3)
+
+    def load(ride: Ride, y: np.ndarray) -> np.ndarray:
+        pull = -lost[:, None] * _pull(ride, place)
+        return y + np.concatenate([pull, np.cross(place, pull)], axis=1)
+
+    return RefereeFault({"lost": float(lost[-1])}, load=load)
+
+
+@drawn("tool.slide")
+def slide(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
+    """The CoG moves by about 2 mm: a clamp creeps (Kohlrausch), or it sticks and slips."""
+    share = _share(setting)
+    if rng.uniform() < 0.5:
+        law = -np.expm1(-((share / rng.uniform(0.1, 1.0)) ** rng.uniform(0.4, 1.0)))
+    else:
+        waits = rng.gamma(4.0, 1.0, int(rng.integers(12, 40)))
+        law = np.searchsorted(np.cumsum(waits) / waits.sum(), share, "right").astype(float)
+    way = about(rng, 2e-3 * size) * direction(rng)
+    moved = np.outer(law / law[-1], way)
+    mass, cog = _stated(setting)
+
+    def load(ride: Ride, y: np.ndarray) -> np.ndarray:
+        torque = np.cross(moved, mass * _pull(ride, cog))
+        return y + np.concatenate([np.zeros_like(torque), torque], axis=1)
+
+    true = {f"moved.{a}": float(m) for a, m in zip("xyz", moved[-1], strict=True)}
+    return RefereeFault(true, load=load)
+
+
 @drawn("tool.flexure")
 def flexure(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """A tool whose root bends, so that its CoG moves by about 5e-5 m/N, unequally across."""
@@ -152,6 +197,22 @@ def _stated(setting: RefereeSetting) -> tuple[float, np.ndarray]:
     tool = setting.metadata.tool
     assert tool.mass is not None and tool.cog is not None
     return tool.mass, np.array(tool.cog)
+
+
+def _share(setting: RefereeSetting) -> np.ndarray:
+    """Of the run that is over at each instant (T,)."""
+    t = setting.path.t
+    return np.asarray(np.clip((t - t[0]) / (t[-1] - t[0]), 0.0, 1.0))
+
+
+def _pull(ride: Ride, place: np.ndarray) -> np.ndarray:
+    """Gravity less acceleration (T, 3) [m/s²] of a point of the tool (3,), in sensor axes."""
+    path = ride.path
+    if not path.moving:
+        return ride.in_sensor(ride.gravity)
+    way = ride.position + np.einsum("tij,j->ti", ride.rotation, place)
+    speed = np.gradient(way, path.t, axis=0)
+    return ride.in_sensor(ride.gravity - np.gradient(speed, path.t, axis=0))
 
 
 def _places(setting: RefereeSetting) -> np.ndarray:
