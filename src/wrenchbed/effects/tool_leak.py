@@ -47,7 +47,7 @@ class ToolLeak(LoadEffect):
             Variant("any course", ("rate", *FREE), free, PLACE, {"form": "free"}),
         )
 
-    def load(self, scene: Scene, pose: Pose, load: np.ndarray, p: Values) -> np.ndarray:
+    def pull(self, scene: Scene, pose: Pose, load: np.ndarray, p: Values) -> np.ndarray:
         """The wrench of the lost mass, taken away."""
         lost = course(scene, p["rate"], vector(p, FREE), p["duration"])
         place = scene.tool.cog + vector(p, PLACE)

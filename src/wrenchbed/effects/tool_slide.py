@@ -55,7 +55,7 @@ class ToolSlide(LoadEffect):
             Variant("any course", every, at, (), _FORM, 3.0),
         )
 
-    def load(self, scene: Scene, pose: Pose, load: np.ndarray, p: Values) -> np.ndarray:
+    def pull(self, scene: Scene, pose: Pose, load: np.ndarray, p: Values) -> np.ndarray:
         """The tool's wrench where it is by now, less that where it was."""
         moved = [course(scene, p[f"rate.{a}"], vector(p, FREE[a]), p["duration"]) for a in "xyz"]
         tool = replace(scene.tool, cog=scene.tool.cog + np.stack(moved, axis=1))
