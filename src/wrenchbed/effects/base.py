@@ -458,12 +458,16 @@ def course(scene: Scene, rate: float, wave: np.ndarray, duration: float) -> np.n
 
     Args:
         rate: r, per second.
-        wave: w_k (W,).
+        wave: w_k (WAVES,).
         duration: D [s]; beyond it the waves are over.
     """
+    return np.asarray(rate * scene.age + half_waves(scene, duration) @ wave)
+
+
+def half_waves(scene: Scene, duration: float) -> np.ndarray:
+    """sin(kπ (t − t₀)/D) of each row (M, WAVES), 0 from D on [s]."""
     share = np.clip(scene.age / duration, 0.0, 1.0)
-    half_waves = np.sin(np.pi * np.outer(share, np.arange(1, len(wave) + 1)))
-    return np.asarray(rate * scene.age + half_waves @ wave)
+    return np.sin(np.pi * np.outer(share, np.arange(1, WAVES + 1)))
 
 
 def vector(p: Values, names: Sequence[str]) -> np.ndarray:

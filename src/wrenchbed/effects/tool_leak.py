@@ -1,14 +1,31 @@
 """The tool loses or gains mass while it is recorded."""
 
+from dataclasses import replace
+
 import numpy as np
 
-from wrenchbed.effects.base import LoadEffect, Pose, Values, Variant, alike, course, vector, waves
+from wrenchbed.effects.base import (
+    LoadEffect,
+    Pose,
+    Residual,
+    Values,
+    Variant,
+    alike,
+    course,
+    half_waves,
+    vector,
+    waves,
+)
 from wrenchbed.effects.scene import Scene
 from wrenchbed.physics.parameters import Parameter
 from wrenchbed.physics.wrench import Tool, wrench
 
 PLACE = ("place.x", "place.y", "place.z")
 FREE = waves("wave")
+SCANNED = 3000
+"""Rows in which a scan looks for the place; estimate."""
+FARTHEST = 0.5
+"""Distance of that place from the tool's CoG beyond which it is none [m]; estimate."""
 
 
 class ToolLeak(LoadEffect):
@@ -47,12 +64,47 @@ class ToolLeak(LoadEffect):
             Variant("any course", ("rate", *FREE), free, PLACE, {"form": "free"}),
         )
 
+    def scan(self, scene: Scene, residual: Residual) -> tuple[Variant, ...]:
+        """The same, begun at the place from which a residual says that mass leaves.
+
+        A course a(t) at a place s pulls with a(t) u + Σ_i a(t) s_i l_i, linear in a and a s.
+        """
+        pose = Pose(*scene.pose)
+        rows = residual.rows[:: 1 + len(residual.rows) // SCANNED]
+        value = residual.value[:: 1 + len(residual.rows) // SCANNED]
+        unit = per_kilogram(scene, pose, scene.tool.cog)[rows]
+        levers = [per_kilogram(scene, pose, scene.tool.cog + e)[rows] - unit for e in np.eye(3)]
+        parts = np.stack([unit, *levers], axis=-1) / residual.noise[:, None]  # (R, 6, 4)
+        even = scene.age[rows, None] / scene.span
+        free = half_waves(scene, scene.span)[rows]
+        result = []
+        for variant, courses in (
+            (self.variants(scene)[0], even),
+            (self.variants(scene)[1], np.hstack([even, free])),
+        ):
+            along = np.hstack([courses, np.ones_like(even)])  # the last is a wrong mass and CoG
+            columns = np.einsum("rc,rki->rkci", along, parts).reshape(value.size, -1)
+            bias = np.tile(np.eye(6), (len(rows), 1))
+            design = np.hstack([columns, bias])
+            fitted = np.linalg.lstsq(design, value.ravel(), rcond=None)[0][: columns.shape[1]]
+            lost, moment = np.split(fitted.reshape(-1, 4)[:-1], [1], axis=1)
+            place = (lost.T @ moment)[0] / max(float((lost**2).sum()), 1e-12)
+            if np.linalg.norm(place) < FARTHEST:
+                at = dict(variant.at) | dict(zip(PLACE, map(float, place), strict=True))
+                text = f"{variant.label}, away from the CoG"
+                result.append(replace(variant, label=text, at=at, weight=0.5))
+        return tuple(result)
+
     def pull(self, scene: Scene, pose: Pose, load: np.ndarray, p: Values) -> np.ndarray:
         """The wrench of the lost mass, taken away."""
         lost = course(scene, p["rate"], vector(p, FREE), p["duration"])
-        place = scene.tool.cog + vector(p, PLACE)
-        point = Tool(lost, place, np.zeros((3, 3)), np.zeros(()))
-        return -wrench(*pose, point, scene.gravity)
+        return -lost[:, None] * per_kilogram(scene, pose, scene.tool.cog + vector(p, PLACE))
+
+
+def per_kilogram(scene: Scene, pose: Pose, place: np.ndarray) -> np.ndarray:
+    """Wrench (M, 6) [N/kg, N·m/kg] of a point mass at a place (3,) [m] in sensor axes."""
+    point = Tool(np.ones(()), place, np.zeros((3, 3)), np.zeros(()))
+    return wrench(*pose, point, scene.gravity)
 
 
 EFFECT = ToolLeak()
