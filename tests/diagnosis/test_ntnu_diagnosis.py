@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from ntnu import DATA, STD, static
+from wrenchbed.calibration.calibrate import calibrate
 from wrenchbed.data import column_map
 from wrenchbed.data.import_files import import_files
 from wrenchbed.data.metadata import SensorInfo
@@ -15,7 +16,7 @@ from wrenchbed.diagnosis.diagnose import diagnose
 from wrenchbed.diagnosis.explain import tilt
 from wrenchbed.diagnosis.prepare import accelerometer, contact
 from wrenchbed.diagnosis.prepare.prepare_recording import gathered, prepare
-from wrenchbed.errors import DiagnosisError, MapError
+from wrenchbed.errors import CalibrationError, DiagnosisError, MapError
 from wrenchbed.physics.rotations import cross
 from wrenchbed.physics.wrench import CHANNELS
 
@@ -200,6 +201,11 @@ def test_noise_of_the_sensor_is_no_trembling():
     )
     quiet = Recording(rec.metadata, dict(rec.columns) | dict(zip(CHANNELS, smooth.T, strict=True)))
     assert find_tool_vibration(gathered(quiet)) == ()
+
+
+def test_a_motion_without_joints_is_not_calibrated():
+    with pytest.raises(CalibrationError, match="motion needs joint columns"):
+        calibrate(motion(1))
 
 
 def test_a_motion_without_an_accelerometer_is_diagnosed_without_inertia():
