@@ -207,6 +207,7 @@ def _diagnosed(fleet: Fleet, truth: Truth, recording: Recording) -> Row:
     from wrenchbed.diagnosis.diagnose import diagnose
 
     d = diagnose(recording).diagnosis
+    after, closed = d.gap.with_effects, d.gap.closed
     claimed = [str(w["effect"]) for w in d.which]
     named = claimed + [str(r) for w in d.which for r in w["rivals"]]
     row: dict[str, Any] = {
@@ -217,9 +218,9 @@ def _diagnosed(fleet: Fleet, truth: Truth, recording: Recording) -> Row:
         "probability": float(d.which[0]["probability"]) if d.which else float("nan"),
         "where": str(d.where[0]["subsystem"]) if d.where else "",
         "gap.configured": _number(d.gap.configured),
-        "gap.calibrated": _number(d.gap.calibrated),
-        "gap.with_effects": _number(d.gap.with_effects),
-        "closed": _number(d.gap.closed),
+        "gap.calibrated": _number(d.gap.calibrated.value),
+        "gap.with_effects": _number(None if after is None else after.value),
+        "closed": _number(None if closed is None else closed.value),
     }
     if truth.effect:
         row["right"] = float(d.verdict == "identified" and truth.effect in claimed)

@@ -12,7 +12,7 @@ from wrenchbed.pages.plots import histograms, lines
 
 _ERRORS = (("force", 1e3, "mN"), ("torque", 1e3, "mN·m"), ("position", 1e3, "mm"))
 _QUANTILES = (5, 25, 50, 75, 95)
-_VERDICTS = ("none", "identified", "ambiguous", "unknown")
+_VERDICTS = ("none", "identified", "ambiguous", "partial", "unknown")
 SHOWS = 1.0
 """Least mean square change of a reading that an effect makes, in units of a row's noise."""
 

@@ -122,10 +122,14 @@ def _rehearsed(path: Path, samples: int, rate: float, as_json: bool) -> None:
     console.answer(answer, as_json, isolability(path.name, result))
 
 
-_COLOURS = {"none": "green", "identified": "cyan", "ambiguous": "yellow", "unknown": "magenta"}
+_COLOURS = {
+    "none": "green", "identified": "cyan", "ambiguous": "yellow", "partial": "yellow",
+    "unknown": "magenta",
+}  # fmt: skip
 _MEANING = {
     "none": "no cause: the residual is within the noise, or normal imperfections",
     "identified": "the cause is known",
+    "partial": "a cause explains a part; most of the gap is something else",
     "ambiguous": "a cause with rivals that this data cannot distinguish",
     "unknown": "a gap that no known effect explains",
 }
@@ -216,15 +220,15 @@ def _gap(d: Diagnosis) -> Table:
     table.add_column(justify="right", no_wrap=True)
     for text, value in (
         ("simulator as configured", g.configured),
-        ("calibrated: bias, mass, CoG", g.calibrated),
-        ("with the effects", g.with_effects),
+        ("calibrated: bias, mass, CoG", g.calibrated.value),
+        ("with the effects", None if g.with_effects is None else g.with_effects.value),
         ("noise alone", g.floor),
     ):
         if value is not None:
             table.add_row(text, f"{value:.3g}")
-    if g.closed is not None and g.interval is not None:
-        low, high = g.interval
-        table.add_row("closed", f"{100 * g.closed:.1f} % ({100 * low:.1f} … {100 * high:.1f})")
+    if (c := g.closed) is not None:
+        text = f"{100 * c.value:.1f} % ({100 * c.low:.1f} … {100 * c.high:.1f})"
+        table.add_row("closed", text)
     if g.black_box is not None:
         text = f"{100 * g.black_box:.1f} %" if g.black_box > 0.0 else "nothing"
         table.add_row("a black box closes", text)

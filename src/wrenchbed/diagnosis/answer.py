@@ -164,15 +164,16 @@ def notes(
     n, again = len(p.y), int(np.count_nonzero(p.count == 0))
     still = "poses" if p.recording.metadata.mode == "static" else "averages of a motion"
     what = "samples of motion" if p.moving else still
-    result = [f"{n} {what}, {int(p.sealed.sum())} of them sealed; noise of a row {p.noise_source}"]
+    held_out = f"each held out once in {gap.folds} folds"
+    result = [f"{n} {what}, {held_out}; noise of a row {p.noise_source}"]
     if p.left_out:
         result.append(f"{p.left_out} saturated rows were left out")
     if again:
         result.append(f"{again} rows that repeat the one before take no part")
-    rest = None if gap.with_effects is None else gap.with_effects - max(gap.floor, 0.0)
-    if rest is not None and rest > max(1.0, UNEXPLAINED * gap.calibrated):
+    rest = None if gap.with_effects is None else gap.with_effects.value - max(gap.floor, 0.0)
+    if rest is not None and rest > max(1.0, UNEXPLAINED * gap.excess):
         result.append(
-            f"the named causes leave a gap of {rest:.3g} on sealed rows: something else is wrong "
+            f"the named causes leave a gap of {rest:.3g} on held-out rows: something else is wrong "
             "too, or their form is; do not trust the twin"
         )
     if a.dictionary.invisible:

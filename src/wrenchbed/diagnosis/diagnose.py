@@ -4,7 +4,9 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
+
+import numpy as np
 
 from wrenchbed.data.plan import Plan
 from wrenchbed.data.recording import Recording
@@ -13,18 +15,24 @@ from wrenchbed.diagnosis.between_rows.row_effects import RowFinding, find_row_ef
 from wrenchbed.diagnosis.between_rows.tool_vibration import find_tool_vibration
 from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
 from wrenchbed.diagnosis.evidence.similarity import Similarity
+from wrenchbed.diagnosis.explain import outliers as outliers_
 from wrenchbed.diagnosis.explain import tilt
 from wrenchbed.diagnosis.explain.reliability import Reliability, features, shipped
 from wrenchbed.diagnosis.explain.structures import Analysis, analyse
 from wrenchbed.diagnosis.explain.verdict import Verdict, decide, tempered
 from wrenchbed.diagnosis.gap import closure, where
 from wrenchbed.diagnosis.gap.result import Diagnosis
+from wrenchbed.diagnosis.gap.upheld import PARTIAL, upheld
 from wrenchbed.diagnosis.next import experiments, isolability
 from wrenchbed.diagnosis.prepare.prepare_recording import prepare
 from wrenchbed.diagnosis.prepare.prepared import Prepared
 from wrenchbed.jobs.workers import one_thread
 from wrenchbed.twin.twin import Twin
 
+MOST_ROUNDS = 3
+"""How often outliers are looked for: large ones hide others."""
+CLEARER = 0.3
+"""Rows are set aside where the answer without them leaves less than this part of the gap."""
 Progress = Callable[[str], None]
 """Called with the name of each step as it begins."""
 
@@ -82,10 +90,10 @@ def diagnose(
     progress("noise and blocks")
     prepared = prepare(recording, seed)
     progress("effects and their evidence")
-    analysis = analyse(prepared)
-    untempered = decide(analysis.ranking)
     known = reliability or _shipped(prepared)
-    verdict = tilt.with_accelerometer(analysis, _tempered(analysis, untempered, known))
+    weighed, outliers = _without_outliers(prepared, _weigh(prepared, known, seed), known, seed)
+    analysis, untempered, verdict, twin, gap = weighed
+    prepared = analysis.prepared
     progress("rows")
     between = (
         *find_row_effects(prepared.excerpt, prepared.configuration),
@@ -93,8 +101,6 @@ def diagnose(
     )
     progress("where")
     places = where.locate(prepared, analysis.calibrated, seed=seed)
-    progress("how far")
-    twin, gap = _twin(analysis, verdict, seed)
     progress("what next")
     named = {n for c in verdict.causes for n in c.names}
     d = analysis.dictionary
@@ -113,21 +119,74 @@ def diagnose(
             places if outcome == UNKNOWN else (),
             [answer.row_place(r) for r in between],
         ),
-        which=which if outcome in ("identified", "ambiguous") else [],
+        which=which if outcome in ("identified", "ambiguous", PARTIAL) else [],
         probabilities=answer.probabilities(verdict, between),
         cannot_tell=cannot_tell,
         next=proposed,
         twin=twin,
         between=[e for r in between if (e := r.active(prepared.robot)) is not None],
         seconds=time.perf_counter() - begun,
+        outliers=[o.entry() for o in outliers],
         notes=(
             *prepared.notes,
+            *(o.sentence for o in outliers),
             *answer.notes(analysis, gap, between, unknown=outcome == UNKNOWN),
             *tilt.sentences(analysis, verdict),
         ),
     )
     diagnosis = answer.with_contact(diagnosis, prepared.touch)
     return Findings(diagnosis, analysis, verdict, between, places, plans, untempered)
+
+
+class Weighed(NamedTuple):
+    """Everything that a verdict on the means of readings rests on."""
+
+    analysis: Analysis
+    untempered: Verdict
+    verdict: Verdict
+    twin: Twin
+    gap: closure.Closure
+
+    @property
+    def settled(self) -> bool:
+        """Whether held-out rows uphold an answer that leaves nothing open."""
+        return self.verdict.verdict in (NONE, "identified", "ambiguous")
+
+    @property
+    def rest(self) -> float:
+        """Gap that the answer leaves on held-out rows."""
+        return (self.gap.with_effects or self.gap.calibrated).value - max(self.gap.floor, 0.0)
+
+
+def _weigh(prepared: Prepared, known: Reliability | None, seed: int) -> Weighed:
+    """Explain the gap, and hold the explanation against rows that no fit saw."""
+    analysis = analyse(prepared)
+    untempered = decide(analysis.ranking)
+    verdict = tilt.with_accelerometer(analysis, _tempered(analysis, untempered, known))
+    twin, gap, verdict = _judged(analysis, verdict, seed)
+    return Weighed(analysis, untempered, verdict, twin, gap)
+
+
+def _without_outliers(
+    prepared: Prepared, first: Weighed, known: Reliability | None, seed: int
+) -> tuple[Weighed, tuple[outliers_.Outlier, ...]]:
+    """The answer without a few blocks that all others contradict, where that settles it."""
+    weighed, found = first, ()
+    for _ in range(MOST_ROUNDS):
+        if weighed.settled:
+            break
+        rows = outliers_.suspects(weighed.analysis) | ~weighed.analysis.prepared.judged
+        if np.array_equal(rows, ~weighed.analysis.prepared.judged):
+            break
+        again = _weigh(prepared.aside(rows), known, seed)
+        described = outliers_.described(prepared, rows, again.twin.wrench(prepared.scene))
+        if not described or again.rest > CLEARER * weighed.rest:
+            break
+        found, all_rows = described, np.any([o.rows for o in described], axis=0)
+        weighed = again
+        if not np.array_equal(all_rows, rows):  # fewer: only what does disagree
+            weighed = _weigh(prepared.aside(all_rows), known, seed)
+    return weighed, found
 
 
 def _shipped(prepared: Prepared) -> Reliability | None:
@@ -145,10 +204,22 @@ def _tempered(a: Analysis, verdict: Verdict, known: Reliability | None) -> Verdi
     return tempered(verdict, known.none if verdict.verdict == NONE else known.unknown)
 
 
-def _twin(a: Analysis, verdict: Verdict, seed: int) -> tuple[Twin, closure.Closure]:
-    """The better simulator, and how far it gets; without a claim it is the calibrated one."""
+def _judged(a: Analysis, verdict: Verdict, seed: int) -> tuple[Twin, closure.Closure, Verdict]:
+    """The better simulator, how far it gets on held-out rows, and the verdict that these uphold."""
+    witnessed = tilt.witnessed(a, verdict)
+    while True:
+        claim = _claimed(a, verdict)
+        gap = closure.measure(a, claim, seed)
+        held = upheld(verdict, gap, witnessed)
+        if held.causes == verdict.causes:
+            return closure.calibrated(a) if claim is None else claim.twin, gap, held
+        verdict = held
+
+
+def _claimed(a: Analysis, verdict: Verdict) -> closure.Claimed | None:
+    """The simulator with the causes of a verdict."""
     if not verdict.causes:
-        return closure.calibrated(a), closure.measure(a, None, (), seed)
+        return None
     f, refitter = verdict.explanation.finalist, a.refitter
     keep = [c.part.index for c in verdict.causes if c.part.index is not None]
     wrong = [c.names[0] for c in verdict.causes if c.part.index is None]
@@ -157,8 +228,7 @@ def _twin(a: Analysis, verdict: Verdict, seed: int) -> tuple[Twin, closure.Closu
         at = [i for k in keep for i in f.variables.of_parts([k])]
         f = refitter.at(parts, f.rung, f.x[at], f.spread[at]) if parts else refitter.nothing()
         keep = list(range(len(parts)))
-    twin = closure.twin_of(a, f, keep)
-    return twin, closure.measure(a, twin, wrong, seed)
+    return closure.Claimed(closure.twin_of(a, f, keep), f, tuple(keep), tuple(wrong))
 
 
 def _next(a: Analysis, verdict: Verdict, seed: int) -> tuple[dict[str, Plan], list[dict[str, Any]]]:

@@ -15,7 +15,7 @@ from wrenchbed.reports import figures, sentences, tables
 from wrenchbed.reports.figures import Artist, at_once
 from wrenchbed.reports.simulators import Evidence
 
-_BADGES = {"none": "✓", "identified": "●", "ambiguous": "◐", "unknown": "?"}
+_BADGES = {"none": "✓", "identified": "●", "ambiguous": "◐", "partial": "◔", "unknown": "?"}
 """Shapes beside the colour of a verdict."""
 
 
@@ -57,7 +57,7 @@ def diagnosis_page(found: Findings, command: str = "", artist: Artist | None = N
     """
     registry.require("matplotlib", "report")
     d, prepared = found.diagnosis, found.analysis.prepared
-    seen = sentences.observations(int(prepared.sealed.sum()), prepared.moving)
+    seen = sentences.observations(int(prepared.judged.sum()), prepared.moving)
     evidence, rows = Evidence(found), sentences.row_effects(found)
     before, after = evidence.channels()
     map_of_residuals = evidence.heat()
@@ -83,7 +83,7 @@ def diagnosis_page(found: Findings, command: str = "", artist: Artist | None = N
             "causes": [sentences.cause(w, w["effect"] in rows) for w in d.which],
             "no_cause": sentences.without_cause(d),
             "how_far": sentences.distance(found, seen),
-            "black_box": sentences.black_box(d.gap.black_box) if d.gap.calibrated >= 1.0 else "",
+            "black_box": sentences.black_box(d.gap),
             "seen": seen,
             "moving": prepared.moving,
             "between_rows": bool(rows) and all(w["effect"] in rows for w in d.which),

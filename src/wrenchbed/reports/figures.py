@@ -119,21 +119,13 @@ def heat(h: Heat) -> str:
 
 
 def comparison(c: Comparison, name: str) -> str:
-    """Measured dots, those that no fit saw filled, and the prediction as a line."""
+    """Measured dots, and the prediction by fits that did not see them as a line."""
     keep = np.unique(np.linspace(0, len(c.x) - 1, min(len(c.x), MOST_POINTS)).astype(int))
     with _drawing(2.75) as (figure, (ax,)):
         ax.axhline(0.0, color=GREY, lw=1.0)
         if c.predicted is not None:
             ax.plot(c.x[keep], c.predicted[keep], color=ORANGE, lw=2.2, label="simulated effect")
-        seen, unseen = keep[~c.sealed[keep]], keep[c.sealed[keep]]
-        ax.plot(
-            c.x[seen], c.measured[seen], "o", mfc="none", mec=BLUE, ms=3.8, mew=0.9,
-            label="measured, fitted",
-        )  # fmt: skip
-        ax.plot(
-            c.x[unseen], c.measured[unseen], "o", color=BLUE, ms=4.4,
-            label="measured, held out",
-        )  # fmt: skip
+        ax.plot(c.x[keep], c.measured[keep], "o", color=BLUE, ms=4.0, label="measured")
         ax.set_xlabel(c.x_label)
         ax.set_ylabel(f"{c.channel} [{c.unit}]")
         ax.ticklabel_format(axis="y", style="plain", useOffset=False)

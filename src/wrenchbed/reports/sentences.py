@@ -5,14 +5,13 @@ from typing import Any
 
 from wrenchbed import registry
 from wrenchbed.diagnosis.diagnose import Findings
+from wrenchbed.diagnosis.gap.closure import Closure
 from wrenchbed.diagnosis.gap.result import Diagnosis
 from wrenchbed.diagnosis.prepare.configuration import STATED
 from wrenchbed.pages import numbers
 
 LARGE_P = 0.006
 """Probabilities below are not worth a word."""
-MOST = 0.5
-"""Share of the calibrated gap above which most of it is left."""
 MOST_SIZES = 3
 """Parameters of a cause on the first screen."""
 _COUNT = ("No", "One", "Two", "Three", "Four", "Five", "Six", "Seven", "Eight", "Nine")
@@ -27,9 +26,7 @@ _KERNELS = {
 def headline(found: Findings) -> str:
     """The verdict in a sentence, and another where most of the gap is left."""
     d = found.diagnosis
-    left = d.gap.with_effects
-    most = left is not None and left >= 1.0 and left > MOST * d.gap.calibrated
-    return _verdict(found) + " Most of the gap stays unexplained." * most
+    return _verdict(found) + " Most of the gap is something else." * (d.verdict == "partial")
 
 
 def _verdict(found: Findings) -> str:
@@ -143,22 +140,21 @@ def distance(found: Findings, seen: str) -> dict[str, str]:
     on = f"on {seen} that were held out of every fit"
     if g.with_effects is not None:
         wrong_only = not d.twin.active
-        start = g.configured if wrong_only else g.calibrated
-        both = f"from {numbers.gap(start)} to {numbers.gap(g.with_effects)}"
+        start = g.configured if wrong_only else g.calibrated.value
+        both = f"from {numbers.gap(start)} to {numbers.gap(g.with_effects.value)}"
         if g.closed is None:
             return {"figure": "", "text": f"The gap goes {both} {on}; both are within the noise."}
-        if g.closed <= 0:
+        if g.closed.value <= 0:
             text = f"The named effects make the gap larger, {both}, {on}: do not use this twin."
             return {"figure": "Not closed", "text": text}
         told = f"The gap shrinks {both} {on}."
-        if g.interval is not None:
-            low, high = (numbers.percent(x) for x in g.interval)
-            told += f" 95 % interval of the share closed: {low} … {high} %."
-        return {"figure": f"{numbers.percent(g.closed)} % closed", "text": told}
-    figure = f"Gap {numbers.gap(g.calibrated)}"
+        low, high = (numbers.percent(x) for x in (g.closed.low, g.closed.high))
+        told += f" 95 % interval of the share closed: {low} … {high} %."
+        return {"figure": f"{numbers.percent(g.closed.value)} % closed", "text": told}
+    figure = f"Gap {numbers.gap(g.calibrated.value)}"
     if d.verdict == "unknown":
         text = f"It stays {on}: without a cause there is nothing to close it with."
-        return {"figure": figure, "text": f"{text} {black_box(g.black_box)}".strip()}
+        return {"figure": figure, "text": f"{text} {black_box(g)}".strip()}
     told = f"This is the gap of the calibrated simulator {on}"
     if d.which:
         names = " and ".join(str(w["effect"]) for w in d.which)
@@ -171,9 +167,10 @@ def distance(found: Findings, seen: str) -> dict[str, str]:
     }
 
 
-def black_box(share: float | None) -> str:
-    """What a flexible model of the residual says about a gap."""
-    if share is None:
+def black_box(gap: Closure) -> str:
+    """What a flexible model of the residual says about a gap; nothing where there is hardly one."""
+    share = gap.black_box
+    if share is None or gap.calibrated.value < 1.0:
         return ""
     if share <= 0.0:
         return "A black-box model closes nothing of it."

@@ -32,7 +32,6 @@ class Comparison:
         x_label: what x is.
         measured: minus the simulator without the effects (N,).
         predicted: by the effects (N,), None where nothing is claimed.
-        sealed: observations that no fit saw (N,).
     """
 
     channel: str
@@ -42,7 +41,6 @@ class Comparison:
     x_label: str
     measured: np.ndarray
     predicted: np.ndarray | None
-    sealed: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +61,7 @@ class Heat:
 
 
 class Evidence:
-    """Readings of the simulators at the observations (H, 6): each is run once."""
+    """Readings of the simulators at the observations (H, 6), by fits that did not see them."""
 
     def __init__(self, found: Findings) -> None:
         a = found.analysis
@@ -73,14 +71,15 @@ class Evidence:
         wrong_only = claimed and not self.twin.active
         self.first = "as configured" if wrong_only else "calibrated"
         self.start = Twin(a.prepared.model, a.prepared.theta) if wrong_only else calibrated(a)
-        self.before = self._of(self.start)
-        self.after = self._of(self.twin) if claimed else None
+        readings = {k: v[a.prepared.scene.held] for k, v in found.diagnosis.gap.readings.items()}
+        self.calibrated = readings["calibrated"]
+        self.before = self._of(self.start) if wrong_only else self.calibrated
+        self.after = readings.get("with_effects")
 
     def stages(self) -> dict[str, np.ndarray]:
         """Readings (H, 6) of each simulator: as configured, calibrated, with the effects."""
-        p, a = self.prepared, self.found.analysis
-        told = {"as configured": self._of(Twin(p.model, p.theta))}
-        told["calibrated"] = self._of(calibrated(a))
+        p = self.prepared
+        told = {"as configured": self._of(Twin(p.model, p.theta)), "calibrated": self.calibrated}
         if self.after is not None:
             told["with the effects"] = self.after
         return told
@@ -130,8 +129,8 @@ class Evidence:
     def _against(self, name: str, rest: Twin) -> list[Comparison]:
         """What an effect makes, against a twin without it; one channel where causes are many."""
         assert self.after is not None
-        without = self._of(rest)
-        effect, measured = self.after - without, self.prepared.y - without
+        effect = self._of(self.twin) - self._of(rest)
+        measured = self.prepared.y - self.after + effect
         chosen = _largest(effect / self.std)[: 1 if len(self.found.diagnosis.which) > 1 else 2]
         return [self._comparison(c, name, measured, effect) for c in chosen]
 
@@ -153,7 +152,7 @@ class Evidence:
         predicted = None if effect is None else effect[order, channel]
         return Comparison(
             CHANNELS[channel], UNITS[channel], title, x, label, measured[order, channel],
-            predicted, p.sealed[order],
+            predicted,
         )  # fmt: skip
 
     def _variable(self) -> tuple[np.ndarray, str, str]:

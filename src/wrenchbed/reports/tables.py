@@ -151,11 +151,11 @@ def causes(found: Findings) -> list[dict[str, Any]]:
 def gaps(found: Findings) -> list[tuple[str, float, str]]:
     """Gap of each simulator, for `figures.gaps`."""
     g = found.diagnosis.gap
-    rows = [("as configured", g.configured, "sim"), ("calibrated", g.calibrated, "sim")]
+    rows = [("as configured", g.configured, "sim"), ("calibrated", g.calibrated.value, "sim")]
     if g.with_effects is not None:
-        rows.append(("with the effects", g.with_effects, "sim"))
+        rows.append(("with the effects", g.with_effects.value, "sim"))
     if g.black_box is not None:
-        left = g.calibrated - g.black_box * (g.calibrated - g.floor)
+        left = g.calibrated.value - g.black_box * (g.calibrated.value - g.floor)
         rows.append(("with a black box", left, "box"))
     return [*rows, ("noise alone", g.floor, "real")]
 

@@ -160,8 +160,9 @@ def answers(found: Findings, shares: Mapping[str, float]) -> str:
     rows += [f"| {n} | {p:.2f} | {bar(p)} |" for n, p in ranked if p >= sentences.LARGE_P]
     gap = d.gap
     rows += ["", "| simulator | gap on held-out rows |", "|---|---|"]
-    stages = (("as configured", gap.configured), ("calibrated", gap.calibrated),
-              ("with the effects", gap.with_effects))  # fmt: skip
+    after = gap.with_effects
+    stages = (("as configured", gap.configured), ("calibrated", gap.calibrated.value),
+              ("with the effects", None if after is None else after.value))  # fmt: skip
     rows += [f"| {name} | {numbers.gap(value)} |" for name, value in stages if value is not None]
     if shares:
         painted_parts = ", ".join(f"{part} {share:.2f}" for part, share in shares.items())

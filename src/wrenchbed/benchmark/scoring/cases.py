@@ -27,7 +27,7 @@ from wrenchbed.diagnosis.explain import reliability
 from wrenchbed.diagnosis.explain.refit import Finalist
 from wrenchbed.diagnosis.explain.structures import Analysis
 from wrenchbed.diagnosis.gap import closure
-from wrenchbed.diagnosis.gap.held_out import HeldOut
+from wrenchbed.diagnosis.gap.held_out import CrossFit, HeldOut
 from wrenchbed.diagnosis.prepare.configuration import STATED
 from wrenchbed.effects.chain import effects
 from wrenchbed.errors import ParameterError
@@ -269,16 +269,17 @@ def _closed(found: Findings, causes: tuple[str, ...]) -> tuple[float | None, flo
     calibrated one.
     """
     a, gap = found.analysis, found.diagnosis.gap
-    start = gap.configured if set(causes) <= set(STATED) else gap.calibrated
+    start = gap.configured if set(causes) <= set(STATED) else gap.calibrated.value
     whole = start - gap.floor
     best = oracle(a, causes)
     if whole <= 0 or best is None:
         return None, None
-    sealed = HeldOut(a.prepared)
+    held_out = HeldOut(a.prepared)
     keep = [k for k, h in enumerate(best.parts) if h.name not in STATED]
     twin = closure.twin_of(a, best, keep)
-    after = sealed.mean(sealed.of(twin.wrench(a.prepared.scene)))
-    own = gap.calibrated if gap.with_effects is None else gap.with_effects
+    reading, _ = CrossFit(a).explained(twin, best, keep, ())
+    after = held_out.mean(held_out.of(reading))
+    own = (gap.with_effects or gap.calibrated).value
     return (start - own) / whole, (start - after) / whole
 
 

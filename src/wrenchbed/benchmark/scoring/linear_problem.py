@@ -29,7 +29,7 @@ class Claim:
     """What a method says of a recording.
 
     Attributes:
-        verdict: ``none``, ``identified``, ``ambiguous`` or ``unknown``.
+        verdict: ``none``, ``identified``, ``ambiguous``, ``partial`` or ``unknown``.
         causes: claimed classes, largest first, each its first choice and then its rivals.
         probabilities: over the leading answer; a class's key is its members joined by ``|``.
         presence: probability of each class to be there, where that is not its share as leading.

@@ -25,7 +25,7 @@ from wrenchbed.data.checked import is_number
 from wrenchbed.effects.chain import effects
 from wrenchbed.errors import BenchmarkError
 
-VERDICTS = ("none", "identified", "ambiguous", "unknown")
+VERDICTS = ("none", "identified", "ambiguous", "partial", "unknown")
 COUNTED = 4
 """Causes of a claim that count, the first ones: naming everything is no diagnosis."""
 WRONG = Claim("error", (), {})
@@ -89,7 +89,7 @@ def _said(raw: Mapping[str, Any], seconds: float | None) -> EntrantClaim:
     if verdict not in VERDICTS:
         raise ValueError(f"verdict {verdict!r} is none of {', '.join(VERDICTS)}")
     which = raw["which"]
-    if bool(which) != (verdict in ("identified", "ambiguous")):
+    if bool(which) != (verdict in ("identified", "ambiguous", "partial")):
         raise ValueError(f"verdict {verdict!r} with {len(which)} causes")
     causes = tuple((str(w["effect"]), *map(str, w.get("rivals", ()))) for w in which)
     presence = tuple(_probability(w["probability"]) for w in which)

@@ -199,6 +199,16 @@ class EffectDictionary:
         """A signal (6 R, …) less what bias, mass and CoG make of it."""
         return np.asarray(signal - self.fitted_away @ (self.fitted_away.T @ signal))
 
+    def without(self, fold: int) -> "EffectDictionary":
+        """The same columns on the rows that are not of a fold."""
+        keep = np.repeat(self.prepared.fold_rows != fold, 6)
+        return replace(
+            self,
+            prepared=self.prepared.without(fold),
+            baseline=self.baseline[keep],
+            E=self.E[keep],
+        )
+
     @property
     def row_noise(self) -> float:
         """Gap of the noise of the fit's rows."""
@@ -290,9 +300,9 @@ class FittedResidual:
 
     def __init__(self, prepared: Prepared, response: Response) -> None:
         self.scene, self.response = prepared.scene, response
-        self._rows = np.flatnonzero(prepared.scene.held)[~prepared.sealed]
+        self._rows = np.flatnonzero(prepared.scene.held)[prepared.fitted]
         self._noise = prepared.sigma
-        measured = (prepared.residual[~prepared.sealed] / self._noise).ravel()
+        measured = (prepared.residual[prepared.fitted] / self._noise).ravel()
         stated = [
             response.tangent(e, p, Variant(e.name, (p.name,)))[self._rows] / self._noise
             for e in (effects()[n] for n in STATED)

@@ -133,6 +133,16 @@ class Refitter:
         self.exact: dict[int, BackgroundLevel] = {}
         self._freed: dict[tuple[int, frozenset[int]], BackgroundLevel] = {}
 
+    def without(self, fold: int) -> "Refitter":
+        """Fits of the same case that do not see a fold."""
+        keep = np.repeat(self.d.prepared.fold_rows != fold, 6)
+        return Refitter(Searcher(self.d.without(fold), self.searcher.odds), self.y[keep])
+
+    def again(self, f: Finalist) -> Finalist:
+        """A finalist of more rows, its variables and residual fitted to these."""
+        x = self._minimum(f.parts, f.rung, self.start(f.parts), f.x, f.spread[: len(f.x)])
+        return replace(f, x=x, residual=self.y - self.response(f.parts, x))
+
     def values(self, parts: Sequence[Hypothesis], x: np.ndarray) -> list[dict[str, float]]:
         """All parameters of each part at x (k,), SI; shapes within their bounds."""
         known = [_parameters(h.effect, self.scene.robot) for h in parts]

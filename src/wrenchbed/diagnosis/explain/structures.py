@@ -14,7 +14,7 @@ model both are exact: with the precision P of all rows and w = P y, log p(y_b | 
 ½ log|P_bb| − ½ w_bᵀ P_bb⁻¹ w_b.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -43,17 +43,34 @@ def predictive_score(level: BackgroundLevel, f: Finalist, block_rows: np.ndarray
         f: the explanation.
         block_rows: block of each row of the fit (R,).
     """
+    half, w = _weighed(level, f)
+    return sum(_of_block(level, rows, half[:, rows], w[rows]) for rows in _of_blocks(block_rows))
+
+
+def prediction_errors(level: BackgroundLevel, f: Finalist, block_rows: np.ndarray) -> np.ndarray:
+    """Whitened rows (6 R,) less what all other blocks predict of them: P_bb⁻¹ w_b of each block."""
+    half, w = _weighed(level, f)
+    result = np.empty_like(w)
+    for rows in _of_blocks(block_rows):
+        precision = level.precision(rows) - half[:, rows].T @ half[:, rows]
+        result[rows] = np.linalg.solve(precision, w[rows])
+    return result
+
+
+def _weighed(level: BackgroundLevel, f: Finalist) -> tuple[np.ndarray, np.ndarray]:
+    """H (k, 6 R) of the precision P = K₀⁻¹ − HᵀH of all rows, and w = P y (6 R,)."""
     k = f.design.shape[1]
     solved = level.solve(np.column_stack([f.design, f.y]))
     normal = f.design.T @ solved[:, :k] + np.diag(1.0 / f.spread**2)
-    half = np.linalg.solve(np.linalg.cholesky(normal), solved[:, :k].T)  # (k, 6 R)
-    w = solved[:, k] - half.T @ (half @ f.y)
+    half = np.linalg.solve(np.linalg.cholesky(normal), solved[:, :k].T)
+    return half, solved[:, k] - half.T @ (half @ f.y)
+
+
+def _of_blocks(block_rows: np.ndarray) -> Iterator[np.ndarray]:
+    """Places among 6 R of each block's rows."""
     block = np.repeat(block_rows, 6)
-    total = 0.0
     for b in np.unique(block):
-        rows = np.flatnonzero(block == b)
-        total += _of_block(level, rows, half[:, rows], w[rows])
-    return total
+        yield np.flatnonzero(block == b)
 
 
 def _of_block(level: BackgroundLevel, rows: np.ndarray, half: np.ndarray, w: np.ndarray) -> float:

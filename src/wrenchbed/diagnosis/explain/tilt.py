@@ -50,6 +50,14 @@ def with_accelerometer(a: Analysis, verdict: Verdict) -> Verdict:
     return Verdict("identified", (cause,), joint, {TILT: present} | others)
 
 
+def witnessed(a: Analysis, verdict: Verdict) -> tuple[str, ...]:
+    """Claimed effects that the accelerometer measured too: the tilt, where it and wrench agree."""
+    t, e = a.prepared.testimony, verdict.explanation
+    if t is None or t.log_bayes <= 0.0 or TILT not in e.finalist.names:
+        return ()
+    return (TILT,) if agreement(a, e, t) >= DISAGREE else ()
+
+
 def sentences(a: Analysis, verdict: Verdict) -> tuple[str, ...]:
     """What the accelerometer says, and how it goes with the wrench."""
     t = a.prepared.testimony

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from wrenchbed.data.parquet import FORMAT
-from wrenchbed.diagnosis.gap.closure import Closure
+from wrenchbed.diagnosis.gap.closure import Closure, Interval
 from wrenchbed.effects.chain import ActiveEffect
 from wrenchbed.files import write_json
 from wrenchbed.twin.twin import Twin
@@ -21,7 +21,7 @@ class Diagnosis:
     Attributes:
         recording: its path, or a name.
         robot: registry name.
-        verdict: ``none``, ``identified``, ``ambiguous`` or ``unknown``.
+        verdict: ``none``, ``identified``, ``ambiguous``, ``partial`` or ``unknown``.
         gap: how far, on rows that no fit saw.
         where: subsystems with their share of the gap, as the contract has them.
         which: claimed causes, likewise.
@@ -32,6 +32,8 @@ class Diagnosis:
         seconds: that the diagnosis took.
         notes: what a reader should know of the data: its noise, what was left out.
         between: effects that show between rows only, which the written twin has besides.
+        set90: names, `none` and `unknown` among them, that hold the truth in 90 % of cases.
+        outliers: poses or stretches that were set aside, as the contract has them.
     """
 
     recording: str
@@ -47,6 +49,8 @@ class Diagnosis:
     seconds: float = 0.0
     notes: Sequence[str] = field(default_factory=tuple)
     between: Sequence[ActiveEffect] = ()
+    set90: Sequence[str] = ()
+    outliers: Sequence[Mapping[str, Any]] = ()
 
     def to_json(self) -> dict[str, Any]:
         """The contract's object."""
@@ -59,11 +63,13 @@ class Diagnosis:
                 "verdict": self.verdict,
                 "gap": {
                     "configured": g.configured,
-                    "calibrated": g.calibrated,
-                    "with_effects": g.with_effects,
+                    "calibrated": g.calibrated.value,
+                    "calibrated_ci95": _ends(g.calibrated),
+                    "with_effects": _value(g.with_effects),
+                    "with_effects_ci95": _ends(g.with_effects),
                     "floor": g.floor,
-                    "closed": g.closed,
-                    "closed_ci95": None if g.interval is None else list(g.interval),
+                    "closed": _value(g.closed),
+                    "closed_ci95": _ends(g.closed),
                     "closed_by_black_box": g.black_box,
                     "held_out_rows": g.rows,
                     "per_channel": {c: dict(v) for c, v in g.per_channel.items()},
@@ -73,6 +79,10 @@ class Diagnosis:
                 "probabilities": dict(self.probabilities),
                 "cannot_tell": list(self.cannot_tell),
                 "next": list(self.next),
+                "recordings": [PurePath(r).name for r in (self.recording,)],
+                "folds": g.folds,
+                "set90": list(self.set90),
+                "outliers": list(self.outliers),
             }
         )
 
@@ -83,6 +93,14 @@ class Diagnosis:
         name = None if self.twin.recording is None else PurePath(self.twin.recording).name
         twin = replace(self.twin, active=(*self.twin.active, *self.between), recording=name)
         twin.write(folder / "twin.json")
+
+
+def _value(x: Interval | None) -> float | None:
+    return None if x is None else x.value
+
+
+def _ends(x: Interval | None) -> list[float] | None:
+    return None if x is None else [x.low, x.high]
 
 
 def plain(x: Any) -> Any:

@@ -130,7 +130,7 @@ def autocovariance(prepared: Prepared) -> np.ndarray:
         return result
     s = prepared.stride
     raw = prepared.residual / prepared.sigma
-    block = np.where(prepared.sealed, -1 - np.arange(len(raw)), prepared.block)
+    block = np.where(prepared.fitted, prepared.block, -1 - np.arange(len(raw)))
     vario = np.zeros(((_LAGS + 1) * s, 6))
     for k in range(1, len(vario)):
         inside = block[k:] == block[:-k]

@@ -53,7 +53,7 @@ def posed(
         noise: variance of a pose over that of a row (6,).
     """
     old = prepared.poses if after else q[:0]
-    kept = prepared.sealed if after else np.zeros(0, dtype=bool)
+    kept = prepared.fold if after else np.zeros(0, dtype=int)
     when = prepared.scene.t[prepared.scene.held] if after else t[:0]
     every, times = np.concatenate([old, q]), np.concatenate([when, t])
     warm = prepared.scene.warmth
@@ -62,10 +62,10 @@ def posed(
         warm = np.concatenate([known, np.full(len(q), warm[-1])])  # as warm as at the end
     scene = scenes.of_poses(prepared.model, prepared.scene.theta, every, times, warm)
     n = len(every)
-    sealed = np.concatenate([kept, np.zeros(len(q), dtype=bool)])
+    fold = np.concatenate([kept, np.zeros(len(q), dtype=int)])
     return replace(
         prepared, scene=scene, y=np.zeros((n, 6)), count=np.ones(n, dtype=int), noise=noise,
-        block=np.arange(n), sealed=sealed, stride=1,
+        block=np.arange(n), fold=fold, stride=1,
     )  # fmt: skip
 
 
@@ -77,7 +77,7 @@ def moved(prepared: Prepared, q: np.ndarray, rate: float) -> Prepared:
     scene = scenes.of_motion(prepared.model, prepared.scene.theta, jet, np.arange(n) / rate, None)
     return replace(
         prepared, scene=scene, y=np.zeros((n, 6)), count=np.ones(n, dtype=int), noise=np.ones(6),
-        block=np.arange(n) * BLOCKS_IN_MOTION // n, sealed=np.zeros(n, dtype=bool),
+        block=np.arange(n) * BLOCKS_IN_MOTION // n, fold=np.zeros(n, dtype=int),
         stride=max(1, round(rate / RATES_HZ[1])),
     )  # fmt: skip
 

@@ -86,7 +86,7 @@ def without_touch(prepared: Prepared) -> Prepared:
     return replace(
         prepared, touch=touch, noise=noise / np.diagonal(prepared.covariance), scene=few,
         y=prepared.y[keep], count=prepared.count[keep], block=prepared.block[keep],
-        sealed=prepared.sealed[keep], scatter=prepared.scatter[keep],
+        fold=prepared.fold[keep], scatter=prepared.scatter[keep],
     )  # fmt: skip
 
 

@@ -104,14 +104,14 @@ def averaged(
     y = means.of(recording.wrench)
     covariance, count = data.row_covariance, np.full(len(t), means.stride)
     checks.enough(recording, replace(data, q=q, wrench=y, count=count, t=t), configuration)
-    block, sealed = split(len(t), True, seed, 1)
+    block, fold = split(len(t), True, seed, 1)
     scene = scenes.of_motion(configuration.model, configuration.robot_theta, q, t, None)
     scene = replace(scene, extra=accelerations(recording, means, q, t, scene.gravity))
     row = np.diagonal(covariance)
     noise = variance(recording, means, scene.tool, np.zeros(len(t), dtype=bool)) / row
     return Prepared(
         recording, configuration, scene, y, count, covariance, noise,
-        "stated noise, of an average from what it lets through of faster motion", block, sealed,
+        "stated noise, of an average from what it lets through of faster motion", block, fold,
         np.tile(covariance, (len(t), 1, 1)), 0,
     )  # fmt: skip
 

@@ -54,9 +54,10 @@ def gathered(recording: Recording, seed: int = 0) -> Prepared:
         noise = _noise_of_averages(residual, scene.period, stride)
     else:
         noise = _noise_at_rest(recording, data)
-    block, sealed = split(len(data), recording.metadata.mode == "dynamic", seed, stride)
+    dynamic = recording.metadata.mode == "dynamic"
+    block, fold = split(len(data), dynamic, seed, stride, None if dynamic else data.q)
     return Prepared(
-        recording, configuration, scene, y, count, covariance, noise, source, block, sealed,
+        recording, configuration, scene, y, count, covariance, noise, source, block, fold,
         products, data.left_out, stride,
     )  # fmt: skip
 

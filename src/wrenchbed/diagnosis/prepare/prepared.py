@@ -17,9 +17,11 @@ from wrenchbed.robots.base import Robot
 from wrenchbed.sensors.base import Sensor
 from wrenchbed.simulation.closed_form import Model
 
-SEALED = 0.25
-"""Share of blocks that no fit sees."""
+FOLDS = 4
+"""Parts of the blocks: each is held out once, from fits on all the others."""
 BLOCKS_IN_MOTION = 24
+SAME_POSE = 4
+"""Decimals [rad, m] to which joint values of two visits of one pose agree."""
 RATES_HZ = (10.0, 25.0)
 """To a rate within these a motion's rows are averaged before the linear analysis."""
 PIECES = 4
@@ -61,12 +63,13 @@ class Prepared:
             at rest; in motion of the averages of ``stride`` rows, times that, as they scatter.
         source: where the noise of a row comes from, ``repeats`` or ``stated``.
         block: number of the block of each observation (H,).
-        sealed: held-out observations, which take no part in any fit (H,).
+        fold: fold of each observation (H,), −1 where it is set aside: then it takes no part.
         scatter: mean products of the rows of each observation about their mean (H, 6, 6).
         left_out: saturated rows not used.
         stride: rows of a motion that are averaged into one for the linear analysis.
         touch: contact of a tool without joints; its rows are not among the observations.
         given: the recording before a long motion was cut, None if it was not.
+        held_out: the fold that fits do not see at present, None if they see all.
     """
 
     recording: Recording
@@ -78,12 +81,13 @@ class Prepared:
     noise: np.ndarray
     source: str
     block: np.ndarray
-    sealed: np.ndarray
+    fold: np.ndarray
     scatter: np.ndarray
     left_out: int
     stride: int = 1
     touch: Touch | None = None
     given: Recording | None = None
+    held_out: int | None = None
 
     @property
     def model(self) -> Model:
@@ -157,14 +161,37 @@ class Prepared:
         given = self.recording if self.given is None else self.given
         return tuple(scenes.notes(given, self.recording, self.excerpt))
 
-    def rows(self, x: np.ndarray, sealed: bool = False) -> np.ndarray:
-        """Scene or held rows (M, 6) → whitened (R, 6), of the fit's blocks or the held-out ones."""
-        held = x[self.scene.held] if len(x) == len(self.scene) else x
-        return self.averages(held / self.sigma, sealed)
+    @cached_property
+    def fitted(self) -> np.ndarray:
+        """Observations that take part in a fit (H,), boolean."""
+        return (self.fold >= 0) & (self.fold != (-1 if self.held_out is None else self.held_out))
 
-    def averages(self, x: np.ndarray, sealed: bool = False) -> np.ndarray:
+    @cached_property
+    def judged(self) -> np.ndarray:
+        """Observations on which simulators are judged (H,), boolean: all that are not set aside."""
+        return self.fold >= 0
+
+    @property
+    def folds(self) -> tuple[int, ...]:
+        """Folds that hold observations."""
+        return tuple(int(k) for k in np.unique(self.fold[self.judged]))
+
+    def without(self, fold: int) -> "Prepared":
+        """The same with a fold held out of all fits."""
+        return replace(self, held_out=fold)
+
+    def aside(self, rows: np.ndarray) -> "Prepared":
+        """The same with some observations (H,) set aside."""
+        return replace(self, fold=np.where(rows, -1, self.fold))
+
+    def rows(self, x: np.ndarray) -> np.ndarray:
+        """Scene or held rows (M, 6) → whitened rows of the fit (R, 6)."""
+        held = x[self.scene.held] if len(x) == len(self.scene) else x
+        return self.averages(held / self.sigma)
+
+    def averages(self, x: np.ndarray) -> np.ndarray:
         """Values of the observations (H, k) → averages of ``stride`` rows within a block (R, k)."""
-        keep = self.sealed == sealed
+        keep = self.fitted
         part, block, s = x[keep], self.block[keep], self.stride
         if s == 1:
             return np.asarray(part)
@@ -181,6 +208,11 @@ class Prepared:
     def block_rows(self) -> np.ndarray:
         """Block of each row that ``rows`` returns for the fit (R,)."""
         return self.averages(self.block[:, None])[:, 0].astype(int)
+
+    @cached_property
+    def fold_rows(self) -> np.ndarray:
+        """Fold of each row that ``rows`` returns for the fit (R,)."""
+        return self.averages(self.fold[:, None])[:, 0].astype(int)
 
     @cached_property
     def coarse(self) -> "Prepared":
@@ -208,7 +240,7 @@ class Prepared:
         first = rows[:, 0]
         return replace(
             self, scene=few, y=mean(self.y), count=self.count[rows].sum(axis=1),
-            noise=self.noise / inner, block=self.block[first], sealed=self.sealed[first],
+            noise=self.noise / inner, block=self.block[first], fold=self.fold[rows].min(axis=1),
             scatter=mean(self.scatter), stride=self.stride // inner,
         )  # fmt: skip
 
@@ -230,15 +262,29 @@ def sensor_of(recording: Recording, robot: Robot) -> Sensor:
     return sensor
 
 
-def split(rows: int, moving: bool, seed: int, stride: int) -> tuple[np.ndarray, np.ndarray]:
-    """Block of each observation, and which are held out: poses, or stretches of a motion.
+def split(
+    rows: int, moving: bool, seed: int, stride: int, poses: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Block and fold of each observation: poses, or stretches of a motion.
 
-    Stretches begin after multiples of ``stride`` rows.
+    Every `FOLDS` neighbouring blocks are one of each fold, in random order: each fold covers the
+    recording evenly. Stretches begin after multiples of ``stride`` rows.
+
+    Args:
+        rows: observations.
+        moving: whether they are samples of a motion.
+        seed: of the order.
+        stride: rows of a motion that are averaged into one.
+        poses: joint values (H, J); visits of the same pose are in one fold.
     """
     count = BLOCKS_IN_MOTION if moving else rows
     block = np.minimum(np.arange(rows) // stride * count // max(1, rows // stride), count - 1)
     rng = np.random.default_rng([seed, 20])
-    # one of every 1 / SEALED neighbours, so that held-out blocks cover the recording evenly
-    group = round(1 / SEALED)
-    chosen = [g + rng.integers(group) for g in range(0, count, group)]
-    return block, np.isin(block, chosen)
+    groups = -(-count // FOLDS)
+    fold = np.concatenate([rng.permutation(FOLDS) for _ in range(groups)])[block]
+    if poses is not None and not moving and len(poses):
+        _, first, same = np.unique(
+            np.round(poses, SAME_POSE), axis=0, return_index=True, return_inverse=True
+        )
+        fold = fold[first[same.ravel()]]
+    return block, fold
