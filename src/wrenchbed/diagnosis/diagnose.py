@@ -171,7 +171,7 @@ def _without_outliers(
     prepared: Prepared, first: Weighed, known: Reliability | None, seed: int
 ) -> tuple[Weighed, tuple[outliers_.Outlier, ...]]:
     """The answer without a few blocks that all others contradict, where that settles it."""
-    weighed, found = first, ()
+    weighed, found = first, tuple[outliers_.Outlier, ...]()
     for _ in range(MOST_ROUNDS):
         if weighed.settled:
             break

@@ -88,38 +88,31 @@ def suspects(a: Analysis) -> np.ndarray:
 
 
 def described(p: Prepared, rows: np.ndarray, reading: np.ndarray) -> tuple[Outlier, ...]:
-    """Outliers among rows (H,) that were set aside, against readings (M, 6) of the rest's simulator.
+    """Outliers among rows (H,) set aside, against readings (M, 6) of the others' simulator.
 
     Rows that agree with it are none.
     """
     error = p.y - reading[p.scene.held]
     large = np.sqrt(((error / p.sigma) ** 2).mean(axis=1)) > LARGE * np.sqrt(p.noise.max())
     t = p.scene.t[p.scene.held]
-    motion = p.moving or p.averaged
+    motion, far = p.moving or p.averaged, rows & large
     result = []
-    for group in (
-        _groups(rows, p.block, t, large) if motion else np.flatnonzero(rows & large)[:, None]
-    ):
+    for group in _stretches(far, t) if motion else np.flatnonzero(far)[:, None]:
         of = np.isin(np.arange(len(t)), group)
         pose = None if motion else _pose(p, int(group[0]))
         begin, end = float(t[group[0]]), float(t[group[-1]])
         if not motion:
-            end = begin + float(p.count[group[0]] - 1) / p.recording.metadata.rate_hz
+            after = p.recording.t[np.searchsorted(p.recording.t, begin) :]
+            end = float(after[min(int(p.count[group[0]]), len(after)) - 1])
         result.append(Outlier(of, pose, begin, end, error[of & large].mean(axis=0)))
     return tuple(result)
 
 
-def _groups(
-    rows: np.ndarray, block: np.ndarray, t: np.ndarray, large: np.ndarray
-) -> list[np.ndarray]:
-    """Stretches of a motion: large errors within rows (H,), with a margin."""
-    far = np.flatnonzero(rows & large)
-    if not len(far):
-        return []
-    near = np.zeros(len(t), dtype=bool)
-    for k in far:
+def _stretches(far: np.ndarray, t: np.ndarray) -> list[np.ndarray]:
+    """Observations at t (H,) [s] in stretches around those that are far off (H,), with a margin."""
+    near = far.copy()
+    for k in np.flatnonzero(far):
         near[np.searchsorted(t, t[k] - MARGIN_S) : np.searchsorted(t, t[k] + MARGIN_S)] = True
-    near[far] = True
     edges = np.flatnonzero(np.diff(np.concatenate([[False], near, [False]]).astype(int)))
     return [np.arange(a, b) for a, b in edges.reshape(-1, 2)]
 
