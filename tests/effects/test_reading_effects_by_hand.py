@@ -167,6 +167,18 @@ def test_before_the_first_reading_and_after_the_last_it_stands_still():
     )
 
 
+@pytest.mark.parametrize(
+    ("name", "given"),
+    [("timing.delay", {"delay": 0.1}), ("timing.lowpass", {"tau": 0.1}),
+     ("timing.skew", {"skew": 0.01}), ("timing.skew", {"channel": 0.01})],
+)  # fmt: skip
+def test_readings_are_late_only_in_a_motion(name, given):
+    t = np.arange(50.0) / 10.0
+    y = np.outer(t**2, np.ones(6))
+    assert np.abs(change(name, rows_at(t, moves=True), y, given)[-1]).max() > 1e-3
+    assert not change(name, rows_at(t), y, given).any()
+
+
 def test_clock_and_channels_lag_together():
     t = 5.0 + np.arange(400) / 100.0
     y = np.outer(t**3, np.ones(6))
