@@ -135,6 +135,7 @@ class EffectDictionary:
         hypotheses: what may be claimed.
         kernels: columns of the flexible unknown by the variable that they depend on.
         stated: columns of the numbers that every user fits, and their tolerances in typical sizes.
+        of_all: the columns on all rows, where these are without a fold.
     """
 
     prepared: Prepared
@@ -147,6 +148,7 @@ class EffectDictionary:
     stated: np.ndarray
     tolerance: np.ndarray
     invisible: tuple[str, ...]
+    of_all: "EffectDictionary | None" = None
 
     @cached_property
     def gram(self) -> np.ndarray:
@@ -158,8 +160,11 @@ class EffectDictionary:
         """EᵀE of each channel's rows (6, n, n); None where there are fewer rows than columns."""
         if len(self.E) <= self.E.shape[1]:
             return None
-        channels = self.E.reshape(-1, 6, self.E.shape[1])
-        return np.stack([channels[:, c].T @ channels[:, c] for c in range(6)])
+        if self.of_all is not None and self.of_all.grams is not None:
+            fold = self.of_all.prepared.fold_rows == self.prepared.held_out
+            channels = self.of_all.E.reshape(-1, 6, self.E.shape[1])[fold]
+            return self.of_all.grams - _grams(channels)
+        return _grams(self.E.reshape(-1, 6, self.E.shape[1]))
 
     @property
     def rows(self) -> int:
@@ -207,6 +212,7 @@ class EffectDictionary:
             prepared=self.prepared.without(fold),
             baseline=self.baseline[keep],
             E=self.E[keep],
+            of_all=self,
         )
 
     @property
@@ -217,6 +223,11 @@ class EffectDictionary:
     def of_effect(self, name: str) -> np.ndarray:
         """Distinct columns of an effect, whatever the variant."""
         return np.array([k for k, (e, p) in enumerate(self.label) if e == name and p], dtype=int)
+
+
+def _grams(channels: np.ndarray) -> np.ndarray:
+    """XᵀX of each channel of X (R, 6, n)."""
+    return np.stack([channels[:, c].T @ channels[:, c] for c in range(6)])
 
 
 def build(

@@ -34,12 +34,14 @@ class BackgroundLevel:
         V: variance of each column's coefficient (n,).
         grams: EᵀE of each channel's rows (6, n, n) where v₀ is the same in all rows of a channel;
             without it the products are made from E.
+        few: whether few systems are solved, so that none of what makes many quick is worth it.
     """
 
     E: np.ndarray
     v0: np.ndarray
     V: np.ndarray
     grams: np.ndarray | None = None
+    few: bool = False
 
     @property
     def tall(self) -> bool:
@@ -89,6 +91,9 @@ class BackgroundLevel:
         """K₀⁻¹ x for x (6 R, k); of many rows, without what is faint of the background."""
         root = np.sqrt(self.v0)[:, None]
         z = x / root
+        if self.tall and self.few:
+            weighed = self.E.T @ (z / root)
+            return np.asarray((z - (self.E @ self._kept(weighed)) / root) / root)
         if self.tall:
             ways, share = self._main
             return np.asarray((z - ways @ (share[:, None] * (ways.T @ z))) / root)
@@ -251,7 +256,8 @@ def _level(d: EffectDictionary, gap: float) -> BackgroundLevel:
     for columns in d.kernels.values():
         variance[columns] = SHARES["kernels"] * gap / len(d.kernels)
     variance[d.stated] = np.minimum((WITHIN * d.tolerance) ** 2, LARGE)
-    return BackgroundLevel(d.E, row_variance(d.prepared, SHARES["rows"] * gap), variance, d.grams)
+    rows = row_variance(d.prepared, SHARES["rows"] * gap)
+    return BackgroundLevel(d.E, rows, variance, d.grams, few=d.prepared.held_out is not None)
 
 
 def row_variance(prepared: Prepared, gap: float) -> np.ndarray:
