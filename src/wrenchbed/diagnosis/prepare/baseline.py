@@ -16,6 +16,8 @@ _STEPS, _DONE = 5, 1e-9
 """Gauss–Newton steps at most, and the change [kg, m] below which they end."""
 MASS_SHARE, COG_M, BIAS_SIGMAS = 0.005, 5e-4, 3.0
 """Default tolerances: share of the stated mass, CoG [m], bias in σ of one row."""
+MOST_ROUNDED = (0.05, 5e-3)
+"""Rounding of a stated mass (share of it) and CoG [m] that is granted at most; estimates."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,15 +81,19 @@ def calibrate(prepared: Prepared) -> Baseline:
 def tolerances(prepared: Prepared) -> dict[str, np.ndarray]:
     """How wrong each stated number may be before it counts as a cause, SI.
 
+    A number that is stated to few digits may be wrong by half a unit of its last one.
+
     Raises:
         DiagnosisError: the metadata's ``tolerance`` holds something else than numbers.
     """
     stated, name = prepared.recording.metadata, prepared.recording.name
     bias, mass, cog = STATED
+    given, tool_mass = stated.tool, prepared.configuration.mass
+    most = MOST_ROUNDED[0] * tool_mass, MOST_ROUNDED[1]
     default = {
         bias: BIAS_SIGMAS * prepared.sigma,
-        mass: np.array([MASS_SHARE * prepared.configuration.mass]),
-        cog: np.full(3, COG_M),
+        mass: np.array([max(MASS_SHARE * tool_mass, min(_rounding(given.mass), most[0]))]),
+        cog: np.full(3, max(COG_M, min(_rounding(*(given.cog or ())), most[1]))),
     }
     result = {k: _numbers(dict(stated.tolerance), k, v, name) for k, v in default.items()}
     if stated.tool.mass is None:
@@ -95,6 +101,15 @@ def tolerances(prepared: Prepared) -> dict[str, np.ndarray]:
     if stated.tool.cog is None:
         result[cog] = np.full(3, np.inf)
     return result
+
+
+def _rounding(*values: float | None) -> float:
+    """Half a unit of the last digit of the number that is stated to the most digits."""
+    stated = [repr(float(v)).removesuffix(".0") for v in values if v]
+    plain = [s for s in stated if "e" not in s]
+    if not plain or len(plain) < len(stated):  # an exponent: computed, not typed
+        return 0.0
+    return 0.5 * 10.0 ** -max(len(s.partition(".")[2]) for s in plain)
 
 
 def _numbers(given: Mapping[str, Any], key: str, default: np.ndarray, name: str) -> np.ndarray:
