@@ -11,6 +11,7 @@ import numpy as np
 from wrenchbed.data.plan import Plan
 from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis import answer
+from wrenchbed.diagnosis.between_rows import row_effects
 from wrenchbed.diagnosis.between_rows.row_effects import RowFinding, find_row_effects
 from wrenchbed.diagnosis.between_rows.tool_vibration import find_tool_vibration
 from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
@@ -22,7 +23,7 @@ from wrenchbed.diagnosis.explain.structures import Analysis, analyse
 from wrenchbed.diagnosis.explain.verdict import Verdict, decide, tempered
 from wrenchbed.diagnosis.gap import closure, where
 from wrenchbed.diagnosis.gap.result import Diagnosis
-from wrenchbed.diagnosis.gap.upheld import PARTIAL, upheld
+from wrenchbed.diagnosis.gap.upheld import PARTIAL, upheld, withdrawn
 from wrenchbed.diagnosis.next import experiments, isolability
 from wrenchbed.diagnosis.prepare.prepare_recording import prepare
 from wrenchbed.diagnosis.prepare.prepared import Prepared
@@ -99,6 +100,9 @@ def diagnose(
         *find_row_effects(prepared.excerpt, prepared.configuration),
         *find_tool_vibration(prepared),
     )
+    scattered = row_effects.unexplained(prepared.excerpt, prepared.configuration, between)
+    if scattered and verdict.verdict == NONE:
+        verdict = withdrawn(verdict, UNKNOWN)
     progress("where")
     places = where.locate(prepared, analysis.calibrated, seed=seed)
     progress("what next")
@@ -130,6 +134,7 @@ def diagnose(
         notes=(
             *prepared.notes,
             *(o.sentence for o in outliers),
+            *([scattered] if scattered else ()),
             *answer.notes(analysis, gap, between, unknown=outcome == UNKNOWN),
             *tilt.sentences(analysis, verdict),
         ),

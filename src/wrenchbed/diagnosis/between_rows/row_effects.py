@@ -7,6 +7,7 @@ what it is late by; as rows that repeat are also not independent, a share of `ST
 whatever it adds, with the rise that it has.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -30,6 +31,11 @@ COUNTS, LEVEL = 0.35, 0.05
 APART = 0.45
 """Rise that counts of a step or a shaking base: both are told apart from the noise, stated or not,
 which leaves the scale of the rise alone uncertain."""
+UNEXPLAINED = 0.6
+"""Rise of a channel's variance that nothing explains, from which there is a cause: the contract's
+half, and what small imperfections add to it (at most 0.15 in 13 healthy look-alikes; estimate)."""
+BURST = 3.0
+"""Scatter of a group over that of the median one, from which it is a burst; estimate."""
 STALE = 0.03
 BESIDE = 1.3
 """What other causes explain, with a margin, is no noise."""
@@ -96,6 +102,37 @@ def find_row_effects(recording: Recording, configuration: Configuration) -> tupl
             findings.append(_noise(s, counted / s.scale**2 + shaken))
     shown = [f for f in findings if f is not None]
     return tuple(sorted(shown, key=lambda f: (-round(f.probability, 1), -f.rise)))
+
+
+def unexplained(
+    recording: Recording, configuration: Configuration, findings: Sequence[RowFinding]
+) -> str:
+    """What rows scatter beyond the stated noise and beyond all findings; empty if that is little.
+
+    Bursts, hum and steps have no effect in the library, or raise the variance for a part of the
+    time only.
+    """
+    again = repeats(recording.wrench)
+    s = scatter(recording, configuration, again.stale & again.some)
+    if s is None or not s.stated:
+        return ""
+    groups = s.means(s.rows**2)
+    rise = groups.mean(axis=0) - 1.0
+    for f in findings:
+        covered = [CHANNELS.index(c) for c in f.channels]
+        rise[covered] -= BESIDE * max(f.rise, 0.0)
+    k = int(np.argmax(rise))
+    if rise[k] < UNEXPLAINED:
+        return ""
+    text = (
+        f"rows of {CHANNELS[k]} scatter by {100 * rise[k]:.0f} % more in variance than noise and "
+        "named effects make; the cause is unknown"
+    )
+    far = np.flatnonzero(groups[:, k] > BURST * np.median(groups[:, k]))
+    if not 0 < len(far) <= len(groups) // 2:
+        return text
+    first, last = s.t[s.starts[far[0]]], s.t[s.starts[far[-1]] + s.count[far[-1]] - 1]
+    return f"{text}: {len(far)} bursts, the first at {first:.1f} s, the last until {last:.1f} s"
 
 
 def _base(recording: Recording, s: Scatter | None, counted: np.ndarray) -> np.ndarray | None:
