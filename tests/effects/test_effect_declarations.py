@@ -87,7 +87,8 @@ SIZE = {
     0.20: "sensor.hysteresis",
     0.15: "environment.contact joint.backlash joint.clearance sensor.creep",
     0.10: "base.compliance cable.pull cable.torsion joint.compliance joint.gear_error sensor.drift "
-    "sensor.nonlinearity sensor.temperature tool.flexure tool.loose",
+    "sensor.nonlinearity sensor.temperature tool.flexure tool.leak tool.loose "
+    "tool.slide",
     0.05: "timing.lowpass",
     0.02: "sensor.saturation",
 }
@@ -103,8 +104,8 @@ def test_how_nearly_right_a_closed_form_is():
 
 FLAGS = {
     "zero_is_convention": "cable.pull cable.torsion environment.contact sensor.creep sensor.drift "
-    "sensor.hysteresis sensor.jump sensor.temperature",
-    "over_time": "sensor.creep sensor.drift sensor.jump sensor.temperature",
+    "sensor.hysteresis sensor.jump sensor.temperature tool.leak tool.slide",
+    "over_time": "sensor.creep sensor.drift sensor.jump sensor.temperature tool.leak tool.slide",
     "rough": "cable.pull environment.contact sensor.jump tool.loose",
     "external": "cable.pull cable.torsion environment.contact",
     "local": "joint.backlash joint.clearance joint.compliance joint.gear_error joint.offset "
