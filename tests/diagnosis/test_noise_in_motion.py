@@ -96,7 +96,7 @@ def test_rows_that_repeat_take_no_part():
     raw = (columns["fx"] - rec.columns["fx"])[stale]
     assert np.sqrt(np.mean(off**2)) < 2.0
     assert np.sqrt(np.mean(raw**2)) / whole.sigma[0] > 2.0 * np.sqrt(np.mean(off[:, 0] ** 2))
-    assert HeldOut(held).rows == np.count_nonzero(~again & held.sealed)
+    assert HeldOut(held).rows == np.count_nonzero(~again & held.judged)
 
 
 @pytest.mark.parametrize("channel", range(6))
