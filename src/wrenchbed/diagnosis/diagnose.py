@@ -18,7 +18,7 @@ from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
 from wrenchbed.diagnosis.evidence.similarity import Similarity
 from wrenchbed.diagnosis.explain import outliers as outliers_
 from wrenchbed.diagnosis.explain import tilt
-from wrenchbed.diagnosis.explain.reliability import Reliability, features, shipped
+from wrenchbed.diagnosis.explain.reliability import Reliability, credible, features, shipped
 from wrenchbed.diagnosis.explain.structures import Analysis, analyse
 from wrenchbed.diagnosis.explain.verdict import Verdict, decide, tempered
 from wrenchbed.diagnosis.gap import closure, where
@@ -49,7 +49,8 @@ class Findings:
         rows: effects that show between rows only.
         places: where the calibrated residual lies.
         plans: of the proposed experiments, by file name.
-        untempered: the verdict before the reliability of such claims was weighed in.
+        untempered: the verdict that held-out rows uphold, before the reliability of such claims
+            was weighed in.
     """
 
     diagnosis: Diagnosis
@@ -92,7 +93,7 @@ def diagnose(
     prepared = prepare(recording, seed)
     progress("effects and their evidence")
     known = reliability or _shipped(prepared)
-    weighed, outliers = _without_outliers(prepared, _weigh(prepared, known, seed), known, seed)
+    weighed, outliers = _without_outliers(prepared, weigh(prepared, known, seed), known, seed)
     analysis, untempered, verdict, twin, gap = weighed
     prepared = analysis.prepared
     progress("rows")
@@ -113,6 +114,7 @@ def diagnose(
     outcome = "identified" if between and verdict.verdict == NONE else verdict.verdict
     spread = 1.0 if known is None else known.spread
     which = answer.causes(analysis, verdict, gap, spread, between)
+    probabilities = answer.probabilities(verdict, between)
     diagnosis = Diagnosis(
         recording=prepared.recording.name,
         robot=prepared.recording.metadata.robot,
@@ -124,12 +126,13 @@ def diagnose(
             [answer.row_place(r) for r in between],
         ),
         which=which if outcome in ("identified", "ambiguous", PARTIAL) else [],
-        probabilities=answer.probabilities(verdict, between),
+        probabilities=probabilities,
         cannot_tell=cannot_tell,
         next=proposed,
         twin=twin,
         between=[e for r in between if (e := r.active(prepared.robot)) is not None],
         seconds=time.perf_counter() - begun,
+        set90=credible(probabilities, 0.9 if known is None else known.set90),
         outliers=[o.entry() for o in outliers],
         notes=(
             *prepared.notes,
@@ -163,12 +166,14 @@ class Weighed(NamedTuple):
         return (self.gap.with_effects or self.gap.calibrated).value - max(self.gap.floor, 0.0)
 
 
-def _weigh(prepared: Prepared, known: Reliability | None, seed: int) -> Weighed:
+def weigh(prepared: Prepared, known: Reliability | None, seed: int) -> Weighed:
     """Explain the gap, and hold the explanation against rows that no fit saw."""
     analysis = analyse(prepared)
-    untempered = decide(analysis.ranking)
-    verdict = tilt.with_accelerometer(analysis, _tempered(analysis, untempered, known))
-    twin, gap, verdict = _judged(analysis, verdict, seed)
+    decided = tilt.with_accelerometer(analysis, decide(analysis.ranking))
+    twin, gap, untempered = _judged(analysis, decided, seed)
+    verdict = _tempered(analysis, untempered, known, gap)
+    if verdict.causes != untempered.causes and not verdict.causes:
+        twin, gap, verdict = _judged(analysis, verdict, seed)
     return Weighed(analysis, untempered, verdict, twin, gap)
 
 
@@ -183,14 +188,14 @@ def _without_outliers(
         rows = outliers_.suspects(weighed.analysis) | ~weighed.analysis.prepared.judged
         if np.array_equal(rows, ~weighed.analysis.prepared.judged):
             break
-        again = _weigh(prepared.aside(rows), known, seed)
+        again = weigh(prepared.aside(rows), known, seed)
         described = outliers_.described(prepared, rows, again.twin.wrench(prepared.scene))
         if not described or again.rest > CLEARER * weighed.rest:
             break
         found, all_rows = described, np.any([o.rows for o in described], axis=0)
         weighed = again
         if not np.array_equal(all_rows, rows):  # fewer: only what does disagree
-            weighed = _weigh(prepared.aside(all_rows), known, seed)
+            weighed = weigh(prepared.aside(all_rows), known, seed)
     return weighed, found
 
 
@@ -200,12 +205,18 @@ def _shipped(prepared: Prepared) -> Reliability | None:
     return known if known is None or prepared.scene.jointed else known.plain()
 
 
-def _tempered(a: Analysis, verdict: Verdict, known: Reliability | None) -> Verdict:
-    """The verdict with probabilities that hold on look-alike cases."""
-    if known is None:
+def _tempered(
+    a: Analysis, verdict: Verdict, known: Reliability | None, gap: closure.Closure
+) -> Verdict:
+    """The verdict with probabilities that hold on look-alike cases.
+
+    What a second sensor measured does not hang on how often wrenches alone are read rightly.
+    """
+    if known is None or tilt.witnessed(a, verdict):
         return verdict
     if verdict.causes:
-        return tempered(verdict, known.of(features(a.ranking, verdict)))
+        closed = 0.0 if gap.closed is None else gap.closed.value
+        return tempered(verdict, known.of(features(a.ranking, verdict, closed)))
     return tempered(verdict, known.none if verdict.verdict == NONE else known.unknown)
 
 

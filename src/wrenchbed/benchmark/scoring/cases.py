@@ -215,7 +215,10 @@ def _raw(found: Findings | None) -> dict[str, Any]:
         return {}
     raw = found.untempered
     lead = raw.causes[0].names if raw.causes else ()
-    told = reliability.features(found.analysis.ranking, raw)
+    closed = found.diagnosis.gap.closed
+    told = reliability.features(
+        found.analysis.ranking, raw, 0.0 if closed is None else closed.value
+    )
     return {"raw": raw.verdict, "lead": lead, "features": told}
 
 

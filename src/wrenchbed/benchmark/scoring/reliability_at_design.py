@@ -16,10 +16,9 @@ from wrenchbed.benchmark.lookalikes import ExperimentDesign, draw
 from wrenchbed.benchmark.lookalikes import recording as simulated
 from wrenchbed.data.parquet import FORMAT
 from wrenchbed.data.recording import Recording
+from wrenchbed.diagnosis.diagnose import weigh
 from wrenchbed.diagnosis.explain import reliability
 from wrenchbed.diagnosis.explain.reliability import Reliability, learnt, shipped
-from wrenchbed.diagnosis.explain.structures import analyse
-from wrenchbed.diagnosis.explain.verdict import decide
 from wrenchbed.diagnosis.prepare.prepare_recording import gathered
 from wrenchbed.errors import DiagnosisError, ParameterError
 from wrenchbed.jobs.parts import Journal, Row
@@ -104,10 +103,10 @@ def _case(index: int) -> dict[str, Any]:
     try:
         case = draw(design, number, kind)
         rows = simulated(design, case)
-        analysis = analyse(gathered(rows))
+        weighed = weigh(gathered(rows), None, 0)
     except (ParameterError, DiagnosisError):  # no such case at this design, or refused data
         return row
-    verdict = decide(analysis.ranking)
+    verdict, closed = weighed.verdict, weighed.gap.closed
     if verdict.causes:
         right = bool(set(verdict.causes[0].names) & set(case.causes))
     elif verdict.verdict == "none":
@@ -115,7 +114,9 @@ def _case(index: int) -> dict[str, Any]:
     else:
         right = case.outside is not None
     answer = {"raw": verdict.verdict, "named": bool(verdict.causes), "right": right}
-    return row | answer | {"features": list(reliability.features(analysis.ranking, verdict))}
+    share = 0.0 if closed is None else closed.value
+    known = reliability.features(weighed.analysis.ranking, verdict, share)
+    return row | answer | {"features": list(known)}
 
 
 def _key(design: ExperimentDesign, seed: int) -> str:

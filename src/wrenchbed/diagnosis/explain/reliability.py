@@ -21,12 +21,14 @@ from wrenchbed.diagnosis.explain.verdict import Verdict, allowed
 from wrenchbed.errors import DiagnosisError
 
 NAMES = (
-    "constant", "size", "rest", "lead", "unknown", "more", "form", "rivals", "minor",
+    "constant", "size", "rest", "lead", "unknown", "more", "form", "rivals", "minor", "open",
 )  # fmt: skip
 """Features of a claim, each about 0 … 1."""
 PRIOR_STD = 3.0
 """Of a weight, so that few cases do not make a sure model."""
 LEAST_ERRORS, LARGEST_SPREAD = 40, 2.5
+ROUNDING = 1e-9
+"""By which a sum of probabilities may fall short of 1."""
 
 
 @dataclass(frozen=True)
@@ -40,6 +42,9 @@ class Reliability:
         source: where these are from.
         spread: factor on standard uncertainties with which 90 % intervals held 90 % of the time.
         right: share of all claims that were right.
+        set90: probability that the likeliest answers must hold together to hold the truth in 90 %
+            of cases: split conformal prediction (Vovk et al. 2005; Angelopoulos & Bates 2023,
+            doi 10.1561/2200000101).
     """
 
     claim: tuple[float, ...]
@@ -49,6 +54,7 @@ class Reliability:
     source: str
     spread: float = 1.0
     right: float = 0.9
+    set90: float = 0.9
 
     def plain(self) -> "Reliability":
         """For recordings unlike the cases: how often claims were right, whatever their kind."""
@@ -59,8 +65,14 @@ class Reliability:
         return float(expit(np.dot(self.claim, features)))
 
 
-def features(ranking: Ranking, verdict: Verdict) -> tuple[float, ...]:
-    """What distinguishes the leading claim of a verdict; all zero where nothing is named."""
+def features(ranking: Ranking, verdict: Verdict, closed: float) -> tuple[float, ...]:
+    """What distinguishes the leading claim of a verdict; all zero where nothing is named.
+
+    Args:
+        ranking: all explanations.
+        verdict: that held-out rows uphold.
+        closed: share of the gap that its causes close on these.
+    """
     if not verdict.causes:
         return (0.0,) * len(NAMES)
     best, lead = verdict.explanation, verdict.causes[0]
@@ -81,7 +93,29 @@ def features(ranking: Ranking, verdict: Verdict) -> tuple[float, ...]:
         2.0 * form,
         (len(lead.names) - 1) / 4.0,
         float(np.clip(minor, 0, 4)) / 4.0,
+        float(np.clip(1.0 - closed, 0.0, 1.0)),
     )
+
+
+def conformal(shares: Sequence[float], level: float = 0.9) -> float:
+    """Probability that a set must hold to hold the truth as often as ``level``.
+
+    Args:
+        shares: of each case, what the answers down to the true one hold together (N,).
+    """
+    rank = int(np.ceil((len(shares) + 1) * level))
+    return float(np.sort(shares)[min(rank, len(shares)) - 1]) if len(shares) else level
+
+
+def credible(probabilities: Mapping[str, float], level: float) -> tuple[str, ...]:
+    """The likeliest answers that hold a probability together, classes by their members."""
+    total, names = 0.0, dict[str, None]()
+    for key, share in sorted(probabilities.items(), key=lambda kv: -kv[1]):
+        names |= dict.fromkeys(key.split("|"))
+        total += share
+        if total >= level - ROUNDING:
+            break
+    return tuple(names)
 
 
 def learnt(
@@ -91,12 +125,14 @@ def learnt(
     source: str,
     start: "Reliability | None" = None,
     errors: Sequence[float] = (),
+    shares: Sequence[float] = (),
 ) -> Reliability:
     """The most probable model for (features, was it right) of cases; none and unknown: (right, of).
 
     Args:
         start: what is believed before these cases; its weights are the prior's centre.
         errors: of parameters over their standard uncertainty; few teach no spread.
+        shares: of each case, what its answers down to the true one hold together.
 
     Raises:
         DiagnosisError: no claims to learn from.
@@ -121,7 +157,8 @@ def learnt(
         spread = float(np.clip(np.quantile(np.abs(errors), 0.9) / 1.645, 1.0, LARGEST_SPREAD))
     weights = tuple(float(v) for v in w)
     right = _rate(int(y.sum()), len(y))
-    return Reliability(weights, _rate(*none), _rate(*unknown), total, source, spread, right)
+    held = conformal(shares) if len(shares) >= LEAST_ERRORS else 0.9
+    return Reliability(weights, _rate(*none), _rate(*unknown), total, source, spread, right, held)
 
 
 def _rate(right: int, count: int) -> float:
