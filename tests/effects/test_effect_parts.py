@@ -11,7 +11,7 @@ from wrenchbed.effects.chain import ActiveEffect
 from wrenchbed.errors import ParameterError
 from wrenchbed.physics.wrench import CHANNELS, UNITS
 
-SCENE = SimpleNamespace(mode="dynamic", extra={})
+SCENE = SimpleNamespace(mode="dynamic", averaged=False)
 """Rows of a motion, as far as the chain asks."""
 
 
@@ -102,22 +102,21 @@ def test_readings_change_before_timing_whatever_the_order():
 
 
 @pytest.mark.parametrize(
-    ("modes", "moving", "extra", "expected"),
+    ("modes", "moving", "averaged", "expected"),
     [
-        (("static",), False, {}, True),
-        (("static",), True, {}, False),
-        (("dynamic",), True, {}, True),
-        (("dynamic",), False, {}, False),
-        (("dynamic",), False, {"ax": 1}, True),
+        (("static",), False, False, True),
+        (("static",), True, False, False),
+        (("dynamic",), True, False, True),
+        (("dynamic",), False, False, False),
+        (("dynamic",), False, True, True),
+        (("static",), False, True, True),
     ],
 )
-def test_an_effect_acts_in_its_modes_or_where_accelerations_are_measured(
-    modes, moving, extra, expected
-):
+def test_an_effect_acts_in_its_modes_and_in_averages_of_a_motion(modes, moving, averaged, expected):
     mode = "dynamic" if moving else "static"
     effect = reading("reading", lambda r: r).effect
     effect.modes = modes
-    assert effect.acts(SimpleNamespace(mode=mode, extra=extra)) is expected
+    assert effect.acts(SimpleNamespace(mode=mode, averaged=averaged)) is expected
 
 
 def test_only_a_changed_load_leaves_the_sensor_in_its_place():

@@ -87,8 +87,9 @@ def test_examples_are_poses_at_rest_and_the_same_as_a_motion():
     assert still.t.tolist() == [10.0 * k for k in range(24)]
     assert not UR5.infeasible(still.joints, still.theta)
     assert len(np.unique(still.joints, axis=0)) == 24
-    (only,) = examples(registry.load("robots", "oriented"))
-    assert not only.moving
+    still, averages = examples(registry.load("robots", "oriented"))
+    assert not still.moving and not averages.moving
+    assert not still.sampled and averages.sampled and moves.sampled
     again, _ = examples(UR5)
     assert np.array_equal(again.joints, still.joints)
 
@@ -222,8 +223,8 @@ def test_velocities_follow_a_smooth_displacement_but_no_jump():
 
 def test_what_shows_only_in_motion_does_not_act_at_rest():
     effect = effects()["timing.delay"]
-    assert not effect.acts(SimpleNamespace(mode="static", extra={}))
-    assert effect.acts(SimpleNamespace(mode="dynamic", extra={}))
+    assert not effect.acts(SimpleNamespace(mode="static", averaged=False))
+    assert effect.acts(SimpleNamespace(mode="dynamic", averaged=False))
     still = scene_of("ur5 static")
     late = ActiveEffect.of(still.robot, "timing.delay", {"delay": 0.5})
     assert np.array_equal(EffectChain([late]).read(still, still.load), still.load)

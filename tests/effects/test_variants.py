@@ -407,6 +407,5 @@ def test_what_sits_in_the_arm_or_outside_it_needs_the_arms_joints(name):
     rows = replace(scene, warmth=np.linspace(0.0, 5.0, len(scene)))
     assert bool(effect.variants(rows)) == (name not in NEEDS_JOINTS and not between)
     assert effect.applies(registry.load("robots", "ur5"))
-    needs_motion = "static" not in effect.modes
     on_oriented = effect.applies(registry.load("robots", "oriented"))
-    assert on_oriented == (name not in NEEDS_JOINTS and not needs_motion)
+    assert on_oriented == (name not in (*NEEDS_JOINTS, "tool.inertia"))  # or an accelerometer

@@ -187,8 +187,8 @@ class Effect(ABC):
         return self.stage in ("reading", "timing")
 
     def acts(self, scene: Scene) -> bool:
-        """Whether it can show in such rows: measured accelerations show a motion's effects too."""
-        return scene.mode in self.modes or bool(scene.extra)
+        """Whether it can show in such rows: averages show effects of rest and of motion."""
+        return scene.mode in self.modes or scene.averaged
 
     def applies(self, robot: Robot) -> bool:
         """Whether it can show on a robot at all."""

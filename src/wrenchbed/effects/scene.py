@@ -1,7 +1,7 @@
 """What a robot did, row by row: the input of every effect, before any effect acts."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -34,6 +34,8 @@ class Scene:
         held: rows that were measured (M,); the others lie on the way between two poses, where
             only what remembers (hysteresis, creep, backlash) looks.
         warmth: temperature above the first row's (M,) [K], None where it was not recorded.
+        extra: measured accelerations by name (M, 3).
+        averaged: whether the rows are averages of one motion without joints, on an even clock.
     """
 
     robot: Robot
@@ -44,6 +46,7 @@ class Scene:
     held: np.ndarray
     warmth: np.ndarray | None = None
     extra: Mapping[str, np.ndarray] = field(default_factory=dict)
+    averaged: bool = False
 
     def __len__(self) -> int:
         return len(self.t)
@@ -52,6 +55,11 @@ class Scene:
     def moving(self) -> bool:
         """Whether the rows are samples of one motion on an even clock."""
         return isinstance(self.q, Jet)
+
+    @property
+    def sampled(self) -> bool:
+        """Whether the rows follow one motion on an even clock: its samples, or averages of it."""
+        return self.moving or self.averaged
 
     @property
     def mode(self) -> str:
@@ -137,14 +145,16 @@ class Scene:
 
 
 def examples(robot: Robot) -> list[Scene]:
-    """A few poses that warm up, and the same as a motion where the robot has joints: to ask for
-    variants."""
+    """A few poses that warm up, and the same as a motion, or as averages of one where the robot has
+    no joints: to ask for variants."""
     q: Value = robot.sample(_EXAMPLE_ROWS, np.random.default_rng(0))
     theta, gravity = robot.parameters.nominal, np.array(robot.gravity)
     t, held = 10.0 * np.arange(_EXAMPLE_ROWS), np.ones(_EXAMPLE_ROWS, dtype=bool)
-    motions = [q, Jet(q, 0.0 * q, 0.0 * q)] if robot.joints else [q]
     warmth = np.linspace(0.0, _EXAMPLE_RISE, _EXAMPLE_ROWS)
-    return [Scene(robot, theta, gravity, x, t, held, warmth) for x in motions]
+    still = Scene(robot, theta, gravity, q, t, held, warmth)
+    if robot.joints:
+        return [still, replace(still, q=Jet(q, 0.0 * q, 0.0 * q))]
+    return [still, replace(still, averaged=True)]
 
 
 def held_on(sign: np.ndarray) -> np.ndarray:

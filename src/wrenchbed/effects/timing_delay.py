@@ -23,10 +23,10 @@ class TimingDelay(ReadingEffect):
     numbers = alike(("delay",), "s", 8e-3, 1.0, "of the reading behind the joints")
 
     def variants(self, scene: Scene) -> tuple[Variant, ...]:
-        return (Variant("late readings", ("delay",)),) if scene.moving else ()
+        return (Variant("late readings", ("delay",)),) if scene.sampled else ()
 
     def read(self, scene: Scene, reading: np.ndarray, p: Values) -> np.ndarray:
-        if not scene.moving or not p["delay"]:
+        if not scene.sampled or not p["delay"]:
             return reading
         then = np.clip(scene.t - p["delay"], scene.t[0], scene.t[-1])
         return np.asarray(CubicSpline(scene.t, reading)(then))

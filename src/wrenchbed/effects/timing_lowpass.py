@@ -35,7 +35,7 @@ class TimingLowpass(ReadingEffect):
     )
 
     def variants(self, scene: Scene) -> tuple[Variant, ...]:
-        if not scene.moving:
+        if not scene.sampled:
             return ()
         return tuple(
             Variant(f"{text} order", ("tau",), {"stages": n}, (), {"order": int(n)})
@@ -43,7 +43,7 @@ class TimingLowpass(ReadingEffect):
         )
 
     def read(self, scene: Scene, reading: np.ndarray, p: Values) -> np.ndarray:
-        if not scene.moving or not p["tau"]:
+        if not scene.sampled or not p["tau"]:
             return reading
         stages = round(p["stages"])
         tau, rows = abs(p["tau"]) / stages, len(reading)

@@ -27,12 +27,12 @@ class TimingSkew(ReadingEffect):
     )
 
     def variants(self, scene: Scene) -> tuple[Variant, ...]:
-        if not scene.moving:
+        if not scene.sampled:
             return ()
         return (Variant("clock", ("skew",)), Variant("channels in turn", ("channel",)))
 
     def read(self, scene: Scene, reading: np.ndarray, p: Values) -> np.ndarray:
-        if not scene.moving or not (p["skew"] or p["channel"]):
+        if not scene.sampled or not (p["skew"] or p["channel"]):
             return reading
         common = scene.t - p["skew"] * scene.age
         result = np.empty_like(reading)

@@ -73,18 +73,12 @@ def without_touch(prepared: Prepared) -> Prepared:
     touch = find_contact(prepared)
     if touch is None:
         return prepared
-    keep, scene = ~touch.rows, prepared.scene
-    few = replace(
-        scene,
-        q=value(scene.q)[keep],
-        t=scene.t[keep],
-        held=scene.held[keep],
-        extra={k: v[keep] for k, v in scene.extra.items()},
-    )
+    keep, scene = ~touch.rows, prepared.scene  # the clock goes on
     recording = prepared.recording
     noise = variance(recording, averages(recording), scene.tool, touch.rows)
     return replace(
-        prepared, touch=touch, noise=noise / np.diagonal(prepared.covariance), scene=few,
+        prepared, touch=touch, noise=noise / np.diagonal(prepared.covariance),
+        scene=replace(scene, held=keep),
         y=prepared.y[keep], count=prepared.count[keep], block=prepared.block[keep],
         fold=prepared.fold[keep], scatter=prepared.scatter[keep],
     )  # fmt: skip

@@ -106,7 +106,8 @@ def averaged(
     checks.enough(recording, replace(data, q=q, wrench=y, count=count, t=t), configuration)
     block, fold = split(len(t), True, seed, 1)
     scene = scenes.of_motion(configuration.model, configuration.robot_theta, q, t, None)
-    scene = replace(scene, extra=accelerations(recording, means, q, t, scene.gravity))
+    measured = accelerations(recording, means, q, t, scene.gravity)
+    scene = replace(scene, extra=measured, averaged=True)
     row = np.diagonal(covariance)
     noise = variance(recording, means, scene.tool, np.zeros(len(t), dtype=bool)) / row
     return Prepared(
