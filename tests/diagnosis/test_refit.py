@@ -95,14 +95,14 @@ def test_a_shape_is_kept_near_its_variant():
 def test_slopes_of_shapes_are_differences_and_those_of_plain_amplitudes_the_dictionary_s():
     r, h = case(1.0, 2.0)
     x = np.array([1.0, 4.0])
-    told = r._design((h,), x, r.response((h,), x), range(2))
+    told = r.design((h,), x, r.response((h,), x), range(2))
     assert told[:, 0] == pytest.approx(wave(len(r.y), 2.0))
     n = np.linspace(0.0, 6.0, len(r.y))
     slope = -2.0 * np.sqrt(2.0) * np.sin(2.0 * n + 0.3) * n * 0.5
     assert told[:, 1] == pytest.approx(slope, abs=0.3)
     plain = Hypothesis(h.effect, Variant("plain", ("span",), {"lag": 2.0}), h.columns, 4.0)
     some = SimpleNamespace(parts=(plain,))
-    told = r._design(some.parts, np.array([1.0]), r.y, [0])
+    told = r.design(some.parts, np.array([1.0]), r.y, [0])
     assert (told[:, 0] == r.d.E[:, h.columns[0]]).all()
 
 

@@ -143,9 +143,9 @@ def test_a_blamed_number_is_set_free():
     (mass,) = (h for h in d.hypotheses if h.name == "tool.mass")
     f = r.fit((mass,), 0)
     assert len(f.x) == 0 and f.design.shape[1] == 1
-    level = r._level((mass,), 1)
+    level = r.level((mass,), 1)
     rung = r.searcher.rungs[1].level
     assert level.V[6] == pytest.approx(rung.V[6] + 30.0**2)
     assert np.delete(level.V, 6) == pytest.approx(np.delete(rung.V, 6))
-    assert r._level((mass,), 1) is level
-    assert r._level((), 1) is rung
+    assert r.level((mass,), 1) is level
+    assert r.level((), 1) is rung

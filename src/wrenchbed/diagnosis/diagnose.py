@@ -236,14 +236,11 @@ def _claimed(a: Analysis, verdict: Verdict) -> closure.Claimed | None:
     """The simulator with the causes of a verdict."""
     if not verdict.causes:
         return None
-    f, refitter = verdict.explanation.finalist, a.refitter
+    f = verdict.explanation.finalist
     keep = [c.part.index for c in verdict.causes if c.part.index is not None]
     wrong = [c.names[0] for c in verdict.causes if c.part.index is None]
     if len(keep) < len(f.effects):  # what is not claimed is fitted away
-        parts = tuple(f.parts[k] for k in keep)
-        at = [i for k in keep for i in f.variables.of_parts([k])]
-        f = refitter.at(parts, f.rung, f.x[at], f.spread[at]) if parts else refitter.nothing()
-        keep = list(range(len(parts)))
+        f, keep = a.refitter.keeping(f, keep), list(range(len(keep)))
     return closure.Claimed(closure.twin_of(a, f, keep), f, tuple(keep), tuple(wrong))
 
 

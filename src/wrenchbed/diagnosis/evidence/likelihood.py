@@ -166,6 +166,29 @@ def gains(
     return np.asarray(0.5 * (fit - np.log(ratio).sum(axis=-1)[:, :, None]))
 
 
+class Moments(NamedTuple):
+    """What one rung makes of columns: information (k, k), score (k,), log evidence without them.
+
+    Moments of independent readings add up.
+    """
+
+    information: np.ndarray
+    score: np.ndarray
+    null: float
+
+    @classmethod
+    def of(cls, level: BackgroundLevel, y: np.ndarray, columns: np.ndarray) -> "Moments":
+        """Of readings (6 R,) and columns (6 R, k)."""
+        solved = level.solve(np.column_stack([columns, y]))
+        null = -0.5 * float(y @ solved[:, -1] + level.log_det)
+        return cls(columns.T @ solved[:, :-1], columns.T @ solved[:, -1], null)
+
+    def __add__(self, other: "Moments") -> "Moments":  # type: ignore[override]
+        return Moments(
+            self.information + other.information, self.score + other.score, self.null + other.null
+        )
+
+
 class ScaledEvidence(NamedTuple):
     """Log evidence, the scale of each part (p,), and the columns' information (k, k)."""
 
@@ -179,26 +202,17 @@ class ScaledEvidence(NamedTuple):
 
 
 def over_scales(
-    level: BackgroundLevel,
-    y: np.ndarray,
-    columns: np.ndarray,
-    owner: np.ndarray,
-    fixed: np.ndarray,
-    ladder: np.ndarray,
+    moments: Moments, owner: np.ndarray, fixed: np.ndarray, ladder: np.ndarray
 ) -> ScaledEvidence:
     """Log evidence of one rung, summed over the scales of one part after the other.
 
     Args:
-        level: the rung.
-        y: linearised readings (6 R,).
-        columns: slopes of all variables (6 R, k).
+        moments: of the linearised readings and the slopes of all variables (k,).
         owner: part of each column (k,).
         fixed: prior standard deviation of columns whose scale is known (k,), else 0.
         ladder: scales of each part that are tried (p, s).
     """
-    solved = level.solve(np.column_stack([columns, y]))
-    information, score = columns.T @ solved[:, :-1], columns.T @ solved[:, -1]
-    start = -0.5 * float(y @ solved[:, -1] + level.log_det)
+    information, score, start = moments
     best, total = np.median(ladder, axis=1), -np.inf
     for k in [*range(len(ladder)), *range(len(ladder) - 1)]:
         size = np.where(fixed > 0, fixed, best[owner])

@@ -4,15 +4,16 @@ Gauss–Newton; shapes that act by jumps, where slopes do not show the way, by a
 A `Finalist` is a structure after its refit: its parts, their variables, and the residual.
 """
 
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
+from typing import NamedTuple
 
 import numpy as np
 from scipy.special import logsumexp
 
 from wrenchbed.diagnosis.evidence.dictionary import LARGEST, Hypothesis
-from wrenchbed.diagnosis.evidence.likelihood import BackgroundLevel, over_scales
+from wrenchbed.diagnosis.evidence.likelihood import BackgroundLevel, Moments, over_scales
 from wrenchbed.diagnosis.evidence.search import MORE, NONE, PRIOR, Searcher, SingleEvidence
 from wrenchbed.effects.base import Effect
 from wrenchbed.effects.chain import ActiveEffect, respond
@@ -107,6 +108,63 @@ SHAPE_SPREAD = 2.0
 """Prior standard deviation of a shape over its typical size."""
 
 
+class Problem(NamedTuple):
+    """What is fitted: readings y, and functions of the variables.
+
+    Attributes:
+        y: (6 R,).
+        response: of variables (k,), (6 R,).
+        design: slopes (6 R, m) of some variables at (k,), where the response is (6 R,).
+        solve: K⁻¹ x of the background for x (6 R, m).
+        shapes: variables that are shapes.
+    """
+
+    y: np.ndarray
+    response: Callable[[np.ndarray], np.ndarray]
+    design: Callable[[np.ndarray, np.ndarray, Iterable[int]], np.ndarray]
+    solve: Callable[[np.ndarray], np.ndarray]
+    shapes: list[int]
+
+
+def minimum(problem: Problem, centre: np.ndarray, x: np.ndarray, spread: np.ndarray) -> np.ndarray:
+    """The most probable variables, by Gauss–Newton from x (k,), with a prior N(centre, spread²).
+
+    Slopes of amplitudes are those of the start, only shapes' are renewed.
+    """
+    if not len(x):
+        return x
+    y, response, slopes, solve, shapes = problem
+    precision = 1.0 / spread**2
+
+    def cost(at: np.ndarray, residual: np.ndarray) -> float:
+        prior = float((precision * (at - centre) ** 2).sum())
+        return float(residual @ solve(residual[:, None])[:, 0]) + prior
+
+    f = response(x)
+    r = y - f
+    now = cost(x, r)
+    design = slopes(x, f, range(len(x)))
+    for k in range(_STEPS):
+        if k and shapes:
+            fresh = shapes if k % 3 else range(len(x))
+            design[:, list(fresh)] = slopes(x, y - r, fresh)
+        solved = solve(np.column_stack([design, r]))
+        normal = design.T @ solved[:, :-1] + np.diag(precision)
+        step = np.linalg.solve(normal, design.T @ solved[:, -1] - precision * (x - centre))
+        size, share = float(np.sqrt(max(step @ normal @ step, 0.0))), 1.0
+        while share > _LEAST_SHARE:
+            trial = x + share * step
+            residual = y - response(trial)
+            then = cost(trial, residual)
+            if then < now:
+                x, r, now = trial, residual, then
+                break
+            share /= 3.0
+        if share <= _LEAST_SHARE or size * share < _DONE:
+            break
+    return x
+
+
 _TRIALS = 160
 """Shapes that the random search tries, from wide steps to narrow ones."""
 _RIDGE = 1e-3
@@ -129,7 +187,7 @@ class Refitter:
         self.d = searcher.d
         self.scene = self.d.prepared.scene
         self._zero = self.d.baseline
-        self._rung_prior = searcher.rung_prior(y)
+        self.rung_prior = searcher.rung_prior(y)
         self.exact: dict[int, BackgroundLevel] = {}
         self._freed: dict[tuple[int, frozenset[int]], BackgroundLevel] = {}
 
@@ -177,14 +235,14 @@ class Refitter:
     ) -> Finalist:
         """Gauss–Newton from the hypotheses' own shapes; again on the rung that fits best."""
         centre = self.start(parts)
-        spread = self._spread(parts)
+        spread = self.widest(parts)
         return self._fitted(parts, rung, centre if start is None else start, spread)
 
     def extended(self, f: Finalist, h: Hypothesis) -> Finalist:
         """A finalist with one part more; the others begin, and keep to the size, where they are."""
         parts = (*f.parts, h)
         start = np.concatenate([f.x, self.start((h,))])
-        wide = self._spread(parts)
+        wide = self.widest(parts)
         wide[: len(f.x)] = f.spread[: len(f.x)]
         return self._fitted(parts, f.rung, start, wide)
 
@@ -209,6 +267,13 @@ class Refitter:
         """A structure fitted again from x (k,), each variable kept to a size (k,)."""
         return self._fitted(parts, rung, x, spread, rough=False)
 
+    def keeping(self, f: Finalist, keep: Sequence[int]) -> Finalist:
+        """A finalist with some of its parts alone, fitted again from where they are."""
+        if not keep:
+            return self.nothing()
+        at = [i for k in keep for i in f.variables.of_parts([k])]
+        return self.at(tuple(f.parts[k] for k in keep), f.rung, f.x[at], f.spread[at])
+
     def shrunk(self, f: Finalist) -> Finalist:
         """The finalist again, every part kept to the size that its evidence asks for.
 
@@ -232,40 +297,14 @@ class Refitter:
         self, parts: Sequence[Hypothesis], rung: int, centre: np.ndarray, x: np.ndarray,
         spread: np.ndarray,
     ) -> np.ndarray:  # fmt: skip
-        """Gauss–Newton; slopes of amplitudes are those of the start, only shapes' are renewed."""
-        if not len(x):
-            return x
-        level = self._level(parts, rung)
-        precision = 1.0 / spread**2
-        shapes = np.flatnonzero(Variables.of(parts).shape).tolist()
-
-        def cost(at: np.ndarray, residual: np.ndarray) -> float:
-            prior = float((precision * (at - centre) ** 2).sum())
-            return float(residual @ level.solve(residual[:, None])[:, 0]) + prior
-
-        f = self.response(parts, x)
-        r = self.y - f
-        now = cost(x, r)
-        design = self._design(parts, x, f, range(len(x)))
-        for k in range(_STEPS):
-            if k and shapes:
-                fresh = shapes if k % 3 else range(len(x))
-                design[:, list(fresh)] = self._design(parts, x, self.y - r, fresh)
-            solved = level.solve(np.column_stack([design, r]))
-            normal = design.T @ solved[:, :-1] + np.diag(precision)
-            step = np.linalg.solve(normal, design.T @ solved[:, -1] - precision * (x - centre))
-            size, share = float(np.sqrt(max(step @ normal @ step, 0.0))), 1.0
-            while share > _LEAST_SHARE:
-                trial = x + share * step
-                residual = self.y - self.response(parts, trial)
-                then = cost(trial, residual)
-                if then < now:
-                    x, r, now = trial, residual, then
-                    break
-                share /= 3.0
-            if share <= _LEAST_SHARE or size * share < _DONE:
-                break
-        return x
+        problem = Problem(
+            self.y,
+            lambda at: self.response(parts, at),
+            lambda at, f, which: self.design(parts, at, f, which),
+            self.level(parts, rung).solve,
+            np.flatnonzero(Variables.of(parts).shape).tolist(),
+        )
+        return minimum(problem, centre, x, spread)
 
     def _random_search(
         self, level: BackgroundLevel, parts: Sequence[Hypothesis], x: np.ndarray
@@ -306,7 +345,7 @@ class Refitter:
     ) -> Finalist:
         variables = Variables.of(parts)
         f = self.response(parts, x)
-        r, design = self.y - f, self._design(parts, x, f, range(len(x)))
+        r, design = self.y - f, self.design(parts, x, f, range(len(x)))
         y = r + design @ (x - centre)
         stated = [h for h in parts if h.effect.stated]
         blamed = np.array([parts.index(h) for h in stated for _ in h.columns], dtype=int)
@@ -318,7 +357,9 @@ class Refitter:
         fixed = np.where(shape, SHAPE_SPREAD, 0.0)
         levels = [self.searcher.rungs[k].level for k in rungs]
         evidence = [
-            over_scales(level, y, every, owner, fixed, ladder).raised(float(self._rung_prior[k]))
+            over_scales(Moments.of(level, y, every), owner, fixed, ladder).raised(
+                float(self.rung_prior[k])
+            )
             for k, level in zip(rungs, levels, strict=True)
         ]
         best = int(np.argmax([e.total for e in evidence]))
@@ -349,9 +390,9 @@ class Refitter:
 
     def level_of(self, f: Finalist) -> BackgroundLevel:
         """The background that a finalist is judged against."""
-        return self._level((), f.rung)
+        return self.level((), f.rung)
 
-    def _level(self, parts: Sequence[Hypothesis], rung: int) -> BackgroundLevel:
+    def level(self, parts: Sequence[Hypothesis], rung: int) -> BackgroundLevel:
         """The rung's background with the stated numbers that a structure blames set free."""
         blamed = frozenset(int(c) for h in parts if h.effect.stated for c in h.columns)
         if not blamed:
@@ -373,13 +414,13 @@ class Refitter:
         both = zip(v.part, v.name, v.shape, strict=True)
         return np.array([at(parts[k], name) if shape else 0.0 for k, name, shape in both])
 
-    def _spread(self, parts: Sequence[Hypothesis]) -> np.ndarray:
+    def widest(self, parts: Sequence[Hypothesis]) -> np.ndarray:
         """Widest prior standard deviation of each variable (k,)."""
         largest = np.array([float(self.searcher.scales(h)[-1]) for h in parts])
         v = Variables.of(parts)
         return np.where(v.shape, SHAPE_SPREAD, largest[v.part])
 
-    def _design(
+    def design(
         self, parts: Sequence[Hypothesis], x: np.ndarray, f: np.ndarray, which: Iterable[int]
     ) -> np.ndarray:
         """Slopes (6 R, k) of some variables at x, where the response is f.
@@ -389,7 +430,7 @@ class Refitter:
         v, columns = Variables.of(parts), []
         for i in which:
             part = parts[v.part[i]]
-            if not part.variant.shape:
+            if len(part.columns) and not part.variant.shape:
                 first = v.of_parts([v.part[i]])[0]
                 columns.append(self.d.E[:, part.columns[i - first]])
                 continue

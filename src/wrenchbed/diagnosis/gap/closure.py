@@ -148,64 +148,119 @@ class Claimed:
     wrong: tuple[str, ...]
 
 
-def measure(a: Analysis, claim: Claimed | None, seed: int = 0) -> Closure:
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """Simulators of one recording on its held-out rows.
+
+    Attributes:
+        held_out: the rows.
+        gaps: of each observation (S,) by simulator: ``configured``, ``calibrated``, ``box``,
+            ``floor``; with a claim also ``with_effects`` and, on rows that it saw, ``in_sample``.
+        without: gaps (S,) of the diagnosed simulator without each cause, by its name.
+        channels: gap of each channel (6,) ``before`` and ``after``.
+        readings: see `Closure`.
+    """
+
+    held_out: HeldOut
+    gaps: Mapping[str, np.ndarray]
+    without: Mapping[str, np.ndarray]
+    channels: Mapping[str, np.ndarray]
+    readings: Mapping[str, np.ndarray]
+
+    @classmethod
+    def of(cls, a: Analysis, claim: Claimed | None) -> "Judged":
+        """Configured, calibrated and diagnosed simulators."""
+        p, held_out, fits = a.prepared, HeldOut(a.prepared), CrossFit(a)
+        before = fits.calibrated(calibrated(a))
+        readings = {"calibrated": before}
+        every = {
+            "configured": Twin(p.model, p.theta).wrench(p.scene),
+            "calibrated": before,
+            "box": before + black_box(p, before),
+        }
+        channels, without = {"before": held_out.channels(before)}, dict[str, np.ndarray]()
+        if claim is not None:
+            after, others = fits.explained(claim.twin, claim.finalist, claim.keep, claim.wrong)
+            every |= {"with_effects": after, "in_sample": claim.twin.wrench(p.scene)}
+            without = {name: held_out.of(r) for name, r in others.items()}
+            channels["after"], readings["with_effects"] = held_out.channels(after), after
+        gaps = {stage: held_out.of(r) for stage, r in every.items()} | {"floor": held_out.floor()}
+        return cls(held_out, gaps, without, channels, readings)
+
+
+def measure(
+    a: Analysis,
+    claim: Claimed | None,
+    seed: int = 0,
+    others: Sequence[tuple[Analysis, Claimed | None]] = (),
+) -> Closure:
     """Configured, calibrated and diagnosed simulators on rows that their fits did not see.
 
     Args:
         a: the analysis of all rows.
         claim: the diagnosed simulator, None where no cause is claimed.
         seed: of the bootstrap.
+        others: the same of further recordings of the robot; gaps are means over all rows.
     """
-    p, held_out, fits = a.prepared, HeldOut(a.prepared), CrossFit(a)
-    drawn = Bootstrap(held_out, seed)
-    stated = held_out.of(Twin(p.model, p.theta).wrench(p.scene))
-    before = fits.calibrated(calibrated(a))
-    fitted, floor = held_out.of(before), held_out.floor()
-    box = held_out.mean(held_out.of(before + black_box(p, before)))
-    scale = held_out.mean(fitted) - held_out.mean(floor)
-    channels, readings = {"before": held_out.channels(before)}, {"calibrated": before}
+    each = [Judged.of(*one) for one in ((a, claim), *others)]
+    rows = np.array([j.held_out.rows for j in each])
+    drawn = Bootstrap([j.held_out for j in each], seed)
+    gaps = {s: np.concatenate([j.gaps[s] for j in each]) for s in each[0].gaps}
+    fitted, floor = gaps["calibrated"], gaps["floor"]
+    scale = drawn.average(fitted) - drawn.average(floor)
+    box = drawn.average(fitted) - drawn.average(gaps["box"])
     with_effects, closed, in_sample = None, None, None
     members: dict[str, Interval] = {}
     if claim is not None:
-        after, without = fits.explained(claim.twin, claim.finalist, claim.keep, claim.wrong)
-        gaps = held_out.of(after)
-        with_effects = drawn.mean(gaps)
-        origin = stated if claim.wrong and not claim.keep else fitted
-        closed = drawn.ratio(origin - gaps, origin - floor)
-        members = {name: drawn.mean(held_out.of(r) - gaps) for name, r in without.items()}
-        in_sample = held_out.mean(held_out.of(claim.twin.wrench(p.scene)))
-        channels["after"], readings["with_effects"] = held_out.channels(after), after
+        after = gaps["with_effects"]
+        with_effects = drawn.mean(after)
+        origin = gaps["configured"] if claim.wrong and not claim.keep else fitted
+        closed = drawn.ratio(origin - after, origin - floor)
+        for name in each[0].without:
+            without = np.concatenate([j.without[name] for j in each])
+            members[name] = drawn.mean(without - after)
+        in_sample = drawn.average(gaps["in_sample"])
+    channels = {
+        stage: rows @ np.stack([j.channels[stage] for j in each]) / rows.sum()
+        for stage in each[0].channels
+    }
     return Closure(
-        configured=held_out.mean(stated),
+        configured=drawn.average(gaps["configured"]),
         calibrated=drawn.mean(fitted),
         with_effects=with_effects,
-        floor=held_out.mean(floor),
+        floor=drawn.average(floor),
         closed=closed,
-        black_box=None if scale <= 0 else (held_out.mean(fitted) - box) / scale,
-        rows=held_out.rows,
-        folds=len(p.folds),
+        black_box=None if scale <= 0 else box / scale,
+        rows=int(rows.sum()),
+        folds=max(len(j.held_out.prepared.folds) for j in each),
         per_channel={
             c: {stage: float(gap[k]) for stage, gap in channels.items()}
             for k, c in enumerate(CHANNELS)
         },
         members=members,
         in_sample=in_sample,
-        readings=readings,
+        readings=each[0].readings,
     )
 
 
 class Bootstrap:
     """Blocks of held-out rows drawn anew: what a mean, or a ratio of means, might as well be."""
 
-    def __init__(self, held_out: HeldOut, seed: int) -> None:
-        blocks, self._at = np.unique(held_out.block, return_inverse=True)
-        self._count, self._weight = len(blocks), held_out.count.astype(float)
+    def __init__(self, held_out: Sequence[HeldOut], seed: int) -> None:
+        block = [np.stack([np.full_like(h.block, k), h.block]) for k, h in enumerate(held_out)]
+        blocks, at = np.unique(np.concatenate(block, axis=1), axis=1, return_inverse=True)
+        self._at = at.ravel()
+        self._count = blocks.shape[1]
+        self._weight = np.concatenate([h.count for h in held_out]).astype(float)
         rng = np.random.default_rng([seed, 30])
         self._drawn = rng.integers(len(blocks), size=(DRAWS, len(blocks)))
-        self._rows = self._sums(np.ones(len(self._weight)))
+
+    def average(self, gaps: np.ndarray) -> float:
+        """Mean over rows of gaps (S,)."""
+        return float(gaps @ self._weight / self._weight.sum())
 
     def mean(self, gaps: np.ndarray) -> Interval:
-        """Of gaps (S,), over rows."""
+        """Of gaps (S,), over rows, with its interval."""
         result = self.ratio(gaps, np.ones(len(gaps)))
         assert result is not None  # there are rows
         return result
