@@ -87,9 +87,9 @@ def test_examples_are_poses_at_rest_and_the_same_as_a_motion():
     assert still.t.tolist() == [10.0 * k for k in range(24)]
     assert not UR5.infeasible(still.joints, still.theta)
     assert len(np.unique(still.joints, axis=0)) == 24
-    still, averages = examples(registry.load("robots", "oriented"))
-    assert not still.moving and not averages.moving
-    assert not still.sampled and averages.sampled and moves.sampled
+    turned, averages = examples(registry.load("robots", "oriented"))
+    assert not turned.moving and not averages.moving
+    assert not turned.sampled and averages.sampled and moves.sampled
     again, _ = examples(UR5)
     assert np.array_equal(again.joints, still.joints)
 
