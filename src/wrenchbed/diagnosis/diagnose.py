@@ -34,6 +34,11 @@ MOST_ROUNDS = 3
 """How often outliers are looked for: large ones hide others."""
 CLEARER = 0.3
 """Rows are set aside where the answer without them leaves less than this part of the gap."""
+ELSEWHERE = (
+    "how often such claims are right was learnt on other robots and designs; look-alikes of this "
+    "recording (--look-alikes 200) tell it for this one"
+)
+"""Note on probabilities of a robot that nothing was learnt on."""
 Progress = Callable[[str], None]
 """Called with the name of each step as it begins."""
 
@@ -138,6 +143,7 @@ def diagnose(
             *prepared.notes,
             *(o.sentence for o in outliers),
             *([scattered] if scattered else ()),
+            *([ELSEWHERE] if known is not None and known.elsewhere else ()),
             *answer.notes(analysis, gap, between, unknown=outcome == UNKNOWN),
             *tilt.sentences(analysis, verdict),
         ),

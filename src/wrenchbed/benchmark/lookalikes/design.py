@@ -22,9 +22,11 @@ from wrenchbed.benchmark.lookalikes.loads import (
     load_wrench,
     weights,
 )
+from wrenchbed.calibration.calibrate import IdentifiedLoad, identify_from_gravity
 from wrenchbed.data.metadata import Metadata, SensorInfo, ToolInfo
 from wrenchbed.data.plan import Plan
 from wrenchbed.data.recording import Recording
+from wrenchbed.physics.wrench import Tool
 from wrenchbed.robots.base import INERTIA_AXES, Robot
 
 Value = TypeVar("Value")
@@ -115,6 +117,8 @@ class ExperimentDesign:
         metadata: what is stated about tool, sensor and tolerances.
         noise_std: of one row (6,) [N, N·m].
         temperature: per hold or sample (H or N,) [°C], None if it was not recorded.
+        measured: wrenches of the holds or samples (N, 6), from which a tool follows that nobody
+            states; None where there are none.
     """
 
     robot: Robot
@@ -126,6 +130,7 @@ class ExperimentDesign:
     metadata: Metadata
     noise_std: np.ndarray
     temperature: np.ndarray | None = None
+    measured: np.ndarray | None = None
     _computed: dict[str, Any] = field(default_factory=dict, repr=False)
 
     @classmethod
@@ -142,7 +147,7 @@ class ExperimentDesign:
             noise = _noise(meta, robot, None)
             if len(q) > _SMOOTH[0]:
                 q = savgol_filter(q, *_SMOOTH, axis=0)
-            return cls(robot, "dynamic", q, t, 1, rate, meta, noise, warm)
+            return cls(robot, "dynamic", q, t, 1, rate, meta, noise, warm, recording.wrench)
         segment = recording.columns.get("segment")
         change = np.abs(np.diff(q, axis=0)).max(axis=1) > STILL
         if segment is not None:
@@ -162,7 +167,8 @@ class ExperimentDesign:
         average = None if warm is None else mean(warm.astype(float))
         samples = max(1, int(np.median(count)))
         noise = _noise(meta, robot, measured)
-        return cls(robot, "static", middle, mean(t), samples, rate, meta, noise, average)
+        y = mean(recording.wrench)
+        return cls(robot, "static", middle, mean(t), samples, rate, meta, noise, average, y)
 
     @classmethod
     def of_plan(
@@ -227,10 +233,21 @@ class ExperimentDesign:
                 stated[f"mount.position.{a}"] = sensor.pose_flange[k]
                 stated[f"mount.rotation.{a}"] = float(turn[k])
         theta = robot.parameters.vector(stated, start=theta)
-        nominal = robot.tool(theta)
-        mass = float(nominal.mass) if tool.mass is None else tool.mass
-        cog = nominal.cog.tolist() if tool.cog is None else list(tool.cog)
+        if tool.mass is not None and tool.cog is not None:
+            return robot.theta_of_tool(theta, tool.mass, list(tool.cog))
+        carried = self._carried(theta)
+        mass = float(carried.mass) if tool.mass is None else tool.mass
+        cog = [float(c) for c in (carried.cog if tool.cog is None else tool.cog)]
         return robot.theta_of_tool(theta, mass, cog)
+
+    def _carried(self, theta: np.ndarray) -> Tool | IdentifiedLoad:
+        """The tool that the wrenches show, else the robot's nominal one."""
+        nominal = self.robot.tool(theta)
+        if self.measured is None:
+            return nominal
+        g = self.robot.gravity_seen(self.q, theta, self.gravity)
+        seen = identify_from_gravity(g, self.measured, 1.0 / np.square(self.noise_std))
+        return seen if seen.mass > 0.0 else nominal
 
     @cached_property
     def load(self) -> RigidLoad:

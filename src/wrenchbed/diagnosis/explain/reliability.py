@@ -45,6 +45,7 @@ class Reliability:
         set90: probability that the likeliest answers must hold together to hold the truth in 90 %
             of cases: split conformal prediction (Vovk et al. 2005; Angelopoulos & Bates 2023,
             doi 10.1561/2200000101).
+        elsewhere: whether the cases are of other robots or designs than the recording.
     """
 
     claim: tuple[float, ...]
@@ -55,10 +56,12 @@ class Reliability:
     spread: float = 1.0
     right: float = 0.9
     set90: float = 0.9
+    elsewhere: bool = False
 
     def plain(self) -> "Reliability":
         """For recordings unlike the cases: how often claims were right, whatever their kind."""
-        return replace(self, claim=(float(logit(self.right)), *(0.0,) * (len(NAMES) - 1)))
+        claim = (float(logit(self.right)), *(0.0,) * (len(NAMES) - 1))
+        return replace(self, claim=claim, elsewhere=True)
 
     def of(self, features: Sequence[float]) -> float:
         """Probability that a claim with such features is right."""
@@ -174,9 +177,12 @@ def _shipped() -> Mapping[str, Any]:
 def shipped(robot: str, moving: bool) -> Reliability | None:
     """The model that comes with the package, of the robot at rest or in motion.
 
-    A robot without one has that of all robots together.
+    A robot without one has that of all robots together, whatever the kind of a claim.
     """
     mode = "dynamic" if moving else "static"
-    known = _shipped()
-    raw = known.get(f"{robot} {mode}") or known.get(mode)
-    return None if raw is None else Reliability(**raw | {"claim": tuple(raw["claim"])})
+    known, name = _shipped(), f"{robot} {mode}"
+    raw = known.get(name) or known.get(mode)
+    if raw is None:
+        return None
+    result = Reliability(**raw | {"claim": tuple(raw["claim"])})
+    return result if name in known else result.plain()
