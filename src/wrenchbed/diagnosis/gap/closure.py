@@ -253,7 +253,7 @@ class Bootstrap:
         self._count = blocks.shape[1]
         self._weight = np.concatenate([h.count for h in held_out]).astype(float)
         rng = np.random.default_rng([seed, 30])
-        self._drawn = rng.integers(len(blocks), size=(DRAWS, len(blocks)))
+        self._drawn = rng.integers(self._count, size=(DRAWS, self._count))
 
     def average(self, gaps: np.ndarray) -> float:
         """Mean over rows of gaps (S,)."""
