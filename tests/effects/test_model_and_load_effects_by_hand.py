@@ -248,14 +248,15 @@ def test_a_base_gives_about_the_axes_stated(name, axes):
     assert found == pytest.approx(loads(turned - force), abs=1e-10)
 
 
-def test_a_base_that_gives_moves_the_sensor_about_its_own_foot():
-    scene = at([0.7, -0.5, 0.4, 0.2, 0.3, 0.1])
-    effect = registry.load("effects", "base.compliance")
+@pytest.mark.parametrize(
+    ("label", "foot"), [("ur5 static", [0, 0, 0]), ("medrue static", [0.109, 0.139, -0.031])]
+)
+def test_a_base_that_gives_moves_the_sensor_about_its_own_foot(label, foot):
+    scene, effect = scene_of(label), registry.load("effects", "base.compliance")
     values = effect.values(scene.robot, {"compliance": 1e-4})
     _, moved = effect.pose(scene, Pose(*scene.pose), values)
-    foot = scene.robot.base_origin(scene.theta)
-    turn = Rotation.from_rotvec(1e-4 * scene.base_moment[0] * [1.0, 1.0, 0.0])
-    assert moved[0] == pytest.approx(foot + turn.apply(scene.pose[1][0] - foot), abs=1e-12)
+    turn = Rotation.from_rotvec(1e-4 * scene.base_moment * [1.0, 1.0, 0.0])
+    assert moved == pytest.approx(foot + turn.apply(scene.pose[1] - foot), abs=1e-12)
 
 
 # ---- stiffness as people state it ----------------------------------------------------------------

@@ -353,6 +353,7 @@ def test_a_plane_begins_on_each_side_at_a_share_of_the_rows():
     for k, v in enumerate(found):
         normal = np.array([v.at[f"normal.{a}"] for a in "xyz"])
         assert np.linalg.norm(normal) == pytest.approx(1.0)
+        assert np.ptp(np.abs(normal[normal != 0.0])) < 1e-12  # an axis or a diagonal
         signs = "".join("−+"[int(n > 0)] + a for n, a in zip(normal, "xyz", strict=True) if n)
         assert dict(v.detail) == {"side": signs}
         share = (0.05, 0.15, 0.35)[k % 3]

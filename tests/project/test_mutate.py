@@ -123,3 +123,14 @@ def test_constants_that_are_assigned_together_are_tried_with_those_who_use_them(
     mutate(tree)
     told = outcomes(tree)
     assert told["low, high = 4, 5"] == told["low, high = 3, 6"] == "killed"
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="mutants are forks")
+def test_a_constant_is_tried_with_tests_that_read_it_themselves(tree):
+    (tree / "src" / "tiny.py").write_text("LIMIT = 3\n\n\ndef over(x):\n    return x > LIMIT\n")
+    (tree / "tests" / "test_tiny.py").write_text(
+        "import tiny\n\n\ndef test_over():\n    assert tiny.over(9)\n\n\n"
+        "def test_limit():\n    assert tiny.LIMIT == 3\n"
+    )
+    mutate(tree)
+    assert outcomes(tree)["LIMIT = 4"] == "killed"
