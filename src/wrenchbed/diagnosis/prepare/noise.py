@@ -10,10 +10,10 @@ import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
 from scipy.special import chdtri
 
-from wrenchbed.calibration.observations import Observations
-from wrenchbed.data.holds import ROWS_AT_ONCE
+from wrenchbed.calibration.observations import Observations, floored
+from wrenchbed.data.holds import ROWS_AT_ONCE, about_means
 from wrenchbed.data.recording import Recording
-from wrenchbed.physics.wrench import CHANNELS
+from wrenchbed.physics.wrench import CHANNELS, UNITS
 
 EDGE, ABOVE = 0.3, 4.0
 """Of the rate of the averages: no gap above; and, of that edge, up to where noise below it is
@@ -88,3 +88,67 @@ def correlation_time(recording: Recording, data: Observations) -> np.ndarray:
         rho = rho[1:] + 1.0 / n  # the mean taken from each hold biases it
         tau[k] += 2.0 * rho[rho > 2.0 / np.sqrt(holds * n)].sum()
     return tau
+
+
+OVER, CHANCE = 1.5, 1e-3
+"""Scatter within poses over the stated noise from which it is another one, beyond what a random
+estimate exceeds with this probability; estimates."""
+MOVE_S, TOGETHER = 0.1, 0.7
+"""A sensor forgets its noise within this time [s], a motion does not: rows that far apart agree by
+more than this correlation; estimates."""
+AT_ONE, NEIGHBOURS, LEAST_IN_POSE = 0.6, 3, 32
+"""Share of the scatter at one frequency, within so many bins, from which it is periodic, and rows
+that a pose needs for that; of white noise 0.3 at most. Estimates."""
+
+
+def not_systematic(
+    recording: Recording, data: Observations, covariance: np.ndarray, source: str
+) -> tuple[np.ndarray, str, str]:
+    """Covariance of a row (6, 6), its source, and a note where repeats contradict a stated noise.
+
+    What moves slowly or to one beat within poses is no noise: joints that froze while the robot
+    went on, or a vibration. The stated noise counts there, so that it remains a gap.
+    """
+    stated = recording.metadata.sensor.noise_std
+    if source != "repeats" or stated is None:
+        return covariance, source, ""
+    floor = floored(np.diag(np.square(stated)), recording)
+    std, measured = np.sqrt(np.diagonal(floor)), np.sqrt(np.diagonal(covariance))
+    chance = float(np.sqrt(chdtri(data.dof, CHANCE) / data.dof))
+    over = measured > OVER * chance * std
+    if not over.any():
+        return covariance, source, ""
+    moves = over & systematic(recording, data)
+    k = int(
+        np.argmax(np.where(moves if moves.any() else over, measured / np.maximum(std, 1e-12), 0))
+    )
+    text = (
+        f"rows of {CHANNELS[k]} within a pose scatter by {measured[k]:.3g} {UNITS[k]} rms, "
+        f"{std[k]:.3g} {UNITS[k]} is stated: "
+    )
+    if not moves.any():
+        return covariance, source, text + "the measured scatter counts as noise"
+    why = "it moves together, as noise does not, so that the stated noise counts: did the joints "
+    return floor, "stated", text + why + "freeze while the robot moved on, or did the tool vibrate?"
+
+
+def systematic(recording: Recording, data: Observations) -> np.ndarray:
+    """Channels (6,) whose rows within a pose move slowly, or at one frequency."""
+    keep = data.keep
+    rows = [recording.columns[c][keep] for c in CHANNELS]
+    period = float(np.median(np.diff(recording.t)))
+    lag = max(1, round(MOVE_S / max(period, 1e-9)))
+    late, now, peak, power = (np.zeros(6) for _ in range(4))
+    for some, away in about_means(rows, data.wrench, data.count):
+        for r in np.split(away, np.cumsum(data.count[some])[:-1]):
+            if len(r) > 3 * lag:
+                late, now = (
+                    late + (r[lag:] * r[:-lag]).sum(axis=0),
+                    now + (r[lag:] ** 2).sum(axis=0),
+                )
+            if len(r) >= LEAST_IN_POSE:
+                spectrum = np.square(np.abs(rfft(r, axis=0)))
+                sums = np.cumsum(np.vstack([np.zeros(6), spectrum]), axis=0)
+                peak += (sums[NEIGHBOURS:] - sums[:-NEIGHBOURS]).max(axis=0)
+                power += spectrum.sum(axis=0)
+    return (late > TOGETHER * np.maximum(now, 1e-300)) | (peak > AT_ONE * np.maximum(power, 1e-300))

@@ -8,7 +8,7 @@ from wrenchbed.calibration.observations import Observations, observe, scatter
 from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis.prepare import checks, contact, orientations, scenes
 from wrenchbed.diagnosis.prepare.configuration import configured
-from wrenchbed.diagnosis.prepare.noise import correlation_time, noise_in_motion
+from wrenchbed.diagnosis.prepare.noise import correlation_time, noise_in_motion, not_systematic
 from wrenchbed.diagnosis.prepare.prepared import RATES_HZ, Prepared, inner_stride, sensor_of, split
 from wrenchbed.diagnosis.prepare.repeated_rows import repeats
 from wrenchbed.errors import DiagnosisError
@@ -44,6 +44,7 @@ def gathered(recording: Recording, seed: int = 0) -> Prepared:
         return orientations.averaged(recording, configuration, data, seed)
     checks.enough(recording, data, configuration)
     covariance, source = _row_noise(recording, data, configuration.model.robot)
+    covariance, source, note = not_systematic(recording, data, covariance, source)
     scene = scenes.of_recording(recording, configuration, data)
     y, count, stride = data.wrench, data.count, 1
     if scene.moving:
@@ -58,7 +59,7 @@ def gathered(recording: Recording, seed: int = 0) -> Prepared:
     block, fold = split(len(data), dynamic, seed, stride, None if dynamic else data.q)
     return Prepared(
         recording, configuration, scene, y, count, covariance, noise, source, block, fold,
-        products, data.left_out, stride,
+        products, data.left_out, stride, noise_note=note,
     )  # fmt: skip
 
 

@@ -69,6 +69,7 @@ class Prepared:
         stride: rows of a motion that are averaged into one for the linear analysis.
         touch: contact of a tool without joints; its rows are not among the observations.
         given: the recording before a long motion was cut, None if it was not.
+        noise_note: for people, where rows at rest scatter far beyond the stated noise; else empty.
         held_out: the fold that fits do not see at present, None if they see all.
     """
 
@@ -88,6 +89,7 @@ class Prepared:
     touch: Touch | None = None
     given: Recording | None = None
     held_out: int | None = None
+    noise_note: str = ""
 
     @property
     def model(self) -> Model:
@@ -157,9 +159,10 @@ class Prepared:
 
     @cached_property
     def notes(self) -> tuple[str, ...]:
-        """Which rows of a long recording took part."""
+        """Which rows of a long recording took part, and a noise unlike the stated one."""
         given = self.recording if self.given is None else self.given
-        return tuple(scenes.notes(given, self.recording, self.excerpt))
+        rows = scenes.notes(given, self.recording, self.excerpt)
+        return (*rows, self.noise_note) if self.noise_note else tuple(rows)
 
     @cached_property
     def fitted(self) -> np.ndarray:
