@@ -233,7 +233,7 @@ def _judged(a: Analysis, verdict: Verdict, seed: int) -> tuple[Twin, closure.Clo
         claim = _claimed(a, verdict)
         gap = closure.measure(a, claim, seed)
         held = upheld(verdict, gap, witnessed)
-        if held.causes == verdict.causes:
+        if len(held.causes) == len(verdict.causes):
             return closure.calibrated(a) if claim is None else claim.twin, gap, held
         verdict = held
 

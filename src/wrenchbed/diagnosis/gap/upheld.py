@@ -17,6 +17,8 @@ LARGEST_NONE = 1.0
 """Calibrated gap beyond the noise up to which there may be no cause: the contract's."""
 LEAST = 0.5
 """Gap that a cause must close at least: below it small imperfections are none (the contract's)."""
+DOUBTFUL = 0.5
+"""Largest probability of a cause beside a sure one whose interval holds 0: few poses show it."""
 MOST = 0.5
 """Share of the gap from which causes explain most of it."""
 REFUTED = 0.05
@@ -47,9 +49,14 @@ def small(gap: Closure) -> bool:
     return gap.excess <= LARGEST_NONE and gap.calibrated.low <= LARGEST_NONE
 
 
-def holds(closes: Interval | None) -> bool:
-    """Whether held-out rows show that a cause closes what counts."""
-    return closes is not None and closes.low > 0.0 and closes.value >= LEAST
+def closes(member: Interval | None) -> bool:
+    """Whether a cause closes what counts on held-out rows."""
+    return member is not None and member.value >= LEAST
+
+
+def surely(member: Interval | None) -> bool:
+    """Whether it does, and its interval agrees."""
+    return member is not None and closes(member) and member.low > 0.0
 
 
 def withdrawn(verdict: Verdict, instead: str) -> Verdict:
@@ -69,22 +76,26 @@ def withdrawn(verdict: Verdict, instead: str) -> Verdict:
 def _claims(verdict: Verdict, gap: Closure, witnessed: Collection[str]) -> Verdict:
     together = gap.closed is not None and gap.closed.low > 0.0
 
-    def stands(c: Cause) -> bool:
-        if witnessed and set(c.names) & set(witnessed):
-            return True
-        return together and holds(gap.members.get(c.part.name))
+    def sure(c: Cause) -> bool:
+        seen = bool(set(c.names) & set(witnessed))
+        return seen or (together and surely(gap.members.get(c.part.name)))
 
-    kept = tuple(c for c in verdict.causes if stands(c))
-    if not kept:
+    def stands(c: Cause) -> bool:
+        return sure(c) or (together and closes(gap.members.get(c.part.name)))
+
+    certain = tuple(c for c in verdict.causes if sure(c))
+    if not certain:
         return withdrawn(verdict, NONE if small(gap) else UNKNOWN)
-    if len(kept) < len(verdict.causes):
-        return _leading(verdict, kept)
+    doubtful = (c for c in verdict.causes if c not in certain and stands(c))
+    capped = (replace(c, probability=min(c.probability, DOUBTFUL)) for c in doubtful)
+    held = _leading(verdict, (*certain, *capped))
     most = together and gap.closed is not None and gap.closed.value >= MOST
-    return verdict if most else replace(verdict, verdict=PARTIAL)
+    lost = len(held.causes) < len(verdict.causes)
+    return held if most or lost else replace(held, verdict=PARTIAL)
 
 
 def _leading(verdict: Verdict, kept: tuple[Cause, ...]) -> Verdict:
-    """The verdict with some of its causes; the probability of the leading one goes with it."""
+    """The verdict with some of its causes, the probability of the leading one with the first."""
     share = dict(verdict.probabilities)
     old, new = ("|".join(c[0].names) for c in (verdict.causes, kept))
     if old != new:
