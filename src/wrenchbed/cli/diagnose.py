@@ -141,7 +141,8 @@ def diagnosis(d: Diagnosis) -> Group:
         ("diagnosis ", "bold"), f"{d.recording}  {d.robot}, {d.seconds:.1f} s",
     )  # fmt: skip
     verdict = Text.assemble((d.verdict, f"bold {_COLOURS[d.verdict]}"), f": {_MEANING[d.verdict]}")
-    parts: list[Any] = [head, verdict, ""]
+    parts: list[Any] = [head, verdict, *(_line(f"set aside: {o['sentence']}") for o in d.outliers)]
+    parts.append("")
     parts += [Text("where", style="bold"), *(_line(str(w["sentence"])) for w in d.where[:4])]
     if not d.where:
         parts.append(_line("no place differs from noise"))
@@ -210,7 +211,8 @@ def _parameter(name: str, text: dict[str, Any]) -> str:
 
 def _probabilities(d: Diagnosis) -> str:
     best = sorted(d.probabilities.items(), key=lambda kv: -kv[1])
-    return "leading cause: " + ", ".join(f"{k} {v:.2f}" for k, v in best if v >= 0.005)
+    leading = ", ".join(f"{k} {v:.2f}" for k, v in best if v >= 0.005)
+    return f"leading cause: {leading}; in 90 % of such cases among: {', '.join(d.set90)}"
 
 
 def _gap(d: Diagnosis) -> Table:

@@ -10,6 +10,7 @@ from wrenchbed.diagnosis.between_rows.row_effects import RowFinding
 from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
 from wrenchbed.diagnosis.explain.claims import stated
 from wrenchbed.diagnosis.explain.refit import Finalist
+from wrenchbed.diagnosis.explain.reliability import Reliability, credible
 from wrenchbed.diagnosis.explain.structures import Analysis
 from wrenchbed.diagnosis.explain.verdict import Cause, Verdict
 from wrenchbed.diagnosis.gap.closure import Closure
@@ -25,6 +26,8 @@ _FINEST = 2.0**-14
 """Smallest step, in typical sizes, in a search for that edge."""
 UNEXPLAINED = 0.2
 """Share of the calibrated gap that causes may leave without a note."""
+LEVEL = 0.9
+"""Probability that a set of causes holds where nothing was learnt."""
 LEAST = 0.9
 """Probability that another cause needs beside a contact, which leaves few rows to separate them."""
 
@@ -156,6 +159,14 @@ def probabilities(verdict: Verdict, between: Sequence[RowFinding]) -> dict[str, 
     return {k: v / total for k, v in share.items()}
 
 
+def set90(
+    verdict: Verdict, shares: Mapping[str, float], known: Reliability | None
+) -> tuple[str, ...]:
+    """Names that hold the truth in 90 % of such cases: the likeliest answers, and all claims."""
+    names = credible(shares, LEVEL if known is None else known.set90)
+    return tuple(dict.fromkeys((*names, *(n for c in verdict.causes for n in c.names))))
+
+
 def notes(
     a: Analysis, gap: Closure, between: Sequence[RowFinding], *, unknown: bool
 ) -> tuple[str, ...]:
@@ -193,7 +204,10 @@ def with_contact(d: Diagnosis, touch: Touch | None) -> Diagnosis:
     rest = f"the other answers are of the {int((~touch.rows).sum())} averages without it"
     notes = (*d.notes, touch.sentence, rest)
     if touch.parameters is None:
-        return replace(d, verdict=UNKNOWN, which=[], probabilities={UNKNOWN: 1.0}, notes=notes)
+        sure = {UNKNOWN: 1.0}
+        return replace(
+            d, verdict=UNKNOWN, which=[], probabilities=sure, set90=tuple(sure), notes=notes
+        )
     kept = [w for w in d.which if float(w["probability"]) >= LEAST]
     lost = [f"{w['effect']} (" for w in d.which if w not in kept]
     other = [w for w in d.where if not any(name in str(w["sentence"]) for name in lost)]
@@ -209,6 +223,7 @@ def with_contact(d: Diagnosis, touch: Touch | None) -> Diagnosis:
         which=[_cause(CONTACT, SURE, touch.parameters), *kept],
         where=[entry, *(_untouched(w, 1.0 - touch.share) for w in other)],
         probabilities={CONTACT: SURE} | {k: (1.0 - SURE) * v for k, v in d.probabilities.items()},
+        set90=tuple(dict.fromkeys((CONTACT, *d.set90))),
         notes=notes,
     )
 

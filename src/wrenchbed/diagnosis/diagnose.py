@@ -18,7 +18,7 @@ from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
 from wrenchbed.diagnosis.evidence.similarity import Similarity
 from wrenchbed.diagnosis.explain import outliers as outliers_
 from wrenchbed.diagnosis.explain import tilt
-from wrenchbed.diagnosis.explain.reliability import Reliability, credible, features, shipped
+from wrenchbed.diagnosis.explain.reliability import Reliability, features, shipped
 from wrenchbed.diagnosis.explain.structures import Analysis, analyse
 from wrenchbed.diagnosis.explain.verdict import Verdict, decide, tempered
 from wrenchbed.diagnosis.gap import closure, where
@@ -137,11 +137,10 @@ def diagnose(
         twin=twin,
         between=[e for r in between if (e := r.active(prepared.robot)) is not None],
         seconds=time.perf_counter() - begun,
-        set90=credible(probabilities, 0.9 if known is None else known.set90),
+        set90=answer.set90(verdict, probabilities, known),
         outliers=[o.entry() for o in outliers],
         notes=(
             *prepared.notes,
-            *(o.sentence for o in outliers),
             *([scattered] if scattered else ()),
             *([ELSEWHERE] if known is not None and known.elsewhere else ()),
             *answer.notes(analysis, gap, between, unknown=outcome == UNKNOWN),
