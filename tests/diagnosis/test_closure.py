@@ -179,3 +179,20 @@ def stated_again(name):
 )
 def test_one_number_alone_goes_back_to_what_is_stated(name, expected):
     assert stated_again(name) == pytest.approx(expected)
+
+
+def test_the_interval_draws_from_every_block():
+    held = SimpleNamespace(block=np.arange(40), count=np.ones(40, dtype=int))
+    gaps = np.repeat([0.0, 1.0], 20)  # drawn from a few blocks at one end they would be alike
+    drawn = closure.Bootstrap([held], 0).mean(gaps)
+    assert drawn.value == 0.5
+    assert 0.3 < drawn.low < 0.42 and 0.58 < drawn.high < 0.7  # 0.5 ∓ 1.96 · 0.5/√40
+
+
+def test_rows_of_two_recordings_count_alike_and_their_blocks_are_not_one():
+    few, many = (
+        SimpleNamespace(block=np.arange(n), count=np.full(n, k)) for n, k in ((10, 1), (10, 3))
+    )
+    drawn = closure.Bootstrap([few, many], 0).mean(np.repeat([1.0, 0.0], 10))
+    assert drawn.value == 0.25
+    assert drawn.low < 0.2 < 0.3 < drawn.high  # ten blocks alone would have no spread
