@@ -167,28 +167,32 @@ def set90(
     return tuple(dict.fromkeys((*names, *(n for c in verdict.causes for n in c.names))))
 
 
-def notes(
-    a: Analysis, gap: Closure, between: Sequence[RowFinding], *, unknown: bool
-) -> tuple[str, ...]:
-    """What a reader should know of the data and of what remains."""
+def of_data(a: Analysis, folds: int) -> tuple[str, ...]:
+    """What a reader should know of a recording's data."""
     p = a.prepared
     n, again = len(p.y), int(np.count_nonzero(p.count == 0))
     still = "poses" if p.recording.metadata.mode == "static" else "averages of a motion"
     what = "samples of motion" if p.moving else still
-    held_out = f"each held out once in {gap.folds} folds"
+    held_out = f"each held out once in {folds} folds"
     result = [f"{n} {what}, {held_out}; noise of a row {p.noise_source}"]
     if p.left_out:
         result.append(f"{p.left_out} saturated rows were left out")
     if again:
         result.append(f"{again} rows that repeat the one before take no part")
+    if a.dictionary.invisible:
+        result.append("not visible in this data: " + ", ".join(a.dictionary.invisible))
+    return tuple(result)
+
+
+def notes(gap: Closure, between: Sequence[RowFinding], *, unknown: bool) -> tuple[str, ...]:
+    """What a reader should know of what remains."""
+    result = []
     rest = None if gap.with_effects is None else gap.with_effects.value - max(gap.floor, 0.0)
     if rest is not None and rest > max(1.0, UNEXPLAINED * gap.excess):
         result.append(
             f"the named causes leave a gap of {rest:.3g} on held-out rows: something else is wrong "
             "too, or their form is; do not trust the twin"
         )
-    if a.dictionary.invisible:
-        result.append("not visible in this data: " + ", ".join(a.dictionary.invisible))
     if between and unknown:
         result.append(
             "what causes the gap of the means is unknown; beside it rows show "

@@ -1,8 +1,8 @@
 """Diagnose a recording: where the gap lies, which effect causes it, how far it shrinks."""
 
 import time
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -18,6 +18,7 @@ from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
 from wrenchbed.diagnosis.evidence.similarity import Similarity
 from wrenchbed.diagnosis.explain import outliers as outliers_
 from wrenchbed.diagnosis.explain import tilt
+from wrenchbed.diagnosis.explain.joint import View
 from wrenchbed.diagnosis.explain.reliability import Reliability, features, shipped
 from wrenchbed.diagnosis.explain.structures import Analysis, analyse
 from wrenchbed.diagnosis.explain.verdict import Verdict, decide, tempered
@@ -94,27 +95,56 @@ def diagnose(
         DiagnosisError: the data cannot answer, whatever the cause.
     """
     begun = time.perf_counter()
+    return told(examine(recording, seed, reliability, progress), seed, progress, begun)
+
+
+class Examined(NamedTuple):
+    """A recording, weighed.
+
+    Attributes:
+        known: how often claims are right.
+        between: effects that show between rows only.
+        scattered: what else scatters between rows, a sentence; empty if nothing does.
+    """
+
+    weighed: "Weighed"
+    known: Reliability | None
+    outliers: tuple[outliers_.Outlier, ...]
+    between: tuple[RowFinding, ...]
+    scattered: str
+
+
+def examine(
+    recording: Recording, seed: int, reliability: Reliability | None, progress: Progress
+) -> Examined:
+    """All that a recording says by itself; arguments and errors are those of `diagnose`."""
     progress("noise and blocks")
     prepared = prepare(recording, seed)
     progress("effects and their evidence")
     known = reliability or _shipped(prepared)
     weighed, outliers = _without_outliers(prepared, weigh(prepared, known, seed), known, seed)
-    analysis, untempered, verdict, twin, gap = weighed
-    prepared = analysis.prepared
+    prepared = weighed.analysis.prepared
     progress("rows")
     between = (
         *find_row_effects(prepared.excerpt, prepared.configuration),
         *find_tool_vibration(prepared),
     )
     scattered = row_effects.unexplained(prepared.excerpt, prepared.configuration, between)
+    return Examined(weighed, known, outliers, between, scattered)
+
+
+def told(found: Examined, seed: int, progress: Progress, begun: float) -> Findings:
+    """The answers of what was weighed at ``begun`` [s]."""
+    (analysis, untempered, verdict, twin, gap), known, outliers, between, scattered = found
+    prepared = analysis.prepared
     if scattered and verdict.verdict == NONE:
         verdict = withdrawn(verdict, UNKNOWN)
     progress("where")
     places = where.locate(prepared, analysis.calibrated, seed=seed)
     progress("what next")
     named = {n for c in verdict.causes for n in c.names}
-    d = analysis.dictionary
-    cannot_tell = isolability.cannot_tell(d, Similarity(d), named) if named else ()
+    cannot_tell = _cannot_tell(analysis, named) if named else []
+    of_data = [*prepared.notes, *([scattered] if scattered else ())]
     plans, proposed = _next(analysis, verdict, seed)
     outcome = "identified" if between and verdict.verdict == NONE else verdict.verdict
     spread = 1.0 if known is None else known.spread
@@ -140,10 +170,10 @@ def diagnose(
         set90=answer.set90(verdict, probabilities, known),
         outliers=[o.entry() for o in outliers],
         notes=(
-            *prepared.notes,
-            *([scattered] if scattered else ()),
+            *of_data,
+            *answer.of_data(analysis, gap.folds),
             *([ELSEWHERE] if known is not None and known.elsewhere else ()),
-            *answer.notes(analysis, gap, between, unknown=outcome == UNKNOWN),
+            *answer.notes(gap, between, unknown=outcome == UNKNOWN),
             *tilt.sentences(analysis, verdict),
         ),
     )
@@ -173,7 +203,11 @@ class Weighed(NamedTuple):
 
 def weigh(prepared: Prepared, known: Reliability | None, seed: int) -> Weighed:
     """Explain the gap, and hold the explanation against rows that no fit saw."""
-    analysis = analyse(prepared)
+    return settle(analyse(prepared), known, seed)
+
+
+def settle(analysis: Analysis, known: Reliability | None, seed: int) -> Weighed:
+    """Hold what best explains the gap against rows that no fit saw."""
     decided = tilt.with_accelerometer(analysis, decide(analysis.ranking))
     twin, gap, untempered = _judged(analysis, decided, seed)
     verdict = _tempered(analysis, untempered, known, gap)
@@ -230,11 +264,20 @@ def _judged(a: Analysis, verdict: Verdict, seed: int) -> tuple[Twin, closure.Clo
     witnessed = tilt.witnessed(a, verdict)
     while True:
         claim = _claimed(a, verdict)
-        gap = closure.measure(a, claim, seed)
+        others = [(o, _claimed(o, _seen(verdict, k))) for k, o in enumerate(a.others, start=1)]
+        gap = closure.measure(a, claim, seed, others)
         held = upheld(verdict, gap, witnessed)
         if len(held.causes) == len(verdict.causes):
             return closure.calibrated(a) if claim is None else claim.twin, gap, held
         verdict = held
+
+
+def _seen(verdict: Verdict, recording: int) -> Verdict:
+    """A verdict on several recordings with the numbers of another one than the first."""
+    e = verdict.explanation
+    if not isinstance(e.finalist, View):
+        return verdict
+    return replace(verdict, explanation=replace(e, finalist=e.finalist.joint.views[recording]))
 
 
 def _claimed(a: Analysis, verdict: Verdict) -> closure.Claimed | None:
@@ -247,6 +290,13 @@ def _claimed(a: Analysis, verdict: Verdict) -> closure.Claimed | None:
     if len(keep) < len(f.effects):  # what is not claimed is fitted away
         f, keep = a.refitter.keeping(f, keep), list(range(len(keep)))
     return closure.Claimed(closure.twin_of(a, f, keep), f, tuple(keep), tuple(wrong))
+
+
+def _cannot_tell(a: Analysis, named: Collection[str]) -> list[str]:
+    """What no recording tells of some effects."""
+    designs = [each.dictionary for each in (a, *a.others)]
+    first, *others = [isolability.cannot_tell(d, Similarity(d), named) for d in designs]
+    return [text for text in first if all(text in other for other in others)]
 
 
 def _next(a: Analysis, verdict: Verdict, seed: int) -> tuple[dict[str, Plan], list[dict[str, Any]]]:

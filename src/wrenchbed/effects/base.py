@@ -153,6 +153,8 @@ class Effect(ABC):
     """Whether its zero, and its mean response to load, are a convention."""
     over_time: ClassVar[bool] = False
     """Whether a report draws it in the order of time, not sorted by what it predicts."""
+    once: ClassVar[bool] = False
+    """Whether it is of one day: another recording of the same robot may be without it."""
     all_channels: ClassVar[bool] = False
     """Whether it acts on rows as a unit: nothing can be simulated of a part of the channels."""
     beside_sensor: ClassVar[bool] = False
@@ -170,6 +172,11 @@ class Effect(ABC):
     def family(self) -> str:
         """Effects of one family may imitate what the form of another of them misses."""
         return "external" if self.external else self.subsystem
+
+    @property
+    def of_recording(self) -> bool:
+        """Whether it belongs to a recording, not to the robot: its tool, its zero, its day."""
+        return self.once or bool(self.stated) or self.subsystem == "tool"
 
     @property
     def stages(self) -> tuple[str, ...]:

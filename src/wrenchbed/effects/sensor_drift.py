@@ -21,6 +21,7 @@ class SensorDrift(ChannelEffect):
     source = "0.05–0.5 N/h and 1–10 mN·m/h, estimate"
     zero_is_convention = True
     over_time = True
+    once = True
     stem, sizes, text = "rate", (1e-4, 2e-6), "change of the zero in time"
     units = ("N/s",) * 3 + ("N·m/s",) * 3
 

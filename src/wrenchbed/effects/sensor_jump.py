@@ -29,6 +29,7 @@ class SensorJump(ReadingEffect):
     rough = True
     zero_is_convention = True
     over_time = True
+    once = True
     source = "overload or a slipped bolt, 0.2–5 N: estimate"
     numbers = (
         *channel_parameters("step", 0.5, 0.02, "jump of the zero"),

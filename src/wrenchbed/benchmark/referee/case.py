@@ -16,7 +16,8 @@ from wrenchbed.benchmark.referee.equivalence import Bench, Usual, bench
 from wrenchbed.benchmark.referee.fault import RefereeFault, mechanics, signal
 from wrenchbed.benchmark.referee.forward_dynamics import Ride, ride
 from wrenchbed.benchmark.referee.noise import held, rows, shaken
-from wrenchbed.benchmark.referee.scenario import SAMPLES, RefereeSetting, draw
+from wrenchbed.benchmark.referee.path import through
+from wrenchbed.benchmark.referee.scenario import RATE_HZ, SAMPLES, RefereeSetting, draw
 from wrenchbed.benchmark.referee.signatures import stride, thin
 from wrenchbed.benchmark.referee.true_robot import Mechanics
 from wrenchbed.data.recording import Recording
@@ -195,6 +196,45 @@ def make(robot: str, mode: str, kind: str, seed: tuple[int, ...]) -> RefereeCase
         kind, _recording(setting, data.wrench, data.q, rng), tuple(causes), last.around, minor,
         world.compared(data.wrench), signatures, setting,
     )  # fmt: skip
+
+
+def again(
+    case: RefereeCase,
+    poses: np.ndarray,
+    seed: tuple[int, ...],
+    payload: tuple[float, np.ndarray] | None = None,
+) -> Recording:
+    """A later recording of a case's robot at rest, with the same faults.
+
+    What happened once (a jump, a loss, a slide) has happened; a drift goes on; the room does again
+    what it did.
+
+    Args:
+        case: at rest.
+        poses: (H, J) [rad, m].
+        seed: of its noise.
+        payload: stated load beside the stated tool: mass [kg] and CoG in sensor axes (3,) [m].
+
+    Raises:
+        ParameterError: the simulation diverged.
+    """
+    rng, old = np.random.default_rng([*seed, 7]), case.setting
+    path = through(old.robot, poses, SAMPLES, RATE_HZ, rng.gamma(1.0, 0.4, len(poses)))
+    warm = old.temperature
+    if warm is not None:
+        warm = np.interp(path.t, old.path.t, warm)
+    theta, stated = old.theta, old.metadata
+    if payload is not None:
+        tool = old.robot.tool(theta)
+        mass = float(tool.mass) + payload[0]
+        cog = (float(tool.mass) * np.asarray(tool.cog) + payload[0] * payload[1]) / mass
+        theta = old.robot.theta_of_tool(theta, mass, cog.tolist())
+        known = replace(stated.tool, mass=mass, cog=tuple(float(c) for c in cog))
+        stated = replace(stated, tool=known)
+    setting = replace(old, path=path, metadata=stated, theta=theta, temperature=warm)
+    way = _ride(setting, case.faults)
+    data = rows(setting, way, signal(way, case.faults), case.faults, rng)
+    return replace(_recording(setting, data.wrench, data.q, rng), name="again")
 
 
 def _ordinary(setting: RefereeSetting, rng: np.random.Generator) -> tuple[FaultyRobot, float]:

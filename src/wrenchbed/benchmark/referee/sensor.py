@@ -21,6 +21,7 @@ from wrenchbed.benchmark.referee.fault import (
 )
 from wrenchbed.benchmark.referee.forward_dynamics import Ride
 from wrenchbed.benchmark.referee.memory import after, bouc_wen, lowpass
+from wrenchbed.benchmark.referee.path import DrivePath
 from wrenchbed.benchmark.referee.scenario import RefereeSetting
 from wrenchbed.physics.wrench import CHANNELS
 
@@ -91,8 +92,9 @@ def drift(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     share = (t - t[0]) / (t[-1] - t[0])
     curl = rng.uniform(-0.12, 0.12)
     shape = share + curl * share * (1.0 - share)
-    true = by_channel(span / (t[-1] - t[0]), "rate")
-    return _zero(true, np.outer(shape, span))
+    rate = span / (t[-1] - t[0])
+    true = by_channel(rate, "rate")
+    return _zero(true, np.outer(shape, span), setting.path, rate)
 
 
 @drawn("sensor.gain", compared=rf"gain\.{CHANNEL}")
@@ -188,7 +190,8 @@ def temperature(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     gain = 2e-3 * size * rng.normal(0.0, 1.0, 6)
 
     def gauge(ride: Ride, y: np.ndarray) -> np.ndarray:
-        return y * (1.0 + np.outer(level, gain)) + np.outer(level, zero)
+        now = level if ride.path is setting.path else np.interp(ride.path.t, t, level)
+        return y * (1.0 + np.outer(now, gain)) + np.outer(now, zero)
 
     return RefereeFault(gauge=gauge, stage=ZERO)
 
@@ -234,9 +237,23 @@ def jump(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     ramp = np.clip((t - when) / 0.5, 0.0, 1.0)
     first = float(t[setting.path.rows[0]])
     true = {"time": when - first} | by_channel(step, "step")
-    return _zero(true, np.outer(ramp, step))
+    return _zero(true, np.outer(ramp, step), setting.path, np.zeros(6))
 
 
-def _zero(true: dict[str, float], shift: np.ndarray) -> RefereeFault:
-    """A zero that shifts by (6,) or (T, 6) [N, N·m]."""
-    return RefereeFault(true, gauge=lambda ride, y: y + shift, stage=ZERO)
+def _zero(
+    true: dict[str, float],
+    shift: np.ndarray,
+    path: DrivePath | None = None,
+    rate: float | np.ndarray = 0.0,
+) -> RefereeFault:
+    """A zero that shifts by (6,), or on a path by (T, 6) [N, N·m].
+
+    On a later path it goes on from where it was, at a rate (6,) [N/s, N·m/s].
+    """
+
+    def gauge(ride: Ride, y: np.ndarray) -> np.ndarray:
+        if path is None or ride.path is path:
+            return y + shift
+        return np.asarray(y + shift[-1] + np.outer(ride.path.t - ride.path.t[0], rate))
+
+    return RefereeFault(true, gauge=gauge, stage=ZERO)

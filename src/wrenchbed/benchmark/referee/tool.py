@@ -73,6 +73,7 @@ def loose(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
 def leak(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """About 1.5 % of the tool's mass is lost: by an exponential, in two stages, or in drops."""
     share = _share(setting)
+    path = setting.path
     law = rng.choice(["exponential", "two stages", "drops"])
     if law == "exponential":
         gone = -np.expm1(-share / rng.uniform(0.2, 2.0))
@@ -87,7 +88,8 @@ def leak(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     place = _stated(setting)[1] + 0.02 * rng.standard_normal(3)
 
     def load(ride: Ride, y: np.ndarray) -> np.ndarray:
-        pull = -lost[:, None] * _pull(ride, place)
+        gone = lost if ride.path is path else np.full(len(y), lost[-1])
+        pull = -gone[:, None] * _pull(ride, place)
         return y + np.concatenate([pull, np.cross(place, pull)], axis=1)
 
     return RefereeFault({"lost": float(lost[-1])}, load=load)
@@ -105,9 +107,11 @@ def slide(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     way = about(rng, 2e-3 * size) * direction(rng)
     moved = np.outer(law / law[-1], way)
     mass, cog = _stated(setting)
+    path = setting.path
 
     def load(ride: Ride, y: np.ndarray) -> np.ndarray:
-        torque = np.cross(moved, mass * _pull(ride, cog))
+        off = moved if ride.path is path else np.tile(moved[-1], (len(y), 1))
+        torque = np.cross(off, mass * _pull(ride, cog))
         return y + np.concatenate([np.zeros_like(torque), torque], axis=1)
 
     true = {f"moved.{a}": float(m) for a, m in zip("xyz", moved[-1], strict=True)}
@@ -173,10 +177,10 @@ def torsion(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     middle = float(np.median(angle)) + rng.normal(0.0, 0.3)
     grip, reach = abs(k) * spread * rng.uniform(0.0, 0.15), rng.uniform(0.05, 0.3)
     lean = rng.normal(0.0, 0.06, 2)
-    drag = dahl(angle, reach)
 
     def load(ride: Ride, y: np.ndarray) -> np.ndarray:
-        twist = k * (angle - middle) + grip * drag
+        angle = ride.path.q[:, last]
+        twist = k * (angle - middle) + grip * dahl(angle, reach)
         torque = np.stack([lean[0] * twist, lean[1] * twist, twist], axis=1)
         return y + np.concatenate([np.zeros_like(torque), torque], axis=1)
 

@@ -183,6 +183,10 @@ class Moments(NamedTuple):
         null = -0.5 * float(y @ solved[:, -1] + level.log_det)
         return cls(columns.T @ solved[:, :-1], columns.T @ solved[:, -1], null)
 
+    def raised(self, by: float) -> "Moments":
+        """The same with a log prior added."""
+        return self._replace(null=self.null + by)
+
     def __add__(self, other: "Moments") -> "Moments":  # type: ignore[override]
         return Moments(
             self.information + other.information, self.score + other.score, self.null + other.null

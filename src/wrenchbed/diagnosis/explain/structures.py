@@ -357,6 +357,7 @@ class Analysis:
         searcher: dictionary and background of the design.
         refitter: of this recording's readings.
         ranking: explanations, best first.
+        others: of further recordings of the robot that the ranking explains too.
     """
 
     prepared: Prepared
@@ -364,6 +365,7 @@ class Analysis:
     searcher: Searcher
     refitter: Refitter
     ranking: Ranking
+    others: tuple["Analysis", ...] = ()
 
     @property
     def dictionary(self) -> EffectDictionary:

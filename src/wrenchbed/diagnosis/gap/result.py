@@ -33,6 +33,7 @@ class Diagnosis:
         notes: what a reader should know of the data: its noise, what was left out.
         between: effects that show between rows only, which the written twin has besides.
         set90: names, `none` and `unknown` among them, that hold the truth in 90 % of cases.
+        others: names of further recordings of the robot that took part.
         outliers: poses or stretches that were set aside, as the contract has them.
     """
 
@@ -51,6 +52,7 @@ class Diagnosis:
     between: Sequence[ActiveEffect] = ()
     set90: Sequence[str] = ()
     outliers: Sequence[Mapping[str, Any]] = ()
+    others: Sequence[str] = ()
 
     def to_json(self) -> dict[str, Any]:
         """The contract's object."""
@@ -79,7 +81,7 @@ class Diagnosis:
                 "probabilities": dict(self.probabilities),
                 "cannot_tell": list(self.cannot_tell),
                 "next": list(self.next),
-                "recordings": [PurePath(r).name for r in (self.recording,)],
+                "recordings": [PurePath(r).name for r in (self.recording, *self.others)],
                 "folds": g.folds,
                 "set90": list(self.set90),
                 "outliers": list(self.outliers),

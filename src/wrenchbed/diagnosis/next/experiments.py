@@ -76,9 +76,12 @@ class Comparison:
     Args:
         d: dictionary of the recording.
         candidates: two or more explanations.
+        others: what has been recorded besides.
     """
 
-    def __init__(self, d: EffectDictionary, candidates: Sequence[Candidate]) -> None:
+    def __init__(
+        self, d: EffectDictionary, candidates: Sequence[Candidate], others: Sequence[Prepared] = ()
+    ) -> None:
         self.d, self.candidates = d, tuple(candidates)
         self.chosen, self._columns = _columns_of(d, self.candidates)
         self._place = {int(k): i for i, k in enumerate(self.chosen)}
@@ -86,6 +89,7 @@ class Comparison:
         self.sizes = [self._sizes(c) for c in self.candidates]
         self.old = ExperimentRows(d.E[:, self.chosen], row_variance(d.prepared, ROWS * GAP))
         self.background = self._background()
+        self.known = [self.old, *(self.rows(ExperimentRun(o, again=False)) for o in others)]
 
     def _sizes(self, candidate: Candidate) -> np.ndarray:
         x = np.zeros(len(self.chosen))
@@ -300,16 +304,18 @@ def propose(
     if unknown:
         ranking = analysis.ranking
         return explore(analysis.dictionary, ranking.kernel, max(ranking.gap, 1.0), seed)
-    return separate(analysis.dictionary, candidates, seed)
+    others = [o.dictionary.prepared for o in analysis.others]
+    return separate(analysis.dictionary, candidates, seed, others)
 
 
 def candidates_of(analysis: Analysis, names: Collection[str]) -> tuple[Candidate, ...]:
     """Of each effect the best explanation that it leads, with its fitted amplitudes."""
     chosen: dict[str, Candidate] = {}
     refitter, d = analysis.refitter, analysis.dictionary
+    shown = {effect for effect, parameter in d.label if parameter}
     for e in analysis.ranking.explanations:
         for part in e.parts:
-            if part.name not in names or part.name in chosen:
+            if part.name not in shown or part.name not in names or part.name in chosen:
                 continue
             if part.index is None:
                 variants = [h for h in d.hypotheses if h.name == part.name]
@@ -326,13 +332,21 @@ def candidates_of(analysis: Analysis, names: Collection[str]) -> tuple[Candidate
 
 
 def separate(
-    d: EffectDictionary, candidates: Sequence[Candidate], seed: int = 0
+    d: EffectDictionary,
+    candidates: Sequence[Candidate],
+    seed: int = 0,
+    others: Sequence[Prepared] = (),
 ) -> tuple[Experiment, ...]:
-    """Experiments that separate two or more explanations."""
+    """Experiments that separate two or more explanations.
+
+    Args:
+        others: what has been recorded besides.
+    """
+    candidates = [c for c in candidates if len(c[0].columns)]
     if len(candidates) < 2:
         return ()
-    comparison = Comparison(d, candidates[:MOST_PROPOSED])
-    before = comparison.divergence([comparison.old])
+    comparison = Comparison(d, candidates[:MOST_PROPOSED], others)
+    before = comparison.divergence(comparison.known)
     names = [h.name for h, _ in comparison.candidates]
     labels = [f"{h.name} ({h.variant.label})" for h, _ in comparison.candidates]
     proposed = []
@@ -360,7 +374,7 @@ def separate(
 
 def _parts(comparison: Comparison, action: Action) -> list[ExperimentRows]:
     rows = comparison.rows(action.session)
-    return [rows] if action.session.again else [comparison.old, rows]
+    return [rows, *comparison.known[1:]] if action.session.again else [*comparison.known, rows]
 
 
 def _chooser(comparison: Comparison) -> Choose:
@@ -371,13 +385,13 @@ def _chooser(comparison: Comparison) -> Choose:
         t = 3.0 * np.arange(len(pool))
         rows = comparison.rows(ExperimentRun(posed(base, pool, t, static_noise(base), after=False)))
         chosen: list[int] = []
-        parts = [comparison.old]
+        parts = comparison.known
         while len(chosen) < min(POSES, len(pool)):
             score = comparison.contrast(parts, rows)
             score[chosen] = -1.0
             chosen += [int(k) for k in np.argsort(-score)[:_AT_ONCE]]
             take = (6 * np.array(chosen)[:, None] + np.arange(6)).ravel()
-            parts = [comparison.old, ExperimentRows(rows.E[take], rows.v0[take])]
+            parts = [*comparison.known, ExperimentRows(rows.E[take], rows.v0[take])]
         return np.array(chosen[:POSES])
 
     return choose
