@@ -9,12 +9,16 @@ from linear_case import Named, dictionary, readings, refitter
 from wrenchbed.diagnosis.evidence.search import SingleEvidence
 from wrenchbed.diagnosis.explain import structures
 from wrenchbed.diagnosis.explain.contributions import claimable
+from wrenchbed.effects.base import Variant
 
 
 def searcher(*names, timing=()):
     stages = {n: "timing" if n in timing else "reading" for n in names}
     return SimpleNamespace(
-        hypotheses=[SimpleNamespace(name=n, effect=Named(n, stage=stages[n])) for n in names]
+        hypotheses=[
+            SimpleNamespace(name=n, effect=Named(n, stage=stages[n]), variant=Variant(n, ()))
+            for n in names
+        ]
     )
 
 

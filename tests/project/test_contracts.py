@@ -4,6 +4,7 @@ import json
 import re
 from pathlib import Path
 
+import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
@@ -119,6 +120,28 @@ def test_diagnosis_json_has_the_fields_of_the_page(written):
 def test_every_verdict_is_explained():
     known = example("diagnosis.json")["verdict"].split(" | ")
     assert {*known, "partial"} == fields("Verdicts")
+
+
+def test_a_cause_without_a_formula_has_the_fields_of_the_page(tmp_path):
+    rec, out = str(tmp_path / "rec.parquet"), str(tmp_path / "out")
+    plan = str(tmp_path / "plan.parquet")
+    assert main(["plan", "ur5", "--n", "60", "--out", plan]) == 0
+    effect = "sensor.drift:wave2.fx=0.002,wave3.fx=0.002,wave5.fx=-0.004,duration=279"
+    line = ["record", "--robot", "ur5", "--plan", plan, "--out", rec, "--samples", "30"]
+    assert main([*line, "--effect", effect]) == 0
+    assert main(["diagnose", rec, "--out", out]) == 0
+    (entry,) = read(Path(out) / "diagnosis.json")["which"]
+    assert entry["effect"] == "sensor.drift"
+    plain = set(example("diagnosis.json")["which"][0])
+    page = fields("A cause without a formula")
+    assert entry.keys() == plain | page == plain | {"form", "curve"}
+    assert entry["form"] == "free"
+    keys = re.search(r"`(\{.*?\})`", table("A cause without a formula")["`curve`"]).group(1)
+    assert entry["curve"].keys() == set(re.findall(r'"(\w+)":', keys))
+    assert len(entry["curve"]["x"]) == len(entry["curve"]["y"]) == len(entry["curve"]["std"])
+    assert (entry["curve"]["x_unit"], entry["curve"]["y_unit"]) == ("s", "N")
+    size = entry["parameters"]["size.fx"]
+    assert size["value"] == pytest.approx(np.ptp(entry["curve"]["y"]))
 
 
 def test_the_verbs_are_those_of_the_page():

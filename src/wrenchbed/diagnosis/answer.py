@@ -17,6 +17,8 @@ from wrenchbed.diagnosis.gap.closure import Closure
 from wrenchbed.diagnosis.gap.result import Diagnosis
 from wrenchbed.diagnosis.prepare.contact import CONTACT, SURE
 from wrenchbed.diagnosis.prepare.prepared import Touch
+from wrenchbed.effects.base import Curve, Effect, Values, Variant
+from wrenchbed.effects.scene import Scene
 
 Place = tuple[str, str, float, float]
 """Effect, detail, share and p-value of an entry of ``where``."""
@@ -52,18 +54,67 @@ def causes(
     result = []
     for c in verdict.causes:
         name, *rivals = c.names
-        parameters = _parameters(a, verdict, c, spread)
-        result.append(_cause(name, c.probability, parameters, rivals, gap.shares.get(name)))
+        entry = _cause(name, c.probability, {}, rivals, gap.shares.get(name))
+        result.append(entry | _numbers(a, verdict, c, spread))
     return result + [_cause(r.effect, r.probability, r.parameters) for r in between]
 
 
-def _parameters(a: Analysis, verdict: Verdict, cause: Cause, spread: float) -> dict[str, Any]:
+def _numbers(a: Analysis, verdict: Verdict, cause: Cause, spread: float) -> dict[str, Any]:
+    """``parameters`` of an entry; of a form-free cause also ``form`` and ``curve``."""
     f, k = verdict.explanation.finalist, cause.part.index
     if k is None:
-        return _wrong_numbers(a, f, cause.names[0], spread)
-    part, std = f.parts[k], _uncertainty(a, f, k, spread)
-    values = a.refitter.values(f.parts, f.x)[k]
-    return part.effect.publish(a.prepared.robot, part.variant, values, std)
+        return {"parameters": _wrong_numbers(a, f, cause.names[0], spread)}
+    part, values = f.parts[k], a.refitter.values(f.parts, f.x)[k]
+    if part.variant.free_form:
+        size = {p.name: p.tolerance for p in part.effect.parameters(a.prepared.robot)}
+        at = f.variables.of_parts([k])[: len(part.variant.free)]
+        scale = spread * np.array([size[n] for n in part.variant.free])
+        covariance = f.covariance[np.ix_(at, at)] * np.outer(scale, scale)
+        scene = a.dictionary.prepared.scene
+        return _free_curve(part.effect, part.variant, scene, values, covariance)
+    std = _uncertainty(a, f, k, spread)
+    return {"parameters": part.effect.publish(a.prepared.robot, part.variant, values, std)}
+
+
+def _free_curve(
+    effect: Effect, variant: Variant, scene: Scene, values: Values, covariance: np.ndarray
+) -> dict[str, Any]:
+    """``parameters``, ``form`` and ``curve`` of an entry of ``which``.
+
+    Args:
+        effect, variant: the cause, form-free.
+        scene: the rows that it was fitted to.
+        values: all its parameters, SI.
+        covariance: of the variant's amplitudes in their order (k, k), SI.
+    """
+    sizes: dict[str, dict[str, Any]] = {}
+    best: tuple[float, Mapping[str, Any]] = (-1.0, {})
+    for curve in effect.curves(scene, variant):
+        y, std, size, size_std = _along(curve, variant, values, covariance)
+        name = f"size.{curve.channel}" if curve.channel else "size"
+        sizes[name] = {"value": size, "std": size_std, "unit": curve.y_unit}
+        clear = size / max(size_std, 1e-300)
+        if clear > best[0]:
+            lists = {"x": curve.x.tolist(), "y": y.tolist(), "std": std.tolist()}
+            best = clear, lists | {"x_unit": curve.x_unit, "y_unit": curve.y_unit}
+    details = {k: {"value": v} for k, v in variant.detail.items() if k != "form"}
+    return {"parameters": sizes | details, "form": "free", "curve": dict(best[1])}
+
+
+def _along(
+    curve: Curve, variant: Variant, values: Values, covariance: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, float, float]:
+    """Curve (P,) and its standard uncertainty (P,); from peak to peak, and that one's."""
+    at = [variant.free.index(n) for n in curve.names]
+    block = covariance[np.ix_(at, at)]
+    y = curve.columns @ np.array([values[n] for n in curve.names])
+
+    def std(columns: np.ndarray) -> np.ndarray:
+        return np.sqrt(np.maximum(((columns @ block) * columns).sum(axis=1), 0.0))
+
+    low, high = int(y.argmin()), int(y.argmax())
+    across = curve.columns[[high]] - curve.columns[[low]]
+    return y, std(curve.columns), float(y[high] - y[low]), float(std(across)[0])
 
 
 def _uncertainty(a: Analysis, f: Finalist, part: int, spread: float) -> dict[str, float]:

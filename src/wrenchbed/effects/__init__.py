@@ -3,5 +3,5 @@ Imports physics, robots, sensors, and simulation for what an effect writes into 
 Read first: `base` (the contract), then `chain` (how effects act together).
 """
 
-SUPPORT = ("scene", "chain")
+SUPPORT = ("scene", "chain", "free_form")
 """Modules here that are no plug-ins."""

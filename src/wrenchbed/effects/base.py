@@ -82,6 +82,7 @@ class Variant:
         shape: those of ``at`` that a nonlinear fit may move.
         detail: what of the answer is a choice, not a number: ``{"joint": 2}``.
         weight: prior share among the effect's variants, relative.
+        rivals: effects that make the same readings in such rows.
     """
 
     label: str
@@ -90,6 +91,31 @@ class Variant:
     shape: tuple[str, ...] = ()
     detail: Mapping[str, Any] = field(default_factory=dict)
     weight: float = 1.0
+    rivals: tuple[str, ...] = ()
+
+    @property
+    def free_form(self) -> bool:
+        """Whether it assumes no formula: see `Effect.free_forms`."""
+        return self.detail.get("form") == "free"
+
+
+class Curve(NamedTuple):
+    """What a form-free variant adds, over the variable that it is a function of.
+
+    Attributes:
+        channel: that it is of; empty if of all alike.
+        names: amplitudes (k,).
+        x: grid (P,); a loop goes there and back.
+        columns: what each amplitude adds per SI unit (P, k).
+        x_unit, y_unit: of grid and curve.
+    """
+
+    channel: str
+    names: tuple[str, ...]
+    x: np.ndarray
+    columns: np.ndarray
+    x_unit: str
+    y_unit: str
 
 
 class Residual(NamedTuple):
@@ -208,6 +234,14 @@ class Effect(ABC):
     @abstractmethod
     def variants(self, scene: Scene) -> tuple[Variant, ...]:
         """The ways in which it may show in a scene; none where it cannot."""
+
+    def free_forms(self, scene: Scene) -> tuple[Variant, ...]:
+        """Further variants without a formula, linear in many amplitudes; default: none."""
+        return ()
+
+    def curves(self, scene: Scene, variant: Variant) -> tuple[Curve, ...]:
+        """What a form-free variant is a function of, one curve a channel."""
+        return ()
 
     def usual(self, variant: Variant) -> tuple[str, ...]:
         """Amplitudes of a variant that a robot with the effect at its typical size has."""
@@ -383,6 +417,10 @@ class RowEffect(Effect):
 
 # ---- building blocks of parameter sets and variants ------------------------------------------
 
+WARM_UPS = (0.25, 1.0, 4.0)
+"""Time constants of an unrecorded warm-up where a search begins, relative to the recording's
+duration; estimates."""
+
 
 def alike(
     names: Sequence[str], unit: str, size: float, bound: float, text: str
@@ -424,6 +462,37 @@ def channel_variants(
         Variant("torques", names[3:], where, shape),
         Variant("all channels", names, where, shape, weight=3.0),
     ]
+
+
+def warm_up_variants(
+    duration: float, zeros: Sequence[str], span: str, spans: Sequence[str]
+) -> tuple[Variant, ...]:
+    """`warm_variants` of a warm-up of first order in a recording that lasts so long [s]."""
+    starts = [{"tau": share * duration} for share in WARM_UPS]
+    return tuple(v for at in starts for v in warm_variants(zeros, span, spans, at, ("tau",)))
+
+
+def warm_variants(
+    zeros: Sequence[str],
+    span: str,
+    spans: Sequence[str],
+    at: Values | None = None,
+    shape: tuple[str, ...] = (),
+) -> tuple[Variant, ...]:
+    """Zeros (6,), one span, or spans (6,) that follow one signal, and both."""
+    where = dict(at or {})
+    *single, _, _, together = channel_variants(zeros[0].partition(".")[0], where, shape)
+    return (
+        *single,
+        together,
+        Variant("span", (span,), where, shape),
+        Variant("span of each channel", tuple(spans), where, shape),
+        *(
+            Variant(f"{c} and all spans", (zero, *spans), where, shape, {"channel": c}, 0.5)
+            for c, zero in zip(CHANNELS, zeros, strict=True)
+        ),
+        Variant("zero and span", (*zeros, *spans), where, shape, weight=2.0),
+    )
 
 
 def joint_parameters(

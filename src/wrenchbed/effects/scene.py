@@ -13,6 +13,11 @@ from wrenchbed.robots.base import Robot
 
 WAY = 7
 """Rows between two poses at rest: what remembers must not miss a turn on the way."""
+LEAST_MOVE_S = 1.0
+"""Shortest move from pose to pose [s], estimate."""
+PEAK_SPEED = 1.875
+"""Of a minimum-jerk move over its mean speed: Flash & Hogan 1985,
+10.1523/JNEUROSCI.05-07-01688.1985."""
 _EXAMPLE_ROWS, _EXAMPLE_RISE = 24, 5.0
 """Poses of `examples`, and by how much they warm up [K]; estimates."""
 
@@ -132,6 +137,28 @@ class Scene:
         force = -float(tool.mass) * self.extra[ACCELERATION]
         couple = self.extra[TURNING] @ tool.inertia + cross(spin, spin @ tool.inertia)
         return np.concatenate([force, cross(tool.cog, force) - couple], axis=1)
+
+    @cached_property
+    def jolts(self) -> np.ndarray:
+        """What brisk moves add to the load on the ways between poses at rest (M, 6) [N, N·m].
+
+        Minimum-jerk moves at the joints' top speeds (`PEAK_SPEED`): the last jolt before a rest is
+        the one from which whatever remembers its load comes. 0 where a pose is held, and in motion.
+        """
+        at = np.flatnonzero(self.held)
+        if self.moving or not self.jointed or len(at) == len(self):
+            return np.zeros((len(self), 6))
+        leg = np.minimum(np.cumsum(self.held) - 1, len(at) - 2)
+        first, count = at[leg], np.diff(at)[leg]
+        change = np.diff(self.joints[at], axis=0)[leg]
+        top = np.array([joint.speed for joint in self.robot.joints])
+        lasts = np.maximum(PEAK_SPEED * np.abs(change / top).max(axis=1), LEAST_MOVE_S)
+        s = np.linspace(0.0, 1.0, 1001)
+        tau = np.interp((np.arange(len(self)) - first) / count, s**3 * (10 - 15 * s + 6 * s**2), s)
+        rate = 30.0 * tau**2 * (1.0 - tau) ** 2 / lasts
+        turn = 60.0 * tau * (1.0 - tau) * (1.0 - 2.0 * tau) / lasts**2
+        q = Jet(self.joints, rate[:, None] * change, turn[:, None] * change)
+        return wrench(*self.robot.sensor_pose(q, self.theta), self.tool, self.gravity) - self.load
 
     @cached_property
     def joint_torque(self) -> np.ndarray:

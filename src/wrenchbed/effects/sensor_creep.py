@@ -1,16 +1,28 @@
 """The sensor's reading creeps after its load has changed."""
 
+from collections.abc import Iterator
+
 import numpy as np
 from scipy.linalg import solve_banded
 
 from wrenchbed.effects.base import (
+    Curve,
     ReadingEffect,
     Values,
     Variant,
+    alike,
     channel_parameters,
     channel_variants,
     per_channel,
     vector,
+)
+from wrenchbed.effects.free_form import (
+    FREE,
+    POINTS,
+    channel_curves,
+    falling,
+    free_variants,
+    orders,
 )
 from wrenchbed.effects.scene import Scene
 from wrenchbed.physics.parameters import Parameter
@@ -18,11 +30,21 @@ from wrenchbed.physics.parameters import Parameter
 TAUS = (30.0, 150.0, 600.0)
 """Time constants where a search begins [s]; estimates."""
 
+RELAXATIONS_S = (2.0, 6.0, 20.0, 60.0, 200.0, 600.0)
+"""Time constants of which a free form is a sum [s]: half a decade apart, estimates."""
+RELAX = orders("relax", len(RELAXATIONS_S))
+ALIKE = tuple(f"{n}.all" for n in RELAX)
+SHARE = 3e-3
+"""Typical share of a load that comes late: that of a poor data sheet, see ``source``."""
+
 
 class SensorCreep(ReadingEffect):
     """y_i → y_i + c_i ∫h(t − s) ẏ_i ds, h(t) = 1 − exp(−t/τ): after a step of load by Δ the
     reading is right at first and ends c_i Δ too high; with ``late`` = 1 it starts c_i Δ too low and
     ends right, as a sensor reads that was calibrated when it had settled.
+
+    Free: a sum of such relaxations of given time constants (Prony's series: Tschoegl, The
+    Phenomenological Theory of Linear Viscoelastic Behavior, 1989, ch. 3).
 
     Settled at the first row; the load moves linearly from row to row, over which ∫ is exact.
 
@@ -39,8 +61,12 @@ class SensorCreep(ReadingEffect):
         "0.05–0.1 % of the load in 30 min (strain-gauge data sheets); three times that: a poor one"
     )
     numbers = (
-        *channel_parameters("share", 3e-3, 3e-3, "what a load adds in the end, relative", "1" * 6),
+        *channel_parameters(
+            "share", SHARE, SHARE, "what a load adds in the end, relative", "1" * 6
+        ),
         Parameter("tau", TAUS[1], "s", 150.0, 1e-2, 1e6, "time constant"),
+        *falling("relax", (SHARE,) * len(RELAX), 1.0, "share of a relaxation", "1" * 6),
+        *alike(ALIKE, "1", SHARE, 1e4, "share of it in all channels"),
         Parameter("late", 0.0, "1", 1.0, 0.0, 1.0, "right in the end, not at first"),
     )
 
@@ -52,12 +78,41 @@ class SensorCreep(ReadingEffect):
             for v in channel_variants("share", {"tau": tau, "late": late}, ("tau",))
         )
 
+    def free_forms(self, scene: Scene) -> tuple[Variant, ...]:
+        def of(late: float) -> Iterator[Variant]:
+            at = {"late": late}
+            text = "any creep, right in the end" if late else "any creep, right at first"
+            yield from free_variants(lambda c: tuple(f"{n}.{c}" for n in RELAX), text, at)
+            yield Variant(f"{text}, alike", ALIKE, at, (), FREE)
+
+        return (*of(0.0), *of(1.0))
+
+    def curves(self, scene: Scene, variant: Variant) -> tuple[Curve, ...]:
+        """After a step of load by 1."""
+        t, late = np.linspace(0.0, scene.span, POINTS), variant.at["late"]
+
+        def basis(name: str, t: np.ndarray) -> np.ndarray:
+            tau = RELAXATIONS_S[RELAX.index(name.partition(".")[0])]
+            return np.asarray(1.0 - late - np.exp(-t / tau))
+
+        if variant.free == ALIKE:
+            columns = np.stack([basis(n, t) for n in ALIKE], axis=1)
+            return (Curve("", ALIKE, t, columns, "s", "1"),)
+        return channel_curves(variant, t, basis, lambda c: "s", lambda c: "1")
+
     def read(self, scene: Scene, reading: np.ndarray, p: Values) -> np.ndarray:
-        share = vector(p, per_channel("share"))
-        if not share.any():
-            return reading
         end = reading[0] + p["late"] * (reading - reading[0])
-        return reading + share * (settle(reading, scene.t, p["tau"]) - end)
+        result = reading.copy()
+        share = vector(p, per_channel("share"))
+        parts = [(p["tau"], share)]
+        for tau, name in zip(RELAXATIONS_S, RELAX, strict=True):
+            parts.append((tau, vector(p, per_channel(name)) + p[f"{name}.all"]))
+        for tau, part in parts:
+            on = np.flatnonzero(part)
+            if len(on):
+                settled = settle(reading[:, on], scene.t, tau)
+                result[:, on] += part[on] * (settled - end[:, on])
+        return result
 
 
 def settle(x: np.ndarray, t: np.ndarray, tau: float) -> np.ndarray:

@@ -1,13 +1,54 @@
-"""The sensor's zero drifts steadily."""
+"""The sensor's zero, or span, drifts."""
+
+from dataclasses import replace
 
 import numpy as np
 
-from wrenchbed.effects.base import ChannelEffect, Values, per_channel, vector
+from wrenchbed.effects.base import (
+    Curve,
+    ReadingEffect,
+    Values,
+    Variant,
+    alike,
+    channel_parameters,
+    channel_variants,
+    per_channel,
+    vector,
+    warm_up_variants,
+)
+from wrenchbed.effects.free_form import (
+    FREE,
+    POINTS,
+    channel_curves,
+    falling,
+    free_variants,
+    orders,
+)
 from wrenchbed.effects.scene import Scene
+from wrenchbed.physics.parameters import Parameter
+from wrenchbed.physics.wrench import CHANNELS
+
+RATE, TORQUE_RATE = 1e-4, 2e-6
+"""Typical rates of forces [N/s] and torques [N·m/s]: 0.36 N/h and 7 mN·m/h, estimates."""
+SPAN_RATE = 3e-6
+"""Typical rate of the span [1/s]: 1 %/h, an estimate."""
+WAVES = 8
+"""Half cosines of a free rate over the recording, the steady part among them; estimate."""
+RATE_FREE = 4e-4
+"""Typical rate of forces of a free form [N/s]: 1.4 N/h, as cables and warm-ups make; estimate."""
+RATES = per_channel("rate")
+WARM, WARM_SPAN = per_channel("warm"), per_channel("warm.span")
+UNITS_PER_S = ("N/s",) * 3 + ("N·m/s",) * 3
+_FALL = 1.0 / np.sqrt(np.maximum(np.arange(WAVES), 1))
+"""Typical waves relative to the mean rate: smoother than a random walk; estimate."""
 
 
-class SensorDrift(ChannelEffect):
-    """y_i → y_i + d_i (t − t₀), zero at the first row.
+class SensorDrift(ReadingEffect):
+    """y_i → (1 + s(t)) y_i + d_i(t), both zero at the first row.
+
+    Steady: d_i = r_i t. Warming up: d_i and s end at ``warm`` with 1 − exp(−t/τ). Free: the rate
+    is a sum of half cosines over the ``duration`` T, so that d_i = w_i1 t + Σ_k w_i,k+1 T/(kπ)
+    sin(kπt/T), and s likewise.
 
     The typical rates, 1e-4 N/s = 0.36 N/h and 2e-6 N·m/s = 7 mN·m/h, add up to 0.03 N and
     0.6 mN·m in five minutes.
@@ -16,17 +57,79 @@ class SensorDrift(ChannelEffect):
     """
 
     name = "sensor.drift"
-    title = "the sensor's zero drifts steadily"
+    title = "the sensor's zero or span drifts"
     size_error = 0.1
     source = "0.05–0.5 N/h and 1–10 mN·m/h, estimate"
     zero_is_convention = True
     over_time = True
     once = True
-    stem, sizes, text = "rate", (1e-4, 2e-6), "change of the zero in time"
-    units = ("N/s",) * 3 + ("N·m/s",) * 3
+    numbers = (
+        *channel_parameters("rate", RATE, TORQUE_RATE, "change of the zero in time", UNITS_PER_S),
+        *falling(
+            "wave",
+            (RATE_FREE * _FALL).tolist(),
+            TORQUE_RATE / RATE,
+            "part of a free rate: steady, then half cosines over the recording",
+            UNITS_PER_S,
+        ),
+        *(
+            p
+            for name, fall in zip(orders("span.wave", WAVES), _FALL.tolist(), strict=True)
+            for p in alike((name,), "1/s", SPAN_RATE * fall, 1.0, "the same of the span")
+        ),
+        *channel_parameters("warm", 0.03, 1e-3, "complete shift of the zero by a warm-up"),
+        *alike(("warm.span", *WARM_SPAN), "1", 1e-3, 1.0, "complete change of the span by it"),
+        Parameter("tau", 900.0, "s", 100.0, 1e-3, 1e8, "time constant of the warm-up"),
+        Parameter("duration", 300.0, "s", 100.0, 1e-3, 1e8, "of the recording"),
+    )
+
+    def variants(self, scene: Scene) -> tuple[Variant, ...]:
+        steady = tuple(channel_variants("rate"))
+        warming = warm_up_variants(scene.span, WARM, "warm.span", WARM_SPAN)
+        rivals = ("sensor.temperature",) if scene.warmth is None else ()
+        return (*steady, *(replace(v, rivals=rivals) for v in warming))
+
+    def free_forms(self, scene: Scene) -> tuple[Variant, ...]:
+        at = {"duration": scene.span}
+        stems, span = orders("wave", WAVES), orders("span.wave", WAVES)
+        zeros = free_variants(lambda c: tuple(f"{s}.{c}" for s in stems), "zero in time", at)
+        return (*zeros, Variant("span in time", span, at, (), FREE))
+
+    def curves(self, scene: Scene, variant: Variant) -> tuple[Curve, ...]:
+        t = np.linspace(0.0, scene.span, POINTS)
+
+        def basis(name: str, t: np.ndarray) -> np.ndarray:
+            stem = name.rpartition(".")[0] if name[-2:] in CHANNELS else name
+            return _wave(t, scene.span, int(stem.partition("wave")[2]))
+
+        if variant.free[0].startswith("span"):
+            columns = np.stack([basis(n, t) for n in variant.free], axis=1)
+            return (Curve("", variant.free, t, columns, "s", "1"),)
+        return channel_curves(variant, t, basis, lambda c: "s")
 
     def read(self, scene: Scene, reading: np.ndarray, p: Values) -> np.ndarray:
-        return reading + scene.age[:, None] * vector(p, per_channel("rate"))
+        t = scene.age
+        shift = t[:, None] * vector(p, RATES)
+        span = np.zeros_like(t)
+        for k in range(1, WAVES + 1):
+            zero = vector(p, per_channel(f"wave{k}"))
+            if zero.any() or p[f"span.wave{k}"]:
+                wave = _wave(t, p["duration"], k)
+                shift += wave[:, None] * zero
+                span += p[f"span.wave{k}"] * wave
+        warm, spans = vector(p, WARM), p["warm.span"] + vector(p, WARM_SPAN)
+        result = reading * (1.0 + span[:, None]) + shift
+        if warm.any() or spans.any():
+            result += -np.expm1(-t / p["tau"])[:, None] * (warm + spans * reading)
+        return np.asarray(result)
+
+
+def _wave(t: np.ndarray, duration: float, order: int) -> np.ndarray:
+    """∫cos(kπt/T) dt (P,) [s], k one less than the order from 1."""
+    turn = (order - 1) * np.pi / duration
+    if not turn:
+        return t
+    return np.asarray(np.sin(turn * t) / turn)
 
 
 EFFECT = SensorDrift()

@@ -1,11 +1,12 @@
 """The sensor's reading depends on its earlier loads."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
 
 from wrenchbed.effects.base import (
+    Curve,
     ReadingEffect,
     Values,
     Variant,
@@ -13,18 +14,27 @@ from wrenchbed.effects.base import (
     per_channel,
     vector,
 )
+from wrenchbed.effects.free_form import POINTS, channel_curves, falling, free_variants, unit_of
 from wrenchbed.effects.scene import Scene
 from wrenchbed.physics.parameters import Parameter
-from wrenchbed.physics.wrench import CHANNELS
+from wrenchbed.physics.wrench import CHANNELS, UNITS
 from wrenchbed.robots.base import Robot
 
 WIDTHS = {"narrow": 0.04, "middle": 0.15, "wide": 0.5}
 """Half widths of the play operators, relative to a channel's range in the recording; estimates."""
+PLAYS = (0.02, 0.06, 0.12, 0.25, 0.45, 0.75)
+"""Half widths of a free form's plays, likewise; estimates."""
+TURNED = (1, 3)
+"""Of these plays (from 0) also one whose lag turns with the load; estimate."""
+LAGS = (*(f"play{k + 1}" for k in range(len(PLAYS))), *(f"turn{k + 1}" for k in range(len(TURNED))))
 FORMS = tuple(f"{w}{s}" for w in WIDTHS for s in ("", ".slope"))
 
 
 class SensorHysteresis(ReadingEffect):
     """y_i → y_i + Σ_w (h_iw + s_iw u_i) (play_w(y_i) − y_i)/w: a lag that turns with the load.
+
+    At rest the y_i of the loops also pass through the jolts of the moves between poses, times a
+    ``pace``: 1 at the joints' top speeds, 0 of slow moves.
 
     The play operator follows its input once it is w behind; a sum of plays of several widths is
     the Prandtl–Ishlinskii form of hysteresis (Visintin, Differential Models of Hysteresis, 1994,
@@ -43,45 +53,96 @@ class SensorHysteresis(ReadingEffect):
     numbers = (
         *(p for f in FORMS for p in channel_parameters(f, 0.1, 0.01, "largest lag of a play")),
         Parameter("width", 1.0, "1", 0.2, 0.1, 4.0, "factor of all widths"),
+        Parameter("pace", 0.0, "1", 0.3, 0.0, 4.0, "of the moves' accelerations between poses"),
+        *falling("play", (0.05,) * len(PLAYS), 0.1, "largest lag of a free form's play", UNITS),
+        *falling("turn", (0.05,) * len(TURNED), 0.1, "the same, growing along the load", UNITS),
     )
 
     def variants(self, scene: Scene) -> tuple[Variant, ...]:
-        def of(label: str, channels: tuple[str, ...], weight: float = 1.0) -> Variant:
+        def of(label: str, channels: tuple[str, ...], weight: float = 1.0) -> Iterator[Variant]:
             free = tuple(f"{f}.{c}" for c in channels for f in FORMS)
             detail = {"channel": label} if len(channels) == 1 else {}
-            return Variant(label, free, {"width": 1.0}, ("width",), detail, weight)
+            yield Variant(label, free, {"width": 1.0}, ("width",), detail, weight)
+            if scene.jolts.any():
+                at = {"width": 1.0, "pace": 1.0}
+                yield Variant(f"{label}, brisk moves", free, at, tuple(at), detail, weight)
 
-        single = [of(c, (c,)) for c in CHANNELS]
         return (
-            *single,
-            of("forces", CHANNELS[:3], 2.0),
-            of("torques", CHANNELS[3:]),
-            of("all channels", CHANNELS, 3.0),
+            *(v for c in CHANNELS for v in of(c, (c,))),
+            *of("forces", CHANNELS[:3], 2.0),
+            *of("torques", CHANNELS[3:]),
+            *of("all channels", CHANNELS, 3.0),
         )
 
     def usual(self, variant: Variant) -> tuple[str, ...]:
         return tuple(n for n in variant.free if n.startswith("middle.") and ".slope" not in n)
 
+    def free_forms(self, scene: Scene) -> tuple[Variant, ...]:
+        def of(text: str, pace: float) -> tuple[Variant, ...]:
+            columns = lambda c: tuple(f"{n}.{c}" for n in LAGS)  # noqa: E731
+            return free_variants(columns, text, {"pace": pace})
+
+        slow = of("any loop", 0.0)
+        return (*slow, *of("any loop, brisk moves", 1.0)) if scene.jolts.any() else slow
+
+    def curves(self, scene: Scene, variant: Variant) -> tuple[Curve, ...]:
+        """The loop from the least load to the largest and back."""
+        there = np.linspace(-1.0, 1.0, POINTS)
+        way = np.concatenate([there, there[::-1], there, there[::-1]])  # settled the second time
+        low, high = scene.load.min(axis=0), scene.load.max(axis=0)
+
+        def load(c: str) -> np.ndarray:
+            k = CHANNELS.index(c)
+            middle, half = (low[k] + high[k]) / 2.0, (high[k] - low[k]) / 2.0
+            return np.asarray(middle + half * way[2 * POINTS :])
+
+        def basis(name: str, x: np.ndarray) -> np.ndarray:
+            lag = _lag(
+                way[:, None], 2.0 * _width(name), way[:, None] * _turned(name) + 1.0 - _turned(name)
+            )
+            return np.asarray(lag[2 * POINTS :, 0])
+
+        return channel_curves(variant, load, basis, unit_of)
+
     def read(self, scene: Scene, reading: np.ndarray, p: Values) -> np.ndarray:
-        lag = np.array([vector(p, per_channel(w)) for w in WIDTHS])  # (widths, 6)
-        slope = np.array([vector(p, per_channel(f"{w}.slope")) for w in WIDTHS])
-        which, on = np.nonzero((lag != 0) | (slope != 0))
-        if not len(on):
+        sizes = {n: vector(p, per_channel(n)) for n in (*FORMS, *LAGS)}
+        used = {n: np.flatnonzero(size) for n, size in sizes.items() if size.any()}
+        if not used:
             return reading
         low, high = reading.min(axis=0), reading.max(axis=0)
         extent = np.maximum(high - low, 1e-9)
-        width = np.array(list(WIDTHS.values()))[which] * extent[on] * p["width"]
-        x = reading[:, on]
-        u = (2.0 * x - (low + high)[on]) / extent[on]
-        behind = (lag[which, on] + slope[which, on] * u) * (play(x, width) - x) / width
+        inputs = reading + p["pace"] * scene.jolts if p["pace"] else reading
+        u = (2.0 * inputs - (low + high)) / extent
         result = reading.copy()
-        np.add.at(result.T, on, behind.T)
+        for name, on in used.items():
+            width = _width(name) * (p["width"] if name in FORMS else 1.0)
+            growth = u[:, on] if _turned(name) else 1.0
+            result[:, on] += sizes[name][on] * _lag(u[:, on], 2.0 * width, growth)
         return result
 
     def values(self, robot: Robot, given: Mapping[str, Any]) -> dict[str, float]:
         """Also takes ``lag.fx=0.1``: the middle play of a channel."""
         short = dict(zip(per_channel("lag"), per_channel("middle"), strict=True))
         return super().values(robot, {short.get(k, k): v for k, v in given.items()})
+
+
+def _width(name: str) -> float:
+    """Half width of a play by its amplitude's name, relative to the channel's range."""
+    stem = name.partition(".")[0]
+    if stem in WIDTHS:
+        return WIDTHS[stem]
+    place = int(stem[-1]) - 1
+    return PLAYS[TURNED[place] if stem.startswith("turn") else place]
+
+
+def _turned(name: str) -> bool:
+    """Whether a lag turns with the load."""
+    return ".slope" in name or name.startswith("turn")
+
+
+def _lag(u: np.ndarray, half: float, growth: np.ndarray | float) -> np.ndarray:
+    """Lag (M, K) behind loads (M, K) of −1 … 1, at most 1 times its growth (M, K)."""
+    return np.asarray(growth * (play(u, np.full(u.shape[1], half)) - u) / half)
 
 
 def play(x: np.ndarray, width: np.ndarray) -> np.ndarray:

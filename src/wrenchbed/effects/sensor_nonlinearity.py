@@ -3,8 +3,10 @@
 from dataclasses import replace
 
 import numpy as np
+from numpy.polynomial.legendre import legval
 
 from wrenchbed.effects.base import (
+    Curve,
     ReadingEffect,
     Values,
     Variant,
@@ -13,8 +15,10 @@ from wrenchbed.effects.base import (
     per_channel,
     vector,
 )
+from wrenchbed.effects.free_form import POINTS, channel_curves, falling, free_variants, unit_of
 from wrenchbed.effects.scene import Scene
 from wrenchbed.physics.parameters import Parameter
+from wrenchbed.physics.wrench import CHANNELS
 
 REFERENCE = np.array([20.0, 20.0, 20.0, 2.0, 2.0, 0.2])
 """Load (6,) at which an amplitude is the relative error [N, N·m]: the full scale of a small sensor.
@@ -24,10 +28,28 @@ TEXT = "relative error at 20 N, 2 N·m (z: 0.2)"
 BEGIN = {"even": ("even", 2.0), "odd": ("odd", 3.0), "gain by sign": ("even", 1.0)}
 """Laws and powers of the load at which a search begins."""
 
+BENDS = tuple(range(2, 8))
+"""Orders of the polynomials of a free form; the least bend, the greatest still shows over 60 poses:
+estimate."""
+BEND = 6e-3
+"""Typical amplitude of the least of them, relative to the largest load; that of an order k is 2/k
+of it: estimate."""
+LEAST_REACH = np.array([0.1, 0.1, 0.1, 5e-3, 5e-3, 5e-3])
+"""Largest loads (6,) [N, N·m] below which a channel's curve cannot show; estimates."""
+BEYOND = 1.05
+"""Loads so many times the largest one bend no more; estimate."""
+REACHES = per_channel("reach")
+REACH = channel_parameters("reach", 1.0, 0.1, "largest load of a free form")
+"""Their parameters [N, N·m]; how far a fit might move them, an estimate."""
+
 
 class SensorNonlinearity(ReadingEffect):
     """y_i → y_i + Y_i |y_i/Y_i|ⁿ (e_i + o_i sgn y_i) with Y = 20 N, 2 N·m (z: 0.2), n about 2 or 3;
     an even law with n = 1 is a gain that differs between push and pull.
+
+    Free: y_i → y_i + L_i (Σ_k b_ik P_k(u) + a_i |u|), u = y_i/L_i, with Legendre's polynomials of
+    order 2 to 7 and the channel's largest load L_i: as a weight is turned about, they add neither
+    gain nor bias.
 
     Even: the same sign under both directions of load; odd: the gain depends on the load. The
     typical 0.005 is 0.1 N at 20 N, and 0.025 N (even) or 6 mN (odd) at 10 N.
@@ -39,11 +61,21 @@ class SensorNonlinearity(ReadingEffect):
     name = "sensor.nonlinearity"
     title = "the sensor's readings are nonlinear in the load"
     size_error = 0.1
+    zero_is_convention = True
     source = "0.1–0.3 % of full scale at full scale; 0.2 %: FRB load ring data sheet"
     numbers = (
         *channel_parameters("even", 5e-3, 5e-3, TEXT, "1" * 6),
         *channel_parameters("odd", 5e-3, 5e-3, TEXT, "1" * 6),
         Parameter("power", 2.0, "1", 0.2, 0.8, 5.0, "power of the load"),
+        *falling(
+            "bend",
+            [2.0 * BEND / k for k in BENDS],
+            1.0,
+            "polynomial of order 2 …, relative to the largest load",
+            "1" * 6,
+        ),
+        *channel_parameters("kink", BEND / 2.0, BEND / 2.0, "kink at zero, likewise", "1" * 6),
+        *(replace(p, nominal=10.0 if p.unit == "N" else 1.0, lower=1e-9) for p in REACH),
     )
 
     def variants(self, scene: Scene) -> tuple[Variant, ...]:
@@ -53,11 +85,44 @@ class SensorNonlinearity(ReadingEffect):
             for v in channel_variants(law, {"power": power}, ("power",))
         )
 
+    def free_forms(self, scene: Scene) -> tuple[Variant, ...]:
+        reach = np.abs(scene.load[scene.held]).max(axis=0)
+        shown = [c for c, r, least in zip(CHANNELS, reach, LEAST_REACH, strict=True) if r > least]
+        at = dict(zip(REACHES, np.maximum(reach, LEAST_REACH).tolist(), strict=True))
+        stems = (*(f"bend{k - 1}" for k in BENDS), "kink")
+        return free_variants(lambda c: tuple(f"{s}.{c}" for s in stems), "any curve", at, shown)
+
+    def curves(self, scene: Scene, variant: Variant) -> tuple[Curve, ...]:
+        u = np.linspace(-1.0, 1.0, POINTS)
+
+        def basis(name: str, load: np.ndarray) -> np.ndarray:
+            stem, _, channel = name.partition(".")
+            reach = variant.at[f"reach.{channel}"]
+            return np.asarray(reach * _bent(load / reach, stem))
+
+        return channel_curves(variant, lambda c: variant.at[f"reach.{c}"] * u, basis, unit_of)
+
     def read(self, scene: Scene, reading: np.ndarray, p: Values) -> np.ndarray:
         even, odd = (vector(p, per_channel(law)) for law in LAWS)
         relative = reading / REFERENCE
         bend = np.abs(relative) ** p["power"] * REFERENCE
-        return np.asarray(reading + bend * (even + odd * np.sign(reading)))
+        result = np.asarray(reading + bend * (even + odd * np.sign(reading)))
+        reach = vector(p, REACHES)
+        for stem in ("kink", *(f"bend{k - 1}" for k in BENDS)):
+            size = vector(p, per_channel(stem))
+            on = np.flatnonzero(size)
+            if len(on):
+                result[:, on] += (size * reach)[on] * _bent((reading / reach)[:, on], stem)
+        return result
+
+
+def _bent(u: np.ndarray, stem: str) -> np.ndarray:
+    """A free form's part (…) of loads (…) relative to the largest one."""
+    inside = np.clip(u, -BEYOND, BEYOND)
+    if stem == "kink":
+        return np.abs(inside)
+    order = int(stem.removeprefix("bend")) + 1
+    return np.asarray(legval(inside, np.eye(order + 1)[order]))
 
 
 EFFECT = SensorNonlinearity()

@@ -3,23 +3,37 @@
 import numpy as np
 
 from wrenchbed.effects.base import (
+    Curve,
     ReadingEffect,
     Values,
     Variant,
     alike,
     channel_parameters,
-    channel_variants,
     per_channel,
     vector,
+    warm_variants,
+)
+from wrenchbed.effects.free_form import (
+    FREE,
+    POINTS,
+    channel_curves,
+    falling,
+    free_variants,
+    orders,
 )
 from wrenchbed.effects.scene import Scene
 from wrenchbed.physics.parameters import Parameter
-from wrenchbed.physics.wrench import CHANNELS
 
 LAG_S = 20.0
 """Lag of the sensor behind a recorded temperature where a search begins [s]; estimate."""
 _NO_LAG = 1e-3
 """A shorter lag [s] is none; estimate."""
+LAGS_S = (10.0, 40.0, 160.0)
+"""Lags of which a free form is a sum [s]; estimates."""
+_LEAST_K = 0.1
+"""Least range of a temperature [K]; estimate."""
+LAGGED, BENT = orders("late", len(LAGS_S)), orders("bent", 2)
+PER_K = ("N/K",) * 3 + ("N·m/K",) * 3
 ZERO, SPAN = per_channel("zero"), per_channel("span")
 
 
@@ -50,7 +64,7 @@ class SensorTemperature(ReadingEffect):
             0.03,
             1e-3,
             "shift of the zero per K; whole shift of a warm-up without recorded temperature",
-            ("N/K",) * 3 + ("N·m/K",) * 3,
+            PER_K,
         ),
         *alike(
             ("span", *SPAN),
@@ -61,13 +75,43 @@ class SensorTemperature(ReadingEffect):
         ),
         Parameter("tau", 900.0, "s", 100.0, 1e-3, 1e8, "time constant of the warm-up"),
         Parameter("lag", 0.0, "s", 10.0, 0.0, 1e5, "behind the recorded temperature"),
+        *falling("late", (0.03,) * len(LAGS_S), 1 / 30, "zero per K of a lagging part", PER_K),
+        *alike(tuple(f"span.{n}" for n in LAGGED), "1/K", 1e-3, 1.0, "span per K of it"),
+        *falling("bent", (0.015, 0.0075), 1 / 30, "zero per K, of a square and a cube", PER_K),
+        Parameter("extent", 10.0, "K", 1.0, 1e-3, 1e3, "temperature at which those are 1 K"),
     )
 
     def variants(self, scene: Scene) -> tuple[Variant, ...]:
         """None where no temperature was recorded."""
         if scene.warmth is None:
             return ()
-        return _variants({}, ()) + _variants({"lag": LAG_S}, ("lag",))
+        late = warm_variants(ZERO, "span", SPAN, {"lag": LAG_S}, ("lag",))
+        return warm_variants(ZERO, "span", SPAN) + late
+
+    def free_forms(self, scene: Scene) -> tuple[Variant, ...]:
+        if scene.warmth is None:
+            return ()
+        at = {"extent": max(float(np.abs(scene.warmth).max()), _LEAST_K)}
+        stems = ("zero", *LAGGED, *BENT)
+        span = ("span", *(f"span.{s}" for s in LAGGED))
+        zeros = free_variants(lambda c: tuple(f"{s}.{c}" for s in stems), "zero, any lag", at)
+        return (*zeros, Variant("span, any lag", span, at, (), FREE))
+
+    def curves(self, scene: Scene, variant: Variant) -> tuple[Curve, ...]:
+        """Once settled at a temperature: what lags has come."""
+        if scene.warmth is None:
+            return ()
+        ends = float(scene.warmth.min()), float(scene.warmth.max())
+        warm, extent = np.linspace(*ends, POINTS), variant.at["extent"]
+
+        def basis(name: str, warm: np.ndarray) -> np.ndarray:
+            stem = name.partition(".")[0]
+            return _bent(warm, extent, BENT.index(stem)) if stem in BENT else warm
+
+        if "span" in variant.free:
+            columns = np.stack([warm] * len(variant.free), axis=1)
+            return (Curve("", variant.free, warm, columns, "K", "1"),)
+        return channel_curves(variant, warm, basis, lambda c: "K")
 
     def read(self, scene: Scene, reading: np.ndarray, p: Values) -> np.ndarray:
         if scene.warmth is None:
@@ -75,7 +119,23 @@ class SensorTemperature(ReadingEffect):
         else:
             warmth = behind(scene.warmth, scene.age, float(p["lag"]))
         span = p["span"] + vector(p, SPAN)
-        return reading + warmth[:, None] * (vector(p, ZERO) + span * reading)
+        result = reading + warmth[:, None] * (vector(p, ZERO) + span * reading)
+        return result if scene.warmth is None else self._free(scene, result, reading, p)
+
+    @staticmethod
+    def _free(scene: Scene, result: np.ndarray, reading: np.ndarray, p: Values) -> np.ndarray:
+        """The result (M, 6) with what lags behind and bends with the recorded temperature."""
+        assert scene.warmth is not None
+        for name, lag in zip(LAGGED, LAGS_S, strict=True):
+            zero, span = vector(p, per_channel(name)), p[f"span.{name}"]
+            if zero.any() or span:
+                warm = behind(scene.warmth, scene.age, lag)
+                result = result + warm[:, None] * (zero + span * reading)
+        for k, name in enumerate(BENT):
+            zero = vector(p, per_channel(name))
+            if zero.any():
+                result = result + _bent(scene.warmth, p["extent"], k)[:, None] * zero
+        return result
 
 
 def behind(x: np.ndarray, t: np.ndarray, lag: float) -> np.ndarray:
@@ -93,19 +153,9 @@ def behind(x: np.ndarray, t: np.ndarray, lag: float) -> np.ndarray:
     return np.array(z)
 
 
-def _variants(at: Values, shape: tuple[str, ...]) -> tuple[Variant, ...]:
-    *single, _, _, together = channel_variants("zero", at, shape)
-    return (
-        *single,
-        together,
-        Variant("span", ("span",), at, shape),
-        Variant("span of each channel", SPAN, at, shape),
-        *(
-            Variant(f"{c} and all spans", (zero, *SPAN), at, shape, {"channel": c}, 0.5)
-            for c, zero in zip(CHANNELS, ZERO, strict=True)
-        ),
-        Variant("zero and span", (*ZERO, *SPAN), at, shape, weight=2.0),
-    )
+def _bent(warm: np.ndarray, extent: float, order: int) -> np.ndarray:
+    """A square (order 0) or a cube (M,) [K] of a temperature (M,) [K]."""
+    return np.asarray(warm * (warm / extent) ** (order + 1))
 
 
 EFFECT = SensorTemperature()

@@ -157,8 +157,8 @@ class RefereeCase:
         faults: causes and background.
         minor: gap of the background.
         measured: minus what is stated, where readings are compared (n, 6).
-        bench: signatures of the library on this robot.
         setting: what is stated and commanded.
+        world: the robot without the causes.
     """
 
     kind: str
@@ -167,8 +167,13 @@ class RefereeCase:
     faults: tuple[RefereeFault, ...]
     minor: float
     measured: np.ndarray
-    bench: Bench
     setting: RefereeSetting
+    world: FaultyRobot
+
+    @cached_property
+    def bench(self) -> Bench:
+        """Signatures of the library on this robot."""
+        return bench(self.setting, self.world.way, self.world.usual)
 
 
 def make(robot: str, mode: str, kind: str, seed: tuple[int, ...]) -> RefereeCase:
@@ -178,23 +183,44 @@ def make(robot: str, mode: str, kind: str, seed: tuple[int, ...]) -> RefereeCase
         ParameterError: nothing that was drawn shows enough, or the robot exists in no simulator.
     """
     rng = np.random.default_rng([*seed, KINDS.index(kind)])
-    arm = registry.load("robots", robot)
-    if not isinstance(arm, SimulatedRobot):
-        raise ParameterError(f"robot {robot!r} has no model to make cases with")
-    setting = draw(arm, mode, np.random.default_rng([*seed, 99]))
-    world, minor = _ordinary(setting, rng)
-    signatures = bench(setting, world.way, world.usual)
+    world, minor = robot_with_minor(robot, mode, seed, rng)
     if kind == "none":
         causes: list[TrueCause] = []
     elif kind == "outside":
-        causes = [_outside(world, signatures, rng)]
+        causes = [_outside(world, bench(world.setting, world.way, world.usual), rng)]
     else:
         causes = _caused(world, kind, rng)
+    return as_case(kind, world, causes, minor, rng)
+
+
+def robot_with_minor(
+    robot: str, mode: str, seed: tuple[int, ...], rng: np.random.Generator
+) -> tuple[FaultyRobot, float]:
+    """A robot in a setting of a seed with minor imperfections only, and their gap.
+
+    Raises:
+        ParameterError: the robot exists in no simulator.
+    """
+    arm = registry.load("robots", robot)
+    if not isinstance(arm, SimulatedRobot):
+        raise ParameterError(f"robot {robot!r} has no model to make cases with")
+    return _ordinary(draw(arm, mode, np.random.default_rng([*seed, 99])), rng)
+
+
+def as_case(
+    kind: str,
+    world: FaultyRobot,
+    causes: Sequence[TrueCause],
+    minor: float,
+    rng: np.random.Generator,
+) -> RefereeCase:
+    """The recording of a robot with causes, and what a referee knows of it."""
+    setting = world.setting
     last = causes[-1].world if causes else world
     data = rows(setting, last.way, last.clean, last.around, rng)
     return RefereeCase(
         kind, _recording(setting, data.wrench, data.q, rng), tuple(causes), last.around, minor,
-        world.compared(data.wrench), signatures, setting,
+        world.compared(data.wrench), setting, world,
     )  # fmt: skip
 
 

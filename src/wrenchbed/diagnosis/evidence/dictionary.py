@@ -8,7 +8,7 @@ share of a residual says what it varies with.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -136,6 +136,7 @@ class EffectDictionary:
         kernels: columns of the flexible unknown by the variable that they depend on.
         stated: columns of the numbers that every user fits, and their tolerances in typical sizes.
         of_all: the columns on all rows, where these are without a fold.
+        free_form: columns of form-free variants only.
     """
 
     prepared: Prepared
@@ -149,6 +150,7 @@ class EffectDictionary:
     tolerance: np.ndarray
     invisible: tuple[str, ...]
     of_all: "EffectDictionary | None" = None
+    free_form: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=int))
 
     @cached_property
     def gram(self) -> np.ndarray:
@@ -252,7 +254,8 @@ def build(
         if not effect.acts(at.scene):
             continue
         known = {p.name: p for p in effect.parameters(at.robot)}
-        for variant in (*effect.variants(at.scene), *residual.suggests(effect)):
+        found = residual.suggests(effect)
+        for variant in (*effect.variants(at.scene), *found, *effect.free_forms(at.scene)):
             chosen = []
             for name in variant.free:
                 key = (effect.name, name, tuple(sorted(variant.at.items())))
@@ -264,6 +267,8 @@ def build(
                     label.append((effect.name, name))
                 chosen.append(index[key])
             drafts.append((effect, variant, chosen))
+    formula = {k for _, variant, chosen in drafts if not variant.free_form for k in chosen}
+    free_form = np.array([k for k in range(len(columns)) if k not in formula], dtype=int)
     stated = np.array([k for k, (e, _) in enumerate(label) if e in STATED])
     basis = np.linalg.qr(np.stack([columns[k] for k in stated], axis=1))[0]
     kernels: dict[str, np.ndarray] = {}
@@ -286,6 +291,7 @@ def build(
         stated=stated,
         tolerance=allowed / np.array(size)[stated],
         invisible=(),
+        free_form=free_form,
     )
     return _with_hypotheses(draft, drafts)
 

@@ -49,8 +49,20 @@ class BackgroundLevel:
         return len(self.v0) > len(self.V)
 
     @cached_property
+    def _on(self) -> np.ndarray:
+        """Columns that the background has at all (b,)."""
+        return np.flatnonzero(self.V > 0.0)
+
+    @cached_property
     def _root(self) -> np.ndarray:
-        return np.sqrt(self.V)
+        """Standard deviations of those (b,)."""
+        return np.sqrt(self.V[self._on])
+
+    @cached_property
+    def _inner(self) -> np.ndarray:
+        """D G D of those (b, b), D = V½."""
+        block = self._gram[np.ix_(self._on, self._on)]
+        return np.asarray(block * np.outer(self._root, self._root))
 
     @cached_property
     def _gram(self) -> np.ndarray:
@@ -62,9 +74,8 @@ class BackgroundLevel:
     @cached_property
     def _factor(self) -> tuple[np.ndarray, bool]:
         if self.tall:
-            inner = self._gram * np.outer(self._root, self._root)
-            return cho_factor(np.eye(len(inner)) + inner, lower=True)
-        scaled = (self.E * self._root) / np.sqrt(self.v0)[:, None]
+            return cho_factor(np.eye(len(self._on)) + self._inner, lower=True)
+        scaled = (self.E[:, self._on] * self._root) / np.sqrt(self.v0)[:, None]
         return cho_factor(np.eye(len(scaled)) + scaled @ scaled.T, lower=True)
 
     @cached_property
@@ -75,16 +86,17 @@ class BackgroundLevel:
 
     def _kept(self, w: np.ndarray) -> np.ndarray:
         """D (I + D G D)⁻¹ D w with D = V½, of (n, k)."""
-        root = self._root[:, None]
-        return np.asarray(root * cho_solve(self._factor, root * w, check_finite=False))
+        root, result = self._root[:, None], np.zeros_like(w)
+        solved = cho_solve(self._factor, root * w[self._on], check_finite=False)
+        result[self._on] = root * solved
+        return result
 
     @cached_property
     def _main(self) -> tuple[np.ndarray, np.ndarray]:
         """Orthonormal directions (6 R, r) in which the background exceeds `FAINT` of the noise, and
         the share λ/(1 + λ) that it takes there (r,)."""
-        inner = self._gram * np.outer(self._root, self._root)
-        values, vectors = eigh(inner, subset_by_value=[FAINT, np.inf], check_finite=False)
-        ways = (self.E / np.sqrt(self.v0)[:, None]) @ (self._root[:, None] * vectors)
+        values, vectors = eigh(self._inner, subset_by_value=[FAINT, np.inf], check_finite=False)
+        ways = (self.E[:, self._on] / np.sqrt(self.v0)[:, None]) @ (self._root[:, None] * vectors)
         return ways / np.sqrt(values), values / (1.0 + values)
 
     def solve(self, x: np.ndarray) -> np.ndarray:
@@ -266,7 +278,7 @@ def _level(d: EffectDictionary, gap: float) -> BackgroundLevel:
     variance = np.zeros(len(d.label))
     named = sorted({e for e, p in d.label if p} - {d.label[k][0] for k in d.stated})
     for effect in named:
-        columns = d.of_effect(effect)
+        columns = np.setdiff1d(d.of_effect(effect), d.free_form)  # such are in it as kernels
         share = SHARES["effects"] * gap / (len(named) * len(columns))
         variance[columns] = np.minimum(
             MOST**2, share / np.maximum(d.configured_gap[columns], 1e-12)

@@ -138,6 +138,7 @@ def _signatures(d: EffectDictionary) -> tuple[Signature, ...]:
     signatures = [
         Signature(h.effect, h.variant, np.asarray(h.columns), count[h.name] > 1)
         for h in d.hypotheses
+        if not h.variant.free_form
     ]
     known = {(w.name, w.variant.label, tuple(w.columns)) for w in signatures}
     for effect in _acting(d):

@@ -56,7 +56,7 @@ def twins(
     """
     assert part is not None
     added = made_by(refitter, f, [part])
-    names = _in_the_same_place(refitter, f, part, added, named)
+    names = [*f.parts[part].variant.rivals, *_in_the_same_place(refitter, f, part, added, named)]
     claimed = {f.parts[k].name for k in named if k is not None}
     others = _as_many_numbers(refitter, f, part, added, share)
     return tuple(dict.fromkeys([*names, *(n for n in others if n not in claimed)]))

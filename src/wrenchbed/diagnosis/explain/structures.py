@@ -328,13 +328,17 @@ def _kernel(searcher: Searcher, kernels: Sequence[SingleEvidence]) -> str:
 def _distinct(
     searcher: Searcher, singles: Sequence[SingleEvidence], count: int, base: float
 ) -> list[SingleEvidence]:
-    """The best of each effect, with a second variant where it is nearly as good."""
+    """The best of each effect, with a second variant where it is nearly as good.
+
+    A form-free variant counts as an effect of its own: formulas gain by the fit of their shapes.
+    """
     kept: list[SingleEvidence] = []
-    best: dict[str, list[SingleEvidence]] = {}
+    best: dict[tuple[str, bool], list[SingleEvidence]] = {}
     for s in sorted(singles, key=lambda s: -s.log_posterior):
         if s.index < 0:
             continue
-        same = best.setdefault(searcher.hypotheses[s.index].name, [])
+        h = searcher.hypotheses[s.index]
+        same = best.setdefault((h.name, h.variant.free_form), [])
         repeated = any(s.index == o.index for o in same)
         if repeated or len(same) == 2 or (same and s.log_posterior < same[0].log_posterior - 2.0):
             continue

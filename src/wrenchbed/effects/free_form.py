@@ -1,0 +1,86 @@
+"""Form-free members of effects: many amplitudes, linear, of typical sizes that fall with order.
+
+Their evidence pays for each amplitude that data determine, so a formula that fits is preferred.
+Numbers of points and weights are estimates.
+"""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from wrenchbed.effects.base import Curve, Values, Variant, channel_parameters
+from wrenchbed.physics.parameters import Parameter
+from wrenchbed.physics.wrench import CHANNELS, UNITS
+
+FREE = {"form": "free"}
+"""Detail of a variant that assumes no formula."""
+POINTS = 61
+"""Points of a published curve."""
+
+
+def orders(stem: str, count: int) -> tuple[str, ...]:
+    """``stem1`` … of a channel's amplitudes, before the dot."""
+    return tuple(f"{stem}{k}" for k in range(1, count + 1))
+
+
+def falling(
+    stem: str, sizes: Sequence[float], ratio: float, text: str, units: Sequence[str]
+) -> tuple[Parameter, ...]:
+    """``stem1.fx`` … of typical sizes (K,) of forces by order, torques' in a ratio to them."""
+    return tuple(
+        p
+        for name, size in zip(orders(stem, len(sizes)), sizes, strict=True)
+        for p in channel_parameters(name, size, ratio * size, text, units)
+    )
+
+
+def free_variants(
+    columns: Callable[[str], tuple[str, ...]],
+    text: str,
+    at: Values | None = None,
+    channels: Sequence[str] = CHANNELS,
+    weight: float = 1.0,
+) -> tuple[Variant, ...]:
+    """Each channel alone, the forces, the torques, all: ``columns`` has a channel's amplitudes."""
+    where = dict(at or {})
+
+    def of(label: str, group: Sequence[str], share: float) -> Variant:
+        free = tuple(n for c in group for n in columns(c))
+        detail = FREE | ({"channel": label} if len(group) == 1 else {})
+        return Variant(f"{text}, {label}", free, where, (), detail, share * weight)
+
+    forces = [c for c in channels if c[0] == "f"]
+    torques = [c for c in channels if c[0] == "t"]
+    groups = (("forces", forces, 1.0), ("torques", torques, 0.5), ("all channels", channels, 1.5))
+    wide = [of(label, group, share) for label, group, share in groups if len(group) > 1]
+    return (*(of(c, (c,), 0.5) for c in channels), *wide)
+
+
+def channel_curves(
+    variant: Variant,
+    x: np.ndarray | Callable[[str], np.ndarray],
+    basis: Callable[[str, np.ndarray], np.ndarray],
+    x_unit: Callable[[str], str],
+    y_unit: Callable[[str], str] = lambda c: unit_of(c),
+) -> tuple[Curve, ...]:
+    """A curve of every channel that a variant has amplitudes of.
+
+    Args:
+        variant: form-free, of amplitudes ``….fx`` …
+        x: grid (P,) of a channel.
+        basis: of an amplitude's name and grid (P,), what the amplitude adds per SI unit (P,).
+        x_unit, y_unit: of a channel.
+    """
+    result = []
+    for c in CHANNELS:
+        names = tuple(n for n in variant.free if n.endswith(f".{c}"))
+        if names:
+            grid = x(c) if callable(x) else x
+            columns = np.stack([basis(n, grid) for n in names], axis=1)
+            result.append(Curve(c, names, grid, columns, x_unit(c), y_unit(c)))
+    return tuple(result)
+
+
+def unit_of(channel: str) -> str:
+    """N or N·m."""
+    return UNITS[CHANNELS.index(channel)]
