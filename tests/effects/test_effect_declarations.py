@@ -104,7 +104,7 @@ def test_how_nearly_right_a_closed_form_is():
 
 FLAGS = {
     "zero_is_convention": "cable.pull cable.torsion environment.contact sensor.creep sensor.drift "
-    "sensor.hysteresis sensor.jump sensor.temperature tool.leak tool.slide",
+    "sensor.hysteresis sensor.jump sensor.nonlinearity sensor.temperature tool.leak tool.slide",
     "over_time": "sensor.creep sensor.drift sensor.jump sensor.temperature tool.leak tool.slide",
     "rough": "cable.pull environment.contact sensor.jump tool.loose",
     "external": "cable.pull cable.torsion environment.contact",

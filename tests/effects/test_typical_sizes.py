@@ -81,6 +81,8 @@ SIZES = {
         Size("share.??", 0.3e-2, "1", SENSOR),
         Size("tau", 2.5 * 60.0, "s", (0.01, 1e6), 2.5 * 60.0),
         Size("late", 1.0, "1", (0.0, 1.0)),
+        Size("relax[1-6].??", 0.3e-2, "1", SENSOR),
+        Size("relax[1-6].all", 0.3e-2, "1", SENSOR),
     ],
     "sensor.crosstalk": [
         Size("x.f?.f?", 1e-2, "1", both(10.0)),
@@ -92,12 +94,32 @@ SIZES = {
     "sensor.drift": [
         Size("rate.f?", 0.36 / HOUR, "N/s", SENSOR),
         Size("rate.t?", 7.2e-3 / HOUR, "N·m/s", SENSOR),
+        *(
+            size
+            for k in range(1, 9)
+            for fall in (max(k - 1, 1) ** -0.5,)
+            for size in (
+                Size(f"wave{k}.f?", 1.44 / HOUR * fall, "N/s", SENSOR),
+                Size(f"wave{k}.t?", 28.8e-3 / HOUR * fall, "N·m/s", SENSOR),
+                Size(f"span.wave{k}", 10.8e-3 / HOUR * fall, "1/s", both(1.0)),
+            )
+        ),
+        Size("warm.f?", 0.03, "N", SENSOR),
+        Size("warm.t?", 1e-3, "N·m", SENSOR),
+        Size("warm.span*", 0.1e-2, "1", both(1.0)),
+        Size("tau", 100.0, "s", (1e-3, 1e8), 15.0 * 60.0),
+        Size("duration", 100.0, "s", (1e-3, 1e8), 5.0 * 60.0),
     ],
     "sensor.gain": [Size("gain.??", 1e-2, "1", SENSOR)],
     "sensor.hysteresis": [
-        Size("*.f?", 0.1, "N", SENSOR),
-        Size("*.t?", 10e-3, "N·m", SENSOR),
+        Size("[nmw]*.f?", 0.1, "N", SENSOR),
+        Size("[nmw]*.t?", 10e-3, "N·m", SENSOR),
         Size("width", 0.2, "1", (0.1, 4.0), 1.0),
+        Size("pace", 0.3, "1", (0.0, 4.0)),
+        Size("play[1-6].f?", 0.05, "N", SENSOR),
+        Size("play[1-6].t?", 5e-3, "N·m", SENSOR),
+        Size("turn[12].f?", 0.05, "N", SENSOR),
+        Size("turn[12].t?", 5e-3, "N·m", SENSOR),
     ],
     "sensor.jump": [
         Size("step.f?", 0.5, "N", SENSOR),
@@ -112,6 +134,10 @@ SIZES = {
         Size("even.??", 0.5e-2, "1", SENSOR),
         Size("odd.??", 0.5e-2, "1", SENSOR),
         Size("power", 0.2, "1", (0.8, 5.0), 2.0),
+        *(Size(f"bend{k - 1}.??", 1.2e-2 / k, "1", SENSOR) for k in range(2, 8)),
+        Size("kink.??", 0.3e-2, "1", SENSOR),
+        Size("reach.f?", 1.0, "N", (1e-9, 1e4), 10.0),
+        Size("reach.t?", 0.1, "N·m", (1e-9, 1e4), 1.0),
     ],
     "sensor.quantization": [
         Size("step.f?", 0.2, "N", (0.0, 1e3)),
@@ -129,6 +155,13 @@ SIZES = {
         Size("span*", 0.1e-2, "1/K", both(1.0)),
         Size("tau", 100.0, "s", (1e-3, 1e8), 15.0 * 60.0),
         Size("lag", 10.0, "s", (0.0, 1e5)),
+        Size("late[1-3].f?", 0.3 / 10.0, "N/K", SENSOR),
+        Size("late[1-3].t?", 10e-3 / 10.0, "N·m/K", SENSOR),
+        Size("bent1.f?", 0.15 / 10.0, "N/K", SENSOR),
+        Size("bent1.t?", 5e-3 / 10.0, "N·m/K", SENSOR),
+        Size("bent2.f?", 0.075 / 10.0, "N/K", SENSOR),
+        Size("bent2.t?", 2.5e-3 / 10.0, "N·m/K", SENSOR),
+        Size("extent", 1.0, "K", (1e-3, 1e3), 10.0),
     ],
     "timing.delay": [Size("delay", 1.0 / 125.0, "s", both(1.0))],  # a cycle of RTDE
     "timing.lowpass": [

@@ -70,12 +70,38 @@ WAYS = {
         "shifted origin": (["origin.x", "origin.y", "origin.z"], 1),
         "everything": ([f"x.{a}.{b}" for a, b in product(CHANNELS, CHANNELS) if a != b], 1),
     },
-    "sensor.drift": stem(CHANNEL_WAYS, "rate"),
+    "sensor.drift": stem(CHANNEL_WAYS, "rate")
+    | {
+        f"warm-up in {long} of the recording, {label}": way
+        for long in ("0.25", "1", "4")
+        for label, way in (
+            stem({k: w for k, w in CHANNEL_WAYS.items() if len(w[0]) != 3}, "warm")
+            | {
+                "span": (["warm.span"], 1),
+                "span of each channel": ([f"warm.span.{c}" for c in CHANNELS], 1),
+                **{
+                    f"{c} and all spans": (
+                        [f"warm.{c}", *(f"warm.span.{d}" for d in CHANNELS)],
+                        0.5,
+                    )
+                    for c in CHANNELS
+                },
+                "zero and span": (
+                    [n for c in CHANNELS for n in (f"warm.{c}", f"warm.span.{c}")],
+                    2,
+                ),
+            }
+        ).items()
+    },
     "sensor.gain": stem(CHANNEL_WAYS, "gain"),
     "sensor.hysteresis": {
-        label: ([f"{w}{s}.{c}" for c in names for w in PLAYS for s in ("", ".slope")], weight)
+        label + moves: (
+            [f"{w}{s}.{c}" for c in names for w in PLAYS for s in ("", ".slope")],
+            weight,
+        )
         for PLAYS in (("narrow", "middle", "wide"),)
         for label, (names, weight) in CHANNEL_WAYS.items()
+        for moves in ("", ", brisk moves")
     },
     "tool.cog": {
         "x, y and z": (["cog.x", "cog.y", "cog.z"], 3),

@@ -65,12 +65,12 @@ def _numbers(a: Analysis, verdict: Verdict, cause: Cause, spread: float) -> dict
     if k is None:
         return {"parameters": _wrong_numbers(a, f, cause.names[0], spread)}
     part, values = f.parts[k], a.refitter.values(f.parts, f.x)[k]
-    if part.variant.free_form:
+    scene = a.dictionary.prepared.scene
+    if part.variant.free_form and part.effect.curves(scene, part.variant):
         size = {p.name: p.tolerance for p in part.effect.parameters(a.prepared.robot)}
         at = f.variables.of_parts([k])[: len(part.variant.free)]
         scale = spread * np.array([size[n] for n in part.variant.free])
         covariance = f.covariance[np.ix_(at, at)] * np.outer(scale, scale)
-        scene = a.dictionary.prepared.scene
         return _free_curve(part.effect, part.variant, scene, values, covariance)
     std = _uncertainty(a, f, k, spread)
     return {"parameters": part.effect.publish(a.prepared.robot, part.variant, values, std)}

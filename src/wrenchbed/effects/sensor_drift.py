@@ -87,7 +87,17 @@ class SensorDrift(ReadingEffect):
         steady = tuple(channel_variants("rate"))
         warming = warm_up_variants(scene.span, WARM, "warm.span", WARM_SPAN)
         rivals = ("sensor.temperature",) if scene.warmth is None else ()
-        return (*steady, *(replace(v, rivals=rivals) for v in warming))
+        return (
+            *steady,
+            *(
+                replace(
+                    v,
+                    label=f"warm-up in {v.at['tau'] / scene.span:g} of the recording, {v.label}",
+                    rivals=rivals,
+                )
+                for v in warming
+            ),
+        )
 
     def free_forms(self, scene: Scene) -> tuple[Variant, ...]:
         at = {"duration": scene.span}

@@ -250,12 +250,13 @@ def build(
     label: list[tuple[str, str]] = []
     index: dict[tuple[str, str, tuple[tuple[str, float], ...]], int] = {}
     drafts: list[tuple[Effect, Variant, list[int]]] = []
+    formula: set[int] = set()
     for effect in effects().values():
         if not effect.acts(at.scene):
             continue
         known = {p.name: p for p in effect.parameters(at.robot)}
-        found = residual.suggests(effect)
-        for variant in (*effect.variants(at.scene), *found, *effect.free_forms(at.scene)):
+        named = (*effect.variants(at.scene), *residual.suggests(effect))
+        for variant in (*named, *effect.free_forms(at.scene)):
             chosen = []
             for name in variant.free:
                 key = (effect.name, name, tuple(sorted(variant.at.items())))
@@ -266,8 +267,8 @@ def build(
                     size.append(known[name].tolerance)
                     label.append((effect.name, name))
                 chosen.append(index[key])
+            formula |= set(chosen) if variant in named else set()
             drafts.append((effect, variant, chosen))
-    formula = {k for _, variant, chosen in drafts if not variant.free_form for k in chosen}
     free_form = np.array([k for k in range(len(columns)) if k not in formula], dtype=int)
     stated = np.array([k for k, (e, _) in enumerate(label) if e in STATED])
     basis = np.linalg.qr(np.stack([columns[k] for k in stated], axis=1))[0]
