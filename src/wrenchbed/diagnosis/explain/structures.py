@@ -231,8 +231,12 @@ def beside(refitter: Refitter, f: Finalist, singles: Sequence[SingleEvidence]) -
 
 
 def is_broad(h: Hypothesis) -> bool:
-    """Whether a hypothesis has so many amplitudes that it can pass for others."""
-    return len(h.columns) >= BROAD and not h.effect.stated and not h.variant.shape
+    """Whether a hypothesis has so many amplitudes that it can pass for others.
+
+    Those of a form-free variant are of one kind and shrink with their order: not so.
+    """
+    plain = not (h.effect.stated or h.variant.shape or h.variant.free_form)
+    return len(h.columns) >= BROAD and plain
 
 
 NEAR = 12.0
