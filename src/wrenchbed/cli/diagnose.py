@@ -46,7 +46,7 @@ def diagnose(
         rate: With --dry-run: rows a second [Hz].
         look_alikes: Learn how often such claims are right from so many simulated robots that do
             what this one did (some 5 s each, kept for the next time); 0: use what is known.
-        seed: Of the split into fitted and sealed blocks.
+        seed: Of the split into folds, each of which is held out once.
         as_json: Print the result as JSON.
     """
     console.check_seed(seed)
