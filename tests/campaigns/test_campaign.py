@@ -96,7 +96,8 @@ def test_effects_are_drawn_with_their_sizes_and_show_in_the_readings():
             assert SIZES[0] <= truth.size <= SIZES[1]
             changed = not np.array_equal(recording.wrench, healthy[0].wrench)
             assert changed == (one(fleet, k)["added"] > 0), truth.effect
-    assert sum(one(fleet, k)["added"] > 1 for k, (_, t) in enumerate(found[:12]) if t.effect) > 3
+    added = [one(fleet, k)["added"] for k, (_, t) in enumerate(found) if t.effect]
+    assert np.mean(np.array(added) > 1) > 1 / 3
 
 
 def test_a_plan_is_run_by_all_robots_at_rest_and_in_motion():
@@ -252,7 +253,7 @@ def test_robots_are_diagnosed_and_judged():
 
 def test_what_looks_the_same_is_held_though_not_named():
     """One tool's mass makes all that a gain of all channels makes."""
-    row = one(Fleet("ur5", 41, ("noise", "effects"), diagnose=True), 40)
+    row = one(Fleet("ur5", 172, ("noise", "effects"), diagnose=True), 171)
     gains = json.loads(row["values"])
     assert len(gains) == 6 and set(gains.values()) == {gains["gain.fx"]}
     assert row["effect"] == "sensor.gain" and row["verdict"] == "identified"

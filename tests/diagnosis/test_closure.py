@@ -1,4 +1,4 @@
-"""Gaps on sealed rows and the share that is closed, on numbers that a hand can check."""
+"""Gaps on held-out rows, their intervals and the share closed, on numbers that a hand can check."""
 
 from types import SimpleNamespace
 
@@ -6,20 +6,20 @@ import numpy as np
 import pytest
 
 from wrenchbed import registry
-from wrenchbed.diagnosis.gap import closure
-from wrenchbed.diagnosis.gap.held_out import HeldOut
+from wrenchbed.diagnosis.gap.closure import Bootstrap, Closure, Interval
+from wrenchbed.diagnosis.gap.held_out import HeldOut, restored
 from wrenchbed.diagnosis.prepare.configuration import BIAS, Configuration
 from wrenchbed.simulation.closed_form import Model
 
 STD = np.array([2.0, 2.0, 2.0, 0.5, 0.5, 0.5])
 COUNT = np.array([1, 4, 4, 10])
-SEALED = np.array([False, True, False, True])
+JUDGED = np.array([False, True, False, True])
 
 
 def prepared(y, scatter=None, moving=False, mode="static", noise=None):
-    """Four poses, the second and the last of them sealed; a scene row between is not held."""
+    """Four poses, the first and the third set aside; a scene row between is not held."""
     return SimpleNamespace(
-        covariance=np.diag(STD**2), sigma=STD, sealed=SEALED, y=y, count=COUNT, block=np.arange(4),
+        covariance=np.diag(STD**2), sigma=STD, judged=JUDGED, y=y, count=COUNT, block=np.arange(4),
         scatter=np.zeros((4, 6, 6)) if scatter is None else scatter, moving=moving,
         noise=np.ones(6) if noise is None else noise,
         scene=SimpleNamespace(held=np.array([True, True, False, True, True])),
@@ -31,24 +31,24 @@ def test_a_gap_is_the_mean_square_over_noise_less_one():
     y = np.zeros((4, 6))
     y[1], y[3] = 3.0 * STD, 1.0 * STD
     reading = np.zeros((5, 6))
-    sealed = HeldOut(prepared(y))
-    assert sealed.rows == 14
-    assert sealed.of(reading) == pytest.approx([8.0, 0.0])
-    assert sealed.mean(sealed.of(reading)) == pytest.approx(8.0 * 4 / 14)
-    assert sealed.channels(reading) == pytest.approx([8.0 * 4 / 14] * 6)
-    reading[1], reading[4] = y[1], -y[3]  # of the sealed poses; the last held row is the fifth
-    assert sealed.of(reading) == pytest.approx([-1.0, 3.0])
+    held_out = HeldOut(prepared(y))
+    assert held_out.rows == 14
+    assert held_out.of(reading) == pytest.approx([8.0, 0.0])
+    assert held_out.mean(held_out.of(reading)) == pytest.approx(8.0 * 4 / 14)
+    assert held_out.channels(reading) == pytest.approx([8.0 * 4 / 14] * 6)
+    reading[1], reading[4] = y[1], -y[3]  # of the judged poses; the last held row is the fifth
+    assert held_out.of(reading) == pytest.approx([-1.0, 3.0])
 
 
 def test_rows_that_scatter_about_their_mean_add_to_the_gap():
     scatter = np.zeros((4, 6, 6))
     scatter[1] = np.diag(STD**2)  # each row's own noise
     scatter[3, 0, 0] = 3.0 * STD[0] ** 2
-    sealed = HeldOut(prepared(np.zeros((4, 6)), scatter))
+    held_out = HeldOut(prepared(np.zeros((4, 6)), scatter))
     zero = np.zeros((5, 6))
-    assert sealed.of(zero) == pytest.approx([0.0, 0.5 - 1.0])
-    assert sealed.channels(zero)[0] == pytest.approx((0.0 * 4 + 2.0 * 10) / 14)
-    assert sealed.channels(zero)[1] == pytest.approx((0.0 * 4 - 1.0 * 10) / 14)
+    assert held_out.of(zero) == pytest.approx([0.0, 0.5 - 1.0])
+    assert held_out.channels(zero)[0] == pytest.approx((0.0 * 4 + 2.0 * 10) / 14)
+    assert held_out.channels(zero)[1] == pytest.approx((0.0 * 4 - 1.0 * 10) / 14)
 
 
 def test_correlated_channels_are_whitened_together():
@@ -75,69 +75,83 @@ def test_the_floor_of_averages_of_a_motion_is_their_noise():
     assert HeldOut(p).floor() == pytest.approx([1.0, 1.0])
 
 
-def blocks(count, block):
-    return SimpleNamespace(count=np.array(count), block=np.array(block))
+def drawn(count, block, seed=0):
+    """A bootstrap over observations of so many rows in these blocks."""
+    return Bootstrap(SimpleNamespace(count=np.array(count), block=np.array(block)), seed)
 
 
-def test_the_share_closed_weighs_rows_and_draws_blocks():
-    sealed = blocks([1, 1, 2], [0, 1, 1])
-    origin, end, floor = np.array([5.0, 9.0, 9.0]), np.array([1.0, 5.0, 3.0]), np.ones(3)
-    share, interval = closure._closed(sealed, origin, end, floor, 0)
-    assert share == pytest.approx((4.0 + 4.0 + 2 * 6.0) / (4.0 + 8.0 + 2 * 8.0))
-    low, high = interval  # of draws of two blocks: only the first, only the second, or both
-    assert (low, high) == pytest.approx((16 / 24, 1.0))
-    again = closure._closed(sealed, origin, end, floor, 0)
-    assert again == (share, interval)
+def test_a_mean_weighs_rows_and_its_interval_draws_blocks():
+    blocks, gaps = drawn([1, 1, 2], [0, 7, 7]), np.array([5.0, 9.0, 3.0])
+    told = blocks.mean(gaps)
+    assert told.value == pytest.approx((5.0 + 9.0 + 2 * 3.0) / 4)
+    # of draws of two blocks: only the first, only the second, or both
+    assert (told.low, told.high) == pytest.approx(((9.0 + 2 * 3.0) / 3, 5.0))
+    assert blocks.mean(gaps) == told == drawn([1, 1, 2], [0, 7, 7]).mean(gaps)
+
+
+def test_a_ratio_is_of_sums_not_a_mean_of_ratios():
+    blocks = drawn([1, 1, 2], [0, 1, 1])
+    told = blocks.ratio(np.array([4.0, 4.0, 6.0]), np.array([4.0, 8.0, 8.0]))
+    assert told.value == pytest.approx((4.0 + 4.0 + 2 * 6.0) / (4.0 + 8.0 + 2 * 8.0))
+    assert (told.low, told.high) == pytest.approx((16 / 24, 1.0))
+
+
+def test_rows_of_one_block_are_drawn_together():
+    """Four blocks of 25 equal rows know as much as four rows."""
+    gain = np.repeat([0.0, 1.0, 2.0, 3.0], 25)
+    together = drawn(np.ones(100, dtype=int), np.arange(100) // 25).mean(gain)
+    single = drawn(np.ones(100, dtype=int), np.arange(100)).mean(gain)
+    assert (together.low, together.high) == pytest.approx((0.5, 2.5), abs=0.26)
+    assert single.high - single.low == pytest.approx(2 * 1.96 * gain.std() / 10.0, rel=0.1)
 
 
 def test_the_interval_leaves_out_a_fortieth_on_each_side():
-    rng = np.random.default_rng(3)
-    gain = rng.normal(0.5, 0.2, 400)
-    sealed = blocks(np.ones(400, dtype=int), np.arange(400))
-    share, (low, high) = closure._closed(sealed, np.ones(400), 1.0 - gain, np.zeros(400), 1)
-    assert share == pytest.approx(gain.mean())
-    assert high - low == pytest.approx(2 * 1.96 * gain.std() / 20.0, rel=0.1)
-    assert (low + high) / 2 == pytest.approx(share, abs=0.003)
+    gain = np.random.default_rng(3).normal(0.5, 0.2, 400)
+    told = drawn(np.ones(400, dtype=int), np.arange(400), 1).ratio(gain, np.ones(400))
+    assert told.value == pytest.approx(gain.mean())
+    assert told.high - told.low == pytest.approx(2 * 1.96 * gain.std() / 20.0, rel=0.1)
+    assert (told.low + told.high) / 2 == pytest.approx(told.value, abs=0.003)
+
+
+def test_the_interval_holds_the_truth_in_19_of_20_cases():
+    rng = np.random.default_rng(5)
+    held = 0
+    for seed in range(200):
+        of_block = rng.normal(0.3, 1.0, 24)
+        gaps = np.repeat(of_block, 10) + rng.normal(0.0, 0.5, 240)
+        told = drawn(np.ones(240, dtype=int), np.repeat(np.arange(24), 10), seed).mean(gaps)
+        held += told.low <= 0.3 <= told.high
+    assert 0.90 <= held / 200 <= 0.98
 
 
 def test_nothing_is_closed_where_nothing_is_above_the_floor():
-    sealed = blocks([1, 1], [0, 1])
-    assert closure._closed(sealed, np.ones(2), np.zeros(2), np.ones(2), 0) == (None, None)
-    share, interval = closure._closed(sealed, np.array([3.0, 0.0]), np.ones(2), np.ones(2), 0)
-    assert share == pytest.approx(1.0)  # (2 − 1) / (2 − 1); draws of the second block alone: none
-    assert np.isfinite(interval).all()
+    blocks = drawn([1, 1], [0, 1])
+    assert blocks.ratio(np.ones(2), np.zeros(2)) is None
+    told = blocks.ratio(np.array([2.0, -1.0]), np.array([2.0, -1.0]))
+    assert told.value == pytest.approx(1.0)  # draws of the second block alone: none
+    assert np.isfinite([told.low, told.high]).all()
 
 
-class Reads:
-    """A twin whose readings are a number for each of its effects."""
-
-    def __init__(self, active, theta=0.0):
-        self.active, self.theta = active, theta
-
-    def changed(self, active=None, theta=0.0):
-        return Reads(self.active if active is None else active, theta)
-
-    def wrench(self, scene):
-        return self.theta + sum(a.made for a in self.active)
+def closure_of(members, closed, calibrated=6.0, floor=0.5):
+    """Gaps of a diagnosis whose causes close so much each."""
+    at = {k: Interval(v, v - 0.1, v + 0.1) for k, v in members.items()}
+    share = None if closed is None else Interval(closed, closed - 0.1, closed + 0.1)
+    return Closure(
+        9.0, Interval(calibrated, 4.0, 8.0), None, floor, share, None, 40, 4, {}, at, None, {}
+    )
 
 
-def test_the_closed_share_is_split_by_what_comes_back_without_each(monkeypatch):
-    named = [
-        SimpleNamespace(effect=SimpleNamespace(name=n), made=v)
-        for n, v in (("base.tilt", 3.0), ("cable.pull", 1.0), ("tool.loose", -2.0))
-    ]
-    monkeypatch.setattr(closure, "replace", lambda twin, **k: twin.changed(**k))
-    sealed = SimpleNamespace(of=lambda reading: 10.0 - reading, mean=float)
-    a = SimpleNamespace(prepared=SimpleNamespace(scene=None))
-    told = closure._shares(a, Reads(tuple(named)), sealed, 10.0 - 2.0, 0.8, [])
+def test_the_closed_share_is_split_by_what_comes_back_without_each():
+    made = {"base.tilt": 3.0, "cable.pull": 1.0, "tool.loose": -2.0}
+    told = closure_of(made, 0.8).shares
     assert told == pytest.approx({"base.tilt": 0.6, "cable.pull": 0.2, "tool.loose": 0.0})
-    one_stated = SimpleNamespace(theta=-4.0)
-    monkeypatch.setattr(closure, "_as_stated", lambda a, twin, name: one_stated)
-    wrong = closure._shares(a, Reads(tuple(named)), sealed, 10.0 - 2.0, 0.8, ["tool.mass"])
-    expected = {"base.tilt": 0.3, "cable.pull": 0.1, "tool.loose": 0.0, "tool.mass": 0.4}
-    assert wrong == pytest.approx(expected)
-    none = closure._shares(a, Reads(tuple(named[2:])), sealed, 12.0, 0.8, [])
-    assert none == {"tool.loose": 0.0}
+    assert closure_of({"tool.loose": -2.0}, 0.8).shares == {"tool.loose": 0.0}
+    assert closure_of(made, None).shares == pytest.approx(dict.fromkeys(made, 0.0))
+
+
+def test_what_a_gap_is_beyond_the_noise():
+    assert closure_of({}, None).excess == pytest.approx(5.5)
+    assert closure_of({}, None, floor=-0.2).excess == pytest.approx(6.0)  # no noise is below none
 
 
 @pytest.mark.parametrize("robot", ["ur5", "medrue"])
@@ -157,15 +171,13 @@ def test_a_load_and_a_bias_are_put_where_they_belong(robot):
 
 
 def stated_again(name):
-    """Parameters of a twin with one number as the metadata states it: (mass, cog, bias)."""
+    """A simulator with one number as the metadata states it: (mass, cog, bias)."""
     robot = registry.load("robots", "ur5")
     model = Model.of(robot)
     nominal = Configuration(model, model.parameters.nominal)
     stated = nominal.with_load(0.9, np.zeros(3), np.zeros(6))
     now = nominal.with_load(1.4, np.array([0.0, 0.0, 0.1]), np.ones(6))
-    twin = SimpleNamespace(model=model, theta=now.theta)
-    a = SimpleNamespace(prepared=SimpleNamespace(configuration=stated))
-    told = closure._as_stated(a, twin, name)
+    told = restored(now, stated, name)
     return told.mass, float(told.cog[2]), float(np.mean(told.bias))
 
 
@@ -175,6 +187,7 @@ def stated_again(name):
         ("tool.mass", (0.9, 0.1, 1.0)),
         ("tool.cog", (1.4, 0.0, 1.0)),
         ("sensor.bias", (1.4, 0.1, 0.0)),
+        ("base.tilt", (1.4, 0.1, 1.0)),
     ],
 )
 def test_one_number_alone_goes_back_to_what_is_stated(name, expected):

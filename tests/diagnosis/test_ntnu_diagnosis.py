@@ -50,7 +50,6 @@ def values(cause: dict) -> dict[str, float]:
 
 
 def test_the_tilted_base_is_found_in_the_static_poses(poses):
-    assert poses.diagnosis.verdict == "identified"
     tilt = causes(poses)
     assert list(tilt) == ["base.tilt"]
     assert tilt["base.tilt"]["probability"] > 0.99
@@ -70,6 +69,14 @@ def test_wrench_and_accelerometer_agree_on_the_tilt_and_are_independent(poses):
     assert np.sign(alone) == pytest.approx([-1, 1])
     assert alone == pytest.approx([-0.19, 0.14], abs=0.03)
     assert any("agrees" in n for n in poses.diagnosis.notes)
+
+
+def test_the_tilt_is_witnessed_but_the_gap_of_the_wrench_is_something_else(poses):
+    """The accelerometer measured the tilt; held-out rows of the wrench hardly show it."""
+    told = poses.diagnosis
+    assert told.verdict == "partial"
+    assert told.gap.members["base.tilt"].low < 0.0 and told.gap.closed.high < 0.5
+    assert told.gap.with_effects.low > 1.0
 
 
 def test_what_the_tilt_leaves_is_said_to_be_unknown(poses):
@@ -103,24 +110,55 @@ def test_without_a_stated_noise_both_are_refused():
 @pytest.mark.parametrize("run", [1, 2])
 def test_bias_shift_inertia_and_vibration_are_found_in_motion(runs, run):
     found = runs[run]
-    assert found.diagnosis.verdict == "identified"
     told = causes(found)
-    assert set(told) == {"sensor.bias", "tool.inertia", "base.vibration"}
-    assert min(w["probability"] for w in told.values()) > 0.9
+    sure = {name for name, w in told.items() if w["probability"] > 0.9}
+    assert sure == {"sensor.bias", "tool.inertia", "base.vibration"}
     share = told["tool.inertia"]["parameters"]["share"]
     assert share["value"] == pytest.approx(0.8, abs=0.05)
     assert abs(share["value"] - 1.0) < 3.0 * share["std"]
-    assert found.diagnosis.gap.closed > 0.8
+    assert found.diagnosis.gap.closed.low > 0.8
+    assert set(told) - sure <= {"sensor.crosstalk"}
+
+
+def test_what_else_is_named_is_the_same_in_all_runs(runs):
+    """1 % of the torque about y shows about x: a property of the sensor, or of how it is mounted.
+
+    It is close to what can be named beside the blows of run 2; all runs agree on its size.
+    """
+    coupling, std = np.array([coupled(runs[r].analysis) for r in RUNS]).T
+    assert coupling == pytest.approx(np.full(3, 0.0105), abs=0.001)
+    assert (coupling > 5.0 * std).all()
+    usual = {"environment.contact", "sensor.bias", "tool.inertia", "base.vibration"}
+    for run in RUNS:
+        for cause in (w for w in runs[run].diagnosis.which if w["effect"] not in usual):
+            assert cause["effect"] == "sensor.crosstalk" and "mount.rotation" in cause["rivals"]
+            told = cause["parameters"]["x.tx.ty"]
+            assert abs(told["value"] - 0.0105) < 2.0 * told["std"]
+
+
+def coupled(a) -> tuple[float, float]:
+    """Share of the torque about y that shows about x beside the load's inertia, and its std."""
+    known = {(h.name, tuple(h.variant.free)): h for h in a.dictionary.hypotheses}
+    parts = (known["tool.inertia", ("share",)], known["sensor.crosstalk", ("x.tx.ty",)])
+    f, size = a.refitter.fit(parts, 0), float(a.dictionary.size[parts[1].columns[0]])
+    return size * float(f.x[1]), size * float(np.sqrt(f.covariance[1, 1]))
 
 
 def test_the_bias_shift_is_the_sessions(runs):
     """Runs 1 and 2 follow each other; run 3 is 3.3 days later."""
-    first, second, later = (values(causes(runs[r])["sensor.bias"]) for r in RUNS)
+    first, second, later = (causes(runs[r])["sensor.bias"]["parameters"] for r in RUNS)
+
+    def apart(a, b, name):
+        std = np.hypot(a[name]["std"], b[name]["std"])
+        return abs(a[name]["value"] - b[name]["value"]) / std
+
+    for name in first:
+        assert apart(first, second, name) < 2.0
     for name in ("bias.fz", "bias.tz"):
-        assert first[name] == pytest.approx(second[name], rel=0.35)
-    assert first["bias.tz"] == pytest.approx(7.7e-3, abs=3e-4)
-    assert second["bias.tz"] == pytest.approx(7.3e-3, abs=3e-4)
-    assert later["bias.fz"] < -0.15 < 0.15 < first["bias.fz"]
+        assert min(apart(first, later, name), apart(second, later, name)) > 5.0
+    assert first["bias.tz"]["value"] == pytest.approx(7.7e-3, abs=3e-4)
+    assert second["bias.tz"]["value"] == pytest.approx(7.3e-3, abs=3e-4)
+    assert later["bias.fz"]["value"] < -0.15 < 0.15 < second["bias.fz"]["value"]
 
 
 def test_the_hammers_blows_are_told_from_the_arms_own_trembling(runs):

@@ -1,25 +1,29 @@
 """How a recording is split, averaged and weighed before the analysis."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from wrenchbed import registry
 from wrenchbed.calibration.observations import Observations, scatter
 from wrenchbed.diagnosis.prepare import prepare_recording as module
 from wrenchbed.diagnosis.prepare.prepared import Prepared, inner_stride, split
+from wrenchbed.effects.scene import Scene
 from wrenchbed.errors import DiagnosisError
+from wrenchbed.physics.time_derivatives import Jet
 from wrenchbed.physics.wrench import CHANNELS
 
 
 def prepared(rows=16, stride=1, moving=False, source="stated"):
-    """Observations in blocks of four, the second of which is sealed; readings count up."""
+    """Observations in blocks of four; the second block is fold 1 and held out of all fits."""
     block = np.arange(rows) // 4
     scene = SimpleNamespace(held=np.ones(rows, dtype=bool), moving=moving, q=np.arange(rows))
     return Prepared(
         None, None, _Long(scene, rows), np.zeros((rows, 6)), np.ones(rows),
         np.diag(np.array([1.0, 0.5, 0.2, 1.0, 1.0, 0.1]) ** 2), np.full(6, 3.0), source, block,
-        block == 1, np.zeros((rows, 6, 6)), 0, stride,
+        block % 4, np.zeros((rows, 6, 6)), 0, stride, held_out=1,
     )  # fmt: skip
 
 
@@ -36,13 +40,12 @@ def counting(rows=16):
     return np.arange(float(rows))[:, None] * np.ones(6)
 
 
-def test_rows_are_whitened_channel_by_channel_and_sealed_ones_kept_apart():
+def test_rows_are_whitened_channel_by_channel_and_a_fold_is_held_out():
     p = prepared()
     told = p.rows(counting())
     assert told[:, 0] == pytest.approx([0, 1, 2, 3, *range(8, 16)])
     assert told[:, 5] == pytest.approx(10.0 * told[:, 0])
-    assert p.rows(counting(), sealed=True)[:, 1] == pytest.approx([8, 10, 12, 14])
-    assert list(p.block_rows) == [0] * 4 + [2] * 4 + [3] * 4
+    assert list(p.block_rows) == list(p.fold_rows) == [0] * 4 + [2] * 4 + [3] * 4
     assert p.variance == pytest.approx(np.full(6, 3.0))
 
 
@@ -57,31 +60,83 @@ def test_a_motion_is_averaged_within_its_blocks():
     assert list(pairs.block_rows) == [0, 0, 2, 2, 3, 3]
 
 
+@pytest.mark.parametrize(
+    ("rows", "moving"), [(12, False), (43, False), (80, False), (48, True), (2405, True)]
+)
 @pytest.mark.parametrize("seed", range(4))
-def test_one_of_every_four_poses_is_sealed(seed):
-    block, sealed = split(43, False, seed, 1)
+def test_every_row_is_held_out_once(rows, moving, seed):
+    block, fold = split(rows, moving, seed, 1)
+    whole = replace(prepared(rows), block=block, fold=fold, held_out=None)
+    assert whole.judged.all() and whole.fitted.all() and whole.folds == (0, 1, 2, 3)
+    away = [~whole.without(k).fitted for k in whole.folds]
+    assert (np.sum(away, axis=0) == 1).all()
+    sizes = [np.unique(block[fold == k]).size for k in whole.folds]
+    assert max(sizes) - min(sizes) <= 1
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_every_four_neighbouring_poses_are_one_of_each_fold(seed):
+    block, fold = split(43, False, seed, 1)
     assert list(block) == list(range(43))
-    chosen = np.flatnonzero(sealed)
-    assert [k // 4 for k in chosen[:10]] == list(range(10))
-    assert len(chosen) in (10, 11)
-    again = split(43, False, seed, 1)[1]
-    assert (again == sealed).all()
+    assert all(set(four) == {0, 1, 2, 3} for four in fold[:40].reshape(-1, 4))
+    assert (split(43, False, seed, 1)[1] == fold).all()
 
 
-def test_the_seed_says_which_are_sealed():
+def test_the_seed_says_which_are_held_out_together():
     assert (split(43, False, 0, 1)[1] != split(43, False, 1, 1)[1]).any()
 
 
+def test_visits_of_a_pose_are_in_one_fold():
+    """20 poses, all visited three times, the last time with an encoder's noise."""
+    q = np.random.default_rng(0).uniform(-2.0, 2.0, (20, 6)).round(4)
+    visited = np.concatenate([q, q[::-1], q + 1e-6])
+    block, fold = split(60, False, 0, 1, visited)
+    assert (fold[:20] == fold[39:19:-1]).all() and (fold[:20] == fold[40:]).all()
+    assert list(block) == list(range(60))
+    assert (fold[:20] == split(60, False, 0, 1)[1][:20]).all()  # that of the first visit
+    moved = visited.copy()
+    moved[45] += 1e-3
+    other = split(60, False, 0, 1, moved)[1]
+    assert (np.delete(other, 45) == np.delete(fold, 45)).all()
+    assert other[45] == split(60, False, 0, 1)[1][45]
+
+
+def test_samples_of_a_motion_pass_the_same_place_in_several_folds():
+    _, fold = split(2400, True, 0, 10, np.zeros((2400, 6)))
+    assert set(fold) == {0, 1, 2, 3}
+
+
 def test_a_motion_has_24_blocks_of_whole_strides():
-    block, sealed = split(2405, True, 0, 10)
+    block, fold = split(2405, True, 0, 10)
     assert block.max() == 23
     lengths = np.bincount(block)
     assert (lengths[:-1] == 100).all() and lengths[-1] == 105
-    chosen = np.unique(block[sealed])
-    assert [b // 4 for b in chosen] == list(range(6))
-    assert (np.isin(block, chosen) == sealed).all()
+    of_block = fold[np.searchsorted(block, np.arange(24))]
+    assert (of_block[block] == fold).all()
+    assert all(set(four) == {0, 1, 2, 3} for four in of_block.reshape(6, 4))
     short, _ = split(5, True, 0, 10)  # less than one stride
     assert set(short) == {0}
+
+
+def test_what_is_set_aside_is_neither_fitted_nor_judged():
+    away = np.arange(16) == 6
+    p = replace(prepared(), held_out=None).aside(away)
+    assert (p.judged == ~away).all() and (p.fitted == ~away).all()
+    assert list(p.block_rows) == [0] * 4 + [1] * 3 + [2] * 4 + [3] * 4
+    assert p.folds == (0, 1, 2, 3)
+    assert not p.without(2).fitted[[6, 8]].any()
+    again = p.aside(np.arange(16) < 4)
+    assert again.folds == (1, 2, 3) and not again.judged[:4].any() and not again.judged[6]
+
+
+def test_an_average_with_a_row_set_aside_is_set_aside():
+    p = replace(prepared(16, stride=8, moving=True), held_out=None, block=np.zeros(16, dtype=int))
+    held, load = np.ones(16, dtype=bool), np.zeros((16, 6))
+    q = Jet(load, load, load)
+    scene = Scene(registry.load("robots", "ur5"), None, None, q, np.arange(16.0), held)
+    p = replace(p, scene=scene, fold=np.where(np.arange(16) == 5, -1, 2))
+    assert p.coarse.fold.tolist() == [2, 2, -1, 2, 2, 2, 2, 2]
+    assert p.coarse.stride == 4
 
 
 @pytest.mark.parametrize(("stride", "inner"), [(1, 1), (3, 1), (4, 1), (8, 2), (13, 3)])

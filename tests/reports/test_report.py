@@ -15,6 +15,7 @@ from wrenchbed.campaigns.recording.run import record
 from wrenchbed.cli import main
 from wrenchbed.data.plan import Plan
 from wrenchbed.diagnosis.diagnose import Findings, diagnose
+from wrenchbed.diagnosis.gap.closure import Interval
 from wrenchbed.errors import MissingExtraError
 from wrenchbed.hardware.drivers.sim import SimDriver, SimOptions
 from wrenchbed.pages import numbers
@@ -80,7 +81,7 @@ def changed(f: Findings, **fields) -> Findings:
 def without_cause(f: Findings, verdict: str) -> Findings:
     gap = replace(
         f.diagnosis.gap,
-        with_effects=None, closed=None, interval=None, shares={},
+        with_effects=None, closed=None, members={},
         per_channel={c: {"before": v["before"]} for c, v in f.diagnosis.gap.per_channel.items()},
     )  # fmt: skip
     p = {"none": 0.0, "unknown": 1.0} if verdict == "unknown" else {"none": 1.0, "unknown": 0.0}
@@ -97,7 +98,7 @@ def test_the_page_holds_the_numbers_of_the_json(tilted):
     gap, far = told["gap"], page.sections["far"]
     low, high = gap["closed_ci95"]
     assert f"{numbers.percent(gap['closed'])} % closed" in far
-    assert f"from {gap['calibrated']:.2f} to {abs(gap['with_effects']):.2f} on 10 poses" in far
+    assert f"from {gap['calibrated']:.2f} to {abs(gap['with_effects']):.2f} on 40 poses" in far
     assert f"{numbers.percent(low)} … {numbers.percent(high)} %" in far
     (cause,) = told["which"]
     for axis in "xy":
@@ -141,6 +142,18 @@ def test_an_ambiguous_cause_is_one_or_the_other(tilted):
     assert "or here" in page.sections["page"]
 
 
+def test_a_cause_of_a_part_is_named_with_what_is_left(tilted):
+    half, share = Interval(3.0, 2.5, 3.5), Interval(0.3, 0.2, 0.4)
+    gap = replace(tilted.diagnosis.gap, with_effects=half, closed=share)
+    page = shown(changed(tilted, verdict="partial", gap=gap))
+    assert "◔ partial" in page.sections["page"]
+    told = "The base is tilted against gravity. Most of the gap is something else."
+    assert told in page.sections["page"]
+    assert "Most of the gap" not in shown(tilted).sections["page"]
+    assert "30.0 % closed" in page.sections["far"] and "20.0 … 40.0 %" in page.sections["far"]
+    assert "base.tilt" in page.sections["which"]
+
+
 def test_two_causes_are_counted(tilted):
     (cause,) = tilted.diagnosis.which
     other = dict(cause) | {"effect": "sensor.gain", "rivals": ["tool.mass"]}
@@ -158,7 +171,7 @@ def test_unknown_says_what_the_residual_follows(tilted):
     assert "No known effect explains the gap" in page.sections["page"]
     assert f"the residual follows {kernel} best" in page.sections["where"]
     assert "Probability that it is something unknown: > 0.99" in page.sections["which"]
-    assert f"Gap {tilted.diagnosis.gap.calibrated:.2f}" in page.sections["far"]
+    assert f"Gap {tilted.diagnosis.gap.calibrated.value:.2f}" in page.sections["far"]
     assert "closed" not in page.sections["far"]
 
 
@@ -177,7 +190,7 @@ def test_none_is_none(healthy):
     page = shown(healthy)
     assert "No cause found: the residual is within normal imperfections." in page.sections["page"]
     assert "No cause is named." in page.sections["which"]
-    assert f"Gap {numbers.gap(healthy.diagnosis.gap.calibrated)}" in page.sections["far"]
+    assert f"Gap {numbers.gap(healthy.diagnosis.gap.calibrated.value)}" in page.sections["far"]
     assert "there is nothing to close" in page.sections["far"]
 
 
@@ -192,7 +205,8 @@ def test_what_scatters_rows_is_no_share_of_the_gap(tmp_path):
 
 
 def test_effects_that_do_not_close_the_gap_say_so(tilted):
-    worse = replace(tilted.diagnosis.gap, closed=-2.5, with_effects=90.0)
+    larger, less = Interval(90.0, 80.0, 99.0), Interval(-2.5, -3.0, -2.0)
+    worse = replace(tilted.diagnosis.gap, closed=less, with_effects=larger)
     page = shown(changed(tilted, gap=worse))
     assert "Not closed" in page.sections["far"]
     assert "make the gap larger" in page.sections["far"]
