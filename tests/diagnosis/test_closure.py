@@ -77,7 +77,7 @@ def test_the_floor_of_averages_of_a_motion_is_their_noise():
 
 def drawn(count, block, seed=0):
     """A bootstrap over observations of so many rows in these blocks."""
-    return Bootstrap(SimpleNamespace(count=np.array(count), block=np.array(block)), seed)
+    return Bootstrap([SimpleNamespace(count=np.array(count), block=np.array(block))], seed)
 
 
 def test_a_mean_weighs_rows_and_its_interval_draws_blocks():
@@ -103,6 +103,15 @@ def test_rows_of_one_block_are_drawn_together():
     single = drawn(np.ones(100, dtype=int), np.arange(100)).mean(gain)
     assert (together.low, together.high) == pytest.approx((0.5, 2.5), abs=0.26)
     assert single.high - single.low == pytest.approx(2 * 1.96 * gain.std() / 10.0, rel=0.1)
+
+
+def test_blocks_of_two_recordings_are_not_one():
+    """Their numbers begin again: two blocks of each are four."""
+    one, other = (SimpleNamespace(count=np.ones(2, dtype=int), block=np.arange(2)) for _ in "ab")
+    gaps = np.array([0.0, 1.0, 2.0, 3.0])
+    together = Bootstrap([one, other], 0)
+    assert together.average(gaps) == pytest.approx(1.5)
+    assert together.mean(gaps) == drawn([1, 1, 1, 1], [0, 1, 2, 3]).mean(gaps)
 
 
 def test_the_interval_leaves_out_a_fortieth_on_each_side():
