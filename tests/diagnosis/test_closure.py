@@ -105,15 +105,6 @@ def test_rows_of_one_block_are_drawn_together():
     assert single.high - single.low == pytest.approx(2 * 1.96 * gain.std() / 10.0, rel=0.1)
 
 
-def test_blocks_of_two_recordings_are_not_one():
-    """Their numbers begin again: two blocks of each are four."""
-    one, other = (SimpleNamespace(count=np.ones(2, dtype=int), block=np.arange(2)) for _ in "ab")
-    gaps = np.array([0.0, 1.0, 2.0, 3.0])
-    together = Bootstrap([one, other], 0)
-    assert together.average(gaps) == pytest.approx(1.5)
-    assert together.mean(gaps) == drawn([1, 1, 1, 1], [0, 1, 2, 3]).mean(gaps)
-
-
 def test_the_interval_leaves_out_a_fortieth_on_each_side():
     gain = np.random.default_rng(3).normal(0.5, 0.2, 400)
     told = drawn(np.ones(400, dtype=int), np.arange(400), 1).ratio(gain, np.ones(400))
@@ -206,7 +197,7 @@ def test_one_number_alone_goes_back_to_what_is_stated(name, expected):
 def test_the_interval_draws_from_every_block():
     held = SimpleNamespace(block=np.arange(40), count=np.ones(40, dtype=int))
     gaps = np.repeat([0.0, 1.0], 20)  # drawn from a few blocks at one end they would be alike
-    drawn = closure.Bootstrap([held], 0).mean(gaps)
+    drawn = Bootstrap([held], 0).mean(gaps)
     assert drawn.value == 0.5
     assert 0.3 < drawn.low < 0.42 and 0.58 < drawn.high < 0.7  # 0.5 ∓ 1.96 · 0.5/√40
 
@@ -215,6 +206,6 @@ def test_rows_of_two_recordings_count_alike_and_their_blocks_are_not_one():
     few, many = (
         SimpleNamespace(block=np.arange(n), count=np.full(n, k)) for n, k in ((10, 1), (10, 3))
     )
-    drawn = closure.Bootstrap([few, many], 0).mean(np.repeat([1.0, 0.0], 10))
+    drawn = Bootstrap([few, many], 0).mean(np.repeat([1.0, 0.0], 10))
     assert drawn.value == 0.25
     assert drawn.low < 0.2 < 0.3 < drawn.high  # ten blocks alone would have no spread

@@ -123,7 +123,7 @@ def test_bias_shift_inertia_and_vibration_are_found_in_motion(runs, run):
 def test_what_else_is_named_is_the_same_in_all_runs(runs):
     """1 % of the torque about y shows about x: a property of the sensor, or of how it is mounted.
 
-    It is close to what can be named beside the blows of run 2; all runs agree on its size.
+    It is on the edge of what can be named; all runs agree on its size.
     """
     coupling, std = np.array([coupled(runs[r].analysis) for r in RUNS]).T
     assert coupling == pytest.approx(np.full(3, 0.0105), abs=0.001)
@@ -131,9 +131,8 @@ def test_what_else_is_named_is_the_same_in_all_runs(runs):
     usual = {"environment.contact", "sensor.bias", "tool.inertia", "base.vibration"}
     for run in RUNS:
         for cause in (w for w in runs[run].diagnosis.which if w["effect"] not in usual):
-            assert cause["effect"] == "sensor.crosstalk" and "mount.rotation" in cause["rivals"]
-            told = cause["parameters"]["x.tx.ty"]
-            assert abs(told["value"] - 0.0105) < 2.0 * told["std"]
+            assert cause["effect"] == "sensor.crosstalk" and cause["probability"] < 0.9
+            assert cause["parameters"]["channel"]["value"] == "tx"  # fx and ty go together
 
 
 def coupled(a) -> tuple[float, float]:
@@ -154,8 +153,9 @@ def test_the_bias_shift_is_the_sessions(runs):
 
     for name in first:
         assert apart(first, second, name) < 2.0
-    for name in ("bias.fz", "bias.tz"):
-        assert min(apart(first, later, name), apart(second, later, name)) > 5.0
+    for early in (first, second):
+        assert max(apart(early, later, name) for name in first) > 5.0
+        assert apart(early, later, "bias.tz") > 2.0
     assert first["bias.tz"]["value"] == pytest.approx(7.7e-3, abs=3e-4)
     assert second["bias.tz"]["value"] == pytest.approx(7.3e-3, abs=3e-4)
     assert later["bias.fz"]["value"] < -0.15 < 0.15 < second["bias.fz"]["value"]

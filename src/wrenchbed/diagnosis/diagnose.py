@@ -24,7 +24,7 @@ from wrenchbed.diagnosis.explain.structures import Analysis, analyse
 from wrenchbed.diagnosis.explain.verdict import Verdict, decide, tempered
 from wrenchbed.diagnosis.gap import closure, where
 from wrenchbed.diagnosis.gap.result import Diagnosis
-from wrenchbed.diagnosis.gap.upheld import PARTIAL, upheld, withdrawn
+from wrenchbed.diagnosis.gap.upheld import LARGEST_NONE, PARTIAL, upheld, withdrawn
 from wrenchbed.diagnosis.next import experiments, isolability
 from wrenchbed.diagnosis.prepare.prepare_recording import prepare
 from wrenchbed.diagnosis.prepare.prepared import Prepared
@@ -137,7 +137,8 @@ def told(found: Examined, seed: int, progress: Progress, begun: float) -> Findin
     """The answers of what was weighed at ``begun`` [s]."""
     (analysis, untempered, verdict, twin, gap), known, outliers, between, scattered = found
     prepared = analysis.prepared
-    if scattered and verdict.verdict == NONE:
+    loud = bool(scattered) or (not between and gap.calibrated.low > LARGEST_NONE)
+    if loud and verdict.verdict == NONE:
         verdict = withdrawn(verdict, UNKNOWN)
     progress("where")
     places = where.locate(prepared, analysis.calibrated, seed=seed)

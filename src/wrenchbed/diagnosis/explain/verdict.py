@@ -86,8 +86,13 @@ def decide(ranking: Ranking) -> Verdict:
         return Verdict(NONE, (), best, probabilities)
     if others[UNKNOWN] >= lead or len(causes[0].names) > 1 + MOST_RIVALS:
         return Verdict(UNKNOWN, (), claim, probabilities)
+    return Verdict(named(causes), causes, claim, probabilities)
+
+
+def named(causes: Sequence[Cause]) -> str:
+    """The verdict of claimed causes: ambiguous where one has a rival that other data separates."""
     plain = all(len(c.names) == 1 or frozenset(c.names) in INSEPARABLE for c in causes)
-    return Verdict("identified" if plain else "ambiguous", causes, claim, probabilities)
+    return "identified" if plain else "ambiguous"
 
 
 def tempered(verdict: Verdict, right: float) -> Verdict:

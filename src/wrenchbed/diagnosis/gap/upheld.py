@@ -9,7 +9,7 @@ from dataclasses import replace
 
 from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
 from wrenchbed.diagnosis.explain.contributions import CLAIMABLE
-from wrenchbed.diagnosis.explain.verdict import Cause, Verdict
+from wrenchbed.diagnosis.explain.verdict import Cause, Verdict, named
 from wrenchbed.diagnosis.gap.closure import Closure, Interval
 
 PARTIAL = "partial"
@@ -46,7 +46,7 @@ def upheld(verdict: Verdict, gap: Closure, witnessed: Collection[str] = ()) -> V
 
 def small(gap: Closure) -> bool:
     """Whether there is hardly a gap, so that there may be no cause."""
-    return gap.excess <= LARGEST_NONE and gap.calibrated.low <= LARGEST_NONE
+    return gap.excess <= LARGEST_NONE
 
 
 def closes(member: Interval | None) -> bool:
@@ -63,11 +63,11 @@ def withdrawn(verdict: Verdict, instead: str) -> Verdict:
     """The verdict without its leading answer, of which a little probability remains."""
     share = dict(verdict.probabilities)
     leading = "|".join(verdict.causes[0].names) if verdict.causes else verdict.verdict
-    named = {leading} if not verdict.causes else set(share) - {NONE, UNKNOWN}
-    spare = sum((1.0 - REFUTED) * share[n] for n in named if n in share)
-    share |= {n: REFUTED * share[n] for n in named if n in share}
+    refuted = {leading} if not verdict.causes else set(share) - {NONE, UNKNOWN}
+    spare = sum((1.0 - REFUTED) * share[n] for n in refuted if n in share)
+    share |= {n: REFUTED * share[n] for n in refuted if n in share}
     share[instead] = share.get(instead, 0.0) + spare
-    if instead == UNKNOWN and NONE not in named:  # there is a gap
+    if instead == UNKNOWN and NONE not in refuted:  # there is a gap
         share[UNKNOWN] += (1.0 - REFUTED) * share.get(NONE, 0.0)
         share[NONE] = REFUTED * share.get(NONE, 0.0)
     return replace(verdict, verdict=instead, causes=(), probabilities=share)
@@ -95,9 +95,12 @@ def _claims(verdict: Verdict, gap: Closure, witnessed: Collection[str]) -> Verdi
 
 
 def _leading(verdict: Verdict, kept: tuple[Cause, ...]) -> Verdict:
-    """The verdict with some of its causes, the probability of the leading one with the first."""
+    """The verdict with some of its causes, the probability of the leading one with the first.
+
+    Without a cause that had rivals it is no longer ambiguous.
+    """
     share = dict(verdict.probabilities)
     old, new = ("|".join(c[0].names) for c in (verdict.causes, kept))
     if old != new:
         share[new] = share.get(new, 0.0) + share.pop(old, 0.0)
-    return replace(verdict, causes=kept, probabilities=share)
+    return replace(verdict, verdict=named(kept), causes=kept, probabilities=share)
