@@ -173,6 +173,7 @@ def test_the_hand_on_the_tool_is_rejected_as_contact(runs):
     assert found.verdict == "identified"
     assert found.which[0]["effect"] == "environment.contact"
     assert found.probabilities["environment.contact"] > 0.95
+    assert set(found.set90) <= set(causes(runs[3]))  # what is not named beside it is no candidate
     told = values(found.which[0])
     assert [told[f"point.{a}"] for a in "xyz"] == pytest.approx([0.028, 0.003, 0.095], abs=0.005)
     assert (told["begin"], told["end"]) == pytest.approx((0.7, 4.1), abs=0.15)

@@ -15,6 +15,7 @@ from wrenchbed.diagnosis.explain.structures import Analysis
 from wrenchbed.diagnosis.explain.verdict import Cause, Verdict
 from wrenchbed.diagnosis.gap.closure import Closure
 from wrenchbed.diagnosis.gap.result import Diagnosis
+from wrenchbed.diagnosis.gap.upheld import PARTIAL
 from wrenchbed.diagnosis.prepare.contact import CONTACT, SURE
 from wrenchbed.diagnosis.prepare.prepared import Touch
 from wrenchbed.effects.base import Curve, Effect, Values, Variant
@@ -272,13 +273,16 @@ def with_contact(d: Diagnosis, touch: Touch | None) -> Diagnosis:
         "sentence": f"{100 * touch.share:.0f} % of the squared force that weight and inertia leave "
         f"lies in the environment: {CONTACT} ({touch.detail}).",
     }  # fmt: skip
+    names = [n for w in kept for n in (w["effect"], *w["rivals"])]
+    ambiguous = d.verdict == "ambiguous" and len(names) > len(kept)
+    still_open = ambiguous or (d.verdict == PARTIAL and len(kept) > 0)
     return replace(
         d,
-        verdict="identified" if d.verdict in (NONE, UNKNOWN) else d.verdict,
+        verdict=d.verdict if still_open else "identified",
         which=[_cause(CONTACT, SURE, touch.parameters), *kept],
         where=[entry, *(_untouched(w, 1.0 - touch.share) for w in other)],
         probabilities={CONTACT: SURE} | {k: (1.0 - SURE) * v for k, v in d.probabilities.items()},
-        set90=tuple(dict.fromkeys((CONTACT, *d.set90))),
+        set90=tuple(dict.fromkeys((CONTACT, *names))),
         notes=notes,
     )
 
