@@ -10,7 +10,7 @@ import numpy as np
 
 from wrenchbed.benchmark.lookalikes.design import ExperimentDesign
 from wrenchbed.benchmark.lookalikes.imperfection import Imperfection, Rng, relax
-from wrenchbed.benchmark.lookalikes.loads import RigidLoad, SensorMotion, rotate_back, wrench_at
+from wrenchbed.benchmark.lookalikes.loads import rotate_back, wrench_at
 from wrenchbed.benchmark.lookalikes.sensor import channels, duration, elapsed
 
 Family = Callable[[ExperimentDesign, Rng], Imperfection]
@@ -44,22 +44,6 @@ def _cog(shift: np.ndarray) -> Imperfection:
 
 def _some_channels(design: ExperimentDesign, rng: Rng) -> np.ndarray:
     return 5.0 * design.noise_std * channels(rng, one=0.4)
-
-
-@family
-def part_lost(design: ExperimentDesign, rng: Rng) -> Imperfection:
-    """A part falls off, or the tool is swapped, in the middle of the run."""
-    after = (elapsed(design) > rng.uniform(0.2, 0.8))[:, None]
-    lost = 0.05 * design.load.mass
-    shift = rng.normal(0.0, 4e-3, 3)
-
-    def act(motion: SensorMotion, load: RigidLoad) -> np.ndarray:
-        specific = motion.specific_force
-        force = -lost * specific * after
-        torque = np.cross(load.cog, force) + np.cross(shift, load.mass * specific * after)
-        return np.concatenate([force, torque], axis=1)
-
-    return Imperfection(load=act)
 
 
 @family

@@ -93,13 +93,16 @@ def loose(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
 
 @lookalike("tool.leak")
 def leak(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
-    """About 1.5 % of the mass runs out: by Torricelli's law, or faster and faster, or fills up."""
+    """About 1.5 % of the mass runs out by Torricelli's law or a power of time, or falls off."""
     share = elapsed(design)
-    if rng.uniform() < 0.5:  # a tank whose level falls, empty at about the end or later
+    kind = rng.choice(["tank", "power", "part"], p=[0.4, 0.4, 0.2])
+    if kind == "tank":  # its level falls; it is empty at about the end or later
         level = np.maximum(1.0 - share / rng.uniform(0.9, 2.5), 0.0) ** 2
         law = (1.0 - level) / (1.0 - level[-1])
-    else:
+    elif kind == "power":
         law = share ** rng.uniform(0.7, 1.8)
+    else:
+        law = (share > rng.uniform(0.2, 0.8)).astype(float)
     lost = 0.015 * size * design.load.mass * spread(rng) * float(rng.choice([1.0, 1.0, 1.0, -1.0]))
     place = design.load.cog + rng.normal(0.0, 0.02, 3)
 

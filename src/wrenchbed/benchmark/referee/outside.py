@@ -117,16 +117,6 @@ def dropout(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
 
 
 @family
-def shedding(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
-    """Parts fall off the tool, one after the other."""
-    t = setting.path.t
-    when = np.sort(rng.uniform(t[0], t[-1], int(rng.integers(2, 7))))
-    share = 0.015 * size * rng.uniform(0.3, 1.0, len(when))
-    gone = np.concatenate([[0.0], np.cumsum(share)])[np.searchsorted(when, t)]
-    return RefereeFault(load=lambda ride, y: y * (1.0 - gone[:, None]))
-
-
-@family
 def unscrewing(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """The sensor's bolts work loose: it rotates further and further on its flange."""
     share = _share(setting)

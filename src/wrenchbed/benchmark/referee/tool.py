@@ -80,9 +80,13 @@ def leak(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     elif law == "two stages":
         when, slow = rng.uniform(0.25, 0.75), rng.uniform(0.0, 0.4)
         gone = slow * share + (1.0 - slow) * np.maximum(share - when, 0.0)
-    else:
+    elif law == "drops":
         gaps = rng.uniform(0.5, 1.5, int(rng.integers(15, 60)))
         gone = np.searchsorted(np.cumsum(gaps) / gaps.sum(), share, "right").astype(float)
+    else:  # they fall off, one after the other
+        moments = np.sort(rng.uniform(0.0, 1.0, int(rng.integers(2, 7))))
+        parts = np.append(0.0, np.cumsum(rng.uniform(0.3, 1.0, len(moments))))
+        gone = parts[np.searchsorted(moments, share)]
     lost = about(rng, 0.015 * size * _stated(setting)[0]) * gone / gone[-1]
     lost = lost * float(rng.choice([1.0, 1.0, 1.0, -1.0]))  # or it fills up
     place = _stated(setting)[1] + 0.02 * rng.standard_normal(3)
