@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from wrenchbed.data.recording import Recording
     from wrenchbed.diagnosis.diagnose import Findings, diagnose
     from wrenchbed.diagnosis.next.dry_run import dry_run
+    from wrenchbed.diagnosis.several import diagnose_several
     from wrenchbed.emulators.base.emulator import EmulatorOptions, serve
     from wrenchbed.errors import WrenchbedError
     from wrenchbed.hardware.drivers.sim import SimDriver, SimOptions
@@ -66,6 +67,7 @@ _PUBLIC = {
     "data.recording": ("Recording",),
     "diagnosis.diagnose": ("Findings", "diagnose"),
     "diagnosis.next.dry_run": ("dry_run",),
+    "diagnosis.several": ("diagnose_several",),
     "emulators.base.emulator": ("EmulatorOptions", "serve"),
     "errors": ("WrenchbedError",),
     "hardware.drivers.sim": ("SimDriver", "SimOptions"),
@@ -119,6 +121,7 @@ __all__ = [
     "campaign",
     "descriptions",
     "diagnose",
+    "diagnose_several",
     "dry_run",
     "export",
     "import_files",

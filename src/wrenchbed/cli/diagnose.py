@@ -17,7 +17,7 @@ from wrenchbed.cli import console
 from wrenchbed.errors import MissingExtraError, ParameterError, WrenchbedWarning
 
 if TYPE_CHECKING:
-    from wrenchbed.diagnosis.diagnose import Findings
+    from wrenchbed.diagnosis.diagnose import Findings, Progress
     from wrenchbed.diagnosis.explain.reliability import Reliability
     from wrenchbed.diagnosis.gap.result import Diagnosis
     from wrenchbed.diagnosis.next.dry_run import DryRun
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 def diagnose(
-    recording: tyro.conf.Positional[Path],
+    recordings: tyro.conf.Positional[tuple[Path, ...]],
     /,
     out: Path | None = None,
     dry_run: bool = False,
@@ -38,7 +38,8 @@ def diagnose(
     """Say where the sim-to-real gap lies, which effect causes it and how far it shrinks.
 
     Args:
-        recording: Parquet file; with --dry-run a plan that has not been recorded yet.
+        recordings: Parquet file, or several of one robot: with a second payload, of another day,
+            of a proposed experiment; with --dry-run a plan that has not been recorded yet.
         out: Folder for diagnosis.json, twin.json, report.html, diagnosis.rrd and plans of what to
             do next.
         dry_run: Only say which effects such a recording could show, and which look the same.
@@ -50,21 +51,24 @@ def diagnose(
         as_json: Print the result as JSON.
     """
     console.check_seed(seed)
+    if not recordings or (len(recordings) > 1 and (dry_run or look_alikes)):
+        raise ParameterError(
+            "diagnose needs a recording; --dry-run and --look-alikes take just one"
+        )
     if dry_run:
-        _rehearsed(recording, samples, rate, as_json)
+        _rehearsed(recordings[0], samples, rate, as_json)
         return
     if out is None:
         raise ParameterError("diagnose needs --out, the folder for its files (or --dry-run)")
     console.check_folder(out)
-    from wrenchbed.diagnosis.diagnose import diagnose as run
     from wrenchbed.reports.figures import Artist
 
-    data = wb.Recording.read(recording)
-    learnt = _learnt(data, look_alikes, seed) if look_alikes else None
-    command = ["diagnose", recording, "--out", out, *(["--seed", seed] if seed else [])]
+    data = [wb.Recording.read(path) for path in recordings]
+    learnt = _learnt(data[0], look_alikes, seed) if look_alikes else None
+    command = ["diagnose", *recordings, "--out", out, *(["--seed", seed] if seed else [])]
     with Artist() as artist:
-        with console.progress("diagnosing", 7) as report:
-            result = run(data, seed=seed, reliability=learnt, progress=lambda step: report(1, step))
+        with console.progress("diagnosing", 7 if len(data) == 1 else 3 * len(data) + 3) as report:
+            result = _diagnosed(data, seed, learnt, lambda step: report(1, step))
         result.write(out)
         written = ["diagnosis.json", "twin.json"]
         for name in ("report.html", "diagnosis.rrd"):
@@ -79,6 +83,17 @@ def diagnose(
     console.answer(result.diagnosis.to_json(), as_json, diagnosis(result.diagnosis))
     if not as_json:
         console.say(f"{', '.join(written)} → {out}")
+
+
+def _diagnosed(
+    data: list[wb.Recording], seed: int, known: Reliability | None, progress: Progress
+) -> Findings:
+    from wrenchbed.diagnosis.diagnose import diagnose as one
+    from wrenchbed.diagnosis.several import diagnose_several as several
+
+    if len(data) == 1:
+        return one(data[0], seed=seed, reliability=known, progress=progress)
+    return several(data, seed=seed, reliability=known, progress=progress)
 
 
 def _learnt(data: wb.Recording, count: int, seed: int) -> Reliability:
@@ -138,7 +153,8 @@ _MEANING = {
 def diagnosis(d: Diagnosis) -> Group:
     """The three answers, then what cannot be text and what to do next."""
     head = Text.assemble(
-        ("diagnosis ", "bold"), f"{d.recording}  {d.robot}, {d.seconds:.1f} s",
+        ("diagnosis ", "bold"),
+        f"{', '.join((d.recording, *d.others))}  {d.robot}, {d.seconds:.1f} s",
     )  # fmt: skip
     verdict = Text.assemble((d.verdict, f"bold {_COLOURS[d.verdict]}"), f": {_MEANING[d.verdict]}")
     parts: list[Any] = [head, verdict, *(_line(f"set aside: {o['sentence']}") for o in d.outliers)]

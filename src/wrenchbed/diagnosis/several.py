@@ -36,6 +36,7 @@ from wrenchbed.diagnosis.explain.joint import (
 )
 from wrenchbed.diagnosis.explain.reliability import Reliability
 from wrenchbed.diagnosis.explain.structures import AT_ONCE, MINOR, NEGLIGIBLE, Analysis, Ranking
+from wrenchbed.diagnosis.explain.verdict import Cause
 from wrenchbed.diagnosis.next.isolability import listed
 from wrenchbed.errors import DiagnosisError
 from wrenchbed.jobs.workers import one_thread
@@ -166,7 +167,10 @@ def rank(joint: JointRefitter, analyses: Sequence[Analysis]) -> Ranking:
     nothing = joint.nothing()
     fitted = [joint.fit(*c) for c in _candidates(joint, analyses, nothing)]
     best = max(fitted, key=lambda f: f.log_posterior, default=nothing)
-    finalists = sorted([nothing, *fitted], key=lambda f: -f.log_posterior)
+    once: dict[frozenset[object], JointFinalist] = {}
+    for f in sorted([nothing, *fitted], key=lambda f: -f.log_posterior):
+        once.setdefault(_key(f.parts), f)  # begun at other shapes, it is the same structure
+    finalists = list(once.values())
     least = finalists[0].log_posterior - NEGLIGIBLE
     pooled = Pooled(joint)
     kept = tuple(pooled.explained(f) for f in finalists if f.log_posterior > least)
@@ -343,7 +347,7 @@ def settles(alone: Weighed, joint: Weighed, names: Sequence[str]) -> list[str]:
             continue
         gone = sorted(rivals - set(now.names))
         if gone:
-            before = cause.probability * _within(alone.analysis.ranking, now.names, cause.names)
+            before = cause.probability * _within(alone.analysis.ranking, now.names, cause)
             result.append(
                 f"{listed(list(names[1:]))} {verb} {listed(list(now.names))} from {listed(gone)}: "
                 f"probability {before:.2f} → {now.probability:.2f}"
@@ -351,9 +355,10 @@ def settles(alone: Weighed, joint: Weighed, names: Sequence[str]) -> list[str]:
     return result
 
 
-def _within(ranking: Ranking, names: Sequence[str], members: Sequence[str]) -> float:
+def _within(ranking: Ranking, names: Sequence[str], cause: Cause) -> float:
     """Share of some members of a class in its probability."""
     weight = softmax([e.log_posterior for e in ranking.explanations])
     both = list(zip(ranking.explanations, weight, strict=True))
-    total = sum(float(w) for e, w in both if e.names & set(members))
-    return sum(float(w) for e, w in both if e.names & set(names)) / max(total, 1e-300)
+    share = {n: sum(float(w) for e, w in both if n in e.names) for n in cause.names}
+    share |= {n: share[cause.names[0]] for n in cause.part.twins if n in share}
+    return sum(share.get(n, 0.0) for n in names) / max(sum(share.values()), 1e-300)

@@ -9,6 +9,7 @@ from typing import Any
 
 from wrenchbed import registry
 from wrenchbed.diagnosis.diagnose import Findings
+from wrenchbed.diagnosis.prepare.prepared import Prepared
 from wrenchbed.files import write_text
 from wrenchbed.pages import numbers, rendered
 from wrenchbed.reports import figures, sentences, tables
@@ -62,6 +63,7 @@ def diagnosis_page(found: Findings, command: str = "", artist: Artist | None = N
     before, after = evidence.channels()
     map_of_residuals = evidence.heat()
     told = {r.sentence for r in found.rows}
+    recorded = shlex.join([d.recording, *d.others])
     draw = artist.draw if artist else at_once
     heat = draw(figures.heat, map_of_residuals)
     gaps = draw(figures.gaps, tables.gaps(found))
@@ -74,7 +76,7 @@ def diagnosis_page(found: Findings, command: str = "", artist: Artist | None = N
         {
             "d": d,
             "verdict": d.verdict,
-            "name": PurePath(d.recording).name,
+            "name": ", ".join(PurePath(r).name for r in (d.recording, *d.others)),
             "badge": _BADGES[d.verdict],
             "headline": sentences.headline(found),
             "place": sentences.place(found),
@@ -109,15 +111,26 @@ def diagnosis_page(found: Findings, command: str = "", artist: Artist | None = N
             "record": f"wrenchbed record --robot {shlex.quote(d.robot)} --driver DRIVER --plan ",
             "notes": [n for n in d.notes if n not in told],
             "data": _data(found),
-            "command": command or f"wrenchbed diagnose {shlex.quote(d.recording)} --out DIR",
+            "command": command or f"wrenchbed diagnose {recorded} --out DIR",
         }
     )
 
 
 def _data(found: Findings) -> list[tuple[str, str]]:
     """What was diagnosed, by what."""
-    p = found.analysis.prepared
-    stated, robot = p.recording.metadata, p.model.robot
+    every = (found.analysis, *found.analysis.others)
+    names = (found.diagnosis.recording, *found.diagnosis.others)
+    robot = found.analysis.prepared.robot
+    return [
+        ("robot", f"{found.diagnosis.robot}: {robot.title}"),
+        *(line for n, a in zip(names, every, strict=True) for line in _recorded(n, a.prepared)),
+        ("made by", f"wrenchbed {version('wrenchbed')} in {found.diagnosis.seconds:.1f} s"),
+    ]
+
+
+def _recorded(name: str, p: Prepared) -> list[tuple[str, str]]:
+    """What one recording states and holds."""
+    stated = p.recording.metadata
     tool = []
     if stated.tool.mass is not None:
         tool.append(f"{stated.tool.mass:.4g} kg")
@@ -126,8 +139,7 @@ def _data(found: Findings) -> list[tuple[str, str]]:
         tool.append(numbers.minus(f"centre of gravity ({cog}) mm"))
     rate = "" if stated.rate_hz is None else f" at {stated.rate_hz:g} Hz"
     return [
-        ("recording", found.diagnosis.recording),
-        ("robot", f"{stated.robot}: {robot.title}"),
+        ("recording", name),
         ("sensor", stated.sensor.model or "not stated"),
         ("stated tool", ", ".join(tool) or "not stated"),
         (
@@ -136,5 +148,4 @@ def _data(found: Findings) -> list[tuple[str, str]]:
             f"source: {stated.source or 'not stated'}",
         ),
         ("noise of a row", p.noise_source),
-        ("made by", f"wrenchbed {version('wrenchbed')} in {found.diagnosis.seconds:.1f} s"),
     ]
