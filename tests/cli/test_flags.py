@@ -47,7 +47,7 @@ FLAGS = {
     ),
     "study": "json=False, out=None, quick=False, robots=None, seed=0",
     "blind make": (
-        "answers=required, cases=300, json=False, mode=static, out=required, processes=2, "
+        "answers=required, cases=300, json=False, mode=static, on=None, out=required, processes=2, "
         "robot=ur5, seed=None"
     ),
     "blind run": "json=False, limit=300.0, method=repeatable, out=required, processes=2",

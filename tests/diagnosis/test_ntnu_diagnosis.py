@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ntnu import DATA, STD, static
+from ntnu import DATA, RUNS, STD, motion, static
 from wrenchbed.calibration.calibrate import calibrate
 from wrenchbed.data import column_map
 from wrenchbed.data.import_files import import_files
@@ -19,13 +19,6 @@ from wrenchbed.diagnosis.prepare.prepare_recording import gathered, prepare
 from wrenchbed.errors import CalibrationError, DiagnosisError, MapError
 from wrenchbed.physics.rotations import cross
 from wrenchbed.physics.wrench import CHANNELS
-
-RUNS = {1: "1-baseline", 2: "2-vibrations", 3: "3-vibrations-contact"}
-
-
-def motion(run: int) -> Recording:
-    files = [DATA / f"{RUNS[run]}_{k}.csv" for k in ("wrench", "accel", "orientations")]
-    return import_files(files, column_map.read(DATA / "motion.toml")).recording
 
 
 @pytest.fixture(scope="module")

@@ -17,3 +17,12 @@ def static() -> Recording:
     """24 poses at rest."""
     mapping = column_map.read(DATA / "static.toml")
     return import_files([DATA / "0-calibration_fts-accel.csv"], mapping).recording
+
+
+RUNS = {1: "1-baseline", 2: "2-vibrations", 3: "3-vibrations-contact"}
+
+
+def motion(run: int) -> Recording:
+    """A motion of 6.3 s."""
+    files = [DATA / f"{RUNS[run]}_{k}.csv" for k in ("wrench", "accel", "orientations")]
+    return import_files(files, column_map.read(DATA / "motion.toml")).recording

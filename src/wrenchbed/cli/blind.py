@@ -1,6 +1,7 @@
 """`wrenchbed blind`: make, run, score and seal cases of the sealed benchmark."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -14,16 +15,42 @@ from wrenchbed.cli.console import Json, Repeated
 from wrenchbed.errors import ParameterError
 
 if TYPE_CHECKING:
+    from wrenchbed.benchmark.sealed.make import Family
     from wrenchbed.pages.document import Document
+
+
+@dataclass(frozen=True)
+class FamilyArguments:
+    """What the cases are made of.
+
+    Attributes:
+        cases: Number of them.
+        robot: Name of a simulated robot.
+        mode: At rest at poses, or in motion.
+        on: Real recording that faults are added to; it states robot and mode. One case is the
+            recording as it is.
+    """
+
+    cases: int = 300
+    robot: str = "ur5"
+    mode: Literal["static", "dynamic"] = "static"
+    on: Path | None = None
+
+    def family(self, seed: int) -> "Family":
+        """Cases that follow from a seed."""
+        from wrenchbed.benchmark.sealed.make import Family
+        from wrenchbed.benchmark.sealed.semi_real import SemiRealFamily
+
+        if self.on is not None:
+            return SemiRealFamily.on(self.on, self.cases, seed)
+        return Family(self.robot, self.mode, self.cases, seed)
 
 
 def make(
     out: Path,
     answers: Path,
-    cases: int = 300,
+    made_of: FamilyArguments,
     seed: int | None = None,
-    robot: str = "ur5",
-    mode: Literal["static", "dynamic"] = "static",
     processes: int = 2,
     as_json: Json = False,
 ) -> None:
@@ -34,10 +61,7 @@ def make(
     Args:
         out: Folder of cases, to be given to entrants.
         answers: Folder of answers, to be given to nobody.
-        cases: Number of them.
         seed: All follows from it; one that nobody can guess if left out.
-        robot: Name of a simulated robot.
-        mode: At rest at poses, or in motion.
         processes: Cases made at a time.
         as_json: Print the result as JSON.
     """
@@ -46,9 +70,9 @@ def make(
     if seed is None:
         known = making.resumed(answers)
         seed = making.drawn_seed() if known is None else known
-    family = making.Family(robot, mode, cases, seed)
+    family, cases = made_of.family(seed), made_of.cases
     console.check_positive("--processes", processes)
-    with console.progress(f"sealing {robot} cases", cases) as report:
+    with console.progress(f"sealing {family.robot} cases", cases) as report:
         root = making.make(family, out, answers, processes, report)
     result = {"cases": str(out), "answers": str(answers), "number": cases, "commitments": root}
     text = f"{cases} sealed cases → {out}, their answers → {answers}\n{_PUBLISH} {root}"

@@ -18,7 +18,7 @@ from wrenchbed.benchmark.referee.forward_dynamics import Ride, ride
 from wrenchbed.benchmark.referee.noise import held, rows, shaken
 from wrenchbed.benchmark.referee.path import through
 from wrenchbed.benchmark.referee.scenario import RATE_HZ, SAMPLES, RefereeSetting, draw
-from wrenchbed.benchmark.referee.signatures import stride, thin
+from wrenchbed.benchmark.referee.signatures import thin
 from wrenchbed.benchmark.referee.true_robot import Mechanics
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import ParameterError
@@ -52,7 +52,7 @@ class FaultyRobot:
     @property
     def stride(self) -> int:
         """Of rows that are compared."""
-        return stride(self.setting)
+        return self.setting.stride
 
     @cached_property
     def clean(self) -> np.ndarray:

@@ -1,6 +1,6 @@
 """Which effects one robot's data cannot distinguish: how well each can imitate a signature."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -119,10 +119,15 @@ class Bench:
         return fall >= 0.5 * float(s @ s)
 
 
-def bench(setting: RefereeSetting, ride: Ride, usual: Usual) -> Bench:
+def bench(
+    setting: RefereeSetting,
+    ride: Ride,
+    usual: Usual,
+    blocks: Callable[[RefereeSetting, Ride], signatures.Blocks] = signatures.blocks,
+) -> Bench:
     """Signatures of every effect for one robot."""
     alone, beside = {}, {}
-    for name, variants in signatures.blocks(setting, ride).items():
+    for name, variants in blocks(setting, ride).items():
         white = [_white(b, setting.noise) for b in variants]
         alone[name] = [_block(w) for w in white]
         beside[name] = [_block(w - usual.basis @ (usual.basis.T @ w)) for w in white]

@@ -22,6 +22,8 @@ SAMPLES, RATE_HZ = 60, 100.0
 """Rows of a pose and their rate [Hz]."""
 MOTION_S, MOTION_HZ = 60.0, 125.0
 """Length of a motion [s] and rate of its rows [Hz]."""
+EVERY = 5
+"""In motion, signatures are compared on each so many-th row."""
 _KNOT_S = (1.6, 3.0)
 """Time between points of a motion [s]."""
 _REACH = np.deg2rad((20.0, 50.0))
@@ -54,6 +56,11 @@ class RefereeSetting:
     def mode(self) -> str:
         """``static`` or ``dynamic``."""
         return self.metadata.mode
+
+    @property
+    def stride(self) -> int:
+        """Means or rows are compared at each so many-th, 1 at rest."""
+        return EVERY if self.mode == "dynamic" else 1
 
     @cached_property
     def noise(self) -> np.ndarray:

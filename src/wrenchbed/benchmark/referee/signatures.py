@@ -7,6 +7,7 @@ grids of variants are estimates.
 
 from collections.abc import Iterator, Mapping
 from functools import partial
+from itertools import chain
 from typing import NamedTuple
 
 import mujoco
@@ -21,8 +22,6 @@ Blocks = Mapping[str, list[np.ndarray]]
 """By effect, one (n, 6, k) array a variant: wrench [N, N·m] of a column of typical size."""
 _H = 1e-4
 """Step of finite differences [rad or m]: an estimate."""
-EVERY = 5
-"""In motion, signatures are compared on each so many-th row."""
 
 
 class Signature(NamedTuple):
@@ -35,36 +34,48 @@ class Signature(NamedTuple):
 
 def thin(setting: RefereeSetting, signal: np.ndarray) -> np.ndarray:
     """A signal of all instants (T, …) where signatures are compared (n, …)."""
-    return setting.mean(signal)[:: stride(setting)]
-
-
-def stride(setting: RefereeSetting) -> int:
-    """1 at rest."""
-    return EVERY if setting.mode == "dynamic" else 1
+    return setting.mean(signal)[:: setting.stride]
 
 
 def nuisance(setting: RefereeSetting) -> np.ndarray:
     """Columns of bias, mass and CoG, which every fit removes (n, 6, 10)."""
-    base = setting.stated(setting.theta, every=stride(setting))
+    base = setting.stated(setting.theta, every=setting.stride)
     tool = setting.robot.tool(setting.theta)
     mass, cog = float(tool.mass), np.asarray(tool.cog)
     shifts = [(0.01, np.zeros(3)), *[(0.0, 1e-3 * e) for e in np.eye(3)]]
     columns = [np.broadcast_to(e, base.shape) for e in np.eye(6)]
     for dm, dc in shifts:
         theta = setting.robot.theta_of_tool(setting.theta, mass + dm, (cog + dc).tolist())
-        columns.append((setting.stated(theta, every=stride(setting)) - base) / 1e-3)
+        columns.append((setting.stated(theta, every=setting.stride) - base) / 1e-3)
     return np.stack(columns, axis=-1)
 
 
 def blocks(setting: RefereeSetting, ride: Ride) -> Blocks:
     """Signatures of every effect that a mean can show."""
-    cut = partial(thin, setting)
-    seen = Signature(cut(setting.path.t), cut(setting.path.q), cut(ride.load))
+    seen = _seen(setting, ride)
+    return _by_name(
+        _gauges(setting, ride, seen), _times(setting, ride), _tool(setting, ride, seen),
+        _carried(setting, ride, seen), _arm(setting, seen),
+    )  # fmt: skip
+
+
+def blocks_of_orientations(setting: RefereeSetting, ride: Ride) -> Blocks:
+    """The same where only the sensor's orientation is known: sensor, clock, tool, mount, tilt."""
+    seen = _seen(setting, ride)
+    return _by_name(
+        _gauges(setting, ride, seen), _times(setting, ride), _tool(setting, ride, seen),
+        _turned(setting, seen.y, thin(setting, ride.rotation)),
+    )  # fmt: skip
+
+
+def _seen(setting: RefereeSetting, ride: Ride) -> Signature:
+    return Signature(*(thin(setting, x) for x in (setting.path.t, setting.path.q, ride.load)))
+
+
+def _by_name(*parts: Iterator[tuple[str, np.ndarray]]) -> dict[str, list[np.ndarray]]:
     result: dict[str, list[np.ndarray]] = {}
-    parts = [_gauges(setting, ride, seen), _times(setting, ride), _carried(setting, ride, seen)]
-    for part in (*parts, _arm(setting, seen)):
-        for name, block in part:
-            result.setdefault(name, []).append(block)
+    for name, block in chain(*parts):
+        result.setdefault(name, []).append(block)
     return result
 
 
@@ -123,10 +134,8 @@ def _times(setting: RefereeSetting, ride: Ride) -> Iterator[tuple[str, np.ndarra
     yield "timing.skew", 1e-3 * cut(rate * np.arange(6))[..., None]
 
 
-def _carried(
-    setting: RefereeSetting, ride: Ride, seen: Signature
-) -> Iterator[tuple[str, np.ndarray]]:
-    force, cut = seen.y[:, :3], partial(thin, setting)
+def _tool(setting: RefereeSetting, ride: Ride, seen: Signature) -> Iterator[tuple[str, np.ndarray]]:
+    force = seen.y[:, :3]
     zero = np.zeros_like(force)
     bent = [np.concatenate([zero, np.cross(force * e, force)], 1) for e in np.eye(3)]
     yield "tool.flexure", 5e-5 * np.stack(bent, -1)
@@ -134,19 +143,25 @@ def _carried(
         side = np.sign(force @ axis)[:, None]
         moved = np.cross(7.5e-4 * side * axis, force)
         yield "tool.loose", np.concatenate([zero, moved], 1)[..., None]
-    yield from _over_time(setting, seen, cut(ride.in_sensor(ride.gravity)))
+    yield from _over_time(setting, seen, thin(setting, ride.in_sensor(ride.gravity)))
+
+
+def _carried(
+    setting: RefereeSetting, ride: Ride, seen: Signature
+) -> Iterator[tuple[str, np.ndarray]]:
+    cut = partial(thin, setting)
     last = ride.path.q[:, -1]
     twists = [np.eye(6)[5] * cut(x[:, None]) for x in (last, dahl(last, 0.1))]
     twist = np.stack(twists, -1)
     yield "cable.torsion", 6.0 * setting.noise[5] * twist
     if setting.mode == "dynamic":
-        base = setting.stated(setting.theta, every=stride(setting))
+        base = setting.stated(setting.theta, every=setting.stride)
         columns = []
         for a in INERTIA_AXES:
             theta = setting.theta.copy()
             theta[setting.robot.parameters.index(f"tool.inertia.{a}")] += _H
             size = 0.25 * float(np.trace(np.asarray(setting.robot.tool(theta).inertia))) / 3.0
-            columns.append((setting.stated(theta, every=stride(setting)) - base) * size / _H)
+            columns.append((setting.stated(theta, every=setting.stride) - base) * size / _H)
         yield "tool.inertia", np.stack(columns, -1)
     rotation, position = cut(ride.rotation), cut(ride.position)
     yield from _pulls(rotation, position)
@@ -216,11 +231,11 @@ def _pushes(
 
 
 def _arm(setting: RefereeSetting, seen: Signature) -> Iterator[tuple[str, np.ndarray]]:
-    every, robot, theta = stride(setting), setting.robot, setting.theta
+    every, robot, theta = setting.stride, setting.robot, setting.theta
     base = setting.stated(theta, every=every)
-    force, torque = base[:, :3], base[:, 3:]
-    rotated = [np.concatenate([np.cross(force, e), np.cross(torque, e)], 1) for e in np.eye(3)]
-    yield "mount.rotation", np.deg2rad(0.4) * np.stack(rotated, -1)
+    rotation = np.broadcast_to(robot.sensor_pose(seen.q, theta)[0], (len(seen.q), 3, 3))
+    turned = dict(_turned(setting, base, rotation))
+    yield from turned.items()
     slopes = []
     for j in range(len(robot.joints)):
         step = _H * np.eye(len(robot.joints))[j]
@@ -238,8 +253,7 @@ def _arm(setting: RefereeSetting, seen: Signature) -> Iterator[tuple[str, np.nda
             waves = (np.sin(order * seen.q[:, j]), np.cos(order * seen.q[:, j]))
             wave = np.stack([slopes[j] * w[:, None] for w in waves], -1)
             yield "joint.gear_error", np.deg2rad(4.0 / 60.0) * wave
-    lean = [_tilted(setting, axis, every, base) for axis in np.eye(3)[:2]]
-    yield "base.tilt", np.deg2rad(0.4) * np.stack(lean, -1)
+    lean = np.moveaxis(turned["base.tilt"] / np.deg2rad(0.4), -1, 0)
     x, y = moment[:, :1], moment[:, 1:2]
     three = [x * lean[0], y * lean[1], y * lean[0] + x * lean[1]]
     yield "base.compliance", 2e-5 * np.stack(three, -1)
@@ -251,13 +265,22 @@ def _arm(setting: RefereeSetting, seen: Signature) -> Iterator[tuple[str, np.nda
             yield "link.length", 7e-4 * change[..., None]
 
 
-def _tilted(setting: RefereeSetting, axis: np.ndarray, every: int, base: np.ndarray) -> np.ndarray:
+def _turned(
+    setting: RefereeSetting, wrench: np.ndarray, rotation: np.ndarray
+) -> Iterator[tuple[str, np.ndarray]]:
+    """A sensor that is rotated, and gravity that is, in orientations (n, 3, 3)."""
+    force, torque = wrench[:, :3], wrench[:, 3:]
+    rotated = [np.concatenate([np.cross(force, e), np.cross(torque, e)], 1) for e in np.eye(3)]
+    yield "mount.rotation", np.deg2rad(0.4) * np.stack(rotated, -1)
+    lean = [_tilted(setting, axis, rotation) for axis in np.eye(3)[:2]]
+    yield "base.tilt", np.deg2rad(0.4) * np.stack(lean, -1)
+
+
+def _tilted(setting: RefereeSetting, axis: np.ndarray, rotation: np.ndarray) -> np.ndarray:
     """∂w/∂α of gravity turned about an axis: the tool's weight turns, its inertia does not."""
-    q = setting.mean(setting.path.q)[::every]
-    rotation = setting.robot.sensor_pose(q, setting.theta)[0]
     tool = setting.robot.tool(setting.theta)
     weight = float(tool.mass) * np.cross(axis, np.array(setting.robot.gravity))
-    force = np.einsum("nij,i->nj", np.broadcast_to(rotation, (len(q), 3, 3)), weight)
+    force = np.einsum("nij,i->nj", rotation, weight)
     return np.concatenate([force, np.cross(np.asarray(tool.cog), force)], axis=1)
 
 

@@ -58,7 +58,8 @@ class Oracle:
 class Answer:
     """The truth of a case; its salt makes the hash of the file impossible to guess.
 
-    Of a real robot nobody knows the minor imperfections, and no oracle can be asked.
+    Of a real robot nobody knows the minor imperfections, and no oracle can be asked. ``real_gap``
+    is the calibrated gap of the recording that the cause was added to, None of other cases.
     """
 
     case: str
@@ -71,6 +72,7 @@ class Answer:
     oracle: Oracle | None
     salt: str
     format: int = FORMAT
+    real_gap: float | None = None
 
     @property
     def effects(self) -> tuple[str, ...]:
@@ -79,7 +81,10 @@ class Answer:
 
     def to_bytes(self) -> bytes:
         """The file; what is committed to is its SHA-256."""
-        return (json.dumps(asdict(self), indent=1, ensure_ascii=False) + "\n").encode()
+        raw = asdict(self)
+        if self.real_gap is None:
+            del raw["real_gap"]
+        return (json.dumps(raw, indent=1, ensure_ascii=False) + "\n").encode()
 
 
 def read(path: Path) -> Answer:

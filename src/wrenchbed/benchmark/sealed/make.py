@@ -16,7 +16,8 @@ import numpy as np
 from wrenchbed import registry
 from wrenchbed.benchmark.referee import case as referee
 from wrenchbed.benchmark.sealed import commitments
-from wrenchbed.benchmark.sealed.answer import of_case
+from wrenchbed.benchmark.sealed.answer import Answer, of_case
+from wrenchbed.data.recording import Recording
 from wrenchbed.errors import BenchmarkError, ParameterError
 from wrenchbed.files import write_bytes
 from wrenchbed.jobs.parts import check_folders
@@ -57,6 +58,29 @@ class Family:
         order = np.random.default_rng([self.seed, 1]).permutation(every)
         return [referee.KINDS[k] for k in order]
 
+    def check(self) -> None:
+        """Refuse a robot that cannot be simulated.
+
+        Raises:
+            ParameterError: it has no model.
+        """
+        if not isinstance(registry.load("robots", self.robot), SimulatedRobot):
+            raise ParameterError(f"robot {self.robot!r} has no model to make cases with")
+
+    def about(self) -> dict[str, object]:
+        """What ``family.json`` says."""
+        return asdict(self)
+
+    def case(self, index: int, attempt: int) -> tuple[Answer, Recording]:
+        """One case.
+
+        Raises:
+            ParameterError: this attempt finds none.
+        """
+        kind, name = self.kinds()[index], self.names()[index]
+        case = referee.make(self.robot, self.mode, kind, (self.seed, index, attempt))
+        return of_case(case, name, commitments.salt(self.seed, name)), case.recording
+
     def names(self) -> list[str]:
         """Names of the cases: numbers."""
         return [f"{k:04d}" for k in range(1, self.cases + 1)]
@@ -85,8 +109,7 @@ def make(
         BenchmarkError: the folders are the same, hold each other or another family.
         ParameterError: the robot or mode cannot be simulated.
     """
-    if not isinstance(registry.load("robots", family.robot), SimulatedRobot):
-        raise ParameterError(f"robot {family.robot!r} has no model to make cases with")
+    family.check()
     commitments.check_separate(out, answers)
     open_family(family, out, answers)
     root = json.loads((answers / commitments.FAMILY).read_bytes())["commitments"]
@@ -103,7 +126,7 @@ def make(
 
     in_workers(partial(make_case, family, out, answers), todo, finished, processes)
     return commitments.commit(
-        out, answers, family.robot, family.mode, family.names(), asdict(family)
+        out, answers, family.robot, family.mode, family.names(), family.about()
     )
 
 
@@ -117,9 +140,9 @@ def resumed(answers: Path) -> int | None:
 def open_family(family: Family, out: Path, answers: Path) -> None:
     """Make the folders, or check that they belong to this family."""
     path = answers / commitments.FAMILY
-    check_folders(path, asdict(family), (out, answers), BenchmarkError)
+    check_folders(path, family.about(), (out, answers), BenchmarkError)
     if not path.exists():
-        write_bytes(path, commitments.family(asdict(family), None))
+        write_bytes(path, commitments.family(family.about(), None))
 
 
 def _complete(name: str, out: Path, answers: Path) -> bool:
@@ -129,14 +152,13 @@ def _complete(name: str, out: Path, answers: Path) -> bool:
 
 def make_case(family: Family, out: Path, answers: Path, index: int) -> None:
     """Make one case; its files are written atomically."""
-    kind, name = family.kinds()[index], family.names()[index]
+    name = family.names()[index]
     for attempt in range(_TRIES):
         try:
-            case = referee.make(family.robot, family.mode, kind, (family.seed, index, attempt))
+            answer, recording = family.case(index, attempt)
             break
         except ParameterError:
             if attempt == _TRIES - 1:
                 raise
-    answer = of_case(case, name, commitments.salt(family.seed, name))
     write_bytes(commitments.answer_of(answers, name), answer.to_bytes())
-    commitments.write_recording(case.recording, commitments.recording_of(out, name))
+    commitments.write_recording(recording, commitments.recording_of(out, name))

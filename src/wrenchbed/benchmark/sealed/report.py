@@ -18,7 +18,7 @@ from wrenchbed.benchmark.scoring.metrics import (
     shares,
     sized,
 )
-from wrenchbed.benchmark.sealed.score import ORACLE, Score, first, metrics
+from wrenchbed.benchmark.sealed.score import ORACLE, Score, first
 from wrenchbed.pages.document import Document, Figure, Section, Table
 from wrenchbed.pages.plots import BLUE, GREY, ORANGE, PURPLE, canvas, to_svg
 
@@ -105,14 +105,23 @@ def page(score: Score) -> Document:
     left = (
         f" {score.unclaimed} cases have no claim: they count as wrong." if score.unclaimed else ""
     )
-    head, told = figure_cells(rows, [OURS, *score.beside], metrics(answers), score.main)
+    head, told = figure_cells(rows, [OURS, *score.beside], score.metrics, score.main)
     title = f"Sealed benchmark: {score.main} on {len(rows)} robots ({some.robot}, {some.mode})"
+    about = (
+        "The oracle is told the exact form and "
+        "size of all that may be there; it names what the same data holds, with every effect "
+        "that could imitate it there."
+    )
+    if score.semi_real:
+        title = title.replace(f"{len(rows)} robots", f"{len(rows)} cases of a real recording")
+        about = (
+            f"The recording alone has a calibrated gap of {some.real_gap:.2f}. What is wrong in it "
+            "nobody knows: only the added effects are held against the claims."
+        )
     sections = (
         Section(
             "Figures",
-            "Intervals are 95 % by bootstrap over cases. The oracle is told the exact form and "
-            "size of all that may be there; it names what the same data holds, with every effect "
-            "that could imitate it there.",
+            f"Intervals are 95 % by bootstrap over cases. {about}",
             (Table.of("Every figure", head, told),),
         ),
         Section(
@@ -151,7 +160,7 @@ def summary(score: Score) -> dict[str, object]:
     }  # fmt: skip
     for method in names:
         own = {}
-        for key, metric in metrics(score.answers).items():
+        for key, metric in score.metrics.items():
             found = None if metric.ours and method != OURS else figure(metric, score.rows, method)
             if found is not None:
                 own[key] = {

@@ -18,7 +18,7 @@ from wrenchbed.benchmark.scoring.case_rows import OURS, CaseRow, Number
 from wrenchbed.benchmark.scoring.linear_problem import Claim
 from wrenchbed.benchmark.scoring.metrics import METRICS, SURE, Metric, holds
 from wrenchbed.benchmark.sealed import answer as answers_
-from wrenchbed.benchmark.sealed import commitments
+from wrenchbed.benchmark.sealed import commitments, semi_real_score
 from wrenchbed.benchmark.sealed.answer import MOST, Answer, Oracle
 from wrenchbed.benchmark.sealed.entrants import CLAIM, RESERVED, RUN
 from wrenchbed.data.checked import is_number
@@ -234,6 +234,18 @@ class Score:
     answers: dict[str, Answer]
     root: str
     unclaimed: int
+
+    @property
+    def semi_real(self) -> bool:
+        """Whether faults were added to a recording of which nobody knows all truth."""
+        return any(a.real_gap is not None for a in self.answers.values())
+
+    @property
+    def metrics(self) -> dict[str, Metric]:
+        """The figures of this family by name."""
+        if self.semi_real:
+            return semi_real_score.metrics(self.rows, self.answers)
+        return metrics(self.answers)
 
     @property
     def beside(self) -> tuple[str, ...]:
