@@ -206,8 +206,8 @@ def test_a_residual_without_noise_or_gap_breaks_nothing():
     assert not any(f.seen for f in locate(case, np.zeros_like(residual), 19))
 
 
-def test_claimed_causes_are_the_entries_by_share():
-    causes = [("base.tilt", "", 0.2, 1e-4), ("joint.compliance", "joint 2|3|4", 0.7, 0.0)]
+def test_claimed_causes_are_the_entries_in_their_order():
+    causes = [("joint.compliance", "joint 2|3|4", 0.7, 0.0), ("base.tilt", "", 0.2, 1e-4)]
     first, second = entries(causes, [Finding("time", 0.9, 0.005, "…")])
     assert (first["subsystem"], first["detail"], first["share"]) == ("joint", "joint 2|3|4", 0.7)
     assert 0.0 < first["p_value"] < 1e-100 and "joint 2|3|4" in first["sentence"]

@@ -146,7 +146,7 @@ _MEANING = {
     "identified": "the cause is known",
     "partial": "a cause explains a part; most of the gap is something else",
     "ambiguous": "a cause with rivals that this data cannot distinguish",
-    "unknown": "a gap that no known effect explains",
+    "unknown": "a gap, or scatter between rows, that no known effect explains",
 }
 
 

@@ -15,7 +15,7 @@ from wrenchbed.diagnosis.explain.structures import Analysis
 from wrenchbed.diagnosis.explain.verdict import Cause, Verdict
 from wrenchbed.diagnosis.gap.closure import Closure
 from wrenchbed.diagnosis.gap.result import Diagnosis
-from wrenchbed.diagnosis.gap.upheld import PARTIAL
+from wrenchbed.diagnosis.gap.upheld import PARTIAL, only, small, withdrawn
 from wrenchbed.diagnosis.prepare.contact import CONTACT, SURE
 from wrenchbed.diagnosis.prepare.prepared import Touch
 from wrenchbed.effects.base import Curve, Effect, Values, Variant
@@ -177,13 +177,12 @@ def _wrong_numbers(a: Analysis, f: Finalist, name: str, factor: float) -> dict[s
 def places(a: Analysis, verdict: Verdict, gap: Closure) -> list[Place]:
     """Of each claim, for ``where``."""
     result, best = [], verdict.explanation.log_posterior
-    total = sum(c.part.share for c in verdict.causes) or 1.0
     for c in verdict.causes:
         others = [e for e in a.ranking.explanations if not e.names & set(c.names)]
         gain = best - max((e.log_posterior for e in others), default=best - 60.0)
         # a Bayes factor is an e-value, and 1/e a p-value: Vovk & Wang 2021, 10.1214/20-AOS2020
         p_value = float(np.exp(-max(gain, 0.0)))
-        share = min(1.0, max(0.0, gap.shares.get(c.names[0], 0.0) or c.part.share / total))
+        share = gap.shares.get(c.names[0], 0.0)
         result.append((c.names[0], _detail(verdict, c), share, p_value))
     return result
 
@@ -253,6 +252,24 @@ def notes(gap: Closure, between: Sequence[RowFinding], *, unknown: bool) -> tupl
     return (*result, *(r.sentence for r in between))
 
 
+def beside_contact(verdict: Verdict, touch: Touch | None) -> Verdict:
+    """The verdict on the rows that nothing touched, as far as these few can tell."""
+    sure = touch is None or touch.parameters is not None
+    kept = tuple(c for c in verdict.causes if touch is None or (sure and c.probability >= LEAST))
+    if len(kept) == len(verdict.causes):
+        return verdict
+    return only(verdict, kept) if kept else withdrawn(verdict, UNKNOWN)
+
+
+def rows_beside_contact(
+    between: Sequence[RowFinding], touch: Touch | None
+) -> tuple[RowFinding, ...]:
+    """Likewise effects between rows."""
+    if touch is None:
+        return tuple(between)
+    return tuple(r for r in between if touch.parameters is not None and r.probability >= LEAST)
+
+
 def with_contact(d: Diagnosis, touch: Touch | None) -> Diagnosis:
     """The diagnosis of the rows that nothing touched, with the contact."""
     if touch is None:
@@ -260,36 +277,37 @@ def with_contact(d: Diagnosis, touch: Touch | None) -> Diagnosis:
     rest = f"the other answers are of the {int((~touch.rows).sum())} averages without it"
     notes = (*d.notes, touch.sentence, rest)
     if touch.parameters is None:
-        sure = {UNKNOWN: 1.0}
+        sure, hint = {UNKNOWN: 1.0}, "comes while something touches the tool"
+        hint += ". This is only a hint at the environment: no cause is claimed."
         return replace(
-            d, verdict=UNKNOWN, which=[], probabilities=sure, set90=tuple(sure), notes=notes
-        )
-    kept = [w for w in d.which if float(w["probability"]) >= LEAST]
-    lost = [f"{w['effect']} (" for w in d.which if w not in kept]
-    other = [w for w in d.where if not any(name in str(w["sentence"]) for name in lost)]
-    entry = {
-        "subsystem": "environment", "detail": touch.detail, "share": touch.share,
-        "p_value": 1.0 - SURE,
-        "sentence": f"{100 * touch.share:.0f} % of the squared force that weight and inertia leave "
-        f"lies in the environment: {CONTACT} ({touch.detail}).",
-    }  # fmt: skip
-    names = [n for w in kept for n in (w["effect"], *w["rivals"])]
-    ambiguous = d.verdict == "ambiguous" and len(names) > len(kept)
-    still_open = ambiguous or (d.verdict == PARTIAL and len(kept) > 0)
+            d, verdict=UNKNOWN, which=[], where=[_touched(touch, hint)], probabilities=sure,
+            set90=tuple(sure), notes=notes,
+        )  # fmt: skip
+    verdict = "identified" if d.verdict in (NONE, UNKNOWN) else d.verdict
+    if d.verdict == UNKNOWN and not small(d.gap):
+        verdict = PARTIAL
+    names = [n for w in d.which for n in (w["effect"], *w["rivals"])]
+    entry = _touched(touch, f"lies in the environment: {CONTACT} ({touch.detail}).")
     return replace(
         d,
-        verdict=d.verdict if still_open else "identified",
-        which=[_cause(CONTACT, SURE, touch.parameters), *kept],
-        where=[entry, *(_untouched(w, 1.0 - touch.share) for w in other)],
+        verdict=verdict,
+        which=[_cause(CONTACT, SURE, touch.parameters), *d.which],
+        where=[entry, *map(_untouched, d.where)],
         probabilities={CONTACT: SURE} | {k: (1.0 - SURE) * v for k, v in d.probabilities.items()},
         set90=tuple(dict.fromkeys((CONTACT, *names))),
         notes=notes,
     )
 
 
-def _untouched(entry: Mapping[str, Any], share: float) -> dict[str, Any]:
-    """An entry of ``where`` with its share of what a contact leaves."""
-    return dict(entry) | {
-        "share": share * float(entry["share"]),
-        "sentence": f"{str(entry['sentence']).rstrip('.')}, untouched.",
-    }
+def _touched(touch: Touch, text: str) -> dict[str, Any]:
+    """The entry of ``where`` of a contact."""
+    much = f"{100 * touch.share:.0f} % of the squared force that weight and inertia leave"
+    return {
+        "subsystem": "environment", "detail": touch.detail, "share": touch.share,
+        "p_value": 1.0 - SURE, "sentence": f"{much} {text}",
+    }  # fmt: skip
+
+
+def _untouched(entry: Mapping[str, Any]) -> dict[str, Any]:
+    """An entry of ``where`` that says that its share is one of the rows that nothing touched."""
+    return dict(entry) | {"sentence": f"{str(entry['sentence']).rstrip('.')}, untouched."}

@@ -57,6 +57,7 @@ class Findings:
         plans: of the proposed experiments, by file name.
         untempered: the verdict that held-out rows uphold, before the reliability of such claims
             was weighed in.
+        scattered: what rows scatter beyond noise and all that is named; empty if that is little.
     """
 
     diagnosis: Diagnosis
@@ -66,6 +67,7 @@ class Findings:
     places: tuple[where.Finding, ...]
     plans: Mapping[str, Plan]
     untempered: Verdict
+    scattered: str = ""
 
     def write(self, folder: str | Path) -> None:
         """Write ``diagnosis.json``, ``twin.json`` and the plans of the proposed experiments."""
@@ -125,10 +127,11 @@ def examine(
     weighed, outliers = _without_outliers(prepared, weigh(prepared, known, seed), known, seed)
     prepared = weighed.analysis.prepared
     progress("rows")
-    between = (
+    rows = (
         *find_row_effects(prepared.excerpt, prepared.configuration),
         *find_tool_vibration(prepared),
     )
+    between = answer.rows_beside_contact(rows, prepared.touch)
     scattered = row_effects.unexplained(prepared.excerpt, prepared.configuration, between)
     return Examined(weighed, known, outliers, between, scattered)
 
@@ -179,7 +182,7 @@ def told(found: Examined, seed: int, progress: Progress, begun: float) -> Findin
         ),
     )
     diagnosis = answer.with_contact(diagnosis, prepared.touch)
-    return Findings(diagnosis, analysis, verdict, between, places, plans, untempered)
+    return Findings(diagnosis, analysis, verdict, between, places, plans, untempered, scattered)
 
 
 class Weighed(NamedTuple):
@@ -212,7 +215,8 @@ def settle(analysis: Analysis, known: Reliability | None, seed: int) -> Weighed:
     decided = tilt.with_accelerometer(analysis, decide(analysis.ranking))
     twin, gap, untempered = _judged(analysis, decided, seed)
     verdict = _tempered(analysis, untempered, known, gap)
-    if verdict.causes != untempered.causes and not verdict.causes:
+    verdict = answer.beside_contact(verdict, prepared.touch)
+    if len(verdict.causes) != len(untempered.causes):
         twin, gap, verdict = _judged(analysis, verdict, seed)
     return Weighed(analysis, untempered, verdict, twin, gap)
 

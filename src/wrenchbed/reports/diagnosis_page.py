@@ -83,7 +83,7 @@ def diagnosis_page(found: Findings, command: str = "", artist: Artist | None = N
             "where": sentences.places(found),
             "subsystems": tables.subsystems(found),
             "causes": [sentences.cause(w, w["effect"] in rows) for w in d.which],
-            "no_cause": sentences.without_cause(d),
+            "no_cause": sentences.without_cause(found),
             "how_far": sentences.distance(found, seen),
             "black_box": sentences.black_box(d.gap),
             "seen": seen,

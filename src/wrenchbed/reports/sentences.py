@@ -7,6 +7,7 @@ from wrenchbed import registry
 from wrenchbed.diagnosis.diagnose import Findings
 from wrenchbed.diagnosis.gap.closure import Closure
 from wrenchbed.diagnosis.gap.result import Diagnosis
+from wrenchbed.diagnosis.gap.upheld import small
 from wrenchbed.diagnosis.prepare.configuration import STATED
 from wrenchbed.pages import numbers
 
@@ -35,6 +36,8 @@ def _verdict(found: Findings) -> str:
         return "No cause found: the residual is within normal imperfections."
     if d.verdict == "unknown" and _crowd(d):
         return "Too many effects explain the gap equally well."
+    if _only_scatters(found):
+        return "No known effect explains how rows scatter."
     if d.verdict == "unknown":
         kernel = found.analysis.ranking.kernel
         on = f": it varies with {depends(kernel)}" if _seen(kernel, found) else ""
@@ -111,8 +114,9 @@ def cause(entry: Mapping[str, Any], between_rows: bool) -> dict[str, Any]:
     }
 
 
-def without_cause(d: Diagnosis) -> str:
+def without_cause(found: Findings) -> str:
     """What stands for a cause where none is claimed."""
+    d = found.diagnosis
     p = d.probabilities
     if d.verdict == "none":
         told = numbers.chance(p.get("none", 0.0))
@@ -125,8 +129,9 @@ def without_cause(d: Diagnosis) -> str:
     if _crowd(d):
         names = ", ".join(best.split("|"))
         return f"These explain it equally well, and no choice is made: {names}."
+    what = "how rows scatter" if _only_scatters(found) else "the gap"
     told = (
-        "None of the known effects explains the gap. Probability that it is something unknown: "
+        f"None of the known effects explains {what}. Probability that it is something unknown: "
         f"{numbers.chance(p.get('unknown', 0.0))}."
     )
     if not best or rest[best] < LARGE_P:
@@ -152,7 +157,7 @@ def distance(found: Findings, seen: str) -> dict[str, str]:
         told += f" 95 % interval of the share closed: {low} … {high} %."
         return {"figure": f"{numbers.percent(g.closed.value)} % closed", "text": told}
     figure = f"Gap {numbers.gap(g.calibrated.value)}"
-    if d.verdict == "unknown":
+    if d.verdict == "unknown" and not _only_scatters(found):
         text = f"It stays {on}: without a cause there is nothing to close it with."
         return {"figure": figure, "text": f"{text} {black_box(g)}".strip()}
     told = f"This is the gap of the calibrated simulator {on}"
@@ -160,6 +165,8 @@ def distance(found: Findings, seen: str) -> dict[str, str]:
         names = " and ".join(str(w["effect"]) for w in d.which)
         effect = f"The detected cause ({names}) scatters single rows"
         text = f"{told}. {effect}; the means have no gap to close."
+        if any(w["effect"] not in row_effects(found) for w in d.which):
+            text = f"{told}. Rows in which something touches the tool took no part."
         return {"figure": figure, "text": text}
     return {
         "figure": figure,
@@ -212,6 +219,12 @@ def observations(count: int, moving: bool) -> str:
 def row_effects(found: Findings) -> frozenset[str]:
     """Claimed effects that show between rows only."""
     return frozenset(r.effect for r in found.rows)
+
+
+def _only_scatters(found: Findings) -> bool:
+    """Whether it is unknown because of how rows scatter: their means have hardly a gap."""
+    d = found.diagnosis
+    return d.verdict == "unknown" and bool(found.scattered) and small(d.gap)
 
 
 def _row_of(entry: Mapping[str, Any], found: Findings) -> str | None:

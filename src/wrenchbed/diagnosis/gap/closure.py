@@ -112,9 +112,13 @@ class Closure:
 
     @property
     def shares(self) -> dict[str, float]:
-        """The closed share among the causes, by how much of the gap comes back without each."""
+        """The closed share among the causes, by how much of the gap comes back without each.
+
+        Each lies within 0 … 1: noise may let a twin end below the floor, or add to the gap.
+        """
         back = {k: max(m.value, 0.0) for k, m in self.members.items()}
         total, closed = sum(back.values()), 0.0 if self.closed is None else self.closed.value
+        closed = min(1.0, max(0.0, closed))
         return {k: closed * v / total if total > 0 else 0.0 for k, v in back.items()}
 
 
@@ -272,8 +276,9 @@ class Bootstrap:
             return None
         scale = bottom[self._drawn].sum(axis=1)
         each = top[self._drawn].sum(axis=1) / np.where(scale > 0, scale, np.nan)
+        value = float(top.sum() / bottom.sum())
         low, high = np.nanquantile(each, [0.025, 0.975])
-        return Interval(float(top.sum() / bottom.sum()), float(low), float(high))
+        return Interval(value, min(value, float(low)), max(value, float(high)))
 
     def _sums(self, gaps: np.ndarray) -> np.ndarray:
         return np.bincount(self._at, gaps * self._weight, self._count)

@@ -4,7 +4,7 @@ A claim needs that its effect closes a part of the gap on rows that no fit saw, 
 `none` needs that there is hardly a gap. What they refute is withdrawn.
 """
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 from dataclasses import replace
 
 from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
@@ -39,7 +39,8 @@ def upheld(verdict: Verdict, gap: Closure, witnessed: Collection[str] = ()) -> V
         return _claims(verdict, gap, witnessed)
     if verdict.verdict == NONE and not small(gap):
         return withdrawn(verdict, UNKNOWN)
-    if verdict.verdict == UNKNOWN and gap.calibrated.high - max(gap.floor, 0.0) < CLAIMABLE:
+    hardly = gap.calibrated.high - max(gap.floor, 0.0) < CLAIMABLE and small(gap)
+    if verdict.verdict == UNKNOWN and hardly:
         return withdrawn(verdict, NONE)
     return verdict
 
@@ -60,16 +61,16 @@ def surely(member: Interval | None) -> bool:
 
 
 def withdrawn(verdict: Verdict, instead: str) -> Verdict:
-    """The verdict without its leading answer, of which a little probability remains."""
-    share = dict(verdict.probabilities)
-    leading = "|".join(verdict.causes[0].names) if verdict.causes else verdict.verdict
-    refuted = {leading} if not verdict.causes else set(share) - {NONE, UNKNOWN}
-    spare = sum((1.0 - REFUTED) * share[n] for n in refuted if n in share)
-    share |= {n: REFUTED * share[n] for n in refuted if n in share}
-    share[instead] = share.get(instead, 0.0) + spare
-    if instead == UNKNOWN and NONE not in refuted:  # there is a gap
-        share[UNKNOWN] += (1.0 - REFUTED) * share.get(NONE, 0.0)
-        share[NONE] = REFUTED * share.get(NONE, 0.0)
+    """The verdict without its answer, of which a little probability remains.
+
+    Where causes fall there is a gap, and where a gap falls there is no cause, so that `none` or all
+    else falls with them.
+    """
+    share = {NONE: 0.0, UNKNOWN: 0.0} | dict(verdict.probabilities)
+    only_none = verdict.verdict == NONE and share[NONE] >= max(share.values())
+    fallen = {NONE} if only_none and instead == UNKNOWN else set(share) - {instead}
+    share[instead] += (1.0 - REFUTED) * sum(share[n] for n in fallen)
+    share |= {n: REFUTED * share[n] for n in fallen}
     return replace(verdict, verdict=instead, causes=(), probabilities=share)
 
 
@@ -83,24 +84,36 @@ def _claims(verdict: Verdict, gap: Closure, witnessed: Collection[str]) -> Verdi
     def stands(c: Cause) -> bool:
         return sure(c) or (together and closes(gap.members.get(c.part.name)))
 
+    def by_gap(causes: Iterable[Cause]) -> list[Cause]:
+        return sorted(causes, key=lambda c: -gap.shares.get(c.part.name, 0.0))
+
     certain = tuple(c for c in verdict.causes if sure(c))
     if not certain:
         return withdrawn(verdict, NONE if small(gap) else UNKNOWN)
     doubtful = (c for c in verdict.causes if c not in certain and stands(c))
     capped = (replace(c, probability=min(c.probability, DOUBTFUL)) for c in doubtful)
-    held = _leading(verdict, (*certain, *capped))
+    held = only(verdict, (*by_gap(certain), *by_gap(capped)))
     most = together and gap.closed is not None and gap.closed.value >= MOST
+    if most:  # of a gap that is explained, held-out rows say more than a witness
+        shown = tuple(c for c in held.causes if _above_zero(gap.members.get(c.part.name)))
+        held = only(verdict, shown) if shown else held
     lost = len(held.causes) < len(verdict.causes)
     return held if most or lost else replace(held, verdict=PARTIAL)
 
 
-def _leading(verdict: Verdict, kept: tuple[Cause, ...]) -> Verdict:
+def _above_zero(member: Interval | None) -> bool:
+    return member is not None and (member.low > 0.0 or closes(member))
+
+
+def only(verdict: Verdict, kept: tuple[Cause, ...]) -> Verdict:
     """The verdict with some of its causes, the probability of the leading one with the first.
 
-    Without a cause that had rivals it is no longer ambiguous.
+    That one leads with no more than the probability that it is there; the rest is unknown.
     """
     share = dict(verdict.probabilities)
     old, new = ("|".join(c[0].names) for c in (verdict.causes, kept))
     if old != new:
-        share[new] = share.get(new, 0.0) + share.pop(old, 0.0)
+        together = share.get(new, 0.0) + share.pop(old, 0.0)
+        share[new] = min(together, kept[0].probability)
+        share[UNKNOWN] = share.get(UNKNOWN, 0.0) + together - share[new]
     return replace(verdict, verdict=named(kept), causes=kept, probabilities=share)

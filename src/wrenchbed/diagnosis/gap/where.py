@@ -233,7 +233,7 @@ def entries(
     findings: Sequence[Finding],
     rows: Sequence[tuple[str, str, float, float]] = (),
 ) -> list[dict[str, Any]]:
-    """``where`` of the contract's diagnosis.json, largest share first.
+    """``where`` of the contract's diagnosis.json: causes in their order, hints by their share.
 
     Args:
         causes: (effect, detail, share of the gap 0 … 1, p-value) of each claimed effect. Without
@@ -253,7 +253,7 @@ def entries(
         chosen = [f for f in chosen if f.share > 0.0] or chosen
         result = _of_hints(sorted(chosen, key=lambda f: -f.share))
     between = [_of_rows(*row, alone=not result) for row in rows]
-    return sorted([*result, *between], key=lambda e: -float(e["share"]))
+    return [*result, *between]
 
 
 def _channels(

@@ -1,0 +1,370 @@
+"""What holds of every diagnosis: no two of its statements contradict each other.
+
+Each check yields sentences, one for each violation; none if all is well. See `docs/contracts.md`.
+"""
+
+import io
+import json
+import math
+import re
+from collections.abc import Callable, Iterator
+from typing import Any
+
+from rich.console import Console
+
+from wrenchbed.cli.diagnose import diagnosis as on_terminal
+from wrenchbed.diagnosis.diagnose import Findings, diagnose
+from wrenchbed.diagnosis.gap.closure import Interval
+from wrenchbed.errors import CalibrationError, DiagnosisError, RecordingError
+from wrenchbed.pages import numbers
+from wrenchbed.reports import sentences
+from wrenchbed.viewer.diagnoses import blame
+
+REFUSALS = (CalibrationError, DiagnosisError, RecordingError)
+"""Answers to a recording that cannot answer."""
+Told = dict[str, Any]
+Check = Callable[[Findings, Told], Iterator[str]]
+CHECKS: list[Check] = []
+CLAIMS = ("identified", "ambiguous", "partial")
+TINY = 1e-9
+_PERCENT = re.compile(r"([−-]?[\d,]+(?:\.\d+)?) %")
+
+
+def violations(found: Findings) -> list[tuple[str, str]]:
+    """Name of the check and sentence of each contradiction."""
+    told = found.diagnosis.to_json()
+    return [(c.__name__, text) for c in CHECKS for text in c(found, told)]
+
+
+def outcome(recording: Any) -> tuple[str, list[tuple[str, str]]]:
+    """Verdict of a diagnosis, or ``refused``, and the violations; crashes are violations too."""
+    try:
+        found = diagnose(recording)
+    except REFUSALS as refusal:
+        text = str(refusal)
+        return "refused", [] if text and "\n" not in text else [("refusal", repr(text))]
+    except Exception as error:
+        return "crashed", [("crash", f"{type(error).__name__}: {error}")]
+    return found.diagnosis.verdict, violations(found)
+
+
+def check(make: Check) -> Check:
+    """Enter a check."""
+    CHECKS.append(make)
+    return make
+
+
+def _near(a: float | None, b: float | None, tolerance: float = TINY) -> bool:
+    if a is None or b is None:
+        return a is b
+    return math.isclose(a, b, rel_tol=tolerance, abs_tol=tolerance)
+
+
+def _rows(found: Findings) -> frozenset[str]:
+    """Effects between rows."""
+    return frozenset(r.effect for r in found.rows)
+
+
+def _names(entry: Told) -> tuple[str, ...]:
+    return entry["effect"], *entry["rivals"]
+
+
+def _text(found: Findings) -> str:
+    console = Console(width=80, file=io.StringIO(), color_system=None)
+    console.print(on_terminal(found.diagnosis))
+    return " ".join(console.file.getvalue().split())
+
+
+# ---- numbers ------------------------------------------------------------------------------------
+
+
+@check
+def json_holds_finite_numbers(found: Findings, told: Told) -> Iterator[str]:
+    try:
+        json.dumps(told, allow_nan=False)
+    except ValueError as error:
+        yield str(error)
+    for cause in told["which"]:
+        for name, p in cause["parameters"].items():
+            if p.get("value") is None:
+                yield f"{cause['effect']}: {name} has no value"
+            if p.get("std") is not None and p["std"] < 0.0:
+                yield f"{cause['effect']}: {name} has a negative uncertainty"
+    for name in ("configured", "calibrated", "floor"):
+        if told["gap"][name] is None:
+            yield f"gap.{name} is null"
+
+
+@check
+def probabilities_are_a_distribution(found: Findings, told: Told) -> Iterator[str]:
+    p = told["probabilities"]
+    if not _near(sum(p.values()), 1.0):
+        yield f"sum {sum(p.values())}"
+    each = [*p.items(), *((w["effect"], w["probability"]) for w in told["which"])]
+    yield from (f"{k}: {v}" for k, v in each if not -TINY <= v <= 1.0 + TINY)
+
+
+@check
+def values_lie_inside_their_intervals(found: Findings, told: Told) -> Iterator[str]:
+    for name in ("calibrated", "with_effects", "closed"):
+        value, ends = told["gap"][name], told["gap"][f"{name}_ci95"]
+        if (value is None) != (ends is None):
+            yield f"{name} {value} with {ends}"
+        elif ends is not None and not ends[0] - TINY <= value <= ends[1] + TINY:
+            yield f"{name} {value:.4g} outside {ends[0]:.4g} … {ends[1]:.4g}"
+    for name, m in found.diagnosis.gap.members.items():
+        if not m.low - TINY <= m.value <= m.high + TINY:
+            yield f"closed by {name} {m.value:.4g} outside {m.low:.4g} … {m.high:.4g}"
+
+
+@check
+def the_closed_share_follows_from_the_gaps(found: Findings, told: Told) -> Iterator[str]:
+    g = told["gap"]
+    if g["closed"] is None:
+        return
+    wrong_only = not found.diagnosis.twin.active
+    start = g["configured"] if wrong_only else g["calibrated"]
+    expected = (start - g["with_effects"]) / (start - g["floor"])
+    if not _near(g["closed"], expected, 1e-6):
+        yield f"closed {g['closed']:.4g}, the gaps say {expected:.4g}"
+
+
+# ---- verdict ------------------------------------------------------------------------------------
+
+
+@check
+def verdict_and_which_agree(found: Findings, told: Told) -> Iterator[str]:
+    if (told["verdict"] in CLAIMS) != bool(told["which"]):
+        yield f"{told['verdict']} with {len(told['which'])} causes"
+    if told["verdict"] == "identified" and not found.verdict.causes:
+        return
+    if told["verdict"] == "ambiguous" and not any(w["rivals"] for w in told["which"]):
+        yield "ambiguous without a rival"
+
+
+@check
+def none_needs_a_small_gap(found: Findings, told: Told) -> Iterator[str]:
+    if told["verdict"] == "none" and told["gap"]["calibrated_ci95"][0] > 1.0:
+        yield f"none with a gap of {told['gap']['calibrated']:.3g} {told['gap']['calibrated_ci95']}"
+    if told["verdict"] == "none" and told["gap"]["calibrated"] - max(told["gap"]["floor"], 0) > 1.0:
+        yield f"none with a gap of {told['gap']['calibrated']:.3g} above {told['gap']['floor']:.3g}"
+
+
+@check
+def unknown_needs_a_gap_or_scatter(found: Findings, told: Told) -> Iterator[str]:
+    if told["verdict"] != "unknown":
+        return
+    g, notes = told["gap"], " ".join(found.diagnosis.notes)
+    if g["calibrated_ci95"][1] - max(g["floor"], 0.0) < 0.5 and "scatter" not in notes:
+        yield f"unknown with a gap of {g['calibrated']:.3g} and no note on scatter"
+
+
+@check
+def partial_is_where_most_of_the_gap_is_left(found: Findings, told: Told) -> Iterator[str]:
+    g, means = told["gap"], [w for w in told["which"] if w["effect"] not in _rows(found)]
+    left = bool(means) and (g["closed"] is None or g["closed"] < 0.5 or g["closed_ci95"][0] <= 0.0)
+    if g["with_effects"] is not None and left != (told["verdict"] == "partial"):
+        yield f"{told['verdict']} with {g['closed']} closed {g['closed_ci95']}"
+
+
+@check
+def claims_are_upheld_by_held_out_rows(found: Findings, told: Told) -> Iterator[str]:
+    members = found.diagnosis.gap.members
+    for w in told["which"]:
+        if w["effect"] in _rows(found) or w["probability"] <= 0.5:
+            continue
+        if w["effect"] == "environment.contact":
+            continue
+        closes = next((members[n] for n in _names(w) if n in members), Interval(0.0, 0.0, 0.0))
+        notes = " ".join(found.diagnosis.notes)
+        witnessed = told["verdict"] == "partial" and "accelerometer" in notes
+        if closes.low <= 0.0 and not witnessed:
+            yield f"{told['verdict']} {w['effect']} {w['probability']:.2f} closes {closes}"
+
+
+@check
+def the_verdict_is_the_likeliest_answer(found: Findings, told: Told) -> Iterator[str]:
+    p, verdict = told["probabilities"], told["verdict"]
+    lead = "|".join(_names(told["which"][0])) if told["which"] else verdict
+    if lead not in p:
+        yield f"{lead} has no probability among {list(p)}"
+        return
+    crowd = verdict == "unknown" and any("|" in k for k in p)
+    if p[lead] < max(p.get("none", 0.0), p.get("unknown", 0.0)) - TINY:
+        yield f"{verdict}: {lead} {p[lead]:.3g}, none {p.get('none')}, unknown {p.get('unknown')}"
+    best = max(p, key=lambda k: p[k])
+    if not told["which"] and not crowd and p[best] > p[lead] + TINY:
+        yield f"{verdict} {p[lead]:.3g} but {best} {p[best]:.3g}"
+    present = told["which"][0]["probability"] if told["which"] else 1.0
+    if present < p[lead] - 1e-6:
+        yield f"{lead} is present with {present:.3g}, leads with {p[lead]:.3g}"
+
+
+@check
+def the_set_holds_the_leading_answer(found: Findings, told: Told) -> Iterator[str]:
+    lead = told["which"][0]["effect"] if told["which"] else told["verdict"]
+    known = {n for k in told["probabilities"] for n in k.split("|")}
+    if lead not in told["set90"]:
+        yield f"{lead} not in {told['set90']}"
+    if not set(told["set90"]) <= known:
+        yield f"{set(told['set90']) - known} have no probability"
+
+
+# ---- where --------------------------------------------------------------------------------------
+
+
+@check
+def shares_lie_between_nothing_and_all(found: Findings, told: Told) -> Iterator[str]:
+    each = [(w["subsystem"], w["share"]) for w in told["where"]]
+    each += [
+        (w["effect"], w["closed_share"]) for w in told["which"] if w["closed_share"] is not None
+    ]
+    yield from (f"{k}: {v}" for k, v in each if v is None or not -TINY <= v <= 1.0 + TINY)
+
+
+@check
+def every_cause_has_its_place(found: Findings, told: Told) -> Iterator[str]:
+    for w in told["which"]:
+        own = w["effect"].split(".")[0]
+        here = [e for e in told["where"] if e["subsystem"] == own]
+        if not here:
+            yield f"{w['effect']} is not in where"
+            continue
+        share, told_there = w["closed_share"], [e["share"] for e in here]
+        if share is not None and not any(_near(s, share) for s in told_there):
+            yield f"{w['effect']} closes {share}, where {told_there}"
+
+
+@check
+def the_leading_place_is_that_of_the_leading_cause(found: Findings, told: Told) -> Iterator[str]:
+    if told["which"] and told["where"]:
+        first = told["where"][0]["subsystem"]
+        best = max(e["share"] for e in told["where"])
+        own = told["which"][0]["effect"].split(".")[0]
+        tied = {e["subsystem"] for e in told["where"] if _near(e["share"], best)}
+        if own != first and own not in tied:
+            yield f"{told['which'][0]['effect']} leads, but where begins with the {first}"
+
+
+@check
+def painted_parts_are_the_named_ones(found: Findings, told: Told) -> Iterator[str]:
+    painted = blame(told)
+    subsystems = {n.split(".")[0] for w in told["which"] for n in _names(w)}
+    for place, share in painted.items():
+        if not 0.0 <= share <= 1.0:
+            yield f"{place} painted with {share}"
+        if place.split(" ")[0] not in subsystems:
+            yield f"{place} is painted but no cause is in it"
+    for w in told["which"]:
+        joint = w["parameters"].get("joint", {}).get("value")
+        part = w["effect"].split(".")[0]
+        if isinstance(joint, int) and f"{part} {joint}" not in painted:
+            yield f"{w['effect']} names joint {joint}, painted are {list(painted)}"
+        if not any(place.split(" ")[0] == part for place in painted):
+            yield f"{w['effect']} is not painted: {list(painted)}"
+
+
+# ---- sentences ----------------------------------------------------------------------------------
+
+
+@check
+def sentences_of_where_tell_their_share(found: Findings, told: Told) -> Iterator[str]:
+    for e in told["where"]:
+        text = e["sentence"]
+        if "% of the gap" in text and f"{100 * e['share']:.0f} % of the gap" not in text:
+            yield f"share {e['share']:.3g}: {text}"
+        for percent in _PERCENT.findall(text):
+            if not 0.0 <= float(percent.replace("−", "-").replace(",", "")) <= 100.0:
+                yield f"{percent} %: {text}"
+
+
+@check
+def notes_tell_the_gap_that_is_left(found: Findings, told: Told) -> Iterator[str]:
+    g = found.diagnosis.gap
+    for text in found.diagnosis.notes:
+        match = re.search(r"leave a gap of ([\d.e+−-]+) on held-out rows", text)
+        if match and g.with_effects is None:
+            yield f"nothing is claimed: {text}"
+        elif match and g.with_effects is not None:
+            rest = g.with_effects.value - max(g.floor, 0.0)
+            if not _near(float(match[1]), rest, 6e-3):
+                yield f"{rest:.4g} is left: {text}"
+        if "trust" not in text and re.search(r"\bnan\b|\binf\b", text):
+            yield text
+
+
+@check
+def the_report_tells_the_same_numbers(found: Findings, told: Told) -> Iterator[str]:
+    d, g = found.diagnosis, found.diagnosis.gap
+    far = sentences.distance(found, "12 poses")
+    text = f"{far['figure']} {far['text']}"
+    if g.with_effects is not None:
+        start = g.calibrated.value if d.twin.active else g.configured
+        both = f"from {numbers.gap(start)} to {numbers.gap(g.with_effects.value)}"
+        if both not in text:
+            yield f"{both} not in: {text}"
+        shrinks = g.with_effects.value < start
+        if "shrinks" in text and not shrinks:
+            yield f"{both}: {text}"
+    elif "there is nothing to close." in text and g.calibrated.low > 1.0:
+        yield f"gap {g.calibrated}: {text}"
+    if "no gap to close" in text and g.calibrated.low > 1.0:
+        yield f"gap {g.calibrated}: {text}"
+    if d.verdict == "unknown" and _quiet(told):
+        for said in (sentences.headline(found), text, sentences.without_cause(found)):
+            if re.search(r"explains? the gap|close it with", said):
+                yield f"gap {g.calibrated.value:.3g}: {said}"
+    if ("Most of the gap is something else" in sentences.headline(found)) != (
+        told["verdict"] == "partial"
+    ):
+        yield f"{told['verdict']}: {sentences.headline(found)}"
+
+
+def _quiet(told: Told) -> bool:
+    """Whether the means of rows have hardly a gap."""
+    g = told["gap"]
+    return bool(g["calibrated_ci95"][1] - max(g["floor"], 0.0) < 0.5)
+
+
+@check
+def the_report_names_the_same_causes(found: Findings, told: Told) -> Iterator[str]:
+    said = sentences.headline(found)
+    if told["verdict"] == "none" and not said.startswith("No cause found"):
+        yield said
+    for w in told["which"]:
+        for name in _names(w):
+            if sentences.title(name).lower() not in said.lower():
+                yield f"{name} ({sentences.title(name)}) not in: {said}"
+        place = sentences.place(found)
+        if w["effect"].split(".")[0] not in place:
+            yield f"{w['effect']} not in: {place}"
+    for text in sentences.places(found):
+        if not told["which"] and "lies in the" in text and told["verdict"] in ("none", "unknown"):
+            yield f"{told['verdict']}: {text}"
+    every = [said, sentences.place(found), *sentences.places(found)]
+    yield from (t for t in every if re.search(r"\bnan\b|\binf\b|\bNone\b", t))
+
+
+@check
+def the_terminal_tells_the_same(found: Findings, told: Told) -> Iterator[str]:
+    text, g = _text(found), found.diagnosis.gap
+    if f"{told['verdict']}:" not in text:
+        yield f"{told['verdict']} is not told"
+    for w in told["which"]:
+        if w["effect"] not in text or f"{w['probability']:.2f}" not in text:
+            yield f"{w['effect']} {w['probability']:.2f} is not told"
+    if ("no cause is claimed" in text) != (not told["which"]):
+        yield f"{len(told['which'])} causes: {text}"
+    rows = [("simulator as configured", g.configured), ("CoG", g.calibrated.value),
+            ("noise alone", g.floor)]  # fmt: skip
+    if g.with_effects is not None:
+        rows.append(("with the effects", g.with_effects.value))
+    for name, value in rows:
+        if f"{name} {value:.3g}" not in text:
+            yield f"{name} {value:.3g} is not told"
+    if g.closed is not None and f"closed {100 * g.closed.value:.1f} %" not in text:
+        yield f"closed {g.closed.value} is not told"
+    if told["verdict"] == "unknown" and _quiet(told) and "scatter" not in text.split("where")[0]:
+        yield f"gap {g.calibrated.value:.3g}: {text.split('where')[0]}"
+    if re.search(r"\bnan\b|\binf\b", text):
+        yield text
