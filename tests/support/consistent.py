@@ -204,6 +204,7 @@ def the_verdict_is_the_likeliest_answer(found: Findings, told: Told) -> Iterator
 def the_set_holds_the_leading_answer(found: Findings, told: Told) -> Iterator[str]:
     lead = told["which"][0]["effect"] if told["which"] else told["verdict"]
     known = {n for k in told["probabilities"] for n in k.split("|")}
+    known |= {n for w in told["which"] for n in _names(w)}
     if lead not in told["set90"]:
         yield f"{lead} not in {told['set90']}"
     if not set(told["set90"]) <= known:
@@ -339,7 +340,11 @@ def the_report_names_the_same_causes(found: Findings, told: Told) -> Iterator[st
         if w["effect"].split(".")[0] not in place:
             yield f"{w['effect']} not in: {place}"
     for text in sentences.places(found):
-        if not told["which"] and "lies in the" in text and told["verdict"] in ("none", "unknown"):
+        if (
+            not told["which"]
+            and "of the gap lies in the" in text
+            and told["verdict"] in ("none", "unknown")
+        ):
             yield f"{told['verdict']}: {text}"
     every = [said, sentences.place(found), *sentences.places(found)]
     yield from (t for t in every if re.search(r"\bnan\b|\binf\b|\bNone\b", t))

@@ -215,7 +215,7 @@ def settle(analysis: Analysis, known: Reliability | None, seed: int) -> Weighed:
     decided = tilt.with_accelerometer(analysis, decide(analysis.ranking))
     twin, gap, untempered = _judged(analysis, decided, seed)
     verdict = _tempered(analysis, untempered, known, gap)
-    verdict = answer.beside_contact(verdict, prepared.touch)
+    verdict = answer.beside_contact(verdict, analysis.prepared.touch)
     if len(verdict.causes) != len(untempered.causes):
         twin, gap, verdict = _judged(analysis, verdict, seed)
     return Weighed(analysis, untempered, verdict, twin, gap)

@@ -63,12 +63,13 @@ def surely(member: Interval | None) -> bool:
 def withdrawn(verdict: Verdict, instead: str) -> Verdict:
     """The verdict without its answer, of which a little probability remains.
 
-    Where causes fall there is a gap, and where a gap falls there is no cause, so that `none` or all
-    else falls with them.
+    Where causes give way to `unknown` there is a gap, so that `none` falls with them; where an
+    unknown gap gives way to `none`, so do all causes of one.
     """
     share = {NONE: 0.0, UNKNOWN: 0.0} | dict(verdict.probabilities)
-    only_none = verdict.verdict == NONE and share[NONE] >= max(share.values())
-    fallen = {NONE} if only_none and instead == UNKNOWN else set(share) - {instead}
+    fallen = {NONE} if verdict.verdict == NONE else set(share) - {instead}
+    if verdict.causes and instead == NONE:
+        fallen -= {UNKNOWN}
     share[instead] += (1.0 - REFUTED) * sum(share[n] for n in fallen)
     share |= {n: REFUTED * share[n] for n in fallen}
     return replace(verdict, verdict=instead, causes=(), probabilities=share)
@@ -85,7 +86,8 @@ def _claims(verdict: Verdict, gap: Closure, witnessed: Collection[str]) -> Verdi
         return sure(c) or (together and closes(gap.members.get(c.part.name)))
 
     def by_gap(causes: Iterable[Cause]) -> list[Cause]:
-        return sorted(causes, key=lambda c: -gap.shares.get(c.part.name, 0.0))
+        back = {n: max(m.value, 0.0) for n, m in gap.members.items()}
+        return sorted(causes, key=lambda c: -back.get(c.part.name, 0.0))
 
     certain = tuple(c for c in verdict.causes if sure(c))
     if not certain:
