@@ -33,7 +33,7 @@ _TRIES = 60
 _BY_JOINTS = ("joint.", "link.", "cable.", "environment.", "base.compliance", "tool.inertia",
               "tool.loose", "tool.flexure", "tool.self_weight")  # fmt: skip
 """Beginnings of names of effects that a rigid tool in known orientations cannot show."""
-_OUTSIDE = ("popcorn", "triple", "gusts", "dropout", "shedding")
+_OUTSIDE = ("popcorn", "triple", "gusts", "dropout")
 """The referee's families that need no joints and that an accelerometer does not show."""
 _ZEROED = 0.02
 """A bias counts as stated where its tolerance is below this share of full scale."""
