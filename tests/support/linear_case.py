@@ -94,6 +94,7 @@ def dictionary(effects=EFFECTS, alike=None, gap=4.0, tolerance=0.3, rows=ROWS, m
         E[:, first[other]] = r * a + np.sqrt(1.0 - r**2) * b
     prepared = SimpleNamespace(
         variance=np.ones(6), moving=moving, stride=1, block_rows=np.arange(rows) // 5,
+        held_out=None,
         scene=SimpleNamespace(robot=None, period=0.008),
     )  # fmt: skip
     d = EffectDictionary(

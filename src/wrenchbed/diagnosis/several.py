@@ -27,7 +27,7 @@ from wrenchbed.diagnosis.diagnose import (
 )
 from wrenchbed.diagnosis.evidence.search import MORE, NONE, PRIOR, UNKNOWN
 from wrenchbed.diagnosis.explain.claims import Explanation, Part, explained
-from wrenchbed.diagnosis.explain.contributions import CLAIMABLE, SAME, made_by, rest
+from wrenchbed.diagnosis.explain.contributions import CLAIMABLE, EXCUSED, SAME, made_by, rest
 from wrenchbed.diagnosis.explain.contributions import share as share_of
 from wrenchbed.diagnosis.explain.joint import (
     JointFinalist,
@@ -36,7 +36,7 @@ from wrenchbed.diagnosis.explain.joint import (
 )
 from wrenchbed.diagnosis.explain.reliability import Reliability
 from wrenchbed.diagnosis.explain.structures import AT_ONCE, MINOR, NEGLIGIBLE, Analysis, Ranking
-from wrenchbed.diagnosis.explain.verdict import Cause
+from wrenchbed.diagnosis.explain.verdict import DOUBT, Cause
 from wrenchbed.diagnosis.next.isolability import listed
 from wrenchbed.errors import DiagnosisError
 from wrenchbed.jobs.workers import one_thread
@@ -277,10 +277,11 @@ class Pooled:
             if own is not None:
                 twins.append(frozenset(own.twins))
         alike = sorted(frozenset.intersection(*twins))
-        still = tuple(name for name in alike if self._same(f, k, name))
-        return Part(f.parts[k].effect_name, self.mean(shares), index=k, twins=still)
+        share = self.mean(shares)
+        still = tuple(name for name in alike if self._same(f, k, name, share))
+        return Part(f.parts[k].effect_name, share, index=k, twins=still)
 
-    def _same(self, f: JointFinalist, k: int, name: str) -> bool:
+    def _same(self, f: JointFinalist, k: int, name: str, share: float) -> bool:
         """Whether an effect makes the readings of a part with one set of numbers for all."""
         target = np.concatenate([
             each.d.without_stated(made_by(each, view, [k]))
@@ -298,7 +299,7 @@ class Pooled:
                 for each, o in zip(self.joint.each, part.of, strict=True)
             ])  # fmt: skip
             left = target - made @ np.linalg.lstsq(made, target, rcond=None)[0]
-            if left @ left < SAME * (target @ target):
+            if left @ left < min(SAME, EXCUSED / share) * (target @ target):
                 return True
         return False
 
@@ -357,8 +358,8 @@ def settles(alone: Weighed, joint: Weighed, names: Sequence[str]) -> list[str]:
 
 def _within(ranking: Ranking, names: Sequence[str], cause: Cause) -> float:
     """Share of some members of a class in its probability."""
-    weight = softmax([e.log_posterior for e in ranking.explanations])
+    weight = softmax([e.log_posterior for e in ranking.explanations]) ** (1.0 / DOUBT)
     both = list(zip(ranking.explanations, weight, strict=True))
-    share = {n: sum(float(w) for e, w in both if n in e.names) for n in cause.names}
+    share = {n: max((float(w) for e, w in both if n in e.names), default=0.0) for n in cause.names}
     share |= {n: share[cause.names[0]] for n in cause.part.twins if n in share}
     return sum(share.get(n, 0.0) for n in names) / max(sum(share.values()), 1e-300)

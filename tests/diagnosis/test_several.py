@@ -1,0 +1,168 @@
+"""Several recordings of one robot: exact sums by hand, and robots whose truth is known."""
+
+import json
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.stats import multivariate_normal
+from test_diagnose import recorded
+
+import wrenchbed as wb
+from linear_case import LinearRefitter, dictionary, noise, refitter
+from wrenchbed.cli import main
+from wrenchbed.diagnosis.evidence.likelihood import BackgroundLevel, Moments, over_scales
+from wrenchbed.diagnosis.explain.joint import JointRefitter, OneOf
+from wrenchbed.diagnosis.several import check, settles
+from wrenchbed.errors import DiagnosisError
+
+TILT, PULL, LOOSE = "base.tilt", "cable.pull", "tool.loose"
+
+
+class LinearOneOf(LinearRefitter, OneOf):
+    """One of several recordings whose response is linear."""
+
+
+def joint(*cases):
+    """What refits structures to linear recordings (dictionary, readings)."""
+    result = JointRefitter([refitter(d, y) for d, y in cases])
+    result.each = tuple(LinearOneOf(r, result, k) for k, r in enumerate(result.each))
+    return result
+
+
+def fit(j, name):
+    h = next(h for h in j.each[0].d.hypotheses if h.name == name)
+    parts = (j.part(h, 0),)
+    return j.fit(parts, j.nothing().rungs, j.start(parts))
+
+
+def signal(d, name, amplitude):
+    return amplitude * d.E[:, [e for e, _ in d.label].index(name)]
+
+
+def test_the_evidence_of_two_recordings_is_that_of_both_stacked():
+    rng = np.random.default_rng(1)
+    E, y = rng.standard_normal((2, 12, 3)), rng.standard_normal((2, 12))
+    levels = [
+        BackgroundLevel(e, np.full(12, v), np.full(3, 0.2))
+        for e, v in zip(E, (1.0, 2.0), strict=True)
+    ]
+    columns = rng.standard_normal((2, 12, 2))
+    both = [Moments.of(*x) for x in zip(levels, y, columns, strict=True)]
+    told = over_scales(both[0] + both[1], np.zeros(2, int), np.zeros(2), np.array([[0.7]])).total
+    noise_of = [np.eye(12) * v + 0.2 * e @ e.T for e, v in zip(E, (1.0, 2.0), strict=True)]
+    stacked = 0.49 * np.concatenate(columns) @ np.concatenate(columns).T
+    stacked[:12, :12] += noise_of[0]
+    stacked[12:, 12:] += noise_of[1]
+    exact = multivariate_normal(np.zeros(24), stacked).logpdf(np.concatenate(y))
+    assert told == pytest.approx(exact + 12.0 * np.log(2.0 * np.pi))
+
+
+def test_what_a_first_recording_cannot_tell_a_second_one_tells():
+    alike = dictionary(alike={(TILT, PULL): 0.99999})
+    other = dictionary()
+    y = [signal(d, TILT, 1.0) + noise(d, k) for k, d in enumerate((alike, other))]
+    one = joint((alike, y[0]))
+    two = joint((alike, y[0]), (other, y[1]))
+    assert abs(fit(one, TILT).log_posterior - fit(one, PULL).log_posterior) < 2.0
+    told = fit(two, TILT)
+    assert told.log_posterior > fit(two, PULL).log_posterior + 100.0
+    assert told.x[0] == pytest.approx(1.0, abs=0.05) and len(told.x) == 2
+    for view in told.views:
+        assert view.x.tolist() == told.x.tolist()
+
+
+def test_numbers_of_the_robot_are_the_same_in_both_and_those_of_the_tool_are_not():
+    d = dictionary()
+
+    def fitted(name, *amplitudes):
+        return fit(joint(*((d, signal(d, name, a) + noise(d, k)) for k, a in amplitudes)), name)
+
+    agree, contradict = (fitted(TILT, (0, 1.0), (1, a)) for a in (1.0, -1.0))
+    for f in (agree, contradict):
+        assert f.views[0].x.tolist() == f.views[1].x.tolist()
+    assert contradict.log_posterior < agree.log_posterior - 50.0
+    own = fitted(LOOSE, (0, 1.0), (1, -1.0))
+    assert [float(v.x[0]) for v in own.views] == pytest.approx([1.0, -1.0], abs=0.1)
+    same = fitted(LOOSE, (0, 1.0), (1, 1.0))
+    assert own.log_posterior == pytest.approx(same.log_posterior, abs=1.0)
+
+
+def test_a_fold_of_each_recording_is_held_out_and_the_rest_fitted_again():
+    d = dictionary()
+    j = joint((d, signal(d, TILT, 1.0) + noise(d)), (d, signal(d, TILT, 1.0) + noise(d, 1)))
+    f = fit(j, TILT)
+    assert j.again(f) is j.again(f)
+    assert j.each[1].again(f.views[1]).x == pytest.approx(f.x, abs=0.01)  # another prior
+    kept = j.each[1].keeping(f.views[1], [0])
+    assert kept.joint.parts == f.parts and kept.residual == pytest.approx(f.residuals[1], abs=1e-6)
+
+
+def test_other_robots_and_the_same_rows_twice_are_refused(tmp_path):
+    a = recorded(tmp_path, n=12)
+    b = replace(a, name="b.parquet", columns=a.columns | {"fx": a.columns["fx"] + 1.0})
+    check([a, b])
+    other = replace(b, metadata=replace(a.metadata, robot="medrue"))
+    with pytest.raises(DiagnosisError, match=r"b\.parquet: metadata robot = 'medrue', but .*'ur5'"):
+        check([a, other])
+    turned = replace(b, metadata=replace(a.metadata, gravity=(0.0, 0.0, 9.81)))
+    upright = replace(a, metadata=replace(a.metadata, gravity=(0.0, 0.0, -9.81)))
+    with pytest.raises(DiagnosisError, match=r"b\.parquet: metadata gravity"):
+        check([upright, turned])
+    with pytest.raises(DiagnosisError, match="row by row"):
+        check([a, replace(a, name="copy.parquet")])
+    with pytest.raises(DiagnosisError, match="two or more"):
+        check([a])
+
+
+@pytest.fixture(scope="module")
+def two(tmp_path_factory):
+    """A tilted base, recorded twice at other poses."""
+    folder = tmp_path_factory.mktemp("two")
+    effect = "base.tilt:x=0.006,y=-0.004"
+    for name, n, seed in (("a", 30, 1), ("b", 24, 2)):
+        recorded(folder, effect, n=n, seed=seed).write(folder / f"{name}.parquet")
+    return folder
+
+
+def test_two_recordings_of_a_tilted_base_are_one_answer(two):
+    a, b = (wb.Recording.read(two / f"{n}.parquet") for n in "ab")
+    alone, found = wb.diagnose(a), wb.diagnose_several([a, b])
+    told = found.diagnosis.to_json()
+    (cause,) = told["which"]
+    (before,) = alone.diagnosis.to_json()["which"]
+    assert told["verdict"] == "identified" and cause["effect"] == "base.tilt"
+    for axis, true in (("x", 0.006), ("y", -0.004)):
+        p = cause["parameters"][axis]
+        assert abs(p["value"] - true) < 4 * p["std"] + 1e-5
+        assert p["std"] < before["parameters"][axis]["std"]  # both recordings measure it
+    assert told["recordings"] == ["a.parquet", "b.parquet"] and told["recording"] == "a.parquet"
+    assert told["gap"]["held_out_rows"] == 30 * (30 + 24)
+    assert told["gap"]["closed"] > 0.95
+    assert any(n.startswith("b.parquet: 24 poses") for n in found.diagnosis.notes)
+
+
+def test_the_command_line_takes_several(two, capsys):
+    main(["diagnose", str(two / "a.parquet"), str(two / "b.parquet"), "--out", str(two / "out")])
+    assert "a.parquet" in (shown := capsys.readouterr().out) and "b.parquet" in shown
+    told = json.loads((two / "out" / "diagnosis.json").read_text())
+    assert told["recordings"] == ["a.parquet", "b.parquet"]
+    page = (two / "out" / "report.html").read_text()
+    assert "a.parquet" in page and "b.parquet" in page
+
+
+def test_what_the_second_recording_settles_is_said():
+    part = SimpleNamespace(name=TILT, twins=(PULL,))
+    cause = SimpleNamespace(names=(TILT, PULL), probability=0.9, part=part)
+    ranked = [SimpleNamespace(log_posterior=v, names={n}) for n, v in ((TILT, 0.0), (PULL, -9.0))]
+    alone = SimpleNamespace(
+        verdict=SimpleNamespace(causes=(cause,)),
+        analysis=SimpleNamespace(ranking=SimpleNamespace(explanations=ranked)),
+    )
+    now = SimpleNamespace(names=(TILT,), probability=0.97)
+    both = SimpleNamespace(verdict=SimpleNamespace(causes=(now,)))
+    (text,) = settles(alone, both, ["a.parquet", "b.parquet"])
+    assert text == "b.parquet tells base.tilt from cable.pull: probability 0.45 → 0.97"
+    still = SimpleNamespace(verdict=SimpleNamespace(causes=(cause,)))
+    assert settles(alone, still, ["a.parquet", "b.parquet"]) == []
