@@ -76,7 +76,8 @@ def dahl(x: np.ndarray, reach: float) -> np.ndarray:
 STEP_S = 0.1
 """Step of a convolution in time [s]: an estimate, short beside all that is convolved."""
 RELAYS = 14
-"""Thresholds of a Preisach plane along each axis: an estimate."""
+"""Thresholds of a Preisach plane along each axis, and a twentieth of the points of its middle
+curve: an estimate."""
 
 
 def by_convolution(
@@ -121,6 +122,7 @@ def preisach(x: np.ndarray, spread: float, narrow: float) -> np.ndarray:
     axis = (np.arange(RELAYS) + 0.5) / RELAYS
     middle, half = (m.ravel() for m in np.meshgrid(2.0 * axis - 1.0, axis))
     density = np.exp(-0.5 * (middle / spread) ** 2 - half / narrow)
+    density *= np.abs(middle) + half < 1.0  # others never switch
     density /= density.sum()
     state = np.where(x[0][:, None] > middle, 1.0, -1.0)
     none = np.empty_like(x)
@@ -128,5 +130,6 @@ def preisach(x: np.ndarray, spread: float, narrow: float) -> np.ndarray:
         above, below = row[:, None] > middle + half, row[:, None] < middle - half
         state = np.where(above, 1.0, np.where(below, -1.0, state))
         none[i] = state @ density
-    without = np.interp(x, np.sort(middle), np.cumsum(density[np.argsort(middle)]))
-    return (2.0 * without - 1.0) - none
+    grid = np.linspace(-1.0, 1.0, 20 * RELAYS)[:, None]
+    branches = [np.sign(grid - middle - side * half) @ density for side in (-1.0, 1.0)]
+    return np.asarray(np.interp(x, grid[:, 0], 0.5 * (branches[0] + branches[1])) - none)

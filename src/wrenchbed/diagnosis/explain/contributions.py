@@ -22,9 +22,21 @@ def made_by(refitter: Refitter, f: Finalist, parts: Collection[int]) -> np.ndarr
 
 
 def share(refitter: Refitter, f: Finalist, part: int) -> float:
-    """How much smaller the gap is with one part than without it, the others as they are."""
-    added = made_by(refitter, f, [part])
-    return refitter.d.gap(f.residual + added) - refitter.d.gap(f.residual)
+    """How much smaller the gap is with one part than without it, the others as they are.
+
+    Beside a form-free part the others take up what they can of it: the two may hold large curves
+    against each other.
+    """
+    without = f.residual + made_by(refitter, f, [part])
+    any_free = any(f.parts[k].variant.free_form for k in f.effects)
+    bending = [k for k in f.effects if k != part and any_free]
+    pair = np.stack([without, f.residual], axis=1)
+    if bending:
+        design = np.column_stack(
+            [refitter.d.E[:, refitter.d.stated], f.design[:, f.variables.of_parts(bending)]]
+        )
+        pair = pair - design @ np.linalg.lstsq(design, pair, rcond=None)[0]
+    return refitter.d.gap(pair[:, 0]) - refitter.d.gap(pair[:, 1])
 
 
 def claimable(refitter: Refitter, f: Finalist) -> list[int]:
