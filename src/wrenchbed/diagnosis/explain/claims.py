@@ -9,7 +9,14 @@ from scipy.special import ndtr
 
 from wrenchbed.diagnosis.evidence.dictionary import LARGEST, EffectDictionary
 from wrenchbed.diagnosis.evidence.likelihood import MOST, BackgroundLevel
-from wrenchbed.diagnosis.explain.contributions import CLAIMABLE, claimable, made_by, rest, twins
+from wrenchbed.diagnosis.explain.contributions import (
+    CLAIMABLE,
+    any_free_form,
+    claimable,
+    made_by,
+    rest,
+    twins,
+)
 from wrenchbed.diagnosis.explain.contributions import share as share_of
 from wrenchbed.diagnosis.explain.refit import Finalist, Refitter
 from wrenchbed.diagnosis.prepare.configuration import STATED
@@ -110,11 +117,15 @@ def _standing_in(
     """
     d, parts = refitter.d, list[Part]()
     small = [k for k in f.effects if k not in large]
+    bending = [k for k in f.effects if k in large and any_free_form(f)]
     residual = f.residual + made_by(refitter, f, small)
+    if bending:
+        design = np.column_stack([d.E[:, d.stated], f.design[:, f.variables.of_parts(bending)]])
+        residual = residual - design @ np.linalg.lstsq(design, residual, rcond=None)[0]
     while small and d.gap(residual) - d.row_noise > REST:
         without = []
         for k in small:
-            columns = [d.E[:, d.stated], f.design[:, f.variables.of_parts([k])]]
+            columns = [d.E[:, d.stated], f.design[:, f.variables.of_parts([k, *bending])]]
             design = np.column_stack(columns)
             without.append(residual - design @ np.linalg.lstsq(design, residual, rcond=None)[0])
         best = int(np.argmin([d.gap(r) for r in without]))

@@ -21,6 +21,11 @@ def made_by(refitter: Refitter, f: Finalist, parts: Collection[int]) -> np.ndarr
     return np.asarray(refitter.response(f.parts, f.x) - refitter.response(f.parts, without))
 
 
+def any_free_form(f: Finalist) -> bool:
+    """Whether an effect of a finalist assumes no formula."""
+    return any(f.parts[k].variant.free_form for k in f.effects)
+
+
 def share(refitter: Refitter, f: Finalist, part: int) -> float:
     """How much smaller the gap is with one part than without it, the others as they are.
 
@@ -28,8 +33,7 @@ def share(refitter: Refitter, f: Finalist, part: int) -> float:
     against each other.
     """
     without = f.residual + made_by(refitter, f, [part])
-    any_free = any(f.parts[k].variant.free_form for k in f.effects)
-    bending = [k for k in f.effects if k != part and any_free]
+    bending = [k for k in f.effects if k != part and any_free_form(f)]
     pair = np.stack([without, f.residual], axis=1)
     if bending:
         design = np.column_stack(
