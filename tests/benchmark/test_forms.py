@@ -43,7 +43,7 @@ def test_loops_close_and_turn_round():
     [
         ("sensor.drift", "daily_wave"),
         ("sensor.creep", "logarithm"),
-        ("sensor.hysteresis", "turning_points"),
+        ("sensor.hysteresis", "dahl_friction"),
         ("sensor.nonlinearity", "wave"),
     ],
 )
