@@ -45,6 +45,10 @@ class Named:
 class LinearRefitter(Refitter):
     """Refits structures whose response is linear in their amplitudes."""
 
+    def without(self, fold):
+        less = super().without(fold)
+        return LinearRefitter(less.searcher, less.y)
+
     def response(self, parts, x):
         v = Variables.of(parts)
         columns = [self._column(parts[k], name) for k, name in zip(v.part, v.name, strict=True)]
@@ -52,6 +56,23 @@ class LinearRefitter(Refitter):
 
     def _column(self, h, name):
         return self.d.E[:, h.columns[h.variant.free.index(name)]]
+
+
+@dataclass(frozen=True, eq=False)
+class Design:
+    """Rows of a fit, in blocks of five poses and four folds, as far as a dictionary asks."""
+
+    block_rows: np.ndarray
+    fold_rows: np.ndarray
+    moving: bool = False
+    held_out: int | None = None
+    stride = 1
+    variance = np.ones(6)
+    scene = SimpleNamespace(robot=None, period=0.008)
+
+    def without(self, fold):
+        keep = self.fold_rows != fold
+        return Design(self.block_rows[keep], self.fold_rows[keep], self.moving, fold)
 
 
 EFFECTS = {
@@ -92,11 +113,7 @@ def dictionary(effects=EFFECTS, alike=None, gap=4.0, tolerance=0.3, rows=ROWS, m
     for (one, other), r in (alike or {}).items():
         a, b = E[:, first[one]].copy(), E[:, first[other]]
         E[:, first[other]] = r * a + np.sqrt(1.0 - r**2) * b
-    prepared = SimpleNamespace(
-        variance=np.ones(6), moving=moving, stride=1, block_rows=np.arange(rows) // 5,
-        held_out=None,
-        scene=SimpleNamespace(robot=None, period=0.008),
-    )  # fmt: skip
+    prepared = Design(np.arange(rows) // 5, np.arange(rows) // 5 % 4, moving)
     d = EffectDictionary(
         prepared, np.zeros(6 * rows), E, np.ones(len(label)), tuple(label), (), kernels,
         np.arange(10), np.full(10, tolerance), (),
