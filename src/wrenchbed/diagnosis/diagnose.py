@@ -33,6 +33,8 @@ from wrenchbed.twin.twin import Twin
 
 MOST_ROUNDS = 3
 """How often outliers are looked for: large ones hide others."""
+LEFT = 1.0
+"""Gap on held-out rows from which outliers are looked for although causes are named."""
 CLEARER = 0.3
 """Rows are set aside where the answer without them leaves less than this part of the gap."""
 ELSEWHERE = (
@@ -227,9 +229,10 @@ def _without_outliers(
     """The answer without a few blocks that all others contradict, where that settles it."""
     weighed, found = first, tuple[outliers_.Outlier, ...]()
     for _ in range(MOST_ROUNDS):
-        if weighed.settled:
+        if weighed.settled and weighed.rest < LEFT:
             break
-        rows = outliers_.suspects(weighed.analysis) | ~weighed.analysis.prepared.judged
+        claimed = weighed.verdict.explanation.finalist if weighed.settled else None
+        rows = outliers_.suspects(weighed.analysis, claimed) | ~weighed.analysis.prepared.judged
         if np.array_equal(rows, ~weighed.analysis.prepared.judged):
             break
         again = weigh(prepared.aside(rows), known, seed)

@@ -11,9 +11,10 @@ from typing import Any
 
 import numpy as np
 
+from wrenchbed.calibration.observations import usable
+from wrenchbed.diagnosis.explain.refit import Finalist
 from wrenchbed.diagnosis.explain.structures import Analysis, prediction_errors
 from wrenchbed.diagnosis.prepare.prepared import Prepared
-from wrenchbed.physics.wrench import CHANNELS, UNITS
 
 FAR = 25.0
 """Mean square error of an outlier over that of the median block; estimate."""
@@ -23,6 +24,10 @@ MOST = 0.1
 """Share of blocks that may be outliers: more of them are no exception."""
 ENERGY = 0.3
 """Share of the squared error that outliers hold together at least; estimate."""
+LEVER_M = 0.5
+"""Longest lever of a force at a tool [m]; a larger torque is named instead; estimate."""
+NEAR = 0.966
+"""Cosine from which a direction is an axis: 15°."""
 MARGIN_S = 0.3
 """A stretch of a motion is set aside with so much before and after it [s]; estimate."""
 
@@ -47,13 +52,10 @@ class Outlier:
     @property
     def sentence(self) -> str:
         """What it is, and what may be behind it."""
-        force, torque = np.abs(self.error[:3]).max(), np.abs(self.error[3:]).max()
-        k = int(np.abs(self.error[:3]).argmax()) if force > 10.0 * torque else None
-        k = 3 + int(np.abs(self.error[3:]).argmax()) if k is None else k
-        sign = "−" if self.error[k] < 0 else "+"
-        size = f"{abs(self.error[k]):.2g} {UNITS[k]} along {sign}{CHANNELS[k][1]}"
-        if k >= 3:
-            size = f"{abs(self.error[k]):.2g} {UNITS[k]} about {sign}{CHANNELS[k][1]}"
+        force, torque = (float(np.linalg.norm(x)) for x in (self.error[:3], self.error[3:]))
+        size = f"{force:.2g} N along {_axis(self.error[:3])}"
+        if torque > LEVER_M * force:
+            size = f"{torque:.2g} N·m about {_axis(self.error[3:])}"
         if self.pose is not None:
             return f"pose {self.pose}: {size} that no other pose shows: contact, or wrong rows"
         return (
@@ -66,25 +68,51 @@ class Outlier:
         return {"pose": self.pose, "t": [self.begin, self.end], "sentence": self.sentence}
 
 
-def suspects(a: Analysis) -> np.ndarray:
-    """Observations (H,) of blocks that all others contradict; none where these are many."""
+def _axis(x: np.ndarray) -> str:
+    """Direction of a vector (3,) in sensor axes: the axis that it is near, else its cosines."""
+    unit = x / np.linalg.norm(x)
+    k = int(np.abs(unit).argmax())
+    if abs(unit[k]) > NEAR:
+        return f"{'−' if unit[k] < 0 else '+'}{'xyz'[k]}"
+    return f"({', '.join(f'{c:.2f}' for c in unit)})".replace("-", "−")
+
+
+def suspects(a: Analysis, claimed: Finalist | None = None) -> np.ndarray:
+    """Observations (H,) of blocks that all others contradict; none where these are many.
+
+    Args:
+        a: the analysis.
+        claimed: what is named, whose form is never exact: a block that it changes by more than it
+            misses is none.
+    """
     p, none = a.prepared, np.zeros(len(a.prepared.y), dtype=bool)
     blocks = a.dictionary.prepared.block_rows
     best, far_by = none, 0.0
-    for f in dict.fromkeys((a.ranking.explanations[0].finalist, a.refitter.nothing())):
+    made = np.zeros(len(np.unique(blocks)))
+    if claimed is not None:
+        response = a.refitter.response(claimed.parts, claimed.x).reshape(-1, 6)
+        made = _of_blocks((response**2).mean(axis=1), blocks)
+    tried = (a.ranking.explanations[0].finalist, a.refitter.nothing())
+    for f in dict.fromkeys(tried) if claimed is None else (claimed,):
         error = prediction_errors(a.refitter.level_of(f), f, blocks).reshape(-1, 6)
         square = (error**2).mean(axis=1)
         numbers = np.unique(blocks)
-        each = np.array([square[blocks == b].mean() for b in numbers])
-        total = np.array([square[blocks == b].sum() for b in numbers])
+        each = _of_blocks(square, blocks)
+        total = each * np.unique(blocks, return_counts=True)[1]
         typical = max(float(np.median(each)), float(p.variance.mean()))
-        far = (each > FAR * typical) & (each > LARGE**2 * float(p.variance.max()))
+        least = max(FAR * typical, LARGE**2 * float(p.variance.max()))
+        far = each > np.maximum(least, made)
         held = total[far].sum() / total.sum()
         few = 0 < np.count_nonzero(far) <= max(1.0, MOST * len(numbers))
         contrast = float(each.max() / typical)
         if few and held > ENERGY and contrast > far_by:
             best, far_by = np.isin(p.block, numbers[far]) & p.judged, contrast
     return best
+
+
+def _of_blocks(x: np.ndarray, blocks: np.ndarray) -> np.ndarray:
+    """Mean over each block (b,) of values of rows (R,)."""
+    return np.array([x[blocks == b].mean() for b in np.unique(blocks)])
 
 
 def described(p: Prepared, rows: np.ndarray, reading: np.ndarray) -> tuple[Outlier, ...]:
@@ -94,16 +122,19 @@ def described(p: Prepared, rows: np.ndarray, reading: np.ndarray) -> tuple[Outli
     """
     error = p.y - reading[p.scene.held]
     large = np.sqrt(((error / p.sigma) ** 2).mean(axis=1)) > LARGE * np.sqrt(p.noise.max())
-    t = p.scene.t[p.scene.held]
+    t, ends = p.scene.t[p.scene.held], np.cumsum(p.count)
     motion, far = p.moving or p.averaged, rows & large
+    used = np.flatnonzero(usable(p.recording))
     result = []
     for group in _stretches(far, t) if motion else np.flatnonzero(far)[:, None]:
         of = np.isin(np.arange(len(t)), group)
-        pose = None if motion else _pose(p, int(group[0]))
-        begin, end = float(t[group[0]]), float(t[group[-1]])
+        pose, begin, end = None, float(t[group[0]]), float(t[group[-1]])
         if not motion:
-            after = p.recording.t[np.searchsorted(p.recording.t, begin) :]
-            end = float(after[min(int(p.count[group[0]]), len(after)) - 1])
+            k = int(group[0])
+            own = used[ends[k] - p.count[k] : ends[k]]
+            segment = p.recording.columns.get("segment")
+            pose = k if segment is None else int(segment[own[0]])
+            begin, end = (float(p.recording.t[i]) for i in own[[0, -1]])
         result.append(Outlier(of, pose, begin, end, error[of & large].mean(axis=0)))
     return tuple(result)
 
@@ -115,12 +146,3 @@ def _stretches(far: np.ndarray, t: np.ndarray) -> list[np.ndarray]:
         near[np.searchsorted(t, t[k] - MARGIN_S) : np.searchsorted(t, t[k] + MARGIN_S)] = True
     edges = np.flatnonzero(np.diff(np.concatenate([[False], near, [False]]).astype(int)))
     return [np.arange(a, b) for a, b in edges.reshape(-1, 2)]
-
-
-def _pose(p: Prepared, observation: int) -> int:
-    """The pose's own segment number, else its place in the order of poses."""
-    segment = p.recording.columns.get("segment")
-    if segment is None:
-        return observation
-    at = int(np.searchsorted(p.recording.t, p.scene.t[p.scene.held][observation]))
-    return int(segment[min(at, len(segment) - 1)])
