@@ -54,6 +54,11 @@ search from its start. *May miss* is the share of the effect's gap by which the 
 differ from the real effect. All values are in SI units; symbols are those of
 [nomenclature](nomenclature.md).
 
+Drift, creep, hysteresis, nonlinearity and temperature also have *form-free* members beside their
+formulas: many amplitudes whose typical size falls with their order, linear, named as the same
+effect. Evidence pays for each amplitude that data determine, so a formula that fits is preferred;
+where none does, the answer names the effect all the same and gives its curve.
+
 Two effects that make the same readings in all data without contact are *companions*: a diagnosis
 names them as one class. `tool.mass` inside a uniform `sensor.gain`, `tool.cog` inside
 `sensor.crosstalk` and the last joint's offset inside `mount.rotation` are named first, because the
