@@ -147,19 +147,19 @@ def score(
     page = report.page(result)
     folder = claims.with_name(claims.name + ".score") if out is None else out
     page.write(folder, "score")
-    console.answer(page.summary, as_json, _score_table(result.main, page))
+    console.answer(page.summary, as_json, _score_table(page))
     if not as_json:
         console.say(f"score → {folder}")
 
 
-def _score_table(main: str, page: "Document") -> Group:
-    """The figures of a sealed benchmark: targets, the judged entrant, the oracle."""
+def _score_table(page: "Document") -> Group:
+    """The figures of a sealed benchmark: targets, the judged entrant and the next one."""
     table = Table(box=None, padding=(0, 2, 0, 0), header_style="bold")
     table.add_column("")
-    for head in ("target", f"{main} (95 %)", "n", "oracle"):
-        table.add_column(head, justify="right", no_wrap=True)
     figures = page.sections[0].parts[0]
     assert not hasattr(figures, "svg")
+    for head in figures.columns[1:5]:
+        table.add_column(head, justify="right", no_wrap=True)
     for row in figures.rows:
         table.add_row(*row[:5])
     return Group(Text(page.title, style="bold"), Text(page.lead), "", table)
