@@ -153,13 +153,8 @@ def test_the_command_line_takes_several(two, capsys):
 
 
 def test_what_the_second_recording_settles_is_said():
-    part = SimpleNamespace(name=TILT, twins=(PULL,))
-    cause = SimpleNamespace(names=(TILT, PULL), probability=0.9, part=part)
-    ranked = [SimpleNamespace(log_posterior=v, names={n}) for n, v in ((TILT, 0.0), (PULL, -9.0))]
-    alone = SimpleNamespace(
-        verdict=SimpleNamespace(causes=(cause,)),
-        analysis=SimpleNamespace(ranking=SimpleNamespace(explanations=ranked)),
-    )
+    cause = SimpleNamespace(names=(TILT, PULL), probability=0.9, shares=(0.5, 0.5))
+    alone = SimpleNamespace(verdict=SimpleNamespace(causes=(cause,)))
     now = SimpleNamespace(names=(TILT,), probability=0.97)
     both = SimpleNamespace(verdict=SimpleNamespace(causes=(now,)))
     (text,) = settles(alone, both, ["a.parquet", "b.parquet"])

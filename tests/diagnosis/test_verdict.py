@@ -64,6 +64,8 @@ def test_a_rival_has_a_fiftieth_of_its_class_with_odds_halved_in_logarithm(share
     found = decide(ranking(explanation(1.0, TILT), explanation(odds, PULL), unknown=1e-6))
     assert found.verdict == verdict
     assert names(found) == ([(TILT, PULL)] if verdict == "ambiguous" else [(TILT,)])
+    own = (1.0 - share, share) if verdict == "ambiguous" else (1.0,)
+    assert found.causes[0].shares == pytest.approx(own, rel=1e-3)
     if verdict == "identified":  # what is no rival keeps its own probability
         assert found.probabilities[PULL] == pytest.approx(odds, rel=1e-2)
 

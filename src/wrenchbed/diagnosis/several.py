@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from pathlib import PurePath
 
 import numpy as np
-from scipy.special import logsumexp, softmax
+from scipy.special import logsumexp
 
 from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis import answer
@@ -36,7 +36,6 @@ from wrenchbed.diagnosis.explain.joint import (
 )
 from wrenchbed.diagnosis.explain.reliability import Reliability
 from wrenchbed.diagnosis.explain.structures import AT_ONCE, MINOR, NEGLIGIBLE, Analysis, Ranking
-from wrenchbed.diagnosis.explain.verdict import DOUBT, Cause
 from wrenchbed.diagnosis.next.isolability import listed
 from wrenchbed.errors import DiagnosisError
 from wrenchbed.jobs.workers import one_thread
@@ -348,18 +347,10 @@ def settles(alone: Weighed, joint: Weighed, names: Sequence[str]) -> list[str]:
             continue
         gone = sorted(rivals - set(now.names))
         if gone:
-            before = cause.probability * _within(alone.analysis.ranking, now.names, cause)
+            own = zip(cause.names, cause.shares, strict=True)
+            before = cause.probability * sum(share for name, share in own if name in now.names)
             result.append(
                 f"{listed(list(names[1:]))} {verb} {listed(list(now.names))} from {listed(gone)}: "
                 f"probability {before:.2f} → {now.probability:.2f}"
             )
     return result
-
-
-def _within(ranking: Ranking, names: Sequence[str], cause: Cause) -> float:
-    """Share of some members of a class in its probability."""
-    weight = softmax([e.log_posterior for e in ranking.explanations]) ** (1.0 / DOUBT)
-    both = list(zip(ranking.explanations, weight, strict=True))
-    share = {n: max((float(w) for e, w in both if n in e.names), default=0.0) for n in cause.names}
-    share |= {n: share[cause.names[0]] for n in cause.part.twins if n in share}
-    return sum(share.get(n, 0.0) for n in names) / max(sum(share.values()), 1e-300)

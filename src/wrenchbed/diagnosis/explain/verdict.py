@@ -23,11 +23,15 @@ INSEPARABLE = tuple(frozenset({n, c}) for n, e in effects().items() for c in e.c
 
 @dataclass(frozen=True)
 class Cause:
-    """One claimed cause: the effect, then its rivals; the probability that one is present."""
+    """One claimed cause: the effect, then its rivals; the probability that one is present.
+
+    ``shares`` of it are each one's, as far as their evidence goes.
+    """
 
     names: tuple[str, ...]
     probability: float
     part: Part
+    shares: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,7 +146,9 @@ def _causes(
         members = (part.name, *(n for n in rivals if score[n] > RIVAL * total))
         both = zip(weight, ranked, strict=True)
         present = sum(float(w) for w, e in both if e.names & set(members))
-        causes.append(Cause(members, present * part.probability, part))
+        shares = np.array([score[n] for n in members])
+        own = tuple(float(s) for s in shares / max(shares.sum(), 1e-300))
+        causes.append(Cause(members, present * part.probability, part, own))
     return tuple(causes)
 
 
