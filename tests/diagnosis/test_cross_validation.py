@@ -12,7 +12,7 @@ from wrenchbed.benchmark.scoring import reliability_at_design as at_design
 from wrenchbed.diagnosis.evidence.likelihood import BackgroundLevel
 from wrenchbed.diagnosis.explain.refit import Finalist
 from wrenchbed.diagnosis.explain.reliability import NAMES, Reliability, learnt, shipped
-from wrenchbed.diagnosis.explain.structures import predictive_score
+from wrenchbed.diagnosis.explain.structures import prediction_errors, predictive_score
 from wrenchbed.diagnosis.explain.verdict import Cause, Verdict, tempered
 from wrenchbed.errors import DiagnosisError
 from wrenchbed.planning import choose
@@ -31,15 +31,17 @@ def test_the_vote_is_what_each_block_is_given_the_others(columns):
     f = Finalist((), 0, np.zeros(3), np.eye(3), y, y, design, spread, 0.0, spread)
     block = np.array([0, 0, 1, 2])
     K = np.diag(level.v0) + (E * level.V) @ E.T + (design * spread**2) @ design.T
-    expected = 0.0
+    expected, errors = 0.0, np.empty(rows)
     for b in range(3):
         own = np.repeat(block, 6) == b
         gain = K[np.ix_(own, ~own)] @ np.linalg.inv(K[np.ix_(~own, ~own)])
         mean = gain @ y[~own]
         covariance = K[np.ix_(own, own)] - gain @ K[np.ix_(~own, own)]
         expected += multivariate_normal(mean, covariance).logpdf(y[own])
+        errors[own] = y[own] - mean
     expected += 0.5 * rows * np.log(2 * np.pi)
     assert predictive_score(level, f, block) == pytest.approx(expected, rel=1e-6)
+    assert prediction_errors(level, f, block) == pytest.approx(errors, rel=1e-6)
 
 
 def test_reliability_learns_what_tells_right_claims_from_wrong():

@@ -21,13 +21,18 @@ def about(value, half=0.1):
 LARGE = about(6.0)
 
 
-def gap(members=None, closed=None, calibrated=LARGE, floor=0.0):
+def gap(members=None, closed=None, calibrated=LARGE, floor=0.0, channels=None):
     """Gaps on held-out rows, as far as a verdict depends on them."""
     excess = calibrated.value - max(floor, 0.0)
     members = {k: v if isinstance(v, Interval) else about(v) for k, v in (members or {}).items()}
     share = about(closed) if isinstance(closed, float) else closed
     return SimpleNamespace(
-        calibrated=calibrated, floor=floor, excess=excess, members=members, closed=share
+        calibrated=calibrated,
+        floor=floor,
+        excess=excess,
+        members=members,
+        closed=share,
+        channels=calibrated.value if channels is None else channels,
     )
 
 
@@ -167,6 +172,14 @@ def test_unknown_without_a_gap_becomes_none():
 )  # fmt: skip
 def test_a_small_gap_is_one_at_most_beyond_the_noise(calibrated, floor, is_small):
     assert small(gap(calibrated=calibrated, floor=floor)) is is_small
+
+
+def test_small_is_judged_channel_by_channel():
+    """Noise that channels share makes the same imperfection a larger gap."""
+    shared = Interval(1.15, 0.76, 1.59)
+    assert small(gap(calibrated=shared, channels=0.3))
+    assert not small(gap(calibrated=about(1.3), channels=0.3))  # more than 1 for sure
+    assert not small(gap(calibrated=Interval(9.0, 0.1, 20.0), channels=9.0))  # one pose of many
 
 
 def test_what_is_withdrawn_leaves_a_little_of_each_name():

@@ -231,8 +231,9 @@ def _without_outliers(
     for _ in range(MOST_ROUNDS):
         if weighed.settled and weighed.rest < LEFT:
             break
-        claimed = weighed.verdict.explanation.finalist if weighed.settled else None
-        rows = outliers_.suspects(weighed.analysis, claimed) | ~weighed.analysis.prepared.judged
+        claim = _claimed(weighed.analysis, weighed.verdict) if weighed.settled else None
+        named = None if claim is None else claim.finalist
+        rows = outliers_.suspects(weighed.analysis, named) | ~weighed.analysis.prepared.judged
         if np.array_equal(rows, ~weighed.analysis.prepared.judged):
             break
         again = weigh(prepared.aside(rows), known, seed)

@@ -6,12 +6,13 @@ show too predicts its own blocks, so these are no outliers.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from wrenchbed.calibration.observations import usable
+from wrenchbed.diagnosis.evidence.likelihood import BackgroundLevel
 from wrenchbed.diagnosis.explain.refit import Finalist
 from wrenchbed.diagnosis.explain.structures import Analysis, prediction_errors
 from wrenchbed.diagnosis.prepare.prepared import Prepared
@@ -24,6 +25,8 @@ MOST = 0.1
 """Share of blocks that may be outliers: more of them are no exception."""
 ENERGY = 0.3
 """Share of the squared error that outliers hold together at least; estimate."""
+ALIKE = 4.0
+"""Ratio of mean square errors of blocks that are set aside together; estimate."""
 LEVER_M = 0.5
 """Longest lever of a force at a tool [m]; a larger torque is named instead; estimate."""
 NEAR = 0.966
@@ -53,9 +56,10 @@ class Outlier:
     def sentence(self) -> str:
         """What it is, and what may be behind it."""
         force, torque = (float(np.linalg.norm(x)) for x in (self.error[:3], self.error[3:]))
-        size = f"{force:.2g} N along {_axis(self.error[:3])}"
         if torque > LEVER_M * force:
             size = f"{torque:.2g} N·m about {_axis(self.error[3:])}"
+        else:
+            size = f"{force:.2g} N along {_axis(self.error[:3])}"
         if self.pose is not None:
             return f"pose {self.pose}: {size} that no other pose shows: contact, or wrong rows"
         return (
@@ -85,29 +89,51 @@ def suspects(a: Analysis, claimed: Finalist | None = None) -> np.ndarray:
         claimed: what is named, whose form is never exact: a block that it changes by more than it
             misses is none.
     """
-    p, none = a.prepared, np.zeros(len(a.prepared.y), dtype=bool)
-    blocks = a.dictionary.prepared.block_rows
-    best, far_by = none, 0.0
+    p, blocks = a.prepared, a.dictionary.prepared.block_rows
     made = np.zeros(len(np.unique(blocks)))
     if claimed is not None:
         response = a.refitter.response(claimed.parts, claimed.x).reshape(-1, 6)
         made = _of_blocks((response**2).mean(axis=1), blocks)
+    best, far_by = made > np.inf, 0.0
     tried = (a.ranking.explanations[0].finalist, a.refitter.nothing())
     for f in dict.fromkeys(tried) if claimed is None else (claimed,):
-        error = prediction_errors(a.refitter.level_of(f), f, blocks).reshape(-1, 6)
-        square = (error**2).mean(axis=1)
-        numbers = np.unique(blocks)
-        each = _of_blocks(square, blocks)
-        total = each * np.unique(blocks, return_counts=True)[1]
-        typical = max(float(np.median(each)), float(p.variance.mean()))
-        least = max(FAR * typical, LARGE**2 * float(p.variance.max()))
-        far = each > np.maximum(least, made)
-        held = total[far].sum() / total.sum()
-        few = 0 < np.count_nonzero(far) <= max(1.0, MOST * len(numbers))
-        contrast = float(each.max() / typical)
-        if few and held > ENERGY and contrast > far_by:
-            best, far_by = np.isin(p.block, numbers[far]) & p.judged, contrast
-    return best
+        far, contrast = _contradicted(a.refitter.level_of(f), f, p, blocks, made)
+        if contrast > far_by:
+            best, far_by = far, contrast
+    return np.isin(p.block, np.unique(blocks)[best]) & p.judged
+
+
+def _contradicted(
+    level: BackgroundLevel, f: Finalist, p: Prepared, blocks: np.ndarray, made: np.ndarray
+) -> tuple[np.ndarray, float]:
+    """Blocks (b,) far from what the others predict, and the largest error over the typical one.
+
+    The largest errors first: what predicts with them misses other blocks as well.
+    """
+    numbers, count = np.unique(blocks, return_counts=True)
+    none, most = np.zeros(len(numbers), dtype=bool), max(1.0, MOST * len(numbers))
+    far, energy, contrast = none.copy(), np.zeros(len(numbers)), 0.0
+    while True:
+        left = np.isin(blocks, numbers[~far])
+        every = np.repeat(left, 6)
+        less = replace(level, E=level.E[every], v0=level.v0[every], grams=None)
+        of_rest = replace(f, y=f.y[every], design=f.design[every])
+        error = prediction_errors(less, of_rest, blocks[left]).reshape(-1, 6)
+        each = np.zeros(len(numbers))
+        each[~far] = _of_blocks((error**2).mean(axis=1), blocks[left])
+        typical = max(float(np.median(each[~far])), float(p.variance.mean()))
+        least = max(FAR * typical, LARGE**2 * float(p.variance.max()), float(each.max()) / ALIKE)
+        more = each > np.maximum(least, made)
+        if not far.any():
+            energy, contrast = each * count, float(each.max() / typical)
+        if not more.any():
+            break
+        far |= more
+        if np.count_nonzero(far) > most:
+            return none, 0.0
+    if not energy[far].sum() > ENERGY * energy.sum():
+        return none, 0.0
+    return far, contrast
 
 
 def _of_blocks(x: np.ndarray, blocks: np.ndarray) -> np.ndarray:

@@ -111,6 +111,11 @@ class Closure:
         return self.calibrated.value - max(self.floor, 0.0)
 
     @property
+    def channels(self) -> float:
+        """Calibrated gap where noise of a channel is taken to be its own, mean of all."""
+        return float(np.mean([c["before"] for c in self.per_channel.values()]))
+
+    @property
     def shares(self) -> dict[str, float]:
         """The closed share among the causes, by how much of the gap comes back without each.
 

@@ -46,8 +46,13 @@ def upheld(verdict: Verdict, gap: Closure, witnessed: Collection[str] = ()) -> V
 
 
 def small(gap: Closure) -> bool:
-    """Whether there is hardly a gap, so that there may be no cause."""
-    return gap.excess <= LARGEST_NONE
+    """Whether there is hardly a gap, so that there may be no cause.
+
+    Channel by channel, as the analysis weighs it: imperfections do not share how noise scatters
+    together. The gap itself is so small within its interval.
+    """
+    floor = max(gap.floor, 0.0)
+    return max(gap.channels, gap.calibrated.low) - floor <= LARGEST_NONE
 
 
 def closes(member: Interval | None) -> bool:

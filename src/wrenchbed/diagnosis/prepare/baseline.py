@@ -8,7 +8,7 @@ import numpy as np
 
 from wrenchbed.diagnosis.prepare.configuration import STATED, Configuration
 from wrenchbed.diagnosis.prepare.prepared import Prepared
-from wrenchbed.errors import DiagnosisError
+from wrenchbed.errors import DiagnosisError, ParameterError
 
 _DIFFERENCES = (1e-4, 1e-5, 1e-5, 1e-5)
 """Finite differences of mass [kg] and CoG [m]."""
@@ -75,7 +75,14 @@ def calibrate(prepared: Prepared) -> Baseline:
         if np.abs(change[:4]).max() < _DONE:
             break
     moved = {STATED[1]: x[:1] - start[:1], STATED[2]: x[1:] - start[1:]}
-    return Baseline(stated.with_load(x[0], x[1:], bias), moved, tolerances(prepared))
+    try:
+        fitted = stated.with_load(x[0], x[1:], bias)
+    except ParameterError as error:
+        raise DiagnosisError(
+            f"{prepared.recording.name}: the tool that fits best is impossible ({error}): the units "
+            "of forces, torques or lengths do not go together, or this is another robot"
+        ) from error
+    return Baseline(fitted, moved, tolerances(prepared))
 
 
 def tolerances(prepared: Prepared) -> dict[str, np.ndarray]:

@@ -149,8 +149,12 @@ class Prepared:
 
     @cached_property
     def excerpt(self) -> Recording:
-        """Rows in which what happens between rows is looked for."""
-        return scenes.excerpt(self.recording)
+        """Rows in which what happens between rows is looked for, none of a motion set aside."""
+        if self.judged.all() or self.recording.metadata.mode != "dynamic":
+            return scenes.excerpt(self.recording)
+        t = self.scene.t[self.scene.held]
+        nearest = np.searchsorted((t[1:] + t[:-1]) / 2.0, self.recording.t)
+        return scenes.excerpt(scenes.longest(self.recording, self.judged[nearest]))
 
     @cached_property
     def testimony(self) -> Testimony | None:

@@ -94,6 +94,13 @@ def excerpt(recording: Recording) -> Recording:
     return _rows(recording, (begins[:, None] + np.arange(size)).ravel())
 
 
+def longest(recording: Recording, keep: np.ndarray) -> Recording:
+    """The longest run of rows (N,) to keep."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], keep, [False]]).astype(int)))
+    begin, end = max(edges.reshape(-1, 2), key=lambda run: run[1] - run[0])
+    return _rows(recording, slice(begin, end))
+
+
 def notes(given: Recording, used: Recording, looked: Recording) -> Sequence[str]:
     """Which rows of a long recording took part."""
     if len(used) < len(given):
