@@ -310,4 +310,5 @@ def _touched(touch: Touch, text: str) -> dict[str, Any]:
 
 def _untouched(entry: Mapping[str, Any]) -> dict[str, Any]:
     """An entry of ``where`` that says that its share is one of the rows that nothing touched."""
-    return dict(entry) | {"sentence": f"{str(entry['sentence']).rstrip('.')}, untouched."}
+    sentence = str(entry["sentence"]).replace(": no cause is claimed", "")  # the contact is one
+    return dict(entry) | {"sentence": f"{sentence.rstrip('.')}, untouched."}

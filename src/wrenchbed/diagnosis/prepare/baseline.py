@@ -54,7 +54,7 @@ def calibrate(prepared: Prepared) -> Baseline:
     biases = np.stack([prepared.rows(ones * axis).ravel() for axis in np.eye(6)], axis=1)
 
     def weighed(x: np.ndarray) -> np.ndarray:
-        at = stated.with_load(x[0], x[1:]).robot_theta
+        at = _with_load(prepared, x).robot_theta
         return prepared.rows(prepared.at(at).expected).ravel()
 
     x, bias = start, np.zeros(6)
@@ -75,14 +75,23 @@ def calibrate(prepared: Prepared) -> Baseline:
         if np.abs(change[:4]).max() < _DONE:
             break
     moved = {STATED[1]: x[:1] - start[:1], STATED[2]: x[1:] - start[1:]}
+    fitted = _with_load(prepared, x, bias)
+    return Baseline(fitted, moved, tolerances(prepared))
+
+
+def _with_load(prepared: Prepared, x: np.ndarray, bias: np.ndarray | None = None) -> Configuration:
+    """The stated simulator with a mass and CoG (4,) [kg, m].
+
+    Raises:
+        DiagnosisError: no tool is like that.
+    """
     try:
-        fitted = stated.with_load(x[0], x[1:], bias)
+        return prepared.configuration.with_load(x[0], x[1:], bias)
     except ParameterError as error:
         raise DiagnosisError(
-            f"{prepared.recording.name}: the tool that fits best is impossible ({error}): the units "
-            "of forces, torques or lengths do not go together, or this is another robot"
+            f"{prepared.recording.name}: the tool that fits best is impossible ({error}): units of "
+            "forces, torques or lengths do not go together, or this is another robot"
         ) from error
-    return Baseline(fitted, moved, tolerances(prepared))
 
 
 def tolerances(prepared: Prepared) -> dict[str, np.ndarray]:
