@@ -100,6 +100,6 @@ def test_a_number_that_nobody_states_may_be_anything_but_not_endless():
 @pytest.mark.parametrize(("stride", "times"), [(5, 10.0), (100, 1.0)])
 def test_in_a_motion_neighbouring_rows_share_what_the_model_lacks(stride, times):
     d = dictionary(moving=True)
-    d.prepared.stride = stride  # rows 8 ms apart
+    d = replace(d, prepared=replace(d.prepared, stride=stride))  # rows 8 ms apart
     rung = ladder(d)[2]
     assert rung.level.v0 == pytest.approx(1.0 + 0.25 * 0.3 * times)

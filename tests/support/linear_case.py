@@ -4,7 +4,7 @@ Every column has a gap that is stated here, so an effect of amplitude a (in typi
 a gap of a² times that. Noise has a variance of 1 in each reading.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -66,13 +66,15 @@ class Design:
     fold_rows: np.ndarray
     moving: bool = False
     held_out: int | None = None
-    stride = 1
+    stride: int = 1
     variance = np.ones(6)
     scene = SimpleNamespace(robot=None, period=0.008)
 
     def without(self, fold):
         keep = self.fold_rows != fold
-        return Design(self.block_rows[keep], self.fold_rows[keep], self.moving, fold)
+        return replace(
+            self, block_rows=self.block_rows[keep], fold_rows=self.fold_rows[keep], held_out=fold
+        )
 
 
 EFFECTS = {

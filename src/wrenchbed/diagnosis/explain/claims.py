@@ -30,6 +30,9 @@ ZERO_SIGMAS = 0.4
 """Small imperfections move a bias by so much, in σ of a row."""
 ODDS = 0.15
 """Prior odds of a stated number being wrong."""
+HOLDS = 0.1
+"""Gap that a small part makes at least to count with others for what they hold together; estimate:
+a part that makes nothing cannot be what the others stand in for."""
 MANY = 9
 """Columns of an effect that may imitate stated numbers: torques from forces, for instance."""
 
@@ -116,7 +119,8 @@ def _standing_in(
     gap that remains then, beyond the noise.
     """
     d, parts = refitter.d, list[Part]()
-    small = [k for k in f.effects if k not in large]
+    held = {k: d.gap(made_by(refitter, f, [k])) for k in f.effects if k not in large}
+    small = [k for k, gap in held.items() if gap > HOLDS]
     bending = [k for k in f.effects if k in large and any_free_form(f)]
     residual = f.residual + made_by(refitter, f, small)
     if bending:
