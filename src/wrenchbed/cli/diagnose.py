@@ -228,7 +228,7 @@ def _parameter(name: str, text: dict[str, Any]) -> str:
 def _probabilities(d: Diagnosis) -> str:
     best = sorted(d.probabilities.items(), key=lambda kv: -kv[1])
     leading = ", ".join(f"{k} {v:.2f}" for k, v in best if v >= 0.005)
-    return f"leading cause: {leading}; in 90 % of such cases among: {', '.join(d.set90)}"
+    return f"leading cause: {leading}; at least 90 % together: {', '.join(d.set90)}"
 
 
 def _gap(d: Diagnosis) -> Table:

@@ -99,7 +99,7 @@ def diagnose(
         DiagnosisError: the data cannot answer, whatever the cause.
     """
     begun = time.perf_counter()
-    return told(examine(recording, seed, reliability, progress), seed, progress, begun)
+    return findings_of(examine(recording, seed, reliability, progress), seed, progress, begun)
 
 
 class Examined(NamedTuple):
@@ -138,7 +138,7 @@ def examine(
     return Examined(weighed, known, outliers, between, scattered)
 
 
-def told(found: Examined, seed: int, progress: Progress, begun: float) -> Findings:
+def findings_of(found: Examined, seed: int, progress: Progress, begun: float) -> Findings:
     """The answers of what was weighed at ``begun`` [s]."""
     (analysis, untempered, verdict, twin, gap), known, outliers, between, scattered = found
     prepared = analysis.prepared

@@ -22,8 +22,8 @@ from wrenchbed.diagnosis.diagnose import (
     Progress,
     Weighed,
     examine,
+    findings_of,
     settle,
-    told,
 )
 from wrenchbed.diagnosis.evidence.search import MORE, NONE, PRIOR, UNKNOWN
 from wrenchbed.diagnosis.explain.claims import Explanation, Part, explained
@@ -83,7 +83,7 @@ def diagnose_several(
     all_of_them = Examined(
         settled, first.known, first.outliers, _between(each, names), first.scattered
     )
-    found = told(all_of_them, seed, progress, begun)
+    found = findings_of(all_of_them, seed, progress, begun)
     d = found.diagnosis
     own = [n for n in d.notes if n in _of_data(first, d.gap.folds)]
     prefixed = [f"{names[0]}: {n}" for n in own]
