@@ -144,7 +144,7 @@ _COLOURS = {
 _MEANING = {
     "none": "no cause: the residual is within the noise, or normal imperfections",
     "identified": "the cause is known",
-    "partial": "a cause explains a part; most of the gap is something else",
+    "partial": "the named cause is there; most of the gap is something else",
     "ambiguous": "a cause with rivals that this data cannot distinguish",
     "unknown": "a gap, or scatter between rows, that no known effect explains",
 }
