@@ -70,7 +70,8 @@ def place(found: Findings) -> str:
         text = f"in the {' or the '.join(own)}"
         if text not in told:
             told.append(text)
-    return capital(_either(told, " and "))
+    known = _either(told, " and ")
+    return f"Mostly not {known}" if d.verdict == "partial" else capital(known)
 
 
 def places(found: Findings) -> list[str]:
