@@ -21,6 +21,11 @@ def case(rows, columns, seed=0):
     return level, np.diag(v0) + (E * level.V) @ E.T, rng
 
 
+def information(level):
+    """Of all columns."""
+    return level.information(np.arange(len(level.V))[None])[0]
+
+
 SIZES = pytest.mark.parametrize(("rows", "columns"), [(24, 5), (12, 30), (12, 12)])
 
 
@@ -34,18 +39,20 @@ def test_a_level_is_its_dense_matrix(rows, columns):
     assert level.solve(y) == pytest.approx(inverse @ y)
     some = np.array([1, 4, 5])
     assert level.precision(some) == pytest.approx(inverse[np.ix_(some, some)])
-    assert level.information == pytest.approx(level.E.T @ inverse @ level.E)
+    assert information(level) == pytest.approx(level.E.T @ inverse @ level.E)
     assert level.score(y) == pytest.approx(level.E.T @ inverse @ y)
     expected = [multivariate_normal(np.zeros(rows), K).logpdf(c) for c in y.T]
     assert level.null(y) - 0.5 * rows * TWO_PI == pytest.approx(expected)
 
 
-def test_grams_of_channels_say_the_same():
-    level, K, _ = case(24, 5)
-    channels = level.E.reshape(-1, 6, 5)
-    grams = np.stack([channels[:, c].T @ channels[:, c] for c in range(6)])
-    known = replace(level, grams=grams)
-    assert known.information == pytest.approx(level.E.T @ np.linalg.inv(K) @ level.E)
+def test_products_of_channels_say_the_same():
+    d = replace(dictionary(), hypotheses=())
+    weights = np.random.default_rng(3).uniform(0.5, 2.0, 6)
+    dense = d.E.T @ (np.tile(weights, d.rows)[:, None] * d.E)
+    assert d.weighed(weights) == pytest.approx(dense)
+    assert d.without(0).weighed(weights) == pytest.approx(
+        replace(d.without(0), of_all=None).weighed(weights)
+    )
 
 
 @pytest.mark.parametrize(("variance", "kept"), [(0.01, False), (0.05, True)])
@@ -60,7 +67,7 @@ def test_a_gain_is_what_widening_some_columns_adds(rows, columns):
     level, K, rng = case(rows, columns)
     y = rng.standard_normal((rows, 2))
     own, size, scales = np.array([[0, 3]]), np.array([[0.7, 1.3]]), np.array([0.5, 2.0, 4.0])
-    blocks = level.information[own[:, :, None], own[:, None, :]]
+    blocks = level.information(own)
     told = gains(blocks, level.score(y)[own], size, scales)
     assert told.shape == (1, 3, 2)
     for s, scale in enumerate(scales):

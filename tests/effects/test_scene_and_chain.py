@@ -9,7 +9,14 @@ import pytest
 from effect_scenes import SCENES, motion, plain, scene_of
 from wrenchbed import registry
 from wrenchbed.effects.base import STAGES, Pose
-from wrenchbed.effects.chain import ActiveEffect, EffectChain, active_effect, effects, respond
+from wrenchbed.effects.chain import (
+    ActiveEffect,
+    EffectChain,
+    Response,
+    active_effect,
+    effects,
+    respond,
+)
 from wrenchbed.effects.scene import Scene, examples, held_on
 from wrenchbed.errors import NotFoundError, ParameterError
 from wrenchbed.physics.time_derivatives import Jet
@@ -282,3 +289,26 @@ def test_an_effect_by_its_text_has_these_values_and_no_other(text, expected):
 def test_a_text_that_says_nothing_possible_is_refused(text, error, says):
     with pytest.raises(error, match=says):
         active_effect(UR5, text)
+
+
+@pytest.mark.parametrize("robot", ["ur5", "medrue"])
+@pytest.mark.parametrize("mode", ["static", "dynamic"])
+def test_small_errors_of_joints_act_by_the_slopes_of_the_readings(robot, mode):
+    """The full chain's central differences, whose third order is what remains."""
+    loaded = registry.load("robots", robot)
+    (scene,) = (s for s in examples(loaded) if s.mode == mode and s.jointed)
+    response = Response(scene, respond(scene))
+    checked = 0
+    for effect in effects().values():
+        if effect.stages != ("joint",) or not effect.acts(scene):
+            continue
+        known = {p.name: p for p in effect.parameters(loaded)}
+        for v in (*effect.variants(scene), *effect.free_forms(scene)):
+            start = {n: p.nominal for n, p in known.items()} | dict(v.at)
+            half = {n: 0.5 * known[n].tolerance for n in v.free}
+            for n, h in half.items():
+                up, down = (respond(scene, [ActiveEffect(effect, start | {n: x})]) for x in (h, -h))
+                told = response.tangent(effect, known[n], v)
+                assert told == pytest.approx(up - down, abs=1e-6 + 2e-4 * np.abs(told).max())
+                checked += 1
+    assert checked > 20

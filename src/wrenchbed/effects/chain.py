@@ -6,6 +6,7 @@ Effects are named here as on the command line: ``joint.compliance:joint=2,stiffn
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,7 @@ from wrenchbed.effects.base import STAGES, STATED_NUMBERS, Effect, Pose, Variant
 from wrenchbed.effects.scene import Scene, examples
 from wrenchbed.errors import ParameterError
 from wrenchbed.physics.parameters import Parameter
-from wrenchbed.physics.time_derivatives import Value
+from wrenchbed.physics.time_derivatives import Jet, Value
 from wrenchbed.physics.wrench import wrench
 from wrenchbed.robots.base import Robot
 
@@ -130,6 +131,10 @@ class EffectChain:
         return self.respond(scene)
 
 
+_STEP = 1e-4
+"""Of central differences by joint values [rad or m], rates and accelerations; estimate."""
+
+
 @dataclass(frozen=True, eq=False)
 class Response:
     """Readings (M, 6) of a scene, and how they change with one amplitude of one effect."""
@@ -141,13 +146,39 @@ class Response:
         """Change of all readings (M, 6) per typical size, by central differences."""
         start = {p.name: p.nominal for p in effect.parameters(self.scene.robot)} | dict(variant.at)
         half = 0.5 * parameter.tolerance
-        up = self._with(effect, start | {parameter.name: half})
-        down = self._with(effect, start | {parameter.name: -half})
-        return up - down
+        up, down = (
+            EffectChain([ActiveEffect(effect, start | {parameter.name: x})]) for x in (half, -half)
+        )
+        if effect.stages == ("joint",):
+            return self._by_joints(up.displacement(self.scene) - down.displacement(self.scene))
+        nominal = self.reading
+        return up.late_response(self.scene, nominal) - down.late_response(self.scene, nominal)
 
-    def _with(self, effect: Effect, values: Mapping[str, float]) -> np.ndarray:
-        chain = EffectChain([ActiveEffect(effect, values)])
-        return chain.late_response(self.scene, self.reading)
+    def _by_joints(self, shift: Value) -> np.ndarray:
+        """Change of all readings (M, 6) by small shifts of the joint values (M, J)."""
+        given = (shift.v, shift.d, shift.dd) if isinstance(shift, Jet) else (shift,)
+        total = np.zeros((len(self.scene), 6))
+        for slopes, x in zip(self._slopes, given, strict=False):
+            total += np.einsum("jmc,mj->mc", slopes, x)
+        return total
+
+    @cached_property
+    def _slopes(self) -> tuple[np.ndarray, ...]:
+        """Slopes of the readings (J, M, 6) by joint values, in motion by their rates and
+        accelerations too."""
+        scene, orders = self.scene, 3 if self.scene.moving else 1
+        tool = scene.robot.tool(scene.theta)
+
+        def load(order: int, shift: np.ndarray) -> np.ndarray:
+            parts = [shift if k == order else np.zeros_like(shift) for k in range(orders)]
+            q = scene.q + (Jet(*parts) if scene.moving else shift)
+            return wrench(*scene.robot.sensor_pose(q, scene.theta), tool, scene.gravity)
+
+        steps = _STEP * np.eye(scene.joints.shape[1])[:, None, :] * np.ones((len(scene), 1))
+        return tuple(
+            np.stack([(load(k, s) - load(k, -s)) / (2.0 * _STEP) for s in steps])
+            for k in range(orders)
+        )
 
 
 def _only_load(scene: Scene, theta: np.ndarray) -> bool:

@@ -158,15 +158,30 @@ class EffectDictionary:
         return self.E.T @ self.E
 
     @cached_property
-    def grams(self) -> np.ndarray | None:
-        """EᵀE of each channel's rows (6, n, n); None where there are fewer rows than columns."""
-        if len(self.E) <= self.E.shape[1]:
-            return None
-        if self.of_all is not None and self.of_all.grams is not None:
-            fold = self.of_all.prepared.fold_rows == self.prepared.held_out
-            channels = self.of_all.E.reshape(-1, 6, self.E.shape[1])[fold]
-            return self.of_all.grams - _grams(channels)
-        return _grams(self.E.reshape(-1, 6, self.E.shape[1]))
+    def _grams(self) -> np.ndarray:
+        """EᵀE of each channel's rows (6, n, n)."""
+        n = self.E.shape[1]
+        result = np.empty((6, n, n))
+        for c, of_channel in enumerate(np.swapaxes(self.E.reshape(-1, 6, n), 0, 1)):
+            np.matmul(of_channel.T, of_channel, out=result[c])
+        return result
+
+    @cached_property
+    def _weighed(self) -> dict[tuple[float, ...], np.ndarray]:
+        return {}
+
+    def weighed(self, weights: np.ndarray) -> np.ndarray:
+        """Eᵀ W E (n, n) for weights (6,) of the channels."""
+        key = tuple(weights.tolist())
+        if key not in self._weighed:
+            if self.of_all is None:
+                self._weighed[key] = np.tensordot(weights, self._grams, 1)
+            else:
+                held_out = np.repeat(self.of_all.prepared.fold_rows == self.prepared.held_out, 6)
+                root = np.tile(np.sqrt(weights), np.count_nonzero(held_out) // 6)
+                part = self.of_all.E[held_out] * root[:, None]
+                self._weighed[key] = self.of_all.weighed(weights) - part.T @ part
+        return self._weighed[key]
 
     @property
     def rows(self) -> int:
@@ -225,11 +240,6 @@ class EffectDictionary:
     def of_effect(self, name: str) -> np.ndarray:
         """Distinct columns of an effect, whatever the variant."""
         return np.array([k for k, (e, p) in enumerate(self.label) if e == name and p], dtype=int)
-
-
-def _grams(channels: np.ndarray) -> np.ndarray:
-    """XᵀX of each channel of X (R, 6, n)."""
-    return np.stack([channels[:, c].T @ channels[:, c] for c in range(6)])
 
 
 def build(

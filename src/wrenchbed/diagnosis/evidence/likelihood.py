@@ -7,12 +7,13 @@ and the statement's tolerances explain counts (M-open view: Bernardo & Smith 199
 A ladder of background levels covers how much many small imperfections may add to a gap together.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve, eigh
+from scipy.linalg import cho_factor, cho_solve, eigh, solve_triangular
 from scipy.special import logsumexp
 
 from wrenchbed.diagnosis.evidence.dictionary import EffectDictionary
@@ -32,15 +33,15 @@ class BackgroundLevel:
         E: columns (6 R, n).
         v0: noise variance (6 R,), may differ from row to row.
         V: variance of each column's coefficient (n,).
-        grams: EᵀE of each channel's rows (6, n, n) where v₀ is the same in all rows of a channel;
-            without it the products are made from E.
+        weighed: Eᵀ W E (n, n) for weights (6,) of the channels, where v₀ is the same in all rows of
+            a channel; without it the product is made from E.
         few: whether few systems are solved, so that none of what makes many quick is worth it.
     """
 
     E: np.ndarray
     v0: np.ndarray
     V: np.ndarray
-    grams: np.ndarray | None = None
+    weighed: Callable[[np.ndarray], np.ndarray] | None = None
     few: bool = False
 
     @property
@@ -67,9 +68,9 @@ class BackgroundLevel:
     @cached_property
     def _gram(self) -> np.ndarray:
         """Eᵀ v₀⁻¹ E (n, n)."""
-        if self.grams is None:
+        if self.weighed is None:
             return np.asarray(self.E.T @ (self.E / self.v0[:, None]))
-        return np.tensordot(1.0 / self.v0[:6], self.grams, 1)
+        return self.weighed(1.0 / self.v0[:6])
 
     @cached_property
     def _factor(self) -> tuple[np.ndarray, bool]:
@@ -129,20 +130,25 @@ class BackgroundLevel:
         return self.solve(np.eye(len(self.v0)))
 
     @cached_property
-    def information(self) -> np.ndarray:
-        """P = Eᵀ K₀⁻¹ E (n, n)."""
-        g = self._gram if self.tall else None
-        p = self.E.T @ self._solved if g is None else g - g @ self._kept(g)
-        return (p + p.T) / 2
+    def _half(self) -> np.ndarray:
+        """H with HᵀH = Eᵀ K₀⁻¹ E of few rows, or what the background takes from it of many."""
+        factor, lower = self._factor
+        columns = self.E / np.sqrt(self.v0)[:, None]
+        if self.tall:
+            columns = self._root[:, None] * self._gram[self._on]
+        return np.asarray(solve_triangular(factor, columns, lower=lower, check_finite=False))
 
-    @cached_property
-    def _solved(self) -> np.ndarray:
-        return self.solve(self.E)
+    def information(self, columns: np.ndarray) -> np.ndarray:
+        """Blocks of P = Eᵀ K₀⁻¹ E (b, k, k) of sets of columns (b, k)."""
+        taken = squares(self._half, columns)
+        if not self.tall:
+            return taken
+        return np.asarray(self._gram[columns[:, :, None], columns[:, None, :]] - taken)
 
     def score(self, y: np.ndarray) -> np.ndarray:
         """w = Eᵀ K₀⁻¹ y (n, C) of cases y (6 R, C)."""
         if not self.tall:
-            return np.asarray(self._solved.T @ y)
+            return np.asarray(self.E.T @ self.solve(y))
         u = self.E.T @ (y / self.v0[:, None])
         return np.asarray(u - self._gram @ self._kept(u))
 
@@ -153,6 +159,12 @@ class BackgroundLevel:
         z = y / self.v0[:, None]
         u = self.E.T @ z
         return np.asarray(-0.5 * ((y * z).sum(0) - (u * self._kept(u)).sum(0) + self.log_det))
+
+
+def squares(half: np.ndarray, columns: np.ndarray) -> np.ndarray:
+    """Blocks of HᵀH (b, k, k) of sets of columns (b, k) of H (m, n)."""
+    some = half.T[columns]
+    return np.asarray(some @ np.swapaxes(some, 1, 2))
 
 
 def gains(
@@ -287,7 +299,8 @@ def _level(d: EffectDictionary, gap: float) -> BackgroundLevel:
         variance[columns] = SHARES["kernels"] * gap / len(d.kernels)
     variance[d.stated] = np.minimum((WITHIN * d.tolerance) ** 2, LARGE)
     rows = row_variance(d.prepared, SHARES["rows"] * gap)
-    return BackgroundLevel(d.E, rows, variance, d.grams, few=d.prepared.held_out is not None)
+    weighed = None if d.rows * 6 <= len(d.label) else d.weighed
+    return BackgroundLevel(d.E, rows, variance, weighed, few=d.prepared.held_out is not None)
 
 
 def row_variance(prepared: Prepared, gap: float) -> np.ndarray:

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.special import logsumexp
 
 from wrenchbed.diagnosis.evidence.dictionary import EffectDictionary, Hypothesis
-from wrenchbed.diagnosis.evidence.likelihood import Background, gains, ladder
+from wrenchbed.diagnosis.evidence.likelihood import Background, gains, ladder, squares
 
 NONE, UNKNOWN = "none", "unknown"
 PRIOR = {NONE: 0.35, "one": 0.45, UNKNOWN: 0.15}
@@ -57,6 +57,7 @@ class Searcher:
         self.rungs: tuple[Background, ...] = ladder(dictionary)
         self.hypotheses: tuple[Hypothesis, ...] = dictionary.hypotheses
         self.kernels = tuple(dictionary.kernels)
+        self._known: dict[int, list[np.ndarray]] = {}
 
     @cached_property
     def batches(self) -> tuple[_Batch, ...]:
@@ -111,16 +112,23 @@ class Searcher:
         result: list[SingleEvidence] = []
         for r, base in enumerate(self.nulls(y)):
             level = self.rungs[r].level
-            result += self.added(r, float(base), level.information, level.score(y[:, None])[:, 0])
+            result += self.added(r, float(base), level.score(y[:, None])[:, 0])
         return result
 
     def added(
-        self, rung: int, base: float, information: np.ndarray, score: np.ndarray
+        self, rung: int, base: float, score: np.ndarray, known: np.ndarray | None = None
     ) -> list[SingleEvidence]:
-        """What each hypothesis adds to a log evidence, given P (n, n) and w (n,)."""
+        """What each hypothesis adds to a log evidence.
+
+        Args:
+            rung: of the background.
+            base: log evidence without it.
+            score: w of all columns (n,).
+            known: H (m, n); what is in the structure already takes HᵀH of the columns' information.
+        """
         result: list[SingleEvidence] = []
-        for batch in self.batches:
-            blocks = information[batch.columns[:, :, None], batch.columns[:, None, :]]
+        for batch, alone in zip(self.batches, self._information(rung), strict=True):
+            blocks = alone if known is None else alone - squares(known, batch.columns)
             w = score[batch.columns][:, :, None]
             gain = gains(blocks, w, np.ones(batch.columns.shape), batch.scales)[:, :, 0]
             total = logsumexp(gain, axis=1) - np.log(gain.shape[1]) + batch.prior + base
@@ -129,6 +137,13 @@ class Searcher:
                 for k, v in zip(batch.index, total, strict=True)
             ]
         return result
+
+    def _information(self, rung: int) -> list[np.ndarray]:
+        """Information of each batch's columns (b, k, k) on a rung."""
+        if rung not in self._known:
+            level = self.rungs[rung].level
+            self._known[rung] = [level.information(batch.columns) for batch in self.batches]
+        return self._known[rung]
 
     def rung_prior(self, y: np.ndarray) -> np.ndarray:
         """Normal backgrounds alike; larger ones only beside a gap that dwarfs them."""

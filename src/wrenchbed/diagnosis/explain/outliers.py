@@ -116,7 +116,7 @@ def _contradicted(
     while True:
         left = np.isin(blocks, numbers[~far])
         every = np.repeat(left, 6)
-        less = replace(level, E=level.E[every], v0=level.v0[every], grams=None)
+        less = replace(level, E=level.E[every], v0=level.v0[every], weighed=None)
         of_rest = replace(f, y=f.y[every], design=f.design[every])
         error = prediction_errors(less, of_rest, blocks[left]).reshape(-1, 6)
         each = np.zeros(len(numbers))

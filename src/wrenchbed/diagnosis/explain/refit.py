@@ -187,9 +187,13 @@ class Refitter:
         self.d = searcher.d
         self.scene = self.d.prepared.scene
         self._zero = self.d.baseline
-        self.rung_prior = searcher.rung_prior(y)
         self.exact: dict[int, BackgroundLevel] = {}
         self._freed: dict[tuple[int, frozenset[int]], BackgroundLevel] = {}
+
+    @cached_property
+    def rung_prior(self) -> np.ndarray:
+        """Log prior of each rung beside this case (L,)."""
+        return self.searcher.rung_prior(self.y)
 
     def without(self, fold: int) -> "Refitter":
         """Fits of the same case that do not see a fold."""
@@ -377,14 +381,14 @@ class Refitter:
         solved = level.solve(np.column_stack([finalist.design, finalist.y]))
         side = self.d.E.T @ solved[:, :-1]
         normal = finalist.design.T @ solved[:, :-1] + np.diag(1.0 / finalist.spread**2)
-        inner = np.linalg.solve(normal, side.T)
-        information = level.information - side @ inner
-        score = self.d.E.T @ solved[:, -1] - inner.T @ (finalist.design.T @ solved[:, -1])
+        half = np.linalg.solve(np.linalg.cholesky(normal), side.T)
+        known = np.linalg.solve(normal, finalist.design.T @ solved[:, -1])
+        score = self.d.E.T @ solved[:, -1] - side @ known
         base = finalist.log_posterior + float(np.log(MORE / PRIOR["one"]))
         taken = set(finalist.names)
         return [
             s
-            for s in self.searcher.added(finalist.rung, base, information, score)
+            for s in self.searcher.added(finalist.rung, base, score, half)
             if s.index < 0 or self.searcher.hypotheses[s.index].name not in taken
         ]
 

@@ -198,13 +198,19 @@ class Prepared:
 
     def averages(self, x: np.ndarray) -> np.ndarray:
         """Values of the observations (H, k) → averages of ``stride`` rows within a block (R, k)."""
-        keep = self.fitted
-        part, block, s = x[keep], self.block[keep], self.stride
-        if s == 1:
-            return np.asarray(part)
-        groups = [part[block == b] for b in np.unique(block)]
-        full = [g[: len(g) // s * s].reshape(-1, s, x.shape[1]).mean(axis=1) for g in groups]
-        return np.concatenate(full)
+        first, *others = self._averaged_rows
+        total = x[first]
+        for rows in others:
+            total = total + x[rows]
+        return np.asarray(total / self.stride)
+
+    @cached_property
+    def _averaged_rows(self) -> np.ndarray:
+        """Observations of which each average is made (stride, R)."""
+        s, fitted = self.stride, np.flatnonzero(self.fitted)
+        blocks = self.block[fitted]
+        groups = [fitted[blocks == b] for b in np.unique(blocks)] if s > 1 else [fitted]
+        return np.concatenate([g[: len(g) // s * s] for g in groups]).reshape(-1, s).T
 
     @property
     def variance(self) -> np.ndarray:
