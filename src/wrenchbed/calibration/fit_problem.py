@@ -1,11 +1,11 @@
 """A least-squares fit of a model to observations, for any whitening and loss."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from wrenchbed.calibration.least_squares import Solution, solve
+from wrenchbed.calibration.least_squares import SAME, Solution, solve
 from wrenchbed.calibration.observations import Observations
 from wrenchbed.calibration.touches import Touches
 from wrenchbed.simulation.closed_form import Model
@@ -38,6 +38,16 @@ class Problem:
     prior: bool = False
     loss: str = "linear"
     touches: Touches | None = None
+    _last: dict[str, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict, repr=False)
+
+    def _once(
+        self, what: str, x: np.ndarray, make: Callable[[np.ndarray], np.ndarray], near: float = 0.0
+    ) -> np.ndarray:
+        """What is asked for again at the same x, within so many tolerances of it."""
+        known = self._last.get(what)
+        if known is None or np.abs((known[0] - x) / self.scale).max(initial=0.0) > near:
+            known = self._last[what] = (x.copy(), make(x))
+        return known[1]
 
     @property
     def scale(self) -> np.ndarray:
@@ -63,11 +73,15 @@ class Problem:
 
     def residual(self, x: np.ndarray) -> np.ndarray:
         """Measured − predicted (M, 6) [N, N·m]."""
-        return self.data.wrench - self.model.predict(self.data.q, self.at(x))
+        return self._once(
+            "residual", x, lambda y: self.data.wrench - self.model.predict(self.data.q, self.at(y))
+        )
 
     def jacobian(self, x: np.ndarray) -> np.ndarray:
         """Derivative of the prediction (M, 6, K)."""
-        return self.model.jacobian(self.data.q, self.at(x), self.free)
+        return self._once(
+            "jacobian", x, lambda y: self.model.jacobian(self.data.q, self.at(y), self.free), SAME
+        )
 
     def found(self, x: np.ndarray) -> np.ndarray:
         """Variance of the observations about the fit (6,) [N², (N·m)²]; robust if the loss is."""
@@ -98,12 +112,15 @@ class Problem:
             return np.concatenate(rows)
 
         def jacobian(x: np.ndarray) -> np.ndarray:
-            rows = [(whiten(self.jacobian(x)) * weight[..., None]).reshape(-1, len(x))]
+            white = whiten(self.jacobian(x))
+            if self.loss != "linear":
+                white = white * weight[..., None]
+            rows = [white.reshape(-1, len(x))]
             if self.touches is not None:
                 rows.append(self.touches.jacobian(robot, self.at(x), self.free))
             if self.prior:
                 rows.append(np.diag(1.0 / scale))
-            return np.concatenate(rows)
+            return np.concatenate(rows) if len(rows) > 1 else white.reshape(-1, len(x))
 
         return solve(residual, jacobian, start, scale)
 

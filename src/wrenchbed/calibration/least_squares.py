@@ -14,7 +14,11 @@ from wrenchbed.calibration.observability import RANK_TOLERANCE
 MAX_STEPS = 50
 _STEP_DONE = 1e-11
 _COST_DONE = 1e-11
+SAME = 1e-4
+"""A step below this, in tolerances, changes no derivative that counts."""
 _HALVINGS = 30
+_PART = 512
+"""Rows that are triangularised together; more than any model has parameters."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,18 +59,45 @@ def solve(
         scale: typical size of each parameter (K,).
     """
     x, r = start.copy(), residual(start)
-    converged = False
+    converged, fresh = False, False
     steps = 0
     while steps < MAX_STEPS and not converged:
         steps += 1
-        j = jacobian(x) * scale
-        u, s, vt = np.linalg.svd(j, full_matrices=False)
+        j = jacobian(x)
+        triangle, turned = triangular(j, r)
+        u, s, vt = np.linalg.svd(triangle * scale, full_matrices=False)
         keep = s > RANK_TOLERANCE * s[0]
-        step = vt[keep].T @ ((u[:, keep].T @ r) / s[keep])
+        step = vt[keep].T @ ((u[:, keep].T @ turned) / s[keep])
         x, r, moved, gained = _halve(residual, x, r, step * scale)
         size = np.abs(step).max(initial=0.0)
         converged = bool(not moved or size < _STEP_DONE or gained < _COST_DONE)
-    return _solution(x, r, jacobian(x) * scale, scale, steps, converged)
+        fresh = not moved or size < SAME
+    if not fresh:
+        j = jacobian(x)
+        _, s, vt = np.linalg.svd(triangular(j, r)[0] * scale, full_matrices=False)
+        keep = s > RANK_TOLERANCE * s[0]
+    seen = vt[keep].T
+    covariance = (seen / s[keep] ** 2) @ seen.T * np.outer(scale, scale)
+    blind = np.sqrt(np.clip(1.0 - (seen**2).sum(axis=1), 0.0, 1.0))
+    return Solution(x, r, j * scale, covariance, blind, int(keep.sum()), steps, converged)
+
+
+def triangular(j: np.ndarray, r: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """R (K, K) and Qᵀr (K,) of j = Q R (M, K), part by part: each part fits into a cache.
+
+    Golub & Van Loan, Matrix Computations, 4th ed., Section 5.2; Demmel et al. 2012,
+    doi 10.1137/080731992.
+    """
+    both = np.column_stack([j, r])
+    columns = both.shape[1]
+    while len(both) > 2 * _PART:
+        whole = len(both) // _PART * _PART
+        parts = np.asarray(np.linalg.qr(both[:whole].reshape(-1, _PART, columns), mode="r"))
+        both = np.concatenate([parts.reshape(-1, columns), both[whole:]])
+    if len(both) < columns:
+        return j, r
+    both = np.asarray(np.linalg.qr(both, mode="r"))
+    return both[: columns - 1, : columns - 1], both[: columns - 1, -1]
 
 
 def _halve(
@@ -82,14 +113,3 @@ def _halve(
                 return x + step, trial, True, float((cost - new) / max(cost, 1e-300))
             step = step / 2
     return x, r, False, 0.0
-
-
-def _solution(
-    x: np.ndarray, r: np.ndarray, j: np.ndarray, scale: np.ndarray, steps: int, converged: bool
-) -> Solution:
-    _, s, vt = np.linalg.svd(j, full_matrices=False)
-    keep = s > RANK_TOLERANCE * s[0]
-    seen = vt[keep].T
-    covariance = (seen / s[keep] ** 2) @ seen.T * np.outer(scale, scale)
-    blind = np.sqrt(np.clip(1.0 - (seen**2).sum(axis=1), 0.0, 1.0))
-    return Solution(x, r, j, covariance, blind, int(keep.sum()), steps, converged)

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy import special
+from scipy.fft import next_fast_len
 from scipy.optimize import minimize_scalar
 from scipy.special import sici
 
@@ -127,7 +128,8 @@ def none_of(variance: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
     return lambda rows: rows / root.reshape(root.shape + (1,) * (rows.ndim - 2))
 
 
-_REWEIGHTINGS = 3
+_REWEIGHTINGS, _SETTLED = 3, 1e-6
+"""How often weights are found again, at most, and by how much, relative, they still change."""
 _TRUST = 0.01
 """Below this p-value of the residual's χ², the noise seen in the repeats does not explain it."""
 _BATCHES = 20
@@ -202,11 +204,15 @@ def _scattered(problem: Problem, solution: Solution, inflated: bool = True) -> O
     """The residual's own variance and correlation time, channel by channel."""
     data = problem.data
     expected = np.diagonal(data.row_covariance) / float(np.mean(data.count))
+    variance = np.zeros(6)
     for _ in range(_REWEIGHTINGS):
         # many parameters may swallow a channel's residual, never its noise
         found = np.maximum(problem.found(solution.x), expected)
         time = _correlation_time(problem, solution.x)
-        solution = problem.solve(none_of(found * time), solution.x)
+        if np.allclose(found * time, variance, rtol=_SETTLED, atol=0.0):
+            break
+        variance = found * time
+        solution = problem.solve(none_of(variance), solution.x)
     share = np.minimum(1.0, expected / np.maximum(found, 1e-300)) if inflated else np.ones(6)
     effective = float(data.count.sum()) / time * share
     noise = _noise(problem, solution, data.source, effective, inflated)
@@ -249,8 +255,9 @@ def _correlation_time(problem: Problem, x: np.ndarray) -> np.ndarray:
         return np.ones(6)
     r = problem.residual(x)
     r = r - r.mean(axis=0)
-    power = np.abs(np.fft.rfft(r, 2 * len(r), axis=0)) ** 2
-    rho = np.fft.irfft(power, axis=0)[: len(r)]
+    length = next_fast_len(2 * len(r), real=True)
+    power = np.abs(np.fft.rfft(r.T, length)) ** 2
+    rho = np.fft.irfft(power, length)[:, : len(r)].T
     tau = 2 * np.cumsum(rho / np.maximum(rho[0], 1e-300), axis=0) - 1
     window = np.argmax(np.arange(len(r))[:, None] > 5 * tau, axis=0)
     return np.maximum(np.maximum(1.0, tau[window, np.arange(6)]), _batch_time(r))

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from wrenchbed.physics.newton_euler import load, motion_of
 from wrenchbed.physics.rotations import cross
 from wrenchbed.physics.time_derivatives import Jet, Value
 
@@ -39,6 +40,19 @@ class Tool:
         """[c]× (…, 3, 3) [m]: a force at the centre of gravity → its torque."""
         return np.swapaxes(cross(self.cog[..., None, :], np.eye(3)), -1, -2)
 
+    @property
+    def inertial(self) -> np.ndarray:
+        """The ten parameters (…, 10) of `newton_euler`, the sensor's own mass at its origin."""
+        cx, cy, cz = (self.cog[..., k] for k in range(3))
+        m, about = self.mass, self.inertia
+        own = [about[..., i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
+        steiner = (
+            cy * cy + cz * cz, cx * cx + cz * cz, cx * cx + cy * cy, -cx * cy, -cx * cz, -cy * cz,
+        )  # fmt: skip
+        second = [a + m * b for a, b in zip(own, steiner, strict=True)]
+        parts = [m + self.sensor_mass, m * cx, m * cy, m * cz, *second]
+        return np.stack(np.broadcast_arrays(*parts), axis=-1)
+
 
 def wrench(rotation: Value, position: Value, tool: Tool, gravity: np.ndarray) -> np.ndarray:
     """Load on the sensor (…, N, 6) [N, N·m]; static for arrays, Newton–Euler for jets.
@@ -50,7 +64,7 @@ def wrench(rotation: Value, position: Value, tool: Tool, gravity: np.ndarray) ->
         gravity: (3,) in world axes [m/s²].
     """
     if isinstance(rotation, Jet):
-        return _moving(rotation, position, tool, gravity)
+        return load(motion_of(rotation, position, gravity), tool.inertial)
     return weight(_transposed(rotation) @ gravity, tool)
 
 
@@ -67,20 +81,6 @@ def physical_inertia(inertia: Sequence[float] | np.ndarray) -> bool:
     return bool(a >= -slack and a + b >= c - slack)
 
 
-def _moving(rotation: Jet, position: Jet, tool: Tool, gravity: np.ndarray) -> np.ndarray:
-    to_sensor = _transposed(rotation.v)
-    spin = to_sensor @ rotation.d  # [ω]×
-    turn = to_sensor @ rotation.dd  # [ω̇]× + [ω]×²
-    origin = (to_sensor @ (position.dd - gravity)[..., None])[..., 0]  # a − g
-    centre = origin + (turn @ tool.cog[..., None])[..., 0]
-    omega, alpha = _vee(spin), _vee(turn - spin @ spin)
-    momentum = (tool.inertia @ omega[..., None])[..., 0]
-    couple = (tool.inertia @ alpha[..., None])[..., 0] + cross(omega, momentum)
-    load = _join(tool, _scale(tool.mass, -centre), _scale(tool.sensor_mass, -origin))
-    load[..., 3:] -= couple
-    return load
-
-
 def _join(tool: Tool, force: np.ndarray, own: np.ndarray) -> np.ndarray:
     return np.concatenate(np.broadcast_arrays(force + own, cross(tool.cog, force)), axis=-1)
 
@@ -91,7 +91,3 @@ def _transposed(rotation: np.ndarray) -> np.ndarray:
 
 def _scale(factor: np.ndarray, vector: np.ndarray) -> np.ndarray:
     return np.asarray(factor)[..., None] * vector
-
-
-def _vee(skew: np.ndarray) -> np.ndarray:
-    return np.stack([skew[..., 2, 1], skew[..., 0, 2], skew[..., 1, 0]], axis=-1)

@@ -4,7 +4,7 @@ Turns of a robot's base and of its sensor, written into whichever parameters the
 """
 
 from abc import abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
@@ -16,15 +16,18 @@ from scipy.spatial.transform import Rotation
 
 from wrenchbed.errors import NotFoundError, PlanError, WrenchbedError
 from wrenchbed.physics.gravity import ArmBodies
+from wrenchbed.physics.newton_euler import Motion, motion_of
 from wrenchbed.physics.parameters import Parameter, ParameterSet
 from wrenchbed.physics.rotations import euler, exp
-from wrenchbed.physics.time_derivatives import Value, stack_jets
+from wrenchbed.physics.time_derivatives import Jet, Value, stack_jets
 from wrenchbed.physics.wrench import Tool
 
 if TYPE_CHECKING:
     import mujoco
 
 
+STEP = 1e-30
+"""Imaginary step of the complex-step derivative; exact to rounding however small."""
 Values = Mapping[str, Any]
 """Parameter values by name: numbers, or (K, 1) for a batch of K vectors against N poses."""
 
@@ -105,6 +108,20 @@ class Robot(ArmBodies):
         `Model.jacobian` then takes complex steps.
         """
         return None
+
+    def motion_seen(self, q: Jet, theta: np.ndarray, gravity: np.ndarray) -> Motion:
+        """How the sensor moves under gravity in world axes (3,), vectors (3, …, N)."""
+        return motion_of(*self.sensor_pose(q, theta), gravity)
+
+    def motion_slopes(
+        self, q: Jet, theta: np.ndarray, gravity: np.ndarray, names: Sequence[str], here: Motion
+    ) -> Iterator[Motion]:
+        """Derivative of `motion_seen`, ``here``, by each parameter; by complex steps."""
+        for name in names:
+            shifted = theta.astype(complex)
+            shifted[self.parameters.index(name)] += 1j * STEP
+            slope = self.motion_seen(q, shifted, gravity)
+            yield Motion(*(x.imag / STEP for x in slope))
 
     @abstractmethod
     def theta_of_tool(self, theta: np.ndarray, mass: float, cog: Sequence[float]) -> np.ndarray:

@@ -12,7 +12,7 @@ its joint ``q<i>`` turns about its z. Then follow the bodies ``flange``, ``tool`
 """
 
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from wrenchbed.physics.gravity import BodyMass, masses
+from wrenchbed.physics.newton_euler import Motion, Vector
 from wrenchbed.physics.parameters import Parameter, ParameterSet
 from wrenchbed.physics.rotations import apply, cross, exp, exp_rates, inverse_rotated, rot_x, rot_z
 from wrenchbed.physics.time_derivatives import Jet, Value, cos, sin, stack_jets
@@ -207,6 +208,61 @@ class SerialArm(LoadInSensorAxes, SimulatedRobot):
         turned = theta[..., self._turn].any()
         return inverse_rotated(seen, self._mount(theta)) if turned else seen
 
+    def motion_seen(self, q: Jet, theta: np.ndarray, gravity: np.ndarray) -> Motion:
+        """Passed on from joint to joint in the links' own axes, then through the mount.
+
+        Outward recursion of Newton and Euler: Siciliano et al., Robotics (2009), Section 7.5.
+        """
+        motion = self._flange_motion(q, theta, gravity)
+        offset = np.moveaxis(theta[..., self._offset], -1, 0)
+        if offset.any():
+            motion = motion._replace(origin=_shifted(motion, offset))
+        if not theta[..., self._turn].any():
+            return motion
+        mount = self._mount(theta)
+        return Motion(
+            *(np.moveaxis(inverse_rotated(np.moveaxis(x, 0, -1), mount), -1, 0) for x in motion)
+        )
+
+    def motion_slopes(
+        self, q: Jet, theta: np.ndarray, gravity: np.ndarray, names: Sequence[str], here: Motion
+    ) -> Iterator[Motion]:
+        """Written out for the sensor's mount, by complex steps for all else."""
+        mount, rates = self._mount(theta), exp_rates(theta[self._turn])
+        zero = np.zeros_like(here.origin)
+        for name in names:
+            group, _, axis = name.rpartition(".")
+            if group == "mount.position":
+                offset = mount.T @ np.eye(3)["xyz".index(axis)]  # of the origin, in sensor axes
+                yield Motion(_shifted(here, offset) - here.origin, zero, zero)
+            elif group == "mount.rotation":
+                spin = mount.T @ rates[:, "xyz".index(axis)]  # of the sensor, in its axes
+                yield here.map(cross(np.eye(3), spin).T)  # −spin × x
+            else:
+                yield from super().motion_slopes(q, theta, gravity, [name], here)
+
+    def _flange_motion(self, q: Jet, theta: np.ndarray, gravity: np.ndarray) -> Motion:
+        a, d, alpha, dq = (theta[..., columns] for columns in self._dh)
+        a, d, alpha, angle, speed, faster = (
+            np.ascontiguousarray(np.moveaxis(x, -1, 0)) for x in (a, d, alpha, q.v + dq, q.d, q.dd)
+        )
+        terms = (np.cos(angle), np.sin(angle), np.cos(alpha), np.sin(alpha), a, d, speed, faster)
+        still = np.zeros(3)
+        base = np.moveaxis(-gravity @ self._base(theta), -1, 0)
+        motion: tuple[Vector, Vector, Vector] = base, still, still
+        for c, s, ca, sa, ai, di, v, dv in zip(*terms, strict=True):
+            (ox, oy, oz), (wx, wy, wz), (ux, uy, uz) = (_about_z(x, c, s) for x in motion)
+            ux, uy, uz, wz = ux + wy * v, uy - wx * v, uz + dv, wz + v
+            ox, oy, oz = (
+                ox + uy * di - (wy * wy + wz * wz) * ai + wx * wz * di,
+                oy + uz * ai - ux * di + wx * wy * ai + wy * wz * di,
+                oz - uy * ai + wx * wz * ai - (wx * wx + wy * wy) * di,
+            )
+            parts = ((ox, oy, oz), (wx, wy, wz), (ux, uy, uz))
+            origin, spin, turning = ((x, ca * y + sa * z, ca * z - sa * y) for x, y, z in parts)
+            motion = origin, spin, turning
+        return Motion(*(np.stack(np.broadcast_arrays(*x)) for x in motion))
+
     def links(self, q: np.ndarray, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         centres = np.empty((len(q), len(self.bodies), 3))
         frames = self._frames(q, theta)
@@ -295,6 +351,25 @@ class SerialArm(LoadInSensorAxes, SimulatedRobot):
         """R_flange_sensor."""
         turn = theta[..., self._turn]
         return exp(turn[..., 0], turn[..., 1], turn[..., 2]) if turn.any() else np.eye(3)
+
+
+def _about_z(x: Vector, c: np.ndarray, s: np.ndarray) -> tuple[np.ndarray, ...]:
+    """A vector, components first, in axes turned about z."""
+    return c * x[0] + s * x[1], c * x[1] - s * x[0], x[2]
+
+
+def _shifted(motion: Motion, offset: np.ndarray) -> np.ndarray:
+    """Acceleration (3, …, N) of the point at an offset (3, …) [m] from the origin of a motion."""
+    (a, b, c), (u, v, w), (x, y, z) = motion.spin, motion.turning, offset
+    along = a * x + b * y + c * z
+    square = a * a + b * b + c * c
+    return motion.origin + np.stack(
+        [
+            v * z - w * y + a * along - square * x,
+            w * x - u * z + b * along - square * y,
+            u * y - v * x + c * along - square * z,
+        ]
+    )
 
 
 def _at(frames: list[tuple[Value, Value, Value, Value]], spot: Spot) -> np.ndarray:

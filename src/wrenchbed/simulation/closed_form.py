@@ -12,15 +12,14 @@ from wrenchbed import registry
 from wrenchbed.data.metadata import Metadata
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import NotFoundError, PlanError, RecordingError
+from wrenchbed.physics.newton_euler import INERTIAL, change, load, regressor
 from wrenchbed.physics.parameters import Parameter, ParameterSet
 from wrenchbed.physics.rotations import matrix
 from wrenchbed.physics.time_derivatives import Jet, Value, value
-from wrenchbed.physics.wrench import CHANNELS, UNITS, weight, wrench
-from wrenchbed.robots.base import INERTIA_AXES, Robot
+from wrenchbed.physics.wrench import CHANNELS, UNITS, weight
+from wrenchbed.robots.base import INERTIA_AXES, STEP, Robot
 from wrenchbed.robots.oriented import ROBOT as ORIENTED
 
-_STEP = 1e-30
-"""Imaginary step of the complex-step derivative; exact to rounding however small."""
 _ROWS_AT_ONCE = 200_000
 
 
@@ -91,8 +90,7 @@ class Model:
         place, tool = (theta if at is None else at)[..., :n], self.robot.tool(theta[..., :n])
         if not isinstance(q, Jet):
             return weight(self.robot.gravity_seen(q, place, gravity), tool)
-        rotation, position = self.robot.sensor_pose(q, place)
-        return wrench(rotation, position, tool, gravity)
+        return load(self.robot.motion_seen(q, place, gravity), tool.inertial)
 
     def read(self, load: np.ndarray, theta: np.ndarray) -> np.ndarray:
         """What the sensor makes of a load (…, N, 6): its force gains and its bias."""
@@ -114,10 +112,11 @@ class Model:
 
         Complex-step derivative: Squire & Trapp 1998, doi 10.1137/S003614459631241X.
         """
-        if not isinstance(q, Jet):
-            written = self._at_rest(q, theta, columns)
-            if written is not None:
-                return written
+        if isinstance(q, Jet):
+            return self._in_motion(q, theta, columns)
+        written = self._at_rest(q, theta, columns)
+        if written is not None:
+            return written
         n = len(value(q))
         result = np.empty((n, 6, len(columns)))
         still = [k for k, c in enumerate(columns) if not self._moves_pose(c)]
@@ -127,8 +126,8 @@ class Model:
             for start in range(0, len(group), at_once):
                 some = group[start : start + at_once]
                 shifted = np.tile(theta.astype(complex), (len(some), 1, 1))
-                shifted[np.arange(len(some)), 0, [columns[k] for k in some]] += 1j * _STEP
-                part = self.read(self.true_wrench(q, shifted, at), shifted).imag / _STEP
+                shifted[np.arange(len(some)), 0, [columns[k] for k in some]] += 1j * STEP
+                part = self.read(self.true_wrench(q, shifted, at), shifted).imag / STEP
                 result[:, :, some] = np.moveaxis(np.broadcast_to(part, (len(some), n, 6)), 0, -1)
         return result
 
@@ -149,14 +148,43 @@ class Model:
         if turned is None:
             return None
         shifted = np.tile(theta.astype(complex), (len(columns), 1, 1))
-        shifted[np.arange(len(columns)), 0, list(columns)] += 1j * _STEP
-        slopes, offset = (part.imag / _STEP for part in self._linear(shifted))
+        shifted[np.arange(len(columns)), 0, list(columns)] += 1j * STEP
+        slopes, offset = (part.imag / STEP for part in self._linear(shifted))
         result = self.robot.gravity_seen(q, theta[:own], gravity) @ slopes
         result += offset
         here, _ = self._linear(theta)
         for k, column in enumerate(moving):
             result[column] += turned[:, :, k] @ here
         return np.moveaxis(result, 0, -1)
+
+    def _in_motion(self, q: Jet, theta: np.ndarray, columns: Sequence[int]) -> np.ndarray:
+        """The Jacobian in motion: one regressor for all that changes the load or the sensor."""
+        own, names = len(self.robot.parameters), self.robot.parameters.names
+        gravity = np.asarray(self.gravity)
+        motion = self.robot.motion_seen(q, theta[:own], gravity)
+        shifted = np.tile(theta.astype(complex), (len(columns), 1))
+        shifted[np.arange(len(columns)), list(columns)] += 1j * STEP
+        slopes = self.robot.tool(shifted[:, :own]).inertial.imag / STEP
+        phi = self.robot.tool(theta[:own]).inertial
+        given = regressor(motion)
+        result = (given.reshape(-1, INERTIAL) @ slopes.T).reshape(len(given), 6, -1)
+        moving = [k for k, c in enumerate(columns) if self._moves_pose(c)]
+        turned = self.robot.motion_slopes(
+            q, theta[:own], gravity, [names[columns[k]] for k in moving], motion
+        )
+        for k, slope in zip(moving, turned, strict=True):
+            result[:, :, k] += change(motion, slope, phi)
+        gain = theta[own + 6 :].reshape(3, 3)
+        if not np.array_equal(gain, np.eye(3)):
+            result[:, :3] = np.einsum("ij,njk->nik", gain, result[:, :3])
+        force = given[:, :3] @ phi
+        for k, c in enumerate(columns):
+            if own <= c < own + 6:
+                result[:, c - own, k] += 1.0
+            elif c >= own + 6:
+                row, column = divmod(c - own - 6, 3)
+                result[:, row, k] += force[:, column]
+        return result
 
     def _linear(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Reading at rest = γ·M + b: M (…, 3, 6) and b (…, 1, 6), of one robot or (K, 1, P)."""

@@ -1,0 +1,136 @@
+"""Newton–Euler equations of a rigid load as a regressor: linear in its ten inertial parameters.
+
+The ten are φ = m, h = m c (3), J about the sensor's origin (xx yy zz xy xz yz). Atkeson, An &
+Hollerbach 1986, doi 10.1177/027836498600500306. Vectors have their components first, (3, …, N), so
+that every operation runs along the rows.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from wrenchbed.physics.time_derivatives import Jet
+
+Vector = Sequence[np.ndarray] | np.ndarray
+"""Components first: (3, …), or three arrays."""
+INERTIAL = 10
+"""Inertial parameters of a rigid body."""
+
+
+class Motion(NamedTuple):
+    """How a sensor moves, in its own axes, components first (3, …, N).
+
+    Attributes:
+        origin: acceleration of its origin less gravity [m/s²].
+        spin: angular velocity [rad/s].
+        turning: angular acceleration [rad/s²].
+    """
+
+    origin: np.ndarray
+    spin: np.ndarray
+    turning: np.ndarray
+
+    def map(self, columns: np.ndarray) -> "Motion":
+        """All three under a matrix (3, 3)."""
+        return Motion(*(np.tensordot(columns, x, axes=1) for x in self))
+
+
+def motion_of(rotation: Jet, position: Jet, gravity: np.ndarray) -> Motion:
+    """From the jets of R_world_sensor (…, N, 3, 3) and of the origin (…, N, 3) [m]."""
+    to_sensor = np.swapaxes(rotation.v, -1, -2)
+    spin = to_sensor @ rotation.d  # [ω]×
+    turn = to_sensor @ rotation.dd - spin @ spin  # [ω̇]×
+    origin = (to_sensor @ (position.dd - gravity)[..., None])[..., 0]
+    return Motion(np.moveaxis(origin, -1, 0), _vee(spin), _vee(turn))
+
+
+def load(motion: Motion, phi: np.ndarray) -> np.ndarray:
+    """Wrench (…, N, 6) [N, N·m] that loads φ (…, 10), or (K, 1, 10), put on the sensor."""
+    mass, h, inertia = _split(phi)
+    force = [-mass * o for o in motion.origin]
+    torque = [-x for x in _cross(h, motion.origin)]
+    swing = _cross(motion.spin, h)
+    momentum = _times(inertia, motion.spin)
+    for parts, more in (
+        (force, (_cross(motion.turning, h), _cross(motion.spin, swing))),
+        (torque, (_times(inertia, motion.turning), _cross(motion.spin, momentum))),
+    ):
+        for k in range(3):
+            parts[k] = parts[k] - more[0][k] - more[1][k]
+    return np.stack(np.broadcast_arrays(*force, *torque), axis=-1)
+
+
+def change(motion: Motion, slope: Motion, phi: np.ndarray) -> np.ndarray:
+    """Derivative (…, N, 6) of `load` of one φ (10,) along a change of the motion."""
+    mass, h, inertia = _split(phi)
+    spin, by = motion.spin, slope.spin
+    swing = _cross(spin, _cross(by, h)), _cross(by, _cross(spin, h)), _cross(slope.turning, h)
+    couple = (
+        _cross(spin, _times(inertia, by)),
+        _cross(by, _times(inertia, spin)),
+        _times(inertia, slope.turning),
+    )
+    lever = _cross(h, slope.origin)
+    force = [-mass * slope.origin[k] - swing[0][k] - swing[1][k] - swing[2][k] for k in range(3)]
+    torque = [-lever[k] - couple[0][k] - couple[1][k] - couple[2][k] for k in range(3)]
+    return np.stack([*force, *torque], axis=-1)
+
+
+def regressor(motion: Motion) -> np.ndarray:
+    """Y (N, 6, 10) with `load` = Y φ of one motion (3, N)."""
+    n = motion.origin.shape[-1]
+    result = np.zeros((6, INERTIAL, n))
+    result[:3, 0] = -motion.origin
+    a, b, c = motion.spin
+    swing = _turn_matrix(motion)
+    for i in range(3):
+        for j in range(3):
+            result[i, 1 + j] = -swing[i][j]
+    o = motion.origin
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):  # torque −h × o
+        result[3 + i, 1 + j] = -o[k]
+        result[3 + i, 1 + k] = o[j]
+    u, v, w = motion.turning
+    # J ω̇ + ω × J ω with J = xx yy zz xy xz yz
+    result[3, 4:] = -u, b * c, -b * c, a * c - v, -a * b - w, c * c - b * b
+    result[4, 4:] = -a * c, -v, a * c, -b * c - u, a * a - c * c, a * b - w
+    result[5, 4:] = a * b, -a * b, -w, b * b - a * a, b * c - u, -a * c - v
+    return np.ascontiguousarray(np.moveaxis(result, -1, 0))
+
+
+def _turn_matrix(motion: Motion) -> list[list[np.ndarray]]:
+    """[ω̇]× + [ω]×² row by row."""
+    (a, b, c), (u, v, w) = motion.spin, motion.turning
+    return [
+        [-b * b - c * c, a * b - w, a * c + v],
+        [a * b + w, -a * a - c * c, b * c - u],
+        [a * c - v, b * c + u, -a * a - b * b],
+    ]
+
+
+def _split(phi: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Mass (…), h (3, …) and J (6, …)."""
+    parts = np.moveaxis(phi, -1, 0)
+    return parts[0], parts[1:4], parts[4:]
+
+
+def _cross(a: Vector, b: Vector) -> list[np.ndarray]:
+    return [
+        a[1] * b[2] - a[2] * b[1],
+        a[2] * b[0] - a[0] * b[2],
+        a[0] * b[1] - a[1] * b[0],
+    ]  # fmt: skip
+
+
+def _times(inertia: np.ndarray, x: Vector) -> list[np.ndarray]:
+    xx, yy, zz, xy, xz, yz = inertia
+    return [
+        xx * x[0] + xy * x[1] + xz * x[2],
+        xy * x[0] + yy * x[1] + yz * x[2],
+        xz * x[0] + yz * x[1] + zz * x[2],
+    ]
+
+
+def _vee(skew: np.ndarray) -> np.ndarray:
+    return np.stack([skew[..., 2, 1], skew[..., 0, 2], skew[..., 1, 0]])
