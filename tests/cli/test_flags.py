@@ -24,7 +24,7 @@ FLAGS = {
         "sensor=None, set=repeatable, speed=None, tracking=None, view=None, "
         "workspace=None"
     ),
-    "import": "json=False, map=required, out=required",
+    "import": "json=False, map=required, mode=None, name-pattern=None, out=required",
     "calibrate": (
         "free=none, hold=none, json=False, loss=linear, out=None, prior=False, rrd=None, "
         "touch-std=None, touches=None, truth=None"

@@ -21,7 +21,7 @@ _VERBS = {
     "list": ("small_verbs", "list_"),
     "plan": ("plan", "plan"),
     "record": ("record", "record"),
-    "import": ("small_verbs", "import_"),
+    "import": ("import_verb", "import_"),
     "calibrate": ("calibrate", "calibrate"),
     "diagnose": ("diagnose", "diagnose"),
     "view": ("view", "view"),

@@ -1,4 +1,4 @@
-"""The verbs with few options: list, import, simulate, export and study."""
+"""The verbs with few options: list, simulate, export and study."""
 
 from pathlib import Path
 from typing import Literal
@@ -32,31 +32,6 @@ def list_(
     for name, text in rows.items():
         table.add_row(Text(name, style="bold"), text)
     console.answer(rows, as_json, table)
-
-
-def import_(
-    files: tyro.conf.Positional[tuple[Path, ...]],
-    /,
-    map: Path,
-    out: Path,
-    as_json: Json = False,
-) -> None:
-    """Bring CSV files, rosbags and MCAP files in through a column map that states units.
-
-    Args:
-        files: CSV files, rosbags (1 or 2), MCAP files; several are merged on time.
-        map: TOML or JSON column map (docs/how-to/import.md), or the name of a ready one: ros-ur5,
-            ros-oriented, ur-rtde, ur-client.
-        out: Recording to write.
-        as_json: Print the result as JSON.
-    """
-    console.check_out(out, map, *files)
-    imported = wb.import_files(files, wb.read_map(map))
-    imported.recording.write(out)
-    rows, excluded = len(imported.recording), imported.left_out
-    result = {"recording": str(out), "rows": rows, "rows_left_out": excluded}
-    rest = f", {excluded} outside the other files' times left out" if excluded else ""
-    console.answer(result, as_json, f"imported {rows} rows{rest} → {out}")
 
 
 def simulate(

@@ -4,6 +4,7 @@ import json
 import tomllib
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
+from difflib import get_close_matches
 from pathlib import Path
 from sys import float_info
 from typing import Any
@@ -38,6 +39,13 @@ def is_number(value: Any) -> bool:
     return plain and abs(value) <= float_info.max
 
 
+def did_you_mean(word: str, known: Collection[str]) -> str:
+    """``; did you mean 'this'?`` if a known word is close, else nothing."""
+    close = get_close_matches(str(word), list(known), 1)
+    close = close or [k for k in known if len(str(word)) > 2 and k.startswith(str(word))]
+    return f"; did you mean {close[0]!r}?" if close else ""
+
+
 class Fields:
     """An object of a file whose fields are checked as they are read.
 
@@ -66,8 +74,9 @@ class Fields:
         for key in self.raw:
             if key not in known:
                 has = ", ".join(sorted(known))
+                close = did_you_mean(key, known)
                 raise self.kind(
-                    f"{self.where}there is no field {self._label(key)}; {what} has {has}"
+                    f"{self.where}there is no field {self._label(key)}{close}; {what} has {has}"
                 )
         return self
 

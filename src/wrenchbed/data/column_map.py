@@ -1,13 +1,14 @@
 """A column map: which columns of which files make a recording, in which units. TOML or JSON."""
 
+import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from wrenchbed.data.checked import Fields, load
-from wrenchbed.data.metadata import Metadata, parse
+from wrenchbed.data.checked import Fields, did_you_mean, load
+from wrenchbed.data.metadata import MODES, Metadata, SensorInfo, ToolInfo, parse
 from wrenchbed.errors import MapError, RecordingError
 from wrenchbed.physics.wrench import CHANNELS
 
@@ -18,23 +19,42 @@ UNITS: dict[str, tuple[str, float]] = {
     "rad/s": ("angular velocity", 1.0), "deg/s": ("angular velocity", 0.017453292519943295),
     "m": ("length", 1.0), "mm": ("length", 1e-3),
     "N": ("force", 1.0), "kN": ("force", 1e3), "lbf": ("force", 4.4482216152605),
-    "kgf": ("force", 9.80665),
+    "kgf": ("force", 9.80665), "gf": ("force", 9.80665e-3),
     "N·m": ("torque", 1.0), "Nm": ("torque", 1.0), "N.m": ("torque", 1.0), "N*m": ("torque", 1.0),
     "Nmm": ("torque", 1e-3), "N·mm": ("torque", 1e-3), "lbf·in": ("torque", 0.1129848290276167),
-    "lbf-in": ("torque", 0.1129848290276167),
+    "lbf-in": ("torque", 0.1129848290276167), "lbf·ft": ("torque", 1.3558179483314004),
+    "kgf·m": ("torque", 9.80665), "kgf·cm": ("torque", 9.80665e-2),
+    "kgf·mm": ("torque", 9.80665e-3), "gf·cm": ("torque", 9.80665e-5),
     "m/s²": ("acceleration", 1.0), "m/s^2": ("acceleration", 1.0), "g": ("acceleration", 9.80665),
     "°C": ("temperature", 1.0), "degC": ("temperature", 1.0),
     "1": ("number", 1.0),
 }  # fmt: skip
 """Unit → its quantity and its size in SI."""
 
+AUTO = "auto"
+"""Mode of a log of holds and moves."""
+TOLERANCES = ("tool.mass", "tool.cog", "sensor.bias")
+_FILE = ("match", "topic", "delimiter", "each", "name_pattern", "columns")
+_COLUMN = ("column", "unit", "sign", "zero")
+_ORDER = re.compile(r"^(?:[XYZ]{3}|[xyz]{3})$")
+_UNIT_SQUARE = 2e-3
+"""Largest error of a unit quaternion's square: four digits are enough."""
 ROTATION = tuple(f"r{i}{j}" for i in (1, 2, 3) for j in (1, 2, 3))
 """Elements of R_base_sensor in row order, for a map that gives a rotation matrix."""
+ROTATION_VECTOR = ("rx", "ry", "rz")
+"""Rotation vector of the sensor in the base, as a UR writes its tool's."""
+ROLL_PITCH_YAW = ("roll", "pitch", "yaw")
+"""R = Rz(yaw) Ry(pitch) Rx(roll): ROS's angles, and KUKA's C, B, A."""
+EULER = ("e1", "e2", "e3")
+"""Angles about the axes that ``orientation.order`` names."""
+ANGLES = (ROTATION_VECTOR, ROLL_PITCH_YAW, EULER)
+_QUATERNION = ("qw", "qx", "qy", "qz")
 _FIXED = {
     "t": "time", "temperature": "temperature", "ax": "acceleration", "ay": "acceleration",
     "az": "acceleration", **dict.fromkeys(CHANNELS[:3], "force"),
     **dict.fromkeys(CHANNELS[3:], "torque"), **dict.fromkeys(ROTATION, "number"),
-    **dict.fromkeys(("qw", "qx", "qy", "qz", "segment", "status"), "number"),
+    **dict.fromkeys((*_QUATERNION, "segment", "status"), "number"),
+    **dict.fromkeys((name for three in ANGLES for name in three), "angle"),
 }  # fmt: skip
 _JOINT = {"q": ("angle", "length"), "qd": ("angular velocity",), "q_target": ("angle", "length"),
           "tau": ("torque",)}  # fmt: skip
@@ -61,13 +81,17 @@ class FileMap:
 
     Attributes:
         topic: of a log, whose messages' fields are its columns.
-        delimiter: of a CSV file.
+        delimiter: of a text file; found out if none.
+        each: ``pose`` if every file that matches is one pose.
+        name_pattern: of file names, with ``{column}`` where a value stands.
     """
 
     match: str
     columns: tuple[Source, ...]
     topic: str | None = None
-    delimiter: str = ","
+    delimiter: str | None = None
+    each: str | None = None
+    name_pattern: str | None = None
 
     @property
     def clock(self) -> Source | None:
@@ -75,13 +99,37 @@ class FileMap:
 
 
 @dataclass(frozen=True)
+class Conventions:
+    """In which axes a file gives wrench and orientation.
+
+    Attributes:
+        wrench_axes: ``sensor``, ``flange`` (torque about the flange's origin) or ``base``.
+        of: whose orientation is given, ``sensor`` or ``flange``.
+        inverse: whether it is that of the base in the sensor or flange (a conjugate).
+        order: axes of e1 e2 e3; moving axes in capitals (``ZYX``), fixed ones in small letters.
+        constant: orientation w x y z of a sensor that is never turned.
+    """
+
+    wrench_axes: str = "sensor"
+    of: str = "sensor"
+    inverse: bool = False
+    order: str | None = None
+    constant: tuple[float, ...] | None = None
+
+
+@dataclass(frozen=True)
 class ColumnMap:
-    """A whole map: files in order, the first sets the rows; rate of rows without a clock."""
+    """A whole map: files in order, the first sets the rows; rate of rows without a clock.
+
+    ``mode`` is ``static``, ``dynamic`` or ``auto``: a log of holds and moves, told apart by itself.
+    """
 
     files: tuple[FileMap, ...]
     metadata: Metadata
     rate_hz: float | None
     name: str
+    conventions: Conventions = field(default_factory=Conventions)
+    mode: str = "static"
 
 
 def ready() -> dict[str, Path]:
@@ -97,18 +145,91 @@ def read(path: str | Path) -> ColumnMap:
         MapError: names the file, the entry and what it should say.
     """
     path = ready().get(str(path), Path(path))
-    raw = _load(path)
-    try:
-        stated = raw.part("recording").raw
-        metadata = parse({"format": 1, "source": "import", **stated}, str(path))
-    except RecordingError as error:
-        raise MapError(str(error)) from error
+    return from_fields(_load(path), str(path))
+
+
+def from_fields(raw: Fields, name: str) -> ColumnMap:
+    """A map from its fields, checked; ``name`` is for messages.
+
+    Raises:
+        MapError: names the entry and what it should say.
+    """
+    mode, metadata = _recording(raw.part("recording"), name)
     entries = raw.raw.get("file")
     if not isinstance(entries, list) or not entries:
-        raise MapError(f'{path}: needs at least one [[file]] with match = "*.csv" and columns')
-    files = tuple(_file(f"{path}: [[file]] {k}: ", x) for k, x in enumerate(entries, start=1))
-    _consistent(path, files)
-    return ColumnMap(files, metadata, metadata.rate_hz, str(path))
+        raise MapError(f'{name}: needs at least one [[file]] with match = "*.csv" and columns')
+    files = tuple(_file(f"{name}: [[file]] {k}: ", x) for k, x in enumerate(entries, start=1))
+    conventions = _conventions(raw, metadata)
+    _consistent(name, files)
+    _one_orientation(name, files, conventions)
+    return ColumnMap(files, metadata, metadata.rate_hz, name, conventions, mode)
+
+
+def _recording(stated: Fields, name: str) -> tuple[str, Metadata]:
+    """Mode and metadata; keys that do not exist are refused."""
+    stated.only(set(Metadata.__dataclass_fields__) - {"extra"} | {"format"}, "[recording]")
+    stated.part("tool").only(ToolInfo.__dataclass_fields__, "[recording.tool]")
+    stated.part("sensor").only(SensorInfo.__dataclass_fields__, "[recording.sensor]")
+    stated.part("tolerance").only(TOLERANCES, "[recording.tolerance]")
+    mode = stated.choice(
+        "mode", (*MODES, AUTO), "must be 'static', 'dynamic' or 'auto' (holds and moves)"
+    )
+    known = dict(stated.raw) | {"mode": "dynamic" if mode == AUTO else mode}
+    try:
+        return mode, parse({"format": 1, "source": "import", **known}, name)
+    except RecordingError as error:
+        raise MapError(str(error)) from error
+
+
+def _conventions(raw: Fields, metadata: Metadata) -> Conventions:
+    wrench, turn = raw.part("wrench"), raw.part("orientation")
+    wrench.only({"axes"}, "[wrench]")
+    turn.only({"of", "inverse", "order", "constant"}, "[orientation]")
+    mounted = metadata.sensor.pose_flange is not None
+    bodies = ("sensor", "flange")
+    inverse = turn.raw.get("inverse", False)
+    if not isinstance(inverse, bool):
+        raise turn.error("inverse", "must be true or false")
+    order = turn.text("order", rule="must name three axes")
+    if order is not None and not _ORDER.match(order):
+        raise turn.error("order", "must name three axes, as ZYX (moving) or xyz (fixed)")
+    constant = turn.numbers("constant", 4, rule="must be a unit quaternion w, x, y, z")
+    if constant is not None and abs(sum(x * x for x in constant) - 1.0) > _UNIT_SQUARE:
+        raise turn.error("constant", "must be a unit quaternion w, x, y, z")
+    axes = wrench.choice(
+        "axes", (*bodies, "base"), "must be 'sensor', 'flange' or 'base'", default="sensor"
+    )
+    body = turn.choice(
+        "of", bodies, "must be 'sensor' or 'flange'", default="flange" if mounted else "sensor"
+    )
+    if not mounted and (axes == "flange" or body == "flange"):
+        asks = turn if body == "flange" else wrench
+        raise asks.error(
+            "of" if body == "flange" else "axes",
+            "needs recording.sensor.pose_flange = [x, y, z, qw, qx, qy, qz]",
+        )
+    return Conventions(axes, body, inverse, order, constant)
+
+
+def _one_orientation(name: str, files: tuple[FileMap, ...], told: Conventions) -> None:
+    """Refuse a part of an orientation, or two of them."""
+    seen = {c.target for f in files for c in f.columns}
+    kinds = (_QUATERNION, ROTATION, *ANGLES)
+    found = [kind for kind in kinds if seen & set(kind)]
+    for kind in found:
+        missing = [c for c in kind if c not in seen]
+        if missing:
+            what = "a rotation matrix" if kind == ROTATION else "an orientation"
+            whole = f"{kind[0]}…{kind[-1]}" if kind == ROTATION else " ".join(kind)
+            count = len(kind) - len(missing)
+            raise MapError(f"{name}: {what} needs all of {whole}, found {count}")
+    if len(found) + (told.constant is not None) > 1:
+        raise MapError(
+            f"{name}: one orientation is needed, found "
+            + " and ".join([" ".join(k) for k in found] + ["orientation.constant"])
+        )
+    if (EULER in found) != (told.order is not None):
+        raise MapError(f'{name}: e1 e2 e3 need [orientation] order = "ZYX", and only they')
 
 
 def _load(path: Path) -> Fields:
@@ -118,33 +239,47 @@ def _load(path: Path) -> Fields:
         if path.exists():
             raise
         raise MapError(f"{error}; ready maps: {', '.join(ready())}") from error
-    return Fields(raw, f"{path}: ", MapError).only({"recording", "file"}, "a map")
+    return Fields(raw, f"{path}: ", MapError).only(
+        {"recording", "file", "wrench", "orientation"}, "a map"
+    )
 
 
 def _file(where: str, entry: Any) -> FileMap:
-    fields = Fields(entry, where, MapError)
+    fields = Fields(entry, where, MapError).only(_FILE, "a [[file]]")
     columns = fields.part("columns")
     if not columns.raw:
         raise MapError(f'{where}needs columns = {{ fx = {{ column = "Fx", unit = "N" }}, … }}')
-    delimiter = fields.text("delimiter", rule="must be one character") or ","
-    if len(delimiter) != 1:
+    delimiter = fields.text("delimiter", rule="must be one character")
+    if delimiter is not None and len(delimiter) != 1:
         raise fields.error("delimiter", "must be one character")
+    each = fields.text("each")
+    if each not in (None, "pose"):
+        raise fields.error("each", "must be 'pose' (every file is one) or absent")
     return FileMap(
         fields.text("match", rule="must be a file name or pattern") or "*",
         tuple(_source(where, target, entry) for target, entry in columns.raw.items()),
         fields.text("topic", rule="must be the name of one"),
         delimiter,
+        each,
+        fields.text("name_pattern", rule="must be a file name with {column} for each value"),
     )
 
 
 def _source(where: str, target: str, entry: Any) -> Source:
     quantities = _quantities(target)
     if not quantities:
-        known = "t, fx…tz, q1…, qw qx qy qz, r11…r33, ax ay az, temperature, segment, status"
-        raise MapError(f"{where}{target!r} is no column of a recording; known: {known}")
-    if not isinstance(entry, Mapping) or not isinstance(entry.get("column"), str):
+        known = (
+            "t, fx…tz, q1…, qw qx qy qz, r11…r33, rx ry rz, roll pitch yaw, e1 e2 e3, ax ay az, "
+            "temperature, segment, status"
+        )
+        close = did_you_mean(target, _FIXED)
+        raise MapError(f"{where}{target!r} is no column of a recording{close}; known: {known}")
+    column = entry.get("column") if isinstance(entry, Mapping) else None
+    if isinstance(column, int) and not isinstance(column, bool):
+        column = str(column)
+    if not isinstance(column, str):
         raise MapError(f'{where}{target} needs a table with column = "…" and unit = "…"')
-    fields = Fields(entry, where, MapError, target)
+    fields = Fields(entry, where, MapError, target).only(_COLUMN, "a column")
     unit = entry.get("unit", "1" if quantities == ("number",) else None)
     units = ", ".join(u for u, (quantity, _) in UNITS.items() if quantity in quantities)
     if unit is None:
@@ -156,7 +291,7 @@ def _source(where: str, target: str, entry: Any) -> Source:
     if sign not in (1, -1):
         raise fields.error("sign", "must be 1 or -1")
     zero = fields.number("zero", unit) or 0.0
-    return Source(target, entry["column"], unit, float(sign), zero)
+    return Source(target, column, unit, float(sign), zero)
 
 
 def _quantities(target: str) -> tuple[str, ...]:
@@ -166,20 +301,17 @@ def _quantities(target: str) -> tuple[str, ...]:
     return _JOINT.get(stem, ()) if stem != target else ()
 
 
-def _consistent(path: Path, files: tuple[FileMap, ...]) -> None:
+def _consistent(name: str, files: tuple[FileMap, ...]) -> None:
     seen: dict[str, Source] = {}
     for column in (c for f in files for c in f.columns):
         if column.target in seen and column.target != "t":
-            raise MapError(f"{path}: {column.target} is mapped twice")
+            raise MapError(f"{name}: {column.target} is mapped twice")
         seen[column.target] = column
     for group in (CHANNELS[:3], CHANNELS[3:], ("ax", "ay", "az")):
         units = {t: seen[t].unit for t in group if t in seen}
         if len(set(units.values())) > 1:
             stated = ", ".join(f"{t} in {u}" for t, u in units.items())
-            raise MapError(f"{path}: mixed units: {stated}; one sensor reports in one unit")
+            raise MapError(f"{name}: mixed units: {stated}; one sensor reports in one unit")
     missing = [c for c in CHANNELS if c not in seen]
     if missing:
-        raise MapError(f"{path}: no column is mapped to {', '.join(missing)}")
-    rotation = [r for r in ROTATION if r in seen]
-    if rotation and len(rotation) != 9:
-        raise MapError(f"{path}: a rotation matrix needs all of r11…r33, found {len(rotation)}")
+        raise MapError(f"{name}: no column is mapped to {', '.join(missing)}")

@@ -11,6 +11,8 @@ from wrenchbed.physics.wrench import CHANNELS
 MOVING = 1e-4
 MOVING_WITHIN_SEGMENT = 1e-3
 """Steps of joint values (or quaternion components) below these are one pose [rad or m]."""
+NEAR_ROWS = 25
+"""Rows before and behind a step of a segment whose means tell a move from noise; estimate."""
 ROWS_AT_ONCE = 500_000
 """Rows processed together: this bounds the memory that a long recording needs."""
 
@@ -61,7 +63,11 @@ def gather(recording: Recording, keep: np.ndarray) -> Holds:
         limit = MOVING_WITHIN_SEGMENT
         change |= np.diff(column("segment")) != 0
     for name in names:
-        change |= np.abs(np.diff(column(name))) > limit
+        values = column(name)
+        jumps = np.abs(np.diff(values)) > limit
+        if segment is not None and jumps.any():
+            jumps[jumps] = _stays_away(values, np.flatnonzero(jumps), limit)
+        change |= jumps
     starts = np.concatenate([[0], np.flatnonzero(change) + 1])
     count = np.diff(np.append(starts, len(t)))
 
@@ -75,6 +81,16 @@ def gather(recording: Recording, keep: np.ndarray) -> Holds:
         rows = [column(c) for c in CHANNELS]
         covariance = sum(r.T @ r for _, r in about_means(rows, wrench, count)) / dof
     return Holds(mean("t"), middle, wrench, count, covariance, dof, starts)
+
+
+def _stays_away(values: np.ndarray, jumps: np.ndarray, limit: float) -> np.ndarray:
+    """Whether values (N,) are elsewhere behind a jump than before it: noise comes back."""
+    total = np.concatenate([[0.0], np.cumsum(values - values[0], dtype=float)])
+    here = jumps + 1  # the first row behind the jump
+    low, high = np.maximum(here - NEAR_ROWS, 0), np.minimum(here + NEAR_ROWS, len(values))
+    before = (total[here] - total[low]) / (here - low)
+    behind = (total[high] - total[here]) / (high - here)
+    return np.asarray(np.abs(behind - before) > limit)
 
 
 def about_means(

@@ -1,37 +1,61 @@
-"""Bring CSV files and robots' logs in: columns mapped, units converted, clocks merged.
+"""Bring text files and robots' logs in: columns mapped, units converted, clocks merged.
 
 The first file of the map sets the rows. Columns of other files are interpolated to its times,
-orientations along the shortest rotation (slerp), and rows outside any file's time are left out.
+orientations along the shortest rotation (slerp), and rows outside any file's time are left out;
+files without a clock are laid beside it row by row.
 """
 
 import fnmatch
-from collections.abc import Sequence
-from dataclasses import dataclass
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.csv as pcsv
-from scipy.spatial.transform import Rotation, Slerp
+from scipy.spatial.transform import Rotation
 
-from wrenchbed.data.column_map import ROTATION, ColumnMap, FileMap
+from wrenchbed import registry
+from wrenchbed.data.column_map import ANGLES, AUTO, ROTATION, ColumnMap, FileMap
+from wrenchbed.data.even_clock import at_times, even_clock
 from wrenchbed.data.logs import is_log
 from wrenchbed.data.logs import table as log_table
-from wrenchbed.data.recording import QUATERNION, Recording
-from wrenchbed.errors import MapError
-from wrenchbed.physics.rotations import quaternion
+from wrenchbed.data.metadata import Metadata
+from wrenchbed.data.orientation_columns import columns_of, of_sensor, turned, wrench_in_sensor
+from wrenchbed.data.recording import Recording, joint_columns
+from wrenchbed.data.rests import Split, split, with_noise
+from wrenchbed.data.text_table import BLANKS, column_numbers, read_text
+from wrenchbed.errors import MapError, NotFoundError
+from wrenchbed.physics.wrench import CHANNELS
 
-_ORTHONORMAL = 1e-3
-"""Largest |RᵀR − I| of a rotation matrix; printed with four digits it is about 1e-4."""
+HOLD = "hold"
+"""Column of a whole log of mode auto: the number of the row's hold from 0, −1 in a move."""
 _POSES_PER_SECOND = 1.0
+_BETWEEN_POSES_S = 1.0
+"""Time between the last row of a pose's file and the first of the next [s]."""
+_GIVEN = {*ROTATION, *(name for three in ANGLES for name in three)}
+"""Columns that become a quaternion."""
+_VALUE = re.compile(r"\{(\w+)\}")
+_NUMBER = r"([+-]?\d+(?:\.\d+)?(?:[eE][+-]?\d+)?)"
 
 
 @dataclass(frozen=True, eq=False)
 class Imported:
-    """A recording, and what was left out: rows outside the other files' times."""
+    """A recording, and what became of the rows.
+
+    Attributes:
+        recording: poses at rest, or a motion.
+        left_out: rows outside the other files' times.
+        notes: sentences on what was done to the clock and to the rows.
+        motion: of a log of holds and moves (mode auto) all of it, the moves too; else None.
+        split: its holds and moves; else None.
+    """
 
     recording: Recording
     left_out: int
+    notes: tuple[str, ...] = ()
+    motion: Recording | None = None
+    split: Split | None = None
 
 
 def import_files(files: Sequence[str | Path], column_map: ColumnMap) -> Imported:
@@ -42,86 +66,145 @@ def import_files(files: Sequence[str | Path], column_map: ColumnMap) -> Imported
             a clock that does not advance, or files whose times do not overlap.
         RecordingError: the result is no valid recording.
     """
+    data, left_out, name = merged(files, column_map)
+    notes: list[str] = []
+    moving = column_map.mode != "static"
+    if moving and joint_columns(data):
+        clock = even_clock(data["t"])
+        if clock is not None:
+            data = {"t": clock.t} | at_times(data, clock.t)
+            notes.append(clock.sentence)
+    columns = {"t": data["t"] - data["t"][0]} | {k: v for k, v in data.items() if k != "t"}
+    for whole in ("segment", "status"):
+        if whole in columns:
+            columns[whole] = columns[whole].astype(np.int64)
+    recording = with_noise(Recording(column_map.metadata, columns, name))
+    if column_map.mode != AUTO:
+        return Imported(recording, left_out, tuple(notes))
+    found = split(recording)
+    notes.append(found.sentence)
+    rest = found.at_rest(recording, replace(recording.metadata, mode="static"))
+    motion = Recording(
+        recording.metadata, dict(recording.columns) | {HOLD: found.hold}, recording.name
+    )
+    return Imported(rest, left_out, tuple(notes), motion, found)
+
+
+def merged(
+    files: Sequence[str | Path], column_map: ColumnMap
+) -> tuple[dict[str, np.ndarray], int, str]:
+    """Columns of a recording (t, wrench in sensor axes, joints or quaternion), rows left out, and
+    the first file's name.
+
+    Raises:
+        MapError: see `import_files`.
+    """
     paths = [Path(f) for f in files]
-    tables = [(_matching(m, paths, column_map.name), m) for m in column_map.files]
-    used = {p for p, _ in tables}
+    groups = [(_matching(m, paths, column_map.name), m) for m in column_map.files]
+    used = {p for hits, _ in groups for p in hits}
     for path in paths:
         if path not in used:
             raise MapError(f"{path}: no [[file]] of {column_map.name} matches this file")
-    parts = [_columns(path, m) for path, m in tables]
-    first = parts[0] | {"t": _clock(parts[0], tables[0][0], column_map)}
+    parts = [_part(hits, m, column_map) for hits, m in groups]
+    names = [hits[0] for hits, _ in groups]
+    first = parts[0] | {"t": _clock(parts[0], names[0], column_map)}
     t = _since(first["t"], first["t"][0])
     data = {k: v for k, v in first.items() if k != "t"}
     inside = np.ones(len(t), dtype=bool)
-    for part, (path, _) in zip(parts[1:], tables[1:], strict=True):
+    for part, path in zip(parts[1:], names[1:], strict=True):
         if "t" not in part:
-            raise MapError(f"{path}: needs a clock (t) to be merged with {tables[0][0].name}")
+            data |= _beside(part, path, len(t), names[0])
+            continue
         part["t"] = _since(part["t"], first["t"][0])
         inside &= (t >= part["t"][0]) & (t <= part["t"][-1])
-        data |= _resampled(part, t, path)
+        data |= at_times(part, t)
     if not inside.any():
         raise MapError(f"{column_map.name}: the files' times do not overlap")
-    data = {k: v[inside] for k, v in data.items()}
-    left_out = int((~inside).sum())
-    t = t[inside]
-    columns = {"t": t - t[0]} | {k: v for k, v in data.items() if k not in ROTATION}
-    for name in ("segment", "status"):
-        if name in columns:
-            columns[name] = columns[name].astype(np.int64)
-    return Imported(Recording(column_map.metadata, columns, str(paths[0])), left_out)
+    data = {"t": t} | data
+    data = _in_sensor_axes({k: v[inside] for k, v in data.items()}, column_map, names[0])
+    return data, int((~inside).sum()), str(names[0])
 
 
-def _matching(file_map: FileMap, paths: list[Path], name: str) -> Path:
+def _matching(file_map: FileMap, paths: list[Path], name: str) -> list[Path]:
     hits = [p for p in paths if fnmatch.fnmatch(p.name, file_map.match)]
+    if file_map.each is not None and hits:
+        return sorted(hits, key=_natural)
     if len(hits) != 1:
-        found = ", ".join(p.name for p in hits) or "none"
+        found = ", ".join(p.name for p in hits[:5]) or "none"
+        more = ' (every file one pose? each = "pose")' if len(hits) > 1 else ""
         raise MapError(
-            f"{name}: match = {file_map.match!r} must fit one of the files, found {found}"
+            f"{name}: match = {file_map.match!r} must fit one of the files, found {found}{more}"
         )
-    return hits[0]
+    return hits
 
 
-def _columns(path: Path, file_map: FileMap) -> dict[str, np.ndarray]:
-    table = _table(path, file_map)
+def _natural(path: Path) -> list[tuple[int, str]]:
+    """pose_2 before pose_10."""
+    return [(int(p), "") if p.isdecimal() else (-1, p) for p in re.split(r"(\d+)", path.name)]
+
+
+def _part(paths: list[Path], file_map: FileMap, column_map: ColumnMap) -> dict[str, np.ndarray]:
+    """Columns of one [[file]], of all its files one behind the other."""
+    if file_map.each is None:
+        return _columns(paths[0], file_map, column_map)
+    parts = []
+    begin: float | np.int64 = 0.0
+    for k, path in enumerate(paths):
+        part = _columns(path, file_map, column_map)
+        rows = len(next(iter(part.values())))
+        rate = column_map.rate_hz or _POSES_PER_SECOND
+        own = _since(part["t"], part["t"][0]) if "t" in part else np.arange(rows) / rate
+        part["t"] = own + begin
+        begin = float(part["t"][-1]) + _BETWEEN_POSES_S
+        if "segment" not in part:
+            part["segment"] = np.full(rows, float(k))
+        parts.append(part)
+    return {name: np.concatenate([p[name] for p in parts]) for name in parts[0]}
+
+
+def _columns(path: Path, file_map: FileMap, column_map: ColumnMap) -> dict[str, np.ndarray]:
+    table, first_line = _table(path, file_map)
     if table.num_rows == 0:
         raise MapError(f"{path}: the file has 0 rows")
     data: dict[str, np.ndarray] = {}
     for source in file_map.columns:
-        if table.column_names.count(source.column) != 1:
-            known = ", ".join(table.column_names)
-            times = "appears twice" if source.column in table.column_names else "is missing"
-            raise MapError(f"{path}: column {source.column!r} {times}; found {known}")
-        data[source.target] = (_numbers(path, source.column, table) - source.zero) * source.factor
+        values = column_numbers(table, source.column, str(path), first_line)
+        data[source.target] = (values - source.zero) * source.factor
     if "t" in data:
         data["t"] = _times(path, table, file_map, data["t"])
-    if ROTATION[0] in data:
-        data |= _quaternions(path, data)
-    return data
+    given = turned(data, str(path), column_map.conventions)
+    kept = {k: v for k, v in data.items() if k not in _GIVEN}
+    return kept if given is None else kept | columns_of(given)
 
 
-def _table(path: Path, file_map: FileMap) -> pa.Table:
+def _table(path: Path, file_map: FileMap) -> tuple[pa.Table, int | None]:
+    """The file's table, the name's values among its columns, and the line of its first row."""
     if is_log(path):
-        return log_table(path, file_map.topic, [c.column for c in file_map.columns])
-    try:
-        return pcsv.read_csv(path, parse_options=pcsv.ParseOptions(delimiter=file_map.delimiter))
-    except FileNotFoundError as error:
-        raise MapError(f"{path}: there is no such file") from error
-    except (pa.ArrowException, OSError) as error:
-        raise MapError(f"{path}: not a CSV table: {str(error).splitlines()[0]}") from error
+        return log_table(path, file_map.topic, [c.column for c in file_map.columns]), None
+    separator = BLANKS if file_map.delimiter in (" ", "\t ") else file_map.delimiter
+    text = read_text(path, separator)
+    table = text.table
+    for name, value in _in_name(path, file_map.name_pattern).items():
+        table = table.append_column(name, pa.array(np.full(table.num_rows, value)))
+    return table, text.first_line
 
 
-def _numbers(path: Path, name: str, table: pa.Table) -> np.ndarray:
-    column = table.column(name)
-    if not (pa.types.is_floating(column.type) or pa.types.is_integer(column.type)):
-        row = next(
-            (i for i, v in enumerate(column.to_pylist()) if not isinstance(v, int | float)), 0
-        )
-        raise MapError(f"{path}: column {name!r}, row {row}: {column[row].as_py()!r} is no number")
-    values = column.to_numpy().astype(float)
-    bad = np.flatnonzero(~np.isfinite(values))
-    if len(bad):
-        raise MapError(f"{path}: column {name!r}, row {bad[0]}: the value is missing or not finite")
-    return values
+def _in_name(path: Path, pattern: str | None) -> dict[str, float]:
+    """Values that stand in a file's name.
+
+    Raises:
+        MapError: the name does not fit the pattern.
+    """
+    if pattern is None:
+        return {}
+    pieces = _VALUE.split(pattern)
+    text = "".join(_NUMBER if k % 2 else re.escape(p) for k, p in enumerate(pieces))
+    found = re.fullmatch(text.replace(r"\*", ".*"), path.name) or re.fullmatch(
+        text.replace(r"\*", ".*"), path.stem
+    )
+    if found is None:
+        raise MapError(f"{path}: the name does not fit name_pattern = {pattern!r}")
+    return {name: float(v) for name, v in zip(pieces[1::2], found.groups(), strict=True)}
 
 
 def _times(path: Path, table: pa.Table, file_map: FileMap, scaled: np.ndarray) -> np.ndarray:
@@ -151,41 +234,77 @@ def _since(t: np.ndarray, origin: "np.int64 | np.float64") -> np.ndarray:
     return np.asarray(seconds - start)
 
 
-def _quaternions(path: Path, data: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    matrix = np.stack([data[r] for r in ROTATION], axis=-1).reshape(-1, 3, 3)
-    error = np.abs(np.swapaxes(matrix, -1, -2) @ matrix - np.eye(3)).max(axis=(1, 2))
-    bad = np.flatnonzero((error > _ORTHONORMAL) | (np.linalg.det(matrix) < 0))
-    if len(bad):
-        raise MapError(
-            f"{path}: row {bad[0]}: r11…r33 is not a rotation (RᵀR off by {error[bad[0]]:.2g})"
-        )
-    q = quaternion(matrix)
-    return dict(zip(QUATERNION, q.T, strict=True))
-
-
 def _clock(part: dict[str, np.ndarray], path: Path, column_map: ColumnMap) -> np.ndarray:
     if "t" in part:
         return part["t"]
     n = len(next(iter(part.values())))
     if column_map.rate_hz is not None:
         return np.arange(n) / column_map.rate_hz
-    if column_map.metadata.mode == "static":
+    if column_map.mode == "static":
         return np.arange(n) / _POSES_PER_SECOND
     raise MapError(f"{path}: a motion without a clock needs rate_hz in [recording]")
 
 
-def _resampled(part: dict[str, np.ndarray], t: np.ndarray, path: Path) -> dict[str, np.ndarray]:
-    data: dict[str, np.ndarray] = {}
-    if QUATERNION[0] in part:
-        turns = Rotation.from_quat(
-            np.stack([part[c] for c in QUATERNION], axis=-1), scalar_first=True
+def _beside(
+    part: dict[str, np.ndarray], path: Path, rows: int, first: Path
+) -> dict[str, np.ndarray]:
+    """Columns of a file without clock, row by row beside the first file's."""
+    own = len(next(iter(part.values())))
+    if own != rows:
+        raise MapError(
+            f"{path}: without a clock (t) it is laid beside {first.name} row by row, but it has "
+            f"{own} rows and not {rows}"
         )
-        slerp = Slerp(part["t"], turns)
-        q = slerp(np.clip(t, part["t"][0], part["t"][-1])).as_quat(
-            canonical=True, scalar_first=True
-        )
-        data |= dict(zip(QUATERNION, q.T, strict=True))
-    for name, values in part.items():
-        if name != "t" and name not in QUATERNION and name not in ROTATION:
-            data[name] = np.interp(t, part["t"], values)
-    return data
+    return part
+
+
+def _in_sensor_axes(
+    data: dict[str, np.ndarray], column_map: ColumnMap, path: Path
+) -> dict[str, np.ndarray]:
+    """The orientation made the sensor's, and the wrench turned into its axes."""
+    told, stated = column_map.conventions, column_map.metadata
+    pose = stated.sensor.pose_flange
+    rows = len(data["t"])
+    if told.constant is not None:
+        still = np.tile(np.asarray(told.constant), (rows, 1))
+        data |= dict(zip(("qw", "qx", "qy", "qz"), still.T, strict=True))
+    given = turned(data, str(path), told)
+    rotation = None if given is None else of_sensor(given, told, pose)
+    if rotation is not None:
+        data |= columns_of(rotation)
+    if told.wrench_axes == "sensor":
+        return data
+    if told.wrench_axes == "base" and rotation is None:
+        rotation = sensor_by_joints(data, stated, str(path))
+    wrench = np.stack([data[c] for c in CHANNELS], axis=1)
+    wrench = wrench_in_sensor(wrench, told, rotation, pose)
+    return data | dict(zip(CHANNELS, wrench.T, strict=True))
+
+
+def sensor_by_joints(data: Mapping[str, np.ndarray], metadata: Metadata, where: str) -> Rotation:
+    """The sensor in the base (N,) from joint values, by the nominal model of the robot.
+
+    Args:
+        data: columns q1… (N,) [rad or m].
+        metadata: names the robot, and states how the sensor sits on its flange.
+        where: name of the file, for messages.
+
+    Raises:
+        MapError: no joints, or no such robot.
+    """
+    joints = joint_columns(data)
+    if not joints:
+        raise MapError(f"{where}: a wrench in the base's axes needs an orientation or joints")
+    try:
+        robot = registry.load("robots", metadata.robot)
+    except NotFoundError as error:
+        raise MapError(f"{where}: joints without an orientation need a robot: {error}") from error
+    if len(joints) != len(robot.joints):
+        raise MapError(f"{where}: has {len(joints)} joints, {robot.name} has {len(robot.joints)}")
+    pose, mount = metadata.sensor.pose_flange, {}
+    if pose is not None and "mount.rotation.x" in robot.parameters.names:
+        turn = Rotation.from_quat(pose[3:], scalar_first=True).as_rotvec()
+        mount = {f"mount.rotation.{a}": float(v) for a, v in zip("xyz", turn, strict=True)}
+    q = np.stack([data[c] for c in joints], axis=1)
+    rotation, _ = robot.sensor_pose(q, robot.parameters.vector(mount))
+    return Rotation.from_matrix(rotation)

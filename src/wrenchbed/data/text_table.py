@@ -1,0 +1,310 @@
+"""A table of numbers in a text file, as programs and Excel write it: any separator, any encoding.
+
+Encoding, separator, decimal mark and header are read off the file. Lines before the table (notes,
+settings) are skipped; the columns of a table without header are called 1, 2, 3 ….
+"""
+
+import io
+import re
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.csv as pcsv
+
+from wrenchbed.errors import MapError
+
+_SAMPLE = 200
+"""Lines that are looked at to find out how a file is written."""
+_SEPARATORS = ("\t", ";", ",", "|")
+BLANKS = " "
+"""The separator that stands for any number of blanks and tabs."""
+_BLANKS = re.compile(r"[ \t]+")
+_COMMENT = re.compile(r"^\s*(?:#+|%+|//)\s*")
+_COMMA_NUMBER = re.compile(r"^[+-]?\d+(?:,\d+)?(?:[eE][+-]?\d+)?$")
+_EMPTY = frozenset(["", "nan", "null", "none", "na", "n/a", "-nan", "-nan(ind)", "#n/a"])
+"""What programs write for a missing number, in lower case."""
+
+
+@dataclass(frozen=True)
+class Layout:
+    """How a text file is written.
+
+    Attributes:
+        separator: one character; `BLANKS` for any number of blanks and tabs.
+        decimal: mark of decimal fractions, point or comma.
+        skipped: lines before the first row of numbers, the header among them.
+        names: of the columns.
+        header: whether the file itself names them.
+    """
+
+    separator: str
+    decimal: str
+    skipped: int
+    names: tuple[str, ...]
+    header: bool
+
+
+@dataclass(frozen=True, eq=False)
+class TextTable:
+    """Columns of a text file, and where its rows stand.
+
+    Attributes:
+        table: numbers where every cell is one, else text.
+        layout: how the file is written.
+        where: name of the file, for messages.
+        first_line: of the file, counted from 1, that holds row 0; none if notes stand between rows.
+    """
+
+    table: pa.Table
+    layout: Layout
+    where: str
+    first_line: int | None
+
+    def numbers(self, name: str) -> np.ndarray:
+        """A column (N,) as numbers.
+
+        Raises:
+            MapError: no such column, or a cell that holds text or nothing; names row and line.
+        """
+        return column_numbers(self.table, name, self.where, self.first_line)
+
+
+def column_numbers(
+    table: pa.Table, name: str, where: str, first_line: int | None = None
+) -> np.ndarray:
+    """A column (N,) of a table as numbers.
+
+    Args:
+        table: with columns of numbers or text.
+        name: of the column.
+        where: name of the file, for messages.
+        first_line: of the file, counted from 1, that holds row 0; none for a log.
+
+    Raises:
+        MapError: no such column, or a cell that holds text or nothing.
+    """
+    if table.column_names.count(name) != 1:
+        known = ", ".join(table.column_names)
+        times = "appears twice" if name in table.column_names else "is missing"
+        raise MapError(f"{where}: column {name!r} {times}; found {known}")
+
+    def wrong(row: int, why: str) -> MapError:
+        line = "" if first_line is None else f" (line {first_line + row})"
+        return MapError(f"{where}: column {name!r}, row {row}: {why}{line}")
+
+    column = table.column(name)
+    if not (pa.types.is_floating(column.type) or pa.types.is_integer(column.type)):
+        for row, cell in enumerate(column.to_pylist()):
+            if cell is not None and not isinstance(cell, int | float) and not _is_number(str(cell)):
+                raise wrong(row, f"{str(cell)!r} is no number")
+        column = pa.chunked_array([pa.array(map(_float, column.to_pylist()), pa.float64())])
+    values = column.to_numpy().astype(float)
+    bad = np.flatnonzero(~np.isfinite(values))
+    if len(bad):
+        raise wrong(int(bad[0]), "the value is missing or not finite")
+    return values
+
+
+def read_text(path: Path, separator: str | None = None) -> TextTable:
+    """Read a text file.
+
+    Args:
+        path: of the file.
+        separator: if it is known; `BLANKS` for any number of blanks and tabs.
+
+    Raises:
+        MapError: no such file, no table of numbers in it, or a row with another number of cells.
+    """
+    text = decode(path)
+    lines = text.splitlines()
+    layout = find_layout(lines, path, separator)
+    body = lines[layout.skipped :]
+    rows = [line for line in body if line.strip() and not _COMMENT.match(line)]
+    first_line = layout.skipped + 1 if rows == body[: len(rows)] else None
+    if layout.separator == BLANKS:
+        rows = [_BLANKS.sub("\t", line.strip()) for line in rows]
+    if not rows:
+        raise MapError(f"{path}: the file has 0 rows")
+    _check_lengths(path, rows, layout.separator, first_line)
+    separator = "\t" if layout.separator == BLANKS else layout.separator
+    width = len(layout.names)
+    ends = [f"…{k}" for k in range(_cells(rows[0], separator) - width)]
+    try:
+        table = pcsv.read_csv(
+            io.BytesIO("\n".join(rows).encode()),
+            read_options=pcsv.ReadOptions(column_names=[str(k) for k in range(width)] + ends),
+            parse_options=pcsv.ParseOptions(delimiter=separator),
+            convert_options=pcsv.ConvertOptions(
+                decimal_point=layout.decimal, strings_can_be_null=True,
+                null_values=["", "nan", "NaN", "NAN", "null", "NULL", "None", "NA", "N/A", "#N/A",
+                             "-nan", "-NaN", "-nan(ind)"],
+            ),
+        )  # fmt: skip
+    except pa.ArrowException as error:
+        raise MapError(f"{path}: not a table: {str(error).splitlines()[0]}") from error
+    table = table.select([str(k) for k in range(width)]).rename_columns(list(layout.names))
+    return TextTable(table, layout, str(path), first_line)
+
+
+def decode(path: Path) -> str:
+    """The text of a file: UTF-8, UTF-16, or else Windows-1252 (Excel).
+
+    Raises:
+        MapError: no such file, or no text.
+    """
+    try:
+        raw = path.read_bytes()
+    except FileNotFoundError as error:
+        raise MapError(f"{path}: there is no such file") from error
+    except OSError as error:
+        raise MapError(f"{path}: cannot be read: {error.strerror}") from error
+    head = raw[:400]
+    wide = {b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16"}.get(raw[:2])
+    if wide is None and head.count(0) > len(head) // 4:
+        wide = "utf-16-le" if head[1::2].count(0) > head[::2].count(0) else "utf-16-be"
+    for name in [wide] if wide else ["utf-8-sig", "cp1252"]:
+        try:
+            text = raw.decode(name)
+        except UnicodeDecodeError:
+            continue
+        if "\0" not in text:
+            return text
+    raise MapError(f"{path}: is not text; a CSV table, a rosbag or an MCAP file is wanted")
+
+
+def find_layout(lines: Sequence[str], path: Path, separator: str | None = None) -> Layout:
+    """How a text file is written, from its first lines.
+
+    Raises:
+        MapError: there is no table of numbers in it.
+    """
+    some = [k for k, line in enumerate(lines[: 4 * _SAMPLE]) if line.strip()][:_SAMPLE]
+    plain = [k for k in some if not _COMMENT.match(lines[k])]
+    if not plain:
+        raise MapError(f"{path}: the file has 0 rows")
+    choices = [separator] if separator is not None else [*_SEPARATORS, BLANKS]
+    best: tuple[float, Layout] | None = None
+    for choice in choices:
+        for decimal in ".," if choice != "," else ".":
+            found = _table_at(lines, some, plain, choice, decimal)
+            if found is not None and (best is None or found[0] > best[0]):
+                best = found
+    if best is None:
+        first = lines[plain[0]]
+        raise MapError(f"{path}: the file has 0 rows of numbers; it begins {first[:60]!r}")
+    return best[1]
+
+
+def _table_at(
+    lines: Sequence[str], some: Sequence[int], plain: Sequence[int], separator: str, decimal: str
+) -> tuple[float, Layout] | None:
+    """The table seen with one separator, and how well it looks; None if there is none."""
+    cells = {k: split(lines[k], separator) for k in plain}
+    widths = Counter(len(c) for c in cells.values() if _numeric(c, decimal) > 0)
+    if not widths:
+        return None
+    width = max(widths, key=lambda w: (widths[w], w))
+    if width == 1 and decimal == ",":
+        return None
+    body = [k for k in plain if len(cells[k]) == width]
+    first, last = _first_row(cells, body, decimal), body[-1]
+    rows = [k for k in body if k >= first]
+    share = sum(_numeric(cells[k], decimal) for k in rows) / (width * max(len(rows), 1))
+    same = len(rows) / max(sum(first <= k <= last for k in plain), 1)
+    names, header = _names(lines, some, first, separator, decimal, width)
+    while names and not names[-1] and width == len(names) and not any(cells[k][-1] for k in rows):
+        width, names = width - 1, names[:-1]  # every line ends in a separator
+    names = [name or str(k + 1) for k, name in enumerate(names)]
+    enough = min(width, 7) / 7.0  # a wrench and more
+    layout = Layout(separator, decimal, first, tuple(names), header)
+    return share * same * (0.5 + enough) + 1e-3 * len(rows) / len(plain), layout
+
+
+def _first_row(cells: dict[int, list[str]], body: Sequence[int], decimal: str) -> int:
+    """The line of the first row of numbers: the first one, or the one behind the header."""
+    rest = [cells[k] for k in body[1:]]
+    if not rest:
+        return body[0]
+    for place, k in enumerate(body):
+        later = [cells[i] for i in body[place + 1 : place + 12]] or [cells[k]]
+        numbers = [
+            j for j in range(len(cells[k]))
+            if 2 * sum(is_number(c[j], decimal) for c in later) > len(later)
+        ]  # fmt: skip
+        text = sum(bool(cells[k][j]) and not is_number(cells[k][j], decimal) for j in numbers)
+        if numbers and 2 * text <= len(numbers):
+            return k
+    return body[0]
+
+
+def _names(
+    lines: Sequence[str], some: Sequence[int], first: int, separator: str, decimal: str, width: int
+) -> tuple[list[str], bool]:
+    """Names of the columns: the line before the first row, a comment perhaps; else numbers."""
+    before = [k for k in some if k < first]
+    unnamed = [str(k + 1) for k in range(width)]
+    if not before:
+        return unnamed, False
+    line = _COMMENT.sub("", lines[before[-1]])
+    for mark in (separator, BLANKS, ",", ";", "\t"):
+        names = [name.strip().strip('"').strip() for name in split(line, mark)]
+        if len(names) in (width, width - 1) and not _numeric(names, decimal):
+            return names + [""] * (width - len(names)), True
+    return unnamed, False
+
+
+def split(line: str, separator: str) -> list[str]:
+    """Cells of a line, without blanks and quotes around them."""
+    if separator == BLANKS:
+        return _BLANKS.split(line.strip())
+    if '"' in line:
+        quoted = re.escape(separator)
+        line = re.sub(rf'"([^"]*)"(?=\s*(?:{quoted}|$))', r"\1", line)
+    return [cell.strip() for cell in line.split(separator)]
+
+
+def _cells(line: str, separator: str) -> int:
+    return len(split(line, separator))
+
+
+def is_number(cell: str, decimal: str = ".") -> bool:
+    """Whether a cell holds a number; an empty one does not."""
+    if decimal == ",":
+        if "." in cell or not _COMMA_NUMBER.match(cell):
+            return False
+        cell = cell.replace(",", ".")
+    return _is_number(cell)
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return cell.strip().lower() in _EMPTY - {""}
+    return "_" not in cell
+
+
+def _float(cell: object) -> float | None:
+    if cell is None or str(cell).strip().lower() in _EMPTY:
+        return None
+    return float(str(cell))
+
+
+def _numeric(cells: Sequence[str], decimal: str) -> int:
+    return sum(is_number(c, decimal) for c in cells)
+
+
+def _check_lengths(path: Path, rows: Sequence[str], separator: str, first: int | None) -> None:
+    mark = "\t" if separator == BLANKS else separator
+    wanted = rows[0].count(mark)
+    for row, line in enumerate(rows):
+        if line.count(mark) != wanted and '"' not in line:
+            at = "" if first is None else f" (line {first + row})"
+            raise MapError(
+                f"{path}: row {row}{at} has {line.count(mark) + 1} cells, the rows before it "
+                f"{wanted + 1}: {line[:60]!r}"
+            )

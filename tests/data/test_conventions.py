@@ -1,0 +1,217 @@
+"""One recording written in every convention comes back as the same recording."""
+
+import json
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from wrenchbed.data import column_map
+from wrenchbed.data.import_files import import_files
+from wrenchbed.errors import MapError
+
+CHANNELS = ("fx", "fy", "fz", "tx", "ty", "tz")
+N = 12
+TURN = Rotation.random(N, rng=np.random.default_rng(4))
+LOAD = np.random.default_rng(5).normal(size=(N, 6))
+MOUNT = Rotation.from_rotvec([0.3, -0.5, 0.9])
+POINT = np.array([0.01, -0.02, 0.05])
+POSE = [*POINT.tolist(), *MOUNT.as_quat(scalar_first=True).tolist()]
+
+
+def written(folder, orientation, load=LOAD, name="data.csv"):
+    """A CSV file of columns o1… and the wrench."""
+    names = [f"o{k + 1}" for k in range(orientation.shape[1])] + list(CHANNELS)
+    lines = [",".join(names)]
+    lines += [",".join(f"{x:.15g}" for x in row) for row in np.hstack([orientation, load])]
+    (folder / name).write_text("\n".join(lines))
+    return folder / name
+
+
+def mapped(folder, targets, unit=None, **sections):
+    """A map of o1… to targets."""
+    columns = {c: {"column": c, "unit": "N" if c[0] == "f" else "N·m"} for c in CHANNELS}
+    for k, target in enumerate(targets):
+        columns[target] = {"column": f"o{k + 1}"} | ({"unit": unit} if unit else {})
+    raw = {
+        "recording": {"robot": "mine", "mode": "static"} | sections.pop("recording", {}),
+        "file": [{"match": "*.csv", "columns": columns} | sections.pop("file", {})],
+    }
+    (folder / "map.json").write_text(json.dumps(raw | sections))
+    return column_map.read(folder / "map.json")
+
+
+NINE = [f"r{i}{j}" for i in (1, 2, 3) for j in (1, 2, 3)]
+KINDS = {
+    "w first": (TURN.as_quat(scalar_first=True), ["qw", "qx", "qy", "qz"], None, {}),
+    "w last": (TURN.as_quat(), ["qx", "qy", "qz", "qw"], None, {}),
+    "conjugate": (TURN.inv().as_quat(), ["qx", "qy", "qz", "qw"], None, {"inverse": True}),
+    "matrix": (TURN.as_matrix().reshape(N, 9), NINE, None, {}),
+    "by columns": (TURN.inv().as_matrix().reshape(N, 9), NINE, None, {"inverse": True}),
+    "rotation vector": (TURN.as_rotvec(), ["rx", "ry", "rz"], "rad", {}),
+    "degrees": (TURN.as_rotvec(degrees=True), ["rx", "ry", "rz"], "deg", {}),
+    "roll pitch yaw": (TURN.as_euler("xyz", True), ["roll", "pitch", "yaw"], "deg", {}),
+    "KUKA": (TURN.as_euler("ZYX", True), ["yaw", "pitch", "roll"], "deg", {}),
+    "ZXZ": (TURN.as_euler("ZXZ"), ["e1", "e2", "e3"], "rad", {"order": "ZXZ"}),
+}
+
+
+@pytest.mark.parametrize("kind", KINDS.values(), ids=KINDS)
+def test_every_orientation_comes_in(tmp_path, kind):
+    values, targets, unit, told = kind
+    mapping = mapped(tmp_path, targets, unit, orientation=told)
+    found = import_files([written(tmp_path, values)], mapping).recording
+    assert np.abs(found.rotation - TURN.as_matrix()).max() < 1e-9
+    assert np.abs(found.wrench - LOAD).max() < 1e-12
+
+
+def test_a_sensor_turned_in_the_flange_counts_without_joints(tmp_path):
+    flange = TURN * MOUNT.inv()
+    mapping = mapped(
+        tmp_path, ["qx", "qy", "qz", "qw"], recording={"sensor": {"pose_flange": POSE}}
+    )
+    found = import_files([written(tmp_path, flange.as_quat())], mapping).recording
+    assert np.abs(found.rotation - TURN.as_matrix()).max() < 1e-9
+
+
+def test_a_wrench_in_the_axes_of_base_or_flange_is_turned(tmp_path):
+    told = {"recording": {"sensor": {"pose_flange": POSE}}, "orientation": {"of": "sensor"}}
+    q = TURN.as_quat()
+    base = np.hstack([TURN.apply(LOAD[:, :3]), TURN.apply(LOAD[:, 3:])])
+    mapping = mapped(tmp_path, ["qx", "qy", "qz", "qw"], wrench={"axes": "base"}, **told)
+    found = import_files([written(tmp_path, q, base)], mapping).recording
+    assert np.abs(found.wrench - LOAD).max() < 1e-9
+    force = MOUNT.apply(LOAD[:, :3])
+    torque = MOUNT.apply(LOAD[:, 3:]) + np.cross(POINT, force)
+    told = {"recording": {"sensor": {"pose_flange": POSE}}, "orientation": {"of": "sensor"}}
+    mapping = mapped(tmp_path, ["qx", "qy", "qz", "qw"], wrench={"axes": "flange"}, **told)
+    found = import_files([written(tmp_path, q, np.hstack([force, torque]))], mapping).recording
+    assert np.abs(found.wrench - LOAD).max() < 1e-9
+
+
+def test_a_wrench_in_base_axes_is_turned_by_the_robots_joints(tmp_path):
+    from wrenchbed import registry
+
+    robot = registry.load("robots", "ur5")
+    q = robot.sample(N, np.random.default_rng(2))
+    turn = robot.sensor_pose(q, robot.parameters.nominal)[0]
+    base = np.hstack([np.einsum("nij,nj->ni", turn, part) for part in np.hsplit(LOAD, 2)])
+    mapping = mapped(
+        tmp_path, [f"q{j}" for j in range(1, 7)], "rad", wrench={"axes": "base"},
+        recording={"robot": "ur5"},
+    )  # fmt: skip
+    found = import_files([written(tmp_path, q, base)], mapping).recording
+    assert np.abs(found.wrench - LOAD).max() < 1e-9
+
+
+def test_a_constant_orientation_needs_no_column(tmp_path):
+    mapping = mapped(tmp_path, [], orientation={"constant": [0.5, 0.5, 0.5, 0.5]})
+    found = import_files([written(tmp_path, np.zeros((N, 0)))], mapping).recording
+    assert np.allclose(found.q, 0.5)
+
+
+def test_files_of_one_pose_each_with_values_in_their_names(tmp_path):
+    angles = np.arange(11) * 13.5 - 60.0
+    for k, angle in enumerate(angles):
+        lines = [",".join(CHANNELS)] + [f"{k},{i},1,2,3,4" for i in range(3)]
+        (tmp_path / f"pose{k}_{angle:g}deg.csv").write_text("\n".join(lines))
+    columns = {c: {"column": c, "unit": "N" if c[0] == "f" else "N·m"} for c in CHANNELS}
+    columns |= {"roll": {"column": "a", "unit": "deg"}, "pitch": {"column": "a", "unit": "deg"}}
+    columns |= {"yaw": {"column": "a", "unit": "deg", "zero": 5}, "segment": {"column": "k"}}
+    raw = {
+        "recording": {"robot": "mine", "mode": "static"},
+        "file": [{"match": "*.csv", "each": "pose", "name_pattern": "pose{k}_{a}deg.csv",
+                  "columns": columns}],
+    }  # fmt: skip
+    (tmp_path / "map.json").write_text(json.dumps(raw))
+    files = list(tmp_path.glob("pose*.csv"))
+    found = import_files(files, column_map.read(tmp_path / "map.json")).recording
+    assert found.columns["segment"].tolist() == [k for k in range(11) for _ in range(3)]
+    assert found.wrench[:, 0].tolist() == found.columns["segment"].tolist()  # pose10 after pose9
+    wanted = Rotation.from_euler("xyz", np.stack([angles, angles, angles - 5], axis=1), True)
+    assert np.abs(found.rotation[::3] - wanted.as_matrix()).max() < 1e-9
+    (tmp_path / "pose_left.csv").write_text("fx,fy\n1,2\n")
+    with pytest.raises(MapError, match=r"pose_left.csv: the name does not fit name_pattern"):
+        import_files([*files, tmp_path / "pose_left.csv"], column_map.read(tmp_path / "map.json"))
+
+
+def test_files_without_a_clock_are_laid_side_by_side(tmp_path):
+    written(tmp_path, np.zeros((N, 0)), name="wrench.csv")
+    columns = mapped(tmp_path, []) and json.loads((tmp_path / "map.json").read_text())
+    columns["file"][0]["match"] = "wrench.csv"
+    turn = {c: {"column": str(k + 1)} for k, c in enumerate(("qx", "qy", "qz", "qw"))}
+    columns["file"].append({"match": "turn.txt", "columns": turn})
+    (tmp_path / "map.json").write_text(json.dumps(columns))
+    mapping = column_map.read(tmp_path / "map.json")
+    files = [tmp_path / "wrench.csv", tmp_path / "turn.txt"]
+    np.savetxt(files[1], TURN.as_quat(), fmt="%.15g")
+    found = import_files(files, mapping).recording
+    assert np.abs(found.rotation - TURN.as_matrix()).max() < 1e-9
+    np.savetxt(files[1], TURN[:-1].as_quat(), fmt="%.15g")
+    with pytest.raises(MapError, match=r"row by row, but it has 11 rows and not 12"):
+        import_files(files, mapping)
+
+
+@pytest.mark.parametrize(
+    ("sections", "words"),
+    [
+        ({"recording": {"gravitiy": [0, 0, -9.8]}}, "field recording.gravitiy; did you mean 'grav"),
+        ({"recording": {"tolerances": {}}}, "recording.tolerances; did you mean 'tolerance'"),
+        ({"recording": {"tolerance": {"tool.maas": 1}}}, "tool.maas; did you mean 'tool.mass'"),
+        ({"recording": {"tool": {"mas": 1}}}, "recording.tool.mas; did you mean 'mass'"),
+        ({"recording": {"sensor": {"pose": []}}}, "recording.sensor.pose; did you mean"),
+        ({"recording": {"mode": "still"}}, "must be 'static', 'dynamic' or 'auto'"),
+        ({"file": {"delimeter": ";"}}, "delimeter; did you mean 'delimiter'"),
+        ({"orientation": {"inverted": True}}, "orientation.inverted; did you mean 'inverse'"),
+        ({"orientation": {"of": "flange"}}, "needs recording.sensor.pose_flange"),
+        ({"orientation": {"order": "ZYX"}}, "e1 e2 e3 need"),
+        ({"orientation": {"constant": [1, 0, 0, 0]}}, "one orientation is needed, found qw"),
+        ({"wrench": {"axes": "tool"}}, "must be 'sensor', 'flange' or 'base'"),
+    ],
+    ids=str,
+)
+def test_a_key_that_does_not_exist_is_refused(tmp_path, sections, words):
+    with pytest.raises(MapError, match=words):
+        mapped(tmp_path, ["qx", "qy", "qz", "qw"], **sections)
+
+
+def test_an_attribute_of_a_column_that_does_not_exist_is_refused(tmp_path):
+    raw = {"recording": {"robot": "mine", "mode": "static"}}
+    raw["file"] = [{"columns": {"fx": {"column": "fx", "unit": "N", "sgn": -1}}}]
+    (tmp_path / "map.json").write_text(json.dumps(raw))
+    with pytest.raises(MapError, match=r"fx\.sgn; did you mean 'sign'"):
+        column_map.read(tmp_path / "map.json")
+
+
+def uneven(folder, jitter, lost):
+    """Joints that follow a sine on an uneven clock with frames missing, and its map."""
+    rng = np.random.default_rng(6)
+    t = np.arange(1000) * 0.008 + rng.uniform(-jitter, jitter, 1000) * 0.008
+    t = np.delete(t, lost)
+    q = np.stack([np.sin(t + j) for j in range(6)], axis=1)
+    load = np.stack([np.cos(t + k) for k in range(6)], axis=1)
+    columns = {c: {"column": c, "unit": "N" if c[0] == "f" else "N·m"} for c in CHANNELS}
+    columns |= {f"q{j}": {"column": f"o{j + 1}", "unit": "rad"} for j in range(1, 7)}
+    columns |= {"t": {"column": "o1", "unit": "s"}}
+    raw = {"recording": {"robot": "ur5", "mode": "dynamic"}, "file": [{"columns": columns}]}
+    (folder / "map.json").write_text(json.dumps(raw))
+    file = written(folder, np.hstack([t[:, None], q]), load)
+    return import_files([file], column_map.read(folder / "map.json")), t
+
+
+def test_an_uneven_clock_is_made_even_and_gaps_stay(tmp_path):
+    imported, t = uneven(tmp_path, 0.2, [100, 300, 301, *range(500, 520)])
+    found = imported.recording
+    steps = np.diff(found.t)
+    gaps = steps > 0.02
+    assert gaps.sum() == 1 and 0.16 < steps[gaps][0] < 0.18
+    assert np.ptp(steps[~gaps]) < 1e-9
+    assert np.abs(found.q[:, 0] - np.sin(found.t + t[0])).max() < 1e-4
+    (note,) = imported.notes
+    assert "3 dropped frames interpolated, 1 gaps of 0.1" in note
+
+
+def test_an_even_clock_is_left_alone(tmp_path):
+    imported, t = uneven(tmp_path, 0.005, [])
+    assert imported.notes == ()
+    assert np.allclose(imported.recording.t, t - t[0])
