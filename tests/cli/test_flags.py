@@ -30,7 +30,8 @@ FLAGS = {
         "touch-std=None, touches=None, truth=None"
     ),
     "diagnose": (
-        "dry-run=False, json=False, look-alikes=0, out=None, rate=100.0, samples=60, seed=0"
+        "dry-run=False, fast=False, json=False, look-alikes=0, out=None, rate=100.0, samples=60, "
+        "seed=0"
     ),
     "view": "port=9876, rrd=None, web=False, web-port=9090",
     "report": "out=report.html",

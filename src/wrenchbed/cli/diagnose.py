@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,7 +15,7 @@ from rich.text import Text
 
 import wrenchbed as wb
 from wrenchbed.cli import console
-from wrenchbed.errors import MissingExtraError, ParameterError, WrenchbedWarning
+from wrenchbed.errors import DiagnosisError, MissingExtraError, ParameterError, WrenchbedWarning
 
 if TYPE_CHECKING:
     from wrenchbed.diagnosis.diagnose import Findings, Progress
@@ -24,16 +25,29 @@ if TYPE_CHECKING:
     from wrenchbed.reports.figures import Artist
 
 
+@dataclass(frozen=True)
+class DryRunOptions:
+    """With --dry-run: how the plan would be recorded.
+
+    Attributes:
+        samples: Rows a pose.
+        rate: Rows a second [Hz].
+    """
+
+    samples: int = 60
+    rate: float = 100.0
+
+
 def diagnose(
     recordings: tyro.conf.Positional[tuple[Path, ...]],
     /,
     out: Path | None = None,
     dry_run: bool = False,
-    samples: int = 60,
-    rate: float = 100.0,
     look_alikes: int = 0,
+    fast: bool = False,
     seed: int = 0,
     as_json: console.Json = False,
+    rehearsed: DryRunOptions = DryRunOptions(),
 ) -> None:
     """Say where the sim-to-real gap lies, which effect causes it and how far it shrinks.
 
@@ -43,12 +57,13 @@ def diagnose(
         out: Folder for diagnosis.json, twin.json, report.html, diagnosis.rrd and plans of what to
             do next.
         dry_run: Only say which effects such a recording could show, and which look the same.
-        samples: With --dry-run: rows a pose.
-        rate: With --dry-run: rows a second [Hz].
         look_alikes: Learn how often such claims are right from so many simulated robots that do
-            what this one did (some 5 s each, kept for the next time); 0: use what is known.
+            what this one did (1 to 5 s each, kept for the next time); 0: use what is known, or
+            learn from 100 where nothing is known of such a robot.
+        fast: Learn nothing: probabilities are then of other robots.
         seed: Of the split into folds, each of which is held out once.
         as_json: Print the result as JSON.
+        rehearsed: With --dry-run: how the plan would be recorded.
     """
     console.check_seed(seed)
     if not recordings or (len(recordings) > 1 and (dry_run or look_alikes)):
@@ -56,7 +71,7 @@ def diagnose(
             "diagnose needs a recording; --dry-run and --look-alikes take just one"
         )
     if dry_run:
-        _rehearsed(recordings[0], samples, rate, as_json)
+        _rehearsed(recordings[0], rehearsed, as_json)
         return
     if out is None:
         raise ParameterError("diagnose needs --out, the folder for its files (or --dry-run)")
@@ -64,7 +79,7 @@ def diagnose(
     from wrenchbed.reports.figures import Artist
 
     data = [wb.Recording.read(path) for path in recordings]
-    learnt = _learnt(data[0], look_alikes, seed) if look_alikes else None
+    learnt = None if fast or len(data) > 1 else _learnt(data[0], look_alikes, seed)
     command = ["diagnose", *recordings, "--out", out, *(["--seed", seed] if seed else [])]
     with Artist() as artist:
         with console.progress("diagnosing", 7 if len(data) == 1 else 3 * len(data) + 3) as report:
@@ -96,11 +111,27 @@ def _diagnosed(
     return several(data, seed=seed, reliability=known, progress=progress)
 
 
-def _learnt(data: wb.Recording, count: int, seed: int) -> Reliability:
-    from wrenchbed.benchmark.scoring.reliability_at_design import reliability_at_design
+_BY_ITSELF = 100
+"""Look-alikes of a recording from a robot, or of a kind, that nothing was learnt on; estimate."""
 
-    with console.progress("look-alikes", count) as report:
-        return reliability_at_design(data, count, seed=seed, report=report)
+
+def _learnt(data: wb.Recording, count: int, seed: int) -> Reliability | None:
+    """How often claims are right at this design; None where the package knows."""
+    from wrenchbed.benchmark.scoring.reliability_at_design import of_package, reliability_at_design
+    from wrenchbed.diagnosis.prepare.prepare_recording import prepare
+
+    known = of_package(data)
+    if not count and (known is None or not known.elsewhere):
+        return None
+    prepare(data)  # refuses what cannot be diagnosed, before anything is learnt
+    try:
+        with console.progress("look-alikes", count or _BY_ITSELF) as report:
+            return reliability_at_design(data, count or _BY_ITSELF, seed=seed, report=report)
+    except DiagnosisError as error:
+        if count:
+            raise
+        warnings.warn(f"nothing was learnt: {error}", WrenchbedWarning, stacklevel=2)
+        return None
 
 
 def _report(result: Findings, path: Path, command: str, artist: Artist) -> None:
@@ -115,10 +146,10 @@ def _draw(result: Findings, path: Path) -> None:
     diagnosis_view(result, path)
 
 
-def _rehearsed(path: Path, samples: int, rate: float, as_json: bool) -> None:
+def _rehearsed(path: Path, options: DryRunOptions, as_json: bool) -> None:
     from wrenchbed.diagnosis.next.dry_run import dry_run as run
 
-    result = run(wb.Plan.read(path), samples, rate)
+    result = run(wb.Plan.read(path), options.samples, options.rate)
     answer = {
         "plan": str(path),
         "effects": [

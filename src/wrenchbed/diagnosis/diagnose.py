@@ -178,7 +178,7 @@ def findings_of(found: Examined, seed: int, progress: Progress, begun: float) ->
         notes=(
             *of_data,
             *answer.of_data(analysis, gap.folds),
-            *([ELSEWHERE] if known is not None and known.elsewhere else ()),
+            *_learnt(known),
             *answer.notes(gap, between, unknown=outcome == UNKNOWN),
             *tilt.sentences(analysis, verdict),
         ),
@@ -247,10 +247,16 @@ def _without_outliers(
     return weighed, found
 
 
+def _learnt(known: Reliability | None) -> tuple[str, ...]:
+    """On what probabilities rest, where that is not cases of the same robot."""
+    if known is not None and known.own:
+        return (f"how often such claims are right was learnt on {known.source}",)
+    return () if known is None or not known.elsewhere else (ELSEWHERE,)
+
+
 def _shipped(prepared: Prepared) -> Reliability | None:
-    """The package's model; of recordings without joints only how often claims are right."""
-    known = shipped(prepared.robot.name, prepared.moving)
-    return known if known is None or prepared.scene.jointed else known.plain()
+    """The package's model."""
+    return shipped(prepared.robot.name, prepared.moving, prepared.scene.jointed)
 
 
 def _tempered(

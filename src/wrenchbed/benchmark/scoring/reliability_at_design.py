@@ -7,6 +7,7 @@ import hashlib
 import json
 import os
 from concurrent.futures import Future
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,7 @@ from wrenchbed.data.parquet import FORMAT
 from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis.diagnose import weigh
 from wrenchbed.diagnosis.explain import reliability
-from wrenchbed.diagnosis.explain.reliability import Reliability, learnt, shipped
+from wrenchbed.diagnosis.explain.reliability import Reliability, learnt, revision, shipped
 from wrenchbed.diagnosis.prepare.prepare_recording import gathered
 from wrenchbed.errors import DiagnosisError, ParameterError
 from wrenchbed.jobs.parts import Journal, Row
@@ -77,8 +78,16 @@ def reliability_at_design(
     rows = [row for k, row in sorted(known.items()) if k < count and row["raw"]]
     claims = [(row["features"], bool(row["right"])) for row in rows if row["named"]]
     none, unknown = (_right(rows, verdict) for verdict in _VERDICTS)
-    prior = shipped(recording.metadata.robot, recording.metadata.mode == "dynamic")
-    return learnt(claims, none, unknown, f"{len(rows)} look-alikes of this recording", prior)
+    prior = of_package(recording)
+    source = f"{len(rows)} look-alikes of this recording"
+    return replace(learnt(claims, none, unknown, source, prior), own=True)
+
+
+def of_package(recording: Recording) -> Reliability | None:
+    """What the package knows of claims on such a recording; ``elsewhere`` where that is of other
+    robots or designs."""
+    metadata = recording.metadata
+    return shipped(metadata.robot, metadata.mode == "dynamic", bool(recording.joints))
 
 
 def _right(rows: list[Row], verdict: str) -> tuple[int, int]:
@@ -124,5 +133,5 @@ def _key(design: ExperimentDesign, seed: int) -> str:
     text = json.dumps(design.metadata.to_json(), sort_keys=True, default=str)
     rows = (design.q, design.t, design.noise_std)
     data = b"".join(np.ascontiguousarray(x, dtype=float).tobytes() for x in rows)
-    head = f"{FORMAT} {seed} {design.samples} {design.rate} {text}".encode()
+    head = f"{FORMAT} {revision()} {seed} {design.samples} {design.rate} {text}".encode()
     return hashlib.sha256(head + data).hexdigest()[:20]

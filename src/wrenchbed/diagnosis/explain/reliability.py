@@ -5,6 +5,7 @@ that were right from wrong ones, in look-alike cases, turns it into probabilitie
 verdict follows from these (Guo et al. 2017, arXiv 1706.04599, calibrate classifiers likewise).
 """
 
+import hashlib
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -46,6 +47,7 @@ class Reliability:
             of cases: split conformal prediction (Vovk et al. 2005; Angelopoulos & Bates 2023,
             doi 10.1561/2200000101).
         elsewhere: whether the cases are of other robots or designs than the recording.
+        own: whether they are look-alikes of the recording itself.
     """
 
     claim: tuple[float, ...]
@@ -57,6 +59,7 @@ class Reliability:
     right: float = 0.9
     set90: float = 0.9
     elsewhere: bool = False
+    own: bool = False
 
     def plain(self) -> "Reliability":
         """For recordings unlike the cases: how often claims were right, whatever their kind."""
@@ -160,7 +163,9 @@ def learnt(
         spread = float(np.clip(np.quantile(np.abs(errors), 0.9) / 1.645, 1.0, LARGEST_SPREAD))
     weights = tuple(float(v) for v in w)
     right = _rate(int(y.sum()), len(y))
-    held = conformal(shares) if len(shares) >= LEAST_ERRORS else 0.9
+    held = 0.9 if start is None else start.set90
+    if len(shares) >= LEAST_ERRORS:
+        held = conformal(shares)
     return Reliability(weights, _rate(*none), _rate(*unknown), total, source, spread, right, held)
 
 
@@ -174,10 +179,11 @@ def _shipped() -> Mapping[str, Any]:
     return dict(json.loads(folder.joinpath("reliability.json").read_text("utf-8")))
 
 
-def shipped(robot: str, moving: bool) -> Reliability | None:
+def shipped(robot: str, moving: bool, jointed: bool = True) -> Reliability | None:
     """The model that comes with the package, of the robot at rest or in motion.
 
-    A robot without one has that of all robots together, whatever the kind of a claim.
+    A robot without one, or a recording without joint values, has that of all robots together,
+    whatever the kind of a claim.
     """
     mode = "dynamic" if moving else "static"
     known, name = _shipped(), f"{robot} {mode}"
@@ -185,4 +191,9 @@ def shipped(robot: str, moving: bool) -> Reliability | None:
     if raw is None:
         return None
     result = Reliability(**raw | {"claim": tuple(raw["claim"])})
-    return result if name in known else result.plain()
+    return result if name in known and jointed else result.plain()
+
+
+def revision() -> str:
+    """Hash of what comes with the package: learnt again whenever claims change."""
+    return hashlib.sha256(json.dumps(dict(_shipped()), sort_keys=True).encode()).hexdigest()[:16]
