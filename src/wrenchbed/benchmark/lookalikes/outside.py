@@ -11,7 +11,7 @@ import numpy as np
 from wrenchbed.benchmark.lookalikes.design import ExperimentDesign
 from wrenchbed.benchmark.lookalikes.imperfection import Imperfection, Rng, relax
 from wrenchbed.benchmark.lookalikes.loads import rotate_back, wrench_at
-from wrenchbed.benchmark.lookalikes.sensor import channels, duration, elapsed
+from wrenchbed.benchmark.lookalikes.sensor import channels
 
 Family = Callable[[ExperimentDesign, Rng], Imperfection]
 _G = 9.81
@@ -44,23 +44,6 @@ def _cog(shift: np.ndarray) -> Imperfection:
 
 def _some_channels(design: ExperimentDesign, rng: Rng) -> np.ndarray:
     return 5.0 * design.noise_std * channels(rng, one=0.4)
-
-
-@family
-def slow_sine(design: ExperimentDesign, rng: Rng) -> Imperfection:
-    """The zero swings slowly, one to three times in the run."""
-    cycles = rng.uniform(1.0, 3.0)
-    wave = np.sin(2.0 * np.pi * cycles * elapsed(design) + rng.uniform(0.0, 6.28))
-    return _zero(wave[:, None] * _some_channels(design, rng))
-
-
-@family
-def random_walk(design: ExperimentDesign, rng: Rng) -> Imperfection:
-    """The zero wanders off at random."""
-    steps = np.sqrt(np.diff(design.t, prepend=design.t[0] - 1e-3))
-    walk = np.cumsum(rng.standard_normal((len(design), 6)) * steps[:, None], axis=0)
-    walk = walk / duration(design) ** 0.5
-    return _zero(2.0 * walk * _some_channels(design, rng))
 
 
 @family
@@ -147,6 +130,29 @@ def third_harmonic(design: ExperimentDesign, rng: Rng) -> Imperfection:
     phase = rng.uniform(0.0, 2.0 * np.pi, 6)
     wave = np.sin(3.0 * angle[:, None] + phase)
     return _zero(wave * _some_channels(design, rng))
+
+
+@family
+def rectified(design: ExperimentDesign, rng: Rng) -> Imperfection:
+    """A channel reads the size of another, whatever its sign: a plate that lifts off both ways."""
+    to, of = rng.permutation(6)[:2]
+    gain = 0.3 * rng.choice([-1.0, 1.0]) * design.full_scale[to] / design.full_scale[of]
+
+    def read(y: np.ndarray) -> np.ndarray:
+        result = y.copy()
+        result[:, to] += gain * np.abs(y[:, of])
+        return result
+
+    return Imperfection(sensor=read)
+
+
+@family
+def sunbeam(design: ExperimentDesign, rng: Rng) -> Imperfection:
+    """The zero shifts while the sensor faces a window."""
+    down = design.motion.specific_force
+    down = down / np.linalg.norm(down, axis=1, keepdims=True)
+    facing = down @ down[rng.integers(len(down))]
+    return _zero(np.exp(6.0 * (facing - 1.0))[:, None] * 2.0 * _some_channels(design, rng))
 
 
 @family

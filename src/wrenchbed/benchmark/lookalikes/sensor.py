@@ -145,14 +145,25 @@ def bias(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     return Imperfection(by_channel(value), sensor=lambda y: y + value)
 
 
+_STEADY, _SWINGING = 0.65, 0.2
+"""Share of drifts that are steady, and that swing; the others wander. Estimates."""
+
+
 @lookalike("sensor.drift", published=_of_channels("rate"))
 def drift(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
-    """A zero that drifts steadily, by about 0.4 % of full scale over the run."""
+    """A zero that drifts steadily, swings or wanders, by about 0.4 % of full scale over the run."""
     span = 4e-3 * size * design.full_scale * channels(rng)
-    share = elapsed(design) ** rng.uniform(0.85, 1.2)
-    shift = share[:, None] * span
-    rate = by_channel(span / duration(design))
-    return Imperfection(rate, sensor=lambda y: y + shift)
+    share, kind = elapsed(design), rng.uniform()
+    if kind < _STEADY:
+        shift = (share ** rng.uniform(0.85, 1.2))[:, None] * span
+        return Imperfection(by_channel(span / duration(design)), sensor=lambda y: y + shift)
+    if kind < _STEADY + _SWINGING:
+        turns = 2.0 * np.pi * rng.uniform(0.5, 3.0) * share + rng.uniform(0.0, 2.0 * np.pi)
+        shift = 0.5 * np.sin(turns)[:, None] * span
+    else:
+        steps = np.sqrt(np.diff(design.t, prepend=design.t[0])) * rng.standard_normal(len(design))
+        shift = (np.cumsum(steps) / np.sqrt(duration(design)))[:, None] * span
+    return Imperfection({}, sensor=lambda y: y + shift)
 
 
 @lookalike("sensor.gain", published=_of_channels("gain"))
