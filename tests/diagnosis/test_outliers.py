@@ -70,6 +70,18 @@ def test_two_poses_are_named_though_the_larger_force_hides_the_other():
     assert second.startswith("pose 41: 4 N along −y ")
 
 
+def test_poses_that_disagree_at_many_times_are_a_fault_of_their_own():
+    rec = sound(4)
+    rng = np.random.default_rng(4)
+    for pose in (3, 14, 26, 39, 52):
+        force = 20.0 * rng.standard_normal(3) / np.sqrt(3.0)
+        rec = pushed(rec, in_pose(rec, pose), force)
+    told = diagnose(rec).diagnosis
+    assert len(told.outliers) == 5
+    assert told.verdict == "unknown" and told.which == []
+    assert any("comes and goes" in note for note in told.notes)
+
+
 def test_a_pushed_pose_is_found_beside_a_named_cause():
     """The bias of the session is most of the gap, so that it alone looks like an answer."""
     rec = sound(2, LOAD | BIAS)

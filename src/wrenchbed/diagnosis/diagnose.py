@@ -35,6 +35,13 @@ MOST_ROUNDS = 3
 """How often outliers are looked for: large ones hide others."""
 LEFT = 1.0
 """Gap on held-out rows from which outliers are looked for although causes are named."""
+MOST_SPELLS = 3
+"""Times at which something may disagree with all the rest where there is no cause: more often it
+is a fault of its own; estimate."""
+OFTEN = (
+    "what is set aside disagrees at many times, each in its own way: a fault that comes and goes"
+)
+"""Note where it does."""
 CLEARER = 0.3
 """Rows are set aside where the answer without them leaves less than this part of the gap."""
 ELSEWHERE = (
@@ -143,14 +150,15 @@ def findings_of(found: Examined, seed: int, progress: Progress, begun: float) ->
     (analysis, untempered, verdict, twin, gap), known, outliers, between, scattered = found
     prepared = analysis.prepared
     loud = bool(scattered) or (not between and gap.calibrated.low > LARGEST_NONE)
-    if loud and verdict.verdict == NONE:
+    often = outliers_.spells(outliers) > MOST_SPELLS
+    if (loud or often) and verdict.verdict == NONE:
         verdict = withdrawn(verdict, UNKNOWN)
     progress("where")
     places = where.locate(prepared, analysis.calibrated, seed=seed)
     progress("what next")
     named = {n for c in verdict.causes for n in c.names}
     cannot_tell = _cannot_tell(analysis, named) if named else []
-    of_data = [*prepared.notes, *([scattered] if scattered else ())]
+    of_data = [*prepared.notes, *([scattered] if scattered else ()), *([OFTEN] if often else ())]
     plans, proposed = _next(analysis, verdict, seed)
     outcome = "identified" if between and verdict.verdict == NONE else verdict.verdict
     spread = 1.0 if known is None else known.spread

@@ -116,6 +116,7 @@ def histograms(
     y: str = "configurations",
     *,
     log: bool = False,
+    bins: int = 50,
 ) -> str:
     """Side by side, each with one or more distributions (N,) by name.
 
@@ -123,13 +124,14 @@ def histograms(
         panels: values by name, by the panel's title.
         x, y: what the axes show.
         log: x in decades; of positive numbers only.
+        bins: of each distribution.
     """
     with canvas((7.4, 2.9), len(panels)) as (figure, axes):
         for ax, (title, data) in zip(axes, panels.items(), strict=True):
             for colour, (name, values) in zip((BLUE, ORANGE), data.items(), strict=False):
                 low, high = values.min() / 1.05, values.max() * 1.05
-                bins = np.geomspace(low, high, 51) if log else 50
-                ax.hist(values, bins=bins, color=colour, alpha=0.75, label=name)
+                edges = np.geomspace(low, high, bins + 1) if log else bins
+                ax.hist(values, bins=edges, color=colour, alpha=0.75, label=name)
             if log:
                 ax.set_xscale("log")
             ax.set_title(title, fontsize=9.5)

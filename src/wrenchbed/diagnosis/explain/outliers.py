@@ -5,7 +5,7 @@ errors dwarf those of the rest are set aside, and the rest is diagnosed. An effe
 show too predicts its own blocks, so these are no outliers.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -70,6 +70,14 @@ class Outlier:
     def entry(self) -> Mapping[str, Any]:
         """As the contract has it."""
         return {"pose": self.pose, "t": [self.begin, self.end], "sentence": self.sentence}
+
+
+def spells(outliers: Sequence[Outlier]) -> int:
+    """How many there are, neighbours counted once."""
+    if not outliers:
+        return 0
+    away = np.any([o.rows for o in outliers], axis=0).astype(int)
+    return int(away[0] + (np.diff(away) > 0).sum())
 
 
 def _axis(x: np.ndarray) -> str:
