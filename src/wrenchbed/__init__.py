@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from wrenchbed.campaigns.settings import Fleet
     from wrenchbed.campaigns.simulated_robots import campaign
     from wrenchbed.data.column_map import read as read_map
+    from wrenchbed.data.guess.guess import guess as guess_map
+    from wrenchbed.data.guess.stated import Stated
     from wrenchbed.data.import_files import import_files
     from wrenchbed.data.logs import write_mcap
     from wrenchbed.data.plan import Plan
@@ -61,6 +63,8 @@ _PUBLIC = {
     "campaigns.recording.run": ("record",),
     "campaigns.settings": ("Fleet",),
     "data.column_map": ("read as read_map",),
+    "data.guess.guess": ("guess as guess_map",),
+    "data.guess.stated": ("Stated",),
     "data.import_files": ("import_files",),
     "data.logs": ("write_mcap",),
     "data.plan": ("Plan", "read as read_points"),
@@ -109,6 +113,7 @@ __all__ = [
     "SimDriver",
     "SimOptions",
     "Simulation",
+    "Stated",
     "Touches",
     "Twin",
     "WrenchbedError",
@@ -124,6 +129,7 @@ __all__ = [
     "diagnose_several",
     "dry_run",
     "export",
+    "guess_map",
     "import_files",
     "informative",
     "load",

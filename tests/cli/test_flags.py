@@ -24,7 +24,10 @@ FLAGS = {
         "sensor=None, set=repeatable, speed=None, tracking=None, view=None, "
         "workspace=None"
     ),
-    "import": "json=False, map=required, mode=None, name-pattern=None, out=required",
+    "import": (
+        "fit=None, gravity=None, guess=False, json=False, map=None, mode=None, "
+        "name-pattern=None, out=required, rest=None, robot=None, sensor=None, tool-mass=None"
+    ),
     "calibrate": (
         "free=none, hold=none, json=False, loss=linear, out=None, prior=False, rrd=None, "
         "touch-std=None, touches=None, truth=None"

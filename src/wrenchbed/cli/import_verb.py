@@ -1,6 +1,6 @@
 """`wrenchbed import`: text files, rosbags and MCAP files become recordings."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
@@ -8,42 +8,77 @@ import tyro
 
 import wrenchbed as wb
 from wrenchbed.cli import console
-from wrenchbed.cli.console import Json
+from wrenchbed.cli.console import Flag, Json
 from wrenchbed.data.column_map import ColumnMap
+from wrenchbed.errors import ParameterError
+
+
+@dataclass(frozen=True)
+class GuessArguments:
+    """Find the map by itself.
+
+    Attributes:
+        guess: Find the map: every convention is tried against one rigid load under gravity. Writes
+            OUT.map.toml.
+        robot: With --guess: name of the robot.
+        gravity: With --guess: size of gravity [m/s²].
+        tool_mass: With --guess: known mass of the tool [kg], which tells units apart.
+        sensor: With --guess: model, see `wrenchbed list sensors`.
+        fit: With --guess: fit.json of the same sensor and tool; states tool, zeros and tolerances.
+        rest: With --guess: text file of the wrench at rest; states the noise of one row.
+    """
+
+    guess: Flag = False
+    robot: str | None = None
+    gravity: float | None = None
+    tool_mass: float | None = None
+    sensor: str | None = None
+    fit: Path | None = None
+    rest: Path | None = None
 
 
 def import_(
     files: tyro.conf.Positional[tuple[Path, ...]],
     /,
-    map: Path,
     out: Path,
+    guessing: GuessArguments,
+    map: Path | None = None,
     mode: Literal["static", "dynamic", "auto"] | None = None,
     name_pattern: str | None = None,
     as_json: Json = False,
 ) -> None:
-    """Bring text files (CSV, …), rosbags and MCAP files in through a column map that states units.
+    """Bring text files (CSV, …), rosbags and MCAP files in, by a map of columns or by a guess.
 
     Args:
         files: CSV files, rosbags (1 or 2), MCAP files; several are merged on time.
-        map: TOML or JSON column map (docs/how-to/import.md), or the name of a ready one: ros-ur5,
-            ros-oriented, ur-rtde, ur-client.
         out: Recording to write; of a log of holds and moves, OUT.motion.parquet gets all of it.
+        map: TOML or JSON column map (docs/how-to/import.md), or the name of a ready one.
         mode: static, dynamic, or auto: a log of holds and moves is split into poses by itself. As
             the map says if none.
         name_pattern: Every file is one pose, and its name holds values, as pose_{roll}_{yaw}.csv;
             the map uses them as columns.
         as_json: Print the result as JSON.
     """
-    console.check_out(out, map, *files)
-    column_map = _changed(wb.read_map(map), mode, name_pattern)
-    imported = wb.import_files(files, column_map)
+    if guessing.guess == (map is not None):
+        raise ParameterError("give either --map MAP or --guess")
+    if guessing.guess and name_pattern is not None:
+        raise ParameterError("--name-pattern needs --map: a guess reads no values from names")
+    told: dict[str, list[str]] = {}
+    inputs = (*files, map, guessing.fit, guessing.rest)
+    console.check_out(out, *inputs)
+    if map is not None:
+        _no_guess(guessing)
+        column_map = wb.read_map(map)
+    else:
+        column_map, told = _guessed(files, guessing, out, mode)
+    imported = wb.import_files(files, _changed(column_map, mode, name_pattern))
     imported.recording.write(out)
     rows, excluded = len(imported.recording), imported.left_out
-    result = {"recording": str(out), "rows": rows, "rows_left_out": excluded}
-    lines = list(imported.notes)
+    result = {"recording": str(out), "rows": rows, "rows_left_out": excluded} | told
+    lines = [*told.get("guess", []), *imported.notes]
     if imported.motion is not None and imported.split is not None:
         whole = out.with_suffix(".motion.parquet")
-        console.check_out(whole, map, *files)
+        console.check_out(whole, *inputs)
         imported.motion.write(whole)
         holds, moves = len(imported.split.seconds), imported.split.moves
         result |= {"motion": str(whole), "holds": holds, "moves": moves}
@@ -52,6 +87,29 @@ def import_(
     rest = f", {excluded} outside the other files' times left out" if excluded else ""
     lines.append(f"imported {rows} rows{rest} → {out}")
     console.answer(result, as_json, "\n".join(lines))
+
+
+def _no_guess(given: GuessArguments) -> None:
+    """Refuse what a map would not use."""
+    for name, value in vars(given).items():
+        if value:
+            flag = name.replace("_", "-")
+            raise ParameterError(f"--{flag} belongs to --guess; a map states it itself")
+
+
+def _guessed(
+    files: tuple[Path, ...], given: GuessArguments, out: Path, mode: str | None
+) -> tuple[ColumnMap, dict[str, list[str]]]:
+    """The map that is found, and what to say of it."""
+    stated = wb.Stated(
+        robot=given.robot, mode=mode, gravity=given.gravity, mass=given.tool_mass,
+        fit=given.fit, rest=given.rest, sensor=given.sensor,
+    )  # fmt: skip
+    found = wb.guess_map(files, stated)
+    path = out.with_suffix(".map.toml")
+    console.check_out(path, *files)
+    path.write_text(found.text(), encoding="utf-8")
+    return found.column_map(), {"guess": [*found.lines, f"map → {path}"]}
 
 
 def _changed(column_map: ColumnMap, mode: str | None, name_pattern: str | None) -> ColumnMap:

@@ -1,0 +1,343 @@
+"""Which column of a table is what: by its name, and where names say nothing by its values."""
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from wrenchbed.data.column_map import ROLL_PITCH_YAW, ROTATION, ROTATION_VECTOR, UNITS
+from wrenchbed.data.text_table import read_text
+from wrenchbed.errors import MapError
+from wrenchbed.physics.wrench import CHANNELS
+
+UR_JOINTS = ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3")
+_XYZ = ("x", "y", "z")
+_FORCE = re.compile(r"(?:^|_)(?:f|force|kraft|fts?)_?([xyz])$")
+_TORQUE = re.compile(r"(?:^|_)(?:t|m|torque|moment|mom|tau|trq|drehmoment)_?([xyz])$")
+_ACCELERATION = re.compile(r"(?:^|_)(?:a|acc|accel|acceleration)_?([xyz])$")
+_GRAVITY = re.compile(r"^(?:g|gravity)_?([xyz])$")
+_QUATERNION = re.compile(r"(?:^|_)(?:q|quat|quaternion|orientation|rotation|rot)_?([wxyz])$")
+_MATRIX = re.compile(r"(?:^|_)(?:r|rot|rotation|matrix)_?([0-3])_?([0-3])$")
+_TIME = re.compile(r"^(?:t|zeit|clock|secs?|seconds|.*time.*|.*stamp.*|elapsed.*)$")
+_TEMPERATURE = re.compile(r"(?:^|_)temp(?:erature)?$")
+_SEGMENT = re.compile(r"^(?:segment|pose|hold)(?:_?(?:id|index|nr|number))?$")
+_INDEXED = re.compile(r"^(.*?)_?(\d+)$")
+_WRENCH_STEM = re.compile(r"wrench|force|(?:^|_)ft|f_ext|loadcell|gauge")
+_JOINT_STEM = re.compile(
+    r"^(?:.*_)?(?:q|joints?|j|axis|theta|jpos|jnt_?pos|(?:joint_?)?(?:positions?|angles?))$"
+)
+_NO_JOINT = re.compile(r"target|desired|command|vel|speed|current|torque|effort|qd|acc|_d$")
+_UNIT_AT_END = re.compile(r"^(.*?)\s*[\[(/]\s*([^\])]+?)\s*[\])]?\s*$")
+_SHORT_UNITS = {"ms": "ms", "us": "us", "ns": "ns", "deg": "deg", "rad": "rad", "sec": "s",
+                "degrees": "deg", "nmm": "Nmm", "nm": "Nm", "kgf": "kgf", "lbf": "lbf"}  # fmt: skip
+_UNIT_NAMES = {unit.lower(): unit for unit in UNITS} | {
+    "n-m": "N·m", "n m": "N·m", "n-mm": "Nmm", "°": "deg", "degrees": "deg", "grad": "deg",
+    "sec": "s", "seconds": "s", "µs": "us", "m/s2": "m/s²", "in-lbf": "lbf-in", "kgf-m": "kgf·m",
+    "kgf*m": "kgf·m", "kgf-mm": "kgf·mm", "kgf*mm": "kgf·mm", "gf-cm": "gf·cm", "lbf*in": "lbf-in",
+}  # fmt: skip
+_NORM = 1e-2
+"""Largest error of a unit length by which columns are taken for an orientation; estimate."""
+_MOST_ANGLE = 400.0
+"""No column of angles exceeds this, in degrees [°]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Sheet:
+    """One table: its file (or the files of one pose each), columns of numbers, and what they are.
+
+    Attributes:
+        paths: of the file, or of all files of one pose each.
+        values: columns of numbers (N,) by name, in their order.
+        rows: of each path.
+        roles: column by role (``t``, ``fx``, ``qw``, ``ax``, ``temperature`` …) by the names.
+        units: by column, where the name states one.
+    """
+
+    paths: tuple[Path, ...]
+    values: Mapping[str, np.ndarray]
+    rows: tuple[int, ...]
+    roles: Mapping[str, str] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)
+
+    def free(self) -> list[str]:
+        """Columns without a role."""
+        taken = set(self.roles.values())
+        return [name for name in self.values if name not in taken]
+
+    def block(self, names: Sequence[str]) -> np.ndarray:
+        """Columns (N, K)."""
+        return np.stack([self.values[n] for n in names], axis=1)
+
+
+@dataclass(frozen=True)
+class Columns:
+    """Columns that might be an orientation, and how they would be read.
+
+    Attributes:
+        kind: in words.
+        targets: column by target of a map.
+        unit: of angles; none of numbers.
+        order: of e1 e2 e3.
+        cost: how unusual it is; of readings that fit alike the least costly is taken.
+        inverse: whether the order of the columns already says that it is turned about.
+    """
+
+    kind: str
+    targets: Mapping[str, str]
+    unit: str | None = None
+    order: str | None = None
+    cost: float = 0.0
+
+
+def sheets(paths: Sequence[Path]) -> list[Sheet]:
+    """Tables of files; files with the same columns and numbers in their names are poses.
+
+    Raises:
+        MapError: a file without a table.
+    """
+    read: dict[tuple[object, ...], list[tuple[Path, dict[str, np.ndarray]]]] = {}
+    for path in paths:
+        values = _numbers(path)
+        stem = re.sub(r"[+-]?\d+(?:\.\d+)?", "#", path.name)
+        read.setdefault((tuple(values), stem), []).append((path, values))
+    found = []
+    for members in read.values():
+        if len(members) < 3:  # repetitions, not poses
+            found += [_sheet([m]) for m in members]
+        else:
+            found.append(_sheet(members))
+    return found
+
+
+def _numbers(path: Path) -> dict[str, np.ndarray]:
+    text = read_text(path)
+    values: dict[str, np.ndarray] = {}
+    for name in dict.fromkeys(text.table.column_names):
+        try:
+            values[name] = text.numbers(name)
+        except MapError:
+            continue  # text, or holes: no column of a recording
+        raw = text.table.column(name).to_numpy()
+        if raw.dtype.kind == "i":
+            values[name] = raw.astype(np.int64)
+    if not values:
+        raise MapError(f"{path}: no column of numbers without holes")
+    return values
+
+
+def _sheet(members: Sequence[tuple[Path, Mapping[str, np.ndarray]]]) -> Sheet:
+    values = {n: np.concatenate([v[n] for _, v in members]) for n in members[0][1]}
+    rows = tuple(len(next(iter(v.values()))) for _, v in members)
+    units = {name: unit for name in values if (unit := unit_of(name)) is not None}
+    bare = Sheet(tuple(p for p, _ in members), values, rows)
+    return Sheet(bare.paths, values, rows, _roles(values), units)
+
+
+def plain(name: str) -> str:
+    """A name in small letters, without its unit, words apart by _."""
+    match = _UNIT_AT_END.match(name)
+    if match and match[2].lower() in _UNIT_NAMES and match[1]:
+        name = match[1]
+    name = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name).lower()
+    name = re.sub(r"[^a-z0-9]+", "_", name).strip("_")
+    return re.sub(rf"_(?:{'|'.join(_SHORT_UNITS)})$", "", name)
+
+
+def unit_of(name: str) -> str | None:
+    """The unit that a column's name states, as ``Fx [N]`` or ``time_ms``."""
+    match = _UNIT_AT_END.match(name)
+    if match and match[1] and match[2].lower() in _UNIT_NAMES:
+        return _UNIT_NAMES[match[2].lower()]
+    end = re.sub(r"[^a-z0-9]+", "_", name.lower()).rpartition("_")[2]
+    return _SHORT_UNITS.get(end) if end != name.lower() else None
+
+
+def _roles(values: Mapping[str, np.ndarray]) -> dict[str, str]:
+    """Role → column by the names alone."""
+    roles: dict[str, str] = {}
+    stems: dict[str, dict[int, str]] = {}
+    for name in values:
+        short = plain(name)
+        role = _named(short)
+        if role is not None and role not in roles:
+            roles[role] = name
+            continue
+        match = _INDEXED.match(short)
+        if match:
+            stems.setdefault(match[1], {})[int(match[2])] = name
+    for stem, members in stems.items():
+        names = [members[k] for k in sorted(members)]
+        if _WRENCH_STEM.search(stem) and len(names) == 6 and "fx" not in roles:
+            roles |= dict(zip(CHANNELS, names, strict=True))
+        elif _JOINT_STEM.match(stem) and not _NO_JOINT.search(stem) and "q1" not in roles:
+            roles |= {f"q{k + 1}": n for k, n in enumerate(names)} if len(names) > 4 else {}
+    for start, end in ((0, 3), (1, 4)):
+        part = {(c, k): f"{c}_{k + start}" for c in ("force", "torque") for k in range(3)}
+        found = {plain(n): n for n in values}
+        if "fx" not in roles and all(p in found for p in part.values()) and end:
+            roles |= {CHANNELS[k + 3 * (c == "torque")]: found[p] for (c, k), p in part.items()}
+    _ur_joints(values, roles)
+    return _whole(roles)
+
+
+def _named(short: str) -> str | None:
+    for pattern, prefix in ((_GRAVITY, "g"), (_FORCE, "f"), (_QUATERNION, "q")):
+        if match := pattern.search(short):
+            return prefix + match[1]
+    if short in (*ROLL_PITCH_YAW, *ROTATION_VECTOR, "a", "b", "c"):
+        return {"a": "yaw", "b": "pitch", "c": "roll"}.get(short, short)
+    for pattern, prefix in ((_TORQUE, "t"), (_ACCELERATION, "a")):
+        if match := pattern.search(short):
+            return prefix + match[1]
+    if match := _MATRIX.search(short):
+        return f"r{match[1]}{match[2]}"
+    if _TEMPERATURE.search(short):
+        return "temperature"
+    if _SEGMENT.match(short):
+        return "segment"
+    return "t" if _TIME.match(short) else None
+
+
+def _ur_joints(values: Mapping[str, np.ndarray], roles: dict[str, str]) -> None:
+    """A UR's joints by their names in ROS."""
+    for j, joint in enumerate(UR_JOINTS):
+        hits = [n for n in values if joint in plain(n) and not _NO_JOINT.search(plain(n))]
+        if not hits:
+            return
+        roles[f"q{j + 1}"] = hits[0]
+
+
+def _whole(roles: dict[str, str]) -> dict[str, str]:
+    """Roles without groups of which a part is missing."""
+    zero = [r for r in roles if re.fullmatch(r"r[0-2][0-2]", r)]
+    if len(zero) == 9 and "r00" in roles:
+        for r in sorted(zero, reverse=True):
+            roles[f"r{int(r[1]) + 1}{int(r[2]) + 1}"] = roles.pop(r)
+    groups = (CHANNELS, ("qw", "qx", "qy", "qz"), ROTATION, ROTATION_VECTOR, ROLL_PITCH_YAW,
+              ("ax", "ay", "az"), ("gx", "gy", "gz"))  # fmt: skip
+    for group in groups:
+        if not all(r in roles for r in group):
+            for r in group:
+                roles.pop(r, None)
+    return {r: c for r, c in roles.items() if not re.fullmatch(r"r0\d|r\d0|r[1-3]0", r)}
+
+
+def clock_unit(values: np.ndarray, stated: str | None) -> str | None:
+    """Unit of a clock by its name, else by its size and steps; None if it is none."""
+    if len(values) < 2 or not (np.diff(values) > 0).all():
+        return None
+    if stated in ("s", "ms", "us", "ns"):
+        return stated
+    first, step = abs(float(values[0])), float(np.median(np.diff(values)))
+    for unit, epoch in (("ns", 1e18), ("us", 1e15), ("ms", 1e12), ("s", 1e9)):
+        if 0.5 * epoch < first < 5.0 * epoch:
+            return unit
+    if values.dtype.kind != "i" or step < 1.0:
+        return "s"
+    return "ms" if step < 200.0 else "us" if step < 2e5 else "ns"
+
+
+def wrenches(sheet: Sheet) -> Iterator[dict[str, str]]:
+    """Channel → column: by name, else every six columns in a row that nothing else claims."""
+    if "fx" in sheet.roles:
+        yield {c: sheet.roles[c] for c in CHANNELS}
+        return
+    for names in _windows(sheet, 6):
+        if (np.ptp(sheet.block(names), axis=0) > 0).all():
+            yield dict(zip(CHANNELS, names, strict=True))
+
+
+def orientations(sheet: Sheet) -> Iterator[Columns]:
+    """Every way to read columns as an orientation: by name, else by value."""
+    roles = sheet.roles
+    if "qw" in roles:
+        yield Columns("quaternion", {r: roles[r] for r in ("qw", "qx", "qy", "qz")})
+    if "r11" in roles:
+        yield Columns("matrix", {r: roles[r] for r in ROTATION})
+    if "rx" in roles:
+        yield from _angles(sheet, [roles[r] for r in ROTATION_VECTOR])
+    if "roll" in roles:
+        names = [roles[r] for r in ROLL_PITCH_YAW]
+        for unit, cost in _angle_units(sheet, names):
+            text = f"roll pitch yaw in {unit}"
+            yield Columns(text, dict(zip(ROLL_PITCH_YAW, names, strict=True)), unit, None, cost)
+    if not {"qw", "r11", "rx", "roll"} & set(roles):
+        yield from _by_value(sheet)
+
+
+def _by_value(sheet: Sheet) -> Iterator[Columns]:
+    told = False
+    for names in _windows(sheet, 16):
+        m = sheet.block(names).reshape(-1, 4, 4)
+        for at, what in ((m[:, 3], "by rows"), (m[:, :, 3], "by columns")):
+            if np.abs(at - [0, 0, 0, 1]).max() < _NORM and _turns(m[:, :3, :3]):
+                by = [3 * i + j for i in range(3) for j in range(3)]
+                place = [4 * (k // 3) + k % 3 if what == "by rows" else 4 * (k % 3) + k // 3
+                         for k in by]  # fmt: skip
+                columns = {r: names[p] for r, p in zip(ROTATION, place, strict=True)}
+                yield Columns(f"pose {what}", columns)
+                told = True
+    for names in () if told else _windows(sheet, 9):
+        if _turns(sheet.block(names).reshape(-1, 3, 3)):
+            yield Columns("matrix", dict(zip(ROTATION, names, strict=True)))
+            told = True
+    for names in () if told else _windows(sheet, 4):
+        if np.abs(np.linalg.norm(sheet.block(names), axis=1) - 1.0).max() < _NORM:
+            for order, cost in (("wxyz", 0.0), ("xyzw", 0.1)):
+                targets = {f"q{c}": n for c, n in zip(order, names, strict=True)}
+                yield Columns(f"quaternion {order}", targets, None, None, cost)
+            told = True
+    for names in () if told else _windows(sheet, 3):
+        yield from _angles(sheet, names)
+
+
+def _turns(m: np.ndarray) -> bool:
+    """Whether all of (N, 3, 3) are rotations."""
+    near = np.abs(np.swapaxes(m, 1, 2) @ m - np.eye(3)).max() < _NORM
+    return bool(near and (np.linalg.det(m) > 0).all())
+
+
+def _angles(sheet: Sheet, names: Sequence[str]) -> Iterator[Columns]:
+    """Three numbers as rotation vector, roll pitch yaw, or KUKA's A B C."""
+    for unit, cost in _angle_units(sheet, names):
+        for what, targets, more in (
+            ("rotation vector", ROTATION_VECTOR, 0.0),
+            ("roll pitch yaw", ROLL_PITCH_YAW, 0.1),
+            ("yaw pitch roll", ROLL_PITCH_YAW[::-1], 0.2),
+        ):
+            columns = dict(zip(targets, names, strict=True))
+            yield Columns(f"{what} in {unit}", columns, unit, None, cost + more)
+
+
+def _angle_units(sheet: Sheet, names: Sequence[str]) -> list[tuple[str, float]]:
+    stated = sheet.units.get(names[0])
+    if stated in ("rad", "deg"):
+        return [(stated, 0.0)]
+    most = float(np.abs(sheet.block(names)).max())
+    if most > _MOST_ANGLE:
+        return []
+    return [("deg", 0.0)] if most > 7.0 else [("rad", 0.0), ("deg", 0.5)]
+
+
+def joints(sheet: Sheet, count: int) -> Iterator[tuple[str, ...]]:
+    """``count`` columns that might be joint values: by name, else by value."""
+    named = [sheet.roles[f"q{j}"] for j in range(1, count + 1) if f"q{j}" in sheet.roles]
+    if "q1" in sheet.roles:
+        if len(named) == count and f"q{count + 1}" not in sheet.roles:
+            yield tuple(named)
+        return
+    for names in _windows(sheet, count):
+        if np.abs(sheet.block(names)).max() < _MOST_ANGLE:
+            yield tuple(names)
+
+
+def _windows(sheet: Sheet, width: int) -> Iterator[list[str]]:
+    """Columns that stand side by side and have no role."""
+    free = set(sheet.free())
+    names = list(sheet.values)
+    for k in range(len(names) - width + 1):
+        some = names[k : k + width]
+        if free.issuperset(some):
+            yield some

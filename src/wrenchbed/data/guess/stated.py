@@ -1,0 +1,185 @@
+"""What a user knows besides the files, written into the map that is guessed."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from wrenchbed.data.checked import Fields, is_number, load
+from wrenchbed.data.column_map import UNITS
+from wrenchbed.data.guess.gravity_fit import GravityFit, in_body
+from wrenchbed.data.guess.sheets import Sheet, sheets, wrenches
+from wrenchbed.errors import MapError
+from wrenchbed.physics.rotations import cross
+from wrenchbed.physics.wrench import CHANNELS
+
+_STANDARD = 9.80665
+_UNTOUCHED, _NORMAL = 0.3, 0.3853
+"""So many rows are free of contact at least, and that quantile of |x| of a standard normal x."""
+_SIGMAS = 3.0
+"""Tolerances are so many standard uncertainties of the earlier calibration."""
+_ZERO_FREE = 2.0
+"""Nobody set the sensor's zero: any within so many times the largest reading is as stated."""
+
+
+@dataclass(frozen=True, eq=False)
+class KnownLoad:
+    """A load that was calibrated: weight [N], centre of gravity (3,) [m] and bias (6,)."""
+
+    weight: float
+    cog: np.ndarray
+    bias: np.ndarray
+
+    def fitted(
+        self, fit: GravityFit, turn: np.ndarray, wrench: np.ndarray, in_base: bool
+    ) -> GravityFit:
+        """A fit with this load in the place of the fitted one, with the errors of the better rows.
+
+        Args:
+            fit: gives axis, mount and sign.
+            turn: the body in the base (N, 3, 3).
+            wrench: (N, 6) [N, N·m].
+            in_base: whether it is in the base's axes.
+        """
+        if in_base:
+            wrench = in_body(turn, wrench)
+        m = np.eye(3) if fit.mount is None else fit.mount.as_matrix()
+        down = turn[:, fit.axis, :] @ m.T
+
+        def with_weight(weight: float) -> GravityFit:
+            force = weight * down
+            error = np.abs(wrench - self.bias - np.hstack([force, cross(self.cog, force)]))
+            usual = np.quantile(error, _UNTOUCHED, axis=0) / _NORMAL
+            rms = [max(float(np.sqrt((p**2).mean())), 1e-9) for p in np.split(usual, 2)]
+            return replace(
+                fit, weight=weight, lever=self.cog, force_rms=rms[0], torque_rms=rms[1],
+                share=rms[0] / self.weight,
+            )  # fmt: skip
+
+        return min(map(with_weight, (self.weight, -self.weight)), key=lambda f: f.force_rms)
+
+
+@dataclass(frozen=True)
+class Stated:
+    """What is known besides the files.
+
+    Attributes:
+        robot: name.
+        mode: static, dynamic or auto; found out if none.
+        gravity: its size [m/s²]; the file's, else the standard one, if none.
+        mass: of the tool [kg].
+        fit: ``fit.json`` of an earlier calibration of the same sensor and tool.
+        rest: text file of the wrench at rest, in the same units: the noise of one row.
+        sensor: model.
+    """
+
+    robot: str | None = None
+    mode: str | None = None
+    gravity: float | None = None
+    mass: float | None = None
+    fit: Path | None = None
+    rest: Path | None = None
+    sensor: str | None = None
+
+    def gravity_size(self, tables: Sequence[Sheet]) -> float:
+        """Size of gravity [m/s²]: as stated, as columns gx gy gz say, else standard."""
+        if self.gravity is not None:
+            return self.gravity
+        for sheet in tables:
+            if "gx" in sheet.roles:
+                g = np.linalg.norm(sheet.block([sheet.roles[f"g{a}"] for a in "xyz"]), axis=1)
+                if np.ptp(g) < 0.01 * g.mean() and 9.7 < g.mean() < 9.9:
+                    return round(float(g.mean()), 6)
+        return _STANDARD
+
+    def put(
+        self, recording: dict[str, Any], wrench: dict[str, dict[str, Any]], sheet: Sheet
+    ) -> None:
+        """Write it into ``[recording]`` and the columns of the wrench.
+
+        Raises:
+            MapError: the fit or the rows at rest cannot be read.
+        """
+        if self.sensor is not None:
+            recording["sensor"] = recording.get("sensor", {}) | {"model": self.sensor}
+        if self.rest is not None:
+            std = self._noise(wrench)
+            recording["sensor"] = recording.get("sensor", {}) | {"noise_std": std}
+        if self.fit is not None:
+            self._fitted(recording, wrench, self.fit)
+            return
+        if self.mass is not None:
+            recording["tool"] = {"mass": self.mass}
+        most = []
+        for channel in CHANNELS:
+            entry = wrench[channel]
+            size = float(np.abs(sheet.values[entry["column"]]).max()) * UNITS[entry["unit"]][1]
+            most.append(float(f"{_ZERO_FREE * size:.2g}") or 1.0)
+        recording["tolerance"] = {"sensor.bias": most}
+
+    @property
+    def tool_mass(self) -> float | None:
+        """Known mass of the tool [kg], stated or calibrated before."""
+        if self.mass is not None or self.fit is None:
+            return self.mass
+        raw = Fields(load(self.fit, MapError), f"{self.fit}: ", MapError)
+        return raw.part("tool").number("mass", "kg", positive=True)
+
+    def known(self) -> KnownLoad | None:
+        """The load of the earlier calibration, if there is one."""
+        if self.fit is None:
+            return None
+        raw = Fields(load(self.fit, MapError), f"{self.fit}: ", MapError)
+        tool, values = raw.part("tool"), raw.part("parameters")
+        mass, cog = tool.number("mass", "kg", positive=True), tool.numbers("cog", 3)
+        bias = [values.part(f"sensor.bias.{c}").number("value", "SI") for c in CHANNELS]
+        if mass is None or cog is None or None in bias:
+            raise MapError(f"{self.fit}: is no fit.json with tool and sensor.bias.fx … tz")
+        size = _STANDARD if self.gravity is None else self.gravity
+        return KnownLoad(mass * size, np.array(cog), np.array(bias, dtype=float))
+
+    def _noise(self, wrench: Mapping[str, Mapping[str, Any]]) -> list[float]:
+        assert self.rest is not None
+        (sheet,) = sheets([self.rest])
+        columns = next(wrenches(sheet), None)
+        if columns is None:
+            raise MapError(f"{self.rest}: no six columns that might be a wrench")
+        std = []
+        for channel, name in columns.items():
+            values = sheet.values[name].astype(float) * UNITS[wrench[channel]["unit"]][1]
+            std.append(float(f"{values.std(ddof=1):.3g}"))
+        return std
+
+    def _fitted(
+        self, recording: dict[str, Any], wrench: dict[str, dict[str, Any]], path: Path
+    ) -> None:
+        """Tool, zeros and tolerances of an earlier calibration."""
+        raw = Fields(load(path, MapError), f"{path}: ", MapError)
+        tool, values = raw.part("tool"), raw.part("parameters")
+        mass, cog = tool.number("mass", "kg", positive=True), tool.numbers("cog", 3)
+        found = {k: v for k, v in values.raw.items() if isinstance(v, Mapping)}
+        missing = [c for c in CHANNELS if f"sensor.bias.{c}" not in found]
+        if mass is None or cog is None or missing:
+            raise MapError(f"{path}: is no fit.json with tool and sensor.bias.fx … tz")
+        recording["tool"] = {"mass": round(mass, 6), "cog": [round(x, 6) for x in cog]}
+
+        def sigma(name: str) -> float:
+            std: Any = found.get(name, {}).get("std")
+            return _SIGMAS * float(std) if is_number(std) and std > 0 else 0.0
+
+        for channel in CHANNELS:
+            entry = wrench[channel]
+            size = UNITS[entry["unit"]][1] * entry.get("sign", 1)
+            zero = float(found[f"sensor.bias.{channel}"]["value"]) / size
+            entry["zero"] = float(f"{zero:.6g}")
+        tolerance = {
+            "tool.mass": sigma("tool.mass"),
+            "tool.cog": max(sigma(f"tool.cog.{a}") for a in "xyz"),
+            "sensor.bias": [float(f"{sigma(f'sensor.bias.{c}'):.3g}") for c in CHANNELS],
+        }
+        positive = {k: v for k, v in tolerance.items() if np.all(np.asarray(v) > 0)}
+        recording["tolerance"] = {
+            k: float(f"{v:.3g}") if isinstance(v, float) else v for k, v in positive.items()
+        }

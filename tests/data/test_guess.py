@@ -1,0 +1,182 @@
+"""`import --guess`: recordings in random conventions, real ones, and refusals."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import wrenchbed as wb
+from wrenchbed.cli import main
+from wrenchbed.data import column_map
+from wrenchbed.data.guess.guess import Guess, guess
+from wrenchbed.data.guess.stated import Stated
+from wrenchbed.data.import_files import import_files, merged, sensor_by_joints
+from wrenchbed.errors import MapError
+from written_logs import Written, write
+
+NTNU = Path(__file__).parents[1] / "data" / "ntnu_kuka_ati_gamma"
+OFF = 0.03
+"""Errors of gravity and wrench, relative to their size, of a map that is right."""
+
+
+def reads(found: Guess, k: int, log: Written) -> bool:
+    """Whether a guessed map gives the wrench and gravity that were written."""
+    mapping = found.column_map(k)
+    data, left, name = merged(log.files, mapping)
+    if len(data["t"]) + left not in (len(log.wrench), 3 * len(log.wrench)):
+        return False
+    if "qw" in data:
+        turn = Rotation.from_quat(np.stack([data[c] for c in ("qx", "qy", "qz", "qw")], axis=1))
+    else:
+        turn = sensor_by_joints(data, mapping.metadata, name)
+    gravity = turn.inv().apply(mapping.metadata.gravity)
+    wrench = np.stack([data[c] for c in ("fx", "fy", "fz", "tx", "ty", "tz")], axis=1)
+    every = len(gravity) // len(log.gravity)
+    gravity, wrench = gravity[::every], wrench[::every]
+    size = np.repeat([np.ptp(log.wrench[:, :3]), np.ptp(log.wrench[:, 3:])], 3)
+    return bool(
+        np.sqrt(np.mean((gravity - log.gravity) ** 2)) < OFF * 9.8
+        and (np.sqrt(np.mean((wrench - log.wrench) ** 2, axis=0)) < OFF * size).all()
+    )
+
+
+def judged(folder, seed: int) -> tuple[bool, bool, str]:
+    """Whether the first map is right, whether one of those named as equal is, and the story."""
+    log = write(folder, seed)
+    found = guess(log.files)
+    right = [reads(found, k, log) for k in range(len(found.maps))]
+    return right[0], any(right), f"{log.text} → {found.conventions[0].sentence}"
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_a_random_convention_is_found(tmp_path, seed):
+    _, named, story = judged(tmp_path, seed)
+    assert named, story
+
+
+@pytest.mark.study
+def test_random_conventions_are_found(tmp_path):
+    named = []
+    for seed in range(2000, 2400):
+        (tmp_path / str(seed)).mkdir()
+        named.append(judged(tmp_path / str(seed), seed)[1])
+    assert np.mean(named) >= 0.95
+
+
+def test_a_wrong_map_is_seen_to_be_wrong(tmp_path):
+    log = write(tmp_path, 0)
+    found = guess(log.files)
+    right = next(k for k in range(len(found.maps)) if reads(found, k, log))
+    for change in (
+        {"gravity": [9.8, 0.0, 0.1]},
+        {"sensor": {"pose_flange": [0, 0, 0, 0, 1, 0, 0]}},
+    ):
+        raw = found.maps[right]
+        wrong = raw | {"recording": raw["recording"] | change}
+        assert not reads(replace(found, maps=(wrong,)), 0, log)
+
+
+def test_conventions_that_no_data_tell_apart_are_named():
+    files = [NTNU / "0-calibration_fts-accel.csv"]
+    lines = "\n".join(guess(files).lines)
+    assert "fits equally well: matrix" in lines and "sign = -1" in lines
+    assert "kgf and kgf·m (9.14 kg)" in lines and "--tool-mass KG tells which" in lines
+    told = guess(files, Stated(mass=9.1))
+    assert {c.units[0] for c in told.conventions} == {"kgf"}
+    assert told.conventions[0].mass == pytest.approx(9.1, rel=0.05)
+
+
+def test_the_real_poses_come_in_by_one_line_and_calibrate_as_before(tmp_path):
+    file, rest = NTNU / "0-calibration_fts-accel.csv", NTNU / "0-steady-state_wrench.csv"
+    line = ["import", str(file), "--guess", "--robot", "kuka-lbr-med14", "--sensor", "ati-gamma"]
+    out = tmp_path / "static.parquet"
+    assert main([*line, "--rest", str(rest), "--out", str(out)]) == 0
+    found = wb.Recording.read(out)
+    wanted = import_files([file], column_map.read(NTNU / "static.toml")).recording
+    for name, column in wanted.columns.items():
+        assert np.allclose(found.columns[name], column, rtol=0, atol=1e-12), name
+    assert found.metadata.gravity == wanted.metadata.gravity
+    assert found.metadata.sensor.model == "ati-gamma"
+    assert np.allclose(found.metadata.sensor.noise_std, wanted.metadata.sensor.noise_std, rtol=4e-3)
+    fits = [wb.calibrate(r) for r in (found, wanted)]
+    for a, b in zip(fits[0].identified, fits[1].identified, strict=True):
+        assert abs(a.value - b.value) < 0.02 * b.std and abs(a.std - b.std) < 0.02 * b.std
+    # the map that was written does the same again
+    again = import_files([file], column_map.read(tmp_path / "static.map.toml")).recording
+    assert again.metadata == found.metadata
+
+
+@pytest.mark.parametrize("run", ["1-baseline", "2-vibrations", "3-vibrations-contact"])
+def test_the_real_motions_come_in_by_one_line(tmp_path, run):
+    static = import_files(
+        [NTNU / "0-calibration_fts-accel.csv"], column_map.read(NTNU / "static.toml")
+    ).recording
+    (tmp_path / "fit.json").write_text(json.dumps(wb.calibrate(static).to_json()))
+    files = [NTNU / f"{run}_{k}.csv" for k in ("accel", "orientations", "wrench")]
+    out = tmp_path / "run.parquet"
+    line = ["import", *map(str, files), "--guess", "--fit", str(tmp_path / "fit.json")]
+    assert main([*line, "--gravity", "9.82085", "--out", str(out)]) == 0
+    found = wb.Recording.read(out)
+    wanted = import_files(files, column_map.read(NTNU / "motion.toml")).recording
+    rows = min(len(found), len(wanted))
+    offset = len(wanted) - rows if abs(len(found) - len(wanted)) else 0
+    assert abs(len(found) - len(wanted)) < 10 and found.metadata.mode == "dynamic"
+    assert np.abs(found.wrench[:rows] - wanted.wrench[:rows]).max() < 1e-3 or offset
+    assert found.metadata.tool.mass == pytest.approx(wanted.metadata.tool.mass, abs=1e-4)
+    for axis in ("ax", "ay", "az"):  # the clock of the accelerometer is found within 3 ms
+        a, b = found.columns[axis][:rows], wanted.columns[axis][:rows]
+        assert np.corrcoef(a, b)[0, 1] > 0.5, axis
+    std = np.asarray(found.metadata.sensor.noise_std)
+    assert (std < 4.0 * np.asarray(wanted.metadata.sensor.noise_std)).all()
+
+
+def save(folder, name, columns):
+    rows = np.stack(list(columns.values()), axis=1)
+    np.savetxt(folder / name, rows, delimiter=",", header=",".join(columns), comments="")
+    return folder / name
+
+
+def random_columns(n=30, seed=0):
+    rng = np.random.default_rng(seed)
+    q = Rotation.random(n, rng=rng).as_quat()
+    columns = {f"q{c}": q[:, k] for k, c in enumerate("xyzw")}
+    return columns | {c: rng.normal(size=n) for c in ("fx", "fy", "fz", "tx", "ty", "tz")}
+
+
+def test_a_wrench_without_weight_is_no_guess(tmp_path):
+    columns = random_columns()
+    with pytest.raises(MapError, match="the weight of one rigid load|weight of a rigid load"):
+        guess([save(tmp_path, "log.csv", columns)])
+
+
+@pytest.mark.parametrize(
+    ("leave", "words"),
+    [
+        (("fx", "fy"), "no six columns that might be a wrench"),
+        (("qx", "qy", "qz", "qw"), "joints need --robot NAME"),
+    ],
+    ids=["wrench", "orientation"],
+)
+def test_what_is_missing_is_named(tmp_path, leave, words):
+    columns = {k: v for k, v in random_columns().items() if k not in leave}
+    with pytest.raises(MapError, match=words):
+        guess([save(tmp_path, "log.csv", columns)])
+
+
+@pytest.mark.parametrize(
+    ("more", "words"),
+    [
+        ([], "give either --map MAP or --guess"),
+        (["--guess", "--map", "ur-rtde"], "give either --map MAP or --guess"),
+        (["--map", "ur-rtde", "--tool-mass", "1"], "--tool-mass belongs to --guess"),
+        (["--guess", "--name-pattern", "a{b}"], "--name-pattern needs --map"),
+    ],
+    ids=str,
+)
+def test_options_that_do_not_go_together_are_refused(tmp_path, capsys, more, words):
+    out = tmp_path / "rec.parquet"
+    assert main(["import", str(NTNU / "static.toml"), "--out", str(out), *more]) == 1
+    assert words in capsys.readouterr().err
