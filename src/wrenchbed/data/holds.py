@@ -66,7 +66,8 @@ def gather(recording: Recording, keep: np.ndarray) -> Holds:
         values = column(name)
         jumps = np.abs(np.diff(values)) > limit
         if segment is not None and jumps.any():
-            jumps[jumps] = _stays_away(values, np.flatnonzero(jumps), limit)
+            begin = np.concatenate([[0], np.flatnonzero(np.diff(column("segment"))) + 1, [len(t)]])
+            jumps[jumps] = _stays_away(values, np.flatnonzero(jumps), limit, begin)
         change |= jumps
     starts = np.concatenate([[0], np.flatnonzero(change) + 1])
     count = np.diff(np.append(starts, len(t)))
@@ -83,11 +84,18 @@ def gather(recording: Recording, keep: np.ndarray) -> Holds:
     return Holds(mean("t"), middle, wrench, count, covariance, dof, starts)
 
 
-def _stays_away(values: np.ndarray, jumps: np.ndarray, limit: float) -> np.ndarray:
-    """Whether values (N,) are elsewhere behind a jump than before it: noise comes back."""
+def _stays_away(
+    values: np.ndarray, jumps: np.ndarray, limit: float, begin: np.ndarray
+) -> np.ndarray:
+    """Whether values (N,) are elsewhere behind a jump than before it: noise comes back.
+
+    Rows of the same segment are compared; ``begin`` (S + 1,) is where each begins, and N.
+    """
     total = np.concatenate([[0.0], np.cumsum(values - values[0], dtype=float)])
     here = jumps + 1  # the first row behind the jump
-    low, high = np.maximum(here - NEAR_ROWS, 0), np.minimum(here + NEAR_ROWS, len(values))
+    own = np.searchsorted(begin, jumps, side="right") - 1
+    low = np.maximum(here - NEAR_ROWS, begin[own])
+    high = np.minimum(here + NEAR_ROWS, np.maximum(begin[own + 1], here + 1))
     before = (total[here] - total[low]) / (here - low)
     behind = (total[high] - total[here]) / (high - here)
     return np.asarray(np.abs(behind - before) > limit)

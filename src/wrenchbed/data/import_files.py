@@ -67,27 +67,35 @@ def import_files(files: Sequence[str | Path], column_map: ColumnMap) -> Imported
         RecordingError: the result is no valid recording.
     """
     data, left_out, name = merged(files, column_map)
-    notes: list[str] = []
-    moving = column_map.mode != "static"
-    if moving and joint_columns(data):
-        clock = even_clock(data["t"])
-        if clock is not None:
-            data = {"t": clock.t} | at_times(data, clock.t)
-            notes.append(clock.sentence)
-    columns = {"t": data["t"] - data["t"][0]} | {k: v for k, v in data.items() if k != "t"}
+    metadata = column_map.metadata
+    if column_map.mode == "static":
+        return Imported(_recording(data, metadata, name), left_out)
+    if column_map.mode != AUTO:
+        data, notes = _even(data)
+        return Imported(with_noise(_recording(data, metadata, name)), left_out, notes)
+    log = _recording(data, metadata, name)
+    found = split(log)
+    rest = found.at_rest(log, replace(metadata, mode="static"))
+    data, notes = _even(data | {HOLD: found.hold})
+    motion = with_noise(_recording(data, metadata, name))
+    return Imported(rest, left_out, (*notes, found.sentence), motion, found)
+
+
+def _recording(data: Mapping[str, np.ndarray], metadata: Metadata, name: str) -> Recording:
+    """A recording whose time begins at 0, with whole numbers where they are wanted."""
+    columns = dict(data) | {"t": data["t"] - data["t"][0]}
     for whole in ("segment", "status"):
         if whole in columns:
             columns[whole] = columns[whole].astype(np.int64)
-    recording = with_noise(Recording(column_map.metadata, columns, name))
-    if column_map.mode != AUTO:
-        return Imported(recording, left_out, tuple(notes))
-    found = split(recording)
-    notes.append(found.sentence)
-    rest = found.at_rest(recording, replace(recording.metadata, mode="static"))
-    motion = Recording(
-        recording.metadata, dict(recording.columns) | {HOLD: found.hold}, recording.name
-    )
-    return Imported(rest, left_out, tuple(notes), motion, found)
+    return Recording(metadata, columns, name)
+
+
+def _even(data: dict[str, np.ndarray]) -> tuple[dict[str, np.ndarray], tuple[str, ...]]:
+    """A motion of joints on an even clock, whose acceleration can be taken; and what was done."""
+    clock = even_clock(data["t"]) if joint_columns(data) else None
+    if clock is None:
+        return data, ()
+    return {"t": clock.t} | at_times(data, clock.t), (clock.sentence,)
 
 
 def merged(

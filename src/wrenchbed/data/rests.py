@@ -19,6 +19,8 @@ from wrenchbed.physics.wrench import CHANNELS
 _WINDOW_S = 0.12
 """Length of each of the two windows [s]; the tails of a move within it are cut off; estimate."""
 _LEAST_WINDOW = 3
+_EDGE_S, _EDGE_SHARE = 0.3, 0.15
+"""So much of each end of a rest is left out [s], a share of short ones; estimates."""
 _SLOWEST = 3e-3
 """Joints that move slower than this are at rest for all that gravity shows [rad/s or m/s]: 0.4 mrad
 in a window; estimate."""
@@ -29,6 +31,9 @@ LEAST_HOLD_S = 0.4
 """A shorter rest is a part of a move; estimate."""
 _DRIFT = 2e-3
 """Joints that go further than this within a rest creep: that is a move [rad or m]; estimate."""
+_LONGER, _CREEP = 8, 4e-4
+"""A rest that creeps is judged over windows so much longer, whose means may differ by this [rad or
+m]; estimates."""
 _SAME = 1e-3
 """Two rests that differ by less, with hardly a pause between, are one [rad or m]; estimate."""
 _BLOCK_S = 0.1
@@ -128,25 +133,54 @@ def _split(recording: Recording) -> Split | None:
     if n < 2 * window:
         return None
     noise = _noise(q)
-    allowed = np.maximum(_SIGMAS * noise * np.sqrt(2.0 / window), _SLOWEST * window * step)
-    still = (np.abs(_change(q, window)) <= allowed).all(axis=1)
-    least = LEAST_HOLD_S - 2.0 * window * step
-    runs = [(a, b) for a, b in _runs(still) if t[b - 1] - t[a] >= max(least, 0.0)]
-    runs = _joined(runs, q, noise, 4 * window)
-    runs = [r for r in runs if not _creeps(q[slice(*r)], noise)]
+    runs = _joined(_still(q, t, noise, window, _SLOWEST * window * step), q, noise, 4 * window)
+    runs = [r for run in runs for r in _without_creep(q, t, noise, run, window)]
     block = max(1, round(_BLOCK_S / step)) if step > 0 else 1
-    runs = [_settled(recording.wrench, r, block) for r in runs]
     runs = [(a, b) for a, b in runs if b - a >= _LEAST_WINDOW]
     if not runs:
         return None
     hold = np.full(n, -1)
-    for k, (a, b) in enumerate(runs):
+    for k, run in enumerate(runs):
+        a, b = _settled(recording.wrench, _within(run, t), block)
         hold[a:b] = k
     between = sum(before[1] < after[0] for before, after in pairwise(runs))
     edge = 2 * window + block
     moves = between + (runs[0][0] > edge) + (runs[-1][1] < n - edge)
     seconds = np.array([t[b - 1] - t[a] for a, b in runs])
     return Split(hold, seconds, int(moves))
+
+
+def _still(
+    q: np.ndarray, t: np.ndarray, noise: np.ndarray, window: int, least: float
+) -> list[tuple[int, int]]:
+    """Runs in which the means of neighbouring windows agree within their noise or ``least``."""
+    allowed = np.maximum(_SIGMAS * noise * np.sqrt(2.0 / window), least)
+    still = (np.abs(_change(q, window)) <= allowed).all(axis=1)
+    shortest = max(LEAST_HOLD_S - 2.0 * _WINDOW_S, 0.0)
+    return [(a, b) for a, b in _runs(still) if t[b - 1] - t[a] >= shortest]
+
+
+def _without_creep(
+    q: np.ndarray, t: np.ndarray, noise: np.ndarray, run: tuple[int, int], window: int
+) -> list[tuple[int, int]]:
+    """A run, or, where it creeps, those of its parts that rest for longer windows too."""
+    a, b = run
+    if not _creeps(q[a:b], noise):
+        return [run]
+    window *= _LONGER
+    if b - a < 2 * window:
+        return []
+    parts = _still(q[a:b], t[a:b], noise, window, _CREEP)
+    return [(a + c, a + d) for c, d in parts if not _creeps(q[a + c : a + d], noise)]
+
+
+def _within(run: tuple[int, int], t: np.ndarray) -> tuple[int, int]:
+    """A run without its ends, in which a move begins or ends with little way but full force."""
+    a, b = run
+    edge = min(_EDGE_S, _EDGE_SHARE * (t[b - 1] - t[a]))
+    first = int(np.searchsorted(t, t[a] + edge))
+    last = int(np.searchsorted(t, t[b - 1] - edge, side="right"))
+    return (first, last) if last - first >= _LEAST_WINDOW else run
 
 
 def _continuous(q: np.ndarray) -> np.ndarray:

@@ -1,0 +1,136 @@
+"""Continuous logs, made by MuJoCo in motion, are split into holds and moves by themselves."""
+
+import json
+import re
+
+import numpy as np
+import pytest
+
+import wrenchbed as wb
+from continuous_log import TRUTH, How, log, random_how
+from wrenchbed.cli import main
+from wrenchbed.data.holds import gather
+from wrenchbed.data.metadata import Metadata
+from wrenchbed.data.recording import Recording
+from wrenchbed.data.rests import noise_at_rest, split
+from wrenchbed.errors import RecordingError
+from wrenchbed.physics.wrench import CHANNELS
+
+
+def calibrated(recording) -> np.ndarray:
+    """Errors of mass, CoG and bias in their own standard uncertainties."""
+    fit = wb.calibrate(recording)
+    return np.array([(v.value - TRUTH[v.name]) / v.std for v in fit.identified if v.name in TRUTH])
+
+
+def judged(seed: int) -> tuple[bool, np.ndarray]:
+    """Whether the holds of a random log are right, and the errors of its calibration."""
+    recording, hold = log(random_how(seed), seed)
+    found = split(recording)
+    rest = found.at_rest(recording, Metadata(recording.metadata.robot, "static"))
+    right = len(found.seconds) == len(hold) and found.moves == len(hold) - 1
+    return right, calibrated(rest)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_holds_are_found_and_calibrate(seed):
+    right, errors = judged(seed)
+    assert right and np.abs(errors).max() < 4.0
+
+
+@pytest.mark.study
+def test_many_logs_are_split_and_calibrate():
+    found = [judged(seed) for seed in range(5000, 5300)]
+    assert np.mean([right for right, _ in found]) >= 0.99
+    errors = np.concatenate([e for _, e in found])
+    assert np.mean(np.abs(errors) < 3.0) >= 0.99
+
+
+def save(folder, recording):
+    names = list(recording.columns)
+    rows = np.stack([recording.columns[n] for n in names], axis=1)
+    np.savetxt(folder / "log.csv", rows, delimiter=",", header=",".join(names), comments="")
+    columns = {c: {"column": c, "unit": "N" if c[0] == "f" else "N·m"} for c in CHANNELS}
+    columns |= {q: {"column": q, "unit": "rad"} for q in recording.joints}
+    columns |= {"t": {"column": "t", "unit": "s"}}
+    raw = {"recording": {"robot": "ur5", "mode": "auto"}, "file": [{"columns": columns}]}
+    (folder / "map.json").write_text(json.dumps(raw))
+    return [str(folder / "log.csv"), "--map", str(folder / "map.json")]
+
+
+def test_a_log_is_imported_as_poses_and_its_moves_are_kept(tmp_path, capsys):
+    recording, hold = log(How(holds=9, lost=0.01), 7)
+    out = tmp_path / "rec.parquet"
+    assert main(["import", *save(tmp_path, recording), "--out", str(out)]) == 0
+    said = capsys.readouterr().out
+    low, high = map(float, re.search(r"9 holds of (.*) … (.*) s; 8 moves", said).groups())
+    assert hold.min() < low < hold.min() + 0.5 and hold.max() < high < hold.max() + 0.5
+    rest = wb.Recording.read(out)
+    assert rest.metadata.mode == "static"
+    assert len(gather(rest, np.ones(len(rest), dtype=bool))) == 9
+    assert np.abs(calibrated(rest)).max() < 4.0
+    motion = wb.Recording.read(tmp_path / "rec.motion.parquet")
+    assert motion.metadata.mode == "dynamic" and set(motion.columns["hold"]) == set(range(-1, 9))
+    assert np.ptp(motion.q, axis=0).min() > 0.1
+    assert np.allclose(
+        motion.metadata.sensor.noise_std,
+        0.8 * np.array([0.05, 0.05, 0.1, 2e-3, 2e-3, 2e-3]),
+        rtol=0.25,
+    )
+
+
+def test_static_and_dynamic_may_be_told_on_the_command_line(tmp_path):
+    recording, _ = log(How(holds=4, lost=0.0), 8)
+    line = ["import", *save(tmp_path, recording), "--out", str(tmp_path / "rec.parquet")]
+    assert main([*line, "--mode", "dynamic"]) == 0
+    assert wb.Recording.read(tmp_path / "rec.parquet").metadata.mode == "dynamic"
+    assert not (tmp_path / "rec.motion.parquet").exists()
+
+
+def of_joints(q, rate=100.0):
+    t = np.arange(len(q)) / rate
+    columns = {"t": t} | {f"q{j + 1}": q[:, j] for j in range(q.shape[1])}
+    rng = np.random.default_rng(0)
+    columns |= {c: rng.normal(size=len(q)) for c in CHANNELS}
+    return Recording(Metadata("ur5", "dynamic"), columns)
+
+
+def test_a_motion_without_a_hold_is_no_log_of_poses():
+    t = np.arange(2000) / 100.0
+    with pytest.raises(RecordingError, match=r"nothing rests for 0.4 s; .* mode = 'dynamic'"):
+        split(of_joints(np.stack([np.sin(0.5 * t + j) for j in range(6)], axis=1)))
+
+
+def test_a_slow_creep_is_no_hold():
+    t = np.arange(6000) / 100.0
+    q = np.zeros((len(t), 6))
+    q[:, 2] = np.where(t < 30.0, 0.002 * t, 0.06)  # 2 mrad/s, then rest
+    found = split(of_joints(q))
+    assert len(found.seconds) == 1 and found.hold[:2900].max() == -1
+
+
+def test_a_flicker_of_an_encoder_does_not_split_a_hold():
+    q = np.zeros((1000, 6))
+    q[400:402, 3] = 5e-4
+    found = split(of_joints(q))
+    assert len(found.seconds) == 1 and found.moves == 0
+    assert found.sentence == "1 hold of 10 s; 0 moves"
+
+
+def test_the_noise_of_a_row_is_read_off_the_rests():
+    recording, _ = log(How(holds=5), 3)
+    std = noise_at_rest(recording)
+    assert np.allclose(std, [0.05, 0.05, 0.1, 2e-3, 2e-3, 2e-3], rtol=0.1)
+
+
+def test_a_noisy_encoder_does_not_make_a_pose_of_every_row():
+    rng = np.random.default_rng(1)
+    q = np.repeat(rng.uniform(-1, 1, (5, 6)), 200, axis=0)
+    noisy = of_joints(q + 4e-4 * rng.standard_normal(q.shape))
+    segment = np.repeat(np.arange(5), 200)
+    columns = dict(noisy.columns) | {"segment": segment}
+    still = Recording(Metadata("ur5", "static"), columns)
+    assert len(gather(still, np.ones(1000, dtype=bool))) == 5
+    clean = dict(of_joints(q).columns) | {"segment": np.zeros(1000, dtype=int)}
+    poses = Recording(Metadata("ur5", "static"), clean)  # told apart without segment, too
+    assert len(gather(poses, np.ones(1000, dtype=bool))) == 5
