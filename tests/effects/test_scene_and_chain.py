@@ -278,6 +278,9 @@ def test_an_effect_by_its_text_has_these_values_and_no_other(text, expected):
     [
         ("joint.offset:joint=9", ParameterError, "does not exist: 1 … 6"),
         ("tool.cog:axis=w", ParameterError, "axis"),
+        ("joint.compliance:jont=2", ParameterError, "no parameter 'jont'; did you mean 'joint'"),
+        ("tool.cog:axes=x", ParameterError, "no parameter 'axes'; did you mean 'axis'"),
+        ("joint.offset:joint=3,ofset=0.01", ParameterError, "no parameter 'ofset'; did you mean"),
         ("tool.cog:=2", ParameterError, "is not name=value"),
         ("tool.cog:cog.x", ParameterError, "'cog.x' is not name=value"),
         ("tool.cog:cog.x=", ParameterError, "'cog.x=' is not name=value"),

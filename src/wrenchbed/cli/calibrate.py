@@ -71,7 +71,8 @@ def calibrate(
     console.check_out(rrd, recording, contact.touches, truth, out)
     known = None if truth is None else console.parameters(truth)
     data = wb.Recording.read(recording)
-    result = wb.calibrate(data, fit, contact.read())
+    with console.progress(f"calibrate {len(data):,} rows", None):
+        result = wb.calibrate(data, fit, contact.read())
     for name, value in (known or {}).items():
         if (
             name not in result.theta

@@ -20,6 +20,7 @@ from rich.progress import (
     ProgressColumn,
     Task,
     TextColumn,
+    TimeElapsedColumn,
     TimeRemainingColumn,
 )
 from rich.text import Text
@@ -167,10 +168,14 @@ class _RateColumn(ProgressColumn):
 
 @contextmanager
 def progress(what: str, total: int | None, *, rate: bool = False) -> Iterator[Callable[..., None]]:
-    """A bar on stderr, nothing where stderr is no terminal; call it with (steps done, label)."""
+    """A bar on stderr, nothing where stderr is no terminal; call it with (steps done, label).
+
+    Without a total it shows the time since its begin, else the time that remains.
+    """
     console = Console(stderr=True)
     columns = [TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn()]
-    columns += [TimeRemainingColumn(), *([_RateColumn()] if rate else [])]
+    time = TimeElapsedColumn() if total is None else TimeRemainingColumn()
+    columns += [time, *([_RateColumn()] if rate else [])]
     bar = Progress(*columns, console=console, disable=not console.is_terminal, transient=True)
     with bar:
         task = bar.add_task(what, total=total)

@@ -140,7 +140,11 @@ def _chosen(arm: wb.Robot, poses: PoseArguments, motion: MotionArguments, seed: 
     if poses.index is None:
         return wb.poses(arm, poses.n, seed)
     pool = 40_000 if poses.pool is None else poses.pool
-    return wb.informative(arm, poses.n, poses.index, pool, seed)
+    index = poses.index
+    with console.progress("exchanges of poses", None) as report:
+        return wb.informative(
+            arm, poses.n, index, pool, seed, progress=lambda x: report(1, f"{index} {x:.4g}")
+        )
 
 
 def _write_mix(mix: wb.Mix, out: Path, touch_std: float | None, as_json: bool) -> None:

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from wrenchbed import registry
+from wrenchbed.data.checked import did_you_mean
 from wrenchbed.effects.base import STAGES, STATED_NUMBERS, Effect, Pose, Variant
 from wrenchbed.effects.scene import Scene, examples
 from wrenchbed.errors import ParameterError
@@ -218,15 +219,30 @@ def active_effect(robot: Robot, text: str) -> ActiveEffect:
     name, given = parse_effect(text)
     active = ActiveEffect.of(robot, name, {})
     variant = _variant(active, robot, given)
-    if variant is None and given:
-        return ActiveEffect.of(robot, name, given)
     known = active.effect.parameters(robot)
+    if variant is None and given:
+        return _of_close_names(active, robot, given)
     if variant is None:
         size = {p.name: p.tolerance for p in known if p.nominal == 0.0}
     else:
         size = {n: known[known.index(n)].tolerance for n in active.effect.usual(variant)}
         size |= {k: v for k, v in variant.at.items() if k not in size}
     return ActiveEffect.of(robot, name, size)
+
+
+def _of_close_names(active: ActiveEffect, robot: Robot, given: dict[str, Any]) -> ActiveEffect:
+    """An effect with the values given; a name that nothing has is refused with a close one."""
+    name = active.effect.name
+    try:
+        return ActiveEffect.of(robot, name, given)
+    except ParameterError as error:
+        variants = [v for scene in examples(robot) for v in active.effect.variants(scene)]
+        choices = {key for v in variants for key in v.detail}
+        for key in given:
+            close = did_you_mean(key, sorted(choices))
+            if f"parameter {key!r}" in str(error) and close:
+                raise ParameterError(f"{name}: there is no parameter {key!r}{close}") from error
+        raise
 
 
 def _variant(active: ActiveEffect, robot: Robot, given: dict[str, Any]) -> Variant | None:

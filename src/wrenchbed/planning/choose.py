@@ -1,5 +1,7 @@
 """Choose what to record: random poses, the most informative ones, or a multi-sine motion."""
 
+from collections.abc import Callable
+
 import numpy as np
 
 from wrenchbed import registry
@@ -32,7 +34,14 @@ def poses(robot: Robot, n: int, seed: int) -> Plan:
     return Plan.of(robot.name, robot.sample(n, np.random.default_rng(seed)))
 
 
-def informative(robot: Robot, n: int, index: str, pool: int, seed: int) -> Plan:
+def informative(
+    robot: Robot,
+    n: int,
+    index: str,
+    pool: int,
+    seed: int,
+    progress: Callable[[float], None] = lambda _: None,
+) -> Plan:
     """n poses of a pool that make an observability index of the robot's free parameters largest.
 
     The Jacobian is in standard deviations of the sensor's row and in the parameters' tolerances.
@@ -40,6 +49,7 @@ def informative(robot: Robot, n: int, index: str, pool: int, seed: int) -> Plan:
     Args:
         index: ``O1`` … ``O5`` or ``A``.
         pool: number of candidate poses.
+        progress: called with the index after each exchange of poses that raises it.
 
     Raises:
         PlanError: an unknown index, a pool smaller than n, too few poses for the parameters, or
@@ -59,7 +69,7 @@ def informative(robot: Robot, n: int, index: str, pool: int, seed: int) -> Plan:
     std = registry.load("sensors", robot.sensor).noise.row_std
     scale = model.parameters.tolerance[list(columns)]
     candidates = Pool(model.jacobian(q, theta, columns) / std[:, None] * scale)
-    chosen = exchange(candidates, criteria[index], n, seed=seed).chosen
+    chosen = exchange(candidates, criteria[index], n, seed=seed, tell=progress).chosen
     return Plan.of(robot.name, q[np.random.default_rng(seed).permutation(chosen)])
 
 
