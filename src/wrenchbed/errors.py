@@ -25,6 +25,16 @@
 A message is one line. It names the file, field and row, the value and the remedy.
 """
 
+from collections.abc import Collection
+from difflib import get_close_matches
+
+
+def did_you_mean(word: str, known: Collection[str]) -> str:
+    """``; did you mean 'this'?`` if a known word is close, else nothing."""
+    close = get_close_matches(str(word), list(known), 1)
+    close = close or [k for k in known if len(str(word)) > 2 and k.startswith(str(word))]
+    return f"; did you mean {close[0]!r}?" if close else ""
+
 
 class WrenchbedError(Exception):
     """Base of all errors below; the command line prints it as one line and exits with 1."""

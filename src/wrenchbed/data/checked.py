@@ -4,12 +4,11 @@ import json
 import tomllib
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
-from difflib import get_close_matches
 from pathlib import Path
 from sys import float_info
 from typing import Any
 
-from wrenchbed.errors import WrenchbedError
+from wrenchbed.errors import WrenchbedError, did_you_mean
 
 
 def load(path: str | Path, error: type[WrenchbedError], other: str = "JSON") -> Any:
@@ -37,13 +36,6 @@ def is_number(value: Any) -> bool:
     """Whether a value is a finite number (true and false are none)."""
     plain = isinstance(value, int | float) and not isinstance(value, bool)
     return plain and abs(value) <= float_info.max
-
-
-def did_you_mean(word: str, known: Collection[str]) -> str:
-    """``; did you mean 'this'?`` if a known word is close, else nothing."""
-    close = get_close_matches(str(word), list(known), 1)
-    close = close or [k for k in known if len(str(word)) > 2 and k.startswith(str(word))]
-    return f"; did you mean {close[0]!r}?" if close else ""
 
 
 class Fields:

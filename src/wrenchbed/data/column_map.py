@@ -7,9 +7,9 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from wrenchbed.data.checked import Fields, did_you_mean, load
+from wrenchbed.data.checked import Fields, load
 from wrenchbed.data.metadata import MODES, Metadata, SensorInfo, ToolInfo, parse
-from wrenchbed.errors import MapError, RecordingError
+from wrenchbed.errors import MapError, RecordingError, did_you_mean
 from wrenchbed.physics.wrench import CHANNELS
 
 UNITS: dict[str, tuple[str, float]] = {

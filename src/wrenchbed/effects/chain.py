@@ -12,10 +12,9 @@ from typing import Any
 import numpy as np
 
 from wrenchbed import registry
-from wrenchbed.data.checked import did_you_mean
 from wrenchbed.effects.base import STAGES, STATED_NUMBERS, Effect, Pose, Variant
 from wrenchbed.effects.scene import Scene, examples
-from wrenchbed.errors import ParameterError
+from wrenchbed.errors import ParameterError, did_you_mean
 from wrenchbed.physics.parameters import Parameter
 from wrenchbed.physics.time_derivatives import Jet, Value
 from wrenchbed.physics.wrench import wrench
