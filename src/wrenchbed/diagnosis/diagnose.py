@@ -17,7 +17,7 @@ from wrenchbed.diagnosis.between_rows.tool_vibration import find_tool_vibration
 from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
 from wrenchbed.diagnosis.evidence.similarity import Similarity
 from wrenchbed.diagnosis.explain import outliers as outliers_
-from wrenchbed.diagnosis.explain import tilt
+from wrenchbed.diagnosis.explain import own_rest, tilt
 from wrenchbed.diagnosis.explain.joint import View
 from wrenchbed.diagnosis.explain.reliability import Reliability, features, shipped
 from wrenchbed.diagnosis.explain.structures import Analysis, analyse
@@ -222,7 +222,19 @@ def weigh(prepared: Prepared, known: Reliability | None, seed: int) -> Weighed:
 
 def settle(analysis: Analysis, known: Reliability | None, seed: int) -> Weighed:
     """Hold what best explains the gap against rows that no fit saw."""
-    decided = tilt.with_accelerometer(analysis, decide(analysis.ranking))
+    first = _settled(analysis, decide(analysis.ranking), known, seed)
+    if not own_rest.is_left(analysis):
+        return first
+    again = own_rest.weighed_again(analysis)
+    second = _settled(again, own_rest.decided(again.ranking), known, seed)
+    more = {c.part.name for c in second.verdict.causes} - {c.part.name for c in first.verdict.causes}
+    return second if more else first
+
+
+def _settled(
+    analysis: Analysis, decided: Verdict, known: Reliability | None, seed: int
+) -> Weighed:
+    decided = tilt.with_accelerometer(analysis, decided)
     twin, gap, untempered = _judged(analysis, decided, seed)
     verdict = _tempered(analysis, untempered, known, gap)
     verdict = answer.beside_contact(verdict, analysis.prepared.touch)

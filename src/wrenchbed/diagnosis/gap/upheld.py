@@ -85,7 +85,8 @@ def _claims(verdict: Verdict, gap: Closure, witnessed: Collection[str]) -> Verdi
 
     def sure(c: Cause) -> bool:
         seen = bool(set(c.names) & set(witnessed))
-        return seen or (together and surely(gap.members.get(c.part.name)))
+        shown = together or c.part.index is None  # a fit takes a wrong number, so none closes it
+        return seen or (shown and surely(gap.members.get(c.part.name)))
 
     def stands(c: Cause) -> bool:
         return sure(c) or (together and closes(gap.members.get(c.part.name)))

@@ -1,0 +1,99 @@
+"""Causes beside a rest that no effect explains: the rest is noise of the recording's own.
+
+A real robot leaves a gap that no library explains. Measured against the sensor's noise, every
+explanation is incomplete then, and what eats most of the rest wins. Here the variance that the best
+explanation leaves in each channel joins the noise, free numbers counted; then everything is weighed
+again: empirical Bayes for a noise of unknown size (Gelman et al. 2013, Bayesian Data Analysis,
+ch. 5). A rest that a smooth function predicts is no noise: then nothing is claimed.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN, Searcher
+from wrenchbed.diagnosis.explain.contributions import CLAIMABLE
+from wrenchbed.diagnosis.explain.refit import Finalist, Refitter
+from wrenchbed.diagnosis.explain.structures import MARGIN, Analysis, Ranking, rank
+from wrenchbed.diagnosis.explain.verdict import (
+    MOST_RIVALS, Cause, Verdict, complete, decide, named,
+)  # fmt: skip
+
+PASSES = 2
+"""How often the rest is estimated: the first explanation was weighed without it."""
+MOST_FREE = 0.7
+"""Share of all readings up to which free numbers are counted; estimate."""
+FREE = 1e-8
+"""Prior precision of a number that is fitted whatever is stated."""
+
+
+def is_left(a: Analysis) -> bool:
+    """Whether the best explanation leaves more than is normal, and nothing smooth."""
+    r, best = a.ranking, a.ranking.explanations[0]
+    rough = r.mixed < best.log_posterior + MARGIN
+    return not a.others and r.gap >= CLAIMABLE and rough and not complete(best)
+
+
+def weighed_again(a: Analysis) -> Analysis:
+    """The analysis with the recording's own rest as noise."""
+    again = a
+    for _ in range(PASSES):
+        d, best = a.dictionary, again.ranking.explanations[0].finalist
+        noise = np.maximum(d.prepared.noise, rest_variance(again, best) * d.prepared.stride)
+        noisy = replace(d, prepared=replace(d.prepared, noise=noise))
+        searcher = Searcher(noisy, a.searcher.odds)
+        refitter = Refitter(searcher, a.refitter.y)
+        ranking = rank(searcher, refitter)
+        again = replace(a, searcher=searcher, refitter=refitter, ranking=ranking)
+    return again
+
+
+def rest_variance(a: Analysis, f: Finalist) -> np.ndarray:
+    """Variance (6,) that an explanation leaves in each channel, over that of a row's noise."""
+    d = a.dictionary
+    rest = d.without_stated(f.residual).reshape(-1, 6)
+    left = (rest**2).mean(axis=0)
+    root = np.tile(np.sqrt(np.maximum(left, d.prepared.variance)), len(rest))
+    design = np.column_stack([d.E[:, d.stated], f.design]) / root[:, None]
+    precision = np.concatenate([np.full(len(d.stated), FREE), 1.0 / f.spread**2])
+    gram = design.T @ design
+    free = float(np.trace(np.linalg.solve(gram + np.diag(precision), gram)))
+    return np.asarray(left / (1.0 - min(free / rest.size, MOST_FREE)))
+
+
+def decided(ranking: Ranking) -> Verdict:
+    """What may be claimed beside the rest; a rest alone is unknown, not none.
+
+    The leading cause has as rivals all that predict left-out blocks no worse than it does: the rest
+    is no white noise, so that evidence alone tells them apart too surely.
+    """
+    verdict = decide(ranking)
+    if not verdict.causes:
+        share = {NONE: 0.0} | {n: p for n, p in verdict.probabilities.items() if n != NONE}
+        share[UNKNOWN] = share.get(UNKNOWN, 0.0) + verdict.probabilities.get(NONE, 0.0)
+        return replace(verdict, verdict=UNKNOWN, probabilities=share)
+    lead, *others = verdict.causes
+    more = [n for n in _as_predictive(ranking, verdict) if n not in lead.names]
+    if not more:
+        return verdict
+    names = (*lead.names, *more)
+    share = dict(verdict.probabilities)
+    together = sum(share.pop(n, 0.0) for n in ("|".join(lead.names), *more))
+    share["|".join(names)] = together
+    if len(names) > 1 + MOST_RIVALS:
+        return Verdict(UNKNOWN, (), verdict.explanation, share)
+    shares = np.array([*lead.shares, *(lead.shares[-1] for _ in more)])
+    probability = max(lead.probability, together)
+    wider = Cause(names, probability, lead.part, tuple((shares / shares.sum()).tolist()))
+    causes = (wider, *others)
+    return replace(verdict, verdict=named(causes), causes=causes, probabilities=share)
+
+
+def _as_predictive(ranking: Ranking, verdict: Verdict) -> tuple[str, ...]:
+    """Leading causes of other explanations that left-out blocks do not tell from the claim."""
+    claim = verdict.explanation
+    votes = dict(zip(map(id, ranking.explanations), ranking.votes, strict=False))
+    least = votes.get(id(claim), np.inf) - MARGIN
+    near = (e for e in ranking.explanations if e.parts and votes.get(id(e), -np.inf) >= least)
+    leads = (e.parts[0].name for e in near)
+    return tuple(dict.fromkeys(n for n in leads if n not in claim.names))
