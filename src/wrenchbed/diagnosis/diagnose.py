@@ -22,7 +22,7 @@ from wrenchbed.diagnosis.explain.joint import View
 from wrenchbed.diagnosis.explain.reliability import Reliability, features, shipped
 from wrenchbed.diagnosis.explain.structures import Analysis, analyse
 from wrenchbed.diagnosis.explain.verdict import Verdict, decide, tempered
-from wrenchbed.diagnosis.gap import closure, where
+from wrenchbed.diagnosis.gap import closure, rivals, where
 from wrenchbed.diagnosis.gap.result import Diagnosis
 from wrenchbed.diagnosis.gap.upheld import LARGEST_NONE, PARTIAL, upheld, withdrawn
 from wrenchbed.diagnosis.next import experiments, isolability
@@ -227,13 +227,15 @@ def settle(analysis: Analysis, known: Reliability | None, seed: int) -> Weighed:
         return first
     again = own_rest.weighed_again(analysis)
     second = _settled(again, own_rest.decided(again.ranking), known, seed)
-    more = {c.part.name for c in second.verdict.causes} - {c.part.name for c in first.verdict.causes}
-    return second if more else first
+    more = {c.part.name for c in second.verdict.causes} - {
+        c.part.name for c in first.verdict.causes
+    }
+    if not more:
+        return first
+    return second._replace(verdict=rivals.with_rivals(again, second.verdict, seed))
 
 
-def _settled(
-    analysis: Analysis, decided: Verdict, known: Reliability | None, seed: int
-) -> Weighed:
+def _settled(analysis: Analysis, decided: Verdict, known: Reliability | None, seed: int) -> Weighed:
     decided = tilt.with_accelerometer(analysis, decided)
     twin, gap, untempered = _judged(analysis, decided, seed)
     verdict = _tempered(analysis, untempered, known, gap)

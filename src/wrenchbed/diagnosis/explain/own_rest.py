@@ -12,12 +12,11 @@ from dataclasses import replace
 import numpy as np
 
 from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN, Searcher
+from wrenchbed.diagnosis.explain import verdict as verdicts
 from wrenchbed.diagnosis.explain.contributions import CLAIMABLE
 from wrenchbed.diagnosis.explain.refit import Finalist, Refitter
 from wrenchbed.diagnosis.explain.structures import MARGIN, Analysis, Ranking, rank
-from wrenchbed.diagnosis.explain.verdict import (
-    MOST_RIVALS, Cause, Verdict, complete, decide, named,
-)  # fmt: skip
+from wrenchbed.diagnosis.explain.verdict import Cause, Verdict, complete, decide, named
 
 PASSES = 2
 """How often the rest is estimated: the first explanation was weighed without it."""
@@ -80,7 +79,7 @@ def decided(ranking: Ranking) -> Verdict:
     share = dict(verdict.probabilities)
     together = sum(share.pop(n, 0.0) for n in ("|".join(lead.names), *more))
     share["|".join(names)] = together
-    if len(names) > 1 + MOST_RIVALS:
+    if len(names) > 1 + verdicts.MOST_RIVALS:
         return Verdict(UNKNOWN, (), verdict.explanation, share)
     shares = np.array([*lead.shares, *(lead.shares[-1] for _ in more)])
     probability = max(lead.probability, together)

@@ -1,0 +1,117 @@
+"""Rivals that held-out rows do not tell from a cause: a paired comparison, row by row.
+
+Evidence takes what is left for white noise. A real rest is not white, and an effect of many numbers
+takes up some of it. So each rival is fitted in the leading cause's place, all are judged on rows
+that no fit saw, and what closes as much there, within the interval of the difference, is a rival.
+Channels count by the noise that the analysis gave them, the rest included.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from wrenchbed.diagnosis.evidence.dictionary import Hypothesis
+from wrenchbed.diagnosis.evidence.search import SingleEvidence
+from wrenchbed.diagnosis.explain.refit import Finalist
+from wrenchbed.diagnosis.explain.structures import Analysis
+from wrenchbed.diagnosis.explain.verdict import MOST_RIVALS, Verdict, named
+from wrenchbed.diagnosis.gap.closure import Bootstrap, twin_of
+from wrenchbed.diagnosis.gap.held_out import CrossFit, HeldOut
+from wrenchbed.diagnosis.gap.upheld import DOUBTFUL, PARTIAL
+from wrenchbed.diagnosis.prepare.configuration import STATED
+
+TRIED = 5
+"""Rivals that are fitted, the likeliest first."""
+ALIKE = 0.8
+"""Share of what the leading cause closes from which a rival closes as much: the rest may be the
+recording's own. Estimate."""
+APART = 0.5
+"""Share of what the leading cause closes that it closes beside a rival too, from which the two are
+two causes and no rivals. Estimate."""
+
+
+def with_rivals(a: Analysis, verdict: Verdict, seed: int) -> Verdict:
+    """The verdict, its leading cause with all rivals that held-out rows leave it."""
+    if not verdict.causes or verdict.causes[0].part.index is None:
+        return verdict
+    lead, *others = verdict.causes
+    found = _as_good(a, verdict, seed)
+    more = [n for n in found if n not in lead.names][: 1 + MOST_RIVALS - len(lead.names)]
+    if not more:
+        return verdict
+    share = dict(verdict.probabilities)
+    own = share.pop("|".join(lead.names), lead.probability)
+    names = (*lead.names, *more)
+    share["|".join(names)] = own + sum(share.pop(n, 0.0) for n in more)
+    told = lead.shares or (1.0,) * len(lead.names)
+    each = np.array([*told, *(min(told) for _ in more)])
+    probability = max(lead.probability, share["|".join(names)])
+    shares = tuple((each / each.sum()).tolist())
+    wider = replace(lead, names=names, shares=shares, probability=probability)
+    causes = (wider, *others)
+    word = PARTIAL if verdict.verdict == PARTIAL else named(causes)
+    return replace(verdict, verdict=word, causes=causes, probabilities=share)
+
+
+def _as_good(a: Analysis, verdict: Verdict, seed: int) -> tuple[str, ...]:
+    """Names of effects that close as much as the leading cause in its place, best first."""
+    f = verdict.explanation.finalist
+    lead, *others = verdict.causes
+    claimed = {n for c in others for n in c.names}
+    beside = [c.part.index for c in others if c.part.index is not None and c.probability > DOUBTFUL]
+    wrong = [c.names[0] for c in others if c.part.index is None]
+    base = a.refitter.keeping(f, beside)
+    assert lead.part.index is not None
+    own = a.refitter.keeping(f, [lead.part.index, *beside])
+    judge = _Judge(a, wrong, seed)
+    without, with_lead = judge.gaps(base), judge.gaps(own)
+    closes = judge.mean(without - with_lead).value
+    found: dict[str, float] = {}
+    for s in _candidates(a, base, {*claimed, lead.names[0]}):
+        h = a.searcher.hypotheses[s.index]
+        rival = _with(a, base, h, s.rung)
+        gaps = judge.gaps(rival)
+        back, worse = judge.mean(without - gaps), judge.mean(gaps - with_lead)
+        if back.low <= 0.0 or (worse.low > 0.0 and back.value < ALIKE * closes):
+            continue
+        both = judge.gaps(_with(a, rival, f.parts[lead.part.index], rival.rung))
+        if judge.mean(gaps - both).value < APART * closes:
+            found[h.name] = worse.value
+    return tuple(sorted(found, key=lambda n: found[n]))
+
+
+def _with(a: Analysis, f: Finalist, h: Hypothesis, rung: int) -> Finalist:
+    return a.refitter.extended(f, h) if f.parts else a.refitter.fit((h,), rung)
+
+
+def _candidates(a: Analysis, base: Finalist, taken: set[str]) -> list[SingleEvidence]:
+    """The best variant of the likeliest effects beside a finalist."""
+    hypotheses = a.searcher.hypotheses
+    singles = a.refitter.added(base) if base.parts else a.searcher.singles(a.refitter.y)
+    best: dict[str, SingleEvidence] = {}
+    for s in sorted(singles, key=lambda s: -s.log_posterior):
+        if s.index >= 0 and hypotheses[s.index].name not in {*taken, *STATED}:
+            best.setdefault(hypotheses[s.index].name, s)
+    return list(best.values())[:TRIED]
+
+
+class _Judge:
+    """Gaps of simulators on held-out rows, in the noise of the analysis."""
+
+    def __init__(self, a: Analysis, wrong: Sequence[str], seed: int) -> None:
+        self._a, self._wrong = a, wrong
+        self._fits = CrossFit(a)
+        p = a.prepared
+        self._scale = p.sigma * np.sqrt(a.dictionary.prepared.noise)
+        self._rows = HeldOut(p)
+        self._drawn = Bootstrap([self._rows], seed)
+        self.mean = self._drawn.mean
+
+    def gaps(self, f: Finalist) -> np.ndarray:
+        """Of each observation (S,)."""
+        keep = tuple(range(len(f.parts)))
+        reading = self._fits.explained(twin_of(self._a, f, keep), f, keep, self._wrong)[0]
+        p = self._a.prepared
+        away = (self._rows.y - reading[p.scene.held][p.judged]) / self._scale
+        return np.asarray((away**2).mean(axis=1))
