@@ -221,16 +221,20 @@ def weigh(prepared: Prepared, known: Reliability | None, seed: int) -> Weighed:
 
 
 def settle(analysis: Analysis, known: Reliability | None, seed: int) -> Weighed:
-    """Hold what best explains the gap against rows that no fit saw."""
+    """Hold what best explains the gap against rows that no fit saw.
+
+    A robot that look-alikes taught nothing of may leave a rest of its own. Of the others they
+    taught how often something unknown leaves one.
+    """
     first = _settled(analysis, decide(analysis.ranking), known, seed)
-    if not own_rest.is_left(analysis):
+    if known is None or not known.elsewhere or not own_rest.is_left(analysis):
         return first
     again = own_rest.weighed_again(analysis)
+    if first.settled:
+        return first._replace(verdict=rivals.with_rivals(again, first.verdict, seed))
     second = _settled(again, own_rest.decided(again.ranking), known, seed)
-    more = {c.part.name for c in second.verdict.causes} - {
-        c.part.name for c in first.verdict.causes
-    }
-    if not more:
+    before, now = ({c.part.name for c in w.verdict.causes} for w in (first, second))
+    if now <= before:
         return first
     return second._replace(verdict=rivals.with_rivals(again, second.verdict, seed))
 
@@ -288,11 +292,16 @@ def _tempered(
 
     What a second sensor measured does not hang on how often wrenches alone are read rightly.
     """
-    if known is None or tilt.witnessed(a, verdict):
+    witnessed = tilt.witnessed(a, verdict)
+    lead = verdict.causes[0].names if verdict.causes else witnessed
+    if known is None or (witnessed and set(witnessed) & set(lead)):
         return verdict
     if verdict.causes:
         closed = 0.0 if gap.closed is None else gap.closed.value
-        return tempered(verdict, known.of(features(a.ranking, verdict, closed)))
+        told = tempered(verdict, known.of(features(a.ranking, verdict, closed)))
+        both = zip(told.causes, verdict.causes, strict=False)
+        causes = (was if set(was.names) & set(witnessed) else c for c, was in both)
+        return replace(told, causes=tuple(causes))
     return tempered(verdict, known.none if verdict.verdict == NONE else known.unknown)
 
 

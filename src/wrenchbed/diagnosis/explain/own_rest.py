@@ -20,6 +20,8 @@ from wrenchbed.diagnosis.explain.verdict import Cause, Verdict, complete, decide
 
 PASSES = 2
 """How often the rest is estimated: the first explanation was weighed without it."""
+MUCH = 3.0
+"""Gap that is the recording's own rather than what a form misses; estimate."""
 MOST_FREE = 0.7
 """Share of all readings up to which free numbers are counted; estimate."""
 FREE = 1e-8
@@ -27,10 +29,14 @@ FREE = 1e-8
 
 
 def is_left(a: Analysis) -> bool:
-    """Whether the best explanation leaves more than is normal, and nothing smooth."""
+    """Whether the best explanation leaves more than is normal, and nothing smooth.
+
+    A large effect may leave more, since its form is only nearly right: but not as much as `MUCH`.
+    """
     r, best = a.ranking, a.ranking.explanations[0]
     rough = r.mixed < best.log_posterior + MARGIN
-    return not a.others and r.gap >= CLAIMABLE and rough and not complete(best)
+    much = not complete(best) or best.rest > MUCH
+    return not a.others and r.gap >= CLAIMABLE and rough and much
 
 
 def weighed_again(a: Analysis) -> Analysis:

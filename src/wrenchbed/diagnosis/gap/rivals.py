@@ -13,6 +13,7 @@ import numpy as np
 
 from wrenchbed.diagnosis.evidence.dictionary import Hypothesis
 from wrenchbed.diagnosis.evidence.search import SingleEvidence
+from wrenchbed.diagnosis.explain import tilt
 from wrenchbed.diagnosis.explain.refit import Finalist
 from wrenchbed.diagnosis.explain.structures import Analysis
 from wrenchbed.diagnosis.explain.verdict import MOST_RIVALS, Verdict, named
@@ -32,10 +33,15 @@ two causes and no rivals. Estimate."""
 
 
 def with_rivals(a: Analysis, verdict: Verdict, seed: int) -> Verdict:
-    """The verdict, its leading cause with all rivals that held-out rows leave it."""
+    """The verdict, its leading cause with all rivals that held-out rows leave it.
+
+    A cause that another sensor measured has none, nor has a number that the metadata states.
+    """
     if not verdict.causes or verdict.causes[0].part.index is None:
         return verdict
     lead, *others = verdict.causes
+    if set(lead.names) & set(tilt.witnessed(a, verdict)):
+        return verdict
     found = _as_good(a, verdict, seed)
     more = [n for n in found if n not in lead.names][: 1 + MOST_RIVALS - len(lead.names)]
     if not more:
