@@ -1,5 +1,6 @@
 """Held-out rows have the last word: verdicts and gaps made by hand, and what remains of them."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
@@ -237,3 +238,15 @@ def test_whatever_is_refuted_probabilities_sum_to_1_and_nothing_is_claimed_that_
         assert small(measured) or measured.calibrated.high - max(measured.floor, 0.0) < 1.0
     # once more changes no cause, so measuring again with what remains comes to an end
     assert upheld(told, measured, witnessed).causes == told.causes
+
+
+def test_a_wrong_number_closes_nothing_after_the_fit_and_stays_by_its_own_gap():
+    """Any fit of mass takes a wrong mass, so the calibrated gap does not show it."""
+    mass = claimed("tool.mass")
+    of_number = replace(mass.causes[0], part=Part("tool.mass", 9.0))
+    mass = replace(mass, causes=(of_number,))
+    members = {"tool.mass": about(9.0)}
+    told = upheld(mass, gap(members, Interval(-0.1, -0.3, 0.1)))
+    assert names(told) == ["tool.mass"]
+    assert names(upheld(claimed(TILT), gap({TILT: 9.0}, Interval(-0.1, -0.3, 0.1)))) == []
+    assert names(upheld(mass, gap({"tool.mass": about(9.0, 9.5)}, 0.1))) == []

@@ -12,11 +12,10 @@ from dataclasses import replace
 import numpy as np
 
 from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN, Searcher
-from wrenchbed.diagnosis.explain import verdict as verdicts
 from wrenchbed.diagnosis.explain.contributions import CLAIMABLE
 from wrenchbed.diagnosis.explain.refit import Finalist, Refitter
 from wrenchbed.diagnosis.explain.structures import MARGIN, Analysis, Ranking, rank
-from wrenchbed.diagnosis.explain.verdict import Cause, Verdict, complete, decide, named
+from wrenchbed.diagnosis.explain.verdict import Verdict, complete, decide, widened
 
 PASSES = 2
 """How often the rest is estimated: the first explanation was weighed without it."""
@@ -77,21 +76,7 @@ def decided(ranking: Ranking) -> Verdict:
         share = {NONE: 0.0} | {n: p for n, p in verdict.probabilities.items() if n != NONE}
         share[UNKNOWN] = share.get(UNKNOWN, 0.0) + verdict.probabilities.get(NONE, 0.0)
         return replace(verdict, verdict=UNKNOWN, probabilities=share)
-    lead, *others = verdict.causes
-    more = [n for n in _as_predictive(ranking, verdict) if n not in lead.names]
-    if not more:
-        return verdict
-    names = (*lead.names, *more)
-    share = dict(verdict.probabilities)
-    together = sum(share.pop(n, 0.0) for n in ("|".join(lead.names), *more))
-    share["|".join(names)] = together
-    if len(names) > 1 + verdicts.MOST_RIVALS:
-        return Verdict(UNKNOWN, (), verdict.explanation, share)
-    shares = np.array([*lead.shares, *(lead.shares[-1] for _ in more)])
-    probability = max(lead.probability, together)
-    wider = Cause(names, probability, lead.part, tuple((shares / shares.sum()).tolist()))
-    causes = (wider, *others)
-    return replace(verdict, verdict=named(causes), causes=causes, probabilities=share)
+    return widened(verdict, _as_predictive(ranking, verdict))
 
 
 def _as_predictive(ranking: Ranking, verdict: Verdict) -> tuple[str, ...]:

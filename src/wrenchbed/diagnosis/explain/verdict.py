@@ -99,6 +99,28 @@ def named(causes: Sequence[Cause]) -> str:
     return "identified" if plain else "ambiguous"
 
 
+def widened(verdict: Verdict, rivals: Sequence[str]) -> Verdict:
+    """The verdict with more rivals of its leading cause; of too many nothing is claimed."""
+    lead, *others = verdict.causes
+    more = [n for n in rivals if n not in lead.names]
+    names = (*lead.names, *more)
+    if not more:
+        return verdict
+    share = dict(verdict.probabilities)
+    key = "|".join(names)
+    share[key] = share.pop("|".join(lead.names), lead.probability)
+    share[key] += sum(share.pop(n, 0.0) for n in more)
+    if len(names) > 1 + MOST_RIVALS:
+        return Verdict(UNKNOWN, (), verdict.explanation, share)
+    told = lead.shares or (1.0,) * len(lead.names)
+    each = np.array([*told, *(min(told) for _ in more)])
+    shares = tuple((each / each.sum()).tolist())
+    wider = replace(lead, names=names, shares=shares, probability=max(lead.probability, share[key]))
+    causes = (wider, *others)
+    word = named(causes) if verdict.verdict in ("identified", "ambiguous") else verdict.verdict
+    return replace(verdict, verdict=word, causes=causes, probabilities=share)
+
+
 def tempered(verdict: Verdict, right: float) -> Verdict:
     """The verdict if such answers are right that often: no claim that is more likely wrong.
 

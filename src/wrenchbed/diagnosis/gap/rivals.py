@@ -7,7 +7,6 @@ Channels count by the noise that the analysis gave them, the rest included.
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -16,10 +15,10 @@ from wrenchbed.diagnosis.evidence.search import SingleEvidence
 from wrenchbed.diagnosis.explain import tilt
 from wrenchbed.diagnosis.explain.refit import Finalist
 from wrenchbed.diagnosis.explain.structures import Analysis
-from wrenchbed.diagnosis.explain.verdict import MOST_RIVALS, Verdict, named
+from wrenchbed.diagnosis.explain.verdict import MOST_RIVALS, Verdict, widened
 from wrenchbed.diagnosis.gap.closure import Bootstrap, twin_of
 from wrenchbed.diagnosis.gap.held_out import CrossFit, HeldOut
-from wrenchbed.diagnosis.gap.upheld import DOUBTFUL, PARTIAL
+from wrenchbed.diagnosis.gap.upheld import DOUBTFUL
 from wrenchbed.diagnosis.prepare.configuration import STATED
 
 TRIED = 5
@@ -39,25 +38,11 @@ def with_rivals(a: Analysis, verdict: Verdict, seed: int) -> Verdict:
     """
     if not verdict.causes or verdict.causes[0].part.index is None:
         return verdict
-    lead, *others = verdict.causes
+    lead = verdict.causes[0]
     if set(lead.names) & set(tilt.witnessed(a, verdict)):
         return verdict
-    found = _as_good(a, verdict, seed)
-    more = [n for n in found if n not in lead.names][: 1 + MOST_RIVALS - len(lead.names)]
-    if not more:
-        return verdict
-    share = dict(verdict.probabilities)
-    own = share.pop("|".join(lead.names), lead.probability)
-    names = (*lead.names, *more)
-    share["|".join(names)] = own + sum(share.pop(n, 0.0) for n in more)
-    told = lead.shares or (1.0,) * len(lead.names)
-    each = np.array([*told, *(min(told) for _ in more)])
-    probability = max(lead.probability, share["|".join(names)])
-    shares = tuple((each / each.sum()).tolist())
-    wider = replace(lead, names=names, shares=shares, probability=probability)
-    causes = (wider, *others)
-    word = PARTIAL if verdict.verdict == PARTIAL else named(causes)
-    return replace(verdict, verdict=word, causes=causes, probabilities=share)
+    more = [n for n in _as_good(a, verdict, seed) if n not in lead.names]
+    return widened(verdict, more[: 1 + MOST_RIVALS - len(lead.names)])
 
 
 def _as_good(a: Analysis, verdict: Verdict, seed: int) -> tuple[str, ...]:

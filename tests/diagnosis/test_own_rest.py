@@ -1,0 +1,88 @@
+"""Causes beside a rest of the recording's own: faults of the referee in real poses.
+
+The faults are the referee's physics, not the library's; the rest is that of a real robot (24 poses,
+A. Skrede, NTNU 2024, doi 10.5281/zenodo.11096791).
+"""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from ntnu import static
+from wrenchbed.benchmark.sealed.real_setting import setting_of
+from wrenchbed.benchmark.sealed.semi_real import FAMILIES, HostRecording
+from wrenchbed.diagnosis.diagnose import diagnose
+from wrenchbed.diagnosis.explain.claims import Part
+from wrenchbed.diagnosis.explain.own_rest import is_left, rest_variance, weighed_again
+from wrenchbed.diagnosis.explain.structures import analyse
+from wrenchbed.diagnosis.explain.verdict import Cause, Verdict, complete, widened
+from wrenchbed.diagnosis.prepare.prepare_recording import prepare
+
+
+@pytest.fixture(scope="module")
+def host():
+    return HostRecording(setting_of(static()), (1, 2))
+
+
+@pytest.fixture(scope="module")
+def real():
+    return analyse(prepare(static(), 0))
+
+
+def named(found):
+    return {n for w in found.diagnosis.which for n in (w["effect"], *w["rivals"])}
+
+
+def first(host, draw, least):
+    """The first of twenty draws that adds a gap beyond the robot's own."""
+    faults = (draw(np.random.default_rng(k)) for k in range(20))
+    return next(f for f in faults if host.cause(f).gap > least)
+
+
+@pytest.mark.parametrize("name", ["sensor.jump", "sensor.crosstalk", "tool.mass"])
+def test_a_fault_is_named_beside_what_the_robot_leaves_unexplained(host, name):
+    fault = first(host, lambda rng: host.drawn(name, rng, 2.0), 12.0)
+    found = diagnose(host.recording([fault]))
+    assert name in named(found)
+    assert found.diagnosis.gap.with_effects.value > 5.0  # the robot's own rest remains
+
+
+@pytest.mark.parametrize("family", ["knock", "bursts", "popcorn"])
+def test_a_fault_that_the_library_lacks_is_not_named(host, family):
+    fault = first(host, lambda rng: FAMILIES[family](host.setting, rng, 1.5), 4.0)
+    assert named(diagnose(host.recording([fault]))) <= {"base.tilt"}
+
+
+def test_the_rest_is_measured_channel_by_channel(real):
+    """Alone, bias, mass and CoG leave their residual over the rows less the numbers fitted."""
+    nothing = real.refitter.nothing()
+    left = (real.calibrated**2).sum(axis=0)
+    rows, free = len(real.calibrated), 10
+    by_hand = left / (rows - free / 6)
+    assert rest_variance(real, nothing) == pytest.approx(by_hand, rel=1e-3)
+
+
+def test_with_its_rest_as_noise_the_best_explanation_is_complete(real):
+    assert is_left(real)
+    again = weighed_again(real)
+    assert complete(again.ranking.explanations[0])
+    assert (again.dictionary.prepared.noise >= real.dictionary.prepared.noise).all()
+    assert again.dictionary.prepared.noise.max() > 10.0
+
+
+def test_more_rivals_take_their_probability_along_and_too_many_end_the_claim():
+    lead = Cause(("sensor.drift",), 0.6, Part("sensor.drift", 3.0, index=0), (1.0,))
+    share = {"sensor.drift": 0.6, "sensor.jump": 0.3, "unknown": 0.1}
+    verdict = Verdict("identified", (lead,), SimpleNamespace(), share)
+    assert widened(verdict, ("sensor.drift",)) is verdict
+    told = widened(verdict, ("sensor.jump",))
+    assert (told.verdict, told.causes[0].names) == ("ambiguous", ("sensor.drift", "sensor.jump"))
+    assert told.causes[0].probability == pytest.approx(0.9)
+    assert dict(told.probabilities) == {
+        "sensor.drift|sensor.jump": pytest.approx(0.9),
+        "unknown": 0.1,
+    }
+    assert told.causes[0].shares == pytest.approx((0.5, 0.5))
+    many = widened(verdict, tuple("abcde"))
+    assert (many.verdict, many.causes) == ("unknown", ())
