@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from wrenchbed import registry
 from wrenchbed.benchmark.lookalikes import (
@@ -16,6 +17,7 @@ from wrenchbed.benchmark.lookalikes import (
     recording,
 )
 from wrenchbed.benchmark.lookalikes.catalogue import EFFECTS
+from wrenchbed.benchmark.lookalikes.loads import in_motion
 from wrenchbed.errors import ParameterError
 from wrenchbed.physics.time_derivatives import Jet
 from wrenchbed.physics.wrench import wrench
@@ -252,3 +254,13 @@ def test_no_code_is_shared_with_the_library_of_effects(path):
         for name in names:
             parts = name.split(".")
             assert not (parts[0] == "wrenchbed" and parts[1:] and parts[1] in FORBIDDEN), name
+
+
+def test_a_motion_by_orientations_alone_can_be_tilted():
+    t = np.arange(50) / 100.0
+    turn = Rotation.from_rotvec(np.outer(t, [0.0, 1.0, 0.0]))
+    q = turn.as_quat(scalar_first=True)
+    motion = in_motion(ORIENTED, ORIENTED.parameters.nominal, t, q, np.array([0.0, 0.0, -9.81]))
+    tilted = motion.tilted(np.array([0.1, 0.0, 0.0]))
+    wanted = (turn.inv() * Rotation.from_rotvec([-0.1, 0.0, 0.0])).apply([0.0, 0.0, -9.81])
+    assert np.abs(tilted.specific_force - wanted).max() < 1e-6

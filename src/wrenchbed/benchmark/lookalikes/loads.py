@@ -105,6 +105,7 @@ def in_motion(
     instants = np.concatenate([t - step, t, t + step])
     thrice = np.tile(theta, (3, 1)) if theta.ndim == 2 else theta
     rotation, position = robot.sensor_pose(CubicSpline(t, q)(instants), thrice)
+    position = np.broadcast_to(position, (len(instants), 3))  # one for all where it is unknown
     before, now, after = np.split(rotation, 3)
     p0, p1, p2 = np.split(position, 3)
     acceleration = (p2 - 2.0 * p1 + p0) / step**2
