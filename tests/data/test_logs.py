@@ -13,7 +13,6 @@ from rosbags.typesys import Stores, get_typestore
 
 import wrenchbed as wb
 from wrenchbed.cli import main
-from wrenchbed.data.column_map import ready
 from wrenchbed.data.import_files import import_files
 from wrenchbed.data.logs import MessageRows, table, write_mcap
 from wrenchbed.errors import MapError
@@ -186,10 +185,6 @@ def test_the_clients_of_universal_robots_write_files_that_come_in(tmp_path):
         found = import_files([tmp_path / f"{name}.csv"], wb.read_map(name)).recording
         assert np.array_equal(found.wrench, LOAD) and np.array_equal(found.q, Q)
         assert np.allclose(found.t, np.arange(COUNT) / 125, atol=1e-12)
-
-
-def test_ready_maps_are_all_tried_here():
-    assert set(ready()) == {"ros-ur5", "ros-oriented", "ur-rtde", "ur-client"}
 
 
 def test_a_recording_goes_out_as_mcap_and_comes_back(tmp_path, capsys):

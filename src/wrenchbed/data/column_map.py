@@ -35,7 +35,7 @@ AUTO = "auto"
 """Mode of a log of holds and moves."""
 TOLERANCES = ("tool.mass", "tool.cog", "sensor.bias")
 _FILE = ("match", "topic", "delimiter", "each", "name_pattern", "columns")
-_COLUMN = ("column", "unit", "sign", "zero")
+_COLUMN = ("column", "unit", "sign", "zero", "per")
 _ORDER = re.compile(r"^(?:[XYZ]{3}|[xyz]{3})$")
 _UNIT_SQUARE = 2e-3
 """Largest error of a unit quaternion's square: four digits are enough."""
@@ -62,13 +62,17 @@ _JOINT = {"q": ("angle", "length"), "qd": ("angular velocity",), "q_target": ("a
 
 @dataclass(frozen=True)
 class Source:
-    """Where one column of the recording comes from: (column − zero) of a file, scaled to SI."""
+    """Where one column of the recording comes from: (column / per − zero) of a file, in SI.
+
+    ``per`` is a number, or the name of one that stands before the table: counts per unit.
+    """
 
     target: str
     column: str
     unit: str
     sign: float
     zero: float = 0.0
+    per: float | str = 1.0
 
     @property
     def factor(self) -> float:
@@ -291,7 +295,10 @@ def _source(where: str, target: str, entry: Any) -> Source:
     if sign not in (1, -1):
         raise fields.error("sign", "must be 1 or -1")
     zero = fields.number("zero", unit) or 0.0
-    return Source(target, column, unit, float(sign), zero)
+    per = entry.get("per", 1.0)
+    if not isinstance(per, str):
+        per = fields.number("per", f"per {unit}", positive=True) or 1.0
+    return Source(target, column, unit, float(sign), zero, per)
 
 
 def _quantities(target: str) -> tuple[str, ...]:

@@ -16,7 +16,7 @@ import pyarrow as pa
 from scipy.spatial.transform import Rotation
 
 from wrenchbed import registry
-from wrenchbed.data.column_map import ANGLES, AUTO, ROTATION, ColumnMap, FileMap
+from wrenchbed.data.column_map import ANGLES, AUTO, ROTATION, ColumnMap, FileMap, Source
 from wrenchbed.data.even_clock import at_times, even_clock
 from wrenchbed.data.logs import is_log
 from wrenchbed.data.logs import table as log_table
@@ -171,13 +171,13 @@ def _part(paths: list[Path], file_map: FileMap, column_map: ColumnMap) -> dict[s
 
 
 def _columns(path: Path, file_map: FileMap, column_map: ColumnMap) -> dict[str, np.ndarray]:
-    table, first_line = _table(path, file_map)
+    table, first_line, notes = _table(path, file_map)
     if table.num_rows == 0:
         raise MapError(f"{path}: the file has 0 rows")
     data: dict[str, np.ndarray] = {}
     for source in file_map.columns:
         values = column_numbers(table, source.column, str(path), first_line)
-        data[source.target] = (values - source.zero) * source.factor
+        data[source.target] = (values / _per(source, notes, path) - source.zero) * source.factor
     if "t" in data:
         data["t"] = _times(path, table, file_map, data["t"])
     given = turned(data, str(path), column_map.conventions)
@@ -185,16 +185,31 @@ def _columns(path: Path, file_map: FileMap, column_map: ColumnMap) -> dict[str, 
     return kept if given is None else kept | columns_of(given)
 
 
-def _table(path: Path, file_map: FileMap) -> tuple[pa.Table, int | None]:
-    """The file's table, the name's values among its columns, and the line of its first row."""
+def _per(source: Source, notes: Mapping[str, float], path: Path) -> float:
+    """By what a column is divided: a number, or one that stands before the table."""
+    if not isinstance(source.per, str):
+        return source.per
+    value = notes.get(source.per, 0.0)
+    if not value > 0:
+        known = ", ".join(notes) or "none"
+        raise MapError(
+            f"{path}: {source.target}: per = {source.per!r} is no positive number before the "
+            f"table; found {known}"
+        )
+    return value
+
+
+def _table(path: Path, file_map: FileMap) -> tuple[pa.Table, int | None, Mapping[str, float]]:
+    """The file's table, the name's values among its columns, the line of its first row, and the
+    numbers before it."""
     if is_log(path):
-        return log_table(path, file_map.topic, [c.column for c in file_map.columns]), None
+        return log_table(path, file_map.topic, [c.column for c in file_map.columns]), None, {}
     separator = BLANKS if file_map.delimiter in (" ", "\t ") else file_map.delimiter
     text = read_text(path, separator)
     table = text.table
     for name, value in _in_name(path, file_map.name_pattern).items():
         table = table.append_column(name, pa.array(np.full(table.num_rows, value)))
-    return table, text.first_line
+    return table, text.first_line, text.layout.notes
 
 
 def _in_name(path: Path, pattern: str | None) -> dict[str, float]:
@@ -224,7 +239,7 @@ def _times(path: Path, table: pa.Table, file_map: FileMap, scaled: np.ndarray) -
     assert clock is not None
     raw = table.column(clock.column)
     t = scaled
-    if pa.types.is_integer(raw.type):
+    if pa.types.is_integer(raw.type) and clock.per == 1.0:
         t = (raw.to_numpy().astype(np.int64) - round(clock.zero)) * round(clock.factor / 1e-9)
     bad = np.flatnonzero(np.diff(t) <= 0)
     if len(bad):

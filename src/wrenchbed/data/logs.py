@@ -25,6 +25,8 @@ from wrenchbed.physics.wrench import CHANNELS
 
 STAMP, LOGGED = "stamp", "logged"
 """Times of a message: its header's, and when it was written [ns]."""
+TRANSFORMS = "transforms"
+"""Field of a TFMessage."""
 Getter = Callable[[Any], float]
 
 
@@ -33,7 +35,9 @@ class MessageRows:
 
     Args:
         wanted: names of columns: `STAMP`, `LOGGED`, a path such as ``wrench.force.x``, or, of
-            messages with names (JointState), ``position.<joint>``.
+            messages with names (JointState), ``position.<joint>``; of transforms (TFMessage),
+            ``transforms.<child frame>.transform.rotation.w``, where messages without that frame
+            are left out.
     """
 
     def __init__(self, wanted: Sequence[str]) -> None:
@@ -41,13 +45,21 @@ class MessageRows:
         self.missing: set[str] = set()
         self._times = {n: array("q") for n in self.wanted if n in (STAMP, LOGGED)}
         self._values = {n: array("d") for n in self.wanted if n not in (STAMP, LOGGED)}
+        frames = [n.split(".")[1] for n in self._values if n.startswith(f"{TRANSFORMS}.")]
+        self._frame = next((f for f in frames if not f.isdecimal()), None)
 
     def add(self, message: Any, logged: int) -> None:
         """One message."""
+        told = message
+        if self._frame is not None:
+            told = _transform(message, self._frame)
+            if told is None:
+                return
+            message = {TRANSFORMS: {self._frame: told}}
         if LOGGED in self._times:
             self._times[LOGGED].append(logged)
         if STAMP in self._times:
-            at = _get(_get(message, "header"), "stamp")
+            at = _get(_get(told, "header"), "stamp")
             self._times[STAMP].append(_nanoseconds(at))
         names = _get(message, "name") if "." in "".join(self._values) else None
         for column, values in self._values.items():
@@ -84,6 +96,14 @@ def _get(thing: Any, name: str) -> Any:
     if _listed(thing):
         return thing[int(name)] if name.isdecimal() and int(name) < len(thing) else None
     return getattr(thing, name, None)
+
+
+def _transform(message: Any, frame: str) -> Any:
+    """The transform to a child frame in a TFMessage, with or without a slash before its name."""
+    for each in _get(message, TRANSFORMS) or ():
+        if str(_get(each, "child_frame_id")).lstrip("/") == frame.lstrip("/"):
+            return each
+    return None
 
 
 def _listed(thing: Any) -> bool:
@@ -139,6 +159,9 @@ def table(path: Path, topic: str | None, wanted: Sequence[str]) -> pa.Table:
                 what = f"{topic!r} ({topics[topic]}), message {count}"
                 raise MapError(f"{path}: topic {what}: has no {sorted(rows.missing)[0]!r}")
     found = rows.table()
+    if count and found.num_rows == 0:
+        frames = ", ".join(wanted)
+        raise MapError(f"{path}: no message of {topic!r} has the frame of {frames}")
     if STAMP in found.column_names and count and found[STAMP][0].as_py() < 0:
         raise MapError(f"{path}: messages of {topic!r} have no stamp: map t to column 'logged'")
     return found

@@ -155,7 +155,10 @@ class Stated:
     def _fitted(
         self, recording: dict[str, Any], wrench: dict[str, dict[str, Any]], path: Path
     ) -> None:
-        """Tool, zeros and tolerances of an earlier calibration."""
+        """Tool, zeros and tolerances of an earlier calibration.
+
+        The mass is not known better than what the fit left of the force, over gravity.
+        """
         raw = Fields(load(path, MapError), f"{path}: ", MapError)
         tool, values = raw.part("tool"), raw.part("parameters")
         mass, cog = tool.number("mass", "kg", positive=True), tool.numbers("cog", 3)
@@ -174,8 +177,10 @@ class Stated:
             size = UNITS[entry["unit"]][1] * entry.get("sign", 1)
             zero = float(found[f"sensor.bias.{channel}"]["value"]) / size
             entry["zero"] = float(f"{zero:.6g}")
+        left = [raw.part("residual_rms").number(c, "N") or 0.0 for c in CHANNELS[:3]]
+        size = _STANDARD if self.gravity is None else self.gravity
         tolerance = {
-            "tool.mass": sigma("tool.mass"),
+            "tool.mass": max(sigma("tool.mass"), max(left) / size),
             "tool.cog": max(sigma(f"tool.cog.{a}") for a in "xyz"),
             "sensor.bias": [float(f"{sigma(f'sensor.bias.{c}'):.3g}") for c in CHANNELS],
         }
