@@ -43,6 +43,8 @@ def test_what_an_explanation_may_leave_is_imperfections_and_what_its_forms_miss(
     assert allowed(stated) == pytest.approx(1.05)
     assert complete(stated)
     assert not complete(Explanation(told.finalist, told.parts, 1.06))
+    overlapping = Explanation(told.finalist, told.parts, 1.5, closed=2.0 * (2.0 + 3.0))
+    assert allowed(overlapping) == pytest.approx(0.55 + 2.0 * (0.2 + 0.3))
 
 
 def test_probabilities_are_weights_and_rivals_share_a_class():

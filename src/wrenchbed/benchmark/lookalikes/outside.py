@@ -89,10 +89,9 @@ def magnet(design: ExperimentDesign, rng: Rng) -> Imperfection:
 
 @family
 def product(design: ExperimentDesign, rng: Rng) -> Imperfection:
-    """Two channels multiply into a third; not forces into a torque, as a flexing tool does it."""
-    a, b, into = (int(k) for k in rng.choice(6, 3, replace=False))
-    while max(a, b) < 3 <= into:
-        a, b, into = (int(k) for k in rng.choice(6, 3, replace=False))
+    """Two channels multiply into a force; into a torque it would be a flexing tool."""
+    into = int(rng.integers(3))
+    a, b = (int(k) for k in rng.choice(np.delete(np.arange(6), into), 2, replace=False))
     factor = 6.0 * design.noise_std[into] / (design.swing[a] * design.swing[b])
     channel = np.eye(6)[into]
     return Imperfection(sensor=lambda y: y + np.outer(factor * y[:, a] * y[:, b], channel))
@@ -109,8 +108,8 @@ def compressor(design: ExperimentDesign, rng: Rng) -> Imperfection:
 
 @family
 def bursts(design: ExperimentDesign, rng: Rng) -> Imperfection:
-    """Now and then, for a moment, the reading is far off."""
-    count, n = int(rng.integers(2, 6)), len(design)
+    """Again and again, for a moment, the reading is far off."""
+    count, n = int(rng.integers(5, 10)), len(design)
     shift = np.zeros((n, 6))
     for _ in range(count):
         first = int(rng.integers(n))

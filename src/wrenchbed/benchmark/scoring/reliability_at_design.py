@@ -80,7 +80,8 @@ def reliability_at_design(
     none, unknown = (_right(rows, verdict) for verdict in _VERDICTS)
     prior = of_package(recording)
     source = f"{len(rows)} look-alikes of this recording"
-    return replace(learnt(claims, none, unknown, source, prior), own=True)
+    other = prior is None or prior.elsewhere
+    return replace(learnt(claims, none, unknown, source, prior), own=True, elsewhere=other)
 
 
 def of_package(recording: Recording) -> Reliability | None:

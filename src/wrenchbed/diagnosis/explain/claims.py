@@ -63,11 +63,13 @@ class Explanation:
     Attributes:
         parts: what may be claimed, largest first: effects and wrong stated numbers.
         rest: gap that remains beyond the noise.
+        closed: gap that all parts close together, more than their shares where these overlap.
     """
 
     finalist: Finalist
     parts: tuple[Part, ...]
     rest: float
+    closed: float = 0.0
 
     @property
     def log_posterior(self) -> float:
@@ -107,7 +109,7 @@ def explained(refitter: Refitter, f: Finalist) -> Explanation:
     parts = [replace(p, twins=twins(refitter, f, p.index, p.share, named)) for p in parts]
     parts += wrong_numbers(refitter, f)
     parts.sort(key=lambda p: -p.share)
-    return Explanation(f, tuple(parts), remaining)
+    return Explanation(f, tuple(parts), remaining, max(total - remaining, 0.0))
 
 
 def _standing_in(

@@ -46,7 +46,7 @@ class Reliability:
         set90: probability that the likeliest answers must hold together to hold the truth in 90 %
             of cases: split conformal prediction (Vovk et al. 2005; Angelopoulos & Bates 2023,
             doi 10.1561/2200000101).
-        elsewhere: whether the cases are of other robots or designs than the recording.
+        elsewhere: whether those of the package are of other robots or designs than the recording.
         own: whether they are look-alikes of the recording itself.
     """
 

@@ -55,7 +55,9 @@ def allowed(explanation: Explanation) -> float:
     """Gap that an explanation may leave: normal imperfections, and what its form misses."""
     parts = explanation.finalist.parts
     named = [(p.index, p.share) for p in explanation.parts]
-    return REST + sum(parts[k].effect.form_error * share for k, share in named if k is not None)
+    missed = sum(parts[k].effect.form_error * share for k, share in named if k is not None)
+    alone = sum(share for k, share in named if k is not None)
+    return REST + missed * max(1.0, explanation.closed / max(alone, 1e-12))
 
 
 def complete(explanation: Explanation) -> bool:
