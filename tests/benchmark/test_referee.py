@@ -275,3 +275,50 @@ def test_mechanics_collects_the_faults_of_the_body(world):
     q = np.zeros((2, 6))
     assert truth.driven(q)[:, 1] == pytest.approx(faults[1].true["offset.q2"])
     assert np.array_equal(signal(world.way, []), world.way.load)
+
+
+def pose_means(recording):
+    """Mean wrench of each pose (H, 6)."""
+    segment = recording.columns["segment"]
+    return np.array([recording.wrench[segment == k].mean(axis=0) for k in np.unique(segment)])
+
+
+def visited(found):
+    """Joint values of a case's poses (H, J)."""
+    segment = found.recording.columns["segment"]
+    first = [np.flatnonzero(segment == k)[0] for k in np.unique(segment)]
+    return found.recording.q[first]
+
+
+def without_its_causes(found):
+    names = {id(c.fault) for c in found.causes}
+    return replace(found, faults=tuple(f for f in found.faults if id(f) not in names))
+
+
+def test_a_later_recording_is_of_the_same_robot_with_the_same_faults(small):
+    found = case.make("ur5", "static", "single", (3, 6))  # crosstalk
+    poses = visited(found)
+    before, later = pose_means(found.recording), case.again(found, poses, (3, 60))
+    healthy = case.again(without_its_causes(found), poses, (3, 60))
+    noise = found.recording.metadata.sensor.noise_std
+
+    def apart(a, b):
+        return float(np.sqrt((((a - b) / noise) ** 2).mean()))
+
+    assert apart(pose_means(later), before) < 0.7
+    assert apart(pose_means(healthy), before) > 2.0
+    heavy = case.again(found, poses, (3, 60), payload=(0.5, np.array([0.0, 0.0, 0.05])))
+    assert heavy.metadata.tool.mass == pytest.approx(later.metadata.tool.mass + 0.5)
+    more = pose_means(heavy)[:, :3] - pose_means(later)[:, :3]
+    assert np.linalg.norm(more, axis=1) == pytest.approx(np.full(len(poses), 4.9), rel=0.1)
+
+
+def test_what_happened_once_has_happened_in_a_later_recording(small):
+    found = case.make("ur5", "static", "single", (3, 4))  # a jump
+    poses = visited(found)
+    later, healthy = (
+        pose_means(case.again(c, poses, (3, 60))) for c in (found, without_its_causes(found))
+    )
+    shift = (later - healthy) / found.recording.metadata.sensor.noise_std
+    assert np.abs(shift).max() > 3.0
+    assert np.ptp(shift, axis=0).max() < 0.2 * np.abs(shift).max()
