@@ -180,3 +180,39 @@ def test_options_that_do_not_go_together_are_refused(tmp_path, capsys, more, wor
     out = tmp_path / "rec.parquet"
     assert main(["import", str(NTNU / "static.toml"), "--out", str(out), *more]) == 1
     assert words in capsys.readouterr().err
+
+
+def test_of_several_wrenches_the_one_with_the_weight_is_taken(tmp_path):
+    robot = wb.load("robots", "ur5")
+    rng = np.random.default_rng(2)
+    q = robot.sample(30, rng)
+    turn = robot.sensor_pose(q, robot.parameters.nominal)[0]
+    force = np.array([0.0, 0.0, -14.0]) @ turn
+    load = np.hstack([force, np.cross([0.01, 0.0, 0.07], force)]) + 0.02 * rng.normal(size=(30, 6))
+    columns = {f"actual_TCP_force_{k}": 0.02 * rng.normal(size=30) for k in range(6)}
+    columns |= {f"actual_q_{k}": q[:, k] for k in range(6)}
+    columns |= {f"target_q_{k}": q[:, k] for k in range(6)}
+    columns |= {f"ft_raw_wrench_{k}": load[:, k] for k in range(6)}
+    found = guess([save(tmp_path, "log.csv", columns)])
+    assert found.maps[0]["recording"]["robot"] == "ur5"
+    assert found.maps[0]["file"][0]["columns"]["fz"]["column"] == "ft_raw_wrench_2"
+    assert found.maps[0]["file"][0]["columns"]["q4"] == {"column": "actual_q_3", "unit": "rad"}
+
+
+def test_few_poses_are_no_ground_for_a_guess(tmp_path):
+    columns = random_columns(5)
+    turn = Rotation.from_quat(np.stack([columns[f"q{c}"] for c in "xyzw"], axis=1))
+    force = turn.inv().apply([0.0, 0.0, -10.0])
+    columns |= dict(zip(("fx", "fy", "fz"), force.T, strict=True))
+    columns |= dict(zip(("tx", "ty", "tz"), np.cross([0, 0.01, 0.05], force).T, strict=True))
+    with pytest.raises(MapError, match="5 poses are too few to tell conventions apart"):
+        guess([save(tmp_path, "log.csv", columns)])
+
+
+def test_a_log_has_names_and_needs_no_guess(tmp_path):
+    pytest.importorskip("mcap")
+    with wb.SimDriver(wb.SimOptions("ur5", seed=1)) as driver:
+        wb.record(driver, wb.poses(driver.robot, 4, seed=1), tmp_path / "r.parquet", samples=3)
+    wb.write_mcap(wb.Recording.read(tmp_path / "r.parquet"), tmp_path / "r.mcap")
+    with pytest.raises(MapError, match="these ready maps read it: --map ros-ur5"):
+        guess([tmp_path / "r.mcap"])

@@ -12,7 +12,7 @@ from wrenchbed.cli import main
 from wrenchbed.data.holds import gather
 from wrenchbed.data.metadata import Metadata
 from wrenchbed.data.recording import Recording
-from wrenchbed.data.rests import noise_at_rest, split
+from wrenchbed.data.rests import check_at_rest, noise_at_rest, split
 from wrenchbed.errors import RecordingError
 from wrenchbed.physics.wrench import CHANNELS
 
@@ -85,6 +85,20 @@ def test_static_and_dynamic_may_be_told_on_the_command_line(tmp_path):
     assert main([*line, "--mode", "dynamic"]) == 0
     assert wb.Recording.read(tmp_path / "rec.parquet").metadata.mode == "dynamic"
     assert not (tmp_path / "rec.motion.parquet").exists()
+
+
+def test_a_log_in_motion_is_not_taken_for_thousands_of_poses(tmp_path, capsys):
+    recording, _ = log(How(holds=4, lost=0.0), 8)
+    line = ["import", *save(tmp_path, recording), "--out", str(tmp_path / "rec.parquet")]
+    assert main([*line, "--mode", "static"]) == 1
+    said = capsys.readouterr().err
+    assert "this is a log in motion, not poses at rest" in said and "--mode auto" in said
+
+
+def test_many_different_poses_are_poses(tmp_path):
+    rng = np.random.default_rng(4)
+    check_at_rest(of_joints(rng.uniform(-1, 1, (500, 6))))
+    check_at_rest(of_joints(np.repeat(rng.uniform(-1, 1, (50, 6)), 10, axis=0)))
 
 
 def of_joints(q, rate=100.0):

@@ -23,7 +23,7 @@ from wrenchbed.data.logs import table as log_table
 from wrenchbed.data.metadata import Metadata
 from wrenchbed.data.orientation_columns import columns_of, of_sensor, turned, wrench_in_sensor
 from wrenchbed.data.recording import Recording, joint_columns
-from wrenchbed.data.rests import Split, split, with_noise
+from wrenchbed.data.rests import Split, check_at_rest, split, with_noise
 from wrenchbed.data.text_table import BLANKS, column_numbers, read_text
 from wrenchbed.errors import MapError, NotFoundError
 from wrenchbed.physics.wrench import CHANNELS
@@ -69,7 +69,9 @@ def import_files(files: Sequence[str | Path], column_map: ColumnMap) -> Imported
     data, left_out, name = merged(files, column_map)
     metadata = column_map.metadata
     if column_map.mode == "static":
-        return Imported(_recording(data, metadata, name), left_out)
+        recording = _recording(data, metadata, name)
+        check_at_rest(recording)
+        return Imported(recording, left_out)
     if column_map.mode != AUTO:
         data, notes = _even(data)
         return Imported(with_noise(_recording(data, metadata, name)), left_out, notes)

@@ -11,6 +11,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from wrenchbed.data.holds import gather
 from wrenchbed.data.metadata import Metadata
 from wrenchbed.data.recording import QUATERNION, Recording
 from wrenchbed.errors import RecordingError
@@ -38,6 +39,9 @@ _SAME = 1e-3
 """Two rests that differ by less, with hardly a pause between, are one [rad or m]; estimate."""
 _BLOCK_S = 0.1
 """The tool's vibration after a move is judged over means of this length [s]; estimate."""
+_ENOUGH_TO_MOVE, _MOST_SINGLE, _NEXT = 200, 0.3, 0.01
+"""A log of at least so many rows is in motion if more than this share of them are poses of their
+own and a usual step is less than this share of the whole way; estimates."""
 _ENOUGH_ROWS = 50
 """Rows at rest that show the noise of one row."""
 
@@ -90,6 +94,25 @@ def split(recording: Recording) -> Split:
             f"{recording.name}: nothing rests for {LEAST_HOLD_S} s; import it with mode = 'dynamic'"
         )
     return found
+
+
+def check_at_rest(recording: Recording) -> None:
+    """Refuse a log of moves as poses at rest: a pose of every row, each close to the one before.
+
+    Raises:
+        RecordingError: most rows are in motion.
+    """
+    q = recording.q.astype(float)
+    if len(q) < _ENOUGH_TO_MOVE:
+        return
+    poses = len(gather(recording, np.ones(len(q), dtype=bool)))
+    way = np.abs(np.diff(q if recording.joints else _continuous(q), axis=0))
+    close = np.median(way.max(axis=1)) < _NEXT * max(float(np.ptp(q, axis=0).max()), 1e-9)
+    if poses > _MOST_SINGLE * len(q) and close:
+        raise RecordingError(
+            f"{recording.name}: {poses:,} poses in {len(q):,} rows: this is a log in motion, not "
+            "poses at rest (mode static); --mode auto splits it into holds and moves"
+        )
 
 
 def noise_at_rest(recording: Recording) -> tuple[float, ...] | None:

@@ -15,7 +15,7 @@ import numpy as np
 
 from wrenchbed import registry
 from wrenchbed.data.checked import Fields
-from wrenchbed.data.column_map import EULER, ColumnMap, Conventions, from_fields
+from wrenchbed.data.column_map import EULER, ColumnMap, Conventions, from_fields, read, ready
 from wrenchbed.data.column_map import UNITS as SIZES
 from wrenchbed.data.guess.accelerometer import match_axes, match_on_clocks
 from wrenchbed.data.guess.gravity_fit import GravityFit, fits, right_angles
@@ -31,12 +31,16 @@ from wrenchbed.data.guess.sheets import (
 )
 from wrenchbed.data.guess.stated import KnownLoad, Stated
 from wrenchbed.data.guess.toml_text import toml
+from wrenchbed.data.import_files import import_files
+from wrenchbed.data.logs import is_log
 from wrenchbed.data.orientation_columns import turned
 from wrenchbed.errors import MapError, WrenchbedError
 from wrenchbed.physics.wrench import CHANNELS
 
 _SAME = 12.0
 """Twice a log-likelihood below which conventions fit alike; estimate."""
+_LEAST_POSES = 6
+"""With fewer, some convention fits by chance; estimate."""
 _MOST_LEFT = 0.5
 """The best convention may leave so much of the force; more is no weight; estimate."""
 _FORCES = ("N", "kgf", "lbf", "gf", "kN")
@@ -197,10 +201,20 @@ def guess(files: Sequence[str | Path], stated: Stated | None = None) -> Guess:
             the weight of a rigid load.
     """
     stated = stated or Stated()
-    tables = sheets([Path(f) for f in files])
+    paths = [Path(f) for f in files]
+    if logs := [path for path in paths if is_log(path)]:
+        raise MapError(_ready_instead(logs[0]))
+    tables = sheets(paths)
     found = list(_candidates(tables, stated))
     if not found:
         raise MapError(_nothing(tables))
+    clearest = min(found, key=lambda c: c.fit.share)  # of several wrenches in the files
+    found = [c for c in found if c.wrench == clearest.wrench]
+    if len(clearest.poses.groups) < _LEAST_POSES:
+        raise MapError(
+            f"{tables[0].paths[0]}: {len(clearest.poses.groups)} poses are too few to tell "
+            f"conventions apart; {_LEAST_POSES} are needed"
+        )
     known = stated.known()
     if known is not None:
         found = [c for c in (_as_known(c, tables, known) for c in found) if c is not None]
@@ -225,6 +239,19 @@ def guess(files: Sequence[str | Path], stated: Stated | None = None) -> Guess:
     chosen = [c for _, c in whole]
     maps = tuple(raw_map(c, tables, stated) for c in chosen)
     return Guess(tuple(chosen), maps, tuple(others))
+
+
+def _ready_instead(log: Path) -> str:
+    """Which ready maps read a log."""
+    fit = []
+    for name in ready():
+        try:
+            import_files([log], read(name))
+        except WrenchbedError:
+            continue
+        fit.append(f"--map {name}")
+    told = f"; these ready maps read it: {', '.join(fit)}" if fit else ""
+    return f"{log}: --guess reads text files; a log's topics and fields have names{told}"
 
 
 def _as_known(c: Convention, tables: Sequence[Sheet], known: KnownLoad) -> Convention:
@@ -274,7 +301,7 @@ def _candidates(tables: Sequence[Sheet], stated: Stated) -> Iterator[Convention]
                 taken = set(wrench.values()) if k == w else set()
                 yield from _of_orientations(load, wrench, k, sheet, at, taken, stated)
                 yield from _of_joints(load, wrench, k, sheet, at, taken, stated)
-        if "fx" in load.roles:
+        if load.loads:
             return
 
 

@@ -53,6 +53,7 @@ class Sheet:
         rows: of each path.
         roles: column by role (``t``, ``fx``, ``qw``, ``ax``, ``temperature`` …) by the names.
         units: by column, where the name states one.
+        loads: every six columns whose names say that they are a wrench.
     """
 
     paths: tuple[Path, ...]
@@ -60,10 +61,11 @@ class Sheet:
     rows: tuple[int, ...]
     roles: Mapping[str, str] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
+    loads: tuple[Mapping[str, str], ...] = ()
 
     def free(self) -> list[str]:
         """Columns without a role."""
-        taken = set(self.roles.values())
+        taken = {*self.roles.values(), *(c for load in self.loads for c in load.values())}
         return [name for name in self.values if name not in taken]
 
     def block(self, names: Sequence[str]) -> np.ndarray:
@@ -132,7 +134,10 @@ def _sheet(members: Sequence[tuple[Path, Mapping[str, np.ndarray]]]) -> Sheet:
     rows = tuple(len(next(iter(v.values()))) for _, v in members)
     units = {name: unit for name in values if (unit := unit_of(name)) is not None}
     bare = Sheet(tuple(p for p, _ in members), values, rows)
-    return Sheet(bare.paths, values, rows, _roles(values), units)
+    roles = _roles(values)
+    loads = [{c: roles[c] for c in CHANNELS}] if "fx" in roles else []
+    loads += [load for load in _indexed_wrenches(values) if load not in loads]
+    return Sheet(bare.paths, values, rows, roles, units, tuple(loads))
 
 
 def plain(name: str) -> str:
@@ -180,6 +185,17 @@ def _roles(values: Mapping[str, np.ndarray]) -> dict[str, str]:
             roles |= {CHANNELS[k + 3 * (c == "torque")]: found[p] for (c, k), p in part.items()}
     _ur_joints(values, roles)
     return _whole(roles)
+
+
+def _indexed_wrenches(values: Mapping[str, np.ndarray]) -> Iterator[dict[str, str]]:
+    """Every six numbered columns of a wrench: a robot may log several."""
+    stems: dict[str, list[str]] = {}
+    for name in values:
+        if (match := _INDEXED.match(plain(name))) and _WRENCH_STEM.search(match[1]):
+            stems.setdefault(match[1], []).append(name)
+    for names in stems.values():
+        if len(names) == 6:
+            yield dict(zip(CHANNELS, names, strict=True))
 
 
 def _named(short: str) -> str | None:
@@ -239,10 +255,10 @@ def clock_unit(values: np.ndarray, stated: str | None) -> str | None:
     return "ms" if step < 200.0 else "us" if step < 2e5 else "ns"
 
 
-def wrenches(sheet: Sheet) -> Iterator[dict[str, str]]:
+def wrenches(sheet: Sheet) -> Iterator[Mapping[str, str]]:
     """Channel → column: by name, else every six columns in a row that nothing else claims."""
-    if "fx" in sheet.roles:
-        yield {c: sheet.roles[c] for c in CHANNELS}
+    if sheet.loads:
+        yield from sheet.loads
         return
     for names in _windows(sheet, 6):
         if (np.ptp(sheet.block(names), axis=0) > 0).all():
