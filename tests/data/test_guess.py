@@ -172,7 +172,6 @@ def test_what_is_missing_is_named(tmp_path, leave, words):
         ([], "give either --map MAP or --guess"),
         (["--guess", "--map", "ur-rtde"], "give either --map MAP or --guess"),
         (["--map", "ur-rtde", "--tool-mass", "1"], "--tool-mass belongs to --guess"),
-        (["--guess", "--name-pattern", "a{b}"], "--name-pattern needs --map"),
     ],
     ids=str,
 )
@@ -197,6 +196,27 @@ def test_of_several_wrenches_the_one_with_the_weight_is_taken(tmp_path):
     assert found.maps[0]["recording"]["robot"] == "ur5"
     assert found.maps[0]["file"][0]["columns"]["fz"]["column"] == "ft_raw_wrench_2"
     assert found.maps[0]["file"][0]["columns"]["q4"] == {"column": "actual_q_3", "unit": "rad"}
+
+
+def test_values_in_the_names_of_files_are_columns(tmp_path):
+    rng = np.random.default_rng(3)
+    for k in range(14):
+        angles = rng.integers(-180, 180, 3) // [1, 2, 1]
+        force = Rotation.from_euler("xyz", angles, True).inv().apply([0.0, 0.0, -8.0])
+        load = [*force, *np.cross([0.0, 0.02, 0.05], force)]
+        row = ",".join(f"{x:.5f}" for x in load)
+        name = f"p{k}_{angles[0]}_{angles[1]}_{angles[2]}.csv"
+        (tmp_path / name).write_text("fx,fy,fz,tx,ty,tz\n" + 3 * (row + "\n"))
+    files = list(map(str, tmp_path.glob("p*.csv")))
+    out = tmp_path / "rec.parquet"
+    pattern = ["--name-pattern", "p{k}_{roll}_{pitch}_{yaw}.csv"]
+    assert main(["import", *files, "--guess", *pattern, "--out", str(out)]) == 0
+    found = wb.calibrate(wb.Recording.read(out))
+    assert found.tool["mass"] == pytest.approx(8.0 / 9.80665, rel=1e-4)
+    again = ["--map", str(tmp_path / "rec.map.toml"), "--out", str(tmp_path / "again.parquet")]
+    assert main(["import", *files, *again]) == 0
+    one, two = (wb.Recording.read(p) for p in (out, tmp_path / "again.parquet"))
+    assert np.array_equal(one.q, two.q) and len(two) == 42
 
 
 def test_few_poses_are_no_ground_for_a_guess(tmp_path):

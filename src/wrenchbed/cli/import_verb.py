@@ -56,13 +56,11 @@ def import_(
         mode: static, dynamic, or auto: a log of holds and moves is split into poses by itself. As
             the map says if none.
         name_pattern: Every file is one pose, and its name holds values, as pose_{roll}_{yaw}.csv;
-            the map uses them as columns.
+            the map, or the guess, uses them as columns.
         as_json: Print the result as JSON.
     """
     if guessing.guess == (map is not None):
         raise ParameterError("give either --map MAP or --guess")
-    if guessing.guess and name_pattern is not None:
-        raise ParameterError("--name-pattern needs --map: a guess reads no values from names")
     told: dict[str, list[str]] = {}
     inputs = (*files, map, guessing.fit, guessing.rest)
     console.check_out(out, *inputs)
@@ -70,7 +68,9 @@ def import_(
         _no_guess(guessing)
         column_map = wb.read_map(map)
     else:
-        column_map, told = _guessed(files, guessing, out, mode)
+        column_map, told = _guessed(
+            files, guessing, out, wb.Stated(mode=mode, name_pattern=name_pattern)
+        )
     imported = wb.import_files(files, _changed(column_map, mode, name_pattern))
     imported.recording.write(out)
     rows, excluded = len(imported.recording), imported.left_out
@@ -98,11 +98,11 @@ def _no_guess(given: GuessArguments) -> None:
 
 
 def _guessed(
-    files: tuple[Path, ...], given: GuessArguments, out: Path, mode: str | None
+    files: tuple[Path, ...], given: GuessArguments, out: Path, stated: wb.Stated
 ) -> tuple[ColumnMap, dict[str, list[str]]]:
     """The map that is found, and what to say of it."""
-    stated = wb.Stated(
-        robot=given.robot, mode=mode, gravity=given.gravity, mass=given.tool_mass,
+    stated = replace(
+        stated, robot=given.robot, gravity=given.gravity, mass=given.tool_mass,
         fit=given.fit, rest=given.rest, sensor=given.sensor,
     )  # fmt: skip
     found = wb.guess_map(files, stated)

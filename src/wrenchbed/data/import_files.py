@@ -6,7 +6,6 @@ files without a clock are laid beside it row by row.
 """
 
 import fnmatch
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -18,6 +17,7 @@ from scipy.spatial.transform import Rotation
 from wrenchbed import registry
 from wrenchbed.data.column_map import ANGLES, AUTO, ROTATION, ColumnMap, FileMap, Source
 from wrenchbed.data.even_clock import at_times, even_clock
+from wrenchbed.data.file_names import natural, values_in_name
 from wrenchbed.data.logs import is_log
 from wrenchbed.data.logs import table as log_table
 from wrenchbed.data.metadata import Metadata
@@ -35,8 +35,6 @@ _BETWEEN_POSES_S = 1.0
 """Time between the last row of a pose's file and the first of the next [s]."""
 _GIVEN = {*ROTATION, *(name for three in ANGLES for name in three)}
 """Columns that become a quaternion."""
-_VALUE = re.compile(r"\{(\w+)\}")
-_NUMBER = r"([+-]?\d+(?:\.\d+)?(?:[eE][+-]?\d+)?)"
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,7 +136,7 @@ def merged(
 def _matching(file_map: FileMap, paths: list[Path], name: str) -> list[Path]:
     hits = [p for p in paths if fnmatch.fnmatch(p.name, file_map.match)]
     if file_map.each is not None and hits:
-        return sorted(hits, key=_natural)
+        return sorted(hits, key=natural)
     if len(hits) != 1:
         found = ", ".join(p.name for p in hits[:5]) or "none"
         more = ' (every file one pose? each = "pose")' if len(hits) > 1 else ""
@@ -146,11 +144,6 @@ def _matching(file_map: FileMap, paths: list[Path], name: str) -> list[Path]:
             f"{name}: match = {file_map.match!r} must fit one of the files, found {found}{more}"
         )
     return hits
-
-
-def _natural(path: Path) -> list[tuple[int, str]]:
-    """pose_2 before pose_10."""
-    return [(int(p), "") if p.isdecimal() else (-1, p) for p in re.split(r"(\d+)", path.name)]
 
 
 def _part(paths: list[Path], file_map: FileMap, column_map: ColumnMap) -> dict[str, np.ndarray]:
@@ -209,27 +202,9 @@ def _table(path: Path, file_map: FileMap) -> tuple[pa.Table, int | None, Mapping
     separator = BLANKS if file_map.delimiter in (" ", "\t ") else file_map.delimiter
     text = read_text(path, separator)
     table = text.table
-    for name, value in _in_name(path, file_map.name_pattern).items():
+    for name, value in values_in_name(path, file_map.name_pattern).items():
         table = table.append_column(name, pa.array(np.full(table.num_rows, value)))
     return table, text.first_line, text.layout.notes
-
-
-def _in_name(path: Path, pattern: str | None) -> dict[str, float]:
-    """Values that stand in a file's name.
-
-    Raises:
-        MapError: the name does not fit the pattern.
-    """
-    if pattern is None:
-        return {}
-    pieces = _VALUE.split(pattern)
-    text = "".join(_NUMBER if k % 2 else re.escape(p) for k, p in enumerate(pieces))
-    found = re.fullmatch(text.replace(r"\*", ".*"), path.name) or re.fullmatch(
-        text.replace(r"\*", ".*"), path.stem
-    )
-    if found is None:
-        raise MapError(f"{path}: the name does not fit name_pattern = {pattern!r}")
-    return {name: float(v) for name, v in zip(pieces[1::2], found.groups(), strict=True)}
 
 
 def _times(path: Path, table: pa.Table, file_map: FileMap, scaled: np.ndarray) -> np.ndarray:

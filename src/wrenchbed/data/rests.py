@@ -120,18 +120,17 @@ def noise_at_rest(recording: Recording) -> tuple[float, ...] | None:
     found = _split(recording)
     if found is None:
         return None
-    y, hold = recording.wrench, found.hold
-    steps = np.diff(y, axis=0)[(hold[1:] == hold[:-1]) & (hold[1:] >= 0)]
-    if len(steps) < _ENOUGH_ROWS:
+    rest = found.hold >= 0
+    hold, y = found.hold[rest], recording.wrench[rest]
+    count = np.bincount(hold)
+    dof = len(hold) - len(count)
+    if dof < _ENOUGH_ROWS:
         return None
-    squares, dof = np.zeros(6), 0
-    for k in range(len(found.seconds)):
-        rows = y[hold == k]
-        if len(rows) > 2:
-            squares += ((rows - rows.mean(axis=0)) ** 2).sum(axis=0)
-            dof += len(rows) - 1
-    std = np.sqrt(squares / max(dof, 1))
-    return tuple(float(x) for x in std) if (std > 0).all() else None
+    std = []
+    for channel in y.T:
+        mean = np.bincount(hold, channel) / count
+        std.append(float(np.sqrt(((channel - mean[hold]) ** 2).sum() / dof)))
+    return tuple(std) if min(std) > 0 else None
 
 
 def with_noise(recording: Recording) -> Recording:

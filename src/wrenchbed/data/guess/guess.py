@@ -204,7 +204,7 @@ def guess(files: Sequence[str | Path], stated: Stated | None = None) -> Guess:
     paths = [Path(f) for f in files]
     if logs := [path for path in paths if is_log(path)]:
         raise MapError(_ready_instead(logs[0]))
-    tables = sheets(paths)
+    tables = sheets(paths, stated.name_pattern)
     found = list(_candidates(tables, stated))
     if not found:
         raise MapError(_nothing(tables))
@@ -428,6 +428,7 @@ def _of_joints(
         robot = registry.load("robots", name)
         if not robot.joints:
             continue
+        mounted = "mount.rotation.x" in robot.parameters.names
         for columns in joints(sheet, len(robot.joints)):
             if taken & set(columns):
                 continue
@@ -442,6 +443,8 @@ def _of_joints(
                 turn = robot.sensor_pose(q, robot.parameters.nominal)[0]
                 for in_base in (False, True):
                     for fit in fits(turn, y, in_base, stated.fit is not None):
+                        if fit.mount is not None and not mounted:
+                            continue  # this robot's sensor has no pose_flange
                         yield Convention(
                             None,
                             columns,
@@ -530,7 +533,7 @@ def raw_map(c: Convention, tables: Sequence[Sheet], stated: Stated) -> dict[str,
             columns = {"t": {"column": time[0], "unit": time[2]}} | columns
         columns |= _besides(c, tables, k, load)
         if set(columns) - {"t"}:
-            files.append(_file_entry(sheet, tables) | {"columns": columns})
+            files.append(_file_entry(sheet, tables, stated) | {"columns": columns})
     raw: dict[str, Any] = {"recording": recording}
     if c.in_base:
         raw["wrench"] = {"axes": "base"}
@@ -539,12 +542,13 @@ def raw_map(c: Convention, tables: Sequence[Sheet], stated: Stated) -> dict[str,
     return raw | {"file": files}
 
 
-def _file_entry(sheet: Sheet, tables: Sequence[Sheet]) -> dict[str, Any]:
+def _file_entry(sheet: Sheet, tables: Sequence[Sheet], stated: Stated) -> dict[str, Any]:
     if len(sheet.rows) == 1:
         return {"match": _pattern(sheet.paths[0].name, [s.paths[0].name for s in tables])}
     first, last = sheet.paths[0].name, sheet.paths[-1].name
     begin = next((i for i, (a, b) in enumerate(zip(first, last, strict=False)) if a != b), 0)
-    return {"match": f"{_escaped(first[:begin])}*{sheet.paths[0].suffix}", "each": "pose"}
+    entry = {"match": f"{_escaped(first[:begin])}*{sheet.paths[0].suffix}", "each": "pose"}
+    return entry | ({"name_pattern": stated.name_pattern} if stated.name_pattern else {})
 
 
 def _pattern(name: str, names: Sequence[str]) -> str:

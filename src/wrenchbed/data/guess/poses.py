@@ -72,8 +72,8 @@ def gather(t: np.ndarray | None, turn: np.ndarray, wrench: np.ndarray) -> Poses:
     except RecordingError:
         hold = np.full(n, -1)
     if hold.max() + 1 >= _LEAST_HOLDS:
-        first = [int(np.argmax(hold == k)) for k in range(hold.max() + 1)]
-        length = np.bincount(hold[hold >= 0])
-        return Poses(AUTO, np.stack([first, first + length], axis=1))
+        numbers, first, length = np.unique(hold, return_index=True, return_counts=True)
+        rest = numbers >= 0
+        return Poses(AUTO, np.stack([first[rest], (first + length)[rest]], axis=1))
     ends = np.unique(np.linspace(0, n, min(n, _BINS) + 1).astype(int))
     return Poses("dynamic", np.stack([ends[:-1], ends[1:]], axis=1))

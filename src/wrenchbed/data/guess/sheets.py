@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from wrenchbed.data.column_map import ROLL_PITCH_YAW, ROTATION, ROTATION_VECTOR, UNITS
+from wrenchbed.data.file_names import natural, values_in_name
 from wrenchbed.data.text_table import read_text
 from wrenchbed.errors import MapError
 from wrenchbed.physics.wrench import CHANNELS
@@ -93,15 +94,22 @@ class Columns:
     cost: float = 0.0
 
 
-def sheets(paths: Sequence[Path]) -> list[Sheet]:
+def sheets(paths: Sequence[Path], name_pattern: str | None = None) -> list[Sheet]:
     """Tables of files; files with the same columns and numbers in their names are poses.
+
+    Args:
+        paths: of text files.
+        name_pattern: of their names, whose values become columns.
 
     Raises:
         MapError: a file without a table.
     """
     read: dict[tuple[object, ...], list[tuple[Path, dict[str, np.ndarray]]]] = {}
-    for path in paths:
+    for path in sorted(paths, key=natural):
         values = _numbers(path)
+        rows = len(next(iter(values.values())))
+        for name, value in values_in_name(path, name_pattern).items():
+            values[name] = np.full(rows, value)
         stem = re.sub(r"[+-]?\d+(?:\.\d+)?", "#", path.name)
         read.setdefault((tuple(values), stem), []).append((path, values))
     found = []

@@ -73,6 +73,7 @@ class Stated:
         fit: ``fit.json`` of an earlier calibration of the same sensor and tool.
         rest: text file of the wrench at rest, in the same units: the noise of one row.
         sensor: model.
+        name_pattern: of files of one pose each, whose names hold values.
     """
 
     robot: str | None = None
@@ -82,6 +83,7 @@ class Stated:
     fit: Path | None = None
     rest: Path | None = None
     sensor: str | None = None
+    name_pattern: str | None = None
 
     def gravity_size(self, tables: Sequence[Sheet]) -> float:
         """Size of gravity [m/s²]: as stated, as columns gx gy gz say, else standard."""
