@@ -21,13 +21,14 @@ from rich.progress import (
     Task,
     TextColumn,
     TimeElapsedColumn,
-    TimeRemainingColumn,
 )
 from rich.text import Text
 
 from wrenchbed.data.checked import load
 from wrenchbed.errors import ParameterError
 
+_AT_ONCE_S = 1.0
+"""Steps that are done within so many seconds were done by an earlier run."""
 _SIMPLE = {int: "a whole number", float: "a number", str: "text", bool: "on or off"}
 
 
@@ -158,6 +159,30 @@ def answer(result: Any, as_json: bool, display: Any) -> None:
         _OUT.print(display)
 
 
+class RemainingColumn(ProgressColumn):
+    """Time that remains at the mean rate so far, steps of an earlier run left out."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._begin: dict[int, tuple[float, float]] = {}
+
+    def render(self, task: Task) -> Text:
+        """The time as h:mm:ss, dashes while nothing is known."""
+        return Text(self.text(task.id, task.elapsed or 0.0, task.completed, task.total))
+
+    def text(self, task: int, elapsed: float, completed: float, total: float | None) -> str:
+        """The time that remains [h:mm:ss] after ``elapsed`` seconds."""
+        if completed > 0 and task not in self._begin:
+            resumed = elapsed < _AT_ONCE_S
+            self._begin[task] = (elapsed, completed) if resumed else (0.0, 0.0)
+        since, before = self._begin.get(task, (0.0, 0.0))
+        done = completed - before
+        if total is None or done <= 0 or (completed < total and elapsed <= since):
+            return "-:--:--"
+        seconds = round((elapsed - since) * (total - completed) / done)
+        return f"{seconds // 3600}:{seconds // 60 % 60:02}:{seconds % 60:02}"
+
+
 class _RateColumn(ProgressColumn):
     """How many are done in a second, or a minute."""
 
@@ -174,7 +199,7 @@ def progress(what: str, total: int | None, *, rate: bool = False) -> Iterator[Ca
     """
     console = Console(stderr=True)
     columns = [TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn()]
-    time = TimeElapsedColumn() if total is None else TimeRemainingColumn()
+    time = TimeElapsedColumn() if total is None else RemainingColumn()
     columns += [time, *([_RateColumn()] if rate else [])]
     bar = Progress(*columns, console=console, disable=not console.is_terminal, transient=True)
     with bar:

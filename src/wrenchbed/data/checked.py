@@ -65,11 +65,9 @@ class Fields:
         """Refuse fields that are not known; returns itself."""
         for key in self.raw:
             if key not in known:
-                has = ", ".join(sorted(known))
-                close = did_you_mean(key, known)
-                raise self.kind(
-                    f"{self.where}there is no field {self._label(key)}{close}; {what} has {has}"
-                )
+                has = f"{what} has {', '.join(sorted(known))}"
+                close = did_you_mean(key, known) or ";"
+                raise self.kind(f"{self.where}there is no field {self._label(key)}{close} {has}")
         return self
 
     def part(self, key: str) -> "Fields":

@@ -277,7 +277,9 @@ def _source(where: str, target: str, entry: Any) -> Source:
             "temperature, segment, status"
         )
         close = did_you_mean(target, _FIXED)
-        raise MapError(f"{where}{target!r} is no column of a recording{close}; known: {known}")
+        raise MapError(
+            f"{where}{target!r} is no column of a recording{close or ';'} known: {known}"
+        )
     column = entry.get("column") if isinstance(entry, Mapping) else None
     if isinstance(column, int) and not isinstance(column, bool):
         column = str(column)
