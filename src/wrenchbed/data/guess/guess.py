@@ -5,7 +5,7 @@ orientation or joints, each axis of gravity, each frame of the wrench and each m
 angles this is one linear least squares. What fits best is taken, what fits as well is named.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import takewhile
 from pathlib import Path
@@ -15,16 +15,13 @@ import numpy as np
 
 from wrenchbed import registry
 from wrenchbed.data.checked import Fields
-from wrenchbed.data.column_map import EULER, ColumnMap, Conventions, from_fields, read, ready
+from wrenchbed.data.column_map import EULER, ColumnMap, from_fields, read, ready
 from wrenchbed.data.column_map import UNITS as SIZES
 from wrenchbed.data.guess.accelerometer import match_axes, match_on_clocks
-from wrenchbed.data.guess.gravity_fit import GravityFit, fits, right_angles
-from wrenchbed.data.guess.poses import Poses, gather
+from wrenchbed.data.guess.candidates import candidates, clock, rows_at
+from wrenchbed.data.guess.convention import Convention
 from wrenchbed.data.guess.sheets import (
-    Columns,
     Sheet,
-    clock_unit,
-    joints,
     orientations,
     sheets,
     wrenches,
@@ -33,7 +30,6 @@ from wrenchbed.data.guess.stated import KnownLoad, Stated
 from wrenchbed.data.guess.toml_text import toml
 from wrenchbed.data.import_files import import_files
 from wrenchbed.data.logs import is_log
-from wrenchbed.data.orientation_columns import turned
 from wrenchbed.errors import MapError, WrenchbedError
 from wrenchbed.physics.wrench import CHANNELS
 
@@ -53,97 +49,6 @@ _MASSES, _LEVERS = (0.02, 60.0), (1e-3, 0.6)
 _MOST_SHOWN = 6
 _NEAR = 0.2
 """Share by which a known mass may differ."""
-_COST = {"inverse": 0.3, "base": 0.3, "quarter": 1.0, "free": 2.0, "axis": 0.5}
-"""How unusual a convention is; of those that fit alike the most usual is taken."""
-
-
-@dataclass(frozen=True, eq=False)
-class Convention:
-    """One way to read the files that fits.
-
-    Attributes:
-        columns: of the orientation, or none for joints.
-        joints: of a robot, with the unit of its angles.
-        robot: whose joints these are.
-        sheet: number of the table with the orientation.
-        wrench: channel → column.
-        inverse: whether the orientation is the base's in the body.
-        in_base: whether the wrench is in the base's axes.
-        fit: of one rigid load.
-        poses: the rows that were fitted.
-        turn: the body in the base at these (G, 3, 3).
-        sign: of the wrench, for ``gravity`` along ±axis.
-        gravity: in the base (3,) [m/s²].
-        units: of force and torque.
-    """
-
-    columns: Columns | None
-    joints: tuple[str, ...]
-    angle: str
-    robot: str
-    sheet: int
-    wrench: Mapping[str, str]
-    inverse: bool
-    in_base: bool
-    fit: GravityFit
-    poses: Poses
-    turn: np.ndarray
-    sign: int = 1
-    gravity: tuple[float, ...] = (0.0, 0.0, -9.80665)
-    units: tuple[str, str] = ("N", "N·m")
-
-    @property
-    def cost(self) -> float:
-        """How unusual it is."""
-        cost = 0.0 if self.columns is None else self.columns.cost
-        cost += _COST["inverse"] * self.inverse + _COST["base"] * self.in_base
-        if self.fit.mount is not None:
-            cost += _COST["quarter" if self.fit.quarter else "free"]
-        return cost + _COST["axis"] * (self.fit.axis != 2)
-
-    @property
-    def mass(self) -> float:
-        """Of the load [kg]."""
-        size = SIZES[self.units[0]][1]
-        return float(abs(self.fit.weight) * size / np.linalg.norm(self.gravity))
-
-    @property
-    def cog(self) -> np.ndarray:
-        """Of the load in sensor axes (3,) [m]."""
-        return np.asarray(self.fit.lever * SIZES[self.units[1]][1] / SIZES[self.units[0]][1])
-
-    @property
-    def quality(self) -> str:
-        """Load and residual in words."""
-        force, torque = self.fit.force_rms, self.fit.torque_rms
-        cog = ", ".join(f"{1e3 * x:.1f}" for x in self.cog)
-        return (
-            f"{self.mass:.4g} kg at ({cog}) mm; leaves {force:.3g} {self.units[0]} and "
-            f"{torque:.2g} {self.units[1]} rms of {len(self.poses.groups)} poses"
-        )
-
-    @property
-    def reading(self) -> str:
-        """Which columns are what, and in whose axes, in words."""
-        what = f"joints of {self.robot} in {self.angle}"
-        if self.columns is not None:
-            what = self.columns.kind + (" of the base in the sensor" if self.inverse else "")
-        parts = [what, f"wrench in {'base' if self.in_base else 'sensor'} axes"]
-        parts.append(f"gravity along {'xyz'[self.fit.axis]}")
-        if self.fit.mount is not None:
-            turn = np.rad2deg(self.fit.mount.magnitude())
-            axes = f"its axes are the flange's {right_angles(self.fit.mount)}"
-            parts.append(axes if self.fit.quarter else f"turned by {turn:.0f}° in the flange")
-        return ", ".join(parts)
-
-    @property
-    def sentence(self) -> str:
-        """The convention in words."""
-        down = "-" if self.gravity[self.fit.axis] < 0 else "+"
-        parts = [self.reading.replace("gravity along ", f"gravity along {down}")]
-        if self.sign < 0:
-            parts.append("the wrench turned about (sign = -1)")
-        return ", ".join([*parts, f"{self.units[0]} and {self.units[1]}"])
 
 
 @dataclass(frozen=True, eq=False)
@@ -205,11 +110,11 @@ def guess(files: Sequence[str | Path], stated: Stated | None = None) -> Guess:
     if logs := [path for path in paths if is_log(path)]:
         raise MapError(_ready_instead(logs[0]))
     tables = sheets(paths, stated.name_pattern)
-    found = list(_candidates(tables, stated))
+    found = list(candidates(tables, stated))
     if not found:
         raise MapError(_nothing(tables))
     clearest = min(found, key=lambda c: c.fit.share)  # of several wrenches in the files
-    found = [c for c in found if c.wrench == clearest.wrench]
+    found = [c for c in found if (c.load, c.wrench) == (clearest.load, clearest.wrench)]
     if len(clearest.poses.groups) < _LEAST_POSES:
         raise MapError(
             f"{tables[0].paths[0]}: {len(clearest.poses.groups)} poses are too few to tell "
@@ -259,7 +164,7 @@ def _as_known(c: Convention, tables: Sequence[Sheet], known: KnownLoad) -> Conve
 
     Its errors are those of the better rows: a hand on the tool for a while hides nothing.
     """
-    load = next(s for s in tables if set(c.wrench.values()) <= set(s.values))
+    load = tables[c.load]
     y = c.poses.mean(load.block(list(c.wrench.values())).astype(float))
     return replace(c, fit=known.fitted(c.fit, c.turn, y, c.in_base))
 
@@ -289,182 +194,6 @@ def _nothing(tables: Sequence[Sheet]) -> str:
     else:
         what = "no reading of the columns makes the wrench the weight of a rigid load"
     return f"{tables[0].paths[0]}: {what}; columns: {names}"
-
-
-def _candidates(tables: Sequence[Sheet], stated: Stated) -> Iterator[Convention]:
-    for w, load in enumerate(tables):
-        for wrench in wrenches(load):
-            for k, sheet in enumerate(tables):
-                at = _rows_at(load, sheet)
-                if at is None:
-                    continue
-                taken = set(wrench.values()) if k == w else set()
-                yield from _of_orientations(load, wrench, k, sheet, at, taken, stated)
-                yield from _of_joints(load, wrench, k, sheet, at, taken, stated)
-        if load.loads:
-            return
-
-
-def _rows_at(load: Sheet, sheet: Sheet) -> np.ndarray | None:
-    """Row of a table (N,) at each row of the wrench's; None if they do not belong together."""
-    if sheet is load:
-        return np.arange(sum(load.rows))
-    a, b = clock(load), clock(sheet)
-    if a is not None and b is not None:
-        at = np.clip(np.searchsorted(b[1], a[1]), 0, len(b[1]) - 1)
-        return np.asarray(at)
-    same = sum(load.rows) == sum(sheet.rows)
-    return np.arange(sum(load.rows)) if same and b is None else None
-
-
-def clock(sheet: Sheet) -> tuple[str, np.ndarray, str] | None:
-    """Column of the clock, its times (N,) [s], and its unit."""
-    if len(sheet.rows) > 1:
-        return None
-    named = [sheet.roles["t"]] if "t" in sheet.roles else []
-    for name in named or sheet.free():
-        unit = clock_unit(sheet.values[name], sheet.units.get(name))
-        values = sheet.values[name]
-        if unit is None or (not named and not _steady(values)):
-            continue
-        return name, values * SIZES[unit][1], unit
-    return None
-
-
-def _steady(values: np.ndarray) -> bool:
-    """Whether a column without a name looks like a clock and not like a counter or a signal."""
-    step = np.diff(values)
-    usual = np.median(step)
-    counter = values.dtype.kind == "i" and (step == 1).all()
-    return bool(not counter and (np.abs(step - usual) < 0.5 * usual).mean() > 0.9)
-
-
-def _at_rows(load: Sheet, sheet: Sheet, names: Sequence[str], at: np.ndarray) -> np.ndarray:
-    """Columns of a table (N, K) at the rows of the wrench's, interpolated between two clocks."""
-    a, b = clock(load), clock(sheet)
-    if sheet is load or a is None or b is None:
-        return sheet.block(names)[at].astype(float)
-    return np.stack([np.interp(a[1], b[1], sheet.values[n].astype(float)) for n in names], axis=1)
-
-
-def _of_orientations(
-    load: Sheet,
-    wrench: Mapping[str, str],
-    k: int,
-    sheet: Sheet,
-    at: np.ndarray,
-    taken: set[str],
-    stated: Stated,
-) -> Iterator[Convention]:
-    time = clock(load)
-    cache: dict[tuple[str, ...], tuple[Poses, np.ndarray]] = {}
-    for columns in orientations(sheet):
-        names = tuple(columns.targets.values())
-        if taken & set(names):
-            continue
-        if time is not None and k == 0 and time[0] in names:
-            continue
-        if tuple(sorted(names)) not in cache:
-            poses = _poses(load, time, _at_rows(load, sheet, sorted(names), at), wrench)
-            cache[tuple(sorted(names))] = poses, poses.mean(load.block(list(wrench.values())))
-        poses, y = cache[tuple(sorted(names))]
-        data = {
-            t: sheet.values[n][at][poses.middle]
-            * (1.0 if columns.unit is None else SIZES[columns.unit][1])
-            for t, n in columns.targets.items()
-        }
-        try:
-            given = turned(data, str(sheet.paths[0]), Conventions(order=columns.order))
-        except WrenchbedError:
-            continue
-        if given is None:
-            continue
-        for inverse in (False, True):
-            turn = (given.inv() if inverse else given).as_matrix()
-            for in_base in (False, True):
-                for fit in fits(turn, y, in_base, stated.fit is not None):
-                    yield Convention(
-                        columns,
-                        (),
-                        "rad",
-                        "my-robot",
-                        k,
-                        wrench,
-                        inverse,
-                        in_base,
-                        fit,
-                        poses,
-                        turn,
-                    )
-
-
-def _poses(
-    load: Sheet,
-    time: tuple[str, np.ndarray, str] | None,
-    turn: np.ndarray,
-    wrench: Mapping[str, str],
-) -> Poses:
-    if len(load.rows) > 1:
-        ends = np.cumsum(load.rows)
-        return Poses("static", np.stack([ends - load.rows, ends], axis=1))
-    t = None if time is None else time[1]
-    return gather(t, turn.astype(float), load.block(list(wrench.values())).astype(float))
-
-
-def _of_joints(
-    load: Sheet,
-    wrench: Mapping[str, str],
-    k: int,
-    sheet: Sheet,
-    at: np.ndarray,
-    taken: set[str],
-    stated: Stated,
-) -> Iterator[Convention]:
-    known = registry.names("robots") if stated.robot is None else (stated.robot,)
-    time = clock(load)
-    for name in known:
-        if name not in registry.names("robots"):
-            continue
-        robot = registry.load("robots", name)
-        if not robot.joints:
-            continue
-        mounted = "mount.rotation.x" in robot.parameters.names
-        for columns in joints(sheet, len(robot.joints)):
-            if taken & set(columns):
-                continue
-            raw = _at_rows(load, sheet, columns, at)
-            poses = _poses(load, time, raw, wrench)
-            y = poses.mean(load.block(list(wrench.values())))
-            for angle in _joint_units(sheet, columns, raw):
-                size = [SIZES[angle][1] if j.unit == "rad" else 1.0 for j in robot.joints]
-                q = raw[poses.middle] * size
-                if robot.infeasible(q, robot.parameters.nominal):
-                    continue
-                turn = robot.sensor_pose(q, robot.parameters.nominal)[0]
-                for in_base in (False, True):
-                    for fit in fits(turn, y, in_base, stated.fit is not None):
-                        if fit.mount is not None and not mounted:
-                            continue  # this robot's sensor has no pose_flange
-                        yield Convention(
-                            None,
-                            columns,
-                            angle,
-                            name,
-                            k,
-                            wrench,
-                            False,
-                            in_base,
-                            fit,
-                            poses,
-                            turn,
-                        )
-
-
-def _joint_units(sheet: Sheet, columns: Sequence[str], raw: np.ndarray) -> tuple[str, ...]:
-    stated = sheet.units.get(columns[-1])
-    if stated in ("rad", "deg"):
-        return (stated,)
-    return ("deg",) if np.abs(raw).max() > 4.0 * np.pi else ("rad", "deg")
 
 
 def _signs_and_units(
@@ -508,7 +237,7 @@ def _units(c: Convention, tables: Sequence[Sheet], stated: Stated) -> list[tuple
 
 def raw_map(c: Convention, tables: Sequence[Sheet], stated: Stated) -> dict[str, Any]:
     """The column map of a convention, as TOML would hold it."""
-    load = next(s for s in tables if set(c.wrench.values()) <= set(s.values))
+    load = tables[c.load]
     recording: dict[str, Any] = {
         "robot": stated.robot or c.robot, "mode": stated.mode or c.poses.mode,
         "gravity": [float(x) for x in c.gravity],
@@ -529,8 +258,8 @@ def raw_map(c: Convention, tables: Sequence[Sheet], stated: Stated) -> dict[str,
         if k == c.sheet:
             columns |= _turn_columns(c)
         time = clock(sheet)
-        if time is not None and time[0] not in {x["column"] for x in columns.values()}:
-            columns = {"t": {"column": time[0], "unit": time[2]}} | columns
+        if time is not None and time.column not in {x["column"] for x in columns.values()}:
+            columns = {"t": {"column": time.column, "unit": time.unit}} | columns
         columns |= _besides(c, tables, k, load)
         if set(columns) - {"t"}:
             files.append(_file_entry(sheet, tables, stated) | {"columns": columns})
@@ -600,14 +329,14 @@ def _accelerometer(c: Convention, sheet: Sheet, load: Sheet) -> dict[str, dict[s
     names = [sheet.roles[a] for a in ("ax", "ay", "az")]
     ours, its = clock(load), clock(sheet)
     if sheet is load or ours is None or its is None:
-        at = _rows_at(load, sheet)
+        at = rows_at(load, sheet)
         found = None if at is None else match_axes(-force / c.mass, sheet.block(names)[at])
         return {} if found is None else found.columns(names)
-    found = match_on_clocks(ours[1], -force / c.mass, its[1], sheet.block(names))
+    found = match_on_clocks(ours.t, -force / c.mass, its.t, sheet.block(names))
     if found is None:
         return {}
     columns = found.columns(names)
     if found.late:
-        zero = round(found.late / SIZES[its[2]][1], 6)
-        columns["t"] = {"column": its[0], "unit": its[2], "zero": zero}
+        zero = round(found.late / SIZES[its.unit][1], 6)
+        columns["t"] = {"column": its.column, "unit": its.unit, "zero": zero}
     return columns
