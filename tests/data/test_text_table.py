@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from wrenchbed.data import text_table
 from wrenchbed.data.text_table import read_text
 from wrenchbed.errors import MapError
 
@@ -86,3 +87,21 @@ def test_whole_numbers_keep_their_digits(tmp_path):
     at = 1_708_857_503_929_545
     found = table(tmp_path, f"{at} 1.5\n{at + 1} 2.5\n".encode())
     assert np.diff(found.table.column("1").to_numpy()).tolist() == [1]
+
+
+@pytest.mark.parametrize("mark", [",", ";", "\t", " "])
+def test_a_large_file_is_the_same_table(tmp_path, mark, monkeypatch):
+    rows = np.random.default_rng(1).normal(size=(400, 3)).round(6)
+    lines = [mark.join("abc"), *(mark.join(map(str, row)) for row in rows)]
+    path = tmp_path / "log.csv"
+    path.write_text("\n".join(["# made by a test", *lines]) + "\n")
+    monkeypatch.setattr(text_table, "_LARGE", 2000)
+    found = read_text(path)
+    monkeypatch.undo()
+    assert found.table.equals(read_text(path).table) and found.layout == read_text(path).layout
+    assert np.array_equal(np.stack([found.numbers(c) for c in "abc"], axis=1), rows)
+    with path.open("a") as stream:
+        stream.write(mark.join(["1", "x", "2"]) + "\n")
+    monkeypatch.setattr(text_table, "_LARGE", 2000)
+    with pytest.raises(MapError, match=r"column 'b', row 400: 'x' is no number \(line 403\)"):
+        read_text(path).numbers("b")

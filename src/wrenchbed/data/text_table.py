@@ -19,6 +19,8 @@ from wrenchbed.errors import MapError
 
 _SAMPLE = 200
 """Lines that are looked at to find out how a file is written."""
+_LARGE = 1_000_000
+"""Files from this size on are read in a stream, if they hold nothing but numbers [bytes]."""
 _SEPARATORS = ("\t", ";", ",", "|")
 BLANKS = " "
 """The separator that stands for any number of blanks and tabs."""
@@ -121,8 +123,10 @@ def read_text(path: Path, separator: str | None = None) -> TextTable:
     Raises:
         MapError: no such file, no table of numbers in it, or a row with another number of cells.
     """
-    text = decode(path)
-    lines = text.splitlines()
+    whole = _streamed(path, separator)
+    if whole is not None:
+        return whole
+    lines = decode(path).splitlines()
     layout = find_layout(lines, path, separator)
     body = lines[layout.skipped :]
     rows = [line for line in body if line.strip() and not _COMMENT.match(line)]
@@ -132,24 +136,49 @@ def read_text(path: Path, separator: str | None = None) -> TextTable:
     if not rows:
         raise MapError(f"{path}: the file has 0 rows")
     _check_lengths(path, rows, layout.separator, first_line)
-    separator = "\t" if layout.separator == BLANKS else layout.separator
-    width = len(layout.names)
-    ends = [f"…{k}" for k in range(_cells(rows[0], separator) - width)]
     try:
-        table = pcsv.read_csv(
-            io.BytesIO("\n".join(rows).encode()),
-            read_options=pcsv.ReadOptions(column_names=[str(k) for k in range(width)] + ends),
-            parse_options=pcsv.ParseOptions(delimiter=separator),
-            convert_options=pcsv.ConvertOptions(
-                decimal_point=layout.decimal, strings_can_be_null=True,
-                null_values=["", "nan", "NaN", "NAN", "null", "NULL", "None", "NA", "N/A", "#N/A",
-                             "-nan", "-NaN", "-nan(ind)"],
-            ),
-        )  # fmt: skip
+        table = _parsed(io.BytesIO("\n".join(rows).encode()), replace(layout, skipped=0), rows[0])
     except pa.ArrowException as error:
         raise MapError(f"{path}: not a table: {str(error).splitlines()[0]}") from error
-    table = table.select([str(k) for k in range(width)]).rename_columns(list(layout.names))
     return TextTable(table, layout, str(path), first_line)
+
+
+def _streamed(path: Path, separator: str | None) -> TextTable | None:
+    """A large file of numbers alone, read without holding its text; None for any other."""
+    try:
+        if path.stat().st_size < _LARGE:
+            return None
+        with path.open("rb") as stream:
+            head = stream.read(_LARGE)
+        lines = head.decode("utf-8-sig").splitlines()[:-1]  # the last one may be cut
+        layout = find_layout(lines, path, separator)
+        if layout.separator == BLANKS or not all(map(str.strip, lines)):
+            return None
+        table = _parsed(path, layout, lines[layout.skipped])
+    except (OSError, UnicodeDecodeError, MapError, pa.ArrowException):
+        return None  # told in words by whoever reads it line by line
+    plain = all(pa.types.is_floating(c.type) or pa.types.is_integer(c.type) for c in table.columns)
+    if not plain or any(c.null_count for c in table.columns):
+        return None
+    return TextTable(table, layout, str(path), layout.skipped + 1)
+
+
+def _parsed(source: "Path | io.BytesIO", layout: Layout, row: str) -> pa.Table:
+    """The table of a text in UTF-8 with one character between cells; ``row`` is one of its rows."""
+    mark = "\t" if layout.separator == BLANKS else layout.separator
+    width = len(layout.names)
+    names = [str(k) for k in range(max(width, len(split(row, mark))))]
+    table = pcsv.read_csv(
+        source,
+        read_options=pcsv.ReadOptions(column_names=names, skip_rows=layout.skipped),
+        parse_options=pcsv.ParseOptions(delimiter=mark),
+        convert_options=pcsv.ConvertOptions(
+            decimal_point=layout.decimal, strings_can_be_null=True,
+            null_values=["", "nan", "NaN", "NAN", "null", "NULL", "None", "NA", "N/A", "#N/A",
+                         "-nan", "-NaN", "-nan(ind)"],
+        ),
+    )  # fmt: skip
+    return table.select(names[:width]).rename_columns(list(layout.names))
 
 
 def decode(path: Path) -> str:
@@ -279,10 +308,6 @@ def split(line: str, separator: str) -> list[str]:
         quoted = re.escape(separator)
         line = re.sub(rf'"([^"]*)"(?=\s*(?:{quoted}|$))', r"\1", line)
     return [cell.strip() for cell in line.split(separator)]
-
-
-def _cells(line: str, separator: str) -> int:
-    return len(split(line, separator))
 
 
 def is_number(cell: str, decimal: str = ".") -> bool:
