@@ -67,7 +67,11 @@ class Linear:
     """A model whose wrench is linear in its parameters: design (M, 6, K)."""
 
     def __init__(self, design, tolerance):
-        self.design, self.robot = design, None
+        self.design, self.gravity = design, (0.0, 0.0, -9.81)
+        seen = np.random.default_rng(9).standard_normal((len(design), 3))
+        self.robot = SimpleNamespace(
+            robot_theta=lambda theta: theta, gravity_seen=lambda q, theta, gravity: seen
+        )
         self.parameters = SimpleNamespace(tolerance=np.asarray(tolerance, dtype=float))
 
     def predict(self, q, theta):

@@ -6,7 +6,7 @@ normal equations are sums over gravity directions.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -15,13 +15,18 @@ from scipy.spatial.transform import Rotation
 
 from wrenchbed import registry
 from wrenchbed.calibration.accuracy import Goal, tip_jacobian
+from wrenchbed.calibration.checks.examine import REFUTED, of_load
+from wrenchbed.calibration.checks.finding import Finding
+from wrenchbed.calibration.checks.rigid_load import left_of_swing
+from wrenchbed.calibration.checks.rows import of_rows
 from wrenchbed.calibration.fit import Fit, FitNoise, IdentifiedValue
-from wrenchbed.calibration.fit_problem import LOSSES, Problem
+from wrenchbed.calibration.fit_problem import LOSSES, Outcome, Problem
 from wrenchbed.calibration.least_squares import Solution
 from wrenchbed.calibration.observability import Observability, analyse
-from wrenchbed.calibration.observations import Observations, fallback_covariance, observe
+from wrenchbed.calibration.observations import Observations, fallback_covariance, observe, usable
 from wrenchbed.calibration.touches import Agreement, Touches
-from wrenchbed.calibration.weighting import Outcome, fit
+from wrenchbed.calibration.trust import GENERAL, OUTLIERS, observed
+from wrenchbed.calibration.weighting import fit
 from wrenchbed.data.recording import POINT, QUATERNION, Recording
 from wrenchbed.errors import CalibrationError
 from wrenchbed.physics.time_derivatives import Jet
@@ -170,12 +175,14 @@ class CalibrationOptions:
         hold: Of these, to hold at their stated or nominal value.
         prior: Take each tolerance as a prior standard deviation.
         loss: Huber and Student's t resist outliers.
+        force: Give the values all the same where the data refute them.
     """
 
     free: Sequence[str] = ()
     hold: Sequence[str] = ()
     prior: bool = False
     loss: Literal["linear", "huber", "student"] = "linear"
+    force: bool = False
 
 
 def _without_unknown_joints(recording: Recording) -> Recording:
@@ -199,7 +206,8 @@ def calibrate(
     Raises:
         RecordingError: the recording does not fit its robot.
         ParameterError: an unknown parameter.
-        CalibrationError: too little data, one orientation only, or a wrench of opposite sign.
+        CalibrationError: too little data, one orientation only, or data that refute the fit (see
+            `checks`), which ``force`` gives all the same; a wrench of opposite sign.
     """
     options = options or CalibrationOptions()
     recording = _without_unknown_joints(recording)
@@ -212,6 +220,9 @@ def calibrate(
         )
     robot = robot_of(recording)
     model = Model.of(robot, recording.metadata)
+    finding = of_rows(recording, usable(recording), robot.sensor)
+    if finding is not None and not _answered(finding, options):
+        raise CalibrationError(f"{recording.name}: {finding.sentence}")
     data = observe(recording)
     if recording.metadata.mode == "dynamic" and not recording.joints:
         raise CalibrationError(
@@ -232,13 +243,68 @@ def calibrate(
             f"{len(free)} parameters"
         )
     stated = model.configured(recording.metadata)
+    names = {model.parameters.names[i] for i in free}
+    finding = finding or _finding(recording, data, model, stated, names)
+    if finding is not None and options.loss != "linear" and finding.reason in OUTLIERS:
+        finding = None  # such a loss resists them
+    if finding is not None and finding.reason not in GENERAL and not options.force:
+        raise CalibrationError(f"{recording.name}: {finding.sentence}")
     theta = initial_values(model, stated, data, free)
     centre = stated[list(free)]
     problem = Problem(model, data, theta, free, centre, options.prior, options.loss, touches)
     outcome = fit(problem)
     theta[list(free)] = outcome.solution.x
     check_mass(float(model.robot.tool(model.robot.robot_theta(theta)).mass))
-    return _result(recording, problem, outcome, theta)
+    refuted = _refuted(problem, outcome.solution, finding)
+    if refuted is not None and not options.force:
+        raise CalibrationError(f"{recording.name}: {refuted}")
+    return replace(_result(recording, problem, outcome, theta), refuted=refuted)
+
+
+def _finding(
+    recording: Recording, data: Observations, model: Model, stated: np.ndarray, names: set[str]
+) -> Finding | None:
+    """What the checks find against the load, if its mass is to be found."""
+    seen = observed(recording, data, model, stated, names)
+    if not names & {"tool.mass", "mTool"}:
+        return None
+    finding = of_load(recording, seen)
+    if finding is not None and finding.reason == "one orientation":
+        return None  # the uncertainties say so, or the fit does
+    return finding
+
+
+def _answered(finding: Finding, options: CalibrationOptions) -> bool:
+    """Whether a finding on rows need not stop the calibration."""
+    return options.force or (options.loss != "linear" and finding.reason in OUTLIERS)
+
+
+def _refuted(problem: Problem, solution: Solution, finding: Finding | None) -> str | None:
+    """Why the values are not to be used; None if they may be."""
+    if finding is not None and finding.reason not in GENERAL:
+        return finding.sentence
+    if not solution.converged:
+        return (
+            f"not converged after {solution.steps} steps: the data and the model do not fit "
+            "together. Free fewer parameters, or check the robot and its joints"
+        )
+    residual = problem.residual(solution.x)
+    left = left_of_swing(residual, problem.data.wrench)
+    if left < REFUTED or (finding is None and problem.prior):
+        return None
+    if finding is not None:
+        return finding.sentence
+    mean = residual.mean(axis=0)
+    if left_of_swing(residual - mean, problem.data.wrench) < left / 2.0:
+        zero = ", ".join(f"{v:.3g}" for v in mean)
+        return (
+            f"the readings keep a mean of ({zero}) N, N·m that the model lacks: it is the zero of "
+            "the sensor. Free sensor.bias, or tare the sensor"
+        )
+    return (
+        f"the fit leaves {100.0 * left:.0f} % of the readings' swing: the robot, its joints or the "
+        "choice of free parameters is wrong. Look at the residual of each pose"
+    )
 
 
 def _free(model: Model, options: CalibrationOptions) -> tuple[int, ...]:

@@ -77,6 +77,7 @@ class Fit:
         target_rms: expected position error of the tool in the robot's target workspace [m], rms;
             only with a prior, which bounds what the data cannot tell, and touches that agree.
         touches: how they agree with the rest, if there were any.
+        refuted: why the data refute these values, which were wanted all the same; else None.
     """
 
     recording: str
@@ -96,6 +97,7 @@ class Fit:
     observability: Observability
     target_rms: float | None = None
     touches: Agreement | None = None
+    refuted: str | None = None
 
     def __getitem__(self, name: str) -> IdentifiedValue:
         return next(p for p in self.identified if p.name == name)
@@ -110,10 +112,12 @@ class Fit:
     def to_json(self) -> dict[str, Any]:
         """The fit as a JSON object."""
         o, noise = self.observability, self.noise
+        refuted = {} if self.refuted is None else {"refuted": self.refuted}
         return {
             "format": FORMAT,
             "recording": self.recording,
             "robot": self.robot,
+            **refuted,
             "status": self.status,
             "converged": self.converged,
             "iterations": self.iterations,

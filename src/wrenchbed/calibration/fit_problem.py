@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from wrenchbed.calibration.fit import FitNoise
 from wrenchbed.calibration.least_squares import SAME, Solution, solve
 from wrenchbed.calibration.observations import Observations
 from wrenchbed.calibration.touches import Touches
@@ -123,6 +124,16 @@ class Problem:
             return np.concatenate(rows) if len(rows) > 1 else white.reshape(-1, len(x))
 
         return solve(residual, jacobian, start, scale)
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """A fit, the covariance (K, K) of its parameters, its degrees of freedom and its noise."""
+
+    solution: Solution
+    covariance: np.ndarray
+    dof: float
+    noise: FitNoise
 
 
 def _robust_weight(residual: np.ndarray, loss: str) -> np.ndarray:

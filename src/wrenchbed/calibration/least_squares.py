@@ -14,7 +14,7 @@ from wrenchbed.calibration.observability import RANK_TOLERANCE
 MAX_STEPS = 50
 _STEP_DONE = 1e-11
 _COST_DONE = 1e-11
-SAME = 1e-4
+SAME = 1e-7
 """A step below this, in tolerances, changes no derivative that counts."""
 _HALVINGS = 30
 _PART = 512

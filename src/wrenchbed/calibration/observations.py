@@ -6,6 +6,7 @@ from itertools import combinations_with_replacement
 import numpy as np
 
 from wrenchbed import registry
+from wrenchbed.calibration.checks.rows import frozen_joints
 from wrenchbed.data.holds import about_means, gather
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import CalibrationError
@@ -134,6 +135,13 @@ def _check_smooth(recording: Recording, rough: np.ndarray, second: np.ndarray) -
     allowed = _SCALE[0] if std is None or min(std[:3]) == 0 else max(std[:3])
     if mass * worst > allowed:
         joint = int(np.argmax(acceleration))
+        for name, row, rows in frozen_joints(recording):
+            if name == f"q{joint + 1}":
+                raise CalibrationError(
+                    f"{recording.name}: column {name!r} stays at {recording.columns[name][row]:g} "
+                    f"for {rows} rows from row {row} on, all at once, while others move: frozen. "
+                    "Repair the log, or leave these rows out"
+                )
         raise CalibrationError(
             f"{recording.name}: q{joint + 1} is rough ({rough[:, joint].std():.1g}): its "
             f"acceleration would add {mass * worst:.2g} N of noise to a sensor's {allowed:.2g} N; "

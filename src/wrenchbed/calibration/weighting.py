@@ -17,8 +17,9 @@ from scipy.fft import next_fast_len
 from scipy.optimize import minimize_scalar
 from scipy.special import sici
 
+from wrenchbed.calibration import misfit
 from wrenchbed.calibration.fit import FitNoise
-from wrenchbed.calibration.fit_problem import Problem, Whitening
+from wrenchbed.calibration.fit_problem import Outcome, Problem, Whitening
 from wrenchbed.calibration.least_squares import Solution
 from wrenchbed.calibration.observations import Observations, fallback_covariance
 from wrenchbed.physics.time_derivatives import Jet
@@ -137,33 +138,25 @@ _ENOUGH = 20
 """Poses beyond the number of parameters from which the residual shows wander and correlation."""
 
 
-@dataclass(frozen=True, eq=False)
-class Outcome:
-    """A fit, the covariance (K, K) of its parameters, its degrees of freedom and its noise."""
-
-    solution: Solution
-    covariance: np.ndarray
-    dof: float
-    noise: FitNoise
-
-
 def fit(problem: Problem) -> Outcome:
     """Fit with the known noise; if the residual denies it, fit again with the residual's own."""
     data = problem.data
     if data.source == "residual" or not data.row_covariance.any():
-        return _blind(problem)
+        return misfit.grown(problem, _blind(problem), None)
     solution = problem.solve(_rows(data.row_covariance, data.count), problem.start)
     chi2 = float((solution.residual[: data.wrench.size] ** 2).sum())
     explained = bool(special.chdtrc(6 * problem.dof, chi2) > _TRUST)
+    known = solution.covariance
     if isinstance(data.q, Jet):
-        return _scattered(problem, solution, inflated=not explained)
+        found = _scattered(problem, solution, inflated=not explained)
+        return found if explained else misfit.grown(problem, found, known)
     if explained:
         noise = _noise(problem, solution, data.source, float(data.count.sum()) * np.ones(6))
         return Outcome(solution, solution.covariance, data.dof, noise)
     few = len(data) - len(problem.free) < _ENOUGH or len(data) > MOST_POSES
     if few or problem.loss != "linear":
-        return _scattered(problem, solution)
-    return _wandering(problem, solution)
+        return misfit.grown(problem, _scattered(problem, solution), known)
+    return misfit.grown(problem, _wandering(problem, solution), known)
 
 
 def _rows(covariance: np.ndarray, count: np.ndarray) -> Whitening:

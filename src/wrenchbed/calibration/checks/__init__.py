@@ -1,0 +1,6 @@
+"""What is wrong with a recording before anything is fitted to it, named by its true reason.
+
+May import: simulation (closed form), robots, sensors, data, physics.
+Read first: `examine`, which states the order; then `rigid_load` (how well one load under gravity
+explains the readings) and `mistakes` (which mistake explains what it does not).
+"""

@@ -1,0 +1,358 @@
+"""The order of the checks: rows, then the load; the true reason before what follows from it."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from wrenchbed.calibration.checks import rows
+from wrenchbed.calibration.checks.finding import Finding
+from wrenchbed.calibration.checks.mistakes import (
+    CLEAN,
+    TORQUES,
+    TURNED,
+    best_turn,
+    channel_mistake,
+    mistake,
+    part,
+    thinned,
+)
+from wrenchbed.calibration.checks.rigid_load import Load, Observed
+from wrenchbed.calibration.checks.stretches import changed, touched
+from wrenchbed.data.recording import Recording
+from wrenchbed.physics.wrench import CHANNELS, UNITS
+
+REFUTED = 0.1
+"""Part of the readings' swing (of squares) that no load explains, from which the load is refuted.
+The imperfections of a robot leave less: gains, tilts and cables of the library a hundredth."""
+SURE = 5.0
+"""Standard uncertainties by which a load must show."""
+LEAST_WEIGHT, LITTLE = 0.01, 0.05
+"""Least weight, over the stated one: below it no load shows; below the second it was subtracted."""
+LEAST_SPREAD = 0.05
+"""Least spread of gravity's direction, as the sensor sees it, along the second of its axes."""
+PUSHED = 0.5
+"""Forces that change by more than this part of the weight while gravity hardly turns."""
+LARGEST_KG, LARGEST_M = 50.0, 2.0
+"""Loads and levers beyond these are another unit."""
+BEYOND = 2.5
+"""And forces that differ by more than this many weights, twice of which a turn makes."""
+FROZEN, FEW = 1e-3, 8
+"""A column is frozen where this part of the swing is left; so many observations judge the rest."""
+CLEAR = 6.0
+"""A load on a channel this many times its noise cannot hide."""
+LONG = 0.5
+"""Longest lever [m] that counts as found where a channel is left out (an estimate)."""
+DEAD = 0.1
+"""A channel that follows its load by less, relative, is dead."""
+FOLLOWED = 0.5
+"""Of one weight that is turned about at random, a load leaves at least this part."""
+ROUND = 0.05
+"""Least spread of forces, over the radius, along any axis, for a sphere through them to be seen."""
+SPHERE = 0.1
+"""Forces whose distance from their middle varies less, relative, are one weight turned about."""
+MIRRORED = 0.1
+"""A CoG that comes out at minus the stated one, within this share, is a wrong sign of torques."""
+STANDARD_GRAVITY = 9.80665
+"""[m/s²], by definition."""
+SAME_UNIT = 0.03
+"""A stated mass and a found one whose ratio is that of two units within this share."""
+_UNITS = {
+    "kgf": 1.0 / 9.80665, "lbf": 1.0 / 4.4482216, "mN": 1e3, "kN": 1e-3, "gf": 101.97162,
+}  # fmt: skip
+"""Readings of 1 N in other units; exact by definition."""
+
+
+def examine(
+    recording: Recording, keep: np.ndarray, seen: Observed, *, blocking: bool = False
+) -> Finding | None:
+    """Why a recording cannot be trusted, None if nothing speaks against it.
+
+    Args:
+        recording: as it was read.
+        keep: rows that are not known to be saturated (N,), boolean.
+        seen: its observations.
+        blocking: whether only reasons count from which nothing can be learnt, not even by a
+            diagnosis, which sets a hand aside and names a zero that jumps.
+    """
+    sensor = seen.robot.sensor
+    found = rows.of_rows(recording, keep, sensor, blocking=blocking) or of_load(recording, seen)
+    return found if found is None or found.blocks or not blocking else None
+
+
+def of_load(recording: Recording, seen: Observed) -> Finding | None:
+    """What speaks against one load under gravity on this robot."""
+    finding = _one_orientation(seen)
+    if finding is not None:
+        return finding
+    some = _as_mounted(thinned(seen))
+    load = some.moments.fit()
+    finding = _frozen(recording, seen, load)
+    if finding is None and load.share > CLEAN:
+        finding = _refuted(some, load)
+    if finding is not None or load.share > REFUTED:
+        return finding
+    for check in (_units, _dead, channel_mistake, _weight):
+        finding = check(some, load)
+        if finding is not None:
+            return finding
+    return None
+
+
+def _as_mounted(seen: Observed) -> Observed:
+    """The readings in the axes as they are stated, where a fit finds the sensor's rotation."""
+    if not seen.turns:
+        return seen
+    turn = best_turn(seen)
+    if turn is None:
+        return seen
+    if np.trace(turn) > 1.0 + 2.0 * np.cos(TURNED):
+        return seen  # an imperfect mount; what channels show is clearer in their own axes
+    turned = replace(seen, y=seen.y @ np.kron(np.eye(2), turn).T)
+    return turned if thinned(turned).moments.fit().share < CLEAN else seen
+
+
+def _refuted(seen: Observed, load: Load) -> Finding | None:
+    """The reason why no load fits; None if what is left may be imperfections of the robot."""
+    finding = mistake(seen) or changed(seen) or touched(seen)
+    if finding is not None or load.share < REFUTED:
+        return finding
+    for check in (_one_channel, _other_robot, _beyond, _weight):
+        finding = check(seen, load)
+        if finding is not None:
+            return finding
+    return _nothing(seen, load)
+
+
+def _one_orientation(seen: Observed) -> Finding | None:
+    down = -seen.seen.origin
+    down = down / np.linalg.norm(seen.gravity)
+    spread = np.linalg.eigvalsh(np.cov(down)) if len(seen) > 1 else np.zeros(3)
+    if spread[1] >= LEAST_SPREAD**2:
+        return None
+    turned = np.rad2deg(np.sqrt(max(float(spread[2]), 0.0)))
+    force = float(np.linalg.norm(seen.y[:, :3].std(axis=0)))
+    weight = seen.mass * float(np.linalg.norm(seen.gravity))
+    due = weight * float(np.sqrt(max(float(spread.sum()), 0.0)))
+    if force > due + max(PUSHED * weight, SURE * float(seen.noise[:3].max(initial=0.0))):
+        away = np.linalg.norm(seen.y[:, :3] - np.median(seen.y[:, :3], axis=0), axis=1)
+        radius, off = sphere(seen.y[:, :3])
+        if off < SPHERE and abs(np.log(radius / weight)) < np.log(2.0):
+            return Finding(
+                "frozen joint",
+                f"the forces are those of a weight of {radius:.3g} N turned about, while q1… turn "
+                f"the tool by {turned:.1f}° rms: the joints are frozen, or of another time",
+            )
+        far = int(np.argmax(away))
+        return Finding(
+            "contact",
+            f"contact or a hand: forces change by up to {away.max():.3g} N (row {seen.row[far]}, "
+            f"{seen.t[far]:.1f} s) while the tool turns by {turned:.1f}° rms, which makes "
+            f"{due:.2g} N. Record without touching the tool, and turn it about",
+        )
+    return Finding(
+        "one orientation",
+        f"all poses have nearly the same orientation (gravity turns by {turned:.1f}° rms): weight, "
+        "bias and every other cause look the same. Turn the tool about",
+    )
+
+
+def _frozen(recording: Recording, seen: Observed, load: Load) -> Finding | None:
+    """A joint's column that stands while others move, where the readings go on."""
+    for name, row, count in rows.frozen_joints(recording):
+        inside = (seen.row >= row) & (seen.row < row + count)
+        if inside.all():
+            frozen = load.share > REFUTED
+        else:
+            rest = part(seen, ~inside)
+            frozen = (
+                len(rest) >= FEW
+                and load.share > FROZEN
+                and thinned(rest).moments.fit().share < load.share / 3.0
+                and (name != rows.ALL or _one_weight(rest, seen.y[inside, :3]))
+            )
+        if frozen:
+            where = "in every row" if inside.all() else f"for {count} rows from row {row} on"
+            what = (
+                "all joints stay where they are" if name == rows.ALL else f"column {name!r} stays"
+            )
+            value = "" if name == rows.ALL else f" at {recording.columns[name][row]:g}"
+            return Finding(
+                "frozen joint",
+                f"{what}{value} {where} while the readings move on as a turning weight makes them: "
+                "frozen. Repair the log, or leave these rows out",
+            )
+    return None
+
+
+def _one_weight(rest: Observed, force: np.ndarray) -> bool:
+    """Whether forces (K, 3) have the size of the weight that the rest shows: no hand acts."""
+    some = thinned(rest)
+    phi = some.moments.fit().phi
+    zero = (some.y[:, :3] - some.design[:, :3] @ phi).mean(axis=0)
+    size = np.linalg.norm(force - zero, axis=1)
+    weight = float(phi[0]) * float(np.linalg.norm(rest.gravity))
+    return bool(np.abs(size - weight).max(initial=0.0) < 0.3 * weight)
+
+
+def _beyond(seen: Observed, load: Load) -> Finding | None:
+    """Forces that differ by more than a stated weight can, whichever way it is turned."""
+    weight = seen.mass * float(np.linalg.norm(seen.gravity))
+    away = np.linalg.norm(seen.y[:, :3] - np.median(seen.y[:, :3], axis=0), axis=1)
+    if not seen.stated or float(away.max()) < BEYOND * weight:
+        return None
+    far = int(away.argmax())
+    return Finding(
+        "contact",
+        f"contact or a hand: forces change by up to {away.max():.3g} N (row {seen.row[far]}, "
+        f"{seen.t[far]:.1f} s), a weight of {weight:.3g} N turned about by no more than twice "
+        "that, during much of the recording. Record without touching the tool",
+        blocks=False,
+    )
+
+
+def _weight(seen: Observed, load: Load) -> Finding | None:
+    mass = float(load.phi[0])
+    unit = float(np.sqrt(((seen.seen.origin.T - seen.seen.origin.mean(axis=1)) ** 2).sum()))
+    left = max(float(load.left[:3].max(initial=0.0)), float(seen.noise[:3].max(initial=0.0)))
+    std = left / max(unit, 1e-300)
+    least = (LITTLE if seen.stated or load.share > REFUTED else LEAST_WEIGHT) * seen.mass
+    if abs(mass) >= max(SURE * std, least):
+        return None
+    words = (
+        f"no weight shows: the forces are those of {mass:.2g} ± {std:.1g} kg, stated "
+        f"{seen.mass:.3g} kg. "
+    )
+    if float(np.linalg.norm(seen.y[:, :3].mean(axis=0))) < LITTLE * seen.mass * STANDARD_GRAVITY:
+        return Finding(
+            "compensated",
+            words + "All forces are near zero: the controller has subtracted weight and zero "
+            "already, or no tool is mounted: mount the tool, record the sensor's own wrench",
+        )
+    return Finding(
+        "no weight",
+        words + "Without a load nothing can be told apart: mount the tool, or check that its "
+        "weight was not subtracted (compensated) and that fx fy fz hold forces in N",
+    )
+
+
+def _dead(seen: Observed, load: Load) -> Finding | None:
+    """A channel that moves far less than the load that the others show."""
+    found = seen.y.std(axis=0)
+    for k in range(6):
+        others = seen.moments.fit(without=(k,))
+        if others.share > CLEAN or not _carried(others):
+            continue
+        due = float((seen.design[:, k] @ others.phi).std())
+        if due > CLEAR * float(seen.noise[k]) and found[k] < DEAD * due and load.share > 0.0:
+            return _bad_channel(k, float(found[k]), due, "a dead channel")
+    return None
+
+
+def _carried(load: Load) -> bool:
+    """Whether a load found without a channel is one that a robot carries: else it is not told."""
+    return bool(np.abs(load.phi[1:4]).max() < LONG * load.phi[0])
+
+
+def _one_channel(seen: Observed, load: Load) -> Finding | None:
+    """A channel without which one load explains all."""
+    fits = [seen.moments.fit(without=(k,)) for k in range(6)]
+    k = int(np.argmin([f.share for f in fits]))
+    if fits[k].share > min(CLEAN, 0.2 * load.share) or not _carried(fits[k]):
+        return None
+    due = float((seen.design[:, k] @ fits[k].phi).std())
+    found = float(seen.y[:, k].std())
+    return _bad_channel(k, found, due, "a dead channel" if found < due / 2 else "a bad channel")
+
+
+def _bad_channel(k: int, found: float, due: float, what: str) -> Finding:
+    unit = UNITS[k]
+    return Finding(
+        "dead channel",
+        f"column {CHANNELS[k]!r} does not follow its load: it varies by {found:.2g} {unit} rms "
+        f"where {due:.2g} {unit} is due: {what} or a wrong column. Repair it, or check the column "
+        "map",
+    )
+
+
+def _other_robot(seen: Observed, load: Load) -> Finding | None:
+    """Forces of one weight that turns otherwise than the joints say."""
+    radius, off = sphere(seen.y[:, :3])
+    noise = float(seen.noise[:3].max(initial=0.0))
+    if load.share < FOLLOWED or off > SPHERE or radius < CLEAR * noise:
+        return None
+    name = seen.robot.name
+    return Finding(
+        "another robot",
+        f"the forces are those of one weight of {radius:.3g} N turned about, but not as the "
+        f"joints turn {name!r}, which explains {100 * (1 - load.share):.0f} % of them: check "
+        "metadata robot, the order and units of q1…, and sensor.pose_flange",
+    )
+
+
+def _nothing(seen: Observed, load: Load) -> Finding:
+    force = np.linalg.norm(seen.y[:, :3] - np.median(seen.y[:, :3], axis=0), axis=1)
+    return Finding(
+        "not one load",
+        f"no rigid load under gravity explains the readings: {100 * load.share:.0f} % of their "
+        f"swing is left (the largest force is near row {seen.row[int(force.argmax())]}). Look for "
+        "contact, a frozen or wrong column, another robot's joints or wrong units",
+        blocks=False,
+    )
+
+
+def sphere(force: np.ndarray) -> tuple[float, float]:
+    """Radius [N] of the sphere that forces (M, 3) surround, and how far off it they lie, relative.
+
+    Forces on a plane, which lie on a sphere of any size, are infinitely far off.
+    """
+    centred = force - force.mean(axis=0)
+    squares = (centred**2).sum(axis=1)
+    design = np.column_stack([2.0 * centred, np.ones(len(force))])
+    found = np.linalg.lstsq(design, squares, rcond=1e-6)[0]
+    far = np.linalg.norm(centred - found[:3], axis=1)
+    radius = float(far.mean())
+    least = float(np.sqrt(max(float(np.linalg.eigvalsh(np.cov(centred.T))[0]), 0.0)))
+    if np.linalg.norm(found[:3]) > radius or least < ROUND * radius:
+        return radius, np.inf
+    return radius, float(far.std()) / max(radius, 1e-300)
+
+
+def _units(seen: Observed, load: Load) -> Finding | None:
+    mass = float(load.phi[0])
+    lever = np.abs(load.phi[1:4]) / max(abs(mass), 1e-300)
+    if abs(mass) > LARGEST_KG:
+        return Finding(
+            "units",
+            f"the forces are those of {mass:.3g} kg: state fx fy fz in N (are they in mN?)",
+        )
+    if lever.max() > LARGEST_M:
+        return Finding(
+            "units",
+            f"the torques are those of a load {lever.max():.3g} m from the sensor: state tx ty tz "
+            "in N·m (are they in N·mm?)",
+        )
+    if seen.cog is not None and np.linalg.norm(load.phi[1:4] / mass + seen.cog) < MIRRORED * float(
+        np.linalg.norm(seen.cog)
+    ):
+        return Finding(
+            "wrong sign",
+            "the torques have the opposite sign: the forces are a load's, the torques those of its "
+            "reaction. Give both as the load on the sensor",
+        )
+    if seen.cog is not None and np.linalg.norm(seen.cog) > 0.0:
+        for unit, factor in TORQUES.items():
+            off = np.linalg.norm(load.phi[1:4] / mass / factor - seen.cog)
+            if off < SAME_UNIT * np.linalg.norm(seen.cog):
+                return Finding(
+                    "units",
+                    f"the torques are those of a load {factor:.3g} times as far from the sensor as "
+                    f"is stated: are they in {unit}? State them in N·m",
+                )
+    for unit, factor in _UNITS.items() if seen.stated else ():
+        if abs(mass / (factor * seen.mass) - 1.0) < SAME_UNIT:
+            return Finding(
+                "units",
+                f"the forces are those of {mass:.3g} kg, {mass / seen.mass:.3g} of the stated "
+                f"{seen.mass:.3g} kg: are they in {unit}? State fx fy fz in N",
+            )
+    return None

@@ -1,0 +1,341 @@
+"""Which one mistake explains readings that no load on this robot explains.
+
+Each mistake is undone in turn; the one that leaves least is named if it leaves a small part of
+what the readings leave as they are. What two mistakes explain equally well is named by the first.
+"""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import combinations
+from typing import NamedTuple
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from wrenchbed.calibration.checks.finding import Finding
+from wrenchbed.calibration.checks.rigid_load import Load, Moments, Observed
+from wrenchbed.errors import WrenchbedError
+from wrenchbed.physics.newton_euler import INERTIAL, Motion, regressor
+from wrenchbed.physics.time_derivatives import Jet
+from wrenchbed.physics.wrench import CHANNELS
+
+MENDED = 0.15
+"""A mistake is named if undoing it leaves less than this part of what the readings leave."""
+CLEAN = 0.03
+"""And of the swing of the readings no more than this."""
+TIE = 0.02
+"""What leaves as little, within this part of the limit, explains as well."""
+WRONG, CLEARLY = 0.01, 0.1
+"""A channel of which no load explains this part is suspected to be another's, if the best mending
+leaves less than the second part of that."""
+MOST = 400
+"""Observations that are judged, spread over all."""
+TORQUES = {
+    "N·mm (and forces in N)": 1e3, "N·cm (and forces in N)": 1e2,
+    "kgf·m (and forces in N)": 1.0 / 9.80665, "N·m (and forces in kgf)": 9.80665,
+    "lbf·in (and forces in N)": 8.8507458, "lbf·in (and forces in lbf)": 39.370079,
+    "N·m (and forces in lbf)": 4.4482216, "kgf·cm (and forces in N)": 10.197162,
+    "kgf·cm (and forces in kgf)": 100.0,
+}  # fmt: skip
+"""Torques over what they are for forces as given; exact by definition of the units."""
+TURNED = np.deg2rad(10.0)
+"""A sensor or a gravity turned by more than this is no imperfection of a mount or a base."""
+
+
+class Mistake(NamedTuple):
+    """A mistake with the load that is left when it is undone."""
+
+    load: Load
+    finding: Finding
+
+
+def mistake(seen: Observed) -> Finding | None:
+    """The mistake that explains the readings, None if no single one does."""
+    some = thinned(seen)
+    before = some.moments.fit().share
+    limit = min(MENDED * before, CLEAN)
+    found = [m for m in _mistakes(some) if m.load.share < limit and _whole(m)]
+    least = min((m.load.share for m in found), default=0.0)
+    return next((m.finding for m in found if m.load.share <= least + TIE * limit), None)
+
+
+def _whole(mistake: Mistake) -> bool:
+    """Whether torques that were made small by another unit are explained themselves."""
+    return mistake.finding.reason != "units" or bool(mistake.load.channel[3:].max() < CLEAN)
+
+
+def channel_mistake(seen: Observed, before: Load) -> Finding | None:
+    """A swap or a sign of channels that carry too little to refute the whole load.
+
+    Args:
+        seen: the observations, thinned.
+        before: the load that explains them best as they are.
+    """
+    if before.channel.max() < WRONG:
+        return None
+    for words, reason, mend in _mends(float(before.phi[0])):
+        after = seen.moments.fit(mend)
+        better = after.channel.max() < CLEARLY * before.channel.max()
+        if better and after.share < CLEAN and after.share < before.share:
+            return Finding(reason, words)
+    return None
+
+
+def thinned(seen: Observed) -> Observed:
+    """At most `MOST` observations, evenly spread."""
+    if len(seen) <= MOST:
+        return seen
+    return part(seen, np.linspace(0, len(seen) - 1, MOST).astype(int))
+
+
+def part(seen: Observed, rows: np.ndarray) -> Observed:
+    """Some observations (indices or boolean)."""
+    return replace(seen, q=seen.q[rows], y=seen.y[rows], t=seen.t[rows], row=seen.row[rows])
+
+
+def _mistakes(seen: Observed) -> Iterator[Mistake]:
+    yield from _of_channels(seen)
+    yield from _of_frames(seen)
+    yield from _of_order(seen)
+    yield from _of_joints(seen)
+
+
+def _of_channels(seen: Observed) -> Iterator[Mistake]:
+    moments = seen.moments
+    for words, reason, mend in _mends(float(moments.fit(without=(3, 4, 5)).phi[0])):
+        yield Mistake(moments.fit(mend), Finding(reason, words))
+
+
+def _mends(mass: float) -> Iterator[tuple[str, str, np.ndarray]]:
+    eye = np.eye(6)
+    yield (
+        f"the tool's mass comes out as {mass:.4g} kg: the wrench or the gravity has the opposite "
+        "sign (wanted: the load on the sensor, +m·g along gravity at rest)", "wrong sign", -eye,
+    )  # fmt: skip
+    yield (
+        f"the tool's mass comes out as {mass:.4g} kg: the forces have the opposite sign of the "
+        "torques: they are those of the load's reaction. Give both as the load on the sensor",
+        "wrong sign",
+        np.diag(np.repeat([-1.0, 1.0], 3)),
+    )  # fmt: skip
+    yield (
+        "the torques have the opposite sign: the forces are a load's, the torques those of its "
+        "reaction. Give both as the load on the sensor", "wrong sign",
+        np.diag(np.repeat([1.0, -1.0], 3)),
+    )  # fmt: skip
+    for k, c in enumerate(CHANNELS):
+        sign = np.ones(6)
+        sign[k] = -1.0
+        yield (
+            f"column {c!r} has the opposite sign of the others: turn it over in the column map",
+            "wrong sign", np.diag(sign),
+        )  # fmt: skip
+    for unit, factor in TORQUES.items():
+        yield (
+            f"forces and torques do not belong to one load unless torques are in {unit}: state fx "
+            "fy fz in N and tx ty tz in N·m", "units",
+            np.diag(np.repeat([1.0, 1.0 / factor], 3)),
+        )  # fmt: skip
+    for k, axis in enumerate("xyz"):
+        mirror = np.ones(3)
+        mirror[k] = -1.0
+        yield (
+            f"the wrench is given in left-handed axes ({axis} is mirrored): turn over f{axis} and "
+            "the torques about the other two axes in the column map", "left-handed",
+            np.diag([*mirror, *-mirror]),
+        )  # fmt: skip
+    for a, b in combinations(range(6), 2):
+        order = np.arange(6)
+        order[[a, b]] = b, a
+        yield (
+            f"columns {CHANNELS[a]!r} and {CHANNELS[b]!r} are swapped: check the column map",
+            "swapped channels", eye[order],
+        )  # fmt: skip
+    yield (
+        "forces and torques are swapped: check the column map", "swapped channels",
+        eye[[3, 4, 5, 0, 1, 2]],
+    )  # fmt: skip
+    for a, b in combinations(range(3), 2):
+        order = np.arange(6)
+        order[[a, b]] = b, a
+        order[[a + 3, b + 3]] = b + 3, a + 3
+        yield (
+            f"axes {'xyz'[a]} and {'xyz'[b]} of the wrench are swapped, forces and torques alike: "
+            "check the column map", "swapped channels", eye[order],
+        )  # fmt: skip
+
+
+def _of_frames(seen: Observed) -> Iterator[Mistake]:
+    turn = seen.rotation
+    if turn.ndim == 2:
+        return
+    into = np.swapaxes(turn, -1, -2)
+    yield _fitted(
+        seen,
+        seen.design,
+        _turned(into, seen.y),
+        Finding(
+            "frame of the wrench",
+            "the wrench is given in the axes of the base, not of the sensor: state its frame in "
+            "the column map, or turn it",
+        ),
+    )
+    yield _fitted(
+        seen,
+        seen.design,
+        _turned(turn, seen.y),
+        Finding(
+            "frame of the wrench",
+            "the wrench was turned with the inverse of the sensor's orientation: check which frame "
+            "it is given in",
+        ),
+    )
+    if not seen.robot.joints:
+        yield from _of_orientations(seen)
+    found = None if seen.turns else best_turn(seen)
+    if found is not None:
+        yield from _turned_sensor(seen, Rotation.from_matrix(found))
+    yield from _of_gravity(seen, into)
+
+
+def best_turn(seen: Observed) -> np.ndarray | None:
+    """Rotation (3, 3) of the readings after which forces and weight agree best, None if a mirror.
+
+    Orthogonal Procrustes problem: Schönemann 1966, doi 10.1007/BF02289451.
+    """
+    force = seen.y[:, :3] - seen.y[:, :3].mean(axis=0)
+    unit = -seen.seen.origin.T
+    link = np.linalg.lstsq(unit - unit.mean(axis=0), force, rcond=1e-6)[0]
+    u, _, vt = np.linalg.svd(link)
+    return np.asarray(u @ vt) if np.linalg.det(u @ vt) > 0.0 else None
+
+
+def _turned_sensor(seen: Observed, turn: Rotation) -> Iterator[Mistake]:
+    vector = turn.as_rotvec()
+    angle = float(np.linalg.norm(vector))
+    if angle < TURNED:
+        return
+    axis = ", ".join(f"{x:.2f}" for x in vector / angle)
+    block = np.kron(np.eye(2), turn.as_matrix())
+    yield Mistake(
+        seen.moments.fit(block),
+        Finding(
+            "turned sensor",
+            f"the sensor is turned against its stated axes by {np.rad2deg(angle):.0f}° about "
+            f"({axis}): state sensor.pose_flange, or the order of axes in the column map",
+        ),
+    )
+
+
+def _of_orientations(seen: Observed) -> Iterator[Mistake]:
+    q = np.asarray(seen.q)
+    for other, words in (
+        (q * [1.0, -1.0, -1.0, -1.0], "is that of the base in the sensor: give its inverse"),
+        (q[:, [3, 0, 1, 2]], "has its quaternion in another order: qx qy qz qw are stated as "
+         "qw qx qy qz"),
+        (q[:, [1, 2, 3, 0]], "has its quaternion in another order: qw qx qy qz are stated as "
+         "qx qy qz qw"),
+    ):  # fmt: skip
+        finding = Finding("joints", f"the orientation {words}. Check the column map")
+        yield _fitted(seen, _design(seen, other), seen.y, finding)
+
+
+def _of_gravity(seen: Observed, into: np.ndarray) -> Iterator[Mistake]:
+    """Forces are R' u + b for one u: gravity times mass, along another axis of the base."""
+    if isinstance(seen.q, Jet):
+        finding = Finding(
+            "gravity",
+            "gravity acts the other way in the base: state gravity as the base sees it, or the "
+            "sign of the wrench is wrong",
+        )
+        yield _fitted(seen, replace(seen, gravity=-seen.gravity).design, seen.y, finding)
+        return
+    centred = (into - into.mean(axis=0)).reshape(-1, 3)
+    force = (seen.y[:, :3] - seen.y[:, :3].mean(axis=0)).ravel()
+    u = np.linalg.lstsq(centred, force, rcond=1e-6)[0]
+    stated = seen.gravity / np.linalg.norm(seen.gravity)
+    size = float(np.linalg.norm(u))
+    angle = float(np.arccos(np.clip(u @ stated / max(size, 1e-300), -1.0, 1.0)))
+    if angle < TURNED:
+        return
+    gravity = u / max(size, 1e-300) * np.linalg.norm(seen.gravity)
+    other = replace(seen, gravity=gravity)
+    axis = ", ".join(f"{x:.2f}" for x in u / max(size, 1e-300))
+    yield _fitted(
+        seen,
+        other.design,
+        seen.y,
+        Finding(
+            "gravity",
+            f"gravity acts along ({axis}) of the base, {np.rad2deg(angle):.0f}° from where it is "
+            "stated: state gravity as the base sees it, or the sign of the wrench is wrong",
+        ),
+    )
+
+
+def _of_order(seen: Observed) -> Iterator[Mistake]:
+    if isinstance(seen.q, Jet):
+        return
+    for where, ahead, behind in (
+        ("previous", slice(None, -1), slice(1, None)), ("next", slice(1, None), slice(None, -1)),
+    ):  # fmt: skip
+        moments = Moments.of(seen.design[ahead], seen.y[behind], seen.noise)
+        yield Mistake(
+            moments.fit(),
+            Finding(
+                "order of poses",
+                f"the readings of each pose belong to the {where} one: joints and wrench are one "
+                "pose apart. Join them by their time",
+            ),
+        )
+
+
+def _of_joints(seen: Observed) -> Iterator[Mistake]:
+    names = seen.robot.joints
+    for j in range(len(names)):
+        sign = np.ones(len(names))
+        sign[j] = -1.0
+        words = f"q{j + 1} turns in the opposite sense: check its sign"
+        yield from _joint_mistake(seen, seen.q * sign, words)
+    for a, b in combinations(range(len(names)), 2):
+        order = np.arange(len(names))
+        order[[a, b]] = b, a
+        words = f"q{a + 1} and q{b + 1} are swapped: check the order of joints"
+        yield from _joint_mistake(seen, _columns(seen, order), words)
+    for j in range(len(names)):
+        for degrees in (90.0, -90.0, 180.0):
+            off = np.zeros(len(names))
+            off[j] = np.deg2rad(degrees)
+            words = f"q{j + 1} counts from elsewhere, by {degrees:.0f}°: check its zero"
+            yield from _joint_mistake(seen, seen.q + off, words)
+
+
+def _columns(seen: Observed, order: np.ndarray) -> object:
+    if isinstance(seen.q, Jet):
+        return Jet(seen.q.v[:, order], seen.q.d[:, order], seen.q.dd[:, order])
+    return seen.q[:, order]
+
+
+def _joint_mistake(seen: Observed, q: object, words: str) -> Iterator[Mistake]:
+    try:
+        with np.errstate(all="ignore"):
+            design = _design(seen, q)
+    except (WrenchbedError, np.linalg.LinAlgError):
+        return
+    if np.isfinite(design).all():
+        yield _fitted(seen, design, seen.y, Finding("joints", f"{words} in the column map"))
+
+
+def _design(seen: Observed, q: object) -> np.ndarray:
+    motion: Motion = seen.motion(q)
+    return regressor(motion).reshape(len(seen), 6, INERTIAL)
+
+
+def _fitted(seen: Observed, design: np.ndarray, y: np.ndarray, finding: Finding) -> Mistake:
+    return Mistake(Moments.of(design, y, seen.noise).fit(), finding)
+
+
+def _turned(rotation: np.ndarray, y: np.ndarray) -> np.ndarray:
+    return np.concatenate(
+        [(rotation @ y[:, :3, None])[..., 0], (rotation @ y[:, 3:, None])[..., 0]], axis=1
+    )

@@ -1,0 +1,171 @@
+"""How well one rigid load under gravity explains readings, and readings mended in some way.
+
+Every mending that mixes channels is a matrix (6, 6) on the readings. All fits therefore come from
+the same sums of products, which are made once: a fit costs a solution of ten equations.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from wrenchbed.physics.newton_euler import INERTIAL, Motion, regressor
+from wrenchbed.physics.time_derivatives import Jet, Value, value
+from wrenchbed.robots.base import Robot
+
+LEAST_LEVER = 0.02
+"""Torques below this lever [m] times the forces' swing are no part of the judgement: a cable, a
+wander of the zero and an imperfect geometry make as much (an estimate)."""
+SURE_OF_SIGNAL = 4.0
+"""Standard deviations by which the scatter of forces must exceed that of their noise."""
+LOUD = 5.0
+"""A channel whose swing is this many times its noise is judged by itself."""
+_RIDGE = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Observed:
+    """M observations of a robot that carries one load, poses at rest or samples of a motion.
+
+    Attributes:
+        name: of the recording, for messages.
+        robot, theta, gravity: its model, its own parameters (P,), gravity in world axes (3,).
+        q: joint values (M, J), orientations (M, 4), or jets.
+        y: readings (M, 6) [N, N·m].
+        noise: standard deviation of an observation (6,), 0 where nothing is known.
+        t: (M,) [s].
+        row: number of each one's first row (M,).
+        mass: as the simulator is configured [kg].
+        stated: whether the metadata states the mass.
+        cog: as the metadata states it (3,) [m], None if it does not.
+        turns: whether the fit to come finds the rotation of the sensor's mount by itself.
+    """
+
+    name: str
+    robot: Robot
+    theta: np.ndarray
+    gravity: np.ndarray
+    q: Value
+    y: np.ndarray
+    noise: np.ndarray
+    t: np.ndarray
+    row: np.ndarray
+    mass: float
+    stated: bool
+    cog: np.ndarray | None
+    turns: bool
+
+    def __len__(self) -> int:
+        return len(self.y)
+
+    def motion(self, q: Value) -> Motion:
+        """How the sensor moves at joint values or jets; at rest it sees gravity alone."""
+        if isinstance(q, Jet):
+            return self.robot.motion_seen(q, self.theta, self.gravity)
+        seen = -self.robot.gravity_seen(q, self.theta, self.gravity).T
+        return Motion(seen, np.zeros_like(seen), np.zeros_like(seen))
+
+    @cached_property
+    def seen(self) -> Motion:
+        """How the sensor moves at the recorded joint values."""
+        return self.motion(self.q)
+
+    @cached_property
+    def design(self) -> np.ndarray:
+        """Regressor (M, 6, 10) of the ten inertial parameters."""
+        return regressor(self.seen)
+
+    @cached_property
+    def rotation(self) -> np.ndarray:
+        """R_world_sensor (M, 3, 3)."""
+        return np.asarray(value(self.robot.sensor_pose(value(self.q), self.theta)[0]))
+
+    @cached_property
+    def moments(self) -> "Moments":
+        """Of the readings as they are."""
+        return Moments.of(self.design, self.y, self.noise)
+
+
+@dataclass(frozen=True, eq=False)
+class Load:
+    """A fitted load.
+
+    Attributes:
+        phi: its ten inertial parameters (10,).
+        share: of the readings' swing that it leaves beyond noise, of forces or torques, 0 … 1; 1
+            where the readings hold nothing but noise, and for a load without a mass.
+        left: rms of what it leaves on each channel (6,) [N, N·m].
+        channel: share that it leaves of each channel's own swing (6,), 0 where that is noise.
+    """
+
+    phi: np.ndarray
+    share: float
+    left: np.ndarray
+    channel: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Moments:
+    """Sums of products about the means, over M observations; the bias takes the means.
+
+    Attributes:
+        design: D_c' D_c of each channel (6, 10, 10).
+        mixed: D_c' y_d (6, 6, 10).
+        readings: y_c' y_d (6, 6).
+        count: M.
+        noise: variance of an observation (6,), which no load explains.
+    """
+
+    design: np.ndarray
+    mixed: np.ndarray
+    readings: np.ndarray
+    count: int
+    noise: np.ndarray
+
+    @classmethod
+    def of(cls, design: np.ndarray, y: np.ndarray, noise: np.ndarray) -> "Moments":
+        """Sums over designs (M, 6, 10) and readings (M, 6) with a noise (6,)."""
+        d, r = design - design.mean(axis=0), y - y.mean(axis=0)
+        rows = np.moveaxis(d, 0, 2)  # (6, 10, M)
+        return cls(
+            rows @ np.swapaxes(rows, 1, 2), np.swapaxes(rows @ r, 1, 2), r.T @ r, len(y),
+            np.square(noise),
+        )  # fmt: skip
+
+    def fit(self, mend: np.ndarray | None = None, without: Sequence[int] = ()) -> Load:
+        """The load that explains mended readings best, some channels left out.
+
+        Forces count by their swing, torques by theirs or by a short lever.
+        """
+        p = np.eye(6) if mend is None else mend
+        mixed = np.einsum("cd,cdj->cj", p, self.mixed)
+        squares = np.einsum("cd,de,ce->c", p, self.readings, p)
+        use = np.array([c not in without for c in range(6)])
+        force, torque = (float(squares[s][use[s]].sum()) for s in (slice(0, 3), slice(3, 6)))
+        torque = max(torque, LEAST_LEVER**2 * force, 1e-300)
+        scale = np.repeat([max(force, 1e-300), torque], 3)
+        weight = use / scale
+        normal = np.einsum("c,cjk->jk", weight, self.design)
+        size = np.sqrt(np.maximum(normal.diagonal(), 1e-12 * normal.diagonal().max()))
+        scaled = normal / np.outer(size, size) + _RIDGE * np.eye(INERTIAL)
+        phi = np.linalg.solve(scaled, (weight @ mixed) / size) / size
+        rest = squares - 2.0 * mixed @ phi + np.einsum("j,cjk,k->c", phi, self.design, phi)
+        rest = np.clip(rest, 0.0, None)
+        noise = self.count * (np.square(p) @ self.noise)
+        part = (rest - noise) / scale * use
+        share = max(float(part[:3].sum()), float(part[3:].sum()), 0.0)
+        chance = SURE_OF_SIGNAL * np.sqrt(2.0 / (3.0 * self.count))
+        silent = float((squares - noise)[:3].sum()) < chance * float(noise[:3].sum())
+        share = 1.0 if phi[0] <= 0.0 or silent else min(share, 1.0)  # a load has a mass
+        heard = use & (squares > LOUD**2 * noise) & (squares > 0.0)
+        channel = np.where(heard, (rest - noise) / np.maximum(squares, 1e-300), 0.0)
+        return Load(phi, share, np.sqrt(rest / self.count), np.clip(channel, 0.0, None))
+
+
+def left_of_swing(residual: np.ndarray, y: np.ndarray) -> float:
+    """Part of the readings' swing (of squares, M × 6) that a residual is, of forces or torques."""
+    left, swing = (residual**2).sum(axis=0), ((y - y.mean(axis=0)) ** 2).sum(axis=0)
+    force, torque = float(swing[:3].sum()), float(swing[3:].sum())
+    torque = max(torque, LEAST_LEVER**2 * force, 1e-300)
+    return max(float(left[:3].sum()) / max(force, 1e-300), float(left[3:].sum()) / torque)

@@ -1,0 +1,218 @@
+"""What rows alone show, without a robot: dead or clipped channels, spikes, a wrong clock."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from wrenchbed import registry
+from wrenchbed.calibration.checks.finding import Finding
+from wrenchbed.data.recording import QUATERNION, Recording
+from wrenchbed.physics.wrench import CHANNELS, UNITS
+from wrenchbed.sensors.base import Sensor
+
+STUCK = 0.2
+"""Share of the rows after which a channel that stays at one value is stuck."""
+CLIPPED = 0.3
+"""Share of the rows at a channel's end that is refused whatever the end is."""
+FEW = 10
+"""Rows below which no share of them tells anything."""
+AT_END, LEAST_CLIPPED = 0.01, 0.02
+"""How near a sensor's range a channel's end lies, and how many rows stand there, relative."""
+PILE = 5.0
+"""So many times as many rows as any other value has, at least, stand where a channel is clipped."""
+ENDS = (1.0, 1.05)
+"""Where converters end, over the range."""
+SPIKE, SPIKES = 3.0, 0.005
+"""A row that leaves its neighbours by so many times the channel's usual swing, and comes back, is
+no measurement; more than this share of such rows is noise."""
+ABSURD = 30.0
+"""A spike of so many times the usual swing is no blow of a tool either."""
+FAR = 30.0
+"""And by so many times the usual step from row to row."""
+ALL = "all joints"
+"""Stands for the columns of all joints at once."""
+MOVES = 10.0
+"""Readings that scatter by so many times their noise move."""
+CLOCK = 0.1
+"""Part by which a step of the clock may differ from the stated rate."""
+_MAD = 1.4826
+
+
+def of_rows(
+    recording: Recording, keep: np.ndarray, sensor: str, *, blocking: bool = False
+) -> Finding | None:
+    """The first reason that rows alone give; None if they give none.
+
+    Args:
+        recording: as it was read.
+        keep: rows that are not known to be saturated (N,), boolean.
+        sensor: registry name of the robot's own sensor.
+        blocking: whether only reasons count that make a recording useless.
+    """
+    found = (_channels(recording), _spikes(recording), _ranges(recording, keep, sensor))
+    for some in (*found, _clock(recording), standing(recording)):
+        for finding in some:
+            if finding.blocks or not blocking:
+                return finding
+    return None
+
+
+def _channels(recording: Recording) -> Iterator[Finding]:
+    for c in CHANNELS:
+        column = recording.columns[c]
+        if np.ptp(column) == 0.0:
+            yield Finding(
+                "dead channel",
+                f"column {c!r} is {column[0]:g} in every row: a dead or missing "
+                "channel, not a measurement. Repair it, or check the column map",
+            )
+        row, rows = _longest_run(column)
+        if rows > max(2.0, STUCK * len(column)):
+            yield Finding(
+                "stuck channel",
+                f"column {c!r} stays at {column[row]:g} for {rows} rows from row "
+                f"{row} on: the channel is stuck. Leave these rows out, or record again",
+            )
+        ends = np.mean(column == column.max()), np.mean(column == column.min())
+        if max(ends) > CLIPPED and len(column) >= FEW:
+            yield Finding(
+                "saturated",
+                f"column {c!r} stands at its end in {100 * max(ends):.0f} % of "
+                "the rows: it is saturated. Choose a larger range",
+            )
+        yield from _one_sided(recording, c)
+
+
+def _one_sided(recording: Recording, channel: str) -> Iterator[Finding]:
+    """A channel that is clipped at one end and reads further at the other.
+
+    A level that holds in both directions is an effect, which a diagnosis can name.
+    """
+    found, count = np.unique(recording.columns[channel], return_counts=True)
+    for end, other in ((-1, 0), (0, -1)):
+        rest = count[:-1] if end else count[1:]
+        clipped = count[end] > max(10, LEAST_CLIPPED * len(recording))
+        if (
+            clipped
+            and count[end] > PILE * rest.max()
+            and abs(found[other]) > 1.02 * abs(found[end])
+        ):
+            row = int(np.argmax(recording.columns[channel] == found[end]))
+            yield Finding(
+                "saturated",
+                f"column {channel!r}, row {row}: {count[end]} rows stand at "
+                f"exactly {found[end]:g}, beyond which nothing is read: it is saturated. Choose a "
+                "larger range, or leave these rows out",
+            )
+
+
+def _ranges(recording: Recording, keep: np.ndarray, own: str) -> Iterator[Finding]:
+    """Unmarked rows at the end of one of the sensor's ranges."""
+    model = recording.metadata.sensor.model
+    if model not in registry.names("sensors"):
+        return
+    sensor: Sensor = registry.load("sensors", str(model or own))
+    for calibration in sensor.calibrations:
+        for c, full in zip(CHANNELS, calibration.range, strict=True):
+            size = np.abs(recording.columns[c][keep])
+            top = float(size.max())
+            ends = np.flatnonzero(size == top)
+            near = min(abs(top / (full * end) - 1.0) for end in ENDS)
+            if near < AT_END and len(ends) > max(2, LEAST_CLIPPED * len(size)):
+                row = int(np.flatnonzero(keep)[ends[0]])
+                yield Finding(
+                    "saturated",
+                    f"column {c!r}, row {row}: stands at {top:g}, the end of the "
+                    f"range {calibration.name} of {model}, in {len(ends)} rows that no status "
+                    "marks: it is saturated. Choose a larger range or a lighter tool",
+                )
+
+
+def _spikes(recording: Recording) -> Iterator[Finding]:
+    """Single rows far off both neighbours: no load comes and goes within one row."""
+    if len(recording) < 20:
+        return
+    for c, unit in zip(CHANNELS, UNITS, strict=True):
+        y = np.asarray(recording.columns[c], dtype=float)
+        before, after = np.roll(y, 1), np.roll(y, -1)
+        off = np.abs(y - np.median([before, y, after], axis=0))
+        off[[0, -1]] = 0.0  # what comes before and after them is unknown
+        usual = _MAD * float(np.median(np.abs(y - np.median(y))))
+        step = max(float(np.quantile(off, 0.9)), 1e-12)
+        far = off > max(SPIKE * usual, FAR * step)
+        if far.any() and far.sum() <= max(2, SPIKES * len(y)):
+            row = int(np.argmax(off))
+            others = f" ({far.sum()} such rows)" if far.sum() > 1 else ""
+            yield Finding(
+                "spike",
+                f"column {c!r}, row {row}: a spike, {y[row]:.4g} {unit} between {before[row]:.4g} "
+                f"and {after[row]:.4g}{others}: no load comes and goes within a row. Leave it out",
+                blocks=bool(off[row] > ABSURD * usual),
+            )
+
+
+def _clock(recording: Recording) -> Iterator[Finding]:
+    rate = recording.metadata.rate_hz
+    if recording.metadata.mode != "dynamic" or rate is None or len(recording) < 3:
+        return
+    step = float(np.median(np.diff(recording.t)))
+    if abs(step * rate - 1.0) > CLOCK:
+        hint = next(
+            (f" (is t in {u}?)" for u, f in (("ms", 1e3), ("µs", 1e6), ("min", 1 / 60.0))
+             if abs(step * rate / f - 1.0) < CLOCK), "",
+        )  # fmt: skip
+        yield Finding(
+            "clock",
+            f"column 't' steps by {step:.4g} s, metadata rate_hz = {rate:g} means "
+            f"{1.0 / rate:.4g} s{hint}: in motion all accelerations depend on it. State t in s and "
+            "the rate that was recorded",
+        )
+
+
+def frozen_joints(recording: Recording) -> list[tuple[str, int, int]]:
+    """Joints that hold one value exactly, over more rows than any pose, while all else goes on.
+
+    Returns:
+        (column, or `ALL` for all joints at once; first row; rows) of each.
+    """
+    names = recording.joints or QUATERNION
+    columns = [np.asarray(recording.columns[n]) for n in names]
+    moved = np.zeros(len(recording) - 1, dtype=bool)
+    for x in columns:
+        moved |= np.diff(x) != 0.0
+    travelled = np.concatenate([[0], np.cumsum(moved)])
+    most = max(3, int(0.05 * travelled[-1]))
+    found = []
+    for name, x in zip(names, columns, strict=True):
+        row, rows = _longest_run(x)
+        if travelled[row + rows - 1] - travelled[row] > most:
+            found.append((name, row, rows))
+    row, rows = _longest_run(travelled)
+    segment = recording.columns.get("segment", np.zeros(len(recording)))
+    poses = len(np.unique(segment[row : row + rows]))
+    if poses > most if recording.metadata.mode == "static" else rows > 0.05 * len(recording):
+        found.append((ALL, row, rows))
+    return found
+
+
+def standing(recording: Recording) -> Iterator[Finding]:
+    """A motion whose joints stand for a while, all at once, as its readings go on moving."""
+    std = recording.metadata.sensor.noise_std
+    if recording.metadata.mode != "dynamic" or std is None or not recording.joints:
+        return
+    for name, row, count in frozen_joints(recording):
+        part = recording.wrench[row : row + count]
+        if name == ALL and (part.std(axis=0) > MOVES * np.asarray(std)).any():
+            yield Finding(
+                "frozen joint",
+                f"all joints stay where they are for {count} rows from row {row} on while the "
+                "readings move on: frozen, or a hand at rest. Leave these rows out",
+            )
+
+
+def _longest_run(column: np.ndarray) -> tuple[int, int]:
+    """First row and length of the longest run of equal values."""
+    starts = np.concatenate([[0], np.flatnonzero(np.diff(column)) + 1])
+    lengths = np.diff(np.append(starts, len(column)))
+    longest = int(lengths.argmax())
+    return int(starts[longest]), int(lengths[longest])

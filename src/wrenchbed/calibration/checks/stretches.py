@@ -1,0 +1,148 @@
+"""What is wrong during a part of a recording only: a hand, several tools, a zero that jumps.
+
+One load is fitted to the half of the observations that agrees best (least trimmed squares,
+Rousseeuw & Van Driessen 2006, doi 10.1007/s10618-005-0024-4); what lies far off it is named with
+its time. A load that changes is found by fits on either side of each moment.
+"""
+
+import numpy as np
+
+from wrenchbed.calibration.checks.finding import Finding
+from wrenchbed.calibration.checks.mistakes import CLEAN, MENDED, part, thinned
+from wrenchbed.calibration.checks.rigid_load import Observed
+from wrenchbed.physics.newton_euler import INERTIAL
+
+STARTS, STEPS = 40, 12
+"""Random starts and concentration steps of the trimmed fit (estimates)."""
+KEPT = 0.6
+"""Share of the observations that a trimmed fit explains."""
+FAR = 8.0
+"""Observations so many robust standard deviations off, and"""
+PUSH = 0.15
+"""off by this part of the load's own swing of force, are no part of the same load."""
+MOMENTS = 40
+"""Moments at which a change is tried."""
+SIMPLER = 0.5
+"""A new load is named, not a new zero, where it leaves less than this part of what that does."""
+LEAST_SIDE = 8
+"""Observations on either side of a change."""
+_MAD = 1.4826
+
+
+def trimmed(seen: Observed) -> tuple[np.ndarray, np.ndarray]:
+    """Residual (M, 6) of a load that most observations agree on, and its robust scale (6,)."""
+    d = np.concatenate([seen.design, np.broadcast_to(np.eye(6), (len(seen), 6, 6))], axis=2)
+    force = float(seen.y[:, :3].std(axis=0).max())
+    scale = np.repeat([force, max(float(seen.y[:, 3:].std(axis=0).max()), 0.02 * force)], 3)
+    scale = np.maximum(scale, 1e-300)
+    d, y = d / scale[:, None], seen.y / scale
+    kept, rng = int(KEPT * len(seen)), np.random.default_rng(0)
+    best, least = y, np.inf
+    for _ in range(STARTS):
+        rows = rng.permutation(len(seen))[:6]
+        for _ in range(STEPS):
+            left = y - d @ _solution(d[rows], y[rows])
+            size = (left**2).sum(axis=1)
+            order = np.argsort(size)[:kept]
+            if set(order) == set(rows):
+                break
+            rows = order
+        cost = float(np.sort(size)[:kept].sum())
+        if cost < least:
+            best, least = left, cost
+    spread = _MAD * np.median(np.abs(best), axis=0)
+    return best * scale, spread * scale
+
+
+def _solution(d: np.ndarray, y: np.ndarray) -> np.ndarray:
+    flat = d.reshape(-1, d.shape[2])
+    size = np.maximum(np.linalg.norm(flat, axis=0), 1e-12)
+    normal = (flat / size).T @ (flat / size) + 1e-8 * np.eye(len(size))
+    return np.asarray(np.linalg.solve(normal, (flat / size).T @ y.ravel()) / size)
+
+
+def touched(seen: Observed) -> Finding | None:
+    """A force during a part of the recording that is not the load's."""
+    some = thinned(seen)
+    if len(some) < 2 * LEAST_SIDE:
+        return None
+    left, spread = trimmed(some)
+    noise = np.maximum(np.maximum(spread, some.noise), 1e-300)
+    swing = float(some.y[:, :3].std(axis=0).max())
+    force = np.linalg.norm(left[:, :3], axis=1)
+    far = (np.abs(left / noise).max(axis=1) > FAR) & (
+        (force > PUSH * swing) | (np.abs(left[:, 3:]).max(axis=1) > PUSH * _torque_swing(some))
+    )
+    if not far.any() or far.mean() > 1.0 - KEPT:
+        return None
+    rest = part(some, ~far)
+    if rest.moments.fit().share > CLEAN:
+        return None
+    return Finding("contact", _where(some, far, float(force[far].max()), left[far]), blocks=False)
+
+
+def _torque_swing(seen: Observed) -> float:
+    return max(
+        float(seen.y[:, 3:].std(axis=0).max()), 0.05 * float(seen.y[:, :3].std(axis=0).max())
+    )
+
+
+def _where(seen: Observed, far: np.ndarray, peak: float, left: np.ndarray) -> str:
+    at = np.flatnonzero(far)
+    runs = np.split(at, np.flatnonzero(np.diff(at) > 1) + 1)
+    longest = max(runs, key=len)
+    strength = f"up to {peak:.3g} N and {np.abs(left[:, 3:]).max():.2g} N·m"
+    kind = "samples" if not isinstance(seen.q, np.ndarray) else "poses"
+    begin, end = seen.t[longest[0]], seen.t[longest[-1]]
+    more = f", in {len(runs)} stretches" if len(runs) > 1 else ""
+    return (
+        f"contact or a hand: {strength} that no weight makes, from {begin:.1f} s to {end:.1f} s "
+        f"(row {seen.row[longest[0]]} on; {far.sum()} of {len(far)} {kind}{more}). Leave these "
+        "rows out, or record again without touching the tool"
+    )
+
+
+def changed(seen: Observed) -> Finding | None:
+    """A load, or a zero, that is another after some moment."""
+    some = thinned(seen)
+    before = some.moments.fit().share
+    if len(some) < 2 * LEAST_SIDE:
+        return None
+    d = np.concatenate([some.design, np.broadcast_to(np.eye(6), (len(some), 6, 6))], axis=2)
+    force = float(some.y[:, :3].std(axis=0).max())
+    scale = np.repeat([force, max(float(some.y[:, 3:].std(axis=0).max()), 0.02 * force)], 3)
+    d, y = d / np.maximum(scale, 1e-300)[:, None], some.y / np.maximum(scale, 1e-300)
+    total = float(((y - y.mean(axis=0)) ** 2).sum())
+
+    def left(at: int, kind: slice) -> float:
+        late = (np.arange(len(some)) >= at)[:, None, None]
+        both = np.concatenate([d, late * d[:, :, kind]], axis=2)
+        return float(((y - both @ _solution(both, y)) ** 2).sum()) / max(total, 1e-300)
+
+    tried = np.unique(np.linspace(LEAST_SIDE, len(some) - LEAST_SIDE, MOMENTS).astype(int))
+    near = int(np.diff(tried).max(initial=1))
+    rest, at, kind = np.inf, 0, "zero"
+    for name, columns in (("zero", slice(INERTIAL, None)), ("load", slice(0, INERTIAL))):
+        coarse = min(tried, key=lambda k: left(int(k), columns))
+        fine = range(max(LEAST_SIDE, coarse - near), min(len(some) - LEAST_SIDE, coarse + near) + 1)
+        found = min((left(k, columns), k) for k in fine)
+        if found[0] < rest * SIMPLER:
+            rest, at, kind = *found, name
+    if rest > MENDED * before or rest > CLEAN:
+        return None
+    row, moment = some.row[at], some.t[at]
+    if kind == "zero":
+        return Finding(
+            "zero jumps",
+            f"the zero of the sensor jumps at {moment:.1f} s (row {row}): it was zeroed again, or "
+            "something leans on the tool from there on. Calibrate the parts one by one",
+            blocks=False,
+        )
+    late = np.arange(len(some)) >= at
+    masses = [part(some, rows).moments.fit().phi[0] for rows in (~late, late)]
+    return Finding(
+        "several tools",
+        f"the load is another from {moment:.1f} s (row {row}) on: {masses[0]:.3g} kg, then "
+        f"{masses[1]:.3g} kg: several tools in one file. Import each on its own",
+        blocks=False,
+    )

@@ -1,0 +1,69 @@
+"""Uncertainty that grows with misfit: what a fit leaves over is never taken as knowledge.
+
+Misfit of a model is smooth in the pose, noise is not. What the residual holds of the lowest
+functions of gravity's direction measures how much of the same size the fit has swallowed in each
+of its parameters, whose derivatives are such functions too.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+from scipy import special
+
+from wrenchbed.calibration.fit_problem import Outcome, Problem
+from wrenchbed.physics.time_derivatives import value
+
+DOUBT = 1e-3
+"""Below this p-value the residual follows the pose."""
+
+
+def grown(problem: Problem, outcome: Outcome, known: np.ndarray | None) -> Outcome:
+    """The outcome with a covariance that misfit has only made larger.
+
+    Args:
+        problem: what was fitted.
+        outcome: with weights from the residual.
+        known: covariance (K, K) by the known noise alone, if it is known.
+    """
+    covariance = outcome.covariance * _power(problem, outcome)
+    if known is not None:
+        now, least = np.sqrt(np.diagonal(covariance)), np.sqrt(np.diagonal(known))
+        factor = np.maximum(1.0, np.divide(least, now, out=np.ones_like(now), where=now > 0.0))
+        covariance = covariance * np.outer(factor, factor)
+    return replace(outcome, covariance=covariance)
+
+
+def _power(problem: Problem, outcome: Outcome) -> float:
+    """Power of the residual in a function of the pose over its power in any, at least 1."""
+    smooth = _functions(problem)
+    residual = problem.residual(outcome.solution.x)
+    count, many = len(residual), smooth.shape[1]
+    dims = 6 * many - len(problem.free)
+    if count < 3 * many or dims < many:
+        return 1.0
+    noise = outcome.noise
+    usual = np.square(noise.scatter) * _correlated(outcome, count)
+    power = float((((smooth.T @ residual) ** 2) / np.maximum(usual, 1e-300)).sum())
+    return max(1.0, power / dims) if special.chdtrc(dims, power) < DOUBT else 1.0
+
+
+def _correlated(outcome: Outcome, count: int) -> np.ndarray:
+    """Observations that one independent one stands for (6,), 1 at rest."""
+    noise = outcome.noise
+    if noise.rows > 1.0:
+        return np.ones(6)
+    share = np.minimum(1.0, np.square(noise.expected / np.maximum(noise.scatter, 1e-300)))
+    worth = noise.effective / (share if noise.inflated else 1.0)
+    return np.maximum(1.0, count / np.maximum(worth, 1.0))
+
+
+def _functions(problem: Problem) -> np.ndarray:
+    """Orthonormal functions (M, ≤ 9) of gravity's direction in the sensor, up to quadratic."""
+    robot = problem.model.robot
+    own = robot.robot_theta(problem.theta)
+    seen = robot.gravity_seen(value(problem.data.q), own, np.asarray(problem.model.gravity))
+    x, y, z = (seen / np.linalg.norm(problem.model.gravity)).T
+    one = np.ones_like(x)
+    design = np.column_stack([one, x, y, z, x * y, y * z, z * x, x * x - y * y, 3.0 * z * z - 1.0])
+    u, s, _ = np.linalg.svd(design, full_matrices=False)
+    return np.asarray(u[:, s > 1e-2 * s[0]])

@@ -1,0 +1,58 @@
+"""Whether the data refute a fit before it is made: the checks on a recording's observations."""
+
+import numpy as np
+
+from wrenchbed.calibration.checks.examine import examine
+from wrenchbed.calibration.checks.finding import Finding
+from wrenchbed.calibration.checks.rigid_load import Observed
+from wrenchbed.calibration.observations import Observations, observe
+from wrenchbed.data.recording import Recording
+from wrenchbed.errors import CalibrationError
+from wrenchbed.simulation.closed_form import Model, robot_of
+
+GENERAL = ("not one load", "another robot")
+"""Reasons that a fit with more parameters than a load may still answer."""
+OUTLIERS = ("spike", "contact")
+"""Reasons that a robust loss answers."""
+_MOUNTS = ({f"mount.rotation.{a}" for a in "xyz"}, {"alphaS", "betaS", "gammaS"})
+"""Names under which a robot's sensor may be turned on its flange."""
+
+
+def observed(
+    recording: Recording, data: Observations, model: Model, theta: np.ndarray, free: set[str]
+) -> Observed:
+    """What the checks look at.
+
+    Args:
+        recording: as it was read.
+        data: its observations.
+        model: of robot and sensor.
+        theta: parameters (P,) as the metadata states them.
+        free: names of the parameters that a fit will find.
+    """
+    robot, own = model.robot, model.robot.robot_theta(theta)
+    tool, stated = robot.tool(own), recording.metadata.tool
+    known = np.zeros(6)
+    if data.source != "residual":
+        known = np.sqrt(np.diagonal(data.row_covariance) / np.mean(data.count))
+    return Observed(
+        recording.name, robot, own, np.asarray(model.gravity), data.q, data.wrench, known, data.t,
+        np.searchsorted(recording.t, data.t).clip(0, len(recording) - 1), float(tool.mass),
+        stated.mass is not None, None if stated.cog is None else np.asarray(stated.cog),
+        any(mount <= free for mount in _MOUNTS),
+    )  # fmt: skip
+
+
+def check(recording: Recording) -> Finding | None:
+    """Why a recording cannot be trusted, None if nothing speaks against it.
+
+    Raises:
+        RecordingError, CalibrationError: it cannot be read as this robot's.
+    """
+    model = Model.of(robot_of(recording), recording.metadata)
+    if recording.metadata.mode == "dynamic" and not recording.joints:
+        raise CalibrationError(f"{recording.name}: motion needs joint columns")
+    data = observe(recording)
+    free = {model.parameters.names[i] for i in model.parameters.select(model.robot.free)}
+    theta = model.configured(recording.metadata)
+    return examine(recording, data.keep, observed(recording, data, model, theta, free))

@@ -1,0 +1,124 @@
+"""Broken recordings: each is refused by its true reason, or its values hold the truth."""
+
+import numpy as np
+import pytest
+
+from corrupted import BASES, CORRUPTIONS, good
+from wrenchbed.calibration.calibrate import CalibrationOptions, calibrate
+from wrenchbed.calibration.checks.finding import REASONS
+from wrenchbed.calibration.trust import check
+from wrenchbed.cli import main
+from wrenchbed.diagnosis.prepare.prepare_recording import prepare
+from wrenchbed.errors import CalibrationError, DiagnosisError, WrenchbedError
+
+SEED = 7
+
+
+def broken(base, name, seed=SEED):
+    """A broken recording and the values that a fit must not miss."""
+    sound = good(base, seed)
+    rng = np.random.default_rng([seed, sum(map(ord, name)), 77])
+    return CORRUPTIONS[name].make(sound.recording, rng), sound.truth
+
+
+def far(fit, truth) -> float:
+    """Largest error in standard uncertainties."""
+    return max(
+        (abs(p.value - truth.get(p.name, p.nominal)) / p.std for p in fit.identified if p.std),
+        default=0.0,
+    )
+
+
+def test_every_reason_is_a_known_one():
+    assert {r for c in CORRUPTIONS.values() for r in c.reasons} <= set(REASONS)
+    assert len(CORRUPTIONS) >= 60
+
+
+@pytest.mark.parametrize("base", BASES)
+def test_a_sound_recording_is_not_refused(base, recwarn):
+    for seed in range(900, 903):
+        sound = good(base, seed)
+        assert check(sound.recording) is None
+        assert far(calibrate(sound.recording), sound.truth) < 5.0
+        prepare(sound.recording)
+    assert not recwarn.list
+
+
+@pytest.mark.parametrize("base", BASES)
+@pytest.mark.parametrize("name", CORRUPTIONS)
+def test_a_broken_recording_publishes_nothing_false(base, name):
+    if base not in CORRUPTIONS[name].bases:
+        pytest.skip("does not apply")
+    recording, truth = broken(base, name)
+    try:
+        fit = calibrate(recording)
+    except WrenchbedError as error:
+        assert "\n" not in str(error)
+        return
+    assert far(fit, truth) < 5.0
+
+
+@pytest.mark.parametrize("base", ["ur5", "oriented"])
+@pytest.mark.parametrize(
+    "name, words",
+    [
+        ("fx_for_fy", "columns 'fx' and 'fy' are swapped"),
+        ("tz_opposite", "column 'tz' has the opposite sign"),
+        ("left_handed_y", "left-handed axes (y is mirrored)"),
+        ("in_base_axes", "in the axes of the base"),
+        ("in_base_axes_without_bias", "in the axes of the base"),
+        ("all_in_kgf", "are they in kgf?"),
+        ("torques_in_mm", "N·mm"),
+        ("one_spike_of_force", "column 'fx', row "),
+        ("hand_for_a_while", "contact or a hand: up to "),
+        ("hand_on_a_standing_robot", "contact or a hand: forces change by up to "),
+        ("another_tool_for_half", "several tools in one file"),
+        ("pure_noise", "has subtracted weight and zero already"),
+        ("poses_one_late", "one pose apart"),
+        ("gravity_sideways", "gravity acts along"),
+    ],
+)
+def test_the_true_reason_is_named(base, name, words):
+    recording, _ = broken(base, name)
+    with pytest.raises(CalibrationError) as caught:
+        calibrate(recording)
+    assert words in str(caught.value)
+
+
+@pytest.mark.parametrize("name", ["fx_for_fy", "in_base_axes", "pure_noise", "fx_rustles"])
+def test_a_diagnosis_refuses_it_by_the_same_reason(name):
+    recording, _ = broken("ur5", name)
+    finding = check(recording)
+    with pytest.raises(DiagnosisError) as caught:
+        prepare(recording)
+    assert finding is not None and str(caught.value).endswith(finding.sentence)
+
+
+def test_forced_values_say_that_they_are_refuted(tmp_path, capsys):
+    recording, _ = broken("oriented", "fx_for_fy")
+    path, out = tmp_path / "bad.parquet", tmp_path / "fit.json"
+    recording.write(path)
+    assert main(["calibrate", str(path), "--out", str(out)]) == 1
+    assert "swapped" in capsys.readouterr().err and not out.exists()
+    assert main(["calibrate", str(path), "--out", str(out), "--force", "--json"]) == 0
+    assert '"refuted": "columns' in out.read_text() and "swapped" in capsys.readouterr().out
+
+
+def test_uncertainty_never_falls_with_misfit():
+    """A bend of the readings with the pose, from nothing to a fifth of the swing."""
+    sound = good("ur5", SEED)
+    y = sound.recording.wrench
+    away = y - y.mean(axis=0)
+    bent = np.square(away[:, [1, 2, 0, 4, 5, 3]]) / np.abs(away).max(axis=0)
+    last = 0.0
+    for size in (0.0, 0.01, 0.03, 0.1, 0.2):
+        columns = dict(zip(("fx", "fy", "fz", "tx", "ty", "tz"), (y + size * bent).T, strict=True))
+        made = type(sound.recording)(
+            sound.recording.metadata, {**sound.recording.columns, **columns}
+        )
+        fit = calibrate(made, CalibrationOptions(force=True))
+        now = fit["tool.mass"].std
+        assert now >= 0.98 * last
+        if size:
+            assert far(fit, sound.truth) < 5.0
+        last = now
