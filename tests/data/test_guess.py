@@ -219,6 +219,39 @@ def test_values_in_the_names_of_files_are_columns(tmp_path):
     assert np.array_equal(one.q, two.q) and len(two) == 42
 
 
+def turned_load(n=20):
+    """Columns of orientations and of the weight of a load, with a little noise."""
+    columns = random_columns(n)
+    turn = Rotation.from_quat(np.stack([columns[f"q{c}"] for c in "xyzw"], axis=1))
+    force = turn.inv().apply([0.0, 0.0, -12.0])
+    load = np.hstack([force, np.cross([0.01, 0.02, 0.06], force)])
+    load += 0.01 * np.random.default_rng(5).normal(size=load.shape)
+    return columns | dict(zip(("fx", "fy", "fz", "tx", "ty", "tz"), load.T, strict=True))
+
+
+def test_torques_may_stand_first_in_a_table_without_names(tmp_path):
+    columns = turned_load()
+    order = [*(f"q{c}" for c in "xyzw"), "tx", "ty", "tz", "fx", "fy", "fz"]
+    np.savetxt(tmp_path / "log.txt", np.stack([columns[c] for c in order], axis=1))
+    found = guess([tmp_path / "log.txt"])
+    assert found.maps[0]["file"][0]["columns"]["fx"]["column"] == "8"
+    assert found.conventions[0].mass == pytest.approx(12.0 / 9.80665, rel=0.01)
+
+
+def test_a_hole_in_a_column_is_named(tmp_path):
+    columns = turned_load()
+    columns["fx"][5] = np.nan
+    with pytest.raises(MapError, match=r"not used: column 'fx', row 5: the value is missing"):
+        guess([save(tmp_path, "log.csv", columns)])
+
+
+def test_one_orientation_alone_is_no_ground_for_a_guess(tmp_path):
+    columns = turned_load()
+    columns |= {f"q{c}": np.full(20, 0.5) for c in "xyzw"}
+    with pytest.raises(MapError, match="poses in different orientations are needed"):
+        guess([save(tmp_path, "log.csv", columns)])
+
+
 def test_few_poses_are_no_ground_for_a_guess(tmp_path):
     columns = random_columns(5)
     turn = Rotation.from_quat(np.stack([columns[f"q{c}"] for c in "xyzw"], axis=1))

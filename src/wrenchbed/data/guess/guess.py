@@ -192,8 +192,13 @@ def _nothing(tables: Sequence[Sheet]) -> str:
             "of a robot that is known"
         )
     else:
-        what = "no reading of the columns makes the wrench the weight of a rigid load"
-    return f"{tables[0].paths[0]}: {what}; columns: {names}"
+        what = (
+            "no reading of the columns makes the wrench the weight of a rigid load that is turned "
+            "about; poses in different orientations are needed"
+        )
+    unread = [u.partition(": ")[2] for s in tables for u in s.unread]
+    why = f"; not used: {'; '.join(unread[:3])}" if unread else ""
+    return f"{tables[0].paths[0]}: {what}; columns: {names}{why}"
 
 
 def _signs_and_units(

@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -55,6 +55,7 @@ class Sheet:
         roles: column by role (``t``, ``fx``, ``qw``, ``ax``, ``temperature`` …) by the names.
         units: by column, where the name states one.
         loads: every six columns whose names say that they are a wrench.
+        unread: why other columns are not used: cells without a number.
     """
 
     paths: tuple[Path, ...]
@@ -63,6 +64,7 @@ class Sheet:
     roles: Mapping[str, str] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
     loads: tuple[Mapping[str, str], ...] = ()
+    unread: tuple[str, ...] = ()
 
     def free(self) -> list[str]:
         """Columns without a role."""
@@ -105,8 +107,9 @@ def sheets(paths: Sequence[Path], name_pattern: str | None = None) -> list[Sheet
         MapError: a file without a table.
     """
     read: dict[tuple[object, ...], list[tuple[Path, dict[str, np.ndarray]]]] = {}
+    unread: dict[Path, tuple[str, ...]] = {}
     for path in sorted(paths, key=natural):
-        values = _numbers(path)
+        values, unread[path] = _numbers(path)
         rows = len(next(iter(values.values())))
         for name, value in values_in_name(path, name_pattern).items():
             values[name] = np.full(rows, value)
@@ -118,23 +121,26 @@ def sheets(paths: Sequence[Path], name_pattern: str | None = None) -> list[Sheet
             found += [_sheet([m]) for m in members]
         else:
             found.append(_sheet(members))
-    return found
+    return [replace(s, unread=tuple(u for p in s.paths for u in unread[p])) for s in found]
 
 
-def _numbers(path: Path) -> dict[str, np.ndarray]:
+def _numbers(path: Path) -> tuple[dict[str, np.ndarray], tuple[str, ...]]:
+    """Columns of numbers, and why the others are none."""
     text = read_text(path)
     values: dict[str, np.ndarray] = {}
+    unread = []
     for name in dict.fromkeys(text.table.column_names):
         try:
             values[name] = text.numbers(name)
-        except MapError:
-            continue  # text, or holes: no column of a recording
+        except MapError as error:
+            unread.append(str(error))
+            continue
         raw = text.table.column(name).to_numpy()
         if raw.dtype.kind == "i":
             values[name] = raw.astype(np.int64)
     if not values:
-        raise MapError(f"{path}: no column of numbers without holes")
-    return values
+        raise MapError(unread[0])
+    return values, tuple(unread)
 
 
 def _sheet(members: Sequence[tuple[Path, Mapping[str, np.ndarray]]]) -> Sheet:
@@ -271,6 +277,7 @@ def wrenches(sheet: Sheet) -> Iterator[Mapping[str, str]]:
     for names in _windows(sheet, 6):
         if (np.ptp(sheet.block(names), axis=0) > 0).all():
             yield dict(zip(CHANNELS, names, strict=True))
+            yield dict(zip(CHANNELS, [*names[3:], *names[:3]], strict=True))  # torques first
 
 
 def orientations(sheet: Sheet) -> Iterator[Columns]:
