@@ -14,6 +14,7 @@ from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis.between_rows.tool_vibration import find_tool_vibration
 from wrenchbed.diagnosis.diagnose import diagnose
 from wrenchbed.diagnosis.explain import tilt
+from wrenchbed.diagnosis.explain.reliability import RIGHT_ELSEWHERE
 from wrenchbed.diagnosis.prepare import accelerometer, contact
 from wrenchbed.diagnosis.prepare.prepare_recording import gathered, prepare
 from wrenchbed.errors import CalibrationError, DiagnosisError, MapError
@@ -104,7 +105,7 @@ def test_without_a_stated_noise_both_are_refused():
 def test_bias_shift_inertia_and_vibration_are_found_in_motion(runs, run):
     found = runs[run]
     told = causes(found)
-    sure = {name for name, w in told.items() if w["probability"] > 0.9}
+    sure = {name for name, w in told.items() if w["probability"] > RIGHT_ELSEWHERE - 0.01}
     assert sure == {"sensor.bias", "tool.inertia", "base.vibration"}
     share = told["tool.inertia"]["parameters"]["share"]
     assert share["value"] == pytest.approx(0.8, abs=0.05)
@@ -124,7 +125,10 @@ def test_what_else_is_named_is_the_same_in_all_runs(runs):
     usual = {"environment.contact", "sensor.bias", "tool.inertia", "base.vibration"}
     for run in RUNS:
         for cause in (w for w in runs[run].diagnosis.which if w["effect"] not in usual):
-            assert cause["effect"] == "sensor.crosstalk" and cause["probability"] < 0.9
+            assert (
+                cause["effect"] == "sensor.crosstalk"
+                and cause["probability"] < RIGHT_ELSEWHERE - 0.01
+            )
             assert cause["parameters"]["channel"]["value"] == "tx"  # fx and ty go together
 
 
@@ -148,7 +152,7 @@ def test_the_bias_shift_is_the_sessions(runs):
         assert apart(first, second, name) < 2.0
     for early in (first, second):
         assert max(apart(early, later, name) for name in first) > 5.0
-        assert apart(early, later, "bias.tz") > 2.0
+        assert apart(early, later, "bias.tz") > 1.5  # σ that look-alikes widened
     assert first["bias.tz"]["value"] == pytest.approx(7.7e-3, abs=3e-4)
     assert second["bias.tz"]["value"] == pytest.approx(7.3e-3, abs=3e-4)
     assert later["bias.fz"]["value"] < -0.15 < 0.15 < second["bias.fz"]["value"]

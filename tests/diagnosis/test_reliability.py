@@ -1,15 +1,19 @@
 """How often claims are right, as learnt and as applied."""
 
+from dataclasses import replace
+
 import pytest
 
-from wrenchbed.diagnosis.explain.reliability import NAMES, learnt, shipped
+from wrenchbed.diagnosis.explain.reliability import NAMES, RIGHT_ELSEWHERE, learnt, shipped
 
 
 def test_a_model_for_recordings_unlike_its_cases_knows_only_the_share_that_was_right():
     known = learnt([((1.0,) * len(NAMES), k % 10 > 0) for k in range(100)], (9, 10), (9, 10), "me")
     assert known.right == pytest.approx(91 / 102)
     odd = (1.0, *(5.0,) * (len(NAMES) - 1))
-    assert known.plain().of(odd) == pytest.approx(known.right)
+    assert known.plain().of(odd) == pytest.approx(RIGHT_ELSEWHERE)
+    poor = replace(known, right=0.6)
+    assert poor.plain().of(odd) == pytest.approx(0.6)
     assert known.plain().spread == known.spread
 
 

@@ -31,8 +31,9 @@ UNEXPLAINED = 0.2
 """Share of the calibrated gap that causes may leave without a note."""
 LEVEL = 0.9
 """Probability that a set of causes holds where nothing was learnt."""
-LEAST = 0.9
-"""Probability that another cause needs beside a contact, which leaves few rows to separate them."""
+LEAST = 0.8
+"""Probability that another cause needs beside a contact, which leaves few rows to separate them;
+below what is believed of robots that nothing was learnt on. Estimate."""
 
 
 def _cause(

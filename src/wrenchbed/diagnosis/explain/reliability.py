@@ -66,7 +66,7 @@ class Reliability:
 
     def plain(self) -> "Reliability":
         """For recordings unlike the cases: how often claims were right, whatever their kind."""
-        right = self.right
+        right = min(self.right, RIGHT_ELSEWHERE)
         claim = (float(logit(right)), *(0.0,) * (len(NAMES) - 1))
         return replace(self, claim=claim, right=right, elsewhere=True)
 
