@@ -2,10 +2,11 @@
 
 import numpy as np
 
-from wrenchbed.calibration.checks.examine import examine
+from wrenchbed.calibration.checks.examine import of_load
 from wrenchbed.calibration.checks.finding import Finding
 from wrenchbed.calibration.checks.rigid_load import Observed
-from wrenchbed.calibration.observations import Observations, observe
+from wrenchbed.calibration.checks.rows import of_rows
+from wrenchbed.calibration.observations import Observations, observe, usable
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import CalibrationError
 from wrenchbed.simulation.closed_form import Model, robot_of
@@ -52,7 +53,10 @@ def check(recording: Recording) -> Finding | None:
     model = Model.of(robot_of(recording), recording.metadata)
     if recording.metadata.mode == "dynamic" and not recording.joints:
         raise CalibrationError(f"{recording.name}: motion needs joint columns")
+    found = of_rows(recording, usable(recording), model.robot.sensor)
+    if found is not None:
+        return found
     data = observe(recording)
     free = {model.parameters.names[i] for i in model.parameters.select(model.robot.free)}
     theta = model.configured(recording.metadata)
-    return examine(recording, data.keep, observed(recording, data, model, theta, free))
+    return of_load(recording, observed(recording, data, model, theta, free))
