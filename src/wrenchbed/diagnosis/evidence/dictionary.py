@@ -155,7 +155,8 @@ class EffectDictionary:
     @cached_property
     def gram(self) -> np.ndarray:
         """EᵀE (n, n)."""
-        return self.E.T @ self.E
+        tall = len(self.E) > self.E.shape[1]
+        return self.weighed(np.ones(6)) if tall else self.E.T @ self.E
 
     @cached_property
     def _grams(self) -> np.ndarray:
@@ -201,13 +202,13 @@ class EffectDictionary:
     @cached_property
     def configured_gap(self) -> np.ndarray:
         """Gap of each column at typical size (n,)."""
-        return np.asarray((self.E**2).mean(axis=0))
+        return np.asarray(np.einsum("rn,rn->n", self.E, self.E) / len(self.E))
 
     @cached_property
     def column_gap(self) -> np.ndarray:
         """Gap of each column at typical size after bias, mass and CoG are fitted (n,)."""
-        remaining = (self.E**2).sum(axis=0) - ((self.fitted_away.T @ self.E) ** 2).sum(axis=0)
-        return np.asarray(np.maximum(remaining, 0.0) / self.E.shape[0])
+        taken = ((self.fitted_away.T @ self.E) ** 2).mean(axis=0) * len(self.fitted_away.T)
+        return np.asarray(np.maximum(self.configured_gap - taken / len(self.E), 0.0))
 
     def of_stated(self, effect: str) -> np.ndarray:
         """Which of the stated columns are of one effect (S,), boolean."""

@@ -64,6 +64,9 @@ def _ridge(x: np.ndarray, y: np.ndarray, fit: np.ndarray, stride: int, noise: fl
 DRAWS = 500
 """Of the bootstrap over held-out blocks."""
 
+ROUNDED = 12
+"""Digits of the floor: at rest it is the rounding error of a mean of residuals."""
+
 
 @dataclass(frozen=True)
 class Interval:
@@ -237,7 +240,7 @@ def measure(
         configured=drawn.average(gaps["configured"]),
         calibrated=drawn.mean(fitted),
         with_effects=with_effects,
-        floor=drawn.average(floor),
+        floor=float(np.round(drawn.average(floor), ROUNDED)),
         closed=closed,
         black_box=None if scale <= 0 else box / scale,
         rows=int(rows.sum()),
