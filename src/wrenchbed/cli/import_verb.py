@@ -1,5 +1,6 @@
 """`wrenchbed import`: text files, rosbags and MCAP files become recordings."""
 
+import warnings
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
@@ -10,7 +11,8 @@ import wrenchbed as wb
 from wrenchbed.cli import console
 from wrenchbed.cli.console import Flag, Json
 from wrenchbed.data.column_map import ColumnMap
-from wrenchbed.errors import ParameterError
+from wrenchbed.data.recording import Recording
+from wrenchbed.errors import ParameterError, WrenchbedError, WrenchbedWarning
 
 
 @dataclass(frozen=True)
@@ -84,9 +86,24 @@ def import_(
         result |= {"motion": str(whole), "holds": holds, "moves": moves}
         lines.append(f"all {len(imported.motion)} rows, moves too → {whole}")
     result["notes"] = list(imported.notes)
+    if (doubt := _doubt(imported.recording)) is not None:
+        result["doubt"] = doubt
+        warnings.warn(f"{doubt}: calibrate will refuse {out}", WrenchbedWarning, stacklevel=1)
     rest = f", {excluded} outside the other files' times left out" if excluded else ""
     lines.append(f"imported {rows} rows{rest} → {out}")
     console.answer(result, as_json, "\n".join(lines))
+
+
+def _doubt(recording: Recording) -> str | None:
+    """Why a calibration would refuse a recording; None where nothing speaks against it, or where
+    its robot is not known, so that nothing can."""
+    from wrenchbed.calibration.trust import check
+
+    try:
+        found = check(recording)
+    except WrenchbedError:
+        return None
+    return None if found is None else found.sentence
 
 
 def _no_guess(given: GuessArguments) -> None:
