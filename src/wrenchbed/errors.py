@@ -18,6 +18,8 @@
     │   ├── LimitError      a command beyond the limits              (ValueError)
     │   └── LateError       a deadline that passed                   (TimeoutError)
     ├── FleetError          work of many simulated robots that broke off (RuntimeError)
+    ├── WorkerError         a worker process that was killed or crashed (RuntimeError)
+    ├── ShortageError       memory or open files that this process lacks (RuntimeError)
     └── MissingExtraError   an optional library that is not installed (ImportError)
 
     WrenchbedWarning        what a person should know; the work continues (UserWarning)
@@ -25,8 +27,10 @@
 A message is one line. It names the file, field and row, the value and the remedy.
 """
 
+import errno
 from collections.abc import Collection
 from difflib import get_close_matches
+from pathlib import Path
 
 
 def did_you_mean(word: str, known: Collection[str]) -> str:
@@ -80,6 +84,14 @@ class FleetError(WrenchbedError, RuntimeError):
     """Work of many simulated robots that broke off, or belongs to others; finished work is kept."""
 
 
+class WorkerError(WrenchbedError, RuntimeError):
+    """A worker process that was killed, crashed or could not start."""
+
+
+class ShortageError(WrenchbedError, RuntimeError):
+    """Memory or open files that this process lacks; no file is to blame."""
+
+
 class NotFoundError(WrenchbedError, LookupError):
     """A plug-in that does not exist."""
 
@@ -114,3 +126,39 @@ class MissingExtraError(WrenchbedError, ImportError):
 
 class WrenchbedWarning(UserWarning):
     """What a person should know; the work continues."""
+
+
+_MEMORY = {errno.ENOMEM, errno.EAGAIN}
+_FILES = {errno.EMFILE, errno.ENFILE}
+_UNLOADED = ("failed to map segment", "cannot allocate memory", "Cannot allocate memory")
+"""What the dynamic linker says where a library does not fit into memory: glibc's dl-load.c."""
+
+
+def shortage(cause: BaseException, where: str | Path = "") -> ShortageError | None:
+    """The error for want of memory or files, if that is what an error is about.
+
+    Args:
+        cause: any error, for instance of a reader.
+        where: file that was being read or written, if any.
+    """
+    place = f"{where}: " if where else ""
+    number = cause.errno if isinstance(cause, OSError) else None
+    unloaded = isinstance(cause, ImportError) and any(t in str(cause) for t in _UNLOADED)
+    if isinstance(cause, MemoryError) or number in _MEMORY or unloaded:
+        return ShortageError(
+            f"{place}out of memory: free some, raise the limit (`ulimit -v unlimited`), use fewer "
+            "processes, or give shorter recordings"
+        )
+    if number in _FILES:
+        return ShortageError(
+            f"{place}too many open files: raise the limit (`ulimit -n 1024`), or use fewer "
+            "processes"
+        )
+    return None
+
+
+def raise_shortage(cause: BaseException, where: str | Path = "") -> None:
+    """Raise `ShortageError` if that is what an error is about: then no file is to blame."""
+    error = shortage(cause, where)
+    if error is not None:
+        raise error from cause

@@ -11,7 +11,6 @@ import time
 from collections.abc import Iterator
 from concurrent.futures import (
     FIRST_COMPLETED,
-    BrokenExecutor,
     CancelledError,
     Executor,
     Future,
@@ -33,7 +32,7 @@ from wrenchbed.campaigns.result_rows import CampaignRows, Row, empty
 from wrenchbed.campaigns.settings import Fleet, Truth, draw, varied
 from wrenchbed.data.plan import Plan
 from wrenchbed.data.recording import Recording, joint_columns
-from wrenchbed.errors import FleetError, WrenchbedError
+from wrenchbed.errors import FleetError, WorkerError, WrenchbedError
 from wrenchbed.files import write_json
 from wrenchbed.hardware.drivers.base.samples import as_designed
 from wrenchbed.jobs.workers import Progress, silent
@@ -245,6 +244,7 @@ def write_one(fleet: Fleet, k: int, folder: Path) -> Row:
 
 _AHEAD = 3
 """Robots queued for each worker, so that none is idle."""
+_KEPT = "what is done is kept, and the same command goes on"
 _ANSWERS_S = 10.0
 """Time in which a Dask scheduler must answer [s]."""
 
@@ -297,11 +297,8 @@ def _results(pool: Executor, fleet: Fleet, todo: Iterator[int], ahead: int) -> I
             for future in ready:
                 yield future.result()
             waiting |= {pool.submit(one, fleet, k) for k in islice(todo, len(ready))}
-    except (BrokenExecutor, CancelledError) as error:
-        raise FleetError(
-            "a worker died, perhaps for want of memory; what is done is kept, and the same "
-            "command goes on"
-        ) from error
+    except CancelledError as error:
+        raise FleetError(f"a worker of the cluster is gone; {_KEPT}") from error
     finally:
         for future in waiting:
             future.cancel()
@@ -311,8 +308,11 @@ def _results(pool: Executor, fleet: Fleet, todo: Iterator[int], ahead: int) -> I
 def _executor(workers: int, scheduler: str | None) -> Iterator[tuple[Executor, int]]:
     """An executor, and how many robots it works on at a time."""
     if scheduler is None:
-        with local(workers) as pool:
-            yield pool, workers
+        try:
+            with local(workers) as pool:
+                yield pool, workers
+        except WorkerError as error:
+            raise FleetError(f"{error}; {_KEPT}") from error
         return
     distributed = registry.require("distributed", "cluster")
     try:

@@ -15,7 +15,8 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated, Any, Union
 
-from wrenchbed.errors import WrenchbedError, WrenchbedWarning
+from wrenchbed.cli.limits import check_memory
+from wrenchbed.errors import WrenchbedError, WrenchbedWarning, shortage
 
 _VERBS = {
     "list": ("small_verbs", "list_"),
@@ -123,18 +124,30 @@ def _run(words: Sequence[str]) -> int:
             warnings.showwarning = lambda message, *_, **__: stderr.print(
                 f"wrenchbed: warning: {message}", style="yellow", markup=False
             )
+            check_memory(words[0])
             _call(words[0], words[1:])
     except WrenchbedError as error:
         stderr.print(f"wrenchbed: error: {error}", style="red", markup=False)
         return 1
-    except OSError as error:
-        what = f"{error.filename}: {error.strerror}" if error.filename else str(error)
+    except (OSError, MemoryError, ImportError) as error:
+        what = _in_words(error)
+        if not what:
+            raise
         stderr.print(f"wrenchbed: error: {what}", style="red", markup=False)
         return 1
     except KeyboardInterrupt:
         stderr.print(f"wrenchbed: stopped{_WHEN_STOPPED.get(words[0], '')}", markup=False)
         return 130
     return 0
+
+
+def _in_words(error: OSError | MemoryError | ImportError) -> str:
+    """What a file, or this machine, lacks; empty where a library is broken."""
+    if isinstance(error, OSError):
+        short = shortage(error, error.filename or "")
+        told = f"{error.filename}: {error.strerror}" if error.filename else str(error)
+        return str(short or told)
+    return str(shortage(error) or "")
 
 
 def _call(verb: str, arguments: Sequence[str]) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 from sys import float_info
 from typing import Any
 
-from wrenchbed.errors import WrenchbedError, did_you_mean
+from wrenchbed.errors import WrenchbedError, did_you_mean, raise_shortage
 
 
 def load(path: str | Path, error: type[WrenchbedError], other: str = "JSON") -> Any:
@@ -27,6 +27,7 @@ def load(path: str | Path, error: type[WrenchbedError], other: str = "JSON") -> 
     except IsADirectoryError as cause:
         raise error(f"{path}: is a folder; give a {kind} file") from cause
     except OSError as cause:
+        raise_shortage(cause, path)
         raise error(f"{path}: cannot be read: {cause.strerror}") from cause
     except (ValueError, RecursionError) as cause:
         raise error(f"{path}: not valid {kind}: {str(cause).splitlines()[0]}") from cause

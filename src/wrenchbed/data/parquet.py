@@ -9,7 +9,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from wrenchbed.errors import WrenchbedError
+from wrenchbed.errors import WrenchbedError, raise_shortage
 from wrenchbed.files import atomic_write
 
 KEY = b"wrenchbed"
@@ -41,6 +41,7 @@ def read(path: Path, error: type[WrenchbedError]) -> tuple[dict[str, np.ndarray]
                 some = file.read(columns=schema.names[first : first + AT_ONCE])
                 result |= columns(some, path, error)
     except (pa.ArrowException, OSError) as cause:
+        raise_shortage(cause, path)
         raise error(
             f"{path}: not a complete Parquet file (truncated or of another kind)"
         ) from cause

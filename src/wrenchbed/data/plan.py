@@ -14,7 +14,7 @@ from wrenchbed.data import parquet
 from wrenchbed.data.checked import Fields
 from wrenchbed.data.metadata import MODES
 from wrenchbed.data.recording import POINT, joint_columns
-from wrenchbed.errors import PlanError
+from wrenchbed.errors import PlanError, raise_shortage
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,7 +108,8 @@ def is_plan(path: Path) -> bool:
     """Whether a file is Parquet with joint values and no wrench."""
     try:
         names = pq.read_schema(path).names
-    except (pa.ArrowException, OSError):
+    except (pa.ArrowException, OSError) as cause:
+        raise_shortage(cause, path)
         return False
     return "q1" in names and "fx" not in names
 
@@ -153,6 +154,7 @@ def read(path: str | Path) -> np.ndarray:
         with path.open(encoding="utf-8-sig", newline="") as file:
             rows = list(csv.DictReader(file))
     except (OSError, UnicodeDecodeError) as cause:
+        raise_shortage(cause, path)
         raise PlanError(f"{path}: cannot be read as CSV") from cause
     if not rows:
         raise PlanError(f"{path}: holds no points")

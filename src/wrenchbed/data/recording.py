@@ -14,7 +14,7 @@ import pyarrow as pa
 
 from wrenchbed.data import parquet
 from wrenchbed.data.metadata import Metadata, parse
-from wrenchbed.errors import RecordingError, WrenchbedWarning
+from wrenchbed.errors import RecordingError, WrenchbedWarning, raise_shortage
 from wrenchbed.physics.rotations import matrix
 from wrenchbed.physics.wrench import CHANNELS
 
@@ -141,6 +141,7 @@ def _from_journal(path: Path) -> pa.Table:
     except StopIteration:
         pass
     except (pa.ArrowException, OSError) as cause:
+        raise_shortage(cause, path)
         if not batches:
             raise RecordingError(f"{path}: the journal holds no complete second") from cause
     return pa.Table.from_batches(batches, schema)

@@ -15,7 +15,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.csv as pcsv
 
-from wrenchbed.errors import MapError
+from wrenchbed.errors import MapError, raise_shortage
 
 _SAMPLE = 200
 """Lines that are looked at to find out how a file is written."""
@@ -155,7 +155,8 @@ def _streamed(path: Path, separator: str | None) -> TextTable | None:
         if layout.separator == BLANKS or not all(map(str.strip, lines)):
             return None
         table = _parsed(path, layout, lines[layout.skipped])
-    except (OSError, UnicodeDecodeError, MapError, pa.ArrowException):
+    except (OSError, UnicodeDecodeError, MapError, pa.ArrowException) as cause:
+        raise_shortage(cause, path)
         return None  # told in words by whoever reads it line by line
     plain = all(pa.types.is_floating(c.type) or pa.types.is_integer(c.type) for c in table.columns)
     if not plain or any(c.null_count for c in table.columns):
@@ -192,6 +193,7 @@ def decode(path: Path) -> str:
     except FileNotFoundError as error:
         raise MapError(f"{path}: there is no such file") from error
     except OSError as error:
+        raise_shortage(error, path)
         raise MapError(f"{path}: cannot be read: {error.strerror}") from error
     head = raw[:400]
     wide = {b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16"}.get(raw[:2])

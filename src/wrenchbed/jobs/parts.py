@@ -17,7 +17,7 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from wrenchbed.errors import WrenchbedError
+from wrenchbed.errors import WrenchbedError, raise_shortage
 from wrenchbed.files import TEMPORARY, atomic_write
 from wrenchbed.jobs.workers import Progress, in_workers, silent
 
@@ -71,7 +71,8 @@ class Parts:
         """Whether a part is on disk and can be read."""
         try:
             pq.read_table(self.path(number))
-        except (OSError, pa.ArrowException):
+        except (OSError, pa.ArrowException) as cause:
+            raise_shortage(cause, self.path(number))
             return False
         return True
 

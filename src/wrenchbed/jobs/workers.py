@@ -4,18 +4,23 @@ Matrices here are small: with more threads, waiting for each other costs up to f
 (measured with OpenBLAS).
 """
 
-import multiprocessing
 import os
+import resource
 import signal
-import threading
-import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
-from contextlib import contextmanager, suppress
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from copy import copy
 from functools import wraps
+from multiprocessing import get_context
+from multiprocessing.process import BaseProcess
 from typing import Any, ParamSpec, Protocol, TypeVar
 
 from threadpoolctl import threadpool_limits
+
+from wrenchbed.errors import ShortageError, WorkerError
+from wrenchbed.jobs.ending import end_with
 
 
 class Progress(Protocol):
@@ -29,10 +34,10 @@ def silent(count: int, label: str = "", /) -> None:
     """Report nothing."""
 
 
-CHILDREN: set[int] = set()
-"""Process groups that this process started and that end with it."""
-_WATCH_S = 0.5
-"""How often a worker checks that its parent is alive [s]: an estimate."""
+_LEAST_FILES = 64
+"""Files that this process must be able to open; estimate: a diagnosis needed 24."""
+_FILES_A_WORKER = 4
+"""Pipes and sentinels of one worker process; counted with CPython 3.11."""
 _ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 Item = TypeVar("Item")
 P = ParamSpec("P")
@@ -54,6 +59,9 @@ def in_workers(
         finished: called in this process with each item and its result, in the order they end.
         count: processes.
         setup: called once in each process with ``shared``.
+
+    Raises:
+        ShortageError, WorkerError: as `workers`.
     """
     if not items:
         return
@@ -65,20 +73,30 @@ def in_workers(
 
 @contextmanager
 def workers(
-    count: int, setup: Callable[..., None] | None = None, *shared: Any
+    count: int, setup: Callable[..., None] | None = None, *shared: Any, forked: bool = False
 ) -> Iterator[ProcessPoolExecutor]:
     """A pool of processes whose waiting work is dropped on an error or an interrupt.
 
     Args:
         count: processes, at least one.
         setup: called once in each process with ``shared``.
+        forked: the processes begin as copies of this one, with all that is loaded.
+
+    Raises:
+        ShortageError: this process may open too few files.
+        WorkerError: a process was killed, crashed or could not start; says how.
     """
+    _check_files(max(1, count))
     before = {k: os.environ.get(k) for k in _ONE_THREAD}
     os.environ.update(dict.fromkeys(_ONE_THREAD, "1"))  # read when a worker loads numpy
-    context = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(max(1, count), context, _initialise, (setup, shared))
+    context, started = _recorded("fork" if forked else "spawn")
+    given = (os.getpid(), setup, shared)
+    pool = ProcessPoolExecutor(max(1, count), context, _initialise, given)
     try:
         yield pool
+    except BrokenProcessPool as error:
+        pool.shutdown()  # until all exit codes are known
+        raise WorkerError(_how(started)) from error
     except BaseException:
         pool.shutdown(wait=False, cancel_futures=True)
         raise
@@ -92,21 +110,52 @@ def workers(
                 os.environ[key] = value
 
 
-def _initialise(setup: Callable[..., None] | None, shared: tuple[Any, ...]) -> None:
+def _check_files(count: int) -> None:
+    """Refuse a limit of open files at which workers would wait for ever."""
+    limit, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
+    need = _LEAST_FILES + _FILES_A_WORKER * count
+    if limit != resource.RLIM_INFINITY and limit < need:
+        fewer = ", or use fewer processes" if count > 1 else ""
+        raise ShortageError(
+            f"too few open files: this process may open {limit} and needs {need} for {count} "
+            f"worker processes: raise the limit (`ulimit -n {need}`){fewer}"
+        )
+
+
+def _recorded(method: str) -> tuple[Any, list[BaseProcess]]:
+    """A context of multiprocessing, and the processes that it starts, for their exit codes."""
+    context: Any = copy(get_context(method))
+    process, started = context.Process, list[BaseProcess]()
+
+    def start(*args: Any, **options: Any) -> BaseProcess:
+        started.append(process(*args, **options))
+        return started[-1]
+
+    context.Process = start
+    return context, started
+
+
+def _initialise(parent: int, setup: Callable[..., None] | None, shared: tuple[Any, ...]) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent stops its workers
-    threading.Thread(target=_watch, args=(os.getppid(),), daemon=True).start()
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    end_with(parent)
     if setup is not None:
         setup(*shared)
 
 
-def _watch(parent: int) -> None:
-    """Exit when the parent was killed and could not stop its workers."""
-    while os.getppid() == parent:
-        time.sleep(_WATCH_S)
-    for child in list(CHILDREN):
-        with suppress(ProcessLookupError):
-            os.killpg(child, signal.SIGKILL)
-    os._exit(1)
+def _how(processes: Sequence[BaseProcess]) -> str:
+    """How the first worker died: those that the pool itself ended afterwards do not count."""
+    codes = [p.exitcode for p in processes if p.exitcode not in (None, 0, -signal.SIGTERM)]
+    code = codes[0] if codes else None
+    if code == -signal.SIGKILL:
+        return (
+            "a worker process was killed (SIGKILL), as the system does when memory runs out: "
+            "free memory or use fewer processes"
+        )
+    if code is not None and code < 0:
+        return f"a worker process crashed ({signal.Signals(-code).name})"
+    told = f"with code {code}; what it printed says why" if code else "without a word"
+    return f"a worker process ended {told}; memory may be short: use fewer processes"
 
 
 def one_thread(work: Callable[P, R]) -> Callable[P, R]:

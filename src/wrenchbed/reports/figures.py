@@ -4,11 +4,9 @@
 """
 
 import re
-import signal
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor
-from contextlib import contextmanager
-from multiprocessing import get_context
+from concurrent.futures import Future
+from contextlib import ExitStack, contextmanager
 from types import TracebackType
 from typing import Any, Self
 
@@ -16,6 +14,7 @@ import numpy as np
 
 from wrenchbed import registry
 from wrenchbed.errors import MissingExtraError
+from wrenchbed.jobs.workers import workers
 from wrenchbed.pages import numbers
 from wrenchbed.pages.plots import BLUE, GREY, ORANGE, PURPLE, canvas, to_svg
 from wrenchbed.physics.wrench import CHANNELS
@@ -194,7 +193,8 @@ class Artist:
 
     def __enter__(self) -> Self:
         # forked at once: what is loaded here need not be loaded again
-        self._pool = ProcessPoolExecutor(HANDS, get_context("fork"), _ready)
+        self._pools = ExitStack()
+        self._pool = self._pools.enter_context(workers(HANDS, forked=True))
         for _ in range(HANDS):
             self._pool.submit(_rehearse)
         return self
@@ -207,7 +207,7 @@ class Artist:
         self, kind: type[BaseException] | None, error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:  # fmt: skip
-        self._pool.shutdown(cancel_futures=True)
+        self._pools.__exit__(kind, error, trace)
 
 
 def at_once(figure: Callable[..., str], *given: object) -> "Future[str]":
@@ -215,11 +215,6 @@ def at_once(figure: Callable[..., str], *given: object) -> "Future[str]":
     drawn: Future[str] = Future()
     drawn.set_result(figure(*given))
     return drawn
-
-
-def _ready() -> None:
-    """Who stops the main work stops it alone."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 def _rehearse() -> None:

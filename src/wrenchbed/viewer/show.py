@@ -26,6 +26,7 @@ from wrenchbed import registry
 from wrenchbed.data.plan import Plan, is_plan
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import DriverError, ParameterError
+from wrenchbed.jobs.ending import bound
 from wrenchbed.viewer.plans import plan_view
 from wrenchbed.viewer.recordings import recording_view
 
@@ -165,7 +166,7 @@ def viewer(
     with contextlib.ExitStack() as stack:
         if behind is not None:
             stack.enter_context(served(web_port, behind, shown))
-        process = subprocess.Popen(told, env=stack.enter_context(quiet()))
+        process = subprocess.Popen(bound(told), env=stack.enter_context(quiet()))
         try:
             for listens in (port,) if behind is None else (port, behind):
                 _wait_for(process, listens)

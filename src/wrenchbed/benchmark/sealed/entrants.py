@@ -25,7 +25,7 @@ from wrenchbed.diagnosis.diagnose import diagnose
 from wrenchbed.diagnosis.prepare.prepare_recording import prepare
 from wrenchbed.diagnosis.prepare.prepared import Prepared
 from wrenchbed.errors import ParameterError
-from wrenchbed.jobs.workers import CHILDREN
+from wrenchbed.jobs.ending import with_group
 
 OURS = "diagnose"
 RUN = "run.json"
@@ -167,16 +167,15 @@ def _call(command: str, recording: Path, out: Path, limit: float) -> None:
             call, stdout=log, stderr=subprocess.STDOUT, stdin=subprocess.DEVNULL,
             start_new_session=True,
         )  # fmt: skip
-        CHILDREN.add(process.pid)
-        try:
-            code = process.wait(timeout=limit)
-        except subprocess.TimeoutExpired as cause:
-            raise OverTimeError from cause
-        finally:
-            with suppress(ProcessLookupError):
-                os.killpg(process.pid, signal.SIGKILL)
-            process.wait()
-            CHILDREN.discard(process.pid)
+        with with_group(process.pid):
+            try:
+                code = process.wait(timeout=limit)
+            except subprocess.TimeoutExpired as cause:
+                raise OverTimeError from cause
+            finally:
+                with suppress(ProcessLookupError):
+                    os.killpg(process.pid, signal.SIGKILL)
+                process.wait()
     if code != 0:
         output = (out / "output.txt").read_text(errors="replace")[-2000:]
         raise RuntimeError(f"exit code {code}: {output}")

@@ -3,14 +3,13 @@
 import json
 from collections.abc import Sequence
 from concurrent.futures import Future
-from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
 
 from wrenchbed.benchmark.sealed import commitments
 from wrenchbed.benchmark.sealed.entrants import RUN, Entrant, enter
-from wrenchbed.errors import BenchmarkError
+from wrenchbed.errors import BenchmarkError, WorkerError
 from wrenchbed.jobs.workers import Progress, in_workers, silent
 
 __all__ = ["Case", "Entrant", "Failures", "run"]
@@ -59,14 +58,14 @@ def run(
         report(1)
 
     answer = partial(_answer, cases, claims, limit)
-    with suppress(BrokenProcessPool):
+    with suppress(WorkerError):
         in_workers(answer, todo, finished, processes)
     for name, remaining in todo:  # if a process died, each unfinished case gets its own process
         if name in done:
             continue
         try:
             in_workers(answer, [(name, _remaining(remaining, claims, name))], finished, 1)
-        except BrokenProcessPool:
+        except WorkerError:
             for entrant in _remaining(remaining, claims, name):
                 _write_crash(claims / entrant.name / name)
                 failed[entrant.name] += 1

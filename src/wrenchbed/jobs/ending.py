@@ -1,0 +1,81 @@
+"""A process ends with the one that started it, also where that was killed and could say nothing.
+
+On Linux the kernel kills it (prctl, PR_SET_PDEATHSIG). Elsewhere, and where something must be
+ended first, a thread looks who the parent is.
+"""
+
+import ctypes
+import os
+import signal
+import sys
+import threading
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+
+_LOOKS_S = 0.2
+"""How often a worker looks whether its parent is alive [s]; estimate."""
+_PR_SET_PDEATHSIG = 1
+"""Option of prctl: linux/prctl.h."""
+_GROUPS: set[int] = set()
+"""Process groups that this process started and that end with it."""
+_PARENT: list[int] = []
+"""The parent that this process ends with, if any."""
+_START = (
+    "import ctypes, os, sys\n"
+    f"ctypes.CDLL(None).prctl({_PR_SET_PDEATHSIG}, {int(signal.SIGKILL)}, 0, 0, 0)\n"
+    "if os.getppid() == int(sys.argv[1]): os.execv(sys.argv[2], sys.argv[2:])"
+)
+"""Becomes a program that the kernel kills with its parent; the setting survives execv."""
+
+
+def end_with(parent: int) -> None:
+    """End this process within a second of its parent's end.
+
+    Its standard output becomes the null device, so that a reader of the parent's output sees the
+    end of the parent.
+
+    Args:
+        parent: id of the process that started this one.
+    """
+    null = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(null, 1)
+    os.close(null)
+    _PARENT[:] = [parent]
+    _kernel_kills(signal.SIGKILL)
+    threading.Thread(target=_watch, args=(parent,), daemon=True).start()
+
+
+@contextmanager
+def with_group(group: int) -> Iterator[None]:
+    """While the block runs, a process group that this worker started ends with it."""
+    _GROUPS.add(group)
+    _kernel_kills(0)  # the thread must kill the group before this process ends
+    try:
+        yield
+    finally:
+        _GROUPS.discard(group)
+        if not _GROUPS and _PARENT:
+            _kernel_kills(signal.SIGKILL)
+
+
+def bound(command: Sequence[str]) -> list[str]:
+    """A command that starts a program, given by its path, which ends with this process."""
+    if not sys.platform.startswith("linux"):
+        return list(command)
+    return [sys.executable, "-I", "-S", "-c", _START, str(os.getpid()), *command]
+
+
+def _watch(parent: int) -> None:
+    while os.getppid() == parent:
+        time.sleep(_LOOKS_S)
+    for group in list(_GROUPS):
+        with suppress(ProcessLookupError):
+            os.killpg(group, signal.SIGKILL)
+    os._exit(1)
+
+
+def _kernel_kills(number: int) -> None:
+    """Have the kernel send a signal at the parent's end; 0: none."""
+    if sys.platform.startswith("linux"):
+        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, number, 0, 0, 0)

@@ -1,0 +1,101 @@
+"""Worker processes end with the process that started them, also where it was killed."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import psutil
+import pytest
+
+from ended import alive_after
+from wrenchbed.errors import ShortageError, WorkerError
+from wrenchbed.jobs.ending import bound
+from wrenchbed.jobs.workers import in_workers, workers
+
+SUPPORT = Path(__file__).parents[1] / "support"
+ENDS_S = 1.0
+"""The promise."""
+
+
+def start(*command: object) -> subprocess.Popen:
+    path = os.pathsep.join([str(SUPPORT), os.environ.get("PYTHONPATH", "")])
+    return subprocess.Popen(
+        [sys.executable, *map(str, command)], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
+        env=os.environ | {"PYTHONPATH": path, "PYTHONUNBUFFERED": "1"},
+    )  # fmt: skip
+
+
+def descendants(process: subprocess.Popen, least: int) -> list[psutil.Process]:
+    """All of them once there are enough."""
+    until = time.monotonic() + 60.0
+    while time.monotonic() < until:
+        found = psutil.Process(process.pid).children(recursive=True)
+        if len(found) >= least:
+            return found
+        time.sleep(0.05)
+    raise AssertionError("they did not start")
+
+
+def killed(process: subprocess.Popen, least: int) -> float:
+    """Seconds from SIGKILL until all descendants are gone and the pipe is at its end."""
+    children = descendants(process, least)
+    begun = time.monotonic()
+    process.kill()
+    assert not alive_after(children, 5.0)
+    with process:
+        process.stdout.read()  # ends when nobody holds the pipe
+    return time.monotonic() - begun
+
+
+@pytest.mark.parametrize("forked", [False, True])
+@pytest.mark.parametrize("busy", [False, True])
+def test_workers_end_with_a_killed_parent(forked, busy):
+    process = start("-m", "worked", "pool", forked, busy)
+    assert process.stdout.readline().strip() == b"at work"
+    assert killed(process, 2) < ENDS_S
+
+
+def test_a_program_of_a_worker_and_what_it_started_end_too():
+    process = start("-m", "worked", "program")
+    assert process.stdout.readline().strip() == b"at work"
+    assert killed(process, 4) < ENDS_S
+
+
+def test_a_program_started_by_this_process_ends_with_it():
+    process = start("-m", "worked", "bound")
+    assert process.stdout.readline().strip() == b"at work"
+    assert killed(process, 1) < ENDS_S
+
+
+def test_a_bound_program_tells_its_own_exit_code():
+    assert subprocess.run(bound(["/bin/sh", "-c", "exit 7"]), check=False).returncode == 7
+
+
+@pytest.mark.parametrize(
+    ("how", "told"),
+    [
+        (-signal.SIGKILL, r"killed \(SIGKILL\), as the system does when memory runs out.*fewer"),
+        (-signal.SIGSEGV, r"crashed \(SIGSEGV\)"),
+        (3, "ended with code 3"),
+    ],
+)
+def test_a_worker_that_dies_is_named(how, told):
+    from worked import die
+
+    with pytest.raises(WorkerError, match=told):
+        in_workers(die, [how, 0], lambda _, future: future.result(), 2)
+
+
+def test_too_few_files_for_workers_are_refused_before_they_start():
+    import resource
+
+    before = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (100, before[1]))
+    try:
+        with pytest.raises(ShortageError, match="may open 100 and needs 144.*fewer"), workers(20):
+            pass
+    finally:
+        resource.setrlimit(resource.RLIMIT_NOFILE, before)
