@@ -24,13 +24,42 @@
 
     WrenchbedWarning        what a person should know; the work continues (UserWarning)
 
-A message is one line. It names the file, field and row, the value and the remedy.
+A message is one line. It names the file, field and row, the value and the remedy. File names and
+values of foreign files stand in it, so what a terminal would obey in them is spelled out.
 """
 
 import errno
+import re
 from collections.abc import Collection
 from difflib import get_close_matches
 from pathlib import Path
+
+OBEYED = re.compile(
+    "[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200b\u200e\u200f\u2028-\u202e\u2066-\u2069\ufeff"
+    "\ud800-\udfff\U000e0000-\U000e007f]"
+)
+"""Control characters but tab and line feed, marks that turn the direction of writing, characters
+without a width, and halves of characters (file names that are not UTF-8)."""
+_LONGEST_WORD, _LONGEST_LINE = 1000, 4000
+"""Of a message [characters]: what is longer is cut, and its length is said. Estimates: a path has
+at most 255 characters a part, and a list of all parameters 2,000."""
+
+
+def printable(text: str) -> str:
+    """A text whose control characters are spelled out (``\\x1b``); line feeds and tabs stay."""
+    return OBEYED.sub(lambda m: m[0].encode("unicode_escape").decode(), text)
+
+
+def one_line(text: str) -> str:
+    """A text as one line without control characters; what is very long is cut."""
+
+    def cut(found: re.Match[str]) -> str:
+        return f"{found[0][:200]}… ({len(found[0]):,} characters)"
+
+    text = re.sub(rf"\S{{{_LONGEST_WORD + 1},}}", cut, text)
+    if len(text) > _LONGEST_LINE:
+        text = f"{text[: _LONGEST_LINE // 2]} … ({len(text):,} characters) … {text[-500:]}"
+    return printable(text).replace("\n", "\\n").replace("\t", "\\t")
 
 
 def did_you_mean(word: str, known: Collection[str]) -> str:
@@ -42,6 +71,9 @@ def did_you_mean(word: str, known: Collection[str]) -> str:
 
 class WrenchbedError(Exception):
     """Base of all errors below; the command line prints it as one line and exits with 1."""
+
+    def __str__(self) -> str:
+        return one_line(super().__str__())
 
 
 class ParameterError(WrenchbedError, ValueError):

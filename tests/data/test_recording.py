@@ -137,7 +137,7 @@ def test_files_that_are_no_recordings_are_refused(tmp_path):
     with pytest.raises(RecordingError, match="wrenchbed import"):
         Recording.read(path)
     pq.write_table(pa.table(columns()).replace_schema_metadata({b"wrenchbed": b"{"}), path)
-    with pytest.raises(RecordingError, match="is not JSON"):
+    with pytest.raises(RecordingError, match="key 'wrenchbed': not valid JSON"):
         Recording.read(path)
     table = parquet.table_of(columns(), METADATA.to_json())
     missing = table.set_column(3, "q3", pa.array([None, *([1.0] * 19)]))

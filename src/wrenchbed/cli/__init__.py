@@ -4,19 +4,29 @@ Read first: this file, then `console`; each verb's module is loaded when it is c
 """
 
 import ast
+import io
 import signal
 import sys
 import textwrap
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, redirect_stderr
 from difflib import get_close_matches
+from functools import partial, wraps
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated, Any, Union
 
 from wrenchbed.cli.limits import check_memory
-from wrenchbed.errors import WrenchbedError, WrenchbedWarning, shortage
+from wrenchbed.errors import (
+    OBEYED,
+    WrenchbedError,
+    WrenchbedWarning,
+    one_line,
+    printable,
+    shortage,
+)
 
 _VERBS = {
     "list": ("small_verbs", "list_"),
@@ -72,7 +82,7 @@ def main(arguments: list[str] | None = None) -> int:
             print(_usage(), file=sys.stderr)
             raise SystemExit(2)
         case [word, *_]:
-            print(f"wrenchbed: error: {_unknown(word)}", file=sys.stderr)
+            print(f"wrenchbed: error: {one_line(_unknown(word))}", file=sys.stderr)
             raise SystemExit(2)
     raise SystemExit(0)
 
@@ -115,14 +125,14 @@ def _unknown(word: str) -> str:
 
 
 def _run(words: Sequence[str]) -> int:
-    from rich.console import Console
+    from wrenchbed.cli.console import Console
 
     stderr = Console(stderr=True, soft_wrap=True, highlight=False)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("always", WrenchbedWarning)
             warnings.showwarning = lambda message, *_, **__: stderr.print(
-                f"wrenchbed: warning: {message}", style="yellow", markup=False
+                f"wrenchbed: warning: {one_line(str(message))}", style="yellow", markup=False
             )
             check_memory(words[0])
             _call(words[0], words[1:])
@@ -133,7 +143,7 @@ def _run(words: Sequence[str]) -> int:
         what = _in_words(error)
         if not what:
             raise
-        stderr.print(f"wrenchbed: error: {what}", style="red", markup=False)
+        stderr.print(f"wrenchbed: error: {one_line(what)}", style="red", markup=False)
         return 1
     except KeyboardInterrupt:
         stderr.print(f"wrenchbed: stopped{_WHEN_STOPPED.get(words[0], '')}", markup=False)
@@ -157,12 +167,39 @@ def _call(verb: str, arguments: Sequence[str]) -> None:
     home, function = _loaded(verb)
     config = (tyro.conf.OmitArgPrefixes, tyro.conf.FlagCreatePairsOff)
     prog, args = f"wrenchbed {verb}", list(arguments)
-    if verb in _GROUPS:
-        tyro.extras.subcommand_cli_from_dict(
-            home.VERBS, prog=prog, description=function.__doc__, args=args, config=config
-        )
-    else:
-        tyro.cli(function, prog=prog, args=args, config=config)
+    with _cleaned(args):
+        if verb in _GROUPS:
+            call = tyro.extras.subcommand_cli_from_dict(
+                {name: _later(f) for name, f in home.VERBS.items()}, prog=prog,
+                description=function.__doc__, args=args, config=config,
+            )  # fmt: skip
+        else:
+            call = tyro.cli(_later(function), prog=prog, args=args, config=config)
+    call()
+
+
+def _later(function: Callable[..., Any]) -> Callable[..., Callable[[], Any]]:
+    """A function of the same signature that returns the call instead of calling."""
+
+    @wraps(function)
+    def bound(*args: Any, **kwargs: Any) -> Callable[[], Any]:
+        return partial(function, *args, **kwargs)
+
+    return bound
+
+
+@contextmanager
+def _cleaned(arguments: Sequence[str]) -> Iterator[None]:
+    """Control characters of arguments (names of files) are spelled out in what a parser prints."""
+    if not any(map(OBEYED.search, arguments)):
+        yield
+        return
+    said = io.StringIO()
+    try:
+        with redirect_stderr(said):
+            yield
+    finally:
+        sys.stderr.write(printable(said.getvalue()))
 
 
 def _loaded(verb: str) -> tuple[Any, Callable[..., Any]]:

@@ -1,10 +1,11 @@
 """What the verbs share: argument checks, ``--set`` words, answers, progress bars, signals."""
 
 import json
+import re
 import shlex
 import signal
 import threading
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import fields
 from pathlib import Path
@@ -12,7 +13,8 @@ from types import NoneType, UnionType
 from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
 import tyro
-from rich.console import Console
+from rich.console import Console as RichConsole
+from rich.console import ConsoleOptions, RenderableType
 from rich.progress import (
     BarColumn,
     MofNCompleteColumn,
@@ -22,10 +24,11 @@ from rich.progress import (
     TextColumn,
     TimeElapsedColumn,
 )
+from rich.segment import Segment
 from rich.text import Text
 
 from wrenchbed.data.checked import load
-from wrenchbed.errors import ParameterError
+from wrenchbed.errors import OBEYED, ParameterError, one_line, printable
 
 _AT_ONCE_S = 1.0
 """Steps that are done within so many seconds were done by an earlier run."""
@@ -101,6 +104,18 @@ Json = Annotated[bool, tyro.conf.FlagCreatePairsOff, tyro.conf.arg(name="json")]
 Repeated = tyro.conf.UseAppendAction[tuple[str, ...]]
 """A text option that may be given several times."""
 
+
+class Console(RichConsole):
+    """A console on which text of foreign files is only text: control characters are spelled out."""
+
+    def render(
+        self, renderable: RenderableType, options: ConsoleOptions | None = None
+    ) -> Iterable[Segment]:
+        """Segments as rich makes them, cleaned; rich's own control codes stay."""
+        for text, style, control in super().render(renderable, options):
+            yield Segment(text if control else printable(text), style, control)
+
+
 _OUT = Console()
 
 
@@ -146,17 +161,28 @@ def command(*words: object) -> str:
 
 def say(text: str) -> None:
     """Print one line for people, unbroken and without markup."""
+    _print(one_line(text))
+
+
+def _print(text: str) -> None:
     _OUT.print(text, soft_wrap=True, markup=False, highlight=False)
 
 
 def answer(result: Any, as_json: bool, display: Any) -> None:
     """Print what people read, text or a table of rich; or the result as JSON."""
     if as_json:
-        print(json.dumps(result, indent=1, ensure_ascii=False, allow_nan=False))
+        text = json.dumps(result, indent=1, ensure_ascii=False, allow_nan=False)
+        print(OBEYED.sub(_as_json, text))
     elif isinstance(display, str):
-        say(display)
+        _print(display)
     else:
         _OUT.print(display)
+
+
+def _as_json(found: re.Match[str]) -> str:
+    """A character as JSON spells it out."""
+    units = found[0].encode("utf-16-be", "surrogatepass").hex()
+    return "".join(f"\\u{units[k : k + 4]}" for k in range(0, len(units), 4))
 
 
 class RemainingColumn(ProgressColumn):

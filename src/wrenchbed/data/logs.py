@@ -9,8 +9,9 @@ A recording as an MCAP file of ROS 2 messages, for whoever looks at logs with RO
 
 import json
 from array import array
+from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -18,13 +19,21 @@ import numpy as np
 import pyarrow as pa
 
 from wrenchbed import registry
+from wrenchbed.data.bag1_file import Bag1File
+from wrenchbed.data.bag2_folder import METADATA, Bag2Folder, SqliteFile
+from wrenchbed.data.log_records import Channel, Log, Messages
+from wrenchbed.data.mcap_file import McapFile
 from wrenchbed.data.recording import Recording
-from wrenchbed.errors import MapError
+from wrenchbed.errors import MapError, WrenchbedError, raise_shortage
 from wrenchbed.files import atomic_write
 from wrenchbed.physics.wrench import CHANNELS
 
 STAMP, LOGGED = "stamp", "logged"
 """Times of a message: its header's, and when it was written [ns]."""
+_LONGEST_DEFINITION = 2**18
+"""Of a kind of messages [characters]: estimate, 20 times the longest of ROS's own."""
+_OF_IDL = "=" * 80 + "\nIDL: "
+"""Stands before each of several definitions in IDL."""
 TRANSFORMS = "transforms"
 """Field of a TFMessage."""
 Getter = Callable[[Any], float]
@@ -43,18 +52,20 @@ class MessageRows:
     def __init__(self, wanted: Sequence[str]) -> None:
         self.wanted = tuple(dict.fromkeys(wanted))
         self.missing: set[str] = set()
+        self.seen = 0
         self._times = {n: array("q") for n in self.wanted if n in (STAMP, LOGGED)}
         self._values = {n: array("d") for n in self.wanted if n not in (STAMP, LOGGED)}
         frames = [n.split(".")[1] for n in self._values if n.startswith(f"{TRANSFORMS}.")]
         self._frame = next((f for f in frames if not f.isdecimal()), None)
 
-    def add(self, message: Any, logged: int) -> None:
-        """One message."""
+    def add(self, message: Any, logged: int) -> bool:
+        """One message; whether it became a row."""
         told = message
         if self._frame is not None:
             told = _transform(message, self._frame)
             if told is None:
-                return
+                self.seen += 1
+                return False
             message = {TRANSFORMS: {self._frame: told}}
         if LOGGED in self._times:
             self._times[LOGGED].append(logged)
@@ -64,6 +75,8 @@ class MessageRows:
         names = _get(message, "name") if "." in "".join(self._values) else None
         for column, values in self._values.items():
             values.append(self._value(message, column, names))
+        self.seen += 1
+        return True
 
     def table(self) -> pa.Table:
         """What was gathered; fields that some message lacked are NaN."""
@@ -125,13 +138,9 @@ def _nanoseconds(stamp: Any) -> int:
     return -1 if second is None or part is None else int(second) * 1_000_000_000 + int(part)
 
 
-Messages = Iterator[tuple[Any, int]]
-"""Messages of a topic and when each was written [ns]."""
-
-
 def is_log(path: Path) -> bool:
     """Whether a path is a bag (``.bag``, a folder with ``metadata.yaml``) or an MCAP file."""
-    return path.suffix in (".bag", ".mcap", ".db3") or (path / "metadata.yaml").is_file()
+    return path.suffix in (".bag", ".mcap", ".db3") or (path / METADATA).is_file()
 
 
 def table(path: Path, topic: str | None, wanted: Sequence[str]) -> pa.Table:
@@ -148,23 +157,31 @@ def table(path: Path, topic: str | None, wanted: Sequence[str]) -> pa.Table:
     """
     if not path.exists():
         raise MapError(f"{path}: there is no such file")
-    opened = _mcap if path.suffix == ".mcap" else _bag
-    rows, count = MessageRows(wanted), 0
-    with opened(path) as (topics, read):
-        topic = _chosen(path, topic, topics)
-        for message, logged in read(topic):
-            rows.add(message, logged)
-            count += 1
-            if rows.missing:
-                what = f"{topic!r} ({topics[topic]}), message {count}"
-                raise MapError(f"{path}: topic {what}: has no {sorted(rows.missing)[0]!r}")
+    rows, logged = MessageRows(wanted), array("q")
+    try:
+        log = _opened(path)
+        if topic is None:
+            deque(log.messages(None), maxlen=0)
+            topic = _chosen(path, topic, log.topics)
+        with closing(log.messages(topic)) as messages:
+            _gather(path, messages, rows, logged)
+    except (OSError, MemoryError) as error:
+        raise_shortage(error, path)
+        raise MapError(f"{path}: cannot be read: {_line(error)}") from error
+    _chosen(path, topic, log.topics)
     found = rows.table()
-    if count and found.num_rows == 0:
+    if rows.seen and found.num_rows == 0:
         frames = ", ".join(wanted)
         raise MapError(f"{path}: no message of {topic!r} has the frame of {frames}")
-    if STAMP in found.column_names and count and found[STAMP][0].as_py() < 0:
+    if STAMP in found.column_names and rows.seen and found[STAMP][0].as_py() < 0:
         raise MapError(f"{path}: messages of {topic!r} have no stamp: map t to column 'logged'")
-    return found
+    return _in_order(found, logged)
+
+
+def _in_order(found: pa.Table, logged: Sequence[int]) -> pa.Table:
+    """Rows in the order of writing; a file may hold them in another one."""
+    times = np.asarray(logged, dtype=np.int64)
+    return found if (np.diff(times) >= 0).all() else found.take(np.argsort(times, kind="stable"))
 
 
 def _chosen(path: Path, topic: str | None, topics: Mapping[str, str]) -> str:
@@ -177,73 +194,83 @@ def _chosen(path: Path, topic: str | None, topics: Mapping[str, str]) -> str:
     raise MapError(f"{path}: {what}; it holds {known}")
 
 
-@contextmanager
-def _bag(path: Path) -> Iterator[tuple[dict[str, str], Callable[[str], Messages]]]:
-    """A bag of ROS 1 or 2."""
-    rosbags = registry.require("rosbags.highlevel", "logs")
-    typesys = registry.require("rosbags.typesys", "logs")
-    folder = path.parent if path.suffix == ".db3" else path
-    try:
-        reader = rosbags.AnyReader(
-            [folder], default_typestore=typesys.get_typestore(typesys.Stores.LATEST)
-        )
-        reader.open()
-    except (rosbags.AnyReaderError, OSError, KeyError, ValueError) as error:
-        raise MapError(f"{path}: not a bag that can be read: {_line(error)}") from error
-    try:
-
-        def read(topic: str) -> Messages:
-            for connection, logged, raw in reader.messages(
-                [c for c in reader.connections if c.topic == topic]
-            ):
-                yield reader.deserialize(raw, connection.msgtype), logged
-
-        yield {c.topic: c.msgtype for c in reader.connections}, read
-    finally:
-        reader.close()
+def _opened(path: Path) -> Log:
+    """The reader of a log."""
+    if path.suffix == ".mcap":
+        return McapFile(path)
+    if path.suffix == ".bag":
+        return Bag1File(path)
+    if path.suffix == ".db3" and not (path.parent / METADATA).is_file():
+        return SqliteFile(path)
+    return Bag2Folder(path.parent if path.suffix == ".db3" else path)
 
 
-@contextmanager
-def _mcap(path: Path) -> Iterator[tuple[dict[str, str], Callable[[str], Messages]]]:
-    """An MCAP file of ROS 1, ROS 2 or JSON messages."""
-    mcap = registry.require("mcap.reader", "logs")
-    errors = registry.require("mcap.exceptions", "logs")
-    with path.open("rb") as stream:
+def _gather(path: Path, messages: Messages, rows: MessageRows, logged: "array[int]") -> None:
+    """Add messages to the rows, and when each of these was written.
+
+    Raises:
+        MapError: a field is missing; a message or its definition is damaged, whatever a library
+            raises there.
+    """
+    decoders: dict[Channel, Callable[[bytes], Any]] = {}
+    for channel, now, data in messages:
         try:
-            reader = mcap.make_reader(stream)
-            summary = reader.get_summary()
-        except (errors.McapError, OSError, ValueError) as error:
-            raise MapError(f"{path}: not an MCAP file that can be read: {_line(error)}") from error
-        if summary is None:
-            raise MapError(f"{path}: ends early; mend it with `mcap recover`")
-        schemas = summary.schemas
-        topics = {c.topic: schemas[c.schema_id].name if c.schema_id in schemas else "no schema"
-                  for c in summary.channels.values()}  # fmt: skip
-
-        def read(topic: str) -> Messages:
-            decoders: dict[int, Callable[[bytes], Any]] = {}
-            for schema, channel, message in reader.iter_messages(topics=[topic]):
-                if channel.id not in decoders:
-                    decoders[channel.id] = _decoder(path, schema, channel.message_encoding)
-                yield decoders[channel.id](message.data), message.log_time
-
-        yield topics, read
+            if channel not in decoders:
+                decoders[channel] = _decoder(path, channel)
+            if rows.add(decoders[channel](data), now):
+                logged.append(now)
+        except WrenchbedError:
+            raise
+        except Exception as error:  # generated code and parsers: no common base
+            raise_shortage(error, path)
+            where = f"{path}: topic {channel.topic!r} ({channel.kind}), message {rows.seen + 1}"
+            raise MapError(f"{where}: cannot be decoded: {_line(error)}") from error
+        if rows.missing:
+            what = f"{channel.topic!r} ({channel.kind}), message {rows.seen}"
+            raise MapError(f"{path}: topic {what}: has no {sorted(rows.missing)[0]!r}")
 
 
-def _decoder(path: Path, schema: Any, encoding: str) -> Callable[[bytes], Any]:
-    if encoding == "json":
+def _decoder(path: Path, channel: Channel) -> Callable[[bytes], Any]:
+    """What turns the bytes of a channel's messages into objects."""
+    if channel.encoding == "json":
         return json.loads
-    if encoding not in ("cdr", "ros1") or schema is None:
-        raise MapError(f"{path}: messages in {encoding!r} cannot be read; cdr, ros1 and json can")
+    where = f"{path}: topic {channel.topic!r}"
+    if channel.encoding not in ("cdr", "ros1"):
+        raise MapError(f"{where}: is in {channel.encoding!r}; cdr, ros1 and json can be read")
+    if len(channel.definition) > _LONGEST_DEFINITION:
+        raise MapError(f"{where}: the definition has {len(channel.definition):,} characters")
     typesys = registry.require("rosbags.typesys", "logs")
-    store = typesys.get_typestore(typesys.Stores.EMPTY)
-    name = schema.name if schema.name.count("/") == 2 else schema.name.replace("/", "/msg/")
-    store.register(typesys.get_types_from_msg(schema.data.decode(), name))
-    read = store.deserialize_cdr if encoding == "cdr" else store.deserialize_ros1
-    return lambda data: read(data, name)
+    kind = channel.kind
+    if channel.definition:
+        store = typesys.get_typestore(typesys.Stores.EMPTY)
+        store.register(_types(typesys, channel))
+        ros1 = channel.encoding == "ros1"
+        if channel.digest and channel.digest != (
+            store.generate_msgdef(kind)[1] if ros1 else store.hash_rihs01(kind)
+        ):
+            raise MapError(f"{where}: the definition of {kind} does not fit its checksum: damaged")
+    else:
+        store = typesys.get_typestore(typesys.Stores.LATEST)
+    read = store.deserialize_cdr if channel.encoding == "cdr" else store.deserialize_ros1
+    return lambda data: read(data, kind)
+
+
+def _types(typesys: Any, channel: Channel) -> Any:
+    """The kinds that a definition defines; in IDL several may stand one behind the other."""
+    if channel.language == "msg":
+        return typesys.get_types_from_msg(channel.definition, channel.kind)
+    if not channel.definition.startswith(_OF_IDL):
+        return typesys.get_types_from_idl(channel.definition)
+    texts = channel.definition.split(_OF_IDL)[1:]
+    parts = [typesys.get_types_from_idl(text.partition("\n")[2]) for text in texts]
+    return {name: kind for part in parts for name, kind in part.items()}
 
 
 def _line(error: Exception) -> str:
+    if isinstance(error, OSError) and error.strerror:
+        return error.strerror
+    if isinstance(error, RecursionError):
+        return "nested too deeply"
     return (str(error) or type(error).__name__).splitlines()[0]
 
 

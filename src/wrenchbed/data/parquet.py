@@ -1,6 +1,7 @@
 """Parquet with wrenchbed's metadata: read with clear errors, written atomically."""
 
 import json
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from wrenchbed.data.checked import parsed
 from wrenchbed.errors import WrenchbedError, raise_shortage
 from wrenchbed.files import atomic_write
 
@@ -18,6 +20,9 @@ FORMAT = 1
 """The format number written and read."""
 AT_ONCE = 4
 """Columns that are unpacked together."""
+FREE, RATIO = 2**28, 200
+"""A file may unpack to the larger of this size [bytes] and this multiple of its own: estimates, a
+recording with noise reaches a multiple of 2."""
 
 
 def read(path: Path, error: type[WrenchbedError]) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
@@ -33,19 +38,46 @@ def read(path: Path, error: type[WrenchbedError]) -> tuple[dict[str, np.ndarray]
         raise error(f"{path}: there is no such file")
     result: dict[str, np.ndarray] = {}
     try:
-        with pq.ParquetFile(path) as file:
+        with _opened(path, error) as file:
             schema = file.schema_arrow
             metadata = metadata_of(schema, path, error)
-            _check_names(schema.names, path, error)
             for first in range(0, len(schema.names), AT_ONCE):
                 some = file.read(columns=schema.names[first : first + AT_ONCE])
                 result |= columns(some, path, error)
-    except (pa.ArrowException, OSError) as cause:
+    except WrenchbedError:
+        raise
+    except Exception as cause:  # Arrow's, or Python's for names that are no text
         raise_shortage(cause, path)
+        if isinstance(cause, OSError) and cause.errno is not None:
+            raise error(f"{path}: cannot be read: {cause.strerror}") from cause
         raise error(
-            f"{path}: not a complete Parquet file (truncated or of another kind)"
+            f"{path}: not a complete Parquet file (truncated, damaged or of another kind)"
         ) from cause
     return result, metadata
+
+
+def _opened(path: Path, error: type[WrenchbedError]) -> pq.ParquetFile:
+    """A file whose columns may be read: few enough, of numbers or text, not larger than plausible.
+
+    Text is kept as a dictionary, so that a long one that is repeated does not fill the memory.
+
+    Raises:
+        error: a column of another kind, or a size that the file's own does not explain.
+    """
+    with pq.ParquetFile(path) as file:
+        schema, rows = file.schema_arrow, file.metadata.num_rows
+    _check_names(schema.names, path, error)
+    nested = next((f for f in schema if pa.types.is_nested(f.type)), None)
+    if nested is not None:
+        raise error(f"{path}: column {nested.name!r} holds {nested.type}, not numbers or text")
+    size, most = 8 * rows * len(schema.names), max(FREE, RATIO * path.stat().st_size)
+    if size > most:
+        raise error(
+            f"{path}: states {rows:,} rows of {len(schema.names):,} columns, which a file of "
+            f"{path.stat().st_size:,} bytes does not hold: damaged, or a bomb"
+        )
+    text = [f.name for f in schema if pa.types.is_string(f.type) or pa.types.is_binary(f.type)]
+    return pq.ParquetFile(path, read_dictionary=text, page_checksum_verification=True)
 
 
 def metadata_of(schema: pa.Schema, path: Path, error: type[WrenchbedError]) -> dict[str, Any]:
@@ -60,10 +92,7 @@ def metadata_of(schema: pa.Schema, path: Path, error: type[WrenchbedError]) -> d
             f"{path}: no metadata under the key 'wrenchbed'; bring foreign data in with "
             "`wrenchbed import`"
         )
-    try:
-        metadata = json.loads(text)
-    except (ValueError, UnicodeDecodeError) as cause:
-        raise error(f"{path}: the metadata under the key 'wrenchbed' is not JSON") from cause
+    metadata = parsed(text, f"{path}: the metadata under the key 'wrenchbed':", error)
     if not isinstance(metadata, dict):
         raise error(f"{path}: the metadata under the key 'wrenchbed' is not a JSON object")
     if metadata.get("format") != FORMAT:
@@ -92,7 +121,7 @@ def columns(table: pa.Table, path: Path, error: type[WrenchbedError]) -> dict[st
 
 
 def _check_names(names: Sequence[str], path: Path, error: type[WrenchbedError]) -> None:
-    twice = next((n for n in names if names.count(n) > 1), None)
+    twice = next((n for n, count in Counter(names).items() if count > 1), None)
     if twice is not None:
         raise error(f"{path}: column {twice!r} appears twice")
 
@@ -106,4 +135,4 @@ def table_of(data: Mapping[str, np.ndarray], metadata: Mapping[str, Any]) -> pa.
 def write(path: Path, table: pa.Table) -> None:
     """Write a file atomically."""
     with atomic_write(path) as temporary:
-        pq.write_table(table, temporary)
+        pq.write_table(table, temporary, write_page_checksum=True)

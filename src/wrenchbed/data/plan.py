@@ -108,7 +108,7 @@ def is_plan(path: Path) -> bool:
     """Whether a file is Parquet with joint values and no wrench."""
     try:
         names = pq.read_schema(path).names
-    except (pa.ArrowException, OSError) as cause:
+    except (pa.ArrowException, OSError, UnicodeDecodeError) as cause:
         raise_shortage(cause, path)
         return False
     return "q1" in names and "fx" not in names
@@ -153,7 +153,7 @@ def read(path: str | Path) -> np.ndarray:
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:
             rows = list(csv.DictReader(file))
-    except (OSError, UnicodeDecodeError) as cause:
+    except (OSError, UnicodeDecodeError, csv.Error) as cause:
         raise_shortage(cause, path)
         raise PlanError(f"{path}: cannot be read as CSV") from cause
     if not rows:

@@ -9,6 +9,7 @@ import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import accumulate
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +20,10 @@ from wrenchbed.errors import MapError, raise_shortage
 
 _SAMPLE = 200
 """Lines that are looked at to find out how a file is written."""
+_LONGEST = 100_000
+"""Of a line [characters]: estimate, 5,000 numbers."""
+_SAMPLE_SIZE = 500_000
+"""Characters that are looked at, at most: splitting a line in all ways is slow."""
 _LARGE = 1_000_000
 """Files from this size on are read in a stream, if they hold nothing but numbers [bytes]."""
 _SEPARATORS = ("\t", ";", ",", "|")
@@ -127,6 +132,12 @@ def read_text(path: Path, separator: str | None = None) -> TextTable:
     if whole is not None:
         return whole
     lines = decode(path).splitlines()
+    long = next((k for k, line in enumerate(lines) if len(line) > _LONGEST), None)
+    if long is not None:
+        raise MapError(
+            f"{path}: line {long + 1} has {len(lines[long]):,} characters, more than {_LONGEST:,}; "
+            "is this a table?"
+        )
     layout = find_layout(lines, path, separator)
     body = lines[layout.skipped :]
     rows = [line for line in body if line.strip() and not _COMMENT.match(line)]
@@ -216,6 +227,8 @@ def find_layout(lines: Sequence[str], path: Path, separator: str | None = None) 
         MapError: there is no table of numbers in it.
     """
     some = [k for k, line in enumerate(lines[: 4 * _SAMPLE]) if line.strip()][:_SAMPLE]
+    ends = accumulate(len(lines[k]) for k in some)
+    some = [k for k, end in zip(some, ends, strict=True) if end <= _SAMPLE_SIZE]
     plain = [k for k in some if not _COMMENT.match(lines[k])]
     if not plain:
         raise MapError(f"{path}: the file has 0 rows")

@@ -5,9 +5,12 @@ Read first: this file; then `document` (studies), `plots` and `numbers`.
 
 from collections.abc import Mapping
 from importlib.resources import files
+from pathlib import Path
 from typing import Any
 
 from wrenchbed import registry
+from wrenchbed.errors import printable
+from wrenchbed.files import write_text
 
 
 def rendered(template: str, context: Mapping[str, Any]) -> str:
@@ -25,9 +28,20 @@ def rendered(template: str, context: Mapping[str, Any]) -> str:
         autoescape=True,
         trim_blocks=True,
         lstrip_blocks=True,
+        finalize=_cleaned,
         loader=jinja2.FunctionLoader(_text),
     )
     return str(environment.get_template(f"{template}.html.j2").render(context))
+
+
+def write_page(path: str | Path, template: str, context: Mapping[str, Any]) -> None:
+    """Write a page as `rendered` makes it, atomically."""
+    write_text(path, rendered(template, context))
+
+
+def _cleaned(value: Any) -> Any:
+    """What a template prints: in texts, unless they are HTML, control characters spelled out."""
+    return printable(value) if type(value) is str else value
 
 
 def _text(name: str) -> str:

@@ -10,8 +10,7 @@ from typing import Any
 from wrenchbed import registry
 from wrenchbed.diagnosis.diagnose import Findings
 from wrenchbed.diagnosis.prepare.prepared import Prepared
-from wrenchbed.files import write_text
-from wrenchbed.pages import numbers, rendered
+from wrenchbed.pages import numbers, rendered, write_page
 from wrenchbed.reports import figures, sentences, tables
 from wrenchbed.reports.figures import Artist, at_once
 from wrenchbed.reports.simulators import Evidence
@@ -42,7 +41,7 @@ class ReportPage:
 
     def write(self, path: str | Path) -> None:
         """Write the page."""
-        write_text(path, self.html())
+        write_page(path, self.template, self.context)
 
 
 def diagnosis_page(found: Findings, command: str = "", artist: Artist | None = None) -> ReportPage:

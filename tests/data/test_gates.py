@@ -1,0 +1,425 @@
+"""Logs, tables and settings that are cut, flipped, made to mislead or made to fill the memory."""
+
+import bz2
+import json
+import random
+import resource
+import struct
+import sys
+import zlib
+
+import lz4.frame
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+from mcap.writer import CompressionType
+from mcap.writer import Writer as McapWriter
+from rosbags.rosbag1 import Writer as Writer1
+from rosbags.rosbag2 import CompressionFormat, CompressionMode
+from rosbags.rosbag2 import Writer as Writer2
+from rosbags.typesys import Stores, get_typestore
+from test_logs import COUNT, LOGS, bag1, bag2, bag2_mcap, mcap_json, messages
+
+import wrenchbed as wb
+from wrenchbed.data import checked, parquet, unpacking
+from wrenchbed.data.logs import table
+from wrenchbed.data.plan import Plan, is_plan
+from wrenchbed.data.plan import read as read_points
+from wrenchbed.data.recording import Recording
+from wrenchbed.data.text_table import read_text
+from wrenchbed.data.unpacking import Unpacker
+from wrenchbed.errors import MapError, PlanError, RecordingError, ShortageError, WrenchbedError
+
+WANTED = ["stamp", "wrench.force.x"]
+MB = 2**20
+zstd = pytest.importorskip("compression.zstd" if sys.version_info >= (3, 14) else "backports.zstd")
+
+
+def mcap_of(path, *, compression=CompressionType.NONE, data_crcs=False, use_chunking=True):
+    """Numbers in JSON, so that one digit can be changed without changing a length."""
+    with path.open("wb") as stream:
+        writer = McapWriter(
+            stream, compression=compression, chunk_size=2000, enable_data_crcs=data_crcs,
+            use_chunking=use_chunking,
+        )  # fmt: skip
+        writer.start()
+        schema = writer.register_schema("any", "jsonschema", b"{}")
+        channel = writer.register_channel("/wrench", "json", schema)
+        for k in range(100):
+            writer.add_message(channel, k, json.dumps({"fx": 1000 + k}).encode(), k)
+        writer.finish()
+    return path
+
+
+def refused(path, *parts, topic="/wrench", wanted=("fx",)):
+    """The message, one line that begins with the file."""
+    with pytest.raises(MapError) as caught:
+        table(path, topic, list(wanted))
+    text = str(caught.value)
+    assert "\n" not in text and text.startswith(str(path)), text
+    for part in parts:
+        assert part in text, text
+    return text
+
+
+@pytest.mark.parametrize("make", LOGS.values(), ids=LOGS)
+def test_a_cut_or_flipped_log_is_read_right_or_refused_in_one_line(make, tmp_path):
+    log, dice = make(tmp_path), random.Random(5)
+    files = [log] if log.is_file() else sorted(log.iterdir())
+    true = table(log, "/wrench", WANTED)
+    refusals = 0
+    for k in range(60):
+        file = files[k % len(files)]
+        whole = file.read_bytes()
+        data = bytearray(whole[: dice.randrange(len(whole))] if k % 4 < 2 else whole)
+        for _ in range(dice.randrange(1, 4) if k % 4 >= 2 else 0):
+            data[dice.randrange(len(data))] ^= 1 << dice.randrange(8)
+        file.write_bytes(data)
+        try:
+            found = table(log, "/wrench", WANTED)
+        except MapError as error:
+            refusals += 1
+            assert "\n" not in str(error) and log.name.split(".")[0] in str(error)
+        else:
+            assert found.num_rows == true.num_rows
+            if make is mcap_json:
+                assert found.equals(true)
+        file.write_bytes(whole)
+    assert refusals > 20
+
+
+@pytest.mark.parametrize("compression", list(CompressionType))
+def test_a_digit_changed_in_a_chunk_is_refused_with_the_chunk(compression, tmp_path):
+    path = mcap_of(tmp_path / "a.mcap", compression=compression)
+    assert table(path, "/wrench", ["fx"])["fx"].to_pylist() == [1000.0 + k for k in range(100)]
+    data = path.read_bytes()
+    if compression == CompressionType.NONE:
+        path.write_bytes(data.replace(b'{"fx": 1050}', b'{"fx": 1850}'))
+        refused(path, "chunk 2 (at byte ", "its checksum is", "damaged")
+    else:  # any byte of the third chunk's compressed data
+        magic = struct.pack("<I", 0xFD2FB528 if compression == CompressionType.ZSTD else 0x184D2204)
+        at = [k for k in range(len(data)) if data[k : k + 4] == magic][2] + 40
+        path.write_bytes(data[:at] + bytes([data[at] ^ 4]) + data[at + 1 :])
+        refused(path, "chunk 3 (at byte ", "damaged")
+
+
+def test_checksums_of_the_data_and_of_the_summary_are_checked(tmp_path):
+    path = mcap_of(tmp_path / "a.mcap", data_crcs=True, use_chunking=False)
+    assert table(path, "/wrench", ["fx"]).num_rows == 100
+    whole = path.read_bytes()
+    path.write_bytes(whole.replace(b'{"fx": 1050}', b'{"fx": 1850}'))
+    refused(path, "data section: its checksum is")
+    at = whole.rindex(b"/wrench")
+    path.write_bytes(whole[:at] + b"/wrecch" + whole[at + 7 :])
+    refused(path, "defined twice")
+    path = mcap_of(tmp_path / "b.mcap")
+    whole = path.read_bytes()
+    statistics = whole.rindex(struct.pack("<Q", 99))  # the last message's time
+    path.write_bytes(whole[:statistics] + b"\x62" + whole[statistics + 1 :])
+    refused(path, "summary: its checksum is")
+
+
+def test_a_chunk_that_is_missing_is_noticed(tmp_path):
+    path = mcap_of(tmp_path / "a.mcap")
+    data = bytearray(path.read_bytes())
+    at = data.index(b"\x06", data.index(b"\x06", 60) + 1900)
+    while struct.unpack_from("<Q", data, at + 1)[0] > 2500 or data[at] != 6:
+        at = data.index(b"\x06", at + 1)
+    data[at] = 0x86  # a private record, which any reader skips
+    path.write_bytes(data)
+    refused(path)
+
+
+def test_a_chunk_lies_about_its_size(tmp_path):
+    for size, told in (
+        (2**40, "states 1,099,511,627,776 bytes"),
+        (10, "more than"),
+        (3000, "holds"),
+    ):
+        content = lz4.frame.compress(b"x" * 1000)
+        with pytest.raises(MapError, match=told):
+            path = tmp_path / "f"
+            path.write_bytes(content)
+            Unpacker(path).unpack(content, "lz4", size, "f: chunk 1")
+
+
+@pytest.mark.parametrize(
+    ("kind", "pack"),
+    [("zstd", lambda d: zstd.compress(d)), ("lz4", lz4.frame.compress), ("bz2", bz2.compress)],
+)
+def test_bombs_are_refused_without_unpacking_them(kind, pack, tmp_path, monkeypatch):
+    bomb = pack(bytes(64 * MB))
+    path = tmp_path / "bomb"
+    path.write_bytes(bomb)
+    monkeypatch.setattr(unpacking, "LARGEST", 16 * MB)
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    with pytest.raises(MapError, match="bomb: unpacks to more than"):
+        Unpacker(path).unpack(bomb, kind, None, "bomb")
+    with pytest.raises(MapError, match="unpacks to more than"):
+        Unpacker(path).unpack(bomb, kind, 1000, "bomb")
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - peak < 40_000  # kB
+    monkeypatch.setattr(unpacking, "FREE", 40 * MB)
+    monkeypatch.setattr(unpacking, "LARGEST", 64 * MB)
+    monkeypatch.setattr(unpacking, "RATIO", 1)
+    with pytest.raises(MapError, match="states 67,108,864 bytes"):
+        Unpacker(path).unpack(bomb, kind, 64 * MB, "bomb")
+    with pytest.raises(MapError, match="unpacks to more than it may"):
+        Unpacker(path).unpack_file(path, kind, tmp_path / "out")
+    assert (tmp_path / "out").stat().st_size <= 40 * MB
+
+
+def test_many_good_parts_that_are_a_bomb_together(tmp_path, monkeypatch):
+    monkeypatch.setattr(unpacking, "FREE", 10 * MB)
+    part = zstd.compress(bytes(4 * MB))
+    path = tmp_path / "f"
+    path.write_bytes(part)
+    unpacker = Unpacker(path)
+    for _ in range(2):
+        unpacker.unpack(part, "zstd", None, "f")
+    with pytest.raises(MapError, match="unpacks to more than 10,485,760 bytes"):
+        unpacker.unpack(part, "zstd", None, "f")
+
+
+@pytest.mark.parametrize("kind", ["zstd", "lz4", "bz2"])
+def test_what_is_unpacked_is_what_was_packed(kind, tmp_path):
+    content = np.random.default_rng(1).integers(0, 9, 9 * MB, dtype=np.uint8).tobytes()
+    pack = {"zstd": zstd.compress, "lz4": lz4.frame.compress, "bz2": bz2.compress}[kind]
+    data = pack(content[: 5 * MB]) + pack(content[5 * MB :])  # two streams, one behind the other
+    (tmp_path / "f").write_bytes(data)
+    unpacker = Unpacker(tmp_path / "f")
+    assert unpacker.unpack(data, kind, len(content), "f") == content
+    unpacker.unpack_file(tmp_path / "f", kind, tmp_path / "out")
+    assert (tmp_path / "out").read_bytes() == content
+    for cut in (len(data) - 3, 10, len(data) // 2):
+        with pytest.raises(MapError, match="end early|damaged"):
+            unpacker.unpack(data[:cut], kind, None, "f")
+    with pytest.raises(MapError, match="compressed by 'rar'"):
+        unpacker.unpack(data, "rar", None, "f")
+
+
+@pytest.mark.parametrize("mode", [CompressionMode.FILE, CompressionMode.MESSAGE])
+def test_compressed_bags_of_ros_2_come_in(mode, tmp_path):
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    writer = Writer2(tmp_path / "log", version=9)
+    writer.set_compression(mode, CompressionFormat.ZSTD)
+    with writer:
+        topic = writer.add_connection("/wrench", "geometry_msgs/msg/WrenchStamped", typestore=store)
+        for name, kind, message, at in messages(store):
+            if name == "/wrench":
+                writer.write(topic, at, store.serialize_cdr(message, kind))
+    plain = table(bag2(tmp_path / "plain"), "/wrench", WANTED)
+    assert table(tmp_path / "log", "/wrench", WANTED).equals(plain)
+
+
+@pytest.mark.parametrize(
+    "compression", [Writer1.CompressionFormat.BZ2, Writer1.CompressionFormat.LZ4]
+)
+def test_compressed_bags_of_ros_1_come_in_and_are_checked(compression, tmp_path):
+    store = get_typestore(Stores.ROS1_NOETIC)
+    (tmp_path / "plain").mkdir()
+    path = tmp_path / "log.bag"
+    writer = Writer1(path)
+    writer.set_compression(compression)
+    with writer:
+        topic = writer.add_connection("/wrench", "geometry_msgs/msg/WrenchStamped", typestore=store)
+        for name, kind, message, at in messages(store, ros1=True):
+            if name == "/wrench":
+                writer.write(topic, at, store.serialize_ros1(message, kind))
+    assert table(path, "/wrench", WANTED).equals(table(bag1(tmp_path / "plain"), "/wrench", WANTED))
+
+
+def test_a_bag_whose_index_or_definition_is_another_is_refused(tmp_path):
+    path = bag1(tmp_path)
+    whole = path.read_bytes()
+    path.write_bytes(whole.replace(b"geometry_msgs/Vector3 force", b"geometry_msgs/Vector3 ferce"))
+    refused(path, "does not fit its checksum", wanted=["wrench.ferce.x"])
+    at = whole.rindex(b"count=")
+    path.write_bytes(whole[: at + 6] + bytes([whole[at + 6] ^ 1]) + whole[at + 7 :])
+    refused(path)
+    path.write_bytes(whole.replace(b"index_pos=", b"index_pos=" + bytes(8), 1)[: len(whole)])
+    refused(path)
+
+
+def test_counts_of_a_bag_of_ros_2_must_agree(tmp_path):
+    log = bag2(tmp_path)
+    about = log / "metadata.yaml"
+    text = about.read_text()
+    about.write_text(text.replace(f"message_count: {COUNT}", f"message_count: {COUNT + 1}"))
+    told = f"states {COUNT + 1} messages", f"the files hold {COUNT}"
+    refused(log, *told, wanted=WANTED)
+    about.write_text("a: " + "[" * 3000)
+    refused(log, "metadata.yaml: not valid YAML")
+    about.write_text("x" * 2 * MB)
+    refused(log, "metadata.yaml: has 2,097,152 bytes")
+    about.unlink()
+    alone = table(next(log.glob("*.db3")), "/wrench", WANTED)
+    assert alone.num_rows == COUNT
+
+
+def test_messages_are_sorted_by_the_time_of_writing(tmp_path):
+    with (tmp_path / "a.mcap").open("wb") as stream:
+        writer = McapWriter(stream)
+        writer.start()
+        channel = writer.register_channel("/a", "json", 0)
+        for k in (3, 1, 2):
+            writer.add_message(channel, k, b'{"x": %d}' % k, k)
+        writer.finish()
+    assert table(tmp_path / "a.mcap", None, ["x"])["x"].to_pylist() == [1.0, 2.0, 3.0]
+
+
+@pytest.mark.parametrize("content", [b"[" * 5000, b'{"fx": 1' + b"0" * 400 + b"}", b"\xff", b"7"])
+def test_messages_that_are_no_objects_of_numbers(content, tmp_path):
+    with (tmp_path / "a.mcap").open("wb") as stream:
+        writer = McapWriter(stream)
+        writer.start()
+        writer.add_message(writer.register_channel("/wrench", "json", 0), 0, content, 0)
+        writer.finish()
+    refused(tmp_path / "a.mcap", "message 1")
+
+
+def test_a_log_without_the_memory_for_it_is_not_called_damaged(tmp_path, monkeypatch):
+    path = mcap_of(tmp_path / "a.mcap")
+
+    def full(*_):
+        raise MemoryError
+
+    monkeypatch.setattr(Unpacker, "unpack", full)
+    with pytest.raises(ShortageError, match=r"a\.mcap: out of memory"):
+        table(path, "/wrench", ["fx"])
+
+
+def recording(path, **more):
+    columns = {"t": np.arange(50.0), "q1": np.zeros(50)}
+    columns |= {c: np.random.default_rng(2).normal(size=50) for c in ("fx", "fy", "fz")}
+    columns |= {c: np.zeros(50) for c in ("tx", "ty", "tz")} | more
+    told = {"format": 1, "robot": "ur5", "mode": "static"}
+    parquet.write(path, parquet.table_of(columns, told))
+    return path
+
+
+def test_a_flipped_number_of_a_recording_is_refused(tmp_path):
+    path = recording(tmp_path / "rec.parquet")
+    whole = path.read_bytes()
+    assert len(Recording.read(path)) == 50
+    changed = []
+    for at in range(4, 2500, 7):
+        path.write_bytes(whole[:at] + bytes([whole[at] ^ 8]) + whole[at + 1 :])
+        try:
+            found = Recording.read(path)
+        except RecordingError:
+            continue
+        path.write_bytes(whole)
+        true = Recording.read(path)
+        if not all(np.array_equal(found.columns[c], true.columns[c]) for c in true.columns):
+            changed.append(at)
+    assert not changed
+
+
+def test_a_small_file_that_states_many_rows_is_refused(tmp_path):
+    rows = 3_000_000
+    told = {b"wrenchbed": b'{"format": 1, "robot": "ur5", "mode": "static"}'}
+    same = pa.DictionaryArray.from_arrays(pa.array(np.zeros(rows, np.int32)), pa.array([1.0]))
+    wide = pa.table({f"q{k + 1}": same for k in range(20)}).replace_schema_metadata(told)
+    pq.write_table(wide, tmp_path / "a.parquet")
+    assert (tmp_path / "a.parquet").stat().st_size < 300_000
+    with pytest.raises(PlanError, match="states 3,000,000 rows of 20 columns, which a file of"):
+        Plan.read(tmp_path / "a.parquet")
+
+
+def test_a_long_text_that_is_repeated_does_not_fill_the_memory(tmp_path):
+    text = pa.DictionaryArray.from_arrays(
+        pa.array(np.zeros(50, np.int32)), pa.array(["y" * 8 * MB])
+    )
+    plain = pq.read_table(recording(tmp_path / "rec.parquet"))
+    wide = plain.append_column("note", text)
+    with pq.ParquetWriter(tmp_path / "rec.parquet", wide.schema, store_schema=False) as writer:
+        writer.write_table(wide)
+        writer.add_key_value_metadata({"wrenchbed": plain.schema.metadata[b"wrenchbed"]})
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    assert len(Recording.read(tmp_path / "rec.parquet").columns["note"][49]) == 8 * MB
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - peak < 200_000  # kB, 50 × 8 MB
+
+
+def test_columns_of_lists_are_named(tmp_path):
+    plain = pq.read_table(recording(tmp_path / "rec.parquet"))
+    pq.write_table(plain.append_column("x", pa.array([[1.0]] * 50)), tmp_path / "rec.parquet")
+    with pytest.raises(RecordingError, match=r"column 'x' holds list<.*not numbers or text"):
+        Recording.read(tmp_path / "rec.parquet")
+
+
+@pytest.mark.parametrize("text", ["[" * 900 + "]" * 900, '{"a":' * 5000, "1" * 5000, "{\xff"])
+def test_hostile_metadata_of_a_recording(text, tmp_path):
+    plain = pq.read_table(recording(tmp_path / "rec.parquet"))
+    pq.write_table(plain.replace_schema_metadata({"wrenchbed": text}), tmp_path / "rec.parquet")
+    with pytest.raises(RecordingError, match="key 'wrenchbed'"):
+        Recording.read(tmp_path / "rec.parquet")
+
+
+def test_memory_that_does_not_suffice_is_named(tmp_path, monkeypatch):
+    path = recording(tmp_path / "rec.parquet")
+
+    def full(*_, **__):
+        raise pa.ArrowMemoryError("malloc of size 64 failed")
+
+    monkeypatch.setattr(pq.ParquetFile, "read", full)
+    with pytest.raises(ShortageError, match=r"rec\.parquet: out of memory"):
+        Recording.read(path)
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "told"),
+    [
+        ("a.json", "[" * 500 + "]" * 500, "more than 100 levels"),
+        ("a.json", " " * (2**25 + 1), "longer than 33,554,432 bytes"),
+        ("a.toml", "x = " + "[" * 500 + "]" * 500, "more than 100 levels"),
+        ("a.toml", "a." * 300 + "b = 1", "more than 200 dots"),
+        ("a.toml", "#" * (2**20 + 1), "longer than 1,048,576 bytes"),
+    ],
+)
+def test_long_and_deep_settings_are_refused(name, text, told, tmp_path):
+    (tmp_path / name).write_text(text)
+    with pytest.raises(MapError, match=told):
+        wb.read_map(tmp_path / name)
+
+
+def test_a_long_name_is_refused_with_its_length():
+    with pytest.raises(WrenchbedError) as caught:
+        checked.Fields({"robot": "r" * 2_000_000}, "f: ", RecordingError).text("robot")
+    assert "2,000,000 characters" in str(caught.value) and len(str(caught.value)) < 1000
+
+
+def test_long_lines_of_a_table_are_refused_and_wide_ones_are_read(tmp_path):
+    (tmp_path / "a.csv").write_text("a,b\n1,2\n" + "3," * 60_000 + "\n")
+    with pytest.raises(MapError, match="line 3 has 120,000 characters, more than 100,000"):
+        read_text(tmp_path / "a.csv")
+    wide = "\n".join(",".join(f"{r}.{k}" for k in range(3000)) for r in range(60))
+    (tmp_path / "b.csv").write_text(wide)
+    assert read_text(tmp_path / "b.csv").table.shape == (60, 3000)
+
+
+def test_a_long_cell_of_points_is_refused(tmp_path):
+    (tmp_path / "p.csv").write_text("x,y,z\n" + "1" * 200_000 + ",2,3\n")
+    with pytest.raises(PlanError, match="cannot be read as CSV"):
+        read_points(tmp_path / "p.csv")
+
+
+def test_a_file_whose_columns_names_are_no_text_is_no_plan(tmp_path):
+    path = recording(tmp_path / "rec.parquet")
+    path.write_bytes(path.read_bytes().replace(b"q1", b"\xff\xfe"))
+    assert not is_plan(path)
+    with pytest.raises(RecordingError, match="not a complete Parquet file"):
+        Recording.read(path)
+
+
+def test_the_checksum_of_a_chunk_is_that_of_the_format(tmp_path):
+    """By hand: CRC-32 of the chunk's content before compression, behind two times and the size."""
+    data = mcap_of(tmp_path / "a.mcap").read_bytes()
+    at = data.index(b"\x06")
+    while struct.unpack_from("<Q", data, at + 1)[0] > 2500:
+        at = data.index(b"\x06", at + 1)
+    length, _, _, size, crc, name = struct.unpack_from("<QQQQII", data, at + 1)
+    begin = at + 9 + 28 + 4 + name + 8
+    assert begin + size == at + 9 + length
+    assert zlib.crc32(data[begin : begin + size]) == crc
+    assert bag2_mcap(tmp_path).is_dir()
