@@ -1,5 +1,6 @@
 """What comes off the wire of a Net F/T: any bytes are taken or refused by name."""
 
+import contextlib
 import struct
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from wrenchbed import web_requests
 from wrenchbed.emulators.netft_box import rdt
 from wrenchbed.emulators.netft_box import web as server
 from wrenchbed.errors import DriverError, LinkError
@@ -154,7 +156,8 @@ def test_a_box_bears_any_web_request(data):
     whole = server.complete(data)
     assert not whole or b"\r\n\r\n" in data
     assert server.complete(data + b"more") or not whole
-    assert len(server.parse(data)) == 3
+    with contextlib.suppress(web_requests.RefusedError):
+        assert web_requests.parse(data).target.startswith("/")
 
 
 @settings(deadline=None)

@@ -12,7 +12,7 @@ from wrenchbed.registry import plugin_modules
 
 SOURCE = Path(__file__).parents[2] / "src" / "wrenchbed"
 LAYERS = (
-    ("errors", "files"),
+    ("errors", "files", "web_requests"),
     ("jobs", "physics", "registry"),
     ("data", "pages", "robots", "sensors"),
     ("simulation",),
@@ -26,7 +26,7 @@ LAYERS = (
     ("__main__",),
 )
 """Rooms from the ground up. A room imports from layers below its own only."""
-MOST_ROOMS, MOST_ARROWS = 30, 182
+MOST_ROOMS, MOST_ARROWS = 30, 184
 PLUGINS = {
     "robots": "robots",
     "sensors": "sensors",

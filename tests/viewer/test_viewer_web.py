@@ -1,6 +1,8 @@
 """Rerun's page in a browser: drawn, served to this machine alone, and asking nobody else."""
 
+import contextlib
 import io
+import socket
 import subprocess
 import sys
 import threading
@@ -58,6 +60,53 @@ def test_the_page_comes_with_a_policy_and_without_links_elsewhere(origin):
             urlopen(f"http://{HERE}:{port}/none")
     asked = page.POLICY.split("connect-src")[1].split()
     assert asked == ["'self'", "http://127.0.0.1:*"]
+
+
+def asked(port: int, head: str) -> bytes:
+    """The answer to a request as it is."""
+    quiet = contextlib.suppress(ConnectionError)
+    with quiet, socket.create_connection((HERE, port), 5.0) as link:
+        link.sendall(head.encode("latin-1"))
+        return b"".join(iter(lambda: link.recv(65536), b""))
+    return b""
+
+
+def test_a_page_elsewhere_reads_nothing_and_a_target_stays_at_its_port(origin, tmp_path):
+    shown = tmp_path / "secret.rrd"
+    shown.write_bytes(b"secret")
+    port = page.free_port()
+    mine = f"Host: {HERE}:{port}\r\n"
+    with page.served(port, origin // 10, shown):  # the last digit would reach another port
+        for head, code in (
+            (f"GET {origin % 10}/ HTTP/1.1\r\n{mine}\r\n", b"400"),
+            (f"GET @{HERE}:{origin}/ HTTP/1.1\r\n{mine}\r\n", b"400"),
+            (f"GET {page.FILE} HTTP/1.1\r\nHost: evil.example:{port}\r\n\r\n", b"403"),
+            (f"GET {page.FILE} HTTP/1.1\r\n{mine}Origin: http://evil.example\r\n\r\n", b"403"),
+            (f"GET {page.FILE} HTTP/1.1\r\n{mine}Sec-Fetch-Site: cross-site\r\n\r\n", b"403"),
+            (f"POST {page.FILE} HTTP/1.1\r\n{mine}\r\n", b"405"),
+            (f"GET {page.FILE} HTTP/1.1\r\n{mine}A: {'b' * 8200}\r\n\r\n", b"431"),
+        ):
+            answer = asked(port, head)
+            assert answer.split(b" ")[1:2] == [code] and b"secret" not in answer, head
+        own = f"{mine}Origin: http://{HERE}:{port}\r\n"
+        answer = asked(port, f"GET {page.FILE} HTTP/1.1\r\n{own}\r\n")
+        assert answer.endswith(b"\r\n\r\nsecret")
+
+
+def test_silent_clients_are_limited_and_lock_nobody_out_for_long(origin):
+    port = page.free_port()
+    head = f"GET / HTTP/1.1\r\nHost: localhost:{port}\r\n\r\n"
+    before = threading.active_count()
+    with page.served(port, origin), contextlib.ExitStack() as stack:
+        for _ in range(100):
+            stack.enter_context(socket.create_connection((HERE, port), 5.0))
+        assert asked(port, head) == b""
+        assert threading.active_count() - before < 40
+        stack.close()
+        until = time.monotonic() + 5.0
+        while not (answer := asked(port, head)) and time.monotonic() < until:
+            time.sleep(0.05)
+        assert answer.startswith(b"HTTP/1.0 200")
 
 
 def test_ports_that_are_taken_are_named(origin):

@@ -18,9 +18,11 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
+from threading import BoundedSemaphore
+from typing import Any
 from urllib.error import HTTPError, URLError
 from urllib.parse import quote
-from urllib.request import Request, urlopen
+from urllib.request import ProxyHandler, Request, build_opener
 
 from wrenchbed import registry
 from wrenchbed.data.plan import Plan, is_plan
@@ -29,6 +31,7 @@ from wrenchbed.errors import DriverError, ParameterError
 from wrenchbed.jobs.ending import bound
 from wrenchbed.viewer.plans import plan_view
 from wrenchbed.viewer.recordings import recording_view
+from wrenchbed.web_requests import RefusedError, check_origin, parse, read_head
 
 HOST = "127.0.0.1"
 FILE = "/shown.rrd"
@@ -42,18 +45,59 @@ _KEPT = ("Content-Type", "rerun-final-length")
 _ASKS_S = 20.0
 
 
+_CLIENTS = 32
+"""Most requests at a time: a browser opens six a server."""
+_UPSTREAM = build_opener(ProxyHandler({}))
+"""Asks rerun itself, whatever proxies the environment names."""
+
+
 class _Server(ThreadingHTTPServer):
     daemon_threads = True
+    clients: BoundedSemaphore
     behind: int
     """Port at which rerun serves the page."""
     file: Path | None
     """Picture that the page shows."""
 
+    def process_request(self, request: Any, client_address: Any) -> None:
+        """Serve it in a thread of its own; beyond the most clients, close it."""
+        if self.clients.acquire(blocking=False):
+            super().process_request(request, client_address)
+        else:
+            self.shutdown_request(request)
+
+    def process_request_thread(self, request: Any, client_address: Any) -> None:
+        """Serve it, and count it as ended."""
+        try:
+            super().process_request_thread(request, client_address)
+        finally:
+            self.clients.release()
+
 
 class _Handler(BaseHTTPRequestHandler):
     server: _Server
+    timeout = _ASKS_S
 
-    def do_GET(self) -> None:
+    def handle_one_request(self) -> None:
+        """Read one request, check it, and answer it if this machine's browser asks."""
+        self.command, self.requestline, self.request_version = "", "", self.protocol_version
+        self.close_connection = True
+        try:
+            head = read_head(self.rfile)
+            if not head:
+                return
+            asked = parse(head)
+            check_origin(asked, self.server.server_port, (HOST, "localhost"))
+            if asked.method != "GET":
+                raise RefusedError("405 Method Not Allowed", "only GET is")
+            self.path, self.command = asked.target, asked.method
+            self._answer()
+        except RefusedError as error:
+            self.send_error(int(error.status[:3]), explain=error.why)
+        except (TimeoutError, ConnectionError):
+            return
+
+    def _answer(self) -> None:
         if self.path == FILE and self.server.file is not None:
             with contextlib.suppress(ConnectionError), self.server.file.open("rb") as shown:
                 self.send_response(200)
@@ -64,7 +108,7 @@ class _Handler(BaseHTTPRequestHandler):
             return
         asked = Request(f"http://{HOST}:{self.server.behind}{self.path}")
         try:
-            with urlopen(asked, timeout=_ASKS_S) as answer:
+            with _UPSTREAM.open(asked, timeout=_ASKS_S) as answer:
                 self.send_response(answer.status)
                 for name in _KEPT:
                     if answer.headers[name]:
@@ -110,7 +154,7 @@ def served(port: int, behind: int, file: Path | None = None) -> Iterator[None]:
         server = _Server((HOST, port), _Handler)
     except OSError as error:
         raise DriverError(f"the page's port {port} is taken: --web-port names another") from error
-    server.behind, server.file = behind, file
+    server.behind, server.file, server.clients = behind, file, BoundedSemaphore(_CLIENTS)
     with server:
         threading.Thread(target=server.serve_forever, daemon=True).start()
         try:

@@ -1,4 +1,7 @@
-"""The box's web server: netftapi2.xml, comm.cgi, setting.cgi; bounded requests, a deadline each."""
+"""The box's web server: netftapi2.xml, comm.cgi, setting.cgi; bounded requests, a deadline each.
+
+What a browser sends for a page elsewhere is refused: settings are changed by plain GETs.
+"""
 
 import asyncio
 import contextlib
@@ -14,6 +17,7 @@ from wrenchbed.emulators.base.event_loop import Listener, LoopThread
 from wrenchbed.emulators.base.faults import LinkFaults, TimedFault
 from wrenchbed.emulators.netft_box.rdt import Pace
 from wrenchbed.emulators.netft_box.sensing import LARGEST_BUFFER, BoxSettings, Sensing
+from wrenchbed.web_requests import RefusedError, check_origin, parse
 
 _REQUEST_BYTES = 8192
 _DEADLINE_S = 2.0
@@ -95,11 +99,14 @@ class Web:
         return data
 
     def _reply(self, request: bytes) -> bytes:
-        method, target, body = parse(request)
-        if method not in ("GET", "POST"):
-            status, kind, text = "400 Bad Request", "text/html", "<html></html>"
-        else:
-            status, kind, text = self._answer(target, body)
+        try:
+            asked = parse(request)
+            check_origin(asked, self.address[1], ("localhost",), addresses=True)
+            if asked.method not in ("GET", "POST"):
+                raise RefusedError("405 Method Not Allowed", "GET and POST are")
+            status, kind, text = self._answer(asked.target, asked.body.decode("latin-1"))
+        except RefusedError as error:
+            status, kind, text = error.status, "text/plain", f"{error.why}\n"
         content = text.encode()
         if self._faults.now("garbage") is not None:
             cut = self._random.randrange(len(content) // 2)
@@ -109,15 +116,6 @@ class Web:
             f"Content-Length: {len(content)}\r\nConnection: close\r\n\r\n"
         )
         return head.encode() + content
-
-
-def parse(request: bytes) -> tuple[str, str, str]:
-    """Method, target and body of a request; empty words where it is none."""
-    head, _, body = request.partition(b"\r\n\r\n")
-    words = head.split(b"\r\n", 1)[0].decode("latin-1").split(" ")
-    if len(words) != 3 or not words[2].startswith("HTTP/1."):
-        return "", "", ""
-    return words[0], words[1], body.decode("latin-1")
 
 
 def complete(request: bytes) -> bool:
