@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from wrenchbed.registry import descriptions, load, names
     from wrenchbed.reports.recording_page import report
     from wrenchbed.robots.base import Robot
+    from wrenchbed.robots.described import describe as describe_robot
     from wrenchbed.simulation.closed_form import Model
     from wrenchbed.simulation.simulation import Simulation
     from wrenchbed.studies import run as study
@@ -80,6 +81,7 @@ _PUBLIC = {
     "registry": ("descriptions", "load", "names"),
     "reports.recording_page": ("report",),
     "robots.base": ("Robot",),
+    "robots.described": ("describe as describe_robot",),
     "simulation.closed_form": ("Model",),
     "simulation.simulation": ("Simulation",),
     "studies": ("run as study",),
@@ -124,6 +126,7 @@ __all__ = [
     "blind_seal",
     "calibrate",
     "campaign",
+    "describe_robot",
     "descriptions",
     "diagnose",
     "diagnose_several",

@@ -3,13 +3,18 @@
 A plug-in of kind ``robots`` is a module or package ``wrenchbed/robots/<name>`` with one public
 constant in the kind's name (``ROBOT``, ``SENSOR``, ``DRIVER``, ``EFFECT``, …), or an entry point of
 another package in the group ``wrenchbed.robots`` that loads such an object.
+
+A robot may also come from a user's TOML file: its path stands for its name. What a recording made
+with it carries (`record_of`) makes it known to whoever reads the recording (`remember`).
 """
 
 import difflib
 import importlib
 import pkgutil
+from collections.abc import Mapping
 from functools import cache
 from importlib.metadata import entry_points
+from pathlib import Path
 from typing import Any
 
 from wrenchbed.errors import MissingExtraError, NotFoundError
@@ -33,6 +38,15 @@ _PACKAGES = {
     "effects": "wrenchbed.effects",
 }
 """Kind → the package whose modules are its plug-ins, but `base` and what its `SUPPORT` names."""
+
+
+_DESCRIBED = {"robots": "wrenchbed.robots.described"}
+"""Kind → the module that reads such an object from a file, or from what `record_of` gave."""
+_FILES = (".toml",)
+_MODELS = (".xml", ".mjcf", ".urdf", ".xacro")
+"""Suffixes of models that need to be described first."""
+_records: dict[tuple[str, str], Mapping[str, Any]] = {}
+_known: dict[tuple[str, str], Any] = {}
 
 
 def plugin_modules(kind: str) -> tuple[str, ...]:
@@ -80,8 +94,17 @@ def load(kind: str, name: str) -> Any:
         NotFoundError: no such kind or name; the message lists what exists.
         MissingExtraError: the plug-in needs a library of an extra that is not installed.
     """
+    if kind in _DESCRIBED and name.lower().endswith(_FILES):
+        return _from_file(kind, Path(name))
+    if (kind, name) in _records:
+        return _remembered(kind, name)
     known = names(kind)
     if name not in known:
+        if kind in _DESCRIBED and name.lower().endswith(_MODELS):
+            raise NotFoundError(
+                f"{name} is a model, not yet a robot: make one with  "
+                f"wrenchbed {kind[:-1]} {name} --frame NAME --out my.toml  and state my.toml"
+            )
         close = difflib.get_close_matches(name, known, n=1)
         hint = f"; did you mean {close[0]!r}?" if close else ""
         raise NotFoundError(f"there is no {kind[:-1]} {name!r}{hint} Known: {', '.join(known)}")
@@ -89,6 +112,47 @@ def load(kind: str, name: str) -> Any:
     if module is None:
         return _entry_points(kind)[name].load()
     return getattr(importlib.import_module(f"{_PACKAGES[kind]}.{module}"), KINDS[kind])
+
+
+def _from_file(kind: str, path: Path) -> Any:
+    """What a file describes; the same object as long as the file says the same."""
+    found = importlib.import_module(_DESCRIBED[kind]).read(path)
+    _records.setdefault((kind, found.name), found.record)
+    return _known.setdefault((kind, found.name), found)
+
+
+def _remembered(kind: str, name: str) -> Any:
+    if (kind, name) not in _known:
+        rebuilt = importlib.import_module(_DESCRIBED[kind]).rebuilt
+        _known[kind, name] = rebuilt(_records[kind, name])
+    return _known[kind, name]
+
+
+def remember(kind: str, name: str, record: Mapping[str, Any]) -> None:
+    """Make known what a file carries about an object that a user described."""
+    _records.setdefault((kind, name), record)
+
+
+def record_of(kind: str, name: str) -> Mapping[str, Any] | None:
+    """What a file has to carry so that others can load an object by name; None of plug-ins."""
+    return _records.get((kind, name))
+
+
+def known_as(kind: str, name: str) -> str:
+    """The name under which files name an object: that of a user's file, else ``name`` itself.
+
+    Raises:
+        NotFoundError, ParameterError: the user's file cannot be read.
+    """
+    is_file = kind in _DESCRIBED and name.lower().endswith(_FILES)
+    return str(_from_file(kind, Path(name)).name) if is_file else name
+
+
+def is_known(kind: str, name: str) -> bool:
+    """Whether `load` finds it: a plug-in, a user's file, or one that a file has made known."""
+    if kind in _DESCRIBED and name.lower().endswith(_FILES):
+        return Path(name).is_file()
+    return (kind, name) in _records or name in names(kind)
 
 
 def descriptions(kind: str) -> dict[str, str]:

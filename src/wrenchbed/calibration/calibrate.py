@@ -187,7 +187,7 @@ class CalibrationOptions:
 
 def _without_unknown_joints(recording: Recording) -> Recording:
     """An unknown robot's joints mean nothing here; its sensor's orientation does."""
-    known = recording.metadata.robot in registry.names("robots")
+    known = registry.is_known("robots", recording.metadata.robot)
     if known or not recording.joints or QUATERNION[0] not in recording.columns:
         return recording
     kept = {k: v for k, v in recording.columns.items() if k not in recording.joints}

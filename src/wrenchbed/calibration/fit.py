@@ -9,6 +9,7 @@ import numpy as np
 
 from wrenchbed.calibration.observability import Observability
 from wrenchbed.calibration.touches import Agreement
+from wrenchbed.data.metadata import carried_robot
 from wrenchbed.files import write_json
 from wrenchbed.physics.wrench import CHANNELS, UNITS
 
@@ -165,6 +166,7 @@ class Fit:
             },
             "covariance": self.covariance.tolist(),
             "theta": dict(self.theta),
+            **carried_robot(self.robot),
         }
 
     def write(self, path: str | Path) -> None:

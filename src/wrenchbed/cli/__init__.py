@@ -30,6 +30,7 @@ from wrenchbed.errors import (
 
 _VERBS = {
     "list": ("small_verbs", "list_"),
+    "robot": ("robot", "robot"),
     "plan": ("plan", "plan"),
     "record": ("record", "record"),
     "import": ("import_verb", "import_"),

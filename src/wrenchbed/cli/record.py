@@ -228,7 +228,7 @@ def record(
     console.check_out(out, plan, device.parameters, replayed)
     console.check_out(picture.rrd, out, plan)
     todo = wb.Plan.read(plan)
-    if todo.robot != robot:
+    if _plain(todo.robot) != _plain(wb.load("robots", robot).name):
         raise PlanError(f"{plan}: the plan is for robot {todo.robot!r}, not {robot!r}")
     kind = wb.load("drivers", device.driver)
     limits = motion.limits(kind.live)
@@ -251,6 +251,11 @@ def record(
             resume=run.resume, clear=run.dry_run or None,
         )  # fmt: skip
     _answer(done, todo, device.driver, as_json)
+
+
+def _plain(robot: str) -> str:
+    """A robot's name without the version of a user's description; limits are checked anyway."""
+    return robot.partition("@")[0]
 
 
 @contextmanager

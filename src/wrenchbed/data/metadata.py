@@ -6,12 +6,15 @@ from typing import Any
 
 import numpy as np
 
+from wrenchbed import registry
 from wrenchbed.data.checked import Fields
 from wrenchbed.data.parquet import FORMAT
 from wrenchbed.errors import RecordingError
 from wrenchbed.physics.wrench import physical_inertia
 
 MODES = ("static", "dynamic")
+ROBOT_MODEL = "robot_model"
+"""Field of what a file carries of a robot that a user described."""
 _UNIT_LENGTH = 1e-3
 """Largest error of a unit quaternion's length: four digits are enough."""
 _LEAST_GRAVITY, _MOST_GRAVITY = 1.0, 30.0
@@ -65,7 +68,26 @@ class Metadata:
             "tolerance": dict(self.tolerance),
             "gravity": self.gravity,
         }
-        return _stated({k: v for k, v in raw.items() if v != {}}) | dict(self.extra)
+        stated = _stated({k: v for k, v in raw.items() if v != {}}) | dict(self.extra)
+        return stated | carried_robot(self.robot)
+
+
+def carried_robot(name: str) -> dict[str, Any]:
+    """The field with which a file carries its robot, nothing of robots that everybody has."""
+    record = registry.record_of("robots", name)
+    return {} if record is None else {ROBOT_MODEL: dict(record)}
+
+
+def stated_robot(raw: Mapping[str, Any], name: str) -> str:
+    """The robot's name of a file that may carry it, or may name a user's TOML.
+
+    Raises:
+        NotFoundError, ParameterError: the user's TOML cannot be read.
+    """
+    record = raw.get(ROBOT_MODEL)
+    if isinstance(record, Mapping):
+        registry.remember("robots", name, record)
+    return registry.known_as("robots", name)
 
 
 def _stated(raw: Mapping[str, Any]) -> dict[str, Any]:
@@ -79,7 +101,7 @@ def parse(raw: Mapping[str, Any], where: str) -> Metadata:
         RecordingError: names the field, what was found and what is allowed.
     """
     fields = Fields(raw, f"{where}: metadata ", RecordingError)
-    known = {"format", *Metadata.__dataclass_fields__} - {"extra"}
+    known = {"format", ROBOT_MODEL, *Metadata.__dataclass_fields__} - {"extra"}
     robot = fields.text("robot", required=True)
     mode = fields.choice("mode", MODES, "must be 'static' or 'dynamic'")
     tool, sensor = fields.part("tool"), fields.part("sensor")
@@ -93,7 +115,7 @@ def parse(raw: Mapping[str, Any], where: str) -> Metadata:
     if gravity is not None and not _LEAST_GRAVITY < np.linalg.norm(gravity) < _MOST_GRAVITY:
         raise fields.error("gravity", "must be an acceleration in m/s² (Earth: 9.8)")
     return Metadata(
-        robot=str(robot),
+        robot=stated_robot(raw, str(robot)),
         mode=mode,
         source=fields.text("source"),
         rate_hz=fields.number("rate_hz", "Hz", positive=True),

@@ -12,7 +12,7 @@ import pyarrow.parquet as pq
 
 from wrenchbed.data import parquet
 from wrenchbed.data.checked import Fields
-from wrenchbed.data.metadata import MODES
+from wrenchbed.data.metadata import MODES, carried_robot, stated_robot
 from wrenchbed.data.recording import POINT, joint_columns
 from wrenchbed.errors import PlanError, raise_shortage
 
@@ -87,7 +87,7 @@ class Plan:
         fields = Fields(raw, f"{path}: metadata ", PlanError)
         mode = fields.choice("mode", MODES, "must be 'static' or 'dynamic'", default="static")
         rate = fields.number("rate_hz", "Hz", positive=True)
-        robot = str(fields.text("robot", required=True))
+        robot = stated_robot(raw, str(fields.text("robot", required=True)))
         return cls(robot, q, segment, dwell, mode, rate, _points(path, data, mode), str(path))
 
     def write(self, path: str | Path) -> None:
@@ -101,6 +101,7 @@ class Plan:
         raw: dict[str, Any] = {"format": parquet.FORMAT, "robot": self.robot, "mode": self.mode}
         if self.rate_hz is not None:
             raw["rate_hz"] = self.rate_hz
+        raw |= carried_robot(self.robot)
         parquet.write(Path(path), parquet.table_of(data, raw))
 
 

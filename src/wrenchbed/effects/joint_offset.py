@@ -32,11 +32,11 @@ class JointOffset(JointEffect):
 
     def as_parameters(self, robot: Robot, theta: np.ndarray, p: Values) -> np.ndarray | None:
         """In the joints' zeros, where the robot has a parameter of each."""
-        result, known = np.array(theta), robot.parameters.names
-        for k in range(1, len(robot.joints) + 1):
-            if f"dq{k}" not in known:
-                return None
-            result[known.index(f"dq{k}")] += p[f"offset.q{k}"]
+        if not robot.zero_names:
+            return None
+        result = np.array(theta)
+        for k, name in enumerate(robot.zero_names, start=1):
+            result[robot.parameters.index(name)] += p[f"offset.q{k}"]
         return result
 
 

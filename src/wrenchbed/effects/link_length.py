@@ -63,13 +63,10 @@ class LinkLength(ModelEffect):
 
 def geometry(robot: Robot) -> tuple[list[str], list[str]]:
     """Names of the robot's parameters that are twists, and of those that are lengths."""
-    known = robot.parameters.names
     if is_loop(robot):
+        known = robot.parameters.names
         return [], [n for n in LOOPS if n in known]
-    each = range(1, len(robot.joints) + 1)
-    wanted = [f"alpha{k}" for k in each], [f"{symbol}{k}" for symbol in "ad" for k in each]
-    twists, lengths = ([n for n in names if n in known] for names in wanted)
-    return twists, lengths
+    return list(robot.twists), list(robot.lengths)
 
 
 def is_loop(robot: Robot) -> bool:
@@ -78,8 +75,10 @@ def is_loop(robot: Robot) -> bool:
 
 
 def public(name: str) -> str:
-    """``twist.3`` of alpha3, ``length.L11`` of L11."""
-    return f"twist.{name[5:]}" if name.startswith("alpha") else f"length.{name}"
+    """``twist.3`` of alpha3, ``length.L11`` of L11, ``twist.link.…`` of a rotation by name."""
+    if name.startswith("alpha"):
+        return f"twist.{name[5:]}"
+    return f"twist.{name}" if ".rotation." in name else f"length.{name}"
 
 
 def single(names: Sequence[str]) -> list[Variant]:

@@ -65,6 +65,8 @@ def exp(x: Value, y: Value, z: Value) -> Value:
 
 def exp_rates(vector: np.ndarray) -> np.ndarray:
     """Columns (3, 3): the angular velocity, in the fixed axes, as each component grows by 1/s."""
+    if not vector.any():
+        return np.eye(3)
     columns = []
     for k in range(3):
         shifted = vector.astype(complex)

@@ -1,7 +1,10 @@
 """Robots, one file or package each; `wrenchbed.registry.names("robots")` lists them.
 Imports physics only.
-Read first: `base` (what a robot is), then `serial_arm` with `ur5` as its example.
+Read first: `base` (what a robot is), then `chain` with `ur5` and `file_arm` as its kinds.
 """
 
-SUPPORT = ("mjcf", "motion_limits", "serial_arm")
+SUPPORT = (
+    "arm_model", "arm_xml", "chain", "described", "file_arm", "mjcf", "model_file", "motion_limits",
+    "serial_arm",
+)  # fmt: skip
 """Modules here that are no plug-ins."""

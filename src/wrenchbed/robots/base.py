@@ -151,6 +151,21 @@ class Robot(ArmBodies):
         """
         raise NotFoundError(f"robot {self.name!r} has no tool tip and target workspace to plan for")
 
+    @property
+    def zero_names(self) -> tuple[str, ...]:
+        """Names of the parameters that are added to the joint values, by joint; () of none."""
+        return ()
+
+    @property
+    def twists(self) -> tuple[str, ...]:
+        """Names of the parameters that are angles between the axes of neighbouring joints."""
+        return ()
+
+    @property
+    def lengths(self) -> tuple[str, ...]:
+        """Names of the parameters that are lengths between the axes of neighbouring joints."""
+        return ()
+
     def symmetries(self, theta: np.ndarray) -> dict[str, dict[str, float]]:
         """Known changes of parameters that should leave every wrench alone, by name.
 
@@ -306,6 +321,14 @@ def sample_until(
                 "fewer than 1 in 1,000 random poses is feasible: loosen the ranges"
             )
     return np.concatenate(kept)[:n]
+
+
+def segment_distance(start: np.ndarray, end: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Distance (N,) of the nearest of points (M, N, 3) from the segment start–end (N, 3)."""
+    along = end - start
+    share = ((points - start) * along).sum(axis=-1) / (along * along).sum(axis=-1)
+    nearest = start + np.clip(share, 0.0, 1.0)[..., None] * along
+    return np.linalg.norm(points - nearest, axis=-1).min(axis=0)
 
 
 @cache

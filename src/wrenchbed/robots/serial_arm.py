@@ -11,36 +11,29 @@ its joint ``q<i>`` turns about its z. Then follow the bodies ``flange``, ``tool`
 ``sensor_side``, and the sites ``ft`` and ``tcp``.
 """
 
-from collections import deque
-from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wrenchbed.physics.gravity import BodyMass, masses
-from wrenchbed.physics.newton_euler import Motion, Vector
+from wrenchbed.physics.gravity import BodyMass
 from wrenchbed.physics.parameters import Parameter, ParameterSet
-from wrenchbed.physics.rotations import apply, cross, exp, exp_rates, inverse_rotated, rot_x, rot_z
-from wrenchbed.physics.time_derivatives import Jet, Value, cos, sin, stack_jets
+from wrenchbed.physics.rotations import apply, exp_rates, rot_x, rot_z
+from wrenchbed.physics.time_derivatives import Value
 from wrenchbed.robots.base import (
     TILT,
     Joint,
-    LoadInSensorAxes,
-    SimulatedRobot,
     load_parameters,
     sample_until,
+    segment_distance,
     tool_parameters,
     vector_parameters,
 )
+from wrenchbed.robots.chain import ANGLE, Fixed, SerialChain, Spin
 
 if TYPE_CHECKING:
     import mujoco
-
-
-_ANGLE = np.deg2rad(0.5)
-"""Typical error of a joint's zero, of the base's tilt and of the mount [rad], estimate."""
 
 
 @dataclass(frozen=True)
@@ -115,19 +108,19 @@ class ArmData:
                 Parameter(f"a{i}", link.a, "m", 5e-4, -2.0, 2.0, "DH link length"),
                 Parameter(f"d{i}", link.d, "m", 5e-4, -2.0, 2.0, "DH link offset"),
                 Parameter(f"alpha{i}", link.alpha, "rad", 1e-3, -3.2, 3.2, "DH twist"),
-                Parameter(f"dq{i}", 0.0, "rad", _ANGLE, -6.3, 6.3, "joint zero offset"),
+                Parameter(f"dq{i}", 0.0, "rad", ANGLE, -6.3, 6.3, "joint zero offset"),
             ]
         position, rotation = "sensor's origin in flange axes", "rotation vector, sensor in flange"
         mounted = (
-            *vector_parameters("base.tilt", "xy", "rad", _ANGLE, TILT),
+            *vector_parameters("base.tilt", "xy", "rad", ANGLE, TILT),
             *vector_parameters("mount.position", "xyz", "m", 1e-3, position),
-            *vector_parameters("mount.rotation", "xyz", "rad", _ANGLE, rotation),
+            *vector_parameters("mount.rotation", "xyz", "rad", ANGLE, rotation),
             *tool_parameters(self.tool_mass, self.tool_cog),
         )
         return ParameterSet((*table, *mounted)) + load_parameters(self.tool_inertia)
 
 
-class SerialArm(LoadInSensorAxes, SimulatedRobot):
+class SerialArm(SerialChain):
     """A serial arm with a six-axis sensor between flange and tool."""
 
     free = ("tool.mass", "tool.cog", "sensor.bias", "mount.rotation")
@@ -144,15 +137,9 @@ class SerialArm(LoadInSensorAxes, SimulatedRobot):
         self.gear_ratio = tuple(ratios) if len(ratios) == len(arm.links) else ()
         self.parameters = arm.parameters()
         self.bodies = (*(link.body for link in arm.links), arm.flange)
-        self._masses = masses(self.bodies)
         first = [self.parameters.index(f"{p}1") for p in ("a", "d", "alpha", "dq")]
         self._dh = [slice(k, 4 * len(arm.links), 4) for k in first]
-        groups = ("base.tilt", "mount.position", "mount.rotation")
-        self._tilt, self._offset, self._turn = (self._columns(name) for name in groups)
-
-    def _columns(self, group: str) -> slice:
-        columns = self.parameters.select([group])
-        return slice(columns[0], columns[-1] + 1)
+        self._prepare()
 
     @property
     def home(self) -> np.ndarray:
@@ -162,131 +149,40 @@ class SerialArm(LoadInSensorAxes, SimulatedRobot):
     def mjcf(self) -> Path:
         return self.arm.mjcf or super().mjcf
 
-    def flange_pose(self, q: Value, theta: np.ndarray) -> tuple[Value, Value]:
-        """R_world_flange (…, N, 3, 3) and the flange's origin in the world (…, N, 3) [m]."""
-        x, y, z, position = deque(self._frames(q, theta), maxlen=1).pop()
-        return stack_jets([x, y, z]), position
+    @property
+    def zero_names(self) -> tuple[str, ...]:
+        return tuple(f"dq{k}" for k in range(1, len(self.joints) + 1))
 
-    def _frames(self, q: Value, theta: np.ndarray) -> Iterator[tuple[Value, Value, Value, Value]]:
-        """Axes x, y, z and origin (…, N, 3) of each link at its joint, turned by it; the flange's.
+    @property
+    def twists(self) -> tuple[str, ...]:
+        return tuple(f"alpha{k}" for k in range(1, len(self.joints) + 1))
 
-        The first's z and origin do not depend on q: (…, 3).
-        """
-        a, d, alpha, dq = (theta[..., columns] for columns in self._dh)  # (…, J) each
-        angle = q + dq
-        terms = (cos(angle), sin(angle), np.cos(alpha), np.sin(alpha), a, d)
-        base = self._base(theta)
-        x, y, z = (base[..., k] for k in range(3))  # the link's axes in the world
-        position: Value = np.zeros(3)
-        for i in range(len(self.joints)):
-            c, s, ca, sa, ai, di = (term[..., i : i + 1] for term in terms)
-            x, y = c * x + s * y, c * y - s * x
-            yield x, y, z, position
-            position = position + ai * x + di * z
-            y, z = ca * y + sa * z, ca * z - sa * y
-        yield x, y, z, position
+    @property
+    def lengths(self) -> tuple[str, ...]:
+        return tuple(f"{symbol}{k}" for symbol in "ad" for k in range(1, len(self.joints) + 1))
 
-    def sensor_pose(self, q: Value, theta: np.ndarray) -> tuple[Value, Value]:
-        rotation, position = self.flange_pose(q, theta)
-        offset = theta[..., self._offset]
-        if offset.any():
-            position = position + apply(rotation, offset)
-        if theta[..., self._turn].any():
-            rotation = rotation @ self._mount(theta)
-        return rotation, position
+    def zeros(self, theta: np.ndarray) -> np.ndarray:
+        return np.asarray(theta[..., self._dh[3]])
 
-    def gravity_seen(self, q: np.ndarray, theta: np.ndarray, gravity: np.ndarray) -> np.ndarray:
-        """Rotated from joint to joint: less than half the work of a pose."""
-        _, _, alpha, dq = (theta[..., columns] for columns in self._dh)
-        angle, twist = np.ascontiguousarray(np.moveaxis(q + dq, -1, 0)), np.moveaxis(alpha, -1, 0)
-        x, y, z = np.moveaxis(gravity @ self._base(theta), -1, 0)
-        turns = (np.cos(angle), np.sin(angle), np.cos(twist), np.sin(twist))
-        for c, s, ca, sa in zip(*turns, strict=True):
-            x, y = c * x + s * y, c * y - s * x
-            y, z = ca * y + sa * z, ca * z - sa * y
-        seen = np.stack([x, y, z], axis=-1)
-        turned = theta[..., self._turn].any()
-        return inverse_rotated(seen, self._mount(theta)) if turned else seen
+    def fixed(self, theta: np.ndarray, mounted: bool = True) -> Fixed:
+        a, d, alpha, _ = (theta[..., columns] for columns in self._dh)  # (…, J) each
+        twists = _twists(alpha)
+        shift = np.zeros((*a.shape, 3), dtype=a.dtype)
+        shift[..., 0], shift[..., 2] = a, d
+        turns = [twists[..., k, :, :] for k in range(len(self.joints))]
+        shifts = [shift[..., k, :] for k in range(len(self.joints))]
+        if mounted and theta[..., self._offset].any():
+            shifts[-1] = shifts[-1] + apply(turns[-1], theta[..., self._offset])
+        if mounted and theta[..., self._turn].any():
+            turns[-1] = turns[-1] @ self._mount(theta)
+        return Fixed([self._base(theta), *turns], [np.zeros(3), *shifts])
 
-    def motion_seen(self, q: Jet, theta: np.ndarray, gravity: np.ndarray) -> Motion:
-        """Passed on from joint to joint in the links' own axes, then through the mount.
-
-        Outward recursion of Newton and Euler: Siciliano et al., Robotics (2009), Section 7.5.
-        """
-        motion = self._flange_motion(q, theta, gravity)
-        offset = np.moveaxis(theta[..., self._offset], -1, 0)
-        if offset.any():
-            motion = motion._replace(origin=_shifted(motion, offset))
-        if not theta[..., self._turn].any():
-            return motion
-        mount = self._mount(theta)
-        return Motion(
-            *(np.moveaxis(inverse_rotated(np.moveaxis(x, 0, -1), mount), -1, 0) for x in motion)
-        )
-
-    def motion_slopes(
-        self, q: Jet, theta: np.ndarray, gravity: np.ndarray, names: Sequence[str], here: Motion
-    ) -> Iterator[Motion]:
-        """Written out for the sensor's mount, by complex steps for all else."""
-        mount, rates = self._mount(theta), exp_rates(theta[self._turn])
-        zero = np.zeros_like(here.origin)
-        for name in names:
-            group, _, axis = name.rpartition(".")
-            if group == "mount.position":
-                offset = mount.T @ np.eye(3)["xyz".index(axis)]  # of the origin, in sensor axes
-                yield Motion(_shifted(here, offset) - here.origin, zero, zero)
-            elif group == "mount.rotation":
-                spin = mount.T @ rates[:, "xyz".index(axis)]  # of the sensor, in its axes
-                yield here.map(cross(np.eye(3), spin).T)  # −spin × x
-            else:
-                yield from super().motion_slopes(q, theta, gravity, [name], here)
-
-    def _flange_motion(self, q: Jet, theta: np.ndarray, gravity: np.ndarray) -> Motion:
-        a, d, alpha, dq = (theta[..., columns] for columns in self._dh)
-        a, d, alpha, angle, speed, faster = (
-            np.ascontiguousarray(np.moveaxis(x, -1, 0)) for x in (a, d, alpha, q.v + dq, q.d, q.dd)
-        )
-        terms = (np.cos(angle), np.sin(angle), np.cos(alpha), np.sin(alpha), a, d, speed, faster)
-        still = np.zeros(3)
-        base = np.moveaxis(-gravity @ self._base(theta), -1, 0)
-        motion: tuple[Vector, Vector, Vector] = base, still, still
-        for c, s, ca, sa, ai, di, v, dv in zip(*terms, strict=True):
-            (ox, oy, oz), (wx, wy, wz), (ux, uy, uz) = (_about_z(x, c, s) for x in motion)
-            ux, uy, uz, wz = ux + wy * v, uy - wx * v, uz + dv, wz + v
-            ox, oy, oz = (
-                ox + uy * di - (wy * wy + wz * wz) * ai + wx * wz * di,
-                oy + uz * ai - ux * di + wx * wy * ai + wy * wz * di,
-                oz - uy * ai + wx * wz * ai - (wx * wx + wy * wy) * di,
-            )
-            parts = ((ox, oy, oz), (wx, wy, wz), (ux, uy, uz))
-            origin, spin, turning = ((x, ca * y + sa * z, ca * z - sa * y) for x, y, z in parts)
-            motion = origin, spin, turning
-        return Motion(*(np.stack(np.broadcast_arrays(*x)) for x in motion))
-
-    def links(self, q: np.ndarray, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        centres = np.empty((len(q), len(self.bodies), 3))
-        frames = self._frames(q, theta)
-        for i, (link, (x, y, z, origin)) in enumerate(zip(self.bodies, frames, strict=True)):
-            centres[:, i] = origin + link.cog[0] * x + link.cog[1] * y + link.cog[2] * z
-        return self._masses, centres
-
-    def gravity_torque(self, q: Value, theta: np.ndarray, gravity: np.ndarray) -> np.ndarray:
-        """(N, J) [N·m]: of each joint's axis, the moment of all that it carries; exact at rest."""
-        if isinstance(q, Jet):
-            return super().gravity_torque(q, theta, gravity)
-        masses, centres = self.links(q, theta)
-        *joints, _ = self._frames(q, theta)
-        mass, moment = self.load_moment(q, theta)
-        mass, moment = mass + masses[-1], moment + masses[-1] * centres[:, -1]
-        result = np.empty(q.shape)
-        for j in reversed(range(len(joints))):  # from the flange inwards
-            _, _, axis, origin = joints[j]
-            mass, moment = mass + masses[j], moment + masses[j] * centres[:, j]
-            result[:, j] = ((moment - mass * origin) * cross(gravity, axis)).sum(axis=-1)
-        return result
-
-    def infeasible(self, q: np.ndarray, theta: np.ndarray) -> dict[int, str]:
-        return self._outside_limits(q)
+    def spin(self, name: str, theta: np.ndarray) -> Spin | None:
+        if not name.startswith("alpha"):
+            return None
+        k = int(name.removeprefix("alpha"))
+        behind = self._mount(theta) if k == len(self.joints) else np.eye(3)
+        return Spin(k, behind[0])
 
     def sample(self, n: int, rng: np.random.Generator) -> np.ndarray:
         """All from the elbow on above the table, the tool clear of the arm's limbs."""
@@ -305,7 +201,7 @@ class SerialArm(LoadInSensorAxes, SimulatedRobot):
         moving = np.stack([*(end for limb in limbs[1:] for end in limb), *wrist, *tool])
         above = (moving[..., 2] > arm.table).all(axis=0)
         column = (np.hypot(moving[..., 0], moving[..., 1]) > arm.column).all(axis=0)
-        apart = np.min([_apart(start, end, tool) for start, end in limbs], axis=0)
+        apart = np.min([segment_distance(start, end, tool) for start, end in limbs], axis=0)
         return np.asarray(above & column & (apart > arm.clearance))
 
     def symmetries(self, theta: np.ndarray) -> dict[str, dict[str, float]]:
@@ -320,9 +216,6 @@ class SerialArm(LoadInSensorAxes, SimulatedRobot):
             f"a twist alpha{last} against the sensor's mount": {f"alpha{last}": 1.0}
             | dict(zip(axes, back[:, 0], strict=True)),
         }
-
-    def qpos(self, q: Value, theta: np.ndarray) -> Value:
-        return q
 
     def spec(self, theta: np.ndarray) -> "mujoco.MjSpec":
         import mujoco
@@ -343,33 +236,19 @@ class SerialArm(LoadInSensorAxes, SimulatedRobot):
         return spec
 
     def _base(self, theta: np.ndarray) -> np.ndarray:
-        """R_world_base; the tilt turns gravity as the base sees it: the base turns against it."""
-        tilt = theta[..., self._tilt]
-        return exp(-tilt[..., 0], -tilt[..., 1], 0.0 * tilt[..., 0]) if tilt.any() else np.eye(3)
-
-    def _mount(self, theta: np.ndarray) -> np.ndarray:
-        """R_flange_sensor."""
-        turn = theta[..., self._turn]
-        return exp(turn[..., 0], turn[..., 1], turn[..., 2]) if turn.any() else np.eye(3)
+        """R_world_base."""
+        leaning = self._leaning(theta)
+        return np.eye(3) if leaning is None else leaning
 
 
-def _about_z(x: Vector, c: np.ndarray, s: np.ndarray) -> tuple[np.ndarray, ...]:
-    """A vector, components first, in axes turned about z."""
-    return c * x[0] + s * x[1], c * x[1] - s * x[0], x[2]
-
-
-def _shifted(motion: Motion, offset: np.ndarray) -> np.ndarray:
-    """Acceleration (3, …, N) of the point at an offset (3, …) [m] from the origin of a motion."""
-    (a, b, c), (u, v, w), (x, y, z) = motion.spin, motion.turning, offset
-    along = a * x + b * y + c * z
-    square = a * a + b * b + c * c
-    return motion.origin + np.stack(
-        [
-            v * z - w * y + a * along - square * x,
-            w * x - u * z + b * along - square * y,
-            u * y - v * x + c * along - square * z,
-        ]
-    )
+def _twists(alpha: np.ndarray) -> np.ndarray:
+    """Rx(α) (…, 3, 3); `rot_x`, but a quarter of its time on few angles."""
+    result = np.zeros((*alpha.shape, 3, 3), dtype=alpha.dtype)
+    result[..., 0, 0] = 1.0
+    result[..., 1, 1] = result[..., 2, 2] = np.cos(alpha)
+    result[..., 2, 1] = np.sin(alpha)
+    result[..., 1, 2] = -result[..., 2, 1]
+    return result
 
 
 def _at(frames: list[tuple[Value, Value, Value, Value]], spot: Spot) -> np.ndarray:
@@ -377,11 +256,3 @@ def _at(frames: list[tuple[Value, Value, Value, Value]], spot: Spot) -> np.ndarr
     k, along_x, along_z = spot
     x, _, z, origin = frames[k]
     return np.asarray(origin + along_x * x + along_z * z)
-
-
-def _apart(start: np.ndarray, end: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Distance (N,) of the nearest of points (M, N, 3) from the segment start–end (N, 3)."""
-    along = end - start
-    share = ((points - start) * along).sum(axis=-1) / (along * along).sum(axis=-1)
-    nearest = start + np.clip(share, 0.0, 1.0)[..., None] * along
-    return np.linalg.norm(points - nearest, axis=-1).min(axis=0)

@@ -73,7 +73,7 @@ def robot_of(recording: Recording) -> SimulatedRobot:
         ParameterError: it has no model that could be shown.
     """
     name = recording.metadata.robot
-    robot = registry.load("robots", name) if name in registry.names("robots") else None
+    robot = registry.load("robots", name) if registry.is_known("robots", name) else None
     if not isinstance(robot, SimulatedRobot) or not recording.joints:
         raise ParameterError(f"{recording.name}: there is no model of robot {name!r} to show")
     return robot

@@ -10,6 +10,7 @@ import numpy as np
 
 from wrenchbed import registry
 from wrenchbed.data import checked
+from wrenchbed.data.metadata import ROBOT_MODEL, carried_robot, stated_robot
 from wrenchbed.data.parquet import FORMAT
 from wrenchbed.effects.base import Pose
 from wrenchbed.effects.chain import ActiveEffect, EffectChain
@@ -21,7 +22,7 @@ from wrenchbed.robots.base import Robot
 from wrenchbed.simulation.closed_form import Model
 from wrenchbed.twin.mechanics import Mechanism
 
-_FIELDS = {"format", "robot", "gravity", "theta", "tool", "effects", "recording"}
+_FIELDS = {"format", "robot", "gravity", "theta", "tool", "effects", "recording", ROBOT_MODEL}
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +65,8 @@ class Twin:
         if fields.raw.get("format") != FORMAT:
             raise fields.error("format", f"must be {FORMAT}")
         with fields.naming("robot"):
-            robot = registry.load("robots", str(fields.raw.get("robot")))
+            name = stated_robot(fields.raw, str(fields.raw.get("robot")))
+            robot = registry.load("robots", name)
         gravity = fields.numbers("gravity", 3, rule="must be 3 numbers [m/s²]")
         model = Model(robot, gravity or tuple(robot.gravity))
         with fields.naming("theta"):
@@ -105,6 +107,7 @@ class Twin:
                 {"effect": a.effect.name, "parameters": dict(a.values)} for a in self.active
             ],
             "recording": self.recording,
+            **carried_robot(self.model.robot.name),
         }
 
     def write(self, path: str | Path) -> None:

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -172,8 +172,8 @@ def _turn(pairing: Pairing, columns: Columns, poses: Poses) -> np.ndarray | None
 
 
 def _of_joints(pairing: Pairing, stated: Stated) -> Iterator[Convention]:
-    known = registry.names("robots")
-    for name in known if stated.robot is None else {stated.robot} & set(known):
+    known = registry.names("robots") if stated.robot is None else [stated.robot]
+    for name in filter(partial(registry.is_known, "robots"), known):
         robot = registry.load("robots", name)
         mounted = "mount.rotation.x" in robot.parameters.names
         sheet = pairing.tables[pairing.sheet]

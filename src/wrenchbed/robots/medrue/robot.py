@@ -167,6 +167,10 @@ class MedRUE(SimulatedRobot):
     )
 
     @property
+    def zero_names(self) -> tuple[str, ...]:
+        return tuple(f"dq{k}" for k in range(1, len(self.joints) + 1))
+
+    @property
     def home(self) -> np.ndarray:
         return np.array([0.0, 2.932153143, 2.373647784, 2.932153143, 2.373647784, 4.714624603])
 

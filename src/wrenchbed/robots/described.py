@@ -1,0 +1,374 @@
+"""``my.toml``: a robot that a user described, beside the model file it came from.
+
+`describe` makes one from MJCF or URDF, `read` loads it, and `rebuilt` makes the same robot from
+what a recording carries, without either file. The name of such a robot is that in the TOML, ``@``
+and the beginning of the text's SHA-256, so that two descriptions never pass for one.
+"""
+
+import hashlib
+import os
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from wrenchbed import registry
+from wrenchbed.errors import NotFoundError, ParameterError, did_you_mean
+from wrenchbed.files import write_text
+from wrenchbed.physics.wrench import physical_inertia
+from wrenchbed.robots.arm_model import ArmLink, ArmModel, Load
+from wrenchbed.robots.file_arm import ArmDescription, FileArm
+
+FORMAT = 1
+DEFAULT_SENSOR = "ati-gamma"
+_DENSITY = 2700.0
+"""Of a tool whose inertia nobody states: a ball of aluminium [kg/m³]; estimate."""
+_FLOOR = 0.03
+"""Height of the floor above the base of an arm that stands upright, over its reach: estimate."""
+_DIGITS = 8
+"""Of the SHA-256 in a robot's name."""
+_TOP = {"format", "name", "title", "sensor", "gravity", "floor", "model", "tool", "joint"}
+_JOINT = {"name", "lower", "upper", "speed", "home", "link", "mass", "cog"}
+
+
+@dataclass(frozen=True)
+class Described:
+    """A robot made from a model file.
+
+    Attributes:
+        robot: what ``my.toml`` gives.
+        text: of ``my.toml``.
+        loading: bodies of the file that load the sensor.
+        notes: what the user should know.
+    """
+
+    robot: FileArm
+    text: str
+    loading: tuple[str, ...]
+    notes: tuple[str, ...]
+
+
+def describe(
+    file: Path,
+    frame: str,
+    out: Path,
+    *,
+    sensor: str = DEFAULT_SENSOR,
+    tool_mass: float | None = None,
+    tool_cog: Sequence[float] | None = None,
+    hold_others: bool = False,
+) -> Described:
+    """Make a robot from MJCF or URDF and write its TOML.
+
+    Args:
+        file: MJCF or URDF.
+        frame: site, body, link or fixed frame where the sensor sits; its axes are the sensor's.
+        out: TOML to write.
+        sensor: registry name.
+        tool_mass, tool_cog: [kg] and (3,) [m] in sensor axes; they replace what the file has there.
+        hold_others: keep another arm in the file where it stands.
+
+    Raises:
+        ParameterError: the file is no model of such an arm, or the tool weighs nothing.
+        NotFoundError: there is no such file, frame or sensor; lists what exists.
+    """
+    from wrenchbed.robots.model_file import read_arm
+
+    registry.load("sensors", sensor)
+    if out.resolve() == file.resolve():
+        raise ParameterError(f"--out {out} is the model file: nothing is written into it")
+    found = read_arm(file, frame, hold_others)
+    load = _load(found.arm, frame, file, tool_mass, tool_cog)
+    arm = replace(found.arm, floor=_floor(found.arm))
+    stated = os.path.relpath(file.resolve(), out.resolve().parent)
+    name = out.stem if out.stem not in ("", "my", "robot") else arm.name
+    text = _toml(name, sensor, (Path(stated).as_posix(), file, frame, hold_others), arm, load)
+    robot = _robot(text, arm, str(out))
+    loading = load.bodies or ("the tool that --tool-mass states",)
+    notes = list(found.notes)
+    if found.held:
+        notes.append(f"{', '.join(found.held)} stay where the file has them")
+    light = [link.body for link in arm.links if link.mass <= 0.0]
+    if light:
+        notes.append(f"{', '.join(light)} have no mass in the file: state it in the TOML")
+    write_text(out, text)
+    return Described(robot, text, tuple(loading), tuple(notes))
+
+
+def read(path: Path) -> FileArm:
+    """The robot of a TOML file.
+
+    Raises:
+        ParameterError: names the file, the field, its value and what is allowed.
+        NotFoundError: there is no such file, or its model file is gone.
+    """
+    from wrenchbed.robots.model_file import read_arm
+
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as cause:
+        why = getattr(cause, "strerror", None) or "it is no text"
+        raise NotFoundError(f"{path}: cannot be read: {why}") from None
+    table = _Table(_parsed(text, str(path)), str(path), "")
+    model = table.part("model")
+    file = path.parent / model.text("file")
+    if not file.is_file():
+        raise NotFoundError(
+            f"{path}: [model] file = {model.text('file')!r}: there is no such file; put it back "
+            "or make the TOML again with  wrenchbed robot FILE --frame NAME --out MY.toml"
+        )
+    if _sha(file) != model.text("sha256"):
+        raise ParameterError(
+            f"{path}: {file.name} has changed since this file was made from it (its SHA-256 is "
+            f"another): make it again with  wrenchbed robot {file.name} --frame "
+            f"{model.text('frame')} --out {path.name}"
+        )
+    found = read_arm(file, model.text("frame"), bool(model.raw.get("hold_others", False)))
+    return _robot(text, found.arm, str(path))
+
+
+def rebuilt(record: Mapping[str, Any]) -> FileArm:
+    """The robot of what a recording carries, see `FileArm.record`.
+
+    Raises:
+        ParameterError: it is incomplete.
+    """
+    try:
+        return _robot(str(record["toml"]), ArmModel.from_json(record["arm"]), "robot_model")
+    except (KeyError, TypeError) as cause:
+        raise ParameterError(f"robot_model: incomplete: {cause}") from None
+
+
+def _sha(file: Path) -> str:
+    return hashlib.sha256(file.read_bytes()).hexdigest()
+
+
+def _parsed(text: str, where: str) -> dict[str, Any]:
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as cause:
+        raise ParameterError(f"{where}: not valid TOML: {str(cause).splitlines()[0]}") from None
+
+
+def _load(
+    arm: ArmModel,
+    frame: str,
+    file: Path,
+    mass: float | None,
+    cog: Sequence[float] | None,
+) -> Load:
+    if mass is None and cog is None:
+        if arm.load is None:
+            raise ParameterError(
+                f"{file}: nothing behind the frame {frame!r} has a mass: state the tool by "
+                "--tool-mass KG --tool-cog X Y Z (sensor axes)"
+            )
+        return arm.load
+    before = arm.load
+    if mass is None:
+        if before is None:
+            raise ParameterError("--tool-cog needs --tool-mass: the file hangs nothing there")
+        mass = before.mass
+    if not mass > 0.0 or not np.isfinite(mass):
+        raise ParameterError(f"--tool-mass {mass:g} must be above 0 kg")
+    if cog is None:
+        if before is None:
+            raise ParameterError("--tool-mass needs --tool-cog X Y Z: the file hangs nothing there")
+        cog = before.cog
+    if not all(np.isfinite(x) and abs(x) < 2.0 for x in cog):
+        raise ParameterError(f"--tool-cog {' '.join(map(str, cog))} is not within 2 m (is it mm?)")
+    return Load(float(mass), tuple(float(x) for x in cog), _ball(mass))
+
+
+def _ball(mass: float) -> tuple[float, ...]:
+    """Inertia [kg·m²] of a solid ball, 2/5 m r²."""
+    radius = (3.0 * mass / (4.0 * np.pi * _DENSITY)) ** (1.0 / 3.0)
+    moment = float(f"{0.4 * mass * radius**2:.3g}")
+    return (moment, moment, moment, 0.0, 0.0, 0.0)
+
+
+def _floor(arm: ArmModel) -> float | None:
+    """Of an arm that stands upright; None of one that hangs or stands out sideways."""
+    g = np.array(arm.gravity)
+    upright = (arm.base_turn @ arm.links[0].turn @ arm.links[0].axis) @ (-g / np.linalg.norm(g))
+    if abs(upright) < 0.99 or g[2] > -0.99 * float(np.linalg.norm(g)):
+        return None
+    after = arm.links[1].shift if len(arm.links) > 1 else arm.end_shift
+    first = arm.base_turn @ arm.links[0].turn
+    rises = float((arm.base_turn @ arm.links[0].shift + first @ after)[2]) >= -1e-9
+    return round(float(arm.base_shift[2]) + _FLOOR * arm.reach, 3) if rises else None
+
+
+def _robot(text: str, arm: ArmModel, where: str) -> FileArm:
+    """From the TOML's text and the arm that its model file gave."""
+    table = _Table(_parsed(text, where), where, "")
+    table.only(_TOP)
+    if table.raw.get("format") != FORMAT:
+        raise table.error("format", f"must be {FORMAT}")
+    rows = table.raw.get("joint", [])
+    count = len(rows) if isinstance(rows, list) else 0
+    if count != len(arm.links):
+        raise ParameterError(
+            f"{where}: has {count} [[joint]] tables, the model has {len(arm.links)} joints "
+            "from base to sensor"
+        )
+    links = tuple(
+        _edited(link, _Table(row, where, f"joint {k}: "))
+        for k, (link, row) in enumerate(zip(arm.links, rows, strict=True), start=1)
+    )
+    gravity = table.numbers("gravity", 3)
+    if not 1.0 < float(np.linalg.norm(gravity)) < 30.0:
+        raise table.error("gravity", "must be an acceleration in m/s² (Earth: 9.8)")
+    floor = table.number("floor") if "floor" in table.raw else None
+    sensor = table.text("sensor")
+    try:
+        registry.load("sensors", sensor)
+    except NotFoundError as cause:
+        raise ParameterError(f"{where}: sensor = {sensor!r}: {cause}") from None
+    load = _stated_load(table.part("tool"), arm.load)
+    edited = replace(arm, links=links, gravity=tuple(gravity), floor=floor)
+    digest = hashlib.sha256(text.encode()).hexdigest()[:_DIGITS]
+    name = f"{table.text('name')}@{digest}"
+    description = ArmDescription(name, table.text("title"), sensor, edited, load)
+    return FileArm(description, {"toml": text, "arm": arm.to_json()})
+
+
+def _edited(link: ArmLink, row: "_Table") -> ArmLink:
+    row.only(_JOINT)
+    if row.text("name") != link.joint:
+        raise row.error("name", f"must be {link.joint!r}: the order is that of the chain")
+    lower, upper = row.number("lower"), row.number("upper")
+    if not lower < upper:
+        raise row.error("lower", f"must be below upper = {upper:g}")
+    speed, mass = row.number("speed"), row.number("mass")
+    if not speed > 0.0:
+        raise row.error("speed", "must be above 0")
+    if mass < 0.0:
+        raise row.error("mass", "must not be below 0 kg")
+    home = row.number("home")
+    if not lower <= home <= upper:
+        raise row.error("home", f"must lie within {lower:g} … {upper:g}")
+    cog = np.array(row.numbers("cog", 3))
+    return replace(
+        link, lower=lower, upper=upper, speed=speed, home=home, mass=mass, cog=cog,
+        inertia=link.inertia * (mass / link.mass if link.mass > 0.0 else 1.0),
+    )  # fmt: skip
+
+
+def _stated_load(tool: "_Table", before: Load | None) -> Load:
+    tool.only({"mass", "cog", "inertia"})
+    mass, cog, inertia = tool.number("mass"), tool.numbers("cog", 3), tool.numbers("inertia", 6)
+    if not mass > 0.0:
+        raise tool.error("mass", "must be above 0 kg")
+    if not physical_inertia(inertia):
+        raise tool.error("inertia", "is not the inertia of any body")
+    same = before is not None and np.allclose([mass, *cog], [before.mass, *before.cog], rtol=1e-9)
+    shapes = before.shapes if before is not None and same else ()
+    bodies = before.bodies if before is not None and same else ()
+    return Load(mass, tuple(cog), tuple(inertia), bodies, shapes)
+
+
+class _Table:
+    """A table of the TOML whose fields are checked as they are read."""
+
+    def __init__(self, raw: Any, where: str, name: str) -> None:
+        self.where, self.name = where, name
+        if not isinstance(raw, Mapping):
+            raise ParameterError(f"{where}: {name.strip(': ') or 'the file'} is not a table")
+        self.raw = raw
+
+    def error(self, key: str, rule: str) -> ParameterError:
+        return ParameterError(f"{self.where}: {self.name}{key} = {self.raw.get(key)!r} {rule}")
+
+    def only(self, known: set[str]) -> None:
+        for key in self.raw:
+            if key not in known:
+                hint = did_you_mean(key, known)
+                raise ParameterError(
+                    f"{self.where}: {self.name}there is no field {key!r}{hint}. "
+                    f"Known: {', '.join(sorted(known))}"
+                )
+
+    def text(self, key: str) -> str:
+        value = self.raw.get(key)
+        if not isinstance(value, str) or not value:
+            raise self.error(key, "must be a text")
+        return value
+
+    def number(self, key: str) -> float:
+        value = self.raw.get(key)
+        if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value):
+            raise self.error(key, "must be a finite number")
+        return float(value)
+
+    def numbers(self, key: str, count: int) -> list[float]:
+        value = self.raw.get(key)
+        if not isinstance(value, list) or len(value) != count:
+            raise self.error(key, f"must be {count} numbers")
+        return [_Table({key: v}, self.where, self.name).number(key) for v in value]
+
+    def part(self, key: str) -> "_Table":
+        return _Table(self.raw.get(key), self.where, f"[{key}] ")
+
+
+def _toml(
+    name: str,
+    sensor: str,
+    model: tuple[str, Path, str, bool],
+    arm: ArmModel,
+    load: Load,
+) -> str:
+    stated, file, frame, hold = model
+    lines = [
+        "# A robot for wrenchbed: this file stands wherever a robot's name does.",
+        f"# Made by  wrenchbed robot {file.name} --frame {frame}  ; every value may be edited.",
+        f"format = {FORMAT}",
+        f"name = {_quoted(name)}",
+        f"title = {_quoted(f'{arm.name} with {sensor} at {frame}')}",
+        f"sensor = {_quoted(sensor)}  # see: wrenchbed list sensors",
+        f"gravity = {_list(arm.gravity)}  # m/s², in the file's world, z up",
+    ]
+    if arm.floor is None:
+        lines.append("# floor = 0.0  # lowest height [m] of what moves; without it, anywhere")
+    else:
+        lines.append(f"floor = {arm.floor:g}  # lowest height [m] of what moves; or leave it out")
+    lines += [
+        "",
+        "[model]",
+        f"file = {_quoted(stated)}  # seen from this file; only read",
+        f"sha256 = {_quoted(_sha(file))}",
+        f"frame = {_quoted(frame)}  # the sensor's axes and origin",
+        *(["hold_others = true"] if hold else []),
+        "",
+        "[tool]  # behind the sensor, in its axes: " + (", ".join(load.bodies) or "as stated"),
+        f"mass = {load.mass!r}  # kg",
+        f"cog = {_list(load.cog)}  # m",
+        f"inertia = {_list(load.inertia)}  # kg·m² about the CoG: xx yy zz xy xz yz",
+        "",
+        "# Joints q1 … from base to sensor: rad or m, rad/s or m/s; masses in kg, cog in m.",
+    ]
+    for k, link in enumerate(arm.links, start=1):
+        lines += [
+            f"[[joint]]  # q{k}, {link.kind}",
+            f"name = {_quoted(link.joint)}",
+            f"lower = {link.lower!r}",
+            f"upper = {link.upper!r}",
+            f"speed = {link.speed!r}",
+            f"home = {link.home!r}",
+            f"link = {_quoted(link.body)}",
+            f"mass = {link.mass!r}",
+            f"cog = {_list(link.cog)}",
+            "",
+        ]
+    return "\n".join(lines)
+
+
+def _quoted(text: str) -> str:
+    return '"' + text.replace("\\", "\\\\").replace('"', '\\"') + '"'
+
+
+def _list(values: Sequence[float] | np.ndarray) -> str:
+    return "[" + ", ".join(repr(float(v)) for v in values) + "]"

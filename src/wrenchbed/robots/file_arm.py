@@ -1,0 +1,288 @@
+"""A robot from a file: a serial chain whose parameters are named by the file's joints and bodies.
+
+``joint.<joint>.zero``, ``link.<body>.position.x`` … in the axes of the link before, and
+``link.<body>.rotation.x`` …, a rotation vector in the body's own axes; then the base's tilt, the
+sensor's mount, the tool and the load as of every arm. The closed form stands in `chain`.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from wrenchbed.errors import WrenchbedError
+from wrenchbed.physics.gravity import BodyMass
+from wrenchbed.physics.parameters import Parameter, ParameterSet
+from wrenchbed.physics.rotations import apply, exp, exp_rates
+from wrenchbed.robots.arm_model import HINGE, ArmModel, Load
+from wrenchbed.robots.arm_xml import mjcf_of, standing
+from wrenchbed.robots.base import (
+    TILT,
+    Joint,
+    load_parameters,
+    sample_until,
+    segment_distance,
+    tool_parameters,
+    vector_parameters,
+)
+from wrenchbed.robots.chain import ANGLE, Fixed, SerialChain, Spin
+
+if TYPE_CHECKING:
+    import mujoco
+
+_LENGTH, _TWIST, _SLIDE = 5e-4, 1e-3, 1e-3
+"""Typical errors of a link's position [m], its rotation [rad], a slide's zero [m]: estimates."""
+_FARTHEST = 10.0
+"""Bound of a link's position [m]."""
+_CLEAR = 0.08
+"""How far the tool keeps from the arm's limbs, over the arm's reach: estimate."""
+_WRIST = 3
+"""Joints at the arm's end whose links the tool may be near."""
+
+
+@dataclass(frozen=True, eq=False)
+class ArmDescription:
+    """All that makes a robot from a file.
+
+    Attributes:
+        name: by which recordings name it.
+        title: one line.
+        sensor: registry name.
+        arm: the chain as numbers.
+        load: behind the sensor.
+    """
+
+    name: str
+    title: str
+    sensor: str
+    arm: ArmModel
+    load: Load
+
+
+class FileArm(SerialChain):
+    """A serial arm from MJCF or URDF with a six-axis sensor at a named frame."""
+
+    free = ("tool.mass", "tool.cog", "sensor.bias", "mount.rotation")
+    candidates = ("joint", "link", "base.tilt", "mount", "tool.mass", "tool.cog")
+
+    def __init__(self, description: ArmDescription, record: dict[str, Any] | None = None) -> None:
+        arm = description.arm
+        self.description, self.arm_model, self.record = description, arm, record
+        self.name, self.title, self.sensor = description.name, description.title, description.sensor
+        self.gravity = (arm.gravity[0], arm.gravity[1], arm.gravity[2])
+        units = {True: "rad", False: "m"}
+        self.joints = tuple(
+            Joint(f"q{k}", units[link.kind == HINGE], link.lower, link.upper, link.speed)
+            for k, link in enumerate(arm.links, start=1)
+        )
+        self.parameters = _parameters(description)
+        self._to_z = np.stack([_to_z(link.axis) for link in arm.links])
+        self.bodies = tuple(
+            BodyMass(link.body, link.mass, (float(x), float(y), float(z)))
+            for link, (x, y, z) in (
+                (link, turn.T @ link.cog) for link, turn in zip(arm.links, self._to_z, strict=True)
+            )
+        )
+        self._prepare()
+        index = self.parameters.index
+        names = [f"link.{link.body}" for link in arm.links]
+        self._zeros = [index(n) for n in self.zero_names]
+        self._places = np.array([[index(f"{n}.position.{a}") for a in "xyz"] for n in names])
+        self._turns = np.array([[index(f"{n}.rotation.{a}") for a in "xyz"] for n in names])
+        before = np.concatenate([np.eye(3)[None], self._to_z[:-1]]).swapaxes(-1, -2)
+        self._before = before
+        self._pre = before @ np.stack([link.turn for link in arm.links])
+        self._end = self._to_z[-1].T @ arm.end_turn
+
+    @cached_property
+    def zero_names(self) -> tuple[str, ...]:
+        return tuple(f"joint.{link.joint}.zero" for link in self.arm_model.links)
+
+    @property
+    def twists(self) -> tuple[str, ...]:
+        """Rotations of all links but the first against the one before, across their own axes."""
+        return tuple(
+            f"link.{link.body}.rotation.{a}"
+            for link in self.arm_model.links[1:]
+            for k, a in enumerate("xyz")
+            if k != int(np.argmax(np.abs(link.axis)))
+        )
+
+    @property
+    def lengths(self) -> tuple[str, ...]:
+        """Positions of all links but the first, which moves everything alike."""
+        return tuple(
+            f"link.{link.body}.position.{a}" for link in self.arm_model.links[1:] for a in "xyz"
+        )
+
+    @property
+    def home(self) -> np.ndarray:
+        return np.array([link.home for link in self.arm_model.links])
+
+    def zeros(self, theta: np.ndarray) -> np.ndarray:
+        return np.asarray(theta[..., self._zeros])
+
+    def base_origin(self, theta: np.ndarray) -> np.ndarray:
+        return self.arm_model.base_shift
+
+    def fixed(self, theta: np.ndarray, mounted: bool = True) -> Fixed:
+        arm, turned = self.arm_model, theta[..., self._turns]
+        pre = self._pre @ exp(*np.moveaxis(turned, -1, 0)) if turned.any() else self._pre
+        turns = pre @ self._to_z  # (…, J, 3, 3)
+        shifts = (self._before @ theta[..., self._places][..., None])[..., 0]
+        leaning = self._leaning(theta)
+        base = arm.base_turn if leaning is None else leaning @ arm.base_turn
+        first = apply(base, shifts[..., 0, :]) + arm.base_shift
+        end, last = self._end, self._to_z[-1].T @ arm.end_shift
+        if mounted and theta[..., self._offset].any():
+            last = last + apply(end, theta[..., self._offset])
+        if mounted and theta[..., self._turn].any():
+            end = end @ self._mount(theta)
+        middle = range(1, len(self.joints))
+        return Fixed(
+            [base @ turns[..., 0, :, :], *(turns[..., k, :, :] for k in middle), end],
+            [first, *(shifts[..., k, :] for k in middle), last],
+        )
+
+    def spin(self, name: str, theta: np.ndarray) -> Spin | None:
+        group, _, axis = name.rpartition(".")
+        if not (group.startswith("link.") and group.endswith(".rotation")):
+            return None
+        column = self.parameters.index(name)
+        k = int(np.flatnonzero((self._turns == column).any(axis=1))[0])
+        vector = theta[self._turns[k]]
+        own = exp(*vector).T @ exp_rates(vector)[:, "xyz".index(axis)] if vector.any() else None
+        seen = np.eye(3)["xyz".index(axis)] if own is None else own
+        return Spin(k, self._to_z[k].T @ seen)
+
+    def sample(self, n: int, rng: np.random.Generator) -> np.ndarray:
+        """Within limits, above the floor, the tool clear of the arm's limbs."""
+        low = np.array([joint.lower for joint in self.joints])
+        high = np.array([joint.upper for joint in self.joints])
+        turn = np.where(self._slides, np.inf, np.pi)  # a whole turn shows all
+        middle = np.clip(0.0, low + np.minimum(turn, (high - low) / 2), None)
+        middle = np.minimum(middle, high - np.minimum(turn, (high - low) / 2))
+        low, high = np.maximum(low, middle - turn), np.minimum(high, middle + turn)
+        try:
+            return sample_until(n, lambda k: rng.uniform(low, high, (k, len(low))), self.clear)
+        except WrenchbedError:
+            return rng.uniform(low, high, (n, len(low)))
+
+    def clear(self, q: np.ndarray) -> np.ndarray:
+        """Which of the poses (N, J) keep what moves above the floor and the tool off the limbs."""
+        theta, floor = self.parameters.nominal, self.arm_model.floor
+        frames = list(self._frames(q, theta))
+        origins = [np.broadcast_to(frame[3], (len(q), 3)) for frame in frames]
+        rotation, sensor = self.sensor_pose(q, theta)
+        tip = 2.0 * np.array(self.description.load.cog)
+        tool = np.stack([sensor + rotation @ (share * tip) for share in (0.0, 0.5, 1.0)])
+        good = np.ones(len(q), dtype=bool)
+        if floor is not None:
+            low = np.stack([*origins[2:], *tool])[..., 2]
+            good &= (low > floor).all(axis=0)
+        reach = _CLEAR * self.arm_model.reach
+        for start, end in pairwise(origins[: max(0, len(self.joints) - _WRIST) + 1]):
+            if np.linalg.norm(end[0] - start[0]) > reach:
+                good &= segment_distance(start, end, tool) > reach
+        return good
+
+    def symmetries(self, theta: np.ndarray) -> dict[str, dict[str, float]]:
+        """A turn of a joint against its own link, and against the next link or the mount."""
+        found = {}
+        links = self.arm_model.links
+        mount = theta[self._turn]
+        for k, link in enumerate(links):
+            if link.kind != HINGE:
+                continue
+            zero, joint = self.zero_names[k], link.joint
+            own = np.linalg.solve(
+                exp_rates(theta[self._turns[k]]), exp(*theta[self._turns[k]]) @ link.axis
+            )
+            found[f"the zero of {joint} against the rotation of {link.body} on it"] = _against(
+                zero, f"link.{link.body}.rotation", own
+            )
+            if k + 1 < len(links):
+                other, axis = links[k + 1], links[k + 1].turn.T @ link.axis
+                vector = theta[self._turns[k + 1]]
+                group, what = f"link.{other.body}.rotation", f"rotation of {other.body}"
+            else:
+                axis, vector = self.arm_model.end_turn.T @ link.axis, mount
+                group, what = "mount.rotation", "sensor's mount"
+            back = np.linalg.solve(exp_rates(vector), axis)
+            found[f"a turn of {joint} against the {what}"] = _against(zero, group, back)
+        return found
+
+    @cached_property
+    def xml(self) -> str:
+        """The robot's own MJCF, nominal and at home."""
+        d = self.description
+        return mjcf_of(d.arm.name, d.arm, d.load)
+
+    def spec(self, theta: np.ndarray) -> "mujoco.MjSpec":
+        import mujoco
+
+        from wrenchbed.robots.mjcf import place, write_load
+
+        spec = mujoco.MjSpec.from_string(self.xml)
+        arm = self.arm_model
+        leaning = self._leaning(theta)
+        if leaning is not None:
+            place(spec, "base", arm.base_shift.tolist(), leaning @ arm.base_turn)
+        zeros = self.zeros(theta)
+        for k, link in enumerate(arm.links):
+            turn = link.turn @ exp(*theta[self._turns[k]])
+            turn, shift = standing(link, turn, theta[self._places[k]], zeros[k] + link.home)
+            place(spec, link.body, shift.tolist(), turn)
+        place(spec, "tool", theta[self._offset].tolist(), self._mount(theta))
+        write_load(spec, self.tool(theta))
+        return spec
+
+
+def _against(zero: str, group: str, vector: np.ndarray) -> dict[str, float]:
+    """A joint's zero against a rotation vector; components that are rounding are left out."""
+    parts = {
+        f"{group}.{a}": float(-v) for a, v in zip("xyz", vector, strict=True) if abs(v) > 1e-12
+    }
+    return {zero: 1.0, **parts}
+
+
+def _parameters(description: ArmDescription) -> ParameterSet:
+    items = []
+    for link in description.arm.links:
+        unit, size = ("rad", ANGLE) if link.kind == HINGE else ("m", _SLIDE)
+        bound = 6.3 if unit == "rad" else 2.0
+        items.append(
+            Parameter(
+                f"joint.{link.joint}.zero", 0.0, unit, size, -bound, bound, "joint zero offset"
+            )
+        )
+        items += [
+            Parameter(
+                f"link.{link.body}.position.{a}", float(v), "m", _LENGTH, -_FARTHEST, _FARTHEST,
+                "its joint's origin in the axes of the link before",
+            )
+            for a, v in zip("xyz", link.shift, strict=True)
+        ]  # fmt: skip
+        text = "rotation vector against the file, in the link's axes"
+        items += vector_parameters(f"link.{link.body}.rotation", "xyz", "rad", _TWIST, text)
+    position, rotation = "sensor's origin in flange axes", "rotation vector, sensor in flange"
+    load = description.load
+    mounted = (
+        *vector_parameters("base.tilt", "xy", "rad", ANGLE, TILT),
+        *vector_parameters("mount.position", "xyz", "m", 1e-3, position),
+        *vector_parameters("mount.rotation", "xyz", "rad", ANGLE, rotation),
+        *tool_parameters(load.mass, load.cog),
+    )
+    return ParameterSet((*items, *mounted)) + load_parameters(load.inertia)
+
+
+def _to_z(axis: np.ndarray) -> np.ndarray:
+    """A rotation (3, 3) whose z axis is a unit vector (3,)."""
+    if np.array_equal(axis, [0.0, 0.0, 1.0]):
+        return np.eye(3)
+    helper = np.eye(3)[int(np.argmin(np.abs(axis)))]
+    x = np.cross(helper, axis)
+    x /= np.linalg.norm(x)
+    return np.stack([x, np.cross(axis, x), axis], axis=-1)

@@ -1,0 +1,610 @@
+"""MJCF and URDF of a user → a serial arm as numbers. The file itself is only read.
+
+Meshes that are missing, or in a format that MuJoCo does not read, are left out: their links keep
+the masses that the file states. Fixed frames stay bodies of their own, so that no mass crosses the
+frame of the sensor.
+"""
+
+import difflib
+import os
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from xml.etree import ElementTree
+
+import mujoco
+import numpy as np
+
+from wrenchbed.errors import NotFoundError, ParameterError
+from wrenchbed.physics.rotations import matrix, quaternion
+from wrenchbed.robots.arm_model import (
+    HINGE,
+    SLIDE,
+    ArmFile,
+    ArmLink,
+    ArmModel,
+    Load,
+    Shape,
+    lighter,
+)
+from wrenchbed.robots.chain import about
+
+JOINT = mujoco.mjtJoint
+_SPEED = {HINGE: np.pi / 2, SLIDE: 0.25}
+"""Top speed of a joint whose file states none [rad/s, m/s]: estimate."""
+_RANGE = {HINGE: 6.2832, SLIDE: 1.0}
+"""Limits ± of a joint whose file states none [rad, m]: estimate."""
+_NOTHING = 1e-9
+"""Mass below which a body weighs nothing [kg]."""
+_BOUND = 1e-12
+"""What MuJoCo is given for bodies without mass [kg, kg·m²], which it refuses where they move."""
+_SECOND_ARM = 3
+"""Joints in series off the chain that make another arm; fewer are a gripper's or a camera's."""
+_MESHES = (".stl", ".obj", ".msh")
+"""Formats of meshes that MuJoCo reads."""
+_XACRO = "{http://www.ros.org/wiki/xacro}"
+_KINDS = {
+    mujoco.mjtGeom.mjGEOM_PLANE: "plane", mujoco.mjtGeom.mjGEOM_BOX: "box",
+    mujoco.mjtGeom.mjGEOM_SPHERE: "sphere", mujoco.mjtGeom.mjGEOM_CAPSULE: "capsule",
+    mujoco.mjtGeom.mjGEOM_CYLINDER: "cylinder", mujoco.mjtGeom.mjGEOM_ELLIPSOID: "ellipsoid",
+    mujoco.mjtGeom.mjGEOM_MESH: "mesh",
+}  # fmt: skip
+_FRAME = "wrenchbed frame"
+_HIDDEN_GROUP = 3
+"""First group that MuJoCo's own viewer does not show."""
+
+
+def read_arm(path: Path, frame: str, hold_others: bool = False) -> ArmFile:
+    """The serial arm between a file's base and one of its frames.
+
+    Args:
+        path: MJCF or URDF.
+        frame: a site, body, link or fixed frame: where the sensor sits.
+        hold_others: keep another arm of the file at its home instead of refusing it.
+
+    Raises:
+        ParameterError: the file is no model, or its arm is none that can be computed; says why.
+        NotFoundError: there is no such frame; lists those that exist.
+    """
+    source = _Source.of(path)
+    spec, notes = _spec(source)
+    loops, home = _loops(spec), _home(spec)
+    _place_frame(spec, frame, source)
+    _strip(spec)
+    model = _compiled(spec, source, notes)
+    data = mujoco.MjData(model)
+    if home is not None and len(home) == model.nq:
+        data.qpos[:] = home
+    tree = _Tree(model, data, source)
+    return tree.arm(frame, loops, hold_others, notes, home is not None)
+
+
+@dataclass(frozen=True)
+class _Source:
+    """A file that was read as XML."""
+
+    path: Path
+    text: str
+    root: ElementTree.Element
+
+    @classmethod
+    def of(cls, path: Path) -> "_Source":
+        try:
+            text = path.read_text(encoding="utf-8")
+        except UnicodeDecodeError:
+            raise ParameterError(f"{path}: is no text: state an MJCF or URDF file") from None
+        except OSError as cause:
+            raise NotFoundError(f"{path}: {cause.strerror or cause}") from None
+        try:
+            root = ElementTree.fromstring(text)
+        except ElementTree.ParseError as cause:
+            raise ParameterError(f"{path}: is no MJCF or URDF: not XML ({cause})") from None
+        if root.tag not in ("mujoco", "robot"):
+            raise ParameterError(
+                f"{path}: is neither MJCF (<mujoco>) nor URDF (<robot>): begins with <{root.tag}>"
+            )
+        return cls(path, text, root)
+
+    @property
+    def urdf(self) -> bool:
+        return self.root.tag == "robot"
+
+    def check_expanded(self) -> None:
+        """Refuse unexpanded xacro."""
+        for element in self.root.iter():
+            macro = str(element.tag).startswith(_XACRO)
+            if macro or any("${" in v or "$(" in v for v in element.attrib.values()):
+                tag = str(element.tag).replace(_XACRO, "xacro:")
+                raise ParameterError(
+                    f"{self.path}: holds unexpanded xacro (in <{tag}>): "
+                    f"run  xacro {self.path.name} > robot.urdf  and state robot.urdf"
+                )
+
+    def speeds(self) -> dict[str, float]:
+        """Top speed of each joint that a URDF states."""
+        found = {}
+        for joint in self.root.iter("joint"):
+            limit = joint.find("limit")
+            if limit is not None and float(limit.get("velocity", 0.0)) > 0.0:
+                found[joint.get("name", "")] = float(limit.get("velocity", 0.0))
+        return found
+
+    def fixed_joints(self) -> dict[str, str]:
+        """Child link of each fixed joint of a URDF."""
+        found = {}
+        for joint in self.root.findall("joint"):
+            child = joint.find("child")
+            if joint.get("type") == "fixed" and child is not None:
+                found[joint.get("name", "")] = child.get("link", "")
+        return found
+
+
+def _spec(source: _Source) -> tuple[mujoco.MjSpec, list[str]]:
+    """The file as an MjSpec without what is missing, and notes on that."""
+    try:
+        if source.urdf:
+            source.check_expanded()
+            spec = mujoco.MjSpec.from_string(_with_options(source))
+        else:
+            spec = mujoco.MjSpec.from_file(str(source.path))
+    except ValueError as cause:
+        raise ParameterError(f"{source.path}: {_one_line(cause)}") from None
+    spec.compiler.fusestatic = False
+    spec.compiler.discardvisual = False
+    return spec, _drop_missing(spec, source)
+
+
+def _with_options(source: _Source) -> str:
+    """The URDF's text with MuJoCo's options for it: keep frames, visuals and paths of meshes."""
+    root = ElementTree.fromstring(source.text)
+    for old in root.findall("mujoco"):
+        root.remove(old)
+    options = ElementTree.SubElement(root, "mujoco")
+    ElementTree.SubElement(
+        options, "compiler", fusestatic="false", discardvisual="false", strippath="false"
+    )
+    for joint in root.findall("joint"):
+        for mimic in joint.findall("mimic"):  # judged in `_mimics`; MuJoCo would couple them
+            joint.remove(mimic)
+    return ElementTree.tostring(root, encoding="unicode")
+
+
+def _one_line(cause: Exception) -> str:
+    return " ".join(str(cause).split())[:300]
+
+
+def _drop_missing(spec: mujoco.MjSpec, source: _Source) -> list[str]:
+    missing = set()
+    folder = source.path.resolve().parent
+    for mesh in list(spec.meshes):
+        if not mesh.file:
+            continue
+        found = _mesh_file(mesh.file, folder, spec.meshdir)
+        if found is None:
+            missing.add(mesh.name or Path(mesh.file).stem)
+        elif source.urdf:
+            mesh.file = str(found)
+    for geom in list(spec.geoms):
+        if geom.meshname and geom.meshname in missing:
+            spec.delete(geom)
+    for mesh in list(spec.meshes):
+        if mesh.file and (mesh.name or Path(mesh.file).stem) in missing:
+            spec.delete(mesh)
+    notes = []
+    if missing:
+        notes.append(
+            f"{len(missing)} meshes are missing or not in {', '.join(_MESHES)}: they are not drawn"
+        )
+    return notes
+
+
+def _mesh_file(name: str, folder: Path, meshdir: str) -> Path | None:
+    """Where a mesh lies: beside the model, or for package:// in a folder of that name above."""
+    if not name.lower().endswith(_MESHES):
+        return None
+    plain = name.removeprefix("file://")
+    if plain.startswith("package://"):
+        package, _, rest = plain.removeprefix("package://").partition("/")
+        roots = [Path(p) for p in os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep) if p]
+        roots += [*folder.parents, folder]
+        places = [root / package / rest for root in roots]
+        places += [up / rest for up in (folder, *folder.parents) if up.name == package]
+    else:
+        places = [folder / meshdir / plain, folder / plain]
+    return next((p for p in places if p.is_file()), None)
+
+
+def _loops(spec: mujoco.MjSpec) -> list[tuple[str, str, bool]]:
+    """Names of the two sides of each equality; whether these are joints."""
+    found = []
+    for e in spec.equalities:
+        joints = e.type in (mujoco.mjtEq.mjEQ_JOINT, mujoco.mjtEq.mjEQ_TENDON)
+        names = [e.name1, e.name2]
+        if e.objtype == mujoco.mjtObj.mjOBJ_SITE:
+            sites = {s.name: s.parent.name for s in spec.sites}
+            names = [sites.get(n, n) for n in names]
+        found.append((names[0], names[1], joints))
+    return found
+
+
+def _home(spec: mujoco.MjSpec) -> np.ndarray | None:
+    """The keyframe ``home``, else the first (nq,)."""
+    keys = sorted(spec.keys, key=lambda k: k.name != "home")
+    return np.array(keys[0].qpos) if keys and len(keys[0].qpos) else None
+
+
+def _place_frame(spec: mujoco.MjSpec, frame: str, source: _Source) -> None:
+    """Mark the named frame by a site; a site, body, fixed joint or MJCF frame, in this order."""
+    sites, bodies = ({x.name: x for x in group} for group in (spec.sites, spec.bodies))
+    frames = {f.name: f for f in spec.frames if f.name}
+    fixed = source.fixed_joints()
+    if frame in sites:
+        site = sites[frame]
+        marked = site.parent.add_site(name=_FRAME, pos=site.pos, quat=site.quat)
+        marked.alt = site.alt
+        if site.frame is not None:
+            marked.set_frame(site.frame)
+    elif frame in bodies:
+        bodies[frame].add_site(name=_FRAME)
+    elif frame in fixed and fixed[frame] in bodies:
+        bodies[fixed[frame]].add_site(name=_FRAME)
+    elif frame in frames:
+        frames[frame].parent.add_site(name=_FRAME).set_frame(frames[frame])
+    else:
+        known = [n for n in dict.fromkeys([*bodies, *sites, *frames, *fixed]) if n and n != "world"]
+        close = difflib.get_close_matches(frame, known, n=1, cutoff=0.4)
+        hint = f"; did you mean {close[0]!r}?" if close else "."
+        raise NotFoundError(
+            f"{source.path}: there is no frame {frame!r}{hint} Frames: {', '.join(known)}"
+        )
+
+
+def _strip(spec: mujoco.MjSpec) -> None:
+    """Only the tree is needed, and what it looks like."""
+    for group in ("sensors", "actuators", "tendons", "equalities", "skins", "keys", "excludes",
+                  "pairs", "flexes", "tuples", "plugins"):  # fmt: skip
+        for element in list(getattr(spec, group, ())):
+            spec.delete(element)
+    for material in spec.materials:
+        material.textures = [""] * len(material.textures)
+    for texture in list(spec.textures):
+        spec.delete(texture)
+    for geom in list(spec.geoms):
+        if geom.type in (mujoco.mjtGeom.mjGEOM_HFIELD, mujoco.mjtGeom.mjGEOM_SDF):
+            spec.delete(geom)
+
+
+def _compiled(spec: mujoco.MjSpec, source: _Source, notes: list[str]) -> mujoco.MjModel:
+    options = spec.compiler
+    options.boundmass = max(options.boundmass, _BOUND)
+    options.boundinertia = max(options.boundinertia, _BOUND)
+    try:
+        return spec.compile()
+    except ValueError as cause:
+        if "inertia" not in str(cause):
+            raise ParameterError(f"{source.path}: {_one_line(cause)}") from None
+        options.balanceinertia = True
+        notes.append("a link's inertia is that of no body: made possible where it moves")
+    try:
+        return spec.compile()
+    except ValueError as cause:
+        raise ParameterError(f"{source.path}: {_one_line(cause)}") from None
+
+
+class _Tree:
+    """The compiled file, its joints at home."""
+
+    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, source: _Source) -> None:
+        self.model, self.data, self.source = model, data, source
+        self.path = source.path
+        self.site = model.site(_FRAME).id
+        self.end = int(model.site_bodyid[self.site])
+
+    def arm(
+        self,
+        frame: str,
+        loops: list[tuple[str, str, bool]],
+        hold_others: bool,
+        notes: list[str],
+        with_key: bool,
+    ) -> ArmFile:
+        model, data = self.model, self.data
+        chain = self._chain(frame)
+        ref = data.qpos.copy()
+        for j in chain:
+            data.qpos[model.jnt_qposadr[j]] = model.qpos0[model.jnt_qposadr[j]]
+        mujoco.mj_kinematics(model, data)
+        behind = self._behind()
+        held = self._others(chain, behind, hold_others)
+        self._refuse_loops(chain, behind, loops)
+        segment = self._segments(chain, behind)
+        base = self._base_body(chain)
+        base_turn, base_shift = data.xmat[base].reshape(3, 3).copy(), data.xpos[base].copy()
+        speeds = self.source.speeds()
+        frames = [(base_turn, base_shift)]
+        links = []
+        for k, j in enumerate(chain):
+            here = (data.xmat[model.jnt_bodyid[j]].reshape(3, 3).copy(), data.xanchor[j].copy())
+            links.append(self._link(k, j, segment, frames[-1], here, speeds, ref, with_key))
+            frames.append(here)
+        turn, origin = frames[-1]
+        end = data.site_xmat[self.site].reshape(3, 3)
+        at = data.site_xpos[self.site]
+        gravity = tuple(model.opt.gravity) if not self.source.urdf else (0.0, 0.0, -9.80665)
+        arm = ArmModel(
+            name=self._name(),
+            base_turn=base_turn,
+            base_shift=base_shift,
+            base_shapes=self._shapes(np.flatnonzero(segment == 0), base_turn, base_shift),
+            links=tuple(_distinct(links)),
+            end_turn=turn.T @ end,
+            end_shift=turn.T @ (at - origin),
+            load=self._load(behind, end, at),
+            gravity=tuple(float(g) for g in gravity),
+        )
+        return ArmFile(arm, tuple(held), tuple(notes))
+
+    def _name(self) -> str:
+        stated = str(self.source.root.get("model") or self.source.root.get("name") or "")
+        name = stated if stated and "MuJoCo" not in stated else self.path.stem
+        return re.sub(r"[^A-Za-z0-9_.-]+", "_", name)
+
+    def _path(self, body: int) -> list[int]:
+        """Bodies from the first below the world to one."""
+        found: list[int] = []
+        while body > 0:
+            found.append(body)
+            body = int(self.model.body_parentid[body])
+        return found[::-1]
+
+    def _joints(self, body: int) -> Iterator[int]:
+        first, count = int(self.model.body_jntadr[body]), int(self.model.body_jntnum[body])
+        yield from range(first, first + count)
+
+    def _chain(self, frame: str) -> list[int]:
+        """Joints from the base to the sensor."""
+        found = []
+        for body in self._path(self.end):
+            for j in self._joints(body):
+                kind = JOINT(self.model.jnt_type[j])
+                named = f"{self._joint_name(j)!r} of {self.model.body(body).name!r}"
+                if kind == JOINT.mjJNT_FREE:
+                    raise ParameterError(
+                        f"{self.path}: the base floats (free joint {named}): a robot is calibrated "
+                        "on a base that stands: leave the free joint out"
+                    )
+                if kind == JOINT.mjJNT_BALL:
+                    raise ParameterError(
+                        f"{self.path}: {named} is a ball joint: only hinges and slides can be moved"
+                    )
+                found.append(j)
+        if not found:
+            raise ParameterError(
+                f"{self.path}: no joint moves the frame {frame!r}: name one at the arm's end"
+            )
+        return found
+
+    def _joint_name(self, j: int) -> str:
+        return self.model.joint(j).name or f"joint{j + 1}"
+
+    def _behind(self) -> set[int]:
+        """Bodies that load the sensor: below its frame, and its own where no joint moves that."""
+        below = {b for b in range(1, self.model.nbody) if self.end in self._path(b)}
+        if self.model.body_jntnum[self.end]:
+            below.discard(self.end)
+        return below
+
+    def _others(self, chain: list[int], behind: set[int], hold: bool) -> list[str]:
+        """Names of joints that are neither on the way to the sensor nor behind it."""
+        model = self.model
+        moved = {JOINT.mjJNT_HINGE, JOINT.mjJNT_SLIDE, JOINT.mjJNT_BALL}
+        depth, names = 0, []
+        for body in range(1, model.nbody):
+            if body in behind:
+                continue
+            series = [
+                j for b in self._path(body) for j in self._joints(b)
+                if j not in chain and JOINT(model.jnt_type[j]) in moved
+            ]  # fmt: skip
+            depth = max(depth, len(series))
+            names += [self._joint_name(j) for j in series if self._joint_name(j) not in names]
+        if depth >= _SECOND_ARM and not hold:
+            raise ParameterError(
+                f"{self.path}: holds a second arm: {', '.join(names)} are neither on the way to "
+                "the frame nor behind it; --hold-others keeps them where the file has them"
+            )
+        return names
+
+    def _refuse_loops(
+        self, chain: list[int], behind: set[int], loops: list[tuple[str, str, bool]]
+    ) -> None:
+        """Closed loops and coupled joints of the arm are refused; those of the tool are held."""
+        joints = {self._joint_name(j) for j in chain}
+        moving = {
+            self.model.body(b).name
+            for b in range(1, self.model.nbody)
+            if b not in behind and any(j in chain for p in self._path(b) for j in self._joints(p))
+        }
+        for first, second, coupled in [*loops, *self._mimics()]:
+            inside = joints if coupled else moving
+            if first in inside or second in inside:
+                what = "couples joints" if coupled else "closes a loop between"
+                raise ParameterError(
+                    f"{self.path}: the file {what} {first!r} and {second or 'the world'!r}: only "
+                    "arms whose joints move by themselves, without loops, can be read from a file"
+                )
+
+    def _mimics(self) -> list[tuple[str, str, bool]]:
+        if not self.source.urdf:
+            return []
+        return [
+            (joint.get("name", ""), str(mimic.get("joint")), True)
+            for joint in self.source.root.findall("joint")
+            for mimic in joint.findall("mimic")
+        ]
+
+    def _segments(self, chain: list[int], behind: set[int]) -> np.ndarray:
+        """How many joints of the chain move each body (B,); −1 of the tool's and of loose ones."""
+        result = np.zeros(self.model.nbody, dtype=int)
+        for body in range(1, self.model.nbody):
+            path = self._path(body)
+            loose = any(
+                JOINT(self.model.jnt_type[j]) == JOINT.mjJNT_FREE
+                for b in path
+                for j in self._joints(b)
+            )
+            count = sum(j in chain for b in path for j in self._joints(b))
+            result[body] = -1 if loose or body in behind else count
+        return result
+
+    def _base_body(self, chain: list[int]) -> int:
+        return int(self.model.body_parentid[self.model.jnt_bodyid[chain[0]]])
+
+    def _link(
+        self,
+        k: int,
+        j: int,
+        segment: np.ndarray,
+        before: tuple[np.ndarray, np.ndarray],
+        here: tuple[np.ndarray, np.ndarray],
+        speeds: dict[str, float],
+        home: np.ndarray,
+        with_key: bool,
+    ) -> ArmLink:
+        model = self.model
+        kind = HINGE if model.jnt_type[j] == JOINT.mjJNT_HINGE else SLIDE
+        axis = model.jnt_axis[j] / np.linalg.norm(model.jnt_axis[j])
+        at = int(model.jnt_qposadr[j])
+        ref = float(model.qpos0[at])
+        turn, shift = before[0].T @ here[0], before[0].T @ (here[1] - before[1])
+        if kind == HINGE and ref:
+            turn = turn @ about(axis, -ref)
+        elif ref:
+            shift = shift - turn @ axis * ref
+        lower, upper = -_RANGE[kind], _RANGE[kind]
+        if model.jnt_limited[j]:
+            lower, upper = (float(x) for x in model.jnt_range[j])
+        start = float(home[at])
+        if not lower <= start <= upper or (not with_key and start in (lower, upper)):
+            start = 0.5 * (lower + upper)
+        mass, cog, inertia = self._together(np.flatnonzero(segment == k + 1), *here)
+        name = self._joint_name(j)
+        body = int(model.jnt_bodyid[j])
+        last = j == max(self._joints(body))
+        own = model.body(body).name or f"link{k + 1}"
+        return ArmLink(
+            joint=_plain(name),
+            body=_plain(own if last else f"{own}_{name}"),
+            kind=kind, axis=axis, turn=turn, shift=shift, lower=lower, upper=upper,
+            speed=speeds.get(name, float(_SPEED[kind])), home=start,
+            mass=mass, cog=cog, inertia=inertia,
+            shapes=self._shapes(np.flatnonzero(segment == k + 1), *here),
+        )  # fmt: skip
+
+    def _together(
+        self, bodies: np.ndarray, turn: np.ndarray, origin: np.ndarray
+    ) -> tuple[float, np.ndarray, np.ndarray]:
+        """Mass, CoG (3,) and inertia about it (3, 3) of some bodies, in a frame of the world."""
+        model, data = self.model, self.data
+        some = [b for b in bodies if b and model.body_mass[b] > _NOTHING]
+        mass = float(sum(model.body_mass[b] for b in some))
+        if not some:
+            return 0.0, np.zeros(3), np.zeros((3, 3))
+        places = {b: data.xpos[b] + data.xmat[b].reshape(3, 3) @ model.body_ipos[b] for b in some}
+        centre = sum(model.body_mass[b] * places[b] for b in some) / mass
+        inertia = np.zeros((3, 3))
+        for b in some:
+            axes = data.xmat[b].reshape(3, 3) @ matrix(model.body_iquat[b])
+            r = places[b] - centre
+            inertia += axes @ np.diag(model.body_inertia[b]) @ axes.T
+            inertia += model.body_mass[b] * (r @ r * np.eye(3) - np.outer(r, r))
+        return mass, turn.T @ (centre - origin), turn.T @ inertia @ turn
+
+    def _load(self, behind: set[int], turn: np.ndarray, origin: np.ndarray) -> Load | None:
+        bodies = np.array(sorted(behind), dtype=int)
+        mass, cog, inertia = self._together(bodies, turn, origin)
+        if mass <= 0.0:
+            return None
+        six = inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
+        return Load(
+            mass,
+            tuple(cog.tolist()),
+            tuple(six.tolist()),
+            tuple(self.model.body(b).name for b in bodies),
+            self._shapes(bodies, turn, origin),
+        )
+
+    def _shapes(
+        self, bodies: np.ndarray, turn: np.ndarray, origin: np.ndarray
+    ) -> tuple[Shape, ...]:
+        """What is drawn of some bodies, in a frame of the world: visuals, else what collides."""
+        model, data = self.model, self.data
+        found = []
+        for body in bodies:
+            own = np.flatnonzero(model.geom_bodyid == body)
+            ghost = (model.geom_contype[own] == 0) & (model.geom_conaffinity[own] == 0)
+            visual = own[ghost & (model.geom_group[own] < _HIDDEN_GROUP)]
+            for g in visual if len(visual) else own:
+                kind = _KINDS.get(mujoco.mjtGeom(model.geom_type[g]))
+                if kind is None:
+                    continue
+                axes = data.xmat[body].reshape(3, 3)
+                pos = data.xpos[body] + axes @ model.geom_pos[g] - origin
+                quat = quaternion(turn.T @ axes @ matrix(model.geom_quat[g]))
+                mesh = _mesh(model, int(model.geom_dataid[g])) if kind == "mesh" else ((), ())
+                found.append(
+                    Shape(
+                        kind, _floats(model.geom_size[g]), _floats(turn.T @ pos), _floats(quat),
+                        _floats(_colour(model, int(g))), *mesh,
+                    )
+                )  # fmt: skip
+        return tuple(found)
+
+
+def _mesh(
+    model: mujoco.MjModel, m: int
+) -> tuple[tuple[tuple[float, ...], ...], tuple[tuple[int, ...], ...]]:
+    first, count = int(model.mesh_vertadr[m]), int(model.mesh_vertnum[m])
+    face, faces = int(model.mesh_faceadr[m]), int(model.mesh_facenum[m])
+    vertices, kept = lighter(
+        np.array(model.mesh_vert[first : first + count], dtype=float),
+        np.array(model.mesh_face[face : face + faces]),
+    )
+    return (
+        tuple(tuple(round(float(x), 5) for x in v) for v in vertices),
+        tuple(tuple(int(x) for x in f) for f in kept),
+    )
+
+
+def _floats(values: np.ndarray) -> tuple[float, ...]:
+    return tuple(float(v) for v in values)
+
+
+def _colour(model: mujoco.MjModel, g: int) -> np.ndarray:
+    material = int(model.geom_matid[g])
+    plain = np.allclose(model.geom_rgba[g], [0.5, 0.5, 0.5, 1.0])
+    return np.asarray(model.mat_rgba[material] if plain and material >= 0 else model.geom_rgba[g])
+
+
+def _plain(name: str) -> str:
+    """A name without what patterns and effects use."""
+    return re.sub(r"[^\w.-]", "_", name)
+
+
+RESERVED = ("world", "base", "flange", "tool", "sensor_side")
+"""Bodies of every robot's own MJCF, which no link may be called."""
+
+
+def _distinct(links: list[ArmLink]) -> list[ArmLink]:
+    """Links whose names are taken get a number."""
+    from dataclasses import replace
+
+    bodies, joints, found = set(RESERVED), set[str](), []
+    for k, link in enumerate(links, start=1):
+        body = link.body if link.body not in bodies else f"{link.body}_{k}"
+        joint = link.joint if link.joint not in joints else f"{link.joint}_{k}"
+        bodies.add(body)
+        joints.add(joint)
+        found.append(replace(link, body=body, joint=joint))
+    return found

@@ -1,0 +1,137 @@
+"""Robots from MJCF and URDF: the closed form is the user's own file in MuJoCo."""
+
+import numpy as np
+import pytest
+from test_robots import random_theta
+
+from arm_files import CASES, TOOL_COG, TOOL_MASS, PlainArm
+from wrenchbed import registry
+from wrenchbed.physics.time_derivatives import Jet
+from wrenchbed.physics.wrench import wrench
+from wrenchbed.robots.described import describe, read, rebuilt
+from wrenchbed.simulation.closed_form import Model
+from wrenchbed.simulation.simulation import Simulation
+
+each_file = pytest.mark.parametrize("case", CASES, ids=lambda c: c.file)
+
+
+def arm_of(case, folder, tool=True):
+    """The robot of a file, with a stated tool or with the file's own."""
+    stated = {"tool_mass": TOOL_MASS, "tool_cog": TOOL_COG} if tool else {}
+    return describe(case.path, case.frame, folder / "my.toml", **stated).robot
+
+
+def loads(robot, q, theta):
+    """Closed form (N, 6) at robot parameters (P,)."""
+    model = Model.of(robot)
+    full = model.parameters.nominal
+    full[: len(theta)] = theta
+    return model.true_wrench(q, full)
+
+
+@each_file
+def test_the_closed_form_is_the_users_file_in_mujoco(case, tmp_path):
+    """Nominal and with five random parameter vectors written into the file by other code."""
+    robot = arm_of(case, tmp_path)
+    rng = np.random.default_rng(5)
+    for k in range(6):
+        theta = robot.parameters.nominal if k == 0 else random_theta(robot, rng)
+        values = robot.parameters.mapping(theta)
+        own = theta.copy()
+        own[robot.parameters.index("sensor.mass")] = 0.0
+        plain = PlainArm(case.path, case.frame, robot.tool(own))
+        plain.change(values, np.array(robot.gravity))
+        zeros = {link.joint: values[f"joint.{link.joint}.zero"] for link in robot.arm_model.links}
+        q = robot.sample(200, rng)
+        measured = plain.wrench(q, zeros)
+        assert np.abs(measured).max() > 5.0
+        assert np.abs(measured - loads(robot, q, own)).max() < 1e-10
+        written = Simulation(robot, theta).wrench(q)
+        assert np.abs(written - loads(robot, q, theta)).max() < 1e-10
+
+
+@pytest.mark.parametrize("case", [c for c in CASES if c.tool], ids=lambda c: c.file)
+def test_what_the_file_hangs_behind_the_frame_is_the_tool(case, tmp_path):
+    robot = arm_of(case, tmp_path, tool=False)
+    plain = PlainArm(case.path, case.frame, None)
+    plain.model.opt.gravity[:] = robot.gravity
+    q = robot.sample(50, np.random.default_rng(1))
+    measured = plain.wrench(q, {link.joint: 0.0 for link in robot.arm_model.links})
+    assert np.abs(measured - loads(robot, q, robot.parameters.nominal)).max() < 1e-9
+    assert robot.description.load.bodies
+
+
+@each_file
+def test_the_torque_of_weight_is_mujocos(case, tmp_path):
+    """Masses of links too are the file's: torque at each joint, nothing on the other side."""
+    robot = arm_of(case, tmp_path)
+    theta = robot.parameters.nominal
+    plain = PlainArm(case.path, case.frame, robot.tool(theta))
+    plain.model.opt.gravity[:] = robot.gravity
+    q = robot.sample(20, np.random.default_rng(2))
+    ours = robot.gravity_torque(q, theta, np.array(robot.gravity))
+    names = [link.joint for link in robot.arm_model.links]
+    for row, torque in zip(q, ours, strict=True):
+        plain.wrench(row[None], dict.fromkeys(names, 0.0))
+        held = [plain.data.qfrc_inverse[int(plain.model.joint(n).dofadr[0])] for n in names]
+        assert np.abs(torque + np.array(held)).max() < 1e-9 * max(1.0, np.abs(held).max())
+
+
+@each_file
+def test_in_motion_too(case, tmp_path):
+    robot, rng = arm_of(case, tmp_path), np.random.default_rng(3)
+    for k in range(3):
+        theta = robot.parameters.nominal if k == 0 else random_theta(robot, rng)
+        q = robot.sample(50, rng)
+        motion = Jet(q, rng.normal(size=q.shape), 5.0 * rng.normal(size=q.shape))
+        simulated = Simulation(robot, theta).wrench(motion)
+        assert np.abs(simulated - loads(robot, motion, theta)).max() < 1e-9
+        by_pose = wrench(
+            *robot.sensor_pose(motion, theta), robot.tool(theta), np.array(robot.gravity)
+        )
+        assert np.abs(simulated - by_pose).max() < 1e-9
+
+
+@each_file
+def test_the_jacobian_is_that_of_complex_steps_of_the_pose(case, tmp_path):
+    robot = arm_of(case, tmp_path)
+    rng = np.random.default_rng(4)
+    theta, gravity = random_theta(robot, rng), np.array(robot.gravity)
+    q = robot.sample(7, rng)
+    names = robot.parameters.names
+    written = robot.gravity_slopes(q, theta, gravity, names)
+    for k, name in enumerate(names):
+        shifted = theta.astype(complex)
+        shifted[k] += 1e-30j
+        rotation = robot.sensor_pose(q, shifted)[0]
+        slope = (np.swapaxes(rotation, -1, -2) @ gravity).imag / 1e-30
+        assert np.abs(written[:, :, k] - slope).max() < 1e-13 * 9.81 * 10, name
+
+
+@each_file
+def test_joints_are_named_in_the_order_of_the_chain(case, tmp_path):
+    robot = arm_of(case, tmp_path)
+    assert [j.name for j in robot.joints] == [f"q{k}" for k in range(1, case.joints + 1)]
+    names = [link.joint for link in robot.arm_model.links]
+    digits = [int(n[-1]) for n in names if n[-1].isdigit()]
+    assert digits == sorted(digits)
+    assert (
+        robot.infeasible(robot.sample(50, np.random.default_rng(0)), robot.parameters.nominal) == {}
+    )
+    assert robot.infeasible(robot.home[None], robot.parameters.nominal) == {}
+
+
+@each_file
+def test_a_recording_carries_the_robot(case, tmp_path, monkeypatch):
+    """Neither TOML nor model file are needed: the same numbers, to the last bit."""
+    robot = arm_of(case, tmp_path)
+    again = rebuilt(read(tmp_path / "my.toml").record)
+    q = robot.sample(5, np.random.default_rng(0))
+    theta = robot.parameters.nominal
+    assert again.name == robot.name
+    assert np.array_equal(loads(again, q, theta), loads(robot, q, theta))
+    assert again.xml == robot.xml
+    monkeypatch.setattr(registry, "_records", {})
+    monkeypatch.setattr(registry, "_known", {})
+    registry.remember("robots", robot.name, robot.record)
+    assert registry.load("robots", robot.name).parameters.names == robot.parameters.names
