@@ -40,12 +40,14 @@ def robot(
         as_json: Print the result as JSON.
     """
     console.check_out(out, file)
+    wb.load("sensors", sensor)
     made = wb.describe_robot(
         file, frame, out, sensor=sensor, tool_mass=tool_mass, tool_cog=tool_cog,
         hold_others=hold_others,
     )  # fmt: skip
     for note in made.notes:
         warnings.warn(f"{file}: {note}", WrenchbedWarning, stacklevel=2)
+    made.write(out)
     arm = made.robot
     load = arm.description.load
     result = {

@@ -15,7 +15,6 @@ from typing import Any
 
 import numpy as np
 
-from wrenchbed import registry
 from wrenchbed.errors import NotFoundError, ParameterError, did_you_mean
 from wrenchbed.files import write_text
 from wrenchbed.physics.wrench import physical_inertia
@@ -50,6 +49,10 @@ class Described:
     loading: tuple[str, ...]
     notes: tuple[str, ...]
 
+    def write(self, path: Path) -> None:
+        """Write ``my.toml`` to where it was made for."""
+        write_text(path, self.text)
+
 
 def describe(
     file: Path,
@@ -61,23 +64,22 @@ def describe(
     tool_cog: Sequence[float] | None = None,
     hold_others: bool = False,
 ) -> Described:
-    """Make a robot from MJCF or URDF and write its TOML.
+    """Make a robot from MJCF or URDF, and the text of its TOML, which is not written.
 
     Args:
         file: MJCF or URDF.
         frame: site, body, link or fixed frame where the sensor sits; its axes are the sensor's.
-        out: TOML to write.
+        out: where the TOML will lie.
         sensor: registry name.
         tool_mass, tool_cog: [kg] and (3,) [m] in sensor axes; they replace what the file has there.
         hold_others: keep another arm in the file where it stands.
 
     Raises:
         ParameterError: the file is no model of such an arm, or the tool weighs nothing.
-        NotFoundError: there is no such file, frame or sensor; lists what exists.
+        NotFoundError: there is no such file or frame; lists what exists.
     """
     from wrenchbed.robots.model_file import read_arm
 
-    registry.load("sensors", sensor)
     if out.resolve() == file.resolve():
         raise ParameterError(f"--out {out} is the model file: nothing is written into it")
     found = read_arm(file, frame, hold_others)
@@ -94,7 +96,6 @@ def describe(
     light = [link.body for link in arm.links if link.mass <= 0.0]
     if light:
         notes.append(f"{', '.join(light)} have no mass in the file: state it in the TOML")
-    write_text(out, text)
     return Described(robot, text, tuple(loading), tuple(notes))
 
 
@@ -224,10 +225,6 @@ def _robot(text: str, arm: ArmModel, where: str) -> FileArm:
         raise table.error("gravity", "must be an acceleration in m/s² (Earth: 9.8)")
     floor = table.number("floor") if "floor" in table.raw else None
     sensor = table.text("sensor")
-    try:
-        registry.load("sensors", sensor)
-    except NotFoundError as cause:
-        raise ParameterError(f"{where}: sensor = {sensor!r}: {cause}") from None
     load = _stated_load(table.part("tool"), arm.load)
     edited = replace(arm, links=links, gravity=tuple(gravity), floor=floor)
     digest = hashlib.sha256(text.encode()).hexdigest()[:_DIGITS]
