@@ -38,6 +38,8 @@ _FARTHEST = 10.0
 """Bound of a link's position [m]."""
 _CLEAR = 0.08
 """How far the tool keeps from the arm's limbs, over the arm's reach: estimate."""
+_ALIKE = 0.9
+"""Cosine from which a rotation about an axis is that of a joint beside it; estimate."""
 _WRIST = 3
 """Joints at the arm's end whose links the tool may be near."""
 
@@ -102,13 +104,14 @@ class FileArm(SerialChain):
 
     @property
     def twists(self) -> tuple[str, ...]:
-        """Rotations of all links but the first against the one before, across their own axes."""
-        return tuple(
-            f"link.{link.body}.rotation.{a}"
-            for link in self.arm_model.links[1:]
-            for k, a in enumerate("xyz")
-            if k != int(np.argmax(np.abs(link.axis)))
-        )
+        """Rotations of all links but the first that are no joint's zero, its own or that before."""
+        found = []
+        for before, link in pairwise(self.arm_model.links):
+            along = np.abs([link.axis, link.turn.T @ before.axis])
+            zeros = (along * [[link.kind == HINGE], [before.kind == HINGE]]).max(axis=0) > _ALIKE
+            names = [f"link.{link.body}.rotation.{a}" for a in "xyz"]
+            found += [n for n, zero in zip(names, zeros, strict=True) if not zero]
+        return tuple(found)
 
     @property
     def lengths(self) -> tuple[str, ...]:
