@@ -143,7 +143,7 @@ def test_a_force_is_named_with_size_and_direction_a_torque_only_where_no_lever_m
     error, words
 ):
     none = np.zeros(3, dtype=bool)
-    pose = Outlier(none, 4, 1.0, 2.0, np.array(error)).sentence
+    pose = Outlier(none, 4, 1.0, 2.0, np.array(error)).sentence()
     assert pose == f"pose 4: {words} that no other pose shows: contact, or wrong rows"
-    stretch = Outlier(none, None, 1.04, 2.0, np.array(error)).sentence
+    stretch = Outlier(none, None, 1.04, 2.0, np.array(error)).sentence()
     assert stretch.startswith(f"1.0 s to 2.0 s: {words} that the rest of the motion does not show")

@@ -16,7 +16,7 @@ from wrenchbed.diagnosis.explain.verdict import Cause, Verdict
 from wrenchbed.diagnosis.gap.closure import Closure
 from wrenchbed.diagnosis.gap.result import Diagnosis
 from wrenchbed.diagnosis.gap.upheld import PARTIAL, only, small, withdrawn
-from wrenchbed.diagnosis.prepare.contact import CONTACT, SURE
+from wrenchbed.diagnosis.prepare.contact import CONTACT
 from wrenchbed.diagnosis.prepare.prepared import Touch
 from wrenchbed.effects.base import Curve, Effect, Values, Variant
 from wrenchbed.effects.scene import Scene
@@ -275,7 +275,7 @@ def with_contact(d: Diagnosis, touch: Touch | None) -> Diagnosis:
     """The diagnosis of the rows that nothing touched, with the contact."""
     if touch is None:
         return d
-    rest = f"the other answers are of the {int((~touch.rows).sum())} averages without it"
+    rest = f"the other answers are of the {int((~touch.rows).sum())} {touch.what} without it"
     notes = (*d.notes, touch.sentence, rest)
     if touch.parameters is None:
         sure, hint = {UNKNOWN: 1.0}, "comes while something touches the tool"
@@ -292,9 +292,10 @@ def with_contact(d: Diagnosis, touch: Touch | None) -> Diagnosis:
     return replace(
         d,
         verdict=verdict,
-        which=[_cause(CONTACT, SURE, touch.parameters), *d.which],
+        which=[_cause(CONTACT, touch.probability, touch.parameters), *d.which],
         where=[entry, *map(_untouched, d.where)],
-        probabilities={CONTACT: SURE} | {k: (1.0 - SURE) * v for k, v in d.probabilities.items()},
+        probabilities={CONTACT: touch.probability}
+        | {k: (1.0 - touch.probability) * v for k, v in d.probabilities.items()},
         set90=tuple(dict.fromkeys((CONTACT, *names))),
         notes=notes,
     )
@@ -305,7 +306,7 @@ def _touched(touch: Touch, text: str) -> dict[str, Any]:
     much = f"{100 * touch.share:.0f} % of the squared force that weight and inertia leave"
     return {
         "subsystem": "environment", "detail": touch.detail, "share": touch.share,
-        "p_value": 1.0 - SURE, "sentence": f"{much} {text}",
+        "p_value": 1.0 - touch.probability, "sentence": f"{much} {text}",
     }  # fmt: skip
 
 

@@ -21,6 +21,7 @@ from wrenchbed.diagnosis.explain import own_rest, tilt
 from wrenchbed.diagnosis.explain.joint import View
 from wrenchbed.diagnosis.explain.reliability import Reliability, features, shipped
 from wrenchbed.diagnosis.explain.structures import Analysis, analyse
+from wrenchbed.diagnosis.explain.touched_poses import contact_of
 from wrenchbed.diagnosis.explain.verdict import Verdict, decide, tempered
 from wrenchbed.diagnosis.gap import closure, rivals, where
 from wrenchbed.diagnosis.gap.result import Diagnosis
@@ -149,8 +150,10 @@ def findings_of(found: Examined, seed: int, progress: Progress, begun: float) ->
     """The answers of what was weighed at ``begun`` [s]."""
     (analysis, untempered, verdict, twin, gap), known, outliers, between, scattered = found
     prepared = analysis.prepared
+    reading = twin.wrench(prepared.scene) if outliers else prepared.expected
+    touch = prepared.touch or contact_of(prepared, outliers, reading)
     loud = bool(scattered) or (not between and gap.calibrated.low > LARGEST_NONE)
-    often = outliers_.spells(outliers) > MOST_SPELLS
+    often = touch is None and outliers_.spells(outliers) > MOST_SPELLS
     if (loud or often) and verdict.verdict == NONE:
         verdict = withdrawn(verdict, UNKNOWN)
     progress("where")
@@ -182,7 +185,7 @@ def findings_of(found: Examined, seed: int, progress: Progress, begun: float) ->
         between=[e for r in between if (e := r.active(prepared.robot)) is not None],
         seconds=time.perf_counter() - begun,
         set90=answer.set90(verdict, probabilities, known),
-        outliers=[o.entry() for o in outliers],
+        outliers=[o.entry(touch) for o in outliers],
         notes=(
             *of_data,
             *answer.of_data(analysis, gap.folds),
@@ -191,7 +194,7 @@ def findings_of(found: Examined, seed: int, progress: Progress, begun: float) ->
             *tilt.sentences(analysis, verdict),
         ),
     )
-    diagnosis = answer.with_contact(diagnosis, prepared.touch)
+    diagnosis = answer.with_contact(diagnosis, touch)
     return Findings(diagnosis, analysis, verdict, between, places, plans, untempered, scattered)
 
 

@@ -15,7 +15,7 @@ from wrenchbed.calibration.observations import usable
 from wrenchbed.diagnosis.evidence.likelihood import BackgroundLevel
 from wrenchbed.diagnosis.explain.refit import Finalist
 from wrenchbed.diagnosis.explain.structures import Analysis, prediction_errors
-from wrenchbed.diagnosis.prepare.prepared import Prepared
+from wrenchbed.diagnosis.prepare.prepared import Prepared, Touch
 
 FAR = 25.0
 """Mean square error of an outlier over that of the median block; estimate."""
@@ -52,8 +52,7 @@ class Outlier:
     end: float
     error: np.ndarray
 
-    @property
-    def sentence(self) -> str:
+    def sentence(self, cause: str = "contact, or wrong rows") -> str:
         """What it is, and what may be behind it."""
         force, torque = (float(np.linalg.norm(x)) for x in (self.error[:3], self.error[3:]))
         if torque > LEVER_M * force:
@@ -61,15 +60,17 @@ class Outlier:
         else:
             size = f"{force:.2g} N along {_axis(self.error[:3])}"
         if self.pose is not None:
-            return f"pose {self.pose}: {size} that no other pose shows: contact, or wrong rows"
+            return f"pose {self.pose}: {size} that no other pose shows: {cause}"
         return (
             f"{self.begin:.1f} s to {self.end:.1f} s: {size} that the rest of the motion does not "
-            "show: contact, or wrong rows"
+            f"show: {cause}"
         )
 
-    def entry(self) -> Mapping[str, Any]:
-        """As the contract has it."""
-        return {"pose": self.pose, "t": [self.begin, self.end], "sentence": self.sentence}
+    def entry(self, touch: Touch | None) -> Mapping[str, Any]:
+        """As the contract has it, where some are those of a contact."""
+        touched = touch is not None and bool((touch.rows & self.rows).any())
+        sentence = self.sentence("contact") if touched else self.sentence()
+        return {"pose": self.pose, "t": [self.begin, self.end], "sentence": sentence}
 
 
 def spells(outliers: Sequence[Outlier]) -> int:

@@ -54,7 +54,7 @@ def find_contact(prepared: Prepared) -> Touch | None:
         text = (
             f"{begin}; it acts at no one point (one explains {100 * explained:.0f} % of its torque)"
         )
-        return Touch(free, share, None, "", f"{text}.")
+        return Touch(free, share, None, "", f"{text}.", SURE)
     x, y, z = 1e3 * point
     text = (
         f"{begin}; its torque is that of a force at ({x:.0f}, {y:.0f}, {z:.0f}) mm in sensor axes "
@@ -65,7 +65,8 @@ def find_contact(prepared: Prepared) -> Touch | None:
         parameters[f"point.{a}"] = {"value": float(v), "std": float(e), "unit": "m"}
     for name, moment in (("begin", first), ("end", last)):
         parameters[name] = {"value": float(moment), "std": None, "unit": "s"}
-    return Touch(free, share, parameters, f"up to {peak:.3g} N, {first:.1f} to {last:.1f} s", text)
+    detail = f"up to {peak:.3g} N, {first:.1f} to {last:.1f} s"
+    return Touch(free, share, parameters, detail, text, SURE)
 
 
 def without_touch(prepared: Prepared) -> Prepared:

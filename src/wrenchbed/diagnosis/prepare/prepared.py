@@ -30,7 +30,7 @@ PIECES = 4
 
 @dataclass(frozen=True, eq=False)
 class Touch:
-    """Contact of a tool without joints during a part of a motion.
+    """Contact of a tool during a part of a motion, or at a few poses.
 
     Attributes:
         rows: observations that it takes part in (H,).
@@ -38,6 +38,8 @@ class Touch:
         parameters: as a cause; None if its force acts at no one point: then it is unknown.
         detail: when and how strong.
         sentence: for people.
+        probability: that it is one.
+        what: the observations, for people.
     """
 
     rows: np.ndarray
@@ -45,6 +47,8 @@ class Touch:
     parameters: dict[str, dict[str, Any]] | None
     detail: str
     sentence: str
+    probability: float
+    what: str = "averages"
 
 
 @dataclass(frozen=True, eq=False)
