@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from corrupted import BASES, CORRUPTIONS, good
+from simulated import WHITE, static
 from wrenchbed.calibration.calibrate import CalibrationOptions, calibrate
 from wrenchbed.calibration.checks.finding import REASONS
 from wrenchbed.calibration.trust import check
@@ -122,3 +123,24 @@ def test_uncertainty_never_falls_with_misfit():
         if size:
             assert far(fit, sound.truth) < 5.0
         last = now
+
+
+def test_a_zero_that_medrue_does_not_free_is_refused_and_can_be_freed():
+    """0.2 N of zero are 24 times the noise, yet only 2 % of the swing: 19 σ in xG."""
+    zero = {"sensor.bias.fx": 0.2, "sensor.bias.fy": -0.15, "sensor.bias.fz": 0.3}
+    rec = static("medrue", zero, poses=80, samples=30, noise=WHITE, seed=3)
+    with pytest.raises(CalibrationError, match=r"zero of \(0\.201, -0\.15, 0\.299") as error:
+        calibrate(rec)
+    assert "--free default sensor.bias" in str(error.value)
+    fit = calibrate(rec, CalibrationOptions(free=("default", "sensor.bias")))
+    found = {v.name: v for v in fit.identified}
+    for name, true in (zero | {"xG": 0.0, "yG": 0.0}).items():
+        assert abs(found[name].value - true) < 4.0 * found[name].std
+    forced = calibrate(rec, CalibrationOptions(force=True))
+    assert forced.refuted is not None and "zero" in forced.refuted
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_tared_medrue_that_wanders_is_not_refused(seed):
+    rec = static("medrue", {}, poses=80, samples=30, noise=WHITE, wander=3.0, seed=seed)
+    assert calibrate(rec).refuted is None

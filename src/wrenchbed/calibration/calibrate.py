@@ -14,6 +14,7 @@ from scipy import special
 from scipy.spatial.transform import Rotation
 
 from wrenchbed import registry
+from wrenchbed.calibration import misfit
 from wrenchbed.calibration.accuracy import Goal, tip_jacobian
 from wrenchbed.calibration.checks.examine import REFUTED, of_load
 from wrenchbed.calibration.checks.finding import Finding
@@ -21,7 +22,7 @@ from wrenchbed.calibration.checks.rigid_load import left_of_swing
 from wrenchbed.calibration.checks.rows import of_rows
 from wrenchbed.calibration.fit import Fit, FitNoise, IdentifiedValue
 from wrenchbed.calibration.fit_problem import LOSSES, Outcome, Problem
-from wrenchbed.calibration.least_squares import Solution
+from wrenchbed.calibration.least_squares import BLIND, Solution
 from wrenchbed.calibration.observability import Observability, analyse
 from wrenchbed.calibration.observations import Observations, fallback_covariance, observe, usable
 from wrenchbed.calibration.touches import Agreement, Touches
@@ -157,12 +158,11 @@ def check_mass(mass: float) -> None:
 
 
 _ENOUGH_ROWS = 500
-_BLIND = 1e-5
-"""A parameter with more than this share in the null space is not identified by itself."""
 
 
-CANDIDATES = "candidates"
-"""Stands for all that a robot might have wrong, in `Options.free`."""
+CANDIDATES, DEFAULT = "candidates", "default"
+"""Stand for all that a robot might have wrong, and for what it frees by itself, in
+`CalibrationOptions.free`."""
 
 
 @dataclass(frozen=True)
@@ -171,7 +171,7 @@ class CalibrationOptions:
 
     Attributes:
         free: Parameters, groups (tool.cog) or patterns (L1?) to identify; `candidates` for all
-            that the robot might have wrong; the robot's own if none.
+            that the robot might have wrong, `default` for the robot's own, which none gives.
         hold: Of these, to hold at their stated or nominal value.
         prior: Take each tolerance as a prior standard deviation.
         loss: Huber and Student's t resist outliers.
@@ -255,7 +255,7 @@ def calibrate(
     outcome = fit(problem)
     theta[list(free)] = outcome.solution.x
     check_mass(float(model.robot.tool(model.robot.robot_theta(theta)).mass))
-    refuted = _refuted(problem, outcome.solution, finding)
+    refuted = _refuted(problem, outcome, finding)
     if refuted is not None and not options.force:
         raise CalibrationError(f"{recording.name}: {refuted}")
     return replace(_result(recording, problem, outcome, theta), refuted=refuted)
@@ -279,8 +279,9 @@ def _answered(finding: Finding, options: CalibrationOptions) -> bool:
     return options.force or (options.loss != "linear" and finding.reason in OUTLIERS)
 
 
-def _refuted(problem: Problem, solution: Solution, finding: Finding | None) -> str | None:
+def _refuted(problem: Problem, outcome: Outcome, finding: Finding | None) -> str | None:
     """Why the values are not to be used; None if they may be."""
+    solution = outcome.solution
     if finding is not None and finding.reason not in GENERAL:
         return finding.sentence
     if not solution.converged:
@@ -290,17 +291,17 @@ def _refuted(problem: Problem, solution: Solution, finding: Finding | None) -> s
         )
     residual = problem.residual(solution.x)
     left = left_of_swing(residual, problem.data.wrench)
+    off = misfit.zero(problem, outcome)
+    if off is not None:
+        values = ", ".join(f"{v:.3g}" for v in off)
+        return (
+            f"the sensor has a zero of ({values}) N, N·m that the model lacks, and the values hang "
+            f"on it. Free sensor.bias too (--free {DEFAULT} sensor.bias), or tare the sensor"
+        )
     if left < REFUTED or (finding is None and problem.prior):
         return None
     if finding is not None:
         return finding.sentence
-    mean = residual.mean(axis=0)
-    if left_of_swing(residual - mean, problem.data.wrench) < left / 2.0:
-        zero = ", ".join(f"{v:.3g}" for v in mean)
-        return (
-            f"the readings keep a mean of ({zero}) N, N·m that the model lacks: it is the zero of "
-            "the sensor. Free sensor.bias, or tare the sensor"
-        )
     return (
         f"the fit leaves {100.0 * left:.0f} % of the readings' swing: the robot, its joints or the "
         "choice of free parameters is wrong. Look at the residual of each pose"
@@ -308,9 +309,8 @@ def _refuted(problem: Problem, solution: Solution, finding: Finding | None) -> s
 
 
 def _free(model: Model, options: CalibrationOptions) -> tuple[int, ...]:
-    wanted = list(options.free or model.robot.free)
-    if CANDIDATES in wanted:
-        wanted = [w for w in wanted if w != CANDIDATES] + list(model.robot.candidates)
+    groups = {CANDIDATES: model.robot.candidates, DEFAULT: model.robot.free}
+    wanted = [n for w in options.free or (DEFAULT,) for n in groups.get(w, (w,))]
     chosen = model.parameters.select(wanted)
     held = set(model.parameters.select(options.hold)) if options.hold else set()
     free = tuple(i for i in chosen if i not in held)
@@ -327,7 +327,7 @@ def _result(recording: Recording, problem: Problem, outcome: Outcome, theta: np.
     identified = []
     for k, i in enumerate(problem.free):
         parameter = model.parameters[i]
-        told = problem.prior or solution.blind[k] < _BLIND
+        told = problem.prior or solution.blind[k] < BLIND
         identified.append(
             IdentifiedValue(
                 parameter.name,

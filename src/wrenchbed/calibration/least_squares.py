@@ -16,6 +16,8 @@ _STEP_DONE = 1e-11
 _COST_DONE = 1e-11
 SAME = 1e-7
 """A step below this, in tolerances, changes no derivative that counts."""
+BLIND = 1e-5
+"""A parameter with more than this share in the null space is not identified by itself."""
 _HALVINGS = 30
 _PART = 512
 """Rows that are triangularised together; more than any model has parameters."""

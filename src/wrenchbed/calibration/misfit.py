@@ -11,10 +11,20 @@ import numpy as np
 from scipy import special
 
 from wrenchbed.calibration.fit_problem import Outcome, Problem
+from wrenchbed.calibration.least_squares import BLIND
+from wrenchbed.calibration.observability import RANK_TOLERANCE
 from wrenchbed.physics.time_derivatives import value
 
 DOUBT = 1e-3
 """Below this p-value the residual follows the pose."""
+MOVED = 5.0
+"""Standard uncertainties by which a zero of the sensor moves a parameter, if it matters."""
+CLEAR = 10.0
+"""Standard uncertainties of white noise by which the zero itself differs from none; estimate."""
+ROUNDING = 1e-9
+"""Residual that is none, over the largest reading."""
+ENOUGH = 2000
+"""Observations from which a zero is told well enough."""
 
 
 def grown(problem: Problem, outcome: Outcome, known: np.ndarray | None) -> Outcome:
@@ -67,3 +77,29 @@ def _functions(problem: Problem) -> np.ndarray:
     design = np.column_stack([one, x, y, z, x * y, y * z, z * x, x * x - y * y, 3.0 * z * z - 1.0])
     u, s, _ = np.linalg.svd(design, full_matrices=False)
     return np.asarray(u[:, s > 1e-2 * s[0]])
+
+
+def zero(problem: Problem, outcome: Outcome) -> np.ndarray | None:
+    """Zero of the sensor (6,) [N, N·m] that the model lacks; None if no parameter hangs on it."""
+    names = {problem.model.parameters.names[i] for i in problem.free}
+    if any(name.startswith("sensor.bias") for name in names):
+        return None
+    x, count = outcome.solution.x, len(problem.free)
+    some = np.unique(np.linspace(0, len(problem.data) - 1, ENOUGH).astype(int))
+    residual = problem.residual(x)[some]
+    unit = np.maximum(residual.std(axis=0), ROUNDING * np.abs(problem.data.wrench).max(axis=0))
+    slopes = problem.jacobian(x)[some] * problem.scale / unit[:, None]
+    constant = np.broadcast_to(np.eye(6), (len(some), 6, 6))
+    design = np.concatenate([slopes, constant], axis=2).reshape(-1, count + 6)
+    target = (residual / unit).ravel()
+    if problem.prior:
+        design = np.vstack([design, np.eye(count, count + 6)])
+        target = np.append(target, (problem.centre - x) / problem.scale)
+    inverse = np.linalg.pinv(design, rcond=RANK_TOLERANCE)
+    found, spread = inverse @ target, np.linalg.norm(inverse, axis=1)[count:]
+    std = np.sqrt(np.diagonal(outcome.covariance))
+    moved = np.abs(found[:count]) * problem.scale > MOVED * std
+    clear = np.abs(found[count:]) > CLEAR * spread
+    if not (clear.any() and (moved & (outcome.solution.blind < BLIND)).any()):
+        return None
+    return np.asarray(found[count:] * unit)

@@ -89,10 +89,11 @@ def diagnose_several(
     prefixed = [f"{names[0]}: {n}" for n in own]
     for e, name in zip(each[1:], names[1:], strict=True):
         prefixed += [f"{name}: {n}" for n in _of_data(e, d.gap.folds)]
+    entries = [d.outliers, *([o.entry(None) for o in e.outliers] for e in each[1:])]
     outliers = [
-        dict(o.entry()) | {"sentence": f"{name}: {o.sentence}"}
-        for e, name in zip(each, names, strict=True)
-        for o in e.outliers
+        dict(entry) | {"sentence": f"{name}: {entry['sentence']}"}
+        for of_one, name in zip(entries, names, strict=True)
+        for entry in of_one
     ]
     notes = (
         *settles(first.weighed, settled, names),
