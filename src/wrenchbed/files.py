@@ -1,55 +1,187 @@
-"""Atomic writes: a file is complete under its name, or it is not there."""
+"""The one way to write: a file is complete under its name, or what was there before is."""
 
+import errno
+import fcntl
 import json
 import os
 import secrets
+import shutil
+import stat
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
-TEMPORARY = ".*.part"
-"""Pattern of the temporary files that a killed writer leaves in a folder."""
+TEMPORARY = ".wrenchbed-*.part"
+"""Pattern of the temporary files and folders that a killed writer leaves in a folder."""
+_AT_ONCE = 1 << 20
+"""Size of a file's buffer [B]: most files are written by one call."""
+_FULL = (errno.ENOSPC, errno.EDQUOT)
+_SIZES = ("B", "kB", "MB", "GB", "TB")
 
 
 @contextmanager
-def atomic_write(path: str | Path) -> Iterator[Path]:
-    """Yield a temporary file to write to; it replaces ``path`` when the block ends.
+def atomic_write(path: str | Path, size: int | None = None) -> Iterator[BinaryIO]:
+    """Yield a temporary file to write to; it takes the place of ``path`` when the block ends.
 
     The temporary file lies in the same folder, which is made if it is missing, and has a name
     that nobody can guess. Its content is on the disk before it takes the place of ``path``; if
-    the block raises, it is deleted and ``path`` stays as it was.
+    the block raises, it is deleted and ``path`` stays as it was. The new file has the permissions
+    of the file before it, or those of any new file. If ``path`` is a symbolic or hard link, this
+    name alone is replaced: the file that it shared or pointed to stays as it is.
+
+    Args:
+        path: a file, or a name that is free.
+        size: of the content [B], if it is known; the error of a full disk names it.
 
     Raises:
-        OSError: names ``path``, also where a disk is full.
+        OSError: names ``path``, also where a disk is full. The space that is needed and the space
+            that is free are stated then.
     """
     path = Path(path)
-    temporary = path.with_name(f".{path.name}.{secrets.token_hex(8)}.part")
+    temporary = path.parent / _temporary_name()
+    made: list[Path] = []
+    written = 0
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        os.close(os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
-        yield temporary
-        with temporary.open("rb") as file:
-            os.fsync(file.fileno())
+        mode = _replaceable(path)
+        made += _make(path.parent)
+        with open_new(temporary) as file:
+            if mode is not None:
+                os.fchmod(file.fileno(), mode)
+            try:
+                yield file
+                file.flush()
+                os.fsync(file.fileno())
+            finally:
+                written = os.fstat(file.fileno()).st_size
         temporary.replace(path)
+        _sync(path.parent, path)
+    except BaseException as error:
+        with suppress(OSError):
+            temporary.unlink()
+        _unmake(made)
+        if isinstance(error, OSError) and _anonymous(error, temporary):
+            raise _told(error, path, size, written) from error
+        raise
+
+
+@contextmanager
+def atomic_folder(path: str | Path) -> Iterator[Path]:
+    """Yield a temporary folder to write files to; all of them appear in ``path`` when it ends.
+
+    Other files in ``path`` stay. If the block raises, or a file cannot take its place, ``path``
+    stays as it was.
+
+    Raises:
+        OSError: names the file in ``path``.
+    """
+    path = Path(path)
+    made: list[Path] = []
+    temporary = path / _temporary_name()
+    try:
+        made += _make(path)
+        temporary.mkdir()
+        yield temporary
+        _move(temporary, path)
     except OSError as error:
-        if error.errno is not None and error.filename in (None, str(temporary)):
-            raise OSError(error.errno, error.strerror, str(path)) from error
+        named = Path(os.fsdecode(error.filename)) if error.filename else temporary
+        if error.errno is not None and named.is_relative_to(temporary):
+            final = path / named.relative_to(temporary)
+            raise OSError(error.errno, error.strerror, str(final)) from error
         raise
     finally:
-        temporary.unlink(missing_ok=True)
+        shutil.rmtree(temporary, ignore_errors=True)
+        _unmake(made)
+
+
+@contextmanager
+def locked(path: str | Path, folder: bool = False) -> Iterator[None]:
+    """Hold an output for this process while the block runs; a process that dies lets it go.
+
+    A file is locked by ``.NAME.lock`` beside it; a folder, which is made if it is missing, by
+    itself. This process may lock an output again. File systems without locks lock nothing.
+
+    Raises:
+        BlockingIOError: another process writes to ``path``.
+        OSError: names ``path``.
+    """
+    path = Path(path).absolute()
+    if path in _HELD:
+        yield
+        return
+    made: list[Path] = []
+    name = path if folder else path.with_name(f".{path.name[-_LOCK_NAME:]}.lock")
+    try:
+        made += _make(path if folder else path.parent)
+        handle = _lock(name, folder)
+    except OSError as error:
+        _unmake(made)
+        busy = isinstance(error, BlockingIOError)
+        text = "another process is writing to it" if busy else error.strerror
+        raise OSError(error.errno, text, str(path)) from error
+    _HELD.add(path)
+    try:
+        yield
+    finally:
+        _HELD.discard(path)
+        if not folder:
+            with suppress(OSError):
+                name.unlink()
+        os.close(handle)
+        _unmake(made)
+
+
+def set_aside(path: Path, suffix: str = "~", beside: str = "") -> Path | None:
+    """Rename a file to the first free one of NAME~, NAME~2, …; these are never replaced.
+
+    Args:
+        suffix: in the place of ``~``.
+        beside: suffix of a file that belongs to it and goes with it, if there is one.
+
+    Returns:
+        The new path; None if there was no file.
+    """
+    there = [end for end in dict.fromkeys(("", beside)) if os.path.lexists(f"{path}{end}")]
+    if not there:
+        return None
+    kept, number = Path(f"{path}{suffix}"), 1
+    while any(os.path.lexists(f"{kept}{end}") for end in ("", beside)):
+        number += 1
+        kept = Path(f"{path}{suffix}{number}")
+    for end in there:
+        Path(f"{path}{end}").rename(f"{kept}{end}")
+    return kept
+
+
+def put_back(kept: Path, path: Path, beside: str = "") -> None:
+    """Undo `set_aside`."""
+    for end in dict.fromkeys(("", beside)):
+        if os.path.lexists(f"{kept}{end}"):
+            Path(f"{kept}{end}").rename(f"{path}{end}")
+
+
+def open_new(path: Path) -> BinaryIO:
+    """Open a file that must not exist yet, for a writer that goes on for long."""
+    return open(path, "xb", _AT_ONCE, opener=no_link)
+
+
+def remove(path: Path) -> None:
+    """Delete a file, or a folder with all that is in it."""
+    if path.is_dir() and not path.is_symlink():
+        shutil.rmtree(path)
+    else:
+        path.unlink(missing_ok=True)
 
 
 def write_text(path: str | Path, text: str) -> None:
     """Write a text file in UTF-8, atomically."""
-    with atomic_write(path) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+    write_bytes(path, text.encode())
 
 
 def write_bytes(path: str | Path, data: bytes) -> None:
     """Write a file, atomically."""
-    with atomic_write(path) as temporary:
-        temporary.write_bytes(data)
+    with atomic_write(path, len(data)) as file:
+        file.write(data)
 
 
 def write_json(path: str | Path, content: Any) -> None:
@@ -59,3 +191,143 @@ def write_json(path: str | Path, content: Any) -> None:
         ValueError: a number is not finite.
     """
     write_text(path, json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
+
+
+_HELD: set[Path] = set()
+"""Outputs that this process has locked."""
+_LOCK_NAME = 60
+"""Characters of a name in the name of its lock: a file system takes 255 bytes."""
+
+
+def _temporary_name() -> str:
+    return TEMPORARY.replace("*", secrets.token_hex(8))
+
+
+def no_link(name: str, flags: int) -> int:
+    """An opener that follows no symbolic link."""
+    return os.open(name, flags | os.O_NOFOLLOW | os.O_CLOEXEC, 0o666)
+
+
+def _lock(name: Path, folder: bool) -> int:
+    """A handle that holds the lock."""
+    kind = os.O_DIRECTORY if folder else os.O_CREAT | os.O_RDWR | os.O_NOFOLLOW
+    while True:
+        handle = os.open(name, kind | os.O_CLOEXEC, 0o666)
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            os.close(handle)
+            raise
+        except OSError:  # this file system has no locks
+            return handle
+        with suppress(FileNotFoundError):
+            if os.path.samestat(os.fstat(handle), name.stat(follow_symlinks=folder)):
+                return handle
+        os.close(handle)  # its last holder deleted it meanwhile
+
+
+def _replaceable(path: Path) -> int | None:
+    """Permissions of the file that ``path`` names, None if the name is free or a link.
+
+    Raises:
+        OSError: a folder, a device or a write-protected file has the name.
+    """
+    try:
+        found = path.stat()
+    except FileNotFoundError:
+        return None
+    if stat.S_ISDIR(found.st_mode):
+        raise IsADirectoryError(errno.EISDIR, "is a folder; give the name of a file", str(path))
+    if not stat.S_ISREG(found.st_mode):
+        raise OSError(errno.EINVAL, "is a device or a pipe; give the name of a file", str(path))
+    if not found.st_mode & 0o222:
+        raise PermissionError(errno.EACCES, "is write-protected; give another name", str(path))
+    return None if path.is_symlink() else stat.S_IMODE(found.st_mode) & 0o777
+
+
+def _make(folder: Path) -> list[Path]:
+    """Make a folder and its parents; those that were missing, the innermost last."""
+    missing = []
+    while not folder.exists():
+        missing.append(folder)
+        folder = folder.parent
+    for made in reversed(missing):
+        with suppress(FileExistsError):
+            made.mkdir()
+    return missing[::-1]
+
+
+def _unmake(made: list[Path]) -> None:
+    """Delete folders that stayed empty."""
+    with suppress(OSError):
+        for folder in reversed(made):
+            folder.rmdir()
+
+
+def _sync(folder: Path, named: Path) -> None:
+    """Bring the names in a folder to the disk, where a file system can; errors name an output."""
+    handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+    try:
+        os.fsync(handle)
+    except OSError as error:
+        if error.errno not in (errno.EINVAL, errno.ENOTSUP):
+            raise OSError(error.errno, error.strerror, str(named)) from error
+    finally:
+        os.close(handle)
+
+
+def _move(source: Path, folder: Path) -> None:
+    """Move all files of a folder into another; if one fails, none has moved."""
+    files = sorted(p for p in source.rglob("*") if p.is_file())
+    before = source / "before"
+    before.mkdir()
+    moved: list[tuple[Path, Path | None]] = []
+    try:
+        for number, file in enumerate(files):
+            place = folder / file.relative_to(source)
+            _make(place.parent)
+            mode = _replaceable(place)
+            kept = None
+            if os.path.lexists(place):
+                kept = before / str(number)
+                try:
+                    os.link(place, kept, follow_symlinks=False)
+                except OSError:  # a file system without links
+                    shutil.copy2(place, kept, follow_symlinks=False)
+            if mode is not None:
+                file.chmod(mode)
+            file.replace(place)
+            moved.append((place, kept))
+        _sync(folder, folder)
+    except BaseException:
+        for place, kept in reversed(moved):
+            with suppress(OSError):
+                if kept is None:
+                    place.unlink()
+                else:
+                    kept.replace(place)
+        raise
+
+
+def _anonymous(error: OSError, temporary: Path) -> bool:
+    """Whether an error names no file, or one whose name says nothing."""
+    return error.errno is not None and error.filename in (None, str(temporary))
+
+
+def _told(error: OSError, path: Path, size: int | None, written: int) -> OSError:
+    """The same error with the file's name; on a full disk with the space needed and free."""
+    text = error.strerror
+    if error.errno in _FULL:
+        folder = next(p for p in (path.parent, *path.absolute().parents) if p.exists())
+        found = os.statvfs(folder)
+        needed = f"more than {_amount(written)}" if size is None else _amount(size)
+        text = f"{text}: {needed} needed, {_amount(found.f_bavail * found.f_frsize)} free"
+    return OSError(error.errno, text, str(path))
+
+
+def _amount(size: float) -> str:
+    """A size [B] in a unit that fits."""
+    unit = 0
+    while size >= 1000.0 and unit < len(_SIZES) - 1:
+        size, unit = size / 1000.0, unit + 1
+    return f"{size:.3g} {_SIZES[unit]}"

@@ -132,13 +132,16 @@ def test_flush_names_a_full_disk_at_once(tmp_path, monkeypatch):
     out.append(block(0.0))
     with pytest.raises(OSError, match="No space left"):
         out.flush()
+    out._sink.close()
 
 
 def test_the_journal_of_an_older_backup_does_not_hide_a_newer_one(tmp_path):
     path = tmp_path / "r.parquet"
-    (tmp_path / "r.parquet~.journal").write_text("of a writer that was killed long ago")
+    old = tmp_path / "r.parquet~.journal"
+    old.write_text("of a writer that was killed long ago")
     for rows in (3, 5):
         with RecordingWriter(path, METADATA) as out:
             for k in range(rows):
                 out.append(block(float(k)))
-    assert len(Recording.read(tmp_path / "r.parquet~")) == 3
+    assert len(Recording.read(tmp_path / "r.parquet~2")) == 3
+    assert old.read_text() == "of a writer that was killed long ago"

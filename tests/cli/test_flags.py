@@ -17,7 +17,7 @@ FLAGS = {
         "seconds=60.0, seed=0, touch-cost=None, touch-std=None"
     ),
     "record": (
-        "channel=None, driver=sim, dry-run=False, effect=repeatable, host=None, "
+        "channel=None, driver=sim, dry-run=False, effect=repeatable, force=False, host=None, "
         "json=False, max-force=None, max-torque=None, noise=None, out=required, "
         "parameters=None, plan=required, rate=None, recording=None, recover=False, "
         "resume=False, revisit=auto, robot=required, rrd=None, samples=100, seed=None, "
@@ -25,7 +25,7 @@ FLAGS = {
         "workspace=None"
     ),
     "import": (
-        "fit=None, gravity=None, guess=False, json=False, map=None, mode=None, "
+        "fit=None, force=False, gravity=None, guess=False, json=False, map=None, mode=None, "
         "name-pattern=None, out=required, rest=None, robot=None, sensor=None, tool-mass=None"
     ),
     "calibrate": (
@@ -38,14 +38,14 @@ FLAGS = {
     ),
     "view": "port=9876, rrd=None, web=False, web-port=9090",
     "report": "out=report.html",
-    "simulate": "json=False, like=required, noise=off, out=required, rrd=None, seed=0",
-    "export": "json=False, mcap=None, mjcf=None",
+    "simulate": "force=False, json=False, like=required, noise=off, out=required, rrd=None, seed=0",
+    "export": "force=False, json=False, mcap=None, mjcf=None",
     "twin": (
         "effect=repeatable, faults=None, host=127.0.0.1, noise=real, parameters=None, "
         "seed=0, set=repeatable, table=None"
     ),
     "campaign": (
-        "diagnose=False, json=False, only=None, out=required, plan=None, poses=100, "
+        "diagnose=False, force=False, json=False, only=None, out=required, plan=None, poses=100, "
         "robots=100, samples=50, scheduler=None, seed=0, vary=noise,parameters, "
         "workers=None"
     ),
@@ -86,7 +86,7 @@ def printed(arguments, capfd):
 
 @pytest.mark.parametrize("verb", FLAGS)
 def test_flags_and_defaults_stay(verb, capfd, monkeypatch):
-    monkeypatch.setenv("COLUMNS", "150")
+    monkeypatch.setenv("COLUMNS", "115")
     text = printed([*verb.split(), "--help"], capfd)
     assert flags(re.sub(r"\x1b\[[0-9;]*m", "", text)) == FLAGS[verb]
 

@@ -46,7 +46,7 @@ def test_a_dry_run_shows_every_move_and_simulates_the_campaign(record, capsys):
 def test_a_slower_campaign_takes_longer(record, capsys):
     seconds = []
     for share in ("0.5", "0.05"):
-        assert record("--speed", share, "--json")[0] == 0
+        assert record("--speed", share, "--json", "--force")[0] == 0
         seconds.append(json.loads(capsys.readouterr().out)["seconds"])
     assert seconds[1] > 5 * seconds[0]
 

@@ -103,6 +103,8 @@ def killed(path: Path) -> None:
     writer._rewrite_cost = 1e9
     writer.append({k: v[5:] for k, v in columns().items()})
     writer.flush()
+    writer._sink.close()
+    writer._lock.close()
 
 
 def test_the_backup_of_a_killed_writer_keeps_its_journal(tmp_path):

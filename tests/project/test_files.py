@@ -1,11 +1,28 @@
 """Atomic writes: complete files or none, and errors that name the file."""
 
+import ast
 import errno
+import os
 import stat
+import subprocess
+import sys
+from pathlib import Path
 
 import pytest
 
-from wrenchbed.files import TEMPORARY, atomic_write, write_bytes, write_json, write_text
+import wrenchbed
+from wrenchbed.files import (
+    TEMPORARY,
+    atomic_folder,
+    atomic_write,
+    locked,
+    set_aside,
+    write_bytes,
+    write_json,
+    write_text,
+)
+
+SOURCE = Path(wrenchbed.__file__).parent
 
 
 def names_in(folder):
@@ -23,7 +40,7 @@ def test_a_writer_that_fails_leaves_the_file_before_it(tmp_path):
     path = tmp_path / "a.txt"
     write_text(path, "before")
     with pytest.raises(RuntimeError), atomic_write(path) as temporary:
-        temporary.write_text("half of what comes aft")
+        temporary.write(b"half of what comes aft")
         raise RuntimeError
     assert path.read_text() == "before"
     assert names_in(tmp_path) == ["a.txt"]
@@ -33,7 +50,7 @@ def test_a_full_disk_names_the_file_and_not_its_temporary_name(tmp_path):
     path = tmp_path / "a.txt"
     for named in (False, True):
         with pytest.raises(OSError) as error, atomic_write(path) as temporary:
-            raise OSError(errno.ENOSPC, "No space left on device", *[str(temporary)] * named)
+            raise OSError(errno.ENOSPC, "No space left on device", *[temporary.name] * named)
         assert (error.value.errno, error.value.filename) == (errno.ENOSPC, str(path))
     assert names_in(tmp_path) == []
 
@@ -48,7 +65,7 @@ def test_temporary_names_differ_and_lie_beside_the_file(tmp_path):
     path, names = tmp_path / "a.txt", set()
     for _ in range(3):
         with atomic_write(path) as temporary:
-            assert temporary in tmp_path.glob(TEMPORARY)
+            assert Path(temporary.name) in tmp_path.glob(TEMPORARY)
             names.add(temporary.name)
     assert len(names) == 3
 
@@ -66,3 +83,144 @@ def test_a_folder_in_the_way_is_named(tmp_path):
         write_text(tmp_path / "a", "text")
     assert str(tmp_path / "a") in str(error.value)
     assert not list(tmp_path.glob(TEMPORARY))
+
+
+def test_a_link_is_replaced_and_not_what_it_points_to(tmp_path):
+    victim, link, shared = tmp_path / "victim", tmp_path / "link", tmp_path / "shared"
+    victim.write_text("precious")
+    link.symlink_to(victim)
+    shared.hardlink_to(victim)
+    for path in (link, shared):
+        write_text(path, "new")
+        assert (path.read_text(), path.is_symlink()) == ("new", False)
+    assert victim.read_text() == "precious"
+
+
+def test_permissions_of_the_file_before_stay(tmp_path):
+    path = tmp_path / "a"
+    path.write_bytes(b"")
+    path.chmod(0o640)
+    write_bytes(path, b"new")
+    assert stat.S_IMODE(path.stat().st_mode) == 0o640
+
+
+@pytest.mark.parametrize("kind", ["device", "folder", "write-protected"])
+def test_what_must_not_be_replaced_is_refused(kind, tmp_path):
+    path = tmp_path / "a"
+    if kind == "device":
+        os.mkfifo(path)
+    elif kind == "folder":
+        path.mkdir()
+    else:
+        path.touch(0o444)
+    before = path.stat()
+    with pytest.raises(OSError, match=f"is (a )?{kind}") as error:
+        write_bytes(path, b"new")
+    assert error.value.filename == str(path)
+    assert (path.stat().st_ino, path.stat().st_size) == (before.st_ino, before.st_size)
+
+
+def test_a_full_disk_is_named_with_the_space_needed_and_free(tmp_path, monkeypatch):
+    def full(handle):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(OSError, match=r"No space .*: 12\.3 kB needed, [\d.]+ [kMGT]?B free"):
+        write_bytes(tmp_path / "a", bytes(12_345))
+    with pytest.raises(OSError, match="more than 5 B needed"), atomic_write(tmp_path / "a") as file:
+        file.write(b"12345")
+    assert names_in(tmp_path) == []
+
+
+def test_a_long_name_is_written(tmp_path):
+    name = 250 * "n"
+    with locked(tmp_path / name):
+        write_bytes(tmp_path / name, b"x")
+    assert names_in(tmp_path) == [name]
+
+
+def test_files_of_a_folder_appear_together(tmp_path):
+    write_text(tmp_path / "b", "old")
+    write_text(tmp_path / "notes", "mine")
+    (tmp_path / "c").mkdir()  # where a file should go
+    with pytest.raises(OSError) as error, atomic_folder(tmp_path) as folder:
+        for name in "abc":
+            write_text(folder / name, "new")
+    assert error.value.filename == str(tmp_path / "c")
+    assert sorted(names_in(tmp_path)) == ["b", "c", "notes"]
+    assert (tmp_path / "b").read_text() == "old"
+    (tmp_path / "c").rmdir()
+    with atomic_folder(tmp_path) as folder:
+        for name in "abc":
+            write_text(folder / name, "new")
+    assert {p.name: p.read_text() for p in tmp_path.iterdir()} == {
+        "a": "new", "b": "new", "c": "new", "notes": "mine",
+    }  # fmt: skip
+
+
+def test_names_for_what_is_kept_are_never_taken_twice(tmp_path):
+    for number in range(3):
+        (tmp_path / "a").write_text(str(number))
+        set_aside(tmp_path / "a")
+    assert {p.name: p.read_text() for p in tmp_path.iterdir()} == {
+        "a~": "0",
+        "a~2": "1",
+        "a~3": "2",
+    }
+    assert set_aside(tmp_path / "a") is None
+
+
+HOLD = """
+import sys, time
+from wrenchbed.files import locked
+with locked(sys.argv[1], folder=sys.argv[2] == "folder"):
+    print("held", flush=True)
+    time.sleep(60)
+"""
+
+
+@pytest.mark.parametrize("kind", ["file", "folder"])
+def test_two_processes_do_not_write_to_one_output(kind, tmp_path):
+    path = tmp_path / "out"
+    with subprocess.Popen(
+        [sys.executable, "-c", HOLD, str(path), kind], stdout=subprocess.PIPE
+    ) as other:
+        assert other.stdout is not None and other.stdout.readline() == b"held\n"
+        with (
+            pytest.raises(BlockingIOError, match="another process is writing to it") as error,
+            locked(path, folder=kind == "folder"),
+        ):
+            pass
+        assert error.value.filename == str(path)
+        other.kill()
+    with locked(path, folder=kind == "folder"), locked(path, folder=kind == "folder"):
+        pass
+    assert names_in(tmp_path) == (["out"] if kind == "folder" else [])
+
+
+ALLOWED = {
+    "files.py": {"open"},
+    "data/bag2_folder.py": {"write_bytes"},  # unpacks into a temporary folder
+    "data/unpacking.py": {"open"},  # the same
+    "jobs/parts.py": {"open"},  # a journal: rows are appended
+    "benchmark/sealed/entrants.py": {"open"},  # another program's output, in a folder of its own
+    "pages/plots.py": {"savefig"},  # to memory
+}
+WRITES = {"write_text", "write_bytes", "savefig", "save", "to_parquet", "to_csv", "tofile"}
+
+
+@pytest.mark.parametrize("path", sorted(SOURCE.rglob("*.py")), ids=lambda p: p.stem)
+def test_nothing_else_writes_files(path):
+    """Other ways to write a file than this module's functions are listed above."""
+    found = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if not isinstance(node, ast.Call):
+            continue
+        name = node.func.attr if isinstance(node.func, ast.Attribute) else ""
+        name = node.func.id if isinstance(node.func, ast.Name) and node.func.id == "open" else name
+        modes = [a.value for a in node.args if isinstance(a, ast.Constant)]
+        if name in WRITES or (
+            name == "open" and any(set(str(m)) & set("wxa+") and len(str(m)) < 4 for m in modes)
+        ):
+            found.add(name)
+    assert found <= ALLOWED.get(str(path.relative_to(SOURCE)), set())

@@ -17,6 +17,7 @@ from concurrent.futures import (
     wait,
 )
 from contextlib import contextmanager, suppress
+from dataclasses import replace
 from functools import cache
 from itertools import islice
 from pathlib import Path
@@ -33,7 +34,7 @@ from wrenchbed.campaigns.settings import Fleet, Truth, draw, varied
 from wrenchbed.data.plan import Plan
 from wrenchbed.data.recording import Recording, joint_columns
 from wrenchbed.errors import FleetError, WorkerError, WrenchbedError
-from wrenchbed.files import write_json
+from wrenchbed.files import atomic_folder, write_json
 from wrenchbed.hardware.drivers.base.samples import as_designed
 from wrenchbed.jobs.workers import Progress, silent
 from wrenchbed.jobs.workers import workers as local
@@ -235,10 +236,11 @@ def _number(x: float | None) -> float:
 def write_one(fleet: Fleet, k: int, folder: Path) -> Row:
     """Work on robot ``k`` again, and write rec.parquet, fit.json and row.json into a folder."""
     recording, _ = recorded(fleet, k)
-    recording.write(folder / "rec.parquet")
-    calibrate(Recording.read(folder / "rec.parquet")).write(folder / "fit.json")
     row = {n: v for n, v in one(fleet, k).items() if v == v}  # without NaN
-    write_json(folder / "row.json", row)
+    with atomic_folder(folder) as new:
+        recording.write(new / "rec.parquet")
+        calibrate(replace(recording, name=str(folder / "rec.parquet"))).write(new / "fit.json")
+        write_json(new / "row.json", row)
     return row
 
 

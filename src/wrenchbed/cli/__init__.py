@@ -165,6 +165,8 @@ def _call(verb: str, arguments: Sequence[str]) -> None:
     """Parse a verb's arguments and call it."""
     import tyro
 
+    from wrenchbed.cli.console import outputs
+
     home, function = _loaded(verb)
     config = (tyro.conf.OmitArgPrefixes, tyro.conf.FlagCreatePairsOff)
     prog, args = f"wrenchbed {verb}", list(arguments)
@@ -176,7 +178,8 @@ def _call(verb: str, arguments: Sequence[str]) -> None:
             )  # fmt: skip
         else:
             call = tyro.cli(_later(function), prog=prog, args=args, config=config)
-    call()
+    with outputs():
+        call()
 
 
 def _later(function: Callable[..., Any]) -> Callable[..., Callable[[], Any]]:

@@ -12,6 +12,7 @@ from rich.text import Text
 
 from wrenchbed.cli import console
 from wrenchbed.cli.console import Json, Repeated
+from wrenchbed.data.outputs import Kind
 from wrenchbed.errors import ParameterError
 
 if TYPE_CHECKING:
@@ -71,6 +72,8 @@ def make(
         known = making.resumed(answers)
         seed = making.drawn_seed() if known is None else known
     family, cases = made_of.family(seed), made_of.cases
+    for folder in (out, answers):
+        console.check_folder(folder)
     console.check_positive("--processes", processes)
     with console.progress(f"sealing {family.robot} cases", cases) as report:
         root = making.make(family, out, answers, processes, report)
@@ -110,6 +113,7 @@ def run(
         raise ParameterError(f"--limit {limit:g} s must be above 0")
     entrants = [running.Entrant.of(m) for m in method or (OURS, *BASELINES)]
     total = len(seal.read(cases))
+    console.check_folder(out)
     console.check_positive("--processes", processes)
     with console.progress("answering sealed cases", total) as report:
         failed = running.run(cases, out, entrants, processes, limit, report)
@@ -143,9 +147,10 @@ def score(
     from wrenchbed.benchmark.sealed import report
     from wrenchbed.benchmark.sealed import score as scoring
 
+    folder = claims.with_name(claims.name + ".score") if out is None else out
+    console.check_folder(folder, {"score.html": Kind.PAGE})
     result = scoring.score(cases, claims, answers, method, commitments)
     page = report.page(result)
-    folder = claims.with_name(claims.name + ".score") if out is None else out
     page.write(folder, "score")
     console.answer(page.summary, as_json, _score_table(page))
     if not as_json:
@@ -182,6 +187,8 @@ def seal(
     """
     from wrenchbed.benchmark.sealed.real import seal_real
 
+    for folder in (out, answers):
+        console.check_folder(folder)
     root = seal_real(truth, out, answers)
     text = f"sealed cases → {out}, their answers → {answers}\n{_PUBLISH} {root}"
     console.answer({"cases": str(out), "answers": str(answers), "commitments": root}, as_json, text)

@@ -17,6 +17,7 @@ import wrenchbed as wb
 from wrenchbed.calibration.fit import IdentifiedValue
 from wrenchbed.cli import console
 from wrenchbed.cli.console import Json
+from wrenchbed.data.outputs import Kind
 from wrenchbed.errors import ParameterError
 from wrenchbed.pages.numbers import decimals
 from wrenchbed.physics.wrench import CHANNELS
@@ -67,8 +68,8 @@ def calibrate(
             where the robot has one and the fit bounds it, else the recording with the fit.
         as_json: Print the result as JSON.
     """
-    console.check_out(out, recording, contact.touches, truth)
-    console.check_out(rrd, recording, contact.touches, truth, out)
+    console.check_out(out, Kind.FIT, recording, contact.touches, truth)
+    console.check_out(rrd, Kind.PICTURE, recording, contact.touches, truth, out)
     known = None if truth is None else console.parameters(truth)
     data = wb.Recording.read(recording)
     with console.progress(f"calibrate {len(data):,} rows", None):

@@ -8,7 +8,8 @@ import tyro
 
 import wrenchbed as wb
 from wrenchbed.cli import console
-from wrenchbed.cli.console import Json
+from wrenchbed.cli.console import Flag, Json
+from wrenchbed.data.outputs import Kind, keeping
 from wrenchbed.errors import MissingExtraError, ParameterError
 
 
@@ -51,6 +52,7 @@ def campaign(
     workers: int | None = None,
     scheduler: str | None = None,
     only: int | None = None,
+    force: Flag = False,
     as_json: Json = False,
 ) -> None:
     """Plan, record, calibrate and diagnose many simulated robots: one row each, and a summary.
@@ -63,14 +65,16 @@ def campaign(
         workers: Local processes; as many as cores if left out.
         scheduler: Address of a Dask scheduler, tcp://…, whose workers are used instead.
         only: Work on this robot alone and write its recording and fit to OUT/NUMBER.
+        force: With --only: replace a recording there; it is kept with ~ at the end of its name.
         as_json: Print the key results as JSON.
     """
     from wrenchbed.campaigns import summary
 
     fleet = simulated.fleet(robot)
     if only is not None:
-        _alone(fleet, only, out, as_json)
+        _alone(fleet, only, out, force, as_json)
         return
+    console.check_folder(out, {"summary.html": Kind.PAGE})
     count = console.check_positive("--workers", os.cpu_count() or 1 if workers is None else workers)
     with console.progress(f"campaign {robot}", simulated.robots, rate=True) as report:
         table = wb.campaign(fleet, out, workers=count, scheduler=scheduler, progress=report)
@@ -86,11 +90,14 @@ def campaign(
     console.answer(results | {"folder": str(out)}, as_json, "\n".join(lines))
 
 
-def _alone(fleet: "wb.Fleet", k: int, out: Path, as_json: bool) -> None:
+def _alone(fleet: "wb.Fleet", k: int, out: Path, force: bool, as_json: bool) -> None:
     """Work on one robot again and keep its files."""
     from wrenchbed.campaigns.simulated_robots import write_one
 
     if k < 0:
         raise ParameterError(f"--only {k} must not be negative")
-    row = write_one(fleet, k, folder := out / str(k))
+    folder = out / str(k)
+    console.check_folder(folder, {"fit.json": Kind.FIT})
+    console.check_out(folder / "rec.parquet", Kind.RECORDING, force=force)
+    row = keeping(folder / "rec.parquet", lambda _: write_one(fleet, k, folder))
     console.answer(row, as_json, f"robot {k}: rec.parquet, fit.json, row.json → {folder}")

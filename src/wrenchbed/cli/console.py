@@ -6,10 +6,10 @@ import shlex
 import signal
 import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import fields
 from pathlib import Path
-from types import NoneType, UnionType
+from types import MappingProxyType, NoneType, UnionType
 from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
 import tyro
@@ -28,7 +28,9 @@ from rich.segment import Segment
 from rich.text import Text
 
 from wrenchbed.data.checked import load
+from wrenchbed.data.outputs import Kind, check
 from wrenchbed.errors import OBEYED, ParameterError, one_line, printable
+from wrenchbed.files import locked
 
 _AT_ONCE_S = 1.0
 """Steps that are done within so many seconds were done by an earlier run."""
@@ -125,16 +127,35 @@ def check_seed(seed: int) -> None:
         raise ParameterError(f"seed {seed} must not be negative")
 
 
-def check_out(out: Path | None, *inputs: Path | None) -> None:
-    """Refuse to write over what was read."""
-    if out is not None and out.resolve() in [i.resolve() for i in inputs if i is not None]:
-        raise ParameterError(f"{out}: is an input too; give another name")
+_CLAIMED = ExitStack()
+"""Locks of the outputs of the verb that runs."""
 
 
-def check_folder(out: Path) -> None:
-    """Refuse a file where a folder is needed."""
+@contextmanager
+def outputs() -> Iterator[None]:
+    """Let go of all outputs when the block ends."""
+    with _CLAIMED:
+        yield
+
+
+def check_out(
+    out: Path | None, kind: Kind, *inputs: Path | None, force: bool = False, lock: bool = True
+) -> None:
+    """Refuse to replace what must not be replaced, and keep other processes off the output."""
+    if out is None:
+        return
+    if lock and out.name and not out.is_dir():
+        _CLAIMED.enter_context(locked(out))
+    check(out, kind, *inputs, force=force)
+
+
+def check_folder(out: Path, files: Mapping[str, Kind] = MappingProxyType({})) -> None:
+    """Refuse a file where a folder is needed, and a folder that has other files of these names."""
     if out.exists() and not out.is_dir():
         raise ParameterError(f"{out}: is a file; give a folder")
+    _CLAIMED.enter_context(locked(out, folder=True))
+    for name, kind in files.items():
+        check(out / name, kind)
 
 
 def check_positive(flag: str, count: int) -> int:

@@ -15,7 +15,9 @@ from rich.text import Text
 
 import wrenchbed as wb
 from wrenchbed.cli import console
+from wrenchbed.data.outputs import Kind
 from wrenchbed.errors import DiagnosisError, MissingExtraError, ParameterError, WrenchbedWarning
+from wrenchbed.files import atomic_folder
 
 if TYPE_CHECKING:
     from wrenchbed.diagnosis.diagnose import Findings, Progress
@@ -75,7 +77,7 @@ def diagnose(
         return
     if out is None:
         raise ParameterError("diagnose needs --out, the folder for its files (or --dry-run)")
-    console.check_folder(out)
+    console.check_folder(out, _FILES)
     from wrenchbed.reports.figures import Artist
 
     data = [wb.Recording.read(path) for path in recordings]
@@ -84,20 +86,35 @@ def diagnose(
     with Artist() as artist:
         with console.progress("diagnosing", 7 if len(data) == 1 else 3 * len(data) + 3) as report:
             result = _diagnosed(data, seed, learnt, lambda step: report(1, step))
-        result.write(out)
-        written = ["diagnosis.json", "twin.json"]
-        for name in ("report.html", "diagnosis.rrd"):
-            try:
-                if name == "report.html":
-                    _report(result, out / name, console.command(*command), artist)
-                else:
-                    _draw(result, out / name)
-                written.append(name)
-            except MissingExtraError as error:
-                warnings.warn(f"no {name}: {error}", WrenchbedWarning, stacklevel=1)
+        for name in result.plans:
+            console.check_out(out / name, Kind.PLAN, lock=False)
+        with atomic_folder(out) as folder:
+            written = _write(result, folder, console.command(*command), artist)
     console.answer(result.diagnosis.to_json(), as_json, diagnosis(result.diagnosis))
     if not as_json:
         console.say(f"{', '.join(written)} → {out}")
+
+
+_FILES = {
+    "diagnosis.json": Kind.DIAGNOSIS, "twin.json": Kind.TWIN, "report.html": Kind.PAGE,
+    "diagnosis.rrd": Kind.PICTURE,
+}  # fmt: skip
+
+
+def _write(result: Findings, folder: Path, command: str, artist: Artist) -> list[str]:
+    """Write all files of a diagnosis; names of those that could be made, without plans."""
+    result.write(folder)
+    written = ["diagnosis.json", "twin.json"]
+    for name in ("report.html", "diagnosis.rrd"):
+        try:
+            if name == "report.html":
+                _report(result, folder / name, command, artist)
+            else:
+                _draw(result, folder / name)
+            written.append(name)
+        except MissingExtraError as error:
+            warnings.warn(f"no {name}: {error}", WrenchbedWarning, stacklevel=1)
+    return written
 
 
 def _diagnosed(

@@ -11,8 +11,10 @@ import wrenchbed as wb
 from wrenchbed.cli import console
 from wrenchbed.cli.console import Flag, Json
 from wrenchbed.data.column_map import ColumnMap
+from wrenchbed.data.outputs import Kind, keeping
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import ParameterError, WrenchbedError, WrenchbedWarning
+from wrenchbed.files import write_text
 
 
 @dataclass(frozen=True)
@@ -47,6 +49,7 @@ def import_(
     map: Path | None = None,
     mode: Literal["static", "dynamic", "auto"] | None = None,
     name_pattern: str | None = None,
+    force: Flag = False,
     as_json: Json = False,
 ) -> None:
     """Bring text files (CSV, …), rosbags and MCAP files in, by a map of columns or by a guess.
@@ -59,13 +62,15 @@ def import_(
             the map says if none.
         name_pattern: Every file is one pose, and its name holds values, as pose_{roll}_{yaw}.csv;
             the map, or the guess, uses them as columns.
+        force: Replace recordings at OUT; they are kept as OUT~, or OUT~2 and so on.
         as_json: Print the result as JSON.
     """
     if guessing.guess == (map is not None):
         raise ParameterError("give either --map MAP or --guess")
     told: dict[str, list[str]] = {}
     inputs = (*files, map, guessing.fit, guessing.rest)
-    console.check_out(out, *inputs)
+    whole = out.with_suffix(".motion.parquet")
+    console.check_out(out, Kind.RECORDING, *inputs, force=force)
     if map is not None:
         _no_guess(guessing)
         column_map = wb.read_map(map)
@@ -74,14 +79,14 @@ def import_(
             files, guessing, out, wb.Stated(mode=mode, name_pattern=name_pattern)
         )
     imported = wb.import_files(files, _changed(column_map, mode, name_pattern))
-    imported.recording.write(out)
+    if imported.motion is not None:
+        console.check_out(whole, Kind.RECORDING, *inputs, out, force=force)
+    keeping(out, imported.recording.write)
     rows, excluded = len(imported.recording), imported.left_out
     result = {"recording": str(out), "rows": rows, "rows_left_out": excluded} | told
     lines = [*told.get("guess", []), *imported.notes]
     if imported.motion is not None and imported.split is not None:
-        whole = out.with_suffix(".motion.parquet")
-        console.check_out(whole, *inputs)
-        imported.motion.write(whole)
+        keeping(whole, imported.motion.write)
         holds, moves = len(imported.split.seconds), imported.split.moves
         result |= {"motion": str(whole), "holds": holds, "moves": moves}
         lines.append(f"all {len(imported.motion)} rows, moves too → {whole}")
@@ -122,10 +127,10 @@ def _guessed(
         stated, robot=given.robot, gravity=given.gravity, mass=given.tool_mass,
         fit=given.fit, rest=given.rest, sensor=given.sensor,
     )  # fmt: skip
-    found = wb.guess_map(files, stated)
     path = out.with_suffix(".map.toml")
-    console.check_out(path, *files)
-    path.write_text(found.text(), encoding="utf-8")
+    console.check_out(path, Kind.MAP, *files)
+    found = wb.guess_map(files, stated)
+    write_text(path, found.text())
     return found.column_map(), {"guess": [*found.lines, f"map → {path}"]}
 
 

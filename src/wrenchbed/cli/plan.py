@@ -9,7 +9,9 @@ import tyro
 import wrenchbed as wb
 from wrenchbed.cli import console
 from wrenchbed.cli.console import Json
+from wrenchbed.data.outputs import Kind
 from wrenchbed.errors import PlanError
+from wrenchbed.files import set_aside
 
 
 @dataclass(frozen=True)
@@ -87,7 +89,10 @@ def plan(
         as_json: Print the result as JSON.
     """
     console.check_seed(seed)
-    console.check_out(rrd, out)
+    console.check_out(out, Kind.PLAN, goal.points)
+    console.check_out(rrd, Kind.PICTURE, out, goal.points)
+    if goal.goal is not None:
+        console.check_out(_touches(out), Kind.PLAN, goal.points, rrd)
     arm = wb.load("robots", robot)
     _check(poses, goal, motion)
     if goal.goal is not None:
@@ -147,14 +152,19 @@ def _chosen(arm: wb.Robot, poses: PoseArguments, motion: MotionArguments, seed: 
         )
 
 
+def _touches(out: Path) -> Path:
+    """Plan of touches beside a plan."""
+    return out.with_name(f"{out.stem}.touches.parquet")
+
+
 def _write_mix(mix: wb.Mix, out: Path, touch_std: float | None, as_json: bool) -> None:
-    beside = out.with_name(f"{out.stem}.touches.parquet")
-    if beside.exists():
-        beside.replace(beside.with_name(beside.name + "~"))  # of another plan
-    mix.gravity.write(out)
+    beside = _touches(out)
     touched = len(mix.touches) > 0
+    mix.gravity.write(out)
     if touched:
         mix.touches.write(beside)
+    else:
+        set_aside(beside)  # of another plan
     result = {
         "plan": str(out), "robot": mix.gravity.robot, "poses": len(mix.gravity),
         "touches": len(mix.touches), "touch_plan": str(beside) if touched else None,

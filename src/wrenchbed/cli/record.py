@@ -17,6 +17,7 @@ from wrenchbed.campaigns.recording.run import RunProgress
 from wrenchbed.cli import console
 from wrenchbed.cli import console as set_options
 from wrenchbed.cli.console import Flag, Json, Repeated
+from wrenchbed.data.outputs import Kind
 from wrenchbed.errors import DriverError, ParameterError, PlanError
 from wrenchbed.hardware.drivers.base import Driver
 from wrenchbed.hardware.drivers.base.live import LIVE, LiveDriver
@@ -180,6 +181,7 @@ class RunArguments:
             that was left on the robot.
         revisit: Visit the first pose again at the end, which shows drift; auto: on real robots
             and in dry runs.
+        force: Replace a recording at OUT; it is kept as OUT~, or OUT~2 and so on.
     """
 
     samples: int = 100
@@ -188,6 +190,7 @@ class RunArguments:
     resume: Flag = False
     recover: Flag = False
     revisit: Literal["auto", "yes", "no"] = "auto"
+    force: Flag = False
 
 
 @dataclass(frozen=True)
@@ -219,14 +222,15 @@ def record(
     Args:
         robot: Name, see `wrenchbed list robots`.
         plan: Parquet file with q1…qN, see `wrenchbed plan`.
-        out: Recording to write; an existing one is kept as OUT~, what a resumed campaign or
-            another try of a motion replaces as OUT.cut~.
+        out: Recording to write; what a resumed campaign or another try of a motion replaces is
+            kept as OUT.cut~.
         as_json: Print the result as JSON.
     """
     replayed = Path(device.recording) if device.recording else None
     console.check_seed(device.seed or 0)
-    console.check_out(out, plan, device.parameters, replayed)
-    console.check_out(picture.rrd, out, plan)
+    inputs = (plan, device.parameters, replayed)
+    console.check_out(out, Kind.RECORDING, *inputs, force=run.force or run.resume)
+    console.check_out(picture.rrd, Kind.PICTURE, out, *inputs)
     todo = wb.Plan.read(plan)
     if _plain(todo.robot) != _plain(wb.load("robots", robot).name):
         raise PlanError(f"{plan}: the plan is for robot {todo.robot!r}, not {robot!r}")

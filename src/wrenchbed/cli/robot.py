@@ -9,6 +9,7 @@ from rich.table import Table
 import wrenchbed as wb
 from wrenchbed.cli import console
 from wrenchbed.cli.console import Json
+from wrenchbed.data.outputs import Kind
 from wrenchbed.errors import WrenchbedWarning
 
 
@@ -39,7 +40,7 @@ def robot(
         hold_others: Keep another arm of the file where it stands.
         as_json: Print the result as JSON.
     """
-    console.check_out(out, file)
+    console.check_out(out, Kind.ROBOT, file)
     wb.load("sensors", sensor)
     made = wb.describe_robot(
         file, frame, out, sensor=sensor, tool_mass=tool_mass, tool_cog=tool_cog,

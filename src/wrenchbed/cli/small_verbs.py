@@ -1,5 +1,6 @@
 """The verbs with few options: list, simulate, export and study."""
 
+from functools import partial
 from pathlib import Path
 from typing import Literal
 
@@ -9,7 +10,8 @@ from rich.text import Text
 
 import wrenchbed as wb
 from wrenchbed.cli import console
-from wrenchbed.cli.console import Json
+from wrenchbed.cli.console import Flag, Json
+from wrenchbed.data.outputs import Kind, keeping
 from wrenchbed.errors import ParameterError
 
 
@@ -42,6 +44,7 @@ def simulate(
     noise: Literal["off", "white", "real"] = "off",
     seed: int = 0,
     rrd: Path | None = None,
+    force: Flag = False,
     as_json: Json = False,
 ) -> None:
     """Run MuJoCo with a twin's effects on a recording's motion.
@@ -53,14 +56,15 @@ def simulate(
         noise: Of the simulated sensor.
         seed: Of the noise and of what effects draw.
         rrd: Picture to write: the recording with the twin held against it.
+        force: Replace a recording at OUT; it is kept as OUT~, or OUT~2 and so on.
         as_json: Print the result as JSON.
     """
     console.check_seed(seed)
-    console.check_out(out, twin, like)
-    console.check_out(rrd, twin, like, out)
+    console.check_out(out, Kind.RECORDING, twin, like, force=force)
+    console.check_out(rrd, Kind.PICTURE, twin, like, out)
     followed = wb.Recording.read(like)
     simulated = wb.simulate(wb.Twin.read(twin), followed, noise=noise, seed=seed)
-    simulated.write(out)
+    keeping(out, simulated.write)
     if rrd is not None:
         from wrenchbed.viewer import recording_view
 
@@ -75,6 +79,7 @@ def export(
     /,
     mjcf: Path | None = None,
     mcap: Path | None = None,
+    force: Flag = False,
     as_json: Json = False,
 ) -> None:
     """Write a twin as plain MJCF, what MuJoCo cannot carry as JSON beside it; a recording as MCAP.
@@ -83,6 +88,7 @@ def export(
         file: A twin's JSON file, see `wrenchbed diagnose`; with --mcap a recording.
         mjcf: Folder to write to.
         mcap: File of ROS 2 messages to write: WrenchStamped, JointState, Temperature.
+        force: With --mcap: replace a log; it is kept as MCAP~, or MCAP~2 and so on.
         as_json: Print the result as JSON.
     """
     if (mjcf is None) == (mcap is None):
@@ -90,17 +96,19 @@ def export(
     if mcap is not None:
         from wrenchbed.data.logs import write_mcap
 
-        console.check_out(mcap, file)
+        console.check_out(mcap, Kind.LOG, file, force=force)
         recording = wb.Recording.read(file)
-        write_mcap(recording, mcap)
+        keeping(mcap, partial(write_mcap, recording))
         text = f"exported {len(recording):,} rows → {mcap}"
         console.answer({"mcap": str(mcap), "rows": len(recording)}, as_json, text)
         return
     assert mjcf is not None
-    console.check_folder(mjcf)
-    model, effects = wb.export(wb.Twin.read(file), mjcf)
-    result = {"mjcf": str(model), "effects": str(effects)}
-    console.answer(result, as_json, f"exported → {model}, {effects}")
+    twin = wb.Twin.read(file)
+    model = {f"{twin.model.robot.name}.xml": Kind.MODEL, "effects.json": Kind.OUTSIDE}
+    console.check_folder(mjcf, model | {"README.md": Kind.NOTES})
+    path, effects = wb.export(twin, mjcf)
+    result = {"mjcf": str(path), "effects": str(effects)}
+    console.answer(result, as_json, f"exported → {path}, {effects}")
 
 
 def study(
@@ -128,6 +136,7 @@ def study(
 
     console.check_seed(seed)
     folder = Path("out") / f"study-{paper}" if out is None else out
+    console.check_folder(folder, {f"{paper}.html": Kind.PAGE})
     with console.progress(f"study {paper}", studies.steps(paper, quick, robots)) as report:
         done = studies.run(paper, folder, quick=quick, robots=robots, seed=seed, report=report)
     console.answer(done.summary, as_json, "\n".join(done.lines))

@@ -6,6 +6,7 @@ import tyro
 
 import wrenchbed as wb
 from wrenchbed.cli import console
+from wrenchbed.data.outputs import Kind
 
 
 def view(
@@ -28,7 +29,7 @@ def view(
         port: Of the viewer's data, on 127.0.0.1.
         web_port: With --web: of the page.
     """
-    console.check_out(rrd, recording, *against)
+    console.check_out(rrd, Kind.PICTURE, recording, *against)
     wb.view(
         recording, against, rrd=rrd, web=web, port=port, web_port=web_port,
         opened=lambda address: console.say(f"open {address} (Ctrl-C ends it)"),
@@ -52,7 +53,7 @@ def report(
         against: fit.json and twin.json files whose simulators are held against it.
         out: Page to write.
     """
-    console.check_out(out, recording, *against)
+    console.check_out(out, Kind.PAGE, recording, *against)
     command = console.command("report", recording, *against, "--out", out)
     wb.report(wb.Recording.read(recording), against, out, command)
     console.say(f"report → {out}")

@@ -305,7 +305,7 @@ def write_mcap(recording: Recording, path: str | Path) -> None:
     typesys = registry.require("rosbags.typesys", "logs")
     store = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
     at = np.round(1e9 * recording.t.astype(float)).astype(np.int64)
-    with atomic_write(path) as temporary, temporary.open("wb") as stream:
+    with atomic_write(path) as stream:
         writer = writer_of(stream)
         writer.start(profile="ros2", library="wrenchbed")
         channels = []

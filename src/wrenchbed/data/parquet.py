@@ -134,5 +134,5 @@ def table_of(data: Mapping[str, np.ndarray], metadata: Mapping[str, Any]) -> pa.
 
 def write(path: Path, table: pa.Table) -> None:
     """Write a file atomically."""
-    with atomic_write(path) as temporary:
-        pq.write_table(table, temporary, write_page_checksum=True)
+    with atomic_write(path) as file:
+        pq.write_table(table, file, write_page_checksum=True)

@@ -15,6 +15,7 @@ import pyarrow as pa
 from wrenchbed.data import parquet
 from wrenchbed.data.metadata import Metadata, parse
 from wrenchbed.errors import RecordingError, WrenchbedWarning, raise_shortage
+from wrenchbed.files import set_aside
 from wrenchbed.physics.rotations import matrix
 from wrenchbed.physics.wrench import CHANNELS
 
@@ -89,7 +90,7 @@ class Recording:
             raise RecordingError(f"{path}: is a folder, not a recording")
         journal = path.with_name(path.name + JOURNAL)
         if journal.exists():
-            table = _from_journal(journal)
+            table = _from_journal(journal, path)
             warnings.warn(
                 f"{path}: the writer did not finish; {table.num_rows} rows come from its journal",
                 WrenchbedWarning,
@@ -105,9 +106,7 @@ class Recording:
         """Write the file; the journal of a killed writer there is kept as ``…~``."""
         path = Path(path)
         parquet.write(path, parquet.table_of(self.columns, self.metadata.to_json()))
-        journal = path.with_name(path.name + JOURNAL)
-        if journal.exists():
-            journal.replace(journal.with_name(journal.name + "~"))
+        set_aside(path.with_name(path.name + JOURNAL))
 
 
 def _frozen(array: np.ndarray) -> np.ndarray:
@@ -130,7 +129,7 @@ def joint_columns(columns: Mapping[str, np.ndarray]) -> tuple[str, ...]:
     return tuple(names)
 
 
-def _from_journal(path: Path) -> pa.Table:
+def _from_journal(path: Path, recording: Path) -> pa.Table:
     """All complete batches of an Arrow stream whose end may be missing."""
     batches: list[pa.RecordBatch] = []
     try:
@@ -143,7 +142,11 @@ def _from_journal(path: Path) -> pa.Table:
     except (pa.ArrowException, OSError) as cause:
         raise_shortage(cause, path)
         if not batches:
-            raise RecordingError(f"{path}: the journal holds no complete second") from cause
+            beside = f"to read {recording} without it" if recording.exists() else "and record anew"
+            raise RecordingError(
+                f"{path}: the journal is damaged or holds no complete second: delete or rename "
+                f"it {beside}"
+            ) from cause
     return pa.Table.from_batches(batches, schema)
 
 

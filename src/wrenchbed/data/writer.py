@@ -10,8 +10,10 @@ import json
 import threading
 import time
 from collections.abc import Mapping
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from types import TracebackType
+from typing import BinaryIO
 
 import numpy as np
 import pyarrow as pa
@@ -20,6 +22,7 @@ from wrenchbed.data import parquet
 from wrenchbed.data.metadata import Metadata
 from wrenchbed.data.recording import JOURNAL
 from wrenchbed.errors import RecordingError
+from wrenchbed.files import locked, open_new, put_back, set_aside
 
 FLUSH_S = 0.5
 """Longest time that rows stay in memory only [s]."""
@@ -33,7 +36,8 @@ class RecordingWriter:
     Args:
         path: target file.
         metadata: of the recording.
-        aside: suffix under which an existing recording at ``path`` is kept.
+        aside: suffix under which an existing recording at ``path`` is kept; numbered where it
+            is taken.
     """
 
     def __init__(self, path: str | Path, metadata: Metadata, aside: str = "~") -> None:
@@ -44,17 +48,19 @@ class RecordingWriter:
         self._journal_path = self.path.with_name(self.path.name + JOURNAL)
         self._pending: list[dict[str, np.ndarray]] = []
         self._batches: list[pa.RecordBatch] = []
-        self._sink: pa.OSFile | None = None
+        self._sink: BinaryIO | None = None
         self._stream: pa.RecordBatchStreamWriter | None = None
         self._flushed = self._rewritten = time.monotonic()
         self._rewrite_cost = 0.0
         self._rewriting: threading.Thread | None = None
         self._failed: Exception | None = None
+        self._kept: Path | None = None
+        self._lock = ExitStack()
 
     def __enter__(self) -> "RecordingWriter":
-        self.path.parent.mkdir(parents=True, exist_ok=True)
         if self.path.is_dir():
             raise RecordingError(f"{self.path}: is a folder; give the name of a file")
+        self._lock.enter_context(locked(self.path))
         return self
 
     def append(self, block: Mapping[str, np.ndarray]) -> None:
@@ -89,10 +95,15 @@ class RecordingWriter:
         self._note()
         if self._stream is None or self._sink is None:
             return
-        self._rewrite(self._batches)
+        try:
+            self._rewrite(self._batches)
+        except OSError as error:
+            text = f"{error.strerror}; all rows are in {self._journal_path}, which is read with it"
+            raise OSError(error.errno, text, str(self.path)) from error
         self._failed = None
-        self._stream.close()
-        self._sink.close()
+        with suppress(OSError):  # the journal has done its duty
+            self._stream.close()
+            self._sink.close()
         self._journal_path.unlink(missing_ok=True)
         self._stream = None
 
@@ -104,25 +115,35 @@ class RecordingWriter:
         joined = {k: np.concatenate([b[k] for b in self._pending]) for k in self._pending[0]}
         self._pending.clear()
         batch = pa.RecordBatch.from_pydict(joined)
-        if self._stream is None:
-            self._set_aside()
-            key = {parquet.KEY: json.dumps(self.metadata.to_json()).encode()}
-            self._sink = pa.OSFile(str(self._journal_path), "wb")
-            self._stream = pa.ipc.new_stream(self._sink, batch.schema.with_metadata(key))
-        self._batches.append(batch)
-        self._stream.write_batch(batch)
-        if self._sink is not None:
+        first = self._stream is None
+        try:
+            if first:
+                self._begin(batch.schema)
+            assert self._stream is not None and self._sink is not None
+            self._stream.write_batch(batch)
             self._sink.flush()
+        except OSError as error:
+            if first:
+                self._undo()
+            raise OSError(error.errno, error.strerror, str(self._journal_path)) from error
+        self._batches.append(batch)
 
-    def _set_aside(self) -> None:
-        """Rename an existing recording, with its journal if its writer was killed."""
-        kept = self.path.with_name(self.path.name + self._aside)
-        journal = kept.with_name(kept.name + JOURNAL)
-        if self.path.exists():
-            self.path.replace(kept)
-            journal.unlink(missing_ok=True)  # of an older backup
-        if self._journal_path.exists():
-            self._journal_path.replace(journal)
+    def _begin(self, schema: pa.Schema) -> None:
+        """Open the journal; what stands there, of a killed writer too, gets another name."""
+        self._kept = set_aside(self.path, self._aside, JOURNAL)
+        key = {parquet.KEY: json.dumps(self.metadata.to_json()).encode()}
+        self._sink = open_new(self._journal_path)
+        self._stream = pa.ipc.new_stream(self._sink, schema.with_metadata(key))
+
+    def _undo(self) -> None:
+        """Leave all as it was before the first row."""
+        self._stream = None
+        if self._sink is not None:
+            with suppress(OSError):
+                self._sink.close()
+            self._journal_path.unlink(missing_ok=True)
+        if self._kept is not None:
+            put_back(self._kept, self.path, JOURNAL)
 
     def _due(self) -> bool:
         return time.monotonic() - self._rewritten > self._rewrite_cost / REWRITE_SHARE
@@ -156,4 +177,10 @@ class RecordingWriter:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        self.close()
+        with self._lock:
+            try:
+                self.close()
+            finally:
+                if self._sink is not None:
+                    with suppress(OSError):
+                        self._sink.close()

@@ -18,7 +18,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from wrenchbed.errors import WrenchbedError, raise_shortage
-from wrenchbed.files import TEMPORARY, atomic_write
+from wrenchbed.files import TEMPORARY, atomic_write, no_link, remove
 from wrenchbed.jobs.workers import Progress, in_workers, silent
 
 Row = dict[str, Any]
@@ -40,8 +40,8 @@ def _code() -> str:
 
 def write_table(path: Path, table: pa.Table) -> None:
     """Write a Parquet file atomically."""
-    with atomic_write(path) as temporary:
-        pq.write_table(table, temporary)
+    with atomic_write(path) as file:
+        pq.write_table(table, file)
 
 
 class Parts:
@@ -154,7 +154,7 @@ class Journal:
     def append(self, row: Mapping[str, Any]) -> None:
         """Write a row so that it survives a kill."""
         self.path.parent.mkdir(parents=True, exist_ok=True)
-        with self.path.open("a+b") as file:
+        with open(self.path, "a+b", opener=no_link) as file:
             if file.tell():
                 file.seek(-1, os.SEEK_END)
                 if file.read(1) != b"\n":  # after a line that a kill cut short
@@ -184,7 +184,7 @@ def check_folders(
     for folder in folders:
         folder.mkdir(parents=True, exist_ok=True)
         for remainder in folder.glob(TEMPORARY):
-            remainder.unlink()
+            remove(remainder)
     if not settings_file.exists():
         other = next((f for folder in folders for f in folder.iterdir()), None)
         if other is not None:

@@ -3,8 +3,9 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
-from wrenchbed.files import write_text
+from wrenchbed.files import atomic_folder, write_json, write_text
 from wrenchbed.pages import rendered
 
 
@@ -91,13 +92,16 @@ class Document:
         """
         return rendered("study", {"page": self, "is_table": lambda p: isinstance(p, Table)})
 
-    def write(self, folder: Path, name: str) -> None:
-        """``name``.md, ``name``.html and the figures."""
+    def write(self, folder: Path, name: str, numbers: Any = None) -> None:
+        """``name``.md, ``name``.html and the figures; ``name``.json if there are numbers."""
         parts = [part for section in self.sections for part in section.parts]
         texts = {f"{p.name}.svg": p.svg for p in parts if isinstance(p, Figure)}
         texts |= {f"{name}.html": self.html(), f"{name}.md": self.markdown()}
-        for file, text in texts.items():
-            write_text(folder / file, text)
+        with atomic_folder(folder) as new:
+            for file, text in texts.items():
+                write_text(new / file, text)
+            if numbers is not None:
+                write_json(new / f"{name}.json", numbers)
 
 
 def render(x: object) -> str:

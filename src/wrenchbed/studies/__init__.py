@@ -11,7 +11,6 @@ from typing import Any
 
 from wrenchbed import registry
 from wrenchbed.errors import NotFoundError, ParameterError
-from wrenchbed.files import write_json
 from wrenchbed.jobs.workers import Progress, silent
 
 PAPERS = ("medrue", "ur5")
@@ -53,9 +52,8 @@ def run(
         registry.require(library, "report")
     folder.mkdir(parents=True, exist_ok=True)
     page = module.run(folder, quick, robots, seed, report)
-    page.write(folder, paper)
     summary = _finite(page.summary)
-    write_json(folder / f"{paper}.json", summary)
+    page.write(folder, paper, summary)
     lines = (page.lead, f"tables and figures → {folder / paper}.html, {folder / paper}.md")
     return StudyResult(folder, summary, lines)
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from wrenchbed.data.parquet import FORMAT
 from wrenchbed.effects.base import STAGES
-from wrenchbed.files import write_json, write_text
+from wrenchbed.files import atomic_folder, write_json, write_text
 from wrenchbed.simulation.springs import MARK
 from wrenchbed.twin.assembly import edited, in_mujoco, marked
 from wrenchbed.twin.twin import Twin
@@ -39,10 +39,11 @@ def export(twin: Twin, folder: str | Path) -> tuple[Path, Path]:
         _weigh_in_full(spec)
     _stand(spec)
     spec.compile()
-    write_text(mjcf, spec.to_xml())
-    write_json(outside, _outside(twin, inside))
     read = README.format(robot=robot.name, weights=_IN_FULL if springs else "")
-    write_text(folder / "README.md", read.rstrip() + "\n")
+    with atomic_folder(folder) as new:
+        write_text(new / mjcf.name, spec.to_xml())
+        write_json(new / outside.name, _outside(twin, inside))
+        write_text(new / "README.md", read.rstrip() + "\n")
     return mjcf, outside
 
 

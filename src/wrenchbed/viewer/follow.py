@@ -1,16 +1,20 @@
 """The process that draws a running campaign: rows on stdin, pictures to a file or a viewer."""
 
+import errno
 import json
 import os
 import sys
 import time
 from collections import deque
 from collections.abc import Mapping
+from contextlib import nullcontext
+from pathlib import Path
 from typing import Any, BinaryIO
 
 import numpy as np
 
 from wrenchbed import registry
+from wrenchbed.files import atomic_write
 from wrenchbed.robots.base import SimulatedRobot
 from wrenchbed.simulation.closed_form import Model
 from wrenchbed.simulation.simulation import Simulation
@@ -30,6 +34,8 @@ from wrenchbed.viewer.stream import APP, Canvas
 _BATCH_S = 0.05
 """Rows of so long a time are drawn at once [s]."""
 _NICE = 10
+_FOOTER, _END = b"RRF2FOOT", 64
+"""What the last bytes of a finished file of rerun hold, and how many are searched."""
 _AT_ONCE = 1 << 16
 SCALE = Scale(0.01, 0.1)
 """Of arrows: what will be measured is not known."""
@@ -77,9 +83,26 @@ def run(told: Mapping[str, Any], source: BinaryIO) -> None:
     rr = registry.require("rerun", "view")
     robot = registry.load("robots", told["robot"])
     stream = rr.RecordingStream(APP)
-    sinks = [rr.FileSink(told["path"])] if told["path"] else []
-    sinks += [rr.GrpcSink(told["url"])] if told["url"] else []
-    stream.set_sinks(*sinks, default_blueprint=blueprint(robot.name))
+    with atomic_write(told["path"]) if told["path"] else nullcontext() as file:
+        sinks = [rr.FileSink(file.name)] if file else []
+        sinks += [rr.GrpcSink(told["url"])] if told["url"] else []
+        stream.set_sinks(*sinks, default_blueprint=blueprint(robot.name))
+        _follow(stream, robot, source)
+        stream.flush()
+        stream.disconnect()
+        if file and not _whole(file.name):
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+
+def _whole(path: str) -> bool:
+    """Whether rerun finished a file; it does not tell where a disk was full."""
+    with Path(path).open("rb") as written:
+        written.seek(max(0, os.fstat(written.fileno()).st_size - _END))
+        return _FOOTER in written.read()
+
+
+def _follow(stream: Any, robot: SimulatedRobot, source: BinaryIO) -> None:
+    """Draw rows as they come."""
     follower, size = Follower(Canvas(stream), robot), width(len(robot.joints)) * ROW.itemsize
     held: deque[bytes] = deque()
     rest, due = b"", 0.0
@@ -92,8 +115,6 @@ def run(told: Mapping[str, Any], source: BinaryIO) -> None:
             _draw(follower, held, size)
             due = time.monotonic() + _BATCH_S
     _draw(follower, held, size)
-    stream.flush()
-    stream.disconnect()
 
 
 def _draw(follower: Follower, held: deque[bytes], size: int) -> None:
@@ -108,4 +129,7 @@ if __name__ == "__main__":
     os.nice(_NICE)
     if hasattr(os, "SCHED_IDLE"):  # Linux: steps aside at once when anybody else has work
         os.sched_setscheduler(0, os.SCHED_IDLE, os.sched_param(0))
-    run(json.loads(sys.argv[1]), sys.stdin.buffer)
+    try:
+        run(json.loads(sys.argv[1]), sys.stdin.buffer)
+    except OSError as failed:
+        sys.exit(f"wrenchbed: warning: no picture: {failed.filename}: {failed.strerror}")

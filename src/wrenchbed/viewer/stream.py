@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from wrenchbed import registry
-from wrenchbed.files import atomic_write
+from wrenchbed.files import write_bytes
 
 APP = "wrenchbed"
 TIME, ROW = "time", "row"
@@ -53,14 +53,15 @@ def to_file(path: str | Path, blueprint: Any, axis: str = TIME) -> Iterator[Canv
         MissingExtraError: rerun is not installed.
     """
     rr = registry.require("rerun", "view")
-    with atomic_write(path) as temporary:
-        stream = rr.RecordingStream(APP, recording_id=uuid.uuid4())
-        stream.save(temporary, default_blueprint=blueprint)
-        try:
-            yield Canvas(stream, axis)
-            stream.flush()
-        finally:
-            stream.disconnect()
+    stream = rr.RecordingStream(APP, recording_id=uuid.uuid4())
+    written = stream.binary_stream()  # rerun itself reports no disk that is full
+    try:
+        stream.send_blueprint(blueprint, make_active=False, make_default=True)
+        yield Canvas(stream, axis)
+        data = written.read()
+    finally:
+        stream.disconnect()
+    write_bytes(path, data or b"")
 
 
 _RANGES = ((0x20, 0x7E), (0xA0, 0x17F), (0x391, 0x3C9), (0x410, 0x44F))

@@ -36,11 +36,12 @@ def answer_of(answers: Path, name: str) -> Path:
 def write_recording(recording: Recording, path: Path) -> None:
     """Write a recording without compression: the size of the file shows its number of rows only."""
     table = parquet.table_of(recording.columns, recording.metadata.to_json())
-    with atomic_write(path) as temporary:
+    with atomic_write(path) as file:
         pq.write_table(
-            table, temporary, compression="none", use_dictionary=False, write_statistics=False
+            table, file, compression="none", use_dictionary=False, write_statistics=False
         )
-        os.utime(temporary, (EPOCH, EPOCH))
+        file.flush()
+        os.utime(file.fileno(), (EPOCH, EPOCH))
 
 
 def forget_times(folder: Path) -> None:

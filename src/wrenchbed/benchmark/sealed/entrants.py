@@ -1,6 +1,5 @@
 """Who may enter: wrenchbed's diagnosis, its baselines, or any program that writes the contract."""
 
-import json
 import os
 import re
 import shlex
@@ -25,6 +24,7 @@ from wrenchbed.diagnosis.diagnose import diagnose
 from wrenchbed.diagnosis.prepare.prepare_recording import prepare
 from wrenchbed.diagnosis.prepare.prepared import Prepared
 from wrenchbed.errors import ParameterError
+from wrenchbed.files import atomic_folder, write_json
 from wrenchbed.jobs.ending import with_group
 
 OURS = "diagnose"
@@ -85,29 +85,27 @@ def enter(
     failed = []
     for entrant in sorted(entrants, key=lambda e: e.name != OURS):
         folder = claims / entrant.name / name
-        partial = claims / entrant.name / f".{name}.{os.getpid()}.part"
-        for stale in partial.parent.glob(f".{name}.*part"):
-            shutil.rmtree(stale, ignore_errors=True)
-        partial.mkdir(parents=True)
-        begun, error = time.perf_counter(), ""
-        try:
-            case.answer(entrant, partial, limit)
-        except OverTimeError:
-            error = f"took longer than {limit:g} s"
-        except Exception:  # an entrant's crash is its answer
-            error = traceback.format_exc()
-        if not error and not (partial / CLAIM).is_file():
-            error = f"wrote no {CLAIM}"
-        if error:
-            failed.append(entrant.name)
-        about = {
-            "seconds": time.perf_counter() - begun, "error": error, "recording": case.digest,
-            "command": entrant.command,
-        }  # fmt: skip
-        partial.mkdir(parents=True, exist_ok=True)  # an entrant may have deleted it
-        (partial / RUN).write_text(json.dumps(about, indent=1) + "\n", encoding="utf-8")
-        shutil.rmtree(folder, ignore_errors=True)
-        partial.replace(folder)
+        shutil.rmtree(folder, ignore_errors=True)  # of a run that was killed
+        with atomic_folder(folder) as partial:
+            begun, error = time.perf_counter(), ""
+            try:
+                case.answer(entrant, partial, limit)
+            except OverTimeError:
+                error = f"took longer than {limit:g} s"
+            except Exception as problem:  # an entrant's crash is its answer
+                if isinstance(problem, OSError) and entrant.command is None:  # our disk
+                    raise
+                error = traceback.format_exc()
+            if not error and not (partial / CLAIM).is_file():
+                error = f"wrote no {CLAIM}"
+            if error:
+                failed.append(entrant.name)
+            about = {
+                "seconds": time.perf_counter() - begun, "error": error, "recording": case.digest,
+                "command": entrant.command,
+            }  # fmt: skip
+            partial.mkdir(exist_ok=True)  # an entrant may have deleted it
+            write_json(partial / RUN, about)
     return failed
 
 
@@ -136,8 +134,7 @@ class _Case:
                 self._prepared = prepare(Recording.read(self.recording))
             claim = BASELINES[entrant.name](self._prepared)
             robot = self._prepared.scene.robot.name
-            text = json.dumps(contract(claim, self.recording.name, robot), indent=1)
-            (out / CLAIM).write_text(text, encoding="utf-8")
+            write_json(out / CLAIM, contract(claim, self.recording.name, robot))
 
 
 def contract(claim: Claim, recording: str, robot: str) -> dict[str, Any]:
@@ -162,7 +159,7 @@ def contract(claim: Claim, recording: str, robot: str) -> dict[str, Any]:
 def _call(command: str, recording: Path, out: Path, limit: float) -> None:
     """Run a program in its own process group, so that all of it can be stopped."""
     call = [*shlex.split(command), str(recording.resolve()), "--out", str(out.resolve())]
-    with (out / "output.txt").open("w") as log:
+    with (out / "output.txt").open("x") as log:
         process = subprocess.Popen(
             call, stdout=log, stderr=subprocess.STDOUT, stdin=subprocess.DEVNULL,
             start_new_session=True,

@@ -10,6 +10,7 @@ from pathlib import Path
 from wrenchbed.benchmark.sealed import commitments
 from wrenchbed.benchmark.sealed.entrants import RUN, Entrant, enter
 from wrenchbed.errors import BenchmarkError, WorkerError
+from wrenchbed.files import write_json
 from wrenchbed.jobs.workers import Progress, in_workers, silent
 
 __all__ = ["Case", "Entrant", "Failures", "run"]
@@ -104,6 +105,4 @@ def _remaining(
 
 
 def _write_crash(folder: Path) -> None:
-    folder.mkdir(parents=True, exist_ok=True)
-    text = '{"seconds": 0.0, "error": "the process died"}\n'
-    (folder / RUN).write_text(text, encoding="utf-8")
+    write_json(folder / RUN, {"seconds": 0.0, "error": "the process died"})

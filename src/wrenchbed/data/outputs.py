@@ -1,0 +1,159 @@
+"""The one rule of what an output may replace: results of its kind; recordings when told to."""
+
+import json
+import stat
+import tomllib
+from collections.abc import Callable
+from enum import StrEnum
+from pathlib import Path
+from typing import TypeVar
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from wrenchbed.data.recording import JOURNAL
+from wrenchbed.errors import ParameterError
+from wrenchbed.files import put_back, set_aside
+
+Made = TypeVar("Made")
+_LARGEST = 1 << 26
+"""Largest text file that is parsed to find its kind [B]; results are far smaller."""
+
+
+class Kind(StrEnum):
+    """What a file is, in words of an error."""
+
+    RECORDING = "a recording"
+    LOG = "an MCAP log"
+    PLAN = "a plan"
+    FIT = "a fit"
+    TWIN = "a twin"
+    DIAGNOSIS = "a diagnosis"
+    OUTSIDE = "a list of effects"
+    MODEL = "a MuJoCo model"
+    NOTES = "the notes of an exported model"
+    PICTURE = "a picture for rerun"
+    PAGE = "a page of wrenchbed"
+    MAP = "a column map"
+    ROBOT = "a robot's description"
+
+
+MEASURED = (Kind.RECORDING, Kind.LOG)
+"""What may hold measurements that nobody can repeat."""
+_JSON = {
+    Kind.DIAGNOSIS: {"verdict", "gap"},
+    Kind.FIT: {"parameters", "status"},
+    Kind.TWIN: {"effects", "theta"},
+    Kind.OUTSIDE: {"inside", "outside"},
+}
+"""Fields by which an object is known."""
+_TOML = {Kind.ROBOT: {"format", "model"}, Kind.MAP: {"file"}}
+_BEGINNINGS = {
+    b"RRF": Kind.PICTURE, b"\x89MCAP": Kind.LOG, b"<mujoco": Kind.MODEL,
+}  # fmt: skip
+_WITHIN = {
+    b"style-src 'unsafe-inline'": Kind.PAGE, b": twin as plain MJCF": Kind.NOTES,
+}  # fmt: skip
+"""What the first lines of other text files hold."""
+_FIRST = 512
+"""Length of these [B]."""
+
+
+def kind_of(path: Path) -> Kind | None:
+    """What a file is by its content; None for anything that wrenchbed does not write.
+
+    Raises:
+        OSError: it cannot be read.
+    """
+    with path.open("rb") as file:
+        first = file.read(_FIRST)
+    if first.startswith(b"PAR1"):
+        return _parquet(path)
+    for beginning, kind in _BEGINNINGS.items():
+        if first.startswith(beginning):
+            return kind
+    for text, kind in _WITHIN.items():
+        if text in first:
+            return kind
+    return _text(path)
+
+
+def _parquet(path: Path) -> Kind | None:
+    """A damaged file may be a recording, too."""
+    try:
+        names = set(pq.read_schema(path).names)
+    except (pa.ArrowException, OSError):
+        return Kind.RECORDING
+    if "fx" in names:
+        return Kind.RECORDING
+    return Kind.PLAN if "q1" in names else None
+
+
+def _text(path: Path) -> Kind | None:
+    if path.stat().st_size > _LARGEST:
+        return None
+    try:
+        text = path.read_text(encoding="utf-8")
+        if not text.lstrip().startswith("{"):
+            fields = tomllib.loads(text)
+            return next((kind for kind, known in _TOML.items() if known <= fields.keys()), None)
+        fields = json.loads(text)
+    except (ValueError, RecursionError):
+        return None
+    return next((kind for kind, known in _JSON.items() if known <= fields.keys()), None)
+
+
+def check(out: Path, kind: Kind, *inputs: Path | None, force: bool = False) -> None:
+    """Refuse an output that would replace what it must not.
+
+    A name may be free, an empty file, or a result of the same kind. A recording is replaced only
+    with ``force``. Devices, folders, files of other kinds and the inputs are never replaced.
+
+    Raises:
+        ParameterError: names the file, what it is, and the remedy.
+    """
+    for source in inputs:
+        if source is not None and _same(out, source):
+            raise ParameterError(f"{out}: is an input too; give another name")
+    if out.is_dir() or not out.name:
+        raise ParameterError(f"{str(out)!r} is a folder; give the name of a file")
+    if kind == Kind.RECORDING and not force and out.with_name(out.name + JOURNAL).exists():
+        raise ParameterError(f"{out}: an unfinished recording is there already; {_REMEDY}")
+    if not out.exists():
+        return
+    found = out.stat()
+    if not stat.S_ISREG(found.st_mode):
+        raise ParameterError(f"{out}: is a device or a pipe; give the name of a file")
+    if found.st_size == 0:
+        return
+    there = kind_of(out)
+    if there != kind:
+        what = there or "a file that wrenchbed did not write"
+        raise ParameterError(f"{out}: is {what}, not {kind}; give another name")
+    if kind in MEASURED and not force:
+        raise ParameterError(f"{out}: is {kind} already; {_REMEDY}")
+
+
+_REMEDY = "give another name, or --force, which keeps it with ~ at the end of its name"
+
+
+def _same(out: Path, source: Path) -> bool:
+    """Whether two names mean one file: by path, by a symbolic or by a hard link."""
+    if out.exists() and source.exists():
+        return out.samefile(source)
+    return out.resolve() == source.resolve()
+
+
+def keeping(path: Path, write: Callable[[Path], Made]) -> Made:
+    """Write a file; what had its name gets the first free name NAME~, NAME~2, … .
+
+    Args:
+        write: called with the path; its result is returned.
+    """
+    kept = set_aside(path, beside=JOURNAL)
+    try:
+        return write(path)
+    except BaseException:
+        if kept is not None:
+            put_back(kept, path, JOURNAL)
+        raise

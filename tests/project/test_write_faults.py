@@ -1,0 +1,247 @@
+"""Every verb on a disk that fails at each operation in turn: nothing is lost, nothing is half.
+
+A verb without a case fails a test. What is costly is computed once: here the writing counts.
+"""
+
+import io
+import json
+import shutil
+import tomllib
+import warnings
+from concurrent.futures import Future
+from contextlib import contextmanager
+from functools import cache
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+import wrenchbed as wb
+from failing_disk import failing
+from wrenchbed import cli, reports
+from wrenchbed.benchmark.referee import scenario
+from wrenchbed.benchmark.sealed import entrants, make
+from wrenchbed.campaigns import simulated_robots
+from wrenchbed.cli import blind, main
+from wrenchbed.cli import diagnose as diagnose_verb
+from wrenchbed.diagnosis.prepare.prepare_recording import prepare
+from wrenchbed.jobs.parts import Parts, write_table
+from wrenchbed.pages.document import Document, Figure, Section, Table
+
+NTNU = Path(__file__).resolve().parents[1] / "data" / "ntnu_kuka_ati_gamma"
+TRUTH = '[[case]]\nrecording = "r.parquet"\nkind = "none"\n'
+ARM = """<mujoco><compiler autolimits="true"/><worldbody><body>
+<joint name="j" range="-1 1"/><geom size="0.1" mass="1"/><body pos="0 0 0.3"><site name="flange"/>
+</body></body></worldbody></mujoco>
+"""
+"""A robot of one joint."""
+CASES = {
+    "plan": "plan ur5 --n 2 --out p2.parquet --rrd p2.rrd",
+    "record": "record --robot ur5 --plan p.parquet --samples 6 --out a.parquet --force",
+    "import": "import 0-calibration_fts-accel.csv --map static.toml --out i.parquet --force",
+    "import --guess": "import 0-calibration_fts-accel.csv --guess --out g.parquet --force",
+    "calibrate": "calibrate r.parquet --out fit.json --rrd fit.rrd",
+    "diagnose": "diagnose r.parquet --fast --out found",
+    "view": "view r.parquet --rrd r.rrd",
+    "report": "report r.parquet --out r.html",
+    "simulate": "simulate twin.json --like r.parquet --out s.parquet --rrd s.rrd --force",
+    "export": "export twin.json --mjcf model",
+    "export --mcap": "export r.parquet --mcap r.mcap --force",
+    "campaign": "campaign ur5 --robots 2 --poses 12 --samples 6 --workers 1 --out fleet",
+    "campaign --only": "campaign ur5 --robots 2 --poses 12 --only 0 --out fleet --force",
+    "robot": "robot arm.xml --frame flange --tool-mass 1 --tool-cog 0 0 0.1 --out arm.toml",
+    "study": "study ur5 --quick --out study",
+    "blind make": "blind make --out cases --answers answers --cases 2 --seed 3",
+    "blind run": "blind run made --out claims --method bic --processes 1",
+    "blind score": "blind score made claimed made-answers --out scored",
+    "blind seal": "blind seal truth.toml --out sealed --answers sealed-answers",
+}
+"""A line for each verb; further lines stand behind what is special in them."""
+NOTHING = {"list", "twin"}
+"""Verbs that write no file."""
+TOGETHER = {"diagnose": "found", "export": "model", "campaign --only": "fleet/0"}
+"""Folders whose files appear together."""
+ANEW = {"blind make", "blind run", "blind seal", "campaign"}
+"""What refuses, or finds finished, an earlier result."""
+
+
+def test_every_verb_has_a_case():
+    verbs = set(cli._VERBS) - set(cli._GROUPS) | {f"blind {v}" for v in blind.VERBS}
+    assert verbs == {case.split(" --")[0] for case in CASES} | NOTHING
+
+
+class Inline:
+    """A pool that works in this process."""
+
+    def submit(self, work, *more):
+        future = Future()
+        try:
+            future.set_result(work(*more))
+        except Exception as error:
+            future.set_exception(error)
+        return future
+
+
+@contextmanager
+def inline(count, setup=None, *shared):
+    if setup is not None:
+        setup(*shared)
+    yield Inline()
+
+
+def small_study(folder, *_):
+    """A study of one number, with all kinds of files."""
+    parts = Parts(folder / "parts")
+    parts.write(0, [{"x": 1.0}])
+    write_table(folder / "trials.parquet", parts.table())
+    figure = Figure("figure", "A figure", '<svg xmlns="http://www.w3.org/2000/svg"/>')
+    section = Section("Results", "A number.", (Table.of("A table", ["x"], [[1.0]]), figure))
+    return Document("A study", "It has a number.", (section,), summary={"rank": 1})
+
+
+@pytest.fixture(scope="module")
+def quick():
+    """Costly results are computed once."""
+    diagnosed, page = diagnose_verb._diagnosed, reports.diagnosis_page
+    found = cache(lambda path: diagnosed([wb.Recording.read(path)], 0, None, lambda _: None))
+    prepared = cache(lambda path: prepare(wb.Recording.read(path)))
+    bic = cache(entrants.BASELINES["bic"])
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(scenario, "POSES", (12, 13))
+        patch.setattr(scenario, "SAMPLES", 6)
+        patch.setattr("wrenchbed.jobs.workers.workers", inline)
+        patch.setattr("wrenchbed.campaigns.simulated_robots.local", inline)
+        patch.setattr("wrenchbed.campaigns.simulated_robots.one", cache(simulated_robots.one))
+        patch.setattr(make.Family, "case", cache(make.Family.case))
+        patch.setattr(diagnose_verb, "_diagnosed", lambda data, *_: found(data[0].name))
+        patch.setattr(reports, "diagnosis_page", cache(lambda found, *_: page(found)))
+        patch.setattr(entrants, "prepare", lambda data: prepared(data.name))
+        patch.setitem(entrants.BASELINES, "bic", bic)
+        patch.setattr("wrenchbed.studies.ur5.run.run", small_study)
+        yield
+
+
+@pytest.fixture(scope="module")
+def start(tmp_path_factory, quick):
+    """A folder with the inputs of all lines."""
+    folder = tmp_path_factory.mktemp("start")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        assert run("plan ur5 --n 12 --out p.parquet") == 0
+        assert run("record --robot ur5 --plan p.parquet --samples 6 --out r.parquet") == 0
+        (folder / "twin.json").write_text(json.dumps({"format": 1, "robot": "ur5"}))
+        (folder / "truth.toml").write_text(TRUTH)
+        (folder / "arm.xml").write_text(ARM)
+        for name in ("0-calibration_fts-accel.csv", "static.toml"):
+            shutil.copy(NTNU / name, name)
+        assert run("blind make --out made --answers made-answers --cases 2 --seed 5") == 0
+        assert run("blind run made --out claimed --method bic --processes 1") == 0
+    return folder
+
+
+def run(line):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return main(line.split())
+
+
+def files_in(folder):
+    return {str(p.relative_to(folder)): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
+
+
+def whole(name, data):
+    """Whether a file can be read to its end."""
+    end = name.rstrip("~0123456789").rpartition(".")[2]
+    match end:
+        case "parquet":
+            return pq.read_table(io.BytesIO(data)).num_rows > 0
+        case "json":
+            return json.loads(data) is not None
+        case "toml":
+            return bool(tomllib.loads(data.decode()))
+        case "rrd":
+            return b"RRF2FOOT" in data[-64:]
+        case "mcap":
+            return data.endswith(b"\x89MCAP0\r\n")
+        case "html":
+            return data.rstrip().endswith(b"</html>")
+        case "xml" | "svg":
+            return ElementTree.fromstring(data) is not None
+        case "journal":
+            return pa.ipc.open_stream(data).read_all().num_rows > 0
+    return data.endswith(b"\n")
+
+
+class Case:
+    """A line in a copy of its inputs; with its outputs there already, unless it wants them new."""
+
+    def __init__(self, name, start, folder, again, patch):
+        self.line, self.folder, self.patch = CASES[name], folder / "state", patch
+        shutil.copytree(start, self.folder)
+        patch.chdir(self.folder)
+        if again:
+            assert run(self.line) == 0
+        made = set(files_in(self.folder)) - set(files_in(start))
+        for old in made:  # names under which somebody may keep files
+            self.folder.joinpath(f"{old}~").write_bytes(b"precious")
+        self.before = files_in(self.folder)
+
+    def on(self, folder, fails=-1):
+        """Exit code, operations and files of the line on a disk that fails."""
+        shutil.copytree(self.folder, folder)
+        self.patch.chdir(folder)
+        with failing(folder, fails) as disk:
+            code = run(self.line)
+        after = files_in(folder)
+        shutil.rmtree(folder)
+        return code, disk.done, after
+
+
+def together(name, before, good, after):
+    """Whether the files of a folder are all old or all new."""
+    inside = f"{TOGETHER[name]}/"
+    new = [f for f in good if f.startswith(inside) and "~" not in f]
+    there = [f in after for f in new]
+    if any(f in before for f in new):
+        return all(there)
+    return all(there) or not any(there)
+
+
+def spared(name, steps, k):
+    """Whether an operation may fail without harm: the folder is there already, a copy does as
+    well as a link, and the journal ends after the recording is whole.
+    """
+    return steps[k] in ("mkdir", "link") or (name == "record" and k == len(steps) - 1)
+
+
+LINES = [(name, again) for name in CASES for again in ((False,) if name in ANEW else (False, True))]
+
+
+@pytest.mark.parametrize(("name", "again"), LINES)
+def test_a_failing_disk_loses_nothing(name, again, start, tmp_path, monkeypatch, capfd):
+    case = Case(name, start, tmp_path, again, monkeypatch)
+    code, steps, good = case.on(tmp_path / "good")
+    assert code == 0
+    assert {"open", "write", "fsync", "replace"} <= set(steps)
+    words = {part for f in good.keys() - files_in(start).keys() for part in Path(f).parts}
+    capfd.readouterr()
+    for k, step in enumerate(steps):
+        code, _, after = case.on(tmp_path / "bad", k)
+        told = capfd.readouterr().err.splitlines()
+        where = f"{step} {k} of {len(steps)}: {told}"
+        if code == 0 and spared(name, steps, k):
+            assert set(after) == set(good), where
+        else:
+            assert code == 1, where
+            assert len(told) == 1 and told[0].startswith("wrenchbed: error: "), where
+            assert any(word in told[0] for word in words), where
+        assert not [f for f in after if ".part" in f or f.endswith(".lock")], where
+        for file, data in case.before.items():
+            kept = [after.get(f"{file}{end}") for end in ("", "~", "~2")]
+            assert data in kept or whole(file, after[file]), f"{where}: {file} is lost"
+            assert data != b"precious" or after[file] == data, f"{where}: {file} is lost"
+        for file, data in after.items():
+            assert case.before.get(file) == data or whole(file, data), f"{where}: {file} is half"
+        assert name not in TOGETHER or together(name, case.before, good, after), where
