@@ -69,20 +69,25 @@ def atomic_write(path: str | Path, size: int | None = None) -> Iterator[BinaryIO
 def atomic_folder(path: str | Path) -> Iterator[Path]:
     """Yield a temporary folder to write files to; all of them appear in ``path`` when it ends.
 
-    Other files in ``path`` stay. If the block raises, or a file cannot take its place, ``path``
-    stays as it was.
+    A new folder takes its name in one step. Where there is one already, its other files stay. If
+    the block raises, or a file cannot take its place, ``path`` stays as it was.
 
     Raises:
         OSError: names the file in ``path``.
     """
     path = Path(path)
     made: list[Path] = []
-    temporary = path / _temporary_name()
+    there = path.is_dir()
+    temporary = (path if there else path.parent) / _temporary_name()
     try:
-        made += _make(path)
+        made += _make(temporary.parent)
         temporary.mkdir()
         yield temporary
-        _move(temporary, path)
+        if there:
+            _move(temporary, path)
+        else:
+            temporary.rename(path)
+            _sync(path.parent, path)
     except OSError as error:
         named = Path(os.fsdecode(error.filename)) if error.filename else temporary
         if error.errno is not None and named.is_relative_to(temporary):

@@ -10,7 +10,7 @@ from pathlib import Path
 from wrenchbed.benchmark.sealed import commitments
 from wrenchbed.benchmark.sealed.entrants import RUN, Entrant, enter
 from wrenchbed.errors import BenchmarkError, WorkerError
-from wrenchbed.files import write_json
+from wrenchbed.files import TEMPORARY, remove, write_json
 from wrenchbed.jobs.workers import Progress, in_workers, silent
 
 __all__ = ["Case", "Entrant", "Failures", "run"]
@@ -50,6 +50,9 @@ def run(
     todo = [(name, _remaining(entrants, claims, name, s.recording)) for name, s in sealed.items()]
     todo = [(name, remaining) for name, remaining in todo if remaining]
     report(len(sealed) - len(todo))
+    for entrant in entrants:
+        for remainder in (claims / entrant.name).glob(TEMPORARY):  # of a run that was killed
+            remove(remainder)
     failed, done = dict.fromkeys(names, 0), set()
 
     def finished(item: Case, future: Future[list[str]]) -> None:
