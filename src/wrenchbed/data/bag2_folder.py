@@ -74,7 +74,7 @@ class SqliteFile:
                         f"{self.path}: the database is damaged: {found.splitlines()[-1]}"
                     )
                 yield base
-        except (sqlite3.Error, OverflowError) as error:
+        except (sqlite3.Error, OverflowError, UnicodeDecodeError) as error:
             raise MapError(f"{self.path}: not a database that can be read: {error}") from error
 
 

@@ -1,10 +1,9 @@
 """What a recording states about its robot, tool and sensor: the simulator is configured with it."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
-
-import numpy as np
 
 from wrenchbed import registry
 from wrenchbed.data.checked import Fields
@@ -109,10 +108,10 @@ def parse(raw: Mapping[str, Any], where: str) -> Metadata:
     if inertia is not None and not physical_inertia(inertia):
         raise tool.error("inertia", "is not the inertia of any body")
     pose = sensor.numbers("pose_flange", 7)
-    if pose is not None and abs(np.linalg.norm(pose[3:]) - 1.0) > _UNIT_LENGTH:
+    if pose is not None and abs(math.hypot(*pose[3:]) - 1.0) > _UNIT_LENGTH:
         raise sensor.error("pose_flange", "must end in a unit quaternion w, x, y, z")
     gravity = fields.numbers("gravity", 3)
-    if gravity is not None and not _LEAST_GRAVITY < np.linalg.norm(gravity) < _MOST_GRAVITY:
+    if gravity is not None and not _LEAST_GRAVITY < math.hypot(*gravity) < _MOST_GRAVITY:
         raise fields.error("gravity", "must be an acceleration in m/s² (Earth: 9.8)")
     return Metadata(
         robot=stated_robot(raw, str(robot)),

@@ -4,6 +4,7 @@ import difflib
 import fnmatch
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from sys import float_info
 
 import numpy as np
 
@@ -125,7 +126,8 @@ class ParameterSet(Sequence[Parameter]):
 
     @staticmethod
     def _check(parameter: Parameter, value: float) -> None:
-        if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value):
+        plain = isinstance(value, int | float) and not isinstance(value, bool)
+        if not plain or not abs(value) <= float_info.max:
             raise ParameterError(f"parameter {parameter.name} = {value!r} is not a finite number")
         if not parameter.lower <= value <= parameter.upper:
             unit = parameter.unit

@@ -10,7 +10,7 @@ import numpy as np
 from wrenchbed import registry
 from wrenchbed.data.checked import load
 from wrenchbed.data.recording import Recording
-from wrenchbed.errors import ParameterError, WrenchbedError
+from wrenchbed.errors import ParameterError
 from wrenchbed.robots.base import SimulatedRobot
 from wrenchbed.simulation.closed_form import Model
 from wrenchbed.twin.replay import simulate
@@ -117,6 +117,6 @@ def _read(path: Path, model: Model) -> tuple[Twin, Mapping[str, Any]]:
         raise ParameterError(f"{path}: is a fit of {raw.get('robot')!r}, not {model.robot.name!r}")
     try:
         theta = model.parameters.vector({k: float(v) for k, v in raw["theta"].items()})
-    except (KeyError, TypeError, ValueError, AttributeError, WrenchbedError) as error:
+    except (LookupError, TypeError, ValueError, AttributeError, OverflowError) as error:
         raise ParameterError(f"{path}: theta: {error}") from error
     return Twin(model, theta), raw

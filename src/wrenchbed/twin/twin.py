@@ -87,7 +87,7 @@ class Twin:
         for key, value in tool.only(expected, "tool").raw.items():
             try:
                 same = np.allclose(np.asarray(value, float), expected[key], rtol=1e-6, atol=1e-9)
-            except (TypeError, ValueError):
+            except (TypeError, ValueError, OverflowError):
                 same = False
             if not same:
                 rule = f"contradicts theta, by which it is {expected[key]}: change that"

@@ -67,7 +67,7 @@ def read(folder: Path, recording: str | None = None) -> EntrantClaim:
             seconds, error = float(told["seconds"]), str(told["error"])
             if recording is not None and told.get("recording", recording) != recording:
                 error = "the claim is about another case"
-        except (ValueError, KeyError, TypeError):
+        except (ValueError, LookupError, TypeError, AttributeError, *_HOSTILE):
             error = f"{folder / RUN}: is broken"
     if error:
         return EntrantClaim(seconds=seconds, error=error)

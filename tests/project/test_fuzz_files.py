@@ -1,0 +1,78 @@
+"""A short round of `scripts/fuzz --count`: mutated files of every format, and what once failed."""
+
+import random
+import subprocess
+import sys
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+
+from file_fuzz import CORPUS, LOGS, SETTINGS, FileTarget, Runner, corpus, mutated
+
+SCRIPT = Path(__file__).parents[2] / "scripts" / "fuzz"
+TARGETS = LOGS | SETTINGS
+ROUNDS = 40
+
+
+@pytest.mark.parametrize("name", TARGETS)
+def test_mutated_files_are_read_right_or_refused_by_name(name):
+    target = TARGETS[name]()
+    dice = random.Random(f"short {name}")
+    with closing(Runner(target)) as runner:
+        for _ in range(ROUNDS):
+            runner.run(*mutated(target, dice))
+        assert runner.accepted + runner.refused == ROUNDS
+        assert runner.refused or name == "sealed"  # whose readers answer instead of raising
+        for data in corpus(name):
+            runner(data)
+
+
+def test_the_corpus_is_small_and_every_target_of_it_exists():
+    files = [path for path in CORPUS.rglob("*") if path.is_file()]
+    assert {path.parent.name for path in files} <= set(TARGETS)
+    assert files and sum(path.stat().st_size for path in files) < 50_000
+
+
+def test_a_foreign_error_is_noticed():
+    def read(path):
+        return 1 / path.read_bytes().count(b"o")
+
+    with closing(Runner(FileTarget(read, [b"good"], "a"))) as runner:
+        runner(b"good")
+        with pytest.raises(ZeroDivisionError):
+            runner(b"bad")
+
+
+def test_wrong_values_under_a_checksum_are_noticed():
+    target = FileTarget(lambda path: path.read_bytes(), [b"good", b"else"], "a", true=True)
+    with closing(Runner(target)) as runner:
+        runner(b"good")
+        runner(b"else")
+        with pytest.raises(AssertionError, match="wrong values accepted"):
+            runner(b"gold")
+
+
+def test_mutations_depend_on_the_seed_alone():
+    target = SETTINGS["twin"]()
+    first, again, other = (
+        [mutated(target, random.Random(seed)) for _ in range(1)] for seed in (1, 1, 2)
+    )
+    assert first == again != other
+
+
+def test_the_script_counts_files_and_prints_a_table():
+    done = subprocess.run(
+        [sys.executable, SCRIPT, "points", "--count", "30"], capture_output=True, text=True,
+        timeout=60,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    row = [cell.strip() for cell in done.stdout.splitlines()[-1].strip("|").split("|")]
+    assert row[:2] == ["points", "30"] and int(row[2]) + int(row[3]) == 30 and row[4] == "0"
+
+
+def test_a_wire_has_no_mutated_files():
+    done = subprocess.run(
+        [sys.executable, SCRIPT, "rdt", "--count", "3"], capture_output=True, text=True, timeout=60
+    )
+    assert done.returncode == 2 and "--count is for files" in done.stderr

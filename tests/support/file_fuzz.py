@@ -1,0 +1,518 @@
+"""Files of every format that wrenchbed reads, mutated: read right, or refused by a named error.
+
+A target writes one mutated file and reads it. Its seeds are made by the libraries' own writers, so
+nothing but inputs that once failed is kept as a file (tests/data/fuzz/<target>/).
+"""
+
+import contextlib
+import io
+import json
+import random
+import struct
+import tempfile
+import warnings
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+
+from wrenchbed.data import parquet
+from wrenchbed.errors import WrenchbedError, WrenchbedWarning
+from wrenchbed.physics.wrench import CHANNELS
+
+CORPUS = Path(__file__).parents[1] / "data" / "fuzz"
+COUNT = 20
+"""Messages of a seed."""
+WEIRD: tuple[Any, ...] = (
+    None, True, "", "x", "\x1b[2J\u202e", "r" * 5000, 0, -1, 1e308, -0.0, 10**400, 2**63, [], {},
+    [1.0], [None] * 6, {"a": 1}, ["a"] * 7, float("nan"), float("inf"),
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class FileTarget:
+    """How a mutated file is read.
+
+    Attributes:
+        read: from a path; returns what a mutation must not change, or None.
+        seeds: contents of good files.
+        name: of the file.
+        true: whether a checksum covers what is read: then an accepted file holds a seed's values.
+        beside: further files of the folder, for each seed.
+        structured: mutate the JSON rather than its bytes, half of the time.
+    """
+
+    read: Callable[[Path], Any]
+    seeds: Sequence[bytes]
+    name: str
+    true: bool = False
+    beside: Sequence[dict[str, bytes]] = ()
+    structured: bool = False
+
+
+class Runner:
+    """Runs one target on bytes, in a folder of its own."""
+
+    def __init__(self, target: FileTarget) -> None:
+        self.target = target
+        self._folder = tempfile.TemporaryDirectory()
+        self.accepted = self.refused = 0
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", WrenchbedWarning)
+            self._values = [self._read(seed, k) for k, seed in enumerate(target.seeds)]
+
+    def __call__(self, data: bytes) -> None:
+        """Read; raises what is no named error, and AssertionError for values that are wrong."""
+        self.run(data, 0)
+
+    def run(self, data: bytes, seed: int) -> None:
+        """As a mutation of one of the seeds."""
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("error")
+                warnings.simplefilter("ignore", WrenchbedWarning)
+                found = self._read(data, seed)
+        except WrenchbedError as error:
+            text = str(error)
+            assert "\n" not in text and "\x1b" not in text and len(text) < 5000, text[:300]
+            self.refused += 1
+            return
+        self.accepted += 1
+        if self.target.true:
+            assert any(_same(found, value) for value in self._values), "wrong values accepted"
+
+    def _read(self, data: bytes, seed: int) -> Any:
+        path = Path(self._folder.name, self.target.name)
+        path.parent.mkdir(exist_ok=True)
+        path.write_bytes(data)
+        for name, content in (self.target.beside[seed] if self.target.beside else {}).items():
+            (path.parent / name).write_bytes(content)
+        return self.target.read(path)
+
+    def close(self) -> None:
+        """Delete the folder."""
+        self._folder.cleanup()
+
+
+def _same(a: Any, b: Any) -> bool:
+    if isinstance(a, dict):
+        return a.keys() == b.keys() and all(np.array_equal(a[k], b[k]) for k in a)
+    return bool(a == b)
+
+
+def mutated(target: FileTarget, dice: random.Random) -> tuple[bytes, int]:
+    """A mutation of one of a target's seeds, and the seed's number."""
+    number = dice.randrange(len(target.seeds))
+    data = bytearray(target.seeds[number])
+    if target.structured and dice.random() < 0.6:
+        return _structured(data, dice), number
+    for _ in range(dice.choice((1, 1, 1, 2, 4))):
+        _change(data, dice, target.seeds)
+    return bytes(data), number
+
+
+def _change(data: bytearray, dice: random.Random, seeds: Sequence[bytes]) -> None:
+    """One change of bytes: flip, set, cut, drop, repeat, a number, or a piece of a seed."""
+    if not data:
+        data += b"\0"
+    at = dice.randrange(len(data))
+    size = min(dice.choice((1, 2, 4, 8, 40, 300)), len(data) - at)
+    other = dice.choice(seeds)
+    from_ = dice.randrange(len(other))
+    match dice.randrange(9):
+        case 0 | 1:
+            data[at] ^= 1 << dice.randrange(8)
+        case 2:
+            data[at] = dice.choice(b'\0\xff\x7f\x80 \n",.-{}[]0e')
+        case 3:
+            del data[at:]
+        case 4:
+            del data[at : at + size]
+        case 5:
+            data[at:at] = data[at : at + size] * dice.choice((1, 2, 50))
+        case 6:
+            number = dice.choice((0, 1, 255, 2**16, 2**31 - 1, 2**32 - 1, 2**40, 2**63, 2**64 - 1))
+            data[at : at + 8] = struct.pack("<Q", number)[: max(1, min(8, len(data) - at))]
+        case 7:
+            data[at : at + size] = other[from_ : from_ + size]
+        case _:
+            data[at : at + size] = bytes(size)
+
+
+def _structured(data: bytes | bytearray, dice: random.Random) -> bytes:
+    """JSON with one or two of its values exchanged, dropped or doubled."""
+    content = json.loads(data)
+    for _ in range(dice.choice((1, 1, 2))):
+        part, key = content, None
+        while isinstance(part, dict | list) and part:
+            keys = list(part) if isinstance(part, dict) else list(range(len(part)))
+            above, key = part, dice.choice(keys)
+            part = part[key]
+            if dice.random() < 0.25:
+                break
+        if key is None:
+            break
+        if dice.random() < 0.2:
+            del above[key]
+        elif dice.random() < 0.1 and isinstance(above, dict):
+            above[str(key) + "x"] = above[key]
+        else:
+            above[key] = json.loads(json.dumps(dice.choice(WEIRD)))
+    return json.dumps(content).encode()
+
+
+def corpus(name: str) -> list[bytes]:
+    """Inputs of a target that once failed."""
+    return [path.read_bytes() for path in sorted((CORPUS / name).glob("*"))]
+
+
+# logs
+
+
+def _columns(path: Path) -> dict[str, np.ndarray]:
+    from wrenchbed.data.logs import table
+
+    found = table(path, "/wrench", ["stamp", "wrench.force.x", "wrench.torque.z"])
+    return {name: found[name].to_numpy() for name in found.column_names}
+
+
+def _messages(store: Any, *, ros1: bool = False) -> list[tuple[int, bytes]]:
+    """Wrenches, written."""
+    known = store.types
+    write = store.serialize_ros1 if ros1 else store.serialize_cdr
+    rows = []
+    for k, row in enumerate(np.random.default_rng(4).normal(size=(COUNT, 6))):
+        stamp = known["builtin_interfaces/msg/Time"](sec=1_700_000_000, nanosec=k * 10**7)
+        head = known["std_msgs/msg/Header"](
+            stamp=stamp, frame_id="tool0", **({"seq": k} if ros1 else {})
+        )
+        force, torque = (
+            known["geometry_msgs/msg/Vector3"](*map(float, p)) for p in np.split(row, 2)
+        )
+        wrench = known["geometry_msgs/msg/Wrench"](force=force, torque=torque)
+        stamped = known["geometry_msgs/msg/WrenchStamped"](header=head, wrench=wrench)
+        rows.append((10**9 + k * 10**7, bytes(write(stamped, _WRENCH))))
+    return rows
+
+
+_WRENCH = "geometry_msgs/msg/WrenchStamped"
+
+
+def _store(name: str) -> Any:
+    from rosbags.typesys import Stores, get_typestore
+
+    return get_typestore(getattr(Stores, name))
+
+
+def _mcap(compression: str, *, crcs: bool = True, data_crcs: bool = False, chunks: bool = True,
+          encoding: str = "json") -> bytes:  # fmt: skip
+    from mcap.writer import CompressionType, Writer
+
+    stream, store = io.BytesIO(), _store("ROS2_HUMBLE")
+    writer = Writer(stream, compression=CompressionType[compression], chunk_size=900,
+                    enable_crcs=crcs, enable_data_crcs=data_crcs, use_chunking=chunks)  # fmt: skip
+    writer.start(profile="ros2")
+    if encoding == "cdr":
+        text, _ = store.generate_msgdef(_WRENCH, ros_version=2)
+        schema = writer.register_schema(_WRENCH, "ros2msg", text.encode())
+    else:
+        schema = writer.register_schema("any", "jsonschema", b"{}")
+    topic = writer.register_channel("/wrench", encoding, schema)
+    for k, (at, data) in enumerate(_messages(store)):
+        if encoding == "json":
+            stamp = {"sec": 1_700_000_000, "nanosec": k * 10**7}
+            load = {"force": {"x": k + 0.5}, "torque": {"z": 100.0 - k}}
+            data = json.dumps({"header": {"stamp": stamp}, "wrench": load}).encode()
+        writer.add_message(topic, at, data, at)
+    writer.finish()
+    return stream.getvalue()
+
+
+def mcap() -> FileTarget:
+    """MCAP files whose writer stored all checksums."""
+    seeds = [_mcap(kind, data_crcs=True, encoding=encoding)
+             for kind in ("NONE", "LZ4", "ZSTD") for encoding in ("json", "cdr")]  # fmt: skip
+    seeds.append(_mcap("NONE", data_crcs=True, chunks=False))
+    return FileTarget(_columns, seeds, "log.mcap", true=True)
+
+
+def mcap_chunk_checksums() -> FileTarget:
+    """MCAP files with checksums of chunks and summary only, as most writers make them."""
+    seeds = [_mcap(kind) for kind in ("NONE", "LZ4", "ZSTD")]
+    return FileTarget(_columns, seeds, "log.mcap", true=True)
+
+
+def mcap_without_checksums() -> FileTarget:
+    """MCAP files without any checksum: what lies deeper is reached."""
+    seeds = [
+        _mcap(kind, crcs=False, encoding=e) for kind in ("NONE", "ZSTD") for e in ("json", "cdr")
+    ]
+    return FileTarget(_columns, seeds, "log.mcap")
+
+
+def bag1() -> FileTarget:
+    """Bags of ROS 1, plain and compressed. The format has no checksums."""
+    from rosbags.rosbag1 import Writer
+
+    store, seeds = _store("ROS1_NOETIC"), []
+    with tempfile.TemporaryDirectory() as folder:
+        for kind in (None, *Writer.CompressionFormat):
+            path = Path(folder, f"{kind}.bag")
+            writer = Writer(path)
+            if kind is not None:
+                writer.set_compression(kind)
+            with writer:
+                topic = writer.add_connection("/wrench", _WRENCH, typestore=store)
+                for at, data in _messages(store, ros1=True):
+                    writer.write(topic, at, data)
+            seeds.append(path.read_bytes())
+    return FileTarget(_columns, seeds, "log.bag")
+
+
+def _bags2() -> list[dict[str, bytes]]:
+    """Files of bags of ROS 2: SQLite and MCAP; plain, files compressed, messages compressed."""
+    from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
+
+    store, found = _store("ROS2_HUMBLE"), []
+    kinds = [(s, None) for s in (StoragePlugin.SQLITE3, StoragePlugin.MCAP)]
+    kinds += [(StoragePlugin.SQLITE3, m) for m in (CompressionMode.FILE, CompressionMode.MESSAGE)]
+    for storage, mode in kinds:
+        with tempfile.TemporaryDirectory() as folder:
+            writer = Writer(Path(folder, "log"), version=9, storage_plugin=storage)
+            if mode is not None:
+                writer.set_compression(mode, CompressionFormat.ZSTD)
+            with writer:
+                topic = writer.add_connection("/wrench", _WRENCH, typestore=store)
+                for at, data in _messages(store):
+                    writer.write(topic, at, data)
+            found.append({p.name: p.read_bytes() for p in Path(folder, "log").iterdir()})
+    return found
+
+
+def _bag2_read(path: Path) -> Any:
+    return _columns(path.parent)
+
+
+def bag2_sqlite() -> FileTarget:
+    """The SQLite file of a bag of ROS 2. The format has no checksums."""
+    (bag, *_) = _bags2()
+    about = {"metadata.yaml": bag.pop("metadata.yaml")}
+    return FileTarget(_bag2_read, list(bag.values()), "log/log.db3", beside=[about])
+
+
+def bag2_compressed() -> FileTarget:
+    """The compressed SQLite file of a bag of ROS 2."""
+    bag = _bags2()[2]
+    about = {"metadata.yaml": bag.pop("metadata.yaml")}
+    ((name, data),) = bag.items()
+    return FileTarget(_bag2_read, [data], f"log/{name}", beside=[about])
+
+
+def bag2_metadata() -> FileTarget:
+    """`metadata.yaml` of bags of ROS 2."""
+    bags = _bags2()
+    seeds = [bag.pop("metadata.yaml") for bag in bags]
+    return FileTarget(_bag2_read, seeds, "log/metadata.yaml", beside=bags)
+
+
+def csv_table() -> FileTarget:
+    """CSV files and other text tables."""
+    from wrenchbed.data.text_table import column_numbers, read_text
+
+    def read(path: Path) -> None:
+        text = read_text(path)
+        for name in text.table.column_names[:8]:
+            with contextlib.suppress(WrenchbedError):
+                column_numbers(text.table, name, str(path), text.first_line)
+
+    rows = np.random.default_rng(5).normal(size=(30, 7)).round(4)
+    plain = "\n".join(",".join(map(str, row)) for row in rows)
+    german = "Zeit;Fx;Fy\n" + "\n".join(f"{k};{k},5;-{k},25" for k in range(30))
+    quoted = 'a "b",c\n' + "\n".join(f'"{k}","{k}.5"' for k in range(30))
+    texts = (f"# note, 3\nt,fx,fy,fz,tx,ty,tz\n{plain}\n", german, quoted, plain.replace(",", "  "))
+    seeds = [t.encode() for t in texts] + [german.encode("utf-16"), "µ;N\n1;2\n".encode("cp1252")]
+    return FileTarget(read, seeds, "log.csv")
+
+
+# settings and results
+
+
+def _parquet(columns: dict[str, Any], **told: Any) -> bytes:
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder, "a.parquet")
+        parquet.write(path, parquet.table_of(columns, {"format": 1, "robot": "ur5", **told}))
+        return path.read_bytes()
+
+
+def _numbers(rows: int = 30) -> dict[str, np.ndarray]:
+    rng = np.random.default_rng(6)
+    data = {"t": np.arange(rows) / 10.0} | {f"q{k + 1}": rng.normal(size=rows) for k in range(6)}
+    data |= {c: rng.normal(size=rows) for c in CHANNELS}
+    return data | {"segment": np.arange(rows) // 3}
+
+
+_TOLD: dict[str, Any] = {
+    "mode": "static", "rate_hz": 100.0, "source": "sim", "gravity": [0.0, 0.0, -9.81],
+    "tool": {"mass": 1.4, "cog": [0.0, 0.0, 0.1], "inertia": [0.01, 0.01, 0.01, 0.0, 0.0, 0.0]},
+    "sensor": {"model": "ati-gamma", "noise_std": [0.1] * 6, "mass": 0.1,
+               "pose_flange": [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]},
+    "tolerance": {"tool.mass": 0.01}, "operator": "Ada",
+}  # fmt: skip
+
+
+def recording() -> FileTarget:
+    """Recordings in Parquet, whose pages have checksums."""
+    from wrenchbed.data.recording import Recording
+
+    def read(path: Path) -> dict[str, np.ndarray]:
+        return dict(Recording.read(path).columns)
+
+    return FileTarget(read, [_parquet(_numbers(), **_TOLD)], "rec.parquet")
+
+
+def recording_metadata() -> FileTarget:
+    """The metadata of a recording."""
+    from wrenchbed.data.recording import Recording
+
+    def read(path: Path) -> None:
+        table = parquet.table_of(_numbers(), {})
+        told = path.read_bytes()
+        own = path.with_name("rec.parquet")
+        parquet.write(own, table.replace_schema_metadata({parquet.KEY: told}))
+        json.dumps(Recording.read(own).metadata.to_json())
+
+    seed = json.dumps({"format": 1, "robot": "ur5", **_TOLD}).encode()
+    return FileTarget(read, [seed], "metadata.json", structured=True)
+
+
+def plan() -> FileTarget:
+    """Plans in Parquet."""
+    from wrenchbed.data.plan import Plan, is_plan
+
+    def read(path: Path) -> None:
+        is_plan(path)
+        Plan.read(path)
+
+    poses = {k: v for k, v in _numbers().items() if k[0] in "qs"}
+    touches = poses | {c: np.full(30, 0.5) for c in ("px", "py", "pz")}
+    seeds = [_parquet(p, mode="static") for p in (poses, touches)]
+    return FileTarget(read, seeds, "plan.parquet")
+
+
+def journal() -> FileTarget:
+    """The journal of a recording that was not finished."""
+    from wrenchbed.data.recording import Recording
+
+    def read(path: Path) -> None:
+        Recording.read(path.with_name("rec.parquet"))
+
+    table = parquet.table_of(_numbers(), {"format": 1, "robot": "ur5", **_TOLD})
+    stream = io.BytesIO()
+    with pa.ipc.new_stream(stream, table.schema) as writer:
+        for batch in table.to_batches(max_chunksize=10):
+            writer.write_batch(batch)
+    return FileTarget(read, [stream.getvalue()], "rec.parquet.journal")
+
+
+def points() -> FileTarget:
+    """Known points in CSV."""
+    from wrenchbed.data.plan import read
+
+    seed = "x,y,z\n" + "\n".join(f"0.{k},0.2,-0.{k}" for k in range(9))
+    return FileTarget(lambda path: None if read(path).shape[1] == 3 else 1 / 0, [seed.encode()],
+                      "points.csv")  # fmt: skip
+
+
+def twin_json() -> FileTarget:
+    """Twins, which `simulate` and `export` read."""
+    from wrenchbed.twin.twin import Twin
+
+    effects = [{"effect": "joint.compliance", "parameters": {"joint": 2, "stiffness": 9000.0}}]
+    plain = {"format": 1, "robot": "ur5", "gravity": [0.0, 0.0, -9.8], "recording": "rec.parquet",
+             "theta": {"tool.mass": 1.3}}  # fmt: skip
+    twins = [Twin.from_json(plain | {"effects": some}) for some in (effects, [])]
+    seeds = [json.dumps(twin.to_json()).encode() for twin in twins]
+    return FileTarget(lambda p: Twin.read(p) is None, seeds, "twin.json", structured=True)
+
+
+def fit_json() -> FileTarget:
+    """Fits, which `view` and `report` hold against a recording."""
+    from wrenchbed import registry
+    from wrenchbed.simulation.closed_form import Model
+    from wrenchbed.twin.comparison import _read
+
+    robot = registry.load("robots", "ur5")
+    model = Model(robot, tuple(robot.gravity))
+    theta = {p.name: p.nominal for p in robot.parameters}
+    raw = {"format": 1, "robot": "ur5", "theta": theta, "parameters": [], "recording": "rec"}
+    return FileTarget(lambda p: _read(p, model) and None, [json.dumps(raw).encode()], "fit.json",
+                      structured=True)  # fmt: skip
+
+
+def parameters_json() -> FileTarget:
+    """Values of parameters, which `record --parameters` reads."""
+    from wrenchbed import registry
+    from wrenchbed.cli.console import parameters
+
+    known = registry.load("robots", "ur5").parameters
+    seed = json.dumps({"tool.mass": 1.42, "tool.cog.x": 0.01}).encode()
+    return FileTarget(lambda p: known.vector(parameters(p)) is None, [seed], "p.json",
+                      structured=True)  # fmt: skip
+
+
+def sealed_json() -> FileTarget:
+    """Answers, claims and commitments of the sealed benchmark, which others write."""
+    from wrenchbed.benchmark.sealed import answer, commitments, score
+
+    def read(path: Path) -> None:
+        for name in (score.CLAIM, score.RUN, commitments.COMMITMENTS):
+            (path.parent / name).write_bytes(path.read_bytes())
+        score.read(path.parent)
+        (path.parent / score.RUN).unlink()
+        score.read(path.parent)
+        for reader, at in ((answer.read, path), (commitments.read, path.parent)):
+            with contextlib.suppress(WrenchbedError):
+                reader(at)
+
+    claim = {"verdict": "identified", "causes": [{"effect": "joint.compliance", "probability": 0.9,
+             "parameters": {"stiffness": [9000.0, 100.0]}}], "closed": 0.9}  # fmt: skip
+    run = {"seconds": 3.0, "error": "", "recording": "0" * 64}
+    sealed = {"format": 1, "cases": {"case-1": {"recording": "0" * 64, "answer": "1" * 64}}}
+    oracle = {"verdict": "none", "causes": [["a", 1]], "closed": 0.5}
+    true = {"format": 1, "case": "c", "robot": "ur5", "mode": "static", "kind": "x", "causes": [],
+            "minor": [], "rows": 3, "oracle": oracle, "salt": "s"}  # fmt: skip
+    seeds = [json.dumps(x).encode() for x in (claim, run, sealed, true)]
+    return FileTarget(read, seeds, "any.json", structured=True)
+
+
+def map_toml() -> FileTarget:
+    """Maps of columns, in TOML."""
+    import wrenchbed as wb
+
+    folder = Path(wb.__file__).parent / "data" / "maps"
+    seeds = [path.read_bytes() for path in sorted(folder.glob("*.toml"))]
+    return FileTarget(lambda p: wb.read_map(p) is None, seeds, "map.toml")
+
+
+def faults_toml() -> FileTarget:
+    """Scripts of faults of an emulator, in TOML."""
+    from wrenchbed.emulators.base.faults import read
+
+    seed = b'[[fault]]\nlink = "rtde"\nkind = "silence"\nat = 2.0\nseconds = 1.5\n\n' \
+           b'[[fault]]\nlink = "can"\nkind = "text"\nat = 3\nmessage = "x"\n'  # fmt: skip
+    return FileTarget(lambda p: read(p) is None, [seed], "faults.toml")
+
+
+LOGS: dict[str, Callable[[], FileTarget]] = {
+    "mcap": mcap, "mcap-chunk-crc": mcap_chunk_checksums, "mcap-no-crc": mcap_without_checksums,
+    "bag1": bag1, "bag2-sqlite": bag2_sqlite, "bag2-compressed": bag2_compressed,
+    "bag2-metadata": bag2_metadata, "csv": csv_table,
+}  # fmt: skip
+SETTINGS: dict[str, Callable[[], FileTarget]] = {
+    "recording": recording, "recording-metadata": recording_metadata, "plan": plan,
+    "journal": journal, "points": points, "twin": twin_json, "fit": fit_json,
+    "parameters": parameters_json, "sealed": sealed_json, "map": map_toml, "faults": faults_toml,
+}  # fmt: skip
