@@ -506,6 +506,40 @@ def faults_toml() -> FileTarget:
     return FileTarget(lambda p: read(p) is None, [seed], "faults.toml")
 
 
+def robot_model() -> FileTarget:
+    """MJCF and URDF of a user's robot."""
+    from wrenchbed.robots.model_file import read_arm
+
+    seed = """<robot name="two"><link name="base"/><link name="a"><inertial><mass value="1"/>
+<origin xyz="0 0 .1"/><inertia ixx=".1" iyy=".1" izz=".1" ixy="0" ixz="0" iyz="0"/></inertial>
+</link><link name="b"><inertial><mass value=".5"/><inertia ixx=".1" iyy=".1" izz=".1" ixy="0" ixz="0"
+iyz="0"/></inertial></link><joint name="j1" type="revolute"><parent link="base"/><child link="a"/>
+<axis xyz="0 0 1"/><limit lower="-3" upper="3" velocity="2" effort="9"/></joint>
+<joint name="j2" type="revolute"><parent link="a"/><child link="b"/><origin xyz=".1 0 .2"/>
+<axis xyz="0 1 0"/><limit lower="-3" upper="3" velocity="2" effort="9"/></joint></robot>"""
+    mjcf = """<mujoco><worldbody><body name="a" pos="0 0 .1"><joint name="j1" axis="0 0 1"
+range="-3 3"/><geom type="capsule" fromto="0 0 0 0 0 .2" size=".05"/><body name="b" pos=".1 0 .2">
+<joint name="j2" axis="0 1 0" range="-2 2"/><inertial pos="0 0 .1" mass="1" diaginertia=".1 .1 .1"/>
+<geom type="box" size=".1 .1 .1"/><site name="b" pos="0 0 .1"/></body></body></worldbody>
+</mujoco>"""
+    return FileTarget(lambda p: read_arm(p, "b") is None, [seed.encode(), mjcf.encode()], "a.xml")
+
+
+def robot_toml() -> FileTarget:
+    """A user's robot as TOML, beside its URDF."""
+    from wrenchbed.robots.described import describe, read
+
+    urdf = robot_model().seeds[0]
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder, "a.urdf")
+        file.write_bytes(urdf)
+        text = describe(
+            file, "b", Path(folder, "my.toml"), tool_mass=1.0, tool_cog=(0, 0, 0.1)
+        ).text
+    return FileTarget(lambda p: read(p) is None, [text.encode()], "my.toml",
+                      beside=[{"a.urdf": urdf}])  # fmt: skip
+
+
 LOGS: dict[str, Callable[[], FileTarget]] = {
     "mcap": mcap, "mcap-chunk-crc": mcap_chunk_checksums, "mcap-no-crc": mcap_without_checksums,
     "bag1": bag1, "bag2-sqlite": bag2_sqlite, "bag2-compressed": bag2_compressed,
@@ -515,4 +549,5 @@ SETTINGS: dict[str, Callable[[], FileTarget]] = {
     "recording": recording, "recording-metadata": recording_metadata, "plan": plan,
     "journal": journal, "points": points, "twin": twin_json, "fit": fit_json,
     "parameters": parameters_json, "sealed": sealed_json, "map": map_toml, "faults": faults_toml,
+    "robot-model": robot_model, "robot-toml": robot_toml,
 }  # fmt: skip

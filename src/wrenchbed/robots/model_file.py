@@ -50,6 +50,8 @@ _KINDS = {
     mujoco.mjtGeom.mjGEOM_CYLINDER: "cylinder", mujoco.mjtGeom.mjGEOM_ELLIPSOID: "ellipsoid",
     mujoco.mjtGeom.mjGEOM_MESH: "mesh",
 }  # fmt: skip
+_LARGEST, _DEEPEST = 2**24, 200
+"""Of a file [bytes] and of its elements [levels]: estimates; robots have 1 MB and 20 levels."""
 _FRAME = "wrenchbed frame"
 _HIDDEN_GROUP = 3
 """First group that MuJoCo's own viewer does not show."""
@@ -91,15 +93,24 @@ class _Source:
     @classmethod
     def of(cls, path: Path) -> "_Source":
         try:
+            if (size := path.stat().st_size) > _LARGEST:
+                raise ParameterError(f"{path}: has {size:,} bytes, more than {_LARGEST:,}")
             text = path.read_text(encoding="utf-8")
         except UnicodeDecodeError:
             raise ParameterError(f"{path}: is no text: state an MJCF or URDF file") from None
         except OSError as cause:
             raise NotFoundError(f"{path}: {cause.strerror or cause}") from None
+        if "<!DOCTYPE" in text or "<!ENTITY" in text:
+            raise ParameterError(f"{path}: defines entities, which no MJCF or URDF needs")
         try:
             root = ElementTree.fromstring(text)
         except ElementTree.ParseError as cause:
             raise ParameterError(f"{path}: is no MJCF or URDF: not XML ({cause})") from None
+        level: list[ElementTree.Element] = [root]
+        for _ in range(_DEEPEST):
+            level = [inner for element in level for inner in element]
+        if level:  # MuJoCo's own reader descends by recursion
+            raise ParameterError(f"{path}: nested more than {_DEEPEST} levels deep")
         if root.tag not in ("mujoco", "robot"):
             raise ParameterError(
                 f"{path}: is neither MJCF (<mujoco>) nor URDF (<robot>): begins with <{root.tag}>"
