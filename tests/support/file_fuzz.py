@@ -512,7 +512,8 @@ def robot_model() -> FileTarget:
 
     seed = """<robot name="two"><link name="base"/><link name="a"><inertial><mass value="1"/>
 <origin xyz="0 0 .1"/><inertia ixx=".1" iyy=".1" izz=".1" ixy="0" ixz="0" iyz="0"/></inertial>
-</link><link name="b"><inertial><mass value=".5"/><inertia ixx=".1" iyy=".1" izz=".1" ixy="0" ixz="0"
+</link>
+<link name="b"><inertial><mass value=".5"/><inertia ixx=".1" iyy=".1" izz=".1" ixy="0" ixz="0"
 iyz="0"/></inertial></link><joint name="j1" type="revolute"><parent link="base"/><child link="a"/>
 <axis xyz="0 0 1"/><limit lower="-3" upper="3" velocity="2" effort="9"/></joint>
 <joint name="j2" type="revolute"><parent link="a"/><child link="b"/><origin xyz=".1 0 .2"/>
