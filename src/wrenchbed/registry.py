@@ -133,6 +133,12 @@ def remember(kind: str, name: str, record: Mapping[str, Any]) -> None:
     _records.setdefault((kind, name), record)
 
 
+def revived(kind: str, name: str, record: Mapping[str, Any]) -> Any:
+    """The object of a name and of what a file carries about it."""
+    remember(kind, name, record)
+    return load(kind, name)
+
+
 def record_of(kind: str, name: str) -> Mapping[str, Any] | None:
     """What a file has to carry so that others can load an object by name; None of plug-ins."""
     return _records.get((kind, name))

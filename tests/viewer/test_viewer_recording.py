@@ -172,9 +172,9 @@ def test_all_visible_geoms_are_drawn(name):
 
 
 def test_a_shape_that_is_not_drawn_is_named():
-    text = """<mujoco><asset><mesh name="m" vertex="0 0 0 1 0 0 0 1 0 0 0 1"/></asset>
-    <worldbody><geom name="odd" type="mesh" mesh="m"/></worldbody></mujoco>"""
-    with pytest.raises(NotFoundError, match="odd is a mjGEOM_MESH"):
+    text = """<mujoco><asset><hfield name="h" nrow="2" ncol="2" size="1 1 1 1"/></asset>
+        <worldbody><geom name="odd" type="hfield" hfield="h"/></worldbody></mujoco>"""
+    with pytest.raises(NotFoundError, match="odd is a mjGEOM_HFIELD"):
         shapes(mujoco.MjModel.from_xml_string(text), 0)
 
 

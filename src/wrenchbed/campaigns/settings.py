@@ -62,7 +62,7 @@ class Fleet:
         if self.plan is not None:
             if "poses" in self.vary:
                 raise ParameterError("--vary poses and --plan: a given plan is the same for all")
-            if self.plan.robot != self.robot:
+            if self.plan.robot != registry.known_as("robots", self.robot):
                 raise ParameterError(
                     f"{self.plan.name}: the plan is for robot {self.plan.robot!r}, "
                     f"not {self.robot!r}"

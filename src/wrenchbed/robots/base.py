@@ -229,6 +229,11 @@ class SimulatedRobot(Robot):
         """Joint values (J,) at which the MJCF stands when it opens."""
 
     @property
+    def eye(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        """From where its pictures are seen, and the point in their middle [m]."""
+        return (0.75, -1.3, 0.95), (-0.2, -0.1, 0.35)
+
+    @property
     def mjcf(self) -> Path:
         """Path of the robot's MJCF file."""
         return models() / self.name / f"{self.name}.xml"

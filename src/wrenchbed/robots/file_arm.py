@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from wrenchbed import registry
 from wrenchbed.errors import WrenchbedError
 from wrenchbed.physics.gravity import BodyMass
 from wrenchbed.physics.parameters import Parameter, ParameterSet
@@ -123,6 +124,17 @@ class FileArm(SerialChain):
     @property
     def home(self) -> np.ndarray:
         return np.array([link.home for link in self.arm_model.links])
+
+    @property
+    def eye(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        arm = self.arm_model
+        middle = arm.base_shift + arm.reach * np.array([0.0, 0.0, 0.35])
+        place = middle + arm.reach * np.array([1.1, -1.4, 0.7])
+        return tuple(place.tolist()), tuple(middle.tolist())
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """In another process too there is one object of a name."""
+        return registry.revived, ("robots", self.name, self.record)
 
     def zeros(self, theta: np.ndarray) -> np.ndarray:
         return np.asarray(theta[..., self._zeros])

@@ -52,7 +52,10 @@ _KINDS = {
 }  # fmt: skip
 _LARGEST, _DEEPEST = 2**24, 200
 """Of a file [bytes] and of its elements [levels]: estimates; robots have 1 MB and 20 levels."""
+_LONGEST = 300
+"""Characters of MuJoCo's words that are shown."""
 _FRAME = "wrenchbed frame"
+_FLOATS = "the base floats: a robot is calibrated on a base that stands: leave the free joint out"
 _HIDDEN_GROUP = 3
 """First group that MuJoCo's own viewer does not show."""
 
@@ -160,7 +163,7 @@ def _spec(source: _Source) -> tuple[mujoco.MjSpec, list[str]]:
         else:
             spec = mujoco.MjSpec.from_file(str(source.path))
     except ValueError as cause:
-        raise ParameterError(f"{source.path}: {_one_line(cause)}") from None
+        raise _refused(source, cause) from None
     spec.compiler.fusestatic = False
     spec.compiler.discardvisual = False
     return spec, _drop_missing(spec, source)
@@ -181,8 +184,10 @@ def _with_options(source: _Source) -> str:
     return ElementTree.tostring(root, encoding="unicode")
 
 
-def _one_line(cause: Exception) -> str:
-    return " ".join(str(cause).split())[:300]
+def _refused(source: _Source, cause: Exception) -> ParameterError:
+    """MuJoCo's own words in one line, or ours where they are clearer."""
+    words = _FLOATS if "free joint" in str(cause) else " ".join(str(cause).split())[:_LONGEST]
+    return ParameterError(f"{source.path}: {words}")
 
 
 def _drop_missing(spec: mujoco.MjSpec, source: _Source) -> list[str]:
@@ -294,13 +299,13 @@ def _compiled(spec: mujoco.MjSpec, source: _Source, notes: list[str]) -> mujoco.
         return spec.compile()
     except ValueError as cause:
         if "inertia" not in str(cause):
-            raise ParameterError(f"{source.path}: {_one_line(cause)}") from None
+            raise _refused(source, cause) from None
         options.balanceinertia = True
         notes.append("a link's inertia is that of no body: made possible where it moves")
     try:
         return spec.compile()
     except ValueError as cause:
-        raise ParameterError(f"{source.path}: {_one_line(cause)}") from None
+        raise _refused(source, cause) from None
 
 
 class _Tree:
@@ -381,10 +386,7 @@ class _Tree:
                 kind = JOINT(self.model.jnt_type[j])
                 named = f"{self._joint_name(j)!r} of {self.model.body(body).name!r}"
                 if kind == JOINT.mjJNT_FREE:
-                    raise ParameterError(
-                        f"{self.path}: the base floats (free joint {named}): a robot is calibrated "
-                        "on a base that stands: leave the free joint out"
-                    )
+                    raise ParameterError(f"{self.path}: free joint {named}: {_FLOATS}")
                 if kind == JOINT.mjJNT_BALL:
                     raise ParameterError(
                         f"{self.path}: {named} is a ball joint: only hinges and slides can be moved"

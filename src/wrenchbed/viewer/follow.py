@@ -14,6 +14,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from wrenchbed import registry
+from wrenchbed.data.metadata import stated_robot
 from wrenchbed.files import atomic_write
 from wrenchbed.robots.base import SimulatedRobot
 from wrenchbed.simulation.closed_form import Model
@@ -81,7 +82,7 @@ def blueprint(robot: str) -> Any:
 def run(told: Mapping[str, Any], source: BinaryIO) -> None:
     """Draw until the rows end."""
     rr = registry.require("rerun", "view")
-    robot = registry.load("robots", told["robot"])
+    robot = registry.load("robots", stated_robot(told, told["robot"]))
     stream = rr.RecordingStream(APP)
     with atomic_write(told["path"]) if told["path"] else nullcontext() as file:
         sinks = [rr.FileSink(file.name)] if file else []
@@ -125,11 +126,21 @@ def _draw(follower: Follower, held: deque[bytes], size: int) -> None:
         follower.draw(rows)
 
 
+def _told(words: str) -> Mapping[str, Any]:
+    """JSON, or ``@`` and a file that holds it and is deleted."""
+    if words.startswith("@"):
+        file = Path(words[1:])
+        words = file.read_text(encoding="utf-8")
+        file.unlink()
+    told: Mapping[str, Any] = json.loads(words)
+    return told
+
+
 if __name__ == "__main__":
     os.nice(_NICE)
     if hasattr(os, "SCHED_IDLE"):  # Linux: steps aside at once when anybody else has work
         os.sched_setscheduler(0, os.SCHED_IDLE, os.sched_param(0))
     try:
-        run(json.loads(sys.argv[1]), sys.stdin.buffer)
+        run(_told(sys.argv[1]), sys.stdin.buffer)
     except OSError as failed:
         sys.exit(f"wrenchbed: warning: no picture: {failed.filename}: {failed.strerror}")

@@ -7,6 +7,7 @@ import numpy as np
 
 from wrenchbed import registry
 from wrenchbed.physics.wrench import CHANNELS, UNITS
+from wrenchbed.robots.base import SimulatedRobot
 from wrenchbed.viewer.elements import BOUNDS
 from wrenchbed.viewer.stream import TIME
 
@@ -17,7 +18,9 @@ _SKY = (242, 244, 247)
 def scene(robot: str, name: str = "robot") -> Any:
     """The robot from where its arm and sensor are seen best."""
     rr = registry.require("rerun", "view")
-    position, target = EYES.get(robot, EYES["ur5"])
+    shown = registry.load("robots", robot)
+    assert isinstance(shown, SimulatedRobot)  # only such have a scene
+    position, target = shown.eye
     return rr.blueprint.Spatial3DView(
         origin="/world",
         name=name,
@@ -27,13 +30,6 @@ def scene(robot: str, name: str = "robot") -> Any:
             position=position, look_target=target, eye_up=(0.0, 0.0, 1.0)
         ),
     )
-
-
-EYES = {
-    "ur5": ((0.75, -1.3, 0.95), (-0.2, -0.1, 0.35)),
-    "medrue": ((1.9, -0.8, 1.1), (0.35, 0.3, 0.2)),
-}
-"""Where the eye is and what it looks at, by robot [m]."""
 
 
 def channels(name: str = "wrench") -> Any:

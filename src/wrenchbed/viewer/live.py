@@ -9,6 +9,7 @@ import json
 import os
 import subprocess
 import sys
+import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 from types import TracebackType
@@ -17,6 +18,7 @@ from typing import Any, Self
 import numpy as np
 
 from wrenchbed import registry
+from wrenchbed.data.metadata import carried_robot
 from wrenchbed.errors import ParameterError
 from wrenchbed.robots.base import SimulatedRobot
 
@@ -56,12 +58,21 @@ class LiveView:
 
     def __enter__(self) -> Self:
         # in a group of its own: Ctrl-C is for who records, whose end is the end of the rows
-        command = [sys.executable, "-m", "wrenchbed.viewer.follow", json.dumps(self._told)]
+        command = [sys.executable, "-m", "wrenchbed.viewer.follow", self._words()]
         self._process = subprocess.Popen(command, stdin=subprocess.PIPE, process_group=0)
         assert self._process.stdin is not None
         self._pipe = self._process.stdin.fileno()
         os.set_blocking(self._pipe, False)
         return self
+
+    def _words(self) -> str:
+        """What the process is told; a carried robot is too long for an argument, so by a file."""
+        carried = carried_robot(self._told["robot"])
+        if not carried:
+            return json.dumps(self._told)
+        with tempfile.NamedTemporaryFile("w", suffix=".json", delete=False) as file:
+            json.dump({**self._told, **carried}, file)
+        return f"@{file.name}"  # it deletes the file
 
     def __call__(self, t: float, q: np.ndarray, wrench: np.ndarray) -> None:
         """Show a row: time [s], joint values (J,), wrench (6,) [N, N·m]; never blocks."""

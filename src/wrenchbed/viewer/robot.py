@@ -9,6 +9,7 @@ import numpy as np
 
 from wrenchbed import registry
 from wrenchbed.errors import NotFoundError
+from wrenchbed.physics.rotations import cross, matrix
 from wrenchbed.robots.base import SimulatedRobot
 from wrenchbed.simulation.simulation import Simulation
 from wrenchbed.viewer.stream import Canvas
@@ -23,11 +24,13 @@ _FLAT = 5e-4
 """Half thickness of a plane [m]."""
 _WIDE = 2.0
 """Half width of a plane without end [m]."""
+_NO_AREA = 1e-12
+"""Twice the area of a triangle below which it is a line [m²]."""
 GEOM = mujoco.mjtGeom
 _KINDS = {
     GEOM.mjGEOM_PLANE: "boxes", GEOM.mjGEOM_BOX: "boxes", GEOM.mjGEOM_SPHERE: "ellipsoids",
     GEOM.mjGEOM_ELLIPSOID: "ellipsoids", GEOM.mjGEOM_CAPSULE: "capsules",
-    GEOM.mjGEOM_CYLINDER: "cylinders",
+    GEOM.mjGEOM_CYLINDER: "cylinders", GEOM.mjGEOM_MESH: "meshes",
 }  # fmt: skip
 
 
@@ -56,7 +59,7 @@ def shapes(
         grown: by which everything is larger [m], so that a ghost is seen around what it covers.
 
     Raises:
-        NotFoundError: a geom is none of plane, box, sphere, ellipsoid, capsule, cylinder.
+        NotFoundError: a geom is none of plane, box, sphere, ellipsoid, capsule, cylinder, mesh.
     """
     rr = registry.require("rerun", "view")
     chosen: dict[str, list[int]] = {}
@@ -76,7 +79,9 @@ def shapes(
             "quaternions": turn,
             "fill_mode": rr.components.FillMode.Solid,
         }
-        if kind == "boxes":
+        if kind == "meshes":
+            found[kind] = _mesh(model, g, look["colors"], grown)
+        elif kind == "boxes":
             found[kind] = rr.Boxes3D(half_sizes=size, centers=at, **look)
         elif kind == "ellipsoids":
             found[kind] = rr.Ellipsoids3D(half_sizes=size, centers=at, **look)
@@ -91,6 +96,30 @@ def shapes(
                 lengths=2 * half, radii=size[:, 0], translations=start, **look
             )
     return found
+
+
+def _mesh(model: mujoco.MjModel, numbers: np.ndarray, colours: np.ndarray, grown: float) -> Any:
+    """Meshes of one body as one; each triangle has its own corners, so that edges are sharp."""
+    rr = registry.require("rerun", "view")
+    corners, normals, painted = [], [], []
+    for g, colour in zip(numbers, colours, strict=True):
+        m = int(model.geom_dataid[g])
+        first, face = int(model.mesh_vertadr[m]), int(model.mesh_faceadr[m])
+        vertices = model.mesh_vert[first : first + int(model.mesh_vertnum[m])]
+        faces = model.mesh_face[face : face + int(model.mesh_facenum[m])]
+        place = matrix(model.geom_quat[g])
+        triangles = (vertices @ place.T + model.geom_pos[g])[faces].astype(float)
+        across = cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+        flat = np.linalg.norm(across, axis=1) < _NO_AREA
+        out = (across / np.maximum(np.linalg.norm(across, axis=1), _NO_AREA)[:, None])[~flat]
+        out = np.repeat(out, 3, axis=0)
+        corners.append(triangles[~flat].reshape(-1, 3) + grown * out)
+        normals.append(out)
+        painted.append(np.tile(colour, (len(out), 1)))
+    return rr.Mesh3D(
+        vertex_positions=np.concatenate(corners), vertex_normals=np.concatenate(normals),
+        vertex_colors=np.concatenate(painted),
+    )  # fmt: skip
 
 
 def xyzw(quaternion: np.ndarray) -> np.ndarray:

@@ -171,6 +171,10 @@ class MedRUE(SimulatedRobot):
         return tuple(f"dq{k}" for k in range(1, len(self.joints) + 1))
 
     @property
+    def eye(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        return (1.9, -0.8, 1.1), (0.35, 0.3, 0.2)
+
+    @property
     def home(self) -> np.ndarray:
         return np.array([0.0, 2.932153143, 2.373647784, 2.932153143, 2.373647784, 4.714624603])
 

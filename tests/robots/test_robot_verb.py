@@ -1,0 +1,327 @@
+"""`wrenchbed robot`: from a file to a robot, and one clear line where that is impossible."""
+
+import json
+import re
+import struct
+
+import mujoco
+import numpy as np
+import pytest
+
+from arm_files import CASES, DATA, TOOL_COG, TOOL_MASS
+from wrenchbed import registry
+from wrenchbed.cli import main
+from wrenchbed.data.recording import Recording
+from wrenchbed.robots.described import read
+from wrenchbed.simulation.closed_form import Model
+from wrenchbed.simulation.simulation import Simulation
+
+each_file = pytest.mark.parametrize("case", CASES, ids=lambda c: c.file)
+STATED = ["--tool-mass", str(TOOL_MASS), "--tool-cog", *map(str, TOOL_COG)]
+
+
+@pytest.fixture(autouse=True)
+def fresh(monkeypatch):
+    """Nothing is known from another test."""
+    monkeypatch.setattr(registry, "_records", {})
+    monkeypatch.setattr(registry, "_known", {})
+
+
+def forgotten():
+    registry._records.clear()
+    registry._known.clear()
+
+
+@each_file
+def test_an_arm_is_planned_recorded_and_calibrated_by_its_file_alone(case, tmp_path):
+    """Noise-free: mass, CoG, bias and mount to 1e-9; the calibration has the recording alone."""
+    toml, plan = str(tmp_path / "my.toml"), str(tmp_path / "plan.parquet")
+    rec, truth = tmp_path / "rec.parquet", tmp_path / "truth.json"
+    values = {"tool.mass": 1.1, "tool.cog.x": 0.013, "sensor.bias.fx": 2.5, "sensor.bias.ty": -0.1}
+    if case.file == "panda.xml":  # its hand is a point on the sensor: no torque, none is fitted
+        values = {"tool.mass": 0.6}
+    values |= {"mount.rotation.x": 0.004, "mount.rotation.z": -0.006}
+    truth.write_text(json.dumps(values))
+    line = ["robot", str(case.path), "--frame", case.frame, "--out", toml]
+    assert main([*line, *([] if case.tool else STATED)]) == 0
+    assert main(["plan", toml, "--n", "40", "--out", plan]) == 0
+    line = ["record", "--robot", toml, "--plan", plan, "--out", str(rec), "--samples", "2"]
+    assert main([*line, "--noise", "off", "--parameters", str(truth)]) == 0
+    (tmp_path / "my.toml").unlink()
+    forgotten()
+    assert main(["calibrate", str(rec), "--out", str(tmp_path / "fit.json")]) == 0
+    fit = json.loads((tmp_path / "fit.json").read_text())
+    robot = registry.load("robots", fit["robot"])
+    wanted = Model.of(robot).parameters.nominal
+    names = Model.of(robot).parameters
+    for name, value in values.items():
+        wanted[names.index(name)] = value
+    for name in fit["parameters"]:
+        assert fit["theta"][name] == pytest.approx(wanted[names.index(name)], abs=1e-9), name
+    first, last = (robot.arm_model.links[k] for k in (0, -1))
+    assert f"link.{first.body}.position.x" in fit["no_effect"]
+    assert any(
+        f"joint.{last.joint}.zero" in r["parameters"] and "mount.rotation.z" in r["parameters"]
+        for r in fit["redundancies"]
+    )
+
+
+def stl(path, size):
+    """A box as binary STL."""
+    corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * size / 2
+    quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    faces = [t for a, b, c, d in quads for t in ((a, b, c), (a, c, d))]
+    data = b"".join(struct.pack("<12fH", 0, 0, 0, *corners[list(f)].ravel(), 0) for f in faces)
+    path.write_bytes(b"\0" * 80 + struct.pack("<I", len(faces)) + data)
+
+
+TWO_LINKS = """
+<mujoco model="bench">
+  <compiler angle="degree" meshdir="parts"/>
+  <option gravity="0 0 -9.7"/>
+  <asset><mesh name="long" file="long.stl"/><mesh name="gone" file="gone.stl"/></asset>
+  <worldbody>
+    <body name="rail" pos="0.1 0.2 1.5" euler="180 0 0">
+      <joint name="slide" type="slide" axis="0 1 0" range="-0.4 0.5" ref="0.1"/>
+      <inertial pos="0 0 0.1" mass="3" diaginertia="0.1 0.1 0.1"/>
+      <geom type="mesh" mesh="long"/><geom type="mesh" mesh="gone"/>
+      <body name="swing" pos="0 0 0.3" euler="0 30 0">
+        <joint name="a" axis="0.6 0 0.8" pos="0.02 0.01 0" range="-170 170" ref="20"/>
+        <joint name="b" axis="0 1 0" range="-100 100"/>
+        <inertial pos="0.01 0 0.2" mass="2" diaginertia="0.1 0.1 0.1"/>
+        <body name="between" pos="0 0 0.4" euler="90 0 0">
+          <inertial pos="0 0 0.02" mass="0.5" diaginertia="0.01 0.01 0.01"/>
+          <body name="turn" pos="0 0.1 0">
+            <joint name="c" axis="0 0 -1" range="-170 170"/>
+            <inertial pos="0 0 0.02" mass="0.7" diaginertia="0.01 0.01 0.01"/>
+            <site name="seat" pos="0 0 0.05" euler="0 0 45"/>
+            <body name="hand" pos="0 0 0.05">
+              <inertial pos="0 0.01 0.06" mass="0.9" diaginertia="0.001 0.002 0.002"/>
+              <body name="finger" pos="0 0 0.1"><joint name="grip" type="slide" range="0 0.04"/>
+                <inertial pos="0 0 0.01" mass="0.1" diaginertia="1e-4 1e-4 1e-4"/></body>
+            </body>
+          </body>
+        </body>
+      </body>
+    </body>
+  </worldbody>
+  <keyframe><key name="home" qpos="0.2 0.3 0.4 0.5 0.02"/></keyframe>
+</mujoco>
+"""
+
+
+def bench(tmp_path):
+    (tmp_path / "parts").mkdir()
+    stl(tmp_path / "parts" / "long.stl", np.array([0.1, 0.2, 0.5]))
+    (tmp_path / "bench.xml").write_text(TWO_LINKS)
+    return tmp_path / "bench.xml"
+
+
+def test_slides_skew_axes_anchors_refs_and_an_upside_down_base(tmp_path, capsys):
+    """The site's body has a joint: what hangs below is the tool, fingers as the key has them."""
+    file, toml = bench(tmp_path), tmp_path / "my.toml"
+    assert main(["robot", str(file), "--frame", "seat", "--out", str(toml)]) == 0
+    said = capsys.readouterr()
+    assert "hand, finger" in said.out
+    assert "1 meshes are missing" in said.err
+    robot = read(toml)
+    assert [j.unit for j in robot.joints] == ["m", "rad", "rad", "rad"]
+    assert robot.home == pytest.approx([0.2, 0.3, 0.4, 0.5])
+    assert robot.gravity == (0.0, 0.0, -9.7)
+    assert robot.parameters.names[:3] == (
+        "joint.slide.zero", "link.rail.position.x", "link.rail.position.y",
+    )  # fmt: skip
+    assert robot.description.load.mass == pytest.approx(1.0)
+    plain = TWO_LINKS.replace('<mesh name="gone" file="gone.stl"/>', "")
+    plain = plain.replace('<geom type="mesh" mesh="gone"/>', "").replace(
+        "parts", str(tmp_path / "parts")
+    )
+    model = mujoco.MjModel.from_xml_string(plain)
+    data, hand = mujoco.MjData(model), model.body("hand").id
+    finger = model.body("finger").id
+    q = robot.sample(40, np.random.default_rng(0))
+    rotation, origin = robot.sensor_pose(q, robot.parameters.nominal)
+    load = Simulation(robot, robot.parameters.nominal).wrench(q)
+    torque = robot.gravity_torque(q, robot.parameters.nominal, np.array(robot.gravity))
+    for k, row in enumerate(q):
+        data.qpos[:] = [*row, 0.02]
+        mujoco.mj_inverse(model, data)
+        seat = data.site("seat")
+        assert np.abs(seat.xpos - origin[k]).max() < 1e-12
+        assert np.abs(seat.xmat.reshape(3, 3) - rotation[k]).max() < 1e-12
+        pull = model.opt.gravity * 1.0
+        centre = 0.9 * data.xipos[hand] + 0.1 * data.xipos[finger]
+        turned = rotation[k].T @ np.stack([pull, np.cross(centre - seat.xpos, pull)], axis=1)
+        assert np.abs(load[k] - turned.T.ravel()).max() < 1e-10
+        assert np.abs(torque[k] + data.qfrc_inverse[:4]).max() < 1e-9
+
+
+def test_meshes_are_kept_and_drawn(tmp_path):
+    """The hull of a mesh in the robot's own MJCF is the file's; rerun gets its triangles."""
+    rr = pytest.importorskip("rerun")
+    from wrenchbed.viewer.robot import shapes
+
+    assert (
+        main(["robot", str(bench(tmp_path)), "--frame", "seat", "--out", str(tmp_path / "m.toml")])
+        == 0
+    )
+    robot = read(tmp_path / "m.toml")
+    model = robot.spec(robot.parameters.nominal).compile()
+    found = shapes(model, model.body("rail").id)
+    assert isinstance(found["meshes"], rr.Mesh3D)
+    corners = np.array(found["meshes"].vertex_positions.as_arrow_array().to_pylist())
+    assert np.ptp(corners, axis=0) == pytest.approx([0.1, 0.2, 0.5], abs=1e-5)
+    assert len(corners) == 36
+
+
+URDF = """<robot name="r"><link name="w"/>
+<joint name="j" type="{kind}"><parent link="w"/><child link="l"/><axis xyz="0 1 0"/>
+<limit lower="-1" upper="1" effort="1" velocity="2"/>{more}</joint>
+<link name="l"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>
+</inertial></link>
+<joint name="f" type="fixed"><parent link="l"/><child link="t"/><origin xyz="0 0 0.3"/></joint>
+<link name="t"><inertial><mass value="0.5"/>
+<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>{rest}</robot>"""
+SECOND = "".join(
+    f'<joint name="o{k}" type="revolute"><parent link="{"w" if k == 0 else f"p{k - 1}"}"/>'
+    f'<child link="p{k}"/><limit lower="-1" upper="1" effort="1" velocity="1"/></joint>'
+    f'<link name="p{k}"><inertial><mass value="1"/>'
+    '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+    for k in range(3)
+)
+LOOP = TWO_LINKS.replace(
+    "<keyframe>",
+    '<equality><connect body1="swing" body2="rail" anchor="0 0 0"/></equality><keyframe>',
+)
+
+
+def refused(tmp_path, text, frame, *more, name="a.urdf"):
+    (tmp_path / name).write_text(text)
+    out = tmp_path / "my.toml"
+    code = main(["robot", str(tmp_path / name), "--frame", frame, "--out", str(out), *more])
+    return code, out.exists()
+
+
+ROS = "http://www.ros.org"
+REFUSALS = {
+    "not XML": ("hello", "t", "not XML"),
+    "other XML": ("<html/>", "t", "neither MJCF .* nor URDF"),
+    "xacro": (f'<robot xmlns:xacro="{ROS}/wiki/xacro"><xacro:arm/></robot>', "t", "xacro"),
+    "xacro value": ('<robot name="${p}arm"><link name="a"/></robot>', "t", "unexpanded xacro"),
+    "no such frame": (URDF.format(kind="revolute", more="", rest=""), "tt", "mean 't'.* w?.*l, t"),
+    "nothing moves it": (URDF.format(kind="fixed", more="", rest=""), "t", "no joint moves"),
+    "floating": (URDF.format(kind="floating", more="", rest=""), "t", "base floats"),
+    "mimic": (
+        URDF.format(kind="revolute", more='<mimic joint="o0"/>', rest=""),
+        "t", "couples joints 'j'",
+    ),
+    "two arms": (URDF.format(kind="revolute", more="", rest=SECOND), "t", "second arm: o0, o1, o2"),
+    "massless tool": (
+        URDF.format(kind="revolute", more="", rest="").replace('value="0.5"', 'value="0"'),
+        "t", "--tool-mass",
+    ),
+    "loop": (LOOP, "seat", "closes a loop between 'swing' and 'rail'"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("what", REFUSALS)
+def test_what_is_no_arm_is_refused_in_one_line(what, tmp_path, capsys):
+    text, frame, reason = REFUSALS[what]
+    code, written = refused(tmp_path, text, frame)
+    err = capsys.readouterr().err.strip().splitlines()
+    assert (code, written) == (1, False)
+    errors = [line for line in err if "error" in line]
+    assert len(errors) == 1
+    assert len(err) == 1 or what == "loop"  # a mesh that is missing is said too
+    assert re.search(reason, errors[0]), errors[0]
+    assert str(tmp_path / "a.urdf") in errors[0]
+
+
+def test_a_second_arm_is_held_on_request(tmp_path, capsys):
+    text = URDF.format(kind="revolute", more="", rest=SECOND)
+    assert refused(tmp_path, text, "t", "--hold-others") == (0, True)
+    assert "o0, o1, o2 stay" in capsys.readouterr().err
+    assert len(read(tmp_path / "my.toml").joints) == 1
+
+
+def test_a_fixed_joints_name_is_its_childs_frame_and_speeds_are_the_files(tmp_path):
+    assert refused(tmp_path, URDF.format(kind="revolute", more="", rest=""), "f") == (0, True)
+    robot = read(tmp_path / "my.toml")
+    assert robot.joints[0].speed == 2.0
+    assert robot.arm_model.end_shift == pytest.approx([0.0, 0.0, 0.3])
+    assert robot.description.load.bodies == ("t",)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "reason"),
+    [
+        ("mass = 0.5 ", "mass = -1 ", r"\[tool\] mass = -1 must be above 0"),
+        ("lower = -1.0", "lower = 2.0", "joint 1: lower = 2.0 must be below"),
+        ("speed", "sped", "joint 1: there is no field 'sped'; did you mean 'speed'"),
+        ('name = "j"', 'name = "k"', "joint 1: name = 'k' must be 'j'"),
+        ("gravity = [0.0, 0.0, -9.80665]", "gravity = [0, 0, -1000]", "gravity .* m/s²"),
+        ("format = 1", "format = 1 =", "not valid TOML"),
+        ('file = "a.urdf"', 'file = "b.urdf"', "b.urdf.*there is no such file"),
+    ],
+)
+def test_a_wrong_edit_of_the_toml_is_named(old, new, reason, tmp_path, capsys):
+    assert refused(tmp_path, URDF.format(kind="revolute", more="", rest=""), "t")[0] == 0
+    toml = tmp_path / "my.toml"
+    text = toml.read_text(encoding="utf-8")
+    assert old in text
+    toml.write_text(text.replace(old, new), encoding="utf-8")
+    capsys.readouterr()
+    assert main(["plan", str(toml), "--n", "3", "--out", str(tmp_path / "p.parquet")]) == 1
+    err = capsys.readouterr().err.strip().splitlines()
+    assert len(err) == 1
+    assert re.search(reason, err[0]), err[0]
+
+
+def test_an_edit_counts_and_a_changed_model_is_refused(tmp_path, capsys):
+    assert refused(tmp_path, URDF.format(kind="revolute", more="", rest=""), "t")[0] == 0
+    toml = tmp_path / "my.toml"
+    before = read(toml)
+    toml.write_text(toml.read_text(encoding="utf-8").replace("upper = 1.0", "upper = 0.5"))
+    after = read(toml)
+    assert (before.joints[0].upper, after.joints[0].upper) == (1.0, 0.5)
+    assert before.name != after.name
+    (tmp_path / "a.urdf").write_text((tmp_path / "a.urdf").read_text() + "\n")
+    assert main(["plan", str(toml), "--out", str(tmp_path / "p.parquet")]) == 1
+    assert "has changed since" in capsys.readouterr().err
+
+
+def test_a_model_is_not_yet_a_robot(tmp_path, capsys):
+    assert main(["plan", str(DATA / "iiwa.xml"), "--out", str(tmp_path / "p.parquet")]) == 1
+    assert "wrenchbed robot" in capsys.readouterr().err
+
+
+def test_nothing_is_written_into_the_users_file(tmp_path, capsys):
+    file = tmp_path / "a.urdf"
+    file.write_text(URDF.format(kind="revolute", more="", rest=""))
+    assert main(["robot", str(file), "--frame", "t", "--out", str(file)]) == 1
+    assert file.read_text().startswith("<robot")
+    assert main(["robot", str(file), "--frame", "t", "--out", str(tmp_path / "b.toml")]) == 0
+    assert file.read_text() == URDF.format(kind="revolute", more="", rest="")
+
+
+def test_a_recording_is_diagnosed_where_neither_file_is(tmp_path):
+    """Report and picture with the meshes, from the recording alone."""
+    pytest.importorskip("rerun")
+    toml, plan = str(tmp_path / "my.toml"), str(tmp_path / "plan.parquet")
+    case = CASES[0]
+    assert main(["robot", str(case.path), "--frame", case.frame, *STATED, "--out", toml]) == 0
+    assert main(["plan", toml, "--n", "60", "--out", plan]) == 0
+    rec = tmp_path / "rec.parquet"
+    line = ["record", "--robot", toml, "--plan", plan, "--samples", "20", "--out", str(rec)]
+    assert main([*line, "--effect", "joint.offset:joint=4,offset=0.01"]) == 0
+    (tmp_path / "my.toml").unlink()
+    forgotten()
+    found = tmp_path / "found"
+    assert main(["diagnose", str(rec), "--fast", "--out", str(found)]) == 0
+    said = json.loads((found / "diagnosis.json").read_text())
+    assert said["which"][0]["effect"] == "joint.offset"
+    assert {p.name for p in found.iterdir()} >= {"report.html", "diagnosis.rrd", "twin.json"}
+    forgotten()
+    better = str(tmp_path / "better.parquet")
+    assert main(["simulate", str(found / "twin.json"), "--like", str(rec), "--out", better]) == 0
+    assert Recording.read(better).q.shape[1] == 6
