@@ -19,8 +19,10 @@ from pathlib import Path
 from typing import Annotated, Any, Union
 
 from wrenchbed.cli.limits import check_memory
+from wrenchbed.cli.terminal import prepare
 from wrenchbed.errors import (
     OBEYED,
+    ShortageError,
     WrenchbedError,
     WrenchbedWarning,
     one_line,
@@ -62,6 +64,7 @@ _COLUMNS = 80
 def run() -> None:
     """Entry point of the console script; SIGTERM ends it like Ctrl-C."""
     signal.signal(signal.SIGTERM, signal.default_int_handler)
+    prepare()
     sys.exit(main())
 
 
@@ -126,6 +129,11 @@ def _unknown(word: str) -> str:
 
 
 def _run(words: Sequence[str]) -> int:
+    try:
+        check_memory(words[0])
+    except ShortageError as error:  # before libraries are loaded
+        print(f"wrenchbed: error: {error}", file=sys.stderr)
+        return 1
     from wrenchbed.cli.console import Console
 
     stderr = Console(stderr=True, soft_wrap=True, highlight=False)
@@ -135,7 +143,6 @@ def _run(words: Sequence[str]) -> int:
             warnings.showwarning = lambda message, *_, **__: stderr.print(
                 f"wrenchbed: warning: {one_line(str(message))}", style="yellow", markup=False
             )
-            check_memory(words[0])
             _call(words[0], words[1:])
     except WrenchbedError as error:
         stderr.print(f"wrenchbed: error: {error}", style="red", markup=False)

@@ -27,6 +27,7 @@ from rich.progress import (
 from rich.segment import Segment
 from rich.text import Text
 
+from wrenchbed.cli import terminal
 from wrenchbed.data.checked import load
 from wrenchbed.data.outputs import Kind, check
 from wrenchbed.errors import OBEYED, ParameterError, one_line, printable
@@ -193,6 +194,8 @@ def answer(result: Any, as_json: bool, display: Any) -> None:
     """Print what people read, text or a table of rich; or the result as JSON."""
     if as_json:
         text = json.dumps(result, indent=1, ensure_ascii=False, allow_nan=False)
+        if terminal.lacks(text):
+            text = json.dumps(result, indent=1, allow_nan=False)
         print(OBEYED.sub(_as_json, text))
     elif isinstance(display, str):
         _print(display)
