@@ -1,16 +1,21 @@
 """Robots from MJCF and URDF: the closed form is the user's own file in MuJoCo."""
 
+import mujoco
 import numpy as np
 import pytest
+import test_robots
 from test_robots import random_theta
 
 from arm_files import CASES, TOOL_COG, TOOL_MASS, PlainArm
 from wrenchbed import registry
+from wrenchbed.effects.chain import active_effect, effects, respond
+from wrenchbed.effects.scene import examples
 from wrenchbed.physics.time_derivatives import Jet
 from wrenchbed.physics.wrench import wrench
 from wrenchbed.robots.described import describe, read, rebuilt
 from wrenchbed.simulation.closed_form import Model
 from wrenchbed.simulation.simulation import Simulation
+from wrenchbed.twin.twin import nominal
 
 each_file = pytest.mark.parametrize("case", CASES, ids=lambda c: c.file)
 
@@ -137,3 +142,52 @@ def test_a_recording_carries_the_robot(case, tmp_path, monkeypatch):
     monkeypatch.setattr(registry, "_known", {})
     registry.remember("robots", robot.name, robot.record)
     assert registry.load("robots", robot.name).parameters.names == robot.parameters.names
+
+
+CONTRACT = (
+    test_robots.test_the_wrench_at_rest_is_the_same_in_mujoco_and_in_closed_form,
+    test_robots.test_gravity_is_seen_as_the_sensor_is_turned,
+    test_robots.test_the_sensor_stands_where_mujoco_puts_it,
+    test_robots.test_every_parameter_moves_something_or_is_listed_as_unobservable,
+    test_robots.test_parameters_of_the_load_leave_the_sensor_where_it_is,
+    test_robots.test_every_parameter_writes_itself_into_the_spec,
+    test_robots.test_the_jacobian_is_that_of_central_differences,
+    test_robots.test_samples_are_feasible_seeded_and_turn_the_tool_about,
+    test_robots.test_joints_outside_limits_are_refused_by_row,
+    test_robots.test_an_inertia_of_no_body_is_refused,
+)
+"""What every robot keeps, but what is said of a file in ``models``."""
+
+
+@pytest.mark.parametrize("contract", CONTRACT, ids=lambda c: c.__name__)
+@pytest.mark.parametrize("case", (CASES[0], CASES[5]), ids=lambda c: c.file)
+def test_the_contract_of_every_robot(case, contract, tmp_path):
+    contract(arm_of(case, tmp_path))
+
+
+@each_file
+def test_the_models_own_file_stands_at_home_and_runs(case, tmp_path):
+    robot = arm_of(case, tmp_path)
+    spec = robot.spec(robot.parameters.nominal)
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    assert data.qpos == pytest.approx(robot.home)
+    mujoco.mj_step(model, data, 2000)
+    assert np.abs(data.qpos - robot.home).max() < 1e-6
+    assert [w.number for w in data.warning] == [0] * len(data.warning)
+
+
+@pytest.mark.parametrize("case", (CASES[0], CASES[5]), ids=lambda c: c.file)
+def test_every_effect_of_an_arm_from_a_file_is_simulated_as_fitted(case, tmp_path):
+    robot = arm_of(case, tmp_path)
+    (still, _), applied = examples(robot), 0
+    for name, effect in effects().items():
+        if not effect.between_rows and effect.acts(still) and effect.variants(still):
+            active = [active_effect(robot, name)]
+            closed = respond(still, active)
+            change = np.abs(closed - respond(still)).max()
+            simulated = nominal(robot, active).wrench(still)
+            assert np.abs(simulated - closed).max() < 0.05 * change + 1e-9, name
+            applied += 1
+    assert applied > 20

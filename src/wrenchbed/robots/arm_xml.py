@@ -69,6 +69,7 @@ def mjcf_of(name: str, arm: ArmModel, load: Load, title: str = "") -> str:
     eye = arm.base_shift + np.array([1.3, -1.7, 0.9]) * stretch
     Xml.SubElement(world, "camera", name="view", pos=_text(eye), xyaxes=_LOOK, fovy="40")
     body = _body(world, "base", arm.base_shift, arm.base_turn)
+    Xml.SubElement(body, "inertial", pos="0 0 0", mass="1", diaginertia="0.01 0.01 0.01")
     writer.shapes(body, "base", arm.base_shapes)
     for k, link in enumerate(arm.links, start=1):
         body = _link(body, k, link)

@@ -81,6 +81,8 @@ class Robot(ArmBodies):
     """Patterns of the parameters whose identifiability `calibrate` reports."""
     load: frozenset[str]
     """Parameters that change the load on the sensor but not where the sensor is."""
+    large_gears: int = 0
+    """How many joints from the base on have gears about three times as stiff as the others'."""
     unobservable: tuple[str, ...] = ()
     """Parameters that no wrench and no pose of the sensor depends on."""
 

@@ -27,6 +27,10 @@ ANGLE = np.deg2rad(0.5)
 """Typical error of a joint's zero, of the base's tilt and of the mount [rad], estimate."""
 
 
+_WRIST = 3
+"""Joints at the end with small gears."""
+
+
 class Fixed(NamedTuple):
     """The fixed transforms S_0 … S_J, of one parameter vector or of a batch.
 
@@ -57,6 +61,7 @@ class SerialChain(LoadInSensorAxes, SimulatedRobot):
     in the axes of `flange_pose`."""
 
     def _prepare(self) -> None:
+        self.large_gears = max(0, len(self.joints) - _WRIST)
         self._slides = tuple(joint.unit == "m" for joint in self.joints)
         self._hinges = np.array([k for k, s in enumerate(self._slides) if not s], dtype=int)
         self._masses = masses(self.bodies)

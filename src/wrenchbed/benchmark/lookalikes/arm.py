@@ -79,7 +79,7 @@ def compliance(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     dq = np.zeros_like(design.q)
     for place, j in enumerate(_joints(design, rng, rotating=True)):
         largest = max(float(np.abs(torque[:, j]).max()), 1e-9)
-        typical = 1.5e4 if design.robot.name == "ur5" and j < 3 else 5e3  # N·m/rad
+        typical = 1.5e4 if j < design.robot.large_gears else 5e3  # N·m/rad
         stiffness = typical / size * spread(rng)
         true_torque = torque[:, j] * rng.uniform(0.93, 1.07)  # true masses are not the CAD's
         hardening = rng.uniform(0.0, 0.25)

@@ -60,7 +60,7 @@ def compliance(
 ) -> RefereeFault:
     """A compliant gear: a hinge behind the drive, about 15,000 or 5,000 N·m/rad."""
     k = _rotating(setting, rng) if j is None else j
-    strong = setting.robot.name == "ur5" and k < 3
+    strong = k < setting.robot.large_gears
     compliance = about(rng, size / (1.5e4 if strong else 5e3))
     more = compliance * np.eye(len(setting.robot.joints))[k]
     return RefereeFault(
@@ -74,7 +74,7 @@ def backlash(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """Backlash between drive and link, about 0.08° wide: the weight decides the side."""
     k = _rotating(setting, rng)
     width = about(rng, np.deg2rad(0.08) * size)
-    strong = setting.robot.name == "ur5" and k < 3
+    strong = k < setting.robot.large_gears
     gap = Backlash(width, float(rng.uniform(0.1, 0.8) if strong else rng.uniform(0.01, 0.08)))
     true = {"width": width, "joint": float(k + 1)}
     return RefereeFault(true, body=lambda m: replace(m, backlash={**m.backlash, k: gap}))

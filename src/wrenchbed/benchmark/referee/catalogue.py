@@ -83,8 +83,9 @@ def _stream(rng: Rng) -> Rng:
 def _geometry(setting: RefereeSetting, rng: Rng, scale: float) -> list[RefereeFault]:
     """Lengths, twists and masses of links that differ from the drawing."""
     p = setting.robot.parameters
-    skip = set(setting.robot.load) | set(setting.robot.unobservable)
-    taken = ("base.", "mount.", "dq", "tool.", "sensor.")
+    robot = setting.robot
+    skip = {*robot.load, *robot.unobservable, *robot.zero_names}
+    taken = ("base.", "mount.", "tool.", "sensor.")
     errors = {
         item.name: float(scale * _CAD[item.unit] * rng.standard_normal())
         for item in p.items
