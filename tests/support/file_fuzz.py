@@ -4,9 +4,11 @@ A target writes one mutated file and reads it. Its seeds are made by the librari
 nothing but inputs that once failed is kept as a file (tests/data/fuzz/<target>/).
 """
 
+import atexit
 import contextlib
 import io
 import json
+import os
 import random
 import struct
 import tempfile
@@ -172,11 +174,30 @@ def corpus(name: str) -> list[bytes]:
 # logs
 
 
-def _columns(path: Path) -> dict[str, np.ndarray]:
-    from wrenchbed.data.logs import table
+MAP = """[recording]
+robot = "mine"
+mode = "dynamic"
+[orientation]
+constant = [1.0, 0.0, 0.0, 0.0]
+[[file]]
+topic = "/wrench"
+[file.columns]
+t = { column = "stamp", unit = "ns" }
+"""
 
-    found = table(path, "/wrench", ["stamp", "wrench.force.x", "wrench.torque.z"])
-    return {name: found[name].to_numpy() for name in found.column_names}
+
+def _columns(path: Path) -> dict[str, np.ndarray]:
+    """As `wrenchbed import` reads a log."""
+    import wrenchbed as wb
+
+    own = Path(tempfile.gettempdir(), f"wrenchbed-fuzz-{os.getpid()}.toml")
+    if not own.exists():
+        wrench = zip(CHANNELS, ("N",) * 3 + ("Nm",) * 3, strict=True)
+        own.write_text(MAP + "".join(
+            f'{c} = {{ column = "wrench.{"force" if c[0] == "f" else "torque"}.{c[1]}", '
+            f'unit = "{unit}" }}\n' for c, unit in wrench))  # fmt: skip
+        atexit.register(own.unlink, missing_ok=True)
+    return dict(wb.import_files([path], wb.read_map(own)).recording.columns)
 
 
 def _messages(store: Any, *, ros1: bool = False) -> list[tuple[int, bytes]]:
@@ -224,7 +245,8 @@ def _mcap(compression: str, *, crcs: bool = True, data_crcs: bool = False, chunk
     for k, (at, data) in enumerate(_messages(store)):
         if encoding == "json":
             stamp = {"sec": 1_700_000_000, "nanosec": k * 10**7}
-            load = {"force": {"x": k + 0.5}, "torque": {"z": 100.0 - k}}
+            load = {"force": {"x": k + 0.5, "y": k % 3, "z": -k}}
+            load["torque"] = {"x": 0.5 * k, "y": -0.1, "z": 100.0 - k}
             data = json.dumps({"header": {"stamp": stamp}, "wrench": load}).encode()
         writer.add_message(topic, at, data, at)
     writer.finish()
@@ -320,9 +342,12 @@ def bag2_metadata() -> FileTarget:
 
 def csv_table() -> FileTarget:
     """CSV files and other text tables."""
+    from wrenchbed.data.guess.guess import guess
     from wrenchbed.data.text_table import column_numbers, read_text
 
     def read(path: Path) -> None:
+        with contextlib.suppress(WrenchbedError):
+            guess([path])
         text = read_text(path)
         for name in text.table.column_names[:8]:
             with contextlib.suppress(WrenchbedError):
@@ -334,7 +359,8 @@ def csv_table() -> FileTarget:
     quoted = 'a "b",c\n' + "\n".join(f'"{k}","{k}.5"' for k in range(30))
     texts = (f"# note, 3\nt,fx,fy,fz,tx,ty,tz\n{plain}\n", german, quoted, plain.replace(",", "  "))
     seeds = [t.encode() for t in texts] + [german.encode("utf-16"), "µ;N\n1;2\n".encode("cp1252")]
-    return FileTarget(read, seeds, "log.csv")
+    real = CORPUS.parent / "ntnu_kuka_ati_gamma" / "0-calibration_fts-accel.csv"
+    return FileTarget(read, [*seeds, real.read_bytes()], "log.csv")
 
 
 # settings and results
