@@ -50,7 +50,10 @@ class Unpacker:
         """
         most = LARGEST if size is None else size
         if most > LARGEST or self._total + (size or 0) > self._most:
-            raise MapError(f"{where}: states {size:,} bytes unpacked, more than wrenchbed unpacks")
+            raise MapError(
+                f"{where}: states {size or 0:,} bytes unpacked; at most {LARGEST:,} a part and "
+                f"{self._most:,} a file are taken"
+            )
         content = data
         if kind not in ("", "none"):
             content = b"".join(_limited(_parts([data], kind, where), most, where))
