@@ -29,7 +29,15 @@ from wrenchbed.data.plan import read as read_points
 from wrenchbed.data.recording import Recording
 from wrenchbed.data.text_table import read_text
 from wrenchbed.data.unpacking import Unpacker
-from wrenchbed.errors import MapError, PlanError, RecordingError, ShortageError, WrenchbedError
+from wrenchbed.errors import (
+    MapError,
+    ParameterError,
+    PlanError,
+    RecordingError,
+    ShortageError,
+    WrenchbedError,
+)
+from wrenchbed.robots.model_file import read_arm
 
 WANTED = ["stamp", "wrench.force.x"]
 MB = 2**20
@@ -423,3 +431,38 @@ def test_the_checksum_of_a_chunk_is_that_of_the_format(tmp_path):
     assert begin + size == at + 9 + length
     assert zlib.crc32(data[begin : begin + size]) == crc
     assert bag2_mcap(tmp_path).is_dir()
+
+
+@pytest.mark.parametrize(
+    ("stated", "told"),
+    [(3 * 2**30, "states 3,221,225,472 bytes unpacked"), (1000, "unpacks to more than it may")],
+)
+def test_a_chunk_that_is_a_bomb_is_refused_with_its_place(stated, told, tmp_path):
+    def record(kind, content):
+        return struct.pack("<BQ", kind, len(content)) + content
+
+    packer = zstd.ZstdCompressor()
+    data = b"".join(packer.compress(bytes(16 * MB)) for _ in range(20)) + packer.flush()
+    head = struct.pack("<QQQI", 0, 0, stated, 0) + struct.pack("<I", 4) + b"zstd"
+    chunk = record(6, head + struct.pack("<Q", len(data)) + data)
+    magic = b"\x89MCAP0\r\n"
+    path = tmp_path / "bomb.mcap"
+    path.write_bytes(magic + record(1, bytes(8)) + chunk + record(15, bytes(4)) + magic)
+    assert path.stat().st_size < 50_000
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    refused(path, "chunk 1 (at byte 25)", told)
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - peak < 60_000  # kB, of 320 MB
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ('<!DOCTYPE a [<!ENTITY b "c">]><mujoco>&b;</mujoco>', "defines entities"),
+        ("<mujoco>" + "<body>" * 5000 + "</body>" * 5000 + "</mujoco>", "more than 200 levels"),
+        ("<mujoco>" + " " * 2**24 + "</mujoco>", "more than 16,777,216"),
+    ],
+)
+def test_models_of_robots_that_would_fill_memory_or_stack(text, told, tmp_path):
+    (tmp_path / "a.xml").write_text(text)
+    with pytest.raises(ParameterError, match=told):
+        read_arm(tmp_path / "a.xml", "a")
