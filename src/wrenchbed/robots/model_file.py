@@ -41,6 +41,8 @@ _BOUND = 1e-12
 """What MuJoCo is given for bodies without mass [kg, kg·m²], which it refuses where they move."""
 _SECOND_ARM = 3
 """Joints in series off the chain that make another arm; fewer are a gripper's or a camera's."""
+_BALL_M = 0.03
+"""Radius of gyration of a ball that stands for an impossible inertia [m]: estimate."""
 _MESHES = (".stl", ".obj", ".msh")
 """Formats of meshes that MuJoCo reads."""
 _XACRO = "{http://www.ros.org/wiki/xacro}"
@@ -272,7 +274,7 @@ def _place_frame(spec: mujoco.MjSpec, frame: str, source: _Source) -> None:
         close = difflib.get_close_matches(frame, known, n=1, cutoff=0.4)
         hint = f"; did you mean {close[0]!r}?" if close else "."
         raise NotFoundError(
-            f"{source.path}: there is no frame {frame!r}{hint} Frames: {', '.join(known)}"
+            f"{source.path}: there is no frame {frame!r}{hint} Frames: {', '.join(known) or 'none'}"
         )
 
 
@@ -301,11 +303,21 @@ def _compiled(spec: mujoco.MjSpec, source: _Source, notes: list[str]) -> mujoco.
         if "inertia" not in str(cause):
             raise _refused(source, cause) from None
         options.balanceinertia = True
-        notes.append("a link's inertia is that of no body: made possible where it moves")
+        _possible(spec)
+        notes.append("a body's inertia is that of no body: it is replaced by a possible one")
     try:
         return spec.compile()
     except ValueError as cause:
         raise _refused(source, cause) from None
+
+
+def _possible(spec: mujoco.MjSpec) -> None:
+    """Bodies whose inertia has no positive moments get that of a small ball of their mass."""
+    for body in spec.bodies:
+        xx, yy, zz, xy, xz, yz = body.fullinertia
+        moments = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        if np.isfinite(moments).all() and np.linalg.eigvalsh(moments)[0] <= 0.0:
+            body.fullinertia = [max(_BALL_M**2 * body.mass, _BOUND)] * 3 + [0.0] * 3
 
 
 class _Tree:
