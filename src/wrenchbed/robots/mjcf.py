@@ -9,6 +9,10 @@ from wrenchbed.errors import ParameterError
 from wrenchbed.physics.rotations import quaternion
 from wrenchbed.physics.wrench import Tool, physical_inertia
 
+POINT = 1e-9
+"""Moments of inertia of a point mass [kg·m²], since MuJoCo takes no 0; a hundred thousandth of a
+small tool's: estimate."""
+
 
 def place(
     spec: mujoco.MjSpec, name: str, pos: Sequence[float], rotation: np.ndarray | None = None
@@ -38,6 +42,8 @@ def write_load(spec: mujoco.MjSpec, tool: Tool) -> None:
     six = inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
     if not physical_inertia(six):
         raise ParameterError(f"tool.inertia xx yy zz xy xz yz = {six} kg·m² is that of no body")
+    if not six.any():  # static data say nothing of it
+        six[:3] = POINT
     body = spec.body("tool")
     body.mass = float(tool.mass)
     body.ipos = np.asarray(tool.cog, dtype=float)

@@ -1,0 +1,78 @@
+"""Locked packages have hashes and allowed licences, and hold all that is declared."""
+
+import importlib.machinery
+import importlib.util
+import re
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+LOCKS = sorted((ROOT / "requirements").glob("*.txt"))
+
+
+def script():
+    path = str(ROOT / "scripts" / "licences")
+    loader = importlib.machinery.SourceFileLoader("licences", path)
+    spec = importlib.util.spec_from_loader("licences", loader)
+    module = importlib.util.module_from_spec(spec)
+    loader.exec_module(module)
+    return module
+
+
+def test_every_locked_package_has_a_listed_and_allowed_licence():
+    command = [sys.executable, str(ROOT / "scripts" / "licences"), "--check"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize(
+    ("expression", "bad"),
+    [("MIT", []), ("GPL-3.0-only", ["GPL-3.0-only"]), ("MIT OR GPL-3.0-only", []),
+     ("MIT AND AGPL-3.0-only", ["AGPL-3.0-only"]), ("unknown", ["unknown"]), ("", [""])],
+)  # fmt: skip
+def test_other_licences_are_refused(expression, bad):
+    assert script().refused(expression) == bad
+
+
+@pytest.mark.parametrize("lock", ["run", "test"])
+def test_every_locked_package_has_hashes(lock):
+    text = (ROOT / "requirements" / f"{lock}.txt").read_text(encoding="utf-8")
+    blocks = re.split(r"^(?=\S)", text, flags=re.MULTILINE)
+    packages = [b for b in blocks if b.strip() and not b.startswith("#")]
+    assert len(packages) > 20
+    for block in packages:
+        assert re.match(r"[A-Za-z0-9._-]+==\S+", block), block[:60]
+        assert "--hash=sha256:" in block, block[:60]
+
+
+def test_the_locks_hold_what_the_project_declares():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    locked = {
+        lock: set(
+            re.findall(
+                r"^([a-z0-9._-]+)==",
+                (ROOT / "requirements" / f"{lock}.txt").read_text(),
+                re.MULTILINE,
+            )
+        )
+        for lock in ("run", "test")
+    }
+    extra = project["optional-dependencies"]
+    needs = {
+        "run": [*project["dependencies"], *extra["report"], *extra["view"]],
+        "test": [
+            *project["dependencies"],
+            *(
+                x
+                for e in ("dev", "hil", "cluster", "logs", "docs", "report", "view")
+                for x in extra[e]
+            ),
+        ],
+    }
+    for lock, declared in needs.items():
+        names = {re.match(r"[A-Za-z0-9._-]+", d)[0].lower().replace("_", "-") for d in declared}
+        assert names <= locked[lock], names - locked[lock]
