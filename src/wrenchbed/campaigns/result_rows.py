@@ -7,12 +7,11 @@ from typing import Any
 
 import pyarrow as pa
 import pyarrow.compute as pc
-import pyarrow.parquet as pq
 
 from wrenchbed.campaigns.settings import Fleet, varied
 from wrenchbed.errors import FleetError
 from wrenchbed.files import write_text
-from wrenchbed.jobs.parts import Parts, check_folders, write_table
+from wrenchbed.jobs.parts import Parts, check_folders, read_table, write_table
 from wrenchbed.simulation.closed_form import Model
 
 Row = dict[str, Any]
@@ -71,7 +70,7 @@ class CampaignRows:
         """All rows so far in the order of the robots, each once."""
         table, path = self._parts.table(), self.folder / ALL
         if path.exists():
-            table = pa.concat_tables([pq.read_table(path, schema=table.schema), table])
+            table = pa.concat_tables([read_table(path, table.schema), table])
         order = pc.sort_indices(table["robot"])
         numbers = table["robot"].take(order).to_pylist()
         first = [i for i, n in enumerate(numbers) if i == 0 or numbers[i - 1] != n]

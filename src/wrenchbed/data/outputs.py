@@ -11,6 +11,7 @@ from typing import TypeVar
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from wrenchbed.data import parquet
 from wrenchbed.data.recording import JOURNAL
 from wrenchbed.errors import ParameterError
 from wrenchbed.files import put_back, set_aside
@@ -81,7 +82,7 @@ def kind_of(path: Path) -> Kind | None:
 def _parquet(path: Path) -> Kind | None:
     """A damaged file may be a recording, too."""
     try:
-        names = set(pq.read_schema(path).names)
+        names = set(pq.read_schema(parquet.source(path)).names)
     except (pa.ArrowException, OSError):
         return Kind.RECORDING
     if "fx" in names:

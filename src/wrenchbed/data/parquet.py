@@ -1,6 +1,7 @@
 """Parquet with wrenchbed's metadata: read with clear errors, written atomically."""
 
 import json
+import os
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -56,6 +57,15 @@ def read(path: Path, error: type[WrenchbedError]) -> tuple[dict[str, np.ndarray]
     return result, metadata
 
 
+def source(path: Path) -> pa.NativeFile:
+    """A file to read, whose name need not be UTF-8.
+
+    Raises:
+        OSError: it cannot be opened.
+    """
+    return pa.OSFile(os.fsencode(path), "rb")
+
+
 def _opened(path: Path, error: type[WrenchbedError]) -> pq.ParquetFile:
     """A file whose columns may be read: few enough, of numbers or text, not larger than plausible.
 
@@ -64,7 +74,7 @@ def _opened(path: Path, error: type[WrenchbedError]) -> pq.ParquetFile:
     Raises:
         error: a column of another kind, or a size that the file's own does not explain.
     """
-    with pq.ParquetFile(path) as file:
+    with pq.ParquetFile(source(path)) as file:
         schema, rows = file.schema_arrow, file.metadata.num_rows
     _check_names(schema.names, path, error)
     nested = next((f for f in schema if pa.types.is_nested(f.type)), None)
@@ -77,7 +87,7 @@ def _opened(path: Path, error: type[WrenchbedError]) -> pq.ParquetFile:
             f"{path.stat().st_size:,} bytes does not hold: damaged, or a bomb"
         )
     text = [f.name for f in schema if pa.types.is_string(f.type) or pa.types.is_binary(f.type)]
-    return pq.ParquetFile(path, read_dictionary=text, page_checksum_verification=True)
+    return pq.ParquetFile(source(path), read_dictionary=text, page_checksum_verification=True)
 
 
 def metadata_of(schema: pa.Schema, path: Path, error: type[WrenchbedError]) -> dict[str, Any]:

@@ -108,7 +108,7 @@ class Plan:
 def is_plan(path: Path) -> bool:
     """Whether a file is Parquet with joint values and no wrench."""
     try:
-        names = pq.read_schema(path).names
+        names = pq.read_schema(parquet.source(path)).names
     except (pa.ArrowException, OSError, UnicodeDecodeError) as cause:
         raise_shortage(cause, path)
         return False

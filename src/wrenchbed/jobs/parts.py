@@ -38,6 +38,11 @@ def _code() -> str:
     return hashlib.sha256(b"".join(texts)).hexdigest()
 
 
+def read_table(path: Path, schema: pa.Schema | None = None) -> pa.Table:
+    """Read a Parquet file, whose name need not be UTF-8."""
+    return pq.read_table(pa.OSFile(os.fsencode(path), "rb"), schema=schema)
+
+
 def write_table(path: Path, table: pa.Table) -> None:
     """Write a Parquet file atomically."""
     with atomic_write(path) as file:
@@ -70,7 +75,7 @@ class Parts:
     def readable(self, number: int) -> bool:
         """Whether a part is on disk and can be read."""
         try:
-            pq.read_table(self.path(number))
+            read_table(self.path(number))
         except (OSError, pa.ArrowException) as cause:
             raise_shortage(cause, self.path(number))
             return False
@@ -84,7 +89,7 @@ class Parts:
         """Rows of these parts, or of all, in this order."""
         chosen = self.numbers() if numbers is None else numbers
         tables = [] if self.schema is None else [self.schema.empty_table()]
-        tables += [pq.read_table(self.path(n), schema=self.schema) for n in chosen]
+        tables += [read_table(self.path(n), self.schema) for n in chosen]
         return pa.concat_tables(tables)
 
     def remove(self) -> None:

@@ -128,7 +128,9 @@ class ParameterSet(Sequence[Parameter]):
     def _check(parameter: Parameter, value: float) -> None:
         plain = isinstance(value, int | float) and not isinstance(value, bool)
         if not plain or not abs(value) <= float_info.max:
-            raise ParameterError(f"parameter {parameter.name} = {value!r} is not a finite number")
+            raise ParameterError(
+                f"parameter {parameter.name} = {value!r:.40} is not a finite number"
+            )
         if not parameter.lower <= value <= parameter.upper:
             unit = parameter.unit
             other = {"m": " (is it in mm?)", "rad": " (is it in degrees?)"}.get(unit, "")

@@ -1,6 +1,6 @@
 """The report of a recording held against simulators, and of the fits that some come from."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path, PurePath
 from typing import Any
@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from wrenchbed.data.recording import Recording
+from wrenchbed.errors import ParameterError
 from wrenchbed.pages import numbers
 from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.reports import figures
@@ -120,19 +121,31 @@ def _agreement(name: str, ratio: float) -> dict[str, str]:
 
 
 def _fit(name: str, raw: Mapping[str, Any]) -> dict[str, Any]:
-    tool = raw["tool"]
+    """What a page says of a fit.
+
+    Raises:
+        ParameterError: a field is not as `calibrate` writes it.
+    """
+    told: dict[str, Any] = {}
+    for field, read in _FIELDS.items():
+        try:
+            told[field] = read(raw[field])
+        except (LookupError, TypeError, ValueError, AttributeError) as cause:
+            raise ParameterError(
+                f"{name}: field {field!r} is not as `calibrate` writes it; calibrate again"
+            ) from cause
+    limits = told["redundancies"] + told["no_effect"]
+    return {"name": name, "limits": limits} | {k: told[k] for k in ("status", "tool", "parameters")}
+
+
+def _load(tool: Mapping[str, Any]) -> list[tuple[str, str]]:
     cog = ", ".join(f"{1e3 * x:.4g}" for x in tool["cog"])
     load = [("mass", f"{tool['mass']:.4g} kg"), ("centre of gravity", f"({cog}) mm")]
-    limits = [r["sentence"] for r in raw["redundancies"]]
-    if raw["no_effect"]:
-        limits.append(f"No wrench depends on {', '.join(raw['no_effect'])}.")
-    return {
-        "name": name,
-        "status": raw["status"],
-        "tool": [(label, numbers.minus(value)) for label, value in load],
-        "parameters": [_row(n, p) for n, p in raw["parameters"].items()],
-        "limits": limits,
-    }
+    return [(label, numbers.minus(value)) for label, value in load]
+
+
+def _idle(names: Sequence[str]) -> list[str]:
+    return [f"No wrench depends on {', '.join(names)}."] if names else []
 
 
 def _row(name: str, p: Mapping[str, Any]) -> dict[str, str]:
@@ -151,6 +164,16 @@ def _row(name: str, p: Mapping[str, Any]) -> dict[str, str]:
         "change": numbers.minus(f"{value - p['nominal']:+.{digits}f}"),
         "unit": p["unit"],
     }
+
+
+_FIELDS: Mapping[str, Callable[[Any], Any]] = {
+    "status": str,
+    "tool": _load,
+    "parameters": lambda known: [_row(name, p) for name, p in known.items()],
+    "redundancies": lambda known: [str(r["sentence"]) for r in known],
+    "no_effect": _idle,
+}
+"""What is read of the fields of a fit."""
 
 
 def _next(ratio: float, fitted: bool, name: str) -> list[str]:

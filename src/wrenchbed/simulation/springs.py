@@ -13,6 +13,8 @@ import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from wrenchbed.errors import ParameterError
+
 MARK = ":"
 """In the names of what effects add; no name of a robot's own MJCF has it."""
 LAGS, MASS, ROUND = ".lags", ":mass", ".round"
@@ -136,7 +138,10 @@ def twist(
 ) -> None:
     """A spring [N·m/rad] and friction [N·m] that resist a joint's turn by a torque on the tool
     about the ``joint`` or about the sensor's ``z``; `mechanics` brings it to the sensor."""
-    tendon = spec.add_tendon(name=f"{effect}{MARK}{about}")
+    try:
+        tendon = spec.add_tendon(name=f"{effect}{MARK}{about}")
+    except ValueError as cause:  # the name is taken
+        raise ParameterError(f"effect {effect} acts twice: give it once, with one value") from cause
     tendon.wrap_joint(joint, 1.0)
     tendon.stiffness, tendon.springlength = [stiffness, 0.0, 0.0], [neutral, neutral]
     tendon.frictionloss = friction
@@ -149,7 +154,13 @@ def _add(
     axis: Sequence[float],
     spring: Spring,
 ) -> mujoco.MjsJoint:
-    joint = body.add_joint(name=name, type=kind, axis=axis)
+    try:
+        joint = body.add_joint(name=name, type=kind, axis=axis)
+    except ValueError as cause:  # the name is taken
+        effect, _, part = name.partition(MARK)
+        raise ParameterError(
+            f"effect {effect} acts twice on {part}: give it once, with one value"
+        ) from cause
     joint.limited = spring.half is not None
     joint.ref, joint.armature = 0.0, ROTOR
     joint.stiffness = [spring.stiffness, 0.0, 0.0]

@@ -10,7 +10,7 @@ import numpy as np
 from wrenchbed import registry
 from wrenchbed.data.checked import load
 from wrenchbed.data.recording import Recording
-from wrenchbed.errors import ParameterError
+from wrenchbed.errors import ParameterError, printable
 from wrenchbed.robots.base import SimulatedRobot
 from wrenchbed.simulation.closed_form import Model
 from wrenchbed.twin.replay import simulate
@@ -50,7 +50,7 @@ def simulators(recording: Recording, files: Sequence[str | Path]) -> list[Simula
     twins: list[tuple[str, Twin, Mapping[str, Any]]] = [
         ("configured", Twin(model, model.configured(recording.metadata)), {})
     ]
-    twins += [(Path(file).stem, *_read(Path(file), model)) for file in files]
+    twins += [(printable(Path(file).stem), *_read(Path(file), model)) for file in files]
     return [
         Simulator(name, twin.robot_theta, simulate(twin, recording).wrench, fit)
         for name, twin, fit in twins
@@ -80,12 +80,12 @@ def robot_of(recording: Recording) -> SimulatedRobot:
 
 
 def noise_of(recording: Recording) -> np.ndarray:
-    """Noise of a row (6,) [N, N·m]: as stated, else how rows scatter about their neighbours."""
-    stated = recording.metadata.sensor.noise_std
-    if stated is not None:
-        return np.asarray(stated, dtype=float)
+    """Noise of a row (6,) [N, N·m]: as stated, else, or where none is stated (a simulation without
+    noise), how rows scatter about their neighbours."""
+    stated = np.asarray(recording.metadata.sensor.noise_std or (0.0,) * 6, dtype=float)
     steps = np.abs(np.diff(recording.wrench, axis=0))
-    return np.maximum(np.median(steps, axis=0) / (np.sqrt(2.0) * 0.6745), 1e-9)
+    middle = np.median(steps, axis=0) if len(steps) else np.zeros(6)
+    return np.where(stated > 0.0, stated, np.maximum(middle / (np.sqrt(2.0) * 0.6745), 1e-9))
 
 
 def order_of(recording: Recording) -> tuple[np.ndarray, str]:

@@ -7,11 +7,10 @@ from pathlib import Path
 from typing import Any
 
 import pyarrow as pa
-import pyarrow.parquet as pq
 
 from wrenchbed.benchmark.scoring.linear_problem import Claim
 from wrenchbed.errors import DiagnosisError
-from wrenchbed.jobs.parts import Journal, write_table
+from wrenchbed.jobs.parts import Journal, read_table, write_table
 
 OURS = "wrenchbed"
 """Name of the diagnosis among the methods."""
@@ -140,7 +139,7 @@ def write(path: Path, rows: Iterable[CaseRow]) -> None:
 
 def read(path: Path) -> list[CaseRow]:
     """Rows of a Parquet file of ``write``."""
-    table = pq.read_table(path).to_pylist()
+    table = read_table(path).to_pylist()
     return [from_json(r | {k: json.loads(r[k]) for k in _TEXT}) for r in table]
 
 
