@@ -123,8 +123,10 @@ def _from_file(kind: str, path: Path) -> Any:
 
 def _remembered(kind: str, name: str) -> Any:
     if (kind, name) not in _known:
-        rebuilt = importlib.import_module(_DESCRIBED[kind]).rebuilt
-        _known[kind, name] = rebuilt(_records[kind, name])
+        found = importlib.import_module(_DESCRIBED[kind]).rebuilt(_records[kind, name])
+        if found.name != name:
+            raise NotFoundError(f"there is no {name!r}: what the file carries is {found.name!r}")
+        _known[kind, name] = found
     return _known[kind, name]
 
 

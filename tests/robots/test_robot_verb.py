@@ -6,6 +6,7 @@ import struct
 
 import mujoco
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 
 from arm_files import CASES, DATA, TOOL_COG, TOOL_MASS
@@ -325,3 +326,34 @@ def test_a_recording_is_diagnosed_where_neither_file_is(tmp_path):
     better = str(tmp_path / "better.parquet")
     assert main(["simulate", str(found / "twin.json"), "--like", str(rec), "--out", better]) == 0
     assert Recording.read(better).q.shape[1] == 6
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        (lambda m: m.pop("arm"), "robot_model: not an arm"),
+        (lambda m: m["arm"].pop("links"), "robot_model: not an arm"),
+        (lambda m: m["arm"].update(links=[{}]), "robot_model: not an arm"),
+        (lambda m: m.update(toml=3), "toml is no text"),
+        (lambda m: m.update(toml=m["toml"] + "# more"), "what the file carries is 'r@"),
+    ],
+)
+def test_a_recording_whose_robot_was_broken_is_refused_in_one_line(
+    change, reason, tmp_path, capsys
+):
+    assert refused(tmp_path, URDF.format(kind="revolute", more="", rest=""), "t")[0] == 0
+    toml, plan = str(tmp_path / "my.toml"), str(tmp_path / "plan.parquet")
+    assert main(["plan", toml, "--n", "5", "--out", plan]) == 0
+    rec = tmp_path / "rec.parquet"
+    line = ["record", "--robot", toml, "--plan", plan, "--samples", "2", "--out", str(rec)]
+    assert main(line) == 0
+    table = pq.read_table(rec)
+    raw = json.loads(table.schema.metadata[b"wrenchbed"])
+    change(raw["robot_model"])
+    pq.write_table(table.replace_schema_metadata({"wrenchbed": json.dumps(raw)}), rec)
+    forgotten()
+    capsys.readouterr()
+    assert main(["calibrate", str(rec), "--out", str(tmp_path / "fit.json")]) == 1
+    err = capsys.readouterr().err.strip().splitlines()
+    assert len(err) == 1
+    assert reason in err[0]

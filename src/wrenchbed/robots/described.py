@@ -138,9 +138,12 @@ def rebuilt(record: Mapping[str, Any]) -> FileArm:
         ParameterError: it is incomplete.
     """
     try:
-        return _robot(str(record["toml"]), ArmModel.from_json(record["arm"]), "robot_model")
-    except (KeyError, TypeError) as cause:
-        raise ParameterError(f"robot_model: incomplete: {cause}") from None
+        arm = ArmModel.from_json(record["arm"])
+    except (KeyError, TypeError, ValueError, AttributeError) as cause:
+        raise ParameterError(f"robot_model: not an arm: {type(cause).__name__} {cause}") from None
+    if not isinstance(record.get("toml"), str):
+        raise ParameterError("robot_model: its field toml is no text")
+    return _robot(record["toml"], arm, "robot_model")
 
 
 def _sha(file: Path) -> str:
