@@ -71,6 +71,8 @@ def mjcf_of(name: str, arm: ArmModel, load: Load, title: str = "") -> str:
     body = _body(world, "base", arm.base_shift, arm.base_turn)
     Xml.SubElement(body, "inertial", pos="0 0 0", mass="1", diaginertia="0.01 0.01 0.01")
     writer.shapes(body, "base", arm.base_shapes)
+    if not arm.base_shapes:
+        _bone(body, "base", arm.links[0].shift, _THICK * stretch)
     for k, link in enumerate(arm.links, start=1):
         body = _link(body, k, link)
         after = arm.links[k].shift if k < len(arm.links) else arm.end_shift
