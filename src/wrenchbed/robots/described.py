@@ -71,7 +71,8 @@ def describe(
         frame: site, body, link or fixed frame where the sensor sits; its axes are the sensor's.
         out: where the TOML will lie.
         sensor: registry name.
-        tool_mass, tool_cog: [kg] and (3,) [m] in sensor axes; they replace what the file has there.
+        tool_mass: of the tool [kg]; it replaces what the file has behind the frame.
+        tool_cog: of the tool (3,) [m] in sensor axes; likewise.
         hold_others: keep another arm in the file where it stands.
 
     Raises:
