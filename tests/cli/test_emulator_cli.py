@@ -64,7 +64,7 @@ def test_a_twin_replays_what_its_effects_did(plans, tmp_path, mode):
     assert main([*replay, "--out", out]) == 0
     same = Recording.read(out)
     plain = ["simulate", twin_file(tmp_path), "--like", str(tmp_path / "rec.parquet")]
-    assert main([*plain, "--out", out]) == 0
+    assert main([*plain, "--out", out, "--force"]) == 0
     none = Recording.read(out)
     inner = slice(10, -10)  # acceleration from joint values is poor at the ends of a motion
     changed = (with_effects.wrench - bare.wrench)[inner]
