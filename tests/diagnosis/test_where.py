@@ -7,8 +7,11 @@ import pytest
 from scipy.signal import lfilter
 from scipy.stats import kstest
 
+import consistent
+from simulated import WHITE, static
 from wrenchbed import registry
 from wrenchbed.benchmark.lookalikes import ExperimentDesign, draw, recording
+from wrenchbed.diagnosis.diagnose import diagnose
 from wrenchbed.diagnosis.gap import where
 from wrenchbed.diagnosis.gap.dependence import family_wise, partitions
 from wrenchbed.diagnosis.gap.where import SEEN, Finding, entries, locate
@@ -17,6 +20,7 @@ from wrenchbed.diagnosis.prepare.prepare_recording import prepare
 from wrenchbed.effects.chain import respond
 from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.planning.choose import multisine, poses
+from wrenchbed.reports import sentences
 
 CACHE = {}
 
@@ -252,3 +256,15 @@ def test_a_delay_in_motion_is_found_in_speed():
     rate = np.gradient(respond(prepared.scene), prepared.scene.period, axis=0)
     first = varying(locate(*made("motion", 0, rate)))[0]
     assert first.variable == "speed" and first.p_value < 0.01 and first.share > 0.8
+
+
+def test_what_is_seen_beside_none_is_said_to_be_small_not_absent():
+    """A drift of tz of half its noise: too little for a cause, p < 0.001 as a place."""
+    rec = static("ur5", {}, poses=60, samples=30, noise=WHITE, seed=4)
+    drift = 0.9 * WHITE[5] * (rec.t / rec.t[-1] - 0.5)
+    found = diagnose(replace(rec, columns=dict(rec.columns) | {"tz": rec.columns["tz"] + drift}))
+    assert found.diagnosis.verdict == "none"
+    assert "channel tz" in {f.variable for f in found.places if f.seen}
+    (sentence,) = sentences.places(found)
+    assert "too little for a cause" in sentence and "channel tz" in sentence
+    assert consistent.violations(found) == []

@@ -351,6 +351,14 @@ def the_report_names_the_same_causes(found: Findings, told: Told) -> Iterator[st
 
 
 @check
+def only_what_carries_nothing_is_said_to(found: Findings, told: Told) -> Iterator[str]:
+    seen = [f.variable for f in found.places if f.seen]
+    for text in (sentences.place(found), *sentences.places(found)):
+        if seen and ("differs from noise" in text or "carries more than noise" in text):
+            yield f"{', '.join(seen)} is seen: {text}"
+
+
+@check
 def the_terminal_tells_the_same(found: Findings, told: Told) -> Iterator[str]:
     text, g = _text(found), found.diagnosis.gap
     if f"{told['verdict']}:" not in text:

@@ -209,7 +209,7 @@ def diagnosis(d: Diagnosis) -> Group:
     parts.append("")
     parts += [Text("where", style="bold"), *(_line(str(w["sentence"])) for w in d.where[:4])]
     if not d.where:
-        parts.append(_line("no place differs from noise"))
+        parts.append(_line("no place has a gap that counts as a cause"))
     parts += ["", Text("which", style="bold")]
     parts.append(_causes(d) if d.which else _line("no cause is claimed"))
     parts.append(_line(_probabilities(d)))

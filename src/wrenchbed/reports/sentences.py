@@ -63,7 +63,8 @@ def place(found: Findings) -> str:
     """Where, in a few words."""
     d = found.diagnosis
     if not d.which:
-        return "No place is named." if d.where else "No place differs from noise."
+        small = d.where or any(f.seen for f in found.places)
+        return "No place is named." if small else "No place differs from noise."
     told = []
     for w in d.which:
         own = dict.fromkeys(str(n).split(".")[0] for n in (w["effect"], *w["rivals"]))
@@ -90,6 +91,10 @@ def places(found: Findings) -> list[str]:
         kernel = found.analysis.ranking.kernel
         text = f"Of all recorded variables, the residual follows {depends(kernel)} best"
         told.insert(0, f"{text}." if _seen(kernel, found) else f"{text}, but not beyond chance.")
+    *first, last = [f.variable for f in found.places if f.seen] or [""]
+    if last and not told:
+        small = f"{', '.join(first)} and {last}" if first else last
+        told.append(f"What is left beyond noise, too little for a cause, shows in {small}.")
     return told or ["No channel, joint or variable carries more than noise."]
 
 
