@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from wrenchbed.calibration.calibrate import CalibrationOptions as Options
     from wrenchbed.calibration.calibrate import calibrate
     from wrenchbed.calibration.fit import Fit
+    from wrenchbed.calibration.learn_sensor import LearnedSensor, learn_sensor
     from wrenchbed.calibration.touches import Touches
     from wrenchbed.campaigns.recording.run import record
     from wrenchbed.campaigns.settings import Fleet
@@ -59,6 +60,7 @@ _PUBLIC = {
     "benchmark.sealed.score": ("score as blind_score",),
     "calibration.calibrate": ("CalibrationOptions as Options", "calibrate"),
     "calibration.fit": ("Fit",),
+    "calibration.learn_sensor": ("LearnedSensor", "learn_sensor"),
     "calibration.touches": ("Touches",),
     "campaigns.simulated_robots": ("campaign",),
     "campaigns.recording.run": ("record",),
@@ -105,6 +107,7 @@ __all__ = [
     "Findings",
     "Fit",
     "Fleet",
+    "LearnedSensor",
     "Mix",
     "MixOptions",
     "Model",
@@ -135,6 +138,7 @@ __all__ = [
     "guess_map",
     "import_files",
     "informative",
+    "learn_sensor",
     "load",
     "multisine",
     "names",

@@ -2,10 +2,12 @@
 
 A plug-in of kind ``robots`` is a module or package ``wrenchbed/robots/<name>`` with one public
 constant in the kind's name (``ROBOT``, ``SENSOR``, ``DRIVER``, ``EFFECT``, …), or an entry point of
-another package in the group ``wrenchbed.robots`` that loads such an object.
+another package in the group ``wrenchbed.robots`` that loads such an object. A sensor is a file
+``wrenchbed/sensors/<name>.toml`` instead.
 
-A robot may also come from a user's TOML file: its path stands for its name. What a recording made
-with it carries (`record_of`) makes it known to whoever reads the recording (`remember`).
+A robot or a sensor may also come from a user's TOML file: its path stands for its name. What a
+recording made with it carries (`record_of`) makes it known to whoever reads the recording
+(`remember`).
 """
 
 import difflib
@@ -40,7 +42,10 @@ _PACKAGES = {
 """Kind → the package whose modules are its plug-ins, but `base` and what its `SUPPORT` names."""
 
 
-_DESCRIBED = {"robots": "wrenchbed.robots.described"}
+_DESCRIBED = {
+    "robots": "wrenchbed.robots.described",
+    "sensors": "wrenchbed.sensors.described",
+}
 """Kind → the module that reads such an object from a file, or from what `record_of` gave."""
 _FILES = (".toml",)
 _MODELS = (".xml", ".mjcf", ".urdf", ".xacro")
@@ -73,6 +78,19 @@ def _public(kind: str, module: str) -> str:
 
 
 @cache
+def _tables(kind: str) -> dict[str, Path]:
+    """Files of this package that describe a plug-in, by its name."""
+    package = importlib.import_module(_PACKAGES[kind])
+    files = (f for folder in package.__path__ for f in Path(folder).glob("*.toml"))
+    return {_public(kind, f.stem): f for f in files} if kind in _DESCRIBED else {}
+
+
+@cache
+def _shipped(kind: str, name: str) -> Any:
+    return importlib.import_module(_DESCRIBED[kind]).shipped(_tables(kind)[name])
+
+
+@cache
 def _entry_points(kind: str) -> dict[str, Any]:
     return {e.name: e for e in entry_points(group=f"wrenchbed.{kind}")}
 
@@ -84,7 +102,7 @@ def names(kind: str) -> tuple[str, ...]:
         NotFoundError: the kind does not exist.
     """
     _check_kind(kind)
-    return tuple(sorted(_modules(kind).keys() | _entry_points(kind).keys()))
+    return tuple(sorted({*_modules(kind), *_tables(kind), *_entry_points(kind)}))
 
 
 def load(kind: str, name: str) -> Any:
@@ -93,6 +111,7 @@ def load(kind: str, name: str) -> Any:
     Raises:
         NotFoundError: no such kind or name; the message lists what exists.
         MissingExtraError: the plug-in needs a library of an extra that is not installed.
+        ParameterError: the file that describes it is wrong.
     """
     if kind in _DESCRIBED and name.lower().endswith(_FILES):
         return _from_file(kind, Path(name))
@@ -100,14 +119,16 @@ def load(kind: str, name: str) -> Any:
         return _remembered(kind, name)
     known = names(kind)
     if name not in known:
-        if kind in _DESCRIBED and name.lower().endswith(_MODELS):
+        if kind == "robots" and name.lower().endswith(_MODELS):
             raise NotFoundError(
                 f"{name} is a model, not yet a robot: make one with  "
-                f"wrenchbed {kind[:-1]} {name} --frame NAME --out my.toml  and state my.toml"
+                f"wrenchbed robot {name} --frame NAME --out my.toml  and state my.toml"
             )
         close = difflib.get_close_matches(name, known, n=1)
         hint = f"; did you mean {close[0]!r}?" if close else ""
         raise NotFoundError(f"there is no {kind[:-1]} {name!r}{hint} Known: {', '.join(known)}")
+    if name in _tables(kind):
+        return _shipped(kind, name)
     module = _modules(kind).get(name)
     if module is None:
         return _entry_points(kind)[name].load()
@@ -131,8 +152,12 @@ def _remembered(kind: str, name: str) -> Any:
 
 
 def remember(kind: str, name: str, record: Mapping[str, Any]) -> None:
-    """Make known what a file carries about an object that a user described."""
-    _records.setdefault((kind, name), record)
+    """Make known what a file carries about an object that a user described.
+
+    A plug-in's name keeps meaning the plug-in.
+    """
+    if name not in names(kind):
+        _records.setdefault((kind, name), record)
 
 
 def revived(kind: str, name: str, record: Mapping[str, Any]) -> Any:

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from wrenchbed import registry
 from wrenchbed.emulators.can_bus.wire import Frame
 from wrenchbed.emulators.medrue.board import BoardEmulator
 from wrenchbed.errors import DriverError, ParameterError
@@ -27,7 +28,6 @@ from wrenchbed.hardware.transducers.netcanoem.frames import (
     parse,
 )
 from wrenchbed.hardware.transducers.netcanoem.transducer import _si
-from wrenchbed.sensors.ati_mini40 import MATRIX
 
 EVEN = EvenGauges(0, (1, 3, 5))
 ODD = OddGauges((2, 4, 6))
@@ -172,7 +172,7 @@ def test_gauges_through_the_matrix_that_the_board_tells_are_the_load():
     g0, g2, g4 = struct.unpack_from(">hhh", first, 2)
     g1, g3, g5 = struct.unpack(">hhh", second)
     wrench = np.array(rows) @ [g0, g1, g2, g3, g4, g5] / 1e6
-    step = np.abs(MATRIX).sum(axis=1) / 3276.8
+    step = np.abs(registry.load("sensors", "ati-mini40").gauges).sum(axis=1) / 3276.8
     assert (np.abs(wrench - load) < step).all()
 
 

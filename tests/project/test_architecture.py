@@ -29,7 +29,6 @@ LAYERS = (
 MOST_ROOMS, MOST_ARROWS = 30, 186
 PLUGINS = {
     "robots": "robots",
-    "sensors": "sensors",
     "drivers": "hardware/drivers",
     "transducers": "hardware/transducers",
     "emulators": "emulators",

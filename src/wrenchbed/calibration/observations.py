@@ -192,8 +192,9 @@ def floored(covariance: np.ndarray, recording: Recording) -> np.ndarray:
     if (variance < (1e-9 * _SCALE) ** 2).all():
         return np.zeros((6, 6))
     model = recording.metadata.sensor.model
-    known = model in registry.names("sensors")
-    step = registry.load("sensors", str(model)).calibration().resolution if known else 1e-3 * _SCALE
+    step = 1e-3 * _SCALE
+    if model is not None and registry.is_known("sensors", model):
+        step = registry.load("sensors", model).calibration().resolution
     return covariance + np.diag(np.maximum(0.0, np.square(step) / 12 - variance))
 
 

@@ -33,6 +33,7 @@ from wrenchbed.errors import (
 _VERBS = {
     "list": ("small_verbs", "list_"),
     "robot": ("robot", "robot"),
+    "sensor": ("sensor", "sensor"),
     "plan": ("plan", "plan"),
     "record": ("record", "record"),
     "import": ("import_verb", "import_"),

@@ -27,7 +27,7 @@ class GuessArguments:
         robot: With --guess: name of the robot.
         gravity: With --guess: size of gravity [m/s²].
         tool_mass: With --guess: known mass of the tool [kg], which tells units apart.
-        sensor: With --guess: model, see `wrenchbed list sensors`.
+        sensor: With --guess: model, see `wrenchbed list sensors`, or a sensor's TOML file.
         fit: With --guess: fit.json of the same sensor and tool; states tool, zeros and tolerances.
         rest: With --guess: text file of the wrench at rest; states the noise of one row.
     """

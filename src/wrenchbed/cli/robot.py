@@ -34,7 +34,7 @@ def robot(
         file: MJCF, or URDF (expanded xacro). It is only read.
         frame: Site, body, link or fixed frame where the sensor sits.
         out: TOML file to write.
-        sensor: Name, see `wrenchbed list sensors`.
+        sensor: Name, see `wrenchbed list sensors`, or a sensor's TOML file.
         tool_mass: In kg, instead of what the file hangs behind the frame.
         tool_cog: In m, sensor axes, instead of what the file hangs behind the frame.
         hold_others: Keep another arm of the file where it stands.

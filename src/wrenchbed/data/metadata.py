@@ -12,8 +12,8 @@ from wrenchbed.errors import RecordingError
 from wrenchbed.physics.wrench import physical_inertia
 
 MODES = ("static", "dynamic")
-ROBOT_MODEL = "robot_model"
-"""Field of what a file carries of a robot that a user described."""
+ROBOT_MODEL, SENSOR_MODEL = "robot_model", "sensor_model"
+"""Fields of what a file carries of a robot or a sensor that a user described."""
 _UNIT_LENGTH = 1e-3
 """Largest error of a unit quaternion's length: four digits are enough."""
 _LEAST_GRAVITY, _MOST_GRAVITY = 1.0, 30.0
@@ -68,13 +68,26 @@ class Metadata:
             "gravity": self.gravity,
         }
         stated = _stated({k: v for k, v in raw.items() if v != {}}) | dict(self.extra)
-        return stated | carried_robot(self.robot)
+        return stated | carried_robot(self.robot) | _carried_sensor(self.sensor.model)
 
 
 def carried_robot(name: str) -> dict[str, Any]:
     """The field with which a file carries its robot, nothing of robots that everybody has."""
     record = registry.record_of("robots", name)
     return {} if record is None else {ROBOT_MODEL: dict(record)}
+
+
+def _carried_sensor(name: str | None) -> dict[str, Any]:
+    record = registry.record_of("sensors", str(name))
+    return {} if record is None else {SENSOR_MODEL: dict(record)}
+
+
+def _stated_sensor(raw: Mapping[str, Any], name: str | None) -> str | None:
+    """The sensor's name of a file that may carry it, or may name a user's TOML."""
+    record = raw.get(SENSOR_MODEL)
+    if name is not None and isinstance(record, Mapping):
+        registry.remember("sensors", name, record)
+    return None if name is None else registry.known_as("sensors", name)
 
 
 def stated_robot(raw: Mapping[str, Any], name: str) -> str:
@@ -98,9 +111,10 @@ def parse(raw: Mapping[str, Any], where: str) -> Metadata:
 
     Raises:
         RecordingError: names the field, what was found and what is allowed.
+        NotFoundError, ParameterError: a user's TOML of the robot or the sensor cannot be read.
     """
     fields = Fields(raw, f"{where}: metadata ", RecordingError)
-    known = {"format", ROBOT_MODEL, *Metadata.__dataclass_fields__} - {"extra"}
+    known = {"format", ROBOT_MODEL, SENSOR_MODEL, *Metadata.__dataclass_fields__} - {"extra"}
     robot = fields.text("robot", required=True)
     mode = fields.choice("mode", MODES, "must be 'static' or 'dynamic'")
     tool, sensor = fields.part("tool"), fields.part("sensor")
@@ -120,7 +134,7 @@ def parse(raw: Mapping[str, Any], where: str) -> Metadata:
         rate_hz=fields.number("rate_hz", "Hz", positive=True),
         tool=ToolInfo(tool.number("mass", "kg", positive=True), tool.numbers("cog", 3), inertia),
         sensor=SensorInfo(
-            model=sensor.text("model"),
+            model=_stated_sensor(raw, sensor.text("model")),
             noise_std=sensor.numbers("noise_std", 6, nonnegative=True),
             mass=sensor.number("mass", "kg", nonnegative=True),
             pose_flange=pose,

@@ -37,6 +37,7 @@ class Kind(StrEnum):
     PAGE = "a page of wrenchbed"
     MAP = "a column map"
     ROBOT = "a robot's description"
+    SENSOR = "a sensor's description"
 
 
 MEASURED = (Kind.RECORDING, Kind.LOG)
@@ -48,7 +49,11 @@ _JSON = {
     Kind.OUTSIDE: {"inside", "outside"},
 }
 """Fields by which an object is known."""
-_TOML = {Kind.ROBOT: {"format", "model"}, Kind.MAP: {"file"}}
+_TOML = {
+    Kind.ROBOT: {"format", "model"},
+    Kind.SENSOR: {"format", "calibration"},
+    Kind.MAP: {"file"},
+}
 _BEGINNINGS = {
     b"RRF": Kind.PICTURE, b"\x89MCAP": Kind.LOG, b"<mujoco": Kind.MODEL,
 }  # fmt: skip

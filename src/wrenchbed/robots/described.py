@@ -8,13 +8,15 @@ and the beginning of the text's SHA-256, so that two descriptions never pass for
 import hashlib
 import os
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from wrenchbed import registry
 from wrenchbed.errors import NotFoundError, ParameterError, did_you_mean
 from wrenchbed.files import write_text
 from wrenchbed.physics.wrench import physical_inertia
@@ -70,7 +72,7 @@ def describe(
         file: MJCF or URDF.
         frame: site, body, link or fixed frame where the sensor sits; its axes are the sensor's.
         out: where the TOML will lie.
-        sensor: registry name.
+        sensor: registry name, or the path of a user's TOML file.
         tool_mass: of the tool [kg]; it replaces what the file has behind the frame.
         tool_cog: of the tool (3,) [m] in sensor axes; likewise.
         hold_others: keep another arm in the file where it stands.
@@ -88,8 +90,10 @@ def describe(
     arm = replace(found.arm, floor=_floor(found.arm))
     stated = os.path.relpath(file.resolve(), out.resolve().parent)
     name = out.stem if out.stem not in ("", "my", "robot") else arm.name
+    if sensor.lower().endswith(".toml"):
+        sensor = Path(os.path.relpath(Path(sensor).resolve(), out.resolve().parent)).as_posix()
     text = _toml(name, sensor, (Path(stated).as_posix(), file, frame, hold_others), arm, load)
-    robot = _robot(text, arm, str(out))
+    robot = _robot(text, arm, str(out), partial(_sensor, out.parent))
     loading = load.bodies or ("the tool that --tool-mass states",)
     notes = list(found.notes)
     if found.held:
@@ -129,7 +133,7 @@ def read(path: Path) -> FileArm:
             f"{model.text('frame')} --out {path.name}"
         )
     found = read_arm(file, model.text("frame"), bool(model.raw.get("hold_others", False)))
-    return _robot(text, found.arm, str(path))
+    return _robot(text, found.arm, str(path), partial(_sensor, path.parent))
 
 
 def rebuilt(record: Mapping[str, Any]) -> FileArm:
@@ -144,7 +148,25 @@ def rebuilt(record: Mapping[str, Any]) -> FileArm:
         raise ParameterError(f"robot_model: not an arm: {type(cause).__name__} {cause}") from None
     if not isinstance(record.get("toml"), str):
         raise ParameterError("robot_model: its field toml is no text")
-    return _robot(record["toml"], arm, "robot_model")
+    return _robot(record["toml"], arm, "robot_model", partial(_carried_sensor, record))
+
+
+def _carried_sensor(record: Mapping[str, Any], stated: str) -> str:
+    """The name of the sensor that a recording's robot carries, else the stated one."""
+    carried = record.get("sensor")
+    if carried is None:
+        return stated
+    name = carried.get("name") if isinstance(carried, Mapping) else None
+    if not isinstance(name, str) or not isinstance(carried.get("record"), Mapping):
+        raise ParameterError("robot_model: its field sensor must have name and record")
+    registry.remember("sensors", name, carried["record"])
+    return name
+
+
+def _sensor(folder: Path, stated: str) -> str:
+    """The name of a sensor; the path of a user's TOML is seen from the robot's file."""
+    is_file = stated.lower().endswith(".toml")
+    return registry.known_as("sensors", str(folder / stated) if is_file else stated)
 
 
 def _sha(file: Path) -> str:
@@ -207,8 +229,8 @@ def _floor(arm: ArmModel) -> float | None:
     return round(float(arm.base_shift[2]) + _FLOOR * arm.reach, 3) if rises else None
 
 
-def _robot(text: str, arm: ArmModel, where: str) -> FileArm:
-    """From the TOML's text and the arm that its model file gave."""
+def _robot(text: str, arm: ArmModel, where: str, known_as: Callable[[str], str]) -> FileArm:
+    """From the TOML's text, the arm that its model file gave, and how its sensor is called."""
     table = _Table(_parsed(text, where), where, "")
     table.only(_TOP)
     if table.raw.get("format") != FORMAT:
@@ -228,13 +250,18 @@ def _robot(text: str, arm: ArmModel, where: str) -> FileArm:
     if not 1.0 < float(np.linalg.norm(gravity)) < 30.0:
         raise table.error("gravity", "must be an acceleration in m/s² (Earth: 9.8)")
     floor = table.number("floor") if "floor" in table.raw else None
-    sensor = table.text("sensor")
+    sensor = known_as(table.text("sensor"))
+    own = registry.record_of("sensors", sensor)
     load = _stated_load(table.part("tool"), arm.load)
     edited = replace(arm, links=links, gravity=tuple(gravity), floor=floor)
-    digest = hashlib.sha256(text.encode()).hexdigest()[:_DIGITS]
+    whole = text if own is None else text + sensor
+    digest = hashlib.sha256(whole.encode()).hexdigest()[:_DIGITS]
     name = f"{table.text('name')}@{digest}"
     description = ArmDescription(name, table.text("title"), sensor, edited, load)
-    return FileArm(description, {"toml": text, "arm": arm.to_json()})
+    record = {"toml": text, "arm": arm.to_json()}
+    if own is not None:
+        record["sensor"] = {"name": sensor, "record": dict(own)}
+    return FileArm(description, record)
 
 
 def _edited(link: ArmLink, row: "_Table") -> ArmLink:

@@ -1,4 +1,7 @@
-"""Force/torque sensors, one file of data a family: ranges, resolutions and measured noise.
+"""Force/torque sensors, one TOML file each: ranges, resolutions, noise, body, sources.
 Imports physics only.
-Read first: `base`, then `ati_gamma` as an example.
+Read first: `base`, then `ati-gamma.toml` as an example; `described` checks and writes such files.
 """
+
+SUPPORT = ("described",)
+"""Modules that are no plug-in."""

@@ -1,16 +1,14 @@
-"""What a six-axis force/torque sensor is: its calibrations, its noise and its certified accuracy.
+"""What a six-axis force/torque sensor is: calibrations, noise, body and certified accuracy.
 
-A new sensor is one file of data: `from_sheet` for each calibration, `noise_at_rest`, and the
-constant ``SENSOR = Sensor(...)``.
+A new sensor is one file of data, see `described`. Another package may also give a `Sensor` through
+an entry point.
 """
 
-import difflib
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
-import numpy as np
-from numpy.typing import ArrayLike
-
-from wrenchbed.errors import NotFoundError, ParameterError
+from wrenchbed.errors import NotFoundError, ParameterError, did_you_mean
 from wrenchbed.physics.noise import SATURATED_BITS, Array, NoiseModel, channels
 
 STATUS_OK = 0
@@ -60,6 +58,16 @@ class Sensor:
         noise_source: how it was measured or estimated.
         accuracy: (6,) certified accuracy ± [N, N·m], None where no certificate is known.
         accuracy_source: whose certificate.
+        plate_offset: (3,) from the middle of the face on the robot's side to the origin of the
+            wrench, in sensor axes [m].
+        plate_offset_source: where it comes from.
+        counts: (6,) counts of the digital output per newton and newton metre, None where the
+            output is a floating-point number.
+        counts_source: where they come from.
+        gauges: (6, 6) matrix from gauge voltages to the wrench [N/V, N·m/V] of one sensor, None
+            where none is known.
+        gauges_source: which sensor.
+        record: what `described.rebuilt` makes the sensor of again; None of what everybody has.
     """
 
     name: str
@@ -72,6 +80,13 @@ class Sensor:
     noise_source: str
     accuracy: Array | None = None
     accuracy_source: str = ""
+    plate_offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    plate_offset_source: str = ""
+    counts: Array | None = None
+    counts_source: str = ""
+    gauges: Array | None = None
+    gauges_source: str = ""
+    record: Mapping[str, Any] | None = None
 
     def __post_init__(self) -> None:
         self.calibration()
@@ -87,70 +102,17 @@ class Sensor:
         wanted = self.default if name is None else name
         known = {c.name: c for c in self.calibrations}
         if wanted not in known:
-            close = difflib.get_close_matches(wanted, known, n=1)
-            hint = f"; did you mean {close[0]!r}?" if close else "."
+            hint = did_you_mean(wanted, known) or "."
             raise NotFoundError(
                 f"{self.name} has no calibration {wanted!r}{hint} Known: {', '.join(known)}"
             )
         return known[wanted]
 
+    def full_scale_counts(self, name: str | None = None) -> Array | None:
+        """Counts (6,) of the digital output at full scale; None where it does not count.
 
-def axes(across: float, along: float, torque: float) -> Array:
-    """Per channel (6,) from a data sheet's three columns Fx,Fy · Fz · Tx,Ty,Tz [N, N, N·m]."""
-    return np.array([across, across, along, torque, torque, torque])
-
-
-def from_sheet(
-    name: str,
-    full_scale: tuple[float, float, float],
-    resolution: tuple[float, float, float],
-    source: str,
-) -> SensorCalibration:
-    """A calibration from a data sheet's three columns: see `axes`."""
-    return SensorCalibration(name, axes(*full_scale), axes(*resolution), source)
-
-
-WARMUP_SHARE, WARMUP_S, AGE_S = 1e-3, 900.0, 3600.0
-"""Drift after power-up as a share of full scale, its time constant [s] and the time since power-up
-[s]: estimates."""
-F_LOW_HZ, F_HIGH_HZ = 1e-3, 100.0
-"""Band of the 1/f part [Hz]: estimates; nothing slower than a second was measured."""
-
-
-def noise_at_rest(
-    white: Array, flicker: Array, correlation: Array, full_scale: Array, step: Array
-) -> NoiseModel:
-    """Noise of one row without mains, of a sensor that was switched on an hour before.
-
-    Args:
-        white, flicker: (6,), see `NoiseModel` [N, N·m].
-        correlation: (6, 6) of the channels.
-        full_scale: (6,) of the calibration [N, N·m].
-        step: (6,) of the output words [N, N·m].
-    """
-    return NoiseModel(
-        white=white,
-        flicker=flicker,
-        f_low=F_LOW_HZ,
-        f_high=F_HIGH_HZ,
-        correlation=correlation,
-        mains_amplitude=np.zeros(6),
-        warmup_drift=WARMUP_SHARE * full_scale,
-        warmup_time=WARMUP_S,
-        warmup_age=AGE_S,
-        resolution=step,
-        range=full_scale,
-    )
-
-
-def gauge_noise(matrix: ArrayLike) -> tuple[Array, Array]:
-    """Standard deviation (6,) and correlation (6, 6) of a wrench read through six equal gauges.
-
-    Args:
-        matrix: (6, 6) calibration matrix, wrench = matrix · gauges [N/V, N·m/V]; each gauge is
-            taken to carry independent noise of 1 V.
-    """
-    m = np.asarray(matrix, dtype=np.float64)
-    covariance = m @ m.T
-    std = np.sqrt(np.diagonal(covariance))
-    return std, covariance / np.outer(std, std)
+        Raises:
+            NotFoundError: no such calibration.
+        """
+        full = self.calibration(name).range
+        return None if self.counts is None else full * self.counts

@@ -275,9 +275,8 @@ class ExperimentDesign:
     @cached_property
     def full_scale(self) -> np.ndarray:
         """The sensor's range per channel (6,) [N, N·m]."""
-        known = registry.names("sensors")
         name = self.metadata.sensor.model or self.robot.sensor
-        name = name if name in known else self.robot.sensor
+        name = name if registry.is_known("sensors", name) else self.robot.sensor
         return np.asarray(registry.load("sensors", name).calibration().range, dtype=float)
 
     @cached_property

@@ -118,7 +118,7 @@ def _one_sided(recording: Recording, channel: str) -> Iterator[Finding]:
 def _ranges(recording: Recording, keep: np.ndarray, own: str) -> Iterator[Finding]:
     """Unmarked rows at the end of one of the sensor's ranges."""
     model = recording.metadata.sensor.model
-    if model not in registry.names("sensors"):
+    if model is None or not registry.is_known("sensors", model):
         return
     sensor: Sensor = registry.load("sensors", str(model or own))
     for calibration in sensor.calibrations:

@@ -274,8 +274,8 @@ def inner_stride(stride: int) -> int:
 def sensor_of(recording: Recording, robot: Robot) -> Sensor:
     """The sensor that a recording states, the robot's own where it states none."""
     stated = recording.metadata.sensor.model
-    name = stated if stated in registry.names("sensors") else robot.sensor
-    sensor: Sensor = registry.load("sensors", str(name))
+    known = stated is not None and registry.is_known("sensors", stated)
+    sensor: Sensor = registry.load("sensors", str(stated) if known else robot.sensor)
     return sensor
 
 

@@ -11,9 +11,11 @@ from collections.abc import Callable
 
 import numpy as np
 
+from wrenchbed import registry
 from wrenchbed.emulators.can_bus.wire import Frame
-from wrenchbed.sensors.ati_mini40 import MATRIX
 
+MATRIX: np.ndarray = registry.load("sensors", "ati-mini40").gauges
+"""Gauges [V] to wrench [N, N·m] (6, 6)."""
 COUNTS_PER_VOLT = 3276.8
 """A 16-bit converter of ±10 V."""
 NEWTON, NEWTON_METRE = 2, 3

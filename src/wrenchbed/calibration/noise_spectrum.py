@@ -1,0 +1,202 @@
+"""White and 1/f noise of evenly sampled rows, fitted to their periodogram.
+
+Whittle's likelihood with the exact expected periodogram of the model (debiased, Sykulski et al.
+2019, doi 10.1093/biomet/asy071): what sampling folds back and what a short record leaks is in it.
+The 1/f part is that of `NoiseModel`: its autocovariance at lag τ is E₁(2π f_low τ) −
+E₁(2π f_high τ) for a level of 1.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.fft import next_fast_len, rfft
+from scipy.special import exp1
+
+_ROUNDS = 60
+"""Of Fisher scoring; it settles within 10 to 20."""
+_SETTLED = 1e-7
+_SHOWN, _ONE_SIDED = 2.0, 1.645
+"""Sigmas from which on a 1/f part stands out, and below which 95 % of cases lie."""
+BELOW_ARM_HZ, _ENOUGH_LOW = 2.0, 16
+"""Arms that servos hold vibrate above this [Hz]; so many frequencies tell a floor from 1/f noise:
+estimates."""
+_MISFIT = 3.0
+"""Mean squared misfit of the octaves, in their variances, above which the law does not hold: noise
+that follows the law has more once in 1,000 (8 octaves)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Clock:
+    """Rows at an even rate.
+
+    Attributes:
+        rows: how many.
+        rate: [Hz].
+        f_low, f_high: ends of the 1/f part [Hz].
+    """
+
+    rows: int
+    rate: float
+    f_low: float
+    f_high: float
+
+    @cached_property
+    def frequency(self) -> np.ndarray:
+        """Fourier frequencies (K,) [Hz] without zero and the end."""
+        return np.arange(1, (self.rows + 1) // 2) * (self.rate / self.rows)
+
+    @cached_property
+    def covariance(self) -> np.ndarray:
+        """Autocovariance (N,) of the 1/f part with a level of 1."""
+        lag = 2.0 * np.pi * np.arange(1, self.rows) / self.rate
+        rest = exp1(self.f_low * lag) - exp1(self.f_high * lag)
+        return np.concatenate([[np.log(self.f_high / self.f_low)], rest])
+
+    @cached_property
+    def flicker(self) -> np.ndarray:
+        """Expected periodogram (K,) of the 1/f part with a level of 1 [1/Hz]."""
+        n = self.rows
+        weighted = (1.0 - np.arange(n) / n) * self.covariance
+        spectrum = 2.0 * np.fft.rfft(weighted).real - weighted[0]
+        return np.asarray(2.0 / self.rate * spectrum[1 : len(self.frequency) + 1])
+
+    @property
+    def white(self) -> np.ndarray:
+        """Expected periodogram (K,) of white noise with a deviation of 1 [1/Hz]."""
+        return np.full(len(self.frequency), 2.0 / self.rate)
+
+    def periodogram(self, rows: np.ndarray) -> np.ndarray:
+        """One-sided density (K,) of rows (N,) without their mean."""
+        spectrum = np.fft.rfft(rows - rows.mean())[1 : len(self.frequency) + 1]
+        return np.asarray(2.0 / (self.rate * self.rows) * np.abs(spectrum) ** 2)
+
+    def slope_std(self, white: float, flicker: float) -> float:
+        """Standard deviation of the least-squares slope of such noise [1/s]."""
+        t = (np.arange(self.rows) - (self.rows - 1) / 2.0) / self.rate
+        weight = t / (t @ t)
+        padded = rfft(weight, next_fast_len(2 * self.rows, real=True))
+        shared = np.fft.irfft(np.abs(padded) ** 2, next_fast_len(2 * self.rows, real=True))
+        shared = shared[: self.rows]
+        own = 2.0 * shared @ self.covariance - shared[0] * self.covariance[0]
+        return float(np.sqrt(white**2 * shared[0] + flicker**2 * max(own, 0.0)))
+
+
+@dataclass(frozen=True)
+class Spectrum:
+    """White and 1/f part of one channel, with standard uncertainties; of rows, not of a step.
+
+    Attributes:
+        white, flicker: see `NoiseModel`.
+        white_std: of ``white``.
+        flicker_std: of ``flicker``; NaN where it does not stand out and is 0.
+        flicker_most: its 95 % upper limit.
+        misfit: mean squared misfit of the octaves in their variances, 1 where the law holds.
+    """
+
+    white: float
+    flicker: float
+    white_std: float
+    flicker_std: float
+    flicker_most: float
+    misfit: float
+
+    @property
+    def follows(self) -> bool:
+        """Whether white and 1/f noise explain the octaves."""
+        return self.misfit <= _MISFIT
+
+    def density(self, clock: Clock) -> np.ndarray:
+        """Expected periodogram (K,)."""
+        return self.white**2 * clock.white + self.flicker**2 * clock.flicker
+
+
+def fit(density: np.ndarray, keep: np.ndarray, clock: Clock) -> Spectrum:
+    """Fit a periodogram (K,) at the frequencies ``keep`` (K,).
+
+    Where white and 1/f noise do not explain it (a vibrating arm), the 1/f part is that below
+    `BELOW_ARM_HZ`, and the white part the rest of the variance: the deviation of a row is kept.
+    """
+    seen, basis = density[keep], np.stack([clock.white[keep], clock.flicker[keep]])
+    power, information = _scored(seen, basis)
+    misfit = _misfit(seen / (power @ basis))
+    if misfit > _MISFIT:
+        return _coloured(density, keep, clock, misfit)
+    std = np.sqrt(np.diagonal(np.linalg.inv(information)))
+    most = float(np.sqrt(power[1] + _ONE_SIDED * std[1]))
+    if power[1] > _SHOWN * std[1]:
+        white, flicker = np.sqrt(power)
+        white_std, flicker_std = (_root_std(p, s) for p, s in zip(power, std, strict=True))
+        return Spectrum(float(white), float(flicker), white_std, flicker_std, most, misfit)
+    alone = float(seen.mean() / basis[0, 0])
+    white_std = _root_std(alone, alone / np.sqrt(len(seen)))
+    return Spectrum(float(np.sqrt(alone)), 0.0, white_std, float("nan"), most, misfit)
+
+
+def _scored(seen: np.ndarray, basis: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Powers (2,) of white and 1/f part by Fisher scoring, and their information (2, 2)."""
+    power = np.array([seen[len(seen) // 2 :].mean() / basis[0, 0], 0.0])
+    low = slice(0, max(2, len(seen) // 50))
+    power[1] = max(0.0, float(np.mean((seen[low] - power[0] * basis[0, low]) / basis[1, low])))
+    information = np.eye(2)
+    for _ in range(_ROUNDS):
+        scaled = basis / (power @ basis)
+        information = scaled @ scaled.T
+        new = _not_negative(information, scaled @ (seen / (power @ basis)))
+        settled = np.abs(new - power) <= _SETTLED * power.max()
+        power = 0.5 * (power + new)
+        if settled.all():
+            break
+    return power, information
+
+
+def _coloured(density: np.ndarray, keep: np.ndarray, clock: Clock, misfit: float) -> Spectrum:
+    """1/f part of the low frequencies, white part of the rest of the variance."""
+    low = np.flatnonzero(keep & (clock.frequency <= BELOW_ARM_HZ))
+    low = low if len(low) > 1 else np.flatnonzero(keep)[:2]
+    seen, basis = density[low], np.stack([clock.white[low], clock.flicker[low]])
+    if len(seen) >= _ENOUGH_LOW:
+        power, information = _scored(seen, basis)
+        flicker, std = float(power[1]), float(np.sqrt(np.linalg.inv(information)[1, 1]))
+    else:  # too few to tell the white floor: an upper estimate
+        flicker = float(np.mean(seen / basis[1]))
+        std = flicker / np.sqrt(len(seen))
+    step = clock.rate / clock.rows
+    shown = flicker * float(clock.flicker.sum()) * step
+    white = max(float(density.sum()) * step - shown, 0.0)
+    white_std = float(np.sqrt((density**2).sum())) * step
+    return Spectrum(
+        float(np.sqrt(white)), float(np.sqrt(flicker)), _root_std(white, white_std),
+        _root_std(flicker, std), float(np.sqrt(flicker + _ONE_SIDED * std)), misfit,
+    )  # fmt: skip
+
+
+def _root_std(power: float, std: float) -> float:
+    """Standard uncertainty of √power."""
+    return float(std / (2.0 * np.sqrt(power)) if power > std else np.sqrt(std) / 2.0)
+
+
+def _not_negative(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """Least squares of two numbers that are not negative."""
+    both = np.linalg.solve(matrix, right)
+    if (both >= 0.0).all():
+        return np.asarray(both)
+    alone = np.diag(np.maximum(right / np.diagonal(matrix), 0.0))
+    cost = [x @ matrix @ x - 2.0 * right @ x for x in alone]
+    return np.asarray(alone[int(np.argmin(cost))])
+
+
+def octaves(count: int) -> Iterator[slice]:
+    """Slices of so many frequencies, each twice as long as the one before, from 4 on."""
+    first, size = 0, 4
+    while first < count:
+        last = first + size if count - first - size >= size else count
+        yield slice(first, last)
+        first, size = last, 2 * size
+
+
+def _misfit(ratio: np.ndarray) -> float:
+    """Mean square of the octaves' misfits; each density over its expectation is exponential."""
+    parts = [ratio[part] for part in octaves(len(ratio))]
+    return float(np.mean([(part.mean() - 1.0) ** 2 * len(part) for part in parts]))

@@ -1,0 +1,113 @@
+"""Whether a recording is a rest that a sensor's noise can be learnt from; refusals say why not."""
+
+import numpy as np
+
+from wrenchbed.data.recording import Recording
+from wrenchbed.data.rests import split
+from wrenchbed.errors import CalibrationError, RecordingError
+from wrenchbed.physics.wrench import CHANNELS
+from wrenchbed.sensors.base import STATUS_SATURATED
+
+LEAST_ROWS, LEAST_S = 256, 0.9
+"""Fewer rows tell a standard deviation to no better than 5 %, and less time no colour: estimates.
+A minute is meant."""
+_UNEVEN, _GAP = 0.2, 2.5
+"""Standard deviation of the steps in time, and a single one, over the median step: estimates."""
+_BLOCKS, _JUMP = 60, 14.0
+"""A rest is cut into so many blocks; their means change by at most so many times the median change
+(Gaussian noise: 9 sigma, once in 10^17; 1/f noise less): estimates."""
+
+
+def check_rest(recording: Recording) -> float:
+    """Refuse what is no rest.
+
+    Returns:
+        Rate of the rows [Hz].
+
+    Raises:
+        CalibrationError: too short, moving, uneven, saturated, disturbed or dead; names the file,
+            the row and the remedy.
+    """
+    _check_length(recording)
+    rate = _even_rate(recording)
+    _check_still(recording)
+    _check_channels(recording)
+    return rate
+
+
+def _check_length(recording: Recording) -> None:
+    t, name = recording.t, recording.name
+    seconds = float(t[-1] - t[0]) if len(t) > 1 else 0.0
+    if len(t) < LEAST_ROWS or seconds < LEAST_S:
+        raise CalibrationError(
+            f"{name}: {len(t)} rows in {seconds:.3g} s are too short to learn noise from: at least "
+            f"{LEAST_ROWS} rows and {LEAST_S:g} s are needed; record a minute at rest"
+        )
+
+
+def _even_rate(recording: Recording) -> float:
+    t = recording.t
+    steps = np.diff(t)
+    usual, longest = float(np.median(steps)), int(np.argmax(steps))
+    if steps[longest] > _GAP * usual:
+        raise CalibrationError(
+            f"{recording.name}: row {longest + 1} comes {steps[longest]:.3g} s after the one "
+            f"before, others after {usual:.3g} s: rows are missing there; the colour of the noise "
+            "needs an even clock. Record again without gaps"
+        )
+    if steps.std() > _UNEVEN * usual:
+        raise CalibrationError(
+            f"{recording.name}: the clock is uneven: steps of {usual:.3g} s scatter by "
+            f"{steps.std():.2g} s; the colour of the noise needs an even one"
+        )
+    return float((len(t) - 1) / (t[-1] - t[0]))
+
+
+def _check_still(recording: Recording) -> None:
+    where = "record a minute at rest, in one pose"
+    try:
+        found = split(recording)
+    except RecordingError:
+        raise CalibrationError(f"{recording.name}: the robot moves all the time: {where}") from None
+    if found.moves or len(found.seconds) > 1:
+        moving = np.flatnonzero(found.hold < 0)
+        inside = moving[(moving > np.argmax(found.hold >= 0))]
+        row = int(inside[0]) if len(inside) else int(moving[0])
+        raise CalibrationError(
+            f"{recording.name}: the robot moves, for instance in row {row} ({found.sentence}): "
+            f"{where}"
+        )
+
+
+def _check_channels(recording: Recording) -> None:
+    status = recording.columns.get("status")
+    if status is not None:
+        marked = np.flatnonzero(status.astype(np.int64) & STATUS_SATURATED)
+        if len(marked):
+            raise CalibrationError(
+                f"{recording.name}: column 'status', row {int(marked[0])}: the sensor is saturated "
+                f"in {len(marked)} rows; take the load off it"
+            )
+    for channel, rows in zip(CHANNELS, recording.wrench.T, strict=True):
+        if np.ptp(rows) == 0.0:
+            raise CalibrationError(
+                f"{recording.name}: column {channel!r} is {rows[0]:g} in all rows: its step hides "
+                "its noise, or it reads nothing"
+            )
+        _check_undisturbed(recording, channel, rows)
+
+
+def _check_undisturbed(recording: Recording, channel: str, rows: np.ndarray) -> None:
+    size = len(rows) // _BLOCKS
+    means = rows[: size * _BLOCKS].reshape(_BLOCKS, size).mean(axis=1)
+    change = np.abs(np.diff(means))
+    least = float(rows.std()) / size  # where a coarse step leaves most means alike
+    usual = max(float(np.median(change)), least)
+    worst = int(np.argmax(change))
+    if change[worst] > _JUMP * usual:
+        row = (worst + 1) * size
+        raise CalibrationError(
+            f"{recording.name}: column {channel!r} jumps by {change[worst]:.3g} near row {row} "
+            f"({recording.t[row]:.3g} s), usually it changes by {usual:.2g}: something touched the "
+            "tool, or it moved. Record again without a touch"
+        )

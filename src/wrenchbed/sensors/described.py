@@ -1,0 +1,304 @@
+"""A sensor as a TOML file: those of this package, and those of users.
+
+`shipped` and `read` check a file, `rebuilt` makes the same sensor from what a recording carries,
+and `text` writes one. SI units everywhere; six numbers are fx fy fz tx ty tz. Every table that
+holds numbers states its ``source``. The name of a user's sensor is that in the TOML, ``@`` and the
+beginning of the text's SHA-256, so that two files never pass for one.
+"""
+
+import hashlib
+import tomllib
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, NoReturn
+
+import numpy as np
+
+from wrenchbed.errors import NotFoundError, ParameterError, did_you_mean
+from wrenchbed.physics.noise import Array, NoiseModel
+from wrenchbed.sensors.base import Sensor, SensorCalibration
+
+FORMAT = 1
+_DIGITS = 8
+"""Of the SHA-256 in a sensor's name."""
+_LARGEST, _MOST_DOTS = 1 << 16, 200
+"""Of a file [characters] and of a line: time of `tomllib` grows with the square of a key's parts.
+Estimates, 10 times the longest file."""
+_HEAVIEST, _FARTHEST = 20.0, 0.5
+"""Largest mass [kg] and plate offset [m], estimates: they exclude g and mm."""
+_TOP = ("format", "name", "title", "default", "mass", "plate_offset", "counts", "calibration",
+        "noise", "accuracy", "gauges")  # fmt: skip
+_VALUE = ("value", "source")
+_CALIBRATION = ("name", "range", "resolution", "source")
+_VECTORS = ("white", "flicker", "mains_amplitude", "warmup_drift", "step")
+_SCALARS = {"f_low": "Hz", "f_high": "Hz", "mains_frequency": "Hz", "warmup_time": "s",
+            "warmup_age": "s"}  # fmt: skip
+_NOISE = (*_VECTORS, *_SCALARS, "correlation", "source")
+_WRENCH = "must be six numbers fx fy fz tx ty tz in N and N·m, without units"
+
+
+def shipped(path: Path) -> Sensor:
+    """A sensor of this package, by its plain name.
+
+    Raises:
+        ParameterError: names the file, the field, its value and what is allowed.
+    """
+    return _sensor(path.read_text(encoding="utf-8"), str(path))
+
+
+def read(path: Path) -> Sensor:
+    """The sensor of a user's TOML file.
+
+    Raises:
+        ParameterError: names the file, the field, its value and what is allowed.
+        NotFoundError: there is no such file.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as cause:
+        why = getattr(cause, "strerror", None) or "it is no text"
+        raise NotFoundError(f"{path}: cannot be read: {why}") from None
+    return _own(text, str(path))
+
+
+def rebuilt(record: Mapping[str, Any]) -> Sensor:
+    """The sensor of what a recording carries, see `Sensor.record`.
+
+    Raises:
+        ParameterError: it is incomplete.
+    """
+    text = record.get("toml")
+    if not isinstance(text, str):
+        raise ParameterError("sensor_model: incomplete: 'toml' must be the text of the sensor")
+    return _own(text, "sensor_model")
+
+
+def _own(text: str, where: str) -> Sensor:
+    sensor = _sensor(text, where)
+    digest = hashlib.sha256(text.encode()).hexdigest()[:_DIGITS]
+    return replace(sensor, name=f"{sensor.name}@{digest}", record={"toml": text})
+
+
+def _parsed(text: str, where: str) -> dict[str, Any]:
+    if len(text) > _LARGEST:
+        raise ParameterError(f"{where}: is longer than {_LARGEST:,} characters: no sensor is")
+    if max((line.count(".") for line in text.splitlines()), default=0) > _MOST_DOTS:
+        raise ParameterError(f"{where}: more than {_MOST_DOTS} dots stand in one line: break it")
+    try:
+        return tomllib.loads(text)
+    except (tomllib.TOMLDecodeError, RecursionError) as cause:
+        why = str(cause).splitlines()[0]
+        raise ParameterError(f"{where}: not valid TOML: {why}") from None
+
+
+def _sensor(text: str, where: str) -> Sensor:
+    top = _Table(_parsed(text, where), where, "").only(_TOP)
+    if top.raw.get("format") != FORMAT:
+        top.refuse("format", f"must be {FORMAT}")
+    name = top.text("name")
+    if "@" in name or name.lower().endswith(".toml"):
+        top.refuse("name", "must hold no '@' and not end in .toml")
+    rows = top.raw.get("calibration")
+    if not isinstance(rows, list) or not rows:
+        top.refuse("calibration", "must be one or more [[calibration]] tables")
+    calibrations = tuple(
+        _calibration(_Table(row, where, f"[[calibration]] {k} ")) for k, row in enumerate(rows, 1)
+    )
+    known = [c.name for c in calibrations]
+    default = top.text("default")
+    if default not in known:
+        hint = did_you_mean(default, known)
+        top.refuse("default", f"is none of its calibrations{hint}: {', '.join(known)}")
+    full = calibrations[known.index(default)]
+    mass, offset = top.part("mass").only(_VALUE), top.part("plate_offset").only(_VALUE)
+    noise = top.part("noise").only(_NOISE)
+    more: dict[str, Any] = {}
+    if "counts" in top.raw:
+        counts = top.part("counts").only(_VALUE)
+        more |= {"counts": counts.positive("value"), "counts_source": counts.text("source")}
+    if "accuracy" in top.raw:
+        sure = top.part("accuracy").only(_VALUE)
+        more |= {"accuracy": sure.positive("value"), "accuracy_source": sure.text("source")}
+    if "gauges" in top.raw:
+        gauges = top.part("gauges").only(("matrix", "source"))
+        more |= {"gauges": gauges.matrix("matrix"), "gauges_source": gauges.text("source")}
+    x, y, z = offset.numbers("value", 3, "must be three lengths in m", _FARTHEST, "mm")
+    return Sensor(
+        name=name, title=top.text("title"), calibrations=calibrations, default=default,
+        mass=mass.number("value", "kg", _HEAVIEST, "g"), mass_source=mass.text("source"),
+        plate_offset=(x, y, z), plate_offset_source=offset.text("source"),
+        noise=_noise(noise, full), noise_source=noise.text("source"), **more,
+    )  # fmt: skip
+
+
+def _calibration(row: "_Table") -> SensorCalibration:
+    row.only(_CALIBRATION)
+    full, step = row.positive("range"), row.positive("resolution")
+    if not (step < full).all():
+        row.refuse("resolution", f"must be below range = {row.raw['range']}")
+    return SensorCalibration(row.text("name"), full, step, row.text("source"))
+
+
+def _noise(table: "_Table", calibration: SensorCalibration) -> NoiseModel:
+    """Noise of the default calibration."""
+    full = calibration.range
+    parts: dict[str, Any] = {}
+    for key in _VECTORS:
+        signed = key == "warmup_drift"
+        value = np.array(table.numbers(key, 6, _WRENCH))
+        if not signed and (value < 0.0).any():
+            table.refuse(key, "must not be below 0")
+        if not (np.abs(value) < full).all():
+            rule = f"must be below the range {full.tolist()} of {calibration.name}"
+            table.refuse(key, f"{rule} in every channel (is it mN?)")
+        parts["resolution" if key == "step" else key] = value
+    parts |= {key: table.number(key, unit) for key, unit in _SCALARS.items()}
+    if "correlation" in table.raw:
+        parts["correlation"] = table.matrix("correlation")
+    try:
+        return NoiseModel(**parts, range=full)
+    except ParameterError as cause:
+        raise ParameterError(f"{table.where}: {cause}") from None
+
+
+class _Table:
+    """A table of the TOML whose fields are checked as they are read."""
+
+    def __init__(self, raw: Any, where: str, name: str) -> None:
+        self.where, self.name = where, name
+        if not isinstance(raw, Mapping):
+            raise ParameterError(f"{where}: {name.strip() or 'the file'} must be a table")
+        self.raw = raw
+
+    def refuse(self, key: str, rule: str) -> NoReturn:
+        if key not in self.raw:
+            raise ParameterError(f"{self.where}: {self.name}{key} is missing: it {rule}")
+        raise ParameterError(f"{self.where}: {self.name}{key} = {self.raw[key]!r} {rule}")
+
+    def only(self, known: tuple[str, ...]) -> "_Table":
+        for key in self.raw:
+            if key not in known:
+                raise ParameterError(
+                    f"{self.where}: {self.name}there is no field {key!r}"
+                    f"{did_you_mean(key, known)}. Known: {', '.join(sorted(known))}"
+                )
+        return self
+
+    def part(self, key: str) -> "_Table":
+        if key not in self.raw:
+            self.refuse(key, f"must be a table [{key}]")
+        return _Table(self.raw[key], self.where, f"[{key}] ")
+
+    def text(self, key: str) -> str:
+        value = self.raw.get(key)
+        if not isinstance(value, str) or not value.strip():
+            self.refuse(key, "must be a text that is not empty")
+        return value
+
+    def number(self, key: str, unit: str, most: float = np.inf, not_in: str = "") -> float:
+        value = self.raw.get(key)
+        if value is None or not _is_number(value):
+            self.refuse(key, f"must be a number in {unit}, without its unit")
+        if not 0.0 <= value <= most:
+            hint = f" (is it in {not_in}?)" if not_in and value > most else ""
+            upto = f" … {most:g}" if np.isfinite(most) else " or more"
+            self.refuse(key, f"must be 0{upto} {unit}{hint}")
+        return float(value)
+
+    def numbers(
+        self, key: str, count: int, rule: str, most: float = np.inf, not_in: str = ""
+    ) -> list[float]:
+        value = self.raw.get(key)
+        if not isinstance(value, list) or len(value) != count or not all(map(_is_number, value)):
+            self.refuse(key, rule)
+        if max(map(abs, value)) > most:
+            self.refuse(key, f"{rule}, within {most:g} (is it in {not_in}?)")
+        return [float(v) for v in value]
+
+    def positive(self, key: str) -> Array:
+        value = np.array(self.numbers(key, 6, _WRENCH))
+        if not (value > 0.0).all():
+            self.refuse(key, "must be above 0 in every channel")
+        return value
+
+    def matrix(self, key: str) -> Array:
+        rows = self.raw.get(key)
+        rule = "must be six rows of six numbers"
+        if not isinstance(rows, list) or len(rows) != 6:
+            self.refuse(key, rule)
+        parts = [_Table({key: row}, self.where, self.name).numbers(key, 6, rule) for row in rows]
+        return np.array(parts)
+
+
+def _is_number(value: Any) -> bool:
+    plain = isinstance(value, int | float) and not isinstance(value, bool)
+    return plain and bool(abs(value) <= np.finfo(float).max)
+
+
+def text(sensor: Sensor, notes: tuple[str, ...] = ()) -> str:
+    """The TOML of a sensor; ``notes`` are comments at its beginning."""
+    noise = sensor.noise
+    lines = [
+        *(f"# {note}".rstrip() for note in notes),
+        f"format = {FORMAT}",
+        f"name = {_quoted(sensor.name.partition('@')[0])}",
+        f"title = {_quoted(sensor.title)}",
+        f"default = {_quoted(sensor.default)}  # the calibration that the noise belongs to",
+    ]
+    for c in sensor.calibrations:
+        lines += [
+            "",
+            "[[calibration]]  # fx fy fz tx ty tz [N, N·m]",
+            f"name = {_quoted(c.name)}",
+            f"range = {_list(c.range)}",
+            f"resolution = {_list(c.resolution)}",
+            f"source = {_quoted(c.source)}",
+        ]
+    lines += _table("mass", "kg", repr(float(sensor.mass)), sensor.mass_source)
+    face = "from the face on the robot's side to the origin of the wrench, sensor axes [m]"
+    lines += _table("plate_offset", face, _list(sensor.plate_offset), sensor.plate_offset_source)
+    if sensor.counts is not None:
+        unit = "of the digital output, per N and N·m"
+        lines += _table("counts", unit, _list(sensor.counts), sensor.counts_source)
+    if sensor.accuracy is not None:
+        lines += _table("accuracy", "± [N, N·m]", _list(sensor.accuracy), sensor.accuracy_source)
+    if sensor.gauges is not None:
+        lines += ["", "[gauges]  # matrix from gauge voltages [V] to the wrench [N, N·m]"]
+        lines += ["matrix = [", *(f"  {_list(row)}," for row in sensor.gauges), "]"]
+        lines += [f"source = {_quoted(sensor.gauges_source)}"]
+    lines += [
+        "",
+        "[noise]  # of one row at rest [N, N·m]",
+        f"white = {_list(noise.white)}",
+        f"flicker = {_list(noise.flicker)}  # 1/f: root of the density at 1 Hz",
+        f"f_low = {noise.f_low!r}  # Hz, ends of the 1/f part",
+        f"f_high = {noise.f_high!r}",
+    ]
+    if not np.array_equal(noise.correlation, np.eye(6)):
+        lines += ["correlation = [", *(f"  {_list(row)}," for row in noise.correlation), "]"]
+    lines += [
+        f"mains_amplitude = {_list(noise.mains_amplitude)}",
+        f"mains_frequency = {noise.mains_frequency!r}  # Hz",
+        f"warmup_drift = {_list(noise.warmup_drift)}  # complete, from power-up on",
+        f"warmup_time = {noise.warmup_time!r}  # s",
+        f"warmup_age = {noise.warmup_age!r}  # s since power-up at the first row",
+        f"step = {_list(noise.resolution)}  # of the output words; 0 does not round",
+        f"source = {_quoted(sensor.noise_source)}",
+        "",
+    ]
+    return "\n".join(lines)
+
+
+def _table(name: str, unit: str, value: str, source: str) -> list[str]:
+    return ["", f"[{name}]  # {unit}", f"value = {value}", f"source = {_quoted(source)}"]
+
+
+def _quoted(words: str) -> str:
+    """A TOML string of one line."""
+    escaped = words.replace("\\", "\\\\").replace('"', '\\"')
+    return '"' + "".join(c if c.isprintable() else f"\\u{ord(c):04x}" for c in escaped) + '"'
+
+
+def _list(values: Any) -> str:
+    return "[" + ", ".join(repr(float(v)) for v in values) + "]"
