@@ -51,27 +51,33 @@ def robot(
     made.write(out)
     arm = made.robot
     load = arm.description.load
+    model = arm.arm_model
+    driven = [model.links[k] for k in model.driven]
+    passive = [link.joint for k, link in enumerate(model.links) if k not in model.driven]
     result = {
         "robot": str(out), "name": arm.name, "sensor": arm.sensor, "frame": frame,
         "joints": [
             {"column": j.name, "name": link.joint, "kind": link.kind, "unit": j.unit,
              "lower": j.lower, "upper": j.upper, "speed": j.speed, "moves": link.body}
-            for j, link in zip(arm.joints, arm.arm_model.links, strict=True)
+            for j, link in zip(arm.joints, driven, strict=True)
         ],
         "tool": {"mass": load.mass, "cog": list(load.cog), "bodies": list(made.loading)},
-        "notes": list(made.notes),
+        "passive": passive, "notes": list(made.notes),
     }  # fmt: skip
     table = Table(box=None, padding=(0, 2, 0, 0), title_justify="left",
                   title=f"{arm.title} → {out}")  # fmt: skip
     for column in ("column", "joint", "moves", "limits", "top speed"):
         table.add_column(column, justify="right" if column == "top speed" else "left")
-    for joint, link in zip(arm.joints, arm.arm_model.links, strict=True):
+    for joint, link in zip(arm.joints, driven, strict=True):
         limits = f"{joint.lower:.3f} … {joint.upper:.3f} {joint.unit}"
         table.add_row(
             joint.name, link.joint, link.body, limits, f"{joint.speed:.3g} {joint.unit}/s"
         )
     console.answer(result, as_json, table)
     if not as_json:
+        if model.loops is not None:
+            loops = ", ".join(c.name for c in model.loops.closures)
+            console.say(f"Solved from the closed loops {loops}: {', '.join(passive)}")
         cog = ", ".join(f"{1e3 * x:.1f}" for x in load.cog)
         console.say(
             f"The sensor carries {load.mass:.4g} kg at ({cog}) mm: {', '.join(made.loading)}"

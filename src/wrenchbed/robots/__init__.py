@@ -1,10 +1,11 @@
 """Robots, one file or package each; `wrenchbed.registry.names("robots")` lists them.
 Imports physics only.
-Read first: `base` (what a robot is), then `chain` with `ur5` and `file_arm` as its kinds.
+Read first: `base` (what a robot is), then `chain` with `ur5` and `file_arm` as its kinds, and
+`closed_loop` with `loop_arm`.
 """
 
 SUPPORT = (
-    "arm_model", "arm_xml", "chain", "described", "file_arm", "mjcf", "model_file", "motion_limits",
-    "serial_arm",
+    "arm_model", "arm_xml", "chain", "closed_loop", "described", "file_arm", "loop_arm",
+    "loop_file", "mjcf", "model_file", "motion_limits", "serial_arm",
 )  # fmt: skip
 """Modules here that are no plug-ins."""

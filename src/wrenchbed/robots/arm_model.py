@@ -1,8 +1,9 @@
-"""A serial arm as numbers: what is left of a user's model file once base and sensor are named.
+"""An arm as numbers: what is left of a user's model file once base and sensor are named.
 
-Links are numbered along the chain. A link's frame has the axes of the file's body and its origin at
-the joint; ``turn`` and ``shift`` lead from the link before (from the base, of the first) to it at
-joint value 0. It goes into recordings as JSON, so that they can be read without the file.
+Links are numbered along the chain, those of an arm with closed loops in MuJoCo's order. A link's
+frame has the axes of the file's body and its origin at the joint; ``turn`` and ``shift`` lead from
+the link before (from the base, of the first) to it at joint value 0. It goes into recordings as
+JSON, so that they can be read without the file.
 """
 
 from collections.abc import Mapping
@@ -77,9 +78,51 @@ class Load:
     shapes: tuple[Shape, ...] = ()
 
 
+CONNECT, WELD, COUPLED = "connect", "weld", "joint"
+
+
+@dataclass(frozen=True, eq=False)
+class Closure:
+    """What closes a loop: MuJoCo's equality constraint between two links, or two joints' values.
+
+    Attributes:
+        name: the file's, or ``loop1`` …
+        kind: connect, weld or joint.
+        first, second: numbers of the links; −1 is the base (of a joint: none).
+        places: the points that are one, in the axes of either link (2, 3) [m].
+        turn: of a weld, R_first · turn = R_second (3, 3).
+        law: of joints, y − y0 = a0 + a1 (x − x0) + … of ``first`` y by ``second`` x: y0 x0 a0 … a4.
+    """
+
+    name: str
+    kind: str
+    first: int
+    second: int
+    places: np.ndarray
+    turn: np.ndarray
+    law: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Loops:
+    """How the links of an arm with closed loops hang together.
+
+    Attributes:
+        parents: the link before each; −1 is the base.
+        end: the link that carries the sensor.
+        driven: links whose joints have actuators, q1 … in this order; all others are passive.
+        closures: what closes the loops.
+    """
+
+    parents: tuple[int, ...]
+    end: int
+    driven: tuple[int, ...]
+    closures: tuple[Closure, ...]
+
+
 @dataclass(frozen=True, eq=False)
 class ArmModel:
-    """A serial arm from base to sensor.
+    """An arm from base to sensor.
 
     Attributes:
         name: of the model in its file.
@@ -90,6 +133,7 @@ class ArmModel:
         load: behind the sensor, as the file has it; None where that weighs nothing.
         gravity: in world axes (3,) [m/s²].
         floor: lowest height of what moves [m], None without a floor.
+        loops: of an arm with closed loops; None of a serial chain.
     """
 
     name: str
@@ -102,6 +146,7 @@ class ArmModel:
     load: Load | None
     gravity: tuple[float, ...]
     floor: float | None = None
+    loops: Loops | None = None
 
     def to_json(self) -> dict[str, Any]:
         """As JSON; `from_json` reads it."""
@@ -125,6 +170,7 @@ class ArmModel:
             else Load(**{**_tuples(load), "shapes": _shapes(load["shapes"])}),
             gravity=tuple(parts["gravity"]),
             floor=parts["floor"],
+            loops=_loops(parts.get("loops")),
         )
 
     def with_links(self, links: tuple[ArmLink, ...]) -> "ArmModel":
@@ -133,9 +179,36 @@ class ArmModel:
 
     @property
     def reach(self) -> float:
-        """Length of the stretched arm [m]."""
+        """Length of the stretched arm [m], with loops of its longest branch at home."""
+        if self.loops is not None:
+            far = [0.0]
+            for link, before in zip(self.links, self.loops.parents, strict=True):
+                length = float(np.linalg.norm(link.shift)) if before >= 0 else 0.0
+                far.append(far[before + 1] + length + abs(link.home) * (link.kind == SLIDE))
+            return max(far) + float(np.linalg.norm(self.end_shift))
         steps = [*(link.shift for link in self.links[1:]), self.end_shift]
         return float(sum(np.linalg.norm(step) for step in steps))
+
+    @property
+    def parents(self) -> tuple[int, ...]:
+        """The link before each; −1 is the base."""
+        return tuple(range(-1, len(self.links) - 1)) if self.loops is None else self.loops.parents
+
+    @property
+    def end(self) -> int:
+        """The link that carries the sensor."""
+        return len(self.links) - 1 if self.loops is None else self.loops.end
+
+    @property
+    def driven(self) -> tuple[int, ...]:
+        """The link of each joint q1 …"""
+        return tuple(range(len(self.links))) if self.loops is None else self.loops.driven
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Name of each link's joint in the robot's own MJCF: q1 …, of passive joints the file's."""
+        driven = {k: f"q{n}" for n, k in enumerate(self.driven, start=1)}
+        return tuple(driven.get(k, f"passive_{x.joint}") for k, x in enumerate(self.links))
 
 
 def _items(item: Any) -> list[tuple[str, Any]]:
@@ -145,7 +218,7 @@ def _items(item: Any) -> list[tuple[str, Any]]:
 def _plain(value: Any) -> Any:
     if isinstance(value, np.ndarray):
         return value.tolist()
-    if isinstance(value, Shape | ArmLink | Load):
+    if isinstance(value, Shape | ArmLink | Load | Loops | Closure):
         return {name: _plain(v) for name, v in _items(value)}
     if isinstance(value, tuple):
         return [_plain(v) for v in value]
@@ -158,6 +231,16 @@ def _tuples(raw: Mapping[str, Any]) -> dict[str, Any]:
 
 def _deep(value: Any) -> Any:
     return tuple(_deep(v) for v in value) if isinstance(value, list) else value
+
+
+def _loops(raw: Mapping[str, Any] | None) -> Loops | None:
+    if raw is None:
+        return None
+    closures = [
+        Closure(**{**_tuples(c), "places": np.array(c["places"]), "turn": np.array(c["turn"])})
+        for c in raw["closures"]
+    ]
+    return Loops(**{**_tuples(raw), "closures": tuple(closures)})
 
 
 def _shapes(raw: list[dict[str, Any]]) -> tuple[Shape, ...]:

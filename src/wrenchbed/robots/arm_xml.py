@@ -11,11 +11,13 @@ import numpy as np
 
 from wrenchbed.physics.rotations import quaternion
 from wrenchbed.physics.wrench import physical_inertia
-from wrenchbed.robots.arm_model import HINGE, ArmLink, ArmModel, Load, Shape
+from wrenchbed.robots.arm_model import COUPLED, HINGE, ArmLink, ArmModel, Load, Shape
 from wrenchbed.robots.chain import about
 
 _LIGHTEST, _SMALLEST = 1e-6, 1e-9
 """What MuJoCo is given for a link that weighs nothing [kg, kg·m²]: it refuses less."""
+_STIFF, _HARD = "0.0001 1", "0.9999 0.9999 0.001 0.5 2"
+"""MuJoCo's solref and solimp of closed loops: below 1 µm open in motion."""
 _THICK = 0.035
 """Radius of a link of which nothing can be drawn, over the arm's reach: estimate."""
 _FLAT, _WIDE = 0.018, 0.036
@@ -69,21 +71,27 @@ def mjcf_of(name: str, arm: ArmModel, load: Load, title: str = "") -> str:
     eye = arm.base_shift + np.array([1.3, -1.7, 0.9]) * stretch
     Xml.SubElement(world, "camera", name="view", pos=_text(eye), xyaxes=_LOOK, fovy="40")
     body = _body(world, "base", arm.base_shift, arm.base_turn)
+    bodies = [body]
     Xml.SubElement(body, "inertial", pos="0 0 0", mass="1", diaginertia="0.01 0.01 0.01")
     writer.shapes(body, "base", arm.base_shapes)
     if not arm.base_shapes:
         _bone(body, "base", arm.links[0].shift, _THICK * stretch)
-    for k, link in enumerate(arm.links, start=1):
-        body = _link(body, k, link)
-        after = arm.links[k].shift if k < len(arm.links) else arm.end_shift
+    for k, (link, column) in enumerate(zip(arm.links, arm.columns, strict=True)):
+        body = _link(bodies[arm.parents[k] + 1], column, link)
+        bodies.append(body)
+        after = [s.shift for s, p in zip(arm.links, arm.parents, strict=True) if p == k]
         if link.shapes:
             writer.shapes(body, link.body, link.shapes)
         else:
-            _bone(body, link.body, after, _THICK * stretch)
-        _servo(root, k, link)
-    _end(body, arm, load, writer)
-    home = _text([link.home for link in arm.links])
-    Xml.SubElement(_part(root, "keyframe"), "key", name="home", qpos=home, ctrl=home)
+            _bone(body, link.body, [*after, arm.end_shift][0], _THICK * stretch)
+    for k in arm.driven:
+        _servo(root, arm.columns[k], arm.links[k])
+    if arm.loops is not None:
+        _close(root, bodies, arm)
+    _end(bodies[arm.end + 1], arm, load, writer)
+    home = [link.home for link in arm.links]
+    Xml.SubElement(_part(root, "keyframe"), "key", name="home", qpos=_text(home),
+                   ctrl=_text(home[k] for k in arm.driven))  # fmt: skip
     Xml.indent(root)
     return Xml.tostring(root, encoding="unicode")
 
@@ -113,11 +121,11 @@ def _body(parent: Xml.Element, name: str, pos: np.ndarray, turn: np.ndarray) -> 
     )
 
 
-def _link(parent: Xml.Element, k: int, link: ArmLink) -> Xml.Element:
+def _link(parent: Xml.Element, column: str, link: ArmLink) -> Xml.Element:
     turn, shift = standing(link, link.turn, link.shift, link.home)
     body = _body(parent, link.body, shift, turn)
     Xml.SubElement(
-        body, "joint", name=f"q{k}", type=link.kind, axis=_text(link.axis), ref=repr(link.home),
+        body, "joint", name=column, type=link.kind, axis=_text(link.axis), ref=repr(link.home),
         range=_text([link.lower, link.upper]),
     )  # fmt: skip
     inertia = link.inertia
@@ -141,9 +149,27 @@ def _bone(body: Xml.Element, name: str, after: np.ndarray, thick: float) -> None
                        rgba=_GREY)  # fmt: skip
 
 
-def _servo(root: Xml.Element, k: int, link: ArmLink) -> None:
-    Xml.SubElement(_part(root, "actuator"), "position", name=f"q{k}", joint=f"q{k}",
+def _servo(root: Xml.Element, column: str, link: ArmLink) -> None:
+    Xml.SubElement(_part(root, "actuator"), "position", name=column, joint=column,
                    ctrlrange=_text([link.lower, link.upper]))  # fmt: skip
+
+
+def _close(root: Xml.Element, bodies: Sequence[Xml.Element], arm: ArmModel) -> None:
+    """Sites ``<loop>_1`` and ``<loop>_2`` that MuJoCo keeps together, stiffly; coupled joints."""
+    assert arm.loops is not None
+    equality = Xml.SubElement(root, "equality")
+    for c in arm.loops.closures:
+        stiff = {"name": c.name, "solref": _STIFF, "solimp": _HARD}
+        if c.kind == COUPLED:
+            pair = {"joint1": arm.columns[c.first]}
+            if c.second >= 0:
+                pair["joint2"] = arm.columns[c.second]
+            Xml.SubElement(equality, "joint", stiff | pair)
+            continue
+        for n, (k, turn) in enumerate(((c.first, c.turn), (c.second, np.eye(3)))):
+            Xml.SubElement(bodies[k + 1], "site", name=f"{c.name}_{n + 1}",
+                           pos=_text(c.places[n]), quat=_text(quaternion(turn)))  # fmt: skip
+        Xml.SubElement(equality, c.kind, stiff, site1=f"{c.name}_1", site2=f"{c.name}_2")
 
 
 def _end(body: Xml.Element, arm: ArmModel, load: Load, writer: "_Writer") -> None:

@@ -22,6 +22,7 @@ from wrenchbed.files import write_text
 from wrenchbed.physics.wrench import physical_inertia
 from wrenchbed.robots.arm_model import ArmLink, ArmModel, Load
 from wrenchbed.robots.file_arm import ArmDescription, FileArm
+from wrenchbed.robots.loop_arm import LoopArm
 
 FORMAT = 1
 DEFAULT_SENSOR = "ati-gamma"
@@ -46,7 +47,7 @@ class Described:
         notes: what the user should know.
     """
 
-    robot: FileArm
+    robot: FileArm | LoopArm
     text: str
     loading: tuple[str, ...]
     notes: tuple[str, ...]
@@ -98,13 +99,14 @@ def describe(
     notes = list(found.notes)
     if found.held:
         notes.append(f"{', '.join(found.held)} stay where the file has them")
-    light = [link.body for link in arm.links if link.mass <= 0.0]
+    whole = [link for link in arm.links if not link.body.endswith(f"_{link.joint}")]
+    light = [link.body for link in whole if link.mass <= 0.0]  # not between joints of one body
     if light:
         notes.append(f"{', '.join(light)} have no mass in the file: state it in the TOML")
     return Described(robot, text, tuple(loading), tuple(notes))
 
 
-def read(path: Path) -> FileArm:
+def read(path: Path) -> FileArm | LoopArm:
     """The robot of a TOML file.
 
     Raises:
@@ -136,7 +138,7 @@ def read(path: Path) -> FileArm:
     return _robot(text, found.arm, str(path), partial(_sensor, path.parent))
 
 
-def rebuilt(record: Mapping[str, Any]) -> FileArm:
+def rebuilt(record: Mapping[str, Any]) -> FileArm | LoopArm:
     """The robot of what a recording carries, see `FileArm.record`.
 
     Raises:
@@ -218,7 +220,9 @@ def _ball(mass: float) -> tuple[float, ...]:
 
 
 def _floor(arm: ArmModel) -> float | None:
-    """Of an arm that stands upright; None of one that hangs or stands out sideways."""
+    """Of an arm that stands upright; None of one that hangs, stands out sideways or has loops."""
+    if arm.loops is not None:
+        return None
     g = np.array(arm.gravity)
     upright = (arm.base_turn @ arm.links[0].turn @ arm.links[0].axis) @ (-g / np.linalg.norm(g))
     if abs(upright) < 0.99 or g[2] > -0.99 * float(np.linalg.norm(g)):
@@ -229,7 +233,9 @@ def _floor(arm: ArmModel) -> float | None:
     return round(float(arm.base_shift[2]) + _FLOOR * arm.reach, 3) if rises else None
 
 
-def _robot(text: str, arm: ArmModel, where: str, known_as: Callable[[str], str]) -> FileArm:
+def _robot(
+    text: str, arm: ArmModel, where: str, known_as: Callable[[str], str]
+) -> FileArm | LoopArm:
     """From the TOML's text, the arm that its model file gave, and how its sensor is called."""
     table = _Table(_parsed(text, where), where, "")
     table.only(_TOP)
@@ -261,7 +267,12 @@ def _robot(text: str, arm: ArmModel, where: str, known_as: Callable[[str], str])
     record = {"toml": text, "arm": arm.to_json()}
     if own is not None:
         record["sensor"] = {"name": sensor, "record": dict(own)}
-    return FileArm(description, record)
+    if edited.loops is None:
+        return FileArm(description, record)
+    try:
+        return LoopArm(description, record)
+    except ParameterError as cause:
+        raise ParameterError(f"{where}: {cause}") from None
 
 
 def _edited(link: ArmLink, row: "_Table") -> ArmLink:
@@ -378,9 +389,14 @@ def _toml(
         "",
         "# Joints q1 … from base to sensor: rad or m, rad/s or m/s; masses in kg, cog in m.",
     ]
-    for k, link in enumerate(arm.links, start=1):
+    if arm.loops is not None:
+        lines[-1:] = [
+            "# Driven joints are q1 …; the closed loops solve the passive ones, from home on.",
+            "# rad or m, rad/s or m/s; masses in kg, cog in m.",
+        ]
+    for column, link in zip(arm.columns, arm.links, strict=True):
         lines += [
-            f"[[joint]]  # q{k}, {link.kind}",
+            f"[[joint]]  # {column.partition('_')[0]}, {link.kind}",
             f"name = {_quoted(link.joint)}",
             f"lower = {link.lower!r}",
             f"upper = {link.upper!r}",

@@ -17,7 +17,7 @@ from wrenchbed.errors import WrenchbedError
 from wrenchbed.physics.gravity import BodyMass
 from wrenchbed.physics.parameters import Parameter, ParameterSet
 from wrenchbed.physics.rotations import apply, exp, exp_rates
-from wrenchbed.robots.arm_model import HINGE, ArmModel, Load
+from wrenchbed.robots.arm_model import COUPLED, HINGE, WELD, ArmModel, Load
 from wrenchbed.robots.arm_xml import mjcf_of, standing
 from wrenchbed.robots.base import (
     TILT,
@@ -80,7 +80,7 @@ class FileArm(SerialChain):
             Joint(f"q{k}", units[link.kind == HINGE], link.lower, link.upper, link.speed)
             for k, link in enumerate(arm.links, start=1)
         )
-        self.parameters = _parameters(description)
+        self.parameters = arm_parameters(description)
         self._to_z = np.stack([_to_z(link.axis) for link in arm.links])
         self.bodies = tuple(
             BodyMass(link.body, link.mass, (float(x), float(y), float(z)))
@@ -263,16 +263,18 @@ def _against(zero: str, group: str, vector: np.ndarray) -> dict[str, float]:
     return {zero: 1.0, **parts}
 
 
-def _parameters(description: ArmDescription) -> ParameterSet:
-    items = []
-    for link in description.arm.links:
+def arm_parameters(description: ArmDescription) -> ParameterSet:
+    """Of a serial arm and of one with closed loops; passive joints have no zero."""
+    items: list[Parameter] = []
+    for k, link in enumerate(description.arm.links):
         unit, size = ("rad", ANGLE) if link.kind == HINGE else ("m", _SLIDE)
         bound = 6.3 if unit == "rad" else 2.0
-        items.append(
-            Parameter(
-                f"joint.{link.joint}.zero", 0.0, unit, size, -bound, bound, "joint zero offset"
+        if k in description.arm.driven:
+            items.append(
+                Parameter(
+                    f"joint.{link.joint}.zero", 0.0, unit, size, -bound, bound, "joint zero offset"
+                )
             )
-        )
         items += [
             Parameter(
                 f"link.{link.body}.position.{a}", float(v), "m", _LENGTH, -_FARTHEST, _FARTHEST,
@@ -282,6 +284,7 @@ def _parameters(description: ArmDescription) -> ParameterSet:
         ]  # fmt: skip
         text = "rotation vector against the file, in the link's axes"
         items += vector_parameters(f"link.{link.body}.rotation", "xyz", "rad", _TWIST, text)
+    items += _closure_parameters(description.arm)
     position, rotation = "sensor's origin in flange axes", "rotation vector, sensor in flange"
     load = description.load
     mounted = (
@@ -291,6 +294,32 @@ def _parameters(description: ArmDescription) -> ParameterSet:
         *tool_parameters(load.mass, load.cog),
     )
     return ParameterSet((*items, *mounted)) + load_parameters(load.inertia)
+
+
+def _closure_parameters(arm: ArmModel) -> list[Parameter]:
+    """Where the closed loops hold the links, a weld's turn, the offset between coupled joints."""
+    items: list[Parameter] = []
+    for closure in () if arm.loops is None else arm.loops.closures:
+        group = f"loop.{closure.name}"
+        if closure.kind == COUPLED:
+            hinge = arm.links[closure.first].kind == HINGE
+            unit, size = ("rad", ANGLE) if hinge else ("m", _SLIDE)
+            items.append(
+                Parameter(f"{group}.offset", 0.0, unit, size, -6.3, 6.3, "added to its law")
+            )
+            continue
+        for side, link in enumerate((closure.first, closure.second)):
+            where = arm.links[link].body if link >= 0 else "base"
+            items += [
+                Parameter(
+                    f"{group}.{where}.{a}", float(v), "m", _LENGTH, -_FARTHEST, _FARTHEST,
+                    "where the loop holds this link, in its axes",
+                )
+                for a, v in zip("xyz", closure.places[side], strict=True)
+            ]  # fmt: skip
+        if closure.kind == WELD:
+            items += vector_parameters(f"{group}.rotation", "xyz", "rad", _TWIST, "of the weld")
+    return items
 
 
 def _to_z(axis: np.ndarray) -> np.ndarray:

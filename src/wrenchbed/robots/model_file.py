@@ -1,4 +1,4 @@
-"""MJCF and URDF of a user → a serial arm as numbers. The file itself is only read.
+"""MJCF and URDF of a user → an arm as numbers. The file itself is only read.
 
 Meshes that are missing, or in a format that MuJoCo does not read, are left out: their links keep
 the masses that the file states. Fixed frames stay bodies of their own, so that no mass crosses the
@@ -9,7 +9,7 @@ import difflib
 import os
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -24,11 +24,23 @@ from wrenchbed.robots.arm_model import (
     ArmFile,
     ArmLink,
     ArmModel,
+    Closure,
     Load,
+    Loops,
     Shape,
     lighter,
 )
 from wrenchbed.robots.chain import about
+from wrenchbed.robots.loop_file import (
+    UNLIMITED,
+    actuated,
+    closes,
+    driven_joints,
+    joined,
+    loaded_beside,
+    loops_of,
+    parents,
+)
 
 JOINT = mujoco.mjtJoint
 _SPEED = {HINGE: np.pi / 2, SLIDE: 0.25}
@@ -63,7 +75,7 @@ _HIDDEN_GROUP = 3
 
 
 def read_arm(path: Path, frame: str, hold_others: bool = False) -> ArmFile:
-    """The serial arm between a file's base and one of its frames.
+    """The arm between a file's base and one of its frames.
 
     Args:
         path: MJCF or URDF.
@@ -76,14 +88,14 @@ def read_arm(path: Path, frame: str, hold_others: bool = False) -> ArmFile:
     """
     source = _Source.of(path)
     spec, notes = _spec(source)
-    loops, home = _loops(spec), _home(spec)
+    loops, home, actuators = _loops(spec), _home(spec), actuated(spec)
     _place_frame(spec, frame, source)
     _strip(spec)
     model = _compiled(spec, source, notes)
     data = mujoco.MjData(model)
     if home is not None and len(home) == model.nq:
         data.qpos[:] = home
-    tree = _Tree(model, data, source)
+    tree = _Tree(model, data, source, actuators)
     return tree.arm(frame, loops, hold_others, notes, home is not None)
 
 
@@ -234,10 +246,12 @@ def _mesh_file(name: str, folder: Path, meshdir: str) -> Path | None:
 
 
 def _loops(spec: mujoco.MjSpec) -> list[tuple[str, str, bool]]:
-    """Names of the two sides of each equality; whether these are joints."""
+    """Names of the two sides of each equality that `loop_file` cannot read; whether of joints."""
     found = []
     for e in spec.equalities:
-        joints = e.type in (mujoco.mjtEq.mjEQ_JOINT, mujoco.mjtEq.mjEQ_TENDON)
+        if closes(e) or not e.active:
+            continue
+        joints = e.type == mujoco.mjtEq.mjEQ_TENDON
         names = [e.name1, e.name2]
         if e.objtype == mujoco.mjtObj.mjOBJ_SITE:
             sites = {s.name: s.parent.name for s in spec.sites}
@@ -283,7 +297,8 @@ def _strip(spec: mujoco.MjSpec) -> None:
     for group in ("sensors", "actuators", "tendons", "equalities", "skins", "keys", "excludes",
                   "pairs", "flexes", "tuples", "plugins"):  # fmt: skip
         for element in list(getattr(spec, group, ())):
-            spec.delete(element)
+            if group != "equalities" or not closes(element):
+                spec.delete(element)
     for material in spec.materials:
         material.textures = [""] * len(material.textures)
     for texture in list(spec.textures):
@@ -323,8 +338,14 @@ def _possible(spec: mujoco.MjSpec) -> None:
 class _Tree:
     """The compiled file, its joints at home."""
 
-    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, source: _Source) -> None:
-        self.model, self.data, self.source = model, data, source
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        data: mujoco.MjData,
+        source: _Source,
+        actuators: tuple[str, ...],
+    ) -> None:
+        self.model, self.data, self.source, self.actuators = model, data, source, actuators
         self.path = source.path
         self.site = model.site(_FRAME).id
         self.end = int(model.site_bodyid[self.site])
@@ -332,31 +353,42 @@ class _Tree:
     def arm(
         self,
         frame: str,
-        loops: list[tuple[str, str, bool]],
+        others: list[tuple[str, str, bool]],
         hold_others: bool,
         notes: list[str],
         with_key: bool,
     ) -> ArmFile:
         model, data = self.model, self.data
-        chain = self._chain(frame)
+        chain, behind = self._chain(frame), self._behind()
+        if beside := loaded_beside(model, behind):
+            raise ParameterError(f"{self.path}: {beside}")
+        chain, equalities = joined(model, chain, behind, self._above)
+        self._refuse_kinds(chain)
         ref = data.qpos.copy()
         for j in chain:
             data.qpos[model.jnt_qposadr[j]] = model.qpos0[model.jnt_qposadr[j]]
         mujoco.mj_kinematics(model, data)
-        behind = self._behind()
         held = self._others(chain, behind, hold_others)
-        self._refuse_loops(chain, behind, loops)
+        self._refuse_loops(chain, behind, others)
         segment = self._segments(chain, behind)
         base = self._base_body(chain)
         base_turn, base_shift = data.xmat[base].reshape(3, 3).copy(), data.xpos[base].copy()
         speeds = self.source.speeds()
+        before = parents(model, chain, self._above)
         frames = [(base_turn, base_shift)]
         links = []
         for k, j in enumerate(chain):
             here = (data.xmat[model.jnt_bodyid[j]].reshape(3, 3).copy(), data.xanchor[j].copy())
-            links.append(self._link(k, j, segment, frames[-1], here, speeds, ref, with_key))
+            links.append(
+                self._link(k, j, segment, frames[before[k] + 1], here, speeds, ref, with_key)
+            )
             frames.append(here)
-        turn, origin = frames[-1]
+        last = chain.index(self._above(self.end)[-1])
+        turn, origin = frames[last + 1]
+        loops = None
+        if equalities:
+            loops = Loops(before, last, *self._closed(chain, equalities, frames, segment))
+            links = self._passive(links, loops, chain, ref)
         end = data.site_xmat[self.site].reshape(3, 3)
         at = data.site_xpos[self.site]
         gravity = tuple(model.opt.gravity) if not self.source.urdf else (0.0, 0.0, -9.80665)
@@ -370,6 +402,7 @@ class _Tree:
             end_shift=turn.T @ (at - origin),
             load=self._load(behind, end, at),
             gravity=tuple(float(g) for g in gravity),
+            loops=loops,
         )
         return ArmFile(arm, tuple(held), tuple(notes))
 
@@ -392,22 +425,64 @@ class _Tree:
 
     def _chain(self, frame: str) -> list[int]:
         """Joints from the base to the sensor."""
-        found = []
-        for body in self._path(self.end):
-            for j in self._joints(body):
-                kind = JOINT(self.model.jnt_type[j])
-                named = f"{self._joint_name(j)!r} of {self.model.body(body).name!r}"
-                if kind == JOINT.mjJNT_FREE:
-                    raise ParameterError(f"{self.path}: free joint {named}: {_FLOATS}")
-                if kind == JOINT.mjJNT_BALL:
-                    raise ParameterError(
-                        f"{self.path}: {named} is a ball joint: only hinges and slides can be moved"
-                    )
-                found.append(j)
+        found = self._above(self.end)
         if not found:
             raise ParameterError(
                 f"{self.path}: no joint moves the frame {frame!r}: name one at the arm's end"
             )
+        self._refuse_kinds(found)
+        return found
+
+    def _above(self, body: int) -> list[int]:
+        """Joints that move a body."""
+        return [j for b in self._path(body) for j in self._joints(b)]
+
+    def _refuse_kinds(self, joints: list[int]) -> None:
+        """Only hinges and slides are computed."""
+        for j in joints:
+            kind = JOINT(self.model.jnt_type[j])
+            body = int(self.model.jnt_bodyid[j])
+            named = f"{self._joint_name(j)!r} of {self.model.body(body).name!r}"
+            if kind == JOINT.mjJNT_FREE:
+                raise ParameterError(f"{self.path}: free joint {named}: {_FLOATS}")
+            if kind == JOINT.mjJNT_BALL:
+                raise ParameterError(
+                    f"{self.path}: {named} is a ball joint: only hinges and slides can be moved "
+                    "(three hinges in one body turn like a ball)"
+                )
+
+    def _closed(
+        self,
+        chain: list[int],
+        equalities: list[int],
+        frames: list[tuple[np.ndarray, np.ndarray]],
+        segment: np.ndarray,
+    ) -> tuple[tuple[int, ...], tuple[Closure, ...]]:
+        """Which joints are driven, and what closes the loops."""
+        try:
+            driven = driven_joints(self.model, chain, equalities, self.actuators)
+        except ParameterError as cause:
+            raise ParameterError(f"{self.path}: {cause}") from None
+        links = {j: k for k, j in enumerate(chain)}
+        closures = loops_of(self.model, self.data, equalities, links, frames, segment)
+        return driven, tuple(replace(c, name=_plain(c.name)) for c in closures)
+
+    def _passive(
+        self, links: list[ArmLink], loops: Loops, chain: list[int], home: np.ndarray
+    ) -> list[ArmLink]:
+        """All as the keyframe has them; passive joints without the limits that nobody stated."""
+        found = []
+        for k, (link, j) in enumerate(zip(links, chain, strict=True)):
+            at = float(home[self.model.jnt_qposadr[j]])
+            low, high = link.lower, link.upper
+            if k not in loops.driven and not self.model.jnt_limited[j]:
+                low, high = -UNLIMITED, UNLIMITED
+            if not low <= at <= high:
+                raise ParameterError(
+                    f"{self.path}: joint {link.joint} stands at {at:g}, outside its limits "
+                    f"{low:g} … {high:g}: state a keyframe within"
+                )
+            found.append(replace(link, lower=low, upper=high, home=at))
         return found
 
     def _joint_name(self, j: int) -> str:
@@ -456,8 +531,9 @@ class _Tree:
             if first in inside or second in inside:
                 what = "couples joints" if coupled else "closes a loop between"
                 raise ParameterError(
-                    f"{self.path}: the file {what} {first!r} and {second or 'the world'!r}: only "
-                    "arms whose joints move by themselves, without loops, can be read from a file"
+                    f"{self.path}: the file {what} {first!r} and {second or 'the world'!r}: of "
+                    "coupled joints only MJCF's equality constraints connect, weld and joint can "
+                    "be read"
                 )
 
     def _mimics(self) -> list[tuple[str, str, bool]]:
@@ -470,7 +546,7 @@ class _Tree:
         ]
 
     def _segments(self, chain: list[int], behind: set[int]) -> np.ndarray:
-        """How many joints of the chain move each body (B,); −1 of the tool's and of loose ones."""
+        """The link of each body (B,) from 1 on, 0 of the base; −1 of the tool's and loose ones."""
         result = np.zeros(self.model.nbody, dtype=int)
         for body in range(1, self.model.nbody):
             path = self._path(body)
@@ -479,8 +555,8 @@ class _Tree:
                 for b in path
                 for j in self._joints(b)
             )
-            count = sum(j in chain for b in path for j in self._joints(b))
-            result[body] = -1 if loose or body in behind else count
+            moving = [chain.index(j) + 1 for b in path for j in self._joints(b) if j in chain]
+            result[body] = -1 if loose or body in behind else max(moving, default=0)
         return result
 
     def _base_body(self, chain: list[int]) -> int:
@@ -623,8 +699,6 @@ RESERVED = ("world", "base", "flange", "tool", "sensor_side")
 
 def _distinct(links: list[ArmLink]) -> list[ArmLink]:
     """Links whose names are taken get a number."""
-    from dataclasses import replace
-
     bodies, joints, found = set(RESERVED), set[str](), []
     for k, link in enumerate(links, start=1):
         body = link.body if link.body not in bodies else f"{link.body}_{k}"

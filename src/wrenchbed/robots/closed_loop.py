@@ -1,0 +1,445 @@
+"""Closed loops of an arm: passive joints from driven ones, by Newton on the loops' residual.
+
+The residual r(q, x; θ) holds, for each loop, what keeps its two sides apart, in the axes of the
+last link before the loop parts. The branch is the keyframe's: poses are reached from it along ways
+on which ∂r/∂x stays regular. Velocities, accelerations and parameter derivatives follow by the
+implicit function theorem: with the inverse of ∂r/∂x at the solution, each Newton step in the
+arithmetic of jets or complex steps makes one more order exact (Griewank & Walther, Evaluating
+Derivatives, 2nd ed., ch. 15).
+
+A planar loop closed in space has equations that hold by themselves, such as that across its plane.
+They are found at the keyframe and left out; what a parameter error would change there is taken up
+by the joints' play.
+"""
+
+from collections.abc import Sequence
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from wrenchbed.errors import ParameterError
+from wrenchbed.physics.rotations import apply
+from wrenchbed.physics.time_derivatives import Jet, Value, cos, sin, stack_jets, value
+from wrenchbed.robots.arm_model import CONNECT, COUPLED, HINGE, ArmModel, Closure
+
+_STRIDE, _CAREFUL = 0.2, 0.05
+"""Longest way of a driven joint between two Newton solutions [rad, m over the arm's reach], at
+first and where that fails."""
+_LEAP = 0.7
+"""Longest way of a passive joint in one Newton step [rad, m]; beyond it the branch is lost."""
+_CLOSED = 1e-10
+"""Residual of a closed loop [rad, m over the arm's reach]."""
+_DIGITS = 1e-6
+"""What the file's digits leave of equations that hold by themselves, likewise."""
+_NEAR_SINGULAR = 0.05
+"""Smallest 1/‖(∂r/∂x)⁻¹‖ of a pose over that at home: estimate."""
+_RANK = 1e-7
+"""Singular values of ∂r/∂x below this share of the largest are zero."""
+_SEEDS, _ROUNDS, _NEAREST = 300, 3, 2
+"""Poses solved beforehand, rounds of reaching them, and how many a pose is reached from."""
+_STEPS = 12
+"""Newton steps to a solution at most; it needs three to five."""
+
+
+class Geometry(NamedTuple):
+    """What parameters make of an arm, each of one parameter vector or of a batch (K, 1, …).
+
+    Attributes:
+        turns, shifts: from the link before to each link at joint value 0, (3, 3) and (3,) [m].
+        zeros: added to the joint values (…, J).
+        places: of each closure, the points in the axes of its two links, (3,) [m].
+        welds: of each closure, R_first · weld = R_second (3, 3).
+        offsets: of each closure of joints, added to its law.
+    """
+
+    turns: Sequence[np.ndarray]
+    shifts: Sequence[np.ndarray]
+    zeros: np.ndarray
+    places: Sequence[tuple[np.ndarray, np.ndarray]]
+    welds: Sequence[np.ndarray]
+    offsets: Sequence[np.ndarray]
+
+
+Frame = tuple[Value, Value]
+"""Rotation (…, N, 3, 3) and origin (…, N, 3) [m] in the base's axes."""
+
+
+class ClosedLoops:
+    """The loops of one arm.
+
+    Args:
+        arm: with ``loops``; its home is where Newton begins.
+        nominal: its geometry as the file has it.
+
+    Raises:
+        ParameterError: the loops do not close at home, or leave a joint free; says which.
+    """
+
+    def __init__(self, arm: ArmModel, nominal: Geometry) -> None:
+        assert arm.loops is not None
+        self.arm, self.loops, self.nominal = arm, arm.loops, nominal
+        count = len(arm.links)
+        self.driven = list(arm.driven)
+        self.passive = [k for k in range(count) if k not in arm.driven]
+        self._scale = arm.reach
+        self._unit = np.array([1.0 if x.kind == HINGE else self._scale for x in arm.links])
+        self._spins = [_skew(link.axis) for link in arm.links]
+        self._ways = [self._way(k) for k in range(-1, count)]
+        self._kept = np.eye(0)
+        self._solutions: dict[bytes, np.ndarray] = {}
+        self.home = self._at_home(np.array([link.home for link in arm.links]))
+
+    def _way(self, link: int) -> list[int]:
+        """Links from the base to one."""
+        found: list[int] = []
+        while link >= 0:
+            found.append(link)
+            link = self.loops.parents[link]
+        return found[::-1]
+
+    def frames(self, at: Sequence[Value], geometry: Geometry) -> list[Frame]:
+        """Of the base and each link, in base axes, at all joints' values (…, N) each."""
+        found: list[Frame] = [(np.eye(3), np.zeros(3))]
+        for k, link in enumerate(self.arm.links):
+            turn, origin = found[self.loops.parents[k] + 1]
+            origin = origin + apply(turn, geometry.shifts[k])
+            turn = turn @ geometry.turns[k]
+            if link.kind == HINGE:
+                once = turn @ self._spins[k]
+                s, c = sin(at[k])[..., None, None], cos(at[k])[..., None, None]
+                turn = turn + once * s + (once @ self._spins[k]) * (1.0 - c)
+            else:
+                origin = origin + apply(turn, link.axis) * at[k][..., None]
+            found.append((turn, origin))
+        return found
+
+    def residual(self, at: Sequence[Value], geometry: Geometry) -> Value:
+        """What keeps the loops open (…, N, E) [rad, m over the arm's reach]."""
+        frames = self.frames(at, geometry)
+        parts: list[Value] = []
+        for n, closure in enumerate(self.loops.closures):
+            if closure.kind == COUPLED:
+                parts.append(_coupled(closure, at, geometry.offsets[n]))
+                continue
+            (one, first), (two, second) = frames[closure.first + 1], frames[closure.second + 1]
+            here, there = geometry.places[n]
+            back = _transposed(frames[self._parting(closure) + 1][0])
+            gap = first + apply(one, here) - second - apply(two, there)
+            gap = apply(back, gap) * (1.0 / self._scale)
+            parts += [gap[..., i] for i in range(3)]
+            if closure.kind != CONNECT:
+                turned = back @ (one @ geometry.welds[n] @ _transposed(two)) @ _transposed(back)
+                parts += [
+                    0.5 * (turned[..., i, j] - turned[..., j, i])
+                    for i, j in ((2, 1), (0, 2), (1, 0))
+                ]
+        return stack_jets(parts)
+
+    def _parting(self, closure: Closure) -> int:
+        """The last link before a loop's two sides part; −1 is the base."""
+        one, two = self._ways[closure.first + 1], self._ways[closure.second + 1]
+        shared = [a for a, b in zip(one, two, strict=False) if a == b]
+        return shared[-1] if shared else -1
+
+    def _slopes(self, at: np.ndarray, geometry: Geometry) -> np.ndarray:
+        """∂r/∂ all joints (…, N, E, L) of real values, exact where the loops are closed."""
+        frames = self.frames(_columns(at), geometry)
+        rows = []
+        for n, closure in enumerate(self.loops.closures):
+            size = {CONNECT: 3, COUPLED: 1}.get(closure.kind, 6)
+            block = np.zeros((*at.shape[:-1], size, at.shape[-1]))
+            rows.append(block)
+            if closure.kind == COUPLED:
+                block[..., 0, closure.first] = 1.0
+                if closure.second >= 0:
+                    shifted = at[..., closure.second] - closure.law[1]
+                    law = np.polynomial.Polynomial(closure.law[2:]).deriv()
+                    block[..., 0, closure.second] = -law(shifted)
+                continue
+            shared = self._parting(closure)
+            back = np.swapaxes(frames[shared + 1][0], -1, -2)
+            sides = zip((closure.first, closure.second), geometry.places[n], (1, -1), strict=True)
+            for link, place, sign in sides:
+                turn, origin = frames[link + 1]
+                point = origin + apply(turn, place)
+                for k in self._ways[link + 1]:
+                    if k in self._ways[shared + 1]:
+                        continue
+                    axis = sign * apply(frames[k + 1][0], self.arm.links[k].axis)
+                    hinge = self.arm.links[k].kind == HINGE
+                    moved = np.cross(axis, point - frames[k + 1][1]) if hinge else axis
+                    block[..., :3, k] = apply(back, moved) / self._scale
+                    if size == 6 and hinge:
+                        block[..., 3:, k] = apply(back, axis)
+        return np.concatenate(rows, axis=-2)
+
+    def _inverse(self, at: np.ndarray, geometry: Geometry) -> np.ndarray:
+        """(∂r/∂x)⁻¹ of the passive joints x (…, N, X, X), of the equations that are kept."""
+        slopes = self._kept @ self._slopes(at, geometry)[..., self.passive]
+        try:
+            return np.linalg.inv(slopes)
+        except np.linalg.LinAlgError:
+            return np.linalg.inv(slopes + 1e-13 * np.eye(slopes.shape[-1]))
+
+    def _regular(self, inverse: np.ndarray) -> np.ndarray:
+        """How far from singular (…, N)."""
+        return np.asarray(1.0 / np.linalg.norm(inverse, axis=(-2, -1)))
+
+    def _at_home(self, at: np.ndarray) -> np.ndarray:
+        """All joints' values (L,) with the loops closed; finds which equations are needed."""
+        at = at.copy()
+        at[self.driven] += self.nominal.zeros
+        for _ in range(3 * _STEPS):
+            r = self.residual(_columns(at), self.nominal)
+            step = np.linalg.pinv(self._slopes(at, self.nominal)[:, self.passive], _RANK) @ r
+            at[self.passive] -= step * min(1.0, _LEAP / max(np.abs(step).max(), 1e-12))
+        slopes = self._slopes(at, self.nominal)
+        left, size, right = np.linalg.svd(slopes[:, self.passive])
+        rank = int((size > _RANK * size[0]).sum())
+        r = np.abs(self.residual(_columns(at), self.nominal))
+        if r.max() > _DIGITS:
+            raise ParameterError(
+                f"the loops do not close at home (keyframe, else as the file stands): "
+                f"{self._open(r)}"
+            )
+        if rank < len(self.passive):
+            free = np.abs(right[rank:]).max(axis=0) > 0.1
+            names = [self.arm.links[k].joint for k, f in zip(self.passive, free, strict=True) if f]
+            raise ParameterError(
+                f"the driven joints and the loops leave {', '.join(names)} free at home: "
+                "drive one by an <actuator>, or state a keyframe that is not singular"
+            )
+        self._kept, self._left_out = left[:, :rank].T, left[:, rank:].T
+        if self._left_out.size and np.abs(self._left_out @ slopes[:, self.driven]).max() > _DIGITS:
+            fighting = np.abs(self._left_out @ slopes[:, self.driven]).max(axis=0) > _DIGITS
+            names = [
+                self.arm.links[k].joint for k, f in zip(self.driven, fighting, strict=True) if f
+            ]
+            raise ParameterError(
+                f"the driven joints {', '.join(names)} cannot move by themselves: the loops couple "
+                "them; leave out an <actuator>"
+            )
+        self._floor = _NEAR_SINGULAR * float(self._regular(self._inverse(at, self.nominal)))
+        self._check_left_out(at)
+        return at
+
+    def _check_left_out(self, home: np.ndarray) -> None:
+        """What holds by itself at home must hold by itself elsewhere."""
+        way = np.random.default_rng(0).uniform(-1.0, 1.0, (4, len(self.driven)))
+        goal = home[self.driven] + _STRIDE * way * self._unit[self.driven]
+        at = self._follow(np.tile(home, (len(goal), 1)), goal, _CAREFUL)
+        r = np.abs(self.residual(_columns(at[np.isfinite(at[:, 0])]), self.nominal))
+        if r.size and r.max() > 10.0 * _DIGITS:
+            raise ParameterError(
+                "the loops have more equations than they need, and which ones turns with the pose: "
+                f"beside home {self._open(r.max(axis=0))}; only loops whose spare equations stay "
+                "the same, such as planar ones, can be read"
+            )
+
+    def _open(self, r: np.ndarray) -> str:
+        """Which loop is how far open, of residuals (E,)."""
+        at = 0
+        found = []
+        for closure in self.loops.closures:
+            size = {CONNECT: 3, COUPLED: 1}.get(closure.kind, 6)
+            gap = float(np.abs(r[at : at + size]).max())
+            at += size
+            words = (
+                f"{gap:.2g} off"
+                if closure.kind == COUPLED
+                else f"{self._scale * gap * 1e3:.3g} mm open"
+            )
+            found.append((gap, f"{closure.name!r} stays {words}"))
+        return max(found)[1]
+
+    def solved(self, q: np.ndarray, geometry: Geometry | None = None) -> np.ndarray:
+        """All joints' values (…, N, L) at driven ones (N, J); NaN rows where there are none."""
+        at = self._solved_nominal(q)
+        if geometry is None or not np.isfinite(at).any():
+            return at
+        zeros = geometry.zeros
+        shape = np.broadcast_shapes((*zeros.shape[:-1], 1), at.shape)
+        at = np.broadcast_to(at, (*shape[:-1], at.shape[-1])).copy()
+        at[..., self.driven] = q + zeros
+        return self._closed(at, geometry)
+
+    def _closed(self, at: np.ndarray, geometry: Geometry) -> np.ndarray:
+        """Newton to rounding from near a solution; NaN where there is none."""
+        with np.errstate(all="ignore"):
+            last = np.inf
+            for _ in range(_STEPS):
+                r = self._kept_residual(at, geometry)
+                worst = float(np.nanmax(np.abs(r), initial=0.0))
+                if worst < 1e-13 and worst >= 0.5 * last:
+                    break
+                last = worst
+                step = apply(self._inverse(at, geometry), r)
+                at[..., self.passive] -= step
+            off = np.abs(self._kept_residual(at, geometry)).max(axis=-1)
+            at[~(off < _CLOSED)] = np.nan
+        return at
+
+    def _kept_residual(self, at: np.ndarray, geometry: Geometry) -> np.ndarray:
+        return np.asarray(self.residual(_columns(at), geometry) @ self._kept.T)
+
+    def _solved_nominal(self, q: np.ndarray) -> np.ndarray:
+        key = q.tobytes() + bytes(str(q.shape), "ascii")
+        if key not in self._solutions:  # a fit asks for the same poses again and again
+            if len(self._solutions) >= 8:
+                self._solutions.pop(next(iter(self._solutions)))
+            self._solutions[key] = self._reached(q)
+        return self._solutions[key]
+
+    def _reached(self, q: np.ndarray) -> np.ndarray:
+        goal = q + self.nominal.zeros
+        at = np.full((len(q), len(self.arm.links)), np.nan)
+        seeds = self._seeds
+        finite = np.flatnonzero(np.isfinite(goal).all(axis=1))
+        away = self._distances(goal[finite], seeds)
+        near = np.argsort(away, axis=1, kind="stable")[:, :_NEAREST]
+        home = np.zeros(len(finite), dtype=int)
+        fast, careful = ([(column, s) for column in (*near.T, home)] for s in (_STRIDE, _CAREFUL))
+        for column, stride in (*fast[:-1], careful[-1], *careful[:-1]):
+            left = np.isnan(at[finite, 0])
+            if not left.any():
+                break
+            at[finite[left]] = self._follow(seeds[column[left]], goal[finite[left]], stride)
+        return self._closed(at, self.nominal)
+
+    def _distances(self, goal: np.ndarray, seeds: np.ndarray) -> np.ndarray:
+        unit = self._unit[self.driven]
+        return np.linalg.norm((goal[:, None] - seeds[None][..., self.driven]) / unit, axis=-1)
+
+    @cached_property
+    def _seeds(self) -> np.ndarray:
+        """All joints' values (S, L) at poses throughout the driven joints' limits, home first."""
+        links = [self.arm.links[k] for k in self.driven]
+        low, high = np.array([[link.lower, link.upper] for link in links]).T
+        rng = np.random.default_rng(0)
+        goal = rng.uniform(low, high, (_SEEDS, len(links))) + self.nominal.zeros
+        found = self.home[None]
+        for _ in range(_ROUNDS):
+            near = np.argmin(self._distances(goal, found), axis=1)
+            at = self._follow(found[near], goal, _CAREFUL)
+            good = np.isfinite(at).all(axis=1)
+            found, goal = np.concatenate([found, at[good]]), goal[~good]
+            if not good.any() or not len(goal):
+                break
+        return found
+
+    def _follow(self, start: np.ndarray, goal: np.ndarray, stride: float) -> np.ndarray:
+        """From solutions (N, L) straight to driven values (N, J); NaN where the way is barred."""
+        at = start.copy()
+        from_ = start[:, self.driven]
+        longest = (np.abs(goal - from_) / self._unit[self.driven]).max(axis=1)
+        strides = np.maximum(1, np.ceil(longest / stride)).astype(int)
+        for n in range(1, int(strides.max(initial=0)) + 1):
+            rows = np.flatnonzero((strides >= n) & np.isfinite(at[:, 0]))
+            if not len(rows):
+                break
+            share = (n / strides[rows])[:, None]
+            at[rows] = self._stride(at[rows], from_[rows] + share * (goal[rows] - from_[rows]))
+        return at
+
+    def _stride(self, at: np.ndarray, driven: np.ndarray) -> np.ndarray:
+        at = at.copy()
+        at[:, self.driven] = driven
+        with np.errstate(all="ignore"):
+            for _ in range(3):
+                inverse = self._inverse(at, self.nominal)
+                step = apply(inverse, self._kept_residual(at, self.nominal))
+                at[:, self.passive] -= step
+                at[~(np.abs(step).max(axis=1) < _LEAP)] = np.nan
+            settled = np.abs(step).max(axis=1) < 1e-3
+            at[~(settled & (self._regular(inverse) > self._floor))] = np.nan
+        return at
+
+    def lifted(self, q: Value, geometry: Geometry, real: Geometry) -> list[Value]:
+        """All joints' values, (…, N) each, with the derivatives that q and the geometry carry.
+
+        Args:
+            q: driven joints' values (N, J), also jets.
+            geometry: real or complex.
+            real: its real part.
+        """
+        at = self.solved(value(q).real, real)
+        jet, steps = isinstance(q, Jet), any(np.iscomplexobj(g) for g in _arrays(geometry))
+        orders = 2 * jet + (steps or np.iscomplexobj(value(q)))
+        if not orders:
+            return _columns(at)
+        driven, found = q + geometry.zeros, list[Value](_columns(at))
+        for j, k in enumerate(self.driven):
+            found[k] = driven[..., j]
+        inverse = self._inverse(at, real) @ self._kept
+        for _ in range(orders):
+            move = apply(inverse, self.residual(found, geometry))
+            for i, k in enumerate(self.passive):
+                found[k] = found[k] - move[..., i]
+        return found
+
+    def failures(self, q: np.ndarray, at: np.ndarray) -> dict[int, str]:
+        """Rows of driven values (N, J) with no solution in ``at`` (N, L), and why."""
+        bad: dict[int, str] = {}
+        for n, row in enumerate(np.flatnonzero(np.isnan(at).any(axis=1))):
+            bad[int(row)] = self._why(q[row]) if n < _NEAREST else "the loops cannot close there"
+        for k in self.passive:
+            link = self.arm.links[k]
+            for row in np.flatnonzero((at[:, k] < link.lower) | (at[:, k] > link.upper)):
+                bad.setdefault(
+                    int(row),
+                    f"the passive joint {link.joint} would be at {at[row, k]:.4g}, outside its "
+                    f"limits {link.lower:.4g} … {link.upper:.4g}",
+                )
+        return dict(sorted(bad.items()))
+
+    def _why(self, q: np.ndarray) -> str:
+        """Least squares over the passive joints tell a pose out of reach from a barred way."""
+        from scipy.optimize import least_squares
+
+        at = self.home.copy()
+        at[self.driven] = q + self.nominal.zeros
+
+        def miss(x: np.ndarray) -> np.ndarray:
+            at[self.passive] = x
+            return np.asarray(self.residual(_columns(at), self.nominal))
+
+        found = least_squares(miss, self.home[self.passive], xtol=1e-12, ftol=1e-12, gtol=1e-12)
+        r = np.abs(miss(found.x))
+        if r.max() > 1e-6:
+            return f"out of reach: the loops cannot close: {self._open(r)}"
+        return (
+            "singular, or not reached without passing a singular pose: near it the loops do not "
+            "determine the passive joints"
+        )
+
+
+def _columns(at: np.ndarray) -> list[Value]:
+    return [at[..., k] for k in range(at.shape[-1])]
+
+
+def _arrays(geometry: Geometry) -> list[np.ndarray]:
+    places = [p for pair in geometry.places for p in pair]
+    return [*geometry.turns, *geometry.shifts, geometry.zeros, *places, *geometry.welds,
+            *geometry.offsets]  # fmt: skip
+
+
+def _coupled(closure: Closure, at: Sequence[Value], offset: np.ndarray) -> Value:
+    total = at[closure.first] - closure.law[0] - closure.law[2] - offset
+    if closure.second >= 0:
+        x, power = at[closure.second] - closure.law[1], 1.0
+        for a in closure.law[3:]:
+            power = x * power
+            total = total - power * a
+    return total
+
+
+def _transposed(turn: Value) -> Value:
+    if isinstance(turn, Jet):
+        return Jet(*(np.swapaxes(x, -1, -2) for x in (turn.v, turn.d, turn.dd)))
+    return np.swapaxes(turn, -1, -2)
+
+
+def _skew(v: np.ndarray) -> np.ndarray:
+    x, y, z = v
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])

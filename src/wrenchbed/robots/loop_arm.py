@@ -1,0 +1,288 @@
+"""A robot from a file whose joints close loops: its driven joints are q1 …, `closed_loop` solves
+the passive ones.
+
+Parameters are those of a `FileArm`, of driven and passive links alike, and the points at which the
+loops hold the links, ``loop.<equality>.<body>.x`` …; passive joints have no zero.
+"""
+
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from wrenchbed import registry
+from wrenchbed.physics.gravity import BodyMass, masses
+from wrenchbed.physics.rotations import apply, exp
+from wrenchbed.physics.time_derivatives import Value, stack_jets
+from wrenchbed.robots.arm_model import COUPLED, HINGE, WELD
+from wrenchbed.robots.arm_xml import mjcf_of, standing
+from wrenchbed.robots.base import Joint, LoadInSensorAxes, SimulatedRobot, sample_until
+from wrenchbed.robots.closed_loop import ClosedLoops, Geometry
+from wrenchbed.robots.file_arm import ArmDescription, arm_parameters
+
+if TYPE_CHECKING:
+    import mujoco
+
+_PROBES = 8
+"""Poses at which parameters are looked at that nothing depends on."""
+
+
+class LoopArm(LoadInSensorAxes, SimulatedRobot):
+    """An arm with closed loops from MJCF, and a six-axis sensor at a named frame.
+
+    Raises:
+        ParameterError: its loops do not close at home, or do not determine every passive joint.
+    """
+
+    free = ("tool.mass", "tool.cog", "sensor.bias", "mount.rotation")
+    candidates = ("joint", "link", "loop", "base.tilt", "mount", "tool.mass", "tool.cog")
+
+    def __init__(self, description: ArmDescription, record: dict[str, Any] | None = None) -> None:
+        from dataclasses import replace
+
+        self.description, self.record = description, record
+        self.name, self.title, self.sensor = description.name, description.title, description.sensor
+        arm = description.arm
+        self.gravity = (arm.gravity[0], arm.gravity[1], arm.gravity[2])
+        self._driven = [arm.links[k] for k in arm.driven]
+        self.joints = tuple(
+            Joint(f"q{k}", "rad" if x.kind == HINGE else "m", x.lower, x.upper, x.speed)
+            for k, x in enumerate(self._driven, start=1)
+        )
+        self.parameters = arm_parameters(description)
+        self.bodies = tuple(
+            BodyMass(x.body, x.mass, (float(x.cog[0]), float(x.cog[1]), float(x.cog[2])))
+            for x in arm.links
+        )
+        self._masses = masses(self.bodies)
+        self.arm_model = arm
+        self._index()
+        self._loops = ClosedLoops(arm, self._geometry(self.parameters.nominal))
+        homes = zip(arm.links, self._loops.home.tolist(), strict=True)
+        self.arm_model = arm.with_links(tuple(replace(x, home=at) for x, at in homes))
+
+    def _index(self) -> None:
+        arm, index = self.arm_model, self.parameters.index
+        assert arm.loops is not None
+        names = [f"link.{link.body}" for link in arm.links]
+        self._zeros = [index(n) for n in self.zero_names]
+        self._places = [[index(f"{n}.position.{a}") for a in "xyz"] for n in names]
+        self._turns = [[index(f"{n}.rotation.{a}") for a in "xyz"] for n in names]
+        self._held: list[tuple[list[int], list[int]]] = []
+        self._welds: list[list[int]] = []
+        self._offsets: list[int] = []
+        for c in arm.loops.closures:
+            group = f"loop.{c.name}"
+            where = [arm.links[k].body if k >= 0 else "base" for k in (c.first, c.second)]
+            coupled = c.kind == COUPLED
+            pair = [[] if coupled else [index(f"{group}.{w}.{a}") for a in "xyz"] for w in where]
+            self._held.append((pair[0], pair[1]))
+            weld = c.kind == WELD
+            self._welds.append([index(f"{group}.rotation.{a}") for a in "xyz"] if weld else [])
+            self._offsets.append(index(f"{group}.offset") if coupled else -1)
+        self._tilt = [index(f"base.tilt.{a}") for a in "xy"]
+        self._offset, self._turn = (
+            [index(f"mount.{what}.{a}") for a in "xyz"] for what in ("position", "rotation")
+        )
+
+    @cached_property
+    def zero_names(self) -> tuple[str, ...]:
+        return tuple(f"joint.{link.joint}.zero" for link in self._driven)
+
+    @property
+    def lengths(self) -> tuple[str, ...]:
+        """Positions of all links on others that move something."""
+        names = [
+            f"link.{link.body}.position.{a}"
+            for link, before in zip(self.arm_model.links, self.arm_model.parents, strict=True)
+            for a in "xyz"
+            if before >= 0
+        ]
+        return tuple(n for n in names if n not in self.unobservable)
+
+    @cached_property
+    def unobservable(self) -> tuple[str, ...]:  # type: ignore[override]
+        """What passive joints or the play of planar loops take up, and turns of a joint's own."""
+        rng = np.random.default_rng(1)
+        q = self.sample(_PROBES, rng)
+        theta, size = self.parameters.nominal, self.parameters.tolerance
+        theta = theta + 0.1 * size * rng.uniform(-1.0, 1.0, len(theta))
+        names = [n for n in self.parameters.names if n not in self.load]
+        found = []
+        for name in names:
+            k = self.parameters.index(name)
+            shifted = theta.astype(complex)
+            shifted[k] += 1e-30j
+            moved = [x.imag / 1e-30 * size[k] for x in self.sensor_pose(q, shifted)]
+            if max(float(np.nanmax(np.abs(x))) for x in moved) < 1e-13:
+                found.append(name)
+        return tuple(found)
+
+    @property
+    def home(self) -> np.ndarray:
+        return np.array([self.arm_model.links[k].home for k in self.arm_model.driven])
+
+    @property
+    def eye(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        arm = self.arm_model
+        middle = self.sensor_pose(self.home[None], self.parameters.nominal)[1][0]
+        middle = 0.5 * (middle + arm.base_shift)
+        place = middle + max(arm.reach, 0.1) * np.array([0.9, -1.2, 0.6])
+        return tuple(place.tolist()), tuple(middle.tolist())
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """In another process too there is one object of a name."""
+        return registry.revived, ("robots", self.name, self.record)
+
+    def base_origin(self, theta: np.ndarray) -> np.ndarray:
+        return self.arm_model.base_shift
+
+    def _geometry(self, theta: np.ndarray) -> Geometry:
+        arm = self.arm_model
+        assert arm.loops is not None
+
+        def turned(fixed: np.ndarray, columns: list[int]) -> np.ndarray:
+            vector = theta[..., columns]
+            return fixed @ exp(*np.moveaxis(vector, -1, 0)) if vector.any() else fixed
+
+        closures = arm.loops.closures
+        return Geometry(
+            [turned(link.turn, c) for link, c in zip(arm.links, self._turns, strict=True)],
+            [theta[..., c] for c in self._places],
+            theta[..., self._zeros],
+            [(theta[..., a], theta[..., b]) for a, b in self._held],
+            [
+                turned(c.turn, w) if w else c.turn
+                for c, w in zip(closures, self._welds, strict=True)
+            ],
+            [theta[..., k] if k >= 0 else np.zeros(()) for k in self._offsets],
+        )
+
+    def _solved(self, q: Value, theta: np.ndarray) -> tuple[list[Value], Geometry]:
+        """All joints' values, (…, N) each, and the geometry."""
+        geometry, real = self._geometry(theta), theta.real
+        if real.ndim > 1 and (real == real.reshape(-1, real.shape[-1])[0]).all():
+            real = real.reshape(-1, real.shape[-1])[0]  # a batch of complex steps of one robot
+        return self._loops.lifted(q, geometry, self._geometry(real)), geometry
+
+    def _placed(self, frame: tuple[Value, Value], theta: np.ndarray) -> tuple[Value, Value]:
+        """From base axes to the world."""
+        arm, leaning = self.arm_model, self._leaning(theta)
+        base = arm.base_turn if leaning is None else leaning @ arm.base_turn
+        return base @ frame[0], apply(base, frame[1]) + arm.base_shift
+
+    def sensor_pose(self, q: Value, theta: np.ndarray) -> tuple[Value, Value]:
+        arm = self.arm_model
+        at, geometry = self._solved(q, theta)
+        turn, origin = self._placed(self._loops.frames(at, geometry)[arm.end + 1], theta)
+        origin = origin + apply(turn, arm.end_shift)
+        turn = turn @ arm.end_turn
+        if theta[..., self._offset].any():
+            origin = origin + apply(turn, theta[..., self._offset])
+        if theta[..., self._turn].any():
+            turn = turn @ self._mount(theta)
+        return turn, origin
+
+    def links(self, q: np.ndarray, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        at, geometry = self._solved(q, theta)
+        centres = np.empty((len(q), len(self.bodies), 3))
+        for i, frame in enumerate(self._loops.frames(at, geometry)[1:]):
+            turn, origin = self._placed(frame, theta)
+            centres[:, i] = origin + apply(turn, self.arm_model.links[i].cog)
+        return self._masses, centres
+
+    def infeasible(self, q: np.ndarray, theta: np.ndarray) -> dict[int, str]:
+        bad = self._outside_limits(q)
+        inside = np.setdiff1d(np.arange(len(q)), list(bad))
+        if len(inside):
+            at = self._loops.solved(q[inside], self._geometry(theta.real))
+            bad |= {int(inside[k]): why for k, why in self._loops.failures(q[inside], at).items()}
+        return dict(sorted(bad.items()))
+
+    def sample(self, n: int, rng: np.random.Generator) -> np.ndarray:
+        """Within the limits of driven and passive joints, and where the loops close."""
+        low = np.array([joint.lower for joint in self.joints])
+        high = np.array([joint.upper for joint in self.joints])
+        turn = np.array([np.pi if j.unit == "rad" else np.inf for j in self.joints])
+        middle = np.clip(self.home, low + np.minimum(turn, (high - low) / 2), None)
+        middle = np.minimum(middle, high - np.minimum(turn, (high - low) / 2))
+        low, high = np.maximum(low, middle - turn), np.minimum(high, middle + turn)
+        return sample_until(n, lambda k: rng.uniform(low, high, (k, len(low))), self._feasible)
+
+    def _feasible(self, q: np.ndarray) -> np.ndarray:
+        at = self._loops.solved(q)
+        limits = np.array([[x.lower, x.upper] for x in self.arm_model.links])
+        passive = [k for k in range(len(limits)) if k not in self.arm_model.driven]
+        x, (low, high) = at[:, passive], limits[passive].T
+        return np.asarray(((x >= low) & (x <= high)).all(axis=1))
+
+    def qpos(self, q: Value, theta: np.ndarray) -> Value:
+        """As in the robot's own MJCF: zeros are in its bodies, not in its coordinates."""
+        at, _ = self._solved(q, theta)
+        at = [1.0 * x for x in at]
+        for j, k in enumerate(self.arm_model.driven):
+            at[k] = q[..., j]
+        return stack_jets(at)
+
+    @cached_property
+    def xml(self) -> str:
+        """The robot's own MJCF, nominal and at home."""
+        return mjcf_of(self.description.arm.name, self.arm_model, self.description.load)
+
+    def spec(self, theta: np.ndarray) -> "mujoco.MjSpec":
+        import mujoco
+
+        from wrenchbed.robots.mjcf import place, rotate_body, write_load
+
+        spec = mujoco.MjSpec.from_string(self.xml)
+        arm, geometry = self.arm_model, self._geometry(theta)
+        assert arm.loops is not None
+        leaning = self._leaning(theta)
+        if leaning is not None:
+            place(spec, "base", arm.base_shift.tolist(), leaning @ arm.base_turn)
+        zeros = dict(zip(arm.driven, geometry.zeros.tolist(), strict=True))
+        for k, link in enumerate(arm.links):
+            at = link.home + zeros.get(k, 0.0)
+            turn, shift = standing(link, geometry.turns[k], geometry.shifts[k], at)
+            place(spec, link.body, shift.tolist(), turn)
+        for n, closure in enumerate(arm.loops.closures):
+            if closure.kind == COUPLED:
+                spec.equality(closure.name).data[:5] = self._law(n, geometry, zeros)
+                continue
+            for side, turn in enumerate((geometry.welds[n], np.eye(3))):
+                site = spec.site(f"{closure.name}_{side + 1}")
+                site.pos = geometry.places[n][side].tolist()
+                rotate_body(site, turn)
+        spec.key("home").qpos = self.qpos(self.home[None], theta)[0]
+        place(spec, "tool", theta[self._offset].tolist(), self._mount(theta))
+        write_load(spec, self.tool(theta))
+        return spec
+
+    def _law(self, n: int, geometry: Geometry, zeros: dict[int, float]) -> np.ndarray:
+        """MuJoCo's five coefficients: both joints from home, without their zeros."""
+        arm = self.arm_model
+        assert arm.loops is not None
+        c = arm.loops.closures[n]
+        y0, x0, *law = c.law
+        if c.second < 0:
+            law, start = law[:1], 0.0
+        else:
+            start = arm.links[c.second].home + zeros.get(c.second, 0.0) - x0
+        shifted = np.polynomial.Polynomial(law)(np.polynomial.Polynomial([start, 1.0]))
+        result = np.zeros(5)
+        result[: len(shifted.coef)] = shifted.coef
+        home = arm.links[c.first].home + zeros.get(c.first, 0.0)
+        result[0] += y0 + float(geometry.offsets[n]) - home
+        return result
+
+    def _leaning(self, theta: np.ndarray) -> np.ndarray | None:
+        """The tilt turns gravity as the base sees it: the base turns against it; None of none."""
+        tilt = theta[..., self._tilt]
+        if not tilt.any():
+            return None
+        return np.asarray(exp(-tilt[..., 0], -tilt[..., 1], 0.0 * tilt[..., 0]))
+
+    def _mount(self, theta: np.ndarray) -> np.ndarray:
+        """R_flange_sensor."""
+        turn = theta[..., self._turn]
+        return exp(turn[..., 0], turn[..., 1], turn[..., 2]) if turn.any() else np.eye(3)

@@ -1,0 +1,402 @@
+"""Robots with closed loops, from their files: judged by MedRUE's own formulas and by MuJoCo."""
+
+import json
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import test_robots
+from scipy.spatial.transform import Rotation
+from test_robots import random_theta
+
+from loop_files import PlainLoops, medrue_file
+from wrenchbed import registry
+from wrenchbed.cli import main
+from wrenchbed.errors import ParameterError, PlanError
+from wrenchbed.physics.time_derivatives import Jet
+from wrenchbed.robots.base import models
+from wrenchbed.robots.described import describe, read, rebuilt
+from wrenchbed.robots.medrue import ROBOT as MEDRUE
+from wrenchbed.simulation.closed_form import Model
+from wrenchbed.simulation.simulation import Simulation
+
+TOOLS = {"five_bar": "probe", "stewart": "gripper"}
+each_model = pytest.mark.parametrize("name", TOOLS)
+
+
+def loop_robot(name, folder):
+    return describe(models() / name / f"{name}.xml", "sensor", folder / "my.toml").robot
+
+
+def loads(robot, q, theta):
+    model = Model.of(robot)
+    full = model.parameters.nominal
+    full[: len(theta)] = theta
+    return model.true_wrench(q, full)
+
+
+def medrue_poses(theta, n, seed):
+    """Not within 5 % of a five-bar's end of reach, as far as the parameters go."""
+    q = MEDRUE.sample(n, np.random.default_rng(seed))
+    return np.delete(q, list(MEDRUE.infeasible(q, theta)), axis=0)
+
+
+def same_as_medrue(robot, mine, theta, q):
+    """Both poses and both wrenches."""
+    turn, place = robot.sensor_pose(q, mine)
+    turned, placed = MEDRUE.sensor_pose(q, theta)
+    assert np.abs(turn - turned).max() < 1e-10
+    assert np.abs(place - placed).max() < 1e-10
+    assert np.abs(loads(robot, q, mine) - loads(MEDRUE, q, theta)).max() < 1e-10
+    assert len(q) >= 100
+
+
+def test_medrue_through_its_loops_is_its_written_out_closed_form(tmp_path):
+    """Its MJCF in ``models`` to all digits, read anew; joints in the actuators' order."""
+    rng = np.random.default_rng(11)
+    for k in range(4):
+        theta = MEDRUE.parameters.nominal if k == 0 else random_theta(MEDRUE, rng)
+        file = medrue_file(theta, tmp_path / "medrue.xml")
+        robot = describe(file, "ft", tmp_path / "my.toml").robot
+        assert robot.home == pytest.approx(MEDRUE.home)
+        own = robot.parameters.nominal
+        same_as_medrue(robot, own, theta, medrue_poses(theta, 150, 20 + k))
+
+
+def test_medrues_random_parameters_by_the_names_of_its_file(tmp_path):
+    """The nominal file's robot, its parameters set to where another MedRUE's file has its links."""
+    nominal = MEDRUE.parameters.nominal
+    robot = describe(medrue_file(nominal, tmp_path / "a.xml"), "ft", tmp_path / "a.toml").robot
+    rng = np.random.default_rng(12)
+    for k in range(3):
+        theta = random_theta(MEDRUE, rng)
+        file = medrue_file(theta, tmp_path / "b.xml")
+        other = describe(file, "ft", tmp_path / "b.toml").robot
+        mine = other.parameters.nominal
+        pairs = zip(robot.arm_model.links, other.arm_model.links, strict=True)
+        values = {"mount": robot.arm_model.end_turn.T @ other.arm_model.end_turn}
+        values |= {f"link.{a.body}": a.turn.T @ b.turn for a, b in pairs}
+        for group, turn in values.items():
+            vector = Rotation.from_matrix(turn).as_rotvec()
+            for axis, v in zip("xyz", vector, strict=True):
+                mine[robot.parameters.index(f"{group}.rotation.{axis}")] = v
+        offset = other.arm_model.end_shift - robot.arm_model.end_shift
+        for axis, v in zip("xyz", robot.arm_model.end_turn.T @ offset, strict=True):
+            mine[robot.parameters.index(f"mount.position.{axis}")] = v
+        base = robot.arm_model.base_turn.T @ (
+            other.arm_model.base_shift - robot.arm_model.base_shift
+        )
+        turned = robot.arm_model.base_turn.T @ other.arm_model.base_turn
+        carriage = other.arm_model.links[0]
+        start = base + turned @ carriage.shift
+        own = turned @ carriage.turn
+        for n, axis in enumerate("xyz"):
+            mine[robot.parameters.index(f"link.carriage.position.{axis}")] = start[n]
+            mine[robot.parameters.index(f"link.carriage.rotation.{axis}")] = Rotation.from_matrix(
+                robot.arm_model.links[0].turn.T @ own
+            ).as_rotvec()[n]
+        same_as_medrue(robot, mine, theta, medrue_poses(theta, 150, 30 + k))
+
+
+def matched(robot, name, rng):
+    """Random parameters that the user's file has too, and how far each is from nominal.
+
+    Of the five-bar's loop those in its plane: what leaves it is play's in one, strain in the other.
+    """
+    theta = robot.parameters.nominal
+    moved = {}
+    for p in robot.parameters:
+        group, *rest, axis = p.name.split(".")
+        in_plane = axis == ("y" if "rotation" in rest else "x") or (
+            axis == "z" and "rotation" not in rest
+        )
+        if name == "five_bar":
+            loop = group == "loop" or (group == "link" and rest[0] not in ("pitch", "roll"))
+            fits = group in ("joint", "link", "loop") and (in_plane or not loop)
+        else:
+            second = rest and re.fullmatch(r"leg_\d|platform(_ball_y)?", rest[0])
+            skewed = rest and rest[0] == "platform_ball_x" and "rotation" in rest
+            fits = group in ("joint", "link") and not (group == "link" and (second or skewed))
+            fits |= group == "loop"
+        if fits or p.name.startswith("base.tilt"):
+            moved[p.name] = float(rng.uniform(-1.0, 1.0) * p.tolerance)
+            theta[robot.parameters.index(p.name)] += moved[p.name]
+    return theta, moved
+
+
+@each_model
+def test_parallel_robots_are_the_users_files_in_mujoco(name, tmp_path):
+    """MuJoCo's own constraints close the loops there; nominal and three random vectors."""
+    robot = loop_robot(name, tmp_path)
+    driven = tuple(robot.arm_model.links[k].joint for k in robot.arm_model.driven)
+    rng = np.random.default_rng(6)
+    for k in range(4):
+        theta, moved = robot.parameters.nominal, {}
+        if k:
+            theta, moved = matched(robot, name, rng)
+            assert len(moved) > 30
+        plain = PlainLoops(models() / name / f"{name}.xml", "sensor", TOOLS[name], driven)
+        plain.change(moved, np.array(robot.gravity))
+        q = robot.sample(40, rng)
+        zeros = np.array([moved.get(f"joint.{n}.zero", 0.0) for n in driven])
+        wrench, place = plain.wrench(q + zeros)
+        assert np.abs(wrench).max() > 3.0
+        assert np.abs(loads(robot, q, theta) - wrench).max() < 1e-9
+        tilt = [moved.get(f"base.tilt.{a}", 0.0) for a in "xy"]
+        leaning, base = Rotation.from_rotvec([-tilt[0], -tilt[1], 0.0]), robot.arm_model.base_shift
+        place = leaning.apply(place - base) + base  # gravity was turned there, the base is here
+        assert np.abs(robot.sensor_pose(q, theta)[1] - place).max() < 1e-9
+        assert np.abs(Simulation(robot, theta).wrench(q) - wrench).max() < 1e-9
+
+
+CONTRACT = {
+    "stewart": (
+        test_robots.test_the_wrench_in_motion_is_newton_eulers,
+        test_robots.test_gravity_is_seen_as_the_sensor_is_turned,
+        test_robots.test_the_sensor_stands_where_mujoco_puts_it,
+        test_robots.test_the_jacobian_is_that_of_central_differences,
+        test_robots.test_an_inertia_of_no_body_is_refused,
+    ),
+    "five_bar": (
+        test_robots.test_the_wrench_at_rest_is_the_same_in_mujoco_and_in_closed_form,
+        test_robots.test_the_wrench_in_motion_is_newton_eulers,
+        test_robots.test_gravity_is_seen_as_the_sensor_is_turned,
+        test_robots.test_every_parameter_moves_something_or_is_listed_as_unobservable,
+        test_robots.test_every_parameter_writes_itself_into_the_spec,
+        test_robots.test_the_jacobian_is_that_of_central_differences,
+        test_robots.test_samples_are_feasible_seeded_and_turn_the_tool_about,
+        test_robots.test_joints_outside_limits_are_refused_by_row,
+    ),
+}
+"""What every robot keeps, but: a hexapod's legs are no angles and tilt it by 40° only; errors
+across a five-bar's plane leave its loop open; a rod's turn about itself changes nothing at first.
+"""
+
+
+@pytest.mark.parametrize(
+    ("name", "contract"),
+    [(n, c) for n, some in CONTRACT.items() for c in some],
+    ids=lambda x: getattr(x, "__name__", x),
+)
+def test_the_contract_of_every_robot(name, contract, tmp_path):
+    contract(loop_robot(name, tmp_path))
+
+
+@each_model
+def test_velocity_and_acceleration_are_those_of_the_positions(name, tmp_path):
+    """By differences along a path, of perturbed robots too."""
+    robot, rng, h = loop_robot(name, tmp_path), np.random.default_rng(8), 1e-4
+    theta = random_theta(robot, rng)
+    q = robot.sample(20, rng)
+    v, a = rng.normal(size=(2, *q.shape)) * 0.2
+    jet = robot.qpos(Jet(q, v, a), theta)
+    before, at, after = (robot.qpos(q + t * v + 0.5 * t**2 * a, theta) for t in (-h, 0.0, h))
+    assert np.abs(jet.v - at).max() < 1e-12
+    assert np.abs(jet.d - (after - before) / (2 * h)).max() < 1e-5
+    assert np.abs(jet.dd - (after - 2 * at + before) / h**2).max() < 1e-4
+    assert np.abs(jet.dd).max() > 0.1
+
+
+@pytest.fixture
+def forgotten(monkeypatch):
+    monkeypatch.setattr(registry, "_records", {})
+    monkeypatch.setattr(registry, "_known", {})
+
+    def forget():
+        registry._records.clear()
+        registry._known.clear()
+
+    return forget
+
+
+@each_model
+def test_a_parallel_robot_is_planned_recorded_and_calibrated_by_its_file(
+    name, tmp_path, forgotten, capsys
+):
+    """Noise-free: mass, CoG, bias and mount to 1e-9; the calibration has the recording alone."""
+    toml, plan, rec = (str(tmp_path / f) for f in ("my.toml", "plan.parquet", "rec.parquet"))
+    truth = {
+        "tool.mass": 0.9, "tool.cog.x": 0.013, "sensor.bias.fx": 2.5, "sensor.bias.ty": -0.1,
+        "mount.rotation.x": 0.004, "mount.rotation.z": -0.006,
+    }  # fmt: skip
+    (tmp_path / "truth.json").write_text(json.dumps(truth))
+    file = str(models() / name / f"{name}.xml")
+    assert main(["robot", file, "--frame", "sensor", "--out", toml]) == 0
+    said = capsys.readouterr()
+    assert f"mm: {TOOLS[name]}" in said.out
+    assert "Solved from the closed loops" in said.out
+    assert said.err == ""
+    assert main(["plan", toml, "--n", "40", "--out", plan]) == 0
+    line = ["record", "--robot", toml, "--plan", plan, "--out", rec, "--samples", "2"]
+    assert main([*line, "--noise", "off", "--parameters", str(tmp_path / "truth.json")]) == 0
+    (tmp_path / "my.toml").unlink()
+    forgotten()
+    assert main(["calibrate", rec, "--out", str(tmp_path / "fit.json")]) == 0
+    fit = json.loads((tmp_path / "fit.json").read_text())
+    model = Model.of(registry.load("robots", fit["robot"])).parameters
+    wanted = model.vector(truth)
+    assert set(truth) <= set(fit["parameters"])
+    for p in fit["parameters"]:
+        assert fit["theta"][p] == pytest.approx(wanted[model.index(p)], abs=1e-9), p
+
+
+@each_model
+def test_the_toml_beside_the_model_is_its_robot(name, tmp_path):
+    """As `wrenchbed robot` writes it; and the same from what a recording carries, to the bit."""
+    kept = models() / name / f"{name}.toml"
+    robot, made = read(kept), describe(kept.with_suffix(".xml"), "sensor", kept)
+    assert made.text == kept.read_text(encoding="utf-8")
+    again = rebuilt(json.loads(json.dumps(robot.record)))
+    q = robot.sample(5, np.random.default_rng(0))
+    theta = random_theta(robot, np.random.default_rng(1))
+    assert again.name == robot.name
+    assert again.xml == robot.xml
+    assert np.array_equal(loads(again, q, theta), loads(robot, q, theta))
+
+
+@pytest.mark.parametrize(
+    ("name", "pose", "why"),
+    [
+        ("five_bar", [-1.5, 1.5, 0.0, 0.0], "singular"),  # its distal links nearly one line
+        ("stewart", [0.9, 0.0, 0.0, 0.0, 0.0, 0.0], r"out of reach: .*'ball_\d' stays .* mm open"),
+    ],
+)
+def test_rows_out_of_reach_and_singular_are_named(name, pose, why, tmp_path):
+    """Where the limits allow them."""
+    robot = loop_robot(name, tmp_path)
+    links = [replace(x, lower=-3.0, upper=3.0) for x in robot.arm_model.links]
+    arm = robot.arm_model.with_links(tuple(links))
+    robot = type(robot)(replace(robot.description, arm=arm))
+    theta, q = robot.parameters.nominal, np.tile(robot.home, (3, 1))
+    robot.check(q, theta, "plan")
+    q[1] = pose
+    with pytest.raises(PlanError, match=f"plan: row 1: {why}"):
+        robot.check(q, theta, "plan")
+    lost = np.isnan(robot.sensor_pose(q, theta)[1]).any(axis=1)
+    assert lost.tolist() == [False, True, False]
+
+
+def test_a_passive_joint_has_limits_too(tmp_path):
+    text = (models() / "five_bar" / "five_bar.xml").read_text()
+    text = text.replace('name="elbow_left"', 'name="elbow_left" range="0.9 1.5"')
+    (tmp_path / "a.xml").write_text(text)
+    robot = describe(tmp_path / "a.xml", "sensor", tmp_path / "a.toml").robot
+    q = np.tile(robot.home, (2, 1))
+    q[1, 0] = -1.1
+    with pytest.raises(PlanError, match=r"row 1: the passive joint elbow_left would be at .* 0\.9"):
+        robot.check(q, robot.parameters.nominal, "plan")
+    elbow = robot.qpos(robot.sample(50, np.random.default_rng(0)), robot.parameters.nominal)[:, 1]
+    assert elbow.min() > 0.9
+    assert elbow.max() < 1.5
+
+
+FIVE_BAR = (models() / "five_bar" / "five_bar.xml").read_text(encoding="utf-8")
+REFUSALS = {
+    "past the sensor": (
+        FIVE_BAR.replace(
+            "</equality>", '<weld name="brace" body1="probe" body2="distal_right"/></equality>'
+        ),
+        r"closes a loop between 'probe' and 'distal_right', across the sensor",
+    ),
+    "no actuators": (
+        re.sub(r"<actuator>.*</actuator>", "", FIVE_BAR, flags=re.DOTALL),
+        r"no <actuator> says which joints are driven \(of motor_left, elbow_left",
+    ),
+    "too many": (
+        FIVE_BAR.replace("</actuator>", '<position joint="elbow_left"/></actuator>'),
+        r"driven joints motor_left, .*elbow_left.* cannot move by themselves",
+    ),
+    "too few": (
+        FIVE_BAR.replace('<position name="motor_right" joint="motor_right"/>', ""),
+        r"leave elbow_left, motor_right, elbow_right free",
+    ),
+    "open": (
+        FIVE_BAR.replace(
+            "</equality>", '</equality><keyframe><key qpos="0.3 0.3 0 0 0.9 0.3"/></keyframe>'
+        )
+        .replace('range="-0.4', 'range="-0.6').replace('range="-1.2 0.4"', 'range="-1.2 0.6"')
+        .replace('anchor="0 0 0.35"', 'anchor="0 0 0.05"'),
+        r"do not close at home .* 'tip' stays .* mm open",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("what", REFUSALS)
+def test_loops_that_cannot_be_computed_are_refused_in_one_line(what, tmp_path, capsys):
+    text, reason = REFUSALS[what]
+    file = tmp_path / "a.xml"
+    file.write_text(text)
+    assert main(["robot", str(file), "--frame", "sensor", "--out", str(tmp_path / "a.toml")]) == 1
+    err = capsys.readouterr().err.strip().splitlines()
+    assert len(err) == 1
+    assert re.search(reason, err[0]), err[0]
+    assert "a." in err[0]
+    assert not (tmp_path / "a.toml").exists()
+
+
+COUPLED = """
+<mujoco model="coupled">
+  <compiler angle="radian"/>
+  <worldbody>
+    <body name="arm" pos="0 0 0.5">
+      <joint name="lift" axis="0 1 0" range="-1 1" ref="0.2"/>
+      <inertial pos="0 0 0.1" mass="1" diaginertia="0.01 0.01 0.01"/>
+      <body name="fore" pos="0 0 0.3">
+        <joint name="follow" axis="0.6 0 0.8" ref="0.1"/>
+        <inertial pos="0 0 0.1" mass="0.5" diaginertia="0.01 0.01 0.01"/>
+        <body name="hand" pos="0 0 0.2">
+          <joint name="roll" axis="1 0 0" range="-2 2"/>
+          <inertial pos="0 0 0.01" mass="0.1" diaginertia="1e-4 1e-4 1e-4"/>
+          <site name="sensor" euler="0.1 0.2 0.3"/>
+          <body name="load"><inertial pos="0.01 0.02 0.05" mass="0.7"
+            diaginertia="0.001 0.001 0.001"/></body>
+        </body>
+      </body>
+    </body>
+    <body name="copy" pos="0.05 0 0.5">
+      <joint name="near" axis="0 1 0"/><inertial pos="0 0 0.1" mass="1" diaginertia="1 1 1"/>
+    </body>
+  </worldbody>
+  <equality>
+    <joint name="law" joint1="follow" joint2="lift" polycoef="0.05 0.5 0.3 -0.2 0.1"/>
+    <weld name="twin" body1="arm" body2="copy"/>
+  </equality>
+  <actuator><position joint="roll"/><position joint="lift"/></actuator>
+</mujoco>"""
+
+
+def test_coupled_joints_and_welds_are_mujocos(tmp_path):
+    """A weld of two bodies on one axis would be over-determined: here its slide is the axis' own.
+
+    The order of q is the actuators': roll before lift.
+    """
+    text = COUPLED.replace('pos="0.05 0 0.5"', 'pos="0 0 0.5"')
+    (tmp_path / "a.xml").write_text(text)
+    robot = describe(tmp_path / "a.xml", "sensor", tmp_path / "a.toml").robot
+    assert [robot.arm_model.links[k].joint for k in robot.arm_model.driven] == ["roll", "lift"]
+    plain = PlainLoops(tmp_path / "a.xml", "sensor", "load", ("roll", "lift"))
+    q = robot.sample(30, np.random.default_rng(0))
+    wrench, place = plain.wrench(q)
+    theta = robot.parameters.nominal
+    assert np.abs(loads(robot, q, theta) - wrench).max() < 1e-9
+    assert np.abs(robot.sensor_pose(q, theta)[1] - place).max() < 1e-9
+    rng = np.random.default_rng(1)
+    for _ in range(3):
+        other = random_theta(robot, rng)
+        assert np.abs(Simulation(robot, other).wrench(q) - loads(robot, q, other)).max() < 1e-10
+    simulation = Simulation(robot, theta)
+    simulation.data.qpos[:] = robot.qpos(q[:1], theta)[0]
+    import mujoco
+
+    mujoco.mj_fwdPosition(simulation.model, simulation.data)
+    assert np.abs(simulation.data.efc_pos).max() < 1e-12
+
+
+def test_a_ball_joint_is_refused_with_the_remedy(tmp_path):
+    with pytest.raises(ParameterError, match="three hinges"):
+        text = FIVE_BAR.replace(
+            'name="elbow_right" axis="0 1 0" ', 'name="elbow_right" type="ball" '
+        )
+        (tmp_path / "a.xml").write_text(re.sub(r'(type="ball" )ref="[^"]*"', r"\1", text))
+        describe(tmp_path / "a.xml", "sensor", tmp_path / "a.toml")
