@@ -7,7 +7,6 @@ import signal
 import subprocess
 import sys
 import time
-from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
@@ -21,6 +20,7 @@ from wrenchbed.campaigns.settings import SIZES, Fleet, possible, varied
 from wrenchbed.campaigns.simulated_robots import campaign, one, recorded
 from wrenchbed.cli import main
 from wrenchbed.errors import FleetError, ParameterError
+from wrenchbed.jobs import parts
 
 SMALL = {"poses": 24, "samples": 8}
 
@@ -186,14 +186,14 @@ def test_a_full_disk_is_told_and_what_was_written_stays(whole, tmp_path, monkeyp
     monkeypatch.setattr(result_rows, "_EVERY_S", 0.0)
     written, write = [], pq.write_table
 
-    def full(table, where, **more):
+    def full(table, file, **more):
         if len(written) == 2:
-            Path(where).write_bytes(b"PAR1")
-            raise OSError(errno.ENOSPC, "No space left on device", str(where))
-        written.append(where)
-        write(table, where, **more)
+            file.write(b"PAR1")
+            raise OSError(errno.ENOSPC, "No space left on device")
+        written.append(file)
+        write(table, file, **more)
 
-    monkeypatch.setattr(result_rows.pq, "write_table", full)
+    monkeypatch.setattr(parts.pq, "write_table", full)
     with pytest.raises(OSError, match="No space left"):
         campaign(small(6), tmp_path, workers=1)
     monkeypatch.undo()

@@ -204,9 +204,10 @@ def test_what_no_parameter_of_a_robot_holds_is_said(name):
 def test_offsets_are_parameters_only_where_every_joint_has_a_zero():
     effect, theta = registry.load("effects", "joint.offset"), np.array([5.0, 0.1, 0.2])
     values = {"offset.q1": 0.01, "offset.q2": 0.02}
-    robot = SimpleNamespace(joints=(1, 2), parameters=SimpleNamespace(names=("l", "dq1", "dq2")))
+    index = ("l", "dq1", "dq2").index
+    robot = SimpleNamespace(zero_names=("dq1", "dq2"), parameters=SimpleNamespace(index=index))
     assert effect.as_parameters(robot, theta, values) == pytest.approx([5.0, 0.11, 0.22])
-    robot.parameters.names = ("l", "dq1", "dq3")
+    robot.zero_names = ()
     assert effect.as_parameters(robot, theta, values) is None
 
 
