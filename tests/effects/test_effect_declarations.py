@@ -4,7 +4,7 @@ import pytest
 
 from wrenchbed.benchmark.lookalikes.catalogue import EFFECTS as LOOKALIKES
 from wrenchbed.benchmark.referee.catalogue import EFFECTS as REFEREE
-from wrenchbed.effects.base import STAGES, STATED_NUMBERS, ChannelEffect
+from wrenchbed.effects.base import SHOWN, STAGES, STATED_NUMBERS, ChannelEffect
 from wrenchbed.effects.chain import effects, stated_effects
 
 
@@ -105,7 +105,6 @@ def test_how_nearly_right_a_closed_form_is():
 FLAGS = {
     "zero_is_convention": "cable.pull cable.torsion environment.contact sensor.creep sensor.drift "
     "sensor.hysteresis sensor.jump sensor.nonlinearity sensor.temperature tool.leak tool.slide",
-    "over_time": "sensor.creep sensor.drift sensor.jump sensor.temperature tool.leak tool.slide",
     "rough": "cable.pull environment.contact sensor.jump tool.loose",
     "external": "cable.pull cable.torsion environment.contact",
     "local": "joint.backlash joint.clearance joint.compliance joint.gear_error joint.offset "
@@ -121,6 +120,26 @@ FLAGS = {
 @pytest.mark.parametrize("flag", FLAGS)
 def test_a_remark_is_made_of_the_effects_that_it_is_true_of(flag):
     assert {n for n, e in effects().items() if getattr(e, flag)} == set(FLAGS[flag].split())
+
+
+OWN_FIGURE = {
+    "time": "sensor.creep sensor.drift sensor.jump sensor.temperature tool.leak tool.slide",
+    "load": "sensor.gain sensor.nonlinearity sensor.saturation",
+    "loop": "sensor.hysteresis",
+    "torque": "joint.backlash joint.compliance",
+    "angle": "joint.gear_error joint.offset",
+    "matrix": "sensor.crosstalk",
+    "lag": "timing.delay timing.lowpass timing.skew",
+}
+"""What an effect's own figure in a report is drawn over; all others by what they predict."""
+
+
+def test_every_effect_is_drawn_over_what_shows_it():
+    own = {name: over for over, names in OWN_FIGURE.items() for name in names.split()}
+    assert {n: e.shown for n, e in effects().items()} == {
+        n: own.get(n, "prediction") for n in effects()
+    }
+    assert set(OWN_FIGURE) | {"prediction"} == set(SHOWN)
 
 
 def test_only_backlash_jumps_between_two_places_of_a_joint():

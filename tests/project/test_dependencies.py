@@ -1,5 +1,6 @@
 """Locked packages have hashes and allowed licences, and hold all that is declared."""
 
+import hashlib
 import importlib.machinery
 import importlib.util
 import re
@@ -76,3 +77,14 @@ def test_the_locks_hold_what_the_project_declares():
     for lock, declared in needs.items():
         names = {re.match(r"[A-Za-z0-9._-]+", d)[0].lower().replace("_", "-") for d in declared}
         assert names <= locked[lock], names - locked[lock]
+
+
+def test_the_script_that_pages_carry_is_the_listed_one_with_its_licences():
+    assets = ROOT / "src" / "wrenchbed" / "pages" / "assets"
+    listed = (assets / "LICENCES.md").read_text(encoding="utf-8")
+    digest = hashlib.sha256((assets / "echarts.min.js").read_bytes()).hexdigest()
+    assert digest in listed
+    for name in re.findall(r"`((?:echarts|zrender|tslib)\.(?:LICENSE|NOTICE)[^`]*)`", listed):
+        assert len((assets / name).read_text(encoding="utf-8")) > 100, name
+    carried = {p.name for p in assets.iterdir()}
+    assert carried - {"page.js"} == {n for n in carried if n in listed or n == "LICENCES.md"}

@@ -24,6 +24,8 @@ def test_the_wheel_finds_its_models_from_another_folder(tmp_path):
         assert f"wrenchbed/models/{robot}/{robot}.xml" in inside
     assert "wrenchbed/py.typed" in inside
     assert "wrenchbed/pages/study.html.j2" in inside
+    for asset in ("echarts.min.js", "echarts.LICENSE", "zrender.LICENSE", "page.js"):
+        assert f"wrenchbed/pages/assets/{asset}" in inside
     site = tmp_path / "site"
     run(*pip, "install", "--quiet", "--no-deps", "--target", str(site), str(wheel), cwd=tmp_path)
     code = (

@@ -24,7 +24,12 @@ def folder(tmp_path_factory):
 
 
 def text(page) -> str:
-    bare = re.sub(r"<style>.*?</style>|<svg.*?</svg>|<[^>]+>", " ", page.html(), flags=re.S)
+    bare = re.sub(
+        r"<style>.*?</style>|<script.*?</script>|<svg.*?</svg>|<[^>]+>",
+        " ",
+        page.html(),
+        flags=re.S,
+    )
     return re.sub(r"\s+", " ", bare)
 
 

@@ -65,6 +65,17 @@ STAGES: Mapping[str, Stage] = {
     ),
 }
 """By name, in the order in which they act."""
+SHOWN: Mapping[str, str] = {
+    "prediction": "the rows sorted by what it predicts",
+    "time": "time, or the temperature where that was recorded",
+    "load": "the load of the channel in which it shows most",
+    "loop": "that load, where it rises and where it falls",
+    "torque": "the torque on the joint, as an error of the joint's value",
+    "angle": "the joint's own value, likewise",
+    "matrix": "all pairs of channels, as what one shows of another's load",
+    "lag": "a shift of the simulated readings in time, as their correlation with measured ones",
+}
+"""Variables of an effect's own figure in a report, beside measured and simulated."""
 STATED_NUMBERS = ("bias", "mass", "cog")
 """Numbers of a recording's metadata that every user fits; an effect may be that one is wrong."""
 Values = Mapping[str, float]
@@ -177,8 +188,8 @@ class Effect(ABC):
     """Whether a parameter's name ends with the joint or link that it belongs to."""
     zero_is_convention: ClassVar[bool] = False
     """Whether its zero, and its mean response to load, are a convention."""
-    over_time: ClassVar[bool] = False
-    """Whether a report draws it in the order of time, not sorted by what it predicts."""
+    shown: ClassVar[str] = "prediction"
+    """What a report draws it over, of `SHOWN`."""
     once: ClassVar[bool] = False
     """Whether it is of one day: another recording of the same robot may be without it."""
     all_channels: ClassVar[bool] = False

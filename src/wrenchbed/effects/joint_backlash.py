@@ -38,6 +38,7 @@ class JointBacklash(JointEffect):
 
     name = "joint.backlash"
     title = "joints have backlash"
+    shown = "torque"
     form_error = 0.15
     size_error = 0.15
     source = "gap 0.01–0.1° in servos, ≤ 0.02° in strain wave gears: estimate"

@@ -56,7 +56,7 @@ class SensorCreep(ReadingEffect):
     form_error = 0.15
     size_error = 0.15
     zero_is_convention = True
-    over_time = True
+    shown = "time"
     source = (
         "0.05–0.1 % of the load in 30 min (strain-gauge data sheets); three times that: a poor one"
     )

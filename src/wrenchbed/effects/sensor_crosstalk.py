@@ -35,6 +35,7 @@ class SensorCrosstalk(ReadingEffect):
 
     name = "sensor.crosstalk"
     title = "a channel responds to the load of other channels"
+    shown = "matrix"
     source = (
         "0.2–1 % between like channels, 0.1–1 mm torque from force, 0.005–0.05 N per N·m force "
         "from torque; origin 1–6 mm (a Mini40's, if forgotten, 5.36 mm): estimate"

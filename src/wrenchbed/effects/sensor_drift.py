@@ -61,7 +61,7 @@ class SensorDrift(ReadingEffect):
     size_error = 0.1
     source = "0.05–0.5 N/h and 1–10 mN·m/h, estimate"
     zero_is_convention = True
-    over_time = True
+    shown = "time"
     once = True
     numbers = (
         *channel_parameters("rate", RATE, TORQUE_RATE, "change of the zero in time", UNITS_PER_S),

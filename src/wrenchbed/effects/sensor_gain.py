@@ -15,6 +15,7 @@ class SensorGain(ChannelEffect):
 
     name = "sensor.gain"
     title = "axes of the sensor have a gain error"
+    shown = "load"
     source = "0.2–1.5 %: estimate; ATI's stated uncertainty 0.75–1.5 % of full scale (unverified)"
     stem, sizes, text = "gain", (0.01, 0.01), "relative error of a channel"
     units = "1" * 6

@@ -46,6 +46,7 @@ class SensorHysteresis(ReadingEffect):
 
     name = "sensor.hysteresis"
     title = "the sensor's reading depends on its earlier loads"
+    shown = "loop"
     size_error = 0.2
     zero_is_convention = True
     source = "0.1–0.3 % of full scale, strain-gauge data sheets"

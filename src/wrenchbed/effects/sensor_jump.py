@@ -28,7 +28,7 @@ class SensorJump(ReadingEffect):
     title = "the sensor's zero jumps once"
     rough = True
     zero_is_convention = True
-    over_time = True
+    shown = "time"
     once = True
     source = "overload or a slipped bolt, 0.2–5 N: estimate"
     numbers = (

@@ -60,6 +60,7 @@ class SensorNonlinearity(ReadingEffect):
 
     name = "sensor.nonlinearity"
     title = "the sensor's readings are nonlinear in the load"
+    shown = "load"
     size_error = 0.1
     zero_is_convention = True
     source = "0.1–0.3 % of full scale at full scale; 0.2 %: FRB load ring data sheet"

@@ -28,6 +28,7 @@ class SensorSaturation(ReadingEffect):
 
     name = "sensor.saturation"
     title = "a channel saturates at a level"
+    shown = "load"
     form_error = 0.1
     size_error = 0.02
     source = "converters end at 105 % of range, wrong range or gain settings far earlier: estimate"

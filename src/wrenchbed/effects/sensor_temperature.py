@@ -53,7 +53,7 @@ class SensorTemperature(ReadingEffect):
     title = "the sensor's zero and span depend on its temperature"
     size_error = 0.1
     zero_is_convention = True
-    over_time = True
+    shown = "time"
     source = (
         "0.05–0.3 % of full scale per 10 K, span 0.02–0.05 %/K; HBM states < 0.05 % per 10 K; "
         "warm-up of 5–30 min: estimate"

@@ -44,7 +44,7 @@ class ToolLeak(LoadEffect):
     title = "the tool loses or gains mass while it is recorded"
     size_error = 0.1
     zero_is_convention = True
-    over_time = True
+    shown = "time"
     source = "3 g/min, a coolant nozzle or a glue tip that drips: estimate"
     numbers = (
         *alike(("rate",), "kg/s", 5e-5, 10.0, "mass lost in time"),

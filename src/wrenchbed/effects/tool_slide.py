@@ -28,7 +28,7 @@ class ToolSlide(LoadEffect):
     title = "a part of the tool slides: its centre of gravity moves while it is recorded"
     size_error = 0.1
     zero_is_convention = True
-    over_time = True
+    shown = "time"
     source = "1 mm in 5 min: estimate"
     numbers = (
         *alike(RATE, "m/s", 3e-6, 1.0, "of the CoG"),

@@ -1,9 +1,15 @@
 """HTML pages, plots and numbers for people: self-contained, light and dark, for screens and A4.
 May import: the root files only.
-Read first: this file; then `document` (studies), `plots` and `numbers`.
+Read first: this file; then `chart` (the data of a figure), `draw` and ``assets/page.js`` (its two
+renderers), `document` (studies), `plots` and `numbers`.
 """
 
-from collections.abc import Mapping
+import base64
+import hashlib
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -11,14 +17,27 @@ from typing import Any
 from wrenchbed import registry
 from wrenchbed.errors import printable
 from wrenchbed.files import write_text
+from wrenchbed.pages.chart import Chart
+
+LIBRARY, SCRIPT = "assets/echarts.min.js", "assets/page.js"
+"""Apache ECharts 6.1.0 as npm has it (its licences beside it), and what a page does with it."""
 
 
-def rendered(template: str, context: Mapping[str, Any]) -> str:
-    """One self-contained page.
+@dataclass(frozen=True, eq=False)
+class Drawn:
+    """A chart with its still SVG."""
+
+    chart: Chart
+    svg: str
+
+
+def rendered(template: str, context: Mapping[str, Any], figures: Sequence[Drawn] = ()) -> str:
+    """One self-contained page; the browser runs these scripts of it and no other.
 
     Args:
         template: ``diagnosis``, ``recording`` or ``study``.
         context: what it shows, by name; ``verdict``, if any, chooses its colour.
+        figures: those that answer on the page; the library that draws them is left out if none.
 
     Raises:
         MissingExtraError: jinja2 is not installed.
@@ -31,12 +50,30 @@ def rendered(template: str, context: Mapping[str, Any]) -> str:
         finalize=_cleaned,
         loader=jinja2.FunctionLoader(_text),
     )
-    return str(environment.get_template(f"{template}.html.j2").render(context))
+    scripts = [_script(name) for name in ((LIBRARY, SCRIPT) if figures else (SCRIPT,))]
+    data = {f.chart.name: f.chart.to_json() for f in figures}
+    text = json.dumps(data, ensure_ascii=False, separators=(",", ":"))
+    own = {
+        "scripts": [text for text, _ in scripts],
+        "allowed": " ".join(digest for _, digest in scripts),
+        "charts": text.replace("<", "\\u003c"),  # no end of the script within it
+    }
+    return str(environment.get_template(f"{template}.html.j2").render({**context, **own}))
 
 
-def write_page(path: str | Path, template: str, context: Mapping[str, Any]) -> None:
+def write_page(
+    path: str | Path, template: str, context: Mapping[str, Any], figures: Sequence[Drawn] = ()
+) -> None:
     """Write a page as `rendered` makes it, atomically."""
-    write_text(path, rendered(template, context))
+    write_text(path, rendered(template, context, figures))
+
+
+@cache
+def _script(name: str) -> tuple[str, str]:
+    """A script and what its page's Content-Security-Policy allows it by."""
+    text = "\n" + _text(name).rstrip() + "\n"
+    digest = base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
+    return text, f"'sha256-{digest}'"
 
 
 def _cleaned(value: Any) -> Any:

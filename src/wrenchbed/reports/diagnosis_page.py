@@ -1,7 +1,7 @@
 """The report of a diagnosis as one HTML page that needs nothing else."""
 
 import shlex
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path, PurePath
@@ -10,9 +10,9 @@ from typing import Any
 from wrenchbed import registry
 from wrenchbed.diagnosis.diagnose import Findings
 from wrenchbed.diagnosis.prepare.prepared import Prepared
-from wrenchbed.pages import numbers, rendered, write_page
+from wrenchbed.pages import Drawn, numbers, rendered, write_page
 from wrenchbed.reports import figures, sentences, tables
-from wrenchbed.reports.figures import Artist, at_once
+from wrenchbed.reports.figures import AtOnce, Draws
 from wrenchbed.reports.simulators import Evidence
 
 _BADGES = {"none": "✓", "identified": "●", "ambiguous": "◐", "partial": "◔", "unknown": "?"}
@@ -26,10 +26,12 @@ class ReportPage:
     Attributes:
         context: what the template shows, by name; ``verdict`` chooses its colour.
         template: which kind of report it is.
+        figures: that answer on the page.
     """
 
     context: Mapping[str, Any]
     template: str = "diagnosis"
+    figures: Sequence[Drawn] = ()
 
     def html(self) -> str:
         """One self-contained page with the figures inside.
@@ -37,14 +39,14 @@ class ReportPage:
         Raises:
             MissingExtraError: jinja2 is not installed.
         """
-        return rendered(self.template, self.context)
+        return rendered(self.template, self.context, self.figures)
 
     def write(self, path: str | Path) -> None:
         """Write the page."""
-        write_page(path, self.template, self.context)
+        write_page(path, self.template, self.context, self.figures)
 
 
-def diagnosis_page(found: Findings, command: str = "", artist: Artist | None = None) -> ReportPage:
+def diagnosis_page(found: Findings, command: str = "", artist: Draws | None = None) -> ReportPage:
     """The page of a diagnosis.
 
     Args:
@@ -63,14 +65,18 @@ def diagnosis_page(found: Findings, command: str = "", artist: Artist | None = N
     map_of_residuals = evidence.heat()
     told = {r.sentence for r in found.rows}
     recorded = shlex.join([d.recording, *d.others])
-    draw = artist.draw if artist else at_once
-    heat = draw(figures.heat, map_of_residuals)
-    gaps = draw(figures.gaps, tables.gaps(found))
-    channels = draw(figures.channels, before, after, evidence.first)
+    draw = (artist or AtOnce()).draw
+    what = "samples" if prepared.moving else "poses"
+    coming = {
+        "heat": draw(figures.heat(map_of_residuals, what)),
+        "gaps": draw(figures.gaps(tables.gaps(found))),
+        "channels": draw(figures.channels(before, after, evidence.first)),
+    }
     comparisons = [
-        (c, draw(figures.comparison, c, f"effect-{k}"))
-        for k, c in enumerate(evidence.comparisons())
+        draw(figures.comparison(c, f"effect-{k}")) for k, c in enumerate(evidence.comparisons())
     ]
+    drawn = {name: figure.result() for name, figure in coming.items()}
+    compared = [figure.result() for figure in comparisons]
     return ReportPage(
         {
             "d": d,
@@ -91,27 +97,22 @@ def diagnosis_page(found: Findings, command: str = "", artist: Artist | None = N
             "bars": [
                 (label, numbers.gap(value), kind) for label, value, kind in tables.gaps(found)
             ],
-            "gaps": gaps.result(),
-            "channels": channels.result(),
+            **drawn,
             "places": tables.places(found),
             "shared": tables.shared(found),
             "unseen": tables.invisible(found),
-            "heat": heat.result(),
-            "heat_over": map_of_residuals.over,
             "candidates": tables.candidates(d.probabilities),
             "explanations": tables.explanations(found),
             "table": tables.causes(found),
-            "comparisons": [
-                {"svg": drawn.result(), "title": c.title, "channel": c.channel}
-                for c, drawn in comparisons
-            ],
+            "comparisons": compared,
             "rows": [r.sentence for r in found.rows],
             "next": tables.steps(d.next),
             "record": f"wrenchbed record --robot {shlex.quote(d.robot)} --driver DRIVER --plan ",
             "notes": [n for n in d.notes if n not in told],
             "data": _data(found),
             "command": command or f"wrenchbed diagnose {recorded} --out DIR",
-        }
+        },
+        figures=[*drawn.values(), *compared],
     )
 
 

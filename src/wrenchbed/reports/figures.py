@@ -1,179 +1,196 @@
-"""Figures of a report: simulated is orange, measured is blue, on light and dark pages.
+"""Figures of a report as charts, and the `Artist` who draws them while the diagnosis runs.
 
-`Artist` draws them in other processes while the diagnosis runs.
+Measured is blue, simulated without the effects orange, with them green.
 """
 
-import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Future
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack
 from types import TracebackType
-from typing import Any, Self
+from typing import Protocol, Self
 
 import numpy as np
 
-from wrenchbed import registry
 from wrenchbed.errors import MissingExtraError
 from wrenchbed.jobs.workers import workers
-from wrenchbed.pages import numbers
-from wrenchbed.pages.plots import BLUE, GREY, ORANGE, PURPLE, canvas, to_svg
+from wrenchbed.pages import Drawn, numbers
+from wrenchbed.pages.chart import (
+    NEAR_ZERO,
+    NOISE,
+    Axis,
+    Chart,
+    Matrix,
+    Panel,
+    Role,
+    Series,
+    thinned,
+)
+from wrenchbed.pages.draw import svg
 from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.reports.simulators import Comparison, Heat
 
-INK = "#1c2126"
-WIDTH = 4.9
-"""Of every figure [in]: fits a telephone, and two fit beside each other on a screen."""
-NEAR_ZERO = 0.1
-"""Gaps below are drawn on a linear scale, those above on a logarithmic one."""
-MOST_POINTS = 400
-LEAST_RMS = 0.1
-"""Residuals below this share of one row's noise have the darkest colour."""
-_THEME = {
-    INK: "--ink", "#5b6670": "--soft", "#e3e7ea": "--line", BLUE: "--real", ORANGE: "--sim",
-    GREY: "--soft", PURPLE: "--box",
-}  # fmt: skip
-"""Colours drawn and the page's own ones that take their place, in light and in dark."""
-_STYLE: Any = {
-    "text.color": INK, "axes.labelcolor": INK, "xtick.color": INK, "ytick.color": INK,
-    "figure.facecolor": "none", "axes.facecolor": "none", "savefig.facecolor": "none",
-}  # fmt: skip
+_ROLES: Mapping[str, Role] = {"sim": "before", "effects": "after", "box": "box", "real": "measured"}
 
 
-def gaps(rows: Sequence[tuple[str, float, str]]) -> str:
-    """Horizontal bars: (label, gap, one of ``sim``, ``box``, ``real``) from the top down."""
-    colours = {"sim": ORANGE, "box": PURPLE, "real": BLUE}
-    with _drawing(0.36 * len(rows) + 0.85) as (figure, (ax,)):
-        for k, (_, value, kind) in enumerate(rows):
-            ax.barh(
-                k, value, 0.6, color="none" if kind == "box" else colours[kind],
-                edgecolor=colours[kind], hatch="////" if kind == "box" else None, lw=1.0,
-            )  # fmt: skip
-            ax.annotate(
-                numbers.gap(value), (max(value, 0.0), k), xytext=(5, 0), va="center",
-                textcoords="offset points", fontweight="bold",
-            )  # fmt: skip
-        ax.set_yticks(range(len(rows)), [r[0] for r in rows])
-        ax.invert_yaxis()
-        ax.grid(visible=False, axis="y")
-        ax.tick_params(axis="y", length=0)
-        _gap_axis(ax, [r[1] for r in rows], 3.5, 1.18)
-        ax.set_xlabel("gap [1]")
-        return _themed(figure, "gaps")
+def gaps(rows: Sequence[tuple[str, float, str]]) -> Chart:
+    """Horizontal bars: (label, gap, one of ``sim``, ``effects``, ``box``, ``real``), top down."""
+    kinds = list(dict.fromkeys(kind for _, _, kind in rows))
+    series = []
+    for kind in kinds:
+        own = [(k, value) for k, (_, value, other) in enumerate(rows) if other == kind]
+        series.append(
+            Series(
+                "",
+                "bars",
+                np.array([v for _, v in own]),
+                np.array([k for k, _ in own]),
+                role=_ROLES[kind],
+                texts=tuple(numbers.gap(v) for _, v in own),
+            )
+        )
+    x = _gap_axis([value for _, value, _ in rows], "gap", 3.5, 1.18)
+    panel = Panel(x, Axis("", names=tuple(label for label, _, _ in rows)), tuple(series))
+    caption = (
+        "“Calibrated” has bias, tool mass and centre of gravity fitted, as every user does. The "
+        "black box is a flexible regression on all variables: it names no cause, and shows how "
+        "much of the gap repeats."
+    )
+    return Chart("gaps", "Gap of each simulator", (panel,), caption=caption)
 
 
-def channels(before: Mapping[str, float], after: Mapping[str, float], first: str) -> str:
-    """Gap of each channel before and after as a circle and a diamond with a line between."""
-    with _drawing(0.3 * len(before) + 1.25) as (figure, (ax,)):
-        for k, (name, value) in enumerate(before.items()):
-            if name in after:
-                ax.plot([value, after[name]], [k, k], color=GREY, lw=1.5, zorder=1)
-                ax.plot(after[name], k, "D", color=ORANGE, ms=6.5, zorder=3)
-            ax.plot(value, k, "o", mfc="none", mec=ORANGE, mew=1.8, ms=8.5, zorder=2)
-            right = max(value, after.get(name, value))
-            told = numbers.gap(value)
-            told += f" → {numbers.gap(after[name])}" if name in after else ""
-            ax.annotate(
-                told, (right, k), xytext=(9, 0), textcoords="offset points", va="center",
-                fontsize=8.0,
-            )  # fmt: skip
-        ax.plot([], [], "o", mfc="none", mec=ORANGE, mew=1.8, ms=8, ls="", label=first)
-        if after:
-            ax.plot([], [], "D", color=ORANGE, ms=6.5, ls="", label="with the effects")
-        ax.set_yticks(range(len(before)), list(before))
-        ax.invert_yaxis()
-        _gap_axis(ax, [*before.values(), *after.values()], 12.0, 1.5, left=0.03)
-        ax.set_xlabel("gap of the channel [1]")
-        figure.legend(loc="outside upper left", ncols=2)
-        return _themed(figure, "channels")
-
-
-def heat(h: Heat) -> str:
-    """Residual rms in units of noise, panels below each other on one scale."""
-    registry.require("matplotlib", "report")
-    from matplotlib.colors import LogNorm
-
-    top = max(float(v.max()) for v in h.panels.values())
-    scale = LogNorm(LEAST_RMS, max(top, 1.0))
-    with _drawing(1.62 * len(h.panels) + 0.65, len(h.panels), sharex=True) as (figure, axes):
-        flat = [axes[0]] if len(h.panels) == 1 else [a[0] for a in axes]
-        for ax, (title, values) in zip(flat, h.panels.items(), strict=True):
-            ax.pcolormesh(np.maximum(values, LEAST_RMS), norm=scale, cmap="cividis")
-            for (i, j), v in np.ndenumerate(values):
-                dark = scale(max(float(v), LEAST_RMS)) < 0.55
-                ax.text(
-                    j + 0.5, i + 0.5, f"{v:.1f}" if v < 9.95 else f"{v:.0f}", ha="center",
-                    va="center", fontsize=7.5, color="#ffffff" if dark else "#000000",
-                    in_layout=False,
-                )  # fmt: skip
-            ax.set_yticks(np.arange(len(CHANNELS)) + 0.5, CHANNELS)
-            ax.set_xticks(np.arange(len(h.bins)) + 0.5, h.bins, fontsize=7.5)
-            ax.tick_params(length=0)
-            ax.invert_yaxis()
-            ax.grid(visible=False)
-            ax.set_title(title, fontsize=9.0, loc="left")
-            for spine in ax.spines.values():
-                spine.set_visible(False)
-        flat[-1].set_xlabel(h.label)
-        return _themed(figure, "heat")
-
-
-def comparison(c: Comparison, name: str) -> str:
-    """Measured dots, and the prediction by fits that did not see them as a line."""
-    keep = np.unique(np.linspace(0, len(c.x) - 1, min(len(c.x), MOST_POINTS)).astype(int))
-    with _drawing(2.75) as (figure, (ax,)):
-        ax.axhline(0.0, color=GREY, lw=1.0)
-        if c.predicted is not None:
-            ax.plot(c.x[keep], c.predicted[keep], color=ORANGE, lw=2.2, label="simulated effect")
-        ax.plot(c.x[keep], c.measured[keep], "o", color=BLUE, ms=4.0, label="measured")
-        ax.set_xlabel(c.x_label)
-        ax.set_ylabel(f"{c.channel} [{c.unit}]")
-        ax.ticklabel_format(axis="y", style="plain", useOffset=False)
-        figure.legend(
-            loc="outside upper left", ncols=3, columnspacing=0.9, handletextpad=0.35,
-            handlelength=1.3, fontsize=8.0, borderpad=0.1,
+def channels(before: Mapping[str, float], after: Mapping[str, float], first: str) -> Chart:
+    """Gap of each channel before and after, as a ring and a diamond."""
+    names, where = tuple(before), np.arange(len(before))
+    texts = tuple(
+        numbers.gap(v) + (f" → {numbers.gap(after[c])}" if c in after else "")
+        for c, v in before.items()
+    )
+    largest = np.array([max(v, after.get(c, v)) for c, v in before.items()])
+    ahead = np.array([v >= after.get(c, v) for c, v in before.items()])
+    start = np.array(list(before.values()))
+    blank = ("",) * len(names)
+    series = [
+        Series(
+            first, "points", start, where, role="before", mark="ring",
+            texts=tuple(t if a else b for t, a, b in zip(texts, ahead, blank, strict=True)),
+        )
+    ]  # fmt: skip
+    if after:
+        end = np.array([after[c] for c in names])
+        series.append(
+            Series(
+                "with the effects", "points", end, where, role="after", mark="diamond",
+                texts=tuple(b if a else t for t, a, b in zip(texts, ahead, blank, strict=True)),
+            )
         )  # fmt: skip
-        return _themed(figure, name)
+    x = _gap_axis([*start, *largest], "gap of the channel", 12.0, 1.5, left=0.03)
+    panel = Panel(x, Axis("", names=names), tuple(series))
+    caption = "Each channel in units of its own noise."
+    return Chart("channels", "Gap of each channel", (panel,), caption=caption)
 
 
-@contextmanager
-def _drawing(height: float, rows: int = 1, **options: Any) -> Iterator[Any]:
-    registry.require("matplotlib", "report")
-    import matplotlib
+def heat(h: Heat, what: str) -> Chart:
+    """Residual rms in units of noise, one panel a simulator, on the scale of every page.
 
-    with (
-        matplotlib.rc_context(_STYLE),
-        canvas((WIDTH, height), 1, rows, **options) as (figure, axes),
-    ):
-        yield figure, axes
+    Args:
+        h: the residuals.
+        what: observations, for people.
+    """
+    columns = tuple(h.bins)
+    panels = tuple(
+        Panel(
+            Axis(h.label), Axis(""), title=title,
+            matrix=Matrix(CHANNELS, columns, values, NOISE, _cells(values)),
+        )
+        for title, values in h.panels.items()
+    )  # fmt: skip
+    caption = (
+        f"Measured minus simulated, all {what}, in units of the noise of a row: 1 is as large as "
+        "the noise of a single row."
+    )
+    return Chart("heat", f"Residual of each channel {h.over}", panels, caption=caption)
+
+
+def comparison(c: Comparison, name: str) -> Chart:
+    """Measured and simulated with their residual beneath, over one axis.
+
+    Both are without what the other effects make; the simulation is by fits that did not see the
+    rows.
+    """
+    x, ids = Axis(c.x_label, c.x_unit), c.ids
+    top = [Series("measured", "points", c.x, c.measured, c.std, "measured", ids=ids)]
+    noise = c.sigma
+    low = [_left("without the effect" if c.predicted is not None else "calibrated", c, c.measured)]
+    if c.predicted is not None:
+        top.insert(0, Series("simulated effect", "line", c.x, c.predicted, None, "after", ids=ids))
+        low.append(_left("with the effect", c, c.measured - c.predicted, after=True))
+    upper, note = thinned(top, what=c.what)
+    lower, _ = thinned(low, what=c.what)
+    reach = Axis(f"{c.channel} minus simulator", c.unit)
+    panels = (
+        Panel(x, reach, upper, zero=True, height=1.15),
+        Panel(x, Axis("residual", "noise"), lower, zero=True, height=0.8),
+    )
+    if c.predicted is not None:
+        caption = (
+            f"Above: {c.channel} measured minus the simulator without {c.title}, and what the "
+            f"effect adds in the simulator. Beneath: the residual without and with it"
+        )
+    else:
+        caption = f"Above: {c.channel} measured minus the calibrated simulator. Beneath: the same"
+    caption += f", in units of the noise of a row ({noise:.2g} {c.unit})."
+    return Chart(name, f"{c.title}: {c.channel}", panels, shared=True, caption=caption, note=note)
+
+
+def _left(name: str, c: Comparison, residual: np.ndarray, *, after: bool = False) -> Series:
+    y = residual / c.sigma
+    if after:
+        return Series(name, "points", c.x, y, role="after", ids=c.ids)
+    return Series(name, "points", c.x, y, role="before", mark="ring", ids=c.ids)
+
+
+def _cells(values: np.ndarray) -> tuple[tuple[str, ...], ...]:
+    return tuple(tuple(_cell(float(v)) for v in row) for row in values)
+
+
+def _cell(v: float) -> str:
+    return "–" if not np.isfinite(v) else f"{v:.1f}" if v < 9.95 else f"{v:.0f}"
 
 
 def _gap_axis(
-    ax: Any, values: Sequence[float], room: float, room_linear: float, left: float = 0.0
-) -> None:
+    values: Sequence[float], label: str, room: float, room_linear: float, left: float = 0.0
+) -> Axis:
     """Linear near zero and logarithmic above, where gaps differ much; else linear."""
-    from matplotlib.ticker import FixedLocator, NullLocator
-
     top, low = max([*values, 1.0]), min(0.0, *values)
     if top <= 5.0:
-        ax.set_xlim(min(1.2 * low, -left * top), room_linear * top)
-        return
-    ax.set_xscale("symlog", linthresh=NEAR_ZERO, linscale=0.35)
-    decades = [10.0**k for k in range(-1, int(np.floor(np.log10(top))) + 1)]
-    ax.xaxis.set_major_locator(FixedLocator([0.0, *decades]))
-    ax.xaxis.set_minor_locator(NullLocator())
-    ax.xaxis.set_major_formatter("{x:g}")
-    ax.set_xlim(min(1.2 * low, -left * NEAR_ZERO), top * room)
+        return Axis(label, "1", low=min(1.2 * low, -left * top), high=room_linear * top)
+    decades = tuple(10.0**k for k in range(-1, int(np.floor(np.log10(top))) + 1))
+    return Axis(
+        label, "1", "near zero", ticks=(0.0, *decades), low=min(1.2 * low, -left * NEAR_ZERO),
+        high=top * room,
+    )  # fmt: skip
 
 
-def _themed(figure: Any, name: str) -> str:
-    """SVG whose colours follow the page, with ids of its own and without addresses."""
-    text = to_svg(figure)
-    for colour, variable in _THEME.items():
-        text = text.replace(colour, f"var({variable})")
-    text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
-    text = re.sub(r' xmlns(:\w+)?="[^"]*"', "", text)
-    text = re.sub(r"(url\(#|href=\"#|\bid=\")", rf"\1{name}-", text)
-    return text.replace("xlink:href", "href")
+def draw(chart: Chart) -> Drawn:
+    """A chart with its SVG."""
+    return Drawn(chart, svg(chart))
+
+
+class Draws(Protocol):
+    """Whoever draws charts, now or beside."""
+
+    def draw(self, chart: Chart) -> "Future[Drawn]":
+        """A figure to come."""
+
+
+class AtOnce:
+    """Draws here and now."""
+
+    def draw(self, chart: Chart) -> "Future[Drawn]":
+        """A figure, drawn."""
+        drawn: Future[Drawn] = Future()
+        drawn.set_result(draw(chart))
+        return drawn
 
 
 HANDS = 2
@@ -185,9 +202,9 @@ class Artist:
 
     ```
     with Artist() as artist:
-        figure = artist.draw(figures.gaps, rows)
+        figure = artist.draw(figures.gaps(rows))
         ...
-        svg = figure.result()
+        drawn = figure.result()
     ```
     """
 
@@ -199,9 +216,9 @@ class Artist:
             self._pool.submit(_rehearse)
         return self
 
-    def draw(self, figure: Callable[..., str], *given: object) -> "Future[str]":
-        """SVG of a figure to come."""
-        return self._pool.submit(figure, *given)
+    def draw(self, chart: Chart) -> "Future[Drawn]":
+        """A figure to come."""
+        return self._pool.submit(draw, chart)
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None,
@@ -210,16 +227,9 @@ class Artist:
         self._pools.__exit__(kind, error, trace)
 
 
-def at_once(figure: Callable[..., str], *given: object) -> "Future[str]":
-    """SVG of a figure, drawn here and now."""
-    drawn: Future[str] = Future()
-    drawn.set_result(figure(*given))
-    return drawn
-
-
 def _rehearse() -> None:
     """Load libraries and fonts."""
     try:
-        gaps([("ready", 1.0, "sim")])
+        draw(gaps([("ready", 1.0, "sim")]))
     except MissingExtraError:
         return  # told where it is missed

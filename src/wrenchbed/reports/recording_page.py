@@ -10,6 +10,7 @@ import numpy as np
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import ParameterError
 from wrenchbed.pages import numbers
+from wrenchbed.pages.chart import Chart
 from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.reports import figures
 from wrenchbed.reports.diagnosis_page import ReportPage
@@ -52,7 +53,7 @@ def recording_page(recording: Recording, files: Sequence[str | Path], command: s
     noise = noise_of(recording)
     ratios = [float(np.sqrt(np.mean(_white(recording, s, noise) ** 2))) for s in known]
     fits = [_fit(s.name, s.fit) for s in known if s.fit]
-    heat, over = _heat(recording, known, noise)
+    map_of_residuals = figures.draw(_heat(recording, known, noise))
     best = int(np.argmin(ratios))
     agreement = _agreement(known[best].name, ratios[best])
     context = {
@@ -72,13 +73,12 @@ def recording_page(recording: Recording, files: Sequence[str | Path], command: s
         "noise": [f"{x:.3g}" for x in noise],
         "tool": fits[-1]["tool"] if fits else [],
         "fits": fits,
-        "heat": figures.heat(heat),
-        "over": over,
+        "heat": map_of_residuals,
         "next": _next(ratios[best], bool(fits), PurePath(recording.name).name),
         "data": _data(recording),
         "command": command,
     }
-    return ReportPage(context, "recording")
+    return ReportPage(context, "recording", [map_of_residuals])
 
 
 def _white(recording: Recording, s: Simulator, noise: np.ndarray) -> np.ndarray:
@@ -90,13 +90,14 @@ def _rms(recording: Recording, s: Simulator) -> list[str]:
     return [f"{x:.3g}" for x in rms]
 
 
-def _heat(recording: Recording, known: Sequence[Simulator], noise: np.ndarray) -> tuple[Heat, str]:
+def _heat(recording: Recording, known: Sequence[Simulator], noise: np.ndarray) -> Chart:
     order, unit = order_of(recording)
     groups = bins(order, BINS)
     labels = tuple(f"{order[g].min():.0f}…\n{order[g].max():.0f}" for g in groups)
     panels = {s.name: binned_rms(_white(recording, s, noise), groups) for s in known}
     over = "over the poses in order" if unit == "pose" else "over time"
-    return Heat(panels, labels, "pose" if unit == "pose" else "time [s]", over), over
+    map_of_all = Heat(panels, labels, "pose" if unit == "pose" else "time [s]", over)
+    return figures.heat(map_of_all, "poses" if unit == "pose" else "rows")
 
 
 def _what(recording: Recording) -> dict[str, str]:

@@ -29,9 +29,13 @@ class Comparison:
         channel, unit: what is drawn.
         title: the effects, or what is left without any.
         x: where to draw each observation (N,).
-        x_label: what x is.
+        x_label, x_unit: what x is.
         measured: minus the simulator without the effects (N,).
         predicted: by the effects (N,), None where nothing is claimed.
+        ids: number of each observation (N,), from 1.
+        std: noise of each observation (N,).
+        sigma: noise of a row.
+        what: the observations, for people.
     """
 
     channel: str
@@ -39,8 +43,13 @@ class Comparison:
     title: str
     x: np.ndarray
     x_label: str
+    x_unit: str
     measured: np.ndarray
     predicted: np.ndarray | None
+    ids: np.ndarray
+    std: np.ndarray
+    sigma: float
+    what: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,20 +148,23 @@ class Evidence:
     ) -> Comparison:
         p, known = self.prepared, effects()
         order = np.arange(len(p.y))
-        x, label = 1.0 + order, "pose, in the order of time"
-        if p.moving:
-            x, label = p.scene.t[p.scene.held], "time [s]"
-        elif effect is not None and not (title in known and known[title].over_time):
+        x, label, unit = 1.0 + order, "pose, in the order of time", ""
+        timed = effect is not None and title in known and known[title].shown == "time"
+        if p.moving or timed:
+            x, label, unit = p.scene.t[p.scene.held], "time", "s"
+        elif effect is not None:
             order = np.argsort(effect[:, channel], kind="stable")
             label = "poses, sorted by what the effect predicts"
-        elif effect is None:
+        else:
             values, label, _ = self._variable()
             order = np.argsort(values, kind="stable")
             x = values[order]
         predicted = None if effect is None else effect[order, channel]
+        std = np.full(len(order), self.std[channel] * np.sqrt(p.noise[channel]))
         return Comparison(
-            CHANNELS[channel], UNITS[channel], title, x, label, measured[order, channel],
-            predicted,
+            CHANNELS[channel], UNITS[channel], title, x, label, unit, measured[order, channel],
+            predicted, 1 + order, std, float(self.std[channel]),
+            "samples" if p.moving else "poses",
         )  # fmt: skip
 
     def _variable(self) -> tuple[np.ndarray, str, str]:

@@ -153,7 +153,7 @@ def gaps(found: Findings) -> list[tuple[str, float, str]]:
     g = found.diagnosis.gap
     rows = [("as configured", g.configured, "sim"), ("calibrated", g.calibrated.value, "sim")]
     if g.with_effects is not None:
-        rows.append(("with the effects", g.with_effects.value, "sim"))
+        rows.append(("with the effects", g.with_effects.value, "effects"))
     if g.black_box is not None:
         left = g.calibrated.value - g.black_box * (g.calibrated.value - g.floor)
         rows.append(("with a black box", left, "box"))

@@ -1,0 +1,320 @@
+"""One data object a figure: `draw` makes it a still SVG, ``assets/page.js`` an interactive figure.
+
+Both take the same numbers, so they cannot disagree.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import Any, Literal
+
+import numpy as np
+
+Role = Literal["measured", "before", "after", "box", "rest", "ink"]
+"""What a colour means: measured, simulated without and with the effects, a black box, beside."""
+DIGITS = 6
+"""Significant digits of a number in a page."""
+MOST_POINTS = 400
+"""Points of a series of a static figure; of more rows the extremes are kept."""
+
+
+@dataclass(frozen=True)
+class Axis:
+    """One axis.
+
+    Attributes:
+        label, unit: what it shows.
+        scale: ``near zero`` is linear below ``NEAR_ZERO`` and logarithmic above.
+        names: categories, whose values are 0, 1 …; from the top down on a y axis.
+        ticks: where it is marked; chosen by whoever draws it if empty.
+        low, high: its ends, None: those of the data.
+    """
+
+    label: str
+    unit: str = ""
+    scale: Literal["linear", "log", "near zero"] = "linear"
+    names: tuple[str, ...] = ()
+    ticks: tuple[float, ...] = ()
+    low: float | None = None
+    high: float | None = None
+
+    @property
+    def text(self) -> str:
+        """Label with unit."""
+        return f"{self.label} [{self.unit}]" if self.unit else self.label
+
+
+NEAR_ZERO = 0.1
+"""Values below are linear on an axis that is logarithmic above."""
+
+
+@dataclass(frozen=True, eq=False)
+class Series:
+    """Points, lines, bands or bars of N values.
+
+    Attributes:
+        name: for legend and table; one that is empty has none.
+        kind: a ``band`` is y ± std as an area; ``bars`` are horizontal where y has names.
+        x, y: (N,) in the axes' units.
+        std: standard uncertainty of y (N,), None where it is not known.
+        role: its colour.
+        mark: of points.
+        dashed: of lines.
+        ids: number of the observation behind each point (N,): figures share their cursor by it.
+        texts: printed beside the points, one each; none if empty.
+    """
+
+    name: str
+    kind: Literal["line", "points", "band", "bars"]
+    x: np.ndarray
+    y: np.ndarray
+    std: np.ndarray | None = None
+    role: Role = "measured"
+    mark: Literal["dot", "ring", "diamond"] = "dot"
+    dashed: bool = False
+    ids: np.ndarray | None = None
+    texts: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        sizes = {len(v) for v in (self.x, self.y, self.std, self.ids) if v is not None}
+        if len(sizes) != 1 or (self.texts and len(self.texts) != len(self.x)):
+            raise ValueError(f"series {self.name!r}: arrays of different lengths")
+
+    def at(self, keep: np.ndarray) -> "Series":
+        """The points of some indices (K,) alone."""
+
+        def of(v: np.ndarray | None) -> np.ndarray | None:
+            return None if v is None else v[keep]
+
+        texts = tuple(self.texts[k] for k in keep) if self.texts else ()
+        return Series(
+            self.name, self.kind, self.x[keep], self.y[keep], of(self.std), self.role, self.mark,
+            self.dashed, of(self.ids), texts,
+        )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Scale:
+    """What the colours of a matrix stand for: equal on every page.
+
+    Attributes:
+        label: with unit.
+        low, high: ends; values beyond have the colours of the ends.
+        ticks: marks on its bar.
+        log: in decades.
+        diverging: two colours away from zero.
+    """
+
+    label: str
+    low: float
+    high: float
+    ticks: tuple[float, ...]
+    log: bool = False
+    diverging: bool = False
+
+    def share(self, value: float) -> float:
+        """Place of a value between the ends, 0 … 1."""
+        if not np.isfinite(value):
+            return 0.0
+        value = min(max(value, self.low), self.high)
+        if self.log:
+            return float(np.log(value / self.low) / np.log(self.high / self.low))
+        return (value - self.low) / (self.high - self.low)
+
+    def colour(self, value: float) -> str:
+        """Of a value, as ``#rrggbb``."""
+        stops = _DIVERGING if self.diverging else _SEQUENTIAL
+        at = self.share(value) * (len(stops) - 1)
+        k = min(int(at), len(stops) - 2)
+        pair = (_rgb(stops[k]), _rgb(stops[k + 1]))
+        mixed = [round(a + (at - k) * (b - a)) for a, b in zip(*pair, strict=True)]
+        return "#" + "".join(f"{c:02x}" for c in mixed)
+
+
+NOISE = Scale("residual, rms [noise of a row]", 0.1, 100.0, (0.1, 1.0, 10.0, 100.0), log=True)
+"""Of residuals on every page: 1 is as large as the noise of one row."""
+_SEQUENTIAL = ("#00224e", "#123570", "#3b496c", "#575d6d", "#707173", "#8a8678", "#a59c74",
+               "#c3b369", "#e1cc55", "#fee838")  # fmt: skip
+"""Cividis (Nuñez, Anderton & Renslow 2018, 10.1371/journal.pone.0199239), ten steps."""
+_DIVERGING = ("#2166ac", "#67a9cf", "#d1e5f0", "#f7f7f7", "#fddbc7", "#ef8a62", "#b2182b")
+"""ColorBrewer's RdBu with its ends exchanged: blue below zero, red above."""
+
+
+@dataclass(frozen=True, eq=False)
+class Matrix:
+    """Numbers (R, C) as colours, each printed in its cell.
+
+    Attributes:
+        rows, columns: names.
+        values: NaN where there is none.
+        scale: of the colours.
+        texts: as printed, row by row.
+    """
+
+    rows: tuple[str, ...]
+    columns: tuple[str, ...]
+    values: np.ndarray
+    scale: Scale
+    texts: tuple[tuple[str, ...], ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Panel:
+    """One pair of axes with its series, or a matrix.
+
+    Attributes:
+        title: above it, empty if none.
+        height: in units of a usual panel's.
+        zero: whether a line marks y = 0.
+        levels: named horizontal lines.
+        diagonal: whether a line marks y = x.
+    """
+
+    x: Axis
+    y: Axis
+    series: tuple[Series, ...] = ()
+    matrix: Matrix | None = None
+    title: str = ""
+    height: float = 1.0
+    zero: bool = False
+    levels: Mapping[str, float] = field(default_factory=dict)
+    diagonal: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Chart:
+    """A figure of one or more panels.
+
+    Attributes:
+        name: unique on its page, of letters, digits and hyphens.
+        title: above it.
+        panels: row by row.
+        columns: panels beside each other where there is room.
+        shared: whether all panels have the same x.
+        caption: beneath it.
+        note: of what is not drawn.
+    """
+
+    name: str
+    title: str
+    panels: tuple[Panel, ...]
+    columns: int = 1
+    shared: bool = False
+    caption: str = ""
+    note: str = ""
+
+    def to_json(self) -> dict[str, Any]:
+        """What the page's script draws and writes as CSV."""
+        return {
+            "title": self.title,
+            "columns": self.columns,
+            "shared": self.shared,
+            "panels": [_panel(p) for p in self.panels],
+        }
+
+
+def extremes(y: np.ndarray, most: int = MOST_POINTS) -> np.ndarray:
+    """Indices of at most ``most`` points of y (N,): least and largest of each of equal stretches.
+
+    First and last are among them; NaN are not drawn.
+    """
+    n = len(y)
+    if n <= most:
+        return np.arange(n)
+    edges = np.linspace(0, n, max(1, (most - 2) // 2) + 1).astype(int)
+    finite = np.isfinite(y)
+    low, high = np.where(finite, y, np.inf), np.where(finite, y, -np.inf)
+    pairs = ((a + int(low[a:b].argmin()), a + int(high[a:b].argmax()))
+             for a, b in pairwise(edges))  # fmt: skip
+    return np.unique([0, n - 1, *(k for pair in pairs for k in pair)])
+
+
+def thinned(
+    series: Sequence[Series], most: int = MOST_POINTS, what: str = "rows"
+) -> tuple[tuple[Series, ...], str]:
+    """Series of at most ``most`` points each, and the note that says so; empty if all are drawn."""
+    longest = max((len(s.x) for s in series), default=0)
+    if longest <= most:
+        return tuple(series), ""
+    kept = tuple(s.at(extremes(s.y, most)) for s in series)
+    drawn = max(len(s.x) for s in kept)
+    return kept, f"{drawn:,} of {longest:,} {what} drawn: extremes kept."
+
+
+def readable(colour: str) -> str:
+    """Black or white, whichever has the larger contrast on a colour: at least 4.5 on any."""
+    light = luminance(colour)
+    return "#000000" if (light + 0.05) / 0.05 >= 1.05 / (light + 0.05) else "#ffffff"
+
+
+def luminance(colour: str) -> float:
+    """Relative luminance of ``#rrggbb``, WCAG 2.2."""
+    linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4
+              for c in (v / 255 for v in _rgb(colour))]  # fmt: skip
+    return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+
+
+def _rgb(colour: str) -> tuple[int, int, int]:
+    return int(colour[1:3], 16), int(colour[3:5], 16), int(colour[5:7], 16)
+
+
+def _panel(p: Panel) -> dict[str, Any]:
+    return {
+        "title": p.title,
+        "height": p.height,
+        "zero": p.zero,
+        "diagonal": p.diagonal,
+        "levels": [[name, _number(v)] for name, v in p.levels.items()],
+        "x": _axis(p.x),
+        "y": _axis(p.y),
+        "series": [_series(s) for s in p.series],
+        "matrix": None if p.matrix is None else _matrix(p.matrix),
+    }
+
+
+def _axis(a: Axis) -> dict[str, Any]:
+    return {
+        "label": a.label, "unit": a.unit, "text": a.text, "scale": a.scale, "names": list(a.names),
+        "ticks": list(a.ticks), "low": a.low, "high": a.high,
+    }  # fmt: skip
+
+
+def _series(s: Series) -> dict[str, Any]:
+    return {
+        "name": s.name, "kind": s.kind, "role": s.role, "mark": s.mark, "dashed": s.dashed,
+        "x": _numbers(s.x), "y": _numbers(s.y),
+        "std": None if s.std is None else _numbers(s.std),
+        "ids": None if s.ids is None else [int(k) for k in s.ids],
+        "texts": list(s.texts),
+    }  # fmt: skip
+
+
+def _matrix(m: Matrix) -> dict[str, Any]:
+    colours = [[m.scale.colour(float(v)) for v in row] for row in m.values]
+    return {
+        "rows": list(m.rows),
+        "columns": list(m.columns),
+        "values": [_numbers(row) for row in m.values],
+        "texts": [list(row) for row in m.texts],
+        "colours": colours,
+        "inks": [[readable(c) for c in row] for row in colours],
+        "bar": bar(m.scale),
+    }
+
+
+def bar(s: Scale, steps: int = 40) -> dict[str, Any]:
+    """A scale's bar: colours of equal steps, and its marks as (share, text)."""
+    ends = np.geomspace(s.low, s.high, steps) if s.log else np.linspace(s.low, s.high, steps)
+    return {
+        "label": s.label,
+        "colours": [s.colour(float(v)) for v in ends],
+        "ticks": [[s.share(t), f"{t:g}"] for t in s.ticks],
+    }
+
+
+def _numbers(values: np.ndarray) -> list[float | None]:
+    return [_number(float(v)) for v in values]
+
+
+def _number(v: float) -> float | None:
+    return float(f"{v:.{DIGITS}g}") if np.isfinite(v) else None

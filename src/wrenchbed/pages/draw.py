@@ -1,0 +1,229 @@
+"""A `Chart` as a still SVG: for print, for pages without script and for Markdown."""
+
+import re
+from html import escape
+from typing import Any
+
+import numpy as np
+
+from wrenchbed import registry
+from wrenchbed.errors import printable
+from wrenchbed.pages.chart import NEAR_ZERO, Axis, Chart, Matrix, Panel, Series, bar, readable
+from wrenchbed.pages.plots import BLUE, GREEN, GREY, ORANGE, PURPLE, canvas, to_svg
+
+INK = "#1c2126"
+WIDTH = 4.9
+"""Of a column of panels [in]: fits a telephone, and two fit beside each other on a screen."""
+HEIGHT = 1.75
+"""Of a usual panel [in]."""
+COLOURS = {
+    "measured": BLUE, "before": ORANGE, "after": GREEN, "box": PURPLE, "rest": GREY, "ink": INK,
+}  # fmt: skip
+_THEME = {
+    INK: "--ink", "#5b6670": "--soft", "#e3e7ea": "--line", BLUE: "--real", ORANGE: "--sim",
+    GREY: "--soft", PURPLE: "--box", GREEN: "--after",
+}  # fmt: skip
+"""Colours drawn and the page's own ones that take their place, in light and in dark."""
+_STYLE: Any = {
+    "text.color": INK, "axes.labelcolor": INK, "xtick.color": INK, "ytick.color": INK,
+    "figure.facecolor": "none", "axes.facecolor": "none", "savefig.facecolor": "none",
+}  # fmt: skip
+_MARKS = {"dot": "o", "ring": "o", "diamond": "D"}
+
+
+def svg(chart: Chart, *, themed: bool = True) -> str:
+    """A chart as one SVG element with its title.
+
+    Args:
+        chart: what to draw.
+        themed: whether colours follow the page, in light and in dark; else they are for white.
+
+    Raises:
+        MissingExtraError: matplotlib is not installed.
+    """
+    registry.require("matplotlib", "report")
+    import matplotlib
+
+    columns = min(chart.columns, len(chart.panels))
+    rows = -(-len(chart.panels) // columns)
+    heights = [
+        max(_height(p) for p in chart.panels[r * columns : (r + 1) * columns]) for r in range(rows)
+    ]
+    width = WIDTH if columns == 1 else 2 * WIDTH
+    with (
+        matplotlib.rc_context(_STYLE),
+        canvas((width, sum(heights)), columns, rows, gridspec_kw={"height_ratios": heights}) as (
+            figure,
+            axes,
+        ),
+    ):
+        flat = list(np.asarray(axes, dtype=object).ravel())
+        for k, (ax, panel) in enumerate(zip(flat, chart.panels, strict=False)):
+            last = k + columns >= len(chart.panels)
+            _draw(figure, ax, panel, named=last or not chart.shared)
+        for ax in flat[len(chart.panels) :]:
+            ax.set_visible(False)
+        _legend(figure, flat)
+        text = to_svg(figure)
+    return titled(_own(text, chart.name, themed=themed), chart.title)
+
+
+def titled(text: str, title: str) -> str:
+    """An SVG element with a title, which browsers read out; unchanged if it has one."""
+    if "<title" in text or not title:
+        return text
+    told = escape(printable(title))
+    head = re.sub(r"^<svg", f'<svg role="img" aria-label="{told}"', text, count=1)
+    return re.sub(r"^(<svg[^>]*>)", lambda m: f"{m[1]}<title>{told}</title>", head, count=1)
+
+
+def _height(p: Panel) -> float:
+    own = HEIGHT * p.height + (0.25 if p.title else 0.0) + 0.35
+    if p.matrix is not None:
+        return 0.24 * len(p.matrix.rows) + 0.85 + (0.25 if p.title else 0.0)
+    if p.y.names:
+        return 0.33 * len(p.y.names) + 0.9
+    return own
+
+
+def _draw(figure: Any, ax: Any, p: Panel, *, named: bool) -> None:
+    if p.title:
+        ax.set_title(p.title, fontsize=9.0, loc="left")
+    if p.matrix is not None:
+        _matrix(figure, ax, p.matrix)
+    else:
+        for s in p.series:
+            _series(ax, s)
+        _lines(ax, p)
+        _axis(ax, "x", p.x, p)
+        _axis(ax, "y", p.y, p)
+    if named or p.matrix is not None:
+        ax.set_xlabel(p.x.text)
+    ax.set_ylabel(p.y.text)
+
+
+def _lines(ax: Any, p: Panel) -> None:
+    if p.zero:
+        ax.axhline(0.0, color=GREY, lw=1.0, zorder=0.9)
+    if p.diagonal:
+        low, high = p.x.low or 0.0, p.x.high or 1.0
+        ax.plot([low, high], [low, high], color=GREY, lw=1.0, ls="--", zorder=0.9)
+    for name, level in p.levels.items():
+        ax.axhline(level, color=GREY, lw=1.1, ls="--", zorder=0.9)
+        ax.annotate(
+            name, (1.0, level), xycoords=("axes fraction", "data"), ha="right", va="bottom",
+            color=GREY, xytext=(0, 2), textcoords="offset points", fontsize=8.0,
+        )  # fmt: skip
+
+
+def _series(ax: Any, s: Series) -> None:
+    colour, label = COLOURS[s.role], s.name or None
+    if s.kind == "bars":
+        ax.barh(s.y, s.x, 0.6, color=colour, label=label)
+    elif s.kind == "band":
+        half = 0.0 if s.std is None else s.std
+        ax.fill_between(s.x, s.y - half, s.y + half, color=colour, alpha=0.22, lw=0, label=label)
+    elif s.kind == "line":
+        style = "--" if s.dashed else "-"
+        ax.plot(s.x, s.y, color=colour, lw=1.6, ls=style, label=label)
+    else:
+        ring = s.mark == "ring"
+        if s.std is not None:
+            ax.errorbar(s.x, s.y, s.std, fmt="none", ecolor=colour, elinewidth=0.9, alpha=0.6)
+        ax.plot(
+            s.x, s.y, _MARKS[s.mark], color=colour, ms=6.0 if ring else 3.6, ls="", label=label,
+            mfc="none" if ring else colour, mew=1.6 if ring else 0.0,
+        )  # fmt: skip
+    for x, y, text in zip(s.x, s.y, s.texts, strict=False):
+        ax.annotate(
+            text, (x, y), xytext=(7, 0), textcoords="offset points", va="center", fontsize=8.0
+        )
+
+
+def _axis(ax: Any, which: str, a: Axis, p: Panel) -> None:
+    from matplotlib.ticker import FixedLocator, NullFormatter, NullLocator
+
+    axis = getattr(ax, f"{which}axis")
+    if a.names:
+        axis.set_major_locator(FixedLocator(range(len(a.names))))
+        axis.set_ticklabels(list(a.names))
+        if which == "y":
+            ax.set_ylim(len(a.names) - 0.5, -0.5)
+        else:
+            ax.set_xlim(-0.5, len(a.names) - 0.5)
+        ax.grid(visible=False, axis=which)
+        ax.tick_params(axis=which, length=0)
+        return
+    if a.scale == "log":
+        getattr(ax, f"set_{which}scale")("log")
+    elif a.scale == "near zero":
+        getattr(ax, f"set_{which}scale")("symlog", linthresh=NEAR_ZERO, linscale=0.35)
+    if a.ticks:
+        axis.set_major_locator(FixedLocator(list(a.ticks)))
+        axis.set_minor_locator(NullLocator())
+        axis.set_major_formatter("{x:g}")
+        axis.set_minor_formatter(NullFormatter())
+    elif a.scale == "linear":
+        ax.ticklabel_format(axis=which, style="plain", useOffset=False)
+    if a.low is not None or a.high is not None:
+        getattr(ax, f"set_{which}lim")(a.low, a.high)
+
+
+def _matrix(figure: Any, ax: Any, m: Matrix) -> None:
+    from matplotlib.colors import ListedColormap
+    from matplotlib.patches import Rectangle
+
+    for (i, j), v in np.ndenumerate(m.values):
+        colour = m.scale.colour(float(v))
+        ax.add_patch(Rectangle((j, i), 1.0, 1.0, fc=colour, ec="none"))
+        ax.text(
+            j + 0.5, i + 0.5, m.texts[i][j], ha="center", va="center", fontsize=7.5,
+            color=readable(colour), in_layout=False,
+        )  # fmt: skip
+    ax.set_xlim(0, len(m.columns))
+    ax.set_ylim(len(m.rows), 0)
+    ax.set_yticks(np.arange(len(m.rows)) + 0.5, m.rows)
+    ax.set_xticks(np.arange(len(m.columns)) + 0.5, m.columns, fontsize=7.5)
+    ax.tick_params(length=0)
+    ax.grid(visible=False)
+    for spine in ax.spines.values():
+        spine.set_visible(False)
+    told = bar(m.scale)
+    legend = figure.colorbar(
+        _mappable(ListedColormap(told["colours"])), ax=ax, orientation="vertical", fraction=0.05,
+        pad=0.02, aspect=14,
+    )  # fmt: skip
+    legend.set_ticks([at for at, _ in told["ticks"]], labels=[text for _, text in told["ticks"]])
+    legend.outline.set_visible(False)
+    legend.ax.tick_params(labelsize=7.5, length=2)
+    legend.set_label(m.scale.label, fontsize=7.5)
+
+
+def _mappable(colours: Any) -> Any:
+    from matplotlib.cm import ScalarMappable
+
+    return ScalarMappable(cmap=colours)
+
+
+def _legend(figure: Any, axes: list[Any]) -> None:
+    told: dict[str, Any] = {}
+    for ax in axes:
+        for handle, label in zip(*ax.get_legend_handles_labels(), strict=True):
+            told.setdefault(label, handle)
+    if len(told) > 1:
+        figure.legend(
+            list(told.values()), list(told), loc="outside upper left", ncols=3, columnspacing=0.9,
+            handletextpad=0.35, handlelength=1.3, fontsize=8.0, borderpad=0.1,
+        )  # fmt: skip
+
+
+def _own(text: str, name: str, *, themed: bool) -> str:
+    """An SVG with ids of its own, without addresses, and with the page's colours if ``themed``."""
+    if not themed:
+        return text
+    for colour, variable in _THEME.items():
+        text = text.replace(colour, f"var({variable})")
+    text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
+    text = re.sub(r' xmlns(:\w+)?="[^"]*"', "", text)
+    text = re.sub(r"(url\(#|href=\"#|\bid=\")", rf"\1{name}-", text)
+    return text.replace("xlink:href", "href")
