@@ -176,14 +176,20 @@ class RefereeCase:
         return bench(self.setting, self.world.way, self.world.usual)
 
 
-def make(robot: str, mode: str, kind: str, seed: tuple[int, ...]) -> RefereeCase:
+def make(
+    robot: str, mode: str, kind: str, seed: tuple[int, ...], poses: np.ndarray | None = None
+) -> RefereeCase:
     """A case that depends on its seed alone.
+
+    Args:
+        poses: (H, J) [rad or m] of a plan. All cases of the seed's first number then share tool,
+            path and weather as they are stated; only faults and noise differ.
 
     Raises:
         ParameterError: nothing that was drawn shows enough, or the robot exists in no simulator.
     """
     rng = np.random.default_rng([*seed, KINDS.index(kind)])
-    world, minor = robot_with_minor(robot, mode, seed, rng)
+    world, minor = robot_with_minor(robot, mode, seed, rng, poses)
     if kind == "none":
         causes: list[TrueCause] = []
     elif kind == "outside":
@@ -194,7 +200,11 @@ def make(robot: str, mode: str, kind: str, seed: tuple[int, ...]) -> RefereeCase
 
 
 def robot_with_minor(
-    robot: str, mode: str, seed: tuple[int, ...], rng: np.random.Generator
+    robot: str,
+    mode: str,
+    seed: tuple[int, ...],
+    rng: np.random.Generator,
+    poses: np.ndarray | None = None,
 ) -> tuple[FaultyRobot, float]:
     """A robot in a setting of a seed with minor imperfections only, and their gap.
 
@@ -204,7 +214,8 @@ def robot_with_minor(
     arm = registry.load("robots", robot)
     if not isinstance(arm, SimulatedRobot):
         raise ParameterError(f"robot {robot!r} has no model to make cases with")
-    return _ordinary(draw(arm, mode, np.random.default_rng([*seed, 99])), rng)
+    of_setting = seed if poses is None else seed[:1]
+    return _ordinary(draw(arm, mode, np.random.default_rng([*of_setting, 99]), poses), rng)
 
 
 def as_case(

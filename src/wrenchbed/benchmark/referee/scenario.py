@@ -133,8 +133,13 @@ def _coordinates(
     return p, (ahead - behind) / (2 * h), (ahead - 2 * p + behind) / h**2
 
 
-def draw(robot: SimulatedRobot, mode: str, rng: np.random.Generator) -> RefereeSetting:
+def draw(
+    robot: SimulatedRobot, mode: str, rng: np.random.Generator, poses: np.ndarray | None = None
+) -> RefereeSetting:
     """A random setting.
+
+    Args:
+        poses: (H, J) [rad or m] to rest at instead of random ones.
 
     Raises:
         ParameterError: no feasible motion was found.
@@ -148,7 +153,7 @@ def draw(robot: SimulatedRobot, mode: str, rng: np.random.Generator) -> RefereeS
     theta = robot.theta_of_tool(robot.parameters.nominal, mass, cog.tolist())
     names = [f"tool.inertia.{a}" for a in INERTIA_AXES]
     theta = robot.parameters.vector(dict(zip(names, six, strict=True)), start=theta)
-    path = _poses(robot, rng) if mode == "static" else _motion(robot, rng)
+    path = _poses(robot, rng, poses) if mode == "static" else _motion(robot, rng)
     metadata = Metadata(
         robot=robot.name,
         mode=mode,
@@ -164,10 +169,11 @@ def draw(robot: SimulatedRobot, mode: str, rng: np.random.Generator) -> RefereeS
     return RefereeSetting(robot, path, metadata, theta, warm)
 
 
-def _poses(robot: SimulatedRobot, rng: np.random.Generator) -> DrivePath:
-    n = int(rng.integers(POSES[0], POSES[1] + 1))
+def _poses(robot: SimulatedRobot, rng: np.random.Generator, stated: np.ndarray | None) -> DrivePath:
+    n = int(rng.integers(POSES[0], POSES[1] + 1)) if stated is None else len(stated)
     pause = rng.gamma(1.0, 0.4, n)  # somebody presses a key
-    return through(robot, robot.sample(n, rng), SAMPLES, RATE_HZ, pause)
+    q = robot.sample(n, rng) if stated is None else stated
+    return through(robot, q, SAMPLES, RATE_HZ, pause)
 
 
 def _motion(robot: SimulatedRobot, rng: np.random.Generator) -> DrivePath:

@@ -100,7 +100,10 @@ def from_json(told: Mapping[str, Any]) -> CaseRow:
 
 def _claim(told: Mapping[str, Any]) -> Claim:
     causes = tuple(tuple(c) for c in told["causes"])
-    return Claim(told["verdict"], causes, dict(told["probabilities"]), tuple(told["presence"]))
+    return Claim(
+        told["verdict"], causes, dict(told["probabilities"]), tuple(told["presence"]),
+        tuple(told.get("set90", ())),
+    )  # fmt: skip
 
 
 class CaseFile:

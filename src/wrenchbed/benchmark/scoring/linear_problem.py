@@ -33,12 +33,14 @@ class Claim:
         causes: claimed classes, largest first, each its first choice and then its rivals.
         probabilities: over the leading answer; a class's key is its members joined by ``|``.
         presence: probability of each class to be there, where that is not its share as leading.
+        set90: names that are said to hold the truth in 90 % of cases, none of who does not say.
     """
 
     verdict: str
     causes: tuple[tuple[str, ...], ...]
     probabilities: dict[str, float]
     presence: tuple[float, ...] = ()
+    set90: tuple[str, ...] = ()
 
     @property
     def sure(self) -> float:

@@ -21,6 +21,7 @@ from wrenchbed.benchmark.sealed import commitments
 from wrenchbed.data.parquet import FORMAT
 from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis.diagnose import diagnose
+from wrenchbed.diagnosis.explain.reliability import Reliability
 from wrenchbed.diagnosis.prepare.prepare_recording import prepare
 from wrenchbed.diagnosis.prepare.prepared import Prepared
 from wrenchbed.errors import ParameterError
@@ -45,10 +46,12 @@ class Entrant:
     Attributes:
         name: of its folder.
         command: that is called as ``COMMAND RECORDING --out DIR``, None for a method of our own.
+        learnt: how often claims are right at the cases' common design, of `OURS` only.
     """
 
     name: str
     command: str | None = None
+    learnt: Reliability | None = None
 
     @classmethod
     def of(cls, method: str) -> "Entrant":
@@ -125,7 +128,7 @@ class _Case:
         with _at_most(limit), warnings.catch_warnings():
             warnings.simplefilter("ignore")
             if entrant.name == OURS:
-                result = diagnose(Recording.read(self.recording))
+                result = diagnose(Recording.read(self.recording), reliability=entrant.learnt)
                 reuse_dictionary(result.analysis)
                 self._prepared = result.analysis.prepared
                 result.diagnosis.write(out)

@@ -109,7 +109,9 @@ def _said(raw: Mapping[str, Any], seconds: float | None) -> EntrantClaim:
         first = causes[0][0].partition(".")[0]
     parameters = {str(w["effect"]): _numbers(w.get("parameters")) for w in which[:COUNTED]}
     gap = {k: x for k, v in _items(raw.get("gap")) if (x := _finite(v)) is not None}
-    return EntrantClaim(Claim(verdict, causes, told, presence), first, parameters, gap, seconds)
+    set90 = tuple(str(n) for n in raw.get("set90") or ())
+    claim = Claim(verdict, causes, told, presence, set90)
+    return EntrantClaim(claim, first, parameters, gap, seconds)
 
 
 def _numbers(raw: Any) -> dict[str, dict[str, float | None]]:
@@ -197,6 +199,9 @@ def metrics(answers: Mapping[str, Answer]) -> dict[str, Metric]:
         told[name] = metric
         if name == "isolation":
             told |= extra
+        if name == "coverage":
+            title = "90 % sets of answers hold the truth"
+            told["sets"] = Metric(title, "87–93 %", _covered, share, ours=True)
         if name == "sure":
             told["sure_alike"] = Metric(
                 "… or as good as right, by what this data can tell",
@@ -205,6 +210,13 @@ def metrics(answers: Mapping[str, Answer]) -> dict[str, Metric]:
                 share,
             )
     return told
+
+
+def _covered(row: CaseRow, method: str) -> Sequence[float] | None:
+    """Whether the likeliest answers together hold the truth, of a pair one of both."""
+    told = row.answers[method].set90
+    truth = set(row.truth) or {"unknown" if row.outside else "none"}
+    return (bool(truth & set(told)), 1.0) if told else None
 
 
 def first(claim: Claim) -> str:
