@@ -129,6 +129,7 @@ OWN_FIGURE = {
     "torque": "joint.backlash joint.compliance",
     "angle": "joint.gear_error joint.offset",
     "matrix": "sensor.crosstalk",
+    "depth": "environment.contact",
     "lag": "timing.delay timing.lowpass timing.skew",
 }
 """What an effect's own figure in a report is drawn over; all others by what they predict."""

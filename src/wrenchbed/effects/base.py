@@ -73,6 +73,7 @@ SHOWN: Mapping[str, str] = {
     "torque": "the torque on the joint, as an error of the joint's value",
     "angle": "the joint's own value, likewise",
     "matrix": "all pairs of channels, as what one shows of another's load",
+    "depth": "its own `variable`, as the force along its push",
     "lag": "a shift of the simulated readings in time, as their correlation with measured ones",
 }
 """Variables of an effect's own figure in a report, beside measured and simulated."""
@@ -127,6 +128,19 @@ class Curve(NamedTuple):
     columns: np.ndarray
     x_unit: str
     y_unit: str
+
+
+class Variable(NamedTuple):
+    """What an effect's own figure is drawn over.
+
+    Attributes:
+        values: of each row (M,), in ``unit``.
+        label, unit: for people.
+    """
+
+    values: np.ndarray
+    label: str
+    unit: str
 
 
 class Residual(NamedTuple):
@@ -253,6 +267,10 @@ class Effect(ABC):
     def curves(self, scene: Scene, variant: Variant) -> tuple[Curve, ...]:
         """What a form-free variant is a function of, one curve a channel."""
         return ()
+
+    def variable(self, scene: Scene, p: Values) -> Variable | None:
+        """What its own figure is drawn over, where only it knows that; default: nothing."""
+        return None
 
     def usual(self, variant: Variant) -> tuple[str, ...]:
         """Amplitudes of a variant that a robot with the effect at its typical size has."""

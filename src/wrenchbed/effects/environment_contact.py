@@ -10,6 +10,7 @@ from wrenchbed.effects.base import (
     Pose,
     Residual,
     Values,
+    Variable,
     Variant,
     alike,
     vector,
@@ -49,6 +50,7 @@ class EnvironmentContact(LoadEffect):
 
     name = "environment.contact"
     title = "the tool's tip touches something"
+    shown = "depth"
     rough = True
     form_error = 0.2
     size_error = 0.15
@@ -122,13 +124,14 @@ class EnvironmentContact(LoadEffect):
             result.append(Variant(text, ("stiffness",), begin, SHAPE, {}, 0.1))
         return tuple(result)
 
+    def variable(self, scene: Scene, p: Values) -> Variable:
+        """Depth of the tip in the plane, negative above it."""
+        return Variable(1e3 * _depth(scene, Pose(*scene.pose), p), "depth of the tip", "mm")
+
     def pull(self, scene: Scene, pose: Pose, load: np.ndarray, p: Values) -> np.ndarray:
-        normal = vector(p, NORMAL)
-        normal = normal / max(float(np.linalg.norm(normal)), 1e-9)
         rotation, lever = value(pose.rotation), touching(scene, p)
-        at = value(pose.position) + apply(rotation, lever)
-        push = p["stiffness"] * pressed(p["depth"] - at @ normal, p["power"])
-        way = normal + vector(p, SLIDE)
+        push = p["stiffness"] * pressed(_depth(scene, pose, p), p["power"])
+        way = _unit_normal(p) + vector(p, SLIDE)
         force = push[:, None] * (np.swapaxes(rotation, -1, -2) @ way)
         return np.concatenate([force, cross(np.broadcast_to(lever, force.shape), force)], axis=1)
 
@@ -139,10 +142,21 @@ class EnvironmentContact(LoadEffect):
         if p["stiffness"] and p["power"] == 1.0 and not any(p[n] for n in SLIDE):
             q = robot.sample(1, np.random.default_rng(0))
             still = Scene(robot, theta, np.zeros(3), q, np.zeros(1), np.ones(1, dtype=bool))
-            normal = vector(p, NORMAL)
-            normal = normal / max(float(np.linalg.norm(normal)), 1e-9)
+            normal = _unit_normal(p)
             point = [float(x) for x in touching(still, p)]
             plane(spec, self.name, point, normal, p["depth"], p["stiffness"])
+
+
+def _unit_normal(p: Values) -> np.ndarray:
+    """Out of the plane (3,), world."""
+    normal = vector(p, NORMAL)
+    return normal / max(float(np.linalg.norm(normal)), 1e-9)
+
+
+def _depth(scene: Scene, pose: Pose, p: Values) -> np.ndarray:
+    """How far what touches lies behind the plane (M,) [m], negative in front of it."""
+    at = value(pose.position) + apply(value(pose.rotation), touching(scene, p))
+    return np.asarray(p["depth"] - at @ _unit_normal(p))
 
 
 def pressed(x: np.ndarray, power: float) -> np.ndarray:

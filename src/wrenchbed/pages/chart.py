@@ -12,6 +12,7 @@ import numpy as np
 
 Role = Literal["measured", "before", "after", "box", "rest", "ink"]
 """What a colour means: measured, simulated without and with the effects, a black box, beside."""
+Mark = Literal["dot", "ring", "diamond"]
 DIGITS = 6
 """Significant digits of a number in a page."""
 MOST_POINTS = 400
@@ -70,7 +71,7 @@ class Series:
     y: np.ndarray
     std: np.ndarray | None = None
     role: Role = "measured"
-    mark: Literal["dot", "ring", "diamond"] = "dot"
+    mark: Mark = "dot"
     dashed: bool = False
     ids: np.ndarray | None = None
     texts: tuple[str, ...] = ()

@@ -11,7 +11,8 @@ from wrenchbed import registry
 from wrenchbed.diagnosis.diagnose import Findings
 from wrenchbed.diagnosis.prepare.prepared import Prepared
 from wrenchbed.pages import Drawn, numbers, rendered, write_page
-from wrenchbed.reports import figures, sentences, tables
+from wrenchbed.pages.chart import Chart
+from wrenchbed.reports import cause_charts, figures, residual_charts, sentences, tables
 from wrenchbed.reports.figures import AtOnce, Draws
 from wrenchbed.reports.simulators import Evidence
 
@@ -72,9 +73,7 @@ def diagnosis_page(found: Findings, command: str = "", artist: Draws | None = No
         "gaps": draw(figures.gaps(tables.gaps(found))),
         "channels": draw(figures.channels(before, after, evidence.first)),
     }
-    comparisons = [
-        draw(figures.comparison(c, f"effect-{k}")) for k, c in enumerate(evidence.comparisons())
-    ]
+    comparisons = [draw(chart) for chart in _of_causes(found, evidence)]
     drawn = {name: figure.result() for name, figure in coming.items()}
     compared = [figure.result() for figure in comparisons]
     return ReportPage(
@@ -114,6 +113,24 @@ def diagnosis_page(found: Findings, command: str = "", artist: Draws | None = No
         },
         figures=[*drawn.values(), *compared],
     )
+
+
+def _of_causes(found: Findings, e: Evidence) -> list[Chart]:
+    """What shows each cause, or what nothing explains, in the order of the causes."""
+    told: list[Chart | None] = []
+    for k, claim in enumerate(e.claims()):
+        told.append(cause_charts.own_chart(e, claim, f"cause-{k}"))
+        told += [figures.comparison(c, f"effect-{k}-{c.channel}") for c in e.of_claim(claim)]
+    for k, entry in enumerate(found.diagnosis.which):
+        told.append(cause_charts.curve_chart(entry, f"curve-{k}"))
+        if entry["rivals"]:
+            told.append(residual_charts.rivals(e, entry, f"rivals-{k}"))
+        if entry["effect"] in sentences.row_effects(found):
+            told.append(residual_charts.scatter(e, entry, f"rows-{k}"))
+    told += [figures.comparison(c, f"left-{c.channel}") for c in e.unexplained()]
+    if found.diagnosis.verdict == "unknown":
+        told.append(residual_charts.everywhere(e, "everywhere"))
+    return [chart for chart in told if chart is not None]
 
 
 def _data(found: Findings) -> list[tuple[str, str]]:

@@ -9,7 +9,7 @@ from wrenchbed.diagnosis.diagnose import Findings
 from wrenchbed.diagnosis.gap.closure import calibrated
 from wrenchbed.diagnosis.gap.held_out import HeldOut
 from wrenchbed.diagnosis.prepare.configuration import STATED
-from wrenchbed.effects.chain import effects
+from wrenchbed.effects.chain import ActiveEffect, effects
 from wrenchbed.pages.numbers import minus
 from wrenchbed.physics.wrench import CHANNELS, UNITS
 from wrenchbed.twin.comparison import binned_rms, bins
@@ -53,6 +53,25 @@ class Comparison:
 
 
 @dataclass(frozen=True, eq=False)
+class Claim:
+    """A claimed cause, apart from all others.
+
+    Attributes:
+        name: of the effect, or of the stated numbers that are wrong.
+        active: the effect as fitted, None for stated numbers.
+        rest: the diagnosed simulator without it.
+        effect: what it adds to the readings (H, 6), in the simulator.
+        measured: minus the simulator without it (H, 6), by fits that did not see the rows.
+    """
+
+    name: str
+    active: ActiveEffect | None
+    rest: Twin
+    effect: np.ndarray
+    measured: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
 class Heat:
     """Residuals of the channels over a variable, before and after.
 
@@ -82,13 +101,13 @@ class Evidence:
         self.start = Twin(a.prepared.model, a.prepared.theta) if wrong_only else calibrated(a)
         readings = {k: v[a.prepared.scene.held] for k, v in found.diagnosis.gap.readings.items()}
         self.calibrated = readings["calibrated"]
-        self.before = self._of(self.start) if wrong_only else self.calibrated
+        self.before = self.of(self.start) if wrong_only else self.calibrated
         self.after = readings.get("with_effects")
 
     def stages(self) -> dict[str, np.ndarray]:
         """Readings (H, 6) of each simulator: as configured, calibrated, with the effects."""
         p = self.prepared
-        told = {"as configured": self._of(Twin(p.model, p.theta)), "calibrated": self.calibrated}
+        told = {"as configured": self.of(Twin(p.model, p.theta)), "calibrated": self.calibrated}
         if self.after is not None:
             told["with the effects"] = self.after
         return told
@@ -115,33 +134,45 @@ class Evidence:
         maps = {t: binned_rms((p.y - reading) / self.std, groups) for t, reading in panels.items()}
         return Heat(maps, tuple(labels), label, over)
 
-    def comparisons(self) -> list[Comparison]:
-        """One or two channels for what is claimed, or for what nothing explains."""
-        p, d, twin = self.prepared, self.found.diagnosis, self.twin
+    def claims(self) -> list[Claim]:
+        """What is claimed and shows in the means: active effects, then wrong stated numbers."""
         if self.after is None:
-            left = p.y - self.before
-            largest = _largest(left / self.std) if d.verdict == "unknown" else []
-            return [self._comparison(c, "Calibrated residual", left, None) for c in largest]
+            return []
+        twin, p = self.twin, self.prepared
         result = []
         for k, active in enumerate(twin.active):
             others = tuple(x for i, x in enumerate(twin.active) if i != k)
-            result += self._against(active.effect.name, replace(twin, active=others))
-        named = [str(w["effect"]) for w in d.which]
+            rest = replace(twin, active=others)
+            result.append(self._claim(active.effect.name, active, rest))
+        named = [str(w["effect"]) for w in self.found.diagnosis.which]
         wrong = [n for n in named if n in STATED]
         if wrong:
-            result += self._against(" and ".join(wrong), replace(twin, theta=p.theta))
+            result.append(self._claim(" and ".join(wrong), None, replace(twin, theta=p.theta)))
         return result
 
-    def _of(self, twin: Twin) -> np.ndarray:
+    def of_claim(self, c: Claim) -> list[Comparison]:
+        """What a cause makes, against a twin without it; one channel where causes are many."""
+        many = len(self.found.diagnosis.which) > 1
+        chosen = largest(c.effect / self.std)[: 1 if many else 2]
+        return [self._comparison(k, c.name, c.measured, c.effect) for k in chosen]
+
+    def unexplained(self) -> list[Comparison]:
+        """One or two channels of the calibrated residual where nothing explains it."""
+        if self.after is not None or self.found.diagnosis.verdict != "unknown":
+            return []
+        left = self.prepared.y - self.before
+        return [
+            self._comparison(k, "Calibrated residual", left, None) for k in largest(left / self.std)
+        ]
+
+    def of(self, twin: Twin) -> np.ndarray:
+        """Readings (H, 6) of a simulator at the observations."""
         return np.asarray(twin.wrench(self.prepared.scene)[self.prepared.scene.held])
 
-    def _against(self, name: str, rest: Twin) -> list[Comparison]:
-        """What an effect makes, against a twin without it; one channel where causes are many."""
+    def _claim(self, name: str, active: ActiveEffect | None, rest: Twin) -> Claim:
         assert self.after is not None
-        effect = self._of(self.twin) - self._of(rest)
-        measured = self.prepared.y - self.after + effect
-        chosen = _largest(effect / self.std)[: 1 if len(self.found.diagnosis.which) > 1 else 2]
-        return [self._comparison(c, name, measured, effect) for c in chosen]
+        effect = self.of(self.twin) - self.of(rest)
+        return Claim(name, active, rest, effect, self.prepared.y - self.after + effect)
 
     def _comparison(
         self, channel: int, title: str, measured: np.ndarray, effect: np.ndarray | None
@@ -191,7 +222,7 @@ def _blamed(found: Findings) -> list[int]:
     return [k for k in told if isinstance(k, int)]
 
 
-def _largest(effect: np.ndarray) -> list[int]:
+def largest(effect: np.ndarray) -> list[int]:
     """One or two channels in which an effect (H, 6) shows most."""
     size = ((effect - effect.mean(axis=0)) ** 2).sum(axis=0) + (effect**2).sum(axis=0)
     first, second = (int(k) for k in np.argsort(-size)[:2])

@@ -27,8 +27,8 @@
   function axis(a, index, vertical, named) {
     const soft = colour("--ink"), line = colour("--line");
     const common = {gridIndex: index, name: named ? a.text : "", nameLocation: "middle",
-      nameGap: vertical ? 44 : 26, nameTextStyle: {color: soft, fontSize: 12},
-      axisLine: {show: true, lineStyle: {color: colour("--soft")}},
+      nameGap: vertical ? 50 : 26, nameTextStyle: {color: soft, fontSize: 12},
+      axisLine: {show: true, onZero: false, lineStyle: {color: colour("--soft")}},
       axisLabel: {color: soft, fontSize: 11, lineHeight: 13, hideOverlap: true}, splitLine: {lineStyle: {color: line}},
       axisPointer: {label: {show: false}}};
     if (a.names.length) return {...common, type: "category", data: a.names, inverse: vertical,
@@ -175,7 +175,7 @@
       const across = wide / columns, boxes = [];
       let top = 6;
       this.data.panels.forEach((p, k) => {
-        const labels = p.y.names.length ? Math.min(.4 * across, 14 + 6.4 * Math.max(...p.y.names.map(n => n.length))) : 58;
+        const labels = p.y.names.length ? Math.min(.4 * across, 14 + 6.4 * Math.max(...p.y.names.map(n => n.length))) : 70;
         const rows = p.matrix ? p.matrix.rows.length : p.y.names.length;
         const height = p.matrix ? 24 * rows : rows ? 30 * rows + 10 : 165 * p.height;
         const above = (p.title ? 20 : 8) + (p.matrix ? 18 : 0);

@@ -1,0 +1,112 @@
+"""Figures as data: nothing large is lost, colours can be read, and a cause shows its own law."""
+
+import json
+import re
+
+import numpy as np
+import pytest
+from test_report import found
+
+from wrenchbed.pages.chart import (
+    NOISE,
+    Axis,
+    Chart,
+    Matrix,
+    Panel,
+    Scale,
+    Series,
+    extremes,
+    luminance,
+    readable,
+    thinned,
+)
+from wrenchbed.pages.draw import svg
+from wrenchbed.reports import diagnosis_page
+
+STIFFNESS = 9000.0
+
+
+@pytest.fixture(scope="module")
+def springy(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("springy")
+    return diagnosis_page(found(folder, f"joint.compliance:joint=2,stiffness={STIFFNESS:g}"))
+
+
+def chart_of(page, name: str) -> Chart:
+    return next(f.chart for f in page.figures if f.chart.name == name)
+
+
+def test_one_spike_in_a_million_rows_is_drawn_and_the_figure_says_what_is_not():
+    y = np.zeros(1_000_000)
+    y[123_456], y[654_321] = 7.0, -5.0
+    series = Series("measured", "line", np.arange(len(y)) * 1e-3, y)
+    (kept,), note = thinned([series])
+    assert len(kept.x) <= 400
+    assert kept.y.max() == 7.0 and kept.y.min() == -5.0
+    assert kept.x[0] == 0.0 and kept.x[-1] == series.x[-1]
+    assert re.fullmatch(r"\d+ of 1,000,000 rows drawn: extremes kept\.", note)
+    assert thinned([series.at(np.arange(300))])[1] == ""
+
+
+def test_gaps_are_no_extremes():
+    y = np.full(5000, np.nan)
+    y[1000], y[1001] = 3.0, -3.0
+    assert {1000, 1001} <= set(extremes(y, 100).tolist())
+
+
+@pytest.mark.parametrize("scale", [NOISE, Scale("x", -3.0, 3.0, (0.0,), diverging=True)])
+def test_numbers_in_cells_can_be_read_on_every_colour(scale):
+    for value in np.linspace(scale.low, scale.high, 200):
+        ground = luminance(scale.colour(float(value)))
+        ink = luminance(readable(scale.colour(float(value))))
+        assert (max(ground, ink) + 0.05) / (min(ground, ink) + 0.05) >= 4.5
+
+
+def test_colours_of_residuals_are_the_same_on_every_page():
+    assert (NOISE.low, NOISE.high) == (0.1, 100.0) and 1.0 in NOISE.ticks
+    assert NOISE.colour(1e6) == NOISE.colour(100.0) != NOISE.colour(10.0) != NOISE.colour(1.0)
+
+
+def test_arrays_of_different_lengths_are_refused():
+    with pytest.raises(ValueError, match="measured.*different lengths"):
+        Series("measured", "points", np.zeros(3), np.zeros(4))
+
+
+def test_still_and_interactive_have_the_same_numbers():
+    values = np.array([[0.2, 3.4], [np.nan, 50.0]])
+    texts = (("0.2", "3.4"), ("–", "50"))
+    matrix = Panel(Axis("x"), Axis(""), matrix=Matrix(("a", "b"), ("c", "d"), values, NOISE, texts))
+    told = np.array([1.25, -2.5, 4.0])
+    bars = Panel(
+        Axis("gap", "1"), Axis("", names=("p", "q", "r")),
+        (Series("", "bars", told, np.arange(3), texts=("1.25", "-2.5", "4.0")),),
+    )  # fmt: skip
+    chart = Chart("both", "A <title>", (matrix, bars))
+    drawn, data = svg(chart), json.loads(json.dumps(chart.to_json()))
+    assert data["panels"][1]["series"][0]["x"] == told.tolist()
+    assert data["panels"][0]["matrix"]["values"] == [[0.2, 3.4], [None, 50.0]]
+    for text in ("0.2", "3.4", "50", "1.25", "4.0", NOISE.label):
+        assert f">{text}<" in drawn, text
+    assert "<title>A &lt;title&gt;</title>" in drawn and 'role="img"' in drawn
+
+
+def test_a_spring_shows_as_a_line_of_its_stiffness_that_no_fit_drew(springy):
+    panel = chart_of(springy, "cause-0").panels[0]
+    measured = next(s for s in panel.series if s.name == "measured")
+    assert panel.x.unit == "N·m" and panel.y.unit == "mrad"
+    weight = 1.0 / measured.std**2
+    slope = (weight * measured.x * measured.y).sum() / (weight * measured.x**2).sum()
+    sure = 1.0 / np.sqrt((weight * measured.x**2).sum())
+    assert abs(1e-3 * slope - 1.0 / STIFFNESS) < 4e-3 * sure
+    assert sure < 0.1 * slope
+
+
+def test_the_residual_stands_beneath_before_and_after_in_units_of_noise(springy):
+    charts = [f.chart for f in springy.figures if f.chart.name.startswith("effect-0")]
+    for chart in charts:
+        above, beneath = chart.panels
+        assert above.x == beneath.x and chart.shared and beneath.y.unit == "noise"
+        without, with_it = beneath.series
+        assert np.sqrt(np.mean(without.y**2)) > 5 * np.sqrt(np.mean(with_it.y**2))
+        assert set(without.ids) == set(next(s for s in above.series if s.name == "measured").ids)
+        assert all(s.std is not None for s in above.series if s.name == "measured")
