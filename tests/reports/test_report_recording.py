@@ -87,3 +87,18 @@ def test_a_file_that_is_no_simulator_is_refused(folder):
     wrong.write_text("[]")
     with pytest.raises(ParameterError, match="wrong.json"):
         recording_page(wb.Recording.read(folder / "rec.parquet"), [wrong], "")
+
+
+def test_what_was_recorded_is_drawn_over_time_with_its_residual(folder):
+    recording = wb.Recording.read(folder / "rec.parquet")
+    charts = {f.chart.name: f.chart for f in recording_page(recording, [], "").figures}
+    assert set(charts) == {"heat", "forces", "torques", "joints"}
+    for name, first in (("forces", 0), ("torques", 3)):
+        readings, residuals = charts[name].panels[::2], charts[name].panels[1::2]
+        for k, (panel, beside) in enumerate(zip(readings, residuals, strict=True), start=first):
+            measured = panel.series[0]
+            assert measured.y.max() == recording.wrench[:, k].max()
+            assert measured.y.min() == recording.wrench[:, k].min()
+            assert beside.y.unit == "noise" and panel.series[1].name == beside.series[0].name
+        assert charts[name].note == "399 of 800 rows drawn: extremes kept."
+    assert len(charts["joints"].panels) == 6

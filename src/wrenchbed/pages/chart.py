@@ -237,9 +237,17 @@ def thinned(
     longest = max((len(s.x) for s in series), default=0)
     if longest <= most:
         return tuple(series), ""
-    kept = tuple(s.at(extremes(s.y, most)) for s in series)
+    kept = tuple(s.at(_kept(s, most)) for s in series)
     drawn = max(len(s.x) for s in kept)
     return kept, f"{drawn:,} of {longest:,} {what} drawn: extremes kept."
+
+
+def _kept(s: Series, most: int) -> np.ndarray:
+    """Extremes; of points also evenly spaced ones, for extremes alone look like two branches."""
+    if s.kind != "points" or len(s.x) <= most:
+        return extremes(s.y, most)
+    even = np.linspace(0, len(s.x) - 1, most // 2).astype(int)
+    return np.union1d(extremes(s.y, most - len(even)), even)
 
 
 def readable(colour: str) -> str:

@@ -16,6 +16,8 @@ WIDTH = 4.9
 """Of a column of panels [in]: fits a telephone, and two fit beside each other on a screen."""
 HEIGHT = 1.75
 """Of a usual panel [in]."""
+MOST_WHISKERS = 150
+"""Points of a still figure that have their uncertainty drawn."""
 COLOURS = {
     "measured": BLUE, "before": ORANGE, "after": GREEN, "box": PURPLE, "rest": GREY, "ink": INK,
 }  # fmt: skip
@@ -128,7 +130,7 @@ def _series(ax: Any, s: Series) -> None:
         ax.plot(s.x, s.y, color=colour, lw=1.6, ls=style, label=label)
     else:
         ring = s.mark == "ring"
-        if s.std is not None:
+        if s.std is not None and len(s.x) <= MOST_WHISKERS:
             ax.errorbar(s.x, s.y, s.std, fmt="none", ecolor=colour, elinewidth=0.9, alpha=0.6)
         ax.plot(
             s.x, s.y, _MARKS[s.mark], color=colour, ms=6.0 if ring else 3.6, ls="", label=label,

@@ -23,8 +23,8 @@ STEP = 1e-5
 """Of a joint's value in a difference quotient [rad or m]."""
 LEAST_SLOPE = 0.2
 """Of the largest: rows in which a joint moves the reading less say little about its value."""
-LAGS = 40
-"""Samples by which readings are shifted each way at least."""
+LEAST_REACH, LAGS = 8, 40
+"""Samples by which readings are shifted each way at least, and shifts each way."""
 _CROSS = Scale("change of the reading [noise of a row]", -30.0, 30.0, (-30.0, 0.0, 30.0),
                diverging=True)  # fmt: skip
 
@@ -276,7 +276,7 @@ def _lag(e: Evidence, c: Claim, name: str) -> Chart | None:
         return None
     t, k = scene.t[scene.held], largest(c.effect / e.std)[0]
     delay = float(c.active.values.get("delay", 0.0)) if c.active is not None else 0.0
-    reach = max(LAGS * scene.period, 3.0 * abs(delay))
+    reach = max(LEAST_REACH * scene.period, 3.0 * abs(delay))
     lags = np.linspace(-reach, reach, 2 * LAGS + 1)
     inner = (t > t[0] + reach) & (t < t[-1] - reach)
     if inner.sum() < LAGS:

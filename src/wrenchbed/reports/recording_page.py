@@ -10,13 +10,23 @@ import numpy as np
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import ParameterError
 from wrenchbed.pages import numbers
-from wrenchbed.pages.chart import Chart
-from wrenchbed.physics.wrench import CHANNELS
+from wrenchbed.pages.chart import Axis, Chart, Panel, Role, Series, thinned
+from wrenchbed.physics.wrench import CHANNELS, UNITS
 from wrenchbed.reports import figures
 from wrenchbed.reports.diagnosis_page import ReportPage
 from wrenchbed.reports.simulators import BINS, Heat
-from wrenchbed.twin.comparison import Simulator, binned_rms, bins, noise_of, order_of, simulators
+from wrenchbed.twin.comparison import (
+    Simulator,
+    binned_rms,
+    bins,
+    noise_of,
+    order_of,
+    robot_of,
+    simulators,
+)
 
+MOST_DRAWN = 400
+"""Points of each series over time: least and largest of every stretch."""
 _AGREE, _NEAR = 1.25, 3.0
 """Residuals, in units of noise, up to which simulator and measurement agree, or nearly do."""
 
@@ -53,7 +63,7 @@ def recording_page(recording: Recording, files: Sequence[str | Path], command: s
     noise = noise_of(recording)
     ratios = [float(np.sqrt(np.mean(_white(recording, s, noise) ** 2))) for s in known]
     fits = [_fit(s.name, s.fit) for s in known if s.fit]
-    map_of_residuals = figures.draw(_heat(recording, known, noise))
+    drawn = [figures.draw(chart) for chart in _charts(recording, known, noise)]
     best = int(np.argmin(ratios))
     agreement = _agreement(known[best].name, ratios[best])
     context = {
@@ -73,12 +83,13 @@ def recording_page(recording: Recording, files: Sequence[str | Path], command: s
         "noise": [f"{x:.3g}" for x in noise],
         "tool": fits[-1]["tool"] if fits else [],
         "fits": fits,
-        "heat": map_of_residuals,
+        "heat": drawn[0],
+        "series": drawn[1:],
         "next": _next(ratios[best], bool(fits), PurePath(recording.name).name),
         "data": _data(recording),
         "command": command,
     }
-    return ReportPage(context, "recording", [map_of_residuals])
+    return ReportPage(context, "recording", drawn)
 
 
 def _white(recording: Recording, s: Simulator, noise: np.ndarray) -> np.ndarray:
@@ -98,6 +109,60 @@ def _heat(recording: Recording, known: Sequence[Simulator], noise: np.ndarray) -
     over = "over the poses in order" if unit == "pose" else "over time"
     map_of_all = Heat(panels, labels, "pose" if unit == "pose" else "time [s]", over)
     return figures.heat(map_of_all, "poses" if unit == "pose" else "rows")
+
+
+def _charts(recording: Recording, known: Sequence[Simulator], noise: np.ndarray) -> list[Chart]:
+    """Residuals as a map, then readings and their residual, and the joints, over time."""
+    t = recording.t - recording.t[0]
+    told = [_heat(recording, known, noise)]
+    for part, first in (("Forces", 0), ("Torques", 3)):
+        told.append(_over_time(recording, known, noise, t, part, first))
+    if recording.joints:
+        turns = [j.unit == "rad" for j in robot_of(recording).joints]
+        panels, note = [], ""
+        for k, joint in enumerate(recording.joints):
+            y = recording.q[:, k]
+            series, note = thinned(
+                [Series("", "line", t, np.rad2deg(y) if turns[k] else 1e3 * y, ids=_rows(t))],
+                MOST_DRAWN,
+            )  # fmt: skip
+            y_axis = Axis(joint, "°" if turns[k] else "mm")
+            panels.append(Panel(Axis("time", "s"), y_axis, series, height=0.7))
+        told.append(
+            Chart("joints", "Joints over time", tuple(panels), 2, shared=True, note=note)
+        )  # fmt: skip
+    return told
+
+
+def _over_time(
+    recording: Recording, known: Sequence[Simulator], noise: np.ndarray, t: np.ndarray, part: str,
+    first: int,
+) -> Chart:  # fmt: skip
+    """Three channels measured and simulated, each with its residual beside."""
+    roles: tuple[Role, ...] = ("before", "after", "box", "rest")
+    panels, note = [], ""
+    for k in range(first, first + 3):
+        channel, unit, y = CHANNELS[k], UNITS[k], recording.wrench[:, k]
+        readings = [Series("measured", "line", t, y, ids=_rows(t))]
+        left = []
+        for s, role in zip(known, roles, strict=False):
+            readings.append(
+                Series(s.name, "line", t, s.reading[:, k], role=role, dashed=True, ids=_rows(t))
+            )
+            rest = (y - s.reading[:, k]) / noise[k]
+            left.append(Series(s.name, "line", t, rest, role=role, ids=_rows(t)))
+        for series, axis, zero in (
+            (readings, Axis(channel, unit), False),
+            (left, Axis(f"{channel}, residual", "noise"), True),
+        ):
+            kept, note = thinned(series, MOST_DRAWN)
+            panels.append(Panel(Axis("time", "s"), axis, kept, zero=zero, height=0.9))
+    caption = "On the left measured and simulated, on the right their difference."
+    return Chart(part.lower(), f"{part} over time", tuple(panels), 2, True, caption, note)
+
+
+def _rows(t: np.ndarray) -> np.ndarray:
+    return np.arange(1, len(t) + 1)
 
 
 def _what(recording: Recording) -> dict[str, str]:

@@ -76,7 +76,10 @@ def rivals(e: Evidence, entry: Mapping[str, Any], name: str) -> Chart | None:
     apart = (ours - theirs) / e.std
     k = int(np.argmax((apart**2).sum(axis=0)))
     order = np.argsort(apart[:, k], kind="stable")
-    x = 1.0 + np.arange(len(order))
+    x, axis = 1.0 + np.arange(len(order)), Axis("rows, sorted by the difference")
+    if p.moving:
+        order = _around(apart[:, k])
+        x, axis = p.scene.t[p.scene.held][order], Axis("time", "s")
     std = np.full(len(order), e.std[k] * np.sqrt(p.noise[k]))
     measured = (p.y - base)[order, k]
     ids = 1 + order
@@ -88,17 +91,24 @@ def rivals(e: Evidence, entry: Mapping[str, Any], name: str) -> Chart | None:
         ]
     )
     low, _ = thinned([Series("difference of the two", "line", x, apart[order, k], role="rest")])
-    axis = Axis("rows, sorted by the difference")
     panels = (
         Panel(axis, Axis(f"{CHANNELS[k]} minus calibrated", UNITS[k]), top, zero=True, height=1.2),
         Panel(axis, Axis("difference", "noise"), low, zero=True, height=0.7),
     )
     caption = (
-        f"Both explanations in the channel in which they differ most; rows at the two ends tell "
-        f"{cause} from {rival}. A difference within ±1 noise is seen in many rows only."
+        "Both explanations in the channel in which they differ most"
+        + (", about the time of it" if p.moving else "; rows at the two ends tell them apart")
+        + ". A difference within ±1 noise is seen in many rows only."
     )
     title = f"{cause} or {rival}"
     return Chart(name, title, panels, shared=True, caption=caption, note=note)
+
+
+def _around(apart: np.ndarray) -> np.ndarray:
+    """Indices of the stretch of a motion about its largest difference (H,)."""
+    middle = int(np.abs(apart - apart.mean()).argmax())
+    first = min(max(0, middle - MOST_ROWS // 2), max(0, len(apart) - MOST_ROWS))
+    return np.arange(first, min(len(apart), first + MOST_ROWS))
 
 
 def _instead(e: Evidence, cause: str, others: list[str]) -> tuple[str, Explanation] | None:

@@ -158,7 +158,7 @@
       }
       const tool = (text, label, act) => {
         const button = make("button", {type: "button", textContent: text, title: label, onclick: act});
-        button.setAttribute("aria-label", `${label}: ${this.data.title}`);
+        button.setAttribute("aria-label", `${text} ${label}: ${this.data.title}`);
         row.append(button);
       };
       if (this.data.panels.some(p => !p.matrix && !p.y.names.length)) {
