@@ -1,11 +1,15 @@
 """What the UR5's emulator is told before it serves: settings, ports and faults."""
 
 from types import SimpleNamespace
+from unittest.mock import Mock
 
+import numpy as np
 import pytest
 
 from wrenchbed.emulators.base.emulator import EmulatorOptions
 from wrenchbed.emulators.ur5 import EMULATOR
+from wrenchbed.emulators.ur5.dashboard import Dashboard
+from wrenchbed.emulators.ur5.settings import MODELS
 from wrenchbed.errors import DriverError, ParameterError
 
 
@@ -17,6 +21,8 @@ from wrenchbed.errors import DriverError, ParameterError
         ({"protective_force": "-1"}, "above 0"),
         ({"box": "maybe"}, "on or off"),
         ({"buffer": "0"}, "1 … 40"),
+        ({"model": "ur7"}, "one of ur3, ur5, ur10, ur20, ur3e, ur5e, ur10e, ur16e"),
+        ({"model": "ur10e", "series": "cb3"}, "never had a CB3 controller"),
     ],
 )
 def test_settings_are_checked(setting, why):
@@ -42,3 +48,21 @@ def test_every_fault_of_each_link_is_known():
     assert links.control == {"fin", "rst"}
     assert {"stall", "unlisten", "fin"} <= links.dashboard & links.script
     assert "restart" in links.robot and "malformed" in links.rtde
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_the_controller_is_that_of_its_arm(model):
+    """Its poses are those of the published table, its body is that arm, its series fits."""
+    emulator = EMULATOR(EmulatorOptions("127.0.1.32", setting={"model": model, "box": "off"}))
+    controller, body = emulator.controller, emulator.body
+    assert body.robot.name == model
+    assert controller.settings.e_series == (model.endswith("e") or model == "ur20")
+    q = body.robot.home + 0.1
+    rotation, position = controller.arm.kinematics.flange(q)
+    wanted, place = body.robot.flange_pose(q[None], body.robot.parameters.nominal)
+    assert np.abs(position - place[0]).max() < 1e-12
+    assert np.abs(rotation - wanted[0]).max() < 1e-12
+    pose = controller.arm.kinematics.pose(q, np.zeros(6))
+    assert np.abs(controller.arm.kinematics.inverse(pose, np.zeros(6), q) - q).max() < 1e-9
+    said = Dashboard(controller, Mock(), lambda: None)._exact["get robot model"]()
+    assert said == model.upper().removesuffix("E")

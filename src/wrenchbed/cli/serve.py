@@ -50,7 +50,7 @@ class EmulatorArguments:
 
 
 def twin(
-    name: tyro.conf.Positional[Literal["ur5", "medrue", "netft"]],
+    name: tyro.conf.Positional[str],
     /,
     device: EmulatorArguments,
     faults: str | None = None,
@@ -60,7 +60,7 @@ def twin(
     Prints one line `ready …` with its addresses when clients may connect; Ctrl-C ends it.
 
     Args:
-        name: Of the device.
+        name: Of the device, see `wrenchbed list twins`.
         faults: TOML script of timed faults (docs/how-to/hardware.md); `-` takes them as JSON lines
             on standard input.
     """

@@ -281,13 +281,6 @@ WRENCH, JOINTS, TEMPERATURE = "/wrench", "/joint_states", "/temperature"
 KEY = "wrenchbed"
 """Metadata record that keeps the recording's own metadata as JSON."""
 _FRAME = "sensor"
-JOINT_NAMES = {
-    "ur5": (
-        "shoulder_pan_joint", "shoulder_lift_joint", "elbow_joint",
-        "wrist_1_joint", "wrist_2_joint", "wrist_3_joint",
-    ),
-}  # fmt: skip
-"""As robots' own drivers call their joints; q1 … of others."""
 Message = Callable[[int], Any]
 
 
@@ -342,7 +335,9 @@ def _topics(recording: Recording, at: np.ndarray, store: Any) -> Iterator[tuple[
 
     yield WRENCH, "geometry_msgs/msg/WrenchStamped", load
     if recording.joints:
-        names = list(JOINT_NAMES.get(recording.metadata.robot, recording.joints))
+        robot, names = recording.metadata.robot, list(recording.joints)
+        if registry.is_known("robots", robot):
+            names = list(registry.load("robots", robot).joint_names)
         state, q = known["sensor_msgs/msg/JointState"], recording.q.astype(float)
         none = np.zeros(0)
 

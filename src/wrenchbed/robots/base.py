@@ -154,6 +154,11 @@ class Robot(ArmBodies):
         raise NotFoundError(f"robot {self.name!r} has no tool tip and target workspace to plan for")
 
     @property
+    def joint_names(self) -> tuple[str, ...]:
+        """As the robot's own driver or file calls its joints (J,); q1 … of one that has neither."""
+        return tuple(joint.name for joint in self.joints)
+
+    @property
     def zero_names(self) -> tuple[str, ...]:
         """Names of the parameters that are added to the joint values, by joint; () of none."""
         return ()

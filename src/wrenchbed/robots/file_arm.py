@@ -99,6 +99,10 @@ class FileArm(SerialChain):
         self._pre = before @ np.stack([link.turn for link in arm.links])
         self._end = self._to_z[-1].T @ arm.end_turn
 
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        return tuple(self.arm_model.links[k].joint for k in self.arm_model.driven)
+
     @cached_property
     def zero_names(self) -> tuple[str, ...]:
         return tuple(f"joint.{link.joint}.zero" for link in self.arm_model.links)

@@ -85,6 +85,10 @@ class LoopArm(LoadInSensorAxes, SimulatedRobot):
             [index(f"mount.{what}.{a}") for a in "xyz"] for what in ("position", "rotation")
         )
 
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        return tuple(self.arm_model.links[k].joint for k in self.arm_model.driven)
+
     @cached_property
     def zero_names(self) -> tuple[str, ...]:
         return tuple(f"joint.{link.joint}.zero" for link in self._driven)

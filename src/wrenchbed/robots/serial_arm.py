@@ -217,13 +217,17 @@ class SerialArm(SerialChain):
             | dict(zip(axes, back[:, 0], strict=True)),
         }
 
-    def spec(self, theta: np.ndarray) -> "mujoco.MjSpec":
+    def drawn(self) -> "mujoco.MjSpec":
+        """Its MJCF as it is."""
         import mujoco
 
+        return mujoco.MjSpec.from_file(str(self.mjcf))
+
+    def spec(self, theta: np.ndarray) -> "mujoco.MjSpec":
         from wrenchbed.robots.mjcf import place, write_load
 
         p = {name: float(v) for name, v in self.values(theta).items()}
-        spec = mujoco.MjSpec.from_file(str(self.mjcf))
+        spec = self.drawn()
         place(spec, "base", [0, 0, 0], self._base(theta))
         frame, origin = np.eye(3), [0.0, 0.0, 0.0]
         for i, (link, angle) in enumerate(zip(self.arm.links, self.home, strict=True), start=1):

@@ -177,7 +177,7 @@ def _of_joints(pairing: Pairing, stated: Stated) -> Iterator[Convention]:
         robot = registry.load("robots", name)
         mounted = "mount.rotation.x" in robot.parameters.names
         sheet = pairing.tables[pairing.sheet]
-        for columns in joints(sheet, len(robot.joints)) if robot.joints else ():
+        for columns in joints(sheet, robot.joint_names) if robot.joints else ():
             if pairing.taken & set(columns):
                 continue
             raw = pairing.columns(columns)

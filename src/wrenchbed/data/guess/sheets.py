@@ -352,8 +352,13 @@ def _angle_units(sheet: Sheet, names: Sequence[str]) -> list[tuple[str, float]]:
     return [("deg", 0.0)] if most > 7.0 else [("rad", 0.0), ("deg", 0.5)]
 
 
-def joints(sheet: Sheet, count: int) -> Iterator[tuple[str, ...]]:
-    """``count`` columns that might be joint values: by name, else by value."""
+def joints(sheet: Sheet, called: Sequence[str]) -> Iterator[tuple[str, ...]]:
+    """Columns that might be joint values: by a robot's own names, as q1 …, else by value."""
+    count = len(called)
+    own = [_of_joint(sheet, name) for name in called]
+    if all(len(hits) == 1 for hits in own):
+        yield tuple(hits[0] for hits in own)
+        return
     named = [sheet.roles[f"q{j}"] for j in range(1, count + 1) if f"q{j}" in sheet.roles]
     if "q1" in sheet.roles:
         if len(named) == count and f"q{count + 1}" not in sheet.roles:
@@ -362,6 +367,13 @@ def joints(sheet: Sheet, count: int) -> Iterator[tuple[str, ...]]:
     for names in _windows(sheet, count):
         if np.abs(sheet.block(names)).max() < _MOST_ANGLE:
             yield tuple(names)
+
+
+def _of_joint(sheet: Sheet, name: str) -> list[str]:
+    """Columns that are called after a joint, and are not its speed or torque."""
+    word = re.compile(rf"(?:^|_){re.escape(plain(name))}(?:_|$)")
+    found = [n for n in sheet.values if word.search(plain(n))]
+    return [n for n in found if not _NO_JOINT.search(word.sub("_", plain(n)))]
 
 
 def _windows(sheet: Sheet, width: int) -> Iterator[list[str]]:

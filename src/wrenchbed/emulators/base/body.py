@@ -38,16 +38,16 @@ class BodyOptions:
     """Which robot is simulated, and how.
 
     Attributes:
-        robot: registry name.
+        robot: registry name, or the robot itself.
         parameters: true values where they differ from nominal, by name, SI.
         noise: ``real``, ``white`` or ``off``.
         seed: of the noise and of the effects' random parts.
         effects: as ``joint.compliance:joint=2,stiffness=1.4e4``; without values of typical size.
-        table: height of a plate that UR5's tool may press on [m]; None: nothing to touch.
+        table: height of a plate that the tool may press on [m]; None: nothing to touch.
         table_stiffness: of the plate [N/m].
     """
 
-    robot: str
+    robot: str | SimulatedRobot
     parameters: Mapping[str, float] = field(default_factory=dict)
     noise: str = "real"
     seed: int = 0
@@ -70,9 +70,9 @@ class Body:
     """
 
     def __init__(self, options: BodyOptions, cycle: float, surface: Surface | None = None) -> None:
-        robot = registry.load("robots", options.robot)
-        if options.table is not None and robot.name != "ur5":
-            raise ParameterError(f"a plate to press on is there for ur5, not for {robot.name!r}")
+        robot: object = options.robot
+        if isinstance(options.robot, str):
+            robot = registry.load("robots", options.robot)
         if options.table is not None and not np.isfinite(options.table):
             raise ParameterError(f"table = {options.table} must be a height [m]")
         if not isinstance(robot, SimulatedRobot):

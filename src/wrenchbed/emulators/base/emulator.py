@@ -19,6 +19,7 @@ from wrenchbed.emulators.base import faults as timed
 from wrenchbed.emulators.base.body import BodyOptions
 from wrenchbed.emulators.base.faults import Faults
 from wrenchbed.errors import DriverError, ParameterError
+from wrenchbed.robots.base import SimulatedRobot
 
 
 @dataclass(frozen=True)
@@ -43,7 +44,7 @@ class EmulatorOptions:
     table: float | None = None
     setting: Mapping[str, str] = field(default_factory=dict)
 
-    def body(self, robot: str) -> BodyOptions:
+    def body(self, robot: str | SimulatedRobot) -> BodyOptions:
         """The robot behind the emulator."""
         return BodyOptions(robot, self.parameters, self.noise, self.seed, self.effects, self.table)
 

@@ -10,6 +10,7 @@ from wrenchbed.emulators.base.body import Body
 from wrenchbed.emulators.ur5.kinematics import NO_TOOL, Kinematics, UnreachableError, matrix
 from wrenchbed.emulators.ur5.motions import ArmMotion, Braking, Servo
 from wrenchbed.emulators.ur5.tool_wrench import WrenchEstimate
+from wrenchbed.robots.ur_arm import URArm
 
 _YIELDING = np.array([6e-4] * 3 + [0.02] * 3)
 """Speed per missing force [m/(s·N)] and torque [rad/(s·N·m)]; the axes' admittance."""
@@ -55,15 +56,20 @@ class ControlledArm:
         body: the robot.
         estimate: of the wrench at the tool.
         measure: the load that the robot measures (6,) [N, N·m], called once a cycle.
+        nominal: the arm that its controller takes it for, a UR5 if None.
     """
 
     def __init__(
-        self, body: Body, estimate: WrenchEstimate, measure: Callable[[], np.ndarray]
+        self,
+        body: Body,
+        estimate: WrenchEstimate,
+        measure: Callable[[], np.ndarray],
+        nominal: URArm | None = None,
     ) -> None:
         self.body, self.estimate = body, estimate
         self._measure = measure
         self.load = np.zeros(6)
-        self.kinematics = Kinematics()
+        self.kinematics = Kinematics(nominal)
         self.q = np.array(body.target)
         self.qd = np.zeros(6)
         self.qdd = np.zeros(6)

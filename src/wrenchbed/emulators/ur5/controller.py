@@ -40,7 +40,7 @@ class Controller:
         self.terminals = Terminals()
         self.modes = Modes(settings.power)
         self.estimate = WrenchEstimate(payload, at_tcp=not settings.e_series)
-        self.arm = ControlledArm(body, self.estimate, measure or (lambda: body.load))
+        self.arm = ControlledArm(body, self.estimate, measure or (lambda: body.load), settings.arm)
         self.fields = outputs(settings.version)
         self.values: dict[str, Values] = {name: zero(kind) for name, kind in self.fields.items()}
         self.inputs = Inputs(inputs(settings.version), self._written)

@@ -57,7 +57,7 @@ class Dashboard:
             "isprogramsaved": lambda: f"true {_PROGRAM}",
             "polyscopeversion": lambda: f"URSoftware {version} (Nov 10 2021)",
             "version": lambda: version,
-            "get robot model": lambda: "UR5",
+            "get robot model": lambda: controller.settings.model.upper().removesuffix("E"),
             "shutdown": self._after(shut_down, "Shutting down"),
             "quit": self._quit,
         }

@@ -1,4 +1,4 @@
-"""The controller's kinematics: of the nominal UR5, whatever the robot's true parameters are.
+"""The controller's kinematics: of the nominal arm, whatever the robot's true parameters are.
 
 Poses are as Universal Robots writes them: x y z [m] and a rotation vector rx ry rz [rad]. Scalars
 are used instead of arrays where this saves a noticeable share of a control cycle.
@@ -10,6 +10,7 @@ from math import acos, cos, sin, sqrt
 import numpy as np
 
 from wrenchbed import registry
+from wrenchbed.robots.ur_arm import URArm
 
 Transform = tuple[np.ndarray, np.ndarray]
 """Rotation (3, 3) and position (3,)."""
@@ -81,10 +82,14 @@ class UnreachableError(Exception):
 
 
 class Kinematics:
-    """Forward, inverse and differential kinematics of the nominal robot's flange or TCP."""
+    """Forward, inverse and differential kinematics of a nominal robot's flange or TCP.
 
-    def __init__(self) -> None:
-        self._robot = registry.load("robots", "ur5")
+    Args:
+        robot: the UR5 if None.
+    """
+
+    def __init__(self, robot: URArm | None = None) -> None:
+        self._robot = registry.load("robots", "ur5") if robot is None else robot
         self._theta = self._robot.parameters.nominal
         values = self._robot.values(self._theta)
         self._links = [

@@ -142,10 +142,10 @@ _INJECT_S = 2.0
 
 
 class UR5Emulator(Emulator):
-    """A Universal Robots UR5 whose controller is served on this machine."""
+    """A Universal Robots arm, a UR5 if none is named, whose controller is served here."""
 
     name = "ur5"
-    title = "Universal Robots UR5: RTDE, dashboard and script ports"
+    title = "Universal Robots UR5 and its kin: RTDE, dashboard and script ports"
     settings: ClassVar[Mapping[str, str]] = described(ControllerSettings, BoxSettings)
 
     def __init__(self, options: EmulatorOptions) -> None:
@@ -193,7 +193,7 @@ class UR5Emulator(Emulator):
     def _build(
         self, options: EmulatorOptions, settings: ControllerSettings, box: BoxSettings
     ) -> None:
-        self.body = Body(options.body("ur5"), settings.cycle)
+        self.body = Body(options.body(settings.arm), settings.cycle)
         sensor = ArmSensor(
             self.body, settings.e_series, options.effects, options.noise, options.seed
         )

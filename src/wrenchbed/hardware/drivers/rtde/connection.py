@@ -8,6 +8,7 @@ import time
 from dataclasses import dataclass
 from typing import Any
 
+from wrenchbed import registry
 from wrenchbed.errors import DriverError, LinkError, ParameterError, StoppedError
 from wrenchbed.hardware.device import STALE_S, wait_until
 from wrenchbed.hardware.drivers.rtde.process import Worker
@@ -73,8 +74,12 @@ class RtdeOptions:
 
     def __post_init__(self) -> None:
         """Check the options; the accepted ranges are estimates."""
-        if not self.robot.startswith("ur"):
-            raise ParameterError(f"driver 'rtde' moves UR robots, not {self.robot!r}: give another")
+        units = [joint.unit for joint in registry.load("robots", self.robot).joints]
+        if units != ["rad"] * _JOINTS:
+            raise ParameterError(
+                f"driver 'rtde' moves UR robots, which have six hinges, not {self.robot!r}: "
+                "give another"
+            )
         if self.frequency is not None and not 1.0 <= self.frequency <= 500.0:
             raise ParameterError(f"frequency {self.frequency:g} Hz must be from 1 to 500 Hz")
         if not 1.0 <= self.watchdog_hz <= 50.0:
@@ -83,6 +88,8 @@ class RtdeOptions:
             raise ParameterError("connect_s and attempts must be above 0, recoveries at least 0")
 
 
+_JOINTS = 6
+"""Of every UR robot."""
 _FIRST_PAUSE_S = 0.1
 """Pause before the second attempt [s]; it doubles each time; estimate."""
 _FRESH_S = 1.0
