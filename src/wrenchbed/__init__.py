@@ -35,6 +35,8 @@ if TYPE_CHECKING:
     from wrenchbed.diagnosis.several import diagnose_several
     from wrenchbed.emulators.base.emulator import EmulatorOptions, serve
     from wrenchbed.errors import WrenchbedError
+    from wrenchbed.exports.base import ExportOptions, export_to
+    from wrenchbed.exports.load_numbers import LoadNumbers, load_numbers
     from wrenchbed.hardware.drivers.sim import SimDriver, SimOptions
     from wrenchbed.planning.accuracy_plan import Mix, MixOptions, reach
     from wrenchbed.planning.choose import informative, multisine, poses
@@ -77,6 +79,8 @@ _PUBLIC = {
     "diagnosis.several": ("diagnose_several",),
     "emulators.base.emulator": ("EmulatorOptions", "serve"),
     "errors": ("WrenchbedError",),
+    "exports.base": ("ExportOptions", "export_to"),
+    "exports.load_numbers": ("LoadNumbers", "load_numbers"),
     "hardware.drivers.sim": ("SimDriver", "SimOptions"),
     "planning.accuracy_plan": ("Mix", "MixOptions", "reach"),
     "planning.choose": ("informative", "multisine", "poses"),
@@ -103,11 +107,13 @@ _HOME = {
 __all__ = [
     "EmulatorOptions",
     "Entrant",
+    "ExportOptions",
     "Family",
     "Findings",
     "Fit",
     "Fleet",
     "LearnedSensor",
+    "LoadNumbers",
     "Mix",
     "MixOptions",
     "Model",
@@ -135,11 +141,13 @@ __all__ = [
     "diagnose_several",
     "dry_run",
     "export",
+    "export_to",
     "guess_map",
     "import_files",
     "informative",
     "learn_sensor",
     "load",
+    "load_numbers",
     "multisine",
     "names",
     "poses",

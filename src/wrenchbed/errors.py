@@ -9,6 +9,7 @@
     ├── CalibrationError    data that cannot answer the question     (ValueError)
     ├── DiagnosisError      data that cannot be diagnosed            (ValueError)
     ├── TwinError           a twin that cannot be read or cannot follow (ValueError)
+    ├── ExportError         numbers that a format needs and the data lack (ValueError)
     ├── BenchmarkError      sealed cases, claims or answers that do not belong together (ValueError)
     ├── NotFoundError       a robot, sensor or driver that does not exist (LookupError)
     ├── DriverError         a device that did not obey               (RuntimeError)
@@ -106,6 +107,10 @@ class DiagnosisError(WrenchbedError, ValueError):
 
 class TwinError(WrenchbedError, ValueError):
     """A twin's file that cannot be trusted, or a motion that its robot cannot follow."""
+
+
+class ExportError(WrenchbedError, ValueError):
+    """Numbers that the data did not determine, or a file that cannot take them."""
 
 
 class BenchmarkError(WrenchbedError, ValueError):

@@ -28,6 +28,7 @@ KINDS = {
     "transducers": "TRANSDUCER",
     "emulators": "EMULATOR",
     "effects": "EFFECT",
+    "exports": "EXPORT",
 }
 """Kind (the folder's name) → the constant that a plug-in's module holds."""
 
@@ -38,6 +39,7 @@ _PACKAGES = {
     "transducers": "wrenchbed.hardware.transducers",
     "emulators": "wrenchbed.emulators",
     "effects": "wrenchbed.effects",
+    "exports": "wrenchbed.exports",
 }
 """Kind → the package whose modules are its plug-ins, but `base` and what its `SUPPORT` names."""
 

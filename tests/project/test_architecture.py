@@ -19,20 +19,21 @@ LAYERS = (
     ("calibration", "effects"),
     ("planning", "twin"),
     ("diagnosis", "emulators", "hardware"),
-    ("benchmark", "campaigns", "reports"),
+    ("benchmark", "campaigns", "exports", "reports"),
     ("environments", "studies", "viewer"),
     ("__init__",),
     ("cli",),
     ("__main__",),
 )
 """Rooms from the ground up. A room imports from layers below its own only."""
-MOST_ROOMS, MOST_ARROWS = 30, 186
+MOST_ROOMS, MOST_ARROWS = 30, 195
 PLUGINS = {
     "robots": "robots",
     "drivers": "hardware/drivers",
     "transducers": "hardware/transducers",
     "emulators": "emulators",
     "effects": "effects",
+    "exports": "exports",
 }
 ONLY_IN = {
     "mujoco": ("robots", "simulation", "effects", "twin", "planning/clearance", "benchmark",

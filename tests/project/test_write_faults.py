@@ -48,6 +48,7 @@ CASES = {
     "report": "report r.parquet --out r.html",
     "simulate": "simulate twin.json --like r.parquet --out s.parquet --rrd s.rrd --force",
     "export": "export twin.json --mjcf model",
+    "export --to": "export twin.json --to json-schema --out load.json",
     "export --mcap": "export r.parquet --mcap r.mcap --force",
     "campaign": "campaign ur5 --robots 2 --poses 12 --samples 6 --workers 1 --out fleet",
     "campaign --only": "campaign ur5 --robots 2 --poses 12 --only 0 --out fleet --force",

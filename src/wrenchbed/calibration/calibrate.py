@@ -350,6 +350,7 @@ def _result(recording: Recording, problem: Problem, outcome: Outcome, theta: np.
         iterations=solution.steps,
         identified=tuple(identified),
         theta=model.parameters.mapping(theta),
+        gravity=model.gravity,
         tool={"mass": float(tool.mass), "cog": [float(c) for c in tool.cog]},
         covariance=outcome.covariance,
         residual_rms=rms,

@@ -68,6 +68,7 @@ class Fit:
         iterations: Gauss–Newton steps.
         identified: the free parameters.
         theta: all parameters by name, fitted or held.
+        gravity: under which they were fitted, world axes (3,) [m/s²].
         tool: the load in the contract's terms: mass [kg], cog (3,) [m] in sensor axes.
         covariance: of the free parameters (K, K), minimum-norm where they are redundant.
         correlation: the same, normalised.
@@ -88,6 +89,7 @@ class Fit:
     iterations: int
     identified: tuple[IdentifiedValue, ...]
     theta: Mapping[str, float]
+    gravity: tuple[float, ...]
     tool: Mapping[str, Any]
     covariance: np.ndarray
     residual_rms: np.ndarray
@@ -166,6 +168,7 @@ class Fit:
             },
             "covariance": self.covariance.tolist(),
             "theta": dict(self.theta),
+            "gravity": list(self.gravity),
             **carried_robot(self.robot),
         }
 

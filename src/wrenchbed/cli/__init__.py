@@ -42,7 +42,7 @@ _VERBS = {
     "view": ("view", "view"),
     "report": ("view", "report"),
     "simulate": ("small_verbs", "simulate"),
-    "export": ("small_verbs", "export"),
+    "export": ("export", "export"),
     "twin": ("serve", "twin"),
     "campaign": ("campaign", "campaign"),
     "study": ("small_verbs", "study"),

@@ -1,6 +1,5 @@
-"""The verbs with few options: list, simulate, export and study."""
+"""The verbs with few options: list, simulate and study."""
 
-from functools import partial
 from pathlib import Path
 from typing import Literal
 
@@ -12,12 +11,20 @@ import wrenchbed as wb
 from wrenchbed.cli import console
 from wrenchbed.cli.console import Flag, Json
 from wrenchbed.data.outputs import Kind, keeping
-from wrenchbed.errors import ParameterError
 
 
 def list_(
     kind: tyro.conf.Positional[
-        Literal["robots", "sensors", "drivers", "transducers", "emulators", "twins", "effects"]
+        Literal[
+            "robots",
+            "sensors",
+            "drivers",
+            "transducers",
+            "emulators",
+            "twins",
+            "effects",
+            "exports",
+        ]
     ],
     /,
     as_json: Json = False,
@@ -72,43 +79,6 @@ def simulate(
     rows = len(simulated)
     result = {"recording": str(out), "like": str(like), "rows": rows}
     console.answer(result, as_json, f"simulated {rows} rows of {like} → {out}")
-
-
-def export(
-    file: tyro.conf.Positional[Path],
-    /,
-    mjcf: Path | None = None,
-    mcap: Path | None = None,
-    force: Flag = False,
-    as_json: Json = False,
-) -> None:
-    """Write a twin as plain MJCF, what MuJoCo cannot carry as JSON beside it; a recording as MCAP.
-
-    Args:
-        file: A twin's JSON file, see `wrenchbed diagnose`; with --mcap a recording.
-        mjcf: Folder to write to.
-        mcap: File of ROS 2 messages to write: WrenchStamped, JointState, Temperature.
-        force: With --mcap: replace a log; it is kept as MCAP~, or MCAP~2 and so on.
-        as_json: Print the result as JSON.
-    """
-    if (mjcf is None) == (mcap is None):
-        raise ParameterError("export needs --mjcf for a twin or --mcap for a recording")
-    if mcap is not None:
-        from wrenchbed.data.logs import write_mcap
-
-        console.check_out(mcap, Kind.LOG, file, force=force)
-        recording = wb.Recording.read(file)
-        keeping(mcap, partial(write_mcap, recording))
-        text = f"exported {len(recording):,} rows → {mcap}"
-        console.answer({"mcap": str(mcap), "rows": len(recording)}, as_json, text)
-        return
-    assert mjcf is not None
-    twin = wb.Twin.read(file)
-    model = {f"{twin.model.robot.name}.xml": Kind.MODEL, "effects.json": Kind.OUTSIDE}
-    console.check_folder(mjcf, model | {"README.md": Kind.NOTES})
-    path, effects = wb.export(twin, mjcf)
-    result = {"mjcf": str(path), "effects": str(effects)}
-    console.answer(result, as_json, f"exported → {path}, {effects}")
 
 
 def study(

@@ -38,16 +38,20 @@ class Kind(StrEnum):
     MAP = "a column map"
     ROBOT = "a robot's description"
     SENSOR = "a sensor's description"
+    EXPORT = "an export of a calibration"
 
 
 MEASURED = (Kind.RECORDING, Kind.LOG)
 """What may hold measurements that nobody can repeat."""
-_JSON = {
-    Kind.DIAGNOSIS: {"verdict", "gap"},
-    Kind.FIT: {"parameters", "status"},
-    Kind.TWIN: {"effects", "theta"},
-    Kind.OUTSIDE: {"inside", "outside"},
-}
+_JSON = (
+    (Kind.DIAGNOSIS, {"verdict", "gap"}),
+    (Kind.FIT, {"parameters", "status"}),
+    (Kind.TWIN, {"effects", "theta"}),
+    (Kind.OUTSIDE, {"inside", "outside"}),
+    (Kind.EXPORT, {"numbers", "frame", "left_out"}),
+    (Kind.EXPORT, {"mass", "centerOfMass", "inertia"}),
+    (Kind.EXPORT, {"$schema", "title", "properties"}),
+)
 """Fields by which an object is known."""
 _TOML = {
     Kind.ROBOT: {"format", "model"},
@@ -59,6 +63,7 @@ _BEGINNINGS = {
 }  # fmt: skip
 _WITHIN = {
     b"style-src 'unsafe-inline'": Kind.PAGE, b": twin as plain MJCF": Kind.NOTES,
+    b"exported by wrenchbed": Kind.EXPORT,
 }  # fmt: skip
 """What the first lines of other text files hold."""
 _FIRST = 512
@@ -106,7 +111,7 @@ def _text(path: Path) -> Kind | None:
         fields = json.loads(text)
     except (ValueError, RecursionError):
         return None
-    return next((kind for kind, known in _JSON.items() if known <= fields.keys()), None)
+    return next((kind for kind, known in _JSON if known <= fields.keys()), None)
 
 
 def check(out: Path, kind: Kind, *inputs: Path | None, force: bool = False) -> None:

@@ -18,7 +18,6 @@ from wrenchbed.emulators.ur5.motions import (
 from wrenchbed.emulators.ur5.program import Command, ControlProgram, ProgramError, Steps, touching
 from wrenchbed.emulators.ur5.script import ScriptMove
 from wrenchbed.emulators.ur5.settings import ControllerSettings
-from wrenchbed.emulators.ur5.tool_wrench import Payload
 
 Query = Callable[[ControlProgram], None]
 
@@ -41,12 +40,9 @@ def solve(program: ControlProgram, pose: np.ndarray, near: np.ndarray | None = N
 
 def set_payload(program: ControlProgram) -> None:
     """17, 65: mass and CoG, where e-Series keep their CoG for one of zeros; 65 also inertia."""
-    mass, *cog = program.doubles(0, 4).tolist()
-    payload = program.controller.estimate.payload
-    keep = program.controller.settings.e_series and not any(cog)
-    inertia = program.doubles(4) if program.integer(0) == 65 else payload.inertia
-    given = Payload(mass, payload.cog if keep else np.array(cog), inertia)
-    program.controller.estimate.payload = given
+    numbers = program.doubles(0, 4)
+    inertia = program.doubles(4) if program.integer(0) == 65 else None
+    program.controller.estimate.carry(float(numbers[0]), numbers[1:], inertia)
 
 
 def has_inverse(program: ControlProgram) -> None:
@@ -78,7 +74,7 @@ def set_tcp(program: ControlProgram) -> None:
 
 def set_gravity(program: ControlProgram) -> None:
     """59: direction and size of the acceleration that holds the robot against its weight."""
-    program.controller.estimate.gravity = -program.doubles(0, 3)
+    program.controller.estimate.hold_against(program.doubles(0, 3))
 
 
 def pose(program: ControlProgram, q: np.ndarray) -> np.ndarray:

@@ -78,7 +78,7 @@ class Controller:
             return True
         if not self.loaded:
             return False
-        self._begin(OtherProgram(self, (), endless=True))
+        self._begin(OtherProgram(self, Script(), endless=True))
         return True
 
     def pause(self) -> bool:
@@ -155,7 +155,7 @@ class Controller:
     def _program(self, script: Script) -> Program:
         if script.control:
             return ControlProgram(self, commands_of(self.settings), script.offset, script.path)
-        return OtherProgram(self, script.writes)
+        return OtherProgram(self, script)
 
     def _begin(self, program: Program) -> None:
         self.arm.thaw(go_on=False)

@@ -14,7 +14,7 @@ from wrenchbed.emulators.ur5.arm import ControlledArm
 from wrenchbed.emulators.ur5.inputs import Inputs
 from wrenchbed.emulators.ur5.motions import ArmMotion
 from wrenchbed.emulators.ur5.packets import Values
-from wrenchbed.emulators.ur5.script import MOST, ScriptMove
+from wrenchbed.emulators.ur5.script import MOST, Script, ScriptMove
 from wrenchbed.emulators.ur5.settings import ControllerSettings
 from wrenchbed.emulators.ur5.tool_wrench import WrenchEstimate
 
@@ -82,27 +82,36 @@ class Program(Protocol):
 
 
 class OtherProgram:
-    """A script that is taken and not understood: it plays for two cycles, or for ever.
+    """A script of which little is understood: it plays for two cycles, or for ever.
 
     Args:
         controller: it plays there.
-        writes: output integer registers and values that it writes, one a cycle.
+        script: settings that it makes first, and registers that it writes, one a cycle.
         endless: it plays until it is stopped.
     """
 
-    def __init__(
-        self, controller: Host, writes: tuple[tuple[int, int], ...], endless: bool = False
-    ) -> None:
-        self._controller, self._writes, self._endless = controller, list(writes), endless
+    def __init__(self, controller: Host, script: Script, endless: bool = False) -> None:
+        self._controller, self._endless = controller, endless
+        self._writes, self._settings = list(script.writes), list(script.settings)
         self._remaining = _OTHER_LASTS
 
     def cycle(self, now: float) -> bool:
-        """Write the next register, or end."""
+        """Make the settings, write the next register, or end."""
+        while self._settings:
+            self._set(*self._settings.pop(0))
         if self._writes:
             self._controller.set_output("int", *self._writes.pop(0))
             return True
         self._remaining -= not self._endless
         return self._remaining > 0
+
+    def _set(self, function: str, numbers: tuple[float, ...]) -> None:
+        estimate, values = self._controller.estimate, np.array(numbers)
+        if function == "set_gravity":
+            estimate.hold_against(values)
+        else:
+            cog = values[1:4] if len(values) > 1 else estimate.payload.cog
+            estimate.carry(numbers[0], cog, values[4:] if len(values) > 4 else None)
 
 
 class ControlProgram:

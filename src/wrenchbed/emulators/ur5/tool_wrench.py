@@ -55,6 +55,19 @@ class WrenchEstimate:
         self._zero = np.zeros(6)
         self.wrench = np.zeros(6)
 
+    def carry(self, mass: float, cog: np.ndarray, inertia: np.ndarray | None = None) -> None:
+        """Take a payload; without inertia the old one stays, on an e-Series the CoG for zeros."""
+        keep = not self._at_tcp and not cog.any()
+        self.payload = Payload(
+            mass,
+            self.payload.cog if keep else cog,
+            self.payload.inertia if inertia is None else inertia,
+        )
+
+    def hold_against(self, acceleration: np.ndarray) -> None:
+        """Take gravity by the acceleration that holds the robot against its weight (3,) [m/s²]."""
+        self.gravity = -acceleration
+
     def zero(self) -> None:
         """Make the present wrench read as zero."""
         self._zero = self._zero + self.wrench

@@ -1,0 +1,145 @@
+"""What a format of another program is, and how its file is written."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+
+from wrenchbed import registry
+from wrenchbed.errors import ExportError
+from wrenchbed.exports.load_numbers import SENSOR, LoadNumbers
+from wrenchbed.files import write_text
+
+CARRIES = ("mass", "cog", "inertia", "rotation", "position", "bias", "gravity")
+"""Numbers that a format may carry, by their names in `LoadNumbers`; of ``cog`` and ``inertia`` also
+the form in sensor axes, ``cog_sensor`` and ``inertia_sensor``."""
+
+
+@dataclass(frozen=True)
+class ExportOptions:
+    """What formats ask for beside the numbers.
+
+    Attributes:
+        urdf: text of the user's own URDF.
+        frame: name of the link or frame that carries the sensor in the user's system.
+    """
+
+    urdf: str | None = None
+    frame: str | None = None
+
+
+class Export(ABC):
+    """A format.
+
+    Attributes:
+        name: as in ``export --to NAME``.
+        title: one line for people.
+        source: the document or program that defines the format.
+        comment: how a comment's line begins; empty where the format has none, then the notes are
+            written to a file beside it.
+        needs_flange: whether it is in flange axes and has no use for sensor axes.
+        carries: which numbers of `CARRIES` it takes; the others are named as left out.
+        endings: of other files that belong to it, added to the file's stem.
+    """
+
+    name: str
+    title: str
+    source: str
+    comment: str = "# "
+    needs_flange: bool = False
+    carries: tuple[str, ...]
+    endings: tuple[str, ...] = ()
+
+    @abstractmethod
+    def text(self, numbers: LoadNumbers, options: ExportOptions, notes: Sequence[str]) -> str:
+        """The whole file; ``notes`` are lines for its comments.
+
+        Raises:
+            ExportError: the data did not determine what the format needs.
+        """
+
+    def hints(self, numbers: LoadNumbers) -> tuple[str, ...]:
+        """What a person has to know of the format: units, what to fill in."""
+        return ()
+
+    def beside(self) -> tuple[str, ...]:
+        """Texts of the other files, by `endings`."""
+        return ()
+
+    def commented(self, notes: Sequence[str]) -> str:
+        """Notes as comments."""
+        return "".join(f"{self.comment}{line}".rstrip() + "\n" for line in notes)
+
+
+def export_to(
+    format_name: str,
+    numbers: LoadNumbers,
+    out: str | Path,
+    options: ExportOptions | None = None,
+) -> tuple[list[Path], list[str]]:
+    """Write a calibration in the format of another program.
+
+    Args:
+        format_name: of ``list exports``.
+        numbers: see `load_numbers`.
+        out: the file.
+        options: what some formats ask for.
+
+    Returns:
+        The files that were written, and the notes that stand in them: every number with its ±,
+        and what the format leaves out.
+
+    Raises:
+        ExportError: the data did not determine what the format needs.
+        NotFoundError: no such format.
+    """
+    form: Export = registry.load("exports", format_name)
+    out, options = Path(out), options or ExportOptions()
+    if form.needs_flange and numbers.frame == SENSOR:
+        raise ExportError(
+            f"{form.name} wants the load in flange axes, and the model of {numbers.robot!r} knows "
+            "no flange: state the sensor's place with --mount X Y Z QW QX QY QZ"
+        )
+    notes = notes_of(form, numbers)
+    texts = [form.text(numbers, options, notes), *form.beside()]
+    texts += [] if form.comment else ["\n".join(notes) + "\n"]
+    files = output_files(format_name, out)
+    for file, text in zip(files, texts, strict=True):
+        write_text(file, text)
+    return files, notes
+
+
+def output_files(format_name: str, out: str | Path) -> list[Path]:
+    """The files that an export writes; the last has the notes if the format has no comments.
+
+    Raises:
+        NotFoundError: no such format.
+    """
+    form, out = registry.load("exports", format_name), Path(out)
+    notes = [] if form.comment else [out.with_name(out.name + ".notes.txt")]
+    return [out, *(out.with_name(out.stem + end) for end in form.endings), *notes]
+
+
+def notes_of(form: Export, numbers: LoadNumbers) -> list[str]:
+    """What a person should know of an exported file, line by line."""
+    here = [getattr(numbers, name) for name in form.carries]
+    absent = [n for n in CARRIES if not {n, f"{n}_sensor"} & set(form.carries)]
+    left = [q.line() for q in (getattr(numbers, n) for n in absent) if q.known]
+    return [
+        f"exported by wrenchbed {version('wrenchbed')}: {form.title}",
+        f"from {numbers.source} (SHA-256 {numbers.digest}), robot {numbers.robot}, "
+        f"recording {numbers.recording}",
+        f"CoG and inertia in {numbers.frame} unless stated; ± is one standard uncertainty",
+        "the load is what the sensor feels; its own body and its adapter plate come on top of it",
+        *(q.line() for q in here),
+        *(f"left out: {line}" for line in (*left, *numbers.left)),
+        *form.hints(numbers),
+    ]
+
+
+def listed(values: Sequence[float] | np.ndarray) -> str:
+    """Numbers in brackets, written so that they are read back exactly."""
+    return f"[{', '.join(repr(float(v)) for v in values)}]"

@@ -1,0 +1,366 @@
+"""The numbers of a fit or a twin that other programs use, each with ± and with where it is from.
+
+Every number is a function of the model's parameters θ. Its covariance is J C Jᵀ, with C of the fit
+and J by complex steps. A number that depends on a parameter of which the data fix only a
+combination is undetermined: it is never exported.
+"""
+
+import hashlib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from wrenchbed import registry
+from wrenchbed.data import checked
+from wrenchbed.data.metadata import stated_robot
+from wrenchbed.errors import ExportError
+from wrenchbed.physics.rotations import exp
+from wrenchbed.physics.wrench import CHANNELS
+from wrenchbed.robots.base import STEP, Robot
+from wrenchbed.robots.oriented import ROBOT as ORIENTED
+from wrenchbed.simulation.closed_form import Model
+from wrenchbed.twin.twin import Twin
+
+FLANGE, SENSOR = "flange axes", "sensor axes"
+_FLAT = 1e-9
+"""Largest derivative that counts as none [SI]: what rounding leaves of 0."""
+_UNIT = 1e-3
+"""How far a quaternion may be from length 1."""
+_CARRIED = ("sensor.bias", "mount.", "base.tilt")
+"""How parameters begin that the formats carry, beside those of the load."""
+_BIAS = tuple(f"sensor.bias.{c}" for c in CHANNELS)
+
+
+class Origin(StrEnum):
+    """Where a number is from."""
+
+    IDENTIFIED = "identified from the data"
+    STATED = "not identified: as the recording or the model states it"
+    UNDETERMINED = "the data fix only a combination of it with others"
+
+
+@dataclass(frozen=True, eq=False)
+class Quantity:
+    """A number or a vector.
+
+    Attributes:
+        name: for people.
+        value: (K,) [unit].
+        std: standard uncertainty (K,) [unit]; None if it is not known.
+        unit: SI.
+        origin: where it is from.
+        why: if it is undetermined, the parameters that stand behind that.
+    """
+
+    name: str
+    value: np.ndarray
+    std: np.ndarray | None
+    unit: str
+    origin: Origin
+    why: str = ""
+
+    def needed(self, by: str) -> np.ndarray:
+        """The value (K,), for a format that cannot do without it.
+
+        Raises:
+            ExportError: the data did not determine it.
+        """
+        if self.origin is Origin.UNDETERMINED:
+            raise ExportError(
+                f"{self.name} was not determined, and {by} needs it: {self.why}. Record more "
+                "orientations or a second payload, or hold one of them with calibrate --hold"
+            )
+        return self.value
+
+    @property
+    def known(self) -> bool:
+        """Whether the data determined it."""
+        return self.origin is Origin.IDENTIFIED
+
+    def line(self) -> str:
+        """Value ± std [unit] and origin, in one line."""
+        if self.origin is Origin.UNDETERMINED:
+            return f"{self.name}: undetermined, {self.why}"
+        std = self.std if self.std is not None else (None,) * len(self.value)
+        parts = [
+            f"{v:.6g}" + ("" if s is None else f" ± {s:.2g}")
+            for v, s in zip(self.value, std, strict=True)
+        ]
+        origin = "" if self.origin is Origin.IDENTIFIED else f" ({self.origin})"
+        return f"{self.name}: {', '.join(parts)} {self.unit}{origin}"
+
+
+@dataclass(frozen=True, eq=False)
+class LoadNumbers:
+    """What a calibration knows of the load, the sensor and its place.
+
+    Attributes:
+        source: name of the file.
+        digest: its SHA-256.
+        robot, recording: what was calibrated, and from what.
+        frame: in whose axes ``cog``, ``inertia``, ``rotation`` and ``position`` are: the flange's,
+            or the sensor's where no flange is known.
+        mass: of all that loads the gauges [kg].
+        cog: its centre of gravity in ``frame`` [m]; ``cog_sensor`` the same in sensor axes.
+        inertia: about the CoG, axes of ``frame``, xx yy zz xy xz yz [kg·m²]; ``inertia_sensor``
+            the same in sensor axes.
+        rotation: of the sensor in ``frame``, rotation vector [rad].
+        position: of the sensor's origin in ``frame`` [m].
+        bias: zero of the sensor, six channels [N, N·m].
+        gravity: in axes of the robot's base [m/s²].
+        left: what the file knows and no format here carries, a line each.
+        twin: the same numbers as a simulator.
+    """
+
+    source: str
+    digest: str
+    robot: str
+    recording: str
+    frame: str
+    mass: Quantity
+    cog: Quantity
+    cog_sensor: Quantity
+    inertia: Quantity
+    inertia_sensor: Quantity
+    rotation: Quantity
+    position: Quantity
+    bias: Quantity
+    gravity: Quantity
+    left: tuple[str, ...]
+    twin: Twin
+
+
+@dataclass(frozen=True, eq=False)
+class _Calibrated:
+    """A simulator, and how well its parameters θ are known.
+
+    Attributes:
+        twin: with θ in which effects are parameters where they can be.
+        free: indices of the parameters that were identified.
+        covariance: of these (K, K); None if it is not known.
+        blind: of the free ones, those of which the data fix only a combination, and with which.
+        left: what no format carries.
+    """
+
+    twin: Twin
+    free: tuple[int, ...]
+    covariance: np.ndarray | None
+    blind: Mapping[int, str]
+    left: tuple[str, ...]
+
+
+class _Load(NamedTuple):
+    """All numbers of one θ, vectors (K,)."""
+
+    mass: np.ndarray
+    cog: np.ndarray
+    cog_sensor: np.ndarray
+    inertia: np.ndarray
+    inertia_sensor: np.ndarray
+    rotation: np.ndarray
+    position: np.ndarray
+    bias: np.ndarray
+    gravity: np.ndarray
+
+
+_TITLES = (
+    ("mass", "kg"), ("CoG", "m"), ("CoG in sensor axes", "m"), ("inertia about the CoG", "kg·m²"),
+    ("inertia about the CoG in sensor axes", "kg·m²"),
+    ("turn of the sensor", "rad"), ("place of the sensor", "m"), ("zero of the sensor", "N, N·m"),
+    ("gravity in base axes", "m/s²"),
+)  # fmt: skip
+"""Name and unit of each number of `_Load`."""
+
+
+def load_numbers(path: str | Path, mount: Sequence[float] | None = None) -> LoadNumbers:
+    """Read fit.json or twin.json.
+
+    Args:
+        path: of the file.
+        mount: place of the sensor in the flange, x y z [m] qw qx qy qz, for robots whose model
+            knows no flange. The numbers are then in flange axes.
+
+    Raises:
+        ExportError: it is neither, its data refute it, it did not converge, or ``mount`` is wrong
+            or not needed; names the file and the field.
+    """
+    fields = checked.Fields(checked.load(path, ExportError), f"{path}: ", ExportError)
+    known = _of_fit(fields) if "parameters" in fields.raw else _of_twin(path)
+    flange = "mount.position.x" in known.twin.model.parameters.names
+    if flange and mount is not None:
+        raise ExportError(f"--mount: {path} knows the place of the sensor in the flange")
+    stated = None if mount is None else _mount(mount)
+    frame = FLANGE if flange or mount is not None else SENSOR
+
+    def load(theta: np.ndarray) -> _Load:
+        return _load_of(known.twin.model, theta, stated)
+
+    here = load(known.twin.theta)
+    slopes = {i: _slope(load, known.twin.theta, i) for i in known.free}
+    found = {n: _quantity(known, k, here[k], slopes) for k, n in enumerate(_Load._fields)}
+    for name in ("cog", "inertia"):  # a turned number is identified if the number itself is
+        if not (own := found[f"{name}_sensor"]).known and found[name].known:
+            found[name] = replace(found[name], std=None, origin=own.origin, why=own.why)
+    return LoadNumbers(
+        source=Path(path).name,
+        digest=hashlib.sha256(Path(path).read_bytes()).hexdigest(),
+        robot=str(fields.raw.get("robot")),
+        recording=str(fields.raw.get("recording")),
+        frame=frame,
+        left=known.left,
+        twin=known.twin,
+        **found,
+    )
+
+
+def symmetric(six: np.ndarray) -> np.ndarray:
+    """The matrix (3, 3) of xx yy zz xy xz yz."""
+    xx, yy, zz, xy, xz, yz = six
+    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+
+
+def six_of(matrix: np.ndarray) -> np.ndarray:
+    """xx yy zz xy xz yz of a matrix (3, 3)."""
+    return np.array([matrix[i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))])
+
+
+def _load_of(model: Model, theta: np.ndarray, mount: tuple[Any, Any] | None) -> _Load:
+    value = dict(zip(model.parameters.names, theta, strict=True))
+    about_origin = model.robot.tool(model.robot.robot_theta(theta)).inertial
+    mass, first, second = about_origin[0], about_origin[1:4], symmetric(about_origin[4:])
+    if not mass.real > 0.0:
+        raise ExportError(f"the mass is {mass.real:g} kg: there is no load to export")
+    cog = first / mass
+    own = second - mass * (cog @ cog * np.eye(3) - np.outer(cog, cog))
+    vector, shift = (np.zeros(3), np.zeros(3)) if mount is None else mount
+    if "mount.position.x" in value:
+        vector = np.array([value[f"mount.rotation.{a}"] for a in "xyz"])
+        shift = np.array([value[f"mount.position.{a}"] for a in "xyz"])
+    turn = exp(*vector)
+    tilt = exp(value.get("base.tilt.x", 0.0), value.get("base.tilt.y", 0.0), 0.0)
+    return _Load(
+        mass=np.array([mass]),
+        cog=shift + turn @ cog,
+        cog_sensor=cog,
+        inertia=six_of(turn @ own @ turn.T),
+        inertia_sensor=six_of(own),
+        rotation=vector,
+        position=shift,
+        bias=np.array([value[n] for n in _BIAS]),
+        gravity=tilt @ np.asarray(model.gravity),
+    )
+
+
+def _slope(load: Callable[[np.ndarray], _Load], theta: np.ndarray, i: int) -> list[np.ndarray]:
+    """Derivative of every number by parameter i."""
+    shifted = theta.astype(complex)
+    shifted[i] += 1j * STEP
+    return [np.asarray(x.imag / STEP) for x in load(shifted)]
+
+
+def _quantity(
+    known: _Calibrated, k: int, value: np.ndarray, slopes: Mapping[int, list[np.ndarray]]
+) -> Quantity:
+    slope = np.array([slopes[i][k] for i in known.free]).reshape(len(known.free), len(value))
+    moved = [i for i, s in zip(known.free, slope, strict=True) if np.abs(s).max() > _FLAT]
+    name, unit = _TITLES[k]
+    if blind := [known.blind[i] for i in moved if i in known.blind]:
+        return Quantity(name, value, None, unit, Origin.UNDETERMINED, "; ".join(sorted(set(blind))))
+    if not moved:
+        return Quantity(name, value, None, unit, Origin.STATED)
+    std = None
+    if known.covariance is not None:
+        std = np.sqrt(np.einsum("ik,ij,jk->k", slope, known.covariance, slope))
+    return Quantity(name, value, std, unit, Origin.IDENTIFIED)
+
+
+def _mount(mount: Sequence[float]) -> tuple[np.ndarray, np.ndarray]:
+    """The sensor in the flange: rotation vector (3,) [rad] and origin (3,) [m]."""
+    values = np.asarray(mount, dtype=float)
+    norm = float(np.linalg.norm(values[3:])) if values.shape == (7,) else 0.0
+    if not np.isfinite(values).all() or abs(norm - 1.0) > _UNIT:
+        raise ExportError(
+            "--mount: give x y z [m] qw qx qy qz of the sensor in the flange, a unit quaternion"
+        )
+    return Rotation.from_quat(values[[4, 5, 6, 3]]).as_rotvec(), values[:3]
+
+
+def _of_fit(fields: checked.Fields) -> _Calibrated:
+    where = fields.where
+    if fields.raw.get("refuted"):
+        raise ExportError(f"{where}its own data refute it: {fields.raw['refuted']}")
+    if fields.raw.get("converged") is not True:
+        raise ExportError(f"{where}converged is not true: such a fit is not exported")
+    names = fields.part("theta").raw
+    robot = _robot(fields, names)
+    gravity = fields.numbers("gravity", 3, rule="must be 3 numbers [m/s²]")
+    model = Model(robot, gravity or tuple(robot.gravity))
+    with fields.naming("theta"):
+        theta = model.parameters.vector(names)
+    parameters = fields.part("parameters")
+    with fields.naming("parameters"):
+        free = tuple(model.parameters.index(name) for name in parameters.raw)
+    rows = fields.raw.get("covariance")
+    covariance = np.asarray(rows, dtype=float) if _is_square(rows, len(free)) else None
+    if covariance is None:
+        rule = f"must be a matrix of {len(free)} × {len(free)} finite numbers"
+        raise ExportError(f"{where}covariance {rule}")
+    sentences = [str(part.raw.get("sentence")) for part in fields.parts("redundancies")]
+    alike = "; ".join(sentences) or "of these the data fix only combinations"
+    blind = {
+        i: f"{name}: {alike}"
+        for i, name in zip(free, parameters.raw, strict=True)
+        if parameters.part(name).number("std", "") is None
+    }
+    twin = Twin(model, theta, (), fields.text("recording"))
+    return _Calibrated(twin, free, covariance, blind, _others(parameters, robot))
+
+
+def _of_twin(path: str | Path) -> _Calibrated:
+    twin = Twin.read(path)
+    robot, theta, left = twin.model.robot, twin.theta.copy(), []
+    for a in twin.active:
+        changed = a.effect.as_parameters(robot, theta[: len(robot.parameters)], a.values)
+        if changed is None:
+            values = ", ".join(f"{k} = {v:.4g}" for k, v in a.values.items())
+            left.append(f"{a.effect.name}: {values}")
+        else:
+            theta[: len(robot.parameters)] = changed
+    nominal = twin.model.parameters.nominal
+    free = tuple(int(i) for i in np.flatnonzero(theta != nominal))
+    plain = Twin(twin.model, theta, (), twin.recording)
+    return _Calibrated(plain, free, None, {}, tuple(left))
+
+
+def _robot(fields: checked.Fields, names: Mapping[str, Any]) -> Robot:
+    """The robot of a fit; the one without a model if that is what its parameters are of."""
+    oriented = Model(ORIENTED, tuple(ORIENTED.gravity)).parameters.names
+    if set(names) == set(oriented):
+        return ORIENTED
+    with fields.naming("robot"):
+        robot: Robot = registry.load(
+            "robots", stated_robot(fields.raw, str(fields.raw.get("robot")))
+        )
+    return robot
+
+
+def _is_square(rows: Any, n: int) -> bool:
+    whole = isinstance(rows, list) and len(rows) == n
+    return whole and all(
+        isinstance(r, list) and len(r) == n and all(map(checked.is_number, r)) for r in rows
+    )
+
+
+def _others(parameters: checked.Fields, robot: Robot) -> tuple[str, ...]:
+    """Identified parameters that are neither load nor sensor zero nor mount nor tilt."""
+    found = []
+    for name, entry in parameters.raw.items():
+        if name not in robot.load and not name.startswith(_CARRIED):
+            value, unit = entry.get("value"), entry.get("unit")
+            found.append(f"{name} = {value:.6g} {unit}" if checked.is_number(value) else name)
+    return tuple(found)

@@ -1,0 +1,225 @@
+"""URDF: the load and the sensor's place written into the user's own file, all else byte for byte.
+
+The load becomes the ``<inertial>`` of the sensor's link, in its axes. The sensor's place in the
+flange becomes the ``<origin>`` of the joint that carries this link.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+from xml.parsers import expat
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from wrenchbed.errors import ExportError, did_you_mean
+from wrenchbed.exports.base import Export, ExportOptions
+from wrenchbed.exports.load_numbers import FLANGE, LoadNumbers
+
+_FRAME = "ft_frame"
+_LARGEST = 1 << 26
+"""Largest URDF that is read [B]; those of whole robots are below 1 MiB."""
+_INERTIA = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
+
+
+class Urdf(Export):
+    """Edits the user's text; the comments stand inside the inertial."""
+
+    name = "urdf"
+    title = "the user's URDF with the load and the sensor's frame"
+    source = "http://wiki.ros.org/urdf/XML/link and http://wiki.ros.org/urdf/XML/joint"
+    carries = ("mass", "cog_sensor", "inertia_sensor", "rotation", "position")
+
+    def text(self, numbers: LoadNumbers, options: ExportOptions, notes: Sequence[str]) -> str:
+        if options.urdf is None:
+            raise ExportError("urdf: name your own file with --urdf FILE")
+        frame = options.frame or _FRAME
+        robot = _parsed(options.urdf)
+        link = _named(robot, "link", frame)
+        carried = [n for n in _behind(robot, frame) if _child(_named(robot, "link", n), "inertial")]
+        if carried:
+            raise ExportError(
+                f"urdf: {', '.join(carried)} behind {frame!r} have masses of their own: the load "
+                "would weigh twice. Remove their <inertial> first"
+            )
+        edits = [_edit(link, "inertial", self._inertial(numbers, link, notes))]
+        joint = next(
+            (j for j in robot.parts if j.tag == "joint" and _ends(j, "child") == frame), None
+        )
+        if joint is not None and numbers.frame == FLANGE:
+            edits.append(_edit(joint, "origin", _origin(numbers)))
+        result = options.urdf.encode()
+        for start, end, new in sorted(edits, reverse=True):
+            result = result[:start] + new.encode() + result[end:]
+        return result.decode()
+
+    def _inertial(self, numbers: LoadNumbers, link: "_Element", notes: Sequence[str]) -> str:
+        cog, mass = numbers.cog_sensor.needed(self.name), numbers.mass.needed(self.name)[0]
+        old = _child(link, "inertial")
+        kept = None if old is None else _child(old, "inertia")
+        if numbers.inertia_sensor.known:
+            six = zip(_INERTIA, numbers.inertia_sensor.value, strict=True)
+            inertia = dict(f"{n} {float(v)!r}".split() for n, v in six)
+        elif kept is not None:
+            inertia = dict(kept.attributes)
+        else:
+            raise ExportError(
+                "urdf: the inertia was not identified, and the sensor's link states none: "
+                "record a motion, or give the link an <inertial> with an <inertia> to keep"
+            )
+        words = " ".join(f'{n}="{v}"' for n, v in inertia.items())
+        comment = "\n".join(notes).replace("--", "- -")
+        return (
+            f"<inertial>\n      <!-- {comment} -->\n"
+            f'      <origin xyz="{_words(cog)}" rpy="0 0 0"/>\n'
+            f'      <mass value="{float(mass)!r}"/>\n      <inertia {words}/>\n    </inertial>'
+        )
+
+
+def read_urdf(path: str | Path) -> str:
+    """The text of a URDF.
+
+    Raises:
+        ExportError: there is no such file, it is too large, or no UTF-8; names it.
+    """
+    try:
+        with Path(path).open("rb") as file:
+            data = file.read(_LARGEST + 1)
+        if len(data) > _LARGEST:
+            raise ExportError(f"{path}: is larger than {_LARGEST >> 20} MiB")
+        return data.decode()
+    except OSError as error:
+        raise ExportError(f"{path}: cannot be read: {error.strerror}") from error
+    except UnicodeDecodeError as error:
+        raise ExportError(f"{path}: byte {error.start} is no UTF-8") from error
+
+
+@dataclass
+class _Element:
+    """An element with its place in the text [bytes].
+
+    Attributes:
+        start, end: of the whole element.
+        inside: where its content begins; None if it is written as one tag ``<…/>``.
+    """
+
+    tag: str
+    attributes: Mapping[str, str]
+    start: int
+    end: int = 0
+    inside: int | None = None
+    parts: list["_Element"] = field(default_factory=list)
+
+
+def _parsed(text: str) -> _Element:
+    """The robot element with the places of all elements.
+
+    Raises:
+        ExportError: no XML, a document type (its entities could hide anything), or no robot.
+    """
+    data, parser = text.encode(), expat.ParserCreate()
+    root = _Element("", {}, 0)
+    open_elements = [root]
+
+    def start(tag: str, attributes: dict[str, str]) -> None:
+        element = _Element(tag, attributes, parser.CurrentByteIndex)
+        open_elements[-1].parts.append(element)
+        open_elements.append(element)
+
+    def end(tag: str) -> None:
+        element = open_elements.pop()
+        inside = _tag_end(data, element.start)
+        if data[inside - 2 : inside] == b"/>":
+            element.end = inside
+        else:
+            element.end, element.inside = _tag_end(data, parser.CurrentByteIndex), inside
+
+    def refuse(*_: Any) -> None:
+        raise ExportError("urdf: a document type with entities is not read: remove <!DOCTYPE …>")
+
+    parser.StartElementHandler, parser.EndElementHandler = start, end
+    parser.StartDoctypeDeclHandler = refuse
+    try:
+        parser.Parse(data, True)
+    except expat.ExpatError as error:
+        raise ExportError(f"urdf: no valid XML: {error}") from error
+    robot = root.parts[0]
+    if robot.tag != "robot":
+        raise ExportError(f"urdf: the file holds <{robot.tag}>, not <robot>")
+    return robot
+
+
+def _tag_end(data: bytes, start: int) -> int:
+    """Where a start tag ends; > may stand in its attributes."""
+    quote = 0
+    for k in range(start, len(data)):
+        c = data[k]
+        if quote:
+            quote = 0 if c == quote else quote
+        elif c in b"\"'":
+            quote = c
+        elif c == ord(">"):
+            return k + 1
+    return len(data)
+
+
+def _named(robot: _Element, tag: str, name: str) -> _Element:
+    known = {e.attributes.get("name", ""): e for e in robot.parts if e.tag == tag}
+    if name not in known:
+        hint = did_you_mean(name, known) or "."
+        raise ExportError(
+            f"urdf: there is no {tag} {name!r}{hint} State the sensor's link with --frame; "
+            f"the file has {', '.join(sorted(known))}"
+        )
+    return known[name]
+
+
+def _child(element: _Element, tag: str) -> _Element | None:
+    return next((e for e in element.parts if e.tag == tag), None)
+
+
+def _ends(joint: _Element, side: str) -> str | None:
+    """Name of the link at one side of a joint, ``parent`` or ``child``."""
+    found = _child(joint, side)
+    return None if found is None else found.attributes.get("link")
+
+
+def _behind(robot: _Element, frame: str) -> list[str]:
+    """Names of all links that a link carries."""
+    joints = [e for e in robot.parts if e.tag == "joint"]
+    names, k = [frame], 0
+    while k < len(names):
+        children = [_ends(j, "child") for j in joints if _ends(j, "parent") == names[k]]
+        names += [c for c in children if c is not None and c not in names]
+        k += 1
+    return names[1:]
+
+
+def _edit(element: _Element, tag: str, new: str) -> tuple[int, int, str]:
+    """Start, end and text of what puts a new part into an element, or replaces the old one."""
+    old = _child(element, tag)
+    if old is not None:
+        return old.start, old.end, new
+    if element.inside is not None:
+        return element.inside, element.inside, f"\n    {new}"
+    name = element.attributes["name"]  # <link …/> becomes <link …>…</link>
+    words = "".join(f' {k}="{v}"' for k, v in element.attributes.items() if k != "name")
+    return (
+        element.start, element.end,
+        f'<{element.tag} name="{name}"{words}>\n    {new}\n  </{element.tag}>',
+    )  # fmt: skip
+
+
+def _origin(numbers: LoadNumbers) -> str:
+    rotation = numbers.rotation.needed("urdf")
+    rpy = Rotation.from_rotvec(rotation).as_euler("xyz")
+    xyz = numbers.position.needed("urdf")
+    return f'<origin xyz="{_words(xyz)}" rpy="{_words(rpy)}"/>'
+
+
+def _words(values: np.ndarray) -> str:
+    return " ".join(repr(float(v)) for v in values)
+
+
+EXPORT = Urdf()

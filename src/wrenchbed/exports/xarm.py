@@ -1,0 +1,39 @@
+"""UFACTORY xArm: the ten numbers of ft_sensor_cali_load, as a line of Python."""
+
+from collections.abc import Sequence
+
+from wrenchbed.errors import ExportError
+from wrenchbed.exports.base import Export, ExportOptions, listed
+from wrenchbed.exports.load_numbers import LoadNumbers
+
+_MM = 1000.0
+"""mm a metre; the SDK takes millimetres since 1.11.0."""
+
+
+class XArm(Export):
+    """Mass [kg], CoG in sensor axes [mm], zero of the six channels [N, N·m]."""
+
+    name = "xarm"
+    title = "the ten numbers of xArm's ft_sensor_cali_load"
+    source = "xArm-Python-SDK, XArmAPI.ft_sensor_iden_load and ft_sensor_cali_load"
+    carries = ("mass", "cog_sensor", "bias")
+
+    def text(self, numbers: LoadNumbers, options: ExportOptions, notes: Sequence[str]) -> str:
+        if not numbers.bias.known:
+            numbers.bias.needed(self.name)
+            raise ExportError(
+                f"{self.name} needs the sensor's zero, and {numbers.source} did not identify it: "
+                "calibrate with --free default sensor.bias"
+            )
+        cog = _MM * numbers.cog_sensor.needed(self.name)
+        ten = [*numbers.mass.needed(self.name), *cog, *numbers.bias.value]
+        return self.commented(notes) + (f"load = {listed(ten)}\n# arm.ft_sensor_cali_load(load)\n")
+
+    def hints(self, numbers: LoadNumbers) -> tuple[str, ...]:
+        return (
+            "kg, mm in sensor axes, N and N·m",
+            "the zero has the signs of the recording: turn back those that its import turned",
+        )
+
+
+EXPORT = XArm()

@@ -1,0 +1,430 @@
+"""Exports of calibrations, each read back by its consumer's own parser or one written apart."""
+
+import ast
+import json
+import re
+
+import mujoco
+import numpy as np
+import pytest
+import yaml
+from scipy.spatial.transform import Rotation
+
+import wrenchbed as wb
+from simulated import MEDRUE_TRUTH, UR5_TRUTH, WHITE, static
+from wrenchbed import registry
+from wrenchbed.emulators.base.emulator import EmulatorOptions
+from wrenchbed.emulators.ur5 import EMULATOR
+from wrenchbed.emulators.ur5.script import Collector
+from wrenchbed.errors import ExportError
+from wrenchbed.exports.base import Export, output_files
+from wrenchbed.exports.load_numbers import Origin, load_numbers
+
+INERTIA = {
+    f"tool.inertia.{n}": v
+    for n, v in zip(
+        ("xx", "yy", "zz", "xy", "xz", "yz"),
+        (4e-3, 5e-3, 3e-3, 2e-4, -3e-4, 1e-4),
+        strict=True,
+    )
+}
+TILT = {"base.tilt.x": 0.01, "base.tilt.y": -0.02}
+MOUNT = {"mount.position.x": 0.01, "mount.position.y": -0.02, "mount.position.z": 0.05}
+URDF = """<?xml version="1.0"?>
+<!-- a user's robot > with odd > text -->
+<robot name="mine">
+  <link name="base_link"/>
+  <link name="flange"><inertial><mass value="2"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0"
+    izz="1"/></inertial></link>
+  <joint name="j1" type="revolute"><parent link="base_link"/><child link="flange"/>
+    <axis xyz="0 0 1"/><limit lower="-1" upper="1" effort="1" velocity="1"/></joint>
+  <link name="ft_frame"/>
+  <joint name="ft_joint" type="fixed">
+    <parent link="flange"/>
+    <child link="ft_frame"/>
+  </joint>
+</robot>
+"""
+
+
+def fit_file(tmp_path, truth, free=("default",), robot="ur5", name="fit.json", **data):
+    """A fit of noise-free poses, with the truth's inertia in it, as a motion would have told."""
+    recording = static(robot, truth, poses=60, **data)
+    fit = wb.calibrate(recording, wb.Options(free=free))
+    path = tmp_path / name
+    fit.write(path)
+    return path
+
+
+def with_inertia(path):
+    """The same fit, as if a motion had identified the inertia."""
+    raw = json.loads(path.read_text())
+    raw["theta"] |= INERTIA
+    for name, value in INERTIA.items():
+        entry = {"value": value, "std": 1e-6, "unit": "kg·m²", "nominal": 0.0, "interval95": 2e-6}
+        raw["parameters"][name] = entry
+    n = len(raw["covariance"])
+    covariance = np.zeros((n + 6, n + 6))
+    covariance[:n, :n] = raw["covariance"]
+    covariance[n:, n:] = 1e-12 * np.eye(6)
+    raw["covariance"] = covariance.tolist()
+    path.write_text(json.dumps(raw))
+    return path
+
+
+@pytest.fixture(scope="module")
+def truth():
+    return UR5_TRUTH | TILT
+
+
+@pytest.fixture(scope="module")
+def fit(tmp_path_factory, truth):
+    free = ("tool.mass", "tool.cog", "mount.rotation", "base.tilt", "sensor.bias")
+    return with_inertia(fit_file(tmp_path_factory.mktemp("fit"), truth, free))
+
+
+@pytest.fixture(scope="module")
+def expected(truth):
+    """All numbers by hand, from the truth alone."""
+    turn = Rotation.from_rotvec([truth[f"mount.rotation.{a}"] for a in "xyz"])
+    cog = np.array([truth[f"tool.cog.{a}"] for a in "xyz"])
+    six = np.array(list(INERTIA.values()))
+    own = np.array([[six[0], six[3], six[4]], [six[3], six[1], six[5]], [six[4], six[5], six[2]]])
+    tilt = Rotation.from_rotvec([truth["base.tilt.x"], truth["base.tilt.y"], 0.0])
+    return {
+        "mass": truth["tool.mass"],
+        "cog": turn.apply(cog),
+        "cog_sensor": cog,
+        "inertia": turn.as_matrix() @ own @ turn.as_matrix().T,
+        "inertia_sensor": own,
+        "rotation": turn,
+        "gravity": tilt.apply([0.0, 0.0, -9.80665]),
+        "bias": np.array([truth[f"sensor.bias.{c}"] for c in ("fx", "fy", "fz", "tx", "ty", "tz")]),
+    }
+
+
+def written(fit, tmp_path, name, **options):
+    files, _ = wb.export_to(name, load_numbers(fit), tmp_path / "out", wb.ExportOptions(**options))
+    return files[0].read_text()
+
+
+def numbers_in(text):
+    return [float(x) for x in re.findall(r"-?\d+\.?\d*(?:e-?\d+)?", text)]
+
+
+# ---- each format -------------------------------------------------------------------------------
+
+
+def test_ur_script_holds_payload_and_gravity(fit, tmp_path, expected):
+    lines = [x for x in written(fit, tmp_path, "ur").splitlines() if not x.startswith("#")]
+    assert lines[0] == "def wrenchbed_payload():" and lines[-1] == "end"
+    gravity = ast.literal_eval(lines[1].strip().removeprefix("set_gravity"))
+    mass, cog, inertia = ast.literal_eval(lines[2].strip().removeprefix("set_target_payload"))
+    assert gravity == pytest.approx(-expected["gravity"], abs=1e-9)
+    assert mass == pytest.approx(expected["mass"], abs=1e-9)
+    assert cog == pytest.approx(expected["cog"], abs=1e-9)
+    own = expected["inertia"]
+    six = [own[i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
+    assert inertia == pytest.approx(six, abs=1e-9)
+
+
+def test_ros2_parameters_hold_weight_and_cog_in_sensor_axes(fit, tmp_path, expected):
+    content = yaml.safe_load(written(fit, tmp_path, "ros2", frame="my: frame"))
+    block = content["admittance_controller"]["ros__parameters"]["gravity_compensation"]
+    assert block["frame"]["id"] == "my: frame"
+    assert block["CoG"]["pos"] == pytest.approx(expected["cog_sensor"], abs=1e-9)
+    assert block["CoG"]["force"] == pytest.approx(expected["mass"] * 9.80665, abs=1e-8)
+    tool = content["gravity_compensation_filter"]["ros__parameters"]["tool"]
+    assert tool["mass"] == pytest.approx(expected["mass"], abs=1e-9)
+    assert tool["pos"] == pytest.approx(expected["cog_sensor"], abs=1e-9)
+    assert tool["gravity_field"] == pytest.approx(expected["gravity"], abs=1e-9)
+
+
+def test_franka_takes_columns_in_flange_axes(fit, tmp_path, expected):
+    content = json.loads(written(fit, tmp_path, "franka"))
+    assert set(content) == {"mass", "centerOfMass", "inertia", "transformation"}
+    assert content["mass"] == pytest.approx(expected["mass"], abs=1e-9)
+    assert content["centerOfMass"] == pytest.approx(expected["cog"], abs=1e-9)
+    inertia = np.reshape(content["inertia"], (3, 3), order="F")
+    assert inertia == pytest.approx(expected["inertia"], abs=1e-9)
+    assert "±" in (tmp_path / "out.notes.txt").read_text()
+
+
+def test_kuka_turns_into_principal_axes(fit, tmp_path, expected):
+    line = written(fit, tmp_path, "kuka").splitlines()[-1]
+    _, mass, *rest = numbers_in(line)
+    x, y, z, a, b, c, *moments = rest
+    assert mass == pytest.approx(expected["mass"], abs=1e-9)
+    assert np.array([x, y, z]) / 1000.0 == pytest.approx(expected["cog"], abs=1e-9)
+    # KUKA: A about Z, then B about the new Y, then C about the new X, degrees
+    turn = (
+        Rotation.from_rotvec([0, 0, a], degrees=True)
+        * Rotation.from_rotvec([0, b, 0], degrees=True)
+        * Rotation.from_rotvec([c, 0, 0], degrees=True)
+    ).as_matrix()
+    assert turn @ np.diag(moments) @ turn.T == pytest.approx(expected["inertia"], abs=1e-9)
+
+
+def test_xarm_takes_ten_numbers(fit, tmp_path, expected):
+    tree = ast.parse(written(fit, tmp_path, "xarm"))
+    load = ast.literal_eval(tree.body[0].value)
+    assert len(load) == 10
+    assert load[0] == pytest.approx(expected["mass"], abs=1e-9)
+    assert np.array(load[1:4]) / 1000.0 == pytest.approx(expected["cog_sensor"], abs=1e-9)
+    assert load[4:] == pytest.approx(expected["bias"], abs=1e-8)
+
+
+def test_json_holds_what_its_schema_says(fit, tmp_path, expected):
+    content = json.loads(written(fit, tmp_path, "json-schema"))
+    schema = json.loads((tmp_path / "out.schema.json").read_text())
+    check(content, schema)
+    assert content["numbers"]["cog"]["value"] == pytest.approx(expected["cog"], abs=1e-9)
+    assert content["numbers"]["mass"]["std"][0] >= 0.0
+    content["numbers"]["mass"]["value"] = [1.0, 2.0]
+    with pytest.raises(AssertionError):
+        check(content, schema)
+
+
+def check(value, schema):
+    """The few words of JSON Schema that the format uses."""
+    if "const" in schema:
+        assert value == schema["const"]
+    if "enum" in schema:
+        assert value in schema["enum"]
+    if "oneOf" in schema:
+        assert (value is None) != isinstance(value, list)
+        if value is not None:
+            check(value, schema["oneOf"][0])
+    kind = schema.get("type")
+    if kind == "object":
+        assert set(value) == set(schema["properties"]) == set(schema["required"])
+        for key, inner in schema["properties"].items():
+            check(value[key], inner)
+    elif kind == "array":
+        if "minItems" in schema:
+            assert schema["minItems"] <= len(value) <= schema["maxItems"]
+        for x in value:
+            check(x, schema["items"])
+    elif kind == "number":
+        assert isinstance(value, float)
+    elif kind == "string":
+        assert isinstance(value, str)
+
+
+def test_urdf_is_read_by_mujoco_and_changes_nothing_else(fit, tmp_path, expected):
+    raw = json.loads(fit.read_text())
+    raw["theta"] |= MOUNT
+    moved = tmp_path / "moved.json"
+    moved.write_text(json.dumps(raw))
+    text = written(moved, tmp_path, "urdf", urdf=URDF)
+    # the sensor's link and its joint differ, every other line is the user's
+    link, joint = '  <link name="ft_frame"/>\n', '  <joint name="ft_joint" type="fixed">\n'
+    head, _, rest = URDF.partition(link)
+    middle, _, tail = rest.partition(joint)
+    assert text.startswith(head) and text.endswith(tail) and joint in text and middle in text
+    compiled = text.replace(
+        '<robot name="mine">', '<robot name="mine"><mujoco><compiler fusestatic="false"/></mujoco>'
+    )
+    model = mujoco.MjModel.from_xml_string(compiled)
+    body = model.body("ft_frame")
+    assert body.mass[0] == pytest.approx(expected["mass"], abs=1e-9)
+    assert body.ipos == pytest.approx(expected["cog_sensor"], abs=1e-9)
+    axes = Rotation.from_quat(np.roll(body.iquat, -1)).as_matrix()
+    own = axes @ np.diag(body.inertia) @ axes.T
+    assert own == pytest.approx(expected["inertia_sensor"], abs=1e-9)
+    turn = Rotation.from_quat(np.roll(body.quat, -1))
+    assert (turn.inv() * expected["rotation"]).magnitude() < 1e-8
+    assert body.pos == pytest.approx(list(MOUNT.values()), abs=1e-9)
+
+
+def test_exported_mjcf_of_a_fit_reads_as_the_fit_compensates(fit, tmp_path):
+    twin = load_numbers(fit).twin
+    path, _ = wb.export(twin, tmp_path / "model")
+    model = mujoco.MjModel.from_xml_path(str(path))
+    data = mujoco.MjData(model)
+    robot = twin.model.robot
+    q = robot.sample(20, np.random.default_rng(5))
+    theta = twin.robot_theta
+    load = twin.model.true_wrench(q, twin.theta)
+    for row, want in zip(robot.qpos(q, theta), load, strict=True):
+        data.qpos[:] = row
+        data.qvel[:] = data.qacc[:] = 0.0
+        mujoco.mj_inverse(model, data)
+        mujoco.mj_rnePostConstraint(model, data)
+        reading = -np.concatenate([data.sensor("force").data, data.sensor("torque").data])
+        assert reading == pytest.approx(want, abs=1e-9)
+
+
+@pytest.mark.parametrize("series", ["cb3", "e"])
+def test_a_ur_told_by_the_script_feels_no_force(tmp_path, series):
+    """The controller's own wrench is zero at 100 poses, and was not before."""
+    fit = fit_file(tmp_path, UR5_TRUTH)
+    true = {n: v for n, v in UR5_TRUTH.items() if not n.startswith("sensor.")}
+    options = EmulatorOptions(
+        "127.0.1.37", parameters=true, noise="off", setting={"box": "off", "series": series}
+    )
+    controller = EMULATOR(options).controller
+    script = written(fit, tmp_path, "ur")
+    before = felt(controller)
+    controller.upload(Collector().feed(script.encode()))
+    for k in range(5):
+        controller.cycle(1.0 + 0.008 * k)
+    after = felt(controller)
+    assert np.abs(before).max() > 0.1
+    assert np.abs(after).max() < 1e-6
+
+
+def felt(controller) -> np.ndarray:
+    """The wrench that the controller reports at 100 poses (100, 6), from the load at its flange."""
+    body, rows = controller.arm.body, []
+    value = body.model.parameters.mapping(body.theta)
+    turn = Rotation.from_rotvec([value[f"mount.rotation.{a}"] for a in "xyz"])
+    for q in body.robot.sample(100, np.random.default_rng(3)):
+        rotation, _ = body.robot.flange_pose(q[None], body.robot.parameters.nominal)
+        load = body.model.true_wrench(q[None], body.theta)[0].reshape(2, 3)
+        controller.estimate.update(turn.apply(load).ravel(), rotation[0], np.zeros(6))
+        rows.append(controller.estimate.wrench.copy())
+    return np.array(rows)
+
+
+# ---- uncertainty, and what is not exported -----------------------------------------------------
+
+
+def test_std_is_that_of_many_fits(tmp_path, truth):
+    """CoG in flange axes depends on CoG and mount: its ± holds over repeated noise."""
+    found = []
+    for seed in range(24):
+        free = ("tool.mass", "tool.cog", "mount.rotation", "sensor.bias")
+        path = fit_file(tmp_path, UR5_TRUTH, free, noise=WHITE, samples=5, seed=seed)
+        found.append(load_numbers(path).cog)
+    scatter = np.std([q.value for q in found], axis=0, ddof=1)
+    # every seed draws other poses, so the ± differ a little
+    stated = np.mean([q.std for q in found], axis=0)
+    assert scatter / stated == pytest.approx(np.ones(3), abs=0.45)  # 24 fits: ± 3 × 14.7 %
+
+
+def test_a_null_direction_is_never_a_number(tmp_path):
+    free = ("tool.mass", "tool.cog", "mount.rotation", "dq6", "sensor.bias")
+    path = fit_file(tmp_path, UR5_TRUTH, free, noise=WHITE, samples=5)
+    numbers = load_numbers(path)
+    assert numbers.cog.origin is Origin.UNDETERMINED and numbers.mass.known
+    with pytest.raises(ExportError, match="CoG was not determined, and ur needs it: .*dq6"):
+        wb.export_to("ur", numbers, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+    content = json.loads(written(path, tmp_path, "json-schema"))
+    assert content["numbers"]["cog"] == {
+        "value": None, "std": None, "unit": "m", "origin": "undetermined",
+    }  # fmt: skip
+    written(path, tmp_path, "ros2")  # in sensor axes the load is determined
+
+
+def test_inertia_that_no_motion_told_is_left_out(tmp_path):
+    path = fit_file(tmp_path, UR5_TRUTH)
+    lines = written(path, tmp_path, "ur").splitlines()
+    call = next(x for x in lines if "set_target_payload(" in x and not x.startswith("#"))
+    assert len(numbers_in(call)) == 4
+    assert any("inertia" in x and "not identified" in x for x in lines if x.startswith("#"))
+    assert ",J" not in written(path, tmp_path, "kuka")
+    with pytest.raises(ExportError, match="the inertia was not identified"):
+        written(path, tmp_path, "urdf", urdf=URDF)
+    inertia = '<inertia ixx="3" iyy="2" izz="1" ixy="0" ixz="0" iyz="0"/>'
+    inertial = f'<inertial><mass value="9"/>{inertia}</inertial>'
+    kept = URDF.replace('<link name="ft_frame"/>', f'<link name="ft_frame">{inertial}</link>')
+    text = written(path, tmp_path, "urdf", urdf=kept)
+    assert '<inertia ixx="3" iyy="2" izz="1"' in text and '<mass value="9"/>' not in text
+
+
+@pytest.mark.parametrize(
+    ("change", "why"),
+    [
+        ({"refuted": "tz is turned over"}, "its own data refute it: tz is turned over"),
+        ({"converged": False}, "converged is not true"),
+        ({"covariance": [[1.0]]}, "covariance must be a matrix of"),
+        ({"robot": "ur6"}, "robot.*there is no robot 'ur6'; did you mean 'ur5'"),
+        ({"gravity": [0.0, 1.0]}, "gravity .* must be 3 numbers"),
+    ],
+)
+def test_a_fit_that_cannot_be_trusted_is_refused(fit, tmp_path, change, why):
+    bad = tmp_path / "bad.json"
+    bad.write_text(json.dumps(json.loads(fit.read_text()) | change))
+    with pytest.raises(ExportError, match=f"bad.json: {why}"):
+        load_numbers(bad)
+
+
+def test_flange_axes_need_a_flange(tmp_path):
+    path = fit_file(tmp_path, MEDRUE_TRUTH, ("mTool", "xG", "yG", "zG"), robot="medrue")
+    with pytest.raises(ExportError, match="state the sensor's place with --mount"):
+        written(path, tmp_path, "ur")
+    with pytest.raises(ExportError, match="--mount: give x y z"):
+        load_numbers(path, (0, 0, 0, 2, 0, 0, 0))
+    half = np.sqrt(0.5)
+    turned = load_numbers(path, (0.0, 0.0, 0.1, half, 0.0, 0.0, half))  # 90° about z
+    x, y, z = turned.cog_sensor.value
+    assert turned.cog.value == pytest.approx([-y, x, z + 0.1], abs=1e-12)
+    wb.export_to("ur", turned, tmp_path / "out")
+    with pytest.raises(ExportError, match="calibrate with --free default sensor.bias"):
+        written(path, tmp_path, "xarm")
+
+
+def test_a_stated_mount_contradicts_a_known_one(fit):
+    with pytest.raises(ExportError, match="knows the place of the sensor"):
+        load_numbers(fit, (0, 0, 0, 1, 0, 0, 0))
+
+
+@pytest.mark.parametrize(
+    ("urdf", "frame", "why"),
+    [
+        (None, None, "name your own file with --urdf"),
+        (URDF, "ft_fram", "there is no link 'ft_fram'; did you mean 'ft_frame'.*base_link"),
+        (URDF[:-20], None, "no valid XML"),
+        ("<!DOCTYPE robot>" + URDF.split("?>")[1], None, "document type"),
+        ("<model/>", None, "not <robot>"),
+        (URDF, "base_link", "flange behind 'base_link' have masses of their own"),
+    ],
+)
+def test_a_urdf_that_cannot_take_it_is_refused(fit, tmp_path, urdf, frame, why):
+    with pytest.raises(ExportError, match=why):
+        written(fit, tmp_path, "urdf", urdf=urdf, frame=frame)
+
+
+def test_effects_of_a_twin_are_in_the_numbers_or_named_as_left_out(tmp_path, truth):
+    theta = {n: v for n, v in truth.items() if not n.startswith("sensor.bias")}
+    raw = {
+        "format": 1, "robot": "ur5", "theta": theta, "tool": {}, "recording": "r.parquet",
+        "effects": [
+            {"effect": "sensor.creep", "parameters": {}},
+            {"effect": "base.tilt", "parameters": {"x": 0.1, "y": 0.0}},
+        ],
+    }  # fmt: skip
+    path = tmp_path / "twin.json"
+    robot = registry.load("robots", "ur5")
+    creep = registry.load("effects", "sensor.creep").parameters(robot)
+    raw["effects"][0]["parameters"] = {p.name: p.nominal + p.tolerance for p in creep}
+    path.write_text(json.dumps(raw))
+    numbers = load_numbers(path)
+    assert any(line.startswith("sensor.creep") for line in numbers.left)
+    assert not any("base.tilt" in line for line in numbers.left)
+    want = Rotation.from_rotvec([0.11, -0.02, 0.0]).apply([0.0, 0.0, -9.80665])
+    assert numbers.gravity.value == pytest.approx(want, abs=2e-3)  # turns do not quite add up
+    assert numbers.mass.std is None
+
+
+# ---- every format, found by itself -------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", registry.names("exports"))
+def test_contract(fit, tmp_path, name):
+    form: Export = registry.load("exports", name)
+    assert form.name == name and form.title and form.source
+    numbers = load_numbers(fit)
+    files, notes = wb.export_to(name, numbers, tmp_path / "out", wb.ExportOptions(urdf=URDF))
+    assert files == output_files(name, tmp_path / "out") and all(f.is_file() for f in files)
+    text = "".join(f.read_text() for f in files)
+    for line in notes:  # ± and what is left out, whatever the form of its comments
+        assert line in text
+    assert str(numbers.digest) in text
+    for quantity in ("mass", "cog", "inertia", "rotation", "position", "bias", "gravity"):
+        said = getattr(numbers, quantity).name
+        assert any(said in line for line in notes) or not getattr(numbers, quantity).known
+    again, _ = wb.export_to(name, numbers, tmp_path / "again", wb.ExportOptions(urdf=URDF))
+    assert [f.read_bytes() for f in again] == [f.read_bytes() for f in files]
