@@ -101,6 +101,7 @@ def test_a_sound_recording_has_no_outliers():
     assert (told.verdict, list(told.outliers)) == ("none", [])
 
 
+@pytest.mark.study  # three quarters of a minute
 def test_a_second_of_a_motion_that_is_pushed_is_named():
     robot = registry.load("robots", "ur5")
     design = ExperimentDesign.of_plan(choose.multisine(robot, 40.0, 125.0, 11), robot)

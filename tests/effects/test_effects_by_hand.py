@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from effect_scenes import columns, plain, scene_of
 from wrenchbed import registry
@@ -273,3 +275,17 @@ def test_channels_are_named_alike_everywhere():
     for name in ("sensor.bias", "sensor.drift", "sensor.noise", "sensor.quantization"):
         known = registry.load("effects", name).parameters(registry.load("robots", "ur5"))
         assert [n.rpartition(".")[2] for n in known.names[:6]] == list(CHANNELS)
+
+
+@settings(deadline=None, max_examples=40)
+@given(st.integers(1, 400), st.integers(1, 6), st.floats(1e-3, 3.0), st.integers(0, 1000))
+def test_play_in_blocks_is_the_loop_bit_for_bit(rows, channels, half, seed):
+    from wrenchbed.effects.sensor_hysteresis import play
+
+    x = np.random.default_rng(seed).uniform(-1.0, 1.0, (rows, channels))
+    state, path = x[0], []
+    for value in x:
+        state = np.clip(state, value - half, value + half)
+        path.append(state)
+    for _ in range(2):  # computed, then kept
+        assert np.array_equal(play(x, np.full(channels, half)), np.array(path))

@@ -57,7 +57,7 @@ def test_a_reader_never_sees_a_torn_state():
             seen += state.t > last
             last = state.t
         assert writer.returncode == 0
-        assert seen > 100
+        assert seen > 20  # it did read while the other wrote, however busy the machine
 
 
 def test_a_writer_that_died_halfway_leaves_the_state_before_and_the_next_one_goes_on():
@@ -89,7 +89,7 @@ def test_a_heartbeat_is_never_seen_half_written():
             [sys.executable, "-c", code, str(shared.descriptor)], pass_fds=(shared.descriptor,)
         ) as writer:
             while writer.poll() is None:
-                assert -0.01 < shared.silence("driver") < 2.0
+                assert 0.0 <= shared.silence("driver") < 2.0
 
 
 def test_messages_keep_their_borders_and_an_end_is_told():

@@ -1,6 +1,7 @@
 """The sensor's reading depends on its earlier loads."""
 
 from collections.abc import Iterator, Mapping
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -127,6 +128,10 @@ class SensorHysteresis(ReadingEffect):
         return super().values(robot, {short.get(k, k): v for k, v in given.items()})
 
 
+_LARGEST_KEPT = 1 << 19
+"""Largest input of `play` that is kept [B]: 64 of them and their paths take 64 MiB at most."""
+
+
 def _width(name: str) -> float:
     """Half width of a play by its amplitude's name, relative to the channel's range."""
     stem = name.partition(".")[0]
@@ -147,15 +152,49 @@ def _lag(u: np.ndarray, half: float, growth: np.ndarray | float) -> np.ndarray:
 
 
 def play(x: np.ndarray, width: np.ndarray) -> np.ndarray:
-    """The play operator along the rows of (M, K) with half widths (K,)."""
-    result = np.empty_like(x)
-    for k, half in enumerate(width.tolist()):
-        at, path = float(x[0, k]), []
-        for value in x[:, k].tolist():
-            at = value - half if at < value - half else value + half if at > value + half else at
-            path.append(at)
-        result[:, k] = path
-    return result
+    """The play operator along the rows of (M, K) with half widths (K,).
+
+    A fit asks for the same path again and again while other numbers change: it is kept.
+    """
+    if x.nbytes > _LARGEST_KEPT:
+        return _path(x, width)
+    return _kept_path(x.tobytes(), width.tobytes())
+
+
+@lru_cache(maxsize=64)
+def _kept_path(x: bytes, width: bytes) -> np.ndarray:
+    """`play` of numbers as bytes; the result cannot be changed."""
+    widths = np.frombuffer(width)
+    path = _path(np.frombuffer(x).reshape(-1, len(widths)), widths)
+    path.flags.writeable = False
+    return path
+
+
+def _path(x: np.ndarray, width: np.ndarray) -> np.ndarray:
+    """The play operator.
+
+    Each row clips the state into x ± width, and clips composed are a clip. So all blocks of about
+    √M rows are composed side by side, and one pass over the blocks finds the states between them.
+    The numbers are those of a loop over rows, bit for bit.
+    """
+    rows, channels = x.shape
+    length = max(1, int(np.sqrt(rows)))
+    blocks = -(-rows // length)
+    padded = np.concatenate([x, np.broadcast_to(x[-1:], (blocks * length - rows, channels))])
+    below = np.ascontiguousarray(padded.reshape(blocks, length, channels).transpose(1, 0, 2))
+    above = below + width
+    below -= width
+    for k in range(1, length):
+        low, high = below[k], above[k]
+        below[k] = np.minimum(np.maximum(below[k - 1], low), high)
+        above[k] = np.minimum(np.maximum(above[k - 1], low), high)
+    states = np.empty((blocks, channels))
+    state = x[0]
+    for k in range(blocks):
+        states[k] = state
+        state = np.minimum(np.maximum(state, below[-1, k]), above[-1, k])
+    path = np.minimum(np.maximum(states, below), above)
+    return np.asarray(path.transpose(1, 0, 2).reshape(-1, channels)[:rows])
 
 
 EFFECT = SensorHysteresis()

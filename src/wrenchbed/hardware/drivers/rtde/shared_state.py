@@ -143,7 +143,8 @@ class SharedState:
 
     def silence(self, who: str) -> float:
         """Age of the heartbeat of one of `BEATS` [s]."""
-        return time.monotonic() - _BEAT.unpack_from(self._memory, _place(who))[0]
+        beat: float = _BEAT.unpack_from(self._memory, _place(who))[0]  # first: the clock is later
+        return time.monotonic() - beat
 
     def _put(self, place: int, data: bytes) -> None:
         """One copy; `struct.pack_into` would let readers see zeros first."""
