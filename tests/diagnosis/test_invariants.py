@@ -6,6 +6,10 @@ import pytest
 
 import consistent
 import mutated
+from simulated import UR5_TRUTH, WHITE, static
+from wrenchbed.diagnosis.diagnose import diagnose
+from wrenchbed.pages import numbers
+from wrenchbed.reports import sentences
 
 SAMPLE = (4, 21, 23, 38, 50, 505, 561)
 """Cases for every run: `scripts/invariants` does thousands."""
@@ -29,6 +33,33 @@ def test_no_answer_contradicts_itself(seed):
 @pytest.mark.parametrize("seed", MANY)
 def test_no_answer_of_many_contradicts_itself(seed):
     judged(seed)
+
+
+@pytest.fixture(scope="module")
+def judged_once():
+    """A diagnosis that claims something, and what people read of it."""
+    found = diagnose(static("ur5", UR5_TRUTH, poses=24, samples=6, noise=0.3 * WHITE, seed=3))
+    texts = consistent.faces(found)
+    assert found.diagnosis.which and not consistent.violations_of(found, texts)
+    return found, texts
+
+
+@pytest.mark.parametrize("face", ["terminal", "page", "rerun"])
+@pytest.mark.parametrize("what", ["verdict", "value", "gap", "place", "unit", "number"])
+def test_a_face_that_says_something_else_is_caught(judged_once, face, what):
+    found, texts = judged_once
+    d, place = found.diagnosis, sentences.place(found)
+    (name, size), *_ = d.which[0]["parameters"].items()
+    was, now = {
+        "verdict": (d.verdict, "none"),
+        "value": (consistent.flat(numbers.quantity(name, size)), "7 N"),
+        "gap": (f"calibrated {numbers.gap(d.gap.calibrated.value)}", "calibrated 0.01"),
+        "place": (place, "No place differs from noise"),
+        "unit": (place, f"{place} 0.003 rad"),
+        "number": (place, f"{place} nan"),
+    }[what]
+    assert was in texts[face]
+    assert consistent.violations_of(found, texts | {face: texts[face].replace(was, now)})
 
 
 def test_a_case_follows_from_its_seed():

@@ -122,7 +122,7 @@ def test_a_row_effect_says_that_it_lies_between_rows():
     assert "of the gap" not in entry["sentence"]
     assert "68 % of a row's variance" in entry["sentence"]
     stale = where.entries((), (), [("timing.stale", "fx", 0.0, 1e-3)])[0]["sentence"]
-    assert stale == "Between rows, not in their means, timing.stale shows in fx."
+    assert stale == "timing.stale acts on single rows of fx, not on their means."
 
 
 def test_a_hint_is_said_to_be_one_once():

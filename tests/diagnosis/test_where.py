@@ -266,5 +266,5 @@ def test_what_is_seen_beside_none_is_said_to_be_small_not_absent():
     assert found.diagnosis.verdict == "none"
     assert "channel tz" in {f.variable for f in found.places if f.seen}
     (sentence,) = sentences.places(found)
-    assert "too little for a cause" in sentence and "channel tz" in sentence
+    assert "too small for a cause" in sentence and "channel tz" in sentence
     assert consistent.violations(found) == []

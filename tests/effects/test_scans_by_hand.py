@@ -58,7 +58,7 @@ def test_an_anchor_on_the_grid_is_found_at_its_place_and_length(reach, way, shar
     assert first.at["length"] == pytest.approx(length)
     assert along(first, "point") == pytest.approx(SCENE.tool.cog, abs=1e-4)
     assert first.free == ("stiffness",) and set(first.shape) == set(first.at)
-    assert [v.label for v in found] == [f"slack in part, found, {k}" for k in (1, 2, 3)]
+    assert [v.label for v in found] == [f"partly slack, fitted start {k}" for k in (1, 2, 3)]
     assert {v.weight for v in found} == {0.1}
 
 
@@ -116,7 +116,7 @@ def test_a_plane_on_the_grid_is_found_with_its_depth_and_drag(way, share):
     assert (first.at["power"], first.at["reach"]) == (1.0, 1.0)
     assert not along(first, "aside").any()
     assert first.free == ("stiffness",) and set(first.shape) == set(first.at)
-    assert [v.label for v in found] == [f"a plane found, {k}" for k in (1, 2, 3)]
+    assert [v.label for v in found] == [f"fitted plane {k}" for k in (1, 2, 3)]
     assert {v.weight for v in found} == {0.1}
 
 
@@ -150,7 +150,7 @@ def test_a_loose_parts_way_is_proposed_about_where_it_is(way, grip, lean):
     explained = []
     for k, v in enumerate(found, start=1):
         sticks = v.at["grip"] > 0.0
-        assert v.label == f"{'sticks' if sticks else 'falls'} along a way found, {k}"
+        assert v.label == f"{'sticks' if sticks else 'falls'} along fitted direction {k}"
         assert v.shape == ("way.x", "way.y", "way.z", "lean") + ("grip",) * sticks
         assert v.free == ("shift",) and v.weight == 0.05
         assert np.linalg.norm(along(v, "way")) == pytest.approx(1.0)

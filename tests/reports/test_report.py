@@ -23,6 +23,7 @@ from wrenchbed.errors import MissingExtraError
 from wrenchbed.hardware.drivers.sim import SimDriver, SimOptions
 from wrenchbed.pages import numbers
 from wrenchbed.reports import diagnosis_page, sentences
+from wrenchbed.reports.simulators import along
 
 MOST_BYTES = 2_000_000
 VOID = {"meta", "link", "img", "br", "hr", "input", "use", "path", "rect"}
@@ -111,10 +112,10 @@ def test_the_page_holds_the_numbers_of_the_json(tilted):
     (cause,) = told["which"]
     for axis in "xy":
         p = cause["parameters"][axis]
-        drawn = re.search(rf"{axis} (−?[\d.]+) ± ([\d.]+) mrad", page.sections["which"])
+        drawn = re.search(rf"{axis} (−?[\d.]+) ± ([\d.]+)°", page.sections["which"])
         value, std = (float(x.replace("−", "-")) for x in drawn.groups())
-        assert value == pytest.approx(1e3 * p["value"], abs=1e3 * p["std"])
-        assert std == pytest.approx(1e3 * p["std"], rel=0.35)
+        assert value == pytest.approx(np.rad2deg(p["value"]), abs=np.rad2deg(p["std"]))
+        assert std == pytest.approx(np.rad2deg(p["std"]), rel=0.35)
     whole = page.sections["page"]
     assert f"({gap['held_out_rows']:,} rows)" in whole
     for sentence in [*told["cannot_tell"], *(n["sentence"] for n in told["next"])]:
@@ -130,7 +131,9 @@ def test_each_channel_is_drawn_before_and_after(tilted):
 def test_an_identified_cause_is_named_on_the_first_screen(tilted):
     page = shown(tilted)
     assert "● identified" in page.sections["page"]
-    assert "The base is tilted against gravity." in page.sections["page"]
+    (cause,) = tilted.diagnosis.which
+    values = ", ".join(f"{k} {numbers.quantity(k, v)}" for k, v in cause["parameters"].items())
+    assert f"The base is tilted against gravity: {values}." in page.sections["page"]
     assert page.sections["where"].startswith("Where In the base")
     assert tilted.diagnosis.where[0]["sentence"] in page.sections["where"]
     assert "base.tilt" in page.sections["which"] and "> 0.99" in page.sections["which"]
@@ -140,11 +143,13 @@ def test_an_ambiguous_cause_is_one_or_the_other(tilted):
     (cause,) = tilted.diagnosis.which
     rivals = [dict(cause) | {"rivals": ["cable.pull"]}]
     page = shown(changed(tilted, verdict="ambiguous", which=rivals))
+    headline = page.sections["page"]
+    assert "The base is tilted against gravity: x " in headline
     assert (
-        "The base is tilted against gravity, or a cable or hose pulls on the tool. "
-        "This data cannot tell which."
-    ) in page.sections["page"]
-    assert "In the base or the cable" in page.sections["where"]
+        "; or a cable or hose pulls on the tool. "
+        "This recording does not distinguish the causes joined by “or”."
+    ) in headline
+    assert "In the base or in the cable" in page.sections["where"]
     assert "base.tilt or cable.pull" in page.sections["which"]
     assert "that it is one of these. If it is base.tilt:" in page.sections["which"]
     assert "or here" in page.sections["page"]
@@ -155,7 +160,7 @@ def test_a_cause_of_a_part_is_named_with_what_is_left(tilted):
     gap = replace(tilted.diagnosis.gap, with_effects=half, closed=share)
     page = shown(changed(tilted, verdict="partial", gap=gap))
     assert "◔ partial" in page.sections["page"]
-    told = "The base is tilted against gravity. Most of the gap is something else."
+    told = "Most of the gap has another cause, which is unknown."
     assert told in page.sections["page"]
     assert "Most of the gap" not in shown(tilted).sections["page"]
     assert "30.0 % closed" in page.sections["far"] and "20.0 … 40.0 %" in page.sections["far"]
@@ -167,10 +172,11 @@ def test_two_causes_are_counted(tilted):
     other = dict(cause) | {"effect": "sensor.gain", "rivals": ["tool.mass"]}
     both = changed(tilted, which=[cause, other], verdict="ambiguous")
     told = sentences.headline(both)
-    assert told.startswith("Two causes: the base is tilted against gravity; axes of the sensor")
-    assert ", or the tool is heavier" in told and "cannot tell" in told
-    assert sentences.place(both) == "In the base and in the sensor or the tool"
-    assert "no difference" in sentences.headline(changed(both, verdict="identified"))
+    assert told.startswith("Two causes. The base is tilted against gravity: x ")
+    assert ". Axes of the sensor have a gain error: " in told
+    assert "; or the tool is heavier" in told and "does not distinguish" in told
+    assert sentences.place(both) == "In the base and in the sensor or in the tool"
+    assert "the same effect" in sentences.headline(changed(both, verdict="identified"))
 
 
 def test_unknown_says_what_the_residual_follows(tilted):
@@ -206,8 +212,8 @@ def test_what_scatters_rows_is_no_share_of_the_gap(tmp_path):
     noisy = found(tmp_path, "sensor.noise:" + ",".join(f"std.f{a}=0.2" for a in "xyz"))
     assert [w["effect"] for w in noisy.diagnosis.which] == ["sensor.noise"]
     page = shown(noisy)
-    assert "The sensor is noisier than stated." in page.sections["page"]
-    assert "of the variance of a channel's rows" in page.sections["where"]
+    assert "The sensor is noisier than stated: std fx 0.2" in page.sections["page"]
+    assert "of a row's variance comes from it" in page.sections["where"]
     assert "of the gap lies" not in page.sections["where"]
     assert "scatters single rows; the means have no gap to close" in page.sections["far"]
 
@@ -328,3 +334,14 @@ def test_no_page_is_wider_than_a_telephone_nor_its_answers_lower_than_a_screen(t
     assert measured, done.stdout[:300]
     wide, low, narrow = map(int, measured.groups())
     assert wide <= 1280 and low <= 800 and narrow <= 400
+
+
+def test_poses_have_the_numbers_of_their_recording(tilted):
+    """As in diagnosis.json, whose outliers name the recording's segments."""
+    p = tilted.analysis.prepared
+    own = np.unique(p.recording.columns["segment"])
+    numbers_of, label, _ = along(p)
+    assert list(numbers_of) == list(own) and label == "number of the pose"
+    later = dict(p.recording.columns) | {"segment": p.recording.columns["segment"] + 7}
+    moved = replace(p, recording=replace(p.recording, columns=later))
+    assert list(along(moved)[0]) == list(own + 7)

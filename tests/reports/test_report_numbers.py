@@ -24,12 +24,32 @@ def test_a_value_has_as_many_digits_as_are_known(value, std, text):
 
 def test_intervals_have_the_unit_of_their_value():
     told = {"value": 0.006, "std": 0.0001, "unit": "rad"}
-    assert numbers.quantity("x", told) == "6.00 ± 0.10 mrad"
-    assert numbers.interval("x", told) == "5.80 … 6.20 mrad"
-    assert numbers.degrees(told) == f"{math.degrees(0.006):.3g}°"
+    assert numbers.quantity("x", told) == "0.344 ± 0.006°"
+    assert numbers.interval("x", told) == "0.333 … 0.355°"
     assert numbers.quantity("gain.fx", {"value": -0.05, "std": 0.01, "unit": "1"}) == "−5.0 ± 1.0 %"
     assert numbers.quantity("joint", {"value": 2, "rivals": [3]}) == "2 (or 3)"
     assert numbers.interval("x", {"value": 1.0, "std": None, "unit": "N"}) == "–"
+
+
+@pytest.mark.parametrize(
+    ("si", "unit", "text"),
+    [
+        (0.0015, "m", "1.5 mm"), (0.4, "m", "400 mm"), (math.pi, "rad", "180°"),
+        (0.02, "s", "20 ms"), (2.0, "s", "2 s"), (0.0027, "kg·m²", "2.7 g·m²"),
+        (9000.0, "N·m/rad", "9000 N·m/rad"), (0.3, "N·m", "0.3 N·m"),
+    ],
+)  # fmt: skip
+def test_people_read_millimetres_and_degrees_and_files_hold_si(si, unit, text):
+    assert numbers.quantity("x", {"value": si, "unit": unit}) == text
+    shown, factor = numbers.HUMAN.get(unit, (unit, 1.0))
+    assert (
+        unit == "s" and si < 0.1
+    ) or f"{factor * si:g}{'' if shown == '°' else ' '}{shown}" == text
+
+
+def test_a_share_that_is_small_is_not_nothing():
+    assert numbers.share(0.002) == "< 1 %" and numbers.share(0.0) == "0 %"
+    assert numbers.share(0.994) == "99 %"
 
 
 def test_certainty_is_never_claimed():

@@ -3,11 +3,13 @@
 Each check yields sentences, one for each violation; none if all is well. See `docs/contracts.md`.
 """
 
+import html
 import io
 import json
 import math
 import re
 from collections.abc import Callable, Iterator
+from concurrent.futures import Future
 from typing import Any
 
 from rich.console import Console
@@ -16,15 +18,20 @@ from wrenchbed.cli.diagnose import diagnosis as on_terminal
 from wrenchbed.diagnosis.diagnose import Findings, diagnose
 from wrenchbed.diagnosis.gap.closure import Interval
 from wrenchbed.errors import CalibrationError, DiagnosisError, RecordingError
-from wrenchbed.pages import numbers
-from wrenchbed.reports import sentences
-from wrenchbed.viewer.diagnoses import blame
+from wrenchbed.pages import Drawn, numbers
+from wrenchbed.pages.chart import Chart
+from wrenchbed.reports import diagnosis_page, sentences, tables
+from wrenchbed.reports.claim import title
+from wrenchbed.viewer.diagnoses import answers, blame
 
 REFUSALS = (CalibrationError, DiagnosisError, RecordingError)
 """Answers to a recording that cannot answer."""
 Told = dict[str, Any]
 Check = Callable[[Findings, Told], Iterator[str]]
 CHECKS: list[Check] = []
+Faces = dict[str, str]
+SAME: list[Callable[[Findings, Told, Faces], Iterator[str]]] = []
+"""Checks of the texts that people read, by `faces`."""
 CLAIMS = ("identified", "ambiguous", "partial")
 TINY = 1e-9
 _PERCENT = re.compile(r"([−-]?[\d,]+(?:\.\d+)?) %")
@@ -33,7 +40,8 @@ _PERCENT = re.compile(r"([−-]?[\d,]+(?:\.\d+)?) %")
 def violations(found: Findings) -> list[tuple[str, str]]:
     """Name of the check and sentence of each contradiction."""
     told = found.diagnosis.to_json()
-    return [(c.__name__, text) for c in CHECKS for text in c(found, told)]
+    own = [(c.__name__, text) for c in CHECKS for text in c(found, told)]
+    return own + violations_of(found, faces(found))
 
 
 def outcome(recording: Any) -> tuple[str, list[tuple[str, str]]]:
@@ -54,6 +62,12 @@ def check(make: Check) -> Check:
     return make
 
 
+def same(make: Callable[[Findings, Told, Faces], Iterator[str]]) -> Any:
+    """Enter a check of what people read."""
+    SAME.append(make)
+    return make
+
+
 def _near(a: float | None, b: float | None, tolerance: float = TINY) -> bool:
     if a is None or b is None:
         return a is b
@@ -69,10 +83,49 @@ def _names(entry: Told) -> tuple[str, ...]:
     return entry["effect"], *entry["rivals"]
 
 
-def _text(found: Findings) -> str:
+def terminal(found: Findings) -> str:
+    """What the terminal prints."""
     console = Console(width=80, file=io.StringIO(), color_system=None)
-    console.print(on_terminal(found.diagnosis))
-    return " ".join(console.file.getvalue().split())
+    console.print(on_terminal(found))
+    return flat(console.file.getvalue())
+
+
+class _NoFigures:
+    """Draws nothing: a page's words do not depend on its figures."""
+
+    def draw(self, chart: Chart) -> "Future[Drawn]":
+        drawn: Future[Drawn] = Future()
+        drawn.set_result(Drawn(chart, "<svg></svg>"))
+        return drawn
+
+
+def page(found: Findings) -> str:
+    """The words of the HTML page."""
+    text = diagnosis_page(found, artist=_NoFigures()).html()
+    text = re.sub(r"<(style|script|svg)\b.*?</\1>", " ", text, flags=re.DOTALL)
+    return flat(html.unescape(re.sub(r"<[^>]*>", " ", text)))
+
+
+def rerun(found: Findings) -> str:
+    """The words of rerun's picture."""
+    told = answers(found, blame(found.diagnosis.to_json()))
+    return flat(told.replace("|", " ").replace("•", "").replace("**", "").replace("#", ""))
+
+
+def faces(found: Findings) -> dict[str, str]:
+    """Every text in which people read a diagnosis, by its name."""
+    return {"terminal": terminal(found), "page": page(found), "rerun": rerun(found)}
+
+
+def violations_of(found: Findings, texts: Faces) -> list[tuple[str, str]]:
+    """Name of the check and sentence of each contradiction between texts and JSON."""
+    told = found.diagnosis.to_json()
+    return [(c.__name__, text) for c in SAME for text in c(found, told, texts)]
+
+
+def flat(text: str) -> str:
+    """With single spaces; what wraps or does not is the same."""
+    return " ".join(text.replace("\u00a0", " ").split())
 
 
 # ---- numbers ------------------------------------------------------------------------------------
@@ -272,7 +325,8 @@ def painted_parts_are_the_named_ones(found: Findings, told: Told) -> Iterator[st
 def sentences_of_where_tell_their_share(found: Findings, told: Told) -> Iterator[str]:
     for e in told["where"]:
         text = e["sentence"]
-        if "% of the gap" in text and f"{100 * e['share']:.0f} % of the gap" not in text:
+        much = "Less than 1 %" if e["share"] < 0.005 else f"{100 * e['share']:.0f} %"
+        if "% of the gap" in text and f"{much} of the gap" not in text:
             yield f"share {e['share']:.3g}: {text}"
         for percent in _PERCENT.findall(text):
             if not 0.0 <= float(percent.replace("−", "-").replace(",", "")) <= 100.0:
@@ -297,7 +351,7 @@ def notes_tell_the_gap_that_is_left(found: Findings, told: Told) -> Iterator[str
 @check
 def the_report_tells_the_same_numbers(found: Findings, told: Told) -> Iterator[str]:
     d, g = found.diagnosis, found.diagnosis.gap
-    far = sentences.distance(found, "12 poses")
+    far = sentences.distance(found)
     text = f"{far['figure']} {far['text']}"
     if g.with_effects is not None:
         start = g.calibrated.value if d.twin.active else g.configured
@@ -315,7 +369,7 @@ def the_report_tells_the_same_numbers(found: Findings, told: Told) -> Iterator[s
         for said in (sentences.headline(found), text, sentences.without_cause(found)):
             if re.search(r"explains? the gap|close it with", said):
                 yield f"gap {g.calibrated.value:.3g}: {said}"
-    if ("Most of the gap is something else" in sentences.headline(found)) != (
+    if ("Most of the gap has another cause" in sentences.headline(found)) != (
         told["verdict"] == "partial"
     ):
         yield f"{told['verdict']}: {sentences.headline(found)}"
@@ -333,9 +387,9 @@ def the_report_names_the_same_causes(found: Findings, told: Told) -> Iterator[st
     if told["verdict"] == "none" and not said.startswith("No cause found"):
         yield said
     for w in told["which"]:
-        for name in _names(w):
-            if sentences.title(name).lower() not in said.lower():
-                yield f"{name} ({sentences.title(name)}) not in: {said}"
+        for name in _names(w)[1:]:
+            if title(name).lower() not in said.lower():
+                yield f"{name} ({title(name)}) not in: {said}"
         place = sentences.place(found)
         if w["effect"].split(".")[0] not in place:
             yield f"{w['effect']} not in: {place}"
@@ -358,26 +412,129 @@ def only_what_carries_nothing_is_said_to(found: Findings, told: Told) -> Iterato
             yield f"{', '.join(seen)} is seen: {text}"
 
 
-@check
-def the_terminal_tells_the_same(found: Findings, told: Told) -> Iterator[str]:
-    text, g = _text(found), found.diagnosis.gap
-    if f"{told['verdict']}:" not in text:
-        yield f"{told['verdict']} is not told"
-    for w in told["which"]:
-        if w["effect"] not in text or f"{w['probability']:.2f}" not in text:
-            yield f"{w['effect']} {w['probability']:.2f} is not told"
-    if ("no cause is claimed" in text) != (not told["which"]):
-        yield f"{len(told['which'])} causes: {text}"
-    rows = [("simulator as configured", g.configured), ("CoG", g.calibrated.value),
-            ("noise alone", g.floor)]  # fmt: skip
-    if g.with_effects is not None:
-        rows.append(("with the effects", g.with_effects.value))
-    for name, value in rows:
-        if f"{name} {value:.3g}" not in text:
-            yield f"{name} {value:.3g} is not told"
-    if g.closed is not None and f"closed {100 * g.closed.value:.1f} %" not in text:
-        yield f"closed {g.closed.value} is not told"
-    if told["verdict"] == "unknown" and _quiet(told) and "scatter" not in text.split("where")[0]:
-        yield f"gap {g.calibrated.value:.3g}: {text.split('where')[0]}"
-    if re.search(r"\bnan\b|\binf\b", text):
-        yield text
+# ---- page, terminal, rerun and JSON -------------------------------------------------------------
+
+GAPS = {
+    "as configured": "configured", "calibrated": "calibrated", "with the effects": "with_effects",
+    "noise alone": "floor",
+}  # fmt: skip
+_SI = re.compile(r"\d\)?(?:·10[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)? (?:rad|m|mrad|kg·m²)(?![\w·/²³])")
+"""A number of metres, radians or kilogram square metres, which people do not read."""
+_NEVER = re.compile(
+    r"\bnan\b|\binf\b|\bNone\b|\bnat a minute|[−-]0\.0+(?!\d)|found, 3|1\.00 ×|of an .or."
+)
+
+
+@same
+def every_face_names_verdict_and_claims_alike(
+    found: Findings, told: Told, texts: Faces
+) -> Iterator[str]:
+    said = flat(sentences.headline(found))
+    for name, text in texts.items():
+        if said not in text or told["verdict"] not in text:
+            yield f"{name} lacks: {told['verdict']}: {said}"
+        for w in told["which"]:
+            for key, value in list(w["parameters"].items())[:3]:
+                shown = flat(numbers.quantity(key, value, signed=w["effect"] in SIGNED))
+                if shown.lstrip("+") not in text:
+                    yield f"{name} lacks {w['effect']} {key} {shown}"
+        if bool(told["which"]) != ("No cause is" not in text and "No known" not in said
+                                   and "No cause found" not in said
+                                   and "Too many effects" not in said):  # fmt: skip
+            yield f"{name}: {len(told['which'])} causes: {text[:300]}"
+
+
+SIGNED = ("sensor.bias", "tool.mass", "tool.cog")
+
+
+@same
+def every_face_has_the_numbers_of_the_json(
+    found: Findings, told: Told, texts: Faces
+) -> Iterator[str]:
+    for name, text in texts.items():
+        wanted = [*_probabilities(told, name), *_gaps(told["gap"]), *_sentences(told)]
+        yield from (f"{name} lacks: {x}" for x in wanted if flat(x) not in text)
+
+
+def _probabilities(told: Told, face: str) -> Iterator[str]:
+    for key, p in told["probabilities"].items():
+        if p >= 0.006 or key in ("none", "unknown"):
+            long = {"none": "normal imperfections", "unknown": "something else"}
+            own = long.get(key, key) if face == "page" else key
+            yield f"{own.replace('|', ' or ')} {numbers.chance(p)}"
+    yield from (numbers.chance(w["probability"]) for w in told["which"])
+
+
+def _gaps(g: Told) -> Iterator[str]:
+    for label, key in GAPS.items():
+        if g[key] is not None:
+            yield f"{label} {numbers.gap(max(g[key], 0.0) if key == 'floor' else g[key])}"
+    if g["closed"] is not None and g["closed"] > 0.0:
+        yield f"{numbers.percent(g['closed'])} % closed"
+        yield " … ".join(numbers.percent(x) for x in g["closed_ci95"]) + " %"
+
+
+def _sentences(told: Told) -> Iterator[str]:
+    yield from (x["sentence"].rstrip(".") for k in ("next", "outliers") for x in told[k])
+    yield from told["cannot_tell"]
+
+
+@same
+def the_best_explanation_is_the_named_one_or_it_is_said_why(
+    found: Findings, told: Told, texts: Faces
+) -> Iterator[str]:
+    rows = tables.explanations(found)
+    if found.verdict.causes and not rows[0]["named"]:
+        yield f"named {told['which']}, best {rows[:3]}, {found.verdict.explanation.names}"
+
+
+@same
+def every_face_says_the_same_of_where(found: Findings, told: Told, texts: Faces) -> Iterator[str]:
+    places = [sentences.place(found), *sentences.places(found)[:4]]
+    hints = {w["subsystem"] for w in told["where"] if w["share"] > 0.0} - {None}
+    for name, text in texts.items():
+        yield from (f"{name} lacks: {p}" for p in places if flat(p) not in text)
+        denied = "none differs" in text and any(f.seen for f in found.places)
+        if denied or (told["where"] and "No place" in text):
+            yield f"{name}: where holds {len(told['where'])}, but: {text[:200]}"
+        if not told["which"] and not hints <= set(re.findall(r"\w+", places[0])):
+            yield f"{hints} not in: {places[0]}"
+    for part in blame(told):
+        words = part.split()
+        if len(words) == 2 and words[1] not in re.findall(r"\d+", places[0]):
+            yield f"{part} is painted, but: {places[0]}"
+        if (
+            len(words) == 1
+            and part in ("joint", "link")
+            and any(f"{part} {k}" in places[0] for k in range(1, 8))
+        ):
+            yield f"all {part}s are painted, but: {places[0]}"
+
+
+@same
+def every_face_speaks_units_of_people(found: Findings, told: Told, texts: Faces) -> Iterator[str]:
+    for name, text in texts.items():
+        for pattern in (_SI, _NEVER):
+            for match in pattern.finditer(text):
+                yield f"{name}: {text[max(0, match.start() - 40) : match.end() + 20]}"
+
+
+@same
+def a_twin_that_is_not_to_be_used_is_not_offered(
+    found: Findings, told: Told, texts: Faces
+) -> Iterator[str]:
+    doubtful = sentences.distrusted(found)
+    for name, text in texts.items():
+        offered = "twin.json contains it" in text
+        if doubtful and offered:
+            yield f"{name} offers the twin, though: {found.diagnosis.notes}"
+        if doubtful and "do not trust" not in text:
+            yield f"{name} does not warn of the twin"
+
+
+@same
+def scatter_is_told_as_such(found: Findings, told: Told, texts: Faces) -> Iterator[str]:
+    if told["verdict"] == "unknown" and _quiet(told):
+        text = texts["terminal"]
+        if "scatter" not in text.split(" where ")[0]:
+            yield f"gap {told['gap']['calibrated']:.3g}: {text[:200]}"

@@ -11,10 +11,11 @@ from pictures import unless
 from rrd_file import Rrd
 from wrenchbed.diagnosis.diagnose import diagnose
 from wrenchbed.errors import ParameterError
-from wrenchbed.pages.numbers import gap as numbers_of
+from wrenchbed.pages import numbers
+from wrenchbed.reports.claim import joints
 from wrenchbed.simulation.simulation import Simulation
 from wrenchbed.viewer import calibration_view, diagnoses, diagnosis_view
-from wrenchbed.viewer.diagnoses import blame, joint_numbers, painted, part_of
+from wrenchbed.viewer.diagnoses import blame, painted, part_of
 from wrenchbed.viewer.elements import heat
 from wrenchbed.viewer.show import free_port
 
@@ -53,7 +54,7 @@ def test_joints_and_links_that_a_cause_names_are_blamed_alone():
     assert blame(one) == pytest.approx({"joint 2": 0.8})
     several = cause("joint.offset", **{"offset.q3": 0.01, "offset.q5": 0.02})
     several["parameters"]["offset.q1"] = {"value": 1e-4, "std": 1e-3}
-    assert joint_numbers(several) == [3, 5]
+    assert joints(several) == [3, 5]
     assert set(blame(told(several, **{"joint.offset": 1.0}))) == {"joint 3", "joint 5"}
     assert set(blame(told(cause("link.length", **{"twist.2": 0.1}), **{"link.length": 1.0}))) == {
         "link 2"
@@ -151,9 +152,12 @@ def test_the_slider_goes_from_before_to_after(found):
 
 
 def test_the_answers_are_in_words(found):
-    _, rrd, _ = found
+    findings, rrd, _ = found
     text = rrd.values("/report", "TextDocument:text")[0, 0]
-    assert text.startswith("# Joints are compliant")
+    (cause,) = findings.diagnosis.which
+    value = numbers.quantity("stiffness", cause["parameters"]["stiffness"])
+    said = f"Joint 2 is compliant and deflects under gravity: stiffness {value}."
+    assert text.startswith(f"# identified: {said}")
     assert "joint.compliance | " in text and "with the effects |" in text
 
 
@@ -164,13 +168,13 @@ def test_the_answers_are_read_on_the_screen(found):
     with seen(folder / "diagnosis.rrd", port), screen(port) as viewer:
         text = viewer.words()
     d = findings.diagnosis
-    assert "Joints are compliant" in text
+    assert "Joint 2 is compliant" in text
     for name, p in d.probabilities.items():
-        assert p < 0.02 or (name in text and f"{p:.2f}" in text)
+        assert p < 0.02 or (name in text and numbers.chance(p) in text)
     for tab in ("robot, painted by blame", "residual / noise: move the slider", "answers"):
         assert tab in text
     assert "gap of fx, fy, fz, tx, ty, tz" in text
-    assert d.gap.configured is not None and numbers_of(d.gap.configured) in text
+    assert d.gap.configured is not None and numbers.gap(d.gap.configured) in text
 
 
 def test_a_calibration_colours_the_workspace(tmp_path):

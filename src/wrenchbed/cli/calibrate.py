@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import tyro
 from rich.console import Group
 from rich.padding import Padding
@@ -19,11 +18,8 @@ from wrenchbed.cli import console
 from wrenchbed.cli.console import Json
 from wrenchbed.data.outputs import Kind
 from wrenchbed.errors import ParameterError
-from wrenchbed.pages.numbers import decimals
+from wrenchbed.pages.numbers import HUMAN, decimals
 from wrenchbed.physics.wrench import CHANNELS
-
-_READABLE = {"m": ("mm", 1e3), "rad": ("°", 180 / np.pi), "kg·m²": ("g·m²", 1e3)}
-"""Units that people read more easily than SI, and their factors."""
 
 
 @dataclass(frozen=True)
@@ -141,7 +137,7 @@ def _parameters(result: wb.Fit, truth: Mapping[str, float] | None) -> Table:
         table.add_column("truth", justify="right", no_wrap=True)
         table.add_column("off by", justify="right", no_wrap=True)
     for p in result.identified:
-        unit, factor = _READABLE.get(p.unit, (p.unit, 1.0))
+        unit, factor = HUMAN.get(p.unit, (p.unit, 1.0))
         cells = [p.name, *_numbers(p, factor), unit]
         if truth is not None:
             true = truth.get(p.name, p.nominal)

@@ -90,7 +90,7 @@ def diagnose(
             console.check_out(out / name, Kind.PLAN, lock=False)
         with atomic_folder(out) as folder:
             written = _write(result, folder, console.command(*command), artist)
-    console.answer(result.diagnosis.to_json(), as_json, diagnosis(result.diagnosis))
+    console.answer(result.diagnosis.to_json(), as_json, None if as_json else diagnosis(result))
     if not as_json:
         console.say(f"{', '.join(written)} → {out}")
 
@@ -189,44 +189,40 @@ _COLOURS = {
     "none": "green", "identified": "cyan", "ambiguous": "yellow", "partial": "yellow",
     "unknown": "magenta",
 }  # fmt: skip
-_MEANING = {
-    "none": "no cause: the residual is within the noise, or normal imperfections",
-    "identified": "the cause is known",
-    "partial": "the named cause is there; most of the gap is something else",
-    "ambiguous": "a cause with rivals that this data cannot distinguish",
-    "unknown": "a gap, or scatter between rows, that no known effect explains",
-}
 
 
-def diagnosis(d: Diagnosis) -> Group:
-    """The three answers, then what cannot be text and what to do next."""
+def diagnosis(found: Findings) -> Group:
+    """The three answers, then what the data cannot tell and what to do next; as on the page."""
+    from wrenchbed.reports import sentences
+
+    d = found.diagnosis
     head = Text.assemble(
         ("diagnosis ", "bold"),
         f"{', '.join((d.recording, *d.others))}  {d.robot}, {d.seconds:.1f} s",
     )  # fmt: skip
-    verdict = Text.assemble((d.verdict, f"bold {_COLOURS[d.verdict]}"), f": {_MEANING[d.verdict]}")
+    answer = f": {sentences.headline(found)}"
+    verdict = Text.assemble((d.verdict, f"bold {_COLOURS[d.verdict]}"), answer)
     parts: list[Any] = [head, verdict, *(_line(f"set aside: {o['sentence']}") for o in d.outliers)]
-    parts.append("")
-    parts += [Text("where", style="bold"), *(_line(str(w["sentence"])) for w in d.where[:4])]
-    if not d.where:
-        parts.append(_line("no place has a gap that counts as a cause"))
+    parts += ["", Text("where", style="bold"), _line(f"{sentences.place(found)}.")]
+    parts += [_line(text) for text in sentences.places(found)]
     parts += ["", Text("which", style="bold")]
-    parts.append(_causes(d) if d.which else _line("no cause is claimed"))
+    parts.append(_causes(d) if d.which else _line(sentences.without_cause(found)))
     parts.append(_line(_probabilities(d)))
-    parts += ["", Text("how far", style="bold"), _line(_MEASURE), _gap(d)]
-    for title, lines in (("what this data cannot tell", d.cannot_tell), ("note", d.notes)):
+    parts += ["", Text("how far", style="bold"), *_gap(found)]
+    told = {r.sentence for r in found.rows}
+    notes = [*(r.sentence for r in found.rows), *(n for n in d.notes if n not in told)]
+    for title, lines in (("what this data cannot tell", d.cannot_tell), ("note", notes)):
         if lines:
             parts += ["", Text(title, style="bold"), *map(_line, lines)]
-    if d.next:
-        parts += ["", Text("what next", style="bold"), *(_line(str(n["sentence"])) for n in d.next)]
+    steps = [str(n["sentence"]) for n in d.next] or [sentences.nothing_more(found)]
+    parts += ["", Text("what next", style="bold"), *map(_line, steps)]
     return Group(*parts)
-
-
-_MEASURE = "gap on held-out rows; 1: errors as large as the noise of one row"
 
 
 def isolability(name: str, result: DryRun) -> Group:
     """Which effects a plan could show, from what size on."""
+    from wrenchbed.pages import numbers
+
     table = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
     table.add_column("effect", no_wrap=True)
     table.add_column("shows from", justify="right", no_wrap=True)
@@ -236,8 +232,8 @@ def isolability(name: str, result: DryRun) -> Group:
             cell = "never"
         else:
             parameter, (value, unit) = next(iter(s.size.items()))
-            cell = f"{value:.2g} {unit}" if s.detectable else f"({value:.2g} {unit})"
-            cell += f" {parameter}"
+            text = numbers.rough(parameter, value, unit)
+            cell = f"{text} {parameter}" if s.detectable else f"({text}) {parameter}"
         style = "" if s.detectable else "dim"
         table.add_row(Text(s.effect, style=style), Text(cell, style=style), ", ".join(s.rivals))
     parts: list[Any] = [Text(f"what {name} could show", style="bold"), table]
@@ -252,9 +248,11 @@ def _line(text: str) -> Padding:
 
 
 def _causes(d: Diagnosis) -> Table:
+    from wrenchbed.pages import numbers
+
     table = Table(box=None, padding=(0, 2, 0, 2), header_style="dim")
     table.add_column("effect")
-    table.add_column("p", justify="right", no_wrap=True)
+    table.add_column("probability", justify="right", no_wrap=True)
     table.add_column("parameters")
     for cause in d.which:
         name = str(cause["effect"])
@@ -263,7 +261,7 @@ def _causes(d: Diagnosis) -> Table:
         text = "\n".join(_parameter(k, v) for k, v in list(cause["parameters"].items())[:6])
         more = len(cause["parameters"]) - 6
         text += f"\n… {more} more" * (more > 0)
-        table.add_row(name, f"{cause['probability']:.2f}", text)
+        table.add_row(name, numbers.chance(float(cause["probability"])), text)
     return table
 
 
@@ -274,29 +272,30 @@ def _parameter(name: str, text: dict[str, Any]) -> str:
 
 
 def _probabilities(d: Diagnosis) -> str:
-    best = sorted(d.probabilities.items(), key=lambda kv: -kv[1])
-    leading = ", ".join(f"{k} {v:.2f}" for k, v in best if v >= 0.005)
+    from wrenchbed.reports.tables import candidates
+
+    leading = ", ".join(f"{c['key']} {c['p']}" for c in candidates(d.probabilities))
     return f"leading cause: {leading}; at least 90 % together: {', '.join(d.set90)}"
 
 
-def _gap(d: Diagnosis) -> Table:
-    g = d.gap
+_MEASURE = (
+    "gap: mean square of measured minus simulated in units of the noise of one row, minus that "
+    "noise; calibrated: bias, mass and CoG fitted"
+)
+
+
+def _gap(found: Findings) -> list[Any]:
+    from wrenchbed.pages import numbers
+    from wrenchbed.reports import sentences, tables
+
+    g, far = found.diagnosis.gap, sentences.distance(found)
     table = Table(box=None, padding=(0, 2, 0, 2), show_header=False)
     table.add_column(no_wrap=True)
     table.add_column(justify="right", no_wrap=True)
-    for text, value in (
-        ("simulator as configured", g.configured),
-        ("calibrated: bias, mass, CoG", g.calibrated.value),
-        ("with the effects", None if g.with_effects is None else g.with_effects.value),
-        ("noise alone", g.floor),
-    ):
-        if value is not None:
-            table.add_row(text, f"{value:.3g}")
-    if (c := g.closed) is not None:
-        text = f"{100 * c.value:.1f} % ({100 * c.low:.1f} … {100 * c.high:.1f})"
-        table.add_row("closed", text)
-    if g.black_box is not None:
-        text = f"{100 * g.black_box:.1f} %" if g.black_box > 0.0 else "nothing"
-        table.add_row("a black box closes", text)
-    table.add_row("held-out rows", f"{g.rows}")
-    return table
+    for label, value, kind in tables.gaps(found):
+        if kind != "box":
+            table.add_row(label, numbers.gap(value))
+    table.add_row("held-out rows", f"{g.rows:,}")
+    text, extra = f"{far['figure']}. {far['text']}", sentences.black_box(g)
+    told = text if extra in text else f"{text} {extra}"
+    return [_line(told.removeprefix(". ")), table, _line(_MEASURE)]

@@ -223,10 +223,8 @@ def of_data(a: Analysis, folds: int) -> tuple[str, ...]:
     """What a reader should know of a recording's data."""
     p = a.prepared
     n, again = len(p.y), int(np.count_nonzero(p.count == 0))
-    still = "poses" if p.recording.metadata.mode == "static" else "averages of a motion"
-    what = "samples of motion" if p.moving else still
     held_out = f"each held out once in {folds} folds"
-    result = [f"{n} {what}, {held_out}; noise of a row {p.noise_source}"]
+    result = [f"{n} {p.observed}, {held_out}; noise of a row {p.noise_source}"]
     if p.left_out:
         result.append(f"{p.left_out} saturated rows were left out")
     if again:
@@ -242,12 +240,12 @@ def notes(gap: Closure, between: Sequence[RowFinding], *, unknown: bool) -> tupl
     rest = None if gap.with_effects is None else gap.with_effects.value - max(gap.floor, 0.0)
     if rest is not None and rest > max(1.0, UNEXPLAINED * gap.excess):
         result.append(
-            f"the named causes leave a gap of {rest:.3g} on held-out rows: something else is wrong "
-            "too, or their form is; do not trust the twin"
+            f"the named causes leave a gap of {rest:.3g} on held-out rows: there is another cause, "
+            "or the model of these is wrong; do not trust the twin"
         )
     if between and unknown:
         result.append(
-            "what causes the gap of the means is unknown; beside it rows show "
+            "the cause of the gap of the means is unknown; single rows also show "
             + ", ".join(f"{r.effect} (probability {r.probability:.2g})" for r in between)
         )
     return (*result, *(r.sentence for r in between))

@@ -172,6 +172,8 @@ class Effect(ABC):
     name: ClassVar[str]
     title: ClassVar[str]
     """One line: what happens."""
+    title_of_joint: ClassVar[str] = ""
+    """The same where one joint has it, with ``{joint}`` for its number."""
     source: ClassVar[str]
     """Where the typical size comes from."""
     stage: ClassVar[str]

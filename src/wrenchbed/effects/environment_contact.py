@@ -120,7 +120,7 @@ class EnvironmentContact(LoadEffect):
             drag = np.clip(push / float(push @ n) - n, -1.0, 1.0)
             begin = dict(zip((*NORMAL, *SLIDE), map(float, [*n, *drag]), strict=True))
             begin |= dict.fromkeys(ASIDE, 0.0) | {"depth": depth, "power": 1.0, "reach": 1.0}
-            text = f"a plane found, {len(result) + 1}"
+            text = f"fitted plane {len(result) + 1}"
             result.append(Variant(text, ("stiffness",), begin, SHAPE, {}, 0.1))
         return tuple(result)
 

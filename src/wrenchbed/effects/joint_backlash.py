@@ -38,6 +38,7 @@ class JointBacklash(JointEffect):
 
     name = "joint.backlash"
     title = "joints have backlash"
+    title_of_joint = "joint {joint} has backlash"
     shown = "torque"
     form_error = 0.15
     size_error = 0.15

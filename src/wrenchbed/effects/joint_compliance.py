@@ -30,6 +30,7 @@ class JointCompliance(JointEffect):
 
     name = "joint.compliance"
     title = "joints are compliant and deflect under gravity"
+    title_of_joint = "joint {joint} is compliant and deflects under gravity"
     shown = "torque"
     size_error = 0.1
     source = "UR 1–3e4 N·m/rad, wrists 3–8e3: estimate; drives 1e5–1e6 N/m"

@@ -37,6 +37,7 @@ class JointGearError(JointEffect):
 
     name = "joint.gear_error"
     title = "gears and encoders have a periodic error"
+    title_of_joint = "the gear or encoder of joint {joint} has a periodic error"
     shown = "angle"
     size_error = 0.1
     source = "0.3–2 arcmin of strain wave gears, 0.5–5 of eccentric encoders: estimate"

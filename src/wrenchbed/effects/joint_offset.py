@@ -20,6 +20,7 @@ class JointOffset(JointEffect):
 
     name = "joint.offset"
     title = "joint zeros are offset"
+    title_of_joint = "the zero of joint {joint} is offset"
     shown = "angle"
     source = "zero offsets of 0.05–0.5°, drives 0.1–1 mm: estimate"
     amplitude = "offset"

@@ -102,7 +102,7 @@ class ToolLoose(LoadEffect):
         result: list[Variant] = []
         for _, k, grip, lean in candidates[:4]:
             begin = dict(zip(WAY, map(float, ways[k]), strict=True)) | {"lean": lean, "grip": grip}
-            text = f"{'sticks' if grip else 'falls'} along a way found, {len(result) + 1}"
+            text = f"{'sticks' if grip else 'falls'} along fitted direction {len(result) + 1}"
             shape = (*WAY, "lean", "grip") if grip else (*WAY, "lean")
             result.append(Variant(text, ("shift",), begin, shape, {}, 0.05))
         return tuple(result)

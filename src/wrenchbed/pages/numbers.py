@@ -1,4 +1,8 @@
-"""Numbers as people read them: as many digits as are known, with their unit."""
+"""Numbers as people read them: as many digits as are known, with their unit.
+
+One rule for units on pages, in the terminal and in rerun: lengths in mm, angles in °, inertia in
+g·m², times below 0.1 s in ms, shares in %; every other unit is SI. Files hold SI alone.
+"""
 
 import math
 import re
@@ -9,14 +13,19 @@ NORMAL_95 = 1.96
 """Half the width of a 95 % interval, in standard uncertainties."""
 MOST_NINES = 4
 """Decimals of a percentage close below the whole."""
-_SMALL = {"m": "mm", "rad": "mrad", "s": "ms"}
+HUMAN: Mapping[str, tuple[str, float]] = {
+    "m": ("mm", 1e3), "rad": ("°", 180.0 / math.pi), "kg·m²": ("g·m²", 1e3),
+}  # fmt: skip
+"""Units that people read instead of SI units, and the factor to them."""
+_SHORT_S = 0.1
+"""Times below are read in milliseconds."""
 _SHARES = ("gain", "share", "span")
 """Parameters without unit that people read in percent, by the start of their name."""
 _POWERS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def gap(value: float) -> str:
-    """A gap with up to three figures; below a hundredth it is zero."""
+    """A gap with up to three figures; below half a hundredth it is zero."""
     size = abs(value)
     if size < 0.005:
         return "0.00"
@@ -32,6 +41,11 @@ def percent(x: float) -> str:
         scale = 10.0**digits
         return f"{math.floor(100 * x * scale) / scale:.{digits}f}"
     return minus(f"{100 * x:,.0f}" if abs(x) >= 10 else f"{100 * x:.1f}")
+
+
+def share(x: float) -> str:
+    """A share (0 … 1) in whole percent; one that rounds to nothing is not nothing."""
+    return "< 1 %" if 0.0 < x < 0.005 else f"{100 * x:.0f} %"
 
 
 def chance(p: float) -> str:
@@ -53,7 +67,13 @@ def quantity(name: str, told: Mapping[str, Any], *, signed: bool = False) -> str
     factor, unit = _unit(name, told)
     spread = None if std is None else factor * float(std)
     shown = measured(factor * float(value or 0.0), spread, signed=signed)
-    return f"{shown} {unit}".rstrip()
+    return _with(shown, unit)
+
+
+def rough(name: str, value: float, unit: str) -> str:
+    """A parameter's size of which two figures are enough."""
+    factor, shown = _unit(name, {"value": value, "unit": unit})
+    return minus(_with(f"{factor * value:.2g}", shown))
 
 
 def interval(name: str, told: Mapping[str, Any]) -> str:
@@ -68,15 +88,7 @@ def interval(name: str, told: Mapping[str, Any]) -> str:
     digits = _digits(std)
     low, high = (f"{value / scale + k * NORMAL_95 * std:.{digits}f}" for k in (-1, 1))
     both = minus(f"{low} … {high}")
-    return f"{f'({both}){_times(power)}' if power else both} {unit}".rstrip()
-
-
-def degrees(told: Mapping[str, Any]) -> str:
-    """An angle once more in degrees; empty for what is no angle."""
-    value = told.get("value")
-    if told.get("unit") != "rad" or not _is_number(value):
-        return ""
-    return minus(f"{math.degrees(value or 0.0):.3g}°")
+    return _with(f"({both}){_times(power)}" if power else both, unit)
 
 
 def measured(value: float, std: float | None, *, signed: bool = False) -> str:
@@ -110,9 +122,15 @@ def _unit(name: str, told: Mapping[str, Any]) -> tuple[float, str]:
     unit, value = str(told.get("unit", "")), told.get("value") or 0.0
     if unit == "1":
         return (100.0, "%") if name.split(".")[0] in _SHARES else (1.0, "")
-    if unit in _SMALL and abs(value) < 0.1:
-        return 1e3, _SMALL[unit]
-    return 1.0, unit
+    if unit == "s" and abs(value) < _SHORT_S:
+        return 1e3, "ms"
+    shown, factor = HUMAN.get(unit, (unit, 1.0))
+    return factor, shown
+
+
+def _with(number: str, unit: str) -> str:
+    """A number and its unit; the degree sign alone needs no space."""
+    return number + unit if unit == "°" else f"{number} {unit}".rstrip()
 
 
 def _power(size: float) -> int:

@@ -143,7 +143,7 @@ def _of_joint(
         [
             Series("simulated effect", "line", line_x, line_y, role="after"),
             Series(
-                "measured", "points", x[told], 1e3 * error[at], 1e3 * std[at], ids=1 + told
+                "measured", "points", x[told], 1e3 * error[at], 1e3 * std[at], ids=e.ids[told]
             ),
         ],
         what="rows",
@@ -182,7 +182,7 @@ def _load(e: Evidence, c: Claim, name: str) -> Chart:
         _points(e, "measured", x, c.measured, k, order),
         Series(
             "simulated effect", "points", x[order], c.effect[order, k], role="after",
-            mark="diamond", ids=1 + order,
+            mark="diamond", ids=e.ids[order],
         ),
     ]  # fmt: skip
     return _load_chart(c, name, k, series, "")
@@ -202,7 +202,7 @@ def _loop(e: Evidence, c: Claim, name: str) -> Chart:
             replace(_points(e, f"measured, {word}", x, c.measured, k, own), mark=mark),
             Series(
                 f"simulated, {word}", "points", x[own], c.effect[own, k], role="after",
-                mark="diamond" if up else "ring", ids=1 + own,
+                mark="diamond" if up else "ring", ids=e.ids[own],
             ),
         ]  # fmt: skip
     note = "Rising: the load was smaller on the way there. A sensor that remembers has a loop."
@@ -219,7 +219,7 @@ def _points(
     e: Evidence, name: str, x: np.ndarray, y: np.ndarray, k: int, rows: np.ndarray
 ) -> Series:
     std = np.full(len(rows), e.std[k] * np.sqrt(e.prepared.noise[k]))
-    return Series(name, "points", x[rows], y[rows, k], std, ids=1 + rows)
+    return Series(name, "points", x[rows], y[rows, k], std, ids=e.ids[rows])
 
 
 def _load_chart(c: Claim, name: str, k: int, series: list[Series], told: str) -> Chart:
@@ -324,7 +324,7 @@ def _depth(e: Evidence, c: Claim, name: str) -> Chart | None:
     series, note = thinned(
         [
             Series("simulated effect", "line", x[order], (made @ way)[order], role="after"),
-            Series("measured", "points", x[order], (seen @ way)[order], std, ids=1 + order),
+            Series("measured", "points", x[order], (seen @ way)[order], std, ids=e.ids[order]),
         ]
     )  # fmt: skip
     panel = Panel(Axis(found.label, found.unit), Axis("force along the push", "N"), series,

@@ -13,6 +13,7 @@ from wrenchbed.diagnosis.prepare.prepared import Prepared
 from wrenchbed.pages import Drawn, numbers, rendered, write_page
 from wrenchbed.pages.chart import Chart
 from wrenchbed.reports import cause_charts, figures, residual_charts, sentences, tables
+from wrenchbed.reports.claim import claim
 from wrenchbed.reports.figures import AtOnce, Draws
 from wrenchbed.reports.simulators import Evidence
 
@@ -60,16 +61,14 @@ def diagnosis_page(found: Findings, command: str = "", artist: Draws | None = No
     """
     registry.require("matplotlib", "report")
     d, prepared = found.diagnosis, found.analysis.prepared
-    seen = sentences.observations(int(prepared.judged.sum()), prepared.moving)
     evidence, rows = Evidence(found), sentences.row_effects(found)
     before, after = evidence.channels()
     map_of_residuals = evidence.heat()
     told = {r.sentence for r in found.rows}
     recorded = shlex.join([d.recording, *d.others])
     draw = (artist or AtOnce()).draw
-    what = "samples" if prepared.moving else "poses"
     coming = {
-        "heat": draw(figures.heat(map_of_residuals, what)),
+        "heat": draw(figures.heat(map_of_residuals, prepared.observed)),
         "gaps": draw(figures.gaps(tables.gaps(found))),
         "channels": draw(figures.channels(before, after, evidence.first)),
     }
@@ -86,12 +85,12 @@ def diagnosis_page(found: Findings, command: str = "", artist: Draws | None = No
             "place": sentences.place(found),
             "where": sentences.places(found),
             "subsystems": tables.subsystems(found),
-            "causes": [sentences.cause(w, w["effect"] in rows) for w in d.which],
+            "causes": [claim(w) for w in d.which],
             "no_cause": sentences.without_cause(found),
-            "how_far": sentences.distance(found, seen),
+            "how_far": sentences.distance(found),
             "black_box": sentences.black_box(d.gap),
-            "seen": seen,
-            "moving": prepared.moving,
+            "seen": sentences.seen(found),
+            "observed": prepared.observed,
             "between_rows": bool(rows) and all(w["effect"] in rows for w in d.which),
             "bars": [
                 (label, numbers.gap(value), kind) for label, value, kind in tables.gaps(found)
@@ -106,6 +105,7 @@ def diagnosis_page(found: Findings, command: str = "", artist: Draws | None = No
             "comparisons": compared,
             "rows": [r.sentence for r in found.rows],
             "next": tables.steps(d.next),
+            "nothing_more": sentences.nothing_more(found),
             "record": f"wrenchbed record --robot {shlex.quote(d.robot)} --driver DRIVER --plan ",
             "notes": [n for n in d.notes if n not in told],
             "data": _data(found),
@@ -118,9 +118,9 @@ def diagnosis_page(found: Findings, command: str = "", artist: Draws | None = No
 def _of_causes(found: Findings, e: Evidence) -> list[Chart]:
     """What shows each cause, or what nothing explains, in the order of the causes."""
     told: list[Chart | None] = []
-    for k, claim in enumerate(e.claims()):
-        told.append(cause_charts.own_chart(e, claim, f"cause-{k}"))
-        told += [figures.comparison(c, f"effect-{k}-{c.channel}") for c in e.of_claim(claim)]
+    for k, own in enumerate(e.claims()):
+        told.append(cause_charts.own_chart(e, own, f"cause-{k}"))
+        told += [figures.comparison(c, f"effect-{k}-{c.channel}") for c in e.of_claim(own)]
     for k, entry in enumerate(found.diagnosis.which):
         told.append(cause_charts.curve_chart(entry, f"curve-{k}"))
         if entry["rivals"]:
@@ -161,7 +161,7 @@ def _recorded(name: str, p: Prepared) -> list[tuple[str, str]]:
         ("stated tool", ", ".join(tool) or "not stated"),
         (
             "data",
-            f"{sentences.observations(len(p.y), p.moving)}, {len(p.recording):,} rows{rate}, "
+            f"{len(p.y):,} {p.observed}, {len(p.recording):,} rows{rate}, "
             f"source: {stated.source or 'not stated'}",
         ),
         ("noise of a row", p.noise_source),

@@ -25,7 +25,12 @@ def everywhere(e: Evidence, name: str) -> Chart:
     for label, unit, x in _variables(e, k):
         order = np.argsort(x, kind="stable")
         series, note = thinned(
-            [Series("residual", "points", x[order], left[order, k], role="before", ids=1 + order)],
+            [
+                Series(
+                    "residual", "points", x[order], left[order, k], role="before",
+                    ids=e.ids[order],
+                )
+            ],
             MOST_ROWS, "rows",
         )  # fmt: skip
         y = Axis(f"{CHANNELS[k]}, residual", "noise")
@@ -82,7 +87,7 @@ def rivals(e: Evidence, entry: Mapping[str, Any], name: str) -> Chart | None:
         x, axis = p.scene.t[p.scene.held][order], Axis("time", "s")
     std = np.full(len(order), e.std[k] * np.sqrt(p.noise[k]))
     measured = (p.y - base)[order, k]
-    ids = 1 + order
+    ids = e.ids[order]
     top, note = thinned(
         [
             Series(cause, "line", x, ours[order, k], role="after", ids=ids),
@@ -132,7 +137,7 @@ def scatter(e: Evidence, entry: Mapping[str, Any], name: str) -> Chart | None:
     apart = (rows.wrench - means[at]) / _stated(e)
     k = int(np.argmax((apart**2).mean(axis=0)))
     t = rows.t - rows.t[0]
-    top, note = thinned([Series("measured", "line", t, apart[:, k], ids=1 + at)])
+    top, note = thinned([Series("measured", "line", t, apart[:, k], ids=segments)])
     reach = max(4.0, float(np.abs(apart[:, k]).max()))
     edges = np.linspace(-reach, reach, 61)
     counts, _ = np.histogram(apart[:, k], edges)

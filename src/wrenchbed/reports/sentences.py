@@ -3,55 +3,55 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from wrenchbed import registry
 from wrenchbed.diagnosis.diagnose import Findings
 from wrenchbed.diagnosis.gap.closure import Closure
 from wrenchbed.diagnosis.gap.result import Diagnosis
 from wrenchbed.diagnosis.gap.upheld import small
-from wrenchbed.diagnosis.prepare.configuration import STATED
 from wrenchbed.pages import numbers
+from wrenchbed.reports.claim import capital, claim, listed
+from wrenchbed.reports.claim import place as place_of
 
 LARGE_P = 0.006
 """Probabilities below are not worth a word."""
-MOST_SIZES = 3
-"""Parameters of a cause on the first screen."""
 _COUNT = ("No", "One", "Two", "Three", "Four", "Five", "Six", "Seven", "Eight", "Nine")
 _KERNELS = {
     "orientation": "the sensor's orientation",
     "position": "the sensor's position",
-    "direction": "the way the joints came",
+    "direction": "the direction from which the joints came",
     "speed": "speed and acceleration",
 }
+DISTRUST = "do not trust the twin"
+"""In the note on causes that leave much of the gap."""
 
 
 def headline(found: Findings) -> str:
-    """The verdict in a sentence, and another where most of the gap is left."""
+    """The verdict in sentences: each claim with its values, and what they leave open."""
     d = found.diagnosis
-    return _verdict(found) + " Most of the gap is something else." * (d.verdict == "partial")
+    if not d.which:
+        return _without_claim(found)
+    told = [claim(w).sentence for w in d.which]
+    if len(told) > 1:
+        told.insert(0, f"{_count(len(told))} causes.")
+    if d.verdict == "ambiguous":
+        told.append("This recording does not distinguish the causes joined by “or”.")
+    elif any(w["rivals"] for w in d.which):
+        told.append("Without contact, the causes joined by “or” have the same effect.")
+    if d.verdict == "partial":
+        told.append("Most of the gap has another cause, which is unknown.")
+    return " ".join(told)
 
 
-def _verdict(found: Findings) -> str:
+def _without_claim(found: Findings) -> str:
     d = found.diagnosis
     if d.verdict == "none":
         return "No cause found: the residual is within normal imperfections."
-    if d.verdict == "unknown" and _crowd(d):
+    if _crowd(d):
         return "Too many effects explain the gap equally well."
     if _only_scatters(found):
         return "No known effect explains how rows scatter."
-    if d.verdict == "unknown":
-        kernel = found.analysis.ranking.kernel
-        on = f": it varies with {depends(kernel)}" if _seen(kernel, found) else ""
-        return f"No known effect explains the gap{on}."
-    told = [_either([title(n) for n in (w["effect"], *w["rivals"])], ", or ") for w in d.which]
-    each = capital("; ".join(told))
-    if len(told) > 1:
-        each = f"{_count(len(told))} causes: {'; '.join(told)}"
-    if d.verdict == "ambiguous":
-        which = "which" if len(told) == 1 else "which side of each “or” is true"
-        return f"{each}. This data cannot tell {which}."
-    if any(w["rivals"] for w in d.which):
-        return f"{each}. Without contact, the causes joined by “or” make no difference."
-    return f"{each}."
+    kernel = found.analysis.ranking.kernel
+    on = f": it varies with {depends(kernel)}" if _seen(kernel, found) else ""
+    return f"No known effect explains the gap{on}."
 
 
 def depends(kernel: str) -> str:
@@ -63,61 +63,57 @@ def place(found: Findings) -> str:
     """Where, in a few words."""
     d = found.diagnosis
     if not d.which:
-        small = d.where or any(f.seen for f in found.places)
-        return "No place is named." if small else "No place differs from noise."
+        return _hint(found)
     told = []
     for w in d.which:
-        own = dict.fromkeys(str(n).split(".")[0] for n in (w["effect"], *w["rivals"]))
-        text = f"in the {' or the '.join(own)}"
+        others = (str(n).split(".")[0] for n in w["rivals"])
+        own = dict.fromkeys((place_of(w), *others))
+        text = " or ".join(f"in {_the(name)}" for name in own)
         if text not in told:
             told.append(text)
-    known = _either(told, " and ")
+    known = listed(told)
     return f"Mostly not {known}" if d.verdict == "partial" else capital(known)
+
+
+def _the(place: str) -> str:
+    """With its article, which a numbered part has none of."""
+    return place if place[-1].isdigit() or place.startswith("all ") else f"the {place}"
+
+
+def _hint(found: Findings) -> str:
+    hints = hinted(found)
+    if hints:
+        return f"Only a hint: {listed([_the(name) for name in hints])}"
+    if any(f.seen for f in found.places):
+        return "Too little for a cause"
+    return "No place differs from noise"
+
+
+def hinted(found: Findings) -> list[str]:
+    """Subsystems that ``where`` hints at; none where a cause is claimed."""
+    d = found.diagnosis
+    if d.which:
+        return []
+    return list(dict.fromkeys(str(w["subsystem"]) for w in d.where if float(w["share"]) > 0.0))
 
 
 def places(found: Findings) -> list[str]:
     """Sentences on where, most important first."""
-    d, rows = found.diagnosis, {r.effect: r for r in found.rows}
+    d = found.diagnosis
     if d.which:
-        told = []
-        for entry in d.where:
-            row = _row_of(entry, found)
-            told.append(str(entry["sentence"]) if row is None else _scatters(row, rows[row].rise))
-        if set(rows) >= {str(w["effect"]) for w in d.which}:
+        told = [str(w["sentence"]) for w in d.where]
+        if row_effects(found) >= {str(w["effect"]) for w in d.which}:
             return told
         return told + [f.sentence for f in found.places if f.seen and f.share > LARGE_P][:2]
     told = [str(w["sentence"]) for w in d.where[:2]]
     if d.verdict == "unknown":
         kernel = found.analysis.ranking.kernel
         text = f"Of all recorded variables, the residual follows {depends(kernel)} best"
-        told.insert(0, f"{text}." if _seen(kernel, found) else f"{text}, but not beyond chance.")
-    *first, last = [f.variable for f in found.places if f.seen] or [""]
-    if last and not told:
-        small = f"{', '.join(first)} and {last}" if first else last
-        told.append(f"What is left beyond noise, too little for a cause, shows in {small}.")
+        told.insert(0, f"{text}." if _seen(kernel, found) else f"{text}, but not significantly.")
+    seen = [f.variable for f in found.places if f.seen]
+    if seen and not told:
+        told.append(f"What is left beyond noise is too small for a cause: {listed(seen)}.")
     return told or ["No channel, joint or variable carries more than noise."]
-
-
-def cause(entry: Mapping[str, Any], between_rows: bool) -> dict[str, Any]:
-    """One cause for the first screen: name, what it is, figures, probability, rivals."""
-    name = str(entry["effect"])
-    choices, sizes = parts(entry)
-    few = between_rows or len(sizes) <= MOST_SIZES
-    ranked = sizes if few else sorted(sizes, key=_weight)
-    told = [
-        (parameter(n), numbers.quantity(n, v, signed=name in STATED))
-        for n, v in ranked[:MOST_SIZES]
-    ]
-    return {
-        "name": name,
-        "choice": ", ".join(choices),
-        "title": capital(title(name)),
-        "figures": told,
-        "more": len(sizes) - len(told),
-        "against": name in STATED,
-        "probability": numbers.chance(float(entry["probability"])),
-        "rivals": [(str(r), title(str(r))) for r in entry["rivals"]],
-    }
 
 
 def without_cause(found: Findings) -> str:
@@ -137,7 +133,7 @@ def without_cause(found: Findings) -> str:
         return f"These explain it equally well, and no choice is made: {names}."
     what = "how rows scatter" if _only_scatters(found) else "the gap"
     told = (
-        f"None of the known effects explains {what}. Probability that it is something unknown: "
+        f"No known effect explains {what}. Probability that it is something unknown: "
         f"{numbers.chance(p.get('unknown', 0.0))}."
     )
     if not best or rest[best] < LARGE_P:
@@ -145,10 +141,10 @@ def without_cause(found: Findings) -> str:
     return f"{told} The nearest is {best.replace('|', ' or ')} with {numbers.chance(rest[best])}."
 
 
-def distance(found: Findings, seen: str) -> dict[str, str]:
+def distance(found: Findings) -> dict[str, str]:
     """How far the gap shrinks: the figure, and a sentence."""
     d, g = found.diagnosis, found.diagnosis.gap
-    on = f"on {seen} that were held out of every fit"
+    on = f"on {seen(found)} that were held out of every fit"
     if g.with_effects is not None:
         wrong_only = not d.twin.active
         start = g.configured if wrong_only else g.calibrated.value
@@ -161,6 +157,8 @@ def distance(found: Findings, seen: str) -> dict[str, str]:
         told = f"The gap shrinks {both} {on}."
         low, high = (numbers.percent(x) for x in (g.closed.low, g.closed.high))
         told += f" 95 % interval of the share closed: {low} … {high} %."
+        if distrusted(found):
+            told += " Much of it is left: do not trust this twin."
         return {"figure": f"{numbers.percent(g.closed.value)} % closed", "text": told}
     figure = f"Gap {numbers.gap(g.calibrated.value)}"
     if d.verdict == "unknown" and not _only_scatters(found):
@@ -176,8 +174,35 @@ def distance(found: Findings, seen: str) -> dict[str, str]:
         return {"figure": figure, "text": text}
     return {
         "figure": figure,
-        "text": f"{told}. A cause adds at least 1; there is nothing to close.",
+        "text": f"{told}. No cause is named; there is nothing to close.",
     }
+
+
+def distrusted(found: Findings) -> bool:
+    """Whether the causes leave so much of the gap that their twin is not to be used."""
+    return any(DISTRUST in note for note in found.diagnosis.notes)
+
+
+def nothing_more(found: Findings) -> str:
+    """What to do where no experiment is proposed."""
+    d = found.diagnosis
+    closed = d.gap.closed is None or d.gap.closed.value > 0.0
+    rows = row_effects(found)
+    if d.verdict == "none":
+        return (
+            "Nothing: the calibrated simulator in twin.json is as good as noise and normal "
+            "imperfections allow."
+        )
+    if d.verdict == "identified" and (distrusted(found) or not closed):
+        return "Do not use twin.json yet: record more poses, and diagnose both recordings together."
+    if d.verdict == "identified" and rows and all(w["effect"] in rows for w in d.which):
+        return (
+            "Nothing more has to be recorded to name the cause. It acts on single rows. twin.json "
+            "contains it; the mean readings of that simulator are the calibrated ones."
+        )
+    if d.verdict == "identified":
+        return "Nothing more has to be recorded to name the cause. twin.json contains it."
+    return "No experiment of the kinds considered would show more within minutes."
 
 
 def black_box(gap: Closure) -> str:
@@ -193,33 +218,10 @@ def black_box(gap: Closure) -> str:
     return f"A black-box model closes only {many} % of it."
 
 
-def parts(entry: Mapping[str, Any]) -> tuple[list[str], list[tuple[str, Mapping[str, Any]]]]:
-    """What of a cause's parameters is a choice, in words, and what is a quantity."""
-    own: Mapping[str, Any] = entry["parameters"]
-    choices = [
-        f"{parameter(n)} {numbers.quantity(n, v)}" for n, v in own.items() if "unit" not in v
-    ]
-    return choices, [(n, v) for n, v in own.items() if "unit" in v]
-
-
-def parameter(name: str) -> str:
-    """``offset.q2`` → ``offset q2``."""
-    return name.replace(".", " ").replace("_", " ")
-
-
-def title(effect: str) -> str:
-    """What an effect is, in words that begin small."""
-    return str(registry.load("effects", effect).title)
-
-
-def capital(text: str) -> str:
-    """With a capital first letter."""
-    return text[:1].upper() + text[1:]
-
-
-def observations(count: int, moving: bool) -> str:
-    """``20 poses``."""
-    return f"{count:,} {'samples of motion' if moving else 'poses'}"
+def seen(found: Findings) -> str:
+    """What the gap was measured on: ``20 poses``."""
+    p = found.analysis.prepared
+    return f"{int(p.judged.sum()):,} {p.observed}"
 
 
 def row_effects(found: Findings) -> frozenset[str]:
@@ -231,20 +233,6 @@ def _only_scatters(found: Findings) -> bool:
     """Whether it is unknown because of how rows scatter: their means have hardly a gap."""
     d = found.diagnosis
     return d.verdict == "unknown" and bool(found.scattered) and small(d.gap)
-
-
-def _row_of(entry: Mapping[str, Any], found: Findings) -> str | None:
-    """The effect of an entry of ``where`` if it shows between rows only."""
-    for r in found.rows:
-        same = str(entry["subsystem"]) == r.effect.split(".")[0]
-        if same and entry["detail"] == ", ".join(r.channels):
-            return r.effect
-    return None
-
-
-def _scatters(effect: str, rise: float) -> str:
-    share = numbers.percent(rise / (1.0 + rise))
-    return f"{effect} makes up to {share} % of the variance of a channel's rows at rest."
 
 
 def _seen(kernel: str, found: Findings) -> bool:
@@ -260,19 +248,8 @@ def _crowd(d: Diagnosis) -> bool:
     return d.verdict == "unknown" and "|" in best and rest[best] > d.probabilities["unknown"]
 
 
-def _either(told: Sequence[str], between: str) -> str:
-    """``a, b`` with a word before the last."""
-    return between.join([x for x in (", ".join(told[:-1]), told[-1]) if x])
-
-
 def _count(n: int) -> str:
     return _COUNT[n] if n < len(_COUNT) else str(n)
-
-
-def _weight(item: tuple[str, Mapping[str, Any]]) -> float:
-    """The best known parameters first."""
-    value, std = float(item[1]["value"]), item[1].get("std")
-    return -abs(value) / float(std) if std else 0.0
 
 
 def names(which: Sequence[Mapping[str, Any]]) -> list[str]:

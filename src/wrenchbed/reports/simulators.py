@@ -6,9 +6,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from wrenchbed.diagnosis.diagnose import Findings
+from wrenchbed.diagnosis.explain.outliers import pose_numbers
 from wrenchbed.diagnosis.gap.closure import calibrated
 from wrenchbed.diagnosis.gap.held_out import HeldOut
 from wrenchbed.diagnosis.prepare.configuration import STATED
+from wrenchbed.diagnosis.prepare.prepared import Prepared
 from wrenchbed.effects.chain import ActiveEffect, effects
 from wrenchbed.pages.numbers import minus
 from wrenchbed.physics.wrench import CHANNELS, UNITS
@@ -32,7 +34,7 @@ class Comparison:
         x_label, x_unit: what x is.
         measured: minus the simulator without the effects (N,).
         predicted: by the effects (N,), None where nothing is claimed.
-        ids: number of each observation (N,), from 1.
+        ids: number of each observation (N,): of poses as the recording has it, else from 0.
         std: noise of each observation (N,).
         sigma: noise of a row.
         what: the observations, for people.
@@ -94,6 +96,7 @@ class Evidence:
     def __init__(self, found: Findings) -> None:
         a = found.analysis
         self.found, self.prepared, self.twin = found, a.prepared, found.diagnosis.twin
+        self.ids = _numbers(a.prepared)
         self.std = np.sqrt(np.diagonal(a.prepared.covariance))
         claimed = found.diagnosis.gap.with_effects is not None
         wrong_only = claimed and not self.twin.active
@@ -179,13 +182,13 @@ class Evidence:
     ) -> Comparison:
         p, known = self.prepared, effects()
         order = np.arange(len(p.y))
-        x, label, unit = 1.0 + order, "pose, in the order of time", ""
+        x, label, unit = along(p)[0], "number of the pose", ""
         timed = effect is not None and title in known and known[title].shown == "time"
-        if p.moving or timed:
+        if p.moving or p.averaged or timed:
             x, label, unit = p.scene.t[p.scene.held], "time", "s"
         elif effect is not None:
             order = np.argsort(effect[:, channel], kind="stable")
-            label = "poses, sorted by what the effect predicts"
+            x, label = 1.0 * np.arange(len(p.y)), "poses, sorted by the predicted effect"
         else:
             values, label, _ = self._variable()
             order = np.argsort(values, kind="stable")
@@ -194,12 +197,12 @@ class Evidence:
         std = np.full(len(order), self.std[channel] * np.sqrt(p.noise[channel]))
         return Comparison(
             CHANNELS[channel], UNITS[channel], title, x, label, unit, measured[order, channel],
-            predicted, 1 + order, std, float(self.std[channel]),
-            "samples" if p.moving else "poses",
+            predicted, self.ids[order], std, float(self.std[channel]),
+            p.observed,
         )  # fmt: skip
 
     def _variable(self) -> tuple[np.ndarray, str, str]:
-        """A joint where one is to blame or seen, else time: values (H,), axis, words."""
+        """A joint where one is to blame or seen, else `along`: values (H,), axis, words."""
         p = self.prepared
         joints = p.model.robot.joints if p.scene.jointed else ()
         for k in _blamed(self.found):
@@ -207,9 +210,22 @@ class Evidence:
                 x, turns = p.poses[:, k - 1], joints[k - 1].unit == "rad"
                 label = f"joint {k} [{'°' if turns else 'mm'}]"
                 return (np.rad2deg(x) if turns else 1e3 * x), label, f"over joint {k}"
-        if p.moving:
-            return p.scene.t[p.scene.held], "time [s]", "over time"
-        return 1.0 + np.arange(len(p.y)), "pose, in the order of time", "over the poses in order"
+        return along(p)
+
+
+def along(p: Prepared) -> tuple[np.ndarray, str, str]:
+    """What observations are drawn over: values (H,), label of the axis, words.
+
+    Poses have the numbers that the recording gives them, as in diagnosis.json.
+    """
+    if p.moving or p.averaged:
+        return p.scene.t[p.scene.held], "time [s]", "over time"
+    return pose_numbers(p), "number of the pose", "over the poses"
+
+
+def _numbers(p: Prepared) -> np.ndarray:
+    """Numbers of the observations (H,): of poses as in `along`, of samples their order from 0."""
+    return np.arange(len(p.y)) if p.moving or p.averaged else pose_numbers(p)
 
 
 def _blamed(found: Findings) -> list[int]:

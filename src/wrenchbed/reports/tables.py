@@ -4,13 +4,13 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from scipy.special import softmax
 
 from wrenchbed.diagnosis.diagnose import Findings
 from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
 from wrenchbed.diagnosis.prepare.configuration import STATED
 from wrenchbed.pages import numbers
 from wrenchbed.reports import sentences
+from wrenchbed.reports.claim import parameter, parts
 
 SUBSYSTEMS = (
     "base", "joint", "link", "mount", "sensor", "tool", "cable", "environment", "timing",
@@ -27,7 +27,7 @@ def subsystems(found: Findings) -> list[dict[str, Any]]:
     claimed = {str(w["effect"]).split(".")[0] for w in d.which}
     rivals = {n.split(".")[0] for n in sentences.names(d.which)} - claimed
     scatter = {n.split(".")[0] for n in rows} & claimed
-    share: dict[str, float] = {}
+    hints, share = sentences.hinted(found), dict[str, float]()
     for w in d.where:
         own = str(w["subsystem"])
         share[own] = share.get(own, 0.0) + max(float(w["share"]), 0.0)
@@ -36,17 +36,19 @@ def subsystems(found: Findings) -> list[dict[str, Any]]:
     for name in SUBSYSTEMS:
         value, kind, text = share.get(name, 0.0), "quiet", "–"
         if name in means:
-            kind, text = "claimed", f"{100 * value:.0f} %"
+            kind, text = "claimed", numbers.share(value)
         elif name in scatter:
             kind, text = "claimed", "rows"
         elif name in rivals:
             kind, text = "hint", "or here"
-        elif value > 0:
-            kind, text = "hint", f"hint: {100 * value:.0f} %"
+        elif name in hints:
+            kind, text = "hint", f"hint: {numbers.share(value)}"
         result.append({"name": name, "kind": kind, "text": text, "weight": _width(value)})
     return result
 
 
+LEAST_GAIN = 0.01
+"""Information per minute [nat] below which no figure is printed."""
 LEAST_SHARE = 0.005
 """Share of the residual below which a place that is seen has no row of its own."""
 
@@ -61,7 +63,7 @@ def places(found: Findings) -> list[dict[str, str]]:
     return [
         {
             "variable": f.variable,
-            "share": f"{100 * max(f.share, 0.0):.0f} %",
+            "share": numbers.share(max(f.share, 0.0)),
             "width": _width(f.share),
             "p": numbers.p_value(f.p_value),
             "sentence": f.sentence,
@@ -83,6 +85,7 @@ def candidates(probabilities: Mapping[str, float]) -> list[dict[str, str]]:
     kept += [(k, p) for k, p in ranked if k in _MEANING and (k, p) not in kept]
     return [
         {
+            "key": k.replace("|", " or "),
             "name": _MEANING.get(k, k.replace("|", " or ")),
             "p": numbers.chance(p),
             "width": _width(p),
@@ -94,11 +97,9 @@ def candidates(probabilities: Mapping[str, float]) -> list[dict[str, str]]:
 def explanations(found: Findings) -> list[dict[str, Any]]:
     """The best structures with what each leaves, and how much less likely it is than the best."""
     told = found.analysis.ranking.explanations
-    share = softmax(np.array([e.log_posterior for e in told]))
-    known = 1.0 - found.verdict.probabilities.get(UNKNOWN, 0.0)
     result: list[dict[str, Any]] = []
     seen = set()
-    for e, own in zip(told, share, strict=True):
+    for e in told:
         text = " + ".join(f"{h.name} ({h.variant.label})" for h in e.finalist.parts)
         own_names = {h.name for h in e.finalist.parts}
         wrong = [p.name for p in e.parts if p.index is None and p.name not in own_names]
@@ -109,10 +110,9 @@ def explanations(found: Findings) -> list[dict[str, Any]]:
         result.append(
             {
                 "text": text,
-                "claims": bool(e.parts),
-                "rest": numbers.gap(e.rest),
+                "named": bool(found.verdict.causes) and e is found.verdict.explanation,
+                "rest": numbers.gap(max(e.rest, 0.0)),
                 "behind": _odds(told[0].log_posterior - e.log_posterior),
-                "p": numbers.chance(known * float(own)),
             }
         )
     return result
@@ -123,12 +123,11 @@ def causes(found: Findings) -> list[dict[str, Any]]:
     result = []
     for entry in found.diagnosis.which:
         name = str(entry["effect"])
-        choices, sizes = sentences.parts(entry)
+        choices, sizes = parts(entry)
         own = [
             {
-                "name": sentences.parameter(n),
+                "name": parameter(n),
                 "value": numbers.quantity(n, v, signed=name in STATED),
-                "degrees": numbers.degrees(v),
                 "interval": numbers.interval(n, v),
             }
             for n, v in sizes
@@ -137,11 +136,11 @@ def causes(found: Findings) -> list[dict[str, Any]]:
         result.append(
             {
                 "name": name,
-                "choice": ", ".join(choices),
+                "choice": ", ".join(text for _, text in choices),
                 "probability": numbers.chance(float(entry["probability"])),
                 "rivals": ", ".join(str(r) for r in entry["rivals"]),
                 "closed": "–" if closed is None else f"{numbers.percent(float(closed))} %",
-                "rows": own or [{"name": "–", "value": "–", "degrees": "", "interval": "–"}],
+                "rows": own or [{"name": "–", "value": "–", "interval": "–"}],
                 "against": name in STATED,
             }
         )
@@ -157,16 +156,16 @@ def gaps(found: Findings) -> list[tuple[str, float, str]]:
     if g.black_box is not None:
         left = g.calibrated.value - g.black_box * (g.calibrated.value - g.floor)
         rows.append(("with a black box", left, "box"))
-    return [*rows, ("noise alone", g.floor, "real")]
+    return [*rows, ("noise alone", max(g.floor, 0.0), "real")]
 
 
 def steps(proposals: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """What to do next, most telling a minute first."""
+    """What to do next, most informative per minute first."""
     return [
         {
             "sentence": str(n["sentence"]),
             "plan": n.get("plan"),
-            "gain": f"{float(n['gain']):.2g}",
+            "gain": f"{float(n['gain']):.2g}" if float(n["gain"]) >= LEAST_GAIN else "< 0.01",
         }
         for n in proposals
     ]

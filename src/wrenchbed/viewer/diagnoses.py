@@ -1,6 +1,5 @@
 """The picture of a diagnosis: parts coloured by their probability, residuals before and after."""
 
-import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -12,7 +11,8 @@ from wrenchbed import registry
 from wrenchbed.data.plan import Plan
 from wrenchbed.diagnosis.diagnose import Findings
 from wrenchbed.pages import numbers
-from wrenchbed.reports import sentences
+from wrenchbed.reports import sentences, tables
+from wrenchbed.reports.claim import joints
 from wrenchbed.reports.simulators import Evidence
 from wrenchbed.robots.base import Robot, SimulatedRobot
 from wrenchbed.simulation.simulation import Simulation
@@ -20,11 +20,6 @@ from wrenchbed.viewer import elements, layout
 from wrenchbed.viewer.elements import NEXT, ghost, heat
 from wrenchbed.viewer.robot import BodyMotion, log_pose, log_shapes, log_world, motion
 from wrenchbed.viewer.stream import Canvas, bar, log_words, readable, to_file
-
-_NUMBERED = re.compile(r"\.[a-z]*(\d+)$")
-"""Names as ``offset.q3`` and ``twist.2``."""
-_STANDS_OUT = 3.0
-"""Standard uncertainties beyond which an amplitude is one."""
 
 
 def blame(diagnosis: Mapping[str, Any]) -> dict[str, float]:
@@ -40,25 +35,10 @@ def blame(diagnosis: Mapping[str, Any]) -> dict[str, float]:
         for name, weight in zip(names, weights, strict=True):
             share = float(cause["probability"]) * weight / sum(weights)
             part = str(name).split(".")[0]
-            own = joint_numbers(cause) if part in ("joint", "link") and name == names[0] else []
+            own = joints(cause) if part in ("joint", "link") and name == names[0] else []
             for place in [f"{part} {k}" for k in own] or [part]:
                 told[place] = min(1.0, told.get(place, 0.0) + share)
     return told
-
-
-def joint_numbers(cause: Mapping[str, Any]) -> list[int]:
-    """Joints or links that a cause is about: as it says, else whose amplitudes stand out."""
-    values = cause["parameters"]
-    joint = values.get("joint", {}).get("value")
-    if isinstance(joint, int):
-        return [joint]
-    found = set()
-    for name, told in values.items():
-        match = _NUMBERED.search(name)
-        size, std = told.get("value"), told.get("std")
-        if match and std and abs(float(size)) > _STANDS_OUT * float(std):
-            found.add(int(match[1]))
-    return sorted(found)
 
 
 def painted(
@@ -151,27 +131,44 @@ def diagnosis_view(found: Findings, path: str | Path) -> None:
 
 
 def answers(found: Findings, shares: Mapping[str, float]) -> str:
-    """The three answers and the ranked causes, in Markdown."""
-    d = found.diagnosis
-    rows = [f"# {sentences.headline(found)}", "", f"**{sentences.place(found)}**", ""]
+    """The three answers and the ranked causes, in Markdown, in the words of the page."""
+    d, far = found.diagnosis, sentences.distance(found)
+    rows = [f"# {d.verdict}: {sentences.headline(found)}", ""]
+    rows += [f"- set aside: {o['sentence']}" for o in d.outliers]
+    rows += ["", f"**{sentences.place(found)}**", ""]
     rows += [f"- {sentence}" for sentence in sentences.places(found)]
-    rows += ["", "| candidate | probability | |", "|---|---|---|"]
-    ranked = sorted(d.probabilities.items(), key=lambda item: -item[1])
-    rows += [f"| {n} | {p:.2f} | {bar(p)} |" for n, p in ranked if p >= sentences.LARGE_P]
-    gap = d.gap
+    rows += _causes(found) if d.which else ["", sentences.without_cause(found)]
+    rows += ["", "| candidate for the leading cause | probability | |", "|---|---|---|"]
+    shown = tables.candidates(d.probabilities)
+    rows += [f"| {c['key']} | {c['p']} | {bar(0.01 * float(c['width']))} |" for c in shown]
+    rows += ["", f"**{far['figure'] or 'Gap'}**", "", f"{far['text']}"]
     rows += ["", "| simulator | gap on held-out rows |", "|---|---|"]
-    after = gap.with_effects
-    stages = (("as configured", gap.configured), ("calibrated", gap.calibrated.value),
-              ("with the effects", None if after is None else after.value))  # fmt: skip
-    rows += [f"| {name} | {numbers.gap(value)} |" for name, value in stages if value is not None]
+    rows += [f"| {name} | {numbers.gap(value)} |" for name, value, _ in tables.gaps(found)]
     if shares:
-        painted_parts = ", ".join(f"{part} {share:.2f}" for part, share in shares.items())
-        rows += ["", f"Painted: {painted_parts}. Darker is more to blame, grey not at all."]
-    if d.next:
-        rows += ["", "**Next:**", *(f"- {step['sentence']}" for step in d.next)]
+        colours = ", ".join(f"{part} {numbers.chance(p)}" for part, p in shares.items())
+        rows += ["", f"Painted by probability: {colours}. Grey: not named."]
+    if d.cannot_tell:
+        rows += ["", "**What this recording cannot tell**", "", *(f"- {x}" for x in d.cannot_tell)]
+    steps = [str(n["sentence"]) for n in d.next] or [sentences.nothing_more(found)]
+    rows += ["", "**What to do next**", "", *(f"- {step}" for step in steps)]
     if shares and _proposed(found) is not None:
-        rows += ["", f"Teal: up to {MOST_NEXT} of the poses that were proposed."]
+        rows += ["", f"Teal: up to {MOST_NEXT} of the proposed poses."]
+    if d.notes:
+        rows += ["", "**Notes**", "", *(f"- {n}" for n in d.notes)]
     return "\n".join(rows)
+
+
+def _causes(found: Findings) -> list[str]:
+    """Every parameter of each cause: value ± standard uncertainty and 95 % interval."""
+    head = "cause | probability | parameter | value ± standard uncertainty | 95 % interval"
+    rows = ["", f"| {head} |", "|---|---|---|---|---|"]
+    for c in tables.causes(found):
+        rivals = f" or {c['rivals']}" if c["rivals"] else ""
+        name, p = f"{c['name']}{rivals}", c["probability"]
+        for k, own in enumerate(c["rows"]):
+            lead = f"{name} | {p}" if k == 0 else " | "
+            rows.append(f"| {lead} | {own['name']} | {own['value']} | {own['interval']} |")
+    return rows
 
 
 def _log_robot(

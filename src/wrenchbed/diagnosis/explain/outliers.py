@@ -150,6 +150,15 @@ def _of_blocks(x: np.ndarray, blocks: np.ndarray) -> np.ndarray:
     return np.array([x[blocks == b].mean() for b in np.unique(blocks)])
 
 
+def pose_numbers(p: Prepared) -> np.ndarray:
+    """Numbers of the poses (H,): the recording's own segments; without any, their order from 0."""
+    segment = p.recording.columns.get("segment")
+    if segment is None:
+        return np.arange(len(p.y))
+    first = np.flatnonzero(usable(p.recording))[np.cumsum(p.count) - p.count]
+    return np.asarray(segment[first])
+
+
 def described(p: Prepared, rows: np.ndarray, reading: np.ndarray) -> tuple[Outlier, ...]:
     """Outliers among rows (H,) set aside, against readings (M, 6) of the others' simulator.
 
@@ -167,8 +176,7 @@ def described(p: Prepared, rows: np.ndarray, reading: np.ndarray) -> tuple[Outli
         if not motion:
             k = int(group[0])
             own = used[ends[k] - p.count[k] : ends[k]]
-            segment = p.recording.columns.get("segment")
-            pose = k if segment is None else int(segment[own[0]])
+            pose = int(pose_numbers(p)[k])
             begin, end = (float(p.recording.t[i]) for i in own[[0, -1]])
         result.append(Outlier(of, pose, begin, end, error[of & large].mean(axis=0)))
     return tuple(result)

@@ -63,26 +63,26 @@ def sentences(a: Analysis, verdict: Verdict) -> tuple[str, ...]:
     t = a.prepared.testimony
     if t is None:
         return ()
-    x, y = np.rad2deg(t.tilt)
+    x, y = np.rad2deg(t.tilt).round(3) + 0.0  # no minus zero
     sx, sy = np.rad2deg(t.std)
     size = f"({x:.3f} ± {sx:.3f}, {y:.3f} ± {sy:.3f})° about x and y"
     if t.log_bayes < 0.0:
-        return (f"the accelerometer sees no tilt of the base: {size}",)
-    text = f"the accelerometer, without the wrench, sees the base tilted by {size}"
+        return (f"the accelerometer measures no tilt of the base: {size}",)
+    text = f"the accelerometer alone measures a tilt of the base of {size}"
     tilted = _tilted(a)
     if not tilted:
         return (text,)
-    wx, wy = np.rad2deg(_wrench(a, tilted[0])[0])
+    wx, wy = np.rad2deg(_wrench(a, tilted[0])[0]).round(2) + 0.0  # no minus zero
     p = agreement(a, tilted[0], t)
     agree = "agrees" if p >= DISAGREE else "does not agree"
-    result = [f"{text}; the wrench's ({wx:.2f}, {wy:.2f})° {agree} (p = {p:.2g})"]
+    result = [f"{text}; the wrench gives ({wx:.2f}, {wy:.2f})° and {agree} (p = {p:.2g})"]
     if [c.names[0] for c in verdict.causes] == [TILT]:
         cause = verdict.causes[0].part
         remaining = rest(a.refitter, verdict.explanation.finalist, {cause.index})
         if remaining > cause.share:
             result.append(
-                f"what is left, a gap of {remaining:.3g}, is not the tilt's, and no effect of the "
-                "library explains it well enough to be named"
+                f"the tilt does not explain the remaining gap of {remaining:.3g}, and no effect of "
+                "the library explains it well enough to be named"
             )
     return tuple(result)
 

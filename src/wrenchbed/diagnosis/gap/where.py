@@ -326,18 +326,18 @@ def _varies(name: str) -> str:
 def _of_cause(effect: str, detail: str, share: float, p_value: float) -> dict[str, Any]:
     subsystem = effect.split(".")[0]
     place = f" ({detail})" if detail else ""
-    text = f"{100 * share:.0f} % of the gap lies in the {subsystem}: {effect}{place}."
+    much = "Less than 1 %" if share < 0.005 else f"{100 * share:.0f} %"
+    text = f"{much} of the gap lies in the {subsystem}: {effect}{place}."
     return _entry(subsystem, detail, share, p_value, text)
 
 
 def _of_rows(
     effect: str, channels: str, share: float, p_value: float, *, alone: bool
 ) -> dict[str, Any]:
-    subsystem = effect.split(".")[0]
-    text = f"Between rows, not in their means, {effect} shows in {channels}"
+    text = f"{effect} acts on single rows of {channels}, not on their means"
     if share >= 0.005:
-        text += f": up to {100 * share:.0f} % of a row's variance lies in the {subsystem}"
-    return _entry(subsystem, channels, share if alone else 0.0, p_value, f"{text}.")
+        text += f": up to {100 * share:.0f} % of a row's variance comes from it"
+    return _entry(effect.split(".")[0], channels, share if alone else 0.0, p_value, f"{text}.")
 
 
 def _of_hints(findings: Sequence[Finding]) -> list[dict[str, Any]]:

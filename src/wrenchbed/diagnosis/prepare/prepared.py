@@ -119,6 +119,12 @@ class Prepared:
         return self.recording.metadata.mode == "dynamic" and not self.moving
 
     @property
+    def observed(self) -> str:
+        """What the observations are, for people."""
+        still = "averages of a motion" if self.averaged else "poses"
+        return "samples of motion" if self.moving else still
+
+    @property
     def noise_source(self) -> str:
         """Where the noise of a row comes from, for people."""
         return "as stated" if self.source == "stated" else f"from its {self.source}"
