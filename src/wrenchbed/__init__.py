@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from wrenchbed.exports.base import ExportOptions, export_to
     from wrenchbed.exports.load_numbers import LoadNumbers, load_numbers
     from wrenchbed.hardware.drivers.sim import SimDriver, SimOptions
+    from wrenchbed.monitoring.compare import Comparison, compare
     from wrenchbed.planning.accuracy_plan import Mix, MixOptions, reach
     from wrenchbed.planning.choose import informative, multisine, poses
     from wrenchbed.registry import descriptions, load, names
@@ -82,6 +83,7 @@ _PUBLIC = {
     "exports.base": ("ExportOptions", "export_to"),
     "exports.load_numbers": ("LoadNumbers", "load_numbers"),
     "hardware.drivers.sim": ("SimDriver", "SimOptions"),
+    "monitoring.compare": ("Comparison", "compare"),
     "planning.accuracy_plan": ("Mix", "MixOptions", "reach"),
     "planning.choose": ("informative", "multisine", "poses"),
     "registry": ("descriptions", "load", "names"),
@@ -105,6 +107,7 @@ _HOME = {
 }
 
 __all__ = [
+    "Comparison",
     "EmulatorOptions",
     "Entrant",
     "ExportOptions",
@@ -135,6 +138,7 @@ __all__ = [
     "blind_seal",
     "calibrate",
     "campaign",
+    "compare",
     "describe_robot",
     "descriptions",
     "diagnose",

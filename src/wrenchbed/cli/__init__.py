@@ -43,6 +43,7 @@ _VERBS = {
     "report": ("view", "report"),
     "simulate": ("small_verbs", "simulate"),
     "export": ("export", "export"),
+    "compare": ("small_verbs", "compare"),
     "twin": ("serve", "twin"),
     "campaign": ("campaign", "campaign"),
     "study": ("small_verbs", "study"),

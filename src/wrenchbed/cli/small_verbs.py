@@ -1,9 +1,10 @@
-"""The verbs with few options: list, simulate and study."""
+"""The verbs with few options: list, simulate, compare and study."""
 
 from pathlib import Path
 from typing import Literal
 
 import tyro
+from rich.console import Group
 from rich.table import Table
 from rich.text import Text
 
@@ -11,6 +12,7 @@ import wrenchbed as wb
 from wrenchbed.cli import console
 from wrenchbed.cli.console import Flag, Json
 from wrenchbed.data.outputs import Kind, keeping
+from wrenchbed.pages.numbers import quantity
 
 
 def list_(
@@ -79,6 +81,41 @@ def simulate(
     rows = len(simulated)
     result = {"recording": str(out), "like": str(like), "rows": rows}
     console.answer(result, as_json, f"simulated {rows} rows of {like} → {out}")
+
+
+def compare(
+    a: tyro.conf.Positional[Path],
+    b: tyro.conf.Positional[Path],
+    /,
+    as_json: Json = False,
+) -> None:
+    """Say what changed from A to B, and by how many σ: two fits, recordings or diagnoses.
+
+    Args:
+        a: fit.json, a recording, diagnosis.json or its folder.
+        b: Another one of the same kind and robot.
+        as_json: Print the result as JSON.
+    """
+    result = wb.compare(a, b)
+    console.answer(result.to_json(), as_json, _compared(result))
+
+
+def _compared(result: wb.Comparison) -> Group:
+    """A comparison as a table of all numbers, the sentences first."""
+    table = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
+    table.add_column("", no_wrap=True)
+    for name in ("A", "B", "B − A", "σ"):
+        table.add_column(name, justify="right", no_wrap=True)
+    for c in result.changes:
+        style = "bold" if c.changed else ""
+        values = [quantity(c.name, {"value": v, "unit": c.unit}) for v in (c.before, c.after)]
+        told = {"value": c.after - c.before, "std": c.std, "unit": c.unit}
+        table.add_row(
+            c.name, *values, quantity(c.name, told, signed=True), f"{c.sigmas:+.1f}", style=style
+        )
+    parts = [Text(s, style="bold" if k == 0 else "") for k, s in enumerate(result.sentences)]
+    left = [Text(f"not compared  {x}", style="dim") for x in result.left]
+    return Group(*parts, "", table, *([""] if left else []), *left)
 
 
 def study(

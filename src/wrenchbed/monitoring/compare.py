@@ -1,0 +1,298 @@
+"""What changed between two fits, recordings or diagnoses of one robot, and by how many σ.
+
+A number changed if it does at 1 % over all numbers that are compared (Holm 1979, Scandinavian
+Journal of Statistics 6, 65–70). All together are judged by d' (C_a + C_b)⁻¹ d, which is χ² where
+nothing changed; d are the differences, C the covariances.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy import stats
+
+from wrenchbed.calibration.calibrate import CalibrationOptions, calibrate
+from wrenchbed.data import checked
+from wrenchbed.data.recording import Recording
+from wrenchbed.errors import ParameterError
+from wrenchbed.pages.numbers import p_value, quantity
+
+LEVEL = 0.01
+"""Probability that anything is called changed where nothing did."""
+_SINGULAR = 1e-10
+"""Relative eigenvalue below which a combination is not determined by both."""
+
+
+@dataclass(frozen=True)
+class Change:
+    """One number in both.
+
+    Attributes:
+        name, unit: as in the files.
+        before, after: values [unit].
+        std: standard uncertainty of their difference [unit].
+        sigmas: difference / std.
+        changed: whether it changed, all numbers considered.
+    """
+
+    name: str
+    unit: str
+    before: float
+    after: float
+    std: float
+    sigmas: float
+    changed: bool = False
+
+    @property
+    def sentence(self) -> str:
+        """``tool.mass: +12.3 ± 0.4 g (31 σ)``."""
+        told = {"value": self.after - self.before, "std": self.std, "unit": self.unit}
+        text = quantity(self.name, told, signed=True)
+        return f"{self.name}: {text} ({abs(self.sigmas):.1f} σ)"
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """What two results have in common and where they differ.
+
+    Attributes:
+        kind: ``fits``, ``recordings`` or ``diagnoses``.
+        a, b: names of the two.
+        changes: every number that both determine.
+        together: χ², degrees of freedom and p of all numbers at once; None of diagnoses.
+        left: what could not be compared, and why.
+        sentences: what a person should know first.
+    """
+
+    kind: str
+    a: str
+    b: str
+    changes: tuple[Change, ...]
+    together: Mapping[str, float] | None
+    left: tuple[str, ...]
+    sentences: tuple[str, ...]
+
+    @property
+    def changed(self) -> bool:
+        """Whether anything changed."""
+        return any(c.changed for c in self.changes) or any(" → " in s for s in self.sentences)
+
+    def to_json(self) -> dict[str, Any]:
+        """As a JSON object."""
+        return asdict(self) | {"changed": self.changed}
+
+
+def compare(a: str | Path, b: str | Path) -> Comparison:
+    """Compare two files of one kind: fit.json, diagnosis.json (or its folder), or recordings.
+
+    Recordings are calibrated first, with the robot's default parameters.
+
+    Raises:
+        ParameterError: the two are of different kinds or robots, or one is neither; names it.
+        CalibrationError: a recording cannot be calibrated.
+    """
+    paths = [_file(Path(x)) for x in (a, b)]
+    kinds = [_kind(p) for p in paths]
+    if kinds[0] != kinds[1]:
+        raise ParameterError(f"{a} is {kinds[0]} and {b} is {kinds[1]}: compare two of one kind")
+    if kinds[0] == "a recording":
+        return _of_recordings(*paths)
+    contents = [checked.load(p, ParameterError) for p in paths]
+    _same_robot(contents, paths)
+    fits = kinds[0] == "a fit"
+    return _of_fits(contents, paths, "fits") if fits else _of_diagnoses(contents, paths)
+
+
+def _file(path: Path) -> Path:
+    return path / "diagnosis.json" if (path / "diagnosis.json").is_file() else path
+
+
+def _kind(path: Path) -> str:
+    if not path.is_file():
+        raise ParameterError(f"{path}: there is no such file")
+    if path.suffix == ".parquet":
+        return "a recording"
+    raw = checked.load(path, ParameterError)
+    for kind, fields in (
+        ("a fit", {"parameters", "covariance"}),
+        ("a diagnosis", {"verdict", "gap"}),
+    ):
+        if isinstance(raw, dict) and fields <= raw.keys():
+            return kind
+    raise ParameterError(f"{path}: is no recording, fit or diagnosis")
+
+
+def _same_robot(contents: Sequence[Mapping[str, Any]], paths: Sequence[Path]) -> None:
+    first, second = (c.get("robot") for c in contents)
+    if first != second:
+        raise ParameterError(f"{paths[0]} is of robot {first!r}, {paths[1]} of {second!r}")
+
+
+def _of_recordings(a: Path, b: Path) -> Comparison:
+    recordings = [Recording.read(p) for p in (a, b)]
+    robots = [{"robot": r.metadata.robot} for r in recordings]
+    _same_robot(robots, (a, b))
+    fits = [calibrate(r, CalibrationOptions()).to_json() for r in recordings]
+    return _of_fits(fits, (a, b), "recordings")
+
+
+def _of_fits(fits: Sequence[Mapping[str, Any]], paths: Sequence[Path], kind: str) -> Comparison:
+    fields = [checked.Fields(f, f"{p}: ", ParameterError) for f, p in zip(fits, paths, strict=True)]
+    names = [_determined(f) for f in fields]
+    both = [n for n in names[0] if n in names[1]]
+    left = [f"{n}: only in {paths[k]}" for k in (0, 1) for n in names[k] if n not in names[1 - k]]
+    left += [
+        f"{n}: {p} fixes it only in combination with others"
+        for f, p in zip(fields, paths, strict=True)
+        for n in f.part("parameters").raw
+        if f.part("parameters").part(n).number("std", "") is None
+    ]
+    if not both:
+        raise ParameterError(f"{paths[0]} and {paths[1]} determine no number in common")
+    values = [
+        np.array([float(f.part("parameters").part(n).raw["value"]) for n in both]) for f in fields
+    ]
+    covariance = _covariance(fields[0], both) + _covariance(fields[1], both)
+    difference, std = values[1] - values[0], np.sqrt(np.diagonal(covariance))
+    units = [str(fields[0].part("parameters").part(n).raw.get("unit")) for n in both]
+    sigmas = np.divide(difference, std, out=np.zeros(len(both)), where=std > 0)
+    sigmas[(std == 0) & (difference != 0)] = np.inf
+    changed = holm(2.0 * stats.norm.sf(np.abs(sigmas)))
+    changes = tuple(
+        Change(n, u, float(x), float(y), float(s), float(z), bool(c))
+        for n, u, x, y, s, z, c in zip(
+            both, units, values[0], values[1], std, sigmas, changed, strict=True
+        )
+    )
+    together = _together(difference, covariance)
+    sentences = [_headline(changes, together)]
+    if kind == "fits" and fields[0].raw.get("recording") == fields[1].raw.get("recording"):
+        sentences.append(
+            f"both are of {fields[0].raw.get('recording')}: fits of the same rows share their "
+            "noise, and σ is then too large"
+        )
+    sentences += [
+        f"{p} is refuted by its own data: {f.raw['refuted']}"
+        for f, p in zip(fields, paths, strict=True)
+        if f.raw.get("refuted")
+    ]
+    return Comparison(
+        kind, str(paths[0]), str(paths[1]), changes, together, tuple(left), tuple(sentences)
+    )
+
+
+def _determined(fields: checked.Fields) -> list[str]:
+    """Parameters with a value and an uncertainty."""
+    parts = fields.part("parameters")
+    return [
+        n
+        for n in parts.raw
+        if parts.part(n).number("std", "") is not None
+        and parts.part(n).number("value", "") is not None
+    ]
+
+
+def _covariance(fields: checked.Fields, names: Sequence[str]) -> np.ndarray:
+    """Covariance (K, K) of some parameters, in the order of the names."""
+    all_names = list(fields.raw["parameters"])
+    rows = fields.raw.get("covariance")
+    size = len(all_names)
+    try:
+        matrix = np.asarray(rows, dtype=float)
+    except (TypeError, ValueError):
+        matrix = np.empty(0)
+    if matrix.shape != (size, size) or not np.isfinite(matrix).all():
+        raise ParameterError(
+            f"{fields.where}covariance must be a matrix of {size} × {size} numbers"
+        )
+    at = [all_names.index(n) for n in names]
+    return np.asarray(matrix[np.ix_(at, at)])
+
+
+def _together(difference: np.ndarray, covariance: np.ndarray) -> dict[str, float]:
+    """χ² of a difference (K,), over the combinations that both determine."""
+    scale = np.sqrt(np.diagonal(covariance))
+    scale[scale == 0.0] = 1.0
+    values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
+    kept = values > _SINGULAR * values[-1]
+    turned = vectors.T @ (difference / scale)
+    chi2 = float(np.sum(turned[kept] ** 2 / values[kept]))
+    return {"chi2": chi2, "dof": int(kept.sum()), "p": float(stats.chi2.sf(chi2, kept.sum()))}
+
+
+def holm(p: np.ndarray) -> np.ndarray:
+    """Which of some p values (K,) stand at `LEVEL` over all of them."""
+    order = np.argsort(p)
+    steps = p[order] <= LEVEL / np.arange(len(p), 0, -1)
+    passed = np.zeros(len(p), dtype=bool)
+    passed[order] = np.cumprod(steps).astype(bool)
+    return passed
+
+
+def _headline(changes: Sequence[Change], together: Mapping[str, float]) -> str:
+    found = sorted((c for c in changes if c.changed), key=lambda c: -abs(c.sigmas))
+    if found:
+        text = "; ".join(c.sentence for c in found)
+        return f"{len(found)} of {len(changes)} numbers changed: {text}"
+    if together["p"] < LEVEL:
+        return f"no number changed by itself, but all {len(changes)} together did ({_p(together)})"
+    return f"no change: {len(changes)} numbers agree ({_p(together)} of all together)"
+
+
+def _p(together: Mapping[str, float]) -> str:
+    text = p_value(together["p"])
+    return f"p {text}" if text.startswith("<") else f"p = {text}"
+
+
+def _of_diagnoses(contents: Sequence[Mapping[str, Any]], paths: Sequence[Path]) -> Comparison:
+    fields = [
+        checked.Fields(c, f"{p}: ", ParameterError) for c, p in zip(contents, paths, strict=True)
+    ]
+    verdicts = [str(c["verdict"]) for c in contents]
+    causes = [{str(w.raw.get("effect")): w for w in f.parts("which")} for f in fields]
+    sentences = [] if verdicts[0] == verdicts[1] else [f"verdict: {' → '.join(verdicts)}"]
+    sentences += [f"{n}: named → not named" for n in causes[0] if n not in causes[1]]
+    sentences += [f"{n}: not named → named" for n in causes[1] if n not in causes[0]]
+    gaps = [f.part("gap") for f in fields]
+    ends = [g.numbers("calibrated_ci95", 2) for g in gaps]
+    if ends[0] and ends[1] and (ends[0][1] < ends[1][0] or ends[1][1] < ends[0][0]):
+        values = [g.number("calibrated", "") or 0.0 for g in gaps]
+        sentences.append(f"gap after calibration: {values[0]:.3g} → {values[1]:.3g}")
+    pairs = [
+        pair
+        for n in causes[0]
+        if n in causes[1]
+        for pair in _numbers(n, causes[0][n], causes[1][n])
+    ]
+    changed = holm(np.array([2.0 * stats.norm.sf(abs(c.sigmas)) for c in pairs]))
+    changes = tuple(
+        Change(**{**asdict(c), "changed": bool(x)}) for c, x in zip(pairs, changed, strict=True)
+    )
+    sentences += [c.sentence for c in changes if c.changed]
+    sentences = sentences or [
+        f"no change: both {verdicts[0]}, the same causes, {len(changes)} numbers agree"
+    ]
+    return Comparison(
+        "diagnoses", str(paths[0]), str(paths[1]), changes, None, (), tuple(sentences)
+    )
+
+
+def _numbers(effect: str, a: checked.Fields, b: checked.Fields) -> list[Change]:
+    """Numbers of a cause that both diagnoses state with an uncertainty."""
+    found, parts = [], (a.part("parameters"), b.part("parameters"))
+    for name in parts[0].raw:
+        if name not in parts[1].raw:
+            continue
+        one, two = (p.part(name) for p in parts)
+        std = [x.number("std", "") for x in (one, two)]
+        values = [x.number("value", "") for x in (one, two)]
+        if None in std or None in values:
+            continue
+        both = float(np.hypot(*std))  # type: ignore[arg-type]
+        before, after = (float(v) for v in values if v is not None)
+        sigmas = (after - before) / both if both > 0 else 0.0
+        unit = str(one.raw.get("unit", ""))
+        found.append(Change(f"{effect} {name}", unit, before, after, both, sigmas))
+    return found
