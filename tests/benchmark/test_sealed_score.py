@@ -1,12 +1,15 @@
 """Claims are held against answers."""
 
 import json
+import re
 
 import numpy as np
+import pytest
 
 from sealed_family import COUNT, SEED, truthful
 from wrenchbed.benchmark.referee.catalogue import EFFECTS
 from wrenchbed.benchmark.scoring.linear_problem import Claim
+from wrenchbed.benchmark.scoring.metrics import Metric
 from wrenchbed.benchmark.sealed import answer, commitments, report, score
 from wrenchbed.benchmark.sealed import commitments as case_files
 from wrenchbed.benchmark.sealed import make as making
@@ -113,3 +116,23 @@ def test_probabilities_beside_how_often_they_hold(family, tmp_path):
     tables = [p for s in found.sections for p in s.parts if hasattr(p, "rows")]
     assert np.all([len(t.rows) > 0 for t in tables[:-1]])
     assert len(tables[-1].rows) == 0  # no wrong answers
+    marks = {row[0]: row[1] for row in tables[0].rows}
+    assert marks["first subsystem right"] == "≥ 97 % ✓"
+    assert marks["seconds a case"] == ""
+    html = found.html()
+    text = re.sub(r"<script.*?</script>|<svg.*?</svg>", "", html, flags=re.DOTALL)
+    assert "`" not in text and "<code>unknown</code>" in text
+    assert "Every first answer is right." in text and "<tbody>\n</tbody>" not in text
+
+
+@pytest.mark.parametrize(
+    ("target", "percent", "value", "answer"),
+    [
+        ("≥ 97 %", True, 0.97, True), ("≥ 97 %", True, 0.969, False), ("≤ 3 %", True, 0.03, True),
+        ("> 66 %", True, 0.66, False), ("< 0.79", False, 0.7, True), ("87–93 %", True, 0.95, False),
+        ("87–93 %", True, 0.9, True), ("0 %", True, 0.01, False), ("", True, 0.5, None),
+    ],
+)  # fmt: skip
+def test_a_figure_is_held_against_its_target(target, percent, value, answer):
+    metric = Metric("x", target, lambda row, method: None, lambda sums: sums, percent=percent)
+    assert report.met(metric, value) is answer

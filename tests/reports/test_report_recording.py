@@ -100,5 +100,6 @@ def test_what_was_recorded_is_drawn_over_time_with_its_residual(folder):
             assert measured.y.max() == recording.wrench[:, k].max()
             assert measured.y.min() == recording.wrench[:, k].min()
             assert beside.y.unit == "noise" and panel.series[1].name == beside.series[0].name
-        assert charts[name].note == "399 of 800 rows drawn: extremes kept."
+        drawn = re.fullmatch(r"(\d+) of 800 rows drawn: extremes kept\.", charts[name].note)
+        assert drawn and int(drawn[1]) <= 400
     assert len(charts["joints"].panels) == 6

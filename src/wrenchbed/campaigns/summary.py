@@ -1,18 +1,23 @@
 """The summary of a campaign: distributions of errors, coverage of intervals, detection by size."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from importlib.metadata import version
 
 import numpy as np
 import pyarrow as pa
 
 from wrenchbed.campaigns.settings import Fleet
+from wrenchbed.pages.chart import Axis, Chart, Matrix, Panel, Role, Scale, Series
 from wrenchbed.pages.document import Document, Figure, Section, Table
-from wrenchbed.pages.plots import histograms, lines
+from wrenchbed.pages.plots import histograms
 
 _ERRORS = (("force", 1e3, "mN"), ("torque", 1e3, "mN·m"), ("position", 1e3, "mm"))
 _QUANTILES = (5, 25, 50, 75, 95)
 _VERDICTS = ("none", "identified", "ambiguous", "partial", "unknown")
+MOST_ANSWERS, MOST_WRONG = 12, 200
+"""Columns of the table of answers, and robots that are listed."""
+_OF_ROW = Scale("share of the row [%]", 0.0, 100.0, (0.0, 50.0, 100.0))
 SHOWS = 1.0
 """Least mean square change of a reading that an effect makes, in units of a row's noise."""
 
@@ -31,7 +36,7 @@ def page(fleet: Fleet, table: pa.Table) -> Document:
     )
     sections = [_calibration(table), *([_coverage(table)] if "parameters" in fleet.vary else [])]
     if fleet.diagnose:
-        sections.append(_diagnosis(table))
+        sections.append(_diagnosis(fleet, table))
     made = f"Made by wrenchbed {version('wrenchbed')} from robots.parquet and campaign.json."
     return Document(f"Campaign of {fleet.robot}", lead, tuple(sections), made, figures(table))
 
@@ -93,8 +98,8 @@ def _calibration(table: pa.Table) -> Section:
     )
     parts: list[Table | Figure] = [Table.of("Errors before and after calibration", titles, rows)]
     if panels:
-        svg = histograms(panels, "rms error", "robots", log=True)
-        parts.append(Figure("errors", "Errors after calibration", svg))
+        chart = histograms(panels, "rms error", "robots", log=True)
+        parts.append(Figure("errors", "Errors after calibration", chart))
     return Section("Calibration", lead, tuple(parts))
 
 
@@ -118,7 +123,7 @@ def _coverage(table: pa.Table) -> Section:
     return Section("Uncertainty", lead, (Table.of("Coverage", columns, rows),))
 
 
-def _diagnosis(table: pa.Table) -> Section:
+def _diagnosis(fleet: Fleet, table: pa.Table) -> Section:
     shows = is_detected(table)
     effect, verdict = text(table, "effect"), text(table, "verdict")
     right, named = numbers(table, "right"), _among(table, "named")
@@ -135,12 +140,12 @@ def _diagnosis(table: pa.Table) -> Section:
     parts: list[Table | Figure] = [Table.of("Answers by true effect", columns, rows)]
     hits = {"detected: any answer but none": detected, "held": held, "right": right}
     judged = (effect != "") & (verdict != "")
-    curves = _by_change(np.where(judged, numbers(table, "added"), np.nan), hits)
-    if curves:
-        x = "mean square change of a reading [variances of a row's noise]"
-        svg = lines(curves, x, "robots [%]", percent=True, log_x=True)
-        title = "Detection against what the effect changes; the first point holds all below 0.01"
-        parts.append(Figure("detection", title, svg))
+    chart = _by_change(np.where(judged, numbers(table, "added"), np.nan), hits)
+    if chart is not None:
+        title = "Detection against what the effect changes; the first group holds all below 0.01"
+        parts.append(Figure("detection", title, chart))
+    parts += [Figure("confusion", "True effect and answer", _confusion(table)),
+              _gone_wrong(fleet, table)]  # fmt: skip
     lead = (
         f"{int((~shows).sum())} robots are left out of the table whose effect changes the readings "
         "by less than a row's noise, such as an effect in a joint with a vertical axis. "
@@ -163,14 +168,101 @@ def _share(hits: np.ndarray) -> str:
     return f"{100 * float(np.mean(hits)):.0f}" if len(hits) else "–"
 
 
-def _by_change(
-    added: np.ndarray, hits: Mapping[str, np.ndarray]
-) -> dict[str, tuple[list[float], list[float]]]:
-    """Shares [%] by name, decade by decade of what is added; none of fewer than two decades."""
+def _by_change(added: np.ndarray, hits: Mapping[str, np.ndarray]) -> Chart | None:
+    """Shares decade by decade of what is added, with intervals; None of fewer than two decades."""
     decade = np.floor(np.log10(np.maximum(added, 1e-3)))
     filled = np.unique(decade[np.isfinite(decade)])
     if len(filled) < 2:
-        return {}
-    xs = [float(10.0 ** (d + 0.5)) for d in filled]
-    return {n: (xs, [100.0 * float(np.nanmean(h[decade == d])) for d in filled])
-            for n, h in hits.items()}  # fmt: skip
+        return None
+    roles: tuple[Role, ...] = ("measured", "after", "before")
+    series = []
+    for (name, hit), role in zip(hits.items(), roles, strict=False):
+        own = [hit[decade == d] for d in filled]
+        share = np.array([100.0 * float(np.nanmean(h)) for h in own])
+        ends = np.array([share_interval(int(np.nansum(h)), int(np.isfinite(h).sum())) for h in own])
+        x = np.arange(len(filled))
+        series.append(Series(name, "line", x, share, role=role))
+        low, high = 100.0 * ends.T
+        series.append(Series(name, "points", x, share, role=role, ends=(low, high)))
+    labels = tuple(
+        f"{10.0**d:g}–{10.0 ** (d + 1):g}\nn = {int((decade == d).sum())}" for d in filled
+    )
+    axis = Axis("mean square change of a reading [variances of a row's noise]", names=labels)
+    panel = Panel(axis, Axis("robots", "%", low=0.0, high=105.0), tuple(series), height=1.6)
+    return Chart("", "", (panel,), caption="Upright lines: 95 % intervals of the shares.")
+
+
+def share_interval(hits: int, count: int) -> tuple[float, float]:
+    """Jeffreys' 95 % interval of a share (Brown, Cai & DasGupta 2001)."""
+    from scipy.stats import beta
+
+    low = 0.0 if hits == 0 else float(beta.ppf(0.025, hits + 0.5, count - hits + 0.5))
+    high = 1.0 if hits == count else float(beta.ppf(0.975, hits + 0.5, count - hits + 0.5))
+    return low, high
+
+
+def _answers(table: pa.Table) -> np.ndarray:
+    """What each robot's diagnosis says (N,): the true effect where it is claimed, else the first.
+
+    The verdict where no cause is claimed, ``failed`` where there is none.
+    """
+    every = zip(*(text(table, n) for n in ("effect", "claimed", "verdict")), strict=True)
+    return np.array(
+        [
+            effect
+            if effect in (names := claimed.split())
+            else names[0]
+            if names
+            else verdict or "failed"
+            for effect, claimed, verdict in every
+        ]
+    )
+
+
+def _confusion(table: pa.Table) -> Chart:
+    """Robots by true effect and answer; answers that are rare stand together."""
+    truth = np.array([e or "none" for e in text(table, "effect")])
+    answer = _answers(table)
+    names, counts = np.unique(answer, return_counts=True)
+    common = set(names[np.argsort(-counts, kind="stable")[:MOST_ANSWERS]])
+    answer = np.array([a if a in common else "other" for a in answer])
+    rows = sorted(set(truth), key=lambda n: (n != "none", n))
+    columns = sorted(set(answer), key=lambda n: (n not in rows, rows.index(n) if n in rows else 0))
+    told = np.array([[float(((truth == r) & (answer == c)).sum()) for c in columns] for r in rows])
+    share = 100.0 * told / np.maximum(told.sum(axis=1, keepdims=True), 1)
+    texts = tuple(tuple(f"{n:.0f}" if n else "" for n in row) for row in told.tolist())
+    labels = tuple(f"{r} ({n:.0f})" for r, n in zip(rows, told.sum(axis=1), strict=True))
+    heads = tuple(c.replace(".", ".\n") for c in columns)
+    matrix = Matrix(labels, heads, np.where(told > 0, share, np.nan), _OF_ROW, texts)
+    caption = (
+        "Down: the true effect, with its number of robots; across: the answer, the true effect "
+        "where it is among the claimed causes."
+    )
+    panel = Panel(Axis("answer"), Axis(""), matrix=matrix)
+    return Chart("", "", (panel,), caption=caption)
+
+
+def _gone_wrong(fleet: Fleet, table: pa.Table) -> Table:
+    """Robots whose answer is wrong or that failed, each with the command that makes it again."""
+    right, error = numbers(table, "right"), text(table, "error")
+    wrong = np.flatnonzero((right == 0.0) | (error != ""))
+    shows, truth, answer = is_detected(table), text(table, "effect"), _answers(table)
+    added = numbers(table, "added")
+    rows = [
+        (
+            str(int(table["robot"][int(k)].as_py())), truth[k] or "none", float(added[k]),
+            "yes" if shows[k] else "no", answer[k], error[k],
+            f"`--only {int(table['robot'][int(k)].as_py())}`",
+        )
+        for k in wrong[:MOST_WRONG]
+    ]  # fmt: skip
+    left = (
+        f" {len(wrong) - MOST_WRONG} more are in robots.parquet." if len(wrong) > MOST_WRONG else ""
+    )
+    columns = ("robot", "true effect", "change", "shows", "answer", "error", "again with")
+    note = (
+        "`wrenchbed campaign` with the options of this campaign and the last column writes the "
+        f"robot's recording and fit to a folder of its number.{left}"
+    )
+    told = Table.of("Robots that went wrong", columns, rows, note)
+    return replace(told, empty="No robot went wrong.")

@@ -50,6 +50,7 @@ def rendered(template: str, context: Mapping[str, Any], figures: Sequence[Drawn]
         finalize=_cleaned,
         loader=jinja2.FunctionLoader(_text),
     )
+    environment.filters["code"] = _code
     scripts = [_script(name) for name in ((LIBRARY, SCRIPT) if figures else (SCRIPT,))]
     data = {f.chart.name: f.chart.to_json() for f in figures}
     text = json.dumps(data, ensure_ascii=False, separators=(",", ":"))
@@ -74,6 +75,19 @@ def _script(name: str) -> tuple[str, str]:
     text = "\n" + _text(name).rstrip() + "\n"
     digest = base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
     return text, f"'sha256-{digest}'"
+
+
+def _code(text: str) -> Any:
+    """A text with what stands between backticks as code."""
+    html = registry.require("markupsafe", "report")
+    parts = [html.escape(printable(part)) for part in str(text).split("`")]
+    if len(parts) % 2 == 0:  # one that is alone is a character like others
+        return html.escape(printable(str(text)))
+    begin, end = html.Markup("<code>"), html.Markup("</code>")
+    whole = parts[0]
+    for code, plain in zip(parts[1::2], parts[2::2], strict=True):
+        whole = whole + begin + code + end + plain
+    return whole
 
 
 def _cleaned(value: Any) -> Any:

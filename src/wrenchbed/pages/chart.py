@@ -63,6 +63,7 @@ class Series:
         dashed: of lines.
         ids: number of the observation behind each point (N,): figures share their cursor by it.
         texts: printed beside the points, one each; none if empty.
+        ends: of an interval of y, (N,) each, where it is not y ± std.
     """
 
     name: str
@@ -75,9 +76,11 @@ class Series:
     dashed: bool = False
     ids: np.ndarray | None = None
     texts: tuple[str, ...] = ()
+    ends: tuple[np.ndarray, np.ndarray] | None = None
 
     def __post_init__(self) -> None:
-        sizes = {len(v) for v in (self.x, self.y, self.std, self.ids) if v is not None}
+        given = (self.x, self.y, self.std, self.ids, *(self.ends or ()))
+        sizes = {len(v) for v in given if v is not None}
         if len(sizes) != 1 or (self.texts and len(self.texts) != len(self.x)):
             raise ValueError(f"series {self.name!r}: arrays of different lengths")
 
@@ -91,6 +94,7 @@ class Series:
         return Series(
             self.name, self.kind, self.x[keep], self.y[keep], of(self.std), self.role, self.mark,
             self.dashed, of(self.ids), texts,
+            None if self.ends is None else (self.ends[0][keep], self.ends[1][keep]),
         )  # fmt: skip
 
 
@@ -115,8 +119,6 @@ class Scale:
 
     def share(self, value: float) -> float:
         """Place of a value between the ends, 0 … 1."""
-        if not np.isfinite(value):
-            return 0.0
         value = min(max(value, self.low), self.high)
         if self.log:
             return float(np.log(value / self.low) / np.log(self.high / self.low))
@@ -157,6 +159,10 @@ class Matrix:
     values: np.ndarray
     scale: Scale
     texts: tuple[tuple[str, ...], ...]
+
+    def colour(self, value: float) -> str | None:
+        """Of a cell; None of one without a value, which has the page's own."""
+        return self.scale.colour(value) if np.isfinite(value) else None
 
 
 @dataclass(frozen=True, eq=False)
@@ -295,18 +301,19 @@ def _series(s: Series) -> dict[str, Any]:
         "std": None if s.std is None else _numbers(s.std),
         "ids": None if s.ids is None else [int(k) for k in s.ids],
         "texts": list(s.texts),
+        "ends": None if s.ends is None else [_numbers(v) for v in s.ends],
     }  # fmt: skip
 
 
 def _matrix(m: Matrix) -> dict[str, Any]:
-    colours = [[m.scale.colour(float(v)) for v in row] for row in m.values]
+    colours = [[m.colour(float(v)) for v in row] for row in m.values]
     return {
         "rows": list(m.rows),
         "columns": list(m.columns),
         "values": [_numbers(row) for row in m.values],
         "texts": [list(row) for row in m.texts],
         "colours": colours,
-        "inks": [[readable(c) for c in row] for row in colours],
+        "inks": [[c and readable(c) for c in row] for row in colours],
         "bar": bar(m.scale),
     }
 

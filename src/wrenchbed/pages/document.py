@@ -1,27 +1,33 @@
 """What a study shows: tables and figures in sections, as Markdown and as one HTML page."""
 
+import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 from wrenchbed.files import atomic_folder, write_json, write_text
-from wrenchbed.pages import rendered
+from wrenchbed.pages import Drawn, draw, rendered
+from wrenchbed.pages.chart import Chart
+from wrenchbed.pages.draw import titled
 
 
 @dataclass(frozen=True)
 class Table:
-    """Cells as text; the first column is left-aligned, the others right.
+    """Cells as text; texts are left-aligned, numbers right.
 
     Attributes:
         title: with its number in the paper, if it has one.
         note: what to make of it.
+        empty: what a page says where there are no rows.
     """
 
     title: str
     columns: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
     note: str = ""
+    empty: str = "None."
 
     @classmethod
     def of(
@@ -33,8 +39,18 @@ class Table:
             raise ValueError(f"table {title!r}: rows must have {len(columns)} cells")
         return cls(title, tuple(columns), cells, note)
 
+    @property
+    def numeric(self) -> tuple[bool, ...]:
+        """Columns whose cells are numbers: to the right; texts to the left."""
+        return tuple(
+            k > 0 and all(re.match(r"$|[–−-]?[<>≥≤]?\s?[\d.]|–$", row[k]) for row in self.rows)
+            for k in range(len(self.columns))
+        )
+
     def markdown(self) -> str:
-        """A pipe table."""
+        """A pipe table; a sentence where it has no rows."""
+        if not self.rows:
+            return f"**{self.title}**\n\n{self.empty}"
         line = "| " + " | ".join(["---"] + ["---:"] * (len(self.columns) - 1)) + " |"
         cells = ([c.replace("|", r"\|") for c in row] for row in (self.columns, *self.rows))
         body = ["| " + " | ".join(row) + " |" for row in cells]
@@ -44,12 +60,37 @@ class Table:
 
 @dataclass(frozen=True)
 class Figure:
-    """A drawing in SVG, kept beside the page under ``name``.svg."""
+    """A drawing, kept beside the page as ``name``.svg; a chart also answers on the page.
+
+    Attributes:
+        drawing: a chart, or SVG.
+    """
 
     name: str
     title: str
-    svg: str
+    drawing: str | Chart
     note: str = ""
+
+    @cached_property
+    def chart(self) -> Chart | None:
+        """What answers on the page, None if only drawn."""
+        if isinstance(self.drawing, str):
+            return None
+        told = replace(self.drawing, name=self.name, title=self.title)
+        caption = f"{self.note} {told.caption}".strip()
+        return replace(told, caption=caption)
+
+    @cached_property
+    def svg(self) -> str:
+        """For white paper."""
+        if self.chart is None:
+            return titled(str(self.drawing), self.title)
+        return draw.svg(self.chart, themed=False)
+
+    @cached_property
+    def drawn(self) -> Drawn | None:
+        """For the page."""
+        return None if self.chart is None else Drawn(self.chart, draw.svg(self.chart))
 
     def markdown(self) -> str:
         """A link to the file."""
@@ -90,7 +131,10 @@ class Document:
         Raises:
             MissingExtraError: jinja2 is not installed.
         """
-        return rendered("study", {"page": self, "is_table": lambda p: isinstance(p, Table)})
+        parts = [part for section in self.sections for part in section.parts]
+        drawn = [p.drawn for p in parts if isinstance(p, Figure) and p.drawn is not None]
+        told = {"page": self, "is_table": lambda p: isinstance(p, Table)}
+        return rendered("study", told, drawn)
 
     def write(self, folder: Path, name: str, numbers: Any = None) -> None:
         """``name``.md, ``name``.html and the figures; ``name``.json if there are numbers."""

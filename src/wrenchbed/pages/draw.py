@@ -51,7 +51,7 @@ def svg(chart: Chart, *, themed: bool = True) -> str:
     heights = [
         max(_height(p) for p in chart.panels[r * columns : (r + 1) * columns]) for r in range(rows)
     ]
-    width = WIDTH if columns == 1 else 2 * WIDTH
+    width = WIDTH if columns == 1 else 1.5 * WIDTH
     with (
         matplotlib.rc_context(_STYLE),
         canvas((width, sum(heights)), columns, rows, gridspec_kw={"height_ratios": heights}) as (
@@ -130,7 +130,9 @@ def _series(ax: Any, s: Series) -> None:
         ax.plot(s.x, s.y, color=colour, lw=1.6, ls=style, label=label)
     else:
         ring = s.mark == "ring"
-        if s.std is not None and len(s.x) <= MOST_WHISKERS:
+        if s.ends is not None:
+            ax.vlines(s.x, *s.ends, color=colour, lw=1.1)
+        elif s.std is not None and len(s.x) <= MOST_WHISKERS:
             ax.errorbar(s.x, s.y, s.std, fmt="none", ecolor=colour, elinewidth=0.9, alpha=0.6)
         ax.plot(
             s.x, s.y, _MARKS[s.mark], color=colour, ms=6.0 if ring else 3.6, ls="", label=label,
@@ -176,11 +178,11 @@ def _matrix(figure: Any, ax: Any, m: Matrix) -> None:
     from matplotlib.patches import Rectangle
 
     for (i, j), v in np.ndenumerate(m.values):
-        colour = m.scale.colour(float(v))
-        ax.add_patch(Rectangle((j, i), 1.0, 1.0, fc=colour, ec="none"))
+        colour = m.colour(float(v))
+        ax.add_patch(Rectangle((j, i), 1.0, 1.0, fc=colour or "none", ec="none"))
         ax.text(
             j + 0.5, i + 0.5, m.texts[i][j], ha="center", va="center", fontsize=7.5,
-            color=readable(colour), in_layout=False,
+            color=readable(colour) if colour else INK, in_layout=False,
         )  # fmt: skip
     ax.set_xlim(0, len(m.columns))
     ax.set_ylim(len(m.rows), 0)

@@ -1,19 +1,27 @@
-"""Plots of the studies as SVG: one style, colours that the colour-blind tell apart."""
+"""Charts of the studies and campaigns, and the canvas on which all are drawn still."""
 
 import io
 from collections.abc import Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from wrenchbed import registry
+from wrenchbed.pages.chart import Axis, Chart, Panel, Role, Series, thinned
 
 BLUE, ORANGE, GREEN, GREY, RED, PURPLE = (
     "#0072b2", "#d55e00", "#009e73", "#6b7680", "#b01e38", "#7d4aa0",
 )  # fmt: skip
 """After Okabe & Ito 2008."""
-_DECADE = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0)
+LEAST_BINS = 8
+FEW = 20
+"""Points of a curve that are marked."""
+MOST_MARKS = 6
+"""On an axis in decades."""
+MOST_PLACES = 1200
+"""Points of a workspace."""
 _FOUR = (BLUE, ORANGE, GREEN, PURPLE)
 _STYLE: Any = {
     "font.size": 9.0,
@@ -68,7 +76,7 @@ def lines(
     levels: Mapping[str, float] | None = None,
     percent: bool = False,
     log_x: bool = False,
-) -> str:
+) -> Chart:
     """Curves (x, y) by name on one axis, with named horizontal levels.
 
     Args:
@@ -79,35 +87,22 @@ def lines(
         percent: y from 0 to 100.
         log_x: x in decades.
     """
-    colours = (BLUE, ORANGE, GREEN, PURPLE, RED, GREY)
-    with canvas((6.0, 3.3)) as (figure, (ax,)):
-        for colour, (name, (xs, ys)) in zip(colours, curves.items(), strict=False):
-            ax.plot(xs, ys, color=colour, marker="o" if len(xs) < 20 else None, ms=4, label=name)
-        for name, level in (levels or {}).items():
-            ax.axhline(level, color=GREY, lw=1.2, ls="--")
-            ax.annotate(
-                name, (1.0, level), xycoords=("axes fraction", "data"), ha="right", va="bottom",
-                color=GREY, xytext=(0, 2), textcoords="offset points",
-            )  # fmt: skip
-        if log:
-            from matplotlib.ticker import FixedLocator, NullFormatter
-
-            ax.set_xscale("log")
-            ax.set_yscale("log")
-            ax.grid(visible=True, which="minor", color="#eff2f4", lw=0.5)
-            for axis, ticks in ((ax.xaxis, next(iter(curves.values()))[0]), (ax.yaxis, _DECADE)):
-                axis.set_major_locator(FixedLocator(list(ticks)))
-                axis.set_major_formatter("{x:g}")
-                axis.set_minor_formatter(NullFormatter())
-        if log_x:
-            ax.set_xscale("log")
-        if percent:
-            ax.set_ylim(0.0, 105.0)
-        ax.set_xlabel(x)
-        ax.set_ylabel(y)
-        if len(curves) > 1:
-            ax.legend()
-        return to_svg(figure)
+    roles: tuple[Role, ...] = ("measured", "before", "after", "box", "ink", "rest")
+    series = []
+    for role, (name, (xs, ys)) in zip(roles, curves.items(), strict=False):
+        at, value = np.asarray(xs, dtype=float), np.asarray(ys, dtype=float)
+        series.append(Series(name, "line", at, value, role=role))
+        if len(at) < FEW:
+            series.append(Series(name, "points", at, value, role=role))
+    every = np.concatenate([s.x for s in series])
+    ticks = tuple(float(v) for v in next(iter(curves.values()))[0]) if log else ()
+    across = Axis(x, scale="log" if log or log_x else "linear", ticks=ticks)
+    if log_x:
+        across = replace(across, ticks=decades(every))
+    up = Axis(y, scale="log", ticks=decades(np.concatenate([s.y for s in series]))) if log else (
+        Axis(y, low=0.0, high=105.0) if percent else Axis(y)
+    )  # fmt: skip
+    return Chart("", "", (Panel(across, up, tuple(series), levels=levels or {}, height=1.6),))
 
 
 def histograms(
@@ -117,73 +112,86 @@ def histograms(
     *,
     log: bool = False,
     bins: int = 50,
-) -> str:
+) -> Chart:
     """Side by side, each with one or more distributions (N,) by name.
 
     Args:
         panels: values by name, by the panel's title.
         x, y: what the axes show.
         log: x in decades; of positive numbers only.
-        bins: of each distribution.
+        bins: of each distribution at most; fewer of few values.
     """
-    with canvas((7.4, 2.9), len(panels)) as (figure, axes):
-        for ax, (title, data) in zip(axes, panels.items(), strict=True):
-            for colour, (name, values) in zip((BLUE, ORANGE), data.items(), strict=False):
-                low, high = values.min() / 1.05, values.max() * 1.05
-                edges = np.geomspace(low, high, bins + 1) if log else bins
-                ax.hist(values, bins=edges, color=colour, alpha=0.75, label=name)
+    roles: tuple[Role, ...] = ("measured", "before")
+    told = []
+    for title, data in panels.items():
+        series = []
+        for role, (name, values) in zip(roles, data.items(), strict=False):
+            low, high = float(values.min()), float(values.max())
+            count = min(bins, max(LEAST_BINS, round(2.0 * np.sqrt(len(values)))))
             if log:
-                ax.set_xscale("log")
-            ax.set_title(title, fontsize=9.5)
-            ax.set_xlabel(x)
-            ax.set_ylabel(y)
-            if len(data) > 1:
-                ax.legend()
-        return to_svg(figure)
-
-
-def workspaces(sets: Mapping[str, np.ndarray], targets: Mapping[str, np.ndarray]) -> str:
-    """Positions (N, 3) [m] seen from above and from the front; ``targets`` in another colour."""
-    with canvas((7.4, 3.2), 2) as (figure, axes):
-        for ax, (i, j), b in zip(axes, ((0, 1), (0, 2)), "yz", strict=True):
-            for points, colour, size in (
-                *((p, BLUE, 5) for p in sets.values()),
-                *((p, ORANGE, 9) for p in targets.values()),
-            ):
-                ax.scatter(
-                    1e3 * points[:, i],
-                    1e3 * points[:, j],
-                    s=size,
-                    color=colour,
-                    lw=0,
-                    alpha=0.7,
-                    rasterized=True,
-                )
-            ax.set_xlabel("x [mm]")
-            ax.set_ylabel(f"{b} [mm]")
-            ax.set_aspect("equal")
-        for colour, name in ((BLUE, next(iter(sets))), (ORANGE, next(iter(targets)))):
-            axes[0].scatter([], [], s=14, color=colour, label=name)
-        figure.legend(loc="outside upper center", ncols=2)
-        return to_svg(figure)
-
-
-def bars(values: Mapping[str, float], x: str, *, log: bool = False) -> str:
-    """Horizontal bars with their numbers."""
-    with canvas((6.6, 0.42 * len(values) + 1.1)) as (figure, (ax,)):
-        names = list(values)[::-1]
-        numbers = [values[n] for n in names]
-        ax.barh(names, numbers, color=BLUE, height=0.62)
-        for k, number in enumerate(numbers):
-            ax.annotate(
-                f"{number:.3g}", (number, k), xytext=(4, 0), textcoords="offset points", va="center"
-            )
+                edges = np.geomspace(low / 1.05, high * 1.05, count + 1)
+            else:
+                edges = np.histogram_bin_edges(values, count)
+            counts, _ = np.histogram(values, edges)
+            series.append(Series(name, "line", *_steps(edges, counts), role=role))
+        axis = Axis(x, scale="log" if log else "linear")
         if log:
-            ax.set_xscale("log")
-        ax.margins(x=0.12)
-        ax.grid(visible=False, axis="y")
-        ax.set_xlabel(x)
-        return to_svg(figure)
+            every = np.concatenate([s.x for s in series])
+            axis = replace(axis, ticks=decades(every), low=every.min(), high=every.max())
+        told.append(Panel(axis, Axis(y, low=0.0), tuple(series), title=title, height=1.4))
+    return Chart("", "", tuple(told), columns=len(told))
+
+
+def _steps(edges: np.ndarray, counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Outline of a histogram: x and y (2 B + 2,)."""
+    return np.repeat(edges, 2), np.concatenate([[0], np.repeat(counts, 2), [0]]).astype(float)
+
+
+def workspaces(sets: Mapping[str, np.ndarray], targets: Mapping[str, np.ndarray]) -> Chart:
+    """Positions (N, 3) [m] seen from above and from the front; ``targets`` in another colour."""
+    named: tuple[tuple[Role, Mapping[str, np.ndarray]], ...] = (
+        ("measured", sets), ("before", targets)
+    )  # fmt: skip
+    panels, note = [], ""
+    for j, letter in ((1, "y"), (2, "z")):
+        series, note = thinned(
+            [
+                Series(name, "points", 1e3 * points[:, 0], 1e3 * points[:, j], role=role)
+                for role, known in named
+                for name, points in known.items()
+            ],
+            MOST_PLACES, "positions",
+        )  # fmt: skip
+        panels.append(Panel(Axis("x", "mm"), Axis(letter, "mm"), series, height=1.6))
+    return Chart("", "", tuple(panels), columns=2, note=note)
+
+
+def bars(values: Mapping[str, float], x: str, *, log: bool = False) -> Chart:
+    """Horizontal bars with their numbers."""
+    numbers = np.array(list(values.values()), dtype=float)
+    texts = tuple(f"{v:.3g}" for v in numbers)
+    series = Series("", "bars", numbers, np.arange(len(numbers)), texts=texts)
+    high = 1.12 * float(numbers.max())
+    axis = Axis(x, high=high)
+    if log:
+        low = 0.5 * float(numbers.min())
+        axis = Axis(x, scale="log", ticks=decades(np.array([low, high])), low=low, high=2.0 * high)
+    return Chart("", "", (Panel(axis, Axis("", names=tuple(values)), (series,)),))
+
+
+def decades(values: np.ndarray) -> tuple[float, ...]:
+    """Marks of an axis in decades over values (N,): few enough to be read beside each other."""
+    known = values[np.isfinite(values) & (values > 0.0)]
+    if not len(known):
+        return ()
+    low, high = float(known.min()), float(known.max())
+    first, last = int(np.floor(np.log10(low))), int(np.ceil(np.log10(high)))
+    for steps in ((1.0, 2.0, 5.0), (1.0, 3.0), (1.0,)):
+        told = [s * 10.0**k for k in range(first, last + 1) for s in steps]
+        inside = tuple(float(f"{v:.6g}") for v in told if 0.999 * low <= v <= 1.001 * high)
+        if len(inside) <= MOST_MARKS:
+            break
+    return inside or (float(f"{low:.2g}"), float(f"{high:.2g}"))
 
 
 def groups(
@@ -205,19 +213,17 @@ def groups(
         return to_svg(figure)
 
 
-def components(left: Mapping[str, np.ndarray]) -> str:
+def components(left: Mapping[str, np.ndarray]) -> Chart:
     """Residual wrenches (N, 6) by method: force above, torque below, one column a method."""
-    with canvas((7.4, 3.9), len(left), rows=2, sharex=True) as (figure, axes):
-        for column, (name, values) in enumerate(left.items()):
-            for row, (k, unit) in enumerate(((0, "N"), (3, "N·m"))):
-                ax = axes[row][column]
-                for c, colour in enumerate((BLUE, ORANGE, GREEN)):
-                    x = range(1, len(values) + 1)
-                    ax.plot(x, values[:, k + c], color=colour, lw=1.3, label="xyz"[c])
-                if column == 0:
-                    ax.set_ylabel(f"{'force' if row == 0 else 'torque'} [{unit}]")
-            axes[0][column].set_title(name, fontsize=9.5)
-            axes[1][column].set_xlabel("position")
-        handles, names = axes[0][0].get_legend_handles_labels()
-        figure.legend(handles, names, loc="outside upper center", ncols=3)
-        return to_svg(figure)
+    roles: tuple[Role, ...] = ("measured", "before", "after")
+    panels = []
+    for first, label, unit in ((0, "force", "N"), (3, "torque", "N·m")):
+        for name, values in left.items():
+            at = 1.0 + np.arange(len(values))
+            series = tuple(
+                Series("xyz"[c], "line", at, values[:, first + c], role=role, ids=at.astype(int))
+                for c, role in enumerate(roles)
+            )
+            title = name if first == 0 else ""
+            panels.append(Panel(Axis("position"), Axis(label, unit), series, title=title))
+    return Chart("", "", tuple(panels), columns=len(left), shared=True)

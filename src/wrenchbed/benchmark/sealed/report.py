@@ -3,14 +3,17 @@
 Figures of a score: how far its probabilities hold, and how small an effect it finds.
 """
 
+import re
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from wrenchbed.benchmark.scoring.case_rows import OURS, CaseRow
 from wrenchbed.benchmark.scoring.metrics import (
     SURE,
+    Metric,
     effect_cells,
     figure,
     figure_cells,
@@ -19,62 +22,57 @@ from wrenchbed.benchmark.scoring.metrics import (
     sized,
 )
 from wrenchbed.benchmark.sealed.score import ORACLE, Score, first
+from wrenchbed.pages.chart import Axis, Chart, Panel, Role, Series
 from wrenchbed.pages.document import Document, Figure, Section, Table
-from wrenchbed.pages.plots import BLUE, GREY, ORANGE, PURPLE, canvas, to_svg
 
 _BINS = np.array([0.0, 0.3, 0.5, 0.7, 0.8, 0.9, 0.95, 1.0 + 1e-9])
 
 
-def reliability(rows: Sequence[CaseRow]) -> str:
+def reliability(rows: Sequence[CaseRow]) -> Chart:
     """Stated probability of first answers against the share that was right, with 90 % intervals."""
     stated = np.array([r.answers[OURS].sure for r in rows])
     held = np.array([right(r, r.answers[OURS]) for r in rows])
     which = np.digitize(stated, _BINS) - 1
-    with canvas((4.6, 3.9)) as (figure, (ax,)):
-        ax.plot([0, 100], [0, 100], color=GREY, lw=1.0, ls="--", label="as stated")
-        for k in np.unique(which):
-            own = held[which == k]
-            n, share = len(own), float(own.mean())
-            low, high = _interval(int(own.sum()), n)
-            x = 100 * float(stated[which == k].mean())
-            ax.plot([x, x], [100 * low, 100 * high], color=BLUE, lw=1.6)
-            ax.plot(x, 100 * share, "o", color=BLUE, ms=6)
-            ax.annotate(f"n = {n}", (x, 2), rotation=90, fontsize=7.5, color=GREY, ha="center")
-        ax.plot([], [], "o", color=BLUE, ms=6, label="right, with 90 % interval")
-        ax.set(xlim=(-3, 103), ylim=(0, 104), xlabel="stated [%]", ylabel="right [%]")
-        ax.legend(loc="upper left")
-        return to_svg(figure)
+    used = np.unique(which)
+    groups = [held[which == k] for k in used]
+    ends = np.array([_interval(int(own.sum()), len(own)) for own in groups])
+    points = Series(
+        "right, with 90 % interval", "points",
+        np.array([100 * float(stated[which == k].mean()) for k in used]),
+        np.array([100 * float(own.mean()) for own in groups]),
+        ends=(100 * ends[:, 0], 100 * ends[:, 1]), texts=tuple(f"n = {len(own)}" for own in groups),
+    )  # fmt: skip
+    axis = Axis("stated", "%", low=0.0, high=112.0, ticks=(0.0, 20.0, 40.0, 60.0, 80.0, 100.0))
+    panel = Panel(
+        axis, replace(axis, label="right", high=104.0), (points,), diagonal=True, height=1.9
+    )  # fmt: skip
+    return Chart("", "", (panel,), caption="Dashed: right as often as stated.")
 
 
-def detection(rows: Sequence[CaseRow], score: Score) -> str:
+def detection(rows: Sequence[CaseRow], score: Score) -> Chart:
     """Shares noticed and isolated against the gap, of the entrant, the oracle and BIC."""
     groups = [(span, own) for span, own in sized(rows) if own]
-    labels = [
+    labels = tuple(
         f"{low:g}–{high:g}\nn = {len(own)}" if np.isfinite(high) else f"> {low:g}\nn = {len(own)}"
         for (low, high), own in groups
-    ]
-    curves = [(OURS, score.main, BLUE)]
-    named = ((ORACLE, "oracle", PURPLE), ("bic", "BIC", ORANGE))
-    curves += [(m, name, colour) for m, name, colour in named if m in score.beside]
-    with canvas((6.4, 3.9)) as (figure, (ax,)):
-        for method, name, colour in curves:
-            told = [shares(own, method) for _, own in groups]
-            ax.plot(
-                [100 * (t[1] or 0) for t in told],
-                color=colour,
-                marker="o",
-                ms=5,
-                label=f"{name}: isolated",
-            )
-            if method == OURS:
-                ax.plot(
-                    [100 * (t[0] or 0) for t in told], color=colour, marker="o", ms=5, mfc="none",
-                    ls=":", label=f"{name}: noticed",
-                )  # fmt: skip
-        ax.set_xticks(range(len(labels)), labels, fontsize=8)
-        ax.set(ylim=(-3, 104), xlabel="gap that the effect adds [1]", ylabel="share of cases [%]")
-        ax.legend(loc="lower right")
-        return to_svg(figure)
+    )
+    named: tuple[tuple[str, str, Role], ...] = (
+        (OURS, score.main, "measured"), (ORACLE, "oracle", "box"), ("bic", "BIC", "before")
+    )  # fmt: skip
+    x, series = np.arange(len(groups)), []
+    for method, name, role in named:
+        if method != OURS and method not in score.beside:
+            continue
+        told = np.array([[100 * (v or 0) for v in shares(own, method)[:2]] for _, own in groups])
+        told = told.reshape(-1, 2)
+        series.append(Series(f"{name}: isolated", "line", x, told[:, 1], role=role))
+        if method == OURS:
+            series.append(
+                Series(f"{name}: noticed", "line", x, told[:, 0], role=role, dashed=True)
+            )  # fmt: skip
+    axis = Axis("gap that the effect adds", "1", names=labels)
+    panel = Panel(axis, Axis("share of cases", "%", low=0.0, high=104.0), tuple(series), height=1.9)
+    return Chart("", "", (panel,))
 
 
 def _interval(k: int, n: int) -> tuple[float, float]:
@@ -106,6 +104,7 @@ def page(score: Score) -> Document:
         f" {score.unclaimed} cases have no claim: they count as wrong." if score.unclaimed else ""
     )
     head, told = figure_cells(rows, [OURS, *score.beside], score.metrics, score.main)
+    told = [_marked(cells, m, rows) for cells, m in zip(told, score.metrics.values(), strict=True)]
     title = f"Sealed benchmark: {score.main} on {len(rows)} robots ({some.robot}, {some.mode})"
     about = (
         "The oracle is told the exact form and "
@@ -121,7 +120,8 @@ def page(score: Score) -> Document:
     sections = (
         Section(
             "Figures",
-            f"Intervals are 95 % by bootstrap over cases. {about}",
+            "Intervals are 95 % by bootstrap over cases; ✓ and ✗ say whether a target is met. "
+            + about,
             (Table.of("Every figure", head, told),),
         ),
         Section(
@@ -149,6 +149,27 @@ def page(score: Score) -> Document:
         f"that was committed to (SHA-256 of the commitments {score.root})."
     )
     return Document(title, lead, sections, "`wrenchbed blind score`", summary(score))
+
+
+def _marked(cells: Sequence[str], metric: Metric, rows: Sequence[CaseRow]) -> list[str]:
+    """A line of the figures with ✓ or ✗ at its target, where it has one."""
+    own = figure(metric, rows, OURS)
+    mark = "" if own is None else {True: " ✓", False: " ✗", None: ""}[met(metric, own.value)]
+    return [cells[0], f"{cells[1]}{mark}", *cells[2:]]
+
+
+def met(metric: Metric, value: float) -> bool | None:
+    """Whether a figure is as its target says; None without a target."""
+    found = re.fullmatch(r"([≥≤<>]?) ?([\d.]+)(?:–([\d.]+))?( %)?", metric.target)
+    if found is None:
+        return None
+    sign, low = found[1], float(found[2])
+    shown = 100.0 * value if metric.percent else value
+    if found[3]:
+        return low <= shown <= float(found[3])
+    return {
+        "≥": shown >= low, ">": shown > low, "≤": shown <= low, "<": shown < low, "": shown == low
+    }[sign]  # fmt: skip
 
 
 def summary(score: Score) -> dict[str, object]:
@@ -206,7 +227,8 @@ def _outside(rows: Sequence[CaseRow]) -> Table:
             ]
         )  # fmt: skip
     head = ["family", "n", "unknown", "none", "named, p > 0.9", "named"]
-    return Table.of("Faults outside the library", head, told)
+    table = Table.of("Faults outside the library", head, told)
+    return replace(table, empty="No case has a fault outside the library.")
 
 
 def _wrong(rows: Sequence[CaseRow]) -> Table:
@@ -220,4 +242,5 @@ def _wrong(rows: Sequence[CaseRow]) -> Table:
         size = max(row.size.values(), default=float("nan"))
         told.append([row.id, truth, size, said, claim.sure, row.error.strip().split("\n")[-1][:80]])
     head = ["case", "truth", "gap", "said", "p", "error"]
-    return Table.of("Wrong first answers", head, told)
+    table = Table.of("Wrong first answers", head, told)
+    return replace(table, empty="Every first answer is right.")

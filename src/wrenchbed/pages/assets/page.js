@@ -61,12 +61,14 @@
         shape: {points: points.map(v => api.coord(v))}, style: {fill: role(s.role), opacity: .22}})};
   }
 
+  const ends = (s, i) => s.ends ? s.ends.map(e => e[i]) : [s.y[i] - s.std[i], s.y[i] + s.std[i]];
+
   function whiskers(p, s, k) {
     return {type: "custom", name: s.name, xAxisIndex: k, yAxisIndex: k, silent: true, clip: true, z: 2,
-      data: s.x.map((x, i) => [x, s.y[i], s.std[i]]), tooltip: {show: false},
+      data: s.x.map((x, i) => [x, ...ends(s, i)]), tooltip: {show: false},
       renderItem: (_, api) => {
-        const [x, a] = api.coord([api.value(0), api.value(1) + api.value(2)]);
-        const [, b] = api.coord([api.value(0), api.value(1) - api.value(2)]);
+        const [x, a] = api.coord([api.value(0), api.value(1)]);
+        const [, b] = api.coord([api.value(0), api.value(2)]);
         return {type: "line", silent: true, shape: {x1: x, x2: x, y1: a, y2: b},
           style: {stroke: role(s.role), lineWidth: 1, opacity: .55}};
       }};
@@ -88,7 +90,7 @@
         {color: role(s.role)},
       label: {show: s.texts.length > 0, position: "right", color: colour("--ink"),
         formatter: v => s.texts[v.dataIndex]}};
-    return s.std ? [whiskers(p, s, k), points] : [points];
+    return s.std || s.ends ? [whiskers(p, s, k), points] : [points];
   }
 
   function marks(p) {
@@ -102,8 +104,8 @@
   function matrix(p, k) {
     const m = p.matrix, data = [];
     m.values.forEach((row, i) => row.forEach((v, j) => data.push({value: [j, i, v],
-      itemStyle: {color: m.colours[i][j]},
-      label: {show: true, formatter: m.texts[i][j], color: m.inks[i][j], fontSize: 11}})));
+      itemStyle: {color: m.colours[i][j] ?? "transparent"},
+      label: {show: true, formatter: m.texts[i][j], color: m.inks[i][j] ?? colour("--ink"), fontSize: 11}})));
     return {type: "heatmap", xAxisIndex: k, yAxisIndex: k, data, animation: false,
       emphasis: {itemStyle: {borderColor: colour("--ink"), borderWidth: 2}}};
   }
@@ -175,12 +177,13 @@
       const across = wide / columns, boxes = [];
       let top = 6;
       this.data.panels.forEach((p, k) => {
-        const labels = p.y.names.length ? Math.min(.4 * across, 14 + 6.4 * Math.max(...p.y.names.map(n => n.length))) : 70;
-        const rows = p.matrix ? p.matrix.rows.length : p.y.names.length;
+        const rowNames = p.matrix ? p.matrix.rows : p.y.names;
+        const labels = rowNames.length ? Math.min(.45 * across, 14 + 6.8 * Math.max(...rowNames.map(n => n.length))) : 70;
+        const rows = rowNames.length;
         const height = p.matrix ? 24 * rows : rows ? 30 * rows + 10 : 165 * p.height;
         const above = (p.title ? 20 : 8) + (p.matrix ? 18 : 0);
         const named = !this.data.shared || k + columns >= this.data.panels.length || p.matrix;
-        const below = named ? (p.matrix && p.matrix.columns.some(c => c.includes("\n")) ? 62 : 48) : 24;
+        const below = named ? ((p.matrix?.columns ?? p.x.names).some(c => c.includes("\n")) ? 62 : 48) : 24;
         const column = k % columns;
         boxes.push({left: column * across + labels, top: top + above, named, title: top + 2,
           right: (column + 1) * across - (p.matrix ? 44 : 14), height, bottom: top + above + height + below});
@@ -201,7 +204,7 @@
         told.grid.push({left: b.left, top: b.top, width: b.right - b.left, height: b.height, outerBoundsMode: "none"});
         const named = {...p.x, names: p.matrix ? p.matrix.columns : p.x.names};
         const x = axis(named, k, false, b.named);
-        if (p.matrix && p.matrix.columns.some(c => c.includes("\n"))) x.nameGap = 38;
+        if (named.names.some(c => c.includes("\n"))) x.nameGap = 38;
         told.xAxis.push(x);
         const y = axis({...p.y, names: p.matrix ? p.matrix.rows : p.y.names}, k, true, !p.y.names.length && !p.matrix);
         told.yAxis.push(y);
@@ -260,7 +263,8 @@
         const value = (a, v) => a.names.length ? a.names[v] : `${short(v)}${a.unit ? ` ${a.unit}` : ""}`;
         const head = `${p.x.label} ${value(p.x, s.x[n])}`;
         if (!p.y.names.length && !lines.includes(head)) lines.push(head);
-        const spread = s.std && s.std[n] !== null ? ` ± ${short(s.std[n])}` : "";
+        const spread = s.ends ? ` (${s.ends.map(e => short(e[n])).join(" … ")})` :
+          s.std && s.std[n] !== null ? ` ± ${short(s.std[n])}` : "";
         const size = p.y.names.length ? `${p.y.names[s.y[n]]}: ${value(p.x, s.x[n])}` :
           `${short(s.y[n])}${spread}${p.y.unit ? ` ${p.y.unit}` : ""}`;
         lines.push(`${p.title && !p.y.names.length ? `${p.title}, ` : ""}${s.name || p.y.label}: ${size}`);
@@ -322,13 +326,13 @@
 
     save() {
       const cell = v => v === null || v === undefined ? "" : /[",\n]/.test(v) ? `"${String(v).replaceAll('"', '""')}"` : String(v);
-      const rows = [["panel", "series", "x", "y", "std", "observation"]];
+      const rows = [["panel", "series", "x", "y", "std", "observation", "low", "high"]];
       for (const p of this.data.panels) {
         const title = p.title || p.y.text;
         if (p.matrix) p.matrix.values.forEach((row, i) => row.forEach((v, j) =>
-          rows.push([title, p.matrix.rows[i], p.matrix.columns[j].replace("\n", " "), v, "", ""])));
+          rows.push([title, p.matrix.rows[i], p.matrix.columns[j].replace("\n", " "), v, "", "", "", ""])));
         for (const s of p.series) s.x.forEach((x, n) => rows.push([title, s.name, p.x.names[x] ?? x,
-          p.y.names[s.y[n]] ?? s.y[n], s.std?.[n], s.ids?.[n]]));
+          p.y.names[s.y[n]] ?? s.y[n], s.std?.[n], s.ids?.[n], s.ends?.[0][n], s.ends?.[1][n]]));
         rows[0][2] = this.data.panels.every(q => q.x.text === p.x.text) ? p.x.text || "x" : "x";
       }
       const file = new Blob([rows.map(r => r.map(cell).join(",")).join("\n") + "\n"], {type: "text/csv"});

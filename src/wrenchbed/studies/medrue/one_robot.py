@@ -7,6 +7,7 @@ import numpy as np
 from scipy import stats
 
 from wrenchbed.jobs.parts import Row
+from wrenchbed.pages.chart import Chart
 from wrenchbed.pages.document import Figure, Section, Table
 from wrenchbed.pages.plots import histograms, workspaces
 from wrenchbed.simulation.simulation import Simulation
@@ -210,7 +211,7 @@ def _figures(setting: StudySetting, one: OneRobot) -> tuple[Figure, ...]:
     }
     after = {"±1 N as 3σ, unweighted": paper["target"], "certificate, weighted": real["target"]}
 
-    def panels(errors: Mapping[str, np.ndarray]) -> str:
+    def panels(errors: Mapping[str, np.ndarray]) -> Chart:
         return histograms({k: {"": 1e3 * v} for k, v in errors.items()}, "position error [mm]")
 
     return (
