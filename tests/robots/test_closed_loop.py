@@ -308,7 +308,7 @@ REFUSALS = {
         r"driven joints motor_left, .*elbow_left.* cannot move by themselves",
     ),
     "too few": (
-        FIVE_BAR.replace('<position name="motor_right" joint="motor_right"/>', ""),
+        re.sub(r'<general name="motor_right".*', "", FIVE_BAR),
         r"leave elbow_left, motor_right, elbow_right free",
     ),
     "open": (

@@ -263,7 +263,7 @@ def test_the_exported_model_settles_to_the_twins_wrench(tmp_path, robot, effect,
     model = mujoco.MjModel.from_xml_path(str(mjcf))
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, 0)
-    data.ctrl[:] = robot.home
+    data.ctrl[:] = 0.0
     mujoco.mj_step(model, data, 4000)
     read = -np.concatenate([data.sensor("force").data, data.sensor("torque").data])
     scene = still(robot.name, 1)

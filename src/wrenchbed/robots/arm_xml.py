@@ -13,6 +13,7 @@ from wrenchbed.physics.rotations import quaternion
 from wrenchbed.physics.wrench import physical_inertia
 from wrenchbed.robots.arm_model import COUPLED, HINGE, ArmLink, ArmModel, Load, Shape
 from wrenchbed.robots.chain import about
+from wrenchbed.robots.mjcf import servo_gains
 
 _LIGHTEST, _SMALLEST = 1e-6, 1e-9
 """What MuJoCo is given for a link that weighs nothing [kg, kg·m²]: it refuses less."""
@@ -40,7 +41,6 @@ _HEAD = """
     <joint armature="0.1"/>
     <geom contype="0" conaffinity="0" group="1" mass="0"/>
     <site group="4" size="0.006"/>
-    <position kp="20000" kv="400"/>
   </default>
   <asset/>
   <worldbody>
@@ -91,7 +91,7 @@ def mjcf_of(name: str, arm: ArmModel, load: Load, title: str = "") -> str:
     _end(bodies[arm.end + 1], arm, load, writer)
     home = [link.home for link in arm.links]
     Xml.SubElement(_part(root, "keyframe"), "key", name="home", qpos=_text(home),
-                   ctrl=_text(home[k] for k in arm.driven))  # fmt: skip
+                   ctrl=_text(0.0 for _ in arm.driven))  # fmt: skip
     Xml.indent(root)
     return Xml.tostring(root, encoding="unicode")
 
@@ -150,8 +150,9 @@ def _bone(body: Xml.Element, name: str, after: np.ndarray, thick: float) -> None
 
 
 def _servo(root: Xml.Element, column: str, link: ArmLink) -> None:
-    Xml.SubElement(_part(root, "actuator"), "position", name=column, joint=column,
-                   ctrlrange=_text([link.lower, link.upper]))  # fmt: skip
+    limits = _text([link.lower - link.home, link.upper - link.home])
+    Xml.SubElement(_part(root, "actuator"), "general", servo_gains(link.home), name=column,
+                   joint=column, ctrlrange=limits)  # fmt: skip
 
 
 def _close(root: Xml.Element, bodies: Sequence[Xml.Element], arm: ArmModel) -> None:

@@ -14,6 +14,41 @@ POINT = 1e-9
 small tool's: estimate."""
 
 
+def frictionless(spec: mujoco.MjSpec) -> mujoco.MjSpec:
+    """Leave out what a file has for whoever opens it and what no record may depend on.
+
+    That is contact and its shapes, dry and viscous friction of joints, and limits of the servos'
+    forces. The same spec is returned.
+    """
+    spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
+    for geom in list(spec.geoms):
+        if geom.classname.name in _TOUCHING:
+            spec.delete(geom)
+    for joint in (spec.default.joint, *spec.joints):  # joints may still be added
+        joint.frictionloss = 0.0
+        joint.damping = np.zeros_like(joint.damping)
+    for servo in spec.actuators:
+        servo.forcelimited = mujoco.mjtLimited.mjLIMITED_FALSE
+    return spec
+
+
+_TOUCHING = ("collision", "touched")
+"""Classes of the shapes that touch, in the files of robots."""
+
+
+def servo_gains(home: float) -> dict[str, str]:
+    """Attributes of a ``general`` actuator that holds a joint at ``home`` while its ctrl is 0.
+
+    A model as opened, with all controls 0, so stays where it is.
+    """
+    bias = f"{STIFFNESS * home!r} {-STIFFNESS:g} {-DAMPING:g}"
+    return {"biastype": "affine", "gainprm": f"{STIFFNESS:g}", "biasprm": bias}
+
+
+STIFFNESS, DAMPING = 20000.0, 400.0
+"""Of a servo [N·m/rad, N·m·s/rad; N/m, N·s/m]: chosen, it holds still."""
+
+
 def place(
     spec: mujoco.MjSpec, name: str, pos: Sequence[float], rotation: np.ndarray | None = None
 ) -> None:

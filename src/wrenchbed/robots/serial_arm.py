@@ -224,10 +224,10 @@ class SerialArm(SerialChain):
         return mujoco.MjSpec.from_file(str(self.mjcf))
 
     def spec(self, theta: np.ndarray) -> "mujoco.MjSpec":
-        from wrenchbed.robots.mjcf import place, write_load
+        from wrenchbed.robots.mjcf import frictionless, place, write_load
 
         p = {name: float(v) for name, v in self.values(theta).items()}
-        spec = self.drawn()
+        spec = frictionless(self.drawn())
         place(spec, "base", [0, 0, 0], self._base(theta))
         frame, origin = np.eye(3), [0.0, 0.0, 0.0]
         for i, (link, angle) in enumerate(zip(self.arm.links, self.home, strict=True), start=1):

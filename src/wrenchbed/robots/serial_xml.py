@@ -7,6 +7,7 @@ import numpy as np
 
 from wrenchbed.physics.gravity import BodyMass
 from wrenchbed.physics.rotations import quaternion, rot_x, rot_z
+from wrenchbed.robots.mjcf import servo_gains
 from wrenchbed.robots.serial_arm import ArmData
 
 _GYRATION_M = 0.08
@@ -22,7 +23,6 @@ _TEXT = """<!-- {title}, without geometry. Inertias of links: estimates. -->
   </option>
   <default>
     <joint type="hinge" axis="0 0 1" armature="0.1"/>
-    <position kp="20000" kv="400"/>
   </default>
   <worldbody>
     <body name="base" gravcomp="1">
@@ -34,7 +34,7 @@ _TEXT = """<!-- {title}, without geometry. Inertias of links: estimates. -->
 {servos}
   </actuator>
   <keyframe>
-    <key name="home" qpos="{home}" ctrl="{home}"/>
+    <key name="home" qpos="{home}" ctrl="{still}"/>
   </keyframe>
   <sensor>
     <force name="force" site="ft"/>
@@ -69,8 +69,9 @@ def mjcf_of(arm: ArmData) -> str:
     ]
     closed = ["</body>"] * (len(arm.links) + 2)
     servos = [
-        f'<position name="q{k}" joint="q{k}" ctrlrange="{_words(link.lower, link.upper)}"/>'
-        for k, link in enumerate(arm.links, start=1)
+        f'<general name="q{k}" joint="q{k}" {_servo(home)} '
+        f'ctrlrange="{_words(link.lower - home, link.upper - home)}"/>'
+        for k, (link, home) in enumerate(zip(arm.links, arm.home, strict=True), start=1)
     ]
     return _TEXT.format(
         name=arm.name,
@@ -78,7 +79,12 @@ def mjcf_of(arm: ArmData) -> str:
         bodies="\n".join(f"      {line}" for line in (*opened, *closed)),
         servos="\n".join(f"    {line}" for line in servos),
         home=_words(*arm.home),
+        still=_words(*[0.0] * len(arm.home)),
     )
+
+
+def _servo(home: float) -> str:
+    return " ".join(f'{k}="{v}"' for k, v in servo_gains(home).items())
 
 
 def _words(*values: float) -> str:

@@ -26,7 +26,7 @@ class Sampled(NamedTuple):
 
 
 class ServoDrivenRobot:
-    """The robot's dynamics; its joints follow ``ctrl``.
+    """The robot's dynamics; its joints follow targets.
 
     Args:
         simulation: the compiled robot; the plant owns its state from now on.
@@ -44,7 +44,9 @@ class ServoDrivenRobot:
             int(self.model.joint(joint.name).dofadr[0]) for joint in simulation.robot.joints
         ]
         self.data.qpos[:] = simulation.robot.qpos(q[None], simulation.theta)[0]
-        self.data.ctrl[:] = q
+        gain, bias = self.model.actuator_gainprm[:, 0], self.model.actuator_biasprm
+        self._scale, self._offset = -bias[:, 1] / gain, -bias[:, 0] / gain
+        self._aim(q)
         mujoco.mj_forward(self.model, self.data)
 
     @property
@@ -57,11 +59,25 @@ class ServoDrivenRobot:
         """Joint speeds (J,)."""
         return np.array(self.data.qvel[self._speeds])
 
+    @property
+    def target(self) -> np.ndarray:
+        """Last target (J,)."""
+        return np.array(self._target)
+
+    def _aim(self, target: np.ndarray) -> None:
+        """Let the servos rest at joint values (J,)."""
+        self._target = np.asarray(target, dtype=float)
+        self.data.ctrl[:] = self._controls(self._target)
+
+    def _controls(self, targets: np.ndarray) -> np.ndarray:
+        """Controls (…, J) with which the servos' force is 0 at rest at joint values (…, J)."""
+        return np.asarray(self._scale * targets + self._offset)
+
     def advance(self, target: np.ndarray, seconds: float) -> None:
         """Follow a target for some time, in equal steps of at most `LONGEST_STEP`."""
         steps = steps_in(seconds)
         self.model.opt.timestep = seconds / steps
-        self.data.ctrl[:] = target
+        self._aim(target)
         mujoco.mj_step(self.model, self.data, steps)
 
     def settle(self, target: np.ndarray) -> tuple[bool, float]:
@@ -82,11 +98,11 @@ class ServoDrivenRobot:
         """
         self.model.opt.timestep = seconds / len(targets)
         q, qd = self.q, self.qd
-        self.data.ctrl[:] = targets[0]
+        self._aim(targets[0])
         mujoco.mj_step(self.model, self.data)
         load = load_on_sensor(self.data)
         for target in targets[1:]:
-            self.data.ctrl[:] = target
+            self._aim(target)
             mujoco.mj_step(self.model, self.data)
         return Sampled(q, qd, load)
 
@@ -102,7 +118,7 @@ class ServoDrivenRobot:
         start = np.empty(mujoco.mj_stateSize(model, kind))
         mujoco.mj_getState(model, data, start, kind)
         states, sensed = rollout.rollout(
-            model, data, start, ways.reshape(1, -1, ways.shape[2]),
+            model, data, start, self._controls(ways.reshape(1, -1, ways.shape[2])),
             initial_warmstart=np.array(data.qacc_warmstart),
         )  # fmt: skip
         before = np.concatenate([start[None], states[0, every - 1 : -1 : every]])

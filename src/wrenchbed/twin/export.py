@@ -21,7 +21,8 @@ README = """# {robot}: twin as plain MJCF
 `{robot}.xml` loads with `mujoco.MjModel.from_xml_path`; `effects.json` says what is not in it.
 **Signs:** MuJoCo's `force` and `torque` sensors read the support force. The load on the sensor, as
 recordings state it, is minus that. Then come `sensor` and the effects `outside` of effects.json.
-**Start** from the keyframe `home` (`mujoco.mj_resetDataKeyframe`): with no controls the arm leaps.
+**Controls** are what each joint shall be away from home: with all of them 0 the model stays as it
+opens. Nothing touches anything and joints have no friction: neither may change the load.
 {weights}
 """
 _IN_FULL = (
@@ -116,8 +117,7 @@ def _weigh_in_full(spec: mujoco.MjSpec) -> None:
         body.gravcomp = float(body.name == "base")  # bolted down
     for servo in spec.actuators:
         servo.gainprm[0] *= STIFFER
-        servo.biasprm[1] *= STIFFER
-        servo.biasprm[2] *= STIFFER
+        servo.biasprm[:3] *= STIFFER
 
 
 def _stand(spec: mujoco.MjSpec) -> None:

@@ -33,10 +33,10 @@ class DrivenArm(Body):
     def step(self, target: np.ndarray) -> None:
         super().step(target)
         model, plant = self.simulation.model, self._plant
-        gain, spring, damper = (
-            model.actuator_gainprm[:, 0], model.actuator_biasprm[:, 1], model.actuator_biasprm[:, 2]
-        )  # fmt: skip
-        self._torques.append(gain * plant.data.ctrl + spring * plant.q + damper * plant.qd)
+        gain = model.actuator_gainprm[:, 0]
+        constant, spring, damper = model.actuator_biasprm[:, :3].T
+        drive = gain * plant.data.ctrl + constant
+        self._torques.append(drive + spring * plant.q + damper * plant.qd)
         while len(self._torques) > self._behind + 1:
             self._torques.popleft()
 

@@ -163,7 +163,7 @@ class SimDriver(Driver):
     def _read(self) -> ArmSample:
         self._count += 1
         fresh, self._seen = self._time > self._seen, self._time
-        target = np.array(self._plant.data.ctrl)
+        target = self._plant.target
         return ArmSample(
             self._time, self._time, self._count, 0.0, fresh, self._plant.q, self._plant.qd,
             target_q=target,
@@ -181,7 +181,7 @@ class SimDriver(Driver):
 
     def _write(self, q: np.ndarray) -> Applied:
         """Follow a target for one control period."""
-        why = self.limits.check_step(self.robot, np.array(self._plant.data.ctrl), q, CONTROL_S)
+        why = self.limits.check_step(self.robot, self._plant.target, q, CONTROL_S)
         if why:
             return Applied(None, why)
         self._contact = np.zeros(6)
