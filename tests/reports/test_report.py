@@ -8,11 +8,13 @@ import subprocess
 from dataclasses import replace
 from html import unescape
 from html.parser import HTMLParser
+from importlib.metadata import version
 
 import numpy as np
 import pytest
 
 import wrenchbed as wb
+from rrd_file import Rrd
 from wrenchbed import registry
 from wrenchbed.campaigns.recording.run import record
 from wrenchbed.cli import main
@@ -260,7 +262,7 @@ def test_names_and_commands_are_escaped(healthy):
     assert "<script" not in html
     assert "&lt;script&gt;alert(" in html
     page = Page(html)
-    assert page.sections["page"].count(evil) == 4
+    assert page.sections["page"].count(evil) == 5
 
 
 def test_a_page_is_written_whole(healthy, tmp_path):
@@ -281,6 +283,13 @@ def test_the_command_line_writes_it_with_its_command(tmp_path, capsys):
     out = tmp_path / "a folder"
     assert main(["diagnose", recorded(tmp_path), "--out", str(out), "--seed", "3"]) == 0
     assert "report.html" in capsys.readouterr().out
+    digest = hashlib.sha256((tmp_path / "rec.parquet").read_bytes()).hexdigest()
+    told = Rrd(out / "diagnosis.rrd").values("/report", "TextDocument:text")[0, 0]
+    page = Page((out / "report.html").read_text(encoding="utf-8")).sections["page"]
+    for shown in (told, page):
+        assert f"SHA-256 of rec.parquet {digest}" in shown.replace(":", "")
+        assert f"UTC by wrenchbed {version('wrenchbed')}" in shown
+        assert "seed 3" in shown.replace(":", "") and f"--out '{out}' --seed 3" in shown
     text = (out / "report.html").read_text(encoding="utf-8")
     assert f"--out &#39;{out}&#39; --seed 3" in text
 

@@ -1,14 +1,20 @@
 """The report of a recording and its fits: right figures, and what to do next."""
 
+import hashlib
 import json
 import re
+from dataclasses import replace
+from importlib.metadata import version
 
+import numpy as np
 import pytest
 
 import wrenchbed as wb
 from wrenchbed.cli import main
 from wrenchbed.errors import ParameterError
 from wrenchbed.reports import recording_page
+from wrenchbed.reports.agreement import agreement
+from wrenchbed.twin.comparison import noise_of, simulators
 
 
 @pytest.fixture(scope="module")
@@ -38,21 +44,41 @@ def test_a_fit_that_agrees_says_so_with_its_figures(folder):
     page = recording_page(recording, [folder / "fit.json"], "the command")
     told, fit = text(page), json.loads((folder / "fit.json").read_text())
     assert (
-        "Simulator fit agrees with the recording." in told
+        "Simulator fit agrees with the recording in every channel." in told
         and "40 poses at rest" in told
         and "the command" in told
     )
     assert f"{fit['tool']['mass']:.4g} kg" in told
     assert all(name in told for name in fit["parameters"])
+    assert hashlib.sha256((folder / "rec.parquet").read_bytes()).hexdigest() in told
+    assert f"wrenchbed {version('wrenchbed')}" in told and " UTC by " in told
     ratio = float(re.search(r"([\d.]+) × noise", told)[1])
     assert 0.9 < ratio < 1.25
-    assert "use this simulator" in told
+    assert "Use this simulator" in told
+
+
+def test_one_channel_that_differs_is_no_agreement(folder):
+    """tz at 1.87 times its noise: over all channels that is 1.2 and looked like noise."""
+    recording = wb.Recording.read(folder / "rec.parquet")
+    known = simulators(recording, [folder / "fit.json"])
+    noise = noise_of(recording)
+    before = agreement(recording, known[1], noise)
+    assert before.agrees
+    columns = dict(recording.columns)
+    columns["tz"] = columns["tz"] + noise[5] * np.sqrt(1.87**2 - before.ratios[5] ** 2)
+    shifted = replace(recording, columns=columns)
+    after = agreement(shifted, known[1], noise)
+    assert after.ratios[5] == pytest.approx(1.87, abs=0.05) and after.overall < 1.25
+    page = recording_page(shifted, [folder / "fit.json"], "")
+    told = text(page)
+    assert "differs slightly from the recording in tz." in told and "tz 1.8" in told
+    assert "✓ agree" not in told and "Use this simulator" not in told
 
 
 def test_a_simulator_that_is_off_is_named_with_the_next_step(folder):
     page = recording_page(wb.Recording.read(folder / "rec.parquet"), [], "")
     told = text(page)
-    assert "The best simulator, configured, differs much from the recording." in told
+    assert "The best simulator, configured, differs much from the recording in " in told
     assert "wrenchbed calibrate rec.parquet --out fit.json" in told
     assert "Nothing was fitted" in told
 

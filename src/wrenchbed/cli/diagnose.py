@@ -110,7 +110,7 @@ def _write(result: Findings, folder: Path, command: str, artist: Artist) -> list
             if name == "report.html":
                 _report(result, folder / name, command, artist)
             else:
-                _draw(result, folder / name)
+                _draw(result, folder / name, command)
             written.append(name)
         except MissingExtraError as error:
             warnings.warn(f"no {name}: {error}", WrenchbedWarning, stacklevel=1)
@@ -157,10 +157,10 @@ def _report(result: Findings, path: Path, command: str, artist: Artist) -> None:
     diagnosis_page(result, command, artist).write(path)
 
 
-def _draw(result: Findings, path: Path) -> None:
+def _draw(result: Findings, path: Path, command: str) -> None:
     from wrenchbed.viewer import diagnosis_view
 
-    diagnosis_view(result, path)
+    diagnosis_view(result, path, command)
 
 
 def _rehearsed(path: Path, options: DryRunOptions, as_json: bool) -> None:

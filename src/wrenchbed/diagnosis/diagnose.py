@@ -68,6 +68,7 @@ class Findings:
         untempered: the verdict that held-out rows uphold, before the reliability of such claims
             was weighed in.
         scattered: what rows scatter beyond noise and all that is named; empty if that is little.
+        seed: of the split into folds and of all permutations.
     """
 
     diagnosis: Diagnosis
@@ -78,6 +79,7 @@ class Findings:
     plans: Mapping[str, Plan]
     untempered: Verdict
     scattered: str = ""
+    seed: int = 0
 
     def write(self, folder: str | Path) -> None:
         """Write ``diagnosis.json``, ``twin.json`` and the plans of the proposed experiments."""
@@ -195,7 +197,9 @@ def findings_of(found: Examined, seed: int, progress: Progress, begun: float) ->
         ),
     )
     diagnosis = answer.with_contact(diagnosis, touch)
-    return Findings(diagnosis, analysis, verdict, between, places, plans, untempered, scattered)
+    return Findings(
+        diagnosis, analysis, verdict, between, places, plans, untempered, scattered, seed
+    )
 
 
 class Weighed(NamedTuple):

@@ -3,7 +3,6 @@
 import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from importlib.metadata import version
 from pathlib import Path, PurePath
 from typing import Any
 
@@ -15,6 +14,7 @@ from wrenchbed.pages.chart import Chart
 from wrenchbed.reports import cause_charts, figures, residual_charts, sentences, tables
 from wrenchbed.reports.claim import claim
 from wrenchbed.reports.figures import AtOnce, Draws
+from wrenchbed.reports.provenance import provenance
 from wrenchbed.reports.simulators import Evidence
 
 _BADGES = {"none": "✓", "identified": "●", "ambiguous": "◐", "partial": "◔", "unknown": "?"}
@@ -141,7 +141,8 @@ def _data(found: Findings) -> list[tuple[str, str]]:
     return [
         ("robot", f"{found.diagnosis.robot}: {robot.title}"),
         *(line for n, a in zip(names, every, strict=True) for line in _recorded(n, a.prepared)),
-        ("made by", f"wrenchbed {version('wrenchbed')} in {found.diagnosis.seconds:.1f} s"),
+        *provenance(names, seed=found.seed),
+        ("duration of the diagnosis", f"{found.diagnosis.seconds:.1f} s"),
     ]
 
 

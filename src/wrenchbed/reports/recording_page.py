@@ -1,7 +1,6 @@
 """The report of a recording held against simulators, and of the fits that some come from."""
 
 from collections.abc import Callable, Mapping, Sequence
-from importlib.metadata import version
 from pathlib import Path, PurePath
 from typing import Any
 
@@ -13,7 +12,9 @@ from wrenchbed.pages import numbers
 from wrenchbed.pages.chart import Axis, Chart, Panel, Role, Series, thinned
 from wrenchbed.physics.wrench import CHANNELS, UNITS
 from wrenchbed.reports import figures
+from wrenchbed.reports.agreement import AGREES, Agreement, agreement, best
 from wrenchbed.reports.diagnosis_page import ReportPage
+from wrenchbed.reports.provenance import provenance
 from wrenchbed.reports.simulators import BINS, Heat
 from wrenchbed.twin.comparison import (
     Simulator,
@@ -27,8 +28,6 @@ from wrenchbed.twin.comparison import (
 
 MOST_DRAWN = 400
 """Points of each series over time: least and largest of every stretch."""
-_AGREE, _NEAR = 1.25, 3.0
-"""Residuals, in units of noise, up to which simulator and measurement agree, or nearly do."""
 
 
 def report(
@@ -61,23 +60,29 @@ def recording_page(recording: Recording, files: Sequence[str | Path], command: s
     """
     known = simulators(recording, files)
     noise = noise_of(recording)
-    ratios = [float(np.sqrt(np.mean(_white(recording, s, noise) ** 2))) for s in known]
+    judged = [agreement(recording, s, noise) for s in known]
     fits = [_fit(s.name, s.fit) for s in known if s.fit]
     drawn = [figures.draw(chart) for chart in _charts(recording, known, noise)]
-    best = int(np.argmin(ratios))
-    agreement = _agreement(known[best].name, ratios[best])
+    nearest = best(judged)
     context = {
-        "verdict": "none" if ratios[best] < _AGREE else "unknown",
-        "badge": "✓ agree" if ratios[best] < _AGREE else "≠ differ",
+        "verdict": "none" if nearest.agrees else "unknown",
+        "badge": "✓ agree" if nearest.agrees else "≠ differ",
         "kind": "Recording",
         "name": PurePath(recording.name).name,
         "robot": recording.metadata.robot,
-        "headline": agreement["headline"],
+        "headline": nearest.headline,
         "what": _what(recording),
-        "best": agreement,
+        "best": {"figure": nearest.worst, "text": nearest.text},
         "simulators": [
-            {"name": s.name, "ratio": f"{r:.3g}", "rms": _rms(recording, s)}
-            for s, r in zip(known, ratios, strict=True)
+            {
+                "name": a.name,
+                "ratio": a.worst,
+                "rms": [
+                    (f"{x:.3g}", f"{r:.3g}", c in a.differing)
+                    for c, x, r in zip(CHANNELS, a.rms, a.ratios, strict=True)
+                ],
+            }
+            for a in judged
         ],
         "channels": CHANNELS,
         "noise": [f"{x:.3g}" for x in noise],
@@ -85,8 +90,8 @@ def recording_page(recording: Recording, files: Sequence[str | Path], command: s
         "fits": fits,
         "heat": drawn[0],
         "series": drawn[1:],
-        "next": _next(ratios[best], bool(fits), PurePath(recording.name).name),
-        "data": _data(recording),
+        "next": _next(nearest, bool(fits), PurePath(recording.name).name),
+        "data": _data(recording) + provenance([recording.name]),
         "command": command,
     }
     return ReportPage(context, "recording", drawn)
@@ -94,11 +99,6 @@ def recording_page(recording: Recording, files: Sequence[str | Path], command: s
 
 def _white(recording: Recording, s: Simulator, noise: np.ndarray) -> np.ndarray:
     return np.asarray((recording.wrench - s.reading) / noise)
-
-
-def _rms(recording: Recording, s: Simulator) -> list[str]:
-    rms = np.sqrt(np.mean((recording.wrench - s.reading) ** 2, axis=0))
-    return [f"{x:.3g}" for x in rms]
 
 
 def _heat(recording: Recording, known: Sequence[Simulator], noise: np.ndarray) -> Chart:
@@ -174,18 +174,6 @@ def _what(recording: Recording) -> dict[str, str]:
     return {"figure": figure, "text": f"{len(recording):,} rows in {span:,.0f} s, from {source}."}
 
 
-def _agreement(name: str, ratio: float) -> dict[str, str]:
-    figure = f"{ratio:.3g} × noise"
-    if ratio < _AGREE:
-        text = f"The residual of {name} is within the noise of the sensor."
-        headline = f"Simulator {name} agrees with the recording."
-        return {"figure": figure, "text": text, "headline": headline}
-    much = "slightly" if ratio < _NEAR else "much"
-    text = f"This is the residual of {name}, the best simulator."
-    headline = f"The best simulator, {name}, differs {much} from the recording."
-    return {"figure": figure, "text": text, "headline": headline}
-
-
 def _fit(name: str, raw: Mapping[str, Any]) -> dict[str, Any]:
     """What a page says of a fit.
 
@@ -215,11 +203,13 @@ def _idle(names: Sequence[str]) -> list[str]:
 
 
 def _row(name: str, p: Mapping[str, Any]) -> dict[str, str]:
-    """A parameter with as many digits as its uncertainty allows."""
-    value, std, half = p["value"], p["std"], p["interval95"]
+    """A parameter with as many digits as its uncertainty allows, in the units of people."""
+    unit, factor = numbers.HUMAN.get(str(p["unit"]), (str(p["unit"]), 1.0))
+    value, std, half = factor * p["value"], p["std"], p["interval95"]
     if std is None or half is None:
         return {"name": name, "value": numbers.minus(f"{value:.6g}"), "std": "not identified",
-                "interval": "", "change": "", "unit": p["unit"]}  # fmt: skip
+                "interval": "", "change": "", "unit": unit}  # fmt: skip
+    std, half = factor * std, factor * half
     digits = numbers.decimals(std)
     low, high = value - half, value + half
     return {
@@ -227,8 +217,8 @@ def _row(name: str, p: Mapping[str, Any]) -> dict[str, str]:
         "value": numbers.minus(f"{value:.{digits}f}"),
         "std": f"{std:.{digits}f}",
         "interval": numbers.minus(f"{low:.{digits}f} … {high:.{digits}f}"),
-        "change": numbers.minus(f"{value - p['nominal']:+.{digits}f}"),
-        "unit": p["unit"],
+        "change": numbers.minus(f"{value - factor * p['nominal']:+.{digits}f}"),
+        "unit": unit,
     }
 
 
@@ -242,9 +232,12 @@ _FIELDS: Mapping[str, Callable[[Any], Any]] = {
 """What is read of the fields of a fit."""
 
 
-def _next(ratio: float, fitted: bool, name: str) -> list[str]:
-    if ratio < _AGREE:
-        return ["The residual is explained: use this simulator."]
+def _next(nearest: Agreement, fitted: bool, name: str) -> list[str]:
+    if nearest.agrees:
+        return [
+            f"Use this simulator: no channel's residual reaches {AGREES:g} times its noise.",
+            f"wrenchbed diagnose {name} --out found tests for effects below the noise of a row.",
+        ]
     if not fitted:
         return [f"wrenchbed calibrate {name} --out fit.json fits mass, centre of gravity and bias."]
     return [f"wrenchbed diagnose {name} --out found locates the residual and names its cause."]
@@ -259,5 +252,4 @@ def _data(recording: Recording) -> list[tuple[str, str]]:
         ("sensor", stated.sensor.model or "not stated"),
         ("stated tool", mass),
         ("rows", f"{len(recording):,}{rate}"),
-        ("made by", f"wrenchbed {version('wrenchbed')}"),
     ]

@@ -10,6 +10,7 @@ from wrenchbed import registry
 from wrenchbed.calibration.accuracy import tip_jacobian
 from wrenchbed.calibration.fit import Fit
 from wrenchbed.errors import ParameterError
+from wrenchbed.reports.provenance import markdown, provenance
 from wrenchbed.robots.base import SimulatedRobot
 from wrenchbed.simulation.closed_form import Model
 from wrenchbed.simulation.simulation import Simulation
@@ -99,4 +100,5 @@ def _words(fit: Fit, before: np.ndarray, after: np.ndarray, largest: float) -> s
         rms = 1e3 * float(np.sqrt(np.mean(error**2)))
         rows.append(f"| {name} | {rms:.3g} mm | {1e3 * float(error.max()):.3g} mm |")
     rows += ["", f"Colours end at {1e3 * largest:.3g} mm; move the slider from before to after."]
+    rows += markdown(provenance([fit.recording]))
     return "\n".join(rows)

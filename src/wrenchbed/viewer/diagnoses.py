@@ -13,6 +13,7 @@ from wrenchbed.diagnosis.diagnose import Findings
 from wrenchbed.pages import numbers
 from wrenchbed.reports import sentences, tables
 from wrenchbed.reports.claim import joints
+from wrenchbed.reports.provenance import markdown, provenance
 from wrenchbed.reports.simulators import Evidence
 from wrenchbed.robots.base import Robot, SimulatedRobot
 from wrenchbed.simulation.simulation import Simulation
@@ -102,8 +103,8 @@ STAGE = "simulator"
 MOST_NEXT = 5
 
 
-def diagnosis_view(found: Findings, path: str | Path) -> None:
-    """Write the view of a diagnosis.
+def diagnosis_view(found: Findings, path: str | Path, command: str = "") -> None:
+    """Write the view of a diagnosis, with the command that made it.
 
     Raises:
         MissingExtraError: rerun is not installed.
@@ -127,10 +128,10 @@ def diagnosis_view(found: Findings, path: str | Path) -> None:
             assert isinstance(robot, SimulatedRobot)
             _log_robot(canvas, robot, found, shares)
         _log_stages(canvas, found)
-        log_words(canvas, "report", answers(found, shares if jointed else {}))
+        log_words(canvas, "report", answers(found, shares if jointed else {}, command))
 
 
-def answers(found: Findings, shares: Mapping[str, float]) -> str:
+def answers(found: Findings, shares: Mapping[str, float], command: str = "") -> str:
     """The three answers and the ranked causes, in Markdown, in the words of the page."""
     d, far = found.diagnosis, sentences.distance(found)
     rows = [f"# {d.verdict}: {sentences.headline(found)}", ""]
@@ -155,7 +156,8 @@ def answers(found: Findings, shares: Mapping[str, float]) -> str:
         rows += ["", f"Teal: up to {MOST_NEXT} of the proposed poses."]
     if d.notes:
         rows += ["", "**Notes**", "", *(f"- {n}" for n in d.notes)]
-    return "\n".join(rows)
+    names = (d.recording, *d.others)
+    return "\n".join([*rows, *markdown(provenance(names, command, found.seed))])
 
 
 def _causes(found: Findings) -> list[str]:

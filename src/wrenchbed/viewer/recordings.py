@@ -6,7 +6,9 @@ from pathlib import Path
 import numpy as np
 
 from wrenchbed.data.recording import Recording
-from wrenchbed.physics.wrench import UNITS
+from wrenchbed.physics.wrench import CHANNELS
+from wrenchbed.reports.agreement import agreement, best
+from wrenchbed.reports.provenance import markdown, provenance
 from wrenchbed.robots.base import SimulatedRobot
 from wrenchbed.simulation.simulation import Simulation
 from wrenchbed.twin.comparison import Simulator, modelled, noise_of, order_of, robot_of, simulators
@@ -131,17 +133,18 @@ def _log_words(
         "Measured is blue, simulated orange. Arrows are loads on the sensor, forces strong, "
         f"torques pale: {scale}.", "",
     ]  # fmt: skip
+    made = markdown(provenance([recording.name]))
     if not known:
+        rows += made
         log_words(canvas, "report", "\n".join(rows))
         return
-    rows += ["| simulator | rms of the residual, force | torque |", "|---|---|---|"]
-    for s in known:
-        left = recording.wrench - s.reading
-        force, torque = (_rms(left[:, k : k + 3]) for k in (0, 3))
-        rows.append(f"| {s.name} | {force:.3g} {UNITS[0]} | {torque:.3g} {UNITS[3]} |")
+    judged = [agreement(recording, s, noise_of(recording)) for s in known]
+    nearest = best(judged)
+    rows[2:2] = [f"**{nearest.headline}**", "", nearest.text, ""]
+    rows += [f"| rms of the residual [N, N·m] | {' | '.join(CHANNELS)} |", "|---|" + 6 * "---|"]
+    for a in judged:
+        cells = (f"{x:.3g} ({r:.3g} × noise)" for x, r in zip(a.rms, a.ratios, strict=True))
+        rows.append(f"| {a.name} | {' | '.join(cells)} |")
     rows += ["", "In the map grey is noise; dark red is ten times the noise of a row or more."]
+    rows += made
     log_words(canvas, "report", "\n".join(rows))
-
-
-def _rms(x: np.ndarray) -> float:
-    return float(np.sqrt(np.nanmean(np.square(x))))
