@@ -27,13 +27,26 @@ CONTRAST = """(() => {
   const under = node => { for (let at = node; at; at = at.parentElement) {
     const c = rgba(getComputedStyle(at).backgroundColor); if (c[3] > 250) return c; }
     return [255, 255, 255, 255]; };
+  const inside = (r, x, y) => r.left <= x && x <= r.right && r.top <= y && y <= r.bottom;
+  const beneath = text => { const b = text.getBoundingClientRect();
+    const [x, y] = [(b.left + b.right) / 2, (b.top + b.bottom) / 2];
+    const shapes = [...text.closest('svg').querySelectorAll('path, rect')].filter(s =>
+      s.compareDocumentPosition(text) & Node.DOCUMENT_POSITION_FOLLOWING
+      && !s.closest('defs, clipPath') && inside(s.getBoundingClientRect(), x, y)
+      && s.getBoundingClientRect().height > b.height / 2);
+    const colours = shapes.map(s => [getComputedStyle(s).fill, getComputedStyle(s).fillOpacity])
+      .filter(([f, o]) => f !== 'none' && !f.startsWith('url') && o > .9).map(([f]) => rgba(f))
+      .filter(c => c[3] > 250);
+    return colours.pop() ?? under(text.closest('svg').parentElement); };
   const bad = [];
   const walk = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
   for (let n = walk.nextNode(); n; n = walk.nextNode()) {
     const own = n.parentElement;
-    if (!n.textContent.trim() || own.closest('svg') || !own.getClientRects().length) continue;
+    if (!n.textContent.trim() || own.closest('title') || !own.getClientRects().length) continue;
+    const drawn = own.closest('svg');
     const style = getComputedStyle(own), size = parseFloat(style.fontSize);
-    const [a, b] = [light(rgba(style.color)), light(under(own))];
+    const [a, b] = [light(rgba(drawn ? style.fill : style.color)),
+      light(drawn ? beneath(own) : under(own))];
     const ratio = (Math.max(a, b) + 0.05) / (Math.min(a, b) + 0.05);
     const large = size >= 24 || (size >= 18.66 && style.fontWeight >= 700);
     if (ratio < (large ? LARGE : LEAST)) bad.push([n.textContent.trim().slice(0, 40), ratio]);

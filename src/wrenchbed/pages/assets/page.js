@@ -123,6 +123,8 @@
   }
 
   // ---- one figure -------------------------------------------------------------------------
+  const nearest = (values, to) => values.reduce(
+    (best, v, n) => Math.abs(v - to) < Math.abs(values[best] - to) ? n : best, 0);
   const live = [];
   let last = null;
 
@@ -186,7 +188,7 @@
         const below = named ? ((p.matrix?.columns ?? p.x.names).some(c => c.includes("\n")) ? 62 : 48) : 24;
         const column = k % columns;
         boxes.push({left: column * across + labels, top: top + above, named, title: top + 2,
-          right: (column + 1) * across - (p.matrix ? 44 : 14), height, bottom: top + above + height + below});
+          right: (column + 1) * across - (p.matrix ? 52 : 14), height, bottom: top + above + height + below});
         if (column === columns - 1 || k === this.data.panels.length - 1)
           top = Math.max(...boxes.slice(-1 - column).map(b => b.bottom));
       });
@@ -285,13 +287,16 @@
         if (step === undefined) return;
         event.preventDefault();
         this.active = true;
-        const drawnSeries = this.chart.getOption().series;
-        const seriesIndex = drawnSeries.findIndex(s => s.type !== "custom");
-        const count = drawnSeries[seriesIndex].data.length;
-        this.at = Math.min(count - 1, Math.max(0, this.at + step));
+        const shown = this.chart.getOption().series;
+        const walked = this.series.find(({s}) => s.ids && !this.off.has(s.name)) ??
+          this.series.find(({s}) => !this.off.has(s.name));
+        const seriesIndex = shown.findIndex(d => d.type !== "custom" &&
+          (!walked || d.name === walked.s.name && d.xAxisIndex === walked.k));
+        if (seriesIndex < 0) return;
+        this.at = Math.min(shown[seriesIndex].data.length - 1, Math.max(0, this.at + step));
         this.chart.dispatchAction({type: "showTip", seriesIndex, dataIndex: this.at});
         this.said.textContent = (this.last ?? []).join("; ");
-        this.share({dataIndex: this.at, seriesIndex});
+        if (walked) this.share({axesInfo: [{axisDim: "x", axisIndex: walked.k, value: bend(walked.p.x, walked.s.x[this.at])}]});
       });
       this.ground.addEventListener("blur", () => {
         this.active = false;
@@ -302,14 +307,13 @@
 
     // the cursor of all figures stands at the same observation
     share(event) {
-      if (!this.active || event.dataIndex === undefined && !event.axesInfo?.length) return;
-      let found = null;
-      if (event.dataIndex !== undefined && event.seriesIndex !== undefined) {
-        const told = this.chart.getOption().series[event.seriesIndex];
-        const own = this.series.find(({s, k}) => s.ids && k === told.xAxisIndex && s.name === told.name);
-        found = own?.s.ids[event.dataIndex] ?? null;
-      }
-      if (found === null || found === last) return;
+      const at = event.axesInfo?.find(a => a.axisDim === "x");
+      if (!this.active || !at) return;
+      const own = this.series.find(({s, k}) => s.ids && k === at.axisIndex && !this.off.has(s.name));
+      if (!own) return;
+      const x = straight(own.p.x, at.value);
+      const found = own.s.ids[nearest(own.s.x, x)];
+      if (found === last) return;
       last = found;
       for (const other of live) if (other !== this) other.follow(found);
     }
@@ -319,7 +323,7 @@
       const own = this.series.find(({s}) => s.ids && !this.off.has(s.name));
       if (!own) return;
       const {s, k} = own;
-      const near = s.ids.reduce((best, v, n) => Math.abs(v - id) < Math.abs(s.ids[best] - id) ? n : best, 0);
+      const near = nearest(s.ids, id);
       const seriesIndex = shown.findIndex(d => d.name === s.name && d.xAxisIndex === k && d.type !== "custom");
       if (seriesIndex >= 0) this.chart.dispatchAction({type: "showTip", seriesIndex, dataIndex: near});
     }
@@ -358,7 +362,7 @@
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", again);
     let width = innerWidth;
     addEventListener("resize", () => { if (innerWidth !== width) { width = innerWidth; again(); } });
-    window.wrenchbed = {live, begin: () => $("figure[data-chart]").forEach(begin)};
+    window.wrenchbed = {live, cursor: () => last, begin: () => $("figure[data-chart]").forEach(begin)};
   }
 
   // ---- tables -----------------------------------------------------------------------------

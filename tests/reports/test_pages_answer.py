@@ -1,0 +1,227 @@
+"""Pages answer in Chromium: values under the cursor, channels, zoom, tables, keyboard, print."""
+
+import json
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from test_report import found
+from test_report_rendered import CONTRAST
+
+import axe
+import wrenchbed as wb
+from chromium import BINARY, tab
+from pictures import unless
+from wrenchbed.campaigns import summary
+from wrenchbed.campaigns.result_rows import CampaignRows, empty
+from wrenchbed.campaigns.settings import Fleet
+from wrenchbed.pages.document import Document, Figure, Section, Table
+from wrenchbed.pages.plots import bars, components, histograms, lines
+from wrenchbed.reports import diagnosis_page, recording_page
+
+pytestmark = unless(BINARY is not None, "chromium is not installed")
+
+KINDS = ("diagnosis", "unknown", "recording", "campaign", "study")
+
+
+@pytest.fixture(scope="module")
+def pages(tmp_path_factory):
+    """One page of every kind."""
+    folder = tmp_path_factory.mktemp("pages")
+    told = found(folder, "joint.compliance:joint=2,stiffness=9000")
+    diagnosis_page(told).write(folder / "diagnosis.html")
+    unknown = replace(
+        told.diagnosis, verdict="unknown", which=[], gap=_unclaimed(told), where=[]
+    )  # fmt: skip
+    diagnosis_page(replace(told, diagnosis=unknown)).write(folder / "unknown.html")
+    recording = wb.Recording.read(folder / "rec.parquet")
+    wb.calibrate(recording).write(folder / "fit.json")
+    page = recording_page(recording, [folder / "fit.json"], "wrenchbed report rec.parquet")
+    page.write(folder / "recording.html")
+    _campaign(folder / "rows").write(folder / "campaign", "campaign")
+    _study().write(folder / "study", "study")
+    at = {k: folder / f"{k}.html" for k in KINDS}
+    return at | {k: folder / k / f"{k}.html" for k in ("campaign", "study")}
+
+
+def _unclaimed(told):
+    gap = told.diagnosis.gap
+    readings = {"calibrated": gap.readings["calibrated"]}
+    return replace(gap, with_effects=None, closed=None, members={}, readings=readings)
+
+
+def _campaign(folder) -> Document:
+    fleet = Fleet("ur5", 30, ("noise", "effects"), 24, 8, diagnose=True)
+    kept = CampaignRows(folder, fleet)
+    for k in range(30):
+        claimed = ("sensor.bias", "base.tilt", "")[k % 3]
+        kept.add(
+            empty(fleet, k)
+            | {"effect": "base.tilt" if k % 2 else "", "added": 10.0 ** (k % 5 - 1), "size": 1.0,
+               "verdict": "identified" if claimed else "none", "claimed": claimed,
+               "named": claimed, "right": float(k % 3 == k % 2), "force.before": 1.0 + k,
+               "force.after": 0.1 + 0.01 * k, "inside95": 0.9}
+        )  # fmt: skip
+    return summary.page(fleet, kept.finish())
+
+
+def _study() -> Document:
+    rng = np.random.default_rng(0)
+    curves = {"a": ([1, 10, 100], [0.1, 3.0, 40.0])}
+    spread = {"error": {"all": rng.lognormal(size=99)}}
+    figures = (
+        Figure("wide", "Decades", lines(curves, "n", "y", log=True)),
+        Figure("counts", "Counts", histograms(spread, "mm", log=True)),
+        Figure("bars", "Bars", bars({"one": 0.02, "another": 1.3}, "mm", log=True)),
+        Figure("parts", "Parts", components({"m": rng.normal(size=(9, 6))})),
+    )  # fmt: skip
+    rows = [(f"method {k}", (7 * k) % 11, float(k)) for k in range(12)]
+    table = Table.of("Methods", ("method", "rank", "error [mm]"), rows, "of `wrenchbed`")
+    return Document(
+        "A study", "Lead with `code`.", (Section("S", "text", (table, *figures)),), "by"
+    )
+
+
+@pytest.fixture(scope="module")
+def page():
+    with tab() as opened:
+        yield opened
+
+
+def shown(page, path, width=1280, **media):
+    page.open(path, width, 800, **media)
+    page.run("window.wrenchbed.begin()")
+
+
+def key(page, name: str) -> None:
+    for kind in ("keyDown", "keyUp"):
+        page.call("Input.dispatchKeyEvent", type=kind, key=name, code=name)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_figure_answers_and_nothing_complains(page, pages, kind):
+    page.console.clear()
+    shown(page, pages[kind])
+    count = page.run("document.querySelectorAll('figure[data-chart]').length")
+    assert count >= (3 if kind == "campaign" else 4)
+    assert page.run("document.querySelectorAll('figure.alive .live svg').length") == count
+    assert page.console == []
+    assert pages[kind].stat().st_size < 3_000_000
+    cut = page.run(
+        "[...document.querySelectorAll('.live svg text')].filter(t => { const a ="
+        " t.getBoundingClientRect(), b = t.closest('.live').getBoundingClientRect();"
+        " return a.width && (a.left < b.left - 1 || a.right > b.right + 1); })"
+        ".map(t => t.textContent)"
+    )
+    assert cut == []
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize(("width", "scheme"), [(1280, "light"), (1280, "dark"), (390, "light")])
+def test_no_rule_of_wcag_is_broken(page, pages, kind, width, scheme):
+    if axe.script() is None:
+        pytest.skip("axe-core is not there, and npm cannot fetch it")
+    shown(page, pages[kind], width, prefers_color_scheme=scheme)
+    assert axe.violations(page) == []
+    assert page.run(CONTRAST) == []
+    assert page.run("document.documentElement.scrollWidth") <= width
+
+
+def test_axe_finds_what_is_broken(page, pages):
+    if axe.script() is None:
+        pytest.skip("axe-core is not there, and npm cannot fetch it")
+    shown(page, pages["study"])
+    page.run("document.querySelector('.tools button').setAttribute('aria-label', '')")
+    page.run("document.querySelector('input').removeAttribute('aria-label')")
+    page.run("document.querySelector('input').removeAttribute('placeholder')")
+    assert axe.violations(page) != []
+
+
+def test_keys_alone_move_a_cursor_that_all_figures_share(page, pages):
+    shown(page, pages["diagnosis"])
+    page.run("document.querySelector('#cause-0 .live').focus()")
+    for name in ("Home", "ArrowRight", "ArrowRight"):
+        key(page, name)
+    said = page.run("document.querySelector('#cause-0 .said').textContent")
+    assert re.search(r"torque of weight on joint 2 −?[\d.]+ N·m", said)
+    assert re.search(r"measured: −?[\d.]+ ± [\d.]+ mrad", said)
+    observation = page.run("wrenchbed.cursor()")
+    assert isinstance(observation, int)
+    others = page.run(
+        "wrenchbed.live.filter(f => f.node.id.startsWith('effect-0')).map(f => f.last)"
+    )
+    assert len(others) >= 1 and all(told for told in others)
+
+
+def test_channels_go_and_come_and_a_figure_zooms(page, pages):
+    shown(page, pages["recording"])
+    count = "wrenchbed.live.find(f => f.node.id === 'forces').chart.getOption().series.length"
+    every = page.run(count)
+    page.run("document.querySelector('#forces .key').click()")
+    assert (
+        page.run("document.querySelector('#forces .key').getAttribute('aria-pressed')") == "false"
+    )
+    assert page.run(count) == every - 3
+    page.run("document.querySelector('#forces .key').click()")
+    assert page.run(count) == every
+    window = (
+        "wrenchbed.live.find(f => f.node.id === 'forces').chart.getOption().dataZoom"
+        ".map(z => [z.start, z.end])"
+    )
+    page.run("document.querySelector('#forces button[title=\"zoom in\"]').click()")
+    assert page.run(window) == [[25, 75]]
+    page.run("document.querySelector('#forces button[title=\"zoom to all\"]').click()")
+    assert page.run(window) == [[0, 100]]
+
+
+def test_the_data_of_a_figure_come_as_csv(page, pages):
+    shown(page, pages["diagnosis"])
+    page.run("URL.createObjectURL = file => { window.kept = file; return '#kept'; }; 0")
+    page.run("document.querySelector('#gaps button[title=\"download the data\"]').click()")
+    told = page.call("Runtime.evaluate", expression="kept.text()", awaitPromise=True,
+                     returnByValue=True)["result"]["value"]  # fmt: skip
+    data = json.loads(page.run("document.getElementById('charts').textContent"))
+    bars = list(data["gaps"]["panels"][0]["series"])
+    lines = told.strip().split("\n")
+    assert lines[0].startswith("panel,series,gap [1],y,std,observation")
+    assert len(lines) == 1 + sum(len(s["x"]) for s in bars)
+    assert f",{bars[0]['x'][0]},as configured," in told
+
+
+def test_tables_sort_by_numbers_and_filter(page, pages):
+    shown(page, pages["study"])
+    first = (
+        "[...document.querySelectorAll('tbody tr')].filter(r => !r.hidden).map(r => r.innerText)"
+    )
+    page.run("document.querySelectorAll('th .sort')[1].click()")
+    told = [int(row.split("\t")[1]) for row in page.run(first)]
+    assert told == sorted(told) and told[-1] == 10
+    page.run("document.querySelectorAll('th .sort')[1].click()")
+    assert page.run("document.querySelectorAll('th')[1].getAttribute('aria-sort')") == "descending"
+    page.run("{const f = document.querySelector('.filter'); f.value = 'method 11'; f.oninput();}")
+    assert len(page.run(first)) == 1
+    assert "`" not in page.run("document.body.innerText")
+
+
+def test_a_script_that_is_not_the_pages_own_does_not_run(page, pages):
+    shown(page, pages["study"])
+    page.run(
+        "{const s = document.createElement('script'); s.textContent = 'window.foreign = 1';"
+        " document.head.append(s);}"
+    )
+    assert page.run("window.foreign === undefined")
+    page.console.clear()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_paper_has_the_still_figures(page, pages, kind):
+    shown(page, pages[kind])
+    page.call("Emulation.setEmulatedMedia", media="print")
+    still = "[...document.querySelectorAll('.still svg')].every(s => s.getClientRects().length)"
+    assert page.run(still)
+    assert page.run("[...document.querySelectorAll('.live, .tools, .copy')]"
+                    ".every(n => !n.getClientRects().length)")  # fmt: skip
+    assert page.run("[...document.querySelectorAll('.still svg')]"
+                    ".every(s => s.querySelector('title').textContent)")  # fmt: skip
+    page.call("Emulation.setEmulatedMedia", media="")
