@@ -436,7 +436,7 @@ def every_face_names_verdict_and_claims_alike(
         for w in told["which"]:
             for key, value in list(w["parameters"].items())[:3]:
                 shown = flat(numbers.quantity(key, value, signed=w["effect"] in SIGNED))
-                if shown.lstrip("+") not in text:
+                if shown not in text:
                     yield f"{name} lacks {w['effect']} {key} {shown}"
         if bool(told["which"]) != ("No cause is" not in text and "No known" not in said
                                    and "No cause found" not in said

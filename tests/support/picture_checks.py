@@ -49,7 +49,7 @@ def wrong_arrow(path: Path, recording: wb.Recording) -> float:
 def stale_residual(path: Path, recording: wb.Recording, reading: np.ndarray) -> float:
     """Largest error of the residual that is shown [N, N·m], against the last simulator's."""
     rrd = Rrd(path)
-    parts = [rrd.values(f"/residual/{p}", "Scalars:scalars", "row") for p in ("force", "torque")]
+    parts = [rrd.values(f"/residual/{p}", "Scalars:scalars", "row") for p in CHANNELS]
     return float(np.abs(np.concatenate(parts, axis=1) - (recording.wrench - reading)).max())
 
 

@@ -1,5 +1,7 @@
 """A diagnosis's and a calibration's picture: who is painted, and what the slider shows."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import rerun as rr
@@ -142,13 +144,32 @@ def test_blame_on_the_wrong_link_is_caught(found, monkeypatch):
         test_the_blamed_joint_is_dark_and_the_rest_is_not((findings, Rrd(folder / "wrong.rrd"), 0))
 
 
-def test_the_slider_goes_from_before_to_after(found):
-    _, rrd, _ = found
-    gaps = [np.mean(v[0]["buffer"] if isinstance(v[0], dict) else v[0])
-            for v in rrd.values("/residual/gap", "BarChart:values", "simulator")]  # fmt: skip
-    assert len(gaps) == 3 and gaps[2] < 0.2 * min(gaps[:2])
-    names = rrd.values("/residual/map/name", "Points2D:labels", "simulator")[:, 0]
-    assert list(names) == ["as configured", "calibrated", "with the effects"]
+def test_maps_before_and_after_stand_beneath_each_other(found):
+    """Colours of each simulator: where only noise is left, all are the lightest."""
+    findings, rrd, _ = found
+    least = {}
+    for stage in ("as-configured", "calibrated", "with-the-effects"):
+        picture = rrd.values(f"/residual/{stage}/cells", "Image:buffer")[0]
+        least[stage] = float(np.mean(np.ravel(picture).astype(float)))
+    assert least["with-the-effects"] > max(least["as-configured"], least["calibrated"]) + 2.0
+    first = rrd.values("/residual/calibrated/labels", "Points2D:labels")[0]
+    numbered = np.unique(findings.analysis.prepared.recording.columns["segment"])
+    assert list(first)[:6] == ["fx", "fy", "fz", "tx", "ty", "tz"]
+    assert f"pose {numbered[0]}" in list(first)
+
+
+def test_a_painted_part_has_its_value_beside_it_and_no_label_covers_another(found):
+    findings, rrd, folder = found
+    (cause,) = findings.diagnosis.which
+    value = numbers.quantity("stiffness", cause["parameters"]["stiffness"])
+    (label,) = rrd.values("/world/blame", "Points3D:labels")[0]
+    assert label.startswith("joint 2, probability") and label.endswith(f"stiffness {value}")
+    rival = [dict(cause) | {"rivals": ["link.length", "joint.offset", "base.tilt"]}]
+    d = replace(findings.diagnosis, which=rival)
+    diagnosis_view(replace(findings, diagnosis=d), folder / "rivals.rrd")
+    places = Rrd(folder / "rivals.rrd").values("/world/blame", "Points3D:positions")[0]
+    apart = [np.abs(a - b).max() for k, a in enumerate(places) for b in places[:k]]
+    assert len(places) >= 3 and min(apart) > 0.09
 
 
 def test_the_answers_are_in_words(found):
@@ -171,9 +192,9 @@ def test_the_answers_are_read_on_the_screen(found):
     assert "Joint 2 is compliant" in text
     for name, p in d.probabilities.items():
         assert p < 0.02 or (name in text and numbers.chance(p) in text)
-    for tab in ("robot, painted by blame", "residual / noise: move the slider", "answers"):
+    for tab in ("robot, painted by blame", "residual / noise, calibrated", "answers"):
         assert tab in text
-    assert "gap of fx, fy, fz, tx, ty, tz" in text
+    assert "residual / noise, with the effects" in text and "gap of channel" in text
     assert d.gap.configured is not None and numbers.gap(d.gap.configured) in text
 
 

@@ -56,7 +56,7 @@ def test_the_picture_holds_poses_way_and_expected_wrenches(tmp_path):
     simulation = Simulation(UR5, UR5.parameters.nominal)
     dots = rrd.values("/world/poses", "Points3D:positions")[0]
     assert np.abs(dots - motion(simulation, plan.q).sensor).max() < 1e-6
-    joints = rrd.values("/joints", "Scalars:scalars", "time")
+    joints = np.deg2rad(rrd.values("/joints", "Scalars:scalars", "time"))
     model = wb.Model.of(UR5)
     expected = model.predict(joints, model.parameters.nominal)
     for k, channel in enumerate(CHANNELS):
@@ -83,7 +83,8 @@ def test_touches_and_motions_are_shown(tmp_path):
     plan = wb.multisine(UR5, 5.0, 50.0, 1)
     plan_view(plan, tmp_path / "m.rrd")
     rrd = Rrd(tmp_path / "m.rrd")
-    assert np.array_equal(rrd.values("/joints", "Scalars:scalars", "time"), plan.q)
+    degrees = rrd.values("/joints", "Scalars:scalars", "time")
+    assert np.allclose(degrees, np.rad2deg(plan.q), rtol=1e-12)
     assert "/world/poses" not in rrd.entities()
 
 

@@ -59,9 +59,11 @@ def test_curves_are_what_was_recorded(recorded):
         assert np.array_equal(
             rrd.times(f"/wrench/{channel}", "Scalars:scalars", "row"), np.arange(len(values))
         )
-    force = rrd.values("/residual/force", "Scalars:scalars", "row")
-    assert np.allclose(force, (recording.wrench - fitted)[:, :3], atol=1e-9)
-    assert np.array_equal(rrd.values("/joints", "Scalars:scalars", "row"), recording.q)
+        left = rrd.values(f"/residual/{channel}", "Scalars:scalars", "row")
+        assert np.allclose(left[:, 0], (recording.wrench - fitted)[:, k], atol=1e-9)
+    shown = rrd.values("/joints", "Scalars:scalars", "row")
+    factors = [1e3 if j.unit == "m" else 180.0 / np.pi for j in robot.joints]
+    assert np.allclose(shown, recording.q * factors, rtol=1e-12)
 
 
 def test_bodies_are_where_mujoco_has_them(recorded):

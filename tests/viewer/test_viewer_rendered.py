@@ -64,13 +64,18 @@ def test_the_viewer_shows_a_recording_without_complaint_and_keeps_to_itself(tmp_
         names = {v.name for v in viewer.client.get_state().views}
         assert {"robot", "fx [N]", "tz [N·m]", "about", "residual of configured / noise"} <= names
         assert not [w for w in viewer.warnings() if "oftware rasterizer" not in w]
+        viewer.settled()
         places = transforms(viewer)
         picture = viewer.picture("fx [N]")
+        assert {"fx measured − simulated [N]", "tz measured − simulated [N·m]"} <= names
         open_ones = connections(viewer.pid)
     simulation = Simulation(robot, robot.parameters.nominal)
     wanted = motion(simulation, recording.q[40:41])
     for k, body in enumerate(wanted.names):
         assert np.abs(places[body] - wanted.position[0, k]).max() < 1e-5
+    blue = np.abs(picture.astype(int) - MEASURED).max(axis=-1) < 40
+    ends = np.flatnonzero(blue.any(axis=0))[[0, -1]] / blue.shape[1]
+    assert ends[0] < 0.2 and ends[1] > 0.9  # the curve fills the plot, all rows are in view
     for colour in (MEASURED, SIMULATED):
         assert (np.abs(picture.astype(int) - colour).max(axis=-1) < 40).sum() > 50
     assert open_ones and all(c.laddr.ip == "127.0.0.1" for c in open_ones)
@@ -108,7 +113,10 @@ def test_tabs_and_words_can_be_read_and_clicked(tmp_path):
     model = wb.Model.of(robot, recording.metadata)
     theta = model.configured(recording.metadata)
     left = recording.wrench - model.predict(recording.q, theta)
-    assert f"{np.sqrt(np.mean(left[:, 0] ** 2)):.3g} (" in about and "differs" in about
+    assert (
+        f"{np.sqrt(np.mean(left[:, 0] ** 2)):.3g} (" in about
+        and "agrees with the recording" in about
+    )
     assert "60 rows" in about and "Measured is blue, simulated orange" in about
 
 

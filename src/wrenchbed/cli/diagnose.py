@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -258,17 +259,18 @@ def _causes(d: Diagnosis) -> Table:
         name = str(cause["effect"])
         if cause["rivals"]:
             name += "\nor " + ", ".join(cause["rivals"])
-        text = "\n".join(_parameter(k, v) for k, v in list(cause["parameters"].items())[:6])
+        text = "\n".join(_parameter(cause, k, v) for k, v in list(cause["parameters"].items())[:6])
         more = len(cause["parameters"]) - 6
         text += f"\n… {more} more" * (more > 0)
         table.add_row(name, numbers.chance(float(cause["probability"])), text)
     return table
 
 
-def _parameter(name: str, text: dict[str, Any]) -> str:
+def _parameter(cause: Mapping[str, Any], name: str, text: dict[str, Any]) -> str:
+    from wrenchbed.diagnosis.prepare.configuration import STATED
     from wrenchbed.pages.numbers import quantity
 
-    return f"{name} {quantity(name, text)}"
+    return f"{name} {quantity(name, text, signed=cause['effect'] in STATED)}"
 
 
 def _probabilities(d: Diagnosis) -> str:

@@ -53,7 +53,7 @@ def calibration_view(fit: Fit, path: str | Path) -> None:
         [layout.scene(robot.name, "position error over the workspace")],
         [
             layout.document("/report", "about"),
-            layout.bars("/error/share", "share of poses by error"),
+            layout.bars("/error/share", "share of poses over position error [mm]"),
         ],
         [1.0],
         timeline=STAGE,

@@ -12,9 +12,9 @@ from wrenchbed.data.plan import Plan
 from wrenchbed.diagnosis.diagnose import Findings
 from wrenchbed.pages import numbers
 from wrenchbed.reports import sentences, tables
-from wrenchbed.reports.claim import joints
+from wrenchbed.reports.claim import claim, joints
 from wrenchbed.reports.provenance import markdown, provenance
-from wrenchbed.reports.simulators import Evidence
+from wrenchbed.reports.simulators import Evidence, along
 from wrenchbed.robots.base import Robot, SimulatedRobot
 from wrenchbed.simulation.simulation import Simulation
 from wrenchbed.viewer import elements, layout
@@ -98,8 +98,6 @@ def _share(names: Sequence[str], shares: Mapping[str, float]) -> float:
     return max((shares.get(n, 0.0) for n in names), default=0.0)
 
 
-STAGE = "simulator"
-"""Timeline whose steps are the simulators: as configured, calibrated, with the effects."""
 MOST_NEXT = 5
 
 
@@ -113,21 +111,23 @@ def diagnosis_view(found: Findings, path: str | Path, command: str = "") -> None
     robot = found.analysis.prepared.model.robot
     jointed = isinstance(robot, SimulatedRobot) and found.analysis.prepared.scene.jointed
     left = [layout.scene(robot.name, "robot, painted by blame")] if jointed else []
+    stages = Evidence(found).stages()
+    maps = [
+        layout.heat(f"residual / noise, {name}", f"/residual/{_key(name)}")
+        for name in list(stages)[-2:]
+    ]
     blueprint = layout.page(
-        [*left, layout.heat("residual / noise: move the slider")],
-        [
-            layout.document("/report", "answers"),
-            layout.bars("/residual/gap", "gap of fx, fy, fz, tx, ty, tz"),
-        ],
-        [2.0, 1.0] if jointed else [1.0],
-        timeline=STAGE,
+        [*left, *maps],
+        [layout.document("/report", "answers")],
+        [1.6] * jointed + [1.0] * len(maps),
+        timeline=None,
     )
     with to_file(path, blueprint) as canvas:
         shares = blame(told)
         if jointed:
             assert isinstance(robot, SimulatedRobot)
             _log_robot(canvas, robot, found, shares)
-        _log_stages(canvas, found)
+        _log_stages(canvas, found, stages)
         log_words(canvas, "report", answers(found, shares if jointed else {}, command))
 
 
@@ -145,6 +145,7 @@ def answers(found: Findings, shares: Mapping[str, float], command: str = "") -> 
     rows += ["", f"**{far['figure'] or 'Gap'}**", "", f"{far['text']}"]
     rows += ["", "| simulator | gap on held-out rows |", "|---|---|"]
     rows += [f"| {name} | {numbers.gap(value)} |" for name, value, _ in tables.gaps(found)]
+    rows += _channels(found)
     if shares:
         colours = ", ".join(f"{part} {numbers.chance(p)}" for part, p in shares.items())
         rows += ["", f"Painted by probability: {colours}. Grey: not named."]
@@ -158,6 +159,19 @@ def answers(found: Findings, shares: Mapping[str, float], command: str = "") -> 
         rows += ["", "**Notes**", "", *(f"- {n}" for n in d.notes)]
     names = (d.recording, *d.others)
     return "\n".join([*rows, *markdown(provenance(names, command, found.seed))])
+
+
+def _channels(found: Findings) -> list[str]:
+    """Gap of each channel, before and after."""
+    evidence = Evidence(found)
+    before, after = evidence.channels()
+    head, line = f"| gap of channel | {evidence.first} |", "|---|---|"
+    head, line = (f"{head} with the effects |", f"{line}---|") if after else (head, line)
+    rows = ["", head, line]
+    for c, value in before.items():
+        own = f" {numbers.gap(after[c])} |" if c in after else ""
+        rows.append(f"| {c} | {numbers.gap(value)} |{own}")
+    return rows
 
 
 def _causes(found: Findings) -> list[str]:
@@ -182,7 +196,7 @@ def _log_robot(
     log_shapes(canvas, "world/real", model, painted(model, robot, shares))
     home = motion(simulation, robot.home[None])
     log_pose(canvas, "world/real", home)
-    _log_label(canvas, model, robot, home, shares)
+    _log_label(canvas, model, robot, home, found)
     plan = _proposed(found)
     if plan is not None:
         chosen = np.unique(np.linspace(0, len(plan) - 1, MOST_NEXT).astype(int))
@@ -201,25 +215,25 @@ def _proposed(found: Findings) -> Plan | None:
 
 
 def _log_label(
-    canvas: Canvas, model: Any, robot: SimulatedRobot, home: BodyMotion, shares: Mapping[str, float]
+    canvas: Canvas, model: Any, robot: SimulatedRobot, home: BodyMotion, found: Findings
 ) -> None:
-    """Names of the blamed parts where they are."""
+    """What is named of each painted part, beside it, one label above the other."""
     rr = registry.require("rerun", "view")
     parts = part_of(model, robot, shown_world=True)
-    places, texts = [], []
-    for part, share in sorted(shares.items(), key=lambda item: -item[1]):
+    places: list[np.ndarray] = []
+    texts = part_labels(found)
+    for part in texts:
         own = [g for g, names in parts.items() if part in names]
         bodies = [model.body(int(model.geom_bodyid[g])).name for g in own]
         known = [home.names.index(b) for b in bodies if b in home.names]
-        if known:
-            places.append(home.position[0, known[0]])
-        else:
-            places.append(np.array([0.0, 0.0, -0.05 - 0.08 * len(places)]))
-        texts.append(f"{part} {share:.2f}")
+        place = home.position[0, known[0]] if known else np.array([0.0, 0.0, -0.05])
+        while any(np.abs(place - other).max() < _LABEL_M for other in places):
+            place = place + np.array([0.0, 0.0, _LABEL_M])
+        places.append(place)
     if places:
         shown = rr.Points3D(
             places,
-            labels=[readable(x) for x in texts],
+            labels=[readable(x) for x in texts.values()],
             radii=0.004,
             colors=(255, 255, 255),
             show_labels=True,
@@ -227,21 +241,36 @@ def _log_label(
         canvas.once("world/blame", shown)
 
 
-def _log_stages(canvas: Canvas, found: Findings) -> None:
-    """The residual of each simulator, on one slider."""
-    rr = registry.require("rerun", "view")
-    evidence = Evidence(found)
-    p = evidence.prepared
-    order = p.scene.t[p.scene.held] if p.moving else np.arange(len(p.y)) * 1.0
-    canvas.once(
-        "residual/map/labels", elements.labels(elements.ticks(order, "s" if p.moving else "pose"))
-    )
-    readings = evidence.stages()
-    for k, (name, reading) in enumerate(readings.items()):
-        white = (p.y - reading) / evidence.std
-        shown = {
-            "residual/map/cells": elements.cells(elements.binned(white, order)),
-            "residual/map/name": elements.title(name),
-            "residual/gap": rr.BarChart(np.mean(white**2, axis=0)),
-        }
-        canvas.step(STAGE, k, shown)
+_LABEL_M = 0.1
+"""Least distance of two labels."""
+
+
+def part_labels(found: Findings) -> dict[str, str]:
+    """Of each painted part its probability and the values that are named."""
+    d = found.diagnosis
+    result: dict[str, str] = {}
+    for part, share in sorted(blame(d.to_json()).items(), key=lambda item: -item[1]):
+        told = [f"{part}, probability {numbers.chance(share)}"]
+        for entry in d.which:
+            own = claim(entry)
+            places = [f"{own.name.split('.')[0]} {k}" for k in joints(entry)]
+            if part in (places or [own.name.split(".")[0]]):
+                told += [f"{name} {value}" for name, value in own.figures]
+        result[part] = "; ".join(told)
+    return result
+
+
+def _key(name: str) -> str:
+    return name.replace(" ", "-")
+
+
+def _log_stages(canvas: Canvas, found: Findings, stages: Mapping[str, np.ndarray]) -> None:
+    """The residual of each simulator over the poses, or over time."""
+    p = found.analysis.prepared
+    order, _, over = along(p)
+    ticks = elements.ticks(order, "s" if "time" in over else "pose")
+    std = np.sqrt(np.diagonal(p.covariance))
+    for name, reading in stages.items():
+        path = f"residual/{_key(name)}"
+        canvas.once(f"{path}/labels", elements.labels(ticks))
+        canvas.once(f"{path}/cells", elements.cells(elements.binned((p.y - reading) / std, order)))

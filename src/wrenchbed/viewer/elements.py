@@ -7,7 +7,9 @@ from typing import Any
 import numpy as np
 
 from wrenchbed import registry
+from wrenchbed.pages.numbers import HUMAN
 from wrenchbed.physics.wrench import CHANNELS
+from wrenchbed.robots.base import Joint
 from wrenchbed.twin.comparison import binned_rms, bins
 from wrenchbed.viewer.robot import BodyMotion
 from wrenchbed.viewer.stream import Canvas, readable
@@ -181,15 +183,17 @@ def wrench_columns(
 
 
 def log_residuals(canvas: Canvas, at: np.ndarray, residual: np.ndarray) -> None:
-    """Log measured minus simulated (N, 6) under ``residual/force`` and ``residual/torque``."""
-    for part, k in (("force", 0), ("torque", 3)):
-        log_curves(canvas, f"residual/{part}", at, residual[:, k : k + 3], CHANNELS[k : k + 3], XYZ)
+    """Log measured minus simulated (N, 6) of each channel under ``residual/<channel>``."""
+    for k, channel in enumerate(CHANNELS):
+        log_curves(canvas, f"residual/{channel}", at, residual[:, k : k + 1], ["residual"], [NEXT])
 
 
-def log_joints(canvas: Canvas, at: np.ndarray, q: np.ndarray, names: Sequence[str]) -> None:
-    """Log joint values (N, J) under ``joints``."""
+def log_joints(canvas: Canvas, at: np.ndarray, q: np.ndarray, joints: Sequence[Joint]) -> None:
+    """Log joint values (N, J) [SI] in ° and mm under ``joints``."""
+    shown = [HUMAN[j.unit] for j in joints]
+    names = [f"{j.name} [{unit}]" for j, (unit, _) in zip(joints, shown, strict=True)]
     colours = [JOINTS[k % len(JOINTS)] for k in range(len(names))]
-    log_curves(canvas, "joints", at, q, names, colours)
+    log_curves(canvas, "joints", at, q * [factor for _, factor in shown], names, colours)
 
 
 BINS = 24

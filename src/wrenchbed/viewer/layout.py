@@ -9,7 +9,7 @@ from wrenchbed import registry
 from wrenchbed.physics.wrench import CHANNELS, UNITS
 from wrenchbed.robots.base import SimulatedRobot
 from wrenchbed.viewer.elements import BOUNDS
-from wrenchbed.viewer.stream import TIME
+from wrenchbed.viewer.stream import ROW, TIME
 
 _SKY = (242, 244, 247)
 """Behind the robot; curves keep the viewer's own ground."""
@@ -32,38 +32,66 @@ def scene(robot: str, name: str = "robot") -> Any:
     )
 
 
-def channels(name: str = "wrench") -> Any:
-    """Six curves views, one a channel, that share their time."""
+Window = tuple[str, np.ndarray]
+"""A timeline, and where on it data lie (N,) [s or rows]."""
+
+
+def channels(
+    name: str = "wrench", window: Window | None = None, residual: np.ndarray | None = None
+) -> Any:
+    """Curves of the six channels that share their time; with a residual (N, 6) each stands over
+    its own, whose range holds all but one in a thousand of the values."""
     rr = registry.require("rerun", "view")
-    views = [
-        curves(f"/wrench/{c}", f"{c} [{u}]", legend=c == CHANNELS[0])
-        for c, u in zip(CHANNELS, UNITS, strict=True)
-    ]
+    views = []
+    for k, (c, u) in enumerate(zip(CHANNELS, UNITS, strict=True)):
+        view = curves(f"/wrench/{c}", f"{c} [{u}]", legend=k == 0, window=window)
+        if residual is not None:
+            reach = _reach(residual[:, k])
+            below = curves(
+                f"/residual/{c}", f"{c} measured − simulated [{u}]", reach, legend=False,
+                window=window,
+            )  # fmt: skip
+            view = rr.blueprint.Vertical(view, below, row_shares=[1.6, 1.0])
+        views.append(view)
     return rr.blueprint.Grid(*views, grid_columns=2, name=name)
 
 
-def curves(origin: str, name: str, reach: float | None = None, *, legend: bool = True) -> Any:
-    """Curves over time that move together; with a fixed range ± ``reach``."""
+def curves(
+    origin: str,
+    name: str,
+    reach: float | None = None,
+    *,
+    legend: bool = True,
+    window: Window | None = None,
+) -> Any:
+    """Curves over time with one cursor; with a fixed range ± ``reach``.
+
+    With a window all of it is in view at first. Without one the plots scroll together: rerun has
+    no range for axes that are linked.
+    """
     rr = registry.require("rerun", "view")
     b = rr.blueprint
+    links = b.components.LinkAxis
+    axis = b.TimeAxis(link=links.LinkToGlobal)
+    if window is not None:
+        axis = b.TimeAxis(link=links.Independent, view_range=_all_of(*window))
     return b.TimeSeriesView(
         origin=origin,
         name=name,
-        axis_x=b.TimeAxis(link=b.components.LinkAxis.LinkToGlobal),
+        axis_x=axis,
         axis_y=None if reach is None else b.ScalarAxis(range=(-reach, reach)),
         plot_legend=b.PlotLegend(corner=b.Corner2D.RightTop, visible=legend),
     )
 
 
-def residuals(residual: np.ndarray, name: str = "residual") -> Any:
-    """Residual curves whose ranges hold all but one in a thousand of the values (N, 6)."""
+def _all_of(timeline: str, at: np.ndarray) -> Any:
+    """From the first to the last row, or time."""
     rr = registry.require("rerun", "view")
-    reach = [_reach(residual[:, k : k + 3]) for k in (0, 3)]
-    return rr.blueprint.Vertical(
-        curves("/residual/force", "measured − simulated, force [N]", reach[0]),
-        curves("/residual/torque", "measured − simulated, torque [N·m]", reach[1]),
-        name=name,
-    )
+    unit = "seq" if timeline == ROW else "seconds"
+    low, high = (float(at[k]) for k in (0, -1))
+    ends = (int(x) if timeline == ROW else x for x in (low, max(high, low + 1e-3)))
+    start, end = (rr.TimeRangeBoundary.absolute(**{unit: x}) for x in ends)
+    return rr.TimeRange(start=start, end=end)
 
 
 def document(origin: str, name: str) -> Any:
@@ -78,13 +106,13 @@ def bars(origin: str, name: str) -> Any:
     return rr.blueprint.BarChartView(origin=origin, name=name)
 
 
-def heat(name: str) -> Any:
-    """The map of residuals."""
+def heat(name: str, origin: str = "/residual/map") -> Any:
+    """A map of residuals."""
     rr = registry.require("rerun", "view")
     b = rr.blueprint
     x, y = BOUNDS
     return b.Spatial2DView(
-        origin="/residual/map",
+        origin=origin,
         name=name,
         background=list(_SKY),
         visual_bounds=b.VisualBounds2D(x_range=x, y_range=y),
@@ -95,22 +123,27 @@ def page(
     left: Sequence[Any],
     right: Sequence[Any],
     shares: Sequence[float],
-    timeline: str = TIME,
+    timeline: str | None = TIME,
     *,
     follow: bool = False,
 ) -> Any:
-    """Scene and map left, tabs right; on request it follows the newest time."""
+    """Scene and map left, tabs right; on request it follows the newest time.
+
+    Without a timeline nothing changes over time, and there is no slider.
+    """
     rr = registry.require("rerun", "view")
     b = rr.blueprint
+    time = b.TimePanel(state="hidden")
+    if timeline is not None:
+        play = "following" if follow else "paused"
+        time = b.TimePanel(state="collapsed", timeline=timeline, play_state=play)
     return b.Blueprint(
         b.Horizontal(
             b.Vertical(*left, row_shares=list(shares)),
             b.Tabs(*right, active_tab=0),
             column_shares=[1.0, 1.2],
         ),
-        b.TimePanel(
-            state="collapsed", timeline=timeline, play_state="following" if follow else "paused"
-        ),
+        time,
         b.BlueprintPanel(state="collapsed"),
         b.SelectionPanel(state="collapsed"),
     )

@@ -103,17 +103,16 @@ def _write(
     simulation = Simulation(robot, robot.parameters.nominal)
     seen = motion(simulation, q[shown])
     scale = scale_for(expected)
-    joints = [f"{j.name} [{j.unit}]" for j in robot.joints]
     tabs = [
-        layout.channels("expected at rest"),
-        layout.curves("/joints", "joints [rad, m]"),
+        layout.channels("expected at rest", (axis, at)),
+        layout.curves("/joints", "joints [°, mm]", window=(axis, at)),
         layout.document("/report", "about"),
     ]
     with to_file(path, layout.page([layout.scene(robot.name)], tabs, [1.0], axis), axis) as canvas:
         log_robot(canvas, robot, at[shown], seen)
         log_arrows(canvas, "simulated", at[shown], expected[shown], seen, scale, SIMULATED)
         log_simulated(canvas, at, expected, "nominal robot and tool")
-        log_joints(canvas, at, q, joints)
+        log_joints(canvas, at, q, robot.joints)
         _log_marks(canvas, plan, simulation, seen.sensor)
         log_words(canvas, "report", _words(plan, expected, at, blocked, scale.sentence))
 

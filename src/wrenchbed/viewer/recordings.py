@@ -61,9 +61,8 @@ def recording_view(
     blueprint = layout.page(
         [layout.scene(robot.name), layout.heat(readable(f"residual of {best.name} / noise"))],
         [
-            layout.channels(),
-            layout.residuals(residual),
-            layout.curves("/joints", "joints [rad, m]"),
+            layout.channels("wrench and residual", (axis, at), residual),
+            layout.curves("/joints", "joints [°, mm]", window=(axis, at)),
             *([layout.curves("/closure", "loop closure [nm]")] if loops else []),
             layout.document("/report", "about"),
         ],
@@ -82,7 +81,7 @@ def recording_view(
         log_arrows(canvas, "simulated", at[shown], best.reading[shown], real, scale, SIMULATED, 1.0)
         log_wrenches(canvas, at, recording.wrench, {s.name: s.reading for s in known})
         log_residuals(canvas, at, residual)
-        log_joints(canvas, at, q, [f"{j.name} [{j.unit}]" for j in robot.joints])
+        log_joints(canvas, at, q, robot.joints)
         if loops:
             gap = 1e9 * simulated.gap[:, None]
             log_curves(canvas, "closure", at[shown], gap, ["gap of the loops"], [SIMULATED])
@@ -93,7 +92,7 @@ def recording_view(
 def _readings_alone(recording: Recording, path: str | Path) -> None:
     """What a sensor said on a robot without a model."""
     at, axis = _over(recording)
-    left, right = layout.channels(), [layout.document("/report", "about")]
+    left, right = layout.channels(window=(axis, at)), [layout.document("/report", "about")]
     with to_file(path, layout.page([left], right, [1.0], axis), axis) as canvas:
         log_wrenches(canvas, at, recording.wrench, {})
         _log_words(canvas, recording, (), "there are none without a model of the robot")
@@ -130,6 +129,7 @@ def _log_words(
         f"Robot **{recording.metadata.robot}**, {len(recording):,} rows of "
         f"{recording.t[-1] - recording.t[0]:.1f} s, mode {recording.metadata.mode}, "
         f"source {recording.metadata.source or 'not stated'}.", "",
+        "Plots run over the rows of the recording at rest, over time [s] in motion. "
         "Measured is blue, simulated orange. Arrows are loads on the sensor, forces strong, "
         f"torques pale: {scale}.", "",
     ]  # fmt: skip
