@@ -39,6 +39,8 @@ if TYPE_CHECKING:
     from wrenchbed.exports.load_numbers import LoadNumbers, load_numbers
     from wrenchbed.hardware.drivers.sim import SimDriver, SimOptions
     from wrenchbed.monitoring.compare import Comparison, compare
+    from wrenchbed.monitoring.compensation import Compensator, compensator
+    from wrenchbed.monitoring.live import live
     from wrenchbed.planning.accuracy_plan import Mix, MixOptions, reach
     from wrenchbed.planning.choose import informative, multisine, poses
     from wrenchbed.registry import descriptions, load, names
@@ -84,6 +86,8 @@ _PUBLIC = {
     "exports.load_numbers": ("LoadNumbers", "load_numbers"),
     "hardware.drivers.sim": ("SimDriver", "SimOptions"),
     "monitoring.compare": ("Comparison", "compare"),
+    "monitoring.compensation": ("Compensator", "compensator"),
+    "monitoring.live": ("live",),
     "planning.accuracy_plan": ("Mix", "MixOptions", "reach"),
     "planning.choose": ("informative", "multisine", "poses"),
     "registry": ("descriptions", "load", "names"),
@@ -108,6 +112,7 @@ _HOME = {
 
 __all__ = [
     "Comparison",
+    "Compensator",
     "EmulatorOptions",
     "Entrant",
     "ExportOptions",
@@ -139,6 +144,7 @@ __all__ = [
     "calibrate",
     "campaign",
     "compare",
+    "compensator",
     "describe_robot",
     "descriptions",
     "diagnose",
@@ -150,6 +156,7 @@ __all__ = [
     "import_files",
     "informative",
     "learn_sensor",
+    "live",
     "load",
     "load_numbers",
     "multisine",

@@ -44,6 +44,7 @@ _VERBS = {
     "simulate": ("small_verbs", "simulate"),
     "export": ("export", "export"),
     "compare": ("small_verbs", "compare"),
+    "live": ("live", "live_"),
     "twin": ("serve", "twin"),
     "campaign": ("campaign", "campaign"),
     "study": ("small_verbs", "study"),

@@ -1,0 +1,273 @@
+"""The wrench of the surroundings: a reading less the tool's weight, the sensor's zero and effects.
+
+At rest the reading is y = A x + y_0(q), with x the external wrench, y_0 what the calibrated
+simulator reads without one, and A how the sensor mixes channels. So x = A⁻¹ (y − y_0(q)) − z. The
+zero z follows slow drift while nothing pushes.
+"""
+
+from collections import deque
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy import stats
+
+from wrenchbed.data import checked
+from wrenchbed.effects.chain import ActiveEffect
+from wrenchbed.effects.scene import Scene
+from wrenchbed.errors import TwinError
+from wrenchbed.exports.load_numbers import load_numbers
+from wrenchbed.physics.wrench import CHANNELS
+from wrenchbed.robots.base import SimulatedRobot
+from wrenchbed.robots.chain import SerialChain
+from wrenchbed.twin.twin import Twin
+
+FOLLOW_S = 20.0
+"""Time in which the zero follows what remains at rest [s]; estimate: a drift of 1 N/h lags 6 mN."""
+FOLLOW_RATE = 2.0 / 3600.0
+"""Fastest drift of force that is followed [N/s], 2 N/h; torque by `LEVER`. What changes faster is
+a load, a push or a fault. Estimate: twice the drift of a sensor that warms up."""
+LEVER = 0.05
+"""Torque per force of drifts and bands [m]; estimate: a Gamma's noise has 0.03 to 0.05 m."""
+WINDOW_S = 1.0
+"""Length of the mean at rest that is judged [s]; estimate."""
+BAND = 3.0
+"""Largest mean at rest, in standard deviations of a row; estimate: a mean of 1 s scatters by a
+third of that where noise is slow."""
+APART = 0.05
+"""Turn of the sensor from which a pose counts as another one [rad]; estimate."""
+_FITS = 1e-3
+"""Probability of its misfit below which a cause is ruled out."""
+_POSES = 12
+"""Poses since an alarm that are kept."""
+
+
+@dataclass(frozen=True, eq=False)
+class External:
+    """One compensated reading.
+
+    Attributes:
+        t: of the reading [s].
+        wrench: of the surroundings (6,) [N, N·m], in the axes that were asked for.
+        std: of its noise (6,) [N, N·m].
+        at_rest: no joint moves.
+        zero: what the zero moved since the calibration (6,), sensor axes.
+        alarm: why the mean at rest is no noise; empty where it is.
+    """
+
+    t: float
+    wrench: np.ndarray
+    std: np.ndarray
+    at_rest: bool
+    zero: np.ndarray
+    alarm: str
+
+    def to_json(self) -> dict[str, object]:
+        """As a JSON object."""
+        return {
+            "t": self.t, "wrench": self.wrench.tolist(), "std": self.std.tolist(),
+            "at_rest": self.at_rest, "zero": self.zero.tolist(), "alarm": self.alarm,
+        }  # fmt: skip
+
+
+class Compensator:
+    """Compensates reading by reading.
+
+    Args:
+        twin: the calibrated robot, with effects of a diagnosis if there are any.
+        noise: standard deviation of a row (6,) [N, N·m].
+        frame: axes of the result: ``sensor``, ``flange`` or ``base``; torques about their origin,
+            in the base about the sensor's.
+        follow: whether the zero follows drift at rest.
+
+    Attributes:
+        not_undone: effects of the twin that depend on more than the present pose and load.
+
+    Raises:
+        TwinError: the robot has no model, or no flange where ``frame`` is that.
+    """
+
+    def __init__(
+        self, twin: Twin, noise: np.ndarray, frame: str = "sensor", follow: bool = True
+    ) -> None:
+        robot = twin.model.robot
+        if not isinstance(robot, SimulatedRobot):
+            raise TwinError(f"robot {robot.name!r} has no model of its joints to compensate with")
+        if frame == "flange" and not isinstance(robot, SerialChain):
+            raise TwinError(f"the model of {robot.name!r} knows no flange: ask for sensor or base")
+        self._robot: SimulatedRobot = robot
+        self._noise, self._frame, self._follow = np.asarray(noise, dtype=float), frame, follow
+        kept = tuple(a for a in twin.active if _undone(a, twin))
+        self.not_undone = tuple(a.effect.name for a in twin.active if a not in kept)
+        self._twin = Twin(twin.model, twin.theta, kept, twin.recording)
+        self._mixing, self._plain = _mixing(self._twin), not kept
+        self._sum = np.zeros(6)
+        self._zero, self._last = np.zeros(6), -np.inf
+        self._recent: deque[tuple[float, np.ndarray]] = deque()
+        self._alarm, self._seen = "", _Poses()
+
+    def __call__(self, t: float, q: np.ndarray, wrench: np.ndarray, at_rest: bool) -> External:
+        """Compensate a reading (6,) [N, N·m] at joint values (J,), at a time [s]."""
+        left = self._mixing @ (wrench - self._expected(q))
+        if at_rest:
+            self._judge(t, q, left)
+        else:
+            self._recent.clear()
+            self._sum = np.zeros(6)
+        self._last = t
+        return External(
+            t,
+            self._turned(q, left - self._zero),
+            self._noise,
+            at_rest,
+            self._zero.copy(),
+            self._alarm,
+        )
+
+    def tare(self) -> str:
+        """Make the present mean at rest the zero; returns what it moved, in words.
+
+        Raises:
+            TwinError: the robot moves, or an alarm stands: it may be a load or a push.
+        """
+        if not self._recent:
+            raise TwinError("tare needs a second at rest")
+        if self._alarm:
+            raise TwinError(f"tare is refused while an alarm stands: {self._alarm}")
+        moved = self._mean() - self._zero
+        self._zero = self._zero + moved
+        return ", ".join(f"{c} {v:+.3g}" for c, v in zip(CHANNELS, moved, strict=True))
+
+    def _expected(self, q: np.ndarray) -> np.ndarray:
+        """What the calibrated sensor reads without an external wrench (6,)."""
+        twin, row = self._twin, q[None]
+        if self._plain:
+            return np.asarray(twin.model.predict(row, twin.theta)[0])
+        gravity, held = np.asarray(twin.model.gravity), np.ones(1, dtype=bool)
+        scene = Scene(twin.model.robot, twin.robot_theta, gravity, row, np.zeros(1), held)
+        return np.asarray(twin.wrench(scene)[0])
+
+    def _turned(self, q: np.ndarray, wrench: np.ndarray) -> np.ndarray:
+        """A wrench from sensor axes to those that were asked for."""
+        if self._frame == "sensor":
+            return wrench
+        theta = self._twin.robot_theta
+        turn, at = (np.asarray(x)[0] for x in self._robot.sensor_pose(q[None], theta))
+        if self._frame == "base" or not isinstance(self._robot, SerialChain):
+            return np.concatenate([turn @ wrench[:3], turn @ wrench[3:]])
+        flange, origin = (np.asarray(x)[0] for x in self._robot.flange_pose(q[None], theta))
+        turn, lever = flange.T @ turn, flange.T @ (at - origin)
+        force = turn @ wrench[:3]
+        return np.concatenate([force, turn @ wrench[3:] + np.cross(lever, force)])
+
+    def _mean(self) -> np.ndarray:
+        return self._sum / len(self._recent)
+
+    def _judge(self, t: float, q: np.ndarray, left: np.ndarray) -> None:
+        """Follow the zero, or raise and explain an alarm."""
+        self._recent.append((t, left))
+        self._sum = self._sum + left
+        while t - self._recent[0][0] > WINDOW_S:
+            self._sum = self._sum - self._recent.popleft()[1]
+        mean = self._mean() - self._zero
+        beyond = np.abs(mean) > BAND * self._noise
+        long = t - self._recent[0][0] > 0.9 * WINDOW_S
+        if not beyond.any():
+            self._alarm, self._seen = "", _Poses()
+            if self._follow and np.isfinite(self._last):
+                span = min(max(t - self._last, 0.0), WINDOW_S)
+                most = FOLLOW_RATE * span * np.repeat([1.0, LEVER], 3)
+                self._zero = self._zero + np.clip(mean * span / FOLLOW_S, -most, most)
+        elif long:
+            gravity = self._twin.model.robot.gravity_seen(
+                q[None], self._twin.robot_theta, np.asarray(self._twin.model.gravity)
+            )[0]
+            self._seen.add(np.asarray(gravity), mean)
+            names = ", ".join(c for c, b in zip(CHANNELS, beyond, strict=True) if b)
+            self._alarm = (
+                f"{names} beyond {BAND:g} × noise at rest: {self._seen.cause(self._noise)}"
+            )
+
+
+class _Poses:
+    """Means at rest since an alarm, one a pose, and what they have in common."""
+
+    def __init__(self) -> None:
+        self._gravity: list[np.ndarray] = []
+        self._left: list[np.ndarray] = []
+
+    def add(self, gravity: np.ndarray, left: np.ndarray) -> None:
+        """Take the mean (6,) of a pose by its gravity in sensor axes (3,); the newest of each."""
+        if self._gravity:
+            cosine = gravity @ self._gravity[-1] / np.linalg.norm(gravity) ** 2
+            if np.arccos(np.clip(cosine, -1.0, 1.0)) < APART:
+                self._left[-1] = left
+                return
+        self._gravity, self._left = self._gravity[-_POSES:], self._left[-_POSES:]
+        self._gravity.append(gravity)
+        self._left.append(left)
+
+    def cause(self, noise: np.ndarray) -> str:
+        """The likeliest cause in words; several where the poses cannot tell them apart."""
+        count = len(self._left)
+        if count == 1:
+            return "a push, another load or a shifted zero; another pose tells them apart"
+        fits = {"a shifted zero": np.eye(6)[None].repeat(count, axis=0),
+                "another load": np.array([_weight(g) for g in self._gravity])}  # fmt: skip
+        y = (np.array(self._left) / noise).ravel()
+        found = []
+        for name, design in fits.items():
+            columns = (design / noise[:, None]).reshape(6 * count, -1)
+            miss = y - columns @ np.linalg.lstsq(columns, y, rcond=None)[0]
+            if stats.chi2.sf(float(miss @ miss), len(y) - columns.shape[1]) > _FITS:
+                found.append(name)
+        return " or ".join(found) or "a contact, or what changes from pose to pose"
+
+
+def _weight(gravity: np.ndarray) -> np.ndarray:
+    """Wrench (6, 4) per mass [kg] and mass times centre of gravity [kg·m] of a load at rest."""
+    x, y, z = gravity
+    lever = np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])  # c × g
+    return np.block([[gravity[:, None], np.zeros((3, 3))], [np.zeros((3, 1)), lever]])
+
+
+def compensator(path: str | Path, noise: np.ndarray, frame: str, follow: bool) -> Compensator:
+    """Of fit.json or twin.json.
+
+    Raises:
+        ExportError, TwinError: the file cannot be trusted.
+    """
+    raw = checked.load(path, TwinError)
+    fit = isinstance(raw, dict) and "parameters" in raw
+    return Compensator(load_numbers(path).twin if fit else Twin.read(path), noise, frame, follow)
+
+
+def _undone(a: ActiveEffect, twin: Twin) -> bool:
+    """Whether the effect of a reading follows from its pose and load alone, linearly."""
+    if not a.effect.in_sensor:
+        return True
+    rng, one = np.random.default_rng(1), Twin(twin.model, twin.model.parameters.nominal, (a,))
+    loads = rng.standard_normal((8, 6))
+    together = _read(one, loads)
+    alone = np.concatenate([_read(one, row[None]) for row in loads])
+    slope = _read(one, np.eye(6)) - _read(one, np.zeros((6, 6)))
+    return bool(
+        np.allclose(together, alone, atol=1e-9)
+        and np.allclose(together, loads @ slope + _read(one, np.zeros((1, 6))), atol=1e-9)
+    )
+
+
+def _read(twin: Twin, loads: np.ndarray) -> np.ndarray:
+    """What the sensor makes of loads (M, 6) at the home pose."""
+    robot, n = twin.model.robot, len(loads)
+    assert isinstance(robot, SimulatedRobot)
+    q, held = np.tile(robot.home, (n, 1)), np.ones(n, dtype=bool)
+    gravity = np.asarray(twin.model.gravity)
+    scene = Scene(robot, twin.robot_theta, gravity, q, np.arange(n) / 100.0, held)
+    return twin.reading(scene, loads)
+
+
+def _mixing(twin: Twin) -> np.ndarray:
+    """A⁻¹ (6, 6): from a difference of readings to one of loads."""
+    slope = (_read(twin, np.eye(6)) - _read(twin, np.zeros((6, 6)))).T
+    return np.linalg.inv(slope)

@@ -1,0 +1,197 @@
+"""The compensated wrench while a driver reads: to a callback, a file of JSON lines, UDP or TCP.
+
+Nothing here moves a robot: the driver is connected and never activated.
+"""
+
+import contextlib
+import json
+import selectors
+import socket
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Self
+
+import numpy as np
+
+from wrenchbed.errors import LinkError, ParameterError
+from wrenchbed.hardware.device import GONE_S
+from wrenchbed.hardware.drivers.base.live import LiveDriver
+from wrenchbed.hardware.drivers.base.watched_move import CALM_SPEED
+from wrenchbed.monitoring.compensation import Compensator, External
+
+POLL_S = 2e-4
+"""Time between two looks for a new reading [s]; estimate."""
+_KEPT = 1 << 20
+"""Latencies that are kept for the summary."""
+_MOST_CLIENTS = 8
+Sink = Callable[[External], None]
+
+
+@dataclass(frozen=True)
+class LiveSummary:
+    """What a run was like.
+
+    Attributes:
+        readings, seconds: how many, in what time [s].
+        lost: readings that the sensor or the link lost.
+        p50, p99: time from a reading's arrival to its publication [s].
+        rms: of the wrench at rest, per channel (6,) [N, N·m]; NaN where the robot never rested.
+        alarms: how often one was raised.
+    """
+
+    readings: int
+    seconds: float
+    lost: int
+    p50: float
+    p99: float
+    rms: tuple[float, ...]
+    alarms: int
+
+
+def live(
+    driver: LiveDriver,
+    compensate: Compensator,
+    sinks: Sequence[Sink],
+    *,
+    seconds: float | None = None,
+    stopped: Callable[[], bool] = lambda: False,
+) -> LiveSummary:
+    """Publish every new reading of a connected driver, compensated.
+
+    Args:
+        driver: connected; it is only read.
+        compensate: see `Compensator`.
+        sinks: called with each result, in this thread; they must not block.
+        seconds: how long [s]; until ``stopped`` if None.
+        stopped: asked before each reading.
+
+    Raises:
+        LinkError: no new reading for a second.
+    """
+    begin = newest = time.monotonic()
+    late: list[float] = []
+    count, squares, rests, alarms, alarm, lost = 0, np.zeros(6), 0, 0, "", 0
+    while not stopped() and (seconds is None or time.monotonic() - begin < seconds):
+        reading = driver.read_wrench()
+        if not reading.fresh:
+            if time.monotonic() - newest > GONE_S:
+                health = driver.health()
+                raise LinkError(health.detail or f"no new reading for {GONE_S:g} s")
+            time.sleep(POLL_S)
+            continue
+        arm, newest = driver.read(), time.monotonic()
+        at_rest = bool(np.abs(arm.qd).max() < CALM_SPEED)
+        found = compensate(reading.t - begin, arm.q, reading.wrench, at_rest)
+        for sink in sinks:
+            sink(found)
+        if len(late) < _KEPT:
+            late.append(time.monotonic() - reading.t)
+        count, lost = count + 1, reading.lost
+        if at_rest and not found.alarm:
+            squares, rests = squares + found.wrench**2, rests + 1
+        alarms += bool(found.alarm) and not alarm
+        alarm = found.alarm
+    rms = np.sqrt(squares / rests) if rests else np.full(6, np.nan)
+    p50, p99 = np.quantile(late, (0.5, 0.99)) if late else (np.nan, np.nan)
+    span = time.monotonic() - begin
+    return LiveSummary(
+        count, span, lost, float(p50), float(p99), tuple(float(x) for x in rms), alarms
+    )
+
+
+class Datagrams:
+    """One datagram of JSON a reading to HOST:PORT; a context manager and a sink.
+
+    Raises:
+        ParameterError: the address is no HOST:PORT.
+    """
+
+    def __init__(self, address: str) -> None:
+        self._target = _address(address, "--udp")
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.setblocking(False)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __call__(self, found: External) -> None:
+        """Send; nobody may listen, and what a full buffer lacks is old when the next one comes."""
+        with contextlib.suppress(OSError):
+            self._socket.sendto(json.dumps(found.to_json()).encode(), self._target)
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._socket.close()
+
+
+class LineServer:
+    """JSON lines to all clients of a TCP port on 127.0.0.1; a context manager and a sink.
+
+    A client that reads too slowly is disconnected: what it gets is never old.
+    """
+
+    def __init__(self, port: int) -> None:
+        self._listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+        self._listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            self._listener.bind(("127.0.0.1", port))
+        except (OSError, OverflowError) as error:
+            self._listener.close()
+            raise ParameterError(f"--serve {port}: cannot be served: {error}") from error
+        self._listener.listen(_MOST_CLIENTS)
+        self._listener.setblocking(False)
+        self._waiting = selectors.DefaultSelector()
+        self._waiting.register(self._listener, selectors.EVENT_READ)
+        self._clients: list[socket.socket] = []
+
+    @property
+    def port(self) -> int:
+        """The port that is served."""
+        return int(self._listener.getsockname()[1])
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __call__(self, found: External) -> None:
+        """Send a line to all; take new clients."""
+        if self._waiting.select(0.0):
+            with contextlib.suppress(OSError):
+                client, _ = self._listener.accept()
+                client.setblocking(False)
+                client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+                if len(self._clients) < _MOST_CLIENTS:
+                    self._clients.append(client)
+                else:
+                    client.close()
+        line = (json.dumps(found.to_json()) + "\n").encode()
+        for client in list(self._clients):
+            try:
+                sent = client.send(line)
+            except OSError:
+                sent = -1
+            if sent != len(line):
+                client.close()
+                self._clients.remove(client)
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._waiting.close()
+        for part in (*self._clients, self._listener):
+            part.close()
+
+
+def _address(text: str, flag: str) -> tuple[str, int]:
+    host, colon, port = text.rpartition(":")
+    if not colon or not host or not port.isdigit() or not 0 < int(port) < 1 << 16:
+        raise ParameterError(f"{flag} {text}: give HOST:PORT")
+    return host, int(port)

@@ -1,0 +1,267 @@
+"""The compensated wrench: right in every frame; drift is followed, other changes are named."""
+
+import json
+import socket
+import time
+
+import numpy as np
+import pytest
+
+from emulator_process import running
+from simulated import UR5_TRUTH
+from wrenchbed import registry
+from wrenchbed.cli import main
+from wrenchbed.effects.chain import active_effect
+from wrenchbed.errors import ParameterError, TwinError
+from wrenchbed.hardware.drivers.base.samples import ArmSample
+from wrenchbed.hardware.transducers.base import WrenchSample
+from wrenchbed.monitoring.compensation import BAND, Compensator
+from wrenchbed.monitoring.live import Datagrams, LineServer, live
+from wrenchbed.physics.noise import NoiseStream
+from wrenchbed.simulation.closed_form import Model
+from wrenchbed.simulation.simulation import Simulation
+from wrenchbed.twin.twin import Twin
+
+ROBOT = registry.load("robots", "ur5")
+MODEL = Model.of(ROBOT)
+THETA = MODEL.parameters.vector(UR5_TRUTH)
+GAMMA = registry.load("sensors", "ati-gamma").noise
+RATE = 10.0
+
+
+def readings(q):
+    """What the sensor reads at rest, by MuJoCo (N, 6)."""
+    own = THETA[: len(ROBOT.parameters)]
+    return MODEL.read(Simulation(ROBOT, own).wrench(q), THETA)
+
+
+def run(compensate, q, rows, t0=0.0):
+    """External wrenches of rows (N, 6) at one pose, 10 a second."""
+    return [compensate(t0 + k / RATE, q, row, True) for k, row in enumerate(rows)]
+
+
+def noisy(seconds, seed):
+    n = round(seconds * RATE)
+    stream = NoiseStream(GAMMA, seed)
+    return stream.corrupt(np.arange(n) / RATE, np.zeros((n, 6)))[0]
+
+
+@pytest.mark.parametrize("frame", ["sensor", "flange", "base"])
+def test_without_a_push_nothing_is_left_and_a_push_is_read_in_its_frame(frame):
+    force = np.array([3.0, -2.0, 5.0, 0.1, 0.2, -0.3])
+    for q in ROBOT.sample(5, np.random.default_rng(1)):
+        plain = readings(q[None])[0]
+        compensate = Compensator(Twin(MODEL, THETA), GAMMA.row_std, frame)
+        assert np.abs(compensate(0.0, q, plain, True).wrench).max() < 1e-9
+        turn, at = (x[0] for x in ROBOT.sensor_pose(q[None], THETA[: len(ROBOT.parameters)]))
+        want = force
+        if frame == "base":
+            want = np.concatenate([turn @ force[:3], turn @ force[3:]])
+        elif frame == "flange":
+            flange, origin = (
+                x[0] for x in ROBOT.flange_pose(q[None], THETA[: len(ROBOT.parameters)])
+            )
+            f = turn @ force[:3]
+            moment = turn @ force[3:] + np.cross(at - origin, f)
+            want = np.concatenate([flange.T @ f, flange.T @ moment])
+        assert compensate(0.02, q, plain + force, True).wrench == pytest.approx(want, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    "effect", ["sensor.crosstalk:x.fx.fy=0.05,x.ty.fz=0.01", "sensor.gain:gain.fz=0.2"]
+)
+def test_a_sensor_that_mixes_channels_is_undone(effect):
+    """What the effect makes of the load is computed by its own formula, not by the inverse."""
+    active = (active_effect(ROBOT, effect),)
+    compensate = Compensator(Twin(MODEL, THETA, active), GAMMA.row_std)
+    assert compensate.not_undone == ()
+    q, push = np.array(ROBOT.home), np.array([4.0, 1.0, -6.0, 0.2, -0.1, 0.3])
+    load = MODEL.true_wrench(q[None], THETA)[0] + push
+    mixed = load.copy()
+    if "crosstalk" in effect:
+        mixed[0] += 0.05 * load[1]
+        mixed[4] += 0.01 * load[2]
+    else:
+        mixed[2] *= 1.2
+    found = compensate(0.0, q, MODEL.read(mixed[None], THETA)[0], True)
+    assert found.wrench == pytest.approx(push, abs=1e-9)
+
+
+def test_an_effect_of_the_arm_is_in_the_expected_reading():
+    active = (active_effect(ROBOT, "base.tilt:x=0.02,y=-0.01"),)
+    tilted = Compensator(Twin(MODEL, THETA, active), GAMMA.row_std)
+    q = np.array(ROBOT.home)
+    theta = MODEL.parameters.vector({"base.tilt.x": 0.02, "base.tilt.y": -0.01}, start=THETA)
+    reading = MODEL.read(Simulation(ROBOT, theta[: len(ROBOT.parameters)]).wrench(q[None]), theta)
+    assert np.abs(tilted(0.0, q, reading[0], True).wrench).max() < 1e-6
+    assert (
+        np.abs(
+            Compensator(Twin(MODEL, THETA), GAMMA.row_std)(0.0, q, reading[0], True).wrench
+        ).max()
+        > 0.05
+    )
+
+
+def test_what_needs_a_history_is_named_as_not_undone():
+    active = tuple(
+        active_effect(ROBOT, n) for n in ("sensor.hysteresis", "sensor.creep", "sensor.gain")
+    )
+    compensate = Compensator(Twin(MODEL, THETA, active), GAMMA.row_std)
+    assert compensate.not_undone == ("sensor.hysteresis", "sensor.creep")
+
+
+def test_real_noise_raises_no_alarm_in_ten_minutes_and_the_residual_is_the_noise():
+    q = np.array(ROBOT.home)
+    compensate = Compensator(Twin(MODEL, THETA), GAMMA.row_std)
+    found = run(compensate, q, readings(q[None]) + noisy(600.0, 11))
+    assert not [x.alarm for x in found if x.alarm]
+    rms = np.sqrt(np.mean([x.wrench**2 for x in found], axis=0))
+    assert (rms < 1.1 * GAMMA.row_std).all()
+
+
+def test_a_drift_of_a_newton_an_hour_is_followed():
+    q, n = np.array(ROBOT.home), round(1200.0 * RATE)
+    drift = np.zeros((n, 6))
+    drift[:, 0] = np.arange(n) / RATE / 3600.0
+    rows = (
+        readings(q[None])
+        + drift
+        + 0.02 * np.random.default_rng(3).standard_normal((n, 6)) * [1, 1, 1, 0.05, 0.05, 0.05]
+    )
+    followed = run(Compensator(Twin(MODEL, THETA), GAMMA.row_std), q, rows)
+    assert followed[-1].zero[0] == pytest.approx(1200.0 / 3600.0, abs=0.03)
+    last = np.mean([x.wrench[0] for x in followed[-100:]])
+    assert abs(last) < 0.02 and not followed[-1].alarm
+    left = run(Compensator(Twin(MODEL, THETA), GAMMA.row_std, follow=False), q, rows)
+    assert np.mean([x.wrench[0] for x in left[-100:]]) == pytest.approx(1.0 / 3.0, abs=0.02)
+
+
+def test_a_push_is_no_drift():
+    """It raises an alarm within two seconds, and none of it goes into the zero."""
+    q, n = np.array(ROBOT.home), round(60.0 * RATE)
+    push = np.zeros((n, 6))
+    push[n // 2 :, 1] = 2.0
+    found = run(Compensator(Twin(MODEL, THETA), GAMMA.row_std), q, readings(q[None]) + push)
+    first = next(k for k, x in enumerate(found) if x.alarm)
+    assert n // 2 <= first < n // 2 + 2.0 * RATE
+    assert found[-1].alarm.startswith(f"fy beyond {BAND:g} × noise at rest: a push, another load")
+    assert abs(found[-1].zero[1]) < 0.01
+    assert found[-1].wrench[1] == pytest.approx(2.0, abs=0.02)
+
+
+def cause(change):
+    """The alarm after four poses with readings changed by a function of gravity in sensor axes."""
+    compensate = Compensator(Twin(MODEL, THETA), GAMMA.row_std)
+    rng, alarm = np.random.default_rng(5), ""
+    for k, q in enumerate(ROBOT.sample(4, rng)):
+        gravity = ROBOT.gravity_seen(
+            q[None], THETA[: len(ROBOT.parameters)], np.array(ROBOT.gravity)
+        )[0]
+        rows = readings(q[None]) + change(gravity, k) + np.zeros((15, 6))
+        alarm = run(compensate, q, rows, 10.0 * k)[-1].alarm
+        compensate(10.0 * k + 5.0, q, rows[0], False)  # moves
+    return alarm.partition(": ")[2]
+
+
+def test_alarms_name_what_all_poses_have_in_common():
+    shifted = np.array([1.0, -0.5, 0.3, 0.02, 0.05, 0.0])
+    assert cause(lambda g, k: shifted) == "a shifted zero"
+    cog = np.array([0.01, 0.02, 0.09])
+    loaded = lambda g, k: np.concatenate([0.2 * g, np.cross(0.2 * cog, g)])  # noqa: E731
+    assert cause(loaded) == "another load"
+    other = np.random.default_rng(2).uniform(-3.0, 3.0, (4, 6)) * [1, 1, 1, 0.05, 0.05, 0.05]
+    assert cause(lambda g, k: other[k]) == "a contact, or what changes from pose to pose"
+
+
+def test_tare_refuses_what_may_be_a_load():
+    q = np.array(ROBOT.home)
+    compensate = Compensator(Twin(MODEL, THETA), GAMMA.row_std, follow=False)
+    with pytest.raises(TwinError, match="a second at rest"):
+        compensate.tare()
+    small = 0.5 * GAMMA.row_std
+    run(compensate, q, np.tile(readings(q[None]) + small, (15, 1)))
+    assert compensate.tare().startswith(f"fx {small[0]:+.3g}")
+    found = run(compensate, q, np.tile(readings(q[None]) + small, (15, 1)), 10.0)[-1]
+    assert np.abs(found.wrench).max() < 1e-9
+    run(compensate, q, np.tile(readings(q[None]) + np.eye(6)[2] * 5.0, (20, 1)), 20.0)
+    with pytest.raises(TwinError, match="refused while an alarm stands: fz"):
+        compensate.tare()
+
+
+def test_robots_without_joints_or_flange_are_refused():
+    oriented = registry.load("robots", "oriented")
+    model = Model.of(oriented)
+    with pytest.raises(TwinError, match="no model of its joints"):
+        Compensator(Twin(model, model.parameters.nominal), GAMMA.row_std)
+    medrue = Model.of(registry.load("robots", "medrue"))
+    with pytest.raises(TwinError, match="knows no flange"):
+        Compensator(Twin(medrue, medrue.parameters.nominal), GAMMA.row_std, "flange")
+
+
+class Still:
+    """A driver that stands still and reads the same; only what `live` uses."""
+
+    def __init__(self, n):
+        self.left, self.wrench = n, readings(np.array(ROBOT.home)[None])[0]
+
+    def read(self):
+        q = np.array(ROBOT.home)
+        return ArmSample(time.monotonic(), None, 0, 0.0, True, q, np.zeros(6))
+
+    def read_wrench(self):
+        self.left -= 1
+        return WrenchSample(
+            time.monotonic(), None, -self.left, 0.0, self.left >= 0, self.wrench, lost=3
+        )
+
+
+def test_lines_reach_clients_and_datagrams_a_listener():
+    compensate = Compensator(Twin(MODEL, THETA), GAMMA.row_std)
+    listener = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    listener.bind(("127.0.0.1", 0))
+    listener.settimeout(5.0)
+    seen = []
+    with LineServer(0) as server, socket.create_connection(("127.0.0.1", server.port)) as client:
+        driver, address = Still(40), f"127.0.0.1:{listener.getsockname()[1]}"
+        with Datagrams(address) as datagrams:
+            sinks = [server, datagrams, seen.append]
+            done = live(driver, compensate, sinks, stopped=lambda: driver.left <= 0)
+        client.settimeout(5.0)
+        line = json.loads(client.makefile().readline())
+    datagram = json.loads(listener.recv(65536))
+    listener.close()
+    assert done.readings == len(seen) == 40 and done.lost == 3 and done.alarms == 0
+    assert 0.0 < done.p50 <= done.p99 < 0.5
+    assert np.abs(line["wrench"]).max() < 1e-9 and line["at_rest"] is True
+    assert datagram["alarm"] == "" and set(datagram) == set(line)
+
+
+@pytest.mark.parametrize("address", ["here", "127.0.0.1", "127.0.0.1:0", ":80", "h:99999", "h:x"])
+def test_addresses_are_checked(address):
+    with pytest.raises(ParameterError, match="give HOST:PORT"):
+        Datagrams(address)
+
+
+# ---- through the wires of an emulator ----------------------------------------------------------
+
+
+@pytest.mark.wire
+@pytest.mark.parametrize("rate", [125, 500])
+def test_the_ur5_emulator_is_compensated_in_real_time(tmp_path, capfd, rate):
+    """As JSON lines: no weight left, nothing lost, half of them within a period."""
+    nominal = Twin(MODEL, MODEL.parameters.nominal)
+    nominal.write(tmp_path / "twin.json")
+    words = ["--set", "series=e"] if rate == 500 else []
+    with running("ur5", "127.0.1.41", *words) as emulator:
+        line = ["live", str(tmp_path / "twin.json"), "--driver", "rtde", "--host", "127.0.1.41"]
+        assert main([*line, "--seconds", "6", "--json"]) == 0
+        assert emulator.process.poll() is None
+    *rows, last = map(json.loads, capfd.readouterr().out.splitlines())
+    wrench = np.array([r["wrench"] for r in rows])
+    weight = np.linalg.norm(MODEL.predict(np.array(ROBOT.home)[None], nominal.theta)[0, :3])
+    assert all(r["at_rest"] and not r["alarm"] for r in rows) and weight > 10.0
+    assert np.abs(wrench.mean(axis=0)[:3]).max() < 0.15
+    assert (np.std(wrench, axis=0) < 1.3 * GAMMA.row_std).all()
+    summary = last["summary"]
+    assert summary["readings"] == len(rows) and summary["lost"] == 0
+    assert summary["p50"] < 1.0 / rate  # the slowest ones belong to a busy machine, not to this
