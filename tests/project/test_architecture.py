@@ -12,7 +12,8 @@ from wrenchbed.registry import plugin_modules
 
 SOURCE = Path(__file__).parents[2] / "src" / "wrenchbed"
 LAYERS = (
-    ("errors", "files", "web_requests"),
+    ("errors",),
+    ("files", "web_requests"),
     ("jobs", "physics", "registry"),
     ("data", "pages", "robots", "sensors"),
     ("simulation",),

@@ -19,6 +19,7 @@ import pyarrow.parquet as pq
 
 from wrenchbed.errors import WrenchbedError, raise_shortage
 from wrenchbed.files import TEMPORARY, atomic_write, no_link, remove
+from wrenchbed.files.nested_text import parsed
 from wrenchbed.jobs.workers import Progress, in_workers, silent
 
 Row = dict[str, Any]
@@ -152,7 +153,7 @@ class Journal:
         for line in self.path.read_text(encoding="utf-8").splitlines():
             try:
                 rows.append(json.loads(line))
-            except json.JSONDecodeError:
+            except (json.JSONDecodeError, RecursionError):
                 continue
         return rows
 
@@ -198,9 +199,9 @@ def check_folders(
             )
         return
     try:
-        before = json.loads(settings_file.read_bytes())
+        before = parsed(settings_file.read_bytes(), f"{settings_file}: is broken:", error)
         different = [n for n, value in settings.items() if before.get(n) != value]
-    except (ValueError, AttributeError) as cause:
+    except AttributeError as cause:
         raise error(f"{settings_file}: is broken: {cause}") from cause
     if different:
         name = different[0]

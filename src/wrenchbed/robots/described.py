@@ -7,7 +7,6 @@ and the beginning of the text's SHA-256, so that two descriptions never pass for
 
 import hashlib
 import os
-import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -19,6 +18,7 @@ import numpy as np
 from wrenchbed import registry
 from wrenchbed.errors import NotFoundError, ParameterError, did_you_mean
 from wrenchbed.files import write_text
+from wrenchbed.files.nested_text import parsed, text_of
 from wrenchbed.physics.wrench import physical_inertia
 from wrenchbed.robots.arm_model import ArmLink, ArmModel, Load
 from wrenchbed.robots.file_arm import ArmDescription, FileArm
@@ -115,11 +115,7 @@ def read(path: Path) -> FileArm | LoopArm:
     """
     from wrenchbed.robots.model_file import read_arm
 
-    try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as cause:
-        why = getattr(cause, "strerror", None) or "it is no text"
-        raise NotFoundError(f"{path}: cannot be read: {why}") from None
+    text = text_of(path, NotFoundError)
     table = _Table(_parsed(text, str(path)), str(path), "")
     model = table.part("model")
     file = path.parent / model.text("file")
@@ -175,11 +171,8 @@ def _sha(file: Path) -> str:
     return hashlib.sha256(file.read_bytes()).hexdigest()
 
 
-def _parsed(text: str, where: str) -> dict[str, Any]:
-    try:
-        return tomllib.loads(text)
-    except tomllib.TOMLDecodeError as cause:
-        raise ParameterError(f"{where}: not valid TOML: {str(cause).splitlines()[0]}") from None
+def _parsed(text: str, where: str) -> Any:
+    return parsed(text.encode(), f"{where}:", ParameterError, "TOML")
 
 
 def _load(

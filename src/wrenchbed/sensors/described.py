@@ -7,7 +7,6 @@ beginning of the text's SHA-256, so that two files never pass for one.
 """
 
 import hashlib
-import tomllib
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -16,15 +15,13 @@ from typing import Any, NoReturn
 import numpy as np
 
 from wrenchbed.errors import NotFoundError, ParameterError, did_you_mean
+from wrenchbed.files.nested_text import parsed, text_of
 from wrenchbed.physics.noise import Array, NoiseModel
 from wrenchbed.sensors.base import Sensor, SensorCalibration
 
 FORMAT = 1
 _DIGITS = 8
 """Of the SHA-256 in a sensor's name."""
-_LARGEST, _MOST_DOTS = 1 << 16, 200
-"""Of a file [characters] and of a line: time of `tomllib` grows with the square of a key's parts.
-Estimates, 10 times the longest file."""
 _HEAVIEST, _FARTHEST = 20.0, 0.5
 """Largest mass [kg] and plate offset [m], estimates: they exclude g and mm."""
 _TOP = ("format", "name", "title", "default", "mass", "plate_offset", "counts", "calibration",
@@ -54,12 +51,7 @@ def read(path: Path) -> Sensor:
         ParameterError: names the file, the field, its value and what is allowed.
         NotFoundError: there is no such file.
     """
-    try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as cause:
-        why = getattr(cause, "strerror", None) or "it is no text"
-        raise NotFoundError(f"{path}: cannot be read: {why}") from None
-    return _own(text, str(path))
+    return _own(text_of(path, NotFoundError), str(path))
 
 
 def rebuilt(record: Mapping[str, Any]) -> Sensor:
@@ -80,20 +72,8 @@ def _own(text: str, where: str) -> Sensor:
     return replace(sensor, name=f"{sensor.name}@{digest}", record={"toml": text})
 
 
-def _parsed(text: str, where: str) -> dict[str, Any]:
-    if len(text) > _LARGEST:
-        raise ParameterError(f"{where}: is longer than {_LARGEST:,} characters: no sensor is")
-    if max((line.count(".") for line in text.splitlines()), default=0) > _MOST_DOTS:
-        raise ParameterError(f"{where}: more than {_MOST_DOTS} dots stand in one line: break it")
-    try:
-        return tomllib.loads(text)
-    except (tomllib.TOMLDecodeError, RecursionError) as cause:
-        why = str(cause).splitlines()[0]
-        raise ParameterError(f"{where}: not valid TOML: {why}") from None
-
-
 def _sensor(text: str, where: str) -> Sensor:
-    top = _Table(_parsed(text, where), where, "").only(_TOP)
+    top = _Table(parsed(text.encode(), f"{where}:", ParameterError, "TOML"), where, "").only(_TOP)
     if top.raw.get("format") != FORMAT:
         top.refuse("format", f"must be {FORMAT}")
     name = top.text("name")

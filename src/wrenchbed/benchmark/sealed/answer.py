@@ -11,6 +11,7 @@ import numpy as np
 from wrenchbed.benchmark.referee.case import RefereeCase, TrueCause
 from wrenchbed.benchmark.referee.catalogue import EFFECTS, STATED
 from wrenchbed.benchmark.referee.fault import total
+from wrenchbed.data.checked import load
 from wrenchbed.data.parquet import FORMAT
 from wrenchbed.errors import BenchmarkError
 
@@ -94,7 +95,7 @@ def read(path: Path) -> Answer:
         BenchmarkError: it is not one.
     """
     try:
-        raw: dict[str, Any] = json.loads(path.read_bytes())
+        raw: dict[str, Any] = load(path, BenchmarkError)
         if raw["format"] != FORMAT:
             raise BenchmarkError(f"{path}: format {raw['format']!r}, this version reads {FORMAT}")
         causes = [Fact(**{**c, "alike": tuple(c["alike"])}) for c in raw["causes"]]
@@ -103,7 +104,7 @@ def read(path: Path) -> Answer:
             told["verdict"], tuple(tuple(c) for c in told["causes"]), told["closed"]
         )
         return Answer(**{**raw, "causes": tuple(causes), "oracle": oracle})
-    except (OSError, ValueError, KeyError, TypeError) as cause:
+    except (ValueError, KeyError, TypeError) as cause:
         raise BenchmarkError(f"{path}: is not a sealed answer: {cause}") from cause
 
 

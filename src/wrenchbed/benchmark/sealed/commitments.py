@@ -14,6 +14,7 @@ from pathlib import Path
 import pyarrow.parquet as pq
 
 from wrenchbed.data import parquet
+from wrenchbed.data.checked import load, parsed
 from wrenchbed.data.parquet import FORMAT
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import BenchmarkError
@@ -132,7 +133,7 @@ def read(cases: Path) -> dict[str, Commitment]:
     """
     path = cases / COMMITMENTS
     try:
-        raw = json.loads(path.read_bytes())
+        raw = parsed(path.read_bytes(), f"{path}:", BenchmarkError)
         if raw["format"] != FORMAT:
             raise BenchmarkError(f"{path}: format {raw['format']!r}, this version reads {FORMAT}")
         found = {str(k): Commitment(**v) for k, v in raw["cases"].items()}
@@ -163,8 +164,8 @@ def verify(cases: Path, answers: Path, published: str | None = None) -> dict[str
     sealed = read(cases)
     of_family = answers / FAMILY
     try:
-        root = json.loads(of_family.read_bytes())["commitments"]
-    except (OSError, ValueError, KeyError, TypeError) as cause:
+        root = load(of_family, BenchmarkError)["commitments"]
+    except (BenchmarkError, ValueError, KeyError, TypeError) as cause:
         raise BenchmarkError(f"{of_family}: is missing or broken: {cause}") from cause
     found = digest((cases / COMMITMENTS).read_bytes())
     for expected, who in ((root, str(of_family)), (published or found, "what was published")):

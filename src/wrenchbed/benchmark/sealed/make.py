@@ -3,7 +3,6 @@
 A case is complete when both of its files exist, so a stopped run makes the missing cases only.
 """
 
-import json
 import secrets
 from concurrent.futures import Future
 from contextlib import suppress
@@ -17,6 +16,7 @@ from wrenchbed import registry
 from wrenchbed.benchmark.referee import case as referee
 from wrenchbed.benchmark.sealed import commitments
 from wrenchbed.benchmark.sealed.answer import Answer, of_case
+from wrenchbed.data.checked import load
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import BenchmarkError, ParameterError
 from wrenchbed.files import write_bytes
@@ -112,7 +112,7 @@ def make(
     family.check()
     commitments.check_separate(out, answers)
     open_family(family, out, answers)
-    root = json.loads((answers / commitments.FAMILY).read_bytes())["commitments"]
+    root = load(answers / commitments.FAMILY, BenchmarkError)["commitments"]
     if root is not None:  # the family is complete and must not change
         commitments.verify(out, answers)
         report(family.cases)
@@ -132,8 +132,8 @@ def make(
 
 def resumed(answers: Path) -> int | None:
     """Seed of the family that a folder of answers belongs to, if any."""
-    with suppress(OSError, ValueError, LookupError, TypeError):
-        return int(json.loads((answers / commitments.FAMILY).read_bytes())["seed"])
+    with suppress(BenchmarkError, ValueError, LookupError, TypeError):
+        return int(load(answers / commitments.FAMILY, BenchmarkError)["seed"])
     return None
 
 

@@ -1,6 +1,5 @@
 """Run entrants on every case of a family; a stopped run continues where it stopped."""
 
-import json
 from collections.abc import Sequence
 from concurrent.futures import Future
 from contextlib import suppress
@@ -9,6 +8,7 @@ from pathlib import Path
 
 from wrenchbed.benchmark.sealed import commitments
 from wrenchbed.benchmark.sealed.entrants import RUN, Entrant, enter
+from wrenchbed.data.checked import load
 from wrenchbed.errors import BenchmarkError, WorkerError
 from wrenchbed.files import TEMPORARY, remove, write_json
 from wrenchbed.jobs.workers import Progress, in_workers, silent
@@ -99,8 +99,8 @@ def _remaining(
             remaining.append(entrant)
             continue
         try:
-            answered = json.loads(path.read_bytes()).get("recording")
-        except (ValueError, AttributeError) as cause:
+            answered = load(path, BenchmarkError).get("recording")
+        except AttributeError as cause:
             raise BenchmarkError(f"{path}: is broken: {cause}") from cause
         if recording is not None and answered not in (None, recording):
             raise BenchmarkError(f"{path}: is about another family; give another --out")
