@@ -51,7 +51,7 @@ def svg(chart: Chart, *, themed: bool = True) -> str:
     heights = [
         max(_height(p) for p in chart.panels[r * columns : (r + 1) * columns]) for r in range(rows)
     ]
-    width = WIDTH if columns == 1 else 1.5 * WIDTH
+    width = WIDTH * (1.0 if columns == 1 else 1.5)
     with (
         matplotlib.rc_context(_STYLE),
         canvas((width, sum(heights)), columns, rows, gridspec_kw={"height_ratios": heights}) as (

@@ -7,7 +7,7 @@ import numpy as np
 
 from wrenchbed import registry
 from wrenchbed.diagnosis.explain.verdict import INSEPARABLE
-from wrenchbed.effects.base import STAGES, Effect
+from wrenchbed.effects.base import SHOWN, STAGES, Effect
 from wrenchbed.effects.chain import effects
 from wrenchbed.effects.scene import examples
 from wrenchbed.errors import NotFoundError
@@ -33,6 +33,9 @@ wrenchbed record --robot ur5 --plan poses.parquet --effect base.tilt:x=0.006 --o
 
 `--effect` may be repeated. Without values an effect has its typical size. A twin's `twin.json`
 lists effects with their values; `wrenchbed simulate` runs them on a recording's motion.
+
+A diagnosis draws measured and simulated of every cause, over the rows sorted by what it predicts.
+*Drawn over* says over what else: {shown}.
 
 To add an effect, write a file `effects/<subsystem>_<name>.py` with the constant `EFFECT`: a
 subclass of `ModelEffect`, `JointEffect`, `PoseEffect`, `LoadEffect`, `ReadingEffect` or
@@ -71,7 +74,8 @@ def render() -> str:
     """The page as Markdown."""
     known = effects()
     stages = "\n".join(f"| {n} | {s.changes} |" for n, s in STAGES.items())
-    parts = [_INTRODUCTION.format(stages=stages), *_overview(known)]
+    told = "; ".join(f"`{n}`: {text}" for n, text in SHOWN.items() if n != "prediction")
+    parts = [_INTRODUCTION.format(stages=stages, shown=told), *_overview(known)]
     for subsystem in dict.fromkeys(e.subsystem for e in known.values()):
         parts.append(f"## {subsystem}\n")
         for effect in known.values():
@@ -97,6 +101,8 @@ def _section(e: Effect) -> str:
         f"- in MuJoCo: {_in_mujoco(e)}",
         f"- size from: {e.source}",
     ]
+    if e.shown != "prediction":
+        rows.append(f"- drawn over: {e.shown}")
     if not e.between_rows:
         rows.append(f"- may miss: {100 * e.form_error:g} %")
     pairs = [p for p in INSEPARABLE if e.name in p]

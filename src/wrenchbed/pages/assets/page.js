@@ -358,6 +358,7 @@
       for (const e of entries) if (e.isIntersecting) { near.unobserve(e.target); begin(e.target); }
     }, {rootMargin: "400px"});
     $("figure[data-chart]").forEach(node => near.observe(node));
+    for (const fold of $("details")) fold.addEventListener("toggle", () => $("figure[data-chart]", fold).forEach(begin));
     const again = () => live.forEach(f => { f.chart.resize({width: f.ground.clientWidth}); f.draw(); });
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", again);
     let width = innerWidth;
