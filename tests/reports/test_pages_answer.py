@@ -204,6 +204,17 @@ def test_tables_sort_by_numbers_and_filter(page, pages):
     assert "`" not in page.run("document.body.innerText")
 
 
+def test_bars_in_decades_begin_at_the_axis(page, pages):
+    shown(page, pages["study"])
+    blue = page.run("getComputedStyle(document.documentElement).getPropertyValue('--real')")
+    widths = page.run(
+        f"[...document.querySelectorAll('#bars .live svg path[fill=\"{blue.strip()}\"]')]"
+        ".map(p => p.getBoundingClientRect()).map(b => [b.left, b.width])"
+    )
+    (left, short), (other, long) = widths
+    assert abs(left - other) < 1.0 and 0.0 < short < 0.5 * long  # 0.02 and 1.3
+
+
 def test_a_script_that_is_not_the_pages_own_does_not_run(page, pages):
     shown(page, pages["study"])
     page.run(

@@ -108,7 +108,7 @@ def _lines(ax: Any, p: Panel) -> None:
     if p.zero:
         ax.axhline(0.0, color=GREY, lw=1.0, zorder=0.9)
     if p.diagonal:
-        low, high = p.x.low or 0.0, p.x.high or 1.0
+        low, high = p.x.low or 0.0, min(p.x.high or 1.0, p.y.high or 1.0)
         ax.plot([low, high], [low, high], color=GREY, lw=1.0, ls="--", zorder=0.9)
     for name, level in p.levels.items():
         ax.axhline(level, color=GREY, lw=1.1, ls="--", zorder=0.9)

@@ -36,6 +36,7 @@
       axisLabel: {...common.axisLabel, interval: 0}};
     const told = {...common, type: a.scale === "log" ? "log" : "value", scale: true};
     if (a.low !== null) told.min = bend(a, a.low);
+    if (a.scale === "log" && a.low !== null) told.startValue = a.low;
     if (a.high !== null) told.max = bend(a, a.high);
     told.axisLabel = {...common.axisLabel, formatter: v => short(+straight(a, v).toPrecision(6)),
       showMinLabel: a.low === null ? null : false, showMaxLabel: a.high === null ? null : false};
@@ -97,7 +98,7 @@
     const data = Object.values(p.levels).map(([name, y]) => ({yAxis: bend(p.y, y), name,
       label: {formatter: safe(name), position: "insideEndTop", color: colour("--soft")}}));
     if (p.zero) data.push({yAxis: 0, lineStyle: {type: "solid"}, label: {show: false}});
-    if (p.diagonal) data.push([{coord: [p.x.low, p.x.low], label: {show: false}}, {coord: [p.x.high, p.x.high]}]);
+    if (p.diagonal) data.push([{coord: [p.x.low, p.x.low], label: {show: false}}, {coord: Array(2).fill(Math.min(p.x.high, p.y.high))}]);
     return {silent: true, symbol: "none", animation: false, lineStyle: {color: colour("--soft"), type: "dashed"}, data};
   }
 
