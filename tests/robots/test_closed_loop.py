@@ -227,7 +227,7 @@ def test_a_parallel_robot_is_planned_recorded_and_calibrated_by_its_file(
     assert f"mm: {TOOLS[name]}" in said.out
     assert "Solved from the closed loops" in said.out
     assert said.err == ""
-    assert main(["plan", toml, "--n", "40", "--out", plan]) == 0
+    assert main(["plan", toml, "--n", "16", "--out", plan]) == 0
     line = ["record", "--robot", toml, "--plan", plan, "--out", rec, "--samples", "2"]
     assert main([*line, "--noise", "off", "--parameters", str(tmp_path / "truth.json")]) == 0
     (tmp_path / "my.toml").unlink()
