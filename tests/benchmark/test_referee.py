@@ -1,6 +1,7 @@
 """The referee: independent, its machine as closed forms say, its laws as other integrators say."""
 
 import ast
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -322,3 +323,12 @@ def test_what_happened_once_has_happened_in_a_later_recording(small):
     shift = (later - healthy) / found.recording.metadata.sensor.noise_std
     assert np.abs(shift).max() > 3.0
     assert np.ptp(shift, axis=0).max() < 0.2 * np.abs(shift).max()
+
+
+def test_numbers_of_a_tenth_joint_are_compared():
+    """Arms from files may have ten joints and more."""
+    for name in ("joint.offset", "joint.compliance"):
+        pattern = EFFECTS[name].compared
+        parameter = name.partition(".")[2]
+        assert re.fullmatch(pattern, f"{parameter}.q3")
+        assert re.fullmatch(pattern, f"{parameter}.q12")

@@ -10,6 +10,8 @@ from wrenchbed.emulators.base.emulator import EmulatorOptions
 from wrenchbed.errors import NotFoundError, ParameterError
 from wrenchbed.hardware.drivers import sim
 from wrenchbed.physics.time_derivatives import Jet
+from wrenchbed.robots.ur_family import ur_arm
+from wrenchbed.simulation.simulation import Simulation
 
 CYCLE = 0.008
 
@@ -177,6 +179,19 @@ def test_a_plate_pushes_back_on_the_tool_and_not_before():
     assert 0.0005 < depth < 0.001
     push = (reading - free)[2]
     assert push == pytest.approx(-2e4 * depth, rel=0.01)  # against the tool's z, which points down
+
+
+@pytest.mark.parametrize("robot", ["medrue", ur_arm("ur10e")], ids=["medrue", "ur10e"])
+def test_a_plate_pushes_back_on_the_tool_of_any_robot(robot):
+    """It stands 1 mm above where the tip rests; servos give way, and the load shows the push."""
+    body = Body(BodyOptions(robot, noise="off"), CYCLE)
+    home = np.array(body.robot.home)
+    free = go(body, home, 1.0)[-1]
+    height = float(Simulation(body.robot, body.robot.parameters.nominal).tip(home[None])[0, 2])
+    pressed = Body(BodyOptions(robot, noise="off", table=height + 0.001), CYCLE)
+    reading = go(pressed, home, 1.0)[-1]
+    assert 5.0 < pressed.push[2] < 20.0  # of 20 N at most
+    assert np.linalg.norm(reading[:3] - free[:3]) == pytest.approx(pressed.push[2], rel=0.02)
 
 
 def test_what_it_cannot_be_is_refused():

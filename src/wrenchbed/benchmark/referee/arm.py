@@ -40,7 +40,7 @@ def mount(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     return RefereeFault(true, body=body)
 
 
-@drawn("joint.offset", compared=r"offset\.q\d")
+@drawn("joint.offset", compared=r"offset\.q\d+")
 def offset(setting: RefereeSetting, rng: Rng, size: float, j: int | None = None) -> RefereeFault:
     """The zero of a joint, about 0.2° or 1 mm off."""
     k = _joint(setting, rng) if j is None else j
@@ -54,7 +54,7 @@ def offset(setting: RefereeSetting, rng: Rng, size: float, j: int | None = None)
     return RefereeFault({f"offset.q{k + 1}": value}, body=body)
 
 
-@drawn("joint.compliance", compared=r"compliance\.q\d")
+@drawn("joint.compliance", compared=r"compliance\.q\d+")
 def compliance(
     setting: RefereeSetting, rng: Rng, size: float, j: int | None = None
 ) -> RefereeFault:
