@@ -44,7 +44,7 @@ def test_look_alikes_are_learnt_where_nothing_is_known(oriented, asked, flags, c
     assert asked == counts
     told = " ".join(capsys.readouterr().out.split())
     assert ("learnt on a test's cases" in told) == bool(counts)
-    assert ("learnt on other robots and designs" in told) != bool(counts)
+    assert ("learnt on other robots and other sets" in told) != bool(counts)
 
 
 def test_a_design_at_which_nothing_can_be_drawn_is_said_and_diagnosed(

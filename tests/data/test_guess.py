@@ -83,7 +83,7 @@ def test_conventions_that_no_data_tell_apart_are_named():
     files = [NTNU / "0-calibration_fts-accel.csv"]
     lines = "\n".join(guess(files).lines)
     assert "fits equally well: matrix" in lines and "sign = -1" in lines
-    assert "kgf and kgf·m (9.14 kg)" in lines and "--tool-mass KG tells which" in lines
+    assert "kgf and kgf·m (9.14 kg)" in lines and "--tool-mass KG decides" in lines
     told = guess(files, Stated(mass=9.1))
     assert {c.units[0] for c in told.conventions} == {"kgf"}
     assert told.conventions[0].mass == pytest.approx(9.1, rel=0.05)
@@ -258,7 +258,7 @@ def test_few_poses_are_no_ground_for_a_guess(tmp_path):
     force = turn.inv().apply([0.0, 0.0, -10.0])
     columns |= dict(zip(("fx", "fy", "fz"), force.T, strict=True))
     columns |= dict(zip(("tx", "ty", "tz"), np.cross([0, 0.01, 0.05], force).T, strict=True))
-    with pytest.raises(MapError, match="5 poses are too few to tell conventions apart"):
+    with pytest.raises(MapError, match="5 poses are too few to distinguish conventions"):
         guess([save(tmp_path, "log.csv", columns)])
 
 

@@ -160,7 +160,7 @@ def test_the_bias_shift_is_the_sessions(runs):
 
 def test_the_hammers_blows_are_told_from_the_arms_own_trembling(runs):
     told = {r: " ".join(runs[r].diagnosis.notes) for r in RUNS}
-    assert "The tool trembles" in told[1]
+    assert "The tool vibrates" in told[1]
     assert "blow" not in told[1]
     assert "4 blows" in told[2]
 

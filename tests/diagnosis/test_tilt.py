@@ -135,15 +135,15 @@ def test_people_are_told_whether_they_agree_and_what_is_left():
     verdict = replace(verdict_of(a, "identified", cause), explanation=tilted(a))
     first, second = sentences(a, verdict)
     assert "agrees (p = 1)" in first
-    assert "what is left, a gap of 3" in second or "what is left, a gap of 2.9" in second
+    assert "remaining gap of 3" in second or "remaining gap of 2.9" in second
     large = SimpleNamespace(names=(TILT,), probability=0.95, part=replace(part, share=9.0))
     assert len(sentences(a, replace(verdict, causes=(large,)))) == 1
     a.prepared.testimony = replace(a.prepared.testimony, tilt=a.prepared.testimony.tilt + 0.3)
     assert "does not agree" in sentences(a, verdict)[0]
     a.prepared.testimony = replace(a.prepared.testimony, log_bayes=0.5)
-    assert "sees the base tilted" in sentences(a, verdict)[0]
+    assert "measures a tilt of the base" in sentences(a, verdict)[0]
     a.prepared.testimony = replace(a.prepared.testimony, log_bayes=-0.1)
-    assert sentences(a, verdict)[0].startswith("the accelerometer sees no tilt")
+    assert sentences(a, verdict)[0].startswith("the accelerometer measures no tilt")
 
 
 def test_beside_a_number_that_is_blamed_only_the_tilt_is_updated():

@@ -127,3 +127,24 @@ def test_every_parameter_is_in_the_nomenclature():
         close = {parameter, group, f"{group}.x", f"{group}.xx", f"{group}.fx", f"{numbered}1"}
         series = {f"L{i}1" for i in (1, 2)} if parameter.startswith("L") else set()
         assert (close | series) & stems, parameter
+
+
+def test_all_messages_stand_in_one_file_as_the_source_has_them():
+    """Whoever changes a sentence runs scripts/messages, and reads it beside its neighbours."""
+    command = [sys.executable, str(ROOT / "scripts" / "messages"), "--check"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, "run scripts/messages"
+
+
+AVOIDED = (
+    "nat a minute", "Between the two of an", "≠", "a way found", "found, {", "noise alone −",
+    "tells 0", "identified: cause identified", "times the noise of a row where", "Seen to ",
+    "can make what", "counts from elsewhere", "trembles", "So far off",
+)  # fmt: skip
+"""Phrases over which readers stumbled; say what is meant."""
+
+
+@pytest.mark.parametrize("phrase", AVOIDED)
+def test_no_message_has_a_phrase_over_which_readers_stumbled(phrase):
+    text = (ROOT / "docs" / "reference" / "messages.txt").read_text(encoding="utf-8")
+    assert phrase not in text

@@ -86,7 +86,9 @@ def identify_from_gravity(
     spread, mixed = moments[:, :3], moments[:, 3:]
     share = w[:3] @ spread.diagonal()
     if not share > 1e-12 * np.vdot(g, g) * w[:3].max():
-        raise CalibrationError("all poses have one orientation: they cannot tell mass from bias")
+        raise CalibrationError(
+            "all poses have one orientation: mass and bias cannot be distinguished"
+        )
     mass = w[:3] @ mixed.diagonal() / share
     # torque_i = ε_ijk h_j g_k, so the normal matrix is Σ_i w_i ε_ija ε_ilb spread_ab
     normal = np.einsum("i,ija,ab,ilb->jl", w[3:], _LEVI_CIVITA, spread, _LEVI_CIVITA)

@@ -329,7 +329,7 @@ def _cannot_tell(
         )
     low = [c for c, s in zip(CHANNELS, found.spectra, strict=True) if not s.flicker]
     if low:
-        yield f"The 1/f part of {', '.join(low)}: it does not stand out of the white noise."
+        yield f"The 1/f part of {', '.join(low)}: it is not significant above the white noise."
     coarse = [
         c for c, std, step in zip(CHANNELS, found.row_std, steps, strict=True)
         if std < _COARSE * step

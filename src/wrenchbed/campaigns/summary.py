@@ -32,7 +32,7 @@ def page(fleet: Fleet, table: pa.Table) -> Document:
     lead = (
         f"{table.num_rows:,} simulated robots ({fleet.robot}); "
         f"{', '.join(fleet.vary) or 'nothing'} differ from robot to robot. "
-        + (f"{failed:,} could not be worked on; their rows say why." if failed else "None failed.")
+        + (f"{failed:,} failed; their rows state the reason." if failed else "None failed.")
     )
     sections = [_calibration(table), *([_coverage(table)] if "parameters" in fleet.vary else [])]
     if fleet.diagnose:

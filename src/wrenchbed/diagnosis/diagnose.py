@@ -39,15 +39,13 @@ LEFT = 1.0
 MOST_SPELLS = 3
 """Times at which something may disagree with all the rest where there is no cause: more often it
 is a fault of its own; estimate."""
-OFTEN = (
-    "what is set aside disagrees at many times, each in its own way: a fault that comes and goes"
-)
+OFTEN = "the rows set aside disagree at many times, each differently: an intermittent fault"
 """Note where it does."""
 CLEARER = 0.3
 """Rows are set aside where the answer without them leaves less than this part of the gap."""
 ELSEWHERE = (
-    "how often such claims are right was learnt on other robots and designs; look-alikes of this "
-    "recording (--look-alikes 200) tell it for this one"
+    "the probabilities were learnt on other robots and other sets of poses; simulated robots like "
+    "this one (--look-alikes 200) give probabilities for this recording"
 )
 """Note on probabilities of a robot that nothing was learnt on."""
 Progress = Callable[[str], None]
@@ -283,7 +281,7 @@ def _without_outliers(
 def _learnt(known: Reliability | None) -> tuple[str, ...]:
     """On what probabilities rest, where that is not cases of the same robot."""
     if known is not None and known.own:
-        return (f"how often such claims are right was learnt on {known.source}",)
+        return (f"the probabilities were learnt on {known.source}",)
     return () if known is None or not known.elsewhere else (ELSEWHERE,)
 
 

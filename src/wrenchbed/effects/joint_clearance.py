@@ -46,10 +46,10 @@ class JointClearance(JointEffect):
 
     def parameters(self, robot: Robot) -> ParameterSet:
         if not has_loops(robot):
-            text = "half play of the last bearing"
+            text = "half clearance of the last bearing"
             return ParameterSet((Parameter("tilt", 0.0, "rad", 2e-4, -0.1, 0.1, text),))
         texts = {f"play.{i}": "of the universal joint at a tip" for i in (1, 2)}
-        texts |= {f"slack.{link}": "half play of a distal link" for link in DISTAL}
+        texts |= {f"slack.{link}": "half clearance of a distal link" for link in DISTAL}
         items = texts.items()
         return ParameterSet(
             tuple(Parameter(name, 0.0, "m", 3e-5, -0.01, 0.01, text) for name, text in items)

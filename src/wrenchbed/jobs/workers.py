@@ -154,7 +154,7 @@ def _how(processes: Sequence[BaseProcess]) -> str:
         )
     if code is not None and code < 0:
         return f"a worker process crashed ({signal.Signals(-code).name})"
-    told = f"with code {code}; what it printed says why" if code else "without a word"
+    told = f"with code {code}; what it printed states the reason" if code else "without a word"
     return f"a worker process ended {told}; memory may be short: use fewer processes"
 
 

@@ -151,7 +151,8 @@ def _of_joint(
     panel = Panel(label, Axis(f"error of joint {k + 1}", unit), series, zero=True, height=1.4)
     caption = (
         "What each row's six readings say of the joint's true value, less the reported one, by "
-        f"least squares. {len(x) - len(rows)} of {len(x)} rows say too little and are not drawn."
+        f"least squares. {len(x) - len(rows)} of {len(x)} rows give too little information and "
+        "are not drawn."
     )
     title = f"{c.name}: error of joint {k + 1} against {label.label}"
     return Chart(name, title, (panel,), caption=caption, note=note)

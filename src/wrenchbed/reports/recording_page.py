@@ -66,7 +66,7 @@ def recording_page(recording: Recording, files: Sequence[str | Path], command: s
     nearest = best(judged)
     context = {
         "verdict": "none" if nearest.agrees else "unknown",
-        "badge": "✓ agree" if nearest.agrees else "≠ differ",
+        "badge": "✓ agrees" if nearest.agrees else "✗ differs",
         "kind": "Recording",
         "name": PurePath(recording.name).name,
         "robot": recording.metadata.robot,

@@ -102,7 +102,7 @@ def rivals(e: Evidence, entry: Mapping[str, Any], name: str) -> Chart | None:
     )
     caption = (
         "Both explanations in the channel in which they differ most"
-        + (", about the time of it" if p.moving else "; rows at the two ends tell them apart")
+        + (", about the time of it" if p.moving else "; rows at the two ends distinguish them")
         + ". A difference within ±1 noise is seen in many rows only."
     )
     title = f"{cause} or {rival}"

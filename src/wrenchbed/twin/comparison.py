@@ -44,7 +44,7 @@ def simulators(recording: Recording, files: Sequence[str | Path]) -> list[Simula
         ParameterError: a file is neither, of another robot, or there are too many.
     """
     if len(files) >= MOST:
-        raise ParameterError(f"{len(files)} simulators: at most {MOST - 1} can be told apart")
+        raise ParameterError(f"{len(files)} simulators: at most {MOST - 1} can be shown together")
     robot = robot_of(recording)
     model = Model.of(robot, recording.metadata)
     twins: list[tuple[str, Twin, Mapping[str, Any]]] = [

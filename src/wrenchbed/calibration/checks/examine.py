@@ -230,7 +230,7 @@ def _weight(seen: Observed, load: Load) -> Finding | None:
         )
     return Finding(
         "no weight",
-        words + "Without a load nothing can be told apart: mount the tool, or check that its "
+        words + "Without a load no cause can be distinguished: mount the tool, or check that its "
         "weight was not subtracted (compensated) and that fx fy fz hold forces in N",
     )
 

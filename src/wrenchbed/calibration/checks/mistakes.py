@@ -306,7 +306,7 @@ def _of_joints(seen: Observed) -> Iterator[Mistake]:
         for degrees in (90.0, -90.0, 180.0):
             off = np.zeros(len(names))
             off[j] = np.deg2rad(degrees)
-            words = f"q{j + 1} counts from elsewhere, by {degrees:.0f}°: check its zero"
+            words = f"q{j + 1} has another zero, {degrees:.0f}° away: check its zero"
             yield from _joint_mistake(seen, seen.q + off, words)
 
 

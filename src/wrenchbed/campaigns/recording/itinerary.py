@@ -45,7 +45,7 @@ def check(driver: Driver, plan: Plan, rate: float, *, clear: bool) -> None:
     if rate > driver.top_rate:
         raise PlanError(
             f"{plan.name}: rate {rate:g} Hz: driver {driver.name!r} tells {driver.top_rate:g} "
-            "states a second: give no higher rate"
+            "states a second at most: give a lower rate"
         )
     driver.limits.check_path(robot, plan.q, plan.name)
     if plan.mode == "static":

@@ -129,7 +129,7 @@ def before(path: Path, plan: Plan, needed: np.ndarray, metadata: Metadata) -> Be
         raise PlanError(f"{path}: a motion cannot be resumed: record it again")
     started = old.metadata.extra.get(STARTED)
     if not {POSE, "segment"} <= old.columns.keys() or not isinstance(started, str):
-        raise PlanError(f"{path}: does not say which poses it holds: record it again")
+        raise PlanError(f"{path}: does not state which poses it holds: record it again")
     pose = old.columns[POSE].astype(int)
     if old.metadata.robot != plan.robot or pose.min() < 0 or pose.max() >= len(plan):
         raise PlanError(f"{path}: is not of the plan {plan.name}: give the plan it was made with")

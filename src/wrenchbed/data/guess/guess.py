@@ -87,7 +87,7 @@ class Guess:
         if units:
             masses = {c.units: c.mass for c in self.conventions}
             told = ", ".join(f"{f} and {t} ({masses[f, t]:.3g} kg)" for f, t in units)
-            lines.append(f"units fit equally well: {told}; --tool-mass KG tells which")
+            lines.append(f"units fit equally well: {told}; --tool-mass KG decides")
         lines += [
             f"fits worse: {c.reading}; leaves {c.fit.share:.0%} of the force" for c in self.others
         ]
@@ -117,8 +117,8 @@ def guess(files: Sequence[str | Path], stated: Stated | None = None) -> Guess:
     found = [c for c in found if (c.load, c.wrench) == (clearest.load, clearest.wrench)]
     if len(clearest.poses.groups) < _LEAST_POSES:
         raise MapError(
-            f"{tables[0].paths[0]}: {len(clearest.poses.groups)} poses are too few to tell "
-            f"conventions apart; {_LEAST_POSES} are needed"
+            f"{tables[0].paths[0]}: {len(clearest.poses.groups)} poses are too few to distinguish "
+            f"conventions; {_LEAST_POSES} are needed"
         )
     known = stated.known()
     if known is not None:

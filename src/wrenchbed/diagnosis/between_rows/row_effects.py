@@ -158,7 +158,7 @@ def _coarse(steps: list[Step | None], counted: np.ndarray, base: np.ndarray) -> 
         parameters[f"step.{CHANNELS[k]}"] = quantity(own.value, own.std, UNITS[k])
         words.append(f"{CHANNELS[k]} {own.value:.3g} {UNITS[k]}")
     sentence = (
-        f"Values stand on a coarse lattice: steps of {', '.join(words)}; rounding to them raises "
+        f"Values are quantised in coarse steps of {', '.join(words)}; rounding to them raises "
         f"a row's variance by up to {100 * rise.max():.0f} %."
     )
     probability = float(ndtr((rise.max() - APART) / 0.02)) * 0.99
@@ -175,7 +175,7 @@ def _stale(recording: Recording, again: Repeats, s: Scatter | None) -> RowFindin
     names = tuple(CHANNELS[k] for k in again.channels)
     which = "rows repeat" if len(names) == 6 else f"rows of {', '.join(names)} repeat"
     sentence = (
-        f"{100 * again.share:.1f} % of the {which} exactly what the row before shows, "
+        f"{100 * again.share:.1f} % of the {which} exactly the value of the row before, "
         f"{again.length:.1f} in a run on average"
     )
     parameters = {"share": quantity(again.share, again.std, "1")}

@@ -55,8 +55,8 @@ def find_tool_vibration(prepared: Prepared) -> tuple[RowFinding, ...]:
     parameters["frequency"] = quantity(line, width, "Hz")
     blows, times = _blows(rough / sigma, step)
     text = (
-        f"The tool trembles: {CHANNELS[k]} scatters by {np.sqrt(1.0 + rise[k]) * sigma[k]:.2g} "
-        f"{UNITS[k]} rms about its course where {sigma[k]:.2g} is noise, most of all at "
+        f"The tool vibrates: {CHANNELS[k]} scatters by {np.sqrt(1.0 + rise[k]) * sigma[k]:.2g} "
+        f"{UNITS[k]} rms about its mean course, where {sigma[k]:.2g} is noise, most of all at "
         f"{line:.0f} Hz. The accelerometer makes {100 * share:.0f} ± {100 * std:.0f} % of the "
         f"force, as a mass of {-slope:.2f} kg would: this shakes, it is no electrical noise"
     )

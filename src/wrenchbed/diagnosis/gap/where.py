@@ -271,7 +271,9 @@ def _channels(
             often = f"{times:.0f}" if times >= 3 else f"{times:.1f}"
             text = f"{spoken} is off by {rms[c]:.2g} {UNITS[c]} rms, {often} times its noise."
         else:
-            text = f"{spoken} is not seen above its noise of {noise[c]:.2g} {UNITS[c]} rms."
+            text = (
+                f"{spoken} is not significantly above its noise of {noise[c]:.2g} {UNITS[c]} rms."
+            )
         share, p = float(level.excess[c]), float(p_value[c])
         result.append(Finding(f"channel {name}", share, p, text))
     return result
@@ -285,7 +287,7 @@ def _bands(
     result = []
     for k, name in enumerate(level.names):
         band, times = name.removeprefix("frequency "), np.sqrt(level.ratio[k])
-        text = f"At {band} the residual is not seen above its noise."
+        text = f"At {band} the residual is not significantly above its noise."
         if p_value[k] < SEEN:
             text = f"At {band} the residual is {times:.1f} times its noise (rms)."
         result.append(Finding(name, float(level.excess[k]), float(p_value[k]), text))
@@ -309,7 +311,7 @@ def _variables(
 def _sentence(name: str, share: float, p_value: float) -> str:
     varies = _varies(name)
     if p_value >= SEEN:
-        return f"It is not seen that the residual {varies}."
+        return f"No significant sign that the residual {varies}."
     if share < 0.005:
         return f"The residual {varies}, but no more than other variables already explain."
     return f"The residual {varies}: {100 * share:.0f} % of it."
@@ -317,7 +319,7 @@ def _sentence(name: str, share: float, p_value: float) -> str:
 
 def _varies(name: str) -> str:
     if name.startswith("direction of joint"):
-        return f"depends on which way {name.removeprefix('direction of ')} came"
+        return f"depends on the direction from which {name.removeprefix('direction of ')} came"
     if name.startswith("joint"):
         return f"repeats with {name}'s angle"
     return _VARIES[name]

@@ -363,8 +363,8 @@ def separate(
         what = listed([f"{labels[a]} from {labels[b]}" for a, b in pairs])
         now, then = before[best], after[best]
         sentence = (
-            f"{_capital(action.text)} ({action.minutes:.1f} min): it separates {what}; the chance "
-            f"to tell them rightly rises from {100 * settled(now):.0f} to "
+            f"{_capital(action.text)} ({action.minutes:.1f} min): it separates {what}; the "
+            f"probability of naming the right one rises from {100 * settled(now):.0f} to "
             f"{100 * settled(then):.0f} %."
         )
         gain = mean / action.minutes
@@ -417,7 +417,7 @@ def explore(
         after = _depends(d, action.session.prepared, kernel, gap)
         gain = max(after - before, 0.0) / action.minutes
         sentence = (
-            f"{_capital(action.text)} ({action.minutes:.1f} min): it shows whether what is left "
+            f"{_capital(action.text)} ({action.minutes:.1f} min): it shows whether the residual "
             f"depends on {kernel}."
         )
         proposed.append(

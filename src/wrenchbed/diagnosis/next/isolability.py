@@ -129,18 +129,21 @@ def _never(similarity: Similarity) -> _Sentences:
     absent = [e.name for e in acting if not e.variants(d.prepared.scene)]
     result: _Sentences = []
     for names, why in (
-        (other, f"cannot show in {where}"),
-        (absent, "cannot show: this robot, or these rows, have nothing that it acts on"),
+        (other, f"has no effect on {where}"),
+        (
+            absent,
+            "is not possible here: this robot, or this recording, has nothing that it acts on",
+        ),
     ):
         if names:
             result.append((frozenset(names), f"{listed(names)} {why}"))
     for name in d.invisible:
         of_effect = [w for w in similarity.signatures if w.name == name]
         if any(d.configured_gap[w.columns].sum() * PLAUSIBLE**2 >= 1.0 for w in of_effect):
-            why = "a fit of bias, mass and CoG takes all of it"
+            why = "the fit of bias, mass and CoG absorbs it"
         else:
-            why = "it stays below the noise at any plausible size"
-        result.append((frozenset({name}), f"{name} cannot show: {why}"))
+            why = "it is below the noise at every plausible size"
+        result.append((frozenset({name}), f"{name} is not detectable: {why}"))
     return result
 
 
@@ -157,16 +160,18 @@ def _taken(similarity: Similarity) -> _Sentences:
         ):
             hidden.setdefault(signature.name, []).append(signature.variant.detail["joint"])
     for name, joints in hidden.items():
-        result.append((frozenset({name}), f"{name} of {_joints(joints)} cannot show"))
+        result.append(
+            (frozenset({name}), f"{name} of {_joints(joints)} has no effect on these readings")
+        )
     for name in STATED:
         of_effect = [k for k, w in enumerate(similarity.signatures) if w.name == name]
         largest = max(of_effect, key=lambda k: len(similarity.signatures[k].columns))
         for k in _narrowest(similarity, np.flatnonzero(similarity.inside[largest])):
             signature = similarity.signatures[k]
             if len(signature.columns) == len(similarity.signatures[largest].columns):
-                text = f"{signature.text} and {name} look the same with one payload"
+                text = f"{signature.text} and {name} have the same effect with one payload"
             else:
-                text = f"{signature.text} can make all that {name} makes with one payload"
+                text = f"{signature.text} reproduces {name} completely with one payload"
             result.append((frozenset({name, signature.name}), text))
     return result
 
@@ -194,7 +199,7 @@ def _sums(similarity: Similarity) -> _Sentences:
                 continue
             ratio = [gram[k, columns[j]] / gram[k, k] for j in alike]
             sums = all(abs(r - 1.0) < 0.02 for r in ratio)
-            how = "enter only as their sum" if sums else "look the same"
+            how = "are identifiable only as a sum" if sums else "have the same effect"
             result.append((frozenset({name}), f"{name} of {_joints([first, *alike])} {how}"))
     return result
 
@@ -217,7 +222,7 @@ def _pairs(similarity: Similarity) -> _Sentences:
             pair = frozenset({ways[a].name, ways[b].name})
             if len(pair) == 2 and pair not in done:
                 done.add(pair)
-                result.append((pair, f"{ways[b].text} can make what {ways[a].text} makes"))
+                result.append((pair, f"{ways[b].text} can reproduce {ways[a].text}"))
     return result
 
 

@@ -91,8 +91,8 @@ def averaged(
     """
     if data.source == "residual":
         raise DiagnosisError(
-            f"{recording.name}: cannot tell a gap from noise: in motion the noise of a row must be "
-            "stated. State sensor.noise_std as it is at rest"
+            f"{recording.name}: cannot distinguish a gap from noise: in motion the noise "
+            "of a row must be stated. State sensor.noise_std as it is at rest"
         )
     if data.left_out:
         raise DiagnosisError(

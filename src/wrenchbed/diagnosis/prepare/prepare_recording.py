@@ -77,8 +77,9 @@ def _row_noise(recording: Recording, data: Observations, robot: Robot) -> tuple[
     """Covariance (6, 6) of one row: from repeats, else stated."""
     if data.source == "residual":
         raise DiagnosisError(
-            f"{recording.name}: cannot tell a gap from noise: there are no repeats at rest and the "
-            "metadata states no sensor.noise_std. State it, or record several rows a pose"
+            f"{recording.name}: cannot distinguish a gap from noise: there are no repeats at "
+            "rest and the metadata states no sensor.noise_std. State it, or record several rows "
+            "a pose"
         )
     if data.row_covariance.any():
         return data.row_covariance, data.source

@@ -111,7 +111,7 @@ def section(
         "takes. As long as the Jacobian is rank-deficient its condition number is rounding error.",
     )  # fmt: skip
     return Section(
-        "What the wrench can tell",
+        "What the wrench can determine",
         "Rank and null space decide what can be identified; the tool names each null direction "
         "from the robot's symmetries where the data confirm them.",
         (ranks, redundancies, dropped, *_choice(setting, designs)),

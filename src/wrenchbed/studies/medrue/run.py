@@ -155,7 +155,7 @@ def _lead(summary: dict[str, object]) -> str:
     printed = mm("published_mm")
     allowed = "allows" if certificate < 1.1 * printed else "does not allow"
     return (
-        f"Of 49 parameters the wrench tells {summary['rank']}. With the noise that the paper "
+        f"Of 49 parameters the wrench determines {summary['rank']}. With the noise that the paper "
         "states (±1 N as 3σ, 100 samples) no unbiased estimate from the 100 configurations that "
         f"O1 chooses is better than {stated:.2f} mm rms in the target workspace, from no 100 of "
         f"the pool better than {best:.2f} mm; it prints {printed:.3f} mm. The noise of the "

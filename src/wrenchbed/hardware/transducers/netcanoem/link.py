@@ -171,7 +171,7 @@ def _check_server(host: str, port: int, channel: str) -> None:
         with socket.create_connection((host, port), OPENING_S) as trial:
             greeting = trial.recv(64)
             if greeting != b"< hi >":
-                raise LinkError(f"{where} says {greeting[:20]!r}: it does not speak socketcand")
+                raise LinkError(f"{where} answers {greeting[:20]!r}: it does not speak socketcand")
             trial.sendall(f"< open {channel} >".encode())
             if trial.recv(64) != b"< ok >":
                 raise LinkError(f"{where} has no bus {channel!r}: give the channel that it serves")

@@ -34,7 +34,7 @@ class StatusTable:
         unknown = status & ~_ANY & ~sum(1 << bit for bit in self.words)
         if unknown:
             words = (*words, f"unknown bits 0x{unknown:08x}")
-        return words or (("error of a kind that is not told",) if status & _ANY else ())
+        return words or (("error of an unknown kind",) if status & _ANY else ())
 
     def broken(self, status: int) -> bool:
         """Whether a status word names an error other than a reading out of range."""
