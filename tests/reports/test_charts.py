@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 from test_report import found
 
+import wrenchbed as wb
+from wrenchbed.diagnosis.diagnose import diagnose
 from wrenchbed.pages.chart import (
     NOISE,
     Axis,
@@ -22,6 +24,9 @@ from wrenchbed.pages.chart import (
 )
 from wrenchbed.pages.draw import svg
 from wrenchbed.reports import diagnosis_page
+from wrenchbed.reports.diagnosis_page import _of_causes
+from wrenchbed.reports.residual_charts import everywhere
+from wrenchbed.reports.simulators import Evidence
 
 STIFFNESS = 9000.0
 
@@ -110,3 +115,39 @@ def test_the_residual_stands_beneath_before_and_after_in_units_of_noise(springy)
         assert np.sqrt(np.mean(without.y**2)) > 5 * np.sqrt(np.mean(with_it.y**2))
         assert set(without.ids) == set(next(s for s in above.series if s.name == "measured").ids)
         assert all(s.std is not None for s in above.series if s.name == "measured")
+
+
+def test_a_delay_shows_as_the_shift_at_which_readings_fit_best(tmp_path):
+    robot = wb.load("robots", "ur5")
+    plan = wb.multisine(robot, 12.0, 100.0, seed=1)
+    options = wb.SimOptions("ur5", noise="white", seed=1, effects=("timing.delay:delay=0.02",))
+    with wb.SimDriver(options) as driver:
+        wb.record(driver, plan, tmp_path / "rec.parquet")
+    told = diagnose(wb.Recording.read(tmp_path / "rec.parquet"))
+    assert "timing.delay" in {n for w in told.diagnosis.which for n in (w["effect"], *w["rivals"])}
+    charts = _of_causes(told, Evidence(told))
+    lag = next(c for c in charts if c.name == "cause-0")
+    for panel, best in zip(lag.panels, (np.argmax, np.argmin), strict=True):
+        without, with_it = panel.series
+        assert without.x[best(without.y)] == pytest.approx(20.0, abs=3.0)
+        assert with_it.x[best(with_it.y)] == pytest.approx(0.0, abs=3.0)
+
+
+def test_crosstalk_is_a_matrix_with_its_own_number_in_its_own_cell(tmp_path):
+    told = found(tmp_path, "sensor.crosstalk:x.fx.fy=0.03")
+    chart = next(c for c in _of_causes(told, Evidence(told)) if c.name == "cause-0")
+    texts = chart.panels[0].matrix.texts
+    assert float(texts[0][1].rstrip(" %")) == pytest.approx(3.0, abs=0.2)
+    assert all(
+        t == "0" for i, row in enumerate(texts) for j, t in enumerate(row) if (i, j) != (0, 1)
+    )
+
+
+def test_what_nothing_explains_is_drawn_over_all_that_was_recorded(tmp_path):
+    healthy = found(tmp_path)
+    chart = everywhere(Evidence(healthy), "everywhere")
+    labels = [p.x.label for p in chart.panels]
+    assert labels[:6] == [f"joint {k}" for k in range(1, 7)] and "time" in labels
+    assert sum("gravity along" in t for t in labels) == 3
+    assert any(t.startswith("simulated load") for t in labels)
+    assert all(p.y.unit == "noise" and len(p.series[0].x) == 40 for p in chart.panels)

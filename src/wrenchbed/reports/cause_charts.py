@@ -23,6 +23,8 @@ STEP = 1e-5
 """Of a joint's value in a difference quotient [rad or m]."""
 LEAST_SLOPE = 0.2
 """Of the largest: rows in which a joint moves the reading less say little about its value."""
+ROUNDING = 1e-9
+"""Of a response per unit of load, from differences of doubles; estimate."""
 LEAST_REACH, LAGS = 8, 40
 """Samples by which readings are shifted each way at least, and shifts each way."""
 _CROSS = Scale("change of the reading [noise of a row]", -30.0, 30.0, (-30.0, 0.0, 30.0),
@@ -260,7 +262,7 @@ def _matrix(e: Evidence, c: Claim, name: str) -> Chart:
 
 
 def _cross(i: int, j: int, v: float) -> str:
-    if v == 0.0:
+    if abs(v) < ROUNDING:
         return "0"
     if (i < 3) == (j < 3):
         return f"{100 * v:.2f} %".replace("-", "−")

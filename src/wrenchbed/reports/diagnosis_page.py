@@ -128,7 +128,7 @@ def _of_causes(found: Findings, e: Evidence) -> list[Chart]:
         if entry["effect"] in sentences.row_effects(found):
             told.append(residual_charts.scatter(e, entry, f"rows-{k}"))
     told += [figures.comparison(c, f"left-{c.channel}") for c in e.unexplained()]
-    if found.diagnosis.verdict == "unknown":
+    if found.diagnosis.verdict in ("unknown", "partial"):
         told.append(residual_charts.everywhere(e, "everywhere"))
     return [chart for chart in told if chart is not None]
 

@@ -7,27 +7,31 @@ import numpy as np
 
 from wrenchbed.diagnosis.explain.claims import Explanation
 from wrenchbed.diagnosis.gap.closure import twin_of
-from wrenchbed.pages.chart import Axis, Chart, Panel, Series, thinned
+from wrenchbed.pages.chart import Axis, Chart, Panel, Role, Series, thinned
 from wrenchbed.physics.time_derivatives import value
 from wrenchbed.physics.wrench import CHANNELS, UNITS
 from wrenchbed.reports.simulators import Evidence, largest
 
+SMOOTH_S = 0.5
+"""Of a motion, over which rows are averaged: slower changes are the motion's own; estimate."""
 MOST_ROWS = 200
 """Points of each of many panels."""
 
 
 def everywhere(e: Evidence, name: str) -> Chart:
-    """The calibrated residual of its largest channel over every joint, direction, time and load."""
+    """What is left of its largest channel over every joint, direction, time and load."""
     p = e.prepared
-    left = (p.y - e.before) / e.std
+    simulator = "the calibrated simulator" if e.after is None else "the simulator with the effects"
+    left = (p.y - (e.before if e.after is None else e.after)) / e.std
     k = largest(left)[0]
+    role: Role = "before" if e.after is None else "after"
     panels, note = [], ""
     for label, unit, x in _variables(e, k):
         order = np.argsort(x, kind="stable")
         series, note = thinned(
             [
                 Series(
-                    "residual", "points", x[order], left[order, k], role="before",
+                    "residual", "points", x[order], left[order, k], role=role,
                     ids=e.ids[order],
                 )
             ],
@@ -36,7 +40,7 @@ def everywhere(e: Evidence, name: str) -> Chart:
         y = Axis(f"{CHANNELS[k]}, residual", "noise")
         panels.append(Panel(Axis(label, unit), y, series, zero=True, height=0.8))
     caption = (
-        f"Measured minus the calibrated simulator, channel {CHANNELS[k]}, which differs most. A "
+        f"Measured minus {simulator}, channel {CHANNELS[k]}, which differs most. A "
         "cause would show as a line, a wave or a step in the panel of its variable."
     )
     title = f"Residual of {CHANNELS[k]} over all that was recorded"
@@ -125,12 +129,12 @@ def _instead(e: Evidence, cause: str, others: list[str]) -> tuple[str, Explanati
     return None
 
 
-def scatter(e: Evidence, entry: Mapping[str, Any], name: str) -> Chart | None:
+def scatter(e: Evidence, entry: Mapping[str, Any], name: str) -> Chart:
     """Rows about their means where a cause shows only between rows: over time, and how large."""
     rows = e.prepared.excerpt
     segments = rows.columns.get("segment")
     if segments is None or rows.metadata.mode != "static":
-        return None
+        return _spectrum(e, str(entry["effect"]), name)
     _, at = np.unique(segments, return_inverse=True)
     count = np.maximum(np.bincount(at), 1)[:, None]
     means = np.stack([np.bincount(at, rows.wrench[:, c]) for c in range(6)], axis=1) / count
@@ -160,6 +164,30 @@ def scatter(e: Evidence, entry: Mapping[str, Any], name: str) -> Chart | None:
     return Chart(
         name, f"{entry['effect']}: rows about their means", panels, caption=caption, note=note
     )
+
+
+def _spectrum(e: Evidence, effect: str, name: str) -> Chart:
+    """Rows of a motion less their mean over `SMOOTH_S`: a vibration is a peak, noise is flat."""
+    rows = e.prepared.excerpt
+    period = float(np.median(np.diff(rows.t)))
+    width = max(3, round(SMOOTH_S / period)) | 1
+    kernel = np.ones(width) / width
+    smooth = np.stack([np.convolve(rows.wrench[:, c], kernel, "valid") for c in range(6)], axis=1)
+    inner = slice(width // 2, len(rows) - width // 2)
+    apart = (rows.wrench[inner] - smooth) / _stated(e)
+    k = int(np.argmax((apart**2).mean(axis=0)))
+    frequency = np.fft.rfftfreq(len(apart), period)
+    amplitude = 2.0 * np.abs(np.fft.rfft(apart[:, k])) / len(apart)
+    t = rows.t[inner] - rows.t[0]
+    top, note = thinned([Series("measured", "line", t, apart[:, k])])
+    low, _ = thinned([Series("amplitude", "line", frequency, amplitude)])
+    unit = "stated noise"
+    panels = (
+        Panel(Axis("time", "s"), Axis(f"{CHANNELS[k]} about its mean", unit), top, zero=True),
+        Panel(Axis("frequency", "Hz"), Axis("amplitude", unit), low),
+    )
+    caption = f"Each row less the mean of the {SMOOTH_S:g} s about it, and its spectrum."
+    return Chart(name, f"{effect}: rows about their means", panels, caption=caption, note=note)
 
 
 def _stated(e: Evidence) -> np.ndarray:
