@@ -185,7 +185,7 @@ def findings_of(found: Examined, seed: int, progress: Progress, begun: float) ->
         between=[e for r in between if (e := r.active(prepared.robot)) is not None],
         seconds=time.perf_counter() - begun,
         set90=answer.set90(verdict, probabilities, known),
-        outliers=[o.entry(touch) for o in outliers],
+        outliers=[o.entry(touch if prepared.touch is None else None) for o in outliers],
         notes=(
             *of_data,
             *answer.of_data(analysis, gap.folds),

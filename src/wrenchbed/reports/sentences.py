@@ -84,6 +84,9 @@ def _hint(found: Findings) -> str:
     hints = hinted(found)
     if hints:
         return f"Only a hint: {listed([_the(name) for name in hints])}"
+    if found.diagnosis.where:
+        own = dict.fromkeys(_the(str(w["subsystem"])) for w in found.diagnosis.where)
+        return f"Only in single rows: {listed(list(own))}"
     if any(f.seen for f in found.places):
         return "Too little for a cause"
     return "No place differs from noise"
