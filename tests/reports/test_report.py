@@ -210,6 +210,13 @@ def test_none_is_none(healthy):
     assert "there is nothing to close" in page.sections["far"]
 
 
+def test_none_beside_a_gap_above_1_tells_its_interval(healthy):
+    wide = replace(healthy.diagnosis.gap, calibrated=Interval(1.64, 0.71, 2.6))
+    told = shown(changed(healthy, gap=wide)).sections["far"]
+    assert "Gap 1.64" in told and "95 % interval is 0.71 … 2.60" in told
+    assert "95 % interval" not in shown(healthy).sections["far"]
+
+
 def test_what_scatters_rows_is_no_share_of_the_gap(tmp_path):
     noisy = found(tmp_path, "sensor.noise:" + ",".join(f"std.f{a}=0.2" for a in "xyz"))
     assert [w["effect"] for w in noisy.diagnosis.which] == ["sensor.noise"]

@@ -6,7 +6,7 @@ from typing import Any
 from wrenchbed.diagnosis.diagnose import Findings
 from wrenchbed.diagnosis.gap.closure import Closure
 from wrenchbed.diagnosis.gap.result import Diagnosis
-from wrenchbed.diagnosis.gap.upheld import small
+from wrenchbed.diagnosis.gap.upheld import LARGEST_NONE, small
 from wrenchbed.pages import numbers
 from wrenchbed.reports.claim import capital, claim, listed
 from wrenchbed.reports.claim import place as place_of
@@ -175,6 +175,9 @@ def distance(found: Findings) -> dict[str, str]:
         if any(w["effect"] not in row_effects(found) for w in d.which):
             text = f"{told}. Rows in which something touches the tool took no part."
         return {"figure": figure, "text": text}
+    if g.calibrated.value - max(g.floor, 0.0) > LARGEST_NONE:
+        ends = f"{numbers.gap(g.calibrated.low)} … {numbers.gap(g.calibrated.high)}"
+        told += f". It is not significantly above 1: its 95 % interval is {ends}"
     return {
         "figure": figure,
         "text": f"{told}. No cause is named; there is nothing to close.",
