@@ -128,8 +128,8 @@ class SensorHysteresis(ReadingEffect):
         return super().values(robot, {short.get(k, k): v for k, v in given.items()})
 
 
-_LARGEST_KEPT = 1 << 19
-"""Largest input of `play` that is kept [B]: 64 of them and their paths take 64 MiB at most."""
+_LARGEST_KEPT, _MOST_KEPT = 1 << 19, 64
+"""Largest input of `play` that is kept [B], and how many: with their paths 64 MiB. Estimates."""
 
 
 def _width(name: str) -> float:
@@ -161,7 +161,7 @@ def play(x: np.ndarray, width: np.ndarray) -> np.ndarray:
     return _kept_path(x.tobytes(), width.tobytes())
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=_MOST_KEPT)
 def _kept_path(x: bytes, width: bytes) -> np.ndarray:
     """`play` of numbers as bytes; the result cannot be changed."""
     widths = np.frombuffer(width)

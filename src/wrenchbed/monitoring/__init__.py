@@ -1,6 +1,6 @@
-"""A robot's numbers over time: what changed between two results.
-May import: calibration, diagnosis and the rooms below them.
-Read first: `compare`.
+"""A robot's numbers over time: what changed between two results, and the wrench live.
+May import: exports, hardware, twin and the rooms below them.
+Read first: `compare`, then `compensation` and `live`.
 """
 
 from wrenchbed.monitoring.compare import Change, Comparison, compare
