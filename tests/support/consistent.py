@@ -484,7 +484,8 @@ def the_best_explanation_is_the_named_one_or_it_is_said_why(
     found: Findings, told: Told, texts: Faces
 ) -> Iterator[str]:
     rows = tables.explanations(found)
-    if found.verdict.causes and not rows[0]["named"]:
+    own = {w["effect"] for w in told["which"]} - _rows(found) - {"environment.contact"}
+    if own and not rows[0]["named"]:
         yield f"named {told['which']}, best {rows[:3]}, {found.verdict.explanation.names}"
 
 

@@ -110,7 +110,7 @@ def explanations(found: Findings) -> list[dict[str, Any]]:
         result.append(
             {
                 "text": text,
-                "named": bool(found.verdict.causes) and e is found.verdict.explanation,
+                "named": bool(found.diagnosis.which) and e is found.verdict.explanation,
                 "rest": numbers.gap(max(e.rest, 0.0)),
                 "behind": _odds(told[0].log_posterior - e.log_posterior),
             }

@@ -215,7 +215,7 @@ def _vibration(s: Scatter, shake: Shaking) -> RowFinding | None:
     if shake.line is not None:
         parameters["frequency"] = quantity(shake.line.frequency, shake.line.std, "Hz")
         where = f"at {shake.line.frequency:.2f} Hz"
-    x, y, z = shake.direction
+    x, y, z = np.round(shake.direction, 2) + 0.0  # no minus zero
     sentence = (
         f"The base shakes {where} with {shake.rms:.3g} m/s² rms along ({x:.2f}, {y:.2f}, {z:.2f}) "
         f"in base axes: forces and torques scatter together as the tool's mass and centre of "
