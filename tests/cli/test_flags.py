@@ -39,7 +39,10 @@ FLAGS = {
     "view": "port=9876, rrd=None, web=False, web-port=9090",
     "report": "out=report.html",
     "simulate": "force=False, json=False, like=required, noise=off, out=required, rrd=None, seed=0",
-    "export": "force=False, json=False, mcap=None, mjcf=None",
+    "export": (
+        "force=False, frame=None, json=False, mcap=None, mjcf=None, mount=None, out=None, to=None, "
+        "urdf=None"
+    ),
     "twin": (
         "effect=repeatable, faults=None, host=127.0.0.1, noise=real, parameters=None, "
         "seed=0, set=repeatable, table=None"

@@ -2,8 +2,10 @@
 
 Universal Robots, "DH Parameters for calculations of kinematics and dynamics"
 (universal-robots.com/articles/ur/application-installation), there with CoGs in the axes at a link's
-end, here in those at its joint. Top speeds: the arms' technical specifications. Limits are ±360° at
-every joint. Where poses are sampled is the UR5's, scaled: an estimate.
+end, here in those at its joint. Compared with that page: UR3e, UR5e, UR20 and the lengths of UR10e.
+From memory, unverified: masses and CoGs of UR3, UR10 and UR16e, the lengths of UR16e, and all top
+speeds (technical specifications). Limits are ±360° at every joint. Where poses are sampled is the
+UR5's, scaled: an estimate.
 """
 
 from dataclasses import replace
