@@ -199,8 +199,10 @@ def verdict_and_which_agree(found: Findings, told: Told) -> Iterator[str]:
 def none_needs_a_small_gap(found: Findings, told: Told) -> Iterator[str]:
     if told["verdict"] == "none" and told["gap"]["calibrated_ci95"][0] > 1.0:
         yield f"none with a gap of {told['gap']['calibrated']:.3g} {told['gap']['calibrated_ci95']}"
-    if told["verdict"] == "none" and told["gap"]["calibrated"] - max(told["gap"]["floor"], 0) > 1.0:
-        yield f"none with a gap of {told['gap']['calibrated']:.3g} above {told['gap']['floor']:.3g}"
+    above = told["gap"]["calibrated"] - max(told["gap"]["floor"], 0) > 1.0
+    far = sentences.distance(found)["text"]
+    if told["verdict"] == "none" and above and "not significantly above 1" not in far:
+        yield f"none with a gap of {told['gap']['calibrated']:.3g}, its interval is not stated"
 
 
 @check
@@ -208,8 +210,9 @@ def unknown_needs_a_gap_or_scatter(found: Findings, told: Told) -> Iterator[str]
     if told["verdict"] != "unknown":
         return
     g, notes = told["gap"], " ".join(found.diagnosis.notes)
-    if g["calibrated_ci95"][1] - max(g["floor"], 0.0) < 0.5 and "scatter" not in notes:
-        yield f"unknown with a gap of {g['calibrated']:.3g} and no note on scatter"
+    said = "scatter" in notes or "touch" in notes
+    if g["calibrated_ci95"][1] - max(g["floor"], 0.0) < 0.5 and not said:
+        yield f"unknown with a gap of {g['calibrated']:.3g} and no note on scatter or touch"
 
 
 @check
@@ -537,5 +540,5 @@ def a_twin_that_is_not_to_be_used_is_not_offered(
 def scatter_is_told_as_such(found: Findings, told: Told, texts: Faces) -> Iterator[str]:
     if told["verdict"] == "unknown" and _quiet(told):
         text = texts["terminal"]
-        if "scatter" not in text.split(" where ")[0]:
+        if not re.search("scatter|touches the tool", text.split(" where ")[0]):
             yield f"gap {told['gap']['calibrated']:.3g}: {text[:200]}"

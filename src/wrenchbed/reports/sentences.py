@@ -47,8 +47,8 @@ def _without_claim(found: Findings) -> str:
         return "No cause found: the residual is within normal imperfections."
     if _crowd(d):
         return "Too many effects explain the gap equally well."
-    if _only_scatters(found):
-        return "No known effect explains how rows scatter."
+    if (what := _unexplained(found)) != GAP:
+        return f"No known effect explains {what}."
     kernel = found.analysis.ranking.kernel
     on = f": it varies with {depends(kernel)}" if _seen(kernel, found) else ""
     return f"No known effect explains the gap{on}."
@@ -134,10 +134,9 @@ def without_cause(found: Findings) -> str:
     if _crowd(d):
         names = ", ".join(best.split("|"))
         return f"These explain it equally well, and no choice is made: {names}."
-    what = "how rows scatter" if _only_scatters(found) else "the gap"
     told = (
-        f"No known effect explains {what}. Probability that it is something unknown: "
-        f"{numbers.chance(p.get('unknown', 0.0))}."
+        f"No known effect explains {_unexplained(found)}. "
+        f"Probability that it is something unknown: {numbers.chance(p.get('unknown', 0.0))}."
     )
     if not best or rest[best] < LARGE_P:
         return told
@@ -164,7 +163,7 @@ def distance(found: Findings) -> dict[str, str]:
             told += " Much of it is left: do not trust this twin."
         return {"figure": f"{numbers.percent(g.closed.value)} % closed", "text": told}
     figure = f"Gap {numbers.gap(g.calibrated.value)}"
-    if d.verdict == "unknown" and not _only_scatters(found):
+    if d.verdict == "unknown" and _unexplained(found) == GAP:
         text = f"It stays {on}: without a cause there is nothing to close it with."
         return {"figure": figure, "text": f"{text} {black_box(g)}".strip()}
     told = f"This is the gap of the calibrated simulator {on}"
@@ -239,6 +238,19 @@ def _only_scatters(found: Findings) -> bool:
     """Whether it is unknown because of how rows scatter: their means have hardly a gap."""
     d = found.diagnosis
     return d.verdict == "unknown" and bool(found.scattered) and small(d.gap)
+
+
+GAP = "the gap"
+
+
+def _unexplained(found: Findings) -> str:
+    """What is unknown: the gap, or what is left where the means have hardly one."""
+    if _only_scatters(found):
+        return "how rows scatter"
+    d, touch = found.diagnosis, found.analysis.prepared.touch
+    if d.verdict == "unknown" and touch is not None and small(d.gap):
+        return "what comes while something touches the tool"
+    return GAP
 
 
 def _seen(kernel: str, found: Findings) -> bool:

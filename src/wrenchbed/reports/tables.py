@@ -107,10 +107,12 @@ def explanations(found: Findings) -> list[dict[str, Any]]:
         if text in seen or len(result) == MOST_EXPLANATIONS:
             continue
         seen.add(text)
+        same = e.names == found.verdict.explanation.names  # a fit of it with other numbers too
+        first = not any(row["named"] for row in result)
         result.append(
             {
                 "text": text,
-                "named": bool(found.diagnosis.which) and e is found.verdict.explanation,
+                "named": bool(found.diagnosis.which) and same and first,
                 "rest": numbers.gap(max(e.rest, 0.0)),
                 "behind": _odds(told[0].log_posterior - e.log_posterior),
             }
