@@ -168,6 +168,7 @@ def test_the_attack_finds_a_leak(copied):
     assert attack(cases, answers)[0].p_value < 0.05
 
 
+@pytest.mark.study
 @pytest.mark.parametrize(("robot", "mode"), [("ur5", "dynamic"), ("medrue", "static")])
 def test_workers_make_cases_and_a_stopped_make_goes_on(tmp_path, robot, mode):
     told, told_again = make.Family(robot, mode, 2, 6), make.Family(robot, mode, 2, 6)

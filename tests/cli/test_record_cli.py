@@ -118,4 +118,4 @@ def test_a_simulated_recording_cannot_be_resumed(record, capsys):
     record()
     code, _ = record("--resume")
     assert code == 1
-    assert "does not say which poses it holds" in capsys.readouterr().err
+    assert "does not state which poses it holds" in capsys.readouterr().err

@@ -109,7 +109,9 @@ def test_one_orientation_however_often(ur5, segments):
 def test_no_repeats_and_no_noise_stated(ur5):
     once = rows(ur5, np.arange(len(ur5)) % ROWS == 0)
     silent = changed(once, sensor=replace(once.metadata.sensor, noise_std=None))
-    refused(silent, "cannot tell a gap from noise", "State it, or record several rows a pose")
+    refused(
+        silent, "cannot distinguish a gap from noise", "State it, or record several rows a pose"
+    )
 
 
 @pytest.mark.parametrize("channel", ["fx", "tz"])

@@ -155,7 +155,7 @@ def test_noise_of_a_row_is_from_repeats_or_stated_or_refused():
     data = SimpleNamespace(source="repeats", row_covariance=2.0 * np.eye(6))
     covariance, source = module._row_noise(SimpleNamespace(name="r"), data, None)
     assert (covariance == 2.0 * np.eye(6)).all() and source == "repeats"
-    with pytest.raises(DiagnosisError, match="cannot tell a gap from noise"):
+    with pytest.raises(DiagnosisError, match="cannot distinguish a gap from noise"):
         refused = SimpleNamespace(source="residual")
         module._row_noise(SimpleNamespace(name="r"), refused, None)
 

@@ -20,12 +20,17 @@ def name(page: Path) -> str:
     return str(page.relative_to(ROOT))
 
 
+LONG = {"sealed.md", "second-recording.md", "campaigns.md", "plan.md"}
+"""Guides whose lines take 20 to 30 s each: run with the studies, not by CI."""
+
+
 def runnable():
     """Pages with blocks to run; emulators keep real time and want the machine alone."""
     pages = []
     for page in PAGES:
         code = "".join(b.code for b in to_run(page))
         marks = [pytest.mark.wire] if "wrenchbed twin " in code else []
+        marks += [pytest.mark.study] if page.name in LONG else []
         if code:
             pages.append(pytest.param(page, marks=marks, id=name(page)))
     return pages

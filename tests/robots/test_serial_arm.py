@@ -1,8 +1,6 @@
 """A serial arm of seven joints, data alone: planned, recorded, calibrated and diagnosed."""
 
 import json
-import runpy
-from pathlib import Path
 from types import SimpleNamespace
 
 import mujoco
@@ -15,9 +13,8 @@ from wrenchbed.cli import main
 from wrenchbed.data.recording import Recording
 from wrenchbed.effects.chain import active_effect, effects, respond
 from wrenchbed.effects.scene import examples
+from wrenchbed.robots.serial_xml import mjcf_of
 from wrenchbed.twin.twin import nominal
-
-SCRIPT = Path(__file__).parents[2] / "scripts" / "arm_mjcf"
 
 
 @pytest.fixture(autouse=True)
@@ -63,8 +60,7 @@ def test_every_effect_of_the_arm_is_simulated_as_fitted():
 
 
 def test_the_file_of_an_arm_is_written_from_its_data():
-    text = runpy.run_path(str(SCRIPT))["text"]
-    ours = mujoco.MjModel.from_xml_string(text(IIWA.arm))
+    ours = mujoco.MjModel.from_xml_string(mjcf_of(IIWA.arm))
     other = mujoco.MjModel.from_xml_path(str(IIWA.mjcf))
     for name in ("body_pos", "body_mass", "body_ipos", "qpos0", "jnt_range", "key_qpos"):
         assert np.allclose(getattr(ours, name), getattr(other, name), rtol=0.0, atol=1e-8), name

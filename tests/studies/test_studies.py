@@ -253,6 +253,7 @@ def test_the_articles_table_does_not_reach_the_flange():
     assert np.median(scene.distance(ur5, seed=0)) > 0.3
 
 
+@pytest.mark.study
 def test_the_ur5_study_runs(tmp_path, capfd):
     out = tmp_path / "ur5"
     assert main(["study", "ur5", "--robots", "2", "--quick", "--out", str(out), "--json"]) == 0

@@ -60,7 +60,7 @@ def export(
         if mjcf is None:
             raise ParameterError("export --to mjcf needs --out, a folder")
     if [to, mjcf, mcap].count(None) != 2:
-        raise ParameterError("export needs one of --to FORMAT, --mjcf (a twin) or --mcap")
+        raise ParameterError("give --to FORMAT, --mjcf for a twin or --mcap for a recording")
     if mcap is not None:
         _export_log(file, mcap, force, as_json)
     elif mjcf is not None:
