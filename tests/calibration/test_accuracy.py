@@ -237,6 +237,7 @@ def test_a_mix_reaches_its_accuracy_with_few_measurements(mix):
     assert mix.course[0][1] > 20 * mix.course[-1][1]
 
 
+@pytest.mark.study  # twelve seconds
 def test_costly_touches_give_way_to_poses(mix):
     dear = reach(MEDRUE, 3e-4, pool=800, touch_cost=50.0)
     assert dear.assured <= 3e-4

@@ -95,6 +95,9 @@ def workers(
     try:
         yield pool
     except BrokenProcessPool as error:
+        for process in started:  # the pool misses one that began while it broke
+            if process.is_alive():
+                process.terminate()
         pool.shutdown()  # until all exit codes are known
         raise WorkerError(_how(started)) from error
     except BaseException:
