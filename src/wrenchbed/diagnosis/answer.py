@@ -208,7 +208,14 @@ def probabilities(verdict: Verdict, between: Sequence[RowFinding]) -> dict[str, 
         share[NONE] = share.get(NONE, 0.0) - spare
         share[best.effect] = share.get(best.effect, 0.0) + spare
     total = sum(share.values())
-    return {k: v / total for k, v in share.items()}
+    share = {k: v / total for k, v in share.items()}
+    for lead in verdict.causes[:1]:  # it leads no more often than it is there
+        name = "|".join(lead.names)
+        more = max(share.get(name, 0.0) - lead.probability, 0.0)
+        if more > 0.0:
+            share[name] -= more
+            share[UNKNOWN] = share.get(UNKNOWN, 0.0) + more
+    return share
 
 
 def set90(
