@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from rrd_file import Rrd
-
 from wrenchbed.cli import main
 from wrenchbed.viewer import show
 

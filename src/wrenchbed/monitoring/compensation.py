@@ -70,6 +70,21 @@ class External:
         }  # fmt: skip
 
 
+@dataclass(frozen=True, eq=False)
+class _AtPose:
+    """What follows from the joint values alone: expected reading (6,), and the turn (3, 3) and
+    lever (3,) [m] from the sensor's axes to those of the result."""
+
+    expected: np.ndarray
+    turn: np.ndarray
+    lever: np.ndarray
+
+    def turned(self, wrench: np.ndarray) -> np.ndarray:
+        """A wrench (6,) in the axes of the result."""
+        force = self.turn @ wrench[:3]
+        return np.concatenate([force, self.turn @ wrench[3:] + np.cross(self.lever, force)])
+
+
 class Compensator:
     """Compensates reading by reading.
 
@@ -105,10 +120,14 @@ class Compensator:
         self._zero, self._last = np.zeros(6), -np.inf
         self._recent: deque[tuple[float, np.ndarray]] = deque()
         self._alarm, self._seen = "", _Poses()
+        self._q = np.asarray(robot.home, dtype=float)
+        self._here = self._evaluated(self._q)
 
     def __call__(self, t: float, q: np.ndarray, wrench: np.ndarray, at_rest: bool) -> External:
         """Compensate a reading (6,) [N, N·m] at joint values (J,), at a time [s]."""
-        left = self._mixing @ (wrench - self._expected(q))
+        if not np.array_equal(q, self._q):  # sensors are faster than joints
+            self._q, self._here = q.copy(), self._evaluated(q)
+        left = self._mixing @ (wrench - self._here.expected)
         if at_rest:
             self._judge(t, q, left)
         else:
@@ -117,7 +136,7 @@ class Compensator:
         self._last = t
         return External(
             t,
-            self._turned(q, left - self._zero),
+            self._here.turned(left - self._zero),
             self._noise,
             at_rest,
             self._zero.copy(),
@@ -147,18 +166,17 @@ class Compensator:
         scene = Scene(twin.model.robot, twin.robot_theta, gravity, row, np.zeros(1), held)
         return np.asarray(twin.wrench(scene)[0])
 
-    def _turned(self, q: np.ndarray, wrench: np.ndarray) -> np.ndarray:
-        """A wrench from sensor axes to those that were asked for."""
+    def _evaluated(self, q: np.ndarray) -> "_AtPose":
+        """What follows from joint values (J,) alone."""
+        expected = self._expected(q)
         if self._frame == "sensor":
-            return wrench
+            return _AtPose(expected, np.eye(3), np.zeros(3))
         theta = self._twin.robot_theta
         turn, at = (np.asarray(x)[0] for x in self._robot.sensor_pose(q[None], theta))
         if self._frame == "base" or not isinstance(self._robot, SerialChain):
-            return np.concatenate([turn @ wrench[:3], turn @ wrench[3:]])
+            return _AtPose(expected, turn, np.zeros(3))
         flange, origin = (np.asarray(x)[0] for x in self._robot.flange_pose(q[None], theta))
-        turn, lever = flange.T @ turn, flange.T @ (at - origin)
-        force = turn @ wrench[:3]
-        return np.concatenate([force, turn @ wrench[3:] + np.cross(lever, force)])
+        return _AtPose(expected, flange.T @ turn, flange.T @ (at - origin))
 
     def _mean(self) -> np.ndarray:
         return self._sum / len(self._recent)

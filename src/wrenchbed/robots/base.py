@@ -354,6 +354,21 @@ def models() -> Path:
     raise NotFoundError(f"the models folder is missing: neither {inside} nor {checkout} exists")
 
 
+def tilted_base(tilt: np.ndarray) -> np.ndarray | None:
+    """R_world_base of a tilt (…, 2) [rad]; None of none.
+
+    The tilt turns gravity as the base sees it: the base turns against it.
+    """
+    if not tilt.any():
+        return None
+    return np.asarray(exp(-tilt[..., 0], -tilt[..., 1], 0.0 * tilt[..., 0]))
+
+
+def mount_turn(vector: np.ndarray) -> np.ndarray:
+    """R_flange_sensor of a rotation vector (…, 3) [rad]."""
+    return exp(vector[..., 0], vector[..., 1], vector[..., 2]) if vector.any() else np.eye(3)
+
+
 def rotate_base(robot: Robot, theta: np.ndarray, vector: np.ndarray) -> np.ndarray:
     """Parameters (P,) after gravity, as the base sees it, has turned by a vector (3,) [rad].
 

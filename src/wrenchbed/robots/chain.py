@@ -19,9 +19,9 @@ import numpy as np
 
 from wrenchbed.physics.gravity import BodyMass, masses
 from wrenchbed.physics.newton_euler import Motion, Vector
-from wrenchbed.physics.rotations import apply, cross, exp, exp_rates
+from wrenchbed.physics.rotations import apply, cross, exp_rates
 from wrenchbed.physics.time_derivatives import Jet, Value, cos, sin, stack_jets
-from wrenchbed.robots.base import LoadInSensorAxes, SimulatedRobot
+from wrenchbed.robots.base import LoadInSensorAxes, SimulatedRobot, mount_turn
 
 ANGLE = np.deg2rad(0.5)
 """Typical error of a joint's zero, of the base's tilt and of the mount [rad], estimate."""
@@ -121,7 +121,7 @@ class SerialChain(LoadInSensorAxes, SimulatedRobot):
         if offset.any():
             position = position + apply(rotation, offset)
         if theta[..., self._turn].any():
-            rotation = rotation @ self._mount(theta)
+            rotation = rotation @ mount_turn(theta[..., self._turn])
         return rotation, position
 
     def gravity_seen(self, q: np.ndarray, theta: np.ndarray, gravity: np.ndarray) -> np.ndarray:
@@ -201,7 +201,7 @@ class SerialChain(LoadInSensorAxes, SimulatedRobot):
             return None if self._slides[k] else Spin(k, np.eye(3)[2])
         group, _, axis = name.rpartition(".")
         if group == "mount.rotation":
-            rates = self._mount(theta).T @ exp_rates(theta[self._turn])
+            rates = mount_turn(theta[..., self._turn]).T @ exp_rates(theta[self._turn])
             return Spin(len(self.joints), rates[:, "xyz".index(axis)])
         if group == "base.tilt":
             return Spin(0, self._leaned("xyz".index(axis), theta))
@@ -252,7 +252,7 @@ class SerialChain(LoadInSensorAxes, SimulatedRobot):
         self, q: Jet, theta: np.ndarray, gravity: np.ndarray, names: Sequence[str], here: Motion
     ) -> Iterator[Motion]:
         """Written out for the sensor's mount, by complex steps for all else."""
-        mount, rates = self._mount(theta), exp_rates(theta[self._turn])
+        mount, rates = mount_turn(theta[..., self._turn]), exp_rates(theta[self._turn])
         zero = np.zeros_like(here.origin)
         for name in names:
             group, _, axis = name.rpartition(".")
@@ -298,18 +298,6 @@ class SerialChain(LoadInSensorAxes, SimulatedRobot):
 
     def qpos(self, q: Value, theta: np.ndarray) -> Value:
         return q
-
-    def _leaning(self, theta: np.ndarray) -> np.ndarray | None:
-        """The tilt turns gravity as the base sees it: the base turns against it; None of none."""
-        tilt = theta[..., self._tilt]
-        if not tilt.any():
-            return None
-        return np.asarray(exp(-tilt[..., 0], -tilt[..., 1], 0.0 * tilt[..., 0]))
-
-    def _mount(self, theta: np.ndarray) -> np.ndarray:
-        """R_flange_sensor."""
-        turn = theta[..., self._turn]
-        return exp(turn[..., 0], turn[..., 1], turn[..., 2]) if turn.any() else np.eye(3)
 
 
 def about(axis: np.ndarray, angle: float) -> np.ndarray:

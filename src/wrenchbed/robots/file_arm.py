@@ -23,8 +23,10 @@ from wrenchbed.robots.base import (
     TILT,
     Joint,
     load_parameters,
+    mount_turn,
     sample_until,
     segment_distance,
+    tilted_base,
     tool_parameters,
     vector_parameters,
 )
@@ -151,14 +153,14 @@ class FileArm(SerialChain):
         pre = self._pre @ exp(*np.moveaxis(turned, -1, 0)) if turned.any() else self._pre
         turns = pre @ self._to_z  # (…, J, 3, 3)
         shifts = (self._before @ theta[..., self._places][..., None])[..., 0]
-        leaning = self._leaning(theta)
+        leaning = tilted_base(theta[..., self._tilt])
         base = arm.base_turn if leaning is None else leaning @ arm.base_turn
         first = apply(base, shifts[..., 0, :]) + arm.base_shift
         end, last = self._end, self._to_z[-1].T @ arm.end_shift
         if mounted and theta[..., self._offset].any():
             last = last + apply(end, theta[..., self._offset])
         if mounted and theta[..., self._turn].any():
-            end = end @ self._mount(theta)
+            end = end @ mount_turn(theta[..., self._turn])
         middle = range(1, len(self.joints))
         return Fixed(
             [base @ turns[..., 0, :, :], *(turns[..., k, :, :] for k in middle), end],
@@ -246,7 +248,7 @@ class FileArm(SerialChain):
 
         spec = mujoco.MjSpec.from_string(self.xml)
         arm = self.arm_model
-        leaning = self._leaning(theta)
+        leaning = tilted_base(theta[..., self._tilt])
         if leaning is not None:
             place(spec, "base", arm.base_shift.tolist(), leaning @ arm.base_turn)
         zeros = self.zeros(theta)
@@ -254,7 +256,7 @@ class FileArm(SerialChain):
             turn = link.turn @ exp(*theta[self._turns[k]])
             turn, shift = standing(link, turn, theta[self._places[k]], zeros[k] + link.home)
             place(spec, link.body, shift.tolist(), turn)
-        place(spec, "tool", theta[self._offset].tolist(), self._mount(theta))
+        place(spec, "tool", theta[self._offset].tolist(), mount_turn(theta[..., self._turn]))
         write_load(spec, self.tool(theta))
         return spec
 

@@ -16,7 +16,14 @@ from wrenchbed.physics.rotations import apply, exp
 from wrenchbed.physics.time_derivatives import Value, stack_jets
 from wrenchbed.robots.arm_model import COUPLED, HINGE, WELD
 from wrenchbed.robots.arm_xml import mjcf_of, standing
-from wrenchbed.robots.base import Joint, LoadInSensorAxes, SimulatedRobot, sample_until
+from wrenchbed.robots.base import (
+    Joint,
+    LoadInSensorAxes,
+    SimulatedRobot,
+    mount_turn,
+    sample_until,
+    tilted_base,
+)
 from wrenchbed.robots.closed_loop import ClosedLoops, Geometry
 from wrenchbed.robots.file_arm import ArmDescription, arm_parameters
 
@@ -171,7 +178,7 @@ class LoopArm(LoadInSensorAxes, SimulatedRobot):
 
     def _placed(self, frame: tuple[Value, Value], theta: np.ndarray) -> tuple[Value, Value]:
         """From base axes to the world."""
-        arm, leaning = self.arm_model, self._leaning(theta)
+        arm, leaning = self.arm_model, tilted_base(theta[..., self._tilt])
         base = arm.base_turn if leaning is None else leaning @ arm.base_turn
         return base @ frame[0], apply(base, frame[1]) + arm.base_shift
 
@@ -184,7 +191,7 @@ class LoopArm(LoadInSensorAxes, SimulatedRobot):
         if theta[..., self._offset].any():
             origin = origin + apply(turn, theta[..., self._offset])
         if theta[..., self._turn].any():
-            turn = turn @ self._mount(theta)
+            turn = turn @ mount_turn(theta[..., self._turn])
         return turn, origin
 
     def links(self, q: np.ndarray, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -241,7 +248,7 @@ class LoopArm(LoadInSensorAxes, SimulatedRobot):
         spec = mujoco.MjSpec.from_string(self.xml)
         arm, geometry = self.arm_model, self._geometry(theta)
         assert arm.loops is not None
-        leaning = self._leaning(theta)
+        leaning = tilted_base(theta[..., self._tilt])
         if leaning is not None:
             place(spec, "base", arm.base_shift.tolist(), leaning @ arm.base_turn)
         zeros = dict(zip(arm.driven, geometry.zeros.tolist(), strict=True))
@@ -258,7 +265,7 @@ class LoopArm(LoadInSensorAxes, SimulatedRobot):
                 site.pos = geometry.places[n][side].tolist()
                 rotate_body(site, turn)
         spec.key("home").qpos = self.qpos(self.home[None], theta)[0]
-        place(spec, "tool", theta[self._offset].tolist(), self._mount(theta))
+        place(spec, "tool", theta[self._offset].tolist(), mount_turn(theta[..., self._turn]))
         write_load(spec, self.tool(theta))
         return spec
 
@@ -278,15 +285,3 @@ class LoopArm(LoadInSensorAxes, SimulatedRobot):
         home = arm.links[c.first].home + zeros.get(c.first, 0.0)
         result[0] += y0 + float(geometry.offsets[n]) - home
         return result
-
-    def _leaning(self, theta: np.ndarray) -> np.ndarray | None:
-        """The tilt turns gravity as the base sees it: the base turns against it; None of none."""
-        tilt = theta[..., self._tilt]
-        if not tilt.any():
-            return None
-        return np.asarray(exp(-tilt[..., 0], -tilt[..., 1], 0.0 * tilt[..., 0]))
-
-    def _mount(self, theta: np.ndarray) -> np.ndarray:
-        """R_flange_sensor."""
-        turn = theta[..., self._turn]
-        return exp(turn[..., 0], turn[..., 1], turn[..., 2]) if turn.any() else np.eye(3)

@@ -25,8 +25,10 @@ from wrenchbed.robots.base import (
     TILT,
     Joint,
     load_parameters,
+    mount_turn,
     sample_until,
     segment_distance,
+    tilted_base,
     tool_parameters,
     vector_parameters,
 )
@@ -174,14 +176,14 @@ class SerialArm(SerialChain):
         if mounted and theta[..., self._offset].any():
             shifts[-1] = shifts[-1] + apply(turns[-1], theta[..., self._offset])
         if mounted and theta[..., self._turn].any():
-            turns[-1] = turns[-1] @ self._mount(theta)
+            turns[-1] = turns[-1] @ mount_turn(theta[..., self._turn])
         return Fixed([self._base(theta), *turns], [np.zeros(3), *shifts])
 
     def spin(self, name: str, theta: np.ndarray) -> Spin | None:
         if not name.startswith("alpha"):
             return None
         k = int(name.removeprefix("alpha"))
-        behind = self._mount(theta) if k == len(self.joints) else np.eye(3)
+        behind = mount_turn(theta[..., self._turn]) if k == len(self.joints) else np.eye(3)
         return Spin(k, behind[0])
 
     def sample(self, n: int, rng: np.random.Generator) -> np.ndarray:
@@ -235,13 +237,14 @@ class SerialArm(SerialChain):
             spec.joint(f"q{i}").ref = angle
             frame, origin = rot_x(p[f"alpha{i}"]), [p[f"a{i}"], 0.0, p[f"d{i}"]]
         place(spec, self.arm.flange.body, origin, frame)
-        place(spec, "tool", [p[f"mount.position.{a}"] for a in "xyz"], self._mount(theta))
+        shift = [p[f"mount.position.{a}"] for a in "xyz"]
+        place(spec, "tool", shift, mount_turn(theta[..., self._turn]))
         write_load(spec, self.tool(theta))
         return spec
 
     def _base(self, theta: np.ndarray) -> np.ndarray:
         """R_world_base."""
-        leaning = self._leaning(theta)
+        leaning = tilted_base(theta[..., self._tilt])
         return np.eye(3) if leaning is None else leaning
 
 
