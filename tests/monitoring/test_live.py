@@ -1,7 +1,11 @@
 """The compensated wrench: right in every frame; drift is followed, other changes are named."""
 
 import json
+import os
+import pty
 import socket
+import sys
+import termios
 import time
 
 import numpy as np
@@ -11,6 +15,7 @@ from emulator_process import running
 from simulated import UR5_TRUTH
 from wrenchbed import registry
 from wrenchbed.cli import main
+from wrenchbed.cli.live import _Gauge
 from wrenchbed.effects.chain import active_effect
 from wrenchbed.errors import ParameterError, TwinError
 from wrenchbed.hardware.drivers.base.samples import ArmSample
@@ -202,7 +207,7 @@ class Still:
     """A driver that stands still and reads the same; only what `live` uses."""
 
     def __init__(self, n):
-        self.left, self.wrench = n, readings(np.array(ROBOT.home)[None])[0]
+        self.n, self.left, self.wrench = n, n, readings(np.array(ROBOT.home)[None])[0]
 
     def read(self):
         q = np.array(ROBOT.home)
@@ -210,8 +215,10 @@ class Still:
 
     def read_wrench(self):
         self.left -= 1
+        k = self.n - 1 - self.left
+        sequence = 7 * (k + 10 * (k >= 20))  # ten came unread after the twentieth
         return WrenchSample(
-            time.monotonic(), None, -self.left, 0.0, self.left >= 0, self.wrench, lost=3
+            time.monotonic(), None, sequence, 0.0, self.left >= 0, self.wrench, lost=3
         )
 
 
@@ -231,9 +238,36 @@ def test_lines_reach_clients_and_datagrams_a_listener():
     datagram = json.loads(listener.recv(65536))
     listener.close()
     assert done.readings == len(seen) == 40 and done.lost == 3 and done.alarms == 0
+    assert done.skipped == 10
     assert 0.0 < done.p50 <= done.p99 < 0.5
     assert np.abs(line["wrench"]).max() < 1e-9 and line["at_rest"] is True
     assert datagram["alarm"] == "" and set(datagram) == set(line)
+
+
+def test_readings_are_paced():
+    driver = Still(10**9)
+    begun = time.monotonic()
+    done = live(driver, Compensator(Twin(MODEL, THETA), GAMMA.row_std), [], rate=50.0, seconds=1.0)
+    assert 10 <= done.readings <= 50 * (time.monotonic() - begun) + 1
+
+
+def test_a_key_makes_the_mean_at_rest_the_zero(monkeypatch):
+    q = np.array(ROBOT.home)
+    compensate = Compensator(Twin(MODEL, THETA), GAMMA.row_std, follow=False)
+    moved = 0.5 * GAMMA.row_std
+    found = run(compensate, q, np.tile(readings(q[None]) + moved, (15, 1)))[-1]
+    ours, theirs = pty.openpty()
+    with os.fdopen(theirs) as keys:
+        monkeypatch.setattr(sys, "stdin", keys)
+        echoes = termios.tcgetattr(keys)[3] & termios.ECHO
+        with _Gauge("sensor", compensate) as shown:
+            assert not termios.tcgetattr(keys)[3] & termios.ECHO
+            os.write(ours, b"t")
+            shown(found)
+        assert termios.tcgetattr(keys)[3] & termios.ECHO == echoes
+    os.close(ours)
+    after = compensate(10.0, q, readings(q[None])[0] + moved, True)
+    assert np.abs(after.wrench).max() < 1e-9
 
 
 @pytest.mark.parametrize("address", ["here", "127.0.0.1", "127.0.0.1:0", ":80", "h:99999", "h:x"])

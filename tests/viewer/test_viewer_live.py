@@ -39,6 +39,17 @@ def test_rows_become_curves_and_pictures(tmp_path):
     assert 2 <= len(shown) <= t[-1] * 30 + 2
 
 
+def test_external_wrenches_are_drawn_without_a_weight(tmp_path):
+    t, q, wrench = rows(100)
+    with LiveView(ROBOT, tmp_path / "live.rrd", external=True) as picture:
+        for k in range(len(t)):
+            picture(t[k], q[k], wrench[k])
+    rrd = Rrd(tmp_path / "live.rrd")
+    assert rrd.values("/wrench/fz", "Scalars:scalars", "time").shape == (100 - picture.dropped, 1)
+    assert "/world/wrench/measured/force" in rrd.entities()
+    assert "/world/wrench/simulated/force" not in rrd.entities()
+
+
 def test_a_picture_that_does_not_keep_up_drops_rows_and_stops_nobody(tmp_path):
     t, q, wrench = rows(3000)
     with LiveView(ROBOT, tmp_path / "live.rrd") as picture:

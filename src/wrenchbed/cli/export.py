@@ -9,10 +9,10 @@ import tyro
 import wrenchbed as wb
 from wrenchbed.cli import console
 from wrenchbed.cli.console import Flag, Json
-from wrenchbed.data.checked import load
 from wrenchbed.data.outputs import Kind, keeping
-from wrenchbed.errors import ParameterError, TwinError
+from wrenchbed.errors import ParameterError
 from wrenchbed.exports.base import output_files
+from wrenchbed.exports.load_numbers import calibrated_twin
 from wrenchbed.exports.urdf import read_urdf
 
 
@@ -82,7 +82,7 @@ def _export_log(file: Path, mcap: Path, force: bool, as_json: bool) -> None:
 
 
 def _export_model(file: Path, mjcf: Path, as_json: bool) -> None:
-    twin = wb.load_numbers(file).twin if _is_fit(file) else wb.Twin.read(file)
+    twin = calibrated_twin(file)
     model = {f"{twin.model.robot.name}.xml": Kind.MODEL, "effects.json": Kind.OUTSIDE}
     console.check_folder(mjcf, model | {"README.md": Kind.NOTES})
     path, effects = wb.export(twin, mjcf)
@@ -99,8 +99,3 @@ def _export_numbers(to: str, file: Path, out: Path, stated: Numbers, as_json: bo
     result = {"format": to, "files": [str(f) for f in written], "notes": notes}
     files = ", ".join(map(str, written))
     console.answer(result, as_json, "\n".join([f"exported → {files}", *notes[1:]]))
-
-
-def _is_fit(file: Path) -> bool:
-    raw = load(file, TwinError)
-    return isinstance(raw, dict) and "parameters" in raw

@@ -1,14 +1,17 @@
 """`wrenchbed live`: the wrench of the surroundings as a gauge, JSON lines, UDP or TCP."""
 
 import json
+import os
+import select
 import sys
+import termios
 import time
+import tty
 import warnings
-from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import tyro
@@ -18,14 +21,16 @@ from rich.table import Table
 import wrenchbed as wb
 from wrenchbed.cli import console
 from wrenchbed.cli.console import Flag, Json
-from wrenchbed.cli.record import DeviceArguments, LimitArguments
+from wrenchbed.cli.record import DeviceArguments, LimitArguments, viewer_address
 from wrenchbed.data.checked import load
 from wrenchbed.data.metadata import stated_robot
-from wrenchbed.errors import ParameterError, WrenchbedWarning
+from wrenchbed.data.outputs import Kind
+from wrenchbed.errors import ParameterError, TwinError, WrenchbedWarning
 from wrenchbed.hardware.drivers.base.live import LiveDriver
-from wrenchbed.monitoring.compensation import BAND, External, compensator
-from wrenchbed.monitoring.live import Datagrams, LineServer, LiveSummary, live
+from wrenchbed.monitoring.compensation import BAND, Compensator, External, compensator
+from wrenchbed.monitoring.live import Datagrams, LineServer, LiveSummary, Sink, live
 from wrenchbed.physics.wrench import CHANNELS, UNITS
+from wrenchbed.robots.base import SimulatedRobot
 
 _EVERY_S = 0.1
 """Time between two pictures of the gauge [s]."""
@@ -41,17 +46,23 @@ class LiveArguments:
 
     Attributes:
         frame: Axes of the wrench; torques about their origin, in the base about the sensor's.
+        rate: Readings a second at most [Hz]; of a faster sensor those between are left out.
         follow: Whether the zero follows slow drift at rest, 2 N an hour at most.
         seconds: How long [s]; until Ctrl-C.
         udp: HOST:PORT that gets one datagram of JSON a reading.
         serve: TCP port on 127.0.0.1 that serves JSON lines to all clients; 0 chooses one.
+        rrd: Picture of the run to write, in sensor axes, see `wrenchbed view`.
+        view: Watch the robot and the wrench in rerun's window or in a browser, in sensor axes.
     """
 
     frame: Literal["sensor", "flange", "base"] = "sensor"
+    rate: float = 1000.0
     follow: Literal["on", "off"] = "on"
     seconds: float | None = None
     udp: str | None = None
     serve: int | None = None
+    rrd: Path | None = None
+    view: Literal["window", "browser"] | None = None
 
 
 def live_(
@@ -63,6 +74,8 @@ def live_(
     as_json: Json = False,
 ) -> None:
     """Show the wrench of the surroundings: readings less tool, zero and effects. Moves nothing.
+
+    In a terminal, the key t makes the present mean at rest the zero, unless an alarm stands.
 
     Args:
         file: fit.json or twin.json of the robot.
@@ -77,20 +90,19 @@ def live_(
         raise ParameterError(
             f"--driver {device.driver}: live reads robots in real time, or emulators: rtde, can"
         )
+    if not 0.0 < run.rate < np.inf:
+        raise ParameterError(f"--rate {run.rate:g}: must be above 0 Hz")
     name = stated_robot(raw, raw["robot"])
     link = kind(device.options(kind, name, LimitArguments().limits(True)))
     noise = np.asarray(wb.load("sensors", link.robot.sensor).noise.row_std)
     compensate = compensator(file, noise, run.frame, run.follow == "on")
+    if run.rrd is not None:
+        console.check_out(run.rrd, Kind.PICTURE, file)
     with ExitStack() as stack:
         stopped = stack.enter_context(console.until_signal()).is_set
-        sinks: list[Callable[[External], None]] = []
-        if run.udp is not None:
-            sinks.append(stack.enter_context(Datagrams(run.udp)))
-        if run.serve is not None:
-            server = stack.enter_context(LineServer(run.serve))
-            sinks.append(server)
-            if not as_json:
-                console.say(f"JSON lines at 127.0.0.1:{server.port}")
+        sinks = _streams(stack, run, as_json)
+        if run.rrd is not None or run.view is not None:
+            sinks.append(_picture(stack, link, compensate, run))
         for effect in compensate.not_undone:
             text = f"{effect} depends on more than pose and load: it is not undone"
             warnings.warn(text, WrenchbedWarning, stacklevel=1)
@@ -99,12 +111,39 @@ def live_(
         if as_json:
             sinks.append(_print_line)
         elif not quiet and sys.stdout.isatty():
-            sinks.append(stack.enter_context(_Gauge(run.frame)))
-        done = live(link, compensate, sinks, seconds=run.seconds, stopped=stopped)
+            sinks.append(stack.enter_context(_Gauge(run.frame, compensate)))
+        done = live(link, compensate, sinks, rate=run.rate, seconds=run.seconds, stopped=stopped)
     if as_json:
         print(json.dumps({"summary": _plain(done)}))
     else:
         console.say(_told(done))
+
+
+def _streams(stack: ExitStack, run: LiveArguments, as_json: bool) -> list[Sink]:
+    """Sinks of the network."""
+    sinks: list[Sink] = []
+    if run.udp is not None:
+        sinks.append(stack.enter_context(Datagrams(run.udp)))
+    if run.serve is not None:
+        server = stack.enter_context(LineServer(run.serve))
+        sinks.append(server)
+        if not as_json:
+            console.say(f"JSON lines at 127.0.0.1:{server.port}")
+    return sinks
+
+
+def _picture(
+    stack: ExitStack, link: LiveDriver, compensate: Compensator, run: LiveArguments
+) -> Sink:
+    """A sink that draws robot and wrench in another process."""
+    from wrenchbed.viewer.live import LiveView
+
+    if run.frame != "sensor":
+        raise ParameterError(f"--frame {run.frame}: pictures are drawn in sensor axes")
+    url = stack.enter_context(viewer_address(run.view))
+    assert isinstance(link.robot, SimulatedRobot)  # of which there is a compensator
+    draw = stack.enter_context(LiveView(link.robot, run.rrd, url, external=True))
+    return lambda found: draw(found.t, compensate.q, found.wrench)
 
 
 def _plain(done: LiveSummary) -> dict[str, object]:
@@ -113,10 +152,11 @@ def _plain(done: LiveSummary) -> dict[str, object]:
 
 def _told(done: LiveSummary) -> str:
     rms = ", ".join(f"{c} {x:.3g}" for c, x in zip(CHANNELS, done.rms, strict=True))
+    skipped = f", {done.skipped:,} between them left out" if done.skipped else ""
     rest = f"rms at rest {rms} N, N·m" if np.isfinite(done.rms).all() else "the robot never rested"
     return (
-        f"{done.readings:,} readings in {done.seconds:.0f} s, {done.lost} lost; added latency "
-        f"{1e3 * done.p50:.2f} ms, {1e3 * done.p99:.2f} ms in 99 of 100; {rest}; "
+        f"{done.readings:,} readings in {done.seconds:.0f} s, {done.lost} lost{skipped}; added "
+        f"latency {1e3 * done.p50:.2f} ms, {1e3 * done.p99:.2f} ms in 99 of 100; {rest}; "
         f"{done.alarms} alarms"
     )
 
@@ -128,25 +168,45 @@ def _print_line(found: External) -> None:
 class _Gauge:
     """Six bars; a sink and a context manager."""
 
-    def __init__(self, frame: str) -> None:
+    def __init__(self, frame: str, compensate: Compensator) -> None:
         self._live, self._frame, self._shown = Live(auto_refresh=False), frame, -np.inf
+        self._compensate, self._said = compensate, ""
+        self._keys = sys.stdin.fileno() if sys.stdin is not None and sys.stdin.isatty() else None
+        self._mode: list[Any] = []
 
     def __enter__(self) -> "_Gauge":
+        if self._keys is not None:
+            self._mode = termios.tcgetattr(self._keys)
+            tty.setcbreak(self._keys)
         self._live.__enter__()
         return self
 
     def __exit__(self, *more: object) -> None:
         self._live.__exit__(None, None, None)
+        if self._keys is not None:
+            termios.tcsetattr(self._keys, termios.TCSADRAIN, self._mode)
 
     def __call__(self, found: External) -> None:
         if time.monotonic() - self._shown >= _EVERY_S:
             self._shown = time.monotonic()
-            self._live.update(gauge(found, self._frame), refresh=True)
+            self._tare()
+            self._live.update(gauge(found, self._frame, self._said), refresh=True)
+
+    def _tare(self) -> None:
+        """Do what was typed since the last picture."""
+        if self._keys is None or not select.select([self._keys], [], [], 0.0)[0]:
+            return
+        if b"t" in os.read(self._keys, 64):
+            try:
+                self._said = f"zero moved by {self._compensate.tare()} N, N·m"
+            except TwinError as refused:
+                self._said = str(refused)
 
 
-def gauge(found: External, frame: str) -> Table:
-    """Values, bars in units of noise, and the alarm."""
+def gauge(found: External, frame: str, said: str = "") -> Table:
+    """Values, bars in units of noise, and the alarm; a sentence beneath."""
     caption = found.alarm or ("at rest" if found.at_rest else "moving: inertia is not compensated")
+    caption = f"{caption}\n{said}" if said else caption
     table = Table(
         box=None, padding=(0, 1, 0, 0), title=f"external wrench, {frame} axes",
         title_justify="left", caption=caption, caption_justify="left",

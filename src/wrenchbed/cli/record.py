@@ -54,7 +54,7 @@ def watched(link: Driver, out: Path, rrd: Path | None, view: str | None) -> Iter
 
     if not isinstance(link.robot, SimulatedRobot):
         raise ParameterError(f"robot {link.robot.name!r} has no model that could be shown")
-    with _viewer(view) as url, LiveView(link.robot, rrd, url) as picture:
+    with viewer_address(view) as url, LiveView(link.robot, rrd, url) as picture:
         link.onlooker = picture
         try:
             yield
@@ -65,7 +65,7 @@ def watched(link: Driver, out: Path, rrd: Path | None, view: str | None) -> Iter
 
 
 @contextmanager
-def _viewer(view: str | None) -> Iterator[str | None]:
+def viewer_address(view: str | None) -> Iterator[str | None]:
     """Address of a viewer, which stays open until its user closes it."""
     if view is None:
         yield None

@@ -218,6 +218,17 @@ def load_numbers(path: str | Path, mount: Sequence[float] | None = None) -> Load
     )
 
 
+def calibrated_twin(path: str | Path) -> Twin:
+    """The simulator that fit.json or twin.json states.
+
+    Raises:
+        ExportError, TwinError: it is neither, or cannot be trusted; names the file and the field.
+    """
+    raw = checked.load(path, ExportError)
+    fit = isinstance(raw, dict) and "parameters" in raw
+    return load_numbers(path).twin if fit else Twin.read(path)
+
+
 def symmetric(six: np.ndarray) -> np.ndarray:
     """The matrix (3, 3) of xx yy zz xy xz yz."""
     xx, yy, zz, xy, xz, yz = six

@@ -64,6 +64,7 @@ class Comparison:
         together: χ², degrees of freedom and p of all numbers at once; None of diagnoses.
         left: what could not be compared, and why.
         sentences: what a person should know first.
+        changed: whether anything did.
     """
 
     kind: str
@@ -73,15 +74,11 @@ class Comparison:
     together: Mapping[str, float] | None
     left: tuple[str, ...]
     sentences: tuple[str, ...]
-
-    @property
-    def changed(self) -> bool:
-        """Whether anything changed."""
-        return any(c.changed for c in self.changes) or any(" → " in s for s in self.sentences)
+    changed: bool
 
     def to_json(self) -> dict[str, Any]:
         """As a JSON object."""
-        return asdict(self) | {"changed": self.changed}
+        return asdict(self)
 
 
 def compare(a: str | Path, b: str | Path) -> Comparison:
@@ -178,9 +175,11 @@ def _of_fits(fits: Sequence[Mapping[str, Any]], paths: Sequence[Path], kind: str
         for f, p in zip(fields, paths, strict=True)
         if f.raw.get("refuted")
     ]
+    any_changed = any(c.changed for c in changes) or together["p"] < LEVEL
     return Comparison(
-        kind, str(paths[0]), str(paths[1]), changes, together, tuple(left), tuple(sentences)
-    )
+        kind, str(paths[0]), str(paths[1]), changes, together, tuple(left), tuple(sentences),
+        any_changed,
+    )  # fmt: skip
 
 
 def _determined(fields: checked.Fields) -> list[str]:
@@ -271,11 +270,12 @@ def _of_diagnoses(contents: Sequence[Mapping[str, Any]], paths: Sequence[Path]) 
         Change(**{**asdict(c), "changed": bool(x)}) for c, x in zip(pairs, changed, strict=True)
     )
     sentences += [c.sentence for c in changes if c.changed]
+    any_changed = bool(sentences)
     sentences = sentences or [
         f"no change: both {verdicts[0]}, the same causes, {len(changes)} numbers agree"
     ]
     return Comparison(
-        "diagnoses", str(paths[0]), str(paths[1]), changes, None, (), tuple(sentences)
+        "diagnoses", str(paths[0]), str(paths[1]), changes, None, (), tuple(sentences), any_changed
     )
 
 

@@ -12,11 +12,10 @@ from pathlib import Path
 import numpy as np
 from scipy import stats
 
-from wrenchbed.data import checked
 from wrenchbed.effects.chain import ActiveEffect
 from wrenchbed.effects.scene import Scene
 from wrenchbed.errors import TwinError
-from wrenchbed.exports.load_numbers import load_numbers
+from wrenchbed.exports.load_numbers import calibrated_twin
 from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.robots.base import SimulatedRobot
 from wrenchbed.robots.chain import SerialChain
@@ -97,6 +96,7 @@ class Compensator:
 
     Attributes:
         not_undone: effects of the twin that depend on more than the present pose and load.
+        q: joint values of the last reading (J,); at first home.
 
     Raises:
         TwinError: the robot has no model, or no flange where ``frame`` is that.
@@ -120,13 +120,13 @@ class Compensator:
         self._zero, self._last = np.zeros(6), -np.inf
         self._recent: deque[tuple[float, np.ndarray]] = deque()
         self._alarm, self._seen = "", _Poses()
-        self._q = np.asarray(robot.home, dtype=float)
-        self._here = self._evaluated(self._q)
+        self.q = np.asarray(robot.home, dtype=float)
+        self._here = self._evaluated(self.q)
 
     def __call__(self, t: float, q: np.ndarray, wrench: np.ndarray, at_rest: bool) -> External:
         """Compensate a reading (6,) [N, N·m] at joint values (J,), at a time [s]."""
-        if not np.array_equal(q, self._q):  # sensors are faster than joints
-            self._q, self._here = q.copy(), self._evaluated(q)
+        if not np.array_equal(q, self.q):  # sensors are faster than joints
+            self.q, self._here = q.copy(), self._evaluated(q)
         left = self._mixing @ (wrench - self._here.expected)
         if at_rest:
             self._judge(t, q, left)
@@ -255,9 +255,7 @@ def compensator(path: str | Path, noise: np.ndarray, frame: str, follow: bool) -
     Raises:
         ExportError, TwinError: the file cannot be trusted.
     """
-    raw = checked.load(path, TwinError)
-    fit = isinstance(raw, dict) and "parameters" in raw
-    return Compensator(load_numbers(path).twin if fit else Twin.read(path), noise, frame, follow)
+    return Compensator(calibrated_twin(path), noise, frame, follow)
 
 
 def _undone(a: ActiveEffect, twin: Twin) -> bool:

@@ -7,6 +7,7 @@ import contextlib
 import json
 import selectors
 import socket
+import sys
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -17,8 +18,9 @@ import numpy as np
 
 from wrenchbed.errors import LinkError, ParameterError
 from wrenchbed.hardware.device import GONE_S
-from wrenchbed.hardware.drivers.base.live import LiveDriver
+from wrenchbed.hardware.drivers.base.live import LiveDriver, pace
 from wrenchbed.hardware.drivers.base.watched_move import CALM_SPEED
+from wrenchbed.hardware.transducers.base import WrenchSample
 from wrenchbed.monitoring.compensation import Compensator, External
 
 POLL_S = 2e-4
@@ -36,6 +38,7 @@ class LiveSummary:
     Attributes:
         readings, seconds: how many, in what time [s].
         lost: readings that the sensor or the link lost.
+        skipped: readings that came between two published ones and were left out.
         p50, p99: time from a reading's arrival to its publication [s].
         rms: of the wrench at rest, per channel (6,) [N, N·m]; NaN where the robot never rested.
         alarms: how often one was raised.
@@ -44,6 +47,7 @@ class LiveSummary:
     readings: int
     seconds: float
     lost: int
+    skipped: int
     p50: float
     p99: float
     rms: tuple[float, ...]
@@ -55,15 +59,17 @@ def live(
     compensate: Compensator,
     sinks: Sequence[Sink],
     *,
+    rate: float = 1000.0,
     seconds: float | None = None,
     stopped: Callable[[], bool] = lambda: False,
 ) -> LiveSummary:
-    """Publish every new reading of a connected driver, compensated.
+    """Publish new readings of a connected driver, compensated.
 
     Args:
         driver: connected; it is only read.
         compensate: see `Compensator`.
         sinks: called with each result, in this thread; they must not block.
+        rate: readings a second at most [Hz].
         seconds: how long [s]; until ``stopped`` if None.
         stopped: asked before each reading.
 
@@ -71,8 +77,7 @@ def live(
         LinkError: no new reading for a second.
     """
     begin = newest = time.monotonic()
-    late: list[float] = []
-    count, squares, rests, alarms, alarm, lost = 0, np.zeros(6), 0, 0, "", 0
+    tally, due = _Tally(), begin + 1.0 / rate
     while not stopped() and (seconds is None or time.monotonic() - begin < seconds):
         reading = driver.read_wrench()
         if not reading.fresh:
@@ -86,19 +91,48 @@ def live(
         found = compensate(reading.t - begin, arm.q, reading.wrench, at_rest)
         for sink in sinks:
             sink(found)
-        if len(late) < _KEPT:
-            late.append(time.monotonic() - reading.t)
-        count, lost = count + 1, reading.lost
-        if at_rest and not found.alarm:
-            squares, rests = squares + found.wrench**2, rests + 1
-        alarms += bool(found.alarm) and not alarm
-        alarm = found.alarm
-    rms = np.sqrt(squares / rests) if rests else np.full(6, np.nan)
-    p50, p99 = np.quantile(late, (0.5, 0.99)) if late else (np.nan, np.nan)
-    span = time.monotonic() - begin
-    return LiveSummary(
-        count, span, lost, float(p50), float(p99), tuple(float(x) for x in rms), alarms
-    )
+        tally.add(reading, found, time.monotonic() - reading.t)
+        due = pace(due, 1.0 / rate)
+    return tally.summary(time.monotonic() - begin)
+
+
+class _Tally:
+    """Counts of a run."""
+
+    def __init__(self) -> None:
+        self._first: WrenchSample | None = None
+        self._last: WrenchSample | None = None
+        self._count = self._rests = self._alarms = 0
+        self._squares, self._alarm = np.zeros(6), ""
+        self._step = sys.maxsize  # of the sequence, from one reading to the next
+        self._late: list[float] = []
+
+    def add(self, reading: WrenchSample, found: External, late: float) -> None:
+        """Count a published reading and its latency [s]."""
+        if self._last is not None and reading.sequence > self._last.sequence:
+            self._step = min(self._step, reading.sequence - self._last.sequence)
+        self._first, self._last = self._first or reading, reading
+        self._count += 1
+        if len(self._late) < _KEPT:
+            self._late.append(late)
+        if found.at_rest and not found.alarm:
+            self._squares, self._rests = self._squares + found.wrench**2, self._rests + 1
+        self._alarms += bool(found.alarm) and not self._alarm
+        self._alarm = found.alarm
+
+    def summary(self, seconds: float) -> LiveSummary:
+        """Of a run of some length [s]."""
+        rms = np.sqrt(self._squares / self._rests) if self._rests else np.full(6, np.nan)
+        p50, p99 = np.quantile(self._late, (0.5, 0.99)) if self._late else (np.nan, np.nan)
+        lost = skipped = 0
+        if self._first is not None and self._last is not None:
+            lost = self._last.lost
+            came = (self._last.sequence - self._first.sequence) // self._step + 1
+            skipped = max(0, came - (lost - self._first.lost) - self._count)
+        return LiveSummary(
+            self._count, seconds, lost, skipped, float(p50), float(p99),
+            tuple(float(x) for x in rms), self._alarms,
+        )  # fmt: skip
 
 
 class Datagrams:

@@ -41,27 +41,28 @@ _AT_ONCE = 1 << 16
 SCALE = Scale(0.01, 0.1)
 """Of arrows: what will be measured is not known."""
 NAMES = ("measured", "weight alone")
+EXTERNAL = "of the surroundings"
 
 
 class Follower:
-    """Draws rows (n, 1 + J + 6) as they come."""
+    """Draws rows (n, 1 + J + 6) as they come; external wrenches have no weight to compare with."""
 
-    def __init__(self, canvas: Canvas, robot: SimulatedRobot) -> None:
-        self._canvas, self._robot = canvas, robot
+    def __init__(self, canvas: Canvas, robot: SimulatedRobot, external: bool = False) -> None:
+        self.robot, self._canvas, self._external = robot, canvas, external
         self._model = Model.of(robot)
         self._theta = self._model.parameters.nominal
         self._simulation = Simulation(robot, robot.parameters.nominal)
         self._shown = -np.inf
         log_world(canvas)
         log_shapes(canvas, "world/real", self._simulation.model)
-        style_wrenches(canvas, NAMES)
+        style_wrenches(canvas, (EXTERNAL,) if external else NAMES)
 
     def draw(self, rows: np.ndarray) -> None:
         """Show rows, the robot at most `FRAMES_HZ` times a second."""
-        joints = len(self._robot.joints)
+        joints = len(self.robot.joints)
         t, q, wrench = rows[:, 0], rows[:, 1 : 1 + joints], rows[:, 1 + joints :]
-        weight = self._model.predict(q, self._theta)
-        wrench_columns(self._canvas, t, wrench, {NAMES[1]: weight})
+        weight = None if self._external else self._model.predict(q, self._theta)
+        wrench_columns(self._canvas, t, wrench, {} if weight is None else {NAMES[1]: weight})
         shown = frames(q, t)
         shown = shown[t[shown] - self._shown >= 1.0 / FRAMES_HZ]
         if not len(shown):
@@ -69,8 +70,10 @@ class Follower:
         self._shown = t[shown[-1]]
         seen = motion(self._simulation, q[shown])
         log_motion(self._canvas, "world/real", t[shown], seen)
-        told = (("measured", wrench, MEASURED, -1.0), ("simulated", weight, SIMULATED, 1.0))
-        for name, load, colour, side in told:
+        drawn = [("measured", wrench, MEASURED, 0.0)]
+        if weight is not None:
+            drawn = [("measured", wrench, MEASURED, -1.0), ("simulated", weight, SIMULATED, 1.0)]
+        for name, load, colour, side in drawn:
             log_arrows(self._canvas, name, t[shown], load[shown], seen, SCALE, colour, side)
 
 
@@ -88,7 +91,7 @@ def run(told: Mapping[str, Any], source: BinaryIO) -> None:
         sinks = [rr.FileSink(file.name)] if file else []
         sinks += [rr.GrpcSink(told["url"])] if told["url"] else []
         stream.set_sinks(*sinks, default_blueprint=blueprint(robot.name))
-        _follow(stream, robot, source)
+        _follow(Follower(Canvas(stream), robot, told["external"]), source)
         stream.flush()
         stream.disconnect()
         if file and not _whole(file.name):
@@ -102,9 +105,9 @@ def _whole(path: str) -> bool:
         return _FOOTER in written.read()
 
 
-def _follow(stream: Any, robot: SimulatedRobot, source: BinaryIO) -> None:
+def _follow(follower: Follower, source: BinaryIO) -> None:
     """Draw rows as they come."""
-    follower, size = Follower(Canvas(stream), robot), width(len(robot.joints)) * ROW.itemsize
+    size = width(len(follower.robot.joints)) * ROW.itemsize
     held: deque[bytes] = deque()
     rest, due = b"", 0.0
     while data := os.read(source.fileno(), _AT_ONCE):

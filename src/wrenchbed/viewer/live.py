@@ -38,19 +38,26 @@ class LiveView:
         robot: that is shown.
         path: of an ``.rrd`` to write, if any.
         url: of a viewer to draw in, if any.
+        external: rows hold the wrench of the surroundings: no weight is drawn beside it.
 
     Attributes:
         dropped: rows that the picture missed.
     """
 
     def __init__(
-        self, robot: SimulatedRobot, path: str | Path | None = None, url: str | None = None
+        self,
+        robot: SimulatedRobot,
+        path: str | Path | None = None,
+        url: str | None = None,
+        *,
+        external: bool = False,
     ) -> None:
         if path is None and url is None:
             raise ParameterError("a live view needs a file or a viewer to go to")
         registry.require("rerun", "view")
         self._told: Mapping[str, Any] = {
             "robot": robot.name, "path": None if path is None else str(path), "url": url,
+            "external": external,
         }  # fmt: skip
         self._process: subprocess.Popen[bytes] | None = None
         self._pipe = -1
