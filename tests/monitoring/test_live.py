@@ -108,11 +108,38 @@ def test_an_effect_of_the_arm_is_in_the_expected_reading():
 
 
 def test_what_needs_a_history_is_named_as_not_undone():
-    active = tuple(
-        active_effect(ROBOT, n) for n in ("sensor.hysteresis", "sensor.creep", "sensor.gain")
-    )
+    named = ("sensor.hysteresis", "sensor.creep", "tool.leak", "timing.lowpass", "sensor.jump")
+    plain = ("sensor.gain", "joint.compliance", "environment.contact", "timing.delay")
+    active = tuple(active_effect(ROBOT, n) for n in (*named, *plain))
     compensate = Compensator(Twin(MODEL, THETA, active), GAMMA.row_std)
-    assert compensate.not_undone == ("sensor.hysteresis", "sensor.creep")
+    assert set(compensate.not_undone) == set(named)
+
+
+def test_late_readings_are_compared_with_joints_of_their_time():
+    """Slow joints, so that inertia is nothing: a reading shows the weight of 0.2 s ago."""
+    delay, t = 0.2, np.arange(0.0, 4.0, 0.008)
+    q = np.array(ROBOT.home) + np.outer(0.3 * np.sin(t), [0, 0, 0, 1, 1, 0])
+    late = np.array(ROBOT.home) + np.outer(0.3 * np.sin(t - delay), [0, 0, 0, 1, 1, 0])
+    rows = readings(late)
+    worst = {}
+    for name, active in (
+        ("undone", (active_effect(ROBOT, f"timing.delay:delay={delay}"),)),
+        ("left", ()),
+    ):
+        compensate = Compensator(Twin(MODEL, THETA, active), GAMMA.row_std)
+        found = [compensate(x, y, row, False).wrench for x, y, row in zip(t, q, rows, strict=True)]
+        worst[name] = np.abs(np.array(found)[t > 2 * delay]).max()
+    assert worst["undone"] < 1e-3 < 0.3 < worst["left"]
+
+
+def test_a_contact_of_the_twin_is_shown_and_not_undone():
+    active = (active_effect(ROBOT, "environment.contact"),)
+    pushed = Compensator(Twin(MODEL, THETA, active), GAMMA.row_std)
+    plain = Compensator(Twin(MODEL, THETA), GAMMA.row_std)
+    rows = np.arange(6.0)
+    for q in ROBOT.sample(8, np.random.default_rng(3)):
+        here = [c(0.0, q, rows, True).wrench for c in (pushed, plain)]
+        assert np.array_equal(*here)
 
 
 def test_real_noise_raises_no_alarm_in_ten_minutes_and_the_residual_is_the_noise():

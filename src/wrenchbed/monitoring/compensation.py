@@ -35,6 +35,12 @@ BAND = 3.0
 third of that where noise is slow."""
 APART = 0.05
 """Turn of the sensor from which a pose counts as another one [rad]; estimate."""
+DELAY = "timing.delay"
+"""The effect of which live undoes what it does in motion: joints of that time ago."""
+_TRIED, _TRIED_S = 8, 600.0
+"""Poses, and their time [s], by which memory of an effect is found; estimates."""
+_SAME = 1e-9
+"""Wrenches that are alike [N, N·m]: what rounding leaves."""
 _FITS = 1e-3
 """Probability of its misfit below which a cause is ruled out."""
 _POSES = 12
@@ -112,9 +118,12 @@ class Compensator:
             raise TwinError(f"the model of {robot.name!r} knows no flange: ask for sensor or base")
         self._robot: SimulatedRobot = robot
         self._noise, self._frame, self._follow = np.asarray(noise, dtype=float), frame, follow
-        kept = tuple(a for a in twin.active if _undone(a, twin))
-        self.not_undone = tuple(a.effect.name for a in twin.active if a not in kept)
+        known = [a for a in twin.active if a.effect.subsystem != "environment"]  # it is shown
+        kept = tuple(a for a in known if _undone(a, twin))
+        self.not_undone = tuple(a.effect.name for a in known if a not in kept)
         self._twin = Twin(twin.model, twin.theta, kept, twin.recording)
+        self._delay = sum(a.values["delay"] for a in kept if a.effect.name == DELAY)
+        self._joints: deque[tuple[float, np.ndarray]] = deque()
         self._mixing, self._plain = _mixing(self._twin), not kept
         self._sum = np.zeros(6)
         self._zero, self._last = np.zeros(6), -np.inf
@@ -125,6 +134,7 @@ class Compensator:
 
     def __call__(self, t: float, q: np.ndarray, wrench: np.ndarray, at_rest: bool) -> External:
         """Compensate a reading (6,) [N, N·m] at joint values (J,), at a time [s]."""
+        q = self._then(t, q)
         if not np.array_equal(q, self.q):  # sensors are faster than joints
             self.q, self._here = q.copy(), self._evaluated(q)
         left = self._mixing @ (wrench - self._here.expected)
@@ -156,6 +166,22 @@ class Compensator:
         moved = self._mean() - self._zero
         self._zero = self._zero + moved
         return ", ".join(f"{c} {v:+.3g}" for c, v in zip(CHANNELS, moved, strict=True))
+
+    def _then(self, t: float, q: np.ndarray) -> np.ndarray:
+        """Joint values (J,) of the moment that a reading shows, where readings are late."""
+        if not self._delay:
+            return q
+        self._joints.append((t, q.copy()))
+        while len(self._joints) > 2 and self._joints[1][0] <= t - self._delay:
+            self._joints.popleft()
+        (before, first), (after, second) = (
+            self._joints[0],
+            self._joints[min(1, len(self._joints) - 1)],
+        )
+        if after <= before:
+            return first
+        share = min(max((t - self._delay - before) / (after - before), 0.0), 1.0)
+        return np.asarray(first + share * (second - first))
 
     def _expected(self, q: np.ndarray) -> np.ndarray:
         """What the calibrated sensor reads without an external wrench (6,)."""
@@ -259,18 +285,35 @@ def compensator(path: str | Path, noise: np.ndarray, frame: str, follow: bool) -
 
 
 def _undone(a: ActiveEffect, twin: Twin) -> bool:
-    """Whether the effect of a reading follows from its pose and load alone, linearly."""
-    if not a.effect.in_sensor:
+    """Whether what the effect does follows from the present pose and load alone, linearly."""
+    if a.effect.name == DELAY:
         return True
+    if a.effect.modes == ("dynamic",):
+        return False
+    return _without_memory(a, twin) and (not a.effect.in_sensor or _linear(a, twin))
+
+
+def _without_memory(a: ActiveEffect, twin: Twin) -> bool:
+    """Whether poses in a row read as each of them does alone."""
+    robot, one = twin.model.robot, Twin(twin.model, twin.model.parameters.nominal, (a,))
+    q = robot.sample(_TRIED, np.random.default_rng(1))
+    t, held = np.linspace(0.0, _TRIED_S, _TRIED), np.ones(_TRIED, dtype=bool)
+    gravity = np.asarray(twin.model.gravity)
+    together = one.wrench(Scene(robot, one.robot_theta, gravity, q, t, held))
+    alone = [
+        one.wrench(Scene(robot, one.robot_theta, gravity, q[k : k + 1], t[:1], held[:1]))[0]
+        for k in range(_TRIED)
+    ]
+    return bool(np.allclose(together, alone, atol=_SAME))
+
+
+def _linear(a: ActiveEffect, twin: Twin) -> bool:
+    """Whether the sensor makes of a sum of loads the sum of what it makes of each."""
     rng, one = np.random.default_rng(1), Twin(twin.model, twin.model.parameters.nominal, (a,))
     loads = rng.standard_normal((8, 6))
-    together = _read(one, loads)
-    alone = np.concatenate([_read(one, row[None]) for row in loads])
     slope = _read(one, np.eye(6)) - _read(one, np.zeros((6, 6)))
-    return bool(
-        np.allclose(together, alone, atol=1e-9)
-        and np.allclose(together, loads @ slope + _read(one, np.zeros((1, 6))), atol=1e-9)
-    )
+    straight = loads @ slope + _read(one, np.zeros((1, 6)))
+    return bool(np.allclose(_read(one, loads), straight, atol=_SAME))
 
 
 def _read(twin: Twin, loads: np.ndarray) -> np.ndarray:
