@@ -10,7 +10,6 @@ recording made with it carries (`record_of`) makes it known to whoever reads the
 (`remember`).
 """
 
-import difflib
 import importlib
 import pkgutil
 from collections.abc import Mapping
@@ -19,7 +18,7 @@ from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any
 
-from wrenchbed.errors import MissingExtraError, NotFoundError
+from wrenchbed.errors import MissingExtraError, NotFoundError, did_you_mean
 
 KINDS = {
     "robots": "ROBOT",
@@ -126,8 +125,7 @@ def load(kind: str, name: str) -> Any:
                 f"{name} is a model, not yet a robot: make one with  "
                 f"wrenchbed robot {name} --frame NAME --out my.toml  and state my.toml"
             )
-        close = difflib.get_close_matches(name, known, n=1)
-        hint = f"; did you mean {close[0]!r}?" if close else ""
+        hint = did_you_mean(name, known) or "."
         raise NotFoundError(f"there is no {kind[:-1]} {name!r}{hint} Known: {', '.join(known)}")
     if name in _tables(kind):
         return _shipped(kind, name)

@@ -77,3 +77,11 @@ def test_a_missing_file_and_a_folder_are_named(tmp_path):
 def test_numbers_are_finite_and_no_truth_values():
     assert is_number(1) and is_number(-2.5)
     assert not any(map(is_number, (True, "1", None, float("inf"), float("nan"), 10**400)))
+
+
+def test_a_recording_where_json_is_wanted_is_called_so(tmp_path):
+    (tmp_path / "rec.json").write_bytes(b"PAR1\x80\x00PAR1")
+    with pytest.raises(
+        TwinError, match=r"rec\.json: is Parquet, such as recordings and plans, not"
+    ):
+        load(tmp_path / "rec.json", TwinError)

@@ -50,6 +50,8 @@ def test_medrue_in_the_papers_units_is_refused():
 def test_an_unknown_plug_in_lists_what_exists():
     with pytest.raises(NotFoundError, match=r"did you mean 'ur5'.*Known: medrue, oriented, ur5"):
         registry.load("robots", "ur55")
+    with pytest.raises(NotFoundError, match=r"there is no robot 'none'\. Known: medrue"):
+        registry.load("robots", "none")
     with pytest.raises(NotFoundError, match="no kind 'robot'"):
         registry.names("robot")
 

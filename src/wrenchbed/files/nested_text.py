@@ -12,6 +12,8 @@ _LARGEST = {"JSON": 2**25, "TOML": 2**20}
 """Of a file [bytes]: estimates, 10 times the largest diagnosis and 100 times the largest map."""
 _MOST_DOTS = 200
 """In a line of TOML: time and memory of `tomllib` grow with the square of a key's parts."""
+_PARQUET = b"PAR1"
+"""How such files begin."""
 _DEEPEST = 100
 """Levels of nested objects and lists: estimate, wrenchbed writes 7."""
 
@@ -53,6 +55,8 @@ def parsed(raw: bytes, where: str, error: type[WrenchbedError], kind: str = "JSO
     """
     if len(raw) > _LARGEST[kind]:
         raise error(f"{where} is longer than {_LARGEST[kind]:,} bytes, which no {kind} here is")
+    if raw.startswith(_PARQUET):
+        raise error(f"{where} is Parquet, such as recordings and plans, not {kind}")
     try:
         text = raw.decode()
         if kind == "TOML" and max(map(_dots, text.splitlines()), default=0) > _MOST_DOTS:
