@@ -1,11 +1,22 @@
 """Which robots the driver of UR robots takes."""
 
+import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from arm_files import DATA
-from wrenchbed.errors import ParameterError
-from wrenchbed.hardware.drivers.rtde import RtdeOptions
+from emulator_process import running
+from wrenchbed import registry
+from wrenchbed.cli import main
+from wrenchbed.data.recording import Recording
+from wrenchbed.errors import DriverError, ParameterError
+from wrenchbed.hardware.drivers.rtde import RtdeOptions, identity
+from wrenchbed.hardware.drivers.rtde.shared_state import Snapshot
 from wrenchbed.robots.described import describe
+from wrenchbed.robots.ur_family import ur_arm
+
+UR5 = registry.load("robots", "ur5")
+POSES = UR5.sample(12, np.random.default_rng(4))
 
 
 def test_an_arm_from_a_file_is_driven_if_it_has_six_hinges(tmp_path):
@@ -18,3 +29,76 @@ def test_an_arm_from_a_file_is_driven_if_it_has_six_hinges(tmp_path):
     for other in (str(tmp_path / "7.toml"), "medrue"):
         with pytest.raises(ParameterError, match="six hinges"):
             RtdeOptions(robot=other)
+
+
+@pytest.mark.parametrize(
+    ("name", "found", "major", "at_flange", "message"),
+    [
+        ("ur5", {"model": "UR5"}, 3, True, ""),
+        ("ur5", {"model": "UR5"}, 5, True, ""),
+        ("ur5", {}, 3, False, ""),
+        ("ur5", {"model": "UR10"}, 3, True, "moves a UR10, and the robot is 'ur5'"),
+        ("ur5", {"model": "UR5"}, 5, False, "e-Series (a UR5e), whose lengths are others"),
+        ("ur10e", {"model": "UR10"}, 5, False, ""),
+        ("ur10e", {"model": "UR10"}, 3, False, "is a CB3, and the robot is 'ur10e'"),
+        ("ur16e", {"model": "UR10"}, 5, False, "moves a UR10"),
+        ("ur20", {"model": "UR20"}, 5, False, ""),
+        ("my_arm", {"model": "UR10"}, 5, False, ""),
+    ],
+)
+def test_another_arm_than_the_plans_is_refused(name, found, major, at_flange, message):
+    class Named:
+        def __init__(self):
+            self.name = name
+
+    if not message:
+        return identity.check_model(Named(), found, major, at_flange)
+    with pytest.raises(DriverError) as refused:
+        identity.check_model(Named(), found, major, at_flange)
+    assert message in str(refused.value) and "check --host, or plan for that arm" in str(
+        refused.value
+    )
+
+
+def reported(arm, q, tool):
+    """What a controller of an arm reports at joint values (6,), with a TCP offset (3,) [m]."""
+    turn, origin = (x[0] for x in arm.sensor_pose(q[None], arm.parameters.nominal))
+    pose = (*(origin + turn @ tool), *Rotation.from_matrix(turn).as_rotvec())
+    return Snapshot()._replace(q=tuple(q), pose=tuple(float(v) for v in pose))
+
+
+def test_a_tcp_anywhere_is_no_trouble_as_long_as_it_stays():
+    for tool in ([0, 0, 0], [0.05, -0.02, 0.2]):
+        guard = identity.TcpInFlange(UR5)
+        assert not any(guard.trouble(reported(UR5, q, np.array(tool))) for q in POSES)
+
+
+@pytest.mark.parametrize("other", ["ur5e", "ur3", "ur10e"])
+def test_an_arm_of_other_lengths_is_found_within_a_few_poses(other):
+    guard, arm = identity.TcpInFlange(UR5), ur_arm(other)
+    troubles = [guard.trouble(reported(arm, q, np.array([0.0, 0.0, 0.15]))) for q in POSES[:4]]
+    assert not troubles[0] and "the arm has other lengths" in troubles[-1]
+
+
+def test_a_tcp_that_is_changed_on_the_way_is_found():
+    guard = identity.TcpInFlange(UR5)
+    assert not guard.trouble(reported(UR5, POSES[0], np.zeros(3)))
+    assert "its TCP was changed" in guard.trouble(reported(UR5, POSES[0], np.array([0, 0, 0.1])))
+
+
+@pytest.mark.wire
+def test_what_answers_is_asked_recorded_and_compared(tmp_path, capsys):
+    plan, out = str(tmp_path / "p.parquet"), tmp_path / "r.parquet"
+    assert main(["plan", "ur5", "--n", "2", "--out", plan]) == 0
+    line = ["record", "--robot", "ur5", "--driver", "rtde", "--plan", plan, "--samples", "5"]
+    for host, model, message in (
+        ("127.0.1.43", "ur10", "the controller says that it moves a UR10, and the robot is 'ur5'"),
+        ("127.0.1.44", "ur5e", "the controller is an e-Series (a UR5e)"),
+    ):
+        with running("ur5", host, "--set", f"model={model}"):
+            assert main([*line, "--host", host, "--out", str(out)]) == 1
+        assert message in capsys.readouterr().err.replace("\n", " ") and not out.exists()
+    with running("ur5", "127.0.1.45", "--set", "series=e"):
+        assert main([*line, "--host", "127.0.1.45", "--out", str(out)]) == 0
+    stated = Recording.read(out).metadata.extra["controller"]
+    assert stated["model"] == "UR5" and stated["serial"] and "5.11" in stated["software"]

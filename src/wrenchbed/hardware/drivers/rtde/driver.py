@@ -20,7 +20,7 @@ from wrenchbed.hardware.device import GONE_S, STALE_S, Health, wait_until
 from wrenchbed.hardware.drivers.base import Applied, ArmSample, Move
 from wrenchbed.hardware.drivers.base.live import LiveDriver
 from wrenchbed.hardware.drivers.base.watched_move import CALM_SPEED, check_ready
-from wrenchbed.hardware.drivers.rtde import dashboard, status, wrench_source
+from wrenchbed.hardware.drivers.rtde import dashboard, identity, status, wrench_source
 from wrenchbed.hardware.drivers.rtde.connection import Links, RtdeOptions
 from wrenchbed.hardware.drivers.rtde.process import Worker
 from wrenchbed.hardware.drivers.rtde.shared_state import Snapshot
@@ -121,9 +121,12 @@ class RtdeDriver(LiveDriver):
         self._reading: UrWrenchReading | None = None
         self._recoveries, self._seen, self._halts = 0, 0.0, 0.0
         self._undelivered = ""
+        self._controller: dict[str, str] = {}
 
     def metadata(self, mode: str, rate: float) -> Metadata:
         stated = super().metadata(mode, rate)
+        if self._controller:
+            stated = replace(stated, extra={**stated.extra, "controller": self._controller})
         if self._options.sensor != wrench_source.OWN:
             return stated
         facts = wrench_source.facts(self._look()) if self._links else {}
@@ -150,6 +153,10 @@ class RtdeDriver(LiveDriver):
         self._recoveries, self._seen = 0, 0.0
         self._links = Links(self._options)
         self._links.open_state()
+        self._flange, state = Flange(self.robot), self._look()
+        self._controller = identity.stated(self._options.host)
+        at_flange = self._flange.look(state)
+        identity.check_model(self.robot, self._controller, int(state.major), at_flange)
 
     def _shut(self) -> None:
         self._drop_control(_QUIT_S)
@@ -272,7 +279,12 @@ class RtdeDriver(LiveDriver):
             ended=control.program_ended if control else False,
             halts=self._halts,
         )
-        return judge(observation, count(state, links.restarts, self._recoveries))
+        health = judge(observation, count(state, links.restarts, self._recoveries))
+        if health.ok and state is not None:
+            self._flange.look(state)
+        if health.ok and self._flange.trouble:
+            return Health("fault", self._flange.trouble, health.counters)
+        return health
 
     def _robot_wrench(self) -> UrWrenchReading:
         state, reading = self._look(), self._reading

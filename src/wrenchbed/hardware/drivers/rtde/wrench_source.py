@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from wrenchbed import registry
 from wrenchbed.errors import ParameterError
+from wrenchbed.hardware.drivers.rtde.identity import TcpInFlange
 from wrenchbed.hardware.drivers.rtde.shared_state import Snapshot
 from wrenchbed.hardware.transducers.base import Transducer
 from wrenchbed.hardware.transducers.ur_wrench import UrWrenchReading
@@ -28,26 +29,28 @@ class Flange:
     """
 
     def __init__(self, robot: Robot) -> None:
-        self._robot = robot
+        self._tcp = TcpInFlange(robot)
         self._due, self._same = 0.0, False
+        self.trouble = ""
+        """Why the arm is not the robot, as far as its poses say; empty where it may be."""
 
     def pose(self, state: Snapshot) -> np.ndarray | None:
         """x y z [m] and qw qx qy qz in the base; None where the TCP is elsewhere."""
-        tcp = Rotation.from_rotvec(state.pose[3:])
-        if time.monotonic() > self._due:
-            self._due = time.monotonic() + _EVERY_S
-            self._same = self._compare(state, tcp.as_matrix())
+        self.look(state)
         if not self._same:
             return None
+        tcp = Rotation.from_rotvec(state.pose[3:])
         quaternion = tcp.as_quat(canonical=True, scalar_first=True)
         return np.concatenate([state.pose[:3], quaternion])
 
-    def _compare(self, state: Snapshot, tcp: np.ndarray) -> bool:
-        nominal = self._robot.parameters.nominal
-        rotation, origin = self._robot.sensor_pose(np.array([state.q]), nominal)
-        apart = np.linalg.norm(origin[0] - np.array(state.pose[:3]))
-        cosine = (np.trace(rotation[0].T @ tcp) - 1.0) / 2.0
-        return bool(apart < _APART_M and cosine > np.cos(_APART_RAD))
+    def look(self, state: Snapshot) -> bool:
+        """Compare TCP and flange, twice a second; whether they are one."""
+        if time.monotonic() > self._due:
+            self._due = time.monotonic() + _EVERY_S
+            turn, place = self._tcp.now(state)
+            self._same = bool(np.linalg.norm(place) < _APART_M and turn.magnitude() < _APART_RAD)
+            self.trouble = self.trouble or self._tcp.trouble(state)
+        return self._same
 
 
 OWN = "rtde"
