@@ -2,6 +2,7 @@
 
 import json
 import re
+import shlex
 
 import numpy as np
 import pytest
@@ -123,6 +124,21 @@ def test_probabilities_beside_how_often_they_hold(family, tmp_path):
     text = re.sub(r"<script.*?</script>|<svg.*?</svg>", "", html, flags=re.DOTALL)
     assert "`" not in text and "<code>unknown</code>" in text
     assert "Every first answer is right." in text and "<tbody>\n</tbody>" not in text
+
+
+def test_a_score_names_the_commitments_but_not_the_seed(family, tmp_path, monkeypatch):
+    cases, answers, root = family
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "1700000000")
+    truthful(cases, answers, tmp_path / "claims" / "me")
+    out = tmp_path / "page"
+    words = ["blind", "score", *map(str, (cases, tmp_path / "claims", answers)), "--out", str(out)]
+    assert main(words) == 0
+    html = (out / "score.html").read_text()
+    told = dict(re.findall(r"<dt>(.*?)</dt><dd>(.*?)</dd>", html))
+    assert told["SHA-256 of the commitments"] == root
+    assert told["made"].startswith("2023-11-14 22:13 UTC by wrenchbed ")
+    assert shlex.join(["wrenchbed", *words]) in re.search(r"<pre>(.*?)</pre>", html)[1]
+    assert "seed" not in told and "--seed" not in html
 
 
 @pytest.mark.parametrize(

@@ -226,7 +226,7 @@ def test_the_summary_tells_errors_coverage_and_detection(tmp_path):
             "force.after": 0.1, "inside95": 0.95,
         } | ({"named": "tool.mass", "alike": "base.tilt tool.mass", "right": 0.0} if k == 2 else {})
         )  # fmt: skip
-    page = summary.page(fleet, kept.finish())
+    page = summary.page(fleet, kept.finish(), tmp_path)
     text = page.markdown()
     assert "1 robots are left out of the table" in text
     assert (

@@ -2,15 +2,17 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
-from importlib.metadata import version
+from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
 
+from wrenchbed.campaigns.result_rows import ALL, SETTING
 from wrenchbed.campaigns.settings import Fleet
 from wrenchbed.pages.chart import Axis, Chart, Matrix, Panel, Role, Scale, Series
 from wrenchbed.pages.document import Document, Figure, Section, Table
 from wrenchbed.pages.plots import histograms
+from wrenchbed.pages.provenance import provenance
 
 _ERRORS = (("force", 1e3, "mN"), ("torque", 1e3, "mN·m"), ("position", 1e3, "mm"))
 _QUANTILES = (5, 25, 50, 75, 95)
@@ -22,8 +24,14 @@ SHOWS = 1.0
 """Least mean square change of a reading that an effect makes, in units of a row's noise."""
 
 
-def page(fleet: Fleet, table: pa.Table) -> Document:
+def page(fleet: Fleet, table: pa.Table, folder: Path, command: str = "") -> Document:
     """The summary of a campaign's rows.
+
+    Args:
+        fleet: what the rows follow from.
+        table: the rows.
+        folder: that they were written to.
+        command: that made them.
 
     Raises:
         MissingExtraError: matplotlib is not installed.
@@ -37,8 +45,10 @@ def page(fleet: Fleet, table: pa.Table) -> Document:
     sections = [_calibration(table), *([_coverage(table)] if "parameters" in fleet.vary else [])]
     if fleet.diagnose:
         sections.append(_diagnosis(fleet, table))
-    made = f"Made by wrenchbed {version('wrenchbed')} from robots.parquet and campaign.json."
-    return Document(f"Campaign of {fleet.robot}", lead, tuple(sections), made, figures(table))
+    made = f"Row k of `{ALL}` follows from `{SETTING}` and k alone, but for its times."
+    told = provenance([folder / ALL, folder / SETTING], command, fleet.seed)
+    title = f"Campaign of {fleet.robot}"
+    return Document(title, lead, tuple(sections), made, figures(table), told)
 
 
 def figures(table: pa.Table) -> dict[str, float | None]:
@@ -261,8 +271,8 @@ def _gone_wrong(fleet: Fleet, table: pa.Table) -> Table:
     )
     columns = ("robot", "true effect", "change", "shows", "answer", "error", "again with")
     note = (
-        "`wrenchbed campaign` with the options of this campaign and the last column writes the "
-        f"robot's recording and fit to a folder of its number.{left}"
+        "The command at the end of this page with the last column writes the robot's recording and "
+        f"fit to a folder of its number.{left}"
     )
     told = Table.of("Robots that went wrong", columns, rows, note)
     return replace(told, empty="No robot went wrong.")

@@ -11,6 +11,8 @@ from wrenchbed.files import atomic_folder, write_json, write_text
 from wrenchbed.pages import Drawn, draw, rendered
 from wrenchbed.pages.chart import Chart
 from wrenchbed.pages.draw import titled
+from wrenchbed.pages.provenance import Facts
+from wrenchbed.pages.provenance import markdown as facts
 
 
 @dataclass(frozen=True)
@@ -109,13 +111,20 @@ class Section:
 
 @dataclass(frozen=True)
 class Document:
-    """A whole study."""
+    """A whole study.
+
+    Attributes:
+        made: how it was made, as a sentence.
+        summary: key results, for programs.
+        data: where it comes from, see `provenance`.
+    """
 
     title: str
     lead: str
     sections: tuple[Section, ...]
     made: str = ""
     summary: Mapping[str, object] = field(default_factory=dict)
+    data: Facts = ()
 
     def markdown(self) -> str:
         """The page as Markdown; figures are links."""
@@ -123,7 +132,8 @@ class Document:
         for section in self.sections:
             blocks += [f"## {section.title}", section.text]
             blocks += [part.markdown() for part in section.parts]
-        return "\n\n".join([*blocks, self.made]) + "\n"
+        told = "\n".join(facts(self.data)).lstrip() if self.data else ""
+        return "\n\n".join(text for text in (*blocks, self.made, told) if text) + "\n"
 
     def html(self) -> str:
         """One self-contained page with the figures inside.

@@ -24,6 +24,7 @@ from wrenchbed.benchmark.scoring.metrics import (
 from wrenchbed.benchmark.sealed.score import ORACLE, Score, first
 from wrenchbed.pages.chart import Axis, Chart, Panel, Role, Series
 from wrenchbed.pages.document import Document, Figure, Section, Table
+from wrenchbed.pages.provenance import provenance
 
 _BINS = np.array([0.0, 0.3, 0.5, 0.7, 0.8, 0.9, 0.95, 1.0 + 1e-9])
 
@@ -90,8 +91,10 @@ _ORDER = (
 )  # fmt: skip
 
 
-def page(score: Score) -> Document:
-    """Every figure of a score.
+def page(score: Score, command: str = "") -> Document:
+    """Every figure of a score, with the command that made it.
+
+    The seed of the cases is not told: all answers follow from it.
 
     Raises:
         MissingExtraError: matplotlib is not installed.
@@ -146,9 +149,10 @@ def page(score: Score) -> Document:
     )
     lead = (
         f"{len(rows)} sealed cases: {counts}.{left} Every recording and every answer is the one "
-        f"that was committed to (SHA-256 of the commitments {score.root})."
+        "that was committed to."
     )
-    return Document(title, lead, sections, "`wrenchbed blind score`", summary(score))
+    data = [("SHA-256 of the commitments", score.root), *provenance([], command)]
+    return Document(title, lead, sections, "", summary(score), data)
 
 
 def _marked(cells: Sequence[str], metric: Metric, rows: Sequence[CaseRow]) -> list[str]:
