@@ -243,7 +243,7 @@ def test_the_summary_tells_errors_coverage_and_detection(tmp_path):
     assert low[1] > 85.0 and high[1] == 100.0 and low[0] < 20.0  # 29 of 29, and 1 of 1
     cards = {c.label: c for c in page.cards}
     assert cards["Diagnosis"].figure == "38 of 39 right" and "97 % (89–100)" in text
-    assert cards["After calibration"].figure == "100.0 mN" and "1,000 mN" in text
+    assert cards["After calibration"].figure == "100.0 mN" and "1000 mN" in text
     wrong = page.sections[-1].parts[-1]
     assert [row[0] for row in wrong.rows] == ["2"] and wrong.rows[0][-1] == "`--only 2`"
     assert (
