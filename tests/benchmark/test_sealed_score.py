@@ -2,14 +2,16 @@
 
 import json
 import re
+import shlex
 
 import numpy as np
 import pytest
+from scipy.stats import binom
 
 from sealed_family import COUNT, SEED, truthful
 from wrenchbed.benchmark.referee.catalogue import EFFECTS
 from wrenchbed.benchmark.scoring.linear_problem import Claim
-from wrenchbed.benchmark.scoring.metrics import Metric
+from wrenchbed.benchmark.scoring.metrics import Metric, ScoredMetric, exact_interval
 from wrenchbed.benchmark.sealed import answer, commitments, report, score
 from wrenchbed.benchmark.sealed import commitments as case_files
 from wrenchbed.benchmark.sealed import make as making
@@ -117,12 +119,27 @@ def test_probabilities_beside_how_often_they_hold(family, tmp_path):
     assert np.all([len(t.rows) > 0 for t in tables[:-1]])
     assert len(tables[-1].rows) == 0  # no wrong answers
     marks = {row[0]: row[1] for row in tables[0].rows}
-    assert marks["first subsystem right"] == "≥ 97 % ✓"
+    assert marks["first subsystem right"] == "≥ 97 % (✓)"  # 18 of 18: from 81 % on
     assert marks["seconds a case"] == ""
     html = found.html()
     text = re.sub(r"<script.*?</script>|<svg.*?</svg>", "", html, flags=re.DOTALL)
     assert "`" not in text and "<code>unknown</code>" in text
     assert "Every first answer is right." in text and "<tbody>\n</tbody>" not in text
+
+
+def test_a_score_names_the_commitments_but_not_the_seed(family, tmp_path, monkeypatch):
+    cases, answers, root = family
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "1700000000")
+    truthful(cases, answers, tmp_path / "claims" / "me")
+    out = tmp_path / "page"
+    words = ["blind", "score", *map(str, (cases, tmp_path / "claims", answers)), "--out", str(out)]
+    assert main(words) == 0
+    html = (out / "score.html").read_text()
+    told = dict(re.findall(r"<dt>(.*?)</dt><dd>(.*?)</dd>", html))
+    assert told["SHA-256 of the commitments"] == root
+    assert told["made"].startswith("2023-11-14 22:13 UTC by wrenchbed ")
+    assert shlex.join(["wrenchbed", *words]) in re.search(r"<pre>(.*?)</pre>", html)[1]
+    assert "seed" not in told and "--seed" not in html
 
 
 @pytest.mark.parametrize(
@@ -136,3 +153,40 @@ def test_probabilities_beside_how_often_they_hold(family, tmp_path):
 def test_a_figure_is_held_against_its_target(target, percent, value, answer):
     metric = Metric("x", target, lambda row, method: None, lambda sums: sums, percent=percent)
     assert report.met(metric, value) is answer
+
+
+@pytest.mark.parametrize(
+    ("target", "ends", "mark"),
+    [
+        ("≥ 95 %", (0.96, 1.0), "✓"), ("≥ 95 %", (0.81, 1.0), "(✓)"),
+        ("≥ 95 %", (0.5, 0.97), "(✗)"),
+        ("≤ 3 %", (0.2, 0.6), "✗"), ("87–93 %", (0.88, 0.92), "✓"), ("87–93 %", (0.5, 0.99), "(✓)"),
+        ("87–93 %", (0.95, 1.0), "✗"), ("0 %", (0.0, 0.3), "✓"), ("", (0.0, 1.0), ""),
+    ],
+)  # fmt: skip
+def test_a_mark_stands_in_brackets_where_the_interval_allows_both(target, ends, mark):
+    metric = Metric("x", target, lambda row, method: None, lambda sums: sums)
+    value = {"(✓)": 0.97 if "≥" in target else 0.9, "(✗)": 0.9}.get(mark, sum(ends) / 2)
+    value = 0.0 if target == "0 %" else value
+    assert report.marked(metric, ScoredMetric(value, *ends, 20)) == mark
+
+
+def test_intervals_of_shares_are_exact():
+    """Each end is where the binomial tail is 2.5 %."""
+    low, high = exact_interval(58, 61)
+    assert binom.sf(57, 61, low) == pytest.approx(0.025) == binom.cdf(58, 61, high)
+    assert exact_interval(0, 37) == pytest.approx((0.0, 1.0 - 0.025 ** (1 / 37)))
+    assert exact_interval(5, 5) == pytest.approx((0.025**0.2, 1.0))
+
+
+def test_the_first_screen_counts_targets_and_cases(family, tmp_path):
+    cases, answers, _ = family
+    truthful(cases, answers, tmp_path / "claims" / "me")
+    page = report.page(score.score(cases, tmp_path / "claims", answers))
+    targets, found, nothing = page.cards
+    marks = [row[1] for row in page.sections[0].parts[0].rows]
+    met = sum("✓" in m for m in marks)
+    assert targets.figure == f"{met} of {met + sum('✗' in m for m in marks)} met"
+    assert f"For {sum('(' in m for m in marks)} of them" in targets.text
+    assert found.figure == "14 of 14 named" and "100 % (77–100)" in found.text
+    assert nothing.figure == "0 of 8 false alarms, 6 of 6 called unknown"

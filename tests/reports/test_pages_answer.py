@@ -18,6 +18,7 @@ from wrenchbed.campaigns.result_rows import CampaignRows, empty
 from wrenchbed.campaigns.settings import Fleet
 from wrenchbed.pages.document import Document, Figure, Section, Table
 from wrenchbed.pages.plots import bars, components, histograms, lines
+from wrenchbed.pages.provenance import provenance
 from wrenchbed.reports import diagnosis_page, recording_page
 
 pytestmark = unless(BINARY is not None, "chromium is not installed")
@@ -63,7 +64,7 @@ def _campaign(folder) -> Document:
                "named": claimed, "right": float(k % 3 == k % 2), "force.before": 1.0 + k,
                "force.after": 0.1 + 0.01 * k, "inside95": 0.9}
         )  # fmt: skip
-    return summary.page(fleet, kept.finish())
+    return summary.page(fleet, kept.finish(), folder)
 
 
 def _study() -> Document:
@@ -78,9 +79,9 @@ def _study() -> Document:
     )  # fmt: skip
     rows = [(f"method {k}", (7 * k) % 11, float(k)) for k in range(12)]
     table = Table.of("Methods", ("method", "rank", "error [mm]"), rows, "of `wrenchbed`")
-    return Document(
-        "A study", "Lead with `code`.", (Section("S", "text", (table, *figures)),), "by"
-    )
+    sections = (Section("S", "text", (table, *figures)),)
+    told = provenance([], "wrenchbed study mine", 3)
+    return Document("A study", "Lead with `code`.", sections, "by `it`", data=told)
 
 
 @pytest.fixture(scope="module")

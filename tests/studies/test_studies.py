@@ -152,7 +152,7 @@ def test_one_robots_rows_are_the_same_when_run_again(setting, chosen):
 
 def test_cells_are_shown_with_sense():
     assert [render(x) for x in ("a", 40_000, 0.0, np.nan, 2.0312, 1.5e-9)] == [
-        "a", "40,000", "0", "–", "2.031", "1.50e-09",
+        "a", "40,000", "0", "–", "2.031", "1.5·10⁻⁹",
     ]  # fmt: skip
 
 

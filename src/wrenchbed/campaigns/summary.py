@@ -1,20 +1,26 @@
 """The summary of a campaign: distributions of errors, coverage of intervals, detection by size."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from importlib.metadata import version
+from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
 
+from wrenchbed.campaigns.result_rows import ALL, SETTING
 from wrenchbed.campaigns.settings import Fleet
 from wrenchbed.pages.chart import Axis, Chart, Matrix, Panel, Role, Scale, Series
-from wrenchbed.pages.document import Document, Figure, Section, Table
+from wrenchbed.pages.document import Card, Document, Figure, Section, Table, render
+from wrenchbed.pages.numbers import HUMAN, NORMAL_95, POWERS
 from wrenchbed.pages.plots import histograms
+from wrenchbed.pages.provenance import provenance
+from wrenchbed.simulation.closed_form import Model
 
 _ERRORS = (("force", 1e3, "mN"), ("torque", 1e3, "mN·m"), ("position", 1e3, "mm"))
 _QUANTILES = (5, 25, 50, 75, 95)
 _VERDICTS = ("none", "identified", "ambiguous", "partial", "unknown")
+LEAST_DECADE = -3.0
+"""Of what an effect changes: smaller changes are in its group."""
 MOST_ANSWERS, MOST_WRONG = 12, 200
 """Columns of the table of answers, and robots that are listed."""
 _OF_ROW = Scale("share of the row [%]", 0.0, 100.0, (0.0, 50.0, 100.0))
@@ -22,23 +28,91 @@ SHOWS = 1.0
 """Least mean square change of a reading that an effect makes, in units of a row's noise."""
 
 
-def page(fleet: Fleet, table: pa.Table) -> Document:
+def page(fleet: Fleet, table: pa.Table, folder: Path, command: str = "") -> Document:
     """The summary of a campaign's rows.
+
+    Args:
+        fleet: what the rows follow from.
+        table: the rows.
+        folder: that they were written to.
+        command: that made them.
 
     Raises:
         MissingExtraError: matplotlib is not installed.
     """
     failed = int((text(table, "error") != "").sum())
+    poses = "the poses of a plan" if fleet.plan is not None else f"{fleet.poses:,} poses"
     lead = (
-        f"{table.num_rows:,} simulated robots ({fleet.robot}); "
-        f"{', '.join(fleet.vary) or 'nothing'} differ from robot to robot. "
-        + (f"{failed:,} failed; their rows state the reason." if failed else "None failed.")
+        f"{table.num_rows:,} simulated robots ({fleet.robot}), {poses} with {fleet.samples} rows "
+        f"each. From robot to robot differ: {', '.join(fleet.vary) or 'nothing'}. "
+        + (f"Failed: {failed:,}, for reasons that stand below." if failed else "None failed.")
     )
-    sections = [_calibration(table), *([_coverage(table)] if "parameters" in fleet.vary else [])]
+    sections = [_calibration(table), *([_coverage(fleet, table)] if _varies(fleet) else [])]
     if fleet.diagnose:
         sections.append(_diagnosis(fleet, table))
-    made = f"Made by wrenchbed {version('wrenchbed')} from robots.parquet and campaign.json."
-    return Document(f"Campaign of {fleet.robot}", lead, tuple(sections), made, figures(table))
+    made = f"Row k of `{ALL}` follows from `{SETTING}` and k alone, but for its times."
+    told = provenance([folder / ALL, folder / SETTING], command, fleet.seed)
+    title = f"Campaign of {fleet.robot}"
+    return Document(
+        title, lead, tuple(sections), made, figures(table), told, tuple(_cards(fleet, table))
+    )
+
+
+def _varies(fleet: Fleet) -> bool:
+    return "parameters" in fleet.vary
+
+
+def _cards(fleet: Fleet, table: pa.Table) -> Iterator[Card]:
+    """How accurate calibration is, how far its intervals hold, and how often a diagnosis is right.
+
+    The first two are of robots without an effect, as far as there are any.
+    """
+    healthy = _healthy(table)
+    known = healthy if healthy.any() else np.ones(table.num_rows, dtype=bool)
+    of_whom = "robots" if known.all() else "robots without an effect"
+    before, after = (1e3 * numbers(table, f"force.{w}")[known] for w in ("before", "after"))
+    if np.isfinite(after).any():
+        told = f"Median rms force error at new poses of {np.isfinite(after).sum():,} {of_whom}"
+        start = float(np.nanmedian(before)) if np.isfinite(before).any() else 0.0
+        told += f"; before calibration {render(start)} mN." if start > 0.0 else "."
+        yield Card("After calibration", f"{render(float(np.nanmedian(after)))} mN", told)
+    hits, count = _inside(table, known)
+    if count:
+        yield Card(
+            "Intervals",
+            f"{100 * hits / count:.1f} % hold the truth",
+            f"{hits:,} of {count:,} stated 95 % intervals of parameters, {of_whom}.",
+        )
+    right = numbers(table, "right")[is_detected(table)]
+    right = right[np.isfinite(right)]
+    if fleet.diagnose and len(right):
+        hits = int(right.sum())
+        what = "the effect is identified" if _varies(fleet) else "the effect is identified, or none"
+        yield Card(
+            "Diagnosis",
+            f"{hits} of {len(right)} right",
+            f"{share_told(hits, len(right))}: {what}; robots whose effect shows.",
+        )
+
+
+def _healthy(table: pa.Table) -> np.ndarray:
+    """Robots (N,) without an effect that did not fail."""
+    return np.asarray((text(table, "effect") == "") & (text(table, "error") == ""))
+
+
+def _scores(table: pa.Table) -> Iterator[tuple[str, np.ndarray, np.ndarray]]:
+    """Each parameter that was fitted: name, error and stated uncertainty (N,), NaN if unknown."""
+    for name in (c.removeprefix("fit.") for c in table.column_names if c.startswith("fit.")):
+        true, fit, std = (numbers(table, f"{part}.{name}") for part in ("true", "fit", "std"))
+        yield name, fit - true, np.where(std > 0, std, np.nan)
+
+
+def _inside(table: pa.Table, robots: np.ndarray) -> tuple[int, int]:
+    """95 % intervals of parameters of some robots (N,) that hold the truth, and how many."""
+    z = [(error / std)[robots] for _, error, std in _scores(table)]
+    known = np.concatenate(z) if z else np.empty(0)
+    known = known[np.isfinite(known)]
+    return int((np.abs(known) < NORMAL_95).sum()), len(known)
 
 
 def figures(table: pa.Table) -> dict[str, float | None]:
@@ -77,25 +151,34 @@ def is_detected(table: pa.Table) -> np.ndarray:
 
 
 def _calibration(table: pa.Table) -> Section:
-    rows, panels = [], {}
+    healthy, ill = text(table, "effect") == "", text(table, "effect") != ""
+    groups = {", no effect": healthy, ", an effect": ill} if ill.any() else {"": healthy}
+    rows: list[tuple[str | float, ...]] = []
+    panels: dict[str, dict[str, np.ndarray]] = {}
     for what, scale, unit in _ERRORS:
         before, after = (scale * numbers(table, f"{what}.{w}") for w in ("before", "after"))
         if not np.isfinite(after).any():
             continue
-        for when, values in (("before", before), ("after", after)):
+        told = {"before": before} | {f"after{n}": after[own] for n, own in groups.items()}
+        for when, values in told.items():
             known = values[np.isfinite(values)]
             if not known.any():  # no parameter varies: nothing is wrong before
                 continue
+            rms = float(np.sqrt(np.mean(known**2)))
             cells = np.percentile(known, _QUANTILES)
-            rows.append((f"{what} {when} [{unit}]", *cells, float(np.sqrt(np.mean(known**2)))))
-        positive = after[after > 0.0]
-        if len(positive):
-            panels[f"{what} after [{unit}]"] = {"robots": positive}
-    titles = ("rms error", *(f"{q} %" for q in _QUANTILES), "rms of all")
+            rows.append((f"{what} {when} [{unit}]", len(known), *cells, rms))
+        positive = {n.removeprefix(", ") or "robots": after[own & (after > 0.0)]
+                    for n, own in groups.items()}  # fmt: skip
+        drawn = {n: values for n, values in positive.items() if len(values)}
+        if drawn:
+            panels[f"{what} after [{unit}]"] = drawn
+    titles = ("rms error", "robots", *(f"{q} %" for q in _QUANTILES), "rms of all")
     lead = (
         "Each robot is judged against its truth at 100 poses that no fit saw: the reading of the "
         "rigid robot, and the tool's position in its target workspace where it has one."
-    )
+        + (" A calibration knows no effects: what they do to the readings goes into its parameters."
+           if ill.any() else "")
+    )  # fmt: skip
     parts: list[Table | Figure] = [Table.of("Errors before and after calibration", titles, rows)]
     if panels:
         chart = histograms(panels, "rms error", "robots", log=True)
@@ -103,24 +186,47 @@ def _calibration(table: pa.Table) -> Section:
     return Section("Calibration", lead, tuple(parts))
 
 
-def _coverage(table: pa.Table) -> Section:
+def _coverage(fleet: Fleet, table: pa.Table) -> Section:
+    healthy = _healthy(table)
+    chosen = healthy if healthy.any() else text(table, "error") == ""
+    units = {p.name: p.unit for p in Model.of(fleet.model_robot()).parameters}
     rows = []
-    for name in (c.removeprefix("fit.") for c in table.column_names if c.startswith("fit.")):
-        true, fit, std = (numbers(table, f"{part}.{name}") for part in ("true", "fit", "std"))
-        known = np.isfinite(std) & (std > 0)
+    for name, error, std in _scores(table):
+        known = chosen & np.isfinite(error / std)
         if not known.any():
             continue
-        z = (fit - true)[known] / std[known]
-        rows.append((name, int(known.sum()), float(np.std((fit - true)[known])),
-                     float(np.median(std[known])), float(np.mean(z)), float(np.sqrt(np.mean(z**2))),
-                     f"{100 * np.mean(np.abs(z) < 1.96):.1f}"))  # fmt: skip
+        z, (unit, factor) = (error / std)[known], _people(units[name])
+        hits = int((np.abs(z) < NORMAL_95).sum())
+        rows.append((f"{name} [{unit}]", int(known.sum()), factor * float(np.std(error[known])),
+                     factor * float(np.median(std[known])), float(np.mean(z)),
+                     float(np.sqrt(np.mean(z**2))), share_told(hits, len(z)),
+                     _held(hits, len(z))))  # fmt: skip
     columns = ("parameter", "robots", "spread of errors", "stated uncertainty", "mean z", "rms z",
-               "|z| < 1.96 [%]")  # fmt: skip
+               "within ±1.96 (95 %)", "95 % held")  # fmt: skip
+    of_whom = "robots without an effect" if not chosen.all() and healthy.any() else "all robots"
     lead = (
-        "Errors of each parameter that the data determine, against the uncertainty that the fit "
-        "states, SI; z is their ratio. Calibrated intervals hold 95 %."
+        f"Errors of each parameter that the data determine, of {of_whom}, against the uncertainty "
+        "that the fit states; z is their ratio. Right uncertainties have 95 % of z within ±1.96: "
+        "✓ where the interval of the share holds 95 %, ✗ where it does not."
     )
     return Section("Uncertainty", lead, (Table.of("Coverage", columns, rows),))
+
+
+def _people(unit: str) -> tuple[str, float]:
+    """Unit in which people read a parameter, and the factor to it."""
+    shown, factor = HUMAN.get(unit, (unit, 1.0))
+    return shown, factor
+
+
+def _held(hits: int, count: int) -> str:
+    low, high = share_interval(hits, count)
+    return "✓" if low <= 0.95 <= high else "✗"
+
+
+def share_told(hits: int, count: int) -> str:
+    """A share with its 95 % interval: ``38 % (20–58)``."""
+    low, high = (100.0 * x for x in share_interval(hits, count))
+    return f"{100 * hits / count:.0f} % ({low:.0f}–{high:.0f})"
 
 
 def _diagnosis(fleet: Fleet, table: pa.Table) -> Section:
@@ -129,32 +235,47 @@ def _diagnosis(fleet: Fleet, table: pa.Table) -> Section:
     right, named = numbers(table, "right"), _among(table, "named")
     held, detected = named | _among(table, "alike"), (verdict != "none") & (verdict != "")
     rows = []
-    for name in sorted(set(effect[shows])):
-        chosen = shows & (effect == name)
+    for name in (None, *sorted(set(effect[shows]))):
+        chosen = shows if name is None else shows & (effect == name)
         known = right[chosen & np.isfinite(right)]
-        of_effect = (_share(named[chosen]), _share(held[chosen])) if name else ("–", "–")
-        verdicts = (_share(verdict[chosen] == v) for v in _VERDICTS)
-        rows.append((name or "none", int(chosen.sum()), _share(known), *of_effect, *verdicts))
-    columns = ("true effect", "robots", "right [%]", "named [%]", "held [%]",
-               *(f"{v} [%]" for v in _VERDICTS))  # fmt: skip
+        ill = chosen & (effect != "")
+        rows.append(
+            (
+                "all that show" if name is None else name or "none",
+                int(chosen.sum()),
+                share_told(int(known.sum()), len(known)) if len(known) else "–",
+                *((_share(named[ill]), _share(held[ill]))),
+                *(int((verdict[chosen] == v).sum()) for v in _VERDICTS),
+            )
+        )
+    columns = ("true effect", "robots", "right (95 %)", "named [%]", "held [%]", *_VERDICTS)
     parts: list[Table | Figure] = [Table.of("Answers by true effect", columns, rows)]
-    hits = {"detected: any answer but none": detected, "held": held, "right": right}
+    hits = {"any answer but none": detected, "held": held, "right": right}
     judged = (effect != "") & (verdict != "")
     chart = _by_change(np.where(judged, numbers(table, "added"), np.nan), hits)
     if chart is not None:
-        title = "Detection against what the effect changes; the first group holds all below 0.01"
+        title = "Detection against what the effect changes"
         parts.append(Figure("detection", title, chart))
     parts += [Figure("confusion", "True effect and answer", _confusion(table)),
               _gone_wrong(fleet, table)]  # fmt: skip
+    hidden = int((~shows).sum())
+    left = (
+        f"The table leaves {hidden} {'robot' if hidden == 1 else 'robots'} out whose effect "
+        "changes the readings by less than a row's noise, such as an effect in a joint with a "
+        "vertical axis. "
+    )
+    too = (
+        "Parameters differ too: stated biases, masses and rotations are wrong in every robot, and "
+        "an answer that names these is true but does not count as right. "
+    )
     lead = (
-        f"{int((~shows).sum())} robots are left out of the table whose effect changes the readings "
-        "by less than a row's noise, such as an effect in a joint with a vertical axis. "
-        "Right: the true effect is identified, or rightly none. Named: it is among the claimed "
+        (left if hidden else "") + (too if _varies(fleet) else "")
+        + "Right: the true effect is identified, or rightly none. Named: it is among the claimed "
         "causes or their rivals. Held: it is named, or the diagnosis says that it looks the same "
         "as what it names, or can make all of that (as a gain can of one tool's mass). "
         "Robots of a campaign have effects of the library's own form; the sealed benchmark judges "
         "by a physics that shares no code with it."
-    )
+    )  # fmt: skip
     return Section("Diagnosis", lead, tuple(parts))
 
 
@@ -170,26 +291,35 @@ def _share(hits: np.ndarray) -> str:
 
 def _by_change(added: np.ndarray, hits: Mapping[str, np.ndarray]) -> Chart | None:
     """Shares decade by decade of what is added, with intervals; None of fewer than two decades."""
-    decade = np.floor(np.log10(np.maximum(added, 1e-3)))
+    decade = np.floor(np.log10(np.maximum(added, 10.0**LEAST_DECADE)))
     filled = np.unique(decade[np.isfinite(decade)])
     if len(filled) < 2:
         return None
     roles: tuple[Role, ...] = ("measured", "after", "before")
-    series = []
+    labels = tuple(f"{_decade(d)}\nn = {int((decade == d).sum())}" for d in filled)
+    axis = Axis("change of a reading, mean square [noise²]", names=labels)
+    x, panels = np.arange(len(filled)), []
     for (name, hit), role in zip(hits.items(), roles, strict=False):
         own = [hit[decade == d] for d in filled]
         share = np.array([100.0 * float(np.nanmean(h)) for h in own])
         ends = np.array([share_interval(int(np.nansum(h)), int(np.isfinite(h).sum())) for h in own])
-        x = np.arange(len(filled))
-        series.append(Series(name, "line", x, share, role=role))
         low, high = 100.0 * ends.T
-        series.append(Series(name, "points", x, share, role=role, ends=(low, high)))
-    labels = tuple(
-        f"{10.0**d:g}–{10.0 ** (d + 1):g}\nn = {int((decade == d).sum())}" for d in filled
+        series = (
+            Series(name, "line", x, share, role=role),
+            Series(name, "points", x, share, role=role, ends=(low, high)),
+        )
+        up = Axis("robots", "%", low=0.0, high=105.0, ticks=(0.0, 25.0, 50.0, 75.0, 100.0))
+        panels.append(Panel(axis, up, series, title=name, height=1.2))
+    caption = "Upright lines: 95 % intervals of the shares."
+    return Chart("", "", tuple(panels), columns=len(panels), caption=caption)
+
+
+def _decade(d: float) -> str:
+    """``0.1–1``, ``10³–10⁴``: from one power of ten to the next."""
+    low, high = (
+        f"{10.0**k:g}" if -3 < k < 4 else f"10{f'{k:.0f}'.translate(POWERS)}" for k in (d, d + 1)
     )
-    axis = Axis("mean square change of a reading [variances of a row's noise]", names=labels)
-    panel = Panel(axis, Axis("robots", "%", low=0.0, high=105.0), tuple(series), height=1.6)
-    return Chart("", "", (panel,), caption="Upright lines: 95 % intervals of the shares.")
+    return f"< {high}" if d <= LEAST_DECADE else f"{low}–{high}"
 
 
 def share_interval(hits: int, count: int) -> tuple[float, float]:
@@ -246,12 +376,13 @@ def _gone_wrong(fleet: Fleet, table: pa.Table) -> Table:
     """Robots whose answer is wrong or that failed, each with the command that makes it again."""
     right, error = numbers(table, "right"), text(table, "error")
     wrong = np.flatnonzero((right == 0.0) | (error != ""))
+    wrong = wrong[np.argsort(~is_detected(table)[wrong], kind="stable")]
     shows, truth, answer = is_detected(table), text(table, "effect"), _answers(table)
     added = numbers(table, "added")
     rows = [
         (
             str(int(table["robot"][int(k)].as_py())), truth[k] or "none", float(added[k]),
-            "yes" if shows[k] else "no", answer[k], error[k],
+            "yes" if shows[k] else "no", error[k] or answer[k],
             f"`--only {int(table['robot'][int(k)].as_py())}`",
         )
         for k in wrong[:MOST_WRONG]
@@ -259,10 +390,10 @@ def _gone_wrong(fleet: Fleet, table: pa.Table) -> Table:
     left = (
         f" {len(wrong) - MOST_WRONG} more are in robots.parquet." if len(wrong) > MOST_WRONG else ""
     )
-    columns = ("robot", "true effect", "change", "shows", "answer", "error", "again with")
+    columns = ("robot", "true effect", "change", "shows", "answer, or error", "again with")
     note = (
-        "`wrenchbed campaign` with the options of this campaign and the last column writes the "
-        f"robot's recording and fit to a folder of its number.{left}"
+        "Those whose effect shows come first. The command at the end of this page with the last "
+        f"column writes the robot's recording and fit to a folder of its number.{left}"
     )
-    told = Table.of("Robots that went wrong", columns, rows, note)
-    return replace(told, empty="No robot went wrong.")
+    told = Table.of("Robots whose effect is not identified, or that failed", columns, rows, note)
+    return replace(told, empty="There is none.")

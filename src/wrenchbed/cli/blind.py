@@ -166,11 +166,12 @@ def score(
     folder = claims.with_name(claims.name + ".score") if out is None else out
     console.check_folder(folder, {"score.html": Kind.PAGE})
     result = scoring.score(cases, claims, answers, method, commitments)
-    page = report.page(result)
+    words = ["--out", folder, "--method", result.main]
+    page = report.page(result, console.command("blind", "score", cases, claims, answers, *words))
     page.write(folder, "score")
     console.answer(page.summary, as_json, _score_table(page))
     if not as_json:
-        console.say(f"score → {folder}")
+        console.say(f"score → {folder}; SHA-256 of the commitments {result.root}")
 
 
 def _score_table(page: "Document") -> Group:
@@ -183,7 +184,8 @@ def _score_table(page: "Document") -> Group:
         table.add_column(head, justify="right", no_wrap=True)
     for row in figures.rows:
         table.add_row(*row[:5])
-    return Group(Text(page.title, style="bold"), Text(page.lead), "", table)
+    cards = [Text(f"{c.label}: {c.figure}. {c.text}") for c in page.cards]
+    return Group(Text(page.title, style="bold"), Text(page.lead), *cards, "", table)
 
 
 def blind() -> None:

@@ -43,6 +43,13 @@ class RobotArguments:
             robot, self.robots, words, self.poses, self.samples, self.seed, self.diagnose, plan
         )
 
+    @property
+    def words(self) -> list[object]:
+        """Of a command line that gives them."""
+        poses = ["--poses", self.poses] if self.plan is None else ["--plan", self.plan]
+        told = ["--robots", self.robots, "--vary", self.vary, *poses, "--samples", self.samples]
+        return [*told, "--seed", self.seed, *(["--diagnose"] if self.diagnose else [])]
+
 
 def campaign(
     robot: tyro.conf.Positional[str],
@@ -81,7 +88,8 @@ def campaign(
     results = summary.figures(table)
     written = ["robots.parquet"]
     try:
-        summary.page(fleet, table).write(out, "summary")
+        command = console.command("campaign", robot, "--out", out, *simulated.words)
+        summary.page(fleet, table, out, command).write(out, "summary")
         written += ["summary.html", "summary.md"]
     except MissingExtraError as error:
         console.say(f"no summary: {error}")

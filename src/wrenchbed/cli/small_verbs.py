@@ -145,5 +145,9 @@ def study(
     folder = Path("out") / f"study-{paper}" if out is None else out
     console.check_folder(folder, {f"{paper}.html": Kind.PAGE})
     with console.progress(f"study {paper}", studies.steps(paper, quick, robots)) as report:
-        done = studies.run(paper, folder, quick=quick, robots=robots, seed=seed, report=report)
+        words = ["--quick"] * quick + ([] if robots is None else ["--robots", robots])
+        command = console.command("study", paper, "--out", folder, *words, "--seed", seed)
+        done = studies.run(
+            paper, folder, quick=quick, robots=robots, seed=seed, report=report, command=command
+        )
     console.answer(done.summary, as_json, "\n".join(done.lines))

@@ -11,6 +11,9 @@ from wrenchbed.files import atomic_folder, write_json, write_text
 from wrenchbed.pages import Drawn, draw, rendered
 from wrenchbed.pages.chart import Chart
 from wrenchbed.pages.draw import titled
+from wrenchbed.pages.numbers import measured, minus
+from wrenchbed.pages.provenance import Facts
+from wrenchbed.pages.provenance import markdown as facts
 
 
 @dataclass(frozen=True)
@@ -43,7 +46,7 @@ class Table:
     def numeric(self) -> tuple[bool, ...]:
         """Columns whose cells are numbers: to the right; texts to the left."""
         return tuple(
-            k > 0 and all(re.match(r"$|[–−-]?[<>≥≤]?\s?[\d.]|–$", row[k]) for row in self.rows)
+            k > 0 and all(re.match(r"$|[+–−-]?[<>≥≤]?\s?[\d.]|–$", row[k]) for row in self.rows)
             for k in range(len(self.columns))
         )
 
@@ -99,6 +102,25 @@ class Figure:
 
 
 @dataclass(frozen=True)
+class Card:
+    """One answer of the first screen.
+
+    Attributes:
+        label: the question, in a word or two.
+        figure: the answer, large.
+        text: what it means, one sentence or two.
+    """
+
+    label: str
+    figure: str
+    text: str
+
+    def markdown(self) -> str:
+        """An item of a list."""
+        return f"- {self.label}: **{self.figure}**. {self.text}"
+
+
+@dataclass(frozen=True)
 class Section:
     """A heading, a paragraph, tables and figures."""
 
@@ -109,21 +131,31 @@ class Section:
 
 @dataclass(frozen=True)
 class Document:
-    """A whole study."""
+    """A whole study.
+
+    Attributes:
+        made: how it was made, as a sentence.
+        summary: key results, for programs.
+        data: where it comes from, see `provenance`.
+        cards: the answers of the first screen.
+    """
 
     title: str
     lead: str
     sections: tuple[Section, ...]
     made: str = ""
     summary: Mapping[str, object] = field(default_factory=dict)
+    data: Facts = ()
+    cards: tuple[Card, ...] = ()
 
     def markdown(self) -> str:
         """The page as Markdown; figures are links."""
-        blocks = [f"# {self.title}", self.lead]
+        blocks = [f"# {self.title}", self.lead, "\n".join(c.markdown() for c in self.cards)]
         for section in self.sections:
             blocks += [f"## {section.title}", section.text]
             blocks += [part.markdown() for part in section.parts]
-        return "\n\n".join([*blocks, self.made]) + "\n"
+        told = "\n".join(facts(self.data)).lstrip() if self.data else ""
+        return "\n\n".join(text for text in (*blocks, self.made, told) if text) + "\n"
 
     def html(self) -> str:
         """One self-contained page with the figures inside.
@@ -160,5 +192,7 @@ def render(x: object) -> str:
     if number == 0:
         return "0"
     if 1e-3 <= abs(number) < 1e4:
-        return f"{number:#.4g}".rstrip(".")
-    return f"{number:,.0f}" if 1e4 <= abs(number) < 1e7 else f"{number:.2e}"
+        return minus(f"{number:#.4g}".rstrip("."))
+    if 1e-4 <= abs(number) < 1e-3:
+        return minus(f"{number:.6f}")
+    return minus(f"{number:,.0f}") if 1e4 <= abs(number) < 1e7 else measured(number, None)

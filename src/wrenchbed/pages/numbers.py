@@ -21,7 +21,8 @@ _SHORT_S = 0.1
 """Times below are read in milliseconds."""
 _SHARES = ("gain", "share", "span")
 """Parameters without unit that people read in percent, by the start of their name."""
-_POWERS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+POWERS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+"""Digits as exponents."""
 
 
 def gap(value: float) -> str:
@@ -139,7 +140,7 @@ def _power(size: float) -> int:
 
 
 def _times(power: int) -> str:
-    return f"·10{str(power).translate(_POWERS)}" if power else ""
+    return f"·10{str(power).translate(POWERS)}" if power else ""
 
 
 def _digits(std: float) -> int:

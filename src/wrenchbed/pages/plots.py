@@ -22,7 +22,6 @@ MOST_MARKS = 6
 """On an axis in decades."""
 MOST_PLACES = 1200
 """Points of a workspace."""
-_FOUR = (BLUE, ORANGE, GREEN, PURPLE)
 _STYLE: Any = {
     "font.size": 9.0,
     "axes.spines.top": False,
@@ -196,21 +195,20 @@ def decades(values: np.ndarray) -> tuple[float, ...]:
 
 def groups(
     panels: Mapping[str, tuple[str, Mapping[str, Sequence[float]]]], labels: Sequence[str]
-) -> str:
-    """Panels by title, each with its y axis and one bar a label and name."""
-    with canvas((7.4, 2.9), len(panels)) as (figure, axes):
-        for ax, (title, (y, data)) in zip(axes, panels.items(), strict=True):
-            width = 0.8 / len(data)
-            for k, (colour, (name, numbers)) in enumerate(zip(_FOUR, data.items(), strict=False)):
-                at = np.arange(len(labels)) + (k - (len(data) - 1) / 2) * width
-                ax.bar(at, numbers, width, color=colour, label=name)
-            ax.set_xticks(range(len(labels)), labels)
-            ax.set_title(title, fontsize=9.5)
-            ax.set_ylabel(y)
-            ax.grid(visible=False, axis="x")
-        handles, names = axes[0].get_legend_handles_labels()
-        figure.legend(handles, names, loc="outside upper center", ncols=len(names))
-        return to_svg(figure)
+) -> Chart:
+    """Panels by title, each with its unit and one horizontal bar a label and name."""
+    roles: tuple[Role, ...] = ("measured", "before", "after", "box")
+    told = []
+    for title, (x, data) in panels.items():
+        series = []
+        for k, (role, (name, values)) in enumerate(zip(roles, data.items(), strict=False)):
+            at = k + len(data) * np.arange(len(labels))
+            series.append(Series(name, "bars", np.asarray(values, dtype=float), at, role=role))
+        names = tuple(f"{label}, {name}" for label in labels for name in data)
+        high = 1.05 * max(float(s.x.max()) for s in series)
+        told.append(Panel(Axis(x, low=0.0, high=high), Axis("", names=names), tuple(series),
+                          title=title))  # fmt: skip
+    return Chart("", "", tuple(told), columns=len(told))
 
 
 def components(left: Mapping[str, np.ndarray]) -> Chart:

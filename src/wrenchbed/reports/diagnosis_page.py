@@ -11,10 +11,10 @@ from wrenchbed.diagnosis.diagnose import Findings
 from wrenchbed.diagnosis.prepare.prepared import Prepared
 from wrenchbed.pages import Drawn, numbers, rendered, write_page
 from wrenchbed.pages.chart import Chart
+from wrenchbed.pages.provenance import provenance
 from wrenchbed.reports import cause_charts, figures, residual_charts, sentences, tables
 from wrenchbed.reports.claim import claim
 from wrenchbed.reports.figures import AtOnce, Draws
-from wrenchbed.reports.provenance import provenance
 from wrenchbed.reports.simulators import Evidence
 
 _BADGES = {"none": "✓", "identified": "●", "ambiguous": "◐", "partial": "◔", "unknown": "?"}

@@ -10,11 +10,11 @@ from wrenchbed.data.recording import Recording
 from wrenchbed.errors import ParameterError
 from wrenchbed.pages import numbers
 from wrenchbed.pages.chart import Axis, Chart, Panel, Role, Series, thinned
+from wrenchbed.pages.provenance import provenance
 from wrenchbed.physics.wrench import CHANNELS, UNITS
 from wrenchbed.reports import figures
 from wrenchbed.reports.agreement import AGREES, Agreement, agreement, best
 from wrenchbed.reports.diagnosis_page import ReportPage
-from wrenchbed.reports.provenance import provenance
 from wrenchbed.reports.simulators import BINS, Heat
 from wrenchbed.twin.comparison import (
     Simulator,

@@ -4,7 +4,7 @@ Read first: `medrue/run`, then `ur5/run`.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -12,6 +12,7 @@ from typing import Any
 from wrenchbed import registry
 from wrenchbed.errors import NotFoundError, ParameterError
 from wrenchbed.jobs.workers import Progress, silent
+from wrenchbed.pages.provenance import provenance
 
 PAPERS = ("medrue", "ur5")
 
@@ -38,8 +39,9 @@ def run(
     robots: int | None = None,
     seed: int = 0,
     report: Progress = silent,
+    command: str = "",
 ) -> StudyResult:
-    """Run a paper again; a stopped run goes on where it stopped.
+    """Run a paper again, to be told with its command; a stopped run goes on where it stopped.
 
     Raises:
         NotFoundError: no such paper.
@@ -52,6 +54,8 @@ def run(
         registry.require(library, "report")
     folder.mkdir(parents=True, exist_ok=True)
     page = module.run(folder, quick, robots, seed, report)
+    results = sorted(folder.glob("*.parquet"))
+    page = replace(page, data=provenance(results, command, seed))
     summary = _finite(page.summary)
     page.write(folder, paper, summary)
     lines = (page.lead, f"tables and figures → {folder / paper}.html, {folder / paper}.md")

@@ -10,7 +10,7 @@ from wrenchbed import registry
 from wrenchbed.calibration.accuracy import tip_jacobian
 from wrenchbed.calibration.fit import Fit
 from wrenchbed.errors import ParameterError
-from wrenchbed.reports.provenance import markdown, provenance
+from wrenchbed.pages.provenance import markdown, provenance
 from wrenchbed.robots.base import SimulatedRobot
 from wrenchbed.simulation.closed_form import Model
 from wrenchbed.simulation.simulation import Simulation

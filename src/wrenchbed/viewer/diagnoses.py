@@ -11,9 +11,9 @@ from wrenchbed import registry
 from wrenchbed.data.plan import Plan
 from wrenchbed.diagnosis.diagnose import Findings
 from wrenchbed.pages import numbers
+from wrenchbed.pages.provenance import markdown, provenance
 from wrenchbed.reports import sentences, tables
 from wrenchbed.reports.claim import claim, joints
-from wrenchbed.reports.provenance import markdown, provenance
 from wrenchbed.reports.simulators import Evidence, along
 from wrenchbed.robots.base import Robot, SimulatedRobot
 from wrenchbed.simulation.simulation import Simulation

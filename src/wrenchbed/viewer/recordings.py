@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 
 from wrenchbed.data.recording import Recording
+from wrenchbed.pages.provenance import markdown, provenance
 from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.reports.agreement import agreement, best
-from wrenchbed.reports.provenance import markdown, provenance
 from wrenchbed.robots.base import SimulatedRobot
 from wrenchbed.simulation.simulation import Simulation
 from wrenchbed.twin.comparison import Simulator, modelled, noise_of, order_of, robot_of, simulators

@@ -1,8 +1,8 @@
-"""How good a diagnosis is: figures of a benchmark with bootstrap intervals, also as Markdown.
+"""How good a diagnosis is: figures of a benchmark with their intervals, also as Markdown.
 
-A figure is a function of sums over cases, so drawing cases anew is one product with a matrix of
-counts (Efron & Tibshirani 1993, ch. 6; percentile intervals, 95 %). Where all cases are alike no
-draw differs: then the interval is the exact one of Clopper & Pearson (1934).
+The interval of a share of cases is the exact one of Clopper & Pearson (1934). Any other figure is a
+function of sums over cases, so drawing cases anew is one product with a matrix of counts (Efron &
+Tibshirani 1993, ch. 6; percentile intervals, 95 %); where all cases are alike no draw differs.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -29,12 +29,22 @@ DRAWS = 2000
 
 @dataclass(frozen=True)
 class ScoredMetric:
-    """A figure, its 95 % interval, and the cases (or parameters) that it rests on."""
+    """A figure, its 95 % interval, and the cases (or parameters) that it rests on.
+
+    Attributes:
+        hits: cases that count for a share of them; None of other figures.
+    """
 
     value: float
     low: float
     high: float
     count: int
+    hits: int | None = None
+
+    @property
+    def counted(self) -> str:
+        """``58 of 61``, or the number of cases alone."""
+        return str(self.count) if self.hits is None else f"{self.hits} of {self.count}"
 
 
 @dataclass(frozen=True)
@@ -72,6 +82,10 @@ def figure(
         return None
     sums = np.array(found, dtype=float)
     n = len(sums)
+    if metric.percent and metric.combine is _share and np.isin(sums, (0.0, 1.0)).all():
+        hits = int(sums[:, 0].sum())
+        if sums.shape[1] == 2 and sums[:, 1].all():
+            return ScoredMetric(hits / n, *exact_interval(hits, n), n, hits)
     weights = np.random.default_rng([seed, 50]).multinomial(n, np.full(n, 1.0 / n), size=draws)
     with np.errstate(invalid="ignore", divide="ignore"):
         drawn = metric.combine(weights @ sums)
@@ -84,6 +98,15 @@ def figure(
     elif metric.percent and value == 1.0:
         low = 0.025 ** (1.0 / n)
     return ScoredMetric(value, float(low), float(high), n)
+
+
+def exact_interval(hits: int, count: int) -> tuple[float, float]:
+    """95 % interval of a share (Clopper & Pearson 1934, 10.1093/biomet/26.4.404)."""
+    from scipy.stats import beta
+
+    low = 0.0 if hits == 0 else float(beta.ppf(0.025, hits, count - hits + 1))
+    high = 1.0 if hits == count else float(beta.ppf(0.975, hits + 1, count - hits))
+    return low, high
 
 
 def score(
@@ -335,7 +358,7 @@ def figure_cells(
         theirs = [
             "–" if metric.ours else _told(metric, figure(metric, rows, m, draws)) for m in others
         ]
-        count = "" if own is None else str(own.count)
+        count = "" if own is None else own.counted
         told.append([metric.title, metric.target, _told(metric, own, wide=True), count, *theirs])
     return ["", "target", f"{main} (95 %)", "n", *others], told
 
@@ -359,7 +382,7 @@ def effect_cells(rows: Sequence[CaseRow]) -> Cells:
         for c in claims:
             if c.causes and not holds(c, (name,)):
                 wrong[c.causes[0][0]] = wrong.get(c.causes[0][0], 0) + 1
-        said = ", ".join(f"{k} {v}" for k, v in sorted(wrong.items(), key=lambda i: -i[1]))
+        said = ", ".join(f"{k} {v}" for k, v in sorted(wrong.items(), key=lambda i: -i[1])) or "–"
         size = float(np.median([r.size[name] for r in own]))
         title = f"{name} (between rows)" if own[0].between else name
         gap = f"{size:.0f}" if size >= 99.5 else f"{size:.2g}" if np.isfinite(size) else "–"

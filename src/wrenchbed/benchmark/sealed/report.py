@@ -5,7 +5,7 @@ Figures of a score: how far its probabilities hold, and how small an effect it f
 
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -14,7 +14,9 @@ from wrenchbed.benchmark.scoring.case_rows import OURS, CaseRow
 from wrenchbed.benchmark.scoring.metrics import (
     SURE,
     Metric,
+    ScoredMetric,
     effect_cells,
+    exact_interval,
     figure,
     figure_cells,
     right,
@@ -23,64 +25,85 @@ from wrenchbed.benchmark.scoring.metrics import (
 )
 from wrenchbed.benchmark.sealed.score import ORACLE, Score, first
 from wrenchbed.pages.chart import Axis, Chart, Panel, Role, Series
-from wrenchbed.pages.document import Document, Figure, Section, Table
+from wrenchbed.pages.document import Card, Document, Figure, Section, Table
+from wrenchbed.pages.provenance import provenance
 
+_STEPS = 201
+"""Places of an interval that are held against a target."""
 _BINS = np.array([0.0, 0.3, 0.5, 0.7, 0.8, 0.9, 0.95, 1.0 + 1e-9])
 
 
 def reliability(rows: Sequence[CaseRow]) -> Chart:
-    """Stated probability of first answers against the share that was right, with 90 % intervals."""
+    """Stated probability of first answers beside the share that was right, with 95 % intervals."""
     stated = np.array([r.answers[OURS].sure for r in rows])
     held = np.array([right(r, r.answers[OURS]) for r in rows])
     which = np.digitize(stated, _BINS) - 1
     used = np.unique(which)
     groups = [held[which == k] for k in used]
-    ends = np.array([_interval(int(own.sum()), len(own)) for own in groups])
-    points = Series(
-        "right, with 90 % interval", "points",
-        np.array([100 * float(stated[which == k].mean()) for k in used]),
-        np.array([100 * float(own.mean()) for own in groups]),
-        ends=(100 * ends[:, 0], 100 * ends[:, 1]), texts=tuple(f"n = {len(own)}" for own in groups),
+    x, ends = np.arange(len(used)), _ends([(int(own.sum()), len(own)) for own in groups])
+    series = (
+        Series(
+            "stated", "points", x, np.array([100 * stated[which == k].mean() for k in used]),
+            role="before", mark="ring",
+        ),
+        Series(
+            "right, with 95 % interval", "points", x,
+            np.array([100 * own.mean() for own in groups]), ends=ends,
+        ),
     )  # fmt: skip
-    axis = Axis("stated", "%", low=0.0, high=112.0, ticks=(0.0, 20.0, 40.0, 60.0, 80.0, 100.0))
-    panel = Panel(
-        axis, replace(axis, label="right", high=104.0), (points,), diagonal=True, height=1.9
-    )  # fmt: skip
-    return Chart("", "", (panel,), caption="Dashed: right as often as stated.")
+    names = tuple(
+        f"{100 * _BINS[k]:.0f}–{100 * _BINS[k + 1]:.0f}\nn = {len(own)}"
+        for k, own in zip(used, groups, strict=True)
+    )
+    axis = Axis("stated probability of the first answer [%]", names=names)
+    panel = Panel(axis, _SHARE, series, height=1.7)
+    caption = "A ring within the upright line: what was stated agrees with how often it was right."
+    return Chart("", "", (panel,), caption=caption)
 
 
 def detection(rows: Sequence[CaseRow], score: Score) -> Chart:
-    """Shares noticed and isolated against the gap, of the entrant, the oracle and BIC."""
+    """Shares isolated against the gap, of the entrant, the oracle and BIC; and those noticed."""
     groups = [(span, own) for span, own in sized(rows) if own]
     labels = tuple(
         f"{low:g}–{high:g}\nn = {len(own)}" if np.isfinite(high) else f"> {low:g}\nn = {len(own)}"
         for (low, high), own in groups
     )
     named: tuple[tuple[str, str, Role], ...] = (
-        (OURS, score.main, "measured"), (ORACLE, "oracle", "box"), ("bic", "BIC", "before")
+        (ORACLE, "oracle", "box"), ("bic", "BIC", "before"), (OURS, score.main, "measured"),
     )  # fmt: skip
-    x, series = np.arange(len(groups)), []
+    x = np.arange(len(groups))
+    told: dict[str, list[Series]] = {"isolated": [], "noticed": []}
     for method, name, role in named:
         if method != OURS and method not in score.beside:
             continue
-        told = np.array([[100 * (v or 0) for v in shares(own, method)[:2]] for _, own in groups])
-        told = told.reshape(-1, 2)
-        series.append(Series(f"{name}: isolated", "line", x, told[:, 1], role=role))
-        if method == OURS:
-            series.append(
-                Series(f"{name}: noticed", "line", x, told[:, 0], role=role, dashed=True)
-            )  # fmt: skip
-    axis = Axis("gap that the effect adds", "1", names=labels)
-    panel = Panel(axis, Axis("share of cases", "%", low=0.0, high=104.0), tuple(series), height=1.9)
-    return Chart("", "", (panel,))
+        every = [shares(own, method)[:2] for _, own in groups]
+        for k, what in enumerate(("noticed", "isolated")):
+            series = told[what]
+            share = np.array([float(v[k] or 0.0) for v in every])
+            series.append(Series(name, "line", x, 100 * share, role=role, dashed=method != OURS))
+            if method == OURS:
+                hits = [
+                    (round(s * len(own)), len(own))
+                    for s, (_, own) in zip(share, groups, strict=True)
+                ]
+                series.append(
+                    Series(name, "points", x, 100 * share, role=role, ends=_ends(hits))
+                )  # fmt: skip
+    axis = Axis("gap that the effect adds", names=labels)
+    panels = tuple(
+        Panel(axis, _SHARE, tuple(series), title=what, height=1.4) for what, series in told.items()
+    )
+    caption = "Isolated: a claimed class holds the effect. Noticed: any answer but none. "
+    caption += f"Upright lines: 95 % intervals of {score.main}."
+    return Chart("", "", panels, columns=2, caption=caption)
 
 
-def _interval(k: int, n: int) -> tuple[float, float]:
-    """Jeffreys' 90 % interval of a share (Brown, Cai & DasGupta 2001)."""
-    from scipy.stats import beta
+_SHARE = Axis("share of cases", "%", low=0.0, high=104.0, ticks=(0.0, 25.0, 50.0, 75.0, 100.0))
 
-    low = 0.0 if k == 0 else float(beta.ppf(0.05, k + 0.5, n - k + 0.5))
-    high = 1.0 if k == n else float(beta.ppf(0.95, k + 0.5, n - k + 0.5))
+
+def _ends(counts: Sequence[tuple[int, int]]) -> tuple[np.ndarray, np.ndarray]:
+    """Ends of exact intervals of shares (N,) [%]."""
+    low, high = 100.0 * np.array([exact_interval(k, n) for k, n in counts]).reshape(-1, 2).T
     return low, high
 
 
@@ -90,8 +113,10 @@ _ORDER = (
 )  # fmt: skip
 
 
-def page(score: Score) -> Document:
-    """Every figure of a score.
+def page(score: Score, command: str = "") -> Document:
+    """Every figure of a score, with the command that made it.
+
+    The seed of the cases is not told: all answers follow from it.
 
     Raises:
         MissingExtraError: matplotlib is not installed.
@@ -120,8 +145,9 @@ def page(score: Score) -> Document:
     sections = (
         Section(
             "Figures",
-            "Intervals are 95 % by bootstrap over cases; ✓ and ✗ say whether a target is met. "
-            + about,
+            "Intervals are 95 %: exact of shares of cases (Clopper & Pearson), else by bootstrap "
+            "over cases. ✓: target met, ✗: missed; in brackets where the interval allows "
+            "both: too few cases to tell. " + about,
             (Table.of("Every figure", head, told),),
         ),
         Section(
@@ -146,16 +172,71 @@ def page(score: Score) -> Document:
     )
     lead = (
         f"{len(rows)} sealed cases: {counts}.{left} Every recording and every answer is the one "
-        f"that was committed to (SHA-256 of the commitments {score.root})."
+        "that was committed to."
     )
-    return Document(title, lead, sections, "`wrenchbed blind score`", summary(score))
+    data = [("SHA-256 of the commitments", score.root), *provenance([], command)]
+    return Document(title, lead, sections, "", summary(score), data, tuple(_cards(score)))
+
+
+def _cards(score: Score) -> Iterator[Card]:
+    """Targets met, what is found of effects, and what is said where none of them is there."""
+    found = {k: (m, figure(m, score.rows, OURS)) for k, m in score.metrics.items()}
+    judged = [(m, marked(m, own)) for m, own in found.values() if own is not None]
+    by_mark = {s: [m.title for m, mark in judged if mark == s] for s in ("✓", "(✓)", "(✗)", "✗")}
+    met_ = len(by_mark["✓"]) + len(by_mark["(✓)"])
+    total, open_ = sum(map(len, by_mark.values())), len(by_mark["(✓)"]) + len(by_mark["(✗)"])
+    told = f"For {open_} of them the cases are too few: the interval allows met and missed."
+    if not open_:
+        told = "Every one of them beyond its 95 % interval."
+    if by_mark["✗"]:
+        told += f" Missed for sure: {'; '.join(by_mark['✗'])}."
+    yield Card("Targets", f"{met_} of {total} met", told)
+    own = found["isolation"][1]
+    if own is not None:
+        beside = [
+            f"{name} {100 * other.value:.0f} %"
+            for name in score.beside
+            if (other := figure(found["isolation"][0], score.rows, name)) is not None
+        ]
+        also = f" Beside it: {', '.join(beside[:3])}." if beside else ""
+        yield Card(
+            "Effects that are there", f"{own.counted} named",
+            f"{_percent(own)} of single effects that can be seen.{also}",
+        )  # fmt: skip
+    parts = [
+        (own, short, long)
+        for k, short, long in (
+            ("false_alarm", "false alarms", "of robots without a gap are called ill"),
+            ("unknown", "called unknown", "of faults outside the library are called unknown"),
+        )
+        if k in found and (own := found[k][1]) is not None
+    ]
+    if parts:
+        large = ", ".join(f"{own.counted} {short}" for own, short, _ in parts)
+        text = "; ".join(f"{_percent(own)} {long}" for own, _, long in parts)
+        yield Card("Where none of them is", large, f"{text}.")
+
+
+def _percent(own: ScoredMetric) -> str:
+    return f"{100 * own.value:.0f} % ({100 * own.low:.0f}–{100 * own.high:.0f})"
 
 
 def _marked(cells: Sequence[str], metric: Metric, rows: Sequence[CaseRow]) -> list[str]:
     """A line of the figures with ✓ or ✗ at its target, where it has one."""
     own = figure(metric, rows, OURS)
-    mark = "" if own is None else {True: " ✓", False: " ✗", None: ""}[met(metric, own.value)]
+    mark = "" if own is None else f" {marked(metric, own)}".rstrip()
     return [cells[0], f"{cells[1]}{mark}", *cells[2:]]
+
+
+def marked(metric: Metric, own: ScoredMetric) -> str:
+    """✓ or ✗ at its target, in brackets where the interval allows the other; empty without one."""
+    told = met(metric, own.value)
+    if told is None:
+        return ""
+    sign = "✓" if told else "✗"
+    allowed = [met(metric, float(x)) for x in np.linspace(own.low, own.high, _STEPS)]
+    exact = re.match(r"\d+ %$", metric.target)  # of the cases themselves
+    return sign if exact or all(x is told for x in allowed) else f"({sign})"
 
 
 def met(metric: Metric, value: float) -> bool | None:
@@ -223,7 +304,7 @@ def _outside(rows: Sequence[CaseRow]) -> Table:
             [
                 family, len(claims), sum(c.verdict == "unknown" for c in claims),
                 sum(c.verdict == "none" for c in claims), sure,
-                ", ".join(f"{k} {v}" for k, v in named.most_common()),
+                ", ".join(f"{k} {v}" for k, v in named.most_common()) or "–",
             ]
         )  # fmt: skip
     head = ["family", "n", "unknown", "none", "named, p > 0.9", "named"]

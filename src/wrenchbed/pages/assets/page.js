@@ -9,14 +9,20 @@
     return node;
   };
   const NEAR_ZERO = 0.1;
+  const LETTER = 6.2;  // mean width of a letter of the marks of an axis [px]
   const VARIABLES = {measured: "--real", before: "--sim", after: "--after", box: "--box",
     rest: "--soft", ink: "--ink"};
   const colour = name => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
   const role = name => colour(VARIABLES[name]);
+  const oneLine = text => text.replace(/(\.?)\n/, (_, dot) => dot || ", ");  // of a mark of two lines
   const safe = text => text.replace(/[&<>"]/g, c => `&#${c.charCodeAt(0)};`);
   const short = v => v === null || v === undefined ? "–" :
-    (v !== 0 && (Math.abs(v) < 1e-3 || Math.abs(v) >= 1e5) ? v.toExponential(2) : String(+v.toPrecision(4)))
+    (v !== 0 && (Math.abs(v) < 1e-4 || Math.abs(v) >= 1e5) ? power(v) : String(+v.toPrecision(4)))
       .replace("-", "−");
+  const power = v => {
+    const [digits, exponent] = v.toExponential(2).split("e");
+    return `${+digits}·10${[...String(+exponent)].map(c => "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"["-0123456789".indexOf(c)]).join("")}`;
+  };
 
   // ---- axes -------------------------------------------------------------------------------
   const bend = (axis, v) => axis.scale === "near zero" && v !== null ?
@@ -105,7 +111,7 @@
   function matrix(p, k) {
     const m = p.matrix, data = [];
     m.values.forEach((row, i) => row.forEach((v, j) => data.push({value: [j, i, v],
-      itemStyle: {color: m.colours[i][j] ?? "transparent"},
+      itemStyle: {color: m.colours[i][j] ?? "transparent", borderColor: colour("--paper"), borderWidth: 1},
       label: {show: true, formatter: m.texts[i][j], color: m.inks[i][j] ?? colour("--ink"), fontSize: 11}})));
     return {type: "heatmap", xAxisIndex: k, yAxisIndex: k, data, animation: false,
       emphasis: {itemStyle: {borderColor: colour("--ink"), borderWidth: 2}}};
@@ -151,7 +157,7 @@
     buttons() {
       const row = make("div", {className: "tools"});
       if (this.names.length > 1) for (const s of this.names) {
-        const key = make("button", {type: "button", className: `key ${s.kind} ${s.mark}`, textContent: s.name});
+        const key = make("button", {type: "button", className: `key ${s.kind} ${s.mark}${s.dashed ? " dashed" : ""}`, textContent: s.name});
         key.style.setProperty("--key", `var(${VARIABLES[s.role]})`);
         key.setAttribute("aria-pressed", "true");
         key.onclick = () => {
@@ -186,10 +192,15 @@
         const height = p.matrix ? 24 * rows : rows ? 30 * rows + 10 : 165 * p.height;
         const above = (p.title ? 20 : 8) + (p.matrix ? 18 : 0);
         const named = !this.data.shared || k + columns >= this.data.panels.length || p.matrix;
-        const below = named ? ((p.matrix?.columns ?? p.x.names).some(c => c.includes("\n")) ? 62 : 48) : 24;
-        const column = k % columns;
-        boxes.push({left: column * across + labels, top: top + above, named, title: top + 2,
-          right: (column + 1) * across - (p.matrix ? 52 : 14), height, bottom: top + above + height + below});
+        const column = k % columns, left = column * across + labels;
+        const right = (column + 1) * across - (p.matrix ? 52 : 14);
+        const names = p.matrix?.columns ?? p.x.names;
+        const longest = Math.max(0, ...names.flatMap(c => c.split("\n")).map(c => c.length));
+        const turned = longest * LETTER + 4 > (right - left) / names.length ?
+          LETTER * Math.max(...names.map(c => oneLine(c).length)) : 0;
+        const below = named ? (turned ? turned + 36 : names.some(c => c.includes("\n")) ? 62 : 48) : 24;
+        boxes.push({left, top: top + above, named, title: top + 2, right, height, turned,
+          bottom: top + above + height + below});
         if (column === columns - 1 || k === this.data.panels.length - 1)
           top = Math.max(...boxes.slice(-1 - column).map(b => b.bottom));
       });
@@ -207,7 +218,9 @@
         told.grid.push({left: b.left, top: b.top, width: b.right - b.left, height: b.height, outerBoundsMode: "none"});
         const named = {...p.x, names: p.matrix ? p.matrix.columns : p.x.names};
         const x = axis(named, k, false, b.named);
-        if (named.names.some(c => c.includes("\n"))) x.nameGap = 38;
+        if (b.turned) Object.assign(x, {nameGap: b.turned + 12, data: x.data.map(c => oneLine(c)),
+          axisLabel: {...x.axisLabel, rotate: 90, hideOverlap: false}});
+        else if (named.names.some(c => c.includes("\n"))) x.nameGap = 38;
         told.xAxis.push(x);
         const y = axis({...p.y, names: p.matrix ? p.matrix.rows : p.y.names}, k, true, !p.y.names.length && !p.matrix);
         told.yAxis.push(y);
@@ -370,7 +383,9 @@
   // ---- tables -----------------------------------------------------------------------------
   const MOST_UNFILTERED = 8;
   const size = text => {
-    const found = text.replaceAll(",", "").replaceAll("−", "-").match(/^[^\d-]*(-?\d+(\.\d+)?(e[+-]?\d+)?)/i);
+    const plain = text.replaceAll(",", "").replaceAll("−", "-").replace(/·10([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)/, (_, raised) =>
+      `e${[...raised].map(c => "-0123456789"["⁻⁰¹²³⁴⁵⁶⁷⁸⁹".indexOf(c)]).join("")}`);
+    const found = plain.match(/^[^\d-]*(-?\d+(\.\d+)?(e[+-]?\d+)?)/i);
     return found ? +found[1] : NaN;
   };
 

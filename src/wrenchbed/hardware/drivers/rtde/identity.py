@@ -107,7 +107,7 @@ class TcpInFlange:
         if moved < _MOVED_M and turned < _MOVED_RAD:
             return ""
         return (
-            f"the reported TCP moved by {1e3 * moved:.0f} mm and {np.degrees(turned):.1f}° against "
+            f"the reported TCP moved by {moved:.3f} m and {np.degrees(turned):.1f}° against "
             f"the flange of {self._robot.name!r}: the arm has other lengths, or its TCP was "
             "changed; check which arm it is, and leave its TCP alone"
         )

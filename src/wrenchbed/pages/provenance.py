@@ -11,17 +11,21 @@ _BLOCK = 1 << 20
 NO_FILE = "unknown: there is no such file here"
 
 
+Facts = Sequence[tuple[str, str]]
+"""Label and text of each."""
+
+
 def provenance(
-    recordings: Sequence[str | Path], command: str = "", seed: int | None = None
+    files: Sequence[str | Path], command: str = "", seed: int | None = None
 ) -> list[tuple[str, str]]:
     """Label and text of each fact.
 
     Args:
-        recordings: paths of what was read; names of data that are in no file are told as such.
+        files: paths of what was read; names of data that are in no file are told as such.
         command: that made it; left out if empty.
         seed: of all random choices; left out if there were none.
     """
-    told = [(f"SHA-256 of {Path(r).name}", sha256(r) or NO_FILE) for r in recordings]
+    told = [(f"SHA-256 of {Path(r).name}", sha256(r) or NO_FILE) for r in files]
     told += [("made", f"{_now():%Y-%m-%d %H:%M} UTC by wrenchbed {version('wrenchbed')}")]
     told += [("seed", str(seed))] if seed is not None else []
     return told + ([("command", command)] if command else [])
@@ -39,7 +43,7 @@ def sha256(path: str | Path) -> str:
     return digest.hexdigest()
 
 
-def markdown(told: Sequence[tuple[str, str]]) -> list[str]:
+def markdown(told: Facts) -> list[str]:
     """The facts as lines of Markdown."""
     return ["", "**Data and command**", "", *(f"- {label}: {text}" for label, text in told)]
 
