@@ -41,6 +41,8 @@ if TYPE_CHECKING:
     from wrenchbed.monitoring.compare import Comparison, compare
     from wrenchbed.monitoring.compensation import Compensator, compensator
     from wrenchbed.monitoring.live import live
+    from wrenchbed.monitoring.health.check import Judgement, check
+    from wrenchbed.monitoring.health.check import plan_of as check_plan
     from wrenchbed.planning.accuracy_plan import Mix, MixOptions, reach
     from wrenchbed.planning.choose import informative, multisine, poses
     from wrenchbed.registry import descriptions, load, names
@@ -88,6 +90,7 @@ _PUBLIC = {
     "monitoring.compare": ("Comparison", "compare"),
     "monitoring.compensation": ("Compensator", "compensator"),
     "monitoring.live": ("live",),
+    "monitoring.health.check": ("Judgement", "check", "plan_of as check_plan"),
     "planning.accuracy_plan": ("Mix", "MixOptions", "reach"),
     "planning.choose": ("informative", "multisine", "poses"),
     "registry": ("descriptions", "load", "names"),
@@ -120,6 +123,7 @@ __all__ = [
     "Findings",
     "Fit",
     "Fleet",
+    "Judgement",
     "LearnedSensor",
     "LoadNumbers",
     "Mix",
@@ -143,6 +147,8 @@ __all__ = [
     "blind_seal",
     "calibrate",
     "campaign",
+    "check",
+    "check_plan",
     "compare",
     "compensator",
     "describe_robot",

@@ -10,6 +10,7 @@
     ├── DiagnosisError      data that cannot be diagnosed            (ValueError)
     ├── TwinError           a twin that cannot be read or cannot follow (ValueError)
     ├── ExportError         numbers that a format needs and the data lack (ValueError)
+    ├── HistoryError        a history of checks that is damaged or not continued (ValueError)
     ├── BenchmarkError      sealed cases, claims or answers that do not belong together (ValueError)
     ├── NotFoundError       a robot, sensor or driver that does not exist (LookupError)
     ├── DriverError         a device that did not obey               (RuntimeError)
@@ -115,6 +116,10 @@ class ExportError(WrenchbedError, ValueError):
 
 class BenchmarkError(WrenchbedError, ValueError):
     """Sealed cases, claims or answers that are missing, were changed or do not belong together."""
+
+
+class HistoryError(WrenchbedError, ValueError):
+    """A history of checks that is damaged, out of order, or of another robot."""
 
 
 class FleetError(WrenchbedError, RuntimeError):

@@ -43,6 +43,7 @@ _VERBS = {
     "report": ("view", "report"),
     "simulate": ("small_verbs", "simulate"),
     "export": ("export", "export"),
+    "check": ("check", "check"),
     "compare": ("small_verbs", "compare"),
     "live": ("live", "live_"),
     "twin": ("serve", "twin"),
@@ -72,7 +73,8 @@ def run() -> None:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run one verb. Returns 0 done, 1 a named error (one line on stderr), 2 usage, 130 stopped."""
+    """Run one verb. Returns 0 done, 1 a named error (one line on stderr), 2 usage, 130 stopped;
+    verbs with verdicts return further codes."""
     words = sys.argv[1:] if arguments is None else arguments
     if words and words[0] in _VERBS:
         return _run(words)
@@ -146,7 +148,7 @@ def _run(words: Sequence[str]) -> int:
             warnings.showwarning = lambda message, *_, **__: stderr.print(
                 f"wrenchbed: warning: {one_line(str(message))}", style="yellow", markup=False
             )
-            _call(words[0], words[1:])
+            return _call(words[0], words[1:])
     except WrenchbedError as error:
         stderr.print(f"wrenchbed: error: {error}", style="red", markup=False)
         return 1
@@ -159,7 +161,6 @@ def _run(words: Sequence[str]) -> int:
     except KeyboardInterrupt:
         stderr.print(f"wrenchbed: stopped{_WHEN_STOPPED.get(words[0], '')}", markup=False)
         return 130
-    return 0
 
 
 def _in_words(error: OSError | MemoryError | ImportError) -> str:
@@ -171,8 +172,8 @@ def _in_words(error: OSError | MemoryError | ImportError) -> str:
     return str(shortage(error) or "")
 
 
-def _call(verb: str, arguments: Sequence[str]) -> None:
-    """Parse a verb's arguments and call it."""
+def _call(verb: str, arguments: Sequence[str]) -> int:
+    """Parse a verb's arguments and call it; its exit code, 0 of verbs that return none."""
     import tyro
 
     from wrenchbed.cli.console import outputs
@@ -189,7 +190,8 @@ def _call(verb: str, arguments: Sequence[str]) -> None:
         else:
             call = tyro.cli(_later(function), prog=prog, args=args, config=config)
     with outputs():
-        call()
+        code = call()
+    return code if isinstance(code, int) else 0
 
 
 def _later(function: Callable[..., Any]) -> Callable[..., Callable[[], Any]]:

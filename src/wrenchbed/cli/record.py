@@ -246,7 +246,7 @@ def record(
     link: Driver = kind(device.options(kind, robot, limits))
     revisit = {"yes": True, "no": False, "auto": True if run.dry_run else None}[run.revisit]
     with (
-        _ready(link, run.recover),
+        ready(link, run.recover),
         watched(link, out, rrd, picture.view),
         console.progress(f"recording {robot}", len(todo)) as report,
     ):
@@ -263,7 +263,7 @@ def _plain(robot: str) -> str:
 
 
 @contextmanager
-def _ready(link: Driver, recover: bool) -> Iterator[None]:
+def ready(link: Driver, recover: bool) -> Iterator[None]:
     """Connected and able to move; errors name the flag instead of the Python method."""
     try:
         link.connect()
