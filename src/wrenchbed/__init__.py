@@ -40,9 +40,9 @@ if TYPE_CHECKING:
     from wrenchbed.hardware.drivers.sim import SimDriver, SimOptions
     from wrenchbed.monitoring.compare import Comparison, compare
     from wrenchbed.monitoring.compensation import Compensator, compensator
-    from wrenchbed.monitoring.live import live
     from wrenchbed.monitoring.health.check import Judgement, check
     from wrenchbed.monitoring.health.check import plan_of as check_plan
+    from wrenchbed.monitoring.live import live
     from wrenchbed.planning.accuracy_plan import Mix, MixOptions, reach
     from wrenchbed.planning.choose import informative, multisine, poses
     from wrenchbed.registry import descriptions, load, names

@@ -51,6 +51,7 @@ CASES = {
     "export": "export twin.json --mjcf model",
     "export --to": "export twin.json --to json-schema --out load.json",
     "export --mcap": "export r.parquet --mcap r.mcap --force",
+    "check": "check ur5 --history cell --samples 6 --time 2026-04-01T00:00:00Z",
     "campaign": "campaign ur5 --robots 2 --poses 12 --samples 6 --workers 1 --out fleet",
     "campaign --only": "campaign ur5 --robots 2 --poses 12 --only 0 --out fleet --force",
     "robot": "robot arm.xml --frame flange --tool-mass 1 --tool-cog 0 0 0.1 --out arm.toml",
@@ -66,7 +67,7 @@ NOTHING = {"list", "compare", "live", "twin"}
 """Verbs that write no file."""
 TOGETHER = {"diagnose": "found", "export": "model", "campaign --only": "fleet/0"}
 """Folders whose files appear together."""
-ANEW = {"blind make", "blind run", "blind seal", "campaign"}
+ANEW = {"blind make", "blind run", "blind seal", "campaign", "check"}
 """What refuses, or finds finished, an earlier result."""
 
 
@@ -141,6 +142,9 @@ def start(tmp_path_factory, quick):
         (folder / "arm.xml").write_text(ARM)
         for name in ("0-calibration_fts-accel.csv", "static.toml"):
             shutil.copy(NTNU / name, name)
+        for month in (1, 2, 3):
+            line = "check ur5 --history cell --samples 6 --time"
+            assert run(f"{line} 2026-0{month}-01T00:00:00Z") == 4
         assert run("blind make --out made --answers made-answers --cases 2 --seed 5") == 0
         assert run("blind run made --out claimed --method bic --processes 1") == 0
     return folder

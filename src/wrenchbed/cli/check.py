@@ -96,11 +96,14 @@ def check(
     plan = health.plan_of(arm, history)
     if how.prepare:
         limits = motion.limits(wb.load("drivers", device.driver).live)
-        _say_time(arm, plan, limits, how)
+        lasts = _planned(arm, plan, limits, how)
+        text = f"{len(plan)} poses take {lasts:.0f} s at {limits.speed:.0%} of top speed → "
+        told = {"plan": str(history / health.PLAN), "poses": len(plan), "seconds": lasts}
+        console.answer(told, as_json, text + str(history / health.PLAN))
         return 0
     recording, time = _given(device, how, now)
-    stored.in_time(history, checks, time, now)
     if recording is None:
+        stored.in_time(history, checks, time, now)  # before the robot moves
         out = history / health.file_of(time)
         console.check_out(out, Kind.RECORDING)
         recording = _recorded(arm, plan, out, device, how, motion, len(checks))
@@ -132,7 +135,7 @@ def _recorded(
     """The plan recorded by a driver, after its time was checked."""
     kind = wb.load("drivers", device.driver)
     limits = motion.limits(kind.live)
-    _say_time(arm, plan, limits, how)
+    _planned(arm, plan, limits, how)
     if device.driver == SimDriver.name and device.seed is None:
         device = replace(device, seed=number)  # noise of its own
     link = kind(device.options(kind, plan.robot, limits))
@@ -145,16 +148,12 @@ def _recorded(
     return wb.Recording.read(out)
 
 
-def _say_time(arm: wb.Robot, plan: wb.Plan, limits: Limits, how: CheckArguments) -> None:
-    """Print how long a check takes; refuse one that is too long."""
+def _planned(arm: wb.Robot, plan: wb.Plan, limits: Limits, how: CheckArguments) -> float:
+    """How long a check takes on the robot [s]; one that is too long is refused."""
     assert isinstance(arm, SimulatedRobot)  # its plan was chosen
     legs = itinerary(arm, plan, arm.home, limits, list(range(len(plan))), clear=True)
     moves = sum(leg.seconds for leg in legs)
-    total = poses.seconds(moves, len(plan), how.samples, how.rate)
-    console.note(
-        f"{len(plan)} poses take {total:.0f} s on the robot: {moves:.0f} s of moves at "
-        f"{limits.speed:.0%} of top speed"
-    )
+    return poses.seconds(moves, len(plan), how.samples, how.rate)
 
 
 def _answer(found: health.Judgement, folder: Path, robot: str, as_json: bool) -> int:

@@ -186,11 +186,6 @@ def say(text: str) -> None:
     _print(one_line(text))
 
 
-def note(text: str) -> None:
-    """Print one line about the work to stderr."""
-    Console(stderr=True, soft_wrap=True, highlight=False).print(one_line(text), markup=False)
-
-
 def _print(text: str) -> None:
     _OUT.print(text, soft_wrap=True, markup=False, highlight=False)
 

@@ -4,12 +4,13 @@ The difference D of the mean readings after and before the change is one vector 
 channels. An effect explains it with the evidence of D ~ N(0, C + s² A diag(σ²) A'): A are its
 tangents, σ its typical sizes, s a few factors, C the noise and the learnt scatter from check to
 check. Unknown is any pattern at all. So probabilities follow from data that no fit has tuned, and
-effects that look alike in these poses share them.
+effects that look alike in these poses share them. The linear form of an effect is exact, or misses
+the share of its own gap that it states (`Effect.form_error`): both are equally likely before.
 """
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -19,7 +20,7 @@ from wrenchbed.monitoring.health.quantities import Basis
 from wrenchbed.monitoring.health.trends import Trends
 from wrenchbed.pages.numbers import quantity
 
-SIZES = (0.03, 0.1, 0.3, 1.0, 3.0, 10.0)
+SIZES = (0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0)
 """Sizes of an effect in multiples of typical, equally likely; estimates."""
 NAMED = 0.9
 """Probability that the named causes hold together."""
@@ -58,7 +59,7 @@ class Difference:
     """Change of the mean readings by a step.
 
     Attributes:
-        value: in standard deviations of a hold's mean (6 P,).
+        value: whitened (6 P,).
         covariance: of its noise and ordinary scatter (6 P, 6 P).
     """
 
@@ -77,39 +78,62 @@ class Difference:
         more = np.maximum(trends.scatters(begin) ** 2 - own, 0.0)
         warming = basis.whiten(np.moveaxis(basis.warming, -1, 0))
         scatter = (tangents.T * more) @ tangents + (warming.T * basis.warm_std**2) @ warming
-        form = _FORM**2 * float(value @ value) / len(value)
-        rest = share * max(trends.rest(begin), 1.0) + form
-        return cls(value, share * scatter + rest * np.eye(len(value)))
+        rest = max(trends.rest(begin), 1.0)
+        return cls(value, share * (scatter + rest * np.eye(len(value))))
+
+    def seen(self, form: float) -> "Seen":
+        """It as unit noise, where a form misses a share of the change's square."""
+        n = len(self.value)
+        missed = form * float(self.value @ self.value) / n
+        root = np.linalg.cholesky(self.covariance + missed * np.eye(n))
+        turn = np.linalg.inv(root)
+        return Seen(turn, turn @ self.value, float(np.log(np.diagonal(root)).sum()))
+
+
+class Seen(NamedTuple):
+    """A difference turned to unit noise: the turn (N, N), the difference (N,), log det of the root
+    of its covariance."""
+
+    turn: np.ndarray
+    d: np.ndarray
+    volume: float
+
+    def evidence(self, columns: np.ndarray) -> float:
+        """Logarithm of the likelihood with columns (N, k) of typical size, mean over `SIZES`."""
+        u, s, _ = np.linalg.svd(self.turn @ columns, full_matrices=False)
+        part = (u.T @ self.d) ** 2
+        variance = np.square(np.array(SIZES)[:, None] * s)
+        logs = 0.5 * (part * variance / (1.0 + variance) - np.log1p(variance)).sum(axis=1)
+        alone = -0.5 * float(self.d @ self.d) - self.volume
+        return alone + float(np.logaddexp.reduce(logs) - np.log(len(SIZES)))
 
 
 def explain(trends: Trends, begin: int) -> tuple[list[Cause], float]:
     """Causes of a change, the likeliest first, and the probability that it is none of them."""
     basis = trends.basis
-    seen = Difference.of(trends, begin)
-    turn = np.linalg.inv(np.linalg.cholesky(seen.covariance))
-    d = turn @ seen.value
+    difference = Difference.of(trends, begin)
+    exact = difference.seen(_FORM**2)
     found: dict[str, tuple[float, Variant, np.ndarray]] = {}
     for effect, variants in _candidates(basis):
         own = effect.parameters(basis.robot)
         slopes = {}
         for name in dict.fromkeys(p for v in variants for p in v.free):
-            parameter = own[own.index(name)]
             variant = next(v for v in variants if name in v.free)
-            tangent = basis.response.tangent(effect, parameter, variant)
-            slopes[name] = turn @ basis.whiten(tangent)
+            tangent = basis.response.tangent(effect, own[own.index(name)], variant)
+            slopes[name] = basis.whiten(tangent)
         weights = np.array([v.weight for v in variants])
-        scores = np.empty(len(variants))
-        for k, variant in enumerate(variants):
-            scores[k] = _evidence(d, np.stack([slopes[p] for p in variant.free], axis=1))
-        scores += np.log(weights / weights.sum())
-        best = int(np.argmax(scores))
-        columns = np.stack([slopes[p] for p in variants[best].free], axis=1)
-        found[effect.name] = (float(np.logaddexp.reduce(scores)), variants[best], columns)
-    none = _evidence(d, turn @ basis.any_pattern) + float(np.log(_PRIOR_UNKNOWN))
+        columns = [np.stack([slopes[p] for p in v.free], axis=1) for v in variants]
+        forms = (exact, difference.seen(effect.form_error))
+        scores = np.array([[f.evidence(c) for c in columns] for f in forms])
+        scores += np.log(weights / weights.sum()) - np.log(len(forms))
+        best = int(np.argmax(np.logaddexp.reduce(scores, axis=0)))
+        total = float(np.logaddexp.reduce(scores, axis=None))
+        found[effect.name] = (total, variants[best], exact.turn @ columns[best])
+    none = exact.evidence(basis.any_pattern) + float(np.log(_PRIOR_UNKNOWN))
     logs = np.array([none, *(score for score, _, _ in found.values())])
     p = np.exp(logs - np.logaddexp.reduce(logs))
     causes = [
-        Cause(name, float(chance), variant.label, _sizes(basis, name, variant, columns, d))
+        Cause(name, float(chance), variant.label, _sizes(basis, name, variant, columns, exact.d))
         for chance, (name, (_, variant, columns)) in zip(p[1:], found.items(), strict=True)
     ]
     return sorted(causes, key=lambda c: -c.probability), float(p[0])
@@ -138,16 +162,6 @@ def _candidates(basis: Basis) -> Iterator[tuple[Effect, list[Variant]]]:
         variants = [v for v in effect.variants(basis.scene) if not v.shape]
         if variants:
             yield effect, variants
-
-
-def _evidence(d: np.ndarray, columns: np.ndarray) -> float:
-    """Logarithm of the likelihood of d (N,) of unit noise, columns (N, k) of typical size beside
-    it, mean over `SIZES`; that of noise alone is left out."""
-    u, s, _ = np.linalg.svd(columns, full_matrices=False)
-    part = (u.T @ d) ** 2
-    variance = np.square(np.array(SIZES)[:, None] * s)
-    logs = 0.5 * (part * variance / (1.0 + variance) - np.log1p(variance)).sum(axis=1)
-    return float(np.logaddexp.reduce(logs) - np.log(len(SIZES)))
 
 
 def _sizes(

@@ -13,7 +13,7 @@ check before, and divided over tests and over the number of checks since the ste
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple
 
@@ -24,7 +24,7 @@ from wrenchbed.monitoring.health.quantities import BIASES, QUANTITIES, Basis
 
 ALARMS_A_YEAR = 0.01
 """Probability of a false alarm in a year of checks of a healthy robot."""
-PRIOR = 4.0
+PRIOR = 6.0
 """Checks that the expected scatter is worth; estimate."""
 SINCE = {1: 0.5, 2: 0.25, 4: 0.125, 8: 0.125}
 """Checks since a step, and the share of the budget that is spent on such steps."""
@@ -32,6 +32,8 @@ SHARES = {"quantities": 0.5, "zeros": 0.25, "misfit": 0.25}
 """Shares of the budget of the tests."""
 SEASON_K = 5.0
 """Amplitude of a year's wave of a temperature that nobody recorded [K]; estimate."""
+_MORE = 2.0
+"""Checks that the prior of all zeros' covariance is worth beside: more than 5 in all."""
 _EFFECTIVE, _WORTH = 6.0, 24.0
 """Effective degrees of freedom of a check's misfit, and of its prior: its scatter may lie in few
 directions; estimates."""
@@ -94,6 +96,7 @@ class Trends:
     """
 
     basis: Basis
+    _kept: dict[int, "_Lines"] = field(default_factory=dict, repr=False)
 
     @cached_property
     def starts(self) -> list[int]:
@@ -151,25 +154,27 @@ class Trends:
         """Columns without a prior: step and stretches."""
         return int(begin < self.n) + len(self.starts)
 
-    def _fit(self, begin: int, y: np.ndarray, ratio: float) -> "_Line":
-        """Regression of series (n,) or (n, m) on the columns, with the nuisance's prior.
+    def _lines(self, begin: int) -> "_Lines":
+        """Regression of all quantities on the columns, with the nuisance's prior; kept."""
+        if begin not in self._kept:
+            ratio = np.maximum(self.basis.per_kelvin / self.expected, _LEAST_RATIO)
+            self._kept[begin] = self._fit(begin, self.basis.changes, ratio)
+        return self._kept[begin]
+
+    def _fit(self, begin: int, y: np.ndarray, ratio: np.ndarray) -> "_Lines":
+        """Regression of series (n, K).
 
         Args:
-            ratio: expected change of the series per kelvin in its expected scatter.
+            ratio: expected change of each per kelvin in its expected scatter (K,).
         """
         x, flat = self._columns(begin), self._flat(begin)
-        prior = np.zeros(x.shape[1])
-        prior[flat:] = 1.0 / max(ratio, _LEAST_RATIO) ** 2
-        precision = x.T @ x + np.diag(prior)
-        inverse = np.linalg.inv(precision)
-        beta = inverse @ (x.T @ y)
+        prior = np.zeros((len(ratio), x.shape[1]))
+        prior[:, flat:] = 1.0 / ratio[:, None] ** 2
+        inverse = np.linalg.inv(x.T @ x + prior[:, None, :] * np.eye(x.shape[1]))
+        beta = np.einsum("kij,jk->ik", inverse, x.T @ y)
         left = y - x @ beta
-        rest = left.T @ left + (beta.T * prior) @ beta
-        return _Line(beta, inverse, rest, x[:, flat:] @ beta[flat:])
-
-    def _line(self, begin: int, j: int) -> "_Line":
-        ratio = self.basis.per_kelvin[j] / self.expected[j]
-        return self._fit(begin, self.basis.changes[:, j], float(ratio))
+        rest = left.T @ left + (beta * prior.T).T @ beta
+        return _Lines(beta, inverse, rest, x[:, flat:] @ beta[flat:])
 
     def _freedom(self, begin: int) -> float:
         """Degrees of freedom of the scatter of one series."""
@@ -177,20 +182,19 @@ class Trends:
 
     def step(self, begin: int, j: int) -> Step:
         """The step of quantity j that begins with a check after the first of its stretch."""
-        line = self._line(begin, j)
-        scale = np.sqrt((PRIOR * self.expected[j] ** 2 + line.rest) / self._freedom(begin))
-        std = float(scale * np.sqrt(line.inverse[0, 0]))
-        return Step(begin, float(line.beta[0]), std, self._freedom(begin))
+        lines = self._lines(begin)
+        std = self.scatters(begin)[j] * np.sqrt(lines.inverse[j, 0, 0])
+        return Step(begin, float(lines.beta[0, j]), float(std), self._freedom(begin))
 
     def zeros(self, begin: int) -> float:
         """Probability of as large a step of all six zeros together, without one."""
         expected = self.expected[BIASES]
-        ratio = float((self.basis.per_kelvin[BIASES] / expected).max())
-        line = self._fit(begin, self.basis.changes[:, BIASES] / expected, ratio)
-        worth = PRIOR + 6.0
-        size = line.beta[0] @ np.linalg.solve(worth * np.eye(6) + line.rest, line.beta[0])
-        own = worth + self.n - 1 - len(self.starts) - 5.0
-        return float(stats.f.sf(size / line.inverse[0, 0] * own / 6.0, 6.0, own))
+        ratio = np.full(6, float((self.basis.per_kelvin[BIASES] / expected).max()))
+        lines = self._fit(begin, self.basis.changes[:, BIASES] / expected, ratio)
+        worth = PRIOR + _MORE
+        size = lines.beta[0] @ np.linalg.solve(worth * np.eye(6) + lines.rest, lines.beta[0])
+        own = worth + self.n - self._flat(begin) - 5.0
+        return float(stats.f.sf(size / lines.inverse[0, 0, 0] * own / 6.0, 6.0, own))
 
     def misfit(self, begin: int) -> float:
         """Probability of as large a change of what the fit leaves, without one."""
@@ -251,29 +255,28 @@ class Trends:
         """
         score = np.full(self.n, -np.inf)
         for begin in range(self.since + 1, self.n):
-            score[begin] = sum(self._evidence(begin, j) for j in range(len(QUANTITIES)))
+            score[begin] = self._evidence(begin)
             _, scale, freedom = self._left(begin)
             score[begin] -= 0.5 * freedom * float(np.log(scale))
         weight = np.exp(score - score.max())
         return np.asarray(weight / weight.sum())
 
-    def _evidence(self, begin: int, j: int) -> float:
-        """Logarithm of a series' likelihood with a step, integrated out, but for a constant."""
-        line = self._line(begin, j)
-        rest = PRIOR + line.rest / self.expected[j] ** 2
-        volume = float(np.linalg.slogdet(line.inverse)[1])
-        return 0.5 * volume - 0.5 * self._freedom(begin) * float(np.log(rest))
+    def _evidence(self, begin: int) -> float:
+        """Logarithm of all series' likelihood with a step, integrated out, but for a constant."""
+        lines = self._lines(begin)
+        rest = PRIOR + np.diagonal(lines.rest) / self.expected**2
+        volume = np.linalg.slogdet(lines.inverse)[1]
+        return float((0.5 * volume - 0.5 * self._freedom(begin) * np.log(rest)).sum())
 
     def known(self, begin: int) -> np.ndarray:
         """What temperature or season makes of each quantity (n, K), with a step that is fitted."""
-        lines = [self._line(begin, j) for j in range(len(QUANTITIES))]
-        return np.stack([line.known for line in lines], axis=1)
+        return self._lines(begin).known
 
     def scatters(self, begin: int) -> np.ndarray:
         """Learnt standard deviation of each quantity (K,) from check to check."""
-        lines = [self._line(begin, j) for j in range(len(QUANTITIES))]
-        rest = np.array([line.rest for line in lines])
-        return np.asarray(np.sqrt((PRIOR * self.expected**2 + rest) / self._freedom(begin)))
+        rest = np.diagonal(self._lines(begin).rest)
+        square = (PRIOR * self.expected**2 + rest) / self._freedom(begin)
+        return np.asarray(np.sqrt(square))
 
     def slopes(self) -> tuple[np.ndarray, np.ndarray]:
         """Even trends since the last baseline (K,) [1/year], and half their 95 % intervals.
@@ -294,9 +297,9 @@ class Trends:
         return beta[0], float(special.stdtrit(freedom, 0.975)) * std
 
 
-class _Line(NamedTuple):
-    """A regression: coefficients, their covariance in units of the scatter's, the sum of squares
-    that is left with the prior's share, and what the nuisance makes of the series."""
+class _Lines(NamedTuple):
+    """Regressions: coefficients (p, K), their covariances in units of the scatters' (K, p, p), sums
+    of products that are left with the prior's share (K, K), what the nuisance makes (n, K)."""
 
     beta: np.ndarray
     inverse: np.ndarray

@@ -1,0 +1,152 @@
+"""One look-alike month by month: the same poses, warm-up, temperature, repeatability, a fault.
+
+Zeros and spans follow the sensor's temperature, which follows the season and the day. Each check
+begins some time after the sensor was switched on. Joints come back to a pose within their
+repeatability. The noise of rows is the sensor's, with its 1/f part. Ranges are estimates.
+"""
+
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime, timedelta
+from functools import cached_property
+
+import numpy as np
+
+from wrenchbed import registry
+from wrenchbed.benchmark.lookalikes.catalogue import EFFECTS, LARGEST, background
+from wrenchbed.benchmark.lookalikes.design import ExperimentDesign
+from wrenchbed.benchmark.lookalikes.imperfection import Imperfection, ImperfectRobot, Scaled, gap
+from wrenchbed.data.metadata import Metadata, SensorInfo
+from wrenchbed.data.plan import Plan
+from wrenchbed.data.recording import Recording
+from wrenchbed.physics.noise import NoiseStream
+from wrenchbed.physics.wrench import CHANNELS
+from wrenchbed.robots.base import Robot
+
+FIRST = datetime(2020, 1, 15, 6, tzinfo=UTC)
+"""Time of the first check."""
+MONTH_S = 365.25 * 86400.0 / 12.0
+"""Mean month [s]."""
+_ZERO_PER_K, _SPAN_PER_K = 1e-4, 2e-4
+"""Standard deviations of the zeros' [of full scale, 1/K] and the span's [1/K] change by
+temperature: 0.1 % of full scale per 10 K, 0.02 %/K."""
+_SEASON_K, _DAY_K = (2.0, 6.0), (0.5, 2.0)
+"""Amplitude of the season, and scatter from day to day [K]."""
+_WARMS_K, _READS_K = 0.3, 0.3
+"""Change of temperature during a check, error of the recorded one [K], standard deviations."""
+_ON_S = (900.0, 14400.0)
+"""Time since the sensor was switched on [s]."""
+_REPEATS = (1e-5, 5e-5)
+"""Repeatability of joints, standard deviation [rad or m]."""
+_LATE_S = 2.0 * 86400.0
+"""How much earlier or later than a month a check is made, at most [s]."""
+_MOVE_S = (3.0, 8.0)
+"""Time of a move between poses [s]."""
+_DRAWS, _SCALINGS = 50, 30
+"""Most draws of a fault, and most steps to its gap."""
+
+
+@dataclass(frozen=True, eq=False)
+class MonthlyRobot:
+    """A robot that is checked month by month; it depends on its arguments alone.
+
+    Attributes:
+        robot: registered robot.
+        plan: poses of its checks.
+        seed: of everything random.
+        samples: rows a pose at 100 Hz.
+        warm: whether recordings have the temperature.
+        fault: effect that begins at some month, none if empty.
+        begins: that month.
+        gap: of the fault, mean squared change of readings in units of a row's noise.
+    """
+
+    robot: Robot
+    plan: Plan
+    seed: int
+    samples: int = 200
+    warm: bool = True
+    fault: str = ""
+    begins: int = 0
+    gap: float = 1.0
+
+    @cached_property
+    def _design(self) -> ExperimentDesign:
+        return ExperimentDesign.of_plan(self.plan, self.robot, samples=self.samples)
+
+    @cached_property
+    def _readings(self) -> ImperfectRobot:
+        return ImperfectRobot(self._design)
+
+    @cached_property
+    def _around(self) -> list[Scaled]:
+        return background(self._readings, np.random.default_rng([self.seed, 1]))
+
+    @cached_property
+    def _habits(self) -> dict[str, np.ndarray]:
+        """Temperature laws of this robot."""
+        rng = np.random.default_rng([self.seed, 2])
+        full = registry.load("sensors", self.robot.sensor).calibration().range
+        return {
+            "zero": rng.normal(0.0, _ZERO_PER_K, 6) * full,
+            "span": rng.normal(0.0, _SPAN_PER_K, 1),
+            "season": rng.uniform(*_SEASON_K, 1),
+            "phase": rng.uniform(0.0, 2.0 * np.pi, 1),
+            "day": rng.uniform(*_DAY_K, 1),
+            "repeat": rng.uniform(*_REPEATS, 1),
+        }
+
+    @cached_property
+    def cause(self) -> Scaled | None:
+        """The fault, and how much of it is there; None of a healthy robot.
+
+        Raises:
+            ValueError: no draw of plausible size has the gap.
+        """
+        if not self.fault:
+            return None
+        rng = np.random.default_rng([self.seed, 3])
+        base = self._readings.reading(self._around)
+        for _ in range(_DRAWS):
+            size = float(np.exp(rng.uniform(np.log(0.5), np.log(4.0))))
+            item, amount = EFFECTS[self.fault].draw(self._design, rng, size), 1.0
+            for _ in range(_SCALINGS):
+                changed = self._readings.reading([*self._around, (item, amount)]) - base
+                found = gap(self._design, changed, configured=True)
+                if abs(found - self.gap) < 0.01 * self.gap:
+                    return item, amount
+                amount *= float(np.clip(np.sqrt(self.gap / max(found, 1e-12)), 0.05, 20.0))
+                if not amount * size < LARGEST:
+                    break
+        raise ValueError(f"{self.fault} has no gap of {self.gap:g} on {self.robot.name}")
+
+    def recording(self, month: int) -> Recording:
+        """The check of a month (0, 1, …) that states its time."""
+        rng = np.random.default_rng([self.seed, 4, month])
+        law, n, poses = self._habits, self.samples, len(self.plan)
+        when = FIRST + timedelta(seconds=month * MONTH_S + rng.uniform(-_LATE_S, _LATE_S))
+        season = law["season"] * np.sin(2.0 * np.pi * month / 12.0 + law["phase"])
+        kelvin = float((season + rng.normal(0.0, law["day"]))[0])
+        begin = np.cumsum(rng.uniform(*_MOVE_S, poses) + n / 100.0)
+        t = (begin[:, None] + np.arange(n) / 100.0).ravel()
+        warm = kelvin + rng.normal(0.0, _WARMS_K) * (t - t[0]) / (t[-1] - t[0])
+        off = rng.normal(0.0, float(law["repeat"][0]), self.plan.q.shape)
+        items = [*self._around, (Imperfection(name="repeatability", joint=off), 1.0)]
+        if self.cause is not None and month >= self.begins:
+            items.append(self.cause)
+        load = np.repeat(self._readings.reading(items), n, axis=0)
+        load = load * (1.0 + law["span"] * warm[:, None]) + law["zero"] * warm[:, None]
+        sensor = registry.load("sensors", self.robot.sensor)
+        noise = replace(sensor.noise, warmup_age=float(rng.uniform(*_ON_S)))
+        rows, _ = NoiseStream(noise, int(rng.integers(2**31))).corrupt(t, load)
+        columns = {"t": t, "segment": np.repeat(np.arange(poses), n)}
+        q = np.repeat(self.plan.q, n, axis=0)
+        columns |= {f"q{j + 1}": q[:, j] for j in range(q.shape[1])}
+        columns |= {c: rows[:, k] for k, c in enumerate(CHANNELS)}
+        if self.warm:
+            columns["temperature"] = np.full(len(t), 20.0 + kelvin + rng.normal(0.0, _READS_K))
+        metadata = Metadata(
+            self.robot.name, "static", "sim", 100.0,
+            sensor=SensorInfo(sensor.name, tuple(map(float, noise.row_std))),
+            extra={"started": when.isoformat(timespec="milliseconds")},
+        )  # fmt: skip
+        return Recording(metadata, columns, f"month {month}")
