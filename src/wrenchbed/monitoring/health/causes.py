@@ -70,7 +70,7 @@ class Difference:
     def of(cls, trends: Trends, begin: int) -> "Difference":
         """Of the checks from ``begin`` on against those of the same stretch before."""
         basis, since = trends.basis, trends.since
-        tangents = basis.whiten(np.moveaxis(basis.tangents, -1, 0))
+        tangents = basis.whiten(np.moveaxis(basis.reference.tangents, -1, 0))
         rows = basis.whiten(basis.residual) - trends.known(begin) @ tangents
         value = rows[begin:].mean(axis=0) - rows[since:begin].mean(axis=0)
         share = 1.0 / (trends.n - begin) + 1.0 / (begin - since)
@@ -119,7 +119,7 @@ def explain(trends: Trends, begin: int) -> tuple[list[Cause], float]:
         slopes = {}
         for name in dict.fromkeys(p for v in variants for p in v.free):
             variant = next(v for v in variants if name in v.free)
-            tangent = basis.response.tangent(effect, own[own.index(name)], variant)
+            tangent = basis.reference.response.tangent(effect, own[own.index(name)], variant)
             slopes[name] = basis.whiten(tangent)
         weights = np.array([v.weight for v in variants])
         columns = [np.stack([slopes[p] for p in v.free], axis=1) for v in variants]
@@ -157,9 +157,14 @@ def _candidates(basis: Basis) -> Iterator[tuple[Effect, list[Variant]]]:
     Those that act by jumps have no tangent; those of one day, a check's own scatter holds.
     """
     for effect in effects().values():
-        if effect.between_rows or effect.rough or effect.once or not effect.acts(basis.scene):
+        if (
+            effect.between_rows
+            or effect.rough
+            or effect.once
+            or not effect.acts(basis.reference.scene)
+        ):
             continue
-        variants = [v for v in effect.variants(basis.scene) if not v.shape]
+        variants = [v for v in effect.variants(basis.reference.scene) if not v.shape]
         if variants:
             yield effect, variants
 

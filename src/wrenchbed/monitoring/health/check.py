@@ -17,7 +17,7 @@ from wrenchbed.monitoring.health.causes import Cause, explain, named
 from wrenchbed.monitoring.health.history import RECORDINGS, Check
 from wrenchbed.monitoring.health.quantities import QUANTITIES, Basis, summary
 from wrenchbed.monitoring.health.trends import Test, Trends, interval
-from wrenchbed.pages.numbers import chance
+from wrenchbed.pages.numbers import chance, rough
 from wrenchbed.robots.base import Robot
 
 PLAN = "plan.parquet"
@@ -173,12 +173,21 @@ def judge(robot: Robot, checks: Sequence[Check]) -> Judgement:
             "ordinary scatter; a large change would have been found from the second on"
         )
         return Judgement(CANNOT_TELL, headline, trends, tests)
-    nearest = min(t.p / t.level for t in tests)
     headline = (
-        f"healthy: no change in {count} checks since {checks[since].time:%Y-%m-%d} "
-        f"(the nearest test is at {nearest:.0f} times its level)"
+        f"healthy: no change in {count} checks since {checks[since].time:%Y-%m-%d}. The next check "
+        f"finds half of all steps of {_visible(trends)}"
     )
     return Judgement(HEALTHY, headline, trends, tests)
+
+
+_EXAMPLES = ("sensor.bias.fz", "tool.mass", "base.tilt.x")
+"""Quantities whose smallest visible step a headline states."""
+
+
+def _visible(trends: Trends) -> str:
+    sizes = dict(zip(QUANTITIES, trends.visible().tolist(), strict=True))
+    told = [f"{n} by {rough(n, sizes[n], QUANTITIES[n])}" for n in _EXAMPLES]
+    return f"{', '.join(told[:-1])} or {told[-1]}"
 
 
 def _changed(trends: Trends, tests: tuple[Test, ...]) -> Judgement:

@@ -9,7 +9,7 @@ with a prior, and is no quantity.
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -113,27 +113,20 @@ def _spread(covariance: np.ndarray, name: str, robot: Robot) -> np.ndarray:
 
 
 @dataclass(frozen=True, eq=False)
-class Basis:
-    """The linear fit of all checks of a history.
+class Reference:
+    """The load that a check shows, and what small changes of it make.
 
     Args:
-        robot: whose checks these are.
-        checks: the oldest first, at least one.
-        reference: the check whose load the tangents are of.
+        robot: whose check it is.
+        first: the check.
     """
 
     robot: Robot
-    checks: Sequence[Check]
-    reference: int = 0
-
-    @property
-    def first(self) -> Check:
-        """The check of reference."""
-        return self.checks[self.reference]
+    first: Check
 
     @cached_property
     def sensor(self) -> Any:
-        """The sensor of the first check."""
+        """The sensor of the check."""
         return sensor_of(self.first.sensor, self.robot)
 
     @cached_property
@@ -173,6 +166,49 @@ class Basis:
         return Response(self.scene, self.scene.load)
 
     @cached_property
+    def tangents(self) -> np.ndarray:
+        """Readings (P, 6, K) per unit of each quantity."""
+        columns, known = [], effects()
+        for name, wanted in _FITTED.items():
+            effect, own = known[name], known[name].parameters(self.robot)
+            variant = effect.variants(self.scene)[0]
+            for parameter in (own[own.index(p)] for p in wanted):
+                tangent = self.response.tangent(effect, parameter, variant)
+                columns.append(tangent / parameter.tolerance)
+        return np.stack(columns, axis=-1)
+
+
+@lru_cache(maxsize=4)
+def _reference(robot: Robot, first: Check) -> Reference:
+    """The same for all checks of a stretch: its tangents cost more than all else."""
+    return Reference(robot, first)
+
+
+@dataclass(frozen=True, eq=False)
+class Basis:
+    """The linear fit of all checks of a history.
+
+    Args:
+        robot: whose checks these are.
+        checks: the oldest first, at least one.
+        begin: the check whose load the tangents are of.
+    """
+
+    robot: Robot
+    checks: Sequence[Check]
+    begin: int = 0
+
+    @property
+    def first(self) -> Check:
+        """The check of reference."""
+        return self.checks[self.begin]
+
+    @property
+    def reference(self) -> Reference:
+        """What that check shows."""
+        return _reference(self.robot, self.first)
+
+    @cached_property
     def spread(self) -> np.ndarray:
         """Covariance (6, 6) of a row: that of the check whose noise is the median."""
         noise = [float(np.trace(c.covariance / self.unit)) for c in self.checks]
@@ -182,7 +218,7 @@ class Basis:
     @cached_property
     def unit(self) -> np.ndarray:
         """Product (6, 6) of the rows' standard deviations by the sensor's data."""
-        std = self.sensor.noise.row_std
+        std = self.reference.sensor.noise.row_std
         return np.maximum(np.outer(std, std), 1e-300)
 
     @cached_property
@@ -193,7 +229,7 @@ class Basis:
     @cached_property
     def _turn(self) -> np.ndarray:
         """Inverse root (6 P, 6 P) of the covariance of the holds' means: rows and 1/f noise."""
-        noise, t = self.sensor.noise, self.first.t
+        noise, t = self.reference.sensor.noise, self.first.t
         slow = noise.correlation * np.outer(noise.flicker, noise.flicker)
         alone = np.kron(np.eye(len(t)), self.spread / self.rows)
         return np.linalg.inv(np.linalg.cholesky(alone + np.kron(kernel(t), slow)))
@@ -212,39 +248,29 @@ class Basis:
     def residual(self) -> np.ndarray:
         """Readings of all checks less the model's at their own joint values (n, P, 6)."""
         q = np.concatenate([c.q for c in self.checks])
-        predicted = self.model.predict(q, self.theta).reshape(len(self.checks), -1, 6)
+        predicted = self.reference.model.predict(q, self.reference.theta).reshape(
+            len(self.checks), -1, 6
+        )
         return np.stack([c.wrench for c in self.checks]) - predicted
-
-    @cached_property
-    def tangents(self) -> np.ndarray:
-        """Readings (P, 6, K) per unit of each quantity."""
-        columns, known = [], effects()
-        for name, wanted in _FITTED.items():
-            effect, own = known[name], known[name].parameters(self.robot)
-            variant = effect.variants(self.scene)[0]
-            for parameter in (own[own.index(p)] for p in wanted):
-                tangent = self.response.tangent(effect, parameter, variant)
-                columns.append(tangent / parameter.tolerance)
-        return np.stack(columns, axis=-1)
 
     @cached_property
     def warming(self) -> np.ndarray:
         """Readings (P, 6, 6) per unit of each zero that moves evenly through the check."""
-        t = self.scene.age / self.scene.span - 0.5
+        t = self.reference.scene.age / self.reference.scene.span - 0.5
         return t[:, None, None] * np.eye(6)
 
     @cached_property
     def warm_std(self) -> np.ndarray:
         """Prior standard deviation (6,) of what zeros move during a check [N, N·m]."""
-        noise = self.sensor.noise
+        noise = self.reference.sensor.noise
         return np.hypot(_SLOW * noise.flicker, _LEFT_OF_WARM_UP * np.abs(noise.warmup_drift))
 
     @cached_property
     def _fit(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Whitened columns (6 P, K + 6), their pseudo-inverse (K + 6, 6 P), covariance (K, K)."""
-        both = np.concatenate([self.tangents, self.warming], axis=-1)
+        both = np.concatenate([self.reference.tangents, self.warming], axis=-1)
         white = self.whiten(np.moveaxis(both, -1, 0)).T
-        k = self.tangents.shape[-1]
+        k = self.reference.tangents.shape[-1]
         prior = np.zeros(k + 6)
         prior[k:] = 1.0 / np.maximum(self.warm_std, 1e-12) ** 2
         inverse = np.linalg.inv(white.T @ white + np.diag(prior))
@@ -258,7 +284,7 @@ class Basis:
     @cached_property
     def changes(self) -> np.ndarray:
         """Values of all checks less those of the model (n, K)."""
-        return self.whiten(self.residual) @ self._fit[1].T[:, : self.tangents.shape[-1]]
+        return self.whiten(self.residual) @ self._fit[1].T[:, : self.reference.tangents.shape[-1]]
 
     @cached_property
     def values(self) -> np.ndarray:
@@ -269,9 +295,9 @@ class Basis:
     def origin(self) -> np.ndarray:
         """The model's values (K,); spans, tilt and mount count from nominal."""
         n = len(self.robot.parameters)
-        tool = self.robot.tool(self.theta[:n])
+        tool = self.robot.tool(self.reference.theta[:n])
         load = [float(tool.mass), *(float(c) for c in tool.cog)]
-        return np.concatenate([self.theta[n : n + 6], load, np.zeros(7)])
+        return np.concatenate([self.reference.theta[n : n + 6], load, np.zeros(7)])
 
     @cached_property
     def left(self) -> np.ndarray:
@@ -294,7 +320,7 @@ class Basis:
     @cached_property
     def per_kelvin(self) -> np.ndarray:
         """Typical change of each quantity (K,) by the sensor's temperature [1/K]."""
-        full = self.sensor.calibration().range
+        full = self.reference.sensor.calibration().range
         mass = SPAN_PER_K * self.origin[6]
         return np.concatenate([ZERO_PER_K * full, [mass], np.zeros(8), [SPAN_PER_K] * 2])
 
@@ -304,7 +330,7 @@ class Basis:
         Args:
             warm: whether the temperature is recorded.
         """
-        noise, own = self.sensor.noise, np.sqrt(np.diagonal(self.covariance))
+        noise, own = self.reference.sensor.noise, np.sqrt(np.diagonal(self.covariance))
         slow = np.hypot(_SLOW * noise.flicker, _LEFT_OF_WARM_UP * np.abs(noise.warmup_drift))
         other = _OTHER * own
         other[BIASES] = np.hypot(own[BIASES], slow)
