@@ -23,7 +23,7 @@ from wrenchbed.diagnosis.explain.reliability import Reliability, features, shipp
 from wrenchbed.diagnosis.explain.structures import Analysis, analyse
 from wrenchbed.diagnosis.explain.touched_poses import contact_of
 from wrenchbed.diagnosis.explain.verdict import Verdict, decide, tempered
-from wrenchbed.diagnosis.gap import closure, rivals, where
+from wrenchbed.diagnosis.gap import closure, constancy, rivals, where
 from wrenchbed.diagnosis.gap.result import Diagnosis
 from wrenchbed.diagnosis.gap.upheld import LARGEST_NONE, PARTIAL, upheld, withdrawn
 from wrenchbed.diagnosis.next import experiments, isolability
@@ -148,7 +148,8 @@ def examine(
 
 def findings_of(found: Examined, seed: int, progress: Progress, begun: float) -> Findings:
     """The answers of what was weighed at ``begun`` [s]."""
-    (analysis, untempered, verdict, twin, gap), known, outliers, between, scattered = found
+    weighed, known, outliers, between, scattered = found
+    analysis, untempered, verdict, twin, gap, refuted = weighed
     prepared = analysis.prepared
     reading = twin.wrench(prepared.scene) if outliers else prepared.expected
     touch = prepared.touch or contact_of(prepared, outliers, reading)
@@ -161,7 +162,8 @@ def findings_of(found: Examined, seed: int, progress: Progress, begun: float) ->
     progress("what next")
     named = {n for c in verdict.causes for n in c.names}
     cannot_tell = _cannot_tell(analysis, named) if named else []
-    of_data = [*prepared.notes, *([scattered] if scattered else ()), *([OFTEN] if often else ())]
+    said = (scattered, OFTEN if often else "", refuted)
+    of_data = [*prepared.notes, *(sentence for sentence in said if sentence)]
     plans, proposed = _next(analysis, verdict, seed)
     outcome = "identified" if between and verdict.verdict == NONE else verdict.verdict
     spread = 1.0 if known is None else known.spread
@@ -201,13 +203,18 @@ def findings_of(found: Examined, seed: int, progress: Progress, begun: float) ->
 
 
 class Weighed(NamedTuple):
-    """Everything that a verdict on the means of readings rests on."""
+    """Everything that a verdict on the means of readings rests on.
+
+    Attributes:
+        refuted: what comes nearest and yet cannot be it, a sentence; empty if there is no such.
+    """
 
     analysis: Analysis
     untempered: Verdict
     verdict: Verdict
     twin: Twin
     gap: closure.Closure
+    refuted: str = ""
 
     @property
     def settled(self) -> bool:
@@ -228,8 +235,10 @@ def weigh(prepared: Prepared, known: Reliability | None, seed: int) -> Weighed:
 def settle(analysis: Analysis, known: Reliability | None, seed: int) -> Weighed:
     """Hold what best explains the gap against rows that no fit saw.
 
-    A robot that look-alikes taught nothing of may leave a rest of its own. Of the others they
-    taught how often something unknown leaves one.
+    A robot that the package knows nothing of may leave a rest of its own. Of the others look-alikes
+    taught how often something unknown leaves one. No look-alike has such a rest, so that those of
+    the recording do not say how often a cause beside one is right. A cause whose readings the rest
+    goes with is not named.
     """
     first = _settled(analysis, decide(analysis.ranking), known, seed)
     if known is None or not known.elsewhere or not own_rest.is_left(analysis):
@@ -237,11 +246,25 @@ def settle(analysis: Analysis, known: Reliability | None, seed: int) -> Weighed:
     again = own_rest.weighed_again(analysis)
     if first.settled:
         return first._replace(verdict=rivals.with_rivals(again, first.verdict, seed))
-    second = _settled(again, own_rest.decided(again.ranking), known, seed)
+    second = _settled(again, own_rest.decided(again.ranking), known.plain(), seed)
     before, now = ({c.part.name for c in w.verdict.causes} for w in (first, second))
     if now <= before:
         return first
+    change = _changing(again, second.verdict, now - before, seed)
+    if change is not None:
+        return first._replace(refuted=change.sentence)
     return second._replace(verdict=rivals.with_rivals(again, second.verdict, seed))
+
+
+def _changing(
+    a: Analysis, verdict: Verdict, names: Collection[str], seed: int
+) -> constancy.Change | None:
+    """Which of these causes of a verdict is not as large at all poses."""
+    claim = _claimed(a, verdict)
+    assert claim is not None
+    asked = set(names) - set(tilt.witnessed(a, verdict))  # that another sensor measured, stands
+    parts = [k for k in claim.keep if claim.finalist.parts[k].name in asked]
+    return constancy.changing(a, claim.finalist, parts, seed) if parts else None
 
 
 def _settled(analysis: Analysis, decided: Verdict, known: Reliability | None, seed: int) -> Weighed:

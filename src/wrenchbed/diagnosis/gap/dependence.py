@@ -83,7 +83,7 @@ def family_wise(
         permutations: how often.
         seed: of the permutations.
     """
-    order = _orders(block, permutations, np.random.default_rng([seed, 30]))
+    order = orders(block, permutations, np.random.default_rng([seed, 30]))
     permuted = np.ascontiguousarray(np.moveaxis(residual[order], 2, 0).swapaxes(1, 2))
     # Wilson & Hilferty: the cube root of a χ² variable is nearly normal
     root = np.cbrt(parts.explained(parts.without_fitted(permuted)))
@@ -242,7 +242,7 @@ def _fitted(prepared: Prepared) -> np.ndarray:
     return np.asarray(np.linalg.qr(columns)[0])
 
 
-def _orders(block: np.ndarray, permutations: int, rng: np.random.Generator) -> np.ndarray:
+def orders(block: np.ndarray, permutations: int, rng: np.random.Generator) -> np.ndarray:
     """Row numbers (1 + permutations, R), the first in order.
 
     Rows of a motion are shifted in a circle, cut into stretches of one block's length, and the

@@ -1,0 +1,99 @@
+"""Whether a cause is as large at all poses: a rest that goes with it is not the recording's own.
+
+An effect of the library keeps its size through a recording. What only looks like one leaves a rest
+that is its own readings times something that changes: a floor that sinks is a tilt that grows, a
+bad plug a gain that comes and goes. Two score tests of a constant coefficient see that: against one
+that is drawn anew at each pose (Breusch & Pagan 1979, doi 10.2307/1911963), and against one that
+wanders with time (Nyblom 1989, doi 10.1080/01621459.1989.10478759). The residual is permuted as
+`dependence` does it, so that a rest of any size and distribution may be there.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from wrenchbed.diagnosis.explain.contributions import made_by
+from wrenchbed.diagnosis.explain.refit import Finalist
+from wrenchbed.diagnosis.explain.structures import Analysis
+from wrenchbed.diagnosis.gap.dependence import orders
+
+CHANGES = 0.01
+"""Family-wise p-value below which a cause is not constant."""
+PERMUTATIONS = 499
+_RANK = 1e-9
+"""Singular value over the largest one, below which a column depends on the others."""
+
+
+@dataclass(frozen=True)
+class Change:
+    """A cause that is not constant.
+
+    Attributes:
+        name: of the effect.
+        p_value: over all causes and both tests.
+        thirds: its size in each third of the recording, over its size in all of it.
+    """
+
+    name: str
+    p_value: float
+    thirds: tuple[float, float, float]
+
+    @property
+    def sentence(self) -> str:
+        """For people."""
+        first, second, third = (f"{x:.2g}" for x in self.thirds)
+        return (
+            f"{self.name} comes nearest, but fits only if its size changes during the recording "
+            f"(p = {self.p_value:.2g}): {first}, {second} and {third} times its mean in the thirds "
+            "of the recording; so it is another effect, which is not in the library"
+        )
+
+
+def changing(a: Analysis, f: Finalist, parts: Sequence[int], seed: int) -> Change | None:
+    """The cause whose size changes most surely; None if all are constant.
+
+    Args:
+        a: the analysis, its noise with the recording's own rest.
+        f: the explanation.
+        parts: numbers of its causes.
+        seed: of the permutations.
+    """
+    d = a.dictionary
+    scale = np.tile(np.sqrt(np.maximum(d.prepared.variance, 1e-300)), d.rows)
+    block = d.prepared.block_rows
+    basis = _basis(np.column_stack([d.E[:, d.stated], f.design]) / scale[:, None])
+    order = orders(block, PERMUTATIONS, np.random.default_rng([seed, 31]))
+    rest = _without(basis, (f.residual / scale)[None])[0].reshape(-1, 6)
+    permuted = _without(basis, rest[order].reshape(len(order), -1)).reshape(len(order), -1, 6)
+    made = [(made_by(a.refitter, f, [k]) / scale).reshape(-1, 6) for k in parts]
+    sure = np.stack([_studentised(permuted, m, block) for m in made])  # (parts, n)
+    p_value = float((sure.max(axis=0) >= sure[:, 0].max()).mean())
+    if p_value >= CHANGES:
+        return None
+    k = int(sure[:, 0].argmax())
+    along, size = (rest * made[k]).sum(axis=1), (made[k] ** 2).sum(axis=1)
+    thirds = np.array_split(np.arange(len(size)), 3)
+    share = [1.0 + float(along[i].sum() / max(size[i].sum(), 1e-300)) for i in thirds]
+    return Change(f.parts[parts[k]].name, p_value, (share[0], share[1], share[2]))
+
+
+def _studentised(rest: np.ndarray, made: np.ndarray, block: np.ndarray) -> np.ndarray:
+    """The larger of both statistics (n,) of residuals (n, R, 6) and a cause's readings (R, 6)."""
+    first = np.flatnonzero(np.diff(block, prepend=-1))
+    score = np.add.reduceat(np.einsum("nrc,rc->nr", rest, made), first, axis=1)
+    squares = [(score**2).sum(axis=1), (np.cumsum(score, axis=1) ** 2).sum(axis=1)]
+    root = np.cbrt(np.stack(squares))  # of a χ² variable nearly normal: Wilson & Hilferty
+    spread = np.maximum(root.std(axis=1, keepdims=True), 1e-300)
+    return np.asarray(((root - root.mean(axis=1, keepdims=True)) / spread).max(axis=0))
+
+
+def _basis(columns: np.ndarray) -> np.ndarray:
+    """Orthonormal basis of columns (6 R, k)."""
+    u, s, _ = np.linalg.svd(columns / np.linalg.norm(columns, axis=0), full_matrices=False)
+    return np.asarray(u[:, s > _RANK * s[0]])
+
+
+def _without(basis: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """Residuals (n, 6 R) less what a fit of the explanation and of the stated numbers takes."""
+    return np.asarray(x - (x @ basis) @ basis.T)
