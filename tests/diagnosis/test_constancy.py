@@ -31,9 +31,8 @@ def made_up(factor, rest):
     d = SimpleNamespace(E=stated, stated=np.arange(6), prepared=prepared, rows=ROWS)
     variables = SimpleNamespace(part=np.zeros(1, dtype=int), shape=np.zeros(1, dtype=bool))
     part = SimpleNamespace(name="base.tilt")
-    f = SimpleNamespace(
-        parts=(part,), x=x[6:], variables=variables, design=design[:, 6:], residual=y - design @ x
-    )
+    f = SimpleNamespace(parts=(part,), x=x[6:], variables=variables, residual=y - design @ x)
+    f.design = np.column_stack([design[:, 6:], np.zeros(len(y))])  # a shape that shows nothing
     refitter = SimpleNamespace(response=lambda parts, x: column.ravel() * x[0])
     return SimpleNamespace(dictionary=d, refitter=refitter), f
 

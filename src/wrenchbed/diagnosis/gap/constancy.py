@@ -89,8 +89,9 @@ def _studentised(rest: np.ndarray, made: np.ndarray, block: np.ndarray) -> np.nd
 
 
 def _basis(columns: np.ndarray) -> np.ndarray:
-    """Orthonormal basis of columns (6 R, k)."""
-    u, s, _ = np.linalg.svd(columns / np.linalg.norm(columns, axis=0), full_matrices=False)
+    """Orthonormal basis of columns (6 R, k); a shape of a small part may have a column of 0."""
+    norm = np.linalg.norm(columns, axis=0)
+    u, s, _ = np.linalg.svd(columns / np.where(norm > 0.0, norm, 1.0), full_matrices=False)
     return np.asarray(u[:, s > _RANK * s[0]])
 
 
