@@ -8,15 +8,19 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.special import logit
 
 from ntnu import static
 from wrenchbed.benchmark.sealed.real_setting import setting_of
 from wrenchbed.benchmark.sealed.semi_real import FAMILIES, HostRecording
+from wrenchbed.diagnosis import diagnose as diagnose_
 from wrenchbed.diagnosis.diagnose import diagnose
 from wrenchbed.diagnosis.explain.claims import Part
 from wrenchbed.diagnosis.explain.own_rest import is_left, rest_variance, weighed_again
+from wrenchbed.diagnosis.explain.reliability import Reliability
 from wrenchbed.diagnosis.explain.structures import analyse
 from wrenchbed.diagnosis.explain.verdict import Cause, Verdict, complete, widened
+from wrenchbed.diagnosis.gap.closure import Interval
 from wrenchbed.diagnosis.prepare.prepare_recording import prepare
 
 
@@ -86,3 +90,30 @@ def test_more_rivals_take_their_probability_along_and_too_many_end_the_claim():
     assert told.causes[0].shares == pytest.approx((0.5, 0.5))
     many = widened(verdict, tuple("abcde"))
     assert (many.verdict, many.causes) == ("unknown", ())
+
+
+@pytest.mark.parametrize(
+    ("elsewhere", "low", "floor", "believed"),
+    [
+        (True, 3.1, 2.0, 0.85),
+        (True, 2.9, 2.0, 0.98),
+        (False, 3.1, 2.0, 0.98),
+        (True, 3.1, -1, 0.85),
+    ],
+)
+def test_a_cause_that_surely_leaves_a_gap_is_believed_as_beside_a_real_rest(
+    monkeypatch, elsewhere, low, floor, believed
+):
+    """A gap beyond the floor of more than 1 counts, with its whole interval."""
+    monkeypatch.setattr(diagnose_, "features", lambda *_: (1.0,))
+    known = Reliability((float(logit(0.98)),), 0.9, 0.9, 200, "", elsewhere=elsewhere, own=True)
+    cause = Cause(("sensor.gain",), 1.0, Part("sensor.gain", 9.0, index=0))
+    verdict = Verdict(
+        "identified", (cause,), SimpleNamespace(), {"sensor.gain": 1.0, "unknown": 0.0}
+    )
+    gap = SimpleNamespace(
+        closed=None, with_effects=Interval(low + 1.0, low, low + 2.0), floor=floor
+    )
+    assert diagnose_._right(SimpleNamespace(ranking=None), verdict, known, gap) == pytest.approx(
+        believed
+    )

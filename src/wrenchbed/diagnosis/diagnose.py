@@ -19,7 +19,12 @@ from wrenchbed.diagnosis.evidence.similarity import Similarity
 from wrenchbed.diagnosis.explain import outliers as outliers_
 from wrenchbed.diagnosis.explain import own_rest, tilt
 from wrenchbed.diagnosis.explain.joint import View
-from wrenchbed.diagnosis.explain.reliability import Reliability, features, shipped
+from wrenchbed.diagnosis.explain.reliability import (
+    RIGHT_ELSEWHERE,
+    Reliability,
+    features,
+    shipped,
+)
 from wrenchbed.diagnosis.explain.structures import Analysis, analyse
 from wrenchbed.diagnosis.explain.touched_poses import contact_of
 from wrenchbed.diagnosis.explain.verdict import Verdict, decide, tempered
@@ -325,12 +330,23 @@ def _tempered(
     if known is None or (witnessed and set(witnessed) & set(lead)):
         return verdict
     if verdict.causes:
-        closed = 0.0 if gap.closed is None else gap.closed.value
-        told = tempered(verdict, known.of(features(a.ranking, verdict, closed)))
+        told = tempered(verdict, _right(a, verdict, known, gap))
         both = zip(told.causes, verdict.causes, strict=False)
         causes = (was if set(was.names) & set(witnessed) else c for c, was in both)
         return replace(told, causes=tuple(causes))
     return tempered(verdict, known.none if verdict.verdict == NONE else known.unknown)
+
+
+def _right(a: Analysis, verdict: Verdict, known: Reliability, gap: closure.Closure) -> float:
+    """How often such causes are right.
+
+    Where they surely leave a gap that counts, on a robot that the package knows nothing of, not
+    more often than causes beside the rest of a real recording: few look-alikes leave one.
+    """
+    closed = 0.0 if gap.closed is None else gap.closed.value
+    right = known.of(features(a.ranking, verdict, closed))
+    left = 0.0 if gap.with_effects is None else gap.with_effects.low - max(gap.floor, 0.0)
+    return min(right, RIGHT_ELSEWHERE) if known.elsewhere and left > LARGEST_NONE else right
 
 
 def _judged(a: Analysis, verdict: Verdict, seed: int) -> tuple[Twin, closure.Closure, Verdict]:
