@@ -30,7 +30,7 @@ FLAGS = {
     ),
     "calibrate": (
         "force=False, free=none, hold=none, json=False, loss=linear, out=None, prior=False, "
-        "rrd=None, touch-std=None, touches=None, truth=None"
+        "report=None, rrd=None, touch-std=None, touches=None, truth=None"
     ),
     "diagnose": (
         "dry-run=False, fast=False, json=False, look-alikes=0, out=None, rate=100.0, samples=60, "

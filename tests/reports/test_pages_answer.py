@@ -2,7 +2,6 @@
 
 import json
 import re
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,17 +12,19 @@ import axe
 import wrenchbed as wb
 from chromium import BINARY, tab
 from pictures import unless
+from wrenchbed.benchmark.referee.case import make
 from wrenchbed.campaigns import summary
 from wrenchbed.campaigns.result_rows import CampaignRows, empty
 from wrenchbed.campaigns.settings import Fleet
+from wrenchbed.diagnosis.diagnose import diagnose
 from wrenchbed.pages.document import Document, Figure, Section, Table
 from wrenchbed.pages.plots import bars, components, histograms, lines
 from wrenchbed.pages.provenance import provenance
-from wrenchbed.reports import diagnosis_page, recording_page
+from wrenchbed.reports import diagnosis_page, fit_page, recording_page
 
 pytestmark = unless(BINARY is not None, "chromium is not installed")
 
-KINDS = ("diagnosis", "unknown", "recording", "campaign", "study")
+KINDS = ("diagnosis", "unknown", "recording", "fit", "campaign", "study")
 
 
 @pytest.fixture(scope="module")
@@ -32,24 +33,20 @@ def pages(tmp_path_factory):
     folder = tmp_path_factory.mktemp("pages")
     told = found(folder, "joint.compliance:joint=2,stiffness=9000")
     diagnosis_page(told).write(folder / "diagnosis.html")
-    unknown = replace(
-        told.diagnosis, verdict="unknown", which=[], gap=_unclaimed(told), where=[]
-    )  # fmt: skip
-    diagnosis_page(replace(told, diagnosis=unknown)).write(folder / "unknown.html")
+    case = make("ur5", "static", "outside", (41, 3))  # a fault that is no effect of the library
+    unknown = diagnose(case.recording)
+    assert unknown.diagnosis.verdict == "unknown"
+    diagnosis_page(unknown).write(folder / "unknown.html")
     recording = wb.Recording.read(folder / "rec.parquet")
-    wb.calibrate(recording).write(folder / "fit.json")
+    fit = wb.calibrate(recording)
+    fit.write(folder / "fit.json")
+    fit_page(fit, recording, "wrenchbed calibrate rec.parquet").write(folder / "fit.html")
     page = recording_page(recording, [folder / "fit.json"], "wrenchbed report rec.parquet")
     page.write(folder / "recording.html")
     _campaign(folder / "rows").write(folder / "campaign", "campaign")
     _study().write(folder / "study", "study")
     at = {k: folder / f"{k}.html" for k in KINDS}
     return at | {k: folder / k / f"{k}.html" for k in ("campaign", "study")}
-
-
-def _unclaimed(told):
-    gap = told.diagnosis.gap
-    readings = {"calibrated": gap.readings["calibrated"]}
-    return replace(gap, with_effects=None, closed=None, members={}, readings=readings)
 
 
 def _campaign(folder) -> Document:
@@ -105,7 +102,7 @@ def test_every_figure_answers_and_nothing_complains(page, pages, kind):
     page.console.clear()
     shown(page, pages[kind])
     count = page.run("document.querySelectorAll('figure[data-chart]').length")
-    assert count >= (3 if kind == "campaign" else 4)
+    assert count >= (3 if kind in ("campaign", "fit") else 4)
     assert page.run("document.querySelectorAll('figure.alive .live svg').length") == count
     assert page.console == []
     assert pages[kind].stat().st_size < 3_000_000

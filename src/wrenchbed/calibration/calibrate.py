@@ -263,6 +263,18 @@ def calibrate(
     return replace(_result(recording, problem, outcome, theta), refuted=refuted)
 
 
+def left_by(fit: Fit, recording: Recording) -> tuple[Observations, np.ndarray]:
+    """What a fit leaves of the recording that it was fitted to.
+
+    Returns:
+        The observations, and measured minus fitted of each (M, 6) [N, N·m].
+    """
+    recording = _without_unknown_joints(recording)
+    model, data = Model.of(robot_of(recording), recording.metadata), observe(recording)
+    theta = model.parameters.vector(dict(fit.theta))
+    return data, data.wrench - model.predict(data.q, theta)
+
+
 def _finding(
     recording: Recording, data: Observations, model: Model, stated: np.ndarray, names: set[str]
 ) -> Finding | None:

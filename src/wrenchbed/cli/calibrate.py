@@ -13,12 +13,12 @@ from rich.table import Table
 from rich.text import Text
 
 import wrenchbed as wb
-from wrenchbed.calibration.fit import IdentifiedValue
+from wrenchbed.calibration.fit_words import FitWords, fit_words
 from wrenchbed.cli import console
 from wrenchbed.cli.console import Json
 from wrenchbed.data.outputs import Kind
 from wrenchbed.errors import ParameterError
-from wrenchbed.pages.numbers import HUMAN, decimals
+from wrenchbed.pages.numbers import HUMAN
 from wrenchbed.physics.wrench import CHANNELS
 
 
@@ -52,6 +52,7 @@ def calibrate(
     out: Path | None = None,
     truth: Path | None = None,
     rrd: Path | None = None,
+    report: Path | None = None,
     as_json: Json = False,
 ) -> None:
     """Identify a robot's parameters: value ± standard uncertainty, and what the data cannot tell.
@@ -62,10 +63,12 @@ def calibrate(
         truth: JSON {name: value} of a simulated robot, shown beside the estimates.
         rrd: Picture to write: the target workspace coloured by position error before and after
             where the robot has one and the fit bounds it, else the recording with the fit.
+        report: Page to write, HTML: the fit with correlations and the residual of each pose.
         as_json: Print the result as JSON.
     """
     console.check_out(out, Kind.FIT, recording, contact.touches, truth)
     console.check_out(rrd, Kind.PICTURE, recording, contact.touches, truth, out)
+    console.check_out(report, Kind.PAGE, recording, contact.touches, truth, out, rrd)
     known = None if truth is None else console.parameters(truth)
     data = wb.Recording.read(recording)
     with console.progress(f"calibrate {len(data):,} rows", None):
@@ -81,9 +84,33 @@ def calibrate(
         result.write(out)
     if rrd is not None:
         _draw(result, data, rrd)
+    if report is not None:
+        _page(result, data, report, _command(recording, fit, contact, out, report))
     console.answer(result.to_json(), as_json, fit_table(result, known))
-    if out is not None and not as_json:
-        console.say(f"fit → {out}")
+    for what, path in (("fit", out), ("page", report)):
+        if path is not None and not as_json:
+            console.say(f"{what} → {path}")
+
+
+def _command(
+    recording: Path, fit: wb.Options, contact: TouchArguments, out: Path | None, report: Path
+) -> str:
+    """The line that makes a page again."""
+    words: list[object] = ["calibrate", recording]
+    for flag, names in (("--free", fit.free), ("--hold", fit.hold)):
+        words += [flag, *names] if names else []
+    words += ["--prior"] * fit.prior + ["--force"] * fit.force
+    words += ["--loss", fit.loss] if fit.loss != "linear" else []
+    words += ["--touches", contact.touches] if contact.touches is not None else []
+    words += ["--touch-std", contact.touch_std] if contact.touch_std is not None else []
+    words += ["--out", out] if out is not None else []
+    return console.command(*words, "--report", report)
+
+
+def _page(result: wb.Fit, data: wb.Recording, path: Path, command: str) -> None:
+    from wrenchbed.reports.fit_page import fit_page
+
+    fit_page(result, data, command).write(path)
 
 
 def _draw(result: wb.Fit, data: wb.Recording, rrd: Path) -> None:
@@ -102,32 +129,16 @@ def fit_table(result: wb.Fit, truth: Mapping[str, float] | None = None) -> Group
 
     With the true values of a simulated robot, each true value is printed beside its estimate.
     """
-    rows = f"{result.rows} rows"
-    amount = rows if result.rows == result.poses else f"{result.poses} poses, {rows}"
-    head = Text.assemble(
-        ("calibration ", "bold"), f"{result.recording}  {result.robot}, {amount}",
-    )  # fmt: skip
-    parts: list[Any] = [head, "", _parameters(result, truth), "", _residuals(result), ""]
-    sections = [("what this data cannot tell", _limits(result))]
-    if result.touches is not None:
-        seats = result.touches
-        text = (
-            f"{seats.count} with {1e3 * seats.std:g} mm per axis; the least fitting, number "
-            f"{seats.worst}, lies {seats.distance:.1f} σ from where all else puts it"
-        )
-        sections.append(("touches", [text]))
-    if result.target_rms is not None:
-        text = f"{1e3 * result.target_rms:.3g} mm rms expected in the robot's target workspace"
-        sections.append(("position of the tool", [text]))
-    sections.append(("status", [result.status]))
-    for title, lines in sections:
-        if lines:
-            parts += [Text(title, style="bold"), *(Padding(Text(x), (0, 0, 0, 2)) for x in lines)]
-            parts += [""] * (title != "status")
+    words = fit_words(result)
+    head = Text.assemble(("calibration ", "bold"), f"{result.recording}  {words.data}")
+    parts: list[Any] = [head, "", _parameters(result, words, truth), "", _residuals(words), ""]
+    for title, lines in words.sections:
+        parts += [Text(title, style="bold"), *(Padding(Text(x), (0, 0, 0, 2)) for x in lines)]
+        parts += [""] * (title != "status")
     return Group(*parts)
 
 
-def _parameters(result: wb.Fit, truth: Mapping[str, float] | None) -> Table:
+def _parameters(result: wb.Fit, words: FitWords, truth: Mapping[str, float] | None) -> Table:
     table = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
     table.add_column("parameter", no_wrap=True)
     for name in ("value", "± std", "start"):
@@ -136,10 +147,10 @@ def _parameters(result: wb.Fit, truth: Mapping[str, float] | None) -> Table:
     if truth is not None:
         table.add_column("truth", justify="right", no_wrap=True)
         table.add_column("off by", justify="right", no_wrap=True)
-    for p in result.identified:
-        unit, factor = HUMAN.get(p.unit, (p.unit, 1.0))
-        cells = [p.name, *_numbers(p, factor), unit]
+    for p, told in zip(result.identified, words.parameters, strict=True):
+        cells = [told.name, told.value, told.std, told.start, told.unit]
         if truth is not None:
+            _, factor = HUMAN.get(p.unit, (p.unit, 1.0))
             true = truth.get(p.name, p.nominal)
             error = f"{(p.value - true) / p.std:+.1f} σ" if p.std else ""
             cells += [f"{true * factor:.7g}", error]
@@ -147,35 +158,11 @@ def _parameters(result: wb.Fit, truth: Mapping[str, float] | None) -> Table:
     return table
 
 
-def _numbers(p: IdentifiedValue, factor: float) -> tuple[str, str, str]:
-    """Value, uncertainty and initial value with as many decimals as the uncertainty deserves."""
-    initial = p.nominal * factor
-    start = f"{initial:.4g}" if abs(initial) > 1e-12 else "0"
-    if p.std is None:
-        return f"{p.value * factor:.4f}", "in sum only", start
-    std = p.std * factor
-    return f"{p.value * factor:.{decimals(std)}f}", f"{std:.2g}", start
-
-
-def _residuals(result: wb.Fit) -> Table:
+def _residuals(words: FitWords) -> Table:
     table = Table(box=None, padding=(0, 1, 0, 0), header_style="dim")
     table.add_column("per channel [N, N·m]", no_wrap=True)
     for channel in CHANNELS:
-        table.add_column(channel, justify="right", no_wrap=True, min_width=7)
-    noise = result.noise
-    table.add_row("residual rms", *map(_short, result.residual_rms))
-    table.add_row(f"one row, {noise.source}", *map(_short, noise.row))
-    table.add_row("effective rows", *(f"{w:.0f}" for w in noise.effective))
+        table.add_column(channel, justify="right", no_wrap=True, min_width=8)
+    for label, values in words.residuals:
+        table.add_row(label, *values)
     return table
-
-
-def _short(x: float) -> str:
-    return f"{x:.4f}" if x >= 1e-3 else f"{x:.1e}" if x > 0 else "0"
-
-
-def _limits(result: wb.Fit) -> list[str]:
-    """What the data cannot identify; empty if it identifies everything."""
-    o = result.observability
-    no_effect = [f"no effect on any reading: {', '.join(o.no_effect)}"] * bool(o.no_effect)
-    lines = no_effect + [r.sentence for r in o.redundancies]
-    return [f"rank {o.rank} of {len(o.names)} parameters", *lines] if lines else []

@@ -152,6 +152,7 @@ class Matrix:
         values: NaN where there is none.
         scale: of the colours.
         texts: as printed, row by row.
+        printed: whether they stand in the cells; at the cursor they always do.
     """
 
     rows: tuple[str, ...]
@@ -159,6 +160,7 @@ class Matrix:
     values: np.ndarray
     scale: Scale
     texts: tuple[tuple[str, ...], ...]
+    printed: bool = True
 
     def colour(self, value: float) -> str | None:
         """Of a cell; None of one without a value, which has the page's own."""
@@ -175,6 +177,7 @@ class Panel:
         zero: whether a line marks y = 0.
         levels: named horizontal lines.
         diagonal: whether a line marks y = x.
+        equal: whether both axes have one scale.
     """
 
     x: Axis
@@ -186,6 +189,7 @@ class Panel:
     zero: bool = False
     levels: Mapping[str, float] = field(default_factory=dict)
     diagonal: bool = False
+    equal: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -279,6 +283,7 @@ def _panel(p: Panel) -> dict[str, Any]:
         "height": p.height,
         "zero": p.zero,
         "diagonal": p.diagonal,
+        "equal": p.equal,
         "levels": [[name, _number(v)] for name, v in p.levels.items()],
         "x": _axis(p.x),
         "y": _axis(p.y),
@@ -312,6 +317,7 @@ def _matrix(m: Matrix) -> dict[str, Any]:
         "columns": list(m.columns),
         "values": [_numbers(row) for row in m.values],
         "texts": [list(row) for row in m.texts],
+        "printed": m.printed,
         "colours": colours,
         "inks": [[c and readable(c) for c in row] for row in colours],
         "bar": bar(m.scale),

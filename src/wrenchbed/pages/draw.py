@@ -16,6 +16,8 @@ WIDTH = 4.9
 """Of a column of panels [in]: fits a telephone, and two fit beside each other on a screen."""
 HEIGHT = 1.75
 """Of a usual panel [in]."""
+MOST_LETTERS = 75
+"""Beside each other under a matrix; names turn where there would be more."""
 MOST_WHISKERS = 150
 """Points of a still figure that have their uncertainty drawn."""
 COLOURS = {
@@ -99,6 +101,8 @@ def _draw(figure: Any, ax: Any, p: Panel, *, named: bool) -> None:
         _lines(ax, p)
         _axis(ax, "x", p.x, p)
         _axis(ax, "y", p.y, p)
+        if p.equal:
+            ax.set_aspect("equal", adjustable="datalim")
     if named or p.matrix is not None:
         ax.set_xlabel(p.x.text)
     ax.set_ylabel(p.y.text)
@@ -180,6 +184,8 @@ def _matrix(figure: Any, ax: Any, m: Matrix) -> None:
     for (i, j), v in np.ndenumerate(m.values):
         colour = m.colour(float(v))
         ax.add_patch(Rectangle((j, i), 1.0, 1.0, fc=colour or "none", ec="none"))
+        if not m.printed:
+            continue
         ax.text(
             j + 0.5, i + 0.5, m.texts[i][j], ha="center", va="center", fontsize=7.5,
             color=readable(colour) if colour else INK, in_layout=False,
@@ -187,7 +193,9 @@ def _matrix(figure: Any, ax: Any, m: Matrix) -> None:
     ax.set_xlim(0, len(m.columns))
     ax.set_ylim(len(m.rows), 0)
     ax.set_yticks(np.arange(len(m.rows)) + 0.5, m.rows)
-    ax.set_xticks(np.arange(len(m.columns)) + 0.5, m.columns, fontsize=7.5)
+    longest = max(len(part) for name in m.columns for part in name.split("\n"))
+    turned = 90 if longest * len(m.columns) > MOST_LETTERS else 0
+    ax.set_xticks(np.arange(len(m.columns)) + 0.5, m.columns, fontsize=7.5, rotation=turned)
     ax.tick_params(length=0)
     ax.grid(visible=False)
     for spine in ax.spines.values():

@@ -15,6 +15,7 @@ from wrenchbed.pages.provenance import provenance
 from wrenchbed.reports import cause_charts, figures, residual_charts, sentences, tables
 from wrenchbed.reports.claim import claim
 from wrenchbed.reports.figures import AtOnce, Draws
+from wrenchbed.reports.robot_chart import robot_chart
 from wrenchbed.reports.simulators import Evidence
 
 _BADGES = {"none": "✓", "identified": "●", "ambiguous": "◐", "partial": "◔", "unknown": "?"}
@@ -73,6 +74,9 @@ def diagnosis_page(found: Findings, command: str = "", artist: Draws | None = No
         "channels": draw(figures.channels(before, after, evidence.first)),
     }
     comparisons = [draw(chart) for chart in _of_causes(found, evidence)]
+    robot = robot_chart(found, evidence)
+    if robot is not None:
+        coming["robot"] = draw(robot)
     drawn = {name: figure.result() for name, figure in coming.items()}
     compared = [figure.result() for figure in comparisons]
     return ReportPage(

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from wrenchbed.calibration.fit_words import ParameterWords, parameter_words
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import ParameterError
 from wrenchbed.pages import numbers
@@ -202,24 +203,11 @@ def _idle(names: Sequence[str]) -> list[str]:
     return [f"No wrench depends on {', '.join(names)}."] if names else []
 
 
-def _row(name: str, p: Mapping[str, Any]) -> dict[str, str]:
-    """A parameter with as many digits as its uncertainty allows, in the units of people."""
-    unit, factor = numbers.HUMAN.get(str(p["unit"]), (str(p["unit"]), 1.0))
-    value, std, half = factor * p["value"], p["std"], p["interval95"]
-    if std is None or half is None:
-        return {"name": name, "value": numbers.minus(f"{value:.6g}"), "std": "not identified",
-                "interval": "", "change": "", "unit": unit}  # fmt: skip
-    std, half = factor * std, factor * half
-    digits = numbers.decimals(std)
-    low, high = value - half, value + half
-    return {
-        "name": name,
-        "value": numbers.minus(f"{value:.{digits}f}"),
-        "std": f"{std:.{digits}f}",
-        "interval": numbers.minus(f"{low:.{digits}f} … {high:.{digits}f}"),
-        "change": numbers.minus(f"{value - factor * p['nominal']:+.{digits}f}"),
-        "unit": unit,
-    }
+def _row(name: str, p: Mapping[str, Any]) -> ParameterWords:
+    """A parameter in units of people."""
+    return parameter_words(
+        name, float(p["value"]), p["std"], p["interval95"], float(p["nominal"]), str(p["unit"])
+    )
 
 
 _FIELDS: Mapping[str, Callable[[Any], Any]] = {

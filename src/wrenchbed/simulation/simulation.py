@@ -68,6 +68,34 @@ class Simulation:
             result[i] = self.data.site_xpos[site]
         return result
 
+    def sensor_frames(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Origin (N, 3) [m] and axes (N, 3, 3) of the sensor in the world at joints (N, J)."""
+        site = self.model.site("ft").id
+        origin, axes = np.empty((len(q), 3)), np.empty((len(q), 3, 3))
+        for i, row in enumerate(np.asarray(self.robot.qpos(q, self.theta))):
+            self.data.qpos[:] = row
+            mujoco.mj_kinematics(self.model, self.data)
+            origin[i] = self.data.site_xpos[site]
+            axes[i] = self.data.site_xmat[site].reshape(3, 3)
+        return origin, axes
+
+    def skeleton(self, q: np.ndarray) -> np.ndarray:
+        """The robot as lines (N, L, 2, 3) [m] at joints (N, J): each body with what carries it.
+
+        The last line leads to the sensor.
+        """
+        site, model = self.model.site("ft").id, self.model
+        body = np.arange(1, model.nbody)
+        parent = model.body_parentid[body]
+        lines = []
+        for row in np.asarray(self.robot.qpos(q, self.theta)):
+            self.data.qpos[:] = row
+            mujoco.mj_kinematics(self.model, self.data)
+            at = np.stack([self.data.xpos[parent], self.data.xpos[body]], axis=1)
+            last = [self.data.xpos[model.site_bodyid[site]], self.data.site_xpos[site]]
+            lines.append(np.concatenate([at, [last]]))
+        return np.array(lines)
+
     def seated(self, q: np.ndarray, point: np.ndarray) -> np.ndarray | None:
         """Joint values (J,) nearest to q that put the tool tip at a point (3,); None if none do."""
         x = np.array(q, dtype=float)

@@ -112,7 +112,7 @@
     const m = p.matrix, data = [];
     m.values.forEach((row, i) => row.forEach((v, j) => data.push({value: [j, i, v],
       itemStyle: {color: m.colours[i][j] ?? "transparent", borderColor: colour("--paper"), borderWidth: 1},
-      label: {show: true, formatter: m.texts[i][j], color: m.inks[i][j] ?? colour("--ink"), fontSize: 11}})));
+      label: {show: m.printed, formatter: m.texts[i][j], color: m.inks[i][j] ?? colour("--ink"), fontSize: 11}})));
     return {type: "heatmap", xAxisIndex: k, yAxisIndex: k, data, animation: false,
       emphasis: {itemStyle: {borderColor: colour("--ink"), borderWidth: 2}}};
   }
@@ -224,6 +224,7 @@
         told.xAxis.push(x);
         const y = axis({...p.y, names: p.matrix ? p.matrix.rows : p.y.names}, k, true, !p.y.names.length && !p.matrix);
         told.yAxis.push(y);
+        if (p.equal) this.even(p, b, x, y);
         if (p.title) told.title.push({text: p.title, left: b.left - 6, top: b.title, padding: 0,
           textStyle: {fontSize: 12, fontWeight: 600, color: colour("--ink")}});
         if (p.matrix) {
@@ -246,6 +247,20 @@
       if (!flat && !told.dataZoom.length) told.dataZoom = this.windows().map(x => ({type: "inside",
         xAxisIndex: x, filterMode: "none", disabled: true}));
       this.chart.setOption(told, {notMerge: true});
+    }
+
+    // both axes in one scale: what is drawn in the middle, with a margin
+    even(p, b, x, y) {
+      const ends = key => {
+        const known = p.series.filter(s => !this.off.has(s.name)).flatMap(s => s[key]).filter(v => v !== null);
+        return [Math.min(...known), Math.max(...known)];
+      };
+      const [[a, c], [d, e]] = [ends("x"), ends("y")];
+      const step = 1.08 * Math.max((c - a) / (b.right - b.left), (e - d) / b.height) / 2;
+      for (const [axis, middle, size] of [[x, (a + c) / 2, b.right - b.left], [y, (d + e) / 2, b.height]]) {
+        Object.assign(axis, {min: middle - step * size, max: middle + step * size});
+        Object.assign(axis.axisLabel, {showMinLabel: false, showMaxLabel: false});
+      }
     }
 
     windows() {

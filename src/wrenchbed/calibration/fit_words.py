@@ -1,0 +1,168 @@
+"""A fit in words and numbers for people: one object for the terminal and for pages."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from wrenchbed.calibration.fit import Fit
+from wrenchbed.pages.numbers import HUMAN, decimals, minus
+from wrenchbed.physics.wrench import CHANNELS
+
+STRONG = 0.9
+"""Size of a correlation that is told in words; estimate."""
+MOST_PAIRS = 6
+UNKNOWN = "in sum only"
+
+
+@dataclass(frozen=True)
+class ParameterWords:
+    """One parameter in units of people, with as many digits as its uncertainty deserves.
+
+    Attributes:
+        start: where the fit began.
+        interval: its 95 % interval, empty where the data fix only a combination of it.
+        change: from the start, likewise.
+    """
+
+    name: str
+    value: str
+    std: str
+    start: str
+    interval: str
+    change: str
+    unit: str
+
+
+@dataclass(frozen=True)
+class FitWords:
+    """What people read of a fit.
+
+    Attributes:
+        data: robot and amount of data.
+        parameters: in the order of the fit.
+        residuals: label and numbers of the six channels, one line each.
+        limits: what this data cannot tell.
+        pairs: the strongest correlations, the strongest first.
+        touches, position: of the touches and of the tool's position; empty where there are none.
+        status: convergence, and how far to trust the values.
+        refuted: why the data refute them, empty if they do not.
+    """
+
+    data: str
+    parameters: tuple[ParameterWords, ...]
+    residuals: tuple[tuple[str, tuple[str, ...]], ...]
+    limits: tuple[str, ...]
+    pairs: tuple[str, ...]
+    touches: str
+    position: str
+    status: str
+    refuted: str
+
+    @property
+    def sections(self) -> tuple[tuple[str, tuple[str, ...]], ...]:
+        """Headings with their lines, those that have any; the status last."""
+        told = (
+            ("what this data cannot tell", self.limits),
+            ("strongly correlated", self.pairs),
+            ("touches", (self.touches,)),
+            ("position of the tool", (self.position,)),
+            ("refuted by the data", (self.refuted,)),
+            ("status", (self.status,)),
+        )
+        return tuple((title, lines) for title, lines in told if any(lines))
+
+
+def fit_words(fit: Fit) -> FitWords:
+    """What people read of a fit."""
+    rows = f"{fit.rows} rows"
+    amount = rows if fit.rows == fit.poses else f"{fit.poses} poses, {rows}"
+    noise, seats = fit.noise, fit.touches
+    touches = "" if seats is None else (
+        f"{seats.count} with {1e3 * seats.std:g} mm per axis; the least fitting, number "
+        f"{seats.worst}, lies {seats.distance:.1f} σ from where all else puts it"
+    )  # fmt: skip
+    position = "" if fit.target_rms is None else (
+        f"{1e3 * fit.target_rms:.3g} mm rms expected in the robot's target workspace"
+    )  # fmt: skip
+    return FitWords(
+        data=f"{fit.robot}, {amount}",
+        parameters=tuple(
+            parameter_words(p.name, p.value, p.std, p.interval95, p.nominal, p.unit)
+            for p in fit.identified
+        ),
+        residuals=(
+            ("residual rms", tuple(map(_short, fit.residual_rms))),
+            (f"one row, {noise.source}", tuple(map(_short, noise.row))),
+            ("effective rows", tuple(f"{w:.0f}" for w in noise.effective)),
+        ),
+        limits=_limits(fit),
+        pairs=_pairs(fit),
+        touches=touches,
+        position=position,
+        status=fit.status,
+        refuted=fit.refuted or "",
+    )
+
+
+def parameter_words(
+    name: str, value: float, std: float | None, half: float | None, start: float, unit: str
+) -> ParameterWords:
+    """A parameter in units of people.
+
+    Args:
+        name: of the parameter.
+        value, std: [unit], std None if the data fix only a combination of it.
+        half: half width of the 95 % interval [unit].
+        start: where the fit began [unit].
+        unit: SI.
+    """
+    shown, factor = HUMAN.get(unit, (unit, 1.0))
+    value, start = factor * value, factor * start
+    began = minus(f"{start:.4g}") if abs(start) > 1e-12 else "0"
+    if std is None or half is None:
+        return ParameterWords(name, minus(f"{value:.4f}"), UNKNOWN, began, "", "", shown)
+    std, half = factor * std, factor * half
+    digits = decimals(std)
+    return ParameterWords(
+        name,
+        minus(f"{value:.{digits}f}"),
+        f"{std:.2g}" if std < 1e-9 else f"{std:.{digits}f}",
+        began,
+        minus(f"{value - half:.{digits}f} … {value + half:.{digits}f}"),
+        minus(f"{value - start:+.{digits}f}"),
+        shown,
+    )
+
+
+def worst_channel(fit: Fit) -> tuple[str, float]:
+    """Channel whose poses scatter most about the fit, and how many times what noise explains."""
+    times = fit.noise.scatter / np.maximum(fit.noise.expected, 1e-300)
+    k = int(np.argmax(times))
+    return CHANNELS[k], float(times[k])
+
+
+def _short(x: float) -> str:
+    digits = 4 if x >= 1e-3 else 6
+    return f"{x:.{digits}f}" if x >= 1e-5 else f"{x:.1e}" if x > 0 else "0"
+
+
+def _limits(fit: Fit) -> tuple[str, ...]:
+    """What the data cannot identify; empty if it identifies everything."""
+    o = fit.observability
+    no_effect = [f"no effect on any reading: {', '.join(o.no_effect)}"] * bool(o.no_effect)
+    lines = no_effect + [r.sentence for r in o.redundancies]
+    return (f"rank {o.rank} of {len(o.names)} parameters", *lines) if lines else ()
+
+
+def _pairs(fit: Fit) -> tuple[str, ...]:
+    """Pairs of parameters that the data barely tell apart."""
+    known = [k for k, p in enumerate(fit.identified) if p.std is not None]
+    found = [
+        (float(fit.correlation[i, j]), fit.identified[i].name, fit.identified[j].name)
+        for n, i in enumerate(known)
+        for j in known[:n]
+    ]
+    strong = sorted((f for f in found if abs(f[0]) >= STRONG), key=lambda f: -abs(f[0]))
+    told = [minus(f"{b} and {a}: {r:+.3f}") for r, a, b in strong[:MOST_PAIRS]]
+    more = len(strong) - MOST_PAIRS
+    return (*told, f"{more} more pairs above {STRONG:g}") if more > 0 else tuple(told)

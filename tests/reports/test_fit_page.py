@@ -1,0 +1,140 @@
+"""The page of a fit: the numbers of fit.json, the words of the terminal, each pose's residual."""
+
+import io
+import json
+import re
+from dataclasses import replace
+from html import unescape
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+import wrenchbed as wb
+from wrenchbed.calibration.fit_words import fit_words
+from wrenchbed.cli import main
+from wrenchbed.cli.calibrate import fit_table
+from wrenchbed.pages.numbers import HUMAN
+from wrenchbed.reports import fit_page
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory):
+    """A UR5 whose joint 2 is compliant: a fit leaves more than noise."""
+    path = tmp_path_factory.mktemp("fit") / "rec.parquet"
+    effects = ("joint.compliance:joint=2,stiffness=9000",)
+    with wb.SimDriver(wb.SimOptions("ur5", effects=effects, seed=1)) as driver:
+        wb.record(driver, wb.poses(driver.robot, 40, seed=1), path, samples=20)
+    return wb.Recording.read(path)
+
+
+@pytest.fixture(scope="module")
+def fit(recorded):
+    return wb.calibrate(recorded)
+
+
+def text(html: str) -> str:
+    bare = re.sub(r"<(style|script|svg)\b.*?</\1>|<[^>]+>", " ", html, flags=re.DOTALL)
+    return " ".join(unescape(bare).split())
+
+
+def on_terminal(fit) -> str:
+    console = Console(width=80, file=io.StringIO(), color_system=None)
+    console.print(fit_table(fit))
+    return " ".join(console.file.getvalue().split())
+
+
+def charts(page) -> dict:
+    return {f.chart.name: f.chart for f in page.figures}
+
+
+def test_the_page_holds_the_numbers_of_the_json(fit, recorded, tmp_path, capsys):
+    out, page = tmp_path / "fit.json", tmp_path / "fit.html"
+    name = recorded.name
+    assert main(["calibrate", name, "--out", str(out), "--report", str(page)]) == 0
+    assert f"page → {page}" in capsys.readouterr().out
+    told, html = json.loads(out.read_text()), page.read_text()
+    rows = dict(re.findall(r"<tr><td>([\w.]+)</td>(.*?)</tr>", html))
+    assert set(told["parameters"]) <= set(rows)
+    for key, p in told["parameters"].items():
+        value, std, unit, interval, _, _ = (
+            unescape(c).replace("−", "-") for c in re.findall(r"<td.*?>(.*?)</td>", rows[key])
+        )
+        shown, factor = HUMAN.get(p["unit"], (p["unit"], 1.0))
+        assert unit == shown
+        assert float(value) == pytest.approx(factor * p["value"], abs=0.1 * factor * p["std"])
+        assert float(std) == pytest.approx(factor * p["std"], rel=0.06)
+        low, high = map(float, interval.split(" … "))
+        assert high - low == pytest.approx(2 * factor * p["interval95"], rel=0.03)
+    data = json.loads(re.search(r'id="charts">(.*?)</script>', html, re.DOTALL)[1])
+    matrix = data["correlation"]["panels"][0]["matrix"]
+    assert matrix["rows"] == told["correlation"]["names"]
+    assert np.allclose(matrix["values"], told["correlation"]["matrix"], atol=1e-5)
+    for number in told["residual_rms"].values():
+        assert isinstance(number, str) or f"{number:.4f}" in html or f"{number:.6f}" in html
+    words = text(html)
+    assert all(r["sentence"] in words for r in told["redundancies"])
+    assert told["status"] in words
+    assert f"wrenchbed calibrate {name} --out {out} --report {page}" in words
+
+
+def test_page_and_terminal_have_the_same_words(fit, recorded):
+    page, terminal = text(fit_page(fit, recorded).html()), on_terminal(fit)
+    words = fit_words(fit)
+    for p in words.parameters:
+        assert f"{p.name} {p.value} {p.std} {p.start} {p.unit}" in terminal
+        assert f"{p.name} {p.value} {p.std} {p.unit} {p.interval} {p.start} {p.change}" in page
+    for _, lines in words.sections:
+        for line in lines:
+            assert line in terminal and line in page
+    for label, values in words.residuals:
+        assert f"{label} {' '.join(values)}" in terminal and f"{label} {' '.join(values)}" in page
+
+
+def test_what_is_drawn_of_each_pose_is_what_the_fit_leaves(fit, recorded):
+    told = charts(fit_page(fit, recorded))
+    assert told["heat"].panels[0].matrix.scale.label == "residual, rms [noise of a row]"
+    for k, panel in enumerate(told["each"].panels):
+        residual = panel.series[0].y * fit.noise.row[k]
+        assert np.sqrt(np.mean(residual**2)) == pytest.approx(fit.residual_rms[k], rel=1e-6)
+        assert list(panel.series[0].x) == list(range(40))
+        assert panel.y.high == -panel.y.low >= np.abs(panel.series[0].y).max()
+
+
+def test_one_pose_that_is_off_is_named(fit, recorded):
+    columns = dict(recorded.columns)
+    off = columns["segment"] == 17
+    columns["tz"] = columns["tz"] + 300.0 * fit.noise.row[5] * off
+    page = text(fit_page(fit, replace(recorded, columns=columns)).html())
+    assert re.search(r"The largest is tz of pose 17: \+3\.?\d*(e\+02|00)? times", page)
+
+
+def test_the_verdict_follows_the_fit(fit, recorded):
+    page = fit_page(fit, recorded)
+    assert page.context["badge"] == "◔ more is left"
+    assert "wrenchbed diagnose rec.parquet --out found" in text(page.html())
+    clean = replace(fit, noise=replace(fit.noise, inflated=False))
+    assert fit_page(clean, recorded).context["badge"] == "✓ converged"
+    refuted = replace(fit, refuted="the fit leaves 60 % of the swing")
+    page = fit_page(refuted, recorded)
+    assert page.context["badge"] == "✗ refuted" and page.context["verdict"] == "unknown"
+    words = text(page.html())
+    assert "The data refute these values: the fit leaves 60 % of the swing." in words
+    assert "Do not use these values." in words and "export FIT" not in words
+    assert refuted.refuted in on_terminal(refuted)
+
+
+def test_what_is_fixed_in_sum_only_has_no_interval_and_no_correlation(recorded):
+    fit = wb.calibrate(recorded, wb.Options(free=("candidates",)))
+    page = fit_page(fit, recorded)
+    blind = [p.name for p in fit.identified if p.std is None]
+    assert blind
+    matrix = charts(page)["correlation"].panels[0].matrix
+    assert not set(blind) & set(matrix.rows) and matrix.printed
+    assert f"Without {len(blind)} parameters" in charts(page)["correlation"].caption
+    assert f"rank {fit.observability.rank} of {len(fit.observability.names)}" in text(page.html())
+
+
+def test_a_page_takes_the_place_of_no_input(recorded, capsys):
+    assert main(["calibrate", recorded.name, "--report", recorded.name]) == 1
+    assert "is an input too" in capsys.readouterr().err
