@@ -138,3 +138,20 @@ def test_what_is_fixed_in_sum_only_has_no_interval_and_no_correlation(recorded):
 def test_a_page_takes_the_place_of_no_input(recorded, capsys):
     assert main(["calibrate", recorded.name, "--report", recorded.name]) == 1
     assert "is an input too" in capsys.readouterr().err
+
+
+def test_a_motion_is_drawn_over_time_without_poses(recorded):
+    robot = wb.load("robots", "ur5")
+    t = 0.01 * np.arange(3000)
+    q = robot.home + 0.4 * np.sin(0.7 * t[:, None] + np.arange(6))
+    columns = {"t": t} | {f"q{k + 1}": q[:, k] for k in range(6)}
+    columns |= dict.fromkeys(("fx", "fy", "fz", "tx", "ty", "tz"), np.zeros(len(t)))
+    bare = wb.Recording(replace(recorded.metadata, mode="dynamic"), columns, "motion")
+    model = wb.Model.of(robot, bare.metadata)
+    moving = wb.simulate(wb.Twin(model, model.configured(bare.metadata)), bare, noise="white")
+    page = fit_page(wb.calibrate(moving), moving)
+    words, told = text(page.html()), charts(page)
+    assert re.search(r"The largest is [ft][xyz] at [\d.]+ s:", words) and "pose" not in words
+    assert told["heat"].panels[0].x.label == "time [s]"
+    line = told["each"].panels[0].series[0]
+    assert line.kind == "line" and line.std is None and "Upright" not in told["each"].caption

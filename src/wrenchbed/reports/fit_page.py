@@ -1,5 +1,6 @@
 """The page of a fit: parameters, what the data cannot tell, correlations and residuals."""
 
+from dataclasses import replace
 from pathlib import PurePath
 
 import numpy as np
@@ -55,6 +56,7 @@ def fit_page(fit: Fit, recording: Recording, command: str = "") -> ReportPage:
         "load": _load(fit, words),
         "fits": _fits(fit),
         "told": _told(words),
+        "of_what": "of the means of poses" if fit.rows != fit.poses else "of rows",
         "largest": _largest(white, order, label),
         "heat": drawn[0],
         "each": drawn[1],
@@ -142,25 +144,30 @@ def _heat(white: np.ndarray, order: np.ndarray, label: str) -> Chart:
 def _each(fit: Fit, white: np.ndarray, order: np.ndarray, label: str) -> Chart:
     """Every observation's residual, one panel a channel, with what noise alone makes of it."""
     name, _, unit = label.partition(" [")
+    moving = label.startswith("time")
+    across = Axis(name, unit.rstrip("]"), low=float(order.min()), high=float(order.max()))
+    if not moving:  # none at the edge
+        across = replace(across, low=float(order.min()) - 0.5, high=float(order.max()) + 0.5)
     panels, note = [], ""
     expected = fit.noise.expected / np.maximum(fit.noise.row, 1e-9)
     reach = 1.1 * float((np.abs(white) + expected).max())
     for k, channel in enumerate(CHANNELS):
         std = np.full(len(order), expected[k])
         ids = np.arange(1, len(order) + 1)
-        series, note = thinned(
-            [Series("residual", "points", order, white[:, k], std, role="after", ids=ids)],
-            what="observations",
-        )
+        own = Series("residual", "points", order, white[:, k], std, role="after", ids=ids)
+        if moving:
+            own = replace(own, kind="line", std=None)
+        series, note = thinned([own], what="observations")
         y = Axis(f"{channel}, residual", "noise", low=-reach, high=reach)
         panels.append(
-            Panel(Axis(name, unit.rstrip("]")), y, series, zero=True, height=0.8)
+            Panel(across, y, series, zero=True, height=0.8)
         )  # fmt: skip
-    caption = (
-        "Measured minus fitted, in units of the noise of a row. Upright lines: what the noise "
-        "leaves of a pose's mean, one standard deviation; what lies many of them from zero is no "
-        "noise. All channels have one scale."
-    )
+    caption = "Measured minus fitted, in units of the noise of a row. All channels have one scale."
+    if not moving:
+        caption += (
+            " Upright lines: what the noise leaves of a pose's mean, one standard deviation; what "
+            "lies many of them from zero is no noise."
+        )
     return Chart(
         "each", "Residual of each channel, one by one", tuple(panels), 2, True, caption, note
     )
@@ -168,9 +175,9 @@ def _each(fit: Fit, white: np.ndarray, order: np.ndarray, label: str) -> Chart:
 
 def _largest(white: np.ndarray, order: np.ndarray, label: str) -> str:
     row, k = np.unravel_index(int(np.argmax(np.abs(white))), white.shape)
-    at = f"{label[:-4]} {order[row]:.4g} s" if "time" in label else f"pose {order[row]:.0f}"
+    at = f"at {order[row]:.4g} s" if "time" in label else f"of pose {order[row]:.0f}"
     return numbers.minus(
-        f"The largest is {CHANNELS[k]} of {at}: {white[row, k]:+.2g} times the noise of a row."
+        f"The largest is {CHANNELS[k]} {at}: {white[row, k]:+.2g} times the noise of a row."
     )
 
 
