@@ -222,14 +222,11 @@ def _why(causes: Sequence[Cause], unknown: float) -> str:
 
 def _moved(trends: Trends, begin: int) -> tuple[Moved, ...]:
     """Quantities that a change moved for sure, else the surest one."""
-    from scipy import special
-
     found = []
     for j, (name, unit) in enumerate(QUANTITIES.items()):
         step = trends.step(begin, j)
-        p = 2.0 * float(special.stdtr(step.freedom, -abs(step.t)))
         before = float(trends.basis.values[trends.since : begin, j].mean())
-        found.append((p, Moved(name, unit, step.size, step.std, step.interval95, before)))
+        found.append((step.p, Moved(name, unit, step.size, step.std, step.interval95, before)))
     found.sort(key=lambda x: x[0])
     return tuple(m for k, (p, m) in enumerate(found) if k == 0 or p < _SURE / len(QUANTITIES))
 

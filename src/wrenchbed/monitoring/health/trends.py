@@ -1,12 +1,14 @@
 """When a quantity changed: a step against the scatter from check to check that a history shows.
 
-Each series is x = a + n(t) + b·[t ≥ t_c] + ε. The nuisance n is the recorded temperature, else a
-wave of a year (the season of a temperature that nobody recorded), with coefficients of a Gaussian
-prior. The scatter of ε is learnt: an inverse gamma prior from the sensor's data, worth `PRIOR`
-checks, and all checks of the history. So b over its standard error has a Student's t distribution
-(Gelman et al., Bayesian Data Analysis, 3rd ed., 14.2), with few degrees of freedom in the first
-checks. What remains after the fit is judged in the same way by an F of a few effective degrees of
-freedom, and the six zeros together by Hotelling's T² with an inverse Wishart prior.
+Each series is x = a + n(t) + w(t) + b·[t ≥ t_c] + ε. The nuisance n is the recorded temperature,
+else a wave of a year (the season of a temperature that nobody recorded), with coefficients of a
+Gaussian prior. w is a random walk of unknown speed (`WALKS`), for zeros drift for months; p values
+are means over its posterior. The scatter of ε is learnt: an inverse gamma prior from the sensor's
+data, worth `PRIOR` checks, and all checks of the history. So b over its standard error has a
+Student's t distribution (Gelman et al., Bayesian Data Analysis, 3rd ed., 14.2), with few degrees of
+freedom in the first checks. What remains after the fit is judged in the same way by an F of a few
+effective degrees of freedom, and the six zeros together by Hotelling's T² with an inverse Wishart
+prior.
 
 False alarms are budgeted over time: `ALARMS_A_YEAR` is spent in proportion to the time since the
 check before, and divided over tests and over the number of checks since the step (Bonferroni).
@@ -30,6 +32,11 @@ SINCE = {1: 0.5, 2: 0.25, 4: 0.125, 8: 0.125}
 """Checks since a step, and the share of the budget that is spent on such steps."""
 SHARES = {"quantities": 0.5, "zeros": 0.25, "misfit": 0.25}
 """Shares of the budget of the tests."""
+WALKS = (0.0, 0.03, 0.3, 3.0)
+"""Variance that a slow walk of a quantity gains in a month, in that of the scatter from check to
+check; estimates."""
+_WALK_PRIOR = np.array([0.5, 0.2, 0.2, 0.1])
+"""Their probabilities before any check; estimates."""
 SEASON_K = 5.0
 """Amplitude of a year's wave of a temperature that nobody recorded [K]; estimate."""
 _MORE = 2.0
@@ -68,17 +75,14 @@ class Test:
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """A step in a series that begins with check ``begin``: size, its standard error, freedom."""
+    """A step in a series that begins with check ``begin``: size, its standard error, freedom, and
+    the probability of as large a step without a change."""
 
     begin: int
     size: float
     std: float
     freedom: float
-
-    @property
-    def t(self) -> float:
-        """Size in standard errors."""
-        return self.size / self.std
+    p: float
 
     @property
     def interval95(self) -> tuple[float, float]:
@@ -154,37 +158,68 @@ class Trends:
         """Columns without a prior: step and stretches."""
         return int(begin < self.n) + len(self.starts)
 
+    @cached_property
+    def _roots(self) -> np.ndarray:
+        """Inverse roots (R, n, n) of the covariance of white scatter and a walk, for `WALKS`."""
+        months = 12.0 * (self.years[:, None] - self.years[self.starts][None, :]).clip(0.0)
+        walked = (months * self.stretches).sum(axis=1)
+        same = self.stretches @ self.stretches.T
+        kernel = same * np.minimum(walked[:, None], walked[None, :])
+        return np.stack([np.linalg.inv(np.linalg.cholesky(np.eye(self.n) + r * kernel))
+                         for r in WALKS])  # fmt: skip
+
     def _lines(self, begin: int) -> "_Lines":
         """Regression of all quantities on the columns, with the nuisance's prior; kept."""
         if begin not in self._kept:
             ratio = np.maximum(self.basis.per_kelvin / self.expected, _LEAST_RATIO)
-            self._kept[begin] = self._fit(begin, self.basis.changes, ratio)
+            self._kept[begin] = self._fit(begin, self.basis.changes / self.expected, ratio)
         return self._kept[begin]
 
     def _fit(self, begin: int, y: np.ndarray, ratio: np.ndarray) -> "_Lines":
-        """Regression of series (n, K).
+        """Regression of series (n, K) in their expected scatters, for all of `WALKS`.
 
         Args:
             ratio: expected change of each per kelvin in its expected scatter (K,).
         """
-        x, flat = self._columns(begin), self._flat(begin)
-        prior = np.zeros((len(ratio), x.shape[1]))
+        plain, flat = self._columns(begin), self._flat(begin)
+        prior = np.zeros((len(ratio), plain.shape[1]))
         prior[:, flat:] = 1.0 / ratio[:, None] ** 2
-        inverse = np.linalg.inv(x.T @ x + prior[:, None, :] * np.eye(x.shape[1]))
-        beta = np.einsum("kij,jk->ik", inverse, x.T @ y)
-        left = y - x @ beta
-        rest = left.T @ left + (beta * prior.T).T @ beta
-        return _Lines(beta, inverse, rest, x[:, flat:] @ beta[flat:])
+        x, turned = self._roots @ plain, self._roots @ y
+        across = np.swapaxes(x, -1, -2)
+        square = (across @ x)[:, None] + prior[:, None, :] * np.eye(plain.shape[1])
+        inverse = np.linalg.inv(square)
+        beta = np.einsum("rkij,rjk->rik", inverse, across @ turned)
+        left = turned - x @ beta
+        rest = np.swapaxes(left, -1, -2) @ left + np.swapaxes(beta * prior.T, -1, -2) @ beta
+        volume = np.linalg.slogdet(self._roots)[1][:, None] + 0.5 * np.linalg.slogdet(inverse)[1]
+        return _Lines(beta, inverse, rest, plain[:, flat:] @ beta[:, flat:], volume)
 
     def _freedom(self, begin: int) -> float:
         """Degrees of freedom of the scatter of one series."""
         return PRIOR + self.n - self._flat(begin)
 
+    def _weights(self, begin: int) -> np.ndarray:
+        """Logarithms of the joint probability of each walk and each series (R, K)."""
+        lines = self._lines(begin)
+        rest = PRIOR + np.diagonal(lines.rest, axis1=1, axis2=2)
+        likelihood = lines.volume - 0.5 * self._freedom(begin) * np.log(rest)
+        return np.asarray(np.log(_WALK_PRIOR)[:, None] + likelihood)
+
+    def _shares(self, begin: int) -> np.ndarray:
+        """Probability of each walk (R, K)."""
+        logs = self._weights(begin)
+        return np.asarray(np.exp(logs - np.logaddexp.reduce(logs, axis=0)))
+
     def step(self, begin: int, j: int) -> Step:
         """The step of quantity j that begins with a check after the first of its stretch."""
-        lines = self._lines(begin)
-        std = self.scatters(begin)[j] * np.sqrt(lines.inverse[j, 0, 0])
-        return Step(begin, float(lines.beta[0, j]), float(std), self._freedom(begin))
+        lines, share, freedom = self._lines(begin), self._shares(begin)[:, j], self._freedom(begin)
+        sizes = lines.beta[:, 0, j]
+        variance = (PRIOR + lines.rest[:, j, j]) / freedom * lines.inverse[:, j, 0, 0]
+        p = float(share @ (2.0 * special.stdtr(freedom, -np.abs(sizes) / np.sqrt(variance))))
+        size = float(share @ sizes)
+        std = float(np.sqrt(share @ (variance + (sizes - size) ** 2)))
+        unit = float(self.expected[j])
+        return Step(begin, unit * size, unit * std, freedom, p)
 
     def zeros(self, begin: int) -> float:
         """Probability of as large a step of all six zeros together, without one."""
@@ -192,9 +227,15 @@ class Trends:
         ratio = np.full(6, float((self.basis.per_kelvin[BIASES] / expected).max()))
         lines = self._fit(begin, self.basis.changes[:, BIASES] / expected, ratio)
         worth = PRIOR + _MORE
-        size = lines.beta[0] @ np.linalg.solve(worth * np.eye(6) + lines.rest, lines.beta[0])
-        own = worth + self.n - self._flat(begin) - 5.0
-        return float(stats.f.sf(size / lines.inverse[0, 0, 0] * own / 6.0, 6.0, own))
+        square = worth * np.eye(6) + lines.rest
+        freedom = worth + self.n - self._flat(begin)
+        logs = np.log(_WALK_PRIOR) + lines.volume.sum(axis=1)
+        logs -= 0.5 * freedom * np.linalg.slogdet(square)[1]
+        share = np.exp(logs - np.logaddexp.reduce(logs))
+        steps = lines.beta[:, 0]
+        size = np.einsum("rk,rk->r", steps, np.linalg.solve(square, steps[..., None])[..., 0])
+        ratio_f = size / lines.inverse[:, 0, 0, 0] * (freedom - 5.0) / 6.0
+        return float(share @ stats.f.sf(ratio_f, 6.0, freedom - 5.0))
 
     def misfit(self, begin: int) -> float:
         """Probability of as large a change of what the fit leaves, without one."""
@@ -233,8 +274,7 @@ class Trends:
             own = budget * share * SHARES["quantities"] / len(QUANTITIES)
             for j, name in enumerate(QUANTITIES):
                 step = self.step(begin, j)
-                p = 2.0 * float(special.stdtr(step.freedom, -abs(step.t)))
-                found.append(Test(name, begin, p, own))
+                found.append(Test(name, begin, step.p, own))
             found.append(Test(ZEROS, begin, self.zeros(begin), budget * share * SHARES["zeros"]))
             left = self.misfit(begin)
             found.append(Test(MISFIT, begin, left, budget * share * SHARES["misfit"]))
@@ -255,28 +295,22 @@ class Trends:
         """
         score = np.full(self.n, -np.inf)
         for begin in range(self.since + 1, self.n):
-            score[begin] = self._evidence(begin)
+            score[begin] = np.logaddexp.reduce(self._weights(begin), axis=0).sum()
             _, scale, freedom = self._left(begin)
             score[begin] -= 0.5 * freedom * float(np.log(scale))
         weight = np.exp(score - score.max())
         return np.asarray(weight / weight.sum())
 
-    def _evidence(self, begin: int) -> float:
-        """Logarithm of all series' likelihood with a step, integrated out, but for a constant."""
-        lines = self._lines(begin)
-        rest = PRIOR + np.diagonal(lines.rest) / self.expected**2
-        volume = np.linalg.slogdet(lines.inverse)[1]
-        return float((0.5 * volume - 0.5 * self._freedom(begin) * np.log(rest)).sum())
-
     def known(self, begin: int) -> np.ndarray:
         """What temperature or season makes of each quantity (n, K), with a step that is fitted."""
-        return self._lines(begin).known
+        found = self._lines(begin).known
+        return np.asarray(np.einsum("rk,rnk->nk", self._shares(begin), found) * self.expected)
 
     def scatters(self, begin: int) -> np.ndarray:
-        """Learnt standard deviation of each quantity (K,) from check to check."""
-        rest = np.diagonal(self._lines(begin).rest)
-        square = (PRIOR * self.expected**2 + rest) / self._freedom(begin)
-        return np.asarray(np.sqrt(square))
+        """Learnt standard deviation of each quantity (K,) from one check to the next."""
+        rest = np.diagonal(self._lines(begin).rest, axis1=1, axis2=2)
+        square = (PRIOR + rest) / self._freedom(begin) * (1.0 + np.array(WALKS))[:, None]
+        return np.asarray(np.sqrt((self._shares(begin) * square).sum(axis=0)) * self.expected)
 
     def slopes(self) -> tuple[np.ndarray, np.ndarray]:
         """Even trends since the last baseline (K,) [1/year], and half their 95 % intervals.
@@ -298,13 +332,15 @@ class Trends:
 
 
 class _Lines(NamedTuple):
-    """Regressions: coefficients (p, K), their covariances in units of the scatters' (K, p, p), sums
-    of products that are left with the prior's share (K, K), what the nuisance makes (n, K)."""
+    """Regressions in units of expected scatters, for each of `WALKS`: coefficients (R, p, K), their
+    covariances in units of the scatters' (R, K, p, p), sums of products that are left with the
+    prior's share (R, K, K), what the nuisance makes (R, n, K), log volumes (R, K)."""
 
     beta: np.ndarray
     inverse: np.ndarray
     rest: np.ndarray
     known: np.ndarray
+    volume: np.ndarray
 
 
 _LEAST_RATIO = 1e-6
