@@ -136,21 +136,52 @@ def test_a_step_is_measured(plan):
     assert step.interval95[0] < size * amount < step.interval95[1]
 
 
-def test_the_step_is_a_regression_by_hand(healthy):
-    """With a flat prior of temperature and no prior of scatter it is the textbook's."""
-    found = trends.Trends(Basis(UR5, healthy))
-    j = 6
-    x = np.column_stack([np.arange(7) >= 5, np.ones(7), found.nuisance[:, 0]]).astype(float)
-    prior = np.diag([0.0, 0.0, (found.expected[j] / found.basis.per_kelvin[j]) ** 2])
-    inverse = np.linalg.inv(x.T @ x + prior)
-    y = found.basis.changes[:, j]
-    beta = inverse @ x.T @ y
-    rest = ((y - x @ beta) ** 2).sum() + beta @ prior @ beta
-    variance = (trends.PRIOR * found.expected[j] ** 2 + rest) / (trends.PRIOR + 5)
+def by_hand(found, begin, j, walk):
+    """Size, standard error and log evidence of a step by generalised least squares."""
+    n, unit = found.n, found.expected[j]
+    months = 12.0 * (found.years - found.years[0])
+    covariance = np.eye(n) + walk * np.minimum(months[:, None], months)
+    x = np.column_stack([np.arange(n) >= begin, np.ones(n), found.nuisance[:, 0]]).astype(float)
+    prior = np.diag([0.0, 0.0, (unit / found.basis.per_kelvin[j]) ** 2])
+    inverse = np.linalg.inv(x.T @ np.linalg.solve(covariance, x) + prior)
+    y = found.basis.changes[:, j] / unit
+    beta = inverse @ x.T @ np.linalg.solve(covariance, y)
+    left = y - x @ beta
+    rest = trends.PRIOR + left @ np.linalg.solve(covariance, left) + beta @ prior @ beta
+    freedom = trends.PRIOR + n - 2
+    told = 0.5 * (np.linalg.slogdet(inverse)[1] - np.linalg.slogdet(covariance)[1])
+    return beta[0], np.sqrt(rest / freedom * inverse[0, 0]), told - 0.5 * freedom * np.log(rest)
+
+
+def test_the_step_is_the_mean_of_regressions_by_hand(healthy):
+    """Over walks of all speeds, each weighed by its evidence."""
+    found, j = trends.Trends(Basis(UR5, healthy)), 6
+    sizes, std, logs = map(
+        np.array, zip(*(by_hand(found, 5, j, r) for r in trends.WALKS), strict=True)
+    )
+    share = np.array([0.5, 0.2, 0.2, 0.1]) * np.exp(logs - logs.max())
+    share /= share.sum()
     step = found.step(5, j)
-    assert step.size == pytest.approx(beta[0])
-    assert step.std == pytest.approx(np.sqrt(variance * inverse[0, 0]))
+    size = share @ sizes
+    assert step.size == pytest.approx(size * found.expected[j])
+    spread = np.sqrt(share @ (std**2 + (sizes - size) ** 2))
+    assert step.std == pytest.approx(spread * found.expected[j])
+    assert step.p == pytest.approx(share @ (2 * stats.t.sf(np.abs(sizes) / std, step.freedom)))
     assert step.freedom == trends.PRIOR + 5
+
+
+def test_a_zero_that_walks_for_months_is_no_step(plan):
+    """0.3 noises of a row a month, which five years add up to 2.3."""
+    robot, walk, rng = MonthlyRobot(UR5, plan, 41), np.zeros(6), np.random.default_rng(5)
+    std, checks = wb.load("sensors", UR5.sensor).noise.row_std, []
+    for month in range(24):
+        walk = walk + rng.normal(0.0, 0.3, 6) * std
+        new = health.taken(robot.recording(month), UR5, plan)
+        checks.append(replace(new, wrench=new.wrench + walk))
+    found = [trends.Trends(Basis(UR5, checks[:n])) for n in range(2, 25)]
+    assert not [t for x in found for t in x.tests() if t.alarm]
+    without_walk = found[-1]._shares(23)[0, :6]
+    assert np.median(without_walk) < 0.05 and (without_walk < 0.5).all()
 
 
 def test_levels_spend_one_percent_a_year(healthy):
@@ -165,16 +196,17 @@ def test_levels_spend_one_percent_a_year(healthy):
 
 
 def test_p_values_are_uniform_under_the_prior(healthy):
-    """Scatter and temperature law drawn as the model assumes: 5 % of p values are below 0.05."""
+    """Scatter, walk and temperature law drawn as assumed: 5 % of p values are below 0.05."""
     basis, rng, below, tries = Basis(UR5, healthy), np.random.default_rng(1), 0, 2000
     law = trends.Trends(basis)
     assert law.warm
     for _ in range(tries):
         scale = law.expected * np.sqrt(trends.PRIOR / rng.chisquare(trends.PRIOR, 17))
         slope = basis.per_kelvin / law.expected * scale * rng.standard_normal(17)
-        basis.__dict__["changes"] = scale * rng.standard_normal((7, 17)) + law.nuisance * slope
-        step = trends.Trends(basis).step(6, 6)
-        below += 2 * stats.t.sf(abs(step.t), step.freedom) < 0.05
+        root = np.linalg.inv(trends.Trends(basis)._roots[rng.choice(4, p=trends._WALK_PRIOR)])
+        basis.__dict__["changes"] = root @ (scale * rng.standard_normal((7, 17)))
+        basis.__dict__["changes"] += law.nuisance * slope
+        below += trends.Trends(basis).step(6, 6).p < 0.05
     assert below / tries == pytest.approx(0.05, abs=4 * np.sqrt(0.05 * 0.95 / tries))
 
 
