@@ -148,3 +148,10 @@ def test_a_force_is_named_with_size_and_direction_a_torque_only_where_no_lever_m
     assert pose == f"pose 4: {words} that no other pose shows: contact, or wrong rows"
     stretch = Outlier(none, None, 1.04, 2.0, np.array(error)).sentence()
     assert stretch.startswith(f"1.0 s to 2.0 s: {words} that the rest of the motion does not show")
+
+
+def test_a_direction_has_no_minus_zero():
+    """Found by `scripts/invariants --seed 7230126`: 0.49 N along (−0.00, 0.32, −0.95)."""
+    error = np.array([-0.001, 0.16, -0.465, 0.0, 0.0, 0.0])
+    told = Outlier(np.array([True]), 3, 0.0, 1.0, error).sentence()
+    assert "along (0.00, 0.33, −0.95)" in told

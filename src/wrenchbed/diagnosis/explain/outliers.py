@@ -87,6 +87,7 @@ def _axis(x: np.ndarray) -> str:
     k = int(np.abs(unit).argmax())
     if abs(unit[k]) > NEAR:
         return f"{'−' if unit[k] < 0 else '+'}{'xyz'[k]}"
+    unit = np.round(unit, 2) + 0.0  # no minus zero
     return f"({', '.join(f'{c:.2f}' for c in unit)})".replace("-", "−")
 
 
