@@ -73,10 +73,10 @@ def diagnosis_page(found: Findings, command: str = "", artist: Draws | None = No
         "gaps": draw(figures.gaps(tables.gaps(found))),
         "channels": draw(figures.channels(before, after, evidence.first)),
     }
-    comparisons = [draw(chart) for chart in _of_causes(found, evidence)]
     robot = robot_chart(found, evidence)
     if robot is not None:
         coming["robot"] = draw(robot)
+    comparisons = [draw(chart) for chart in _of_causes(found, evidence)]
     drawn = {name: figure.result() for name, figure in coming.items()}
     compared = [figure.result() for figure in comparisons]
     return ReportPage(
