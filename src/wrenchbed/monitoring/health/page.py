@@ -69,7 +69,9 @@ def _change(found: Judgement) -> Section:
                   "Effects that look alike in these poses share their probability. `unknown`: no "
                   "effect of the library."),
             Table("Quantities that changed", ("quantity", "before", "step ± std", "95 % interval"),
-                  tuple(moved)),
+                  tuple(moved),
+                  "Fitted to each check as if only these could change: a cause that is not among "
+                  "them, such as the offset of a joint, moves several."),
         ),
     )  # fmt: skip
 
