@@ -40,6 +40,8 @@ FROZEN, FEW = 1e-3, 8
 """A column is frozen where this part of the swing is left; so many observations judge the rest."""
 CLEAR = 6.0
 """A load on a channel this many times its noise cannot hide."""
+APART = 3.0
+"""A load on a channel this many times what the others' rest may make of it; estimate."""
 LONG = 0.5
 """Longest lever [m] that counts as found where a channel is left out (an estimate)."""
 DEAD = 0.1
@@ -236,14 +238,21 @@ def _weight(seen: Observed, load: Load) -> Finding | None:
 
 
 def _dead(seen: Observed, load: Load) -> Finding | None:
-    """A channel that moves far less than the load that the others show."""
+    """A channel that moves far less than the load that the others show.
+
+    What no load explains of the others (a tilt, a turned mount) moves the load that they show. So a
+    channel is judged only where its part of the load is larger: a CoG on the sensor's axis hardly
+    loads tz.
+    """
     found = seen.y.std(axis=0)
     for k in range(6):
         others = seen.moments.fit(without=(k,))
         if others.share > CLEAN or not _carried(others):
             continue
-        due = float((seen.design[:, k] @ others.phi).std())
-        if due > CLEAR * float(seen.noise[k]) and found[k] < DEAD * due and load.share > 0.0:
+        swing = (seen.design @ others.phi).std(axis=0)
+        due, alike = float(swing[k]), swing[:3] if k < 3 else swing[3:]
+        sure = max(CLEAR * float(seen.noise[k]), APART * np.sqrt(others.share) * alike.max())
+        if due > sure and found[k] < DEAD * due and load.share > 0.0:
             return _bad_channel(k, float(found[k]), due, "a dead channel")
     return None
 

@@ -72,7 +72,7 @@ def _channels(recording: Recording) -> Iterator[Finding]:
         if np.ptp(column) == 0.0 and not (column[0] == 0.0 and _without_lever(recording, c)):
             yield Finding(
                 "dead channel",
-                f"column {c!r} is {column[0]:g} in every row: a dead or missing "
+                f"column {c!r} is {column[0] + 0.0:g} in every row: a dead or missing "
                 "channel, not a measurement. Repair it, or check the column map",
             )
         row, rows = _longest_run(column)
