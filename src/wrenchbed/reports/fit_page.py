@@ -55,7 +55,7 @@ def fit_page(fit: Fit, recording: Recording, command: str = "") -> ReportPage:
         "channels": CHANNELS,
         "load": _load(fit, words),
         "fits": _fits(fit),
-        "told": _told(words),
+        "told": _told(fit, words),
         "of_what": "of the means of poses" if fit.rows != fit.poses else "of rows",
         "largest": _largest(white, order, label),
         "heat": drawn[0],
@@ -106,12 +106,13 @@ def _fits(fit: Fit) -> dict[str, str]:
     return {"figure": f"{times:.1f} × noise", "text": f"{text}at worst in {channel}."}
 
 
-def _told(words: FitWords) -> dict[str, str]:
+def _told(fit: Fit, words: FitWords) -> dict[str, str]:
     if not words.limits:
         return {"figure": "All that was asked", "text": "Every parameter shows by itself."}
-    more = len(words.limits) - 2
-    also = f" {more} more below." if more > 0 else ""
-    return {"figure": words.limits[0], "text": f"{_sentence(words.limits[1])}{also}"}
+    silent, alike = len(fit.observability.no_effect), len(fit.observability.redundancies)
+    parts = [f"{silent} parameters change no reading"] * bool(silent)
+    parts += [f"{alike} combinations of others change none"] * bool(alike)
+    return {"figure": words.limits[0], "text": f"{_sentence('; '.join(parts))} Listed below."}
 
 
 def _sentence(text: str) -> str:
