@@ -190,7 +190,7 @@ def _correlation(fit: Fit) -> Chart:
     matrix = Matrix(names, names, values, _CORRELATION, texts, len(names) <= MOST_PRINTED)
     panel = Panel(Axis("with"), Axis(""), matrix=matrix)
     blind = len(fit.identified) - len(known)
-    caption = "Near ±1 the data tell little but a combination of the two."
+    caption = "Near ±1 the data determine only a combination of the two."
     if blind:
         caption += f" Without {blind} parameters that are fixed in sum only."
     return Chart("correlation", "Correlation of the parameters", (panel,), caption=caption)
