@@ -28,6 +28,12 @@ def test_list_names_every_plug_in(capfd, kind):
     assert all(n in shown for n in registry.names(kind))
 
 
+def test_list_names_every_check_of_a_recording(capfd):
+    assert main(["list", "checks", "--json"]) == 0
+    told = json.loads(capfd.readouterr().out)
+    assert told["dead channel"] and len(told) == 23 and all(told.values())
+
+
 def test_results_are_json_on_demand(made, capfd, tmp_path):
     out = str(tmp_path / "p.parquet")
     assert main(["plan", "medrue", "--n", "3", "--out", out, "--json"]) == 0

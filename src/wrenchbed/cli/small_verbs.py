@@ -26,6 +26,7 @@ def list_(
             "twins",
             "effects",
             "exports",
+            "checks",
         ]
     ],
     /,
@@ -34,11 +35,13 @@ def list_(
     """List what exists, one line each.
 
     Args:
-        kind: of plug-in.
+        kind: Of plug-in; checks: what a recording is examined for before it is calibrated.
         as_json: Print the result as JSON.
     """
+    from wrenchbed.calibration.checks.finding import REASONS
+
     kind = "emulators" if kind == "twins" else kind
-    rows = wb.descriptions(kind)
+    rows = dict(REASONS) if kind == "checks" else wb.descriptions(kind)
     table = Table(box=None, show_header=False, padding=(0, 2, 0, 0))
     for name, text in rows.items():
         table.add_row(Text(name, style="bold"), text)
