@@ -163,7 +163,7 @@ def test_rows_survive_the_disk_and_a_kill(tmp_path):
 def test_tables_say_what_was_scored():
     table = figures(ROWS, [OURS], draws=20)
     assert "| isolation: a claimed class holds the effect | ≥ 95 % | **67 %**" in table
-    assert "| base.tilt | 2 | 4 | 2 | 0 | 0 |  |" in by_effect(ROWS)
+    assert "| base.tilt | 2 | 4 | 2 | 0 | 0 | – |" in by_effect(ROWS)
     assert "| 4–8 | 3 | 67 % | 67 % |" in by_size(ROWS)
 
 
