@@ -182,9 +182,9 @@ def test_a_clock_that_runs_wrong_is_named(scene, transducer):
 def test_a_rate_is_asked_for(scene):
     with client(scene, rate=500.0) as transducer:
         time.sleep(0.1)
-        first = counters(transducer)["records"]
+        first = counters(transducer)["readings"]
         time.sleep(0.5)
-        assert counters(transducer)["records"] - first == pytest.approx(250, abs=30)
+        assert counters(transducer)["readings"] - first == pytest.approx(250, abs=30)
     with client(scene, rate=1000.0):
         pass
 

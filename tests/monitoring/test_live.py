@@ -18,7 +18,7 @@ from wrenchbed.cli import main
 from wrenchbed.cli.live import _Gauge
 from wrenchbed.effects.chain import active_effect
 from wrenchbed.errors import ParameterError, TwinError
-from wrenchbed.hardware.drivers.base.samples import ArmSample
+from wrenchbed.hardware.device import Health
 from wrenchbed.hardware.transducers.base import WrenchSample
 from wrenchbed.monitoring.compensation import BAND, Compensator
 from wrenchbed.monitoring.live import Datagrams, LineServer, live
@@ -236,17 +236,17 @@ class Still:
     def __init__(self, n):
         self.n, self.left, self.wrench = n, n, readings(np.array(ROBOT.home)[None])[0]
 
-    def read(self):
-        q = np.array(ROBOT.home)
-        return ArmSample(time.monotonic(), None, 0, 0.0, True, q, np.zeros(6))
+    def joints(self):
+        return np.array(ROBOT.home), np.zeros(6)
+
+    def health(self):
+        k = self.n - self.left
+        return Health("ok", "", {"wrench readings": k + 10 * (k >= 20)})  # ten came unread
 
     def read_wrench(self):
         self.left -= 1
-        k = self.n - 1 - self.left
-        sequence = 7 * (k + 10 * (k >= 20))  # ten came unread after the twentieth
-        return WrenchSample(
-            time.monotonic(), None, sequence, 0.0, self.left >= 0, self.wrench, lost=3
-        )
+        t = time.monotonic()
+        return WrenchSample(t, None, self.n - self.left, 0.0, True, self.wrench, lost=3)
 
 
 def test_lines_reach_clients_and_datagrams_a_listener():

@@ -77,17 +77,11 @@ class External:
 
 @dataclass(frozen=True, eq=False)
 class _AtPose:
-    """What follows from the joint values alone: expected reading (6,), and the turn (3, 3) and
-    lever (3,) [m] from the sensor's axes to those of the result."""
+    """What follows from the joint values alone: the expected reading (6,), and the matrix (6, 6)
+    that brings a wrench from the sensor's axes to those of the result."""
 
     expected: np.ndarray
     turn: np.ndarray
-    lever: np.ndarray
-
-    def turned(self, wrench: np.ndarray) -> np.ndarray:
-        """A wrench (6,) in the axes of the result."""
-        force = self.turn @ wrench[:3]
-        return np.concatenate([force, self.turn @ wrench[3:] + np.cross(self.lever, force)])
 
 
 class Compensator:
@@ -146,7 +140,7 @@ class Compensator:
         self._last = t
         return External(
             t,
-            self._here.turned(left - self._zero),
+            self._here.turn @ (left - self._zero),
             self._noise,
             at_rest,
             self._zero.copy(),
@@ -196,13 +190,13 @@ class Compensator:
         """What follows from joint values (J,) alone."""
         expected = self._expected(q)
         if self._frame == "sensor":
-            return _AtPose(expected, np.eye(3), np.zeros(3))
+            return _AtPose(expected, np.eye(6))
         theta = self._twin.robot_theta
         turn, at = (np.asarray(x)[0] for x in self._robot.sensor_pose(q[None], theta))
         if self._frame == "base" or not isinstance(self._robot, SerialChain):
-            return _AtPose(expected, turn, np.zeros(3))
+            return _AtPose(expected, _transform(turn, np.zeros(3)))
         flange, origin = (np.asarray(x)[0] for x in self._robot.flange_pose(q[None], theta))
-        return _AtPose(expected, flange.T @ turn, flange.T @ (at - origin))
+        return _AtPose(expected, _transform(flange.T @ turn, flange.T @ (at - origin)))
 
     def _mean(self) -> np.ndarray:
         return self._sum / len(self._recent)
@@ -266,6 +260,12 @@ class _Poses:
             if stats.chi2.sf(float(miss @ miss), len(y) - columns.shape[1]) > _FITS:
                 found.append(name)
         return " or ".join(found) or "a contact, or what changes from pose to pose"
+
+
+def _transform(turn: np.ndarray, lever: np.ndarray) -> np.ndarray:
+    """Matrix (6, 6) of a wrench turned by (3, 3) whose old origin lies at a lever (3,) [m]."""
+    about = np.cross(lever, turn, axisb=0, axisc=0)
+    return np.block([[turn, np.zeros((3, 3))], [about, turn]])
 
 
 def _weight(gravity: np.ndarray) -> np.ndarray:

@@ -7,7 +7,6 @@ import contextlib
 import json
 import selectors
 import socket
-import sys
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -18,7 +17,7 @@ import numpy as np
 
 from wrenchbed.errors import LinkError, ParameterError
 from wrenchbed.hardware.device import GONE_S
-from wrenchbed.hardware.drivers.base.live import LiveDriver, pace
+from wrenchbed.hardware.drivers.base.live import LiveDriver
 from wrenchbed.hardware.drivers.base.watched_move import CALM_SPEED
 from wrenchbed.hardware.transducers.base import WrenchSample
 from wrenchbed.monitoring.compensation import Compensator, External
@@ -77,42 +76,42 @@ def live(
         LinkError: no new reading for a second.
     """
     begin = newest = time.monotonic()
-    tally, due = _Tally(), begin + 1.0 / rate
+    tally, due, period, before = _Tally(), begin, 1.0 / rate, _received(driver)
     while not stopped() and (seconds is None or time.monotonic() - begin < seconds):
         reading = driver.read_wrench()
-        if not reading.fresh:
-            if time.monotonic() - newest > GONE_S:
+        if reading.t <= due:
+            if time.monotonic() - newest > GONE_S + period:
                 health = driver.health()
                 raise LinkError(health.detail or f"no new reading for {GONE_S:g} s")
             time.sleep(POLL_S)
             continue
-        arm, newest = driver.read(), time.monotonic()
-        at_rest = bool(np.abs(arm.qd).max() < CALM_SPEED)
-        found = compensate(reading.t - begin, arm.q, reading.wrench, at_rest)
+        q, qd = driver.joints()
+        at_rest = bool(np.abs(qd).max() < CALM_SPEED)
+        found = compensate(reading.t - begin, q, reading.wrench, at_rest)
         for sink in sinks:
             sink(found)
         tally.add(reading, found, time.monotonic() - reading.t)
-        due = pace(due, 1.0 / rate)
-    return tally.summary(time.monotonic() - begin)
+        newest, due = reading.t, max(due + period, reading.t)
+        time.sleep(max(0.0, due - time.monotonic()))
+    return tally.summary(time.monotonic() - begin, _received(driver) - before)
+
+
+def _received(driver: LiveDriver) -> int:
+    """Readings that a driver's sensor has received."""
+    return int(driver.health().counters["wrench readings"])
 
 
 class _Tally:
     """Counts of a run."""
 
     def __init__(self) -> None:
-        self._first: WrenchSample | None = None
-        self._last: WrenchSample | None = None
-        self._count = self._rests = self._alarms = 0
+        self._count = self._rests = self._alarms = self._lost = 0
         self._squares, self._alarm = np.zeros(6), ""
-        self._step = sys.maxsize  # of the sequence, from one reading to the next
         self._late: list[float] = []
 
     def add(self, reading: WrenchSample, found: External, late: float) -> None:
         """Count a published reading and its latency [s]."""
-        if self._last is not None and reading.sequence > self._last.sequence:
-            self._step = min(self._step, reading.sequence - self._last.sequence)
-        self._first, self._last = self._first or reading, reading
-        self._count += 1
+        self._count, self._lost = self._count + 1, reading.lost
         if len(self._late) < _KEPT:
             self._late.append(late)
         if found.at_rest and not found.alarm:
@@ -120,18 +119,13 @@ class _Tally:
         self._alarms += bool(found.alarm) and not self._alarm
         self._alarm = found.alarm
 
-    def summary(self, seconds: float) -> LiveSummary:
-        """Of a run of some length [s]."""
+    def summary(self, seconds: float, received: int) -> LiveSummary:
+        """Of a run of some length [s] in which the sensor received some readings."""
         rms = np.sqrt(self._squares / self._rests) if self._rests else np.full(6, np.nan)
         p50, p99 = np.quantile(self._late, (0.5, 0.99)) if self._late else (np.nan, np.nan)
-        lost = skipped = 0
-        if self._first is not None and self._last is not None:
-            lost = self._last.lost
-            came = (self._last.sequence - self._first.sequence) // self._step + 1
-            skipped = max(0, came - (lost - self._first.lost) - self._count)
         return LiveSummary(
-            self._count, seconds, lost, skipped, float(p50), float(p99),
-            tuple(float(x) for x in rms), self._alarms,
+            self._count, seconds, self._lost, max(0, received - self._count), float(p50),
+            float(p99), tuple(float(x) for x in rms), self._alarms,
         )  # fmt: skip
 
 

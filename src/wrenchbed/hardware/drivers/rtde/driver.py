@@ -133,6 +133,10 @@ class RtdeDriver(LiveDriver):
         sensor = SensorInfo(model="ur-wrench", pose_flange=stated.sensor.pose_flange)
         return replace(stated, sensor=sensor, extra={**stated.extra, "wrench": facts})
 
+    def joints(self) -> tuple[np.ndarray, np.ndarray]:
+        state = self._look()
+        return np.array(state.q), np.array(state.qd)
+
     def stop(self, kind: str = "soft") -> None:
         """Brake and wait until the robot rests.
 

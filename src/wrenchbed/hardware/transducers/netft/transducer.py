@@ -201,7 +201,7 @@ class NetftTransducer(Transducer):
     def _counters(self, receiver: Receiver) -> Mapping[str, float]:
         tracker, ppm = receiver.tracker, receiver.clock.ppm
         counters: dict[str, float] = {
-            "records": receiver.records, "lost": tracker.lost, "duplicates": tracker.duplicates,
+            "readings": receiver.records, "lost": tracker.lost, "duplicates": tracker.duplicates,
             "late": tracker.late, "implausible": tracker.implausible,
             "misshapen": receiver.misshapen, "foreign": receiver.foreign,
             "requests": receiver.requests, "restarts": tracker.restarts,
