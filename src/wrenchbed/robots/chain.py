@@ -92,10 +92,10 @@ class SerialChain(LoadInSensorAxes, SimulatedRobot):
 
     def flange_pose(self, q: Value, theta: np.ndarray) -> tuple[Value, Value]:
         """R_world_flange (…, N, 3, 3) and the flange's origin in the world (…, N, 3) [m]."""
-        x, y, z, position = deque(self._frames(q, theta), maxlen=1).pop()
+        x, y, z, position = deque(self.frames(q, theta), maxlen=1).pop()
         return stack_jets([x, y, z]), position
 
-    def _frames(self, q: Value, theta: np.ndarray) -> Iterator[tuple[Value, Value, Value, Value]]:
+    def frames(self, q: Value, theta: np.ndarray) -> Iterator[tuple[Value, Value, Value, Value]]:
         """Axes x, y, z and origin (…, N, 3) of each link behind its joint; then the flange's."""
         turns, shifts = self.fixed(theta, mounted=False)
         at = q + self.zeros(theta)
@@ -268,7 +268,7 @@ class SerialChain(LoadInSensorAxes, SimulatedRobot):
 
     def links(self, q: np.ndarray, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         centres = np.empty((len(q), len(self.bodies), 3))
-        frames = self._frames(q, theta)
+        frames = self.frames(q, theta)
         for i, (link, (x, y, z, origin)) in enumerate(zip(self.bodies, frames, strict=False)):
             centres[:, i] = origin + link.cog[0] * x + link.cog[1] * y + link.cog[2] * z
         return self._masses, centres
@@ -278,7 +278,7 @@ class SerialChain(LoadInSensorAxes, SimulatedRobot):
         if isinstance(q, Jet):
             return super().gravity_torque(q, theta, gravity)
         each, centres = self.links(q, theta)
-        *joints, _ = self._frames(q, theta)
+        *joints, _ = self.frames(q, theta)
         mass, moment = self.load_moment(q, theta)
         result = np.empty(q.shape)
         behind = len(each)

@@ -194,7 +194,7 @@ class FileArm(SerialChain):
     def clear(self, q: np.ndarray) -> np.ndarray:
         """Which of the poses (N, J) keep what moves above the floor and the tool off the limbs."""
         theta, floor = self.parameters.nominal, self.arm_model.floor
-        frames = list(self._frames(q, theta))
+        frames = list(self.frames(q, theta))
         origins = [np.broadcast_to(frame[3], (len(q), 3)) for frame in frames]
         rotation, sensor = self.sensor_pose(q, theta)
         tip = 2.0 * np.array(self.description.load.cog)

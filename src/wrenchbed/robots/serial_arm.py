@@ -195,7 +195,7 @@ class SerialArm(SerialChain):
     def clear(self, q: np.ndarray) -> np.ndarray:
         """Which of the poses (N, J) keep arm and tool above the table and apart (N,)."""
         arm, theta = self.arm, self.parameters.nominal
-        frames = list(self._frames(q, theta))
+        frames = list(self.frames(q, theta))
         limbs = [[_at(frames, spot) for spot in limb] for limb in arm.limbs]
         rotation, flange = self.flange_pose(q, theta)
         tool = np.stack([flange + z * rotation[..., 2] for z in arm.tool_axis])
