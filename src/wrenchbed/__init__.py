@@ -33,6 +33,8 @@ if TYPE_CHECKING:
     from wrenchbed.diagnosis.diagnose import Findings, diagnose
     from wrenchbed.diagnosis.next.dry_run import dry_run
     from wrenchbed.diagnosis.several import diagnose_several
+    from wrenchbed.drives.fit import DriveFit
+    from wrenchbed.drives.identify import calibrate_efforts
     from wrenchbed.emulators.base.emulator import EmulatorOptions, serve
     from wrenchbed.errors import WrenchbedError
     from wrenchbed.exports.base import ExportOptions, export_to
@@ -82,6 +84,8 @@ _PUBLIC = {
     "diagnosis.diagnose": ("Findings", "diagnose"),
     "diagnosis.next.dry_run": ("dry_run",),
     "diagnosis.several": ("diagnose_several",),
+    "drives.fit": ("DriveFit",),
+    "drives.identify": ("calibrate_efforts",),
     "emulators.base.emulator": ("EmulatorOptions", "serve"),
     "errors": ("WrenchbedError",),
     "exports.base": ("ExportOptions", "export_to"),
@@ -116,6 +120,7 @@ _HOME = {
 __all__ = [
     "Comparison",
     "Compensator",
+    "DriveFit",
     "EmulatorOptions",
     "Entrant",
     "ExportOptions",
@@ -146,6 +151,7 @@ __all__ = [
     "blind_score",
     "blind_seal",
     "calibrate",
+    "calibrate_efforts",
     "campaign",
     "check",
     "check_plan",

@@ -3,7 +3,6 @@
 import mujoco
 import numpy as np
 import pytest
-
 from test_robots import random_theta
 
 from arm_files import CASES, TOOL_COG, TOOL_MASS

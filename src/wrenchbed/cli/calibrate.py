@@ -4,7 +4,7 @@ import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import tyro
 from rich.console import Group
@@ -16,6 +16,7 @@ import wrenchbed as wb
 from wrenchbed.calibration.fit_words import FitWords, fit_words
 from wrenchbed.cli import console
 from wrenchbed.cli.console import Json
+from wrenchbed.cli.drive_fit import drive_fit_table
 from wrenchbed.data.outputs import Kind
 from wrenchbed.errors import ParameterError
 from wrenchbed.pages.numbers import HUMAN
@@ -23,14 +24,18 @@ from wrenchbed.physics.wrench import CHANNELS
 
 
 @dataclass(frozen=True)
-class TouchArguments:
-    """Contacts of the tool's tip with known points.
+class DataArguments:
+    """What is fitted: the wrench, with touches of known points, or the joint efforts.
 
     Attributes:
+        channels: What is fitted; the wrench, or the joint efforts (tau1 … or i1 …) of a recording
+            without one. Of efforts, --free takes drive, drive.coulomb, drive.viscous, drive.offset,
+            drive.inertia, drive.constant, tool, link.
         touches: Recording of touches (columns px py pz) of the same robot, fitted together.
         touch_std: With --touches: how far the tip sits from its point, per axis [m]; 5e-5.
     """
 
+    channels: Literal["wrench", "effort"] | None = None
     touches: Path | None = None
     touch_std: float | None = None
 
@@ -48,7 +53,7 @@ def calibrate(
     recording: tyro.conf.Positional[Path],
     /,
     fit: wb.Options,
-    contact: TouchArguments,
+    given: DataArguments,
     out: Path | None = None,
     truth: Path | None = None,
     rrd: Path | None = None,
@@ -66,13 +71,21 @@ def calibrate(
         report: Page to write, HTML: the fit with correlations and the residual of each pose.
         as_json: Print the result as JSON.
     """
-    console.check_out(out, Kind.FIT, recording, contact.touches, truth)
-    console.check_out(rrd, Kind.PICTURE, recording, contact.touches, truth, out)
-    console.check_out(report, Kind.PAGE, recording, contact.touches, truth, out, rrd)
+    console.check_out(out, Kind.FIT, recording, given.touches, truth)
+    console.check_out(rrd, Kind.PICTURE, recording, given.touches, truth, out)
+    console.check_out(report, Kind.PAGE, recording, given.touches, truth, out, rrd)
     known = None if truth is None else console.parameters(truth)
     data = wb.Recording.read(recording)
+    if given.channels == "effort" or (given.channels is None and not data.has_wrench):
+        others = {"--hold": fit.hold, "--prior": fit.prior, "--touches": given.touches,
+                 "--truth": truth, "--rrd": rrd, "--report": report,
+                 "--loss": fit.loss != "linear"}  # fmt: skip
+        if refused := [flag for flag, value in others.items() if value]:
+            raise ParameterError(f"{refused[0]} is for wrenches: leave it out, efforts have none")
+        _efforts(data, fit, out, as_json)
+        return
     with console.progress(f"calibrate {len(data):,} rows", None):
-        result = wb.calibrate(data, fit, contact.read())
+        result = wb.calibrate(data, fit, given.read())
     for name, value in (known or {}).items():
         if (
             name not in result.theta
@@ -85,15 +98,25 @@ def calibrate(
     if rrd is not None:
         _draw(result, data, rrd)
     if report is not None:
-        _page(result, data, report, _command(recording, fit, contact, out, report))
+        _page(result, data, report, _command(recording, fit, given, out, report))
     console.answer(result.to_json(), as_json, fit_table(result, known))
     for what, path in (("fit", out), ("page", report)):
         if path is not None and not as_json:
             console.say(f"{what} → {path}")
 
 
+def _efforts(data: wb.Recording, options: wb.Options, out: Path | None, as_json: bool) -> None:
+    with console.progress(f"calibrate {len(data):,} rows", None):
+        result = wb.calibrate_efforts(data, options.free, force=options.force)
+    if out is not None:
+        result.write(out)
+    console.answer(result.to_json(), as_json, drive_fit_table(result))
+    if out is not None and not as_json:
+        console.say(f"fit → {out}")
+
+
 def _command(
-    recording: Path, fit: wb.Options, contact: TouchArguments, out: Path | None, report: Path
+    recording: Path, fit: wb.Options, given: DataArguments, out: Path | None, report: Path
 ) -> str:
     """The line that makes a page again."""
     words: list[object] = ["calibrate", recording]
@@ -101,8 +124,8 @@ def _command(
         words += [flag, *names] if names else []
     words += ["--prior"] * fit.prior + ["--force"] * fit.force
     words += ["--loss", fit.loss] if fit.loss != "linear" else []
-    words += ["--touches", contact.touches] if contact.touches is not None else []
-    words += ["--touch-std", contact.touch_std] if contact.touch_std is not None else []
+    words += ["--touches", given.touches] if given.touches is not None else []
+    words += ["--touch-std", given.touch_std] if given.touch_std is not None else []
     words += ["--out", out] if out is not None else []
     return console.command(*words, "--report", report)
 

@@ -25,6 +25,8 @@ POINT = ("px", "py", "pz")
 """Known position in the world at which the tool's tip sat; such rows are touches [m]."""
 TOUCH_STD = 5e-5
 """How far a tip sits from the stated point, per axis [m]: a ball in a socket, an estimate."""
+EFFORT_UNITS = {"tau": "N·m", "i": "A"}
+"""Column prefixes of joint torques and of motor currents, with their units."""
 JOURNAL = ".journal"
 """Suffix of the journal beside a recording while it is written."""
 
@@ -59,8 +61,27 @@ class Recording:
 
     @property
     def wrench(self) -> np.ndarray:
-        """Measured load on the sensor (N, 6) [N, N·m]."""
+        """Measured load on the sensor (N, 6) [N, N·m].
+
+        Raises:
+            RecordingError: the recording has joint torques or currents alone.
+        """
+        if not self.has_wrench:
+            raise RecordingError(
+                f"{self.name}: has no wrench fx … tz, only the effort of its joints: this needs "
+                "a force/torque sensor"
+            )
         return np.stack([self.columns[c] for c in CHANNELS], axis=-1)
+
+    @property
+    def has_wrench(self) -> bool:
+        """Whether there is a wrench; else joint torques or currents."""
+        return CHANNELS[0] in self.columns
+
+    @property
+    def effort(self) -> str | None:
+        """Prefix of the effort columns, ``tau`` [N·m] or ``i`` [A], torques first; else None."""
+        return effort_prefix(self.columns)
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -129,6 +150,15 @@ def joint_columns(columns: Mapping[str, np.ndarray]) -> tuple[str, ...]:
     return tuple(names)
 
 
+def effort_prefix(columns: Mapping[str, np.ndarray]) -> str | None:
+    """``tau`` or ``i`` of columns that have this for each joint, torques first."""
+    joints = range(1, len(joint_columns(columns)) + 1)
+    for prefix in EFFORT_UNITS:
+        if joints and all(f"{prefix}{j}" in columns for j in joints):
+            return prefix
+    return None
+
+
 def _from_journal(path: Path, recording: Path) -> pa.Table:
     """All complete batches of an Arrow stream whose end may be missing."""
     batches: list[pa.RecordBatch] = []
@@ -152,7 +182,8 @@ def _from_journal(path: Path, recording: Path) -> pa.Table:
 
 def _check(recording: Recording) -> None:
     name, columns = recording.name, recording.columns
-    missing = [c for c in ("t", *CHANNELS) if c not in columns]
+    wrench = CHANNELS if {*CHANNELS} & set(columns) or effort_prefix(columns) is None else ()
+    missing = [c for c in ("t", *wrench) if c not in columns]
     if missing:
         bare = "q1" in columns and not {"t", "fx"} & set(columns)
         plan = "; this looks like a plan: record it first" if bare else ""
@@ -169,7 +200,7 @@ def _check(recording: Recording) -> None:
     point = [c for c in POINT if c in columns]
     if point and len(point) != 3:
         raise RecordingError(f"{name}: {', '.join(point)} without the rest of px py pz")
-    numeric = ("t", *CHANNELS, *joints, *oriented, *point)
+    numeric = ("t", *wrench, *_effort(columns), *joints, *oriented, *point)
     for column, array in columns.items():
         if array.shape != (rows,):
             raise RecordingError(
@@ -188,6 +219,11 @@ def _check(recording: Recording) -> None:
         norm = np.sqrt(sum(columns[c].astype(float) ** 2 for c in QUATERNION))
         bad = np.abs(norm - 1.0) > 1e-3
         _first_bad(name, "qw qx qy qz", bad, norm, "is not the length of a unit quaternion")
+
+
+def _effort(columns: Mapping[str, np.ndarray]) -> tuple[str, ...]:
+    prefix, joints = effort_prefix(columns), joint_columns(columns)
+    return tuple(f"{prefix}{j + 1}" for j in range(len(joints))) if prefix else ()
 
 
 def _first_bad(name: str, column: str, bad: np.ndarray, array: np.ndarray, complaint: str) -> None:

@@ -305,6 +305,10 @@ def _of_fit(fields: checked.Fields) -> _Calibrated:
     where = fields.where
     if fields.raw.get("refuted"):
         raise ExportError(f"{where}its own data refute it: {fields.raw['refuted']}")
+    if fields.raw.get("channels") == "effort":
+        raise ExportError(
+            f"{where}is a fit of joint efforts: a load is exported from a fit of the wrench"
+        )
     if fields.raw.get("converged") is not True:
         raise ExportError(f"{where}converged is not true: such a fit is not exported")
     names = fields.part("theta").raw

@@ -1,0 +1,66 @@
+"""Which inertial parameters of an arm its joint torques can tell, alone or grouped with others.
+
+Columns of the torque regressor at random motions, by QR with pivoting: Gautier 1991, "Numerical
+calculation of the base inertial parameters of robots", doi 10.1002/rob.4620080405.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import qr
+
+from wrenchbed.drives.inverse_dynamics import torque_regressor
+from wrenchbed.physics.newton_euler import INERTIAL
+from wrenchbed.physics.time_derivatives import Jet
+from wrenchbed.robots.chain import SerialChain
+
+_POSES, _SEED = 60, 1
+_DEPENDENT = 1e-8
+"""Diagonal of R over its largest below which a column depends on those before."""
+NAMES = ("m", "mx", "my", "mz", "xx", "yy", "zz", "xy", "xz", "yz")
+"""Of the ten parameters of a link."""
+
+
+@dataclass(frozen=True, eq=False)
+class BaseParameters:
+    """Independent columns of the regressor, and what is grouped into each.
+
+    Attributes:
+        columns: of Y that are kept (B,), in order.
+        grouping: (B, 10 J): base parameters = grouping @ φ.
+        names: ``link.<k>.<m, mx …>`` of the kept columns, k from 1.
+    """
+
+    columns: np.ndarray
+    grouping: np.ndarray
+    names: tuple[str, ...]
+
+
+def base_parameters(robot: SerialChain, theta: np.ndarray) -> BaseParameters:
+    """Of a serial arm with parameters theta (P,), last links first: a payload keeps its name."""
+    rng, joints = np.random.default_rng(_SEED), len(robot.joints)
+    at = robot.sample(_POSES, rng)
+    q = Jet(at, rng.normal(size=at.shape), rng.normal(0.0, 3.0, at.shape))
+    y = torque_regressor(robot, theta, q, np.asarray(robot.gravity)).reshape(-1, INERTIAL * joints)
+    scale = np.linalg.norm(y, axis=0)
+    seen = scale > _DEPENDENT * scale.max()  # others turn or accelerate nothing
+    kept = _independent(y * np.divide(1.0, scale, out=np.zeros_like(scale), where=seen))
+    grouping = np.linalg.lstsq(y[:, kept], y, rcond=None)[0]
+    grouping[np.abs(grouping) < _DEPENDENT] = 0.0
+    names = tuple(f"link.{c // INERTIAL + 1}.{NAMES[c % INERTIAL]}" for c in kept)
+    return BaseParameters(kept, grouping, names)
+
+
+def _independent(y: np.ndarray) -> np.ndarray:
+    """Indices of independent columns, those of the last link first."""
+    chosen: list[int] = []
+    basis = np.zeros((len(y), 0))
+    for link in reversed(range(y.shape[1] // INERTIAL)):
+        own = np.arange(INERTIAL * link, INERTIAL * (link + 1))
+        left = y[:, own] - basis @ (basis.T @ y[:, own])
+        left = left - basis @ (basis.T @ left)  # twice: rounding
+        q, r, order = qr(left, mode="economic", pivoting=True)
+        rank = int((np.abs(np.diagonal(r)) > _DEPENDENT).sum())
+        basis = np.concatenate([basis, q[:, :rank]], axis=1)
+        chosen += own[order[:rank]].tolist()
+    return np.array(sorted(chosen))

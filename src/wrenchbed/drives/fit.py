@@ -1,0 +1,105 @@
+"""The result of a fit of joint torques: values with uncertainty, and errors on held-out rows."""
+
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from wrenchbed.calibration.fit import FORMAT, IdentifiedValue
+from wrenchbed.files import write_json
+from wrenchbed.pages.numbers import percent
+
+
+@dataclass(frozen=True)
+class JointError:
+    """Errors of one joint in the filter's band [N·m or A], rows that count.
+
+    Attributes:
+        joint: from 1.
+        rows: how many.
+        measured: standard deviation of the torque or current itself.
+        nominal: rms of what the nominal robot leaves; None of currents, whose constant is unknown.
+        left: rms of what the fit leaves.
+        held_out: rms on blocks of time that the fit did not see.
+    """
+
+    joint: int
+    rows: int
+    measured: float
+    nominal: float | None
+    left: float
+    held_out: float
+
+    @property
+    def explained(self) -> float:
+        """Share of the effort's rms that the fit explains on held-out rows; below 0: none."""
+        return 1.0 - self.held_out / self.measured
+
+
+@dataclass(frozen=True, eq=False)
+class DriveFit:
+    """A fit of joint torques or currents.
+
+    Attributes:
+        recording, robot: what was fitted.
+        unit: of the measured effort, ``N·m`` or ``A``.
+        identified: the free parameters; friction in N·m.
+        joints: errors, joint by joint.
+        covariance: of the identified parameters (K, K).
+        cutoff: of the filter [Hz].
+        seconds, rows: how much data stood behind it.
+        refuted: why the held-out rows refute these values, None if they do not.
+    """
+
+    recording: str
+    robot: str
+    unit: str
+    identified: tuple[IdentifiedValue, ...]
+    joints: tuple[JointError, ...]
+    covariance: np.ndarray
+    cutoff: float
+    seconds: float
+    rows: int
+    refuted: str | None = None
+
+    def __getitem__(self, name: str) -> IdentifiedValue:
+        return next(p for p in self.identified if p.name == name)
+
+    @property
+    def status(self) -> str:
+        """One sentence: how far to trust it."""
+        if self.refuted is not None:
+            return f"refuted: {self.refuted}"
+        worst = min(self.joints, key=lambda e: e.explained)
+        untold = [p.name for p in self.identified if p.std is None]
+        text = (
+            f"on rows that no fit saw it explains {percent(worst.explained)} % or more of each "
+            f"joint's effort, least of joint {worst.joint}"
+        )
+        return text + (f"; this motion does not tell {', '.join(untold)}" if untold else "")
+
+    def to_json(self) -> dict[str, Any]:
+        """The fit as a JSON object."""
+        refuted = {} if self.refuted is None else {"refuted": self.refuted}
+        return {
+            "format": FORMAT,
+            "channels": "effort",
+            "recording": self.recording,
+            "robot": self.robot,
+            **refuted,
+            "status": self.status,
+            "unit": self.unit,
+            "cutoff_hz": self.cutoff,
+            "seconds": self.seconds,
+            "rows": self.rows,
+            "parameters": {
+                p.name: {k: v for k, v in asdict(p).items() if k != "name"} for p in self.identified
+            },
+            "joints": [asdict(e) | {"explained": e.explained} for e in self.joints],
+            "covariance": self.covariance.tolist(),
+        }
+
+    def write(self, path: str | Path) -> None:
+        """Write the fit as JSON."""
+        write_json(path, self.to_json())

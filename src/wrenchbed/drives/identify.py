@@ -1,0 +1,272 @@
+"""Friction, drive constants, payload and links of an arm, fitted to its joint torques or currents.
+
+y = g (τ₀ + P δ) + F f, joint by joint: τ₀ the nominal rigid body's torque, δ changes of inertial
+parameters, F f friction, rotor and offset, and g = 1/K where currents are measured. Folds of time
+leave a block out each: their fits give the standard errors (jackknife over blocks, Künsch 1989,
+doi 10.1214/aos/1176347265) and the errors on rows that no fit saw.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy import stats
+
+from wrenchbed.calibration.fit import IdentifiedValue
+from wrenchbed.data.recording import Recording
+from wrenchbed.drives.base_parameters import base_parameters
+from wrenchbed.drives.fit import DriveFit, JointError
+from wrenchbed.drives.inverse_dynamics import torque_regressor
+from wrenchbed.drives.signals import DriveSignals, drive_signals
+from wrenchbed.drives.solution import FOLDS, Problem, Solution, parts, residual, solve, start
+from wrenchbed.errors import CalibrationError, NotFoundError, ParameterError
+from wrenchbed.physics.newton_euler import INERTIAL
+from wrenchbed.physics.wrench import Tool
+from wrenchbed.robots.base import INERTIA_AXES, SimulatedRobot
+from wrenchbed.robots.chain import SerialChain
+from wrenchbed.robots.link_inertias import link_inertias
+from wrenchbed.simulation.closed_form import Model, robot_of
+
+FRICTION = ("drive.coulomb", "drive.viscous", "drive.offset", "drive.inertia")
+CONSTANT = "drive.constant"
+GROUPS = (*FRICTION, CONSTANT, "tool", "link")
+"""What may be free; ``tool`` is mass and centre of gravity of the load, ``link`` all inertial
+parameters that torques can tell, the load's among them."""
+_WORSE = 1.0
+"""Error on held-out rows over the spread of the effort from which a fit explains nothing."""
+
+
+def calibrate_efforts(
+    recording: Recording,
+    free: Sequence[str] = (),
+    *,
+    cutoff: float | None = None,
+    force: bool = False,
+) -> DriveFit:
+    """Fit the joint torques or currents of a motion.
+
+    Args:
+        recording: of a serial arm, with ``tau1…`` or ``i1…``.
+        free: of `GROUPS`; if none, friction, and the tool, and the constants where currents are
+            measured.
+        cutoff: of the filter [Hz]; five times the motion's bandwidth if none.
+        force: give the values all the same where the data refute them.
+
+    Raises:
+        RecordingError, CalibrationError: the recording cannot be fitted, or refutes the fit.
+        ParameterError: ``free`` names what is no group.
+        NotFoundError: the robot's model has no joint torques.
+    """
+    signals = drive_signals(recording, cutoff)
+    groups = _groups(free, signals)
+    problem, starts = _problem(recording, signals, groups)
+    fit = _fit(recording, signals, problem, solve(problem), starts)
+    if fit.refuted is not None and not force:
+        raise CalibrationError(
+            f"{recording.name}: {fit.refuted}; --force gives the values all the same"
+        )
+    return fit
+
+
+def _groups(free: Sequence[str], signals: DriveSignals) -> tuple[str, ...]:
+    for name in free:
+        if name not in (*GROUPS, "drive"):
+            raise ParameterError(f"--free {name}: is none of drive, {', '.join(GROUPS)}")
+    named = {g for f in free for g in ((*FRICTION, CONSTANT) if f == "drive" else (f,))}
+    currents = signals.prefix == "i"
+    wanted = named or {*FRICTION, "tool", *((CONSTANT,) if currents else ())}
+    if currents and CONSTANT not in wanted:
+        raise ParameterError(f"--free: currents need {CONSTANT}, nobody states it")
+    if "link" in wanted and CONSTANT in wanted:
+        raise ParameterError("--free link and drive.constant: both scale the torques; hold one")
+    return tuple(g for g in GROUPS if g in wanted and not (g == "tool" and "link" in wanted))
+
+
+def _problem(
+    recording: Recording, signals: DriveSignals, groups: tuple[str, ...]
+) -> tuple[Problem, dict[str, float]]:
+    robot = robot_of(recording)
+    if not isinstance(robot, SerialChain) or not isinstance(robot, SimulatedRobot):
+        raise NotFoundError(f"robot {robot.name!r} is no serial arm: its joints have no torques")
+    model = Model.of(robot, recording.metadata)
+    theta = robot.robot_theta(model.configured(recording.metadata))
+    inertias = link_inertias(robot, theta)
+    y = torque_regressor(robot, theta, signals.q, np.asarray(model.gravity))
+    nominal = y @ inertias.phi.ravel() + inertias.rotor * signals.q.dd
+    starts: dict[str, float] = {}
+    if "link" in groups:
+        base = base_parameters(robot, theta)
+        loads, changes = y[..., base.columns], base.names
+        starts = dict(zip(changes, base.grouping @ inertias.phi.ravel(), strict=True))
+    elif "tool" in groups:
+        loads, changes = y[..., -INERTIAL:] @ _load_columns(robot, theta), LOAD
+        starts = dict(zip(changes, _about_origin(robot.tool(theta)), strict=True))
+    else:
+        loads, changes = y[..., :0], ()
+    speed, kinds = signals.q.d, tuple(g for g in FRICTION if g in groups)
+    shapes = {"drive.coulomb": np.sign(speed), "drive.viscous": speed,
+              "drive.offset": np.ones_like(speed), "drive.inertia": signals.q.dd}  # fmt: skip
+    own = np.stack([shapes[k] for k in kinds], axis=-1) if kinds else np.zeros((*speed.shape, 0))
+    if "drive.inertia" in kinds:
+        starts |= {f"drive.inertia.{j + 1}": float(r) for j, r in enumerate(inertias.rotor)}
+    use = signals.moving() if "drive.coulomb" in kinds else np.ones_like(signals.moving())
+    rows = len(use)
+    if rows < 2 * FOLDS or not use.any(axis=0).all():
+        lazy = [j + 1 for j in range(use.shape[1]) if not use[:, j].any()]
+        why = f"joint {lazy[0]} never moves" if lazy else f"{rows} rows are left after the filter"
+        raise CalibrationError(f"{recording.name}: {why}: record a longer motion of all joints")
+    fold = np.arange(rows) * FOLDS // rows
+    y_seen, nominal, loads, own = (
+        signals.filtered(part) for part in (signals.effort, nominal, loads, own)
+    )
+    dead = np.flatnonzero(np.ptp(signals.effort, axis=0) == 0.0)
+    if dead.size:
+        column = f"{signals.prefix}{dead[0] + 1}"
+        raise CalibrationError(f"{recording.name}: column {column!r} never changes")
+    gains = CONSTANT in groups
+    return Problem(y_seen, nominal, loads, changes, own, kinds, use, fold, gains), starts
+
+
+LOAD = ("tool.mass", *(f"tool.moment.{a}" for a in "xyz"),
+        *(f"tool.second.{a}" for a in INERTIA_AXES))  # fmt: skip
+"""The ten inertial parameters of the load, about the sensor's origin in its axes."""
+
+
+def _about_origin(tool: Tool) -> np.ndarray:
+    """`LOAD` (10,) of a tool."""
+    mass, cog = float(tool.mass), np.asarray(tool.cog, dtype=float)
+    second = np.asarray(tool.inertia) + mass * _second(cog, cog)
+    return np.array([mass, *(mass * cog), *_six(second)])
+
+
+def _load_columns(robot: SerialChain, theta: np.ndarray) -> np.ndarray:
+    """From `LOAD` to the ten parameters of the last link (10, 10), in its axes about its joint."""
+    assert isinstance(robot, SimulatedRobot)
+    q = np.asarray(robot.home, dtype=float)[None]
+    *_, frame, _ = robot.frames(q, theta)
+    x, y, z, origin = (np.broadcast_to(v, (1, 3))[0] for v in frame)
+    link = np.stack([x, y, z], axis=-1)
+    rotation, place = (np.asarray(v)[0] for v in robot.sensor_pose(q, theta))
+    turn, lever = link.T @ rotation, link.T @ (place - origin)
+    result = np.zeros((INERTIAL, INERTIAL))
+    result[:, 0] = [1.0, *lever, *_six(_second(lever, lever))]
+    for k in range(3):
+        result[:, 1 + k] = [0.0, *turn[:, k], *_six(2.0 * _second(lever, turn[:, k]))]
+    for k, axes in enumerate(INERTIA_AXES):
+        one = np.zeros((3, 3))
+        i, j = "xyz".index(axes[0]), "xyz".index(axes[1])
+        one[i, j] = one[j, i] = 1.0
+        result[4:, 4 + k] = _six(turn @ one @ turn.T)
+    return result
+
+
+def _second(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """(a·b) 1 − (a bᵀ + b aᵀ)/2 (3, 3): the inertia of a unit mass, bilinear in its place."""
+    return np.asarray((a @ b) * np.eye(3) - 0.5 * (np.outer(a, b) + np.outer(b, a)))
+
+
+def _six(matrix: np.ndarray) -> list[float]:
+    """xx yy zz xy xz yz of a symmetric matrix (3, 3)."""
+    return [float(matrix["xyz".index(i), "xyz".index(j)]) for i, j in map(tuple, INERTIA_AXES)]
+
+
+def _fit(
+    recording: Recording,
+    signals: DriveSignals,
+    problem: Problem,
+    solution: Solution,
+    starts: dict[str, float],
+) -> DriveFit:
+    names, told = _names(problem, solution.told)
+    values = _reported(problem, solution.x, starts)
+    before = _reported(problem, start(problem), starts)
+    each = np.array([_reported(problem, x, starts) for x in solution.folds])
+    off = each - each.mean(axis=0)
+    covariance = (FOLDS - 1) / FOLDS * off.T @ off
+    wide = float(stats.t.ppf(0.975, FOLDS - 1))
+    identified = []
+    for k, (name, unit) in enumerate(names):
+        std = float(np.sqrt(covariance[k, k])) if told[k] else None
+        half = None if std is None else wide * std
+        identified.append(
+            IdentifiedValue(name, float(values[k]), std, unit, float(before[k]), half)
+        )
+    joints = _errors(problem, solution)
+    return DriveFit(
+        recording.name, recording.metadata.robot, signals.unit, tuple(identified), joints,
+        covariance, signals.cutoff, float(signals.t[-1] - signals.t[0]), len(problem.use),
+        _refuted(joints, identified),
+    )  # fmt: skip
+
+
+_COG = tuple(f"tool.cog.{a}" for a in "xyz")
+_INERTIA = tuple(f"tool.inertia.{a}" for a in INERTIA_AXES)
+_UNITS = {"drive.coulomb": "N·m", "drive.viscous": "N·m·s/rad", "drive.offset": "N·m",
+          "drive.inertia": "kg·m²"}  # fmt: skip
+_LINK_UNITS = {"m": "kg"} | {f"m{a}": "kg·m" for a in "xyz"}
+
+
+def _names(p: Problem, told: np.ndarray) -> tuple[list[tuple[str, str]], np.ndarray]:
+    """Names and units of the reported parameters, and whether the data determine each."""
+    joints = range(1, p.y.shape[1] + 1)
+    gain, changes, own = parts(p, told)
+    names = [(f"{CONSTANT}.{j}", "N·m/A") for j in joints if p.gains]
+    good = [*gain] if p.gains else []
+    if p.changes == LOAD:
+        names += [("tool.mass", "kg"), *((c, "m") for c in _COG), *((c, "kg·m²") for c in _INERTIA)]
+        cog = changes[0] & changes[1:4]
+        good += [changes[0], *cog, *(cog.all() & changes[4:])]
+    else:
+        names += [(c, _LINK_UNITS.get(c.rpartition(".")[2], "kg·m²")) for c in p.changes]
+        good += [*changes]
+    for f, kind in enumerate(p.kinds):
+        names += [(f"{kind}.{j}", _UNITS[kind]) for j in joints]
+        good += [*(own[:, f] & gain)]
+    return names, np.array(good, dtype=bool)
+
+
+def _reported(p: Problem, x: np.ndarray, starts: dict[str, float]) -> np.ndarray:
+    """Reported parameters from those of the fit."""
+    gain, change, own = parts(p, x)
+    change = change + [starts[c] for c in p.changes]
+    if p.changes == LOAD:
+        change = _about_cog(change)
+    known = [[starts.get(f"{k}.{j + 1}", 0.0) for k in p.kinds] for j in range(len(gain))]
+    own = own / gain[:, None] + known
+    return np.concatenate([1.0 / gain if p.gains else gain[:0], change, own.T.ravel()])
+
+
+def _about_cog(load: np.ndarray) -> np.ndarray:
+    """Mass, CoG and inertia about it (10,) of `LOAD`."""
+    mass, cog = load[0], load[1:4] / load[0]
+    return np.array([mass, *cog, *(load[4:] - mass * np.array(_six(_second(cog, cog))))])
+
+
+def _errors(p: Problem, solution: Solution) -> tuple[JointError, ...]:
+    left, unseen = residual(p, solution.x), np.zeros_like(p.y)
+    for k, x in enumerate(solution.folds):
+        unseen[p.fold == k] = residual(p, x)[p.fold == k]
+    found = []
+    for j in range(p.y.shape[1]):
+        rows = p.use[:, j]
+        nominal = None if p.gains else float(np.sqrt(np.mean((p.y - p.nominal)[rows, j] ** 2)))
+        rms = [float(np.sqrt(np.mean(part[rows, j] ** 2))) for part in (left, unseen)]
+        found.append(JointError(j + 1, int(rows.sum()), float(p.y[rows, j].std()), nominal, *rms))
+    return tuple(found)
+
+
+def _refuted(joints: tuple[JointError, ...], values: list[IdentifiedValue]) -> str | None:
+    bad = [e for e in joints if not e.held_out < _WORSE * e.measured]
+    if bad:
+        return (
+            f"of joint {', '.join(str(e.joint) for e in bad)} the fit explains nothing on rows "
+            f"that it did not see (error {bad[0].held_out:.3g}, spread {bad[0].measured:.3g})"
+        )
+    for p in values:
+        positive = p.name == "tool.mass" or p.name.startswith((CONSTANT, *FRICTION[:2]))
+        if positive and p.interval95 is not None and p.value + p.interval95 < 0.0:
+            return (
+                f"{p.name} comes out as {p.value:.3g} ± {p.interval95:.2g} {p.unit}, which cannot "
+                "be negative: the effort has the opposite sign, another robot made it, or the "
+                "controller subtracted what it knows"
+            )
+    return None

@@ -1,0 +1,135 @@
+"""Joint torques or currents of a recording, with speeds and accelerations, all filtered alike.
+
+Joint values are smoothed without phase and differentiated; torques and every regressor pass the
+same filter and are decimated to its band. What all columns lose alike does not bias a fit. Gautier
+1997, doi 10.1109/ROBOT.1997.619069, Section IV.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import signal
+from scipy.interpolate import make_interp_spline
+
+from wrenchbed.data.recording import EFFORT_UNITS, Recording
+from wrenchbed.errors import CalibrationError, RecordingError
+from wrenchbed.physics.time_derivatives import Jet
+
+JITTER = 0.02
+"""Steps that differ by less than this share are even."""
+_ORDER = 4
+"""Of the Butterworth filter, run forwards and backwards."""
+_BAND, _SHARE = 5.0, 0.99
+"""Cutoff over the frequency below which that share of the speeds' power lies: estimate, after
+Gautier's "at least five times the bandwidth of the motion"."""
+_LOWEST = 2.0
+"""Least cutoff [Hz]; estimate."""
+_HIGHEST = 0.2
+"""Largest cutoff over the rate: decimation needs 2.5 rows a cycle."""
+_EDGE = 2.0
+"""Cycles of the cutoff at both ends that are left out."""
+_MOVING = 0.03
+"""Share of a joint's largest speed below which it counts as at rest: its friction has no known
+sign there. Estimate."""
+_LEAST_ROWS = 100
+"""Fewest filtered rows; estimate."""
+
+
+@dataclass(frozen=True, eq=False)
+class DriveSignals:
+    """What drives did, at the recording's own rate.
+
+    Attributes:
+        t: (N,) [s], equal steps.
+        q: joint values, speeds and accelerations (N, J), smoothed.
+        effort: torques [N·m] or currents [A] (N, J) as measured.
+        prefix: ``tau`` or ``i``.
+        cutoff: of the filter [Hz].
+    """
+
+    t: np.ndarray
+    q: Jet
+    effort: np.ndarray
+    prefix: str
+    cutoff: float
+
+    @property
+    def rate(self) -> float:
+        """Rows a second [Hz]."""
+        return float((len(self.t) - 1) / (self.t[-1] - self.t[0]))
+
+    @property
+    def unit(self) -> str:
+        """Of ``effort``."""
+        return EFFORT_UNITS[self.prefix]
+
+    @property
+    def step(self) -> int:
+        """Rows from one kept row to the next."""
+        return max(1, int(self.rate / (2.5 * self.cutoff)))
+
+    def filtered(self, columns: np.ndarray) -> np.ndarray:
+        """Columns (N, …) through the filter, decimated, without their ends (M, …)."""
+        smooth = signal.sosfiltfilt(self._sections(), columns, axis=0)
+        edge = min(int(_EDGE * self.rate / self.cutoff), len(columns) // 4)
+        return np.asarray(smooth[edge : len(columns) - edge : self.step])
+
+    def moving(self) -> np.ndarray:
+        """Which joints move (M, J) at the filtered rows, through all of the filter's memory."""
+        speed = np.abs(self.q.d)
+        still = speed < _MOVING * speed.max(axis=0)
+        memory = np.ones(max(1, int(0.5 * self.rate / self.cutoff)))
+        near = signal.fftconvolve(still, memory[:, None], mode="same", axes=0) > 0.5
+        edge = min(int(_EDGE * self.rate / self.cutoff), len(speed) // 4)
+        return np.asarray(~near[edge : len(speed) - edge : self.step])
+
+    def _sections(self) -> np.ndarray:
+        return np.asarray(signal.butter(_ORDER, self.cutoff, fs=self.rate, output="sos"))
+
+
+def drive_signals(recording: Recording, cutoff: float | None = None) -> DriveSignals:
+    """Speeds and accelerations of a recording in motion, beside its torques or currents.
+
+    Args:
+        cutoff: of the filter [Hz]; five times the motion's bandwidth if none.
+
+    Raises:
+        RecordingError: no torques or currents, or an uneven clock.
+        CalibrationError: nothing moves, or the motion is too short.
+    """
+    name, prefix = recording.name, recording.effort
+    if prefix is None:
+        raise RecordingError(
+            f"{name}: has neither joint torques tau1… nor motor currents i1…: record with "
+            "--effort torque or --effort current"
+        )
+    t, q = np.asarray(recording.t, dtype=float), np.asarray(recording.q, dtype=float)
+    steps = np.diff(t)
+    if len(t) < _LEAST_ROWS or np.ptp(q, axis=0).max() == 0.0:
+        raise CalibrationError(
+            f"{name}: {len(t)} rows, joints move by {np.ptp(q, axis=0).max():.3g} at most: a fit "
+            f"of joint torques needs a motion of {_LEAST_ROWS} rows or more"
+        )
+    usual = float(np.median(steps))
+    uneven = np.abs(steps - usual) > JITTER * usual
+    if uneven.any():
+        row = int(np.flatnonzero(uneven)[0])
+        raise RecordingError(
+            f"{name}: column 't', row {row + 1}: {steps[row]:.4g} s after the row before, others "
+            f"{usual:.4g} s: make the clock even (import with rate_hz) or cut the gap out"
+        )
+    rate = 1.0 / usual
+    cutoff = _cutoff(q, rate) if cutoff is None else min(cutoff, _HIGHEST * rate)
+    sections = signal.butter(_ORDER, min(4.0 * cutoff, 0.45 * rate), fs=rate, output="sos")
+    smooth = make_interp_spline(t, signal.sosfiltfilt(sections, q, axis=0), k=5)
+    values = Jet(smooth(t), smooth.derivative(1)(t), smooth.derivative(2)(t))
+    effort = np.stack([recording.columns[f"{prefix}{j + 1}"] for j in range(q.shape[1])], axis=-1)
+    return DriveSignals(t, values, effort.astype(float), prefix, cutoff)
+
+
+def _cutoff(q: np.ndarray, rate: float) -> float:
+    """Five times the frequency below which nearly all of the speeds' power lies [Hz]."""
+    frequency, power = signal.periodogram(np.gradient(q, axis=0), fs=rate, axis=0)
+    share = np.cumsum(power.sum(axis=1)) / power.sum()
+    band = float(frequency[np.searchsorted(share, _SHARE)])
+    return float(np.clip(_BAND * band, min(_LOWEST, _HIGHEST * rate), _HIGHEST * rate))

@@ -1,0 +1,133 @@
+"""Least squares over the joints of an arm: all rows, and without each block of time."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+FOLDS = 20
+"""Blocks of time; their number less one are the degrees of freedom of the intervals: estimate."""
+_ROUNDS, _SETTLED, _LEVEL = 30, 1e-9, 1e-3
+"""Gauss–Newton steps at most, step over the parameters and change of the weights that end them."""
+_NULL = 1e-7
+"""Eigenvalue over the largest, columns scaled to 1, below which a direction is not told."""
+_SHARE = 1e-3
+"""Part of a parameter in such directions from which it counts as not told."""
+_START_CONSTANT = 10.0
+"""Drive constant at which a fit of currents starts [N·m/A]; estimate, it is found linearly."""
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """Filtered columns of all joints.
+
+    Attributes:
+        y: measured effort (M, J).
+        nominal: torque of the nominal rigid body (M, J).
+        loads: columns of inertial parameters (M, J, D), and ``changes`` their names.
+        own: columns of each joint alone (M, J, F): friction, by ``kinds``.
+        use: rows that count (M, J).
+        fold: block of each row (M,).
+    """
+
+    y: np.ndarray
+    nominal: np.ndarray
+    loads: np.ndarray
+    changes: tuple[str, ...]
+    own: np.ndarray
+    kinds: tuple[str, ...]
+    use: np.ndarray
+    fold: np.ndarray
+    gains: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """Parameters of all rows (K,), and without each block (FOLDS, K); which the data tell (K,).
+
+    In order: gains (J,) if currents, changes (D,), own (J F,) joint by joint.
+    """
+
+    x: np.ndarray
+    folds: np.ndarray
+    told: np.ndarray
+
+
+def solve(problem: Problem) -> Solution:
+    """Weighted by each joint's own residual; the folds one step from the fit of all rows."""
+    spread = problem.y.std(axis=0)
+    x, weight = start(problem), 1.0 / np.where(spread > 0.0, spread, 1.0)
+    for _ in range(_ROUNDS):
+        normal, right = _normal(problem, x, weight)
+        step = _shortest(normal.sum(axis=0), right.sum(axis=0))
+        x, before = x + step, weight
+        left = np.average(residual(problem, x) ** 2, axis=0, weights=problem.use.astype(float))
+        weight = 1.0 / np.sqrt(np.maximum(left, 1e-300))
+        small = np.abs(step).max() <= _SETTLED * max(1.0, float(np.abs(x).max()))
+        if small and np.abs(weight / before - 1.0).max() < _LEVEL:
+            break
+    normal, right = _normal(problem, x, weight)
+    whole, all_right = normal.sum(axis=0), right.sum(axis=0)
+    folds = [x + _shortest(whole - n, all_right - r) for n, r in zip(normal, right, strict=True)]
+    return Solution(x, np.array(folds), _told(whole))
+
+
+def residual(p: Problem, x: np.ndarray) -> np.ndarray:
+    """What parameters (K,) leave (M, J)."""
+    gain, change, own = parts(p, x)
+    body = p.nominal + p.loads @ change
+    return np.asarray(p.y - gain * body - np.einsum("mjf,jf->mj", p.own, own))
+
+
+def parts(p: Problem, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Gains (J,), changes (D,) and own (J, F) of parameters or of flags (K,)."""
+    joints = p.y.shape[1]
+    at = joints * p.gains
+    gain = x[:at] if at else np.ones(joints, dtype=x.dtype)
+    changes = len(p.changes)
+    return gain, x[at : at + changes], x[at + changes :].reshape(joints, -1)
+
+
+def start(p: Problem) -> np.ndarray:
+    """Parameters (K,) of the nominal robot."""
+    joints = p.y.shape[1]
+    gains = np.full(joints * p.gains, 1.0 / _START_CONSTANT)
+    return np.concatenate([gains, np.zeros(len(p.changes) + joints * len(p.kinds))])
+
+
+def _normal(p: Problem, x: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """JᵀWJ (FOLDS, K, K) and JᵀWr (FOLDS, K) block by block."""
+    left, (gain, change, _) = residual(p, x), parts(p, x)
+    body = p.nominal + p.loads @ change
+    joints, changes, kinds = p.y.shape[1], len(p.changes), len(p.kinds)
+    at = joints * p.gains
+    normal, right = np.zeros((FOLDS, len(x), len(x))), np.zeros((FOLDS, len(x)))
+    for j in range(joints):
+        first = at + changes + kinds * j
+        places = [*range(j, j + p.gains), *range(at, at + changes), *range(first, first + kinds)]
+        own = body[:, j : j + p.gains]
+        columns = np.concatenate([own, gain[j] * p.loads[:, j], p.own[:, j]], axis=1) * weight[j]
+        for k in range(FOLDS):
+            rows = (p.fold == k) & p.use[:, j]
+            some = columns[rows]
+            normal[k][np.ix_(places, places)] += some.T @ some
+            right[k][places] += some.T @ (left[rows, j] * weight[j])
+    return normal, right
+
+
+def _scaled(normal: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Lengths of the columns (K,), eigenvalues and eigenvectors of their cosines."""
+    scale = np.sqrt(np.maximum(np.diagonal(normal), 1e-300))
+    value, vector = np.linalg.eigh(normal / np.outer(scale, scale))
+    return scale, value, vector
+
+
+def _shortest(normal: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """Least squares; of many solutions the shortest, columns scaled to 1."""
+    scale, value, vector = _scaled(normal)
+    inverse = np.divide(1.0, value, out=np.zeros_like(value), where=value > _NULL * value[-1])
+    return np.asarray(vector @ (inverse * (vector.T @ (right / scale))) / scale)
+
+
+def _told(normal: np.ndarray) -> np.ndarray:
+    _, value, vector = _scaled(normal)
+    return np.asarray((vector[:, value < _NULL * value[-1]] ** 2).sum(axis=1) < _SHARE)
