@@ -19,7 +19,7 @@ LAYERS = (
     ("simulation",),
     ("calibration", "effects"),
     ("planning", "twin"),
-    ("diagnosis", "emulators", "exports", "hardware"),
+    ("diagnosis", "drives", "emulators", "exports", "hardware"),
     ("benchmark", "campaigns", "monitoring", "reports"),
     ("environments", "studies", "viewer"),
     ("__init__",),
@@ -27,7 +27,7 @@ LAYERS = (
     ("__main__",),
 )
 """Rooms from the ground up. A room imports from layers below its own only."""
-MOST_ROOMS, MOST_ARROWS = 30, 215
+MOST_ROOMS, MOST_ARROWS = 30, 225
 PLUGINS = {
     "robots": "robots",
     "drivers": "hardware/drivers",
