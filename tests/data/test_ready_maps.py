@@ -170,5 +170,5 @@ def test_counts_without_their_size_are_refused(tmp_path):
 
 def test_every_ready_map_is_tried():
     here = {"franka-csv", "franka-ros", "ros-tf", "kuka-fri", "ati-netft"}
-    in_test_logs = {"ros-ur5", "ros-oriented", "ur-rtde", "ur-client"}
+    in_test_logs = {"ur-rtde-current", "ros-ur5", "ros-oriented", "ur-rtde", "ur-client"}
     assert set(ready()) == here | in_test_logs

@@ -8,11 +8,18 @@ from arm_torques import NOISE, UR5, coloured, fourier, lugre, recording, torques
 
 from wrenchbed import registry
 from wrenchbed.cli import main
+from wrenchbed.data.column_map import read as read_map
 from wrenchbed.data.recording import Recording
 from wrenchbed.drives.base_parameters import base_parameters
 from wrenchbed.drives.identify import calibrate_efforts
 from wrenchbed.drives.inverse_dynamics import torque_regressor
-from wrenchbed.errors import CalibrationError, NotFoundError, ParameterError, RecordingError
+from wrenchbed.errors import (
+    CalibrationError,
+    MapError,
+    NotFoundError,
+    ParameterError,
+    RecordingError,
+)
 from wrenchbed.physics.time_derivatives import Jet
 
 COULOMB = np.array([8.0, 9.0, 7.0, 2.0, 1.5, 1.2])
@@ -181,3 +188,29 @@ def test_the_verb_writes_a_fit_that_no_export_takes_for_one_of_the_wrench(clean,
     assert "--prior is for wrenches" in capsys.readouterr().err
     assert main(["diagnose", str(path), "--out", str(tmp_path / "found")]) != 0
     assert "has no wrench" in capsys.readouterr().err
+
+
+def test_a_ur_rtde_file_of_currents_is_imported_and_fitted(clean, tmp_path):
+    t, q, _, effort = clean
+    current = noisy(effort, 11) / CONSTANT
+    names = ["timestamp", *(f"actual_q_{j}" for j in range(6)),
+             *(f"actual_current_{j}" for j in range(6))]  # fmt: skip
+    table = np.column_stack([t, q, current])
+    csv = tmp_path / "robot.csv"
+    np.savetxt(csv, table, delimiter=",", header=",".join(names), comments="", fmt="%.9f")
+    out = tmp_path / "rec.parquet"
+    assert main(["import", str(csv), "--map", "ur-rtde-current", "--out", str(out)]) == 0
+    made = Recording.read(out)
+    assert made.effort == "i" and len(made) == len(t)
+    fit = calibrate_efforts(made)
+    assert abs(fit["tool.mass"].value - MASS) < fit["tool.mass"].interval95
+
+
+def test_a_map_of_some_joints_currents_is_no_effort(tmp_path):
+    text = '[recording]\nrobot = "ur5"\nmode = "dynamic"\n[[file]]\nmatch = "*"\n[file.columns]\n'
+    columns = ["t", *(f"q{j + 1}" for j in range(6)), *(f"i{j + 1}" for j in range(5))]
+    units = {"t": "s", "q": "rad", "i": "A"}
+    text += "".join(f'{c} = {{ column = "{c}", unit = "{units[c[0]]}" }}\n' for c in columns)
+    (tmp_path / "map.toml").write_text(text)
+    with pytest.raises(MapError, match="no column is mapped to fx"):
+        read_map(tmp_path / "map.toml")

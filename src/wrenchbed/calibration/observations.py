@@ -170,7 +170,11 @@ def usable(recording: Recording) -> np.ndarray:
 
     Recordings of live drivers say so in ``saturated``, simulated ones in ``status``; the word of
     a real device has its maker's meaning and drops nothing.
+
+    Raises:
+        RecordingError: the recording has no wrench.
     """
+    recording.require_wrench()
     told = recording.columns.get("saturated")
     if told is None and recording.metadata.source == "sim":
         told = recording.columns.get("status")

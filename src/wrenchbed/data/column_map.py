@@ -9,6 +9,7 @@ from typing import Any
 
 from wrenchbed.data.checked import Fields, load
 from wrenchbed.data.metadata import MODES, Metadata, SensorInfo, ToolInfo, parse
+from wrenchbed.data.recording import effort_prefix
 from wrenchbed.errors import MapError, RecordingError, did_you_mean
 from wrenchbed.physics.wrench import CHANNELS
 
@@ -27,6 +28,7 @@ UNITS: dict[str, tuple[str, float]] = {
     "kgf·mm": ("torque", 9.80665e-3), "gf·cm": ("torque", 9.80665e-5),
     "m/s²": ("acceleration", 1.0), "m/s^2": ("acceleration", 1.0), "g": ("acceleration", 9.80665),
     "°C": ("temperature", 1.0), "degC": ("temperature", 1.0),
+    "A": ("current", 1.0), "mA": ("current", 1e-3),
     "1": ("number", 1.0),
 }  # fmt: skip
 """Unit → its quantity and its size in SI."""
@@ -57,7 +59,7 @@ _FIXED = {
     **dict.fromkeys((name for three in ANGLES for name in three), "angle"),
 }  # fmt: skip
 _JOINT = {"q": ("angle", "length"), "qd": ("angular velocity",), "q_target": ("angle", "length"),
-          "tau": ("torque",)}  # fmt: skip
+          "tau": ("torque", "force"), "i": ("current",)}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -166,6 +168,10 @@ def from_fields(raw: Fields, name: str) -> ColumnMap:
     conventions = _conventions(raw, metadata)
     _consistent(name, files)
     _one_orientation(name, files, conventions)
+    if conventions.wrench_axes != "sensor" and not any(
+        c.target == CHANNELS[0] for f in files for c in f.columns
+    ):
+        raise MapError(f"{name}: [wrench] axes are stated and no column is mapped to fx … tz")
     return ColumnMap(files, metadata, metadata.rate_hz, name, conventions, mode)
 
 
@@ -273,8 +279,8 @@ def _source(where: str, target: str, entry: Any) -> Source:
     quantities = _quantities(target)
     if not quantities:
         known = (
-            "t, fx…tz, q1…, qw qx qy qz, r11…r33, rx ry rz, roll pitch yaw, e1 e2 e3, ax ay az, "
-            "temperature, segment, status"
+            "t, fx…tz, q1…, tau1…, i1…, qd1…, q_target1…, qw qx qy qz, r11…r33, rx ry rz, "
+            "roll pitch yaw, e1 e2 e3, ax ay az, temperature, segment, status"
         )
         close = did_you_mean(target, _FIXED)
         raise MapError(
@@ -322,5 +328,6 @@ def _consistent(name: str, files: tuple[FileMap, ...]) -> None:
             stated = ", ".join(f"{t} in {u}" for t, u in units.items())
             raise MapError(f"{name}: mixed units: {stated}; one sensor reports in one unit")
     missing = [c for c in CHANNELS if c not in seen]
-    if missing:
+    effort = len(missing) == len(CHANNELS) and effort_prefix(seen) is not None
+    if missing and not effort:
         raise MapError(f"{name}: no column is mapped to {', '.join(missing)}")

@@ -26,7 +26,6 @@ from wrenchbed.data.mcap_file import McapFile
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import MapError, WrenchbedError, raise_shortage
 from wrenchbed.files import atomic_write
-from wrenchbed.physics.wrench import CHANNELS
 
 STAMP, LOGGED = "stamp", "logged"
 """Times of a message: its header's, and when it was written [ns]."""
@@ -325,7 +324,7 @@ def _topics(recording: Recording, at: np.ndarray, store: Any) -> Iterator[tuple[
         seconds, rest = divmod(int(at[row]), 1_000_000_000)
         return header(stamp=time(sec=seconds, nanosec=rest), frame_id=_FRAME)
 
-    values = np.stack([recording.columns[c] for c in CHANNELS], axis=1).astype(float)
+    values = recording.wrench.astype(float)
     vector = known["geometry_msgs/msg/Vector3"]
     wrench, stamped = known["geometry_msgs/msg/Wrench"], known["geometry_msgs/msg/WrenchStamped"]
 

@@ -8,6 +8,7 @@ import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -66,17 +67,25 @@ class Recording:
         Raises:
             RecordingError: the recording has joint torques or currents alone.
         """
-        if not self.has_wrench:
-            raise RecordingError(
-                f"{self.name}: has no wrench fx … tz, only the effort of its joints: this needs "
-                "a force/torque sensor"
-            )
+        self.require_wrench()
         return np.stack([self.columns[c] for c in CHANNELS], axis=-1)
 
     @property
     def has_wrench(self) -> bool:
         """Whether there is a wrench; else joint torques or currents."""
         return CHANNELS[0] in self.columns
+
+    def require_wrench(self) -> None:
+        """Refuse a recording of joint efforts alone.
+
+        Raises:
+            RecordingError: it has no wrench.
+        """
+        if not self.has_wrench:
+            raise RecordingError(
+                f"{self.name}: has no wrench fx … tz, only the effort of its joints: this needs "
+                "a force/torque sensor"
+            )
 
     @property
     def effort(self) -> str | None:
@@ -142,7 +151,7 @@ def _frozen(array: np.ndarray) -> np.ndarray:
     return array
 
 
-def joint_columns(columns: Mapping[str, np.ndarray]) -> tuple[str, ...]:
+def joint_columns(columns: Mapping[str, Any]) -> tuple[str, ...]:
     """q1…qJ, as far as they are numbered without a gap."""
     names: list[str] = []
     while f"q{len(names) + 1}" in columns:
@@ -150,7 +159,7 @@ def joint_columns(columns: Mapping[str, np.ndarray]) -> tuple[str, ...]:
     return tuple(names)
 
 
-def effort_prefix(columns: Mapping[str, np.ndarray]) -> str | None:
+def effort_prefix(columns: Mapping[str, Any]) -> str | None:
     """``tau`` or ``i`` of columns that have this for each joint, torques first."""
     joints = range(1, len(joint_columns(columns)) + 1)
     for prefix in EFFORT_UNITS:

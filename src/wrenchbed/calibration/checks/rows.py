@@ -48,7 +48,11 @@ def of_rows(
         keep: rows that are not known to be saturated (N,), boolean.
         sensor: registry name of the robot's own sensor.
         blocking: whether only reasons count that make a recording useless.
+
+    Raises:
+        RecordingError: the recording has no wrench.
     """
+    recording.require_wrench()
     found = (_channels(recording), _spikes(recording), _ranges(recording, keep, sensor))
     for some in (*found, _clock(recording), standing(recording)):
         for finding in some:
