@@ -22,7 +22,7 @@ FLAGS = {
         "parameters=None, plan=required, rate=None, recording=None, recover=False, "
         "resume=False, revisit=auto, robot=required, rrd=None, samples=100, seed=None, "
         "sensor=None, set=repeatable, speed=None, tracking=None, view=None, "
-        "workspace=None"
+        "workspace=None, yes=False"
     ),
     "import": (
         "fit=None, force=False, gravity=None, guess=False, json=False, map=None, mode=None, "

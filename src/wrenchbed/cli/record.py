@@ -17,8 +17,9 @@ from wrenchbed.campaigns.recording.run import RunProgress
 from wrenchbed.cli import console
 from wrenchbed.cli import console as set_options
 from wrenchbed.cli.console import Flag, Json, Repeated
+from wrenchbed.cli.first_move import ready
 from wrenchbed.data.outputs import Kind
-from wrenchbed.errors import DriverError, ParameterError, PlanError
+from wrenchbed.errors import ParameterError, PlanError
 from wrenchbed.hardware.drivers.base import Driver
 from wrenchbed.hardware.drivers.base.live import LIVE, LiveDriver
 from wrenchbed.physics.wrench import CHANNELS, UNITS
@@ -146,8 +147,10 @@ class LimitArguments:
         speed: Share of top speed that moves between poses use; 0.25 on real robots.
         tracking: Share of top speed that a trajectory may use; 0.7 on real robots.
         workspace: Where the sensor may be, x y z lower then x y z upper bounds in the world [m].
-        max_force: Stop the robot above this measured force [N].
-        max_torque: Stop the robot above this measured torque [N·m].
+            Live robots without it: the way through the plan from where they are, and 0.05 m more.
+        max_force: Stop the robot above this measured force [N]. Live robots without it: half way
+            from what the tool and the sensor's zero may add up to, to the end of the range.
+        max_torque: Stop the robot above this measured torque [N·m]; likewise.
     """
 
     speed: float | None = None
@@ -179,6 +182,8 @@ class RunArguments:
         resume: Go on with the stopped campaign in OUT, at the pose where it stopped.
         recover: Somebody has looked: first clear a protective stop, a drive's fault, or a program
             that was left on the robot.
+        yes: Somebody has looked that the robot may move: ask no more. Real robots alone are asked
+            for.
         revisit: Visit the first pose again at the end, which shows drift; auto: on real robots
             and in dry runs.
         force: Replace a recording at OUT; it is kept as OUT~, or OUT~2 and so on.
@@ -189,6 +194,7 @@ class RunArguments:
     dry_run: Flag = False
     resume: Flag = False
     recover: Flag = False
+    yes: Flag = False
     revisit: Literal["auto", "yes", "no"] = "auto"
     force: Flag = False
 
@@ -246,13 +252,13 @@ def record(
     link: Driver = kind(device.options(kind, robot, limits))
     revisit = {"yes": True, "no": False, "auto": True if run.dry_run else None}[run.revisit]
     with (
-        ready(link, run.recover),
+        ready(link, todo, recover=run.recover, yes=run.yes) as found,
         watched(link, out, rrd, picture.view),
         console.progress(f"recording {robot}", len(todo)) as report,
     ):
         done = wb.record(
             link, todo, out, samples=run.samples, rate=run.rate, progress=report, revisit=revisit,
-            resume=run.resume, clear=run.dry_run or None,
+            resume=run.resume, clear=run.dry_run or None, limits=found,
         )  # fmt: skip
     _answer(done, todo, device.driver, as_json)
 
@@ -260,23 +266,6 @@ def record(
 def _plain(robot: str) -> str:
     """A robot's name without the version of a user's description; limits are checked anyway."""
     return robot.partition("@")[0]
-
-
-@contextmanager
-def ready(link: Driver, recover: bool) -> Iterator[None]:
-    """Connected and able to move; errors name the flag instead of the Python method."""
-    try:
-        link.connect()
-        try:
-            if recover:
-                link.recover()
-            else:
-                link.activate()
-            yield
-        finally:
-            link.close()
-    except DriverError as error:
-        raise type(error)(str(error).replace("call recover()", "give --recover")) from error
 
 
 def _rehearse(plan: wb.Plan, limits: Limits, run: RunArguments, rrd: Path | None) -> None:

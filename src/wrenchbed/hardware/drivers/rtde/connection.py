@@ -11,6 +11,7 @@ from typing import Any
 from wrenchbed import registry
 from wrenchbed.errors import DriverError, LinkError, ParameterError, StoppedError
 from wrenchbed.hardware.device import STALE_S, wait_until
+from wrenchbed.hardware.drivers.rtde.outputs import NATIVE_HZ
 from wrenchbed.hardware.drivers.rtde.process import Worker
 from wrenchbed.hardware.drivers.rtde.shared_state import SharedState
 from wrenchbed.hardware.drivers.rtde.worker import Message
@@ -18,8 +19,6 @@ from wrenchbed.robots.motion_limits import Limits
 
 PERIOD_S = 0.05
 """Period of the driver's heartbeat [s]; estimate, a tenth of `DRIVER_SILENT_S`."""
-NATIVE_HZ = {False: 125.0, True: 500.0}
-"""States per second of a CB3 and of an e-Series; source: Universal Robots, RTDE guide."""
 
 
 class Pulse:
