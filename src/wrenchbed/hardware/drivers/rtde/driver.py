@@ -135,11 +135,16 @@ class RtdeDriver(LiveDriver):
 
     def metadata(self, mode: str, rate: float) -> Metadata:
         stated = super().metadata(mode, rate)
-        if self._options.sensor != wrench_source.OWN:
+        if self._options.sensor not in wrench_source.OWN:
             return stated
-        facts = wrench_source.facts(self._look()) if self._links else {}
+        facts = wrench_source.facts(self._look(), self._controller) if self._links else {}
         sensor = SensorInfo(model="ur-wrench", pose_flange=stated.sensor.pose_flange)
         return replace(stated, sensor=sensor, extra={**stated.extra, "wrench": facts})
+
+    def full_scale(self) -> np.ndarray:
+        if self._options.sensor not in wrench_source.OWN or self._links is None:
+            return super().full_scale()
+        return wrench_source.full_scale(int(self._look().major))
 
     def stop(self, kind: str = "soft") -> None:
         """Brake and wait until the robot rests.
