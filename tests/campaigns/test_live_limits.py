@@ -1,5 +1,7 @@
 """Limits of live robots before they move: worked out where nobody gave them, and always kept."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from test_run_live import PLAN, UR5, Arm, quick, run  # noqa: F401
@@ -61,6 +63,17 @@ def test_a_run_states_its_limits_and_keeps_to_them(tmp_path):
         arm.guard()
     with arm, pytest.raises(PlanError, match="outside the workspace"):
         arm.move(UR5.home + np.array([1.5, 0.0, 0.0, 0.0, 0.0, 0.0]))
+
+
+def test_what_the_robot_tells_of_its_joints_is_kept(tmp_path):
+    class Telling(Arm):
+        def _read(self):
+            told = {"i": np.arange(6.0), "joint_temperature": np.full(6, 30.0)}
+            return replace(super()._read(), evidence=told)
+
+    run(Telling(), tmp_path / "r.parquet")
+    rec = Recording.read(tmp_path / "r.parquet")
+    assert (rec.columns["i4"] == 3.0).all() and (rec.columns["joint_temperature6"] == 30.0).all()
 
 
 def test_a_motion_stays_in_its_own_box(arm):

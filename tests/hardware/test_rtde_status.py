@@ -226,7 +226,7 @@ def test_only_what_ur_rtde_decodes_is_asked_for():
         "timestamp target_q target_qd target_qdd target_current target_moment actual_q actual_qd "
         "actual_current actual_TCP_pose actual_TCP_speed actual_TCP_force target_TCP_pose "
         "robot_mode joint_mode safety_mode speed_scaling target_speed_fraction runtime_state "
-        "robot_status_bits safety_status_bits ft_raw_wrench".split()
+        "robot_status_bits safety_status_bits joint_temperatures ft_raw_wrench".split()
     )
     assert {*FIELDS, RAW} <= table
 
@@ -251,8 +251,8 @@ def test_the_own_wrench_comes_in_the_sensors_axes():
     raw = series_e._replace(raw=(1.0, 2.0, 3.0, 4.0, 5.0, 6.0))
     assert in_sensor_axes(own(raw)) == pytest.approx([1, 2, 3, 4, 5, 6])
     assert (
-        wrench_source.facts(state)["reference"] == "tcp"
-        and wrench_source.facts(raw)["frame"] == "flange"
+        wrench_source.facts(state, {})["reference"] == "tcp"
+        and wrench_source.facts(raw, {})["frame"] == "flange"
     )
 
 

@@ -105,6 +105,8 @@ class DeviceArguments:
         effect: ID[:name=value,…] of an effect on the simulated robot, see `wrenchbed list effects`;
             without values of typical size. May be repeated.
         seed: Of the noise.
+        effort: What recordings keep of the joints: current as i1… [A] (rtde, its default), torque
+            as tau1… [N·m] (can), or off.
         set: NAME=VALUE of a setting that this driver alone has, for instance base=0x68 with can or
             frequency=none with rtde; a wrong NAME lists them. May be repeated.
     """
@@ -118,6 +120,7 @@ class DeviceArguments:
     noise: Literal["real", "white", "off"] | None = None
     effect: Repeated = ()
     seed: int | None = None
+    effort: Literal["torque", "current", "off"] | None = None
     set: Repeated = ()
 
     def options(self, device: type[Driver], robot: str, limits: Limits) -> Any:
@@ -126,6 +129,7 @@ class DeviceArguments:
             "host": self.host, "channel": self.channel, "sensor": self.sensor,
             "recording": self.recording, "parameters": console.parameters(self.parameters) or None,
             "noise": self.noise, "effects": self.effect or None, "seed": self.seed,
+            "effort": self.effort,
         }  # fmt: skip
         known = [f.name for f in fields(device.options)]
         flagged = ("robot", "limits", *given)

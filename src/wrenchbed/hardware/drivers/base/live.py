@@ -313,7 +313,7 @@ class LiveDriver(Driver):
                 return None
             health = self.transducer.health()
             raise LinkError("the sensor's readings have a gap" if health.ok else health.detail)
-        arm = replace(self._read(), q=row.q, qd=row.qd)
+        arm = replace(self._read(), q=row.q, qd=row.qd, evidence=row.evidence)
         columns = self._row(row.t, arm, wrench)
         target = next((q for t, q in reversed(sent) if t <= row.host), sent[0][1])
         return columns | {f"q_target{j + 1}": float(v) for j, v in enumerate(target)}
@@ -326,6 +326,8 @@ class LiveDriver(Driver):
         row = {"t": self._last_row - self._start}
         row |= {f"q{j + 1}": float(v) for j, v in enumerate(arm.q)}
         row |= {f"qd{j + 1}": float(v) for j, v in enumerate(arm.qd)}
+        for name, values in arm.evidence.items():
+            row |= {f"{name}{j + 1}": float(v) for j, v in enumerate(values)}
         row |= {c: float(v) for c, v in zip(CHANNELS, wrench.wrench, strict=True)}
         age = max(arm.age, wrench.age)
         return row | {

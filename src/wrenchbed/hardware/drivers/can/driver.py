@@ -266,6 +266,7 @@ class CanDriver(LiveDriver):
             target_q=(self._setpoints.command if cycle.following else answers.q).copy(),
             mode=self._mode(cycle),
             safety="quick stop" if cycle.want is Want.QUICK_STOP else "normal", faults=faults,
+            evidence={} if effort is None or self.setting.effort == "off" else {"tau": effort},
         )  # fmt: skip
 
     def _mode(self, cycle: Cycle) -> str:

@@ -226,7 +226,18 @@ class RtdeDriver(LiveDriver):
             np.array(state.q), np.array(state.qd), np.array(state.current),
             self._flange.pose(state), np.array(state.target_q), status.mode(state),
             status.safety(state), status.program(state), () if trouble is None else (trouble[1],),
+            self._evidence(state),
         )  # fmt: skip
+
+    def _evidence(self, state: Snapshot) -> Mapping[str, np.ndarray]:
+        """What a recording keeps of a state beside its joints."""
+        if self._options.effort == "off":
+            return {}
+        kept = {
+            "i": state.current, "q_target": state.target_q, "qd_target": state.target_qd,
+            "tau_target": state.target_moment, "joint_temperature": state.temperatures,
+        }  # fmt: skip
+        return {name: np.array(values) for name, values in kept.items()}
 
     def _begin(self, goal: np.ndarray, seconds: float) -> None:
         self._followed.clear()

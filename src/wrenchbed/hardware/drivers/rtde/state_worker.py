@@ -71,8 +71,9 @@ class ControllerClock:
 
 
 FIELDS = (
-    "timestamp", "target_q", "actual_q", "actual_qd", "actual_current", "actual_TCP_pose",
-    "actual_TCP_force", "robot_mode", "safety_mode", "speed_scaling", "runtime_state",
+    "timestamp", "target_q", "target_qd", "target_moment", "actual_q", "actual_qd",
+    "actual_current", "joint_temperatures", "actual_TCP_pose", "actual_TCP_force",
+    "robot_mode", "safety_mode", "speed_scaling", "runtime_state",
     "robot_status_bits", "safety_status_bits",
 )  # fmt: skip
 """Fields of the states; ur_rtde's decoder would shift the values after an unknown field."""
@@ -195,6 +196,8 @@ class Copier:
         state = self._last._replace(
             stamp=stamp, q=tuple(link.getActualQ()), qd=tuple(link.getActualQd()),
             current=tuple(link.getActualCurrent()), target_q=tuple(link.getTargetQ()),
+            target_qd=tuple(link.getTargetQd()), target_moment=tuple(link.getTargetMoment()),
+            temperatures=tuple(link.getJointTemperatures()),
             pose=tuple(link.getActualTCPPose()), force=tuple(link.getActualTCPForce()),
             scaling=link.getSpeedScaling(), mode=float(link.getRobotMode()),
             safety=float(link.getSafetyMode()), bits=float(link.getSafetyStatusBits()),
@@ -228,7 +231,10 @@ class Copier:
 
 def implausible(new: Snapshot, last: Snapshot) -> int:
     """Why a robot cannot have sent this state, as an index of `WRONG`; 0 if it can."""
-    sixes = (new.q, new.qd, new.current, new.target_q, new.pose, new.force)
+    sixes = (
+        new.q, new.qd, new.current, new.target_q, new.target_qd, new.target_moment,
+        new.temperatures, new.pose, new.force,
+    )  # fmt: skip
     if not all(math.isfinite(v) for six in sixes for v in six) or not math.isfinite(new.stamp):
         return 1
     modes = -1 <= new.mode <= 8 and 1 <= new.safety <= 13 and 0 <= new.runtime <= 5
