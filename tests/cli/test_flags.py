@@ -17,12 +17,12 @@ FLAGS = {
         "seconds=60.0, seed=0, touch-cost=None, touch-std=None"
     ),
     "record": (
-        "channel=None, driver=sim, dry-run=False, effect=repeatable, force=False, host=None, "
-        "json=False, max-force=None, max-torque=None, noise=None, out=required, "
+        "channel=None, driver=sim, dry-run=False, effect=repeatable, effort=None, force=False, "
+        "host=None, json=False, max-force=None, max-torque=None, noise=None, out=required, "
         "parameters=None, plan=required, rate=None, recording=None, recover=False, "
         "resume=False, revisit=auto, robot=required, rrd=None, samples=100, seed=None, "
         "sensor=None, set=repeatable, speed=None, tracking=None, view=None, "
-        "workspace=None"
+        "workspace=None, yes=False"
     ),
     "import": (
         "fit=None, force=False, gravity=None, guess=False, json=False, map=None, mode=None, "

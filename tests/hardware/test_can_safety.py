@@ -88,7 +88,7 @@ def test_recover_stops_a_moving_robot_before_it_takes_the_voltage_off(arm):
     bus = started(arm)
     underway(arm)
     begun = time.monotonic()
-    arm.recover()
+    arm.recover(unlock=True)
     speeds = [v for v, _ in bus.voltage_off(begun)]
     assert speeds and max(speeds) < SLOW
     assert max(abs(v) for _, word, v, t in bus.told if word == 0x02) > 3e4
@@ -136,7 +136,7 @@ def test_drives_that_are_silent_are_given_the_time_to_stop_by_themselves(arm):
     bus.silent = True
     begun = time.monotonic()
     with pytest.raises(DriverError):
-        arm.recover()
+        arm.recover(unlock=True)
     first = min(t for _, t in bus.voltage_off(begun))
     assert first - begun > arm.setting.watchdog + REST_S - 2 * T
 
@@ -147,7 +147,7 @@ def test_an_axis_that_does_not_stop_keeps_its_voltage(arm):
     underway(arm)
     begun = time.monotonic()
     with pytest.raises(DriverError, match="drive 1 still moves .* emergency stop"):
-        arm.recover()
+        arm.recover(unlock=True)
     assert bus.voltage_off(begun) == []
 
 
@@ -157,15 +157,15 @@ def test_recover_may_fail_and_be_called_again(arm):
     arm.servos[2].mute = True
     for _ in range(2):
         with pytest.raises(LinkError, match="drive 3"):
-            arm.recover()
+            arm.recover(unlock=True)
         assert arm.health().state == "lost" and arm.buses[-1].dead
     arm.servos[2].mute = False
     arm.transducer.broken = True
     for _ in range(2):
         with pytest.raises(LinkError, match="no board"):
-            arm.recover()
+            arm.recover(unlock=True)
     arm.transducer.broken = False
-    arm.recover()
+    arm.recover(unlock=True)
     assert until(lambda: arm.health().ok) and arm.transducer.open
     underway(arm)
 
@@ -192,7 +192,7 @@ def test_a_cycle_that_breaks_off_is_named_and_recovered_from(arm, monkeypatch):
     assert until(lambda: arm.health().state == "lost")
     assert "ValueError: cannot convert NaN" in arm.health().detail
     assert [word for _, word, _, _ in bus.told[-6:]] == [0x02] * 6
-    arm.recover()
+    arm.recover(unlock=True)
     assert len(arm.buses) == 2 and until(lambda: arm.health().ok)
 
 

@@ -33,7 +33,7 @@ def driver(twin):
     one = CanDriver(options(HOST, slot=SLOT))
     one.connect()
     if not one.health().ok:
-        one.recover()
+        one.recover(unlock=True)
     one.activate()
     assert until(lambda: one.health().ok), one.health()
     yield one
@@ -145,7 +145,7 @@ def test_a_fault_of_the_arm_is_named_stops_it_and_is_recovered_from(driver, twin
     if kind in ("emcy", "following_error"):
         with pytest.raises(SafetyStopError, match=words):
             driver.recover(unlock=False)
-    driver.recover()
+    driver.recover(unlock=True)
     assert until(lambda: driver.health().ok), driver.health()
     driver.move(driver.position()).wait()
 

@@ -66,7 +66,7 @@ def test_a_hard_stop_holds_until_recover(driver, witness):
     assert np.abs(driver.read().q - at).max() < 5e-3
     with pytest.raises(StoppedError):
         driver.move(at)
-    driver.recover()
+    driver.recover(unlock=True)
     driver.move(driver.position()).wait()
 
 
@@ -81,7 +81,7 @@ def test_a_bus_that_is_gone_is_named_and_the_drives_stop_by_themselves(driver, t
     last = driver.read()
     assert until(lambda: witness.all_stopped_themselves(begun)), witness.emergencies(begun)
     assert quick_stopped(HOST)
-    driver.recover()
+    driver.recover(unlock=True)
     assert until(lambda: driver.health().ok, 2.5), driver.health()
     assert np.abs(driver.position() - last.q).max() < 0.02  # watchdog and quick-stop ramp
     goal = driver.position() + 0.002
@@ -92,7 +92,7 @@ def test_a_master_that_vanishes_leaves_drives_that_stop(twin):
     code = (
         "import os, numpy as np, time\n"
         "from wrenchbed.hardware.drivers.can import CanDriver, CanOptions\n"
-        f"d = CanDriver(CanOptions(host='{HOST}')); d.connect(); d.recover()\n"
+        f"d = CanDriver(CanOptions(host='{HOST}')); d.connect(); d.recover(unlock=True)\n"
         "q = d.position(); q[0] += 0.05 if q[0] < 0.05 else -0.05\n"
         "d.move(q); time.sleep(0.3); print(*d.read().q, flush=True); os._exit(9)\n"
     )
@@ -115,7 +115,7 @@ def test_garbage_frames_are_named_and_every_drive_is_told_to_stop(driver, twin, 
     assert until(lambda: quick_stopped(HOST), 1.0), witness.statuswords(begun)
     assert "drive 1" in driver.health().detail or "drive 2" in driver.health().detail
     assert not witness.emergencies(begun).keys() & {3, 4, 5, 6}  # it was no watchdog
-    driver.recover()
+    driver.recover(unlock=True)
     assert until(lambda: driver.health().ok, 2.5), driver.health()
     assert np.abs(driver.position() - at).max() < 1e-3
 
@@ -137,7 +137,7 @@ def test_bus_off_silences_the_master_until_it_opens_the_bus_again(driver, twin, 
     at = upload(HOST, 1, 0x6064)
     time.sleep(0.2)
     assert upload(HOST, 1, 0x6064) == at
-    driver.recover()
+    driver.recover(unlock=True)
     assert until(lambda: driver.health().ok, 2.5), driver.health()
     goal = driver.position() + 0.002
     assert np.abs(driver.move(goal).wait().q - goal).max() < 1e-3
@@ -155,7 +155,7 @@ def test_a_node_that_restarted_is_told_its_periods_again(driver, twin):
     twin.fault("can", "node_reboot", node=6)
     assert until(lambda: driver.health().state == "lost", 0.5)
     assert {upload(HOST, 6, index) for index in told} == {0}
-    driver.recover()
+    driver.recover(unlock=True)
     assert {index: upload(HOST, 6, index) for index in told} == told
 
 
@@ -174,10 +174,10 @@ def test_a_twin_that_is_killed_and_started_again_is_recovered():
             first.process.wait(5)
             for _ in range(2):
                 with pytest.raises(LinkError, match="no CAN server"):
-                    driver.recover()
+                    driver.recover(unlock=True)
                 assert driver.health().state == "lost"
             with running("medrue", host, "--noise", "off"):
-                driver.recover()
+                driver.recover(unlock=True)
                 assert until(lambda: driver.health().ok, 2.5), driver.health()
                 goal = driver.position() + 0.002
                 assert np.abs(driver.move(goal).wait().q - goal).max() < 1e-3

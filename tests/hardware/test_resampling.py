@@ -49,6 +49,16 @@ def test_repeated_and_older_states_are_left_out():
     assert [round(r.t, 6) for r in even.rows(10)] == [0.0, 0.01, 0.02]
 
 
+def test_evidence_lies_on_a_line_between_two_states():
+    even = Resampler(100.0)
+    for k in range(4):
+        t, still = 0.04 * k, np.zeros(1)
+        current = {"i": np.array([float(k)])}
+        even.add(ArmSample(t, t, 0, 0.0, True, still, still, evidence=current))
+    rows = even.rows(9)
+    assert [row.evidence["i"][0] for row in rows] == pytest.approx([0.25 * k for k in range(9)])
+
+
 def test_a_cubic_is_followed_exactly():
     def cubic(t):
         return ArmSample(t, t, 0, 0.0, True, np.array([t**3 - t]), np.array([3 * t * t - 1]))

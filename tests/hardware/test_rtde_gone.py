@@ -53,7 +53,7 @@ def test_a_controller_that_is_killed_is_lost_and_one_in_its_place_is_recovered()
             twin.process.wait(5.0)
         begun = time.monotonic()
         with pytest.raises(LinkError, match=HOST):
-            link.recover()
+            link.recover(unlock=True)
         assert time.monotonic() - begun < 12.0
         with running("ur5", HOST, "--set", "box=off"):
             assert recovered(link) < 12.0

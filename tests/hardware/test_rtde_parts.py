@@ -28,7 +28,7 @@ k = 0
 while time.monotonic() < end:
     k += 1
     v = (float(k),) * 6
-    shared.write(Snapshot(k, k, v, v, v, v, v, v, v, *(k,) * 14))
+    shared.write(Snapshot(k, k, *(v,) * 10, *(k,) * 14))
 """
 
 
@@ -179,6 +179,8 @@ class Link:
         return lambda: {
             "getTimestamp": state.stamp, "getActualQ": list(state.q), "getActualQd": list(state.qd),
             "getActualCurrent": [0.0] * 6, "getTargetQ": list(state.q),
+            "getTargetQd": [0.1] * 6, "getTargetMoment": list(state.target_moment),
+            "getJointTemperatures": [31.0] * 6,
             "getActualTCPPose": [0.0] * 6, "getActualTCPForce": [0.0] * 6,
             "getSpeedScaling": 1.0, "getRobotMode": state.mode, "getSafetyMode": state.safety,
             "getSafetyStatusBits": state.bits, "getRuntimeState": state.runtime,

@@ -2,6 +2,7 @@
 
 import contextlib
 import socket
+import struct
 import threading
 import time
 
@@ -17,7 +18,8 @@ from wrenchbed.hardware.drivers.rtde import (
     RtdeDriver,
     RtdeOptions,
     dashboard,
-    state_worker,
+    identity,
+    outputs,
     status,
     wrench_source,
 )
@@ -131,18 +133,18 @@ def test_a_controller_is_asked_for_its_version_first():
         link.recv(3)
         link.sendall(b"\x00\x13v" + b"".join(n.to_bytes(4, "big") for n in (3, 15, 8, 1)))
 
-    with server(state_worker.PORT, serve):
-        assert state_worker.controller_version("127.0.2.9", 1.0) == (3, 15, 8, 1)
+    with server(outputs.PORT, serve):
+        assert outputs.controller_version("127.0.2.9", 1.0) == (3, 15, 8, 1)
 
 
 @pytest.mark.parametrize(
     "answer, error",
     [
-        (b"\x00\x01", state_worker.Unfit),
-        (b"\x00\x02V", state_worker.Unfit),
-        (b"\xff\xffV" * 3, state_worker.Unfit),
-        (b"\x00\x04V\x00", state_worker.Unfit),
-        (b"\x00\x04Q\x01", state_worker.Unfit),
+        (b"\x00\x01", outputs.Unfit),
+        (b"\x00\x02V", outputs.Unfit),
+        (b"\xff\xffV" * 3, outputs.Unfit),
+        (b"\x00\x04V\x00", outputs.Unfit),
+        (b"\x00\x04Q\x01", outputs.Unfit),
         (b"\x00", OSError),
         (b"", OSError),
     ],
@@ -152,15 +154,70 @@ def test_a_controller_that_answers_nonsense_is_refused(answer, error):
         link.recv(5)
         link.sendall(answer if len(answer) != 2 else answer + b"V")
 
-    with server(state_worker.PORT, serve), pytest.raises(error):
-        state_worker.controller_version("127.0.2.9", 1.0)
+    with server(outputs.PORT, serve), pytest.raises(error):
+        outputs.controller_version("127.0.2.9", 1.0)
 
 
 def test_a_silent_controller_is_named_in_time():
     begun = time.monotonic()
-    with server(state_worker.PORT, lambda link: time.sleep(0.6)), pytest.raises(TimeoutError):
-        state_worker.controller_version("127.0.2.9", 0.2)
+    with server(outputs.PORT, lambda link: time.sleep(0.6)), pytest.raises(TimeoutError):
+        outputs.controller_version("127.0.2.9", 0.2)
     assert time.monotonic() - begun < 1.0
+
+
+def packet(kind: bytes, body: bytes) -> bytes:
+    return (3 + len(body)).to_bytes(2, "big") + kind + body
+
+
+def controller(lacks: str = "", start: bytes = b"\x01"):
+    """Serves seven outputs as an old controller does that lacks one of them."""
+    kinds = {"timestamp": "DOUBLE", "payload": "DOUBLE", "payload_cog": "VECTOR3D",
+             "tcp_offset": "VECTOR6D", "safety_mode": "INT32", "robot_mode": "INT32",
+             "speed_scaling": "DOUBLE"}  # fmt: skip
+    values = {"timestamp": (41.5,), "payload": (1.25,), "payload_cog": (0.0, 0.01, 0.05),
+              "tcp_offset": (0.0, 0.0, 0.1, 0.0, 0.0, 0.5), "safety_mode": (3,),
+              "robot_mode": (7,), "speed_scaling": (0.5,)}  # fmt: skip
+
+    def serve(link):
+        while request := link.recv(3):
+            body = link.recv(int.from_bytes(request[:2], "big") - 3) if request[1] > 3 else b""
+            match request[2:]:
+                case b"V":
+                    link.sendall(packet(b"V", b"\x01"))
+                case b"v":
+                    version = b"".join(n.to_bytes(4, "big") for n in (3, 4, 1, 2))
+                    link.sendall(packet(b"v", version))
+                case b"O":
+                    names = body[8:].decode().split(",")
+                    told = ["NOT_FOUND" if n == lacks else kinds[n] for n in names]
+                    link.sendall(packet(b"O", b"\x01" + ",".join(told).encode()))
+                case b"S":
+                    link.sendall(packet(b"S", start))
+                    flat = b"".join(
+                        struct.pack(">i" if kinds[n] == "INT32" else ">d", v)
+                        for n in names for v in values[n]
+                    )  # fmt: skip
+                    link.sendall(packet(b"M", b"\x01a\x01b\x03") + packet(b"U", b"\x01" + flat))
+
+    return serve
+
+
+def test_how_the_controller_is_set_up_is_read_by_its_own_types():
+    with server(outputs.PORT, controller()):
+        assert identity.settings("127.0.2.9") == {
+            "payload": 1.25, "payload_cog": [0.0, 0.01, 0.05], "time": 41.5,
+            "tcp_offset": [0.0, 0.0, 0.1, 0.0, 0.0, 0.5], "safety_mode": "protective stop",
+            "robot_mode": "running", "speed_scaling": 0.5,
+        }  # fmt: skip
+
+
+def test_an_older_controller_says_less_and_no_answer_is_no_settings():
+    with server(outputs.PORT, controller(lacks="payload_cog")):
+        found = identity.settings("127.0.2.9")
+    assert "payload_cog" not in found and found["payload"] == 1.25 and found["time"] == 41.5
+    with server(outputs.PORT, controller(start=b"\x00")):
+        assert identity.settings("127.0.2.9") == {}
+    assert identity.settings("127.0.2.9") == {}
 
 
 def test_only_what_ur_rtde_decodes_is_asked_for():
@@ -169,7 +226,7 @@ def test_only_what_ur_rtde_decodes_is_asked_for():
         "timestamp target_q target_qd target_qdd target_current target_moment actual_q actual_qd "
         "actual_current actual_TCP_pose actual_TCP_speed actual_TCP_force target_TCP_pose "
         "robot_mode joint_mode safety_mode speed_scaling target_speed_fraction runtime_state "
-        "robot_status_bits safety_status_bits ft_raw_wrench".split()
+        "robot_status_bits safety_status_bits joint_temperatures ft_raw_wrench".split()
     )
     assert {*FIELDS, RAW} <= table
 
@@ -194,8 +251,8 @@ def test_the_own_wrench_comes_in_the_sensors_axes():
     raw = series_e._replace(raw=(1.0, 2.0, 3.0, 4.0, 5.0, 6.0))
     assert in_sensor_axes(own(raw)) == pytest.approx([1, 2, 3, 4, 5, 6])
     assert (
-        wrench_source.facts(state)["reference"] == "tcp"
-        and wrench_source.facts(raw)["frame"] == "flange"
+        wrench_source.facts(state, {})["reference"] == "tcp"
+        and wrench_source.facts(raw, {})["frame"] == "flange"
     )
 
 
@@ -275,7 +332,7 @@ def test_no_robot_is_named_within_the_deadline():
 
 
 def test_a_controller_that_is_silent_at_connection_is_named():
-    with server(state_worker.PORT, lambda link: time.sleep(3.0)):
+    with server(outputs.PORT, lambda link: time.sleep(3.0)):
         driver = RtdeDriver(RtdeOptions(host="127.0.2.9", sensor="rtde", connect_s=2.5, attempts=1))
         with pytest.raises(LinkError, match="does not answer|timed out|did not connect"):
             driver.connect()

@@ -81,6 +81,6 @@ def test_an_emergency_stop_is_not_cleared_from_here(bench, link):
     time.sleep(0.1)
     assert link.read().safety == "emergency stop"
     with pytest.raises(StoppedError, match="cannot be cleared from here"):
-        link.recover()
+        link.recover(unlock=True)
     with pytest.raises(DriverError, match="not active"):
         link.move(A)

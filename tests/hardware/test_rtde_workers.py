@@ -50,9 +50,9 @@ def test_recovering_is_limited(bench):
     driver = rtde_moves.driver(HOST, recoveries=1)
     with contextlib.closing(driver):
         driver.connect()
-        driver.recover()
+        driver.recover(unlock=True)
         with pytest.raises(DriverError, match="look for the cause"):
-            driver.recover()
+            driver.recover(unlock=True)
 
 
 OTHER_CLIENT = """

@@ -16,8 +16,9 @@ from simulated import UR5_TRUTH
 from wrenchbed import registry
 from wrenchbed.cli import main
 from wrenchbed.cli.live import _Gauge
+from wrenchbed.data.metadata import Metadata
 from wrenchbed.effects.chain import active_effect
-from wrenchbed.errors import ParameterError, TwinError
+from wrenchbed.errors import DriverError, ParameterError, TwinError
 from wrenchbed.hardware.device import Health
 from wrenchbed.hardware.transducers.base import WrenchSample
 from wrenchbed.monitoring.compensation import BAND, Compensator
@@ -235,6 +236,10 @@ class Still:
 
     def __init__(self, n):
         self.n, self.left, self.wrench = n, n, readings(np.array(ROBOT.home)[None])[0]
+        self.extra = {}
+
+    def metadata(self, mode, rate):
+        return Metadata("ur5", mode, extra=self.extra)
 
     def joints(self):
         return np.array(ROBOT.home), np.zeros(6)
@@ -276,6 +281,17 @@ def test_readings_are_paced():
     begun = time.monotonic()
     done = live(driver, Compensator(Twin(MODEL, THETA), GAMMA.row_std), [], rate=50.0, seconds=1.0)
     assert 10 <= done.readings <= 50 * (time.monotonic() - begun) + 1
+
+
+@pytest.mark.parametrize("payload, what", [({"mass": 1.2}, "a payload of 1.2 kg"), (None, "its")])
+def test_a_wrench_that_lacks_the_payload_is_refused(payload, what):
+    driver = Still(10)
+    driver.extra = {"wrench": {"compensated": True, "payload": payload}}
+    compensate = Compensator(Twin(MODEL, THETA), GAMMA.row_std)
+    with pytest.raises(DriverError, match=f"subtracts {what}"):
+        live(driver, compensate, [], seconds=0.1)
+    driver.extra = {"wrench": {"compensated": True, "payload": {"mass": 0.0}}}
+    assert live(driver, compensate, [], seconds=0.02).readings > 0
 
 
 def test_a_key_makes_the_mean_at_rest_the_zero(monkeypatch):

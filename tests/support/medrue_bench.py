@@ -21,7 +21,7 @@ def ready(host: str, **more: Any) -> Iterator[CanDriver]:
     one = CanDriver(options(host, **more))
     with one:
         if not one.health().ok:
-            one.recover()
+            one.recover(unlock=True)
         one.activate()
         assert until(lambda: one.health().ok), one.health()
         yield one

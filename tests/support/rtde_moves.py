@@ -130,7 +130,7 @@ def recovered(link, tries=6):
     begun = time.monotonic()
     for k in range(tries):
         try:
-            link.recover()
+            link.recover(unlock=True)
             break
         except DriverError:
             if k == tries - 1:

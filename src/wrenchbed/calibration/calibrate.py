@@ -20,6 +20,7 @@ from wrenchbed.calibration.checks.examine import REFUTED, of_load
 from wrenchbed.calibration.checks.finding import Finding
 from wrenchbed.calibration.checks.rigid_load import left_of_swing
 from wrenchbed.calibration.checks.rows import of_rows
+from wrenchbed.calibration.compensated import restored
 from wrenchbed.calibration.fit import Fit, FitNoise, IdentifiedValue
 from wrenchbed.calibration.fit_problem import LOSSES, Outcome, Problem
 from wrenchbed.calibration.least_squares import BLIND, Solution
@@ -212,7 +213,7 @@ def calibrate(
             `checks`), which ``force`` gives all the same; a wrench of opposite sign.
     """
     options = options or CalibrationOptions()
-    recording = _without_unknown_joints(recording)
+    recording = restored(_without_unknown_joints(recording))
     if options.loss not in LOSSES:
         raise CalibrationError(f"loss {options.loss!r} is not one of {', '.join(LOSSES)}")
     if POINT[0] in recording.columns:

@@ -13,7 +13,8 @@ import wrenchbed as wb
 from wrenchbed.campaigns.recording.itinerary import itinerary
 from wrenchbed.cli import console
 from wrenchbed.cli.console import Flag, Json
-from wrenchbed.cli.record import DeviceArguments, LimitArguments, ready
+from wrenchbed.cli.first_move import ready
+from wrenchbed.cli.record import DeviceArguments, LimitArguments
 from wrenchbed.data.outputs import Kind
 from wrenchbed.errors import HistoryError
 from wrenchbed.files import set_aside, write_text
@@ -56,6 +57,7 @@ class CheckArguments:
             record nothing.
         rebuild: Make DIR/history.parquet again from DIR/recordings; the old one is kept with ~.
         recover: Somebody has looked: first clear a protective stop or a drive's fault.
+        yes: Somebody has looked that the robot may move: ask no more.
     """
 
     time: str | None = None
@@ -66,6 +68,7 @@ class CheckArguments:
     prepare: Flag = False
     rebuild: Flag = False
     recover: Flag = False
+    yes: Flag = False
 
 
 def check(
@@ -140,11 +143,11 @@ def _recorded(
         device = replace(device, seed=number)  # noise of its own
     link = kind(device.options(kind, plan.robot, limits))
     with (
-        ready(link, how.recover),
+        ready(link, plan, recover=how.recover, yes=how.yes) as found,
         console.progress(f"checking {arm.name}", len(plan)) as report,
     ):
         wb.record(link, plan, out, samples=how.samples, rate=how.rate, revisit=False,
-                  progress=report)  # fmt: skip
+                  progress=report, limits=found)  # fmt: skip
     return wb.Recording.read(out)
 
 

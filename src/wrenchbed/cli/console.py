@@ -120,6 +120,7 @@ class Console(RichConsole):
 
 
 _OUT = Console()
+_NOTES = Console(stderr=True)
 
 
 def check_seed(seed: int) -> None:
@@ -184,6 +185,11 @@ def command(*words: object) -> str:
 def say(text: str) -> None:
     """Print one line for people, unbroken and without markup."""
     _print(one_line(text))
+
+
+def note(display: RenderableType) -> None:
+    """Print on stderr what people read before a verb goes on; stdout is the result's."""
+    _NOTES.print(display, markup=False, highlight=False)
 
 
 def _print(text: str) -> None:

@@ -17,8 +17,9 @@ from wrenchbed.campaigns.recording.run import RunProgress
 from wrenchbed.cli import console
 from wrenchbed.cli import console as set_options
 from wrenchbed.cli.console import Flag, Json, Repeated
+from wrenchbed.cli.first_move import ready
 from wrenchbed.data.outputs import Kind
-from wrenchbed.errors import DriverError, ParameterError, PlanError
+from wrenchbed.errors import ParameterError, PlanError
 from wrenchbed.hardware.drivers.base import Driver
 from wrenchbed.hardware.drivers.base.live import LIVE, LiveDriver
 from wrenchbed.physics.wrench import CHANNELS, UNITS
@@ -104,6 +105,8 @@ class DeviceArguments:
         effect: ID[:name=value,…] of an effect on the simulated robot, see `wrenchbed list effects`;
             without values of typical size. May be repeated.
         seed: Of the noise.
+        effort: What recordings keep of the joints: current as i1… [A] (rtde, its default), torque
+            as tau1… [N·m] (can), or off.
         set: NAME=VALUE of a setting that this driver alone has, for instance base=0x68 with can or
             frequency=none with rtde; a wrong NAME lists them. May be repeated.
     """
@@ -117,6 +120,7 @@ class DeviceArguments:
     noise: Literal["real", "white", "off"] | None = None
     effect: Repeated = ()
     seed: int | None = None
+    effort: Literal["torque", "current", "off"] | None = None
     set: Repeated = ()
 
     def options(self, device: type[Driver], robot: str, limits: Limits) -> Any:
@@ -125,6 +129,7 @@ class DeviceArguments:
             "host": self.host, "channel": self.channel, "sensor": self.sensor,
             "recording": self.recording, "parameters": console.parameters(self.parameters) or None,
             "noise": self.noise, "effects": self.effect or None, "seed": self.seed,
+            "effort": self.effort,
         }  # fmt: skip
         known = [f.name for f in fields(device.options)]
         flagged = ("robot", "limits", *given)
@@ -146,8 +151,10 @@ class LimitArguments:
         speed: Share of top speed that moves between poses use; 0.25 on real robots.
         tracking: Share of top speed that a trajectory may use; 0.7 on real robots.
         workspace: Where the sensor may be, x y z lower then x y z upper bounds in the world [m].
-        max_force: Stop the robot above this measured force [N].
-        max_torque: Stop the robot above this measured torque [N·m].
+            Live robots without it: the way through the plan from where they are, and 0.05 m more.
+        max_force: Stop the robot above this measured force [N]. Live robots without it: half way
+            from what the tool and the sensor's zero may add up to, to the end of the range.
+        max_torque: Stop the robot above this measured torque [N·m]; likewise.
     """
 
     speed: float | None = None
@@ -179,6 +186,8 @@ class RunArguments:
         resume: Go on with the stopped campaign in OUT, at the pose where it stopped.
         recover: Somebody has looked: first clear a protective stop, a drive's fault, or a program
             that was left on the robot.
+        yes: Somebody has looked that the robot may move: ask no more. Real robots alone are asked
+            for.
         revisit: Visit the first pose again at the end, which shows drift; auto: on real robots
             and in dry runs.
         force: Replace a recording at OUT; it is kept as OUT~, or OUT~2 and so on.
@@ -189,6 +198,7 @@ class RunArguments:
     dry_run: Flag = False
     resume: Flag = False
     recover: Flag = False
+    yes: Flag = False
     revisit: Literal["auto", "yes", "no"] = "auto"
     force: Flag = False
 
@@ -246,13 +256,13 @@ def record(
     link: Driver = kind(device.options(kind, robot, limits))
     revisit = {"yes": True, "no": False, "auto": True if run.dry_run else None}[run.revisit]
     with (
-        ready(link, run.recover),
+        ready(link, todo, recover=run.recover, yes=run.yes) as found,
         watched(link, out, rrd, picture.view),
         console.progress(f"recording {robot}", len(todo)) as report,
     ):
         done = wb.record(
             link, todo, out, samples=run.samples, rate=run.rate, progress=report, revisit=revisit,
-            resume=run.resume, clear=run.dry_run or None,
+            resume=run.resume, clear=run.dry_run or None, limits=found,
         )  # fmt: skip
     _answer(done, todo, device.driver, as_json)
 
@@ -260,23 +270,6 @@ def record(
 def _plain(robot: str) -> str:
     """A robot's name without the version of a user's description; limits are checked anyway."""
     return robot.partition("@")[0]
-
-
-@contextmanager
-def ready(link: Driver, recover: bool) -> Iterator[None]:
-    """Connected and able to move; errors name the flag instead of the Python method."""
-    try:
-        link.connect()
-        try:
-            if recover:
-                link.recover()
-            else:
-                link.activate()
-            yield
-        finally:
-            link.close()
-    except DriverError as error:
-        raise type(error)(str(error).replace("call recover()", "give --recover")) from error
 
 
 def _rehearse(plan: wb.Plan, limits: Limits, run: RunArguments, rrd: Path | None) -> None:

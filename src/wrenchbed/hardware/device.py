@@ -4,6 +4,8 @@ import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from ipaddress import ip_address
+from socket import gethostbyname
 from typing import ClassVar, Literal, Self
 
 from wrenchbed.errors import DriverError
@@ -55,6 +57,14 @@ def wait_until(done: Callable[[], bool], seconds: float, pause: float = 0.005) -
             return False
         time.sleep(pause)
     return True
+
+
+def only_here(host: str) -> bool:
+    """Whether an address is this machine's own, where only emulators serve."""
+    try:
+        return ip_address(gethostbyname(host)).is_loopback
+    except (OSError, UnicodeError, ValueError):
+        return False
 
 
 class Device(ABC):

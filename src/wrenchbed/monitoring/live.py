@@ -15,7 +15,7 @@ from typing import Self
 
 import numpy as np
 
-from wrenchbed.errors import LinkError, ParameterError
+from wrenchbed.errors import DriverError, LinkError, ParameterError
 from wrenchbed.hardware.device import GONE_S
 from wrenchbed.hardware.drivers.base.live import LiveDriver
 from wrenchbed.hardware.drivers.base.watched_move import CALM_SPEED
@@ -73,8 +73,11 @@ def live(
         stopped: asked before each reading.
 
     Raises:
+        DriverError: the controller subtracts a payload from the wrench, which would be subtracted
+            twice.
         LinkError: no new reading for a second.
     """
+    _check_whole(driver)
     begin = newest = time.monotonic()
     tally, due, period, before = _Tally(), begin, 1.0 / rate, _received(driver)
     while not stopped() and (seconds is None or time.monotonic() - begin < seconds):
@@ -99,6 +102,18 @@ def live(
 def _received(driver: LiveDriver) -> int:
     """Readings that a driver's sensor has received."""
     return int(driver.health().counters["wrench readings"])
+
+
+def _check_whole(driver: LiveDriver) -> None:
+    """Refuse a wrench that lacks the weight of a payload."""
+    told = driver.metadata("static", 1.0).extra.get("wrench") or {}
+    payload = (told.get("payload") or {}).get("mass")
+    if told.get("compensated") and payload != 0.0:
+        what = "its payload" if payload is None else f"a payload of {payload:g} kg"
+        raise DriverError(
+            f"the controller subtracts {what} from its wrench, and the tool would be subtracted "
+            "twice: set payload 0 on the pendant, or use a Net F/T box (--sensor netft://HOST)"
+        )
 
 
 class _Tally:

@@ -67,7 +67,7 @@ def retries(driver: Driver, error: DriverError) -> Retries:
 
 def bare(error: DriverError) -> str:
     """What failed, without what a program would do about it."""
-    return re.sub(r"(,? then|[:;,]) call recover\(\)( again)?$", "", str(error))
+    return re.sub(r"(,? then|[:;,]) call recover\((unlock=True)?\)( again)?$", "", str(error))
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,6 +17,7 @@ import numpy as np
 
 from wrenchbed.campaigns.recording import resume
 from wrenchbed.campaigns.recording.itinerary import Leg, check, itinerary
+from wrenchbed.campaigns.recording.live_limits import LiveLimits, live_limits
 from wrenchbed.campaigns.recording.resume import POSE, STARTED, Before, Hold, Retries
 from wrenchbed.data.plan import Plan
 from wrenchbed.data.recording import POINT
@@ -32,6 +33,8 @@ TRIES = 12
 """Attempts at one pose on a live driver before the run gives up."""
 MOTIONS = 3
 """Attempts at a motion on a live driver."""
+LIMITS = "limits"
+"""Metadata with the limits that a live driver moved within."""
 CUT = ".cut~"
 """Suffix of the file that keeps the run's own earlier rows when it begins anew."""
 _BLOCK_S = 0.5
@@ -50,6 +53,7 @@ class RunSettings:
         revisit: visit the first pose again at the end; if None, on live drivers.
         clear: let no move touch the robot or its surroundings; if None, on live drivers.
         resume: continue the stopped run at the recording's path, at the pose where it stopped.
+        limits: of a live driver; if None, those that it has, completed by `live_limits`.
     """
 
     samples: int = 100
@@ -57,6 +61,7 @@ class RunSettings:
     revisit: bool | None = None
     clear: bool | None = None
     resume: bool = False
+    limits: LiveLimits | None = None
 
     def of(self, driver: Driver, plan: Plan) -> tuple[float, bool, bool]:
         """Sampling rate [Hz], revisit and clear for a driver and a plan.
@@ -145,13 +150,17 @@ class _Run:
     ) -> None:
         self.driver, self.plan, self.path, self.progress = driver, plan, path, progress
         self.rate, self.revisit, self.clear = settings.of(driver, plan)
+        limits = settings.limits
+        if driver.live:
+            limits = limits or live_limits(driver, plan, clear=self.clear)
+            driver.limits = limits.limits
         self.resume = settings.resume
         check(driver, plan, self.rate, clear=self.clear)
         dwell = np.maximum(1, np.round(plan.dwell * self.rate)).astype(int)
         self.needed = np.where(plan.dwell > 0, dwell, settings.samples)
         self.metadata = driver.metadata(plan.mode, self.rate)
-        if driver.live:
-            extra = {**self.metadata.extra, STARTED: resume.now()}
+        if limits is not None:
+            extra = {**self.metadata.extra, STARTED: resume.now(), LIMITS: limits.to_json()}
             self.metadata = replace(self.metadata, extra=extra)
         self.tried_again = self.done = 0
         self.shift = self.t = 0.0

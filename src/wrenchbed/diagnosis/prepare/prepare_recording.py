@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from wrenchbed.calibration.compensated import restored
 from wrenchbed.calibration.observations import Observations, observe, scatter
 from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis.prepare import checks, contact, orientations, scenes
@@ -31,6 +32,7 @@ def prepare(recording: Recording, seed: int = 0) -> Prepared:
         DiagnosisError: the data cannot answer, and why.
         CalibrationError, RecordingError: from reading it.
     """
+    recording = restored(recording)
     used = scenes.stretch(recording)
     found = replace(gathered(used, seed), given=recording)
     return contact.without_touch(found) if found.averaged else found

@@ -3,14 +3,13 @@
 import socket
 import traceback
 from collections.abc import Callable
-from dataclasses import replace
 
 from wrenchbed.emulators.base import arguments
 from wrenchbed.emulators.base.arguments import Argument
 from wrenchbed.emulators.base.body import Body
 from wrenchbed.emulators.base.event_loop import LoopThread
 from wrenchbed.emulators.base.faults import Faults, LinkFaults, TimedFault
-from wrenchbed.emulators.netft_box import web
+from wrenchbed.emulators.netft_box.pages import Pages, Reply
 from wrenchbed.emulators.netft_box.rdt import Pace, Rdt
 from wrenchbed.emulators.netft_box.sensing import BoxSettings, Sensing
 from wrenchbed.emulators.netft_box.web import Web
@@ -66,6 +65,7 @@ class Box:
         self._web_faults = LinkFaults(faults, "http", _HTTP)
         self._pace = Pace(self.settings.rate, self.settings.buffer)
         self._sensing = Sensing(body, self.settings, self._rdt_faults)
+        self._pages = Pages(self.settings, self._pace, self._sensing)
         self._thread = LoopThread("netft box", failed)
         self._missing = ""
         self._socket: socket.socket | None = None
@@ -142,13 +142,10 @@ class Box:
             "or serve at another 127.x address"
         ) from why
 
-    def _page(self, target: str, body: str) -> web.Reply:
+    def _page(self, target: str, body: str) -> Reply:
         missing = self._missing if self._web_faults.now("missing_field") is not None else ""
-        settings = self.settings
-        if other := self._web_faults.now("other_counts"):
-            counts = settings.counts_per_force * other["factor"]
-            settings = replace(settings, counts_per_force=counts)
-        return web.answer(target, body, settings, self._pace, self._sensing, missing)
+        other = self._web_faults.now("other_counts")
+        return self._pages.answer(target, body, other["factor"] if other else 1.0, missing)
 
     def _restart(self, fault: TimedFault) -> None:
         if self._rdt is not None:

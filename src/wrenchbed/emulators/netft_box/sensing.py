@@ -9,6 +9,7 @@ import numpy as np
 from wrenchbed.emulators.base.arguments import Settings, above, integer, number, setting, word
 from wrenchbed.emulators.base.body import Body
 from wrenchbed.emulators.base.faults import LinkFaults
+from wrenchbed.emulators.netft_box.conditions import Conditions
 from wrenchbed.errors import ParameterError
 
 INTERNAL_RATE = {"netbox": 7000, "axia": 7812}
@@ -96,18 +97,21 @@ _LARGEST = 2**31 - 1
 _STALE_S = 0.05
 
 
+def _per_si(settings: BoxSettings) -> np.ndarray:
+    """Counts per newton and newton metre (6,)."""
+    unit = np.repeat([NEWTON[settings.force_unit], NEWTON_METRE[settings.torque_unit]], 3)
+    return np.repeat([settings.counts_per_force, settings.counts_per_torque], 3) / unit
+
+
 class Sensing:
     """A transducer and its electronics, sampled at `Settings.internal_rate` since power-up."""
 
     def __init__(self, body: Body, settings: BoxSettings, faults: LinkFaults) -> None:
         self._body, self._settings, self._faults = body, settings, faults
         self.range = np.asarray(body.sensor.calibration().range)
-        unit = np.repeat([NEWTON[settings.force_unit], NEWTON_METRE[settings.torque_unit]], 3)
-        per_unit = np.repeat([settings.counts_per_force, settings.counts_per_torque], 3)
-        self.per_si = per_unit / unit
+        self.per_si = _per_si(settings)
         """(6,) counts per newton and newton metre."""
-        self.rating = self.range / unit
-        """(6,) full scale in the box's units."""
+        self.conditions = Conditions()
         self.rate = settings.internal_rate
         self._timeline = Timeline(body.cycle)
         self._lock = threading.Lock()
@@ -118,6 +122,12 @@ class Sensing:
         self._skew = (0.0, 0.0, 1.0)
         self.status = 0
         self._drawn = 0
+
+    def use_units(self, settings: BoxSettings) -> None:
+        """Count in other units from now on; the zero stays the same load."""
+        with self._lock:
+            before, self.per_si = self.per_si, _per_si(settings)
+            self._bias = self._bias * self.per_si / before
 
     def observe(self) -> None:
         """Look at the body's clock; to be called often."""
@@ -167,6 +177,9 @@ class Sensing:
             status |= int(one["bits"])
         self.status = int(status[-1])
         counts = np.maximum(np.minimum(np.rint(counts), _LARGEST), -_LARGEST).astype(np.int64)
+        if self.conditions.on and (latched := self.conditions.look(counts)):
+            status |= latched
+            self.status = int(status[-1])
         return self._frozen_or(self._flicker(counts)), status
 
     def zero(self) -> None:

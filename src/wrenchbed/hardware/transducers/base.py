@@ -8,7 +8,9 @@ import bisect
 import time
 from abc import abstractmethod
 from collections import deque
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -79,6 +81,16 @@ class Transducer(Device):
         """
         self._check_connected()
         return self._at(t)
+
+    @property
+    def full_scale(self) -> np.ndarray | None:
+        """Where the range ends (6,) [N, N·m], as the connected device reports it; else None."""
+        return None
+
+    @property
+    def identity(self) -> Mapping[str, Any]:
+        """What the connected device says of itself, for a recording; empty where it does not."""
+        return {}
 
     def zero(self) -> int:
         """Make the present load read as zero; returns the new bias id.

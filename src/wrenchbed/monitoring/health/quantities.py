@@ -16,6 +16,7 @@ import numpy as np
 
 from wrenchbed import registry
 from wrenchbed.calibration.calibrate import check_mass, identify
+from wrenchbed.calibration.compensated import restored
 from wrenchbed.calibration.observations import observe
 from wrenchbed.calibration.weighting import kernel
 from wrenchbed.data.plan import Plan
@@ -77,7 +78,7 @@ def summary(recording: Recording, robot: Robot, plan: Plan, time: datetime) -> C
             f"{recording.name}: is of {found.robot} ({found.mode}); a check needs {robot.name} at "
             f"rest in the poses of {plan.name}"
         )
-    data, poses = observe(recording), len(plan)
+    data, poses = observe(restored(recording)), len(plan)
     q = np.asarray(data.q)
     fits = len(q) >= poses and np.abs(q[:poses] - plan.q).max(axis=1) <= _FAR
     if not np.all(fits):

@@ -10,6 +10,7 @@ from typing import ClassVar, Self
 
 import numpy as np
 
+from wrenchbed import registry
 from wrenchbed.data.metadata import Metadata
 from wrenchbed.errors import DriverError
 from wrenchbed.hardware.device import Device
@@ -103,11 +104,12 @@ class Driver(Device):
         self._check_connected()
         self._stop(kind)
 
-    def recover(self, unlock: bool = True) -> None:
+    def recover(self, unlock: bool = False) -> None:
         """Clear what can be cleared after a stop or a fault; nothing moves.
 
         Args:
-            unlock: also clear a stop by which the robot protected itself: look at it before.
+            unlock: also clear a stop by which the robot protected itself, or a drive's fault:
+                somebody has looked at the robot.
 
         Raises:
             SafetyStopError: it protected itself, and ``unlock`` is False.
@@ -158,6 +160,11 @@ class Driver(Device):
         self.limits.check_speed(self.robot, targets, rate, "trajectory")
         self.limits.check_path(self.robot, targets, "trajectory")
         yield from self._track(targets, rate)
+
+    def full_scale(self) -> np.ndarray:
+        """Where the sensor's range ends (6,) [N, N·m]; the smaller where more is known than one."""
+        known = registry.load("sensors", self.robot.sensor)
+        return np.asarray(known.calibration().range)
 
     def expect(self, plan: np.ndarray, mode: str) -> None:
         """A plan (N, J) is about to run; most devices ignore it."""

@@ -8,8 +8,9 @@ import threading
 import time
 from abc import abstractmethod
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -124,10 +125,27 @@ class LiveDriver(Driver):
 
     def metadata(self, mode: str, rate: float) -> Metadata:
         noise = registry.load("sensors", self.robot.sensor).noise
-        return as_designed(
+        stated = as_designed(
             self.robot, source=self.source, mode=mode, rate=rate, gravity=self.robot.gravity,
             sensor=self.robot.sensor, noise_std=noise.row_std,
         )  # fmt: skip
+        told = {"controller": dict(self.answers), "sensor_box": dict(self.transducer.identity)}
+        extra = {name: found for name, found in told.items() if found}
+        return replace(stated, extra={**stated.extra, **extra})
+
+    @property
+    def address(self) -> str:
+        """Where a real robot may be, for people; empty where only an emulator can be."""
+        return self.name
+
+    @property
+    def answers(self) -> Mapping[str, Any]:
+        """What the connected controller says of itself, for a recording."""
+        return {}
+
+    def full_scale(self) -> np.ndarray:
+        told = self.transducer.full_scale
+        return super().full_scale() if told is None else told
 
     def _connect(self) -> None:
         self._open()
@@ -295,7 +313,7 @@ class LiveDriver(Driver):
                 return None
             health = self.transducer.health()
             raise LinkError("the sensor's readings have a gap" if health.ok else health.detail)
-        arm = replace(self._read(), q=row.q, qd=row.qd)
+        arm = replace(self._read(), q=row.q, qd=row.qd, evidence=row.evidence)
         columns = self._row(row.t, arm, wrench)
         target = next((q for t, q in reversed(sent) if t <= row.host), sent[0][1])
         return columns | {f"q_target{j + 1}": float(v) for j, v in enumerate(target)}
@@ -308,6 +326,8 @@ class LiveDriver(Driver):
         row = {"t": self._last_row - self._start}
         row |= {f"q{j + 1}": float(v) for j, v in enumerate(arm.q)}
         row |= {f"qd{j + 1}": float(v) for j, v in enumerate(arm.qd)}
+        for name, values in arm.evidence.items():
+            row |= {f"{name}{j + 1}": float(v) for j, v in enumerate(values)}
         row |= {c: float(v) for c, v in zip(CHANNELS, wrench.wrench, strict=True)}
         age = max(arm.age, wrench.age)
         return row | {

@@ -8,6 +8,7 @@ never early, so the clocks are fitted to the least late of several states.
 
 import bisect
 from collections import deque
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -27,12 +28,14 @@ _FEW = 4
 
 
 class EvenRow(NamedTuple):
-    """One row: even time [s], the same moment on this machine's clock, joints and speeds (J,)."""
+    """One row: even time [s], the same moment on this machine's clock, joints and speeds (J,), and
+    the robot's evidence, linear between two states."""
 
     t: float
     host: float
     q: np.ndarray
     qd: np.ndarray
+    evidence: Mapping[str, np.ndarray]
 
 
 class Resampler:
@@ -83,8 +86,13 @@ class Resampler:
         if span > STALE_S and due > times[k - 1] + 1e-9:
             raise LinkError(f"the robot's states have a gap of {span:.3f} s in the motion")
         self._count += 1
-        q, qd = hermite(before, after, span, float(np.clip((due - times[k - 1]) / span, 0.0, 1.0)))
-        return EvenRow(self._origin + due, self._origin + self._host(due), q, qd)
+        share = float(np.clip((due - times[k - 1]) / span, 0.0, 1.0))
+        q, qd = hermite(before, after, span, share)
+        evidence = {
+            name: value + share * (after.evidence[name] - value)
+            for name, value in before.evidence.items()
+        }
+        return EvenRow(self._origin + due, self._origin + self._host(due), q, qd, evidence)
 
     def _host(self, t: float) -> float:
         """This machine's time for a time of the robot, both since the first state [s]."""

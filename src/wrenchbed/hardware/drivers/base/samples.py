@@ -2,7 +2,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -36,6 +36,8 @@ class ArmSample:
         safety: ``normal``, ``protective stop``, ``emergency stop`` …
         program: ``playing``, ``paused``, ``stopped`` or empty.
         faults: what is wrong, in words.
+        evidence: what recordings keep beside the joints, (J,) by the name of its columns without
+            their number, as ``i`` of motor currents i1… [A].
     """
 
     t: float
@@ -52,6 +54,7 @@ class ArmSample:
     safety: str = "normal"
     program: str = ""
     faults: tuple[str, ...] = ()
+    evidence: Mapping[str, np.ndarray] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)

@@ -202,10 +202,13 @@ class DriveState:
         """
         name = f"drive {self.node}"
         if self.error and not stopped_itself(self.error):
-            return "fault", f"{name} reports error {error_words(self.error)}: call recover()"
+            return (
+                "fault",
+                f"{name} reports error {error_words(self.error)}: call recover(unlock=True)",
+            )
         if self.state in (DriveStatus.FAULT, DriveStatus.REACTING):
             words = f" {error_words(self.hint)}" if self.hint else ""
-            return "fault", f"{name} is in fault{words}: call recover()"
+            return "fault", f"{name} is in fault{words}: call recover(unlock=True)"
         if self.rebooted:
             return "lost", f"{name} restarted and forgot its configuration: call recover()"
         if self.missed >= MISSED:

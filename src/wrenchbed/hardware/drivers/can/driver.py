@@ -12,7 +12,7 @@ import numpy as np
 
 from wrenchbed import registry
 from wrenchbed.errors import DriverError, LinkError, SafetyStopError
-from wrenchbed.hardware.device import GONE_S, STALE_S, Health, by_age, wait_until
+from wrenchbed.hardware.device import GONE_S, STALE_S, Health, by_age, only_here, wait_until
 from wrenchbed.hardware.drivers.base import Applied, ArmSample
 from wrenchbed.hardware.drivers.base.live import LiveDriver
 from wrenchbed.hardware.drivers.can import options as ids
@@ -67,6 +67,13 @@ class CanDriver(LiveDriver):
         self._cycle: Cycle | None = None
         self._rated: np.ndarray | None = None
         self._seen = 0
+
+    @property
+    def address(self) -> str:
+        s = self.setting
+        if s.interface == "virtual" or (s.host and only_here(s.host)):
+            return ""
+        return f"{s.channel} of {s.host}" if s.host else s.channel
 
     def _open(self) -> None:
         s = self.setting
@@ -259,6 +266,7 @@ class CanDriver(LiveDriver):
             target_q=(self._setpoints.command if cycle.following else answers.q).copy(),
             mode=self._mode(cycle),
             safety="quick stop" if cycle.want is Want.QUICK_STOP else "normal", faults=faults,
+            evidence={} if effort is None or self.setting.effort == "off" else {"tau": effort},
         )  # fmt: skip
 
     def _mode(self, cycle: Cycle) -> str:

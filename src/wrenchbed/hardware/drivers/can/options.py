@@ -145,6 +145,7 @@ class CanOptions:
         counts_per_unit: of each drive per m or rad, negative where it counts the other way;
             1 µm and 2²⁰ per turn unless given.
         torque: whether drives report their torque (0x6077, 0x6076).
+        effort: ``torque``: recordings keep it as tau1… [N·m or N]; ``off``: they do not.
         watchdog: time without targets after which a drive stops [s].
         limits: of its motion; a quarter of top speed anywhere if None.
     """
@@ -161,11 +162,18 @@ class CanOptions:
     rate: float = 250.0
     counts_per_unit: tuple[float, ...] = (1e6, *[_PER_TURN] * 5)
     torque: bool = False
+    effort: str = "off"
     watchdog: float = 0.05
     limits: Limits | None = None
 
     def __post_init__(self) -> None:
         """Check the options; the accepted ranges are estimates."""
+        if self.effort not in ("torque", "off"):
+            raise ParameterError(
+                f"effort {self.effort!r}: the drives report torques: give torque or off"
+            )
+        if self.effort == "torque":
+            object.__setattr__(self, "torque", True)
         if self.robot != ROBOT:
             raise ParameterError(
                 f"driver 'can' moves robot {ROBOT!r} only, not {self.robot!r}: "

@@ -11,6 +11,7 @@ from typing import Any
 from wrenchbed import registry
 from wrenchbed.errors import DriverError, LinkError, ParameterError, StoppedError
 from wrenchbed.hardware.device import STALE_S, wait_until
+from wrenchbed.hardware.drivers.rtde.outputs import NATIVE_HZ
 from wrenchbed.hardware.drivers.rtde.process import Worker
 from wrenchbed.hardware.drivers.rtde.shared_state import SharedState
 from wrenchbed.hardware.drivers.rtde.worker import Message
@@ -18,8 +19,6 @@ from wrenchbed.robots.motion_limits import Limits
 
 PERIOD_S = 0.05
 """Period of the driver's heartbeat [s]; estimate, a tenth of `DRIVER_SILENT_S`."""
-NATIVE_HZ = {False: 125.0, True: 500.0}
-"""States per second of a CB3 and of an e-Series; source: Universal Robots, RTDE guide."""
 
 
 class Pulse:
@@ -58,6 +57,8 @@ class RtdeOptions:
         power_on: whether `activate` may switch the robot on and release its brakes.
         connect_s: deadline of `connect` and of each reconnection [s].
         attempts: how often a link is tried within that deadline.
+        effort: ``current``: recordings keep motor currents i1… [A], and what the controller wants
+            of its joints; ``off``: neither. A UR robot reports no joint torques.
         recoveries: how often `recover` may be called between `connect` and `close`.
     """
 
@@ -71,6 +72,7 @@ class RtdeOptions:
     connect_s: float = 8.0
     attempts: int = 5
     recoveries: int = 100
+    effort: str = "current"
 
     def __post_init__(self) -> None:
         """Check the options; the accepted ranges are estimates."""
@@ -82,6 +84,11 @@ class RtdeOptions:
             )
         if self.frequency is not None and not 1.0 <= self.frequency <= 500.0:
             raise ParameterError(f"frequency {self.frequency:g} Hz must be from 1 to 500 Hz")
+        if self.effort not in ("current", "off"):
+            raise ParameterError(
+                f"effort {self.effort!r}: a UR robot reports the currents of its motors, no "
+                "torques: give current or off"
+            )
         if not 1.0 <= self.watchdog_hz <= 50.0:
             raise ParameterError(f"watchdog_hz {self.watchdog_hz:g} Hz must be from 1 to 50 Hz")
         if not self.connect_s > 0.0 or self.attempts < 1 or self.recoveries < 0:

@@ -2,7 +2,9 @@
 
 import time
 from collections import deque
+from collections.abc import Mapping
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -16,7 +18,7 @@ from wrenchbed.errors import (
     SafetyStopError,
     StoppedError,
 )
-from wrenchbed.hardware.device import GONE_S, STALE_S, Health, wait_until
+from wrenchbed.hardware.device import GONE_S, STALE_S, Health, only_here, wait_until
 from wrenchbed.hardware.drivers.base import Applied, ArmSample, Move
 from wrenchbed.hardware.drivers.base.live import LiveDriver
 from wrenchbed.hardware.drivers.base.watched_move import CALM_SPEED, check_ready
@@ -121,21 +123,32 @@ class RtdeDriver(LiveDriver):
         self._reading: UrWrenchReading | None = None
         self._recoveries, self._seen, self._halts = 0, 0.0, 0.0
         self._undelivered = ""
-        self._controller: dict[str, str] = {}
+        self._controller: dict[str, Any] = {}
+
+    @property
+    def address(self) -> str:
+        return "" if only_here(self._options.host) else self._options.host
+
+    @property
+    def answers(self) -> Mapping[str, Any]:
+        return self._controller
 
     def metadata(self, mode: str, rate: float) -> Metadata:
         stated = super().metadata(mode, rate)
-        if self._controller:
-            stated = replace(stated, extra={**stated.extra, "controller": self._controller})
-        if self._options.sensor != wrench_source.OWN:
+        if self._options.sensor not in wrench_source.OWN:
             return stated
-        facts = wrench_source.facts(self._look()) if self._links else {}
+        facts = wrench_source.facts(self._look(), self._controller) if self._links else {}
         sensor = SensorInfo(model="ur-wrench", pose_flange=stated.sensor.pose_flange)
         return replace(stated, sensor=sensor, extra={**stated.extra, "wrench": facts})
 
     def joints(self) -> tuple[np.ndarray, np.ndarray]:
         state = self._look()
         return np.array(state.q), np.array(state.qd)
+
+    def full_scale(self) -> np.ndarray:
+        if self._options.sensor not in wrench_source.OWN or self._links is None:
+            return super().full_scale()
+        return wrench_source.full_scale(int(self._look().major))
 
     def stop(self, kind: str = "soft") -> None:
         """Brake and wait until the robot rests.
@@ -158,9 +171,10 @@ class RtdeDriver(LiveDriver):
         self._links = Links(self._options)
         self._links.open_state()
         self._flange, state = Flange(self.robot), self._look()
-        self._controller = identity.stated(self._options.host)
+        found = identity.stated(self._options.host)
+        self._controller = found | identity.settings(self._options.host)
         at_flange = self._flange.look(state)
-        identity.check_model(self.robot, self._controller, int(state.major), at_flange)
+        identity.check_model(self.robot, found, int(state.major), at_flange)
 
     def _shut(self) -> None:
         self._drop_control(_QUIT_S)
@@ -216,7 +230,18 @@ class RtdeDriver(LiveDriver):
             np.array(state.q), np.array(state.qd), np.array(state.current),
             self._flange.pose(state), np.array(state.target_q), status.mode(state),
             status.safety(state), status.program(state), () if trouble is None else (trouble[1],),
+            self._evidence(state),
         )  # fmt: skip
+
+    def _evidence(self, state: Snapshot) -> Mapping[str, np.ndarray]:
+        """What a recording keeps of a state beside its joints."""
+        if self._options.effort == "off":
+            return {}
+        kept = {
+            "i": state.current, "q_target": state.target_q, "qd_target": state.target_qd,
+            "tau_target": state.target_moment, "joint_temperature": state.temperatures,
+        }  # fmt: skip
+        return {name: np.array(values) for name, values in kept.items()}
 
     def _begin(self, goal: np.ndarray, seconds: float) -> None:
         self._followed.clear()

@@ -1,16 +1,17 @@
-"""Which robot answers: its model by the dashboard, its geometry by the poses that it reports.
+"""Which robot answers: its model by the dashboard, its settings by RTDE, its geometry by poses.
 
 A plan for another arm would be checked against wrong reach, workspace and collisions.
 """
 
 import re
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from wrenchbed.errors import DriverError, LinkError
-from wrenchbed.hardware.drivers.rtde import dashboard
+from wrenchbed.hardware.drivers.rtde import dashboard, outputs, status
 from wrenchbed.hardware.drivers.rtde.shared_state import Snapshot
 from wrenchbed.robots.base import Robot
 from wrenchbed.robots.ur_arm import URArm
@@ -21,14 +22,41 @@ _ASKED = {
 """Fields of a recording's ``controller``, and commands; source: Universal Robots, "Dashboard
 server": model from 3.12 and 5.6 on, serial number from 5.6 on."""
 _UNKNOWN = "could not understand"
-_ANSWER_S = 0.5
-"""Deadline of an answer [s], estimate."""
+_ANSWER_S, _SETTINGS_S = 0.5, 1.0
+"""Deadlines of an answer of the dashboard, and of the settings [s]; estimates."""
 _NAMED = re.compile(r"ur(\d+)(e?)(?![a-z0-9])", re.IGNORECASE)
 _BOTH = ("3", "5", "10")
 """Sizes that exist as CB3 and as e-Series, with other lengths."""
 _MOVED_M, _MOVED_RAD = 0.02, 0.05
 """Distance [m] and angle [rad] by which the TCP may seem to move in the flange; estimates: an arm's
 own calibration moves it by some mm, the nearest other arm by 24 mm and more."""
+
+
+SETTINGS = (
+    "timestamp", "payload", "payload_cog", "tcp_offset", "safety_mode", "robot_mode",
+    "speed_scaling",
+)  # fmt: skip
+"""RTDE outputs that are read once; an older controller lacks some."""
+
+
+def settings(host: str) -> dict[str, Any]:
+    """How the controller is set up, as recordings state it; less where it does not say.
+
+    Payload [kg] and its centre of gravity (3,) in flange axes [m], TCP in the flange x y z [m] and
+    rotation vector [rad], modes in words, the controller's clock [s], speed scaling 0 … 1.
+    """
+    raw = outputs.once(host, SETTINGS, _SETTINGS_S)
+    found: dict[str, Any] = {
+        name: list(raw[name]) if len(raw[name]) > 1 else raw[name][0] for name in raw
+    }
+    found |= {
+        name: words.get(int(raw[name][0]), f"{raw[name][0]:g}")
+        for name, words in (("safety_mode", status.SAFETY), ("robot_mode", status.MODES))
+        if name in raw
+    }
+    if "timestamp" in found:
+        found["time"] = found.pop("timestamp")
+    return found
 
 
 def stated(host: str) -> dict[str, str]:

@@ -27,6 +27,9 @@ class Snapshot(NamedTuple):
         qd: their speeds [rad/s].
         current: of the motors [A].
         target_q: where the controller wants its joints [rad].
+        target_qd: their speeds there [rad/s].
+        target_moment: the controller's own torques for that [N·m].
+        temperatures: of the joints [°C].
         pose: of the TCP in the base, x y z [m] and rotation vector [rad].
         force: ``actual_TCP_force`` [N, N·m], as the controller gives it.
         raw: ``ft_raw_wrench`` [N, N·m], NaN where the controller has none.
@@ -52,6 +55,9 @@ class Snapshot(NamedTuple):
     qd: Six = _ZERO
     current: Six = _ZERO
     target_q: Six = _ZERO
+    target_qd: Six = _ZERO
+    target_moment: Six = _ZERO
+    temperatures: Six = _ZERO
     pose: Six = _ZERO
     force: Six = _ZERO
     raw: Six = _NAN

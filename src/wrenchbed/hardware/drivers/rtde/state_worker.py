@@ -5,22 +5,20 @@ garbage. So a state counts only when its time stamp is new, no other one arrived
 copied, and its values are possible for a robot.
 
 ur_rtde's constructors wait for ever for a silent controller and return useless objects for one that
-refuses. So the controller's version is asked for first, with a deadline. Source of the protocol:
-Universal Robots, "RTDE guide": header uint16 size, uint8 type, big endian. Only the standard
-library is imported, so that the worker starts quickly.
+refuses. So the controller's version is asked for first, with a deadline. Only the standard library
+is imported, so that the worker starts quickly.
 """
 
 import math
 import os
 import signal
-import socket
-import struct
 import time
 from collections import deque
 from importlib import import_module
 from statistics import linear_regression
 from typing import Any
 
+from wrenchbed.hardware.drivers.rtde.outputs import NATIVE_HZ, Unfit, controller_version
 from wrenchbed.hardware.drivers.rtde.shared_state import SharedState, Snapshot
 from wrenchbed.hardware.drivers.rtde.worker import (
     LOST,
@@ -72,70 +70,10 @@ class ControllerClock:
         return _MILLION * linear_regression(x, y).slope
 
 
-PORT = 30004
-"""TCP port of RTDE; source: Universal Robots, "RTDE guide"."""
-_HEADER = struct.Struct(">HB")
-_PROTOCOL, _VERSION, _TEXT = ord("V"), ord("v"), ord("M")
-_LONGEST = 4096
-"""Bytes of the longest packet that is taken; estimate."""
-
-
-class Unfit(Exception):  # noqa: N818
-    """A controller that cannot be used; the message says why."""
-
-
-def controller_version(host: str, timeout: float) -> tuple[int, int, int, int]:
-    """Major, minor, bugfix and build of the controller.
-
-    Raises:
-        OSError: it cannot be reached.
-        TimeoutError: it accepts and does not answer in time [s].
-        Unfit: its answer is not RTDE.
-    """
-    deadline = time.monotonic() + timeout
-    with socket.create_connection((host, PORT), timeout) as link:
-        if _ask(link, deadline, _PROTOCOL, struct.pack(">H", 2)) != b"\x01":
-            raise Unfit("the controller refuses protocol version 2 of RTDE")
-        answer = _ask(link, deadline, _VERSION, b"")
-        if len(answer) != 16:
-            raise Unfit(f"the controller's version has {len(answer)} bytes instead of 16")
-        major, minor, bugfix, build = struct.unpack(">IIII", answer)
-        return major, minor, bugfix, build
-
-
-def _ask(link: socket.socket, deadline: float, kind: int, body: bytes) -> bytes:
-    link.sendall(_HEADER.pack(_HEADER.size + len(body), kind) + body)
-    while True:
-        size, answered = _HEADER.unpack(_exactly(link, deadline, _HEADER.size))
-        if not _HEADER.size <= size <= _LONGEST:
-            raise Unfit(f"the controller sent a packet of {size} bytes: this is no RTDE")
-        content = _exactly(link, deadline, size - _HEADER.size)
-        if answered == kind:
-            return content
-        if answered != _TEXT:
-            raise Unfit(f"the controller answered with a packet of type {answered}")
-
-
-def _exactly(link: socket.socket, deadline: float, n: int) -> bytes:
-    data = b""
-    while len(data) < n:
-        remaining = deadline - time.monotonic()
-        if remaining <= 0.0:
-            raise TimeoutError("the controller accepts connections and does not answer")
-        link.settimeout(remaining)
-        try:
-            part = link.recv(n - len(data))
-        except TimeoutError:
-            continue
-        if not part:
-            raise ConnectionResetError("the controller closed the connection")
-        data += part
-    return data
-
-
 FIELDS = (
-    "timestamp", "target_q", "actual_q", "actual_qd", "actual_current", "actual_TCP_pose",
-    "actual_TCP_force", "robot_mode", "safety_mode", "speed_scaling", "runtime_state",
+    "timestamp", "target_q", "target_qd", "target_moment", "actual_q", "actual_qd",
+    "actual_current", "joint_temperatures", "actual_TCP_pose", "actual_TCP_force",
+    "robot_mode", "safety_mode", "speed_scaling", "runtime_state",
     "robot_status_bits", "safety_status_bits",
 )  # fmt: skip
 """Fields of the states; ur_rtde's decoder would shift the values after an unknown field."""
@@ -158,8 +96,6 @@ _POLL_S, _BEAT_S = 0.0005, 0.02
 """Time between two looks for a state, and period of the heartbeat [s]; estimates."""
 _PROBE_S = 2.0
 """Time in which the controller must report its version [s]; estimate."""
-_NATIVE_HZ = {False: 125.0, True: 500.0}
-"""States per second of a CB3 and of an e-Series; source: Universal Robots, "RTDE guide"."""
 _MILLION = 1e6  # by definition of ppm
 
 
@@ -181,7 +117,7 @@ def run(setting: dict[str, Any], shared: SharedState, wire: MessageChannel) -> N
     if len(link.getActualQ()) != 6 or link.getTimestamp() == 0.0:
         return end_process(wire, "refused", "the controller sends no states", 1)
     signal.alarm(0)
-    period = 1.0 / (frequency or _NATIVE_HZ[version[0] > 3])
+    period = 1.0 / (frequency or NATIVE_HZ[version[0] > 3])
     copier = Copier(link, has_raw, version[0], period, shared)
     wire.send({"event": "ready", "version": version})
     try:
@@ -260,6 +196,8 @@ class Copier:
         state = self._last._replace(
             stamp=stamp, q=tuple(link.getActualQ()), qd=tuple(link.getActualQd()),
             current=tuple(link.getActualCurrent()), target_q=tuple(link.getTargetQ()),
+            target_qd=tuple(link.getTargetQd()), target_moment=tuple(link.getTargetMoment()),
+            temperatures=tuple(link.getJointTemperatures()),
             pose=tuple(link.getActualTCPPose()), force=tuple(link.getActualTCPForce()),
             scaling=link.getSpeedScaling(), mode=float(link.getRobotMode()),
             safety=float(link.getSafetyMode()), bits=float(link.getSafetyStatusBits()),
@@ -293,7 +231,10 @@ class Copier:
 
 def implausible(new: Snapshot, last: Snapshot) -> int:
     """Why a robot cannot have sent this state, as an index of `WRONG`; 0 if it can."""
-    sixes = (new.q, new.qd, new.current, new.target_q, new.pose, new.force)
+    sixes = (
+        new.q, new.qd, new.current, new.target_q, new.target_qd, new.target_moment,
+        new.temperatures, new.pose, new.force,
+    )  # fmt: skip
     if not all(math.isfinite(v) for six in sixes for v in six) or not math.isfinite(new.stamp):
         return 1
     modes = -1 <= new.mode <= 8 and 1 <= new.safety <= 13 and 0 <= new.runtime <= 5

@@ -15,11 +15,11 @@ from wrenchbed.hardware.drivers.rtde.state_worker import WRONG
 PLAYING, STOPPED = 2, 1
 RUNNING = 7
 _PROTECTIVE, _SAFEGUARD, _EMERGENCY, _FAULT = 1 << 2, 1 << 4, 0b111 << 5, 0b11 << 8
-_MODES = {
+MODES = {
     -1: "no controller", 0: "disconnected", 1: "confirm safety", 2: "booting", 3: "off",
     4: "powering on", 5: "idle", 6: "backdrive", 7: "running", 8: "updating firmware",
 }  # fmt: skip
-_SAFETY = {
+SAFETY = {
     1: "normal", 2: "reduced", 3: "protective stop", 4: "recovery", 5: "safeguard stop",
     6: "emergency stop", 7: "emergency stop", 8: "safety violation", 9: "safety fault",
     10: "validate joint id", 11: "undefined", 12: "safeguard stop", 13: "three-position stop",
@@ -27,7 +27,7 @@ _SAFETY = {
 _PROGRAM = {0: "stopping", 1: "stopped", 2: "playing", 3: "pausing", 4: "paused", 5: "resuming"}
 _REMEDIES: dict[str, tuple[State, str]] = {
     "emergency stop": ("stopped", "release the button and power the robot on at its pendant"),
-    "protective stop": ("stopped", "look what the robot hit, then call recover()"),
+    "protective stop": ("stopped", "look what the robot hit, then call recover(unlock=True)"),
     "safeguard stop": ("stopped", "leave the guarded area and reset the safeguard"),
     "three-position stop": ("stopped", "hold the three-position switch in its middle"),
     "recovery": ("stopped", "move the robot back within its limits at its pendant"),
@@ -40,7 +40,7 @@ _REMEDIES: dict[str, tuple[State, str]] = {
 
 def mode(state: Snapshot) -> str:
     """Of the robot: ``running``, ``off`` …"""
-    return _MODES.get(int(state.mode), f"mode {state.mode:g}")
+    return MODES.get(int(state.mode), f"mode {state.mode:g}")
 
 
 def safety(state: Snapshot) -> str:
@@ -54,7 +54,7 @@ def safety(state: Snapshot) -> str:
         return "protective stop"
     if bits & _SAFEGUARD:
         return "safeguard stop"
-    return _SAFETY.get(int(state.safety), f"safety mode {state.safety:g}")
+    return SAFETY.get(int(state.safety), f"safety mode {state.safety:g}")
 
 
 def program(state: Snapshot) -> str:

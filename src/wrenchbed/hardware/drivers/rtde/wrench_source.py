@@ -53,8 +53,8 @@ class Flange:
         return self._same
 
 
-OWN = "rtde"
-"""Option value for the robot's own wrench."""
+OWN = ("rtde", "ur-wrench")
+"""Option values for the robot's own wrench."""
 _FORMS = "netft, netft://HOST[:PORT][?http=PORT] or rtde"
 
 
@@ -64,7 +64,7 @@ def transducer(sensor: str, host: str, source: Callable[[], UrWrenchReading]) ->
     Raises:
         ParameterError: it names none; the message lists the forms.
     """
-    if sensor in (OWN, "ur-wrench"):
+    if sensor in OWN:
         kind = registry.load("transducers", "ur-wrench")
         return kind(kind.options(source=source))
     kind = registry.load("transducers", "netft")
@@ -97,18 +97,36 @@ def reading(state: Snapshot, robot: Robot) -> UrWrenchReading:
     )
 
 
-def facts(state: Snapshot) -> Mapping[str, Any]:
-    """How the controller states its wrench, before the change to the sensor's axes."""
+_CB3_END, _E_END = (150.0, 30.0), (50.0, 10.0)
+"""Where a robot's own wrench ends, force [N] and torque [N·m]; sources: a CB3's usual force limit,
+whose torque is an estimate, and the range of the sensor in UR5e's data sheet."""
+
+
+def full_scale(major: int) -> np.ndarray:
+    """Where the robot's own wrench ends (6,) [N, N·m], by the version of its software."""
+    return np.repeat(_CB3_END if major <= 3 else _E_END, 3)
+
+
+def facts(state: Snapshot, controller: Mapping[str, Any]) -> Mapping[str, Any]:
+    """How the controller states its wrench, before the change to the sensor's axes.
+
+    Args:
+        state: any.
+        controller: its settings; a payload among them is what a compensated wrench lacks.
+    """
     if np.isfinite(state.raw).all():
         return {
             "source": "ft_raw_wrench", "frame": "flange", "reference": "flange",
             "compensated": False,
         }  # fmt: skip
     estimated = state.major <= 3
+    known = {"payload", "payload_cog"} <= controller.keys()
+    payload = {"mass": controller["payload"], "cog": controller["payload_cog"]} if known else None
     return {
         "source": "actual_TCP_force",
         "frame": "base",
         "reference": "tcp" if estimated else "flange",
         "compensated": True,
         "estimated_from_currents": estimated,
+        **({"payload": payload} if payload else {}),
     }

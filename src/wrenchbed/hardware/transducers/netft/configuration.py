@@ -8,8 +8,8 @@ import math
 import socket
 import threading
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from xml.etree import ElementTree
 
 import numpy as np
@@ -109,6 +109,17 @@ _NEWTON_METRE = {
 }  # fmt: skip
 
 
+_IDENTITY = {
+    "serial": "mfgdigsn", "firmware": "mfgdigver", "calibration": "cfgcalsn",
+    "configuration": "setcfgsel", "filter": "setuserfilter", "address": "nethwaddr",
+    "force_unit": "scfgfu", "torque_unit": "scfgtu", "counts_per_force": "cfgcpf",
+    "counts_per_torque": "cfgcpt", "bias": "setbias", "tool_transform": "cfgtfx",
+}  # fmt: skip
+"""Fields of a recording's ``sensor_box``, and elements."""
+_LONGEST = 100
+"""Characters of an element that are kept; estimate."""
+
+
 @dataclass(frozen=True, eq=False)
 class Configuration:
     """Settings that a box reports.
@@ -123,6 +134,7 @@ class Configuration:
         status: system status word.
         bias: the software bias as written; empty where it is not shown.
         rating: (6,) full scale [N, N·m], None where it is not shown.
+        identity: serial numbers, firmware and filter as recordings state them, as far as shown.
     """
 
     per_si: np.ndarray
@@ -134,6 +146,7 @@ class Configuration:
     status: int
     bias: str
     rating: np.ndarray | None
+    identity: Mapping[str, str] = field(default_factory=dict)
 
     def differs(self, other: "Configuration") -> str:
         """Whether readings are scaled otherwise than by ``other``, in words; empty if not."""
@@ -169,6 +182,7 @@ def parse(page: bytes, internal_rate: float) -> Configuration:
         status=_status(fields.get("runstat", "0")),
         bias=fields.get("setbias", ""),
         rating=_rating(fields.get("cfgmr", ""), si),
+        identity={k: fields[v][:_LONGEST] for k, v in _IDENTITY.items() if fields.get(v)},
     )
 
 

@@ -4,6 +4,7 @@ import socket
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -117,6 +118,14 @@ class NetftTransducer(Transducer):
             self._zeros += 1  # switched off and on meanwhile: its zero is lost
         self._watch = Watch(page, lambda: self._look(host, (port,))[1])
         self._watch.start()
+
+    @property
+    def full_scale(self) -> np.ndarray | None:
+        return self._range if self._connected else None
+
+    @property
+    def identity(self) -> Mapping[str, Any]:
+        return self._page.identity if self._connected else {}
 
     def _close(self) -> None:
         if self._watch is not None:

@@ -1,0 +1,78 @@
+"""A wrench from which a controller subtracted its payload's weight gets that weight back.
+
+Metadata ``wrench`` say what was subtracted: ``compensated``, and ``payload`` with ``mass`` [kg] and
+``cog`` (3,) in flange axes [m]. What remains of the tool is not the tool: without the payload its
+mass comes out as nearly nothing.
+"""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from wrenchbed.data.recording import Recording
+from wrenchbed.errors import CalibrationError
+from wrenchbed.physics.rotations import matrix
+from wrenchbed.physics.wrench import CHANNELS, Tool, weight
+from wrenchbed.simulation.closed_form import Model, robot_of
+
+_WRENCH, _RESTORED = "wrench", "restored"
+_REMEDY = "record with payload 0, or with a Net F/T box (--sensor netft://HOST)"
+
+
+def restored(recording: Recording) -> Recording:
+    """The recording with all of the load in its wrench; itself where nothing was subtracted.
+
+    Raises:
+        CalibrationError: what was subtracted is not known, or the robot moved.
+    """
+    told = recording.metadata.extra.get(_WRENCH)
+    if not isinstance(told, Mapping) or not told.get("compensated") or told.get(_RESTORED):
+        return recording
+    name, payload = recording.name, told.get("payload")
+    if not isinstance(payload, Mapping):
+        raise CalibrationError(
+            f"{name}: the controller subtracted the weight of its payload from the wrench, and "
+            f"the recording does not say which payload: {_REMEDY}"
+        )
+    mass, cog = _stated(name, payload)
+    if mass == 0.0:
+        return recording
+    if recording.metadata.mode == "dynamic":
+        raise CalibrationError(
+            f"{name}: the controller subtracted a payload of {mass:g} kg from the wrench; whether "
+            f"it also subtracts the payload's inertia is not published: {_REMEDY}"
+        )
+    return _with(recording, told, _weight(recording, mass, cog))
+
+
+def _stated(name: str, payload: Mapping[str, Any]) -> tuple[float, np.ndarray]:
+    """Mass [kg] and CoG (3,) in flange axes [m]."""
+    try:
+        mass, cog = float(payload["mass"]), np.array(payload["cog"], dtype=float)
+    except (KeyError, TypeError, ValueError):
+        mass, cog = np.nan, np.zeros(0)
+    if not 0.0 <= mass < np.inf or cog.shape != (3,) or not np.isfinite(cog).all():
+        raise CalibrationError(
+            f"{name}: metadata wrench.payload must have mass [kg] and cog of three numbers [m]"
+        )
+    return mass, cog
+
+
+def _weight(recording: Recording, mass: float, cog: np.ndarray) -> np.ndarray:
+    """Load of the payload on the sensor (N, 6), by the nominal robot."""
+    robot = robot_of(recording)
+    pose = recording.metadata.sensor.pose_flange
+    if pose is not None:
+        cog = matrix(np.array(pose[3:])).T @ (cog - np.array(pose[:3]))
+    payload = Tool(np.array(mass), cog, np.zeros((3, 3)), np.array(0.0))
+    gravity = np.asarray(Model.of(robot, recording.metadata).gravity)
+    return weight(robot.gravity_seen(recording.q, robot.parameters.nominal, gravity), payload)
+
+
+def _with(recording: Recording, told: Mapping[str, Any], load: np.ndarray) -> Recording:
+    wrench = recording.wrench + load
+    columns = {**recording.columns, **{c: wrench[:, k] for k, c in enumerate(CHANNELS)}}
+    extra = {**recording.metadata.extra, _WRENCH: {**told, _RESTORED: True}}
+    return Recording(replace(recording.metadata, extra=extra), columns, recording.name)
