@@ -202,6 +202,7 @@ def test_a_ur_rtde_file_of_currents_is_imported_and_fitted(clean, tmp_path):
     assert main(["import", str(csv), "--map", "ur-rtde-current", "--out", str(out)]) == 0
     made = Recording.read(out)
     assert made.effort == "i" and len(made) == len(t)
+    assert made.metadata.sensor.noise_std is None  # of a wrench; this has none
     fit = calibrate_efforts(made)
     assert abs(fit["tool.mass"].value - MASS) < fit["tool.mass"].interval95
 

@@ -136,7 +136,8 @@ def noise_at_rest(recording: Recording) -> tuple[float, ...] | None:
 def with_noise(recording: Recording) -> Recording:
     """The recording of a motion with ``noise_std`` from its own rests, where none is stated."""
     stated = recording.metadata
-    if stated.mode != "dynamic" or stated.sensor.noise_std is not None:
+    known = stated.sensor.noise_std is not None or not recording.has_wrench
+    if stated.mode != "dynamic" or known:
         return recording
     std = noise_at_rest(recording)
     if std is None:
