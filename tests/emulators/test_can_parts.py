@@ -1,6 +1,7 @@
 """The driver's parts without a bus: states, ids, rates, detection counted in cycles."""
 
 import struct
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -112,7 +113,7 @@ def test_a_quick_stop_runs_down_its_ramp():
 
 def test_profile_position_mode_goes_there_and_says_so():
     axis = served.Axis(ratings(), 0.0)
-    axis.mode = served.PROFILE
+    axis.use(replace(axis.set, mode=served.PROFILE))
     climb(axis, Want.ENABLE)
     axis.new_goal(5000.0)
     axis.control(0x1F)

@@ -215,7 +215,7 @@ class DriveState:
             return "lost", f"{name} is mute: no answer for {self.missed} cycles"
         if self.others >= BEATS:
             return "lost", f"{name} sends no heartbeat while the others do"
-        if self.nmt not in (OPERATIONAL, 0x00):
+        if self.nmt not in (OPERATIONAL, 0x00) and not self.error:
             return "lost", f"{name} left NMT state OPERATIONAL (0x{self.nmt:02X}): call recover()"
         if self.error:
             return "stopped", f"{name} stopped itself, {error_words(self.error)}: call recover()"
