@@ -244,7 +244,7 @@ def test_one_lost_answer_is_no_alarm_and_a_silent_bus_names_no_drive():
 
 @pytest.mark.parametrize(
     "can_id, data, state, named",
-    [(0x703, b"\x00", "lost", "drive 3 restarted"), (0x703, b"\x7f", "lost", "left NMT"),
+    [(0x703, b"\x00", "lost", "drive 3 restarted"), (0x703, b"\x7f", "stopped", "left NMT"),
      (0x083, struct.pack("<HB5x", 0x8250, 17), "stopped", "no targets")],
 )  # fmt: skip
 def test_what_a_drive_says_of_itself(can_id, data, state, named):
