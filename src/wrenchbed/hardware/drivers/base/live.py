@@ -324,9 +324,9 @@ class LiveDriver(Driver):
                 return None
             health = self.transducer.health()
             raise LinkError("the sensor's readings have a gap" if health.ok else health.detail)
-        now = self._read()
-        at = {"t": row.host, "device_time": None, "q": row.q, "qd": row.qd}
-        arm = replace(now, evidence=row.evidence, **at)
+        arm = replace(
+            self._read(), t=row.host, device_time=None, q=row.q, qd=row.qd, evidence=row.evidence
+        )
         columns = self._row(row.t, arm, wrench)
         target = next((q for t, q in reversed(sent) if t <= row.host), sent[0][1])
         return columns | {f"q_target{j + 1}": float(v) for j, v in enumerate(target)}
