@@ -96,6 +96,10 @@ class ControlledArm:
         """What moves the arm now."""
         return self._motion
 
+    def moves_by(self, motion: ArmMotion) -> bool:
+        """Whether a motion moves the arm, or will when it may again."""
+        return motion is (self._interrupted if self._frozen else self._motion)
+
     def start(self, motion: ArmMotion) -> None:
         """Let a motion move the arm from now on."""
         if self._frozen:
