@@ -115,6 +115,9 @@ class ControlledArm:
             self._interrupted = None
             braking.done = True
             return braking
+        if self._motion is None:  # the target stands still already
+            braking.done = True
+            return braking
         self.start(braking)
         return braking
 

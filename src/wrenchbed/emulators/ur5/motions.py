@@ -55,8 +55,7 @@ class Pace:
     Attributes:
         speed, acceleration: of its way.
         seconds: it takes, instead of these; 0: as they say.
-        top: speeds (6,) of the joints that slow the move down where it would exceed them; None:
-            the arm's safety system looks after them.
+        top: speeds (6,) of the joints, for whose sake a move in a given time takes longer.
     """
 
     speed: float
@@ -70,8 +69,10 @@ ROTATION_REACH = 0.25
 _STILL = 1e-4
 _FLAT = 1e-12
 """Square of the area [m⁴] below which three points are on a line."""
-_FULL_SPEED = 0.98
-"""Share of the joints' speeds that a move may take before it is slowed down."""
+_FULL_SPEED, _HARDEST = 0.9, 15.0
+"""Share of the joints' speeds, and acceleration [rad/s²], that a move in a given time may take."""
+_LOOKS = 24
+"""Places at which such a move is looked at beforehand."""
 _GAIN = 300.0
 """servoj's default gain, at which the lookahead time is the time by which the arm lags."""
 
@@ -145,26 +146,32 @@ class _Planned(ArmMotion):
             return self._braking.step(q, dt)
         if self._profile is None:
             self._t = 0.0
-            self._profile = self._planned(self._plan(q))
+            self._profile = self._planned(self._plan(q), q)
         self._t += dt
-        following = self._where(q)
-        if self._top is not None and dt > 0.0:
-            over = float((np.abs(following - q) / self._top).max()) / (_FULL_SPEED * dt)
-            if over > 1.0:
-                self._t -= dt * (1.0 - 1.0 / over)
-                following = self._where(q)
         self.done = self._t >= self._profile.duration
-        return following
+        length = self._profile.length
+        return self._at(self._profile.at(self._t) / length if length > 0.0 else 1.0, q)
 
-    def _planned(self, length: float) -> Profile:
-        if self._seconds > 0.0:
-            return Profile.lasting(length, self._seconds)
-        return Profile(length, self._speed, self._acceleration)
+    def _planned(self, length: float, q: np.ndarray) -> Profile:
+        """As the pace asks; a time that is too short for the joints becomes longer."""
+        if self._seconds <= 0.0:
+            return Profile(length, self._speed, self._acceleration)
+        steepest = self._steepest(q)
+        fastest = 0.0 if self._top is None else float((steepest / self._top).max())
+        least = max(fastest / (0.8 * _FULL_SPEED), sqrt(float(steepest.max()) / (0.16 * _HARDEST)))
+        return Profile.lasting(length, max(self._seconds, least))
 
-    def _where(self, q: np.ndarray) -> np.ndarray:
-        profile = self._profile
-        assert profile is not None
-        return self._at(profile.at(self._t) / profile.length if profile.length > 0.0 else 1.0, q)
+    def _steepest(self, q: np.ndarray) -> np.ndarray:
+        """How steep each joint is over the way (6,) [rad], where it is steepest."""
+        before, found = q, np.zeros(6)
+        try:
+            for k in range(1, _LOOKS + 1):
+                following = self._at(k / _LOOKS, before)
+                found = np.maximum(found, _LOOKS * np.abs(following - before))
+                before = following
+        except UnreachableError:
+            return found
+        return found
 
     @abstractmethod
     def _plan(self, q: np.ndarray) -> float:
