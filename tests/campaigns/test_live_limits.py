@@ -65,6 +65,20 @@ def test_a_run_states_its_limits_and_keeps_to_them(tmp_path):
         arm.move(UR5.home + np.array([1.5, 0.0, 0.0, 0.0, 0.0, 0.0]))
 
 
+def test_a_recording_says_how_late_and_uneven_its_readings_were(tmp_path):
+    class Late(Arm):
+        def _read(self):
+            sample = super()._read()
+            return replace(sample, device_time=round(sample.t, 2), age=0.004)
+
+    run(Late(), tmp_path / "r.parquet")
+    rec = Recording.read(tmp_path / "r.parquet")
+    told = rec.metadata.extra["timing"]
+    assert told["rows"] == len(rec) and told["robot_age_ms"]["p50"] == pytest.approx(4.0)
+    assert 0.0 < told["jitter_ms"]["p50"] <= told["jitter_ms"]["max"] < 11.0
+    assert told["apart_ms"]["max"] < 100.0 and isinstance(told["counters"], dict)
+
+
 def test_what_the_robot_tells_of_its_joints_is_kept(tmp_path):
     class Telling(Arm):
         def _read(self):

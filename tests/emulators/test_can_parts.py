@@ -1,6 +1,7 @@
 """The driver's parts without a bus: states, ids, rates, detection counted in cycles."""
 
 import struct
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -112,7 +113,7 @@ def test_a_quick_stop_runs_down_its_ramp():
 
 def test_profile_position_mode_goes_there_and_says_so():
     axis = served.Axis(ratings(), 0.0)
-    axis.mode = served.PROFILE
+    axis.use(replace(axis.set, mode=served.PROFILE))
     climb(axis, Want.ENABLE)
     axis.new_goal(5000.0)
     axis.control(0x1F)
@@ -243,7 +244,7 @@ def test_one_lost_answer_is_no_alarm_and_a_silent_bus_names_no_drive():
 
 @pytest.mark.parametrize(
     "can_id, data, state, named",
-    [(0x703, b"\x00", "lost", "drive 3 restarted"), (0x703, b"\x7f", "lost", "left NMT"),
+    [(0x703, b"\x00", "lost", "drive 3 restarted"), (0x703, b"\x7f", "stopped", "left NMT"),
      (0x083, struct.pack("<HB5x", 0x8250, 17), "stopped", "no targets")],
 )  # fmt: skip
 def test_what_a_drive_says_of_itself(can_id, data, state, named):

@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from wrenchbed.emulators.can_bus.wire import Frame
+from wrenchbed.emulators.canopen.dictionary import Abort
 from wrenchbed.emulators.medrue.axis import RPDO_TIMEOUT, SYNC_ERROR, Ratings
-from wrenchbed.emulators.medrue.canopen import NOT_MAPPABLE, WRONG_VALUE
 from wrenchbed.emulators.medrue.drive import DriveEmulator
 from wrenchbed.emulators.medrue.plant import RealTimePlant
 from wrenchbed.hardware.drivers.can.cia402 import DriveStatus, Want, controlword, state_of
@@ -112,7 +112,7 @@ def test_what_a_broken_connection_does_is_the_masters_choice(abort, state):
     for _ in range(40):
         bench.tick(rpdo=False)
     assert bench.state in (state, DriveStatus.REACTING if state is DriveStatus.FAULT else state)
-    assert bench.sdo(0x6007, 0, 2, 2) == WRONG_VALUE
+    assert bench.sdo(0x6007, 0, 2, 2) == Abort.VALUE
 
 
 def test_targets_that_stay_away_are_a_quick_stop_after_the_event_timer():
@@ -193,8 +193,8 @@ def test_a_count_that_covers_an_empty_entry_is_refused():
     bench = Bench()
     for parameters, can_id in (RPDO, TPDO):
         bench.sdo(parameters, 1, OFF | can_id, 4)
-        assert bench.sdo(parameters + 0x200, 0, 3, 1) == NOT_MAPPABLE
-        assert bench.sdo(parameters + 0x200, 0, 5, 1) == WRONG_VALUE
+        assert bench.sdo(parameters + 0x200, 0, 3, 1) == Abort.NOT_MAPPABLE
+        assert bench.sdo(parameters + 0x200, 0, 9, 1) == Abort.TOO_LONG
         bench.sdo(parameters, 1, can_id, 4)
     bench.enabled()
     bench.tick(want=Want.ENABLE)
@@ -204,16 +204,16 @@ def test_a_count_that_covers_an_empty_entry_is_refused():
 @pytest.mark.parametrize(
     "pdo, entry, code",
     [
-        (RPDO, STATUS, NOT_MAPPABLE),
-        (RPDO, 0x16000008, NOT_MAPPABLE),
+        (RPDO, STATUS, Abort.NOT_MAPPABLE),
+        (RPDO, 0x16000008, Abort.NOT_MAPPABLE),
         (RPDO, MODE, 0),
-        (RPDO, 0x14000120, NOT_MAPPABLE),
-        (RPDO, 0x10000020, NOT_MAPPABLE),
+        (RPDO, 0x14000120, Abort.NOT_MAPPABLE),
+        (RPDO, 0x10000020, Abort.NOT_MAPPABLE),
         (TPDO, STATUS, 0),
-        (TPDO, 0x10180120, NOT_MAPPABLE),
-        (TPDO, 0x60410020, NOT_MAPPABLE),
-        (TPDO, 0x70000010, NOT_MAPPABLE),
-        (TPDO, 0, NOT_MAPPABLE),
+        (TPDO, 0x10180120, Abort.NOT_MAPPABLE),
+        (TPDO, 0x60410020, Abort.NOT_MAPPABLE),
+        (TPDO, 0x70000010, Abort.NOT_MAPPABLE),
+        (TPDO, 0, Abort.NOT_MAPPABLE),
         (TPDO, TORQUE, 0),
     ],
 )
@@ -278,8 +278,9 @@ def test_a_mode_that_does_not_exist_is_not_taken_from_a_pdo():
     bench = Bench()
     assert bench.map(RPDO, MODE, CONTROL) == 0
     bench.nmt(0x01)
-    for mode, taken in ((1, 1), (6, 1), (8, 8)):
+    for mode, taken in ((1, 1), (2, 1), (8, 8)):
         bench.drive.hear(bench.t, Frame(0x203, struct.pack("<BH", mode, 0)))
+        bench.tick(rpdo=False)  # a synchronous RPDO acts at SYNC
         assert bench.read(0x6060) == taken
 
 

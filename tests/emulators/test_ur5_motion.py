@@ -16,7 +16,7 @@ from wrenchbed.emulators.ur5.kinematics import (
     vector,
 )
 from wrenchbed.emulators.ur5.modes import Runtime, SafetyMode
-from wrenchbed.emulators.ur5.motions import Profile, ToPose
+from wrenchbed.emulators.ur5.motions import Pace, Profile, ToPose
 from wrenchbed.simulation.simulation import Simulation
 
 ROBOT = registry.load("robots", "ur5")
@@ -247,7 +247,7 @@ def test_a_way_through_the_column_is_unreachable():
     kinematics = Kinematics()
     q = kinematics.inverse(DOWN, NO_TOOL, ROBOT.home)
     goal = DOWN * np.array([-1.0, -1.0, 1.0, 1.0, 1.0, 1.0])
-    motion = ToPose(kinematics, NO_TOOL, goal, 5.0, 50.0)
+    motion = ToPose(kinematics, NO_TOOL, goal, Pace(5.0, 50.0))
     motion.begin(q, np.zeros(6))
     with pytest.raises(Exception, match="reach"):
         for _ in range(200):

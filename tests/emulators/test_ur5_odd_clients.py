@@ -18,6 +18,7 @@ from wrenchbed.emulators.ur5 import EMULATOR
 from wrenchbed.emulators.ur5.commands import COMMANDS
 from wrenchbed.emulators.ur5.dashboard import Dashboard
 from wrenchbed.emulators.ur5.kinematics import NO_TOOL, Kinematics, UnreachableError
+from wrenchbed.emulators.ur5.messages import RuntimeFault
 from wrenchbed.emulators.ur5.modes import Runtime
 from wrenchbed.emulators.ur5.outputs import Outputs
 from wrenchbed.emulators.ur5.packets import Recipe
@@ -115,11 +116,8 @@ def control(line: str, offset: str = "0") -> bytes:
         control("movej([],a=1,v=1,r=0)"),
         control("", "9" * 5000),
         control("", "99999999999"),
-        b"write_output_integer_register(0 +0, 99999999999)\n",
-        b"write_output_integer_register(0 +0, -2147483649)\n",
-        b"write_output_integer_register(0 +" + b"1" * 5000 + b", 1)\n",
     ],
-    ids=range(13),
+    ids=range(10),
 )
 def test_a_script_with_impossible_numbers_is_ended_at_once(bench, text):
     bench.controller.reboot()
@@ -129,6 +127,32 @@ def test_a_script_with_impossible_numbers_is_ended_at_once(bench, text):
     bench.controller.upload([script])
     assert bench.controller.modes.runtime is Runtime.STOPPED and bench.controller.program is None
     bench.run(5 * CYCLE)
+    answers_and_packs(bench)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        b"write_output_integer_register(0 +0, 99999999999)\n",
+        b"write_output_integer_register(0 +0, -2147483649)\n",
+        b"write_output_integer_register(0 +" + b"1" * 5000 + b", 1)\n",
+        b"set_gravity([0, 0, 1e300])\n",
+        b"set_tcp(p[0, 0, 1e9, 0, 0, 0])\n",
+        b"movej([1, 2, 3])\n",
+        b"x = " + b"(" * 5000 + b"\n",
+    ],
+    ids=range(7),
+)
+def test_an_interpreted_script_with_impossible_values_ends_with_its_reason(bench, text):
+    bench.controller.reboot()
+    said = []
+    bench.controller.announce = said.append
+    bench.controller.upload(Collector().feed(text))
+    bench.run(2 * CYCLE)
+    bench.controller.announce = lambda event: None
+    assert bench.controller.modes.runtime is Runtime.STOPPED and bench.controller.program is None
+    (fault,) = [event for event in said if isinstance(event, RuntimeFault)]
+    assert fault.text and fault.line == 1
     answers_and_packs(bench)
 
 

@@ -78,7 +78,7 @@ def test_the_speed_slider_is_at_full_speed_and_moves_keep_to_it(bench):
 
 
 def test_no_program_is_loaded_and_scripts_start(bench):
-    bench.controller.loaded = "mine.urp"
+    assert bench.controller.load("external_control.urp")
     bench.controller.script_denied_until = float("inf")
     reboot(bench)
     assert not bench.controller.loaded and not bench.controller.play()

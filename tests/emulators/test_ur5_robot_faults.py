@@ -60,9 +60,8 @@ def test_emergency_stop(emulator, client, restored):
 
 
 def play(host: str) -> None:
-    with Lines(host) as dashboard:
-        assert dashboard.ask("load test.urp") == "Loading program: test.urp"
-        assert dashboard.ask("play") == "Starting program"
+    with socket.create_connection((host, 30003), 2.0) as script:
+        script.sendall(b"def endless():\n  while True:\n    sync()\n  end\nend\n")
 
 
 def test_program_stop(emulator, client, restored):

@@ -16,7 +16,11 @@ from wrenchbed.errors import DriverError, ParameterError
 @pytest.mark.parametrize(
     "setting, why",
     [
-        ({"series": "x"}, "one of cb3, e"),
+        ({"series": "cb4"}, "one of cb3, e, x"),
+        ({"software": "5.23"}, "three numbers"),
+        ({"software": "5.23.0"}, "not of series cb3"),
+        ({"programs": "no such folder"}, "no such folder"),
+        ({"external_control": "pc:50002"}, "IPv4"),
         ({"speed": "1"}, "series"),
         ({"protective_force": "-1"}, "above 0"),
         ({"box": "maybe"}, "on or off"),

@@ -9,6 +9,8 @@ stopped to protect itself ends the run.
 import time
 import warnings
 from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -24,6 +26,7 @@ from wrenchbed.data.recording import POINT
 from wrenchbed.data.writer import RecordingWriter
 from wrenchbed.errors import DriverError, LimitError, PlanError, SafetyStopError, WrenchbedWarning
 from wrenchbed.hardware.drivers.base import Driver
+from wrenchbed.hardware.drivers.base.live import LiveDriver
 from wrenchbed.jobs.workers import Progress, silent
 from wrenchbed.physics.wrench import CHANNELS
 
@@ -35,6 +38,8 @@ MOTIONS = 3
 """Attempts at a motion on a live driver."""
 LIMITS = "limits"
 """Metadata with the limits that a live driver moved within."""
+TIMING = "timing"
+"""Metadata with ages and jitter of a live driver's readings."""
 CUT = ".cut~"
 """Suffix of the file that keeps the run's own earlier rows when it begins anew."""
 _BLOCK_S = 0.5
@@ -180,7 +185,7 @@ class _Run:
         self.driver.expect(plan.q[rows], "static")
         if old is not None:
             self.metadata = old.metadata
-        with RecordingWriter(self.path, self.metadata, CUT if self.resume else "~") as writer:
+        with self._writing(CUT if self.resume else "~") as writer:
             if old is not None:
                 self._continue(old, writer)
             for leg in legs[: len(rows)]:
@@ -199,18 +204,36 @@ class _Run:
         failed: Counter[Retries] = Counter()
         written = False
         while True:
-            writer = RecordingWriter(self.path, self.metadata, CUT if written else "~")
+            rows = 0
             try:
                 if failed:
                     driver.recover(unlock=False)
-                with writer:
-                    self._follow(writer)
-                return RunProgress(self.path, self.done, writer.rows, self.t, self.tried_again)
+                with self._writing(CUT if written else "~") as writer:
+                    try:
+                        self._follow(writer)
+                    finally:
+                        rows = writer.rows
+                return RunProgress(self.path, self.done, rows, self.t, self.tried_again)
             except DriverError as error:
                 self._failed("the motion", error, failed, MOTIONS, "begin anew: `record …")
-                written |= writer.rows > 0
+                written |= rows > 0
                 self.progress(-self.done)
                 self.done = 0
+
+    @contextmanager
+    def _writing(self, aside: str) -> Iterator[RecordingWriter]:
+        """A writer whose metadata, when the block ends, state how late a live driver's rows were.
+
+        Args:
+            aside: suffix under which an existing recording is kept.
+        """
+        with RecordingWriter(self.path, self.metadata, aside) as writer:
+            try:
+                yield writer
+            finally:
+                if isinstance(self.driver, LiveDriver):
+                    extra = {**writer.metadata.extra, TIMING: dict(self.driver.timing())}
+                    writer.metadata = replace(writer.metadata, extra=extra)
 
     def _follow(self, writer: RecordingWriter) -> None:
         plan, driver = self.plan, self.driver

@@ -78,9 +78,13 @@ class Devices:
         self._audience: dict[int, tuple[tuple[int, Heard], ...]] = {}
 
     def add(self, number: int, heard: Heard, ids: frozenset[int] | None) -> None:
-        """One more; it hears all ids if None."""
+        """One more, or another filter of one; it hears all ids if None."""
         self._all[number] = (heard, ids)
-        self._audience.clear()
+        self._audience = {}
+
+    def listen(self, number: int, ids: frozenset[int]) -> None:
+        """A device hears other ids from now on."""
+        self.add(number, self._all[number][0], ids)
 
     def hear(self, t: float, sender: int, frame: Frame) -> None:
         """Hand a frame, complete at t [s], to all who hear its id but its sender."""
@@ -92,15 +96,17 @@ class Devices:
                     self._failed(error)
 
     def _hearing(self, can_id: int) -> tuple[tuple[int, Heard], ...]:
-        if can_id not in self._audience:
-            if len(self._audience) > _IDS:
-                self._audience.clear()
-            self._audience[can_id] = tuple(
+        audience = self._audience
+        found = audience.get(can_id)
+        if found is None:
+            if len(audience) > _IDS:
+                audience.clear()
+            found = audience[can_id] = tuple(
                 (number, heard)
                 for number, (heard, ids) in self._all.items()
                 if ids is None or can_id in ids
             )
-        return self._audience[can_id]
+        return found
 
 
 DEFAULT_PORT = 29536
@@ -137,6 +143,7 @@ class Hub:
         self.counters: Counter[str] = Counter()
         self._failed = failed
         self._devices = Devices(self._fail)
+        self._filters: dict[Heard, int] = {}
         self._clients: dict[int, Client] = {}
         self._posted: deque[tuple[int, Frame]] = deque(maxlen=4096)
         self._numbers = 0
@@ -154,6 +161,7 @@ class Hub:
         """
         number = self._number()
         self._devices.add(number, heard, ids)
+        self._filters[heard] = number
 
         def send(frame: Frame) -> None:
             self._posted.append((number, frame))
@@ -161,6 +169,10 @@ class Hub:
                 self._thread.soon(self._pass_on)
 
         return send
+
+    def listen(self, heard: Heard, ids: frozenset[int]) -> None:
+        """A device that was attached hears other ids from now on."""
+        self._devices.listen(self._filters[heard], ids)
 
     def start(self) -> None:
         """Listen.
@@ -384,7 +396,7 @@ class Bridge:
                 self._bus.send(
                     self._message(
                         arbitration_id=frame.can_id, data=frame.data,
-                        is_extended_id=frame.extended,
+                        is_extended_id=frame.extended, is_remote_frame=frame.remote,
                     ),
                     timeout=0.0,
                 )  # fmt: skip
@@ -395,7 +407,10 @@ class Bridge:
                 message = self._bus.recv(_WAIT_S)
             except (OSError, self._error):
                 return
-            if message is not None and not (message.is_error_frame or message.is_remote_frame):
+            if message is not None and not message.is_error_frame:
                 self._send(
-                    Frame(message.arbitration_id, bytes(message.data), message.is_extended_id)
-                )
+                    Frame(
+                        message.arbitration_id, bytes(message.data), message.is_extended_id,
+                        message.is_remote_frame,
+                    )
+                )  # fmt: skip

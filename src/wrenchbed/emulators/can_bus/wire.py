@@ -95,11 +95,12 @@ _SLICES = 20
 
 
 class Frame(NamedTuple):
-    """A data frame: id, data, whether the id has 29 bits."""
+    """A frame: id, data, whether the id has 29 bits, and whether it only asks for data."""
 
     can_id: int
     data: bytes
     extended: bool = False
+    remote: bool = False
 
     @property
     def bits(self) -> int:

@@ -75,7 +75,7 @@ class BoardEmulator:
 
     def hear(self, t: float, frame: Frame) -> None:
         """Take a frame from the bus at a time [s]; it hears none of another bit rate."""
-        if frame.extended or frame.can_id >> 4 != self.base:
+        if frame.extended or frame.remote or frame.can_id >> 4 != self.base:
             return
         if self.mute or t < self.silent_until or self.bitrate != self._bus_bitrate:
             return

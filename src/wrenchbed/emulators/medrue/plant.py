@@ -94,7 +94,7 @@ class RealTimePlant:
             ]
             self.body.step(np.array(commands) / self.counts)
         for drive in self.drives:
-            drive.beat(t)
+            drive.tick(t)
         self._measure(t)
 
     def _measure(self, t: float) -> None:

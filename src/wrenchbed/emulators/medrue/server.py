@@ -275,9 +275,17 @@ class MedrueEmulator(Emulator):
             torque=self.setting.rated_force if joint.unit == "m" else self.setting.rated_torque,
         )
         heard: list[DriveEmulator] = []
-        ids = frozenset((0x000, 0x080, 0x200 + node, 0x600 + node))
-        send = self.hub.attach(lambda t, frame: heard[0].hear(t, frame), ids)
-        heard.append(DriveEmulator(node, send, ratings, q * counts, self.setting.watchdog, lock))
+
+        def hear(t: float, frame: Frame) -> None:
+            heard[0].hear(t, frame)
+
+        send = self.hub.attach(hear, frozenset())
+        heard.append(
+            DriveEmulator(
+                node, send, ratings, q * counts, self.setting.watchdog, lock,
+                lambda ids: self.hub.listen(hear, ids),
+            )
+        )  # fmt: skip
         return heard[0]
 
     def _board(self) -> BoardEmulator:

@@ -96,6 +96,10 @@ class ControlledArm:
         """What moves the arm now."""
         return self._motion
 
+    def moves_by(self, motion: ArmMotion) -> bool:
+        """Whether a motion moves the arm, or will when it may again."""
+        return motion is (self._interrupted if self._frozen else self._motion)
+
     def start(self, motion: ArmMotion) -> None:
         """Let a motion move the arm from now on."""
         if self._frozen:
@@ -109,6 +113,9 @@ class ControlledArm:
         braking = Braking(deceleration, seconds)
         if self._frozen:
             self._interrupted = None
+            braking.done = True
+            return braking
+        if self._motion is None:  # the target stands still already
             braking.done = True
             return braking
         self.start(braking)

@@ -9,6 +9,7 @@ from wrenchbed.emulators.ur5.kinematics import matrix, pose_trans, vector
 from wrenchbed.emulators.ur5.motions import (
     ArmMotion,
     JointSpeed,
+    Pace,
     Servo,
     ToJoints,
     ToolSpeed,
@@ -152,29 +153,33 @@ def _speeds(program: ControlProgram) -> tuple[float, float]:
 
 def movej(program: ControlProgram) -> Steps | None:
     """1: to joint values."""
-    return _move(program, ToJoints(program.doubles(0), *_speeds(program)))
+    return _move(program, ToJoints(program.doubles(0), _pace(program)))
 
 
 def movej_ik(program: ControlProgram) -> Steps | None:
     """2: to a pose, straight in joint space."""
-    return _move(program, ToJoints(solve(program, program.doubles(0)), *_speeds(program)))
+    return _move(program, ToJoints(solve(program, program.doubles(0)), _pace(program)))
 
 
 def movel(program: ControlProgram) -> Steps | None:
     """3: straight to a pose."""
     pose = program.doubles(0)
     solve(program, pose)
-    return _move(program, _straight(program, pose, *_speeds(program)))
+    return _move(program, _straight(program, pose, _pace(program)))
 
 
 def movel_fk(program: ControlProgram) -> Steps | None:
     """4: straight to the pose of joint values."""
     pose = program.arm.kinematics.pose(program.doubles(0), program.arm.tcp)
-    return _move(program, _straight(program, pose, *_speeds(program)))
+    return _move(program, _straight(program, pose, _pace(program)))
 
 
-def _straight(program: ControlProgram, pose: np.ndarray, speed: float, rate: float) -> ToPose:
-    return ToPose(program.arm.kinematics, program.arm.tcp.copy(), pose, speed, rate)
+def _pace(program: ControlProgram) -> Pace:
+    return Pace(*_speeds(program))
+
+
+def _straight(program: ControlProgram, pose: np.ndarray, pace: Pace) -> ToPose:
+    return ToPose(program.arm.kinematics, program.arm.tcp.copy(), pose, pace)
 
 
 def move_path(program: ControlProgram) -> Steps | None:
@@ -197,13 +202,14 @@ def _legs(program: ControlProgram) -> Steps:
 
 
 def _leg(program: ControlProgram, leg: ScriptMove) -> ArmMotion:
+    pace = Pace(leg.speed, leg.acceleration)
     if leg.straight:
         pose = leg.goal
         if not leg.cartesian:
             pose = program.arm.kinematics.pose(leg.goal, program.arm.tcp)
-        return _straight(program, pose, leg.speed, leg.acceleration)
+        return _straight(program, pose, pace)
     goal = solve(program, leg.goal) if leg.cartesian else leg.goal
-    return ToJoints(goal, leg.speed, leg.acceleration)
+    return ToJoints(goal, pace)
 
 
 def _drive(program: ControlProgram, motion: ArmMotion) -> None:

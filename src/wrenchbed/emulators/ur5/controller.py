@@ -1,20 +1,40 @@
 """The controller: power, safety, program and arm, one control cycle at a time."""
 
 from collections.abc import Callable, Iterable
+from pathlib import Path
 
 import numpy as np
 
 from wrenchbed.emulators.base.body import Body
 from wrenchbed.emulators.ur5.arm import SAFE_DECELERATION, ControlledArm
 from wrenchbed.emulators.ur5.commands import commands_of
+from wrenchbed.emulators.ur5.external_control import ExternalControl
 from wrenchbed.emulators.ur5.inputs import Inputs, Terminals
+from wrenchbed.emulators.ur5.messages import (
+    PAUSED,
+    PROTECTIVE_STOP,
+    RESUMED,
+    STARTED,
+    STOPPED,
+    Error,
+    Event,
+    Key,
+    RuntimeFault,
+    Safety,
+    stopped_because,
+)
 from wrenchbed.emulators.ur5.modes import Modes, Runtime
 from wrenchbed.emulators.ur5.packets import Values, inputs, outputs, zero
-from wrenchbed.emulators.ur5.program import ControlProgram, OtherProgram, Program, ProgramError
+from wrenchbed.emulators.ur5.program import ControlProgram, Program, ProgramError
+from wrenchbed.emulators.ur5.programs import Loaded, Programs
 from wrenchbed.emulators.ur5.script import Script
+from wrenchbed.emulators.ur5.script_functions import functions
+from wrenchbed.emulators.ur5.script_program import ScriptProgram
 from wrenchbed.emulators.ur5.settings import ControllerSettings
-from wrenchbed.emulators.ur5.tool_wrench import Payload, WrenchEstimate
+from wrenchbed.emulators.ur5.tool_wrench import ExternalWrench, Payload, WrenchEstimate
 
+_MOST_SECONDARY = 4
+"""Secondary programs at a time."""
 _MORE_FORCE = 30.0
 """Beyond what pressed when a stop was unlocked, from which the robot stops again [N]."""
 
@@ -27,6 +47,12 @@ class Controller:
         body: the robot.
         payload: as the installation states it.
         measure: the load that the robot measures (6,) [N, N·m]; the true one if None.
+
+    Attributes:
+        announce: takes what clients of the primary interface are told.
+        address: from which programs open connections; empty: from any.
+        popup: a popup waits for someone to close it.
+        freedrive: the arm may be pushed by hand.
     """
 
     def __init__(
@@ -38,14 +64,23 @@ class Controller:
     ) -> None:
         self.settings = settings
         self.terminals = Terminals()
+        self.external = ExternalWrench()
         self.modes = Modes(settings.power)
         self.estimate = WrenchEstimate(payload, at_tcp=not settings.e_series)
-        self.arm = ControlledArm(body, self.estimate, measure or (lambda: body.load), settings.arm)
+        self._own_load = measure or (lambda: body.load)
+        self.arm = ControlledArm(body, self.estimate, self._load, settings.arm)
         self.fields = outputs(settings.version)
         self.values: dict[str, Values] = {name: zero(kind) for name, kind in self.fields.items()}
         self.inputs = Inputs(inputs(settings.version), self._written)
         self.program: Program | None = None
+        self.loaded: Loaded | None = None
+        self.announce: Callable[[Event], None] = lambda event: None
+        self.address = ""
         self.now = 0.0
+        self._functions = functions(settings.version)
+        self._programs = Programs(Path(settings.programs) if settings.programs else None)
+        self._secondary: list[ScriptProgram] = []
+        self._said = int(self.modes.safety)
         self._forget()
 
     def cycle(self, now: float) -> None:
@@ -57,56 +92,83 @@ class Controller:
         if violation is None and self._pressed_too_hard():
             violation = "the force at the tool exceeds its limit"
         if violation is not None and self.modes.ready:
-            self.protective_stop()
+            self.protective_stop(stopped_because(violation))
+        self._say_safety()
 
     def upload(self, scripts: Iterable[Script]) -> None:
-        """Take programs; each ends the one that plays."""
+        """Take programs; each but a secondary one ends the one that plays."""
         for script in scripts:
-            if script.secondary or self.now < self.script_denied_until:
+            if self.now < self.script_denied_until or not (script.secondary or self.modes.ready):
                 continue
+            if not script.secondary:
+                self.stop_program()
+            if not script.faulty:
+                self._start(script)
+
+    def load(self, name: str) -> bool:
+        """Take a program by its file's name, stopped; False where there is none.
+
+        Raises:
+            ProgramFileError: it cannot be played.
+        """
+        found = self._programs.load(name)
+        if found is not None:
             self.stop_program()
-            if self.modes.ready and not script.faulty:
-                self._begin(self._program(script))
+            self.loaded = found
+        return found is not None
 
     def play(self) -> bool:
         """Go on after a pause, or start what is loaded; False where neither can be."""
         if not self.modes.ready or self.modes.runtime is Runtime.PLAYING:
             return False
-        if self.modes.runtime is Runtime.PAUSED:
+        if self.modes.runtime is Runtime.PAUSED and self.program is not None:
             self.modes.runtime = Runtime.PLAYING
+            self.announce(Key(RESUMED, self.program.name))
             self.arm.thaw(go_on=True)
             return True
-        if not self.loaded:
+        if self.loaded is None:
             return False
-        self._begin(OtherProgram(self, Script(), endless=True))
+        if self.loaded.text:
+            return self._start(Script(text=self.loaded.text))
+        self._begin(ExternalControl(self, self.settings.computer, self._interpreted))
         return True
 
     def pause(self) -> bool:
         """Brake and hold the program; False where none plays."""
         if self.modes.runtime is not Runtime.PLAYING:
             return False
-        self.modes.runtime = Runtime.PAUSED
-        self.arm.freeze()
+        self._hold()
         return True
 
     def stop_program(self) -> None:
         """End the program, braking; its registers keep their values."""
         if self.program is not None:
+            self.program.close()
+            self.announce(Key(STOPPED, self.program.name))
             self.program = None
+            self.popup = self.freedrive = False
             self.modes.runtime = Runtime.STOPPED
             self.arm.force = None
             self.arm.thaw(go_on=False)
             self.arm.end_force_mode()
             self.arm.brake(SAFE_DECELERATION / 3)
 
-    def protective_stop(self) -> None:
+    def protective_stop(self, error: Error = PROTECTIVE_STOP) -> None:
         """Brake at once; the program is paused until someone unlocks and plays."""
+        before = self.modes.protective
         self.modes.protective_stop(self.now)
+        self._say_safety()
+        if self.modes.protective and not before:
+            self.announce(error)
         self._hold()
 
     def unlock(self) -> bool:
         """End a protective stop; False where it is too early."""
         return self.modes.unlock(self.now)
+
+    def unlock_at_once(self) -> None:
+        """End a protective stop as the pendant does when its delay is over."""
+        self.modes.unlock_at_once(self.now)
 
     def emergency_stop(self, until: float) -> None:
         """The button is pressed until a time [s]."""
@@ -142,7 +204,11 @@ class Controller:
                 self.values[name] = zero(kind)
 
     def _forget(self) -> None:
-        self.loaded = ""
+        self.loaded = None
+        self.popup = self.freedrive = False
+        self.operational_mode, self.user_role = "NONE", "PROGRAMMER"
+        self.external.enabled = False
+        self._secondary.clear()
         self.script_denied_until = 0.0
         self._tolerated = self.settings.protective_force
 
@@ -152,28 +218,66 @@ class Controller:
         if name in self.fields:
             self.values[name] = (int(value) if kind == "int" else float(value),)
 
-    def _program(self, script: Script) -> Program:
-        if script.control:
-            return ControlProgram(self, commands_of(self.settings), script.offset, script.path)
-        return OtherProgram(self, script)
+    def _start(self, script: Script) -> bool:
+        """Begin a program; False where its text is none, which is announced."""
+        try:
+            if script.control:
+                commands = commands_of(self.settings)
+                self._begin(ControlProgram(self, commands, script.offset, script.path))
+                return True
+            program = self._interpreted(script.text)
+        except ProgramError as error:
+            self._report(error)
+            return False
+        if program.secondary:
+            self._secondary = [*self._secondary[1 - _MOST_SECONDARY :], program]
+        else:
+            self._begin(program)
+        return True
+
+    def _interpreted(self, text: str) -> ScriptProgram:
+        return ScriptProgram(self, text, self._functions)
 
     def _begin(self, program: Program) -> None:
         self.arm.thaw(go_on=False)
         self.program, self.modes.runtime = program, Runtime.PLAYING
+        self.announce(Key(STARTED, program.name))
 
     def _play(self) -> None:
+        self._secondary = [p for p in self._secondary if self._goes_on(p)]
         if self.program is None or self.modes.runtime is not Runtime.PLAYING:
             return
-        try:
-            goes_on = self.program.cycle(self.now)
-        except ProgramError:
-            goes_on = False
-        if not goes_on:
+        if not self._goes_on(self.program):
             self.stop_program()
 
+    def _goes_on(self, program: Program) -> bool:
+        try:
+            return program.cycle(self.now)
+        except ProgramError as error:
+            self._report(error)
+            return False
+
+    def _say_safety(self) -> None:
+        if self._said != int(self.modes.safety):
+            self._said = int(self.modes.safety)
+            self.announce(Safety(self._said))
+
+    def _report(self, error: ProgramError) -> None:
+        self.announce(RuntimeFault(error.line, error.column, str(error)))
+
+    def _load(self) -> np.ndarray:
+        """The load that the robot measures (6,), or what a client sends instead."""
+        own = self._own_load()
+        if not self.external.enabled:
+            return own
+        rotation, _ = self.arm.kinematics.flange(self.arm.body.q)
+        sent = np.array(self.inputs.values["external_force_torque"])
+        return self.external.load(sent, rotation.T @ self.estimate.gravity)
+
     def _hold(self) -> None:
-        if self.modes.runtime is Runtime.PLAYING:
+        if self.modes.runtime is Runtime.PLAYING and self.program is not None:
             self.modes.runtime = Runtime.PAUSED
+            self.announce(Key(PAUSED, self.program.name))
         self.arm.freeze()
 
     def _pressed_too_hard(self) -> bool:

@@ -1,16 +1,22 @@
-"""Text clients of the controller: the dashboard server, and ports 30001 to 30003 for URScript."""
+"""The dashboard server: commands and answers in lines of text.
+
+Source: Universal Robots, "Dashboard Server CB-Series" and "Dashboard Server e-Series".
+"""
 
 from collections.abc import Callable
 
 from wrenchbed.emulators.ur5.controller import Controller
 from wrenchbed.emulators.ur5.modes import Runtime
 from wrenchbed.emulators.ur5.network import Peer
-from wrenchbed.emulators.ur5.script import Collector
+from wrenchbed.emulators.ur5.programs import ProgramFileError
 
 GREETING = "Connected: Universal Robots Dashboard Server"
 SERIAL_NUMBER = "2021500042"
 _LONGEST_LINE = 4096
 _PROGRAM = "rtde_control.urp"
+_ROLES = ("PROGRAMMER", "OPERATOR", "NONE", "LOCKED", "RESTRICTED")
+_OPERATIONAL = ("MANUAL", "AUTOMATIC")
+_REPORTS = ("controller", "software", "system", "")
 _FAILED = "Failed to execute: {}"
 _UNLOCKED = "Protective stop releasing"
 _TOO_EARLY = (
@@ -42,35 +48,43 @@ class Dashboard:
             ),
             "robotmode": lambda: f"Robotmode: {controller.modes.robot.name}",
             "safetymode": lambda: f"Safetymode: {controller.modes.safety.name}",
-            "safetystatus": lambda: f"Safetystatus: {controller.modes.safety.name}",
-            "programstate": lambda: (
-                f"{controller.modes.runtime.name} {controller.loaded or _PROGRAM}"
-            ),
+            "programstate": lambda: f"{controller.modes.runtime.name} {self._name()}",
             "power on": self._after(controller.power_on, "Powering on"),
             "power off": self._after(controller.power_off, "Powering off"),
             "brake release": self._after(controller.release_brakes, "Brake releasing"),
             "unlock protective stop": lambda: _UNLOCKED if controller.unlock() else _TOO_EARLY,
-            "close popup": lambda: "closing popup",
+            "close popup": self._close_popup,
             "close safety popup": lambda: "closing safety popup",
-            "restart safety": lambda: "Restarting safety",
+            "restart safety": self._after(controller.power_off, "Restarting safety"),
             "get loaded program": self._loaded,
-            "isprogramsaved": lambda: f"true {_PROGRAM}",
+            "isprogramsaved": lambda: f"true {self._name()}",
             "polyscopeversion": lambda: f"URSoftware {version} (Nov 10 2021)",
             "version": lambda: version,
+            "savelog": lambda: "Log saved to disk",
+            "get serial number": lambda: SERIAL_NUMBER,
             "get robot model": lambda: controller.settings.model.upper().removesuffix("E"),
             "shutdown": self._after(shut_down, "Shutting down"),
             "quit": self._quit,
         }
-        if controller.settings.e_series:
-            self._exact["is in remote control"] = lambda: "true"
-            self._exact["get serial number"] = lambda: SERIAL_NUMBER
-            self._exact["get operational mode"] = lambda: "NONE"
         self._with_value: dict[str, Callable[[str], str]] = {
+            "load installation": lambda name: f"Loading installation: {name}",
             "load": self._load,
             "popup": lambda _: "showing popup",
             "addtolog": lambda _: "Added log message",
-            "setuserrole": lambda role: f"Setting user role: {role}",
+            "generate flight report": self._flight_report,
+            "generate support file": lambda _: "Completed successfully: ur_support_file.zip",
         }
+        if controller.settings.e_series:
+            self._exact |= {
+                "safetystatus": lambda: f"Safetystatus: {controller.modes.safety.name}",
+                "is in remote control": lambda: "true",
+                "get operational mode": lambda: controller.operational_mode,
+                "clear operational mode": self._clear_operational_mode,
+            }
+            self._with_value["set operational mode"] = self._set_operational_mode
+        else:
+            self._exact["getuserrole"] = lambda: controller.user_role
+            self._with_value["setuserrole"] = self._set_role
         self._say(GREETING)
 
     def receive(self, data: bytes, now: float) -> bool:
@@ -93,9 +107,10 @@ class Dashboard:
         exact = self._exact.get(line.lower())
         if exact is not None:
             return exact()
-        word, _, value = line.partition(" ")
-        valued = self._with_value.get(word.lower())
-        return f"could not understand: '{line}'" if valued is None else valued(value)
+        for words, valued in self._with_value.items():
+            if f"{line.lower()} ".startswith(f"{words} "):
+                return valued(line[len(words) :].strip())
+        return f"could not understand: '{line}'"
 
     @staticmethod
     def _after(act: Callable[[], None], answer: str) -> Callable[[], str]:
@@ -107,36 +122,47 @@ class Dashboard:
 
         return run
 
+    def _name(self) -> str:
+        loaded = self._controller.loaded
+        return _PROGRAM if loaded is None else loaded.name
+
     def _load(self, name: str) -> str:
-        if not name.endswith(".urp"):
-            return f"File not found: {name}"
-        self._controller.stop_program()
-        self._controller.loaded = name
-        return f"Loading program: {name}"
+        try:
+            found = self._controller.load(name)
+        except ProgramFileError as error:
+            return f"Error while loading program: {name} ({error})"
+        return f"Loading program: {name}" if found else f"File not found: {name}"
 
     def _loaded(self) -> str:
         loaded = self._controller.loaded
-        return f"Loaded program: {loaded}" if loaded else "No program loaded"
+        return "No program loaded" if loaded is None else f"Loaded program: {loaded.name}"
+
+    def _close_popup(self) -> str:
+        self._controller.popup = False
+        return "closing popup"
+
+    @staticmethod
+    def _flight_report(kind: str) -> str:
+        if kind.lower() not in _REPORTS:
+            return f"Unknown flight report type: {kind}"
+        return "Flight Report generated with id: 00000000-0000-0000-0000-000000000001"
+
+    def _set_operational_mode(self, mode: str) -> str:
+        if mode.upper() not in _OPERATIONAL:
+            return f"Unknown operational mode: {mode}"
+        self._controller.operational_mode = mode.upper()
+        return f"Operational mode {mode.upper()} is set"
+
+    def _clear_operational_mode(self) -> str:
+        self._controller.operational_mode = "NONE"
+        return "No longer controlling the operational mode. Current operational mode: 'NONE'"
+
+    def _set_role(self, role: str) -> str:
+        if role.upper() not in _ROLES:
+            return f"Failed setting user role: {role}"
+        self._controller.user_role = role.upper()
+        return f"Setting user role: {role.upper()}"
 
     def _quit(self) -> str:
         self._ended = True
         return "Disconnected"
-
-
-class ScriptClient:
-    """One client that sends programs."""
-
-    def __init__(self, controller: Controller) -> None:
-        self._controller, self._collector = controller, Collector()
-
-    def receive(self, data: bytes, now: float) -> bool:
-        """Take bytes of programs; False where one grows beyond all measure."""
-        scripts = self._collector.feed(data)
-        if scripts is None:
-            return False
-        self._controller.upload(scripts)
-        return True
-
-    def end(self) -> None:
-        """The client is gone; an unfinished program with it."""
-        self._collector = Collector()

@@ -4,6 +4,8 @@ from enum import IntEnum
 
 UNLOCK_AFTER_S = 5.0
 """A protective stop can only be unlocked this long after it [s]."""
+_UNLOCK_S = 0.2
+"""Time that the controller takes to unlock [s]; estimate."""
 _BOOT_S = 0.5
 """Time that switching on and releasing the brakes take each [s]."""
 
@@ -52,7 +54,22 @@ class Modes:
         self.runtime = Runtime.STOPPED
         self.stopped_at = 0.0
         self._next: tuple[float, RobotMode] | None = None
-        self._emergency_ends = 0.0
+        self._emergency_ends = self._unlocked_at = 0.0
+
+    @property
+    def powered(self) -> bool:
+        """Whether the arm has power."""
+        return self.robot not in (RobotMode.POWER_OFF, RobotMode.BOOTING)
+
+    @property
+    def emergency(self) -> bool:
+        """Whether an emergency stop is pressed."""
+        return self.safety is SafetyMode.ROBOT_EMERGENCY_STOP
+
+    @property
+    def protective(self) -> bool:
+        """Whether the safety system has stopped the arm."""
+        return self.safety is SafetyMode.PROTECTIVE_STOP
 
     @property
     def ready(self) -> bool:
@@ -74,8 +91,11 @@ class Modes:
         """Finish what takes its time."""
         if self._next is not None and now >= self._next[0]:
             self.robot, self._next = self._next[1], None
-        emergency = self.safety is SafetyMode.ROBOT_EMERGENCY_STOP
-        if emergency and now >= self._emergency_ends:
+        if 0.0 < self._unlocked_at <= now:
+            self._unlocked_at = 0.0
+            if self.protective:
+                self.safety = SafetyMode.NORMAL
+        if self.emergency and now >= self._emergency_ends:
             self.safety = SafetyMode.NORMAL
 
     def power_on(self, now: float) -> None:
@@ -106,6 +126,11 @@ class Modes:
                 return False
             self.safety = SafetyMode.NORMAL
         return True
+
+    def unlock_at_once(self, now: float) -> None:
+        """End a protective stop; what must pass before it is asked for is the pendant's affair."""
+        if self.safety is SafetyMode.PROTECTIVE_STOP:
+            self._unlocked_at = now + _UNLOCK_S
 
     def emergency_stop(self, until: float) -> None:
         """The button is pressed until a time [s]; the arm has no power after it."""

@@ -1,7 +1,8 @@
 """Motions of the arm: each yields the joints' next target, one control cycle at a time."""
 
 from abc import ABC, abstractmethod
-from math import exp, sqrt
+from dataclasses import dataclass
+from math import atan2, cos, exp, pi, sin, sqrt
 
 import numpy as np
 
@@ -29,6 +30,12 @@ class Profile:
         self._ramp = self._v / acceleration
         self.duration = 0.0 if length <= 0.0 else length / self._v + self._ramp
 
+    @classmethod
+    def lasting(cls, length: float, seconds: float) -> "Profile":
+        """A profile of a duration [s], a fifth of it for start and end each."""
+        speed = max(length, 1e-12) / (0.8 * seconds)
+        return cls(length, speed, speed / (0.2 * seconds))
+
     def at(self, t: float) -> float:
         """Length covered after a time [s]."""
         if t >= self.duration:
@@ -41,9 +48,31 @@ class Profile:
         return self._v * (t - 0.5 * self._ramp)
 
 
+@dataclass(frozen=True)
+class Pace:
+    """How fast a move goes.
+
+    Attributes:
+        speed, acceleration: of its way.
+        seconds: it takes, instead of these; 0: as they say.
+        top: speeds (6,) of the joints, for whose sake a move in a given time takes longer.
+    """
+
+    speed: float
+    acceleration: float
+    seconds: float = 0.0
+    top: np.ndarray | None = None
+
+
 ROTATION_REACH = 0.25
 """A turn of 1 rad of the tool takes a straight move as long as this way does [m]."""
 _STILL = 1e-4
+_FLAT = 1e-12
+"""Square of the area [m⁴] below which three points are on a line."""
+_FULL_SPEED, _HARDEST = 0.9, 15.0
+"""Share of the joints' speeds, and acceleration [rad/s²], that a move in a given time may take."""
+_LOOKS = 24
+"""Places at which such a move is looked at beforehand."""
 _GAIN = 300.0
 """servoj's default gain, at which the lookahead time is the time by which the arm lags."""
 
@@ -103,8 +132,9 @@ class _Planned(ArmMotion):
 
     scaled = True
 
-    def __init__(self, speed: float, acceleration: float) -> None:
-        self._speed, self._acceleration = max(speed, 1e-4), max(acceleration, 1e-3)
+    def __init__(self, pace: Pace) -> None:
+        self._speed, self._acceleration = max(pace.speed, 1e-4), max(pace.acceleration, 1e-3)
+        self._seconds, self._top = pace.seconds, pace.top
 
     def begin(self, q: np.ndarray, qd: np.ndarray) -> None:
         self._braking = Braking(max(self._acceleration, 2.0))
@@ -116,11 +146,32 @@ class _Planned(ArmMotion):
             return self._braking.step(q, dt)
         if self._profile is None:
             self._t = 0.0
-            self._profile = Profile(self._plan(q), self._speed, self._acceleration)
+            self._profile = self._planned(self._plan(q), q)
         self._t += dt
         self.done = self._t >= self._profile.duration
         length = self._profile.length
         return self._at(self._profile.at(self._t) / length if length > 0.0 else 1.0, q)
+
+    def _planned(self, length: float, q: np.ndarray) -> Profile:
+        """As the pace asks; a time that is too short for the joints becomes longer."""
+        if self._seconds <= 0.0:
+            return Profile(length, self._speed, self._acceleration)
+        steepest = self._steepest(q)
+        fastest = 0.0 if self._top is None else float((steepest / self._top).max())
+        least = max(fastest / (0.8 * _FULL_SPEED), sqrt(float(steepest.max()) / (0.16 * _HARDEST)))
+        return Profile.lasting(length, max(self._seconds, least))
+
+    def _steepest(self, q: np.ndarray) -> np.ndarray:
+        """How steep each joint is over the way (6,) [rad], where it is steepest."""
+        before, found = q, np.zeros(6)
+        try:
+            for k in range(1, _LOOKS + 1):
+                following = self._at(k / _LOOKS, before)
+                found = np.maximum(found, _LOOKS * np.abs(following - before))
+                before = following
+        except UnreachableError:
+            return found
+        return found
 
     @abstractmethod
     def _plan(self, q: np.ndarray) -> float:
@@ -134,8 +185,8 @@ class _Planned(ArmMotion):
 class ToJoints(_Planned):
     """movej: all joints start and arrive together; speed of the one that goes farthest."""
 
-    def __init__(self, goal: np.ndarray, speed: float, acceleration: float) -> None:
-        super().__init__(speed, acceleration)
+    def __init__(self, goal: np.ndarray, pace: Pace) -> None:
+        super().__init__(pace)
         self._goal = goal
 
     def _plan(self, q: np.ndarray) -> float:
@@ -150,9 +201,9 @@ class ToPose(_Planned):
     """movel: the TCP goes straight and turns about one axis."""
 
     def __init__(
-        self, kinematics: Kinematics, tcp: np.ndarray, goal: np.ndarray, speed: float, rate: float
+        self, kinematics: Kinematics, tcp: np.ndarray, goal: np.ndarray, pace: Pace
     ) -> None:
-        super().__init__(speed, rate)
+        super().__init__(pace)
         self._kinematics, self._tcp, self._goal = kinematics, tcp, goal
 
     def _plan(self, q: np.ndarray) -> float:
@@ -165,11 +216,48 @@ class ToPose(_Planned):
 
     def _at(self, share: float, q: np.ndarray) -> np.ndarray:
         turn, _ = matrix(np.concatenate([np.zeros(3), share * self._turn]))
-        pose = vector(turn @ self._rotation, self._from + share * self._way)
+        pose = vector(turn @ self._rotation, self._place(share))
         found = self._kinematics.follow(pose, self._tcp, q)
         if found is None:
             raise UnreachableError("the straight way leaves the robot's reach")
         return found
+
+    def _place(self, share: float) -> np.ndarray:
+        return np.asarray(self._from + share * self._way)
+
+
+class ToArc(ToPose):
+    """movec: the TCP goes on a circle through a pose (6,) to another, and turns about one axis."""
+
+    def __init__(
+        self, kinematics: Kinematics, tcp: np.ndarray, poses: tuple[np.ndarray, np.ndarray],
+        pace: Pace,
+    ) -> None:  # fmt: skip
+        super().__init__(kinematics, tcp, poses[1], pace)
+        self._via = poses[0][:3]
+
+    def _plan(self, q: np.ndarray) -> float:
+        straight = super()._plan(q)
+        first, last = self._via - self._from, self._way
+        normal = np.cross(first, last)
+        size = float(normal @ normal)
+        self._radius = 0.0
+        if size < _FLAT:
+            return straight
+        middle = np.cross((first @ first) * last - (last @ last) * first, normal) / (2.0 * size)
+        self._centre = self._from + middle
+        self._x = -middle
+        self._radius = float(np.linalg.norm(middle))
+        self._y = np.cross(normal / sqrt(size), self._x)
+        far = last - middle
+        self._angle = atan2(float(far @ self._y), float(far @ self._x)) % (2.0 * pi)
+        return max(straight, self._radius * self._angle)
+
+    def _place(self, share: float) -> np.ndarray:
+        if self._radius == 0.0:
+            return super()._place(share)
+        angle = share * self._angle
+        return np.asarray(self._centre + cos(angle) * self._x + sin(angle) * self._y)
 
 
 class Servo(ArmMotion):
@@ -213,6 +301,11 @@ class JointSpeed(ArmMotion):
         self._goal = np.zeros(6)
         self._rate = 1.0
 
+    @property
+    def reached(self) -> bool:
+        """Whether the speeds are those that were asked for."""
+        return bool(np.abs(self._speed - self._goal).max() < _STILL)
+
     def aim(self, qd: np.ndarray, acceleration: float) -> None:
         """Take new speeds (6,) [rad/s] and the acceleration towards them [rad/s²]."""
         self._goal, self._rate = qd, max(acceleration, 0.01)
@@ -225,6 +318,37 @@ class JointSpeed(ArmMotion):
         return np.asarray(q + self._speed * dt)
 
 
+_INERTIA = np.array([2.0, 2.0, 0.8, 0.1, 0.1, 0.05])
+"""Of each joint with what it carries [kg·m²]; estimate, for torques alone."""
+_DRAG = np.array([4.0, 4.0, 2.0, 0.5, 0.5, 0.3])
+"""Viscous friction that stays without compensation [N·m·s/rad]; estimate."""
+_COMPENSATED = 0.1
+"""Share of it that is left with compensation; estimate."""
+
+
+class JointTorque(ArmMotion):
+    """direct_torque: each joint as a mass with friction, whose weight is held for it.
+
+    Args:
+        top: speeds (6,) that the joints keep to.
+    """
+
+    def __init__(self, top: np.ndarray) -> None:
+        self._torque, self._top, self._drag = np.zeros(6), 0.9 * top, _DRAG
+
+    def aim(self, torque: np.ndarray, free: bool) -> None:
+        """Take new torques (6,) [N·m], with or without compensation of friction."""
+        self._torque, self._drag = torque, _DRAG * (_COMPENSATED if free else 1.0)
+
+    def begin(self, q: np.ndarray, qd: np.ndarray) -> None:
+        self._speed = np.array(qd)
+
+    def step(self, q: np.ndarray, dt: float) -> np.ndarray:
+        rate = (self._torque - self._drag * self._speed) / _INERTIA
+        self._speed = np.clip(self._speed + rate * dt, -self._top, self._top)
+        return np.asarray(q + self._speed * dt)
+
+
 class ToolSpeed(ArmMotion):
     """speedl: velocity of the TCP in base axes, reached with an acceleration and then kept."""
 
@@ -232,6 +356,11 @@ class ToolSpeed(ArmMotion):
         self._kinematics, self._tcp = kinematics, tcp
         self._goal = np.zeros(6)
         self._rate = 0.5
+
+    @property
+    def reached(self) -> bool:
+        """Whether the velocity is that which was asked for."""
+        return bool(np.abs(self._twist - self._goal).max() < _STILL)
 
     def aim(self, twist: np.ndarray, acceleration: float) -> None:
         """Take a new velocity (6,) [m/s, rad/s] and the acceleration [m/s²]."""

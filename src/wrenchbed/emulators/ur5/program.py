@@ -1,4 +1,4 @@
-"""Programs on the controller: ur_rtde's control script, or any other script.
+"""Programs on the controller, and the one that is not interpreted: ur_rtde's control script.
 
 The control script is a loop that reads a command from an input register in each control cycle,
 and threads that move the arm. Here a command is a generator that yields once a cycle until it is
@@ -11,12 +11,13 @@ from typing import Protocol
 import numpy as np
 
 from wrenchbed.emulators.ur5.arm import ControlledArm
-from wrenchbed.emulators.ur5.inputs import Inputs
+from wrenchbed.emulators.ur5.inputs import Inputs, Terminals
+from wrenchbed.emulators.ur5.messages import PROTECTIVE_STOP, Error, Event
 from wrenchbed.emulators.ur5.motions import ArmMotion
 from wrenchbed.emulators.ur5.packets import Values
-from wrenchbed.emulators.ur5.script import MOST, Script, ScriptMove
+from wrenchbed.emulators.ur5.script import MOST, ScriptMove
 from wrenchbed.emulators.ur5.settings import ControllerSettings
-from wrenchbed.emulators.ur5.tool_wrench import WrenchEstimate
+from wrenchbed.emulators.ur5.tool_wrench import ExternalWrench, WrenchEstimate
 
 CONTACT_FORCE = 10.0
 """Force against the direction of motion from which the tool touches something [N]."""
@@ -43,7 +44,6 @@ AT_ONCE = frozenset((6, 9, 10, 11, 24, 25, 26, 27, 38, 58, *range(66, 72)))
 """Commands that the script carries out in every cycle in which it reads them."""
 _RUNNING = 1 << 15
 _CONTACT_FOUND = 254
-_OTHER_LASTS = 2
 
 Steps = Iterator[None]
 """A command under way: one `next` a control cycle."""
@@ -51,7 +51,15 @@ Command = Callable[["ControlProgram"], Steps | None]
 
 
 class ProgramError(Exception):
-    """A runtime error of the script, which ends it."""
+    """A runtime error of the script, which ends it.
+
+    Attributes:
+        line, column: of its text, from 1; 0 where nobody knows.
+    """
+
+    def __init__(self, text: str, line: int = 0, column: int = 0) -> None:
+        super().__init__(text)
+        self.line, self.column = line, column
 
 
 class Host(Protocol):
@@ -61,57 +69,49 @@ class Host(Protocol):
     arm: ControlledArm
     estimate: WrenchEstimate
     inputs: Inputs
+    fields: dict[str, str]
     values: dict[str, Values]
+    terminals: Terminals
+    external: ExternalWrench
+    announce: Callable[[Event], None]
+    address: str
     now: float
+    popup: bool
+    freedrive: bool
 
     def set_output(self, kind: str, number: int, value: float) -> None:
         """Write an output register."""
         ...
 
-    def protective_stop(self) -> None:
+    def protective_stop(self, error: Error = PROTECTIVE_STOP) -> None:
         """Brake at once."""
+        ...
+
+    def pause(self) -> bool:
+        """Brake and hold the program."""
         ...
 
 
 class Program(Protocol):
-    """A program that plays."""
+    """A program that plays.
 
-    def cycle(self, now: float) -> bool:
-        """Take one control cycle; False at its end."""
-        ...
-
-
-class OtherProgram:
-    """A script of which little is understood: it plays for two cycles, or for ever.
-
-    Args:
-        controller: it plays there.
-        script: settings that it makes first, and registers that it writes, one a cycle.
-        endless: it plays until it is stopped.
+    Attributes:
+        name: as it is reported.
     """
 
-    def __init__(self, controller: Host, script: Script, endless: bool = False) -> None:
-        self._controller, self._endless = controller, endless
-        self._writes, self._settings = list(script.writes), list(script.settings)
-        self._remaining = _OTHER_LASTS
+    name: str
 
     def cycle(self, now: float) -> bool:
-        """Make the settings, write the next register, or end."""
-        while self._settings:
-            self._set(*self._settings.pop(0))
-        if self._writes:
-            self._controller.set_output("int", *self._writes.pop(0))
-            return True
-        self._remaining -= not self._endless
-        return self._remaining > 0
+        """Take one control cycle; False at its end.
 
-    def _set(self, function: str, numbers: tuple[float, ...]) -> None:
-        estimate, values = self._controller.estimate, np.array(numbers)
-        if function == "set_gravity":
-            estimate.hold_against(values)
-        else:
-            cog = values[1:4] if len(values) > 1 else estimate.payload.cog
-            estimate.carry(numbers[0], cog, values[4:] if len(values) > 4 else None)
+        Raises:
+            ProgramError: it cannot go on.
+        """
+        ...
+
+    def close(self) -> None:
+        """It is over."""
+        ...
 
 
 class ControlProgram:
@@ -123,6 +123,8 @@ class ControlProgram:
         offset: of its registers.
         path: moves that a client put into it.
     """
+
+    name = "rtde_control"
 
     def __init__(
         self,
@@ -168,6 +170,9 @@ class ControlProgram:
             self._main = None
             self._say(DONE)
         return self._hear()
+
+    def close(self) -> None:
+        """Nothing is held."""
 
     def _hear(self) -> bool:
         command = self.integer(0)

@@ -1,9 +1,8 @@
 """URScript that arrives on ports 30001 to 30003: where a program ends, and which one it is.
 
-URScript is not interpreted. Of other programs, calls with plain numbers that set payload or gravity
-are carried out. The control script of ur_rtde 1.6 is recognised by names that it alone defines; its
-register offset and the path that a client put into it are read from the text. Numbers there that no
-controller could use make the script faulty.
+The control script of ur_rtde 1.6 is not interpreted, which would take too long in each cycle. It is
+recognised by names that it alone defines; its register offset and the path that a client put into
+it are read from the text. Numbers there that no controller could use make the script faulty.
 """
 
 import re
@@ -23,10 +22,6 @@ _PATH_LINE = re.compile(
     rf"\s*(movej|movel|movep)\((p?)\[([^\]]*)\],\s*a=({_NUMBER}),\s*v=({_NUMBER})"
 )
 _PROGRESS = re.compile(r"\s*signal_async_progress\((\d+)\)")
-_SETS = {"set_gravity": (3,), "set_payload": (1, 4), "set_target_payload": (4, 10)}
-"""How many numbers each of these functions takes."""
-_CALL = re.compile(rf"^\s*({'|'.join(_SETS)})\(([-+.,\deE\[\] ]+)\)", re.MULTILINE)
-_WRITES = re.compile(r"write_output_integer_register\(\s*0\s*\+\s*(\d+)\s*,\s*(-?\d+)\s*\)")
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,18 +44,16 @@ class Script:
         control: it is ur_rtde's control script.
         offset: added to the number of each register that the control script uses.
         path: the moves that were put into it.
-        writes: output integer registers that another script writes at its end, in order.
-        settings: of another script, functions that set payload or gravity with their numbers.
         faulty: it holds a number that cannot be; the controller ends it at once.
+        text: of the program.
     """
 
     secondary: bool = False
     control: bool = False
     offset: int = 0
     path: tuple[ScriptMove, ...] = ()
-    writes: tuple[tuple[int, int], ...] = ()
-    settings: tuple[tuple[str, tuple[float, ...]], ...] = ()
     faulty: bool = False
+    text: str = ""
 
 
 class Collector:
@@ -110,28 +103,17 @@ def recognise(text: str) -> Script:
     try:
         return _recognise(text)
     except ValueError:
-        return Script(faulty=True)
+        return Script(faulty=True, text=text)
 
 
 def _recognise(text: str) -> Script:
     if text.lstrip().startswith("sec "):
-        return Script(secondary=True)
+        return Script(secondary=True, text=text)
     if not all(mark in text for mark in _MARKS):
-        writes = tuple((_int32(k), _int32(v)) for k, v in _WRITES.findall(text))
-        return Script(writes=writes, settings=_settings(text))
+        return Script(text=text)
     offset = _OFFSET.search(text)
-    return Script(control=True, offset=_int32(offset[1]) if offset else 0, path=_path(text))
-
-
-def _settings(text: str) -> tuple[tuple[str, tuple[float, ...]], ...]:
-    """Functions of `_SETS` in the order of the text, with all their numbers."""
-    found = []
-    for name, inside in _CALL.findall(text):
-        numbers = tuple(_real(v) for v in inside.replace("[", "").replace("]", "").split(","))
-        if len(numbers) not in _SETS[name]:
-            raise ValueError(f"{name} does not take {len(numbers)} numbers")
-        found.append((name, numbers))
-    return tuple(found)
+    at = _int32(offset[1]) if offset else 0
+    return Script(control=True, offset=at, path=_path(text), text=text)
 
 
 def _path(text: str) -> tuple[ScriptMove, ...]:

@@ -18,9 +18,10 @@ from wrenchbed.emulators.base.real_time import CycleClock, take_priority
 from wrenchbed.emulators.netft_box import Box, BoxSettings
 from wrenchbed.emulators.ur5 import packets
 from wrenchbed.emulators.ur5.controller import Controller
-from wrenchbed.emulators.ur5.dashboard import Dashboard, ScriptClient
+from wrenchbed.emulators.ur5.dashboard import Dashboard
 from wrenchbed.emulators.ur5.network import Conversation, Peer, Port
 from wrenchbed.emulators.ur5.outputs import Outputs, Timestamp
+from wrenchbed.emulators.ur5.primary import Primary, ScriptClient
 from wrenchbed.emulators.ur5.rtde import Offer, Rtde
 from wrenchbed.emulators.ur5.settings import ControllerSettings
 from wrenchbed.emulators.ur5.tool_wrench import ArmSensor, Payload
@@ -71,6 +72,8 @@ def register(emulator: Target, faults: Faults) -> None:
     links = {
         "rtde": _port(emulator.ports["rtde"]) | _rtde(emulator),
         "dashboard": _port(emulator.ports["dashboard"]),
+        "primary": _port(emulator.ports["primary"]),
+        "secondary": _port(emulator.ports["secondary"]),
         "script": _port(emulator.ports["script"]),
         "control": {
             "fin": lambda f: emulator.rtde.hang_up(writers_only=True),
@@ -133,7 +136,8 @@ def _end(fault: TimedFault) -> float:
     return time.monotonic() + fault.seconds if fault.seconds else float("inf")
 
 
-_DASHBOARD, _SCRIPT = 29999, (30001, 30002, 30003)
+_DASHBOARD, _PRIMARY, _SECONDARY, _SCRIPT = 29999, 30001, 30002, 30003
+_NAMED = ("rtde", "dashboard", "primary", "secondary", "script")
 _LATE_S = 0.05
 """Lag beyond which the loop leaves out packets to catch up [s] …"""
 _SHARE = 4
@@ -157,13 +161,16 @@ class UR5Emulator(Emulator):
         self._build(options, self._settings, box)
 
     def serve(self) -> dict[str, str]:
-        for port in self.ports.values():
+        served = dict(self.ports)
+        if self._settings.series == "x":  # PolyScope X has no dashboard server
+            del served["dashboard"]
+        for port in served.values():
             port.open()
         more = self._box.start() if self._box is not None else {}
         self.controller.now = time.monotonic()  # clients are heard before the first cycle
         self._thread.soon(self._begin)
         self._thread.start()
-        addresses = {name: self.ports[name].address for name in ("rtde", "dashboard", "script")}
+        addresses = {name: self.ports[name].address for name in _NAMED if name in served}
         return addresses | more
 
     def stop(self) -> None:
@@ -200,6 +207,8 @@ class UR5Emulator(Emulator):
         self.controller = Controller(settings, self.body, _installed(self.body), sensor.load)
         self._outputs = Outputs(self.controller, shared=not settings.box)
         self.timestamp = Timestamp(self.body)
+        self.controller.address = options.host
+        self.primary = Primary(self.controller, self.timestamp)
         offer = Offer(
             settings.version, 1.0 / settings.cycle, self.controller.fields, self.controller.inputs
         )
@@ -208,10 +217,9 @@ class UR5Emulator(Emulator):
         self.ports: dict[str, Port] = {
             "rtde": self.rtde.port,
             "dashboard": Port(self._thread, host, _DASHBOARD, self._dashboard, patience),
-            **{
-                name: Port(self._thread, host, number, self._script, patience)
-                for name, number in zip(("primary", "secondary", "script"), _SCRIPT, strict=True)
-            },
+            "primary": Port(self._thread, host, _PRIMARY, self.primary.primary, patience),
+            "secondary": Port(self._thread, host, _SECONDARY, self.primary.secondary, patience),
+            "script": Port(self._thread, host, _SCRIPT, self._script, patience),
         }
         self._box: Box | None = None
         if settings.box:
@@ -266,11 +274,12 @@ class UR5Emulator(Emulator):
     def _cycle(self, behind: int) -> None:
         now = time.monotonic()
         self.controller.cycle(now)
-        self._outputs.update(self.timestamp.now(), self.rtde.wanted)
+        self._outputs.update(self.timestamp.now(), self.rtde.wanted | self.primary.wanted)
         cycle = self._settings.cycle
         send = behind * cycle < _LATE_S or now - self._sent_at > _SHARE * cycle
         self._sent_at = now if send else self._sent_at
         self.rtde.stream(self.controller.values, send)
+        self.primary.cycle(now)
         for port in self.ports.values():
             port.tick(now)
 

@@ -1,9 +1,19 @@
 """Settings of the UR5 emulator: which arm and which controller it is."""
 
+import re
 from dataclasses import dataclass
+from pathlib import Path
 
 from wrenchbed import registry
-from wrenchbed.emulators.base.arguments import Settings, above, flag, setting, word
+from wrenchbed.emulators.base.arguments import (
+    Argument,
+    Settings,
+    above,
+    flag,
+    setting,
+    text,
+    word,
+)
 from wrenchbed.emulators.ur5.packets import Version
 from wrenchbed.errors import ParameterError
 from wrenchbed.robots.ur_arm import URArm
@@ -16,8 +26,25 @@ _ONLY_E = (*(n for n in MODELS if n.endswith("e")), "ur20")
 _SERIES: dict[str, tuple[Version, float]] = {
     "cb3": ((3, 15, 8, 106339), 0.008),
     "e": ((5, 11, 1, 108318), 0.002),
+    "x": ((10, 10, 0, 0), 0.002),
 }
 """Series → software and control cycle [s]."""
+
+
+def _version() -> Argument:
+    """Three numbers of a software version, or nothing."""
+    return Argument(
+        lambda v: isinstance(v, str) and bool(re.fullmatch(r"(\d{1,2}(\.\d{1,3}){2})?", v)),
+        "a version of three numbers, as 5.23.0",
+    )  # fmt: skip
+
+
+def _address() -> Argument:
+    """An IPv4 address and a port."""
+    return Argument(
+        lambda v: isinstance(v, str) and bool(re.fullmatch(r"\d{1,3}(\.\d{1,3}){3}:\d{1,5}", v)),
+        "an IPv4 address and a port, as 127.0.0.1:50002",
+    )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -27,7 +54,11 @@ class ControllerSettings(Settings):
     series: str = setting(
         "",
         word(_SERIES),
-        "cb3 (125 Hz, software 3.15) or e (500 Hz, software 5.11); default that of the model",
+        "cb3 (125 Hz, software 3.15), e (500 Hz, software 5.11) or x (500 Hz, PolyScope X 10.10); "
+        "default that of the model",
+    )
+    software: str = setting(
+        "", _version(), "another version of the series' software, as 5.23.0; default as above"
     )
     model: str = setting("ur5", word(MODELS), f"the arm: {', '.join(MODELS)}; default ur5")
     protective_force: float = setting(
@@ -47,6 +78,14 @@ class ControllerSettings(Settings):
         "it ft_raw_wrench reports that sensor, with it the wrench that the arm measures",
     )  # fmt: skip
 
+    programs: str = setting(
+        "", text(), "folder of .urp and .script files that the dashboard can load; default none"
+    )
+    external_control: str = setting(
+        "127.0.0.1:50002", _address(), "computer that external_control.urp asks for its program, "
+        "as the External Control URCap does; default 127.0.0.1:50002",
+    )  # fmt: skip
+
     def __post_init__(self) -> None:
         """Take the model's series where none is stated."""
         if not self.series:
@@ -55,6 +94,13 @@ class ControllerSettings(Settings):
             raise ParameterError(
                 f"--set model={self.model}: never had a CB3 controller; leave out series=cb3"
             )
+        if self.software and self.version[0] != _SERIES[self.series][0][0]:
+            raise ParameterError(
+                f"--set software={self.software}: not of series {self.series}, whose versions "
+                f"begin with {_SERIES[self.series][0][0]}"
+            )
+        if self.programs and not Path(self.programs).is_dir():
+            raise ParameterError(f"--set programs={self.programs}: there is no such folder")
 
     @property
     def arm(self) -> URArm:
@@ -65,7 +111,16 @@ class ControllerSettings(Settings):
     @property
     def version(self) -> Version:
         """Of the controller's software."""
-        return _SERIES[self.series][0]
+        if not self.software:
+            return _SERIES[self.series][0]
+        major, minor, bugfix = (int(word) for word in self.software.split("."))
+        return (major, minor, bugfix, 0)
+
+    @property
+    def computer(self) -> tuple[str, int]:
+        """Address and port that external_control.urp asks."""
+        host, _, port = self.external_control.rpartition(":")
+        return host, int(port)
 
     @property
     def cycle(self) -> float:
@@ -74,5 +129,5 @@ class ControllerSettings(Settings):
 
     @property
     def e_series(self) -> bool:
-        """e-Series, else CB3."""
-        return self.series == "e"
+        """e-Series or a later one, else CB3."""
+        return self.series != "cb3"

@@ -83,6 +83,43 @@ class WrenchEstimate:
         self.wrench = np.concatenate([force, torque]) - self._zero
 
 
+class ExternalWrench:
+    """A wrench that a client sends instead of the arm's own: URScript's ft_rtde_input_enable.
+
+    Attributes:
+        enabled: whether it is taken.
+    """
+
+    def __init__(self) -> None:
+        self.enabled = False
+        self._mass, self._offset, self._cog = 0.0, np.zeros(3), np.zeros(3)
+
+    def enable(self, on: bool, mass: float, offset: np.ndarray, cog: np.ndarray) -> None:
+        """Take it from now on, or no longer.
+
+        Args:
+            on: whether.
+            mass: of the sensor between flange and measuring point [kg].
+            offset: of the measuring point in flange axes (3,) [m].
+            cog: of the sensor in flange axes (3,) [m].
+        """
+        self.enabled, self._mass, self._offset, self._cog = on, mass, offset, cog
+
+    def load(self, sent: np.ndarray, gravity: np.ndarray) -> np.ndarray:
+        """Load on the flange (6,) [N, N·m].
+
+        The sensor's own weight lies before its measuring point; it is added, as the robot's own
+        sensor in the flange would feel it.
+
+        Args:
+            sent: wrench at the measuring point, flange axes (6,).
+            gravity: in flange axes (3,) [m/s²].
+        """
+        weight = self._mass * gravity
+        torque = sent[3:] + cross(self._offset, sent[:3]) + cross(self._cog, weight)
+        return np.concatenate([sent[:3] + weight, torque])
+
+
 _CB3, _E = (10.0, 5.0), (3.5, 0.2)
 """Error of force [N] and torque [N·m], three standard deviations."""
 _LOW_HZ, _HIGH_HZ = 1e-3, 100.0

@@ -4,6 +4,7 @@ A reading that is not fresh never enters a recording: the driver waits for it, a
 when it does not come.
 """
 
+import math
 import threading
 import time
 from abc import abstractmethod
@@ -29,6 +30,7 @@ from wrenchbed.hardware.drivers.base.samples import (
     as_designed,
     block_of,
 )
+from wrenchbed.hardware.drivers.base.timing import Timing
 from wrenchbed.hardware.drivers.base.watched_move import (
     CALM_SPEED,
     WatchedMove,
@@ -98,6 +100,7 @@ class LiveDriver(Driver):
         self._start = self._last_row = 0.0
         self._last_target: tuple[float, np.ndarray] | None = None
         self._ordering, self._stops = threading.Lock(), 0
+        self._timing = Timing()
 
     def stop(self, kind: str = "soft") -> None:
         with self._ordering:
@@ -147,7 +150,15 @@ class LiveDriver(Driver):
         told = self.transducer.full_scale
         return super().full_scale() if told is None else told
 
+    def timing(self) -> Mapping[str, Any]:
+        """How old and even the rows since `connect` were, and what the links counted."""
+        found = self._timing.summary()
+        counters = self._health().counters if found else {}
+        told = {k: float(v) for k, v in counters.items() if v == v and abs(v) < math.inf}
+        return {**found, "counters": told} if found else {}
+
     def _connect(self) -> None:
+        self._timing = Timing()
         self._open()
         self.transducer.connect()
         self._start = time.monotonic()
@@ -313,13 +324,16 @@ class LiveDriver(Driver):
                 return None
             health = self.transducer.health()
             raise LinkError("the sensor's readings have a gap" if health.ok else health.detail)
-        arm = replace(self._read(), q=row.q, qd=row.qd, evidence=row.evidence)
+        arm = replace(
+            self._read(), t=row.host, device_time=None, q=row.q, qd=row.qd, evidence=row.evidence
+        )
         columns = self._row(row.t, arm, wrench)
         target = next((q for t, q in reversed(sent) if t <= row.host), sent[0][1])
         return columns | {f"q_target{j + 1}": float(v) for j, v in enumerate(target)}
 
     def _row(self, t: float, arm: ArmSample, wrench: WrenchSample) -> dict[str, float]:
         self.limits.check_wrench(wrench.wrench)
+        self._timing.add(arm, wrench)
         self._last_row = max(t, np.nextafter(self._last_row, np.inf))
         if self.onlooker is not None:
             self.onlooker(self._last_row - self._start, arm.q, wrench.wrench)

@@ -121,8 +121,9 @@ MISSED = 2
 """Cycles without an answer, while others answer, after which a drive counts as mute; estimate."""
 BEATS = 18
 """Heartbeats of the five others, 3.5 periods, without its own after which it is lost; estimate."""
-OPERATIONAL = 0x05
-"""NMT state; source: CiA 301."""
+OPERATIONAL, PRE_OPERATIONAL = 0x05, 0x7F
+"""NMT states; a drive that misses its master's heartbeat goes to the second one (0x1029). Source:
+CiA 301."""
 
 
 @dataclass
@@ -215,10 +216,11 @@ class DriveState:
             return "lost", f"{name} is mute: no answer for {self.missed} cycles"
         if self.others >= BEATS:
             return "lost", f"{name} sends no heartbeat while the others do"
-        if self.nmt not in (OPERATIONAL, 0x00):
-            return "lost", f"{name} left NMT state OPERATIONAL (0x{self.nmt:02X}): call recover()"
         if self.error:
             return "stopped", f"{name} stopped itself, {error_words(self.error)}: call recover()"
+        if self.nmt not in (OPERATIONAL, 0x00):
+            kind: HealthState = "stopped" if self.nmt == PRE_OPERATIONAL else "lost"
+            return kind, f"{name} left NMT state OPERATIONAL (0x{self.nmt:02X}): call recover()"
         if enabled and self.state is not DriveStatus.ENABLED:
             return "stopped", f"{name} is in state {self.state.value}: call recover()"
         return None

@@ -61,15 +61,17 @@ class CanLink:
         """Remove a listener."""
         self._listeners = tuple(one for one in self._listeners if one != heard)
 
-    def send(self, can_id: int, data: bytes) -> None:
-        """Send a data frame.
+    def send(self, can_id: int, data: bytes, remote: bool = False) -> None:
+        """Send a data frame, or a remote frame.
 
         Raises:
             LinkError: the bus is gone or takes nothing.
         """
         if self.dead:
             raise LinkError(f"CAN bus: {self.dead}")
-        message = self._message(arbitration_id=can_id, data=data, is_extended_id=False)
+        message = self._message(
+            arbitration_id=can_id, data=data, is_extended_id=False, is_remote_frame=remote
+        )
         end = time.monotonic() + _SEND_S
         while True:
             try:

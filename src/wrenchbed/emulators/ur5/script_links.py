@@ -1,0 +1,141 @@
+"""TCP connections that a program opens: never waited for, what comes in is bounded."""
+
+import contextlib
+import ipaddress
+import select
+import socket
+
+_MOST = 16
+"""Connections of one program."""
+_HOLDS = 1 << 16
+"""Bytes that wait for the program beyond what the kernel holds."""
+
+
+class Link:
+    """One connection, begun at once; `open` says when it is there."""
+
+    def __init__(self, address: str, port: int, source: str) -> None:
+        self.held = bytearray()
+        self.lost = False
+        self._open = False
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+        self._socket.setblocking(False)
+        self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        try:
+            if source:
+                self._socket.bind((source, 0))
+            self._socket.connect((address, port))
+        except BlockingIOError:
+            pass
+        except OSError:
+            self.close()
+
+    @property
+    def open(self) -> bool:
+        """Whether it is connected; it becomes `lost` where that fails."""
+        if not self._open and not self.lost and select.select([], [self._socket], [], 0.0)[1]:
+            self._open = not self._socket.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)
+            if not self._open:
+                self.close()
+        return self._open and not self.lost
+
+    def read(self, count: int) -> bytes | None:
+        """So many bytes, if they are there."""
+        if len(self.held) < count:
+            self._hear()
+        if len(self.held) < count:
+            return None
+        found = bytes(self.held[:count])
+        del self.held[:count]
+        return found
+
+    def until(self, end: bytes) -> bytes | None:
+        """What is there up to an end, which is taken away, too."""
+        at = self.held.find(end)
+        if at < 0:
+            self._hear()
+            at = self.held.find(end)
+        if at < 0:
+            return None
+        found = bytes(self.held[:at])
+        del self.held[: at + len(end)]
+        return found
+
+    def all(self) -> bytes | None:
+        """Whatever is there."""
+        self._hear()
+        return self.read(len(self.held)) if self.held else None
+
+    def send(self, data: bytes) -> bool:
+        """Send; a peer that takes nothing loses the connection."""
+        if not self.open:
+            return False
+        try:
+            sent = self._socket.send(data)
+        except OSError:
+            sent = 0
+        if sent < len(data):
+            self.close()
+        return sent == len(data)
+
+    def close(self) -> None:
+        """End it."""
+        self.lost = True
+        self._socket.close()
+
+    def _hear(self) -> None:
+        while self.open and len(self.held) < _HOLDS:
+            try:
+                data = self._socket.recv(4096)
+            except BlockingIOError:
+                return
+            except OSError:
+                data = b""
+            if not data:
+                self.close()
+                return
+            self.held += data
+            if len(data) < 4096:
+                return
+
+
+class Links:
+    """The connections of one program by name.
+
+    Args:
+        source: address from which they are made; any where it is empty or unspecified.
+    """
+
+    def __init__(self, source: str) -> None:
+        self._source = "" if source in ("", "0.0.0.0") else source
+        self._links: dict[str, Link] = {}
+
+    def dial(self, address: str, port: int, name: str) -> Link | None:
+        """Begin a connection; None where there is no such address or port.
+
+        Names of hosts are not looked up, as that would hold up the control cycle.
+        """
+        address = "127.0.0.1" if address == "localhost" else address
+        with contextlib.suppress(ValueError):
+            ipaddress.IPv4Address(address)
+            if 0 < port < 1 << 16 and (name in self._links or len(self._links) < _MOST):
+                self.hang_up(name)
+                self._links[name] = Link(address, port, self._source)
+                return self._links[name]
+        return None
+
+    def of(self, name: str) -> Link | None:
+        """The connection of a name, if it is open."""
+        link = self._links.get(name)
+        return link if link is not None and (link.open or link.held) else None
+
+    def hang_up(self, name: str) -> None:
+        """End a connection."""
+        link = self._links.pop(name, None)
+        if link is not None:
+            link.close()
+
+    def close(self) -> None:
+        """End all."""
+        for name in list(self._links):
+            self.hang_up(name)

@@ -1,0 +1,192 @@
+"""An unmodified canopen client (BaseNode402) and the emulator's drive, and its data sheet."""
+
+import contextlib
+import threading
+import time
+from pathlib import Path
+
+import canopen
+import pytest
+from canopen.profiles.p402 import BaseNode402
+
+from can_drives import NODE, RATINGS, SimulatedBus
+from wrenchbed.emulators.can_bus.wire import Frame
+from wrenchbed.emulators.canopen.eds import eds
+from wrenchbed.emulators.medrue.drive import DriveEmulator
+
+EDS = Path(__file__).resolve().parents[2] / "models" / "drives" / "cia402.eds"
+
+
+def test_the_data_sheet_is_that_of_the_dictionary():
+    drive = SimulatedBus().drive
+    assert EDS.read_text(encoding="utf-8") == eds(drive, EDS.name)
+    sheet = canopen.import_od(str(EDS), node_id=NODE)
+    assert {(i, s) for i, s in drive.objects} == {
+        (index, sub)
+        for index, thing in sheet.items()
+        for sub in (thing if hasattr(thing, "subindices") else [0])
+    }
+    for index, sub in drive.objects:
+        entry, told = drive.objects.entry((index, sub)), sheet[index]
+        told = told[sub] if hasattr(told, "subindices") else told
+        assert (told.data_type, told.access_type) == (entry.kind.code, entry.access)
+        if entry.kind.size:
+            assert told.default == entry.default
+
+
+class Wire(canopen.Network):
+    """A network whose bus is the drive itself, with a thread for its time."""
+
+    def __init__(self):
+        super().__init__()
+        self.drive = DriveEmulator(NODE, self._came, RATINGS, 0.0, 0.1, threading.RLock())
+        self.drive.boot()
+        self._running, self._actual = True, 0.0
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._thread.start()
+
+    def send_message(self, can_id, data, remote=False):
+        self.drive.hear(time.monotonic(), Frame(can_id, bytes(data), False, remote))
+
+    def send_periodic(self, can_id, data, period, remote=False):
+        raise NotImplementedError
+
+    def _came(self, frame):
+        self.notify(frame.can_id, bytearray(frame.data), time.monotonic())
+
+    def _run(self):
+        while self._running:
+            time.sleep(0.004)
+            t = time.monotonic()
+            before = self._actual
+            with self.drive.lock:
+                self._actual = self.drive.track(t, 0.004, before, self._speed(before), 0.0)
+            self.drive.tick(t)
+
+    def _speed(self, before):
+        speed, self._before = (before - getattr(self, "_before", before)) / 0.004, before
+        return speed
+
+    def stop(self):
+        self._running = False
+        self._thread.join()
+
+
+@pytest.fixture
+def node():
+    wire = Wire()
+    node = BaseNode402(NODE, canopen.import_od(str(EDS), node_id=NODE))
+    wire.add_node(node)
+    with contextlib.closing(wire):
+        wire.close = wire.stop
+        yield node
+
+
+def wait(holds, seconds=5.0):
+    end = time.monotonic() + seconds
+    while not holds() and time.monotonic() < end:
+        time.sleep(0.005)
+    assert holds()
+
+
+def powered(node):
+    """With an RPDO of controlword and mode, a TPDO of statusword and mode, both event-driven."""
+    node.nmt.state = "PRE-OPERATIONAL"
+    node.pdo.read()
+    for pdo, names in ((node.rpdo[1], (0x6040, 0x6060)), (node.tpdo[1], (0x6041, 0x6061))):
+        pdo.clear()
+        for index in names:
+            pdo.add_variable(index)
+        pdo.trans_type, pdo.event_timer, pdo.enabled = 255, 0, True
+    node.tpdo[1].event_timer = 20
+    node.pdo.save()
+    node.nmt.state = "OPERATIONAL"
+    node.setup_402_state_machine(read_pdos=False)
+    node.op_mode = "PROFILED POSITION"
+    node.state = "OPERATION ENABLED"
+    return node
+
+
+def test_it_powers_up_by_pdo_and_goes_down(node):
+    powered(node)
+    assert node.state == "OPERATION ENABLED" and node.op_mode == "PROFILED POSITION"
+    for state in ("SWITCHED ON", "READY TO SWITCH ON", "SWITCH ON DISABLED"):
+        node.state = state
+        assert node.state == state
+
+
+def test_it_powers_up_by_sdo_alone(node):
+    node.sdo[0x6060].raw = 1
+    for word in (0x06, 0x07, 0x0F):
+        node.sdo[0x6040].raw = word
+    assert node.sdo[0x6041].raw & 0x6F == 0x27
+
+
+def test_a_fault_is_reset(node):
+    powered(node)
+    wire = node.network
+    with wire.drive.lock:
+        wire.drive.axis.fault(0x2310)
+    wait(lambda: node.state == "FAULT")
+    assert [e.code for e in node.emcy.active] == [0x2310]
+    node.reset_from_fault()
+    assert node.state == "OPERATION ENABLED" and node.emcy.active == []
+
+
+def test_it_homes(node):
+    powered(node)
+    node.sdo[0x6098].raw = 37
+    node.sdo[0x607C].raw = 4321
+    assert node.homing(timeout=5.0, restore_op_mode=True)
+    assert abs(node.sdo[0x6064].raw - 4321) <= 2
+    assert node.op_mode == "PROFILED POSITION"
+
+
+def test_it_homes_at_a_limit_switch(node):
+    powered(node)
+    node.sdo[0x6098].raw = 17
+    node.sdo[0x6099][1].raw, node.sdo[0x6099][2].raw = 2_000_000, 100_000
+    node.sdo[0x609A].raw = 100_000_000
+    assert node.homing(timeout=10.0)
+    assert abs(node.sdo[0x6064].raw) < 2000  # the edge of the switch, as far as creep overshoots
+    assert node.network.drive.axis.shift < RATINGS.lower * 0.95
+
+
+def test_it_moves_in_profile_position_and_velocity_mode(node):
+    powered(node)
+    node.sdo[0x607A].raw = 30_000
+    node.controlword = 0x1F
+    wait(lambda: node.statusword & 0x1000)
+    node.controlword = 0x0F
+    wait(lambda: node.statusword & 0x0400)
+    assert abs(node.sdo[0x6064].raw - 30_000) < 1100
+    node.op_mode = "PROFILED VELOCITY"
+    node.sdo[0x60FF].raw = -40_000
+    wait(lambda: node.sdo[0x606B].raw == -40_000)
+    wait(lambda: node.statusword & 0x1400 == 0x0400)
+    node.sdo[0x60FF].raw = 0
+    wait(lambda: node.sdo[0x606B].raw == 0)
+    wait(lambda: node.statusword & 0x1400 == 0x1400)
+
+
+def test_it_follows_cyclic_targets(node):
+    node.nmt.state = "PRE-OPERATIONAL"
+    node.pdo.read()
+    for pdo, names in ((node.rpdo[1], (0x6040, 0x607A)), (node.tpdo[1], (0x6041, 0x6064))):
+        pdo.clear()
+        for index in names:
+            pdo.add_variable(index)
+        pdo.trans_type, pdo.enabled = 1, True
+    node.rpdo[1].event_timer = 0
+    node.pdo.save()
+    node.sdo[0x6060].raw = 8
+    node.sdo[0x60C2][1].raw = 10
+    node.nmt.state = "OPERATIONAL"
+    for k in range(100):
+        node.rpdo[1][0x6040].raw = (0x06, 0x07, 0x0F)[min(k // 5, 2)]
+        node.rpdo[1][0x607A].raw = 50 * max(0, k - 15)
+        node.rpdo[1].transmit()
+        node.network.sync.transmit()
+        time.sleep(0.01)
+    assert node.tpdo[1][0x6041].raw & 0x126F == 0x1227
+    assert abs(node.tpdo[1][0x6064].raw - 50 * 84) < 200

@@ -1,0 +1,183 @@
+"""The primary interface's bytes, read here by offsets of the maker's table, and its commands."""
+
+import struct
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from ur5_bench import CYCLE, Bench
+from wrenchbed.emulators.ur5.messages import Error, Key, Popup, RuntimeFault, Safety, Said
+from wrenchbed.emulators.ur5.modes import RobotMode, Runtime, SafetyMode
+from wrenchbed.emulators.ur5.outputs import Outputs
+from wrenchbed.emulators.ur5.primary import Primary
+
+SIZES = {0: 47, 1: 251, 2: 37, 3: 75, 4: 101, 5: 225, 6: 445, 7: 61, 8: 9, 9: 53, 10: 43, 12: 8}
+"""Bytes of each part of a captured message."""
+
+
+class Listener:
+    """A client of the primary interface in this process."""
+
+    def __init__(self, series: str = "cb3") -> None:
+        self.bench = Bench(series=series)
+        self.outputs = Outputs(self.bench.controller, shared=False)
+        self.primary = Primary(self.bench.controller, SimpleNamespace(now=lambda: 12.5))
+        self.heard: list[bytes] = []
+        self.closed = False
+        self.talk = self.primary.primary(self)
+
+    def send(self, data: bytes, most: int = 0) -> None:
+        self.heard.append(data)
+
+    send_or_skip = send
+
+    def run(self, seconds: float) -> list[bytes]:
+        """What is heard in some time, message by message."""
+        for _ in range(round(seconds / CYCLE)):
+            self.bench.run(CYCLE)
+            self.outputs.update(12.5, set(self.primary.wanted))
+            self.primary.cycle(self.bench.now)
+        data, found = b"".join(self.heard), []
+        self.heard.clear()
+        while data:
+            size = struct.unpack_from(">i", data)[0]
+            found.append(data[:size])
+            data = data[size:]
+        return found
+
+    def ask(self, text: str) -> None:
+        assert self.talk.receive(text.encode(), self.bench.now)
+
+
+def parts(message: bytes) -> dict[int, bytes]:
+    """Kind → bytes of each part of a robot state, with its head."""
+    assert message[4] == 16 and struct.unpack_from(">i", message)[0] == len(message)
+    found, at = {}, 5
+    while at < len(message):
+        size, kind = struct.unpack_from(">IB", message, at)
+        found[kind] = message[at : at + size]
+        at += size
+    return found
+
+
+@pytest.fixture(scope="module", params=["cb3", "e", "x"])
+def listener(request):
+    return Listener(request.param)
+
+
+def states(messages: list[bytes]) -> list[bytes]:
+    return [m for m in messages if m[4] == 16]
+
+
+def kinds(messages: list[bytes]) -> list[int]:
+    return [m[14] for m in messages if m[4] == 20]
+
+
+def test_the_first_message_is_the_version(listener):
+    first = Listener(listener.bench.controller.settings.series).run(CYCLE)[0]
+    assert first[4] == 20 and first[14] == 3
+    assert struct.unpack_from(">Q", first, 5)[0] == 12_500_000
+    assert first[15] == 9 and first[16:25] == b"URControl"
+    major, minor, bugfix, build = struct.unpack_from(">BBii", first, 25)
+    assert (major, minor, bugfix, build) == listener.bench.controller.settings.version
+    assert b"20" in first[35:]
+
+
+def test_the_robot_state_comes_ten_times_a_second_with_all_its_parts(listener):
+    listener.run(0.2)
+    found = states(listener.run(2.0))
+    assert 19 <= len(found) <= 21
+    sizes = {kind: len(part) for kind, part in parts(found[-1]).items()}
+    series = listener.bench.controller.settings.series
+    assert sizes == SIZES | ({} if series == "cb3" else {11: 26})
+
+
+def test_parts_hold_what_they_should(listener):
+    listener.run(0.3)
+    found = parts(states(listener.run(0.3))[-1])
+    arm = listener.bench.arm
+    mode = found[0]
+    assert struct.unpack_from(">Q", mode, 5)[0] == 12_500_000
+    assert list(mode[13:22]) == [1, 1, 1, 0, 0, 0, 0, 7, 0]
+    assert struct.unpack_from(">3d", mode, 22) == (1.0, 1.0, 1.0)
+    for k in range(6):
+        q, target, _ = struct.unpack_from(">3d", found[1], 5 + 41 * k)
+        assert abs(q - arm.body.q[k]) < 0.02 and target == pytest.approx(arm.q[k])
+        assert found[1][5 + 41 * k + 40] == 253
+    pose = struct.unpack_from(">6d", found[4], 5)
+    assert np.allclose(pose[:3], arm.kinematics.pose(arm.body.q, arm.tcp)[:3])
+    a = struct.unpack_from(">6d", found[5], 5 + 24 + 48)
+    d = struct.unpack_from(">6d", found[5], 5 + 24 + 96)
+    alpha = struct.unpack_from(">6d", found[5], 5 + 24 + 144)
+    assert a == (0.0, -0.425, -0.39225, 0.0, 0.0, 0.0)
+    assert d == (0.089159, 0.0, 0.0, 0.10915, 0.09465, 0.0823)
+    assert np.allclose(alpha, np.array([1, 0, 0, 1, -1, 0]) * np.pi / 2)
+    assert struct.unpack_from(">2d", found[6], 5) == (
+        arm.kinematics.lower[0],
+        arm.kinematics.upper[0],
+    )
+    assert struct.unpack_from(">4d", found[6], 5 + 192) == (1.05, 1.4, 0.25, 1.2)
+    assert struct.unpack_from(">6d", found[6], 5 + 232) == a
+    assert struct.unpack_from(">i", found[6], 445 - 8)[0] == 1
+    assert found[3][5 + 60] == 1
+
+
+def test_commands_of_the_pendant(listener):
+    modes = listener.bench.controller.modes
+    for text, mode in (("power off", RobotMode.POWER_OFF), ("power on", RobotMode.IDLE),
+                       ("set robotmode run", RobotMode.RUNNING)):  # fmt: skip
+        listener.ask(text + "\n")
+        messages = listener.run(1.2)
+        assert modes.robot is mode
+        assert parts(states(messages)[-1])[0][20] == int(mode)
+
+
+def test_a_protective_stop_is_in_the_state_before_its_code_comes(listener):
+    listener.run(0.3)
+    listener.ask("def stopping():\n  protective_stop()\n  sync()\nend\n")
+    messages = listener.run(0.3)
+    order = [m[14] if m[4] == 20 else 16 for m in messages]
+    code = next(m for m in messages if m[4] == 20 and m[14] == 6)
+    assert struct.unpack_from(">iii", code, 15) == (209, 0, 2)
+    assert order.index(5) < order.index(6)
+    stopped = [m for m in messages[: order.index(6)] if m[4] == 16][-1]
+    assert parts(stopped)[0][17] == 1 and parts(stopped)[3][5 + 60] == 3
+    listener.ask("set unlock protective stop\n")
+    messages = listener.run(0.5)
+    assert listener.bench.controller.modes.safety is SafetyMode.NORMAL
+    assert parts(states(messages)[-1])[0][17] == 0
+    listener.ask("stop program\n")
+    listener.run(0.1)
+    assert listener.bench.controller.modes.runtime is Runtime.STOPPED
+
+
+def test_a_program_says_when_it_begins_speaks_and_ends(listener):
+    listener.run(0.2)
+    listener.ask('def f():\n  textmsg("it is ", [1, 2.5])\n  popup("look", title="T")\nend\n')
+    told = [m for m in listener.run(0.1) if m[4] == 20]
+    assert kinds(told) == [7, 0, 2, 7]
+    assert told[0][24:] == b"PROGRAM_XXX_STARTEDf" and told[0][23] == 19
+    assert told[1][15:] == b"it is [1, 2.5]"
+    assert told[2].endswith(b"\x01Tlook")
+    assert told[3][24:] == b"PROGRAM_XXX_STOPPEDf"
+
+
+def test_a_runtime_exception_has_line_and_column(listener):
+    listener.run(0.2)
+    listener.ask("def wrong():\n  nowhere()\nend\n")
+    (told,) = [m for m in listener.run(0.1) if m[4] == 20]
+    assert told[14] == 10 and struct.unpack_from(">II", told, 15) == (2, 3)
+    assert told[23:] == b"compile_error_name_not_found:nowhere:"
+    assert listener.bench.controller.modes.runtime is Runtime.STOPPED
+
+
+@pytest.mark.parametrize(
+    "event, kind",
+    [(Said("x"), 0), (Popup("a", "b", True, False, True), 2), (Safety(3), 5), (Key("K", "n"), 7),
+     (Error(1, 2, 3, "t"), 6), (RuntimeFault(1, 2, "t"), 10)],
+)  # fmt: skip
+def test_messages_state_their_size(event, kind):
+    packed = event.packed(1.0)
+    assert struct.unpack_from(">i", packed)[0] == len(packed)
+    assert packed[4] == 20 and packed[14] == kind

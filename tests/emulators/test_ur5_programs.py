@@ -1,0 +1,373 @@
+"""Programs on the UR emulator: what moves, what is asked over sockets, what can be loaded."""
+
+import gzip
+import socket
+import struct
+
+import numpy as np
+import pytest
+
+from ur5_bench import CYCLE, Bench
+from wrenchbed.emulators.ur5.messages import RuntimeFault, Said
+from wrenchbed.emulators.ur5.modes import Runtime
+from wrenchbed.emulators.ur5.programs import ProgramFileError, Programs
+from wrenchbed.emulators.ur5.script import Collector
+from wrenchbed.emulators.ur5.settings import ControllerSettings
+
+HOST = "127.0.1.34"
+ASIDE, UP = np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0])
+
+
+class Played(Bench):
+    """A bench that remembers what its programs say."""
+
+    def __init__(self, series: str = "cb3", **settings: str) -> None:
+        super().__init__(series=series)
+        if settings:
+            self.__init_with(series, settings)
+        self.said: list[str] = []
+        self.faults: list[RuntimeFault] = []
+        self.controller.announce = self._hear
+
+    def __init_with(self, series: str, settings: dict[str, str]) -> None:
+        self.controller = type(self.controller)(
+            ControllerSettings(series, **settings), self.body, self.controller.estimate.payload
+        )
+        self.arm = self.controller.arm
+
+    def _hear(self, event) -> None:
+        if isinstance(event, Said):
+            self.said.append(event.text)
+        if isinstance(event, RuntimeFault):
+            self.faults.append(event)
+
+    def play(self, *lines: str, seconds: float = 0.1) -> "Played":
+        text = "def program():\n" + "\n".join(lines) + "\nend\n"
+        self.controller.upload(Collector().feed(text.encode()))
+        self.run(seconds)
+        return self
+
+    @property
+    def plays(self) -> bool:
+        return self.controller.modes.runtime is Runtime.PLAYING
+
+
+@pytest.fixture
+def bench():
+    return Played()
+
+
+def q_text(q) -> str:
+    return "[" + ", ".join(f"{v:.9f}" for v in q) + "]"
+
+
+def p_text(pose) -> str:
+    return "p" + q_text(pose)
+
+
+def test_moves_end_where_they_should_and_take_their_time(bench):
+    home = bench.arm.q.copy()
+    goal = home + 0.2
+    bench.play(f"movej({q_text(goal)}, a=2, v=1)", 'textmsg("there")', seconds=0.5)
+    assert bench.plays and not bench.said
+    bench.run(0.5)
+    assert bench.said == ["there"] and not bench.plays
+    assert np.abs(bench.arm.q - goal).max() < 1e-9
+    bench.play(f"movej({q_text(home)}, t=1.2)", seconds=1.16)
+    assert bench.plays
+    bench.run(0.1)
+    assert not bench.plays and np.abs(bench.arm.q - home).max() < 1e-9
+
+
+def test_a_time_that_is_too_short_slows_the_move_down(bench):
+    goal = bench.arm.q + np.array([2.4, 0, 0, 0, 0, 0])
+    way = np.array(
+        [bench.arm.q, *bench.play(f"movej({q_text(goal)}, t=0.1)", seconds=0.0).run(2.0)]
+    )
+    assert np.abs(bench.arm.q - goal).max() < 1e-9 and not bench.faults
+    top = bench.arm.kinematics.speed[0]
+    assert 0.8 * top < np.abs(np.diff(way[:, 0])).max() / CYCLE <= top
+
+
+def test_straight_moves_and_circles_keep_their_way(bench):
+    kinematics, tcp = bench.arm.kinematics, bench.arm.tcp
+    start = kinematics.pose(bench.arm.q, tcp)
+    to = start + np.array([0.0, 0.1, -0.05, 0.0, 0.0, 0.0])
+    way = bench.play(f"movel({p_text(to)}, v=0.5)", seconds=0.0).run(2.0)
+    spots = np.array([kinematics.pose(q, tcp)[:3] for q in way])
+    line = (to - start)[:3] / np.linalg.norm((to - start)[:3])
+    off = (spots - start[:3]) - np.outer((spots - start[:3]) @ line, line)
+    assert np.abs(off).max() < 1e-5 and np.abs(spots[-1] - to[:3]).max() < 1e-5
+    centre = to[:3] + np.array([0.0, -0.05, 0.0])
+    via, last = to.copy(), to.copy()
+    via[:3], last[:3] = centre + 0.05 * UP, centre - 0.05 * ASIDE
+    way = bench.play(f"movec({p_text(via)}, {p_text(last)}, v=0.2)", seconds=0.0).run(3.0)
+    spots = np.array([kinematics.pose(q, tcp)[:3] for q in way])
+    assert np.abs(np.linalg.norm(spots - centre, axis=1) - 0.05).max() < 1e-5
+    assert np.abs(spots[-1] - last[:3]).max() < 1e-5
+    assert spots[:, 2].max() == pytest.approx(centre[2] + 0.05, abs=1e-4)
+
+
+def test_streams_and_stops(bench):
+    bench.play("k = 0", "q = get_target_joint_positions()", "while k < 100:",
+               "  q[5] = q[5] + 0.002", "  servoj(q, t=get_steptime(), lookahead_time=0.05)",
+               "  k = k + 1", "end", "stopj(4)", seconds=1.2)  # fmt: skip
+    assert not bench.plays and not bench.faults
+    start = bench.arm.q.copy()
+    bench.play("speedj([0, 0, 0, 0, 0, 0.5], 5, 0.4)", "stopj(5)", seconds=1.0)
+    assert 0.15 < bench.arm.q[5] - start[5] < 0.25 and not bench.arm.moving
+    z = bench.arm.kinematics.pose(bench.arm.q, bench.arm.tcp)[2]
+    bench.play("speedl([0, 0, 0.05, 0, 0, 0], 1, 0.5)", "stopl(2)", seconds=1.0)
+    rose = bench.arm.kinematics.pose(bench.arm.q, bench.arm.tcp)[2] - z
+    assert 0.02 < rose < 0.03 and not bench.arm.moving
+
+
+def test_two_threads_cannot_move_the_arm(bench):
+    goal = q_text(bench.arm.q + 0.3)
+    bench.play(f"thread t():\n movej({goal})\nend", "run t()", "sync()", f"movej({goal})")
+    assert "another thread" in bench.faults[0].text and not bench.plays
+    bench.run(1.0)
+    assert not bench.arm.moving
+
+
+def test_a_killed_thread_lets_the_arm_brake(bench):
+    goal = q_text(bench.arm.q + 0.8)
+    bench.play(f"thread t():\n movej({goal})\nend", "h = run t()", "sleep(0.5)", "kill h",
+               "sleep(1)", 'textmsg("", is_steady())', seconds=1.7)  # fmt: skip
+    assert bench.said == ["True"] and not bench.faults
+
+
+def test_goals_out_of_reach(bench):
+    bench.play("movej(p[10, 0, 0, 0, 0, 0])")
+    assert "no solution" in bench.faults[0].text
+    bench.play("movej([0, 0, 0, 0, 0, 20])")
+    assert "limits" in bench.faults[1].text and not bench.controller.modes.protective
+    bench.play("movel(p[10, 0, 0, 0, 0, 0])")
+    assert bench.controller.modes.protective
+
+
+def test_torques_move_what_is_free(bench):
+    bench = Played("e", software="5.23.0")
+    q = bench.arm.q[5]
+    bench.play("k = 0", "while k < 30:", "  direct_torque([0, 0, 0, 0, 0, 0.1])", "  k = k + 1",
+               "end", "stopj(2)", seconds=1.0)  # fmt: skip
+    assert not bench.faults and bench.arm.q[5] > q + 0.01
+    other = Played("e").play("direct_torque([0, 0, 0, 0, 0, 0])")
+    assert other.faults[0].text == "compile_error_name_not_found:direct_torque:"
+
+
+def test_registers_state_and_poses(bench):
+    bench.write(i3=42, d5=2.5)
+    bench.play(
+        "write_output_integer_register(4, read_input_integer_register(3) + 1)",
+        "write_output_float_register(6, read_input_float_register(5) * 2)",
+        "set_tcp(p[0, 0, 0.1, 0, 0, 0])",
+        "a = get_actual_tcp_pose()",
+        "textmsg(pose_dist(a, get_actual_tool_flange_pose()))",
+        "b = pose_trans(a, pose_inv(a))",
+        "textmsg(norm([b[0], b[1], b[2], b[3], b[4], b[5]]) < 0.000001)",
+        "textmsg(norm(get_inverse_kin(get_forward_kin()) - get_actual_joint_positions()) < 0.0001)",
+        "set_payload(1.5, [0, 0, 0.05])", "textmsg(get_target_payload())",
+    )  # fmt: skip
+    assert bench.said == ["0.1", "True", "True", "1.5"] and not bench.faults
+    values = bench.controller.values
+    assert values["output_int_register_4"] == (43,)
+    assert values["output_double_register_6"] == (5.0,)
+
+
+def test_a_watchdog_pauses_a_program_whose_input_is_not_written(bench):
+    bench.play('rtde_set_watchdog("input_int_register_0", 10, "PAUSE")',
+               "while True:", "  sync()", "end", seconds=0.0)  # fmt: skip
+    for k in range(20):
+        bench.write(i0=k)
+        bench.run(0.05)
+    assert bench.plays
+    bench.run(0.2)
+    assert bench.controller.modes.runtime is Runtime.PAUSED
+
+
+def test_a_blocking_popup_waits_until_it_is_closed(bench):
+    bench.play('popup("well?", blocking=True)', 'textmsg("closed")')
+    assert bench.plays and not bench.said
+    bench.controller.popup = False
+    bench.run(2 * CYCLE)
+    assert bench.said == ["closed"]
+
+
+def test_a_secondary_program_runs_beside_the_one_that_plays(bench):
+    bench.play("while True:", "  sync()", "end")
+    text = b"sec beside():\n  set_standard_digital_out(3, True)\nend\n"
+    bench.controller.upload(Collector().feed(text))
+    bench.run(CYCLE)
+    assert bench.controller.terminals.bits == 1 << 3 and bench.plays
+
+
+def test_sockets_read_what_a_computer_sends(bench):
+    with socket.create_server((HOST, 0)) as server:
+        port = server.getsockname()[1]
+        bench.play(f'textmsg("", socket_open("{HOST}", {port}, "s"))',
+                   'textmsg("", socket_read_binary_integer(3, "s", 5))',
+                   'textmsg(socket_read_line("s"))', 'textmsg(socket_get_var("depth", "s"))',
+                   'socket_send_int(-2, "s")', 'textmsg("", socket_read_line("s", 0.1) == "")',
+                   'socket_close("s")', 'textmsg("", socket_send_int(1, "s"))')  # fmt: skip
+        server.settimeout(2.0)
+        peer, _ = server.accept()
+        with peer:
+            peer.settimeout(2.0)
+            peer.sendall(struct.pack(">2i", 1, -5))
+            bench.run(0.05)
+            peer.sendall(struct.pack(">i", 7) + b"a line\n")
+            bench.run(0.05)
+            assert peer.recv(100) == b"GET depth\n"
+            peer.sendall(b"depth 12\n")
+            bench.run(0.05)
+            assert peer.recv(4) == struct.pack(">i", -2)
+            bench.run(0.3)
+            assert peer.recv(1) == b""
+    assert bench.said == ["True", "[3, 1, -5, 7]", "a line", "12", "True", "False"]
+    assert not bench.faults and not bench.plays
+
+
+def test_nobody_answers_a_socket(bench):
+    with socket.create_server((HOST, 0)) as server:
+        port = server.getsockname()[1]
+    bench.play(f'textmsg("", socket_open("{HOST}", {port}))', 'textmsg("", socket_open("pc", 1))',
+               'textmsg("", socket_read_binary_integer(1)[0])')  # fmt: skip
+    assert bench.said == ["False", "False", "0"] and not bench.plays
+
+
+def test_a_loop_on_a_closed_socket_does_not_hold_up_the_controller(bench):
+    bench.play("while True:", '  x = socket_read_binary_integer(4, "none", 0)', "end", seconds=1.0)
+    assert bench.plays and not bench.faults
+
+
+EXTERNAL = b'textmsg("from the computer")\nwhile True:\n  sync()\nend\n# NODE_CONTROL_LOOP_ENDS\n'
+
+
+def test_external_control_asks_the_computer_for_its_program():
+    with socket.create_server((HOST, 0)) as server:
+        bench = Played(external_control=f"{HOST}:{server.getsockname()[1]}")
+        assert bench.controller.load("external_control.urp") and bench.controller.play()
+        bench.run(0.05)
+        server.settimeout(2.0)
+        peer, _ = server.accept()
+        with peer:
+            peer.settimeout(2.0)
+            bench.run(0.05)
+            assert peer.recv(100) == b"request_program\n"
+            peer.sendall(EXTERNAL)
+            bench.run(0.1)
+    assert bench.said == ["from the computer"] and bench.plays
+    assert bench.controller.play() is False
+
+
+def test_without_a_computer_external_control_ends_with_its_reason():
+    with socket.create_server((HOST, 0)) as server:
+        port = server.getsockname()[1]
+    bench = Played(external_control=f"{HOST}:{port}")
+    assert bench.controller.load("external_control.urp") and bench.controller.play()
+    bench.run(0.1)
+    assert f"{HOST}:{port}" in bench.faults[0].text and not bench.plays
+
+
+def node(tag: str, inside: str = "", **attributes: str) -> str:
+    written = " ".join(f'{k}="{v}"' for k, v in attributes.items())
+    return f"<{tag} {written}>{inside}</{tag}>"
+
+
+def words(text: str) -> str:
+    return node("expression", "".join(node("ExpressionChar", character=c) for c in text))
+
+
+def urp(*nodes: str, before: str = "", once: str = "true") -> bytes:
+    main = node("MainProgram", f"<children>{''.join(nodes)}</children>", runOnlyOnce=once)
+    first = node("SpecialSequence", f"<children>{before}</children>", type="BeforeStart")
+    return node("URProgram", f"<children>{first}{main}</children>", name="made here").encode()
+
+
+PLACE = "../../../../../../SpecialSequence/children/Assignment/variable"
+ASSIGNED = node("Assignment", node("variable", name="goal") + words("3"))
+SHOWN = node("Script", words("textmsg(goal)"), type="Line")
+
+
+def test_a_tree_of_nodes_becomes_a_program(tmp_path):
+    variable = node("ExpressionVariable", node("ProgramVariable", reference=PLACE))
+    condition = f"<expression>{variable}{node('ExpressionChar', character='≟')}" + (
+        node("ExpressionChar", character="3") + "</expression>"
+    )
+    chosen = node("If", f"{condition}<children>{SHOWN}</children>", type="If")
+    wait = node("Wait", "<waitTime>0.5</waitTime>", type="Sleep")
+    (tmp_path / "made.urp").write_bytes(gzip.compress(urp(chosen, wait, before=ASSIGNED)))
+    bench = Played(programs=str(tmp_path))
+    assert bench.controller.load("/programs/made.urp") and bench.controller.play()
+    bench.run(0.3)
+    assert bench.said == ["3"] and bench.plays
+    bench.run(0.3)
+    assert not bench.plays and not bench.faults
+
+
+@pytest.mark.parametrize(
+    "name, data, why",
+    [
+        ("a.urp", urp(node("Screwdriving", type="x")), "a node Screwdriving x is not known"),
+        ("a.urp", b"<URProgram>", "a.urp: "),
+        ("a.urp", b'<!DOCTYPE x [<!ENTITY a "b">]><URProgram/>', "not the XML of a program"),
+        ("a.urp", b"\x1f\x8bnothing", "a.urp: "),
+        ("a.txt", b"", "neither .urp nor .script"),
+        ("a.script", b"x" * 300_000, "longer than"),
+    ],
+)
+def test_files_that_are_no_programs_are_refused(tmp_path, name, data, why):
+    (tmp_path / name).write_bytes(data)
+    with pytest.raises(ProgramFileError, match=why):
+        Programs(tmp_path).load(name)
+
+
+def test_only_files_of_the_folder_can_be_loaded(tmp_path):
+    (tmp_path / "inside").mkdir()
+    (tmp_path / "secret.script").write_text("x = 1\n")
+    programs = Programs(tmp_path / "inside")
+    assert programs.load("../secret.script") is None and programs.load("..") is None
+
+
+def test_nothing_plays_that_is_not_there(bench):
+    assert not bench.controller.load("nonsense.urp")
+    assert not bench.controller.play() and not bench.plays
+
+
+def test_a_wrench_can_be_sent_instead_of_the_arms_own():
+    """Weights and arms by hand: 2 kg before the measuring point, 0.1 m out on the flange's z."""
+    bench = Played("e")
+    bench.play("set_payload(0, [0, 0, 0.001])",
+               "ft_rtde_input_enable(True, 2.0, [0, 0, 0.1], [0, 0, 0.05])")  # fmt: skip
+    sent = (10.0, 0.0, 0.0, 0.0, 0.0, 0.5)
+    bench.controller.inputs.write("test", {"external_force_torque": sent}, bench.now)
+    bench.run(CYCLE)
+    rotation, _ = bench.arm.kinematics.flange(bench.arm.body.q)
+    down = rotation.T @ np.array([0.0, 0.0, -9.80665]) * 2.0
+    force = np.array([10.0, 0.0, 0.0]) + down
+    torque = np.array([0.0, 1.0, 0.5]) + np.cross([0.0, 0.0, 0.05], down)
+    assert np.allclose(bench.controller.estimate.wrench[:3], rotation @ force, atol=1e-9)
+    assert np.allclose(bench.controller.estimate.wrench[3:], rotation @ torque, atol=1e-9)
+    bench.play("ft_rtde_input_enable(False)")
+    assert np.linalg.norm(bench.controller.estimate.wrench[:3] - rotation @ force) > 1.0
+    assert not bench.faults
+
+
+@pytest.mark.parametrize("series", ["cb3", "e", "x"])
+def test_the_reported_torque_is_about_the_tcp_on_a_cb3_and_the_flange_later(series):
+    """A push of 30 N along the base's x, 0.2 m out on the flange's z: by hand from the geometry."""
+    bench = Played(series)
+    bench.play("set_payload(0, [0, 0, 0.001])", "set_tcp(p[0, 0, 0.2, 0, 0, 0])",
+               "ft_rtde_input_enable(True)")  # fmt: skip
+    rotation, _ = bench.arm.kinematics.flange(bench.arm.body.q)
+    push = np.array([30.0, 0.0, 0.0])
+    out = rotation @ np.array([0.0, 0.0, 0.2])
+    at_flange = np.cross(out, push)
+    sent = tuple(np.concatenate([rotation.T @ push, rotation.T @ at_flange]).tolist())
+    bench.controller.inputs.write("test", {"external_force_torque": sent}, bench.now)
+    bench.run(CYCLE)
+    wrench = bench.controller.estimate.wrench
+    assert np.allclose(wrench[:3], push, atol=1e-9)
+    assert np.allclose(wrench[3:], 0.0 if series == "cb3" else at_flange, atol=1e-9)
+    assert np.linalg.norm(at_flange) > 1.0

@@ -1,0 +1,257 @@
+"""A drive of the emulator on a bus without real time, and drives that are wrong on purpose."""
+
+import struct
+import threading
+from collections import deque
+
+from wrenchbed.emulators.can_bus.wire import Frame
+from wrenchbed.emulators.medrue.axis import Ratings
+from wrenchbed.emulators.medrue.drive import DriveEmulator
+from wrenchbed.hardware.conformity.port import Received
+
+NODE = 5
+RATINGS = Ratings(-1_000_000, 1_000_000, 20_000, 4e6, 4e5, 8e5, 2.0)
+STEP, CYCLE = 0.001, 4
+
+
+class SimulatedBus:
+    """A port to one drive whose axis does at once what it is told; time passes while one waits."""
+
+    remote = True
+
+    def __init__(self, kind=DriveEmulator, remote=True):
+        self.remote = remote
+        self.t, self._ticks = 1.0, 0
+        self._frames = deque()
+        self._actual = self._speed = 0.0
+        self.drive = kind(NODE, self._came, RATINGS, 0.0, 0.1, threading.RLock())
+        self.drive.boot()
+        self._frames.clear()
+
+    def _came(self, frame):
+        self._frames.append(Received(self.t, frame.can_id, frame.data))
+
+    def now(self):
+        return self.t
+
+    def send(self, can_id, data, remote=False):
+        self.drive.hear(self.t, Frame(can_id, data, False, remote))
+
+    def receive(self, seconds):
+        end = self.t + seconds
+        while not self._frames and self.t < end:
+            self._pass()
+        return self._frames.popleft() if self._frames else None
+
+    def _pass(self):
+        self.t += STEP
+        self._ticks += 1
+        if self._ticks % CYCLE == 0:
+            before, seconds = self._actual, STEP * CYCLE
+            self._actual = self.drive.track(self.t, seconds, before, self._speed, 0.0)
+            self._speed = (self._actual - before) / seconds
+        self.drive.tick(self.t)
+
+
+def answered(change):
+    """A drive whose SDO answers are changed on their way out."""
+
+    class Changed(DriveEmulator):
+        def send(self, can_id, data):
+            if can_id == 0x580 + self.node:
+                data = change(data)
+            super().send(can_id, data)
+
+    return Changed
+
+
+def sent(change):
+    """A drive whose frames are changed, or dropped where None comes back."""
+
+    class Changed(DriveEmulator):
+        def send(self, can_id, data):
+            changed = change(self, can_id, data)
+            if changed is not None:
+                super().send(can_id, changed)
+
+    return Changed
+
+
+def abort(code, other):
+    """Answers with one abort code in place of another."""
+
+    def change(data):
+        told = data[0] == 0x80 and struct.unpack_from("<I", data, 4)[0] == code
+        return data[:4] + struct.pack("<I", other) if told else data
+
+    return answered(change)
+
+
+def _patched(**methods):
+    """A drive with other methods."""
+    return type("Patched", (DriveEmulator,), methods)
+
+
+def _climbs(self, word):
+    """0x0F climbs from SWITCH ON DISABLED."""
+    if word & 0x8F == 0x0F and self.axis.state.name == "DISABLED":
+        DriveEmulator._control(self, word & ~0x09)
+    DriveEmulator._control(self, word)
+
+
+def _own_toggle(data):
+    """Segments of an upload whose toggle bit stays 0."""
+    return bytes([data[0] & ~0x10]) + data[1:] if data[0] >> 5 == 0 else data
+
+
+def _wrong_crc(data):
+    """The end of a block upload."""
+    changed = data[0] & 0xE3 == 0xC1
+    return data[:1] + bytes([data[1] ^ 1]) + data[2:] if changed else data
+
+
+class _NoToggleCheck(DriveEmulator):
+    """Segments of a download are taken with any toggle bit."""
+
+    def hear(self, t, frame):
+        transfer = self._sdo._transfer
+        takes = transfer is not None and transfer.phase == "take"
+        if takes and frame.can_id == 0x600 + self.node and frame.data[0] >> 5 == 0:
+            transfer.toggle = frame.data[0] >> 4 & 1
+        super().hear(t, frame)
+
+
+class _NoCrcCheck(DriveEmulator):
+    """A block download is taken with any CRC."""
+
+    def hear(self, t, frame):
+        transfer = self._sdo._transfer
+        if transfer is not None and transfer.phase == "end block":
+            transfer.crc = False
+        super().hear(t, frame)
+
+
+class _SlowBeat(DriveEmulator):
+    """The heartbeat comes every 1.3 periods."""
+
+    def _beat(self, t):
+        before = self._beat_due
+        super()._beat(t)
+        if self._beat_due != before:
+            self._beat_due += 0.3 * self.objects[0x1017, 0] / 1000.0
+
+
+def _writable(index):
+    """An object that must be read-only may be written."""
+
+    class Writable(DriveEmulator):
+        def boot(self, everything=True):
+            super().boot(everything)
+            self.objects.entry((index, 0)).access = "rw"
+
+    return Writable
+
+
+class _NoStop(DriveEmulator):
+    """NMT STOP is ignored."""
+
+    def _nmt(self, data):
+        if data[0] != 0x02:
+            super()._nmt(data)
+
+
+class _ServesStopped(DriveEmulator):
+    """SDO is served in STOPPED."""
+
+    def _take(self, t, frame):
+        if frame.can_id == 0x600 + self.node and self.state == 0x04:
+            for answer in self._sdo.answer(t, frame.data):
+                self.send(0x580 + self.node, answer)
+        super()._take(t, frame)
+
+
+class _MapsAlways(DriveEmulator):
+    """The mapping of a PDO that is switched on may be changed."""
+
+    def boot(self, everything=True):
+        super().boot(everything)
+        for pdo in (*self.rpdos, *self.tpdos):
+            self.objects.entry((pdo.index + 0x200, 0)).check = None
+
+
+class _EverySync(DriveEmulator):
+    """Synchronous TPDOs come at every SYNC whatever their type."""
+
+    def boot(self, everything=True):
+        super().boot(everything)
+        for pdo in self.tpdos:
+            pdo.at_sync = lambda pdo=pdo: (
+                pdo.pack() if pdo.can_id is not None and pdo.synchronous else None
+            )
+
+
+def _level_reset(self, word):
+    """Bit 7 resets a fault also where it was set before."""
+    if word & 0x80:
+        self.axis._word &= ~0x80
+    DriveEmulator._control(self, word)
+
+
+class _AlwaysAcknowledged(DriveEmulator):
+    """Bit 12 stays after the first set-point of profile position mode."""
+
+    def refresh(self, t):
+        super().refresh(t)
+        self.ever = getattr(self, "ever", 0) | self.objects[0x6041, 0] & 0x1000
+        if self.axis.driven and self.axis.set.mode == 1:
+            self.objects[0x6041, 0] |= self.ever
+
+
+class _NoEventTimer(DriveEmulator):
+    """Event-driven TPDOs come at changes alone."""
+
+    def _transmit_events(self, t):
+        kept = [pdo.timer for pdo in self.tpdos]
+        for pdo in self.tpdos:
+            pdo.timer = 0.0
+        super()._transmit_events(t)
+        for pdo, timer in zip(self.tpdos, kept, strict=True):
+            pdo.timer = timer
+
+
+class _QuickStopBit(DriveEmulator):
+    """Bit 5 stays set in QUICK STOP ACTIVE."""
+
+    def refresh(self, t):
+        super().refresh(t)
+        if self.axis.state.name == "QUICK_STOP":
+            self.objects[0x6041, 0] |= 0x20
+
+
+DEFECTS = {
+    "another abort code for no object": abort(0x06020000, 0x08000000),
+    "another abort code for no subindex": abort(0x06090011, 0x06020000),
+    "0x0F climbs from SWITCH ON DISABLED": _patched(_control=_climbs),
+    "segments of an upload do not toggle": answered(_own_toggle),
+    "segments of a download need not toggle": _NoToggleCheck,
+    "wrong CRC of a block upload": answered(_wrong_crc),
+    "the CRC of a block download is not checked": _NoCrcCheck,
+    "the heartbeat is slow": _SlowBeat,
+    "no EMCY": sent(lambda drive, i, data: None if i == 0x80 + drive.node else data),
+    "TPDOs are a byte too long": sent(
+        lambda drive, i, data: (data + b"\0")[:8] if i == 0x180 + drive.node else data
+    ),
+    "bit 5 of the statusword in a quick stop": _QuickStopBit,
+    "the error code may be written": _writable(0x603F),
+    "no boot-up message": sent(
+        lambda drive, i, data: None if i == 0x700 + drive.node and data == b"\0" else data
+    ),
+    "NMT STOP is ignored": _NoStop,
+    "SDO is served in STOPPED": _ServesStopped,
+    "mappings change while they are used": _MapsAlways,
+    "TPDOs of type 3 come at every SYNC": _EverySync,
+    "a fault is reset by a level": _patched(_control=_level_reset),
+    "set-points stay acknowledged": _AlwaysAcknowledged,
+    "the event timer does nothing": _NoEventTimer,
+}
+"""Twenty defects, chosen before the checks were tried on them."""
