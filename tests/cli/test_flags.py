@@ -36,6 +36,7 @@ FLAGS = {
         "dry-run=False, fast=False, json=False, look-alikes=0, out=None, rate=100.0, samples=60, "
         "seed=0"
     ),
+    "doctor": "host=None, json=False, robot=ur5, seconds=3.0, sensor=None",
     "view": "port=9876, rrd=None, web=False, web-port=9090",
     "report": "out=report.html",
     "simulate": "force=False, json=False, like=required, noise=off, out=required, rrd=None, seed=0",

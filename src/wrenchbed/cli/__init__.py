@@ -46,6 +46,7 @@ _VERBS = {
     "check": ("check", "check"),
     "compare": ("small_verbs", "compare"),
     "live": ("live", "live_"),
+    "doctor": ("small_verbs", "doctor_"),
     "can-check": ("can_check", "can_check"),
     "twin": ("serve", "twin"),
     "campaign": ("campaign", "campaign"),

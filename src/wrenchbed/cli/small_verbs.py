@@ -1,4 +1,4 @@
-"""The verbs with few options: list, simulate, compare and study."""
+"""The verbs with few options: list, simulate, compare, doctor and study."""
 
 from pathlib import Path
 from typing import Literal
@@ -154,3 +154,38 @@ def study(
             paper, folder, quick=quick, robots=robots, seed=seed, report=report, command=command
         )
     console.answer(done.summary, as_json, "\n".join(done.lines))
+
+
+_MARKS = {"ok": ("ok", "green"), "note": ("note", "yellow"), "fails": ("FAILS", "bold red")}
+
+
+def doctor_(
+    robot: str = "ur5",
+    host: str | None = None,
+    sensor: str | None = None,
+    seconds: float = 3.0,
+    as_json: Json = False,
+) -> int:
+    """Look at a UR robot and a Net F/T box, and say what would fail. Moves and sets nothing.
+
+    Exit code 0: nothing fails; 3: something would; 1: an error.
+
+    Args:
+        robot: Name of the arm that recordings will be made with.
+        host: Address of the robot's controller.
+        sensor: The box: HOST or netft://HOST.
+        seconds: For which each stream is watched [s].
+        as_json: Print the result as JSON.
+    """
+    from wrenchbed.hardware.looking.doctor import doctor
+
+    report = doctor(wb.load("robots", robot), host or "", sensor or "", seconds)
+    table = Table(box=None, show_header=False, padding=(0, 2, 0, 0))
+    for line in report.lines:
+        word, style = _MARKS[line.grade]
+        text = Text(line.found)
+        if line.remedy:
+            text.append(f"\n→ {line.remedy}", style="dim")
+        table.add_row(Text(word, style=style), Text(line.name, style="bold"), text)
+    console.answer(report.to_json(), as_json, table)
+    return 0 if report.ok else 3

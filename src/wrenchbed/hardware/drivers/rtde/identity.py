@@ -45,7 +45,11 @@ def settings(host: str) -> dict[str, Any]:
     Payload [kg] and its centre of gravity (3,) in flange axes [m], TCP in the flange x y z [m] and
     rotation vector [rad], modes in words, the controller's clock [s], speed scaling 0 … 1.
     """
-    raw = outputs.once(host, SETTINGS, _SETTINGS_S)
+    return in_words(outputs.once(host, SETTINGS, _SETTINGS_S))
+
+
+def in_words(raw: Mapping[str, outputs.Values]) -> dict[str, Any]:
+    """`settings` of the outputs that a controller sent."""
     found: dict[str, Any] = {
         name: list(raw[name]) if len(raw[name]) > 1 else raw[name][0] for name in raw
     }

@@ -1,0 +1,216 @@
+"""The look before a first session: each thing that would fail is named with its remedy."""
+
+import contextlib
+import json
+
+import numpy as np
+import pytest
+
+from emulator_process import running
+from wrenchbed import registry
+from wrenchbed.cli import main
+from wrenchbed.errors import DriverError, LinkError, ParameterError
+from wrenchbed.hardware.drivers.rtde import dashboard, identity, outputs
+from wrenchbed.hardware.looking import doctor as looking
+
+UR5 = registry.load("robots", "ur5")
+WELL = {
+    "timestamp": (5.0,), "payload": (1.35,), "payload_cog": (0.0, 0.0, 0.05),
+    "tcp_offset": (0.0,) * 6, "safety_mode": (1.0,), "robot_mode": (7.0,),
+    "speed_scaling": (1.0,),
+}  # fmt: skip
+
+
+class Stream:
+    """Outputs at 125 Hz of a controller whose clock, gaps and values a test sets."""
+
+    def __init__(self, version=(3, 15, 8, 1), values=WELL, rate=125.0, ppm=0.0, late=0.0) -> None:
+        self.version, self.values, self.late = version, values, late
+        self.period, self.scale, self.count = 1.0 / rate, 1.0 + 1e-6 * ppm, 0
+
+    def next(self, deadline):
+        self.count += 1
+        at = self.count * self.period
+        values = dict(self.values)
+        if "timestamp" in values:
+            values["timestamp"] = (at * self.scale,)
+        return 100.0 + at + (self.late if self.count % 50 == 0 else 0.0), values
+
+
+@pytest.fixture
+def look(monkeypatch):
+    """Looks at a made controller; lines by name."""
+
+    def run(stream=None, told=None, closed=(), remote="true", robot=UR5):
+        stream = stream or Stream()
+        clock = iter(np.arange(0.0, 1e6, 0.008))
+        monkeypatch.setattr(looking.time, "monotonic", lambda: next(clock))
+        monkeypatch.setattr(looking, "_open", lambda host, port: port not in closed)
+        monkeypatch.setattr(outputs, "outputs", lambda *a: contextlib.nullcontext(stream))
+        said = {"model": "UR5", "serial": "2015350000"} if told is None else told
+        monkeypatch.setattr(identity, "stated", lambda host: said)
+        monkeypatch.setattr(dashboard, "request", lambda *a: remote)
+        report = looking.doctor(robot, "192.0.2.7", seconds=4.0)
+        return report, {line.name: line for line in report.lines}
+
+    return run
+
+
+def test_a_robot_that_is_ready_has_nothing_to_note(look):
+    report, lines = look()
+    assert report.ok and {line.grade for line in report.lines} == {"ok"}
+    assert "3.15.8, serial 2015350000" in lines["software"].found
+    assert lines["rate"].found.startswith("125.0 states a second of 125")
+    assert not any(line.remedy for line in report.lines)
+
+
+@pytest.mark.parametrize(
+    "changed, name, grade, remedy",
+    [
+        ({"safety_mode": (3.0,)}, "safety", "fails", "clear it"),
+        ({"robot_mode": (5.0,)}, "robot mode", "fails", "release its brakes"),
+        ({"speed_scaling": (0.4,)}, "speed slider", "note", "slider up"),
+        ({"payload": (0.2,)}, "payload", "note", "pendant"),
+        ({"tcp_offset": (0.0, 0.0, 0.1, 0.0, 0.0, 0.0)}, "TCP", "note", "leave it"),
+    ],
+)
+def test_what_is_set_wrong_is_named(look, changed, name, grade, remedy):
+    report, lines = look(Stream(values=WELL | changed))
+    assert lines[name].grade == grade and remedy in lines[name].remedy
+    assert report.ok == (grade != "fails")
+    assert [line.name for line in report.lines if line.grade != "ok"] == [name]
+
+
+@pytest.mark.parametrize(
+    "stream, name, grade",
+    [
+        (Stream(rate=60.0), "rate", "fails"),
+        (Stream(late=0.12), "rate", "fails"),
+        (Stream(ppm=5000.0), "clock", "note"),
+        (Stream(values={k: v for k, v in WELL.items() if k != "timestamp"}), "clock", "fails"),
+        (Stream(version=(3, 4, 1, 1)), "software", "note"),
+    ],
+)
+def test_a_bad_stream_is_named(look, stream, name, grade):
+    assert look(stream)[1][name].grade == grade
+
+
+def test_jitter_and_drift_are_measured(look):
+    lines = look(Stream(ppm=400.0, late=0.02))[1]
+    assert "largest 20.00 ms" in lines["jitter"].found
+    assert lines["clock"].found.startswith("runs +400 ppm")
+
+
+def test_another_arm_and_a_closed_port_fail(look):
+    report, lines = look(told={"model": "UR10"})
+    assert lines["model"].grade == "fails" and "moves a UR10" in lines["model"].found
+    assert not report.ok
+    report, lines = look(closed=(29999,))
+    assert lines["port 29999"].grade == "fails" and lines["rate"].grade == "ok"
+    report, lines = look(closed=(30004,))
+    assert lines["port 30004"].grade == "fails" and "rate" not in lines
+
+
+def test_an_e_series_needs_remote_control(look):
+    values = WELL | {"robot_mode": (7.0,)}
+    ur5e = registry.load("robots", "ur5e") if "ur5e" in registry.names("robots") else UR5
+    stream = Stream(version=(5, 11, 1, 1), values=values, rate=500.0)
+    lines = look(stream, told={"model": "UR5e"}, remote="false", robot=ur5e)[1]
+    assert lines["remote control"].grade == "fails" and "pendant" in lines["remote control"].remedy
+
+
+def test_a_controller_that_answers_nonsense_ends_the_look(look, monkeypatch):
+    def refuse(*_):
+        raise outputs.Unfit("the controller refuses to start")
+
+    stream = Stream()
+    stream.next = refuse
+    report, lines = look(stream)
+    assert lines["RTDE"].grade == "fails" and not report.ok
+
+
+class Box:
+    """A connected box that a test sets up."""
+
+    def __init__(self, wrench=(1.0, 0.0, 13.0, 0.1, 0.0, 0.0), error=None, **identity) -> None:
+        self.wrench, self.error = np.array(wrench), error
+        self.identity = {"serial": "LOT1", "firmware": "2.2.59", "filter": "0"} | identity
+        self.full_scale, self.count = np.array([65.0, 65, 200, 5, 5, 5]), 0
+        self.closed = False
+
+    def connect(self):
+        if self.error:
+            raise self.error
+
+    def read(self):
+        self.count += 1
+        t = 1e-3 * self.count
+        return looking_sample(t, self.wrench)
+
+    def health(self):
+        return looking_health()
+
+    def close(self):
+        self.closed = True
+
+
+def looking_sample(t, wrench):
+    from wrenchbed.hardware.transducers.base import WrenchSample
+
+    return WrenchSample(t, t, int(t * 1e3), 0.0, True, wrench)
+
+
+def looking_health():
+    from wrenchbed.hardware.device import Health
+
+    return Health("ok", "", {"lost": 0.0, "records": 3000.0})
+
+
+@pytest.mark.parametrize(
+    "box, name, grade",
+    [
+        (Box(), "load", "ok"),
+        (Box((40.0, 0, 0, 0, 0, 0)), "load", "note"),
+        (Box((66.0, 0, 0, 0, 0, 0)), "load", "fails"),
+        (Box(tool_transform="0;0;132.7;0;0;0"), "tool transform", "fails"),
+        (Box(filter="4"), "filter", "note"),
+        (Box(error=LinkError("nobody")), "box", "fails"),
+    ],
+)
+def test_a_box_is_looked_at(monkeypatch, box, name, grade):
+    monkeypatch.setattr(looking, "_transducer", lambda sensor: box)
+    report = looking.doctor(UR5, sensor="192.168.1.1", seconds=0.3)
+    lines = {line.name: line for line in report.lines}
+    assert lines[name].grade == grade
+    assert box.closed or box.error
+
+
+def test_there_must_be_something_to_look_at():
+    with pytest.raises(ParameterError, match="--host ROBOT"):
+        looking.doctor(UR5)
+    with pytest.raises(ParameterError, match="netft"):
+        looking.doctor(UR5, sensor="serial://box")
+    assert isinstance(looking._transducer("127.0.0.9"), looking.NetftTransducer)
+    with pytest.raises(DriverError):
+        looking._no_wrench()
+
+
+@pytest.mark.wire
+def test_the_emulator_is_ready_and_nothing_of_it_changes(capsys):
+    host = "127.0.2.77"
+    with running("ur5", host) as twin:
+        port = twin.addresses["http"].rpartition(":")[2]
+        sensor = f"netft://{host}?http={port}"
+        before = identity.settings(host)
+        code = main(["doctor", "--host", host, "--sensor", sensor, "--json"])
+        told = json.loads(capsys.readouterr().out)
+        after = identity.settings(host)
+        twin.fault("robot", "protective_stop")
+        assert main(["doctor", "--host", host, "--seconds", "0.5"]) == 3
+    assert {n: before[n] for n in before if n != "time"} == {
+        n: after[n] for n in after if n != "time"
+    }
+    lines = {line["name"]: line for line in told["lines"]}
+    assert lines["payload"]["grade"] == lines["TCP"]["grade"] == lines["box"]["grade"] == "ok"
+    assert code == (0 if told["ok"] else 3)
+    assert "FAILS" in capsys.readouterr().out
