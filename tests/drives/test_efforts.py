@@ -162,6 +162,22 @@ def test_groups_are_checked(clean):
         calibrate_efforts(recording(t, q, effort, "i"), ["tool"])
 
 
+def test_known_constants_make_currents_torques(clean):
+    t, q, _, effort = clean
+    seen = noisy(effort, 12)
+    known = calibrate_efforts(recording(t, q, seen / CONSTANT, "i"), constants=CONSTANT)
+    plain = calibrate_efforts(recording(t, q, seen))
+    found = calibrate_efforts(recording(t, q, seen / CONSTANT, "i"))
+    for a, b in zip(known.identified, plain.identified, strict=True):
+        assert a.name == b.name and a.value == pytest.approx(b.value, rel=1e-9, abs=1e-12)
+    assert known["tool.mass"].std < found["tool.mass"].std
+    for constants, words in ((CONSTANT[:5], "give 6 numbers"), (-CONSTANT, "above 0")):
+        with pytest.raises(ParameterError, match=words):
+            calibrate_efforts(recording(t, q, seen, "i"), constants=constants)
+    with pytest.raises(ParameterError, match="which need none"):
+        calibrate_efforts(recording(t, q, seen), constants=CONSTANT)
+
+
 def test_robots_with_loops_have_no_torques_here(clean):
     t, _, _, effort = clean
     medrue = registry.load("robots", "medrue")

@@ -31,11 +31,13 @@ class DataArguments:
         channels: What is fitted; the wrench, or the joint efforts (tau1 … or i1 …) of a recording
             without one. Of efforts, --free takes drive, drive.coulomb, drive.viscous, drive.offset,
             drive.inertia, drive.constant, tool, link.
+        constants: Known drive constants of motor currents, one a joint, gear included [N·m/A].
         touches: Recording of touches (columns px py pz) of the same robot, fitted together.
         touch_std: With --touches: how far the tip sits from its point, per axis [m]; 5e-5.
     """
 
     channels: Literal["wrench", "effort"] | None = None
+    constants: tuple[float, ...] | None = None
     touches: Path | None = None
     touch_std: float | None = None
 
@@ -82,8 +84,10 @@ def calibrate(
                  "--loss": fit.loss != "linear"}  # fmt: skip
         if refused := [flag for flag, value in others.items() if value]:
             raise ParameterError(f"{refused[0]} is for wrenches: leave it out, efforts have none")
-        _efforts(data, fit, out, as_json)
+        _efforts(data, fit, given.constants, out, as_json)
         return
+    if given.constants is not None:
+        raise ParameterError("--constants is for joint efforts: leave it out, or --channels effort")
     with console.progress(f"calibrate {len(data):,} rows", None):
         result = wb.calibrate(data, fit, given.read())
     for name, value in (known or {}).items():
@@ -105,9 +109,15 @@ def calibrate(
             console.say(f"{what} → {path}")
 
 
-def _efforts(data: wb.Recording, options: wb.Options, out: Path | None, as_json: bool) -> None:
+def _efforts(
+    data: wb.Recording,
+    options: wb.Options,
+    constants: tuple[float, ...] | None,
+    out: Path | None,
+    as_json: bool,
+) -> None:
     with console.progress(f"calibrate {len(data):,} rows", None):
-        result = wb.calibrate_efforts(data, options.free, force=options.force)
+        result = wb.calibrate_efforts(data, options.free, constants=constants, force=options.force)
     if out is not None:
         result.write(out)
     console.answer(result.to_json(), as_json, drive_fit_table(result))

@@ -7,6 +7,7 @@ doi 10.1214/aos/1176347265) and the errors on rows that no fit saw.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from scipy import stats
@@ -39,6 +40,7 @@ def calibrate_efforts(
     recording: Recording,
     free: Sequence[str] = (),
     *,
+    constants: Sequence[float] | None = None,
     cutoff: float | None = None,
     force: bool = False,
 ) -> DriveFit:
@@ -47,7 +49,8 @@ def calibrate_efforts(
     Args:
         recording: of a serial arm, with ``tau1…`` or ``i1…``.
         free: of `GROUPS`; if none, friction, and the tool, and the constants where currents are
-            measured.
+            measured and nobody states them.
+        constants: known drive constants (J,) [N·m/A], gear included: currents become torques.
         cutoff: of the filter [Hz]; five times the motion's bandwidth if none.
         force: give the values all the same where the data refute them.
 
@@ -57,6 +60,8 @@ def calibrate_efforts(
         NotFoundError: the robot's model has no joint torques.
     """
     signals = drive_signals(recording, cutoff)
+    if constants is not None:
+        signals = _torques(signals, constants, recording.name)
     groups = _groups(free, signals)
     problem, starts = _problem(recording, signals, groups)
     fit = _fit(recording, signals, problem, solve(problem), starts)
@@ -67,6 +72,16 @@ def calibrate_efforts(
     return fit
 
 
+def _torques(signals: DriveSignals, constants: Sequence[float], name: str) -> DriveSignals:
+    """Currents as torques."""
+    known, joints = np.asarray(constants, dtype=float), signals.effort.shape[1]
+    if signals.prefix != "i":
+        raise ParameterError(f"--constants: {name} has torques tau1…, which need none")
+    if known.shape != (joints,) or not (np.isfinite(known) & (known > 0.0)).all():
+        raise ParameterError(f"--constants: give {joints} numbers above 0, one a joint [N·m/A]")
+    return replace(signals, effort=signals.effort * known, prefix="tau")
+
+
 def _groups(free: Sequence[str], signals: DriveSignals) -> tuple[str, ...]:
     for name in free:
         if name not in (*GROUPS, "drive"):
@@ -75,7 +90,7 @@ def _groups(free: Sequence[str], signals: DriveSignals) -> tuple[str, ...]:
     currents = signals.prefix == "i"
     wanted = named or {*FRICTION, "tool", *((CONSTANT,) if currents else ())}
     if currents and CONSTANT not in wanted:
-        raise ParameterError(f"--free: currents need {CONSTANT}, nobody states it")
+        raise ParameterError(f"--free: currents need {CONSTANT}, or --constants that are known")
     if "link" in wanted and CONSTANT in wanted:
         raise ParameterError("--free link and drive.constant: both scale the torques; hold one")
     return tuple(g for g in GROUPS if g in wanted and not (g == "tool" and "link" in wanted))
