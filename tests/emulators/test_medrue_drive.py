@@ -312,3 +312,34 @@ def test_the_plants_clock_reports_what_stopped_it():
     plant.start()
     plant._thread._thread.join(2.0)
     assert [type(error) for error in told] == [AttributeError]
+
+
+def test_stored_parameters_survive_a_reset_until_the_defaults_are_asked_for():
+    bench = Bench()
+    save, load = (int.from_bytes(word, "little") for word in (b"save", b"load"))
+    bench.sdo(0x1017, 0, 123, 2)
+    bench.sdo(0x6081, 0, 4321, 4)
+    assert bench.sdo(0x1010, 1, 0, 4) == Abort.NOT_STORED
+    assert bench.sdo(0x1010, 2, save, 4) == 0  # the communication alone
+    bench.nmt(0x81)
+    assert bench.read(0x1017) == 123 and bench.read(0x6081) != 4321
+    assert bench.sdo(0x1011, 1, load, 4) == 0
+    assert bench.read(0x1017) == 123
+    bench.nmt(0x81)
+    assert bench.read(0x1017) == 0
+
+
+def test_a_moving_axis_passes_through_fault_reaction_active():
+    bench = Bench()
+    bench.sdo(0x6060, 0, 3, 1)
+    for word in (0x06, 0x07, 0x0F):
+        bench.sdo(0x6040, 0, word, 2)
+    bench.sdo(0x60FF, 0, 50_000, 4)
+    for _ in range(300):
+        bench.tick(rpdo=False, sync=False)
+    assert bench.read(0x606B) == 50_000
+    bench.drive.axis.fault(0x2310)
+    assert bench.read(0x6041) & 0x4F == 0x0F
+    for _ in range(30):
+        bench.tick(rpdo=False, sync=False)
+    assert bench.read(0x6041) & 0x4F == 0x08 and bench.read(0x606B) == 0

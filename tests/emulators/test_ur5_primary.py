@@ -1,6 +1,8 @@
 """The primary interface's bytes, read here by offsets of the maker's table, and its commands."""
 
+import socket
 import struct
+import time
 from types import SimpleNamespace
 
 import numpy as np
@@ -181,3 +183,31 @@ def test_messages_state_their_size(event, kind):
     packed = event.packed(1.0)
     assert struct.unpack_from(">i", packed)[0] == len(packed)
     assert packed[4] == 20 and packed[14] == kind
+
+
+@pytest.mark.wire
+def test_a_program_sent_to_the_primary_port_calls_back():
+    from emulator_process import running
+
+    host = "127.0.1.35"
+    with running("ur5", host, "--noise", "off", "--set", "box=off") as emulator:
+        assert emulator.addresses["primary"] == f"{host}:30001"
+        with (
+            socket.create_server(("127.0.0.1", 0)) as server,
+            socket.create_connection((host, 30001), 2.0) as client,
+        ):
+            port = server.getsockname()[1]
+            client.sendall(
+                f'def f():\n  socket_open("127.0.0.1", {port})\n  socket_send_int(7)\n'
+                "  x = socket_read_binary_integer(1)\n  textmsg(x[1])\nend\n".encode()
+            )
+            server.settimeout(2.0)
+            peer, address = server.accept()
+            with peer:
+                peer.settimeout(2.0)
+                assert address[0] == host and peer.recv(4) == struct.pack(">i", 7)
+                peer.sendall(struct.pack(">i", -3))
+                heard, end = b"", time.monotonic() + 3.0
+                while b"PROGRAM_XXX_STOPPEDf" not in heard and time.monotonic() < end:
+                    heard += client.recv(65536)
+    assert b"PROGRAM_XXX_STARTEDf" in heard and b"-3" in heard

@@ -255,3 +255,99 @@ DEFECTS = {
     "the event timer does nothing": _NoEventTimer,
 }
 """Twenty defects, chosen before the checks were tried on them."""
+
+
+class _NoConsumer(DriveEmulator):
+    """A heartbeat that stays away is not noticed."""
+
+    def _watch_others(self, t):
+        pass
+
+
+class _NoInhibit(DriveEmulator):
+    """The inhibit time of TPDOs does nothing."""
+
+    def _transmit_events(self, t):
+        kept = [self.objects[pdo.index, 3] for pdo in self.tpdos]
+        for pdo in self.tpdos:
+            self.objects[pdo.index, 3] = 0
+        super()._transmit_events(t)
+        for pdo, inhibit in zip(self.tpdos, kept, strict=True):
+            self.objects[pdo.index, 3] = inhibit
+
+
+class _OldestFirst(DriveEmulator):
+    """The error history begins with the oldest error."""
+
+    def error(self, code, register=None):
+        before = [self.objects[0x1003, k] for k in range(1, self.objects[0x1003, 0] + 1)]
+        super().error(code, register)
+        for k, told in enumerate([*before, code][:8], start=1):
+            self.objects[0x1003, k] = told
+
+
+class _TakesEarly(DriveEmulator):
+    """RPDOs are taken in PRE-OPERATIONAL."""
+
+    def _take(self, t, frame):
+        super()._take(t, frame)
+        if self.state == 0x7F and not frame.remote and frame.can_id in self._by_id:
+            self._receive(t, self._by_id[frame.can_id], frame.data)
+
+
+class _NoSyncNeeded(DriveEmulator):
+    """Synchronous RPDOs act when they come."""
+
+    def _receive(self, t, rpdo, data):
+        super()._receive(t, rpdo, data)
+        if rpdo.waiting is not None:
+            values, rpdo.waiting = rpdo.waiting, None
+            self._apply(values)
+
+
+def _without(bits, mode):
+    """Bits of the controlword that one mode ignores."""
+
+    def control(self, word):
+        ignored = bits if self.axis.set.mode == mode else 0
+        DriveEmulator._control(self, word & ~ignored)
+
+    return _patched(_control=control)
+
+
+class _NoHome(DriveEmulator):
+    """Bit 12 never tells that homing has ended."""
+
+    def refresh(self, t):
+        super().refresh(t)
+        if self.axis.set.mode == 6:
+            self.objects[0x6041, 0] &= ~0x1000
+
+
+class _ShowsCyclic(DriveEmulator):
+    """The shown mode is always cyclic synchronous position."""
+
+    def refresh(self, t):
+        super().refresh(t)
+        self.objects[0x6061, 0] = 8
+
+
+def _too_far_down(self, word):
+    """DISABLE OPERATION leads to READY TO SWITCH ON."""
+    enabled = self.axis.state.name == "ENABLED"
+    DriveEmulator._control(self, 0x06 if enabled and word & 0x8F == 0x07 else word)
+
+
+FURTHER = {
+    "a lost heartbeat is not noticed": _NoConsumer,
+    "the inhibit time does nothing": _NoInhibit,
+    "the oldest error comes first": _OldestFirst,
+    "RPDOs are taken in PRE-OPERATIONAL": _TakesEarly,
+    "synchronous RPDOs act at once": _NoSyncNeeded,
+    "halt does nothing in profile velocity mode": _without(0x100, 3),
+    "relative set-points are absolute": _without(0x40, 1),
+    "homing is never attained": _NoHome,
+    "the shown mode is always 8": _ShowsCyclic,
+    "0x07 leads from OPERATION ENABLED to READY": _patched(_control=_too_far_down),
+}
+"""Ten more, written after the checks: nine were found; the order of errors needed a new check."""

@@ -86,7 +86,6 @@ class Pdo:
         self.sample = b""
         self._last: bytes | None = None
         self._syncs = 0
-        self._keys: tuple[int, list[Key]] = (-1, [])
 
     @property
     def can_id(self) -> int | None:

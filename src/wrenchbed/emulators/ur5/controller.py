@@ -87,8 +87,11 @@ class Controller:
         """Take one control cycle at a time of `time.monotonic` [s]."""
         self.now = now
         self.modes.tick(now)
-        self._play()
+        if self.program is not None and self.program.direct:
+            self._play()
         violation = self.arm.cycle()
+        if self.program is None or not self.program.direct:
+            self._play()
         if violation is None and self._pressed_too_hard():
             violation = "the force at the tool exceeds its limit"
         if violation is not None and self.modes.ready:

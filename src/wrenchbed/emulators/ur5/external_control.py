@@ -28,6 +28,8 @@ class ExternalControl:
         name: as it is reported.
     """
 
+    direct = False
+
     def __init__(
         self, controller: Host, address: tuple[str, int], play: Callable[[str], Program]
     ) -> None:

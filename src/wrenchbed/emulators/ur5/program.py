@@ -97,9 +97,11 @@ class Program(Protocol):
 
     Attributes:
         name: as it is reported.
+        direct: what it commands is done in the same control cycle, else in the next.
     """
 
     name: str
+    direct: bool
 
     def cycle(self, now: float) -> bool:
         """Take one control cycle; False at its end.
@@ -124,7 +126,7 @@ class ControlProgram:
         path: moves that a client put into it.
     """
 
-    name = "rtde_control"
+    name, direct = "rtde_control", True
 
     def __init__(
         self,

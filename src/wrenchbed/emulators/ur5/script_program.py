@@ -38,6 +38,8 @@ class ScriptProgram:
         ProgramError: the text is no program.
     """
 
+    direct = False
+
     def __init__(self, controller: Host, text: str, table: Mapping[str, Builtin]) -> None:
         self.controller, self.arm = controller, controller.arm
         try:

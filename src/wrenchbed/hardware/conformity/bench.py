@@ -126,6 +126,8 @@ class Bench:
     def __init__(self, port: Port, settings: BenchSettings) -> None:
         self.port, self.settings, self.node = port, settings, settings.node
         self.log: list[Received] = []
+        self.origin: int | None = None
+        """Where the axis was before the first motion [count]."""
         self.trace: deque[str] = deque(maxlen=_EVIDENCE)
         self._undo: list[tuple[int, int, int, int]] = []
 

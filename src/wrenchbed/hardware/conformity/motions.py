@@ -6,12 +6,13 @@ from collections.abc import Callable
 from wrenchbed.hardware.conformity.bench import (
     START,
     Bench,
+    FailedError,
     NotApplicableError,
     RefusedError,
     require,
 )
 from wrenchbed.hardware.conformity.checks import Checks, Level
-from wrenchbed.hardware.conformity.objects import CSP, HM, PP, PV, need_mode
+from wrenchbed.hardware.conformity.objects import CSP, HM, PP, PV, has_mode, need_mode
 from wrenchbed.hardware.conformity.process_data import ACTUAL, CONTROL, STATUS, map_pdo
 from wrenchbed.hardware.conformity.states import (
     ENABLE,
@@ -25,6 +26,7 @@ from wrenchbed.hardware.conformity.states import (
     control,
     expect_heartbeat,
     lose_heartbeat,
+    off,
     prepare,
     reach,
     state_of,
@@ -46,6 +48,10 @@ _MORE_S = 4.0
 _RAMP = 8.0
 """Accelerations reach the speed in this part of a second; an estimate."""
 _TARGET = 0x607A0020
+_FARTHEST = 1.2
+"""Times the distance from where it began at which the axis is stopped; an estimate."""
+_TURN_S = 1.5
+"""In profile velocity mode the axis would take so long for its distance [s]."""
 
 
 def _begin(bench: Bench, mode: int) -> int:
@@ -63,12 +69,59 @@ def _begin(bench: Bench, mode: int) -> int:
     for index, value in ((0x6081, pace), (0x6083, _RAMP * pace), (0x6084, _RAMP * pace)):
         if bench.optional(index) is not None:
             bench.change(index, 0, round(value), 4)
+    at = bench.read(0x6064, signed=True)
+    bench.origin = at if bench.origin is None else bench.origin
     reach(bench, ENABLED)
-    return bench.read(0x6064, signed=True)
+    return at
 
 
 def _position(bench: Bench) -> int:
-    return bench.read(0x6064, signed=True)
+    """Where the axis is [count]; one that left its distance gets a quick stop.
+
+    Raises:
+        FailedError: it did.
+    """
+    position = bench.read(0x6064, signed=True)
+    if bench.origin is not None:
+        away = abs(position - bench.origin)
+        if away > _FARTHEST * bench.settings.distance:
+            control(bench, QUICK_STOP)
+            raise FailedError(f"it is {away} counts from where it began: stopped")
+    return position
+
+
+def go_back(bench: Bench) -> str:
+    """Bring the axis to where it was before the first motion; why not, empty where it is there."""
+    if bench.origin is None:
+        return ""
+    slack = max(3.0, _SLACK * bench.settings.distance)
+    try:
+        if abs(bench.read(0x6064, signed=True) - bench.origin) <= slack:
+            return ""
+        off(bench)
+        if has_mode(bench, PP):
+            _begin(bench, PP)
+            _give(bench, bench.origin)
+            _arrives(bench, bench.origin)
+        else:
+            _creep_back(bench, slack)
+    except (FailedError, RefusedError, NotApplicableError) as error:
+        return f"it could not be brought back to {bench.origin}: {error}"
+    return ""
+
+
+def _creep_back(bench: Bench, slack: float) -> None:
+    """Go to the origin in profile velocity mode."""
+    origin = bench.origin or 0
+    _begin(bench, PV)
+    way = origin - bench.read(0x6064, signed=True)
+    speed = max(1, round(slack))
+    bench.write(0x60FF, 0, speed if way > 0 else -speed, 4)
+    end = bench.port.now() + 2.0 * abs(way) / speed + _MORE_S
+    while (origin - bench.read(0x6064, signed=True)) * way > 0 and bench.port.now() < end:
+        bench.listen(0.01)
+    bench.write(0x60FF, 0, 0, 4)
+    bench.listen(0.3)
 
 
 def _speed(bench: Bench) -> int:
@@ -84,6 +137,8 @@ def _bits(bench: Bench, mask: int, value: int, seconds: float) -> bool:
     while True:
         if status(bench) & mask == value:
             return True
+        if bench.settings.distance:
+            _position(bench)
         if bench.port.now() >= end:
             return False
         bench.listen(0.005)
@@ -223,7 +278,7 @@ def pp_speed(bench: Bench) -> None:
 def pv_speed(bench: Bench) -> None:
     """The axis takes the target velocity; bit 10 tells that, bit 12 that it stands."""
     _begin(bench, PV)
-    pace = bench.settings.pace // 2
+    pace = _turning(bench)
     require(_bits(bench, _BIT12, _BIT12, 0.5), "bit 12 (speed is 0) is not set at rest")
     for target in (pace, -pace):
         bench.write(0x60FF, 0, target, 4)
@@ -252,10 +307,15 @@ def pv_halt(bench: Bench) -> None:
     bench.write(0x60FF, 0, 0, 4)
 
 
+def _turning(bench: Bench) -> int:
+    """Speed of profile velocity mode, at which the axis stays within its distance [count/s]."""
+    return max(1, min(bench.settings.pace // 2, round(bench.settings.distance / _TURN_S)))
+
+
 def _run_at_speed(bench: Bench) -> None:
     """Move in profile velocity mode."""
     _begin(bench, PV)
-    bench.write(0x60FF, 0, bench.settings.pace // 2, 4)
+    bench.write(0x60FF, 0, _turning(bench), 4)
     bench.listen(0.3)
     require(_speed(bench) != 0, "it does not move at its target velocity")
 
@@ -330,7 +390,7 @@ def hm_here(bench: Bench) -> None:
     bench.needed(0x607C)
     if bench.optional(0x607E) is not None:
         require(bench.read(0x607E) & 0x80 == 0, "0x607E turns positions round: not tested")
-    offset = at + 1234
+    offset = at + bench.settings.distance // 2 + 1
     bench.change(0x607C, 0, offset, 4)
     got = _home(bench, offset)
     now = bench.read(0x6064, signed=True)

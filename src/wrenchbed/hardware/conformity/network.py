@@ -16,6 +16,7 @@ from wrenchbed.hardware.conformity.bench import (
     require,
 )
 from wrenchbed.hardware.conformity.checks import Checks, Level
+from wrenchbed.hardware.conformity.process_data import CONTROL, map_pdo
 
 CHECKS = Checks()
 _NMT = "CiA 301 7.2.8.2.1, 7.3.2"
@@ -27,8 +28,8 @@ _BOOT_S = 5.0
 """How long a node may take to boot [s]; an estimate."""
 OTHER = 0x7D
 """Node id that this program takes for its own heartbeat."""
-LOST = 0x8130
-"""Error code of a heartbeat or guarding that stays away; source: CiA 301, 7.2.7.1."""
+LOST, SHORT_PDO = 0x8130, 0x8210
+"""A heartbeat or guarding stays away; an RPDO is too short. Source: CiA 301, 7.2.7.1."""
 
 
 def heartbeats(bench: Bench, seconds: float) -> list[tuple[float, int]]:
@@ -226,6 +227,33 @@ def emergency(bench: Bench) -> None:
     bench.send(0x700 + OTHER, bytes([RUNNING]))
     gone = _emergency(bench, 0, 0.1, since)
     require(gone is not None, "no EMCY 0x0000 after the error is gone")
+
+
+@CHECKS.rule("emergency.order", "CiA 301 7.5.2.4", Level.WRITE)
+def order(bench: Bench) -> None:
+    """Of two errors the newer one heads the history, and the older one follows."""
+    bench.needed(0x1003)
+    bench.needed(0x1016, 1)
+    used = map_pdo(bench, 0x1400, (CONTROL,), 255)
+    bench.change(0x1016, 1, OTHER << 16 | 150, 4)
+    if bench.optional(0x1029, 1) is not None:
+        bench.change(0x1029, 1, 1, 1)
+    bench.nmt(START)
+    bench.send(0x700 + OTHER, bytes([RUNNING]))
+    bench.listen(0.4)
+    since = len(bench.log)
+    bench.send(used, b"\0")
+    newer = _emergency(bench, SHORT_PDO, 0.2, since)
+    bench.send(used, b"\0\0")
+    bench.send(0x700 + OTHER, bytes([RUNNING]))
+    bench.listen(0.05)
+    if newer is None:
+        raise NotApplicableError("a short RPDO, the second error of this check, sends no EMCY")
+    first, second = (bench.read(0x1003, sub) & 0xFFFF for sub in (1, 2))
+    require(
+        (first, second) == (SHORT_PDO, LOST),
+        f"after 0x{LOST:04X} and 0x{SHORT_PDO:04X} it begins with 0x{first:04X}, 0x{second:04X}",
+    )
 
 
 @CHECKS.rule("emergency.off", "CiA 301 7.5.2.17", Level.WRITE)

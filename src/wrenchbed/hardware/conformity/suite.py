@@ -142,8 +142,9 @@ def _clean_up(bench: Bench, check: Check) -> str:
     """Bring the drive back to what it was before a check; what did not work."""
     if check.level is Level.READ:
         return ""
+    stays = motions.go_back(bench) if check.level is Level.MOVE else ""
     if check.level is Level.MOVE or check.name.startswith("state."):
         states.leave(bench)
     else:
         bench.nmt(PRE_OPERATIONAL)
-    return "; ".join(bench.restore())
+    return "; ".join(filter(None, [stays, *bench.restore()]))
