@@ -107,6 +107,8 @@ class DeviceArguments:
         seed: Of the noise.
         effort: What recordings keep of the joints: current as i1… [A] (rtde, its default), torque
             as tau1… [N·m] (can), or off.
+        raw: With rtde: new folder in which all packets of states and box are kept, 1 GiB at most;
+            `wrenchbed replay` plays them to a driver again.
         set: NAME=VALUE of a setting that this driver alone has, for instance base=0x68 with can or
             frequency=none with rtde; a wrong NAME lists them. May be repeated.
     """
@@ -121,6 +123,7 @@ class DeviceArguments:
     effect: Repeated = ()
     seed: int | None = None
     effort: Literal["torque", "current", "off"] | None = None
+    raw: Path | None = None
     set: Repeated = ()
 
     def options(self, device: type[Driver], robot: str, limits: Limits) -> Any:
@@ -129,7 +132,7 @@ class DeviceArguments:
             "host": self.host, "channel": self.channel, "sensor": self.sensor,
             "recording": self.recording, "parameters": console.parameters(self.parameters) or None,
             "noise": self.noise, "effects": self.effect or None, "seed": self.seed,
-            "effort": self.effort,
+            "effort": self.effort, "raw": None if self.raw is None else str(self.raw),
         }  # fmt: skip
         known = [f.name for f in fields(device.options)]
         flagged = ("robot", "limits", *given)

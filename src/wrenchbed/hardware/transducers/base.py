@@ -16,6 +16,7 @@ import numpy as np
 
 from wrenchbed.errors import DriverError
 from wrenchbed.hardware.device import STALE_S, Device
+from wrenchbed.hardware.raw.capture import Capture
 
 CLOSE_S = 1e-3
 """Readings closer in time are not interpolated [s]; estimate."""
@@ -60,6 +61,9 @@ class WrenchSample:
 
 class Transducer(Device):
     """A force/torque sensor with its electronics. Use as a context manager."""
+
+    capture: Capture | None = None
+    """Where packets are kept, set before `connect`; None: they are not."""
 
     def __init__(self) -> None:
         super().__init__()
