@@ -65,7 +65,7 @@ CASES = {
     "blind seal": "blind seal truth.toml --out sealed --answers sealed-answers",
 }
 """A line for each verb; further lines stand behind what is special in them."""
-NOTHING = {"list", "compare", "live", "doctor", "twin"}
+NOTHING = {"list", "compare", "live", "doctor", "replay", "twin"}
 """Verbs that write no file."""
 TOGETHER = {"diagnose": "found", "export": "model", "campaign --only": "fleet/0"}
 """Folders whose files appear together."""
