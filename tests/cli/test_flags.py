@@ -29,7 +29,7 @@ FLAGS = {
         "name-pattern=None, out=required, rest=None, robot=None, sensor=None, tool-mass=None"
     ),
     "calibrate": (
-        "force=False, free=none, hold=none, json=False, loss=linear, out=None, prior=False, "
+        "channels=None, constants=None, force=False, free=none, hold=none, json=False, loss=linear, out=None, prior=False, "
         "report=None, rrd=None, touch-std=None, touches=None, truth=None"
     ),
     "diagnose": (
