@@ -29,8 +29,9 @@ FLAGS = {
         "name-pattern=None, out=required, rest=None, robot=None, sensor=None, tool-mass=None"
     ),
     "calibrate": (
-        "channels=None, constants=None, force=False, free=none, hold=none, json=False, loss=linear, "
-        "out=None, prior=False, report=None, rrd=None, touch-std=None, touches=None, truth=None"
+        "channels=None, constants=None, force=False, free=none, hold=none, json=False, "
+        "loss=linear, out=None, prior=False, report=None, rrd=None, touch-std=None, touches=None, "
+        "truth=None"
     ),
     "diagnose": (
         "dry-run=False, fast=False, json=False, look-alikes=0, out=None, rate=100.0, samples=60, "
