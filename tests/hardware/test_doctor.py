@@ -11,7 +11,7 @@ from wrenchbed import registry
 from wrenchbed.cli import main
 from wrenchbed.errors import DriverError, LinkError, ParameterError
 from wrenchbed.hardware.drivers.rtde import dashboard, identity, outputs
-from wrenchbed.hardware.looking import doctor as looking
+from wrenchbed.hardware.preflight import doctor as looking
 
 UR5 = registry.load("robots", "ur5")
 WELL = {

@@ -10,8 +10,8 @@ from test_rtde_status import OK, controller, packet, server
 from netft_scene import boxed
 from wrenchbed.errors import RecordingError
 from wrenchbed.hardware.drivers.rtde import identity, outputs
-from wrenchbed.hardware.raw.capture import MAGIC, Capture, packets
-from wrenchbed.hardware.raw.playback import Playback
+from wrenchbed.hardware.packet_capture.capture import MAGIC, Capture, packets
+from wrenchbed.hardware.packet_capture.playback import Playback
 from wrenchbed.hardware.transducers.netft import NetftOptions, NetftTransducer, datagrams
 
 assert OK and packet  # the made controller's parts

@@ -29,7 +29,7 @@ def replay(
         http_port: Of the box's page.
         once: End when a stream was played to its end.
     """
-    from wrenchbed.hardware.raw.playback import Playback
+    from wrenchbed.hardware.packet_capture.playback import Playback
 
     if not only_here(host):
         raise ParameterError(f"--host {host}: give an address of this machine, 127.x")

@@ -177,7 +177,7 @@ def doctor_(
         seconds: For which each stream is watched [s].
         as_json: Print the result as JSON.
     """
-    from wrenchbed.hardware.looking.doctor import doctor
+    from wrenchbed.hardware.preflight.doctor import doctor
 
     report = doctor(wb.load("robots", robot), host or "", sensor or "", seconds)
     table = Table(box=None, show_header=False, padding=(0, 2, 0, 0))

@@ -91,7 +91,7 @@ def states(bench: Bench) -> None:
         expected = leads[command]
         bench.nmt(command)
         told = _next_state(bench)
-        require(told == expected, f"after command 0x{command:02X} the heartbeat tells 0x{told:02X}")
+        require(told == expected, f"after command 0x{command:02X} the heartbeat says 0x{told:02X}")
 
 
 @CHECKS.rule("nmt.stopped", _NMT, Level.WRITE)

@@ -16,7 +16,7 @@ import numpy as np
 
 from wrenchbed.errors import DriverError
 from wrenchbed.hardware.device import STALE_S, Device
-from wrenchbed.hardware.raw.capture import Capture
+from wrenchbed.hardware.packet_capture.capture import Capture
 
 CLOSE_S = 1e-3
 """Readings closer in time are not interpolated [s]; estimate."""

@@ -30,7 +30,7 @@ from wrenchbed.hardware.drivers.rtde.process import Worker
 from wrenchbed.hardware.drivers.rtde.shared_state import Snapshot
 from wrenchbed.hardware.drivers.rtde.status import Observation, count, judge
 from wrenchbed.hardware.drivers.rtde.wrench_source import Flange
-from wrenchbed.hardware.raw.capture import Capture
+from wrenchbed.hardware.packet_capture.capture import Capture
 from wrenchbed.hardware.transducers.ur_wrench import UrWrenchReading
 
 _LEAST_SPEED, _LEAST_ACCELERATION, _MOST_ACCELERATION = 0.01, 0.05, 15.0

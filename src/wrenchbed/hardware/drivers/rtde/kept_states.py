@@ -10,7 +10,7 @@ import time
 from wrenchbed.hardware.drivers.rtde import outputs
 from wrenchbed.hardware.drivers.rtde.outputs import Unfit
 from wrenchbed.hardware.drivers.rtde.state_worker import FIELDS, RAW
-from wrenchbed.hardware.raw.capture import Capture
+from wrenchbed.hardware.packet_capture.capture import Capture
 
 _WAIT_S, _AGAIN_S = 1.0, 0.5
 """Deadline of an answer and of a packet, and pause after a lost connection [s]; estimates."""

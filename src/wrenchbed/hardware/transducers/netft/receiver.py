@@ -16,7 +16,7 @@ import numpy as np
 
 from wrenchbed.errors import LinkError
 from wrenchbed.hardware.device import STALE_S
-from wrenchbed.hardware.raw.capture import Capture
+from wrenchbed.hardware.packet_capture.capture import Capture
 from wrenchbed.hardware.transducers.base import weight
 from wrenchbed.hardware.transducers.netft import datagrams
 from wrenchbed.hardware.transducers.netft.datagrams import LARGEST, Record

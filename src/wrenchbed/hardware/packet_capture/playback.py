@@ -14,7 +14,8 @@ from pathlib import Path
 from typing import Self
 
 from wrenchbed.errors import RecordingError
-from wrenchbed.hardware.raw.capture import Packet, packets
+from wrenchbed.hardware.packet_capture.capture import Packet, packets
+from wrenchbed.web_requests import RefusedError, check_origin, parse, read_head
 
 RTDE, RDT, HTTP = "rtde", "rdt", "http"
 """Names of the peers."""
@@ -187,8 +188,15 @@ def _play(kept: Sequence[Packet], send: Callable[[bytes], object], stop: threadi
 
 
 def _page(link: socket.socket, page: bytes) -> None:
-    link.recv(8192)
-    head = "HTTP/1.0 200 OK\r\nContent-Type: text/xml\r\nConnection: close\r\n"
+    """The page for whoever asks by an address, not for a page elsewhere."""
+    status, kind = "200 OK", "text/xml"
+    try:
+        with link.makefile("rb") as stream:
+            asked = parse(read_head(stream))
+        check_origin(asked, link.getsockname()[1], ("localhost",), addresses=True)
+    except RefusedError as error:
+        status, kind, page = error.status, "text/plain", f"{error.why}\n".encode()
+    head = f"HTTP/1.0 {status}\r\nContent-Type: {kind}\r\nConnection: close\r\n"
     link.sendall(f"{head}Content-Length: {len(page)}\r\n\r\n".encode() + page)
 
 
