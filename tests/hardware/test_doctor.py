@@ -163,7 +163,7 @@ def looking_sample(t, wrench):
 def looking_health():
     from wrenchbed.hardware.device import Health
 
-    return Health("ok", "", {"lost": 0.0, "records": 3000.0})
+    return Health("ok", "", {"lost": 0.0, "readings": 3000.0})
 
 
 @pytest.mark.parametrize(

@@ -34,7 +34,8 @@ class Injected:
     def check(self):
         """It was in the stream, and no state that was read is of it."""
         assert self.seen_by_observer > 0
-        assert all(np.abs(s.q - A).max() < 1.0 and s.safety == "normal" for s in self.states)
+        odd = [s for s in self.states if np.abs(s.q - A).max() >= 1.0 or s.safety != "normal"]
+        assert not odd, odd[0]
 
 
 def lost_by(seen, link, words):

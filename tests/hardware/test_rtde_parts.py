@@ -161,7 +161,9 @@ def test_the_clock_is_estimated(ppm):
         ({}, 0), ({"q": (float("nan"),) * 6}, 1), ({"force": (math.inf,) * 6}, 1),
         ({"q": (1e86,) * 6}, 2), ({"q": (0.0,) * 5}, 2), ({"mode": 99.0}, 2), ({"safety": 0.0}, 2),
         ({"runtime": 1e9}, 2), ({"q": (0.5,) * 6}, 3), ({"stamp": 0.992}, 4),
-        ({"stamp": -0.5, "q": (0.5,) * 6}, 0),
+        ({"stamp": -0.5, "q": (0.5,) * 6}, 0), ({"stamp": 0.0, "current": (5e30,) * 6}, 2),
+        ({"stamp": 0.0, "q": (3.4e-322,) * 6}, 2), ({"target_moment": (-1.5e36,) * 6}, 2),
+        ({"temperatures": (1e9,) * 6}, 2), ({"qd": (60.0,) * 6}, 2),
     ],
 )  # fmt: skip
 def test_what_no_robot_sends_is_refused(change, wrong):

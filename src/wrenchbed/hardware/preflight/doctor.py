@@ -306,7 +306,7 @@ def _load(box: NetftTransducer, scale: np.ndarray | None) -> Iterator[Line]:
 
 def _lost(box: NetftTransducer) -> Line:
     health = box.health()
-    lost, records = health.counters["lost"], health.counters["records"]
+    lost, records = health.counters["lost"], health.counters["readings"]
     if not health.ok:
         return Line("readings", "fails", health.detail, "see the box's page of its status")
     text = f"{records:.0f} records, {lost:.0f} lost"

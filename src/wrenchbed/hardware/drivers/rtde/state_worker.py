@@ -79,14 +79,20 @@ FIELDS = (
 """Fields of the states; ur_rtde's decoder would shift the values after an unknown field."""
 RAW = "ft_raw_wrench"
 WRONG = (
-    "", "numbers that are not finite", "joint angles or modes that no robot has",
+    "", "numbers that are not finite", "values or modes that no robot has",
     "joints that jump faster than any robot", "time stamps that go back",
 )  # fmt: skip
 """Reasons to refuse a state; the index is stored in `Snapshot.wrong`."""
 _SPEED, _SLACK = 7.0, 0.05
 """Fastest joint [rad/s] and jump beyond that [rad] of a plausible state; estimates."""
-_FARTHEST = 7.0
-"""Largest plausible joint angle [rad]; estimate, above the 2π of a UR robot."""
+_LARGEST = {
+    "q": 7.0, "target_q": 7.0, "qd": 50.0, "target_qd": 50.0, "current": 500.0,
+    "target_moment": 1e4, "temperatures": 200.0, "pose": 10.0, "force": 1e5,
+}  # fmt: skip
+"""Largest plausible values [rad, rad/s, A, N·m, °C, m and rad, N and N·m]; estimates, joint angles
+above the 2π of a UR robot."""
+_TINY = 1e-200
+"""Numbers nearer to zero, and not zero, are bytes of something else; estimate."""
 _PLAYING = 2
 _RESTART_S = 1.0
 """Least backward step of the clock of a controller that was restarted [s]; estimate."""
@@ -231,14 +237,14 @@ class Copier:
 
 def implausible(new: Snapshot, last: Snapshot) -> int:
     """Why a robot cannot have sent this state, as an index of `WRONG`; 0 if it can."""
-    sixes = (
-        new.q, new.qd, new.current, new.target_q, new.target_qd, new.target_moment,
-        new.temperatures, new.pose, new.force,
-    )  # fmt: skip
-    if not all(math.isfinite(v) for six in sixes for v in six) or not math.isfinite(new.stamp):
+    sixes = [(most, getattr(new, name)) for name, most in _LARGEST.items()]
+    if not all(math.isfinite(v) for _, six in sixes for v in six) or not math.isfinite(new.stamp):
         return 1
     modes = -1 <= new.mode <= 8 and 1 <= new.safety <= 13 and 0 <= new.runtime <= 5
-    if not modes or any(abs(v) > _FARTHEST for v in new.q) or any(len(six) != 6 for six in sixes):
+    odd = any(len(six) != 6 for _, six in sixes) or any(
+        abs(v) > most or 0.0 < abs(v) < _TINY for most, six in sixes for v in six
+    )
+    if not modes or odd:
         return 2
     if last.t == 0.0 or new.stamp < last.stamp - _RESTART_S:
         return 0
