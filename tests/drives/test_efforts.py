@@ -231,3 +231,17 @@ def test_a_map_of_some_joints_currents_is_no_effort(tmp_path):
     (tmp_path / "map.toml").write_text(text)
     with pytest.raises(MapError, match="no column is mapped to fx"):
         read_map(tmp_path / "map.toml")
+
+
+def test_what_is_divided_by_a_number_that_may_be_zero_is_not_told():
+    """No load turns about the last axis: its currents show friction and no constant."""
+    t, q, qd, qdd = fourier(np.random.default_rng(13))
+    theta = UR5.theta_of_tool(UR5.parameters.nominal.copy(), 1e-4, (0.0, 0.0, 0.01))
+    body = torques(theta, q, qd, qdd, armature=0.1 * np.array([1, 1, 1, 1, 1, 0]))
+    seen = noisy(body + COULOMB * np.sign(qd) + VISCOUS * qd, 13) / CONSTANT
+    tool = {"mass": 1e-4, "cog": [0.0, 0.0, 0.01], "inertia": [1e-6, 1e-6, 1e-6, 0, 0, 0]}
+    fit = calibrate_efforts(recording(t, q, seen, "i", tool=tool))
+    assert fit["drive.constant.6"].std is None and fit["drive.coulomb.6"].std is None
+    assert fit["tool.cog.x"].std is None and fit["tool.mass"].std is not None
+    assert fit["drive.constant.2"].std is not None
+    assert "does not tell drive.constant.6" in fit.status and "link masses" in fit.status

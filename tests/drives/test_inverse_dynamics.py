@@ -43,7 +43,7 @@ def agree(robot, rng):
     for theta in (robot.parameters.nominal, random_theta(robot, rng)):
         q, inertias = moving(robot, rng), link_inertias(robot, theta)
         ours = torque_regressor(robot, theta, q, gravity) @ inertias.phi.ravel()
-        ours = ours + inertias.rotor * q.dd + inertias.viscous * q.d
+        ours = ours + inertias.rotor * q.dd
         theirs = inverse(robot, theta, q, gravity)
         assert np.abs(theirs).max() > 20.0
         assert np.abs(ours - theirs).max() < 1e-9

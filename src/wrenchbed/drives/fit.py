@@ -73,10 +73,13 @@ class DriveFit:
             return f"refuted: {self.refuted}"
         worst = min(self.joints, key=lambda e: e.explained)
         untold = [p.name for p in self.identified if p.std is None]
+        names = {p.name.partition(".")[0] for p in self.identified}
         text = (
             f"on rows that no fit saw it explains {percent(worst.explained)} % or more of each "
             f"joint's effort, least of joint {worst.joint}"
         )
+        if "link" not in names and "tool" in names:
+            text += "; the tool and drive constants hold as far as the model's link masses do"
         return text + (f"; this motion does not tell {', '.join(untold)}" if untold else "")
 
     def to_json(self) -> dict[str, Any]:

@@ -102,6 +102,9 @@ def _problem(
     robot = robot_of(recording)
     if not isinstance(robot, SerialChain) or not isinstance(robot, SimulatedRobot):
         raise NotFoundError(f"robot {robot.name!r} is no serial arm: its joints have no torques")
+    slides = [joint.name for joint in robot.joints if joint.unit == "m"]
+    if slides:
+        raise NotFoundError(f"joint {slides[0]} of {robot.name!r} slides: only hinges are fitted")
     model = Model.of(robot, recording.metadata)
     theta = robot.robot_theta(model.configured(recording.metadata))
     inertias = link_inertias(robot, theta)
@@ -191,17 +194,15 @@ def _fit(
     solution: Solution,
     starts: dict[str, float],
 ) -> DriveFit:
-    names, told = _names(problem, solution.told)
+    names, told = _names(problem, _certain(problem, solution, starts))
     values = _reported(problem, solution.x, starts)
     before = _reported(problem, start(problem), starts)
     each = np.array([_reported(problem, x, starts) for x in solution.folds])
-    off = each - each.mean(axis=0)
-    covariance = (FOLDS - 1) / FOLDS * off.T @ off
-    wide = float(stats.t.ppf(0.975, FOLDS - 1))
+    covariance = _jackknife(each)
     identified = []
     for k, (name, unit) in enumerate(names):
         std = float(np.sqrt(covariance[k, k])) if told[k] else None
-        half = None if std is None else wide * std
+        half = None if std is None else _WIDE * std
         identified.append(
             IdentifiedValue(name, float(values[k]), std, unit, float(before[k]), half)
         )
@@ -213,6 +214,32 @@ def _fit(
     )  # fmt: skip
 
 
+def _jackknife(folds: np.ndarray) -> np.ndarray:
+    """Covariance (K, K) of values that were found without each block (FOLDS, K)."""
+    off = folds - folds.mean(axis=0)
+    return np.asarray((FOLDS - 1) / FOLDS * off.T @ off)
+
+
+def _certain(p: Problem, solution: Solution, starts: dict[str, float]) -> np.ndarray:
+    """Which parameters (K,) are told; what is divided by must be surely above or below zero.
+
+    The interval of 1/g has no end where that of g holds zero (Fieller 1954), and no mass has no
+    centre.
+    """
+    told = solution.told.copy()
+    half = _WIDE * np.sqrt(np.diagonal(_jackknife(solution.folds)))
+    if p.gains:
+        joints = p.y.shape[1]
+        told[:joints] &= np.abs(solution.x[:joints]) > half[:joints]
+    if p.changes == LOAD:
+        at = p.y.shape[1] * p.gains
+        light = abs(solution.x[at] + starts[LOAD[0]]) <= half[at]
+        told[at + 1 : at + len(LOAD)] &= not light
+    return told
+
+
+_WIDE = float(stats.t.ppf(0.975, FOLDS - 1))
+"""Half the width of a 95 % interval in standard errors; the folds are its degrees of freedom."""
 _COG = tuple(f"tool.cog.{a}" for a in "xyz")
 _INERTIA = tuple(f"tool.inertia.{a}" for a in INERTIA_AXES)
 _UNITS = {"drive.coulomb": "N·m", "drive.viscous": "N·m·s/rad", "drive.offset": "N·m",

@@ -11,12 +11,11 @@ import numpy as np
 from scipy import signal
 from scipy.interpolate import make_interp_spline
 
+from wrenchbed.data.even_clock import JITTER
 from wrenchbed.data.recording import EFFORT_UNITS, Recording
 from wrenchbed.errors import CalibrationError, RecordingError
 from wrenchbed.physics.time_derivatives import Jet
 
-JITTER = 0.02
-"""Steps that differ by less than this share are even."""
 _ORDER = 4
 """Of the Butterworth filter, run forwards and backwards."""
 _BAND, _SHARE = 5.0, 0.99
@@ -32,7 +31,7 @@ _MOVING = 0.03
 """Share of a joint's largest speed below which it counts as at rest: its friction has no known
 sign there. Estimate."""
 _LEAST_ROWS = 100
-"""Fewest filtered rows; estimate."""
+"""Fewest rows; estimate."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,9 +69,8 @@ class DriveSignals:
 
     def filtered(self, columns: np.ndarray) -> np.ndarray:
         """Columns (N, …) through the filter, decimated, without their ends (M, …)."""
-        smooth = signal.sosfiltfilt(self._sections(), columns, axis=0)
-        edge = min(int(_EDGE * self.rate / self.cutoff), len(columns) // 4)
-        return np.asarray(smooth[edge : len(columns) - edge : self.step])
+        sections = signal.butter(_ORDER, self.cutoff, fs=self.rate, output="sos")
+        return np.asarray(signal.sosfiltfilt(sections, columns, axis=0)[self._kept()])
 
     def moving(self) -> np.ndarray:
         """Which joints move (M, J) at the filtered rows, through all of the filter's memory."""
@@ -80,11 +78,13 @@ class DriveSignals:
         still = speed < _MOVING * speed.max(axis=0)
         memory = np.ones(max(1, int(0.5 * self.rate / self.cutoff)))
         near = signal.fftconvolve(still, memory[:, None], mode="same", axes=0) > 0.5
-        edge = min(int(_EDGE * self.rate / self.cutoff), len(speed) // 4)
-        return np.asarray(~near[edge : len(speed) - edge : self.step])
+        return np.asarray(~near[self._kept()])
 
-    def _sections(self) -> np.ndarray:
-        return np.asarray(signal.butter(_ORDER, self.cutoff, fs=self.rate, output="sos"))
+    def _kept(self) -> slice:
+        """Rows that are kept: one in `step`, without the ends."""
+        rows = len(self.t)
+        edge = min(int(_EDGE * self.rate / self.cutoff), rows // 4)
+        return slice(edge, rows - edge, self.step)
 
 
 def drive_signals(recording: Recording, cutoff: float | None = None) -> DriveSignals:

@@ -23,12 +23,10 @@ class LinkInertias:
         phi: the ten parameters of `newton_euler` of each link (J, 10), in the axes and about the
             origin of `SerialChain.frames`.
         rotor: inertia of each motor at the joint's side (J,) [kg·m² or kg], MuJoCo's ``armature``.
-        viscous: damping of each joint (J,) [N·m·s/rad or N·s/m].
     """
 
     phi: np.ndarray
     rotor: np.ndarray
-    viscous: np.ndarray
 
 
 def link_inertias(robot: SimulatedRobot, theta: np.ndarray) -> LinkInertias:
@@ -52,7 +50,7 @@ def link_inertias(robot: SimulatedRobot, theta: np.ndarray) -> LinkInertias:
         k = joint_of[body]
         if k >= 0:
             phi[k] += _seen(model, data, body, *frames[k])
-    return LinkInertias(phi, model.dof_armature.copy(), model.dof_damping.copy())
+    return LinkInertias(phi, model.dof_armature.copy())
 
 
 def _at_home(*vectors: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
