@@ -60,7 +60,7 @@ def test_a_robot_that_is_ready_has_nothing_to_note(look):
     report, lines = look()
     assert report.ok and {line.grade for line in report.lines} == {"ok"}
     assert "3.15.8, serial 2015350000" in lines["software"].found
-    assert lines["rate"].found.startswith("125.0 states a second of 125")
+    assert lines["rate"].found.startswith("125.0 states a second (112.5 needed)")
     assert not any(line.remedy for line in report.lines)
 
 

@@ -204,8 +204,9 @@ def _stream(times: Sequence[tuple[float, float]], native: float, what: str) -> I
     at, clock = np.transpose(times) if len(times) > 2 else (np.zeros(2), np.zeros(2))
     rate = (len(at) - 1) / (at[-1] - at[0]) if at[-1] > at[0] else 0.0
     gap = float(np.diff(at).max()) if rate else math.inf
-    text = f"{rate:.1f} {what} a second of {native:g}, longest gap {gap * _MS:.1f} ms"
-    if rate < _SPARSE * native or gap > _GAP_S:
+    least = _SPARSE * native
+    text = f"{rate:.1f} {what} a second ({least:g} needed), longest gap {gap * _MS:.1f} ms"
+    if rate < least or gap > _GAP_S:
         yield Line("rate", "fails", text, "use a cable and no wireless link, end other programs on "
                    "this computer and other clients of the robot")  # fmt: skip
     else:
