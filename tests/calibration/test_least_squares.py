@@ -397,7 +397,6 @@ def test_what_data_cannot_tell_is_named():
     told = analyse(J, list("stuvwxy"), np.ones(7))
     assert told.rank == 3
     assert told.no_effect == ("x",)
-    assert told.identifiable == ("w",)
     sentences = [r.sentence for r in told.redundancies]
     assert "s and t enter only as their sum s + t" in sentences
     assert "u and v enter only as their difference v − u" in sentences

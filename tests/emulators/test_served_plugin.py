@@ -1,10 +1,14 @@
 """`wrenchbed twin` serves whatever emulator is installed."""
 
+import gc
+import time
+
 import pytest
 
 from wrenchbed import registry
 from wrenchbed.cli import main
 from wrenchbed.emulators.base.emulator import Emulator
+from wrenchbed.emulators.base.real_time import objects_kept
 
 
 class Gripper(Emulator):
@@ -38,3 +42,15 @@ def test_an_unknown_emulator_is_refused_with_those_that_exist(wrong, capsys):
     said = " ".join(capsys.readouterr().err.split())
     assert f"there is no emulator {wrong!r}" in said
     assert "medrue, netft, ur5" in said
+
+
+def test_what_exists_before_is_left_out_of_garbage_collection_while_an_emulator_serves():
+    before = gc.get_freeze_count()
+    with objects_kept():
+        assert gc.get_freeze_count() > before + 10_000
+        begun = time.perf_counter()
+        gc.collect()
+        kept = time.perf_counter() - begun
+    begun = time.perf_counter()
+    gc.collect()
+    assert gc.get_freeze_count() == 0 and kept < 0.5 * (time.perf_counter() - begun)

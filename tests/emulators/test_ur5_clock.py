@@ -92,7 +92,7 @@ def test_the_time_stamp_counts_the_time_in_which_the_loop_stood_still(hands, emu
         emulator.body.step(emulator.body.target)
 
     monkeypatch.setattr(emulator, "_cycle", cycle)
-    monkeypatch.setattr(emulator, "_wait", lambda: None)
+    monkeypatch.setattr(emulator, "_wait", lambda pause=0.0: None)
     for _ in range(4):  # until the state that is shown moves on with each cycle
         emulator.body.step(emulator.body.target)
     first = emulator.timestamp.now()

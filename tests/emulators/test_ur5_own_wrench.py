@@ -2,9 +2,13 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from wrenchbed.emulators.base.emulator import EmulatorOptions
 from wrenchbed.emulators.ur5 import EMULATOR
+from wrenchbed.hardware.drivers.rtde import wrench_source
+from wrenchbed.hardware.drivers.rtde.shared_state import Snapshot
+from wrenchbed.hardware.transducers.ur_wrench import in_sensor_axes
 
 HOST = "127.0.1.36"
 CABLE = "cable.pull:stiffness=6,pull.x=1.0,pull.z=-1.0"
@@ -82,3 +86,43 @@ def test_both_readings_of_an_e_series_are_of_one_sensor():
     weight = arm.estimate.payload.mass * arm.estimate.gravity
     assert rotation @ raw[:3] - weight == pytest.approx(force[:3], abs=1e-9)
     assert np.abs(raw - emulator.body.load).max() > 0.1
+
+
+def at_the_tcp(major: int, wrench: np.ndarray, pose: np.ndarray, tcp: np.ndarray) -> np.ndarray:
+    """What Universal Robots' ROS 2 driver makes of actual_TCP_force: TCP axes, about the TCP.
+
+    ``transformForceTorque`` of its hardware interface: on a CB3 the axes are turned, from software
+    5 on the wrench is also moved from flange to TCP.
+    """
+    base_tcp, flange_tcp = Rotation.from_rotvec(pose[3:]), Rotation.from_rotvec(tcp[3:])
+    if major < 5:
+        return np.concatenate([base_tcp.inv().apply(wrench[:3]), base_tcp.inv().apply(wrench[3:])])
+    base_flange = base_tcp * flange_tcp.inv()
+    force, torque = (base_flange.inv().apply(part) for part in (wrench[:3], wrench[3:]))
+    moved = torque - np.cross(tcp[:3], force)
+    return np.concatenate([flange_tcp.inv().apply(force), flange_tcp.inv().apply(moved)])
+
+
+@pytest.mark.parametrize("series, major", [("cb3", 3), ("e", 5), ("x", 10)])
+def test_each_generation_refers_its_wrench_to_the_point_that_the_maker_says(series, major):
+    """A turned TCP 0.15 m before the flange, no payload set: the tool's whole weight is reported.
+
+    The maker's own client and this package's driver must both get the true load from it.
+    """
+    emulator = made(series=series, box="on")
+    arm, tcp = emulator.controller.arm, np.array([0.02, -0.03, 0.15, 0.3, -0.2, 0.5])
+    arm.tcp = tcp.copy()
+    arm.estimate.carry(0.0, np.array([0.0, 0.0, 1e-3]))
+    wrench = forces(emulator, 3)[-1]
+    q, load = np.array(arm.body.q), np.array(arm.body.load)
+    pose = arm.kinematics.pose(q, tcp)
+    assert np.linalg.norm(load[:3]) > 10.0
+
+    turn = Rotation.from_rotvec(tcp[3:])
+    true = np.r_[turn.inv().apply(load[:3]),
+                 turn.inv().apply(load[3:] - np.cross(tcp[:3], load[:3]))]  # fmt: skip
+    assert at_the_tcp(major, wrench, pose, tcp) == pytest.approx(true, abs=1e-9)
+    assert at_the_tcp(5 if major < 5 else 3, wrench, pose, tcp) != pytest.approx(true, abs=0.1)
+
+    state = Snapshot(t=1.0, q=tuple(q), pose=tuple(pose), force=tuple(wrench), major=float(major))
+    assert in_sensor_axes(wrench_source.reading(state, arm.body.robot)) == pytest.approx(load)

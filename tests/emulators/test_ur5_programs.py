@@ -3,6 +3,7 @@
 import gzip
 import socket
 import struct
+import time
 
 import numpy as np
 import pytest
@@ -200,6 +201,63 @@ def test_a_secondary_program_runs_beside_the_one_that_plays(bench):
     bench.controller.upload(Collector().feed(text))
     bench.run(CYCLE)
     assert bench.controller.terminals.bits == 1 << 3 and bench.plays
+
+
+def _long(*lines: str) -> list:
+    """A program of 2,000 lines; the controller compiles such beside its control cycle."""
+    text = "\n".join(["def program():", *["k = 1"] * 2000, *lines, "end", ""])
+    return Collector().feed(text.encode())
+
+
+def _until(bench, holds, seconds: float = 20.0) -> None:
+    """Take cycles in real time until something holds."""
+    end = time.monotonic() + seconds
+    while not holds() and time.monotonic() < end:
+        bench.run(CYCLE)
+        time.sleep(CYCLE)
+
+
+def test_the_control_cycle_goes_on_while_a_long_program_is_compiled(bench):
+    begun = time.perf_counter()
+    bench.controller.upload(_long('textmsg("compiled")', "while True:", "  sync()", "end"))
+    taken = time.perf_counter() - begun
+    bench.run(CYCLE)
+    assert not bench.said and not bench.plays
+    _until(bench, lambda: bench.plays)
+    waited = time.perf_counter() - begun
+    bench.run(CYCLE)
+    assert bench.said == ["compiled"] and taken < 0.2 * waited
+
+
+def test_a_long_program_that_is_no_program_is_reported_by_its_line(bench):
+    bench.controller.upload(_long("k = = 1"))
+    _until(bench, lambda: bench.faults)
+    assert [fault.line for fault in bench.faults] == [2002] and not bench.plays
+
+
+@pytest.mark.parametrize("instead", ["stop", "short", "long"])
+def test_what_comes_while_a_program_is_compiled_takes_its_place(bench, instead):
+    bench.controller.upload(_long('textmsg("first")'))
+    if instead == "stop":
+        bench.controller.stop_program()
+    elif instead == "short":
+        bench.play('textmsg("second")')
+    else:
+        bench.controller.upload(_long('textmsg("second")'))
+    _until(bench, lambda: bench.said, 1.0 if instead == "stop" else 20.0)
+    bench.run(0.5)
+    assert bench.said == ([] if instead == "stop" else ["second"])
+
+
+def test_a_program_that_is_sent_again_is_not_compiled_again(bench):
+    bench.controller.upload(_long('textmsg("again")'))
+    _until(bench, lambda: bench.said)
+    bench.run(CYCLE)
+    begun = time.perf_counter()
+    bench.controller.upload(_long('textmsg("again")'))
+    while len(bench.said) < 2:
+        bench.run(CYCLE)
+    assert time.perf_counter() - begun < 0.5
 
 
 def test_sockets_read_what_a_computer_sends(bench):

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from wrenchbed.emulators.ur5.urscript.faults import ProgramEndsError, ScriptFaultError
 from wrenchbed.emulators.ur5.urscript.functions import Table
-from wrenchbed.emulators.ur5.urscript.machine import Machine
+from wrenchbed.emulators.ur5.urscript.machine import Machine, compiled
 from wrenchbed.emulators.ur5.urscript.parser import parse
 
 TABLE = Table()
@@ -39,7 +39,7 @@ def struct(said, **fields):
 def run(text: str, cycles: int = 100) -> list:
     """What a program says within some control cycles."""
     said: list = []
-    machine = Machine(text, TABLE, said)
+    machine = Machine(compiled(text, TABLE), said)
     try:
         for _ in range(cycles):
             if not machine.cycle():
@@ -177,7 +177,7 @@ def test_values_do_not_grow_without_bound():
 
 
 def test_an_endless_loop_that_waits_takes_no_longer_than_its_cycles():
-    machine = Machine("while True:\n  sync()\nend\n", TABLE, [])
+    machine = Machine(compiled("while True:\n  sync()\nend\n", TABLE), [])
     assert all(machine.cycle() for _ in range(1000))
 
 
@@ -201,7 +201,7 @@ WORDS = st.sampled_from(
 def test_words_in_any_order_end_a_program_at_most(words):
     said: list = []
     try:
-        machine = Machine(" ".join(words) + "\n", TABLE, said)
+        machine = Machine(compiled(" ".join(words) + "\n", TABLE), said)
         for _ in range(5):
             if not machine.cycle():
                 break

@@ -2,6 +2,7 @@
 
 import contextlib
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from emulator_process import running
 from wrenchbed import registry
 from wrenchbed.cli import main
 from wrenchbed.errors import DriverError, LinkError, ParameterError
-from wrenchbed.hardware.drivers.rtde import dashboard, identity, outputs
+from wrenchbed.hardware.drivers.rtde import dashboard, identity, outputs, own_kinematics
 from wrenchbed.hardware.preflight import doctor as looking
 
 UR5 = registry.load("robots", "ur5")
@@ -19,6 +20,13 @@ WELL = {
     "tcp_offset": (0.0,) * 6, "safety_mode": (1.0,), "robot_mode": (7.0,),
     "speed_scaling": (1.0,),
 }  # fmt: skip
+
+
+NOMINAL = own_kinematics.OwnKinematics(
+    (0.0,) * 6, (0.0, -0.425, -0.39225, 0.0, 0.0, 0.0),
+    (0.089159, 0.0, 0.0, 0.10915, 0.09465, 0.0823),
+    (np.pi / 2, 0.0, 0.0, np.pi / 2, -np.pi / 2, 0.0), (1,) * 6,
+)  # fmt: skip
 
 
 class Stream:
@@ -41,7 +49,7 @@ class Stream:
 def look(monkeypatch):
     """Looks at a made controller; lines by name."""
 
-    def run(stream=None, told=None, closed=(), remote="true", robot=UR5):
+    def run(stream=None, told=None, closed=(), remote="true", robot=UR5, kinematics=NOMINAL):
         stream = stream or Stream()
         clock = iter(np.arange(0.0, 1e6, 0.008))
         monkeypatch.setattr(looking.time, "monotonic", lambda: next(clock))
@@ -50,6 +58,7 @@ def look(monkeypatch):
         said = {"model": "UR5", "serial": "2015350000"} if told is None else told
         monkeypatch.setattr(identity, "stated", lambda host: said)
         monkeypatch.setattr(dashboard, "request", lambda *a: remote)
+        monkeypatch.setattr(own_kinematics, "read", lambda *a: kinematics)
         report = looking.doctor(robot, "192.0.2.7", seconds=4.0)
         return report, {line.name: line for line in report.lines}
 
@@ -62,6 +71,16 @@ def test_a_robot_that_is_ready_has_nothing_to_note(look):
     assert "3.15.8, serial 2015350000" in lines["software"].found
     assert lines["rate"].found.startswith("125.0 states a second (112.5 needed)")
     assert not any(line.remedy for line in report.lines)
+
+
+def test_the_kinematics_of_another_arm_fails_and_none_is_a_note(look):
+    other = replace(NOMINAL, a=(0.0, -0.612, -0.5723, 0.0, 0.0, 0.0))
+    report, lines = look(kinematics=other)
+    assert not report.ok and lines["kinematics"].grade == "fails"
+    report, lines = look(kinematics=None)
+    assert (
+        report.ok and lines["kinematics"].grade == "note" and "30002" in lines["kinematics"].found
+    )
 
 
 @pytest.mark.parametrize(

@@ -43,6 +43,10 @@ def test_an_arm_from_a_file_is_driven_if_it_has_six_hinges(tmp_path):
         ("ur10e", {"model": "UR10"}, 3, False, "is a CB3, and the robot is 'ur10e'"),
         ("ur16e", {"model": "UR10"}, 5, False, "moves a UR10"),
         ("ur20", {"model": "UR20"}, 5, False, ""),
+        ("ur7e", {"model": "UR5"}, 5, True, ""),
+        ("ur12e", {"model": "UR5"}, 5, True, "moves a UR5, and the robot is 'ur12e'"),
+        ("ur8long", {"model": "UR8_LONG"}, 5, True, ""),
+        ("ur8long", {"model": "UR20"}, 5, True, "moves a UR20, and the robot is 'ur8long'"),
         ("my_arm", {"model": "UR10"}, 5, False, ""),
     ],
 )

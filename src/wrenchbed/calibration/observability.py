@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.optimize import linprog
@@ -27,7 +28,46 @@ class Redundancy:
     sentence: str
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
+class NullSpace:
+    """Directions that change no reading.
+
+    Attributes:
+        names: parameters that move a reading (K,).
+        scale: typical size of each (K,), its unit.
+        basis: orthonormal, of scaled parameters (K, D).
+        symmetries: directions with a known name.
+    """
+
+    names: tuple[str, ...]
+    scale: np.ndarray
+    basis: np.ndarray
+    symmetries: Mapping[str, Mapping[str, float]]
+
+    def named(self) -> tuple[Redundancy, ...]:
+        """Directions that span it: known ones that it confirms, then those with few parameters."""
+        found: list[np.ndarray] = []
+        told: list[str] = []
+        count = len(self.names)
+        for text, direction in self.symmetries.items():
+            x = np.array([direction.get(n, 0.0) for n in self.names]) / self.scale
+            if _in_span(x, self.basis) and not _in_span(x, _columns(found, count)):
+                found.append(x / np.abs(x).max())
+                told.append(text)
+        for x in _sparsest(self.basis):
+            if len(found) == self.basis.shape[1]:
+                break
+            if not _in_span(x, _columns(found, count)):
+                found.append(x)
+                told.append("")
+        redundancies = [
+            _redundancy(x * self.scale, self.names, text)
+            for x, text in zip(found, told, strict=True)
+        ]
+        return tuple(sorted(redundancies, key=lambda r: len(r.names)))
+
+
+@dataclass(frozen=True, eq=False)
 class Observability:
     """Rank of a Jacobian (M, K), its singular values (scaled), and what it cannot tell."""
 
@@ -35,13 +75,12 @@ class Observability:
     rank: int
     singular_values: np.ndarray
     no_effect: tuple[str, ...]
-    redundancies: tuple[Redundancy, ...]
+    null_space: NullSpace
 
-    @property
-    def identifiable(self) -> tuple[str, ...]:
-        """Parameters that stand in no null direction."""
-        lost = set(self.no_effect).union(*(r.names for r in self.redundancies))
-        return tuple(n for n in self.names if n not in lost)
+    @cached_property
+    def redundancies(self) -> tuple[Redundancy, ...]:
+        """Parameters that enter only together; looked for when somebody asks, which takes long."""
+        return self.null_space.named()
 
 
 def null_space(jacobian: np.ndarray) -> tuple[int, np.ndarray, np.ndarray]:
@@ -72,25 +111,14 @@ def analyse(
     no_effect = tuple(n for n, a in zip(names, active, strict=True) if not a)
     kept = np.flatnonzero(active)
     rank, s, basis = null_space(scaled[:, kept])
-    kept_names = [names[int(i)] for i in kept]
-    found: list[np.ndarray] = []
-    told: list[str] = []
-    for text, direction in (symmetries or {}).items():
-        x = np.array([direction.get(n, 0.0) for n in kept_names]) / scale[kept]
-        if _in_span(x, basis) and not _in_span(x, _columns(found, len(kept))):
-            found.append(x / np.abs(x).max())
-            told.append(text)
-    for x in _sparsest(basis):
-        if len(found) == basis.shape[1]:
-            break
-        if not _in_span(x, _columns(found, len(kept))):
-            found.append(x)
-            told.append("")
-    redundancies = [
-        _redundancy(x * scale[kept], kept_names, text) for x, text in zip(found, told, strict=True)
-    ]
-    redundancies.sort(key=lambda r: len(r.names))
-    return Observability(tuple(names), rank, s, no_effect, tuple(redundancies))
+    kept_names = tuple(names[int(i)] for i in kept)
+    return Observability(
+        tuple(names),
+        rank,
+        s,
+        no_effect,
+        NullSpace(kept_names, scale[kept], basis, symmetries or {}),
+    )
 
 
 def _columns(vectors: list[np.ndarray], n: int) -> np.ndarray:

@@ -1,11 +1,16 @@
 """Universal Robots' arms beside the UR5.
 
-Universal Robots, "DH Parameters for calculations of kinematics and dynamics"
-(universal-robots.com/articles/ur/application-installation), there with CoGs in the axes at a link's
-end, here in those at its joint. Compared with that page: UR3e, UR5e, UR20 and the lengths of UR10e.
-From memory, unverified: masses and CoGs of UR3, UR10 and UR16e, the lengths of UR16e, and all top
-speeds (technical specifications). Limits are ±360° at every joint. Where poses are sampled is the
-UR5's, scaled: an estimate.
+Two sources of the maker, equal where both were compared: the article "DH Parameters for
+calculations of kinematics and dynamics" (universal-robots.com/articles/ur/application-installation;
+CoGs in the axes at a link's end, here in those at its joint), and the ROS description
+(``config/ur*/`` of Universal_Robots_ROS2_Description, and of ``ur_description`` in ros-industrial's
+universal_robot). Every length, mass, CoG and top speed here is that of the ROS description; from
+the article alone: mass and CoG of UR20's last link, 0.846 kg (the description has 0.926 kg).
+
+A UR7e is a UR5e and a UR12e a UR10e with other payloads (the description has equal numbers). Top
+speeds of the UR8 Long were not found: UR15's stand in, an estimate. Joints turn ±360°: in the
+maker's manuals; the ROS description has ±180° at the elbow for its planners. Where poses are
+sampled is the UR5's, scaled: an estimate.
 """
 
 from dataclasses import replace
@@ -39,6 +44,33 @@ _LARGE = ((0.021, 0.0, 0.027), (0.38, 0.0, 0.158), (0.24, 0.0, 0.068), (0.0, 0.0
           (0.0, 0.007, 0.018), (0.0, 0.0, -0.026))  # fmt: skip
 _SLOW_BASE = (120.0, 120.0, 180.0, 180.0, 180.0, 180.0)
 _FAST_WRIST = (180.0, 180.0, 180.0, 360.0, 360.0, 360.0)
+_UR5E = _Published(
+    (0.1625, -0.425, -0.3922, 0.1333, 0.0997, 0.0996),
+    (3.761, 8.058, 2.846, 1.37, 1.3, 0.365),
+    _MIDDLE,
+    (180.0,) * 6,
+)
+_UR10E = _Published(
+    (0.1807, -0.6127, -0.57155, 0.17415, 0.11985, 0.11655),
+    (7.369, 13.051, 3.989, 2.1, 1.98, 0.615),
+    _LARGE,
+    _SLOW_BASE,
+)
+
+
+def _middle_size(
+    a2: float, a3: float, masses: tuple[float, float], cogs: tuple[tuple[float, float, float], ...]
+) -> _Published:
+    """UR8 Long, UR15, UR18: one base and wrist; lengths, masses, CoGs of upper arm and forearm."""
+    base, wrist = (0.000024, -0.033309, 0.025304), (0.000025, -0.019695, 0.016413)
+    return _Published(
+        (0.2186, a2, a3, 0.1824, 0.1361, 0.1434),
+        (9.9883, *masses, 2.089, 2.0869, 1.0666),
+        (base, *cogs, wrist, (0.000025, 0.01996, 0.015886), (-0.000018, -0.000112, -0.053397)),
+        (180.0, 180.0, 240.0, 300.0, 300.0, 300.0),
+    )
+
+
 _ARMS = {
     "ur3": _Published(
         (0.1519, -0.24365, -0.21325, 0.11235, 0.08535, 0.0819),
@@ -52,14 +84,10 @@ _ARMS = {
         (0.15185, -0.24355, -0.2132, 0.13105, 0.08535, 0.0921),
         (1.98, 3.4445, 1.437, 0.871, 0.805, 0.261), _SMALL, _FAST_WRIST,
     ),
-    "ur5e": _Published(
-        (0.1625, -0.425, -0.3922, 0.1333, 0.0997, 0.0996),
-        (3.761, 8.058, 2.846, 1.37, 1.3, 0.365), _MIDDLE, (180.0,) * 6,
-    ),
-    "ur10e": _Published(
-        (0.1807, -0.6127, -0.57155, 0.17415, 0.11985, 0.11655),
-        (7.369, 13.051, 3.989, 2.1, 1.98, 0.615), _LARGE, _SLOW_BASE,
-    ),
+    "ur5e": _UR5E,
+    "ur7e": _UR5E,
+    "ur10e": _UR10E,
+    "ur12e": _UR10E,
     "ur16e": _Published(
         (0.1807, -0.4784, -0.36, 0.17415, 0.11985, 0.11655),
         (7.369, 10.45, 4.321, 2.18, 2.033, 0.907),
@@ -73,6 +101,25 @@ _ARMS = {
         ((0.0, -0.061, 0.0062), (0.5226, 0.0, 0.2098), (0.3234, 0.0, 0.0604),
          (0.0, -0.0026, 0.0393), (0.0, 0.0024, 0.0379), (0.0, -0.0003, -0.0318)),
         (120.0, 120.0, 150.0, 210.0, 210.0, 210.0),
+    ),
+    "ur30": _Published(
+        (0.2363, -0.637, -0.5037, 0.201, 0.1593, 0.1543),
+        (16.343, 28.542, 7.156, 3.054, 3.126, 0.926),
+        ((-0.0001, -0.06, 0.0069), (0.3894, 0.0, 0.2103), (0.2257, 0.0, 0.0629),
+         (0.0, -0.0048, 0.0353), (0.0, 0.0046, 0.0341), (0.0, 0.0, -0.0293)),
+        (120.0, 120.0, 150.0, 210.0, 210.0, 210.0),
+    ),
+    "ur8long": _middle_size(
+        -0.8989, -0.7149, (17.0738, 7.6393),
+        ((0.565429, -0.000074, 0.19542), (0.416102, 0.000058, 0.065663)),
+    ),
+    "ur15": _middle_size(
+        -0.6475, -0.5164, (14.9255, 6.1015),
+        ((0.419009, -0.000083, 0.192787), (0.305471, 0.000019, 0.070552)),
+    ),
+    "ur18": _middle_size(
+        -0.475, -0.3389, (14.2009, 5.52),
+        ((0.308664, -0.000088, 0.190204), (0.199652, 0.000021, 0.073101)),
     ),
 }  # fmt: skip
 NAMES = tuple(_ARMS)
@@ -91,11 +138,21 @@ def ur_arm(name: str) -> URArm:
     limbs = tuple(((k, 0.0, z * side), (k, links[k].a, z * side)) for (k, _, z), _ in ARM.limbs)
     return URArm(
         replace(
-            ARM, name=name, title=f"Universal Robots {name.upper().replace('E', 'e')} with an ATI "
-            "Gamma", links=links, limbs=limbs, table=ARM.table * scale, column=ARM.column * scale,
+            ARM,
+            name=name,
+            title=f"Universal Robots {_title(name)} with an ATI Gamma",
+            links=links,
+            limbs=limbs,
+            table=ARM.table * scale,
+            column=ARM.column * scale,
             clearance=ARM.clearance * max(scale, 1.0),
         )
-    )  # fmt: skip
+    )
+
+
+def _title(name: str) -> str:
+    """``ur10e`` is the UR10e, ``ur8long`` the UR8 Long."""
+    return "UR" + name[2:].replace("long", " Long")
 
 
 def _published_link(told: _Published, k: int, body: str) -> Link:

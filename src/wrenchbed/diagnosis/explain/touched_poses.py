@@ -9,7 +9,7 @@ elsewhere and anywhere; wrong rows have no point in common.
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from wrenchbed.diagnosis.explain.outliers import Outlier
 from wrenchbed.diagnosis.prepare.prepared import Prepared, Touch
@@ -84,7 +84,7 @@ def _point(
     covariance = np.linalg.inv(design.T @ design + np.eye(3) / reach**2)
     aside = covariance @ (design.T @ left)
     misfit = float(((left - design @ aside) ** 2).sum() + (aside**2).sum() / reach**2)
-    return tip + aside, np.sqrt(np.diagonal(covariance)), float(chi2.sf(misfit, len(left)))
+    return tip + aside, np.sqrt(np.diagonal(covariance)), float(chdtrc(len(left), misfit))
 
 
 def _deepest(at: np.ndarray, touched: np.ndarray, aside: np.ndarray, way: np.ndarray) -> bool:

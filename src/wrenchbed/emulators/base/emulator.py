@@ -18,6 +18,7 @@ from wrenchbed import registry
 from wrenchbed.emulators.base import faults as timed
 from wrenchbed.emulators.base.body import BodyOptions
 from wrenchbed.emulators.base.faults import Faults
+from wrenchbed.emulators.base.real_time import objects_kept
 from wrenchbed.errors import DriverError, ParameterError
 from wrenchbed.robots.base import SimulatedRobot
 
@@ -148,7 +149,8 @@ def serve(
     try:
         server.addresses = server.start()
         server.faults.start(script, str(faults))
-        yield server
+        with objects_kept():
+            yield server
     finally:
         server.faults.stop()
         server.stop()

@@ -1,6 +1,8 @@
 """The controller: power, safety, program and arm, one control cycle at a time."""
 
 from collections.abc import Callable, Iterable
+from concurrent.futures import Future, ThreadPoolExecutor
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -29,12 +31,17 @@ from wrenchbed.emulators.ur5.program import ControlProgram, Program, ProgramErro
 from wrenchbed.emulators.ur5.programs import Loaded, Programs
 from wrenchbed.emulators.ur5.script import Script
 from wrenchbed.emulators.ur5.script_functions import functions
-from wrenchbed.emulators.ur5.script_program import ScriptProgram
+from wrenchbed.emulators.ur5.script_program import ScriptProgram, program_code
 from wrenchbed.emulators.ur5.settings import ControllerSettings
 from wrenchbed.emulators.ur5.tool_wrench import ExternalWrench, Payload, WrenchEstimate
+from wrenchbed.emulators.ur5.urscript.machine import Code
 
 _MOST_SECONDARY = 4
 """Secondary programs at a time."""
+_LONG = 2000
+"""Characters of a program that is compiled beside the control cycle; estimate of 1 ms."""
+_KEPT = 4
+"""Compiled programs that are kept, for clients that send the same one again."""
 _MORE_FORCE = 30.0
 """Beyond what pressed when a stop was unlocked, from which the robot stops again [N]."""
 
@@ -77,7 +84,10 @@ class Controller:
         self.announce: Callable[[Event], None] = lambda event: None
         self.address = ""
         self.now = 0.0
-        self._functions = functions(settings.version)
+        table = functions(settings.version)
+        self._code = lru_cache(_KEPT)(lambda text: program_code(text, table))
+        self._compiler = ThreadPoolExecutor(1, "urscript")
+        self._uploaded: Future[Code] | None = None
         self._programs = Programs(Path(settings.programs) if settings.programs else None)
         self._secondary: list[ScriptProgram] = []
         self._said = int(self.modes.safety)
@@ -87,6 +97,9 @@ class Controller:
         """Take one control cycle at a time of `time.monotonic` [s]."""
         self.now = now
         self.modes.tick(now)
+        if self._uploaded is not None and self._uploaded.done():
+            code, self._uploaded = self._uploaded, None
+            self._attempt(code.result)
         if self.program is not None and self.program.direct:
             self._play()
         violation = self.arm.cycle()
@@ -105,8 +118,12 @@ class Controller:
                 continue
             if not script.secondary:
                 self.stop_program()
-            if not script.faulty:
+            if script.faulty:
+                continue
+            if script.control or script.secondary or len(script.text) < _LONG:
                 self._start(script)
+            else:
+                self._uploaded = self._compiled(script.text)
 
     def load(self, name: str) -> bool:
         """Take a program by its file's name, stopped; False where there is none.
@@ -133,7 +150,7 @@ class Controller:
             return False
         if self.loaded.text:
             return self._start(Script(text=self.loaded.text))
-        self._begin(ExternalControl(self, self.settings.computer, self._interpreted))
+        self._begin(ExternalControl(self, self.settings.computer, self._compiled, self._playing))
         return True
 
     def pause(self) -> bool:
@@ -144,7 +161,8 @@ class Controller:
         return True
 
     def stop_program(self) -> None:
-        """End the program, braking; its registers keep their values."""
+        """End the program and what is being compiled, braking; registers keep their values."""
+        self._uploaded = None
         if self.program is not None:
             self.program.close()
             self.announce(Key(STOPPED, self.program.name))
@@ -223,12 +241,16 @@ class Controller:
 
     def _start(self, script: Script) -> bool:
         """Begin a program; False where its text is none, which is announced."""
+        if script.control:
+            commands = commands_of(self.settings)
+            self._begin(ControlProgram(self, commands, script.offset, script.path))
+            return True
+        return self._attempt(lambda: self._code(script.text))
+
+    def _attempt(self, code: Callable[[], Code]) -> bool:
+        """Begin an interpreted program; False where its text is none, which is announced."""
         try:
-            if script.control:
-                commands = commands_of(self.settings)
-                self._begin(ControlProgram(self, commands, script.offset, script.path))
-                return True
-            program = self._interpreted(script.text)
+            program = self._playing(code())
         except ProgramError as error:
             self._report(error)
             return False
@@ -238,8 +260,12 @@ class Controller:
             self._begin(program)
         return True
 
-    def _interpreted(self, text: str) -> ScriptProgram:
-        return ScriptProgram(self, text, self._functions)
+    def _compiled(self, text: str) -> Future[Code]:
+        """Compile a program in another thread, so that no control cycle waits for it."""
+        return self._compiler.submit(self._code, text)
+
+    def _playing(self, code: Code) -> ScriptProgram:
+        return ScriptProgram(self, code)
 
     def _begin(self, program: Program) -> None:
         self.arm.thaw(go_on=False)

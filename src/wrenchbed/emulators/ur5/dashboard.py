@@ -62,7 +62,7 @@ class Dashboard:
             "version": lambda: version,
             "savelog": lambda: "Log saved to disk",
             "get serial number": lambda: SERIAL_NUMBER,
-            "get robot model": lambda: controller.settings.model.upper().removesuffix("E"),
+            "get robot model": lambda: controller.settings.reported_model,
             "shutdown": self._after(shut_down, "Shutting down"),
             "quit": self._quit,
         }

@@ -5,10 +5,11 @@ The text has no length; it ends with a marker, with the connection, or with sile
 """
 
 from collections.abc import Callable, Iterator
+from concurrent.futures import Future
 
 from wrenchbed.emulators.ur5.program import Host, Program, ProgramError
 from wrenchbed.emulators.ur5.script_links import Links
-from wrenchbed.emulators.ur5.urscript.machine import LONGEST
+from wrenchbed.emulators.ur5.urscript.machine import LONGEST, Code
 
 REQUEST = b"request_program\n"
 _END = b"# NODE_CONTROL_LOOP_ENDS"
@@ -22,7 +23,8 @@ class ExternalControl:
     Args:
         controller: it plays there.
         address, port: of the computer.
-        play: makes the program of a text.
+        compiled: begins to compile a text.
+        play: makes the program of what is compiled.
 
     Attributes:
         name: as it is reported.
@@ -31,10 +33,15 @@ class ExternalControl:
     direct = False
 
     def __init__(
-        self, controller: Host, address: tuple[str, int], play: Callable[[str], Program]
+        self,
+        controller: Host,
+        address: tuple[str, int],
+        compiled: Callable[[str], Future[Code]],
+        play: Callable[[Code], Program],
     ) -> None:
         self.name = "external_control"
-        self._controller, self._address, self._play = controller, address, play
+        self._controller, self._address = controller, address
+        self._compiled, self._play = compiled, play
         self._links = Links(controller.address)
         self._steps = self._fetch()
         self._program: Program | None = None
@@ -76,4 +83,7 @@ class ExternalControl:
                 raise ProgramError(f"External Control: {host}:{port} sends no program")
             yield
         self._links.close()
-        self._program = self._play(text.decode("utf-8", "replace"))
+        code = self._compiled(text.decode("utf-8", "replace"))
+        while not code.done():
+            yield
+        self._program = self._play(code.result())

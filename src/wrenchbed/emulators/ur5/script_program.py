@@ -13,7 +13,7 @@ from wrenchbed.emulators.ur5.script import MOST
 from wrenchbed.emulators.ur5.script_links import Links
 from wrenchbed.emulators.ur5.urscript.faults import ProgramEndsError, ScriptFaultError
 from wrenchbed.emulators.ur5.urscript.functions import Builtin
-from wrenchbed.emulators.ur5.urscript.machine import Machine
+from wrenchbed.emulators.ur5.urscript.machine import Code, Machine, compiled
 from wrenchbed.emulators.ur5.urscript.values import real, reals
 
 _HISTORY = 512
@@ -26,27 +26,20 @@ class ScriptProgram:
 
     Args:
         controller: it plays there.
-        text: of the program.
-        table: functions that it may call.
+        code: of the program.
 
     Attributes:
         name: of the program.
         secondary: it runs beside the program that plays.
         links: its TCP connections.
-
-    Raises:
-        ProgramError: the text is no program.
     """
 
     direct = False
 
-    def __init__(self, controller: Host, text: str, table: Mapping[str, Builtin]) -> None:
+    def __init__(self, controller: Host, code: Code) -> None:
         self.controller, self.arm = controller, controller.arm
-        try:
-            self._machine = Machine(text, table, self)
-        except ScriptFaultError as fault:
-            raise ProgramError(fault.text, fault.line, fault.column) from fault
-        self.name, self.secondary = self._machine.name, self._machine.secondary
+        self._machine = Machine(code, self)
+        self.name, self.secondary = code.name, code.secondary
         self.links = Links(controller.address)
         self.history: deque[np.ndarray] = deque(maxlen=_HISTORY)
         self._mover: int | None = None
@@ -141,6 +134,18 @@ class ScriptProgram:
         self.controller.protective_stop(error)
         yield
         raise ScriptFaultError(why)
+
+
+def program_code(text: str, table: Mapping[str, Builtin]) -> Code:
+    """Compile a program.
+
+    Raises:
+        ProgramError: the text is no program.
+    """
+    try:
+        return compiled(text, table)
+    except ScriptFaultError as fault:
+        raise ProgramError(fault.text, fault.line, fault.column) from fault
 
 
 def vector(value: Any, count: int, what: str) -> np.ndarray:

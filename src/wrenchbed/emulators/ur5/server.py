@@ -142,6 +142,9 @@ _LATE_S = 0.05
 """Lag beyond which the loop leaves out packets to catch up [s] …"""
 _SHARE = 4
 """… and sends one in so many cycles."""
+_PAUSE = 0.25
+"""Between cycles that are made up for, in periods, until the lag is `_LATE_S`: a client that keeps
+the newest state alone would else miss those between. Estimate."""
 _INJECT_S = 2.0
 
 
@@ -252,8 +255,9 @@ class UR5Emulator(Emulator):
         self._clock = CycleClock(self._settings.cycle)
         self._wait()
 
-    def _wait(self) -> None:
-        self._thread.loop.call_at(self._clock.due, self._turn)
+    def _wait(self, pause: float = 0.0) -> None:
+        """Plan the next cycle, after a pause [s] at least."""
+        self._thread.loop.call_at(max(self._clock.due, time.monotonic() + pause), self._turn)
 
     def _turn(self) -> None:
         """Take a control cycle at its deadline."""
@@ -264,7 +268,7 @@ class UR5Emulator(Emulator):
         self.body.due = clock.due - clock.period
         self._cycle(behind)
         self.controller.inputs.cycle(time.monotonic(), clock.due)
-        self._wait()
+        self._wait(_PAUSE * clock.period if behind * clock.period < _LATE_S else 0.0)
 
     def _break_down(self, error: Exception) -> None:
         traceback.print_exception(error)

@@ -19,10 +19,15 @@ from wrenchbed.errors import ParameterError
 from wrenchbed.robots.ur_arm import URArm
 from wrenchbed.robots.ur_family import NAMES, ur_arm
 
-MODELS = tuple(sorted((*NAMES, "ur5"), key=lambda n: (n.endswith("e"), int(n.strip("ure")))))
+_CB3 = ("ur3", "ur5", "ur10")
+"""Arms that had a CB3 controller."""
+MODELS = (
+    *_CB3,
+    *sorted({*NAMES} - {*_CB3}, key=lambda n: (not n.endswith("e"), int(n[2:4].strip("el")))),
+)
 """Arms that the controller can have."""
-_ONLY_E = (*(n for n in MODELS if n.endswith("e")), "ur20")
-"""Arms that never had a CB3 controller."""
+_SAME_TYPE = {"ur7e": "ur5", "ur12e": "ur10"}
+"""Arms that report an older one's name: the maker's client library has no type of their own."""
 _SERIES: dict[str, tuple[Version, float]] = {
     "cb3": ((3, 15, 8, 106339), 0.008),
     "e": ((5, 11, 1, 108318), 0.002),
@@ -89,8 +94,8 @@ class ControllerSettings(Settings):
     def __post_init__(self) -> None:
         """Take the model's series where none is stated."""
         if not self.series:
-            object.__setattr__(self, "series", "e" if self.model in _ONLY_E else "cb3")
-        if self.series == "cb3" and self.model in _ONLY_E:
+            object.__setattr__(self, "series", "cb3" if self.model in _CB3 else "e")
+        if self.series == "cb3" and self.model not in _CB3:
             raise ParameterError(
                 f"--set model={self.model}: never had a CB3 controller; leave out series=cb3"
             )
@@ -107,6 +112,11 @@ class ControllerSettings(Settings):
         """The nominal arm."""
         found: URArm = registry.load("robots", "ur5") if self.model == "ur5" else ur_arm(self.model)
         return found
+
+    @property
+    def reported_model(self) -> str:
+        """The arm as the dashboard names it; of UR7e, UR12e and UR8 Long an assumption."""
+        return _SAME_TYPE.get(self.model, self.model).removesuffix("e").upper()
 
     @property
     def version(self) -> Version:

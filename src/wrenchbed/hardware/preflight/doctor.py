@@ -114,6 +114,7 @@ def _controller(robot: Robot, host: str, seconds: float) -> Iterator[Line]:
     yield _model(robot, told, version[0])
     if version[0] >= 5 and 29999 not in closed:
         yield _remote(host)
+    yield _geometry(robot, host)
     yield from _settings(robot, values)
     yield from _stream(times, NATIVE_HZ[version[0] > 3], "states")
 
@@ -149,6 +150,20 @@ def _model(robot: Robot, told: Mapping[str, str], major: int) -> Line:
     if "model" not in told:
         return Line("model", "note", "the dashboard does not say it", "look at the arm's label")
     return Line("model", "ok", f"{told['model']}, as {robot.name}")
+
+
+def _geometry(robot: Robot, host: str) -> Line:
+    try:
+        own = identity.geometry(robot, host).get("kinematics")
+    except DriverError as error:
+        return Line("kinematics", "fails", str(error), "give --robot as the arm is")
+    if own is None:
+        return Line("kinematics", "note", "not told on port 30002: the arm's calibration is not "
+                    "recorded", "enable the port under Settings › Security › Services")  # fmt: skip
+    if "from_nominal" not in own:
+        return Line("kinematics", "note", f"read, and {robot.name} has no such table to compare")
+    return Line("kinematics", "ok", f"the flange is up to {1e3 * own['from_nominal']:.1f} mm from "
+                f"that of {robot.name}")  # fmt: skip
 
 
 def _remote(host: str) -> Line:

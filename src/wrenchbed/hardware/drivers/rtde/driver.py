@@ -182,6 +182,7 @@ class RtdeDriver(LiveDriver):
         self._controller = found | identity.settings(self._options.host)
         at_flange = self._flange.look(state)
         identity.check_model(self.robot, found, int(state.major), at_flange)
+        self._controller |= identity.geometry(self.robot, self._options.host)
         if self._capture is not None:
             has_raw = bool(np.isfinite(state.raw).all())
             options = self._options

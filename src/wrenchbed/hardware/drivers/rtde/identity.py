@@ -5,13 +5,14 @@ A plan for another arm would be checked against wrong reach, workspace and colli
 
 import re
 from collections.abc import Mapping
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from wrenchbed.errors import DriverError, LinkError
-from wrenchbed.hardware.drivers.rtde import dashboard, outputs, status
+from wrenchbed.hardware.drivers.rtde import dashboard, outputs, own_kinematics, status
 from wrenchbed.hardware.drivers.rtde.shared_state import Snapshot
 from wrenchbed.robots.base import Robot
 from wrenchbed.robots.ur_arm import URArm
@@ -24,7 +25,10 @@ server": model from 3.12 and 5.6 on, serial number from 5.6 on."""
 _UNKNOWN = "could not understand"
 _ANSWER_S, _SETTINGS_S = 0.5, 1.0
 """Deadlines of an answer of the dashboard, and of the settings [s]; estimates."""
-_NAMED = re.compile(r"ur(\d+)(e?)(?![a-z0-9])", re.IGNORECASE)
+_NAMED = re.compile(r"ur(\d+)(e?)(?:[ _]?l(?:ong)?)?(?![a-z0-9])", re.IGNORECASE)
+_REPORTED_AS = {"7": "5", "12": "10"}
+"""Sizes whose controller reports an older arm of equal lengths; source: Universal Robots' client
+library, ``robotTypeFromString``."""
 _BOTH = ("3", "5", "10")
 """Sizes that exist as CB3 and as e-Series, with other lengths."""
 _MOVED_M, _MOVED_RAD = 0.02, 0.05
@@ -94,7 +98,7 @@ def check_model(robot: Robot, found: Mapping[str, str], major: int, at_flange: b
     size, e_series = named[1], bool(named[2])
     other = _NAMED.match(found.get("model", ""))
     remedy = "check --host, or plan for that arm: wrenchbed robot FILE --frame NAME --out my.toml"
-    if other is not None and other[1] != size:
+    if other is not None and other[1] not in (size, _REPORTED_AS.get(size)):
         raise DriverError(
             f"the controller says that it moves a {found['model']}, and the robot is "
             f"{robot.name!r}: {remedy}"
@@ -106,6 +110,21 @@ def check_model(robot: Robot, found: Mapping[str, str], major: int, at_flange: b
             f"the controller is an e-Series (a UR{size}e), whose lengths are others than those of "
             f"{robot.name!r}, and its pose is not that of {robot.name!r}: {remedy}"
         )
+
+
+def geometry(robot: Robot, host: str) -> dict[str, Any]:
+    """The arm's own calibrated kinematics, as recordings state it; nothing where it is not told.
+
+    Raises:
+        DriverError: it is another arm than the robot.
+    """
+    own = own_kinematics.read(host, _SETTINGS_S)
+    if own is None:
+        return {}
+    found = asdict(own)
+    if isinstance(robot, URArm):
+        found["from_nominal"] = own_kinematics.check(robot, own)
+    return {"kinematics": found}
 
 
 class TcpInFlange:
