@@ -21,6 +21,7 @@ from wrenchbed.drives.signals import DriveSignals, drive_signals
 from wrenchbed.drives.solution import FOLDS, Problem, Solution, parts, residual, solve, start
 from wrenchbed.errors import CalibrationError, NotFoundError, ParameterError
 from wrenchbed.physics.newton_euler import INERTIAL
+from wrenchbed.physics.time_derivatives import Jet
 from wrenchbed.physics.wrench import Tool
 from wrenchbed.robots.base import INERTIA_AXES, SimulatedRobot
 from wrenchbed.robots.chain import SerialChain
@@ -99,17 +100,13 @@ def _groups(free: Sequence[str], signals: DriveSignals) -> tuple[str, ...]:
 def _problem(
     recording: Recording, signals: DriveSignals, groups: tuple[str, ...]
 ) -> tuple[Problem, dict[str, float]]:
-    robot = robot_of(recording)
-    if not isinstance(robot, SerialChain) or not isinstance(robot, SimulatedRobot):
-        raise NotFoundError(f"robot {robot.name!r} is no serial arm: its joints have no torques")
-    slides = [joint.name for joint in robot.joints if joint.unit == "m"]
-    if slides:
-        raise NotFoundError(f"joint {slides[0]} of {robot.name!r} slides: only hinges are fitted")
+    robot = _arm(recording)
     model = Model.of(robot, recording.metadata)
     theta = robot.robot_theta(model.configured(recording.metadata))
-    inertias = link_inertias(robot, theta)
-    y = torque_regressor(robot, theta, signals.q, np.asarray(model.gravity))
-    nominal = y @ inertias.phi.ravel() + inertias.rotor * signals.q.dd
+    inertias, coarse = link_inertias(robot, theta), signals.coarse
+    q = Jet(*(part[::coarse] for part in (signals.q.v, signals.q.d, signals.q.dd)))
+    y = torque_regressor(robot, theta, q, np.asarray(model.gravity))
+    nominal = y @ inertias.phi.ravel() + inertias.rotor * q.dd
     starts: dict[str, float] = {}
     if "link" in groups:
         base = base_parameters(robot, theta)
@@ -120,28 +117,51 @@ def _problem(
         starts = dict(zip(changes, _about_origin(robot.tool(theta)), strict=True))
     else:
         loads, changes = y[..., :0], ()
+    if FRICTION[3] in groups:
+        starts |= {f"{FRICTION[3]}.{j + 1}": float(r) for j, r in enumerate(inertias.rotor)}
+    own, kinds = _friction(signals, groups)
+    use = _used(recording, signals, kinds)
+    problem = Problem(
+        signals.filtered(signals.effort), signals.filtered(nominal, coarse),
+        signals.filtered(loads, coarse), changes, signals.filtered(own), kinds, use,
+        np.arange(len(use)) * FOLDS // len(use), CONSTANT in groups,
+    )  # fmt: skip
+    return problem, starts
+
+
+def _arm(recording: Recording) -> SerialChain:
+    robot = robot_of(recording)
+    if not isinstance(robot, SerialChain) or not isinstance(robot, SimulatedRobot):
+        raise NotFoundError(f"robot {robot.name!r} is no serial arm: its joints have no torques")
+    slides = [joint.name for joint in robot.joints if joint.unit == "m"]
+    if slides:
+        raise NotFoundError(f"joint {slides[0]} of {robot.name!r} slides: only hinges are fitted")
+    return robot
+
+
+def _friction(signals: DriveSignals, groups: tuple[str, ...]) -> tuple[np.ndarray, tuple[str, ...]]:
+    """Columns of each joint alone (N, J, F), and what they are."""
     speed, kinds = signals.q.d, tuple(g for g in FRICTION if g in groups)
-    shapes = {"drive.coulomb": np.sign(speed), "drive.viscous": speed,
-              "drive.offset": np.ones_like(speed), "drive.inertia": signals.q.dd}  # fmt: skip
-    own = np.stack([shapes[k] for k in kinds], axis=-1) if kinds else np.zeros((*speed.shape, 0))
-    if "drive.inertia" in kinds:
-        starts |= {f"drive.inertia.{j + 1}": float(r) for j, r in enumerate(inertias.rotor)}
-    use = signals.moving() if "drive.coulomb" in kinds else np.ones_like(signals.moving())
+    shapes = (np.sign(speed), speed, np.ones_like(speed), signals.q.dd)
+    own = [shape for kind, shape in zip(FRICTION, shapes, strict=True) if kind in kinds]
+    return np.stack(own, axis=-1) if own else np.zeros((*speed.shape, 0)), kinds
+
+
+def _used(recording: Recording, signals: DriveSignals, kinds: tuple[str, ...]) -> np.ndarray:
+    """Filtered rows that count (M, J)."""
+    use = signals.moving()
+    if FRICTION[0] not in kinds:
+        use = np.ones_like(use)
     rows = len(use)
     if rows < 2 * FOLDS or not use.any(axis=0).all():
         lazy = [j + 1 for j in range(use.shape[1]) if not use[:, j].any()]
         why = f"joint {lazy[0]} never moves" if lazy else f"{rows} rows are left after the filter"
         raise CalibrationError(f"{recording.name}: {why}: record a longer motion of all joints")
-    fold = np.arange(rows) * FOLDS // rows
-    y_seen, nominal, loads, own = (
-        signals.filtered(part) for part in (signals.effort, nominal, loads, own)
-    )
     dead = np.flatnonzero(np.ptp(signals.effort, axis=0) == 0.0)
     if dead.size:
         column = f"{signals.prefix}{dead[0] + 1}"
         raise CalibrationError(f"{recording.name}: column {column!r} never changes")
-    gains = CONSTANT in groups
-    return Problem(y_seen, nominal, loads, changes, own, kinds, use, fold, gains), starts
+    return use
 
 
 LOAD = ("tool.mass", *(f"tool.moment.{a}" for a in "xyz"),

@@ -17,7 +17,13 @@ from wrenchbed.errors import CalibrationError, RecordingError
 from wrenchbed.physics.time_derivatives import Jet
 
 _ORDER = 4
-"""Of the Butterworth filter, run forwards and backwards."""
+"""Of the Butterworth filter, run forwards and backwards, that smooths joint values."""
+_KAISER = 10.0
+"""Shape of the window of the filter of torques: 100 dB (Kaiser 1974), so that its samples at a
+lower rate are the same filter."""
+_KEPT, _CONTENT = 2.5, 7.5
+"""Rows kept, and rows at which rigid-body torques are worked out, a cycle of the cutoff. Their
+content ends at three times the motion's band or so, the cutoff is five times it."""
 _BAND, _SHARE = 5.0, 0.99
 """Cutoff over the frequency below which that share of the speeds' power lies: estimate, after
 Gautier's "at least five times the bandwidth of the motion"."""
@@ -26,7 +32,7 @@ _LOWEST = 2.0
 _HIGHEST = 0.2
 """Largest cutoff over the rate: decimation needs 2.5 rows a cycle."""
 _EDGE = 2.0
-"""Cycles of the cutoff at both ends that are left out."""
+"""Half the length of the filter in cycles of the cutoff; as much is left out at both ends."""
 _MOVING = 0.03
 """Share of a joint's largest speed below which it counts as at rest: its friction has no known
 sign there. Estimate."""
@@ -63,14 +69,31 @@ class DriveSignals:
         return EFFORT_UNITS[self.prefix]
 
     @property
-    def step(self) -> int:
-        """Rows from one kept row to the next."""
-        return max(1, int(self.rate / (2.5 * self.cutoff)))
+    def coarse(self) -> int:
+        """Rows between those at which the rigid body's torques need to be known."""
+        return max(1, int(self.rate / (_CONTENT * self.cutoff)))
 
-    def filtered(self, columns: np.ndarray) -> np.ndarray:
-        """Columns (N, …) through the filter, decimated, without their ends (M, …)."""
-        sections = signal.butter(_ORDER, self.cutoff, fs=self.rate, output="sos")
-        return np.asarray(signal.sosfiltfilt(sections, columns, axis=0)[self._kept()])
+    @property
+    def step(self) -> int:
+        """Rows from one kept row to the next, a multiple of `coarse`."""
+        return max(1, int(self.rate / (_KEPT * self.cutoff)) // self.coarse) * self.coarse
+
+    def filtered(self, columns: np.ndarray, every: int = 1) -> np.ndarray:
+        """Columns through the filter, decimated, without their ends (M, …).
+
+        Args:
+            columns: (N, …), or of one row in `every` (⌈N / every⌉, …): what has no content beyond
+                half of that rate comes out the same.
+            every: 1 or `coarse`.
+        """
+        half, rows = self._half(), len(self.t)
+        window = signal.firwin(
+            2 * half + 1, self.cutoff, window=("kaiser", _KAISER), fs=self.rate, scale=True
+        )
+        sparse = every * window[::every]
+        found = signal.upfirdn(sparse, columns, down=self.step // every, axis=0)
+        first = 2 * half // self.step
+        return np.asarray(found[first : first + len(range(half, rows - half, self.step))])
 
     def moving(self) -> np.ndarray:
         """Which joints move (M, J) at the filtered rows, through all of the filter's memory."""
@@ -78,13 +101,13 @@ class DriveSignals:
         still = speed < _MOVING * speed.max(axis=0)
         memory = np.ones(max(1, int(0.5 * self.rate / self.cutoff)))
         near = signal.fftconvolve(still, memory[:, None], mode="same", axes=0) > 0.5
-        return np.asarray(~near[self._kept()])
+        half = self._half()
+        return np.asarray(~near[half : len(self.t) - half : self.step])
 
-    def _kept(self) -> slice:
-        """Rows that are kept: one in `step`, without the ends."""
-        rows = len(self.t)
-        edge = min(int(_EDGE * self.rate / self.cutoff), rows // 4)
-        return slice(edge, rows - edge, self.step)
+    def _half(self) -> int:
+        """Rows of the filter before and behind a row, a multiple of `step`."""
+        cycles = round(_EDGE * self.rate / self.cutoff / self.step)
+        return max(1, min(cycles, len(self.t) // 4 // self.step)) * self.step
 
 
 def drive_signals(recording: Recording, cutoff: float | None = None) -> DriveSignals:

@@ -101,17 +101,28 @@ def _normal(p: Problem, x: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, 
     joints, changes, kinds = p.y.shape[1], len(p.changes), len(p.kinds)
     at = joints * p.gains
     normal, right = np.zeros((FOLDS, len(x), len(x))), np.zeros((FOLDS, len(x)))
+    blocks = _blocks(p.fold)
     for j in range(joints):
         first = at + changes + kinds * j
-        places = [*range(j, j + p.gains), *range(at, at + changes), *range(first, first + kinds)]
+        spans = (range(j, j + p.gains), range(at, at + changes), range(first, first + kinds))
+        places = np.array([k for span in spans for k in span], dtype=int)
         own = body[:, j : j + p.gains]
-        columns = np.concatenate([own, gain[j] * p.loads[:, j], p.own[:, j]], axis=1) * weight[j]
-        for k in range(FOLDS):
-            rows = (p.fold == k) & p.use[:, j]
-            some = columns[rows]
-            normal[k][np.ix_(places, places)] += some.T @ some
-            right[k][places] += some.T @ (left[rows, j] * weight[j])
+        columns = [own, gain[j] * p.loads[:, j], p.own[:, j], left[:, j : j + 1]]
+        some = np.concatenate(columns, axis=1) * (weight[j] * p.use[:, j : j + 1])
+        some = np.concatenate([some, np.zeros_like(some[:1])])[blocks]
+        products = np.swapaxes(some, 1, 2) @ some
+        normal[:, places[:, None], places] += products[:, :-1, :-1]
+        right[:, places] += products[:, :-1, -1]
     return normal, right
+
+
+def _blocks(fold: np.ndarray) -> np.ndarray:
+    """Rows of each block (FOLDS, L), filled up with −1."""
+    order, count = np.argsort(fold, kind="stable"), np.bincount(fold, minlength=FOLDS)
+    place = np.arange(count.max())
+    first = np.cumsum(count) - count
+    within = np.minimum(first[:, None] + place, len(fold) - 1)
+    return np.where(place < count[:, None], order[within], -1)
 
 
 def _scaled(normal: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
