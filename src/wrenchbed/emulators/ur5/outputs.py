@@ -12,6 +12,9 @@ from wrenchbed.emulators.ur5.packets import Values
 
 _TORQUE_PER_AMPERE = np.array([12.6, 12.6, 12.6, 9.3, 9.3, 9.3])
 """Of each joint's motor and gear; only the size of the currents rests on it [N·m/A]."""
+_DECIMALS = 12
+"""Of joint values [rad]: a controlled arm at rest decays towards its target below this, an encoder
+shows no such change."""
 _SELDOM = 25
 """Cycles between updates of what changes slowly."""
 _STILL: dict[str, Values] = {
@@ -93,7 +96,7 @@ class Outputs:
             "target_qdd": tuple(arm.qdd.tolist()),
             "target_current": current,
             "target_moment": torque,
-            "actual_q": tuple(arm.body.q.tolist()),
+            "actual_q": tuple(arm.body.q.round(_DECIMALS).tolist()),
             "actual_qd": tuple(arm.body.qd.tolist()),
             "actual_current": current,
             "actual_current_as_torque": torque,
