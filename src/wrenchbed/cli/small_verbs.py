@@ -40,8 +40,6 @@ def list_(
         as_json: Print the result as JSON.
     """
     from wrenchbed.calibration.checks.finding import REASONS
-    from wrenchbed.simulation.drives.faults import FAULTS
-    from wrenchbed.simulation.drives.parameters import PREFIX
 
     kind = "emulators" if kind == "twins" else kind
     rows = dict(REASONS) if kind == "checks" else wb.descriptions(kind)
@@ -50,9 +48,9 @@ def list_(
         channels = ("wrench",) if kind == "effects" else ()
         table.add_row(Text(name, style="bold"), *channels, text)
     if kind == "effects":
-        for name, fault in FAULTS.items():
-            rows[f"{PREFIX}{name}"] = fault.title
-            table.add_row(Text(f"{PREFIX}{name}", style="bold"), "effort", fault.title)
+        for name, text in wb.SimDriver.drive_faults().items():
+            rows[name] = text
+            table.add_row(Text(name, style="bold"), "effort", text)
     console.answer(rows, as_json, table)
 
 

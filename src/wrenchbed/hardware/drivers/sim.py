@@ -38,7 +38,8 @@ from wrenchbed.robots.base import SimulatedRobot
 from wrenchbed.robots.motion_limits import Limits, minimum_jerk
 from wrenchbed.simulation.closed_form import Model
 from wrenchbed.simulation.drives.drive_train import DriveTrain, Kind, ReportedEfforts
-from wrenchbed.simulation.drives.parameters import apart, faults_apart
+from wrenchbed.simulation.drives.faults import FAULTS
+from wrenchbed.simulation.drives.parameters import PREFIX, apart, faults_apart
 from wrenchbed.simulation.servo_motion import ServoDrivenRobot, steps_in
 from wrenchbed.simulation.simulation import Simulation
 from wrenchbed.twin.replay import Playback
@@ -151,6 +152,11 @@ class SimDriver(Driver):
         self._time, self._seen, self._count = 0.0, -1.0, 0
         self._touch_rng = np.random.default_rng([options.seed, 1])
         self._contact = np.zeros(6)
+
+    @staticmethod
+    def drive_faults() -> dict[str, str]:
+        """One line on each fault of a drive, by the name that ``effects`` take."""
+        return {f"{PREFIX}{kind}": fault.title for kind, fault in FAULTS.items()}
 
     def _reported(
         self, options: SimOptions, active: tuple[ActiveEffect, ...], drives: Mapping[str, float],
