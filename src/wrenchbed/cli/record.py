@@ -105,8 +105,8 @@ class DeviceArguments:
         effect: ID[:name=value,…] of an effect on the simulated robot, see `wrenchbed list effects`;
             without values of typical size. May be repeated.
         seed: Of the noise.
-        effort: What recordings keep of the joints: current as i1… [A] (rtde, its default), torque
-            as tau1… [N·m] (can), or off.
+        effort: What recordings keep of the joints: current as i1… [A] (rtde, its default; sim),
+            torque as tau1… [N·m] (sim, can), or off.
         raw: With rtde: new folder in which all packets of states and box are kept, 1 GiB at most;
             `wrenchbed replay` plays them to a driver again.
         set: NAME=VALUE of a setting that this driver alone has, for instance base=0x68 with can or
@@ -252,7 +252,8 @@ def record(
     if run.dry_run:
         kind, rrd = wb.SimDriver, None
         device = DeviceArguments("sim", parameters=device.parameters, noise=device.noise,
-                                 effect=device.effect, seed=device.seed)  # fmt: skip
+                                 effect=device.effect, seed=device.seed,
+                                 effort=device.effort)  # fmt: skip
         _rehearse(todo, limits, run, picture.rrd)
     else:
         rrd = picture.rrd

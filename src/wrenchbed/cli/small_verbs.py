@@ -35,7 +35,8 @@ def list_(
     """List what exists, one line each.
 
     Args:
-        kind: Of plug-in; checks: what a recording is examined for before it is calibrated.
+        kind: Of plug-in; effects with the channels in which they show: those of the wrench, or of
+            the joint efforts; checks: what a recording is examined for before it is calibrated.
         as_json: Print the result as JSON.
     """
     from wrenchbed.calibration.checks.finding import REASONS
@@ -44,7 +45,12 @@ def list_(
     rows = dict(REASONS) if kind == "checks" else wb.descriptions(kind)
     table = Table(box=None, show_header=False, padding=(0, 2, 0, 0))
     for name, text in rows.items():
-        table.add_row(Text(name, style="bold"), text)
+        channels = ("wrench",) if kind == "effects" else ()
+        table.add_row(Text(name, style="bold"), *channels, text)
+    if kind == "effects":
+        for name, text in wb.SimDriver.drive_faults().items():
+            rows[name] = text
+            table.add_row(Text(name, style="bold"), "effort", text)
     console.answer(rows, as_json, table)
 
 

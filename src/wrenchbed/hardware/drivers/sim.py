@@ -14,22 +14,32 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import CubicSpline, make_interp_spline
 
 from wrenchbed import registry
 from wrenchbed.data.metadata import Metadata
 from wrenchbed.data.recording import TOUCH_STD
-from wrenchbed.effects.chain import active_effect
-from wrenchbed.errors import DriverError, LateError, NotFoundError, WrenchbedWarning
+from wrenchbed.effects.chain import ActiveEffect, EffectChain, active_effect, parse_effect
+from wrenchbed.errors import (
+    DriverError,
+    LateError,
+    NotFoundError,
+    ParameterError,
+    WrenchbedWarning,
+)
 from wrenchbed.hardware.device import Health
 from wrenchbed.hardware.drivers.base import Applied, ArmSample, Block, Driver, Move, Reached
 from wrenchbed.hardware.drivers.base.samples import as_designed
 from wrenchbed.hardware.transducers.base import WrenchSample
 from wrenchbed.physics.noise import NoiseStream, noise_model
+from wrenchbed.physics.time_derivatives import Jet
 from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.robots.base import SimulatedRobot
 from wrenchbed.robots.motion_limits import Limits, minimum_jerk
 from wrenchbed.simulation.closed_form import Model
+from wrenchbed.simulation.drives.drive_train import DriveTrain, Kind, ReportedEfforts
+from wrenchbed.simulation.drives.faults import FAULTS
+from wrenchbed.simulation.drives.parameters import PREFIX, apart, faults_apart
 from wrenchbed.simulation.servo_motion import ServoDrivenRobot, steps_in
 from wrenchbed.simulation.simulation import Simulation
 from wrenchbed.twin.replay import Playback
@@ -73,6 +83,8 @@ class SimMove(Move):
 
 _BLOCK_S = 4.0
 """Length of the blocks of rows of a motion [s]."""
+_LEAST_ROWS = 12
+"""Of a motion whose speeds and accelerations a spline of degree 5 gives; estimate."""
 _PUSH = 3.0
 """Largest contact force of a touch along each axis [N]; estimate."""
 Samples = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
@@ -91,6 +103,8 @@ class SimOptions:
         gravity: (3,) [m/s²], the robot's default if None.
         effects: as ``joint.compliance:joint=2,stiffness=1.4e4``; without values of typical size.
         limits: of its motion; half of top speed anywhere if None.
+        effort: ``torque`` or ``current``: recordings have it as tau1… [N·m or N] or i1… [A], with
+            what the controller wants and the drives' temperatures; ``off``: they do not.
     """
 
     robot: str
@@ -100,6 +114,7 @@ class SimOptions:
     gravity: tuple[float, float, float] | None = None
     effects: tuple[str, ...] = ()
     limits: Limits | None = None
+    effort: str = "off"
 
 
 class SimDriver(Driver):
@@ -121,19 +136,47 @@ class SimDriver(Driver):
             raise NotFoundError(f"robot {options.robot!r} has no MuJoCo model to simulate")
         self.robot: SimulatedRobot = robot
         self.model = Model(robot, tuple(options.gravity or robot.gravity))
-        self.theta = self.model.parameters.vector(options.parameters)
+        drives, others = apart(options.parameters)
+        faults, effects = faults_apart(options.effects)
+        self.theta = self.model.parameters.vector(others)
         theta = robot.robot_theta(self.theta)
         self._simulation = Simulation(robot, theta, self.model.gravity)
         self._sensor = registry.load("sensors", robot.sensor)
         self._noise = noise_model(options.noise, self._sensor.noise)
         self._stream = NoiseStream(self._noise, options.seed)
-        active = tuple(active_effect(robot, text) for text in options.effects)
+        active = tuple(active_effect(robot, text) for text in effects)
+        self._efforts = self._reported(options, active, drives, faults)
         twin = Twin(self.model, self.theta, active)
         self._playback = Playback(twin, options.seed) if active else None
         self._plant = ServoDrivenRobot(self._simulation, robot.home)
         self._time, self._seen, self._count = 0.0, -1.0, 0
         self._touch_rng = np.random.default_rng([options.seed, 1])
         self._contact = np.zeros(6)
+
+    @staticmethod
+    def drive_faults() -> dict[str, str]:
+        """One line on each fault of a drive, by the name that ``effects`` take."""
+        return {f"{PREFIX}{kind}": fault.title for kind, fault in FAULTS.items()}
+
+    def _reported(
+        self, options: SimOptions, active: tuple[ActiveEffect, ...], drives: Mapping[str, float],
+        faults: tuple[str, ...],
+    ) -> ReportedEfforts | None:  # fmt: skip
+        """What the drives report, None if recordings do not have it."""
+        if options.effort not in ("torque", "current", "off"):
+            raise ParameterError(f"effort {options.effort!r}: give torque, current or off")
+        if options.effort == "off" and (drives or faults):
+            first = next(iter((*drives, *faults)))
+            raise ParameterError(
+                f"{first} shows in joint efforts alone: record with --effort torque or current"
+            )
+        if options.effort == "off":
+            return None
+        theta = EffectChain(active).theta(self.robot, self.robot.robot_theta(self.theta))
+        named = [parse_effect(text) for text in faults]
+        train = DriveTrain(self.robot, theta, self.model.gravity, drives, named)
+        kind: Kind = "torque" if options.effort == "torque" else "current"
+        return ReportedEfforts(train, kind, options.noise, options.seed)
 
     def metadata(self, mode: str, rate: float) -> Metadata:
         return as_designed(
@@ -250,20 +293,46 @@ class SimDriver(Driver):
             reading = self.model.read(load, self.theta)
         else:
             reading = self._playback.rest(t, q, self._contact)
-        return self._columns(t, np.repeat(q[None], n, axis=0), reading)
+        still = np.repeat(q[None], n, axis=0)
+        columns = dict(self._columns(t, still, reading))
+        if self._efforts is not None:
+            targets = np.repeat(self._plant.target[None], n, axis=0)
+            columns |= self._efforts.columns(t, Jet(still, 0.0 * still, 0.0 * still), targets, rate)
+        return columns
 
     def _track(self, targets: np.ndarray, rate: float) -> Iterator[Block]:
         moved = self._moved(targets, rate)
         if self._playback is not None:
             moved = self._with_effects(list(moved))
+        efforts: dict[str, np.ndarray] = {}
+        if self._efforts is not None:
+            blocks = list(moved)
+            efforts = self._in_motion(self._efforts, blocks, targets, rate)
+            moved = iter(blocks)
         done = 0
         for t, q, qd, reading in moved:
             part = targets[done : done + len(t)]
+            some = {name: values[done : done + len(t)] for name, values in efforts.items()}
             done += len(t)
             columns = dict(self._columns(t, q, reading))
             columns |= {f"qd{j + 1}": qd[:, j] for j in range(qd.shape[1])}
             columns |= {f"q_target{j + 1}": part[:, j] for j in range(part.shape[1])}
-            yield columns
+            yield columns | some
+
+    @staticmethod
+    def _in_motion(
+        efforts: ReportedEfforts, blocks: list[Samples], targets: np.ndarray, rate: float
+    ) -> dict[str, np.ndarray]:
+        """Columns of a complete motion; speeds and accelerations are those of a spline through it.
+
+        MuJoCo's speeds are those of half a step before (semi-implicit Euler).
+        """
+        t, q = (np.concatenate([block[k] for block in blocks]) for k in range(2))
+        if len(t) < _LEAST_ROWS:
+            raise ParameterError(f"--effort: {len(t)} rows of motion are too few, {_LEAST_ROWS} do")
+        path = make_interp_spline(t, q, k=5)
+        moving = Jet(q, path.derivative(1)(t), path.derivative(2)(t))
+        return efforts.columns(t, moving, targets, rate)
 
     def _moved(self, targets: np.ndarray, rate: float) -> Iterator[Samples]:
         """Rows of a motion without effects, block by block."""

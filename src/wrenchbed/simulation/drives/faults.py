@@ -1,0 +1,228 @@
+"""What goes wrong in a drive, as the simulator makes it: each fault changes one joint's torque.
+
+A fault is a formula on the torque that a drive reports, row by row in time. It sees joint value q,
+speed q̇, acceleration q̈ and the torque τ of the rigid body. Formulas are written for the simulator;
+fits and diagnoses have others. It acts on efforts only: the joints follow their targets anyway, and
+the wrench is that of the motion.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from wrenchbed.errors import NotFoundError, ParameterError, did_you_mean
+from wrenchbed.simulation.drives.parameters import PREFIX
+
+REVERSAL = 1e-3
+"""Speed within which friction changes its sign, as tanh [rad/s or m/s]; estimate."""
+_ROOM_C = 25.0
+"""Temperature at which friction is nominal [°C]; estimate."""
+
+
+class Rows(NamedTuple):
+    """One joint in time (N,), SI.
+
+    Attributes:
+        t: time [s].
+        q, qd, qdd: joint value, speed, acceleration.
+        rigid: torque of the rigid body, motor included.
+        warm: temperature of the drive [°C].
+        coulomb: nominal friction of the joint, a number.
+    """
+
+    t: np.ndarray
+    q: np.ndarray
+    qd: np.ndarray
+    qdd: np.ndarray
+    rigid: np.ndarray
+    warm: np.ndarray
+    coulomb: float
+
+    @property
+    def way(self) -> np.ndarray:
+        """Direction of motion (N,), −1 … 1."""
+        return np.asarray(np.tanh(self.qd / REVERSAL))
+
+
+Values = Mapping[str, float]
+Memory = dict[str, Any]
+Formula = Callable[[Rows, np.ndarray, Values, Memory], np.ndarray]
+"""From rows and torque so far (N,) to the torque with the fault (N,)."""
+
+
+class Fault(NamedTuple):
+    """A kind of fault.
+
+    Attributes:
+        title: what happens, one line.
+        unit: of ``size``; N·m stands for N on a slide.
+        typical: size where none is given; with ``of_friction`` times the Coulomb friction.
+        formula: what it does.
+        more: further parameters and their values where none are given.
+        of_friction: see ``typical``.
+    """
+
+    title: str
+    unit: str
+    typical: float
+    formula: Formula
+    more: Mapping[str, float] = {}
+    of_friction: bool = False
+
+
+def _coulomb(rows: Rows, torque: np.ndarray, p: Values, memory: Memory) -> np.ndarray:
+    return torque + p["size"] * rows.way
+
+
+def _viscous(rows: Rows, torque: np.ndarray, p: Values, memory: Memory) -> np.ndarray:
+    return torque + p["size"] * rows.qd
+
+
+def _offset(rows: Rows, torque: np.ndarray, p: Values, memory: Memory) -> np.ndarray:
+    return torque + p["size"]
+
+
+def _stribeck(rows: Rows, torque: np.ndarray, p: Values, memory: Memory) -> np.ndarray:
+    return torque + p["size"] * rows.way * np.exp(-np.square(rows.qd / p["speed"]))
+
+
+def _load(rows: Rows, torque: np.ndarray, p: Values, memory: Memory) -> np.ndarray:
+    return torque + p["size"] * np.abs(rows.rigid) * rows.way
+
+
+def _temperature(rows: Rows, torque: np.ndarray, p: Values, memory: Memory) -> np.ndarray:
+    return torque + p["size"] * (rows.warm - _ROOM_C) * rows.coulomb * rows.way
+
+
+def _asymmetry(rows: Rows, torque: np.ndarray, p: Values, memory: Memory) -> np.ndarray:
+    return torque + p["size"] * np.maximum(rows.way, 0.0)
+
+
+def _inertia(rows: Rows, torque: np.ndarray, p: Values, memory: Memory) -> np.ndarray:
+    return torque + p["size"] * rows.qdd
+
+
+def _cogging(rows: Rows, torque: np.ndarray, p: Values, memory: Memory) -> np.ndarray:
+    return torque + p["size"] * np.sin(p["order"] * rows.q + p["phase"])
+
+
+def _ripple(rows: Rows, torque: np.ndarray, p: Values, memory: Memory) -> np.ndarray:
+    return torque * (1.0 + p["size"] * np.sin(p["order"] * rows.q + p["phase"]))
+
+
+def _constant(rows: Rows, torque: np.ndarray, p: Values, memory: Memory) -> np.ndarray:
+    return torque / (1.0 + p["size"])
+
+
+def _hysteresis(rows: Rows, torque: np.ndarray, p: Values, memory: Memory) -> np.ndarray:
+    """Bristles that wind up over a way: z ← s + (z − s) e^(−|dq|/w), s the direction of dq.
+
+    Exact for Dahl's model between two rows (Dahl 1968, A Solid Friction Model, DTIC ADA041920).
+    """
+    z, last = memory.get("z", 0.0), memory.get("q", float(rows.q[0]))
+    found = np.empty_like(rows.q)
+    for k, q in enumerate(rows.q.tolist()):
+        way = float(np.sign(q - last))
+        if way:
+            z = way + (z - way) * float(np.exp(-abs(q - last) / p["width"]))
+        found[k], last = z, q
+    memory["z"], memory["q"] = z, last
+    return torque + p["size"] * found
+
+
+def _delay(rows: Rows, torque: np.ndarray, p: Values, memory: Memory) -> np.ndarray:
+    t = np.append(memory.get("t", rows.t[:0]), rows.t)
+    past = np.append(memory.get("torque", torque[:0]), torque)
+    keep = max(int(np.searchsorted(t, rows.t[-1] - p["size"])) - 1, 0)
+    memory["t"], memory["torque"] = t[keep:], past[keep:]
+    return np.asarray(np.interp(rows.t - p["size"], t, past))
+
+
+_TURN = 2.0 * np.pi
+FAULTS: Mapping[str, Fault] = {
+    "coulomb": Fault("more friction of direction", "N·m", 0.5, _coulomb, of_friction=True),
+    "viscous": Fault("more friction per speed", "N·m·s/rad", 0.5, _viscous, of_friction=True),
+    "offset": Fault("a constant torque, or a zero of the current", "N·m", 0.3, _offset,
+                    of_friction=True),
+    "stribeck": Fault("more friction at low speed", "N·m", 0.5, _stribeck, {"speed": 0.05}, True),
+    "load": Fault("friction that grows with the load of the gear", "1", 0.1, _load),
+    "temperature": Fault("friction that changes with temperature", "1/K", -0.01, _temperature),
+    "asymmetry": Fault("more friction in positive direction alone", "N·m", 0.5, _asymmetry,
+                       of_friction=True),
+    "hysteresis": Fault("friction that builds up over a way after each reversal", "N·m", 0.5,
+                        _hysteresis, {"width": 0.02}, True),
+    "inertia": Fault("a heavier rotor or gear", "kg·m²", 0.3, _inertia),
+    "constant": Fault("torque per current differs, relative", "1", 0.1, _constant),
+    "cogging": Fault("a periodic torque over the joint's turn", "N·m", 0.4, _cogging,
+                     {"order": 6.0, "phase": 0.0}, True),
+    "ripple": Fault("the torque's gain is periodic over the joint's turn", "1", 0.05, _ripple,
+                    {"order": 12.0, "phase": 0.0}),
+    "delay": Fault("the effort is reported late", "s", 0.02, _delay),
+}  # fmt: skip
+"""By kind, without ``drive.``; typical sizes, speeds [rad/s or m/s], widths [rad or m], orders
+[1 per rad] and phases [rad] are estimates."""
+
+
+@dataclass(eq=False)
+class ActiveFault:
+    """A fault of one joint with its values; it remembers the rows that it has seen.
+
+    Attributes:
+        name: ``drive.coulomb`` …
+        joint: from 1.
+        values: size and further parameters, SI.
+    """
+
+    name: str
+    joint: int
+    values: Values
+    _memory: Memory = field(default_factory=dict)
+
+    def act(self, rows: Rows, torque: np.ndarray) -> np.ndarray:
+        """Torque (N,) [N·m or N] with the fault; calls follow each other in time."""
+        return FAULTS[self.name.removeprefix(PREFIX)].formula(
+            rows, torque, self.values, self._memory
+        )
+
+
+def active_fault(name: str, given: Mapping[str, Any], coulomb: np.ndarray) -> ActiveFault:
+    """A fault by name and values, of typical size where none is given.
+
+    Args:
+        name: as ``drive.coulomb``.
+        given: ``joint`` from 1, ``size`` and further parameters.
+        coulomb: friction of the joints (J,), to which typical sizes refer.
+
+    Raises:
+        NotFoundError, ParameterError: there is no such fault, joint or parameter.
+    """
+    kind, joints = name.removeprefix(PREFIX), len(coulomb)
+    if kind not in FAULTS:
+        raise NotFoundError(f"there is no effect {name!r}{did_you_mean(kind, sorted(FAULTS))}")
+    fault, values = FAULTS[kind], dict(given)
+    joint = values.pop("joint", 1)
+    if not isinstance(joint, int | float) or joint not in range(1, joints + 1):
+        raise ParameterError(f"{name}: joint = {joint!r} must be 1 … {joints}")
+    scale = float(coulomb[int(joint) - 1]) if fault.of_friction else 1.0
+    known: dict[str, float] = {"size": fault.typical * scale, **fault.more}
+    for key, value in values.items():
+        if key not in known:
+            close = did_you_mean(key, ["joint", *known])
+            raise ParameterError(f"{name}: there is no parameter {key!r}{close}")
+        if not isinstance(value, int | float) or not np.isfinite(value):
+            raise ParameterError(f"{name}: {key} = {value!r} is no number")
+        known[key] = float(value)
+    _check(name, kind, known)
+    return ActiveFault(name, int(joint), known)
+
+
+def _check(name: str, kind: str, values: Values) -> None:
+    if kind == "delay" and values["size"] < 0.0:
+        raise ParameterError(f"{name}: size = {values['size']:g} must not be below 0 [s]")
+    if kind == "constant" and values["size"] <= -1.0:
+        raise ParameterError(f"{name}: size = {values['size']:g} must be above -1")
+    for key in ("speed", "width"):
+        if values.get(key, 1.0) <= 0.0:
+            raise ParameterError(f"{name}: {key} = {values[key]:g} must be above 0")

@@ -1,0 +1,203 @@
+"""Efforts of the simulator against other implementations: closed form, virtual work, own laws."""
+
+import json
+
+import mujoco
+import numpy as np
+import pytest
+from arm_torques import fourier
+
+from wrenchbed import Recording, multisine, record, registry
+from wrenchbed.cli import main
+from wrenchbed.drives.identify import calibrate_efforts
+from wrenchbed.drives.inverse_dynamics import torque_regressor
+from wrenchbed.errors import NotFoundError, ParameterError
+from wrenchbed.hardware.drivers.sim import SimDriver, SimOptions
+from wrenchbed.physics.time_derivatives import Jet
+from wrenchbed.robots.link_inertias import link_inertias
+from wrenchbed.simulation.drives.drive_train import DriveTrain
+from wrenchbed.simulation.drives.faults import FAULTS, active_fault
+from wrenchbed.simulation.drives.joint_torques import JointTorques
+
+UR5, MEDRUE = (registry.load("robots", name) for name in ("ur5", "medrue"))
+SIX = np.array([6.0, 6.5, 4.5, 1.4, 1.2, 1.0])
+"""Coulomb friction to which typical sizes refer [N·m]."""
+
+
+def states(robot, rows, seed):
+    rng = np.random.default_rng(seed)
+    q = robot.sample(rows, rng)
+    return Jet(q, rng.normal(size=q.shape), rng.normal(0.0, 3.0, q.shape))
+
+
+def test_torques_of_an_arm_agree_with_the_closed_form():
+    q, theta = states(UR5, 30, 1), UR5.parameters.nominal
+    inertias = link_inertias(UR5, theta)
+    y = torque_regressor(UR5, theta, q, np.asarray(UR5.gravity))
+    expected = y @ inertias.phi.ravel() + inertias.rotor * q.dd
+    assert np.abs(JointTorques(UR5, theta, UR5.gravity).of(q) - expected).max() < 1e-9
+
+
+def test_torques_of_closed_chains_agree_with_virtual_work():
+    """τ = Gᵀ τ₀ with G = ∂(all joints)/∂(actuated ones) of the robot's own closed form."""
+    theta = MEDRUE.parameters.nominal
+    torques, q = JointTorques(MEDRUE, theta, MEDRUE.gravity), states(MEDRUE, 25, 2)
+    found, every = torques.of(q), MEDRUE.qpos(q, theta)
+    for k in range(len(found)):
+        at = torques.data
+        at.qpos[:], at.qvel[:], at.qacc[:] = every.v[k], every.d[k], every.dd[k]
+        mujoco.mj_inverse(torques.model, at)
+        slopes = [
+            MEDRUE.qpos(Jet(q.v[k : k + 1], one[None], 0.0 * one[None]), theta).d[0]
+            for one in np.eye(6)
+        ]
+        assert np.abs(np.array(slopes) @ at.qfrc_inverse - found[k]).max() < 1e-9
+    assert np.abs(found).max() > 10.0
+
+
+def simulated(tmp_path, name="a.parquet", seconds=25.0, robot=UR5, **options):
+    out = tmp_path / name
+    plan = multisine(robot, seconds, 125.0, 2)
+    with SimDriver(SimOptions(robot.name, seed=3, **options)) as link:
+        record(link, plan, out)
+    return Recording.read(out)
+
+
+TRUE = {"drive.coulomb.2": 9.0, "drive.viscous.3": 3.0, "drive.inertia.1": 0.25,
+        "drive.offset.4": 0.4, "tool.mass": 1.7}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", ["torque", "current"])
+def test_a_fit_finds_the_true_drives(tmp_path, kind):
+    rec = simulated(tmp_path, seconds=60.0, effort=kind, parameters=TRUE)
+    prefix, gain = ("tau", np.ones(6)) if kind == "torque" else ("i", (12.6,) * 3 + (9.3,) * 3)
+    assert rec.effort == prefix
+    for more in ("q_target6", "qd_target6", "tau_target6", "joint_temperature6"):
+        assert np.isfinite(rec.columns[more]).all()
+    assert rec.columns["joint_temperature1"][0] == pytest.approx(25.0, abs=0.1)
+    fit = calibrate_efforts(rec)
+    for name, value in TRUE.items():
+        assert abs(fit[name].value - value) < max(4.0 * fit[name].std, 0.02 * value), name
+    for j in range(6):
+        known = {"coulomb": (*SIX,), "viscous": (8.0, 8.5, 6.5, 1.5, 1.4, 1.2)}
+        for group, values in known.items():
+            name = f"drive.{group}.{j + 1}"
+            if name not in TRUE:
+                assert abs(fit[name].value - values[j]) < max(4.5 * fit[name].std, 0.1), name
+        if kind == "current":
+            constant = fit[f"drive.constant.{j + 1}"]
+            assert constant.std is None or abs(constant.value - gain[j]) < 4.5 * constant.std
+
+
+def test_the_wrench_stays_as_it_is_and_off_has_no_efforts(tmp_path):
+    faults = ("drive.coulomb:joint=2,size=3", "drive.delay:joint=1,size=0.02")
+    plain = simulated(tmp_path, "plain.parquet", seconds=9.0)
+    faulty = simulated(tmp_path, "f.parquet", seconds=9.0, effort="torque", effects=faults)
+    assert plain.effort is None and faulty.effort == "tau"
+    assert np.array_equal(plain.wrench, faulty.wrench)
+    assert np.array_equal(plain.q, faulty.q)
+
+
+@pytest.mark.parametrize("name", ["medrue"])
+def test_medrue_has_efforts_at_rest_and_in_motion(tmp_path, name):
+    rec = simulated(tmp_path, seconds=9.0, robot=MEDRUE, effort="torque", noise="off")
+    assert rec.effort == "tau" and np.abs(rec.columns["tau3"]).max() > 1.0
+    assert np.all(np.isfinite([rec.columns[f"tau{j}"] for j in range(1, 7)]))
+
+
+LAWS = {
+    "coulomb": lambda r, p: p["size"] * np.sign(r["qd"]),
+    "viscous": lambda r, p: p["size"] * r["qd"],
+    "offset": lambda r, p: p["size"] + 0.0 * r["qd"],
+    "stribeck": lambda r, p: p["size"] * np.sign(r["qd"]) * np.exp(-((r["qd"] / 0.05) ** 2)),
+    "load": lambda r, p: p["size"] * abs(r["rigid"]) * np.sign(r["qd"]),
+    "temperature": lambda r, p: p["size"] * 8.0 * (1 - np.exp(-r["t"] / 1800.0)) * 6.5
+    * np.sign(r["qd"]),
+    "asymmetry": lambda r, p: np.where(r["qd"] > 0, p["size"], 0.0),
+    "inertia": lambda r, p: p["size"] * r["qdd"],
+    "cogging": lambda r, p: p["size"] * np.sin(6.0 * r["q"]),
+    "ripple": lambda r, p: r["before"] * p["size"] * np.sin(12.0 * r["q"]),
+    "constant": lambda r, p: r["before"] / (1.0 + p["size"]) - r["before"],
+    "delay": lambda r, p: np.interp(r["t"] - p["size"], r["t"], r["before"]) - r["before"],
+}  # fmt: skip
+
+
+def efforts(faults=()):
+    t, q, qd, qdd = fourier(np.random.default_rng(4), 12.0)
+    train = DriveTrain(UR5, UR5.parameters.nominal, UR5.gravity, None, faults)
+    return t, Jet(q, qd, qdd), train, train.torques(t, Jet(q, qd, qdd))
+
+
+@pytest.mark.parametrize("kind", sorted(LAWS))
+def test_each_fault_is_its_law_on_one_joint(kind):
+    t, q, train, before = efforts()
+    name = f"drive.{kind}"
+    *_, after = efforts([(name, {"joint": 2.0})])
+    j, fault = 1, active_fault(name, {"joint": 2}, SIX)
+    rows = {"t": t, "q": q.v[:, j], "qd": q.d[:, j], "qdd": q.dd[:, j],
+            "rigid": train.rigid.of(q)[:, j], "before": before[:, j]}  # fmt: skip
+    expected = LAWS[kind](rows, fault.values)
+    quick = np.abs(q.d[:, j]) > 6e-3  # friction changes its sign within 1e-3 rad/s
+    if kind == "delay":
+        quick &= np.abs(np.gradient(before[:, j])) < 1.0
+    assert np.abs((after - before)[quick, j] - expected[quick]).max() < 1e-3 * max(
+        1.0, np.abs(expected).max()
+    )
+    assert np.array_equal(np.delete(after, j, axis=1), np.delete(before, j, axis=1))
+
+
+def test_hysteresis_winds_up_over_its_width():
+    """After a reversal: s (1 − 2 e^(−way/width)), by hand from Dahl's equation."""
+    fault = active_fault("drive.hysteresis", {"joint": 1, "size": 2.0, "width": 0.1}, SIX)
+    q = np.concatenate([np.linspace(0.0, 3.0, 301), np.linspace(3.0, 2.0, 101)[1:]])
+    from wrenchbed.simulation.drives.faults import Rows
+
+    zero = np.zeros_like(q)
+    got = fault.act(Rows(zero, q, zero, zero, zero, zero, 6.0), zero)
+    assert got[300] == pytest.approx(2.0, abs=1e-6)
+    assert got[310] == pytest.approx(-2.0 * (1.0 - 2.0 * np.exp(-1.0)), abs=1e-6)
+
+
+@pytest.mark.parametrize("kind", sorted(FAULTS))
+def test_row_by_row_is_as_all_at_once(kind):
+    t, q, _, together = efforts([(f"drive.{kind}", {"joint": 3})])
+    train = DriveTrain(UR5, UR5.parameters.nominal, UR5.gravity, None,
+                       [(f"drive.{kind}", {"joint": 3})])  # fmt: skip
+    one = [
+        train.torques(t[k : k + 1], Jet(q.v[k : k + 1], q.d[k : k + 1], q.dd[k : k + 1]))[0]
+        for k in range(400)
+    ]
+    assert np.abs(np.array(one) - together[:400]).max() < 1e-9
+
+
+@pytest.mark.parametrize(
+    ("options", "text"),
+    [
+        ({"parameters": {"drive.coulomb.7": 1.0}, "effort": "torque"}, "drive.coulomb.7"),
+        ({"parameters": {"drive.coulomb.1": -1.0}, "effort": "torque"}, "impossible"),
+        ({"parameters": {"drive.coulomb.1": 1.0}}, "--effort torque"),
+        ({"effects": ("drive.coulomb:joint=2",)}, "--effort torque"),
+        ({"effects": ("drive.coulomb:joint=9",), "effort": "torque"}, "1 … 6"),
+        ({"effects": ("drive.coulomb:sise=1",), "effort": "torque"}, "size"),
+        ({"effects": ("drive.delay:size=-1",), "effort": "torque"}, "below 0"),
+        ({"effects": ("drive.constant:size=-1",), "effort": "torque"}, "above -1"),
+        ({"effort": "volts"}, "torque, current or off"),
+    ],
+)
+def test_refusals(options, text):
+    with pytest.raises(ParameterError, match=text):
+        SimDriver(SimOptions("ur5", **options))
+
+
+def test_an_unknown_fault_is_refused():
+    with pytest.raises(NotFoundError, match=r"drive\.colomb"):
+        SimDriver(SimOptions("ur5", effects=("drive.colomb:joint=2",), effort="torque"))
+
+
+def test_the_list_says_in_which_channels_an_effect_shows(capsys):
+    assert main(["list", "effects"]) == 0
+    rows = [line.split() for line in capsys.readouterr().out.splitlines()]
+    shown = {row[0]: row[1] for row in rows if len(row) > 2}
+    assert shown["drive.coulomb"] == "effort" and shown["sensor.gain"] == "wrench"
+    assert main(["list", "effects", "--json"]) == 0
+    assert {f"drive.{kind}" for kind in FAULTS} < set(json.loads(capsys.readouterr().out))
