@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 SOURCE = Path(__file__).parents[2] / "src" / "wrenchbed"
-ROOMS = ("physics", "effects", "benchmark/lookalikes", "benchmark/referee", "hardware/drivers")
+ROOMS = ("physics", "effects", "benchmark/lookalikes", "benchmark/referee", "benchmark/efforts",
+         "hardware/drivers")  # fmt: skip
 FILES = sorted(f for room in ROOMS for f in (SOURCE / room).rglob("*.py"))
 TRIVIAL = {0.0, 0.5, 1.0, 2.0, 3.0, 4.0, 6.0, 10.0}
 """Numbers of formulas: identities, halves, dimensions and axes."""

@@ -1,0 +1,162 @@
+"""Motions as users have them: multisine, Fourier series, point to point with pauses, one way.
+
+Ranges are estimates of ordinary recordings.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import make_interp_spline
+
+from wrenchbed.robots.base import Joint, SimulatedRobot
+
+KINDS = ("multisine", "fourier", "points", "oneway")
+SHARES = (0.35, 0.3, 0.27, 0.08)
+"""Of the motions; estimate."""
+FINE = 4
+"""Steps of the physics between two rows."""
+SECONDS = (30.0, 60.0)
+"""Range of durations [s]; estimate."""
+RATES = (100.0, 125.0)
+"""Rows a second [Hz]: usual rates of logs; estimate."""
+_REACH = 0.9
+"""Largest excursion from the middle pose [rad]; estimate."""
+_SPEED = (0.25, 0.6)
+"""Range of top speeds over the joint's limit; estimate."""
+_MOST_SPEED = 1.5
+"""Top speed of any joint [rad/s], as users dare; estimate."""
+
+
+@dataclass(frozen=True, eq=False)
+class Path:
+    """A motion on a grid finer than the recording's.
+
+    Attributes:
+        kind: of `KINDS`.
+        rate: rows a second [Hz].
+        t: instants (T,) [s].
+        q, qd, qdd: joint values, speeds, accelerations (T, J) [rad, rad/s, rad/s²].
+    """
+
+    kind: str
+    rate: float
+    t: np.ndarray
+    q: np.ndarray
+    qd: np.ndarray
+    qdd: np.ndarray
+
+    @property
+    def step(self) -> float:
+        """Of the fine grid [s]."""
+        return 1.0 / (self.rate * FINE)
+
+    @property
+    def rows(self) -> np.ndarray:
+        """Fine instants that are recorded (N,)."""
+        return np.arange(0, len(self.t), FINE)
+
+
+def of_values(kind: str, rate: float, t: np.ndarray, q: np.ndarray) -> Path:
+    """A path through joint values (T, J) at even fine instants, a quintic spline."""
+    spline = make_interp_spline(t, q, k=5)
+    return Path(kind, rate, t, q, spline.derivative(1)(t), spline.derivative(2)(t))
+
+
+def draw(robot: SimulatedRobot, rng: np.random.Generator) -> Path:
+    """A motion of an arm."""
+    kind = str(rng.choice(KINDS, p=SHARES))
+    rate = float(rng.choice(RATES))
+    t = np.arange(round(rng.uniform(*SECONDS) * rate) * FINE) / (rate * FINE)
+    joints = robot.joints
+    middle, reach = _middle(joints, robot.sample(1, rng)[0])
+    top = np.array([min(j.speed, _MOST_SPEED) for j in joints]) * rng.uniform(*_SPEED)
+    return of_values(kind, rate, t, _MAKERS[kind](rng, t, (middle, reach), top))
+
+
+def _middle(joints: Sequence[Joint], pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """A pose around which every joint can move, and how far."""
+    half = np.array([(j.upper - j.lower) / 2.0 for j in joints])
+    centre = np.array([(j.upper + j.lower) / 2.0 for j in joints])
+    reach = np.minimum(_REACH, 0.45 * half)  # estimate
+    return np.clip(pose, centre - half + reach, centre + half - reach), reach
+
+
+_Room = tuple[np.ndarray, np.ndarray]
+
+
+def _sines(
+    rng: np.random.Generator, t: np.ndarray, room: _Room, top: np.ndarray, frequencies: np.ndarray
+) -> np.ndarray:
+    """Sines of random phase, scaled to the room and the top speed (T, J)."""
+    middle, reach = room
+    phase = rng.uniform(0.0, 2.0 * np.pi, (len(frequencies), len(middle)))
+    weight = rng.uniform(0.4, 1.0, phase.shape) / frequencies[:, None] ** 0.7  # estimates
+    angle = 2.0 * np.pi * frequencies[:, None, None] * t[:, None] + phase[:, None]
+    value = (weight[:, None] * np.sin(angle)).sum(axis=0)
+    speed = np.abs(np.gradient(value, t[1] - t[0], axis=0)).max(axis=0)
+    scale = np.minimum(reach / np.abs(value).max(axis=0), top / speed)
+    return np.asarray(middle + scale * value)
+
+
+def _multisine(rng: np.random.Generator, t: np.ndarray, room: _Room, top: np.ndarray) -> np.ndarray:
+    frequencies = np.geomspace(0.05, rng.uniform(0.6, 1.5), 8)  # [Hz], estimates
+    value = _sines(rng, t, room, top, frequencies)
+    ramp = np.clip(np.minimum(t, t[-1] - t) / 2.0, 0.0, 1.0)
+    return np.asarray(room[0] + _smooth(ramp)[:, None] * (value - room[0]))
+
+
+def _fourier(rng: np.random.Generator, t: np.ndarray, room: _Room, top: np.ndarray) -> np.ndarray:
+    base = rng.uniform(0.06, 0.12)  # [Hz], estimate after Swevers 1997, doi 10.1109/70.631234
+    return _sines(rng, t, room, top, base * np.arange(1, 6))
+
+
+def _points(
+    rng: np.random.Generator,
+    t: np.ndarray,
+    room: _Room,
+    top: np.ndarray,
+    order: Callable[[np.ndarray], np.ndarray] = lambda x: x,
+) -> np.ndarray:
+    """Minimum-jerk moves between random poses, with pauses (T, J)."""
+    middle, reach = room
+    poses = order(middle + reach * rng.uniform(-1.0, 1.0, (max(4, int(t[-1] / 2.0)), len(middle))))
+    q, now, here = np.empty((len(t), len(middle))), 0, poses[0]
+    dt = t[1] - t[0]
+    for pose in poses[1:]:
+        peak = 1.875  # of a minimum-jerk move over its mean speed, by definition
+        seconds = max(0.4, float((np.abs(pose - here) * peak / top).max()))  # estimate
+        move = np.arange(max(2, int(seconds / dt))) * dt / seconds
+        part = here + _smooth(np.minimum(move, 1.0))[:, None] * (pose - here)
+        pause = np.repeat(pose[None], int(rng.uniform(0.2, 1.2) / dt), axis=0)  # [s], estimate
+        both = np.concatenate([part, pause])[: len(t) - now]
+        q[now : now + len(both)] = both
+        now, here = now + len(both), pose
+        if now == len(t):
+            return q
+    q[now:] = here
+    return q
+
+
+def _oneway(rng: np.random.Generator, t: np.ndarray, room: _Room, top: np.ndarray) -> np.ndarray:
+    """Point to point, some joints in one direction only: gantry-like cycles cut out of a log."""
+    ways = rng.random(len(room[0])) < 0.5
+    ways[rng.integers(len(ways))] = True
+    count = max(6, int(t[-1] / 4.0))
+
+    def order(poses: np.ndarray) -> np.ndarray:
+        kept = poses[:count].copy()
+        kept[:, ways] = np.sort(kept[:, ways], axis=0)
+        return kept
+
+    return _points(rng, t, room, top / 2.0, order)
+
+
+def _smooth(x: np.ndarray) -> np.ndarray:
+    """Minimum-jerk step from 0 to 1."""
+    return np.asarray(x**3 * (10.0 - 15.0 * x + 6.0 * x * x))
+
+
+_MAKERS: dict[str, Callable[..., np.ndarray]] = {
+    "multisine": _multisine, "fourier": _fourier, "points": _points, "oneway": _oneway,
+}  # fmt: skip

@@ -1,0 +1,290 @@
+"""What a robot with a fault makes its drives report, before noise.
+
+Ranges of friction, rotors and noise follow data sheets of collaborative arms roughly: estimates.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+from scipy import signal
+
+from wrenchbed.benchmark.efforts.arm import Edit, TrueArm, manufactured
+from wrenchbed.benchmark.efforts.bristles import lugre
+from wrenchbed.benchmark.efforts.path import Path, draw
+from wrenchbed.robots.base import SimulatedRobot
+
+UNITS = ("tau", "i")
+"""Prefixes of recorded efforts: torques [N·m] or currents [A]."""
+OFF = (0.05, 0.1)
+"""How far true friction is off the configured values, as a share; estimate."""
+_LEAST_RATED = 0.12
+"""Rated torque of a wrist over that of the strongest joint, at least; estimate."""
+_MOVING = 0.03
+"""Share of a joint's top speed below which it counts as at rest; estimate."""
+_SIDE_FILTER = 0.3
+"""Cutoff of the controller's own filter over the rate of rows; estimate."""
+
+
+@dataclass(frozen=True, eq=False)
+class TrueDrives:
+    """Drives of an arm, each (J,): Coulomb and viscous friction [N·m, N·m·s/rad], Stribeck dip as
+    a share of Coulomb and its speed [rad/s], offset [N·m], rotor at the joint [kg·m²], constant
+    [N·m/A], bristles' stiffness [N·m/rad], cogging [N·m], change of friction per kelvin."""
+
+    coulomb: np.ndarray
+    viscous: np.ndarray
+    dip: np.ndarray
+    dip_speed: np.ndarray
+    offset: np.ndarray
+    rotor: np.ndarray
+    constant: np.ndarray
+    stiffness: np.ndarray
+    cogging: np.ndarray
+    per_kelvin: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """What a fault may depend on, on the fine grid: the motion, the links' torque (T, J) [N·m],
+    the drives' temperature (T,) [°C], rated torques (J,) [N·m] and the drives."""
+
+    path: Path
+    rigid: np.ndarray
+    temperature: np.ndarray
+    rated: np.ndarray
+    drives: TrueDrives
+    arm: TrueArm
+
+
+Hook = Callable[[State], np.ndarray]
+
+
+@dataclass(frozen=True, eq=False)
+class EffortFault:
+    """A fault, as the stages at which it acts; each that is None leaves its stage alone.
+
+    Attributes:
+        family: name of the effect, or of the family outside the library.
+        joint: 1-based joint or link; None of faults of tool and base.
+        parameters: true values by name, SI.
+        theta: changes the true parameters (P,).
+        edit: changes the compiled true model.
+        drives: changes the drives.
+        level: further Coulomb friction (T, J) [N·m].
+        torque: further torque of the drives (T, J) [N·m].
+        reading: changes the effort (T, J) [effort's unit].
+        rows: changes recorded rows (N, J).
+        motion: changes the true motion against the one that encoders report.
+    """
+
+    family: str
+    joint: int | None
+    parameters: Mapping[str, float] = field(default_factory=dict)
+    theta: Callable[[np.ndarray], np.ndarray] | None = None
+    edit: Edit | None = None
+    drives: Callable[[TrueDrives], TrueDrives] | None = None
+    level: Hook | None = None
+    torque: Hook | None = None
+    reading: Callable[[State, np.ndarray], np.ndarray] | None = None
+    rows: Callable[[np.ndarray], np.ndarray] | None = None
+    motion: Callable[[Path], Path] | None = None
+
+
+HEALTHY = EffortFault("none", None)
+
+
+@dataclass(frozen=True, eq=False)
+class EffortSetting:
+    """A robot with its imperfections, its motion and its instruments.
+
+    Attributes:
+        robot: the arm.
+        stated, theta: parameters as stated and as they are (P,).
+        edits: of the true links.
+        path: the motion that encoders report.
+        drives: the true ones.
+        configured: known values of the drives by name, as the recording states them.
+        rated: torques (J,) [N·m] that sizes are shares of.
+        noise: standard deviation of a row's torque (J,) [N·m].
+        temperature: of the drives (T,) [°C].
+        prefix: of `UNITS`.
+        gear: motor turns a joint turn.
+        jitter: [s] standard deviation of sampling instants.
+    """
+
+    robot: SimulatedRobot
+    stated: np.ndarray
+    theta: np.ndarray
+    edits: tuple[Edit, ...]
+    path: Path
+    drives: TrueDrives
+    configured: Mapping[str, float]
+    rated: np.ndarray
+    noise: np.ndarray
+    temperature: np.ndarray
+    prefix: str
+    gear: float
+    jitter: float
+    seed: int
+
+    @cached_property
+    def scale(self) -> np.ndarray:
+        """Torque a unit of effort (J,): drive constants, or ones."""
+        one = np.ones(len(self.rated))
+        return self.configured_constants if self.prefix == "i" else one
+
+    @property
+    def configured_constants(self) -> np.ndarray:
+        """Stated drive constants (J,) [N·m/A]."""
+        return np.array(
+            [self.configured[f"drive.constant.{j + 1}"] for j in range(len(self.rated))]
+        )
+
+    @cached_property
+    def healthy_torque(self) -> np.ndarray:
+        """Torque of the true links (T, J) [N·m] without a fault."""
+        return TrueArm(self.robot, self.theta, self.edits).torque(self.path)
+
+    @cached_property
+    def moving(self) -> np.ndarray:
+        """Whether joints move (N, J) at the rows: a drive at rest holds what nobody knows."""
+        speed = np.abs(self.path.qd[self.path.rows])
+        return np.asarray(speed > _MOVING * speed.max(axis=0))
+
+    @cached_property
+    def healthy(self) -> np.ndarray:
+        """Clean rows (N, J) without a fault."""
+        return simulate(self, HEALTHY)
+
+
+def state_of(setting: EffortSetting, fault: EffortFault) -> State:
+    """The state of a robot with a fault."""
+    theta = setting.theta if fault.theta is None else fault.theta(setting.theta)
+    edits = setting.edits if fault.edit is None else (*setting.edits, fault.edit)
+    path = setting.path if fault.motion is None else fault.motion(setting.path)
+    arm = TrueArm(setting.robot, theta, edits)
+    rigid_fault = fault.theta is not None or fault.edit is not None or fault.motion is not None
+    rigid = arm.torque(path) if rigid_fault else setting.healthy_torque
+    drives = setting.drives if fault.drives is None else fault.drives(setting.drives)
+    return State(path, rigid, setting.temperature, setting.rated, drives, arm)
+
+
+def friction_level(state: State) -> np.ndarray:
+    """Friction in steady motion (T, J) [N·m], with its Stribeck dip and its temperature."""
+    d, speed = state.drives, state.path.qd
+    warmer = (state.temperature - state.temperature[0])[:, None]
+    dip = 1.0 + d.dip * np.exp(-((speed / d.dip_speed) ** 2))
+    return np.asarray(d.coulomb * dip * np.exp(-d.per_kelvin * warmer))
+
+
+def drive_torque(state: State, gear: float, fault: EffortFault) -> np.ndarray:
+    """Torque that the drives make (T, J) [N·m]."""
+    d, path = state.drives, state.path
+    level = friction_level(state)
+    if fault.level is not None:
+        level = np.maximum(level + fault.level(state), 0.05 * d.coulomb)  # estimate: stays friction
+    damping = 0.4 * np.sqrt(d.stiffness)  # estimate
+    friction = lugre(path.qd, path.step, level, d.stiffness, damping)
+    warmer = (state.temperature - state.temperature[0])[:, None]
+    thin = np.exp(-d.per_kelvin * warmer)
+    torque = state.rigid + d.rotor * path.qdd + friction + d.viscous * thin * path.qd + d.offset
+    torque = torque + d.cogging * np.sin(gear * path.q)
+    return np.asarray(torque if fault.torque is None else torque + fault.torque(state))
+
+
+def simulate(setting: EffortSetting, fault: EffortFault) -> np.ndarray:
+    """Clean rows of the effort (N, J) [effort's unit]."""
+    state = state_of(setting, fault)
+    torque = drive_torque(state, setting.gear, fault)
+    current = torque / (state.drives.constant if setting.prefix == "i" else 1.0)
+    if fault.reading is not None:
+        current = fault.reading(state, current)
+    corner = min(_SIDE_FILTER * setting.path.rate, 0.4 / setting.path.step)
+    b, a = signal.butter(1, corner, fs=1.0 / setting.path.step)
+    start = signal.lfilter_zi(b, a)[:, None] * current[:1]
+    filtered = signal.lfilter(b, a, current, axis=0, zi=start)[0]
+    at = setting.path.t[setting.path.rows]
+    at = at + setting.jitter * np.random.default_rng(setting.seed).normal(size=len(at))
+    rows = np.stack([np.interp(at, setting.path.t, column) for column in filtered.T], axis=1)
+    return rows if fault.rows is None else np.asarray(fault.rows(rows))
+
+
+def draw_setting(robot: SimulatedRobot, rng: np.random.Generator) -> EffortSetting:
+    """A healthy robot with ordinary imperfections, in motion."""
+    path, joints = draw(robot, rng), len(robot.joints)
+    stated = _stated(robot, rng)
+    tool = robot.tool(stated)
+    theta = robot.theta_of_tool(
+        stated,
+        float(tool.mass) * (1.0 + 0.003 * rng.normal()),  # estimate
+        [float(c) + 3e-4 * rng.normal() for c in np.asarray(tool.cog)],  # [m], estimate
+    )
+    rated = rated_torques(robot, stated, rng)
+    size = rated * rng.uniform(0.75, 1.3, joints)  # estimates from here on, after UR5 fits
+    known = {
+        "coulomb": 0.05 * size * rng.uniform(0.7, 1.4, joints),
+        "viscous": 0.06 * size * rng.uniform(0.6, 1.5, joints),
+        "offset": 0.003 * size * rng.normal(size=joints),
+        "inertia": 0.012 * size * rng.uniform(0.7, 1.3, joints),
+        "constant": (10.0 if rated.max() < 250.0 else 13.0) * rng.uniform(0.85, 1.15, joints),
+    }
+    known = {k: np.array([float(f"{x:.4g}") for x in v]) for k, v in known.items()}
+    configured = {
+        f"drive.{k}.{j + 1}": float(v[j]) for k, v in known.items() for j in range(joints)
+    }
+
+    def off(low: float, high: float) -> np.ndarray:
+        return 1.0 + rng.choice((-1.0, 1.0), joints) * rng.uniform(low, high, joints)
+
+    coulomb = known["coulomb"] * off(*OFF)
+    noise = rated * rng.uniform(0.004, 0.008) * rng.uniform(0.8, 1.25, joints)
+    drives = TrueDrives(
+        coulomb=coulomb,
+        viscous=known["viscous"] * off(*OFF),
+        dip=rng.uniform(0.03, 0.12, joints),
+        dip_speed=rng.uniform(0.02, 0.06, joints),
+        offset=known["offset"] + 0.001 * size * rng.normal(size=joints),
+        rotor=known["inertia"] * off(0.0, 0.05),
+        constant=known["constant"] * off(0.0, 0.01),
+        stiffness=coulomb / rng.uniform(3e-5, 2e-4, joints),
+        cogging=0.3 * noise * rng.random(joints),
+        per_kelvin=rng.uniform(0.003, 0.008, joints),
+    )
+    temperature = _temperature(path, rng, rise=rng.uniform(0.0, 2.0))
+    prefix = str(rng.choice(UNITS))
+    return EffortSetting(
+        robot, stated, theta, (manufactured(rng),), path, drives, configured, rated, noise,
+        temperature, prefix, float(rng.choice((100.0, 101.0, 120.0))),
+        float(rng.uniform(0.0, 4e-4)), int(rng.integers(2**31)),
+    )  # fmt: skip
+
+
+def warmed(setting: EffortSetting, rise: float, rng: np.random.Generator) -> EffortSetting:
+    """The same with drives that warm up by so much [K]."""
+    return replace(setting, temperature=_temperature(setting.path, rng, rise))
+
+
+def _temperature(path: Path, rng: np.random.Generator, rise: float) -> np.ndarray:
+    """A start-up's warming (T,) [°C] with two time constants [s]; estimates."""
+    fast, slow = rng.uniform(12.0, 40.0), rng.uniform(100.0, 400.0)
+    share = 0.7 * -np.expm1(-path.t / fast) + 0.3 * -np.expm1(-path.t / slow)
+    wave = 0.1 * np.sin(2.0 * np.pi * path.t / rng.uniform(20.0, 50.0))
+    return np.asarray(rng.uniform(22.0, 32.0) + rise * share / share[-1] + wave)
+
+
+def _stated(robot: SimulatedRobot, rng: np.random.Generator) -> np.ndarray:
+    """Parameters (P,) with a tool that users would hang there; estimate."""
+    mass = float(f"{rng.uniform(0.4, 2.5):.3g}")
+    cog = [round(float(c), 4) for c in rng.normal(0.0, 0.015, 2)]
+    start = robot.parameters.nominal
+    return robot.theta_of_tool(start, mass, [*cog, round(float(rng.uniform(0.03, 0.09)), 4)])
+
+
+def rated_torques(robot: SimulatedRobot, theta: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Torques (J,) [N·m] that joints hold at random poses, and a bit; estimate."""
+    poses = robot.sample(40, rng)
+    still = Path("rest", 1.0, np.arange(40.0), poses, 0.0 * poses, 0.0 * poses)
+    peak = 1.7 * np.abs(TrueArm(robot, theta).torque(still)).max(axis=0)
+    return np.asarray(np.maximum(peak, _LEAST_RATED * peak.max()))
