@@ -4,6 +4,7 @@ import difflib
 import fnmatch
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from sys import float_info
 
 import numpy as np
@@ -58,8 +59,9 @@ class ParameterSet(Sequence[Parameter]):
     def __add__(self, other: "ParameterSet") -> "ParameterSet":
         return ParameterSet(self.items + other.items)
 
-    @property
+    @cached_property
     def names(self) -> tuple[str, ...]:
+        """In order."""
         return tuple(p.name for p in self.items)
 
     @property

@@ -125,9 +125,13 @@ def stack_jets(parts: Sequence[Value]) -> Value:
             stack_jets([j.d for j in jets]),
             stack_jets([j.dd for j in jets]),
         )
-    if len({np.shape(p) for p in parts}) > 1:
-        parts = np.broadcast_arrays(*parts)
-    return np.stack(parts, axis=-1)
+    shapes = {np.shape(p) for p in parts}
+    if shapes == {()}:
+        return np.array(parts)
+    result = np.empty((*np.broadcast_shapes(*shapes), len(parts)), np.result_type(*parts))
+    for k, part in enumerate(parts):
+        result[..., k] = part
+    return result
 
 
 def reshape_matrix(rows: Value) -> Value:
