@@ -8,8 +8,10 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from wrenchbed.emulators.serial_sensors import bota as emulated_bota
 from wrenchbed.emulators.serial_sensors import robotiq_ft300 as emulated_robotiq
 from wrenchbed.errors import DriverError
+from wrenchbed.hardware.transducers.bota import frames
 from wrenchbed.hardware.transducers.robotiq_ft300 import modbus, packets
 from wrenchbed.hardware.transducers.serial_line.checksums import crc16_modbus, crc16_x25
 from wrenchbed.hardware.transducers.serial_line.framing import Framer, FrameShape
@@ -23,7 +25,19 @@ def robotiq(counts) -> bytes:
     return packet + emulated_robotiq.check(packet)
 
 
-SHAPES = {"robotiq": (packets.SHAPE, COUNTS.map(robotiq))}
+def bota(values) -> bytes:
+    """A frame as the emulator's own code makes it."""
+    status, stamp, *numbers = values
+    data = struct.pack("<H6fIf", status, *numbers, stamp, 25.0)
+    return b"\xaa" + data + emulated_bota.check(data)
+
+
+FLOATS = st.floats(allow_nan=False, width=32)
+VALUES = st.tuples(st.integers(0, 2**16 - 1), st.integers(0, 2**32 - 1), *[FLOATS] * 6)
+SHAPES = {
+    "robotiq": (packets.SHAPE, COUNTS.map(robotiq)),
+    "bota": (frames.SHAPE, VALUES.map(bota)),
+}
 each_shape = pytest.mark.parametrize("name", SHAPES)
 
 
@@ -53,6 +67,7 @@ def test_the_check_of_a_published_modbus_request():
 @given(st.binary(max_size=80))
 def test_two_implementations_of_the_check_agree(data):
     assert emulated_robotiq.check(data) == struct.pack("<H", crc16_modbus(data))
+    assert emulated_bota.check(data) == struct.pack("<H", crc16_x25(data))
 
 
 def test_a_packet_worked_by_hand():
@@ -126,6 +141,9 @@ def test_header_bytes_inside_data_are_data(name, data):
     if name == "robotiq":
         (word,) = struct.unpack("<h", shape.header)
         one = robotiq([word] * 6)
+    else:
+        (number,) = struct.unpack("<f", b"\xaa\xaa\xaa\x2a")
+        one = bota([0xAAAA, 0xAAAAAAAA, *[number] * 6])
     stream = one * 5
     begin = data.draw(st.integers(0, shape.size - 1))
     found, framer = fed(shape, [stream[begin:]])
@@ -155,6 +173,39 @@ def test_firmware_and_serial_as_the_maker_writes_them():
     assert modbus.text((0, 0, 0, 0)) == ""
     with pytest.raises(DriverError, match="not that of an FT sensor"):
         modbus.version((0x4142, 0, 0))
+
+
+def test_a_frame_worked_by_hand():
+    # status 2; 1, -2, 0.5, 0, 0.25, -1.5; 1 s; 25 °C: IEEE 754, low byte first
+    data = bytes.fromhex(
+        "0200 0000803f 000000c0 0000003f 00000000 0000803e 0000c0bf 40420f00 0000c841"
+    )
+    frame = b"\xaa" + data + struct.pack("<H", crc16_x25(data))
+    assert len(frame) == frames.SIZE and frames.holds(frame)
+    found = frames.decoded(frame)
+    assert found.wrench.tolist() == [1.0, -2.0, 0.5, 0.0, 0.25, -1.5]
+    assert (found.status, found.stamp) == (2, 1_000_000)
+    assert frames.temperature(frame) == 25.0
+    assert frames.faults(2) == ("out of range",)
+    assert frames.faults(0x8004) == ("readings are invalid", "unknown bits 0x8000")
+
+
+@given(st.binary(max_size=200))
+def test_the_emulated_console_takes_any_bytes(data):
+    commands, held = emulated_bota.split(data)
+    assert all(command[0] in "fcbCRI#slw" for command in commands)
+    assert len(held) <= 64
+
+
+@given(st.lists(st.integers(1, 12), min_size=1, max_size=40))
+def test_the_emulated_console_finds_commands_however_they_are_cut(sizes):
+    sent = b"Cc,0,1,0,4f,64,0,0,1R"
+    found, held, at = [], b"", 0
+    for size in [*sizes, *[1] * len(sent)]:
+        commands, held = emulated_bota.split(held + sent[at : at + size])
+        found += commands
+        at += size
+    assert found == ["C", "c,0,1,0,4", "f,64,0,0,1", "R"]
 
 
 @given(COUNTS)

@@ -154,5 +154,6 @@ TRANSDUCERS = {
     "netcanoem": _netcanoem,
     "ur-wrench": _ur_wrench,
     "robotiq-ft300": lambda: _serial("robotiq-ft300", "127.0.5.5"),
+    "bota": lambda: _serial("bota", "127.0.5.6"),
 }
 """Transducer → a context in which a function makes closed ones."""

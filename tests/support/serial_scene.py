@@ -11,7 +11,7 @@ from wrenchbed.emulators.base.faults import TimedFault
 from wrenchbed.hardware.transducers.address import transducer_at
 from wrenchbed.hardware.transducers.serial_line.transducer import SerialTransducer
 
-NAMES = ("robotiq-ft300",)
+NAMES = ("robotiq-ft300", "bota")
 
 
 class SerialScene:

@@ -2,8 +2,9 @@
 
 from collections.abc import Mapping
 
+from wrenchbed.emulators.serial_sensors.bota import Bota
 from wrenchbed.emulators.serial_sensors.robotiq_ft300 import RobotiqFt300
 from wrenchbed.emulators.serial_sensors.sensor import SerialSensor
 
-KNOWN: Mapping[str, type[SerialSensor]] = {kind.name: kind for kind in (RobotiqFt300,)}
+KNOWN: Mapping[str, type[SerialSensor]] = {kind.name: kind for kind in (RobotiqFt300, Bota)}
 """By name."""

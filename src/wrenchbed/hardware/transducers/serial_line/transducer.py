@@ -18,7 +18,7 @@ import numpy as np
 
 from wrenchbed import registry
 from wrenchbed.errors import DriverError, LinkError, ParameterError
-from wrenchbed.hardware.device import Health, by_age, wait_until
+from wrenchbed.hardware.device import STALE_S, Health, by_age, wait_until
 from wrenchbed.hardware.transducers.address import numbers_of
 from wrenchbed.hardware.transducers.base import HISTORY, Transducer, WrenchSample
 from wrenchbed.hardware.transducers.serial_line.framing import Framer, FrameShape
@@ -80,6 +80,7 @@ class Received:
 
     sample: WrenchSample
     raw: Decoded
+    arrived: float
     since: float
     same: int
     stamp_since: float
@@ -96,6 +97,8 @@ class SerialTransducer(Transducer):
     shape: ClassVar[FrameShape]
     maker: ClassVar[str]
     """Name for people."""
+    clocked: ClassVar[bool] = False
+    """Whether the sensor's clock tells which readings are lost, else the bytes between frames."""
 
     def __init__(self, options: SerialOptions) -> None:
         super().__init__()
@@ -202,7 +205,7 @@ class SerialTransducer(Transducer):
         self._ended.set()
         if self._thread is not None:
             self._thread.join(2.0)
-        self._lost += self._framer.damaged + self._missed
+        self._lost = self._total_lost
         if self._port is not None:
             if not self._gone:
                 with contextlib.suppress(LinkError):
@@ -242,7 +245,7 @@ class SerialTransducer(Transducer):
             return
         t, device = self._timed(now, k, n, raw)
         before = self._newest
-        since = stamp_since = t
+        since = stamp_since = now
         same = stamp_same = 1
         renewed = ""
         if before is not None:
@@ -260,12 +263,12 @@ class SerialTransducer(Transducer):
             saturated=self._saturated(raw), lost=self._total_lost, bias_id=self._bias_id,
             faults=self._faults(raw.status),
         )  # fmt: skip
-        self._newest = Received(sample, raw, since, same, stamp_since, stamp_same)
+        self._newest = Received(sample, raw, now, since, same, stamp_since, stamp_same)
         self._past.add(sample)
 
     @property
     def _total_lost(self) -> int:
-        return self._lost + self._framer.damaged + self._missed
+        return self._lost + self._missed + (0 if self.clocked else self._framer.damaged)
 
     def _saturated(self, raw: Decoded) -> int:
         mask = 0
@@ -295,11 +298,12 @@ class SerialTransducer(Transducer):
             return Health("lost", self._gone, counters)
         if newest is None:
             return Health("starting", "no reading came yet", counters)
-        health = by_age(time.monotonic() - newest.sample.t, self.what, counters)
+        age = time.monotonic() - newest.sample.t
+        if time.monotonic() - newest.arrived < STALE_S and (frozen := self._frozen(newest)):
+            return Health("fault", f"{self.what}: frozen: {frozen}: switch it off and on", counters)
+        health = by_age(age, self.what, counters)
         if not health.ok:
             return replace(health, detail=f"{health.detail}: check its cable and power")
-        if frozen := self._frozen(newest):
-            return Health("fault", f"{self.what}: frozen: {frozen}: switch it off and on", counters)
         if self._trouble:
             return Health("fault", f"{self.what}: {self._trouble}", counters)
         words = ", ".join(newest.sample.faults)
@@ -310,7 +314,7 @@ class SerialTransducer(Transducer):
 
     def _frozen(self, newest: Received) -> str:
         """What stands still, empty if nothing does."""
-        limit, t = self._options.frozen_s, newest.sample.t
+        limit, t = self._options.frozen_s, newest.arrived
         if not limit:
             return ""
         if newest.stamp_same > _SAME and t - newest.stamp_since >= limit:
