@@ -34,8 +34,8 @@ FLAGS = {
         "truth=None"
     ),
     "diagnose": (
-        "dry-run=False, fast=False, json=False, look-alikes=0, out=None, rate=100.0, samples=60, "
-        "seed=0"
+        "channels=None, drives=None, dry-run=False, fast=False, json=False, look-alikes=0, "
+        "out=None, rate=100.0, samples=60, seed=0"
     ),
     "doctor": "host=None, json=False, robot=ur5, seconds=3.0, sensor=None",
     "replay": "host=127.0.0.9, http-port=8080, once=False",

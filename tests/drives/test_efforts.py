@@ -202,7 +202,8 @@ def test_the_verb_writes_a_fit_that_no_export_takes_for_one_of_the_wrench(clean,
     assert "fit of joint efforts" in capsys.readouterr().err
     assert main(["calibrate", str(path), "--prior"]) != 0
     assert "--prior is for wrenches" in capsys.readouterr().err
-    assert main(["diagnose", str(path), "--out", str(tmp_path / "found")]) != 0
+    both = ["diagnose", str(path), "--channels", "wrench", "--out", str(tmp_path / "found")]
+    assert main(both) != 0
     assert "has no wrench" in capsys.readouterr().err
 
 

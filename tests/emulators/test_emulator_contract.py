@@ -1,5 +1,7 @@
 """One contract for every emulator that the registry knows; another plug-in is tested as it is."""
 
+import io
+import os
 import re
 import signal
 import socket
@@ -20,14 +22,22 @@ EFFECT = "sensor.gain:gain.fz=0.02"
 Kind = type[Emulator]
 
 
-def answers(addresses: dict[str, str]) -> list[tuple[str, int]]:
-    """The addresses at which somebody accepts a TCP connection."""
-    found = [re.search(r"(127\.[\d.]+):(\d+)", address) for address in addresses.values()]
-    assert addresses and all(found), addresses
+def client_of(address: str) -> io.IOBase | socket.socket:
+    """A client of an address: a TCP connection, or a serial line by its path."""
+    if address.startswith("/"):
+        return os.fdopen(os.open(address, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK), "rb", 0)
+    host, port = re.search(r"(127\.[\d.]+):(\d+)", address).groups()
+    return socket.create_connection((host, int(port)), 2.0)
+
+
+def answers(addresses: dict[str, str]) -> list[str]:
+    """The addresses at which somebody accepts a client."""
+    named = [a for a in addresses.values() if a.startswith("/") or re.search(r"127\.[\d.]+:\d", a)]
+    assert named and len(named) == len(addresses), addresses
     open_ = []
-    for host, port in ((f[1], int(f[2])) for f in found):
-        with suppress(OSError), socket.create_connection((host, port), 2.0):
-            open_.append((host, port))
+    for address in named:
+        with suppress(OSError), client_of(address):
+            open_.append(address)
     return open_
 
 
@@ -60,7 +70,7 @@ def stops_without_a_trace(kind: Kind, host: str) -> None:
     before = set(threading.enumerate())
     emulator = kind(EmulatorOptions(host, noise="off"))
     addresses = emulator.start()
-    client = socket.create_connection(answers(addresses)[0], 2.0)
+    client = client_of(answers(addresses)[0])
     emulator.stop()
     emulator.stop()
     client.close()

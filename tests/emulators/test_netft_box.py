@@ -9,8 +9,8 @@ import pytest
 
 from netft_scene import boxed, plain
 from wrenchbed.emulators.base.arguments import read
+from wrenchbed.emulators.base.timeline import Timeline
 from wrenchbed.emulators.netft_box import BoxSettings
-from wrenchbed.emulators.netft_box.sensing import Timeline
 from wrenchbed.errors import DriverError, MapError, ParameterError
 
 pytestmark = pytest.mark.wire

@@ -12,10 +12,11 @@ from wrenchbed import web_requests
 from wrenchbed.emulators.netft_box import rdt
 from wrenchbed.emulators.netft_box import web as server
 from wrenchbed.errors import DriverError, LinkError
+from wrenchbed.hardware.transducers.device_clock import DeviceClock, signed
 from wrenchbed.hardware.transducers.netft import configuration, datagrams
 from wrenchbed.hardware.transducers.netft import configuration as web
 from wrenchbed.hardware.transducers.netft.datagrams import table
-from wrenchbed.hardware.transducers.netft.sequence import DeviceClock, Tracker, signed
+from wrenchbed.hardware.transducers.netft.sequence import Tracker
 
 PAGE = """<?xml version="1.0" encoding="UTF-8"?>
 <netft><runstat>00000000</runstat><runrate>7000</runrate><setbias>0;0;0;0;0;0</setbias>

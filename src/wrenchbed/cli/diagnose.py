@@ -6,7 +6,7 @@ import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import tyro
 from rich.console import Group
@@ -15,7 +15,7 @@ from rich.table import Table
 from rich.text import Text
 
 import wrenchbed as wb
-from wrenchbed.cli import console
+from wrenchbed.cli import console, effort_diagnosis
 from wrenchbed.data.outputs import Kind
 from wrenchbed.errors import DiagnosisError, MissingExtraError, ParameterError, WrenchbedWarning
 from wrenchbed.files import atomic_folder
@@ -41,16 +41,46 @@ class DryRunOptions:
     rate: float = 100.0
 
 
+@dataclass(frozen=True)
+class LearningOptions:
+    """How the probabilities of a wrench's causes are learnt.
+
+    Attributes:
+        look_alikes: Learn how often such claims are right from so many simulated robots that do
+            what this one did (1 to 5 s each, kept for the next time); 0: use what is known, or
+            learn from 100 where nothing is known of such a robot.
+        fast: Learn nothing: probabilities are then of other robots.
+    """
+
+    look_alikes: int = 0
+    fast: bool = False
+
+
+@dataclass(frozen=True)
+class EffortOptions:
+    """What is diagnosed: the wrench, or the joint efforts.
+
+    Attributes:
+        channels: What is diagnosed; the wrench, or the joint efforts (tau1 … or i1 …) of a
+            recording without one.
+        drives: Of joint efforts: what calibrate wrote of a healthy recording of this robot, in
+            place of the drive values that the recording states.
+    """
+
+    channels: Literal["wrench", "effort"] | None = None
+    drives: Path | None = None
+
+
 def diagnose(
     recordings: tyro.conf.Positional[tuple[Path, ...]],
     /,
     out: Path | None = None,
     dry_run: bool = False,
-    look_alikes: int = 0,
-    fast: bool = False,
     seed: int = 0,
     as_json: console.Json = False,
+    learning: LearningOptions = LearningOptions(),
     rehearsed: DryRunOptions = DryRunOptions(),
+    efforts: EffortOptions = EffortOptions(),
 ) -> None:
     """Say where the sim-to-real gap lies, which effect causes it and how far it shrinks.
 
@@ -60,16 +90,14 @@ def diagnose(
         out: Folder for diagnosis.json, twin.json, report.html, diagnosis.rrd and plans of what to
             do next.
         dry_run: Only say which effects such a recording could show, and which look the same.
-        look_alikes: Learn how often such claims are right from so many simulated robots that do
-            what this one did (1 to 5 s each, kept for the next time); 0: use what is known, or
-            learn from 100 where nothing is known of such a robot.
-        fast: Learn nothing: probabilities are then of other robots.
         seed: Of the split into folds, each of which is held out once.
         as_json: Print the result as JSON.
+        learning: How the probabilities of a wrench's causes are learnt.
         rehearsed: With --dry-run: how the plan would be recorded.
+        efforts: What is diagnosed: the wrench, or the joint efforts.
     """
     console.check_seed(seed)
-    if not recordings or (len(recordings) > 1 and (dry_run or look_alikes)):
+    if not recordings or (len(recordings) > 1 and (dry_run or learning.look_alikes)):
         raise ParameterError(
             "diagnose needs a recording; --dry-run and --look-alikes take just one"
         )
@@ -82,7 +110,14 @@ def diagnose(
     from wrenchbed.reports.figures import Artist
 
     data = [wb.Recording.read(path) for path in recordings]
-    learnt = None if fast or len(data) > 1 else _learnt(data[0], look_alikes, seed)
+    if effort_diagnosis.asked(data, efforts.channels):
+        effort_diagnosis.run(data, efforts.drives, out, seed, as_json)
+        return
+    if efforts.drives is not None:
+        raise ParameterError("--drives goes with joint efforts: add --channels effort")
+    learnt = None
+    if not learning.fast and len(data) == 1:
+        learnt = _learnt(data[0], learning.look_alikes, seed)
     command = ["diagnose", *recordings, "--out", out, *(["--seed", seed] if seed else [])]
     with Artist() as artist:
         with console.progress("diagnosing", 7 if len(data) == 1 else 3 * len(data) + 3) as report:

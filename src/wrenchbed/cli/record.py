@@ -97,8 +97,9 @@ class DeviceArguments:
         driver: Name, see `wrenchbed list drivers`.
         host: Address of the robot's controller (rtde), or of the machine that shares its CAN bus.
         channel: CAN channel, for instance can0.
-        sensor: With rtde: netft://HOST for an ATI Net F/T at another address than the robot's, or
-            rtde for the robot's own wrench.
+        sensor: With rtde: netft://HOST for an ATI Net F/T at another address than the robot's,
+            robotiq-ft300:///dev/ttyUSB0 or bota:///dev/ttyUSB0 for one at a serial port, or rtde
+            for the robot's own wrench.
         recording: With replay: what is replayed.
         parameters: JSON {name: value} in SI: what the simulated robot truly is.
         noise: Of the simulated sensor; real.

@@ -172,14 +172,14 @@ def doctor_(
     seconds: float = 3.0,
     as_json: Json = False,
 ) -> int:
-    """Look at a UR robot and a Net F/T box, and say what would fail. Moves and sets nothing.
+    """Look at a UR robot and its sensor, and say what would fail. Moves nothing.
 
     Exit code 0: nothing fails; 3: something would; 1: an error.
 
     Args:
         robot: Name of the arm that recordings will be made with.
         host: Address of the robot's controller.
-        sensor: The box: HOST or netft://HOST.
+        sensor: HOST of a Net F/T box, or an address: netft://HOST, bota:///dev/ttyUSB0.
         seconds: For which each stream is watched [s].
         as_json: Print the result as JSON.
     """

@@ -39,6 +39,7 @@ class Kind(StrEnum):
     ROBOT = "a robot's description"
     SENSOR = "a sensor's description"
     EXPORT = "an export of a calibration"
+    DRIVES = "values of drives"
 
 
 MEASURED = (Kind.RECORDING, Kind.LOG)
@@ -48,6 +49,7 @@ _JSON = (
     (Kind.FIT, {"parameters", "status"}),
     (Kind.TWIN, {"effects", "theta"}),
     (Kind.OUTSIDE, {"inside", "outside"}),
+    (Kind.DRIVES, {"configured", "effects"}),
     (Kind.EXPORT, {"numbers", "frame", "left_out"}),
     (Kind.EXPORT, {"mass", "centerOfMass", "inertia"}),
     (Kind.EXPORT, {"$schema", "title", "properties"}),

@@ -1,4 +1,4 @@
-"""Joint torques and motor currents: predicted, fitted, and their gaps named.
+"""Joint torques and motor currents: predicted and fitted.
 
 Imports robots, data and what lies below. Open `inverse_dynamics` first.
 """

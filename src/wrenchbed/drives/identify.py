@@ -113,8 +113,8 @@ def _problem(
         loads, changes = y[..., base.columns], base.names
         starts = dict(zip(changes, base.grouping @ inertias.phi.ravel(), strict=True))
     elif "tool" in groups:
-        loads, changes = y[..., -INERTIAL:] @ _load_columns(robot, theta), LOAD
-        starts = dict(zip(changes, _about_origin(robot.tool(theta)), strict=True))
+        loads, changes = y[..., -INERTIAL:] @ load_columns(robot, theta), LOAD
+        starts = dict(zip(changes, about_origin(robot.tool(theta)), strict=True))
     else:
         loads, changes = y[..., :0], ()
     if FRICTION[3] in groups:
@@ -169,14 +169,14 @@ LOAD = ("tool.mass", *(f"tool.moment.{a}" for a in "xyz"),
 """The ten inertial parameters of the load, about the sensor's origin in its axes."""
 
 
-def _about_origin(tool: Tool) -> np.ndarray:
+def about_origin(tool: Tool) -> np.ndarray:
     """`LOAD` (10,) of a tool."""
     mass, cog = float(tool.mass), np.asarray(tool.cog, dtype=float)
     second = np.asarray(tool.inertia) + mass * _second(cog, cog)
     return np.array([mass, *(mass * cog), *_six(second)])
 
 
-def _load_columns(robot: SerialChain, theta: np.ndarray) -> np.ndarray:
+def load_columns(robot: SerialChain, theta: np.ndarray) -> np.ndarray:
     """From `LOAD` to the ten parameters of the last link (10, 10), in its axes about its joint."""
     assert isinstance(robot, SimulatedRobot)
     q = np.asarray(robot.home, dtype=float)[None]

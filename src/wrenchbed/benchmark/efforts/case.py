@@ -36,8 +36,9 @@ LARGEST = 400.0
 """Largest gap of a library cause: beyond it nobody needs a diagnosis; estimate."""
 IMITATED = 1.0
 """Gap that the best imitation by a library family leaves of a fault outside, at least."""
-_TRIES = 60
-"""Causes that are drawn before giving up: estimate."""
+_TRIES, _SIZES = 20, 8
+"""Robots that are drawn before giving up, and causes of each: estimates."""
+_NONE: tuple[alike.Key, ...] = (("none", None),)
 
 
 @dataclass(frozen=True)
@@ -100,32 +101,38 @@ def make(
     Raises:
         ParameterError: no cause was found that counts.
     """
-    rng = np.random.default_rng([seed, number, int(wrench)])
-    robot = robots[int(rng.integers(len(robots)))]
-    kind = str(rng.choice(KINDS, p=SHARES))
-    setting = draw_setting(robot, rng)
-    family = _family(kind, number, wrench)
-    if family == "drive.temperature":
-        setting = warmed(setting, rng.uniform(*WARMING), rng)
-    fault, gap = HEALTHY, 0.0
-    same: tuple[alike.Key, ...] = (("none", None),)
-    for _ in range(_TRIES if kind != "none" else 0):
-        joint = int(rng.integers(len(robot.joints)))
-        table = FAMILIES if kind == "library" else OUTSIDE
-        fault = table[family](setting, joint, rng)
-        added = simulate(setting, fault) - setting.healthy
-        gap = alike.gap(setting, added)
-        if gap < NEEDED[kind] or (kind == "library" and gap > LARGEST):
-            continue
-        left = alike.left(setting, fault, added)
-        if kind == "outside" and min(left.values()) < IMITATED:
-            continue
-        same = alike.classed(fault, gap, left) if kind == "library" else ((family, fault.joint),)
-        break
-    else:
-        if kind != "none":
-            raise ParameterError(f"seed {seed}, case {number}: no {family} that counts was found")
-    return _recorded(setting, fault, rng, (seed, number, kind, gap, same, wrench))
+    for attempt in range(_TRIES):
+        rng = np.random.default_rng([seed, number, int(wrench), attempt])
+        kind = str(np.random.default_rng([seed, number, int(wrench)]).choice(KINDS, p=SHARES))
+        robot = robots[int(rng.integers(len(robots)))]
+        setting = draw_setting(robot, rng)
+        family = _family(kind, number, wrench)
+        if family == "drive.temperature":
+            setting = warmed(setting, rng.uniform(*WARMING), rng)
+        if kind == "none":
+            return _recorded(setting, HEALTHY, rng, (seed, number, kind, 0.0, _NONE, wrench))
+        for _ in range(_SIZES):
+            joint = int(rng.integers(len(robot.joints)))
+            table = FAMILIES if kind == "library" else OUTSIDE
+            fault = table[family](setting, joint, rng)
+            found = _counted(setting, fault, kind)
+            if found is not None:
+                return _recorded(setting, fault, rng, (seed, number, kind, *found, wrench))
+    raise ParameterError(f"seed {seed}, case {number}: no {family} that counts was found")
+
+
+def _counted(
+    setting: EffortSetting, fault: EffortFault, kind: str
+) -> tuple[float, tuple[alike.Key, ...]] | None:
+    """Gap and equivalents of a fault; None where it does not count."""
+    added = simulate(setting, fault) - setting.healthy
+    gap = alike.gap(setting, added)
+    if gap < NEEDED[kind] or (kind == "library" and gap > LARGEST):
+        return None
+    left = alike.left(setting, fault, added)
+    if kind == "library":
+        return gap, alike.classed(fault, gap, left)
+    return (gap, ((fault.family, fault.joint),)) if min(left.values()) >= IMITATED else None
 
 
 def _family(kind: str, number: int, wrench: bool) -> str:

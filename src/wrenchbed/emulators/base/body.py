@@ -45,6 +45,7 @@ class BodyOptions:
         effects: as ``joint.compliance:joint=2,stiffness=1.4e4``; without values of typical size.
         table: height of a plate that the tool may press on [m]; None: nothing to touch.
         table_stiffness: of the plate [N/m].
+        sensor: registry name, whose range and noise are simulated; None: the robot's.
     """
 
     robot: str | SimulatedRobot
@@ -54,6 +55,7 @@ class BodyOptions:
     effects: tuple[str, ...] = ()
     table: float | None = None
     table_stiffness: float = 2e4
+    sensor: str | None = None
 
 
 class Body:
@@ -83,7 +85,7 @@ class Body:
         self.theta = self.model.parameters.vector(options.parameters)
         robot_theta = robot.robot_theta(self.theta)
         self.simulation = Simulation(robot, robot_theta, self.model.gravity)
-        self.sensor = registry.load("sensors", robot.sensor)
+        self.sensor = registry.load("sensors", options.sensor or robot.sensor)
         self._noise = BufferedNoise(noise_model(options.noise, self.sensor.noise), options.seed)
         active = tuple(active_effect(robot, text) for text in options.effects)
         twin = Twin(self.model, self.theta, active)

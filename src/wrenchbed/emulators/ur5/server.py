@@ -4,6 +4,7 @@ import struct
 import time
 import traceback
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import ClassVar, Protocol
 
 import numpy as np
@@ -16,6 +17,7 @@ from wrenchbed.emulators.base.event_loop import LoopThread
 from wrenchbed.emulators.base.faults import Faults, Handler, TimedFault
 from wrenchbed.emulators.base.real_time import CycleClock, take_priority
 from wrenchbed.emulators.netft_box import Box, BoxSettings
+from wrenchbed.emulators.serial_sensors.sensor import SerialSensor
 from wrenchbed.emulators.ur5 import packets
 from wrenchbed.emulators.ur5.controller import Controller
 from wrenchbed.emulators.ur5.dashboard import Dashboard
@@ -203,7 +205,9 @@ class UR5Emulator(Emulator):
     def _build(
         self, options: EmulatorOptions, settings: ControllerSettings, box: BoxSettings
     ) -> None:
-        self.body = Body(options.body(settings.arm), settings.cycle)
+        serial = settings.serial_sensor
+        own = None if serial is None else serial.sensor
+        self.body = Body(replace(options.body(settings.arm), sensor=own), settings.cycle)
         sensor = ArmSensor(
             self.body, settings.e_series, options.effects, options.noise, options.seed
         )
@@ -224,8 +228,10 @@ class UR5Emulator(Emulator):
             "secondary": Port(self._thread, host, _SECONDARY, self.primary.secondary, patience),
             "script": Port(self._thread, host, _SCRIPT, self._script, patience),
         }
-        self._box: Box | None = None
-        if settings.box:
+        self._box: Box | SerialSensor | None = None
+        if serial is not None:
+            self._box = serial(self.body, host, self.faults, options.seed, self.fail)
+        elif settings.box:
             self._box = Box(self.body, host, self.faults, box, options.seed, self.fail)
         register(self, self.faults)
 

@@ -1,4 +1,4 @@
-"""Look at a UR robot and a Net F/T box before a first session: what would fail, and what to do.
+"""Look at a UR robot and its sensor before a first session: what would fail, and what to do.
 
 Nothing moves and nothing is set: ports are opened, pages and outputs are read, and a stream is
 watched for some seconds.
@@ -17,8 +17,9 @@ import numpy as np
 from wrenchbed.errors import DriverError, LinkError, ParameterError, WrenchbedError
 from wrenchbed.hardware.drivers.rtde import dashboard, identity, outputs, wrench_source
 from wrenchbed.hardware.drivers.rtde.outputs import NATIVE_HZ, Unfit
-from wrenchbed.hardware.transducers.netft import NetftTransducer
-from wrenchbed.hardware.transducers.ur_wrench import UrWrenchReading
+from wrenchbed.hardware.transducers.address import transducer_at
+from wrenchbed.hardware.transducers.base import Transducer
+from wrenchbed.hardware.transducers.serial_line.transducer import SerialTransducer
 from wrenchbed.robots.base import Robot
 
 Grade = Literal["ok", "note", "fails"]
@@ -38,6 +39,13 @@ _DRIFT_PPM = 1000.0
 _HEAVY = 0.05
 """Share by which the pendant's payload may differ from the tool's mass; estimate."""
 _MS, _MILLION = 1e3, 1e6  # by definition
+_SHOWN = ("product", "serial", "firmware", "calibration", "sinc")
+"""What a sensor says of itself that is shown."""
+_LOSSLESS = (
+    "use one switch and a cable",
+    "lead its cable apart from those of motors, join both grounds, use a shorter cable",
+)
+"""What keeps records or bytes from being lost: on a network, on a serial line."""
 
 
 @dataclass(frozen=True)
@@ -72,7 +80,8 @@ def doctor(robot: Robot, host: str = "", sensor: str = "", seconds: float = 3.0)
     Args:
         robot: that recordings will be made with.
         host: of the controller; it is left out if empty.
-        sensor: of the box, ``HOST`` or ``netft://HOST[:PORT][?http=PORT]``; left out if empty.
+        sensor: address of the sensor, for instance ``netft://HOST`` or
+            ``robotiq-ft300:///dev/ttyUSB0``, or the HOST of a Net F/T; left out if empty.
         seconds: for which each stream is watched [s].
 
     Raises:
@@ -80,7 +89,7 @@ def doctor(robot: Robot, host: str = "", sensor: str = "", seconds: float = 3.0)
     """
     if not (host or sensor) or not 0.1 <= seconds <= _LONGEST_S:
         raise ParameterError(
-            f"give --host ROBOT, --sensor BOX or both, and 0.1 … {_LONGEST_S:g} --seconds"
+            f"give --host ROBOT, --sensor SENSOR or both, and 0.1 … {_LONGEST_S:g} --seconds"
         )
     box = _transducer(sensor)
     lines: list[Line] = []
@@ -226,6 +235,9 @@ def _stream(times: Sequence[tuple[float, float]], native: float, what: str) -> I
                    "this computer and other clients of the robot")  # fmt: skip
     else:
         yield Line("rate", "ok", text)
+    if rate and np.isnan(clock).all():
+        yield Line("clock", "ok", "it sends none: readings are dated by their arrival")
+        return
     if not rate or not np.isfinite(clock).all() or clock[-1] <= clock[0]:
         yield Line("clock", "fails", "the device's clock stands still", "restart the device")
         return
@@ -252,30 +264,26 @@ def _drift(at: np.ndarray, clock: np.ndarray) -> float:
     return -_MILLION * float(linear_regression(since, (late[least] - late[0]).tolist()).slope)
 
 
-def _transducer(sensor: str) -> NetftTransducer | None:
+def _transducer(sensor: str) -> Transducer | None:
     if not sensor or sensor in wrench_source.OWN:
         return None
     words = sensor if "://" in sensor else f"netft://{sensor}"
-    found = wrench_source.transducer(words, "", _no_wrench)
-    assert isinstance(found, NetftTransducer)
-    return found
+    return transducer_at(words)
 
 
-def _no_wrench() -> UrWrenchReading:
-    raise DriverError("the robot's own wrench is not read here")
-
-
-def _box(box: NetftTransducer, seconds: float) -> Iterator[Line]:
+def _box(box: Transducer, seconds: float) -> Iterator[Line]:
     try:
         box.connect()
     except WrenchbedError as error:
-        yield Line("box", "fails", str(error), "check its address, power, cable, and the firewall")
+        remedy = "check its address, power, cable, and the firewall"
+        if isinstance(box, SerialTransducer):
+            remedy = "ls -l /dev/serial/by-id names the ports"
+        yield Line(_title(box), "fails", str(error), remedy)
         return
     try:
         known, scale = box.identity, box.full_scale
-        words = ", ".join(f"{name} {known[name]}" for name in ("serial", "firmware", "calibration")
-                          if name in known)  # fmt: skip
-        yield Line("box", "ok", words or "it does not say its serial number")
+        words = ", ".join(f"{name} {known[name]}" for name in _SHOWN if name in known)
+        yield Line(_title(box), "ok", words or "it does not say its serial number")
         yield from _box_settings(known)
         times = _readings(box, seconds)
         yield from _load(box, scale)
@@ -283,6 +291,10 @@ def _box(box: NetftTransducer, seconds: float) -> Iterator[Line]:
         yield _lost(box)
     finally:
         box.close()
+
+
+def _title(box: Transducer) -> str:
+    return "sensor" if isinstance(box, SerialTransducer) else "box"
 
 
 def _box_settings(known: Mapping[str, str]) -> Iterator[Line]:
@@ -295,24 +307,30 @@ def _box_settings(known: Mapping[str, str]) -> Iterator[Line]:
                    "it delays readings: switch it off for motions")  # fmt: skip
 
 
-def _readings(box: NetftTransducer, seconds: float) -> list[tuple[float, float]]:
+def _readings(box: Transducer, seconds: float) -> list[tuple[float, float]]:
     """(arrival, device clock) of the readings that a driver would see [s]."""
     times: list[tuple[float, float]] = []
     end = time.monotonic() + seconds
     while time.monotonic() < end:
         sample = box.read()
-        if sample.fresh and sample.device_time is not None:
-            times.append((sample.t, sample.device_time))
+        if sample.fresh:
+            clock = math.nan if sample.device_time is None else sample.device_time
+            times.append((sample.t, clock))
         time.sleep(1e-3)
     return times
 
 
-def _load(box: NetftTransducer, scale: np.ndarray | None) -> Iterator[Line]:
+def _load(box: Transducer, scale: np.ndarray | None) -> Iterator[Line]:
     sample = box.read()
     force, torque = np.linalg.norm(sample.wrench[:3]), np.linalg.norm(sample.wrench[3:])
     text = f"{force:.2f} N, {torque:.3f} N·m"
     if scale is None:
-        yield Line("load", "note", text, "the box does not say its range: give --max-force")
+        remedy = "it does not say its range: give --max-force"
+        if isinstance(box, SerialTransducer):
+            remedy = (
+                "its range is unknown: add ?sensor=NAME to its address (wrenchbed list sensors)"
+            )
+        yield Line("load", "note", text, remedy)
         return
     share = float(np.max(np.abs(sample.wrench) / scale))
     grade: Grade = "ok" if share < 0.5 else "note" if share < 1.0 else "fails"
@@ -320,14 +338,22 @@ def _load(box: NetftTransducer, scale: np.ndarray | None) -> Iterator[Line]:
                "unload the sensor, or set its zero")  # fmt: skip
 
 
-def _lost(box: NetftTransducer) -> Line:
+def _lost(box: Transducer) -> Line:
     health = box.health()
     lost, records = health.counters["lost"], health.counters["readings"]
     if not health.ok:
-        return Line("readings", "fails", health.detail, "see the box's page of its status")
+        remedy = "see the box's page of its status"
+        if isinstance(box, SerialTransducer):
+            remedy = "see Sensors at a serial port in docs/how-to/hardware.md"
+        return Line("readings", "fails", health.detail, remedy)
     text = f"{records:.0f} records, {lost:.0f} lost"
     grade: Grade = "ok" if lost <= 1e-3 * records else "note"
-    return Line("readings", grade, text, "" if grade == "ok" else "use one switch and a cable")
+    return Line(
+        "readings",
+        grade,
+        text,
+        "" if grade == "ok" else _LOSSLESS[isinstance(box, SerialTransducer)],
+    )
 
 
 def _open(host: str, port: int, connect: Callable[..., Any] = socket.create_connection) -> bool:

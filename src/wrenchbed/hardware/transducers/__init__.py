@@ -1,5 +1,9 @@
 """Transducers of force/torque sensors, one file or folder each.
 
 May import: ``hardware.device``, registry, sensors, physics, errors; no sibling and no driver.
-Read first: ``base.py``, then ``ur_wrench.py``, the shortest transducer.
+Read first: ``base.py``, then ``ur_wrench.py``, the shortest transducer. Sensors on a serial line
+share ``serial_line``.
 """
+
+SUPPORT = ("address", "device_clock", "serial_line")
+"""Modules here that are no plug-ins."""

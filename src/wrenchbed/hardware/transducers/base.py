@@ -10,11 +10,12 @@ from abc import abstractmethod
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, ClassVar
+from urllib.parse import SplitResult
 
 import numpy as np
 
-from wrenchbed.errors import DriverError
+from wrenchbed.errors import DriverError, ParameterError
 from wrenchbed.hardware.device import STALE_S, Device
 from wrenchbed.hardware.packet_capture.capture import Capture
 
@@ -64,6 +65,17 @@ class Transducer(Device):
 
     capture: Capture | None = None
     """Where packets are kept, set before `connect`; None: they are not."""
+    form: ClassVar[str] = ""
+    """How an address names one, for people; empty where none does."""
+
+    @classmethod
+    def at_address(cls, parts: SplitResult) -> "Transducer":
+        """One that an address of this `form` names; closed.
+
+        Raises:
+            ParameterError: the address is wrong, and why.
+        """
+        raise ParameterError(f"transducer {cls.name!r} has no address")
 
     def __init__(self) -> None:
         super().__init__()
@@ -90,6 +102,11 @@ class Transducer(Device):
     def full_scale(self) -> np.ndarray | None:
         """Where the range ends (6,) [N, N·m], as the connected device reports it; else None."""
         return None
+
+    @property
+    def sensor_model(self) -> str:
+        """Registry name of the sensor that is read; empty: that of the robot."""
+        return ""
 
     @property
     def identity(self) -> Mapping[str, Any]:

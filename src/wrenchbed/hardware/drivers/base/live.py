@@ -127,10 +127,11 @@ class LiveDriver(Driver):
     def _arm_health(self) -> Health: ...
 
     def metadata(self, mode: str, rate: float) -> Metadata:
-        noise = registry.load("sensors", self.robot.sensor).noise
+        sensor = self.transducer.sensor_model or self.robot.sensor
+        noise = registry.load("sensors", sensor).noise
         stated = as_designed(
             self.robot, source=self.source, mode=mode, rate=rate, gravity=self.robot.gravity,
-            sensor=self.robot.sensor, noise_std=noise.row_std,
+            sensor=sensor, noise_std=noise.row_std,
         )  # fmt: skip
         told = {"controller": dict(self.answers), "sensor_box": dict(self.transducer.identity)}
         extra = {name: found for name, found in told.items() if found}

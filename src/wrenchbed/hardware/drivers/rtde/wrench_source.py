@@ -3,7 +3,6 @@
 import time
 from collections.abc import Callable, Mapping
 from typing import Any
-from urllib.parse import parse_qs, urlsplit
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -12,6 +11,7 @@ from wrenchbed import registry
 from wrenchbed.errors import ParameterError
 from wrenchbed.hardware.drivers.rtde.identity import TcpInFlange
 from wrenchbed.hardware.drivers.rtde.shared_state import Snapshot
+from wrenchbed.hardware.transducers.address import forms, transducer_at
 from wrenchbed.hardware.transducers.base import Transducer
 from wrenchbed.hardware.transducers.ur_wrench import UrWrenchReading
 from wrenchbed.robots.base import Robot
@@ -55,7 +55,6 @@ class Flange:
 
 OWN = ("rtde", "ur-wrench")
 """Option values for the robot's own wrench."""
-_FORMS = "netft, netft://HOST[:PORT][?http=PORT] or rtde"
 
 
 def transducer(sensor: str, host: str, source: Callable[[], UrWrenchReading]) -> Transducer:
@@ -67,20 +66,12 @@ def transducer(sensor: str, host: str, source: Callable[[], UrWrenchReading]) ->
     if sensor in OWN:
         kind = registry.load("transducers", "ur-wrench")
         return kind(kind.options(source=source))
-    kind = registry.load("transducers", "netft")
     if sensor in ("", "netft"):
+        kind = registry.load("transducers", "netft")
         return kind(kind.options(host=host))
-    try:
-        parts = urlsplit(sensor)
-        extra = parse_qs(parts.query)
-        if parts.scheme != "netft" or not parts.hostname or set(extra) - {"http"}:
-            raise ValueError
-        ports = {"port": parts.port} if parts.port else {}
-        if "http" in extra:
-            ports["http_port"] = int(extra["http"][0])
-    except ValueError as error:
-        raise ParameterError(f"sensor {sensor!r}: give {_FORMS}") from error
-    return kind(kind.options(host=parts.hostname, **ports))
+    if "://" not in sensor:
+        raise ParameterError(f"sensor {sensor!r}: give netft, rtde, {', '.join(forms())}")
+    return transducer_at(sensor)
 
 
 def reading(state: Snapshot, robot: Robot) -> UrWrenchReading:

@@ -18,9 +18,10 @@ from wrenchbed.errors import LinkError
 from wrenchbed.hardware.device import STALE_S
 from wrenchbed.hardware.packet_capture.capture import Capture
 from wrenchbed.hardware.transducers.base import weight
+from wrenchbed.hardware.transducers.device_clock import DeviceClock
 from wrenchbed.hardware.transducers.netft import datagrams
 from wrenchbed.hardware.transducers.netft.datagrams import LARGEST, Record
-from wrenchbed.hardware.transducers.netft.sequence import DeviceClock, Tracker
+from wrenchbed.hardware.transducers.netft.sequence import Tracker
 
 _BATCHES = 8192
 """Batches of records that are kept; estimate."""

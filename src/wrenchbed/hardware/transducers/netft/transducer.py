@@ -5,6 +5,7 @@ import time
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
+from urllib.parse import SplitResult, parse_qs
 
 import numpy as np
 
@@ -12,11 +13,11 @@ from wrenchbed import registry
 from wrenchbed.errors import DriverError, LinkError, ParameterError
 from wrenchbed.hardware.device import Health, by_age, wait_until
 from wrenchbed.hardware.transducers.base import Transducer, WrenchSample
+from wrenchbed.hardware.transducers.device_clock import signed
 from wrenchbed.hardware.transducers.netft import configuration, datagrams
 from wrenchbed.hardware.transducers.netft.configuration import Configuration, Watch
 from wrenchbed.hardware.transducers.netft.datagrams import table
 from wrenchbed.hardware.transducers.netft.receiver import Receiver
-from wrenchbed.hardware.transducers.netft.sequence import signed
 from wrenchbed.physics.wrench import CHANNELS
 
 INTERNAL_RATE = {"netbox": 7000.0, "axia": 7812.0}
@@ -79,6 +80,17 @@ class NetftTransducer(Transducer):
     name = "netft"
     title = "ATI Net F/T or Ethernet Axia over UDP (RDT)"
     options = NetftOptions
+    form = "netft://HOST[:PORT][?http=PORT]"
+
+    @classmethod
+    def at_address(cls, parts: SplitResult) -> "NetftTransducer":
+        extra = parse_qs(parts.query)
+        if not parts.hostname or set(extra) - {"http"}:
+            raise ParameterError("it names no host, or more than its ports")
+        ports: dict[str, Any] = {"port": parts.port} if parts.port else {}
+        if "http" in extra:
+            ports["http_port"] = int(extra["http"][0])
+        return cls(NetftOptions(host=parts.hostname, **ports))
 
     def __init__(self, options: NetftOptions) -> None:
         super().__init__()

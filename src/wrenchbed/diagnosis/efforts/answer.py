@@ -1,0 +1,156 @@
+"""The entries of ``diagnosis.json`` of joint efforts: causes, places, notes, what next."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from wrenchbed.diagnosis.efforts.dictionary import Dictionary
+from wrenchbed.diagnosis.efforts.names import title
+from wrenchbed.diagnosis.efforts.sizes import Folds, parameters
+from wrenchbed.diagnosis.efforts.verdict import Cause, Key, Verdict
+from wrenchbed.diagnosis.gap.closure import Closure
+
+_NEXT: Mapping[str, str] = {
+    "drive.delay": "record a motion with faster reversals, which tells a delay from a filter",
+    "drive.bandwidth": "record a motion with faster reversals, which tells a delay from a filter",
+    "drive.inertia": "record a faster motion of this joint alone, with and without a payload",
+    "drive.stribeck": "record slow motion at several steady speeds in both directions",
+    "drive.stiction": "record slow motion with many reversals",
+    "drive.hysteresis": "record slow motion with reversals after short and long ways",
+    "drive.coulomb": "record the same motion again after an hour of running: friction warms",
+    "drive.viscous": "record the same motion again after an hour of running: friction warms",
+    "drive.load": "record the same motion with a known payload: such friction grows",
+    "drive.constant": "record the same motion with a known payload, which tells the drive constant",
+    "link.cable": "record the joint over its whole range, which tells a cable from a spring",
+    "link.spring": "record the joint over its whole range, which tells a cable from a spring",
+    "link.mass": "record poses with the arm stretched and folded, at rest in both directions",
+    "link.cog": "record poses with the arm stretched and folded, at rest in both directions",
+    "tool.mass": "weigh the tool, or record the same motion without it",
+    "tool.cog": "record the same motion without the tool",
+    "base.tilt": "put a level on the base, or record with joint 1 in several directions",
+}
+"""A recording or a look that separates a cause from its usual rivals."""
+
+
+def place(key: Key) -> tuple[str, str]:
+    """Subsystem and detail of an effect: ``joint``, ``joint 2``."""
+    effect, joint = key
+    part = effect.split(".")[0]
+    if joint is None:
+        return part, part
+    return ("link", f"link {joint}") if part == "link" else ("drive", f"joint {joint}")
+
+
+def which(d: Dictionary, v: Verdict, gap: Closure) -> list[dict[str, Any]]:
+    """Claims."""
+    if not v.causes:
+        return []
+    folds = Folds.of(d, tuple(sorted(c.block for c in v.causes)))
+    closed = 0.0 if gap.closed is None else min(1.0, max(0.0, gap.closed.value))
+    result = []
+    for c in v.causes:
+        own = parameters(d, folds, c.block)
+        same = [k[1] for k in c.rivals if k[0] == c.key[0] and k[1] is not None]
+        if same and "joint" in own:
+            own["joint"] = {"value": c.key[1], "rivals": same}
+        names = dict.fromkeys(k[0] for k in c.rivals if k[0] != c.key[0])
+        result.append({
+            "effect": c.key[0], "probability": c.probability, "rivals": list(names),
+            "parameters": own, "closed_share": closed * c.share,
+        })  # fmt: skip
+    return result
+
+
+def where(d: Dictionary, v: Verdict, gap: Closure) -> list[dict[str, Any]]:
+    """Places: of each claim, or the joints in which an unknown gap lies."""
+    if v.causes:
+        closed = 0.0 if gap.closed is None else min(1.0, max(0.0, gap.closed.value))
+        return [_claimed(c, closed) for c in v.causes]
+    before = {c: max(x["before"], 0.0) for c, x in gap.per_channel.items()}
+    total = sum(before.values())
+    if v.word == "none" or total <= 0.0:
+        return []
+    found = []
+    for channel, gap_of in sorted(before.items(), key=lambda kv: -kv[1])[:2]:
+        share = gap_of / total
+        joint = int("".join(filter(str.isdigit, channel)))
+        text = f"{100 * share:.0f} % of the gap lies in the effort of joint {joint}"
+        found.append({
+            "subsystem": "drive", "detail": f"joint {joint}", "share": share, "p_value": 1.0,
+            "sentence": f"{text}; this is only a hint: no cause is claimed.",
+        })  # fmt: skip
+    return found
+
+
+def _claimed(c: Cause, closed: float) -> dict[str, Any]:
+    subsystem, detail = place(c.key)
+    share = closed * c.share
+    others = " or ".join(f"{k[0]} of {place(k)[1]}" for k in c.rivals)
+    text = f"{100 * share:.0f} % of the gap is closed by {c.key[0]} of {detail}"
+    return {
+        "subsystem": subsystem, "detail": detail, "share": share,
+        "p_value": max(1.0 - c.probability, 0.0),
+        "sentence": f"{text}{f', or by {others}' if others else ''}.",
+    }  # fmt: skip
+
+
+def cannot_tell(v: Verdict) -> tuple[str, ...]:
+    """Causes that this data cannot tell apart."""
+    result = []
+    for c in v.causes:
+        if c.rivals:
+            told = " or ".join(title(*k) for k in (c.key, *c.rivals))
+            result.append(f"{told}: this recording does not distinguish them")
+    return tuple(result)
+
+
+def next_steps(v: Verdict) -> list[dict[str, Any]]:
+    """What would tell."""
+    found: dict[str, dict[str, Any]] = {}
+    for c in v.causes:
+        if c.rivals and (text := _NEXT.get(c.key[0])):
+            both = list(dict.fromkeys((c.key[0], c.rivals[0][0])))
+            sentence = f"{text[:1].upper()}{text[1:]}."
+            found[text] = {"action": text, "separates": both, "gain": 0.0, "sentence": sentence}
+    return list(found.values())
+
+
+def notes(d: Dictionary, v: Verdict, gap: Closure) -> tuple[str, ...]:
+    """What a reader should know."""
+    scene = d.scene
+    unit = "N·m"
+    noise = ", ".join(f"{n.std:.2g}" for n in d.noise)
+    result = [
+        f"noise of a row by joint: {noise} {unit}, estimated from what all effects together leave",
+    ]
+    stated = [k for k in scene.drives.value if scene.drives.known(k).any()]
+    result.append(
+        f"stated: {', '.join(stated)}" if stated
+        else "no friction is stated: ordinary friction of every joint is fitted, and no cause"
+    )  # fmt: skip
+    if scene.currents and not scene.drives.known("drive.constant").all():
+        result.append("drive constants are fitted, and no cause: they hold as the link masses do")
+    if v.outside:
+        result.append(f"what has no name looks most like: {v.outside}")
+    if gap.with_effects is not None and gap.with_effects.low > 1.0:
+        result.append(
+            f"the named causes leave a gap of {gap.with_effects.value:.3g} on held-out rows: there "
+            "is another cause, or the model of these is wrong; do not trust the twin"
+        )
+    return tuple(result)
+
+
+def corrected(d: Dictionary, x: np.ndarray, entries: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Values of the drives as a recording's metadata state them, and the named effects."""
+    at = {n: k for k, n in enumerate(d.names)}
+    values: dict[str, float] = {}
+    for j in range(d.scene.joints):
+        for kind in ("coulomb", "viscous", "offset", "inertia"):
+            stated = d.scene.drives.of(f"drive.{kind}")[j]
+            if kind == "inertia" and not d.scene.drives.known("drive.inertia")[j]:
+                stated = float(d.scene.inertias.rotor[j])
+            if f"{kind}.{j + 1}" in at:
+                values[f"drive.{kind}.{j + 1}"] = float(stated + x[at[f"{kind}.{j + 1}"]])
+    return {"format": 1, "robot": d.scene.recording.metadata.robot, "configured": values,
+            "effects": list(entries)}  # fmt: skip

@@ -1,0 +1,103 @@
+"""What causes of the whole arm add to the torques of all joints: links, tool, tilt of the base."""
+
+import numpy as np
+
+from wrenchbed.diagnosis.efforts.columns import Block, Column
+from wrenchbed.diagnosis.efforts.scene import EffortScene
+from wrenchbed.drives.identify import load_columns
+from wrenchbed.drives.inverse_dynamics import torque_regressor
+from wrenchbed.physics.newton_euler import INERTIAL
+
+_TILT = np.deg2rad(0.1)
+"""Ordinary tilt of a base [rad]; estimate: a bubble level."""
+_MASS_TOLERANCE, _COG_TOLERANCE = 0.005, 5e-4
+"""How wrong a stated tool may be: relative, and [m] (the contract's)."""
+_NOTHING = 1e-9
+"""Rms over the largest column's below which a column is none."""
+_LAST = -2.0
+"""Log odds of the last link against the tool that hangs on it; estimate."""
+_PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+
+
+def of_arm(scene: EffortScene) -> tuple[list[Column], list[Block]]:
+    """Columns (N, J) and causes."""
+    columns, blocks = _links(scene)
+    for more in (_tool(scene), _tilt(scene)):
+        columns += more[0]
+        blocks += more[1]
+    size = max(float(np.abs(c.data).max()) for c in columns)
+    seen = {c.name for c in columns if np.abs(c.data).max() > _NOTHING * size}
+    left = []
+    for b in blocks:
+        own = tuple(n for n in b.columns if n in seen)
+        if own:
+            left.append(Block(b.effect, b.joint, b.outside, own, b.value, b.prior))
+    return [c for c in columns if c.name in seen], left
+
+
+def _links(scene: EffortScene) -> tuple[list[Column], list[Block]]:
+    columns, blocks = list[Column](), list[Block]()
+    for k, phi in enumerate(scene.inertias.phi):
+        y = scene.regressor[..., INERTIAL * k : INERTIAL * (k + 1)]
+        mass, cog = phi[0], phi[1:4] / max(phi[0], 1e-9)
+        forms = {"mass": [np.concatenate([[1.0], cog, _six(_second(cog, cog))])], "cog": [],
+                 "inertia": []}  # fmt: skip
+        for axis in range(3):
+            one = np.eye(3)[axis]  # a moment m δ = 1 kg·m
+            forms["cog"].append(np.concatenate([[0.0], one, _six(2.0 * _second(cog, one))]))
+        for i in range(6):
+            forms["inertia"].append(np.concatenate([np.zeros(4), np.eye(6)[i]]))
+        if mass <= 0.0:
+            continue
+        for kind, own in forms.items():
+            names = tuple(f"link.{kind}.{k + 1}.{i}" for i in range(len(own)))
+            columns += [Column(n, y @ form) for n, form in zip(names, own, strict=True)]
+            last = k == scene.joints - 1  # the tool hangs on it, and is the more likely cause
+            blocks.append(Block(f"link.{kind}", k + 1, False, names, prior=_LAST * last))
+    return columns, blocks
+
+
+def _tool(scene: EffortScene) -> tuple[list[Column], list[Block]]:
+    """Mass and moments of the tool; free where they are not stated."""
+    y = scene.regressor[..., -INERTIAL:] @ load_columns(scene.robot, scene.theta)
+    stated, cog = scene.recording.metadata.tool, np.zeros(3)
+    tool = scene.model.robot.tool(scene.theta)
+    cog = np.asarray(tool.cog, dtype=float)
+    mass = float(tool.mass)
+    along = np.concatenate([[1.0], cog, _six(_second(cog, cog))])
+    known = stated.mass is not None, stated.cog is not None
+    columns = [Column("tool.mass", y @ along, _MASS_TOLERANCE * mass if known[0] else None,
+                      not known[0])]  # fmt: skip
+    for axis in range(3):
+        form = np.concatenate([[0.0], np.eye(3)[axis], _six(2.0 * _second(cog, np.eye(3)[axis]))])
+        std = _COG_TOLERANCE * max(mass, 1.0) if known[1] else None
+        columns.append(Column(f"tool.cog.{'xyz'[axis]}", y @ form, std, not known[1]))
+    blocks = []
+    if known[0]:
+        blocks.append(Block("tool.mass", None, False, ("tool.mass",)))
+    if known[1]:
+        blocks.append(Block("tool.cog", None, False, tuple(c.name for c in columns[1:])))
+    return columns, blocks
+
+
+def _tilt(scene: EffortScene) -> tuple[list[Column], list[Block]]:
+    gravity = np.asarray(scene.model.gravity, dtype=float)
+    down = gravity / np.linalg.norm(gravity)
+    side = np.eye(3)[int(np.argmin(np.abs(down)))]
+    columns, phi = [], scene.inertias.phi.ravel()
+    for k, axis in enumerate((np.cross(down, side), np.cross(down, np.cross(down, side)))):
+        axis = axis / np.linalg.norm(axis)
+        turned = gravity + np.cross(axis, gravity)  # for 1 rad, to first order
+        y = torque_regressor(scene.robot, scene.theta, scene.q, turned)
+        rigid = scene.regressor @ phi
+        columns.append(Column(f"base.tilt.{k}", y @ phi - rigid, _TILT))
+    return columns, [Block("base.tilt", None, False, tuple(c.name for c in columns))]
+
+
+def _second(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """(a·b) 1 − (a bᵀ + b aᵀ)/2 (3, 3)."""
+    return np.asarray((a @ b) * np.eye(3) - 0.5 * (np.outer(a, b) + np.outer(b, a)))
+
+
+def _six(matrix: np.ndarray) -> list[float]:
+    return [float(matrix[i, j]) for i, j in _PAIRS]

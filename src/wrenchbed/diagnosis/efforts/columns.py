@@ -1,0 +1,237 @@
+"""What each cause adds to the torque of one joint, as columns with free amplitudes.
+
+Forms are bases rather than laws: friction against speed, load, angle and what happened since the
+last reversal, so that a cause is found whose law is another one. Causes without a name (`outside`)
+have columns too: what these explain best is unknown.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from wrenchbed.diagnosis.efforts.operators import late, since_reversal, slow, stop
+from wrenchbed.diagnosis.efforts.scene import EffortScene
+
+FRICTION_SPREAD = 0.05
+"""Standard deviation of ordinary changes of stated friction, relative: estimate; warming apart."""
+INERTIA_SPREAD = 0.05
+"""Of stated rotor inertia, relative: estimate."""
+ROUNDED = 3
+"""Angles of `PRESLIDING` over which friction may begin as it likes: nobody states bristles."""
+FREE = 1e3
+"""Prior of what every fit leaves free, in noises of a row: wide; estimate."""
+BACKGROUND = 0.1
+"""Rms of what any effect may add unnamed, in noises of a row: no robot is perfect; estimate."""
+STRIBECK = (0.02, 0.06, 0.15)
+"""Speeds over which friction falls [rad/s]; estimate, UR joints fall within 0.02 to 0.1."""
+PRESLIDING = (3e-4, 1e-3, 3e-3, 1e-2)
+"""Angles after a reversal over which friction builds up or breaks away [rad]; estimate."""
+WIDTHS = (1e-2, 3e-2, 1e-1)
+"""Half widths of hysteresis of a gear [rad]; estimate."""
+LAGS = (2e-3, 3e-3, 4.5e-3, 6.5e-3, 9.5e-3, 1.4e-2, 2e-2, 2.9e-2, 4.2e-2, 6e-2)
+"""Delays and time constants that are tried [s]: steps of 1.45; amplitudes lie between."""
+LATE = 0.5
+"""Ordinary delay or lag between joint values and efforts, in rows, one standard deviation."""
+STRETCHES = 6
+"""Over which friction or offset may change in time; estimate."""
+LIMITS = (0.5, 0.75, 0.9)
+"""Quantiles of the torque from which it may be limited; estimate."""
+ENDS = (0.15, 0.85)
+"""Quantiles of the angle beyond which something may resist; estimate."""
+
+
+@dataclass(frozen=True, eq=False)
+class Block:
+    """Columns that one cause sets free together.
+
+    Attributes:
+        effect: its name; for what has none, a word of what it does.
+        joint: from 1; None of the whole arm.
+        outside: whether it has no name.
+        columns: names of its columns.
+        value: what a column's amplitude is times, to be the effect's size.
+        prior: log odds beside other variants of the same effect.
+    """
+
+    effect: str
+    joint: int | None
+    outside: bool
+    columns: tuple[str, ...]
+    value: float = 1.0
+    prior: float = 0.0
+
+    @property
+    def key(self) -> tuple[str, int | None]:
+        """Which cause it is a variant of."""
+        return self.effect, self.joint
+
+
+@dataclass(frozen=True, eq=False)
+class Column:
+    """One column of a joint (N,), or of all joints (N, J).
+
+    Attributes:
+        name: unique.
+        data: at all rows.
+        std: of its amplitude where it is not part of a named cause; None: `BACKGROUND`.
+        free: whether every fit leaves it free.
+    """
+
+    name: str
+    data: np.ndarray
+    std: float | None = None
+    free: bool = False
+
+
+def of_joint(scene: EffortScene, j: int) -> tuple[list[Column], list[Block]]:
+    """Columns and causes of joint j, from 0."""
+    made = _Joint(scene, j)
+    columns = [*made.stated(), *made.named(), *made.unnamed()]
+    names = {c.name for c in columns}
+    return columns, [b for b in made.blocks() if set(b.columns) <= names]
+
+
+class _Joint:
+    """One joint of a scene."""
+
+    def __init__(self, scene: EffortScene, j: int) -> None:
+        self.scene, self.j = scene, j
+        q = scene.q
+        self.angle, self.speed, self.acceleration = q.v[:, j], q.d[:, j], q.dd[:, j]
+        self.sign = np.sign(self.speed)
+        self.total, self.body = scene.total[:, j], scene.body[:, j]
+        self.since = since_reversal(self.angle, self.speed)
+        stated = scene.drives.value["drive.coulomb"][j]
+        self.told = bool(np.isfinite(stated))
+        moving = np.abs(self.sign) > 0.0
+        fitted = float(np.median((scene.friction[:, j] * self.sign)[moving]))
+        self.level = abs(float(stated)) if self.told else abs(fitted)
+
+    def name(self, text: str) -> str:
+        return f"{text}.{self.j + 1}"
+
+    def column(
+        self, text: str, data: np.ndarray, std: float | None = None, *, free: bool = False
+    ) -> Column:
+        return Column(self.name(text), data, std, free)
+
+    def spread(self, kind: str, relative: float, least: float = 0.0) -> float | None:
+        """Ordinary spread of a stated value; None where nothing is stated."""
+        drives = self.scene.drives
+        if not drives.known(kind)[self.j]:
+            return None
+        own = relative * abs(float(drives.value[kind][self.j]))
+        return float(np.sqrt(max(own, least) ** 2 + drives.std[kind][self.j] ** 2))
+
+    def stated(self) -> Iterator[Column]:
+        """What every fit leaves free, within its spread where it is stated."""
+        forms = (
+            ("coulomb", self.sign, FRICTION_SPREAD, 0.0),
+            ("viscous", self.speed, FRICTION_SPREAD, 0.0),
+            ("offset", np.ones_like(self.speed), FRICTION_SPREAD, FRICTION_SPREAD * self.level),
+        )
+        for kind, data, relative, least in forms:
+            spread = self.spread(f"drive.{kind}", relative, least)
+            if spread is None and self.told and kind == "offset":
+                spread = FRICTION_SPREAD * self.level
+            yield self.column(kind, data, spread, free=spread is None)
+        spread = self.spread("drive.inertia", INERTIA_SPREAD)
+        if spread is None and self.told:
+            spread = INERTIA_SPREAD * float(self.scene.inertias.rotor[self.j])
+        yield self.column("inertia", self.acceleration, spread, free=spread is None)
+        known = not self.scene.currents or self.scene.drives.known("drive.constant")[self.j]
+        yield self.column("constant", self.total, None if known else 1.0, free=not known)
+
+    def named(self) -> Iterator[Column]:
+        """What causes with a name add."""
+        for k, width in enumerate(PRESLIDING):
+            shape = self.sign * np.exp(-self.since / width)
+            yield self.column(f"since{k}", shape, free=k < ROUNDED)
+        for k, speed in enumerate(STRIBECK):
+            yield self.column(f"stribeck{k}", self.sign * np.exp(-np.abs(self.speed) / speed))
+        yield self.column("load", self.sign * np.abs(self.body))
+        yield self.column("loadspeed", self.speed * np.abs(self.body))
+        for k, width in enumerate(WIDTHS):
+            yield self.column(f"stop{k}", stop(self.angle, width) - self.sign)
+        yield self.column("asymmetry", np.abs(self.speed))
+        middle = self.angle - self.angle.mean()
+        yield self.column("cable", middle)
+        yield self.column("sine", np.sin(self.angle))
+        yield self.column("cosine", np.cos(self.angle))
+        t, rate = self.scene.signals.t, self.scene.signals.rate
+        for k, lag in enumerate(LAGS):
+            ordinary = LATE / rate / lag if k == 0 else None
+            yield self.column(f"delay{k}", late(self.total, t, lag), ordinary)
+            yield self.column(f"bandwidth{k}", slow(self.total, rate, lag), ordinary)
+        warm = self.scene.recording.columns.get(f"joint_temperature{self.j + 1}")
+        if warm is not None and np.isfinite(warm).all() and np.ptp(warm) > 0.0:
+            above = warm - warm[0]
+            yield self.column("warmcoulomb", self.sign * above)
+            yield self.column("warmviscous", self.speed * above)
+
+    def unnamed(self) -> Iterator[Column]:
+        """What no name is known for."""
+        size = np.abs(self.total)
+        for k, at in enumerate(np.quantile(size, LIMITS)):
+            yield self.column(f"limit{k}", np.sign(self.total) * np.maximum(size - at, 0.0))
+        t = self.scene.signals.t
+        place = (t - t[0]) / (t[-1] - t[0]) * (STRETCHES - 1)
+        for k in range(1, STRETCHES):  # the first is the others' complement
+            hat = np.maximum(1.0 - np.abs(place - k), 0.0)
+            yield self.column(f"when{k}", self.sign * hat)
+            yield self.column(f"drift{k}", hat)
+        for k in (1, 2):
+            yield self.column(f"turnsine{k}", self.sign * np.sin(k * self.angle))
+            yield self.column(f"turncosine{k}", self.sign * np.cos(k * self.angle))
+        yield self.column("square", self.sign * self.speed**2)
+        yield self.column("cube", self.speed**3)
+        low, high = np.quantile(self.angle, ENDS)
+        yield self.column("low", np.minimum(self.angle - low, 0.0))
+        yield self.column("high", np.maximum(self.angle - high, 0.0))
+        for k in range(self.scene.joints):
+            if k != self.j:
+                yield self.column(f"of{k + 1}", self.scene.total[:, k])
+
+    def blocks(self) -> Iterator[Block]:
+        """Causes of this joint; those whose columns are missing are left out by the caller."""
+        if self.told:
+            yield self.block("drive.coulomb", ("coulomb",))
+            yield self.block("drive.viscous", ("viscous",))
+            yield self.block("drive.inertia", ("inertia",))
+        known = not self.scene.currents or self.scene.drives.known("drive.constant")[self.j]
+        if known:
+            yield self.block("drive.constant", ("constant",))
+        yield self.block("drive.stribeck", _some("stribeck", len(STRIBECK)))
+        yield self.block("drive.load", ("load", "loadspeed"))
+        yield self.block("drive.temperature", ("warmcoulomb", "warmviscous"))
+        yield self.block("drive.hysteresis", _some("stop", len(WIDTHS)))
+        yield self.block("drive.asymmetry", ("offset", "asymmetry") if self.told
+                         else ("asymmetry",))  # fmt: skip
+        yield self.block("drive.stiction", (f"since{ROUNDED}",))
+        yield self.block("link.cable", ("offset", "cable"))
+        yield self.block("link.spring", ("offset", "sine", "cosine"))
+        for effect in ("delay", "bandwidth"):
+            for k, lag in enumerate(LAGS):
+                yield self.block(f"drive.{effect}", (f"{effect}{k}",), lag, -np.log(len(LAGS)))
+        crossed = [f"of{k + 1}" for k in range(self.scene.joints) if k != self.j]
+        for word, columns in (
+            ("limited", _some("limit", len(LIMITS))),
+            ("friction in time", tuple(f"when{k}" for k in range(1, STRETCHES))),
+            ("offset in time", tuple(f"drift{k}" for k in range(1, STRETCHES))),
+            ("friction by angle", ("turnsine1", "turncosine1", "turnsine2", "turncosine2")),
+            ("friction by speed", ("square", "cube")),
+            ("end of range", ("low", "high")),
+            ("torque of other joints", tuple(crossed)),
+        ):
+            yield Block(word, self.j + 1, True, tuple(self.name(c) for c in columns))
+
+    def block(
+        self, effect: str, columns: Sequence[str], value: float = 1.0, prior: float = 0.0
+    ) -> Block:
+        own = tuple(self.name(c) for c in columns)
+        return Block(effect, self.j + 1, False, own, value, prior)
+
+
+def _some(name: str, count: int) -> tuple[str, ...]:
+    return tuple(f"{name}{k}" for k in range(count))

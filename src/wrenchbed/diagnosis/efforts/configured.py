@@ -1,0 +1,97 @@
+"""What is stated of an arm's drives: in the recording's metadata, or by an earlier fit."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from wrenchbed.data import checked
+from wrenchbed.data.recording import Recording
+from wrenchbed.errors import DiagnosisError
+
+KINDS = ("drive.coulomb", "drive.viscous", "drive.offset", "drive.inertia", "drive.constant")
+FIELD = "configured"
+"""Field of the metadata: values by name, ``drive.coulomb.2``, or lists of one a joint."""
+
+
+@dataclass(frozen=True, eq=False)
+class Drives:
+    """Stated values of drives by kind (J,) with their standard uncertainty; NaN where unknown."""
+
+    value: Mapping[str, np.ndarray]
+    std: Mapping[str, np.ndarray]
+
+    def known(self, kind: str) -> np.ndarray:
+        """Which joints (J,) have a stated value."""
+        return np.asarray(np.isfinite(self.value[kind]))
+
+    def of(self, kind: str) -> np.ndarray:
+        """Values (J,), zero where unknown."""
+        return np.nan_to_num(self.value[kind])
+
+
+def stated_drives(recording: Recording, path: str | Path | None = None) -> Drives:
+    """Values of the metadata, replaced by those of a fit of a healthy recording.
+
+    Args:
+        recording: its metadata may state ``configured``.
+        path: of the output of ``wrenchbed calibrate`` on joint efforts, or of ``drives.json`` of a
+            diagnosis, if any.
+
+    Raises:
+        DiagnosisError: a field is no number, or the fit is of another robot or of wrenches.
+    """
+    joints = len(recording.joints)
+    value = {k: np.full(joints, np.nan) for k in KINDS}
+    std = {k: np.zeros(joints) for k in KINDS}
+    raw = recording.metadata.extra.get(FIELD, {})
+    where = f"{recording.name}: metadata {FIELD}"
+    if not isinstance(raw, Mapping):
+        raise DiagnosisError(f"{where}: must be values by name, as drive.coulomb.2")
+    for kind in KINDS:
+        if kind in raw:
+            value[kind][:] = _numbers(raw[kind], joints, f"{where}.{kind}")
+        for j in range(joints):
+            if (name := f"{kind}.{j + 1}") in raw:
+                value[kind][j] = _numbers([raw[name]], 1, f"{where}.{name}")[0]
+    if path is not None:
+        _from_fit(recording, Path(path), value, std)
+    return Drives(value, std)
+
+
+def _numbers(raw: Any, count: int, where: str) -> np.ndarray:
+    try:
+        found = np.asarray(raw, dtype=float)
+    except (TypeError, ValueError):
+        found = np.zeros(0)
+    if found.shape != (count,) or not np.isfinite(found).all():
+        raise DiagnosisError(f"{where}: must be {count} finite number{'s' * (count > 1)}")
+    return found
+
+
+def _from_fit(
+    recording: Recording, path: Path, value: dict[str, np.ndarray], std: dict[str, np.ndarray]
+) -> None:
+    raw = checked.load(path, DiagnosisError)
+    fields = checked.Fields(raw, f"{path}: ", DiagnosisError)
+    if FIELD in fields.raw:  # of an earlier diagnosis
+        for name, known in fields.part(FIELD).raw.items():
+            kind, _, number = str(name).rpartition(".")
+            if kind in value and number.isdigit() and 1 <= int(number) <= len(value[kind]):
+                value[kind][int(number) - 1] = _numbers([known], 1, f"{path}: {FIELD}.{name}")[0]
+        return
+    if fields.raw.get("channels") != "effort":
+        raise fields.error("channels", "must be 'effort': give a fit of joint efforts")
+    if fields.raw.get("robot") != recording.metadata.robot:
+        raise fields.error("robot", f"must be {recording.metadata.robot!r}, as in the recording")
+    for name, entry in fields.part("parameters").raw.items():
+        kind, _, number = str(name).rpartition(".")
+        if kind not in value or not number.isdigit() or not 1 <= int(number) <= len(value[kind]):
+            continue
+        own = checked.Fields(entry, f"{path}: parameters.{name}.", DiagnosisError)
+        found, spread = own.number("value", ""), own.number("std", "", nonnegative=True)
+        if found is not None and spread is not None:  # without one, that motion did not tell it
+            value[kind][int(number) - 1] = found
+            std[kind][int(number) - 1] = spread

@@ -1,0 +1,103 @@
+"""Diagnose joint torques or motor currents: which joint, which effect, how far the gap shrinks."""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from wrenchbed.data.recording import Recording
+from wrenchbed.diagnosis.efforts import answer
+from wrenchbed.diagnosis.efforts.configured import stated_drives
+from wrenchbed.diagnosis.efforts.dictionary import Dictionary, dictionary
+from wrenchbed.diagnosis.efforts.held_out import HeldOut, closure, held_out
+from wrenchbed.diagnosis.efforts.scene import effort_scene
+from wrenchbed.diagnosis.efforts.search import Search, search
+from wrenchbed.diagnosis.efforts.verdict import Verdict, decide, kept, upheld, weighed
+from wrenchbed.diagnosis.gap.result import Diagnosis, plain
+from wrenchbed.files import write_json
+from wrenchbed.jobs.workers import one_thread
+from wrenchbed.twin.twin import Twin
+
+Progress = Callable[[str], None]
+STEPS = 4
+"""Steps that are reported."""
+
+
+@dataclass(frozen=True, eq=False)
+class EffortFindings:
+    """A diagnosis of joint efforts with what it rests on.
+
+    Attributes:
+        diagnosis: the answers.
+        d: columns and noise.
+        search: structures.
+        verdict: with joints.
+        held_out: residuals on rows that no fit saw.
+        seed: of the bootstrap.
+    """
+
+    diagnosis: Diagnosis
+    d: Dictionary
+    search: Search
+    verdict: Verdict
+    held_out: HeldOut
+    seed: int = 0
+
+    def write(self, folder: str | Path) -> None:
+        """Write ``diagnosis.json``, ``twin.json`` and ``drives.json``."""
+        self.diagnosis.write(folder)
+        values = answer.corrected(self.d, self.held_out.fit.x, self.diagnosis.which)
+        write_json(Path(folder) / "drives.json", plain(values))
+
+
+@one_thread
+def diagnose_efforts(
+    recording: Recording,
+    *,
+    drives: str | Path | None = None,
+    seed: int = 0,
+    progress: Progress = lambda _: None,
+) -> EffortFindings:
+    """Where, which, how far, of the joint torques or motor currents of a motion.
+
+    Args:
+        recording: of a serial arm, with ``tau1…`` or ``i1…``.
+        drives: output of ``wrenchbed calibrate`` on a healthy recording of this robot, if any.
+        seed: of the resampled blocks.
+        progress: called with the step that begins.
+
+    Raises:
+        RecordingError, CalibrationError, NotFoundError, DiagnosisError: the data cannot answer.
+    """
+    begun = time.perf_counter()
+    progress("motion and stated robot")
+    scene = effort_scene(recording, stated_drives(recording, drives))
+    progress("effects and noise")
+    d = dictionary(scene)
+    progress("structures and their evidence")
+    found = search(d, seed)
+    verdict = decide(d, weighed(found))
+    progress("held-out rows")
+    judged = held_out(d, kept(verdict.causes))
+    prefix = str(recording.effort)
+    gap = closure(judged, kept(verdict.causes), prefix, seed)
+    final = upheld(verdict, gap)
+    if kept(final.causes) != kept(verdict.causes):
+        judged = held_out(d, kept(final.causes))
+        gap = closure(judged, kept(final.causes), prefix, seed)
+    members = {d.blocks[int(k)].effect: m for k, m in gap.members.items()}
+    twin = Twin(scene.model, _theta(d), (), recording.name)
+    diagnosis = Diagnosis(
+        recording.name, recording.metadata.robot, final.word, replace(gap, members=members),
+        answer.where(d, final, gap), answer.which(d, final, gap), dict(final.probabilities),
+        answer.cannot_tell(final), answer.next_steps(final), twin,
+        time.perf_counter() - begun, answer.notes(d, final, gap), set90=final.set90(),
+    )  # fmt: skip
+    return EffortFindings(diagnosis, d, found, final, judged, seed)
+
+
+def _theta(d: Dictionary) -> np.ndarray:
+    """Parameters of robot and sensor as stated (P,)."""
+    return np.asarray(d.scene.model.configured(d.scene.recording.metadata))

@@ -1,0 +1,196 @@
+"""All columns of all joints, whitened, with their products block by block of time.
+
+Structures are compared on these products alone; rows are needed again only for figures.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from wrenchbed.diagnosis.efforts.arm_columns import of_arm
+from wrenchbed.diagnosis.efforts.columns import BACKGROUND, FREE, Block, Column, of_joint
+from wrenchbed.diagnosis.efforts.noise import JointNoise, joint_noise, remains
+from wrenchbed.diagnosis.efforts.period import FASTEST, GEAR_MOST, SLOWEST, fitting, strongest
+from wrenchbed.diagnosis.efforts.scene import EffortScene
+
+BLOCKS = 20
+"""Blocks of time, each of which is held out once; estimate."""
+_UNNAMED = 0.5
+"""Background of columns without a name over that of named ones; estimate."""
+_ALIKE = 0.1
+"""Likewise of columns of which many are nearly the same; estimate."""
+_NOTHING = 1e-9
+"""Rms in noises of a row below which a column is none."""
+
+
+@dataclass(frozen=True, eq=False)
+class Dictionary:
+    """Columns of all joints.
+
+    Attributes:
+        scene: what they are of.
+        y: measured less predicted torque (M, J) [N·m].
+        own: columns of each joint (M, Kⱼ).
+        arm: columns of all joints (M, J, A).
+        names: of all columns (P,): joint by joint, then the arm's.
+        joint: of each column (P,), −1 of the arm's.
+        noise: of each joint.
+        std: prior standard deviation of each amplitude (P,) unless a cause sets it free.
+        free, stated: which amplitudes (P,) every fit leaves free, or free within `std`.
+        size: rms that an amplitude of 1 adds, in noises of a row (P,): of its joint, or of the
+            root mean square over joints times √J.
+        blocks: causes, named and not; ``at`` their columns.
+        fold: block of time of each row (M,).
+        gram, right, square: whitened products of each block (B, P, P), (B, P), (B, J).
+        plain: likewise of rows in noises of a row, not whitened; the squares are (B,).
+    """
+
+    scene: EffortScene
+    y: np.ndarray
+    own: tuple[np.ndarray, ...]
+    arm: np.ndarray
+    names: tuple[str, ...]
+    joint: np.ndarray
+    noise: tuple[JointNoise, ...]
+    std: np.ndarray
+    free: np.ndarray
+    stated: np.ndarray
+    size: np.ndarray
+    blocks: tuple[Block, ...]
+    at: tuple[np.ndarray, ...]
+    fold: np.ndarray
+    gram: np.ndarray
+    right: np.ndarray
+    square: np.ndarray
+    plain: tuple[np.ndarray, np.ndarray, np.ndarray]
+
+    @cached_property
+    def plain_sums(self) -> tuple[np.ndarray, np.ndarray, float]:
+        """`plain` of all rows."""
+        gram, right, square = self.plain
+        return gram.sum(axis=0), right.sum(axis=0), float(square.sum())
+
+    def gap(self, x: np.ndarray) -> float:
+        """Mean square that amplitudes (P,) leave, in noises of a row, less that noise."""
+        gram, right, square = self.plain_sums
+        return float(square - 2.0 * x @ right + x @ gram @ x) / self.y.size - 1.0
+
+    def columns(self, j: int) -> tuple[np.ndarray, np.ndarray]:
+        """Indices (K,) and data (M, K) of all columns that act on joint j, from 0."""
+        at = np.concatenate([np.flatnonzero(self.joint == j), np.flatnonzero(self.joint < 0)])
+        return at, np.concatenate([self.own[j], self.arm[:, j]], axis=1)
+
+    def made(self, x: np.ndarray) -> np.ndarray:
+        """Torque (M, J) of amplitudes (P,)."""
+        result = []
+        for j in range(self.y.shape[1]):
+            at, data = self.columns(j)
+            result.append(data @ x[at])
+        return np.stack(result, axis=-1)
+
+
+def dictionary(scene: EffortScene) -> Dictionary:
+    """All columns of a scene."""
+    y = scene.thin(scene.signals.effort - scene.total)
+    speed, rows = scene.q.d[scene.kept()], len(y)
+    arm_columns, arm_blocks = of_arm(scene)
+    arm = scene.thin(np.stack([c.data for c in arm_columns], axis=-1))
+    every, blocks, own, noise = list[list[Column]](), list[Block](), list[np.ndarray](), []
+    for j in range(scene.joints):
+        columns, more = of_joint(scene, j)
+        data = scene.thin(np.column_stack([c.data for c in columns]))
+        found, found_blocks = _periods(scene, j, y[:, j], columns, data, arm[:, j])
+        columns, more = [*columns, *found], [*more, *found_blocks]
+        data = np.column_stack([data, scene.thin(np.column_stack([c.data for c in found]))])
+        noise.append(joint_noise(y[:, j], np.concatenate([data, arm[:, j]], axis=1), speed[:, j]))
+        every.append(columns)
+        own.append(data)
+        blocks += more
+    counts = [len(c) for c in every]
+    flat = [c for some in every for c in some] + arm_columns
+    joint = np.array([j for j, n in enumerate(counts) for _ in range(n)] + [-1] * len(arm_columns))
+    names = tuple(c.name for c in flat)
+    where = {n: k for k, n in enumerate(names)}
+    blocks += arm_blocks
+    std_rows = np.array([n.std for n in noise])
+    size = np.concatenate([
+        *(np.sqrt((d**2).mean(axis=0)) / s for d, s in zip(own, std_rows, strict=True)),
+        np.sqrt(((arm / std_rows[:, None]) ** 2).mean(axis=0).sum(axis=0)),
+    ])  # fmt: skip
+    unnamed = {n for b in blocks if b.outside for n in b.columns}
+    std = np.array([
+        _prior(c, max(s, _NOTHING), c.name in unnamed) for c, s in zip(flat, size, strict=True)
+    ])  # fmt: skip
+    fold = np.arange(rows) * BLOCKS // rows
+    bare = Dictionary(
+        scene, y, tuple(own), arm, names, joint, tuple(noise), std,
+        np.array([c.free for c in flat]),
+        np.array([c.std is not None and not c.free for c in flat]),
+        size, tuple(blocks),
+        tuple(np.array([where[n] for n in b.columns]) for b in blocks), fold,
+        np.zeros((BLOCKS, len(names), len(names))), np.zeros((BLOCKS, len(names))),
+        np.zeros((BLOCKS, scene.joints)),
+        (np.zeros((BLOCKS, len(names), len(names))), np.zeros((BLOCKS, len(names))),
+         np.zeros(BLOCKS)),
+    )  # fmt: skip
+    return _with_products(bare)
+
+
+def _prior(column: Column, size: float, unnamed: bool) -> float:
+    if column.free:
+        return FREE / size
+    if column.std is not None:
+        return column.std
+    if column.name.startswith(("delay", "bandwidth")):  # many that are nearly one
+        return _ALIKE * BACKGROUND / size
+    return BACKGROUND * (_UNNAMED if unnamed else 1.0) / size
+
+
+def _periods(
+    scene: EffortScene, j: int, y: np.ndarray, known: list[Column], data: np.ndarray,
+    arm: np.ndarray,
+) -> tuple[list[Column], list[Block]]:  # fmt: skip
+    """Ripple of the gear and cogging of the motor at the periods that a joint's torque (M,) shows.
+
+    Slow periods look like other causes: they are searched beside what every fit leaves free.
+    """
+    angle, columns, blocks = scene.q.v[:, j], list[Column](), list[Block]()
+    kept = angle[scene.kept()]
+    ordinary = data[:, [k for k, c in enumerate(known) if c.free or c.std is not None]]
+    fast = strongest(remains(y, np.concatenate([data, arm], axis=1)), kept)
+    for effect, turn, many in (
+        ("drive.ripple", fitting(y, ordinary, kept), GEAR_MOST - SLOWEST),
+        ("drive.cogging", fast, FASTEST - GEAR_MOST),
+    ):
+        names = []
+        for k in (1, 2):
+            for word, wave in (("sine", np.sin), ("cosine", np.cos)):
+                name = f"{effect}.{word}{k}.{j + 1}"
+                columns.append(Column(name, wave(k * turn * angle)))
+                names.append(name)
+        blocks.append(Block(effect, j + 1, False, tuple(names), turn, -float(np.log(many))))
+    return columns, blocks
+
+
+def _with_products(d: Dictionary) -> Dictionary:
+    gram, right, square = d.gram, d.right, d.square
+    for j, noise in enumerate(d.noise):
+        at, data = d.columns(j)
+        _add(d, (gram, right, square[:, j]), at, noise.white(data), noise.white(d.y[:, j]))
+        _add(d, d.plain, at, data / noise.std, d.y[:, j] / noise.std)
+    return d
+
+
+def _add(
+    d: Dictionary, to: tuple[np.ndarray, np.ndarray, np.ndarray], at: np.ndarray,
+    columns: np.ndarray, y: np.ndarray,
+) -> None:  # fmt: skip
+    """Add products of columns (M, K) and of y (M,), block by block."""
+    gram, right, square = to
+    for b in range(BLOCKS):
+        rows = d.fold == b
+        some = columns[rows]
+        gram[b][np.ix_(at, at)] += some.T @ some
+        right[b][at] += some.T @ y[rows]
+        square[b] += y[rows] @ y[rows]

@@ -1,0 +1,131 @@
+"""How far the gap shrinks, on blocks of time that no fit saw."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from wrenchbed.diagnosis.efforts.dictionary import BLOCKS, Dictionary
+from wrenchbed.diagnosis.efforts.evidence import Evidence
+from wrenchbed.diagnosis.efforts.twin_fit import TwinFit, fitted
+from wrenchbed.diagnosis.gap.closure import Closure, Interval
+
+DRAWS = 500
+"""Of the bootstrap over blocks."""
+_PARTS = 4
+"""In which the black box is cross-fitted; estimate: it has hundreds of columns."""
+
+
+@dataclass(frozen=True, eq=False)
+class HeldOut:
+    """Residuals of simulators on rows that their fits did not see, in noises of a row.
+
+    Attributes:
+        d: the columns.
+        left: (M, J) by simulator: ``configured``, ``calibrated``, ``box``, and with causes
+            ``with_effects`` and one without each cause, by its number.
+        fit: with causes, on all rows.
+    """
+
+    d: Dictionary
+    left: dict[str | int, np.ndarray]
+    fit: TwinFit
+
+    def gaps(self, which: str | int) -> np.ndarray:
+        """Of each row (M,)."""
+        return np.asarray((self.left[which] ** 2).mean(axis=1) - 1.0)
+
+
+def held_out(d: Dictionary, blocks: Sequence[int]) -> HeldOut:
+    """All simulators on held-out rows."""
+    left: dict[str | int, np.ndarray] = {
+        "configured": _in_noise(d, np.zeros(len(d.names))), "calibrated": _cross_fitted(d, ()),
+        "box": _box(d),
+    }  # fmt: skip
+    if blocks:
+        left["with_effects"] = _cross_fitted(d, blocks)
+        for k in blocks:
+            left[k] = _cross_fitted(d, [b for b in blocks if b != k])
+    return HeldOut(d, left, fitted(d, blocks))
+
+
+def _in_noise(d: Dictionary, x: np.ndarray, rows: np.ndarray | None = None) -> np.ndarray:
+    use = slice(None) if rows is None else rows
+    std = np.array([n.std for n in d.noise])
+    made = []
+    for j in range(d.y.shape[1]):
+        at, data = d.columns(j)
+        made.append(data[use] @ x[at])
+    return np.asarray((d.y[use] - np.stack(made, axis=-1)) / std)
+
+
+def _cross_fitted(d: Dictionary, blocks: Sequence[int]) -> np.ndarray:
+    result = np.zeros_like(d.y)
+    std = np.array([n.std for n in d.noise])
+    x = np.stack([fitted(d, blocks, without=k).x for k in range(BLOCKS)])
+    some = np.flatnonzero(np.abs(x).max(axis=0) > 0.0)
+    for j in range(d.y.shape[1]):
+        at, data = d.columns(j)
+        own = np.isin(at, some)
+        used, values = data[:, own], x[:, at[own]]
+        result[:, j] = d.y[:, j] - np.einsum("mk,mk->m", used, values[d.fold])
+    return result / std
+
+
+def _box(d: Dictionary) -> np.ndarray:
+    """What is left by all columns at once, a regression that names nothing."""
+    result, std = np.zeros_like(d.y), np.array([n.std for n in d.noise])
+    every = list(range(len(d.blocks)))
+    for part in range(_PARTS):
+        weight = (np.arange(BLOCKS) * _PARTS // BLOCKS != part).astype(float)
+        x = Evidence(d, weight, 1.0).amplitudes(every)
+        rows = np.isin(d.fold, np.flatnonzero(weight == 0.0))
+        result[rows] = _in_noise(d, x, rows) * std
+    return result / std
+
+
+def closure(h: HeldOut, blocks: Sequence[int], prefix: str, seed: int = 0) -> Closure:
+    """Gaps with intervals from blocks of time drawn anew."""
+    rng, fold = np.random.default_rng([seed, 30]), h.d.fold
+    drawn = rng.integers(BLOCKS, size=(DRAWS, BLOCKS))
+    count = np.bincount(fold, minlength=BLOCKS).astype(float)
+
+    def ratio(part: np.ndarray, of: np.ndarray) -> Interval | None:
+        top, bottom = (np.bincount(fold, v, BLOCKS) for v in (part, of))
+        if bottom.sum() <= 0.0:
+            return None
+        scale = bottom[drawn].sum(axis=1)
+        each = top[drawn].sum(axis=1) / np.where(scale > 0.0, scale, np.nan)
+        value = float(top.sum() / bottom.sum())
+        low, high = np.nanquantile(each, [0.025, 0.975])
+        return Interval(value, min(value, float(low)), max(value, float(high)))
+
+    def mean(gaps: np.ndarray) -> Interval:
+        found = ratio(gaps, np.ones(len(gaps)))
+        assert found is not None and count.sum() > 0
+        return found
+
+    before = h.gaps("calibrated")
+    after = h.gaps("with_effects") if blocks else None
+    scale = float(before.mean())
+    last = h.left["with_effects"] if blocks else None
+    channels = {}
+    for j in range(h.d.y.shape[1]):
+        own = {"before": float((h.left["calibrated"][:, j] ** 2).mean() - 1.0)}
+        if last is not None:
+            own["after"] = float((last[:, j] ** 2).mean() - 1.0)
+        channels[f"{prefix}{j + 1}"] = own
+    return Closure(
+        configured=float(h.gaps("configured").mean()),
+        calibrated=mean(before),
+        with_effects=None if after is None else mean(after),
+        floor=0.0,
+        closed=None if after is None else ratio(before - after, before),
+        black_box=None if scale <= 0.0 else float((before - h.gaps("box")).mean()) / scale,
+        rows=len(h.d.y),
+        folds=BLOCKS,
+        per_channel=channels,
+        members={str(k): mean(h.gaps(k) - h.gaps("with_effects")) for k in blocks},
+        in_sample=None if after is None else h.d.gap(h.fit.x),
+        readings={},
+    )

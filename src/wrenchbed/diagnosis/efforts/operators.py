@@ -1,0 +1,43 @@
+"""Operators with memory on the motion or the torque of a joint: what friction and drives remember.
+
+Each maps rows of one joint (N,) to rows (N,).
+"""
+
+import numpy as np
+from scipy import signal
+
+
+def since_reversal(q: np.ndarray, speed: np.ndarray) -> np.ndarray:
+    """Angle travelled since the last change of direction (N,) [rad]."""
+    path = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(q)))])
+    turned = np.flatnonzero(np.diff(np.sign(speed)) != 0.0) + 1
+    last = np.zeros(len(q), dtype=int)
+    last[turned] = turned
+    start = path[np.maximum.accumulate(last)]
+    fresh = np.maximum.accumulate(last) == 0  # how long it moved before the recording is unknown
+    return np.asarray(np.where(fresh, np.inf, path - start))
+
+
+def stop(q: np.ndarray, width: float) -> np.ndarray:
+    """Stop operator of a half width [rad], −1 … 1 (N,): elastic up to it, then sliding.
+
+    Brokate & Sprekels 1996, "Hysteresis and Phase Transitions", Section 2.1; a sum over widths is
+    a Prandtl–Ishlinskii model.
+    """
+    steps, found, z = np.diff(q).tolist(), [0.0], 0.0
+    for step in steps:
+        z = min(width, max(-width, z + step))
+        found.append(z)
+    return np.array(found) / width
+
+
+def late(torque: np.ndarray, t: np.ndarray, delay: float) -> np.ndarray:
+    """Change of a torque (N,) by a delay [s]."""
+    return np.asarray(np.interp(t - delay, t, torque) - torque)
+
+
+def slow(torque: np.ndarray, rate: float, time: float) -> np.ndarray:
+    """Change of a torque (N,) by a first-order low-pass of a time constant [s]."""
+    keep = float(np.exp(-1.0 / (rate * time)))
+    begin = signal.lfilter_zi([1.0 - keep], [1.0, -keep]) * torque[0]
+    return np.asarray(signal.lfilter([1.0 - keep], [1.0, -keep], torque, zi=begin)[0] - torque)

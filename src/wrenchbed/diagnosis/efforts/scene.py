@@ -1,0 +1,167 @@
+"""What an arm did while its joint efforts were recorded, and what the stated robot predicts.
+
+Columns of every cause are made at the recording's rate and thinned as the efforts are.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import signal
+
+from wrenchbed.data.recording import Recording
+from wrenchbed.diagnosis.efforts.configured import Drives
+from wrenchbed.drives.identify import CONSTANT, FRICTION, calibrate_efforts
+from wrenchbed.drives.inverse_dynamics import torque_regressor
+from wrenchbed.drives.signals import DriveSignals, drive_signals
+from wrenchbed.errors import DiagnosisError, NotFoundError
+from wrenchbed.physics.time_derivatives import Jet
+from wrenchbed.robots.base import SimulatedRobot
+from wrenchbed.robots.chain import SerialChain
+from wrenchbed.robots.link_inertias import LinkInertias, link_inertias
+from wrenchbed.simulation.closed_form import Model, robot_of
+
+MOST_ROWS = 12_000
+"""Rows of the analysis at most; estimate: a minute and a half at 125 Hz."""
+_RATE = 125.0
+"""Rows a second that are enough for reversals and for cogging [Hz]; estimate."""
+_PASS = 0.8
+"""Edge of the filter before rows are thinned, over the new Nyquist frequency; estimate."""
+_ORDER = 6
+"""Of that Butterworth filter, run forwards and backwards."""
+_END_S = 1.0
+"""Time at both ends that takes no part [s]: filters settle; estimate."""
+_LEAST_ROWS = 400
+"""Fewest rows that are left; estimate: twenty blocks of twenty."""
+
+
+@dataclass(frozen=True, eq=False)
+class EffortScene:
+    """A recording of joint efforts with the stated robot's prediction, at all its rows.
+
+    Attributes:
+        recording: what was recorded.
+        robot, model, theta: the arm as stated.
+        inertias: of its links.
+        signals: kinematics (N, J) and effort, as torques.
+        body: torque of the rigid body (N, J) [N·m].
+        friction: torque of stated friction, or of ordinary friction fitted (N, J) [N·m].
+        regressor: of the links' inertial parameters (N, J, 10 J).
+        drives: what is stated of the drives.
+        currents: whether currents were recorded and turned into torques.
+        step: rows from one kept row to the next.
+    """
+
+    recording: Recording
+    robot: SerialChain
+    model: Model
+    theta: np.ndarray
+    inertias: LinkInertias
+    signals: DriveSignals
+    body: np.ndarray
+    friction: np.ndarray
+    regressor: np.ndarray
+    drives: Drives
+    currents: bool
+    step: int
+
+    @property
+    def joints(self) -> int:
+        """How many."""
+        return self.body.shape[1]
+
+    @property
+    def q(self) -> Jet:
+        """Joint values, speeds and accelerations (N, J)."""
+        return self.signals.q
+
+    @property
+    def total(self) -> np.ndarray:
+        """Predicted effort (N, J) [N·m]."""
+        return self.body + self.friction
+
+    @property
+    def rate(self) -> float:
+        """Of the kept rows [Hz]."""
+        return self.signals.rate / self.step
+
+    def thin(self, columns: np.ndarray) -> np.ndarray:
+        """Columns (N, …) at the kept rows (M, …), low-pass filtered where rows are left out."""
+        if self.step > 1:
+            sections = signal.butter(_ORDER, _PASS / self.step, output="sos")
+            columns = signal.sosfiltfilt(sections, columns, axis=0)
+        return np.asarray(columns[self.kept()])
+
+    def kept(self) -> slice:
+        """Rows that are kept: one in `step`, without the ends."""
+        rows = len(self.signals.t)
+        edge = min(round(_END_S * self.signals.rate), rows // 10)
+        return slice(edge, rows - edge, self.step)
+
+
+def effort_scene(recording: Recording, drives: Drives) -> EffortScene:
+    """A recording with the stated robot's prediction.
+
+    Raises:
+        RecordingError, CalibrationError: no efforts, an uneven clock, nothing moves.
+        NotFoundError: the robot is no serial arm of hinges.
+        DiagnosisError: the motion is too short.
+    """
+    robot = robot_of(recording)
+    if not isinstance(robot, SerialChain) or not isinstance(robot, SimulatedRobot):
+        raise NotFoundError(f"robot {robot.name!r} is no serial arm: its joints have no torques")
+    slides = [joint.name for joint in robot.joints if joint.unit == "m"]
+    if slides:
+        raise NotFoundError(f"joint {slides[0]} of {robot.name!r} slides: only hinges are known")
+    signals = drive_signals(recording)
+    rows = len(signals.t)
+    step = max(1, int(signals.rate / _RATE + 0.5), -(-rows // MOST_ROWS))
+    if rows < step * _LEAST_ROWS:
+        raise DiagnosisError(
+            f"{recording.name}: {rows} rows: a diagnosis of joint efforts needs "
+            f"{step * _LEAST_ROWS} rows or more of a motion"
+        )
+    currents = signals.prefix == "i"
+    if currents:
+        known = _constants(recording, drives)
+        signals = replace(signals, effort=signals.effort * known, prefix="tau")
+    model = Model.of(robot, recording.metadata)
+    theta = robot.robot_theta(model.configured(recording.metadata))
+    inertias = link_inertias(robot, theta)
+    y = torque_regressor(robot, theta, signals.q, np.asarray(model.gravity))
+    rotor = np.where(drives.known("drive.inertia"), drives.of("drive.inertia"), inertias.rotor)
+    body = y @ inertias.phi.ravel() + rotor * signals.q.dd
+    scene = EffortScene(
+        recording, robot, model, theta, inertias, signals, body, np.zeros_like(body), y, drives,
+        currents, step,
+    )  # fmt: skip
+    return replace(scene, friction=_friction(scene))
+
+
+def _constants(recording: Recording, drives: Drives) -> np.ndarray:
+    """Drive constants (J,) [N·m/A]: stated, else fitted with ordinary friction."""
+    known = drives.known("drive.constant")
+    if known.all():
+        return drives.of("drive.constant")
+    fit = calibrate_efforts(recording, (*FRICTION, CONSTANT), force=True)
+    found = np.array([fit[f"{CONSTANT}.{j + 1}"].value for j in range(len(known))])
+    if not (np.isfinite(found) & (found > 0.0)).all():
+        joint = int(np.flatnonzero(~(np.isfinite(found) & (found > 0.0)))[0]) + 1
+        raise DiagnosisError(
+            f"{recording.name}: the drive constant of joint {joint} comes out negative: state "
+            f"metadata configured.drive.constant.{joint} [N·m/A], or record with another sign"
+        )
+    return np.where(known, drives.of("drive.constant"), found)
+
+
+def _friction(scene: EffortScene) -> np.ndarray:
+    """Stated friction (N, J); what is not stated is fitted by least squares."""
+    drives, left, found = scene.drives, scene.signals.effort - scene.body, []
+    for j in range(scene.joints):
+        speed = scene.q.d[:, j]
+        columns = np.column_stack([np.sign(speed), speed, np.ones_like(speed)])
+        stated = [drives.value[k][j] for k in ("drive.coulomb", "drive.viscous", "drive.offset")]
+        if np.isfinite(stated[0]):
+            found.append(columns @ np.nan_to_num(stated))
+        else:
+            found.append(columns @ np.linalg.lstsq(columns, left[:, j], rcond=None)[0])
+    return np.stack(found, axis=-1)

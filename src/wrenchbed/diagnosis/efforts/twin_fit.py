@@ -1,0 +1,81 @@
+"""The better simulator: stated values within their ordinary spread, and the claimed causes alone.
+
+Nothing else is free, so that what it leaves is what nobody named.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from wrenchbed.diagnosis.efforts.dictionary import Dictionary
+
+ORDINARY = 2.0
+"""Spreads beyond which a stated value is wrong: 95 % of ordinary robots lie within."""
+_ROUNDS = 6
+"""Of fixing amplitudes that leave their range."""
+_RIDGE = 1e-8
+"""Share of a column's square that is added to it: columns may be alike."""
+
+
+@dataclass(frozen=True, eq=False)
+class TwinFit:
+    """Amplitudes of a simulator with some causes.
+
+    Attributes:
+        x: of all columns (P,), zero where they take no part.
+        used: indices of the columns that are free (K,).
+        covariance: of those, for white noise (K, K).
+    """
+
+    x: np.ndarray
+    used: np.ndarray
+    covariance: np.ndarray
+
+
+def fitted(d: Dictionary, blocks: Sequence[int], without: int | None = None) -> TwinFit:
+    """Fit ordinary values and some causes.
+
+    Args:
+        d: columns.
+        blocks: causes that are free without bounds.
+        without: block of time that is held out, if any.
+    """
+    gram, right, _ = d.plain_sums
+    if without is not None:
+        gram, right = gram - d.plain[0][without], right - d.plain[1][without]
+    own = np.unique(np.concatenate([np.zeros(0, int), *(d.at[b] for b in blocks)]))
+    unbounded = np.union1d(np.flatnonzero(d.free), own)
+    bounded = np.setdiff1d(np.flatnonzero(d.stated), unbounded)
+    x = np.zeros(len(d.names))
+    used = np.union1d(unbounded, bounded)
+    for _ in range(_ROUNDS):
+        fixed = x.copy()
+        fixed[used] = 0.0
+        covariance = _inverse(gram[np.ix_(used, used)])
+        x[used] = covariance @ (right[used] - gram[used] @ fixed)
+        most = ORDINARY * d.std
+        off = [k for k in used if k in set(bounded.tolist()) and abs(x[k]) > most[k]]
+        if not off:
+            break
+        x[off] = np.sign(x[off]) * most[off]
+        used = np.setdiff1d(used, off)
+    return TwinFit(x, used, covariance)
+
+
+def _inverse(gram: np.ndarray) -> np.ndarray:
+    scale = np.sqrt(np.maximum(np.diagonal(gram), 1e-300))
+    scaled = gram / np.outer(scale, scale) + _RIDGE * np.eye(len(gram))
+    return np.asarray(np.linalg.inv(scaled) / np.outer(scale, scale))
+
+
+def added(d: Dictionary, fit: TwinFit, block: int) -> float:
+    """Gap that a cause adds: mean square of its torque beyond what every fit leaves free."""
+    gram = d.plain_sums[0]
+    at = d.at[block]
+    free = np.setdiff1d(np.flatnonzero(d.free), at)
+    own = fit.x[at]
+    square = float(own @ gram[np.ix_(at, at)] @ own)
+    across = gram[np.ix_(free, at)] @ own
+    inside = float(across @ _inverse(gram[np.ix_(free, free)]) @ across)
+    return max(square - inside, 0.0) / d.y.size

@@ -1,0 +1,191 @@
+"""What may be said of a search: which causes, with which rivals, how probable; or none, or unknown.
+
+A cause counts from a gap of 1 (`docs/contracts.md`); held-out rows have the last word.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from wrenchbed.diagnosis.efforts.dictionary import Dictionary
+from wrenchbed.diagnosis.efforts.search import Search, Structure
+from wrenchbed.diagnosis.efforts.twin_fit import added, fitted
+from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
+from wrenchbed.diagnosis.explain.reliability import credible
+from wrenchbed.diagnosis.gap.closure import Closure
+from wrenchbed.diagnosis.gap.upheld import LARGEST_NONE, LEAST, MOST, PARTIAL
+
+COUNTS = 0.75
+"""Gap from which a part counts: it estimates what adds 1 with an error; estimate."""
+_RIVAL = 0.1
+"""Share of a cause's probability from which another is its rival."""
+_SMALL = 1e-3
+"""Probability of structures that are not looked at."""
+_BESIDE = 0.25
+"""Gap of causes without a name over that of named ones, from which nothing is named; estimate."""
+_MOST_RIVALS = 4
+"""Members of a class beside its first (the contract's)."""
+_WITHDRAWN = 0.05
+"""Share of a withdrawn answer's probability that it keeps; estimate."""
+
+Key = tuple[str, int | None]
+"""Effect and joint, from 1."""
+
+
+@dataclass(frozen=True, eq=False)
+class Cause:
+    """A claim.
+
+    Attributes:
+        block: its number in the dictionary.
+        key: effect and joint.
+        rivals: others that may be there instead, likeliest first.
+        probability: that it or one of its rivals is there.
+        share: of the gap that it adds.
+    """
+
+    block: int
+    key: Key
+    rivals: tuple[Key, ...]
+    probability: float
+    share: float
+
+
+@dataclass(frozen=True, eq=False)
+class Verdict:
+    """The answer: its word, the causes, and probabilities of the leading cause by name."""
+
+    word: str
+    causes: tuple[Cause, ...]
+    probabilities: Mapping[str, float]
+    outside: str = ""
+
+    def set90(self) -> tuple[str, ...]:
+        """Names that hold the truth in 90 % of cases."""
+        names = credible(self.probabilities, 0.9)
+        return tuple(dict.fromkeys(
+            (*names, *(k[0] for c in self.causes for k in (c.key, *c.rivals)))
+        ))  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Weighed:
+    """Structures that have a probability, with what each of their causes adds."""
+
+    structures: tuple[tuple[Structure, float, Mapping[int, float]], ...]
+
+    def counting(self, k: int) -> dict[int, float]:
+        """Causes of structure k that count, with their gaps."""
+        return {b: g for b, g in self.structures[k][2].items() if g >= COUNTS}
+
+
+def weighed(s: Search) -> Weighed:
+    """What each cause of each probable structure adds."""
+    found = list[tuple[Structure, float, dict[int, float]]]()
+    for structure, p in zip(s.structures, s.probability, strict=True):
+        if p >= _SMALL or not found:
+            fit = fitted(s.d, structure)
+            found.append((structure, float(p), {k: added(s.d, fit, k) for k in structure}))
+    total = sum(p for _, p, _ in found)
+    return Weighed(tuple((x, p / total, g) for x, p, g in found))
+
+
+def decide(d: Dictionary, w: Weighed) -> Verdict:
+    """The answer before held-out rows are asked."""
+    leading: dict[Key | str, float] = {NONE: 0.0, UNKNOWN: 0.0}
+    mass: dict[Structure, float] = {}
+    for k, (_, p, _) in enumerate(w.structures):
+        own = w.counting(k)
+        named = {b: g for b, g in own.items() if not d.blocks[b].outside}
+        other = sum(g for b, g in own.items() if d.blocks[b].outside)
+        lead: Key | str = NONE
+        if own:
+            lead = UNKNOWN
+            if named and other <= _BESIDE * sum(named.values()):
+                lead = d.blocks[max(named, key=lambda b: named[b])].key
+                kept = tuple(sorted(named))
+                mass[kept] = mass.get(kept, 0.0) + p
+        leading[lead] = leading.get(lead, 0.0) + p
+    words = _by_effect(leading)
+    outside = _outside(d, w)
+    if words[UNKNOWN] >= 0.5 or not mass or sum(mass.values()) < max(words[NONE], words[UNKNOWN]):
+        word = UNKNOWN if words[UNKNOWN] > words[NONE] else NONE
+        return Verdict(word, (), words, outside if word == UNKNOWN else "")
+    causes = _causes(d, w, mass)
+    open_ = any(c.rivals for c in causes)
+    return Verdict("ambiguous" if open_ else "identified", causes, words, outside)
+
+
+def _by_effect(leading: Mapping[Key | str, float]) -> dict[str, float]:
+    words: dict[str, float] = {}
+    for key, p in leading.items():
+        name = key if isinstance(key, str) else key[0]
+        words[name] = words.get(name, 0.0) + p
+    return words
+
+
+def _outside(d: Dictionary, w: Weighed) -> str:
+    """What without a name adds most, in words; empty if nothing does."""
+    own = {b: g for b, g in w.counting(0).items() if d.blocks[b].outside}
+    if not own:
+        return ""
+    best = d.blocks[max(own, key=lambda b: own[b])]
+    return f"{best.effect} of joint {best.joint}"
+
+
+def _causes(d: Dictionary, w: Weighed, mass: Mapping[Structure, float]) -> tuple[Cause, ...]:
+    keyed: dict[frozenset[Key], float] = {}
+    for s, p in mass.items():
+        keys = frozenset(d.blocks[b].key for b in s)
+        keyed[keys] = keyed.get(keys, 0.0) + p
+    lead = max(keyed, key=lambda k: keyed[k])
+    best = next(k for k in range(len(w.structures)) if _named(d, w, k) == lead)
+    gaps = {b: g for b, g in w.counting(best).items() if not d.blocks[b].outside}
+    total, causes = sum(gaps.values()), []
+    for b, gap in sorted(gaps.items(), key=lambda item: -item[1]):
+        key = d.blocks[b].key
+        present = sum(p for keys, p in keyed.items() if key in keys)
+        instead: dict[Key, float] = {}
+        for keys, p in keyed.items():
+            if key not in keys:
+                for other in keys - lead:
+                    instead[other] = instead.get(other, 0.0) + p
+        rivals = sorted((k for k, p in instead.items() if p >= _RIVAL * present),
+                        key=lambda k: -instead[k])[:_MOST_RIVALS]  # fmt: skip
+        any_of = sum(p for keys, p in keyed.items() if keys & {key, *rivals})
+        causes.append(Cause(b, key, tuple(rivals), min(any_of, 1.0), gap / total))
+    return tuple(causes)
+
+
+def _named(d: Dictionary, w: Weighed, k: int) -> frozenset[Key]:
+    return frozenset(d.blocks[b].key for b in w.counting(k) if not d.blocks[b].outside)
+
+
+def upheld(v: Verdict, gap: Closure) -> Verdict:
+    """The answer without what held-out rows refute."""
+    small = gap.calibrated.low <= LARGEST_NONE
+    if v.word == NONE:
+        return v if small else withdrawn(v, UNKNOWN)
+    if v.word == UNKNOWN:
+        return withdrawn(v, NONE) if gap.calibrated.high < LEAST else v
+    if gap.closed is None or gap.closed.low <= 0.0 or gap.with_effects is None:
+        return withdrawn(v, NONE if small else UNKNOWN)
+    rest = gap.with_effects.low
+    if gap.closed.value < MOST and rest > LARGEST_NONE:
+        return Verdict(PARTIAL, v.causes, v.probabilities, v.outside)
+    return v
+
+
+def withdrawn(v: Verdict, instead: str) -> Verdict:
+    """The answer given up; a little of its probability remains."""
+    share = dict(v.probabilities)
+    fallen = {n for n in share if n != instead and (instead == UNKNOWN or n != UNKNOWN)}
+    if instead == UNKNOWN and v.word != NONE:
+        fallen -= {NONE}
+    share[instead] = share.get(instead, 0.0) + (1.0 - _WITHDRAWN) * sum(share[n] for n in fallen)
+    share |= {n: _WITHDRAWN * share[n] for n in fallen}
+    return Verdict(instead, (), share, v.outside)
+
+
+def kept(causes: Sequence[Cause]) -> tuple[int, ...]:
+    """Blocks of claims."""
+    return tuple(sorted(c.block for c in causes))

@@ -1,0 +1,123 @@
+"""The report of a diagnosis of joint efforts as one HTML page that needs nothing else."""
+
+from pathlib import PurePath
+
+import numpy as np
+
+from wrenchbed import registry
+from wrenchbed.diagnosis.efforts.diagnose_efforts import EffortFindings
+from wrenchbed.pages import numbers
+from wrenchbed.pages.chart import Axis, Chart, Panel, Series, thinned
+from wrenchbed.pages.provenance import provenance
+from wrenchbed.reports import effort_sentences as sentences
+from wrenchbed.reports import figures
+from wrenchbed.reports.diagnosis_page import ReportPage
+from wrenchbed.reports.tables import candidates
+
+_BADGES = {"none": "✓", "identified": "●", "ambiguous": "◐", "partial": "◔", "unknown": "?"}
+_SHOWN_S = 15.0
+"""Time of a motion that is shown [s]; estimate: several reversals."""
+_BINS = 24
+"""Of speed, in which friction is averaged."""
+
+
+def effort_page(found: EffortFindings, command: str = "") -> ReportPage:
+    """The page of a diagnosis of joint efforts.
+
+    Args:
+        found: from ``diagnose_efforts``.
+        command: that made it.
+
+    Raises:
+        MissingExtraError: matplotlib or jinja2 is not installed.
+    """
+    registry.require("matplotlib", "report")
+    d = found.diagnosis
+    rows = sentences.gaps(d)
+    before = {c: v["before"] for c, v in d.gap.per_channel.items()}
+    after = {c: v["after"] for c, v in d.gap.per_channel.items() if "after" in v}
+    charts = [figures.gaps(rows), figures.channels(before, after, "calibrated"), _efforts(found)]
+    charts += [_friction(found, j) for j in _joints(found)]
+    drawn = [figures.draw(c) for c in charts]
+    causes = [
+        {
+            "name": " or ".join([str(w["effect"]), *map(str, w["rivals"])]),
+            "probability": numbers.chance(float(w["probability"])),
+            "closed": f"{numbers.percent(float(w['closed_share']))} %",
+            "rows": [(k, numbers.quantity(k, v)) for k, v in w["parameters"].items()],
+        }
+        for w in d.which
+    ]
+    context = {
+        "d": d, "verdict": d.verdict, "badge": _BADGES[d.verdict],
+        "name": PurePath(d.recording).name, "headline": sentences.headline(found),
+        "place": sentences.place(found), "no_cause": sentences.without_cause(found),
+        "how_far": sentences.distance(found), "measure": sentences.MEASURE,
+        "bars": [(label, numbers.gap(value), kind) for label, value, kind in rows],
+        "causes": causes, "candidates": candidates(d.probabilities),
+        "gaps": drawn[0], "channels": drawn[1], "shown": drawn[2:],
+        "steps": sentences.steps(found),
+        "data": [("recording", d.recording), ("robot", d.robot),
+                 *provenance([d.recording], seed=found.seed),
+                 ("duration of the diagnosis", f"{d.seconds:.1f} s")],
+        "command": command or f"wrenchbed diagnose {d.recording} --out DIR",
+    }  # fmt: skip
+    return ReportPage(context, "efforts", drawn)
+
+
+def _joints(found: EffortFindings) -> list[int]:
+    """Joints whose friction is shown, from 0: named ones, else the one with the largest gap."""
+    own = [c.key[1] - 1 for c in found.verdict.causes
+           if c.key[1] is not None and c.key[0].startswith("drive.")]  # fmt: skip
+    if own:
+        return list(dict.fromkeys(own))[:2]
+    gaps = [v["before"] for v in found.diagnosis.gap.per_channel.values()]
+    return [int(np.argmax(gaps))] if found.diagnosis.verdict != "none" else []
+
+
+def _efforts(found: EffortFindings) -> Chart:
+    """Measured and predicted efforts of all joints on held-out rows, over a stretch of time."""
+    scene, std = found.d.scene, np.array([n.std for n in found.d.noise])
+    kept = scene.kept()
+    t, measured = scene.signals.t[kept], scene.thin(scene.signals.effort)
+    middle = 0.5 * (t[0] + t[-1])
+    rows = np.abs(t - middle) <= 0.5 * _SHOWN_S
+    panels, note = [], ""
+    for j in range(scene.joints):
+        series = [Series("measured", "line", t[rows], measured[rows, j], role="measured")]
+        own = (("calibrated", "before"), ("with_effects", "after"))
+        for name, role in own:
+            if name in found.held_out.left:
+                made = measured[:, j] - std[j] * found.held_out.left[name][:, j]
+                label = name.replace("_", " the ")
+                series.append(Series(label, "line", t[rows], made[rows], role=role))  # type: ignore[arg-type]
+        some, note = thinned(series, what="rows")
+        panels.append(Panel(Axis("time", "s"), Axis(f"joint {j + 1}", "N·m"), some, height=0.8))
+    caption = "Predictions are by fits that did not see the rows."
+    return Chart("efforts", "Measured and predicted efforts", tuple(panels), 2, True, caption, note)
+
+
+def _friction(found: EffortFindings, j: int) -> Chart:
+    """What speed makes of a joint's effort: measured, stated and with the effects."""
+    scene, std = found.d.scene, found.d.noise[j].std
+    speed = scene.q.d[scene.kept(), j]
+    stated = scene.thin(scene.friction[:, j])
+    measured = stated + found.d.y[:, j]
+    edges = np.unique(np.quantile(speed, np.linspace(0.0, 1.0, _BINS + 1)))
+    at = np.clip(np.searchsorted(edges, speed, side="right") - 1, 0, len(edges) - 2)
+    count = np.bincount(at, minlength=len(edges) - 1)
+    full = count > 0
+
+    def means(values: np.ndarray) -> np.ndarray:
+        return np.asarray(np.bincount(at, values, len(edges) - 1)[full] / count[full])
+
+    x = means(speed)
+    series = [Series("measured", "points", x, means(measured), role="measured"),
+              Series("stated", "line", x, means(stated), role="before")]  # fmt: skip
+    if "with_effects" in found.held_out.left:
+        made = measured - std * found.held_out.left["with_effects"][:, j]
+        series.append(Series("with the effects", "line", x, means(made), role="after"))
+    panel = Panel(Axis("speed", "rad/s"), Axis("effort less rigid body", "N·m"), tuple(series),
+                  zero=True)  # fmt: skip
+    caption = "Means over bins of speed; what depends on angle or load alone averages out."
+    return Chart(f"friction-{j + 1}", f"Friction of joint {j + 1}", (panel,), caption=caption)

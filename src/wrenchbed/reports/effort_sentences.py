@@ -1,0 +1,114 @@
+"""The answers of a diagnosis of joint efforts in plain sentences with their figures."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from wrenchbed.diagnosis.efforts.answer import place as place_of
+from wrenchbed.diagnosis.efforts.diagnose_efforts import EffortFindings
+from wrenchbed.diagnosis.efforts.names import title
+from wrenchbed.diagnosis.gap.result import Diagnosis
+from wrenchbed.pages import numbers
+
+MEASURE = (
+    "gap: mean square of measured minus predicted efforts in units of the noise of one row, minus "
+    "that noise; calibrated: what is not stated is fitted, what is stated stays within its "
+    "ordinary spread"
+)
+_LARGE = 0.05
+"""Probability from which the nearest cause is named beside unknown; estimate."""
+
+
+def headline(found: EffortFindings) -> str:
+    """The verdict in sentences."""
+    d, v = found.diagnosis, found.verdict
+    if d.verdict == "none":
+        return "No cause found: the residual is within normal imperfections."
+    if not d.which:
+        return "No known effect explains the gap."
+    told = []
+    for cause, entry in zip(v.causes, d.which, strict=True):
+        sizes = [parameter(k, x) for k, x in entry["parameters"].items() if x.get("std")][:1]
+        text = " or ".join(title(*k) for k in (cause.key, *cause.rivals))
+        told.append(f"{text[:1].upper()}{text[1:]}{': ' if sizes else ''}{', '.join(sizes)}.")
+    if d.verdict == "ambiguous":
+        told.append("This recording does not distinguish the causes joined by “or”.")
+    if d.verdict == "partial":
+        told.append("Most of the gap has another cause, which is unknown.")
+    return " ".join(told)
+
+
+def place(found: EffortFindings) -> str:
+    """Where, in a few words."""
+    d, v = found.diagnosis, found.verdict
+    if v.causes:
+        names = dict.fromkeys(place_of(k)[1] for c in v.causes for k in (c.key, *c.rivals)[:1])
+        text = ", ".join(names)
+        return f"{'Mostly not in' if d.verdict == 'partial' else 'In'} {text}"
+    if d.where:
+        return f"Only a hint: {d.where[0]['detail']}"
+    return "No joint has more than noise and ordinary imperfections"
+
+
+def without_cause(found: EffortFindings) -> str:
+    """What stands for a cause where none is claimed."""
+    d = found.diagnosis
+    p = d.probabilities
+    if d.verdict == "none":
+        return f"With probability {numbers.chance(p.get('none', 0.0))} nothing counts as a cause."
+    told = (
+        "No known effect explains the gap. Probability that it is something unknown: "
+        f"{numbers.chance(p.get('unknown', 0.0))}."
+    )
+    if found.verdict.outside:
+        told += f" It looks most like: {found.verdict.outside}."
+    rest = {k: x for k, x in p.items() if k not in ("none", "unknown")}
+    best = max(rest, key=lambda k: rest[k], default="")
+    if best and rest[best] >= _LARGE:
+        told += f" The nearest is {best} with {numbers.chance(rest[best])}."
+    return told
+
+
+def distance(found: EffortFindings) -> str:
+    """How far the gap shrinks."""
+    g = found.diagnosis.gap
+    on = "on blocks of time that were held out of every fit"
+    if g.with_effects is None:
+        text = f"Gap {numbers.gap(g.calibrated.value)} of the calibrated simulator {on}"
+        return f"{text}. No cause is named; there is nothing to close."
+    start, end = numbers.gap(g.calibrated.value), numbers.gap(g.with_effects.value)
+    if g.closed is None:
+        return f"The gap goes from {start} to {end} {on}; both are within the noise."
+    low, high = (numbers.percent(x) for x in (g.closed.low, g.closed.high))
+    return (
+        f"{numbers.percent(g.closed.value)} % closed: from {start} to {end} {on} "
+        f"(95 % interval {low} … {high} %)."
+    )
+
+
+def gaps(d: Diagnosis) -> list[tuple[str, float, str]]:
+    """Gap of each simulator, for `figures.gaps`."""
+    g = d.gap
+    rows = [("as configured", g.configured, "sim"), ("calibrated", g.calibrated.value, "sim")]
+    if g.with_effects is not None:
+        rows.append(("with the effects", g.with_effects.value, "effects"))
+    if g.black_box is not None:
+        rows.append(("with a black box", g.calibrated.value * (1.0 - g.black_box), "box"))
+    return [*rows, ("noise alone", max(g.floor, 0.0), "real")]
+
+
+def parameter(name: str, value: Mapping[str, Any]) -> str:
+    """A parameter's name and value."""
+    return f"{name.replace('_', ' ')} {numbers.quantity(name, value, signed='std' in value)}"
+
+
+def steps(found: EffortFindings) -> list[str]:
+    """What to do next."""
+    d = found.diagnosis
+    told = [str(n["sentence"]) for n in d.next]
+    if told:
+        return told
+    if d.verdict == "none":
+        return ["Nothing: the stated robot predicts these efforts as well as noise allows."]
+    if d.verdict == "identified":
+        return ["drives.json contains the corrected values; look at the named joint."]
+    return ["Record a longer motion of all joints, at several speeds in both directions."]

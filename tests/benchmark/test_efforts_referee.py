@@ -1,0 +1,262 @@
+"""The efforts' referee: its physics by published and general laws, its truth apart, its score."""
+
+import ast
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.integrate import cumulative_simpson, solve_ivp
+
+from wrenchbed import registry
+from wrenchbed.benchmark.efforts import alike, case, claims, run, score, world
+from wrenchbed.benchmark.efforts.arm import TrueArm
+from wrenchbed.benchmark.efforts.bristles import bouc_wen, lugre
+from wrenchbed.benchmark.efforts.faults import FAMILIES
+from wrenchbed.benchmark.efforts.outside import OUTSIDE
+from wrenchbed.benchmark.efforts.path import Path as Motion
+from wrenchbed.benchmark.efforts.path import draw, of_values
+from wrenchbed.benchmark.efforts.robots import arms
+from wrenchbed.data.recording import Recording
+from wrenchbed.errors import ParameterError
+from wrenchbed.physics.wrench import CHANNELS
+
+UR5 = registry.load("robots", "ur5")
+SOURCE = Path(case.__file__).parent
+FILES = Path(__file__).parents[1] / "data" / "robots"
+FORBIDDEN = ("wrenchbed.drives", "wrenchbed.effects", "wrenchbed.diagnosis",
+             "wrenchbed.simulation", "wrenchbed.physics.newton_euler")  # fmt: skip
+
+
+def setting_of(number: int) -> world.EffortSetting:
+    return world.draw_setting(UR5, np.random.default_rng([77, number]))
+
+
+# ---- physics -------------------------------------------------------------------------------------
+
+
+def test_lugre_settles_on_the_published_curve():
+    """Canudas de Wit 1995, Table I and Eq. 6: Fc 1 N, Fs 1.5 N, vs 0.001 m/s, σ₀ 1e5, σ₁ √1e5."""
+    speeds = np.array([1e-4, 5e-4, 1e-3, 2e-3, 5e-3, -1e-3])
+    step, rows = 1e-4, 40000
+    v = np.tile(speeds, (rows, 1))
+    level = 1.0 + 0.5 * np.exp(-((v / 0.001) ** 2))
+    found = lugre(v, step, level, np.full(6, 1e5), np.full(6, np.sqrt(1e5)))[-1]
+    hand = [1.4950249, 1.3894004, 1.1839397, 1.0091578, 1.0, -1.1839397]
+    assert found == pytest.approx(hand, abs=1e-6)
+
+
+def test_lugre_agrees_with_a_general_integrator_through_a_reversal():
+    step = 1e-4
+    t = np.arange(4000) * step
+    v = 0.05 * np.cos(2.0 * np.pi * 3.0 * t)
+    stiffness, coulomb = 5e3, 4.0
+    told = solve_ivp(
+        lambda s, z: [0.05 * np.cos(6.0 * np.pi * s)
+                      - stiffness * abs(0.05 * np.cos(6.0 * np.pi * s)) * z[0] / coulomb],
+        (0.0, t[-1]), [0.0], t_eval=t, rtol=1e-9, atol=1e-14, max_step=1e-3,
+    ).y[0]  # fmt: skip
+    level = np.full((len(t), 1), coulomb)
+    ours = lugre(v[:, None], step, level, np.array([stiffness]), np.zeros(1))[:, 0]
+    assert np.abs(ours - stiffness * told).max() < 0.01 * coulomb
+
+
+def test_bouc_wen_yields_at_one_and_encloses_an_area():
+    step = 1e-3
+    t = np.arange(8000) * step
+    q = 0.5 * np.sin(2.0 * np.pi * 0.5 * t)
+    z = bouc_wen(np.gradient(q, step), step, 0.05)
+    assert np.abs(z).max() == pytest.approx(1.0, abs=0.01)
+    turn = slice(4000, 6000)
+    # a rigid-plastic loop of ±1 over ±0.5 rad is 2 rad; the elastic ends take a part of it
+    assert 1.6 < float(np.trapezoid(z[turn], q[turn])) < 2.0
+
+
+@pytest.mark.parametrize("number", [1, 2])
+def test_links_keep_the_balance_of_energy(number):
+    setting = setting_of(number)
+    path = setting.path
+    short = slice(0, 6000)
+    part = Motion(path.kind, path.rate, *(x[short] for x in (path.t, path.q, path.qd, path.qdd)))
+    arm = TrueArm(UR5, setting.theta, setting.edits)
+    power = (arm.torque(part) * part.qd).sum(axis=1)
+    work = cumulative_simpson(power, x=part.t, initial=0.0)
+    energy = arm.energy(part)
+    assert np.ptp(energy) > 5.0
+    assert np.abs(work - (energy - energy[0])).max() < 1e-3 * np.ptp(energy)
+
+
+def test_a_tool_at_rest_weighs_on_the_sensor():
+    q = np.tile([0.0, -1.2, -1.9, -1.6, np.pi / 2, 0.0], (50, 1))
+    still = Motion("rest", 100.0, np.arange(50) / 400.0, q, 0.0 * q, 0.0 * q)
+    load = TrueArm(UR5, UR5.parameters.nominal).wrench(still)[25]
+    tool = UR5.tool(UR5.parameters.nominal)
+    assert np.linalg.norm(load[:3]) == pytest.approx(float(tool.mass) * 9.80665, rel=1e-9)
+    assert load[3:] == pytest.approx(np.cross(np.asarray(tool.cog), load[:3]), abs=1e-9)
+
+
+@pytest.mark.parametrize("number", range(4))
+def test_motions_stay_within_limits(number):
+    path = draw(UR5, np.random.default_rng(number))
+    lower, upper = (np.array([getattr(j, k) for j in UR5.joints]) for k in ("lower", "upper"))
+    assert ((path.q >= lower) & (path.q <= upper)).all()
+    assert (np.abs(path.qd) <= 1.01 * np.array([j.speed for j in UR5.joints])).all()
+    assert 30.0 <= path.t[-1] + path.step <= 60.1
+
+
+# ---- faults --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", [*FAMILIES, *OUTSIDE])
+def test_every_family_changes_the_effort_of_its_joint(name):
+    setting = setting_of(3)
+    if name == "drive.temperature":
+        setting = world.warmed(setting, 12.0, np.random.default_rng(0))
+    fault = (FAMILIES | OUTSIDE)[name](setting, 2, np.random.default_rng(4))
+    added = world.simulate(setting, fault) - setting.healthy
+    sizes = np.sqrt((added**2).mean(axis=0))
+    assert np.isfinite(added).all() and sizes.max() > 0.0
+    if name.startswith("drive."):
+        assert fault.joint == 3 and np.flatnonzero(sizes).tolist() == [2]
+
+
+def test_an_asymmetry_without_reversal_is_like_an_offset_and_a_coulomb_fault_is_not():
+    """Decided from signatures: with reversals Coulomb friction is told from an offset."""
+    setting = setting_of(5)
+    fault = FAMILIES["drive.coulomb"](setting, 1, np.random.default_rng(6))
+    added = world.simulate(setting, fault) - setting.healthy
+    rest = alike.left(setting, fault, added)
+    assert rest["drive.coulomb", 2] < 0.1 * rest["drive.offset", 2]
+    path = setting.path
+    one = np.abs(path.qd[:, 1]) + 0.05
+    q = path.q.copy()
+    q[:, 1] = q[0, 1] + np.cumsum(one) * path.step * 0.05
+    oneway = replace(setting, path=of_values("oneway", path.rate, path.t, q))
+    added = world.simulate(oneway, fault) - oneway.healthy
+    size, rest = alike.gap(oneway, added), alike.left(oneway, fault, added)
+    assert ("drive.offset", 2) in alike.classed(fault, size, rest)
+
+
+# ---- cases ---------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def robots(tmp_path_factory):
+    return arms(FILES, tmp_path_factory.mktemp("arms"))
+
+
+def test_a_seed_makes_the_same_case_again(robots):
+    first, second, other = (case.make(robots, 5, n) for n in (2, 2, 3))
+    assert first.truth == second.truth != other.truth
+    for name, column in first.recording.columns.items():
+        assert np.array_equal(column, second.recording.columns[name]), name
+
+
+@pytest.mark.parametrize("number", [0, 1, 4])
+def test_the_recording_holds_no_truth(robots, number, tmp_path):
+    made = case.make(robots, 6, number)
+    made.write(tmp_path / "rec.parquet", tmp_path / "truth.json")
+    again = Recording.read(tmp_path / "rec.parquet")
+    told = json.dumps(again.metadata.to_json())
+    truth = json.loads((tmp_path / "truth.json").read_text())
+    assert truth["family"] == made.truth.family
+    assert not [n for n in (*OUTSIDE, "family", "alike", "oracle", "gap") if f'"{n}"' in told]
+    for value in made.truth.parameters.values():
+        assert repr(float(value)) not in told
+    allowed = {"t", *CHANNELS} | {f"{p}{j}" for p in ("q", "tau", "i", "joint_temperature")
+                                  for j in range(1, 8)}  # fmt: skip
+    assert set(again.columns) <= allowed
+
+
+def test_names_and_stated_values_do_not_depend_on_the_fault():
+    """The same robot with and without a fault states the same."""
+    setting = setting_of(8)
+    before = dict(setting.configured)
+    FAMILIES["drive.coulomb"](setting, 0, np.random.default_rng(0))
+    assert dict(setting.configured) == before
+
+
+def test_an_oracle_closes_what_it_knows(robots):
+    rows = [case.make(robots, 7, n).truth for n in range(8)]
+    closed = [r.closed for r in rows if r.kind == "library" and r.gap > 10.0]
+    assert closed and min(c for c in closed if c is not None) > 0.8
+
+
+def test_the_referee_imports_nothing_of_what_it_judges():
+    for file in SOURCE.glob("*.py"):
+        if file.stem == "run":  # asks the diagnosis
+            continue
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            names = [node.module or ""] if isinstance(node, ast.ImportFrom) else []
+            names += [a.name for a in node.names] if isinstance(node, ast.Import) else []
+            assert not [n for n in names if n.startswith(FORBIDDEN)], file
+
+
+# ---- score ---------------------------------------------------------------------------------------
+
+
+def truth(kind="library", family="drive.coulomb", joint=2, alike_=()):
+    own = ((family, joint), *alike_)
+    return case.EffortTruth(0, 0, kind, "ur5", "points", "tau", family, joint, {}, 5.0, own, False,
+                            4.0, 3.0, 0.2)  # fmt: skip
+
+
+def answered(kind, claim, **more):
+    return score.Answered(truth(kind, **more), claim)
+
+
+def claim(*causes, verdict="identified", p=0.95, closed=0.95):
+    return claims.EffortClaim(verdict, tuple(causes), (p,) * len(causes), closed=closed)
+
+
+def test_a_cause_must_be_named_with_its_joint():
+    good = answered("library", claim((("drive.coulomb", 2),)))
+    other = answered("library", claim((("drive.coulomb", 3),)))
+    rival = answered("library", claim((("drive.load", 2), ("drive.coulomb", 2))))
+    same = answered("library", claim((("drive.offset", 2),)), alike_=(("drive.offset", 2),))
+    assert [score.isolated(r) for r in (good, other, rival, same)] == [True, False, True, True]
+
+
+def test_figures_of_answers_counted_by_hand():
+    rows = [
+        answered("library", claim((("drive.coulomb", 2),))),
+        answered("library", claim((("drive.coulomb", 1),), (("drive.coulomb", 2),), p=0.5)),
+        answered("none", claim(verdict="none"), family="none", joint=None),
+        answered("none", claim((("drive.viscous", 1),)), family="none", joint=None),
+        answered("outside", claim(verdict="unknown"), family="loose tooth", joint=1),
+    ]
+    found = {f.name: f for f in score.figures(rows)}
+    assert found["cause named, with its joint"].value == 1.0
+    assert found["claims that are false, of single faults"].value == pytest.approx(1 / 3)
+    assert found["healthy, any claim"].value == 0.5
+    assert found["`unknown` of families outside"].value == 1.0
+    assert found["right where p > 0.9"].value == 0.5
+    assert found["gap closed over the oracle's, median"].value == 1.0
+
+
+def test_a_claim_is_read_from_the_contract():
+    raw = {"verdict": "ambiguous", "gap": {"closed": 0.9}, "probabilities": {"unknown": 0.1},
+           "which": [{"effect": "drive.load", "probability": 0.8, "rivals": ["drive.coulomb"],
+                      "parameters": {"joint": {"value": 4, "rivals": [5]}}},
+                     {"effect": "tool.mass", "probability": 0.6, "parameters": {}}]}  # fmt: skip
+    found = claims.of_json(raw, 1.5)
+    assert found.causes == (
+        (("drive.load", 4), ("drive.load", 5), ("drive.coulomb", 4), ("drive.coulomb", 5)),
+        (("tool.mass", None),),
+    )
+    assert found.presence == (0.8, 0.6) and found.closed == 0.9 and found.seconds == 1.5
+
+
+def test_seeds_of_development_and_of_the_final_score_are_apart():
+    assert run.check_seed(999) == "development" and run.check_seed(10000) == "final"
+    with pytest.raises(ParameterError, match="development"):
+        run.check_seed(5000)
+
+
+def test_a_row_survives_json(robots, tmp_path):
+    job = run.EffortJob(5, 2, False, tuple(claims.TRIVIAL), FILES, tmp_path)
+    row = json.loads(json.dumps(run.answer(job)))
+    for name in claims.TRIVIAL:
+        (back,) = run.answered([row], name)
+        assert back.truth == case.make(robots, 5, 2).truth

@@ -1,0 +1,162 @@
+"""Recordings of a UR5's joint torques with one cause each, by other code than the diagnosis's.
+
+MuJoCo's inverse dynamics, bristles for friction (LuGre), laws of the causes written here.
+"""
+
+from dataclasses import dataclass, replace
+
+import mujoco
+import numpy as np
+from arm_torques import NOISE, UR5, coloured, fourier, recording
+
+COULOMB = np.array([8.0, 9.0, 7.0, 2.0, 1.5, 1.2])
+VISCOUS = np.array([5.0, 6.0, 4.0, 1.0, 0.8, 0.7])
+MASS, COG, ROTOR = 1.9, (0.01, -0.006, 0.09), 0.1
+CONFIGURED = {f"drive.{kind}.{j + 1}": float(values[j]) for j in range(6)
+              for kind, values in (("coulomb", COULOMB), ("viscous", VISCOUS))} | {
+              f"drive.inertia.{j + 1}": ROTOR for j in range(6)}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Gap:
+    """A cause with its joint (from 1) and its size in noises of a row (or its own unit)."""
+
+    effect: str | None = None
+    joint: int = 2
+    size: float = 5.0
+
+
+def rigid(q, qd, qdd, edit=lambda model: None, mass=MASS):
+    """MuJoCo's inverse dynamics (N, 6) [N·m] of a UR5 whose compiled model was edited."""
+    theta = UR5.theta_of_tool(UR5.parameters.nominal.copy(), mass, COG)
+    model = UR5.spec(theta).compile()
+    model.body_gravcomp[:], model.opt.integrator = 0.0, mujoco.mjtIntegrator.mjINT_EULER
+    model.dof_armature[:] = ROTOR
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
+    edit(model)
+    data, found = mujoco.MjData(model), np.zeros_like(q)
+    for k in range(len(q)):
+        data.qpos[:], data.qvel[:], data.qacc[:] = q[k], qd[k], qdd[k]
+        mujoco.mj_inverse(model, data)
+        found[k] = data.qfrc_inverse
+    return found
+
+
+def bristles(speed, step, coulomb, static, stiffness=3e4, fall=0.05):
+    """Friction (N,) of LuGre bristles, level by row (N,), by an exact step of each row."""
+    z, found = 0.0, np.zeros_like(speed)
+    for k, v in enumerate(speed):
+        level = coulomb[k] + (static[k] - coulomb[k]) * np.exp(-((v / fall) ** 2))
+        if v == 0.0:
+            found[k] = stiffness * z
+            continue
+        goal, rate = level * np.sign(v) / stiffness, stiffness * abs(v) / level
+        z = goal + (z - goal) * np.exp(-rate * step)
+        found[k] = stiffness * z
+    return found
+
+
+@dataclass(frozen=True)
+class Moved:
+    """What a law may depend on: one joint's rows (N,), its effort before the cause, its noise."""
+
+    t: np.ndarray
+    q: np.ndarray
+    qd: np.ndarray
+    qdd: np.ndarray
+    body: np.ndarray
+    effort: np.ndarray
+    std: float
+
+    def scaled(self, shape, size):
+        """A torque's shape (N,) with an rms of so many noises of a row."""
+        return shape * size * self.std / np.sqrt(np.mean(shape**2))
+
+
+def bouc_wen(m, size):
+    """Hysteresis (N,) beyond Coulomb friction."""
+    z, step = np.zeros_like(m.qd), m.t[1] - m.t[0]
+    for k in range(1, len(z)):
+        v = m.qd[k]
+        z[k] = np.clip(z[k - 1] + step * 25.0 * (v - abs(v) * z[k - 1]), -1, 1)
+    return m.scaled(z, size) - m.scaled(np.sign(m.qd), size)
+
+
+def filtered(m, size):
+    """First-order low-pass less the effort (N,)."""
+    out, keep = m.effort.copy(), np.exp(-(m.t[1] - m.t[0]) / size)
+    for k in range(1, len(out)):
+        out[k] = keep * out[k - 1] + (1 - keep) * m.effort[k]
+    return out - m.effort
+
+
+def clipped(m, size):
+    """A limit at a quantile of the effort."""
+    most = np.quantile(np.abs(m.effort), size)
+    return np.clip(m.effort, -most, most) - m.effort
+
+
+def pulled(m, size):
+    """A cable that is stiffer the further it is pulled."""
+    off = m.q - m.q.mean()
+    return m.scaled(off + 0.2 * off**2, size)
+
+
+ADDED = {
+    "drive.viscous": lambda m, s: m.scaled(np.abs(m.qd) ** 0.9 * np.sign(m.qd), s),
+    "drive.inertia": lambda m, s: m.scaled(m.qdd, s),
+    "drive.constant": lambda m, s: m.scaled(m.effort, s),
+    "drive.cogging": lambda m, s: m.scaled(np.sin(63.0 * m.q + 0.4), s),
+    "drive.ripple": lambda m, s: m.scaled(np.sin(4.0 * m.q + 0.4), s),
+    "link.cable": pulled,
+    "drive.asymmetry": lambda m, s: m.scaled(np.maximum(m.qd, 0.0), s),
+    "drive.hysteresis": bouc_wen,
+    "drive.delay": lambda m, s: np.interp(m.t - s, m.t, m.effort) - m.effort,
+    "drive.bandwidth": filtered,
+    "clipped": clipped,
+}
+"""Torque that a cause adds (N,), of its size."""
+LEVELS = {
+    "drive.coulomb": lambda m, s: np.full_like(m.q, s * m.std),
+    "drive.load": lambda m, s: m.scaled(np.abs(m.body), s),
+    "brake": lambda m, s: m.scaled((1.0 + np.sin(3.0 * m.q)) * m.t / m.t[-1], s),
+}
+"""What a cause adds to the level of friction (N,)."""
+
+
+def edited(gap):
+    """How a cause changes MuJoCo's compiled model."""
+
+    def edit(model):
+        body = [b for b in range(1, model.nbody) if model.body_jntnum[b]][gap.joint - 1]
+        if gap.effect == "link.mass":
+            model.body_mass[body] += gap.size
+        if gap.effect == "link.cog":
+            model.body_ipos[body] += [gap.size, -0.6 * gap.size, 0.4 * gap.size]
+        if gap.effect == "base.tilt":
+            model.opt.gravity[:] = np.array([np.sin(gap.size), 0.0, -np.cos(gap.size)]) * 9.80665
+
+    return edit
+
+
+def case(gap=Gap(), seed=1, seconds=60.0, spread=0.02, configured=True, **more):
+    """A recording of a robot with one cause, everything else ordinary."""
+    rng = np.random.default_rng(seed)
+    t, q, qd, qdd = fourier(rng, seconds)
+    j = gap.joint - 1
+    true_c, true_v = (v * (1.0 + spread * rng.normal(size=6)) for v in (COULOMB, VISCOUS))
+    heavier = gap.size if gap.effect == "tool.mass" else 0.0
+    body = rigid(q, qd, qdd, edited(gap), MASS + heavier)
+    level = np.tile(true_c, (len(t), 1))
+    m = Moved(t, q[:, j], qd[:, j], qdd[:, j], body[:, j], body[:, j], NOISE[j])
+    if gap.effect in LEVELS:
+        level[:, j] += LEVELS[gap.effect](m, gap.size)
+    static = level.copy()
+    static[:, j] += 4.0 * gap.size * NOISE[j] * (gap.effect == "drive.stribeck")
+    friction = [bristles(qd[:, k], t[1] - t[0], level[:, k], static[:, k]) for k in range(6)]
+    effort = body + np.stack(friction, axis=-1) + true_v * qd
+    if gap.effect in ADDED:
+        effort[:, j] += ADDED[gap.effect](replace(m, effort=effort[:, j].copy()), gap.size)
+    seen = effort + NOISE * coloured(rng, q.shape)
+    stated = {"configured": CONFIGURED} if configured else {}
+    return recording(t, q, seen, tool={"mass": MASS, "cog": list(COG)}, **stated, **more)
