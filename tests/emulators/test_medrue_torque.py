@@ -55,7 +55,7 @@ def test_the_drivers_effort_is_what_the_motors_give():
 
         def recorded(target):
             step(target)
-            given.append(np.rint(1000.0 * body.torque / rated))
+            given.append(np.rint(1000.0 * body.efforts.torque / rated))
 
         body.step = recorded
         driver = CanDriver(
