@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from wrenchbed.diagnosis.diagnose import Findings, diagnose
     from wrenchbed.diagnosis.next.dry_run import dry_run
     from wrenchbed.diagnosis.several import diagnose_several
+    from wrenchbed.drives.excitation import excite
     from wrenchbed.drives.fit import DriveFit
     from wrenchbed.drives.identify import calibrate_efforts
     from wrenchbed.emulators.base.emulator import EmulatorOptions, serve
@@ -84,6 +85,7 @@ _PUBLIC = {
     "diagnosis.diagnose": ("Findings", "diagnose"),
     "diagnosis.next.dry_run": ("dry_run",),
     "diagnosis.several": ("diagnose_several",),
+    "drives.excitation": ("excite",),
     "drives.fit": ("DriveFit",),
     "drives.identify": ("calibrate_efforts",),
     "emulators.base.emulator": ("EmulatorOptions", "serve"),
@@ -162,6 +164,7 @@ __all__ = [
     "diagnose",
     "diagnose_several",
     "dry_run",
+    "excite",
     "export",
     "export_to",
     "guess_map",
