@@ -32,8 +32,8 @@ if TYPE_CHECKING:
     from wrenchbed.data.recording import Recording
     from wrenchbed.diagnosis.diagnose import Findings, diagnose
     from wrenchbed.diagnosis.next.dry_run import dry_run
+    from wrenchbed.diagnosis.next.excitation import excite
     from wrenchbed.diagnosis.several import diagnose_several
-    from wrenchbed.drives.excitation import excite
     from wrenchbed.drives.fit import DriveFit
     from wrenchbed.drives.identify import calibrate_efforts
     from wrenchbed.emulators.base.emulator import EmulatorOptions, serve
@@ -84,8 +84,8 @@ _PUBLIC = {
     "data.recording": ("Recording",),
     "diagnosis.diagnose": ("Findings", "diagnose"),
     "diagnosis.next.dry_run": ("dry_run",),
+    "diagnosis.next.excitation": ("excite",),
     "diagnosis.several": ("diagnose_several",),
-    "drives.excitation": ("excite",),
     "drives.fit": ("DriveFit",),
     "drives.identify": ("calibrate_efforts",),
     "emulators.base.emulator": ("EmulatorOptions", "serve"),

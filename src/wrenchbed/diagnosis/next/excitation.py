@@ -14,7 +14,7 @@ from wrenchbed.drives.inverse_dynamics import torque_regressor
 from wrenchbed.errors import PlanError
 from wrenchbed.physics.time_derivatives import Jet
 from wrenchbed.planning.clearance import Clearance
-from wrenchbed.robots.base import SimulatedRobot
+from wrenchbed.robots.base import Robot
 from wrenchbed.robots.chain import SerialChain
 
 HARMONICS = 5
@@ -40,7 +40,7 @@ _WIDEST = 2.0
 
 
 def excite(
-    robot: SimulatedRobot, seconds: float, rate: float, seed: int,
+    robot: Robot, seconds: float, rate: float, seed: int,
     progress: Callable[[float], None] = lambda _: None,
 ) -> Plan:  # fmt: skip
     """A motion for `calibrate_efforts`, within the joints' limits and free of collisions.
@@ -85,7 +85,6 @@ class _Search:
     """Motions of one robot as coefficients (1 + 2 H, J): the middle, sines, cosines."""
 
     def __init__(self, robot: SerialChain, seconds: float) -> None:
-        assert isinstance(robot, SimulatedRobot)
         self._robot, self._seconds = robot, seconds
         self._theta = robot.parameters.nominal
         self._base = base_parameters(robot, self._theta).columns
