@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from wrenchbed.data.recording import Recording
     from wrenchbed.diagnosis.diagnose import Findings, diagnose
     from wrenchbed.diagnosis.next.dry_run import dry_run
+    from wrenchbed.diagnosis.next.excitation import excite
     from wrenchbed.diagnosis.several import diagnose_several
     from wrenchbed.drives.fit import DriveFit
     from wrenchbed.drives.identify import calibrate_efforts
@@ -83,6 +84,7 @@ _PUBLIC = {
     "data.recording": ("Recording",),
     "diagnosis.diagnose": ("Findings", "diagnose"),
     "diagnosis.next.dry_run": ("dry_run",),
+    "diagnosis.next.excitation": ("excite",),
     "diagnosis.several": ("diagnose_several",),
     "drives.fit": ("DriveFit",),
     "drives.identify": ("calibrate_efforts",),
@@ -162,6 +164,7 @@ __all__ = [
     "diagnose",
     "diagnose_several",
     "dry_run",
+    "excite",
     "export",
     "export_to",
     "guess_map",

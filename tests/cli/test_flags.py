@@ -12,7 +12,7 @@ from wrenchbed.cli import main
 FLAGS = {
     "list": "json=False",
     "plan": (
-        "accuracy=None, goal=None, index=None, json=False, least-poses=None, "
+        "accuracy=None, for=None, goal=None, index=None, json=False, least-poses=None, "
         "motion=poses, n=100, out=required, points=None, pool=None, rate=125.0, rrd=None, "
         "seconds=60.0, seed=0, touch-cost=None, touch-std=None"
     ),

@@ -46,6 +46,22 @@ def test_a_motor_holds_what_pushes_and_gives_nothing_at_rest():
 
 
 @pytest.mark.wire
+def test_the_driver_records_currents_of_the_drives():
+    """At rest: the reported torque over the drive's constant, weight included."""
+    settings = {"port": "0", "bus": "virtual:medrue current"}
+    with MedrueEmulator(EmulatorOptions(HOST, noise="off", setting=settings)) as emulator:
+        options = CanOptions(
+            interface="virtual", channel="medrue current", effort="current", rate=100.0
+        )
+        with CanDriver(options) as driver:
+            assert until(lambda: driver.health().ok)
+            sample = driver.read()
+            expected = emulator.plant.body.efforts.torque / [50.0, 0.5, 0.5, 0.5, 0.5, 0.5]
+            assert np.abs(sample.evidence["i"] - expected).max() < 0.01
+            assert np.abs(expected).max() > 1.0
+
+
+@pytest.mark.wire
 def test_the_drivers_effort_is_what_the_motors_give():
     rated = np.array([200.0] + 5 * [2.0])
     settings = {"port": "0", "bus": "virtual:medrue torque"}
@@ -55,7 +71,7 @@ def test_the_drivers_effort_is_what_the_motors_give():
 
         def recorded(target):
             step(target)
-            given.append(np.rint(1000.0 * body.torque / rated))
+            given.append(np.rint(1000.0 * body.efforts.torque / rated))
 
         body.step = recorded
         driver = CanDriver(

@@ -18,7 +18,7 @@ class Bench:
     """A controller whose time is its own."""
 
     def __init__(self, table: float | None = None, series: str = "cb3") -> None:
-        self.body = Body(BodyOptions("ur5", noise="off", table=table), CYCLE)
+        self.body = Body(BodyOptions("ur5", noise="off", table=table), CYCLE, drives=True)
         tool = ROBOT.tool(NOMINAL)
         payload = Payload(float(tool.mass), np.array(tool.cog, dtype=float), np.zeros(6))
         self.controller = Controller(ControllerSettings(series), self.body, payload)

@@ -112,6 +112,7 @@ class _Body:
         import numpy as np
 
         self.cycle, self.time = 0.008, 0.0
+        self.drives = None
         self.q = self.target = np.array(home)
         self.qd, self.load = np.zeros(6), np.array([1.0, 2.0, 13.0, 0.0, 0.1, 0.0])
 

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import tyro
 
@@ -55,12 +55,15 @@ class MotionArguments:
     """A motion to follow.
 
     Attributes:
-        motion: Poses to rest at, or a multi-sine to follow.
+        motion: Poses to rest at, a multi-sine to follow, or with --for dynamics the motion of
+            a serial arm that is best for friction and inertial parameters.
+        for_: With excite: what the motion is for.
         seconds: Length of a motion.
         rate: Sampling rate of a motion [Hz].
     """
 
-    motion: Literal["poses", "multisine"] = "poses"
+    motion: Literal["poses", "multisine", "excite"] = "poses"
+    for_: Annotated[Literal["dynamics"] | None, tyro.conf.arg(name="for")] = None
     seconds: float = 60.0
     rate: float = 125.0
 
@@ -115,6 +118,8 @@ def plan(
 
 def _check(poses: PoseArguments, goal: GoalArguments, motion: MotionArguments) -> None:
     """Refuse arguments that do not go together."""
+    if (motion.motion == "excite") != (motion.for_ is not None):
+        raise PlanError("--motion excite goes with --for dynamics")
     if motion.motion != "poses" and (poses.index is not None or goal.goal is not None):
         raise PlanError("choose either poses or a motion: --index and --goal are for poses")
     if goal.goal is not None:
@@ -142,6 +147,11 @@ def _mix(arm: wb.Robot, pool: int | None, goal: GoalArguments, seed: int) -> wb.
 def _chosen(arm: wb.Robot, poses: PoseArguments, motion: MotionArguments, seed: int) -> wb.Plan:
     if motion.motion == "multisine":
         return wb.multisine(arm, motion.seconds, motion.rate, seed)
+    if motion.motion == "excite":
+        with console.progress("better motions", None) as report:
+            return wb.excite(
+                arm, motion.seconds, motion.rate, seed, lambda x: report(1, f"log det {x:.4g}")
+            )
     if poses.index is None:
         return wb.poses(arm, poses.n, seed)
     pool = 40_000 if poses.pool is None else poses.pool

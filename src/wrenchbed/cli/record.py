@@ -106,8 +106,8 @@ class DeviceArguments:
         effect: ID[:name=value,…] of an effect on the simulated robot, see `wrenchbed list effects`;
             without values of typical size. May be repeated.
         seed: Of the noise.
-        effort: What recordings keep of the joints: current as i1… [A] (rtde, its default; sim),
-            torque as tau1… [N·m] (sim, can), or off.
+        effort: What recordings keep of the joints: current as i1… [A] (rtde, its default; sim,
+            can), torque as tau1… [N·m] (sim, can), or off.
         raw: With rtde: new folder in which all packets of states and box are kept, 1 GiB at most;
             `wrenchbed replay` plays them to a driver again.
         set: NAME=VALUE of a setting that this driver alone has, for instance base=0x68 with can or

@@ -16,11 +16,13 @@ import numpy as np
 from wrenchbed import registry
 from wrenchbed.effects.chain import active_effect
 from wrenchbed.emulators.base.contact_surface import Plate, Surface, tip_in
+from wrenchbed.emulators.base.drives import RealTimeDrives
 from wrenchbed.emulators.base.sensor import BufferedNoise, SensorRow, SensorWithEffects
 from wrenchbed.errors import NotFoundError, ParameterError
 from wrenchbed.physics.noise import noise_model
 from wrenchbed.robots.base import SimulatedRobot
 from wrenchbed.simulation.closed_form import Model
+from wrenchbed.simulation.drives.parameters import apart, faults_apart
 from wrenchbed.simulation.servo_motion import ServoDrivenRobot, steps_in
 from wrenchbed.simulation.simulation import Simulation
 from wrenchbed.twin.replay import Playback
@@ -65,29 +67,28 @@ class Body:
         options: of the robot.
         cycle: period of its control [s].
         surface: for the tool's tip to press on, instead of the options' plate.
+        drives: whether its drives report torques and currents.
 
     Raises:
         NotFoundError: the robot has no MuJoCo model, or no such effect.
         ParameterError: an unknown parameter, an impossible value or kind of noise.
     """
 
-    def __init__(self, options: BodyOptions, cycle: float, surface: Surface | None = None) -> None:
-        robot: object = options.robot
-        if isinstance(options.robot, str):
-            robot = registry.load("robots", options.robot)
+    def __init__(self, options: BodyOptions, cycle: float, surface: Surface | None = None, *,
+                 drives: bool = False) -> None:  # fmt: skip
         if options.table is not None and not np.isfinite(options.table):
             raise ParameterError(f"table = {options.table} must be a height [m]")
-        if not isinstance(robot, SimulatedRobot):
-            raise NotFoundError(f"robot {options.robot!r} has no MuJoCo model to simulate")
-        self.robot: SimulatedRobot = robot
+        robot = self.robot = _robot(options)
         self.cycle = cycle
         self.model = Model(robot, tuple(robot.gravity))
-        self.theta = self.model.parameters.vector(options.parameters)
+        of_drives, others = apart(options.parameters) if drives else ({}, options.parameters)
+        faults, effects = faults_apart(options.effects) if drives else ((), options.effects)
+        self.theta = self.model.parameters.vector(others)
         robot_theta = robot.robot_theta(self.theta)
         self.simulation = Simulation(robot, robot_theta, self.model.gravity)
         self.sensor = registry.load("sensors", options.sensor or robot.sensor)
         self._noise = BufferedNoise(noise_model(options.noise, self.sensor.noise), options.seed)
-        active = tuple(active_effect(robot, text) for text in options.effects)
+        active = tuple(active_effect(robot, text) for text in effects)
         twin = Twin(self.model, self.theta, active)
         self._playback = Playback(twin, options.seed) if active else None
         if options.table is not None:
@@ -106,6 +107,11 @@ class Body:
         self._target = self._before = np.array(robot.home)
         self._behind = max(1, round(DELAY_S / cycle))
         self._rows: deque[SensorRow] = deque(maxlen=max(8, round(HISTORY_S / cycle)))
+        self.drives = (
+            RealTimeDrives(robot, robot_theta, of_drives, (faults, effects), options.noise,
+                           options.seed, cycle, self._behind) if drives else None
+        )  # fmt: skip
+        """What its drives report, if that was asked for."""
         self._cycles = 0
         self._last_read = -np.inf
         self.due = 0.0
@@ -164,6 +170,8 @@ class Body:
         if self._surface is not None:
             self._press(self._surface)
         sampled = self._plant.follow(way, self.cycle)
+        if self.drives is not None:
+            self.drives.step(self._plant, sampled.q, sampled.qd)
         self._before, self._target = last, np.array(new)
         with self._lock:
             self._rows.append(SensorRow(self._cycles * self.cycle, *sampled))
@@ -207,3 +215,12 @@ class Body:
         loads = np.array([row.load for row in recent])
         load = np.stack([np.interp(t, times, loads[:, k]) for k in range(6)], axis=-1)
         return self.model.read(load, self.theta)
+
+
+def _robot(options: BodyOptions) -> SimulatedRobot:
+    robot: object = options.robot
+    if isinstance(options.robot, str):
+        robot = registry.load("robots", options.robot)
+    if not isinstance(robot, SimulatedRobot):
+        raise NotFoundError(f"robot {options.robot!r} has no MuJoCo model to simulate")
+    return robot

@@ -70,7 +70,7 @@ class DriveEmulator(Node):
         self.frozen_until = 0.0
         self._position = round(position)
         self._watchdog = watchdog
-        self._synced = self._speed = self._seen = self._torque = 0.0
+        self._synced = self._speed = self._seen = self._torque = self._current = 0.0
         self._last_word = 0
         self._codes: set[int] = set()
         self._periods: deque[float] = deque(maxlen=_PERIODS)
@@ -129,7 +129,7 @@ class DriveEmulator(Node):
         self._report()
 
     def track(
-        self, t: float, seconds: float, actual: float, speed: float, torque: float
+        self, t: float, seconds: float, actual: float, speed: float, effort: tuple[float, float]
     ) -> float:  # fmt: skip
         """Where the servo shall be after some time [s]; called by the plant, with the lock.
 
@@ -138,10 +138,10 @@ class DriveEmulator(Node):
             seconds: until the next call [s].
             actual: where the axis is [count].
             speed: of it [count/s].
-            torque: that its motor gives [N·m, or N].
+            effort: torque that its motor gives [N·m, or N], and its current [A].
         """
         self.now = t
-        self._speed, self._seen, self._torque = speed, t, torque
+        self._speed, self._seen, (self._torque, self._current) = speed, t, effort
         self._watch(t)
         command = self.axis.advance(t, seconds, actual)
         self._report()
@@ -188,9 +188,8 @@ class DriveEmulator(Node):
         objects[0x60F4, 0] = way * round(axis.command - axis.actual)
         objects[0x606B, 0] = pace * round(axis.speed)
         objects[0x606C, 0] = pace * round(self._speed)
-        thousandths = round(1000.0 * self._torque / axis.ratings.torque)
-        thousandths = min(max(thousandths, -_MOST_TORQUE), _MOST_TORQUE)
-        objects[0x6077, 0] = objects[0x6078, 0] = thousandths
+        objects[0x6077, 0] = _thousandths(self._torque / axis.ratings.torque)
+        objects[0x6078, 0] = _thousandths(self._current / profile.RATED_A)
         negative, positive = axis.switches
         objects[0x60FD, 0] = negative | positive << 1
         objects[STATUS] = axis.statusword
@@ -215,3 +214,8 @@ class DriveEmulator(Node):
         self._periods.clear()
         if longest < _GAP * self.period and abs(mean / self.period - 1.0) > _PERIOD_TOLERANCE:
             axis.fault(SYNC_ERROR)
+
+
+def _thousandths(share: float) -> int:
+    """A share of a rating as an INTEGER16."""
+    return min(max(round(1000.0 * share), -_MOST_TORQUE), _MOST_TORQUE)

@@ -2,12 +2,12 @@
 
 import threading
 import time
-from collections import deque
 from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from wrenchbed.emulators.base.body import Body, BodyOptions
+from wrenchbed.emulators.base.drives import Efforts
 from wrenchbed.emulators.base.real_time import CycleThread
 from wrenchbed.emulators.medrue.drive import DriveEmulator
 
@@ -15,30 +15,25 @@ from wrenchbed.emulators.medrue.drive import DriveEmulator
 class DrivenArm(Body):
     """A body that also reports the forces and torques of its actuators.
 
-    MedRUE's simulated links are weightless to their motors (MuJoCo's gravity compensation): what
+    MedRUE's simulated links are weightless to their servos (MuJoCo's gravity compensation): what
     these give accelerates the robot and holds what pushes on it. It is computed from the state at
     a step's end, as MuJoCo's implicit integration applies it; ``actuator_force`` is computed at its
-    begin, and is off by some newtons while an axis moves.
+    begin, and is off by some newtons while an axis moves. Motors carry weight and friction as well.
     """
 
     def __init__(self, options: BodyOptions, cycle: float) -> None:
-        self._torques: deque[np.ndarray] = deque()
-        super().__init__(options, cycle)
+        super().__init__(options, cycle, drives=True)
+
+    @property
+    def efforts(self) -> Efforts:
+        """Of each joint's drive, in the cycle of the reported state."""
+        assert self.drives is not None
+        return self.drives.now
 
     @property
     def torque(self) -> np.ndarray:
-        """Of each joint's actuator (J,) [N·m or N], in the cycle of the reported state."""
-        return self._torques[0]
-
-    def step(self, target: np.ndarray) -> None:
-        super().step(target)
-        model, plant = self.simulation.model, self._plant
-        gain = model.actuator_gainprm[:, 0]
-        constant, spring, damper = model.actuator_biasprm[:, :3].T
-        drive = gain * plant.data.ctrl + constant
-        self._torques.append(drive + spring * plant.q + damper * plant.qd)
-        while len(self._torques) > self._behind + 1:
-            self._torques.popleft()
+        """What moves each joint without weight and friction (J,) [N·m or N]."""
+        return self.efforts.servo
 
 
 CYCLE_S = 0.004
@@ -87,9 +82,11 @@ class RealTimePlant:
     def _step(self, t: float) -> None:
         with self._lock:
             q, qd = self.body.q * self.counts, self.body.qd * self.counts
-            torque = self.body.torque
+            _, torque, current = self.body.efforts
             commands = [
-                drive.track(t, CYCLE_S, float(q[j]), float(qd[j]), float(torque[j]))
+                drive.track(
+                    t, CYCLE_S, float(q[j]), float(qd[j]), (float(torque[j]), float(current[j]))
+                )
                 for j, drive in enumerate(self.drives)
             ]
             self.body.step(np.array(commands) / self.counts)

@@ -19,6 +19,8 @@ from wrenchbed.emulators.serial_sensors.line import SerialLine
 FAULTS: dict[str, dict[str, Argument]] = {
     "freeze": {}, "mute": {}, "restart": {}, "saturate": {"channel": arguments.integer(0, 5, 0)},
 }  # fmt: skip
+_BURST_S = 2.5e-3
+"""Shortest time between two looks at what is due [s]."""
 _LATE_S = 0.1
 """Lag beyond which readings are left out instead of sent at once [s]."""
 
@@ -125,21 +127,25 @@ class SerialSensor(ABC):
             if n * self.period > _LATE_S:
                 self._sent += n - 1
                 n = 1
-            for _ in range(n):
-                self._send()
-        due = max(due + self.period, now)
+            if n > 0:
+                self._send(n)
+        due = max(due + max(self.period, _BURST_S), now)
         self._timer = self._thread.loop.call_at(due, self._turn, due)
 
-    def _send(self) -> None:
-        at = self._since + self._sent * self.period
-        values, flagged = self._body.readings(np.array([self._timeline.simulated(at)]))
-        wrench = np.nan_to_num(values[0])
+    def _send(self, n: int) -> None:
+        """Send the next n readings, which are drawn together."""
+        times = self._since + (self._sent + np.arange(n)) * self.period
+        values, flagged = self._body.readings(times + self._timeline.simulated(0.0))
+        rows = np.nan_to_num(values)
         if one := self._line.faults.now("saturate"):
-            wrench[int(one["channel"])] = self._range[int(one["channel"])]
-        over = bool(flagged[0]) or bool((np.abs(wrench) >= self._range).any())
-        wrench = np.clip(wrench, -self._range, self._range)
-        frame = self._frame(wrench, over, self._sent)
-        self._sent += 1
+            rows[:, int(one["channel"])] = self._range[int(one["channel"])]
+        over = (flagged != 0) | (np.abs(rows) >= self._range).any(axis=1)
+        rows = np.clip(rows, -self._range, self._range)
+        for row, beyond in zip(rows, over, strict=True):
+            self._show(self._frame(row, bool(beyond), self._sent))
+            self._sent += 1
+
+    def _show(self, frame: bytes) -> None:
         if self._line.faults.now("freeze") is None:
             self._frozen = None
         elif self._frozen is None:

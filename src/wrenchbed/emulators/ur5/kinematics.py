@@ -90,8 +90,7 @@ class Kinematics:
 
     def __init__(self, robot: URArm | None = None) -> None:
         self._robot = registry.load("robots", "ur5") if robot is None else robot
-        self._theta = self._robot.parameters.nominal
-        values = self._robot.values(self._theta)
+        values = self._robot.values(self._robot.parameters.nominal)
         self._links = [
             (float(values[f"a{i}"]), float(values[f"d{i}"]),
              cos(values[f"alpha{i}"]), sin(values[f"alpha{i}"]))
@@ -175,10 +174,6 @@ class Kinematics:
     def within(self, q: np.ndarray) -> bool:
         """Whether joint values (6,) keep the joints' limits."""
         return bool(((q >= self.lower) & (q <= self.upper)).all())
-
-    def holding_torque(self, q: np.ndarray, gravity: np.ndarray) -> np.ndarray:
-        """Torque (6,) that each joint needs against gravity (3,) [N·m]."""
-        return -np.asarray(self._robot.gravity_torque(q[None], self._theta, gravity)[0])
 
     def elbow(self, q: np.ndarray) -> np.ndarray:
         """Position (3,) of the elbow [m]."""

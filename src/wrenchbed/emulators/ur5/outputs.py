@@ -10,15 +10,10 @@ from wrenchbed.emulators.ur5.controller import Controller
 from wrenchbed.emulators.ur5.kinematics import vector
 from wrenchbed.emulators.ur5.packets import Values
 
-_TORQUE_PER_AMPERE = np.array([12.6, 12.6, 12.6, 9.3, 9.3, 9.3])
-"""Of each joint's motor and gear; only the size of the currents rests on it [N·m/A]."""
 _DECIMALS = 12
 """Of joint values [rad]: a controlled arm at rest decays towards its target below this, an encoder
 shows no such change."""
-_SELDOM = 25
-"""Cycles between updates of what changes slowly."""
 _STILL: dict[str, Values] = {
-    "joint_temperatures": (29.5, 29.8, 30.1, 31.2, 31.6, 31.9),
     "actual_joint_voltage": (48.0,) * 6,
     "actual_main_voltage": (48.0,),
     "actual_robot_voltage": (48.0,),
@@ -50,7 +45,7 @@ class Outputs:
     def __init__(self, controller: Controller, shared: bool) -> None:
         self._controller, self._shared = controller, shared
         self._count = 0
-        self._torque = np.zeros(6)
+        self._drives = controller.arm.body.drives
         controller.values.update({k: v for k, v in _STILL.items() if k in controller.fields})
 
     def restart(self) -> None:
@@ -65,9 +60,6 @@ class Outputs:
             wanted: fields that someone looks at; what takes long is worked out for these alone.
         """
         controller = self._controller
-        arm = controller.arm
-        if self._count % _SELDOM == 0:
-            self._torque = arm.kinematics.holding_torque(arm.q, controller.estimate.gravity)
         self._count += 1
         found: dict[str, Values] = {"timestamp": (timestamp,), "control_step": (self._count,)}
         found |= self._joints() | self._modes()
@@ -88,19 +80,31 @@ class Outputs:
 
     def _joints(self) -> dict[str, Values]:
         arm = self._controller.arm
-        torque = tuple(self._torque.tolist())
-        current = tuple((self._torque / _TORQUE_PER_AMPERE).tolist())
-        return {
+        return self._efforts() | {
             "target_q": tuple(arm.q.tolist()),
             "target_qd": tuple(arm.qd.tolist()),
             "target_qdd": tuple(arm.qdd.tolist()),
-            "target_current": current,
-            "target_moment": torque,
             "actual_q": tuple(arm.body.q.round(_DECIMALS).tolist()),
             "actual_qd": tuple(arm.body.qd.tolist()),
+        }
+
+    def _efforts(self) -> dict[str, Values]:
+        """What the controller wants, without friction, and what its drives report."""
+        drives, arm = self._drives, self._controller.arm
+        if drives is None:
+            return {}
+        model = drives.train.controller
+        model.model.opt.gravity[:] = self._controller.estimate.gravity
+        wanted = model.at(arm.q, arm.qd, arm.qdd)
+        effort = drives.now
+        current = tuple(effort.current.tolist())
+        return {
+            "target_current": tuple((wanted / drives.train.nominal.constant).tolist()),
+            "target_moment": tuple(wanted.tolist()),
             "actual_current": current,
-            "actual_current_as_torque": torque,
+            "actual_current_as_torque": tuple(effort.torque.tolist()),
             "joint_control_output": current,
+            "joint_temperatures": tuple(drives.temperatures.tolist()),
         }
 
     def _tool(self) -> dict[str, Values]:

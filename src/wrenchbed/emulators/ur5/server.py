@@ -29,6 +29,7 @@ from wrenchbed.emulators.ur5.settings import ControllerSettings
 from wrenchbed.emulators.ur5.tool_wrench import ArmSensor, Payload
 from wrenchbed.errors import DriverError
 from wrenchbed.robots.base import INERTIA_AXES
+from wrenchbed.simulation.drives.parameters import faults_apart
 
 _BROKEN = {
     "short_header": struct.pack(">HB", 1, packets.DATA),
@@ -207,9 +208,15 @@ class UR5Emulator(Emulator):
     ) -> None:
         serial = settings.serial_sensor
         own = None if serial is None else serial.sensor
-        self.body = Body(replace(options.body(settings.arm), sensor=own), settings.cycle)
+        self.body = Body(
+            replace(options.body(settings.arm), sensor=own), settings.cycle, drives=True
+        )
         sensor = ArmSensor(
-            self.body, settings.e_series, options.effects, options.noise, options.seed
+            self.body,
+            settings.e_series,
+            faults_apart(options.effects)[1],
+            options.noise,
+            options.seed,
         )
         self.controller = Controller(settings, self.body, _installed(self.body), sensor.load)
         self._outputs = Outputs(self.controller, shared=not settings.box)

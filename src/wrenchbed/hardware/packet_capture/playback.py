@@ -1,4 +1,5 @@
-"""Kept packets played to drivers again: a small RTDE server, RDT over UDP, and the box's page.
+"""Kept packets played to drivers again: a small RTDE server, RDT over UDP, the box's page, and
+serial lines.
 
 The other side answers as it did, in its own time. A client that asks for other outputs than those
 that were kept is told that there are none.
@@ -15,6 +16,7 @@ from typing import Self
 
 from wrenchbed.errors import RecordingError
 from wrenchbed.hardware.packet_capture.capture import Packet, packets
+from wrenchbed.hardware.packet_capture.serial_playback import SerialPlayback
 from wrenchbed.web_requests import RefusedError, check_origin, parse, read_head
 
 RTDE, RDT, HTTP = "rtde", "rdt", "http"
@@ -31,7 +33,8 @@ class Playback:
     """Serves a folder of packets at an address of this machine. Use as a context manager.
 
     Attributes:
-        addresses: of ``rtde``, ``rdt`` and ``http``, as far as they were kept.
+        addresses: of ``rtde``, ``rdt`` and ``http``, and the port of each serial sensor by its
+            name, as far as they were kept.
         done: whether every stream that was asked for was played to its end.
 
     Raises:
@@ -53,8 +56,14 @@ class Playback:
         for packet in kept:
             if not packet.sent and packet.peer in came:
                 came[packet.peer].append(packet)
-        if not any(came.values()):
-            raise RecordingError(f"{self._folder}: holds nothing that came from a robot or a box")
+        lines: dict[str, list[Packet]] = {}
+        for packet in kept:
+            if packet.peer not in came:
+                lines.setdefault(packet.peer, []).append(packet)
+        if not any(came.values()) and all(p.sent for talk in lines.values() for p in talk):
+            raise RecordingError(
+                f"{self._folder}: holds nothing that came from a robot or a sensor"
+            )
         if came[RTDE]:
             self._listen(RTDE, _PORTS[RTDE], _Rtde(came[RTDE], kept, self._stop, self.done).serve)
         if came[HTTP]:
@@ -66,6 +75,10 @@ class Playback:
             udp.bind((self._host, _PORTS[RDT]))
             self.addresses[RDT] = f"{self._host}:{_PORTS[RDT]}"
             self._start(lambda: self._stream_rdt(udp, came[RDT]))
+        for name, talk in lines.items():
+            line = SerialPlayback(talk, self._stop, self.done)
+            self.addresses[name] = line.path
+            self._start(line.serve)
         return self
 
     def __exit__(self, *_: object) -> None:

@@ -36,6 +36,8 @@ _STEP = 0.001
 """Steps in which currents are reported [A]; estimate."""
 _COLD, _WARMER, _WARM_S = 25.0, 8.0, 1800.0
 """Temperature of a drive [°C] as it starts, its rise [K], and the time constant [s]; estimates."""
+_BLOCK = 512
+"""Rows of white noise drawn at once in real time."""
 _POSES, _SEED = 200, 5
 """Random poses for the torque that holds the robot."""
 
@@ -128,8 +130,9 @@ class EffortNoise:
         self._rng = np.random.default_rng([seed, 17])
         self._phase = self._rng.uniform(0.0, 2.0 * np.pi, train.joints)
         keep = float(np.exp(-2.0 * np.pi * _FILTER_HZ / rate))
-        self._b, self._a = [1.0 - keep], [1.0, -keep]
+        self._keep, self._b, self._a = keep, [1.0 - keep], [1.0, -keep]
         self._state = np.zeros((1, train.joints))
+        self._drawn: list[np.ndarray] = []
 
     def on(self, current: np.ndarray, q: np.ndarray) -> np.ndarray:
         """Currents (N, J) [A] as they are reported at joint values (N, J)."""
@@ -138,9 +141,25 @@ class EffortNoise:
         noise = _WHITE * self._rng.normal(size=current.shape)
         if self._kind == "white":
             return np.asarray(current + self._level * noise)
-        noise = noise + _RIPPLE * np.sin(_GEAR * _POLES * q + self._phase)
+        noise = noise + self._ripple(q)
         seen, self._state = signal.lfilter(self._b, self._a, noise, axis=0, zi=self._state)
         return np.asarray(np.round((current + self._level * seen) / _STEP) * _STEP)
+
+    def row(self, current: np.ndarray, q: np.ndarray) -> np.ndarray:
+        """`on` for one row (J,), in real time: the same formulas without calls per row."""
+        if self._kind == "off":
+            return current
+        if not self._drawn:
+            self._drawn = list(_WHITE * self._rng.normal(size=(_BLOCK, len(q))))
+        noise = self._drawn.pop()
+        if self._kind == "white":
+            return np.asarray(current + self._level * noise)
+        fresh = (1.0 - self._keep) * (noise + self._ripple(q)) + self._state[0]
+        self._state[0] = self._keep * fresh
+        return np.asarray(np.rint((current + self._level * fresh) / _STEP) * _STEP)
+
+    def _ripple(self, q: np.ndarray) -> np.ndarray:
+        return np.asarray(_RIPPLE * np.sin(_GEAR * _POLES * q + self._phase))
 
 
 class ReportedEfforts:

@@ -134,7 +134,7 @@ class DriveState:
         node: its id.
         statusword: 0x6041 of its last answer.
         position: 0x6064 of it [count].
-        torque: 0x6077 of it, thousandths of the rated torque.
+        torque: 0x6077 of it, thousandths of the rated torque; or 0x6078, of the rated current.
         answers: how many it sent.
         answered: whether since the last SYNC.
         missed: complete rounds in a row in which others answered and it did not.

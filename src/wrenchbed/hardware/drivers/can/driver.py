@@ -6,7 +6,7 @@ when no targets arrive for longer than the option ``watchdog``.
 """
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
@@ -82,7 +82,7 @@ class CanDriver(LiveDriver):
         network.configure(s.nodes)
         self._setpoints = self._make_setpoints(network)
         if s.torque:
-            self._rated = np.array([network.rated_torque(node) for node in s.nodes])
+            self._rated = np.array([network.rated(node) for node in s.nodes])
         self.transducer.use(link)
         drives = [DriveState(node, hint=network.error_code(node)) for node in s.nodes]
         beat = Heartbeat(link, ids.master(s.base, s.nodes), HEARTBEAT_S, self.transducer.poll)
@@ -266,8 +266,14 @@ class CanDriver(LiveDriver):
             target_q=(self._setpoints.command if cycle.following else answers.q).copy(),
             mode=self._mode(cycle),
             safety="quick stop" if cycle.want is Want.QUICK_STOP else "normal", faults=faults,
-            evidence={} if effort is None or self.setting.effort == "off" else {"tau": effort},
+            evidence=self._evidence(effort),
         )  # fmt: skip
+
+    def _evidence(self, effort: np.ndarray | None) -> Mapping[str, np.ndarray]:
+        """What a recording keeps of the drives beside their joints."""
+        if effort is None or self.setting.effort == "off":
+            return {}
+        return {"tau" if self.setting.effort == "torque" else "i": effort}
 
     def _mode(self, cycle: Cycle) -> str:
         states = {drive.state for drive in cycle.drives}

@@ -146,7 +146,7 @@ _WRONG_STATE = 0x08000022
 _CYCLIC, _PROFILE = 8, 402
 """Mode of operation (cyclic synchronous position) and number of the profile; source: CiA 402."""
 _CONTROL, _TARGET = 0x60400010, 0x607A0020  # source: CiA 402
-_STATUS, _ACTUAL, _TORQUE = 0x60410010, 0x60640020, 0x60770010
+_STATUS, _ACTUAL, _TORQUE, _CURRENT = 0x60410010, 0x60640020, 0x60770010, 0x60780010
 """Mapped objects with their bits; source: CiA 402."""
 
 
@@ -218,13 +218,14 @@ class Drives:
         """Error code that a drive has (0x603F), 0 where it has none or does not report one."""
         return self.optional(node, 0x603F) or 0
 
-    def rated_torque(self, node: int) -> float:
-        """Rated torque [N·m or N] of a drive.
+    def rated(self, node: int) -> float:
+        """Rated torque [N·m or N] of a drive, or rated current [A] where those are asked for.
 
         Raises:
             DriverError: it does not report it.
         """
-        return self.read(node, 0x6076, 0) * 1e-3
+        index = 0x6075 if self._options.effort == "current" else 0x6076
+        return self.read(node, index, 0) * 1e-3
 
     def _check(self, node: int) -> None:
         profile = self.read(node, 0x1000, 0) & 0xFFFF
@@ -234,7 +235,8 @@ class Drives:
             raise DriverError(f"drive {node} has no cyclic synchronous position mode (0x6502)")
 
     def _map(self, node: int) -> None:
-        carried = (_STATUS, _ACTUAL) + ((_TORQUE,) if self._options.torque else ())
+        effort = _CURRENT if self._options.effort == "current" else _TORQUE
+        carried = (_STATUS, _ACTUAL) + ((effort,) if self._options.torque else ())
         for index, can_id, entries in (
             (0x1400, 0x200 + node, (_CONTROL, _TARGET)),
             (0x1800, 0x180 + node, carried),

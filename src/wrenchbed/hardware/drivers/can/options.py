@@ -145,7 +145,8 @@ class CanOptions:
         counts_per_unit: of each drive per m or rad, negative where it counts the other way;
             1 µm and 2²⁰ per turn unless given.
         torque: whether drives report their torque (0x6077, 0x6076).
-        effort: ``torque``: recordings keep it as tau1… [N·m or N]; ``off``: they do not.
+        effort: ``torque``: recordings keep it as tau1… [N·m or N]; ``current``: drives report their
+            current (0x6078, 0x6075) instead, kept as i1… [A]; ``off``: neither is kept.
         watchdog: time without targets after which a drive stops [s].
         limits: of its motion; a quarter of top speed anywhere if None.
     """
@@ -168,11 +169,9 @@ class CanOptions:
 
     def __post_init__(self) -> None:
         """Check the options; the accepted ranges are estimates."""
-        if self.effort not in ("torque", "off"):
-            raise ParameterError(
-                f"effort {self.effort!r}: the drives report torques: give torque or off"
-            )
-        if self.effort == "torque":
+        if self.effort not in ("torque", "current", "off"):
+            raise ParameterError(f"effort {self.effort!r}: give torque, current or off")
+        if self.effort != "off":
             object.__setattr__(self, "torque", True)
         if self.robot != ROBOT:
             raise ParameterError(

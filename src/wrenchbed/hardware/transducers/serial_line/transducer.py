@@ -80,7 +80,6 @@ class Received:
 
     sample: WrenchSample
     raw: Decoded
-    arrived: float
     since: float
     same: int
     stamp_since: float
@@ -163,7 +162,8 @@ class SerialTransducer(Transducer):
 
     @abstractmethod
     def _timed(self, now: float, k: int, n: int, raw: Decoded) -> tuple[float, float | None]:
-        """When frame k of n that were read at once came, and the sensor's own time [s]."""
+        """When frame k of n that were read at once came, or would have without delay, and the
+        sensor's own time [s]."""
 
     def _faults(self, status: int) -> tuple[str, ...]:
         """Meaning of a status word."""
@@ -249,8 +249,8 @@ class SerialTransducer(Transducer):
         same = stamp_same = 1
         renewed = ""
         if before is not None:
-            t = max(t, before.sample.t + 1e-6)
-            self._missed += self._between(before.raw, raw, t - before.sample.t)
+            t = max(t, self._raw[-1][0] + 1e-6)
+            self._missed += self._between(before.raw, raw, t - self._raw[-1][0])
             renewed = self._renewed(before.raw, raw)
             if np.array_equal(before.raw.wrench, raw.wrench):
                 since, same = before.since, before.same + 1
@@ -259,12 +259,12 @@ class SerialTransducer(Transducer):
         self._trouble = renewed or self._trouble
         self._raw.append((t, raw.wrench))
         sample = WrenchSample(
-            t, device, self._framer.frames, 0.0, True, raw.wrench - self._bias, status=raw.status,
+            now, device, self._framer.frames, 0.0, True, raw.wrench - self._bias, status=raw.status,
             saturated=self._saturated(raw), lost=self._total_lost, bias_id=self._bias_id,
             faults=self._faults(raw.status),
         )  # fmt: skip
-        self._newest = Received(sample, raw, now, since, same, stamp_since, stamp_same)
-        self._past.add(sample)
+        self._newest = Received(sample, raw, since, same, stamp_since, stamp_same)
+        self._past.add(replace(sample, t=t))
 
     @property
     def _total_lost(self) -> int:
@@ -299,7 +299,7 @@ class SerialTransducer(Transducer):
         if newest is None:
             return Health("starting", "no reading came yet", counters)
         age = time.monotonic() - newest.sample.t
-        if time.monotonic() - newest.arrived < STALE_S and (frozen := self._frozen(newest)):
+        if age < STALE_S and (frozen := self._frozen(newest)):
             return Health("fault", f"{self.what}: frozen: {frozen}: switch it off and on", counters)
         health = by_age(age, self.what, counters)
         if not health.ok:
@@ -314,7 +314,7 @@ class SerialTransducer(Transducer):
 
     def _frozen(self, newest: Received) -> str:
         """What stands still, empty if nothing does."""
-        limit, t = self._options.frozen_s, newest.arrived
+        limit, t = self._options.frozen_s, newest.sample.t
         if not limit:
             return ""
         if newest.stamp_same > _SAME and t - newest.stamp_since >= limit:

@@ -1,0 +1,155 @@
+"""A motion that tells friction and inertial parameters best: Fourier series, D-optimal.
+
+q(t) = q₀ + fade · Σₖ (aₖ sin kωt + bₖ cos kωt) in every joint. The coefficients make log det of the
+information about base parameters and friction large: Swevers et al. 1997, doi 10.1109/70.631234.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from wrenchbed.data.plan import Plan
+from wrenchbed.drives.base_parameters import base_parameters
+from wrenchbed.drives.inverse_dynamics import torque_regressor
+from wrenchbed.errors import PlanError
+from wrenchbed.physics.time_derivatives import Jet
+from wrenchbed.planning.clearance import Clearance
+from wrenchbed.robots.base import Robot
+from wrenchbed.robots.chain import SerialChain
+
+HARMONICS = 5
+"""Sines of a joint; estimate, after Swevers et al."""
+_PERIOD_S = 10.0
+"""Of the slowest [s]; estimate."""
+_FADE_S = 2.0
+"""From rest to rest at both ends [s]."""
+_SPEED, _ACCELERATION = 0.6, 4.0
+"""Share of top speed, and largest acceleration [rad/s²]; estimates."""
+_ROOM = 0.05
+"""Distance from the joints' limits [rad or m]; estimate."""
+_ROWS = 120
+"""Moments at which the information is evaluated."""
+_CHECKS = 250
+"""Moments at which collisions are looked for."""
+_TRIES, _STEPS = 30, 250
+"""Random series to begin with, and random changes of the best; estimates."""
+_CHANGE = 0.35
+"""Size of a change, over that of the coefficients; estimate."""
+_WIDEST = 2.0
+"""Largest excursion of a joint from its middle [rad]; estimate."""
+
+
+def excite(
+    robot: Robot, seconds: float, rate: float, seed: int,
+    progress: Callable[[float], None] = lambda _: None,
+) -> Plan:  # fmt: skip
+    """A motion for `calibrate_efforts`, within the joints' limits and free of collisions.
+
+    Args:
+        robot: a serial arm.
+        seconds: its length [s].
+        rate: rows a second [Hz].
+        seed: of the search.
+        progress: called with log det of the best motion so far.
+
+    Raises:
+        PlanError: no serial arm, too short, or no free motion was found.
+    """
+    if not isinstance(robot, SerialChain) or any(j.unit == "m" for j in robot.joints):
+        raise PlanError(f"robot {robot.name!r} is no serial arm of hinges: take multisine")
+    if not (2 * _FADE_S + 1 <= seconds < np.inf and 10.0 <= rate < np.inf):
+        raise PlanError(f"a motion takes at least {2 * _FADE_S + 1:.0f} s at 10 Hz or more")
+    search = _Search(robot, seconds)
+    rng = np.random.default_rng(seed)
+    best: np.ndarray | None = None
+    level = -np.inf
+    for _ in range(_TRIES):
+        fresh = search.draw(rng)
+        value = search.value(fresh, level)
+        if value > level:
+            best, level = fresh, value
+    if best is None:
+        raise PlanError(f"found no free motion of {robot.name!r}: try another seed")
+    for k in range(_STEPS):
+        size = _CHANGE * (1.0 - k / _STEPS)
+        trial = best + size * rng.normal(size=best.shape) * np.abs(best).mean(axis=0)
+        value = search.value(trial, level)
+        if value > level:
+            best, level = trial, value
+            progress(level)
+    t = np.arange(round(seconds * rate)) / rate
+    return Plan.of(robot.name, search.motion(best, t).v, rate_hz=rate)
+
+
+class _Search:
+    """Motions of one robot as coefficients (1 + 2 H, J): the middle, sines, cosines."""
+
+    def __init__(self, robot: SerialChain, seconds: float) -> None:
+        self._robot, self._seconds = robot, seconds
+        self._theta = robot.parameters.nominal
+        self._base = base_parameters(robot, self._theta).columns
+        self._clearance = Clearance(robot)
+        self._low = np.array([j.lower for j in robot.joints]) + _ROOM
+        self._high = np.array([j.upper for j in robot.joints]) - _ROOM
+        self._top = _SPEED * np.array([j.speed for j in robot.joints])
+        self._t = np.linspace(0.0, seconds, _CHECKS)
+
+    def draw(self, rng: np.random.Generator) -> np.ndarray:
+        """Random coefficients about a random pose."""
+        middle = self._robot.sample(1, rng)
+        return np.concatenate([middle, rng.normal(size=(2 * HARMONICS, middle.shape[1]))])
+
+    def motion(self, coefficients: np.ndarray, t: np.ndarray) -> Jet:
+        """Joint values (N, J) with speeds and accelerations, as wide as the limits let them."""
+        middle = coefficients[0]
+        wave = self._wave(coefficients[1:], self._t)
+        room = np.minimum(np.minimum(self._high - middle, middle - self._low), _WIDEST)
+        size = np.minimum.reduce([
+            room / np.abs(wave.v).max(axis=0),
+            self._top / np.abs(wave.d).max(axis=0),
+            _ACCELERATION / np.abs(wave.dd).max(axis=0),
+        ])  # fmt: skip
+        full = self._wave(coefficients[1:], t)
+        size = np.maximum(size, 0.0)
+        return Jet(middle + size * full.v, size * full.d, size * full.dd)
+
+    def _wave(self, parts: np.ndarray, t: np.ndarray) -> Jet:
+        v, d, dd = (np.zeros((len(t), parts.shape[1])) for _ in range(3))
+        for k in range(HARMONICS):
+            w = 2.0 * np.pi * (k + 1) / _PERIOD_S
+            s, c, a, b = (
+                np.sin(w * t)[:, None],
+                np.cos(w * t)[:, None],
+                parts[2 * k],
+                parts[2 * k + 1],
+            )
+            v, d, dd = v + a * s + b * c, d + w * (a * c - b * s), dd - w * w * (a * s + b * c)
+        fade, slope, bend = (x[:, None] for x in self._fade(t))
+        return Jet(fade * v, fade * d + slope * v, fade * dd + 2.0 * slope * d + bend * v)
+
+    def _fade(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """From 0 to 1 and back, with its two derivatives (N,)."""
+        end = self._seconds - t
+        s = np.clip(np.minimum(t, end) / _FADE_S, 0.0, 1.0)
+        way = np.where(t < end, 1.0, -1.0) / _FADE_S
+        value = s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
+        slope = 30.0 * s**2 * (1.0 - s) ** 2 * way
+        return value, slope, 60.0 * s * (1.0 - s) * (1.0 - 2.0 * s) * way**2
+
+    def value(self, coefficients: np.ndarray, beaten: float) -> float:
+        """log det of the information; −∞ of one that touches something or is worse than known."""
+        q = self.motion(coefficients, np.linspace(0.0, self._seconds, _ROWS))
+        gravity = np.asarray(self._robot.gravity)
+        y = torque_regressor(self._robot, self._theta, q, gravity)[..., self._base]
+        rows, joints = y.shape[:2]
+        own = np.zeros((rows, joints, 3, joints))
+        for j in range(joints):
+            own[:, j, :, j] = np.stack([np.sign(q.d[:, j]), q.d[:, j], np.ones(rows)], axis=-1)
+        columns = np.concatenate([y, own.reshape(rows, joints, -1)], axis=-1)
+        sign, level = np.linalg.slogdet(np.einsum("njp,njr->pr", columns, columns))
+        if sign <= 0.0 or level <= beaten:
+            return -np.inf
+        way = self.motion(coefficients, self._t).v
+        if self._robot.infeasible(way, self._theta):
+            return -np.inf
+        return -np.inf if any(self._clearance.hit(place) for place in way) else float(level)

@@ -1,0 +1,104 @@
+"""Efforts of the emulated robots: weight, motion, faults; a changed friction is found."""
+
+import numpy as np
+import pytest
+from arm_torques import recording
+
+from wrenchbed import multisine, registry
+from wrenchbed.drives.identify import calibrate_efforts
+from wrenchbed.emulators.base.body import Body, BodyOptions
+from wrenchbed.physics.time_derivatives import Jet
+from wrenchbed.simulation.drives.drive_train import DriveTrain
+
+UR5, MEDRUE = (registry.load("robots", name) for name in ("ur5", "medrue"))
+COULOMB = np.array([6.0, 6.5, 4.5, 1.4, 1.2, 1.0])
+"""Of the emulated UR5 [N·m]."""
+SECONDS = 25.0
+
+
+def changed(recording):
+    """Change of each joint's friction over what the robot is known to have."""
+    fit = calibrate_efforts(recording, constants=(12.6, 12.6, 12.6, 9.3, 9.3, 9.3))
+    return np.array([fit[f"drive.coulomb.{j + 1}"].value for j in range(6)]) - COULOMB, fit
+
+
+def cycle_by_cycle(effects, seed):
+    """What the emulator would report at 125 Hz, without a wire and in no real time."""
+    body = Body(BodyOptions("ur5", seed=seed, effects=effects), 0.008, drives=True)
+    plan, rows = multisine(UR5, SECONDS, 125.0, seed).q, []
+    for k in range(200):
+        body.step(UR5.home + min(1.0, k / 150) * (plan[0] - UR5.home))
+    for q in plan:
+        body.step(q)
+        rows.append((body.time, body.q, body.drives.now.current))
+    t, q, current = (np.array(part) for part in zip(*rows, strict=True))
+    return recording(t - t[0], q, current, "i")
+
+
+def test_the_joint_of_a_changed_friction_is_found_in_ten_of_ten_seeds():
+    for seed in range(10):
+        joint = seed % 6 + 1
+        size = 0.5 * COULOMB[joint - 1]
+        fault = f"drive.coulomb:joint={joint},size={size}"
+        change, fit = changed(cycle_by_cycle((fault,), seed))
+        assert np.argmax(np.abs(change) / COULOMB) == joint - 1, fit.status
+        assert change[joint - 1] == pytest.approx(size, rel=0.05)
+
+
+def settled(robot, cycle, q, **more):
+    body = Body(BodyOptions(robot.name, noise="off", **more), cycle, drives=True)
+    for k in range(900):
+        body.step(robot.home + min(1.0, k / 600) * (q - robot.home))
+    return body
+
+
+@pytest.mark.parametrize(("robot", "cycle"), [(UR5, 0.002), (MEDRUE, 0.004)])
+def test_at_rest_the_drives_hold_the_weight(robot, cycle):
+    """By gravity's torque of the closed form, another implementation."""
+    q = robot.sample(1, np.random.default_rng(3))[0]
+    torque = settled(robot, cycle, q).drives.now.torque
+    theta = robot.parameters.nominal
+    weight = -robot.gravity_torque(q[None], theta, np.asarray(robot.gravity))[0]
+    assert np.abs(torque - weight).max() < 1e-3 * max(1.0, np.abs(weight).max())
+    assert np.abs(weight).max() > 1.0
+
+
+@pytest.mark.parametrize(("robot", "cycle"), [(UR5, 0.002), (MEDRUE, 0.004)])
+def test_a_motion_needs_the_torques_of_inverse_dynamics_and_faults(robot, cycle):
+    """Servos' forces and the weight at rest, against inverse dynamics of the same motion."""
+
+    fault = ("drive.viscous:joint=2,size=4", "tool.mass")
+    bodies = [Body(BodyOptions(robot.name, noise="off", effects=e), cycle, drives=True)
+              for e in ((), fault[:1])]  # fmt: skip
+    swing, rows = np.full(len(robot.joints), 0.05), []
+    for k in range(900):
+        t = k * cycle
+        for body in bodies:
+            body.step(robot.home + swing * (1.0 - np.cos(4.0 * t)))
+        rows.append((bodies[0].q, *(b.drives.now.torque for b in bodies)))
+    q, plain, faulty = (np.array(part) for part in zip(*rows, strict=True))
+    speed = np.gradient(q, cycle, axis=0, edge_order=2)
+    moving = Jet(q, speed, np.gradient(speed, cycle, axis=0, edge_order=2))
+    train = DriveTrain(robot, robot.parameters.nominal, robot.gravity)
+    expected = train.torques(np.arange(len(q)) * cycle, moving)
+    late = slice(300, 880)
+    quick = (np.abs(speed) > 0.02)[late]
+    off = np.abs(plain - expected)[late]
+    assert np.where(quick, off, 0.0).max() < 0.02 * np.abs(expected[late]).max()
+    extra = (faulty - plain)[late]
+    assert np.abs(extra[:, 1] - 4.0 * speed[late, 1]).max() < 0.02
+    assert np.abs(np.delete(extra, 1, axis=1)).max() < 1e-9
+
+
+def test_currents_have_noise_and_warm_up():
+    body = settled(UR5, 0.002, UR5.home)
+    quiet = body.drives.now.current
+    noisy = Body(BodyOptions("ur5"), 0.002, drives=True)
+    rows = []
+    for _ in range(600):
+        noisy.step(UR5.home)
+        rows.append(noisy.drives.now.current)
+    seen, ripple = np.array(rows), 0.006 * noisy.drives.train.level()
+    assert 0.01 < seen[:, 1].std() < 0.2 and abs(seen[:, 1].mean() - quiet[1]) < ripple[1]
+    assert np.abs(seen / 0.001 - np.rint(seen / 0.001)).max() < 1e-6
+    assert 25.0 < noisy.drives.temperatures[0] < 25.1
