@@ -17,7 +17,7 @@ from wrenchbed.robots.base import SimulatedRobot
 OURS = "wrenchbed"
 """Name of the diagnosis among the entrants."""
 DEVELOPMENT, FINAL = 1000, 10000
-"""Seeds below the first are for development, from the second on for a final score; by definition."""
+"""Seeds below the first are for development, from the second on final; by definition."""
 
 
 @dataclass(frozen=True)
