@@ -17,7 +17,7 @@ from wrenchbed.robots.base import SimulatedRobot
 OURS = "wrenchbed"
 """Name of the diagnosis among the entrants."""
 DEVELOPMENT, FINAL = 1000, 10000
-"""Seeds below the first are for development, from the second on for a final score; a definition."""
+"""Seeds below the first are for development, from the second on final; by definition."""
 
 
 @dataclass(frozen=True)
@@ -80,9 +80,9 @@ def _ask(name: str, made: case.EffortCase) -> EffortClaim:
 
 def _diagnosis(recording: Recording) -> Mapping[str, Any]:
     """The public diagnosis, as JSON."""
-    from wrenchbed.diagnosis.diagnose import diagnose
+    from wrenchbed.diagnosis.efforts.diagnose_efforts import diagnose_efforts
 
-    told: Mapping[str, Any] = diagnose(recording).diagnosis.to_json()
+    told: Mapping[str, Any] = diagnose_efforts(recording).diagnosis.to_json()
     return told
 
 

@@ -3,6 +3,7 @@
 import numpy as np
 
 from wrenchbed.diagnosis.efforts.columns import Block, Column
+from wrenchbed.diagnosis.efforts.operators import late, slow
 from wrenchbed.diagnosis.efforts.scene import EffortScene
 from wrenchbed.drives.identify import load_columns
 from wrenchbed.drives.inverse_dynamics import torque_regressor
@@ -12,6 +13,10 @@ _TILT = np.deg2rad(0.1)
 """Ordinary tilt of a base [rad]; estimate: a bubble level."""
 _MASS_TOLERANCE, _COG_TOLERANCE = 0.005, 5e-4
 """How wrong a stated tool may be: relative, and [m] (the contract's)."""
+_LINK_MASS, _LINK_COG = 0.03, 3e-3
+"""Ordinary errors of a link: of its mass, relative, and of its centre of gravity [m]; estimates."""
+_COMMON = 4e-3
+"""Delay at which the column of a common one is made [s]; estimate."""
 _NOTHING = 1e-9
 """Rms over the largest column's below which a column is none."""
 _LAST = -2.0
@@ -22,6 +27,7 @@ _PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 def of_arm(scene: EffortScene) -> tuple[list[Column], list[Block]]:
     """Columns (N, J) and causes."""
     columns, blocks = _links(scene)
+    columns += _lag(scene)
     for more in (_tool(scene), _tilt(scene)):
         columns += more[0]
         blocks += more[1]
@@ -51,7 +57,8 @@ def _links(scene: EffortScene) -> tuple[list[Column], list[Block]]:
             continue
         for kind, own in forms.items():
             names = tuple(f"link.{kind}.{k + 1}.{i}" for i in range(len(own)))
-            columns += [Column(n, y @ form) for n, form in zip(names, own, strict=True)]
+            std = {"mass": _LINK_MASS * mass, "cog": _LINK_COG * mass}.get(kind)
+            columns += [Column(n, y @ form, std) for n, form in zip(names, own, strict=True)]
             last = k == scene.joints - 1  # the tool hangs on it, and is the more likely cause
             blocks.append(Block(f"link.{kind}", k + 1, False, names, prior=_LAST * last))
     return columns, blocks
@@ -78,6 +85,14 @@ def _tool(scene: EffortScene) -> tuple[list[Column], list[Block]]:
     if known[1]:
         blocks.append(Block("tool.cog", None, False, tuple(c.name for c in columns[1:])))
     return columns, blocks
+
+
+def _lag(scene: EffortScene) -> list[Column]:
+    """A delay and a filter that all joints share: a controller's clock is nobody's fault."""
+    t, rate = scene.signals.t, scene.signals.rate
+    delayed = np.stack([late(x, t, _COMMON) for x in scene.total.T], axis=-1)
+    filtered = np.stack([slow(x, rate, _COMMON) for x in scene.total.T], axis=-1)
+    return [Column("common.delay", delayed, free=True), Column("common.lag", filtered, free=True)]
 
 
 def _tilt(scene: EffortScene) -> tuple[list[Column], list[Block]]:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wrenchbed.diagnosis.efforts.operators import late, since_reversal, slow, stop
+from wrenchbed.diagnosis.efforts.operators import direction, late, since_reversal, slow, stop
 from wrenchbed.diagnosis.efforts.scene import EffortScene
 
 FRICTION_SPREAD = 0.05
@@ -18,7 +18,12 @@ FRICTION_SPREAD = 0.05
 INERTIA_SPREAD = 0.05
 """Of stated rotor inertia, relative: estimate."""
 ROUNDED = 3
-"""Angles of `PRESLIDING` over which friction may begin as it likes: nobody states bristles."""
+"""Angles of `PRESLIDING` over which friction may lack or add its own level: nobody states
+bristles."""
+OFFSET_SPREAD = 0.02
+"""Of a constant torque, over the largest predicted one: estimate."""
+CONSTANT_SPREAD = 0.01
+"""Of a drive constant or of a torque sensor's gain, relative: estimate."""
 FREE = 1e3
 """Prior of what every fit leaves free, in noises of a row: wide; estimate."""
 BACKGROUND = 0.1
@@ -31,8 +36,9 @@ WIDTHS = (1e-2, 3e-2, 1e-1)
 """Half widths of hysteresis of a gear [rad]; estimate."""
 LAGS = (2e-3, 3e-3, 4.5e-3, 6.5e-3, 9.5e-3, 1.4e-2, 2e-2, 2.9e-2, 4.2e-2, 6e-2)
 """Delays and time constants that are tried [s]: steps of 1.45; amplitudes lie between."""
-LATE = 0.5
-"""Ordinary delay or lag between joint values and efforts, in rows, one standard deviation."""
+LATE = 4e-3
+"""Ordinary delay or lag of one joint's effort, one standard deviation [s]: estimate, controllers
+report within 2 to 8 ms."""
 STRETCHES = 6
 """Over which friction or offset may change in time; estimate."""
 LIMITS = (0.5, 0.75, 0.9)
@@ -99,13 +105,14 @@ class _Joint:
         self.scene, self.j = scene, j
         q = scene.q
         self.angle, self.speed, self.acceleration = q.v[:, j], q.d[:, j], q.dd[:, j]
-        self.sign = np.sign(self.speed)
+        self.sign = direction(self.speed)
         self.total, self.body = scene.total[:, j], scene.body[:, j]
-        self.since = since_reversal(self.angle, self.speed)
+        self.since = since_reversal(self.angle, self.sign)
         stated = scene.drives.value["drive.coulomb"][j]
         self.told = bool(np.isfinite(stated))
         moving = np.abs(self.sign) > 0.0
         fitted = float(np.median((scene.friction[:, j] * self.sign)[moving]))
+        self.offset = OFFSET_SPREAD * float(np.abs(self.total).max())
         self.level = abs(float(stated)) if self.told else abs(fitted)
 
     def name(self, text: str) -> str:
@@ -129,25 +136,25 @@ class _Joint:
         forms = (
             ("coulomb", self.sign, FRICTION_SPREAD, 0.0),
             ("viscous", self.speed, FRICTION_SPREAD, 0.0),
-            ("offset", np.ones_like(self.speed), FRICTION_SPREAD, FRICTION_SPREAD * self.level),
+            ("offset", np.ones_like(self.speed), FRICTION_SPREAD, self.offset),
         )
         for kind, data, relative, least in forms:
             spread = self.spread(f"drive.{kind}", relative, least)
             if spread is None and self.told and kind == "offset":
-                spread = FRICTION_SPREAD * self.level
+                spread = self.offset
             yield self.column(kind, data, spread, free=spread is None)
         spread = self.spread("drive.inertia", INERTIA_SPREAD)
         if spread is None and self.told:
             spread = INERTIA_SPREAD * float(self.scene.inertias.rotor[self.j])
         yield self.column("inertia", self.acceleration, spread, free=spread is None)
         known = not self.scene.currents or self.scene.drives.known("drive.constant")[self.j]
-        yield self.column("constant", self.total, None if known else 1.0, free=not known)
+        yield self.column("constant", self.total, CONSTANT_SPREAD if known else 1.0, free=not known)
 
     def named(self) -> Iterator[Column]:
         """What causes with a name add."""
         for k, width in enumerate(PRESLIDING):
             shape = self.sign * np.exp(-self.since / width)
-            yield self.column(f"since{k}", shape, free=k < ROUNDED)
+            yield self.column(f"since{k}", shape, self.level if k < ROUNDED else None)
         for k, speed in enumerate(STRIBECK):
             yield self.column(f"stribeck{k}", self.sign * np.exp(-np.abs(self.speed) / speed))
         yield self.column("load", self.sign * np.abs(self.body))
@@ -161,7 +168,7 @@ class _Joint:
         yield self.column("cosine", np.cos(self.angle))
         t, rate = self.scene.signals.t, self.scene.signals.rate
         for k, lag in enumerate(LAGS):
-            ordinary = LATE / rate / lag if k == 0 else None
+            ordinary = LATE / lag if k == 0 else None
             yield self.column(f"delay{k}", late(self.total, t, lag), ordinary)
             yield self.column(f"bandwidth{k}", slow(self.total, rate, lag), ordinary)
         warm = self.scene.recording.columns.get(f"joint_temperature{self.j + 1}")

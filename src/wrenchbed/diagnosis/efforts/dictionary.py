@@ -13,6 +13,7 @@ from wrenchbed.diagnosis.efforts.columns import BACKGROUND, FREE, Block, Column,
 from wrenchbed.diagnosis.efforts.noise import JointNoise, joint_noise, remains
 from wrenchbed.diagnosis.efforts.period import FASTEST, GEAR_MOST, SLOWEST, fitting, strongest
 from wrenchbed.diagnosis.efforts.scene import EffortScene
+from wrenchbed.errors import DiagnosisError
 
 BLOCKS = 20
 """Blocks of time, each of which is held out once; estimate."""
@@ -31,6 +32,7 @@ class Dictionary:
     Attributes:
         scene: what they are of.
         y: measured less predicted torque (M, J) [N·m].
+        use: which rows count (M, J): those clear of rest.
         own: columns of each joint (M, Kⱼ).
         arm: columns of all joints (M, J, A).
         names: of all columns (P,): joint by joint, then the arm's.
@@ -48,6 +50,7 @@ class Dictionary:
 
     scene: EffortScene
     y: np.ndarray
+    use: np.ndarray
     own: tuple[np.ndarray, ...]
     arm: np.ndarray
     names: tuple[str, ...]
@@ -71,10 +74,22 @@ class Dictionary:
         gram, right, square = self.plain
         return gram.sum(axis=0), right.sum(axis=0), float(square.sum())
 
+    def by_joint(self, j: int) -> tuple[np.ndarray, np.ndarray]:
+        """Indices (K,) of the columns that act on joint j and their products (K, K), in noises."""
+        if j not in self._by_joint:
+            at, data = self.columns(j)
+            seen = data[self.use[:, j]] / self.noise[j].std
+            self._by_joint[j] = at, seen.T @ seen
+        return self._by_joint[j]
+
+    @cached_property
+    def _by_joint(self) -> dict[int, tuple[np.ndarray, np.ndarray]]:
+        return {}
+
     def gap(self, x: np.ndarray) -> float:
         """Mean square that amplitudes (P,) leave, in noises of a row, less that noise."""
         gram, right, square = self.plain_sums
-        return float(square - 2.0 * x @ right + x @ gram @ x) / self.y.size - 1.0
+        return float(square - 2.0 * x @ right + x @ gram @ x) / self.use.sum() - 1.0
 
     def columns(self, j: int) -> tuple[np.ndarray, np.ndarray]:
         """Indices (K,) and data (M, K) of all columns that act on joint j, from 0."""
@@ -93,17 +108,24 @@ class Dictionary:
 def dictionary(scene: EffortScene) -> Dictionary:
     """All columns of a scene."""
     y = scene.thin(scene.signals.effort - scene.total)
-    speed, rows = scene.q.d[scene.kept()], len(y)
+    speed, rows, use = scene.q.d[scene.kept()], len(y), scene.moving()
+    if (lazy := np.flatnonzero(use.sum(axis=0) < BLOCKS)).size:
+        raise DiagnosisError(
+            f"{scene.recording.name}: joint {lazy[0] + 1} hardly moves: record a longer motion of "
+            "all joints"
+        )
     arm_columns, arm_blocks = of_arm(scene)
     arm = scene.thin(np.stack([c.data for c in arm_columns], axis=-1))
     every, blocks, own, noise = list[list[Column]](), list[Block](), list[np.ndarray](), []
     for j in range(scene.joints):
         columns, more = of_joint(scene, j)
         data = scene.thin(np.column_stack([c.data for c in columns]))
-        found, found_blocks = _periods(scene, j, y[:, j], columns, data, arm[:, j])
+        found, found_blocks = _periods(scene, j, y[:, j], columns, data, arm[:, j], use[:, j])
         columns, more = [*columns, *found], [*more, *found_blocks]
         data = np.column_stack([data, scene.thin(np.column_stack([c.data for c in found]))])
-        noise.append(joint_noise(y[:, j], np.concatenate([data, arm[:, j]], axis=1), speed[:, j]))
+        noise.append(
+            joint_noise(y[:, j], np.concatenate([data, arm[:, j]], axis=1), speed[:, j], use[:, j])
+        )
         every.append(columns)
         own.append(data)
         blocks += more
@@ -124,7 +146,7 @@ def dictionary(scene: EffortScene) -> Dictionary:
     ])  # fmt: skip
     fold = np.arange(rows) * BLOCKS // rows
     bare = Dictionary(
-        scene, y, tuple(own), arm, names, joint, tuple(noise), std,
+        scene, y, use, tuple(own), arm, names, joint, tuple(noise), std,
         np.array([c.free for c in flat]),
         np.array([c.std is not None and not c.free for c in flat]),
         size, tuple(blocks),
@@ -149,7 +171,7 @@ def _prior(column: Column, size: float, unnamed: bool) -> float:
 
 def _periods(
     scene: EffortScene, j: int, y: np.ndarray, known: list[Column], data: np.ndarray,
-    arm: np.ndarray,
+    arm: np.ndarray, use: np.ndarray,
 ) -> tuple[list[Column], list[Block]]:  # fmt: skip
     """Ripple of the gear and cogging of the motor at the periods that a joint's torque (M,) shows.
 
@@ -158,9 +180,10 @@ def _periods(
     angle, columns, blocks = scene.q.v[:, j], list[Column](), list[Block]()
     kept = angle[scene.kept()]
     ordinary = data[:, [k for k, c in enumerate(known) if c.free or c.std is not None]]
-    fast = strongest(remains(y, np.concatenate([data, arm], axis=1)), kept)
+    left = np.where(use, remains(y, np.concatenate([data, arm], axis=1), use), 0.0)
+    fast = strongest(left, kept)
     for effect, turn, many in (
-        ("drive.ripple", fitting(y, ordinary, kept), GEAR_MOST - SLOWEST),
+        ("drive.ripple", fitting(y[use], ordinary[use], kept[use]), GEAR_MOST - SLOWEST),
         ("drive.cogging", fast, FASTEST - GEAR_MOST),
     ):
         names = []
@@ -178,7 +201,8 @@ def _with_products(d: Dictionary) -> Dictionary:
     for j, noise in enumerate(d.noise):
         at, data = d.columns(j)
         _add(d, (gram, right, square[:, j]), at, noise.white(data), noise.white(d.y[:, j]))
-        _add(d, d.plain, at, data / noise.std, d.y[:, j] / noise.std)
+        some = d.use[:, j] / noise.std
+        _add(d, d.plain, at, data * some[:, None], d.y[:, j] * some)
     return d
 
 

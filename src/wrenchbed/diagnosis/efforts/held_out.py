@@ -32,8 +32,9 @@ class HeldOut:
     fit: TwinFit
 
     def gaps(self, which: str | int) -> np.ndarray:
-        """Of each row (M,)."""
-        return np.asarray((self.left[which] ** 2).mean(axis=1) - 1.0)
+        """Of each row (M,): sums over the joints that count there."""
+        use = self.d.use * (self.d.y.size / self.d.use.sum())
+        return np.asarray(((self.left[which] ** 2 - 1.0) * use).mean(axis=1))
 
 
 def held_out(d: Dictionary, blocks: Sequence[int]) -> HeldOut:
@@ -111,9 +112,9 @@ def closure(h: HeldOut, blocks: Sequence[int], prefix: str, seed: int = 0) -> Cl
     last = h.left["with_effects"] if blocks else None
     channels = {}
     for j in range(h.d.y.shape[1]):
-        own = {"before": float((h.left["calibrated"][:, j] ** 2).mean() - 1.0)}
+        own = {"before": float((h.left["calibrated"][h.d.use[:, j], j] ** 2).mean() - 1.0)}
         if last is not None:
-            own["after"] = float((last[:, j] ** 2).mean() - 1.0)
+            own["after"] = float((last[h.d.use[:, j], j] ** 2).mean() - 1.0)
         channels[f"{prefix}{j + 1}"] = own
     return Closure(
         configured=float(h.gaps("configured").mean()),

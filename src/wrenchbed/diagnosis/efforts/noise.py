@@ -44,29 +44,37 @@ class JointNoise:
         return np.asarray(made * np.sqrt(self.weight).reshape(shape))
 
 
-def joint_noise(y: np.ndarray, columns: np.ndarray, speed: np.ndarray) -> JointNoise:
-    """Noise of one joint, of what all columns (M, K) leave of its torque y (M,)."""
-    left = remains(y, columns)
-    std = float(np.std(left)) * float(np.sqrt(len(y) / max(len(y) - columns.shape[1], 1)))
+def joint_noise(
+    y: np.ndarray, columns: np.ndarray, speed: np.ndarray, use: np.ndarray
+) -> JointNoise:
+    """Noise of one joint, of what all columns (M, K) leave of its torque y (M,).
+
+    Rows that are not of use (M,) have no weight.
+    """
+    left, rows = remains(y, columns, use), int(use.sum())
+    std = float(np.std(left[use])) * float(np.sqrt(rows / max(rows - columns.shape[1], 1)))
+    left = np.where(use, left, 0.0)
     std = max(std, 1e-9 * max(float(np.std(y)), 1e-3))
     kernel = _whitening(left)
     white = signal.lfilter(kernel, [1.0], left)
     fast = np.abs(speed) / max(float(np.abs(speed).max()), 1e-12)
-    level, weight = float(np.var(white[fast > _SLOW[-1]])), np.ones(len(y))
+    level = float(np.var(white[use & (fast > _SLOW[-1])]))
+    weight = use.astype(float)
     for low, high in zip((0.0, *_SLOW[:-1]), _SLOW, strict=True):
-        rows = (fast >= low) & (fast < high)
-        if rows.sum() > _ORDER:
-            weight[rows] = min(1.0, level / max(float(np.var(white[rows])), 1e-300))
+        slow = use & (fast >= low) & (fast < high)
+        if slow.sum() > _ORDER:
+            weight[slow] = min(1.0, level / max(float(np.var(white[slow])), 1e-300))
     innovation = max(float(np.sqrt(level)), 1e-9 * std)
     return JointNoise(std, kernel, innovation, weight)
 
 
-def remains(y: np.ndarray, columns: np.ndarray) -> np.ndarray:
-    """What least squares with a small ridge leaves of y (M,)."""
+def remains(y: np.ndarray, columns: np.ndarray, use: np.ndarray) -> np.ndarray:
+    """What least squares with a small ridge over some rows (M,) leaves of y (M,)."""
     scale = np.sqrt(np.maximum((columns**2).mean(axis=0), 1e-300))
     scaled = columns / scale
-    gram = scaled.T @ scaled + _RIDGE * len(y) * np.eye(columns.shape[1])
-    return np.asarray(y - scaled @ np.linalg.solve(gram, scaled.T @ y))
+    some = scaled[use]
+    gram = some.T @ some + _RIDGE * len(y) * np.eye(columns.shape[1])
+    return np.asarray(y - scaled @ np.linalg.solve(gram, some.T @ y[use]))
 
 
 def _whitening(left: np.ndarray) -> np.ndarray:

@@ -6,11 +6,31 @@ Each maps rows of one joint (N,) to rows (N,).
 import numpy as np
 from scipy import signal
 
+REST = 0.03
+"""Share of a joint's largest speed below which it counts as at rest: friction has no known sign
+there, and encoders' noise has one of its own. Estimate, as in `drives.signals`."""
+_MEMORY_S = 0.04
+"""Time around rest that does not count either [s]; estimate: bristles and filters settle."""
 
-def since_reversal(q: np.ndarray, speed: np.ndarray) -> np.ndarray:
+
+def direction(speed: np.ndarray) -> np.ndarray:
+    """Sign of a speed (N,), that of before while a joint is at rest."""
+    moves = np.abs(speed) > REST * np.abs(speed).max()
+    last = np.maximum.accumulate(np.where(moves, np.arange(len(speed)), 0))
+    return np.asarray(np.sign(speed[last]))
+
+
+def moving(speed: np.ndarray, rate: float) -> np.ndarray:
+    """Which rows (N,) are clear of rest."""
+    still = np.abs(speed) <= REST * np.abs(speed).max()
+    width = 2 * max(1, round(_MEMORY_S * rate)) + 1
+    return np.asarray(np.convolve(still, np.ones(width), mode="same") < 0.5)
+
+
+def since_reversal(q: np.ndarray, sign: np.ndarray) -> np.ndarray:
     """Angle travelled since the last change of direction (N,) [rad]."""
     path = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(q)))])
-    turned = np.flatnonzero(np.diff(np.sign(speed)) != 0.0) + 1
+    turned = np.flatnonzero(np.diff(sign) != 0.0) + 1
     last = np.zeros(len(q), dtype=int)
     last[turned] = turned
     start = path[np.maximum.accumulate(last)]

@@ -10,6 +10,7 @@ from scipy import signal
 
 from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis.efforts.configured import Drives
+from wrenchbed.diagnosis.efforts.operators import direction, moving
 from wrenchbed.drives.identify import CONSTANT, FRICTION, calibrate_efforts
 from wrenchbed.drives.inverse_dynamics import torque_regressor
 from wrenchbed.drives.signals import DriveSignals, drive_signals
@@ -91,6 +92,11 @@ class EffortScene:
             columns = signal.sosfiltfilt(sections, columns, axis=0)
         return np.asarray(columns[self.kept()])
 
+    def moving(self) -> np.ndarray:
+        """Which kept rows of which joints (M, J) are clear of rest."""
+        use = [moving(v, self.signals.rate) for v in self.q.d.T]
+        return np.stack(use, axis=-1)[self.kept()]
+
     def kept(self) -> slice:
         """Rows that are kept: one in `step`, without the ends."""
         rows = len(self.signals.t)
@@ -158,7 +164,7 @@ def _friction(scene: EffortScene) -> np.ndarray:
     drives, left, found = scene.drives, scene.signals.effort - scene.body, []
     for j in range(scene.joints):
         speed = scene.q.d[:, j]
-        columns = np.column_stack([np.sign(speed), speed, np.ones_like(speed)])
+        columns = np.column_stack([direction(speed), speed, np.ones_like(speed)])
         stated = [drives.value[k][j] for k in ("drive.coulomb", "drive.viscous", "drive.offset")]
         if np.isfinite(stated[0]):
             found.append(columns @ np.nan_to_num(stated))

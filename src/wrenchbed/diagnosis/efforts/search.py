@@ -115,9 +115,15 @@ def _found(evidence: Evidence) -> tuple[list[Structure], np.ndarray]:
 def _scored(evidence: Evidence, score: dict[Structure, float], s: Structure, block: int) -> float:
     """Log posterior of a structure with one more cause; −∞ where it has that cause already."""
     d = evidence.d
-    if d.blocks[block].key in {d.blocks[k].key for k in s}:
+    if _slot(d, block) in {_slot(d, k) for k in s}:
         return -np.inf
     grown = tuple(sorted((*s, block)))
     if grown not in score:
         score[grown] = evidence.log(grown) + _prior(d, grown)
     return score[grown]
+
+
+def _slot(d: Dictionary, block: int) -> tuple[str, int | None]:
+    """What only one cause of a structure may be: a delay and a filter of one joint may cancel."""
+    effect, joint = d.blocks[block].key
+    return ("lag" if effect in ("drive.delay", "drive.bandwidth") else effect), joint

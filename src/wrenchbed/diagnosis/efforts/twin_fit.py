@@ -12,6 +12,8 @@ from wrenchbed.diagnosis.efforts.dictionary import Dictionary
 
 ORDINARY = 2.0
 """Spreads beyond which a stated value is wrong: 95 % of ordinary robots lie within."""
+MEMORY = 10.0
+"""Rows of noise that are worth one: spreads count so much more beside rows; estimate."""
 _ROUNDS = 6
 """Of fixing amplitudes that leave their range."""
 _RIDGE = 1e-8
@@ -52,7 +54,9 @@ def fitted(d: Dictionary, blocks: Sequence[int], without: int | None = None) -> 
     for _ in range(_ROUNDS):
         fixed = x.copy()
         fixed[used] = 0.0
-        covariance = _inverse(gram[np.ix_(used, used)])
+        held = np.isin(used, bounded)
+        prior = np.where(held, MEMORY / np.maximum(d.std[used], 1e-300) ** 2, 0.0)
+        covariance = _inverse(gram[np.ix_(used, used)] + np.diag(prior))
         x[used] = covariance @ (right[used] - gram[used] @ fixed)
         most = ORDINARY * d.std
         off = [k for k in used if k in set(bounded.tolist()) and abs(x[k]) > most[k]]
@@ -70,12 +74,22 @@ def _inverse(gram: np.ndarray) -> np.ndarray:
 
 
 def added(d: Dictionary, fit: TwinFit, block: int) -> float:
-    """Gap that a cause adds: mean square of its torque beyond what every fit leaves free."""
-    gram = d.plain_sums[0]
-    at = d.at[block]
-    free = np.setdiff1d(np.flatnonzero(d.free), at)
-    own = fit.x[at]
-    square = float(own @ gram[np.ix_(at, at)] @ own)
-    across = gram[np.ix_(free, at)] @ own
+    """Gap that a cause adds at its worst joint, beyond what every fit leaves free there."""
+    return max(_added(d, fit, block, j) for j in _joints(d, block))
+
+
+def _joints(d: Dictionary, block: int) -> list[int]:
+    own = d.blocks[block].joint
+    acts = own is not None and bool((d.joint[d.at[block]] >= 0).all())
+    return [own - 1] if acts and own is not None else list(range(d.y.shape[1]))
+
+
+def _added(d: Dictionary, fit: TwinFit, block: int, j: int) -> float:
+    at, gram = d.by_joint(j)
+    here = np.isin(at, d.at[block])
+    free = d.free[at] & ~here
+    own = fit.x[at[here]]
+    square = float(own @ gram[np.ix_(here, here)] @ own)
+    across = gram[np.ix_(free, here)] @ own
     inside = float(across @ _inverse(gram[np.ix_(free, free)]) @ across)
-    return max(square - inside, 0.0) / d.y.size
+    return max(square - inside, 0.0) / float(d.use[:, j].sum())

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from wrenchbed.diagnosis.efforts.dictionary import Dictionary
 from wrenchbed.diagnosis.efforts.search import Search, Structure
-from wrenchbed.diagnosis.efforts.twin_fit import added, fitted
+from wrenchbed.diagnosis.efforts.twin_fit import TwinFit, added, fitted
 from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
 from wrenchbed.diagnosis.explain.reliability import credible
 from wrenchbed.diagnosis.gap.closure import Closure
@@ -24,6 +24,8 @@ _BESIDE = 0.25
 """Gap of causes without a name over that of named ones, from which nothing is named; estimate."""
 _MOST_RIVALS = 4
 """Members of a class beside its first (the contract's)."""
+_LAG = (0.4, 2.5)
+"""Amplitudes of a lag's column that are lags: its law holds near 1; estimate."""
 _WITHDRAWN = 0.05
 """Share of a withdrawn answer's probability that it keeps; estimate."""
 
@@ -84,9 +86,17 @@ def weighed(s: Search) -> Weighed:
     for structure, p in zip(s.structures, s.probability, strict=True):
         if p >= _SMALL or not found:
             fit = fitted(s.d, structure)
-            found.append((structure, float(p), {k: added(s.d, fit, k) for k in structure}))
+            gaps = {k: added(s.d, fit, k) if _plausible(s.d, fit, k) else 0.0 for k in structure}
+            found.append((structure, float(p), gaps))
     total = sum(p for _, p, _ in found)
     return Weighed(tuple((x, p / total, g) for x, p, g in found))
+
+
+def _plausible(d: Dictionary, fit: TwinFit, block: int) -> bool:
+    """Whether a lag is about as long as the one that its column was made for."""
+    if d.blocks[block].effect not in ("drive.delay", "drive.bandwidth"):
+        return True
+    return _LAG[0] <= float(fit.x[d.at[block][0]]) <= _LAG[1]
 
 
 def decide(d: Dictionary, w: Weighed) -> Verdict:
@@ -169,10 +179,22 @@ def upheld(v: Verdict, gap: Closure) -> Verdict:
         return withdrawn(v, NONE) if gap.calibrated.high < LEAST else v
     if gap.closed is None or gap.closed.low <= 0.0 or gap.with_effects is None:
         return withdrawn(v, NONE if small else UNKNOWN)
+    shown = tuple(c for c in v.causes if _closes(gap, c))
+    if not shown:
+        return withdrawn(v, NONE if small else UNKNOWN)
+    if len(shown) < len(v.causes):
+        open_ = any(c.rivals for c in shown)
+        v = Verdict("ambiguous" if open_ else "identified", shown, v.probabilities, v.outside)
     rest = gap.with_effects.low
     if gap.closed.value < MOST and rest > LARGEST_NONE:
         return Verdict(PARTIAL, v.causes, v.probabilities, v.outside)
     return v
+
+
+def _closes(gap: Closure, cause: Cause) -> bool:
+    """Whether held-out rows show a cause."""
+    member = gap.members.get(str(cause.block))
+    return member is not None and member.low > 0.0
 
 
 def withdrawn(v: Verdict, instead: str) -> Verdict:
