@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from wrenchbed import registry
+from wrenchbed.files import write_text
 from wrenchbed.robots.base import SimulatedRobot
 from wrenchbed.robots.described import describe
 from wrenchbed.robots.serial_xml import mjcf_of
@@ -29,7 +30,7 @@ def arms(files: Path, scratch: Path) -> list[SimulatedRobot]:
     todo = [(files / name, frame) for name, frame in FILES]
     for name in FAMILY:
         path = scratch / f"{name}.xml"
-        path.write_text(mjcf_of(ur_arm(name).arm), encoding="utf-8")
+        write_text(path, mjcf_of(ur_arm(name).arm))
         todo.append((path, "flange"))
     for path, frame in todo:
         mass, cog = _TOOL

@@ -11,9 +11,9 @@ from wrenchbed.benchmark.scoring.metrics import exact_interval
 
 T = TypeVar("T")
 CERTAIN = 0.9
-"""Probability above which an answer counts as sure, as in the wrench's score; a definition."""
+"""Probability above which an answer counts as sure, as in the wrench's score; by definition."""
 OF_ORACLE = 0.95
-"""Share of what the oracle closes that is asked for; a definition."""
+"""Share of what the oracle closes that is asked for; by definition."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class Figure:
             return "–"
         if self.low is None or self.high is None:
             return f"{self.value:.2f}"
-        return f"{100 * self.value:.0f} % ({100 * self.low:.0f} to {100 * self.high:.0f})"
+        return f"{self.value:.0%} ({self.low:.0%} to {self.high:.0%})"
 
 
 def right(truth: EffortTruth, cause: tuple[tuple[str, int | None], ...]) -> bool:
