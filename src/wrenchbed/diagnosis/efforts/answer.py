@@ -7,6 +7,7 @@ import numpy as np
 
 from wrenchbed.diagnosis.efforts.dictionary import Dictionary
 from wrenchbed.diagnosis.efforts.names import title
+from wrenchbed.diagnosis.efforts.signs import Sign
 from wrenchbed.diagnosis.efforts.sizes import Folds, parameters
 from wrenchbed.diagnosis.efforts.verdict import Cause, Key, Verdict
 from wrenchbed.diagnosis.gap.closure import Closure
@@ -62,16 +63,20 @@ def which(d: Dictionary, v: Verdict, gap: Closure) -> list[dict[str, Any]]:
     return result
 
 
-def where(d: Dictionary, v: Verdict, gap: Closure) -> list[dict[str, Any]]:
+def where(
+    d: Dictionary, v: Verdict, gap: Closure, seen: Sequence[Sign] = ()
+) -> list[dict[str, Any]]:
     """Places: of each claim, or the joints in which an unknown gap lies."""
     if v.causes:
         closed = 0.0 if gap.closed is None else min(1.0, max(0.0, gap.closed.value))
         return [_claimed(c, closed) for c in v.causes]
     before = {c: max(x["before"], 0.0) for c, x in gap.per_channel.items()}
     total = sum(before.values())
-    if v.word == "none" or total <= 0.0:
+    if v.word == "none":
         return []
-    found = []
+    found = [_seen(s) for s in seen[:2]]
+    if total <= 0.0 or found:
+        return found
     for channel, gap_of in sorted(before.items(), key=lambda kv: -kv[1])[:2]:
         share = gap_of / total
         joint = int("".join(filter(str.isdigit, channel)))
@@ -81,6 +86,13 @@ def where(d: Dictionary, v: Verdict, gap: Closure) -> list[dict[str, Any]]:
             "sentence": f"{text}; this is only a hint: no cause is claimed.",
         })  # fmt: skip
     return found
+
+
+def _seen(sign: Sign) -> dict[str, Any]:
+    return {
+        "subsystem": "drive", "detail": f"joint {sign.joint}", "share": 0.0, "p_value": 1.0,
+        "sentence": f"{sign.text[:1].upper()}{sign.text[1:]}: no cause is claimed.",
+    }  # fmt: skip
 
 
 def _claimed(c: Cause, closed: float) -> dict[str, Any]:
@@ -116,7 +128,7 @@ def next_steps(v: Verdict) -> list[dict[str, Any]]:
     return list(found.values())
 
 
-def notes(d: Dictionary, v: Verdict, gap: Closure) -> tuple[str, ...]:
+def notes(d: Dictionary, v: Verdict, gap: Closure, seen: Sequence[Sign] = ()) -> tuple[str, ...]:
     """What a reader should know."""
     scene = d.scene
     unit = "N·m"
@@ -131,6 +143,7 @@ def notes(d: Dictionary, v: Verdict, gap: Closure) -> tuple[str, ...]:
     )  # fmt: skip
     if scene.currents and not scene.drives.known("drive.constant").all():
         result.append("drive constants are fitted, and no cause: they hold as the link masses do")
+    result += [f"not ordinary noise: {s.text}" for s in seen]
     if v.outside:
         result.append(f"what has no name looks most like: {v.outside}")
     if gap.with_effects is not None and gap.with_effects.low > 1.0:

@@ -14,6 +14,7 @@ from wrenchbed.diagnosis.efforts.dictionary import Dictionary, dictionary
 from wrenchbed.diagnosis.efforts.held_out import HeldOut, closure, held_out
 from wrenchbed.diagnosis.efforts.scene import effort_scene
 from wrenchbed.diagnosis.efforts.search import Search, search
+from wrenchbed.diagnosis.efforts.signs import signs
 from wrenchbed.diagnosis.efforts.verdict import Verdict, decide, kept, upheld, weighed
 from wrenchbed.diagnosis.gap.result import Diagnosis, plain
 from wrenchbed.files import write_json
@@ -83,17 +84,19 @@ def diagnose_efforts(
     judged = held_out(d, kept(verdict.causes))
     prefix = str(recording.effort)
     gap = closure(judged, kept(verdict.causes), prefix, seed)
-    final = upheld(verdict, gap)
-    if kept(final.causes) != kept(verdict.causes):
-        judged = held_out(d, kept(final.causes))
-        gap = closure(judged, kept(final.causes), prefix, seed)
+    seen, asked = signs(d), kept(verdict.causes)
+    final = upheld(verdict, gap, seen)
+    while (left := kept(final.causes)) != asked:  # causes only become fewer
+        judged, asked = held_out(d, left), left
+        gap = closure(judged, left, prefix, seed)
+        final = upheld(final, gap, seen) if left else final
     members = {d.blocks[int(k)].effect: m for k, m in gap.members.items()}
     twin = Twin(scene.model, _theta(d), (), recording.name)
     diagnosis = Diagnosis(
         recording.name, recording.metadata.robot, final.word, replace(gap, members=members),
-        answer.where(d, final, gap), answer.which(d, final, gap), dict(final.probabilities),
+        answer.where(d, final, gap, seen), answer.which(d, final, gap), dict(final.probabilities),
         answer.cannot_tell(final), answer.next_steps(final), twin,
-        time.perf_counter() - begun, answer.notes(d, final, gap), set90=final.set90(),
+        time.perf_counter() - begun, answer.notes(d, final, gap, seen), set90=final.set90(),
     )  # fmt: skip
     return EffortFindings(diagnosis, d, found, final, judged, seed)
 

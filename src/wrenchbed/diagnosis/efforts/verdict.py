@@ -4,10 +4,11 @@ A cause counts from a gap of 1 (`docs/contracts.md`); held-out rows have the las
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from wrenchbed.diagnosis.efforts.dictionary import Dictionary
 from wrenchbed.diagnosis.efforts.search import Search, Structure
+from wrenchbed.diagnosis.efforts.signs import HELD, Sign
 from wrenchbed.diagnosis.efforts.twin_fit import TwinFit, added, fitted
 from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
 from wrenchbed.diagnosis.explain.reliability import credible
@@ -26,6 +27,18 @@ _MOST_RIVALS = 4
 """Members of a class beside its first (the contract's)."""
 _LAG = (0.4, 2.5)
 """Amplitudes of a lag's column that are lags: its law holds near 1; estimate."""
+_LITTLE = 0.25
+"""Least share of the gap that causes close together: estimate, imperfect models close less."""
+_FURTHER = 0.1
+"""Share of the gap that a further cause closes by itself at least; estimate."""
+_CLEAR = 3.0
+"""Standard errors by which it does; estimate."""
+_NORMAL = 3.92
+"""Standard errors in a 95 % interval."""
+_LARGEST_JOINT = 2.0
+"""Gap of one joint up to which there may be no cause: ordinary arms reach 1.5; estimate."""
+_DOUBTFUL = 0.85
+"""Largest probability of an answer that leaves a gap that counts; estimate."""
 _WITHDRAWN = 0.05
 """Share of a withdrawn answer's probability that it keeps; estimate."""
 
@@ -170,31 +183,79 @@ def _named(d: Dictionary, w: Weighed, k: int) -> frozenset[Key]:
     return frozenset(d.blocks[b].key for b in w.counting(k) if not d.blocks[b].outside)
 
 
-def upheld(v: Verdict, gap: Closure) -> Verdict:
-    """The answer without what held-out rows refute."""
-    small = gap.calibrated.low <= LARGEST_NONE
+def upheld(v: Verdict, gap: Closure, seen: Sequence[Sign] = ()) -> Verdict:
+    """The answer without what held-out rows refute.
+
+    Args:
+        v: answer.
+        gap: measured with its causes.
+        seen: signs that the residual is not ordinary noise: then nothing is `none`.
+    """
+    worst = max(c["before"] for c in gap.per_channel.values())
+    small = gap.calibrated.low <= LARGEST_NONE and worst <= _LARGEST_JOINT and not seen
     if v.word == NONE:
-        return v if small else withdrawn(v, UNKNOWN)
+        return (_doubted(v) if worst > LARGEST_NONE else v) if small else withdrawn(v, UNKNOWN)
     if v.word == UNKNOWN:
-        return withdrawn(v, NONE) if gap.calibrated.high < LEAST else v
+        return withdrawn(v, NONE) if gap.calibrated.high < LEAST and small else v
     if gap.closed is None or gap.closed.low <= 0.0 or gap.with_effects is None:
         return withdrawn(v, NONE if small else UNKNOWN)
-    shown = tuple(c for c in v.causes if _closes(gap, c))
+    least = MOST if any(s.kind == HELD for s in seen) else _LITTLE
+    if gap.closed.value < least:
+        return withdrawn(v, NONE if small else UNKNOWN)
+    shown = _shown(gap, v.causes)
     if not shown:
         return withdrawn(v, NONE if small else UNKNOWN)
     if len(shown) < len(v.causes):
         open_ = any(c.rivals for c in shown)
         v = Verdict("ambiguous" if open_ else "identified", shown, v.probabilities, v.outside)
+    v = replace(v, causes=tuple(_doubted_cause(gap, c) for c in v.causes))
     rest = gap.with_effects.low
     if gap.closed.value < MOST and rest > LARGEST_NONE:
         return Verdict(PARTIAL, v.causes, v.probabilities, v.outside)
     return v
 
 
-def _closes(gap: Closure, cause: Cause) -> bool:
-    """Whether held-out rows show a cause."""
+def _shown(gap: Closure, causes: Sequence[Cause]) -> tuple[Cause, ...]:
+    """Causes that held-out rows show: the first of each joint, each with a gap of its own."""
+    kept, joints = list[Cause](), set[int | None]()
+    for c in sorted(causes, key=lambda c: -_closed(gap, c)):
+        if _closes(gap, c, further=bool(kept)) and (c.key[1] is None or c.key[1] not in joints):
+            kept.append(c)
+            joints.add(c.key[1])
+    return tuple(kept)
+
+
+def _closed(gap: Closure, cause: Cause) -> float:
     member = gap.members.get(str(cause.block))
-    return member is not None and member.low > 0.0
+    return 0.0 if member is None else member.value
+
+
+def _closes(gap: Closure, cause: Cause, *, further: bool) -> bool:
+    """Whether held-out rows show a cause; of one beside another more is asked."""
+    member = gap.members.get(str(cause.block))
+    if member is None or member.low <= 0.0:
+        return False
+    error = (member.high - member.low) / _NORMAL
+    clear = member.value >= max(_CLEAR * error, _FURTHER * gap.calibrated.value)
+    return clear or not further
+
+
+def _doubted_cause(gap: Closure, cause: Cause) -> Cause:
+    """A cause less probable where its joint keeps a gap that counts."""
+    joint = cause.key[1]
+    own = [c for n, c in gap.per_channel.items() if int("".join(filter(str.isdigit, n))) == joint]
+    if own and own[0].get("after", 0.0) > LARGEST_NONE:
+        return replace(cause, probability=min(cause.probability, _DOUBTFUL))
+    return cause
+
+
+def _doubted(v: Verdict) -> Verdict:
+    """`none` less probable: a joint has a gap that would count."""
+    share = dict(v.probabilities)
+    more = max(share.get(NONE, 0.0) - _DOUBTFUL, 0.0)
+    share[NONE] = share.get(NONE, 0.0) - more
+    share[UNKNOWN] = share.get(UNKNOWN, 0.0) + more
+    return replace(v, probabilities=share)
 
 
 def withdrawn(v: Verdict, instead: str) -> Verdict:

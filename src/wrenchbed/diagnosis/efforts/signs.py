@@ -1,0 +1,134 @@
+"""Signs in what the richest model leaves that ordinary noise does not have.
+
+Noise is estimated from that same residual, so its size says nothing here: only how it is spread
+over time and frequency, and whether a drive repeats an old value.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import ndimage, signal
+
+from wrenchbed.diagnosis.efforts.dictionary import Dictionary
+from wrenchbed.diagnosis.efforts.noise import remains
+
+_STRETCHES = 40
+"""Stretches of time whose variances are compared; estimate."""
+_LEAST_ROWS = 20
+"""Fewest rows of a stretch that takes part; estimate."""
+_EPISODE = 3.2
+"""Variance of the noisiest stretch over the median's; estimate, ordinary arms of the development
+seeds reach 2.4."""
+_MANY = 2.0
+"""Likewise of the stretch that is noisier than nine of ten; estimate, ordinary arms reach 1.7."""
+_TENTH = 0.9
+"""Quantile of the stretches for `_MANY`; definition."""
+_PEAK = 4.0
+"""Power of a narrow peak over the median of its neighbours; estimate, ordinary arms reach 2.9."""
+_SEGMENT, _NEIGHBOURS = 256, 31
+"""Rows of a segment of the spectrum, and frequencies of which the median is taken; estimates."""
+_FIRST = 2
+"""Lowest frequencies that are left out: the window leaks from zero; estimate."""
+_KURTOSIS = 15.0
+"""Fourth moment over the squared variance; estimate, ordinary arms reach 8."""
+_HELD_S, _HELD_ROWS = 0.15, 12
+"""Shortest time [s] and rows over which a moving joint's effort repeats exactly; estimates:
+quantised noise reaches 0.07 s."""
+_REST = 0.03
+"""Share of the largest speed below which a joint rests; estimate, as in `operators`."""
+HELD = "held"
+"""Kind of a sign that does not rest on any model."""
+
+
+@dataclass(frozen=True)
+class Sign:
+    """One sign.
+
+    Attributes:
+        kind: ``held``, ``episode``, ``peak`` or ``outliers``.
+        joint: from 1.
+        text: what was seen and when; begins small.
+    """
+
+    kind: str
+    joint: int
+    text: str
+
+
+def signs(d: Dictionary) -> tuple[Sign, ...]:
+    """Signs of all joints."""
+    found = list[Sign]()
+    time = d.scene.signals.t[d.scene.kept()]
+    for j in range(d.y.shape[1]):
+        use = d.use[:, j]
+        left = np.where(use, remains(d.y[:, j], d.columns(j)[1], use), 0.0)
+        every = (
+            held(d.scene.signals.t, d.scene.signals.effort[:, j], d.scene.q.d[:, j]),
+            episode(time, left, use),
+            peak(left, d.scene.rate),
+            outliers(time, left, use),
+        )
+        kinds = (HELD, "episode", "peak", "outliers")
+        found += [
+            Sign(k, j + 1, f"joint {j + 1}: {text}")
+            for k, text in zip(kinds, every, strict=True) if text
+        ]  # fmt: skip
+    return tuple(found)
+
+
+def held(t: np.ndarray, effort: np.ndarray, speed: np.ndarray) -> str:
+    """Whether an effort (N,) repeats exactly while its joint moves; empty if not."""
+    moves = np.abs(speed[1:]) > _REST * np.abs(speed).max()
+    same = np.concatenate([[0], ((np.diff(effort) == 0.0) & moves).astype(int), [0]])
+    first, end = np.flatnonzero(np.diff(same) > 0), np.flatnonzero(np.diff(same) < 0)
+    if not first.size:
+        return ""
+    long = (end - first >= _HELD_ROWS) & (t[end] - t[first] >= _HELD_S)
+    if not long.any():
+        return ""
+    k = int(np.flatnonzero(long)[0])
+    return (
+        f"its effort repeats one value while the joint moves, {int(long.sum())} times, first from "
+        f"{t[first[k]]:.1f} s to {t[end[k]]:.1f} s"
+    )
+
+
+def episode(t: np.ndarray, left: np.ndarray, use: np.ndarray) -> str:
+    """Whether some stretches of a residual (M,) scatter far more than most; empty if not."""
+    fold = np.arange(len(left)) * _STRETCHES // len(left)
+    rows = np.bincount(fold, use, _STRETCHES)
+    some = np.flatnonzero(rows >= _LEAST_ROWS)
+    if some.size < _STRETCHES // 2:
+        return ""
+    each = np.bincount(fold, np.where(use, left, 0.0) ** 2, _STRETCHES)[some] / rows[some]
+    middle = max(float(np.median(each)), 1e-300)
+    worst = float(each.max()) / middle
+    if worst < _EPISODE and float(np.quantile(each, _TENTH)) / middle < _MANY:
+        return ""
+    span = t[fold == some[int(each.argmax())]]
+    return (
+        f"from {span[0]:.1f} s to {span[-1]:.1f} s what no effect explains is "
+        f"{np.sqrt(worst):.1f} times what it usually is"
+    )
+
+
+def peak(left: np.ndarray, rate: float) -> str:
+    """Whether the spectrum of a residual (M,) has a narrow peak; empty if not."""
+    hertz, power = signal.welch(left, rate, nperseg=min(_SEGMENT, len(left)))
+    around = ndimage.median_filter(power, _NEIGHBOURS, mode="nearest")
+    over = (power / np.maximum(around, 1e-300))[_FIRST:]
+    if float(over.max()) < _PEAK:
+        return ""
+    most = float(hertz[_FIRST + int((power[_FIRST:] * (over >= _PEAK)).argmax())])
+    return f"what no effect explains oscillates at {most:.1f} Hz"
+
+
+def outliers(t: np.ndarray, left: np.ndarray, use: np.ndarray) -> str:
+    """Whether a few rows of a residual (M,) are far out; empty if not."""
+    some = left[use]
+    square = max(float(np.mean(some**2)), 1e-300)
+    if float(np.mean(some**4)) / square**2 < _KURTOSIS:
+        return ""
+    at = int(np.where(use, np.abs(left), 0.0).argmax())
+    size = abs(float(left[at])) / np.sqrt(square)
+    return f"at {t[at]:.1f} s what no effect explains jumps to {size:.0f} times its usual size"

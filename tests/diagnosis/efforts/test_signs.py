@@ -1,0 +1,102 @@
+"""What ordinary noise does not have: held values, episodes, a narrow peak, outliers."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from arm_gaps import case
+
+from wrenchbed.diagnosis.efforts.diagnose_efforts import diagnose_efforts
+from wrenchbed.diagnosis.efforts.signs import episode, held, outliers, peak
+from wrenchbed.diagnosis.efforts.verdict import Cause, Verdict, upheld
+from wrenchbed.diagnosis.gap.closure import Closure, Interval
+
+RATE, ROWS = 125.0, 5000
+T = np.arange(ROWS) / RATE
+USE = np.ones(ROWS, dtype=bool)
+
+
+def noise(seed):
+    """White noise (N,), heavier tailed than a Gaussian."""
+    return np.random.default_rng(seed).standard_t(6.0, ROWS)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_ordinary_noise_has_no_sign(seed):
+    left = noise(seed)
+    steps = np.round(3.0 * left) / 3.0
+    assert held(T, steps, np.ones(ROWS)) == ""
+    assert episode(T, left, USE) == "" and peak(left, RATE) == "" and outliers(T, left, USE) == ""
+
+
+def test_a_held_value_counts_only_while_the_joint_moves():
+    effort, speed = noise(1), np.ones(ROWS)
+    effort[1000:1050] = effort[1000]
+    assert "from 8.0 s to 8.4 s" in held(T, effort, speed)
+    speed[990:1060] = 0.0
+    assert held(T, effort, speed) == ""
+
+
+def test_an_episode_is_dated():
+    left = noise(2)
+    left[2500:2625] *= 3.0
+    assert "from 20.0 s to 21.0 s" in episode(T, left, USE)
+
+
+def test_a_ringing_joint_has_its_frequency():
+    left = noise(3) + 1.5 * np.sin(2.0 * np.pi * 9.3 * T)
+    assert "9.3 Hz" in peak(left, RATE)
+
+
+def test_a_jump_is_an_outlier():
+    left = noise(4)
+    left[1250] = 40.0
+    assert "at 10.0 s" in outliers(T, left, USE)
+
+
+def test_a_hit_once_a_turn_is_unknown_and_says_when():
+    healthy = case(seed=31)
+    columns = dict(healthy.columns)
+    hits = np.zeros(len(healthy.t))
+    hits[:: len(hits) // 12] = 1.0
+    age = np.arange(125) / 125.0
+    ring = np.exp(-5.0 * age) * np.sin(2.0 * np.pi * 10.0 * age)
+    columns["tau3"] = columns["tau3"] + 8.0 * np.convolve(hits, ring)[: len(hits)]
+    d = diagnose_efforts(replace(healthy, columns=columns)).diagnosis
+    assert d.verdict == "unknown" and not d.which
+    assert d.where[0]["detail"] == "joint 3" and " s " in d.where[0]["sentence"]
+
+
+def gap(first, second, after=(0.1, 0.1)):
+    """A gap of 10, with what two causes close."""
+    return Closure(
+        10.0, Interval(10.0, 9.0, 11.0), Interval(1.0, 0.5, 1.5), 0.0, Interval(0.9, 0.8, 0.95),
+        None, 1000, 20,
+        {"tau1": {"before": 10.0, "after": after[0]}, "tau2": {"before": 10.0, "after": after[1]}},
+        {"0": first, "1": second}, None, {},
+    )  # fmt: skip
+
+
+def two(other=("drive.load", 2)):
+    """Two causes."""
+    causes = (Cause(0, ("drive.coulomb", 1), (), 1.0, 0.7), Cause(1, other, (), 1.0, 0.3))
+    return Verdict("identified", causes, {"drive.coulomb": 1.0})
+
+
+CLEAR, SMALL, LOOSE = Interval(6.0, 5.0, 7.0), Interval(0.5, 0.4, 0.6), Interval(2.0, 0.1, 3.9)
+
+
+@pytest.mark.parametrize(("second", "count"), [(CLEAR, 2), (SMALL, 1), (LOOSE, 1)])
+def test_a_further_cause_needs_a_gap_of_its_own(second, count):
+    assert len(upheld(two(), gap(CLEAR, second)).causes) == count
+
+
+def test_a_joint_has_one_cause():
+    found = upheld(two(("drive.load", 1)), gap(CLEAR, Interval(7.0, 6.0, 8.0)))
+    assert [c.key for c in found.causes] == [("drive.load", 1)]
+
+
+def test_a_cause_that_leaves_a_gap_in_its_joint_is_not_sure():
+    found = upheld(two(), gap(CLEAR, CLEAR, after=(0.1, 3.0)))
+    sure = {c.key[1]: c.probability for c in found.causes}
+    assert sure[1] == 1.0 and sure[2] < 0.9
