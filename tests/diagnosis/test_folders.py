@@ -13,6 +13,7 @@ ABOVE = {
     "evidence": {"prepare"},
     "explain": {"prepare", "evidence"},
     "gap": {"prepare", "evidence", "explain"},
+    "efforts": {"evidence", "explain", "gap"},
     "between_rows": {"prepare"},
     "next": {"prepare", "evidence", "explain"},
 }

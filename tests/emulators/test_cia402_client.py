@@ -60,7 +60,7 @@ class Wire(canopen.Network):
             t = time.monotonic()
             before = self._actual
             with self.drive.lock:
-                self._actual = self.drive.track(t, 0.004, before, self._speed(before), 0.0)
+                self._actual = self.drive.track(t, 0.004, before, self._speed(before), (0.0, 0.0))
             self.drive.tick(t)
 
     def _speed(self, before):

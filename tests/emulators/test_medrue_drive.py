@@ -30,7 +30,7 @@ class Bench:
         ratings = Ratings(-100_000, 100_000, 500, 1e6, 1e5, 1e5, 20.0)
         self.drive = DriveEmulator(NODE, self.sent.append, ratings, 0.0, 0.1, threading.RLock())
         self.drive.boot()
-        self.t, self.period, self.torque = 1.0, period, 0.0
+        self.t, self.period, self.effort = 1.0, period, (0.0, 0.0)
         self.actual = self.last = 0.0
         self.word = 0
 
@@ -76,7 +76,7 @@ class Bench:
         self.track()
 
     def track(self):
-        self.actual = self.drive.track(self.t, self.period, self.actual, 0.0, self.torque)
+        self.actual = self.drive.track(self.t, self.period, self.actual, 0.0, self.effort)
 
     def enabled(self, cycle=0, abort=3):
         self.sdo(0x1006, 0, cycle, 4)
@@ -284,17 +284,18 @@ def test_a_mode_that_does_not_exist_is_not_taken_from_a_pdo():
         assert bench.read(0x6060) == taken
 
 
-def test_torque_is_reported_in_thousandths_of_the_rated_one():
+def test_torque_and_current_are_reported_in_thousandths_of_the_rated_ones():
     bench = Bench()
-    assert bench.read(0x6076) == 20_000  # mN·m
+    assert (bench.read(0x6076), bench.read(0x6075)) == (20_000, 4_000)  # mN·m, mA
     assert bench.map(TPDO, STATUS, ACTUAL, TORQUE) == 0
     bench.enabled()
     for torque, told in ((5.0, 250), (-0.021, -1), (1e4, 32767), (-1e4, -32767)):
-        bench.torque = torque
+        bench.effort = (torque, torque / 5.0)  # 5 N·m/A, as rated
         bench.track()
         bench.tick()
         (answer,) = [frame.data for frame in bench.sent if frame.can_id == 0x183]
-        assert struct.unpack_from("<h", answer, 6)[0] == told == bench.read(0x6077)
+        assert struct.unpack_from("<h", answer, 6)[0] == told
+        assert told == bench.read(0x6077) == bench.read(0x6078)
         bench.sent.clear()
 
 

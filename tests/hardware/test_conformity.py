@@ -78,9 +78,9 @@ def test_the_axis_stays_within_the_distance():
     positions = []
     track = bus.drive.track
 
-    def watched(t, seconds, actual, speed, torque):
+    def watched(t, seconds, actual, speed, effort):
         positions.append(actual)
-        return track(t, seconds, actual, speed, torque)
+        return track(t, seconds, actual, speed, effort)
 
     bus.drive.track = watched
     check_drive(bus, BenchSettings(NODE), Level.MOVE)

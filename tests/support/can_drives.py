@@ -48,7 +48,7 @@ class SimulatedBus:
         self._ticks += 1
         if self._ticks % CYCLE == 0:
             before, seconds = self._actual, STEP * CYCLE
-            self._actual = self.drive.track(self.t, seconds, before, self._speed, 0.0)
+            self._actual = self.drive.track(self.t, seconds, before, self._speed, (0.0, 0.0))
             self._speed = (self._actual - before) / seconds
         self.drive.tick(self.t)
 
