@@ -236,7 +236,8 @@ def test_figures_of_answers_counted_by_hand():
 
 
 def test_a_claim_is_read_from_the_contract():
-    raw = {"verdict": "ambiguous", "gap": {"closed": 0.9}, "probabilities": {"unknown": 0.1},
+    raw = {"verdict": "ambiguous", "gap": {"configured": 20.0, "with_effects": 2.0},
+           "probabilities": {"unknown": 0.1},
            "which": [{"effect": "drive.load", "probability": 0.8, "rivals": ["drive.coulomb"],
                       "parameters": {"joint": {"value": 4, "rivals": [5]}}},
                      {"effect": "tool.mass", "probability": 0.6, "parameters": {}}]}  # fmt: skip

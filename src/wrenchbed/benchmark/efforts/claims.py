@@ -24,7 +24,7 @@ class EffortClaim:
         presence: probability of each.
         unknown: probability of ``unknown``.
         none: probability of ``none``.
-        closed: share of the gap that the answer closes by its own account.
+        closed: share of the configured gap that the answer closes by its own account.
         seconds: that it took.
         error: what went wrong, empty if nothing did.
     """
@@ -47,16 +47,24 @@ def of_json(raw: Mapping[str, Any], seconds: float) -> EffortClaim:
     """
     told = list(raw["which"])
     odds = raw.get("probabilities", {})
-    closed = raw.get("gap", {}).get("closed")
     return EffortClaim(
         str(raw["verdict"]),
         tuple(_class(entry) for entry in told),
         tuple(float(entry["probability"]) for entry in told),
         float(odds.get("unknown", 0.0)),
         float(odds.get("none", 0.0)),
-        None if closed is None or not math.isfinite(closed) else float(closed),
+        _closed(raw.get("gap", {})),
         seconds,
     )
+
+
+def _closed(gap: Mapping[str, Any]) -> float | None:
+    """Share of the configured gap that is closed, as of the oracle; None without a claim."""
+    before, after = gap.get("configured"), gap.get("with_effects")
+    if before is None or after is None or not float(before) > 0.0:
+        return None
+    share = 1.0 - max(float(after), 0.0) / float(before)
+    return share if math.isfinite(share) else None
 
 
 def _class(entry: Mapping[str, Any]) -> tuple[Key, ...]:

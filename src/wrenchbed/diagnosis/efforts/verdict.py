@@ -200,12 +200,13 @@ def upheld(v: Verdict, gap: Closure, seen: Sequence[Sign] = ()) -> Verdict:
     if gap.closed is None or gap.closed.low <= 0.0 or gap.with_effects is None:
         return withdrawn(v, NONE if small else UNKNOWN)
     least = MOST if any(s.kind == HELD for s in seen) else _LITTLE
-    if gap.closed.value < least:
+    most = max(gap.closed.value, _closed_at_best(gap, v.causes))
+    if most < least:
         return withdrawn(v, NONE if small else UNKNOWN)
     shown = _shown(gap, v.causes)
     if not shown:
         return withdrawn(v, NONE if small else UNKNOWN)
-    if len(shown) < len(v.causes):
+    if shown != v.causes:
         open_ = any(c.rivals for c in shown)
         v = Verdict("ambiguous" if open_ else "identified", shown, v.probabilities, v.outside)
     v = replace(v, causes=tuple(_doubted_cause(gap, c) for c in v.causes))
@@ -215,14 +216,41 @@ def upheld(v: Verdict, gap: Closure, seen: Sequence[Sign] = ()) -> Verdict:
     return v
 
 
+def _closed_at_best(gap: Closure, causes: Sequence[Cause]) -> float:
+    """Share closed of the joint whose gap shrinks most; small gaps of the others do not dilute it.
+
+    Causes of the whole arm have no joint of their own: 0.
+    """
+    if any(c.key[1] is None for c in causes):
+        return 0.0
+    shrunk = [(c["before"] - c["after"], c["before"]) for c in gap.per_channel.values()]
+    most, before = max(shrunk)
+    return most / before if before > LARGEST_NONE else 0.0
+
+
 def _shown(gap: Closure, causes: Sequence[Cause]) -> tuple[Cause, ...]:
-    """Causes that held-out rows show: the first of each joint, each with a gap of its own."""
-    kept, joints = list[Cause](), set[int | None]()
+    """Causes that held-out rows show, each with a gap of its own.
+
+    Of one drive the first is a cause and others its rivals: motions seldom tell two apart.
+    """
+    kept = list[Cause]()
     for c in sorted(causes, key=lambda c: -_closed(gap, c)):
-        if _closes(gap, c, further=bool(kept)) and (c.key[1] is None or c.key[1] not in joints):
+        if not _closes(gap, c, further=bool(kept)):
+            continue
+        joint = c.key[1]
+        same = [k for k, first in enumerate(kept) if joint is not None and first.key[1] == joint]
+        if same:
+            kept[same[0]] = _beside(kept[same[0]], c)
+        else:
             kept.append(c)
-            joints.add(c.key[1])
     return tuple(kept)
+
+
+def _beside(first: Cause, other: Cause) -> Cause:
+    """A cause with another of its drive as a rival."""
+    known = (first.key, *first.rivals)
+    more = [k for k in (other.key, *other.rivals) if k not in known]
+    return replace(first, rivals=(*first.rivals, *more)[:_MOST_RIVALS])
 
 
 def _closed(gap: Closure, cause: Cause) -> float:
