@@ -119,3 +119,11 @@ def test_a_cause_that_leaves_a_gap_in_its_joint_is_not_sure():
     found = upheld(two(), gap(CLEAR, CLEAR, after=(0.1, 3.0)))
     sure = {c.key[1]: c.probability for c in found.causes}
     assert sure[1] == 1.0 and sure[2] < 0.9
+
+
+def test_an_answer_that_held_out_rows_refute_leaves_nothing_sure():
+    g = replace(gap(CLEAR, CLEAR), calibrated=Interval(0.1, 0.0, 0.2), closed=Interval(0, -1, 1))
+    g = replace(g, per_channel={"tau1": {"before": 0.1, "after": 0.1}})
+    found = upheld(two(), g)
+    assert found.word == "none" and found.probabilities["none"] < 0.9
+    assert sum(found.probabilities.values()) == pytest.approx(1.0)

@@ -39,8 +39,9 @@ _LARGEST_JOINT = 2.0
 """Gap of one joint up to which there may be no cause: ordinary arms reach 1.5; estimate."""
 _DOUBTFUL = 0.85
 """Largest probability of an answer that leaves a gap that counts; estimate."""
-_WITHDRAWN = 0.05
-"""Share of a withdrawn answer's probability that it keeps; estimate."""
+_WITHDRAWN = 0.15
+"""Share of a withdrawn answer's probability that it keeps, for evidence and held-out rows disagree;
+estimate."""
 
 Key = tuple[str, int | None]
 """Effect and joint, from 1."""
