@@ -19,7 +19,7 @@ from wrenchbed.diagnosis.prepare.prepare_recording import prepare
 from wrenchbed.errors import DiagnosisError, RecordingError
 from wrenchbed.hardware.drivers.sim import SimDriver, SimOptions
 from wrenchbed.physics.wrench import CHANNELS
-from wrenchbed.simulation.closed_form import Model
+from wrenchbed.simulation.closed_form import Model, robot_of
 
 FORCES, TORQUES = CHANNELS[:3], CHANNELS[3:]
 POSES, ROWS = 40, 20
@@ -185,6 +185,17 @@ def test_a_robot_that_does_not_exist(ur5):
 
 def test_a_ur5_called_a_medrue(ur5):
     refused(changed(ur5, robot="medrue"), "row 0: q", "outside its limits", "robot = 'medrue'")
+
+
+@pytest.mark.parametrize("side", ["lower", "upper"])
+def test_an_encoder_may_read_a_little_past_a_limit(ur5, side):
+    limit = getattr(registry.load("robots", "ur5").joints[1], side)
+    way = 1.0 if side == "upper" else -1.0
+    at = {"q2": np.where(np.arange(len(ur5.t)) < 3, limit + way * 0.9e-3, ur5.q[:, 1])}
+    assert robot_of(changed(ur5, at)).name == "ur5"
+    at = {"q2": np.where(np.arange(len(ur5.t)) == 3, limit + way * 1.1e-3, ur5.q[:, 1])}
+    with pytest.raises(RecordingError, match="row 3: q2 = .* outside its limits"):
+        robot_of(changed(ur5, at))
 
 
 def test_a_medrue_called_a_ur5(recordings):

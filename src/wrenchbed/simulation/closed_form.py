@@ -21,6 +21,8 @@ from wrenchbed.robots.base import INERTIA_AXES, STEP, Robot
 from wrenchbed.robots.oriented import ROBOT as ORIENTED
 
 _ROWS_AT_ONCE = 200_000
+_PAST_LIMIT = 1e-3
+"""How far an encoder may read past a joint's limit [rad; m]; estimate: its noise, and overshoot."""
 
 
 def _sensor_parameters() -> ParameterSet:
@@ -229,10 +231,19 @@ def robot_of(recording: Recording) -> Robot:
             f"metadata robot = {name!r} is wrong"
         )
     try:
-        robot.check(recording.q, robot.parameters.nominal, f"{recording.name}: robot {name!r}")
+        where = f"{recording.name}: robot {name!r}"
+        robot.check(_within_limits(robot, recording.q), robot.parameters.nominal, where)
     except PlanError as error:
         raise RecordingError(
             f"{error}: state joints in rad and m, and in metadata robot = {name!r} the robot that "
             "was recorded"
         ) from error
     return robot
+
+
+def _within_limits(robot: Robot, q: np.ndarray) -> np.ndarray:
+    """Joint values (N, J), at the limit where an encoder reads a little past it."""
+    lower = np.array([joint.lower for joint in robot.joints])
+    upper = np.array([joint.upper for joint in robot.joints])
+    near = (q >= lower - _PAST_LIMIT) & (q <= upper + _PAST_LIMIT)
+    return np.where(near, np.clip(q, lower, upper), q)

@@ -34,7 +34,7 @@ PRESLIDING = (3e-4, 1e-3, 3e-3, 1e-2)
 """Angles after a reversal over which friction builds up or breaks away [rad]; estimate."""
 WIDTHS = (1e-2, 3e-2, 1e-1)
 """Half widths of hysteresis of a gear [rad]; estimate."""
-LAGS = (2e-3, 3e-3, 4.5e-3, 6.5e-3, 9.5e-3, 1.4e-2, 2e-2, 2.9e-2, 4.2e-2, 6e-2)
+LAGS = (2e-3, 3e-3, 4.5e-3, 6.5e-3, 9.5e-3, 1.4e-2, 2e-2, 2.9e-2, 4.2e-2, 6e-2, 8.8e-2, 0.128)
 """Delays and time constants that are tried [s]: steps of 1.45; amplitudes lie between."""
 LATE = 4e-3
 """Ordinary delay or lag of one joint's effort, one standard deviation [s]: estimate, controllers
