@@ -292,7 +292,7 @@ def test_a_zero_that_was_lost_while_nobody_looked_changes_its_id():
             assert transducer.zero() == 1
         with transducer:
             assert transducer.read().bias_id == 1
-            until(lambda: transducer.read().sequence > 7000)  # a count that no new start soon has
+            until(lambda: transducer.read().sequence > 7000)  # a new start soon counts fewer
         scene.fault("rdt", "restart")
         with transducer:
             assert transducer.read().bias_id == 2

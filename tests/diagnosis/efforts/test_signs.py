@@ -91,7 +91,7 @@ def test_a_further_cause_needs_a_gap_of_its_own(second, count):
     assert len(upheld(two(), gap(CLEAR, second)).causes) == count
 
 
-def test_two_causes_of_one_drive_are_a_or_b():
+def test_two_causes_of_one_joint_are_a_or_b():
     found = upheld(two(("drive.load", 1)), gap(CLEAR, Interval(7.0, 6.0, 8.0)))
     assert [(c.key, c.rivals) for c in found.causes] == [
         (("drive.load", 1), (("drive.coulomb", 1),))
@@ -104,15 +104,6 @@ def test_two_causes_of_the_whole_arm_are_two_causes():
     v = replace(v, causes=(replace(v.causes[0], key=("base.tilt", None)), v.causes[1]))
     found = upheld(v, gap(CLEAR, CLEAR))
     assert found.word == "identified" and len(found.causes) == 2
-
-
-def test_gaps_of_other_joints_do_not_dilute_what_a_drive_closes():
-    g = gap(CLEAR, SMALL, after=(0.1, 9.9))
-    g = replace(g, closed=Interval(0.2, 0.1, 0.3), with_effects=Interval(8.0, 7.0, 9.0))
-    v = replace(two(), causes=two().causes[:1])
-    assert upheld(v, g).word == "partial"
-    whole = replace(v, causes=(replace(v.causes[0], key=("tool.mass", None)),))
-    assert upheld(whole, g).word == "unknown"
 
 
 def test_a_cause_that_leaves_a_gap_in_its_joint_is_not_sure():

@@ -78,17 +78,17 @@ def figures(rows: Sequence[Answered]) -> tuple[Figure, ...]:
     closed = [_of_oracle(r) for r in library if r.truth.closed is not None]
     met = [c >= OF_ORACLE for c in closed]
     return (
-        _share("cause named, with its joint", "≥ 95 %", library, isolated),
-        _share("`unknown` of families outside", "≥ 90 %", kind["outside"],
+        _share("cause named, with its joint", "≥ 93 %", library, isolated),
+        _share("`unknown` of families outside", "≥ 92 %", kind["outside"],
                lambda r: r.claim.verdict == "unknown"),
         _share("outside, named with p > 0.9", "≤ 5 %", kind["outside"],
                lambda r: any(p > CERTAIN for p in r.claim.presence)),
         _share("`none` of healthy robots", "≥ 95 %", kind["none"],
                lambda r: r.claim.verdict == "none"),
         _share("healthy, any claim", "≤ 5 %", kind["none"], lambda r: bool(r.claim.causes)),
-        _share("claims that are false, of single faults", "≤ 5 %", said,
+        _share("claims that are false, of single faults", "≤ 3 %", said,
                lambda pair: not right(pair[0].truth, pair[1])),
-        _share("right where p > 0.9", "≥ 95 %", [r for r in rows if sure(r)], correct),
+        _share("right where p > 0.9", "≥ 97 %", [r for r in rows if sure(r)], correct),
         _share("closes ≥ 95 % of the oracle's gap", "", met, bool),
         Figure("gap closed over the oracle's, median", "≥ 0.95",
                median(closed) if closed else None, len(closed)),

@@ -201,8 +201,7 @@ def upheld(v: Verdict, gap: Closure, seen: Sequence[Sign] = ()) -> Verdict:
     if gap.closed is None or gap.closed.low <= 0.0 or gap.with_effects is None:
         return withdrawn(v, NONE if small else UNKNOWN)
     least = MOST if any(s.kind == HELD for s in seen) else _LITTLE
-    most = max(gap.closed.value, _closed_at_best(gap, v.causes))
-    if most < least:
+    if gap.closed.value < least:
         return withdrawn(v, NONE if small else UNKNOWN)
     shown = _shown(gap, v.causes)
     if not shown:
@@ -217,22 +216,10 @@ def upheld(v: Verdict, gap: Closure, seen: Sequence[Sign] = ()) -> Verdict:
     return v
 
 
-def _closed_at_best(gap: Closure, causes: Sequence[Cause]) -> float:
-    """Share closed of the joint whose gap shrinks most; small gaps of the others do not dilute it.
-
-    Causes of the whole arm have no joint of their own: 0.
-    """
-    if any(c.key[1] is None for c in causes):
-        return 0.0
-    shrunk = [(c["before"] - c["after"], c["before"]) for c in gap.per_channel.values()]
-    most, before = max(shrunk)
-    return most / before if before > LARGEST_NONE else 0.0
-
-
 def _shown(gap: Closure, causes: Sequence[Cause]) -> tuple[Cause, ...]:
     """Causes that held-out rows show, each with a gap of its own.
 
-    Of one drive the first is a cause and others its rivals: motions seldom tell two apart.
+    Of one joint the first is a cause and others its rivals: motions seldom tell two apart.
     """
     kept = list[Cause]()
     for c in sorted(causes, key=lambda c: -_closed(gap, c)):
@@ -248,10 +235,11 @@ def _shown(gap: Closure, causes: Sequence[Cause]) -> tuple[Cause, ...]:
 
 
 def _beside(first: Cause, other: Cause) -> Cause:
-    """A cause with another of its drive as a rival."""
+    """A cause with another of its joint as a rival; one of them is there at least as probably."""
     known = (first.key, *first.rivals)
     more = [k for k in (other.key, *other.rivals) if k not in known]
-    return replace(first, rivals=(*first.rivals, *more)[:_MOST_RIVALS])
+    rivals = (*first.rivals, *more)[:_MOST_RIVALS]
+    return replace(first, rivals=rivals, probability=max(first.probability, other.probability))
 
 
 def _closed(gap: Closure, cause: Cause) -> float:

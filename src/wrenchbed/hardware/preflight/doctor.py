@@ -125,7 +125,7 @@ def _controller(robot: Robot, host: str, seconds: float) -> Iterator[Line]:
         yield _remote(host)
     yield _geometry(robot, host)
     yield from _settings(robot, values)
-    yield from _stream(times, NATIVE_HZ[version[0] > 3], "states")
+    yield from _stream(times, NATIVE_HZ[version[0] > 3], "states", clocked=True)
 
 
 def _watched(
@@ -137,7 +137,7 @@ def _watched(
     values: Mapping[str, outputs.Values] = {}
     while time.monotonic() < end:
         arrival, values = stream.next(time.monotonic() + _ANSWER_S)
-        times.append((arrival, values.get("timestamp", (0.0,))[0]))  # none: it stands still
+        times.append((arrival, values.get("timestamp", (math.nan,))[0]))
     return times, values
 
 
@@ -223,8 +223,17 @@ def _payload(robot: Robot, found: Mapping[str, Any]) -> Line:
                 "arm stops to protect itself where they differ much")  # fmt: skip
 
 
-def _stream(times: Sequence[tuple[float, float]], native: float, what: str) -> Iterator[Line]:
-    """Rate, gaps, jitter and clock of a stream of (arrival, device clock) [s]."""
+def _stream(
+    times: Sequence[tuple[float, float]], native: float, what: str, *, clocked: bool
+) -> Iterator[Line]:
+    """Rate, gaps, jitter and clock of a stream of (arrival, device clock) [s].
+
+    Args:
+        times: NaN for the clock where there is none.
+        native: rate [Hz].
+        what: comes.
+        clocked: whether a device of this kind always has a clock.
+    """
     at, clock = np.transpose(times) if len(times) > 2 else (np.zeros(2), np.zeros(2))
     rate = (len(at) - 1) / (at[-1] - at[0]) if at[-1] > at[0] else 0.0
     gap = float(np.diff(at).max()) if rate else math.inf
@@ -235,6 +244,9 @@ def _stream(times: Sequence[tuple[float, float]], native: float, what: str) -> I
                    "this computer and other clients of the robot")  # fmt: skip
     else:
         yield Line("rate", "ok", text)
+    if rate and np.isnan(clock).all() and clocked:
+        yield Line("clock", "fails", f"its {what} have no timestamp", "update its software")
+        return
     if rate and np.isnan(clock).all():
         yield Line("clock", "ok", "it sends none: readings are dated by their arrival")
         return
@@ -287,7 +299,7 @@ def _box(box: Transducer, seconds: float) -> Iterator[Line]:
         yield from _box_settings(known)
         times = _readings(box, seconds)
         yield from _load(box, scale)
-        yield from _stream(times, _NEEDED_HZ, "readings")
+        yield from _stream(times, _NEEDED_HZ, "readings", clocked=False)
         yield _lost(box)
     finally:
         box.close()

@@ -17,7 +17,7 @@ from wrenchbed.hardware.transducers.device_clock import signed
 from wrenchbed.hardware.transducers.netft import configuration, datagrams
 from wrenchbed.hardware.transducers.netft.configuration import Configuration, Watch
 from wrenchbed.hardware.transducers.netft.datagrams import table
-from wrenchbed.hardware.transducers.netft.receiver import Receiver
+from wrenchbed.hardware.transducers.netft.receiver import Received, Receiver
 from wrenchbed.physics.wrench import CHANNELS
 
 INTERNAL_RATE = {"netbox": 7000.0, "axia": 7812.0}
@@ -32,6 +32,9 @@ _SAME = 20
 """Equal records after which readings may be frozen; estimate."""
 _PPM = 1000.0
 """Drift of the clock that is reported [ppm]; estimate."""
+_LATE_S, _DRIFT = 0.5, 1e-3
+"""How far a count of samples may be off its time without a restart: records that arrive late [s],
+and relative drift of the clock; estimates."""
 
 
 @dataclass(frozen=True)
@@ -103,7 +106,7 @@ class NetftTransducer(Transducer):
             sensor = registry.load("sensors", options.sensor)
             self._stated_range = np.asarray(sensor.calibration(options.calibration).range)
         self._zeros = self._lost = 0
-        self._last_ft: int | None = None
+        self._last: Received | None = None
 
     def _connect(self) -> None:
         host = _resolve(self._options.host)
@@ -126,8 +129,8 @@ class NetftTransducer(Transducer):
                 f"{host}:{self._options.port}: the box shows its page but sends no RDT within "
                 f"{_FIRST_S:g} s: check firewall and port"
             )
-        last, first = self._last_ft, receiver.newest.record.ft
-        if last is not None and signed(first - last) < 0:
+        last = self._last
+        if last is not None and _restarted(last, receiver.newest, page.internal_rate):
             self._zeros += 1  # switched off and on meanwhile: its zero is lost
         self._watch = Watch(page, lambda: self._look(host, (port,))[1])
         self._watch.start()
@@ -149,7 +152,7 @@ class NetftTransducer(Transducer):
             self._zeros += tracker.restarts
             self._lost += tracker.lost
             if self._receiver.newest is not None:
-                self._last_ft = self._receiver.newest.record.ft
+                self._last = self._receiver.newest
         self._watch = self._receiver = None
 
     def _look(self, host: str, ports: tuple[int, ...]) -> tuple[int, Configuration]:
@@ -270,6 +273,17 @@ class NetftTransducer(Transducer):
 
 def _ports(options: NetftOptions) -> tuple[int, ...]:
     return (options.http_port,) if options.http_port else (80, 8080)
+
+
+def _restarted(last: Received, first: Received, rate: float) -> bool:
+    """Whether a box was switched off and on between two records.
+
+    It counts samples at a rate [Hz] from power-up, modulo 2³²: the count went back, or it does not
+    match the time between the records.
+    """
+    due, counted = (first.t - last.t) * rate, first.record.ft - last.record.ft
+    off = abs(signed(round(due) - counted))
+    return (signed(counted) < 0 and due < 2**31) or off > _LATE_S * rate + _DRIFT * due
 
 
 def _resolve(host: str) -> str:
