@@ -30,7 +30,7 @@ if [ ! -f "$stamp" ]; then
   else
     pip=(.venv/bin/python -m pip)
   fi
-  "${pip[@]}" install --quiet --require-hashes -r "$lock" || exit 1
+  "${pip[@]}" install --quiet --no-deps --require-hashes -r "$lock" || exit 1  # the lock is complete
   "${pip[@]}" install --quiet --no-deps --no-build-isolation --editable . || exit 1
   rm -f .venv/."$1"-*
   touch "$stamp"
