@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 
+import pyarrow.parquet as pq
 import pytest
 
 from sealed_family import COUNT, SAYS_NONE, script
@@ -159,6 +160,16 @@ def test_our_own_methods_answer_a_case(tmp_path, monkeypatch):
     assert enter(entrants[1:2], cases, "0001", tmp_path / "claims", 0.01) == ["diagnose"]
     found = claims.read(tmp_path / "claims" / "diagnose" / "0001")
     assert "longer than" in found.error
+
+
+def test_an_entrant_whose_time_ends_while_it_reads_is_over_time(family, tmp_path, monkeypatch):
+    def slow(*_, **__):
+        time.sleep(5.0)
+
+    monkeypatch.setattr(pq.ParquetFile, "read", slow)
+    cases, _, _ = family
+    assert enter([Entrant.of("none")], cases, "0001", tmp_path, 0.1) == ["none"]
+    assert "longer than" in claims.read(tmp_path / "none" / "0001").error
 
 
 def test_a_run_that_was_killed_goes_on(family, tmp_path):

@@ -35,8 +35,8 @@ RESERVED = ("wrenchbed", "oracle")
 """Names that a score uses itself."""
 
 
-class OverTimeError(Exception):
-    """An entrant used up its time."""
+class OverTimeError(BaseException):
+    """An entrant used up its time: a signal raises it anywhere, so no reader may catch it."""
 
 
 @dataclass(frozen=True)
