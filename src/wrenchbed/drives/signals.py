@@ -31,6 +31,15 @@ _LOWEST = 2.0
 """Least cutoff [Hz]; estimate."""
 _HIGHEST = 0.2
 """Largest cutoff over the rate: decimation needs 2.5 rows a cycle."""
+_SPECTRUM_S = 8.0
+"""Time of a segment of the spectrum of joint values [s]; estimate."""
+_NOISE_FROM = 0.25
+"""Frequency over the rate from which joint values are noise; estimate."""
+_OVER_NOISE = 4.0
+"""Power over an encoder's noise from which it is motion; estimate."""
+_BEYOND = 2.5
+"""Edge of the filter of joint values over the last frequency of the motion: a Butterworth filter of
+order 4, run twice, loses 0.07 % there."""
 _EDGE = 2.0
 """Half the length of the filter in cycles of the cutoff; as much is left out at both ends."""
 _MOVING = 0.03
@@ -143,11 +152,32 @@ def drive_signals(recording: Recording, cutoff: float | None = None) -> DriveSig
         )
     rate = 1.0 / usual
     cutoff = _cutoff(q, rate) if cutoff is None else min(cutoff, _HIGHEST * rate)
-    sections = signal.butter(_ORDER, min(4.0 * cutoff, 0.45 * rate), fs=rate, output="sos")
-    smooth = make_interp_spline(t, signal.sosfiltfilt(sections, q, axis=0), k=5)
+    most = min(4.0 * cutoff, 0.45 * rate)
+    smooth = make_interp_spline(t, np.stack([_smoothed(x, rate, most) for x in q.T], axis=-1), k=5)
     values = Jet(smooth(t), smooth.derivative(1)(t), smooth.derivative(2)(t))
     effort = np.stack([recording.columns[f"{prefix}{j + 1}"] for j in range(q.shape[1])], axis=-1)
     return DriveSignals(t, values, effort.astype(float), prefix, cutoff)
+
+
+def _smoothed(q: np.ndarray, rate: float, most: float) -> np.ndarray:
+    """A joint's values (N,) without the frequencies at which they are an encoder's noise alone.
+
+    Differentiated twice, that noise would be a torque: of an outstretched arm several times the
+    noise of its first joint.
+    """
+    frequency, power = signal.welch(
+        q,
+        fs=rate,
+        window="blackmanharris",
+        nperseg=min(len(q), int(_SPECTRUM_S * rate)),
+        detrend="linear",
+    )
+    floor = float(np.median(power[frequency > _NOISE_FROM * rate]))
+    told = np.flatnonzero(power > _OVER_NOISE * floor)
+    last = float(frequency[told[-1]]) if told.size else 0.0
+    edge = float(np.clip(_BEYOND * last, min(_LOWEST, most), most))
+    sections = signal.butter(_ORDER, edge, fs=rate, output="sos")
+    return np.asarray(signal.sosfiltfilt(sections, q))
 
 
 def _cutoff(q: np.ndarray, rate: float) -> float:

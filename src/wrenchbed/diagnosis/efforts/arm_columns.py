@@ -13,8 +13,11 @@ _TILT = np.deg2rad(0.1)
 """Ordinary tilt of a base [rad]; estimate: a bubble level."""
 _MASS_TOLERANCE, _COG_TOLERANCE = 0.005, 5e-4
 """How wrong a stated tool may be: relative, and [m] (the contract's)."""
-_LINK_MASS, _LINK_COG = 0.03, 3e-3
-"""Ordinary errors of a link: of its mass, relative, and of its centre of gravity [m]; estimates."""
+_LINK_MASS, _LINK_COG, _LINK_INERTIA = 0.03, 3e-3, 0.05
+"""Ordinary errors of a link: of its mass, relative, of its centre of gravity [m], and of its
+inertia over the mean principal one; estimates."""
+_GYRATION = 0.02
+"""Least radius of gyration of a link [m]; estimate: files leave inertias out."""
 _COMMON = 4e-3
 """Delay at which the column of a common one is made [s]; estimate."""
 _NOTHING = 1e-9
@@ -57,7 +60,8 @@ def _links(scene: EffortScene) -> tuple[list[Column], list[Block]]:
             continue
         for kind, own in forms.items():
             names = tuple(f"link.{kind}.{k + 1}.{i}" for i in range(len(own)))
-            std = {"mass": _LINK_MASS * mass, "cog": _LINK_COG * mass}.get(kind)
+            std = {"mass": _LINK_MASS * mass, "cog": _LINK_COG * mass,
+                   "inertia": _LINK_INERTIA * _mean_inertia(phi)}[kind]  # fmt: skip
             columns += [Column(n, y @ form, std) for n, form in zip(names, own, strict=True)]
             last = k == scene.joints - 1  # the tool hangs on it, and is the more likely cause
             blocks.append(Block(f"link.{kind}", k + 1, False, names, prior=_LAST * last))
@@ -107,6 +111,13 @@ def _tilt(scene: EffortScene) -> tuple[list[Column], list[Block]]:
         rigid = scene.regressor @ phi
         columns.append(Column(f"base.tilt.{k}", y @ phi - rigid, _TILT))
     return columns, [Block("base.tilt", None, False, tuple(c.name for c in columns))]
+
+
+def _mean_inertia(phi: np.ndarray) -> float:
+    """Mean principal inertia [kg·m²] about the centre of gravity of a link's parameters (10,)."""
+    moment = phi[1:4]
+    about = float(phi[4:7].sum()) - 2.0 * float(moment @ moment) / phi[0]
+    return max(about / 3.0, phi[0] * _GYRATION**2)
 
 
 def _second(a: np.ndarray, b: np.ndarray) -> np.ndarray:

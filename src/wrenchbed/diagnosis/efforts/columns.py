@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wrenchbed.diagnosis.efforts.operators import direction, late, since_reversal, slow, stop
+from wrenchbed.diagnosis.efforts.operators import direction, late, since_reversal, stop
 from wrenchbed.diagnosis.efforts.scene import EffortScene
 
 FRICTION_SPREAD = 0.05
@@ -34,11 +34,9 @@ PRESLIDING = (3e-4, 1e-3, 3e-3, 1e-2)
 """Angles after a reversal over which friction builds up or breaks away [rad]; estimate."""
 WIDTHS = (1e-2, 3e-2, 1e-1)
 """Half widths of hysteresis of a gear [rad]; estimate."""
-LAGS = (2e-3, 3e-3, 4.5e-3, 6.5e-3, 9.5e-3, 1.4e-2, 2e-2, 2.9e-2, 4.2e-2, 6e-2, 8.8e-2, 0.128)
-"""Delays and time constants that are tried [s]: steps of 1.45; amplitudes lie between."""
-LATE = 4e-3
-"""Ordinary delay or lag of one joint's effort, one standard deviation [s]: estimate, controllers
-report within 2 to 8 ms."""
+LATE = 2e-3
+"""Ordinary delay of one joint's effort beside the others', one standard deviation [s]: estimate,
+controllers report within 2 to 8 ms."""
 STRETCHES = 6
 """Over which friction or offset may change in time; estimate."""
 LIMITS = (0.5, 0.75, 0.9)
@@ -166,11 +164,7 @@ class _Joint:
         yield self.column("cable", middle)
         yield self.column("sine", np.sin(self.angle))
         yield self.column("cosine", np.cos(self.angle))
-        t, rate = self.scene.signals.t, self.scene.signals.rate
-        for k, lag in enumerate(LAGS):
-            ordinary = LATE / lag if k == 0 else None
-            yield self.column(f"delay{k}", late(self.total, t, lag), ordinary)
-            yield self.column(f"bandwidth{k}", slow(self.total, rate, lag), ordinary)
+        yield self.column("late", late(self.total, self.scene.signals.t, LATE), 1.0)
         warm = self.scene.recording.columns.get(f"joint_temperature{self.j + 1}")
         if warm is not None and np.isfinite(warm).all() and np.ptp(warm) > 0.0:
             above = warm - warm[0]
@@ -218,9 +212,6 @@ class _Joint:
         yield self.block("drive.stiction", (f"since{ROUNDED}",))
         yield self.block("link.cable", ("offset", "cable"))
         yield self.block("link.spring", ("offset", "sine", "cosine"))
-        for effect in ("delay", "bandwidth"):
-            for k, lag in enumerate(LAGS):
-                yield self.block(f"drive.{effect}", (f"{effect}{k}",), lag, -np.log(len(LAGS)))
         crossed = [f"of{k + 1}" for k in range(self.scene.joints) if k != self.j]
         for word, columns in (
             ("limited", _some("limit", len(LIMITS))),
@@ -233,11 +224,8 @@ class _Joint:
         ):
             yield Block(word, self.j + 1, True, tuple(self.name(c) for c in columns))
 
-    def block(
-        self, effect: str, columns: Sequence[str], value: float = 1.0, prior: float = 0.0
-    ) -> Block:
-        own = tuple(self.name(c) for c in columns)
-        return Block(effect, self.j + 1, False, own, value, prior)
+    def block(self, effect: str, columns: Sequence[str]) -> Block:
+        return Block(effect, self.j + 1, False, tuple(self.name(c) for c in columns))
 
 
 def _some(name: str, count: int) -> tuple[str, ...]:

@@ -3,6 +3,7 @@
 Structures are compared on these products alone; rows are needed again only for figures.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -10,7 +11,9 @@ import numpy as np
 
 from wrenchbed.diagnosis.efforts.arm_columns import of_arm
 from wrenchbed.diagnosis.efforts.columns import BACKGROUND, FREE, Block, Column, of_joint
+from wrenchbed.diagnosis.efforts.lag import TIMES, closest
 from wrenchbed.diagnosis.efforts.noise import JointNoise, joint_noise, remains
+from wrenchbed.diagnosis.efforts.operators import REST, late, slow
 from wrenchbed.diagnosis.efforts.period import FASTEST, GEAR_MOST, SLOWEST, fitting, strongest
 from wrenchbed.diagnosis.efforts.scene import EffortScene
 from wrenchbed.errors import DiagnosisError
@@ -19,8 +22,6 @@ BLOCKS = 20
 """Blocks of time, each of which is held out once; estimate."""
 _UNNAMED = 0.5
 """Background of columns without a name over that of named ones; estimate."""
-_ALIKE = 0.1
-"""Likewise of columns of which many are nearly the same; estimate."""
 _NOTHING = 1e-9
 """Rms in noises of a row below which a column is none."""
 
@@ -75,11 +76,16 @@ class Dictionary:
         return gram.sum(axis=0), right.sum(axis=0), float(square.sum())
 
     def by_joint(self, j: int) -> tuple[np.ndarray, np.ndarray]:
-        """Indices (K,) of the columns that act on joint j and their products (K, K), in noises."""
+        """Indices (K,) of the columns that act on joint j and their mean products (K, K).
+
+        In noises of a row, over all rows in which the joint moves, those next to reversals too: a
+        delay acts there most.
+        """
         if j not in self._by_joint:
             at, data = self.columns(j)
-            seen = data[self.use[:, j]] / self.noise[j].std
-            self._by_joint[j] = at, seen.T @ seen
+            speed = np.abs(self.scene.q.d[self.scene.kept(), j])
+            seen = data[speed > REST * speed.max()] / self.noise[j].std
+            self._by_joint[j] = at, seen.T @ seen / len(seen)
         return self._by_joint[j]
 
     @cached_property
@@ -120,7 +126,12 @@ def dictionary(scene: EffortScene) -> Dictionary:
     for j in range(scene.joints):
         columns, more = of_joint(scene, j)
         data = scene.thin(np.column_stack([c.data for c in columns]))
-        found, found_blocks = _periods(scene, j, y[:, j], columns, data, arm[:, j], use[:, j])
+        ordinary = data[:, [k for k, c in enumerate(columns) if c.free or c.std is not None]]
+        found, found_blocks = _periods(scene, j, y[:, j], ordinary, data, arm[:, j], use[:, j])
+        whole = np.concatenate([data, arm[:, j]], axis=1)
+        for column, block in _lags(scene, j, y[:, j], [*columns, *arm_columns], whole, use[:, j]):
+            found.append(column)
+            found_blocks.append(block)
         columns, more = [*columns, *found], [*more, *found_blocks]
         data = np.column_stack([data, scene.thin(np.column_stack([c.data for c in found]))])
         noise.append(
@@ -164,13 +175,11 @@ def _prior(column: Column, size: float, unnamed: bool) -> float:
         return FREE / size
     if column.std is not None:
         return column.std
-    if column.name.startswith(("delay", "bandwidth")):  # many that are nearly one
-        return _ALIKE * BACKGROUND / size
     return BACKGROUND * (_UNNAMED if unnamed else 1.0) / size
 
 
 def _periods(
-    scene: EffortScene, j: int, y: np.ndarray, known: list[Column], data: np.ndarray,
+    scene: EffortScene, j: int, y: np.ndarray, ordinary: np.ndarray, data: np.ndarray,
     arm: np.ndarray, use: np.ndarray,
 ) -> tuple[list[Column], list[Block]]:  # fmt: skip
     """Ripple of the gear and cogging of the motor at the periods that a joint's torque (M,) shows.
@@ -179,7 +188,6 @@ def _periods(
     """
     angle, columns, blocks = scene.q.v[:, j], list[Column](), list[Block]()
     kept = angle[scene.kept()]
-    ordinary = data[:, [k for k, c in enumerate(known) if c.free or c.std is not None]]
     left = np.where(use, remains(y, np.concatenate([data, arm], axis=1), use), 0.0)
     fast = strongest(left, kept)
     for effect, turn, many in (
@@ -194,6 +202,33 @@ def _periods(
                 names.append(name)
         blocks.append(Block(effect, j + 1, False, tuple(names), turn, -float(np.log(many))))
     return columns, blocks
+
+
+def _lags(
+    scene: EffortScene, j: int, y: np.ndarray, known: list[Column], data: np.ndarray,
+    use: np.ndarray,
+) -> Iterator[tuple[Column, Block]]:  # fmt: skip
+    """Delay and filter of the length that a joint's torque (M,) shows beside what is ordinary."""
+    total, t, rate = scene.total[:, j], scene.signals.t, scene.signals.rate
+
+    def delayed(time: float) -> np.ndarray:
+        return late(total, t, time)
+
+    def filtered(time: float) -> np.ndarray:
+        return slow(total, rate, time)
+
+    ordinary = [
+        k for k, c in enumerate(known)
+        if (c.free or c.std is not None) and not c.name.startswith(("late", "common"))
+    ]  # fmt: skip
+    std = np.array([np.inf if known[k].free else known[k].std for k in ordinary])
+    noise = float(np.std(remains(y, data, use)[use]))
+    beside = data[use][:, ordinary]
+    for effect, change in (("drive.delay", delayed), ("drive.bandwidth", filtered)):
+        time = closest(change, lambda x: scene.thin(x)[use], y[use], beside, std, noise)
+        name = f"{effect}.{j + 1}"
+        prior = -float(np.log(len(TIMES)))
+        yield Column(name, change(time)), Block(effect, j + 1, False, (name,), time, prior)
 
 
 def _with_products(d: Dictionary) -> Dictionary:

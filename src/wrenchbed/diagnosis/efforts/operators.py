@@ -58,6 +58,8 @@ def late(torque: np.ndarray, t: np.ndarray, delay: float) -> np.ndarray:
 
 def slow(torque: np.ndarray, rate: float, time: float) -> np.ndarray:
     """Change of a torque (N,) by a first-order low-pass of a time constant [s]."""
-    keep = float(np.exp(-1.0 / (rate * time)))
-    begin = signal.lfilter_zi([1.0 - keep], [1.0, -keep]) * torque[0]
-    return np.asarray(signal.lfilter([1.0 - keep], [1.0, -keep], torque, zi=begin)[0] - torque)
+    steps = rate * time  # exact where the torque is straight between rows
+    keep = float(np.exp(-1.0 / steps))
+    b = [1.0 - steps * (1.0 - keep), steps * (1.0 - keep) - keep]
+    begin = signal.lfilter_zi(b, [1.0, -keep]) * torque[0]
+    return np.asarray(signal.lfilter(b, [1.0, -keep], torque, zi=begin)[0] - torque)

@@ -74,22 +74,22 @@ def _inverse(gram: np.ndarray) -> np.ndarray:
 
 
 def added(d: Dictionary, fit: TwinFit, block: int) -> float:
-    """Gap that a cause adds at its worst joint, beyond what every fit leaves free there."""
-    return max(_added(d, fit, block, j) for j in _joints(d, block))
+    """Gap that a cause adds at its worst joint, beyond what every fit leaves free there.
 
-
-def _joints(d: Dictionary, block: int) -> list[int]:
+    What all joints share is known from the others: of a cause in one drive it takes nothing away.
+    """
     own = d.blocks[block].joint
-    acts = own is not None and bool((d.joint[d.at[block]] >= 0).all())
-    return [own - 1] if acts and own is not None else list(range(d.y.shape[1]))
+    if own is not None and bool((d.joint[d.at[block]] >= 0).all()):
+        return _added(d, fit, block, own - 1, d.free & (d.joint >= 0))
+    return max(_added(d, fit, block, j, d.free) for j in range(d.y.shape[1]))
 
 
-def _added(d: Dictionary, fit: TwinFit, block: int, j: int) -> float:
+def _added(d: Dictionary, fit: TwinFit, block: int, j: int, free: np.ndarray) -> float:
     at, gram = d.by_joint(j)
     here = np.isin(at, d.at[block])
-    free = d.free[at] & ~here
+    beside = free[at] & ~here
     own = fit.x[at[here]]
     square = float(own @ gram[np.ix_(here, here)] @ own)
-    across = gram[np.ix_(free, here)] @ own
-    inside = float(across @ _inverse(gram[np.ix_(free, free)]) @ across)
-    return max(square - inside, 0.0) / float(d.use[:, j].sum())
+    across = gram[np.ix_(beside, here)] @ own
+    inside = float(across @ _inverse(gram[np.ix_(beside, beside)]) @ across)
+    return max(square - inside, 0.0)

@@ -1,0 +1,43 @@
+"""Delay or time constant at which a torque that is late, or filtered, fits best."""
+
+from collections.abc import Callable
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve
+from scipy.optimize import minimize_scalar
+
+TIMES = np.geomspace(4e-3, 0.15, 16)
+"""Delays and time constants from which the search starts [s]; estimate, steps of 1.27."""
+_CLOSE = 2e-4
+"""Error of what is found [s]; estimate: friction turns at one instant."""
+_RIDGE = 1e-9
+"""Share of a column's square that is added to it: columns may be alike."""
+
+
+def closest(
+    change: Callable[[float], np.ndarray], thin: Callable[[np.ndarray], np.ndarray], y: np.ndarray,
+    beside: np.ndarray, std: np.ndarray, noise: float,
+) -> float:  # fmt: skip
+    """The time [s] whose change of the torque fits best, at its own size, beside other columns.
+
+    Args:
+        change: of the torque (N,) by a time [s].
+        thin: takes the rows (M,) that count.
+        y: measured less predicted torque (M,).
+        beside: columns (M, K) of what is ordinary.
+        std: of their amplitudes (K,), infinite where they are free.
+        noise: standard deviation of a row (that of correlated noise is larger).
+    """
+    gram = beside.T @ beside
+    prior = _RIDGE * np.diagonal(gram) + (noise / std) ** 2
+    factor = cho_factor(gram + np.diag(np.maximum(prior, np.finfo(float).tiny)))
+
+    def left(time: float) -> float:
+        off = y - thin(change(time))
+        seen = beside.T @ off
+        return float(off @ off - seen @ cho_solve(factor, seen))
+
+    best = int(np.argmin([left(float(t)) for t in TIMES]))
+    low, high = TIMES[max(best - 1, 0)], TIMES[min(best + 1, len(TIMES) - 1)]
+    found = minimize_scalar(left, bounds=(low, high), method="bounded", options={"xatol": _CLOSE})
+    return float(found.x)
