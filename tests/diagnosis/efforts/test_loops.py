@@ -1,0 +1,101 @@
+"""Diagnosis of MedRUE's efforts: torques by MuJoCo's constraint forces, one cause each."""
+
+import json
+
+import loop_torques as loops
+import numpy as np
+import pytest
+from arm_torques import coloured
+
+from wrenchbed.cli import main
+from wrenchbed.diagnosis.efforts.columns import of_joint
+from wrenchbed.diagnosis.efforts.configured import stated_drives
+from wrenchbed.diagnosis.efforts.diagnose_efforts import diagnose_efforts
+from wrenchbed.diagnosis.efforts.scene import effort_scene
+from wrenchbed.diagnosis.efforts.verdict import Cause, Verdict, upheld
+from wrenchbed.diagnosis.gap.closure import Closure, Interval
+
+CONFIGURED = {
+    f"drive.{kind}.{j + 1}": float(values[j]) for j in range(6) for kind, values in (
+        ("coulomb", loops.COULOMB), ("viscous", loops.VISCOUS), ("offset", loops.OFFSET),
+        ("inertia", loops.ROTOR))
+}  # fmt: skip
+
+
+def case(seed, effect=None, joint=1, size=0.0):
+    """A recording of 40 s with one cause; friction ordinary, within 2 %."""
+    rng = np.random.default_rng(seed)
+    t, q = loops.fourier(rng, 40.0)
+    heavier, gravity = 0.0, loops.MEDRUE.gravity
+    if effect == "tool.mass":
+        heavier = size
+    if effect == "base.tilt":
+        gravity = (9.81 * np.sin(size), 0.0, -9.81 * np.cos(size))
+    effort = loops.torques(q, loops.MASS + heavier, gravity)
+    effort = effort + 0.02 * rng.normal(size=6) * loops.COULOMB * np.sign(q.d)
+    own, speed = effort[:, joint - 1], q.d[:, joint - 1]
+    own += {
+        "drive.coulomb": size * np.sign(speed),
+        "drive.cogging": size * np.sin(50.0 * q.v[:, joint - 1]),
+        "drive.constant": size * own,
+        "drive.load": size * np.abs(own) * np.sign(speed),
+    }.get(effect, 0.0)
+    effort = effort + loops.NOISE * coloured(rng, effort.shape)
+    return loops.recording(t, q, effort, configured=CONFIGURED)
+
+
+@pytest.mark.parametrize(
+    ("effect", "joint", "size", "unit"),
+    [("drive.coulomb", 1, 6.0, "N"), ("drive.coulomb", 4, 0.6, "N·m"),
+     ("drive.cogging", 1, 3.0, "N"), ("drive.constant", 5, 0.2, "1"),
+     ("drive.load", 4, 0.15, "1"), ("base.tilt", None, 0.03, "rad")],
+)  # fmt: skip
+def test_a_cause_is_named_in_its_joint(effect, joint, size, unit):
+    d = diagnose_efforts(case(10 + len(effect), effect, joint or 1, size)).diagnosis
+    assert d.verdict == "identified" and [w["effect"] for w in d.which] == [effect]
+    told = next(iter(d.which[0]["parameters"].values()))
+    assert abs(told["value"]) == pytest.approx(size, rel=0.15) and told["unit"] == unit
+    assert joint is None or d.which[0]["parameters"]["joint"]["value"] == joint
+
+
+def test_an_ordinary_medrue_has_no_cause_and_its_links_are_numbered():
+    d = diagnose_efforts(case(1)).diagnosis
+    assert d.verdict == "none" and d.probabilities["none"] > 0.9
+    assert any(n.startswith("links: 1 carriage, 2 proximal_a1, 3 distal_b1") for n in d.notes)
+
+
+def test_a_slide_has_no_spring_that_turns():
+    recording = case(1)
+    scene = effort_scene(recording, stated_drives(recording))
+    effects = [{b.effect for b in of_joint(scene, j)[1]} for j in range(2)]
+    assert effects[1] - effects[0] == {"link.spring"} and not effects[0] - effects[1]
+
+
+def test_a_link_of_the_same_number_is_no_rival_of_a_joint_where_loops_close():
+    clear = Interval(6.0, 5.0, 7.0)
+    gap = Closure(
+        10.0, Interval(10.0, 9.0, 11.0), Interval(1.0, 0.5, 1.5), 0.0, Interval(0.9, 0.8, 0.95),
+        None, 1000, 20, {f"tau{j}": {"before": 10.0, "after": 0.1} for j in (1, 2)},
+        {"0": clear, "1": clear}, None, {},
+    )  # fmt: skip
+    causes = (
+        Cause(0, ("drive.coulomb", 3), (), 1.0, 0.5),
+        Cause(1, ("link.mass", 3), (), 1.0, 0.5),
+    )
+    v = Verdict("identified", causes, {"drive.coulomb": 1.0})
+    assert len(upheld(v, gap, apart=True).causes) == 2
+    assert len(upheld(v, gap).causes) == 1
+
+
+def test_the_verb_writes_drives_that_it_reads(tmp_path, capsys):
+    case(5, "drive.coulomb", 1, 6.0).write(tmp_path / "rec.parquet")
+    out = tmp_path / "found"
+    assert main(["diagnose", str(tmp_path / "rec.parquet"), "--out", str(out)]) == 0
+    assert " N" in capsys.readouterr().out
+    assert ">rad/s<" not in (out / "report.html").read_text()
+    made = json.loads((out / "drives.json").read_text())
+    assert made["configured"]["drive.coulomb.1"] == pytest.approx(14.0, abs=0.8)
+    assert made["effects"][0]["effect"] == "drive.coulomb" and made["robot"] == "medrue"
+    again = ["diagnose", str(tmp_path / "rec.parquet"), "--drives", str(out / "drives.json")]
+    assert main([*again, "--json", "--out", str(tmp_path / "again")]) == 0
+    assert json.loads(capsys.readouterr().out)["verdict"] == "none"
