@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.optimize import linprog
 
 RANK_TOLERANCE = 1e-10
 """Singular values below this share of the largest count as zero; exact Jacobians leave 1e-15."""
@@ -137,6 +136,8 @@ def _sparsest(basis: np.ndarray) -> list[np.ndarray]:
 
     Minimum 1-norm as a proxy for fewest entries: Donoho 2006, doi 10.1002/cpa.20132.
     """
+    from scipy.optimize import linprog  # slow to load: only when it is used
+
     n, k = basis.shape
     candidates = []
     cost = np.concatenate([np.zeros(k), np.ones(n)])

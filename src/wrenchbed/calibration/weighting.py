@@ -14,7 +14,6 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 from scipy.fft import next_fast_len
-from scipy.optimize import minimize_scalar
 from scipy.special import sici
 
 from wrenchbed.calibration import misfit
@@ -104,6 +103,8 @@ def _levels(r: np.ndarray, x: np.ndarray, spread: np.ndarray, least: float) -> t
 
     def cost(log_ratio: float) -> float:
         return _restricted(r, x, 1.0 / (1.0 + np.exp(log_ratio) * spread))[0]
+
+    from scipy.optimize import minimize_scalar  # slow to load: only when it is used
 
     best = minimize_scalar(cost, bounds=_RANGE, method="bounded")
     none, _ = _restricted(r, x, np.ones_like(spread))

@@ -170,12 +170,14 @@ _BY_ITSELF = 100
 
 def _learnt(data: wb.Recording, count: int, seed: int) -> Reliability | None:
     """How often claims are right at this design; None where the package knows."""
-    from wrenchbed.benchmark.scoring.reliability_at_design import of_package, reliability_at_design
-    from wrenchbed.diagnosis.prepare.prepare_recording import prepare
+    from wrenchbed.diagnosis.explain.reliability import of_package
 
     known = of_package(data)
     if not count and (known is None or not known.elsewhere):
         return None
+    from wrenchbed.benchmark.scoring.reliability_at_design import reliability_at_design
+    from wrenchbed.diagnosis.prepare.prepare_recording import prepare
+
     prepare(data)  # refuses what cannot be diagnosed, before anything is learnt
     try:
         with console.progress("look-alikes", count or _BY_ITSELF) as report:

@@ -15,7 +15,6 @@ from wrenchbed.diagnosis.between_rows import row_effects
 from wrenchbed.diagnosis.between_rows.row_effects import RowFinding, find_row_effects
 from wrenchbed.diagnosis.between_rows.tool_vibration import find_tool_vibration
 from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
-from wrenchbed.diagnosis.evidence.similarity import Similarity
 from wrenchbed.diagnosis.explain import outliers as outliers_
 from wrenchbed.diagnosis.explain import own_rest, tilt
 from wrenchbed.diagnosis.explain.joint import View
@@ -385,7 +384,7 @@ def _claimed(a: Analysis, verdict: Verdict) -> closure.Claimed | None:
 def _cannot_tell(a: Analysis, named: Collection[str]) -> list[str]:
     """What no recording tells of some effects."""
     designs = [each.dictionary for each in (a, *a.others)]
-    first, *others = [isolability.cannot_tell(d, Similarity(d), named) for d in designs]
+    first, *others = [isolability.cannot_tell(d, among=named) for d in designs]
     return [text for text in first if all(text in other for other in others)]
 
 

@@ -1,7 +1,6 @@
 """A filter smooths the readings."""
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from wrenchbed.effects.base import ReadingEffect, Values, Variant, alike
 from wrenchbed.effects.scene import Scene
@@ -46,6 +45,8 @@ class TimingLowpass(ReadingEffect):
     def read(self, scene: Scene, reading: np.ndarray, p: Values) -> np.ndarray:
         if not scene.sampled or not p["tau"]:
             return reading
+        from scipy.interpolate import CubicSpline  # slow to load: only when it is used
+
         stages = round(p["stages"])
         tau, rows = abs(p["tau"]) / stages, len(reading)
         finer = int(np.clip(np.ceil(FINE * scene.period / tau), 1, MOST))

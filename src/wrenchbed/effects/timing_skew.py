@@ -1,7 +1,6 @@
 """Clocks run apart, and channels are read one after the other."""
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from wrenchbed.effects.base import ReadingEffect, Values, Variant, alike
 from wrenchbed.effects.scene import Scene
@@ -35,6 +34,8 @@ class TimingSkew(ReadingEffect):
     def read(self, scene: Scene, reading: np.ndarray, p: Values) -> np.ndarray:
         if not scene.sampled or not (p["skew"] or p["channel"]):
             return reading
+        from scipy.interpolate import CubicSpline  # slow to load: only when it is used
+
         common = scene.t - p["skew"] * scene.age
         result = np.empty_like(reading)
         for i in range(reading.shape[1]):

@@ -5,7 +5,6 @@ R(α, β, γ) = Rx(γ) Ry(β) Rz(α). Quaternions are w, x, y, z.
 """
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from wrenchbed.physics.time_derivatives import Value, cos, reshape_matrix, sin, stack_jets
 
@@ -114,12 +113,21 @@ def inverse_rotated(vectors: np.ndarray, matrix: np.ndarray) -> np.ndarray:
 
 def quaternion(matrix: np.ndarray) -> np.ndarray:
     """Rotation matrices (…, 3, 3) → quaternions w, x, y, z (…, 4) with w ≥ 0."""
+    from scipy.spatial.transform import Rotation  # slow to load: only when it is used
+
     return np.asarray(Rotation.from_matrix(matrix).as_quat(canonical=True, scalar_first=True))
 
 
 def matrix(quaternion_wxyz: np.ndarray) -> np.ndarray:
     """Quaternions w, x, y, z (…, 4) → rotation matrices (…, 3, 3)."""
-    return np.asarray(Rotation.from_quat(quaternion_wxyz, scalar_first=True).as_matrix())
+    q = np.asarray(quaternion_wxyz, dtype=float)
+    w, x, y, z = np.moveaxis(q / np.linalg.norm(q, axis=-1, keepdims=True), -1, 0)
+    columns = [
+        x * x - y * y - z * z + w * w, 2.0 * (x * y - z * w), 2.0 * (x * z + y * w),
+        2.0 * (x * y + z * w), -x * x + y * y - z * z + w * w, 2.0 * (y * z - x * w),
+        2.0 * (x * z - y * w), 2.0 * (y * z + x * w), -x * x - y * y + z * z + w * w,
+    ]  # fmt: skip
+    return np.stack(columns, axis=-1).reshape(*q.shape[:-1], 3, 3)
 
 
 def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:

@@ -9,7 +9,6 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from wrenchbed.effects.chain import respond
 from wrenchbed.effects.scene import Scene
@@ -274,6 +273,8 @@ def _cross(i: int, j: int, v: float) -> str:
 
 def _lag(e: Evidence, c: Claim, name: str) -> Chart | None:
     """Correlation of measured and simulated readings against a shift in time."""
+    from scipy.interpolate import CubicSpline  # slow to load: only when it is used
+
     p, scene = e.prepared, e.prepared.scene
     if not scene.moving or e.after is None:
         return None

@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from wrenchbed.errors import NotFoundError, PlanError, WrenchbedError
 from wrenchbed.physics.gravity import ArmBodies
@@ -24,6 +23,7 @@ from wrenchbed.physics.wrench import Tool
 
 if TYPE_CHECKING:
     import mujoco
+    from scipy.spatial.transform import Rotation
 
 
 STEP = 1e-30
@@ -378,7 +378,7 @@ def rotate_base(robot: Robot, theta: np.ndarray, vector: np.ndarray) -> np.ndarr
     if "base.tilt.x" in names:
         at = [names.index(f"base.tilt.{a}") for a in "xy"]
         before = exp(theta[at[0]], theta[at[1]], 0.0)
-        after = Rotation.from_matrix(exp(*vector) @ before).as_rotvec()
+        after = _rotation(exp(*vector) @ before).as_rotvec()
         return _put(theta, at, after[:2])
     at = [names.index(n) for n in ("alpha0", "beta0", "gamma0")]
     return _put(theta, at, angles(exp(*-vector) @ euler(*theta[at])))
@@ -389,7 +389,7 @@ def rotate_sensor(robot: Robot, theta: np.ndarray, vector: np.ndarray) -> np.nda
     names = robot.parameters.names
     if "mount.rotation.x" in names:
         at = [names.index(f"mount.rotation.{a}") for a in "xyz"]
-        return _put(theta, at, Rotation.from_matrix(exp(*theta[at]) @ exp(*vector)).as_rotvec())
+        return _put(theta, at, _rotation(exp(*theta[at]) @ exp(*vector)).as_rotvec())
     at = [names.index(n) for n in ("alphaS", "betaS", "gammaS")]
     tool = robot.tool(theta)
     turned = _put(theta, at, angles(euler(*theta[at]) @ exp(*vector)))
@@ -398,8 +398,14 @@ def rotate_sensor(robot: Robot, theta: np.ndarray, vector: np.ndarray) -> np.nda
 
 def angles(rotation: np.ndarray) -> np.ndarray:
     """α, β, γ of Rx(γ) Ry(β) Rz(α) (3,) [rad]."""
-    gamma, beta, alpha = Rotation.from_matrix(rotation).as_euler("XYZ")
+    gamma, beta, alpha = _rotation(rotation).as_euler("XYZ")
     return np.array([alpha, beta, gamma])
+
+
+def _rotation(matrix: np.ndarray) -> "Rotation":
+    from scipy.spatial.transform import Rotation  # slow to load: only when it is used
+
+    return Rotation.from_matrix(matrix)
 
 
 def _put(theta: np.ndarray, at: list[int], values: np.ndarray) -> np.ndarray:

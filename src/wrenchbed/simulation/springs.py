@@ -11,7 +11,6 @@ from typing import NamedTuple
 
 import mujoco
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from wrenchbed.errors import ParameterError
 
@@ -119,6 +118,8 @@ def plane(
 ) -> None:
     """A plane n·p = depth [m] that pushes a point (3,) of the tool back [N/m]: a strut from far
     behind it that resists pressure only."""
+    from scipy.spatial.transform import Rotation  # slow to load: only when it is used
+
     name = f"{effect}{MARK}plane"
     frame = spec.worldbody.add_body(name=f"{name}.frame", pos=[*map(float, depth * normal)])
     turned, *_ = Rotation.align_vectors(normal[None], np.array([[0.0, 0.0, 1.0]]))

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 
 import mujoco
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from wrenchbed.effects.chain import ActiveEffect
 from wrenchbed.physics.time_derivatives import Value
@@ -58,6 +57,8 @@ class SensorOnly:
 
     def qpos(self, q: Value, theta: np.ndarray) -> np.ndarray:
         """Angles (N, 3) of x, y, z one after the other that turn the sensor to where it is."""
+        from scipy.spatial.transform import Rotation  # slow to load: only when it is used
+
         rotation, _ = self._robot.sensor_pose(q, theta)
         return np.asarray(Rotation.from_matrix(rotation).as_euler("XYZ"))
 

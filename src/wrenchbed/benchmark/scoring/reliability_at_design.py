@@ -19,7 +19,7 @@ from wrenchbed.data.parquet import FORMAT
 from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis.diagnose import weigh
 from wrenchbed.diagnosis.explain import reliability
-from wrenchbed.diagnosis.explain.reliability import Reliability, learnt, revision, shipped
+from wrenchbed.diagnosis.explain.reliability import Reliability, learnt, of_package, revision
 from wrenchbed.diagnosis.prepare.prepare_recording import gathered
 from wrenchbed.errors import DiagnosisError, ParameterError
 from wrenchbed.jobs.parts import Journal, Row
@@ -82,13 +82,6 @@ def reliability_at_design(
     source = f"{len(rows)} look-alikes of this recording"
     other = prior is None or prior.elsewhere
     return replace(learnt(claims, none, unknown, source, prior), own=True, elsewhere=other)
-
-
-def of_package(recording: Recording) -> Reliability | None:
-    """What the package knows of claims on such a recording; ``elsewhere`` where that is of other
-    robots or designs."""
-    metadata = recording.metadata
-    return shipped(metadata.robot, metadata.mode == "dynamic", bool(recording.joints))
 
 
 def _right(rows: list[Row], verdict: str) -> tuple[int, int]:

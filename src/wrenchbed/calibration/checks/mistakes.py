@@ -10,7 +10,6 @@ from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from wrenchbed.calibration.checks.finding import Finding
 from wrenchbed.calibration.checks.rigid_load import Load, Moments, Observed
@@ -194,7 +193,7 @@ def _of_frames(seen: Observed) -> Iterator[Mistake]:
         yield from _of_orientations(seen)
     found = None if seen.turns else best_turn(seen)
     if found is not None:
-        yield from _turned_sensor(seen, Rotation.from_matrix(found))
+        yield from _turned_sensor(seen, found)
     yield from _of_gravity(seen, into)
 
 
@@ -210,7 +209,11 @@ def best_turn(seen: Observed) -> np.ndarray | None:
     return np.asarray(u @ vt) if np.linalg.det(u @ vt) > 0.0 else None
 
 
-def _turned_sensor(seen: Observed, turn: Rotation) -> Iterator[Mistake]:
+def _turned_sensor(seen: Observed, found: np.ndarray) -> Iterator[Mistake]:
+    """A sensor whose readings are turned by a rotation (3, 3)."""
+    from scipy.spatial.transform import Rotation  # slow to load: only when it is used
+
+    turn = Rotation.from_matrix(found)
     vector = turn.as_rotvec()
     angle = float(np.linalg.norm(vector))
     if angle < TURNED:

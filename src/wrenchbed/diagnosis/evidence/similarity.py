@@ -5,12 +5,14 @@ CoG are fitted, with sizes that may occur (isolability: Frisk & Nyberg 2001,
 doi 10.1016/S0005-1098(01)00076-0; here graded by angle and size instead of by structure).
 """
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from wrenchbed.diagnosis.evidence.dictionary import EffectDictionary
+from wrenchbed.diagnosis.evidence.likelihood import squares
 from wrenchbed.diagnosis.prepare.configuration import STATED
 from wrenchbed.effects.base import Effect, Variant
 from wrenchbed.effects.chain import effects
@@ -48,78 +50,120 @@ class Signature:
         return f"{self.name} ({label})" if self.several else self.name
 
 
+class Fitted:
+    """Gram matrix of columns (n, n) after some of them are fitted away.
+
+    Args:
+        gram: of all columns (n, n).
+        E: columns (6 R, n).
+        fitted: numbers of those that are fitted.
+    """
+
+    def __init__(self, gram: np.ndarray, E: np.ndarray, fitted: np.ndarray) -> None:
+        self._gram, self._taken = gram, np.linalg.qr(E[:, fitted])[0].T @ E
+        self.energy = np.diagonal(gram) - (self._taken**2).sum(axis=0)
+
+    def blocks(self, some: np.ndarray) -> np.ndarray:
+        """Of sets of columns (B, k): (B, k, k)."""
+        whole = self._gram[some[:, :, None], some[:, None, :]]
+        return np.asarray(whole - squares(self._taken, some))
+
+    def cross(self, some: np.ndarray, others: np.ndarray) -> np.ndarray:
+        """Of sets of columns (B, k) with other columns (m,): (B, k, m)."""
+        whole = self._gram[np.ix_(some.ravel(), others)]
+        rest = whole - self._taken[:, some.ravel()].T @ self._taken[:, others]
+        return np.asarray(rest.reshape(*some.shape, len(others)))
+
+
 class Similarity:
     """Which variants of which effects make the same readings in a design.
 
     Args:
         dictionary: of the design.
+        among: effects of which one is a member of each pair that is compared; None: of all.
     """
 
-    def __init__(self, dictionary: EffectDictionary) -> None:
-        self.d = dictionary
+    def __init__(self, dictionary: EffectDictionary, among: Collection[str] | None = None) -> None:
+        self.d, self._among = dictionary, among
         self.signatures = _signatures(dictionary)
         self.named = max(int(w.columns.max()) for w in self.signatures) + 1
-        self._gram = dictionary.gram[: self.named, : self.named]
+        self._E = dictionary.E[:, : self.named]
+        if len(dictionary.E) > dictionary.E.shape[1]:
+            self._gram = dictionary.weighed(np.ones(6))[: self.named, : self.named]
+        else:
+            self._gram = self._E.T @ self._E
 
-    def remaining(self, name: str | None = None) -> np.ndarray:
-        """Gram matrix of the named columns after the stated numbers, but those of ``name``,
-        are fitted."""
-        d = self.d
-        fitted = np.array([k for k in d.stated if d.label[k][0] != name])
-        basis = np.linalg.qr(d.E[:, fitted])[0]
-        inside = basis.T @ d.E[:, : self.named]
-        return np.asarray(self._gram - inside.T @ inside)
+    def remaining(self, name: str = "") -> Fitted:
+        """The named columns after the stated numbers, but those of ``name``, are fitted."""
+        if name not in self._remaining:
+            fitted = np.array([k for k in self.d.stated if self.d.label[k][0] != name])
+            self._remaining[name] = Fitted(self._gram, self._E, fitted)
+        return self._remaining[name]
 
     @cached_property
-    def grams(self) -> dict[str, np.ndarray]:
-        """`remaining` for effects that are no stated number (key ''), and for each that is."""
-        return {"": self.remaining()} | {name: self.remaining(name) for name in STATED}
+    def _remaining(self) -> dict[str, Fitted]:
+        return {}
 
     def gap(self, signature: Signature) -> float:
         """Gap that a signature adds at typical size."""
         if signature.name in STATED:
             return float(self.d.configured_gap[signature.columns].sum())
-        after = np.diagonal(self.grams[""])[signature.columns]
+        after = self.remaining().energy[signature.columns]
         before = np.diagonal(self._gram)[signature.columns]
         return float(after[after > _UNSEEN * before].sum()) / len(self.d.E)
+
+    @cached_property
+    def gaps(self) -> np.ndarray:
+        """`gap` of each signature."""
+        return np.array([self.gap(w) for w in self.signatures])
 
     def seen(self, signature: Signature) -> bool:
         """Whether a fit of bias, mass and CoG leaves anything of a signature."""
         total = float(self.d.configured_gap[signature.columns].sum())
         return total > 1e-12 and (signature.name in STATED or self.gap(signature) > _UNSEEN * total)
 
-    def shows(self, signature: Signature) -> bool:
-        """Whether some plausible size of a signature adds a gap of 1."""
-        return self.gap(signature) * PLAUSIBLE**2 >= 1.0
+    @property
+    def shows(self) -> np.ndarray:
+        """Whether some plausible size of each signature adds a gap of 1 (signatures,)."""
+        return np.asarray(self.gaps * PLAUSIBLE**2 >= 1.0)
 
     @cached_property
     def inside(self) -> np.ndarray:
         """(signatures, signatures): the readings of the first can be made by the second."""
         result = np.zeros((len(self.signatures),) * 2, dtype=bool)
+        names = np.array([w.name for w in self.signatures])
+        some = np.isin(names, list(names if self._among is None else self._among))
+        key = np.where(np.isin(names, STATED), names, "")
+        for name in ("", *STATED):
+            of_key = (key == name) & (self.gaps > 1e-12)
+            others = names != name
+            self._compare(result, name, of_key, others & some)
+            self._compare(result, name, of_key & some, others & ~some)
+        return result
+
+    def _compare(self, result: np.ndarray, key: str, of: np.ndarray, by: np.ndarray) -> None:
+        """Write into ``result`` which of some signatures (boolean) others (boolean) can make."""
+        if not of.any():
+            return
+        left, of_key = self.remaining(key), np.flatnonzero(of)
+        wanted = np.unique(np.concatenate([self.signatures[a].columns for a in of_key]))
+        member = np.zeros((len(of_key), self.named))
+        for i, a in enumerate(of_key):
+            member[i, self.signatures[a].columns] = 1.0
+        member, energy = member[:, wanted], left.energy[wanted]
+        total = np.maximum(member @ energy, 1e-300)
         rows = len(self.d.E)
         ridge = _RIDGE * rows / PLAUSIBLE**2
-        member = np.zeros((len(self.signatures), self.named))
-        for k, signature in enumerate(self.signatures):
-            member[k, signature.columns] = 1.0
-        for key, gram in self.grams.items():
-            of_key = [
-                k
-                for k, w in enumerate(self.signatures)
-                if (w.name if w.name in STATED else "") == key and self.gap(w) > 1e-12
-            ]
-            some_of, energy = member[of_key], np.diagonal(gram)
-            total = np.maximum(some_of @ energy, 1e-300)
-            rest_of = [b for b, w in enumerate(self.signatures) if not key or w.name != key]
-            for k in {len(self.signatures[b].columns) for b in rest_of}:
-                made = [b for b in rest_of if len(self.signatures[b].columns) == k]
-                some = np.stack([self.signatures[b].columns for b in made])  # (B, k)
-                block, cross = gram[some[:, :, None], some[:, None, :]], gram[some]
-                x = np.linalg.solve(block + ridge * np.eye(k), cross)  # (B, k, named)
-                rest = energy - (x * cross).sum(axis=1) - ridge * (x**2).sum(axis=1)
-                size = np.sqrt((x**2 @ some_of.T).max(axis=1).T * rows / total[:, None])
-                alike = some_of @ rest.T <= (1.0 - ALIKE**2) * total[:, None]
-                result[np.ix_(of_key, made)] = alike & (size <= PLAUSIBLE)
-        return result
+        makers = np.flatnonzero(by).tolist()
+        for k in {len(self.signatures[b].columns) for b in makers}:
+            made = [b for b in makers if len(self.signatures[b].columns) == k]
+            some = np.stack([self.signatures[b].columns for b in made])  # (B, k)
+            cross = left.cross(some, wanted)
+            x = np.linalg.solve(left.blocks(some) + ridge * np.eye(k), cross)  # (B, k, wanted)
+            rest = energy - (x * cross).sum(axis=1) - ridge * (x**2).sum(axis=1)
+            size = np.sqrt((x**2 @ member.T).max(axis=1).T * rows / total[:, None])
+            alike = member @ rest.T <= (1.0 - ALIKE**2) * total[:, None]
+            result[np.ix_(of_key, np.array(made))] = alike & (size <= PLAUSIBLE)
 
     def rivals(self, index: int) -> tuple[str, ...]:
         """Other effects that make the readings of a signature."""
@@ -134,25 +178,24 @@ def _signatures(d: EffectDictionary) -> tuple[Signature, ...]:
     for k, key in enumerate(d.label):
         if key[1]:
             seen.setdefault(key, []).append(k)
-    count = {e.name: len(e.variants(d.prepared.scene)) for e in _acting(d)}
+    variants = {
+        e: e.variants(d.prepared.scene) for e in effects().values() if e.acts(d.prepared.scene)
+    }
+    several = {e.name: len(own) > 1 for e, own in variants.items()}
     signatures = [
-        Signature(h.effect, h.variant, np.asarray(h.columns), count[h.name] > 1)
+        Signature(h.effect, h.variant, np.asarray(h.columns), several[h.name])
         for h in d.hypotheses
         if not h.variant.free_form
     ]
     known = {(w.name, w.variant.label, tuple(w.columns)) for w in signatures}
-    for effect in _acting(d):
-        for variant in effect.variants(d.prepared.scene):
+    for effect, own in variants.items():
+        for variant in own:
             every = [seen.get((effect.name, n), []) for n in variant.free]
             if any(len(columns) != 1 for columns in every):
                 continue
             columns = tuple(c[0] for c in every)
             if (effect.name, variant.label, columns) not in known:
                 signatures.append(
-                    Signature(effect, variant, np.array(columns), count[effect.name] > 1)
+                    Signature(effect, variant, np.array(columns), several[effect.name])
                 )
     return tuple(signatures)
-
-
-def _acting(d: EffectDictionary) -> tuple[Effect, ...]:
-    return tuple(e for e in effects().values() if e.acts(d.prepared.scene))

@@ -14,9 +14,9 @@ from importlib import resources
 from typing import Any
 
 import numpy as np
-from scipy.optimize import minimize
 from scipy.special import expit, logit
 
+from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis.explain.structures import Ranking
 from wrenchbed.diagnosis.explain.verdict import Verdict, allowed
 from wrenchbed.errors import DiagnosisError
@@ -147,6 +147,8 @@ def learnt(
     Raises:
         DiagnosisError: no claims to learn from.
     """
+    from scipy.optimize import minimize  # slow to load: only when it is used
+
     if not claims:
         raise DiagnosisError("no case names a cause: nothing to learn reliability from")
     x = np.array([f for f, _ in claims], dtype=float)
@@ -209,6 +211,13 @@ def shipped(robot: str, moving: bool, jointed: bool = True) -> Reliability | Non
         return None
     result = Reliability(**raw | {"claim": tuple(raw["claim"])})
     return result if name in known and jointed else result.plain()
+
+
+def of_package(recording: Recording) -> Reliability | None:
+    """What the package knows of claims on such a recording; ``elsewhere`` where that is of other
+    robots or designs."""
+    metadata = recording.metadata
+    return shipped(metadata.robot, metadata.mode == "dynamic", bool(recording.joints))
 
 
 def revision() -> str:

@@ -110,7 +110,7 @@ def cannot_tell(
     Args:
         among: only what concerns one of these effects; everything if None.
     """
-    similarity = similarity or Similarity(dictionary)
+    similarity = similarity or Similarity(dictionary, among)
     sentences = [*_never(similarity), *_taken(similarity), *_sums(similarity), *_pairs(similarity)]
     kept = [text for names, text in sentences if among is None or names & set(among)]
     return tuple(dict.fromkeys(kept))
@@ -179,7 +179,7 @@ def _taken(similarity: Similarity) -> _Sentences:
 def _sums(similarity: Similarity) -> _Sentences:
     """Joints of one effect that act alike."""
     result: _Sentences = []
-    gram = similarity.grams[""]
+    left = similarity.remaining()
     for name in dict.fromkeys(w.name for w in similarity.signatures):
         of_joints = [
             w
@@ -192,13 +192,14 @@ def _sums(similarity: Similarity) -> _Sentences:
         rest = list(columns)
         while rest:
             first = rest.pop(0)
-            k = columns[first]
-            alike = [j for j in rest if abs(_cosine(gram, k, columns[j])) > ALIKE]
+            at = np.array([columns[j] for j in (first, *rest)])
+            gram = left.blocks(at[None])[0]
+            alike = [j for i, j in enumerate(rest, start=1) if abs(_cosine(gram, 0, i)) > ALIKE]
+            along = {j: gram[0, i] / gram[0, 0] for i, j in enumerate(rest, start=1)}
             rest = [j for j in rest if j not in alike]
             if not alike:
                 continue
-            ratio = [gram[k, columns[j]] / gram[k, k] for j in alike]
-            sums = all(abs(r - 1.0) < 0.02 for r in ratio)
+            sums = all(abs(along[j] - 1.0) < 0.02 for j in alike)
             how = "are identifiable only as a sum" if sums else "have the same effect"
             result.append((frozenset({name}), f"{name} of {_joints([first, *alike])} {how}"))
     return result
@@ -207,7 +208,7 @@ def _sums(similarity: Similarity) -> _Sentences:
 def _pairs(similarity: Similarity) -> _Sentences:
     """Different effects of which each, or one, makes the readings of the other."""
     ways, inside = similarity.signatures, similarity.inside
-    real = np.array([w.name not in STATED and similarity.shows(w) for w in ways])
+    real = np.array([w.name not in STATED for w in ways]) & similarity.shows
     result: _Sentences = []
     done: set[frozenset[str]] = set()
     order = np.argwhere(inside & inside.T & real[:, None] & real[None])

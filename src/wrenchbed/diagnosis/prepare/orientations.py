@@ -11,7 +11,6 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from wrenchbed.calibration.observations import Observations
 from wrenchbed.data.recording import Recording
@@ -156,6 +155,8 @@ def accelerations(
     measured = acceleration_columns(recording)
     if measured is None:
         return {}
+    from scipy.spatial.transform import Rotation  # slow to load: only when it is used
+
     turn = Rotation.from_quat(q, scalar_first=True)
     period = float(np.diff(t).mean())
     spin = np.zeros((len(t), 3))
