@@ -2,11 +2,11 @@
 
 import json
 
+import loop_torques as loops
 import numpy as np
 import pytest
 from arm_torques import NOISE, UR5, coloured, fourier, lugre, recording, torques
 
-from wrenchbed import registry
 from wrenchbed.cli import main
 from wrenchbed.data.column_map import read as read_map
 from wrenchbed.data.recording import Recording
@@ -16,7 +16,6 @@ from wrenchbed.drives.inverse_dynamics import torque_regressor
 from wrenchbed.errors import (
     CalibrationError,
     MapError,
-    NotFoundError,
     ParameterError,
     RecordingError,
 )
@@ -107,19 +106,20 @@ def test_links_are_told_as_base_parameters(clean):
 FREE = ("drive.coulomb", "drive.viscous", "drive.offset")
 
 
-def test_base_parameters_explain_all_torques_and_are_independent():
+@pytest.mark.parametrize(("robot", "count"), [(UR5, 36), (loops.MEDRUE, 43)])
+def test_base_parameters_explain_all_torques_and_are_independent(robot, count):
     rng = np.random.default_rng(7)
-    theta = UR5.parameters.nominal
-    base = base_parameters(UR5, theta)
-    at = UR5.sample(50, rng)
+    theta = robot.parameters.nominal
+    base = base_parameters(robot, theta)
+    at = robot.sample(50, rng)
     q = Jet(at, rng.normal(size=at.shape), rng.normal(size=at.shape))
-    y = torque_regressor(UR5, theta, q, np.array(UR5.gravity)).reshape(300, -1)
+    y = torque_regressor(robot, theta, q, np.array(robot.gravity)).reshape(300, -1)
     kept = y[:, base.columns]
     assert np.abs(kept @ base.grouping - y).max() < 1e-8
     singular = np.linalg.svd(kept / np.linalg.norm(kept, axis=0), compute_uv=False)
-    assert singular[-1] > 1e-4 and np.linalg.matrix_rank(y, 1e-9 * np.abs(y).max()) == 36
-    assert len(base.names) == 36
-    phi = rng.normal(size=60)
+    assert singular[-1] > 1e-4 and np.linalg.matrix_rank(y, 1e-9 * np.abs(y).max()) == count
+    assert len(base.names) == count
+    phi = rng.normal(size=y.shape[1])
     found = np.linalg.lstsq(kept, y @ phi, rcond=None)[0]
     assert np.abs(found - base.grouping @ phi).max() < 1e-8
 
@@ -178,13 +178,62 @@ def test_known_constants_make_currents_torques(clean):
         calibrate_efforts(recording(t, q, seen), constants=CONSTANT)
 
 
-def test_robots_with_loops_have_no_torques_here(clean):
-    t, _, _, effort = clean
-    medrue = registry.load("robots", "medrue")
-    q = np.array(medrue.home) + 1e-3 * np.sin(t)[:, None]
-    other = recording(t, q, effort, robot="medrue")
-    with pytest.raises(NotFoundError, match="no serial arm"):
-        calibrate_efforts(other)
+@pytest.fixture(scope="module")
+def looped():
+    """Clock, motion and torques of MedRUE with its load, no noise."""
+    t, q = loops.fourier(np.random.default_rng(3))
+    return t, q, loops.torques(q)
+
+
+LOOPED = {"tool.mass": loops.MASS} | {
+    f"drive.{kind}.{j + 1}": values[j] for j in range(6) for kind, values in (
+        ("coulomb", loops.COULOMB), ("viscous", loops.VISCOUS), ("offset", loops.OFFSET),
+        ("inertia", loops.ROTOR), ("constant", loops.CONSTANT))
+} | {f"tool.cog.{a}": c for a, c in zip("xyz", loops.COG, strict=True)}  # fmt: skip
+EMPTY = {"mass": 0.365, "cog": [-0.015872, -0.038343, 0.1107]}
+"""MedRUE's probe, which is not what it carries here."""
+
+
+def test_of_closed_loops_without_noise_the_truth_comes_out(looped):
+    t, q, effort = looped
+    fit = calibrate_efforts(loops.recording(t, q, effort, tool=EMPTY))
+    for name, value in LOOPED.items():
+        if "constant" not in name:
+            assert fit[name].value == pytest.approx(value, rel=2e-3, abs=2e-4), name
+    assert [e.unit for e in fit.joints] == ["N", *["N·m"] * 5]
+    units = {k: (fit[f"drive.{k}.1"].unit, fit[f"drive.{k}.2"].unit)
+             for k in ("coulomb", "viscous", "inertia")}  # fmt: skip
+    assert units == {"coulomb": ("N", "N·m"), "viscous": ("N·s/m", "N·m·s/rad"),
+                     "inertia": ("kg", "kg·m²")}  # fmt: skip
+
+
+@pytest.mark.parametrize(("prefix", "scale"), [("tau", np.ones(6)), ("i", loops.CONSTANT)])
+def test_of_closed_loops_noise_is_within_the_intervals(looped, prefix, scale):
+    t, q, effort = looped
+    seen = effort + loops.NOISE * coloured(np.random.default_rng(4), effort.shape)
+    fit = calibrate_efforts(loops.recording(t, q, seen / scale, prefix, tool=EMPTY))
+    off = [abs(p.value - LOOPED[p.name]) / p.std for p in fit.identified if p.name in LOOPED]
+    assert len(off) == (34 if prefix == "i" else 28)
+    assert np.sqrt(np.mean(np.square(off))) < 1.6 and max(off) < 5.0
+    assert all(e.left < e.held_out < 0.05 * e.measured for e in fit.joints)
+
+
+def test_the_table_of_a_slide_has_its_units(looped, tmp_path, capsys):
+    t, q, effort = looped
+    seen = effort + loops.NOISE * coloured(np.random.default_rng(4), effort.shape)
+    loops.recording(t, q, seen).write(tmp_path / "rec.parquet")
+    assert main(["calibrate", str(tmp_path / "rec.parquet"), "--channels", "effort"]) == 0
+    shown = capsys.readouterr().out
+    assert "1: N·s/m" in shown and "1: kg" in shown and "unit" in shown
+    assert all(len(line) <= 80 for line in shown.splitlines())
+
+
+def test_links_of_closed_loops_are_told_as_base_parameters(looped):
+    t, q, effort = looped
+    names = ["link", *FREE, "drive.inertia"]
+    fit = calibrate_efforts(loops.recording(t, q, effort, tool=EMPTY), names)
+    assert all(e.explained > 0.999 for e in fit.joints)
+    assert any(p.name.startswith("link.8.") for p in fit.identified)  # the wrist has the load
 
 
 def test_the_verb_writes_a_fit_that_no_export_takes_for_one_of_the_wrench(clean, tmp_path, capsys):

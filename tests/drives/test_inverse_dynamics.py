@@ -1,4 +1,4 @@
-"""Closed-form joint torques against MuJoCo's inverse dynamics."""
+"""Closed-form joint torques against MuJoCo's inverse dynamics and constraint forces."""
 
 import mujoco
 import numpy as np
@@ -7,12 +7,16 @@ from test_robots import random_theta
 
 from arm_files import CASES, TOOL_COG, TOOL_MASS
 from wrenchbed import registry
-from wrenchbed.drives.inverse_dynamics import torque_regressor
+from wrenchbed.drives.identify import about_origin, carrier_columns, load_columns
+from wrenchbed.drives.inverse_dynamics import rotor_torque, torque_regressor
 from wrenchbed.errors import NotFoundError
 from wrenchbed.physics.time_derivatives import Jet
+from wrenchbed.robots.base import SimulatedRobot, models
+from wrenchbed.robots.chain import SerialChain
 from wrenchbed.robots.described import describe
 from wrenchbed.robots.link_inertias import link_inertias
 from wrenchbed.robots.ur_family import ur_arm
+from wrenchbed.simulation.drives.joint_torques import JointTorques
 
 
 def inverse(robot, theta, q, gravity):
@@ -62,7 +66,64 @@ def test_torques_of_an_arm_from_its_file_are_those_of_mujoco(case, tmp_path):
           np.random.default_rng(2))  # fmt: skip
 
 
-def test_a_robot_with_loops_has_no_torque_regressor():
+def closed_form(robot, theta, q):
+    """Torques (N, J) by virtual work."""
+    inertias = link_inertias(robot, theta)
+    y = torque_regressor(robot, theta, q, np.asarray(robot.gravity))
+    return y @ inertias.phi.ravel() + rotor_torque(robot, theta, inertias, q)
+
+
+@pytest.mark.parametrize("way", [0.0, 1.0], ids=["rest", "motion"])
+@pytest.mark.parametrize("name", ["medrue", "five_bar", "stewart"])
+def test_torques_of_closed_loops_are_those_of_mujocos_constraint_forces(name, way, tmp_path):
+    """MedRUE at random parameters too; out of its plane, a five-bar's are of its joints' play."""
+    rng, described = np.random.default_rng(3), name != "medrue"
     robot = registry.load("robots", "medrue")
-    with pytest.raises(NotFoundError, match="no serial arm"):
+    if described:
+        robot = describe(models() / name / f"{name}.xml", "sensor", tmp_path / "my.toml").robot
+    nominal = robot.parameters.nominal
+    for theta in (nominal,) if described else (nominal, *(random_theta(robot, rng),) * 2):
+        q = moving(robot, rng)
+        q = q[np.setdiff1d(np.arange(40), list(robot.infeasible(q.v, theta)))]
+        q = Jet(q.v, way * q.d, way * q.dd)
+        theirs = JointTorques(robot, theta, robot.gravity).of(q)
+        assert len(theirs) > 30 and np.abs(theirs).max() > 3.0
+        assert np.abs(closed_form(robot, theta, q) - theirs).max() < 1e-9
+
+
+def test_the_load_of_closed_loops_is_linear_in_its_ten_parameters():
+    """Another tool in MuJoCo is the regressor times the difference of the tools."""
+    robot, rng = registry.load("robots", "medrue"), np.random.default_rng(4)
+    before = robot.parameters.nominal
+    after = robot.theta_of_tool(before.copy(), 0.9, (0.03, -0.05, 0.2))
+    after[robot.parameters.index("tool.inertia.xx")] += 2e-4
+    after[robot.parameters.index("tool.inertia.zz")] += 1e-4
+    q = moving(robot, rng)
+    change, here = (about_origin(robot.tool(theta)) for theta in (after, before))
+    y = torque_regressor(robot, before, q, np.asarray(robot.gravity))[..., carrier_columns(robot)]
+    made = y @ load_columns(robot, before) @ (change - here)
+    one, two = (JointTorques(robot, theta, robot.gravity).of(q) for theta in (after, before))
+    assert np.abs(made - (one - two)).max() < 1e-9 < 1.0 < np.abs(one - two).max()
+
+
+def test_a_link_of_closed_loops_is_linear_in_its_ten_parameters():
+    robot, rng = registry.load("robots", "medrue"), np.random.default_rng(5)
+    theta, q = robot.parameters.nominal, moving(robot, rng)
+    y = torque_regressor(robot, theta, q, np.asarray(robot.gravity))
+    names, before = link_inertias(robot, theta).names, JointTorques(robot, theta, robot.gravity)
+    for name in ("carriage", "distal_b1", "proximal_c2", "slider"):
+        after = JointTorques(robot, theta, robot.gravity)
+        body, k = after.model.body(name), names.index(name)
+        old = float(body.mass[0])
+        body.mass[0] = old + 0.3
+        cog = body.ipos
+        form = np.array([1.0, *cog, *(cog @ cog - cog**2), *(-cog[[0, 0, 1]] * cog[[1, 2, 2]])])
+        made = y[..., 10 * k : 10 * k + 10] @ form * 0.3
+        assert np.abs(made - (after.of(q) - before.of(q))).max() < 1e-9 < np.abs(made).max()
+
+
+def test_a_robot_without_links_has_no_torques(monkeypatch):
+    robot = registry.load("robots", "ur5")
+    monkeypatch.setattr(SerialChain, "link_frames", SimulatedRobot.link_frames)
+    with pytest.raises(NotFoundError, match="no frames of links"):
         link_inertias(robot, robot.parameters.nominal)

@@ -56,16 +56,28 @@ def _by_joint(fit: DriveFit) -> Table:
         own = [fit[f"{kind}.{e.joint}"] for e in fit.joints]
         told = [parameter_words(p.name, p.value, p.std, p.interval95, p.nominal, p.unit)
                 for p in own]  # fmt: skip
-        table.add_row(kind, *(w.value for w in told), told[0].unit)
-        table.add_row("  ± std", *(w.std for w in told), style="dim")
+        usual, others = _units([w.unit for w in told])
+        table.add_row(kind, *(w.value for w in told), usual)
+        table.add_row("  ± std", *(w.std for w in told), others, style="dim")
     return table
 
 
+def _units(each: list[str]) -> tuple[str, str]:
+    """Unit of most joints, and of which joints another one: ``1: N``."""
+    usual = max(each, key=each.count)
+    other = [str(j) for j, unit in enumerate(each, start=1) if unit != usual]
+    named = next((unit for unit in each if unit != usual), "")
+    return usual, f"{','.join(other)}: {named}" if other else ""
+
+
 def _errors(fit: DriveFit) -> Table:
-    table = _table()
-    table.add_column(f"rms in the band [{fit.unit}]", no_wrap=True)
+    table, units = _table(), [e.unit for e in fit.joints]
+    alike = len(set(units)) == 1
+    table.add_column(f"rms in the band{f' [{units[0]}]' * alike}", no_wrap=True)
     for e in fit.joints:
         table.add_column(str(e.joint), justify="right", no_wrap=True)
+    if not alike:
+        table.add_row("unit", *units, style="dim")
     table.add_row("effort itself", *(f"{e.measured:.3g}" for e in fit.joints))
     if all(e.nominal is not None for e in fit.joints):
         table.add_row("left by the nominal robot", *(f"{e.nominal:.3g}" for e in fit.joints))

@@ -4,6 +4,7 @@ Columns of the torque regressor at random motions, by QR with pivoting: Gautier 
 calculation of the base inertial parameters of robots", doi 10.1002/rob.4620080405.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,9 +13,10 @@ from scipy.linalg import qr
 from wrenchbed.drives.inverse_dynamics import torque_regressor
 from wrenchbed.physics.newton_euler import INERTIAL
 from wrenchbed.physics.time_derivatives import Jet
-from wrenchbed.robots.chain import SerialChain
+from wrenchbed.robots.base import SimulatedRobot
 
-_POSES, _SEED = 60, 1
+_ROWS, _SEED = 6, 1
+"""Rows of the regressor per column, at least; estimate."""
 _DEPENDENT = 1e-8
 """Diagonal of R over its largest below which a column depends on those before."""
 NAMES = ("m", "mx", "my", "mz", "xx", "yy", "zz", "xy", "xz", "yz")
@@ -27,7 +29,7 @@ class BaseParameters:
 
     Attributes:
         columns: of Y that are kept (B,), in order.
-        grouping: (B, 10 J): base parameters = grouping @ φ.
+        grouping: (B, 10 L): base parameters = grouping @ φ.
         names: ``link.<k>.<m, mx …>`` of the kept columns, k from 1.
     """
 
@@ -36,26 +38,27 @@ class BaseParameters:
     names: tuple[str, ...]
 
 
-def base_parameters(robot: SerialChain, theta: np.ndarray) -> BaseParameters:
-    """Of a serial arm with parameters theta (P,), last links first: a payload keeps its name."""
-    rng, joints = np.random.default_rng(_SEED), len(robot.joints)
-    at = robot.sample(_POSES, rng)
+def base_parameters(robot: SimulatedRobot, theta: np.ndarray) -> BaseParameters:
+    """Of an arm with parameters theta (P,), that with the load first: a payload keeps its name."""
+    rng, links = np.random.default_rng(_SEED), len(robot.link_frames(robot.home[None], theta))
+    at = robot.sample(-(-_ROWS * INERTIAL * links // len(robot.joints)), rng)
     q = Jet(at, rng.normal(size=at.shape), rng.normal(0.0, 3.0, at.shape))
-    y = torque_regressor(robot, theta, q, np.asarray(robot.gravity)).reshape(-1, INERTIAL * joints)
+    y = torque_regressor(robot, theta, q, np.asarray(robot.gravity)).reshape(-1, INERTIAL * links)
     scale = np.linalg.norm(y, axis=0)
     seen = scale > _DEPENDENT * scale.max()  # others turn or accelerate nothing
-    kept = _independent(y * np.divide(1.0, scale, out=np.zeros_like(scale), where=seen))
+    order = [robot.carrier, *(k for k in reversed(range(links)) if k != robot.carrier)]
+    kept = _independent(y * np.divide(1.0, scale, out=np.zeros_like(scale), where=seen), order)
     grouping = np.linalg.lstsq(y[:, kept], y, rcond=None)[0]
     grouping[np.abs(grouping) < _DEPENDENT] = 0.0
     names = tuple(f"link.{c // INERTIAL + 1}.{NAMES[c % INERTIAL]}" for c in kept)
     return BaseParameters(kept, grouping, names)
 
 
-def _independent(y: np.ndarray) -> np.ndarray:
-    """Indices of independent columns, those of the last link first."""
+def _independent(y: np.ndarray, links: Sequence[int]) -> np.ndarray:
+    """Indices of independent columns, those of the first of the links first."""
     chosen: list[int] = []
     basis = np.zeros((len(y), 0))
-    for link in reversed(range(y.shape[1] // INERTIAL)):
+    for link in links:
         own = np.arange(INERTIAL * link, INERTIAL * (link + 1))
         left = y[:, own] - basis @ (basis.T @ y[:, own])
         left = left - basis @ (basis.T @ left)  # twice: rounding

@@ -13,10 +13,11 @@ from wrenchbed.pages.numbers import percent
 
 @dataclass(frozen=True)
 class JointError:
-    """Errors of one joint in the filter's band [N·m or A], rows that count.
+    """Errors of one joint in the filter's band [N·m, N of slides, or A], rows that count.
 
     Attributes:
         joint: from 1.
+        unit: of the errors.
         rows: how many.
         measured: standard deviation of the torque or current itself.
         nominal: rms of what the nominal robot leaves; None of currents, whose constant is unknown.
@@ -25,6 +26,7 @@ class JointError:
     """
 
     joint: int
+    unit: str
     rows: int
     measured: float
     nominal: float | None
@@ -43,8 +45,8 @@ class DriveFit:
 
     Attributes:
         recording, robot: what was fitted.
-        unit: of the measured effort, ``N·m`` or ``A``.
-        identified: the free parameters; friction in N·m.
+        unit: of the measured effort, ``N·m`` (slides have N) or ``A``.
+        identified: the free parameters; friction in N·m, of slides in N.
         joints: errors, joint by joint.
         covariance: of the identified parameters (K, K).
         cutoff: of the filter [Hz].

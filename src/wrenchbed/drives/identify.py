@@ -16,16 +16,15 @@ from wrenchbed.calibration.fit import IdentifiedValue
 from wrenchbed.data.recording import Recording
 from wrenchbed.drives.base_parameters import base_parameters
 from wrenchbed.drives.fit import DriveFit, JointError
-from wrenchbed.drives.inverse_dynamics import torque_regressor
+from wrenchbed.drives.inverse_dynamics import rotor_torque, torque_regressor
 from wrenchbed.drives.signals import DriveSignals, drive_signals
 from wrenchbed.drives.solution import FOLDS, Problem, Solution, parts, residual, solve, start
 from wrenchbed.errors import CalibrationError, NotFoundError, ParameterError
 from wrenchbed.physics.newton_euler import INERTIAL
 from wrenchbed.physics.time_derivatives import Jet
 from wrenchbed.physics.wrench import Tool
-from wrenchbed.robots.base import INERTIA_AXES, SimulatedRobot
-from wrenchbed.robots.chain import SerialChain
-from wrenchbed.robots.link_inertias import link_inertias
+from wrenchbed.robots.base import INERTIA_AXES, Joint, SimulatedRobot
+from wrenchbed.robots.link_inertias import at_home, link_inertias
 from wrenchbed.simulation.closed_form import Model, robot_of
 
 FRICTION = ("drive.coulomb", "drive.viscous", "drive.offset", "drive.inertia")
@@ -48,10 +47,11 @@ def calibrate_efforts(
     """Fit the joint torques or currents of a motion.
 
     Args:
-        recording: of a serial arm, with ``tau1…`` or ``i1…``.
+        recording: of an arm, with ``tau1…`` or ``i1…``.
         free: of `GROUPS`; if none, friction, and the tool, and the constants where currents are
             measured and nobody states them.
-        constants: known drive constants (J,) [N·m/A], gear included: currents become torques.
+        constants: known drive constants (J,) [N·m/A, of slides N/A], gear included: currents
+            become torques.
         cutoff: of the filter [Hz]; five times the motion's bandwidth if none.
         force: give the values all the same where the data refute them.
 
@@ -100,20 +100,20 @@ def _groups(free: Sequence[str], signals: DriveSignals) -> tuple[str, ...]:
 def _problem(
     recording: Recording, signals: DriveSignals, groups: tuple[str, ...]
 ) -> tuple[Problem, dict[str, float]]:
-    robot = _arm(recording)
+    robot = arm_of(recording)
     model = Model.of(robot, recording.metadata)
     theta = robot.robot_theta(model.configured(recording.metadata))
     inertias, coarse = link_inertias(robot, theta), signals.coarse
     q = Jet(*(part[::coarse] for part in (signals.q.v, signals.q.d, signals.q.dd)))
     y = torque_regressor(robot, theta, q, np.asarray(model.gravity))
-    nominal = y @ inertias.phi.ravel() + inertias.rotor * q.dd
+    nominal = y @ inertias.phi.ravel() + rotor_torque(robot, theta, inertias, q)
     starts: dict[str, float] = {}
     if "link" in groups:
         base = base_parameters(robot, theta)
         loads, changes = y[..., base.columns], base.names
         starts = dict(zip(changes, base.grouping @ inertias.phi.ravel(), strict=True))
     elif "tool" in groups:
-        loads, changes = y[..., -INERTIAL:] @ load_columns(robot, theta), LOAD
+        loads, changes = y[..., carrier_columns(robot)] @ load_columns(robot, theta), LOAD
         starts = dict(zip(changes, about_origin(robot.tool(theta)), strict=True))
     else:
         loads, changes = y[..., :0], ()
@@ -129,13 +129,15 @@ def _problem(
     return problem, starts
 
 
-def _arm(recording: Recording) -> SerialChain:
+def arm_of(recording: Recording) -> SimulatedRobot:
+    """The robot of a recording.
+
+    Raises:
+        NotFoundError: it has no model with links.
+    """
     robot = robot_of(recording)
-    if not isinstance(robot, SerialChain) or not isinstance(robot, SimulatedRobot):
-        raise NotFoundError(f"robot {robot.name!r} is no serial arm: its joints have no torques")
-    slides = [joint.name for joint in robot.joints if joint.unit == "m"]
-    if slides:
-        raise NotFoundError(f"joint {slides[0]} of {robot.name!r} slides: only hinges are fitted")
+    if not isinstance(robot, SimulatedRobot):
+        raise NotFoundError(f"robot {robot.name!r} has no model: its joints have no torques")
     return robot
 
 
@@ -176,13 +178,15 @@ def about_origin(tool: Tool) -> np.ndarray:
     return np.array([mass, *(mass * cog), *_six(second)])
 
 
-def load_columns(robot: SerialChain, theta: np.ndarray) -> np.ndarray:
-    """From `LOAD` to the ten parameters of the last link (10, 10), in its axes about its joint."""
-    assert isinstance(robot, SimulatedRobot)
+def carrier_columns(robot: SimulatedRobot) -> slice:
+    """Columns of the torque regressor that are of the link with the load."""
+    return slice(INERTIAL * robot.carrier, INERTIAL * (robot.carrier + 1))
+
+
+def load_columns(robot: SimulatedRobot, theta: np.ndarray) -> np.ndarray:
+    """From `LOAD` to the ten parameters of the link that carries it (10, 10), in its frame."""
     q = np.asarray(robot.home, dtype=float)[None]
-    *_, frame, _ = robot.frames(q, theta)
-    x, y, z, origin = (np.broadcast_to(v, (1, 3))[0] for v in frame)
-    link = np.stack([x, y, z], axis=-1)
+    link, origin = at_home(*robot.link_frames(q, theta)[robot.carrier])
     rotation, place = (np.asarray(v)[0] for v in robot.sensor_pose(q, theta))
     turn, lever = link.T @ rotation, link.T @ (place - origin)
     result = np.zeros((INERTIAL, INERTIAL))
@@ -214,7 +218,8 @@ def _fit(
     solution: Solution,
     starts: dict[str, float],
 ) -> DriveFit:
-    names, told = _names(problem, _certain(problem, solution, starts))
+    joints = arm_of(recording).joints
+    names, told = _names(problem, _certain(problem, solution, starts), joints)
     values = _reported(problem, solution.x, starts)
     before = _reported(problem, start(problem), starts)
     each = np.array([_reported(problem, x, starts) for x in solution.folds])
@@ -226,11 +231,12 @@ def _fit(
         identified.append(
             IdentifiedValue(name, float(values[k]), std, unit, float(before[k]), half)
         )
-    joints = _errors(problem, solution)
+    units = [joint.own(signals.unit) for joint in joints]
+    errors = _errors(problem, solution, units)
     return DriveFit(
-        recording.name, recording.metadata.robot, signals.unit, tuple(identified), joints,
+        recording.name, recording.metadata.robot, signals.unit, tuple(identified), errors,
         covariance, signals.cutoff, float(signals.t[-1] - signals.t[0]), len(problem.use),
-        _refuted(joints, identified),
+        _refuted(errors, identified),
     )  # fmt: skip
 
 
@@ -267,11 +273,16 @@ _UNITS = {"drive.coulomb": "N·m", "drive.viscous": "N·m·s/rad", "drive.offset
 _LINK_UNITS = {"m": "kg"} | {f"m{a}": "kg·m" for a in "xyz"}
 
 
-def _names(p: Problem, told: np.ndarray) -> tuple[list[tuple[str, str]], np.ndarray]:
+def _names(
+    p: Problem, told: np.ndarray, joints: Sequence[Joint]
+) -> tuple[list[tuple[str, str]], np.ndarray]:
     """Names and units of the reported parameters, and whether the data determine each."""
-    joints = range(1, p.y.shape[1] + 1)
+
+    def of_joints(kind: str, unit: str) -> list[tuple[str, str]]:
+        return [(f"{kind}.{j}", joint.own(unit)) for j, joint in enumerate(joints, start=1)]
+
     gain, changes, own = parts(p, told)
-    names = [(f"{CONSTANT}.{j}", "N·m/A") for j in joints if p.gains]
+    names = of_joints(CONSTANT, "N·m/A") if p.gains else []
     good = [*gain] if p.gains else []
     if p.changes == LOAD:
         names += [("tool.mass", "kg"), *((c, "m") for c in _COG), *((c, "kg·m²") for c in _INERTIA)]
@@ -281,7 +292,7 @@ def _names(p: Problem, told: np.ndarray) -> tuple[list[tuple[str, str]], np.ndar
         names += [(c, _LINK_UNITS.get(c.rpartition(".")[2], "kg·m²")) for c in p.changes]
         good += [*changes]
     for f, kind in enumerate(p.kinds):
-        names += [(f"{kind}.{j}", _UNITS[kind]) for j in joints]
+        names += of_joints(kind, _UNITS[kind])
         good += [*(own[:, f] & gain)]
     return names, np.array(good, dtype=bool)
 
@@ -303,16 +314,17 @@ def _about_cog(load: np.ndarray) -> np.ndarray:
     return np.array([mass, *cog, *(load[4:] - mass * np.array(_six(_second(cog, cog))))])
 
 
-def _errors(p: Problem, solution: Solution) -> tuple[JointError, ...]:
+def _errors(p: Problem, solution: Solution, units: Sequence[str]) -> tuple[JointError, ...]:
     left, unseen = residual(p, solution.x), np.zeros_like(p.y)
     for k, x in enumerate(solution.folds):
         unseen[p.fold == k] = residual(p, x)[p.fold == k]
     found = []
-    for j in range(p.y.shape[1]):
+    for j, unit in enumerate(units):
         rows = p.use[:, j]
         nominal = None if p.gains else float(np.sqrt(np.mean((p.y - p.nominal)[rows, j] ** 2)))
         rms = [float(np.sqrt(np.mean(part[rows, j] ** 2))) for part in (left, unseen)]
-        found.append(JointError(j + 1, int(rows.sum()), float(p.y[rows, j].std()), nominal, *rms))
+        measured = float(p.y[rows, j].std())
+        found.append(JointError(j + 1, unit, int(rows.sum()), measured, nominal, *rms))
     return tuple(found)
 
 

@@ -165,13 +165,9 @@ def _smoothed(q: np.ndarray, rate: float, most: float) -> np.ndarray:
     Differentiated twice, that noise would be a torque: of an outstretched arm several times the
     noise of its first joint.
     """
-    frequency, power = signal.welch(
-        q,
-        fs=rate,
-        window="blackmanharris",
-        nperseg=min(len(q), int(_SPECTRUM_S * rate)),
-        detrend="linear",
-    )
+    rows = min(len(q), int(_SPECTRUM_S * rate))
+    straight = np.asarray(signal.detrend(q), dtype=np.float64)
+    frequency, power = signal.welch(straight, rate, window="blackmanharris", nperseg=rows)
     floor = float(np.median(power[frequency > _NOISE_FROM * rate]))
     told = np.flatnonzero(power > _OVER_NOISE * floor)
     last = float(frequency[told[-1]]) if told.size else 0.0

@@ -45,6 +45,13 @@ def motion_of(rotation: Jet, position: Jet, gravity: np.ndarray) -> Motion:
     return Motion(np.moveaxis(origin, -1, 0), _vee(spin), _vee(turn))
 
 
+def twist_of(rotation: Jet, position: Jet) -> np.ndarray:
+    """Velocity of the origin [m/s], then angular velocity [rad/s], in its own axes (N, 6)."""
+    to_own = np.swapaxes(rotation.v, -1, -2)
+    slide = (to_own @ position.d[..., None])[..., 0]
+    return np.concatenate([slide, np.moveaxis(_vee(to_own @ rotation.d), 0, -1)], axis=-1)
+
+
 def load(motion: Motion, phi: np.ndarray) -> np.ndarray:
     """Wrench (…, N, 6) [N, N·m] that loads φ (…, 10), or (K, 1, 10), put on the sensor."""
     mass, h, inertia = _split(phi)

@@ -92,7 +92,8 @@ def _efforts(found: EffortFindings) -> Chart:
                 label = name.replace("_", " the ")
                 series.append(Series(label, "line", t[rows], made[rows], role=role))  # type: ignore[arg-type]
         some, note = thinned(series, what="rows")
-        panels.append(Panel(Axis("time", "s"), Axis(f"joint {j + 1}", "N·m"), some, height=0.8))
+        effort = Axis(f"joint {j + 1}", scene.robot.joints[j].own("N·m"))
+        panels.append(Panel(Axis("time", "s"), effort, some, height=0.8))
     caption = "Predictions are by fits that did not see the rows."
     return Chart("efforts", "Measured and predicted efforts", tuple(panels), 2, True, caption, note)
 
@@ -117,7 +118,8 @@ def _friction(found: EffortFindings, j: int) -> Chart:
     if "with_effects" in found.held_out.left:
         made = measured - std * found.held_out.left["with_effects"][:, j]
         series.append(Series("with the effects", "line", x, means(made), role="after"))
-    panel = Panel(Axis("speed", "rad/s"), Axis("effort less rigid body", "N·m"), tuple(series),
-                  zero=True)  # fmt: skip
+    own = scene.robot.joints[j].own
+    panel = Panel(Axis("speed", own("rad/s")), Axis("effort less rigid body", own("N·m")),
+                  tuple(series), zero=True)  # fmt: skip
     caption = "Means over bins of speed; what depends on angle or load alone averages out."
     return Chart(f"friction-{j + 1}", f"Friction of joint {j + 1}", (panel,), caption=caption)

@@ -42,6 +42,17 @@ class Joint:
     upper: float
     speed: float
 
+    def own(self, unit: str) -> str:
+        """A unit of hinges as this joint has it: a slide N for N·m and m for rad."""
+        return _OF_SLIDES.get(unit, unit) if self.unit == "m" else unit
+
+
+_OF_SLIDES: Mapping[str, str] = {
+    "N·m": "N", "N·m·s/rad": "N·s/m", "kg·m²": "kg", "N·m/A": "N/A", "N·m/K": "N/K",
+    "N·m/rad": "N/m", "rad": "m", "rad/s": "m/s",
+}  # fmt: skip
+"""Units of slides where hinges have others."""
+
 
 @dataclass(frozen=True, eq=False)
 class GoalSets:
@@ -229,6 +240,20 @@ class SimulatedRobot(Robot):
     @abstractmethod
     def spec(self, theta: np.ndarray) -> "mujoco.MjSpec":
         """The MJCF with every parameter (P,) written into it."""
+
+    def link_frames(self, q: Value, theta: np.ndarray) -> Sequence[tuple[Value, Value]]:
+        """R_world_link (…, N, 3, 3) and origin (…, N, 3) [m] of the link behind each of MuJoCo's
+        joints, in their order; loops stay closed.
+
+        Raises:
+            NotFoundError: the model of this robot has no frames of links.
+        """
+        raise NotFoundError(f"robot {self.name!r} has no frames of links: its joints no torques")
+
+    @property
+    def carrier(self) -> int:
+        """Number of the link that carries the sensor, from 0 as in `link_frames`."""
+        return len(self.joints) - 1
 
     @property
     @abstractmethod

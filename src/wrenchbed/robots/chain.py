@@ -115,6 +115,10 @@ class SerialChain(LoadInSensorAxes, SimulatedRobot):
             x, y, z = (_combined(turn[..., j], (x, y, z)) for j in range(3))
         yield x, y, z, position
 
+    def link_frames(self, q: Value, theta: np.ndarray) -> list[tuple[Value, Value]]:
+        *frames, _ = self.frames(q, theta)
+        return [(stack_jets(axes), origin) for *axes, origin in frames]
+
     def sensor_pose(self, q: Value, theta: np.ndarray) -> tuple[Value, Value]:
         rotation, position = self.flange_pose(q, theta)
         offset = theta[..., self._offset]

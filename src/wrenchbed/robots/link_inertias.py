@@ -9,10 +9,8 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from wrenchbed.errors import NotFoundError
 from wrenchbed.physics.newton_euler import INERTIAL
 from wrenchbed.robots.base import SimulatedRobot
-from wrenchbed.robots.chain import SerialChain
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,43 +18,48 @@ class LinkInertias:
     """What an arm weighs.
 
     Attributes:
-        phi: the ten parameters of `newton_euler` of each link (J, 10), in the axes and about the
-            origin of `SerialChain.frames`.
+        phi: the ten parameters of `newton_euler` of each link (L, 10), in the axes and about the
+            origin of `SimulatedRobot.link_frames`.
         rotor: inertia of each motor at the joint's side (J,) [kg·m² or kg], MuJoCo's ``armature``.
+        passive: that of all joints (L,), zero at those with motors.
+        names: of the links (L,), those of their bodies.
     """
 
     phi: np.ndarray
     rotor: np.ndarray
+    passive: np.ndarray
+    names: tuple[str, ...]
 
 
 def link_inertias(robot: SimulatedRobot, theta: np.ndarray) -> LinkInertias:
-    """Of a serial arm with parameters theta (P,).
+    """Of an arm with parameters theta (P,).
 
     Raises:
-        NotFoundError: the robot is no serial chain.
+        NotFoundError: the model of the robot has no frames of links.
     """
-    if not isinstance(robot, SerialChain):
-        raise NotFoundError(f"robot {robot.name!r} is no serial arm: its joints have no torques")
+    q = np.asarray(robot.home, dtype=float)[None]
+    frames = [at_home(*frame) for frame in robot.link_frames(q, theta)]
     model = robot.spec(theta).compile()
     data = mujoco.MjData(model)
-    q = np.asarray(robot.home, dtype=float)[None]
     data.qpos[:] = robot.qpos(q, theta)[0]
     mujoco.mj_kinematics(model, data)
     mujoco.mj_comPos(model, data)
-    frames = [_at_home(*frame) for frame in robot.frames(q, theta)]
     joint_of = _joint_of(model)
-    phi = np.zeros((len(robot.joints), INERTIAL))
+    phi = np.zeros((model.njnt, INERTIAL))
     for body in range(1, model.nbody):
         k = joint_of[body]
         if k >= 0:
             phi[k] += _seen(model, data, body, *frames[k])
-    return LinkInertias(phi, model.dof_armature.copy())
+    motors = [int(model.joint(joint.name).dofadr[0]) for joint in robot.joints]
+    passive = model.dof_armature.copy()
+    passive[motors] = 0.0
+    names = tuple(model.body(int(b)).name for b in model.jnt_bodyid)
+    return LinkInertias(phi, model.dof_armature[motors], passive, names)
 
 
-def _at_home(*vectors: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Axes (3, 3) and origin (3,) of a link in the world, of vectors (1, 3) or (3,)."""
-    x, y, z, origin = (np.broadcast_to(v, (1, 3))[0] for v in vectors)
-    return np.stack([x, y, z], axis=-1), origin
+def at_home(turn: np.ndarray, origin: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Axes (3, 3) and origin (3,) of a link in the world, of arrays with one row or none."""
+    return np.broadcast_to(turn, (1, 3, 3))[0], np.broadcast_to(origin, (1, 3))[0]
 
 
 def _joint_of(model: mujoco.MjModel) -> list[int]:

@@ -182,6 +182,14 @@ class LoopArm(LoadInSensorAxes, SimulatedRobot):
         base = arm.base_turn if leaning is None else leaning @ arm.base_turn
         return base @ frame[0], apply(base, frame[1]) + arm.base_shift
 
+    def link_frames(self, q: Value, theta: np.ndarray) -> list[tuple[Value, Value]]:
+        at, geometry = self._solved(q, theta)
+        return [self._placed(f, theta) for f in self._loops.frames(at, geometry)[1:]]
+
+    @property
+    def carrier(self) -> int:
+        return self.arm_model.end
+
     def sensor_pose(self, q: Value, theta: np.ndarray) -> tuple[Value, Value]:
         arm = self.arm_model
         at, geometry = self._solved(q, theta)
@@ -195,10 +203,8 @@ class LoopArm(LoadInSensorAxes, SimulatedRobot):
         return turn, origin
 
     def links(self, q: np.ndarray, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        at, geometry = self._solved(q, theta)
         centres = np.empty((len(q), len(self.bodies), 3))
-        for i, frame in enumerate(self._loops.frames(at, geometry)[1:]):
-            turn, origin = self._placed(frame, theta)
+        for i, (turn, origin) in enumerate(self.link_frames(q, theta)):
             centres[:, i] = origin + apply(turn, self.arm_model.links[i].cog)
         return self._masses, centres
 

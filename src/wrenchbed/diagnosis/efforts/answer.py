@@ -131,11 +131,17 @@ def next_steps(v: Verdict) -> list[dict[str, Any]]:
 def notes(d: Dictionary, v: Verdict, gap: Closure, seen: Sequence[Sign] = ()) -> tuple[str, ...]:
     """What a reader should know."""
     scene = d.scene
-    unit = "N·m"
-    noise = ", ".join(f"{n.std:.2g}" for n in d.noise)
+    units = [joint.own("N·m") for joint in scene.robot.joints]
+    each = [f"{n.std:.2g}" for n in d.noise]
+    noise = f"{', '.join(each)} {units[0]}"
+    if len(set(units)) > 1:
+        noise = ", ".join(f"{n} {unit}" for n, unit in zip(each, units, strict=True))
     result = [
-        f"noise of a row by joint: {noise} {unit}, estimated from what all effects together leave",
+        f"noise of a row by joint: {noise}, estimated from what all effects together leave",
     ]
+    if scene.loops:
+        links = ", ".join(f"{k} {n}" for k, n in enumerate(scene.inertias.names, start=1))
+        result.append(f"links: {links}")
     stated = [k for k in scene.drives.value if scene.drives.known(k).any()]
     result.append(
         f"stated: {', '.join(stated)}" if stated
@@ -161,7 +167,7 @@ def corrected(d: Dictionary, x: np.ndarray, entries: Sequence[Mapping[str, Any]]
     for j in range(d.scene.joints):
         for kind in ("coulomb", "viscous", "offset", "inertia"):
             stated = d.scene.drives.of(f"drive.{kind}")[j]
-            if kind == "inertia" and not d.scene.drives.known("drive.inertia")[j]:
+            if kind == "inertia":
                 stated = float(d.scene.inertias.rotor[j])
             if f"{kind}.{j + 1}" in at:
                 values[f"drive.{kind}.{j + 1}"] = float(stated + x[at[f"{kind}.{j + 1}"]])

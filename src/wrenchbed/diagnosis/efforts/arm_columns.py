@@ -5,7 +5,7 @@ import numpy as np
 from wrenchbed.diagnosis.efforts.columns import Block, Column
 from wrenchbed.diagnosis.efforts.operators import late, slow
 from wrenchbed.diagnosis.efforts.scene import EffortScene
-from wrenchbed.drives.identify import load_columns
+from wrenchbed.drives.identify import carrier_columns, load_columns
 from wrenchbed.drives.inverse_dynamics import torque_regressor
 from wrenchbed.physics.newton_euler import INERTIAL
 
@@ -23,7 +23,7 @@ _COMMON = 4e-3
 _NOTHING = 1e-9
 """Rms over the largest column's below which a column is none."""
 _LAST = -2.0
-"""Log odds of the last link against the tool that hangs on it; estimate."""
+"""Log odds of the link that carries the tool against the tool that hangs on it; estimate."""
 _PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 
 
@@ -63,14 +63,14 @@ def _links(scene: EffortScene) -> tuple[list[Column], list[Block]]:
             std = {"mass": _LINK_MASS * mass, "cog": _LINK_COG * mass,
                    "inertia": _LINK_INERTIA * _mean_inertia(phi)}[kind]  # fmt: skip
             columns += [Column(n, y @ form, std) for n, form in zip(names, own, strict=True)]
-            last = k == scene.joints - 1  # the tool hangs on it, and is the more likely cause
+            last = k == scene.robot.carrier  # the tool hangs on it, and is the more likely cause
             blocks.append(Block(f"link.{kind}", k + 1, False, names, prior=_LAST * last))
     return columns, blocks
 
 
 def _tool(scene: EffortScene) -> tuple[list[Column], list[Block]]:
     """Mass and moments of the tool; free where they are not stated."""
-    y = scene.regressor[..., -INERTIAL:] @ load_columns(scene.robot, scene.theta)
+    y = scene.regressor[..., carrier_columns(scene.robot)] @ load_columns(scene.robot, scene.theta)
     stated, cog = scene.recording.metadata.tool, np.zeros(3)
     tool = scene.model.robot.tool(scene.theta)
     cog = np.asarray(tool.cog, dtype=float)

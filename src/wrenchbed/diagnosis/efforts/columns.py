@@ -29,11 +29,11 @@ FREE = 1e3
 BACKGROUND = 0.1
 """Rms of what any effect may add unnamed, in noises of a row: no robot is perfect; estimate."""
 STRIBECK = (0.02, 0.06, 0.15)
-"""Speeds over which friction falls [rad/s]; estimate, UR joints fall within 0.02 to 0.1."""
+"""Speeds over which friction falls [rad/s, m/s]; estimate, UR joints fall within 0.02 to 0.1."""
 PRESLIDING = (3e-4, 1e-3, 3e-3, 1e-2)
-"""Angles after a reversal over which friction builds up or breaks away [rad]; estimate."""
+"""Ways after a reversal over which friction builds up or breaks away [rad, m]; estimate."""
 WIDTHS = (1e-2, 3e-2, 1e-1)
-"""Half widths of hysteresis of a gear [rad]; estimate."""
+"""Half widths of hysteresis of a gear [rad, m]; estimate."""
 LATE = 2e-3
 """Ordinary delay of one joint's effort beside the others', one standard deviation [s]: estimate,
 controllers report within 2 to 8 ms."""
@@ -104,6 +104,8 @@ class _Joint:
         q = scene.q
         self.angle, self.speed, self.acceleration = q.v[:, j], q.d[:, j], q.dd[:, j]
         self.sign = direction(self.speed)
+        self.hinge = scene.robot.joints[j].unit == "rad"
+        self.way = 1.0 if self.hinge else float(np.ptp(self.angle)) / (2.0 * np.pi)
         self.total, self.body = scene.total[:, j], scene.body[:, j]
         self.since = since_reversal(self.angle, self.sign)
         stated = scene.drives.value["drive.coulomb"][j]
@@ -119,7 +121,7 @@ class _Joint:
     def column(
         self, text: str, data: np.ndarray, std: float | None = None, *, free: bool = False
     ) -> Column:
-        return Column(self.name(text), data, std, free)
+        return Column(self.name(text), data, std or None, free)
 
     def spread(self, kind: str, relative: float, least: float = 0.0) -> float | None:
         """Ordinary spread of a stated value; None where nothing is stated."""
@@ -142,7 +144,7 @@ class _Joint:
                 spread = self.offset
             yield self.column(kind, data, spread, free=spread is None)
         spread = self.spread("drive.inertia", INERTIA_SPREAD)
-        if spread is None and self.told:
+        if spread is None and self.told:  # a motor without a rotor has none to be wrong
             spread = INERTIA_SPREAD * float(self.scene.inertias.rotor[self.j])
         yield self.column("inertia", self.acceleration, spread, free=spread is None)
         known = not self.scene.currents or self.scene.drives.known("drive.constant")[self.j]
@@ -162,8 +164,9 @@ class _Joint:
         yield self.column("asymmetry", np.abs(self.speed))
         middle = self.angle - self.angle.mean()
         yield self.column("cable", middle)
-        yield self.column("sine", np.sin(self.angle))
-        yield self.column("cosine", np.cos(self.angle))
+        if self.hinge:
+            yield self.column("sine", np.sin(self.angle))
+            yield self.column("cosine", np.cos(self.angle))
         yield self.column("late", late(self.total, self.scene.signals.t, LATE), 1.0)
         warm = self.scene.recording.columns.get(f"joint_temperature{self.j + 1}")
         if warm is not None and np.isfinite(warm).all() and np.ptp(warm) > 0.0:
@@ -183,8 +186,9 @@ class _Joint:
             yield self.column(f"when{k}", self.sign * hat)
             yield self.column(f"drift{k}", hat)
         for k in (1, 2):
-            yield self.column(f"turnsine{k}", self.sign * np.sin(k * self.angle))
-            yield self.column(f"turncosine{k}", self.sign * np.cos(k * self.angle))
+            turn = k * self.angle / self.way
+            yield self.column(f"turnsine{k}", self.sign * np.sin(turn))
+            yield self.column(f"turncosine{k}", self.sign * np.cos(turn))
         yield self.column("square", self.sign * self.speed**2)
         yield self.column("cube", self.speed**3)
         low, high = np.quantile(self.angle, ENDS)

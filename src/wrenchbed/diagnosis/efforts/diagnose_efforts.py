@@ -64,7 +64,7 @@ def diagnose_efforts(
     """Where, which, how far, of the joint torques or motor currents of a motion.
 
     Args:
-        recording: of a serial arm, with ``tau1…`` or ``i1…``.
+        recording: of an arm, with ``tau1…`` or ``i1…``.
         drives: output of ``wrenchbed calibrate`` on a healthy recording of this robot, if any.
         seed: of the resampled blocks.
         progress: called with the step that begins.
@@ -85,11 +85,11 @@ def diagnose_efforts(
     prefix = str(recording.effort)
     gap = closure(judged, kept(verdict.causes), prefix, seed)
     seen, asked = signs(d), kept(verdict.causes)
-    final = upheld(verdict, gap, seen)
+    final = upheld(verdict, gap, seen, apart=scene.loops)
     while (left := kept(final.causes)) != asked:  # causes only become fewer
         judged, asked = held_out(d, left), left
         gap = closure(judged, left, prefix, seed)
-        final = upheld(final, gap, seen) if left else final
+        final = upheld(final, gap, seen, apart=scene.loops) if left else final
     members = {d.blocks[int(k)].effect: m for k, m in gap.members.items()}
     twin = Twin(scene.model, _theta(d), (), recording.name)
     diagnosis = Diagnosis(

@@ -11,15 +11,15 @@ from scipy import signal
 from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis.efforts.configured import Drives
 from wrenchbed.diagnosis.efforts.operators import direction, moving
-from wrenchbed.drives.identify import CONSTANT, FRICTION, calibrate_efforts
-from wrenchbed.drives.inverse_dynamics import torque_regressor
+from wrenchbed.drives.identify import CONSTANT, FRICTION, arm_of, calibrate_efforts
+from wrenchbed.drives.inverse_dynamics import rotor_torque, torque_regressor
 from wrenchbed.drives.signals import DriveSignals, drive_signals
-from wrenchbed.errors import DiagnosisError, NotFoundError
+from wrenchbed.errors import DiagnosisError
 from wrenchbed.physics.time_derivatives import Jet
 from wrenchbed.robots.base import SimulatedRobot
 from wrenchbed.robots.chain import SerialChain
 from wrenchbed.robots.link_inertias import LinkInertias, link_inertias
-from wrenchbed.simulation.closed_form import Model, robot_of
+from wrenchbed.simulation.closed_form import Model
 
 MOST_ROWS = 12_000
 """Rows of the analysis at most; estimate: a minute and a half at 125 Hz."""
@@ -42,18 +42,18 @@ class EffortScene:
     Attributes:
         recording: what was recorded.
         robot, model, theta: the arm as stated.
-        inertias: of its links.
+        inertias: of its links, and of its motors as stated.
         signals: kinematics (N, J) and effort, as torques.
-        body: torque of the rigid body (N, J) [N·m].
-        friction: torque of stated friction, or of ordinary friction fitted (N, J) [N·m].
-        regressor: of the links' inertial parameters (N, J, 10 J).
+        body: torque of the rigid body (N, J) [N·m, of slides N].
+        friction: torque of stated friction, or of ordinary friction fitted (N, J), likewise.
+        regressor: of the links' inertial parameters (N, J, 10 L).
         drives: what is stated of the drives.
         currents: whether currents were recorded and turned into torques.
         step: rows from one kept row to the next.
     """
 
     recording: Recording
-    robot: SerialChain
+    robot: SimulatedRobot
     model: Model
     theta: np.ndarray
     inertias: LinkInertias
@@ -71,13 +71,18 @@ class EffortScene:
         return self.body.shape[1]
 
     @property
+    def loops(self) -> bool:
+        """Whether loops are closed: links have numbers of their own, not those of the joints."""
+        return not isinstance(self.robot, SerialChain)
+
+    @property
     def q(self) -> Jet:
         """Joint values, speeds and accelerations (N, J)."""
         return self.signals.q
 
     @property
     def total(self) -> np.ndarray:
-        """Predicted effort (N, J) [N·m]."""
+        """Predicted effort (N, J) [N·m, of slides N]."""
         return self.body + self.friction
 
     @property
@@ -109,15 +114,10 @@ def effort_scene(recording: Recording, drives: Drives) -> EffortScene:
 
     Raises:
         RecordingError, CalibrationError: no efforts, an uneven clock, nothing moves.
-        NotFoundError: the robot is no serial arm of hinges.
+        NotFoundError: the robot's model has no links.
         DiagnosisError: the motion is too short.
     """
-    robot = robot_of(recording)
-    if not isinstance(robot, SerialChain) or not isinstance(robot, SimulatedRobot):
-        raise NotFoundError(f"robot {robot.name!r} is no serial arm: its joints have no torques")
-    slides = [joint.name for joint in robot.joints if joint.unit == "m"]
-    if slides:
-        raise NotFoundError(f"joint {slides[0]} of {robot.name!r} slides: only hinges are known")
+    robot = arm_of(recording)
     signals = drive_signals(recording)
     rows = len(signals.t)
     step = max(1, int(signals.rate / _RATE + 0.5), -(-rows // MOST_ROWS))
@@ -133,9 +133,10 @@ def effort_scene(recording: Recording, drives: Drives) -> EffortScene:
     model = Model.of(robot, recording.metadata)
     theta = robot.robot_theta(model.configured(recording.metadata))
     inertias = link_inertias(robot, theta)
-    y = torque_regressor(robot, theta, signals.q, np.asarray(model.gravity))
     rotor = np.where(drives.known("drive.inertia"), drives.of("drive.inertia"), inertias.rotor)
-    body = y @ inertias.phi.ravel() + rotor * signals.q.dd
+    inertias = replace(inertias, rotor=rotor)
+    y = torque_regressor(robot, theta, signals.q, np.asarray(model.gravity))
+    body = y @ inertias.phi.ravel() + rotor_torque(robot, theta, inertias, signals.q)
     scene = EffortScene(
         recording, robot, model, theta, inertias, signals, body, np.zeros_like(body), y, drives,
         currents, step,
@@ -144,7 +145,7 @@ def effort_scene(recording: Recording, drives: Drives) -> EffortScene:
 
 
 def _constants(recording: Recording, drives: Drives) -> np.ndarray:
-    """Drive constants (J,) [N·m/A]: stated, else fitted with ordinary friction."""
+    """Drive constants (J,) [N·m/A, of slides N/A]: stated, else fitted with ordinary friction."""
     known = drives.known("drive.constant")
     if known.all():
         return drives.of("drive.constant")
@@ -154,7 +155,8 @@ def _constants(recording: Recording, drives: Drives) -> np.ndarray:
         joint = int(np.flatnonzero(~(np.isfinite(found) & (found > 0.0)))[0]) + 1
         raise DiagnosisError(
             f"{recording.name}: the drive constant of joint {joint} comes out negative: state "
-            f"metadata configured.drive.constant.{joint} [N·m/A], or record with another sign"
+            f"metadata configured.drive.constant.{joint} [N·m/A; N/A], or record with another "
+            "sign"
         )
     return np.where(known, drives.of("drive.constant"), found)
 

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from wrenchbed.diagnosis.efforts.columns import Block
 from wrenchbed.diagnosis.efforts.dictionary import BLOCKS, Dictionary
 from wrenchbed.diagnosis.efforts.names import EFFECTS
 from wrenchbed.diagnosis.efforts.twin_fit import fitted
@@ -41,8 +42,11 @@ def parameters(d: Dictionary, folds: Folds, block: int) -> dict[str, Any]:
     value = _size(b.effect, b.value, folds.whole[at], d, at)
     each = np.array([_size(b.effect, b.value, x[at], d, at) for x in folds.each])
     std = float(np.sqrt((BLOCKS - 1) / BLOCKS * ((each - each.mean()) ** 2).sum()))
-    result: dict[str, Any] = {named.size: {"value": value, "std": std, "unit": named.unit}}
-    result |= _more(b.effect, b.value, d, folds, at)
+    unit = named.unit
+    if b.joint is not None and (d.joint[at] >= 0).all():
+        unit = d.scene.robot.joints[b.joint - 1].own(unit)
+    result: dict[str, Any] = {named.size: {"value": value, "std": std, "unit": unit}}
+    result |= _more(b, d, folds, at)
     if b.joint is not None:
         result["joint"] = {"value": b.joint}
     return result
@@ -65,11 +69,13 @@ def _size(effect: str, factor: float, x: np.ndarray, d: Dictionary, at: np.ndarr
     return float(x[0])
 
 
-def _more(
-    effect: str, factor: float, d: Dictionary, folds: Folds, at: np.ndarray
-) -> Mapping[str, Any]:
+def _more(b: Block, d: Dictionary, folds: Folds, at: np.ndarray) -> Mapping[str, Any]:
+    effect = b.effect
     if effect in ("drive.cogging", "drive.ripple"):
-        return {"periods": {"value": factor, "std": None, "unit": "1"}}
+        assert b.joint is not None
+        slides = d.scene.robot.joints[b.joint - 1].unit == "m"
+        return {"periods": {"value": b.value / (2.0 * np.pi), "std": None, "unit": "1/m"} if slides
+                else {"value": b.value, "std": None, "unit": "1"}}  # fmt: skip
     if effect in ("link.cog", "tool.cog", "link.inertia", "base.tilt"):
         unit, spread = EFFECTS[effect].unit, folds.each[:, at]
         std = np.sqrt((BLOCKS - 1) / BLOCKS * ((spread - spread.mean(axis=0)) ** 2).sum(axis=0))

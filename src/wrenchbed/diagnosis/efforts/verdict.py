@@ -184,13 +184,14 @@ def _named(d: Dictionary, w: Weighed, k: int) -> frozenset[Key]:
     return frozenset(d.blocks[b].key for b in w.counting(k) if not d.blocks[b].outside)
 
 
-def upheld(v: Verdict, gap: Closure, seen: Sequence[Sign] = ()) -> Verdict:
+def upheld(v: Verdict, gap: Closure, seen: Sequence[Sign] = (), *, apart: bool = False) -> Verdict:
     """The answer without what held-out rows refute.
 
     Args:
         v: answer.
         gap: measured with its causes.
         seen: signs that the residual is not ordinary noise: then nothing is `none`.
+        apart: whether a link's number is not that of the joint before it.
     """
     worst = max(c["before"] for c in gap.per_channel.values())
     small = gap.calibrated.low <= LARGEST_NONE and worst <= _LARGEST_JOINT and not seen
@@ -203,7 +204,7 @@ def upheld(v: Verdict, gap: Closure, seen: Sequence[Sign] = ()) -> Verdict:
     least = MOST if any(s.kind == HELD for s in seen) else _LITTLE
     if gap.closed.value < least:
         return withdrawn(v, NONE if small else UNKNOWN)
-    shown = _shown(gap, v.causes)
+    shown = _shown(gap, v.causes, apart)
     if not shown:
         return withdrawn(v, NONE if small else UNKNOWN)
     if shown != v.causes:
@@ -216,7 +217,7 @@ def upheld(v: Verdict, gap: Closure, seen: Sequence[Sign] = ()) -> Verdict:
     return v
 
 
-def _shown(gap: Closure, causes: Sequence[Cause]) -> tuple[Cause, ...]:
+def _shown(gap: Closure, causes: Sequence[Cause], apart: bool) -> tuple[Cause, ...]:
     """Causes that held-out rows show, each with a gap of its own.
 
     Of one joint the first is a cause and others its rivals: motions seldom tell two apart.
@@ -225,13 +226,18 @@ def _shown(gap: Closure, causes: Sequence[Cause]) -> tuple[Cause, ...]:
     for c in sorted(causes, key=lambda c: -_closed(gap, c)):
         if not _closes(gap, c, further=bool(kept)):
             continue
-        joint = c.key[1]
-        same = [k for k, first in enumerate(kept) if joint is not None and first.key[1] == joint]
+        same = [k for k, first in enumerate(kept) if _one_place(first.key, c.key, apart)]
         if same:
             kept[same[0]] = _beside(kept[same[0]], c)
         else:
             kept.append(c)
     return tuple(kept)
+
+
+def _one_place(first: Key, other: Key, apart: bool) -> bool:
+    """Whether two causes are of one joint, or of one link where these have other numbers."""
+    subsystems = {key[0].partition(".")[0] for key in (first, other)}
+    return first[1] is not None and first[1] == other[1] and (not apart or len(subsystems) == 1)
 
 
 def _beside(first: Cause, other: Cause) -> Cause:

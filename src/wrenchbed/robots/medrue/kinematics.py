@@ -172,6 +172,35 @@ def _turns(p: Values, q: Value, left: FiveBar, u: Value) -> tuple[tuple[Value, V
     return (c_gamma, s_gamma), (c_beta, s_beta), (c_alpha, s_alpha)
 
 
+def link_frames(p: Values, q: Value) -> list[tuple[Value, Value]]:
+    """R_world_link and the origin in the world of what is behind each coordinate of `qpos`."""
+    bars = [five_bar(p, i, q[..., 2 * i - 1], q[..., 2 * i]) for i in (1, 2)]
+    e1, e2, u, centre = support(p, q, *bars)
+    gamma, beta, alpha = _turns(p, q, bars[0], u)
+    roll = rot_x_of(*gamma)
+    yoke = roll @ rot_y_of(*beta)
+    wrist = yoke @ rot_z_of(*alpha)
+    x = q[..., 0] + p["dq1"]
+    one = _bars(p, 1, x - p["d41"] - p["d31"], bars[0])
+    two = _bars(p, 2, x + p["d42"] + p["d32"], bars[1])
+    inner = [(np.eye(3), stack_jets([x, 0.0, 0.0])), *one, (roll, e1), (yoke, e1),
+             (wrist, centre), (wrist, e2), *two]  # fmt: skip
+    base, origin = euler(p["alpha0"], p["beta0"], p["gamma0"]), [p["x0"], p["y0"], p["z0"]]
+    return [(base @ turn, apply(base, at) + stack_jets(origin)) for turn, at in inner]
+
+
+def _bars(p: Values, i: int, x: Value, bar: FiveBar) -> list[tuple[Value, Value]]:
+    """Links A–B, B–E, C–D, D–E of five-bar i in base axes, y along the link, its plane at x."""
+    found = []
+    for k, (anchor, elbow) in enumerate((("A", bar.B), ("C", bar.D))):
+        start = stack_jets([p[f"{anchor}{i}y"], p[f"{anchor}{i}z"]])
+        for n, (near, far) in enumerate(((start, elbow), (elbow, bar.E))):
+            along = (far - near) * (1.0 / p[f"L{i}{2 * k + n + 1}"])
+            turn = rot_x_of(along[..., 0], along[..., 1])
+            found.append((turn, stack_jets([x, near[..., 0], near[..., 1]])))
+    return found
+
+
 def gravity_in_sensor(p: Values, q: np.ndarray, gravity: np.ndarray) -> np.ndarray:
     """R_world_sensorᵀ g (…, N, 3) [m/s²], turned angle by angle: half the work of a pose."""
     left = five_bar(p, 1, q[..., 1], q[..., 2])

@@ -185,6 +185,13 @@ class MedRUE(SimulatedRobot):
         """R_world_tool (…, N, 3, 3) and the probe's position in the world (…, N, 3) [m]."""
         return kinematics.tool_pose(self.values(theta), q)
 
+    def link_frames(self, q: Value, theta: np.ndarray) -> list[tuple[Value, Value]]:
+        return kinematics.link_frames(self.values(theta), q)
+
+    @property
+    def carrier(self) -> int:
+        return JOINTS.index("alpha")
+
     def gravity_seen(self, q: np.ndarray, theta: np.ndarray, gravity: np.ndarray) -> np.ndarray:
         return kinematics.gravity_in_sensor(self.values(theta), q, gravity)
 
