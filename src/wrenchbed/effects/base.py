@@ -201,7 +201,11 @@ class Effect(ABC):
     external: ClassVar[bool] = False
     """Whether it pushes on the tool from outside: the form of one such may pass for another."""
     local: ClassVar[bool] = False
-    """Whether a parameter's name ends with the joint or link that it belongs to."""
+    """Whether a parameter's name ends with the joint or link that it belongs to; of a joint effect
+    it then displaces that joint alone."""
+    channelwise: ClassVar[bool] = False
+    """Whether an amplitude whose name ends with a channel changes that channel's reading alone, and
+    no other amplitude's share of it."""
     zero_is_convention: ClassVar[bool] = False
     """Whether its zero, and its mean response to load, are a convention."""
     shown: ClassVar[str] = "prediction"
@@ -424,6 +428,7 @@ class ReadingEffect(Effect):
 class ChannelEffect(ReadingEffect):
     """A reading effect of one amplitude a channel, ``stem.fx`` …, and no shape."""
 
+    channelwise = True
     stem: ClassVar[str]
     sizes: ClassVar[tuple[float, float]]
     """Typical amplitudes of forces and of torques."""

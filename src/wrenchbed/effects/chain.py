@@ -4,7 +4,7 @@
 Effects are named here as on the command line: ``joint.compliance:joint=2,stiffness=1.4e4``.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 
 from wrenchbed import registry
-from wrenchbed.effects.base import STAGES, STATED_NUMBERS, Effect, Pose, Variant
+from wrenchbed.effects.base import STAGES, STATED_NUMBERS, Effect, Pose, Values, Variant
 from wrenchbed.effects.scene import Scene, examples
 from wrenchbed.errors import ParameterError, did_you_mean
 from wrenchbed.physics.parameters import Parameter
 from wrenchbed.physics.time_derivatives import Jet, Value
-from wrenchbed.physics.wrench import wrench
+from wrenchbed.physics.wrench import CHANNELS, wrench
 from wrenchbed.robots.base import Robot
 
 
@@ -144,22 +144,70 @@ class Response:
 
     def tangent(self, effect: Effect, parameter: Parameter, variant: Variant) -> np.ndarray:
         """Change of all readings (M, 6) per typical size, by central differences."""
-        start = {p.name: p.nominal for p in effect.parameters(self.scene.robot)} | dict(variant.at)
-        half = 0.5 * parameter.tolerance
-        up, down = (
-            EffectChain([ActiveEffect(effect, start | {parameter.name: x})]) for x in (half, -half)
-        )
+        up, down = self._about(effect, variant.at, [parameter])
         if effect.stages == ("joint",):
-            return self._by_joints(up.displacement(self.scene) - down.displacement(self.scene))
+            shift = up.displacement(self.scene) - down.displacement(self.scene)
+            return sum(
+                (self._by_joint(shift, j) for j in range(self.scene.joints.shape[1])),
+                start=np.zeros((len(self.scene), 6)),
+            )
         nominal = self.reading
         return up.late_response(self.scene, nominal) - down.late_response(self.scene, nominal)
 
-    def _by_joints(self, shift: Value) -> np.ndarray:
-        """Change of all readings (M, 6) by small shifts of the joint values (M, J)."""
+    def changes(
+        self, effect: Effect, parameters: Sequence[Parameter], at: Values
+    ) -> Iterator[tuple[tuple[str, ...], np.ndarray]]:
+        """`tangent` of several amplitudes of one shape: their names and the changes (M, 6).
+
+        Amplitudes that act on different channels, or on different joints, are changed at once:
+        where there are several names, each change is that of its own channel.
+        """
+        groups: dict[str, list[Parameter]] = {}
+        for p in parameters:
+            stem, _, end = p.name.rpartition(".")
+            by_channel = effect.channelwise and end in CHANNELS
+            by_joint = effect.stages == ("joint",) and effect.local and end in self._joint_names
+            groups.setdefault(f"{stem}." if by_channel or by_joint else p.name, []).append(p)
+        for group in groups.values():
+            names = tuple(p.name for p in group)
+            if len(group) > 1 and effect.stages == ("joint",):
+                up, down = self._about(effect, at, group)
+                shift = up.displacement(self.scene) - down.displacement(self.scene)
+                for name in names:
+                    joint = self._joint_names.index(name.rpartition(".")[2])
+                    yield (name,), self._by_joint(shift, joint)
+            elif len(group) > 1:
+                up, down = self._about(effect, at, group)
+                nominal = self.reading
+                high = up.late_response(self.scene, nominal)
+                yield names, high - down.late_response(self.scene, nominal)
+            else:
+                yield names, self.tangent(effect, group[0], Variant(effect.name, names, at))
+
+    def _about(
+        self, effect: Effect, at: Values, parameters: Sequence[Parameter]
+    ) -> tuple[EffectChain, EffectChain]:
+        """The effect with amplitudes half their typical size above and below zero."""
+        start = {p.name: p.nominal for p in effect.parameters(self.scene.robot)} | dict(at)
+        up, down = (
+            EffectChain(
+                [ActiveEffect(effect, start | {p.name: s * p.tolerance for p in parameters})]
+            )
+            for s in (0.5, -0.5)
+        )
+        return up, down
+
+    @cached_property
+    def _joint_names(self) -> tuple[str, ...]:
+        """Ends of the names of joints' amplitudes."""
+        return tuple(f"q{k}" for k in range(1, self.scene.joints.shape[1] + 1))
+
+    def _by_joint(self, shift: Value, joint: int) -> np.ndarray:
+        """Change of all readings (M, 6) by one joint's small shift, of those of all (M, J)."""
         given = (shift.v, shift.d, shift.dd) if isinstance(shift, Jet) else (shift,)
         total = np.zeros((len(self.scene), 6))
         for slopes, x in zip(self._slopes, given, strict=False):
-            total += np.einsum("jmc,mj->mc", slopes, x)
+            total += slopes[joint] * x[:, joint, None]
         return total
 
     @cached_property

@@ -53,6 +53,7 @@ class SensorCreep(ReadingEffect):
 
     name = "sensor.creep"
     title = "the sensor's reading creeps after its load has changed"
+    channelwise = True
     form_error = 0.15
     size_error = 0.15
     zero_is_convention = True

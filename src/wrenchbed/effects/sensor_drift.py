@@ -58,6 +58,7 @@ class SensorDrift(ReadingEffect):
 
     name = "sensor.drift"
     title = "the sensor's zero or span drifts"
+    channelwise = True
     size_error = 0.1
     source = "0.05–0.5 N/h and 1–10 mN·m/h, estimate"
     zero_is_convention = True

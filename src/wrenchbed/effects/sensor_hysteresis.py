@@ -47,6 +47,7 @@ class SensorHysteresis(ReadingEffect):
 
     name = "sensor.hysteresis"
     title = "the sensor's reading depends on its earlier loads"
+    channelwise = True
     shown = "loop"
     size_error = 0.2
     zero_is_convention = True

@@ -26,6 +26,7 @@ class SensorJump(ReadingEffect):
 
     name = "sensor.jump"
     title = "the sensor's zero jumps once"
+    channelwise = True
     rough = True
     zero_is_convention = True
     shown = "time"

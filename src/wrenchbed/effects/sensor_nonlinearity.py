@@ -60,6 +60,7 @@ class SensorNonlinearity(ReadingEffect):
 
     name = "sensor.nonlinearity"
     title = "the sensor's readings are nonlinear in the load"
+    channelwise = True
     shown = "load"
     size_error = 0.1
     zero_is_convention = True

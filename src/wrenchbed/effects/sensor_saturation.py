@@ -28,6 +28,7 @@ class SensorSaturation(ReadingEffect):
 
     name = "sensor.saturation"
     title = "a channel saturates at a level"
+    channelwise = True
     shown = "load"
     form_error = 0.1
     size_error = 0.02

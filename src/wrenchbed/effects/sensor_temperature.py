@@ -51,6 +51,7 @@ class SensorTemperature(ReadingEffect):
 
     name = "sensor.temperature"
     title = "the sensor's zero and span depend on its temperature"
+    channelwise = True
     size_error = 0.1
     zero_is_convention = True
     shown = "time"

@@ -7,7 +7,7 @@ functions, channel by channel. Together they fit what no effect of the library m
 share of a residual says what it varies with.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -17,7 +17,9 @@ from wrenchbed.diagnosis.prepare.configuration import STATED
 from wrenchbed.diagnosis.prepare.prepared import Prepared
 from wrenchbed.effects.base import Effect, Residual, Variant
 from wrenchbed.effects.chain import Response, effects
+from wrenchbed.physics.parameters import Parameter
 from wrenchbed.physics.time_derivatives import Jet, value
+from wrenchbed.physics.wrench import CHANNELS
 
 TIME_WAVES = 8
 """Half waves over the recording."""
@@ -238,9 +240,26 @@ class EffectDictionary:
         """Gap of the noise of the fit's rows."""
         return float(self.prepared.variance.mean())
 
+    @cached_property
+    def _of_effects(self) -> Mapping[str, np.ndarray]:
+        """Distinct columns by effect, in the order of their names."""
+        found: dict[str, list[int]] = {}
+        for k, (effect, parameter) in enumerate(self.label):
+            if parameter:
+                found.setdefault(effect, []).append(k)
+        return {effect: np.array(found[effect]) for effect in sorted(found)}
+
+    @cached_property
+    def imperfect(self) -> Mapping[str, np.ndarray]:
+        """Columns by effect in which a robot may always differ a little; form-free variants are in
+        the kernels, and stated numbers have their tolerances."""
+        stated = {self.label[k][0] for k in self.stated}
+        own = {e: np.setdiff1d(k, self.free_form) for e, k in self._of_effects.items()}
+        return {e: k for e, k in own.items() if e not in stated}
+
     def of_effect(self, name: str) -> np.ndarray:
         """Distinct columns of an effect, whatever the variant."""
-        return np.array([k for k, (e, p) in enumerate(self.label) if e == name and p], dtype=int)
+        return self._of_effects.get(name, np.zeros(0, dtype=int))
 
 
 def build(
@@ -259,7 +278,7 @@ def build(
     columns: list[np.ndarray] = []
     size: list[float] = []
     label: list[tuple[str, str]] = []
-    index: dict[tuple[str, str, tuple[tuple[str, float], ...]], int] = {}
+    index: dict[tuple[str, str, _Shape], int] = {}
     drafts: list[tuple[Effect, Variant, list[int]]] = []
     formula: set[int] = set()
     for effect in effects().values():
@@ -267,18 +286,19 @@ def build(
             continue
         known = {p.name: p for p in effect.parameters(at.robot)}
         named = (*effect.variants(at.scene), *residual.suggests(effect))
-        for variant in (*named, *effect.free_forms(at.scene)):
+        every = (*named, *effect.free_forms(at.scene))
+        made = _columns(prepared, response, effect, every)
+        for k, variant in enumerate(every):
             chosen = []
             for name in variant.free:
-                key = (effect.name, name, tuple(sorted(variant.at.items())))
+                key = (effect.name, name, _shape(variant))
                 if key not in index:
                     index[key] = len(columns)
-                    change = response.tangent(effect, known[name], variant)
-                    columns.append(prepared.rows(change).ravel())
+                    columns.append(made[key[1:]])
                     size.append(known[name].tolerance)
                     label.append((effect.name, name))
                 chosen.append(index[key])
-            formula |= set(chosen) if variant in named else set()
+            formula |= set(chosen) if k < len(named) else set()
             drafts.append((effect, variant, chosen))
     free_form = np.array([k for k in range(len(columns)) if k not in formula], dtype=int)
     stated = np.array([k for k, (e, _) in enumerate(label) if e in STATED])
@@ -306,6 +326,38 @@ def build(
         free_form=free_form,
     )
     return _with_hypotheses(draft, drafts)
+
+
+_Shape = tuple[tuple[str, float], ...]
+
+
+def _shape(variant: Variant) -> _Shape:
+    """What tells amplitudes of one name apart."""
+    return tuple(sorted(variant.at.items()))
+
+
+def _columns(
+    prepared: Prepared, response: Response, effect: Effect, variants: Sequence[Variant]
+) -> dict[tuple[str, _Shape], np.ndarray]:
+    """Columns (6 R,) of an effect by amplitude and shape."""
+    known = {p.name: p for p in effect.parameters(response.scene.robot)}
+    wanted: dict[_Shape, dict[str, Parameter]] = {}
+    for variant in variants:
+        of_shape = wanted.setdefault(_shape(variant), {})
+        of_shape |= {name: known[name] for name in variant.free}
+    result = {}
+    for shape, parameters in wanted.items():
+        for names, change in response.changes(effect, [*parameters.values()], dict(shape)):
+            rows = prepared.rows(change)
+            if len(names) == 1:
+                result[names[0], shape] = rows.ravel()
+                continue
+            for name in names:
+                channel = CHANNELS.index(name.rpartition(".")[2])
+                alone = np.zeros_like(rows)
+                alone[:, channel] = rows[:, channel]
+                result[name, shape] = alone.ravel()
+    return result
 
 
 def _with_hypotheses(

@@ -13,10 +13,11 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve, eigh, solve_triangular
+from scipy.linalg import cho_factor, cho_solve, solve_triangular
 from scipy.special import logsumexp
 
 from wrenchbed.diagnosis.evidence.dictionary import EffectDictionary
+from wrenchbed.diagnosis.evidence.main_directions import above
 from wrenchbed.diagnosis.prepare.prepared import Prepared
 
 FAINT = 0.02
@@ -59,11 +60,17 @@ class BackgroundLevel:
         """Standard deviations of those (b,)."""
         return np.sqrt(self.V[self._on])
 
-    @cached_property
+    def _beside(self) -> np.ndarray:
+        """G D of those (n, b), D = V½."""
+        result = np.take(self._gram, self._on, axis=1)
+        result *= self._root
+        return result
+
     def _inner(self) -> np.ndarray:
-        """D G D of those (b, b), D = V½."""
-        block = self._gram[np.ix_(self._on, self._on)]
-        return np.asarray(block * np.outer(self._root, self._root))
+        """D G D of those (b, b)."""
+        result = self._beside()[self._on]
+        result *= self._root[:, None]
+        return result
 
     @cached_property
     def _gram(self) -> np.ndarray:
@@ -75,9 +82,12 @@ class BackgroundLevel:
     @cached_property
     def _factor(self) -> tuple[np.ndarray, bool]:
         if self.tall:
-            return cho_factor(np.eye(len(self._on)) + self._inner, lower=True)
-        scaled = (self.E[:, self._on] * self._root) / np.sqrt(self.v0)[:, None]
-        return cho_factor(np.eye(len(scaled)) + scaled @ scaled.T, lower=True)
+            inner = self._inner()
+        else:
+            scaled = (self.E[:, self._on] * self._root) / np.sqrt(self.v0)[:, None]
+            inner = scaled @ scaled.T
+        inner.flat[:: len(inner) + 1] += 1.0
+        return cho_factor(inner.T, lower=True, overwrite_a=True, check_finite=False)
 
     @cached_property
     def log_det(self) -> float:
@@ -96,9 +106,12 @@ class BackgroundLevel:
     def _main(self) -> tuple[np.ndarray, np.ndarray]:
         """Orthonormal directions (6 R, r) in which the background exceeds `FAINT` of the noise, and
         the share λ/(1 + λ) that it takes there (r,)."""
-        values, vectors = eigh(self._inner, subset_by_value=[FAINT, np.inf], check_finite=False)
-        ways = (self.E[:, self._on] / np.sqrt(self.v0)[:, None]) @ (self._root[:, None] * vectors)
-        return ways / np.sqrt(values), values / (1.0 + values)
+        values, vectors = above(self._inner(), FAINT)
+        inside = np.zeros((len(self.V), len(values)))
+        inside[self._on] = self._root[:, None] * vectors / np.sqrt(values)
+        ways = self.E @ inside
+        ways /= np.sqrt(self.v0)[:, None]
+        return ways, values / (1.0 + values)
 
     def solve(self, x: np.ndarray) -> np.ndarray:
         """K₀⁻¹ x for x (6 R, k); of many rows, without what is faint of the background."""
@@ -133,10 +146,10 @@ class BackgroundLevel:
     def _half(self) -> np.ndarray:
         """H with HᵀH = Eᵀ K₀⁻¹ E of few rows, or what the background takes from it of many."""
         factor, lower = self._factor
-        columns = self.E / np.sqrt(self.v0)[:, None]
-        if self.tall:
-            columns = self._root[:, None] * self._gram[self._on]
-        return np.asarray(solve_triangular(factor, columns, lower=lower, check_finite=False))
+        columns = self._beside() if self.tall else self.E.T / np.sqrt(self.v0)
+        return np.asarray(
+            solve_triangular(factor, columns.T, lower=lower, overwrite_b=True, check_finite=False)
+        )
 
     def information(self, columns: np.ndarray) -> np.ndarray:
         """Blocks of P = Eᵀ K₀⁻¹ E (b, k, k) of sets of columns (b, k)."""
@@ -288,10 +301,8 @@ def ladder(d: EffectDictionary) -> tuple[Background, ...]:
 
 def _level(d: EffectDictionary, gap: float) -> BackgroundLevel:
     variance = np.zeros(len(d.label))
-    named = sorted({e for e, p in d.label if p} - {d.label[k][0] for k in d.stated})
-    for effect in named:
-        columns = np.setdiff1d(d.of_effect(effect), d.free_form)  # such are in it as kernels
-        share = SHARES["effects"] * gap / (len(named) * len(columns))
+    for columns in d.imperfect.values():
+        share = SHARES["effects"] * gap / (len(d.imperfect) * len(columns))
         variance[columns] = np.minimum(
             MOST**2, share / np.maximum(d.configured_gap[columns], 1e-12)
         )
