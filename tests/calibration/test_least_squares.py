@@ -5,11 +5,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from scipy import integrate, special
+from scipy.optimize import minimize_scalar
 from scipy.signal import lfilter
 
 from wrenchbed.calibration import weighting
 from wrenchbed.calibration import weighting as wander
 from wrenchbed.calibration.fit_problem import Problem, _robust_weight
+from wrenchbed.calibration.least_of_many import least
 from wrenchbed.calibration.least_squares import MAX_STEPS, Solution, solve, triangular
 from wrenchbed.calibration.observability import analyse, null_space
 from wrenchbed.calibration.observations import Observations
@@ -291,7 +293,9 @@ def test_restricted_likelihood_is_that_of_the_dense_matrices():
     _, K, rng = slow()
     x, r = np.linalg.qr(rng.standard_normal((30, 3)))[0], rng.standard_normal(30)
     spread, basis = np.linalg.eigh(K)
-    cost, square = wander._restricted(basis.T @ r, basis.T @ x, 1.0 / (1.0 + 0.7 * spread))
+    (cost,), (square,) = wander._restricted(
+        (basis.T @ r)[None], (x.T @ basis)[None], 1.0 / (1.0 + 0.7 * spread)[None]
+    )
     V = np.eye(30) + 0.7 * K
     inverse = np.linalg.inv(V)
     gram = x.T @ inverse @ x
@@ -329,12 +333,29 @@ def test_independent_rows_are_divided_by_their_channel_s_deviation():
 
 
 def test_only_columns_that_move_a_channel_are_taken_away():
-    design = np.zeros((10, 3))
-    design[:, 0], design[:, 2] = 1.0, np.arange(10.0)
-    told = wander._span(design)
-    assert told.shape == (10, 2)
-    assert told.T @ told == pytest.approx(np.eye(2))
-    assert told @ (told.T @ design) == pytest.approx(design)
+    rng = np.random.default_rng(3)
+    spread, least = wander.modes(np.arange(40.0))[0], np.full(2, 1e-6)
+    design, residual = np.zeros((2, 40, 3)), rng.standard_normal((2, 40))
+    design[:, :, 0], design[1, :, 2] = 1.0, np.arange(40.0)
+    both = wander.levels(design, residual, spread, least)
+    for k, columns in enumerate(([0], [0, 2])):
+        own = wander.levels(design[k : k + 1, :, columns], residual[k : k + 1], spread, least[:1])
+        assert [x[k] for x in both] == pytest.approx([x[0] for x in own], rel=1e-6)
+
+
+def test_least_values_of_many_functions_are_those_of_scipy_to_the_last_bit():
+    rng = np.random.default_rng(5)
+    a, b, c = rng.uniform(-9.0, 9.0, (3, 60))
+
+    def cost(x, who):
+        return np.sin(a[who] + x) + 0.02 * (x - b[who]) ** 2 + np.where(c[who] > 6, x, 0.0)
+
+    x, value = least(cost, 60, (-8.0, 12.0))
+    for k in range(60):
+        alone = minimize_scalar(
+            lambda v, k=k: float(cost(np.array([v]), [k])[0]), bounds=(-8.0, 12.0), method="bounded"
+        )
+        assert (alone.x, alone.fun) == (x[k], value[k])
 
 
 # ---- touches ------------------------------------------------------------------------------------

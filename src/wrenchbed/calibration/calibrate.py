@@ -213,6 +213,21 @@ def calibrate(
             `checks`), which ``force`` gives all the same; a wrench of opposite sign.
     """
     options = options or CalibrationOptions()
+    task = prepared(recording, options, touches)
+    return finished(task, fit(task.problem), options)
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """A recording that passed the checks, the fit to make of it, and what the checks found."""
+
+    recording: Recording
+    problem: Problem
+    finding: Finding | None
+
+
+def prepared(recording: Recording, options: CalibrationOptions, touches: Touches | None) -> Task:
+    """What `calibrate` does before the fit; raises what it raises."""
     recording = restored(_without_unknown_joints(recording))
     if options.loss not in LOSSES:
         raise CalibrationError(f"loss {options.loss!r} is not one of {', '.join(LOSSES)}")
@@ -255,10 +270,15 @@ def calibrate(
     theta = initial_values(model, stated, data, free)
     centre = stated[list(free)]
     problem = Problem(model, data, theta, free, centre, options.prior, options.loss, touches)
-    outcome = fit(problem)
-    theta[list(free)] = outcome.solution.x
-    check_mass(float(model.robot.tool(model.robot.robot_theta(theta)).mass))
-    refuted = _refuted(problem, outcome, finding)
+    return Task(recording, problem, finding)
+
+
+def finished(task: Task, outcome: Outcome, options: CalibrationOptions) -> Fit:
+    """What `calibrate` does after the fit; raises what it raises."""
+    recording, problem = task.recording, task.problem
+    theta = problem.at(outcome.solution.x)
+    check_mass(float(problem.model.robot.tool(problem.model.robot.robot_theta(theta)).mass))
+    refuted = _refuted(problem, outcome, task.finding)
     if refuted is not None and not options.force:
         raise CalibrationError(f"{recording.name}: {refuted}")
     return replace(_result(recording, problem, outcome, theta), refuted=refuted)

@@ -12,13 +12,15 @@ import numpy as np
 from wrenchbed.calibration.observability import RANK_TOLERANCE
 
 MAX_STEPS = 50
-_STEP_DONE = 1e-11
-_COST_DONE = 1e-11
+STEP_DONE = COST_DONE = 1e-11
+"""A step below this, in tolerances, or a cost that falls by less, relative, is the last; estimate.
+"""
 SAME = 1e-7
 """A step below this, in tolerances, changes no derivative that counts."""
 BLIND = 1e-5
 """A parameter with more than this share in the null space is not identified by itself."""
-_HALVINGS = 30
+HALVINGS = 30
+"""Most halvings of a step; estimate."""
 _PART = 512
 """Rows that are triangularised together; more than any model has parameters."""
 
@@ -72,7 +74,7 @@ def solve(
         step = vt[keep].T @ ((u[:, keep].T @ turned) / s[keep])
         x, r, moved, gained = _halve(residual, x, r, step * scale)
         size = np.abs(step).max(initial=0.0)
-        converged = bool(not moved or size < _STEP_DONE or gained < _COST_DONE)
+        converged = bool(not moved or size < STEP_DONE or gained < COST_DONE)
         fresh = not moved or size < SAME
     if not fresh:
         j = jacobian(x)
@@ -85,21 +87,22 @@ def solve(
 
 
 def triangular(j: np.ndarray, r: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """R (K, K) and Qᵀr (K,) of j = Q R (M, K), part by part: each part fits into a cache.
+    """R (…, K, K) and Qᵀr (…, K) of j = Q R (…, M, K), part by part: each part fits into a cache.
 
     Golub & Van Loan, Matrix Computations, 4th ed., Section 5.2; Demmel et al. 2012,
     doi 10.1137/080731992.
     """
-    both = np.column_stack([j, r])
-    columns = both.shape[1]
-    while len(both) > 2 * _PART:
-        whole = len(both) // _PART * _PART
-        parts = np.asarray(np.linalg.qr(both[:whole].reshape(-1, _PART, columns), mode="r"))
-        both = np.concatenate([parts.reshape(-1, columns), both[whole:]])
-    if len(both) < columns:
+    both = np.concatenate([j, r[..., None]], axis=-1)
+    lead, columns = both.shape[:-2], both.shape[-1]
+    while both.shape[-2] > 2 * _PART:
+        whole = both.shape[-2] // _PART * _PART
+        parts = both[..., :whole, :].reshape(*lead, -1, _PART, columns)
+        some = np.asarray(np.linalg.qr(parts, mode="r")).reshape(*lead, -1, columns)
+        both = np.concatenate([some, both[..., whole:, :]], axis=-2)
+    if both.shape[-2] < columns:
         return j, r
     both = np.asarray(np.linalg.qr(both, mode="r"))
-    return both[: columns - 1, : columns - 1], both[: columns - 1, -1]
+    return both[..., : columns - 1, : columns - 1], both[..., : columns - 1, -1]
 
 
 def _halve(
@@ -108,7 +111,7 @@ def _halve(
     """The longest of step, step/2, … that does not raise the cost; and by what share it fell."""
     cost = r @ r
     with np.errstate(all="ignore"):
-        for _ in range(_HALVINGS):
+        for _ in range(HALVINGS):
             trial = residual(x + step)
             new = trial @ trial
             if np.isfinite(new) and new <= cost:

@@ -27,15 +27,19 @@ ENOUGH = 2000
 """Observations from which a zero is told well enough."""
 
 
-def grown(problem: Problem, outcome: Outcome, known: np.ndarray | None) -> Outcome:
+def grown(
+    problem: Problem, outcome: Outcome, known: np.ndarray | None, smooth: np.ndarray | None = None
+) -> Outcome:
     """The outcome with a covariance that misfit has only made larger.
 
     Args:
         problem: what was fitted.
         outcome: with weights from the residual.
         known: covariance (K, K) by the known noise alone, if it is known.
+        smooth: `functions` of the problem, where they are known already.
     """
-    covariance = outcome.covariance * _power(problem, outcome)
+    smooth = functions(problem) if smooth is None else smooth
+    covariance = outcome.covariance * _power(problem, outcome, smooth)
     if known is not None:
         now, least = np.sqrt(np.diagonal(covariance)), np.sqrt(np.diagonal(known))
         factor = np.maximum(1.0, np.divide(least, now, out=np.ones_like(now), where=now > 0.0))
@@ -43,9 +47,8 @@ def grown(problem: Problem, outcome: Outcome, known: np.ndarray | None) -> Outco
     return replace(outcome, covariance=covariance)
 
 
-def _power(problem: Problem, outcome: Outcome) -> float:
+def _power(problem: Problem, outcome: Outcome, smooth: np.ndarray) -> float:
     """Power of the residual in a function of the pose over its power in any, at least 1."""
-    smooth = _functions(problem)
     residual = problem.residual(outcome.solution.x)
     count, many = len(residual), smooth.shape[1]
     dims = 6 * many - len(problem.free)
@@ -67,7 +70,7 @@ def _correlated(outcome: Outcome, count: int) -> np.ndarray:
     return np.maximum(1.0, count / np.maximum(worth, 1.0))
 
 
-def _functions(problem: Problem) -> np.ndarray:
+def functions(problem: Problem) -> np.ndarray:
     """Orthonormal functions (M, ≤ 9) of gravity's direction in the sensor, up to quadratic."""
     robot = problem.model.robot
     own = robot.robot_theta(problem.theta)

@@ -16,7 +16,7 @@ from scipy import special
 from scipy.fft import next_fast_len
 from scipy.special import sici
 
-from wrenchbed.calibration import misfit
+from wrenchbed.calibration import least_of_many, misfit
 from wrenchbed.calibration.fit import FitNoise
 from wrenchbed.calibration.fit_problem import Outcome, Problem, Whitening
 from wrenchbed.calibration.least_squares import Solution
@@ -80,48 +80,67 @@ def estimate(t: np.ndarray, residual: np.ndarray, design: np.ndarray, least: np.
         design: derivatives of the fit by its parameters (N, 6, K).
         least: variance that the independent part has at least (6,).
     """
-    spread, basis = np.linalg.eigh(kernel(t))
-    spread = np.maximum(spread, 0.0)
-    independent, level = np.empty(6), np.empty(6)
-    for c in range(6):
-        x = _span(basis.T @ design[:, c, :])
-        independent[c], level[c] = _levels(basis.T @ residual[:, c], x, spread, least[c])
+    spread, basis = modes(t)
+    x, left = basis.T @ np.moveaxis(design, 1, 0), basis.T @ residual.T[..., None]
+    independent, level = levels(x, left[..., 0], spread, least)
     return Wander(independent, level, basis, spread)
 
 
-def _span(design: np.ndarray) -> np.ndarray:
-    """Orthonormal basis of the columns that move a channel."""
+def modes(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Eigenvalues (N,) and eigenvectors (N, N) of the 1/f kernel at times (N,) [s]."""
+    spread, basis = np.linalg.eigh(kernel(t))
+    return np.maximum(spread, 0.0), basis
+
+
+def levels(
+    design: np.ndarray, residual: np.ndarray, spread: np.ndarray, least: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Independent variance and 1/f level of many channels (B,), each as if alone.
+
+    Args:
+        design: derivatives of each by the parameters, in the kernel's eigenvectors (B, N, K).
+        residual: measured − fitted, likewise (B, N).
+        spread: the kernel's eigenvalues (N,).
+        least: variance that the independent part has at least (B,).
+    """
     u, s, _ = np.linalg.svd(design, full_matrices=False)
-    return u[:, s > 1e-9 * max(s[0], 1e-300)]
+    rank = (s > 1e-9 * np.maximum(s[:, :1], 1e-300)).sum(axis=1)
+    independent, level = np.empty(len(u)), np.empty(len(u))
+    for columns in np.unique(rank):
+        who = np.flatnonzero(rank == columns)
+        span = np.ascontiguousarray(np.swapaxes(u[who][..., :columns], 1, 2))
+        independent[who], level[who] = _levels(residual[who], span, spread, least[who])
+    return independent, level
 
 
-def _levels(r: np.ndarray, x: np.ndarray, spread: np.ndarray, least: float) -> tuple[float, float]:
-    """Independent variance and 1/f level of one channel, in the kernel's eigenvectors."""
+def _levels(
+    r: np.ndarray, span: np.ndarray, spread: np.ndarray, least: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """`levels` of residuals (B, N) beside orthonormal spans (B, k, N) of what moves them."""
 
-    def variance(ratio: float) -> float:
-        return _restricted(r, x, 1.0 / (1.0 + ratio * spread))[1]
+    def cost(log_ratio: np.ndarray, who: np.ndarray) -> np.ndarray:
+        ratio = np.exp(log_ratio)[:, None]
+        return _restricted(r[who], span[who], 1.0 / (1.0 + ratio * spread))[0]
 
-    def cost(log_ratio: float) -> float:
-        return _restricted(r, x, 1.0 / (1.0 + np.exp(log_ratio) * spread))[0]
-
-    from scipy.optimize import minimize_scalar  # slow to load: only when it is used
-
-    best = minimize_scalar(cost, bounds=_RANGE, method="bounded")
-    none, _ = _restricted(r, x, np.ones_like(spread))
-    ratio = float(np.exp(best.x)) if best.fun < none else 0.0
-    alone = variance(ratio)
-    return max(alone, least), ratio * alone
+    best, value = least_of_many.least(cost, len(r), _RANGE)
+    none, _ = _restricted(r, span, np.ones_like(r))
+    ratio = np.where(value < none, np.exp(best), 0.0)
+    _, alone = _restricted(r, span, 1.0 / (1.0 + ratio[:, None] * spread))
+    return np.maximum(alone, least), ratio * alone
 
 
-def _restricted(r: np.ndarray, x: np.ndarray, weight: np.ndarray) -> tuple[float, float]:
-    """Restricted −log likelihood at weights (N,), and the variance of unit weight."""
-    gram = x.T @ (weight[:, None] * x)
-    right = x.T @ (weight * r)
-    dof = len(r) - x.shape[1]
-    square = float(r @ (weight * r) - right @ np.linalg.solve(gram, right)) / dof
-    square = max(square, 1e-300)
-    cost = dof * np.log(square) - np.log(weight).sum() + np.linalg.slogdet(gram)[1]
-    return float(cost) / 2, square
+def _restricted(
+    r: np.ndarray, span: np.ndarray, weight: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Restricted −log likelihood at weights (B, N), and the variance of unit weight (B,)."""
+    x, weighted = np.swapaxes(span, 1, 2), (weight * r)[..., None]
+    gram = span @ (weight[..., None] * x)
+    right = span @ weighted
+    dof = r.shape[1] - span.shape[1]
+    taken = np.swapaxes(right, 1, 2) @ np.linalg.solve(gram, right)
+    square = np.maximum((r[:, None] @ weighted - taken)[:, 0, 0] / dof, 1e-300)
+    cost = dof * np.log(square) - np.log(weight).sum(axis=1) + np.linalg.slogdet(gram)[1]
+    return cost / 2, square
 
 
 def none_of(variance: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
@@ -130,12 +149,12 @@ def none_of(variance: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
     return lambda rows: rows / root.reshape(root.shape + (1,) * (rows.ndim - 2))
 
 
-_REWEIGHTINGS, _SETTLED = 3, 1e-6
+REWEIGHTINGS, _SETTLED = 3, 1e-6
 """How often weights are found again, at most, and by how much, relative, they still change."""
-_TRUST = 0.01
+TRUST = 0.01
 """Below this p-value of the residual's χ², the noise seen in the repeats does not explain it."""
 _BATCHES = 20
-_ENOUGH = 20
+ENOUGH = 20
 """Poses beyond the number of parameters from which the residual shows wander and correlation."""
 
 
@@ -146,18 +165,24 @@ def fit(problem: Problem) -> Outcome:
         return misfit.grown(problem, _blind(problem), None)
     solution = problem.solve(_rows(data.row_covariance, data.count), problem.start)
     chi2 = float((solution.residual[: data.wrench.size] ** 2).sum())
-    explained = bool(special.chdtrc(6 * problem.dof, chi2) > _TRUST)
+    explained = bool(special.chdtrc(6 * problem.dof, chi2) > TRUST)
     known = solution.covariance
     if isinstance(data.q, Jet):
         found = _scattered(problem, solution, inflated=not explained)
         return found if explained else misfit.grown(problem, found, known)
     if explained:
-        noise = _noise(problem, solution, data.source, float(data.count.sum()) * np.ones(6))
-        return Outcome(solution, solution.covariance, data.dof, noise)
-    few = len(data) - len(problem.free) < _ENOUGH or len(data) > MOST_POSES
+        return settled(problem, solution)
+    few = len(data) - len(problem.free) < ENOUGH or len(data) > MOST_POSES
     if few or problem.loss != "linear":
         return misfit.grown(problem, _scattered(problem, solution), known)
     return misfit.grown(problem, _wandering(problem, solution), known)
+
+
+def settled(problem: Problem, solution: Solution) -> Outcome:
+    """A fit whose residual is explained by the noise known before."""
+    data = problem.data
+    noise = _noise(problem, solution, data.source, float(data.count.sum()) * np.ones(6))
+    return Outcome(solution, solution.covariance, data.dof, noise)
 
 
 def _rows(covariance: np.ndarray, count: np.ndarray) -> Whitening:
@@ -180,7 +205,7 @@ def _blind(problem: Problem) -> Outcome:
     data = problem.data
     solution = problem.solve(_rows(fallback_covariance(), np.ones(len(data))), problem.start)
     factor = 1.0
-    for _ in range(_REWEIGHTINGS):
+    for _ in range(REWEIGHTINGS):
         found = problem.found(solution.x)
         if _exact(found, data):
             whitened = solution.residual[: data.wrench.size]
@@ -199,7 +224,7 @@ def _scattered(problem: Problem, solution: Solution, inflated: bool = True) -> O
     data = problem.data
     expected = np.diagonal(data.row_covariance) / float(np.mean(data.count))
     variance = np.zeros(6)
-    for _ in range(_REWEIGHTINGS):
+    for _ in range(REWEIGHTINGS):
         # many parameters may swallow a channel's residual, never its noise
         found = np.maximum(problem.found(solution.x), expected)
         time = _correlation_time(problem, solution.x)
@@ -218,7 +243,7 @@ def _wandering(problem: Problem, solution: Solution) -> Outcome:
     data = problem.data
     least = np.diagonal(data.row_covariance) / float(np.mean(data.count))
     order = np.argsort(data.t)
-    for _ in range(_REWEIGHTINGS):
+    for _ in range(REWEIGHTINGS):
         design, left = problem.jacobian(solution.x)[order], problem.residual(solution.x)[order]
         slow = estimate(data.t[order], left, design, least)
         z = slow.whiten(left)
@@ -229,6 +254,12 @@ def _wandering(problem: Problem, solution: Solution) -> Outcome:
             return last(slow.whiten(rows[order]))
 
         solution = problem.solve(whiten, solution.x)
+    return wandered(problem, solution, slow)
+
+
+def wandered(problem: Problem, solution: Solution, slow: Wander) -> Outcome:
+    """A fit whose weights follow from the wander that its residual shows."""
+    data = problem.data
     effective = np.diagonal(data.row_covariance) / slow.mean_variance
     noise = _noise(problem, solution, data.source, effective, inflated=True)
     return Outcome(solution, solution.covariance, problem.dof, noise)

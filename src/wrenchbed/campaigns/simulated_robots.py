@@ -8,7 +8,7 @@ depend on them: joints are measured where the servos hold them.
 import json
 import re
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence, Sized
 from concurrent.futures import (
     FIRST_COMPLETED,
     CancelledError,
@@ -19,17 +19,17 @@ from concurrent.futures import (
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from functools import cache
-from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import pyarrow as pa
 
 from wrenchbed import registry
 from wrenchbed.calibration.calibrate import calibrate
+from wrenchbed.calibration.calibrate_many import calibrate_each
 from wrenchbed.calibration.fit import Fit
-from wrenchbed.campaigns.result_rows import CampaignRows, Row, empty
+from wrenchbed.campaigns.result_rows import SECONDS, CampaignRows, Row, empty
 from wrenchbed.campaigns.settings import Fleet, Truth, draw, varied
 from wrenchbed.data.plan import Plan
 from wrenchbed.data.recording import Recording, joint_columns
@@ -43,6 +43,7 @@ from wrenchbed.planning.choose import poses
 from wrenchbed.robots.base import SimulatedRobot
 from wrenchbed.robots.motion_limits import Limits, duration
 from wrenchbed.simulation.closed_form import Model
+from wrenchbed.twin.many import simulate_each
 from wrenchbed.twin.replay import simulate
 from wrenchbed.twin.twin import Twin
 
@@ -99,41 +100,115 @@ _COURSES: dict[str, Recording] = {}
 
 def one(fleet: Fleet, k: int) -> Row:
     """The row of robot k; a named error of the package is reported in column ``error``."""
-    row, begun = empty(fleet, k), time.perf_counter()
+    return several(fleet, [k])[0]
+
+
+def several(fleet: Fleet, numbers: Sequence[int]) -> list[Row]:
+    """`one` of each; they are worked on together and come out to the same last bit."""
+    rows, begun = {k: empty(fleet, k) for k in numbers}, time.perf_counter()
+    done: dict[int, tuple[Recording, Truth]] = {}
+    for k, result in zip(numbers, recorded_each(fleet, numbers), strict=True):
+        with _told(rows[k]):
+            done[k] = _checked(result)
+            rows[k] |= _of_truth(fleet, done[k][1], done[k][0])
+    seconds, begun = _each(begun, numbers), time.perf_counter()
+    fits = calibrate_each([recording for recording, _ in done.values()])
+    calibrated = _each(begun, done)
+    for (k, (recording, truth)), fitted in zip(done.items(), fits, strict=True):
+        rows[k]["seconds.record"] = seconds
+        with _told(rows[k]):
+            fit = _checked(fitted)
+            rows[k]["seconds.calibrate"] = calibrated
+            rows[k] |= _of_fit(fleet, truth, fit)
+            if fleet.diagnose:
+                begun = time.perf_counter()
+                rows[k] |= _diagnosed(fleet, truth, recording)
+                rows[k]["seconds.diagnose"] = time.perf_counter() - begun
+    return list(rows.values())
+
+
+@contextmanager
+def _told(row: Row) -> Iterator[None]:
+    """A named error of the package goes into the row."""
     try:
-        recording, truth = recorded(fleet, k)
-        row |= _of_truth(fleet, truth, recording)
-        row["seconds.record"] = time.perf_counter() - begun
-        begun = time.perf_counter()
-        fit = calibrate(recording)
-        row["seconds.calibrate"] = time.perf_counter() - begun
-        row |= _of_fit(fleet, truth, fit)
-        if fleet.diagnose:
-            begun = time.perf_counter()
-            row |= _diagnosed(fleet, truth, recording)
-            row["seconds.diagnose"] = time.perf_counter() - begun
+        yield
     except WrenchbedError as error:
         row["error"] = f"{type(error).__name__}: {error}"
-    return row
+
+
+Result = TypeVar("Result")
+
+
+def _checked(result: Result | WrenchbedError) -> Result:
+    if isinstance(result, WrenchbedError):
+        raise result
+    return result
+
+
+def _each(begun: float, of: Sized) -> float:
+    """Time since then for each of so many [s]."""
+    return (time.perf_counter() - begun) / max(len(of), 1)
 
 
 def recorded(fleet: Fleet, k: int) -> tuple[Recording, Truth]:
-    """What robot k's sensor read, by MuJoCo, and what it truly is."""
-    if "poses" in fleet.vary:
-        path = course(fleet, k)
-    else:
-        key = json.dumps(fleet.to_json())
-        if key not in _COURSES:
-            _COURSES.clear()
-            _COURSES[key] = course(fleet, k)
-        path = _COURSES[key]
+    """What robot k's sensor read, by MuJoCo, and what it truly is.
+
+    Raises:
+        WrenchbedError: it cannot be recorded.
+    """
+    return _checked(recorded_each(fleet, [k])[0])
+
+
+def recorded_each(
+    fleet: Fleet, numbers: Sequence[int]
+) -> list[tuple[Recording, Truth] | WrenchbedError]:
+    """`recorded` of each; those without an effect at the same poses are simulated together."""
     model = Model.of(fleet.model_robot())
-    visited = path.q[np.r_[True, np.diff(path.columns["segment"]) != 0]]
-    mode = path.metadata.mode
-    truth = draw(fleet, k, model, path.q if mode == "dynamic" else visited, mode)
-    seed = int(fleet.rng(k, "noise").integers(2**31))
-    twin = Twin(model, truth.theta, truth.active)
-    return simulate(twin, path, noise="real", seed=seed), truth
+    found: dict[int, tuple[Recording, Truth] | WrenchbedError] = {}
+    together: dict[int, tuple[Recording, Truth]] = {}
+    for k in numbers:
+        try:
+            path = _path(fleet, k)
+            truth = draw(fleet, k, model, _visited(path), path.metadata.mode)
+            if truth.active or path.metadata.mode == "dynamic":
+                twin = Twin(model, truth.theta, truth.active)
+                found[k] = simulate(twin, path, noise="real", seed=_seed(fleet, k)), truth
+            else:
+                together[k] = path, truth
+        except WrenchbedError as error:
+            found[k] = error
+    for path in {id(path): path for path, _ in together.values()}.values():
+        some = [k for k, (own, _) in together.items() if own is path]
+        thetas = np.stack([together[k][1].theta for k in some])
+        seeds = [_seed(fleet, k) for k in some]
+        for k, result in zip(some, simulate_each(model, thetas, path, "real", seeds), strict=True):
+            if isinstance(result, WrenchbedError):
+                found[k] = result
+            else:
+                found[k] = result, together[k][1]
+    return [found[k] for k in numbers]
+
+
+def _path(fleet: Fleet, k: int) -> Recording:
+    """`course` of robot k, made once where all robots have the same."""
+    if "poses" in fleet.vary:
+        return course(fleet, k)
+    key = json.dumps(fleet.to_json())
+    if key not in _COURSES:
+        _COURSES.clear()
+        _COURSES[key] = course(fleet, k)
+    return _COURSES[key]
+
+
+def _visited(path: Recording) -> np.ndarray:
+    """Joint values (H, J) of each rest, or (N, J) of a motion."""
+    if path.metadata.mode == "dynamic":
+        return path.q
+    return path.q[np.r_[True, np.diff(path.columns["segment"]) != 0]]
+
+
+def _seed(fleet: Fleet, k: int) -> int:
+    return int(fleet.rng(k, "noise").integers(2**31))
 
 
 def _of_truth(fleet: Fleet, truth: Truth, recording: Recording) -> Row:
@@ -245,7 +320,10 @@ def write_one(fleet: Fleet, k: int, folder: Path) -> Row:
 
 
 _AHEAD = 3
-"""Robots queued for each worker, so that none is idle."""
+"""Tasks queued for each worker, so that none is idle; estimate."""
+_TOGETHER, _TASK_S = 25, 1.0
+"""Most robots that a worker takes at once, since their numbers must fit into its cache, and about
+how long it works on them [s]; estimates."""
 _KEPT = "what is done is kept, and the same command goes on"
 _ANSWERS_S = 10.0
 """Time in which a Dask scheduler must answer [s]."""
@@ -277,12 +355,12 @@ def campaign(
     """
     rows = CampaignRows(Path(folder), fleet)
     done = rows.done()
-    todo = (k for k in range(fleet.robots) if k not in done)
-    progress(sum(k < fleet.robots for k in done))
-    if len(done) < fleet.robots:
+    todo = [k for k in range(fleet.robots) if k not in done]
+    progress(fleet.robots - len(todo))
+    if todo:
         with _executor(workers, scheduler) as (pool, count):
             try:
-                for row in _results(pool, fleet, todo, _AHEAD * count):
+                for row in _results(pool, fleet, todo, count):
                     rows.add(row)
                     progress(1)
             finally:
@@ -290,20 +368,33 @@ def campaign(
     return rows.finish()
 
 
-def _results(pool: Executor, fleet: Fleet, todo: Iterator[int], ahead: int) -> Iterator[Row]:
-    """Rows as they are finished; at most ``ahead`` robots are queued."""
-    waiting: set[Future[Row]] = {pool.submit(one, fleet, k) for k in islice(todo, ahead)}
+def _results(pool: Executor, fleet: Fleet, todo: Sequence[int], workers: int) -> Iterator[Row]:
+    """Rows as they are finished; some tasks are queued for each worker."""
+    waiting: set[Future[list[Row]]] = set()
+    first, together = 0, 1
     try:
-        while waiting:
+        while waiting or first < len(todo):
+            while first < len(todo) and len(waiting) < _AHEAD * workers:
+                share = -(-(len(todo) - first) // workers)  # the last tasks end together
+                size = min(together, share)
+                waiting.add(pool.submit(several, fleet, todo[first : first + size]))
+                first += size
             ready, waiting = wait(waiting, return_when=FIRST_COMPLETED)
             for future in ready:
-                yield future.result()
-            waiting |= {pool.submit(one, fleet, k) for k in islice(todo, len(ready))}
+                rows = future.result()
+                together = _more(rows, together)
+                yield from rows
     except CancelledError as error:
         raise FleetError(f"a worker of the cluster is gone; {_KEPT}") from error
     finally:
         for future in waiting:
             future.cancel()
+
+
+def _more(rows: Sequence[Row], together: int) -> int:
+    """How many robots to work on together after such rows: at most twice as many as before."""
+    seconds = sum(float(row.get(n, 0.0)) for row in rows for n in SECONDS) / len(rows)
+    return int(min(_TASK_S / max(seconds, _TASK_S / _TOGETHER), 2 * together))
 
 
 @contextmanager

@@ -186,7 +186,12 @@ class NoiseStream:
         Raises:
             ParameterError: shapes do not fit, or t does not increase, also from the last call on.
         """
-        time = np.asarray(t, dtype=np.float64)
+        return self.add(np.asarray(t, dtype=np.float64), wrench, None)
+
+    def add(
+        self, time: Array, wrench: ArrayLike, wander: Array | None
+    ) -> tuple[Array, NDArray[np.uint32]]:
+        """`corrupt` at times (N,) [s] with a 1/f part (6, N) that was drawn already, if any."""
         measured = np.array(wrench, dtype=np.float64)
         self._check(time, measured)
         model = self.model
@@ -194,7 +199,8 @@ class NoiseStream:
             normal = self._white.standard_normal((len(time), 6)).T
             measured += _mix(normal, self._root * model.white[:, None]).T
         if model.flicker.any() and len(time):
-            measured += _mix(self._wander(time), self._root * self._levels[:, None]).T
+            wander = self._wander(time) if wander is None else wander
+            measured += _mix(wander, self._root * self._levels[:, None]).T
         if model.mains_amplitude.any():
             angle = (2.0 * np.pi * model.mains_frequency) * time[:, None] + self._phase
             measured += model.mains_amplitude * np.sin(angle)
@@ -210,6 +216,17 @@ class NoiseStream:
         status = (np.abs(measured) >= model.range).astype(np.uint32) @ SATURATED_BITS
         return np.clip(measured, -model.range, model.range), status
 
+    def normals(self, rows: int) -> Array:
+        """The next random numbers (rows, K, 6) behind the 1/f part, one for each rate."""
+        return self._flicker.standard_normal((rows, len(self._rates), 6))
+
+    def steps(self, time: Array) -> tuple[Array, Array, NDArray[np.intp]]:
+        """What each rate keeps and adds in each different step of time (S, K); which step (N,)."""
+        ticks = np.rint(np.diff(time, prepend=self._last) / _TICK_S)
+        steps, which = np.unique(ticks, return_inverse=True)
+        exponent = -self._rates * (steps * _TICK_S)[:, None]
+        return np.exp(exponent), np.sqrt(-np.expm1(2.0 * exponent)), which
+
     def _check(self, time: Array, wrench: Array) -> None:
         if time.ndim != 1 or wrench.shape != (len(time), 6):
             raise ParameterError(
@@ -222,11 +239,8 @@ class NoiseStream:
 
     def _wander(self, time: Array) -> Array:
         """Sum (6, N) of unit Ornstein–Uhlenbeck processes, one a rate, at times (N,) [s]."""
-        normal = self._flicker.standard_normal((len(time), len(self._rates), 6))
-        ticks = np.rint(np.diff(time, prepend=self._last) / _TICK_S)
-        steps, which = np.unique(ticks, return_inverse=True)
-        exponent = -self._rates * (steps * _TICK_S)[:, None]
-        keep, kick = np.exp(exponent), np.sqrt(-np.expm1(2.0 * exponent))
+        normal = self.normals(len(time))
+        keep, kick, which = self.steps(time)
         total: Array = np.zeros((6, len(time)))
         done = 0
         for first, last in _long_runs(which):

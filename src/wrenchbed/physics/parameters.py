@@ -4,7 +4,7 @@ import difflib
 import fnmatch
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from sys import float_info
 
 import numpy as np
@@ -97,11 +97,7 @@ class ParameterSet(Sequence[Parameter]):
         """
         chosen: set[int] = set()
         for pattern in patterns:
-            hits = {
-                i
-                for i, name in enumerate(self.names)
-                if fnmatch.fnmatchcase(name, pattern) or name.startswith(pattern + ".")
-            }
+            hits = _matching(self.names, pattern)
             if not hits:
                 self.index(pattern)
             chosen |= hits
@@ -140,3 +136,17 @@ class ParameterSet(Sequence[Parameter]):
                 f"parameter {parameter.name} = {value:g} {unit} lies outside "
                 f"{parameter.lower:g} … {parameter.upper:g} {unit}{other}"
             )
+
+
+_PATTERNS = 4096
+"""Patterns that are kept with what they match; estimate: a robot has a hundred."""
+
+
+@lru_cache(_PATTERNS)
+def _matching(names: tuple[str, ...], pattern: str) -> frozenset[int]:
+    """Positions of the names that a pattern matches."""
+    return frozenset(
+        i
+        for i, name in enumerate(names)
+        if fnmatch.fnmatchcase(name, pattern) or name.startswith(pattern + ".")
+    )

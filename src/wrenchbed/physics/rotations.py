@@ -106,9 +106,7 @@ def apply(matrix: Value, vector: Value) -> Value:
 
 def inverse_rotated(vectors: np.ndarray, matrix: np.ndarray) -> np.ndarray:
     """Rᵀ v of vectors (…, N, 3) for one matrix (3, 3), or for one of each batch (…, 1, 3, 3)."""
-    if matrix.ndim == 2:
-        return np.asarray(vectors @ matrix)
-    return np.asarray((vectors[..., None, :] @ matrix)[..., 0, :])
+    return np.asarray(vectors @ (matrix if matrix.ndim == 2 else matrix[..., 0, :, :]))
 
 
 def quaternion(matrix: np.ndarray) -> np.ndarray:

@@ -94,6 +94,9 @@ class Robot(ArmBodies):
     """Parameters that change the load on the sensor but not where the sensor is."""
     large_gears: int = 0
     """How many joints from the base on have gears about three times as stiff as the others'."""
+    broadcasts: bool = False
+    """Whether the formulas at rest, `gravity_slopes` too, take theta (R, 1, P) and give each robot
+    the same bits as alone."""
     unobservable: tuple[str, ...] = ()
     """Parameters that no wrench and no pose of the sensor depends on."""
 

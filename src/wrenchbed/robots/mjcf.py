@@ -1,6 +1,8 @@
 """Edits of an MjSpec that every robot needs."""
 
 from collections.abc import Sequence
+from functools import lru_cache
+from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -12,6 +14,20 @@ from wrenchbed.physics.wrench import Tool, physical_inertia
 POINT = 1e-9
 """Moments of inertia of a point mass [kg·m²], since MuJoCo takes no 0; a hundred thousandth of a
 small tool's: estimate."""
+
+
+_FILES = 8
+"""Parsed files that are kept; estimate: a process works on few robots."""
+
+
+def bare(path: Path) -> mujoco.MjSpec:
+    """A file without what `frictionless` leaves out: a copy, so that it is parsed once."""
+    return _bare(path, path.stat().st_mtime_ns).copy()
+
+
+@lru_cache(_FILES)
+def _bare(path: Path, _changed: int) -> mujoco.MjSpec:
+    return frictionless(mujoco.MjSpec.from_file(str(path)))
 
 
 def frictionless(spec: mujoco.MjSpec) -> mujoco.MjSpec:

@@ -109,6 +109,22 @@ class Model:
         """
         return self.read(self.true_wrench(q, theta), theta)
 
+    def predict_each(self, q: np.ndarray, thetas: np.ndarray) -> np.ndarray:
+        """`predict` at rest of several robots, thetas (R, P) → (R, N, 6), each as if alone."""
+        if self.robot.broadcasts:
+            return self.predict(q, thetas[:, None])
+        return np.stack([self.predict(q, theta) for theta in thetas])
+
+    def jacobian_each(
+        self, q: np.ndarray, thetas: np.ndarray, columns: Sequence[int]
+    ) -> np.ndarray:
+        """`jacobian` at rest of several robots, thetas (R, P) → (R, N, 6, K), each as if alone."""
+        if self.robot.broadcasts:
+            written = self._at_rest(q, thetas[:, None], columns)
+            assert written is not None  # of a robot that says so
+            return written
+        return np.stack([self.jacobian(q, theta, columns) for theta in thetas])
+
     def jacobian(self, q: Value, theta: np.ndarray, columns: Sequence[int]) -> np.ndarray:
         """Derivative (N, 6, K) of the reading by the parameters at ``columns``, exact to rounding.
 
@@ -121,8 +137,8 @@ class Model:
             return written
         n = len(value(q))
         result = np.empty((n, 6, len(columns)))
-        still = [k for k, c in enumerate(columns) if not self._moves_pose(c)]
-        moving = [k for k, c in enumerate(columns) if self._moves_pose(c)]
+        still = [k for k, c in enumerate(columns) if not self.moves_pose(c)]
+        moving = [k for k, c in enumerate(columns) if self.moves_pose(c)]
         at_once = max(1, _ROWS_AT_ONCE // max(n, 1))
         for group, at in ((still, theta), (moving, None)):
             for start in range(0, len(group), at_once):
@@ -139,24 +155,26 @@ class Model:
         """The Jacobian at rest of a robot that has written out how gravity turns.
 
         There the reading is linear in gravity as the sensor sees it, γ: dw = dγ·M + γ·dM + db, with
-        M (3, 6) and b of the load and the sensor alone.
+        M (3, 6) and b of the load and the sensor alone. Of theta (P,), or (R, 1, P) → (R, N, 6, K).
         """
         own, names = len(self.robot.parameters), self.robot.parameters.names
-        moving = [k for k, c in enumerate(columns) if self._moves_pose(c)]
+        moving = [k for k, c in enumerate(columns) if self.moves_pose(c)]
         gravity = np.asarray(self.gravity)
         turned = self.robot.gravity_slopes(
-            q, theta[:own], gravity, [names[columns[k]] for k in moving]
+            q, theta[..., :own], gravity, [names[columns[k]] for k in moving]
         )
         if turned is None:
             return None
-        shifted = np.tile(theta.astype(complex), (len(columns), 1, 1))
-        shifted[np.arange(len(columns)), 0, list(columns)] += 1j * STEP
+        shifted = np.tile(theta.astype(complex), (len(columns), *np.ones(theta.ndim, int)))
+        if theta.ndim == 1:
+            shifted = shifted[:, None]
+        shifted[np.arange(len(columns)), ..., list(columns)] += 1j * STEP
         slopes, offset = (part.imag / STEP for part in self._linear(shifted))
-        result = self.robot.gravity_seen(q, theta[:own], gravity) @ slopes
+        result = self.robot.gravity_seen(q, theta[..., :own], gravity) @ slopes
         result += offset
         here, _ = self._linear(theta)
         for k, column in enumerate(moving):
-            result[column] += turned[:, :, k] @ here
+            result[column] += turned[..., k] @ here
         return np.moveaxis(result, 0, -1)
 
     def _in_motion(self, q: Jet, theta: np.ndarray, columns: Sequence[int]) -> np.ndarray:
@@ -170,7 +188,7 @@ class Model:
         phi = self.robot.tool(theta[:own]).inertial
         given = regressor(motion)
         result = (given.reshape(-1, INERTIAL) @ slopes.T).reshape(len(given), 6, -1)
-        moving = [k for k, c in enumerate(columns) if self._moves_pose(c)]
+        moving = [k for k, c in enumerate(columns) if self.moves_pose(c)]
         turned = self.robot.motion_slopes(
             q, theta[:own], gravity, [names[columns[k]] for k in moving], motion
         )
@@ -195,7 +213,7 @@ class Model:
         rows = self.read(weight(axes, tool), theta)
         return rows[..., :3, :] - rows[..., 3:, :], rows[..., 3:, :]
 
-    def _moves_pose(self, column: int) -> bool:
+    def moves_pose(self, column: int) -> bool:
         """Whether the sensor's pose depends on a parameter; the others cost no kinematics."""
         own = self.robot.parameters
         return column < len(own) and own[column].name not in self.robot.load

@@ -12,6 +12,7 @@ from wrenchbed.errors import RecordingError
 from wrenchbed.physics.noise import NoiseStream, noise_model
 from wrenchbed.physics.time_derivatives import Jet, Value
 from wrenchbed.physics.wrench import CHANNELS
+from wrenchbed.robots.base import Robot
 from wrenchbed.twin.twin import Twin
 
 _BACK = 40
@@ -33,21 +34,43 @@ def simulate(twin: Twin, recording: Recording, *, noise: str = "off", seed: int 
         ParameterError: no such noise.
     """
     robot = twin.model.robot
-    if recording.metadata.robot != robot.name and recording.joints:
-        raise RecordingError(
-            f"{recording.name}: is of robot {recording.metadata.robot!r}, "
-            f"the twin is a {robot.name!r}"
-        )
+    check_robot(robot, recording)
     robot.check(recording.q, twin.robot_theta, recording.name) if robot.joints else None
     moving = recording.metadata.mode == "dynamic"
     reading = _in_motion(twin, recording) if moving else _at_rest(twin, recording)
     kind = noise_model(noise, registry.load("sensors", robot.sensor).noise)
     rows, status = NoiseStream(kind, seed).corrupt(recording.t, reading)
-    rows = twin.corrupt(rows, recording.t, seed)
+    return read_as(recording, twin.corrupt(rows, recording.t, seed).T, status)
+
+
+def check_robot(robot: Robot, recording: Recording) -> None:
+    """Refuse a recording with joints of another robot.
+
+    Raises:
+        RecordingError: it is one.
+    """
+    if recording.metadata.robot != robot.name and recording.joints:
+        raise RecordingError(
+            f"{recording.name}: is of robot {recording.metadata.robot!r}, "
+            f"the twin is a {robot.name!r}"
+        )
+
+
+def read_as(recording: Recording, wrench: np.ndarray, status: np.ndarray) -> Recording:
+    """A recording's motion with readings (6, N) [N, N·m] and status words (N,)."""
     kept = [c for c in recording.columns if c in _TAKEN or c[0] == "q"]
     columns = {c: recording.columns[c] for c in kept}
-    columns |= {c: rows[:, k] for k, c in enumerate(CHANNELS)} | {"status": status}
+    columns |= dict(zip(CHANNELS, wrench, strict=True)) | {"status": status}
     return Recording(replace(recording.metadata, source="sim"), columns, "simulation")
+
+
+def holds(recording: Recording) -> tuple[np.ndarray, np.ndarray]:
+    """Poses (H, J) at which a recording rests, and the pose of each row (N,)."""
+    q = recording.q.astype(float)
+    new = np.r_[True, np.abs(np.diff(q, axis=0)).max(axis=1) > MOVING]
+    first = np.flatnonzero(new)
+    poses = np.add.reduceat(q, first) / np.diff(np.append(first, len(q)))[:, None]
+    return poses if recording.joints else q[first], np.cumsum(new) - 1
 
 
 def _warmth(recording: Recording) -> np.ndarray | None:
@@ -81,17 +104,15 @@ def _in_motion(twin: Twin, recording: Recording) -> np.ndarray:
 
 
 def _at_rest(twin: Twin, recording: Recording) -> np.ndarray:
-    """Every pose is computed once, with ways between poses; every row has its own time."""
-    q, t, warmth = recording.q.astype(float), recording.t.astype(float), _warmth(recording)
-    new = np.r_[True, np.abs(np.diff(q, axis=0)).max(axis=1) > MOVING]
-    first = np.flatnonzero(new)
-    poses = np.add.reduceat(q, first) / np.diff(np.append(first, len(q)))[:, None]
-    if not twin.model.robot.joints:
-        poses = q[first]
-    hold = np.cumsum(new) - 1
-    ways = WAY if twin.model.robot.joints else 0
-    slot = np.arange(len(q)) + ways * hold  # of each row among rows and ways
-    total = len(q) + ways * (len(first) - 1)
+    """Every pose is computed once; every row has its own time.
+
+    Ways between poses are gone through where an effect might remember them.
+    """
+    t, warmth = recording.t.astype(float), _warmth(recording)
+    poses, hold = holds(recording)
+    ways = WAY if twin.model.robot.joints and twin.active else 0
+    slot = np.arange(len(t)) + ways * hold  # of each row among rows and ways
+    total = len(t) + ways * (len(poses) - 1)
     held = np.zeros(total, dtype=bool)
     held[slot] = True
     knots = np.arange(total)

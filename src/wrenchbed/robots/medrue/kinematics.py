@@ -324,44 +324,45 @@ _TURNS = {"base": ("alpha0", "beta0", "gamma0"), "mount": ("alphaS", "betaS", "g
 
 
 class _Bar:
-    """One five-bar at joint values (N,): points (2, N) and what moves them."""
+    """One five-bar at joint values (N,): points (2, …, N) and what moves them."""
 
     def __init__(self, p: Values, i: int, first: np.ndarray, second: np.ndarray) -> None:
         self._p, self._i = p, i
         bar = five_bar(p, i, first, second)
         base = np.array([p[f"A{i}y"] - p[f"C{i}y"], p[f"A{i}z"] - p[f"C{i}z"]])
-        self._length = float(np.hypot(*base))
+        self._length = np.hypot(*base)
         e = base / self._length
         self._across = np.array([-e[1], e[0]])
         a, c = first + p[f"dq{2 * i}"], second + p[f"dq{2 * i + 1}"]
-        self._ways = [np.outer(e, np.cos(x)) + np.outer(self._across, np.sin(x)) for x in (a, c)]
-        self.E, self.D = bar.E.T, bar.D.T
-        self.from_B, self.from_D = (bar.E - bar.B).T, (bar.E - bar.D).T
+        along, across = (x.reshape(2, *(x.shape[1:] or (1,))) for x in (e, self._across))
+        self._ways = [along * np.cos(x) + across * np.sin(x) for x in (a, c)]
+        self.E, self.D = np.moveaxis(bar.E, -1, 0), np.moveaxis(bar.D, -1, 0)
+        self.from_B, self.from_D = (np.moveaxis(bar.E - x, -1, 0) for x in (bar.B, bar.D))
         one, two = self.from_B, self.from_D
         det = one[0] * two[1] - one[1] * two[0]
         self._solved = (np.stack([two[1], -two[0]]) / det, np.stack([-one[1], one[0]]) / det)
 
     def slope(self, name: str) -> tuple[np.ndarray, np.ndarray] | None:
-        """dE and dD (2, N) by a parameter; None if it moves neither."""
+        """dE and dD (2, …, N) by a parameter; None if it moves neither."""
         p, i = self._p, self._i
         if name[:-1] not in (f"A{i}", f"C{i}", f"L{i}") and name not in (
             f"dq{2 * i}", f"dq{2 * i + 1}",
         ):  # fmt: skip
             return None
         dB, dD = np.zeros_like(self.E), np.zeros_like(self.E)
-        turned = 0.0
+        turned: Value = None
         for point, moved, sign in (("A", dB, 1.0), ("C", dD, -1.0)):
             for axis, letter in enumerate("yz"):
                 if name == f"{point}{i}{letter}":
                     moved[axis] += 1.0
                     turned = sign * self._across[axis] / self._length
-        grown = [0.0, 0.0]
+        grown: list[Value] = [0.0, 0.0]
         for k, (moved, way, length, own, drive) in enumerate((
             (dB, self._ways[0], f"L{i}1", f"L{i}2", f"dq{2 * i}"),
             (dD, self._ways[1], f"L{i}3", f"L{i}4", f"dq{2 * i + 1}"),
         )):  # fmt: skip
-            turn = turned + (1.0 if name == drive else 0.0)
-            if turn:
+            turn = 1.0 if name == drive else turned
+            if turn is not None:
                 moved[0] -= p[length] * turn * way[1]
                 moved[1] += p[length] * turn * way[0]
             if name == length:
@@ -378,14 +379,15 @@ class _Bar:
 def gravity_slopes(
     p: Values, q: np.ndarray, gravity: np.ndarray, names: Sequence[str]
 ) -> np.ndarray:
-    """Derivative (N, 3, K) of R_world_sensorᵀ g [m/s²] by parameters, at joint values (N, 6)."""
+    """Derivative (…, N, 3, K) of R_world_sensorᵀ g [m/s²] by parameters, at joint values (N, 6)."""
     bars = [_Bar(p, i, q[:, 2 * i - 1], q[:, 2 * i]) for i in (1, 2)]
     left, right = bars
-    span = np.stack([np.full(len(q), p["d41"] + p["d42"]), *(right.E - left.E)])
+    apart = right.E - left.E
+    span = np.stack([np.broadcast_to(p["d41"] + p["d42"], apart.shape[1:]), *apart])
     length = np.sqrt(_jacobian_dot(span, span))
     u = span / length
     base = euler(*(p[n] for n in _TURNS["base"]))
-    mount = euler(*(p[n] for n in _TURNS["mount"]))
+    mount = _for_rows(euler(*(p[n] for n in _TURNS["mount"])))
     link = left.from_D / p["L14"]
     q6 = q[:, 5] + p["dq6"]
     c = link[0] * np.cos(q6) - link[1] * np.sin(q6)
@@ -395,15 +397,14 @@ def gravity_slopes(
     z = v / size
     axes = np.stack([u, _cross(z, u), z])
     down = gravity @ base
-    by_dz, by_du = _cross(u, down), _cross(down, z)  # of downᵀ dy, as y = z × u
-    result = np.zeros((len(names), len(q), 3))
+    by_dz, by_du = (_cross(*some) for some in ((u, _first(down)), (_first(down), z)))
+    result = np.zeros((len(names), *u.shape[1:], 3))  # down · dy = by_dz · dz + by_du · du
     for k, name in enumerate(names):
         if name in _TURNS["base"]:
-            turned = np.einsum("ain,i->na", axes, gravity @ _slope_of(p, "base", name))
-            result[k] = turned @ mount
+            result[k] = _seen_along(axes, gravity @ _slope_of(p, "base", name)) @ mount
             continue
         if name in _TURNS["mount"]:
-            result[k] = np.einsum("ain,i->na", axes, down) @ _slope_of(p, "mount", name)
+            result[k] = _seen_along(axes, down) @ _for_rows(_slope_of(p, "mount", name))
             continue
         moved = [bar.slope(name) for bar in bars]
         if moved == [None, None] and name not in ("d41", "d42", "dq6"):
@@ -412,17 +413,42 @@ def gravity_slopes(
         du = (du - u * _jacobian_dot(u, du)) / length
         dv = _across(du, c, s) + turn * _across(u, -s, c)
         dz = (dv - z * _jacobian_dot(z, dv)) / size
-        seen = [down @ du, _jacobian_dot(by_dz, dz) + _jacobian_dot(by_du, du), down @ dz]
-        np.matmul(np.stack(seen, axis=1), mount, out=result[k])
+        along_y = _jacobian_dot(by_dz, dz) + _jacobian_dot(by_du, du)
+        seen = [_dotted(down, du), along_y, _dotted(down, dz)]
+        np.matmul(np.stack(seen, axis=-1), mount, out=result[k])
     return np.moveaxis(result, 0, -1)
+
+
+def _for_rows(rotation: np.ndarray) -> np.ndarray:
+    """A rotation (3, 3), or (R, 1, 3, 3) → (R, 3, 3), to multiply rows (…, N, 3) with."""
+    return rotation if rotation.ndim == 2 else rotation[..., 0, :, :]
+
+
+def _first(vector: np.ndarray) -> np.ndarray:
+    """A vector (…, 3) with its components first."""
+    return np.moveaxis(vector, -1, 0)
+
+
+def _dotted(vector: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """Products (…, N) of a vector (3,), or (R, 1, 3), with rows (3, …, N)."""
+    if vector.ndim == 1:
+        return np.asarray(vector @ rows)
+    return np.asarray((vector @ np.moveaxis(rows, 0, 1))[:, 0])
+
+
+def _seen_along(axes: np.ndarray, vector: np.ndarray) -> np.ndarray:
+    """A vector (3,), or (R, 1, 3), along axes (3, 3, …, N) → (…, N, 3)."""
+    if vector.ndim == 1:
+        return np.einsum("ain,i->na", axes, vector)
+    return np.einsum("airn,ri->rna", axes, vector[:, 0])
 
 
 def _span_and_roll(
     name: str, moved: list[tuple[np.ndarray, np.ndarray] | None], link: np.ndarray, length: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Derivatives of the span between the tips (3, N) and of the wrist's roll (N,)."""
-    rows = link.shape[1]
-    du, turn = np.zeros((3, rows)), np.full(rows, 1.0 if name == "dq6" else 0.0)
+    """Derivatives of the span between the tips (3, …, N) and of the wrist's roll (…, N)."""
+    rows = link.shape[1:]
+    du, turn = np.zeros((3, *rows)), np.full(rows, 1.0 if name == "dq6" else 0.0)
     du[0] = 1.0 if name in ("d41", "d42") else 0.0
     for tip, sign in zip(moved, (-1.0, 1.0), strict=True):
         if tip is not None:
@@ -434,13 +460,13 @@ def _span_and_roll(
 
 
 def _slope_of(p: Values, which: str, name: str) -> np.ndarray:
-    """Derivative (3, 3) of a fixed rotation by one of its angles."""
-    angles = [complex(p[n], _STEP if n == name else 0.0) for n in _TURNS[which]]
+    """Derivative (…, 3, 3) of a fixed rotation by one of its angles."""
+    angles = [p[n] + 1j * (_STEP if n == name else 0.0) for n in _TURNS[which]]
     return np.asarray(euler(*angles)).imag / _STEP
 
 
 def _jacobian_dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Of vectors (3, N) or (2, N)."""
+    """Of vectors (3, …, N) or (2, …, N)."""
     return np.asarray(sum(x * y for x, y in zip(a, b, strict=True)))
 
 

@@ -33,7 +33,7 @@ from wrenchbed.robots.medrue.kinematics import (
     gravity_slopes,
     support,
 )
-from wrenchbed.robots.mjcf import frictionless, place, rotate_body, write_load
+from wrenchbed.robots.mjcf import bare, place, rotate_body, write_load
 
 _NEAR, _FAR = (0.0, 0.2, 0.0), (0.0, 0.26, 0.0)
 _CENTRE = (0.0, 0.0, 0.0)
@@ -101,7 +101,7 @@ JOINTS = ("q1", "q2", "b1", "q3", "d1", "q6", "beta", "alpha", "slide", "q4", "b
 
 def write(mjcf: Path, p: Values, tool: Tool, ref: np.ndarray) -> mujoco.MjSpec:
     """The MJCF with every parameter in it, standing with its loops closed at ``ref`` (13,)."""
-    spec = frictionless(mujoco.MjSpec.from_file(str(mjcf)))
+    spec = bare(mjcf)
     at = dict(zip(JOINTS, (float(r) for r in ref), strict=True))
     for joint, value in at.items():
         spec.joint(joint).ref = value
@@ -157,6 +157,7 @@ class MedRUE(SimulatedRobot):
     candidates = PAPER.names
     unobservable = ("xT", "yT", "zT", "alphaT", "betaT", "gammaT", "d31", "d32")
     gear_ratio = ()  # unknown
+    broadcasts = True
     joints = (
         Joint("q1", "m", -0.5, 1.1, 0.25),
         Joint("q2", "rad", 1.658, 4.887, 1.0),

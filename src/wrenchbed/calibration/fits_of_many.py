@@ -1,0 +1,280 @@
+"""Fits of many robots of one kind at the same poses, made together: each to the last bit as alone.
+
+It is `least_squares.solve` and `weighting.fit` with a leading axis of robots, for what a campaign
+needs: poses at rest, noise known from repeats or stated, no prior, no robust loss, no touches. A
+robot that is anything else is left to `calibrate`.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import special
+
+from wrenchbed.calibration import misfit
+from wrenchbed.calibration.fit_problem import Outcome, Problem
+from wrenchbed.calibration.least_squares import (
+    COST_DONE,
+    HALVINGS,
+    MAX_STEPS,
+    SAME,
+    STEP_DONE,
+    Solution,
+    triangular,
+)
+from wrenchbed.calibration.observability import RANK_TOLERANCE
+from wrenchbed.calibration.weighting import (
+    ENOUGH,
+    MOST_POSES,
+    REWEIGHTINGS,
+    TRUST,
+    Wander,
+    levels,
+    modes,
+    settled,
+    wandered,
+)
+
+Whiten = Callable[[np.ndarray, np.ndarray], np.ndarray]
+"""Rows (A, N, 6) or (A, N, 6, K) of the robots (A,) → the same shape, of unit variance."""
+
+
+class _Together:
+    """Problems of R robots that share model, poses, times, counts and free parameters."""
+
+    def __init__(self, problems: Sequence[Problem]) -> None:
+        first = problems[0]
+        self.model, self.free, self.data = first.model, first.free, first.data
+        self.q = np.asarray(first.data.q)
+        self.scale = first.scale
+        self.thetas = np.stack([p.theta for p in problems])
+        self.wrench = np.stack([p.data.wrench for p in problems])
+        self.covariance = np.stack([p.data.row_covariance for p in problems])
+        still = [not self.model.moves_pose(c) for c in range(self.thetas.shape[1])]
+        self.alike = ((self.thetas == first.theta) | still).all(axis=1)
+        """Whose sensors stand as the first one's does at the start (R,)."""
+
+    @property
+    def start(self) -> np.ndarray:
+        """Where the fits begin (R, K)."""
+        return self.thetas[:, list(self.free)]
+
+    def at(self, x: np.ndarray, who: np.ndarray) -> np.ndarray:
+        """All parameters (A, P) of robots (A,) with the free ones at x (A, K)."""
+        thetas = self.thetas[who]
+        thetas[:, list(self.free)] = x
+        return thetas
+
+    def residual(self, x: np.ndarray, who: np.ndarray) -> np.ndarray:
+        """Measured − predicted (A, N, 6) [N, N·m]."""
+        return self.wrench[who] - self.model.predict_each(self.q, self.at(x, who))
+
+
+@dataclass(frozen=True, eq=False)
+class _Solutions:
+    """`least_squares.Solution` of R robots; ``whole`` where all parameters can be told (R,)."""
+
+    x: np.ndarray
+    residual: np.ndarray
+    jacobian: np.ndarray
+    covariance: np.ndarray
+    blind: np.ndarray
+    steps: np.ndarray
+    converged: np.ndarray
+    whole: np.ndarray
+
+    def of(self, k: int) -> Solution:
+        """Of one robot."""
+        return Solution(
+            self.x[k], self.residual[k], self.jacobian[k], self.covariance[k], self.blind[k],
+            self.x.shape[1], int(self.steps[k]), bool(self.converged[k]),
+        )  # fmt: skip
+
+
+class _Slopes:
+    """Derivatives (N, 6, K) of each robot's prediction, kept where x hardly moved."""
+
+    def __init__(self, fits: _Together) -> None:
+        self._fits = fits
+        many, columns = fits.start.shape
+        self._at = np.full((many, columns), np.inf)
+        self._kept = np.empty((many, len(fits.q), columns, 6))
+
+    def remembered(self, problem: Problem, k: int) -> Problem:
+        """The problem of robot k, which knows the last derivatives that were made for it."""
+        return problem.knowing(self._at[k], np.swapaxes(self._kept[k], -1, -2))
+
+    def __call__(self, x: np.ndarray, who: np.ndarray) -> np.ndarray:
+        """At x (A, K) of the robots (A,) → (A, N, 6, K)."""
+        off = np.abs((self._at[who] - x) / self._fits.scale).max(axis=1)
+        new = off > SAME
+        if new.any():
+            some = who[new]
+            self._at[some] = x[new]
+            made = self._fits.model.jacobian_each(
+                self._fits.q, self._fits.at(x[new], some), self._fits.free
+            )
+            self._kept[some] = np.swapaxes(made, -1, -2)
+        return np.swapaxes(self._kept[who], -1, -2)
+
+
+def fit_each(problems: Sequence[Problem]) -> list[Outcome | None]:
+    """`weighting.fit` of each problem; None of one that it has to fit alone.
+
+    Args:
+        problems: of one model and the same poses, which differ in what was read.
+    """
+    fits, first = _Together(problems), problems[0]
+    slopes = _Slopes(fits)
+    found = _solve(fits, slopes, _rows(fits.covariance, fits.data.count), fits.start)
+    explained = special.chdtrc(6 * first.dof, (found.residual**2).sum(axis=1)) > TRUST
+    outcomes: list[Outcome | None] = [None] * len(problems)
+    for k in np.flatnonzero(found.whole & explained).tolist():
+        outcomes[k] = settled(slopes.remembered(problems[k], k), found.of(k))
+    wandering = np.flatnonzero(found.whole & ~explained)
+    if len(fits.q) - len(fits.free) < ENOUGH or len(fits.q) > MOST_POSES or not len(wandering):
+        return outcomes
+    slow, last = _wandering(fits, slopes, found, wandering)
+    smooth = misfit.functions(first)
+    for a in np.flatnonzero(last.whole).tolist():
+        k = int(wandering[a])
+        problem = slopes.remembered(problems[k], k)
+        own = replace(slow, independent=slow.independent[a, 0], level=slow.level[a, 0])
+        outcome = wandered(problem, last.of(a), own)
+        known = smooth if fits.alike[k] else None
+        outcomes[k] = misfit.grown(problem, outcome, found.covariance[k], known)
+    return outcomes
+
+
+def _solve(fits: _Together, slopes: _Slopes, whiten: Whiten, start: np.ndarray,
+           who: np.ndarray | None = None) -> _Solutions:  # fmt: skip
+    """`least_squares.solve` of the robots (A,), from start (A, K)."""
+    who = np.arange(len(start)) if who is None else who
+    many, columns = start.shape
+    scale, x = fits.scale, start.copy()
+
+    def white(x: np.ndarray, some: np.ndarray) -> np.ndarray:
+        return whiten(fits.residual(x, who[some]), some).reshape(len(some), -1)
+
+    def factors(some: np.ndarray) -> tuple[np.ndarray, ...]:
+        j = whiten(slopes(x[some], who[some]), some).reshape(len(some), -1, columns)
+        jacobian[some] = j * scale
+        triangle, turned = triangular(j, r[some])
+        return (turned, *np.linalg.svd(triangle * scale, full_matrices=False))
+
+    r = white(x, np.arange(many))
+    s, vt = np.ones((many, columns)), np.empty((many, columns, columns))
+    jacobian, steps = np.empty((*r.shape, columns)), np.zeros(many, int)
+    converged, fresh = np.zeros(many, bool), np.zeros(many, bool)
+    going = np.arange(many)
+    while len(going):
+        steps[going] += 1
+        turned, u, s[going], vt[going] = factors(going)
+        by_rows = np.ascontiguousarray(np.swapaxes(u, 1, 2))
+        along = (by_rows @ turned[..., None])[..., 0] / s[going]
+        step = (np.swapaxes(vt[going], 1, 2) @ along[..., None])[..., 0]
+        moved, gained = _halve(white, x, r, step * scale, going)
+        size = np.abs(step).max(axis=1)
+        converged[going] = ~moved | (size < STEP_DONE) | (gained < COST_DONE)
+        fresh[going] = ~moved | (size < SAME)
+        going = going[~converged[going] & _whole(s[going]) & (steps[going] < MAX_STEPS)]
+    stale = np.flatnonzero(~fresh & _whole(s))
+    if len(stale):
+        _, _, s[stale], vt[stale] = factors(stale)
+    seen = np.swapaxes(vt, 1, 2)
+    covariance = (seen / (s**2)[:, None]) @ vt * np.outer(scale, scale)
+    blind = np.sqrt(np.clip(1.0 - (seen**2).sum(axis=2), 0.0, 1.0))
+    return _Solutions(x, r, jacobian, covariance, blind, steps, converged, _whole(s))
+
+
+def _whole(s: np.ndarray) -> np.ndarray:
+    """Whether singular values (R, K) tell all parameters (R,)."""
+    return np.asarray(np.isfinite(s[:, 0]) & (s[:, -1] > RANK_TOLERANCE * s[:, 0]))
+
+
+def _halve(
+    white: Callable[[np.ndarray, np.ndarray], np.ndarray],
+    x: np.ndarray,
+    r: np.ndarray,
+    step: np.ndarray,
+    who: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray]:
+    """`least_squares.halve` of the robots (A,); x and r become what they reach."""
+    cost = _squares(r[who])
+    moved, gained = np.zeros(len(who), bool), np.zeros(len(who))
+    with np.errstate(all="ignore"):
+        for _ in range(HALVINGS):
+            left = np.flatnonzero(~moved)
+            if not len(left):
+                break
+            some = who[left]
+            trial = white(x[some] + step[left], some)
+            new = _squares(trial)
+            good = np.isfinite(new) & (new <= cost[left])
+            here = left[good]
+            x[who[here]] += step[here]
+            r[who[here]] = trial[good]
+            moved[here] = True
+            gained[here] = (cost[here] - new[good]) / np.maximum(cost[here], 1e-300)
+            step = step / 2
+    return moved, gained
+
+
+def _squares(r: np.ndarray) -> np.ndarray:
+    """|r|² (A,) of rows (A, M)."""
+    return np.asarray((r[:, None] @ r[..., None])[:, 0, 0])
+
+
+def _rows(covariance: np.ndarray, count: np.ndarray) -> Whiten:
+    """`weighting.rows` of robots with covariances (R, 6, 6)."""
+    turn = np.swapaxes(np.linalg.inv(np.linalg.cholesky(covariance)), 1, 2)
+    factor = np.sqrt(count)
+
+    def whiten(rows: np.ndarray, who: np.ndarray) -> np.ndarray:
+        if rows.ndim == 3:
+            return np.asarray((rows @ turn[who]) * factor[:, None])
+        flat = np.swapaxes(rows, -1, -2).reshape(len(rows), -1, 6) @ turn[who]
+        turned = flat.reshape(*rows.shape[:2], rows.shape[3], 6)
+        return np.asarray(np.swapaxes(turned, -1, -2) * factor[:, None, None])
+
+    return whiten
+
+
+def _wandering(
+    fits: _Together, slopes: _Slopes, found: _Solutions, who: np.ndarray
+) -> tuple[Wander, _Solutions]:
+    """The last levels (A, 1, 6) of the robots (A,), and their fits with weights by these."""
+    order = np.argsort(fits.data.t)
+    spread, basis = modes(fits.data.t[order])
+    covariance = np.diagonal(fits.covariance[who], axis1=1, axis2=2)
+    least = (covariance / float(np.mean(fits.data.count))).ravel()
+    x, last = found.x[who], found
+    count = np.ones(len(fits.q))
+    for _ in range(REWEIGHTINGS):
+        design = slopes(x, who)[:, order]
+        left = fits.residual(x, who)[:, order]
+        channels = basis.T @ np.moveaxis(design, 2, 1)
+        by_channel = (basis.T @ np.swapaxes(left, 1, 2)[..., None])[..., 0]
+        independent, level = levels(
+            channels.reshape(-1, *channels.shape[2:]), by_channel.reshape(-1, len(order)),
+            spread, least,
+        )  # fmt: skip
+        slow = Wander(independent.reshape(-1, 1, 6), level.reshape(-1, 1, 6), basis, spread)
+        z = _calm(slow, left)
+        together = _rows(np.stack([np.corrcoef(rows, rowvar=False) for rows in z]), count)
+
+        def whiten(rows: np.ndarray, some: np.ndarray, slow: Wander = slow,
+                   then: Whiten = together) -> np.ndarray:  # fmt: skip
+            own = replace(slow, independent=slow.independent[some], level=slow.level[some])
+            return then(_calm(own, rows[:, order]), some)
+
+        last = _solve(fits, slopes, whiten, x, who)
+        x = last.x
+    return slow, last
+
+
+def _calm(slow: Wander, rows: np.ndarray) -> np.ndarray:
+    """`Wander.whiten` of many: rows (A, N, 6) or (A, N, 6, K), levels (A, 1, 6)."""
+    turned = (slow.basis.T @ rows.reshape(*rows.shape[:2], -1)).reshape(rows.shape)
+    root = np.sqrt(slow.independent + slow.level * slow.spread[:, None])
+    return np.asarray(turned / root.reshape(root.shape + (1,) * (rows.ndim - 3)))

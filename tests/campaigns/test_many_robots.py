@@ -1,0 +1,116 @@
+"""Robots that are worked on together come out as each does alone, to the last bit."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from test_campaign import bare
+
+import wrenchbed as wb
+from wrenchbed.calibration.calibrate import calibrate
+from wrenchbed.calibration.calibrate_many import calibrate_each
+from wrenchbed.campaigns.settings import Fleet, draw
+from wrenchbed.campaigns.simulated_robots import course, one, recorded, recorded_each, several
+from wrenchbed.errors import CalibrationError, WrenchbedError
+from wrenchbed.physics.noise import NoiseStream
+from wrenchbed.physics.noise_of_many import corrupt_each
+from wrenchbed.robots.base import Robot
+from wrenchbed.twin.many import simulate_each
+from wrenchbed.twin.replay import simulate
+from wrenchbed.twin.twin import Twin
+
+FLEETS = {
+    "wander": Fleet("medrue", 5, poses=60, samples=30),
+    "explained": Fleet("medrue", 4, poses=50, samples=1),
+    "ur5": Fleet("ur5", 5, poses=50, samples=20),
+    "few": Fleet("ur5", 3, poses=20, samples=6),
+    "poses": Fleet("ur5", 3, ("noise", "poses"), poses=24, samples=8),
+    "effects": Fleet("ur5", 6, ("noise", "effects"), poses=24, samples=8),
+}
+
+
+def same(a, b) -> bool:
+    return json.dumps(a.to_json()) == json.dumps(b.to_json())
+
+
+@pytest.mark.parametrize("name", FLEETS)
+def test_rows_of_robots_together_are_those_of_each_alone(name):
+    fleet = FLEETS[name]
+    together = [bare(row) for row in several(fleet, range(fleet.robots))]
+    alone = [bare(one(fleet, k)) for k in reversed(range(fleet.robots))]
+    assert [repr(row) for row in together] == [repr(row) for row in reversed(alone)]
+    assert all(row["error"] == "" for row in together)
+
+
+@pytest.mark.parametrize("name", ["wander", "explained", "ur5"])
+def test_fits_together_are_those_of_calibrate(name):
+    fleet = FLEETS[name]
+    recordings = [recording for recording, _ in recorded_each(fleet, range(fleet.robots))]
+    fits = calibrate_each(recordings)
+    assert all(same(f, calibrate(r)) for f, r in zip(fits, recordings, strict=True))
+    assert ("slow wander" in fits[0].status) == (name != "explained")
+
+
+def test_recordings_together_are_those_of_simulate():
+    fleet = FLEETS["wander"]
+    model, path = wb.Model.of(fleet.model_robot()), course(fleet, 0)
+    q = path.q[:: fleet.samples]
+    thetas = np.stack([draw(fleet, k, model, q, "static").theta for k in range(3)])
+    together = simulate_each(model, thetas, path, "real", [4, 5, 6])
+    for theta, seed, recording in zip(thetas, (4, 5, 6), together, strict=True):
+        alone = simulate(Twin(model, theta), path, noise="real", seed=seed)
+        assert all(np.array_equal(alone.columns[c], recording.columns[c]) for c in alone.columns)
+    quiet = simulate_each(model, thetas, path, "off", [4, 5, 6])
+    for theta, recording in zip(thetas, quiet, strict=True):
+        alone = simulate(Twin(model, theta), path).wrench  # compiled anew
+        assert recording.wrench == pytest.approx(alone, rel=0, abs=1e-13)
+
+
+def test_a_robot_that_cannot_be_fitted_leaves_the_others_alone():
+    fleet = FLEETS["ur5"]
+    recordings = [recorded(fleet, k)[0] for k in range(4)]
+    broken = recordings[1].columns | {"fx": np.full(len(recordings[1]), 2.0)}
+    recordings[1] = replace(recordings[1], columns=broken)
+    longer = recorded(replace(fleet, poses=30), 2)[0]
+    fits = calibrate_each([*recordings, longer])
+    assert isinstance(fits[1], CalibrationError) and "column 'fx' is 2" in str(fits[1])
+    for k in (0, 2, 3):
+        assert same(fits[k], calibrate(recordings[k]))
+    assert same(fits[4], calibrate(longer))
+
+
+def test_a_robot_that_cannot_take_the_poses_is_told_from_the_others():
+    fleet = FLEETS["wander"]
+    model, path = wb.Model.of(fleet.model_robot()), course(fleet, 0)
+    short = model.parameters.vector({"L12": 0.2})
+    good, bad = simulate_each(
+        model, np.stack([model.parameters.nominal, short]), path, "off", [1, 2]
+    )
+    assert len(good) == len(path)
+    assert isinstance(bad, WrenchbedError) and "five-bar 1 cannot close" in str(bad)
+
+
+@pytest.mark.parametrize("sensor", ["ati-mini40", "ati-gamma"])
+def test_noise_of_many_sensors_is_that_of_each(sensor):
+    model = wb.load("sensors", sensor).noise
+    t = np.cumsum(np.where(np.arange(130) % 40, 0.01, 1.7))
+    load = np.random.default_rng(0).standard_normal((3, 6, 130))
+    measured, status = corrupt_each(model, [3, 1, 9], t, load)
+    for k, seed in enumerate((3, 1, 9)):
+        rows, words = NoiseStream(model, seed).corrupt(t, load[k].T)
+        assert np.array_equal(rows.T, measured[k]) and np.array_equal(words, status[k])
+
+
+@pytest.mark.parametrize("columns", ["free", "candidates"])
+def test_predictions_and_slopes_of_many_robots_are_those_of_each(columns):
+    robot = wb.load("robots", "medrue")
+    assert robot.broadcasts and not Robot.broadcasts
+    model, q = wb.Model.of(robot), robot.sample(20, np.random.default_rng(1))
+    some = model.parameters.select(getattr(robot, columns))
+    shift = np.random.default_rng(2).uniform(-0.3, 0.3, (4, len(model.parameters)))
+    thetas = model.parameters.nominal + shift * model.parameters.tolerance
+    for k, slopes in enumerate(model.jacobian_each(q, thetas, some)):
+        assert np.array_equal(slopes, model.jacobian(q, thetas[k], some))
+    for k, reading in enumerate(model.predict_each(q, thetas)):
+        assert np.array_equal(reading, model.predict(q, thetas[k]))
