@@ -51,7 +51,7 @@ def case(seed, effect=None, joint=1, size=0.0):
      ("drive.load", 4, 0.15, "1"), ("base.tilt", None, 0.03, "rad")],
 )  # fmt: skip
 def test_a_cause_is_named_in_its_joint(effect, joint, size, unit):
-    d = diagnose_efforts(case(10 + len(effect), effect, joint or 1, size)).diagnosis
+    d = diagnose_efforts(case(10 + len(effect), effect, joint or 1, size), loops=True).diagnosis
     assert d.verdict == "identified" and [w["effect"] for w in d.which] == [effect]
     told = next(iter(d.which[0]["parameters"].values()))
     assert abs(told["value"]) == pytest.approx(size, rel=0.15) and told["unit"] == unit
@@ -59,7 +59,7 @@ def test_a_cause_is_named_in_its_joint(effect, joint, size, unit):
 
 
 def test_an_ordinary_medrue_has_no_cause_and_its_links_are_numbered():
-    d = diagnose_efforts(case(1)).diagnosis
+    d = diagnose_efforts(case(1), loops=True).diagnosis
     assert d.verdict == "none" and d.probabilities["none"] > 0.9
     assert any(n.startswith("links: 1 carriage, 2 proximal_a1, 3 distal_b1") for n in d.notes)
 
@@ -87,15 +87,18 @@ def test_a_link_of_the_same_number_is_no_rival_of_a_joint_where_loops_close():
     assert len(upheld(v, gap).causes) == 1
 
 
-def test_the_verb_writes_drives_that_it_reads(tmp_path, capsys):
-    case(5, "drive.coulomb", 1, 6.0).write(tmp_path / "rec.parquet")
-    out = tmp_path / "found"
-    assert main(["diagnose", str(tmp_path / "rec.parquet"), "--out", str(out)]) == 0
-    assert " N" in capsys.readouterr().out
-    assert ">rad/s<" not in (out / "report.html").read_text()
-    made = json.loads((out / "drives.json").read_text())
+def test_drives_that_a_diagnosis_corrects_explain_the_recording(tmp_path):
+    recording = case(5, "drive.coulomb", 1, 6.0)
+    diagnose_efforts(recording, loops=True).write(tmp_path)
+    made = json.loads((tmp_path / "drives.json").read_text())
     assert made["configured"]["drive.coulomb.1"] == pytest.approx(14.0, abs=0.8)
     assert made["effects"][0]["effect"] == "drive.coulomb" and made["robot"] == "medrue"
-    again = ["diagnose", str(tmp_path / "rec.parquet"), "--drives", str(out / "drives.json")]
-    assert main([*again, "--json", "--out", str(tmp_path / "again")]) == 0
-    assert json.loads(capsys.readouterr().out)["verdict"] == "none"
+    again = diagnose_efforts(recording, drives=tmp_path / "drives.json", loops=True)
+    assert again.diagnosis.verdict == "none"
+
+
+def test_the_verb_answers_nothing_that_does_not_hold_over_the_wire(tmp_path, capsys):
+    case(5, "drive.coulomb", 1, 6.0).write(tmp_path / "rec.parquet")
+    assert main(["diagnose", str(tmp_path / "rec.parquet"), "--out", str(tmp_path / "out")]) == 1
+    assert "has closed loops" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()

@@ -17,6 +17,7 @@ from wrenchbed.diagnosis.efforts.search import Search, search
 from wrenchbed.diagnosis.efforts.signs import signs
 from wrenchbed.diagnosis.efforts.verdict import Verdict, decide, kept, upheld, weighed
 from wrenchbed.diagnosis.gap.result import Diagnosis, plain
+from wrenchbed.errors import DiagnosisError
 from wrenchbed.files import write_json
 from wrenchbed.jobs.workers import one_thread
 from wrenchbed.twin.twin import Twin
@@ -59,6 +60,7 @@ def diagnose_efforts(
     *,
     drives: str | Path | None = None,
     seed: int = 0,
+    loops: bool = False,
     progress: Progress = lambda _: None,
 ) -> EffortFindings:
     """Where, which, how far, of the joint torques or motor currents of a motion.
@@ -67,6 +69,7 @@ def diagnose_efforts(
         recording: of an arm, with ``tau1…`` or ``i1…``.
         drives: output of ``wrenchbed calibrate`` on a healthy recording of this robot, if any.
         seed: of the resampled blocks.
+        loops: answer for a robot with closed loops too; its answers do not hold over the wire yet.
         progress: called with the step that begins.
 
     Raises:
@@ -75,6 +78,12 @@ def diagnose_efforts(
     begun = time.perf_counter()
     progress("motion and stated robot")
     scene = effort_scene(recording, stated_drives(recording, drives))
+    if scene.loops and not loops:
+        raise DiagnosisError(
+            f"{recording.name}: robot {recording.metadata.robot!r} has closed loops: diagnoses of "
+            "its joint efforts named wrong drives in tests over CAN, so none is given; calibrate "
+            "--channels effort fits them"
+        )
     progress("effects and noise")
     d = dictionary(scene)
     progress("structures and their evidence")
