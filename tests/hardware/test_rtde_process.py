@@ -13,7 +13,8 @@ pytest.importorskip("rtde_control")
 pytestmark = pytest.mark.wire
 HOST = "127.0.2.18"
 START = """
-import sys, time
+import signal, sys, time
+signal.signal(signal.SIGINT, signal.default_int_handler)  # background jobs of a shell ignore it
 from wrenchbed.hardware.drivers.rtde import RtdeDriver, RtdeOptions
 link = RtdeDriver(RtdeOptions(host=sys.argv[1], sensor="rtde"))
 link.connect()
