@@ -1,0 +1,46 @@
+"""The length of a delay is found beside ordinary columns, and a joint's encoder makes no torque."""
+
+import numpy as np
+import pytest
+from scipy.signal import butter, sosfiltfilt
+
+from wrenchbed.data.metadata import parse
+from wrenchbed.data.recording import Recording
+from wrenchbed.diagnosis.efforts.lag import closest
+from wrenchbed.drives.signals import drive_signals
+
+RATE = 100.0
+T = np.arange(4000) / RATE
+SPEED = np.cos(2.0 * T) + 0.5 * np.cos(3.1 * T)
+
+
+@pytest.mark.parametrize("late", [0.0245, 0.0640, 0.104])
+def test_a_delay_between_those_tried_is_found(late):
+    rng = np.random.default_rng(4)
+
+    def torque(t):
+        return 5.0 * np.tanh((np.cos(2.0 * t) + 0.5 * np.cos(3.1 * t)) / 0.02) + 9.0 * np.sin(t)
+
+    def change(time):
+        return np.interp(T - time, T, torque(T)) - torque(T)
+
+    y = torque(T - late) - torque(T) + 0.05 * SPEED + 0.2 * rng.normal(size=len(T))
+    beside = np.column_stack([SPEED, np.ones_like(T)])
+    found = closest(change, lambda x: x, y, beside, np.array([0.1, np.inf]), 0.2)
+    assert found == pytest.approx(late, abs=1.5e-3)
+
+
+def test_an_encoder_of_17_bits_makes_no_acceleration():
+    rng = np.random.default_rng(5)
+    step = 2.0 * np.pi / 2**17
+    true = 0.3 * np.sin(2.0 * T)
+    q = np.round((true + 0.3 * step * rng.normal(size=T.shape)) / step) * step
+    raw = parse({"format": 1, "robot": "ur5", "source": "sim", "mode": "dynamic", "rate_hz": RATE},
+                "test")  # fmt: skip
+    columns = {"t": T} | {f"q{j}": q for j in range(1, 7)} | {f"tau{j}": q for j in range(1, 7)}
+    signals = drive_signals(Recording(raw, columns, "test.parquet"), cutoff=5.0)
+    inner = slice(200, -200)
+    off = (signals.q.dd[:, 0] + 4.0 * true)[inner]
+    plain = sosfiltfilt(butter(4, 20.0, fs=RATE, output="sos"), q)
+    rough = np.gradient(np.gradient(plain, T), T)[inner] + 4.0 * true[inner]
+    assert off.std() < 5e-3 < 0.2 * rough.std()  # [rad/s²]
