@@ -75,7 +75,8 @@ def distance(found: EffortFindings) -> str:
     if g.with_effects is None:
         text = f"Gap {numbers.gap(g.calibrated.value)} of the calibrated simulator {on}"
         return f"{text}. No cause is named; there is nothing to close."
-    start, end = numbers.gap(g.calibrated.value), numbers.gap(g.with_effects.value)
+    before = g.configured if found.verdict.of_configured else g.calibrated.value
+    start, end = numbers.gap(before), numbers.gap(g.with_effects.value)
     if g.closed is None:
         return f"The gap goes from {start} to {end} {on}; both are within the noise."
     low, high = (numbers.percent(x) for x in (g.closed.low, g.closed.high))

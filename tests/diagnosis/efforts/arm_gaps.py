@@ -73,13 +73,27 @@ class Moved:
         return shape * size * self.std / np.sqrt(np.mean(shape**2))
 
 
-def bouc_wen(m, size):
-    """Hysteresis (N,) beyond Coulomb friction."""
+def loop(m):
+    """Bouc and Wen's z (N,), −1 … 1."""
     z, step = np.zeros_like(m.qd), m.t[1] - m.t[0]
     for k in range(1, len(z)):
         v = m.qd[k]
         z[k] = np.clip(z[k - 1] + step * 25.0 * (v - abs(v) * z[k - 1]), -1, 1)
-    return m.scaled(z, size) - m.scaled(np.sign(m.qd), size)
+    return z
+
+
+def bouc_wen(m, size):
+    """Hysteresis (N,) beyond Coulomb friction."""
+    return m.scaled(loop(m), size) - m.scaled(np.sign(m.qd), size)
+
+
+def breakaway(m, size):
+    """Friction (N,) that fades over 0.05 rad after a reversal."""
+    since, gone, sign = np.zeros_like(m.qd), np.inf, np.sign(m.qd)
+    for k in range(1, len(since)):
+        gone = 0.0 if sign[k] != sign[k - 1] else gone + abs(m.q[k] - m.q[k - 1])
+        since[k] = gone
+    return size * m.std * sign * np.exp(-since / 0.05)
 
 
 def filtered(m, size):
@@ -111,6 +125,8 @@ ADDED = {
     "link.cable": pulled,
     "drive.asymmetry": lambda m, s: m.scaled(np.maximum(m.qd, 0.0), s),
     "drive.hysteresis": bouc_wen,
+    "gear hysteresis": lambda m, s: s * m.std * loop(m),
+    "breakaway": breakaway,
     "drive.delay": lambda m, s: np.interp(m.t - s, m.t, m.effort) - m.effort,
     "drive.bandwidth": filtered,
     "clipped": clipped,

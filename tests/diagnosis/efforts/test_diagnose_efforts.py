@@ -4,7 +4,8 @@ import json
 
 import numpy as np
 import pytest
-from arm_gaps import Gap, case
+from arm_gaps import COULOMB, Gap, case
+from arm_torques import NOISE
 
 from wrenchbed.cli import main
 from wrenchbed.diagnosis.efforts.diagnose_efforts import diagnose_efforts
@@ -39,6 +40,28 @@ def test_a_cause_is_named_in_its_joint(effect, joint, size):
     assert d.verdict in ("identified", "ambiguous")
     assert d.which[0]["effect"] == effect and d.which[0]["parameters"]["joint"]["value"] == joint
     assert d.gap.closed.value > 0.6
+
+
+def test_hysteresis_is_one_cause_with_the_friction_that_it_adds(tmp_path):
+    size = 6.0
+    found = diagnose_efforts(case(Gap("gear hysteresis", 2, size), seed=22))
+    consistent(found)
+    (only,) = found.diagnosis.which
+    assert only["effect"] == "drive.hysteresis" and not only["rivals"]
+    assert only["parameters"]["joint"]["value"] == 2
+    assert only["parameters"]["size"]["value"] == pytest.approx(size * NOISE[1], rel=0.2)
+    assert found.diagnosis.gap.closed.value > 0.9
+    found.write(tmp_path)
+    drives = json.loads((tmp_path / "drives.json").read_text())["configured"]
+    assert drives["drive.coulomb.2"] == pytest.approx(COULOMB[1], rel=0.15)
+
+
+def test_friction_that_fades_after_a_reversal_is_no_hysteresis():
+    found = diagnose_efforts(case(Gap("breakaway", 2, 12.0), seed=23))
+    consistent(found)
+    first = found.diagnosis.which[0]
+    assert first["effect"] == "drive.stiction" and first["parameters"]["size"]["value"] > 0.0
+    assert "drive.hysteresis" not in first["rivals"]
 
 
 def test_an_ordinary_robot_has_no_cause():

@@ -118,3 +118,38 @@ def test_an_answer_that_held_out_rows_refute_leaves_nothing_sure():
     found = upheld(two(), g)
     assert found.word == "none" and found.probabilities["none"] < 0.9
     assert sum(found.probabilities.values()) == pytest.approx(1.0)
+
+
+def imitated(closed):
+    """A gap that ordinary errors explain, of which causes close so much."""
+    g = replace(gap(CLEAR, CLEAR), calibrated=Interval(0.1, 0.0, 0.2), closed=closed)
+    return replace(g, per_channel={"tau1": {"before": 0.1, "after": 0.1}})
+
+
+SOME, NEUTRAL, LESS = Interval(0.1, 0.05, 0.2), Interval(0.0, -0.1, 0.1), Interval(-0.3, -0.4, -0.1)
+
+
+@pytest.mark.parametrize(
+    ("closed", "stated", "kept"),
+    [
+        (SOME, None, True),
+        (NEUTRAL, None, False),
+        (NEUTRAL, Interval(0.9, 0.8, 0.95), True),
+        (NEUTRAL, Interval(0.1, -0.1, 0.3), False),
+        (LESS, Interval(0.9, 0.8, 0.95), False),
+    ],
+)
+def test_a_cause_that_ordinary_errors_imitate_is_named_less_surely_unless_rows_refute_it(
+    closed, stated, kept
+):
+    found = upheld(two(), imitated(closed), stated=stated)
+    assert bool(found.causes) == kept == found.imitated
+    assert sum(found.probabilities.values()) == pytest.approx(1.0)
+    assert all(c.probability <= 0.85 for c in found.causes)
+    assert found.of_configured == (kept and closed is NEUTRAL)
+
+
+def test_weak_evidence_of_what_ordinary_errors_imitate_is_none():
+    weak = two()
+    weak = replace(weak, causes=(replace(weak.causes[0], probability=0.6),))
+    assert upheld(weak, imitated(SOME)).word == "none"

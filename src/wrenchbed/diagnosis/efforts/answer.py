@@ -150,6 +150,11 @@ def notes(d: Dictionary, v: Verdict, gap: Closure, seen: Sequence[Sign] = ()) ->
     if scene.currents and not scene.drives.known("drive.constant").all():
         result.append("drive constants are fitted, and no cause: they hold as the link masses do")
     result += [f"not ordinary noise: {s.text}" for s in seen]
+    if v.imitated:
+        result.append(
+            "ordinary errors of all stated values together leave hardly a gap either: the cause is "
+            "the likelier explanation, and held-out rows do not refute it"
+        )
     if v.outside:
         result.append(f"what has no name looks most like: {v.outside}")
     if gap.with_effects is not None and gap.with_effects.low > 1.0:
@@ -171,5 +176,11 @@ def corrected(d: Dictionary, x: np.ndarray, entries: Sequence[Mapping[str, Any]]
                 stated = float(d.scene.inertias.rotor[j])
             if f"{kind}.{j + 1}" in at:
                 values[f"drive.{kind}.{j + 1}"] = float(stated + x[at[f"{kind}.{j + 1}"]])
+    for entry in entries:
+        if entry["effect"] == "drive.hysteresis":  # it slides at the level that friction gained
+            own = entry["parameters"]
+            name = f"drive.coulomb.{own['joint']['value']}"
+            if name in values:
+                values[name] -= own["size"]["value"]
     return {"format": 1, "robot": d.scene.recording.metadata.robot, "configured": values,
             "effects": list(entries)}  # fmt: skip

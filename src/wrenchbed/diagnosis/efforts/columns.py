@@ -30,7 +30,7 @@ BACKGROUND = 0.1
 """Rms of what any effect may add unnamed, in noises of a row: no robot is perfect; estimate."""
 STRIBECK = (0.02, 0.06, 0.15)
 """Speeds over which friction falls [rad/s, m/s]; estimate, UR joints fall within 0.02 to 0.1."""
-PRESLIDING = (3e-4, 1e-3, 3e-3, 1e-2)
+PRESLIDING = (3e-4, 1e-3, 3e-3, 1e-2, 4e-2)
 """Ways after a reversal over which friction builds up or breaks away [rad, m]; estimate."""
 WIDTHS = (1e-2, 3e-2, 1e-1)
 """Half widths of hysteresis of a gear [rad, m]; estimate."""
@@ -43,6 +43,10 @@ LIMITS = (0.5, 0.75, 0.9)
 """Quantiles of the torque from which it may be limited; estimate."""
 ENDS = (0.15, 0.85)
 """Quantiles of the angle beyond which something may resist; estimate."""
+
+
+_RESISTS = {"drive.hysteresis": "stop", "drive.stiction": "since", "drive.stribeck": "stribeck"}
+"""Beginning of the names of the columns whose sum is the size of an effect that only resists."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,6 +73,16 @@ class Block:
     def key(self) -> tuple[str, int | None]:
         """Which cause it is a variant of."""
         return self.effect, self.joint
+
+    @property
+    def resists(self) -> tuple[str, ...]:
+        """Columns whose amplitudes add up to more friction, not less; none of most effects.
+
+        Friction that builds up after a reversal is hysteresis, and friction that fades is
+        stiction: alike but for their sign.
+        """
+        start = _RESISTS.get(self.effect)
+        return () if start is None else tuple(n for n in self.columns if n.startswith(start))
 
 
 @dataclass(frozen=True, eq=False)
@@ -210,10 +224,11 @@ class _Joint:
         yield self.block("drive.stribeck", _some("stribeck", len(STRIBECK)))
         yield self.block("drive.load", ("load", "loadspeed"))
         yield self.block("drive.temperature", ("warmcoulomb", "warmviscous"))
-        yield self.block("drive.hysteresis", _some("stop", len(WIDTHS)))
+        loop = _some("stop", len(WIDTHS))
+        yield self.block("drive.hysteresis", ("coulomb", *loop) if self.told else loop)
         yield self.block("drive.asymmetry", ("offset", "asymmetry") if self.told
                          else ("asymmetry",))  # fmt: skip
-        yield self.block("drive.stiction", (f"since{ROUNDED}",))
+        yield self.block("drive.stiction", _some("since", len(PRESLIDING))[ROUNDED:])
         yield self.block("link.cable", ("offset", "cable"))
         yield self.block("link.spring", ("offset", "sine", "cosine"))
         crossed = [f"of{k + 1}" for k in range(self.scene.joints) if k != self.j]

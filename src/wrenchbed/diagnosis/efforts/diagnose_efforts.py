@@ -11,7 +11,12 @@ from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis.efforts import answer
 from wrenchbed.diagnosis.efforts.configured import stated_drives
 from wrenchbed.diagnosis.efforts.dictionary import Dictionary, dictionary
-from wrenchbed.diagnosis.efforts.held_out import HeldOut, closure, held_out
+from wrenchbed.diagnosis.efforts.held_out import (
+    HeldOut,
+    closed_of_configured,
+    closure,
+    held_out,
+)
 from wrenchbed.diagnosis.efforts.scene import effort_scene
 from wrenchbed.diagnosis.efforts.search import Search, search
 from wrenchbed.diagnosis.efforts.signs import signs
@@ -90,15 +95,21 @@ def diagnose_efforts(
     found = search(d, seed)
     verdict = decide(d, weighed(found))
     progress("held-out rows")
-    judged = held_out(d, kept(verdict.causes))
-    prefix = str(recording.effort)
-    gap = closure(judged, kept(verdict.causes), prefix, seed)
-    seen, asked = signs(d), kept(verdict.causes)
-    final = upheld(verdict, gap, seen, apart=scene.loops)
-    while (left := kept(final.causes)) != asked:  # causes only become fewer
-        judged, asked = held_out(d, left), left
-        gap = closure(judged, left, prefix, seed)
-        final = upheld(final, gap, seen, apart=scene.loops) if left else final
+    seen, final = signs(d), verdict
+    while True:  # causes only become fewer
+        asked = kept(final.causes)
+        judged = held_out(d, asked)
+        gap = closure(judged, asked, str(recording.effort), seed)
+        stated = closed_of_configured(judged, asked, seed)
+        final = upheld(final, gap, seen, apart=scene.loops, stated=stated)
+        if kept(final.causes) == asked:
+            break
+        if not final.causes:
+            judged = held_out(d, ())
+            gap = closure(judged, (), str(recording.effort), seed)
+            break
+    if final.of_configured:
+        gap = replace(gap, closed=stated)
     members = {d.blocks[int(k)].effect: m for k, m in gap.members.items()}
     twin = Twin(scene.model, _theta(d), (), recording.name)
     diagnosis = Diagnosis(

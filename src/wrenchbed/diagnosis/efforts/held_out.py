@@ -85,25 +85,34 @@ def _box(d: Dictionary) -> np.ndarray:
     return result / std
 
 
+def closed_of_configured(h: HeldOut, blocks: Sequence[int], seed: int = 0) -> Interval | None:
+    """Share of the configured gap that causes close if all are stated numbers; else None."""
+    if not blocks or not all(h.d.stated[h.d.at[b]].all() for b in blocks):
+        return None
+    before = h.gaps("configured")
+    return _ratio(h, seed, before - h.gaps("with_effects"), before)
+
+
+def _ratio(h: HeldOut, seed: int, part: np.ndarray, of: np.ndarray) -> Interval | None:
+    """Of the sums over rows (M,), with the interval of blocks drawn anew; None of nothing."""
+    rng = np.random.default_rng([seed, 30])
+    drawn = rng.integers(BLOCKS, size=(DRAWS, BLOCKS))
+    top, bottom = (np.bincount(h.d.fold, v, BLOCKS) for v in (part, of))
+    if bottom.sum() <= 0.0:
+        return None
+    scale = bottom[drawn].sum(axis=1)
+    each = top[drawn].sum(axis=1) / np.where(scale > 0.0, scale, np.nan)
+    value = float(top.sum() / bottom.sum())
+    low, high = np.nanquantile(each, [0.025, 0.975])
+    return Interval(value, min(value, float(low)), max(value, float(high)))
+
+
 def closure(h: HeldOut, blocks: Sequence[int], prefix: str, seed: int = 0) -> Closure:
     """Gaps with intervals from blocks of time drawn anew."""
-    rng, fold = np.random.default_rng([seed, 30]), h.d.fold
-    drawn = rng.integers(BLOCKS, size=(DRAWS, BLOCKS))
-    count = np.bincount(fold, minlength=BLOCKS).astype(float)
-
-    def ratio(part: np.ndarray, of: np.ndarray) -> Interval | None:
-        top, bottom = (np.bincount(fold, v, BLOCKS) for v in (part, of))
-        if bottom.sum() <= 0.0:
-            return None
-        scale = bottom[drawn].sum(axis=1)
-        each = top[drawn].sum(axis=1) / np.where(scale > 0.0, scale, np.nan)
-        value = float(top.sum() / bottom.sum())
-        low, high = np.nanquantile(each, [0.025, 0.975])
-        return Interval(value, min(value, float(low)), max(value, float(high)))
 
     def mean(gaps: np.ndarray) -> Interval:
-        found = ratio(gaps, np.ones(len(gaps)))
-        assert found is not None and count.sum() > 0
+        found = _ratio(h, seed, gaps, np.ones(len(gaps)))
+        assert found is not None
         return found
 
     before = h.gaps("calibrated")
@@ -121,7 +130,7 @@ def closure(h: HeldOut, blocks: Sequence[int], prefix: str, seed: int = 0) -> Cl
         calibrated=mean(before),
         with_effects=None if after is None else mean(after),
         floor=0.0,
-        closed=None if after is None else ratio(before - after, before),
+        closed=None if after is None else _ratio(h, seed, before - after, before),
         black_box=None if scale <= 0.0 else float((before - h.gaps("box")).mean()) / scale,
         rows=len(h.d.y),
         folds=BLOCKS,

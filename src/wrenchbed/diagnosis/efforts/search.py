@@ -119,8 +119,19 @@ def _scored(evidence: Evidence, score: dict[Structure, float], s: Structure, blo
         return -np.inf
     grown = tuple(sorted((*s, block)))
     if grown not in score:
-        score[grown] = evidence.log(grown) + _prior(d, grown)
+        own = evidence.log(grown) + _prior(d, grown)
+        score[grown] = own if _resisting(evidence, grown) else -np.inf
     return score[grown]
+
+
+def _resisting(evidence: Evidence, structure: Structure) -> bool:
+    """Whether each of its effects that only resist motion does."""
+    d = evidence.d
+    signed = [d.blocks[k] for k in structure if d.blocks[k].resists]
+    if not signed:
+        return True
+    amplitudes = evidence.amplitudes(structure)
+    return all(amplitudes[np.isin(d.names, b.resists)].sum() >= 0.0 for b in signed)
 
 
 def _slot(d: Dictionary, block: int) -> tuple[str, int | None]:

@@ -15,8 +15,6 @@ from wrenchbed.diagnosis.efforts.dictionary import BLOCKS, Dictionary
 from wrenchbed.diagnosis.efforts.names import EFFECTS
 from wrenchbed.diagnosis.efforts.twin_fit import fitted
 
-_SUM = ("drive.stribeck", "drive.stiction", "drive.hysteresis")
-"""Their size is the sum of their amplitudes."""
 _WAVES = ("drive.cogging", "drive.ripple", "link.spring")
 """Their size is the amplitude of a wave."""
 
@@ -39,8 +37,8 @@ def parameters(d: Dictionary, folds: Folds, block: int) -> dict[str, Any]:
     """``parameters`` of an entry of ``which``: the size, and what else belongs to the cause."""
     b, at = d.blocks[block], d.at[block]
     named = EFFECTS[b.effect]
-    value = _size(b.effect, b.value, folds.whole[at], d, at)
-    each = np.array([_size(b.effect, b.value, x[at], d, at) for x in folds.each])
+    value = _size(b, folds.whole[at], d, at)
+    each = np.array([_size(b, x[at], d, at) for x in folds.each])
     std = float(np.sqrt((BLOCKS - 1) / BLOCKS * ((each - each.mean()) ** 2).sum()))
     unit = named.unit
     if b.joint is not None and (d.joint[at] >= 0).all():
@@ -52,15 +50,15 @@ def parameters(d: Dictionary, folds: Folds, block: int) -> dict[str, Any]:
     return result
 
 
-def _size(effect: str, factor: float, x: np.ndarray, d: Dictionary, at: np.ndarray) -> float:
-    names = [d.names[k] for k in at]
-    if effect in _SUM:
-        return float(x.sum())
+def _size(block: Block, x: np.ndarray, d: Dictionary, at: np.ndarray) -> float:
+    names, effect = [d.names[k] for k in at], block.effect
+    if block.resists:
+        return float(x[np.isin(names, block.resists)].sum())
     if effect in _WAVES:
         own = x[-2:] if effect == "link.spring" else x[:2]
         return float(np.hypot(*own))
     if effect in ("drive.delay", "drive.bandwidth"):
-        return float(x[0] * factor)
+        return float(x[0] * block.value)
     if effect in ("link.cog", "link.inertia", "tool.cog", "base.tilt"):
         return float(np.linalg.norm(x))
     if effect in ("link.cable", "drive.asymmetry"):

@@ -12,7 +12,7 @@ from wrenchbed.diagnosis.efforts.signs import HELD, Sign
 from wrenchbed.diagnosis.efforts.twin_fit import TwinFit, added, fitted
 from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
 from wrenchbed.diagnosis.explain.reliability import credible
-from wrenchbed.diagnosis.gap.closure import Closure
+from wrenchbed.diagnosis.gap.closure import Closure, Interval
 from wrenchbed.diagnosis.gap.upheld import LARGEST_NONE, LEAST, MOST, PARTIAL
 
 COUNTS = 0.75
@@ -39,6 +39,9 @@ _LARGEST_JOINT = 2.0
 """Gap of one joint up to which there may be no cause: ordinary arms reach 1.5; estimate."""
 _DOUBTFUL = 0.85
 """Largest probability of an answer that leaves a gap that counts; estimate."""
+_FIRM = 0.75
+"""Probability from which evidence names a cause beside which ordinary errors leave hardly a gap
+either; estimate."""
 _WITHDRAWN = 0.15
 """Share of a withdrawn answer's probability that it keeps, for evidence and held-out rows disagree;
 estimate."""
@@ -68,12 +71,23 @@ class Cause:
 
 @dataclass(frozen=True, eq=False)
 class Verdict:
-    """The answer: its word, the causes, and probabilities of the leading cause by name."""
+    """The answer.
+
+    Attributes:
+        word: of the contract.
+        causes: claims.
+        probabilities: of the leading cause by name.
+        outside: what a gap without a name looks most like, in words.
+        imitated: whether ordinary errors together explain the recording as well.
+        of_configured: whether closure counts from the configured simulator.
+    """
 
     word: str
     causes: tuple[Cause, ...]
     probabilities: Mapping[str, float]
     outside: str = ""
+    imitated: bool = False
+    of_configured: bool = False
 
     def set90(self) -> tuple[str, ...]:
         """Names that hold the truth in 90 % of cases."""
@@ -184,7 +198,14 @@ def _named(d: Dictionary, w: Weighed, k: int) -> frozenset[Key]:
     return frozenset(d.blocks[b].key for b in w.counting(k) if not d.blocks[b].outside)
 
 
-def upheld(v: Verdict, gap: Closure, seen: Sequence[Sign] = (), *, apart: bool = False) -> Verdict:
+def upheld(
+    v: Verdict,
+    gap: Closure,
+    seen: Sequence[Sign] = (),
+    *,
+    apart: bool = False,
+    stated: Interval | None = None,
+) -> Verdict:
     """The answer without what held-out rows refute.
 
     Args:
@@ -192,6 +213,7 @@ def upheld(v: Verdict, gap: Closure, seen: Sequence[Sign] = (), *, apart: bool =
         gap: measured with its causes.
         seen: signs that the residual is not ordinary noise: then nothing is `none`.
         apart: whether a link's number is not that of the joint before it.
+        stated: share of the configured gap that the causes close, where all are wrong numbers.
     """
     worst = max(c["before"] for c in gap.per_channel.values())
     small = gap.calibrated.low <= LARGEST_NONE and worst <= _LARGEST_JOINT and not seen
@@ -199,22 +221,39 @@ def upheld(v: Verdict, gap: Closure, seen: Sequence[Sign] = (), *, apart: bool =
         return (_doubted(v) if worst > LARGEST_NONE else v) if small else withdrawn(v, UNKNOWN)
     if v.word == UNKNOWN:
         return withdrawn(v, NONE) if gap.calibrated.high < LEAST and small else v
-    if gap.closed is None or gap.closed.low <= 0.0 or gap.with_effects is None:
-        return withdrawn(v, NONE if small else UNKNOWN)
     least = MOST if any(s.kind == HELD for s in seen) else _LITTLE
-    if gap.closed.value < least:
-        return withdrawn(v, NONE if small else UNKNOWN)
-    shown = _shown(gap, v.causes, apart)
+    shown = tuple[Cause, ...]()
+    if gap.closed is not None and gap.closed.low > 0.0 and gap.closed.value >= least:
+        shown = _shown(gap, v.causes, apart)
     if not shown:
-        return withdrawn(v, NONE if small else UNKNOWN)
+        told = _by_evidence(v, gap, stated) if small else None
+        return told or withdrawn(v, NONE if small else UNKNOWN)
     if shown != v.causes:
         open_ = any(c.rivals for c in shown)
         v = Verdict("ambiguous" if open_ else "identified", shown, v.probabilities, v.outside)
     v = replace(v, causes=tuple(_doubted_cause(gap, c) for c in v.causes))
-    rest = gap.with_effects.low
-    if gap.closed.value < MOST and rest > LARGEST_NONE:
+    rest = 0.0 if gap.with_effects is None else gap.with_effects.low
+    if gap.closed is not None and gap.closed.value < MOST and rest > LARGEST_NONE:
         return Verdict(PARTIAL, v.causes, v.probabilities, v.outside)
     return v
+
+
+def _by_evidence(v: Verdict, gap: Closure, stated: Interval | None) -> Verdict | None:
+    """Causes that evidence names although ordinary errors together imitate them.
+
+    Once these are fitted there is hardly a gap. No held-out row may refute the causes: they close
+    some of what is left, or are wrong numbers that close the configured gap, from which these count
+    (`docs/contracts.md`). They are less sure.
+    """
+    if not v.causes or min(c.probability for c in v.causes) < _FIRM or gap.closed is None:
+        return None
+    of_configured = gap.closed.low <= 0.0
+    if of_configured and (gap.closed.high < 0.0 or stated is None or stated.low <= 0.0):
+        return None
+    causes = tuple(replace(c, probability=min(c.probability, _DOUBTFUL)) for c in v.causes)
+    share = {n: p if n in (NONE, UNKNOWN) else _DOUBTFUL * p for n, p in v.probabilities.items()}
+    share[NONE] = share.get(NONE, 0.0) + sum(v.probabilities.values()) - sum(share.values())
+    return Verdict(v.word, causes, share, v.outside, True, of_configured)
 
 
 def _shown(gap: Closure, causes: Sequence[Cause], apart: bool) -> tuple[Cause, ...]:
