@@ -61,13 +61,13 @@ class EffortOptions:
     """What is diagnosed: the wrench, or the joint efforts.
 
     Attributes:
-        channels: What is diagnosed; the wrench, or the joint efforts (tau1 … or i1 …) of a
-            recording without one.
+        channels: What is diagnosed; the wrench, the joint efforts (tau1 … or i1 …) of a recording
+            without one, or both together.
         drives: Of joint efforts: what calibrate wrote of a healthy recording of this robot, in
             place of the drive values that the recording states.
     """
 
-    channels: Literal["wrench", "effort"] | None = None
+    channels: Literal["wrench", "effort", "both"] | None = None
     drives: Path | None = None
 
 
@@ -111,7 +111,8 @@ def diagnose(
 
     data = [wb.Recording.read(path) for path in recordings]
     if effort_diagnosis.asked(data, efforts.channels):
-        effort_diagnosis.run(data, efforts.drives, out, seed, as_json)
+        both = efforts.channels == "both"
+        effort_diagnosis.run(data, efforts.drives, out, seed, as_json, wrench=both)
         return
     if efforts.drives is not None:
         raise ParameterError("--drives goes with joint efforts: add --channels effort")

@@ -32,14 +32,17 @@ _COLOURS = {
 
 def asked(data: list[wb.Recording], channels: str | None) -> bool:
     """Whether joint efforts are diagnosed: where they are asked for, or there is no wrench."""
-    return channels == "effort" or (
+    return channels in ("effort", "both") or (
         channels is None and len(data) == 1 and not data[0].has_wrench
         and data[0].effort is not None
     )  # fmt: skip
 
 
-def run(data: list[wb.Recording], drives: Path | None, out: Path, seed: int, as_json: bool) -> None:
-    """Diagnose one recording's joint efforts; write and print the answers.
+def run(
+    data: list[wb.Recording], drives: Path | None, out: Path, seed: int, as_json: bool, *,
+    wrench: bool,
+) -> None:  # fmt: skip
+    """Diagnose one recording's joint efforts, and its wrench too; write and print the answers.
 
     Raises:
         ParameterError: there are several recordings.
@@ -49,12 +52,16 @@ def run(data: list[wb.Recording], drives: Path | None, out: Path, seed: int, as_
     if len(data) != 1:
         raise ParameterError("diagnose of joint efforts takes one recording")
     console.check_folder(out, FILES)
-    words: list[object] = ["diagnose", data[0].name, "--channels", "effort"]
+    words: list[object] = ["diagnose", data[0].name, "--channels", "both" if wrench else "effort"]
     words += ["--drives", drives] if drives is not None else []
     words += ["--seed", seed] if seed else []
     with console.progress("diagnosing", STEPS) as report:
         found = diagnose_efforts(
-            data[0], drives=drives, seed=seed, progress=lambda step: report(1, step)
+            data[0],
+            drives=drives,
+            seed=seed,
+            wrench=wrench,
+            progress=lambda step: report(1, step),
         )
     with atomic_folder(out) as folder:
         found.write(folder)
@@ -81,8 +88,10 @@ def told(found: EffortFindings) -> Group:
     from wrenchbed.reports.tables import candidates
 
     d = found.diagnosis
-    head = Text.assemble(("diagnosis ", "bold"), f"{d.recording}  {d.robot}, joint efforts, "
-                         f"{d.seconds:.1f} s")  # fmt: skip
+    what = "joint efforts" if found.d.scene.wrench is None else "joint efforts and wrench"
+    head = Text.assemble(
+        ("diagnosis ", "bold"), f"{d.recording}  {d.robot}, {what}, {d.seconds:.1f} s"
+    )
     verdict = Text.assemble(
         (d.verdict, f"bold {_COLOURS[d.verdict]}"), f": {sentences.headline(found)}"
     )

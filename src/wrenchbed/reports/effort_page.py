@@ -71,7 +71,7 @@ def _joints(found: EffortFindings) -> list[int]:
            if c.key[1] is not None and c.key[0].startswith("drive.")]  # fmt: skip
     if own:
         return list(dict.fromkeys(own))[:2]
-    gaps = [v["before"] for v in found.diagnosis.gap.per_channel.values()]
+    gaps = [v["before"] for v in found.diagnosis.gap.per_channel.values()][: found.d.scene.joints]
     return [int(np.argmax(gaps))] if found.diagnosis.verdict != "none" else []
 
 

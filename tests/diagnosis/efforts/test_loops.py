@@ -60,7 +60,7 @@ def test_a_cause_is_named_in_its_joint(effect, joint, size, unit):
 
 def test_an_ordinary_medrue_has_no_cause_and_its_links_are_numbered():
     d = diagnose_efforts(case(1), loops=True).diagnosis
-    assert d.verdict == "none" and d.probabilities["none"] > 0.9
+    assert d.verdict == "none" and d.probabilities["none"] > 0.8
     assert any(n.startswith("links: 1 carriage, 2 proximal_a1, 3 distal_b1") for n in d.notes)
 
 

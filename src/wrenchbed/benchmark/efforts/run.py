@@ -82,7 +82,8 @@ def _diagnosis(recording: Recording) -> Mapping[str, Any]:
     """The public diagnosis, as JSON."""
     from wrenchbed.diagnosis.efforts.diagnose_efforts import diagnose_efforts
 
-    told: Mapping[str, Any] = diagnose_efforts(recording).diagnosis.to_json()
+    found = diagnose_efforts(recording, wrench=recording.has_wrench)
+    told: Mapping[str, Any] = found.diagnosis.to_json()
     return told
 
 

@@ -11,6 +11,7 @@ from wrenchbed.diagnosis.efforts.signs import Sign
 from wrenchbed.diagnosis.efforts.sizes import Folds, parameters
 from wrenchbed.diagnosis.efforts.verdict import Cause, Key, Verdict
 from wrenchbed.diagnosis.gap.closure import Closure
+from wrenchbed.physics.wrench import UNITS
 
 _NEXT: Mapping[str, str] = {
     "drive.delay": "record a motion with faster reversals, which tells a delay from a filter",
@@ -74,23 +75,27 @@ def where(
     total = sum(before.values())
     if v.word == "none":
         return []
-    found = [_seen(s) for s in seen[:2]]
+    found = [_seen(d, s) for s in seen[:2]]
     if total <= 0.0 or found:
         return found
     for channel, gap_of in sorted(before.items(), key=lambda kv: -kv[1])[:2]:
         share = gap_of / total
-        joint = int("".join(filter(str.isdigit, channel)))
-        text = f"{100 * share:.0f} % of the gap lies in the effort of joint {joint}"
+        number = "".join(filter(str.isdigit, channel))
+        subsystem, detail = ("drive", f"joint {number}") if number else ("sensor", channel)
+        seen_in = f"the effort of {detail}" if number else f"channel {channel}"
+        text = f"{100 * share:.0f} % of the gap lies in {seen_in}"
         found.append({
-            "subsystem": "drive", "detail": f"joint {joint}", "share": share, "p_value": 1.0,
+            "subsystem": subsystem, "detail": detail, "share": share, "p_value": 1.0,
             "sentence": f"{text}; this is only a hint: no cause is claimed.",
         })  # fmt: skip
     return found
 
 
-def _seen(sign: Sign) -> dict[str, Any]:
+def _seen(d: Dictionary, sign: Sign) -> dict[str, Any]:
+    subsystem = "drive" if sign.joint <= d.scene.joints else "sensor"
+    detail = d.scene.channels[sign.joint - 1]
     return {
-        "subsystem": "drive", "detail": f"joint {sign.joint}", "share": 0.0, "p_value": 1.0,
+        "subsystem": subsystem, "detail": detail, "share": 0.0, "p_value": 1.0,
         "sentence": f"{sign.text[:1].upper()}{sign.text[1:]}: no cause is claimed.",
     }  # fmt: skip
 
@@ -132,12 +137,14 @@ def notes(d: Dictionary, v: Verdict, gap: Closure, seen: Sequence[Sign] = ()) ->
     """What a reader should know."""
     scene = d.scene
     units = [joint.own("N·m") for joint in scene.robot.joints]
+    units += UNITS[: len(scene.channels) - scene.joints]
     each = [f"{n.std:.2g}" for n in d.noise]
     noise = f"{', '.join(each)} {units[0]}"
     if len(set(units)) > 1:
         noise = ", ".join(f"{n} {unit}" for n, unit in zip(each, units, strict=True))
     result = [
-        f"noise of a row by joint: {noise}, estimated from what all effects together leave",
+        f"noise of a row by {'channel' if scene.wrench else 'joint'}: {noise}, estimated from "
+        "what all effects together leave",
     ]
     if scene.loops:
         links = ", ".join(f"{k} {n}" for k, n in enumerate(scene.inertias.names, start=1))
@@ -150,6 +157,10 @@ def notes(d: Dictionary, v: Verdict, gap: Closure, seen: Sequence[Sign] = ()) ->
     if scene.currents and not scene.drives.known("drive.constant").all():
         result.append("drive constants are fitted, and no cause: they hold as the link masses do")
     result += [f"not ordinary noise: {s.text}" for s in seen]
+    if v.word == "none":
+        result.append(
+            "ordinary errors of links and drives together may imitate a cause: none is never surer"
+        )
     if v.imitated:
         result.append(
             "ordinary errors of all stated values together leave hardly a gap either: the cause is "

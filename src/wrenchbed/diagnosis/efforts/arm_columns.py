@@ -1,5 +1,7 @@
 """What causes of the whole arm add to the torques of all joints: links, tool, tilt of the base."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from wrenchbed.diagnosis.efforts.columns import Block, Column
@@ -18,6 +20,11 @@ _LINK_MASS, _LINK_COG, _LINK_INERTIA = 0.03, 3e-3, 0.05
 inertia over the mean principal one; estimates."""
 _GYRATION = 0.02
 """Least radius of gyration of a link [m]; estimate: files leave inertias out."""
+_STEP = 0.01
+"""Of the mass [kg] and of the moment [kg·m] at which the wrench's columns are made; estimate: the
+wrench is linear in both but for the square of the centre of gravity."""
+_LIGHT = 0.01
+"""Least mass of a tool whose centre of gravity moves [kg]; estimate."""
 _COMMON = 4e-3
 """Delay at which the column of a common one is made [s]; estimate."""
 _NOTHING = 1e-9
@@ -28,9 +35,11 @@ _PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 
 
 def of_arm(scene: EffortScene) -> tuple[list[Column], list[Block]]:
-    """Columns (N, J) and causes."""
+    """Columns (N, C) and causes."""
     columns, blocks = _links(scene)
     columns += _lag(scene)
+    unseen = np.zeros((len(scene.signals.t), len(scene.channels) - scene.joints))
+    columns = [replace(c, data=np.concatenate([c.data, unseen], axis=1)) for c in columns]
     for more in (_tool(scene), _tilt(scene)):
         columns += more[0]
         blocks += more[1]
@@ -77,12 +86,27 @@ def _tool(scene: EffortScene) -> tuple[list[Column], list[Block]]:
     mass = float(tool.mass)
     along = np.concatenate([[1.0], cog, _six(_second(cog, cog))])
     known = stated.mass is not None, stated.cog is not None
-    columns = [Column("tool.mass", y @ along, _MASS_TOLERANCE * mass if known[0] else None,
-                      not known[0])]  # fmt: skip
+    gravity = np.asarray(scene.model.gravity, dtype=float)
+
+    def sensed(moved: np.ndarray, more: float) -> np.ndarray:
+        """Change of the wrench (N, 6) by a mass [kg] and a moment (3,) [kg·m]."""
+        ends = list[np.ndarray]()
+        for half in (0.5, -0.5):
+            place = [float(c) for c in cog + half * moved / max(mass, _LIGHT)]
+            theta = scene.model.robot.theta_of_tool(scene.theta, mass + half * more, place)
+            ends.append(scene.sensed(theta, gravity))
+        return ends[0] - ends[1]
+
+    def both(form: np.ndarray, moved: np.ndarray, more: float) -> np.ndarray:
+        return np.concatenate([y @ form, sensed(_STEP * moved, _STEP * more) / _STEP], axis=1)
+
+    std = _MASS_TOLERANCE * mass if known[0] else None
+    columns = [Column("tool.mass", both(along, np.zeros(3), 1.0), std, not known[0])]
     for axis in range(3):
         form = np.concatenate([[0.0], np.eye(3)[axis], _six(2.0 * _second(cog, np.eye(3)[axis]))])
         std = _COG_TOLERANCE * max(mass, 1.0) if known[1] else None
-        columns.append(Column(f"tool.cog.{'xyz'[axis]}", y @ form, std, not known[1]))
+        data = both(form, np.eye(3)[axis], 0.0)
+        columns.append(Column(f"tool.cog.{'xyz'[axis]}", data, std, not known[1]))
     blocks = []
     if known[0]:
         blocks.append(Block("tool.mass", None, False, ("tool.mass",)))
@@ -109,7 +133,10 @@ def _tilt(scene: EffortScene) -> tuple[list[Column], list[Block]]:
         turned = gravity + np.cross(axis, gravity)  # for 1 rad, to first order
         y = torque_regressor(scene.robot, scene.theta, scene.q, turned)
         rigid = scene.regressor @ phi
-        columns.append(Column(f"base.tilt.{k}", y @ phi - rigid, _TILT))
+        seen = scene.sensed(scene.theta, turned) - scene.sensed(scene.theta, gravity)
+        columns.append(
+            Column(f"base.tilt.{k}", np.concatenate([y @ phi - rigid, seen], axis=1), _TILT)
+        )
     return columns, [Block("base.tilt", None, False, tuple(c.name for c in columns))]
 
 

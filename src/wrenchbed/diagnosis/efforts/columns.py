@@ -87,7 +87,7 @@ class Block:
 
 @dataclass(frozen=True, eq=False)
 class Column:
-    """One column of a joint (N,), or of all joints (N, J).
+    """One column of a channel (N,), or of all channels (N, C).
 
     Attributes:
         name: unique.

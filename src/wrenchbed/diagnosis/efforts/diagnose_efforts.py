@@ -66,6 +66,7 @@ def diagnose_efforts(
     drives: str | Path | None = None,
     seed: int = 0,
     loops: bool = False,
+    wrench: bool = False,
     progress: Progress = lambda _: None,
 ) -> EffortFindings:
     """Where, which, how far, of the joint torques or motor currents of a motion.
@@ -75,6 +76,7 @@ def diagnose_efforts(
         drives: output of ``wrenchbed calibrate`` on a healthy recording of this robot, if any.
         seed: of the resampled blocks.
         loops: answer for a robot with closed loops too; its answers do not hold over the wire yet.
+        wrench: the recording's wrench testifies too.
         progress: called with the step that begins.
 
     Raises:
@@ -82,7 +84,7 @@ def diagnose_efforts(
     """
     begun = time.perf_counter()
     progress("motion and stated robot")
-    scene = effort_scene(recording, stated_drives(recording, drives))
+    scene = effort_scene(recording, stated_drives(recording, drives), wrench=wrench)
     if scene.loops and not loops:
         raise DiagnosisError(
             f"{recording.name}: robot {recording.metadata.robot!r} has closed loops: diagnoses of "

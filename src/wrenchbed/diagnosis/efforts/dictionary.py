@@ -1,4 +1,4 @@
-"""All columns of all joints, whitened, with their products block by block of time.
+"""All columns of all channels, whitened, with their products block by block of time.
 
 Structures are compared on these products alone; rows are needed again only for figures.
 """
@@ -16,6 +16,7 @@ from wrenchbed.diagnosis.efforts.noise import JointNoise, joint_noise, remains
 from wrenchbed.diagnosis.efforts.operators import REST, late, slow
 from wrenchbed.diagnosis.efforts.period import FASTEST, GEAR_MOST, SLOWEST, fitting, strongest
 from wrenchbed.diagnosis.efforts.scene import EffortScene
+from wrenchbed.diagnosis.efforts.wrench_channels import of_channel
 from wrenchbed.errors import DiagnosisError
 
 BLOCKS = 20
@@ -28,24 +29,24 @@ _NOTHING = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Dictionary:
-    """Columns of all joints.
+    """Columns of all channels: joints, then those of the wrench if it is there.
 
     Attributes:
         scene: what they are of.
-        y: measured less predicted torque (M, J) [N·m].
-        use: which rows count (M, J): those clear of rest.
-        own: columns of each joint (M, Kⱼ).
-        arm: columns of all joints (M, J, A).
+        y: measured less predicted torque (M, C) [N·m].
+        use: which rows count (M, C): those clear of rest.
+        own: columns of each channel (M, Kⱼ).
+        arm: columns of all channels (M, C, A).
         names: of all columns (P,): joint by joint, then the arm's.
-        joint: of each column (P,), −1 of the arm's.
-        noise: of each joint.
+        joint: channel of each column (P,), −1 of the arm's.
+        noise: of each channel.
         std: prior standard deviation of each amplitude (P,) unless a cause sets it free.
         free, stated: which amplitudes (P,) every fit leaves free, or free within `std`.
         size: rms that an amplitude of 1 adds, in noises of a row (P,): of its joint, or of the
             root mean square over joints times √J.
         blocks: causes, named and not; ``at`` their columns.
         fold: block of time of each row (M,).
-        gram, right, square: whitened products of each block (B, P, P), (B, P), (B, J).
+        gram, right, square: whitened products of each block (B, P, P), (B, P), (B, C).
         plain: likewise of rows in noises of a row, not whitened; the squares are (B,).
     """
 
@@ -83,7 +84,7 @@ class Dictionary:
         """
         if j not in self._by_joint:
             at, data = self.columns(j)
-            speed = np.abs(self.scene.q.d[self.scene.kept(), j])
+            speed = np.abs(self.scene.speeds[:, j])
             seen = data[speed > REST * speed.max()] / self.noise[j].std
             self._by_joint[j] = at, seen.T @ seen / len(seen)
         return self._by_joint[j]
@@ -103,7 +104,7 @@ class Dictionary:
         return at, np.concatenate([self.own[j], self.arm[:, j]], axis=1)
 
     def made(self, x: np.ndarray) -> np.ndarray:
-        """Torque (M, J) of amplitudes (P,)."""
+        """Torque (M, C) of amplitudes (P,)."""
         result = []
         for j in range(self.y.shape[1]):
             at, data = self.columns(j)
@@ -113,8 +114,8 @@ class Dictionary:
 
 def dictionary(scene: EffortScene) -> Dictionary:
     """All columns of a scene."""
-    y = scene.thin(scene.signals.effort - scene.total)
-    speed, rows, use = scene.q.d[scene.kept()], len(y), scene.moving()
+    y = scene.thin(scene.residual)
+    speed, rows, use = scene.speeds, len(y), scene.moving()
     if (lazy := np.flatnonzero(use.sum(axis=0) < BLOCKS)).size:
         raise DiagnosisError(
             f"{scene.recording.name}: joint {lazy[0] + 1} hardly moves: record a longer motion of "
@@ -137,6 +138,14 @@ def dictionary(scene: EffortScene) -> Dictionary:
         noise.append(
             joint_noise(y[:, j], np.concatenate([data, arm[:, j]], axis=1), speed[:, j], use[:, j])
         )
+        every.append(columns)
+        own.append(data)
+        blocks += more
+    for j in range(scene.joints, y.shape[1]):
+        columns, more = _of_wrench(scene, j)
+        data = scene.thin(np.column_stack([c.data for c in columns]))
+        whole = np.concatenate([data, arm[:, j]], axis=1)
+        noise.append(joint_noise(y[:, j], whole, speed[:, j], use[:, j]))
         every.append(columns)
         own.append(data)
         blocks += more
@@ -163,11 +172,17 @@ def dictionary(scene: EffortScene) -> Dictionary:
         size, tuple(blocks),
         tuple(np.array([where[n] for n in b.columns]) for b in blocks), fold,
         np.zeros((BLOCKS, len(names), len(names))), np.zeros((BLOCKS, len(names))),
-        np.zeros((BLOCKS, scene.joints)),
+        np.zeros((BLOCKS, y.shape[1])),
         (np.zeros((BLOCKS, len(names), len(names))), np.zeros((BLOCKS, len(names))),
          np.zeros(BLOCKS)),
     )  # fmt: skip
     return _with_products(bare)
+
+
+def _of_wrench(scene: EffortScene, j: int) -> tuple[list[Column], list[Block]]:
+    assert scene.wrench is not None
+    channel = j - scene.joints
+    return of_channel(scene.wrench[1], scene.signals.t, channel, scene.joints + 1)
 
 
 def _prior(column: Column, size: float, unnamed: bool) -> float:

@@ -107,6 +107,12 @@ def _ratio(h: HeldOut, seed: int, part: np.ndarray, of: np.ndarray) -> Interval 
     return Interval(value, min(value, float(low)), max(value, float(high)))
 
 
+def _names(d: Dictionary, prefix: str) -> list[str]:
+    """Columns of the recording by channel (C,)."""
+    joints = [f"{prefix}{j + 1}" for j in range(d.scene.joints)]
+    return [*joints, *d.scene.channels[len(joints) :]]
+
+
 def closure(h: HeldOut, blocks: Sequence[int], prefix: str, seed: int = 0) -> Closure:
     """Gaps with intervals from blocks of time drawn anew."""
 
@@ -120,11 +126,11 @@ def closure(h: HeldOut, blocks: Sequence[int], prefix: str, seed: int = 0) -> Cl
     scale = float(before.mean())
     last = h.left["with_effects"] if blocks else None
     channels = {}
-    for j in range(h.d.y.shape[1]):
+    for j, name in enumerate(_names(h.d, prefix)):
         own = {"before": float((h.left["calibrated"][h.d.use[:, j], j] ** 2).mean() - 1.0)}
         if last is not None:
             own["after"] = float((last[h.d.use[:, j], j] ** 2).mean() - 1.0)
-        channels[f"{prefix}{j + 1}"] = own
+        channels[name] = own
     return Closure(
         configured=float(h.gaps("configured").mean()),
         calibrated=mean(before),

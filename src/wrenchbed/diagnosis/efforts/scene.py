@@ -11,11 +11,13 @@ from scipy import signal
 from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis.efforts.configured import Drives
 from wrenchbed.diagnosis.efforts.operators import direction, moving
+from wrenchbed.diagnosis.efforts.sensed_wrench import measured, predicted
 from wrenchbed.drives.identify import CONSTANT, FRICTION, arm_of, calibrate_efforts
 from wrenchbed.drives.inverse_dynamics import rotor_torque, torque_regressor
 from wrenchbed.drives.signals import DriveSignals, drive_signals
 from wrenchbed.errors import DiagnosisError
 from wrenchbed.physics.time_derivatives import Jet
+from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.robots.base import SimulatedRobot
 from wrenchbed.robots.chain import SerialChain
 from wrenchbed.robots.link_inertias import LinkInertias, link_inertias
@@ -50,6 +52,7 @@ class EffortScene:
         drives: what is stated of the drives.
         currents: whether currents were recorded and turned into torques.
         step: rows from one kept row to the next.
+        wrench: measured and predicted (N, 6) where both kinds of data testify, else None.
     """
 
     recording: Recording
@@ -64,6 +67,7 @@ class EffortScene:
     drives: Drives
     currents: bool
     step: int
+    wrench: tuple[np.ndarray, np.ndarray] | None = None
 
     @property
     def joints(self) -> int:
@@ -86,6 +90,35 @@ class EffortScene:
         return self.body + self.friction
 
     @property
+    def residual(self) -> np.ndarray:
+        """Measured less predicted (N, C): efforts [N·m, of slides N], then the wrench if any."""
+        left = self.signals.effort - self.total
+        if self.wrench is None:
+            return left
+        return np.concatenate([left, self.wrench[0] - self.wrench[1]], axis=1)
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """What the channels (C,) are called: ``joint 1`` …, ``fx`` …."""
+        own = tuple(f"joint {j + 1}" for j in range(self.joints))
+        return own if self.wrench is None else (*own, *CHANNELS)
+
+    @property
+    def speeds(self) -> np.ndarray:
+        """Speeds at the kept rows (M, C) by which rows count; the arm's for the wrench."""
+        own = self.q.d[self.kept()]
+        if self.wrench is None:
+            return own
+        arm = np.abs(own).max(axis=1, keepdims=True)
+        return np.concatenate([own, np.repeat(arm, len(CHANNELS), axis=1)], axis=1)
+
+    def sensed(self, theta: np.ndarray, gravity: np.ndarray) -> np.ndarray:
+        """Wrench (N, 6) of other parameters (P,) or gravity (3,) [m/s²]; (N, 0) without one."""
+        if self.wrench is None:
+            return np.zeros((len(self.signals.t), 0))
+        return predicted(self.model, self.recording, theta, self.q, gravity)
+
+    @property
     def rate(self) -> float:
         """Of the kept rows [Hz]."""
         return self.signals.rate / self.step
@@ -98,8 +131,9 @@ class EffortScene:
         return np.asarray(columns[self.kept()])
 
     def moving(self) -> np.ndarray:
-        """Which kept rows of which joints (M, J) are clear of rest."""
+        """Which kept rows of which channels (M, C) count: of joints those clear of rest."""
         use = [moving(v, self.signals.rate) for v in self.q.d.T]
+        use += [np.ones(len(self.q.d), dtype=bool)] * (len(self.channels) - self.joints)
         return np.stack(use, axis=-1)[self.kept()]
 
     def kept(self) -> slice:
@@ -109,14 +143,15 @@ class EffortScene:
         return slice(edge, rows - edge, self.step)
 
 
-def effort_scene(recording: Recording, drives: Drives) -> EffortScene:
-    """A recording with the stated robot's prediction.
+def effort_scene(recording: Recording, drives: Drives, *, wrench: bool = False) -> EffortScene:
+    """A recording with the stated robot's prediction, of the wrench too if that is asked for.
 
     Raises:
         RecordingError, CalibrationError: no efforts, an uneven clock, nothing moves.
         NotFoundError: the robot's model has no links.
-        DiagnosisError: the motion is too short.
+        DiagnosisError: the motion is too short, or there is no wrench.
     """
+    sensor = measured(recording) if wrench else None
     robot = arm_of(recording)
     signals = drive_signals(recording)
     rows = len(signals.t)
@@ -141,6 +176,9 @@ def effort_scene(recording: Recording, drives: Drives) -> EffortScene:
         recording, robot, model, theta, inertias, signals, body, np.zeros_like(body), y, drives,
         currents, step,
     )  # fmt: skip
+    if sensor is not None:
+        own = predicted(model, recording, theta, signals.q, np.asarray(model.gravity))
+        scene = replace(scene, wrench=(sensor, own))
     return replace(scene, friction=_friction(scene))
 
 
