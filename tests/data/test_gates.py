@@ -370,7 +370,7 @@ def test_memory_that_does_not_suffice_is_named(tmp_path, monkeypatch):
     def full(*_, **__):
         raise pa.ArrowMemoryError("malloc of size 64 failed")
 
-    monkeypatch.setattr(pq.ParquetFile, "read", full)
+    monkeypatch.setattr(pq.ParquetFile, "iter_batches", full)
     with pytest.raises(ShortageError, match=r"rec\.parquet: out of memory"):
         Recording.read(path)
 

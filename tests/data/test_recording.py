@@ -1,6 +1,8 @@
 """Recordings: what is written returns bit for bit, and what is wrong is named by file and row."""
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -144,6 +146,40 @@ def test_files_that_are_no_recordings_are_refused(tmp_path):
     pq.write_table(missing, path)
     with pytest.raises(RecordingError, match="column 'q3', row 0: the value is missing"):
         Recording.read(path)
+
+
+def test_a_file_that_is_unpacked_in_parts_is_the_same(tmp_path, monkeypatch):
+    data = columns() | {"note": np.array(["x"] * 20), "small": np.arange(20, dtype=np.float32)}
+    path = save(tmp_path / "rec.parquet", data)
+    whole = Recording.read(path).columns
+    monkeypatch.setattr(parquet, "ROWS_AT_ONCE", 7)
+    again = Recording.read(path)
+    assert list(again.columns) == list(whole)
+    for name, column in again.columns.items():
+        assert column.dtype == whole[name].dtype and np.array_equal(column, whole[name])
+        assert not column.flags.writeable
+    assert np.array_equal(np.concatenate(list(again.parts_of_q())), again.q)
+    values = [*([1.0] * 16), None, *([1.0] * 3)]
+    table = parquet.table_of(data, METADATA.to_json()).set_column(3, "q3", pa.array(values))
+    pq.write_table(table, path)
+    with pytest.raises(RecordingError, match="column 'q3', row 16: the value is missing"):
+        Recording.read(path)
+
+
+def test_a_large_file_is_never_in_memory_twice(tmp_path):
+    rows = 2_000_000
+    noise = np.random.default_rng(0).standard_normal(rows)
+    path = save(tmp_path / "rec.parquet", dict.fromkeys(columns(), noise))
+    code = f"""
+import resource
+from pathlib import Path
+from wrenchbed.data import parquet
+before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+read, _ = parquet.read(Path({str(path)!r}), ValueError)
+print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before)
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert 1024 * int(done.stdout) < 1.4 * 8 * rows * len(columns())
 
 
 @settings(max_examples=40, deadline=None)

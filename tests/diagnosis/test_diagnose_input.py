@@ -12,6 +12,7 @@ import wrenchbed as wb
 from wrenchbed import registry
 from wrenchbed.campaigns.recording.run import record
 from wrenchbed.cli import main
+from wrenchbed.data import parquet
 from wrenchbed.data.metadata import SensorInfo, ToolInfo
 from wrenchbed.data.plan import Plan
 from wrenchbed.diagnosis.diagnose import diagnose
@@ -188,7 +189,8 @@ def test_a_ur5_called_a_medrue(ur5):
 
 
 @pytest.mark.parametrize("side", ["lower", "upper"])
-def test_an_encoder_may_read_a_little_past_a_limit(ur5, side):
+def test_an_encoder_may_read_a_little_past_a_limit(ur5, side, monkeypatch):
+    monkeypatch.setattr(parquet, "ROWS_AT_ONCE", 2)
     limit = getattr(registry.load("robots", "ur5").joints[1], side)
     way = 1.0 if side == "upper" else -1.0
     at = {"q2": np.where(np.arange(len(ur5.t)) < 3, limit + way * 0.9e-3, ur5.q[:, 1])}

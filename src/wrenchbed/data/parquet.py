@@ -19,8 +19,8 @@ KEY = b"wrenchbed"
 """File-level metadata key that holds wrenchbed's JSON."""
 FORMAT = 1
 """The format number written and read."""
-AT_ONCE = 4
-"""Columns that are unpacked together."""
+ROWS_AT_ONCE = 2**18
+"""Rows of a column that are unpacked together."""
 FREE, RATIO = 2**28, 200
 """A file may unpack to the larger of this size [bytes] and this multiple of its own: estimates, a
 recording with noise reaches a multiple of 2."""
@@ -29,7 +29,7 @@ recording with noise reaches a multiple of 2."""
 def read(path: Path, error: type[WrenchbedError]) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
     """The columns as `columns` gives them, and the JSON metadata of a file.
 
-    A few columns at a time are unpacked, so that a large file is never in memory twice.
+    A column is unpacked some rows at a time, so that a large file is never in memory twice.
 
     Raises:
         error: missing, unreadable or truncated file, missing or broken metadata, unknown format,
@@ -42,9 +42,11 @@ def read(path: Path, error: type[WrenchbedError]) -> tuple[dict[str, np.ndarray]
         with _opened(path, error) as file:
             schema = file.schema_arrow
             metadata = metadata_of(schema, path, error)
-            for first in range(0, len(schema.names), AT_ONCE):
-                some = file.read(columns=schema.names[first : first + AT_ONCE])
-                result |= columns(some, path, error)
+            for field in schema:
+                if pa.types.is_integer(field.type) or pa.types.is_floating(field.type):
+                    result[field.name] = _unpacked(file, field, path, error)
+                else:
+                    result |= columns(file.read(columns=[field.name]), path, error)
     except WrenchbedError:
         raise
     except Exception as cause:  # Arrow's, or Python's for names that are no text
@@ -54,7 +56,26 @@ def read(path: Path, error: type[WrenchbedError]) -> tuple[dict[str, np.ndarray]
         raise error(
             f"{path}: not a complete Parquet file (truncated, damaged or of another kind)"
         ) from cause
+    finally:
+        pa.default_memory_pool().release_unused()
     return result, metadata
+
+
+def _unpacked(
+    file: pq.ParquetFile, field: pa.Field, path: Path, error: type[WrenchbedError]
+) -> np.ndarray:
+    """A column of numbers as a read-only array (N,), unpacked some rows at a time."""
+    result = np.empty(file.metadata.num_rows, field.type.to_pandas_dtype())
+    first = 0
+    for batch in file.iter_batches(ROWS_AT_ONCE, columns=[field.name]):
+        part = batch.column(0)
+        _check_complete(part, field.name, path, error, first)
+        result[first : first + len(part)] = part.to_numpy()
+        first += len(part)
+    if first != len(result):
+        raise pa.ArrowInvalid("fewer rows than stated")
+    result.flags.writeable = False
+    return result
 
 
 def source(path: Path) -> pa.NativeFile:
@@ -122,12 +143,19 @@ def columns(table: pa.Table, path: Path, error: type[WrenchbedError]) -> dict[st
     result: dict[str, np.ndarray] = {}
     for name in table.column_names:
         column = table.column(name)
-        if column.null_count:
-            row = int(np.flatnonzero(column.is_null().to_numpy())[0])
-            raise error(f"{path}: column {name!r}, row {row}: the value is missing")
+        _check_complete(column, name, path, error)
         result[name] = column.to_numpy()
         result[name].flags.writeable = False
     return result
+
+
+def _check_complete(
+    column: pa.Array, name: str, path: Path, error: type[WrenchbedError], first: int = 0
+) -> None:
+    """Refuse missing values of a column's part whose first row is ``first``."""
+    if column.null_count:
+        row = first + int(np.flatnonzero(np.asarray(column.is_null()))[0])
+        raise error(f"{path}: column {name!r}, row {row}: the value is missing")
 
 
 def _check_names(names: Sequence[str], path: Path, error: type[WrenchbedError]) -> None:

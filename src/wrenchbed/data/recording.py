@@ -5,7 +5,7 @@ conventions; see ``docs/reference/nomenclature.md``.
 """
 
 import warnings
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -102,6 +102,12 @@ class Recording:
         """Joint values (N, J) [rad or m], or the sensor's orientation w, x, y, z (N, 4)."""
         names = self.joints or QUATERNION
         return np.stack([self.columns[c] for c in names], axis=-1)
+
+    def parts_of_q(self) -> Iterator[np.ndarray]:
+        """`q` of some rows at a time (n, J): all of it would be a large recording's half."""
+        columns = [self.columns[c] for c in self.joints or QUATERNION]
+        for first in range(0, len(self), parquet.ROWS_AT_ONCE):
+            yield np.stack([c[first : first + parquet.ROWS_AT_ONCE] for c in columns], axis=-1)
 
     @property
     def rotation(self) -> np.ndarray:
@@ -219,8 +225,9 @@ def _check(recording: Recording) -> None:
             _first_bad(name, column, ~np.isfinite(array), array, "is not a finite number")
         elif array.dtype.kind not in "iu" and column in numeric:
             raise RecordingError(f"{name}: column {column!r} holds {array.dtype}, not numbers")
-    step = np.diff(columns["t"].astype(float), prepend=-np.inf)
-    _first_bad(name, "t", ~(step > 0), columns["t"], "does not come after the row before it")
+    t = columns["t"].astype(float, copy=False)
+    late = np.concatenate([[False], t[1:] <= t[:-1]])
+    _first_bad(name, "t", late, columns["t"], "does not come after the row before it")
     for column in ("segment", "status"):
         if column in columns and columns[column].dtype.kind not in "iu":
             raise RecordingError(f"{name}: column {column!r} must hold whole numbers")

@@ -4,7 +4,7 @@ Turns of a robot's base and of its sensor, written into whichever parameters the
 """
 
 from abc import abstractmethod
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
@@ -204,12 +204,19 @@ class Robot(ArmBodies):
         Raises:
             PlanError: names the first bad row and the number of bad rows.
         """
-        if q.ndim != 2 or q.shape[1] != len(self.joints):
-            raise PlanError(
-                f"{where}: {self.name} has {len(self.joints)} joints "
-                f"(q1…q{len(self.joints)}), found {q.shape[-1]}"
-            )
-        bad = self.infeasible(q, theta)
+        self.check_parts([q], theta, where)
+
+    def check_parts(self, parts: Iterable[np.ndarray], theta: np.ndarray, where: str) -> None:
+        """`check` of joint values that come in parts (n, J), one after the other."""
+        bad, first = dict[int, str](), 0
+        for q in parts:
+            if q.ndim != 2 or q.shape[1] != len(self.joints):
+                raise PlanError(
+                    f"{where}: {self.name} has {len(self.joints)} joints "
+                    f"(q1…q{len(self.joints)}), found {q.shape[-1]}"
+                )
+            bad |= {first + row: why for row, why in self.infeasible(q, theta).items()}
+            first += len(q)
         if bad:
             row, why = next(iter(bad.items()))
             more = f" ({len(bad)} such rows)" if len(bad) > 1 else ""

@@ -250,7 +250,8 @@ def robot_of(recording: Recording) -> Robot:
         )
     try:
         where = f"{recording.name}: robot {name!r}"
-        robot.check(_within_limits(robot, recording.q), robot.parameters.nominal, where)
+        parts = (_within_limits(robot, q) for q in recording.parts_of_q())
+        robot.check_parts(parts, robot.parameters.nominal, where)
     except PlanError as error:
         raise RecordingError(
             f"{error}: state joints in rad and m, and in metadata robot = {name!r} the robot that "

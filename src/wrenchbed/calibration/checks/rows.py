@@ -147,9 +147,7 @@ def _spikes(recording: Recording) -> Iterator[Finding]:
         return
     for c, unit in zip(CHANNELS, UNITS, strict=True):
         y = np.asarray(recording.columns[c], dtype=float)
-        before, after = np.roll(y, 1), np.roll(y, -1)
-        off = np.abs(y - np.median([before, y, after], axis=0))
-        off[[0, -1]] = 0.0  # what comes before and after them is unknown
+        off = _off_neighbours(y)
         usual = _MAD * float(np.median(np.abs(y - np.median(y))))
         step = max(float(np.quantile(off, 0.9)), 1e-12)
         far = off > max(SPIKE * usual, FAR * step)
@@ -158,10 +156,18 @@ def _spikes(recording: Recording) -> Iterator[Finding]:
             others = f" ({far.sum()} such rows)" if far.sum() > 1 else ""
             yield Finding(
                 "spike",
-                f"column {c!r}, row {row}: a spike, {y[row]:.4g} {unit} between {before[row]:.4g} "
-                f"and {after[row]:.4g}{others}: no load comes and goes within a row. Leave it out",
+                f"column {c!r}, row {row}: a spike, {y[row]:.4g} {unit} between {y[row - 1]:.4g} "
+                f"and {y[row + 1]:.4g}{others}: no load comes and goes within a row. Leave it out",
                 blocks=bool(off[row] > ABSURD * usual),
             )
+
+
+def _off_neighbours(y: np.ndarray) -> np.ndarray:
+    """How far each row (N,) lies outside the two beside it; 0 of the first and the last."""
+    low, high = np.minimum(y[:-2], y[2:]), np.maximum(y[:-2], y[2:])
+    off = np.zeros(len(y))
+    np.abs(np.subtract(y[1:-1], np.clip(y[1:-1], low, high, out=low), out=high), out=off[1:-1])
+    return off
 
 
 def _clock(recording: Recording) -> Iterator[Finding]:

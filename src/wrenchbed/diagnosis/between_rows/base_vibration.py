@@ -68,7 +68,7 @@ def shaking(s: Scatter) -> Shaking | None:
     unit = maps[:, _I][:, :, _P] * maps[:, _J][:, :, _Q]
     other = maps[:, _I][:, :, _Q] * maps[:, _J][:, :, _P]
     design = np.where(_P == _Q, unit, unit + other)  # (G, 21, 6)
-    products = s.means(s.rows[:, _I] * s.rows[:, _J])  # (G, 21)
+    products = np.concatenate([s.means(s.rows[:, k:] * s.rows[:, k, None]) for k in range(6)], 1)
     weight = s.count / s.count.sum()
     X = (design - np.tensordot(weight, design, 1)) @ _TRACELESS
     Y = products - weight @ products
@@ -149,8 +149,11 @@ def line(s: Scatter, x: np.ndarray, power: float) -> Line | None:
 def _power(s: Scatter, x: np.ndarray, frequencies: np.ndarray) -> np.ndarray:
     """Variance of the sine at each frequency in each group (G, F)."""
     t = s.t - np.repeat(s.t[s.starts], s.count)
-    wave = np.exp((-2j * np.pi) * t[:, None] * frequencies)
-    return 2.0 * np.abs(s.means(x[:, None] * wave)) ** 2
+
+    def wave(at: slice) -> np.ndarray:
+        return np.asarray(x[at, None] * np.exp((-2j * np.pi) * t[at, None] * frequencies))
+
+    return 2.0 * np.abs(s.means_of(wave)) ** 2
 
 
 def _top(f: np.ndarray, p: np.ndarray) -> float:

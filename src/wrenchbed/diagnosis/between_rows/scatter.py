@@ -4,11 +4,12 @@ Residuals come in groups, a hold or about a second of motion each. The scatter o
 themselves is the uncertainty of a variance, whatever tails and memory the rows have.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
-from wrenchbed.data.holds import gather
+from wrenchbed.data.holds import gather, parts
 from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis.prepare.configuration import Configuration
 
@@ -69,12 +70,19 @@ class Scatter:
 
     def means(self, x: np.ndarray) -> np.ndarray:
         """Mean of x (N, …) over each group (G, …)."""
-        total = np.add.reduceat(x, self.starts)
-        return np.asarray((total.T / self.count).T)
+        return self.means_of(lambda at: x[at])
+
+    def means_of(self, make: Callable[[slice], np.ndarray]) -> np.ndarray:
+        """Mean over each group (G, …) of what is made (n, …) of a slice of rows."""
+        total = [
+            np.add.reduceat(make(at), self.starts[some] - at.start)
+            for some, at in parts(self.count)
+        ]
+        return np.asarray((np.concatenate(total).T / self.count).T)
 
     def steady(self, x: np.ndarray) -> np.ndarray:
         """Whether a motion's scatter x (N, …) is alike at all times, as no burst is; (…)."""
-        groups = self.means(x**2)
+        groups = self.means_of(lambda at: x[at] ** 2)
         even = np.quantile(groups, 0.25, axis=0) >= QUIET * groups.mean(axis=0)
         return np.asarray(even if len(self.kernel) else np.ones_like(even))
 
