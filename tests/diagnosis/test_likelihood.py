@@ -4,10 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.special import logsumexp
 from scipy.stats import multivariate_normal
 
 from linear_case import KERNELS, dictionary
-from wrenchbed.diagnosis.evidence.likelihood import LADDER, BackgroundLevel, gains, ladder
+from wrenchbed.diagnosis.evidence.likelihood import LADDER, BackgroundLevel, gains, ladder, log_sum
 
 TWO_PI = np.log(2.0 * np.pi)
 
@@ -37,12 +38,19 @@ def test_a_level_is_its_dense_matrix(rows, columns):
     assert level.tall == (rows > columns)
     assert level.log_det == pytest.approx(np.linalg.slogdet(K)[1])
     assert level.solve(y) == pytest.approx(inverse @ y)
+    assert level.products(y) == pytest.approx(y.T @ inverse @ y)
+    assert replace(level, few=True).products(y) == pytest.approx(y.T @ inverse @ y)
     some = np.array([1, 4, 5])
     assert level.precision(some) == pytest.approx(inverse[np.ix_(some, some)])
     assert information(level) == pytest.approx(level.E.T @ inverse @ level.E)
     assert level.score(y) == pytest.approx(level.E.T @ inverse @ y)
     expected = [multivariate_normal(np.zeros(rows), K).logpdf(c) for c in y.T]
     assert level.null(y) - 0.5 * rows * TWO_PI == pytest.approx(expected)
+
+
+def test_logarithms_of_tiny_numbers_add_up():
+    logs = np.array([[-2000.0, -2000.0], [3.0, -5.0]])
+    assert log_sum(logs) == pytest.approx(logsumexp(logs, axis=1))
 
 
 def test_products_of_channels_say_the_same():

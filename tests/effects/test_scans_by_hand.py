@@ -78,11 +78,10 @@ def test_the_point_where_a_cable_holds_comes_from_its_torques():
     size = np.linalg.lstsq(design, seen, rcond=None)[0]
     explained = seen @ seen - np.sum((seen - design @ size) ** 2)
     residual = Residual(np.arange(20), seen.reshape(20, 6), NOISE, None)
-    gain, told = cable_pull._gain(pull, residual)
-    assert told == pytest.approx(size, rel=1e-4)
-    assert told[1:] / told[0] == pytest.approx(np.array(POINT), abs=2e-3)
+    (gain, pushed), (point, _) = cable_pull._gains(np.stack([pull, -pull]), residual)
+    assert point == pytest.approx(size[1:] / size[0], rel=1e-4)
+    assert point == pytest.approx(np.array(POINT), abs=2e-3)
     assert gain == pytest.approx(explained, rel=1e-5)
-    pushed, _ = cable_pull._gain(-pull, residual)
     assert pushed == 0.0  # a cable does not push
 
 

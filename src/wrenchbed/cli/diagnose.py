@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 import tyro
 from rich.console import Group
@@ -25,7 +25,10 @@ if TYPE_CHECKING:
     from wrenchbed.diagnosis.explain.reliability import Reliability
     from wrenchbed.diagnosis.gap.result import Diagnosis
     from wrenchbed.diagnosis.next.dry_run import DryRun
-    from wrenchbed.reports.figures import Artist
+    from wrenchbed.pages.artist import Artist
+
+
+Made = TypeVar("Made")
 
 
 @dataclass(frozen=True)
@@ -107,7 +110,7 @@ def diagnose(
     if out is None:
         raise ParameterError("diagnose needs --out, the folder for its files (or --dry-run)")
     console.check_folder(out, _FILES)
-    from wrenchbed.reports.figures import Artist
+    from wrenchbed.pages.artist import Artist
 
     data = [wb.Recording.read(path) for path in recordings]
     if effort_diagnosis.asked(data, efforts.channels):
@@ -116,11 +119,11 @@ def diagnose(
         return
     if efforts.drives is not None:
         raise ParameterError("--drives goes with joint efforts: add --channels effort")
-    learnt = None
-    if not learning.fast and len(data) == 1:
-        learnt = _learnt(data[0], learning.look_alikes, seed)
     command = ["diagnose", *recordings, "--out", out, *(["--seed", seed] if seed else [])]
     with Artist() as artist:
+        learnt = None
+        if not learning.fast and len(data) == 1:
+            learnt = _learnt(data[0], learning.look_alikes, seed)
         with console.progress("diagnosing", 7 if len(data) == 1 else 3 * len(data) + 3) as report:
             result = _diagnosed(data, seed, learnt, lambda step: report(1, step))
         for name in result.plans:
@@ -139,19 +142,28 @@ _FILES = {
 
 
 def _write(result: Findings, folder: Path, command: str, artist: Artist) -> list[str]:
-    """Write all files of a diagnosis; names of those that could be made, without plans."""
+    """Write all files of a diagnosis; names of those that could be made, without plans.
+
+    The artist draws the page's figures while rerun's picture is made.
+    """
+    from wrenchbed.reports.diagnosis_page import page_to_come
+
     result.write(folder)
-    written = ["diagnosis.json", "twin.json"]
-    for name in ("report.html", "diagnosis.rrd"):
-        try:
-            if name == "report.html":
-                _report(result, folder / name, command, artist)
-            else:
-                _draw(result, folder / name, command)
-            written.append(name)
-        except MissingExtraError as error:
-            warnings.warn(f"no {name}: {error}", WrenchbedWarning, stacklevel=1)
-    return written
+    page, picture = "report.html", "diagnosis.rrd"
+    coming = _tried(page, lambda: page_to_come(result, command, artist))
+    _tried(picture, lambda: _draw(result, folder / picture, command))
+    if coming is not None:
+        _tried(page, lambda: coming().write(folder / page))
+    return [name for name in _FILES if (folder / name).exists()]
+
+
+def _tried(name: str, make: Callable[[], Made]) -> Made | None:
+    """What is made for a file; None, with a warning, where it needs a library that is missing."""
+    try:
+        return make()
+    except MissingExtraError as error:
+        warnings.warn(f"no {name}: {error}", WrenchbedWarning, stacklevel=1)
+        return None
 
 
 def _diagnosed(
@@ -188,12 +200,6 @@ def _learnt(data: wb.Recording, count: int, seed: int) -> Reliability | None:
             raise
         warnings.warn(f"nothing was learnt: {error}", WrenchbedWarning, stacklevel=2)
         return None
-
-
-def _report(result: Findings, path: Path, command: str, artist: Artist) -> None:
-    from wrenchbed.reports import diagnosis_page
-
-    diagnosis_page(result, command, artist).write(path)
 
 
 def _draw(result: Findings, path: Path, command: str) -> None:

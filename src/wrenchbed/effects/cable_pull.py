@@ -27,6 +27,8 @@ estimates."""
 
 SCANNED_REACHES, WAYS = (0.4, 0.8, 1.5, 2.5), 40
 """Distances [m] and number of directions of the anchors that a scan tries; estimates."""
+ROWS_AT_ONCE = 20_000
+"""Of all anchors together that are scanned at once; estimate, what a processor's cache holds."""
 SLACKS = (0.0, 0.25, 0.5, 0.75)
 """Shares of rows with a slack cable that a scan tries; estimates."""
 
@@ -88,16 +90,19 @@ class CablePull(LoadEffect):
         holder = origin + apply(rotation, scene.tool.cog)
         middle = holder.mean(axis=0)
         candidates: list[tuple[float, np.ndarray, float, np.ndarray]] = []
-        for reach in SCANNED_REACHES:
-            for anchor in middle + reach * sphere(WAYS):
-                line = anchor - holder
-                far = np.linalg.norm(line, axis=1)
-                pull_way = apply(np.swapaxes(rotation, 1, 2), line / far[:, None])
-                for share in SLACKS:
-                    length = float(np.quantile(far, share))
-                    pull = pull_way * np.maximum(far - length, 0.0)[:, None]
-                    gain, size = _gain(pull, residual)
-                    candidates.append((gain, anchor, length, size[1:] / size[0]))
+        anchors = np.concatenate([middle + reach * sphere(WAYS) for reach in SCANNED_REACHES])
+        for some in np.array_split(anchors, max(1, len(anchors) * len(holder) // ROWS_AT_ONCE)):
+            line = some[:, None] - holder  # (anchors, R, 3)
+            far = np.linalg.norm(line, axis=2)
+            way = (line / far[:, :, None])[:, :, None] @ rotation
+            lengths = np.quantile(far, SLACKS, axis=1)  # (slacks, anchors)
+            stretched = np.maximum(far - lengths[:, :, None], 0.0)
+            gain, point = _gains(way[:, :, 0] * stretched[..., None], residual)
+            candidates += [
+                (float(gain[k, a]), some[a], float(lengths[k, a]), point[k, a])
+                for a in range(len(some))
+                for k in range(len(SLACKS))
+            ]
         candidates.sort(key=lambda t: -t[0])
         result: list[Variant] = []
         for _, anchor, length, point in candidates[:3]:
@@ -130,21 +135,32 @@ class CablePull(LoadEffect):
         pull(spec, self.name, point, vector(p, PULL))
 
 
-def _gain(pull: np.ndarray, residual: Residual) -> tuple[float, np.ndarray]:
-    """What of a residual a force (R, 3) explains, held anywhere, and its k, k p (4,)."""
-    x, y, z = pull.T
-    none = np.zeros_like(x)
-    torque = np.stack([[none, z, -y], [-z, none, x], [y, -x, none]])  # (3 torques, 3 places, R)
-    force = np.concatenate([pull.T[:, None], np.zeros((3, 3, len(x)))], axis=1)
-    rows = np.concatenate([force, np.concatenate([np.zeros((3, 1, len(x))), torque], axis=1)])
-    columns = (rows / residual.noise[:, None, None]).transpose(2, 0, 1).reshape(-1, 4)
-    columns = columns - columns.reshape(-1, 6, 4).mean(axis=0)[None].repeat(len(x), 0).reshape(
-        -1, 4
-    )
-    normal = columns.T @ columns
-    score = columns.T @ residual.value.ravel()
-    size = np.linalg.solve(normal + 1e-9 * np.trace(normal) * np.eye(4), score)
-    return (float(score @ size) if size[0] > 0 else 0.0), size + np.array([1e-12, 0, 0, 0])
+def _gains(pulls: np.ndarray, residual: Residual) -> tuple[np.ndarray, np.ndarray]:
+    """What of a residual each of some forces (…, R, 3) explains (…), held at the point (…, 3) that
+    fits best: with readings free of their means, linear in k and k p."""
+    away = pulls - pulls.mean(axis=-2, keepdims=True)
+    square = np.swapaxes(away, -1, -2) @ away  # (…, 3, 3)
+    along = np.swapaxes(away, -1, -2) @ (residual.value / residual.noise)  # (…, 3, 6)
+    weight = 1.0 / residual.noise**2
+    normal = np.zeros((*pulls.shape[:-2], 4, 4))
+    score = np.zeros((*pulls.shape[:-2], 4))
+    normal[..., 0, 0] = np.einsum("...aa,a->...", square, weight[:3])
+    both = np.einsum("apf,aqg,a->fgpq", _TURNS, _TURNS, weight[3:])
+    normal[..., 1:, 1:] = np.tensordot(square, both, 2)
+    score[..., 0] = np.einsum("...aa->...", along[..., :3])
+    score[..., 1:] = np.tensordot(along[..., 3:], _TURNS.transpose(2, 0, 1), 2)
+    ridge = 1e-9 * np.einsum("...ii->...", normal)
+    size = np.linalg.solve(normal + ridge[..., None, None] * np.eye(4), score[..., None])[..., 0]
+    gain = np.where(size[..., 0] > 0, (score * size).sum(axis=-1), 0.0)
+    return gain, size[..., 1:] / (size[..., :1] + 1e-12)
+
+
+_TURNS = np.array([
+    [[0, 0, 0], [0, 0, 1], [0, -1, 0]],
+    [[0, 0, -1], [0, 0, 0], [1, 0, 0]],
+    [[0, 1, 0], [-1, 0, 0], [0, 0, 0]],
+])  # fmt: skip
+"""Torque a of a force f held at p: Σ _TURNS[a, p, f] p f, the vector product."""
 
 
 EFFECT = CablePull()

@@ -186,5 +186,11 @@ def examples(robot: Robot) -> list[Scene]:
 
 def held_on(sign: np.ndarray) -> np.ndarray:
     """Each zero of (M, J) replaced by the last value above it that is not zero."""
-    at = np.where(sign != 0, np.arange(len(sign))[:, None], 0)
-    return np.asarray(np.take_along_axis(sign, np.maximum.accumulate(at, axis=0), axis=0))
+    there = sign != 0
+    if there.all():
+        return sign
+    at = np.where(there, np.arange(len(sign), dtype=np.int32)[:, None], 0)
+    np.maximum.accumulate(at, axis=0, out=at)
+    at *= sign.shape[1]
+    at += np.arange(sign.shape[1], dtype=np.int32)
+    return sign.ravel()[at]

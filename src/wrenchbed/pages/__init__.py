@@ -1,7 +1,7 @@
 """HTML pages, plots and numbers for people: self-contained, light and dark, for screens and A4.
-May import: the root files only.
+May import: jobs and the root files.
 Read first: this file; then `chart` (the data of a figure), `draw` and ``assets/page.js`` (its two
-renderers), `document` (studies), `plots` and `numbers`.
+renderers), `artist`, `document` (studies), `plots` and `numbers`.
 """
 
 import base64

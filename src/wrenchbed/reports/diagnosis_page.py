@@ -1,7 +1,8 @@
 """The report of a diagnosis as one HTML page that needs nothing else."""
 
 import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Future
 from dataclasses import dataclass
 from pathlib import Path, PurePath
 from typing import Any
@@ -10,11 +11,11 @@ from wrenchbed import registry
 from wrenchbed.diagnosis.diagnose import Findings
 from wrenchbed.diagnosis.prepare.prepared import Prepared
 from wrenchbed.pages import Drawn, numbers, rendered, write_page
+from wrenchbed.pages.artist import AtOnce, Draws
 from wrenchbed.pages.chart import Chart
 from wrenchbed.pages.provenance import provenance
 from wrenchbed.reports import cause_charts, figures, residual_charts, sentences, tables
 from wrenchbed.reports.claim import claim
-from wrenchbed.reports.figures import AtOnce, Draws
 from wrenchbed.reports.robot_chart import robot_chart
 from wrenchbed.reports.simulators import Evidence
 
@@ -60,16 +61,20 @@ def diagnosis_page(found: Findings, command: str = "", artist: Draws | None = No
     Raises:
         MissingExtraError: matplotlib is not installed.
     """
+    return page_to_come(found, command, artist)()
+
+
+def page_to_come(
+    found: Findings, command: str = "", artist: Draws | None = None
+) -> Callable[[], ReportPage]:
+    """`diagnosis_page` whose figures are begun; called, it waits for them and returns the page."""
     registry.require("matplotlib", "report")
-    d, prepared = found.diagnosis, found.analysis.prepared
-    evidence, rows = Evidence(found), sentences.row_effects(found)
+    evidence = Evidence(found)
     before, after = evidence.channels()
     map_of_residuals = evidence.heat()
-    told = {r.sentence for r in found.rows}
-    recorded = shlex.join([d.recording, *d.others])
     draw = (artist or AtOnce()).draw
     coming = {
-        "heat": draw(figures.heat(map_of_residuals, prepared.observed)),
+        "heat": draw(figures.heat(map_of_residuals, found.analysis.prepared.observed)),
         "gaps": draw(figures.gaps(tables.gaps(found))),
         "channels": draw(figures.channels(before, after, evidence.first)),
     }
@@ -77,8 +82,19 @@ def diagnosis_page(found: Findings, command: str = "", artist: Draws | None = No
     if robot is not None:
         coming["robot"] = draw(robot)
     comparisons = [draw(chart) for chart in _of_causes(found, evidence)]
+    return lambda: _page(found, command, evidence, coming, comparisons)
+
+
+def _page(
+    found: Findings, command: str, evidence: Evidence, coming: Mapping[str, "Future[Drawn]"],
+    comparisons: Sequence["Future[Drawn]"],
+) -> ReportPage:  # fmt: skip
+    """The page with its figures as they come."""
+    d, prepared, rows = found.diagnosis, found.analysis.prepared, sentences.row_effects(found)
     drawn = {name: figure.result() for name, figure in coming.items()}
     compared = [figure.result() for figure in comparisons]
+    told = {r.sentence for r in found.rows}
+    recorded = shlex.join([d.recording, *d.others])
     return ReportPage(
         {
             "d": d,

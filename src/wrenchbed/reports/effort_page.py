@@ -7,6 +7,7 @@ import numpy as np
 from wrenchbed import registry
 from wrenchbed.diagnosis.efforts.diagnose_efforts import EffortFindings
 from wrenchbed.pages import numbers
+from wrenchbed.pages.artist import draw
 from wrenchbed.pages.chart import Axis, Chart, Panel, Series, thinned
 from wrenchbed.pages.provenance import provenance
 from wrenchbed.reports import effort_sentences as sentences
@@ -38,7 +39,7 @@ def effort_page(found: EffortFindings, command: str = "") -> ReportPage:
     after = {c: v["after"] for c, v in d.gap.per_channel.items() if "after" in v}
     charts = [figures.gaps(rows), figures.channels(before, after, "calibrated"), _efforts(found)]
     charts += [_friction(found, j) for j in _joints(found)]
-    drawn = [figures.draw(c) for c in charts]
+    drawn = [draw(c) for c in charts]
     causes = [
         {
             "name": " or ".join([str(w["effect"]), *map(str, w["rivals"])]),

@@ -1,19 +1,13 @@
-"""Figures of a report as charts, and the `Artist` who draws them while the diagnosis runs.
+"""Figures of a report as charts.
 
 Measured is blue, simulated without the effects orange, with them green.
 """
 
 from collections.abc import Mapping, Sequence
-from concurrent.futures import Future
-from contextlib import ExitStack
-from types import TracebackType
-from typing import Protocol, Self
 
 import numpy as np
 
-from wrenchbed.errors import MissingExtraError
-from wrenchbed.jobs.workers import workers
-from wrenchbed.pages import Drawn, numbers
+from wrenchbed.pages import numbers
 from wrenchbed.pages.chart import (
     NEAR_ZERO,
     NOISE,
@@ -25,7 +19,6 @@ from wrenchbed.pages.chart import (
     Series,
     thinned,
 )
-from wrenchbed.pages.draw import svg
 from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.reports.simulators import Comparison, Heat
 
@@ -169,67 +162,3 @@ def _gap_axis(
         label, "1", "near zero", ticks=(0.0, *decades), low=min(1.2 * low, -left * NEAR_ZERO),
         high=top * room,
     )  # fmt: skip
-
-
-def draw(chart: Chart) -> Drawn:
-    """A chart with its SVG."""
-    return Drawn(chart, svg(chart))
-
-
-class Draws(Protocol):
-    """Whoever draws charts, now or beside."""
-
-    def draw(self, chart: Chart) -> "Future[Drawn]":
-        """A figure to come."""
-
-
-class AtOnce:
-    """Draws here and now."""
-
-    def draw(self, chart: Chart) -> "Future[Drawn]":
-        """A figure, drawn."""
-        drawn: Future[Drawn] = Future()
-        drawn.set_result(draw(chart))
-        return drawn
-
-
-HANDS = 2
-"""Processes: figures take half of the time that one takes, on two cores."""
-
-
-class Artist:
-    """Draws figures in other processes; they load what draws as soon as the context is entered.
-
-    ```
-    with Artist() as artist:
-        figure = artist.draw(figures.gaps(rows))
-        ...
-        drawn = figure.result()
-    ```
-    """
-
-    def __enter__(self) -> Self:
-        # forked at once: what is loaded here need not be loaded again
-        self._pools = ExitStack()
-        self._pool = self._pools.enter_context(workers(HANDS, forked=True))
-        for _ in range(HANDS):
-            self._pool.submit(_rehearse)
-        return self
-
-    def draw(self, chart: Chart) -> "Future[Drawn]":
-        """A figure to come."""
-        return self._pool.submit(draw, chart)
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:  # fmt: skip
-        self._pools.__exit__(kind, error, trace)
-
-
-def _rehearse() -> None:
-    """Load libraries and fonts."""
-    try:
-        draw(gaps([("ready", 1.0, "sim")]))
-    except MissingExtraError:
-        return  # told where it is missed

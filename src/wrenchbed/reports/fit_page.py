@@ -11,6 +11,7 @@ from wrenchbed.calibration.fit_words import UNKNOWN, FitWords, fit_words, worst_
 from wrenchbed.calibration.observations import Observations
 from wrenchbed.data.recording import Recording
 from wrenchbed.pages import numbers
+from wrenchbed.pages.artist import draw
 from wrenchbed.pages.chart import Axis, Chart, Matrix, Panel, Scale, Series, thinned
 from wrenchbed.pages.provenance import provenance
 from wrenchbed.physics.wrench import CHANNELS
@@ -41,9 +42,9 @@ def fit_page(fit: Fit, recording: Recording, command: str = "") -> ReportPage:
     data, residual = left_by(fit, recording)
     white = residual / np.maximum(fit.noise.row, 1e-9)
     order, label = _order(recording, data)
-    drawn = [figures.draw(c) for c in (_heat(white, order, label), _each(fit, white, order, label))]
+    drawn = [draw(c) for c in (_heat(white, order, label), _each(fit, white, order, label))]
     several = sum(p.std is not None for p in fit.identified) > 1
-    correlated = figures.draw(_correlation(fit)) if several else None
+    correlated = draw(_correlation(fit)) if several else None
     verdict, badge = _badge(fit)
     context = {
         "verdict": verdict,

@@ -10,6 +10,7 @@ from wrenchbed.calibration.fit_words import ParameterWords, parameter_words
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import ParameterError
 from wrenchbed.pages import numbers
+from wrenchbed.pages.artist import draw
 from wrenchbed.pages.chart import Axis, Chart, Panel, Role, Series, thinned
 from wrenchbed.pages.provenance import provenance
 from wrenchbed.physics.wrench import CHANNELS, UNITS
@@ -63,7 +64,7 @@ def recording_page(recording: Recording, files: Sequence[str | Path], command: s
     noise = noise_of(recording)
     judged = [agreement(recording, s, noise) for s in known]
     fits = [_fit(s.name, s.fit) for s in known if s.fit]
-    drawn = [figures.draw(chart) for chart in _charts(recording, known, noise)]
+    drawn = [draw(chart) for chart in _charts(recording, known, noise)]
     nearest = best(judged)
     context = {
         "verdict": "none" if nearest.agrees else "unknown",

@@ -289,9 +289,9 @@ def build(
         every = (*named, *effect.free_forms(at.scene))
         made = _columns(prepared, response, effect, every)
         for k, variant in enumerate(every):
-            chosen = []
+            chosen, shape = [], _shape(variant)
             for name in variant.free:
-                key = (effect.name, name, _shape(variant))
+                key = (effect.name, name, shape)
                 if key not in index:
                     index[key] = len(columns)
                     columns.append(made[key[1:]])

@@ -14,7 +14,6 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve, solve_triangular
-from scipy.special import logsumexp
 
 from wrenchbed.diagnosis.evidence.dictionary import EffectDictionary
 from wrenchbed.diagnosis.evidence.main_directions import above
@@ -125,6 +124,18 @@ class BackgroundLevel:
             return np.asarray((z - ways @ (share[:, None] * (ways.T @ z))) / root)
         return np.asarray(cho_solve(self._factor, z, check_finite=False) / root)
 
+    def products(self, x: np.ndarray) -> np.ndarray:
+        """xᵀ K₀⁻¹ x (k, k) for x (6 R, k); half the work of `solve`."""
+        if self.tall and self.few:
+            return np.asarray(x.T @ self.solve(x))
+        z = x / np.sqrt(self.v0)[:, None]
+        if self.tall:
+            ways, share = self._main
+            along = ways.T @ z
+            return np.asarray(z.T @ z - along.T @ (share[:, None] * along))
+        half = solve_triangular(self._factor[0], z, lower=True, check_finite=False)
+        return np.asarray(half.T @ half)
+
     def precision(self, rows: np.ndarray) -> np.ndarray:
         """The block of K₀⁻¹ of some rows (k, k)."""
         if self.tall:
@@ -174,6 +185,12 @@ class BackgroundLevel:
         return np.asarray(-0.5 * ((y * z).sum(0) - (u * self._kept(u)).sum(0) + self.log_det))
 
 
+def log_sum(logs: np.ndarray) -> np.ndarray:
+    """log Σ exp of logs (…, n) over the last axis (…); scipy's takes ten times as long."""
+    top = logs.max(axis=-1)
+    return np.asarray(top + np.log(np.exp(logs - top[..., None]).sum(axis=-1)))
+
+
 def squares(half: np.ndarray, columns: np.ndarray) -> np.ndarray:
     """Blocks of HᵀH (b, k, k) of sets of columns (b, k) of H (m, n)."""
     some = half.T[columns]
@@ -195,8 +212,12 @@ def gains(
         (b, s, C): −½ log|I + D½ P D½| + ½ uᵀ(I + D½ P D½)⁻¹u.
     """
     p = information * size[:, :, None] * size[:, None, :]
-    values, vectors = np.linalg.eigh(p)
-    u = np.swapaxes(vectors, -1, -2) @ (score * size[:, :, None])  # (b, k, C)
+    u = score * size[:, :, None]  # (b, k, C)
+    if p.shape[1] == 1:
+        values = p[:, 0]
+    else:
+        values, vectors = np.linalg.eigh(p)
+        u = np.swapaxes(vectors, -1, -2) @ u
     square = np.broadcast_to(np.square(scales), (len(p), np.shape(scales)[-1]))
     ratio = 1.0 + square[:, :, None] * np.maximum(values, 0.0)[:, None, :]  # (b, s, k)
     fit = np.einsum("bsk,bkc->bsc", square[:, :, None] / ratio, u**2)
@@ -216,9 +237,8 @@ class Moments(NamedTuple):
     @classmethod
     def of(cls, level: BackgroundLevel, y: np.ndarray, columns: np.ndarray) -> "Moments":
         """Of readings (6 R,) and columns (6 R, k)."""
-        solved = level.solve(np.column_stack([columns, y]))
-        null = -0.5 * float(y @ solved[:, -1] + level.log_det)
-        return cls(columns.T @ solved[:, :-1], columns.T @ solved[:, -1], null)
+        every = level.products(np.column_stack([columns, y]))
+        return cls(every[:-1, :-1], every[:-1, -1], -0.5 * float(every[-1, -1] + level.log_det))
 
     def raised(self, by: float) -> "Moments":
         """The same with a log prior added."""
@@ -263,7 +283,7 @@ def over_scales(
         w = np.broadcast_to(score[:, None], (len(trial), len(score), 1))
         gain = gains(blocks, w, trial, np.ones(1))[:, 0, 0]
         best[k] = ladder[k][int(gain.argmax())]
-        total = float(logsumexp(gain) - np.log(len(gain)))
+        total = float(log_sum(gain) - np.log(len(gain)))
     return ScaledEvidence(start + total, best, information)
 
 

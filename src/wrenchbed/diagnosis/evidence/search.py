@@ -6,10 +6,9 @@ from functools import cached_property
 from types import MappingProxyType
 
 import numpy as np
-from scipy.special import logsumexp
 
 from wrenchbed.diagnosis.evidence.dictionary import EffectDictionary, Hypothesis
-from wrenchbed.diagnosis.evidence.likelihood import Background, gains, ladder, squares
+from wrenchbed.diagnosis.evidence.likelihood import Background, gains, ladder, log_sum, squares
 
 NONE, UNKNOWN = "none", "unknown"
 PRIOR = {NONE: 0.35, "one": 0.45, UNKNOWN: 0.15}
@@ -131,7 +130,7 @@ class Searcher:
             blocks = alone if known is None else alone - squares(known, batch.columns)
             w = score[batch.columns][:, :, None]
             gain = gains(blocks, w, np.ones(batch.columns.shape), batch.scales)[:, :, 0]
-            total = logsumexp(gain, axis=1) - np.log(gain.shape[1]) + batch.prior + base
+            total = log_sum(gain) - np.log(gain.shape[1]) + batch.prior + base
             result += [
                 SingleEvidence(int(k), rung, float(v))
                 for k, v in zip(batch.index, total, strict=True)

@@ -249,9 +249,9 @@ def _fitted(
     level: BackgroundLevel, columns: np.ndarray, y: np.ndarray, spread: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Mean (k,) and covariance (k, k) of coefficients of columns (6 R, k), given their prior."""
-    solved = level.solve(np.column_stack([columns, y]))
-    covariance = np.linalg.inv(columns.T @ solved[:, :-1] + np.diag(1.0 / spread**2))
-    return covariance @ (columns.T @ solved[:, -1]), covariance
+    every = level.products(np.column_stack([columns, y]))
+    covariance = np.linalg.inv(every[:-1, :-1] + np.diag(1.0 / spread**2))
+    return covariance @ every[:-1, -1], covariance
 
 
 def _held_by_small(refitter: Refitter, f: Finalist, x: np.ndarray) -> np.ndarray:

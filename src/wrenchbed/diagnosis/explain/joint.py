@@ -319,15 +319,15 @@ class JointRefitter:
             each.level(tuple(p.of[r] for p in parts), rungs[r]) for r, each in enumerate(self.each)
         ]
 
-        def solve(z: np.ndarray) -> np.ndarray:
+        def products(z: np.ndarray) -> np.ndarray:
             both = zip(levels, self._rows, strict=True)
-            return np.concatenate([level.solve(z[rows]) for level, rows in both])
+            return np.sum([level.products(z[rows]) for level, rows in both], axis=0)
 
         problem = Problem(
             self.y,
             lambda at: self.response(parts, at),
             lambda at, f, which: self._design(parts, at, f, list(which)),
-            solve,
+            products,
             np.flatnonzero(Layout.of(parts).shape).tolist(),
         )
         return minimum(problem, self.start(parts), x, spread)

@@ -115,14 +115,14 @@ class Problem(NamedTuple):
         y: (6 R,).
         response: of variables (k,), (6 R,).
         design: slopes (6 R, m) of some variables at (k,), where the response is (6 R,).
-        solve: K⁻¹ x of the background for x (6 R, m).
+        products: xᵀ K⁻¹ x (m, m) of the background for x (6 R, m).
         shapes: variables that are shapes.
     """
 
     y: np.ndarray
     response: Callable[[np.ndarray], np.ndarray]
     design: Callable[[np.ndarray, np.ndarray, Iterable[int]], np.ndarray]
-    solve: Callable[[np.ndarray], np.ndarray]
+    products: Callable[[np.ndarray], np.ndarray]
     shapes: list[int]
 
 
@@ -133,12 +133,12 @@ def minimum(problem: Problem, centre: np.ndarray, x: np.ndarray, spread: np.ndar
     """
     if not len(x):
         return x
-    y, response, slopes, solve, shapes = problem
+    y, response, slopes, products, shapes = problem
     precision = 1.0 / spread**2
 
     def cost(at: np.ndarray, residual: np.ndarray) -> float:
         prior = float((precision * (at - centre) ** 2).sum())
-        return float(residual @ solve(residual[:, None])[:, 0]) + prior
+        return float(products(residual[:, None])[0, 0]) + prior
 
     f = response(x)
     r = y - f
@@ -148,9 +148,9 @@ def minimum(problem: Problem, centre: np.ndarray, x: np.ndarray, spread: np.ndar
         if k and shapes:
             fresh = shapes if k % 3 else range(len(x))
             design[:, list(fresh)] = slopes(x, y - r, fresh)
-        solved = solve(np.column_stack([design, r]))
-        normal = design.T @ solved[:, :-1] + np.diag(precision)
-        step = np.linalg.solve(normal, design.T @ solved[:, -1] - precision * (x - centre))
+        every = products(np.column_stack([design, r]))
+        normal = every[:-1, :-1] + np.diag(precision)
+        step = np.linalg.solve(normal, every[:-1, -1] - precision * (x - centre))
         size, share = float(np.sqrt(max(step @ normal @ step, 0.0))), 1.0
         while share > _LEAST_SHARE:
             trial = x + share * step
@@ -305,7 +305,7 @@ class Refitter:
             self.y,
             lambda at: self.response(parts, at),
             lambda at, f, which: self.design(parts, at, f, which),
-            self.level(parts, rung).solve,
+            self.level(parts, rung).products,
             np.flatnonzero(Variables.of(parts).shape).tolist(),
         )
         return minimum(problem, centre, x, spread)
