@@ -16,7 +16,8 @@ if [ -z "$python" ]; then
   exit 1
 fi
 
-stamp=".venv/.$1-$(cat "$lock" pyproject.toml | sha256sum | cut -c1-16)"
+built=(scripts/build_kernel.py src/wrenchbed/robots/compiled/_statics.c)
+stamp=".venv/.$1-$(cat "$lock" pyproject.toml "${built[@]}" | sha256sum | cut -c1-16)"
 if [ ! -f "$stamp" ]; then
   echo "setting up .venv from $lock (about a minute, once)" >&2
   if ! "$python" -m venv .venv >/dev/null 2>&1; then

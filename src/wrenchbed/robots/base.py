@@ -20,6 +20,7 @@ from wrenchbed.physics.parameters import Parameter, ParameterSet
 from wrenchbed.physics.rotations import euler, exp
 from wrenchbed.physics.time_derivatives import Jet, Value, stack_jets
 from wrenchbed.physics.wrench import Tool
+from wrenchbed.robots.compiled.statics import Packed
 
 if TYPE_CHECKING:
     import mujoco
@@ -97,6 +98,8 @@ class Robot(ArmBodies):
     broadcasts: bool = False
     """Whether the formulas at rest, `gravity_slopes` too, take theta (R, 1, P) and give each robot
     the same bits as alone."""
+    compiled: str = ""
+    """Function of `compiled.statics` for the reading at rest in this robot's poses, if any."""
     unobservable: tuple[str, ...] = ()
     """Parameters that no wrench and no pose of the sensor depends on."""
 
@@ -115,6 +118,10 @@ class Robot(ArmBodies):
     def gravity_seen(self, q: np.ndarray, theta: np.ndarray, gravity: np.ndarray) -> np.ndarray:
         """Gravity in sensor axes (…, N, 3) [m/s²] of gravity in world axes (3,), by the pose."""
         return np.asarray(np.swapaxes(self.sensor_pose(q, theta)[0], -1, -2) @ gravity)
+
+    def packed(self, theta: np.ndarray, gravity: np.ndarray) -> Packed:
+        """What `compiled.statics` needs of parameters (P,), or (R, P) of robots that broadcast."""
+        raise NotImplementedError
 
     def gravity_slopes(
         self, q: np.ndarray, theta: np.ndarray, gravity: np.ndarray, names: Sequence[str]

@@ -22,6 +22,7 @@ from wrenchbed.physics.newton_euler import Motion, Vector
 from wrenchbed.physics.rotations import apply, cross, exp_rates
 from wrenchbed.physics.time_derivatives import Jet, Value, cos, sin, stack_jets
 from wrenchbed.robots.base import LoadInSensorAxes, SimulatedRobot, mount_turn
+from wrenchbed.robots.compiled.statics import Packed
 
 ANGLE = np.deg2rad(0.5)
 """Typical error of a joint's zero, of the base's tilt and of the mount [rad], estimate."""
@@ -59,6 +60,8 @@ class SerialChain(LoadInSensorAxes, SimulatedRobot):
     bodies: tuple[BodyMass, ...]
     """The link behind each joint, its CoG in the axes behind the joint; then the flange's, if any,
     in the axes of `flange_pose`."""
+
+    compiled = "chain"
 
     def _prepare(self) -> None:
         self.large_gears = max(0, len(self.joints) - _WRIST)
@@ -147,16 +150,11 @@ class SerialChain(LoadInSensorAxes, SimulatedRobot):
         self, q: np.ndarray, theta: np.ndarray, gravity: np.ndarray, turns: np.ndarray
     ) -> np.ndarray:
         """`gravity_seen` of one real robot: every fixed turn as Rz Rx Rz."""
-        hinges, between = self._hinges, turns
-        if len(hinges) < len(self._slides):  # the turns between two hinges are one
-            groups = np.split(turns, hinges + 1)
-            between = np.stack([_product(group) for group in groups])
+        hinges = self._hinges
+        between, zeros, twist = self._turned(theta, turns)
         if not len(hinges):
             return np.tile(gravity @ between[0], (len(q), 1))
-        first, twist, last = _euler_zxz(between[1:-1])
-        angle = q.T[hinges] + self.zeros(theta)[hinges, None]
-        angle[:-1] += first[:, None]
-        angle[1:] += last[:, None]
+        angle = q.T[hinges] + zeros[:, None]
         tilts = [*zip(np.cos(twist).tolist(), np.sin(twist).tolist(), strict=True), None]
         x, y, z = gravity @ between[0]
         every = zip(np.cos(angle), np.sin(angle), tilts, strict=True)
@@ -169,6 +167,31 @@ class SerialChain(LoadInSensorAxes, SimulatedRobot):
         seen[:] = x, y, np.broadcast_to(z, x.shape)
         end = between[-1]
         return (seen if np.array_equal(end, np.eye(3)) else end.T @ seen).T
+
+    def _turned(
+        self, theta: np.ndarray, turns: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Turns before, between and behind H hinges (H + 1, 3, 3), of those between as Rz Rx Rz
+        the angles about x (H − 1,) [rad], and what is added to the hinges' values (H,) [rad]."""
+        hinges, between = self._hinges, turns
+        if len(hinges) < len(self._slides):  # the turns between two hinges are one
+            groups = np.split(turns, hinges + 1)
+            between = np.stack([_product(group) for group in groups])
+        first, twist, last = _euler_zxz(between[1:-1])
+        zeros = self.zeros(theta)[hinges]
+        zeros[:-1] += first
+        zeros[1:] += last
+        return between, zeros, twist
+
+    def packed(self, theta: np.ndarray, gravity: np.ndarray) -> Packed:
+        """The robot's own numbers are, of each hinge: column, zero, cosine and sine of the twist.
+
+        The twist behind the last hinge is zero: the last turn holds it.
+        """
+        between, zeros, twist = self._turned(theta, np.stack(self.fixed(theta).turns))
+        twist = np.append(twist, 0.0)[: len(zeros)]
+        own = np.stack([self._hinges, zeros, np.cos(twist), np.sin(twist)], axis=-1)
+        return Packed(gravity @ between[0], between[-1] if len(zeros) else np.eye(3), own.ravel())
 
     def gravity_slopes(
         self, q: np.ndarray, theta: np.ndarray, gravity: np.ndarray, names: Sequence[str]

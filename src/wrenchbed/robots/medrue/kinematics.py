@@ -23,6 +23,7 @@ from wrenchbed.physics.parameters import Parameter, ParameterSet
 from wrenchbed.physics.rotations import apply, euler, inverse_rotated, rot_x_of, rot_y_of, rot_z_of
 from wrenchbed.physics.time_derivatives import Value, atan2, cos, jet_sqrt, sin, stack_jets, value
 from wrenchbed.robots.base import Values, load_parameters
+from wrenchbed.robots.compiled.statics import Packed
 
 _LENGTH_ERROR = 2e-3
 _ANGLE_ERROR = np.deg2rad(1.0)  # Section 5: ±2 mm, ±1°
@@ -213,6 +214,19 @@ def gravity_in_sensor(p: Values, q: np.ndarray, gravity: np.ndarray) -> np.ndarr
     x, z = beta[0] * x - beta[1] * z, beta[0] * z + beta[1] * x
     x, y = alpha[0] * x + alpha[1] * y, alpha[0] * y - alpha[1] * x
     return inverse_rotated(np.stack(np.broadcast_arrays(x, y, z), axis=-1), mount)
+
+
+def packed(p: Values, gravity: np.ndarray) -> Packed:
+    """The robot's own numbers are d41 + d42, L14, dq6 and eleven of each five-bar."""
+    own = [p["d41"] + p["d42"], p["L14"], p["dq6"]]
+    for i in (1, 2):
+        ay, az, cy, cz = p[f"A{i}y"], p[f"A{i}z"], p[f"C{i}y"], p[f"C{i}z"]
+        l1, l2, l3, l4 = (p[f"L{i}{k}"] for k in (1, 2, 3, 4))
+        base = np.sqrt((ay - cy) * (ay - cy) + (az - cz) * (az - cz))
+        own += [base / 2, l1, l3, l4 * l4 - l2 * l2, l4 * l4, (ay - cy) / base, (cz - az) / base]
+        own += [(ay + cy) / 2, (az + cz) / 2, p[f"dq{2 * i}"], p[f"dq{2 * i + 1}"]]
+    down = gravity @ euler(p["alpha0"], p["beta0"], p["gamma0"])
+    return Packed(down, euler(p["alphaS"], p["betaS"], p["gammaS"]), np.stack(own, axis=-1))
 
 
 def sensor_pose(p: Values, q: Value) -> tuple[Value, Value]:

@@ -23,6 +23,7 @@ from wrenchbed.robots.base import (
     inertia_matrix,
     sample_until,
 )
+from wrenchbed.robots.compiled.statics import Packed
 from wrenchbed.robots.medrue import kinematics, workspace
 from wrenchbed.robots.medrue.kinematics import (
     IDENTIFIED,
@@ -158,6 +159,7 @@ class MedRUE(SimulatedRobot):
     unobservable = ("xT", "yT", "zT", "alphaT", "betaT", "gammaT", "d31", "d32")
     gear_ratio = ()  # unknown
     broadcasts = True
+    compiled = "medrue"
     joints = (
         Joint("q1", "m", -0.5, 1.1, 0.25),
         Joint("q2", "rad", 1.658, 4.887, 1.0),
@@ -195,6 +197,9 @@ class MedRUE(SimulatedRobot):
 
     def gravity_seen(self, q: np.ndarray, theta: np.ndarray, gravity: np.ndarray) -> np.ndarray:
         return kinematics.gravity_in_sensor(self.values(theta), q, gravity)
+
+    def packed(self, theta: np.ndarray, gravity: np.ndarray) -> Packed:
+        return kinematics.packed(self.values(theta), gravity)
 
     def gravity_slopes(
         self, q: np.ndarray, theta: np.ndarray, gravity: np.ndarray, names: Sequence[str]

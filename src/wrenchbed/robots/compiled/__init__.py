@@ -1,0 +1,4 @@
+"""Formulas of robots in C, built with the package where there is a compiler.
+Imports no other folder.
+Read first: `statics`.
+"""

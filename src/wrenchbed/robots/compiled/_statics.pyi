@@ -1,0 +1,6 @@
+import numpy as np
+
+LAYOUT: int
+
+def chain(q: np.ndarray, joints: int, constants: bytes, out: np.ndarray, /) -> None: ...
+def medrue(q: np.ndarray, joints: int, constants: bytes, out: np.ndarray, /) -> None: ...

@@ -1,0 +1,47 @@
+"""The reading at rest, compiled (`_statics.c`), where the package was built with a C compiler.
+
+Plain numpy computes the same and stays the reference; a test holds both together. A pose has the
+same bits alone and in any batch.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+_LAYOUT = 1
+"""Of the constants, by definition: a library built from another version is not used."""
+
+try:
+    from wrenchbed.robots.compiled import _statics
+
+    _FUNCTIONS = {"chain": _statics.chain, "medrue": _statics.medrue}
+    if _statics.LAYOUT != _LAYOUT:
+        _FUNCTIONS = {}
+except ImportError:  # built without a compiler
+    _FUNCTIONS = {}
+
+
+class Packed(NamedTuple):
+    """A robot's numbers at rest, of one vector of parameters or of R.
+
+    Attributes:
+        gravity: in the axes before the first joint (…, 3) [m/s²].
+        last: the turn behind the last joint (…, 3, 3).
+        own: what else the robot's function needs (…, K).
+    """
+
+    gravity: np.ndarray
+    last: np.ndarray
+    own: np.ndarray
+
+
+def available(name: str) -> bool:
+    """Whether a function is compiled here."""
+    return name in _FUNCTIONS
+
+
+def readings(name: str, q: np.ndarray, constants: bytes) -> np.ndarray:
+    """Readings (…, 6) [N, N·m] at joint values (…, J); constants in the order of `_statics.c`."""
+    out = np.empty((*q.shape[:-1], 6))
+    _FUNCTIONS[name](np.ascontiguousarray(q), q.shape[-1], constants, out)
+    return out

@@ -1,0 +1,235 @@
+"""What is compiled of the reading at rest is what numpy computes, to the same bits anywhere."""
+
+import importlib.util
+import shutil
+import sys
+from importlib.machinery import ExtensionFileLoader
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from iiwa import IIWA
+from wrenchbed import registry
+from wrenchbed.robots.base import Robot, SimulatedRobot
+from wrenchbed.robots.compiled import statics
+from wrenchbed.robots.described import describe
+from wrenchbed.simulation.closed_form import Model
+
+SCRIPTS = Path(__file__).parents[2] / "scripts"
+NAMES = [n for n in registry.names("robots") if registry.load("robots", n).compiled]
+ROBOTS = [*(registry.load("robots", name) for name in NAMES), IIWA]
+each_robot = pytest.mark.parametrize("robot", ROBOTS, ids=lambda r: r.name)
+
+
+def built(folder: Path, *more: str):
+    """The library, compiled from the source as it is now."""
+    if shutil.which("cc") is None:
+        pytest.skip("no C compiler is on this machine")
+    sys.path.insert(0, str(SCRIPTS))
+    try:
+        from build_kernel import build
+    finally:
+        sys.path.remove(str(SCRIPTS))
+    loader = ExtensionFileLoader("_statics", str(build(folder, more)))
+    spec = importlib.util.spec_from_loader("_statics", loader)
+    module = importlib.util.module_from_spec(spec)
+    loader.exec_module(module)
+    return module
+
+
+def functions(library) -> dict:
+    return {"chain": library.chain, "medrue": library.medrue}
+
+
+@pytest.fixture(scope="module")
+def library(tmp_path_factory):
+    return built(tmp_path_factory.mktemp("built"))
+
+
+@pytest.fixture(autouse=True)
+def fresh(library, monkeypatch):
+    monkeypatch.setattr(statics, "_FUNCTIONS", functions(library))
+
+
+def thetas(model: Model, count: int, seed: int = 5) -> np.ndarray:
+    """Parameter vectors (count, P), all of robot and sensor off by up to their tolerances."""
+    off = np.random.default_rng(seed).uniform(-1, 1, (count, len(model.parameters)))
+    found = model.parameters.nominal + off * model.parameters.tolerance
+    found[:, -9:] += 0.2 * off[:, -9:]  # unequal force gains
+    return found
+
+
+def feasible(robot: SimulatedRobot, count: int, vectors: np.ndarray) -> np.ndarray:
+    q = robot.sample(count, np.random.default_rng(count))
+    bad = {i for theta in vectors for i in robot.infeasible(q, theta[: len(robot.parameters)])}
+    return np.delete(q, list(bad), axis=0)
+
+
+def plain(model: Model, q: np.ndarray, theta: np.ndarray) -> np.ndarray:
+    return model.read(model.plain_wrench(q, theta), theta)
+
+
+def apart(found: np.ndarray, wanted: np.ndarray) -> float:
+    return float(np.abs(found - wanted).max() / np.abs(wanted).max())
+
+
+@each_robot
+def test_it_is_what_numpy_computes(robot):
+    model = Model.of(robot)
+    vectors = thetas(model, 8)
+    q = feasible(robot, 500, vectors)
+    assert len(q) > 400
+    for theta, place in zip(vectors, np.roll(vectors, 1, axis=0), strict=True):
+        assert apart(model.predict(q, theta), plain(model, q, theta)) < 1e-13
+        assert apart(model.true_wrench(q, theta), model.plain_wrench(q, theta)) < 1e-13
+        elsewhere = model.plain_wrench(q, theta, place)
+        assert apart(model.true_wrench(q, theta, place), elsewhere) < 1e-13
+        assert apart(model.plain_wrench(q, theta), elsewhere) > 1e-4
+
+
+GANTRY = """
+<mujoco><worldbody>
+  <body><joint name="x" type="slide" axis="1 0 0" range="-1 1"/><geom size="0.1"/>
+    <body euler="20 30 40"><joint name="a" axis="0.6 0 0.8" range="-3 3"/><geom size="0.1"/>
+      <body euler="0 50 0"><joint name="y" type="slide" axis="0 1 0" range="-1 1"/>
+        <geom size="0.1"/>
+        <body euler="70 0 0"><joint name="b" axis="0 1 0" range="-3 3"/><geom size="0.1"/>
+          <body euler="0 15 5"><joint name="z" type="slide" range="-1 1"/><geom size="0.1"/>
+            <site name="seat"/></body></body></body></body></body>
+</worldbody></mujoco>
+"""
+
+
+@pytest.mark.parametrize("hinges", ["ab", ""])
+def test_slides_of_a_users_arm(tmp_path, hinges):
+    mjcf = (
+        GANTRY
+        if hinges
+        else GANTRY.replace('"a" axis', '"a" type="slide" axis').replace(
+            '"b" axis', '"b" type="slide" axis'
+        )
+    )
+    (tmp_path / "gantry.xml").write_text(mjcf)
+    tool = {"tool_mass": 1.2, "tool_cog": (0.01, -0.02, 0.05)}
+    robot = describe(tmp_path / "gantry.xml", "seat", tmp_path / "my.toml", **tool).robot
+    assert [j.unit for j in robot.joints].count("rad") == len(hinges)
+    model = Model.of(robot)
+    for theta in thetas(model, 4):
+        q = robot.sample(200, np.random.default_rng(1))
+        assert apart(model.predict(q, theta), plain(model, q, theta)) < 1e-13
+
+
+@each_robot
+def test_a_pose_has_the_same_bits_alone_and_in_any_batch(robot):
+    model = Model.of(robot)
+    vectors = thetas(model, 3)
+    q = feasible(robot, 150, vectors)
+    whole = model.predict(q, vectors[0])
+    for some in (slice(0, 1), slice(3, 20), slice(64, 129), slice(0, None, 7)):
+        assert np.array_equal(model.predict(q[some], vectors[0]), whole[some])
+    assert np.array_equal(model.predict(np.asfortranarray(q), vectors[0]), whole)
+    each = model.predict_each(q, vectors)
+    assert np.array_equal(each, [model.predict(q, theta) for theta in vectors])
+    assert model.predict(q[:0], vectors[0]).shape == (0, 6)
+
+
+@pytest.mark.parametrize("name", ["ur5", "medrue"])
+def test_bits_do_not_depend_on_the_processor(name, tmp_path, monkeypatch):
+    robot = registry.load("robots", name)
+    model = Model.of(robot)
+    theta = thetas(model, 1)
+    q = feasible(robot, 300, theta)
+    wide = model.predict(q, theta[0])
+    narrow = built(tmp_path, "-U__gnu_linux__")  # the default processor only
+    monkeypatch.setattr(statics, "_FUNCTIONS", functions(narrow))
+    assert np.array_equal(model.predict(q, theta[0]), wide)
+
+
+def test_far_and_missing_joint_values_are_as_in_numpy():
+    model = Model.of(registry.load("robots", "ur5"))
+    theta = thetas(model, 1)[0]
+    q = np.random.default_rng(0).uniform(-6, 6, (40, 6))
+    q[3, 2], q[7], q[20, 5], q[30, 0] = 1e9, 3.9e5, -1e300, np.nan
+    wanted, found = plain(model, q, theta), model.predict(q, theta)
+    assert np.flatnonzero(np.isnan(found).any(axis=1)).tolist() == [30]
+    rest = np.delete(np.arange(40), 30)
+    assert apart(found[rest], wanted[rest]) < 1e-13
+    right_angles = np.arange(-40, 40).reshape(-1, 1) * np.ones(6) * np.pi / 2
+    assert np.abs(model.predict(right_angles, theta) - plain(model, right_angles, theta)).max() < (
+        1e-13 * np.abs(wanted[rest]).max()
+    )
+
+
+@pytest.mark.parametrize("column", ["L12", "L24"])
+def test_a_loop_that_numpy_cannot_close_is_open(column):
+    """Rounding differs; where it alone decides, the fit's Jacobian must still exist."""
+    model = Model.of(registry.load("robots", "medrue"))
+    start, k = model.parameters.nominal, model.parameters.index(column)
+    seen = set()
+
+    def closes(length: float, q: np.ndarray) -> tuple[bool, bool]:
+        theta = start.copy()
+        theta[k] = length
+        by_numpy, found = plain(model, q[None], theta), model.predict(q[None], theta)
+        return bool(np.isfinite(by_numpy).all()), bool(np.isfinite(found).all())
+
+    with np.errstate(invalid="ignore"):
+        for q in model.robot.sample(30, np.random.default_rng(2)):
+            closed, gone = start[k], -0.1
+            if closes(gone, q)[0]:
+                continue
+            while abs(closed - gone) > 2 * np.spacing(closed):
+                middle = 0.5 * (closed + gone)
+                closed, gone = (middle, gone) if closes(middle, q)[0] else (closed, middle)
+            near = [closes(closed + n * np.spacing(closed), q) for n in range(-20, 20)]
+            seen |= {by_numpy for by_numpy, _ in near}
+            assert not [n for n, (by_numpy, found) in enumerate(near) if found and not by_numpy]
+            assert closes(closed + 1e-8, q) == (True, True)
+    assert seen == {True, False}
+
+
+def test_without_the_library_numpy_does_the_work(monkeypatch):
+    model = Model.of(registry.load("robots", "ur5"))
+    theta, q = thetas(model, 1)[0], np.random.default_rng(0).uniform(-3, 3, (5, 6))
+    monkeypatch.setattr(statics, "_FUNCTIONS", {})
+    assert np.array_equal(model.predict(q, theta), plain(model, q, theta))
+    assert np.array_equal(model.true_wrench(q, theta), model.plain_wrench(q, theta))
+
+
+def test_other_robots_and_numbers_go_through_numpy(monkeypatch):
+    model = Model.of(registry.load("robots", "ur5"))
+    theta, q = thetas(model, 1)[0], np.random.default_rng(0).uniform(-3, 3, (5, 6))
+
+    def refused(*_):
+        raise AssertionError("compiled")
+
+    monkeypatch.setattr(statics, "_FUNCTIONS", {"chain": refused})
+    shifted = theta.astype(complex)
+    shifted[0] += 1e-30j
+    assert np.iscomplexobj(model.predict(q, shifted))
+    assert model.predict(q, np.stack([theta, theta])[:, None]).shape == (2, 5, 6)
+    with pytest.raises(AssertionError, match="compiled"):
+        model.predict(q, theta)
+
+
+def test_a_robot_without_formulas_in_c_says_so():
+    assert Robot.compiled == "" and not statics.available("")
+
+
+def test_what_does_not_fit_is_refused(library):
+    q, out = np.zeros((4, 6)), np.zeros((4, 6))
+    model = Model.of(registry.load("robots", "ur5"))
+    constants = model._constants(model.parameters.nominal, model.parameters.nominal, True)
+    library.chain(q, 6, constants.tobytes(), out)
+    for bad in (
+        (q, 6, constants[:-1].tobytes(), out), (q[:3], 6, constants.tobytes(), out),
+        (q, 5, constants.tobytes(), out), (q, 0, constants.tobytes(), out),
+        (q, 6, b"", out),
+    ):  # fmt: skip
+        with pytest.raises(ValueError, match="do not fit"):
+            library.chain(*bad)
+    with pytest.raises(ValueError, match="do not fit"):
+        library.medrue(q, 6, constants.tobytes(), out)
+    with pytest.raises(TypeError):
+        library.chain(q, 6)
