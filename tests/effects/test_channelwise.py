@@ -1,0 +1,77 @@
+"""Amplitudes that are changed together are changed as if alone, where effects say that they may."""
+
+import numpy as np
+import pytest
+
+from effect_scenes import NAMES, SCENES, columns, scene_of
+from wrenchbed import registry
+from wrenchbed.effects.base import Effect
+from wrenchbed.effects.chain import ActiveEffect, Response, respond
+from wrenchbed.physics.wrench import CHANNELS
+
+
+def amplitudes(name: str, scene: str) -> dict[tuple, list[str]]:
+    """Names of amplitudes that end with a channel, by the shape that they have."""
+    found: dict[tuple, list[str]] = {}
+    for amplitude, at in columns(name, scene):
+        if amplitude.rpartition(".")[2] in CHANNELS:
+            found.setdefault(tuple(sorted(at.items())), []).append(amplitude)
+    return found
+
+
+EVERY = [(name, scene) for name in NAMES for scene in SCENES if amplitudes(name, scene)]
+CASES = [(name, scene) for name, scene in EVERY if registry.load("effects", name).channelwise]
+
+
+def slope(effect: Effect, label: str, at: dict, amplitude: str) -> np.ndarray:
+    """Change of the readings (M, 6) per typical size of one amplitude, by the whole chain."""
+    scene = scene_of(label)
+    known = effect.parameters(scene.robot)
+    size = known[known.index(amplitude)].tolerance
+    ends = [
+        respond(
+            scene,
+            [ActiveEffect(effect, effect.values(scene.robot, at | {amplitude: half * size}))],
+        )
+        for half in (0.5, -0.5)
+    ]
+    return ends[0] - ends[1]
+
+
+def test_one_effect_of_channels_is_not_channelwise():
+    assert len({name for name, _ in CASES}) >= 8
+    assert {name for name, _ in EVERY} - {name for name, _ in CASES} == {"sensor.crosstalk"}
+
+
+@pytest.mark.parametrize("name, scene", CASES, ids=str)
+def test_an_amplitude_changes_its_own_channel_alone(name, scene):
+    effect = registry.load("effects", name)
+    for shape, names in amplitudes(name, scene).items():
+        for amplitude in names:
+            change = slope(effect, scene, dict(shape), amplitude)
+            channel = CHANNELS.index(amplitude.rpartition(".")[2])
+            assert np.abs(np.delete(change, channel, axis=1)).max() == 0.0, amplitude
+
+
+@pytest.mark.parametrize("name, scene", EVERY, ids=str)
+def test_changed_together_they_are_what_each_is_alone(name, scene):
+    effect, rows = registry.load("effects", name), scene_of(scene)
+    known = effect.parameters(rows.robot)
+    for shape, names in amplitudes(name, scene).items():
+        found = Response(rows, respond(rows)).changes(
+            effect, [known[known.index(n)] for n in names], dict(shape)
+        )
+        for group, change in found:
+            assert len(group) == 1 or effect.channelwise
+            for amplitude in group:
+                own = [CHANNELS.index(amplitude.rpartition(".")[2])]
+                some = own if len(group) > 1 else slice(None)
+                alone = slope(effect, scene, dict(shape), amplitude)[:, some]
+                size = max(np.abs(alone).max(), 1e-9)
+                assert np.abs(change[:, some] - alone).max() < 1e-9 * size + 1e-12, amplitude
+
+
+def test_an_amplitude_that_changes_another_channel_is_seen():
+    change = slope(registry.load("effects", "sensor.crosstalk"), "ur5 static", {}, "x.fx.fy")
+    assert [np.abs(change[:, k]).max() > 1e-6 for k in range(6)].count(True) == 1
+    assert np.abs(change[:, CHANNELS.index("fx")]).max() > 1e-6
