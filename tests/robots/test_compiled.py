@@ -39,7 +39,7 @@ def built(folder: Path, *more: str):
 
 
 def functions(library) -> dict:
-    return {"chain": library.chain, "medrue": library.medrue}
+    return {name: getattr(library, name) for name in ("chain", "medrue", "medrue_slopes")}
 
 
 @pytest.fixture(scope="module")
@@ -189,6 +189,24 @@ def test_a_loop_that_numpy_cannot_close_is_open(column):
     assert seen == {True, False}
 
 
+def test_the_jacobian_is_numpys(monkeypatch):
+    model = Model.of(registry.load("robots", "medrue"))
+    vectors = thetas(model, 6)
+    q = feasible(model.robot, 100, vectors)
+    columns = list(range(len(model.parameters)))
+    found = [model.jacobian(q, theta, columns) for theta in vectors]
+    some = model.jacobian(q[7:30], vectors[0], columns[3:40:4])
+    each = model.jacobian_each(q, vectors, columns[:12])
+    monkeypatch.setattr(statics, "_FUNCTIONS", {})
+    for one, theta in zip(found, vectors, strict=True):
+        wanted = model.jacobian(q, theta, columns)
+        size = np.abs(wanted).max(axis=(0, 1))
+        assert (size > 1e-3).sum() > 50
+        assert (np.abs(one - wanted).max(axis=(0, 1)) <= 1e-13 * np.maximum(size, 1.0)).all()
+    assert np.array_equal(some, found[0][7:30, :, 3:40:4])
+    assert np.array_equal(each, np.stack(found)[..., :12])
+
+
 def test_without_the_library_numpy_does_the_work(monkeypatch):
     model = Model.of(registry.load("robots", "ur5"))
     theta, q = thetas(model, 1)[0], np.random.default_rng(0).uniform(-3, 3, (5, 6))
@@ -220,7 +238,8 @@ def test_a_robot_without_formulas_in_c_says_so():
 def test_what_does_not_fit_is_refused(library):
     q, out = np.zeros((4, 6)), np.zeros((4, 6))
     model = Model.of(registry.load("robots", "ur5"))
-    constants = model._constants(model.parameters.nominal, model.parameters.nominal, True)
+    theta = model.parameters.nominal
+    constants = model._compiled.constants(theta, theta, sensed=True)
     library.chain(q, 6, constants.tobytes(), out)
     for bad in (
         (q, 6, constants[:-1].tobytes(), out), (q[:3], 6, constants.tobytes(), out),
@@ -231,5 +250,12 @@ def test_what_does_not_fit_is_refused(library):
             library.chain(*bad)
     with pytest.raises(ValueError, match="do not fit"):
         library.medrue(q, 6, constants.tobytes(), out)
+    model = Model.of(registry.load("robots", "medrue"))
+    theta = model.parameters.nominal
+    constants = model._compiled.constants(theta, theta, sensed=True).tobytes()
+    library.medrue_slopes(q, 6, constants, out, constants)
+    for changes in (b"", constants[:-1], 2 * constants):
+        with pytest.raises(ValueError, match="do not fit"):
+            library.medrue_slopes(q, 6, constants, out, changes)
     with pytest.raises(TypeError):
         library.chain(q, 6)

@@ -1,13 +1,19 @@
-"""MedRUE's Jacobian at rest, written out, against complex steps of the whole chain."""
+"""MedRUE's Jacobian at rest, written out in numpy, against complex steps of the whole chain."""
 
 import numpy as np
 import pytest
 
 import wrenchbed as wb
 from wrenchbed.robots.base import Robot
+from wrenchbed.robots.compiled import statics
 from wrenchbed.simulation.closed_form import Model
 
 MEDRUE = wb.load("robots", "medrue")
+
+
+@pytest.fixture(autouse=True)
+def nothing_compiled(monkeypatch):
+    monkeypatch.setattr(statics, "_FUNCTIONS", {})
 
 
 @pytest.mark.parametrize("seed", range(4))

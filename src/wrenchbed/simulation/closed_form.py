@@ -18,12 +18,10 @@ from wrenchbed.physics.rotations import matrix
 from wrenchbed.physics.time_derivatives import Jet, Value, value
 from wrenchbed.physics.wrench import CHANNELS, UNITS, weight
 from wrenchbed.robots.base import INERTIA_AXES, STEP, Robot
-from wrenchbed.robots.compiled.statics import available, readings
 from wrenchbed.robots.oriented import ROBOT as ORIENTED
+from wrenchbed.simulation.compiled import CompiledForm
 
 _ROWS_AT_ONCE = 200_000
-_KEPT = 32
-"""Parameter vectors whose constants are kept; estimate: a fit compares a few."""
 _PAST_LIMIT = 1e-3
 """How far an encoder may read past a joint's limit [rad; m]; estimate: its noise, and overshoot."""
 
@@ -55,12 +53,11 @@ class Model:
     robot: Robot
     gravity: tuple[float, ...]
     parameters: ParameterSet = field(init=False)
-    _packed: dict[tuple[bytes, ...], bytes] = field(
-        init=False, compare=False, repr=False, default_factory=dict
-    )
+    _compiled: CompiledForm = field(init=False, compare=False, repr=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "parameters", self.robot.parameters + SENSOR)
+        object.__setattr__(self, "_compiled", CompiledForm(self.robot, self.gravity))
 
     @classmethod
     def of(cls, robot: Robot, metadata: Metadata | None = None) -> "Model":
@@ -94,7 +91,7 @@ class Model:
 
         ``at`` (P,) gives the pose other parameters than ``theta`` gives the load.
         """
-        found = self._compiled(q, theta, theta if at is None else at, sensed=False)
+        found = self._compiled.readings(q, theta, theta if at is None else at, sensed=False)
         return self.plain_wrench(q, theta, at) if found is None else found
 
     def plain_wrench(self, q: Value, theta: np.ndarray, at: np.ndarray | None = None) -> np.ndarray:
@@ -118,51 +115,8 @@ class Model:
             q: joint values, or orientations of a robot without a model.
             theta: parameters (P,), or (K, 1, P) for K vectors at once → (K, N, 6).
         """
-        found = self._compiled(q, theta, theta, sensed=True)
+        found = self._compiled.readings(q, theta, theta, sensed=True)
         return self.read(self.plain_wrench(q, theta), theta) if found is None else found
-
-    def _compiled(
-        self, q: Value, theta: np.ndarray, at: np.ndarray, sensed: bool
-    ) -> np.ndarray | None:
-        """`predict`, or `true_wrench` if not sensed, of real poses (N, J); None if not compiled.
-
-        Constants of a parameter vector are kept: of one pose they take longer than the wrench.
-        """
-        robot = self.robot
-        if not available(robot.compiled) or not isinstance(q, np.ndarray):
-            return None
-        real = q.dtype.char == theta.dtype.char == at.dtype.char == "d"
-        if not real or q.ndim != 2 or q.shape[1] != len(robot.joints) or at.ndim != theta.ndim:
-            return None
-        if theta.ndim == 1:
-            key = (
-                theta.tobytes(),
-                at.tobytes() if at is not theta else b"",
-                b"sensed" if sensed else b"",
-            )
-            constants = self._packed.get(key)
-            if constants is None:
-                if len(self._packed) >= _KEPT:
-                    self._packed.clear()
-                constants = self._packed[key] = self._constants(theta, at, sensed).tobytes()
-            return readings(robot.compiled, q, constants)
-        if not robot.broadcasts or theta.shape[1:-1] != (1,) or at.shape != theta.shape:
-            return None
-        every = self._constants(theta[:, 0], at[:, 0], sensed)
-        return np.stack([readings(robot.compiled, q, each.tobytes()) for each in every])
-
-    def _constants(self, theta: np.ndarray, at: np.ndarray, sensed: bool) -> np.ndarray:
-        """What `_statics.c` needs (…, C) of parameters (…, P), those of the pose in ``at``."""
-        n, rows = len(self.robot.parameters), theta.shape[:-1]
-        packed = self.robot.packed(at[..., :n], np.asarray(self.gravity))
-        tool = self.robot.tool(theta[..., :n])
-        sensor = theta[..., n:] if sensed else SENSOR.nominal
-        parts = (
-            packed.gravity, tool.mass[..., None], tool.cog, tool.sensor_mass[..., None],
-            packed.last.reshape(*packed.last.shape[:-2], 9), sensor[..., 6:], sensor[..., :6],
-            packed.own,
-        )  # fmt: skip
-        return np.concatenate([np.broadcast_to(x, (*rows, x.shape[-1])) for x in parts], axis=-1)
 
     def predict_each(self, q: np.ndarray, thetas: np.ndarray) -> np.ndarray:
         """`predict` at rest of several robots, thetas (R, P) → (R, N, 6), each as if alone."""
@@ -212,6 +166,9 @@ class Model:
         There the reading is linear in gravity as the sensor sees it, γ: dw = dγ·M + γ·dM + db, with
         M (3, 6) and b of the load and the sensor alone. Of theta (P,), or (R, 1, P) → (R, N, 6, K).
         """
+        found = self._compiled.jacobian(q, theta, columns)
+        if found is not None:
+            return found
         own, names = len(self.robot.parameters), self.robot.parameters.names
         moving = [k for k, c in enumerate(columns) if self.moves_pose(c)]
         gravity = np.asarray(self.gravity)

@@ -8,15 +8,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-_LAYOUT = 1
+_LAYOUT = 2
 """Of the constants, by definition: a library built from another version is not used."""
 
 try:
     from wrenchbed.robots.compiled import _statics
 
-    _FUNCTIONS = {"chain": _statics.chain, "medrue": _statics.medrue}
-    if _statics.LAYOUT != _LAYOUT:
-        _FUNCTIONS = {}
+    _FUNCTIONS = {
+        name: getattr(_statics, name) for name in ("chain", "medrue", "medrue_slopes")
+        if _statics.LAYOUT == _LAYOUT
+    }  # fmt: skip
 except ImportError:  # built without a compiler
     _FUNCTIONS = {}
 
@@ -35,13 +36,21 @@ class Packed(NamedTuple):
     own: np.ndarray
 
 
-def available(name: str) -> bool:
-    """Whether a function is compiled here."""
-    return name in _FUNCTIONS
+def available(name: str, slopes: bool = False) -> bool:
+    """Whether a function, or its slopes, are compiled here."""
+    return (f"{name}_slopes" if slopes else name) in _FUNCTIONS
 
 
 def readings(name: str, q: np.ndarray, constants: bytes) -> np.ndarray:
     """Readings (…, 6) [N, N·m] at joint values (…, J); constants in the order of `_statics.c`."""
     out = np.empty((*q.shape[:-1], 6))
     _FUNCTIONS[name](np.ascontiguousarray(q), q.shape[-1], constants, out)
+    return out
+
+
+def slopes(name: str, q: np.ndarray, constants: bytes, changes: np.ndarray) -> np.ndarray:
+    """Changes (K, N, 6) of `readings` at (N, J) as the constants change by (K, C)."""
+    out = np.empty((len(changes), len(q), 6))
+    given = np.ascontiguousarray(q), q.shape[-1], constants, out, changes.tobytes()
+    _FUNCTIONS[f"{name}_slopes"](*given)
     return out

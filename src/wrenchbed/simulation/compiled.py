@@ -1,0 +1,87 @@
+"""The closed form at rest through what is compiled, where it is: readings and their Jacobian.
+
+Each method returns None where plain numpy has to do it: `closed_form` then does.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from wrenchbed.physics.time_derivatives import Value
+from wrenchbed.robots.base import STEP, Robot
+from wrenchbed.robots.compiled import statics
+
+_KEPT = 32
+"""Parameter vectors whose constants are kept; estimate: a fit compares a few."""
+_IDEAL = np.append(np.zeros(6), np.eye(3))
+"""Bias and gains of a sensor that shows the load."""
+
+
+@dataclass(frozen=True, eq=False)
+class CompiledForm:
+    """A robot and its sensor under gravity (3,) [m/s²], by constants that C functions take."""
+
+    robot: Robot
+    gravity: tuple[float, ...]
+    _kept: dict[tuple[bytes, ...], bytes] = field(init=False, repr=False, default_factory=dict)
+
+    def readings(
+        self, q: Value, theta: np.ndarray, at: np.ndarray, sensed: bool
+    ) -> np.ndarray | None:
+        """`Model.predict`, or `Model.true_wrench` if not sensed, the pose by parameters ``at``."""
+        name = self.robot.compiled
+        if not statics.available(name) or not self._takes(q, theta, at):
+            return None
+        if theta.ndim == 1:
+            return statics.readings(name, q, self._of_one(theta, at, sensed))
+        every = self.constants(theta[:, 0], at[:, 0], sensed)
+        return np.stack([statics.readings(name, q, each.tobytes()) for each in every])
+
+    def jacobian(self, q: Value, theta: np.ndarray, columns: Sequence[int]) -> np.ndarray | None:
+        """`Model.jacobian`: slopes by the constants; complex steps of the constants alone."""
+        name = self.robot.compiled
+        if not statics.available(name, slopes=True) or not self._takes(q, theta, theta):
+            return None
+        shifted = np.repeat(theta.astype(complex).reshape(-1, 1, theta.shape[-1]), len(columns), 1)
+        shifted[:, np.arange(len(columns)), list(columns)] += 1j * STEP
+        changes = self.constants(shifted, shifted, sensed=True).imag / STEP
+        if theta.ndim == 1:
+            found = statics.slopes(name, q, self._of_one(theta, theta, True), changes[0])
+        else:
+            every = self.constants(theta[:, 0], theta[:, 0], sensed=True)
+            each = zip(every, changes, strict=True)
+            found = np.stack([statics.slopes(name, q, p.tobytes(), d) for p, d in each])
+        return np.moveaxis(found, -3, -1)
+
+    def _of_one(self, theta: np.ndarray, at: np.ndarray, sensed: bool) -> bytes:
+        """Constants of one vector, kept: of one pose they take longer than the wrench."""
+        key = (theta.tobytes(), at.tobytes() if at is not theta else b"", b"1" * sensed)
+        constants = self._kept.get(key)
+        if constants is None:
+            if len(self._kept) >= _KEPT:
+                self._kept.clear()
+            constants = self._kept[key] = self.constants(theta, at, sensed).tobytes()
+        return constants
+
+    def constants(self, theta: np.ndarray, at: np.ndarray, sensed: bool) -> np.ndarray:
+        """In the order of `_statics.c` (…, C), of parameters (…, P)."""
+        own = len(self.robot.parameters)
+        packed = self.robot.packed(at[..., :own], np.asarray(self.gravity))
+        tool = self.robot.tool(theta[..., :own])
+        sensor = theta[..., own:] if sensed else _IDEAL
+        parts = (
+            packed.gravity, tool.mass[..., None], tool.cog, tool.sensor_mass[..., None],
+            packed.last.reshape(*packed.last.shape[:-2], 9), sensor[..., 6:], sensor[..., :6],
+            packed.own,
+        )  # fmt: skip
+        rows = theta.shape[:-1]
+        return np.concatenate([np.broadcast_to(x, (*rows, x.shape[-1])) for x in parts], axis=-1)
+
+    def _takes(self, q: Value, theta: np.ndarray, at: np.ndarray) -> bool:
+        """Whether joint values are real (N, J), parameters real (P,) or, of many, (R, 1, P)."""
+        if not isinstance(q, np.ndarray) or q.ndim != 2 or q.shape[1] != len(self.robot.joints):
+            return False
+        many = self.robot.broadcasts and theta.ndim == 3 and theta.shape[1] == 1
+        real = q.dtype.char == theta.dtype.char == at.dtype.char == "d"
+        return real and theta.shape == at.shape and (theta.ndim == 1 or many)
