@@ -1,0 +1,71 @@
+"""No job is slower by more than a third than it was when recorded, and one that is is seen."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from wrenchbed.robots.compiled.statics import available
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture(scope="module")
+def bench():
+    sys.path.insert(0, str(ROOT / "scripts"))
+    try:
+        import bench_ratios
+    finally:
+        sys.path.remove(str(ROOT / "scripts"))
+    return bench_ratios
+
+
+@pytest.mark.skipif(not available("chain"), reason="nothing is compiled: scripts/build_kernel.py")
+def test_nothing_is_slower_by_a_third_than_recorded():
+    command = [sys.executable, str(ROOT / "scripts" / "bench"), "--check"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_a_job_that_takes_half_as_long_again_is_seen(bench):
+    def twice():
+        bench.reference()
+        bench.reference()
+
+    def thrice():
+        twice()
+        bench.reference()
+
+    before = bench.ratios({"same": twice, "slowed": twice}, rounds=5)
+    slower = bench.worsened({"same": twice, "slowed": thrice, "new": twice}, before)
+    assert slower.keys() == {"slowed"}
+    assert 1.34 < slower["slowed"] < 1.7
+
+
+def test_what_is_slow_once_is_asked_again(bench, monkeypatch):
+    answers = iter([{"a": 3.0, "b": 3.0, "c": 1.0}, {"a": 1.2, "b": 2.9}])
+    asked = []
+
+    def ratios(jobs):
+        asked.append(set(jobs))
+        return next(answers)
+
+    monkeypatch.setattr(bench, "ratios", ratios)
+    before = {"a": 1.0, "b": 1.0, "c": 1.0, "gone": 1.0}
+    assert bench.worsened(dict.fromkeys("abcd"), before) == {"b": 2.9}
+    assert asked == [{"a", "b", "c"}, {"a", "b"}]
+
+
+def test_the_last_three_runs_on_such_a_processor_count(bench):
+    here = [(1.0, "x"), (9.0, "x"), (2.0, "x"), (70.0, "y"), (3.0, "x")]
+    entries = [{"machine": {"cpu": cpu}, "ratios": {"a": ratio}} for ratio, cpu in here]
+    assert bench.recorded(entries, "x") == {"a": 3.0}
+    assert bench.recorded(entries, "y") == {"a": 70.0}
+    assert bench.recorded(entries, "z") == {}
+
+
+def test_the_page_is_that_of_the_history(bench):
+    entries = bench.history()
+    assert bench.PAGE.read_text(encoding="utf-8") == bench.page(entries)
+    assert bench.PICTURE.read_text(encoding="utf-8") == bench.picture(entries)
