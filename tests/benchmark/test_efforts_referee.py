@@ -235,6 +235,17 @@ def test_figures_of_answers_counted_by_hand():
     assert found["gap closed over the oracle's, median"].value == 1.0
 
 
+def test_causes_that_the_oracle_cannot_show_count_apart():
+    shown = answered("library", claim((("drive.coulomb", 2),)))
+    hidden = answered("library", claim(verdict="none"))
+    hidden = replace(hidden, truth=replace(hidden.truth, background=0.6, oracle=0.55))
+    shown = replace(shown, truth=replace(shown.truth, background=0.6, oracle=0.1))
+    found = {f.name: f for f in score.figures([shown, hidden])}
+    assert found["cause named, with its joint"].value == 0.5
+    own = found["… unless ordinary errors imitate it"]
+    assert (own.value, own.count) == (1.0, 1)
+
+
 def test_a_claim_is_read_from_the_contract():
     raw = {"verdict": "ambiguous", "gap": {"configured": 20.0, "with_effects": 2.0},
            "probabilities": {"unknown": 0.1},

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from statistics import median
 from typing import TypeVar
 
+from wrenchbed.benchmark.efforts.alike import SAME
 from wrenchbed.benchmark.efforts.case import EffortTruth
 from wrenchbed.benchmark.efforts.claims import EffortClaim
 from wrenchbed.benchmark.scoring.metrics import exact_interval
@@ -50,6 +51,11 @@ def right(truth: EffortTruth, cause: tuple[tuple[str, int | None], ...]) -> bool
     return (truth.family, truth.joint) in cause or cause[0] in truth.alike
 
 
+def imitated(truth: EffortTruth) -> bool:
+    """Whether ordinary errors imitate a cause: knowing it, the oracle closes hardly more."""
+    return truth.background - truth.oracle <= SAME
+
+
 def isolated(row: Answered) -> bool:
     """Whether any claimed class names the cause, with its joint."""
     return any(right(row.truth, c) for c in row.claim.causes)
@@ -79,6 +85,8 @@ def figures(rows: Sequence[Answered]) -> tuple[Figure, ...]:
     met = [c >= OF_ORACLE for c in closed]
     return (
         _share("cause named, with its joint", "≥ 93 %", library, isolated),
+        _share("… unless ordinary errors imitate it", "",
+               [r for r in library if not imitated(r.truth)], isolated),
         _share("`unknown` of families outside", "≥ 92 %", kind["outside"],
                lambda r: r.claim.verdict == "unknown"),
         _share("outside, named with p > 0.9", "≤ 5 %", kind["outside"],
