@@ -88,9 +88,9 @@ def told(found: EffortFindings) -> Group:
     from wrenchbed.reports.tables import candidates
 
     d = found.diagnosis
-    what = "joint efforts" if found.d.scene.wrench is None else "joint efforts and wrench"
     head = Text.assemble(
-        ("diagnosis ", "bold"), f"{d.recording}  {d.robot}, {what}, {d.seconds:.1f} s"
+        ("diagnosis ", "bold"),
+        f"{d.recording}  {d.robot}, {sentences.channels(found)}, {d.seconds:.1f} s",
     )
     verdict = Text.assemble(
         (d.verdict, f"bold {_COLOURS[d.verdict]}"), f": {sentences.headline(found)}"

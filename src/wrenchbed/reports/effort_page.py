@@ -18,6 +18,7 @@ from wrenchbed.reports.tables import candidates
 _BADGES = {"none": "✓", "identified": "●", "ambiguous": "◐", "partial": "◔", "unknown": "?"}
 _SHOWN_S = 15.0
 """Time of a motion that is shown [s]; estimate: several reversals."""
+_FITTED = "what is not stated fitted; what is stated stays within its ordinary spread"
 _BINS = 24
 """Of speed, in which friction is averaged."""
 
@@ -37,7 +38,11 @@ def effort_page(found: EffortFindings, command: str = "") -> ReportPage:
     rows = sentences.gaps(d)
     before = {c: v["before"] for c, v in d.gap.per_channel.items()}
     after = {c: v["after"] for c, v in d.gap.per_channel.items() if "after" in v}
-    charts = [figures.gaps(rows), figures.channels(before, after, "calibrated"), _efforts(found)]
+    charts = [
+        figures.gaps(rows, _FITTED),
+        figures.channels(before, after, "calibrated"),
+        _efforts(found),
+    ]
     charts += [_friction(found, j) for j in _joints(found)]
     drawn = [draw(c) for c in charts]
     causes = [
@@ -50,7 +55,8 @@ def effort_page(found: EffortFindings, command: str = "") -> ReportPage:
         for w in d.which
     ]
     context = {
-        "d": d, "verdict": d.verdict, "badge": _BADGES[d.verdict],
+        "d": d, "what": sentences.channels(found),
+        "verdict": d.verdict, "badge": _BADGES[d.verdict],
         "name": PurePath(d.recording).name, "headline": sentences.headline(found),
         "place": sentences.place(found), "no_cause": sentences.without_cause(found),
         "how_far": sentences.distance(found), "measure": sentences.MEASURE,

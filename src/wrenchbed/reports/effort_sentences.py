@@ -68,6 +68,11 @@ def without_cause(found: EffortFindings) -> str:
     return told
 
 
+def channels(found: EffortFindings) -> str:
+    """What was diagnosed."""
+    return "joint efforts" if found.d.scene.wrench is None else "joint efforts and wrench"
+
+
 def distance(found: EffortFindings) -> str:
     """How far the gap shrinks."""
     g = found.diagnosis.gap
@@ -111,5 +116,7 @@ def steps(found: EffortFindings) -> list[str]:
     if d.verdict == "none":
         return ["Nothing: the stated robot predicts these efforts as well as noise allows."]
     if d.verdict == "identified":
-        return ["drives.json contains the corrected values; look at the named joint."]
+        places = dict.fromkeys(str(w["detail"]) for w in d.where)
+        told = [p if p[-1].isdigit() else f"the {p}" for p in places]
+        return [f"drives.json contains the corrected values; look at {' and '.join(told)}."]
     return ["Record a longer motion of all joints, at several speeds in both directions."]

@@ -25,8 +25,17 @@ from wrenchbed.reports.simulators import Comparison, Heat
 _ROLES: Mapping[str, Role] = {"sim": "before", "effects": "after", "box": "box", "real": "measured"}
 
 
-def gaps(rows: Sequence[tuple[str, float, str]]) -> Chart:
-    """Horizontal bars: (label, gap, one of ``sim``, ``effects``, ``box``, ``real``), top down."""
+FITTED = "bias, tool mass and centre of gravity fitted, as every user does"
+"""What the calibrated simulator of wrenches has."""
+
+
+def gaps(rows: Sequence[tuple[str, float, str]], fitted: str = FITTED) -> Chart:
+    """Horizontal bars: (label, gap, one of ``sim``, ``effects``, ``box``, ``real``), top down.
+
+    Args:
+        rows: the bars.
+        fitted: what the calibrated simulator has.
+    """
     kinds = list(dict.fromkeys(kind for _, _, kind in rows))
     series = []
     for kind in kinds:
@@ -44,9 +53,8 @@ def gaps(rows: Sequence[tuple[str, float, str]]) -> Chart:
     x = _gap_axis([value for _, value, _ in rows], "gap", 3.5, 1.18)
     panel = Panel(x, Axis("", names=tuple(label for label, _, _ in rows)), tuple(series))
     caption = (
-        "“Calibrated” has bias, tool mass and centre of gravity fitted, as every user does. The "
-        "black box is a flexible regression on all variables: it names no cause, and shows how "
-        "much of the gap repeats."
+        f"“Calibrated” has {fitted}. The black box is a flexible regression on all variables: it "
+        "names no cause, and shows how much of the gap repeats."
     )
     return Chart("gaps", "Gap of each simulator", (panel,), caption=caption)
 

@@ -88,4 +88,6 @@ def test_the_verb_writes_a_page_of_both(tmp_path, capsys):
     asked = ["diagnose", str(tmp_path / "rec.parquet"), "--channels", "both"]
     assert main([*asked, "--out", str(tmp_path / "found")]) == 0
     assert "joint efforts and wrench" in capsys.readouterr().out
-    assert "tool.mass" in (tmp_path / "found" / "report.html").read_text()
+    page = (tmp_path / "found" / "report.html").read_text()
+    assert "joint efforts and wrench" in page and "look at the tool" in page
+    assert "tool mass and centre of gravity fitted" not in page
