@@ -58,11 +58,16 @@ def test_what_is_slow_once_is_asked_again(bench, monkeypatch):
 
 
 def test_the_last_three_runs_on_such_a_processor_count(bench):
-    here = [(1.0, "x"), (9.0, "x"), (2.0, "x"), (70.0, "y"), (3.0, "x")]
-    entries = [{"machine": {"cpu": cpu}, "ratios": {"a": ratio}} for ratio, cpu in here]
-    assert bench.recorded(entries, "x") == {"a": 3.0}
-    assert bench.recorded(entries, "y") == {"a": 70.0}
-    assert bench.recorded(entries, "z") == {}
+    def recorded(cpu, *runs):
+        entries = [{"machine": {"cpu": c}, "ratios": {"a": ratio}} for ratio, c in runs]
+        return bench.recorded(entries, cpu)
+
+    runs = [(2.5, "x"), (3.3, "x"), (2.8, "x"), (70.0, "y"), (3.0, "x")]
+    assert recorded("x", *runs) == {"a": 3.0}
+    assert recorded("y", *runs) == {"a": 70.0}
+    assert recorded("z", *runs) == {}
+    assert recorded("x", *runs, (1.0, "x")) == {"a": 1.0}  # after a gain, and after a loss
+    assert recorded("x", *runs, (9.0, "x")) == {"a": 9.0}
 
 
 def test_the_page_is_that_of_the_history(bench):
