@@ -227,6 +227,7 @@ def test_other_robots_and_numbers_go_through_numpy(monkeypatch):
     shifted[0] += 1e-30j
     assert np.iscomplexobj(model.predict(q, shifted))
     assert model.predict(q, np.stack([theta, theta])[:, None]).shape == (2, 5, 6)
+    assert np.array_equal(model.predict(q.astype(">f8"), theta), plain(model, q, theta))
     with pytest.raises(AssertionError, match="compiled"):
         model.predict(q, theta)
 

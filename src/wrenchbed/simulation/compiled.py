@@ -12,6 +12,7 @@ from wrenchbed.physics.time_derivatives import Value
 from wrenchbed.robots.base import STEP, Robot
 from wrenchbed.robots.compiled import statics
 
+_DOUBLE = np.dtype(float)
 _KEPT = 32
 """Parameter vectors whose constants are kept; estimate: a fit compares a few."""
 _IDEAL = np.append(np.zeros(6), np.eye(3))
@@ -83,5 +84,5 @@ class CompiledForm:
         if not isinstance(q, np.ndarray) or q.ndim != 2 or q.shape[1] != len(self.robot.joints):
             return False
         many = self.robot.broadcasts and theta.ndim == 3 and theta.shape[1] == 1
-        real = q.dtype.char == theta.dtype.char == at.dtype.char == "d"
-        return real and theta.shape == at.shape and (theta.ndim == 1 or many)
+        native = q.dtype == theta.dtype == at.dtype == _DOUBLE
+        return native and theta.shape == at.shape and (theta.ndim == 1 or many)
