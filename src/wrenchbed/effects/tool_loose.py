@@ -89,7 +89,9 @@ class ToolLoose(LoadEffect):
         candidates = []
         for grip in GRIPS:
             for lean in LEANS:
-                side = held_on(np.where(np.abs(along - lean) > grip, np.sign(along - lean), 0.0))
+                away = along - lean
+                to, fro = (away > grip).view(np.int8), (away < -grip).view(np.int8)
+                side = held_on(to - fro)
                 at = side[residual.rows]
                 at = at - at.mean(axis=0)
                 score = at.T @ moment  # (ways, 3)

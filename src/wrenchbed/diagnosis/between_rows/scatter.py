@@ -12,6 +12,7 @@ import numpy as np
 from wrenchbed.data.holds import gather, parts
 from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis.prepare.configuration import Configuration
+from wrenchbed.physics.wrench import CHANNELS
 
 WINDOW_S, ORDER = 0.6, 5
 """Savitzky–Golay window [s] and order of a motion's smooth course: it passes below about 3 Hz."""
@@ -188,17 +189,16 @@ def _at_rest(recording: Recording, stale: np.ndarray) -> _Gathered | None:
     use = np.repeat(holds.count >= LEAST_HOLD, holds.count)
     index, count = kept[use], holds.count[long]
     starts = np.concatenate([[0], np.cumsum(count)[:-1]])
-    y, t = recording.wrench[index], recording.t[index]
 
     def about(x: np.ndarray) -> np.ndarray:
-        mean = (np.add.reduceat(x, starts).T / count).T
-        return np.asarray(x - np.repeat(mean, count, axis=0))
+        return np.asarray(x - np.repeat(np.add.reduceat(x, starts) / count, count))
 
-    y, t = about(y), about(t)
-    slope = np.add.reduceat(t[:, None] * y, starts) / np.add.reduceat(t**2, starts)[:, None]
-    y = y - t[:, None] * np.repeat(slope, count, axis=0)
-    grown = np.sqrt(count / (count - 2.0))
-    return index, y * np.repeat(grown, count)[:, None], starts, np.zeros(0)
+    t, grown = about(recording.t[index]), np.repeat(np.sqrt(count / (count - 2.0)), count)
+    square, y = np.add.reduceat(t**2, starts), np.empty((len(index), 6))
+    for k, name in enumerate(CHANNELS):  # one at a time: rows may be a million
+        x = about(recording.columns[name][index])
+        y[:, k] = (x - t * np.repeat(np.add.reduceat(t * x, starts) / square, count)) * grown
+    return index, y, starts, np.zeros(0)
 
 
 def _in_motion(recording: Recording, stale: np.ndarray) -> _Gathered | None:
@@ -223,7 +223,7 @@ def _in_motion(recording: Recording, stale: np.ndarray) -> _Gathered | None:
 def _drawn_in(rows: np.ndarray) -> np.ndarray:
     """Rows (N, 6) with far ones drawn in, each as a whole."""
     spread = np.maximum(rows.std(axis=0), 1e-12)
-    distance = np.linalg.norm(rows / spread, axis=1)
+    distance = np.sqrt(np.square(rows) @ spread**-2.0)
     limit = TAIL * max(float(np.median(distance)), 1e-12)
     return np.asarray(rows * np.minimum(1.0, limit / np.maximum(distance, 1e-12))[:, None])
 

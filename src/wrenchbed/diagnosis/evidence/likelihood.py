@@ -7,7 +7,7 @@ and the statement's tolerances explain counts (M-open view: Bernardo & Smith 199
 A ladder of background levels covers how much many small imperfections may add to a gap together.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -153,7 +153,6 @@ class BackgroundLevel:
     def _inverse(self) -> np.ndarray:
         return self.solve(np.eye(len(self.v0)))
 
-    @cached_property
     def _half(self) -> np.ndarray:
         """H with HᵀH = Eᵀ K₀⁻¹ E of few rows, or what the background takes from it of many."""
         factor, lower = self._factor
@@ -164,10 +163,18 @@ class BackgroundLevel:
 
     def information(self, columns: np.ndarray) -> np.ndarray:
         """Blocks of P = Eᵀ K₀⁻¹ E (b, k, k) of sets of columns (b, k)."""
-        taken = squares(self._half, columns)
+        return self.informations([columns])[0]
+
+    def informations(self, sets: Iterable[np.ndarray]) -> list[np.ndarray]:
+        """`information` of several such sets, without keeping what they share."""
+        half = self._half()
+        taken = [(columns, squares(half, columns)) for columns in sets]
         if not self.tall:
-            return taken
-        return np.asarray(self._gram[columns[:, :, None], columns[:, None, :]] - taken)
+            return [blocks for _, blocks in taken]
+        return [
+            np.asarray(self._gram[columns[:, :, None], columns[:, None, :]] - blocks)
+            for columns, blocks in taken
+        ]
 
     def score(self, y: np.ndarray) -> np.ndarray:
         """w = Eᵀ K₀⁻¹ y (n, C) of cases y (6 R, C)."""

@@ -53,10 +53,14 @@ class Searcher:
     ) -> None:
         self.d = dictionary
         self.odds = odds
-        self.rungs: tuple[Background, ...] = ladder(dictionary)
         self.hypotheses: tuple[Hypothesis, ...] = dictionary.hypotheses
         self.kernels = tuple(dictionary.kernels)
         self._known: dict[int, list[np.ndarray]] = {}
+
+    @cached_property
+    def rungs(self) -> tuple[Background, ...]:
+        """Levels of background, least gap first; without a fold only a refit asks for them."""
+        return ladder(self.d)
 
     @cached_property
     def batches(self) -> tuple[_Batch, ...]:
@@ -141,7 +145,7 @@ class Searcher:
         """Information of each batch's columns (b, k, k) on a rung."""
         if rung not in self._known:
             level = self.rungs[rung].level
-            self._known[rung] = [level.information(batch.columns) for batch in self.batches]
+            self._known[rung] = level.informations(batch.columns for batch in self.batches)
         return self._known[rung]
 
     def rung_prior(self, y: np.ndarray) -> np.ndarray:

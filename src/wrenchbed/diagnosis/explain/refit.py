@@ -329,7 +329,7 @@ class Refitter:
                 unit[i] = 1.0
                 columns.append(self.response(parts[last:], unit[first:]))
             design = np.stack(columns, axis=1)
-            normal = design.T @ level.solve(design) + _RIDGE * np.eye(design.shape[1])
+            normal = level.products(design) + _RIDGE * np.eye(design.shape[1])
             score = design.T @ solved_others
             best = np.linalg.solve(normal, score)
             result = at.copy()
