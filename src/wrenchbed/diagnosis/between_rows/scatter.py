@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wrenchbed.data.holds import gather, parts
-from wrenchbed.data.recording import Recording
+from wrenchbed.data.recording import QUATERNION, Recording
 from wrenchbed.diagnosis.prepare.configuration import Configuration
 from wrenchbed.physics.wrench import CHANNELS
 
@@ -233,7 +233,8 @@ def _carried(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Orientations at some rows (G, 3, 3), and what an accelerated tool puts on the sensor."""
     robot, mass = configuration.model.robot, configuration.mass
-    rotation = np.asarray(robot.sensor_pose(recording.q[rows], configuration.robot_theta)[0])
+    q = np.stack([recording.columns[c][rows] for c in recording.joints or QUATERNION], axis=-1)
+    rotation = np.asarray(robot.sensor_pose(q, configuration.robot_theta)[0])
     if recording.metadata.tool.mass is None or mass <= 0.0:
         mass = max(mass, 1.0)
     force = np.eye(3) * (mass + float(configuration.tool.sensor_mass))
