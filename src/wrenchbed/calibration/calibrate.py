@@ -11,7 +11,6 @@ from typing import Literal
 
 import numpy as np
 from scipy import special
-from scipy.spatial.transform import Rotation
 
 from wrenchbed import registry
 from wrenchbed.calibration import misfit
@@ -135,6 +134,8 @@ def _rotated_mount(
 
     Orthogonal Procrustes problem: Schönemann 1966, doi 10.1007/BF02289451.
     """
+    from scipy.spatial.transform import Rotation  # slow to load: only when it is used
+
     force = data.wrench[:, :3]
     link = np.linalg.lstsq(g - g.mean(axis=0), force - force.mean(axis=0), rcond=1e-6)[0]
     if not np.linalg.det(link) > 0:
