@@ -218,8 +218,8 @@ of a fixed reference (numpy on vectors, small matrices, Python's loops) in the s
 of interleaved repeats, in one thread. So a slower machine or a busy one changes it little. A test
 (`tests/project/test_speed.py`, or `scripts/bench --check`) fails where a ratio is worse by more
 than a third than the median of the last three recorded on such a processor (of those within a third
-of the very last). It asks twice: of 30 checks beside five to ten other busy processes none failed,
-and the worst ratio that was asked once was 1.22 times the recorded one.
+of the very last). It asks twice. Of 30 checks beside eight to twelve other busy processes on two
+cores none failed, and none had to ask twice: the worst ratio was 1.19 times the recorded one.
 
 ![Each job's ratio from run to run](bench-history.svg)
 
