@@ -192,6 +192,16 @@ def test_what_is_withdrawn_leaves_a_little_of_each_name():
 
 
 CLASSES = ("base.tilt", "sensor.gain|tool.mass", "cable.pull", "joint.offset|joint.backlash")
+
+
+def test_a_doubtful_cause_does_not_lead_in_the_place_of_a_witnessed_one():
+    """What another sensor measured closes nothing here; the other's interval holds zero."""
+    members = {TILT: Interval(0.0, 0.0, 0.0), "cable.pull": Interval(1.0, 0.0, 1.0)}
+    told = upheld(claimed(TILT, "cable.pull"), gap(members, 1.0), [TILT])
+    assert names(told)[0] == TILT
+    assert all(c.probability <= DOUBTFUL for c in told.causes[1:])
+
+
 SHARE = st.floats(0.001, 1.0)
 CLOSES = st.builds(
     lambda value, below, above: Interval(value, value - below, value + above),

@@ -104,7 +104,7 @@ def _claims(verdict: Verdict, gap: Closure, witnessed: Collection[str]) -> Verdi
     most = together and gap.closed is not None and gap.closed.value >= MOST
     if most:  # of a gap that is explained, held-out rows say more than a witness
         shown = tuple(c for c in held.causes if _above_zero(gap.members.get(c.part.name)))
-        held = only(verdict, shown) if shown else held
+        held = only(verdict, shown) if shown and shown[0] in certain else held
     lost = len(held.causes) < len(verdict.causes)
     return held if most or lost else replace(held, verdict=PARTIAL)
 
