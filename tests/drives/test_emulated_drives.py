@@ -1,10 +1,12 @@
 """Efforts of the emulated robots: weight, motion, faults; a changed friction is found."""
 
+import loop_torques as loops
 import numpy as np
 import pytest
 from arm_torques import recording
 
 from wrenchbed import multisine, registry
+from wrenchbed.diagnosis.efforts.diagnose_efforts import diagnose_efforts
 from wrenchbed.drives.identify import calibrate_efforts
 from wrenchbed.emulators.base.body import Body, BodyOptions
 from wrenchbed.physics.time_derivatives import Jet
@@ -20,6 +22,40 @@ def changed(recording):
     """Change of each joint's friction over what the robot is known to have."""
     fit = calibrate_efforts(recording, constants=(12.6, 12.6, 12.6, 9.3, 9.3, 9.3))
     return np.array([fit[f"drive.coulomb.{j + 1}"].value for j in range(6)]) - COULOMB, fit
+
+
+def looped(effects, seed, kind):
+    """MedRUE's, at 125 Hz of its drives' 250 Hz, likewise."""
+    body = Body(BodyOptions("medrue", seed=seed, effects=effects), 0.004, drives=True)
+    plan, rows = multisine(MEDRUE, SECONDS, 250.0, seed).q, []
+    for k in range(400):
+        body.step(MEDRUE.home + min(1.0, k / 300) * (plan[0] - MEDRUE.home))
+    for q in plan:
+        body.step(q)
+        rows.append((body.time, body.q, getattr(body.drives.now, kind)))
+    t, q, effort = (np.array(part)[::2] for part in zip(*rows, strict=True))
+    prefix = {"torque": "tau", "current": "i"}[kind]
+    return loops.recording(t - t[0], Jet(q, q, q), effort, prefix, tool=PROBE)
+
+
+PROBE = {"mass": 0.365, "cog": [-0.015872, -0.038343, 0.1107]}
+"""MedRUE's own tool."""
+
+
+@pytest.mark.parametrize(("kind", "joint", "seed"), [("torque", 1, 0), ("current", 4, 3)])
+def test_half_more_friction_of_medrue_is_diagnosed_beside_a_healthy_fit(
+    tmp_path, kind, joint, seed
+):
+    healthy = calibrate_efforts(looped((), 100, kind))
+    healthy.write(tmp_path / "healthy.json")
+    size = 0.5 * healthy[f"drive.coulomb.{joint}"].value
+    fault = (f"drive.coulomb:joint={joint},size={size}",)
+    later = looped(fault, seed, kind)
+    d = diagnose_efforts(later, drives=tmp_path / "healthy.json", loops=True).diagnosis
+    assert d.verdict == "identified" and [w["effect"] for w in d.which] == ["drive.coulomb"]
+    told = d.which[0]["parameters"]
+    assert told["joint"]["value"] == joint
+    assert told["coulomb"]["value"] == pytest.approx(size, rel=0.06)
 
 
 def cycle_by_cycle(effects, seed):

@@ -96,6 +96,42 @@ def test_targets_stay_within_the_software_limits():
     assert axis.command == -1000.0 and axis.statusword & 1 << 11
 
 
+@pytest.mark.parametrize("late", [0.0, 0.3, 0.85])
+def test_uneven_syncs_make_an_even_path(late):
+    axis, rng = served.Axis(ratings(), 0.0), np.random.default_rng(0)
+    climb(axis, Want.ENABLE)
+    way = []
+    for k in range(300):
+        axis.sync(k * T + late * T * (rng.random() if k else 0.0), 2.0 * (k + 1), T)
+        way.append(axis.advance((k + 0.9) * T, T, axis.command))
+    steps = np.diff(way)[5:]
+    assert np.abs(steps - 2.0).max() < 0.02 * 2.0
+
+
+def test_a_path_ends_at_its_last_target_and_goes_on_after_a_gap():
+    axis = served.Axis(ratings(), 0.0)
+    climb(axis, Want.ENABLE)
+    axis.sync(0.0, 20.0, T)
+    assert [axis.advance(k * T / 2, T / 2, axis.command) for k in (1, 2, 3)] == [10.0, 20.0, 20.0]
+    axis.sync(10 * T, 40.0, T)
+    assert axis.advance(10.5 * T, T, axis.command) == pytest.approx(30.0)
+    axis.sync(11 * T, 60.0, T)  # of a running stream: two more are awaited on its line
+    way = [axis.advance((11 + k) * T, T, axis.command) for k in (1.0, 1.5, 3.0, 5.0)]
+    assert way == pytest.approx([60.0, 70.0, 100.0, 100.0])
+
+
+@pytest.mark.parametrize("missed", [1, 2])
+def test_a_missed_sync_is_no_jolt_where_the_next_target_is_where_it_would_be(missed):
+    axis = served.Axis(ratings(), 0.0)
+    climb(axis, Want.ENABLE)
+    way = []
+    for k in range(60):
+        if not 40 <= k < 40 + missed:
+            axis.sync(k * T, 2.0 * (k + 1), T)
+        way.append(axis.advance((k + 0.5) * T, T, axis.command))
+    assert np.diff(way)[1:] == pytest.approx(2.0)
+
+
 def test_a_quick_stop_runs_down_its_ramp():
     axis = served.Axis(ratings(), 0.0)
     climb(axis, Want.ENABLE)

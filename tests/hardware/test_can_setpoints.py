@@ -113,3 +113,101 @@ def test_a_drive_whose_position_stays_while_its_target_moves_is_stuck():
             break
     assert found[0] == 2 and k == 11
     assert follow.check(counts + 1, target, target) is None
+
+
+LEAD, APART = 0.1, 0.008
+
+
+def sine(t):
+    return 0.1 * np.sin(3.0 * np.maximum(t, 0.0)) ** 2
+
+
+def streamed(arrivals, cycles, motion=sine, lost=None):
+    """Setpoints, the way of a joint whose targets for every 8 ms arrive at some times [s], and the
+    times of the targets that it should be at."""
+    setpoints, way, times, sent, now = points(), [], [], 0, 0.0
+    for n in range(cycles):
+        cycles_lost = (lost or {}).get(n, 0)
+        if cycles_lost:
+            setpoints.lose(cycles_lost * T)
+            now += cycles_lost * T
+        while sent < len(arrivals) and arrivals[sent] <= now + 1e-12:
+            setpoints.follow(np.full(6, motion(APART * sent)), APART * sent + LEAD, now)
+            sent += 1
+        now += T
+        way.append(setpoints.step()[0])
+        times.append(now - LEAD)
+    return setpoints, np.array(way), np.array(times)
+
+
+@pytest.mark.parametrize("late", [0.0, 0.004, 0.04])
+def test_targets_that_come_early_make_a_smooth_path_whenever_they_arrive(late):
+    arrivals = APART * np.arange(250) + late * np.random.default_rng(1).random(250)
+    arrivals[0] = 0.0
+    setpoints, way, t = streamed(np.maximum.accumulate(arrivals), 480)
+    assert np.abs(way - sine(t)).max() < 2e-5 and setpoints.clipped == 0
+    jerk = np.diff(way, 3)[30:] / T**3
+    assert np.abs(jerk).max() < 60.0  # of the motion: 10.8; of a jump in speed 0.2/(8 ms)²
+
+
+def test_targets_that_fail_to_come_end_at_rest_at_the_last_one_without_a_jolt():
+    arrivals = APART * np.arange(200.0)
+    arrivals[100:] += 0.5  # the sender is stuck for half a second, and sends the next as planned
+    setpoints, way, _ = streamed(arrivals, 400)
+    stuck = way[int(0.95 / T) : int(1.28 / T)]
+    assert np.ptp(stuck) == 0.0 and stuck[0] == pytest.approx(sine(99 * APART))
+    assert way.max() <= 0.1 + 1e-6  # never beside its path
+    growth = np.diff(way, 2)[4 : int(1.28 / T)] / T**2
+    assert np.abs(growth).max() < 0.3 / 0.06 * 1.3  # top speed over the time of the brake
+    arrivals[101:] += 10.0
+    setpoints, way, _ = streamed(arrivals, 600)
+    assert not setpoints.moving and way[-1] == pytest.approx(sine(100 * APART))
+
+
+def test_few_lost_cycles_are_made_up_for_at_once_and_many_slowly():
+    _, way, t = streamed(APART * np.arange(500.0), 950, lambda t: 0.1 * t, lost={300: 2, 400: 4})
+    late = t - way / 0.1
+    assert np.abs(late[60:400]).max() < 1e-3 and np.diff(way)[299] == pytest.approx(0.3 * T)
+    assert late[400] == pytest.approx(4 * T, abs=1e-3) and abs(late[940]) < 1e-3
+    assert np.diff(way)[301:].max() < 0.1 * T * 1.051
+
+
+def test_a_stop_after_lost_cycles_brakes_from_the_speed_of_the_motion():
+    setpoints = points()
+    for k in range(60):
+        setpoints.follow(np.full(6, 0.002 * k), APART * k + LEAD, 0.0)
+    for _ in range(80):
+        setpoints.step()
+    setpoints.lose(2 * T)
+    at = setpoints.step()[0]
+    setpoints.brake()
+    way = [setpoints.step()[0] for _ in range(60)]
+    assert way[-1] - at == pytest.approx(0.25 * BRAKE_S / 2.0, rel=0.05)
+
+
+def test_a_late_target_does_not_jump_and_a_far_one_is_no_faster_than_top_speed():
+    setpoints = points()
+    setpoints.follow(np.full(6, 0.001), LEAD, 0.0)
+    for k in range(10):
+        setpoints.follow(np.full(6, 0.001 * (k + 2)), 0.101 + 1e-4 * k, 0.2)  # all overdue
+    way = np.array([setpoints.step()[0] for _ in range(80)])
+    assert way[-1] == pytest.approx(0.011) and np.diff(way).max() <= 1.1 * T + 1e-12
+    setpoints.follow(np.full(6, 0.9), 1.0 + LEAD, 1.0)
+    way = np.array([setpoints.step()[0] for _ in range(400)])
+    assert np.diff(way).max() <= 1.1 * T + 1e-12 and way[-1] == pytest.approx(0.9)
+
+
+def test_a_stop_drops_the_targets_that_wait():
+    setpoints = points()
+    for k in range(60):
+        setpoints.follow(np.full(6, 0.002 * k), APART * k + LEAD, 0.0)
+    for _ in range(80):
+        setpoints.step()
+    at = setpoints.command[0]
+    setpoints.brake()
+    way = np.array([setpoints.step()[0] for _ in range(60)])
+    assert (np.diff(way) > -1e-12).all() and not setpoints.moving and not setpoints.follows
+    assert way[-1] - at == pytest.approx(0.25 * BRAKE_S / 2.0, rel=0.05)
+    setpoints.follow(np.full(6, 0.5), 1.0 + LEAD, 1.0)
+    setpoints.hold(np.zeros(6))
+    assert setpoints.step()[0] == 0.0

@@ -9,6 +9,7 @@ import enum
 import math
 from dataclasses import dataclass
 
+from wrenchbed.emulators.medrue.interpolation import Interpolation
 from wrenchbed.emulators.medrue.motion import Homing, MotionSettings, SetPoint, SetPoints, Timer
 
 
@@ -129,7 +130,7 @@ class Axis:
         self._homing = Homing()
         self._word = 0
         self._stopping: AxisState | None = None
-        self._segment: tuple[float, float, float, float] | None = None
+        self._path = Interpolation()
         self._limited = self._acknowledged = False
         self._reached = self._still = True
         self._near, self._slow, self._far = Timer(), Timer(), Timer()
@@ -236,10 +237,10 @@ class Axis:
         if abs(target - self.actual) > self.set.window:
             self.fault(FOLLOWING_ERROR)
             return
-        self._segment = (t, self.command, target, period)
+        self._path.take(t, self.command, target, period)
 
     def advance(self, t: float, seconds: float, plant: float) -> float:
-        """Where the servo shall be after some time [s]; ``plant`` is where it is [count]."""
+        """Where the servo shall be at t, some time later [s]; ``plant`` is where it is [count]."""
         self.actual = plant - self.shift
         if self.driven and self._stopping is None:
             self._follow(t, seconds)
@@ -291,7 +292,8 @@ class Axis:
         self.state = state
 
     def _forget(self) -> None:
-        self._segment = self._stopping = None
+        self._stopping = None
+        self._path.clear()
         self._points.clear()
         self._homing.stop()
         self._acknowledged, self._reached, self._limited = False, True, False
@@ -329,14 +331,12 @@ class Axis:
             self._brake(settings.down, seconds)
 
     def _interpolate(self, t: float, seconds: float) -> None:
-        if self._segment is None:
+        if not self._path.known:
             self._brake(self.set.quick, seconds)
             return
-        begun, start, end, period = self._segment
-        before = self._point.position
-        share = min(1.0, max(0.0, (t - begun) / period)) if period > 0.0 else 1.0
-        self._point.position = start + share * (end - start)
-        self._point.speed = (self._point.position - before) / seconds
+        wanted = self._path.at(t)
+        self._point.speed = (wanted - self._point.position) / seconds
+        self._point.position = wanted
 
     def _velocity(self, seconds: float) -> None:
         settings, point = self.set, self._point

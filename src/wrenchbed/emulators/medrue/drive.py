@@ -70,7 +70,8 @@ class DriveEmulator(Node):
         self.frozen_until = 0.0
         self._position = round(position)
         self._watchdog = watchdog
-        self._synced = self._speed = self._seen = self._torque = self._current = 0.0
+        self._synced = self._speed = self._growth = 0.0
+        self._seen = self._torque = self._current = 0.0
         self._last_word = 0
         self._codes: set[int] = set()
         self._periods: deque[float] = deque(maxlen=_PERIODS)
@@ -91,7 +92,7 @@ class DriveEmulator(Node):
         return rpdos, tpdos
 
     def on_reset_communication(self) -> None:
-        self._synced = self._speed = self._seen = 0.0
+        self._synced = self._speed = self._growth = self._seen = 0.0
         self._last_word = 0
         self._codes.clear()
         self._periods.clear()
@@ -129,7 +130,8 @@ class DriveEmulator(Node):
         self._report()
 
     def track(
-        self, t: float, seconds: float, actual: float, speed: float, effort: tuple[float, float]
+        self, t: float, seconds: float, actual: float, speed: float, effort: tuple[float, float],
+        due: float | None = None,
     ) -> float:  # fmt: skip
         """Where the servo shall be after some time [s]; called by the plant, with the lock.
 
@@ -139,11 +141,14 @@ class DriveEmulator(Node):
             actual: where the axis is [count].
             speed: of it [count/s].
             effort: torque that its motor gives [N·m, or N], and its current [A].
+            due: when this call was due [s]; the axis moves evenly though calls are late.
         """
         self.now = t
-        self._speed, self._seen, (self._torque, self._current) = speed, t, effort
+        due = t if due is None else due
+        self._growth = (speed - self._speed) / seconds
+        self._speed, self._seen, (self._torque, self._current) = speed, due, effort
         self._watch(t)
-        command = self.axis.advance(t, seconds, actual)
+        command = self.axis.advance(due, seconds, actual)
         self._report()
         self.refresh(t)
         return command
@@ -182,7 +187,8 @@ class DriveEmulator(Node):
         way, pace = -1 if turned & 0x80 else 1, -1 if turned & 0x40 else 1
         if t >= self.frozen_until:
             ahead = min(max(0.0, t - self._seen), _AHEAD_S) if self._seen else 0.0
-            self._position = round(axis.actual + self._speed * ahead)
+            moved = (self._speed + 0.5 * self._growth * ahead) * ahead
+            self._position = round(axis.actual + moved)
         objects[0x6064, 0] = way * self._position
         objects[0x6062, 0] = way * round(axis.command)
         objects[0x60F4, 0] = way * round(axis.command - axis.actual)

@@ -59,9 +59,7 @@ class RealTimePlant:
         self.body, self.counts = body, counts
         self.drives: Sequence[DriveEmulator] = ()
         self._lock = lock
-        self._thread = CycleThread(
-            "medrue plant", CYCLE_S, _LATE_S, lambda _: self._step(time.monotonic()), failed
-        )
+        self._thread = CycleThread("medrue plant", CYCLE_S, _LATE_S, self._step, failed)
         self._readings: tuple[float, np.ndarray] = (0.0, np.zeros((_READINGS, 6)))
 
     def wrench(self, t: float) -> np.ndarray:
@@ -79,20 +77,26 @@ class RealTimePlant:
         """Hold the clock; may be called twice."""
         self._thread.stop()
 
-    def _step(self, t: float) -> None:
+    def _step(self, due: float) -> None:
+        t = time.monotonic()
         with self._lock:
             q, qd = self.body.q * self.counts, self.body.qd * self.counts
             _, torque, current = self.body.efforts
             commands = [
                 drive.track(
-                    t, CYCLE_S, float(q[j]), float(qd[j]), (float(torque[j]), float(current[j]))
+                    t,
+                    CYCLE_S,
+                    float(q[j]),
+                    float(qd[j]),
+                    (float(torque[j]), float(current[j])),
+                    due,
                 )
                 for j, drive in enumerate(self.drives)
             ]
             self.body.step(np.array(commands) / self.counts)
         for drive in self.drives:
             drive.tick(t)
-        self._measure(t)
+        self._measure(due)
 
     def _measure(self, t: float) -> None:
         times = self.body.time + CYCLE_S * np.arange(_READINGS) / _READINGS

@@ -206,12 +206,12 @@ class Cycle:
     def _keep_time(self) -> None:
         due = time.monotonic()
         while self._running:
-            now = time.monotonic()
-            if now < due:
-                time.sleep(due - now)
-            elif now - due > self._period:
+            missed = int(max(0.0, time.monotonic() - due) / self._period)
+            if missed:
                 self.overruns += 1
-                due = now
+                self._setpoints.lose(missed * self._period)
+                due += missed * self._period
+            time.sleep(max(0.0, due - time.monotonic()))
             try:
                 self._evaluate()
                 self._send()

@@ -51,6 +51,7 @@ class CanDriver(LiveDriver):
     title = "MedRUE: CiA 402 drives and ATI NETCANOEM on one CAN bus"
     source = "can"
     options = CanOptions
+    lead = 0.1  # [s], estimate
 
     def __init__(self, options: CanOptions | None = None) -> None:
         self.setting = s = options or CanOptions()
@@ -237,7 +238,11 @@ class CanDriver(LiveDriver):
         self._setpoints.move(goal, seconds)
 
     def _stream(self, q: np.ndarray, at: float) -> Applied:
-        self._setpoints.stream(q, at)
+        now = time.monotonic()
+        if at > now or self._setpoints.follows:
+            self._setpoints.follow(q, at, now)
+        else:
+            self._setpoints.stream(q, at)
         return Applied(q)
 
     def _stop(self, kind: str) -> None:

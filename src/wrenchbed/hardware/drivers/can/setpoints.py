@@ -1,4 +1,4 @@
-"""Setpoints of each cycle: holds, minimum-jerk moves, streams, and braking.
+"""Setpoints of each cycle: holds, minimum-jerk moves, streams with and without times, and braking.
 
 A path is followed by the count of cycles, not by time: a late cycle does not make the next one
 jump. No joint goes further in a cycle than its top speed allows, or beyond its limits; a joint
@@ -10,6 +10,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from wrenchbed.hardware.drivers.can.timed_targets import TimedTargets
 from wrenchbed.robots.motion_limits import minimum_jerk
 
 BRAKE_S = 0.15
@@ -17,7 +18,7 @@ BRAKE_S = 0.15
 OUTSIDE = 1e-3
 """How far beyond a limit a resting joint still counts as inside [rad or m]; estimate."""
 _STREAM_S = 0.1
-"""Longest duration of the path to a streamed target [s]; estimate."""
+"""Longest duration of the path to a streamed target, that of a late one [s]; estimate."""
 _MARGIN = 1.1
 """Factor on top speed in a single cycle; estimate."""
 Path = Callable[[float], np.ndarray]
@@ -48,6 +49,7 @@ class Setpoints:
         self._braking = False
         self._length = self._elapsed = 0.0
         self._streamed = 0.0
+        self._timed: TimedTargets | None = None
 
     @property
     def command(self) -> np.ndarray:
@@ -69,7 +71,8 @@ class Setpoints:
     def hold(self, q: np.ndarray) -> None:
         """Stay where the robot is (J,)."""
         with self._lock:
-            self._command, self._speed, self._path = np.array(q), np.zeros(len(q)), None
+            self._command, self._speed = np.array(q), np.zeros(len(q))
+            self._path = self._timed = None
             self._braking = False
 
     def move(self, goal: np.ndarray, seconds: float) -> None:
@@ -87,6 +90,27 @@ class Setpoints:
             self._streamed = t
             self._start(lambda t: start + t / seconds * (q - start), seconds)
 
+    def follow(self, q: np.ndarray, at: float, t: float) -> None:
+        """Be at q (J,) at a time; t is now [s]. The first of a path may be late."""
+        with self._lock:
+            if self._timed is None or self._timed.rests:
+                at = at if at > t else t + _STREAM_S
+                timed = TimedTargets(self._command, self._speed, t)
+                self._start(lambda _: timed.step(self._period), np.inf)
+                self._timed = timed
+            self._timed.add(q, at)
+
+    def lose(self, seconds: float) -> None:
+        """Cycles were lost [s]: targets with a time are late by that."""
+        with self._lock:
+            if self._timed is not None:
+                self._timed.lose(seconds)
+
+    @property
+    def follows(self) -> bool:
+        """Whether targets with a time are under way."""
+        return self._timed is not None
+
     def brake(self) -> None:
         """Come to rest in `BRAKE_S`; a second call changes nothing."""
         with self._lock:
@@ -94,7 +118,7 @@ class Setpoints:
                 return
             start, speed = self._command, self._speed
             if not np.abs(speed).any():
-                self._path = None
+                self._path = self._timed = None
                 return
             self._start(lambda t: start + speed * (t - t * t / (2.0 * BRAKE_S)), BRAKE_S)
             self._braking = True
@@ -111,11 +135,14 @@ class Setpoints:
             within = np.clip(wanted, lower, upper)
             near = np.clip(within, self._command - self._step, self._command + self._step)
             self.clipped += bool(np.abs(near - wanted).max() > 1e-9)
-            if self._elapsed >= self._length and np.array_equal(near, within):
-                self._path = None
-            self._speed = (near - self._command) / self._period
+            passed = self._period if self._timed is None else self._timed.passed
+            self._speed = (near - self._command) / passed
+            ended = self._elapsed >= self._length if self._timed is None else self._timed.rests
+            if ended and np.array_equal(near, within):
+                self._path = self._timed = None
             self._command = near
             return near
 
     def _start(self, path: Path, seconds: float) -> None:
         self._path, self._length, self._elapsed, self._braking = path, seconds, 0.0, False
+        self._timed = None

@@ -1,0 +1,69 @@
+"""Between the targets of cyclic synchronous position mode, as a drive's own control loop goes.
+
+The arrival of SYNC is not a drive's clock: a phase-locked loop keeps an even one. Where a SYNC of a
+running stream is late or missing, the axis goes on along its line for a while.
+"""
+
+import math
+from collections import deque
+from typing import NamedTuple
+
+_GAIN = 0.01
+"""Share of its phase error that a SYNC corrects."""
+_MISSED = 2
+"""SYNCs in a row that may be missed: so many periods the axis goes on along its line."""
+_LATEST = 0.9
+"""Phase error from which a SYNC is not late, but the one after a missed one, in periods."""
+_LOCKED = 0.5
+"""How much too early a SYNC may come, in periods. One that is earlier by a period shows that the
+one before was late all the same."""
+_LINES = 4
+"""Lines that are kept: the control loop may run some cycles late."""
+
+
+class Line(NamedTuple):
+    """From one target [count] to the next in a period [s] from a time on [s]."""
+
+    begin: float
+    start: float
+    end: float
+    period: float
+    locked: bool
+
+
+class Interpolation:
+    """The path through the targets of one axis."""
+
+    def __init__(self) -> None:
+        self._lines: deque[Line] = deque(maxlen=_LINES)
+
+    def clear(self) -> None:
+        """Forget all targets."""
+        self._lines.clear()
+
+    def take(self, t: float, command: float, target: float, period: float) -> None:
+        """A target came with the SYNC of a time [s]; the axis shall be at ``command`` [count]."""
+        line = Line(t, command, target, period, locked=False)
+        if self._lines and period == self._lines[-1].period > 0.0:
+            last = self._lines[-1]
+            error = (t - last.begin) / period - 1.0
+            missed = max(0, math.ceil(error - _LATEST)) if error > -_LOCKED else -1
+            if missed <= _MISSED and error > -1.0 - _LOCKED:
+                begin = last.begin + (1 + missed) * period
+                start = last.start if missed < 0 else self.at(begin) if missed else last.end
+                line = Line(begin + _GAIN * (t - begin), start, target, period, locked=True)
+        self._lines.append(line)
+
+    @property
+    def known(self) -> bool:
+        """Whether there is a target."""
+        return bool(self._lines)
+
+    def at(self, t: float) -> float:
+        """Where the axis shall be at a time [s] [count]."""
+        begin, start, end, period, locked = next(
+            (line for line in reversed(self._lines) if line.begin <= t), self._lines[0]
+        )
+        most = 1.0 + _MISSED * locked
+        share = min(most, max(0.0, (t - begin) / period)) if period > 0.0 else 1.0
+        return start + share * (end - start)
