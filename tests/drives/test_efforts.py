@@ -10,6 +10,7 @@ from arm_torques import NOISE, UR5, coloured, fourier, lugre, recording, torques
 from wrenchbed.cli import main
 from wrenchbed.data.column_map import read as read_map
 from wrenchbed.data.recording import Recording
+from wrenchbed.diagnosis.efforts.configured import stated_drives
 from wrenchbed.drives.base_parameters import base_parameters
 from wrenchbed.drives.identify import calibrate_efforts
 from wrenchbed.drives.inverse_dynamics import torque_regressor
@@ -162,7 +163,7 @@ def test_groups_are_checked(clean):
         calibrate_efforts(recording(t, q, effort, "i"), ["tool"])
 
 
-def test_known_constants_make_currents_torques(clean):
+def test_known_constants_make_currents_torques(clean, tmp_path):
     t, q, _, effort = clean
     seen = noisy(effort, 12)
     known = calibrate_efforts(recording(t, q, seen / CONSTANT, "i"), constants=CONSTANT)
@@ -171,6 +172,9 @@ def test_known_constants_make_currents_torques(clean):
     for a, b in zip(known.identified, plain.identified, strict=True):
         assert a.name == b.name and a.value == pytest.approx(b.value, rel=1e-9, abs=1e-12)
     assert known["tool.mass"].std < found["tool.mass"].std
+    known.write(tmp_path / "fit.json")
+    told = stated_drives(recording(t, q, seen / CONSTANT, "i"), tmp_path / "fit.json")
+    assert told.of("drive.constant") == pytest.approx(CONSTANT)
     for constants, words in ((CONSTANT[:5], "give 6 numbers"), (-CONSTANT, "above 0")):
         with pytest.raises(ParameterError, match=words):
             calibrate_efforts(recording(t, q, seen, "i"), constants=constants)

@@ -52,6 +52,7 @@ class DriveFit:
         cutoff: of the filter [Hz].
         seconds, rows: how much data stood behind it.
         refuted: why the held-out rows refute these values, None if they do not.
+        constants: of the drives, where they were stated (J,) [N·m/A, of slides N/A].
     """
 
     recording: str
@@ -64,6 +65,7 @@ class DriveFit:
     seconds: float
     rows: int
     refuted: str | None = None
+    constants: tuple[float, ...] | None = None
 
     def __getitem__(self, name: str) -> IdentifiedValue:
         return next(p for p in self.identified if p.name == name)
@@ -93,6 +95,7 @@ class DriveFit:
             "recording": self.recording,
             "robot": self.robot,
             **refuted,
+            **({} if self.constants is None else {"constants": list(self.constants)}),
             "status": self.status,
             "unit": self.unit,
             "cutoff_hz": self.cutoff,

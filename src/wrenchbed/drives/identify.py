@@ -66,6 +66,8 @@ def calibrate_efforts(
     groups = _groups(free, signals)
     problem, starts = _problem(recording, signals, groups)
     fit = _fit(recording, signals, problem, solve(problem), starts)
+    if constants is not None:
+        fit = replace(fit, constants=tuple(map(float, constants)))
     if fit.refuted is not None and not force:
         raise CalibrationError(
             f"{recording.name}: {fit.refuted}; --force gives the values all the same"

@@ -83,6 +83,16 @@ def test_a_recording_without_a_wrench_says_what_to_do(tmp_path, capsys):
     assert "has no wrench" in capsys.readouterr().err
 
 
+def test_a_payload_on_an_arm_without_a_stated_tool_is_named():
+    recording = both(Gap("tool.mass", size=0.5), more=0.5)
+    bare = replace(recording.metadata.tool, mass=0.001, cog=COG)
+    recording = replace(recording, metadata=replace(recording.metadata, tool=bare))
+    found = diagnose_efforts(recording, wrench=True)
+    assert found.diagnosis.which[0]["effect"] == "tool.mass"
+    mass = found.diagnosis.which[0]["parameters"]["mass"]["value"]
+    assert mass == pytest.approx(MASS + 0.5, rel=0.05)
+
+
 def test_the_verb_writes_a_page_of_both(tmp_path, capsys):
     both(Gap("tool.mass", size=0.5), more=0.5).write(tmp_path / "rec.parquet")
     asked = ["diagnose", str(tmp_path / "rec.parquet"), "--channels", "both"]

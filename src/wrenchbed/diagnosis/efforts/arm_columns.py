@@ -93,7 +93,8 @@ def _tool(scene: EffortScene) -> tuple[list[Column], list[Block]]:
         ends = list[np.ndarray]()
         for half in (0.5, -0.5):
             place = [float(c) for c in cog + half * moved / max(mass, _LIGHT)]
-            theta = scene.model.robot.theta_of_tool(scene.theta, mass + half * more, place)
+            heavy = max(mass, more) + half * more  # no tool weighs less than nothing
+            theta = scene.model.robot.theta_of_tool(scene.theta, heavy, place)
             ends.append(scene.sensed(theta, gravity))
         return ends[0] - ends[1]
 

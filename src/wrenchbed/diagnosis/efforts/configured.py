@@ -86,6 +86,9 @@ def _from_fit(
         raise fields.error("channels", "must be 'effort': give a fit of joint efforts")
     if fields.raw.get("robot") != recording.metadata.robot:
         raise fields.error("robot", f"must be {recording.metadata.robot!r}, as in the recording")
+    if "constants" in fields.raw:
+        many = len(value["drive.constant"])
+        value["drive.constant"][:] = _numbers(fields.raw["constants"], many, f"{path}: constants")
     for name, entry in fields.part("parameters").raw.items():
         kind, _, number = str(name).rpartition(".")
         if kind not in value or not number.isdigit() or not 1 <= int(number) <= len(value[kind]):
