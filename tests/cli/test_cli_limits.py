@@ -54,10 +54,10 @@ def test_few_open_files_for_workers_are_told_at_once_and_never_hang(made, tmp_pa
     rec, out = made / "rec.parquet", tmp_path / "out"
     few = (resource.RLIMIT_NOFILE, files)
     campaign = ("campaign", "ur5", "--robots", 2, "--poses", 12, "--out", out / "fleet")
-    for words in (("diagnose", rec, "--fast", "--out", out), campaign):
+    for needs, words in ((68, ("diagnose", rec, "--fast", "--out", out)), (72, campaign)):
         code, said = limited(*few, *words)
         assert code == 1 and said.count("\n") == 1, said
-        assert f"may open {files} and needs 72" in said and "ulimit -n 72" in said
+        assert f"may open {files} and needs {needs}" in said and f"ulimit -n {needs}" in said
     assert not (out / "diagnosis.json").exists()
 
 
@@ -129,10 +129,10 @@ def test_kill_9_of_diagnose_leaves_no_process_and_ends_the_pipe(made, tmp_path):
     process = subprocess.Popen([*command, "--out", str(tmp_path / "found")], **quiet)
     until = time.monotonic() + HUNG_S
     children: list[psutil.Process] = []
-    while len(children) < 2 and time.monotonic() < until:
+    while not children and time.monotonic() < until:
         children = psutil.Process(process.pid).children(recursive=True)
         time.sleep(0.02)
-    assert len(children) == 2 and process.poll() is None
+    assert len(children) == 1 and process.poll() is None
     begun = time.monotonic()
     process.kill()
     assert not alive_after(children, 5.0)
