@@ -149,6 +149,11 @@ def test_a_cause_that_ordinary_errors_imitate_is_named_less_surely_unless_rows_r
     assert found.of_configured == (kept and closed is NEUTRAL)
 
 
+def test_a_cause_that_rows_refute_by_itself_is_not_named_beside_one_that_they_do_not():
+    g = replace(imitated(SOME), members={"0": CLEAR, "1": LESS})
+    assert upheld(two(), imitated(SOME)).imitated and upheld(two(), g).word == "none"
+
+
 def test_weak_evidence_of_what_ordinary_errors_imitate_is_none():
     weak = two()
     weak = replace(weak, causes=(replace(weak.causes[0], probability=0.6),))

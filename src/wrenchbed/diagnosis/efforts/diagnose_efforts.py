@@ -75,7 +75,7 @@ def diagnose_efforts(
         recording: of an arm, with ``tau1…`` or ``i1…``.
         drives: output of ``wrenchbed calibrate`` on a healthy recording of this robot, if any.
         seed: of the resampled blocks.
-        loops: answer for a robot with closed loops too; its answers do not hold over the wire yet.
+        loops: answer for a robot with closed loops too; over CAN too few faults are named yet.
         wrench: the recording's wrench testifies too.
         progress: called with the step that begins.
 
@@ -87,9 +87,9 @@ def diagnose_efforts(
     scene = effort_scene(recording, stated_drives(recording, drives), wrench=wrench)
     if scene.loops and not loops:
         raise DiagnosisError(
-            f"{recording.name}: robot {recording.metadata.robot!r} has closed loops: diagnoses of "
-            "its joint efforts named wrong drives in tests over CAN, so none is given; calibrate "
-            "--channels effort fits them"
+            f"{recording.name}: robot {recording.metadata.robot!r} has closed loops: of drive "
+            "faults recorded over CAN diagnoses of its joint efforts find too few yet, so none is "
+            "given; calibrate --channels effort fits them"
         )
     progress("effects and noise")
     d = dictionary(scene)

@@ -251,6 +251,8 @@ def _by_evidence(v: Verdict, gap: Closure, stated: Interval | None) -> Verdict |
     """
     if not v.causes or min(c.probability for c in v.causes) < _FIRM or gap.closed is None:
         return None
+    if any(member.high < 0.0 for member in gap.members.values()):
+        return None
     of_configured = gap.closed.low <= 0.0
     if of_configured and (gap.closed.high < 0.0 or stated is None or stated.low <= 0.0):
         return None
