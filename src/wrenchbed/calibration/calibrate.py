@@ -403,9 +403,11 @@ def _result(recording: Recording, problem: Problem, outcome: Outcome, theta: np.
 def _target_rms(
     problem: Problem, outcome: Outcome, theta: np.ndarray, agreement: Agreement | None
 ) -> float | None:
+    if not problem.prior or (agreement is not None and agreement.doubtful):
+        return None
     robot = problem.model.robot
     target = robot.target()
-    if target is None or not problem.prior or (agreement is not None and agreement.doubtful):
+    if target is None:
         return None
     goal = Goal(tip_jacobian(robot, target, theta, problem.free))
     return goal.rms(outcome.covariance)

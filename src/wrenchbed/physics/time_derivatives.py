@@ -125,7 +125,7 @@ def stack_jets(parts: Sequence[Value]) -> Value:
             stack_jets([j.d for j in jets]),
             stack_jets([j.dd for j in jets]),
         )
-    shapes = {np.shape(p) for p in parts}
+    shapes = {getattr(p, "shape", ()) for p in parts}  # np.shape would make arrays of numbers
     if shapes == {()}:
         return np.array(parts)
     result = np.empty((*np.broadcast_shapes(*shapes), len(parts)), np.result_type(*parts))

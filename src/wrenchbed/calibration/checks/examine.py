@@ -245,11 +245,10 @@ def _dead(seen: Observed, load: Load) -> Finding | None:
     loads tz.
     """
     found = seen.y.std(axis=0)
-    for k in range(6):
-        others = seen.moments.fit(without=(k,))
+    for k, others in enumerate(seen.moments.without_each()):
         if others.share > CLEAN or not _carried(others):
             continue
-        swing = (seen.design @ others.phi).std(axis=0)
+        swing = seen.moments.swing(others.phi)
         due, alike = float(swing[k]), swing[:3] if k < 3 else swing[3:]
         sure = max(CLEAR * float(seen.noise[k]), APART * np.sqrt(others.share) * alike.max())
         if due > sure and found[k] < DEAD * due and load.share > 0.0:
@@ -264,7 +263,7 @@ def _carried(load: Load) -> bool:
 
 def _one_channel(seen: Observed, load: Load) -> Finding | None:
     """A channel without which one load explains all."""
-    fits = [seen.moments.fit(without=(k,)) for k in range(6)]
+    fits = seen.moments.without_each()
     k = int(np.argmin([f.share for f in fits]))
     if fits[k].share > min(CLEAN, 0.2 * load.share) or not _carried(fits[k]):
         return None

@@ -6,6 +6,7 @@ what the readings leave as they are. What two mistakes explain equally well is n
 
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import cache
 from itertools import combinations
 from typing import NamedTuple
 
@@ -72,11 +73,10 @@ def channel_mistake(seen: Observed, before: Load) -> Finding | None:
     """
     if before.channel.max() < WRONG:
         return None
-    for words, reason, mend in _mends(float(before.phi[0])):
-        after = seen.moments.fit(mend)
+    for mend, after in zip(_all_mends(), seen.moments.mended(_matrices()), strict=True):
         better = after.channel.max() < CLEARLY * before.channel.max()
         if better and after.share < CLEAN and after.share < before.share:
-            return Finding(reason, words)
+            return mend.finding(float(before.phi[0]))
     return None
 
 
@@ -101,18 +101,43 @@ def _mistakes(seen: Observed) -> Iterator[Mistake]:
 
 def _of_channels(seen: Observed) -> Iterator[Mistake]:
     moments = seen.moments
-    for words, reason, mend in _mends(float(moments.fit(without=(3, 4, 5)).phi[0])):
-        yield Mistake(moments.fit(mend), Finding(reason, words))
+    mass = float(moments.fit(without=(3, 4, 5)).phi[0])
+    for mend, load in zip(_all_mends(), moments.mended(_matrices()), strict=True):
+        yield Mistake(load, mend.finding(mass))
 
 
-def _mends(mass: float) -> Iterator[tuple[str, str, np.ndarray]]:
+class _Mend(NamedTuple):
+    """A mistake in the channels, and the matrix (6, 6) on the readings that undoes it."""
+
+    words: str
+    reason: str
+    matrix: np.ndarray
+
+    def finding(self, mass: float) -> Finding:
+        """The mistake of readings whose forces are those of a mass [kg]."""
+        return Finding(self.reason, self.words.format(mass=mass))
+
+
+@cache
+def _all_mends() -> tuple[_Mend, ...]:
+    """All that may be wrong with channels, the simplest first."""
+    return tuple(_Mend(*each) for each in _mends())
+
+
+@cache
+def _matrices() -> np.ndarray:
+    """Of `_all_mends` (B, 6, 6)."""
+    return np.stack([m.matrix for m in _all_mends()])
+
+
+def _mends() -> Iterator[tuple[str, str, np.ndarray]]:
     eye = np.eye(6)
     yield (
-        f"the tool's mass comes out as {mass:.4g} kg: the wrench or the gravity has the opposite "
+        "the tool's mass comes out as {mass:.4g} kg: the wrench or the gravity has the opposite "
         "sign (wanted: the load on the sensor, +m·g along gravity at rest)", "wrong sign", -eye,
     )  # fmt: skip
     yield (
-        f"the tool's mass comes out as {mass:.4g} kg: the forces have the opposite sign of the "
+        "the tool's mass comes out as {mass:.4g} kg: the forces have the opposite sign of the "
         "torques: they are those of the load's reaction. Give both as the load on the sensor",
         "wrong sign",
         np.diag(np.repeat([-1.0, 1.0], 3)),

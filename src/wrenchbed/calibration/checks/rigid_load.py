@@ -138,29 +138,55 @@ class Moments:
 
         Forces count by their swing, torques by theirs or by a short lever.
         """
-        p = np.eye(6) if mend is None else mend
-        mixed = np.einsum("cd,cdj->cj", p, self.mixed)
-        squares = np.einsum("cd,de,ce->c", p, self.readings, p)
         use = np.array([c not in without for c in range(6)])
-        force, torque = (float(squares[s][use[s]].sum()) for s in (slice(0, 3), slice(3, 6)))
-        torque = max(torque, LEAST_LEVER**2 * force, 1e-300)
-        scale = np.repeat([max(force, 1e-300), torque], 3)
+        return self._fits((np.eye(6) if mend is None else mend)[None], use[None])[0]
+
+    def mended(self, mends: np.ndarray) -> list[Load]:
+        """`fit` by each of many mendings (B, 6, 6)."""
+        return self._fits(mends, np.ones(mends.shape[:2], dtype=bool))
+
+    def without_each(self) -> list[Load]:
+        """`fit` without each of the six channels in turn."""
+        return self._fits(np.broadcast_to(np.eye(6), (6, 6, 6)), ~np.eye(6, dtype=bool))
+
+    def swing(self, phi: np.ndarray) -> np.ndarray:
+        """Standard deviation (6,) [N, N·m] of the readings that a load phi (10,) makes."""
+        return np.asarray(np.sqrt(np.maximum(self._squares(phi[None])[0], 0.0) / self.count))
+
+    def _squares(self, phi: np.ndarray) -> np.ndarray:
+        """Sums (B, 6) of squares of what loads (B, 10) make, about the means."""
+        return np.asarray(((self.design @ phi.T) * phi.T).sum(axis=1).T)
+
+    def _fits(self, p: np.ndarray, use: np.ndarray) -> list[Load]:
+        """`fit` of mendings (B, 6, 6) by the channels to use (B, 6)."""
+        mixed = np.swapaxes(np.swapaxes(p, 0, 1) @ self.mixed, 0, 1)  # (B, 6, 10)
+        squares = ((p @ self.readings) * p).sum(axis=2)
+        force, torque = _parts(squares * use)
+        torque = np.maximum(torque, np.maximum(LEAST_LEVER**2 * force, 1e-300))
+        scale = np.repeat(np.stack([np.maximum(force, 1e-300), torque], axis=1), 3, axis=1)
         weight = use / scale
-        normal = np.einsum("c,cjk->jk", weight, self.design)
-        size = np.sqrt(np.maximum(normal.diagonal(), 1e-12 * normal.diagonal().max()))
-        scaled = normal / np.outer(size, size) + _RIDGE * np.eye(INERTIAL)
-        phi = np.linalg.solve(scaled, (weight @ mixed) / size) / size
-        rest = squares - 2.0 * mixed @ phi + np.einsum("j,cjk,k->c", phi, self.design, phi)
+        normal = (weight @ self.design.reshape(6, -1)).reshape(-1, INERTIAL, INERTIAL)
+        diagonal = np.diagonal(normal, axis1=1, axis2=2)
+        size = np.sqrt(np.maximum(diagonal, 1e-12 * diagonal.max(axis=1, keepdims=True)))
+        scaled = normal / (size[:, :, None] * size[:, None]) + _RIDGE * np.eye(INERTIAL)
+        right = (weight[:, None] @ mixed)[:, 0] / size
+        phi = np.linalg.solve(scaled, right[..., None])[..., 0] / size
+        rest = squares - 2.0 * (mixed @ phi[..., None])[..., 0] + self._squares(phi)
         rest = np.clip(rest, 0.0, None)
         noise = self.count * (np.square(p) @ self.noise)
-        part = (rest - noise) / scale * use
-        share = max(float(part[:3].sum()), float(part[3:].sum()), 0.0)
+        share = np.clip(np.maximum(*_parts((rest - noise) / scale * use)), 0.0, 1.0)
         chance = SURE_OF_SIGNAL * np.sqrt(2.0 / (3.0 * self.count))
-        silent = float((squares - noise)[:3].sum()) < chance * float(noise[:3].sum())
-        share = 1.0 if phi[0] <= 0.0 or silent else min(share, 1.0)  # a load has a mass
+        silent = _parts(squares - noise)[0] < chance * _parts(noise)[0]
+        share[(phi[:, 0] <= 0.0) | silent] = 1.0  # a load has a mass
         heard = use & (squares > LOUD**2 * noise) & (squares > 0.0)
         channel = np.where(heard, (rest - noise) / np.maximum(squares, 1e-300), 0.0)
-        return Load(phi, share, np.sqrt(rest / self.count), np.clip(channel, 0.0, None))
+        left, channel = np.sqrt(rest / self.count), np.clip(channel, 0.0, None)
+        return [Load(*each) for each in zip(phi, share.tolist(), left, channel, strict=True)]
+
+
+def _parts(channels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Sums (B,) over the forces and over the torques of channels (B, 6)."""
+    return channels[:, :3].sum(axis=1), channels[:, 3:].sum(axis=1)
 
 
 def left_of_swing(residual: np.ndarray, y: np.ndarray) -> float:
