@@ -114,12 +114,14 @@ def several(fleet: Fleet, numbers: Sequence[int]) -> list[Row]:
     seconds, begun = _each(begun, numbers), time.perf_counter()
     fits = calibrate_each([recording for recording, _ in done.values()])
     calibrated = _each(begun, done)
-    for (k, (recording, truth)), fitted in zip(done.items(), fits, strict=True):
+    errors = _errors_of(fleet, [truth for _, truth in done.values()], fits)
+    each = zip(done.items(), fits, errors, strict=True)
+    for (k, (recording, truth)), fitted, error in each:
         rows[k]["seconds.record"] = seconds
         with _told(rows[k]):
             fit = _checked(fitted)
             rows[k]["seconds.calibrate"] = calibrated
-            rows[k] |= _of_fit(fleet, truth, fit)
+            rows[k] |= _of_fit(fleet, truth, fit) | error
             if fleet.diagnose:
                 begun = time.perf_counter()
                 rows[k] |= _diagnosed(fleet, truth, recording)
@@ -245,30 +247,44 @@ def _of_fit(fleet: Fleet, truth: Truth, fit: Fit) -> Row:
     row["inside95"] = float(np.mean(inside)) if inside else float("nan")
     for part, k in (("force", 0), ("torque", 3)):
         row[f"residual.{part}"] = float(np.sqrt(np.mean(fit.residual_rms[k : k + 3] ** 2)))
-    fitted = model.parameters.vector(dict(fit.theta))
-    for when, theta in (("before", model.parameters.nominal), ("after", fitted)):
-        for what, error in _errors(fleet.robot, model, truth.theta, theta).items():
-            row[f"{what}.{when}"] = error
     return row
 
 
-def _errors(name: str, model: Model, true: np.ndarray, theta: np.ndarray) -> dict[str, float]:
-    """Rms over fresh poses of the reading [N, N·m], and of the tool's position [m], if it has one.
+def _errors_of(
+    fleet: Fleet, truths: Sequence[Truth], fits: Sequence[Fit | WrenchbedError]
+) -> list[Row]:
+    """Errors of each robot before its fit and after it; nothing of one without a fit."""
+    model, rows = Model.of(fleet.model_robot()), [Row() for _ in fits]
+    fitted = {k: fit for k, fit in enumerate(fits) if isinstance(fit, Fit)}
+    if not fitted:
+        return rows
+    true = np.stack([truths[k].theta for k in fitted])
+    after = np.stack([model.parameters.vector(dict(fit.theta)) for fit in fitted.values()])
+    for when, theta in (("before", model.parameters.nominal[None]), ("after", after)):
+        for what, errors in _errors(fleet.robot, model, true, theta).items():
+            for k, error in zip(fitted, errors.tolist(), strict=True):
+                rows[k][f"{what}.{when}"] = error
+    return rows
+
+
+def _errors(name: str, model: Model, true: np.ndarray, theta: np.ndarray) -> dict[str, np.ndarray]:
+    """Rms (R,) over fresh poses of the reading [N, N·m], and of the tool's position [m], if it has
+    one, of robots (R, P), or of one for all (1, P).
 
     Rigid robots are compared: an effect is neither in truth nor in what is judged.
     """
     q, target = judged(name)
-    off = model.predict(q, theta) - model.predict(q, true)
-    errors = {
-        what: float(np.sqrt(np.nanmean((off[:, k : k + 3] ** 2).sum(axis=1))))
-        for what, k in (("force", 0), ("torque", 3))
-    }
+    off = model.predict_each(q, theta) - model.predict_each(q, true)
+    errors = {what: _rms(off[..., k : k + 3]) for what, k in (("force", 0), ("torque", 3))}
     if target is not None:
-        n_robot = len(model.robot.parameters)
-        places = [model.robot.tool_pose(target, x[:n_robot])[1] for x in (true, theta)]
-        apart = ((places[1] - places[0]) ** 2).sum(axis=1)
-        errors["position"] = float(np.sqrt(np.nanmean(apart)))
+        places = [model.tool_positions(target, x) for x in (true, theta)]
+        errors["position"] = _rms(places[1] - places[0])
     return errors
+
+
+def _rms(vectors: np.ndarray) -> np.ndarray:
+    """Root mean square length (R,) of vectors (R, N, 3); those that are no numbers are left out."""
+    return np.asarray(np.sqrt(np.nanmean((vectors**2).sum(axis=2), axis=1)))
 
 
 @cache

@@ -222,7 +222,12 @@ class Robot(ArmBodies):
                     f"{where}: {self.name} has {len(self.joints)} joints "
                     f"(q1…q{len(self.joints)}), found {q.shape[-1]}"
                 )
-            bad |= {first + row: why for row, why in self.infeasible(q, theta).items()}
+            new = np.append(True, (np.diff(q, axis=0) != 0.0).any(axis=1))[: len(q)]
+            wrong = self.infeasible(q[new], theta)
+            if wrong:
+                which = np.cumsum(new) - 1
+                rows = np.flatnonzero(np.isin(which, list(wrong)))
+                bad |= {first + int(row): wrong[int(which[row])] for row in rows}
             first += len(q)
         if bad:
             row, why = next(iter(bad.items()))

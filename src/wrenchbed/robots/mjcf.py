@@ -8,7 +8,6 @@ import mujoco
 import numpy as np
 
 from wrenchbed.errors import ParameterError
-from wrenchbed.physics.rotations import quaternion
 from wrenchbed.physics.wrench import Tool, physical_inertia
 
 POINT = 1e-9
@@ -78,7 +77,9 @@ def place(
 def rotate_body(element: "mujoco.MjsBody | mujoco.MjsSite", rotation: np.ndarray) -> None:
     """Set the rotation matrix (3, 3) of a body or site in its parent."""
     element.alt.type = mujoco.mjtOrientation.mjORIENTATION_QUAT
-    element.quat = quaternion(rotation)
+    quat = np.empty(4)
+    mujoco.mju_mat2Quat(quat, np.ascontiguousarray(rotation, dtype=float).reshape(9))
+    element.quat = quat
 
 
 def write_load(spec: mujoco.MjSpec, tool: Tool) -> None:

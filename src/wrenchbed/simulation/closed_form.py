@@ -124,6 +124,13 @@ class Model:
             return self.predict(q, thetas[:, None])
         return np.stack([self.predict(q, theta) for theta in thetas])
 
+    def tool_positions(self, q: np.ndarray, thetas: np.ndarray) -> np.ndarray:
+        """Of the tools of several robots, thetas (R, P), in the world (R, N, 3) [m]."""
+        own = thetas[:, : len(self.robot.parameters)]
+        if self.robot.broadcasts:
+            return self.robot.tool_pose(q, own[:, None])[1]
+        return np.stack([self.robot.tool_pose(q, theta)[1] for theta in own])
+
     def jacobian_each(
         self, q: np.ndarray, thetas: np.ndarray, columns: Sequence[int]
     ) -> np.ndarray:

@@ -18,6 +18,8 @@ FEW = 10
 """Rows below which no share of them tells anything."""
 AT_END, LEAST_CLIPPED = 0.01, 0.02
 """How near a sensor's range a channel's end lies, and how many rows stand there, relative."""
+LEAST_AT_END = 10
+"""And at least so many of them."""
 PILE = 5.0
 """So many times as many rows as any other value has, at least, stand where a channel is clipped."""
 ENDS = (1.0, 1.05)
@@ -86,14 +88,15 @@ def _channels(recording: Recording) -> Iterator[Finding]:
                 f"column {c!r} stays at {column[row]:g} for {rows} rows from row "
                 f"{row} on: the channel is stuck. Leave these rows out, or record again",
             )
-        ends = np.mean(column == column.max()), np.mean(column == column.min())
-        if max(ends) > CLIPPED and len(column) >= FEW:
+        most = max(np.count_nonzero(column == end) for end in (column.max(), column.min()))
+        if most > CLIPPED * len(column) and len(column) >= FEW:
             yield Finding(
                 "saturated",
-                f"column {c!r} stands at its end in {100 * max(ends):.0f} % of "
+                f"column {c!r} stands at its end in {100 * most / len(column):.0f} % of "
                 "the rows: it is saturated. Choose a larger range",
             )
-        yield from _one_sided(recording, c)
+        if most > max(LEAST_AT_END, LEAST_CLIPPED * len(column)):
+            yield from _one_sided(recording, c)
 
 
 def _one_sided(recording: Recording, channel: str) -> Iterator[Finding]:
@@ -104,7 +107,7 @@ def _one_sided(recording: Recording, channel: str) -> Iterator[Finding]:
     found, count = np.unique(recording.columns[channel], return_counts=True)
     for end, other in ((-1, 0), (0, -1)):
         rest = count[:-1] if end else count[1:]
-        clipped = count[end] > max(10, LEAST_CLIPPED * len(recording))
+        clipped = count[end] > max(LEAST_AT_END, LEAST_CLIPPED * len(recording))
         if (
             clipped
             and count[end] > PILE * rest.max()
@@ -148,8 +151,10 @@ def _spikes(recording: Recording) -> Iterator[Finding]:
     for c, unit in zip(CHANNELS, UNITS, strict=True):
         y = np.asarray(recording.columns[c], dtype=float)
         off = _off_neighbours(y)
-        usual = _MAD * float(np.median(np.abs(y - np.median(y))))
         step = max(float(np.quantile(off, 0.9)), 1e-12)
+        if not off.max() > FAR * step:
+            continue
+        usual = _MAD * float(np.median(np.abs(y - np.median(y))))
         far = off > max(SPIKE * usual, FAR * step)
         if far.any() and far.sum() <= max(2, SPIKES * len(y)):
             row = int(np.argmax(off))

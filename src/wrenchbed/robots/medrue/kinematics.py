@@ -277,7 +277,7 @@ def failures(p: Values, q: np.ndarray) -> dict[int, str]:
     bad: dict[int, str] = {}
     with np.errstate(invalid="ignore", divide="ignore"):
         bars = [five_bar(p, i, q[:, 2 * i - 1], q[:, 2 * i]) for i in (1, 2)]
-        hand = wrist(p, q, *bars)
+        turns = _turns(p, q, bars[0], support(p, q, *bars)[2])
     for i, bar in enumerate(bars, start=1):
         gap = np.sqrt(_dot(bar.B - bar.D, bar.B - bar.D))
         height2 = _dot(bar.E - bar.D, bar.E - bar.D)
@@ -290,7 +290,7 @@ def failures(p: Values, q: np.ndarray) -> dict[int, str]:
                 f"distal links reach {1e3 * reach:.1f} mm and must stay "
                 f"{1e3 * MIN_HEIGHT:.0f} mm from straight",
             )
-    lost = ~np.isfinite(value(hand.rotation)).all(axis=(-1, -2))
+    lost = ~np.isfinite(turns).all(axis=(0, 1))
     for row in np.flatnonzero(lost):
         bad.setdefault(int(row), "the wrist cannot turn to where its two universal joints point")
     return dict(sorted(bad.items()))
