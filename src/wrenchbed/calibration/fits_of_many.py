@@ -7,6 +7,7 @@ robot that is anything else is left to `calibrate`.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 from scipy import special
@@ -20,7 +21,7 @@ from wrenchbed.calibration.least_squares import (
     SAME,
     STEP_DONE,
     Solution,
-    triangular,
+    triangular_of,
 )
 from wrenchbed.calibration.observability import RANK_TOLERANCE
 from wrenchbed.calibration.weighting import (
@@ -34,9 +35,6 @@ from wrenchbed.calibration.weighting import (
     settled,
     wandered,
 )
-
-Whiten = Callable[[np.ndarray, np.ndarray], np.ndarray]
-"""Rows (A, N, 6) or (A, N, 6, K) of the robots (A,) → the same shape, of unit variance."""
 
 
 class _Together:
@@ -76,7 +74,6 @@ class _Solutions:
 
     x: np.ndarray
     residual: np.ndarray
-    jacobian: np.ndarray
     covariance: np.ndarray
     blind: np.ndarray
     steps: np.ndarray
@@ -86,26 +83,31 @@ class _Solutions:
     def of(self, k: int) -> Solution:
         """Of one robot."""
         return Solution(
-            self.x[k], self.residual[k], self.jacobian[k], self.covariance[k], self.blind[k],
+            self.x[k], self.residual[k], None, self.covariance[k], self.blind[k],
             self.x.shape[1], int(self.steps[k]), bool(self.converged[k]),
         )  # fmt: skip
 
 
 class _Slopes:
-    """Derivatives (N, 6, K) of each robot's prediction, kept where x hardly moved."""
+    """Derivatives of each robot's prediction by channels (6, N, K), kept where x hardly moved."""
 
     def __init__(self, fits: _Together) -> None:
         self._fits = fits
         many, columns = fits.start.shape
         self._at = np.full((many, columns), np.inf)
-        self._kept = np.empty((many, len(fits.q), columns, 6))
+        self._kept = np.empty((many, 6, len(fits.q), columns))
+        self._turned, self._basis = self._kept, np.eye(0)
+
+    def turn(self, basis: np.ndarray) -> None:
+        """Give them in a basis (N, N) of the poses from now on."""
+        self._turned, self._basis = basis.T @ self._kept, basis
 
     def remembered(self, problem: Problem, k: int) -> Problem:
         """The problem of robot k, which knows the last derivatives that were made for it."""
-        return problem.knowing(self._at[k], np.swapaxes(self._kept[k], -1, -2))
+        return problem.knowing(self._at[k], np.swapaxes(self._kept[k], 0, 1))
 
     def __call__(self, x: np.ndarray, who: np.ndarray) -> np.ndarray:
-        """At x (A, K) of the robots (A,) → (A, N, 6, K)."""
+        """At x (A, K) of the robots (A,) → (A, 6, N, K)."""
         off = np.abs((self._at[who] - x) / self._fits.scale).max(axis=1)
         new = off > SAME
         if new.any():
@@ -114,8 +116,63 @@ class _Slopes:
             made = self._fits.model.jacobian_each(
                 self._fits.q, self._fits.at(x[new], some), self._fits.free
             )
-            self._kept[some] = np.swapaxes(made, -1, -2)
-        return np.swapaxes(self._kept[who], -1, -2)
+            self._kept[some] = np.swapaxes(made, 1, 2)
+            if len(self._basis):
+                self._turned[some] = self._basis.T @ self._kept[some]
+        return self._turned[who]
+
+
+class _Whitening(Protocol):
+    """Gives rows of the robots (A,) unit variance and leaves none correlated."""
+
+    def rows(self, rows: np.ndarray, who: np.ndarray) -> np.ndarray:
+        """Of rows (A, N, 6)."""
+
+    def slopes(self, slopes: np.ndarray, who: np.ndarray) -> np.ndarray:
+        """Of derivatives by channels (A, 6, N, K), as `_Slopes` gives them."""
+
+
+class _Steady(_Whitening):
+    """Means over ``count`` (N,) rows of covariances (R, 6, 6)."""
+
+    def __init__(self, covariance: np.ndarray, count: np.ndarray) -> None:
+        self._turn, self._factor = _turn(covariance), np.sqrt(count)[:, None]
+
+    def rows(self, rows: np.ndarray, who: np.ndarray) -> np.ndarray:
+        return np.asarray((rows @ self._turn[who]) * self._factor)
+
+    def slopes(self, slopes: np.ndarray, who: np.ndarray) -> np.ndarray:
+        return _mixed(slopes, self._turn[who]) * self._factor
+
+
+class _Wandering(_Whitening):
+    """Means that wander by levels (R, 1, 6), and whose channels then correlate."""
+
+    def __init__(self, slow: Wander, left: np.ndarray) -> None:
+        self._basis = slow.basis
+        self._root = np.sqrt(slow.independent + slow.level * slow.spread[:, None])
+        calm = self._calm(left, np.arange(len(left)))
+        self._turn = _turn(np.stack([np.corrcoef(rows, rowvar=False) for rows in calm]))
+
+    def _calm(self, rows: np.ndarray, who: np.ndarray) -> np.ndarray:
+        return np.asarray((self._basis.T @ rows) / self._root[who])
+
+    def rows(self, rows: np.ndarray, who: np.ndarray) -> np.ndarray:
+        return np.asarray(self._calm(rows, who) @ self._turn[who])
+
+    def slopes(self, slopes: np.ndarray, who: np.ndarray) -> np.ndarray:
+        return _mixed(slopes / np.swapaxes(self._root[who], 1, 2)[..., None], self._turn[who])
+
+
+def _turn(covariance: np.ndarray) -> np.ndarray:
+    """What makes six channels (R, 6, 6) independent, from the right."""
+    return np.swapaxes(np.linalg.inv(np.linalg.cholesky(covariance)), 1, 2)
+
+
+def _mixed(slopes: np.ndarray, turn: np.ndarray) -> np.ndarray:
+    """Channels of slopes (A, 6, N, K) mixed by (A, 6, 6)."""
+    mixed = np.swapaxes(turn, 1, 2) @ slopes.reshape(len(slopes), 6, -1)
+    return np.asarray(mixed.reshape(slopes.shape))
 
 
 def fit_each(problems: Sequence[Problem]) -> list[Outcome | None]:
@@ -126,7 +183,7 @@ def fit_each(problems: Sequence[Problem]) -> list[Outcome | None]:
     """
     fits, first = _Together(problems), problems[0]
     slopes = _Slopes(fits)
-    found = _solve(fits, slopes, _rows(fits.covariance, fits.data.count), fits.start)
+    found = _solve(fits, slopes, _Steady(fits.covariance, fits.data.count), fits.start)
     explained = special.chdtrc(6 * first.dof, (found.residual**2).sum(axis=1)) > TRUST
     outcomes: list[Outcome | None] = [None] * len(problems)
     for k in np.flatnonzero(found.whole & explained).tolist():
@@ -146,7 +203,7 @@ def fit_each(problems: Sequence[Problem]) -> list[Outcome | None]:
     return outcomes
 
 
-def _solve(fits: _Together, slopes: _Slopes, whiten: Whiten, start: np.ndarray,
+def _solve(fits: _Together, slopes: _Slopes, whiten: _Whitening, start: np.ndarray,
            who: np.ndarray | None = None) -> _Solutions:  # fmt: skip
     """`least_squares.solve` of the robots (A,), from start (A, K)."""
     who = np.arange(len(start)) if who is None else who
@@ -154,17 +211,18 @@ def _solve(fits: _Together, slopes: _Slopes, whiten: Whiten, start: np.ndarray,
     scale, x = fits.scale, start.copy()
 
     def white(x: np.ndarray, some: np.ndarray) -> np.ndarray:
-        return whiten(fits.residual(x, who[some]), some).reshape(len(some), -1)
+        return whiten.rows(fits.residual(x, who[some]), some).reshape(len(some), -1)
 
     def factors(some: np.ndarray) -> tuple[np.ndarray, ...]:
-        j = whiten(slopes(x[some], who[some]), some).reshape(len(some), -1, columns)
-        jacobian[some] = j * scale
-        triangle, turned = triangular(j, r[some])
+        both = np.empty((len(some), len(fits.q), 6, columns + 1))
+        both[..., :-1] = np.swapaxes(whiten.slopes(slopes(x[some], who[some]), some), 1, 2)
+        both[..., -1] = r[some].reshape(both.shape[:-1])
+        triangle, turned = triangular_of(both.reshape(len(some), -1, columns + 1))
         return (turned, *np.linalg.svd(triangle * scale, full_matrices=False))
 
     r = white(x, np.arange(many))
     s, vt = np.ones((many, columns)), np.empty((many, columns, columns))
-    jacobian, steps = np.empty((*r.shape, columns)), np.zeros(many, int)
+    steps = np.zeros(many, int)
     converged, fresh = np.zeros(many, bool), np.zeros(many, bool)
     going = np.arange(many)
     while len(going):
@@ -184,7 +242,7 @@ def _solve(fits: _Together, slopes: _Slopes, whiten: Whiten, start: np.ndarray,
     seen = np.swapaxes(vt, 1, 2)
     covariance = (seen / (s**2)[:, None]) @ vt * np.outer(scale, scale)
     blind = np.sqrt(np.clip(1.0 - (seen**2).sum(axis=2), 0.0, 1.0))
-    return _Solutions(x, r, jacobian, covariance, blind, steps, converged, _whole(s))
+    return _Solutions(x, r, covariance, blind, steps, converged, _whole(s))
 
 
 def _whole(s: np.ndarray) -> np.ndarray:
@@ -225,56 +283,26 @@ def _squares(r: np.ndarray) -> np.ndarray:
     return np.asarray((r[:, None] @ r[..., None])[:, 0, 0])
 
 
-def _rows(covariance: np.ndarray, count: np.ndarray) -> Whiten:
-    """`weighting.rows` of robots with covariances (R, 6, 6)."""
-    turn = np.swapaxes(np.linalg.inv(np.linalg.cholesky(covariance)), 1, 2)
-    factor = np.sqrt(count)
-
-    def whiten(rows: np.ndarray, who: np.ndarray) -> np.ndarray:
-        if rows.ndim == 3:
-            return np.asarray((rows @ turn[who]) * factor[:, None])
-        flat = np.swapaxes(rows, -1, -2).reshape(len(rows), -1, 6) @ turn[who]
-        turned = flat.reshape(*rows.shape[:2], rows.shape[3], 6)
-        return np.asarray(np.swapaxes(turned, -1, -2) * factor[:, None, None])
-
-    return whiten
-
-
 def _wandering(
     fits: _Together, slopes: _Slopes, found: _Solutions, who: np.ndarray
 ) -> tuple[Wander, _Solutions]:
     """The last levels (A, 1, 6) of the robots (A,), and their fits with weights by these."""
     order = np.argsort(fits.data.t)
     spread, basis = modes(fits.data.t[order])
+    basis = basis[np.argsort(order)]  # rows as the poses come
+    slopes.turn(basis)
     covariance = np.diagonal(fits.covariance[who], axis1=1, axis2=2)
     least = (covariance / float(np.mean(fits.data.count))).ravel()
     x, last = found.x[who], found
-    count = np.ones(len(fits.q))
     for _ in range(REWEIGHTINGS):
-        design = slopes(x, who)[:, order]
-        left = fits.residual(x, who)[:, order]
-        channels = basis.T @ np.moveaxis(design, 2, 1)
+        left = fits.residual(x, who)
+        channels = slopes(x, who)
         by_channel = (basis.T @ np.swapaxes(left, 1, 2)[..., None])[..., 0]
         independent, level = levels(
             channels.reshape(-1, *channels.shape[2:]), by_channel.reshape(-1, len(order)),
             spread, least,
         )  # fmt: skip
         slow = Wander(independent.reshape(-1, 1, 6), level.reshape(-1, 1, 6), basis, spread)
-        z = _calm(slow, left)
-        together = _rows(np.stack([np.corrcoef(rows, rowvar=False) for rows in z]), count)
-
-        def whiten(rows: np.ndarray, some: np.ndarray, slow: Wander = slow,
-                   then: Whiten = together) -> np.ndarray:  # fmt: skip
-            own = replace(slow, independent=slow.independent[some], level=slow.level[some])
-            return then(_calm(own, rows[:, order]), some)
-
-        last = _solve(fits, slopes, whiten, x, who)
+        last = _solve(fits, slopes, _Wandering(slow, left), x, who)
         x = last.x
     return slow, last
-
-
-def _calm(slow: Wander, rows: np.ndarray) -> np.ndarray:
-    """`Wander.whiten` of many: rows (A, N, 6) or (A, N, 6, K), levels (A, 1, 6)."""
-    turned = (slow.basis.T @ rows.reshape(*rows.shape[:2], -1)).reshape(rows.shape)
-    root = np.sqrt(slow.independent + slow.level * slow.spread[:, None])
-    return np.asarray(turned / root.reshape(root.shape + (1,) * (rows.ndim - 3)))

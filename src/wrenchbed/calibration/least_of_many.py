@@ -31,8 +31,8 @@ def least(cost: Costs, count: int, bounds: tuple[float, float]) -> tuple[np.ndar
         x[who[over]], value[who[over]] = search.x[over], search.fx[over]
         if not going.any():
             return x, value
-        who = who[going]
-        search = search.of(going)
+        if over.any():
+            who, search = who[going], search.of(going)
         there = search.next()
         search.learn(there, cost(there, who))
 

@@ -118,9 +118,14 @@ def _levels(
 ) -> tuple[np.ndarray, np.ndarray]:
     """`levels` of residuals (B, N) beside orthonormal spans (B, k, N) of what moves them."""
 
+    asked, own = np.arange(len(r)), (r, span)
+
     def cost(log_ratio: np.ndarray, who: np.ndarray) -> np.ndarray:
+        nonlocal asked, own
+        if len(who) < len(asked):  # fewer and fewer are asked for
+            asked, own = who, (r[who], span[who])
         ratio = np.exp(log_ratio)[:, None]
-        return _restricted(r[who], span[who], 1.0 / (1.0 + ratio * spread))[0]
+        return _restricted(*own, 1.0 / (1.0 + ratio * spread))[0]
 
     best, value = least_of_many.least(cost, len(r), _RANGE)
     none, _ = _restricted(r, span, np.ones_like(r))
