@@ -11,7 +11,7 @@ import numpy as np
 from scipy import special
 
 from wrenchbed.calibration.fit_problem import Outcome, Problem
-from wrenchbed.calibration.least_squares import BLIND
+from wrenchbed.calibration.least_squares import BLIND, triangular
 from wrenchbed.calibration.observability import RANK_TOLERANCE
 from wrenchbed.physics.time_derivatives import value
 
@@ -98,8 +98,11 @@ def zero(problem: Problem, outcome: Outcome) -> np.ndarray | None:
     if problem.prior:
         design = np.vstack([design, np.eye(count, count + 6)])
         target = np.append(target, (problem.centre - x) / problem.scale)
-    inverse = np.linalg.pinv(design, rcond=RANK_TOLERANCE)
-    found, spread = inverse @ target, np.linalg.norm(inverse, axis=1)[count:]
+    triangle, turned = triangular(design, target)
+    u, s, vt = np.linalg.svd(triangle, full_matrices=False)
+    keep = s > RANK_TOLERANCE * s[0]
+    back = vt[keep].T / s[keep]
+    found, spread = back @ (u[:, keep].T @ turned), np.linalg.norm(back, axis=1)[count:]
     std = np.sqrt(np.diagonal(outcome.covariance))
     moved = np.abs(found[:count]) * problem.scale > MOVED * std
     clear = np.abs(found[count:]) > CLEAR * spread

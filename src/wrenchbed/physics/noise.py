@@ -210,10 +210,14 @@ class NoiseStream:
         if len(time):
             self._last = float(time[-1])
         step = model.resolution
-        np.copyto(
-            measured, np.rint(measured / np.where(step > 0, step, 1.0)) * step, where=step > 0
-        )
-        status = (np.abs(measured) >= model.range).astype(np.uint32) @ SATURATED_BITS
+        where = step > 0 if (step <= 0).any() else np.True_  # the latter is faster
+        np.divide(measured, step, out=measured, where=where)
+        np.rint(measured, out=measured, where=where)
+        np.multiply(measured, step, out=measured, where=where)
+        over = np.abs(measured) >= model.range
+        if not over.any():
+            return measured, np.zeros(len(time), dtype=np.uint32)
+        status = over.astype(np.uint32) @ SATURATED_BITS
         return np.clip(measured, -model.range, model.range), status
 
     def normals(self, rows: int) -> Array:
@@ -286,7 +290,7 @@ def _root(correlation: Array) -> Array:
 
 def _mix(rows: Array, root: Array) -> Array:
     """root @ rows (6, N), in an order of sums that does not depend on N, as BLAS's may."""
-    mixed = np.empty(rows.shape)
+    rows, mixed = np.ascontiguousarray(rows), np.empty(rows.shape)
     for i in range(6):
         mixed[i] = root[i, 0] * rows[0]
         for j in range(1, 6):

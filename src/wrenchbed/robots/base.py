@@ -222,7 +222,9 @@ class Robot(ArmBodies):
                     f"{where}: {self.name} has {len(self.joints)} joints "
                     f"(q1…q{len(self.joints)}), found {q.shape[-1]}"
                 )
-            new = np.append(True, (np.diff(q, axis=0) != 0.0).any(axis=1))[: len(q)]
+            new = np.append(True, np.zeros(max(len(q) - 1, 0), bool))[: len(q)]
+            for x in q.T:  # rows of one pose are checked once
+                new[1:] |= x[1:] != x[:-1]
             wrong = self.infeasible(q[new], theta)
             if wrong:
                 which = np.cumsum(new) - 1

@@ -4,7 +4,7 @@ Each mistake is undone in turn; the one that leaves least is named if it leaves 
 what the readings leave as they are. What two mistakes explain equally well is named by the first.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import cache
 from itertools import combinations
@@ -16,7 +16,7 @@ from wrenchbed.calibration.checks.finding import Finding
 from wrenchbed.calibration.checks.rigid_load import Load, Moments, Observed
 from wrenchbed.errors import WrenchbedError
 from wrenchbed.physics.newton_euler import INERTIAL, Motion, regressor
-from wrenchbed.physics.time_derivatives import Jet
+from wrenchbed.physics.time_derivatives import Jet, Value
 from wrenchbed.physics.wrench import CHANNELS
 
 MENDED = 0.15
@@ -319,42 +319,56 @@ def _of_order(seen: Observed) -> Iterator[Mistake]:
 
 
 def _of_joints(seen: Observed) -> Iterator[Mistake]:
+    words, tried = zip(*_joint_mistakes(seen), strict=True) if seen.robot.joints else ((), ())
+    for text, design in zip(words, _designs(seen, tried), strict=True):
+        if design is not None and np.isfinite(design).all():
+            finding = Finding("joints", f"{text} in the column map")
+            yield _fitted(seen, design, seen.y, finding)
+
+
+def _joint_mistakes(seen: Observed) -> Iterator[tuple[str, Value]]:
+    """What may be wrong with joints, and joint values in which it is put right."""
     names = seen.robot.joints
     for j in range(len(names)):
         sign = np.ones(len(names))
         sign[j] = -1.0
-        words = f"q{j + 1} turns in the opposite sense: check its sign"
-        yield from _joint_mistake(seen, seen.q * sign, words)
+        yield f"q{j + 1} turns in the opposite sense: check its sign", seen.q * sign
     for a, b in combinations(range(len(names)), 2):
         order = np.arange(len(names))
         order[[a, b]] = b, a
         words = f"q{a + 1} and q{b + 1} are swapped: check the order of joints"
-        yield from _joint_mistake(seen, _columns(seen, order), words)
+        yield words, _columns(seen, order)
     for j in range(len(names)):
         for degrees in (90.0, -90.0, 180.0):
             off = np.zeros(len(names))
             off[j] = np.deg2rad(degrees)
-            words = f"q{j + 1} has another zero, {degrees:.0f}° away: check its zero"
-            yield from _joint_mistake(seen, seen.q + off, words)
+            yield f"q{j + 1} has another zero, {degrees:.0f}° away: check its zero", seen.q + off
 
 
-def _columns(seen: Observed, order: np.ndarray) -> object:
+def _columns(seen: Observed, order: np.ndarray) -> Value:
     if isinstance(seen.q, Jet):
         return Jet(seen.q.v[:, order], seen.q.d[:, order], seen.q.dd[:, order])
     return seen.q[:, order]
 
 
-def _joint_mistake(seen: Observed, q: object, words: str) -> Iterator[Mistake]:
+def _designs(seen: Observed, tried: Sequence[Value]) -> list[np.ndarray | None]:
+    """Regressors (M, 6, 10) at joint values each; None where the robot cannot take them."""
+    if seen.robot.broadcasts and not isinstance(seen.q, Jet):  # a formula: all at once
+        with np.errstate(all="ignore"):
+            every = regressor(seen.motion(np.concatenate(tried)))
+        return list(every.reshape(len(tried), len(seen), 6, INERTIAL))
+    return [_taken(seen, q) for q in tried]
+
+
+def _taken(seen: Observed, q: Value) -> np.ndarray | None:
     try:
         with np.errstate(all="ignore"):
-            design = _design(seen, q)
+            return _design(seen, q)
     except (WrenchbedError, np.linalg.LinAlgError):
-        return
-    if np.isfinite(design).all():
-        yield _fitted(seen, design, seen.y, Finding("joints", f"{words} in the column map"))
+        return None
 
 
-def _design(seen: Observed, q: object) -> np.ndarray:
+def _design(seen: Observed, q: Value) -> np.ndarray:
     motion: Motion = seen.motion(q)
     return regressor(motion).reshape(len(seen), 6, INERTIAL)
 

@@ -31,6 +31,8 @@ ABSURD = 30.0
 """A spike of so many times the usual swing is no blow of a tool either."""
 FAR = 30.0
 """And by so many times the usual step from row to row."""
+_USUAL = 0.1
+"""Share of the steps from row to row that are larger than the usual one; estimate."""
 ALL = "all joints"
 """Stands for the columns of all joints at once."""
 MOVES = 10.0
@@ -151,9 +153,9 @@ def _spikes(recording: Recording) -> Iterator[Finding]:
     for c, unit in zip(CHANNELS, UNITS, strict=True):
         y = np.asarray(recording.columns[c], dtype=float)
         off = _off_neighbours(y)
-        step = max(float(np.quantile(off, 0.9)), 1e-12)
-        if not off.max() > FAR * step:
-            continue
+        if np.count_nonzero(off >= off.max() / FAR) > _USUAL * len(y) + 1.0:
+            continue  # the usual step is no less than that
+        step = max(float(np.quantile(off, 1.0 - _USUAL)), 1e-12)
         usual = _MAD * float(np.median(np.abs(y - np.median(y))))
         far = off > max(SPIKE * usual, FAR * step)
         if far.any() and far.sum() <= max(2, SPIKES * len(y)):

@@ -57,8 +57,9 @@ def trimmed(seen: Observed) -> tuple[np.ndarray, np.ndarray]:
 def _solution(d: np.ndarray, y: np.ndarray) -> np.ndarray:
     flat = d.reshape(-1, d.shape[2])
     size = np.maximum(np.linalg.norm(flat, axis=0), 1e-12)
-    normal = (flat / size).T @ (flat / size) + 1e-8 * np.eye(len(size))
-    return np.asarray(np.linalg.solve(normal, (flat / size).T @ y.ravel()) / size)
+    unit = flat / size
+    normal = unit.T @ unit + 1e-8 * np.eye(len(size))
+    return np.asarray(np.linalg.solve(normal, unit.T @ y.ravel()) / size)
 
 
 def touched(seen: Observed) -> Finding | None:
