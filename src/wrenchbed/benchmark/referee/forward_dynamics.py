@@ -54,23 +54,29 @@ def ride(robot: SimulatedRobot, truth: Mechanics, path: DrivePath) -> Ride:
     model, data = machine.model, mujoco.MjData(machine.model)
     position_of, speed = machine.position, machine.velocity
     q, qd, qdd = _driven(truth, path)
-    site = model.site("ft").id
     count = len(path.t)
     load, rotation, position = np.empty((count, 6)), np.empty((count, 9)), np.empty((count, 3))
     steps = np.maximum(1, np.round(np.diff(path.t, append=path.t[-1] + h) / h)).astype(int)
     push = ARMATURE * qdd
+    qpos, qvel, applied = data.qpos, data.qvel, data.qfrc_applied
+    site = model.site("ft").id
+    of_site, at_site = data.site_xmat[site], data.site_xpos[site]
     force, torque = data.sensor("force").data, data.sensor("torque").data
-    for i in range(count):
+    read, ignored = model.opt.disableflags, mujoco.mjtDisableBit.mjDSBL_SENSOR
+    for i, further in enumerate((steps - 1).tolist()):
         if i in path.placed:
             machine.place(data, q[i])
-            data.qfrc_applied[:] = 0.0
+            applied[:] = 0.0
             mujoco.mj_step(model, data, round(_SEAT_S / h))
-        data.qpos[position_of], data.qvel[speed], data.qfrc_applied[speed] = q[i], qd[i], push[i]
+        qpos[position_of], qvel[speed], applied[speed] = q[i], qd[i], push[i]
         mujoco.mj_step(model, data)
-        load[i, :3], load[i, 3:] = -force, -torque
-        rotation[i], position[i] = data.site_xmat[site], data.site_xpos[site]
-        if steps[i] > 1:
-            mujoco.mj_step(model, data, int(steps[i]) - 1)
+        load[i, :3], load[i, 3:] = force, torque
+        rotation[i], position[i] = of_site, at_site
+        if further:  # nobody reads the sensors between instants
+            model.opt.disableflags = read | ignored
+            mujoco.mj_step(model, data, further)
+            model.opt.disableflags = read
+    load *= -1.0
     if not np.isfinite(load).all() or np.abs(load).max() > 1e4:
         raise ParameterError("the simulation diverged: the faults are too large for the machine")
     return Ride(path, load, rotation.reshape(-1, 3, 3), position, truth.gravity)

@@ -1,6 +1,8 @@
 """Laws with a memory over the instants of a ride: lags, loops, dry friction, coloured noise."""
 
 from collections.abc import Callable
+from itertools import accumulate
+from math import log1p
 
 import numpy as np
 from scipy.signal import lfilter
@@ -8,14 +10,18 @@ from scipy.signal import lfilter
 
 def after(t: np.ndarray, y: np.ndarray, time: float) -> np.ndarray:
     """First-order lag of y (T, k) with a time constant [s], exact between instants (T,)."""
-    keep = np.exp(-np.diff(t) / time)
+    keep = np.exp(-np.diff(t) / time).tolist()
     out = np.empty_like(y, dtype=float)
-    out[0] = state = y[0].astype(float)
-    middle = 0.5 * (y[1:] + y[:-1])
-    for i, (k, target) in enumerate(zip(keep, middle, strict=True), start=1):
-        state = target + k * (state - target)
-        out[i] = state
+    out[0] = y[0]
+    for column, middle in zip(out.T, (0.5 * (y[1:] + y[:-1])).T, strict=True):
+        pieces = zip(keep, middle.tolist(), strict=True)
+        column[:] = list(accumulate(pieces, _follow, initial=float(column[0])))
     return out
+
+
+def _follow(state: float, piece: tuple[float, float]) -> float:
+    keep, target = piece
+    return target + keep * (state - target)
 
 
 def bouc_wen(x: np.ndarray, shape: float) -> np.ndarray:
@@ -25,20 +31,38 @@ def bouc_wen(x: np.ndarray, shape: float) -> np.ndarray:
     """
     z = np.zeros_like(x)
     moves = np.diff(x, axis=0)
-    side, far = np.sign(moves), np.abs(moves)
+    far = np.abs(moves)
     a = 1.0 - 2.0 * shape
-    now = np.zeros(x.shape[1])
-    for i in range(len(moves)):
-        d = far[i]
-        if d.any():
-            w = side[i] * now
-            behind = np.minimum(w, 0.0)  # unloads first, at another rate, until it is 0
-            first = np.minimum(d, -np.log1p(a * behind) / a)
-            w = np.where(w < 0.0, (w + 1.0 / a) * np.exp(a * first) - 1.0 / a, w)
-            w = 1.0 - (1.0 - w) * np.exp(first - d)
-            now = np.where(d > 0.0, side[i] * w, now)
-        z[i + 1] = now
+    pieces = np.stack([np.sign(moves), far, np.exp(-far), np.exp(a * far)])
+    for k, column in enumerate(z.T):
+        column[1:] = _loop(pieces[:, :, k], a)
     return z
+
+
+_ROUNDING = 1e-9
+"""Share by which C's logarithm and numpy's differ less: an estimate."""
+
+
+def _loop(pieces: np.ndarray, a: float) -> list[float]:
+    """One column of `bouc_wen`: pieces (4, T − 1) hold side, length, and both rates' exponentials.
+
+    It unloads first, at another rate, until the loop is 0.
+    """
+    out, now = [], 0.0
+    for side, d, loads, unloads in zip(*pieces.tolist(), strict=True):
+        w = side * now
+        if d > 0.0:
+            if w < 0.0:
+                first = -log1p(a * w) / a
+                if d < first * (1.0 - _ROUNDING):
+                    loads = 1.0
+                else:  # it crosses 0; numpy's own functions, as for the other pieces
+                    first = min(d, float(-np.log1p(a * w)) / a)
+                    unloads, loads = float(np.exp(a * first)), float(np.exp(first - d))
+                w = (w + 1.0 / a) * unloads - 1.0 / a
+            now = side * (1.0 - (1.0 - w) * loads)
+        out.append(now)
+    return out
 
 
 def lowpass(y: np.ndarray, dt: float, time: float, stages: int) -> np.ndarray:
@@ -56,21 +80,23 @@ def ornstein(t: np.ndarray, time: float, columns: int, rng: np.random.Generator)
     """Stationary Ornstein–Uhlenbeck signals (T, columns) of unit variance."""
     keep = np.exp(-np.diff(t) / time)
     kicks = rng.standard_normal((len(t), columns))
-    out = np.empty((len(t), columns))
-    out[0] = state = kicks[0]
-    for i, k in enumerate(keep, start=1):
-        state = k * state + np.sqrt(1.0 - k * k) * kicks[i]
-        out[i] = state
-    return out
+    kicks[1:] *= np.sqrt(1.0 - keep * keep)[:, None]
+    for column in kicks.T:
+        pieces = zip(keep.tolist(), column[1:].tolist(), strict=True)
+        column[:] = list(accumulate(pieces, _kicked, initial=float(column[0])))
+    return kicks
+
+
+def _kicked(state: float, piece: tuple[float, float]) -> float:
+    keep, kick = piece
+    return keep * state + kick
 
 
 def dahl(x: np.ndarray, reach: float) -> np.ndarray:
     """Dahl's friction (T,) in −1 … 1 as x (T,) moves (Dahl 1968, TOR-0158(3107-18)-1)."""
-    z = np.zeros(len(x))
-    for i, d in enumerate(np.diff(x), start=1):
-        side = np.sign(d)  # the exact solution over a piece of one direction
-        z[i] = side + (z[i - 1] - side) * np.exp(-abs(d) / reach)
-    return z
+    moves = np.diff(x)  # the exact solution over a piece of one direction
+    pieces = zip(np.exp(-np.abs(moves) / reach).tolist(), np.sign(moves).tolist(), strict=True)
+    return np.array(list(accumulate(pieces, _follow, initial=0.0)))
 
 
 STEP_S = 0.1

@@ -106,18 +106,29 @@ class RefereeSetting:
         Args:
             every: only each so many-th pose or row.
         """
-        spec = self.robot.spec(theta)
-        spec.option.gravity = self.robot.gravity
-        model = spec.compile()
+        model = self._model if theta is self.theta else _compiled(self.robot, theta)
         data = mujoco.MjData(model)
         q, qd, qdd = (self.mean(x)[::every] for x in (self.path.q, self.path.qd, self.path.qdd))
         coordinates = _coordinates(self.robot, theta, q if dq is None else q + dq, qd, qdd)
         wrench = np.empty((len(q), 6))
-        for i, (p, v, a) in enumerate(zip(*coordinates, strict=True)):
-            data.qpos[:], data.qvel[:], data.qacc[:] = p, v, a
+        position, speed, acceleration = data.qpos, data.qvel, data.qacc
+        force, torque = data.sensor("force").data, data.sensor("torque").data
+        for row, p, v, a in zip(wrench, *coordinates, strict=True):
+            position[:], speed[:], acceleration[:] = p, v, a
             mujoco.mj_inverse(model, data)
-            wrench[i] = -np.concatenate([data.sensor("force").data, data.sensor("torque").data])
-        return wrench
+            row[:3], row[3:] = force, torque
+        return -wrench
+
+    @cached_property
+    def _model(self) -> mujoco.MjModel:
+        return _compiled(self.robot, self.theta)
+
+
+def _compiled(robot: SimulatedRobot, theta: np.ndarray) -> mujoco.MjModel:
+    """A rigid robot with these parameters."""
+    spec = robot.spec(theta)
+    spec.option.gravity = robot.gravity
+    return spec.compile()
 
 
 def _coordinates(

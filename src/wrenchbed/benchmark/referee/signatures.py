@@ -39,7 +39,7 @@ def thin(setting: RefereeSetting, signal: np.ndarray) -> np.ndarray:
 
 def nuisance(setting: RefereeSetting) -> np.ndarray:
     """Columns of bias, mass and CoG, which every fit removes (n, 6, 10)."""
-    base = setting.stated(setting.theta, every=setting.stride)
+    base = setting.nominal[:: setting.stride]
     tool = setting.robot.tool(setting.theta)
     mass, cog = float(tool.mass), np.asarray(tool.cog)
     shifts = [(0.01, np.zeros(3)), *[(0.0, 1e-3 * e) for e in np.eye(3)]]
@@ -155,7 +155,7 @@ def _carried(
     twist = np.stack(twists, -1)
     yield "cable.torsion", 6.0 * setting.noise[5] * twist
     if setting.mode == "dynamic":
-        base = setting.stated(setting.theta, every=setting.stride)
+        base = setting.nominal[:: setting.stride]
         columns = []
         for a in INERTIA_AXES:
             theta = setting.theta.copy()
@@ -232,7 +232,7 @@ def _pushes(
 
 def _arm(setting: RefereeSetting, seen: Signature) -> Iterator[tuple[str, np.ndarray]]:
     every, robot, theta = setting.stride, setting.robot, setting.theta
-    base = setting.stated(theta, every=every)
+    base = setting.nominal[::every]
     rotation = np.broadcast_to(robot.sensor_pose(seen.q, theta)[0], (len(seen.q), 3, 3))
     turned = dict(_turned(setting, base, rotation))
     yield from turned.items()
