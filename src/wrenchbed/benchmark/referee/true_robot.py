@@ -187,6 +187,8 @@ def build(robot: SimulatedRobot, truth: Mechanics, step: float) -> Machine:
     if truth.pad is not None:
         _pad(spec, truth.pad)
     model = spec.compile()
+    if model.ntree == 1:  # constraints on one tree are one island: nobody has to look for it
+        model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_ISLAND
     drives = [model.joint(joint.name) for joint in robot.joints]
     return Machine(
         robot,
@@ -198,8 +200,8 @@ def build(robot: SimulatedRobot, truth: Mechanics, step: float) -> Machine:
 
 
 def _strip(spec: mujoco.MjSpec) -> None:
-    """Keep bodies, joints, loops, sites and the wrench: no geometry, servos or compensation."""
-    for kind in (spec.actuators, spec.keys, spec.geoms):
+    """Keep bodies, joints, loops, sites and the wrench: no pictures, servos or compensation."""
+    for kind in (spec.actuators, spec.keys, spec.geoms, spec.cameras, spec.lights):
         for element in list(kind):
             spec.delete(element)
     for body in spec.bodies:

@@ -7,8 +7,10 @@ none has a background of small imperfections, a refit, or an answer for what no 
 """
 
 from collections.abc import Callable, Mapping
+from math import copysign
 
 import numpy as np
+from scipy.linalg.blas import daxpy
 from scipy.special import logsumexp
 
 from wrenchbed.benchmark.scoring.linear_problem import (
@@ -85,13 +87,19 @@ def descend(gram: np.ndarray, scores: np.ndarray, penalty: float, x: np.ndarray)
         x: where to begin, for instance at the solution of a larger penalty.
     """
     for _ in range(_ROUNDS):
-        slope = scores - gram @ x
+        slope = _slope(gram, scores, x)
         active = np.flatnonzero((x != 0.0) | (np.abs(slope) > penalty + _STEP))
         if not _settled(gram[np.ix_(active, active)], slope[active], penalty, x, active):
             continue
-        slope = scores - gram @ x
+        slope = _slope(gram, scores, x)
         if not (np.abs(slope[x == 0.0]) > penalty + _STEP).any():
             break
+
+
+def _slope(gram: np.ndarray, scores: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """s − Gx of an x that is mostly zero."""
+    used = np.flatnonzero(x)
+    return np.asarray(scores - x[used] @ gram[used])
 
 
 def _settled(
@@ -103,12 +111,12 @@ def _settled(
     for _ in range(_SWEEPS):
         moved = 0.0
         for j, d in enumerate(diagonal):
-            pull = float(slope[j]) + d * own[j]
-            new = max(abs(pull) - penalty, 0.0) / d
-            step = (new if pull > 0 else -new) - own[j]
+            pull = slope.item(j) + d * own[j]
+            new = 0.0 if abs(pull) <= penalty else (pull - copysign(penalty, pull)) / d
+            step = new - own[j]
             if step != 0.0:
-                slope -= gram[j] * step
-                own[j] += step
+                daxpy(gram[j], slope, a=-step)
+                own[j] = new
                 moved = max(moved, abs(step))
         still = moved < _STEP
         if still:
