@@ -7,8 +7,15 @@ import pytest
 from scipy.special import logsumexp
 from scipy.stats import multivariate_normal
 
-from linear_case import KERNELS, dictionary
-from wrenchbed.diagnosis.evidence.likelihood import LADDER, BackgroundLevel, gains, ladder, log_sum
+from linear_case import KERNELS, Design, dictionary
+from wrenchbed.diagnosis.evidence.likelihood import (
+    LADDER,
+    BackgroundLevel,
+    Whitened,
+    gains,
+    ladder,
+    log_sum,
+)
 
 TWO_PI = np.log(2.0 * np.pi)
 
@@ -43,9 +50,59 @@ def test_a_level_is_its_dense_matrix(rows, columns):
     some = np.array([1, 4, 5])
     assert level.precision(some) == pytest.approx(inverse[np.ix_(some, some)])
     assert information(level) == pytest.approx(level.E.T @ inverse @ level.E)
-    assert level.score(y) == pytest.approx(level.E.T @ inverse @ y)
+    score, null = level.scored(y)
+    assert score == pytest.approx(level.E.T @ inverse @ y)
     expected = [multivariate_normal(np.zeros(rows), K).logpdf(c) for c in y.T]
-    assert level.null(y) - 0.5 * rows * TWO_PI == pytest.approx(expected)
+    assert null - 0.5 * rows * TWO_PI == pytest.approx(expected)
+
+
+@SIZES
+@pytest.mark.parametrize("shared", [False, True])
+def test_a_level_of_some_rows_or_other_variances_is_its_dense_matrix(rows, columns, shared):
+    level, _, rng = case(rows, columns)
+    if shared and not level.tall:
+        level = replace(level, spread=(level.E * level.V) @ level.E.T)
+    variance = level.V.copy()
+    variance[[0, 3]] = 0.0, 7.0
+    some = np.arange(rows) % 3 > 0
+    y = rng.standard_normal((rows, 1))
+    for changed, seen in ((level.varied(variance), slice(None)), (level.of_rows(some), some)):
+        K = np.diag(changed.v0) + (changed.E * changed.V) @ changed.E.T
+        assert changed.products(y[seen]) == pytest.approx(y[seen].T @ np.linalg.inv(K) @ y[seen])
+
+
+@pytest.mark.parametrize("few", [False, True])
+@SIZES
+def test_columns_weighed_apart_make_the_products_of_all(rows, columns, few):
+    level, _, rng = case(rows, columns)
+    level, x = replace(level, few=few), rng.standard_normal((rows, 4))
+    white, last = level.whitened(x[:, [0, 1, 2, 2]]), level.whitened(x[:, 3:])
+    white.put([3], last)
+    assert white.products(white) == pytest.approx(level.products(x))
+    both = Whitened.of_all([white, white])
+    assert both.products(both)[:, :1] == pytest.approx(2.0 * level.products(x)[:, :1])
+
+
+def test_rungs_of_few_rows_share_products_of_their_columns():
+    rng, few = np.random.default_rng(5), 4
+    d = dictionary(tolerance=0.3)
+    E = rng.standard_normal((6 * few, len(d.label))) * rng.uniform(0.1, 10.0, len(d.label))
+    d = replace(d, prepared=Design(np.arange(few), np.arange(few), False), E=E)
+    assert not ladder(d)[0].level.tall
+    for r in ladder(d):
+        assert r.level.spread == pytest.approx((d.E * r.level.V) @ d.E.T)
+
+
+def test_gains_of_many_columns_are_those_of_few():
+    rng = np.random.default_rng(4)
+    half, scales = rng.standard_normal((40, 30)), np.array([0.3, 20.0])
+    p, w, size = half.T @ half, rng.standard_normal((30, 2)), rng.uniform(0.5, 2.0, 30)
+    told = gains(p[None], w[None], size[None], scales)
+    for s, scale in enumerate(scales):
+        wide = np.eye(30) + np.outer(size, size) * p * scale**2
+        u = size[:, None] * w * scale
+        expected = (u * np.linalg.solve(wide, u)).sum(axis=0) - np.linalg.slogdet(wide)[1]
+        assert told[0, s] == pytest.approx(0.5 * expected)
 
 
 def test_logarithms_of_tiny_numbers_add_up():
@@ -76,7 +133,8 @@ def test_a_gain_is_what_widening_some_columns_adds(rows, columns):
     y = rng.standard_normal((rows, 2))
     own, size, scales = np.array([[0, 3]]), np.array([[0.7, 1.3]]), np.array([0.5, 2.0, 4.0])
     blocks = level.information(own)
-    told = gains(blocks, level.score(y)[own], size, scales)
+    score = level.scored(y)[0][own]
+    told = gains(blocks, score, size, scales)
     assert told.shape == (1, 3, 2)
     for s, scale in enumerate(scales):
         wide = level.E[:, own[0]] * (scale * size[0])
@@ -84,7 +142,7 @@ def test_a_gain_is_what_widening_some_columns_adds(rows, columns):
             before = multivariate_normal(np.zeros(rows), K).logpdf(y[:, c])
             after = multivariate_normal(np.zeros(rows), K + wide @ wide.T).logpdf(y[:, c])
             assert told[0, s, c] == pytest.approx(after - before)
-    each = gains(blocks, level.score(y)[own], size, scales[None])
+    each = gains(blocks, score, size, scales[None])
     assert each == pytest.approx(told)
 
 

@@ -62,7 +62,10 @@ class EffectChain:
     """Walks the stages: effects of a stage act in the order given, stages in that of `STAGES`."""
 
     def __init__(self, active: Sequence[ActiveEffect]) -> None:
-        self._at = {s: [a for a in active if s in a.effect.stages] for s in STAGES}
+        self._at: dict[str, list[ActiveEffect]] = {s: [] for s in STAGES}
+        for a in active:
+            for stage in a.effect.stages:
+                self._at[stage].append(a)
 
     def theta(self, robot: Robot, theta: np.ndarray) -> np.ndarray:
         """The robot's parameters (P,) with the effects of the stage ``model``."""

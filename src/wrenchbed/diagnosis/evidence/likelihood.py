@@ -7,8 +7,8 @@ and the statement's tolerances explain counts (M-open view: Bernardo & Smith 199
 A ladder of background levels covers how much many small imperfections may add to a gap together.
 """
 
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -36,6 +36,7 @@ class BackgroundLevel:
         weighed: Eᵀ W E (n, n) for weights (6,) of the channels, where v₀ is the same in all rows of
             a channel; without it the product is made from E.
         few: whether few systems are solved, so that none of what makes many quick is worth it.
+        spread: E V Eᵀ (6 R, 6 R) of few rows, where levels share the work; made from E if None.
     """
 
     E: np.ndarray
@@ -43,6 +44,21 @@ class BackgroundLevel:
     V: np.ndarray
     weighed: Callable[[np.ndarray], np.ndarray] | None = None
     few: bool = False
+    spread: np.ndarray | None = None
+
+    def varied(self, variance: np.ndarray) -> "BackgroundLevel":
+        """The level with other variances of the columns' coefficients (n,)."""
+        if self.spread is None:
+            return replace(self, V=variance)
+        other = np.flatnonzero(variance != self.V)
+        some = self.E[:, other]
+        more = (some * (variance - self.V)[other]) @ some.T
+        return replace(self, V=variance, spread=self.spread + more)
+
+    def of_rows(self, rows: np.ndarray) -> "BackgroundLevel":
+        """The level of some rows (6 R,), boolean."""
+        spread = None if self.spread is None else self.spread[np.ix_(rows, rows)]
+        return replace(self, E=self.E[rows], v0=self.v0[rows], weighed=None, spread=spread)
 
     @property
     def tall(self) -> bool:
@@ -82,9 +98,13 @@ class BackgroundLevel:
     def _factor(self) -> tuple[np.ndarray, bool]:
         if self.tall:
             inner = self._inner()
-        else:
+        elif self.spread is None:
             scaled = (self.E[:, self._on] * self._root) / np.sqrt(self.v0)[:, None]
             inner = scaled @ scaled.T
+        else:
+            root = np.sqrt(self.v0)
+            inner = self.spread / root
+            inner /= root[:, None]
         inner.flat[:: len(inner) + 1] += 1.0
         return cho_factor(inner.T, lower=True, overwrite_a=True, check_finite=False)
 
@@ -124,17 +144,25 @@ class BackgroundLevel:
             return np.asarray((z - ways @ (share[:, None] * (ways.T @ z))) / root)
         return np.asarray(cho_solve(self._factor, z, check_finite=False) / root)
 
+    def whitened(self, x: np.ndarray) -> "Whitened":
+        """What makes products x'ᵀ K₀⁻¹ x of x (6 R, k); half the work of `solve`."""
+        root = np.sqrt(self.v0)[:, None]
+        z = x / root
+        if not self.tall:
+            factor = self._factor[0]
+            half = solve_triangular(factor, z, lower=True, overwrite_b=True, check_finite=False)
+            return Whitened(half, np.zeros((0, x.shape[1])))
+        if self.few:
+            weighed = self._root[:, None] * (self.E.T @ (z / root))[self._on]
+            factor = self._factor[0]
+            return Whitened(z, solve_triangular(factor, weighed, lower=True, check_finite=False))
+        ways, share = self._main
+        return Whitened(z, np.sqrt(share)[:, None] * (ways.T @ z))
+
     def products(self, x: np.ndarray) -> np.ndarray:
-        """xᵀ K₀⁻¹ x (k, k) for x (6 R, k); half the work of `solve`."""
-        if self.tall and self.few:
-            return np.asarray(x.T @ self.solve(x))
-        z = x / np.sqrt(self.v0)[:, None]
-        if self.tall:
-            ways, share = self._main
-            along = ways.T @ z
-            return np.asarray(z.T @ z - along.T @ (share[:, None] * along))
-        half = solve_triangular(self._factor[0], z, lower=True, check_finite=False)
-        return np.asarray(half.T @ half)
+        """xᵀ K₀⁻¹ x (k, k) for x (6 R, k)."""
+        white = self.whitened(x)
+        return white.products(white)
 
     def precision(self, rows: np.ndarray) -> np.ndarray:
         """The block of K₀⁻¹ of some rows (k, k)."""
@@ -176,20 +204,45 @@ class BackgroundLevel:
             for columns, blocks in taken
         ]
 
-    def score(self, y: np.ndarray) -> np.ndarray:
-        """w = Eᵀ K₀⁻¹ y (n, C) of cases y (6 R, C)."""
+    def scored(self, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """w = Eᵀ K₀⁻¹ y (n, C) of cases y (6 R, C), and log N(y; 0, K₀) (C,) of each, without the
+        constant in 2π."""
         if not self.tall:
-            return np.asarray(self.E.T @ self.solve(y))
-        u = self.E.T @ (y / self.v0[:, None])
-        return np.asarray(u - self._gram @ self._kept(u))
+            solved = self.solve(y)
+            square, score = (y * solved).sum(axis=0), self.E.T @ solved
+        else:
+            z = y / self.v0[:, None]
+            u = self.E.T @ z
+            kept = self._kept(u)
+            square, score = (y * z).sum(axis=0) - (u * kept).sum(axis=0), u - self._gram @ kept
+        return np.asarray(score), np.asarray(-0.5 * (square + self.log_det))
 
-    def null(self, y: np.ndarray) -> np.ndarray:
-        """log N(y; 0, K₀) of cases (6 R, C), without the constant in 2π."""
-        if not self.tall:
-            return np.asarray(-0.5 * ((y * self.solve(y)).sum(axis=0) + self.log_det))
-        z = y / self.v0[:, None]
-        u = self.E.T @ z
-        return np.asarray(-0.5 * ((y * z).sum(0) - (u * self._kept(u)).sum(0) + self.log_det))
+
+class Whitened(NamedTuple):
+    """Columns x such that x'ᵀ K₀⁻¹ x is `products` of x' and x.
+
+    Attributes:
+        rows: divided by the noise (m, k).
+        taken: what the background takes from them (r, k).
+    """
+
+    rows: np.ndarray
+    taken: np.ndarray
+
+    def products(self, other: "Whitened") -> np.ndarray:
+        """Products of all columns with those of another (k, k')."""
+        return np.asarray(self.rows.T @ other.rows - self.taken.T @ other.taken)
+
+    def put(self, columns: "Sequence[int]", other: "Whitened") -> None:
+        """Replace some columns."""
+        self.rows[:, columns] = other.rows
+        self.taken[:, columns] = other.taken
+
+    @classmethod
+    def of_all(cls, each: "Iterable[Whitened]") -> "Whitened":
+        """The same columns on the rows of several independent readings."""
+        rows, taken = zip(*each, strict=True)
+        return cls(np.concatenate(rows), np.concatenate(taken))
 
 
 def log_sum(logs: np.ndarray) -> np.ndarray:
@@ -220,15 +273,30 @@ def gains(
     """
     p = information * size[:, :, None] * size[:, None, :]
     u = score * size[:, :, None]  # (b, k, C)
+    square = np.broadcast_to(np.square(scales), (len(p), np.shape(scales)[-1]))
+    if p.shape[1] > _MANY:
+        return np.stack([_gain(*case) for case in zip(p, u, square, strict=True)])
     if p.shape[1] == 1:
         values = p[:, 0]
     else:
         values, vectors = np.linalg.eigh(p)
         u = np.swapaxes(vectors, -1, -2) @ u
-    square = np.broadcast_to(np.square(scales), (len(p), np.shape(scales)[-1]))
     ratio = 1.0 + square[:, :, None] * np.maximum(values, 0.0)[:, None, :]  # (b, s, k)
     fit = np.einsum("bsk,bkc->bsc", square[:, :, None] / ratio, u**2)
     return np.asarray(0.5 * (fit - np.log(ratio).sum(axis=-1)[:, :, None]))
+
+
+_MANY = 20
+"""Columns above which a factor for each scale is quicker than eigenvectors; measured."""
+
+
+def _gain(p: np.ndarray, u: np.ndarray, square: np.ndarray) -> np.ndarray:
+    """`gains` (s, C) of one hypothesis: P (k, k), w (k, C) in its sizes, squared scales (s,)."""
+    lower = np.linalg.cholesky(np.eye(len(p)) + square[:, None, None] * p)
+    half = np.stack([solve_triangular(one, u, lower=True, check_finite=False) for one in lower])
+    fit = square[:, None] * (half**2).sum(axis=1)
+    size = np.log(np.diagonal(lower, axis1=1, axis2=2)).sum(axis=1)
+    return np.asarray(0.5 * fit - size[:, None])
 
 
 class Moments(NamedTuple):
@@ -323,10 +391,45 @@ class Background:
 
 def ladder(d: EffectDictionary) -> tuple[Background, ...]:
     """All rungs for a dictionary."""
-    return tuple(Background(g, _level(d, g)) for g in LADDER)
+    variances = [_variance(d, g) for g in LADDER]
+    tall = d.rows * 6 > len(d.label)
+    few = d.prepared.held_out is not None
+    spreads = _spreads(d.E, np.array(variances)) if not tall else [None] * len(LADDER)
+    return tuple(
+        Background(
+            gap,
+            BackgroundLevel(
+                d.E, row_variance(d.prepared, SHARES["rows"] * gap), variance,
+                d.weighed if tall else None, few, spread,
+            ),
+        )
+        for gap, variance, spread in zip(LADDER, variances, spreads, strict=True)
+    )  # fmt: skip
 
 
-def _level(d: EffectDictionary, gap: float) -> BackgroundLevel:
+def _spreads(E: np.ndarray, variances: np.ndarray) -> list[np.ndarray | None]:
+    """E V Eᵀ (6 R, 6 R) of the variances (L, n) of all rungs.
+
+    A column's variance grows with the rung's gap up to a limit: columns that reach theirs at the
+    same rung share two products.
+    """
+    gaps = np.array(LADDER)
+    slope = variances[0] / gaps[0]
+    grows = np.isclose(variances, gaps[:, None] * slope, rtol=1e-12, atol=0.0)
+    reached = np.logical_and.accumulate(grows).sum(
+        axis=0
+    )  # the rung that is the first at its limit
+    total = np.zeros((len(gaps), len(E), len(E)))
+    for rung in np.unique(reached):
+        of = np.flatnonzero((reached == rung) & (variances[-1] > 0.0))
+        growing, limited = ((E[:, of] * v[of]) @ E[:, of].T for v in (slope, variances[-1]))
+        total[:rung] += gaps[:rung, None, None] * growing
+        total[rung:] += limited
+    return list(total)
+
+
+def _variance(d: EffectDictionary, gap: float) -> np.ndarray:
+    """Variance of each column's coefficient (n,) in a rung."""
     variance = np.zeros(len(d.label))
     for columns in d.imperfect.values():
         share = SHARES["effects"] * gap / (len(d.imperfect) * len(columns))
@@ -336,9 +439,7 @@ def _level(d: EffectDictionary, gap: float) -> BackgroundLevel:
     for columns in d.kernels.values():
         variance[columns] = SHARES["kernels"] * gap / len(d.kernels)
     variance[d.stated] = np.minimum((WITHIN * d.tolerance) ** 2, LARGE)
-    rows = row_variance(d.prepared, SHARES["rows"] * gap)
-    weighed = None if d.rows * 6 <= len(d.label) else d.weighed
-    return BackgroundLevel(d.E, rows, variance, weighed, few=d.prepared.held_out is not None)
+    return variance
 
 
 def row_variance(prepared: Prepared, gap: float) -> np.ndarray:

@@ -56,6 +56,7 @@ class Searcher:
         self.hypotheses: tuple[Hypothesis, ...] = dictionary.hypotheses
         self.kernels = tuple(dictionary.kernels)
         self._known: dict[int, list[np.ndarray]] = {}
+        self._last: tuple[np.ndarray, tuple[list[np.ndarray], np.ndarray]] | None = None
 
     @cached_property
     def rungs(self) -> tuple[Background, ...]:
@@ -107,15 +108,22 @@ class Searcher:
 
     def nulls(self, y: np.ndarray) -> np.ndarray:
         """Log evidence of nothing but background on each rung (L,), its prior in it."""
-        null = [float(r.level.null(y[:, None])[0]) for r in self.rungs]
-        return np.array(null) + self.rung_prior(y)
+        return self._scored(y)[1]
+
+    def _scored(self, y: np.ndarray) -> tuple[list[np.ndarray], np.ndarray]:
+        """w of all columns (n,) on each rung, and `nulls`; those of the last case are kept."""
+        if self._last is None or self._last[0] is not y:
+            both = [r.level.scored(y[:, None]) for r in self.rungs]
+            null = np.array([float(n[0]) for _, n in both]) + self.rung_prior(y)
+            self._last = y, ([w[:, 0] for w, _ in both], null)
+        return self._last[1]
 
     def singles(self, y: np.ndarray) -> list[SingleEvidence]:
         """Every hypothesis and kernel alone, on every rung."""
         result: list[SingleEvidence] = []
-        for r, base in enumerate(self.nulls(y)):
-            level = self.rungs[r].level
-            result += self.added(r, float(base), level.score(y[:, None])[:, 0])
+        scores, nulls = self._scored(y)
+        for r, (base, score) in enumerate(zip(nulls, scores, strict=True)):
+            result += self.added(r, float(base), score)
         return result
 
     def added(

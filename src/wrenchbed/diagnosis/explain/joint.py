@@ -16,7 +16,12 @@ import numpy as np
 from scipy.special import logsumexp
 
 from wrenchbed.diagnosis.evidence.dictionary import Hypothesis
-from wrenchbed.diagnosis.evidence.likelihood import Moments, ScaledEvidence, over_scales
+from wrenchbed.diagnosis.evidence.likelihood import (
+    Moments,
+    ScaledEvidence,
+    Whitened,
+    over_scales,
+)
 from wrenchbed.diagnosis.evidence.search import MORE, NONE, PRIOR
 from wrenchbed.diagnosis.explain.refit import (
     SHAPE_SPREAD,
@@ -319,15 +324,15 @@ class JointRefitter:
             each.level(tuple(p.of[r] for p in parts), rungs[r]) for r, each in enumerate(self.each)
         ]
 
-        def products(z: np.ndarray) -> np.ndarray:
+        def whitened(z: np.ndarray) -> Whitened:
             both = zip(levels, self._rows, strict=True)
-            return np.sum([level.products(z[rows]) for level, rows in both], axis=0)
+            return Whitened.of_all([level.whitened(z[rows]) for level, rows in both])
 
         problem = Problem(
             self.y,
             lambda at: self.response(parts, at),
             lambda at, f, which: self._design(parts, at, f, list(which)),
-            products,
+            whitened,
             np.flatnonzero(Layout.of(parts).shape).tolist(),
         )
         return minimum(problem, self.start(parts), x, spread)

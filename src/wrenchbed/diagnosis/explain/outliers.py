@@ -126,7 +126,7 @@ def _contradicted(
     while True:
         left = np.isin(blocks, numbers[~far])
         every = np.repeat(left, 6)
-        less = replace(level, E=level.E[every], v0=level.v0[every], weighed=None)
+        less = level.of_rows(every)
         of_rest = replace(f, y=f.y[every], design=f.design[every])
         error = prediction_errors(less, of_rest, blocks[left]).reshape(-1, 6)
         each = np.zeros(len(numbers))

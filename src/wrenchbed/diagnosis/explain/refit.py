@@ -13,11 +13,17 @@ import numpy as np
 from scipy.special import logsumexp
 
 from wrenchbed.diagnosis.evidence.dictionary import LARGEST, Hypothesis
-from wrenchbed.diagnosis.evidence.likelihood import BackgroundLevel, Moments, over_scales
+from wrenchbed.diagnosis.evidence.likelihood import (
+    BackgroundLevel,
+    Moments,
+    Whitened,
+    over_scales,
+)
 from wrenchbed.diagnosis.evidence.search import MORE, NONE, PRIOR, Searcher, SingleEvidence
 from wrenchbed.effects.base import Effect
 from wrenchbed.effects.chain import ActiveEffect, respond
 from wrenchbed.physics.parameters import Parameter
+from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.robots.base import Robot
 
 
@@ -115,14 +121,14 @@ class Problem(NamedTuple):
         y: (6 R,).
         response: of variables (k,), (6 R,).
         design: slopes (6 R, m) of some variables at (k,), where the response is (6 R,).
-        products: xᵀ K⁻¹ x (m, m) of the background for x (6 R, m).
+        whitened: columns (6 R, m) as the background weighs them.
         shapes: variables that are shapes.
     """
 
     y: np.ndarray
     response: Callable[[np.ndarray], np.ndarray]
     design: Callable[[np.ndarray, np.ndarray, Iterable[int]], np.ndarray]
-    products: Callable[[np.ndarray], np.ndarray]
+    whitened: Callable[[np.ndarray], Whitened]
     shapes: list[int]
 
 
@@ -133,31 +139,32 @@ def minimum(problem: Problem, centre: np.ndarray, x: np.ndarray, spread: np.ndar
     """
     if not len(x):
         return x
-    y, response, slopes, products, shapes = problem
+    y, response, slopes, whitened, shapes = problem
     precision = 1.0 / spread**2
 
-    def cost(at: np.ndarray, residual: np.ndarray) -> float:
+    def cost(at: np.ndarray, residual: Whitened) -> float:
         prior = float((precision * (at - centre) ** 2).sum())
-        return float(products(residual[:, None])[0, 0]) + prior
+        return float(residual.products(residual)[0, 0]) + prior
 
     f = response(x)
-    r = y - f
-    now = cost(x, r)
-    design = slopes(x, f, range(len(x)))
+    r, white = y - f, whitened((y - f)[:, None])
+    now = cost(x, white)
+    design = whitened(slopes(x, f, range(len(x))))
     for k in range(_STEPS):
         if k and shapes:
-            fresh = shapes if k % 3 else range(len(x))
-            design[:, list(fresh)] = slopes(x, y - r, fresh)
-        every = products(np.column_stack([design, r]))
-        normal = every[:-1, :-1] + np.diag(precision)
-        step = np.linalg.solve(normal, every[:-1, -1] - precision * (x - centre))
+            fresh = list(shapes if k % 3 else range(len(x)))
+            design.put(fresh, whitened(slopes(x, y - r, fresh)))
+        normal = design.products(design) + np.diag(precision)
+        score = design.products(white)[:, 0] - precision * (x - centre)
+        step = np.linalg.solve(normal, score)
         size, share = float(np.sqrt(max(step @ normal @ step, 0.0))), 1.0
         while share > _LEAST_SHARE:
             trial = x + share * step
             residual = y - response(trial)
-            then = cost(trial, residual)
+            whiter = whitened(residual[:, None])
+            then = cost(trial, whiter)
             if then < now:
-                x, r, now = trial, residual, then
+                x, r, white, now = trial, residual, whiter, then
                 break
             share /= 3.0
         if share <= _LEAST_SHARE or size * share < _DONE:
@@ -207,18 +214,17 @@ class Refitter:
 
     def values(self, parts: Sequence[Hypothesis], x: np.ndarray) -> list[dict[str, float]]:
         """All parameters of each part at x (k,), SI; shapes within their bounds."""
-        known = [_parameters(h.effect, self.scene.robot) for h in parts]
-        result = [
-            {name: p.nominal for name, p in ps.items()} | dict(h.variant.at)
-            for h, ps in zip(parts, known, strict=True)
-        ]
-        v = Variables.of(parts)
-        for k, name, shape, value in zip(v.part, v.name, v.shape, x, strict=True):
-            parameter = known[k][name]
-            si = float(value) * parameter.tolerance
-            if shape:
-                si = float(np.clip(si, parameter.lower, parameter.upper))
-            result[k][name] = si
+        given, result = iter(x.tolist()), []
+        for h in parts:
+            known = _parameters(h.effect, self.scene.robot)
+            values = {**_nominal(h.effect, self.scene.robot), **h.variant.at}
+            if not h.effect.stated:
+                for name in h.variant.free:
+                    values[name] = next(given) * known[name].tolerance
+                for name in h.variant.shape:
+                    p = known[name]
+                    values[name] = min(max(next(given) * p.tolerance, p.lower), p.upper)
+            result.append(values)
         return result
 
     def active(self, parts: Sequence[Hypothesis], x: np.ndarray) -> list[ActiveEffect]:
@@ -305,7 +311,7 @@ class Refitter:
             self.y,
             lambda at: self.response(parts, at),
             lambda at, f, which: self.design(parts, at, f, which),
-            self.level(parts, rung).products,
+            self.level(parts, rung).whitened,
             np.flatnonzero(Variables.of(parts).shape).tolist(),
         )
         return minimum(problem, centre, x, spread)
@@ -320,15 +326,12 @@ class Refitter:
         others = self.y - self.response(parts, np.where(free, 0.0, x))  # parts hardly interact
         solved_others = level.solve(others[:, None])[:, 0]
         first = len(x) - int((free | moves).sum())
+        own = (np.flatnonzero(free) - first).tolist()
 
         def fitted(at: np.ndarray) -> tuple[float, np.ndarray]:
             """Squared residual with the best amplitudes of the part, and these."""
-            columns = []
-            for i in np.flatnonzero(free):
-                unit = np.where(free, 0.0, at)
-                unit[i] = 1.0
-                columns.append(self.response(parts[last:], unit[first:]))
-            design = np.stack(columns, axis=1)
+            bare = np.where(free, 0.0, at)[first:]
+            design = self._changes(parts[last:], bare, 0.0, own, np.ones(len(bare)))
             normal = level.products(design) + _RIDGE * np.eye(design.shape[1])
             score = design.T @ solved_others
             best = np.linalg.solve(normal, score)
@@ -405,7 +408,7 @@ class Refitter:
             level = self.searcher.rungs[rung].level
             variance = level.V.copy()
             variance[list(blamed)] += LARGEST**2
-            self._freed[rung, blamed] = replace(level, V=variance)
+            self._freed[rung, blamed] = level.varied(variance)
         return self._freed[rung, blamed]
 
     def start(self, parts: Sequence[Hypothesis]) -> np.ndarray:
@@ -431,18 +434,57 @@ class Refitter:
 
         Those of effects without shapes are the dictionary's: they hardly change.
         """
-        v, columns = Variables.of(parts), []
-        for i in which:
+        v, which = Variables.of(parts), list(which)
+        result = np.empty((len(self.y), len(which)))
+        moved = list[int]()
+        for place, i in enumerate(which):
             part = parts[v.part[i]]
             if len(part.columns) and not part.variant.shape:
                 first = v.of_parts([v.part[i]])[0]
-                columns.append(self.d.E[:, part.columns[i - first]])
-                continue
-            h = _SHAPE_STEP if v.shape[i] else _STEP
-            step = np.zeros(len(x))
-            step[i] = h
-            columns.append((self.response(parts, x + step) - f) / h)
-        return np.stack(columns, axis=1) if columns else np.zeros((len(self.y), 0))
+                result[:, place] = self.d.E[:, part.columns[i - first]]
+            else:
+                moved.append(place)
+        step = np.where(v.shape, _SHAPE_STEP, _STEP)
+        result[:, moved] = self._changes(parts, x, f, [which[k] for k in moved], step)
+        return result
+
+    def _changes(
+        self, parts: Sequence[Hypothesis], x: np.ndarray, f: np.ndarray | float,
+        which: Sequence[int], step: np.ndarray,
+    ) -> np.ndarray:  # fmt: skip
+        """Slopes (6 R, m) of some variables by steps (k,) from x, where the response is f.
+
+        Amplitudes that act on different channels are changed at once.
+        """
+        v, groups = Variables.of(parts), dict[tuple[int, str], list[int]]()
+        apart = all(_channel_by_channel(h.effect) for h in parts if not h.effect.stated)
+        for place, i in enumerate(which):
+            stem, _, end = v.name[i].rpartition(".")
+            channelwise = apart and parts[v.part[i]].effect.channelwise
+            together = channelwise and end in CHANNELS and not v.shape[i]
+            groups.setdefault((v.part[i], stem if together else v.name[i]), []).append(place)
+        result = np.zeros((len(self.y), len(which)))
+        for places in groups.values():
+            own = [which[k] for k in places]
+            moved = np.zeros(len(x))
+            moved[own] = step[own]
+            change = self.response(parts, x + moved) - f
+            for k, i in zip(places, own, strict=True):
+                only = slice(None)
+                if len(places) > 1:
+                    only = slice(CHANNELS.index(v.name[i].rpartition(".")[2]), None, 6)
+                result[only, k] = change[only] / step[i]
+        return result
+
+
+def _channel_by_channel(effect: Effect) -> bool:
+    """Whether what an effect makes of a channel's reading depends on that channel alone."""
+    return effect.channelwise or not effect.in_sensor
+
+
+@cache
+def _nominal(effect: Effect, robot: Robot) -> dict[str, float]:
+    return {name: p.nominal for name, p in _parameters(effect, robot).items()}
 
 
 @cache
