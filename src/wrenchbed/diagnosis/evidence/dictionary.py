@@ -161,7 +161,7 @@ class EffectDictionary:
         return self.weighed(np.ones(6)) if tall else self.E.T @ self.E
 
     @cached_property
-    def _grams(self) -> np.ndarray:
+    def grams(self) -> np.ndarray:
         """EᵀE of each channel's rows (6, n, n)."""
         n = self.E.shape[1]
         result = np.empty((6, n, n))
@@ -178,7 +178,7 @@ class EffectDictionary:
         key = tuple(weights.tolist())
         if key not in self._weighed:
             if self.of_all is None:
-                self._weighed[key] = np.tensordot(weights, self._grams, 1)
+                self._weighed[key] = np.tensordot(weights, self.grams, 1)
             else:
                 held_out = np.repeat(self.of_all.prepared.fold_rows == self.prepared.held_out, 6)
                 root = np.tile(np.sqrt(weights), np.count_nonzero(held_out) // 6)

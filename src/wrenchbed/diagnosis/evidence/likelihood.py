@@ -89,13 +89,31 @@ class BackgroundLevel:
 
     @cached_property
     def _gram(self) -> np.ndarray:
+        return self._weighed()
+
+    def _weighed(self) -> np.ndarray:
         """Eᵀ v₀⁻¹ E (n, n)."""
         if self.weighed is None:
             return np.asarray(self.E.T @ (self.E / self.v0[:, None]))
         return self.weighed(1.0 / self.v0[:6])
 
+    def make(self, directions: bool) -> None:
+        """Factor the level now, and find its main directions, beside other levels' threads.
+
+        A cached property of Python 3.11 would let these wait for each other.
+        """
+        made = self.__dict__
+        if self.tall:
+            made["_gram"] = self._weighed()
+        made["_factor"] = self._factored()
+        if directions and self.tall and not self.few:
+            made["_main"] = self._main_directions()
+
     @cached_property
     def _factor(self) -> tuple[np.ndarray, bool]:
+        return self._factored()
+
+    def _factored(self) -> tuple[np.ndarray, bool]:
         if self.tall:
             inner = self._inner()
         elif self.spread is None:
@@ -123,6 +141,9 @@ class BackgroundLevel:
 
     @cached_property
     def _main(self) -> tuple[np.ndarray, np.ndarray]:
+        return self._main_directions()
+
+    def _main_directions(self) -> tuple[np.ndarray, np.ndarray]:
         """Orthonormal directions (6 R, r) in which the background exceeds `FAINT` of the noise, and
         the share λ/(1 + λ) that it takes there (r,)."""
         values, vectors = above(self._inner(), FAINT)
@@ -292,10 +313,15 @@ _MANY = 20
 
 def _gain(p: np.ndarray, u: np.ndarray, square: np.ndarray) -> np.ndarray:
     """`gains` (s, C) of one hypothesis: P (k, k), w (k, C) in its sizes, squared scales (s,)."""
-    lower = np.linalg.cholesky(np.eye(len(p)) + square[:, None, None] * p)
-    half = np.stack([solve_triangular(one, u, lower=True, check_finite=False) for one in lower])
-    fit = square[:, None] * (half**2).sum(axis=1)
-    size = np.log(np.diagonal(lower, axis1=1, axis2=2)).sum(axis=1)
+    k, root = len(p), np.sqrt(square)[:, None, None]
+    bordered = np.zeros((len(square), k + u.shape[1], k + u.shape[1]))
+    bordered[:, :k, :k] = root**2 * p
+    bordered[:, k:, :k] = root * u.T
+    bordered[:, k:, k:] = root**2 * (u.T @ u)  # enough: uᵀ (I + s² P)⁻¹ u ≤ uᵀu
+    bordered += np.eye(k + u.shape[1])
+    factor = np.linalg.cholesky(bordered)
+    fit = (factor[:, k:, :k] ** 2).sum(axis=2)
+    size = np.log(np.diagonal(factor[:, :k, :k], axis1=1, axis2=2)).sum(axis=1)
     return np.asarray(0.5 * fit - size[:, None])
 
 
@@ -394,7 +420,8 @@ def ladder(d: EffectDictionary) -> tuple[Background, ...]:
     variances = [_variance(d, g) for g in LADDER]
     tall = d.rows * 6 > len(d.label)
     few = d.prepared.held_out is not None
-    spreads = _spreads(d.E, np.array(variances)) if not tall else [None] * len(LADDER)
+    alone = tall or few
+    spreads = [None] * len(LADDER) if alone else _spreads(d.E, np.array(variances))
     return tuple(
         Background(
             gap,

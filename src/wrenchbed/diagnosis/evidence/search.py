@@ -1,6 +1,7 @@
 """Every hypothesis alone: its exact evidence in the linear model, over all rungs and sizes."""
 
 from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
 from types import MappingProxyType
@@ -19,6 +20,9 @@ STEPS = 7
 LEAST_SCALE, LARGEST_SCALE = 0.06, 8.0
 KERNEL_SCALES = 2.0 ** np.arange(0, 9, 1.0)
 """Standard deviations of the unknown's groups; their squares are gaps."""
+
+THREADS = 2
+"""Rungs that are weighed at a time; estimate: more share the memory's rate, and need more of it."""
 
 
 @dataclass(frozen=True)
@@ -120,6 +124,7 @@ class Searcher:
 
     def singles(self, y: np.ndarray) -> list[SingleEvidence]:
         """Every hypothesis and kernel alone, on every rung."""
+        self._make()
         result: list[SingleEvidence] = []
         scores, nulls = self._scored(y)
         for r, (base, score) in enumerate(zip(nulls, scores, strict=True)):
@@ -149,11 +154,27 @@ class Searcher:
             ]
         return result
 
+    def _make(self) -> None:
+        """Weigh all columns on the rungs where they are not, rungs beside each other."""
+        missing = [r for r in range(len(self.rungs)) if r not in self._known]
+        if not missing:
+            return
+        if self.rungs[0].level.tall:
+            _ = self.d.grams  # once, before threads ask for it
+        _ = self.batches
+        with ThreadPoolExecutor(THREADS) as pool:
+            for _ in pool.map(self._weigh, missing):
+                pass
+
+    def _weigh(self, rung: int) -> None:
+        level = self.rungs[rung].level
+        level.make(directions=self.rungs[rung].normal)
+        self._known[rung] = level.informations(batch.columns for batch in self.batches)
+
     def _information(self, rung: int) -> list[np.ndarray]:
         """Information of each batch's columns (b, k, k) on a rung."""
         if rung not in self._known:
-            level = self.rungs[rung].level
-            self._known[rung] = level.informations(batch.columns for batch in self.batches)
+            self._weigh(rung)
         return self._known[rung]
 
     def rung_prior(self, y: np.ndarray) -> np.ndarray:
