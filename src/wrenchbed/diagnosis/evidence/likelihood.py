@@ -295,8 +295,6 @@ def gains(
     p = information * size[:, :, None] * size[:, None, :]
     u = score * size[:, :, None]  # (b, k, C)
     square = np.broadcast_to(np.square(scales), (len(p), np.shape(scales)[-1]))
-    if p.shape[1] > _MANY:
-        return np.stack([_gain(*case) for case in zip(p, u, square, strict=True)])
     if p.shape[1] == 1:
         values = p[:, 0]
     else:
@@ -305,24 +303,6 @@ def gains(
     ratio = 1.0 + square[:, :, None] * np.maximum(values, 0.0)[:, None, :]  # (b, s, k)
     fit = np.einsum("bsk,bkc->bsc", square[:, :, None] / ratio, u**2)
     return np.asarray(0.5 * (fit - np.log(ratio).sum(axis=-1)[:, :, None]))
-
-
-_MANY = 20
-"""Columns above which a factor for each scale is quicker than eigenvectors; measured."""
-
-
-def _gain(p: np.ndarray, u: np.ndarray, square: np.ndarray) -> np.ndarray:
-    """`gains` (s, C) of one hypothesis: P (k, k), w (k, C) in its sizes, squared scales (s,)."""
-    k, root = len(p), np.sqrt(square)[:, None, None]
-    bordered = np.zeros((len(square), k + u.shape[1], k + u.shape[1]))
-    bordered[:, :k, :k] = root**2 * p
-    bordered[:, k:, :k] = root * u.T
-    bordered[:, k:, k:] = root**2 * (u.T @ u)  # enough: uᵀ (I + s² P)⁻¹ u ≤ uᵀu
-    bordered += np.eye(k + u.shape[1])
-    factor = np.linalg.cholesky(bordered)
-    fit = (factor[:, k:, :k] ** 2).sum(axis=2)
-    size = np.log(np.diagonal(factor[:, :k, :k], axis1=1, axis2=2)).sum(axis=1)
-    return np.asarray(0.5 * fit - size[:, None])
 
 
 class Moments(NamedTuple):
