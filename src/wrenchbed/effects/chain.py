@@ -4,10 +4,10 @@
 Effects are named here as on the command line: ``joint.compliance:joint=2,stiffness=1.4e4``.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -19,6 +19,8 @@ from wrenchbed.physics.parameters import Parameter
 from wrenchbed.physics.time_derivatives import Jet, Value
 from wrenchbed.physics.wrench import CHANNELS, wrench
 from wrenchbed.robots.base import Robot
+
+_T = TypeVar("_T")
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,15 +110,20 @@ class EffectChain:
                 reading = a.effect.read(scene, reading, a.values)
         return reading
 
-    def respond(self, scene: Scene) -> np.ndarray:
-        """All stages: mean readings (M, 6) [N, N·m] of every row."""
+    def placed(self, scene: Scene) -> tuple[Pose, np.ndarray]:
+        """The sensor's pose, and the tool's load on it (M, 6) [N, N·m]: the stages before others
+        pull."""
         theta = self.theta(scene.robot, scene.theta)
         pose = self.pose(scene, theta)
-        placed = pose.rotation is scene.pose[0] and pose.position is scene.pose[1]
-        if theta is scene.theta and placed:
-            load = scene.load
-        else:
-            load = wrench(pose.rotation, pose.position, scene.robot.tool(theta), scene.gravity)
+        as_stated = pose.rotation is scene.pose[0] and pose.position is scene.pose[1]
+        if theta is scene.theta and as_stated:
+            return pose, scene.load
+        tool = scene.robot.tool(theta)
+        return pose, wrench(pose.rotation, pose.position, tool, scene.gravity)
+
+    def respond(self, scene: Scene) -> np.ndarray:
+        """All stages: mean readings (M, 6) [N, N·m] of every row."""
+        pose, load = self.placed(scene)
         return self.read(scene, load + self.pull(scene, pose, load))
 
     def late_response(self, scene: Scene, nominal: np.ndarray) -> np.ndarray:
@@ -134,6 +141,49 @@ class EffectChain:
         return self.respond(scene)
 
 
+_KEPT = 4
+"""Results that `Responses` keeps: those of a fit's place and of steps from it; estimate."""
+_Key = tuple[tuple[Any, ...], ...]
+
+
+class Responses:
+    """Readings of one scene with many sets of effects, as `respond` makes them.
+
+    A fit changes one number after the other: what the stages up to the pose make is kept while the
+    effects that act there stay as they are, and readings are kept while all do.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        self.scene = scene
+        self._placed: dict[_Key, tuple[Pose, np.ndarray]] = {}
+        self._readings: dict[_Key, np.ndarray] = {}
+
+    def of(self, active: Sequence[ActiveEffect]) -> np.ndarray:
+        """Mean readings (M, 6) [N, N·m] of every row with effects acting; not to be changed."""
+        return _kept(self._readings, _key(active), lambda: self._made(active))
+
+    def _made(self, active: Sequence[ActiveEffect]) -> np.ndarray:
+        chain = EffectChain(active)
+        early = [a for a in active if not _PLACING.isdisjoint(a.effect.stages)]
+        pose, load = _kept(self._placed, _key(early), lambda: chain.placed(self.scene))
+        return chain.read(self.scene, load + chain.pull(self.scene, pose, load))
+
+
+def _key(active: Sequence[ActiveEffect]) -> _Key:
+    return tuple((a.effect.name, *a.values.items()) for a in active)
+
+
+def _kept(known: dict[_Key, _T], key: _Key, make: Callable[[], _T]) -> _T:
+    """What is known under a key, or is made; the last asked for is the last to go."""
+    found = known.pop(key) if key in known else make()
+    if len(known) == _KEPT:
+        del known[next(iter(known))]
+    known[key] = found
+    return found
+
+
+_PLACING = frozenset(("model", "joint", "pose"))
+"""Stages that decide where the sensor is and what it carries."""
 _STEP = 1e-4
 """Of central differences by joint values [rad or m], rates and accelerations; estimate."""
 

@@ -21,7 +21,7 @@ from wrenchbed.diagnosis.evidence.likelihood import (
 )
 from wrenchbed.diagnosis.evidence.search import MORE, NONE, PRIOR, Searcher, SingleEvidence
 from wrenchbed.effects.base import Effect
-from wrenchbed.effects.chain import ActiveEffect, respond
+from wrenchbed.effects.chain import ActiveEffect, Responses
 from wrenchbed.physics.parameters import Parameter
 from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.robots.base import Robot
@@ -193,6 +193,7 @@ class Refitter:
         self.searcher, self.y = searcher, y
         self.d = searcher.d
         self.scene = self.d.prepared.scene
+        self._responses = Responses(self.scene)
         self._zero = self.d.baseline
         self.exact: dict[int, BackgroundLevel] = {}
         self._freed: dict[tuple[int, frozenset[int]], BackgroundLevel] = {}
@@ -238,7 +239,7 @@ class Refitter:
         active = self.active(parts, x)
         if not active:
             return np.zeros_like(self._zero)
-        return self.d.prepared.rows(respond(self.scene, active)).ravel() - self._zero
+        return self.d.prepared.rows(self._responses.of(active)).ravel() - self._zero
 
     def fit(
         self, parts: tuple[Hypothesis, ...], rung: int, start: np.ndarray | None = None
