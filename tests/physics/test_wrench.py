@@ -87,6 +87,17 @@ def test_the_closed_form_is_the_weighted_least_squares_solution():
     assert np.allclose(found.bias, wanted[4:])
 
 
+def test_of_two_orientations_the_moment_is_the_shortest_that_explains_them():
+    rotation = matrix(np.random.default_rng(2).normal(size=(2, 4)))
+    y = wrench(rotation, np.zeros((2, 3)), tool(), G)
+    found = identify(rotation, y, G)
+    g = G @ rotation
+    unseen = g[0] - g[1]
+    torque = np.cross(found.mass * found.cog, g) + found.bias[3:]
+    assert np.allclose(torque, y[:, 3:], atol=1e-12)
+    assert abs(unseen @ found.cog) < 1e-12 < abs(unseen @ tool().cog)
+
+
 def test_one_orientation_only_is_refused():
     rotation = np.repeat(np.eye(3)[None], 8, axis=0)
     with pytest.raises(CalibrationError, match="one orientation"):

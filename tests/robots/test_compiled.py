@@ -83,6 +83,8 @@ def test_it_is_what_numpy_computes(robot):
     for theta, place in zip(vectors, np.roll(vectors, 1, axis=0), strict=True):
         assert apart(model.predict(q, theta), plain(model, q, theta)) < 1e-13
         assert apart(model.true_wrench(q, theta), model.plain_wrench(q, theta)) < 1e-13
+        own, gravity = theta[: len(robot.parameters)], np.asarray(model.gravity)
+        assert apart(model.gravity_seen(q, theta), robot.gravity_seen(q, own, gravity)) < 1e-13
         elsewhere = model.plain_wrench(q, theta, place)
         assert apart(model.true_wrench(q, theta, place), elsewhere) < 1e-13
         assert apart(model.plain_wrench(q, theta), elsewhere) > 1e-4

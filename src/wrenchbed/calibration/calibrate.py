@@ -33,9 +33,8 @@ from wrenchbed.errors import CalibrationError
 from wrenchbed.physics.time_derivatives import Jet
 from wrenchbed.simulation.closed_form import Model, robot_of
 
-_LEVI_CIVITA = np.zeros((3, 3, 3))
-for _i, _j, _k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-    _LEVI_CIVITA[_i, _j, _k], _LEVI_CIVITA[_i, _k, _j] = 1.0, -1.0
+_WELL_SPREAD = 1e-3
+"""Least det N / (tr N / 3)³ of normal equations that Cramer's rule solves: estimate."""
 
 
 @dataclass(frozen=True)
@@ -77,27 +76,52 @@ def identify_from_gravity(
     Raises:
         CalibrationError: the orientations cannot separate mass from bias.
     """
-    w = np.ones(6) if weight is None else weight
-    y = np.concatenate([g, wrench], axis=1)
-    mean = y.sum(axis=0) / len(y)
-    mean_g, mean_y = mean[:3], mean[3:]
-    y -= mean  # the bias takes the means
-    moments = y[:, :3].T @ y  # (3, 9)
-    spread, mixed = moments[:, :3], moments[:, 3:]
-    share = w[:3] @ spread.diagonal()
-    if not share > 1e-12 * np.vdot(g, g) * w[:3].max():
+    w = [1.0] * 6 if weight is None else weight.tolist()
+    both = np.concatenate([g, wrench], axis=1)
+    mean = np.add.reduce(both) / len(both)
+    both -= mean  # the bias takes the means
+    # sums of g gᵀ, g fᵀ and g τᵀ, a row a component of g
+    x, y, z = (both[:, :3].T @ both).tolist()
+    gx, gy, gz, *bias = mean.tolist()
+    share = w[0] * x[0] + w[1] * y[1] + w[2] * z[2]
+    square = x[0] + y[1] + z[2] + len(g) * (gx * gx + gy * gy + gz * gz)
+    if not share > 1e-12 * square * max(w[:3]):
         raise CalibrationError(
             "all poses have one orientation: mass and bias cannot be distinguished"
         )
-    mass = w[:3] @ mixed.diagonal() / share
-    # torque_i = ε_ijk h_j g_k, so the normal matrix is Σ_i w_i ε_ija ε_ilb spread_ab
-    normal = np.einsum("i,ija,ab,ilb->jl", w[3:], _LEVI_CIVITA, spread, _LEVI_CIVITA)
-    right = np.einsum("i,ija,ai->j", w[3:], _LEVI_CIVITA, mixed[:, 3:])
-    moment = np.linalg.lstsq(normal, right, rcond=1e-10)[0]
-    bias = mean_y.copy()
-    bias[:3] -= mass * mean_g
-    bias[3:] -= _LEVI_CIVITA @ mean_g @ moment
-    return IdentifiedLoad(float(mass), moment / mass, bias)
+    mass = (w[0] * x[3] + w[1] * y[4] + w[2] * z[5]) / share
+    hx, hy, hz = _moment(x, y, z, w[3:])
+    for k, pull in enumerate((gx, gy, gz)):
+        bias[k] -= mass * pull
+    bias[3] -= hy * gz - hz * gy
+    bias[4] -= hz * gx - hx * gz
+    bias[5] -= hx * gy - hy * gx
+    return IdentifiedLoad(mass, np.array([hx, hy, hz]) / mass, np.array(bias))
+
+
+def _moment(x: list[float], y: list[float], z: list[float], w: list[float]) -> list[float]:
+    """First moment h (3,) [kg m] of τ = h × g: normal equations by Cramer's rule, or the shortest.
+
+    Args:
+        x, y, z: sums of a component of g times g, f and τ (9,).
+        w: weights of τ (3,).
+    """
+    u, v, s = w
+    a, b, c = v * z[2] + s * y[1], u * z[2] + s * x[0], u * y[1] + v * x[0]
+    d, e, f = -s * x[1], -v * x[2], -u * y[2]  # N = [[a, d, e], [d, b, f], [e, f, c]]
+    r = (s * y[8] - v * z[7], u * z[6] - s * x[8], v * x[7] - u * y[6])
+    p, q, t = b * c - f * f, e * f - d * c, d * f - e * b
+    determinant = a * p + d * q + e * t
+    if not determinant > _WELL_SPREAD * ((a + b + c) / 3.0) ** 3:
+        normal = np.array([[a, d, e], [d, b, f], [e, f, c]])
+        found: list[float] = np.linalg.lstsq(normal, np.array(r), rcond=1e-10)[0].tolist()
+        return found
+    k, m, n = a * c - e * e, d * e - a * f, a * b - d * d
+    return [
+        (p * r[0] + q * r[1] + t * r[2]) / determinant,
+        (q * r[0] + k * r[1] + m * r[2]) / determinant,
+        (t * r[0] + m * r[1] + n * r[2]) / determinant,
+    ]
 
 
 def initial_values(
@@ -111,12 +135,11 @@ def initial_values(
     robot, names = model.robot, {model.parameters.names[i] for i in free}
     if not {"sensor.bias.fx", "tool.mass"} <= names or isinstance(data.q, Jet):
         return theta
-    gravity = np.asarray(model.gravity)
-    seen = robot.gravity_seen(data.q, robot.robot_theta(theta), gravity)
+    seen = model.gravity_seen(data.q, theta)
     load = identify_from_gravity(seen, data.wrench)
     if load.mass <= 0 and {f"mount.rotation.{a}" for a in "xyz"} <= names:
         theta = _rotated_mount(model, theta, data, seen, load.mass)
-        seen = robot.gravity_seen(data.q, robot.robot_theta(theta), gravity)
+        seen = model.gravity_seen(data.q, theta)
         load = identify_from_gravity(seen, data.wrench)
     else:
         check_mass(load.mass)

@@ -102,6 +102,14 @@ class Model:
             return weight(self.robot.gravity_seen(q, place, gravity), tool)
         return load(self.robot.motion_seen(q, place, gravity), tool.inertial)
 
+    def gravity_seen(self, q: Value, theta: np.ndarray) -> np.ndarray:
+        """Gravity in sensor axes (N, 3) [m/s²] at joint values (N, J), of parameters (P,)."""
+        found = self._compiled.gravity_seen(q, theta)
+        if found is not None:
+            return found
+        own = theta[: len(self.robot.parameters)]
+        return self.robot.gravity_seen(q, own, np.asarray(self.gravity))
+
     def read(self, load: np.ndarray, theta: np.ndarray) -> np.ndarray:
         """What the sensor makes of a load (…, N, 6): its force gains and its bias."""
         bias, gain = np.split(theta[..., len(self.robot.parameters) :], [6], axis=-1)

@@ -17,6 +17,8 @@ _KEPT = 32
 """Parameter vectors whose constants are kept; estimate: a fit compares a few."""
 _IDEAL = np.append(np.zeros(6), np.eye(3))
 """Bias and gains of a sensor that shows the load."""
+_LOAD = slice(3, 8)
+"""Constants that are mass, CoG and the sensor's own mass, by definition in `_statics.c`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,6 +41,14 @@ class CompiledForm:
         every = self.constants(theta[:, 0], at[:, 0], sensed)
         return np.stack([statics.readings(name, q, each.tobytes()) for each in every])
 
+    def gravity_seen(self, q: Value, at: np.ndarray) -> np.ndarray | None:
+        """`Model.gravity_seen`: the force on a tool of 1 kg."""
+        name = self.robot.compiled
+        if not statics.available(name) or at.ndim > 1 or not self._takes(q, at, at):
+            return None
+        constants = self._of_one(at, at, sensed=False, unit=True)
+        return statics.readings(name, q, constants)[:, :3]
+
     def jacobian(self, q: Value, theta: np.ndarray, columns: Sequence[int]) -> np.ndarray | None:
         """`Model.jacobian`: slopes by the constants; complex steps of the constants alone."""
         name = self.robot.compiled
@@ -55,14 +65,22 @@ class CompiledForm:
             found = np.stack([statics.slopes(name, q, p.tobytes(), d) for p, d in each])
         return np.moveaxis(found, -3, -1)
 
-    def _of_one(self, theta: np.ndarray, at: np.ndarray, sensed: bool) -> bytes:
-        """Constants of one vector, kept: of one pose they take longer than the wrench."""
-        key = (theta.tobytes(), at.tobytes() if at is not theta else b"", b"1" * sensed)
+    def _of_one(self, theta: np.ndarray, at: np.ndarray, sensed: bool, unit: bool = False) -> bytes:
+        """Constants of one vector, kept: of one pose they take longer than the wrench.
+
+        Args:
+            unit: of a tool of 1 kg, at the sensor's origin, and no other.
+        """
+        given = b"1" * sensed + b"0" * unit
+        key = (theta.tobytes(), at.tobytes() if at is not theta else b"", given)
         constants = self._kept.get(key)
         if constants is None:
             if len(self._kept) >= _KEPT:
                 self._kept.clear()
-            constants = self._kept[key] = self.constants(theta, at, sensed).tobytes()
+            numbers = self.constants(theta, at, sensed)
+            if unit:
+                numbers[_LOAD] = (1.0, 0.0, 0.0, 0.0, 0.0)
+            constants = self._kept[key] = numbers.tobytes()
         return constants
 
     def constants(self, theta: np.ndarray, at: np.ndarray, sensed: bool) -> np.ndarray:
