@@ -364,13 +364,26 @@ def test_hostile_metadata_of_a_recording(text, tmp_path):
         Recording.read(tmp_path / "rec.parquet")
 
 
-def test_memory_that_does_not_suffice_is_named(tmp_path, monkeypatch):
+def test_a_file_read_in_parts_is_that_read_at_once(tmp_path, monkeypatch):
     path = recording(tmp_path / "rec.parquet")
+    whole = Recording.read(path)
+    monkeypatch.setattr(parquet, "ROWS_AT_ONCE", 7)
+    parts = Recording.read(path)
+    assert parts.columns.keys() == whole.columns.keys() and len(whole) > 7
+    for name, column in whole.columns.items():
+        assert np.array_equal(parts.columns[name], column)
+        assert parts.columns[name].dtype == column.dtype
+
+
+@pytest.mark.parametrize(("way", "at_once"), [("read", 2**18), ("iter_batches", 7)])
+def test_memory_that_does_not_suffice_is_named(tmp_path, monkeypatch, way, at_once):
+    path = recording(tmp_path / "rec.parquet")
+    monkeypatch.setattr(parquet, "ROWS_AT_ONCE", at_once)
 
     def full(*_, **__):
         raise pa.ArrowMemoryError("malloc of size 64 failed")
 
-    monkeypatch.setattr(pq.ParquetFile, "iter_batches", full)
+    monkeypatch.setattr(pq.ParquetFile, way, full)
     with pytest.raises(ShortageError, match=r"rec\.parquet: out of memory"):
         Recording.read(path)
 

@@ -3,7 +3,7 @@
 import json
 import os
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -42,11 +42,16 @@ def read(path: Path, error: type[WrenchbedError]) -> tuple[dict[str, np.ndarray]
         with _opened(path, error) as file:
             schema = file.schema_arrow
             metadata = metadata_of(schema, path, error)
+            few = file.read() if file.metadata.num_rows <= ROWS_AT_ONCE else None
             for field in schema:
                 if pa.types.is_integer(field.type) or pa.types.is_floating(field.type):
-                    result[field.name] = _unpacked(file, field, path, error)
+                    parts = _parts(file, field.name) if few is None else few[field.name].chunks
+                    rows = file.metadata.num_rows
+                    result[field.name] = _unpacked(parts, rows, field, path, error)
                 else:
-                    result |= columns(file.read(columns=[field.name]), path, error)
+                    text = [field.name]
+                    table = file.read(columns=text) if few is None else few.select(text)
+                    result |= columns(table, path, error)
     except WrenchbedError:
         raise
     except Exception as cause:  # Arrow's, or Python's for names that are no text
@@ -61,18 +66,23 @@ def read(path: Path, error: type[WrenchbedError]) -> tuple[dict[str, np.ndarray]
     return result, metadata
 
 
+def _parts(file: pq.ParquetFile, name: str) -> Iterator[pa.Array]:
+    """A column, some rows at a time."""
+    for batch in file.iter_batches(ROWS_AT_ONCE, columns=[name]):
+        yield batch.column(0)
+
+
 def _unpacked(
-    file: pq.ParquetFile, field: pa.Field, path: Path, error: type[WrenchbedError]
+    parts: Iterable[pa.Array], rows: int, field: pa.Field, path: Path, error: type[WrenchbedError]
 ) -> np.ndarray:
-    """A column of numbers as a read-only array (N,), unpacked some rows at a time."""
-    result = np.empty(file.metadata.num_rows, field.type.to_pandas_dtype())
+    """A column of numbers as a read-only array (N,), unpacked part by part."""
+    result = np.empty(rows, field.type.to_pandas_dtype())
     first = 0
-    for batch in file.iter_batches(ROWS_AT_ONCE, columns=[field.name]):
-        part = batch.column(0)
+    for part in parts:
         _check_complete(part, field.name, path, error, first)
         result[first : first + len(part)] = part.to_numpy()
         first += len(part)
-    if first != len(result):
+    if first != rows:
         raise pa.ArrowInvalid("fewer rows than stated")
     result.flags.writeable = False
     return result
