@@ -166,7 +166,7 @@ def test_an_entrant_whose_time_ends_while_it_reads_is_over_time(family, tmp_path
     def slow(*_, **__):
         time.sleep(5.0)
 
-    monkeypatch.setattr(pq.ParquetFile, "iter_batches", slow)
+    monkeypatch.setattr(pq.ParquetFile, "read", slow)
     cases, _, _ = family
     assert enter([Entrant.of("none")], cases, "0001", tmp_path, 0.1) == ["none"]
     assert "longer than" in claims.read(tmp_path / "none" / "0001").error
