@@ -254,7 +254,7 @@ class Whitened(NamedTuple):
         """Products of all columns with those of another (k, k')."""
         return np.asarray(self.rows.T @ other.rows - self.taken.T @ other.taken)
 
-    def put(self, columns: "Sequence[int]", other: "Whitened") -> None:
+    def put(self, columns: Sequence[int], other: "Whitened") -> None:
         """Replace some columns."""
         self.rows[:, columns] = other.rows
         self.taken[:, columns] = other.taken
@@ -423,9 +423,7 @@ def _spreads(E: np.ndarray, variances: np.ndarray) -> list[np.ndarray | None]:
     gaps = np.array(LADDER)
     slope = variances[0] / gaps[0]
     grows = np.isclose(variances, gaps[:, None] * slope, rtol=1e-12, atol=0.0)
-    reached = np.logical_and.accumulate(grows).sum(
-        axis=0
-    )  # the rung that is the first at its limit
+    reached = np.logical_and.accumulate(grows).sum(axis=0)  # first rung at the limit
     total = np.zeros((len(gaps), len(E), len(E)))
     for rung in np.unique(reached):
         of = np.flatnonzero((reached == rung) & (variances[-1] > 0.0))
