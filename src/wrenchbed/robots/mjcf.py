@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 
 from wrenchbed.errors import ParameterError
+from wrenchbed.physics.rotations import quaternion
 from wrenchbed.physics.wrench import Tool, physical_inertia
 
 POINT = 1e-9
@@ -77,27 +78,7 @@ def place(
 def rotate_body(element: "mujoco.MjsBody | mujoco.MjsSite", rotation: np.ndarray) -> None:
     """Set the rotation matrix (3, 3) of a body or site in its parent."""
     element.alt.type = mujoco.mjtOrientation.mjORIENTATION_QUAT
-    element.quat = _quaternion(rotation)
-
-
-def _quaternion(rotation: np.ndarray) -> np.ndarray:
-    """`rotations.quaternion` of one matrix that a formula gave, to the last bit, without its calls.
-
-    From its largest component: Markley 2008, doi 10.2514/1.31730.
-    """
-    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = rotation.tolist()
-    trace = xx + yy + zz
-    largest = max(xx, yy, zz, trace)
-    if largest == trace:
-        w, x, y, z = 1.0 + trace, zy - yz, xz - zx, yx - xy
-    elif largest == xx:
-        w, x, y, z = zy - yz, 1.0 - trace + 2.0 * xx, yx + xy, zx + xz
-    elif largest == yy:
-        w, x, y, z = xz - zx, xy + yx, 1.0 - trace + 2.0 * yy, zy + yz
-    else:
-        w, x, y, z = yx - xy, xz + zx, yz + zy, 1.0 - trace + 2.0 * zz
-    size = np.copysign(np.sqrt(x * x + y * y + z * z + w * w), w)
-    return np.array([w, x, y, z]) / size
+    element.quat = quaternion(rotation)
 
 
 def write_load(spec: mujoco.MjSpec, tool: Tool) -> None:

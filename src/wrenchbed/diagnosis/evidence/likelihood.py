@@ -427,9 +427,10 @@ def _spreads(E: np.ndarray, variances: np.ndarray) -> list[np.ndarray | None]:
     total = np.zeros((len(gaps), len(E), len(E)))
     for rung in np.unique(reached):
         of = np.flatnonzero((reached == rung) & (variances[-1] > 0.0))
-        growing, limited = ((E[:, of] * v[of]) @ E[:, of].T for v in (slope, variances[-1]))
-        total[:rung] += gaps[:rung, None, None] * growing
-        total[rung:] += limited
+        some = E[:, of]
+        total[:rung] += gaps[:rung, None, None] * ((some * slope[of]) @ some.T)
+        if rung < len(gaps):
+            total[rung:] += (some * variances[-1][of]) @ some.T
     return list(total)
 
 
