@@ -8,6 +8,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from robot_emulators.base.emulator import EmulatorOptions, serve
     from wrenchbed.benchmark.sealed.entrants import Entrant
     from wrenchbed.benchmark.sealed.make import Family
     from wrenchbed.benchmark.sealed.make import make as blind_make
@@ -36,7 +37,6 @@ if TYPE_CHECKING:
     from wrenchbed.diagnosis.several import diagnose_several
     from wrenchbed.drives.fit import DriveFit
     from wrenchbed.drives.identify import calibrate_efforts
-    from wrenchbed.emulators.base.emulator import EmulatorOptions, serve
     from wrenchbed.errors import WrenchbedError
     from wrenchbed.exports.base import ExportOptions, export_to
     from wrenchbed.exports.load_numbers import LoadNumbers, load_numbers

@@ -36,7 +36,7 @@ _PACKAGES = {
     "sensors": "wrenchbed.sensors",
     "drivers": "wrenchbed.hardware.drivers",
     "transducers": "wrenchbed.hardware.transducers",
-    "emulators": "wrenchbed.emulators",
+    "emulators": "robot_emulators",
     "effects": "wrenchbed.effects",
     "exports": "wrenchbed.exports",
 }

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from robot_emulators.ur5.tool_wrench import Payload, WrenchEstimate
 from wrenchbed import registry
 from wrenchbed.calibration.calibrate import calibrate
 from wrenchbed.calibration.compensated import restored
@@ -15,7 +16,6 @@ from wrenchbed.campaigns.recording.run import record
 from wrenchbed.data.plan import Plan
 from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis.prepare.prepare_recording import prepare
-from wrenchbed.emulators.ur5.tool_wrench import Payload, WrenchEstimate
 from wrenchbed.errors import CalibrationError
 from wrenchbed.hardware.drivers.rtde import wrench_source
 from wrenchbed.hardware.drivers.rtde.shared_state import Snapshot

@@ -10,11 +10,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from wrenchbed.emulators.base.arguments import read
-from wrenchbed.emulators.can_bus import client as text
-from wrenchbed.emulators.can_bus.hub import Hub
-from wrenchbed.emulators.can_bus.wire import Frame
-from wrenchbed.emulators.medrue.server import BusSettings
+from robot_emulators.base.arguments import read
+from robot_emulators.can_bus import client as text
+from robot_emulators.can_bus.hub import Hub
+from robot_emulators.can_bus.wire import Frame
+from robot_emulators.medrue.server import BusSettings
 from wrenchbed.errors import DriverError, LinkError, ParameterError
 from wrenchbed.hardware.transducers.netcanoem.link import CanLink, open_bus
 

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from wrenchbed.emulators.medrue import axis as served
+from robot_emulators.medrue import axis as served
 from wrenchbed.errors import ParameterError
 from wrenchbed.hardware.drivers.can import CanOptions, options
 from wrenchbed.hardware.drivers.can.cia402 import (

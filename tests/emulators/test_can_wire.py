@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from wrenchbed.emulators.can_bus import wire as bits
-from wrenchbed.emulators.can_bus.hub import NOBODY, Foreign, Hub
-from wrenchbed.emulators.can_bus.wire import QUEUE, BusArbiter, Frame
+from robot_emulators.can_bus import wire as bits
+from robot_emulators.can_bus.hub import NOBODY, Foreign, Hub
+from robot_emulators.can_bus.wire import QUEUE, BusArbiter, Frame
 from wrenchbed.hardware.drivers.can import options
 
 GENERATOR = 0b1100010110011001

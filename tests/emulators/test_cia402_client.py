@@ -10,9 +10,9 @@ import pytest
 from canopen.profiles.p402 import BaseNode402
 
 from can_drives import NODE, RATINGS, SimulatedBus
-from wrenchbed.emulators.can_bus.wire import Frame
-from wrenchbed.emulators.canopen.eds import eds
-from wrenchbed.emulators.medrue.drive import DriveEmulator
+from robot_emulators.can_bus.wire import Frame
+from robot_emulators.canopen.eds import eds
+from robot_emulators.medrue.drive import DriveEmulator
 
 EDS = Path(__file__).resolve().parents[2] / "models" / "drives" / "cia402.eds"
 

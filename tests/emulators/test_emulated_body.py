@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.signal import savgol_filter
 
+from robot_emulators.base.body import Body, BodyOptions
+from robot_emulators.base.emulator import EmulatorOptions
 from wrenchbed import registry
-from wrenchbed.emulators.base.body import Body, BodyOptions
-from wrenchbed.emulators.base.emulator import EmulatorOptions
 from wrenchbed.errors import NotFoundError, ParameterError
 from wrenchbed.hardware.drivers import sim
 from wrenchbed.physics.time_derivatives import Jet
@@ -106,7 +106,7 @@ def test_a_long_campaign_is_forgotten_bit_by_bit(monkeypatch):
     whole = Body(BodyOptions("ur5", noise="off", effects=("sensor.hysteresis",)), CYCLE)
     poses = whole.robot.sample(8, np.random.default_rng(8))
     last = [go(whole, q, 1.5, 0.3)[-1] for q in (*poses, *poses)][-1]
-    monkeypatch.setattr("wrenchbed.emulators.base.sensor._REMEMBERED", 90)
+    monkeypatch.setattr("robot_emulators.base.sensor._REMEMBERED", 90)
     short = Body(BodyOptions("ur5", noise="off", effects=("sensor.hysteresis",)), CYCLE)
     kept = []
     for q in (*poses, *poses):

@@ -12,8 +12,8 @@ from contextlib import suppress
 import pytest
 
 from emulator_process import running
+from robot_emulators.base.emulator import Emulator, EmulatorOptions
 from wrenchbed import registry
-from wrenchbed.emulators.base.emulator import Emulator, EmulatorOptions
 from wrenchbed.errors import DriverError, NotFoundError, ParameterError
 
 NAMES = registry.names("emulators")

@@ -2,9 +2,9 @@
 
 import pytest
 
-from wrenchbed.emulators.base import arguments as asks
-from wrenchbed.emulators.base import faults as timed
-from wrenchbed.emulators.base.faults import Faults, TimedFault
+from robot_emulators.base import arguments as asks
+from robot_emulators.base import faults as timed
+from robot_emulators.base.faults import Faults, TimedFault
 from wrenchbed.errors import MapError
 
 SCRIPT = """

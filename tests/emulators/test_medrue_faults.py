@@ -8,11 +8,11 @@ import pytest
 
 from can_witness import connected
 from medrue_bench import until
-from wrenchbed.emulators.base.emulator import EmulatorOptions
-from wrenchbed.emulators.base.faults import TimedFault
-from wrenchbed.emulators.can_bus.hub import Hub
-from wrenchbed.emulators.can_bus.wire import Frame
-from wrenchbed.emulators.medrue import MedrueEmulator
+from robot_emulators.base.emulator import EmulatorOptions
+from robot_emulators.base.faults import TimedFault
+from robot_emulators.can_bus.hub import Hub
+from robot_emulators.can_bus.wire import Frame
+from robot_emulators.medrue import MedrueEmulator
 from wrenchbed.errors import MapError
 
 HOST = "127.0.4.7"

@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 
 from medrue_bench import away, until
-from wrenchbed.emulators.base.body import BodyOptions
-from wrenchbed.emulators.base.emulator import EmulatorOptions
-from wrenchbed.emulators.medrue import MedrueEmulator
-from wrenchbed.emulators.medrue.plant import CYCLE_S, DrivenArm
+from robot_emulators.base.body import BodyOptions
+from robot_emulators.base.emulator import EmulatorOptions
+from robot_emulators.medrue import MedrueEmulator
+from robot_emulators.medrue.plant import CYCLE_S, DrivenArm
 from wrenchbed.hardware.drivers.can import CanDriver, CanOptions
 from wrenchbed.robots.motion_limits import minimum_jerk
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from netft_scene import boxed, plain
-from wrenchbed.emulators.base.arguments import read
-from wrenchbed.emulators.base.timeline import Timeline
-from wrenchbed.emulators.netft_box import BoxSettings
+from robot_emulators.base.arguments import read
+from robot_emulators.base.timeline import Timeline
+from robot_emulators.netft_box import BoxSettings
 from wrenchbed.errors import DriverError, MapError, ParameterError
 
 pytestmark = pytest.mark.wire

@@ -6,7 +6,7 @@ import pytest
 import wrenchbed as wb
 from emulator_process import running
 from netft_scene import until
-from wrenchbed.emulators.base.emulator import EmulatorOptions
+from robot_emulators.base.emulator import EmulatorOptions
 from wrenchbed.errors import ParameterError
 from wrenchbed.hardware.transducers.netft import NetftOptions
 

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from netft_scene import StandIn
-from wrenchbed.emulators.base.faults import Faults, LinkFaults
-from wrenchbed.emulators.netft_box import BoxSettings
-from wrenchbed.emulators.netft_box.conditions import LATCHED
-from wrenchbed.emulators.netft_box.pages import Pages
-from wrenchbed.emulators.netft_box.rdt import RESET_LATCH, Pace, Rdt, Request
-from wrenchbed.emulators.netft_box.sensing import Sensing
+from robot_emulators.base.faults import Faults, LinkFaults
+from robot_emulators.netft_box import BoxSettings
+from robot_emulators.netft_box.conditions import LATCHED
+from robot_emulators.netft_box.pages import Pages
+from robot_emulators.netft_box.rdt import RESET_LATCH, Pace, Rdt, Request
+from robot_emulators.netft_box.sensing import Sensing
 from wrenchbed.hardware.transducers.netft import configuration
 
 FZ = 30.0

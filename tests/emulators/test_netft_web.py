@@ -4,9 +4,9 @@ import socket
 
 import pytest
 
-from wrenchbed.emulators.base.event_loop import LoopThread
-from wrenchbed.emulators.base.faults import Faults, LinkFaults
-from wrenchbed.emulators.netft_box.web import Web
+from robot_emulators.base.event_loop import LoopThread
+from robot_emulators.base.faults import Faults, LinkFaults
+from robot_emulators.netft_box.web import Web
 
 HOST = "127.0.3.33"
 

@@ -5,10 +5,10 @@ import time
 
 import pytest
 
+from robot_emulators.base.emulator import Emulator
+from robot_emulators.base.real_time import objects_kept
 from wrenchbed import registry
 from wrenchbed.cli import main
-from wrenchbed.emulators.base.emulator import Emulator
-from wrenchbed.emulators.base.real_time import objects_kept
 
 
 class Gripper(Emulator):

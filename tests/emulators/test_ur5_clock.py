@@ -5,11 +5,11 @@ from types import SimpleNamespace
 
 import pytest
 
-from wrenchbed.emulators.base import real_time as clock_module
-from wrenchbed.emulators.base.emulator import EmulatorOptions
-from wrenchbed.emulators.base.real_time import GIVE_UP_S, CycleClock
-from wrenchbed.emulators.ur5 import EMULATOR, outputs, server
-from wrenchbed.emulators.ur5.outputs import Timestamp
+from robot_emulators.base import real_time as clock_module
+from robot_emulators.base.emulator import EmulatorOptions
+from robot_emulators.base.real_time import GIVE_UP_S, CycleClock
+from robot_emulators.ur5 import EMULATOR, outputs, server
+from robot_emulators.ur5.outputs import Timestamp
 
 PERIOD = 0.008
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from robot_emulators.ur5.kinematics import NO_TOOL
+from robot_emulators.ur5.modes import SafetyMode
 from ur5_bench import CYCLE, ROBOT, Bench
-from wrenchbed.emulators.ur5.kinematics import NO_TOOL
-from wrenchbed.emulators.ur5.modes import SafetyMode
 
 DOWN = np.array([0.4, -0.11, 0.45, np.pi, 0.0, 0.0])
 

@@ -5,9 +5,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from ur5_bench import CYCLE, Bench
-from wrenchbed import registry
-from wrenchbed.emulators.ur5.kinematics import (
+from robot_emulators.ur5.kinematics import (
     NO_TOOL,
     Kinematics,
     matrix,
@@ -15,8 +13,10 @@ from wrenchbed.emulators.ur5.kinematics import (
     rotation_vector,
     vector,
 )
-from wrenchbed.emulators.ur5.modes import Runtime, SafetyMode
-from wrenchbed.emulators.ur5.motions import Pace, Profile, ToPose
+from robot_emulators.ur5.modes import Runtime, SafetyMode
+from robot_emulators.ur5.motions import Pace, Profile, ToPose
+from ur5_bench import CYCLE, Bench
+from wrenchbed import registry
 from wrenchbed.simulation.simulation import Simulation
 
 ROBOT = registry.load("robots", "ur5")

@@ -12,17 +12,17 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from robot_emulators.base.emulator import EmulatorOptions
+from robot_emulators.ur5 import EMULATOR
+from robot_emulators.ur5.commands import COMMANDS
+from robot_emulators.ur5.dashboard import Dashboard
+from robot_emulators.ur5.kinematics import NO_TOOL, Kinematics, UnreachableError
+from robot_emulators.ur5.messages import RuntimeFault
+from robot_emulators.ur5.modes import Runtime
+from robot_emulators.ur5.outputs import Outputs
+from robot_emulators.ur5.packets import Recipe
+from robot_emulators.ur5.script import Collector, Script
 from ur5_bench import CYCLE, Bench
-from wrenchbed.emulators.base.emulator import EmulatorOptions
-from wrenchbed.emulators.ur5 import EMULATOR
-from wrenchbed.emulators.ur5.commands import COMMANDS
-from wrenchbed.emulators.ur5.dashboard import Dashboard
-from wrenchbed.emulators.ur5.kinematics import NO_TOOL, Kinematics, UnreachableError
-from wrenchbed.emulators.ur5.messages import RuntimeFault
-from wrenchbed.emulators.ur5.modes import Runtime
-from wrenchbed.emulators.ur5.outputs import Outputs
-from wrenchbed.emulators.ur5.packets import Recipe
-from wrenchbed.emulators.ur5.script import Collector, Script
 from wrenchbed.errors import DriverError
 
 HOST = "127.0.1.33"
@@ -216,7 +216,7 @@ def test_a_loop_that_breaks_down_says_so_and_refuses_faults(broken):
 
 
 def test_a_loop_that_hangs_refuses_faults_and_never_does_them(monkeypatch):
-    monkeypatch.setattr("wrenchbed.emulators.ur5.server._INJECT_S", 0.1)
+    monkeypatch.setattr("robot_emulators.ur5.server._INJECT_S", 0.1)
     emulator = EMULATOR(EmulatorOptions(HOST, noise="off", setting={"box": "off"}))
     done = []
     with pytest.raises(DriverError, match=r"has stopped.*0\.1 s"):
@@ -240,7 +240,7 @@ def test_a_fault_that_fails_raises_where_it_was_injected():
 
 BREAK = """
 import sys
-from wrenchbed.emulators.ur5.controller import Controller
+from robot_emulators.ur5.controller import Controller
 def cycle(self, now):
     raise ZeroDivisionError("a cycle that cannot be")
 Controller.cycle = cycle

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from wrenchbed.emulators.base.emulator import EmulatorOptions
-from wrenchbed.emulators.ur5 import EMULATOR
+from robot_emulators.base.emulator import EmulatorOptions
+from robot_emulators.ur5 import EMULATOR
 from wrenchbed.hardware.drivers.rtde import wrench_source
 from wrenchbed.hardware.drivers.rtde.shared_state import Snapshot
 from wrenchbed.hardware.transducers.ur_wrench import in_sensor_axes

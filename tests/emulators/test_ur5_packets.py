@@ -6,10 +6,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from wrenchbed.emulators.ur5 import packets as wire
-from wrenchbed.emulators.ur5.inputs import Inputs
-from wrenchbed.emulators.ur5.packets import inputs, outputs, zero
-from wrenchbed.emulators.ur5.rtde import Offer, RtdeSession
+from robot_emulators.ur5 import packets as wire
+from robot_emulators.ur5.inputs import Inputs
+from robot_emulators.ur5.packets import inputs, outputs, zero
+from robot_emulators.ur5.rtde import Offer, RtdeSession
 from wrenchbed.errors import LinkError
 
 CB3, E = (3, 15, 8, 106339), (5, 11, 1, 108318)

@@ -8,11 +8,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from robot_emulators.ur5.messages import Error, Key, Popup, RuntimeFault, Safety, Said
+from robot_emulators.ur5.modes import RobotMode, Runtime, SafetyMode
+from robot_emulators.ur5.outputs import Outputs
+from robot_emulators.ur5.primary import Primary
 from ur5_bench import CYCLE, Bench
-from wrenchbed.emulators.ur5.messages import Error, Key, Popup, RuntimeFault, Safety, Said
-from wrenchbed.emulators.ur5.modes import RobotMode, Runtime, SafetyMode
-from wrenchbed.emulators.ur5.outputs import Outputs
-from wrenchbed.emulators.ur5.primary import Primary
 
 SIZES = {0: 47, 1: 251, 2: 37, 3: 75, 4: 101, 5: 225, 6: 445, 7: 61, 8: 9, 9: 53, 10: 43, 12: 8}
 """Bytes of each part of a captured message."""

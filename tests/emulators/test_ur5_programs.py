@@ -8,12 +8,12 @@ import time
 import numpy as np
 import pytest
 
+from robot_emulators.ur5.messages import RuntimeFault, Said
+from robot_emulators.ur5.modes import Runtime
+from robot_emulators.ur5.programs import ProgramFileError, Programs
+from robot_emulators.ur5.script import Collector
+from robot_emulators.ur5.settings import ControllerSettings
 from ur5_bench import CYCLE, Bench
-from wrenchbed.emulators.ur5.messages import RuntimeFault, Said
-from wrenchbed.emulators.ur5.modes import Runtime
-from wrenchbed.emulators.ur5.programs import ProgramFileError, Programs
-from wrenchbed.emulators.ur5.script import Collector
-from wrenchbed.emulators.ur5.settings import ControllerSettings
 
 HOST = "127.0.1.34"
 ASIDE, UP = np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0])

@@ -5,11 +5,11 @@ import time
 import numpy as np
 import pytest
 
+from robot_emulators.base.emulator import EmulatorOptions
+from robot_emulators.ur5 import EMULATOR
+from robot_emulators.ur5.outputs import Outputs
+from robot_emulators.ur5.tool_wrench import GRAVITY
 from ur5_bench import CYCLE, Bench
-from wrenchbed.emulators.base.emulator import EmulatorOptions
-from wrenchbed.emulators.ur5 import EMULATOR
-from wrenchbed.emulators.ur5.outputs import Outputs
-from wrenchbed.emulators.ur5.tool_wrench import GRAVITY
 
 
 @pytest.fixture

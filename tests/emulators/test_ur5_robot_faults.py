@@ -6,9 +6,9 @@ import time
 import pytest
 
 import emulator_process
+from robot_emulators.base.emulator import EmulatorOptions
+from robot_emulators.ur5 import EMULATOR
 from ur5_socket import Client, Lines, gone
-from wrenchbed.emulators.base.emulator import EmulatorOptions
-from wrenchbed.emulators.ur5 import EMULATOR
 
 pytestmark = pytest.mark.wire
 

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from robot_emulators.ur5.script import Collector
 from ur5_bench import CYCLE, Bench
-from wrenchbed.emulators.ur5.script import Collector
 
 
 def program(*lines: str) -> bytes:

@@ -6,10 +6,10 @@ from unittest.mock import Mock
 import numpy as np
 import pytest
 
-from wrenchbed.emulators.base.emulator import EmulatorOptions
-from wrenchbed.emulators.ur5 import EMULATOR
-from wrenchbed.emulators.ur5.dashboard import Dashboard
-from wrenchbed.emulators.ur5.settings import MODELS
+from robot_emulators.base.emulator import EmulatorOptions
+from robot_emulators.ur5 import EMULATOR
+from robot_emulators.ur5.dashboard import Dashboard
+from robot_emulators.ur5.settings import MODELS
 from wrenchbed.errors import DriverError, ParameterError
 
 

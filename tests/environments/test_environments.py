@@ -12,7 +12,7 @@ from gymnasium.utils.env_checker import check_env
 
 import wrenchbed as wb
 import wrenchbed.environments
-from wrenchbed.emulators.base.contact_surface import Limb, tip_of
+from robot_emulators.base.contact_surface import Limb, tip_of
 from wrenchbed.environments.contact import Hand
 from wrenchbed.environments.information import knowledge
 from wrenchbed.environments.policies import ForceController, GreedyInformation

@@ -11,11 +11,11 @@ import yaml
 from scipy.spatial.transform import Rotation
 
 import wrenchbed as wb
+from robot_emulators.base.emulator import EmulatorOptions
+from robot_emulators.ur5 import EMULATOR
+from robot_emulators.ur5.script import Collector
 from simulated import MEDRUE_TRUTH, UR5_TRUTH, WHITE, static
 from wrenchbed import registry
-from wrenchbed.emulators.base.emulator import EmulatorOptions
-from wrenchbed.emulators.ur5 import EMULATOR
-from wrenchbed.emulators.ur5.script import Collector
 from wrenchbed.errors import ExportError
 from wrenchbed.exports.base import Export, output_files
 from wrenchbed.exports.load_numbers import Origin, load_numbers

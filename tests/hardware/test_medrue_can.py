@@ -7,9 +7,9 @@ import pytest
 
 from emulator_process import running
 from medrue_bench import away, options, until
+from robot_emulators.base.emulator import EmulatorOptions as TwinOptions
+from robot_emulators.medrue import MedrueEmulator
 from wrenchbed import registry
-from wrenchbed.emulators.base.emulator import EmulatorOptions as TwinOptions
-from wrenchbed.emulators.medrue import MedrueEmulator
 from wrenchbed.errors import DriverError, LimitError, LinkError, SafetyStopError
 from wrenchbed.hardware.drivers.can import CanDriver, CanOptions
 from wrenchbed.hardware.transducers.netcanoem import NetcanoemOptions as SensorOptions

@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from robot_emulators.can_bus.wire import Frame
+from robot_emulators.medrue.board import BoardEmulator
 from wrenchbed import registry
-from wrenchbed.emulators.can_bus.wire import Frame
-from wrenchbed.emulators.medrue.board import BoardEmulator
 from wrenchbed.errors import DriverError, ParameterError
 from wrenchbed.hardware.transducers.netcanoem import NetcanoemOptions, transducer
 from wrenchbed.hardware.transducers.netcanoem.frames import (

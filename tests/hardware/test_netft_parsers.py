@@ -8,9 +8,9 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from robot_emulators.netft_box import rdt
+from robot_emulators.netft_box import web as server
 from wrenchbed import web_requests
-from wrenchbed.emulators.netft_box import rdt
-from wrenchbed.emulators.netft_box import web as server
 from wrenchbed.errors import DriverError, LinkError
 from wrenchbed.hardware.transducers.device_clock import DeviceClock, signed
 from wrenchbed.hardware.transducers.netft import configuration, datagrams

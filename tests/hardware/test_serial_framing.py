@@ -8,8 +8,8 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from wrenchbed.emulators.serial_sensors import bota as emulated_bota
-from wrenchbed.emulators.serial_sensors import robotiq_ft300 as emulated_robotiq
+from robot_emulators.serial_sensors import bota as emulated_bota
+from robot_emulators.serial_sensors import robotiq_ft300 as emulated_robotiq
 from wrenchbed.errors import DriverError
 from wrenchbed.hardware.transducers.bota import frames
 from wrenchbed.hardware.transducers.robotiq_ft300 import modbus, packets

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from netft_scene import until
+from robot_emulators.serial_sensors import line
 from serial_scene import NAMES, on_a_line
-from wrenchbed.emulators.serial_sensors import line
 from wrenchbed.errors import DriverError, LinkError, ParameterError
 from wrenchbed.hardware.transducers.address import transducer_at
 from wrenchbed.hardware.transducers.serial_line.port import SerialPort

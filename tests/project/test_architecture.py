@@ -19,7 +19,7 @@ LAYERS = (
     ("simulation",),
     ("calibration", "effects"),
     ("drives", "planning", "twin"),
-    ("diagnosis", "emulators", "exports", "hardware"),
+    ("diagnosis", "exports", "hardware"),
     ("benchmark", "campaigns", "monitoring", "reports"),
     ("environments", "studies", "viewer"),
     ("__init__",),
@@ -32,16 +32,15 @@ PLUGINS = {
     "robots": "robots",
     "drivers": "hardware/drivers",
     "transducers": "hardware/transducers",
-    "emulators": "emulators",
     "effects": "effects",
     "exports": "exports",
 }
 ONLY_IN = {
     "mujoco": ("robots", "simulation", "effects", "twin", "planning/clearance", "benchmark",
-               "emulators/base", "viewer", "environments"),
+               "viewer", "environments"),
     "rtde_control": ("hardware/drivers/rtde",), "rtde_receive": ("hardware/drivers/rtde",),
     "rtde_io": ("hardware/drivers/rtde",), "dashboard_client": ("hardware/drivers/rtde",),
-    "can": ("hardware", "emulators"), "canopen": ("hardware", "emulators"),
+    "can": ("hardware",), "canopen": ("hardware",),
     "rerun": ("viewer",), "rich": ("cli",), "tyro": ("cli",),
 }  # fmt: skip
 FILES = sorted(SOURCE.rglob("*.py"))

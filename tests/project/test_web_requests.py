@@ -115,5 +115,5 @@ def test_every_http_server_uses_the_one_check():
     servers -= {"web_requests.py"}
     assert servers == checked
     assert servers == {
-        "viewer/show.py", "emulators/netft_box/web.py", "hardware/packet_capture/playback.py"
+        "viewer/show.py", "hardware/packet_capture/playback.py"
     }  # fmt: skip

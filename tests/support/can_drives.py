@@ -4,9 +4,9 @@ import struct
 import threading
 from collections import deque
 
-from wrenchbed.emulators.can_bus.wire import Frame
-from wrenchbed.emulators.medrue.axis import Ratings
-from wrenchbed.emulators.medrue.drive import DriveEmulator
+from robot_emulators.can_bus.wire import Frame
+from robot_emulators.medrue.axis import Ratings
+from robot_emulators.medrue.drive import DriveEmulator
 from wrenchbed.hardware.conformity.port import Received
 
 NODE = 5

@@ -525,7 +525,7 @@ def map_toml() -> FileTarget:
 
 def faults_toml() -> FileTarget:
     """Scripts of faults of an emulator, in TOML."""
-    from wrenchbed.emulators.base.faults import read
+    from robot_emulators.base.faults import read
 
     seed = b'[[fault]]\nlink = "rtde"\nkind = "silence"\nat = 2.0\nseconds = 1.5\n\n' \
            b'[[fault]]\nlink = "can"\nkind = "text"\nat = 3\nmessage = "x"\n'  # fmt: skip

@@ -9,8 +9,8 @@ from contextlib import contextmanager
 import numpy as np
 
 import wrenchbed as wb
-from wrenchbed.emulators.base.faults import Faults, TimedFault
-from wrenchbed.emulators.netft_box import Box, BoxSettings
+from robot_emulators.base.faults import Faults, TimedFault
+from robot_emulators.netft_box import Box, BoxSettings
 from wrenchbed.hardware.transducers.netft import NetftOptions, NetftTransducer
 
 

@@ -5,9 +5,9 @@ from contextlib import contextmanager
 
 import numpy as np
 
+from robot_emulators.base.emulator import Emulator, EmulatorOptions
+from robot_emulators.base.faults import TimedFault
 from wrenchbed import registry
-from wrenchbed.emulators.base.emulator import Emulator, EmulatorOptions
-from wrenchbed.emulators.base.faults import TimedFault
 from wrenchbed.hardware.transducers.address import transducer_at
 from wrenchbed.hardware.transducers.serial_line.transducer import SerialTransducer
 

@@ -2,12 +2,12 @@
 
 import numpy as np
 
+from robot_emulators.base.body import Body, BodyOptions
+from robot_emulators.ur5.controller import Controller
+from robot_emulators.ur5.script import Script
+from robot_emulators.ur5.settings import ControllerSettings
+from robot_emulators.ur5.tool_wrench import Payload
 from wrenchbed import registry
-from wrenchbed.emulators.base.body import Body, BodyOptions
-from wrenchbed.emulators.ur5.controller import Controller
-from wrenchbed.emulators.ur5.script import Script
-from wrenchbed.emulators.ur5.settings import ControllerSettings
-from wrenchbed.emulators.ur5.tool_wrench import Payload
 
 ROBOT = registry.load("robots", "ur5")
 NOMINAL = ROBOT.parameters.nominal

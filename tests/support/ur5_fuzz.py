@@ -24,9 +24,9 @@ def joined(*pieces: bytes) -> bytes:
 
 def rtde() -> tuple[Target, list[bytes]]:
     """An RTDE client's packets on their way to the UR5 emulator."""
-    from wrenchbed.emulators.ur5 import packets
-    from wrenchbed.emulators.ur5.inputs import Inputs
-    from wrenchbed.emulators.ur5.rtde import Offer, RtdeSession
+    from robot_emulators.ur5 import packets
+    from robot_emulators.ur5.inputs import Inputs
+    from robot_emulators.ur5.rtde import Offer, RtdeSession
 
     version = (5, 11, 0, 1)
     outputs = packets.outputs(version)
@@ -72,9 +72,9 @@ def script() -> tuple[Target, list[bytes]]:
     """Programs on their way to the controller, and moves that are put into its control script."""
     import numpy as np
 
-    from wrenchbed.emulators.ur5.script import MOST, Collector
-    from wrenchbed.emulators.ur5.urscript.faults import ScriptFaultError
-    from wrenchbed.emulators.ur5.urscript.parser import parse
+    from robot_emulators.ur5.script import MOST, Collector
+    from robot_emulators.ur5.urscript.faults import ScriptFaultError
+    from robot_emulators.ur5.urscript.parser import parse
 
     def check(data: bytes, size: int) -> list:
         collector, found = Collector(), []
@@ -125,10 +125,10 @@ def _controller():
     """An e-Series controller, which knows the most, with such a body."""
     import numpy as np
 
+    from robot_emulators.ur5.controller import Controller
+    from robot_emulators.ur5.settings import ControllerSettings
+    from robot_emulators.ur5.tool_wrench import Payload
     from wrenchbed import registry
-    from wrenchbed.emulators.ur5.controller import Controller
-    from wrenchbed.emulators.ur5.settings import ControllerSettings
-    from wrenchbed.emulators.ur5.tool_wrench import Payload
 
     body = _Body(registry.load("robots", "ur5").home)
     return Controller(
@@ -138,7 +138,7 @@ def _controller():
 
 def dashboard() -> tuple[Target, list[bytes]]:
     """Lines on their way to the dashboard: each is answered by one."""
-    from wrenchbed.emulators.ur5.dashboard import GREETING, Dashboard
+    from robot_emulators.ur5.dashboard import GREETING, Dashboard
 
     controller = _controller()
 
@@ -169,9 +169,9 @@ def registers() -> tuple[Target, list[bytes]]:
 
     import numpy as np
 
-    from wrenchbed.emulators.ur5.outputs import Outputs
-    from wrenchbed.emulators.ur5.packets import Recipe
-    from wrenchbed.emulators.ur5.script import Script, ScriptMove
+    from robot_emulators.ur5.outputs import Outputs
+    from robot_emulators.ur5.packets import Recipe
+    from robot_emulators.ur5.script import Script, ScriptMove
 
     controller = _controller()
     outputs, home = Outputs(controller, shared=False), controller.arm.q.copy()

@@ -11,9 +11,9 @@ from typing import Any
 import gymnasium
 import numpy as np
 
+from robot_emulators.base.body import Body, BodyOptions
+from robot_emulators.base.contact_surface import Limb, tip_of
 from wrenchbed import registry
-from wrenchbed.emulators.base.body import Body, BodyOptions
-from wrenchbed.emulators.base.contact_surface import Limb, tip_of
 from wrenchbed.environments.rendering import Rendered
 from wrenchbed.errors import ParameterError
 from wrenchbed.robots.base import SimulatedRobot

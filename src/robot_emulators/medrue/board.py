@@ -1,0 +1,136 @@
+"""The NETCANOEM board: six gauges of a Mini40 behind CAN requests. Source: ATI 9610-05-1030.
+
+Everything is big endian; an id is the board's base (7 bits) and an opcode (4 bits). The board sends
+gauges, never wrenches: those come from the matrix of its active calibration, which is volatile.
+A request that is longer than the board expects is taken by its first byte: where its ids are also
+a drive's, that drive's targets are requests.
+"""
+
+import struct
+from collections.abc import Callable
+
+import numpy as np
+
+from robot_emulators.can_bus.wire import Frame
+from wrenchbed import registry
+
+MATRIX: np.ndarray = registry.load("sensors", "ati-mini40").gauges
+"""Gauges [V] to wrench [N, N·m] (6, 6)."""
+COUNTS_PER_VOLT = 3276.8
+"""A 16-bit converter of ±10 V."""
+NEWTON, NEWTON_METRE = 2, 3
+SELECT, RESET, SET_BASE, SET_BITRATE = 0x6, 0xC, 0xD, 0xE
+"""Opcodes that change something."""
+SLOTS = 16
+BAD_CALIBRATION, ANY_ERROR = 1 << 6, 1 << 15
+_OTHER_GAIN = 0.8
+_NOTHING = 0x100
+TOP_BITRATE = 2_000_000
+"""Bit rate of divisor 0; divisor d makes it so much by d + 1."""
+BOOT_S = 0.1
+"""How long it is silent after a reset [s]; an estimate."""
+
+
+class BoardEmulator:
+    """The board at an address of the bus.
+
+    Args:
+        send: puts a frame on the bus.
+        base: upper seven bits of its ids.
+        slot: where the calibration of the mounted Mini40 is.
+        counts: per N and per N·m.
+        wrench: the load on the gauges at a time [s] → (6,).
+        bitrate: of the bus, and of the board until it is set to another [bit/s].
+    """
+
+    def __init__(
+        self, send: Callable[[Frame], None], base: int, slot: int, counts: int,
+        wrench: Callable[[float], np.ndarray], bitrate: int = 1_000_000,
+    ) -> None:  # fmt: skip
+        self._send, self._wrench = send, wrench
+        self.base = self._next_base = base
+        self.bitrate: float = bitrate
+        self._next_bitrate: float = bitrate
+        self._bus_bitrate = bitrate
+        self.slot, self.counts = slot, counts
+        self.active = self.status = 0
+        self.silent_until = 0.0
+        self.mute = False
+        self.railed: dict[int, float] = {}
+        """Gauge → until when it is at the end of its range [s]."""
+        self.spoil: Callable[[list[tuple[int, bytes]]], list[tuple[int, bytes]]] = lambda pair: pair
+        """What happens to the two frames of a gauge reading on their way out."""
+        self._gauges = np.linalg.inv(MATRIX) * COUNTS_PER_VOLT
+
+    def matrix(self) -> np.ndarray:
+        """Matrix (6, 6) of the active calibration, counts of unit per gauge count."""
+        true = MATRIX / COUNTS_PER_VOLT * self.counts
+        return np.asarray(true if self.active == self.slot else 0.5 * true, dtype=np.float32)
+
+    def reset(self, now: float) -> None:
+        """Restart: calibration 0 is active, and a new base and bit rate take effect."""
+        self.active = self.status = 0
+        self.base, self.bitrate = self._next_base, self._next_bitrate
+        self.silent_until = now + BOOT_S
+
+    def hear(self, t: float, frame: Frame) -> None:
+        """Take a frame from the bus at a time [s]; it hears none of another bit rate."""
+        if frame.extended or frame.remote or frame.can_id >> 4 != self.base:
+            return
+        if self.mute or t < self.silent_until or self.bitrate != self._bus_bitrate:
+            return
+        opcode, data = frame.can_id & 0xF, frame.data
+        for op, reply in self._answer(t, opcode, data):
+            self._send(Frame(self.base << 4 | op, reply))
+
+    def gauges(self, t: float) -> np.ndarray:
+        """What the converter reads (6,), −32768 … 32767."""
+        gain = 1.0 if self.active == self.slot else _OTHER_GAIN
+        counts = np.rint(gain * self._gauges @ self._wrench(t))
+        for gauge, until in self.railed.items():
+            if t < until:
+                counts[gauge] = 32767
+        return np.asarray(np.clip(counts, -32768, 32767), dtype=int)
+
+    def _answer(self, t: float, opcode: int, data: bytes) -> list[tuple[int, bytes]]:
+        first = data[0] if data else _NOTHING
+        match opcode:
+            case 0x0:
+                g = [int(v) for v in self.gauges(t)]
+                even = struct.pack(">Hhhh", self._word(), g[0], g[2], g[4])
+                return self.spoil([(0, even), (1, struct.pack(">hhh", g[1], g[3], g[5]))])
+            case 0x2 if first < 6:
+                row = self.matrix()[first].astype(">f4").tobytes()
+                return [(2 + k, row[8 * k : 8 * k + 8]) for k in range(3)]
+            case 0x5:
+                return [(5, b"FT12288\0")]
+            case 0x6 if first < SLOTS:
+                self._select(first)
+                return [(6, data[:1])]
+            case 0x7:
+                return [(7, struct.pack(">II", self.counts, self.counts))]
+            case 0x8:
+                return [(8, bytes([NEWTON, NEWTON_METRE]))]
+            case 0x9 if first < 5:
+                return [(9, struct.pack(">H", (2048, 1900, 2480, 2048, 0)[first]))]
+            case 0xC:
+                self.reset(t)
+                return []
+            case 0xD if first < 0x80:
+                self._next_base = first
+                return [(0xD, b"")]
+            case 0xE if first < _NOTHING:
+                self._next_bitrate = TOP_BITRATE / (first + 1)
+                return [(0xE, b"")]
+            case 0xF:
+                return [(0xF, struct.pack(">BBH", 3, 8, 17))]
+        return []
+
+    def _select(self, slot: int) -> None:
+        self.active = slot
+        self.status &= ~BAD_CALIBRATION
+        if slot not in (0, self.slot):
+            self.status |= BAD_CALIBRATION
+
+    def _word(self) -> int:
+        return self.status | (ANY_ERROR if self.status & ~1 else 0)

@@ -1,0 +1,227 @@
+"""One CiA 402 drive on the bus: a CANopen node with its axis and its watchdogs.
+
+What a PDO or an SDO writes acts when it arrives; what a synchronous PDO carries, at the next SYNC.
+An enabled axis loses its master where an RPDO does not come again within its event timer
+(0x1400:5), no SYNC for longer than that and `_SYNC_LOSS` periods (0x1006), a heartbeat stays away
+(0x1016), or the node leaves OPERATIONAL. It then does what the master wrote to 0x6007: it goes to
+FAULT (after power-up), stops on its quick-stop ramp, or does nothing.
+"""
+
+import threading
+from collections import deque
+from collections.abc import Callable, Sequence
+
+from robot_emulators.can_bus.wire import Frame
+from robot_emulators.canopen.dictionary import Key
+from robot_emulators.canopen.node import OPERATIONAL, Identity, Node
+from robot_emulators.canopen.pdo import Pdo
+from robot_emulators.medrue import profile
+from robot_emulators.medrue.axis import CYCLIC, RPDO_TIMEOUT, SYNC_ERROR, Axis, Ratings
+from robot_emulators.medrue.profile import (
+    COMMANDS,
+    CONTROL,
+    POLARITY,
+    STATUS,
+    TARGET,
+    TARGET_SPEED,
+)
+
+IDENTITY = Identity(
+    0x00020192, "wrenchbed CiA 402 drive", "emulated", "1.0", vendor=0, product=0x402, revision=2
+)  # fmt: skip
+_SYNC_LOSS = 25
+_PERIODS = 250
+_GAP = 8.0
+_PERIOD_TOLERANCE = 0.25
+_MOST_TORQUE = 0x7FFF
+_AHEAD_S = 0.02
+"""Farthest that a position is extrapolated between two steps of the plant [s]; an estimate."""
+_FAULT_SIGNAL, _QUICK_STOP = 1, 3
+_MODE, _SHOWN_MODE, _SPEED, _ACTUAL = (0x6060, 0), (0x6061, 0), (0x606C, 0), (0x6064, 0)
+_RECEIVED = (
+    (CONTROL, TARGET), (CONTROL, _MODE), (CONTROL, TARGET_SPEED), (CONTROL, _MODE, TARGET),
+)  # fmt: skip
+_SENT = (
+    (STATUS, _ACTUAL), (STATUS, _SHOWN_MODE), (STATUS, _SPEED), (STATUS, (0x6077, 0)),
+)  # fmt: skip
+"""What the PDOs carry after a reset; the first of each kind is switched on."""
+
+
+class DriveEmulator(Node):
+    """A drive.
+
+    Args:
+        node: id.
+        send: puts a frame on the bus.
+        ratings: of its axis.
+        position: initial position [count].
+        watchdog: event timer of its RPDO after power-up [s].
+        lock: shared with the plant's thread.
+        listen: told the ids that it hears, whenever they change.
+    """
+
+    def __init__(
+        self, node: int, send: Callable[[Frame], None], ratings: Ratings, position: float,
+        watchdog: float, lock: threading.RLock,
+        listen: Callable[[frozenset[int]], None] = lambda ids: None,
+    ) -> None:  # fmt: skip
+        super().__init__(node, send, IDENTITY, lock, listen)
+        self.axis = Axis(ratings, position)
+        self.frozen_until = 0.0
+        self._position = round(position)
+        self._watchdog = watchdog
+        self._synced = self._speed = self._growth = 0.0
+        self._seen = self._torque = self._current = 0.0
+        self._last_word = 0
+        self._codes: set[int] = set()
+        self._periods: deque[float] = deque(maxlen=_PERIODS)
+
+    def on_reset(self) -> None:
+        self.axis = Axis(self.axis.ratings, self.axis.actual + self.axis.shift)
+        profile.define(self.objects, self.axis.ratings, self._position)
+
+    def pdos(self) -> tuple[list[Pdo], list[Pdo]]:
+        rpdos, tpdos = (
+            [
+                Pdo(self.objects, k, first + 0x100 * k + self.node, mapped, received, on=k == 0)
+                for k, mapped in enumerate(carried)
+            ]
+            for first, carried, received in ((0x200, _RECEIVED, True), (0x180, _SENT, False))
+        )
+        rpdos[0].timer = self._watchdog
+        return rpdos, tpdos
+
+    def on_reset_communication(self) -> None:
+        self._synced = self._speed = self._growth = self._seen = 0.0
+        self._last_word = 0
+        self._codes.clear()
+        self._periods.clear()
+        self.axis.use(profile.settings(self.objects))
+        self.refresh(self.now)
+
+    def on_sync(self, t: float) -> None:
+        if self._synced:
+            self._periods.append(t - self._synced)
+        self._synced = t
+        self._check_period()
+        self._report()
+
+    def on_written(self, keys: Sequence[Key]) -> None:
+        if any(key not in COMMANDS for key in keys):
+            self.axis.use(profile.settings(self.objects))
+        for key in keys:
+            if key == CONTROL:
+                self._control(self.objects[CONTROL])
+            elif key == TARGET:
+                self.axis.sync(self.now, self._turned(TARGET, 0x80), self.period)
+            elif key == TARGET_SPEED:
+                self.axis.aim(self._turned(TARGET_SPEED, 0x40))
+        self._report()
+
+    def on_connection_lost(self, code: int) -> None:
+        """Abort connection option code (CiA 402, 0x6007)."""
+        if not self.axis.driven:
+            return
+        option = self.objects[0x6007, 0]
+        if option == _FAULT_SIGNAL:
+            self.axis.fault(code or RPDO_TIMEOUT)
+        elif option == _QUICK_STOP:
+            self.axis.quick_stop(code or RPDO_TIMEOUT)
+        self._report()
+
+    def track(
+        self, t: float, seconds: float, actual: float, speed: float, effort: tuple[float, float],
+        due: float | None = None,
+    ) -> float:  # fmt: skip
+        """Where the servo shall be after some time [s]; called by the plant, with the lock.
+
+        Args:
+            t: now [s].
+            seconds: until the next call [s].
+            actual: where the axis is [count].
+            speed: of it [count/s].
+            effort: torque that its motor gives [N·m, or N], and its current [A].
+            due: when this call was due [s]; the axis moves evenly though calls are late.
+        """
+        self.now = t
+        due = t if due is None else due
+        self._growth = (speed - self._speed) / seconds
+        self._speed, self._seen, (self._torque, self._current) = speed, due, effort
+        self._watch(t)
+        command = self.axis.advance(due, seconds, actual)
+        self._report()
+        self.refresh(t)
+        return command
+
+    def _control(self, word: int) -> None:
+        rising, self._last_word = word & ~self._last_word, word
+        self.axis.control(word)
+        if rising & 0x10:
+            self.axis.new_goal(self._turned(TARGET, 0x80))
+
+    def _turned(self, key: Key, bit: int) -> int:
+        """A target with the polarity that the master set."""
+        value = self.objects[key]
+        return -value if self.objects[POLARITY] & bit else value
+
+    def _report(self) -> None:
+        """Send the error codes of the axis before its state follows."""
+        while self.axis.raised:
+            code = self.axis.raised.pop(0)
+            if code:
+                self._codes.add(code)
+                self.error(code)
+            else:
+                self.clear(*self._codes)
+                self._codes.clear()
+
+    @property
+    def period(self) -> float:
+        """Interpolation period (0x60C2) [s]."""
+        return self.objects[0x60C2, 1] * 10.0 ** self.objects[0x60C2, 2]
+
+    def refresh(self, t: float) -> None:
+        """Update the objects for this instant; between two steps of the plant the axis moves on."""
+        axis, objects = self.axis, self.objects
+        turned = objects[POLARITY]
+        way, pace = -1 if turned & 0x80 else 1, -1 if turned & 0x40 else 1
+        if t >= self.frozen_until:
+            ahead = min(max(0.0, t - self._seen), _AHEAD_S) if self._seen else 0.0
+            moved = (self._speed + 0.5 * self._growth * ahead) * ahead
+            self._position = round(axis.actual + moved)
+        objects[0x6064, 0] = way * self._position
+        objects[0x6062, 0] = way * round(axis.command)
+        objects[0x60F4, 0] = way * round(axis.command - axis.actual)
+        objects[0x606B, 0] = pace * round(axis.speed)
+        objects[0x606C, 0] = pace * round(self._speed)
+        objects[0x6077, 0] = _thousandths(self._torque / axis.ratings.torque)
+        objects[0x6078, 0] = _thousandths(self._current / profile.RATED_A)
+        negative, positive = axis.switches
+        objects[0x60FD, 0] = negative | positive << 1
+        objects[STATUS] = axis.statusword
+        objects[0x6061, 0] = axis.set.mode
+        objects[0x603F, 0] = axis.code
+
+    def _watch(self, t: float) -> None:
+        if not self.axis.driven or self.state != OPERATIONAL:
+            return
+        cycle = self.objects[0x1006, 0] * 1e-6 if self._synced else 0.0
+        if any(rpdo.late(t) for rpdo in self.rpdos):
+            self.on_connection_lost(RPDO_TIMEOUT)
+        elif cycle and t - self._synced > max(_SYNC_LOSS * cycle, self.rpdos[0].timer):
+            self.on_connection_lost(SYNC_ERROR)
+
+    def _check_period(self) -> None:
+        """Compare the master's period with the interpolation's, over a second without a gap."""
+        axis = self.axis
+        if not axis.driven or axis.set.mode != CYCLIC or len(self._periods) < _PERIODS:
+            return
+        longest, mean = max(self._periods), sum(self._periods) / _PERIODS
+        self._periods.clear()
+        if longest < _GAP * self.period and abs(mean / self.period - 1.0) > _PERIOD_TOLERANCE:
+            axis.fault(SYNC_ERROR)
+
+
+def _thousandths(share: float) -> int:
+    """A share of a rating as an INTEGER16."""
+    return min(max(round(1000.0 * share), -_MOST_TORQUE), _MOST_TORQUE)

@@ -1,0 +1,332 @@
+"""The RDT server: answers requests and sends records on time, in the box's loop.
+
+A request has 8 bytes, a record 36; all is big endian. Faults drop, duplicate, swap or corrupt
+datagrams. Deadlines are absolute: up to a record every 0.13 ms, in bursts of 1 ms.
+"""
+
+import contextlib
+import socket
+import time
+from asyncio import TimerHandle
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from robot_emulators.base.event_loop import LoopThread
+from robot_emulators.base.faults import LinkFaults
+from robot_emulators.netft_box.sensing import LARGEST_BUFFER, Sensing
+
+STOP, HIGH_SPEED, BUFFERED, MULTI_UNIT = 0x0000, 0x0002, 0x0003, 0x0004
+RESET_LATCH, BIAS = 0x0041, 0x0042
+HEADER = 0x1234
+
+REQUEST = np.dtype([("header", ">u2"), ("command", ">u2"), ("samples", ">u4")])
+RECORD = np.dtype([("rdt", ">u4"), ("ft", ">u4"), ("status", ">u4"), ("counts", ">i4", (6,))])
+
+_KNOWN = {STOP, HIGH_SPEED, BUFFERED, MULTI_UNIT, RESET_LATCH, BIAS}
+
+
+class Request(NamedTuple):
+    """What a client asks: a command, and how many samples, 0 for endless."""
+
+    command: int
+    samples: int
+
+
+def parse(data: bytes) -> Request | None:
+    """The request in a datagram, None where it is none that a box knows."""
+    if len(data) != REQUEST.itemsize:
+        return None
+    row = np.frombuffer(data, REQUEST)[0]
+    command = int(row["command"])
+    if int(row["header"]) != HEADER or command not in _KNOWN:
+        return None
+    return Request(command, int(row["samples"]))
+
+
+def pack(first: int, ft: np.ndarray, status: np.ndarray, counts: np.ndarray) -> bytes:
+    """n records in a row.
+
+    Args:
+        first: rdt_sequence of the first; it wraps after 2³² − 1.
+        ft: (n,) ft_sequence of each, taken modulo 2³².
+        status: (n,) status words.
+        counts: (n, 6) of int32's size.
+    """
+    rows = np.empty(len(ft), RECORD)
+    rows["rdt"] = (first + np.arange(len(ft), dtype=np.int64)) & 0xFFFFFFFF
+    rows["ft"] = np.asarray(ft, dtype=np.int64) & 0xFFFFFFFF
+    rows["status"] = status
+    rows["counts"] = counts
+    return rows.tobytes()
+
+
+class FaultySender:
+    """Sends records; ``counters`` say how many, and what became of the rest."""
+
+    def __init__(self, sock: socket.socket, faults: LinkFaults, seed: int) -> None:
+        self._socket, self._faults = sock, faults
+        self._random = np.random.default_rng([seed, 49152])
+        self._held: memoryview | None = None
+        self._other: socket.socket | None = None
+        self.counters = dict.fromkeys(
+            ("sent", "datagrams", "dropped", "duplicated", "swapped", "silent", "spoilt",
+             "foreign", "refused"), 0,
+        )  # fmt: skip
+
+    def close(self) -> None:
+        """Close what `send` opened."""
+        if self._other is not None:
+            self._other.close()
+            self._other = None
+
+    def send(self, data: memoryview, size: int, group: int, to: tuple[str, int]) -> None:
+        """Send records of a size [bytes] in datagrams of ``group`` bytes at most."""
+        parts = [data[k : k + group] for k in range(0, len(data), group)]
+        if not self._faults.any and self._held is None:
+            self.counters["sent"] += len(data) // size
+            self._out(parts, to)
+            return
+        if self._faults.now("stall") is not None:
+            self.counters["silent"] += len(data) // size
+            return
+        through = self._swap(self._thin(parts, size))
+        self.counters["sent"] += sum(len(p) for p in through) // size
+        self._out(through, to)
+        self._spoil(bytes(data[:size]), to)
+
+    def _out(self, parts: list[memoryview], to: tuple[str, int]) -> None:
+        send = self._socket.sendto
+        self.counters["datagrams"] += len(parts)
+        with contextlib.suppress(OSError):
+            for part in parts:
+                send(part, to)
+
+    def _thin(self, parts: list[memoryview], size: int) -> list[memoryview]:
+        """Drop and double a share."""
+        out = []
+        drop, double = self._faults.now("drop"), self._faults.now("duplicate")
+        for part in parts:
+            if drop and self._random.random() < drop["share"]:
+                self.counters["dropped"] += len(part) // size
+                continue
+            out.append(part)
+            if double and self._random.random() < double["share"]:
+                self.counters["duplicated"] += len(part) // size
+                out.append(part)
+        return out
+
+    def _swap(self, parts: list[memoryview]) -> list[memoryview]:
+        """Send a share one place later than its turn."""
+        swap = self._faults.now("swap")
+        out = []
+        for part in parts:
+            if self._held is not None:
+                out += [part, self._held]
+                self._held = None
+                self.counters["swapped"] += 1
+            elif swap and self._random.random() < swap["share"]:
+                self._held = part
+            else:
+                out.append(part)
+        return out
+
+    def _spoil(self, record: bytes, to: tuple[str, int]) -> None:
+        """Add datagrams that are no records, or come from another port."""
+        random = self._random
+        if self._faults.now("short") is not None:
+            cut = int(random.choice([1, 17, 35, 37, 71]))
+            self._extra(self._socket, (record * 2)[:cut], to, "spoilt")
+        if self._faults.now("garbage") is not None:
+            self._extra(self._socket, random.bytes(int(random.choice([8, 36, 72, 500]))), to,
+                        "spoilt")  # fmt: skip
+        if self._faults.now("foreign") is not None:
+            if self._other is None:
+                self._other = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+                self._other.bind((self._socket.getsockname()[0], 0))
+            self._extra(self._other, record, to, "foreign")
+
+    def _extra(self, sock: socket.socket, data: bytes, to: tuple[str, int], what: str) -> None:
+        with contextlib.suppress(OSError):
+            sock.sendto(data, to)
+            self.counters[what] += 1
+
+
+Address = tuple[str, int]
+
+_SIZE = RECORD.itemsize
+_BURST_S = 1e-3
+_IDLE_S = 0.05
+_CHUNK_S = 2e-3
+"""Least time that records are made for at once [s]."""
+_LATE_S = 0.25
+"""A thread that wakes later than this has slept with the machine: what it missed is not made up."""
+_REQUESTS = 16
+"""Requests taken at a time."""
+
+
+@dataclass
+class Pace:
+    """What RDT is set to: records a second, records of a buffered datagram, whether it is on."""
+
+    rate: float
+    buffer: int
+    on: bool = True
+
+    def every(self, internal: int) -> int:
+        """Samples from one record to the next: the rate is rounded up to what they allow."""
+        return max(1, int(internal / self.rate))
+
+
+@dataclass
+class RecordStream:
+    """One request being answered.
+
+    Attributes:
+        to: whom.
+        tick: sample of the next record to send.
+        every: samples from one record to the next.
+        buffered: several records a datagram.
+        left: records still to send, None for endless.
+        sequence: rdt_sequence of the next record to make.
+    """
+
+    to: Address
+    tick: int
+    every: int
+    buffered: bool
+    left: int | None
+    sequence: int = 1
+
+
+class Rdt:
+    """Streams what ``sensing`` measures to whoever asked last."""
+
+    def __init__(
+        self,
+        thread: LoopThread,
+        sock: socket.socket,
+        sensing: Sensing,
+        pace: Pace,
+        faults: LinkFaults,
+        seed: int,
+    ) -> None:
+        self._loop = thread.loop
+        self._socket, self._sensing, self._pace, self._faults = sock, sensing, pace, faults
+        self._sender = FaultySender(sock, faults, seed)
+        self.counters = self._sender.counters
+        self._stream: RecordStream | None = None
+        self._ready = memoryview(b"")
+        self._timer: TimerHandle | None = None
+        sock.setblocking(False)
+
+    def start(self) -> None:
+        """Answer from now on; in the loop's thread."""
+        self._loop.add_reader(self._socket, self._listen)
+        self._turn(time.monotonic())
+
+    def stop(self) -> None:
+        """End; in the loop's thread. The socket is the caller's."""
+        self._loop.remove_reader(self._socket)
+        if self._timer is not None:
+            self._timer.cancel()
+        self._sender.close()
+
+    def forget(self) -> None:
+        """Drop the request under way, as a box does that was switched off and on."""
+        self._stream = None
+
+    def answer(self, request: Request, sender: Address, now: float) -> None:
+        """Do what a request asks."""
+        if request.command == BIAS:
+            self._sensing.zero()
+            self._unmake()
+        elif request.command == STOP:
+            self._stream = None
+        elif request.command == RESET_LATCH:
+            self._sensing.conditions.reset()
+        elif self._pace.on:
+            self._ready = memoryview(b"")
+            self._stream = RecordStream(
+                sender,
+                self._sensing.tick(now),
+                self._pace.every(self._sensing.rate),
+                request.command == BUFFERED,
+                request.samples or None,
+            )
+
+    def _turn(self, due: float) -> None:
+        """Send what is due, on absolute deadlines [s]."""
+        now = time.monotonic()
+        self._sensing.observe()
+        wait = _IDLE_S
+        if self._stream is not None:
+            wait = min(max(_BURST_S, self._stream.every / self._sensing.rate), 0.02)
+            self._send_due(self._stream, now)
+        due = max(due + wait, now - _BURST_S)
+        self._timer = self._loop.call_at(due, self._turn, due)
+
+    def _unmake(self) -> None:
+        """Throw away records that are made but not sent; they are made anew."""
+        if self._stream is not None:
+            made = len(self._ready) // _SIZE
+            self._stream.sequence = (self._stream.sequence - made) & 0xFFFFFFFF
+        self._ready = memoryview(b"")
+
+    def _listen(self) -> None:
+        now = time.monotonic()
+        for _ in range(_REQUESTS):
+            try:
+                data, sender = self._socket.recvfrom(2048)
+            except OSError:
+                return
+            request = parse(data)
+            if request is None:
+                self.counters["refused"] += 1
+            elif self._faults.now("stall") is None:
+                self.answer(request, sender, now)
+                if self._timer is not None:
+                    self._timer.cancel()
+                self._turn(now)
+
+    def _send_due(self, stream: RecordStream, now: float) -> None:
+        n = (self._sensing.tick(now) - stream.tick) // stream.every + 1
+        if n > _LATE_S * self._sensing.rate / stream.every + 1:
+            self._unmake()
+            stream.tick += (n - 1) * stream.every
+            n = 1
+        if stream.left is not None:
+            n = min(n, stream.left)
+        if not self._sensing.stale(now):
+            first = stream.tick + len(self._ready) // _SIZE * stream.every
+            n = min(n, len(self._ready) // _SIZE + self._sensing.ahead(first, stream.every))
+        group = self._pace.buffer if stream.buffered else 1
+        if self._faults.now("buffered"):
+            group = LARGEST_BUFFER
+        if stream.left != n:
+            n -= n % group
+        if n <= 0:
+            return
+        data = self._take(stream, n)
+        self._sender.send(data, _SIZE, group * _SIZE, stream.to)
+        stream.tick += n * stream.every
+        if stream.left is not None:
+            stream.left -= n
+            if stream.left <= 0:
+                self._stream = None
+
+    def _take(self, stream: RecordStream, n: int) -> memoryview:
+        """The next n records; as many as the body knows already are made at a time."""
+        made = len(self._ready) // _SIZE
+        if made < n:
+            first, every = stream.tick + made * stream.every, stream.every
+            known = min(self._sensing.ahead(first, every), int(0.1 * self._sensing.rate / every))
+            more = max(n - made, known, int(_CHUNK_S * self._sensing.rate / every))
+            ticks = first + np.arange(more, dtype=np.int64) * every
+            counts, status = self._sensing.sample(first, every, more)
+            packed = pack(stream.sequence, self._sensing.stamps(ticks), status, counts)
+            stream.sequence = (stream.sequence + more) & 0xFFFFFFFF
+            self._ready = memoryview(bytes(self._ready) + packed)
+        out, self._ready = self._ready[: n * _SIZE], self._ready[n * _SIZE :]
+        return out

@@ -1,0 +1,212 @@
+"""The box's sensor: from the load in simulated time to counts, with its settings and faults."""
+
+import threading
+import time
+from dataclasses import dataclass
+
+import numpy as np
+
+from robot_emulators.base.arguments import Settings, above, integer, number, setting, word
+from robot_emulators.base.body import Body
+from robot_emulators.base.faults import LinkFaults
+from robot_emulators.base.timeline import Timeline
+from robot_emulators.netft_box.conditions import Conditions
+from wrenchbed.errors import ParameterError
+
+INTERNAL_RATE = {"netbox": 7000, "axia": 7812}
+"""Samples that a product takes per second [Hz]."""
+NEWTON = {"N": 1.0, "kN": 1e3, "lbf": 4.4482216152605, "klbf": 4448.2216152605, "kgf": 9.80665}
+"""Unit of force → [N]."""
+NEWTON_METRE = {
+    "Nm": 1.0, "N-m": 1.0, "Nmm": 1e-3, "N-mm": 1e-3, "kNm": 1e3, "lbf-in": 0.1129848290276167,
+    "lbf-ft": 1.3558179483314004, "kgf-cm": 0.0980665,
+}  # fmt: skip
+"""Unit of torque → [N·m]."""
+LARGEST_BUFFER = 40
+"""Records of a buffered datagram at most."""
+
+
+@dataclass(frozen=True)
+class BoxSettings(Settings):
+    """How a box is set up at power-up.
+
+    Raises:
+        ParameterError: a value that no box has.
+    """
+
+    rdt_port: int = setting(49152, integer(0, 65535), "UDP port of RDT, default 49152")
+    http_port: int = setting(
+        0, integer(0, 65535),
+        "TCP port of HTTP; 0 (default) takes 80, or 8080 where 80 is not allowed",
+    )  # fmt: skip
+    rate: float = setting(
+        7000.0, number(1.0, max(INTERNAL_RATE.values())),
+        "RDT records per second, default 7000; rounded up to internal samples / whole number",
+    )  # fmt: skip
+    buffer: int = setting(
+        10, integer(1, LARGEST_BUFFER), "records of a buffered datagram, 1 … 40, default 10"
+    )
+    counts_per_force: float = setting(1e6, above(0.0), "counts per unit of force, default 1000000")
+    counts_per_torque: float = setting(
+        1e6, above(0.0), "counts per unit of torque, default 1000000"
+    )
+    force_unit: str = setting("N", word(NEWTON), "N (default), kN, lbf, klbf or kgf")
+    torque_unit: str = setting(
+        "Nm", word(NEWTON_METRE), "Nm (default), N-m, Nmm, N-mm, kNm, lbf-in, lbf-ft or kgf-cm"
+    )
+    product: str = setting(
+        "netbox", word(INTERNAL_RATE), "netbox (default, 7000 samples/s) or axia (7812 samples/s)"
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.rate > self.internal_rate:
+            raise ParameterError(f"rate = {self.rate:g} Hz must be 1 … {self.internal_rate} Hz")
+
+    @property
+    def internal_rate(self) -> int:
+        """Samples per second [Hz]."""
+        return INTERNAL_RATE[self.product]
+
+
+SATURATED = {"netbox": 1 << 31 | 1 << 17, "axia": 1 << 31 | 1 << 30}
+"""Status word of a sample that left the sensor's range."""
+_LARGEST = 2**31 - 1
+_STALE_S = 0.05
+
+
+def _per_si(settings: BoxSettings) -> np.ndarray:
+    """Counts per newton and newton metre (6,)."""
+    unit = np.repeat([NEWTON[settings.force_unit], NEWTON_METRE[settings.torque_unit]], 3)
+    return np.repeat([settings.counts_per_force, settings.counts_per_torque], 3) / unit
+
+
+class Sensing:
+    """A transducer and its electronics, sampled at `Settings.internal_rate` since power-up."""
+
+    def __init__(self, body: Body, settings: BoxSettings, faults: LinkFaults) -> None:
+        self._body, self._settings, self._faults = body, settings, faults
+        self.range = np.asarray(body.sensor.calibration().range)
+        self.per_si = _per_si(settings)
+        """(6,) counts per newton and newton metre."""
+        self.conditions = Conditions()
+        self.rate = settings.internal_rate
+        self._timeline = Timeline(body.cycle)
+        self._lock = threading.Lock()
+        self._power_up = time.monotonic()
+        self._raw = np.zeros(6)
+        self._bias = np.zeros(6)
+        self._frozen: np.ndarray | None = None
+        self._skew = (0.0, 0.0, 1.0)
+        self.status = 0
+        self._drawn = 0
+
+    def use_units(self, settings: BoxSettings) -> None:
+        """Count in other units from now on; the zero stays the same load."""
+        with self._lock:
+            before, self.per_si = self.per_si, _per_si(settings)
+            self._bias = self._bias * self.per_si / before
+
+    def observe(self) -> None:
+        """Look at the body's clock; to be called often."""
+        self._timeline.observe(*self._body.punctual)
+
+    def warm_up(self) -> None:
+        """Draw a block of noise, which loads what its filters need."""
+        self._body.readings(self._body.ahead + 1e-6 * np.arange(64))
+
+    def tick(self, host: float) -> int:
+        """Number of the newest sample at a time of this machine [s]."""
+        return int((host - self._power_up) * self.rate)
+
+    def host(self, tick: float) -> float:
+        """When a sample is taken, in this machine's time [s]."""
+        return self._power_up + tick / self.rate
+
+    def ahead(self, tick: int, every: int) -> int:
+        """How many samples from ``tick`` on, ``every`` so many, the body knows already."""
+        behind = self._body.ahead - self._timeline.simulated(self.host(tick))
+        return int(behind * self.rate / every) + 1 if behind >= 0.0 else 0
+
+    def stale(self, now: float) -> bool:
+        """Whether the body is so late that its last reading is repeated."""
+        return now - self._body.punctual[0] > _STALE_S
+
+    def sample(self, tick: int, every: int, n: int) -> tuple[np.ndarray, np.ndarray]:
+        """Counts (n, 6) and status words (n,) of n samples."""
+        t = self._timeline.simulated(self.host(tick))
+        values, flagged = self._body.readings(t + np.arange(n) * (every / self.rate))
+        if not np.isfinite(values.sum()):
+            values = np.nan_to_num(values)
+        wrong = self._faults if self._faults.any else None
+        if wrong and (one := wrong.now("saturate")):
+            values[:, int(one["channel"])] = self.range[int(one["channel"])]
+        status = np.zeros(n, dtype=np.int64)
+        over = np.abs(values) >= self.range
+        if over.any() or flagged.any():
+            status[over.any(axis=1) | (flagged != 0)] = SATURATED[self._settings.product]
+        raw = np.maximum(np.minimum(values, self.range), -self.range) * self.per_si
+        with self._lock:
+            self._raw = raw[-1]
+            counts = raw - self._bias
+        if wrong and (one := wrong.now("wrong_counts")):
+            counts *= one["factor"]
+        if wrong and (one := wrong.now("status")):
+            status |= int(one["bits"])
+        self.status = int(status[-1])
+        counts = np.maximum(np.minimum(np.rint(counts), _LARGEST), -_LARGEST).astype(np.int64)
+        if self.conditions.on and (latched := self.conditions.look(counts)):
+            status |= latched
+            self.status = int(status[-1])
+        return self._frozen_or(self._flicker(counts)), status
+
+    def zero(self) -> None:
+        """Software bias: what is measured now reads as zero from now on."""
+        with self._lock:
+            self._bias = self._raw.copy()
+
+    @property
+    def bias(self) -> np.ndarray:
+        """(6,) counts that read as zero."""
+        return self._bias
+
+    @property
+    def newest(self) -> np.ndarray:
+        """(6,) counts of the newest sample."""
+        return self._raw - self._bias
+
+    def set_bias(self, channel: int, counts: float) -> None:
+        """Change one channel's zero."""
+        with self._lock:
+            self._bias = np.where(np.arange(6) == channel, counts, self._bias)
+
+    def restart(self) -> None:
+        """Power off and on: samples are counted from 0 and the zero is lost."""
+        with self._lock:
+            self._power_up = time.monotonic()
+            self._bias = np.zeros(6)
+            self._skew = (0.0, 0.0, 1.0)
+
+    def stamps(self, ticks: np.ndarray) -> np.ndarray:
+        """ft_sequence (n,) of samples: their number, unless the clock runs wrong."""
+        since, stamp, last = self._skew
+        wrong = self._faults.now("skew")
+        factor = wrong["factor"] if wrong else 1.0
+        if factor != last:
+            since, stamp = float(ticks[0]), stamp + last * (float(ticks[0]) - since)
+            self._skew = (since, stamp, factor)
+        return np.asarray(np.rint(stamp + factor * (ticks - since)), dtype=np.int64)
+
+    def _flicker(self, counts: np.ndarray) -> np.ndarray:
+        """Without noise the last bit of a converter still flickers."""
+        if (counts[0] == counts[-1]).all() and (counts == counts[0]).all():
+            counts[:, 5] += (self._drawn + np.arange(len(counts))) & 1
+            self._drawn += len(counts)
+        return counts
+
+    def _frozen_or(self, counts: np.ndarray) -> np.ndarray:
+        if self._faults.now("freeze") is None:
+            self._frozen = None
+        elif self._frozen is None:
+            self._frozen = counts[0].copy()
+        return counts if self._frozen is None else np.tile(self._frozen, (len(counts), 1))

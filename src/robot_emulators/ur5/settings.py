@@ -1,0 +1,154 @@
+"""Settings of the UR5 emulator: which arm and which controller it is."""
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+from robot_emulators.base.arguments import (
+    Argument,
+    Settings,
+    above,
+    flag,
+    setting,
+    text,
+    word,
+)
+from robot_emulators.serial_sensors.known import KNOWN
+from robot_emulators.serial_sensors.sensor import SerialSensor
+from robot_emulators.ur5.packets import Version
+from wrenchbed import registry
+from wrenchbed.errors import ParameterError
+from wrenchbed.robots.ur_arm import URArm
+from wrenchbed.robots.ur_family import NAMES, ur_arm
+
+_CB3 = ("ur3", "ur5", "ur10")
+"""Arms that had a CB3 controller."""
+MODELS = (
+    *_CB3,
+    *sorted({*NAMES} - {*_CB3}, key=lambda n: (not n.endswith("e"), int(n[2:4].strip("el")))),
+)
+"""Arms that the controller can have."""
+_SAME_TYPE = {"ur7e": "ur5", "ur12e": "ur10"}
+"""Arms that report an older one's name: the maker's client library has no type of their own."""
+_SERIES: dict[str, tuple[Version, float]] = {
+    "cb3": ((3, 15, 8, 106339), 0.008),
+    "e": ((5, 11, 1, 108318), 0.002),
+    "x": ((10, 10, 0, 0), 0.002),
+}
+"""Series → software and control cycle [s]."""
+
+
+def _version() -> Argument:
+    """Three numbers of a software version, or nothing."""
+    return Argument(
+        lambda v: isinstance(v, str) and bool(re.fullmatch(r"(\d{1,2}(\.\d{1,3}){2})?", v)),
+        "a version of three numbers, as 5.23.0",
+    )  # fmt: skip
+
+
+def _address() -> Argument:
+    """An IPv4 address and a port."""
+    return Argument(
+        lambda v: isinstance(v, str) and bool(re.fullmatch(r"\d{1,3}(\.\d{1,3}){3}:\d{1,5}", v)),
+        "an IPv4 address and a port, as 127.0.0.1:50002",
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class ControllerSettings(Settings):
+    """Which controller it is, and what is connected to it."""
+
+    series: str = setting(
+        "",
+        word(_SERIES),
+        "cb3 (125 Hz, software 3.15), e (500 Hz, software 5.11) or x (500 Hz, PolyScope X 10.10); "
+        "default that of the model",
+    )
+    software: str = setting(
+        "", _version(), "another version of the series' software, as 5.23.0; default as above"
+    )
+    model: str = setting("ur5", word(MODELS), f"the arm: {', '.join(MODELS)}; default ur5")
+    protective_force: float = setting(
+        150.0, above(0.0), "force at the tool from which the robot stops [N]; default 150"
+    )
+    slow_reader: float = setting(
+        10.0, above(0.0), "seconds after which a client that takes nothing is closed; default 10"
+    )
+    power: bool = setting(
+        True, flag(), "on or off: whether the arm is on with its brakes free at first; default on"
+    )
+    realtime: bool = setting(
+        False, flag(), "on or off: ask the system for real-time scheduling; default off"
+    )
+    box: bool = setting(
+        True, flag(), "on or off: a Net F/T box that serves the arm's sensor; default on. Without "
+        "it ft_raw_wrench reports that sensor, with it the wrench that the arm measures",
+    )  # fmt: skip
+
+    sensor: str = setting(
+        "netft", word(("netft", *KNOWN)), "with box=on, the sensor on the flange: netft (default) "
+        f"or, at a serial port, {' or '.join(KNOWN)}",
+    )  # fmt: skip
+    programs: str = setting(
+        "", text(), "folder of .urp and .script files that the dashboard can load; default none"
+    )
+    external_control: str = setting(
+        "127.0.0.1:50002", _address(), "computer that external_control.urp asks for its program, "
+        "as the External Control URCap does; default 127.0.0.1:50002",
+    )  # fmt: skip
+
+    def __post_init__(self) -> None:
+        """Take the model's series where none is stated."""
+        if not self.series:
+            object.__setattr__(self, "series", "cb3" if self.model in _CB3 else "e")
+        if self.series == "cb3" and self.model not in _CB3:
+            raise ParameterError(
+                f"--set model={self.model}: never had a CB3 controller; leave out series=cb3"
+            )
+        if self.software and self.version[0] != _SERIES[self.series][0][0]:
+            raise ParameterError(
+                f"--set software={self.software}: not of series {self.series}, whose versions "
+                f"begin with {_SERIES[self.series][0][0]}"
+            )
+        if self.programs and not Path(self.programs).is_dir():
+            raise ParameterError(f"--set programs={self.programs}: there is no such folder")
+
+    @property
+    def serial_sensor(self) -> type[SerialSensor] | None:
+        """What is on the flange, where that is a sensor at a serial port."""
+        return KNOWN.get(self.sensor) if self.box else None
+
+    @property
+    def arm(self) -> URArm:
+        """The nominal arm."""
+        found: URArm = registry.load("robots", "ur5") if self.model == "ur5" else ur_arm(self.model)
+        return found
+
+    @property
+    def reported_model(self) -> str:
+        """The arm as the dashboard names it; of UR7e, UR12e and UR8 Long an assumption."""
+        return _SAME_TYPE.get(self.model, self.model).removesuffix("e").upper()
+
+    @property
+    def version(self) -> Version:
+        """Of the controller's software."""
+        if not self.software:
+            return _SERIES[self.series][0]
+        major, minor, bugfix = (int(word) for word in self.software.split("."))
+        return (major, minor, bugfix, 0)
+
+    @property
+    def computer(self) -> tuple[str, int]:
+        """Address and port that external_control.urp asks."""
+        host, _, port = self.external_control.rpartition(":")
+        return host, int(port)
+
+    @property
+    def cycle(self) -> float:
+        """Of its control [s]."""
+        return _SERIES[self.series][1]
+
+    @property
+    def e_series(self) -> bool:
+        """e-Series or a later one, else CB3."""
+        return self.series != "cb3"
