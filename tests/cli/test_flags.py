@@ -19,7 +19,7 @@ FLAGS = {
     "record": (
         "channel=None, driver=sim, dry-run=False, effect=repeatable, effort=None, force=False, "
         "host=None, json=False, max-force=None, max-torque=None, noise=None, out=required, "
-        "parameters=None, plan=required, rate=None, raw=None, recording=None, recover=False, "
+        "parameters=None, plan=required, rate=None, recording=None, recover=False, "
         "resume=False, revisit=auto, robot=required, rrd=None, samples=100, seed=None, "
         "sensor=None, set=repeatable, speed=None, tracking=None, view=None, "
         "workspace=None, yes=False"
@@ -38,7 +38,6 @@ FLAGS = {
         "out=None, rate=100.0, samples=60, seed=0"
     ),
     "doctor": "host=None, json=False, robot=ur5, seconds=3.0, sensor=None",
-    "replay": "host=127.0.0.9, http-port=8080, once=False",
     "view": "port=9876, rrd=None, web=False, web-port=9090",
     "report": "out=report.html",
     "simulate": "force=False, json=False, like=required, noise=off, out=required, rrd=None, seed=0",

@@ -203,7 +203,6 @@ ALLOWED = {
     "data/bag2_folder.py": {"write_bytes"},  # unpacks into a temporary folder
     "data/unpacking.py": {"open"},  # the same
     "jobs/parts.py": {"open"},  # a journal: rows are appended
-    "hardware/packet_capture/capture.py": {"open"},  # packets as they come: appended, rotated
     "benchmark/sealed/entrants.py": {"open"},  # another program's output, in a folder of its own
 }
 WRITES = {"write_text", "write_bytes", "savefig", "save", "to_parquet", "to_csv", "tofile"}

@@ -114,6 +114,4 @@ def test_every_http_server_uses_the_one_check():
             checked.add(path.relative_to(SOURCE).as_posix())
     servers -= {"web_requests.py"}
     assert servers == checked
-    assert servers == {
-        "viewer/show.py", "hardware/packet_capture/playback.py"
-    }  # fmt: skip
+    assert servers == {"viewer/show.py"}

@@ -9,7 +9,7 @@ import shutil
 import tomllib
 import warnings
 from concurrent.futures import Future
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 from xml.etree import ElementTree
@@ -19,7 +19,6 @@ import pyarrow.parquet as pq
 import pytest
 
 import wrenchbed as wb
-from can_drives import SimulatedBus
 from failing_disk import failing
 from rest_noise import Rest
 from wrenchbed import cli, reports
@@ -53,7 +52,6 @@ CASES = {
     "export --to": "export twin.json --to json-schema --out load.json",
     "export --mcap": "export r.parquet --mcap r.mcap --force",
     "check": "check ur5 --history cell --samples 6 --time 2026-04-01T00:00:00Z",
-    "can-check": "can-check 5 --report drive.html",
     "campaign": "campaign ur5 --robots 2 --poses 12 --samples 6 --workers 1 --out fleet",
     "campaign --only": "campaign ur5 --robots 2 --poses 12 --only 0 --out fleet --force",
     "robot": "robot arm.xml --frame flange --tool-mass 1 --tool-cog 0 0 0.1 --out arm.toml",
@@ -65,7 +63,7 @@ CASES = {
     "blind seal": "blind seal truth.toml --out sealed --answers sealed-answers",
 }
 """A line for each verb; further lines stand behind what is special in them."""
-NOTHING = {"list", "compare", "live", "doctor", "replay", "twin"}
+NOTHING = {"list", "compare", "live", "doctor", "twin"}
 """Verbs that write no file."""
 TOGETHER = {"diagnose": "found", "export": "model", "campaign --only": "fleet/0"}
 """Folders whose files appear together."""
@@ -118,7 +116,6 @@ def quick():
         patch.setattr("wrenchbed.data.writer.FLUSH_S", 1e9)  # no rewriting in another thread
         patch.setattr(scenario, "POSES", (12, 13))
         patch.setattr(scenario, "SAMPLES", 6)
-        patch.setattr("wrenchbed.cli.can_check._opened", lambda _: nullcontext(SimulatedBus()))
         patch.setattr("wrenchbed.jobs.workers.workers", inline)
         patch.setattr("wrenchbed.campaigns.simulated_robots.local", inline)
         patch.setattr("wrenchbed.campaigns.simulated_robots.one", cache(simulated_robots.one))

@@ -3,15 +3,23 @@
 import struct
 import threading
 from collections import deque
+from typing import NamedTuple
 
 from robot_emulators.can_bus.wire import Frame
 from robot_emulators.medrue.axis import Ratings
 from robot_emulators.medrue.drive import DriveEmulator
-from wrenchbed.hardware.conformity.port import Received
 
 NODE = 5
 RATINGS = Ratings(-1_000_000, 1_000_000, 20_000, 4e6, 4e5, 8e5, 2.0)
 STEP, CYCLE = 0.001, 4
+
+
+class Received(NamedTuple):
+    """A data frame that came: when [s], its id, its data."""
+
+    t: float
+    can_id: int
+    data: bytes
 
 
 class SimulatedBus:

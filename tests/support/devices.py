@@ -20,7 +20,6 @@ from wrenchbed.campaigns.recording.run import record
 from wrenchbed.data.plan import Plan
 from wrenchbed.hardware.drivers.base import Driver
 from wrenchbed.hardware.drivers.sim import SimDriver, SimOptions
-from wrenchbed.hardware.transducers.address import transducer_at
 from wrenchbed.hardware.transducers.base import Transducer
 from wrenchbed.hardware.transducers.netft import NetftOptions, NetftTransducer
 from wrenchbed.hardware.transducers.ur_wrench import UrWrench, UrWrenchOptions, UrWrenchReading
@@ -143,17 +142,9 @@ def _ur_wrench() -> Iterator[Callable[[], Transducer]]:
     yield lambda: UrWrench(UrWrenchOptions(reading))
 
 
-@contextmanager
-def _serial(name: str, host: str) -> Iterator[Callable[[], Transducer]]:
-    with running(name, host) as emulator:
-        yield lambda: transducer_at(f"{name}://{emulator.addresses[name]}")
-
-
 TRANSDUCERS = {
     "netft": _netft,
     "netcanoem": _netcanoem,
     "ur-wrench": _ur_wrench,
-    "robotiq-ft300": lambda: _serial("robotiq-ft300", "127.0.5.5"),
-    "bota": lambda: _serial("bota", "127.0.5.6"),
 }
 """Transducer → a context in which a function makes closed ones."""

@@ -47,8 +47,6 @@ _VERBS = {
     "compare": ("small_verbs", "compare"),
     "live": ("live", "live_"),
     "doctor": ("small_verbs", "doctor_"),
-    "replay": ("replay", "replay"),
-    "can-check": ("can_check", "can_check"),
     "twin": ("serve", "twin"),
     "campaign": ("campaign", "campaign"),
     "study": ("small_verbs", "study"),

@@ -98,8 +98,7 @@ class DeviceArguments:
         host: Address of the robot's controller (rtde), or of the machine that shares its CAN bus.
         channel: CAN channel, for instance can0.
         sensor: With rtde: netft://HOST for an ATI Net F/T at another address than the robot's,
-            robotiq-ft300:///dev/ttyUSB0 or bota:///dev/ttyUSB0 for one at a serial port, or rtde
-            for the robot's own wrench.
+            or rtde for the robot's own wrench.
         recording: With replay: what is replayed.
         parameters: JSON {name: value} in SI: what the simulated robot truly is.
         noise: Of the simulated sensor; real.
@@ -108,8 +107,6 @@ class DeviceArguments:
         seed: Of the noise.
         effort: What recordings keep of the joints: current as i1… [A] (rtde, its default; sim,
             can), torque as tau1… [N·m] (sim, can), or off.
-        raw: With rtde: new folder in which all packets of states and box are kept, 1 GiB at most;
-            `wrenchbed replay` plays them to a driver again.
         set: NAME=VALUE of a setting that this driver alone has, for instance base=0x68 with can or
             frequency=none with rtde; a wrong NAME lists them. May be repeated.
     """
@@ -124,7 +121,6 @@ class DeviceArguments:
     effect: Repeated = ()
     seed: int | None = None
     effort: Literal["torque", "current", "off"] | None = None
-    raw: Path | None = None
     set: Repeated = ()
 
     def options(self, device: type[Driver], robot: str, limits: Limits) -> Any:
@@ -133,7 +129,7 @@ class DeviceArguments:
             "host": self.host, "channel": self.channel, "sensor": self.sensor,
             "recording": self.recording, "parameters": console.parameters(self.parameters) or None,
             "noise": self.noise, "effects": self.effect or None, "seed": self.seed,
-            "effort": self.effort, "raw": None if self.raw is None else str(self.raw),
+            "effort": self.effort,
         }  # fmt: skip
         known = [f.name for f in fields(device.options)]
         flagged = ("robot", "limits", *given)

@@ -179,7 +179,7 @@ def doctor_(
     Args:
         robot: Name of the arm that recordings will be made with.
         host: Address of the robot's controller.
-        sensor: HOST of a Net F/T box, or an address: netft://HOST, bota:///dev/ttyUSB0.
+        sensor: HOST of a Net F/T box, or its address: netft://HOST.
         seconds: For which each stream is watched [s].
         as_json: Print the result as JSON.
     """

@@ -19,7 +19,6 @@ from wrenchbed.hardware.drivers.rtde import dashboard, identity, outputs, wrench
 from wrenchbed.hardware.drivers.rtde.outputs import NATIVE_HZ, Unfit
 from wrenchbed.hardware.transducers.address import transducer_at
 from wrenchbed.hardware.transducers.base import Transducer
-from wrenchbed.hardware.transducers.serial_line.transducer import SerialTransducer
 from wrenchbed.robots.base import Robot
 
 Grade = Literal["ok", "note", "fails"]
@@ -41,11 +40,6 @@ _HEAVY = 0.05
 _MS, _MILLION = 1e3, 1e6  # by definition
 _SHOWN = ("product", "serial", "firmware", "calibration", "sinc")
 """What a sensor says of itself that is shown."""
-_LOSSLESS = (
-    "use one switch and a cable",
-    "lead its cable apart from those of motors, join both grounds, use a shorter cable",
-)
-"""What keeps records or bytes from being lost: on a network, on a serial line."""
 
 
 @dataclass(frozen=True)
@@ -80,8 +74,8 @@ def doctor(robot: Robot, host: str = "", sensor: str = "", seconds: float = 3.0)
     Args:
         robot: that recordings will be made with.
         host: of the controller; it is left out if empty.
-        sensor: address of the sensor, for instance ``netft://HOST`` or
-            ``robotiq-ft300:///dev/ttyUSB0``, or the HOST of a Net F/T; left out if empty.
+        sensor: address of the sensor, for instance ``netft://HOST``, or the HOST of a Net F/T;
+            left out if empty.
         seconds: for which each stream is watched [s].
 
     Raises:
@@ -287,15 +281,12 @@ def _box(box: Transducer, seconds: float) -> Iterator[Line]:
     try:
         box.connect()
     except WrenchbedError as error:
-        remedy = "check its address, power, cable, and the firewall"
-        if isinstance(box, SerialTransducer):
-            remedy = "ls -l /dev/serial/by-id names the ports"
-        yield Line(_title(box), "fails", str(error), remedy)
+        yield Line("box", "fails", str(error), "check its address, power, cable, and the firewall")
         return
     try:
         known, scale = box.identity, box.full_scale
         words = ", ".join(f"{name} {known[name]}" for name in _SHOWN if name in known)
-        yield Line(_title(box), "ok", words or "it does not say its serial number")
+        yield Line("box", "ok", words or "it does not say its serial number")
         yield from _box_settings(known)
         times = _readings(box, seconds)
         yield from _load(box, scale)
@@ -303,10 +294,6 @@ def _box(box: Transducer, seconds: float) -> Iterator[Line]:
         yield _lost(box)
     finally:
         box.close()
-
-
-def _title(box: Transducer) -> str:
-    return "sensor" if isinstance(box, SerialTransducer) else "box"
 
 
 def _box_settings(known: Mapping[str, str]) -> Iterator[Line]:
@@ -337,12 +324,7 @@ def _load(box: Transducer, scale: np.ndarray | None) -> Iterator[Line]:
     force, torque = np.linalg.norm(sample.wrench[:3]), np.linalg.norm(sample.wrench[3:])
     text = f"{force:.2f} N, {torque:.3f} N·m"
     if scale is None:
-        remedy = "it does not say its range: give --max-force"
-        if isinstance(box, SerialTransducer):
-            remedy = (
-                "its range is unknown: add ?sensor=NAME to its address (wrenchbed list sensors)"
-            )
-        yield Line("load", "note", text, remedy)
+        yield Line("load", "note", text, "it does not say its range: give --max-force")
         return
     share = float(np.max(np.abs(sample.wrench) / scale))
     grade: Grade = "ok" if share < 0.5 else "note" if share < 1.0 else "fails"
@@ -354,18 +336,11 @@ def _lost(box: Transducer) -> Line:
     health = box.health()
     lost, records = health.counters["lost"], health.counters["readings"]
     if not health.ok:
-        remedy = "see the box's page of its status"
-        if isinstance(box, SerialTransducer):
-            remedy = "see Sensors at a serial port in docs/how-to/hardware.md"
-        return Line("readings", "fails", health.detail, remedy)
+        return Line("readings", "fails", health.detail, "see the box's page of its status")
     text = f"{records:.0f} records, {lost:.0f} lost"
-    grade: Grade = "ok" if lost <= 1e-3 * records else "note"
-    return Line(
-        "readings",
-        grade,
-        text,
-        "" if grade == "ok" else _LOSSLESS[isinstance(box, SerialTransducer)],
-    )
+    if lost <= 1e-3 * records:
+        return Line("readings", "ok", text)
+    return Line("readings", "note", text, "use one switch and a cable")
 
 
 def _open(host: str, port: int, connect: Callable[..., Any] = socket.create_connection) -> bool:

@@ -1,9 +1,8 @@
 """Transducers of force/torque sensors, one file or folder each.
 
 May import: ``hardware.device``, registry, sensors, physics, errors; no sibling and no driver.
-Read first: ``base.py``, then ``ur_wrench.py``, the shortest transducer. Sensors on a serial line
-share ``serial_line``.
+Read first: ``base.py``, then ``ur_wrench.py``, the shortest transducer.
 """
 
-SUPPORT = ("address", "device_clock", "serial_line")
+SUPPORT = ("address", "device_clock")
 """Modules here that are no plug-ins."""

@@ -1,8 +1,6 @@
 """Addresses of transducers: ``NAME://…``, where NAME is that of the registry."""
 
-from dataclasses import fields
-from typing import Any
-from urllib.parse import parse_qsl, urlsplit
+from urllib.parse import urlsplit
 
 from wrenchbed import registry
 from wrenchbed.errors import ParameterError
@@ -34,25 +32,6 @@ def transducer_at(address: str) -> Transducer:
                 raise ParameterError(f"sensor {address!r}: {error}: give {kind.form}") from error
             return found
     raise ParameterError(f"sensor {address!r}: give {_listed()}")
-
-
-def numbers_of(query: str, options: type) -> dict[str, Any]:
-    """Values of a query by the fields of an options dataclass other than ``port``.
-
-    Raises:
-        ParameterError: a name that is no field, or a value that is none.
-    """
-    kinds = {f.name: f.type for f in fields(options) if f.name != "port"}
-    found: dict[str, Any] = {}
-    for name, text in parse_qsl(query, keep_blank_values=True):
-        if name not in kinds:
-            raise ParameterError(f"{name} is no setting. Known: {', '.join(kinds)}")
-        kind = {"int": int, "float": float, int: int, float: float}.get(kinds[name], str)
-        try:
-            found[name] = kind(text)
-        except ValueError:
-            raise ParameterError(f"{name}={text} must be a number") from None
-    return found
 
 
 def _listed() -> str:

@@ -17,7 +17,6 @@ import numpy as np
 
 from wrenchbed.errors import DriverError, ParameterError
 from wrenchbed.hardware.device import STALE_S, Device
-from wrenchbed.hardware.packet_capture.capture import Capture
 
 CLOSE_S = 1e-3
 """Readings closer in time are not interpolated [s]; estimate."""
@@ -63,8 +62,6 @@ class WrenchSample:
 class Transducer(Device):
     """A force/torque sensor with its electronics. Use as a context manager."""
 
-    capture: Capture | None = None
-    """Where packets are kept, set before `connect`; None: they are not."""
     form: ClassVar[str] = ""
     """How an address names one, for people; empty where none does."""
 

@@ -59,7 +59,6 @@ class RtdeOptions:
         attempts: how often a link is tried within that deadline.
         effort: ``current``: recordings keep motor currents i1… [A], and what the controller wants
             of its joints; ``off``: neither. A UR robot reports no joint torques.
-        raw: empty folder in which all packets of the states and of the box are kept; empty: none.
         recoveries: how often `recover` may be called between `connect` and `close`.
     """
 
@@ -74,7 +73,6 @@ class RtdeOptions:
     attempts: int = 5
     recoveries: int = 100
     effort: str = "current"
-    raw: str = ""
 
     def __post_init__(self) -> None:
         """Check the options; the accepted ranges are estimates."""

@@ -4,7 +4,6 @@ import time
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -25,12 +24,10 @@ from wrenchbed.hardware.drivers.base.live import LiveDriver
 from wrenchbed.hardware.drivers.base.watched_move import CALM_SPEED, check_ready
 from wrenchbed.hardware.drivers.rtde import dashboard, identity, status, wrench_source
 from wrenchbed.hardware.drivers.rtde.connection import Links, RtdeOptions
-from wrenchbed.hardware.drivers.rtde.kept_states import KeptStates
 from wrenchbed.hardware.drivers.rtde.process import Worker
 from wrenchbed.hardware.drivers.rtde.shared_state import Snapshot
 from wrenchbed.hardware.drivers.rtde.status import Observation, count, judge
 from wrenchbed.hardware.drivers.rtde.wrench_source import Flange
-from wrenchbed.hardware.packet_capture.capture import Capture
 from wrenchbed.hardware.transducers.ur_wrench import UrWrenchReading
 
 _LEAST_SPEED, _LEAST_ACCELERATION, _MOST_ACCELERATION = 0.01, 0.05, 15.0
@@ -126,8 +123,6 @@ class RtdeDriver(LiveDriver):
         self._reading: UrWrenchReading | None = None
         self._recoveries, self._seen, self._halts = 0, 0.0, 0.0
         self._undelivered = ""
-        self._capture: Capture | None = None
-        self._kept: KeptStates | None = None
         self._controller: dict[str, Any] = {}
 
     @property
@@ -173,8 +168,6 @@ class RtdeDriver(LiveDriver):
         if not self._options.host:
             raise ParameterError("driver 'rtde' needs the robot's address: give its host")
         self._recoveries, self._seen = 0, 0.0
-        if self._options.raw and self._capture is None:
-            self._capture = self.transducer.capture = Capture(Path(self._options.raw))
         self._links = Links(self._options)
         self._links.open_state()
         self._flange, state = Flange(self.robot), self._look()
@@ -183,17 +176,8 @@ class RtdeDriver(LiveDriver):
         at_flange = self._flange.look(state)
         identity.check_model(self.robot, found, int(state.major), at_flange)
         self._controller |= identity.geometry(self.robot, self._options.host)
-        if self._capture is not None:
-            has_raw = bool(np.isfinite(state.raw).all())
-            options = self._options
-            self._kept = KeptStates(options.host, options.frequency, has_raw, self._capture)
 
     def _shut(self) -> None:
-        if self._kept is not None:
-            self._kept.stop()
-        if self._capture is not None:
-            self._capture.close()
-        self._kept = None
         self._drop_control(_QUIT_S)
         if self._links is not None:
             self._links.close()

@@ -9,8 +9,8 @@ import math
 import socket
 import struct
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 
 PORT = 30004
 """TCP port of RTDE; source: Universal Robots, "RTDE guide"."""
@@ -152,44 +152,21 @@ class Outputs:
         return now, found
 
 
-class _Tapped(socket.socket):
-    """A socket that shows what passes to ``tap(data, sent)``."""
-
-    tap: Callable[[bytes, bool], None]
-
-    def sendall(self, data: bytes, flags: int = 0) -> None:  # type: ignore[override]
-        self.tap(data, True)
-        super().sendall(data, flags)
-
-    def recv(self, size: int, flags: int = 0) -> bytes:
-        data = super().recv(size, flags)
-        self.tap(data, False)
-        return data
-
-
 @contextmanager
 def outputs(
     host: str,
     names: Sequence[str],
     timeout: float,
     rate: float | None = None,
-    tap: Callable[[bytes, bool], None] | None = None,
 ) -> Iterator[Outputs]:
     """A stream of outputs, started within a time [s], at a rate [Hz] or the controller's own.
-
-    All bytes are shown to ``tap(data, sent)``.
 
     Raises:
         OSError: it cannot be reached, or does not answer in time.
         Unfit: its answer is not RTDE.
     """
     deadline = time.monotonic() + timeout
-    with socket.create_connection((host, PORT), timeout) as plain, ExitStack() as stack:
-        link: socket.socket = plain
-        if tap is not None:
-            tapped = _Tapped(fileno=plain.detach())
-            tapped.tap = tap
-            link = stack.enter_context(tapped)
+    with socket.create_connection((host, PORT), timeout) as link:
         found = Outputs(link, _version(link, deadline))
         found.ask(names, rate or NATIVE_HZ[found.version[0] > 3], deadline)
         yield found

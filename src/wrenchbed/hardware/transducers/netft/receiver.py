@@ -16,7 +16,6 @@ import numpy as np
 
 from wrenchbed.errors import LinkError
 from wrenchbed.hardware.device import STALE_S
-from wrenchbed.hardware.packet_capture.capture import Capture
 from wrenchbed.hardware.transducers.base import weight
 from wrenchbed.hardware.transducers.device_clock import DeviceClock
 from wrenchbed.hardware.transducers.netft import datagrams
@@ -137,7 +136,6 @@ class Receiver:
         self.history = History(_HISTORY_S, 1.0 / rate)
         self.clock = DeviceClock(internal_rate)
         self.newest: Received | None = None
-        self.capture: Capture | None = None
         self.records = self.foreign = self.misshapen = self.requests = 0
         self._status = 0
         self._lock = threading.Lock()
@@ -164,11 +162,8 @@ class Receiver:
 
     def send(self, command: int) -> None:
         """Send a request; one that cannot be sent now is lost, as any datagram may be."""
-        request = datagrams.request(command)
-        if self.capture is not None:
-            self.capture.add("rdt", request, sent=True)
         with contextlib.suppress(OSError):
-            self._socket.sendto(request, self.box)
+            self._socket.sendto(datagrams.request(command), self.box)
 
     def flagged(self) -> int:
         """Status bits that any record showed since the last call."""
@@ -211,8 +206,6 @@ class Receiver:
                 if self.foreign % 256 == 0:
                     break
             elif datagrams.is_complete(length):
-                if self.capture is not None:
-                    self.capture.add("rdt", bytes(view[used : used + length]))
                 used += length
             else:
                 self.misshapen += 1

@@ -120,7 +120,6 @@ class NetftTransducer(Transducer):
         self._page = page
         self._range = page.rating if self._stated_range is None else self._stated_range
         self._receiver = Receiver((host, self._options.port), page.rate, page.internal_rate)
-        self._receiver.capture = self.capture
         self._receiver.start()
         receiver = self._receiver
         wait_until(lambda: receiver.newest is not None, _FIRST_S + 2.0 / page.rate)
@@ -157,8 +156,6 @@ class NetftTransducer(Transducer):
 
     def _look(self, host: str, ports: tuple[int, ...]) -> tuple[int, Configuration]:
         port, content = configuration.get_any(host, ports, "/netftapi2.xml")
-        if self.capture is not None:
-            self.capture.add("http", content)
         return port, configuration.parse(content, INTERNAL_RATE[self._options.product])
 
     def _set_rate(self, host: str, port: int, rate: float) -> Configuration:
