@@ -38,10 +38,11 @@ from pathlib import Path
 
 OBEYED = re.compile(
     "[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200b\u200e\u200f\u2028-\u202e\u2066-\u2069\ufeff"
-    "\ud800-\udfff\U000e0000-\U000e007f]"
+    "\ufffe\uffff\ud800-\udfff\U000e0000-\U000e007f]"
 )
 """Control characters but tab and line feed, marks that turn the direction of writing, characters
-without a width, and halves of characters (file names that are not UTF-8)."""
+without a width, numbers that are no characters, and halves of characters (file names that are not
+UTF-8)."""
 _LONGEST_WORD, _LONGEST_LINE = 1000, 4000
 """Of a message [characters]: what is longer is cut, and its length is said. Estimates: a path has
 at most 255 characters a part, and a list of all parameters 2,000."""
@@ -170,7 +171,6 @@ class WrenchbedWarning(UserWarning):
     """What a person should know; the work continues."""
 
 
-_MEMORY = {errno.ENOMEM, errno.EAGAIN}
 _FILES = {errno.EMFILE, errno.ENFILE}
 _UNLOADED = ("failed to map segment", "cannot allocate memory", "Cannot allocate memory")
 """What the dynamic linker says where a library does not fit into memory: glibc's dl-load.c."""
@@ -185,8 +185,11 @@ def shortage(cause: BaseException, where: str | Path = "") -> ShortageError | No
     """
     place = f"{where}: " if where else ""
     number = cause.errno if isinstance(cause, OSError) else None
+    named = isinstance(cause, OSError) and bool(cause.filename)
     unloaded = isinstance(cause, ImportError) and any(t in str(cause) for t in _UNLOADED)
-    if isinstance(cause, MemoryError) or number in _MEMORY or unloaded:
+    # EAGAIN with a file's name is a lock that another process holds
+    lacking = number == errno.ENOMEM or (number == errno.EAGAIN and not named)
+    if isinstance(cause, MemoryError) or lacking or unloaded:
         return ShortageError(
             f"{place}out of memory: free some, raise the limit (`ulimit -v unlimited`), use fewer "
             "processes, or give shorter recordings"

@@ -1,5 +1,6 @@
 """What an output may replace: results of its kind, recordings only with --force, nothing else."""
 
+import fcntl
 import json
 import os
 
@@ -57,6 +58,16 @@ def test_what_must_stay_is_refused_by_name(line, told, folder, capsys):
     assert error.startswith(f"wrenchbed: error: {told}")
     assert error.count("\n") == 1
     assert {p.name: p.read_bytes() for p in folder.iterdir()} == before
+
+
+def test_an_output_that_another_process_writes_is_named(folder, capsys):
+    capsys.readouterr()
+    with (folder / ".fit.json.lock").open("wb") as held:
+        fcntl.flock(held, fcntl.LOCK_EX)
+        assert main([*CALIBRATE, "fit.json"]) == 1
+    error = capsys.readouterr().err
+    assert error.startswith("wrenchbed: error: ") and error.count("\n") == 1
+    assert "fit.json: another process is writing to it" in error and "memory" not in error
 
 
 def test_force_keeps_recordings_under_names_that_are_free(folder):

@@ -3,6 +3,7 @@
 import ast
 import json
 import re
+from xml.etree import ElementTree
 
 import mujoco
 import numpy as np
@@ -428,3 +429,81 @@ def test_contract(fit, tmp_path, name):
         assert any(said in line for line in notes) or not getattr(numbers, quantity).known
     again, _ = wb.export_to(name, numbers, tmp_path / "again", wb.ExportOptions(urdf=URDF))
     assert [f.read_bytes() for f in again] == [f.read_bytes() for f in files]
+
+
+BENIGN = "pose-log"
+HOSTILE = [
+    "x\nset_digital_out(0,True)",
+    "x\rset_digital_out(0,True)",
+    "x\r\n$OUT[1]=TRUE",
+    "x\u2028import os",
+    "x\u2029import os",
+    "x\u0085import os",
+    "x\x0bimport os\x0cimport os\x1cimport os",
+    "x\x00\x1b[2J\u202e\ufffe\uffff",
+    "-->",
+    "x--->",
+    "x---->\n<mass value='9'/>",
+    "x-",
+    "x--",
+    "coding: utf-7 +AAo-import os",
+]
+"""Texts that would end a comment of some language, or of all that read Unicode's line ends."""
+
+
+def exported_from(fit, folder, name, text):
+    """Files of an export whose fit names ``text`` as recording and unit, and in its own name."""
+    raw = json.loads(fit.read_text())
+    raw["recording"] = text
+    raw["redundancies"] = [{"sentence": text}]
+    raw["parameters"]["dq2"] = {"value": 0.1, "std": 0.1, "unit": text}
+    raw["covariance"] = np.pad(raw["covariance"], (0, 1)).tolist()
+    folder.mkdir()
+    path = folder / f"{text.replace('/', '').replace(chr(0), '')}.json"
+    path.write_text(json.dumps(raw))
+    files, _ = wb.export_to(name, load_numbers(path), folder / "out", wb.ExportOptions(urdf=URDF))
+    return [f.read_bytes().decode() for f in files]
+
+
+@pytest.mark.parametrize("name", registry.names("exports"))
+def test_names_of_others_stay_within_comments(fit, tmp_path, name):
+    """Only lines of comments differ, however the fit and its recording are called."""
+    form = registry.load("exports", name)
+    want = exported_from(fit, tmp_path / "benign", name, BENIGN)
+    assert any(BENIGN in text for text in want)
+    for k, hostile in enumerate(HOSTILE):
+        got = exported_from(fit, tmp_path / str(k), name, hostile)
+        assert len(got) == len(want)
+        for text, benign in zip(got, want, strict=True):
+            assert meaning(text) == meaning(benign), hostile
+            if text.startswith("{"):
+                continue
+            lines, others = text.splitlines(), benign.splitlines()
+            assert len(lines) == len(others), hostile  # at all that Unicode calls a line's end
+            if form.comment in ("# ", "; "):
+                differ = [a for a, b in zip(lines, others, strict=True) if a != b]
+                assert differ and all(a.startswith(form.comment) for a in differ), hostile
+
+
+def meaning(text):
+    """What a file's consumer reads of it, whatever its language."""
+    if text.startswith("<?xml"):
+        root = ElementTree.fromstring(text)
+        return [(e.tag, e.attrib) for e in root.iter()]
+    if text.startswith("{"):
+        return {k: v for k, v in json.loads(text).items() if k not in ("source", "left_out")}
+    if "load = [" in text:
+        return ast.dump(ast.parse(text.encode()))
+    if "admittance_controller:" in text:
+        return yaml.safe_load(text)
+    return None
+
+
+def test_names_in_a_user_s_urdf_are_kept_as_they_are_written(fit, tmp_path):
+    link = '<link name="a&quot; &lt;b" />'
+    mine = URDF.replace('<link name="ft_frame"/>', link).replace(
+        '<child link="ft_frame"/>', '<child link="a&quot; &lt;b"/>'
+    )
+    text = written(fit, tmp_path, "urdf", urdf=mine, frame='a" <b')
+    assert '<link name="a&quot; &lt;b" >\n' in text
+    assert ElementTree.fromstring(text).find("link[@name='a\" <b']/inertial") is not None

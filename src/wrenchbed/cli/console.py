@@ -1,13 +1,14 @@
 """What the verbs share: argument checks, ``--set`` words, answers, progress bars, signals."""
 
 import json
+import math
 import re
 import shlex
 import signal
 import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import fields
+from dataclasses import dataclass, fields
 from pathlib import Path
 from types import MappingProxyType, NoneType, UnionType
 from typing import Annotated, Any, get_args, get_origin, get_type_hints
@@ -35,6 +36,8 @@ from wrenchbed.files import locked
 
 _AT_ONCE_S = 1.0
 """Steps that are done within so many seconds were done by an earlier run."""
+_LEAST_DONE = 2
+"""Steps before the remaining time is shown: one of several processes says nothing of the others."""
 _SIMPLE = {int: "a whole number", float: "a number", str: "text", bool: "on or off"}
 
 
@@ -215,12 +218,47 @@ def _as_json(found: re.Match[str]) -> str:
     return "".join(f"\\u{units[k : k + 4]}" for k in range(0, len(units), 4))
 
 
+@dataclass
+class _Pace:
+    """What is known of one task's steps; times are seconds since the task began.
+
+    Attributes:
+        begun, before: when steps began to be counted, and how many were done then.
+        last, completed: when the last step was done, and how many were done then.
+        shown: the shortest remaining time so far.
+    """
+
+    begun: float = 0.0
+    before: float = 0.0
+    last: float = 0.0
+    completed: float = 0.0
+    shown: float = math.inf
+
+    def remaining(self, elapsed: float, completed: float, total: float) -> float | None:
+        """Time that remains [s]; None while too little was done to tell.
+
+        It is that of the mean rate at the last step's end, counts down while a step lasts, and
+        never rises: where steps become slower it stays until the rate has come down to it.
+        """
+        if completed < self.completed or (not self.completed and elapsed < _AT_ONCE_S):
+            self.begun, self.before, self.shown = elapsed, completed, math.inf
+        if completed != self.completed:
+            self.last, self.completed = elapsed, completed
+        done, rest = completed - self.before, total - completed
+        if done < min(_LEAST_DONE, total - self.before) or done <= 0:
+            return None
+        step = (self.last - self.begun) / done
+        ahead = max(rest * step - (elapsed - self.last), (rest - 1.0) * step, 0.0)
+        self.shown = min(self.shown, ahead)
+        return self.shown
+
+
 class RemainingColumn(ProgressColumn):
     """Time that remains at the mean rate so far, steps of an earlier run left out."""
 
     def __init__(self) -> None:
         super().__init__()
-        self._begin: dict[int, tuple[float, float]] = {}
+        self._paces: dict[int, _Pace] = {}
 
     def render(self, task: Task) -> Text:
         """The time as h:mm:ss, dashes while nothing is known."""
@@ -228,14 +266,11 @@ class RemainingColumn(ProgressColumn):
 
     def text(self, task: int, elapsed: float, completed: float, total: float | None) -> str:
         """The time that remains [h:mm:ss] after ``elapsed`` seconds."""
-        if completed > 0 and task not in self._begin:
-            resumed = elapsed < _AT_ONCE_S
-            self._begin[task] = (elapsed, completed) if resumed else (0.0, 0.0)
-        since, before = self._begin.get(task, (0.0, 0.0))
-        done = completed - before
-        if total is None or done <= 0 or (completed < total and elapsed <= since):
+        pace = self._paces.setdefault(task, _Pace())
+        remaining = None if total is None else pace.remaining(elapsed, completed, total)
+        if remaining is None:
             return "-:--:--"
-        seconds = round((elapsed - since) * (total - completed) / done)
+        seconds = round(remaining)
         return f"{seconds // 3600}:{seconds // 60 % 60:02}:{seconds % 60:02}"
 
 
@@ -248,14 +283,17 @@ class _RateColumn(ProgressColumn):
 
 
 @contextmanager
-def progress(what: str, total: int | None, *, rate: bool = False) -> Iterator[Callable[..., None]]:
+def progress(
+    what: str, total: int | None, *, rate: bool = False, alike: bool = True
+) -> Iterator[Callable[..., None]]:
     """A bar on stderr, nothing where stderr is no terminal; call it with (steps done, label).
 
-    Without a total it shows the time since its begin, else the time that remains.
+    Without a total, or with steps of which one may take much longer than another, it shows the
+    time since its begin, else the time that remains.
     """
     console = Console(stderr=True)
     columns = [TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn()]
-    time = TimeElapsedColumn() if total is None else RemainingColumn()
+    time = RemainingColumn() if alike and total is not None else TimeElapsedColumn()
     columns += [time, *([_RateColumn()] if rate else [])]
     bar = Progress(*columns, console=console, disable=not console.is_terminal, transient=True)
     with bar:

@@ -124,7 +124,8 @@ def diagnose(
         learnt = None
         if not learning.fast and len(data) == 1:
             learnt = _learnt(data[0], learning.look_alikes, seed)
-        with console.progress("diagnosing", 7 if len(data) == 1 else 3 * len(data) + 3) as report:
+        steps = 7 if len(data) == 1 else 3 * len(data) + 3
+        with console.progress("diagnosing", steps, alike=False) as report:
             result = _diagnosed(data, seed, learnt, lambda step: report(1, step))
         for name in result.plans:
             console.check_out(out / name, Kind.PLAN, lock=False)

@@ -55,7 +55,7 @@ def run(
     words: list[object] = ["diagnose", data[0].name, "--channels", "both" if wrench else "effort"]
     words += ["--drives", drives] if drives is not None else []
     words += ["--seed", seed] if seed else []
-    with console.progress("diagnosing", STEPS) as report:
+    with console.progress("diagnosing", STEPS, alike=False) as report:
         found = diagnose_efforts(
             data[0],
             drives=drives,

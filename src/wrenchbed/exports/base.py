@@ -1,5 +1,6 @@
 """What a format of another program is, and how its file is written."""
 
+import re
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,13 +10,17 @@ from pathlib import Path
 import numpy as np
 
 from wrenchbed import registry
-from wrenchbed.errors import ExportError
+from wrenchbed.errors import ExportError, one_line
 from wrenchbed.exports.load_numbers import SENSOR, LoadNumbers
 from wrenchbed.files import write_text
 
 CARRIES = ("mass", "cog", "inertia", "rotation", "position", "bias", "gravity")
 """Numbers that a format may carry, by their names in `LoadNumbers`; of ``cog`` and ``inertia`` also
 the form in sensor axes, ``cog_sensor`` and ``inertia_sensor``."""
+
+
+XML = "<!--"
+"""Begin of XML's comments, which go on to ``-->`` and may hold no ``--``."""
 
 
 @dataclass(frozen=True)
@@ -38,8 +43,8 @@ class Export(ABC):
         name: as in ``export --to NAME``.
         title: one line for people.
         source: the document or program that defines the format.
-        comment: how a comment's line begins; empty where the format has none, then the notes are
-            written to a file beside it.
+        comment: how a comment's line begins, or ``<!--``; empty where the format has none, then
+            the notes are written to a file beside it.
         needs_flange: whether it is in flange axes and has no use for sensor axes.
         carries: which numbers of `CARRIES` it takes; the others are named as left out.
         endings: of other files that belong to it, added to the file's stem.
@@ -70,8 +75,11 @@ class Export(ABC):
         return ()
 
     def commented(self, notes: Sequence[str]) -> str:
-        """Notes as comments."""
-        return "".join(f"{self.comment}{line}".rstrip() + "\n" for line in notes)
+        """Notes as comments of this format, whatever texts of others stand in them."""
+        if self.comment == XML:
+            lines = [re.sub("-(?=-|$)", "- ", one_line(line)) for line in notes]
+            return f"{XML} {chr(10).join(lines)} -->"
+        return "".join(f"{self.comment}{one_line(line)}".rstrip() + "\n" for line in notes)
 
 
 def export_to(
@@ -124,11 +132,12 @@ def output_files(format_name: str, out: str | Path) -> list[Path]:
 
 
 def notes_of(form: Export, numbers: LoadNumbers) -> list[str]:
-    """What a person should know of an exported file, line by line."""
+    """What a person should know of an exported file, each note one line without control characters:
+    names of files, recordings and parameters are texts of others."""
     here = [getattr(numbers, name) for name in form.carries]
     absent = [n for n in CARRIES if not {n, f"{n}_sensor"} & set(form.carries)]
     left = [q.line() for q in (getattr(numbers, n) for n in absent) if q.known]
-    return [
+    notes = [
         f"exported by wrenchbed {version('wrenchbed')}: {form.title}",
         f"from {numbers.source} (SHA-256 {numbers.digest}), robot {numbers.robot}, "
         f"recording {numbers.recording}",
@@ -138,6 +147,7 @@ def notes_of(form: Export, numbers: LoadNumbers) -> list[str]:
         *(f"left out: {line}" for line in (*left, *numbers.left)),
         *form.hints(numbers),
     ]
+    return [one_line(note) for note in notes]
 
 
 def listed(values: Sequence[float] | np.ndarray) -> str:

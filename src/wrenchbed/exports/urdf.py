@@ -14,7 +14,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from wrenchbed.errors import ExportError, did_you_mean
-from wrenchbed.exports.base import Export, ExportOptions
+from wrenchbed.exports.base import XML, Export, ExportOptions
 from wrenchbed.exports.load_numbers import FLANGE, LoadNumbers
 
 _FRAME = "ft_frame"
@@ -29,6 +29,7 @@ class Urdf(Export):
     name = "urdf"
     title = "the user's URDF with the load and the sensor's frame"
     source = "http://wiki.ros.org/urdf/XML/link and http://wiki.ros.org/urdf/XML/joint"
+    comment = XML
     carries = ("mass", "cog_sensor", "inertia_sensor", "rotation", "position")
 
     def text(self, numbers: LoadNumbers, options: ExportOptions, notes: Sequence[str]) -> str:
@@ -43,37 +44,38 @@ class Urdf(Export):
                 f"urdf: {', '.join(carried)} behind {frame!r} have masses of their own: the load "
                 "would weigh twice. Remove their <inertial> first"
             )
-        edits = [_edit(link, "inertial", self._inertial(numbers, link, notes))]
+        text = options.urdf.encode()
+        edits = [_edit(text, link, "inertial", self._inertial(text, numbers, link, notes))]
         joint = next(
             (j for j in robot.parts if j.tag == "joint" and _ends(j, "child") == frame), None
         )
         if joint is not None and numbers.frame == FLANGE:
-            edits.append(_edit(joint, "origin", _origin(numbers)))
-        result = options.urdf.encode()
+            edits.append(_edit(text, joint, "origin", _origin(numbers)))
         for start, end, new in sorted(edits, reverse=True):
-            result = result[:start] + new.encode() + result[end:]
-        return result.decode()
+            text = text[:start] + new.encode() + text[end:]
+        return text.decode()
 
-    def _inertial(self, numbers: LoadNumbers, link: "_Element", notes: Sequence[str]) -> str:
+    def _inertial(
+        self, text: bytes, numbers: LoadNumbers, link: "_Element", notes: Sequence[str]
+    ) -> str:
         cog, mass = numbers.cog_sensor.needed(self.name), numbers.mass.needed(self.name)[0]
         old = _child(link, "inertial")
         kept = None if old is None else _child(old, "inertia")
         if numbers.inertia_sensor.known:
             six = zip(_INERTIA, numbers.inertia_sensor.value, strict=True)
-            inertia = dict(f"{n} {float(v)!r}".split() for n, v in six)
+            words = " ".join(f'{n}="{float(v)!r}"' for n, v in six)
+            inertia = f"<inertia {words}/>"
         elif kept is not None:
-            inertia = dict(kept.attributes)
+            inertia = text[kept.start : kept.end].decode()
         else:
             raise ExportError(
                 "urdf: the inertia was not identified, and the sensor's link states none: "
                 "record a motion, or give the link an <inertial> with an <inertia> to keep"
             )
-        words = " ".join(f'{n}="{v}"' for n, v in inertia.items())
-        comment = "\n".join(notes).replace("--", "- -")
         return (
-            f"<inertial>\n      <!-- {comment} -->\n"
+            f"<inertial>\n      {self.commented(notes)}\n"
             f'      <origin xyz="{_words(cog)}" rpy="0 0 0"/>\n'
-            f'      <mass value="{float(mass)!r}"/>\n      <inertia {words}/>\n    </inertial>'
+            f'      <mass value="{float(mass)!r}"/>\n      {inertia}\n    </inertial>'
         )
 
 
@@ -196,19 +198,15 @@ def _behind(robot: _Element, frame: str) -> list[str]:
     return names[1:]
 
 
-def _edit(element: _Element, tag: str, new: str) -> tuple[int, int, str]:
+def _edit(text: bytes, element: _Element, tag: str, new: str) -> tuple[int, int, str]:
     """Start, end and text of what puts a new part into an element, or replaces the old one."""
     old = _child(element, tag)
     if old is not None:
         return old.start, old.end, new
     if element.inside is not None:
         return element.inside, element.inside, f"\n    {new}"
-    name = element.attributes["name"]  # <link …/> becomes <link …>…</link>
-    words = "".join(f' {k}="{v}"' for k, v in element.attributes.items() if k != "name")
-    return (
-        element.start, element.end,
-        f'<{element.tag} name="{name}"{words}>\n    {new}\n  </{element.tag}>',
-    )  # fmt: skip
+    opened = text[element.start : element.end].decode().removesuffix("/>")
+    return element.start, element.end, f"{opened}>\n    {new}\n  </{element.tag}>"
 
 
 def _origin(numbers: LoadNumbers) -> str:

@@ -9,6 +9,9 @@ from wrenchbed.exports.load_numbers import LoadNumbers
 _MM = 1000.0
 """mm a metre; the SDK takes millimetres since 1.11.0."""
 
+_ENCODING = "# -*- coding: utf-8 -*-\n"
+"""First, for Python obeys such a line, which could stand in a name, in its first two (PEP 263)."""
+
 
 class XArm(Export):
     """Mass [kg], CoG in sensor axes [mm], zero of the six channels [N, N·m]."""
@@ -27,7 +30,8 @@ class XArm(Export):
             )
         cog = _MM * numbers.cog_sensor.needed(self.name)
         ten = [*numbers.mass.needed(self.name), *cog, *numbers.bias.value]
-        return self.commented(notes) + (f"load = {listed(ten)}\n# arm.ft_sensor_cali_load(load)\n")
+        code = f"load = {listed(ten)}\n# arm.ft_sensor_cali_load(load)\n"
+        return _ENCODING + self.commented(notes) + code
 
     def hints(self, numbers: LoadNumbers) -> tuple[str, ...]:
         return (
