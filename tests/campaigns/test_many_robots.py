@@ -1,6 +1,7 @@
 """Robots that are worked on together come out as each does alone, to the last bit."""
 
 import json
+from concurrent.futures import Future
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +12,14 @@ import wrenchbed as wb
 from wrenchbed.calibration.calibrate import calibrate
 from wrenchbed.calibration.calibrate_many import calibrate_each
 from wrenchbed.campaigns.settings import Fleet, draw
-from wrenchbed.campaigns.simulated_robots import course, one, recorded, recorded_each, several
+from wrenchbed.campaigns.simulated_robots import (
+    _results,
+    course,
+    one,
+    recorded,
+    recorded_each,
+    several,
+)
 from wrenchbed.errors import CalibrationError, WrenchbedError
 from wrenchbed.physics.noise import NoiseStream
 from wrenchbed.physics.noise_of_many import corrupt_each
@@ -50,6 +58,27 @@ def test_fits_together_are_those_of_calibrate(name):
     fits = calibrate_each(recordings)
     assert all(same(f, calibrate(r)) for f, r in zip(fits, recordings, strict=True))
     assert ("slow wander" in fits[0].status) == (name != "explained")
+
+
+class Measured:
+    """A pool whose rows claim to have taken some time each [s]."""
+
+    def __init__(self, seconds):
+        self.seconds, self.sizes = seconds, []
+
+    def submit(self, work, fleet, numbers):
+        self.sizes.append(len(numbers))
+        future = Future()
+        future.set_result([{"robot": k, "seconds.diagnose": self.seconds} for k in numbers])
+        return future
+
+
+@pytest.mark.parametrize("seconds", [60.0, 1.5, 1.0, 0.3, 0.0])
+def test_no_task_is_empty_however_long_a_robot_takes(seconds):
+    pool = Measured(seconds)
+    rows = list(_results(pool, Fleet("ur5", 50), range(50), 2))
+    assert sorted(row["robot"] for row in rows) == list(range(50))
+    assert min(pool.sizes) >= 1 and max(pool.sizes) <= (1 if seconds >= 1.0 else 25)
 
 
 def test_recordings_together_are_those_of_simulate():

@@ -398,7 +398,8 @@ def _results(pool: Executor, fleet: Fleet, todo: Sequence[int], workers: int) ->
             ready, waiting = wait(waiting, return_when=FIRST_COMPLETED)
             for future in ready:
                 rows = future.result()
-                together = _more(rows, together)
+                seconds = sum(float(row.get(n, 0.0)) for row in rows for n in SECONDS) / len(rows)
+                together = task_size(seconds, together)
                 yield from rows
     except CancelledError as error:
         raise FleetError(f"a worker of the cluster is gone; {_KEPT}") from error
@@ -407,10 +408,14 @@ def _results(pool: Executor, fleet: Fleet, todo: Sequence[int], workers: int) ->
             future.cancel()
 
 
-def _more(rows: Sequence[Row], together: int) -> int:
-    """How many robots to work on together after such rows: at most twice as many as before."""
-    seconds = sum(float(row.get(n, 0.0)) for row in rows for n in SECONDS) / len(rows)
-    return int(min(_TASK_S / max(seconds, _TASK_S / _TOGETHER), 2 * together))
+def task_size(seconds: float, before: int) -> int:
+    """How many robots a worker takes at once: at least one, at most twice as many as before.
+
+    Args:
+        seconds: that one robot took [s].
+        before: robots in the task that measured it.
+    """
+    return max(1, int(min(_TASK_S / max(seconds, _TASK_S / _TOGETHER), 2 * before)))
 
 
 @contextmanager
