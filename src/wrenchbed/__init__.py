@@ -202,7 +202,7 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
+    return list(__all__)
 
 
 if "gymnasium" in sys.modules:  # a program that has imported it will look for the environments

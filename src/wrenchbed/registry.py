@@ -211,9 +211,10 @@ def require(library: str, extra: str) -> Any:
     try:
         return importlib.import_module(library)
     except ModuleNotFoundError as error:
+        checkout = (Path(__file__).resolve().parents[2] / "pyproject.toml").is_file()
+        command = f"-e '.[{extra}]'  in the clone" if checkout else f"'wrenchbed[{extra}]'"
         raise MissingExtraError(
-            f"{library} is not installed: run  pip install -e '.[{extra}]'  in the clone "
-            f"(extra wrenchbed[{extra}])"
+            f"{library} is not installed: run  pip install {command}"
         ) from error
 
 

@@ -27,11 +27,10 @@ def digger(tmp_path_factory):
     for k, name in enumerate(NAMES, start=1):
         text = text.replace(f'"joint_{k}"', f'"{name}"')
     (folder / "digger.xml").write_text(text)
-    made = describe(
+    describe(
         folder / "digger.xml", "right_hand", folder / "my.toml", tool_mass=2.0,
         tool_cog=(0.01, -0.02, 0.06),
     )  # fmt: skip
-    made.write(folder / "my.toml")
     robot = registry.load("robots", str(folder / "my.toml"))
     q = robot.sample(POSES, np.random.default_rng(6))
     wrench = Simulation(robot, robot.parameters.nominal).wrench(q)

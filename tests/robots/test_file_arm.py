@@ -24,7 +24,6 @@ def arm_of(case, folder, tool=True):
     """The robot of a file, with a stated tool or with the file's own."""
     stated = {"tool_mass": TOOL_MASS, "tool_cog": TOOL_COG} if tool else {}
     made = describe(case.path, case.frame, folder / "my.toml", **stated)
-    made.write(folder / "my.toml")
     return made.robot
 
 

@@ -56,8 +56,11 @@ def test_an_unknown_plug_in_lists_what_exists():
         registry.names("robot")
 
 
-def test_a_missing_extra_is_named():
+def test_a_missing_extra_is_named_by_a_command_that_works_here(tmp_path, monkeypatch):
     with pytest.raises(MissingExtraError, match=r"pip install -e '\.\[hil\]'  in the clone"):
+        registry.require("a_library_that_is_not_here", "hil")
+    monkeypatch.setattr(registry, "__file__", str(tmp_path / "wrenchbed" / "registry.py"))
+    with pytest.raises(MissingExtraError, match=r"run  pip install 'wrenchbed\[hil\]'$"):
         registry.require("a_library_that_is_not_here", "hil")
     assert registry.require("json", "hil").loads("1") == 1
 

@@ -9,6 +9,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
+import wrenchbed as wb
 from arm_files import CASES, DATA, TOOL_COG, TOOL_MASS
 from wrenchbed import registry
 from wrenchbed.cli import main
@@ -289,6 +290,14 @@ def test_an_edit_counts_and_a_changed_model_is_refused(tmp_path, capsys):
     (tmp_path / "a.urdf").write_text((tmp_path / "a.urdf").read_text() + "\n")
     assert main(["plan", str(toml), "--out", str(tmp_path / "p.parquet")]) == 1
     assert "has changed since" in capsys.readouterr().err
+
+
+def test_the_public_function_writes_its_file(tmp_path):
+    file, out = tmp_path / "a.urdf", tmp_path / "new" / "my.toml"
+    file.write_text(URDF.format(kind="revolute", more="", rest=""))
+    made = wb.describe_robot(file, "t", out)
+    assert out.read_text(encoding="utf-8") == made.text
+    assert wb.load("robots", str(out)).name == made.robot.name
 
 
 def test_a_model_is_not_yet_a_robot(tmp_path, capsys):

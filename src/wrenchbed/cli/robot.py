@@ -48,7 +48,6 @@ def robot(
     )  # fmt: skip
     for note in made.notes:
         warnings.warn(f"{file}: {note}", WrenchbedWarning, stacklevel=2)
-    made.write(out)
     arm = made.robot
     load = arm.description.load
     model = arm.arm_model

@@ -11,6 +11,7 @@ every variant is close to linear in them.
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from difflib import SequenceMatcher
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -77,6 +78,8 @@ SHOWN: Mapping[str, str] = {
     "lag": "a shift of the simulated readings in time, as their correlation with measured ones",
 }
 """Variables of an effect's own figure in a report, beside measured and simulated."""
+_LISTED = 15
+"""Names that an error lists: two per joint of an arm of six, with ``joint`` and a short name."""
 STATED_NUMBERS = ("bias", "mass", "cog")
 """Numbers of a recording's metadata that every user fits; an effect may be that one is wrong."""
 Values = Mapping[str, float]
@@ -286,13 +289,20 @@ class Effect(ABC):
         """Further variants whose shapes a scan of a residual suggests; default: none."""
         return ()
 
+    def taken(self, robot: Robot) -> tuple[str, ...]:
+        """Names that `values` takes; an effect that also takes short ones puts them first."""
+        return self.parameters(robot).names
+
     def values(self, robot: Robot, given: Mapping[str, Any]) -> dict[str, float]:
         """All parameters by name, nominal where not given.
 
         Raises:
-            ParameterError: an unknown name or an impossible value.
+            ParameterError: an unknown name (lists those that are taken) or an impossible value.
         """
         known = self.parameters(robot)
+        for name in given:
+            if name not in known.names:
+                raise unknown_name(self.name, name, self.taken(robot), len(robot.joints))
         try:
             return known.mapping(known.vector(dict(given)))
         except (TypeError, ValueError) as error:
@@ -389,6 +399,9 @@ class JointEffect(Effect):
             Variant(f"joint {k}", (n,), detail={"joint": k}) for k, n in enumerate(names, start=1)
         ]
         return (*single, Variant("all joints", names, weight=2.0))
+
+    def taken(self, robot: Robot) -> tuple[str, ...]:
+        return ("joint", self.amplitude, *super().taken(robot))
 
     def values(self, robot: Robot, given: Mapping[str, Any]) -> dict[str, float]:
         """Also takes ``joint=2,offset=0.003`` for one joint."""
@@ -585,6 +598,25 @@ def half_waves(scene: Scene, duration: float) -> np.ndarray:
 def vector(p: Values, names: Sequence[str]) -> np.ndarray:
     """Values of parameters (len(names),)."""
     return np.array([p[n] for n in names])
+
+
+def unknown_name(effect: str, name: str, taken: Sequence[str], joints: int) -> ParameterError:
+    """The error of a name that is not taken, or that is taken together with a joint's number only.
+
+    Args:
+        effect: its name.
+        name: that was given.
+        taken: names of the effect's parameters.
+        joints: how many the robot has.
+    """
+    if name in taken:
+        return ParameterError(f"{effect}: {name} belongs to one joint: add joint=1 … {joints}")
+    near = sorted(taken, key=lambda n: -SequenceMatcher(None, name, n).ratio())
+    more = "" if len(near) <= _LISTED else f" … ({len(near)} in all)"
+    return ParameterError(
+        f"{effect}: there is no parameter {name!r}; its parameters, the nearest first: "
+        f"{', '.join(near[:_LISTED])}{more}"
+    )
 
 
 def one_joint(given: Mapping[str, Any], joints: int, amplitude: str) -> dict[str, Any]:

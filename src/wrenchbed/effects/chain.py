@@ -12,9 +12,17 @@ from typing import Any, TypeVar
 import numpy as np
 
 from wrenchbed import registry
-from wrenchbed.effects.base import STAGES, STATED_NUMBERS, Effect, Pose, Values, Variant
+from wrenchbed.effects.base import (
+    STAGES,
+    STATED_NUMBERS,
+    Effect,
+    Pose,
+    Values,
+    Variant,
+    unknown_name,
+)
 from wrenchbed.effects.scene import Scene, examples
-from wrenchbed.errors import ParameterError, did_you_mean
+from wrenchbed.errors import ParameterError
 from wrenchbed.physics.parameters import Parameter
 from wrenchbed.physics.time_derivatives import Jet, Value
 from wrenchbed.physics.wrench import CHANNELS, wrench
@@ -321,7 +329,7 @@ def active_effect(robot: Robot, text: str) -> ActiveEffect:
     variant = _variant(active, robot, given)
     known = active.effect.parameters(robot)
     if variant is None and given:
-        return _of_close_names(active, robot, given)
+        return _of_known_names(active, robot, given)
     if variant is None:
         size = {p.name: p.tolerance for p in known if p.nominal == 0.0}
     else:
@@ -330,19 +338,16 @@ def active_effect(robot: Robot, text: str) -> ActiveEffect:
     return ActiveEffect.of(robot, name, size)
 
 
-def _of_close_names(active: ActiveEffect, robot: Robot, given: dict[str, Any]) -> ActiveEffect:
-    """An effect with the values given; a name that nothing has is refused with a close one."""
-    name = active.effect.name
-    try:
-        return ActiveEffect.of(robot, name, given)
-    except ParameterError as error:
-        variants = [v for scene in examples(robot) for v in active.effect.variants(scene)]
-        choices = {key for v in variants for key in v.detail}
-        for key in given:
-            close = did_you_mean(key, sorted(choices))
-            if f"parameter {key!r}" in str(error) and close:
-                raise ParameterError(f"{name}: there is no parameter {key!r}{close}") from error
-        raise
+def _of_known_names(active: ActiveEffect, robot: Robot, given: dict[str, Any]) -> ActiveEffect:
+    """An effect with the values given; names of its parameters, or of what tells variants apart."""
+    variants = [v for scene in examples(robot) for v in active.effect.variants(scene)]
+    taken = {n: None for v in variants for n in v.detail} | dict.fromkeys(
+        active.effect.taken(robot)
+    )
+    for name in given:
+        if name not in taken:
+            raise unknown_name(active.effect.name, name, tuple(taken), len(robot.joints))
+    return ActiveEffect.of(robot, active.effect.name, given)
 
 
 def _variant(active: ActiveEffect, robot: Robot, given: dict[str, Any]) -> Variant | None:

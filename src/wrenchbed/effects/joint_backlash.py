@@ -72,6 +72,9 @@ class JointBacklash(JointEffect):
         lag = -approach * scene.coming
         return lag + load * np.tanh(scene.joint_torque / SOFT) if load.any() else lag
 
+    def taken(self, robot: Robot) -> tuple[str, ...]:
+        return ("joint", "side", *SIDES, *Effect.taken(self, robot))
+
     def values(self, robot: Robot, given: Mapping[str, Any]) -> dict[str, float]:
         """Also takes ``joint=2,load=2e-4`` or ``joint=2,approach=2e-4``, with or without side."""
         remaining = {k: v for k, v in given.items() if k != "side"}

@@ -112,6 +112,9 @@ class JointClearance(JointEffect):
             return {"play.2": play | {"value": -play["value"]}} | result
         return result
 
+    def taken(self, robot: Robot) -> tuple[str, ...]:
+        return Effect.taken(self, robot)
+
     def values(self, robot: Robot, given: Mapping[str, Any]) -> dict[str, float]:
         return Effect.values(self, robot, given)
 

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from wrenchbed.effects.base import (
+    Effect,
     JointEffect,
     MjSpec,
     Values,
@@ -43,6 +44,9 @@ class JointCompliance(JointEffect):
     def displace(self, scene: Scene, p: Values) -> np.ndarray:
         give = vector(p, each_joint("compliance", scene.robot))
         return scene.joint_torque * give
+
+    def taken(self, robot: Robot) -> tuple[str, ...]:
+        return ("joint", "stiffness", *Effect.taken(self, robot), *each_joint("stiffness", robot))
 
     def values(self, robot: Robot, given: Mapping[str, Any]) -> dict[str, float]:
         """Also takes ``joint=2,stiffness=1.4e4`` [N·m/rad]."""

@@ -94,6 +94,9 @@ class JointGearError(JointEffect):
         angle = p["order"] * scene.q
         return sin(angle) * a + cos(angle) * b
 
+    def taken(self, robot: Robot) -> tuple[str, ...]:
+        return ("joint", "sin", "cos", *Effect.taken(self, robot))
+
     def values(self, robot: Robot, given: Mapping[str, Any]) -> dict[str, float]:
         """Also takes ``joint=2,sin=3e-4,cos=1e-4,order=101`` for one joint."""
         remaining = one_joint(given, len(robot.joints), "sin")

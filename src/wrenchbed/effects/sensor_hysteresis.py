@@ -123,6 +123,9 @@ class SensorHysteresis(ReadingEffect):
             result[:, on] += sizes[name][on] * _lag(u[:, on], 2.0 * width, growth)
         return result
 
+    def taken(self, robot: Robot) -> tuple[str, ...]:
+        return (*per_channel("lag"), *super().taken(robot))
+
     def values(self, robot: Robot, given: Mapping[str, Any]) -> dict[str, float]:
         """Also takes ``lag.fx=0.1``: the middle play of a channel."""
         short = dict(zip(per_channel("lag"), per_channel("middle"), strict=True))

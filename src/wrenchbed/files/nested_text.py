@@ -77,11 +77,13 @@ def parsed(raw: bytes, where: str, error: type[WrenchbedError], kind: str = "JSO
 
 
 def text_of(path: Path, error: type[WrenchbedError], kind: str = "TOML") -> str:
-    """The text of a file, not read beyond what a file of its kind may hold.
+    """The text of a regular file, not read beyond what a file of its kind may hold.
 
     Raises:
         error: no such file, or it is no text; a longer one is left to `parsed` to refuse.
     """
+    if path.exists() and not path.is_file():  # a pipe would be waited for
+        raise error(f"{path}: is no regular file: give a {kind} file")
     try:
         with path.open("rb") as file:
             return file.read(_LARGEST[kind] + 1).decode()

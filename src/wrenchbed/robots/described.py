@@ -1,6 +1,6 @@
 """``my.toml``: a robot that a user described, beside the model file it came from.
 
-`describe` makes one from MJCF or URDF, `read` loads it, and `rebuilt` makes the same robot from
+`describe` writes one from MJCF or URDF, `read` loads it, and `rebuilt` makes the same robot from
 what a recording carries, without either file. The name of such a robot is that in the TOML, ``@``
 and the beginning of the text's SHA-256, so that two descriptions never pass for one.
 """
@@ -23,6 +23,7 @@ from wrenchbed.physics.wrench import physical_inertia
 from wrenchbed.robots.arm_model import ArmLink, ArmModel, Load
 from wrenchbed.robots.file_arm import ArmDescription, FileArm
 from wrenchbed.robots.loop_arm import LoopArm
+from wrenchbed.robots.model_source import content
 
 FORMAT = 1
 DEFAULT_SENSOR = "ati-gamma"
@@ -52,10 +53,6 @@ class Described:
     loading: tuple[str, ...]
     notes: tuple[str, ...]
 
-    def write(self, path: Path) -> None:
-        """Write ``my.toml`` to where it was made for."""
-        write_text(path, self.text)
-
 
 def describe(
     file: Path,
@@ -67,12 +64,12 @@ def describe(
     tool_cog: Sequence[float] | None = None,
     hold_others: bool = False,
 ) -> Described:
-    """Make a robot from MJCF or URDF, and the text of its TOML, which is not written.
+    """Make a robot from MJCF or URDF, and write its TOML.
 
     Args:
         file: MJCF or URDF.
         frame: site, body, link or fixed frame where the sensor sits; its axes are the sensor's.
-        out: where the TOML will lie.
+        out: TOML file to write; a file of this name is replaced.
         sensor: registry name, or the path of a user's TOML file.
         tool_mass: of the tool [kg]; it replaces what the file has behind the frame.
         tool_cog: of the tool (3,) [m] in sensor axes; likewise.
@@ -103,6 +100,7 @@ def describe(
     light = [link.body for link in whole if link.mass <= 0.0]  # not between joints of one body
     if light:
         notes.append(f"{', '.join(light)} have no mass in the file: state it in the TOML")
+    write_text(out, text)
     return Described(robot, text, tuple(loading), tuple(notes))
 
 
@@ -168,7 +166,7 @@ def _sensor(folder: Path, stated: str) -> str:
 
 
 def _sha(file: Path) -> str:
-    return hashlib.sha256(file.read_bytes()).hexdigest()
+    return hashlib.sha256(content(file)).hexdigest()
 
 
 def _parsed(text: str, where: str) -> Any:

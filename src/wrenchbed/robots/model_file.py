@@ -9,7 +9,7 @@ import difflib
 import os
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -41,6 +41,7 @@ from wrenchbed.robots.loop_file import (
     loops_of,
     parents,
 )
+from wrenchbed.robots.model_source import ModelSource
 
 JOINT = mujoco.mjtJoint
 _SPEED = {HINGE: np.pi / 2, SLIDE: 0.25}
@@ -57,15 +58,15 @@ _BALL_M = 0.03
 """Radius of gyration of a ball that stands for an impossible inertia [m]: estimate."""
 _MESHES = (".stl", ".obj", ".msh")
 """Formats of meshes that MuJoCo reads."""
-_XACRO = "{http://www.ros.org/wiki/xacro}"
+_MOST_MESH_BYTES = 2**27
+"""Of all meshes of a model: MuJoCo reads 2.7 million triangles of binary STL without a look at
+signals, in seconds."""
 _KINDS = {
     mujoco.mjtGeom.mjGEOM_PLANE: "plane", mujoco.mjtGeom.mjGEOM_BOX: "box",
     mujoco.mjtGeom.mjGEOM_SPHERE: "sphere", mujoco.mjtGeom.mjGEOM_CAPSULE: "capsule",
     mujoco.mjtGeom.mjGEOM_CYLINDER: "cylinder", mujoco.mjtGeom.mjGEOM_ELLIPSOID: "ellipsoid",
     mujoco.mjtGeom.mjGEOM_MESH: "mesh",
 }  # fmt: skip
-_LARGEST, _DEEPEST = 2**24, 200
-"""Of a file [bytes] and of its elements [levels]: estimates; robots have 1 MB and 20 levels."""
 _LONGEST = 300
 """Characters of MuJoCo's words that are shown."""
 _FRAME = "wrenchbed frame"
@@ -86,7 +87,7 @@ def read_arm(path: Path, frame: str, hold_others: bool = False) -> ArmFile:
         ParameterError: the file is no model, or its arm is none that can be computed; says why.
         NotFoundError: there is no such frame; lists those that exist.
     """
-    source = _Source.of(path)
+    source = ModelSource.of(path)
     spec, notes = _spec(source)
     loops, home, actuators = _loops(spec), _home(spec), actuated(spec)
     _place_frame(spec, frame, source)
@@ -99,76 +100,7 @@ def read_arm(path: Path, frame: str, hold_others: bool = False) -> ArmFile:
     return tree.arm(frame, loops, hold_others, notes, home is not None)
 
 
-@dataclass(frozen=True)
-class _Source:
-    """A file that was read as XML."""
-
-    path: Path
-    text: str
-    root: ElementTree.Element
-
-    @classmethod
-    def of(cls, path: Path) -> "_Source":
-        try:
-            if (size := path.stat().st_size) > _LARGEST:
-                raise ParameterError(f"{path}: has {size:,} bytes, more than {_LARGEST:,}")
-            text = path.read_text(encoding="utf-8")
-        except UnicodeDecodeError:
-            raise ParameterError(f"{path}: is no text: state an MJCF or URDF file") from None
-        except OSError as cause:
-            raise NotFoundError(f"{path}: {cause.strerror or cause}") from None
-        if "<!DOCTYPE" in text or "<!ENTITY" in text:
-            raise ParameterError(f"{path}: defines entities, which no MJCF or URDF needs")
-        try:
-            root = ElementTree.fromstring(text)
-        except ElementTree.ParseError as cause:
-            raise ParameterError(f"{path}: is no MJCF or URDF: not XML ({cause})") from None
-        level: list[ElementTree.Element] = [root]
-        for _ in range(_DEEPEST):
-            level = [inner for element in level for inner in element]
-        if level:  # MuJoCo's own reader descends by recursion
-            raise ParameterError(f"{path}: nested more than {_DEEPEST} levels deep")
-        if root.tag not in ("mujoco", "robot"):
-            raise ParameterError(
-                f"{path}: is neither MJCF (<mujoco>) nor URDF (<robot>): begins with <{root.tag}>"
-            )
-        return cls(path, text, root)
-
-    @property
-    def urdf(self) -> bool:
-        return self.root.tag == "robot"
-
-    def check_expanded(self) -> None:
-        """Refuse unexpanded xacro."""
-        for element in self.root.iter():
-            macro = str(element.tag).startswith(_XACRO)
-            if macro or any("${" in v or "$(" in v for v in element.attrib.values()):
-                tag = str(element.tag).replace(_XACRO, "xacro:")
-                raise ParameterError(
-                    f"{self.path}: holds unexpanded xacro (in <{tag}>): "
-                    f"run  xacro {self.path.name} > robot.urdf  and state robot.urdf"
-                )
-
-    def speeds(self) -> dict[str, float]:
-        """Top speed of each joint that a URDF states."""
-        found = {}
-        for joint in self.root.iter("joint"):
-            limit = joint.find("limit")
-            if limit is not None and float(limit.get("velocity", 0.0)) > 0.0:
-                found[joint.get("name", "")] = float(limit.get("velocity", 0.0))
-        return found
-
-    def fixed_joints(self) -> dict[str, str]:
-        """Child link of each fixed joint of a URDF."""
-        found = {}
-        for joint in self.root.findall("joint"):
-            child = joint.find("child")
-            if joint.get("type") == "fixed" and child is not None:
-                found[joint.get("name", "")] = child.get("link", "")
-        return found
-
-
-def _spec(source: _Source) -> tuple[mujoco.MjSpec, list[str]]:
+def _spec(source: ModelSource) -> tuple[mujoco.MjSpec, list[str]]:
     """The file as an MjSpec without what is missing, and notes on that."""
     try:
         if source.urdf:
@@ -183,7 +115,7 @@ def _spec(source: _Source) -> tuple[mujoco.MjSpec, list[str]]:
     return spec, _drop_missing(spec, source)
 
 
-def _with_options(source: _Source) -> str:
+def _with_options(source: ModelSource) -> str:
     """The URDF's text with MuJoCo's options for it: keep frames, visuals and paths of meshes."""
     root = ElementTree.fromstring(source.text)
     for old in root.findall("mujoco"):
@@ -193,28 +125,29 @@ def _with_options(source: _Source) -> str:
         options, "compiler", fusestatic="false", discardvisual="false", strippath="false"
     )
     for joint in root.findall("joint"):
-        for mimic in joint.findall("mimic"):  # judged in `_mimics`; MuJoCo would couple them
+        for mimic in joint.findall("mimic"):  # judged in `_refuse_loops`; MuJoCo would couple them
             joint.remove(mimic)
     return ElementTree.tostring(root, encoding="unicode")
 
 
-def _refused(source: _Source, cause: Exception) -> ParameterError:
+def _refused(source: ModelSource, cause: Exception) -> ParameterError:
     """MuJoCo's own words in one line, or ours where they are clearer."""
     words = _FLOATS if "free joint" in str(cause) else " ".join(str(cause).split())[:_LONGEST]
     return ParameterError(f"{source.path}: {words}")
 
 
-def _drop_missing(spec: mujoco.MjSpec, source: _Source) -> list[str]:
-    missing = set()
+def _drop_missing(spec: mujoco.MjSpec, source: ModelSource) -> list[str]:
+    missing, size = set(), 0
     folder = source.path.resolve().parent
     for mesh in list(spec.meshes):
         if not mesh.file:
             continue
-        found = _mesh_file(mesh.file, folder, spec.meshdir)
-        if found is None:
+        file = _mesh_file(mesh.file, folder, spec.meshdir)
+        size += 0 if file is None else file.stat().st_size
+        if file is None or size > _MOST_MESH_BYTES:
             missing.add(mesh.name or Path(mesh.file).stem)
         elif source.urdf:
-            mesh.file = str(found)
+            mesh.file = str(file)
     for geom in list(spec.geoms):
         if geom.meshname and geom.meshname in missing:
             spec.delete(geom)
@@ -224,7 +157,8 @@ def _drop_missing(spec: mujoco.MjSpec, source: _Source) -> list[str]:
     notes = []
     if missing:
         notes.append(
-            f"{len(missing)} meshes are missing or not in {', '.join(_MESHES)}: they are not drawn"
+            f"{len(missing)} meshes are missing, not in {', '.join(_MESHES)}, or beyond "
+            f"{_MOST_MESH_BYTES:,} bytes in all: they are not drawn"
         )
     return notes
 
@@ -266,7 +200,7 @@ def _home(spec: mujoco.MjSpec) -> np.ndarray | None:
     return np.array(keys[0].qpos) if keys and len(keys[0].qpos) else None
 
 
-def _place_frame(spec: mujoco.MjSpec, frame: str, source: _Source) -> None:
+def _place_frame(spec: mujoco.MjSpec, frame: str, source: ModelSource) -> None:
     """Mark the named frame by a site; a site, body, fixed joint or MJCF frame, in this order."""
     sites, bodies = ({x.name: x for x in group} for group in (spec.sites, spec.bodies))
     frames = {f.name: f for f in spec.frames if f.name}
@@ -301,14 +235,14 @@ def _strip(spec: mujoco.MjSpec) -> None:
                 spec.delete(element)
     for material in spec.materials:
         material.textures = [""] * len(material.textures)
-    for texture in list(spec.textures):
-        spec.delete(texture)
     for geom in list(spec.geoms):
         if geom.type in (mujoco.mjtGeom.mjGEOM_HFIELD, mujoco.mjtGeom.mjGEOM_SDF):
             spec.delete(geom)
+    for asset in (*spec.textures, *spec.hfields):
+        spec.delete(asset)
 
 
-def _compiled(spec: mujoco.MjSpec, source: _Source, notes: list[str]) -> mujoco.MjModel:
+def _compiled(spec: mujoco.MjSpec, source: ModelSource, notes: list[str]) -> mujoco.MjModel:
     options = spec.compiler
     options.boundmass = max(options.boundmass, _BOUND)
     options.boundinertia = max(options.boundinertia, _BOUND)
@@ -342,7 +276,7 @@ class _Tree:
         self,
         model: mujoco.MjModel,
         data: mujoco.MjData,
-        source: _Source,
+        source: ModelSource,
         actuators: tuple[str, ...],
     ) -> None:
         self.model, self.data, self.source, self.actuators = model, data, source, actuators
@@ -526,7 +460,7 @@ class _Tree:
             for b in range(1, self.model.nbody)
             if b not in behind and any(j in chain for p in self._path(b) for j in self._joints(p))
         }
-        for first, second, coupled in [*loops, *self._mimics()]:
+        for first, second, coupled in [*loops, *((*pair, True) for pair in self.source.mimics())]:
             inside = joints if coupled else moving
             if first in inside or second in inside:
                 what = "couples joints" if coupled else "closes a loop between"
@@ -535,15 +469,6 @@ class _Tree:
                     "coupled joints only MJCF's equality constraints connect, weld and joint can "
                     "be read"
                 )
-
-    def _mimics(self) -> list[tuple[str, str, bool]]:
-        if not self.source.urdf:
-            return []
-        return [
-            (joint.get("name", ""), str(mimic.get("joint")), True)
-            for joint in self.source.root.findall("joint")
-            for mimic in joint.findall("mimic")
-        ]
 
     def _segments(self, chain: list[int], behind: set[int]) -> np.ndarray:
         """The link of each body (B,) from 1 on, 0 of the base; −1 of the tool's and loose ones."""
