@@ -88,7 +88,7 @@ _PUBLIC = {
     "diagnosis.several": ("diagnose_several",),
     "drives.fit": ("DriveFit",),
     "drives.identify": ("calibrate_efforts",),
-    "emulators.base.emulator": ("EmulatorOptions", "serve"),
+    "base.emulator": ("EmulatorOptions", "serve"),
     "errors": ("WrenchbedError",),
     "exports.base": ("ExportOptions", "export_to"),
     "exports.load_numbers": ("LoadNumbers", "load_numbers"),
@@ -198,7 +198,8 @@ def __getattr__(name: str) -> Any:
     if name not in _HOME:
         raise AttributeError(f"module 'wrenchbed' has no attribute {name!r}")
     module, attribute = _HOME[name]
-    return getattr(import_module(f"wrenchbed.{module}"), attribute)
+    package = "robot_emulators" if module.startswith("base.") else "wrenchbed"
+    return getattr(import_module(f"{package}.{module}"), attribute)
 
 
 def __dir__() -> list[str]:

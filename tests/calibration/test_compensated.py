@@ -20,7 +20,6 @@ from wrenchbed.errors import CalibrationError
 from wrenchbed.hardware.drivers.rtde import wrench_source
 from wrenchbed.hardware.drivers.rtde.shared_state import Snapshot
 from wrenchbed.hardware.drivers.sim import SimDriver, SimOptions
-from wrenchbed.hardware.transducers.ur_wrench import in_sensor_axes
 from wrenchbed.physics.wrench import CHANNELS
 
 UR5 = registry.load("robots", "ur5")
@@ -47,7 +46,7 @@ def reported(whole: Recording, major: int, tcp: np.ndarray, **told) -> Recording
         estimate.update(load, turn, np.r_[tcp, np.zeros(3)])
         pose = (*(origin + turn @ tcp), 0.0, 0.0, 0.0)
         state = Snapshot(t=1.0, q=tuple(q), pose=pose, force=tuple(estimate.wrench), major=major)
-        rows.append(in_sensor_axes(wrench_source.reading(state, UR5)))
+        rows.append(wrench_source.reading(state, UR5).wrench)
     settings = {"payload": MASS, "payload_cog": COG}
     facts = dict(wrench_source.facts(Snapshot(major=float(major)), settings)) | told
     columns = {**whole.columns, **dict(zip(CHANNELS, np.transpose(rows), strict=True))}

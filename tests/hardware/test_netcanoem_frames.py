@@ -15,36 +15,29 @@ from wrenchbed.errors import DriverError, ParameterError
 from wrenchbed.hardware.transducers.netcanoem import NetcanoemOptions, transducer
 from wrenchbed.hardware.transducers.netcanoem.frames import (
     PATIENCE_S,
-    ActiveCalibration,
-    Coefficients,
-    Counts,
-    EvenGauges,
-    Firmware,
-    OddGauges,
     Pairs,
-    Serial,
-    Units,
+    Reply,
     faults,
     parse,
 )
 from wrenchbed.hardware.transducers.netcanoem.transducer import _si
 
-EVEN = EvenGauges(0, (1, 3, 5))
-ODD = OddGauges((2, 4, 6))
+EVEN = Reply(0, (0, 1, 3, 5))
+ODD = Reply(1, (2, 4, 6))
 
 
 @pytest.mark.parametrize(
     "can_id, raw, reply",
     [
-        (0x680, "8010 0001 ffff 7fff", EvenGauges(0x8010, (1, -1, 32767))),
-        (0x681, "8000 0100 fffe", OddGauges((-32768, 256, -2))),
-        (0x682, "3f800000 c0000000", Coefficients(0, (1.0, -2.0))),
-        (0x684, "42c80000 00000000", Coefficients(2, (100.0, 0.0))),
-        (0x685, "4654313232383800", Serial("FT12288")),
-        (0x686, "02", ActiveCalibration(2)),
-        (0x687, "000f4240 00989680", Counts(1_000_000, 10_000_000)),
-        (0x688, "02 03", Units(2, 3)),
-        (0x68F, "03 08 0011", Firmware(3, 8, 17)),
+        (0x680, "8010 0001 ffff 7fff", (0, (0x8010, 1, -1, 32767))),
+        (0x681, "8000 0100 fffe", (1, (-32768, 256, -2))),
+        (0x682, "3f800000 c0000000", (2, (1.0, -2.0))),
+        (0x684, "42c80000 00000000", (4, (100.0, 0.0))),
+        (0x685, "4654313232383800", (5, (b"FT12288\0",))),
+        (0x686, "02", (6, (2,))),
+        (0x687, "000f4240 00989680", (7, (1_000_000, 10_000_000))),
+        (0x688, "02 03", (8, (2, 3))),
+        (0x68F, "03 08 0011", (15, (3, 8, 17))),
         (0x689, "0800", None),
         (0x680, "", None),
         (0x681, "8000 0100 fffe 0000", None),
@@ -83,7 +76,7 @@ def test_a_second_frame_lost_never_mixes_two_requests():
     assert not pairs.poll(PATIENCE_S + 0.005)  # gives up, and is quiet for a turn
     assert pairs.take(PATIENCE_S + 0.006, ODD) is None  # late, thrown away
     assert pairs.poll(PATIENCE_S + 0.009)
-    assert pairs.take(PATIENCE_S + 0.010, OddGauges((9, 9, 9))) is None
+    assert pairs.take(PATIENCE_S + 0.010, Reply(1, (9, 9, 9))) is None
     assert pairs.lost == 1 and pairs.odd == 2
 
 
@@ -115,7 +108,7 @@ def test_no_order_of_frames_mixes_requests(events):
             for frame in [p for p in pending if p[1] == kind][:1]:
                 pending.remove(frame)
                 value = (frame[0],) * 3
-                made = EvenGauges(0, value) if kind == "even" else OddGauges(value)
+                made = Reply(0, (0, *value)) if kind == "even" else Reply(1, value)
                 reading = pairs.take(t, made)
                 assert reading is None or len(set(reading.gauges)) == 1
 
@@ -278,16 +271,16 @@ def test_late_answers_never_make_a_wrong_matrix(monkeypatch, late):
 
 @pytest.mark.parametrize("units, scale", [((2, 3), 1.0), ((4, 6), 1e3), ((1, 3), 4.4482216)])
 def test_units_become_si(units, scale):
-    matrix = _si(np.eye(6) * 5.0, Counts(10, 10), Units(*units), 0)
+    matrix = _si(np.eye(6) * 5.0, (10, 10), units, 0)
     assert matrix[0, 0] == pytest.approx(0.5 * scale, rel=1e-6)
 
 
 @pytest.mark.parametrize(
     "raw, counts, units, named",
-    [(np.zeros((6, 6)), Counts(1, 1), Units(2, 3), "no usable matrix"),
-     (np.full((6, 6), np.nan), Counts(1, 1), Units(2, 3), "no usable matrix"),
-     (np.eye(6), Counts(0, 1), Units(2, 3), "0 counts"),
-     (np.eye(6), Counts(1, 1), Units(9, 3), "units 9 and 3")],
+    [(np.zeros((6, 6)), (1, 1), (2, 3), "no usable matrix"),
+     (np.full((6, 6), np.nan), (1, 1), (2, 3), "no usable matrix"),
+     (np.eye(6), (0, 1), (2, 3), "0 counts"),
+     (np.eye(6), (1, 1), (9, 3), "units 9 and 3")],
 )  # fmt: skip
 def test_a_calibration_that_makes_no_sense_is_refused(raw, counts, units, named):
     with pytest.raises(DriverError, match=named):

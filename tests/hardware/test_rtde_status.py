@@ -26,7 +26,7 @@ from wrenchbed.hardware.drivers.rtde import (
 from wrenchbed.hardware.drivers.rtde.shared_state import Snapshot
 from wrenchbed.hardware.drivers.rtde.state_worker import FIELDS, RAW
 from wrenchbed.hardware.drivers.rtde.wrench_source import Flange
-from wrenchbed.hardware.transducers.ur_wrench import UrWrench, in_sensor_axes
+from wrenchbed.hardware.transducers.ur_wrench import UrWrench
 from wrenchbed.physics.rotations import quaternion
 
 OK = Snapshot(t=1.0, stamp=1.0, q=(0.1,) * 6, mode=7.0, safety=1.0, runtime=2.0, major=3.0)
@@ -245,11 +245,11 @@ def test_the_own_wrench_comes_in_the_sensors_axes():
     given_ = (*(rotation @ force), *(rotation @ torque))
     state = OK._replace(q=tuple(q), pose=(*tcp, 0.0, 0.0, 0.0), force=given_)
     expected = np.concatenate([force, torque + np.cross([0.0, 0.0, 0.1], force)])
-    assert in_sensor_axes(own(state)) == pytest.approx(expected, abs=1e-9)
+    assert own(state).wrench == pytest.approx(expected, abs=1e-9)
     series_e = state._replace(major=5.0)
-    assert in_sensor_axes(own(series_e)) == pytest.approx([*force, *torque], abs=1e-9)
+    assert own(series_e).wrench == pytest.approx([*force, *torque], abs=1e-9)
     raw = series_e._replace(raw=(1.0, 2.0, 3.0, 4.0, 5.0, 6.0))
-    assert in_sensor_axes(own(raw)) == pytest.approx([1, 2, 3, 4, 5, 6])
+    assert own(raw).wrench == pytest.approx([1, 2, 3, 4, 5, 6])
     assert (
         wrench_source.facts(state, {})["reference"] == "tcp"
         and wrench_source.facts(raw, {})["frame"] == "flange"

@@ -20,9 +20,9 @@ from wrenchbed.campaigns.recording.run import record
 from wrenchbed.data.plan import Plan
 from wrenchbed.hardware.drivers.base import Driver
 from wrenchbed.hardware.drivers.sim import SimDriver, SimOptions
-from wrenchbed.hardware.transducers.base import Transducer
+from wrenchbed.hardware.transducers.base import Transducer, WrenchSample
 from wrenchbed.hardware.transducers.netft import NetftOptions, NetftTransducer
-from wrenchbed.hardware.transducers.ur_wrench import UrWrench, UrWrenchOptions, UrWrenchReading
+from wrenchbed.hardware.transducers.ur_wrench import UrWrench, UrWrenchOptions
 from wrenchbed.robots.motion_limits import Limits
 
 SMALL = 0.03
@@ -134,10 +134,10 @@ def _netcanoem() -> Iterator[Callable[[], Transducer]]:
 
 @contextmanager
 def _ur_wrench() -> Iterator[Callable[[], Transducer]]:
-    def reading() -> UrWrenchReading:
+    def reading() -> WrenchSample:
         k = int(time.monotonic() / 0.008)  # a controller of 125 Hz
         load = np.array([1.0, 2.0, 3.0, 0.1, 0.2, 0.3])
-        return UrWrenchReading(0.008 * k, 0.008 * k, k, 0, load, np.eye(3), np.zeros(3))
+        return WrenchSample(0.008 * k, 0.008 * k, k, 0.0, True, load)
 
     yield lambda: UrWrench(UrWrenchOptions(reading))
 

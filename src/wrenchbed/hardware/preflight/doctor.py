@@ -17,8 +17,7 @@ import numpy as np
 from wrenchbed.errors import DriverError, LinkError, ParameterError, WrenchbedError
 from wrenchbed.hardware.drivers.rtde import dashboard, identity, outputs, wrench_source
 from wrenchbed.hardware.drivers.rtde.outputs import NATIVE_HZ, Unfit
-from wrenchbed.hardware.transducers.address import transducer_at
-from wrenchbed.hardware.transducers.base import Transducer
+from wrenchbed.hardware.transducers.base import Transducer, transducer_at
 from wrenchbed.robots.base import Robot
 
 Grade = Literal["ok", "note", "fails"]

@@ -3,6 +3,3 @@
 May import: ``hardware.device``, registry, sensors, physics, errors; no sibling and no driver.
 Read first: ``base.py``, then ``ur_wrench.py``, the shortest transducer.
 """
-
-SUPPORT = ("address", "device_clock")
-"""Modules here that are no plug-ins."""

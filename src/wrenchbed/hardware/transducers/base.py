@@ -11,17 +11,18 @@ from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
-from urllib.parse import SplitResult
+from urllib.parse import SplitResult, urlsplit
 
 import numpy as np
 
+from wrenchbed import registry
 from wrenchbed.errors import DriverError, ParameterError
 from wrenchbed.hardware.device import STALE_S, Device
 
 CLOSE_S = 1e-3
-"""Readings closer in time are not interpolated [s]; estimate."""
+"""Readings closer in time are not interpolated [s]: a robot's joints move less than their noise."""
 HISTORY = 1024
-"""Readings that are kept; estimate."""
+"""Readings that are kept: four seconds at 250 Hz, twice what a row of a motion may wait."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +64,7 @@ class Transducer(Device):
     """A force/torque sensor with its electronics. Use as a context manager."""
 
     form: ClassVar[str] = ""
-    """How an address names one, for people; empty where none does."""
+    """Address ``NAME://…`` that names one, for people; empty where none does."""
 
     @classmethod
     def at_address(cls, parts: SplitResult) -> "Transducer":
@@ -131,7 +132,7 @@ class Transducer(Device):
 
 
 def weight(since: float, span: float) -> float:
-    """Share of the later of two readings, some time [s] after the first, a span [s] apart.
+    """Weight of the later of two readings, some time [s] after the first, a span [s] apart.
 
     Of two that are less than `CLOSE_S` apart the nearer one counts: a mean of both would have less
     noise than the sensor. Else the reading is interpolated linearly.
@@ -169,14 +170,41 @@ class Past:
         span = after.t - before.t
         if span > STALE_S:
             return None
-        share = weight(t - before.t, span)
+        later = weight(t - before.t, span)
         return replace(
             after,
             t=t,
             device_time=None,
             age=min(t - before.t, after.t - t),
-            wrench=before.wrench + share * (after.wrench - before.wrench),
+            wrench=before.wrench + later * (after.wrench - before.wrench),
             status=before.status | after.status,
             saturated=before.saturated | after.saturated,
             faults=tuple(dict.fromkeys((*before.faults, *after.faults))),
         )
+
+
+def forms() -> str:
+    """The addresses that registered transducers can be given by, with commas between them."""
+    kinds = (registry.load("transducers", name) for name in registry.names("transducers"))
+    return ", ".join(kind.form for kind in kinds if getattr(kind, "form", ""))
+
+
+def transducer_at(address: str) -> Transducer:
+    """The transducer that an address ``NAME://…`` names, NAME as in the registry; closed.
+
+    Raises:
+        ParameterError: it names none; the message lists the forms.
+    """
+    try:
+        parts = urlsplit(address)
+    except ValueError as error:
+        raise ParameterError(f"sensor {address!r}: {error}: give {forms()}") from error
+    if parts.scheme in registry.names("transducers"):
+        kind = registry.load("transducers", parts.scheme)
+        if getattr(kind, "form", ""):
+            try:
+                transducer: Transducer = kind.at_address(parts)
+            except (ParameterError, ValueError) as error:
+                raise ParameterError(f"sensor {address!r}: {error}: give {kind.form}") from error
+            return transducer
+    raise ParameterError(f"sensor {address!r}: give {forms()}")

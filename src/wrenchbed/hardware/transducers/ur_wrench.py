@@ -1,4 +1,4 @@
-"""A UR robot's own wrench over RTDE, brought into the sensor's axes.
+"""A UR robot's own wrench over RTDE, in the sensor's axes: a driver of UR robots reads it.
 
 Where the controller has it (e-Series from 5.9), ``ft_raw_wrench``: the flange's sensor, not
 compensated for the payload, taken as it is. Else ``actual_TCP_force``: in the base's axes, without
@@ -11,35 +11,9 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import numpy as np
-
 from wrenchbed.errors import DriverError
 from wrenchbed.hardware.device import Health, by_age
 from wrenchbed.hardware.transducers.base import Transducer, WrenchSample
-
-
-@dataclass(frozen=True, eq=False)
-class UrWrenchReading:
-    """The wrench as the controller reports it.
-
-    Attributes:
-        t: `time.monotonic` of its arrival [s].
-        device_time: on the controller's clock [s].
-        sequence: of the states received.
-        lost: states known to be lost.
-        wrench: (6,) [N, N·m] as reported.
-        rotation: R_given_sensor (3, 3), from the sensor's axes to those of ``wrench``.
-        lever: from the sensor's origin to the point that the torque is about (3,), in the axes of
-            ``wrench`` [m].
-    """
-
-    t: float
-    device_time: float
-    sequence: int
-    lost: int
-    wrench: np.ndarray
-    rotation: np.ndarray
-    lever: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -47,10 +21,10 @@ class UrWrenchOptions:
     """Where readings come from.
 
     Attributes:
-        source: returns the newest reading without blocking; a driver of UR robots has it.
+        source: returns the newest reading, in the sensor's axes about its origin, without blocking.
     """
 
-    source: Callable[[], UrWrenchReading] | None = None
+    source: Callable[[], WrenchSample] | None = None
 
 
 class UrWrench(Transducer):
@@ -65,19 +39,15 @@ class UrWrench(Transducer):
         self._source = (options or UrWrenchOptions()).source
 
     def _connect(self) -> None:
-        if self._source is None:
-            raise DriverError("transducer 'ur-wrench' is read by driver 'rtde' only")
-        self._newest()
+        self._read()
 
     def _close(self) -> None:
         self._past.clear()
 
     def _read(self) -> WrenchSample:
-        reading = self._newest()
-        sample = WrenchSample(
-            reading.t, reading.device_time, reading.sequence, 0.0, True, in_sensor_axes(reading),
-            lost=reading.lost,
-        )  # fmt: skip
+        if self._source is None:
+            raise DriverError("transducer 'ur-wrench' is read by driver 'rtde' only")
+        sample = self._source()
         self._past.add(sample)
         return sample
 
@@ -86,20 +56,9 @@ class UrWrench(Transducer):
         return super()._at(t)
 
     def _health(self) -> Health:
-        reading = self._newest()
-        counters = {"readings": float(reading.sequence), "lost": float(reading.lost)}
-        return by_age(time.monotonic() - reading.t, "the robot's own wrench", counters)
-
-    def _newest(self) -> UrWrenchReading:
-        assert self._source is not None
-        return self._source()
-
-
-def in_sensor_axes(reading: UrWrenchReading) -> np.ndarray:
-    """The wrench (6,) in the sensor's axes about its origin."""
-    force, torque = reading.wrench[:3], reading.wrench[3:]
-    back = reading.rotation.T
-    return np.concatenate([back @ force, back @ (torque + np.cross(reading.lever, force))])
+        sample = self._read()
+        counters = {"readings": float(sample.sequence), "lost": float(sample.lost)}
+        return by_age(time.monotonic() - sample.t, "the robot's own wrench", counters)
 
 
 TRANSDUCER = UrWrench

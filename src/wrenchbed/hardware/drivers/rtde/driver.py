@@ -28,7 +28,7 @@ from wrenchbed.hardware.drivers.rtde.process import Worker
 from wrenchbed.hardware.drivers.rtde.shared_state import Snapshot
 from wrenchbed.hardware.drivers.rtde.status import Observation, count, judge
 from wrenchbed.hardware.drivers.rtde.wrench_source import Flange
-from wrenchbed.hardware.transducers.ur_wrench import UrWrenchReading
+from wrenchbed.hardware.transducers.base import WrenchSample
 
 _LEAST_SPEED, _LEAST_ACCELERATION, _MOST_ACCELERATION = 0.01, 0.05, 15.0
 """Bounds of the speed [rad/s] and acceleration [rad/s²] of a move; estimates."""
@@ -120,7 +120,7 @@ class RtdeDriver(LiveDriver):
         self._links: Links | None = None
         self._control: Worker | None = None
         self._followed, self._flange = Followed(), Flange(self.robot)
-        self._reading: UrWrenchReading | None = None
+        self._reading: WrenchSample | None = None
         self._recoveries, self._seen, self._halts = 0, 0.0, 0.0
         self._undelivered = ""
         self._controller: dict[str, Any] = {}
@@ -316,7 +316,7 @@ class RtdeDriver(LiveDriver):
             return Health("fault", self._flange.trouble, health.counters)
         return health
 
-    def _robot_wrench(self) -> UrWrenchReading:
+    def _robot_wrench(self) -> WrenchSample:
         state, reading = self._look(), self._reading
         if reading is None or reading.t != state.t:
             reading = self._reading = wrench_source.reading(state, self.robot)

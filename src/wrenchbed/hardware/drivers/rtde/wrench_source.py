@@ -11,9 +11,7 @@ from wrenchbed import registry
 from wrenchbed.errors import ParameterError
 from wrenchbed.hardware.drivers.rtde.identity import TcpInFlange
 from wrenchbed.hardware.drivers.rtde.shared_state import Snapshot
-from wrenchbed.hardware.transducers.address import forms, transducer_at
-from wrenchbed.hardware.transducers.base import Transducer
-from wrenchbed.hardware.transducers.ur_wrench import UrWrenchReading
+from wrenchbed.hardware.transducers.base import Transducer, WrenchSample, forms, transducer_at
 from wrenchbed.robots.base import Robot
 
 _APART_M, _APART_RAD = 5e-3, 0.02
@@ -57,7 +55,7 @@ OWN = ("rtde", "ur-wrench")
 """Option values for the robot's own wrench."""
 
 
-def transducer(sensor: str, host: str, source: Callable[[], UrWrenchReading]) -> Transducer:
+def transducer(sensor: str, host: str, source: Callable[[], WrenchSample]) -> Transducer:
     """The sensor that an option names.
 
     Raises:
@@ -70,21 +68,21 @@ def transducer(sensor: str, host: str, source: Callable[[], UrWrenchReading]) ->
         kind = registry.load("transducers", "netft")
         return kind(kind.options(host=host))
     if "://" not in sensor:
-        raise ParameterError(f"sensor {sensor!r}: give netft, rtde, {', '.join(forms())}")
+        raise ParameterError(f"sensor {sensor!r}: give netft, rtde, {forms()}")
     return transducer_at(sensor)
 
 
-def reading(state: Snapshot, robot: Robot) -> UrWrenchReading:
+def reading(state: Snapshot, robot: Robot) -> WrenchSample:
     """The robot's own wrench of a state; the sensor's pose is that of the nominal robot."""
-    if np.isfinite(state.raw).all():
-        wrench, rotation, lever = np.array(state.raw), np.eye(3), np.zeros(3)
-    else:
+    wrench = np.array(state.raw)
+    if not np.isfinite(wrench).all():
         rotations, origins = robot.sensor_pose(np.array([state.q]), robot.parameters.nominal)
-        wrench, rotation = np.array(state.force), rotations[0]
-        about_tcp = state.major <= 3
-        lever = np.array(state.pose[:3]) - origins[0] if about_tcp else np.zeros(3)
-    return UrWrenchReading(
-        state.t, state.stamp, int(state.received), int(state.skipped), wrench, rotation, lever
+        force, torque = np.array(state.force[:3]), np.array(state.force[3:])
+        if state.major <= 3:  # about the TCP
+            torque = torque + np.cross(np.array(state.pose[:3]) - origins[0], force)
+        wrench = np.concatenate([force @ rotations[0], torque @ rotations[0]])
+    return WrenchSample(
+        state.t, state.stamp, int(state.received), 0.0, True, wrench, lost=int(state.skipped)
     )
 
 

@@ -6,13 +6,12 @@ until the next request are dropped.
 """
 
 import struct
-from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-GAUGES, MATRIX, SERIAL, SELECT, COUNTS, UNITS, FIRMWARE = 0x0, 0x2, 0x5, 0x6, 0x7, 0x8, 0xF
-"""Opcodes of the requests that are ever sent. Reset (0xC), set base (0xD) and set baud rate (0xE)
-are left out on purpose: the last two stay after power is cut."""
-
+GAUGES, ODD, MATRIX, SERIAL, SELECT, COUNTS, UNITS, FIRMWARE = 0, 1, 2, 5, 6, 7, 8, 15
+"""Opcodes of requests and answers; a matrix row is answered by three frames, 2 to 4. Reset (0xC),
+set base (0xD) and set baud rate (0xE) are left out on purpose: the last two stay after power is
+cut."""
 STATUS = (
     "watchdog reset", "converter high", "converter low", "artificial ground", "supply high",
     "supply low", "bad active calibration", "EEPROM", "configuration invalid", "", "",
@@ -22,116 +21,29 @@ STATUS = (
 CRITICAL = 0b0001_1000_1111_1110
 """Bits with which readings cannot be trusted; the board sends them all the same."""
 BAD_CALIBRATION, WATCHDOG_RESET = 1 << 6, 1 << 0
-
-
-@dataclass(frozen=True)
-class EvenGauges:
-    """First frame of a reading: status word and gauges 0, 2, 4."""
-
-    status: int
-    values: tuple[int, int, int]
-
-
-@dataclass(frozen=True)
-class OddGauges:
-    """Second frame of a reading: gauges 1, 3, 5."""
-
-    values: tuple[int, int, int]
-
-
-@dataclass(frozen=True)
-class Coefficients:
-    """A third of a matrix row: which, and its two values."""
-
-    part: int
-    values: tuple[float, float]
-
-
-@dataclass(frozen=True)
-class Serial:
-    """Serial number of the sensor."""
-
-    text: str
-
-
-@dataclass(frozen=True)
-class ActiveCalibration:
-    """Calibration that is active now."""
-
-    slot: int
-
-
-@dataclass(frozen=True)
-class Counts:
-    """Counts per unit of force and of torque."""
-
-    force: int
-    torque: int
-
-
-@dataclass(frozen=True)
-class Units:
-    """Codes of the units of force and of torque."""
-
-    force: int
-    torque: int
-
-
-@dataclass(frozen=True)
-class Firmware:
-    """Version of the board's program."""
-
-    major: int
-    minor: int
-    build: int
-
-
-Reply = (
-    EvenGauges | OddGauges | Coefficients | Serial | ActiveCalibration | Counts | Units | Firmware
-)
-
-
-def parse(arbitration_id: int, data: bytes, base: int) -> Reply | None:
-    """The reply that a frame of an 11-bit id is, None if it is none of the board at ``base``."""
-    if arbitration_id >> 4 != base:
-        return None
-    match arbitration_id & 0xF, len(data):
-        case 0x0, 8:
-            status, a, b, c = struct.unpack(">Hhhh", data)
-            return EvenGauges(status, (a, b, c))
-        case 0x1, 6:
-            a, b, c = struct.unpack(">hhh", data)
-            return OddGauges((a, b, c))
-        case (0x2 | 0x3 | 0x4) as opcode, 8:
-            x, y = struct.unpack(">ff", data)
-            return Coefficients(opcode - 0x2, (x, y))
-        case 0x5, 8:
-            return Serial(data.split(b"\0")[0].decode("ascii", "replace").strip())
-        case 0x6, 1:
-            return ActiveCalibration(data[0])
-        case 0x7, 8:
-            return Counts(*struct.unpack(">II", data))
-        case 0x8, 2:
-            return Units(data[0], data[1])
-        case 0xF, 4:
-            return Firmware(*struct.unpack(">BBH", data))
-    return None
-
-
-def faults(status: int) -> tuple[str, ...]:
-    """Meaning of a status word."""
-    return tuple(name for bit, name in enumerate(STATUS[:15]) if name and status >> bit & 1) or (
-        ("error without a name",) if status >> 15 & 1 else ()
-    )
-
-
 PATIENCE_S = 0.02
-"""How long the two frames of an answer may take [s]; estimate; on the wire they take
-0.3 ms at 1 Mbit/s."""
+"""How long the two frames of an answer may take [s]; on the wire they take 0.3 ms at 1 Mbit/s, and
+a stalled reader some milliseconds."""
+_SHAPES = {
+    GAUGES: struct.Struct(">Hhhh"), ODD: struct.Struct(">hhh"),
+    MATRIX: struct.Struct(">ff"), 3: struct.Struct(">ff"), 4: struct.Struct(">ff"),
+    SERIAL: struct.Struct("8s"), SELECT: struct.Struct("B"), COUNTS: struct.Struct(">II"),
+    UNITS: struct.Struct("BB"), FIRMWARE: struct.Struct(">BBH"),
+}  # fmt: skip
+"""Opcode → its answer: status word and gauges 0, 2, 4; gauges 1, 3, 5; two values of a matrix row;
+serial number; slot of the active calibration; counts per unit of force and torque; codes of their
+units; major, minor and build number of the board's program."""
 _OUTSTANDING = 250
-"""Requests that may still be answered; estimate."""
+"""Requests that may still be answered: a second of them."""
 _EXCESS_S, _EXCESS = 1.0, 2
-"""Time [s] and number of unrequested answers that reveal a second node; estimates."""
+"""Unrequested answers within a time [s] that reveal a second node; one may be a late answer."""
+
+
+class Reply(NamedTuple):
+    """A frame of the board: the opcode that it answers, and its values."""
+
+    opcode: int
+    values: tuple[Any, ...]
 
 
 class GaugeReading(NamedTuple):
@@ -142,17 +54,33 @@ class GaugeReading(NamedTuple):
     gauges: tuple[int, ...]
 
 
+def parse(arbitration_id: int, data: bytes, base: int) -> Reply | None:
+    """The reply that a frame of an 11-bit id is, None if it is none of the board at ``base``."""
+    shape = _SHAPES.get(arbitration_id & 0xF)
+    if arbitration_id >> 4 != base or shape is None or len(data) != shape.size:
+        return None
+    return Reply(arbitration_id & 0xF, shape.unpack(data))
+
+
+def faults(status: int) -> tuple[str, ...]:
+    """Meaning of a status word."""
+    return tuple(name for bit, name in enumerate(STATUS[:15]) if name and status >> bit & 1) or (
+        ("error without a name",) if status >> 15 & 1 else ()
+    )
+
+
 class Pairs:
     """Combines the two frames of a reading, and counts what it drops.
 
     Attributes:
+        polls: requests.
         lost: requests without a complete answer.
         odd: frames that belong to no request or came in the wrong order.
     """
 
     def __init__(self) -> None:
         self.polls = self.lost = self.odd = 0
-        self._first: tuple[float, EvenGauges] | None = None
+        self._first: tuple[float, Reply] | None = None
         self._waiting = False
         self._outstanding = 0
         self._asked = 0.0
@@ -170,22 +98,22 @@ class Pairs:
         self._outstanding = min(self._outstanding + 1, _OUTSTANDING)
         return True
 
-    def take(self, t: float, frame: EvenGauges | OddGauges) -> GaugeReading | None:
-        """A frame that arrived at a time [s]; the reading that it completes."""
-        if isinstance(frame, EvenGauges):
+    def take(self, t: float, reply: Reply) -> GaugeReading | None:
+        """Take a frame of gauges that arrived at a time [s]; the reading that it completes."""
+        if reply.opcode == GAUGES:
             self._count(t)
             if not self._waiting or self._first is not None:
                 self.odd += 1
             if self._waiting:
-                self._first = (t, frame)
+                self._first = (t, reply)
             return None
         if self._first is None:
             self.odd += 1
             return None
         begun, first = self._first
         self._waiting, self._first = False, None
-        (g0, g2, g4), (g1, g3, g5) = first.values, frame.values
-        return GaugeReading(begun, first.status, (g0, g1, g2, g3, g4, g5))
+        (status, g0, g2, g4), (g1, g3, g5) = first.values, reply.values
+        return GaugeReading(begun, status, (g0, g1, g2, g3, g4, g5))
 
     def clash(self, t: float) -> bool:
         """Whether there were more answers than requests: a second node uses the board's ids."""

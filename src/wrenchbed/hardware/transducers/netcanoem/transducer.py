@@ -6,7 +6,7 @@ import time
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import ClassVar, TypeVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -14,20 +14,32 @@ from wrenchbed.errors import DriverError, LinkError, ParameterError
 from wrenchbed.hardware.device import GONE_S, Health, by_age, wait_until
 from wrenchbed.hardware.transducers.base import HISTORY, Transducer, WrenchSample
 from wrenchbed.hardware.transducers.netcanoem import frames
-from wrenchbed.hardware.transducers.netcanoem.frames import GaugeReading, Pairs
+from wrenchbed.hardware.transducers.netcanoem.frames import GaugeReading, Pairs, Reply
 from wrenchbed.hardware.transducers.netcanoem.link import CanLink, open_bus
 
 ANSWER_S, TRIES = 0.3, 3
-"""Deadline of an answer [s] and attempts at a query; estimates."""
+"""Deadline of an answer [s], a hundred times what the board takes, and attempts at a query, since
+a busy bus may lose one."""
 FORCE = {1: 4.4482216152605, 2: 1.0, 3: 4448.2216152605, 4: 1e3, 5: 9.80665, 6: 9.80665e-3}
 """Code of a unit → N: lbf, N, klbf, kN, kgf, gf."""
 TORQUE = {1: 0.1129848290276167, 2: 1.3558179483314004, 3: 1.0, 4: 1e-3, 5: 0.0980665, 6: 1e3}
 """Code of a unit → N·m: lbf·in, lbf·ft, N·m, N·mm, kgf·cm, kN·m."""
-_REPORTS_UNITS = (3, 7)
-"""Firmware from which counts and units are queried; estimate."""
-_DEFAULT_COUNTS = 1_000_000
-"""Counts per unit of older firmware; estimate."""
-Answer = TypeVar("Answer")
+SILENT_S = 0.05
+"""Silence after which the board may have restarted, so that its calibration is selected anew [s]:
+its boot takes longer, a lost frame is over after `frames.PATIENCE_S`."""
+CHECK_S = 0.2
+"""How often a row of the active matrix is compared with the one in use [s]: all six in 1.2 s, with
+some ten frames a second."""
+FIRST_S = 1.0
+"""Deadline of the first reading [s]: a board that answers queries sends it within a poll."""
+_ZERO_S = 0.2
+"""Time over which gauges are averaged for a zero [s]: ten periods of 50 Hz mains."""
+_RAIL = 32767
+"""Largest gauge count, by definition of 16 bits."""
+_SINCE = (3, 7)
+"""Firmware from which counts and units are queried; an older one is taken to use `_COUNTS` per N
+and N·m. No manual of an older one is known."""
+_COUNTS = 1_000_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,14 +49,10 @@ class GaugeCalibration:
     Attributes:
         raw: matrix (6, 6) as the board holds it.
         matrix: gauge counts to N and N·m (6, 6).
-        serial: of the sensor.
-        firmware: of the board.
     """
 
     raw: np.ndarray
     matrix: np.ndarray
-    serial: str
-    firmware: frames.Firmware
 
 
 class BoardQueries:
@@ -58,10 +66,10 @@ class BoardQueries:
     def __init__(self, link: CanLink, base: int) -> None:
         self._link, self._base = link, base
         self._came = threading.Condition()
-        self._answers: list[frames.Reply] = []
+        self._answers: list[Reply] = []
         self._asking = threading.Lock()
 
-    def take(self, reply: frames.Reply) -> None:
+    def take(self, reply: Reply) -> None:
         """Take an answer that is not a gauge reading."""
         with self._came:
             if len(self._answers) < 16:
@@ -75,18 +83,15 @@ class BoardQueries:
             LinkError: the board does not answer.
             DriverError: its calibration cannot be used.
         """
-        firmware = self._ask(frames.FIRMWARE, b"", frames.Firmware)
-        serial = self._ask(frames.SERIAL, b"", frames.Serial).text
-        active = self._ask(frames.SELECT, bytes([slot]), frames.ActiveCalibration)
-        if active.slot != slot:
-            raise DriverError(f"the sensor's board selected calibration {active.slot}, not {slot}")
+        firmware = self._ask(frames.FIRMWARE)
+        (active,) = self._ask(frames.SELECT, bytes([slot]))
+        if active != slot:
+            raise DriverError(f"the sensor's board selected calibration {active}, not {slot}")
         raw = self._matrix()
-        counts = frames.Counts(_DEFAULT_COUNTS, _DEFAULT_COUNTS)
-        units = frames.Units(2, 3)
-        if (firmware.major, firmware.minor) >= _REPORTS_UNITS:
-            counts = self._ask(frames.COUNTS, b"", frames.Counts)
-            units = self._ask(frames.UNITS, b"", frames.Units)
-        return GaugeCalibration(raw, _si(raw, counts, units, slot), serial, firmware)
+        counts, units = (_COUNTS, _COUNTS), (2, 3)
+        if firmware[:2] >= _SINCE:
+            counts, units = self._ask(frames.COUNTS), self._ask(frames.UNITS)
+        return GaugeCalibration(raw, _si(raw, counts, units, slot))
 
     def _matrix(self) -> np.ndarray:
         """The active matrix (6, 6), read twice: its frames do not say which row they are of.
@@ -108,44 +113,50 @@ class BoardQueries:
         Raises:
             LinkError: the board does not answer.
         """
-        parts = self._collect(frames.MATRIX, bytes([axis]), frames.Coefficients, 3)
-        by_part = {part.part: part.values for part in parts}
-        if sorted(by_part) != [0, 1, 2]:
+        parts = dict(self._collect(frames.MATRIX, bytes([axis]), 3))
+        if sorted(parts) != [2, 3, 4]:
             raise LinkError("the sensor's board sent a matrix row in pieces that do not fit")
-        return by_part[0] + by_part[1] + by_part[2]
+        return (*parts[2], *parts[3], *parts[4])
 
-    def _ask(self, opcode: int, data: bytes, kind: type[Answer]) -> Answer:
-        return self._collect(opcode, data, kind, 1)[0]
+    def _ask(self, opcode: int, data: bytes = b"") -> tuple[Any, ...]:
+        return self._collect(opcode, data, 1)[0].values
 
-    def _collect(self, opcode: int, data: bytes, kind: type[Answer], n: int) -> list[Answer]:
+    def _collect(self, opcode: int, data: bytes, n: int) -> list[Reply]:
         with self._asking:
             for tries in range(TRIES):
                 with self._came:
                     self._answers.clear()
                 self._link.send(self._base << 4 | opcode, data)
-                answers = self._wait(kind, n, ANSWER_S)
+                answers = self._wait(opcode, n, n, ANSWER_S)
                 if len(answers) >= n:
                     if tries:  # a late answer to the try before would pass for the next one's
-                        self._wait(kind, (tries + 1) * n, ANSWER_S)
+                        self._wait(opcode, n, (tries + 1) * n, ANSWER_S)
                     return answers[:n]
         raise LinkError(
             f"no answer of the sensor's board to opcode 0x{opcode:X} at base 0x{self._base:02X}: "
             "check its base address, bit rate, power and bus termination"
         )
 
-    def _wait(self, kind: type[Answer], n: int, seconds: float) -> list[Answer]:
+    def _wait(self, opcode: int, frames_each: int, n: int, seconds: float) -> list[Reply]:
+        """Answers to an opcode, which come in some frames each, when n are there or time is up."""
         deadline = time.monotonic() + seconds
         with self._came:
             while True:
-                answers: list[Answer] = [a for a in self._answers if isinstance(a, kind)]
+                answers = [a for a in self._answers if 0 <= a.opcode - opcode < frames_each]
                 remaining = deadline - time.monotonic()
                 if len(answers) >= n or remaining <= 0.0:
                     return answers
                 self._came.wait(remaining)
 
 
-def _si(raw: np.ndarray, counts: frames.Counts, units: frames.Units, slot: int) -> np.ndarray:
+def _si(raw: np.ndarray, counts: tuple[int, ...], units: tuple[int, ...], slot: int) -> np.ndarray:
     """Gauge counts to N and N·m (6, 6).
+
+    Args:
+        raw: matrix (6, 6) as the board holds it.
+        counts: per unit of force and of torque.
+        units: codes of both.
+        slot: of the calibration, for people.
 
     Raises:
         DriverError: a matrix, counts or units that make no sense.
@@ -153,27 +164,14 @@ def _si(raw: np.ndarray, counts: frames.Counts, units: frames.Units, slot: int) 
     usable = np.isfinite(raw).all() and np.abs(raw).max() < 1e12
     if not usable or np.linalg.matrix_rank(raw / max(np.abs(raw).max(), 1e-30)) < 6:
         raise DriverError(f"calibration {slot} of the sensor's board holds no usable matrix")
-    if not counts.force or not counts.torque:
+    if not all(counts):
         raise DriverError(f"calibration {slot} of the sensor's board has 0 counts per unit")
-    if units.force not in FORCE or units.torque not in TORQUE:
+    if units[0] not in FORCE or units[1] not in TORQUE:
         raise DriverError(
-            f"the sensor's board names units {units.force} and {units.torque}, which do not exist"
+            f"the sensor's board names units {units[0]} and {units[1]}, which do not exist"
         )
-    scale = [FORCE[units.force] / counts.force] * 3 + [TORQUE[units.torque] / counts.torque] * 3
-    return np.asarray(np.array(scale)[:, None] * raw)
-
-
-SILENT_S = 0.05
-"""Silence after which the board may have restarted, so that its calibration is selected anew [s];
-estimate."""
-CHECK_S = 0.2
-"""How often a row of the active matrix is compared with the one in use [s]; estimate."""
-FIRST_S = 1.0
-"""Deadline of the first reading [s]; estimate."""
-_ZERO_S = 0.2
-"""Time over which gauges are averaged for a zero [s]; estimate."""
-_RAIL = 32767
-"""Largest gauge count, by definition of 16 bits."""
+    scale = np.repeat([FORCE[units[0]] / counts[0], TORQUE[units[1]] / counts[1]], 3)
+    return np.asarray(scale[:, None] * raw)
 
 
 @dataclass(frozen=True)
@@ -210,23 +208,17 @@ class NetcanoemOptions:
 
 
 class NetcanoemTransducer(Transducer):
-    """An ATI sensor on a NETCANOEM board.
-
-    Args:
-        options: where it is.
-        link: a bus that is already open; its owner then calls `poll`.
-    """
+    """An ATI sensor on a NETCANOEM board; over `use`'s bus it is polled by that bus's owner."""
 
     name = "netcanoem"
     title = "ATI sensor on a NETCANOEM board over CAN"
     options: ClassVar[type] = NetcanoemOptions
 
-    def __init__(
-        self, options: NetcanoemOptions | None = None, link: CanLink | None = None
-    ) -> None:
+    def __init__(self, options: NetcanoemOptions | None = None) -> None:
         super().__init__()
         self.setting = options or NetcanoemOptions()
-        self._shared_link, self._link = link, link
+        self._shared_link: CanLink | None = None
+        self._link: CanLink | None = None
         self._calibration: GaugeCalibration | None = None
         self._pairs = Pairs()
         self._bias, self._bias_id, self._lost = np.zeros(6), 0, 0
@@ -258,7 +250,7 @@ class NetcanoemTransducer(Transducer):
                 self._link.send(self.setting.base << 4 | frames.GAUGES, b"")
 
     def use(self, link: CanLink | None) -> None:
-        """Be polled over another open bus from the next `connect` on."""
+        """Be polled by the owner of an open bus from the next `connect` on; None: open one."""
         self._shared_link = link
 
     def _connect(self) -> None:
@@ -278,7 +270,16 @@ class NetcanoemTransducer(Transducer):
         self._start(self._check_calibration, "netcanoem calibration")
         if self._shared_link is None:
             self._start(self._poll_on, "netcanoem poll")
-        self._first()
+        if not wait_until(lambda: self._newest is not None, FIRST_S) or self._newest is None:
+            raise LinkError(
+                f"the sensor's board answers but sends no gauges ({self._pairs.lost} polls "
+                f"lost, {self._pairs.odd} odd frames): is a second node at its ids?"
+            )
+        if self._newest.status & frames.BAD_CALIBRATION:
+            raise DriverError(
+                f"the sensor's board holds no calibration in slot {s.slot}: give the slot of the "
+                "mounted sensor"
+            )
 
     def _close(self) -> None:
         self._running.clear()
@@ -296,23 +297,11 @@ class NetcanoemTransducer(Transducer):
         self._threads.append(thread)
         thread.start()
 
-    def _first(self) -> None:
-        if not wait_until(lambda: self._newest is not None, FIRST_S) or self._newest is None:
-            raise LinkError(
-                f"the sensor's board answers but sends no gauges ({self._pairs.lost} polls "
-                f"lost, {self._pairs.odd} odd frames): is a second node at its ids?"
-            )
-        if self._newest.status & frames.BAD_CALIBRATION:
-            raise DriverError(
-                f"the sensor's board holds no calibration in slot {self.setting.slot}: give "
-                "the slot of the mounted sensor"
-            )
-
     def _received(self, t: float, can_id: int, data: bytes) -> None:
         reply = frames.parse(can_id, data, self.setting.base)
         if reply is None:
             return
-        if not isinstance(reply, frames.EvenGauges | frames.OddGauges):
+        if reply.opcode not in (frames.GAUGES, frames.ODD):
             self._board.take(reply)
             return
         reading = self._pairs.take(t, reply)
@@ -406,17 +395,17 @@ class NetcanoemTransducer(Transducer):
         return self._bias_id
 
     def _health(self) -> Health:
-        now = time.monotonic()
+        now, link = time.monotonic(), self._link
         counters = {
             "readings": float(self._count), "lost": float(self._pairs.lost),
             "odd frames": float(self._pairs.odd), "calibrations": 1.0 + self._restarts,
-            "error frames": float(self._link.error_frames if self._link else 0),
-            "queue full": float(self._link.full if self._link else 0),
+            "error frames": float(link.error_frames if link else 0),
+            "queue full": float(link.full if link else 0),
         }  # fmt: skip
         status = self._newest.status if self._newest else 0
         age = now - self._newest.t if self._newest else np.inf
-        if self._link is None or self._link.dead:
-            why = self._link.dead if self._link else "it is not open"
+        if link is None or link.dead:
+            why = link.dead if link else "it is not open"
             return Health("lost", f"CAN bus of the sensor: {why}", counters)
         if self._pairs.clash(now):
             ids = f"0x{self.setting.base << 4:03X}"

@@ -5,11 +5,10 @@ It states counts per newton, the rate of RDT, full scale and the zero. Source of
 """
 
 import math
-import socket
 import threading
-import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from http.client import HTTPConnection, HTTPException
 from xml.etree import ElementTree
 
 import numpy as np
@@ -17,11 +16,30 @@ import numpy as np
 from wrenchbed.errors import DriverError, LinkError
 
 PAGE_S = 2.0
-"""Deadline of a complete page [s]; estimate."""
+"""Deadline of the page [s]: a box answers within 0.1 s, and `connect` may try two ports."""
 LARGEST = 65536
 """Bytes of the longest page taken; real ones have a few thousand."""
-_HEAD = 8192
-"""Bytes of the longest HTTP head; estimate."""
+EVERY_S = 5.0
+"""Time between two comparisons [s]; the box's processor serves RDT, too."""
+_AFTER_ZERO_S = 0.1
+"""Time between a zero and its check [s]: the page shows it some milliseconds later."""
+_NEWTON = {
+    "n": 1.0, "kn": 1e3, "lbf": 4.4482216152605, "klbf": 4448.2216152605,
+    "kgf": 9.80665, "gf": 9.80665e-3,
+}  # fmt: skip
+_NEWTON_METRE = {
+    "nm": 1.0, "nmm": 1e-3, "knm": 1e3, "lbfin": 4.4482216152605 * 0.0254,
+    "lbfft": 4.4482216152605 * 0.3048, "kgfcm": 0.0980665, "kgfm": 9.80665,
+}  # fmt: skip
+_IDENTITY = {
+    "serial": "mfgdigsn", "firmware": "mfgdigver", "calibration": "cfgcalsn",
+    "configuration": "setcfgsel", "filter": "setuserfilter", "address": "nethwaddr",
+    "force_unit": "scfgfu", "torque_unit": "scfgtu", "counts_per_force": "cfgcpf",
+    "counts_per_torque": "cfgcpt", "bias": "setbias", "tool_transform": "cfgtfx",
+}  # fmt: skip
+"""Fields of a recording's ``sensor_box``, and elements."""
+_LONGEST = 100
+"""Characters of an element that are kept; a damaged page must not swell a recording."""
 
 
 def get(host: str, port: int, target: str) -> bytes:
@@ -31,21 +49,31 @@ def get(host: str, port: int, target: str) -> bytes:
         LinkError: nobody listens, or nothing complete came in time.
         DriverError: the answer is no page, or too long.
     """
-    end = time.monotonic() + PAGE_S
-    where = f"http://{host}:{port}{target.partition('?')[0]}"
+    where = f"http://{host}:{port}{target}"
+    link = HTTPConnection(host, port, timeout=PAGE_S)
     try:
-        with socket.create_connection((host, port), timeout=PAGE_S) as link:
-            link.sendall(
-                f"GET {target} HTTP/1.0\r\nHost: {host}\r\nConnection: close\r\n\r\n".encode()
-            )
-            data = _receive(link, end, LARGEST + _HEAD)
+        link.request("GET", target)
+        answer = link.getresponse()
+        page = answer.read(LARGEST + 1)
+        missing = answer.length
     except TimeoutError as error:
         raise LinkError(
             f"{where}: no answer within {PAGE_S:g} s: check address and cable"
         ) from error
     except OSError as error:
         raise LinkError(f"{where}: {error.strerror or error}: check address and cable") from error
-    return content(data, where, LARGEST)
+    except HTTPException as error:
+        raise DriverError(f"{where}: answers no HTTP ({str(error)[:40]!r})") from error
+    finally:
+        link.close()
+    if answer.status != 200:
+        status = f"{answer.status} {answer.reason}"[:60]
+        raise DriverError(f"{where}: answers {status!r}: is this a Net F/T?")
+    if len(page) > LARGEST:
+        raise DriverError(f"{where}: answers more than {LARGEST} bytes: this is no Net F/T")
+    if missing:
+        raise LinkError(f"{where}: the answer broke off after {len(page)} bytes")
+    return page
 
 
 def get_any(host: str, ports: Sequence[int], target: str) -> tuple[int, bytes]:
@@ -59,67 +87,6 @@ def get_any(host: str, ports: Sequence[int], target: str) -> tuple[int, bytes]:
     return ports[-1], get(host, ports[-1], target)
 
 
-def content(answer: bytes, where: str, largest: int) -> bytes:
-    """What follows the head of an HTTP answer.
-
-    Raises:
-        LinkError: it broke off.
-        DriverError: no HTTP, another status than 200, or too long.
-    """
-    head, blank, body = answer.partition(b"\r\n\r\n")
-    lines = head.split(b"\r\n")
-    words = lines[0].decode("latin-1").split(" ")
-    if not blank or len(words) < 2 or not words[0].startswith("HTTP/"):
-        raise DriverError(f"{where}: answers {answer[:20]!r}, which is no HTTP")
-    if words[1] != "200":
-        raise DriverError(f"{where}: answers {' '.join(words[1:])[:60]!r}: is this a Net F/T?")
-    if len(body) > largest:
-        raise DriverError(f"{where}: answers more than {largest} bytes: this is no Net F/T")
-    for line in lines[1:]:
-        name, _, value = line.partition(b":")
-        digits = value.strip()
-        if name.strip().lower() == b"content-length" and digits.isdigit() and len(digits) < 9:
-            if len(body) < int(digits):
-                raise LinkError(f"{where}: the answer broke off after {len(body)} bytes")
-            return body[: int(digits)]
-    return body
-
-
-def _receive(link: socket.socket, end: float, largest: int) -> bytes:
-    data = bytearray()
-    while len(data) <= largest:
-        remaining = end - time.monotonic()
-        if remaining <= 0.0:
-            raise TimeoutError
-        link.settimeout(remaining)
-        more = link.recv(4096)
-        if not more:
-            break
-        data += more
-    return bytes(data)
-
-
-_NEWTON = {
-    "n": 1.0, "kn": 1e3, "lbf": 4.4482216152605, "klbf": 4448.2216152605,
-    "kgf": 9.80665, "gf": 9.80665e-3,
-}  # fmt: skip
-_NEWTON_METRE = {
-    "nm": 1.0, "nmm": 1e-3, "knm": 1e3, "lbfin": 4.4482216152605 * 0.0254,
-    "lbfft": 4.4482216152605 * 0.3048, "kgfcm": 0.0980665, "kgfm": 9.80665,
-}  # fmt: skip
-
-
-_IDENTITY = {
-    "serial": "mfgdigsn", "firmware": "mfgdigver", "calibration": "cfgcalsn",
-    "configuration": "setcfgsel", "filter": "setuserfilter", "address": "nethwaddr",
-    "force_unit": "scfgfu", "torque_unit": "scfgtu", "counts_per_force": "cfgcpf",
-    "counts_per_torque": "cfgcpt", "bias": "setbias", "tool_transform": "cfgtfx",
-}  # fmt: skip
-"""Fields of a recording's ``sensor_box``, and elements."""
-_LONGEST = 100
-"""Characters of an element that are kept; estimate."""
-
-
 @dataclass(frozen=True, eq=False)
 class Configuration:
     """Settings that a box reports.
@@ -131,7 +98,6 @@ class Configuration:
         rate: of RDT [Hz].
         internal_rate: of ft_sequence [Hz].
         enabled: whether RDT is on.
-        status: system status word.
         bias: the software bias as written; empty where it is not shown.
         rating: (6,) full scale [N, N·m], None where it is not shown.
         identity: serial numbers, firmware and filter as recordings state them, as far as shown.
@@ -143,7 +109,6 @@ class Configuration:
     rate: float
     internal_rate: float
     enabled: bool
-    status: int
     bias: str
     rating: np.ndarray | None
     identity: Mapping[str, str] = field(default_factory=dict)
@@ -151,8 +116,8 @@ class Configuration:
     def differs(self, other: "Configuration") -> str:
         """Whether readings are scaled otherwise than by ``other``, in words; empty if not."""
         if self.counts != other.counts or self.units != other.units:
-            mine = f"{self.counts[0]:g} / {self.units[0]}, {self.counts[1]:g} / {self.units[1]}"
-            return f"the box was set to {mine} counts since connect: close and connect again"
+            now = f"{self.counts[0]:g} / {self.units[0]}, {self.counts[1]:g} / {self.units[1]}"
+            return f"the box was set to {now} counts since connect: close and connect again"
         return ""
 
 
@@ -161,7 +126,7 @@ def parse(page: bytes, internal_rate: float) -> Configuration:
 
     Args:
         page: netftapi2.xml as it came.
-        internal_rate: of the product [Hz], where the page does not tell it.
+        internal_rate: of the product [Hz], where the page does not state it.
 
     Raises:
         DriverError: too long, malformed, or a field that is missing or impossible; names it.
@@ -179,7 +144,6 @@ def parse(page: bytes, internal_rate: float) -> Configuration:
         rate=_positive(fields, "comrdtrate"),
         internal_rate=_positive(fields, "runrate") if "runrate" in fields else internal_rate,
         enabled=_text(fields, "comrdte").lower() in ("enabled", "1", "on", "yes"),
-        status=_status(fields.get("runstat", "0")),
         bias=fields.get("setbias", ""),
         rating=_rating(fields.get("cfgmr", ""), si),
         identity={k: fields[v][:_LONGEST] for k, v in _IDENTITY.items() if fields.get(v)},
@@ -224,13 +188,6 @@ def _unit(text: str, name: str, known: dict[str, float]) -> float:
     return known[plain]
 
 
-def _status(text: str) -> int:
-    try:
-        return int(text, 16) & 0xFFFFFFFF
-    except ValueError as error:
-        raise DriverError(f"netftapi2.xml: <runstat> is {text[:40]!r}, not a hex word") from error
-
-
 def _rating(text: str, si: np.ndarray) -> np.ndarray | None:
     """Full scale (6,), None where it is not six numbers above 0."""
     try:
@@ -242,12 +199,6 @@ def _rating(text: str, si: np.ndarray) -> np.ndarray | None:
     return np.array(values) * si
 
 
-EVERY_S = 5.0
-"""Time between two comparisons [s]; estimate."""
-_AFTER_ZERO_S = 0.1
-"""Time between a zero and its check [s]; estimate."""
-
-
 class Watch:
     """A thread that compares the page with the page at connect: scaling, and a new zero.
 
@@ -257,24 +208,19 @@ class Watch:
     """
 
     def __init__(self, first: Configuration, look: Callable[[], Configuration]) -> None:
-        self._first, self._look = first, look
-        self._bias = first.bias
-        self._zeroed = False
         self.failures = 0
         self.wrong = ""
+        self._first, self._look, self._bias = first, look, first.bias
+        self._zeroed = False
         self._wake, self._ended = threading.Event(), threading.Event()
         self._thread = threading.Thread(target=self._run, name="netft watch", daemon=True)
-
-    def start(self) -> None:
-        """Look from now on."""
         self._thread.start()
 
     def stop(self) -> None:
         """End the thread."""
         self._ended.set()
         self._wake.set()
-        if self._thread.is_alive():
-            self._thread.join(2.0)
+        self._thread.join(2.0)
 
     def zeroed(self) -> None:
         """A new zero was asked for: look soon whether the box has it."""

@@ -17,17 +17,26 @@ import numpy as np
 from wrenchbed.errors import LinkError
 from wrenchbed.hardware.device import STALE_S
 from wrenchbed.hardware.transducers.base import weight
-from wrenchbed.hardware.transducers.device_clock import DeviceClock
 from wrenchbed.hardware.transducers.netft import datagrams
 from wrenchbed.hardware.transducers.netft.datagrams import LARGEST, Record
-from wrenchbed.hardware.transducers.netft.sequence import Tracker
+from wrenchbed.hardware.transducers.netft.sequence import DeviceClock, Tracker
 
+SILENT_S, _PATIENCE_S = 0.25, 2.0
+"""Silence until the request is repeated [s], doubled each time up to a longest: a box that starts
+must not be flooded."""
+_PAUSE_S, _WAIT_S = 1e-3, 0.05
+"""Pause between two drains: the age that it adds to a reading; and longest wait for a datagram,
+after which `Receiver.stop` is noticed [s]."""
+_ROOM = 128 * 1024
+"""Bytes of the receive buffer: half a second of records at 7 kHz."""
+_HISTORY_S = 1.5
+"""Time of which records are kept [s]: longer than a row of a motion waits for its wrench."""
 _BATCHES = 8192
-"""Batches of records that are kept; estimate."""
+"""Batches of records that are kept: `_HISTORY_S` of one in each `_PAUSE_S`, and room."""
 _AROUND_S = 0.005
-"""Time around a moment within which batches are decoded [s]; estimate."""
+"""Time around a moment within which batches are decoded [s], a few `_PAUSE_S`."""
 _MOST_BEHIND = 2048
-"""Records by which one may be older than the newest of its batch; estimate."""
+"""Records by which one may be older than the newest of its batch: more are a damaged number."""
 
 
 class KnownRecord(NamedTuple):
@@ -51,10 +60,6 @@ class History:
         while self._batches[0][0] < t - self._seconds:
             self._batches.popleft()
 
-    def clear(self) -> None:
-        """Drop all records."""
-        self._batches.clear()
-
     def at(self, t: float) -> KnownRecord | None:
         """Counts at a time [s], interpolated by `weight`; None where unknown."""
         around: list[tuple[float, bytes]] = []
@@ -73,8 +78,8 @@ class History:
         span = times[k] - times[k - 1]
         if span > STALE_S:
             return None
-        share = weight(t - times[k - 1], span)
-        between = counts[k - 1] + share * (counts[k] - counts[k - 1])
+        later = weight(t - times[k - 1], span)
+        between = counts[k - 1] + later * (counts[k] - counts[k - 1])
         age = min(abs(t - times[k - 1]), abs(times[k] - t))
         return KnownRecord(between, int(status[k - 1] | status[k]), float(age))
 
@@ -93,17 +98,6 @@ class History:
         order = np.argsort(t, kind="stable")
         flags, values = np.concatenate(status)[order], np.concatenate(counts)[order]
         return t[order], flags, values.astype(float)
-
-
-SILENT_S = 0.25
-"""Silence until the request is repeated [s]; doubled each time up to `_PATIENCE_S`; estimate."""
-_PATIENCE_S = 2.0
-_PAUSE_S, _WAIT_S = 1e-3, 0.05
-"""Pause between two drains, and longest wait for a datagram [s]; estimates."""
-_ROOM = 128 * 1024
-"""Bytes of the receive buffer; estimate."""
-_HISTORY_S = 1.5
-"""Time of which records are kept [s]; estimate."""
 
 
 @dataclass(frozen=True, eq=False)

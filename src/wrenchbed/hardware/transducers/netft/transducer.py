@@ -13,28 +13,31 @@ from wrenchbed import registry
 from wrenchbed.errors import DriverError, LinkError, ParameterError
 from wrenchbed.hardware.device import Health, by_age, wait_until
 from wrenchbed.hardware.transducers.base import Transducer, WrenchSample
-from wrenchbed.hardware.transducers.device_clock import signed
 from wrenchbed.hardware.transducers.netft import configuration, datagrams
 from wrenchbed.hardware.transducers.netft.configuration import Configuration, Watch
 from wrenchbed.hardware.transducers.netft.datagrams import table
 from wrenchbed.hardware.transducers.netft.receiver import Received, Receiver
+from wrenchbed.hardware.transducers.netft.sequence import signed
 from wrenchbed.physics.wrench import CHANNELS
 
 INTERNAL_RATE = {"netbox": 7000.0, "axia": 7812.0}
-"""Samples per second where the page does not report them [Hz]; estimates."""
+"""Samples per second where the page does not report them [Hz]; source: ATI 9620-05 (7 kHz) and
+9620-05-C (7.8 kHz)."""
+FROZEN_S, _SAME = 0.1, 20
+"""Readings whose six counts stay equal for this time [s] and for so many records are frozen: a
+sensor's noise changes its last counts within a few records."""
 _FIRST_S = 1.5
-"""Deadline of the first record [s]; estimate."""
+"""Deadline of the first record [s]: a box that starts begins to send within a second."""
 _ALL = 0x3F
 """Bits of all six channels."""
 _FULL, _BEYOND = 0.9999, 1.05
-"""Shares of full scale: saturated, and impossible unless reported as saturated; estimates."""
-_SAME = 20
-"""Equal records after which readings may be frozen; estimate."""
+"""Fractions of full scale: saturated, which rounding must not hide; and impossible unless reported
+as saturated, above what a gauge's calibration is off at its end."""
 _PPM = 1000.0
-"""Drift of the clock that is reported [ppm]; estimate."""
+"""Drift of the clock that is reported [ppm]; a quartz drifts by 100 ppm at most."""
 _LATE_S, _DRIFT = 0.5, 1e-3
 """How far a count of samples may be off its time without a restart: records that arrive late [s],
-and relative drift of the clock; estimates."""
+and relative drift of the clock, `_PPM`."""
 
 
 @dataclass(frozen=True)
@@ -45,32 +48,21 @@ class NetftOptions:
         host: its address.
         port: of RDT, UDP.
         http_port: of its web page; 0 tries 80, then 8080.
-        rate: RDT records per second to set the box to, which keeps it; None leaves it as it is.
         product: ``netbox`` or ``axia``, which selects the table of status words.
         sensor: registry name; its range tells which channel saturates. None takes the range
             that the box reports.
-        calibration: of the sensor; its default if None.
-        frozen_s: time without any change of the six counts after which the readings count as
-            frozen [s]; 0 never.
     """
 
     host: str
     port: int = 49152
     http_port: int = 0
-    rate: float | None = None
     product: str = "netbox"
     sensor: str | None = None
-    calibration: str | None = None
-    frozen_s: float = 0.1
 
     def __post_init__(self) -> None:
         table(self.product)
         if not 0 < self.port < 65536 or not 0 <= self.http_port < 65536:
             raise ParameterError("port and http_port must be port numbers")
-        if self.rate is not None and not 1.0 <= self.rate <= 10000.0:
-            raise ParameterError(f"rate = {self.rate:g} Hz must be 1 … 10000 Hz")
-        if not 0.0 <= self.frozen_s < 1e6:
-            raise ParameterError(f"frozen_s = {self.frozen_s:g} s must be 0 or more")
 
 
 class NetftTransducer(Transducer):
@@ -104,35 +96,31 @@ class NetftTransducer(Transducer):
         self._stated_range: np.ndarray | None = None
         if options.sensor is not None:
             sensor = registry.load("sensors", options.sensor)
-            self._stated_range = np.asarray(sensor.calibration(options.calibration).range)
+            self._stated_range = np.asarray(sensor.calibration().range)
         self._zeros = self._lost = 0
         self._last: Received | None = None
 
     def _connect(self) -> None:
-        host = _resolve(self._options.host)
-        port, page = self._look(host, _ports(self._options))
-        if self._options.rate is not None and abs(page.rate - self._options.rate) > 0.5:
-            page = self._set_rate(host, port, self._options.rate)
+        options, host = self._options, _resolve(self._options.host)
+        port, page = self._look(host, (options.http_port,) if options.http_port else (80, 8080))
         if not page.enabled:
             raise DriverError(
                 f"http://{host}:{port}: RDT is off: switch it on on the communications page"
             )
         self._page = page
         self._range = page.rating if self._stated_range is None else self._stated_range
-        self._receiver = Receiver((host, self._options.port), page.rate, page.internal_rate)
-        self._receiver.start()
-        receiver = self._receiver
+        self._receiver = receiver = Receiver((host, options.port), page.rate, page.internal_rate)
+        receiver.start()
         wait_until(lambda: receiver.newest is not None, _FIRST_S + 2.0 / page.rate)
         if receiver.newest is None:
             raise LinkError(
-                f"{host}:{self._options.port}: the box shows its page but sends no RDT within "
+                f"{host}:{options.port}: the box shows its page but sends no RDT within "
                 f"{_FIRST_S:g} s: check firewall and port"
             )
         last = self._last
         if last is not None and _restarted(last, receiver.newest, page.internal_rate):
             self._zeros += 1  # switched off and on meanwhile: its zero is lost
         self._watch = Watch(page, lambda: self._look(host, (port,))[1])
-        self._watch.start()
 
     @property
     def full_scale(self) -> np.ndarray | None:
@@ -150,23 +138,12 @@ class NetftTransducer(Transducer):
             tracker = self._receiver.tracker
             self._zeros += tracker.restarts
             self._lost += tracker.lost
-            if self._receiver.newest is not None:
-                self._last = self._receiver.newest
+            self._last = self._receiver.newest or self._last
         self._watch = self._receiver = None
 
     def _look(self, host: str, ports: tuple[int, ...]) -> tuple[int, Configuration]:
         port, content = configuration.get_any(host, ports, "/netftapi2.xml")
         return port, configuration.parse(content, INTERNAL_RATE[self._options.product])
-
-    def _set_rate(self, host: str, port: int, rate: float) -> Configuration:
-        configuration.get(host, port, f"/comm.cgi?comrdtrate={rate:.0f}")
-        page = self._look(host, (port,))[1]
-        if not 0.99 * rate <= page.rate <= 2.0 * rate:
-            raise DriverError(
-                f"http://{host}:{port}: asked for {rate:g} records/s, the box stays at "
-                f"{page.rate:g}: set it on its communications page"
-            )
-        return page
 
     def _read(self) -> WrenchSample:
         receiver = self._running
@@ -209,18 +186,21 @@ class NetftTransducer(Transducer):
         health = by_age(time.monotonic() - newest.t, what, counters)
         if not health.ok:
             return health
-        frozen = newest.t - newest.since
-        if 0.0 < self._options.frozen_s <= frozen and newest.same > _SAME:
-            return Health("fault", f"{what}: frozen: same counts for {frozen:.2f} s", counters)
-        status = newest.record.status
-        words = ", ".join(self._words(status))
-        if self._table.broken(status):
-            return Health("fault", f"{what}: status 0x{status:08x}: {words}", counters)
-        if self._watch is not None and self._watch.wrong:
-            return Health("fault", f"{what}: {self._watch.wrong}", counters)
-        if beyond := self._beyond(newest.record.counts, status):
-            return Health("fault", f"{what}: {beyond}", counters)
+        words = ", ".join(self._words(newest.record.status))
+        if trouble := self._trouble(newest):
+            return Health("fault", f"{what}: {trouble}", counters)
         return Health("ok", words, counters)
+
+    def _trouble(self, newest: Received) -> str:
+        """Why a fresh record cannot be used; empty where it can."""
+        frozen, status = newest.t - newest.since, newest.record.status
+        if frozen >= FROZEN_S and newest.same > _SAME:
+            return f"frozen: same counts for {frozen:.2f} s"
+        if self._table.broken(status):
+            return f"status 0x{status:08x}: {', '.join(self._words(status))}"
+        if self._watch is not None and self._watch.wrong:
+            return self._watch.wrong
+        return self._beyond(newest.record.counts, status)
 
     def _counters(self, receiver: Receiver) -> Mapping[str, float]:
         tracker, ppm = receiver.tracker, receiver.clock.ppm
@@ -245,13 +225,13 @@ class NetftTransducer(Transducer):
         if self._range is None or self._table.out_of_range(status):
             return ""
         biased = self._zeros or any(c in "123456789" for c in self._page.bias)
-        share = np.abs(np.array(counts) / self._page.per_si) / self._range
-        k = int(np.argmax(share))
-        if share[k] < _BEYOND * (2.0 if biased else 1.0):
+        fraction = np.abs(np.array(counts) / self._page.per_si) / self._range
+        k = int(np.argmax(fraction))
+        if fraction[k] < _BEYOND * (2.0 if biased else 1.0):
             return ""
         return (
-            f"{CHANNELS[k]} reads {share[k]:.2g} times its full scale, yet the box does not call "
-            "it out of range: check counts, units and calibration"
+            f"{CHANNELS[k]} reads {fraction[k]:.2g} times its full scale, yet the box does not "
+            "call it out of range: check counts, units and calibration"
         )
 
     def _words(self, status: int) -> tuple[str, ...]:
@@ -266,10 +246,6 @@ class NetftTransducer(Transducer):
         if self._receiver is None:
             raise DriverError("transducer 'netft' is not connected: call connect() first")
         return self._receiver
-
-
-def _ports(options: NetftOptions) -> tuple[int, ...]:
-    return (options.http_port,) if options.http_port else (80, 8080)
 
 
 def _restarted(last: Received, first: Received, rate: float) -> bool:
