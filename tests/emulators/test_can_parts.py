@@ -1,6 +1,7 @@
 """The driver's parts without a bus: states, ids, rates, detection counted in cycles."""
 
 import struct
+import threading
 from dataclasses import replace
 
 import numpy as np
@@ -9,6 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robot_emulators.medrue import axis as served
+from robot_emulators.medrue.drive import DriveEmulator
+from robot_emulators.medrue.profile import Ratings
 from wrenchbed.errors import ParameterError
 from wrenchbed.hardware.drivers.can import CanOptions, options
 from wrenchbed.hardware.drivers.can.cia402 import (
@@ -42,8 +45,11 @@ def test_every_statusword_has_a_state(word):
     assert state_of(word) in DriveStatus
 
 
-def ratings():
-    return served.Ratings(-1000, 100_000, 500, 1e6, 1e5, 1e5, 10.0)
+def made(position):
+    """An axis of a drive, without a bus."""
+    ratings = Ratings(-1000, 100_000, 500, 1e6, 1e5, 1e5, 10.0)
+    drive = DriveEmulator(1, lambda frame: None, ratings, position, 0.1, threading.RLock())
+    return drive.axis
 
 
 def climb(axis, want, cycles=10):
@@ -56,7 +62,7 @@ def climb(axis, want, cycles=10):
 
 
 def test_master_and_drive_agree_on_the_way_up_and_out_of_a_fault():
-    axis = served.Axis(ratings(), 100.0)
+    axis = made(100.0)
     assert climb(axis, Want.ENABLE) is DriveStatus.ENABLED
     assert climb(axis, Want.QUICK_STOP) is DriveStatus.QUICK_STOP
     assert climb(axis, Want.RESET) is DriveStatus.DISABLED
@@ -69,7 +75,7 @@ def test_master_and_drive_agree_on_the_way_up_and_out_of_a_fault():
 
 
 def test_a_fault_is_reset_by_the_rising_edge_only():
-    axis = served.Axis(ratings(), 0.0)
+    axis = made(0.0)
     axis.control(0x80)
     axis.fault(0x2310)
     axis.control(0x80)
@@ -80,7 +86,7 @@ def test_a_fault_is_reset_by_the_rising_edge_only():
 
 
 def test_a_target_that_jumps_is_a_following_error():
-    axis = served.Axis(ratings(), 0.0)
+    axis = made(0.0)
     climb(axis, Want.ENABLE)
     axis.sync(0.0, 400.0, T)
     assert axis.state is served.AxisState.ENABLED
@@ -89,7 +95,7 @@ def test_a_target_that_jumps_is_a_following_error():
 
 
 def test_targets_stay_within_the_software_limits():
-    axis = served.Axis(ratings(), -900.0)
+    axis = made(-900.0)
     climb(axis, Want.ENABLE)
     axis.sync(0.0, -1200.0, T)
     axis.advance(T, T, -900.0)
@@ -98,7 +104,7 @@ def test_targets_stay_within_the_software_limits():
 
 @pytest.mark.parametrize("late", [0.0, 0.3, 0.85])
 def test_uneven_syncs_make_an_even_path(late):
-    axis, rng = served.Axis(ratings(), 0.0), np.random.default_rng(0)
+    axis, rng = made(0.0), np.random.default_rng(0)
     climb(axis, Want.ENABLE)
     way = []
     for k in range(300):
@@ -109,7 +115,7 @@ def test_uneven_syncs_make_an_even_path(late):
 
 
 def test_a_path_ends_at_its_last_target_and_goes_on_after_a_gap():
-    axis = served.Axis(ratings(), 0.0)
+    axis = made(0.0)
     climb(axis, Want.ENABLE)
     axis.sync(0.0, 20.0, T)
     assert [axis.advance(k * T / 2, T / 2, axis.command) for k in (1, 2, 3)] == [10.0, 20.0, 20.0]
@@ -122,7 +128,7 @@ def test_a_path_ends_at_its_last_target_and_goes_on_after_a_gap():
 
 @pytest.mark.parametrize("missed", [1, 2])
 def test_a_missed_sync_is_no_jolt_where_the_next_target_is_where_it_would_be(missed):
-    axis = served.Axis(ratings(), 0.0)
+    axis = made(0.0)
     climb(axis, Want.ENABLE)
     way = []
     for k in range(60):
@@ -133,7 +139,7 @@ def test_a_missed_sync_is_no_jolt_where_the_next_target_is_where_it_would_be(mis
 
 
 def test_a_quick_stop_runs_down_its_ramp():
-    axis = served.Axis(ratings(), 0.0)
+    axis = made(0.0)
     climb(axis, Want.ENABLE)
     for k in range(50):
         axis.sync(k * T, 40.0 * (k + 1), T)
@@ -148,7 +154,7 @@ def test_a_quick_stop_runs_down_its_ramp():
 
 
 def test_profile_position_mode_goes_there_and_says_so():
-    axis = served.Axis(ratings(), 0.0)
+    axis = made(0.0)
     axis.use(replace(axis.set, mode=served.PROFILE))
     climb(axis, Want.ENABLE)
     axis.new_goal(5000.0)

@@ -3,7 +3,7 @@
 import contextlib
 import threading
 import time
-from pathlib import Path
+from importlib import resources
 
 import canopen
 import pytest
@@ -11,27 +11,27 @@ from canopen.profiles.p402 import BaseNode402
 
 from can_drives import NODE, RATINGS, SimulatedBus
 from robot_emulators.can_bus.wire import Frame
-from robot_emulators.canopen.eds import eds
 from robot_emulators.medrue.drive import DriveEmulator
 
-EDS = Path(__file__).resolve().parents[2] / "models" / "drives" / "cia402.eds"
+EDS = resources.files("robot_emulators.medrue") / "cia402.eds"
 
 
-def test_the_data_sheet_is_that_of_the_dictionary():
+def test_canopen_reads_the_data_sheet_as_the_emulator_does():
     drive = SimulatedBus().drive
-    assert EDS.read_text(encoding="utf-8") == eds(drive, EDS.name)
     sheet = canopen.import_od(str(EDS), node_id=NODE)
-    assert {(i, s) for i, s in drive.objects} == {
-        (index, sub)
-        for index, thing in sheet.items()
-        for sub in (thing if hasattr(thing, "subindices") else [0])
+    variables = {
+        (variable.index, variable.subindex): variable
+        for thing in sheet.values()
+        for variable in (thing.values() if hasattr(thing, "subindices") else [thing])
     }
-    for index, sub in drive.objects:
-        entry, told = drive.objects.entry((index, sub)), sheet[index]
-        told = told[sub] if hasattr(told, "subindices") else told
-        assert (told.data_type, told.access_type) == (entry.kind.code, entry.access)
-        if entry.kind.size:
-            assert told.default == entry.default
+    assert set(variables) == set(drive.objects)
+    for key, variable in variables.items():
+        entry = drive.objects.entry(key)
+        assert (variable.access_type, variable.pdo_mappable) == (entry.access, entry.mapped)
+        assert (variable.min, variable.max) == (entry.low, entry.high)
+        if entry.size:
+            assert (len(variable), variable.default) == (8 * entry.size, entry.default)
+            assert (variable.data_type in canopen.objectdictionary.SIGNED_TYPES) == entry.signed
 
 
 class Wire(canopen.Network):

@@ -10,9 +10,10 @@ from hypothesis import strategies as st
 
 from robot_emulators.can_bus.wire import Frame
 from robot_emulators.canopen.dictionary import Abort
-from robot_emulators.medrue.axis import RPDO_TIMEOUT, SYNC_ERROR, Ratings
+from robot_emulators.medrue.axis import RPDO_TIMEOUT, SYNC_ERROR
 from robot_emulators.medrue.drive import DriveEmulator
 from robot_emulators.medrue.plant import RealTimePlant
+from robot_emulators.medrue.profile import Ratings
 from wrenchbed.hardware.drivers.can.cia402 import DriveStatus, Want, controlword, state_of
 
 NODE, T = 3, 0.004

@@ -6,8 +6,8 @@ from collections import deque
 from typing import NamedTuple
 
 from robot_emulators.can_bus.wire import Frame
-from robot_emulators.medrue.axis import Ratings
 from robot_emulators.medrue.drive import DriveEmulator
+from robot_emulators.medrue.profile import Ratings
 
 NODE = 5
 RATINGS = Ratings(-1_000_000, 1_000_000, 20_000, 4e6, 4e5, 8e5, 2.0)
@@ -112,30 +112,14 @@ def _own_toggle(data):
     return bytes([data[0] & ~0x10]) + data[1:] if data[0] >> 5 == 0 else data
 
 
-def _wrong_crc(data):
-    """The end of a block upload."""
-    changed = data[0] & 0xE3 == 0xC1
-    return data[:1] + bytes([data[1] ^ 1]) + data[2:] if changed else data
-
-
 class _NoToggleCheck(DriveEmulator):
     """Segments of a download are taken with any toggle bit."""
 
     def hear(self, t, frame):
         transfer = self._sdo._transfer
-        takes = transfer is not None and transfer.phase == "take"
+        takes = transfer is not None and transfer.download
         if takes and frame.can_id == 0x600 + self.node and frame.data[0] >> 5 == 0:
             transfer.toggle = frame.data[0] >> 4 & 1
-        super().hear(t, frame)
-
-
-class _NoCrcCheck(DriveEmulator):
-    """A block download is taken with any CRC."""
-
-    def hear(self, t, frame):
-        transfer = self._sdo._transfer
-        if transfer is not None and transfer.phase == "end block":
-            transfer.crc = False
         super().hear(t, frame)
 
 
@@ -242,8 +226,6 @@ DEFECTS = {
     "0x0F climbs from SWITCH ON DISABLED": _patched(_control=_climbs),
     "segments of an upload do not toggle": answered(_own_toggle),
     "segments of a download need not toggle": _NoToggleCheck,
-    "wrong CRC of a block upload": answered(_wrong_crc),
-    "the CRC of a block download is not checked": _NoCrcCheck,
     "the heartbeat is slow": _SlowBeat,
     "no EMCY": sent(lambda drive, i, data: None if i == 0x80 + drive.node else data),
     "TPDOs are a byte too long": sent(
@@ -287,9 +269,9 @@ class _NoInhibit(DriveEmulator):
 class _OldestFirst(DriveEmulator):
     """The error history begins with the oldest error."""
 
-    def error(self, code, register=None):
+    def error(self, code):
         before = [self.objects[0x1003, k] for k in range(1, self.objects[0x1003, 0] + 1)]
-        super().error(code, register)
+        super().error(code)
         for k, told in enumerate([*before, code][:8], start=1):
             self.objects[0x1003, k] = told
 

@@ -1,15 +1,24 @@
-"""The object dictionary of a CANopen node: values with type, access, range, and abort codes.
+"""The object dictionary of a CANopen node, as its electronic data sheet (EDS) defines it.
 
-Source: CiA 301 (data types 7.1.6, abort codes 7.2.4.3.17, object dictionary 7.4).
+Sources: CiA 301 (data types 7.1.6, abort codes 7.2.4.3.17, object dictionary 7.4); CiA 306-1 (EDS).
 """
 
+import configparser
 import enum
+import functools
+import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Self
 
 Key = tuple[int, int]
 """Index and subindex."""
+_TYPES = {
+    0x02: (1, True), 0x03: (2, True), 0x04: (4, True), 0x05: (1, False), 0x06: (2, False),
+    0x07: (4, False), 0x09: (0, False),
+}  # fmt: skip
+"""Number of a data type → its size [byte], 0 for text, and whether it has a sign."""
+_SECTION = re.compile(r"([0-9A-Fa-f]{4})(?:sub([0-9A-Fa-f]{1,2}))?")
 
 
 class Abort(enum.IntEnum):
@@ -18,16 +27,12 @@ class Abort(enum.IntEnum):
     TOGGLE = 0x05030000
     TIMEOUT = 0x05040000
     COMMAND = 0x05040001
-    BLOCK_SIZE = 0x05040002
-    SEQUENCE = 0x05040003
-    CRC = 0x05040004
     WRITE_ONLY = 0x06010001
     READ_ONLY = 0x06010002
     NO_OBJECT = 0x06020000
     NOT_MAPPABLE = 0x06040041
     TOO_LONG = 0x06040042
     INCOMPATIBLE = 0x06040043
-    LENGTH = 0x06070010
     LENGTH_HIGH = 0x06070012
     LENGTH_LOW = 0x06070013
     NO_SUBINDEX = 0x06090011
@@ -36,7 +41,6 @@ class Abort(enum.IntEnum):
     VALUE_LOW = 0x06090032
     NOT_STORED = 0x08000020
     STATE = 0x08000022
-    NO_DATA = 0x08000024
 
 
 class AbortError(Exception):
@@ -47,51 +51,34 @@ class AbortError(Exception):
         self.code = int(code)
 
 
-class DataType(NamedTuple):
-    """Number of a type in an EDS file, its size [byte] (0: any) and whether it has a sign."""
-
-    code: int
-    size: int
-    signed: bool = False
-
-
-I8, I16, I32 = DataType(0x02, 1, True), DataType(0x03, 2, True), DataType(0x04, 4, True)
-U8, U16, U32 = DataType(0x05, 1), DataType(0x06, 2), DataType(0x07, 4)
-TEXT = DataType(0x09, 0)
-"""Types of values; source: CiA 301, 7.4.7 (VISIBLE_STRING is `TEXT`)."""
-
-
 @dataclass
 class Entry:
-    """One value.
+    """One value of the dictionary.
 
     Attributes:
-        name: for the EDS file.
-        kind: its data type.
-        value: a number, or the bytes of a text.
+        size: of a number [byte], 0 for a text.
+        signed: whether the number has a sign.
         access: ``ro``, ``rw``, ``wo`` or ``const``.
         mapped: whether a PDO may carry it.
-        low: smallest that may be written, None where its type decides.
-        high: largest, likewise.
-        check: runs before it is written; raises `AbortError`.
-        kept: whether 0x1010 stores it.
-        of_node: whether its default contains the node's id.
+        default: value after a reset, a number or the bytes of a text.
+        low: smallest number that may be written, None where its type decides.
+        high: largest number that may be written, likewise.
+        check: runs before a number is written; raises `AbortError`.
+        value: now.
     """
 
-    name: str
-    kind: DataType
-    value: int | bytes
-    access: str = "ro"
-    mapped: bool = False
+    size: int
+    signed: bool
+    access: str
+    mapped: bool
+    default: int | bytes
     low: int | None = None
     high: int | None = None
     check: Callable[[int], None] | None = None
-    kept: bool = True
-    of_node: bool = False
-    default: int | bytes = field(init=False)
+    value: int | bytes = field(init=False)
 
     def __post_init__(self) -> None:
-        self.default = self.value
+        self.value = self.default
 
     @property
     def writable(self) -> bool:
@@ -99,16 +86,16 @@ class Entry:
         return self.access in ("rw", "wo")
 
     def parsed(self, raw: bytes) -> int | bytes:
-        """The value that some bytes would make it.
+        """The value that bytes on the bus stand for.
 
         Raises:
-            AbortError: wrong length, or it may not have that value.
+            AbortError: wrong length, or a value that is not allowed.
         """
-        if self.kind.size == 0:
+        if self.size == 0:
             return raw
-        if len(raw) != self.kind.size:
-            raise AbortError(Abort.LENGTH_HIGH if len(raw) > self.kind.size else Abort.LENGTH_LOW)
-        value = int.from_bytes(raw, "little", signed=self.kind.signed)
+        if len(raw) != self.size:
+            raise AbortError(Abort.LENGTH_HIGH if len(raw) > self.size else Abort.LENGTH_LOW)
+        value = int.from_bytes(raw, "little", signed=self.signed)
         if self.high is not None and value > self.high:
             raise AbortError(Abort.VALUE_HIGH)
         if self.low is not None and value < self.low:
@@ -121,40 +108,31 @@ class Entry:
         """Its bytes on the bus, little endian."""
         if isinstance(self.value, bytes):
             return self.value
-        span = 1 << 8 * self.kind.size
-        return (self.value % span).to_bytes(self.kind.size, "little")
+        return (self.value % (1 << 8 * self.size)).to_bytes(self.size, "little")
 
 
 class Objects:
     """The dictionary of one node.
 
-    Attributes:
-        names: index → name of the object.
-        arrays: indices whose entries are all alike.
+    Args:
+        entries: by index and subindex.
     """
 
-    def __init__(self) -> None:
-        self._entries: dict[Key, Entry] = {}
-        self.names: dict[int, str] = {}
-        self.arrays: set[int] = set()
+    def __init__(self, entries: dict[Key, Entry]) -> None:
+        self._entries = entries
+        self._indices = {index for index, _ in entries}
 
-    def add(self, index: int, entry: Entry) -> None:
-        """Define an object that is one value, or make it anew."""
-        self.names[index] = entry.name
-        self._entries[index, 0] = entry
-
-    def record(
-        self, index: int, name: str, entries: dict[int, Entry], *, array: bool = False,
-        count: Entry | None = None,
-    ) -> None:  # fmt: skip
-        """Define an object of several values; its entry 0 is the highest subindex, or ``count``."""
-        self.names[index] = name
-        if array:
-            self.arrays.add(index)
-        top = Entry("Highest sub-index supported", U8, max(entries), "const")
-        self._entries[index, 0] = count or top
-        for sub, entry in entries.items():
-            self._entries[index, sub] = entry
+    @classmethod
+    def from_eds(cls, text: str, node: int) -> Self:
+        """The dictionary that the text of an EDS file defines for a node id."""
+        sheet = _parsed(text)
+        entries = {}
+        for title in sheet.sections():
+            numbers = _SECTION.fullmatch(title)
+            if numbers and "DataType" in sheet[title]:
+                key = int(numbers[1], 16), int(numbers[2] or "0", 16)
+                entries[key] = _entry(sheet[title], node)
+        return cls(entries)
 
     def __iter__(self) -> Iterator[Key]:
         return iter(sorted(self._entries))
@@ -170,65 +148,45 @@ class Objects:
     def __setitem__(self, key: Key, value: int) -> None:
         self._entries[key].value = value
 
+    def reset(self, area: range) -> None:
+        """Values whose index is in an area are those after power-up."""
+        for (index, _), entry in self._entries.items():
+            if index in area:
+                entry.value = entry.default
+
     def entry(self, key: Key) -> Entry:
-        """An entry.
+        """The entry of a key.
 
         Raises:
             AbortError: there is none.
         """
-        found = self._entries.get(key)
-        if found is None:
-            raise AbortError(Abort.NO_SUBINDEX if key[0] in self.names else Abort.NO_OBJECT)
-        return found
-
-    def readable(self, key: Key) -> Entry:
-        """An entry that a client may read.
-
-        Raises:
-            AbortError: there is none, or it is write-only.
-        """
-        found = self.entry(key)
-        if found.access == "wo":
-            raise AbortError(Abort.WRITE_ONLY)
-        return found
-
-    def writable(self, key: Key) -> Entry:
-        """An entry that a client may write.
-
-        Raises:
-            AbortError: there is none, or it is read-only.
-        """
-        found = self.entry(key)
-        if not found.writable:
-            raise AbortError(Abort.READ_ONLY)
-        return found
-
-    def size(self, key: Key) -> int:
-        """Bytes of a value."""
-        return self._entries[key].kind.size
+        entry = self._entries.get(key)
+        if entry is None:
+            raise AbortError(Abort.NO_SUBINDEX if key[0] in self._indices else Abort.NO_OBJECT)
+        return entry
 
     def pack(self, keys: Sequence[Key]) -> bytes:
         """Values one after the other, as a PDO carries them."""
         return b"".join(self._entries[key].raw() for key in keys)
 
-    def carried(self, key: Key, writing: bool) -> int | None:
-        """Bits of a value that a PDO may carry, None where it may not.
 
-        Args:
-            key: of the value.
-            writing: whether the PDO would write it.
-        """
-        entry = self._entries.get(key)
-        if entry is None or not entry.mapped or (writing and not entry.writable):
-            return None
-        return 8 * entry.kind.size
+@functools.cache
+def _parsed(text: str) -> configparser.RawConfigParser:
+    """The sections of an EDS file; drives of one kind share it."""
+    sheet = configparser.RawConfigParser()
+    sheet.read_string(text)
+    return sheet
 
-    def kept(self) -> dict[Key, int | bytes]:
-        """Every value that 0x1010 stores."""
-        return {k: e.value for k, e in self._entries.items() if e.writable and e.kept}
 
-    def restore(self, values: dict[Key, int | bytes]) -> None:
-        """Set stored values."""
-        for key, value in values.items():
-            if key in self._entries:
-                self._entries[key].value = value
+def _entry(section: configparser.SectionProxy, node: int) -> Entry:
+    def number(name: str) -> int | None:
+        terms = section[name].split("+") if name in section else []
+        return sum(node if term == "$NODEID" else int(term, 0) for term in terms) if terms else None
+
+    size, signed = _TYPES[int(section["DataType"], 0)]
+    text = section.get("DefaultValue", "")
+    return Entry(
+        size, signed, section["AccessType"], section["PDOMapping"] == "1",
+        number("DefaultValue") or 0 if size else text.encode("ascii"),
+        number("LowLimit"), number("HighLimit"),
+    )  # fmt: skip

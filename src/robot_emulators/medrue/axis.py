@@ -7,10 +7,32 @@ automaton of the power drive system.
 
 import enum
 import math
-from dataclasses import dataclass
 
 from robot_emulators.medrue.interpolation import Interpolation
 from robot_emulators.medrue.motion import Homing, MotionSettings, SetPoint, SetPoints, Timer
+
+FOLLOWING_ERROR = 0x8611
+RPDO_TIMEOUT = 0x8250
+SYNC_ERROR = 0x8700
+"""Error codes; source: CiA 402."""
+PROFILE, VELOCITY, HOMING, CYCLIC = 1, 3, 6, 8
+"""Modes of operation (0x6060); source: CiA 402."""
+_VOLTAGE, _WARNING, _REMOTE = 1 << 4, 1 << 7, 1 << 9
+_REACHED, _LIMITED, _BIT12, _BIT13 = 1 << 10, 1 << 11, 1 << 12, 1 << 13
+"""Bits of the statusword."""
+_START, _AT_ONCE, _RELATIVE, _HALT = 1 << 4, 1 << 5, 1 << 6, 1 << 8
+"""Bits of the controlword."""
+_LIMIT_MARGIN = 1
+"""How far a target may be beyond a limit by rounding [count]."""
+_STAYS = 5
+"""Options of 0x605A from here on stay in QUICK STOP ACTIVE."""
+_SLOW_STOPS = (1, 5)
+"""Options of 0x605A that stop on the profile's deceleration."""
+_HALT_QUICKLY = 2
+"""Option of 0x605D that stops on the quick-stop deceleration."""
+_SWITCH_INSIDE = 0.005
+"""How far inside the range of the axis its limit switches are, as a part of it. Smaller, and a
+homing that overshoots the edge of a switch would leave the range of the simulated joint."""
 
 
 class AxisState(enum.Enum):
@@ -67,56 +89,20 @@ TRANSITIONS = {
     (_S.QUICK_STOP, _C.ENABLE): _S.ENABLED,  # 16
 }
 """What a command does in a state, with the number of the transition; all else is ignored."""
-FOLLOWING_ERROR = 0x8611
-RPDO_TIMEOUT = 0x8250
-SYNC_ERROR = 0x8700
-PROFILE, VELOCITY, HOMING, CYCLIC = 1, 3, 6, 8
-MODES = (PROFILE, VELOCITY, HOMING, CYCLIC)
-"""Modes of operation (0x6060); source: CiA 402."""
-_VOLTAGE, _WARNING, _REMOTE = 1 << 4, 1 << 7, 1 << 9
-_REACHED, _LIMITED, _BIT12, _BIT13 = 1 << 10, 1 << 11, 1 << 12, 1 << 13
-_START, _AT_ONCE, _RELATIVE, _HALT = 1 << 4, 1 << 5, 1 << 6, 1 << 8
-_LIMIT_MARGIN = 1
-_STAYS = 5
-"""Options of 0x605A from here on stay in QUICK STOP ACTIVE."""
-_SLOW_STOPS = (1, 5)
-_SWITCH_SHARE = 0.005
-"""How far the limit switches are within the range of the axis, as a share of it; an estimate."""
-
-
-@dataclass(frozen=True)
-class Ratings:
-    """What an axis can do.
-
-    Attributes:
-        lower: software position limit [count].
-        upper: likewise.
-        window: largest following error [count].
-        quick: quick-stop deceleration [count/s²].
-        speed: top speed [count/s].
-        acceleration: profile acceleration [count/s²].
-        torque: rated, of its motor [N·m, or N].
-    """
-
-    lower: int
-    upper: int
-    window: int
-    quick: float
-    speed: float
-    acceleration: float
-    torque: float
 
 
 class Axis:
-    """One drive without its bus."""
+    """One drive without its bus.
 
-    def __init__(self, ratings: Ratings, position: float) -> None:
-        self.ratings = ratings
-        self.set = MotionSettings(
-            lower=ratings.lower, upper=ratings.upper, window=ratings.window, mode=CYCLIC,
-            speed=ratings.speed, top=ratings.speed, up=ratings.acceleration,
-            down=ratings.acceleration, quick=ratings.quick,
-        )  # fmt: skip
+    Args:
+        settings: after power-up; their limits are the range in which its limit switches stand.
+        position: where it is [count].
+    """
+
+    def __init__(self, settings: MotionSettings, position: float) -> None:
+        self.set = settings
+        inside = _SWITCH_INSIDE * (settings.upper - settings.lower)
+        self._switches = settings.lower + inside, settings.upper - inside
         self.actual = position
         self.state = AxisState.DISABLED
         self.code = 0
@@ -148,9 +134,8 @@ class Axis:
     @property
     def switches(self) -> tuple[bool, bool]:
         """Whether the negative and the positive limit switch are pressed."""
-        inside = _SWITCH_SHARE * (self.ratings.upper - self.ratings.lower)
-        at = self.actual + self.shift
-        return at <= self.ratings.lower + inside, at >= self.ratings.upper - inside
+        place, (lower, upper) = self.actual + self.shift, self._switches
+        return place <= lower, place >= upper
 
     @property
     def statusword(self) -> int:
@@ -234,7 +219,7 @@ class Axis:
         if not self.driven or self.set.mode != CYCLIC:
             return
         target = self._within(target)
-        if abs(target - self.actual) > self.set.window:
+        if abs(target - self.actual) > self.set.following_window:
             self.fault(FOLLOWING_ERROR)
             return
         self._path.take(t, self.command, target, period)
@@ -248,7 +233,7 @@ class Axis:
         else:
             self._come_to_rest(seconds)
         self._still = self._slow.held(
-            abs(self._point.speed) <= self.set.still, self.set.still_s, seconds
+            abs(self._point.speed) <= self.set.still_speed, self.set.still_s, seconds
         )
         return self.command + self.shift
 
@@ -315,7 +300,8 @@ class Axis:
         if settings.mode == CYCLIC:
             self._interpolate(t, seconds)
         elif self._word & _HALT:
-            self._brake(settings.quick if settings.halt_option == 2 else settings.down, seconds)
+            quick = settings.halt_option == _HALT_QUICKLY
+            self._brake(settings.quick_stop if quick else settings.deceleration, seconds)
         elif settings.mode == VELOCITY:
             self._velocity(seconds)
         elif settings.mode == HOMING and self._homing.active:
@@ -323,16 +309,17 @@ class Axis:
                 self._count_anew()
         elif settings.mode == PROFILE and self._points.goal is not None:
             goal, top = self._points.goal, settings.speed
-            if point.to_position(goal, top, settings.up, settings.down, seconds):
+            rates = settings.acceleration, settings.deceleration
+            if point.to_position(goal, top, *rates, seconds):
                 self._points.arrived()
                 if not self._word & _START:
                     self._acknowledged = False
         else:
-            self._brake(settings.down, seconds)
+            self._brake(settings.deceleration, seconds)
 
     def _interpolate(self, t: float, seconds: float) -> None:
         if not self._path.known:
-            self._brake(self.set.quick, seconds)
+            self._brake(self.set.quick_stop, seconds)
             return
         wanted = self._path.at(t)
         self._point.speed = (wanted - self._point.position) / seconds
@@ -340,13 +327,13 @@ class Axis:
 
     def _velocity(self, seconds: float) -> None:
         settings, point = self.set, self._point
-        wanted = min(max(self._target_speed, -settings.top), settings.top)
+        wanted = min(max(self._target_speed, -settings.top_speed), settings.top_speed)
         way = (settings.upper if wanted > 0.0 else settings.lower) - point.position
         room = max(0.0, math.copysign(1.0, wanted) * way)
-        most = math.sqrt(2.0 * settings.down * room)
-        self._limited = abs(self._target_speed) > min(most, settings.top)
+        most = math.sqrt(2.0 * settings.deceleration * room)
+        self._limited = abs(self._target_speed) > min(most, settings.top_speed)
         wanted = math.copysign(min(abs(wanted), most), wanted)
-        point.to_speed(wanted, settings.up, settings.down, seconds)
+        point.to_speed(wanted, settings.acceleration, settings.deceleration, seconds)
 
     def _count_anew(self) -> None:
         """The present position is the home."""
@@ -357,15 +344,16 @@ class Axis:
     def _watch(self, seconds: float) -> None:
         """Following error, and whether the target is reached."""
         settings = self.set
-        far = abs(self.command - self.actual) > settings.window
-        if self._far.held(far, settings.window_s, seconds):
+        far = abs(self.command - self.actual) > settings.following_window
+        if self._far.held(far, settings.following_s, seconds):
             self.fault(FOLLOWING_ERROR)
         if settings.mode == PROFILE:
-            there = self._points.goal is None and abs(self.command - self.actual) <= settings.near
-            self._reached = self._near.held(there, settings.near_s, seconds)
+            near = abs(self.command - self.actual) <= settings.position_window
+            there = self._points.goal is None and near
+            self._reached = self._near.held(there, settings.position_s, seconds)
         elif settings.mode == VELOCITY:
-            there = abs(self._point.speed - self._target_speed) <= settings.steady
-            self._reached = self._near.held(there, settings.steady_s, seconds)
+            there = abs(self._point.speed - self._target_speed) <= settings.speed_window
+            self._reached = self._near.held(there, settings.speed_s, seconds)
 
     def _come_to_rest(self, seconds: float) -> None:
         """Brake; then a pending transition is made."""
@@ -375,7 +363,7 @@ class Axis:
             slow = settings.quick_option in _SLOW_STOPS
         elif self.state is AxisState.REACTING:
             slow = settings.fault_option == 1
-        self._brake(settings.down if slow else settings.quick, seconds)
+        self._brake(settings.deceleration if slow else settings.quick_stop, seconds)
         if self._point.speed:
             return
         if self._stopping is not None:

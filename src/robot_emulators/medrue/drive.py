@@ -13,10 +13,10 @@ from collections.abc import Callable, Sequence
 
 from robot_emulators.can_bus.wire import Frame
 from robot_emulators.canopen.dictionary import Key
-from robot_emulators.canopen.node import OPERATIONAL, Identity, Node
-from robot_emulators.canopen.pdo import Pdo
+from robot_emulators.canopen.node import OPERATIONAL, Node
 from robot_emulators.medrue import profile
-from robot_emulators.medrue.axis import CYCLIC, RPDO_TIMEOUT, SYNC_ERROR, Axis, Ratings
+from robot_emulators.medrue.axis import CYCLIC, RPDO_TIMEOUT, SYNC_ERROR, Axis
+from robot_emulators.medrue.motion import settings
 from robot_emulators.medrue.profile import (
     COMMANDS,
     CONTROL,
@@ -24,27 +24,23 @@ from robot_emulators.medrue.profile import (
     STATUS,
     TARGET,
     TARGET_SPEED,
+    Ratings,
 )
 
-IDENTITY = Identity(
-    0x00020192, "wrenchbed CiA 402 drive", "emulated", "1.0", vendor=0, product=0x402, revision=2
-)  # fmt: skip
 _SYNC_LOSS = 25
+"""Periods of SYNC (0x1006) without one after which it is lost: at 250 Hz 0.1 s, which is also the
+RPDOs' event timer after power-up."""
 _PERIODS = 250
+"""SYNCs over which the master's period is compared with the interpolation's: a second at 250 Hz."""
 _GAP = 8.0
+"""Longest time between two SYNCs, in periods, that counts in that comparison; more is a pause."""
 _PERIOD_TOLERANCE = 0.25
-_MOST_TORQUE = 0x7FFF
+"""How much the two may differ, as a part of the period. The interpolation can wait for two missed
+SYNCs; a master that is wrong by a factor of two must be found."""
+_MOST_THOUSANDTHS = 0x7FFF
 _AHEAD_S = 0.02
-"""Farthest that a position is extrapolated between two steps of the plant [s]; an estimate."""
-_FAULT_SIGNAL, _QUICK_STOP = 1, 3
-_MODE, _SHOWN_MODE, _SPEED, _ACTUAL = (0x6060, 0), (0x6061, 0), (0x606C, 0), (0x6064, 0)
-_RECEIVED = (
-    (CONTROL, TARGET), (CONTROL, _MODE), (CONTROL, TARGET_SPEED), (CONTROL, _MODE, TARGET),
-)  # fmt: skip
-_SENT = (
-    (STATUS, _ACTUAL), (STATUS, _SHOWN_MODE), (STATUS, _SPEED), (STATUS, (0x6077, 0)),
-)  # fmt: skip
-"""What the PDOs carry after a reset; the first of each kind is switched on."""
+"""Farthest that a position is extrapolated between two steps of the plant [s], some five steps:
+longer, and the position of a plant that stands still would run away."""
 
 
 class DriveEmulator(Node):
@@ -60,13 +56,18 @@ class DriveEmulator(Node):
         listen: told the ids that it hears, whenever they change.
     """
 
+    commands = profile.COMMANDS
+
     def __init__(
         self, node: int, send: Callable[[Frame], None], ratings: Ratings, position: float,
         watchdog: float, lock: threading.RLock,
         listen: Callable[[frozenset[int]], None] = lambda ids: None,
     ) -> None:  # fmt: skip
-        super().__init__(node, send, IDENTITY, lock, listen)
-        self.axis = Axis(ratings, position)
+        super().__init__(node, send, profile.SHEET, lock, listen)
+        self.ratings = ratings
+        profile.check(self.objects)
+        profile.rate(self.objects, ratings, round(position))
+        self.axis = Axis(settings(self.objects), position)
         self.frozen_until = 0.0
         self._position = round(position)
         self._watchdog = watchdog
@@ -77,26 +78,16 @@ class DriveEmulator(Node):
         self._periods: deque[float] = deque(maxlen=_PERIODS)
 
     def on_reset(self) -> None:
-        self.axis = Axis(self.axis.ratings, self.axis.actual + self.axis.shift)
-        profile.define(self.objects, self.axis.ratings, self._position)
-
-    def pdos(self) -> tuple[list[Pdo], list[Pdo]]:
-        rpdos, tpdos = (
-            [
-                Pdo(self.objects, k, first + 0x100 * k + self.node, mapped, received, on=k == 0)
-                for k, mapped in enumerate(carried)
-            ]
-            for first, carried, received in ((0x200, _RECEIVED, True), (0x180, _SENT, False))
-        )
-        rpdos[0].timer = self._watchdog
-        return rpdos, tpdos
+        profile.rate(self.objects, self.ratings, self._position)
+        self.axis = Axis(settings(self.objects), self.axis.actual + self.axis.shift)
 
     def on_reset_communication(self) -> None:
+        self.rpdos[0].timer = self._watchdog
         self._synced = self._speed = self._growth = self._seen = 0.0
         self._last_word = 0
         self._codes.clear()
         self._periods.clear()
-        self.axis.use(profile.settings(self.objects))
+        self.axis.use(settings(self.objects))
         self.refresh(self.now)
 
     def on_sync(self, t: float) -> None:
@@ -108,7 +99,7 @@ class DriveEmulator(Node):
 
     def on_written(self, keys: Sequence[Key]) -> None:
         if any(key not in COMMANDS for key in keys):
-            self.axis.use(profile.settings(self.objects))
+            self.axis.use(settings(self.objects))
         for key in keys:
             if key == CONTROL:
                 self._control(self.objects[CONTROL])
@@ -123,9 +114,9 @@ class DriveEmulator(Node):
         if not self.axis.driven:
             return
         option = self.objects[0x6007, 0]
-        if option == _FAULT_SIGNAL:
+        if option == profile.FAULT_SIGNAL:
             self.axis.fault(code or RPDO_TIMEOUT)
-        elif option == _QUICK_STOP:
+        elif option == profile.QUICK_STOP:
             self.axis.quick_stop(code or RPDO_TIMEOUT)
         self._report()
 
@@ -194,7 +185,7 @@ class DriveEmulator(Node):
         objects[0x60F4, 0] = way * round(axis.command - axis.actual)
         objects[0x606B, 0] = pace * round(axis.speed)
         objects[0x606C, 0] = pace * round(self._speed)
-        objects[0x6077, 0] = _thousandths(self._torque / axis.ratings.torque)
+        objects[0x6077, 0] = _thousandths(self._torque / self.ratings.torque)
         objects[0x6078, 0] = _thousandths(self._current / profile.RATED_A)
         negative, positive = axis.switches
         objects[0x60FD, 0] = negative | positive << 1
@@ -222,6 +213,6 @@ class DriveEmulator(Node):
             axis.fault(SYNC_ERROR)
 
 
-def _thousandths(share: float) -> int:
-    """A share of a rating as an INTEGER16."""
-    return min(max(round(1000.0 * share), -_MOST_TORQUE), _MOST_TORQUE)
+def _thousandths(ratio: float) -> int:
+    """A ratio to a rating as an INTEGER16."""
+    return min(max(round(1000.0 * ratio), -_MOST_THOUSANDTHS), _MOST_THOUSANDTHS)

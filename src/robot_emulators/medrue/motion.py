@@ -1,71 +1,76 @@
-"""Set-points of a drive's modes: trapezoids in position and speed, and the search for home."""
+"""What a master sets of a drive's motion, and set-points: trapezoids, and the search for home."""
 
 import math
 from dataclasses import dataclass
+from typing import Annotated, get_type_hints
 
+from robot_emulators.canopen.dictionary import Objects
+
+HERE = (35, 37)
+NEGATIVE, POSITIVE = 17, 18
+METHODS = (NEGATIVE, POSITIVE, *HERE)
+"""Methods of homing (0x6098): the edge of a limit switch without index pulse; where the axis is.
+Source: CiA 402."""
 _NEAR = 1.0
 """Where a position counts as reached by the set-point [count]."""
+_MS = 1e-3
 
 
-@dataclass
+@dataclass(frozen=True)
 class MotionSettings:
-    """What the master may set; positions [count], speeds [count/s], accelerations [count/s²].
+    """What the master may set, each with its object; source: CiA 402.
 
-    Attributes:
-        lower: software position limit (0x607D:1).
-        upper: likewise (0x607D:2).
-        window: largest following error (0x6065).
-        window_s: how long it may be larger [s] (0x6066).
-        near: position window (0x6067).
-        near_s: how long the axis must be within [s] (0x6068).
-        mode: of operation (0x6060).
-        speed: profile velocity, limited by the largest one (0x6081, 0x607F).
-        top: the largest one (0x607F).
-        up: profile acceleration (0x6083).
-        down: profile deceleration (0x6084).
-        quick: quick-stop deceleration (0x6085).
-        steady: velocity window (0x606D).
-        steady_s: how long the speed must be within [s] (0x606E).
-        still: speed that counts as zero (0x606F).
-        still_s: for how long [s] (0x6070).
-        quick_option: 0x605A.
-        shutdown_option: 0x605B.
-        disable_option: 0x605C.
-        halt_option: 0x605D.
-        fault_option: 0x605E.
-        method: of homing (0x6098).
-        search: speed of the search for a switch (0x6099:1).
-        creep: speed of the search for its edge (0x6099:2).
-        homing_up: acceleration of homing (0x609A).
-        home: position of the home (0x607C).
+    Positions are in counts, speeds in count/s, accelerations in count/s²; times of a drive in
+    milliseconds are [s] here.
     """
 
-    lower: float
-    upper: float
-    window: float
-    speed: float
-    top: float
-    up: float
-    down: float
-    quick: float
-    mode: int
-    window_s: float = 0.0
-    near: float = 0.0
-    near_s: float = 0.0
-    steady: float = 0.0
-    steady_s: float = 0.0
-    still: float = 0.0
-    still_s: float = 0.0
-    quick_option: int = 6
-    shutdown_option: int = 0
-    disable_option: int = 1
-    halt_option: int = 1
-    fault_option: int = 2
-    method: int = 0
-    search: float = 0.0
-    creep: float = 0.0
-    homing_up: float = 0.0
-    home: float = 0.0
+    quick_option: Annotated[int, 0x605A, 0]
+    shutdown_option: Annotated[int, 0x605B, 0]
+    disable_option: Annotated[int, 0x605C, 0]
+    halt_option: Annotated[int, 0x605D, 0]
+    fault_option: Annotated[int, 0x605E, 0]
+    mode: Annotated[int, 0x6060, 0]
+    following_window: Annotated[float, 0x6065, 0]
+    following_s: Annotated[float, 0x6066, 0, _MS]
+    position_window: Annotated[float, 0x6067, 0]
+    position_s: Annotated[float, 0x6068, 0, _MS]
+    speed_window: Annotated[float, 0x606D, 0]
+    speed_s: Annotated[float, 0x606E, 0, _MS]
+    still_speed: Annotated[float, 0x606F, 0]
+    still_s: Annotated[float, 0x6070, 0, _MS]
+    home: Annotated[float, 0x607C, 0]
+    lower: Annotated[float, 0x607D, 1]
+    upper: Annotated[float, 0x607D, 2]
+    top_speed: Annotated[float, 0x607F, 0]
+    profile_speed: Annotated[float, 0x6081, 0]
+    acceleration: Annotated[float, 0x6083, 0]
+    deceleration: Annotated[float, 0x6084, 0]
+    quick_stop: Annotated[float, 0x6085, 0]
+    homing_method: Annotated[int, 0x6098, 0]
+    search_speed: Annotated[float, 0x6099, 1]
+    edge_speed: Annotated[float, 0x6099, 2]
+    homing_acceleration: Annotated[float, 0x609A, 0]
+
+    @property
+    def speed(self) -> float:
+        """Of a profile, which the largest speed limits."""
+        return min(self.profile_speed, self.top_speed)
+
+
+_OBJECTS = {
+    name: hint.__metadata__
+    for name, hint in get_type_hints(MotionSettings, include_extras=True).items()
+}
+
+
+def settings(objects: Objects) -> MotionSettings:
+    """The settings that a dictionary holds now."""
+    return MotionSettings(
+        **{
+            name: objects[index, sub] * math.prod(unit)
+            for name, (index, sub, *unit) in _OBJECTS.items()
+        }
+    )
 
 
 @dataclass
@@ -139,13 +144,6 @@ class SetPoints:
         return self.goal if self.next is None else self.next
 
 
-HERE = (35, 37)
-NEGATIVE, POSITIVE = 17, 18
-METHODS = (NEGATIVE, POSITIVE, *HERE)
-"""Methods of homing (0x6098): the edge of a limit switch without index pulse; where the axis is.
-Source: CiA 402."""
-
-
 class Homing:
     """The search for home.
 
@@ -177,7 +175,7 @@ class Homing:
             switches: whether the negative and the positive limit switch are pressed.
             seconds: of this step.
         """
-        method, rate = settings.method, settings.homing_up
+        method, rate = settings.homing_method, settings.homing_acceleration
         if method in HERE:
             return self._end()
         if method not in METHODS:
@@ -188,7 +186,7 @@ class Homing:
             point.speed = 0.0
             return self._end()
         self._backs_off = self._backs_off or pressed
-        wanted = -sign * settings.creep if self._backs_off else sign * settings.search
+        wanted = -sign * settings.edge_speed if self._backs_off else sign * settings.search_speed
         point.to_speed(wanted, rate, rate, seconds)
         return False
 

@@ -26,10 +26,11 @@ from robot_emulators.base.emulator import Emulator, EmulatorOptions
 from robot_emulators.base.faults import Faults, Handler, TimedFault
 from robot_emulators.can_bus.hub import Bridge, Hub
 from robot_emulators.can_bus.wire import Frame
-from robot_emulators.medrue.axis import FOLLOWING_ERROR, Ratings
+from robot_emulators.medrue.axis import FOLLOWING_ERROR
 from robot_emulators.medrue.board import RESET, SELECT, SET_BASE, SET_BITRATE, BoardEmulator
 from robot_emulators.medrue.drive import DriveEmulator
 from robot_emulators.medrue.plant import CYCLE_S, DrivenArm, RealTimePlant
+from robot_emulators.medrue.profile import Ratings
 from wrenchbed.robots.base import Joint, Robot
 
 _JOINTS = 6
