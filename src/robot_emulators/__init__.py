@@ -3,5 +3,5 @@ Imports: twin, effects, simulation, robots, sensors, physics, data, registry, er
 Read first: base/emulator.py, then the folder of a device, from its server.py.
 """
 
-SUPPORT = ("netft_box", "serial_sensors", "can_bus", "canopen")
+SUPPORT = ("netft_box", "can_bus", "canopen")
 """Modules here that are no plug-ins."""

@@ -4,7 +4,6 @@ import struct
 import time
 import traceback
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from typing import ClassVar, Protocol
 
 import numpy as np
@@ -17,7 +16,6 @@ from robot_emulators.base.event_loop import LoopThread
 from robot_emulators.base.faults import Faults, Handler, TimedFault
 from robot_emulators.base.real_time import CycleClock, take_priority
 from robot_emulators.netft_box import Box, BoxSettings
-from robot_emulators.serial_sensors.sensor import SerialSensor
 from robot_emulators.ur5 import packets
 from robot_emulators.ur5.controller import Controller
 from robot_emulators.ur5.dashboard import Dashboard
@@ -206,11 +204,7 @@ class UR5Emulator(Emulator):
     def _build(
         self, options: EmulatorOptions, settings: ControllerSettings, box: BoxSettings
     ) -> None:
-        serial = settings.serial_sensor
-        own = None if serial is None else serial.sensor
-        self.body = Body(
-            replace(options.body(settings.arm), sensor=own), settings.cycle, drives=True
-        )
+        self.body = Body(options.body(settings.arm), settings.cycle, drives=True)
         sensor = ArmSensor(
             self.body,
             settings.e_series,
@@ -235,10 +229,8 @@ class UR5Emulator(Emulator):
             "secondary": Port(self._thread, host, _SECONDARY, self.primary.secondary, patience),
             "script": Port(self._thread, host, _SCRIPT, self._script, patience),
         }
-        self._box: Box | SerialSensor | None = None
-        if serial is not None:
-            self._box = serial(self.body, host, self.faults, options.seed, self.fail)
-        elif settings.box:
+        self._box: Box | None = None
+        if settings.box:
             self._box = Box(self.body, host, self.faults, box, options.seed, self.fail)
         register(self, self.faults)
 

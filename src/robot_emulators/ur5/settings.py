@@ -13,8 +13,6 @@ from robot_emulators.base.arguments import (
     text,
     word,
 )
-from robot_emulators.serial_sensors.known import KNOWN
-from robot_emulators.serial_sensors.sensor import SerialSensor
 from robot_emulators.ur5.packets import Version
 from wrenchbed import registry
 from wrenchbed.errors import ParameterError
@@ -84,11 +82,6 @@ class ControllerSettings(Settings):
         True, flag(), "on or off: a Net F/T box that serves the arm's sensor; default on. Without "
         "it ft_raw_wrench reports that sensor, with it the wrench that the arm measures",
     )  # fmt: skip
-
-    sensor: str = setting(
-        "netft", word(("netft", *KNOWN)), "with box=on, the sensor on the flange: netft (default) "
-        f"or, at a serial port, {' or '.join(KNOWN)}",
-    )  # fmt: skip
     programs: str = setting(
         "", text(), "folder of .urp and .script files that the dashboard can load; default none"
     )
@@ -112,11 +105,6 @@ class ControllerSettings(Settings):
             )
         if self.programs and not Path(self.programs).is_dir():
             raise ParameterError(f"--set programs={self.programs}: there is no such folder")
-
-    @property
-    def serial_sensor(self) -> type[SerialSensor] | None:
-        """What is on the flange, where that is a sensor at a serial port."""
-        return KNOWN.get(self.sensor) if self.box else None
 
     @property
     def arm(self) -> URArm:
