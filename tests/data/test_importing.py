@@ -9,9 +9,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from arm_files import DATA
+from wrenchbed import registry
+from wrenchbed.cli import main
 from wrenchbed.data import column_map
 from wrenchbed.data.import_files import import_files
-from wrenchbed.errors import MapError, WrenchbedError
+from wrenchbed.data.plan import Plan, is_plan
+from wrenchbed.data.recording import Recording
+from wrenchbed.errors import MapError, PlanError, WrenchbedError
+from wrenchbed.robots.described import describe
 
 NTNU = Path(__file__).parents[1] / "data" / "ntnu_kuka_ati_gamma"
 CHANNELS = ("fx", "fy", "fz", "tx", "ty", "tz")
@@ -194,3 +200,61 @@ def test_any_text_as_a_map_gives_a_named_error(tmp_path_factory, text):
         (folder / name).write_text(text, encoding="utf-8")
         with pytest.raises(WrenchbedError):
             column_map.read(folder / name)
+
+
+def torques_at_rest(folder, mode, rows=300):
+    """A log of joints and their torques that step on by little, or rest, and its map."""
+    q = np.linspace(0.0, 1.0, rows)[:, None] * np.ones(6)
+    if mode == "auto":
+        q = np.repeat(np.arange(rows // 100), 100)[:, None] * np.ones(6)
+    names = ["t", *(f"q{j}" for j in range(1, 7)), *(f"tau{j}" for j in range(1, 7))]
+    rows_of_log = np.hstack([np.arange(rows)[:, None] / 100, q, np.cos(q)])
+    lines = [",".join(names), *(",".join(map(repr, row)) for row in rows_of_log.tolist())]
+    (folder / "log.csv").write_text("\n".join(lines) + "\n")
+    unit = {"t": "s", "q": "rad", "tau": "N·m"}
+    columns = {n: {"column": n, "unit": unit[n.rstrip("123456")]} for n in names}
+    write_map(folder, {"recording": {"robot": "ur5", "mode": mode}, "file": [{"columns": columns}]})
+    files = [str(folder / "log.csv"), "--map", str(folder / "map.json")]
+    return ["import", *files, "--out", str(folder / "rec.parquet")]
+
+
+def test_torques_without_a_wrench_come_in_and_may_be_imported_again(tmp_path, capsys):
+    line = torques_at_rest(tmp_path, "static")
+    assert main(line) == 1  # each row is near the one before
+    assert "300 poses in 300 rows: this is a log in motion" in capsys.readouterr().err
+    assert main([*line, "--mode", "dynamic"]) == 0
+    out = tmp_path / "rec.parquet"
+    assert not is_plan(out)
+    with pytest.raises(PlanError, match=r"this is a recording .*, not a plan"):
+        Plan.read(out)
+    assert main([*line, "--mode", "dynamic"]) == 1
+    assert "is a recording already" in capsys.readouterr().err
+    assert main([*line, "--mode", "dynamic", "--force"]) == 0
+
+
+def test_a_log_of_torques_is_split_into_holds(tmp_path):
+    assert main(torques_at_rest(tmp_path, "auto")) == 0
+    rest = Recording.read(tmp_path / "rec.parquet")
+    assert rest.effort == "tau" and set(rest.columns["segment"]) == {0, 1, 2}
+
+
+def test_a_robots_file_is_seen_from_the_map(tmp_path, monkeypatch):
+    (tmp_path / "maps").mkdir()
+    (tmp_path / "away").mkdir()
+    made = describe(
+        DATA / "iiwa.xml", "right_hand", tmp_path / "maps" / "my.toml", tool_mass=2.0,
+        tool_cog=(0.0, 0.0, 0.1),
+    )  # fmt: skip
+    made.write(tmp_path / "maps" / "my.toml")
+    name = registry.load("robots", str(tmp_path / "maps" / "my.toml")).name
+    raw = basic(q7={"column": "J1", "unit": "deg"})
+    raw["recording"]["robot"] = "my.toml"
+    path = write_map(tmp_path / "maps", raw)
+    for folder in ("maps", "away"):
+        monkeypatch.chdir(tmp_path / folder)
+        assert column_map.read(path).metadata.robot == name
+    monkeypatch.chdir(tmp_path / "maps")
+    assert column_map.read("map.json").metadata.robot == name
+    raw["recording"]["robot"] = "none.toml"
+    with pytest.raises(WrenchbedError, match=r"maps/none\.toml"):
+        column_map.read(write_map(tmp_path / "maps", raw))

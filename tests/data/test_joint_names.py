@@ -5,10 +5,13 @@ import pytest
 
 from arm_files import DATA
 from wrenchbed import registry
+from wrenchbed.cli import main
+from wrenchbed.data import column_map
 from wrenchbed.data.guess.guess import guess
 from wrenchbed.data.guess.sheets import joints, sheets
 from wrenchbed.data.guess.stated import Stated
-from wrenchbed.data.logs import table, write_mcap
+from wrenchbed.data.log_export import write_mcap
+from wrenchbed.data.logs import table
 from wrenchbed.data.metadata import Metadata
 from wrenchbed.data.recording import Recording
 from wrenchbed.physics.wrench import CHANNELS
@@ -49,6 +52,20 @@ def test_a_table_in_any_order_is_read_by_the_joints_names(digger, tmp_path):
     (sheet,) = sheets([tmp_path / "log.csv"])
     assert [*joints(sheet, ("turret", "boom"))] == [("turret", "boom")]
     assert ("turret", "nobody") not in [*joints(sheet, ("turret", "nobody"))]
+
+
+def test_a_guessed_map_names_the_robots_file_as_seen_from_itself(digger, tmp_path, monkeypatch):
+    folder, robot, q, wrench = digger
+    rows = np.repeat(np.concatenate([q, wrench], axis=1), 3, axis=0)
+    lines = [",".join([*NAMES, *CHANNELS]), *(",".join(f"{v:.9f}" for v in row) for row in rows)]
+    (tmp_path / "log.csv").write_text("\n".join(lines))
+    (tmp_path / "maps").mkdir()
+    monkeypatch.chdir(folder)
+    line = ["import", str(tmp_path / "log.csv"), "--guess", "--robot", "my.toml"]
+    assert main([*line, "--out", str(tmp_path / "maps" / "rec.parquet")]) == 0
+    monkeypatch.chdir(tmp_path)
+    found = column_map.read(tmp_path / "maps" / "rec.map.toml")
+    assert found.metadata.robot == robot.name
 
 
 def test_a_log_in_mcap_has_the_files_names(digger, tmp_path):

@@ -14,7 +14,8 @@ from rosbags.typesys import Stores, get_typestore
 import wrenchbed as wb
 from wrenchbed.cli import main
 from wrenchbed.data.import_files import import_files
-from wrenchbed.data.logs import MessageRows, table, write_mcap
+from wrenchbed.data.log_export import write_mcap
+from wrenchbed.data.logs import MessageRows, table
 from wrenchbed.errors import MapError
 
 RATE, COUNT = 100.0, 60

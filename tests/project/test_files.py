@@ -200,8 +200,6 @@ def test_two_processes_do_not_write_to_one_output(kind, tmp_path):
 
 ALLOWED = {
     "files/__init__.py": {"open"},
-    "data/bag2_folder.py": {"write_bytes"},  # unpacks into a temporary folder
-    "data/unpacking.py": {"open"},  # the same
     "jobs/parts.py": {"open"},  # a journal: rows are appended
     "benchmark/sealed/entrants.py": {"open"},  # another program's output, in a folder of its own
 }

@@ -130,7 +130,7 @@ def _guessed(
     path = out.with_suffix(".map.toml")
     console.check_out(path, Kind.MAP, *files)
     found = wb.guess_map(files, stated)
-    write_text(path, found.text())
+    write_text(path, found.text(path.parent))
     return found.column_map(), {"guess": [*found.lines, f"map → {path}"]}
 
 

@@ -1,7 +1,7 @@
 """A column map: which columns of which files make a recording, in which units. TOML or JSON."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from importlib.resources import files
 from pathlib import Path
@@ -151,16 +151,22 @@ def read(path: str | Path) -> ColumnMap:
         MapError: names the file, the entry and what it should say.
     """
     path = ready().get(str(path), Path(path))
-    return from_fields(_load(path), str(path))
+    return from_fields(_load(path), str(path), path.parent)
 
 
-def from_fields(raw: Fields, name: str) -> ColumnMap:
-    """A map from its fields, checked; ``name`` is for messages.
+def from_fields(raw: Fields, name: str, folder: Path) -> ColumnMap:
+    """A map from its fields, checked.
+
+    Args:
+        raw: as TOML or JSON holds them.
+        name: of the map, for messages.
+        folder: from which paths of a robot's or sensor's file are seen.
 
     Raises:
         MapError: names the entry and what it should say.
+        NotFoundError, ParameterError: a robot's or sensor's file cannot be read.
     """
-    mode, metadata = _recording(raw.part("recording"), name)
+    mode, metadata = _recording(raw.part("recording"), name, folder)
     entries = raw.raw.get("file")
     if not isinstance(entries, list) or not entries:
         raise MapError(f'{name}: needs at least one [[file]] with match = "*.csv" and columns')
@@ -175,7 +181,7 @@ def from_fields(raw: Fields, name: str) -> ColumnMap:
     return ColumnMap(files, metadata, metadata.rate_hz, name, conventions, mode)
 
 
-def _recording(stated: Fields, name: str) -> tuple[str, Metadata]:
+def _recording(stated: Fields, name: str, folder: Path) -> tuple[str, Metadata]:
     """Mode and metadata; keys that do not exist are refused."""
     stated.only(set(Metadata.__dataclass_fields__) - {"extra"} | {"format"}, "[recording]")
     stated.part("tool").only(ToolInfo.__dataclass_fields__, "[recording.tool]")
@@ -184,11 +190,25 @@ def _recording(stated: Fields, name: str) -> tuple[str, Metadata]:
     mode = stated.choice(
         "mode", (*MODES, AUTO), "must be 'static', 'dynamic' or 'auto' (holds and moves)"
     )
-    known = dict(stated.raw) | {"mode": "dynamic" if mode == AUTO else mode}
+    known = seen_from(stated.raw, lambda file: str(folder / file))
+    known["mode"] = "dynamic" if mode == AUTO else mode
     try:
         return mode, parse({"format": 1, "source": "import", **known}, name)
     except RecordingError as error:
         raise MapError(str(error)) from error
+
+
+def seen_from(recording: Mapping[str, Any], moved: Callable[[str], str]) -> dict[str, Any]:
+    """``[recording]`` whose paths of a robot's and a sensor's file are changed by ``moved``."""
+
+    def placed(part: Mapping[str, Any], key: str) -> dict[str, Any]:
+        file = part.get(key)
+        if isinstance(file, str) and file.lower().endswith(".toml"):
+            return dict(part) | {key: moved(file)}
+        return dict(part)
+
+    changed, sensor = placed(recording, "robot"), recording.get("sensor")
+    return changed | ({"sensor": placed(sensor, "model")} if isinstance(sensor, Mapping) else {})
 
 
 def _conventions(raw: Fields, metadata: Metadata) -> Conventions:

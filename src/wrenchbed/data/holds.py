@@ -1,11 +1,11 @@
 """Holds: the rows of a recording at rest, averaged pose by pose, and the noise within them."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from wrenchbed.data.recording import QUATERNION, Recording
+from wrenchbed.data.recording import QUATERNION, Recording, joint_columns
 from wrenchbed.physics.wrench import CHANNELS
 
 MOVING = 1e-4
@@ -50,38 +50,45 @@ def gather(recording: Recording, keep: np.ndarray) -> Holds:
         recording: at rest in each hold.
         keep: rows to use (N,), boolean.
     """
-    every = bool(keep.all())
-
-    def column(name: str) -> np.ndarray:
-        values = recording.columns[name]
-        return values if every else values[keep]
-
-    t, segment = column("t"), recording.columns.get("segment")
-    names, limit = recording.joints or QUATERNION, MOVING
-    change = np.zeros(len(t) - 1, dtype=bool)
-    if segment is not None:
-        limit = MOVING_WITHIN_SEGMENT
-        change |= np.diff(column("segment")) != 0
-    for name in names:
-        values = column(name)
-        jumps = np.abs(np.diff(values)) > limit
-        if segment is not None and jumps.any():
-            begin = np.concatenate([[0], np.flatnonzero(np.diff(column("segment"))) + 1, [len(t)]])
-            jumps[jumps] = _stays_away(values, np.flatnonzero(jumps), limit, begin)
-        change |= jumps
-    starts = np.concatenate([[0], np.flatnonzero(change) + 1])
-    count = np.diff(np.append(starts, len(t)))
+    names = recording.joints or QUATERNION
+    columns = recording.columns
+    if not keep.all():
+        used = {"t", "segment", *names, *CHANNELS} & columns.keys()
+        columns = {name: columns[name][keep] for name in used}
+    starts = first_rows(columns)
+    rows = len(columns["t"])
+    count = np.diff(np.append(starts, rows))
 
     def mean(name: str) -> np.ndarray:
-        return np.asarray(np.add.reduceat(column(name), starts, dtype=float) / count)
+        return np.asarray(np.add.reduceat(columns[name], starts, dtype=float) / count)
 
     middle, wrench = (np.stack([mean(n) for n in some], axis=1) for some in (names, CHANNELS))
-    dof = len(t) - len(starts)
+    dof = rows - len(starts)
     covariance = None
     if dof > 0:
-        rows = [column(c) for c in CHANNELS]
-        covariance = sum(r.T @ r for _, r in about_means(rows, wrench, count)) / dof
+        channels = [columns[c] for c in CHANNELS]
+        covariance = sum(r.T @ r for _, r in about_means(channels, wrench, count)) / dof
     return Holds(mean("t"), middle, wrench, count, covariance, dof, starts)
+
+
+def first_rows(columns: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Index of each hold's first row (H,): a segment begins, or the joints moved.
+
+    Args:
+        columns: of a recording (N,): joints or an orientation, perhaps ``segment``.
+    """
+    names = joint_columns(columns) or QUATERNION
+    segment = columns.get("segment")
+    limit = MOVING if segment is None else MOVING_WITHIN_SEGMENT
+    rows = len(columns[names[0]])
+    change = np.zeros(rows - 1, dtype=bool) if segment is None else np.diff(segment) != 0
+    begin = np.concatenate([[0], np.flatnonzero(change) + 1, [rows]])
+    for name in names:
+        jumps = np.abs(np.diff(columns[name])) > limit
+        if segment is not None and jumps.any():
+            jumps[jumps] = _stays_away(columns[name], np.flatnonzero(jumps), limit, begin)
+        change = change | jumps
+    return np.concatenate([[0], np.flatnonzero(change) + 1])
 
 
 def _stays_away(

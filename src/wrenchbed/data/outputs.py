@@ -12,7 +12,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from wrenchbed.data import parquet
-from wrenchbed.data.recording import JOURNAL
+from wrenchbed.data.recording import JOURNAL, holds_readings
 from wrenchbed.errors import ParameterError
 from wrenchbed.files import put_back, set_aside
 
@@ -94,10 +94,10 @@ def kind_of(path: Path) -> Kind | None:
 def _parquet(path: Path) -> Kind | None:
     """A damaged file may be a recording, too."""
     try:
-        names = set(pq.read_schema(parquet.source(path)).names)
+        names = dict.fromkeys(pq.read_schema(parquet.source(path)).names)
     except (pa.ArrowException, OSError):
         return Kind.RECORDING
-    if "fx" in names:
+    if holds_readings(names):
         return Kind.RECORDING
     return Kind.PLAN if "q1" in names else None
 

@@ -13,7 +13,7 @@ import pyarrow.parquet as pq
 from wrenchbed.data import parquet
 from wrenchbed.data.checked import Fields
 from wrenchbed.data.metadata import MODES, carried_robot, stated_robot
-from wrenchbed.data.recording import POINT, joint_columns
+from wrenchbed.data.recording import POINT, effort_prefix, holds_readings, joint_columns
 from wrenchbed.errors import PlanError, raise_shortage
 
 
@@ -70,8 +70,9 @@ class Plan:
         path = Path(path)
         data, raw = parquet.read(path, PlanError)
         joints = joint_columns(data)
-        if "fx" in data:
-            raise PlanError(f"{path}: this is a recording (it holds fx), not a plan")
+        if holds_readings(data):
+            held = "fx" if "fx" in data else f"{effort_prefix(data)}1"
+            raise PlanError(f"{path}: this is a recording (it holds {held}), not a plan")
         if not joints:
             raise PlanError(f"{path}: column 'q1' is missing; found {', '.join(data) or 'none'}")
         if len(data[joints[0]]) == 0:
@@ -106,13 +107,13 @@ class Plan:
 
 
 def is_plan(path: Path) -> bool:
-    """Whether a file is Parquet with joint values and no wrench."""
+    """Whether a file is Parquet with joint values and no readings of a sensor or of joints."""
     try:
-        names = pq.read_schema(parquet.source(path)).names
+        names = dict.fromkeys(pq.read_schema(parquet.source(path)).names)
     except (pa.ArrowException, OSError, UnicodeDecodeError) as cause:
         raise_shortage(cause, path)
         return False
-    return "q1" in names and "fx" not in names
+    return "q1" in names and not holds_readings(names)
 
 
 def _check_numbers(path: Path, column: str, array: np.ndarray | None) -> None:

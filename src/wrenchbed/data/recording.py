@@ -174,6 +174,11 @@ def effort_prefix(columns: Mapping[str, Any]) -> str | None:
     return None
 
 
+def holds_readings(columns: Mapping[str, Any]) -> bool:
+    """Whether columns hold a wrench or joint efforts: they are a recording's, not a plan's."""
+    return CHANNELS[0] in columns or effort_prefix(columns) is not None
+
+
 def _from_journal(path: Path, recording: Path) -> pa.Table:
     """All complete batches of an Arrow stream whose end may be missing."""
     batches: list[pa.RecordBatch] = []

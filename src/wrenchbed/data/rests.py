@@ -11,7 +11,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from wrenchbed.data.holds import gather
+from wrenchbed.data.holds import first_rows
 from wrenchbed.data.metadata import Metadata
 from wrenchbed.data.recording import QUATERNION, Recording
 from wrenchbed.errors import RecordingError
@@ -105,7 +105,7 @@ def check_at_rest(recording: Recording) -> None:
     q = recording.q.astype(float)
     if len(q) < _ENOUGH_TO_MOVE:
         return
-    poses = len(gather(recording, np.ones(len(q), dtype=bool)))
+    poses = len(first_rows(recording.columns))
     way = np.abs(np.diff(q if recording.joints else _continuous(q), axis=0))
     close = np.median(way.max(axis=1)) < _NEXT * max(float(np.ptp(q, axis=0).max()), 1e-9)
     if poses > _MOST_SINGLE * len(q) and close:
@@ -164,7 +164,9 @@ def _split(recording: Recording) -> Split | None:
         return None
     hold = np.full(n, -1)
     for k, run in enumerate(runs):
-        a, b = _settled(recording.wrench, _within(run, t), block)
+        a, b = _within(run, t)
+        if recording.has_wrench:
+            a, b = _settled(recording.wrench, (a, b), block)
         hold[a:b] = k
     between = sum(before[1] < after[0] for before, after in pairwise(runs))
     edge = 2 * window + block

@@ -14,13 +14,14 @@ from wrenchbed import registry
 from wrenchbed.errors import MapError, raise_shortage
 
 LARGEST = 2**28
-"""Of one part [bytes]: estimate, 64 times the largest default of the writers (4 MiB, mcap)."""
+"""Largest part [bytes], which is held in memory: 64 times mcap's default chunk (4 MiB)."""
 FREE = 2**30
-"""All parts of one file may unpack to this size whatever the file's own is [bytes]: estimate."""
+"""All parts of one file may unpack to this size whatever the file's own is [bytes]."""
 RATIO = 200
-"""More than `FREE` only up to this multiple of the file's size: estimate, logs reach 3 to 20."""
+"""They may unpack to more than `FREE` up to this multiple of the file's size: ten times the ratio
+of a log whose readings hardly change, a hundredth of a bomb's."""
 _STEP = 2**22
-"""Unpacked at once [bytes]: estimate."""
+"""Unpacked at once [bytes]: a bomb fills no more memory before it is refused."""
 _ZSTD = "compression.zstd" if sys.version_info >= (3, 14) else "backports.zstd"
 
 
@@ -32,6 +33,7 @@ class Unpacker:
     """
 
     def __init__(self, path: Path) -> None:
+        self._path = path
         self._most = max(FREE, RATIO * path.stat().st_size)
         self._total = 0
 
@@ -56,7 +58,7 @@ class Unpacker:
             )
         content = data
         if kind not in ("", "none"):
-            content = b"".join(_limited(_parts([data], kind, where), most, where))
+            content = b"".join(_unpacked([data], kind, most, where))
         if size is not None and len(content) != size:
             raise MapError(f"{where}: holds {len(content):,} bytes and states {size:,}: damaged")
         self._total += len(content)
@@ -66,39 +68,33 @@ class Unpacker:
             )
         return content
 
-    def unpack_file(self, path: Path, kind: str, target: Path) -> None:
-        """Unpack a whole file to another one, block by block.
+    def check_file(self, kind: str) -> None:
+        """Refuse the whole file if it unpacks to too much, block by block.
 
         Raises:
             MapError: as `unpack`.
         """
-        with path.open("rb") as source, target.open("wb") as out:
-            blocks = iter(lambda: source.read(_STEP), b"")
-            for part in _limited(_parts(blocks, kind, str(path)), self._most, str(path)):
-                out.write(part)
+        with self._path.open("rb") as stream:
+            blocks = iter(lambda: stream.read(_STEP), b"")
+            for _ in _unpacked(blocks, kind, self._most, str(self._path)):
+                pass
 
 
-def _limited(parts: Iterable[bytes], most: int, where: str) -> Iterator[bytes]:
-    """The parts, while all of them together are not too large."""
-    for part in parts:
-        most -= len(part)
-        if most < 0:
-            raise MapError(f"{where}: unpacks to more than it may: damaged, or a bomb")
-        yield part
-
-
-def _parts(blocks: Iterable[bytes], kind: str, where: str) -> Iterator[bytes]:
-    """The content of compressed blocks in parts of at most `_STEP` bytes."""
+def _unpacked(blocks: Iterable[bytes], kind: str, most: int, where: str) -> Iterator[bytes]:
+    """The content of compressed blocks in parts of at most `_STEP` bytes, at most ``most``."""
     decoder = _decoder(kind, where)
     try:
         for block in blocks:
-            while block:
+            rest = block
+            while rest or not (decoder.eof or decoder.needs_input):
                 decoder = _decoder(kind, where) if decoder.eof else decoder
-                yield decoder.decompress(block, _STEP)
-                while not (decoder.eof or decoder.needs_input):
-                    yield decoder.decompress(b"", _STEP)
-                block = (decoder.unused_data or b"") if decoder.eof else b""
-    except (MapError, GeneratorExit):
+                part = decoder.decompress(rest, _STEP)
+                rest = (decoder.unused_data or b"") if decoder.eof else b""
+                most -= len(part)
+                if most < 0:
+                    raise MapError(f"{where}: unpacks to more than it may: damaged, or a bomb")
+                yield part
+    except MapError:
         raise
     except Exception as error:  # each library has its own, and none a common base
         raise_shortage(error, where)
@@ -109,6 +105,7 @@ def _parts(blocks: Iterable[bytes], kind: str, where: str) -> Iterator[bytes]:
 
 
 def _decoder(kind: str, where: str) -> Any:
+    """What unpacks one compressed stream step by step."""
     if kind == "bz2":
         return bz2.BZ2Decompressor()
     if kind == "zstd":

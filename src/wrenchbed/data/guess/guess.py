@@ -8,6 +8,7 @@ angles this is one linear least squares. What fits best is taken, what fits as w
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import takewhile
+from os.path import relpath
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ import numpy as np
 
 from wrenchbed import registry
 from wrenchbed.data.checked import Fields
-from wrenchbed.data.column_map import EULER, ColumnMap, from_fields, read, ready
+from wrenchbed.data.column_map import EULER, ColumnMap, from_fields, read, ready, seen_from
 from wrenchbed.data.column_map import UNITS as SIZES
 from wrenchbed.data.guess.accelerometer import match_axes, match_on_clocks
 from wrenchbed.data.guess.candidates import candidates, clock, rows_at
@@ -29,7 +30,7 @@ from wrenchbed.data.guess.sheets import (
 from wrenchbed.data.guess.stated import KnownLoad, Stated
 from wrenchbed.data.guess.toml_text import toml
 from wrenchbed.data.import_files import import_files
-from wrenchbed.data.logs import is_log
+from wrenchbed.data.log_files import is_log
 from wrenchbed.errors import MapError, WrenchbedError
 from wrenchbed.physics.wrench import CHANNELS
 
@@ -67,12 +68,15 @@ class Guess:
 
     def column_map(self, k: int = 0) -> ColumnMap:
         """A map, checked."""
-        return from_fields(Fields(self.maps[k], "guessed map: ", MapError), "guessed map")
+        fields = Fields(self.maps[k], "guessed map: ", MapError)
+        return from_fields(fields, "guessed map", Path())
 
-    def text(self, k: int = 0) -> str:
-        """A map as TOML."""
+    def text(self, folder: Path, k: int = 0) -> str:
+        """A map as TOML for a file in a folder, from which it names files of robot and sensor."""
+        recording = seen_from(self.maps[k]["recording"], lambda file: relpath(file, folder))
         c = self.conventions[k]
-        return toml(self.maps[k], ("Found by wrenchbed import --guess:", c.sentence, c.quality))
+        comments = ("Found by wrenchbed import --guess:", c.sentence, c.quality)
+        return toml(self.maps[k] | {"recording": recording}, comments)
 
     @property
     def lines(self) -> tuple[str, ...]:
