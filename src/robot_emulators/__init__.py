@@ -1,7 +1,38 @@
-"""Emulators: servers that speak the real devices' protocols, with MuJoCo behind them; one a device.
-Imports: twin, effects, simulation, robots, sensors, physics, data, registry, errors.
-Read first: base/emulator.py, then the folder of a device, from its server.py.
+"""Servers that speak the protocols of robots and sensors, for clients that know no difference.
+
+An emulator asks a `Plant` for the robot behind it: a simulation, a model, or the small kinematic
+one that is built in. See README.md. This package imports nothing of wrenchbed.
+Read first: plant.py, base/emulator.py, then the folder of a device.
 """
 
-SUPPORT = ("netft_box", "can_bus", "canopen")
-"""Modules here that are no plug-ins."""
+from robot_emulators.base.arguments import Settings, described, read, setting
+from robot_emulators.base.emulator import Emulator, Options
+from robot_emulators.base.faults import Faults, TimedFault
+from robot_emulators.errors import EmulatorError, EmulatorWarning, FaultError, SettingError
+from robot_emulators.plant import Arm, Efforts, Payload, Plant, PlantMaker, PlantRequest
+from robot_emulators.serving import EMULATORS, load, serve, ur5
+
+__all__ = [
+    "EMULATORS",
+    "Arm",
+    "Efforts",
+    "Emulator",
+    "EmulatorError",
+    "EmulatorWarning",
+    "FaultError",
+    "Faults",
+    "Options",
+    "Payload",
+    "Plant",
+    "PlantMaker",
+    "PlantRequest",
+    "SettingError",
+    "Settings",
+    "TimedFault",
+    "described",
+    "load",
+    "read",
+    "serve",
+    "setting",
+    "ur5",
+]

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from robot_emulators.base.arguments import Settings, described, read, setting, text
-from robot_emulators.base.body import Body
-from robot_emulators.base.emulator import Emulator, EmulatorOptions
+from robot_emulators.base.emulator import Emulator, Options
 from robot_emulators.base.real_time import CycleThread
 from robot_emulators.netft_box import Box, BoxSettings
+from robot_emulators.plant import PlantMaker, PlantRequest
 
 _CYCLE = 0.008
 
@@ -27,13 +27,13 @@ class NetftEmulator(Emulator):
     title = "ATI Net F/T: RDT over UDP, netftapi2.xml over HTTP"
     settings: ClassVar[Mapping[str, str]] = described(MountSettings, BoxSettings)
 
-    def __init__(self, options: EmulatorOptions) -> None:
-        super().__init__(options)
+    def __init__(self, options: Options, make_plant: PlantMaker) -> None:
+        super().__init__(options, make_plant)
         mount, settings = read(options.setting, MountSettings, BoxSettings)
-        self.body = Body(options.body(mount.robot), _CYCLE)
+        self.body = make_plant(PlantRequest(mount.robot, _CYCLE))
         self.box = Box(self.body, options.host, self.faults, settings, options.seed, self.fail)
         self._thread = CycleThread("netft body", _CYCLE, 2.0 * _CYCLE, self._step, self.fail)
-        self._home = self.body.target
+        self._home = self.body.arm.home
 
     def serve(self) -> dict[str, str]:
         self._thread.start()
@@ -44,8 +44,4 @@ class NetftEmulator(Emulator):
         self.box.stop()
 
     def _step(self, due: float) -> None:
-        self.body.due = due
-        self.body.step(self._home)
-
-
-EMULATOR = NetftEmulator
+        self.body.step(self._home, due)

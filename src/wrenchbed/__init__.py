@@ -8,7 +8,6 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from robot_emulators.base.emulator import EmulatorOptions, serve
     from wrenchbed.benchmark.sealed.entrants import Entrant
     from wrenchbed.benchmark.sealed.make import Family
     from wrenchbed.benchmark.sealed.make import make as blind_make
@@ -48,6 +47,7 @@ if TYPE_CHECKING:
     from wrenchbed.monitoring.live import live
     from wrenchbed.planning.accuracy_plan import Mix, MixOptions, reach
     from wrenchbed.planning.choose import informative, multisine, poses
+    from wrenchbed.plant.serving import EmulatorOptions, serve
     from wrenchbed.registry import descriptions, load, names
     from wrenchbed.reports.recording_page import report
     from wrenchbed.robots.base import Robot
@@ -88,7 +88,6 @@ _PUBLIC = {
     "diagnosis.several": ("diagnose_several",),
     "drives.fit": ("DriveFit",),
     "drives.identify": ("calibrate_efforts",),
-    "base.emulator": ("EmulatorOptions", "serve"),
     "errors": ("WrenchbedError",),
     "exports.base": ("ExportOptions", "export_to"),
     "exports.load_numbers": ("LoadNumbers", "load_numbers"),
@@ -99,6 +98,7 @@ _PUBLIC = {
     "monitoring.health.check": ("Judgement", "check", "plan_of as check_plan"),
     "planning.accuracy_plan": ("Mix", "MixOptions", "reach"),
     "planning.choose": ("informative", "multisine", "poses"),
+    "plant.serving": ("EmulatorOptions", "serve"),
     "registry": ("descriptions", "load", "names"),
     "reports.recording_page": ("report",),
     "robots.base": ("Robot",),

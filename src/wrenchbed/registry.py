@@ -3,7 +3,7 @@
 A plug-in of kind ``robots`` is a module or package ``wrenchbed/robots/<name>`` with one public
 constant in the kind's name (``ROBOT``, ``SENSOR``, ``DRIVER``, ``EFFECT``, …), or an entry point of
 another package in the group ``wrenchbed.robots`` that loads such an object. A sensor is a file
-``wrenchbed/sensors/<name>.toml`` instead.
+``wrenchbed/sensors/<name>.toml`` instead; emulators are those that `robot_emulators` lists.
 
 A robot or a sensor may also come from a user's TOML file: its path stands for its name. What a
 recording made with it carries (`record_of`) makes it known to whoever reads the recording
@@ -36,7 +36,6 @@ _PACKAGES = {
     "sensors": "wrenchbed.sensors",
     "drivers": "wrenchbed.hardware.drivers",
     "transducers": "wrenchbed.hardware.transducers",
-    "emulators": "robot_emulators",
     "effects": "wrenchbed.effects",
     "exports": "wrenchbed.exports",
 }
@@ -67,6 +66,8 @@ def plugin_modules(kind: str) -> tuple[str, ...]:
 
 @cache
 def _modules(kind: str) -> dict[str, str]:
+    if kind not in _PACKAGES:
+        return {}
     package = importlib.import_module(_PACKAGES[kind])
     support = {"base", *getattr(package, "SUPPORT", ())}
     found = pkgutil.iter_modules(package.__path__)
@@ -81,9 +82,19 @@ def _public(kind: str, module: str) -> str:
 @cache
 def _tables(kind: str) -> dict[str, Path]:
     """Files of this package that describe a plug-in, by its name."""
+    if kind not in _DESCRIBED:
+        return {}
     package = importlib.import_module(_PACKAGES[kind])
     files = (f for folder in package.__path__ for f in Path(folder).glob("*.toml"))
-    return {_public(kind, f.stem): f for f in files} if kind in _DESCRIBED else {}
+    return {_public(kind, f.stem): f for f in files}
+
+
+def _listed(kind: str) -> Mapping[str, str]:
+    """Plug-ins that another package lists and loads itself."""
+    if kind != "emulators":
+        return {}
+    listed: Mapping[str, str] = importlib.import_module("robot_emulators").EMULATORS
+    return listed
 
 
 @cache
@@ -103,7 +114,7 @@ def names(kind: str) -> tuple[str, ...]:
         NotFoundError: the kind does not exist.
     """
     _check_kind(kind)
-    return tuple(sorted({*_modules(kind), *_tables(kind), *_entry_points(kind)}))
+    return tuple(sorted({*_modules(kind), *_tables(kind), *_listed(kind), *_entry_points(kind)}))
 
 
 def load(kind: str, name: str) -> Any:
@@ -129,6 +140,8 @@ def load(kind: str, name: str) -> Any:
         raise NotFoundError(f"there is no {kind[:-1]} {name!r}{hint} Known: {', '.join(known)}")
     if name in _tables(kind):
         return _shipped(kind, name)
+    if name in _listed(kind):
+        return importlib.import_module("robot_emulators").load(name)
     module = _modules(kind).get(name)
     if module is None:
         return _entry_points(kind)[name].load()

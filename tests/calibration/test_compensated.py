@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from robot_emulators.ur5.tool_wrench import Payload, WrenchEstimate
+from robot_emulators.ur.tool_wrench import Payload, WrenchEstimate
 from wrenchbed import registry
 from wrenchbed.calibration.calibrate import calibrate
 from wrenchbed.calibration.compensated import restored

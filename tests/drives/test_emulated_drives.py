@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 from arm_torques import recording
 
-from robot_emulators.base.body import Body, BodyOptions
 from wrenchbed import multisine, registry
 from wrenchbed.diagnosis.efforts.diagnose_efforts import diagnose_efforts
 from wrenchbed.drives.identify import calibrate_efforts
 from wrenchbed.physics.time_derivatives import Jet
+from wrenchbed.plant.body import Body, BodyOptions
 from wrenchbed.simulation.drives.drive_train import DriveTrain
 
 UR5, MEDRUE = (registry.load("robots", name) for name in ("ur5", "medrue"))

@@ -10,9 +10,12 @@ from contextlib import suppress
 import pytest
 
 from emulator_process import running
-from robot_emulators.base.emulator import Emulator, EmulatorOptions
+from robot_emulators.base.emulator import Emulator, Options
+from robot_emulators.errors import EmulatorError, SettingError
+from robot_emulators.plant import PlantMaker
 from wrenchbed import registry
-from wrenchbed.errors import DriverError, NotFoundError, ParameterError
+from wrenchbed.errors import NotFoundError
+from wrenchbed.plant.serving import EmulatorOptions, emulated
 
 NAMES = registry.names("emulators")
 HOST = "127.0.6.{}"
@@ -38,7 +41,7 @@ def answers(addresses: dict[str, str]) -> list[str]:
 
 
 def serves_at_a_loopback_address(kind: Kind, host: str) -> None:
-    emulator = kind(EmulatorOptions(host, noise="off"))
+    emulator = emulated(kind, EmulatorOptions(host, noise="off"))
     try:
         addresses = emulator.start()
         assert all(host in address for address in addresses.values())
@@ -50,21 +53,21 @@ def serves_at_a_loopback_address(kind: Kind, host: str) -> None:
 
 def refuses_other_addresses(kind: Kind, host: str) -> None:
     for other in ("0.0.0.0", "10.0.0.1", "localhost.example", ""):
-        with pytest.raises(ParameterError, match=r"--host .*127\.0\.0\.1"):
-            kind(EmulatorOptions(other))
+        with pytest.raises(SettingError, match=r"--host .*127\.0\.0\.1"):
+            emulated(kind, EmulatorOptions(other))
 
 
 def refuses_a_taken_port(kind: Kind, host: str) -> None:
-    with kind(EmulatorOptions(host, noise="off")):
-        other = kind(EmulatorOptions(host, noise="off"))
-        with pytest.raises(DriverError, match=re.escape(host)):
+    with emulated(kind, EmulatorOptions(host, noise="off")):
+        other = emulated(kind, EmulatorOptions(host, noise="off"))
+        with pytest.raises(EmulatorError, match=re.escape(host)):
             other.start()
         other.stop()
 
 
 def stops_without_a_trace(kind: Kind, host: str) -> None:
     before = set(threading.enumerate())
-    emulator = kind(EmulatorOptions(host, noise="off"))
+    emulator = emulated(kind, EmulatorOptions(host, noise="off"))
     addresses = emulator.start()
     client = client_of(answers(addresses)[0])
     emulator.stop()
@@ -79,30 +82,30 @@ def stops_without_a_trace(kind: Kind, host: str) -> None:
 
 def starts_again_as_a_new_one(kind: Kind, host: str) -> None:
     for _ in range(2):
-        emulator = kind(EmulatorOptions(host, noise="off"))
+        emulator = emulated(kind, EmulatorOptions(host, noise="off"))
         try:
             assert answers(emulator.start())
         finally:
             emulator.stop()
-    with pytest.raises(DriverError, match="make a new one"):
+    with pytest.raises(EmulatorError, match="make a new one"):
         emulator.start()
 
 
 def refuses_settings_by_name(kind: Kind, host: str) -> None:
-    with pytest.raises(ParameterError, match=r"no-such.*Known: " + next(iter(kind.settings))):
-        kind(EmulatorOptions(host, setting={"no-such": "1"}))
+    with pytest.raises(SettingError, match=r"no-such.*Known: " + next(iter(kind.settings))):
+        emulated(kind, EmulatorOptions(host, setting={"no-such": "1"}))
     assert all(kind.settings.values())
 
 
 def refuses_faults_by_name(kind: Kind, host: str) -> None:
-    faults = kind(EmulatorOptions(host, noise="off")).faults
+    faults = emulated(kind, EmulatorOptions(host, noise="off")).faults
     assert faults.known and all(link and name for link, name in faults.known)
 
 
 def runs_with_an_effect(kind: Kind, host: str) -> None:
     with pytest.raises(NotFoundError, match=r"no\.such"):
-        kind(EmulatorOptions(host, effects=("no.such",)))
-    with kind(EmulatorOptions(host, effects=(EFFECT,))) as emulator:
+        emulated(kind, EmulatorOptions(host, effects=("no.such",)))
+    with emulated(kind, EmulatorOptions(host, effects=(EFFECT,))) as emulator:
         assert not emulator.failed.wait(0.5), emulator.failure
 
 
@@ -134,7 +137,7 @@ class Broken(Emulator):
     name = title = "broken"
     settings = {}  # noqa: RUF012
 
-    def __init__(self, options: EmulatorOptions) -> None:
+    def __init__(self, options: Options, make_plant: PlantMaker) -> None:
         raise NotImplementedError
 
     def serve(self) -> dict[str, str]:
@@ -147,8 +150,8 @@ class Broken(Emulator):
 class Silent(Broken):
     """One that can be made and starts, but serves nothing."""
 
-    def __init__(self, options: EmulatorOptions) -> None:
-        Emulator.__init__(self, options)
+    def __init__(self, options: Options, make_plant: PlantMaker) -> None:
+        Emulator.__init__(self, options, make_plant)
 
     def serve(self) -> dict[str, str]:
         return {}

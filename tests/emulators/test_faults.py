@@ -5,7 +5,7 @@ import pytest
 from robot_emulators.base import arguments as asks
 from robot_emulators.base import faults as timed
 from robot_emulators.base.faults import Faults, TimedFault
-from wrenchbed.errors import MapError
+from robot_emulators.errors import FaultError
 
 SCRIPT = """
 [[fault]]
@@ -51,14 +51,14 @@ def test_a_script_is_sorted_and_run_in_time(tmp_path):
 def test_a_bad_script_is_refused_by_field(tmp_path, text, message):
     path = tmp_path / "f.toml"
     path.write_text(text)
-    with pytest.raises(MapError, match=message):
+    with pytest.raises(FaultError, match=message):
         timed.read(path)
 
 
 def test_an_unknown_fault_lists_what_exists():
     faults = Faults()
     faults.on("rdt", "drop", print)
-    with pytest.raises(MapError, match=r"no fault rdt melt\. Known: rdt drop"):
+    with pytest.raises(FaultError, match=r"no fault rdt melt\. Known: rdt drop"):
         faults.inject(TimedFault("rdt", "melt"))
 
 
@@ -103,14 +103,14 @@ def test_values_of_a_fault_have_defaults():
     ],
 )
 def test_values_that_a_fault_does_not_take_are_refused(values, why):
-    with pytest.raises(MapError, match=why):
+    with pytest.raises(FaultError, match=why):
         told(**values)
 
 
 def test_a_script_with_a_wrong_value_is_refused_before_it_runs():
     faults = Faults()
     faults.on("rdt", "drop", print, ASKS)
-    with pytest.raises(MapError, match="script: rdt drop: share"):
+    with pytest.raises(FaultError, match="script: rdt drop: share"):
         faults.start((TimedFault("rdt", "drop", 9.0, 0.0, {"share": 2.0}),), "script")
 
 

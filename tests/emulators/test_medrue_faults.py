@@ -8,12 +8,11 @@ import pytest
 
 from can_witness import connected
 from medrue_bench import until
-from robot_emulators.base.emulator import EmulatorOptions
 from robot_emulators.base.faults import TimedFault
 from robot_emulators.can_bus.hub import Hub
 from robot_emulators.can_bus.wire import Frame
-from robot_emulators.medrue import MedrueEmulator
-from wrenchbed.errors import MapError
+from robot_emulators.errors import FaultError
+from wrenchbed.plant.serving import EmulatorOptions, emulated
 
 HOST = "127.0.4.7"
 
@@ -21,7 +20,7 @@ HOST = "127.0.4.7"
 @pytest.fixture(scope="module")
 def idle():
     """An emulator that was never started."""
-    return MedrueEmulator(EmulatorOptions(HOST, noise="off", setting={"port": "0"}))
+    return emulated("medrue", EmulatorOptions(HOST, noise="off", setting={"port": "0"}))
 
 
 @pytest.mark.parametrize(
@@ -40,7 +39,7 @@ def idle():
      ("reset_board", {"silent": 0}, "silent = 0 must be true or false")],
 )  # fmt: skip
 def test_values_out_of_range_are_refused_by_name(idle, kind, values, named):
-    with pytest.raises(MapError, match=f"can {kind}.*{named}"):
+    with pytest.raises(FaultError, match=f"can {kind}.*{named}"):
         idle.faults.inject(TimedFault("can", kind, values=values))
 
 
@@ -53,7 +52,7 @@ def test_every_status_that_is_taken_is_sent(idle, bits):
 
 
 def test_an_unknown_key_is_refused(idle):
-    with pytest.raises(MapError, match="nod"):
+    with pytest.raises(FaultError, match="nod"):
         idle.faults.inject(TimedFault("can", "frozen", values={"nod": 4}))
 
 
@@ -106,7 +105,7 @@ def test_a_hub_whose_thread_ends_says_so_and_hangs_up(monkeypatch):
 
 
 def test_an_emulator_whose_board_fails_reports_it():
-    with MedrueEmulator(EmulatorOptions(HOST, noise="off", setting={"port": "0"})) as emulator:
+    with emulated("medrue", EmulatorOptions(HOST, noise="off", setting={"port": "0"})) as emulator:
         emulator.board.status = 1 << 31
         send = emulator.hub.attach(lambda t, frame: None)
         send(Frame(0x680, b""))

@@ -5,11 +5,10 @@ import numpy as np
 import pytest
 
 from medrue_bench import away, until
-from robot_emulators.base.body import BodyOptions
-from robot_emulators.base.emulator import EmulatorOptions
-from robot_emulators.medrue import MedrueEmulator
-from robot_emulators.medrue.plant import CYCLE_S, DrivenArm
+from robot_emulators.medrue.plant import CYCLE_S
 from wrenchbed.hardware.drivers.can import CanDriver, CanOptions
+from wrenchbed.plant.body import Body, BodyOptions
+from wrenchbed.plant.serving import EmulatorOptions, emulated
 from wrenchbed.robots.motion_limits import minimum_jerk
 
 HOST = "127.0.4.8"
@@ -18,7 +17,7 @@ HOST = "127.0.4.8"
 @pytest.mark.parametrize("joint, within", [(0, 0.01), (5, 0.1)])
 def test_what_a_motor_gives_accelerates_what_it_moves(joint, within):
     """From rest on, the integral of a motor's torque is the momentum of its joint."""
-    arm = DrivenArm(BodyOptions("medrue", noise="off"), CYCLE_S)
+    arm = Body(BodyOptions("medrue", noise="off"), CYCLE_S, drives=True)
     model, data = arm.simulation.model, arm.simulation.data
     mujoco.mj_forward(model, data)
     inertias = np.zeros((model.nv, model.nv))
@@ -28,28 +27,28 @@ def test_what_a_motor_gives_accelerates_what_it_moves(joint, within):
     for k in range(150):
         share = minimum_jerk(np.array(min(1.0, (k + 1) / 100)))
         arm.step(arm.robot.home + share * 0.05 * np.eye(6)[joint])
-        torques.append(arm.torque[joint])
+        torques.append(arm.drives.now.servo[joint])
         speeds.append(arm.qd[joint])
     momentum, v = np.cumsum(torques) * CYCLE_S, np.array(speeds)
     assert float(momentum @ v / (v @ v)) == pytest.approx(inertias[dof, dof], rel=within)
 
 
 def test_a_motor_holds_what_pushes_and_gives_nothing_at_rest():
-    arm = DrivenArm(BodyOptions("medrue", noise="off"), CYCLE_S)
+    arm = Body(BodyOptions("medrue", noise="off"), CYCLE_S, drives=True)
     for _ in range(50):
         arm.step(arm.robot.home)
-    assert np.abs(arm.torque).max() < 1e-6
+    assert np.abs(arm.drives.now.servo).max() < 1e-6
     arm._plant.data.qfrc_applied[0] = 25.0  # on the carriage
     for _ in range(1000):
         arm.step(arm.robot.home)
-    assert arm.torque[0] == pytest.approx(-25.0, abs=0.1)
+    assert arm.drives.now.servo[0] == pytest.approx(-25.0, abs=0.1)
 
 
 @pytest.mark.wire
 def test_the_driver_records_currents_of_the_drives():
     """At rest: the reported torque over the drive's constant, weight included."""
     settings = {"port": "0", "bus": "virtual:medrue current"}
-    with MedrueEmulator(EmulatorOptions(HOST, noise="off", setting=settings)) as emulator:
+    with emulated("medrue", EmulatorOptions(HOST, noise="off", setting=settings)) as emulator:
         options = CanOptions(
             interface="virtual", channel="medrue current", effort="current", rate=100.0
         )
@@ -65,12 +64,12 @@ def test_the_driver_records_currents_of_the_drives():
 def test_the_drivers_effort_is_what_the_motors_give():
     rated = np.array([200.0] + 5 * [2.0])
     settings = {"port": "0", "bus": "virtual:medrue torque"}
-    with MedrueEmulator(EmulatorOptions(HOST, noise="off", setting=settings)) as emulator:
+    with emulated("medrue", EmulatorOptions(HOST, noise="off", setting=settings)) as emulator:
         body = emulator.plant.body
         step, given = body.step, [np.zeros(6)]
 
-        def recorded(target):
-            step(target)
+        def recorded(target, due=0.0):
+            step(target, due)
             given.append(np.rint(1000.0 * body.efforts.torque / rated))
 
         body.step = recorded

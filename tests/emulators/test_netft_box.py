@@ -10,8 +10,8 @@ import pytest
 from netft_scene import boxed, plain
 from robot_emulators.base.arguments import read
 from robot_emulators.base.timeline import Timeline
+from robot_emulators.errors import EmulatorError, FaultError, SettingError
 from robot_emulators.netft_box import BoxSettings
-from wrenchbed.errors import DriverError, MapError, ParameterError
 
 pytestmark = pytest.mark.wire
 
@@ -117,17 +117,17 @@ def test_faults_of_the_page():
 def test_what_a_fault_asks_for_is_checked():
     with boxed("127.0.3.31") as scene:
         for kind, values in (("drop", {"share": 2}), ("saturate", {"channel": "fx"})):
-            with pytest.raises(MapError, match="must be"):
+            with pytest.raises(FaultError, match="must be"):
                 scene.fault("rdt", kind, 1.0, **values)
-        with pytest.raises(MapError, match="Known: http garbage"):
+        with pytest.raises(FaultError, match="Known: http garbage"):
             scene.fault("rdt", "explode")
 
 
 def test_a_taken_port_is_named():
     with boxed("127.0.3.32"):
-        with pytest.raises(DriverError, match="UDP port 127.0.3.32:49152"), boxed("127.0.3.32"):
+        with pytest.raises(EmulatorError, match="UDP port 127.0.3.32:49152"), boxed("127.0.3.32"):
             pass
-        with pytest.raises(DriverError, match="TCP port"), boxed("127.0.3.32", rdt_port=49153):
+        with pytest.raises(EmulatorError, match="TCP port"), boxed("127.0.3.32", rdt_port=49153):
             pass
 
 
@@ -136,7 +136,7 @@ def test_a_taken_port_is_named():
             {"counts_per_force": 0.0}, {"product": "x"}, {"counts_per_torque": float("nan")}],
 )  # fmt: skip
 def test_impossible_settings_are_refused(bad):
-    with pytest.raises(ParameterError, match=next(iter(bad))):
+    with pytest.raises(SettingError, match=next(iter(bad))):
         BoxSettings(**bad)
 
 
@@ -144,7 +144,7 @@ def test_settings_of_a_command_line():
     (given,) = read({"rate": "500", "buffer": "4", "torque_unit": "lbf-in"}, BoxSettings)
     assert (given.rate, given.buffer, given.torque_unit) == (500.0, 4, "lbf-in")
     for words in ({"rates": "1"}, {"rate": "fast"}):
-        with pytest.raises(ParameterError, match="rate"):
+        with pytest.raises(SettingError, match="rate"):
             read(words, BoxSettings)
 
 

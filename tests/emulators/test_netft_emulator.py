@@ -6,9 +6,9 @@ import pytest
 import wrenchbed as wb
 from emulator_process import running
 from netft_scene import until
-from robot_emulators.base.emulator import EmulatorOptions
-from wrenchbed.errors import ParameterError
+from robot_emulators.errors import SettingError
 from wrenchbed.hardware.transducers.netft import NetftOptions
+from wrenchbed.plant.serving import EmulatorOptions, emulated
 
 pytestmark = pytest.mark.wire
 
@@ -35,5 +35,5 @@ def test_the_transducer_reads_the_emulator_and_sees_its_faults():
 def test_the_emulator_lists_its_settings():
     emulator = wb.load("emulators", "netft")
     assert {"robot", "rate", "force_unit"} <= set(emulator.settings)
-    with pytest.raises(ParameterError, match="Known: robot: .*rdt_port: "):
-        emulator(EmulatorOptions(setting={"rte": "500"}))
+    with pytest.raises(SettingError, match="Known: robot: .*rdt_port: "):
+        emulated(emulator, EmulatorOptions(setting={"rte": "500"}))

@@ -6,10 +6,10 @@ from types import SimpleNamespace
 import pytest
 
 from robot_emulators.base import real_time as clock_module
-from robot_emulators.base.emulator import EmulatorOptions
 from robot_emulators.base.real_time import GIVE_UP_S, CycleClock
-from robot_emulators.ur5 import EMULATOR, outputs, server
-from robot_emulators.ur5.outputs import Timestamp
+from robot_emulators.ur import outputs, server
+from robot_emulators.ur.outputs import Timestamp
+from wrenchbed.plant.serving import EmulatorOptions, emulated
 
 PERIOD = 0.008
 
@@ -80,7 +80,7 @@ def test_the_time_stamp_counts_lost_time_and_starts_anew(hands):
 
 @pytest.fixture
 def emulator():
-    return EMULATOR(EmulatorOptions("127.0.1.35", noise="off", setting={"box": "off"}))
+    return emulated("ur5", EmulatorOptions("127.0.1.35", noise="off", setting={"box": "off"}))
 
 
 def test_the_time_stamp_counts_the_time_in_which_the_loop_stood_still(hands, emulator, monkeypatch):
@@ -89,12 +89,12 @@ def test_the_time_stamp_counts_the_time_in_which_the_loop_stood_still(hands, emu
 
     def cycle(behind):
         seen.append((behind, emulator.timestamp.now() - first))
-        emulator.body.step(emulator.body.target)
+        emulator.plant.step(emulator.plant.target)
 
     monkeypatch.setattr(emulator, "_cycle", cycle)
     monkeypatch.setattr(emulator, "_wait", lambda pause=0.0: None)
     for _ in range(4):  # until the state that is shown moves on with each cycle
-        emulator.body.step(emulator.body.target)
+        emulator.plant.step(emulator.plant.target)
     first = emulator.timestamp.now()
     emulator._begin()
     for turn in range(8):

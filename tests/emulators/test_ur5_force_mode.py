@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from robot_emulators.ur5.kinematics import NO_TOOL
-from robot_emulators.ur5.modes import SafetyMode
+from robot_emulators.ur.kinematics import NO_TOOL
+from robot_emulators.ur.modes import SafetyMode
 from ur5_bench import CYCLE, ROBOT, Bench
 
 DOWN = np.array([0.4, -0.11, 0.45, np.pi, 0.0, 0.0])

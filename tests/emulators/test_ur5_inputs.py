@@ -1,7 +1,7 @@
 """Which packet counts in which cycle, also where an emulator was held up and hears many at once."""
 
-from robot_emulators.ur5.inputs import Inputs
-from robot_emulators.ur5.packets import inputs
+from robot_emulators.ur.inputs import Inputs
+from robot_emulators.ur.packets import inputs
 
 CB3 = (3, 15, 8, 106339)
 NAME = "input_int_register_1"

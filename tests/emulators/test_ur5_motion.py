@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from robot_emulators.ur5.kinematics import (
+from robot_emulators.kinematic_plant import known_arm
+from robot_emulators.ur.kinematics import (
     NO_TOOL,
     Kinematics,
     matrix,
@@ -13,8 +14,8 @@ from robot_emulators.ur5.kinematics import (
     rotation_vector,
     vector,
 )
-from robot_emulators.ur5.modes import Runtime, SafetyMode
-from robot_emulators.ur5.motions import Pace, Profile, ToPose
+from robot_emulators.ur.modes import Runtime, SafetyMode
+from robot_emulators.ur.motions import Pace, Profile, ToPose
 from ur5_bench import CYCLE, Bench
 from wrenchbed import registry
 from wrenchbed.simulation.simulation import Simulation
@@ -30,7 +31,7 @@ def random_joints(n: int, seed: int) -> np.ndarray:
 
 
 def test_forward_kinematics_are_the_robots_and_mujocos():
-    kinematics = Kinematics()
+    kinematics = Kinematics(known_arm("ur5"))
     simulation = Simulation(ROBOT, NOMINAL)
     for q in random_joints(20, 1):
         rotation, position = kinematics.flange(q)
@@ -45,7 +46,7 @@ def test_forward_kinematics_are_the_robots_and_mujocos():
 
 
 def test_the_jacobian_is_the_derivative():
-    kinematics, step = Kinematics(), 1e-6
+    kinematics, step = Kinematics(known_arm("ur5")), 1e-6
     for q in random_joints(5, 2):
         jacobian = kinematics.jacobian(q, TCP)
         for k in range(6):
@@ -57,7 +58,7 @@ def test_the_jacobian_is_the_derivative():
 
 
 def test_inverse_kinematics_find_the_nearest_solution():
-    kinematics = Kinematics()
+    kinematics = Kinematics(known_arm("ur5"))
     for q in ROBOT.sample(20, np.random.default_rng(3)):
         pose = kinematics.pose(q, TCP)
         assert kinematics.inverse(pose, TCP, q + 0.001) == pytest.approx(q, abs=1e-6)
@@ -244,7 +245,7 @@ def test_a_pose_out_of_reach_ends_the_program():
 
 
 def test_a_way_through_the_column_is_unreachable():
-    kinematics = Kinematics()
+    kinematics = Kinematics(known_arm("ur5"))
     q = kinematics.inverse(DOWN, NO_TOOL, ROBOT.home)
     goal = DOWN * np.array([-1.0, -1.0, 1.0, 1.0, 1.0, 1.0])
     motion = ToPose(kinematics, NO_TOOL, goal, Pace(5.0, 50.0))

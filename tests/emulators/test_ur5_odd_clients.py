@@ -12,18 +12,18 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from robot_emulators.base.emulator import EmulatorOptions
-from robot_emulators.ur5 import EMULATOR
-from robot_emulators.ur5.commands import COMMANDS
-from robot_emulators.ur5.dashboard import Dashboard
-from robot_emulators.ur5.kinematics import NO_TOOL, Kinematics, UnreachableError
-from robot_emulators.ur5.messages import RuntimeFault
-from robot_emulators.ur5.modes import Runtime
-from robot_emulators.ur5.outputs import Outputs
-from robot_emulators.ur5.packets import Recipe
-from robot_emulators.ur5.script import Collector, Script
+from robot_emulators.errors import EmulatorError
+from robot_emulators.kinematic_plant import known_arm
+from robot_emulators.ur.commands import COMMANDS
+from robot_emulators.ur.dashboard import Dashboard
+from robot_emulators.ur.kinematics import NO_TOOL, Kinematics, UnreachableError
+from robot_emulators.ur.messages import RuntimeFault
+from robot_emulators.ur.modes import Runtime
+from robot_emulators.ur.outputs import Outputs
+from robot_emulators.ur.packets import Recipe
+from robot_emulators.ur.script import Collector, Script
 from ur5_bench import CYCLE, Bench
-from wrenchbed.errors import DriverError
+from wrenchbed.plant.serving import EmulatorOptions, emulated
 
 HOST = "127.0.1.33"
 ODD = (math.inf, -math.inf, math.nan, 1e300)
@@ -85,7 +85,7 @@ def test_a_tool_that_is_far_away_stops_the_arm_at_most(bench):
 
 
 def test_where_no_joint_speeds_can_be_found_the_way_ends(monkeypatch):
-    kinematics = Kinematics()
+    kinematics = Kinematics(known_arm("ur5"))
     jacobian, pose = np.full((6, 6), 1e100), kinematics.transform(np.zeros(6), NO_TOOL)
     monkeypatch.setattr(kinematics, "jacobian", lambda q, tcp: jacobian)
     monkeypatch.setattr(kinematics, "jacobian_and_transform", lambda q, tcp: (jacobian, *pose))
@@ -199,7 +199,7 @@ def broken(monkeypatch, capfd):
     def cycle(now):
         raise ZeroDivisionError("a cycle that cannot be")
 
-    emulator = EMULATOR(EmulatorOptions(HOST, noise="off", setting={"box": "off"}))
+    emulator = emulated("ur5", EmulatorOptions(HOST, noise="off", setting={"box": "off"}))
     monkeypatch.setattr(emulator.controller, "cycle", cycle)
     with emulator:
         assert emulator.failed.wait(3.0)
@@ -210,16 +210,16 @@ def broken(monkeypatch, capfd):
 def test_a_loop_that_breaks_down_says_so_and_refuses_faults(broken):
     assert isinstance(broken.failure, ZeroDivisionError)
     begun = time.monotonic()
-    with pytest.raises(DriverError, match="a cycle that cannot be"):
+    with pytest.raises(EmulatorError, match="a cycle that cannot be"):
         broken.soon(lambda: None)
     assert time.monotonic() - begun < 1.0
 
 
 def test_a_loop_that_hangs_refuses_faults_and_never_does_them(monkeypatch):
-    monkeypatch.setattr("robot_emulators.ur5.server._INJECT_S", 0.1)
-    emulator = EMULATOR(EmulatorOptions(HOST, noise="off", setting={"box": "off"}))
+    monkeypatch.setattr("robot_emulators.ur.server._INJECT_S", 0.1)
+    emulator = emulated("ur5", EmulatorOptions(HOST, noise="off", setting={"box": "off"}))
     done = []
-    with pytest.raises(DriverError, match=r"has stopped.*0\.1 s"):
+    with pytest.raises(EmulatorError, match=r"has stopped.*0\.1 s"):
         emulator.soon(lambda: done.append(1))
     with emulator:
         emulator.soon(lambda: None)
@@ -227,7 +227,7 @@ def test_a_loop_that_hangs_refuses_faults_and_never_does_them(monkeypatch):
 
 
 def test_a_fault_that_fails_raises_where_it_was_injected():
-    emulator = EMULATOR(EmulatorOptions(HOST, noise="off", setting={"box": "off"}))
+    emulator = emulated("ur5", EmulatorOptions(HOST, noise="off", setting={"box": "off"}))
 
     def fail():
         raise KeyError("no such thing")
@@ -240,7 +240,7 @@ def test_a_fault_that_fails_raises_where_it_was_injected():
 
 BREAK = """
 import sys
-from robot_emulators.ur5.controller import Controller
+from robot_emulators.ur.controller import Controller
 def cycle(self, now):
     raise ZeroDivisionError("a cycle that cannot be")
 Controller.cycle = cycle

@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from robot_emulators.base.emulator import EmulatorOptions
-from robot_emulators.ur5 import EMULATOR
 from wrenchbed.hardware.drivers.rtde import wrench_source
 from wrenchbed.hardware.drivers.rtde.shared_state import Snapshot
+from wrenchbed.plant.serving import EmulatorOptions, emulated
 
 HOST = "127.0.1.36"
 CABLE = "cable.pull:stiffness=6,pull.x=1.0,pull.z=-1.0"
@@ -16,14 +15,16 @@ GAIN = "sensor.gain:gain.fz=0.2"
 
 def made(*effects: str, noise: str = "off", series: str = "cb3", box: str = "off", seed: int = 0):
     setting = {"box": box, "series": series}
-    return EMULATOR(EmulatorOptions(HOST, noise=noise, effects=effects, seed=seed, setting=setting))
+    return emulated(
+        "ur5", EmulatorOptions(HOST, noise=noise, effects=effects, seed=seed, setting=setting)
+    )
 
 
 def forces(emulator, n: int, step: float = 0.0) -> np.ndarray:
     """actual_TCP_force (n, 6) of control cycles, each a step [rad] further."""
     rows = []
     for k in range(n):
-        emulator.controller.arm.q = np.array(emulator.body.robot.home) + step * k
+        emulator.controller.arm.q = np.array(emulator.plant.robot.home) + step * k
         emulator.controller.arm._plain = emulator.controller.arm.q.copy()
         emulator.controller.cycle(100.0 + 0.008 * k)
         emulator._outputs.update(1.0, {"actual_TCP_force", "ft_raw_wrench"})
@@ -57,7 +58,7 @@ def test_its_error_is_not_that_of_the_net_ft():
     for k in range(400):
         forces(emulator, 1)
         own.append(emulator.controller.arm.load)
-        shown.append(emulator.body.readings(np.array([0.008 * (k + 1)]))[0][0])
+        shown.append(emulator.plant.readings(np.array([0.008 * (k + 1)]))[0][0])
     for lag in range(-4, 5):
         for j in range(3):
             first, second = (np.array(rows)[:, j] for rows in (shown, own))
@@ -81,10 +82,10 @@ def test_both_readings_of_an_e_series_are_of_one_sensor():
     force = forces(emulator, 30)[-1]
     raw = np.array(emulator.controller.values["ft_raw_wrench"])
     arm = emulator.controller.arm
-    rotation, _ = arm.kinematics.flange(arm.body.q)
+    rotation, _ = arm.kinematics.flange(arm.plant.q)
     weight = arm.estimate.payload.mass * arm.estimate.gravity
     assert rotation @ raw[:3] - weight == pytest.approx(force[:3], abs=1e-9)
-    assert np.abs(raw - emulator.body.load).max() > 0.1
+    assert np.abs(raw - emulator.plant.load).max() > 0.1
 
 
 def at_the_tcp(major: int, wrench: np.ndarray, pose: np.ndarray, tcp: np.ndarray) -> np.ndarray:
@@ -113,7 +114,7 @@ def test_each_generation_refers_its_wrench_to_the_point_that_the_maker_says(seri
     arm.tcp = tcp.copy()
     arm.estimate.carry(0.0, np.array([0.0, 0.0, 1e-3]))
     wrench = forces(emulator, 3)[-1]
-    q, load = np.array(arm.body.q), np.array(arm.body.load)
+    q, load = np.array(arm.plant.q), np.array(arm.plant.load)
     pose = arm.kinematics.pose(q, tcp)
     assert np.linalg.norm(load[:3]) > 10.0
 
@@ -124,4 +125,4 @@ def test_each_generation_refers_its_wrench_to_the_point_that_the_maker_says(seri
     assert at_the_tcp(5 if major < 5 else 3, wrench, pose, tcp) != pytest.approx(true, abs=0.1)
 
     state = Snapshot(t=1.0, q=tuple(q), pose=tuple(pose), force=tuple(wrench), major=float(major))
-    assert wrench_source.reading(state, arm.body.robot).wrench == pytest.approx(load)
+    assert wrench_source.reading(state, arm.plant.robot).wrench == pytest.approx(load)

@@ -6,11 +6,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robot_emulators.ur5 import packets as wire
-from robot_emulators.ur5.inputs import Inputs
-from robot_emulators.ur5.packets import inputs, outputs, zero
-from robot_emulators.ur5.rtde import Offer, RtdeSession
-from wrenchbed.errors import LinkError
+from robot_emulators.errors import EmulatorError
+from robot_emulators.ur import packets as wire
+from robot_emulators.ur.inputs import Inputs
+from robot_emulators.ur.packets import inputs, outputs, zero
+from robot_emulators.ur.rtde import Offer, RtdeSession
 
 CB3, E = (3, 15, 8, 106339), (5, 11, 1, 108318)
 
@@ -158,7 +158,7 @@ def test_every_field_has_a_value_of_its_type():
 
 
 def test_a_header_that_lies_ends_the_connection():
-    with pytest.raises(LinkError):
+    with pytest.raises(EmulatorError):
         wire.Splitter().feed(b"\x00\x02\x55")
     assert not session()[0].receive(b"\x00\x00\x00", 1.0)
 

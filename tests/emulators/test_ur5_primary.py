@@ -8,10 +8,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from robot_emulators.ur5.messages import Error, Key, Popup, RuntimeFault, Safety, Said
-from robot_emulators.ur5.modes import RobotMode, Runtime, SafetyMode
-from robot_emulators.ur5.outputs import Outputs
-from robot_emulators.ur5.primary import Primary
+from robot_emulators.ur.messages import Error, Key, Popup, RuntimeFault, Safety, Said
+from robot_emulators.ur.modes import RobotMode, Runtime, SafetyMode
+from robot_emulators.ur.outputs import Outputs
+from robot_emulators.ur.primary import Primary
 from ur5_bench import CYCLE, Bench
 
 SIZES = {0: 47, 1: 251, 2: 37, 3: 75, 4: 101, 5: 225, 6: 445, 7: 61, 8: 9, 9: 53, 10: 43, 12: 8}
@@ -105,10 +105,10 @@ def test_parts_hold_what_they_should(listener):
     assert struct.unpack_from(">3d", mode, 22) == (1.0, 1.0, 1.0)
     for k in range(6):
         q, target, _ = struct.unpack_from(">3d", found[1], 5 + 41 * k)
-        assert abs(q - arm.body.q[k]) < 0.02 and target == pytest.approx(arm.q[k])
+        assert abs(q - arm.plant.q[k]) < 0.02 and target == pytest.approx(arm.q[k])
         assert found[1][5 + 41 * k + 40] == 253
     pose = struct.unpack_from(">6d", found[4], 5)
-    assert np.allclose(pose[:3], arm.kinematics.pose(arm.body.q, arm.tcp)[:3])
+    assert np.allclose(pose[:3], arm.kinematics.pose(arm.plant.q, arm.tcp)[:3])
     a = struct.unpack_from(">6d", found[5], 5 + 24 + 48)
     d = struct.unpack_from(">6d", found[5], 5 + 24 + 96)
     alpha = struct.unpack_from(">6d", found[5], 5 + 24 + 144)

@@ -8,11 +8,11 @@ import time
 import numpy as np
 import pytest
 
-from robot_emulators.ur5.messages import RuntimeFault, Said
-from robot_emulators.ur5.modes import Runtime
-from robot_emulators.ur5.programs import ProgramFileError, Programs
-from robot_emulators.ur5.script import Collector
-from robot_emulators.ur5.settings import ControllerSettings
+from robot_emulators.ur.messages import RuntimeFault, Said
+from robot_emulators.ur.modes import Runtime
+from robot_emulators.ur.programs import ProgramFileError, Programs
+from robot_emulators.ur.script import Collector
+from robot_emulators.ur.settings import ControllerSettings
 from ur5_bench import CYCLE, Bench
 
 HOST = "127.0.1.34"
@@ -31,9 +31,7 @@ class Played(Bench):
         self.controller.announce = self._hear
 
     def __init_with(self, series: str, settings: dict[str, str]) -> None:
-        self.controller = type(self.controller)(
-            ControllerSettings(series, **settings), self.body, self.controller.estimate.payload
-        )
+        self.controller = type(self.controller)(ControllerSettings(series, **settings), self.body)
         self.arm = self.controller.arm
 
     def _hear(self, event) -> None:
@@ -401,7 +399,7 @@ def test_a_wrench_can_be_sent_instead_of_the_arms_own():
     sent = (10.0, 0.0, 0.0, 0.0, 0.0, 0.5)
     bench.controller.inputs.write("test", {"external_force_torque": sent}, bench.now)
     bench.run(CYCLE)
-    rotation, _ = bench.arm.kinematics.flange(bench.arm.body.q)
+    rotation, _ = bench.arm.kinematics.flange(bench.arm.plant.q)
     down = rotation.T @ np.array([0.0, 0.0, -9.80665]) * 2.0
     force = np.array([10.0, 0.0, 0.0]) + down
     torque = np.array([0.0, 1.0, 0.5]) + np.cross([0.0, 0.0, 0.05], down)
@@ -418,7 +416,7 @@ def test_the_reported_torque_is_about_the_tcp_on_a_cb3_and_the_flange_later(seri
     bench = Played(series)
     bench.play("set_payload(0, [0, 0, 0.001])", "set_tcp(p[0, 0, 0.2, 0, 0, 0])",
                "ft_rtde_input_enable(True)")  # fmt: skip
-    rotation, _ = bench.arm.kinematics.flange(bench.arm.body.q)
+    rotation, _ = bench.arm.kinematics.flange(bench.arm.plant.q)
     push = np.array([30.0, 0.0, 0.0])
     out = rotation @ np.array([0.0, 0.0, 0.2])
     at_flange = np.cross(out, push)

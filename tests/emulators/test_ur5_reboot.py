@@ -5,11 +5,10 @@ import time
 import numpy as np
 import pytest
 
-from robot_emulators.base.emulator import EmulatorOptions
-from robot_emulators.ur5 import EMULATOR
-from robot_emulators.ur5.outputs import Outputs
-from robot_emulators.ur5.tool_wrench import GRAVITY
+from robot_emulators.ur.outputs import Outputs
+from robot_emulators.ur.tool_wrench import GRAVITY
 from ur5_bench import CYCLE, Bench
+from wrenchbed.plant.serving import EmulatorOptions, emulated
 
 
 @pytest.fixture
@@ -44,7 +43,7 @@ def test_payload_and_gravity_are_those_of_the_installation(bench):
     values = reboot(bench)
     assert values["payload"] == (pytest.approx(1.35),)
     assert values["payload_cog"] == pytest.approx((0.004, -0.006, 0.071))
-    assert values["payload_inertia"] == (0.0,) * 6
+    assert values["payload_inertia"] == tuple(bench.body.arm.payload.inertia)
     assert values["target_gravity"] == pytest.approx(tuple(-GRAVITY))
 
 
@@ -105,7 +104,7 @@ def test_the_arm_stays_where_it_is(bench):
 
 
 def test_what_was_denied_held_back_or_counted_is_not(monkeypatch):
-    emulator = EMULATOR(EmulatorOptions("127.0.1.34", noise="off", setting={"box": "off"}))
+    emulator = emulated("ur5", EmulatorOptions("127.0.1.34", noise="off", setting={"box": "off"}))
     rtde, denials = emulator.rtde, emulator.rtde.offer.denials
     denials.start = denials.inputs = denials.outputs["actual_q"] = float("inf")
     rtde.freeze(float("inf"), {})

@@ -6,9 +6,8 @@ import time
 import pytest
 
 import emulator_process
-from robot_emulators.base.emulator import EmulatorOptions
-from robot_emulators.ur5 import EMULATOR
 from ur5_socket import Client, Lines, gone
+from wrenchbed.plant.serving import EmulatorOptions, emulated
 
 pytestmark = pytest.mark.wire
 
@@ -115,7 +114,7 @@ def test_restart(emulator, client):
 
 
 def test_a_stop_before_the_first_cycle_lasts_as_long_as_any(monkeypatch):
-    emulator = EMULATOR(EmulatorOptions("127.0.1.38", noise="off", setting={"box": "off"}))
+    emulator = emulated("ur5", EmulatorOptions("127.0.1.38", noise="off", setting={"box": "off"}))
     monkeypatch.setattr(emulator, "_wait", lambda: None)
     with emulator:
         emulator.controller.protective_stop()

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robot_emulators.ur5.script import Collector
+from robot_emulators.ur.script import Collector
 from ur5_bench import CYCLE, Bench
 
 

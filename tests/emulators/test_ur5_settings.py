@@ -6,11 +6,10 @@ from unittest.mock import Mock
 import numpy as np
 import pytest
 
-from robot_emulators.base.emulator import EmulatorOptions
-from robot_emulators.ur5 import EMULATOR
-from robot_emulators.ur5.dashboard import Dashboard
-from robot_emulators.ur5.settings import MODELS
-from wrenchbed.errors import DriverError, ParameterError
+from robot_emulators.errors import EmulatorError, SettingError
+from robot_emulators.ur.dashboard import Dashboard
+from robot_emulators.ur.settings import MODELS
+from wrenchbed.plant.serving import EmulatorOptions, emulated
 
 
 @pytest.mark.parametrize(
@@ -30,22 +29,22 @@ from wrenchbed.errors import DriverError, ParameterError
     ],
 )
 def test_settings_are_checked(setting, why):
-    with pytest.raises(ParameterError, match=why):
-        EMULATOR(EmulatorOptions("127.0.1.32", setting=setting))
+    with pytest.raises(SettingError, match=why):
+        emulated("ur5", EmulatorOptions("127.0.1.32", setting=setting))
 
 
 def test_a_taken_port_is_named_with_its_remedy():
     import socket
 
     with socket.create_server(("127.0.1.32", 30004)):
-        emulator = EMULATOR(EmulatorOptions("127.0.1.32", setting={"box": "off"}))
-        with pytest.raises(DriverError, match=r"127\.0\.1\.32:30004.*--host"):
+        emulator = emulated("ur5", EmulatorOptions("127.0.1.32", setting={"box": "off"}))
+        with pytest.raises(EmulatorError, match=r"127\.0\.1\.32:30004.*--host"):
             emulator.start()
         emulator.stop()
 
 
 def test_every_fault_of_each_link_is_known():
-    emulator = EMULATOR(EmulatorOptions("127.0.1.32", setting={"box": "off"}))
+    emulator = emulated("ur5", EmulatorOptions("127.0.1.32", setting={"box": "off"}))
     links = SimpleNamespace(**{link: set() for link, _ in emulator.faults.known})
     for link, kind in emulator.faults.known:
         getattr(links, link).add(kind)
@@ -57,8 +56,10 @@ def test_every_fault_of_each_link_is_known():
 @pytest.mark.parametrize("model", MODELS)
 def test_the_controller_is_that_of_its_arm(model):
     """Its poses are those of the published table, its body is that arm, its series fits."""
-    emulator = EMULATOR(EmulatorOptions("127.0.1.32", setting={"model": model, "box": "off"}))
-    controller, body = emulator.controller, emulator.body
+    emulator = emulated(
+        "ur5", EmulatorOptions("127.0.1.32", setting={"model": model, "box": "off"})
+    )
+    controller, body = emulator.controller, emulator.plant
     assert body.robot.name == model
     assert controller.settings.e_series == (model not in ("ur3", "ur5", "ur10"))
     q = body.robot.home + 0.1

@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robot_emulators.ur5.urscript.faults import ProgramEndsError, ScriptFaultError
-from robot_emulators.ur5.urscript.functions import Table
-from robot_emulators.ur5.urscript.machine import Machine, compiled
-from robot_emulators.ur5.urscript.parser import parse
+from robot_emulators.ur.urscript.faults import ProgramEndsError, ScriptFaultError
+from robot_emulators.ur.urscript.functions import Table
+from robot_emulators.ur.urscript.machine import Machine, compiled
+from robot_emulators.ur.urscript.parser import parse
 
 TABLE = Table()
 

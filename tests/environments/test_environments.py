@@ -12,11 +12,11 @@ from gymnasium.utils.env_checker import check_env
 
 import wrenchbed as wb
 import wrenchbed.environments
-from robot_emulators.base.contact_surface import Limb, tip_of
 from wrenchbed.environments.contact import Hand
 from wrenchbed.environments.information import knowledge
 from wrenchbed.environments.policies import ForceController, GreedyInformation
 from wrenchbed.errors import ParameterError
+from wrenchbed.plant.contact_surface import Limb, tip_of
 
 ROBOTS = ("UR5", "MedRUE")
 NAMES = [f"wrenchbed/{r}{kind}-v0" for r in ROBOTS for kind in ("Calibration", "Contact")]

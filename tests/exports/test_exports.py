@@ -12,14 +12,13 @@ import yaml
 from scipy.spatial.transform import Rotation
 
 import wrenchbed as wb
-from robot_emulators.base.emulator import EmulatorOptions
-from robot_emulators.ur5 import EMULATOR
-from robot_emulators.ur5.script import Collector
+from robot_emulators.ur.script import Collector
 from simulated import MEDRUE_TRUTH, UR5_TRUTH, WHITE, static
 from wrenchbed import registry
 from wrenchbed.errors import ExportError
 from wrenchbed.exports.base import Export, output_files
 from wrenchbed.exports.load_numbers import Origin, load_numbers
+from wrenchbed.plant.serving import EmulatorOptions, emulated
 
 INERTIA = {
     f"tool.inertia.{n}": v
@@ -264,7 +263,7 @@ def test_a_ur_told_by_the_script_feels_no_force(tmp_path, series):
     options = EmulatorOptions(
         "127.0.1.37", parameters=true, noise="off", setting={"box": "off", "series": series}
     )
-    controller = EMULATOR(options).controller
+    controller = emulated("ur5", options).controller
     script = written(fit, tmp_path, "ur")
     before = felt(controller)
     controller.upload(Collector().feed(script.encode()))
@@ -277,7 +276,7 @@ def test_a_ur_told_by_the_script_feels_no_force(tmp_path, series):
 
 def felt(controller) -> np.ndarray:
     """The wrench that the controller reports at 100 poses (100, 6), from the load at its flange."""
-    body, rows = controller.arm.body, []
+    body, rows = controller.arm.plant, []
     value = body.model.parameters.mapping(body.theta)
     turn = Rotation.from_rotvec([value[f"mount.rotation.{a}"] for a in "xyz"])
     for q in body.robot.sample(100, np.random.default_rng(3)):

@@ -7,13 +7,14 @@ import pytest
 
 from emulator_process import running
 from medrue_bench import away, options, until
-from robot_emulators.base.emulator import EmulatorOptions as TwinOptions
 from robot_emulators.medrue import MedrueEmulator
 from wrenchbed import registry
 from wrenchbed.errors import DriverError, LimitError, LinkError, SafetyStopError
 from wrenchbed.hardware.drivers.can import CanDriver, CanOptions
 from wrenchbed.hardware.transducers.netcanoem import NetcanoemOptions as SensorOptions
 from wrenchbed.hardware.transducers.netcanoem import NetcanoemTransducer
+from wrenchbed.plant.serving import EmulatorOptions as TwinOptions
+from wrenchbed.plant.serving import emulated
 from wrenchbed.robots.motion_limits import Limits
 from wrenchbed.simulation.simulation import Simulation
 
@@ -220,7 +221,7 @@ def test_the_transducer_alone(twin):
 
 def test_a_twin_on_a_virtual_bus_of_this_process():
     settings = {"port": "0", "bus": "virtual:medrue", "slot": "1"}
-    with MedrueEmulator(TwinOptions("127.0.4.4", noise="off", setting=settings)):
+    with emulated("medrue", TwinOptions("127.0.4.4", noise="off", setting=settings)):
         driver = CanDriver(CanOptions(interface="virtual", channel="medrue", slot=1))
         driver.connect()
         try:

@@ -19,7 +19,7 @@ LAYERS = (
     ("simulation",),
     ("calibration", "effects"),
     ("drives", "planning", "twin"),
-    ("diagnosis", "exports", "hardware"),
+    ("diagnosis", "exports", "hardware", "plant"),
     ("benchmark", "campaigns", "monitoring", "reports"),
     ("environments", "studies", "viewer"),
     ("__init__",),
@@ -37,7 +37,7 @@ PLUGINS = {
 }
 ONLY_IN = {
     "mujoco": ("robots", "simulation", "effects", "twin", "planning/clearance", "benchmark",
-               "viewer", "environments"),
+               "plant", "viewer", "environments"),
     "rtde_control": ("hardware/drivers/rtde",), "rtde_receive": ("hardware/drivers/rtde",),
     "rtde_io": ("hardware/drivers/rtde",), "dashboard_client": ("hardware/drivers/rtde",),
     "can": ("hardware",), "canopen": ("hardware",),
@@ -178,3 +178,26 @@ def test_the_core_loads_no_optional_library():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+EMULATORS = sorted((SOURCE.parent / "robot_emulators").rglob("*.py"))
+NOT_YET = ("netft_box/web.py",)
+
+
+def imported(path: Path) -> set[str]:
+    """Dotted names of the modules that a file imports from."""
+    nodes = list(ast.walk(ast.parse(path.read_text(encoding="utf-8"))))
+    plain = {a.name for n in nodes if isinstance(n, ast.Import) for a in n.names}
+    return plain | {str(n.module) for n in nodes if isinstance(n, ast.ImportFrom)}
+
+
+@pytest.mark.parametrize("path", EMULATORS, ids=lambda p: str(p.relative_to(SOURCE.parent)))
+def test_the_emulators_know_nothing_of_this_package(path):
+    if not str(path).endswith(NOT_YET):
+        assert not [m for m in imported(path) if m.split(".")[0] in ("wrenchbed", "mujoco")]
+
+
+def test_the_emulators_are_entered_by_their_door_and_from_one_room():
+    doors = {(room(m), name) for m, path in ALL.items() for name in imported(path)
+             if name.split(".")[0] == "robot_emulators"}  # fmt: skip
+    assert doors == {("plant", "robot_emulators")}

@@ -20,7 +20,7 @@ class StandIn:
     cycle = 0.008
 
     def __init__(self, noise: float = 1e-3) -> None:
-        self.sensor = wb.load("sensors", "ati-gamma")
+        self.sensor_range = np.asarray(wb.load("sensors", "ati-gamma").calibration().range)
         self.begun = time.monotonic()
         self.base = np.array([1.0, -2.0, 30.0, 0.1, -0.2, 0.3])
         self.slope = np.zeros(6)
@@ -32,7 +32,7 @@ class StandIn:
         return (time.monotonic() - self.begun - self.late) // self.cycle * self.cycle
 
     @property
-    def punctual(self) -> tuple[float, float]:
+    def newest(self) -> tuple[float, float]:
         ahead = self.ahead
         return self.begun + ahead, ahead
 
@@ -42,7 +42,7 @@ class StandIn:
     def readings(self, t):
         values = self.load(np.minimum(t, self.ahead))
         values = values + self.noise * self.random.standard_normal(values.shape)
-        over = (np.abs(values) >= self.sensor.calibration().range).any(axis=1)
+        over = (np.abs(values) >= self.sensor_range).any(axis=1)
         return values, over.astype(np.uint32)
 
 

@@ -2,12 +2,13 @@
 
 import numpy as np
 
-from robot_emulators.base.body import Body, BodyOptions
-from robot_emulators.ur5.controller import Controller
-from robot_emulators.ur5.script import Script
-from robot_emulators.ur5.settings import ControllerSettings
-from robot_emulators.ur5.tool_wrench import Payload
+from robot_emulators.plant import PlantRequest
+from robot_emulators.ur.controller import Controller
+from robot_emulators.ur.script import Script
+from robot_emulators.ur.settings import ControllerSettings
 from wrenchbed import registry
+from wrenchbed.plant.body import BodyOptions
+from wrenchbed.plant.mujoco_plant import MujocoPlant
 
 ROBOT = registry.load("robots", "ur5")
 NOMINAL = ROBOT.parameters.nominal
@@ -18,10 +19,9 @@ class Bench:
     """A controller whose time is its own."""
 
     def __init__(self, table: float | None = None, series: str = "cb3") -> None:
-        self.body = Body(BodyOptions("ur5", noise="off", table=table), CYCLE, drives=True)
-        tool = ROBOT.tool(NOMINAL)
-        payload = Payload(float(tool.mass), np.array(tool.cog, dtype=float), np.zeros(6))
-        self.controller = Controller(ControllerSettings(series), self.body, payload)
+        request = PlantRequest("ur5", CYCLE, drives=True)
+        self.body = MujocoPlant(BodyOptions("ur5", noise="off", table=table), request)
+        self.controller = Controller(ControllerSettings(series), self.body)
         self.arm = self.controller.arm
         self.now = 100.0
 

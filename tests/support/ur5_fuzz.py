@@ -24,9 +24,9 @@ def joined(*pieces: bytes) -> bytes:
 
 def rtde() -> tuple[Target, list[bytes]]:
     """An RTDE client's packets on their way to the UR5 emulator."""
-    from robot_emulators.ur5 import packets
-    from robot_emulators.ur5.inputs import Inputs
-    from robot_emulators.ur5.rtde import Offer, RtdeSession
+    from robot_emulators.ur import packets
+    from robot_emulators.ur.inputs import Inputs
+    from robot_emulators.ur.rtde import Offer, RtdeSession
 
     version = (5, 11, 0, 1)
     outputs = packets.outputs(version)
@@ -72,9 +72,9 @@ def script() -> tuple[Target, list[bytes]]:
     """Programs on their way to the controller, and moves that are put into its control script."""
     import numpy as np
 
-    from robot_emulators.ur5.script import MOST, Collector
-    from robot_emulators.ur5.urscript.faults import ScriptFaultError
-    from robot_emulators.ur5.urscript.parser import parse
+    from robot_emulators.ur.script import MOST, Collector
+    from robot_emulators.ur.urscript.faults import ScriptFaultError
+    from robot_emulators.ur.urscript.parser import parse
 
     def check(data: bytes, size: int) -> list:
         collector, found = Collector(), []
@@ -105,40 +105,19 @@ def script() -> tuple[Target, list[bytes]]:
     ]
 
 
-class _Body:
-    """A body that goes where it is told at once."""
-
-    def __init__(self, home) -> None:
-        import numpy as np
-
-        self.cycle, self.time = 0.008, 0.0
-        self.drives = None
-        self.q = self.target = np.array(home)
-        self.qd, self.load = np.zeros(6), np.array([1.0, 2.0, 13.0, 0.0, 0.1, 0.0])
-
-    def step(self, target) -> None:
-        self.time += self.cycle
-        self.qd, self.q = (target - self.q) / self.cycle, target
-
-
 def _controller():
-    """An e-Series controller, which knows the most, with such a body."""
-    import numpy as np
+    """An e-Series controller, which knows the most, with the built-in plant."""
+    from robot_emulators.kinematic_plant import kinematic_plant
+    from robot_emulators.plant import PlantRequest
+    from robot_emulators.ur.controller import Controller
+    from robot_emulators.ur.settings import ControllerSettings
 
-    from robot_emulators.ur5.controller import Controller
-    from robot_emulators.ur5.settings import ControllerSettings
-    from robot_emulators.ur5.tool_wrench import Payload
-    from wrenchbed import registry
-
-    body = _Body(registry.load("robots", "ur5").home)
-    return Controller(
-        ControllerSettings("e"), body, Payload(1.3, np.array([0.0, 0.0, 0.07]), np.zeros(6))
-    )
+    return Controller(ControllerSettings("e"), kinematic_plant(PlantRequest("ur5", 0.008)))
 
 
 def dashboard() -> tuple[Target, list[bytes]]:
     """Lines on their way to the dashboard: each is answered by one."""
-    from robot_emulators.ur5.dashboard import GREETING, Dashboard
+    from robot_emulators.ur.dashboard import GREETING, Dashboard
 
     controller = _controller()
 
@@ -169,9 +148,9 @@ def registers() -> tuple[Target, list[bytes]]:
 
     import numpy as np
 
-    from robot_emulators.ur5.outputs import Outputs
-    from robot_emulators.ur5.packets import Recipe
-    from robot_emulators.ur5.script import Script, ScriptMove
+    from robot_emulators.ur.outputs import Outputs
+    from robot_emulators.ur.packets import Recipe
+    from robot_emulators.ur.script import Script, ScriptMove
 
     controller = _controller()
     outputs, home = Outputs(controller, shared=False), controller.arm.q.copy()

@@ -2,10 +2,10 @@
 
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field, fields
+from sys import float_info
 from typing import Any
 
-from wrenchbed.data.checked import is_number
-from wrenchbed.errors import ParameterError
+from robot_emulators.errors import SettingError
 
 
 @dataclass(frozen=True)
@@ -23,6 +23,12 @@ class Argument:
     what: str
     default: Any = None
     parse: Callable[[str], Any] = str
+
+
+def is_number(value: Any) -> bool:
+    """Whether a value is a finite number (true and false are none)."""
+    plain = isinstance(value, int | float) and not isinstance(value, bool)
+    return plain and abs(value) <= float_info.max
 
 
 def number(low: float, high: float, default: float | None = None) -> Argument:
@@ -84,14 +90,14 @@ class Settings:
     """Settings of an emulator, or of a part of it; each field is made by `setting`.
 
     Raises:
-        ParameterError: names the value and what it must be.
+        SettingError: names the value and what it must be.
     """
 
     def __post_init__(self) -> None:
         for f in fields(self):
             value, argument = getattr(self, f.name), f.metadata["argument"]
             if not argument.check(value):
-                raise ParameterError(f"{f.name} = {value!r} must be {argument.what}")
+                raise SettingError(f"{f.name} = {value!r} must be {argument.what}")
 
 
 def described(*kinds: type[Settings]) -> dict[str, str]:
@@ -103,13 +109,13 @@ def read(words: Mapping[str, str], *kinds: type[Settings]) -> list[Any]:
     """Settings of each kind from text by name.
 
     Raises:
-        ParameterError: an unknown name, listing all; or a value that is none.
+        SettingError: an unknown name, listing all; or a value that is none.
     """
     known = described(*kinds)
     for name in words:
         if name not in known:
             listed = "; ".join(f"{key}: {text}" for key, text in known.items())
-            raise ParameterError(f"--set {name}: there is no such setting. Known: {listed}")
+            raise SettingError(f"--set {name}: there is no such setting. Known: {listed}")
     return [
         kind(**{f.name: _parsed(f.name, words[f.name], f.metadata["argument"])
                 for f in fields(kind) if f.name in words})
@@ -123,5 +129,5 @@ def _parsed(name: str, word: str, argument: Argument) -> Any:
     except (ValueError, KeyError):
         value = None
     if not argument.check(value):
-        raise ParameterError(f"--set {name}={word}: must be {argument.what}")
+        raise SettingError(f"--set {name}={word}: must be {argument.what}")
     return value

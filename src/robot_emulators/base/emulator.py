@@ -1,60 +1,46 @@
 """What an emulator is: a server that unmodified client libraries take for the device.
 
-It runs in a process of its own (`wrenchbed twin`), because client libraries may hold Python's lock
-while they wait for it. `serve` starts one by name, with timed faults.
+It is best run in a process of its own, because client libraries may hold Python's lock while they
+wait for it.
 """
 
 import ipaddress
 import threading
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
 from types import TracebackType
 from typing import ClassVar, Self
 
-from robot_emulators.base import faults as timed
-from robot_emulators.base.body import BodyOptions
 from robot_emulators.base.faults import Faults
-from robot_emulators.base.real_time import objects_kept
-from wrenchbed import registry
-from wrenchbed.errors import DriverError, ParameterError
-from wrenchbed.robots.base import SimulatedRobot
+from robot_emulators.errors import EmulatorError, SettingError
+from robot_emulators.plant import PlantMaker
 
 
 @dataclass(frozen=True)
-class EmulatorOptions:
+class Options:
     """Options that every emulator takes.
 
     Attributes:
         host: address of this machine to serve at, 127.0.0.1 … 127.255.255.254.
-        parameters: true values where they differ from nominal, by name, SI.
-        noise: ``real``, ``white`` or ``off``.
-        seed: of the noise and of the effects' random parts.
-        effects: as ``joint.compliance:joint=2,stiffness=1.4e4``; without values of typical size.
-        table: height of a plate that the tool may press on [m].
+        seed: of what an emulator draws at random.
         setting: of this kind of emulator, name → text.
     """
 
     host: str = "127.0.0.1"
-    parameters: Mapping[str, float] = field(default_factory=dict)
-    noise: str = "real"
     seed: int = 0
-    effects: tuple[str, ...] = ()
-    table: float | None = None
     setting: Mapping[str, str] = field(default_factory=dict)
-
-    def body(self, robot: str | SimulatedRobot) -> BodyOptions:
-        """The robot behind the emulator."""
-        return BodyOptions(robot, self.parameters, self.noise, self.seed, self.effects, self.table)
 
 
 class Emulator(ABC):
     """A device's protocols, served on this machine and to nobody else.
 
+    Args:
+        options: address, seed, settings.
+        make_plant: makes the robot behind it.
+
     Raises:
-        ParameterError: the host is not one of 127.0.0.0/8, or an option is impossible.
+        SettingError: the host is not one of 127.0.0.0/8, or an option is impossible.
     """
 
     name: ClassVar[str]
@@ -62,9 +48,9 @@ class Emulator(ABC):
     settings: ClassVar[Mapping[str, str]]
     """Name of each setting → what it does and its default."""
 
-    def __init__(self, options: EmulatorOptions) -> None:
+    def __init__(self, options: Options, make_plant: PlantMaker) -> None:
         _check_local(options.host)
-        self.options = options
+        self.options, self.make_plant = options, make_plant
         self.faults = Faults()
         self.addresses: dict[str, str] = {}
         self.failed = threading.Event()
@@ -75,17 +61,18 @@ class Emulator(ABC):
         """Serve from now on; the address of each link by its name, for instance ``host:port``.
 
         Raises:
-            DriverError: a port is taken or not allowed; names it and the remedy. Or this emulator
-                was started before.
+            EmulatorError: a port is taken or not allowed; names it and the remedy. Or this
+                emulator was started before.
         """
         if self._used:
-            raise DriverError("this emulator was started before: make a new one")
+            raise EmulatorError("this emulator was started before: make a new one")
         self._used = True
         try:
-            return self.serve()
+            self.addresses = self.serve()
         except BaseException:
             self.stop()
             raise
+        return self.addresses
 
     def fail(self, error: BaseException) -> None:
         """Report, from any thread, that this emulator no longer serves and why."""
@@ -119,38 +106,6 @@ def _check_local(host: str) -> None:
     except ValueError:
         local = False
     if not local:
-        raise ParameterError(
+        raise SettingError(
             f"--host {host}: an emulator serves this machine only: give 127.0.0.1 … 127.255.255.254"
         )
-
-
-@contextmanager
-def serve(
-    name: str, options: EmulatorOptions | None = None, faults: str | Path | None = None
-) -> Iterator[Emulator]:
-    """Serve an emulated robot or sensor while the block runs.
-
-    Args:
-        name: see ``names("emulators")``.
-        options: address, true parameters, noise, effects.
-        faults: TOML script of timed faults; their time counts from the start of the block.
-
-    Yields:
-        The server; ``addresses`` names each link, ``failed`` is set if it breaks down.
-
-    Raises:
-        NotFoundError: there is no such emulator.
-        MapError: the script of faults is wrong.
-        DriverError: a port is taken or not allowed.
-    """
-    server: Emulator = registry.load("emulators", name)(options or EmulatorOptions())
-    script = () if faults is None else timed.read(faults)
-    server.faults.check(script, str(faults))
-    try:
-        server.addresses = server.start()
-        server.faults.start(script, str(faults))
-        with objects_kept():
-            yield server
-    finally:
-        server.faults.stop()
-        server.stop()

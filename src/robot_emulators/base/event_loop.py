@@ -12,7 +12,7 @@ from concurrent.futures import Future
 from typing import Any, TypeVar
 
 from robot_emulators.base.real_time import quick_switching
-from wrenchbed.errors import DriverError
+from robot_emulators.errors import EmulatorError
 
 Task = Callable[[], Any]
 T = TypeVar("T")
@@ -187,9 +187,9 @@ class Listener:
             task.result()[0].abort()
 
 
-def taken(what: str, host: str, port: int, error: OSError) -> DriverError:
+def taken(what: str, host: str, port: int, error: OSError) -> EmulatorError:
     """The error for a port that is taken or not allowed."""
-    return DriverError(
+    return EmulatorError(
         f"cannot serve {what} at {host}:{port} ({error.strerror}): end what listens there, "
         "or give another host or port (--host 127.x.x.x)"
     )

@@ -13,15 +13,15 @@ Live, one JSON object a line with the same keys (without ``at``) on the emulator
 import json
 import threading
 import time
+import tomllib
 import warnings
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, TextIO
 
-from robot_emulators.base.arguments import Argument
-from wrenchbed.data.checked import Fields, load
-from wrenchbed.errors import MapError, WrenchbedWarning
+from robot_emulators.base.arguments import Argument, is_number
+from robot_emulators.errors import EmulatorWarning, FaultError
 
 Handler = Callable[["TimedFault"], None]
 
@@ -49,27 +49,39 @@ def read(path: str | Path) -> tuple[TimedFault, ...]:
     """Read a script, sorted by time.
 
     Raises:
-        MapError: names the file, the entry and the field.
+        FaultError: names the file, the entry and the field.
     """
-    raw = Fields(load(path, MapError, "TOML"), f"{path}: ", MapError)
-    if set(raw.raw) - {"fault"} or not isinstance(raw.raw.get("fault", []), list):
-        raise MapError(f"{path}: a fault script holds [[fault]] entries and nothing else")
-    entries = enumerate(raw.raw.get("fault", []), start=1)
-    faults = [parse(entry, f"{path}: fault {k}") for k, entry in entries]
-    return tuple(sorted(faults, key=lambda f: f.at))
+    try:
+        raw = tomllib.loads(Path(path).read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError) as error:
+        why = error.strerror if isinstance(error, OSError) else f"not valid TOML: {error}"
+        raise FaultError(f"{path}: {why}") from error
+    if set(raw) - {"fault"} or not isinstance(raw.get("fault", []), list):
+        raise FaultError(f"{path}: a fault script holds [[fault]] entries and nothing else")
+    faults = [parse(raw, f"{path}: fault {k}") for k, raw in enumerate(raw.get("fault", []), 1)]
+    return tuple(sorted(faults, key=lambda fault: fault.at))
 
 
 def parse(raw: Any, where: str) -> TimedFault:
     """Check one entry.
 
     Raises:
-        MapError: names the field.
+        FaultError: names the field.
     """
-    fields = Fields(raw, f"{where}: ", MapError, "")
-    link, kind = (str(fields.text(key, required=True)) for key in ("link", "kind"))
-    at, seconds = (fields.number(key, "s", nonnegative=True) or 0.0 for key in ("at", "seconds"))
-    values = {k: v for k, v in fields.raw.items() if k not in ("link", "kind", "at", "seconds")}
-    return TimedFault(link, kind, at, seconds, values)
+    if not isinstance(raw, Mapping):
+        raise FaultError(f"{where}: must be an object with link and kind")
+    values = dict(raw)
+    link, kind = values.pop("link", None), values.pop("kind", None)
+    at, seconds = values.pop("at", None) or 0.0, values.pop("seconds", None) or 0.0
+    for key, word in (("link", link), ("kind", kind)):
+        if not isinstance(word, str) or not word:
+            raise FaultError(f"{where}: {key} = {word!r} must be a name")
+    for key, number in (("at", at), ("seconds", seconds)):
+        if not is_number(number):
+            raise FaultError(f"{where}: {key} = {number!r} must be a number [s]")
+        if number < 0.0:
+            raise FaultError(f"{where}: {key} = {number!r} must be at least 0 s")
+    return TimedFault(str(link), str(kind), float(at), float(seconds), values)
 
 
 class Faults:
@@ -103,23 +115,23 @@ class Faults:
         """Refuse faults that no link knows, and values that their kind does not take.
 
         Raises:
-            MapError: lists what exists, or names the value.
+            FaultError: lists what exists, or names the value.
         """
         for fault in faults:
             if (fault.link, fault.kind) not in self._handlers:
                 known = ", ".join(f"{link} {kind}" for link, kind in self.known)
-                raise MapError(
+                raise FaultError(
                     f"{where}: there is no fault {fault.link} {fault.kind}. Known: {known}"
                 )
             arguments, name = self._arguments[fault.link, fault.kind], f"{fault.link} {fault.kind}"
             for key in fault.values:
                 if key not in arguments:
                     known = ", ".join(["at", "seconds", *arguments])
-                    raise MapError(f"{where}: {name} knows no {key!r}. Known: {known}")
+                    raise FaultError(f"{where}: {name} knows no {key!r}. Known: {known}")
             for key, argument in arguments.items():
                 value = fault.values.get(key, argument.default)
                 if not argument.check(value):
-                    raise MapError(f"{where}: {name}: {key} = {value!r} must be {argument.what}")
+                    raise FaultError(f"{where}: {name}: {key} = {value!r} must be {argument.what}")
 
     def inject(self, fault: TimedFault) -> None:
         """Do it now, with the default of every value that is not given."""
@@ -132,7 +144,7 @@ class Faults:
         """Run a script from now on, in a thread.
 
         Raises:
-            MapError: it holds a fault that no link knows.
+            FaultError: it holds a fault that no link knows.
         """
         self.check(script, where)
         threading.Thread(target=self._run, args=(script,), daemon=True).start()
@@ -154,7 +166,7 @@ class Faults:
                 self.inject(fault)
             except Exception as error:
                 text = f"the fault at {fault.at:g} s was left out: {error}"
-                warnings.warn(text, WrenchbedWarning, stacklevel=2)
+                warnings.warn(text, EmulatorWarning, stacklevel=2)
 
     def _take(self, lines: TextIO, answer: Callable[[str], None]) -> None:
         for line in lines:
@@ -215,4 +227,4 @@ def _object(line: str) -> Any:
     try:
         return json.loads(line)
     except ValueError as error:
-        raise MapError(f"{line.strip()[:60]!r}: give one JSON object a line: {error}") from error
+        raise FaultError(f"{line.strip()[:60]!r}: give one JSON object a line: {error}") from error

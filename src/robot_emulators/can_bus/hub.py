@@ -27,8 +27,7 @@ from robot_emulators.can_bus.client import (
     frame_text,
 )
 from robot_emulators.can_bus.wire import BusArbiter, Frame, Sent
-from wrenchbed.errors import DriverError, WrenchbedWarning
-from wrenchbed.registry import require
+from robot_emulators.errors import EmulatorError, EmulatorWarning
 
 NOBODY = 0
 """Sender of traffic that occupies the wire while everybody's acceptance filter drops it."""
@@ -178,7 +177,7 @@ class Hub:
         """Listen.
 
         Raises:
-            DriverError: the port is taken or not allowed.
+            EmulatorError: the port is taken or not allowed.
         """
         try:
             self._listener.bind(self.host, self.port)
@@ -277,8 +276,8 @@ class Hub:
         self.counters["failures"] += 1
         if self._failed is not None:
             self._failed(error)
-        with contextlib.suppress(WrenchbedWarning):
-            warnings.warn(f"on the CAN bus: {error!r}", WrenchbedWarning, stacklevel=2)
+        with contextlib.suppress(EmulatorWarning):
+            warnings.warn(f"on the CAN bus: {error!r}", EmulatorWarning, stacklevel=2)
 
     def _break_down(self, error: Exception) -> None:
         self._close()
@@ -367,17 +366,21 @@ class Bridge:
         channel: name of the bus.
 
     Raises:
-        MissingExtraError: python-can is not installed.
-        DriverError: there is no such bus.
+        EmulatorError: python-can is not installed, or there is no such bus.
     """
 
     def __init__(self, hub: Hub, interface: str, channel: str) -> None:
-        can = require("can", "hil")
+        try:
+            import can
+        except ImportError as error:
+            raise EmulatorError(
+                "bus: python-can is not installed: pip install python-can"
+            ) from error
         self._message, self._error = can.Message, can.CanError
         try:
             self._bus: Any = can.Bus(interface=interface, channel=channel)
         except (OSError, can.CanError, ValueError, NotImplementedError) as error:
-            raise DriverError(f"cannot open {interface}:{channel}: {error}") from error
+            raise EmulatorError(f"cannot open {interface}:{channel}: {error}") from error
         self._send = hub.attach(self._heard)
         self._running = True
         self._thread = threading.Thread(target=self._run, name="can bridge", daemon=True)

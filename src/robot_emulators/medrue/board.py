@@ -12,10 +12,7 @@ from collections.abc import Callable
 import numpy as np
 
 from robot_emulators.can_bus.wire import Frame
-from wrenchbed import registry
 
-MATRIX: np.ndarray = registry.load("sensors", "ati-mini40").gauges
-"""Gauges [V] to wrench [N, N·m] (6, 6)."""
 COUNTS_PER_VOLT = 3276.8
 """A 16-bit converter of ±10 V."""
 NEWTON, NEWTON_METRE = 2, 3
@@ -40,12 +37,14 @@ class BoardEmulator:
         slot: where the calibration of the mounted Mini40 is.
         counts: per N and per N·m.
         wrench: the load on the gauges at a time [s] → (6,).
+        gauges: what they [V] become wrenches by (6, 6); None: each channel has one, 10 to a volt.
         bitrate: of the bus, and of the board until it is set to another [bit/s].
     """
 
     def __init__(
         self, send: Callable[[Frame], None], base: int, slot: int, counts: int,
-        wrench: Callable[[float], np.ndarray], bitrate: int = 1_000_000,
+        wrench: Callable[[float], np.ndarray], gauges: np.ndarray | None = None,
+        bitrate: int = 1_000_000,
     ) -> None:  # fmt: skip
         self._send, self._wrench = send, wrench
         self.base = self._next_base = base
@@ -60,11 +59,12 @@ class BoardEmulator:
         """Gauge → until when it is at the end of its range [s]."""
         self.spoil: Callable[[list[tuple[int, bytes]]], list[tuple[int, bytes]]] = lambda pair: pair
         """What happens to the two frames of a gauge reading on their way out."""
-        self._gauges = np.linalg.inv(MATRIX) * COUNTS_PER_VOLT
+        self._matrix = 10.0 * np.eye(6) if gauges is None else gauges
+        self._gauges = np.linalg.inv(self._matrix) * COUNTS_PER_VOLT
 
     def matrix(self) -> np.ndarray:
         """Matrix (6, 6) of the active calibration, counts of unit per gauge count."""
-        true = MATRIX / COUNTS_PER_VOLT * self.counts
+        true = self._matrix / COUNTS_PER_VOLT * self.counts
         return np.asarray(true if self.active == self.slot else 0.5 * true, dtype=np.float32)
 
     def reset(self, now: float) -> None:

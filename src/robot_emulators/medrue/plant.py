@@ -6,35 +6,9 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from robot_emulators.base.body import Body, BodyOptions
-from robot_emulators.base.drives import Efforts
 from robot_emulators.base.real_time import CycleThread
 from robot_emulators.medrue.drive import DriveEmulator
-
-
-class DrivenArm(Body):
-    """A body that also reports the forces and torques of its actuators.
-
-    MedRUE's simulated links are weightless to their servos (MuJoCo's gravity compensation): what
-    these give accelerates the robot and holds what pushes on it. It is computed from the state at
-    a step's end, as MuJoCo's implicit integration applies it; ``actuator_force`` is computed at its
-    begin, and is off by some newtons while an axis moves. Motors carry weight and friction as well.
-    """
-
-    def __init__(self, options: BodyOptions, cycle: float) -> None:
-        super().__init__(options, cycle, drives=True)
-
-    @property
-    def efforts(self) -> Efforts:
-        """Of each joint's drive, in the cycle of the reported state."""
-        assert self.drives is not None
-        return self.drives.now
-
-    @property
-    def torque(self) -> np.ndarray:
-        """What moves each joint without weight and friction (J,) [N·m or N]."""
-        return self.efforts.servo
-
+from robot_emulators.plant import Plant
 
 CYCLE_S = 0.004
 _READINGS = 2
@@ -53,7 +27,7 @@ class RealTimePlant:
     """
 
     def __init__(
-        self, body: DrivenArm, counts: np.ndarray, lock: threading.RLock,
+        self, body: Plant, counts: np.ndarray, lock: threading.RLock,
         failed: Callable[[Exception], None],
     ) -> None:  # fmt: skip
         self.body, self.counts = body, counts
@@ -81,7 +55,7 @@ class RealTimePlant:
         t = time.monotonic()
         with self._lock:
             q, qd = self.body.q * self.counts, self.body.qd * self.counts
-            _, torque, current = self.body.efforts
+            torque, current, _ = self.body.efforts
             commands = [
                 drive.track(
                     t,
@@ -93,7 +67,7 @@ class RealTimePlant:
                 )
                 for j, drive in enumerate(self.drives)
             ]
-            self.body.step(np.array(commands) / self.counts)
+            self.body.step(np.array(commands) / self.counts, due)
         for drive in self.drives:
             drive.tick(t)
         self._measure(due)

@@ -22,16 +22,16 @@ from robot_emulators.base.arguments import (
     setting,
     text,
 )
-from robot_emulators.base.emulator import Emulator, EmulatorOptions
+from robot_emulators.base.emulator import Emulator, Options
 from robot_emulators.base.faults import Faults, Handler, TimedFault
 from robot_emulators.can_bus.hub import Bridge, Hub
 from robot_emulators.can_bus.wire import Frame
 from robot_emulators.medrue.axis import FOLLOWING_ERROR
 from robot_emulators.medrue.board import RESET, SELECT, SET_BASE, SET_BITRATE, BoardEmulator
 from robot_emulators.medrue.drive import DriveEmulator
-from robot_emulators.medrue.plant import CYCLE_S, DrivenArm, RealTimePlant
+from robot_emulators.medrue.plant import CYCLE_S, RealTimePlant
 from robot_emulators.medrue.profile import Ratings
-from wrenchbed.robots.base import Joint, Robot
+from robot_emulators.plant import Arm, PlantMaker, PlantRequest
 
 _JOINTS = 6
 
@@ -84,10 +84,9 @@ class BusSettings(Settings):
         "silence of a drive's RPDO that stops it [s], until a client writes another (0.1)",
     )  # fmt: skip
 
-    def per_unit(self, robot: Robot) -> np.ndarray:
+    def per_unit(self, arm: Arm) -> np.ndarray:
         """Counts per rad or m of each joint (J,)."""
-        turn = self.counts_per_turn / tau
-        return np.array([self.counts_per_metre if j.unit == "m" else turn for j in robot.joints])
+        return np.where(arm.linear, self.counts_per_metre, self.counts_per_turn / tau)
 
 
 _FOREVER = 1e9
@@ -227,20 +226,20 @@ class MedrueEmulator(Emulator):
     title = "MedRUE: CiA 402 drives and ATI Mini40 on CAN (socketcand)"
     settings: ClassVar = described(BusSettings)
 
-    def __init__(self, options: EmulatorOptions) -> None:
-        super().__init__(options)
+    def __init__(self, options: Options, make_plant: PlantMaker) -> None:
+        super().__init__(options, make_plant)
         (setting,) = read(options.setting, BusSettings)
         self.setting: BusSettings = setting
         self.hub = Hub(
             options.host, setting.port, setting.channel, setting.bitrate, setting.wire, self.fail
         )
-        body = DrivenArm(options.body("medrue"), CYCLE_S)
+        body = make_plant(PlantRequest("medrue", CYCLE_S, drives=True))
         lock = threading.RLock()
-        counts = setting.per_unit(body.robot)
+        counts = setting.per_unit(body.arm)
         self.plant = RealTimePlant(body, counts, lock, self.fail)
         self.drives = [
-            self._drive(setting.nodes[j], joint, counts[j], body.q[j], lock)
-            for j, joint in enumerate(body.robot.joints)
+            self._drive(setting.nodes[j], body.arm, j, counts[j], body.q[j], lock)
+            for j in range(_JOINTS)
         ]
         self.plant.drives = self.drives
         self.board = self._board()
@@ -264,16 +263,17 @@ class MedrueEmulator(Emulator):
         self.hub.stop()
 
     def _drive(
-        self, node: int, joint: Joint, counts: float, q: float, lock: threading.RLock
+        self, node: int, arm: Arm, j: int, counts: float, q: float, lock: threading.RLock
     ) -> DriveEmulator:
+        slides, top = arm.linear[j], arm.speed[j] * counts
         ratings = Ratings(
-            lower=int(np.ceil(joint.lower * counts)),
-            upper=int(np.floor(joint.upper * counts)),
-            window=round(WINDOW[joint.unit] * counts),
-            quick=joint.speed * counts / _QUICK_S,
-            speed=joint.speed * counts,
-            acceleration=2.0 * joint.speed * counts,
-            torque=self.setting.rated_force if joint.unit == "m" else self.setting.rated_torque,
+            lower=int(np.ceil(arm.lower[j] * counts)),
+            upper=int(np.floor(arm.upper[j] * counts)),
+            window=round(WINDOW["m" if slides else "rad"] * counts),
+            quick=top / _QUICK_S,
+            speed=top,
+            acceleration=2.0 * top,
+            torque=self.setting.rated_force if slides else self.setting.rated_torque,
         )
         heard: list[DriveEmulator] = []
 
@@ -296,7 +296,7 @@ class MedrueEmulator(Emulator):
         heard.append(
             BoardEmulator(
                 send, setting.base, setting.slot, setting.counts, self.plant.wrench,
-                setting.bitrate,
+                self.plant.body.gauges, setting.bitrate,
             )
         )  # fmt: skip
         return heard[0]

@@ -6,14 +6,14 @@ from collections.abc import Callable
 
 from robot_emulators.base import arguments
 from robot_emulators.base.arguments import Argument
-from robot_emulators.base.body import Body
 from robot_emulators.base.event_loop import LoopThread
 from robot_emulators.base.faults import Faults, LinkFaults, TimedFault
+from robot_emulators.errors import EmulatorError
 from robot_emulators.netft_box.pages import Pages, Reply
 from robot_emulators.netft_box.rdt import Pace, Rdt
 from robot_emulators.netft_box.sensing import BoxSettings, Sensing
 from robot_emulators.netft_box.web import Web
-from wrenchbed.errors import DriverError
+from robot_emulators.plant import Plant
 
 _SHARE = {"share": arguments.number(0.0, 1.0, 0.1)}
 _RDT: dict[str, dict[str, Argument]] = {
@@ -42,7 +42,7 @@ class Box:
     the next fault of this kind.
 
     Args:
-        body: whose sensor; its `Body.readings` are this box's alone.
+        body: whose sensor; its `Plant.readings` are this box's alone.
         host: address of this machine to serve at.
         faults: where its faults are registered.
         settings: of the box.
@@ -52,7 +52,7 @@ class Box:
 
     def __init__(
         self,
-        body: Body,
+        body: Plant,
         host: str,
         faults: Faults,
         settings: BoxSettings | None = None,
@@ -78,12 +78,12 @@ class Box:
         """Serve from now on; the addresses of ``rdt`` and ``http``.
 
         Raises:
-            DriverError: a port is taken or not allowed; names it.
+            EmulatorError: a port is taken or not allowed; names it.
         """
         try:
             self._socket = self._bind()
             self._web = self._listen()
-        except DriverError:
+        except EmulatorError:
             self.stop()
             raise
         self._sensing.warm_up()
@@ -119,7 +119,7 @@ class Box:
             sock.bind((self._host, self.settings.rdt_port))
         except OSError as error:
             sock.close()
-            raise DriverError(
+            raise EmulatorError(
                 f"UDP port {self._host}:{self.settings.rdt_port}: {error.strerror}: "
                 "end what uses it, or serve at another 127.x address"
             ) from error
@@ -137,7 +137,7 @@ class Box:
                 why = error
                 break
         reason = why.strerror if why else "refused"
-        raise DriverError(
+        raise EmulatorError(
             f"TCP port {self._host}:{port}: {reason}: end what uses it, set another http_port, "
             "or serve at another 127.x address"
         ) from why

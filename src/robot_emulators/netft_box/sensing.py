@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from robot_emulators.base.arguments import Settings, above, integer, number, setting, word
-from robot_emulators.base.body import Body
 from robot_emulators.base.faults import LinkFaults
 from robot_emulators.base.timeline import Timeline
+from robot_emulators.errors import SettingError
 from robot_emulators.netft_box.conditions import Conditions
-from wrenchbed.errors import ParameterError
+from robot_emulators.plant import Plant
 
 INTERNAL_RATE = {"netbox": 7000, "axia": 7812}
 """Samples that a product takes per second [Hz]."""
@@ -31,7 +31,7 @@ class BoxSettings(Settings):
     """How a box is set up at power-up.
 
     Raises:
-        ParameterError: a value that no box has.
+        SettingError: a value that no box has.
     """
 
     rdt_port: int = setting(49152, integer(0, 65535), "UDP port of RDT, default 49152")
@@ -61,7 +61,7 @@ class BoxSettings(Settings):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.rate > self.internal_rate:
-            raise ParameterError(f"rate = {self.rate:g} Hz must be 1 … {self.internal_rate} Hz")
+            raise SettingError(f"rate = {self.rate:g} Hz must be 1 … {self.internal_rate} Hz")
 
     @property
     def internal_rate(self) -> int:
@@ -84,9 +84,9 @@ def _per_si(settings: BoxSettings) -> np.ndarray:
 class Sensing:
     """A transducer and its electronics, sampled at `Settings.internal_rate` since power-up."""
 
-    def __init__(self, body: Body, settings: BoxSettings, faults: LinkFaults) -> None:
+    def __init__(self, body: Plant, settings: BoxSettings, faults: LinkFaults) -> None:
         self._body, self._settings, self._faults = body, settings, faults
-        self.range = np.asarray(body.sensor.calibration().range)
+        self.range = np.asarray(body.sensor_range)
         self.per_si = _per_si(settings)
         """(6,) counts per newton and newton metre."""
         self.conditions = Conditions()
@@ -109,11 +109,11 @@ class Sensing:
 
     def observe(self) -> None:
         """Look at the body's clock; to be called often."""
-        self._timeline.observe(*self._body.punctual)
+        self._timeline.observe(*self._body.newest)
 
     def warm_up(self) -> None:
         """Draw a block of noise, which loads what its filters need."""
-        self._body.readings(self._body.ahead + 1e-6 * np.arange(64))
+        self._body.readings(self._body.newest[1] + 1e-6 * np.arange(64))
 
     def tick(self, host: float) -> int:
         """Number of the newest sample at a time of this machine [s]."""
@@ -125,12 +125,12 @@ class Sensing:
 
     def ahead(self, tick: int, every: int) -> int:
         """How many samples from ``tick`` on, ``every`` so many, the body knows already."""
-        behind = self._body.ahead - self._timeline.simulated(self.host(tick))
+        behind = self._body.newest[1] - self._timeline.simulated(self.host(tick))
         return int(behind * self.rate / every) + 1 if behind >= 0.0 else 0
 
     def stale(self, now: float) -> bool:
         """Whether the body is so late that its last reading is repeated."""
-        return now - self._body.punctual[0] > _STALE_S
+        return now - self._body.newest[0] > _STALE_S
 
     def sample(self, tick: int, every: int, n: int) -> tuple[np.ndarray, np.ndarray]:
         """Counts (n, 6) and status words (n,) of n samples."""

@@ -11,11 +11,11 @@ from typing import Any
 import gymnasium
 import numpy as np
 
-from robot_emulators.base.body import Body, BodyOptions
-from robot_emulators.base.contact_surface import Limb, tip_of
 from wrenchbed import registry
 from wrenchbed.environments.rendering import Rendered
 from wrenchbed.errors import ParameterError
+from wrenchbed.plant.body import Body, BodyOptions
+from wrenchbed.plant.contact_surface import Limb, tip_of
 from wrenchbed.robots.base import SimulatedRobot
 
 _STEP, _DAMPING = 1e-6, 1e-6

@@ -3,7 +3,7 @@
 import mujoco
 import numpy as np
 
-from robot_emulators.base.contact_surface import Limb
+from wrenchbed.plant.contact_surface import Limb
 from wrenchbed.simulation.simulation import Simulation
 
 SIZE = (480, 640)

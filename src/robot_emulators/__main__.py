@@ -1,0 +1,44 @@
+"""`python -m robot_emulators NAME`: serve a device with the built-in kinematic plant."""
+
+import argparse
+import signal
+import sys
+import threading
+
+from robot_emulators.base.emulator import Options
+from robot_emulators.errors import EmulatorError
+from robot_emulators.serving import EMULATORS, serve
+
+_LOOK_S = 0.2
+
+
+def main(words: list[str] | None = None) -> int:
+    """Serve until Ctrl-C or SIGTERM; the process's exit status."""
+    parser = argparse.ArgumentParser("python -m robot_emulators", description=__doc__)
+    parser.add_argument("name", choices=sorted(EMULATORS))
+    parser.add_argument("--host", default="127.0.0.1", help="127.0.0.1 … 127.255.255.254")
+    parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", dest="setting")
+    parser.add_argument("--faults", help="TOML script of timed faults")
+    asked = parser.parse_args(words)
+    setting = dict(word.partition("=")[::2] for word in asked.setting)
+    ended = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: ended.set())
+    try:
+        options = Options(asked.host, setting=setting)
+        with serve(asked.name, options=options, faults=asked.faults) as server:
+            addresses = " ".join(f"{k}={v}" for k, v in server.addresses.items())
+            sys.stdout.write(f"ready {addresses}\n")
+            sys.stdout.flush()
+            while not ended.wait(_LOOK_S) and not server.failed.is_set():
+                pass
+            if server.failure is not None:
+                raise EmulatorError(f"this emulator has broken down: {server.failure!r}")
+    except EmulatorError as error:
+        sys.stderr.write(f"robot_emulators: error: {error}\n")
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,24 @@
+"""Errors and warnings of this package; a message is one line that names the value and the remedy.
+
+EmulatorError           an emulator that cannot serve        (RuntimeError)
+├── SettingError        a setting, an option or an address   (ValueError)
+└── FaultError          a script of faults, or one fault     (ValueError)
+
+EmulatorWarning         what a person should know; the emulator goes on (UserWarning)
+"""
+
+
+class EmulatorError(RuntimeError):
+    """An emulator that cannot serve: a port is taken, a bus is missing, its loop has stopped."""
+
+
+class SettingError(EmulatorError, ValueError):
+    """A setting that does not exist, or a value that it cannot have."""
+
+
+class FaultError(EmulatorError, ValueError):
+    """A script of timed faults that cannot be read, or a fault that no link has."""
+
+
+class EmulatorWarning(UserWarning):
+    """What a person should know; the emulator goes on."""

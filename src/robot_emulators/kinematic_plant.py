@@ -1,0 +1,117 @@
+"""The plant that is built in: joints that are where their targets were, and a point load.
+
+It knows no inertia, no friction, no noise and no contact; what a client reads is exact. Lengths and
+top speeds of Universal Robots' arms are those of the maker's ROS description (``config/ur*/`` of
+Universal_Robots_ROS2_Description, and of ``ur_description`` for CB3).
+"""
+
+import time
+from math import pi
+
+import numpy as np
+
+from robot_emulators.errors import SettingError
+from robot_emulators.plant import Arm, Efforts, Payload, PlantRequest
+from robot_emulators.ur.kinematics import NO_TOOL, Kinematics
+
+GRAVITY = np.array([0.0, 0.0, -9.80665])
+_ALPHA = (pi / 2, 0.0, 0.0, pi / 2, -pi / 2, 0.0)
+_LENGTHS = {
+    "ur3": (0.1519, -0.24365, -0.21325, 0.11235, 0.08535, 0.0819),
+    "ur5": (0.089159, -0.425, -0.39225, 0.10915, 0.09465, 0.0823),
+    "ur10": (0.1273, -0.612, -0.5723, 0.163941, 0.1157, 0.0922),
+    "ur3e": (0.15185, -0.24355, -0.2132, 0.13105, 0.08535, 0.0921),
+    "ur5e": (0.1625, -0.425, -0.3922, 0.1333, 0.0997, 0.0996),
+    "ur10e": (0.1807, -0.6127, -0.57155, 0.17415, 0.11985, 0.11655),
+    "ur16e": (0.1807, -0.4784, -0.36, 0.17415, 0.11985, 0.11655),
+}
+"""d1, a2, a3, d4, d5, d6 [m]."""
+_TOP_SPEEDS = {"ur3": (180.0,) * 3 + (360.0,) * 3, "ur5": (180.0,) * 6,
+               "ur10": (120.0,) * 2 + (180.0,) * 4}  # fmt: skip
+"""Of the joints [°/s]; an e-Series has those of the CB3 arm of its size."""
+_HOME = np.array([0.0, -pi / 2, pi / 2, -pi / 2, -pi / 2, 0.0])
+_LOAD = Payload(1.0, np.array([0.0, 0.0, 0.05]))
+_RANGE = np.array([130.0, 130.0, 400.0, 10.0, 10.0, 10.0])
+"""Of the sensor [N, N·m]: ATI Gamma SI-130-10."""
+
+
+class KinematicPlant:
+    """A robot whose joints are where their targets were, a control cycle later.
+
+    Args:
+        arm: its numbers; without links the flange never turns.
+        cycle: control cycle [s].
+        load: what hangs on the sensor, a point of some mass.
+    """
+
+    gauges: np.ndarray | None = None
+
+    def __init__(self, arm: Arm, cycle: float, load: Payload = _LOAD) -> None:
+        self.arm, self.cycle, self.load = arm, cycle, load
+        self.sensor_range = _RANGE
+        self._kinematics = Kinematics(arm) if len(arm.links) else None
+        self.q, self.qd = np.array(arm.home), np.zeros(len(arm.home))
+        self.time = 0.0
+        self.newest = (time.monotonic(), 0.0)
+
+    @property
+    def efforts(self) -> Efforts:
+        """Torques that hold the load; drives stay at room temperature."""
+        torque = self.model_torques(self.q, self.qd, self.qd, GRAVITY)
+        return Efforts(torque, torque / self.arm.constants, np.full(len(torque), 25.0))
+
+    def step(self, target: np.ndarray, due: float = 0.0) -> None:
+        """Be at a target (J,) a control cycle later."""
+        self.qd = (target - self.q) / self.cycle
+        self.q = np.array(target, dtype=float)
+        self.time += self.cycle
+        self.newest = (due or time.monotonic(), self.time)
+
+    def wrench(self) -> np.ndarray:
+        """Weight of the load (6,) in sensor axes."""
+        rotation = np.eye(3) if self._kinematics is None else self._kinematics.flange(self.q)[0]
+        weight = rotation.T @ (self.load.mass * GRAVITY)
+        return np.concatenate([weight, np.cross(self.load.cog, weight)])
+
+    def readings(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The present weight at all times (n, 6), never saturated."""
+        return np.tile(self.wrench(), (len(t), 1)), np.zeros(len(t), dtype=np.uint32)
+
+    def model_torques(
+        self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray, gravity: np.ndarray
+    ) -> np.ndarray:
+        """Torques (J,) that hold the load."""
+        if self._kinematics is None:
+            return np.zeros(len(q))
+        tool = np.concatenate([self.load.cog, NO_TOOL[3:]])
+        jacobian = self._kinematics.jacobian(q, tool)
+        return np.asarray(-jacobian[:3].T @ (self.load.mass * gravity))
+
+
+def known_arm(name: str) -> Arm:
+    """Numbers of an arm by name.
+
+    Raises:
+        SettingError: there are none here; lists what exists.
+    """
+    if name == "medrue":  # a slide and five hinges, of whose poses nothing is asked
+        linear = (True,) + (False,) * 5
+        reach, speed = np.array([0.5] + [pi] * 5), np.array([0.1] + [0.5] * 5)
+        return Arm(name, np.zeros(6), -reach, reach, speed, linear)
+    if name not in _LENGTHS:
+        known = ", ".join([*_LENGTHS, "medrue"])
+        raise SettingError(f"{name}: the built-in plant knows {known}: give a plant of your own")
+    d1, a2, a3, d4, d5, d6 = _LENGTHS[name]
+    links = np.array([(0.0, a2, a3, 0.0, 0.0, 0.0), (d1, 0.0, 0.0, d4, d5, d6), _ALPHA]).T
+    size = name.removesuffix("e").replace("16", "10")
+    limit, speed = np.full(6, 2 * pi), np.deg2rad(_TOP_SPEEDS[size])
+    return Arm(name, _HOME, -limit, limit, speed, links=links, payload=_LOAD)
+
+
+def kinematic_plant(request: PlantRequest) -> KinematicPlant:
+    """The plant that an emulator asks for.
+
+    Raises:
+        SettingError: there are no numbers of this robot.
+    """
+    return KinematicPlant(known_arm(request.robot), request.cycle)

@@ -1,0 +1,137 @@
+"""What an emulator asks of the robot behind it: `Plant`, a few methods, and plain data.
+
+Whoever has a simulation, a model or a recording of a robot writes a `Plant` and puts an emulator
+before it. Joint values are in rad or m, wrenches [N, N·m] act on the tool side of the sensor, in
+sensor axes. `step` is called from one thread, `readings` from another.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+
+@dataclass(frozen=True, eq=False)
+class Payload:
+    """A tool as a user enters it: mass [kg], CoG (3,) [m] and inertia (6,) [kg·m²], flange axes."""
+
+    mass: float = 0.0
+    cog: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    inertia: np.ndarray = field(default_factory=lambda: np.zeros(6))
+
+
+@dataclass(frozen=True, eq=False)
+class Arm:
+    """The nominal robot, as its controller knows it; J joints.
+
+    Attributes:
+        name: for instance ``ur5``.
+        home: joint values at which it starts (J,).
+        lower, upper: limits of the joints (J,).
+        speed: top speeds of the joints (J,).
+        linear: whether each joint slides (in m), else it turns (in rad).
+        links: a [m], d [m] and alpha [rad] of each joint (J, 3), classic Denavit and Hartenberg;
+            empty where the emulator works out no poses.
+        payload: its tool.
+        constants: torque or force of each drive per ampere (J,) [N·m/A, N/A].
+    """
+
+    name: str
+    home: np.ndarray
+    lower: np.ndarray
+    upper: np.ndarray
+    speed: np.ndarray
+    linear: tuple[bool, ...] = (False,) * 6
+    links: np.ndarray = field(default_factory=lambda: np.empty((0, 3)))
+    payload: Payload = field(default_factory=Payload)
+    constants: np.ndarray = field(default_factory=lambda: np.ones(6))
+
+
+class Efforts(NamedTuple):
+    """What the drives report: torque or force (J,), current (J,) [A], temperature (J,) [°C]."""
+
+    torque: np.ndarray
+    current: np.ndarray
+    temperature: np.ndarray
+
+
+@dataclass(frozen=True)
+class PlantRequest:
+    """The plant that an emulator needs.
+
+    Attributes:
+        robot: name, for instance ``ur5`` or ``medrue``.
+        cycle: its control cycle [s].
+        sensor: name of the sensor on its flange; empty: the one that the robot has.
+        drives: whether `Plant.efforts` and `Plant.model_torques` are asked for.
+        wrench_error: of `Plant.wrench`, three standard deviations of force [N] and torque [N·m];
+            None: `Plant.wrench` is not asked for.
+    """
+
+    robot: str
+    cycle: float
+    sensor: str = ""
+    drives: bool = False
+    wrench_error: tuple[float, float] | None = None
+
+
+class Plant(Protocol):
+    """A robot with a force/torque sensor that moves one control cycle at a time.
+
+    Attributes:
+        arm: its nominal numbers.
+        cycle: control cycle [s].
+        sensor_range: of the sensor on the flange (6,) [N, N·m].
+        gauges: what six gauges of that sensor [V] become wrenches by (6, 6); None: it has none.
+    """
+
+    arm: Arm
+    cycle: float
+    sensor_range: np.ndarray
+    gauges: np.ndarray | None
+
+    @property
+    def q(self) -> np.ndarray:
+        """Joint values (J,) of the reported state."""
+
+    @property
+    def qd(self) -> np.ndarray:
+        """Joint speeds (J,) of the reported state."""
+
+    @property
+    def time(self) -> float:
+        """Simulated time of the reported state [s]: full cycles since the start."""
+
+    @property
+    def newest(self) -> tuple[float, float]:
+        """When the newest state was due (`time.monotonic`), and its simulated time [s].
+
+        The newest state may be some cycles ahead of the reported one: `readings` reach up to it.
+        """
+
+    @property
+    def efforts(self) -> Efforts:
+        """What the drives report of the reported state."""
+
+    def step(self, target: np.ndarray, due: float = 0.0) -> None:
+        """Take one control cycle towards a target (J,); due at a time of `time.monotonic` [s]."""
+
+    def wrench(self) -> np.ndarray:
+        """The load that the robot itself measures now (6,); asked for once a control cycle."""
+
+    def readings(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Readings of the sensor (n, 6) and its saturated channels (n,), as bits 0 … 5.
+
+        Args:
+            t: simulated times (n,) [s], increasing; after the newest state that state is read.
+        """
+
+    def model_torques(
+        self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray, gravity: np.ndarray
+    ) -> np.ndarray:
+        """Torques (J,) by the nominal model without friction; gravity (3,) [m/s²], base axes."""
+
+
+PlantMaker = Callable[[PlantRequest], Plant]
+"""Makes the plant that an emulator asks for."""

@@ -1,0 +1,214 @@
+"""The arm under its controller: one motion at a time within the joints' limits, and force_mode."""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from robot_emulators.plant import Plant
+from robot_emulators.ur.kinematics import NO_TOOL, Kinematics, UnreachableError, matrix
+from robot_emulators.ur.motions import ArmMotion, Braking, Servo
+from robot_emulators.ur.tool_wrench import WrenchEstimate
+
+_YIELDING = np.array([6e-4] * 3 + [0.02] * 3)
+"""Speed per missing force [m/(s·N)] and torque [rad/(s·N·m)]; the axes' admittance."""
+
+
+@dataclass(frozen=True, eq=False)
+class ForceMode:
+    """As URScript's force_mode states it, of type 2.
+
+    Attributes:
+        frame: pose of the task frame in the base (6,).
+        selection: 1 where an axis yields (6,).
+        wrench: that the robot shall exert, task axes (6,) [N, N·m].
+        limits: highest speed of each axis that yields (6,) [m/s, rad/s].
+    """
+
+    frame: np.ndarray
+    selection: np.ndarray
+    wrench: np.ndarray
+    limits: np.ndarray
+
+    def twist(self, measured: np.ndarray, scaling: float) -> np.ndarray:
+        """Velocity (6,) of the TCP in base axes at a measured wrench (6,) in base axes."""
+        rotation, _ = matrix(self.frame)
+        exerted = np.concatenate([rotation.T @ measured[:3], rotation.T @ measured[3:]])
+        limits = np.abs(self.limits)
+        speed = np.clip(scaling * _YIELDING * (self.wrench + exerted), -limits, limits)
+        speed = speed * (self.selection != 0)
+        return np.concatenate([rotation @ speed[:3], rotation @ speed[3:]])
+
+
+SAFE_DECELERATION = 15.0
+"""With which the arm brakes when it is stopped by its safety system [rad/s²]."""
+_SLACK = 1.02
+_FOLLOW_SPEED = 0.5
+"""Speed at which an injected following error grows [rad/s]."""
+
+
+class ControlledArm:
+    """Steps the robot to what the active motion wants.
+
+    Args:
+        plant: the robot.
+        estimate: of the wrench at the tool.
+        measure: the load that the robot measures (6,) [N, N·m], called once a cycle.
+    """
+
+    def __init__(
+        self, plant: Plant, estimate: WrenchEstimate, measure: Callable[[], np.ndarray]
+    ) -> None:
+        self.plant, self.estimate = plant, estimate
+        self.due = 0.0
+        """When the next cycle is due (`time.monotonic`) [s]; 0: when it is taken."""
+        self._measure = measure
+        self.load = np.zeros(6)
+        self.kinematics = Kinematics(plant.arm)
+        self.q = np.array(plant.arm.home)
+        self.qd = np.zeros(6)
+        self.qdd = np.zeros(6)
+        self.force: ForceMode | None = None
+        self._wanted_error, self._error, self._error_until = np.zeros(6), np.zeros(6), 0.0
+        self._motion: ArmMotion | None = None
+        self._interrupted: ArmMotion | None = None
+        self._plain = self.q.copy()
+        self._frozen = False
+        self.restart()
+
+    def restart(self) -> None:
+        """What clients can set is as after switching on; the arm stays where it is."""
+        self.tcp = NO_TOOL.copy()
+        self.slider = self.force_scaling = 1.0
+
+    @property
+    def moving(self) -> bool:
+        """Whether the target moves."""
+        return bool(np.abs(self.qd).max() > 1e-4)
+
+    @property
+    def motion(self) -> ArmMotion | None:
+        """What moves the arm now."""
+        return self._motion
+
+    def moves_by(self, motion: ArmMotion) -> bool:
+        """Whether a motion moves the arm, or will when it may again."""
+        return motion is (self._interrupted if self._frozen else self._motion)
+
+    def start(self, motion: ArmMotion) -> None:
+        """Let a motion move the arm from now on."""
+        if self._frozen:
+            self._interrupted = motion
+            return
+        motion.begin(self._plain, self.qd)
+        self._motion = motion
+
+    def brake(self, deceleration: float, seconds: float | None = None) -> Braking:
+        """Come to rest; what moved the arm is over."""
+        braking = Braking(deceleration, seconds)
+        if self._frozen:
+            self._interrupted = None
+            braking.done = True
+            return braking
+        if self._motion is None:  # the target stands still already
+            braking.done = True
+            return braking
+        self.start(braking)
+        return braking
+
+    def release(self, motion: ArmMotion | None) -> None:
+        """Brake if this motion still moves the arm."""
+        if motion is not None and motion is self._motion and not motion.done:
+            self.brake(SAFE_DECELERATION / 3)
+        if motion is not None and motion is self._interrupted:
+            self._interrupted = None
+
+    def freeze(self) -> None:
+        """Brake and keep what moved the arm until `thaw`."""
+        if not self._frozen:
+            self._interrupted, self._frozen = self._motion, True
+            self._motion = Braking(SAFE_DECELERATION)
+            self._motion.begin(self._plain, self.qd)
+
+    def thaw(self, go_on: bool) -> None:
+        """Take up the interrupted motion again, or forget it."""
+        if not self._frozen:
+            return
+        self._frozen = False
+        waiting, self._interrupted = self._interrupted, None
+        if go_on and waiting is not None:
+            self.start(waiting)
+
+    def end_force_mode(self) -> None:
+        """Axes are stiff again, where they are."""
+        self.force = None
+        self._plain = self.q.copy()
+        if self._motion is not None:
+            self._motion.begin(self._plain, self.qd)
+
+    def deviate(self, joints: np.ndarray, until: float) -> None:
+        """Let the joints be off their targets (6,) [rad] until a time of `time.monotonic` [s]."""
+        self._wanted_error, self._error_until = joints, until
+
+    def cycle(self) -> str | None:
+        """Take one control cycle; what the safety system objects to, if anything."""
+        dt = self.plant.cycle
+        violation = None
+        try:
+            following = self._next(dt)
+        except UnreachableError as error:
+            following, violation = self._emergency_step(dt), str(error)
+        violation = violation or self._objection(following, dt)
+        if violation is not None and not self._frozen:
+            following = self._emergency_step(dt)
+        self._take(following, dt)
+        return violation
+
+    def _next(self, dt: float) -> np.ndarray:
+        plain = self._plain
+        if self._motion is not None:
+            plain = self._motion.step(plain, dt * self.slider if self._motion.scaled else dt)
+            if self._motion.done:
+                self._motion = None
+        offset = self.q - self._plain
+        self._next_plain = plain
+        if self.force is not None and not self._frozen:
+            twist = self.force.twist(self.estimate.wrench, self.force_scaling)
+            offset = offset + self.kinematics.rates(self.q, self.tcp, twist) * dt
+        return np.asarray(plain + offset)
+
+    def _objection(self, following: np.ndarray, dt: float) -> str | None:
+        top = self.kinematics.speed
+        if not np.isfinite(following).all():
+            return "a target is not a number"
+        if isinstance(self._motion, Servo) and not self._frozen:
+            reach = top * max(self._motion.lag, dt)
+            if (self._motion.distance(self.q) > _SLACK * reach).any():
+                return "a target is farther away than the joints' speed allows"
+        if (np.abs(following - self.q) > _SLACK * top * dt).any():
+            return "a joint would be faster than its limit"
+        speed = (following - self.q) / dt
+        stopped = following + speed * np.abs(speed) / (2.0 * SAFE_DECELERATION)
+        if not self.kinematics.within(following) or not self.kinematics.within(stopped):
+            return "a joint would leave its range"
+        return None
+
+    def _emergency_step(self, dt: float) -> np.ndarray:
+        """Braking begins in the cycle of the violation."""
+        self.freeze()
+        assert self._motion is not None
+        self._next_plain = self._motion.step(self._plain, dt)
+        return np.asarray(self._next_plain + (self.q - self._plain))
+
+    def _take(self, following: np.ndarray, dt: float) -> None:
+        speed = (following - self.q) / dt
+        self.qdd = (speed - self.qd) / dt
+        self.q, self.qd, self._plain = following, speed, self._next_plain
+        wanted = self._wanted_error if time.monotonic() < self._error_until else np.zeros(6)
+        gap = wanted - self._error
+        self._error = self._error + np.clip(gap, -_FOLLOW_SPEED * dt, _FOLLOW_SPEED * dt)
+        self.plant.step(self.q + self._error, self.due)
+        rotation, _ = self.kinematics.flange(self.plant.q)
+        self.load = self._measure()
+        self.estimate.update(self.load, rotation, self.tcp)

@@ -1,0 +1,321 @@
+"""The controller: power, safety, program and arm, one control cycle at a time."""
+
+from collections.abc import Callable, Iterable
+from concurrent.futures import Future, ThreadPoolExecutor
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from robot_emulators.plant import Plant
+from robot_emulators.ur.arm import SAFE_DECELERATION, ControlledArm
+from robot_emulators.ur.commands import commands_of
+from robot_emulators.ur.external_control import ExternalControl
+from robot_emulators.ur.inputs import Inputs, Terminals
+from robot_emulators.ur.messages import (
+    PAUSED,
+    PROTECTIVE_STOP,
+    RESUMED,
+    STARTED,
+    STOPPED,
+    Error,
+    Event,
+    Key,
+    RuntimeFault,
+    Safety,
+    stopped_because,
+)
+from robot_emulators.ur.modes import Modes, Runtime
+from robot_emulators.ur.packets import Values, inputs, outputs, zero
+from robot_emulators.ur.program import ControlProgram, Program, ProgramError
+from robot_emulators.ur.programs import Loaded, Programs
+from robot_emulators.ur.script import Script
+from robot_emulators.ur.script_functions import functions
+from robot_emulators.ur.script_program import ScriptProgram, program_code
+from robot_emulators.ur.settings import ControllerSettings
+from robot_emulators.ur.tool_wrench import ExternalWrench, WrenchEstimate
+from robot_emulators.ur.urscript.machine import Code
+
+_MOST_SECONDARY = 4
+"""Secondary programs at a time."""
+_LONG = 2000
+"""Characters of a program that is compiled beside the control cycle; estimate of 1 ms."""
+_KEPT = 4
+"""Compiled programs that are kept, for clients that send the same one again."""
+_MORE_FORCE = 30.0
+"""Beyond what pressed when a stop was unlocked, from which the robot stops again [N]."""
+
+
+class Controller:
+    """All of the robot but its network.
+
+    Args:
+        settings: which controller it is.
+        plant: the robot, with the tool that the installation states.
+
+    Attributes:
+        announce: takes what clients of the primary interface are told.
+        address: from which programs open connections; empty: from any.
+        popup: a popup waits for someone to close it.
+        freedrive: the arm may be pushed by hand.
+    """
+
+    def __init__(
+        self,
+        settings: ControllerSettings,
+        plant: Plant,
+    ) -> None:
+        self.settings = settings
+        self.terminals = Terminals()
+        self.external = ExternalWrench()
+        self.modes = Modes(settings.power)
+        self.estimate = WrenchEstimate(plant.arm.payload, at_tcp=not settings.e_series)
+        self.arm = ControlledArm(plant, self.estimate, self._load)
+        self.fields = outputs(settings.version)
+        self.values: dict[str, Values] = {name: zero(kind) for name, kind in self.fields.items()}
+        self.inputs = Inputs(inputs(settings.version), self._written)
+        self.program: Program | None = None
+        self.loaded: Loaded | None = None
+        self.announce: Callable[[Event], None] = lambda event: None
+        self.address = ""
+        self.now = 0.0
+        table = functions(settings.version)
+        self._code = lru_cache(_KEPT)(lambda text: program_code(text, table))
+        self._compiler = ThreadPoolExecutor(1, "urscript")
+        self._uploaded: Future[Code] | None = None
+        self._programs = Programs(Path(settings.programs) if settings.programs else None)
+        self._secondary: list[ScriptProgram] = []
+        self._said = int(self.modes.safety)
+        self._forget()
+
+    def cycle(self, now: float) -> None:
+        """Take one control cycle at a time of `time.monotonic` [s]."""
+        self.now = now
+        self.modes.tick(now)
+        if self._uploaded is not None and self._uploaded.done():
+            code, self._uploaded = self._uploaded, None
+            self._attempt(code.result)
+        if self.program is not None and self.program.direct:
+            self._play()
+        violation = self.arm.cycle()
+        if self.program is None or not self.program.direct:
+            self._play()
+        if violation is None and self._pressed_too_hard():
+            violation = "the force at the tool exceeds its limit"
+        if violation is not None and self.modes.ready:
+            self.protective_stop(stopped_because(violation))
+        self._say_safety()
+
+    def upload(self, scripts: Iterable[Script]) -> None:
+        """Take programs; each but a secondary one ends the one that plays."""
+        for script in scripts:
+            if self.now < self.script_denied_until or not (script.secondary or self.modes.ready):
+                continue
+            if not script.secondary:
+                self.stop_program()
+            if script.faulty:
+                continue
+            if script.control or script.secondary or len(script.text) < _LONG:
+                self._start(script)
+            else:
+                self._uploaded = self._compiled(script.text)
+
+    def load(self, name: str) -> bool:
+        """Take a program by its file's name, stopped; False where there is none.
+
+        Raises:
+            ProgramFileError: it cannot be played.
+        """
+        found = self._programs.load(name)
+        if found is not None:
+            self.stop_program()
+            self.loaded = found
+        return found is not None
+
+    def play(self) -> bool:
+        """Go on after a pause, or start what is loaded; False where neither can be."""
+        if not self.modes.ready or self.modes.runtime is Runtime.PLAYING:
+            return False
+        if self.modes.runtime is Runtime.PAUSED and self.program is not None:
+            self.modes.runtime = Runtime.PLAYING
+            self.announce(Key(RESUMED, self.program.name))
+            self.arm.thaw(go_on=True)
+            return True
+        if self.loaded is None:
+            return False
+        if self.loaded.text:
+            return self._start(Script(text=self.loaded.text))
+        self._begin(ExternalControl(self, self.settings.computer, self._compiled, self._playing))
+        return True
+
+    def pause(self) -> bool:
+        """Brake and hold the program; False where none plays."""
+        if self.modes.runtime is not Runtime.PLAYING:
+            return False
+        self._hold()
+        return True
+
+    def stop_program(self) -> None:
+        """End the program and what is being compiled, braking; registers keep their values."""
+        self._uploaded = None
+        if self.program is not None:
+            self.program.close()
+            self.announce(Key(STOPPED, self.program.name))
+            self.program = None
+            self.popup = self.freedrive = False
+            self.modes.runtime = Runtime.STOPPED
+            self.arm.force = None
+            self.arm.thaw(go_on=False)
+            self.arm.end_force_mode()
+            self.arm.brake(SAFE_DECELERATION / 3)
+
+    def protective_stop(self, error: Error = PROTECTIVE_STOP) -> None:
+        """Brake at once; the program is paused until someone unlocks and plays."""
+        before = self.modes.protective
+        self.modes.protective_stop(self.now)
+        self._say_safety()
+        if self.modes.protective and not before:
+            self.announce(error)
+        self._hold()
+
+    def unlock(self) -> bool:
+        """End a protective stop; False where it is too early."""
+        return self.modes.unlock(self.now)
+
+    def unlock_at_once(self) -> None:
+        """End a protective stop as the pendant does when its delay is over."""
+        self.modes.unlock_at_once(self.now)
+
+    def emergency_stop(self, until: float) -> None:
+        """The button is pressed until a time [s]."""
+        self.modes.emergency_stop(until)
+        self._hold()
+
+    def power_off(self) -> None:
+        """No power: the program ends."""
+        self.stop_program()
+        self.modes.power_off()
+        self.arm.freeze()
+
+    def power_on(self) -> None:
+        """Off → idle."""
+        self.modes.power_on(self.now)
+
+    def release_brakes(self) -> None:
+        """Idle → running."""
+        self.modes.release_brakes(self.now)
+
+    def reboot(self) -> None:
+        """Everything as after switching on; the arm stays where it is."""
+        self.stop_program()
+        self.modes = Modes(self.settings.power)
+        self.terminals = Terminals()
+        self.inputs.clear()
+        self.arm.thaw(go_on=False)
+        self.arm.restart()
+        self.estimate.restart()
+        self._forget()
+        for name, kind in self.fields.items():
+            if "_register_" in name:
+                self.values[name] = zero(kind)
+
+    def _forget(self) -> None:
+        self.loaded = None
+        self.popup = self.freedrive = False
+        self.operational_mode, self.user_role = "NONE", "PROGRAMMER"
+        self.external.enabled = False
+        self._secondary.clear()
+        self.script_denied_until = 0.0
+        self._tolerated = self.settings.protective_force
+
+    def set_output(self, kind: str, number: int, value: float) -> None:
+        """Write an output register."""
+        name = f"output_{kind}_register_{number}"
+        if name in self.fields:
+            self.values[name] = (int(value) if kind == "int" else float(value),)
+
+    def _start(self, script: Script) -> bool:
+        """Begin a program; False where its text is none, which is announced."""
+        if script.control:
+            commands = commands_of(self.settings)
+            self._begin(ControlProgram(self, commands, script.offset, script.path))
+            return True
+        return self._attempt(lambda: self._code(script.text))
+
+    def _attempt(self, code: Callable[[], Code]) -> bool:
+        """Begin an interpreted program; False where its text is none, which is announced."""
+        try:
+            program = self._playing(code())
+        except ProgramError as error:
+            self._report(error)
+            return False
+        if program.secondary:
+            self._secondary = [*self._secondary[1 - _MOST_SECONDARY :], program]
+        else:
+            self._begin(program)
+        return True
+
+    def _compiled(self, text: str) -> Future[Code]:
+        """Compile a program in another thread, so that no control cycle waits for it."""
+        return self._compiler.submit(self._code, text)
+
+    def _playing(self, code: Code) -> ScriptProgram:
+        return ScriptProgram(self, code)
+
+    def _begin(self, program: Program) -> None:
+        self.arm.thaw(go_on=False)
+        self.program, self.modes.runtime = program, Runtime.PLAYING
+        self.announce(Key(STARTED, program.name))
+
+    def _play(self) -> None:
+        self._secondary = [p for p in self._secondary if self._goes_on(p)]
+        if self.program is None or self.modes.runtime is not Runtime.PLAYING:
+            return
+        if not self._goes_on(self.program):
+            self.stop_program()
+
+    def _goes_on(self, program: Program) -> bool:
+        try:
+            return program.cycle(self.now)
+        except ProgramError as error:
+            self._report(error)
+            return False
+
+    def _say_safety(self) -> None:
+        if self._said != int(self.modes.safety):
+            self._said = int(self.modes.safety)
+            self.announce(Safety(self._said))
+
+    def _report(self, error: ProgramError) -> None:
+        self.announce(RuntimeFault(error.line, error.column, str(error)))
+
+    def _load(self) -> np.ndarray:
+        """The load that the robot measures (6,), or what a client sends instead."""
+        own = self.arm.plant.wrench()
+        if not self.external.enabled:
+            return own
+        rotation, _ = self.arm.kinematics.flange(self.arm.plant.q)
+        sent = np.array(self.inputs.values["external_force_torque"])
+        return self.external.load(sent, rotation.T @ self.estimate.gravity)
+
+    def _hold(self) -> None:
+        if self.modes.runtime is Runtime.PLAYING and self.program is not None:
+            self.modes.runtime = Runtime.PAUSED
+            self.announce(Key(PAUSED, self.program.name))
+        self.arm.freeze()
+
+    def _pressed_too_hard(self) -> bool:
+        """Force above its limit; after a stop the arm may leave with what presses on it still."""
+        force = float(np.linalg.norm(self.estimate.wrench[:3]))
+        if force < self.settings.protective_force:
+            self._tolerated = self.settings.protective_force
+        elif not self.modes.ready:
+            self._tolerated = force + _MORE_FORCE
+        return force > self._tolerated
+
+    def _written(self, values: dict[str, Values]) -> None:
+        for name, value in values.items():
+            if name in self.values:
+                self.values[name] = value
+        self.terminals.take(values)
+        self.arm.slider = self.terminals.slider

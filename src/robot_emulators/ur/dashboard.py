@@ -1,0 +1,168 @@
+"""The dashboard server: commands and answers in lines of text.
+
+Source: Universal Robots, "Dashboard Server CB-Series" and "Dashboard Server e-Series".
+"""
+
+from collections.abc import Callable
+
+from robot_emulators.ur.controller import Controller
+from robot_emulators.ur.modes import Runtime
+from robot_emulators.ur.network import Peer
+from robot_emulators.ur.programs import ProgramFileError
+
+GREETING = "Connected: Universal Robots Dashboard Server"
+SERIAL_NUMBER = "2021500042"
+_LONGEST_LINE = 4096
+_PROGRAM = "rtde_control.urp"
+_ROLES = ("PROGRAMMER", "OPERATOR", "NONE", "LOCKED", "RESTRICTED")
+_OPERATIONAL = ("MANUAL", "AUTOMATIC")
+_REPORTS = ("controller", "software", "system", "")
+_FAILED = "Failed to execute: {}"
+_UNLOCKED = "Protective stop releasing"
+_TOO_EARLY = (
+    "Cannot unlock protective stop until 5s after occurrence. Always inspect cause of "
+    "protective stop before unlocking"
+)
+
+
+class Dashboard:
+    """One dashboard client.
+
+    Args:
+        controller: what it commands.
+        peer: where answers go.
+        shut_down: switches the controller off.
+    """
+
+    def __init__(self, controller: Controller, peer: Peer, shut_down: Callable[[], None]) -> None:
+        self._controller, self._peer = controller, peer
+        self._line = b""
+        self._ended = False
+        version = ".".join(map(str, controller.settings.version))
+        self._exact: dict[str, Callable[[], str]] = {
+            "play": lambda: "Starting program" if controller.play() else _FAILED.format("play"),
+            "pause": lambda: "Pausing program" if controller.pause() else _FAILED.format("pause"),
+            "stop": self._after(controller.stop_program, "Stopped"),
+            "running": lambda: (
+                f"Program running: {str(controller.modes.runtime is Runtime.PLAYING).lower()}"
+            ),
+            "robotmode": lambda: f"Robotmode: {controller.modes.robot.name}",
+            "safetymode": lambda: f"Safetymode: {controller.modes.safety.name}",
+            "programstate": lambda: f"{controller.modes.runtime.name} {self._name()}",
+            "power on": self._after(controller.power_on, "Powering on"),
+            "power off": self._after(controller.power_off, "Powering off"),
+            "brake release": self._after(controller.release_brakes, "Brake releasing"),
+            "unlock protective stop": lambda: _UNLOCKED if controller.unlock() else _TOO_EARLY,
+            "close popup": self._close_popup,
+            "close safety popup": lambda: "closing safety popup",
+            "restart safety": self._after(controller.power_off, "Restarting safety"),
+            "get loaded program": self._loaded,
+            "isprogramsaved": lambda: f"true {self._name()}",
+            "polyscopeversion": lambda: f"URSoftware {version} (Nov 10 2021)",
+            "version": lambda: version,
+            "savelog": lambda: "Log saved to disk",
+            "get serial number": lambda: SERIAL_NUMBER,
+            "get robot model": lambda: controller.settings.reported_model,
+            "shutdown": self._after(shut_down, "Shutting down"),
+            "quit": self._quit,
+        }
+        self._with_value: dict[str, Callable[[str], str]] = {
+            "load installation": lambda name: f"Loading installation: {name}",
+            "load": self._load,
+            "popup": lambda _: "showing popup",
+            "addtolog": lambda _: "Added log message",
+            "generate flight report": self._flight_report,
+            "generate support file": lambda _: "Completed successfully: ur_support_file.zip",
+        }
+        if controller.settings.e_series:
+            self._exact |= {
+                "safetystatus": lambda: f"Safetystatus: {controller.modes.safety.name}",
+                "is in remote control": lambda: "true",
+                "get operational mode": lambda: controller.operational_mode,
+                "clear operational mode": self._clear_operational_mode,
+            }
+            self._with_value["set operational mode"] = self._set_operational_mode
+        else:
+            self._exact["getuserrole"] = lambda: controller.user_role
+            self._with_value["setuserrole"] = self._set_role
+        self._say(GREETING)
+
+    def receive(self, data: bytes, now: float) -> bool:
+        """Take bytes; False ends the connection."""
+        *lines, self._line = (self._line + data).split(b"\n")
+        for line in lines:
+            self._say(self._answer(line.decode("latin-1").strip()))
+            if self._ended:
+                return False
+        return len(self._line) <= _LONGEST_LINE
+
+    def end(self) -> None:
+        """The client is gone."""
+        self._line = b""
+
+    def _say(self, answer: str) -> None:
+        self._peer.send(answer.encode("latin-1") + b"\n")
+
+    def _answer(self, line: str) -> str:
+        exact = self._exact.get(line.lower())
+        if exact is not None:
+            return exact()
+        for words, valued in self._with_value.items():
+            if f"{line.lower()} ".startswith(f"{words} "):
+                return valued(line[len(words) :].strip())
+        return f"could not understand: '{line}'"
+
+    @staticmethod
+    def _after(act: Callable[[], None], answer: str) -> Callable[[], str]:
+        """A command that always succeeds, with its answer."""
+
+        def run() -> str:
+            act()
+            return answer
+
+        return run
+
+    def _name(self) -> str:
+        loaded = self._controller.loaded
+        return _PROGRAM if loaded is None else loaded.name
+
+    def _load(self, name: str) -> str:
+        try:
+            found = self._controller.load(name)
+        except ProgramFileError as error:
+            return f"Error while loading program: {name} ({error})"
+        return f"Loading program: {name}" if found else f"File not found: {name}"
+
+    def _loaded(self) -> str:
+        loaded = self._controller.loaded
+        return "No program loaded" if loaded is None else f"Loaded program: {loaded.name}"
+
+    def _close_popup(self) -> str:
+        self._controller.popup = False
+        return "closing popup"
+
+    @staticmethod
+    def _flight_report(kind: str) -> str:
+        if kind.lower() not in _REPORTS:
+            return f"Unknown flight report type: {kind}"
+        return "Flight Report generated with id: 00000000-0000-0000-0000-000000000001"
+
+    def _set_operational_mode(self, mode: str) -> str:
+        if mode.upper() not in _OPERATIONAL:
+            return f"Unknown operational mode: {mode}"
+        self._controller.operational_mode = mode.upper()
+        return f"Operational mode {mode.upper()} is set"
+
+    def _clear_operational_mode(self) -> str:
+        self._controller.operational_mode = "NONE"
+        return "No longer controlling the operational mode. Current operational mode: 'NONE'"
+
+    def _set_role(self, role: str) -> str:
+        if role.upper() not in _ROLES:
+            return f"Failed setting user role: {role}"
+        self._controller.user_role = role.upper()
+        return f"Setting user role: {role.upper()}"
+
+    def _quit(self) -> str:
+        self._ended = True
+        return "Disconnected"

@@ -1,0 +1,400 @@
+"""Motions of the arm: each yields the joints' next target, one control cycle at a time."""
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from math import atan2, cos, exp, pi, sin, sqrt
+
+import numpy as np
+
+from robot_emulators.ur.kinematics import (
+    Kinematics,
+    UnreachableError,
+    matrix,
+    rotation_vector,
+    vector,
+)
+
+
+class Profile:
+    """Trapezoid of speed over a length.
+
+    Args:
+        length: of the way.
+        speed: highest.
+        acceleration: of start and end.
+    """
+
+    def __init__(self, length: float, speed: float, acceleration: float) -> None:
+        self.length, self._a = length, acceleration
+        self._v = min(speed, sqrt(length * acceleration))
+        self._ramp = self._v / acceleration
+        self.duration = 0.0 if length <= 0.0 else length / self._v + self._ramp
+
+    @classmethod
+    def lasting(cls, length: float, seconds: float) -> "Profile":
+        """A profile of a duration [s], a fifth of it for start and end each."""
+        speed = max(length, 1e-12) / (0.8 * seconds)
+        return cls(length, speed, speed / (0.2 * seconds))
+
+    def at(self, t: float) -> float:
+        """Length covered after a time [s]."""
+        if t >= self.duration:
+            return self.length
+        if t < self._ramp:
+            return 0.5 * self._a * t * t
+        left = self.duration - t
+        if left < self._ramp:
+            return self.length - 0.5 * self._a * left * left
+        return self._v * (t - 0.5 * self._ramp)
+
+
+@dataclass(frozen=True)
+class Pace:
+    """How fast a move goes.
+
+    Attributes:
+        speed, acceleration: of its way.
+        seconds: it takes, instead of these; 0: as they say.
+        top: speeds (6,) of the joints, for whose sake a move in a given time takes longer.
+    """
+
+    speed: float
+    acceleration: float
+    seconds: float = 0.0
+    top: np.ndarray | None = None
+
+
+ROTATION_REACH = 0.25
+"""A turn of 1 rad of the tool takes a straight move as long as this way does [m]."""
+_STILL = 1e-4
+_FLAT = 1e-12
+"""Square of the area [m⁴] below which three points are on a line."""
+_FULL_SPEED, _HARDEST = 0.9, 15.0
+"""Share of the joints' speeds, and acceleration [rad/s²], that a move in a given time may take."""
+_LOOKS = 24
+"""Places at which such a move is looked at beforehand."""
+_GAIN = 300.0
+"""servoj's default gain, at which the lookahead time is the time by which the arm lags."""
+
+
+class ArmMotion(ABC):
+    """A motion under way.
+
+    Attributes:
+        done: it has come to its end.
+        scaled: the speed slider slows it down.
+    """
+
+    done = False
+    scaled = False
+
+    @abstractmethod
+    def begin(self, q: np.ndarray, qd: np.ndarray) -> None:
+        """Set out from joint values and speeds (6,), for the first time or after a pause."""
+
+    @abstractmethod
+    def step(self, q: np.ndarray, dt: float) -> np.ndarray:
+        """The next target (6,) after q, a time [s] later.
+
+        Raises:
+            UnreachableError: the way ends here.
+        """
+
+
+class Braking(ArmMotion):
+    """Bring all joints to rest at the same moment.
+
+    Args:
+        deceleration: of the fastest joint [rad/s²].
+        seconds: to rest, instead of the deceleration.
+    """
+
+    def __init__(self, deceleration: float, seconds: float | None = None) -> None:
+        self._rate, self._seconds = max(deceleration, 0.01), seconds
+
+    def begin(self, q: np.ndarray, qd: np.ndarray) -> None:
+        self._qd, self._t = np.array(qd), 0.0
+        asked = np.abs(qd).max() / self._rate if self._seconds is None else self._seconds
+        self._duration = float(asked)
+        self.done = bool(np.abs(qd).max() < _STILL or self._duration <= 0.0)
+
+    def step(self, q: np.ndarray, dt: float) -> np.ndarray:
+        if self.done:
+            return q
+        before, self._t = self._t, min(self._t + dt, self._duration)
+        self.done = self._t >= self._duration
+        middle = 1.0 - 0.5 * (before + self._t) / self._duration
+        return q + self._qd * middle * (self._t - before)
+
+
+class _Planned(ArmMotion):
+    """A move along a way that is known, after braking from any speed that is left."""
+
+    scaled = True
+
+    def __init__(self, pace: Pace) -> None:
+        self._speed, self._acceleration = max(pace.speed, 1e-4), max(pace.acceleration, 1e-3)
+        self._seconds, self._top = pace.seconds, pace.top
+
+    def begin(self, q: np.ndarray, qd: np.ndarray) -> None:
+        self._braking = Braking(max(self._acceleration, 2.0))
+        self._braking.begin(q, qd)
+        self._profile: Profile | None = None
+
+    def step(self, q: np.ndarray, dt: float) -> np.ndarray:
+        if not self._braking.done:
+            return self._braking.step(q, dt)
+        if self._profile is None:
+            self._t = 0.0
+            self._profile = self._planned(self._plan(q), q)
+        self._t += dt
+        self.done = self._t >= self._profile.duration
+        length = self._profile.length
+        return self._at(self._profile.at(self._t) / length if length > 0.0 else 1.0, q)
+
+    def _planned(self, length: float, q: np.ndarray) -> Profile:
+        """As the pace asks; a time that is too short for the joints becomes longer."""
+        if self._seconds <= 0.0:
+            return Profile(length, self._speed, self._acceleration)
+        steepest = self._steepest(q)
+        fastest = 0.0 if self._top is None else float((steepest / self._top).max())
+        least = max(fastest / (0.8 * _FULL_SPEED), sqrt(float(steepest.max()) / (0.16 * _HARDEST)))
+        return Profile.lasting(length, max(self._seconds, least))
+
+    def _steepest(self, q: np.ndarray) -> np.ndarray:
+        """How steep each joint is over the way (6,) [rad], where it is steepest."""
+        before, found = q, np.zeros(6)
+        try:
+            for k in range(1, _LOOKS + 1):
+                following = self._at(k / _LOOKS, before)
+                found = np.maximum(found, _LOOKS * np.abs(following - before))
+                before = following
+        except UnreachableError:
+            return found
+        return found
+
+    @abstractmethod
+    def _plan(self, q: np.ndarray) -> float:
+        """Length of the way from here."""
+
+    @abstractmethod
+    def _at(self, share: float, q: np.ndarray) -> np.ndarray:
+        """Joint values at a share of the way."""
+
+
+class ToJoints(_Planned):
+    """movej: all joints start and arrive together; speed of the one that goes farthest."""
+
+    def __init__(self, goal: np.ndarray, pace: Pace) -> None:
+        super().__init__(pace)
+        self._goal = goal
+
+    def _plan(self, q: np.ndarray) -> float:
+        self._start = np.array(q)
+        return float(np.abs(self._goal - q).max())
+
+    def _at(self, share: float, q: np.ndarray) -> np.ndarray:
+        return np.asarray(self._start + share * (self._goal - self._start))
+
+
+class ToPose(_Planned):
+    """movel: the TCP goes straight and turns about one axis."""
+
+    def __init__(
+        self, kinematics: Kinematics, tcp: np.ndarray, goal: np.ndarray, pace: Pace
+    ) -> None:
+        super().__init__(pace)
+        self._kinematics, self._tcp, self._goal = kinematics, tcp, goal
+
+    def _plan(self, q: np.ndarray) -> float:
+        self._rotation, self._from = self._kinematics.transform(q, self._tcp)
+        rotation, position = matrix(self._goal)
+        self._way = position - self._from
+        self._turn = rotation_vector(rotation @ self._rotation.T)
+        turn = ROTATION_REACH * float(np.linalg.norm(self._turn))
+        return max(float(np.linalg.norm(self._way)), turn)
+
+    def _at(self, share: float, q: np.ndarray) -> np.ndarray:
+        turn, _ = matrix(np.concatenate([np.zeros(3), share * self._turn]))
+        pose = vector(turn @ self._rotation, self._place(share))
+        found = self._kinematics.follow(pose, self._tcp, q)
+        if found is None:
+            raise UnreachableError("the straight way leaves the robot's reach")
+        return found
+
+    def _place(self, share: float) -> np.ndarray:
+        return np.asarray(self._from + share * self._way)
+
+
+class ToArc(ToPose):
+    """movec: the TCP goes on a circle through a pose (6,) to another, and turns about one axis."""
+
+    def __init__(
+        self, kinematics: Kinematics, tcp: np.ndarray, poses: tuple[np.ndarray, np.ndarray],
+        pace: Pace,
+    ) -> None:  # fmt: skip
+        super().__init__(kinematics, tcp, poses[1], pace)
+        self._via = poses[0][:3]
+
+    def _plan(self, q: np.ndarray) -> float:
+        straight = super()._plan(q)
+        first, last = self._via - self._from, self._way
+        normal = np.cross(first, last)
+        size = float(normal @ normal)
+        self._radius = 0.0
+        if size < _FLAT:
+            return straight
+        middle = np.cross((first @ first) * last - (last @ last) * first, normal) / (2.0 * size)
+        self._centre = self._from + middle
+        self._x = -middle
+        self._radius = float(np.linalg.norm(middle))
+        self._y = np.cross(normal / sqrt(size), self._x)
+        far = last - middle
+        self._angle = atan2(float(far @ self._y), float(far @ self._x)) % (2.0 * pi)
+        return max(straight, self._radius * self._angle)
+
+    def _place(self, share: float) -> np.ndarray:
+        if self._radius == 0.0:
+            return super()._place(share)
+        angle = share * self._angle
+        return np.asarray(self._centre + cos(angle) * self._x + sin(angle) * self._y)
+
+
+class Servo(ArmMotion):
+    """servoj: follow a target that is given again and again, smoothed by the lookahead time."""
+
+    def __init__(self) -> None:
+        self._goal = np.zeros(6)
+        self._speed = np.zeros(6)
+        self._rate = 1.0
+
+    def aim(self, goal: np.ndarray, lookahead: float, gain: float) -> None:
+        """Take a new target (6,) [rad]."""
+        self._goal = goal
+        lag = min(max(lookahead, 0.03), 0.2) * _GAIN / min(max(gain, 100.0), 2000.0)
+        self._rate = 2.0 / max(lag, 0.03)
+
+    @property
+    def lag(self) -> float:
+        """Time by which the arm is behind a moving target [s]."""
+        return 2.0 / self._rate
+
+    def distance(self, q: np.ndarray) -> np.ndarray:
+        """How far the target is from q (6,)."""
+        return np.asarray(np.abs(self._goal - q))
+
+    def begin(self, q: np.ndarray, qd: np.ndarray) -> None:
+        self._speed = np.array(qd)
+
+    def step(self, q: np.ndarray, dt: float) -> np.ndarray:
+        """A critically damped second order, exact for a target at rest."""
+        w, miss = self._rate, q - self._goal
+        fade, slope = exp(-w * dt), self._speed + w * miss
+        self._speed = (self._speed - w * dt * slope) * fade
+        return np.asarray(self._goal + (miss + slope * dt) * fade)
+
+
+class JointSpeed(ArmMotion):
+    """speedj: joint speeds that are reached with an acceleration and then kept for ever."""
+
+    def __init__(self) -> None:
+        self._goal = np.zeros(6)
+        self._rate = 1.0
+
+    @property
+    def reached(self) -> bool:
+        """Whether the speeds are those that were asked for."""
+        return bool(np.abs(self._speed - self._goal).max() < _STILL)
+
+    def aim(self, qd: np.ndarray, acceleration: float) -> None:
+        """Take new speeds (6,) [rad/s] and the acceleration towards them [rad/s²]."""
+        self._goal, self._rate = qd, max(acceleration, 0.01)
+
+    def begin(self, q: np.ndarray, qd: np.ndarray) -> None:
+        self._speed = np.array(qd)
+
+    def step(self, q: np.ndarray, dt: float) -> np.ndarray:
+        self._speed = ramp(self._speed, self._goal, self._rate * dt)
+        return np.asarray(q + self._speed * dt)
+
+
+_INERTIA = np.array([2.0, 2.0, 0.8, 0.1, 0.1, 0.05])
+"""Of each joint with what it carries [kg·m²]; estimate, for torques alone."""
+_DRAG = np.array([4.0, 4.0, 2.0, 0.5, 0.5, 0.3])
+"""Viscous friction that stays without compensation [N·m·s/rad]; estimate."""
+_COMPENSATED = 0.1
+"""Share of it that is left with compensation; estimate."""
+
+
+class JointTorque(ArmMotion):
+    """direct_torque: each joint as a mass with friction, whose weight is held for it.
+
+    Args:
+        top: speeds (6,) that the joints keep to.
+    """
+
+    def __init__(self, top: np.ndarray) -> None:
+        self._torque, self._top, self._drag = np.zeros(6), 0.9 * top, _DRAG
+
+    def aim(self, torque: np.ndarray, free: bool) -> None:
+        """Take new torques (6,) [N·m], with or without compensation of friction."""
+        self._torque, self._drag = torque, _DRAG * (_COMPENSATED if free else 1.0)
+
+    def begin(self, q: np.ndarray, qd: np.ndarray) -> None:
+        self._speed = np.array(qd)
+
+    def step(self, q: np.ndarray, dt: float) -> np.ndarray:
+        rate = (self._torque - self._drag * self._speed) / _INERTIA
+        self._speed = np.clip(self._speed + rate * dt, -self._top, self._top)
+        return np.asarray(q + self._speed * dt)
+
+
+class ToolSpeed(ArmMotion):
+    """speedl: velocity of the TCP in base axes, reached with an acceleration and then kept."""
+
+    def __init__(self, kinematics: Kinematics, tcp: np.ndarray) -> None:
+        self._kinematics, self._tcp = kinematics, tcp
+        self._goal = np.zeros(6)
+        self._rate = 0.5
+
+    @property
+    def reached(self) -> bool:
+        """Whether the velocity is that which was asked for."""
+        return bool(np.abs(self._twist - self._goal).max() < _STILL)
+
+    def aim(self, twist: np.ndarray, acceleration: float) -> None:
+        """Take a new velocity (6,) [m/s, rad/s] and the acceleration [m/s²]."""
+        self._goal, self._rate = twist, max(acceleration, 0.01)
+
+    def begin(self, q: np.ndarray, qd: np.ndarray) -> None:
+        self._twist = self._kinematics.jacobian(q, self._tcp) @ qd
+
+    def step(self, q: np.ndarray, dt: float) -> np.ndarray:
+        self._twist = ramp(self._twist, self._goal, self._rate * dt)
+        return np.asarray(q + self._kinematics.rates(q, self._tcp, self._twist) * dt)
+
+
+class ToolTrack(ToolSpeed):
+    """servoc: go straight towards a pose that is given again and again, and stay there."""
+
+    def track(self, pose: np.ndarray, speed: float, acceleration: float) -> None:
+        """Take a new pose (6,), the speed [m/s] and the acceleration [m/s²]."""
+        self._pose, self._top, self._rate = pose, max(speed, 1e-4), max(acceleration, 0.01)
+
+    def step(self, q: np.ndarray, dt: float) -> np.ndarray:
+        rotation, position = self._kinematics.transform(q, self._tcp)
+        goal_rotation, goal = matrix(self._pose)
+        turn = rotation_vector(goal_rotation @ rotation.T)
+        way = np.concatenate([goal - position, turn])
+        length = max(float(np.linalg.norm(way[:3])), ROTATION_REACH * float(np.linalg.norm(turn)))
+        if length > 0.0:
+            speed = min(self._top, (self._rate * length) ** 0.5, length / (2.0 * dt))
+            self._goal = way / length * speed
+        return super().step(q, dt)
+
+
+def ramp(now: np.ndarray, goal: np.ndarray, most: float) -> np.ndarray:
+    """Towards a goal in a straight line, no component by more than ``most``."""
+    change = goal - now
+    largest = float(np.abs(change).max())
+    return goal.copy() if largest <= most else now + change * (most / largest)

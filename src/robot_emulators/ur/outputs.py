@@ -1,0 +1,185 @@
+"""The controller's output fields, updated every control cycle, and its clock."""
+
+import time
+from collections.abc import Set
+
+import numpy as np
+
+from robot_emulators.plant import Plant
+from robot_emulators.ur.controller import Controller
+from robot_emulators.ur.kinematics import vector
+from robot_emulators.ur.packets import Values
+
+_DECIMALS = 12
+"""Of joint values [rad]: a controlled arm at rest decays towards its target below this, an encoder
+shows no such change."""
+_STILL: dict[str, Values] = {
+    "actual_joint_voltage": (48.0,) * 6,
+    "actual_main_voltage": (48.0,),
+    "actual_robot_voltage": (48.0,),
+    "actual_robot_current": (0.6,),
+    "standard_analog_input0": (0.0,),
+    "io_current": (0.07,),
+    "tool_temperature": (30.0,),
+    "actual_execution_time": (0.35,),
+    "target_execution_time": (0.35,),
+    "actual_current_window": (1.0,) * 6,
+}
+_TOOL_FIELDS = frozenset(
+    """actual_TCP_pose target_TCP_pose actual_TCP_speed target_TCP_speed actual_TCP_force
+    tcp_force_scalar tcp_offset actual_tool_accelerometer elbow_position payload payload_cog
+    payload_inertia target_gravity""".split()
+)
+_RUNNING, _OFF, _IDLE = 253, 239, 255
+"""joint_mode."""
+
+
+class Outputs:
+    """Keeps `Controller.values` up to date.
+
+    Args:
+        controller: whose.
+        shared: ft_raw_wrench shows the body's sensor, else that of the arm.
+    """
+
+    def __init__(self, controller: Controller, shared: bool) -> None:
+        self._controller, self._shared = controller, shared
+        self._count = 0
+        controller.values.update({k: v for k, v in _STILL.items() if k in controller.fields})
+
+    def restart(self) -> None:
+        """Count control cycles from zero."""
+        self._count = 0
+
+    def update(self, timestamp: float, wanted: Set[str]) -> None:
+        """Take the controller's state after a cycle.
+
+        Args:
+            timestamp: on its clock [s].
+            wanted: fields that someone looks at; what takes long is worked out for these alone.
+        """
+        controller = self._controller
+        self._count += 1
+        found: dict[str, Values] = {"timestamp": (timestamp,), "control_step": (self._count,)}
+        found |= self._joints() | self._modes()
+        if not wanted.isdisjoint(_TOOL_FIELDS):
+            found |= self._tool()
+        if "ft_raw_wrench" in wanted:
+            found["ft_raw_wrench"] = self._raw()
+        values = controller.values
+        values.update({name: value for name, value in found.items() if name in controller.fields})
+
+    def _raw(self) -> Values:
+        """The reading of the sensor, or where a box has it for itself what the arm measures."""
+        plant = self._controller.arm.plant
+        if not self._shared:
+            return tuple(self._controller.arm.load.tolist())
+        reading, _ = plant.readings(np.array([plant.time]))
+        return tuple(reading[0].tolist())
+
+    def _joints(self) -> dict[str, Values]:
+        arm = self._controller.arm
+        return self._efforts() | {
+            "target_q": tuple(arm.q.tolist()),
+            "target_qd": tuple(arm.qd.tolist()),
+            "target_qdd": tuple(arm.qdd.tolist()),
+            "actual_q": tuple(arm.plant.q.round(_DECIMALS).tolist()),
+            "actual_qd": tuple(arm.plant.qd.tolist()),
+        }
+
+    def _efforts(self) -> dict[str, Values]:
+        """What the controller wants, without friction, and what its drives report."""
+        arm = self._controller.arm
+        plant, gravity = arm.plant, self._controller.estimate.gravity
+        wanted = plant.model_torques(arm.q, arm.qd, arm.qdd, gravity)
+        effort = plant.efforts
+        current = tuple(effort.current.tolist())
+        return {
+            "target_current": tuple((wanted / plant.arm.constants).tolist()),
+            "target_moment": tuple(wanted.tolist()),
+            "actual_current": current,
+            "actual_current_as_torque": tuple(effort.torque.tolist()),
+            "joint_control_output": current,
+            "joint_temperatures": tuple(effort.temperature.tolist()),
+        }
+
+    def _tool(self) -> dict[str, Values]:
+        controller = self._controller
+        arm, estimate = controller.arm, controller.estimate
+        kinematics, tcp = arm.kinematics, arm.tcp
+        jacobian, rotation, position = kinematics.jacobian_and_transform(arm.plant.q, tcp)
+        target, target_rotation, target_position = kinematics.jacobian_and_transform(arm.q, tcp)
+        wrench, payload = estimate.wrench, estimate.payload
+        return {
+            "actual_TCP_pose": tuple(vector(rotation, position).tolist()),
+            "target_TCP_pose": tuple(vector(target_rotation, target_position).tolist()),
+            "actual_TCP_speed": tuple((jacobian @ arm.plant.qd).tolist()),
+            "target_TCP_speed": tuple((target @ arm.qd).tolist()),
+            "actual_TCP_force": tuple(wrench.tolist()),
+            "tcp_force_scalar": (float(np.linalg.norm(wrench[:3])),),
+            "tcp_offset": tuple(tcp.tolist()),
+            "actual_tool_accelerometer": tuple((-(rotation.T @ estimate.gravity)).tolist()),
+            "elbow_position": tuple(kinematics.elbow(arm.plant.q).tolist()),
+            "payload": (payload.mass,),
+            "payload_cog": tuple(payload.cog.tolist()),
+            "payload_inertia": tuple(payload.inertia.tolist()),
+            "target_gravity": tuple((-estimate.gravity).tolist()),
+        }
+
+    def _modes(self) -> dict[str, Values]:
+        controller = self._controller
+        modes, terminals = controller.modes, controller.terminals
+        joint = _RUNNING if modes.robot == 7 else _IDLE if modes.robot == 5 else _OFF
+        return {
+            "robot_mode": (int(modes.robot),),
+            "safety_mode": (int(modes.safety),),
+            "safety_status": (int(modes.safety),),
+            "runtime_state": (int(modes.runtime),),
+            "robot_status_bits": (modes.robot_bits,),
+            "safety_status_bits": (modes.safety_bits,),
+            "joint_mode": (joint,) * 6,
+            "speed_scaling": (terminals.slider,),
+            "target_speed_fraction": (terminals.slider,),
+            "actual_digital_output_bits": (terminals.bits,),
+            "actual_configurable_digital_output_bits": (terminals.bits >> 8 & 0xFF,),
+            "standard_analog_output0": (terminals.analog[0],),
+            "standard_analog_output1": (terminals.analog[1],),
+            "analog_io_types": (terminals.analog_types << 2,),
+        }
+
+
+class Timestamp:
+    """Seconds since the controller was switched on: the robot's simulated time, with its errors."""
+
+    def __init__(self, plant: Plant) -> None:
+        self._plant = plant
+        self._offset = -plant.time
+        self._scale, self._scale_until, self._scale_from = 1.0, 0.0, 0.0
+
+    def now(self) -> float:
+        """Time stamp of the newest state [s]."""
+        if self._scale != 1.0 and time.monotonic() >= self._scale_until:
+            self.scale(1.0, float("inf"))
+        return self._offset + self._plant.time + self._gain()
+
+    def jump(self, by: float) -> None:
+        """Move the clock [s]."""
+        self._offset += by
+
+    def lost(self, seconds: float) -> None:
+        """Count time in which the loop stood still [s]."""
+        self._offset += seconds
+
+    def scale(self, factor: float, until: float) -> None:
+        """Let the clock run faster or slower until a time of `time.monotonic` [s]."""
+        self._offset += self._gain()
+        self._scale, self._scale_until, self._scale_from = factor, until, self._plant.time
+
+    def restart(self, at: float) -> None:
+        """Begin near zero at a time of `time.monotonic` [s]."""
+        self._scale = 1.0
+        left = max(0.0, at - time.monotonic())
+        self._offset = -self._plant.time - (left if left != float("inf") else 0.0)
+
+    def _gain(self) -> float:
+        return (self._scale - 1.0) * (self._plant.time - self._scale_from)

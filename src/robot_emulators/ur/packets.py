@@ -1,0 +1,212 @@
+"""RTDE's packets: headers, types, recipes, and the fields of each software version; big endian.
+
+A header is the uint16 size of the packet and a uint8 type. Source: Universal Robots, "Real-Time
+Data Exchange (RTDE) guide".
+"""
+
+import struct
+from collections.abc import Mapping, Sequence
+from itertools import chain
+from typing import Any
+
+from robot_emulators.errors import EmulatorError
+
+VERSION, CONTROLLER, TEXT, DATA = ord("V"), ord("v"), ord("M"), ord("U")
+OUTPUTS, INPUTS, START, PAUSE = ord("O"), ord("I"), ord("S"), ord("P")
+
+HEADER = 3
+FORMATS = {
+    "BOOL": "?", "UINT8": "B", "UINT32": "I", "UINT64": "Q", "INT32": "i", "DOUBLE": "d",
+    "VECTOR3D": "3d", "VECTOR6D": "6d", "VECTOR6INT32": "6i", "VECTOR6UINT32": "6I",
+}  # fmt: skip
+"""Name of a type → its format in `struct`."""
+WARNING = 2
+"""Level of a text message."""
+_LONGEST_NAMES = 2048
+
+Values = tuple[Any, ...]
+"""One field: as many numbers as its type holds."""
+
+
+def packet(kind: int, payload: bytes = b"") -> bytes:
+    """A packet of a type."""
+    return struct.pack(">HB", HEADER + len(payload), kind) + payload
+
+
+def text(message: str, source: str, level: int, version: int) -> bytes:
+    """A text message as the protocol version writes it."""
+    said, by = message.encode()[:255], source.encode()[:255]
+    if version == 1:
+        return packet(TEXT, bytes([level]) + said)
+    return packet(TEXT, bytes([len(said)]) + said + bytes([len(by)]) + by + bytes([level]))
+
+
+def names(raw: bytes) -> list[str] | None:
+    """Names of a recipe, joined by commas; None where the list is longer than allowed."""
+    if len(raw) > _LONGEST_NAMES:
+        return None
+    return [name for name in raw.decode("latin-1").split(",") if name]
+
+
+class Splitter:
+    """Cuts a stream of bytes into packets; holds less than one packet."""
+
+    def __init__(self) -> None:
+        self._held = bytearray()
+
+    @property
+    def held(self) -> int:
+        """Bytes of an unfinished packet."""
+        return len(self._held)
+
+    def feed(self, data: bytes) -> list[tuple[int, bytes]]:
+        """Type and payload of each packet that is complete.
+
+        Raises:
+            EmulatorError: a header states less than its own size.
+        """
+        self._held += data
+        found, at = [], 0
+        while len(self._held) - at >= HEADER:
+            size, kind = struct.unpack_from(">HB", self._held, at)
+            if size < HEADER:
+                raise EmulatorError(f"packet of {size} bytes: its header alone has {HEADER}")
+            if len(self._held) - at < size:
+                break
+            found.append((kind, bytes(self._held[at + HEADER : at + size])))
+            at += size
+        del self._held[:at]
+        return found
+
+
+class Recipe:
+    """Fields in the order in which a packet holds them.
+
+    Args:
+        number: of the recipe; None in protocol 1, where data packets do not carry it.
+        fields: name → type.
+    """
+
+    def __init__(self, number: int | None, fields: Sequence[tuple[str, str]]) -> None:
+        self.number = number
+        self.names = tuple(name for name, _ in fields)
+        self.types = tuple(kind for _, kind in fields)
+        self._struct = struct.Struct(">" + "".join(FORMATS[kind] for kind in self.types))
+        self._widths = tuple(int(FORMATS[kind][:-1] or 1) for kind in self.types)
+
+    @property
+    def size(self) -> int:
+        """Bytes of its values."""
+        return self._struct.size
+
+    def pack(self, values: Mapping[str, Values]) -> bytes:
+        """A data packet."""
+        flat = chain.from_iterable([values[name] for name in self.names])
+        head = b"" if self.number is None else bytes([self.number])
+        return packet(DATA, head + self._struct.pack(*flat))
+
+    def unpack(self, payload: bytes) -> dict[str, Values] | None:
+        """Values from the start of a payload; None where it is too short."""
+        if len(payload) < self._struct.size:
+            return None
+        flat = self._struct.unpack_from(payload)
+        result, at = {}, 0
+        for name, width in zip(self.names, self._widths, strict=True):
+            result[name] = flat[at : at + width]
+            at += width
+        return result
+
+
+Version = tuple[int, int, int, int]
+"""Major, minor, bugfix, build of the controller's software."""
+
+REGISTERS = 48
+BIT_REGISTERS = range(64, 128)
+
+_OUTPUTS = {
+    "DOUBLE": """timestamp actual_execution_time target_execution_time speed_scaling
+        target_speed_fraction actual_momentum actual_main_voltage actual_robot_voltage
+        actual_robot_current standard_analog_input0 standard_analog_input1 standard_analog_output0
+        standard_analog_output1 io_current euromap67_24V_voltage euromap67_24V_current
+        tool_analog_input0 tool_analog_input1 tool_output_current tool_temperature
+        tcp_force_scalar joint_position_deviation_ratio collision_detection_ratio payload
+        actual_robot_energy_consumed actual_robot_braking_energy_dissipated""",
+    "VECTOR6D": """target_q target_qd target_qdd target_current target_moment actual_q actual_qd
+        actual_current actual_current_window actual_current_as_torque joint_control_output
+        actual_TCP_pose actual_TCP_speed actual_TCP_force target_TCP_pose target_TCP_speed
+        tcp_offset actual_TCP_acceleration target_TCP_acceleration joint_temperatures
+        actual_joint_voltage ft_raw_wrench wrench_calc_from_currents payload_inertia
+        target_base_acceleration target_base_wrench""",
+    "VECTOR3D": """actual_tool_accelerometer elbow_position elbow_velocity payload_cog
+        target_gravity""",
+    "UINT64": """actual_digital_input_bits actual_digital_output_bits
+        actual_configurable_digital_input_bits actual_configurable_digital_output_bits
+        control_step""",
+    "UINT32": """runtime_state robot_status_bits safety_status_bits analog_io_types tool_mode
+        tool_analog_input_types output_bit_registers0_to_31 output_bit_registers32_to_63
+        input_bit_registers0_to_31 input_bit_registers32_to_63 euromap67_input_bits
+        euromap67_output_bits script_control_line""",
+    "INT32": """robot_mode safety_mode safety_status tool_output_voltage time_scale_source
+        encoder0_raw encoder1_raw""",
+    "VECTOR6INT32": "joint_mode",
+    "UINT8": "tool_output_mode tool_digital_output0_mode tool_digital_output1_mode",
+}
+
+_INPUTS = {
+    "UINT32": "speed_slider_mask input_bit_registers0_to_31 input_bit_registers32_to_63",
+    "DOUBLE": "speed_slider_fraction standard_analog_output_0 standard_analog_output_1",
+    "UINT8": """standard_digital_output_mask standard_digital_output
+        configurable_digital_output_mask configurable_digital_output tool_digital_output_mask
+        tool_digital_output standard_analog_output_mask standard_analog_output_type""",
+    "VECTOR6D": "external_force_torque",
+}
+
+_NEVER = (99, 0, 0)
+_SINCE: dict[str, tuple[tuple[int, int, int], tuple[int, int, int]]] = {
+    "ft_raw_wrench": (_NEVER, (5, 9, 0)),
+    "payload": ((3, 11, 0), (5, 5, 1)),
+    "payload_cog": ((3, 11, 0), (5, 5, 1)),
+    "payload_inertia": ((3, 15, 0), (5, 11, 0)),
+    "actual_current_as_torque": (_NEVER, (5, 23, 0)),
+    "safety_status": ((3, 10, 0), (5, 4, 0)),
+}
+"""First software of CB3 and of e-Series with a field, where it came late."""
+_UPPER_RANGE = ((3, 9, 0), (5, 3, 0))
+
+
+def outputs(version: Version) -> dict[str, str]:
+    """Name → type of what this software sends."""
+    found = _listed(_OUTPUTS) | _registers("output", version) | _registers("input", version)
+    return {name: kind for name, kind in found.items() if _exists(name, version)}
+
+
+def inputs(version: Version) -> dict[str, str]:
+    """Name → type of what this software takes."""
+    return _listed(_INPUTS) | _registers("input", version)
+
+
+def zero(kind: str) -> Values:
+    """A type's value at rest."""
+    if kind == "BOOL":
+        return (False,)
+    number: float | int = 0.0 if "DOUBLE" in kind or kind.endswith("D") else 0
+    return (number,) * int(FORMATS[kind][:-1] or 1)
+
+
+def _listed(table: dict[str, str]) -> dict[str, str]:
+    return {name: kind for kind, names in table.items() for name in names.split()}
+
+
+def _registers(way: str, version: Version) -> dict[str, str]:
+    count = REGISTERS if _after(_UPPER_RANGE, version) else REGISTERS // 2
+    found = {f"{way}_int_register_{k}": "INT32" for k in range(count)}
+    found |= {f"{way}_double_register_{k}": "DOUBLE" for k in range(count)}
+    return found | {f"{way}_bit_register_{k}": "BOOL" for k in BIT_REGISTERS}
+
+
+def _exists(name: str, version: Version) -> bool:
+    return name not in _SINCE or _after(_SINCE[name], version)
+
+
+def _after(since: tuple[tuple[int, int, int], tuple[int, int, int]], version: Version) -> bool:
+    return version[:3] >= since[0 if version[0] < 5 else 1]

@@ -1,0 +1,252 @@
+"""The RTDE server: one session a client, the stream of data packets, and its faults."""
+
+import struct
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+from robot_emulators.base.event_loop import LoopThread
+from robot_emulators.errors import EmulatorError
+from robot_emulators.ur import packets as wire
+from robot_emulators.ur.inputs import IN_USE, NOT_FOUND, Inputs
+from robot_emulators.ur.network import Conversation, Peer, Port
+from robot_emulators.ur.packets import Recipe, Values
+
+_MOST_RECIPES = 255
+
+
+@dataclass
+class Denials:
+    """What the server refuses for a while, by `time.monotonic` at which that ends [s]."""
+
+    start: float = 0.0
+    inputs: float = 0.0
+    outputs: dict[str, float] = field(default_factory=dict)
+
+    def clear(self) -> None:
+        """Refuse nothing."""
+        self.start = self.inputs = 0.0
+        self.outputs.clear()
+
+
+@dataclass(frozen=True)
+class Offer:
+    """What a session may hand out.
+
+    Attributes:
+        version: of the controller's software.
+        rate: of its control cycle [Hz].
+        outputs: name → type of what it sends.
+        inputs: what it takes.
+        denials: what it refuses at present.
+    """
+
+    version: tuple[int, int, int, int]
+    rate: float
+    outputs: Mapping[str, str]
+    inputs: Inputs
+    denials: Denials = field(default_factory=Denials)
+
+
+class RtdeSession:
+    """Answers one client's packets.
+
+    Args:
+        offer: what there is.
+        send: takes bytes for the client.
+
+    Attributes:
+        burst: data packets that a fault holds back.
+    """
+
+    def __init__(self, offer: Offer, send: Callable[[bytes], None]) -> None:
+        self.burst = bytearray()
+        self.protocol = 1
+        self.started = False
+        self.inputs: dict[int, Recipe] = {}
+        self.output: Recipe | None = None
+        self._offer, self._send = offer, send
+        self._splitter = wire.Splitter()
+        self._share, self._phase = 1.0, 0.0
+        self._now = 0.0
+        self._handlers = {
+            wire.VERSION: self._version, wire.CONTROLLER: self._controller,
+            wire.OUTPUTS: self._outputs, wire.INPUTS: self._inputs,
+            wire.START: self._start, wire.PAUSE: self._pause, wire.DATA: self._data,
+        }  # fmt: skip
+
+    @property
+    def held(self) -> int:
+        """Bytes of a packet that is not complete."""
+        return self._splitter.held
+
+    def receive(self, data: bytes, now: float) -> bool:
+        """Take bytes; False where they are not RTDE and the connection must end."""
+        self._now = now
+        try:
+            complete = self._splitter.feed(data)
+        except EmulatorError:
+            return False
+        for kind, payload in complete:
+            handler = self._handlers.get(kind)
+            if handler is not None:
+                handler(payload)
+        return True
+
+    def due(self) -> bool:
+        """Count one control cycle: whether this client gets a packet in it."""
+        if not self.started or self.output is None:
+            return False
+        self._phase += self._share
+        if self._phase < 1.0 - 1e-9:
+            return False
+        self._phase -= 1.0
+        return True
+
+    def data(self, values: Mapping[str, Values]) -> bytes:
+        """The data packet of this client's recipe."""
+        return b"" if self.output is None else self.output.pack(values)
+
+    def end(self) -> None:
+        """The client is gone."""
+        self.started = False
+        self._offer.inputs.release(id(self))
+
+    def _answer(self, kind: int, payload: bytes) -> None:
+        self._send(wire.packet(kind, payload))
+
+    def _version(self, payload: bytes) -> None:
+        asked = int.from_bytes(payload[:2], "big")
+        if asked in (1, 2):
+            self.protocol = asked
+        self._answer(wire.VERSION, bytes([asked in (1, 2)]))
+
+    def _controller(self, payload: bytes) -> None:
+        self._answer(wire.CONTROLLER, struct.pack(">4I", *self._offer.version))
+
+    def _outputs(self, payload: bytes) -> None:
+        frequency = self._offer.rate
+        if self.protocol == 2:
+            if len(payload) < 8:
+                return
+            frequency = struct.unpack_from(">d", payload)[0]
+            payload = payload[8:]
+        asked = wire.names(payload)
+        types = [NOT_FOUND] if asked is None else [self._output_type(name) for name in asked]
+        good = asked is not None and NOT_FOUND not in types
+        number = 1 if self.protocol == 2 else None
+        self.output = Recipe(number, list(zip(asked or [], types, strict=True))) if good else None
+        share = frequency / self._offer.rate
+        self._share = share if 0.0 < share < 1.0 else 1.0
+        self._phase = 1.0 - self._share
+        head = bytes([good]) if self.protocol == 2 else b""
+        self._answer(wire.OUTPUTS, head + ",".join(types).encode())
+
+    def _output_type(self, name: str) -> str:
+        if self._offer.denials.outputs.get(name, 0.0) > self._now:
+            return NOT_FOUND
+        return self._offer.outputs.get(name, NOT_FOUND)
+
+    def _inputs(self, payload: bytes) -> None:
+        asked = wire.names(payload)
+        if asked is None or len(self.inputs) >= _MOST_RECIPES:
+            self._answer(wire.INPUTS, bytes([0]) + NOT_FOUND.encode())
+            return
+        if self._offer.denials.inputs > self._now:
+            types = [IN_USE] * len(asked)
+        else:
+            types = self._offer.inputs.claim(id(self), asked)
+        number = 0
+        if IN_USE not in types and NOT_FOUND not in types:
+            number = len(self.inputs) + 1
+            self.inputs[number] = Recipe(number, list(zip(asked, types, strict=True)))
+        self._answer(wire.INPUTS, bytes([number]) + ",".join(types).encode())
+
+    def _start(self, payload: bytes) -> None:
+        accepted = self._offer.denials.start <= self._now
+        self.started = self.started or accepted
+        self._answer(wire.START, bytes([accepted]))
+
+    def _pause(self, payload: bytes) -> None:
+        self.started = False
+        self._answer(wire.PAUSE, bytes([1]))
+
+    def _data(self, payload: bytes) -> None:
+        """Input data: a payload that is too short is dropped, of a long one the start is taken."""
+        recipe = self.inputs.get(payload[0]) if payload else None
+        values = None if recipe is None else recipe.unpack(payload[1:])
+        if values is not None:
+            self._offer.inputs.write(id(self), values, self._now)
+
+
+PORT = 30004
+_MOST_HELD = 1 << 22
+"""Bytes that a burst may hold back."""
+
+
+class Rtde:
+    """RTDE on one port.
+
+    Attributes:
+        frozen_until, silent_until, held_until: until when the content of packets stays the same,
+            packets are skipped, or held back to be sent at once, `time.monotonic` [s].
+    """
+
+    def __init__(self, thread: LoopThread, host: str, offer: Offer, patience: float) -> None:
+        self.offer = offer
+        self.port = Port(thread, host, PORT, self._answer, patience)
+        self._frozen: dict[str, Values] = {}
+        self._sessions: dict[Peer, RtdeSession] = {}
+        self.restart()
+
+    def restart(self) -> None:
+        """Nothing is denied, frozen or held back, as after switching on."""
+        self.frozen_until = self.silent_until = self.held_until = 0.0
+        self.offer.denials.clear()
+
+    @property
+    def wanted(self) -> set[str]:
+        """Fields that some client gets."""
+        recipes = [session.output for session in self._sessions.values() if session.started]
+        return {name for recipe in recipes if recipe is not None for name in recipe.names}
+
+    def freeze(self, until: float, values: Mapping[str, Values]) -> None:
+        """Repeat these values in all packets until a time [s]."""
+        self.frozen_until, self._frozen = until, dict(values)
+
+    def stream(self, values: Mapping[str, Values], send: bool) -> None:
+        """Send what is due, unless the controller is so late that it leaves packets out."""
+        now = time.monotonic()
+        self._sessions = {p: s for p, s in self._sessions.items() if not p.closed}
+        current = self._frozen if now < self.frozen_until else values
+        for peer, session in self._sessions.items():
+            if session.burst and now >= self.held_until:
+                peer.send(bytes(session.burst), _MOST_HELD)
+                session.burst.clear()
+            if session.due() and send and now >= max(self.silent_until, self.port.stalled_until):
+                data = session.data(current)
+                if now >= self.held_until:
+                    peer.send_or_skip(data)
+                elif len(session.burst) + len(data) <= _MOST_HELD:
+                    session.burst += data
+
+    def hang_up(self, reset: bool = False, writers_only: bool = False) -> None:
+        """Close connections: all, or of those clients that set up inputs."""
+        for peer, session in self._sessions.items():
+            if session.inputs or not writers_only:
+                peer.close(reset)
+
+    def inject(self, data: bytes) -> None:
+        """Put bytes into the stream of every client that gets data."""
+        for peer, session in self._sessions.items():
+            if session.started:
+                peer.send(data)
+
+    def say(self, message: str, level: int) -> None:
+        """Send a text message to every client."""
+        for peer, session in self._sessions.items():
+            peer.send(wire.text(message, "twin", level, session.protocol))
+
+    def _answer(self, peer: Peer) -> Conversation:
+        self._sessions[peer] = session = RtdeSession(self.offer, peer.send)
+        return session

@@ -1,0 +1,172 @@
+"""A program in URScript that plays: what its functions act on, and who of its threads moves."""
+
+from collections import deque
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+from robot_emulators.ur.messages import Error, Event
+from robot_emulators.ur.motions import ArmMotion
+from robot_emulators.ur.program import Host, ProgramError
+from robot_emulators.ur.script import MOST
+from robot_emulators.ur.script_links import Links
+from robot_emulators.ur.urscript.faults import ProgramEndsError, ScriptFaultError
+from robot_emulators.ur.urscript.functions import Builtin
+from robot_emulators.ur.urscript.machine import Code, Machine, compiled
+from robot_emulators.ur.urscript.values import real, reals
+
+_HISTORY = 512
+"""Control cycles whose joint values a program can ask for."""
+PAUSE, STOP = "PAUSE", "STOP"
+
+
+class ScriptProgram:
+    """Plays a program.
+
+    Args:
+        controller: it plays there.
+        code: of the program.
+
+    Attributes:
+        name: of the program.
+        secondary: it runs beside the program that plays.
+        links: its TCP connections.
+    """
+
+    direct = False
+
+    def __init__(self, controller: Host, code: Code) -> None:
+        self.controller, self.arm = controller, controller.arm
+        self._machine = Machine(code, self)
+        self.name, self.secondary = code.name, code.secondary
+        self.links = Links(controller.address)
+        self.history: deque[np.ndarray] = deque(maxlen=_HISTORY)
+        self._mover: int | None = None
+        self._watchdogs: dict[str, tuple[float, float, str]] = {}
+
+    def cycle(self, now: float) -> bool:
+        """Take one control cycle; False at its end.
+
+        Raises:
+            ProgramError: it cannot go on.
+        """
+        self.history.appendleft(self.arm.plant.q)
+        late = self._late(now)
+        if late == STOP:
+            return False
+        if late == PAUSE:
+            self._watchdogs.clear()
+            self.controller.pause()
+            return True
+        try:
+            return self._machine.cycle()
+        except ProgramEndsError:
+            return False
+        except ScriptFaultError as fault:
+            raise ProgramError(fault.text, fault.line, fault.column) from fault
+
+    def close(self) -> None:
+        """Its connections end with it."""
+        self.links.close()
+
+    def announce(self, event: Event) -> None:
+        """Tell clients of the primary interface."""
+        self.controller.announce(event)
+
+    def watch(self, name: str, frequency: float, action: str) -> None:
+        """Pause or stop where an input is written less often [Hz].
+
+        Raises:
+            ScriptFaultError: there is no such input or action.
+        """
+        if name not in self.controller.inputs.fields:
+            raise ScriptFaultError(f"there is no input {name}")
+        if action.upper() not in (PAUSE, STOP, "IGNORE"):
+            raise ScriptFaultError(f"no action {action} of a watchdog: PAUSE, STOP or IGNORE")
+        self._watchdogs[name] = (1.0 / max(frequency, 1e-3), self.controller.now, action.upper())
+
+    def _late(self, now: float) -> str:
+        for name, (patience, since, action) in self._watchdogs.items():
+            if now - max(since, self.controller.inputs.at.get(name, since)) > patience:
+                return action
+        return ""
+
+    def during(self, motion: ArmMotion, steps: Iterator[None]) -> Iterator[None]:
+        """Move the arm while a thread waits for steps; a thread that is killed lets it brake.
+
+        Raises:
+            ScriptFaultError: another thread moves the arm.
+        """
+        thread = self._machine.threads.current
+        if self._mover is not None and self._mover != thread:
+            raise ScriptFaultError("another thread is already controlling the robot")
+        self._mover = thread
+        try:
+            if self.arm.motion is not motion:
+                self.arm.start(motion)
+            yield from steps
+        except GeneratorExit:
+            self.arm.release(motion)
+            raise
+        finally:
+            self._mover = None
+
+    def until_done(self, motion: ArmMotion) -> Iterator[None]:
+        """Wait for a motion's end, or until another takes its place."""
+        yield from self.during(motion, self._lasting(motion))
+
+    def _lasting(self, motion: ArmMotion) -> Iterator[None]:
+        while not motion.done and self.arm.moves_by(motion):
+            yield
+
+    def cycles(self, seconds: float) -> Iterator[None]:
+        """Wait for a time, a control cycle at least."""
+        for _ in range(max(1, round(seconds / self.controller.settings.cycle))):
+            yield
+
+    def refuse(self, error: Error, why: str) -> Iterator[None]:
+        """A protective stop; the program cannot go on after it.
+
+        Raises:
+            ScriptFaultError: someone lets it go on.
+        """
+        self.controller.protective_stop(error)
+        yield
+        raise ScriptFaultError(why)
+
+
+def program_code(text: str, table: Mapping[str, Builtin]) -> Code:
+    """Compile a program.
+
+    Raises:
+        ProgramError: the text is no program.
+    """
+    try:
+        return compiled(text, table)
+    except ScriptFaultError as fault:
+        raise ProgramError(fault.text, fault.line, fault.column) from fault
+
+
+def vector(value: Any, count: int, what: str) -> np.ndarray:
+    """Numbers of a list (count,) that a quantity of a robot can have.
+
+    Raises:
+        ScriptFaultError: it is something else.
+    """
+    found = np.array(reals(value, count, what))
+    if not (np.abs(found) <= MOST).all():
+        raise ScriptFaultError(f"{what} holds what no quantity of a robot can be")
+    return found
+
+
+def number(value: Any, what: str) -> float:
+    """A number that a quantity of a robot can have.
+
+    Raises:
+        ScriptFaultError: it is something else.
+    """
+    found = real(value, what)
+    if abs(found) > MOST:
+        raise ScriptFaultError(f"{what} = {found:g} is no quantity of a robot")
+    return found

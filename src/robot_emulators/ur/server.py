@@ -1,0 +1,288 @@
+"""The UR5 emulator: ports, controller and faults of robot and links around one real-time loop."""
+
+import struct
+import time
+import traceback
+from collections.abc import Callable, Mapping
+from typing import ClassVar, Protocol
+
+import numpy as np
+
+from robot_emulators.base import arguments
+from robot_emulators.base.arguments import Argument, described, read
+from robot_emulators.base.emulator import Emulator, Options
+from robot_emulators.base.event_loop import LoopThread
+from robot_emulators.base.faults import Faults, Handler, TimedFault
+from robot_emulators.base.real_time import CycleClock, take_priority
+from robot_emulators.errors import EmulatorError
+from robot_emulators.netft_box import Box, BoxSettings
+from robot_emulators.plant import PlantMaker, PlantRequest
+from robot_emulators.ur import packets
+from robot_emulators.ur.controller import Controller
+from robot_emulators.ur.dashboard import Dashboard
+from robot_emulators.ur.network import Conversation, Peer, Port
+from robot_emulators.ur.outputs import Outputs, Timestamp
+from robot_emulators.ur.primary import Primary, ScriptClient
+from robot_emulators.ur.rtde import Offer, Rtde
+from robot_emulators.ur.settings import ControllerSettings
+
+_BROKEN = {
+    "short_header": struct.pack(">HB", 1, packets.DATA),
+    "empty_data": packets.packet(packets.DATA),
+    "short_data": packets.packet(packets.DATA, bytes([1]) + bytes(11)),
+    "unknown_type": packets.packet(ord("?"), b"what is this"),
+    "garbage": bytes(range(255, 0, -7)),
+}
+_MOST_OFF = 0.5
+"""Largest following error [rad]."""
+_ARGUMENTS: dict[tuple[str, str], dict[str, Argument]] = {
+    ("rtde", "malformed"): {"how": arguments.word(_BROKEN)},
+    ("rtde", "text"): {"message": arguments.text("this is a fault that was asked for")},
+    ("rtde", "timestamp_jump"): {"by": arguments.number(-1e6, 1e6)},
+    ("rtde", "timestamp_scale"): {"factor": arguments.number(0.0, 100.0)},
+    ("robot", "follow_error"): {"joints": arguments.numbers(6, _MOST_OFF)},
+}
+"""Arguments of a kind of fault, besides its time."""
+
+
+class Target(Protocol):
+    """What the faults act on."""
+
+    controller: Controller
+    rtde: Rtde
+    ports: dict[str, Port]
+    timestamp: Timestamp
+
+    def soon(self, task: Callable[[], None]) -> None:
+        """Run a task in the loop's thread."""
+        ...
+
+    def restart(self, seconds: float) -> None:
+        """Cut the power of the control box for a time [s]."""
+        ...
+
+
+def register(emulator: Target, faults: Faults) -> None:
+    """Register every fault of the emulator; each runs in the loop's thread."""
+    outputs = emulator.controller.fields
+    field = Argument(lambda v: isinstance(v, str) and v in outputs, "an output's name")
+    known = _ARGUMENTS | {("rtde", "not_found"): {"field": field}}
+    links = {
+        "rtde": _port(emulator.ports["rtde"]) | _rtde(emulator),
+        "dashboard": _port(emulator.ports["dashboard"]),
+        "primary": _port(emulator.ports["primary"]),
+        "secondary": _port(emulator.ports["secondary"]),
+        "script": _port(emulator.ports["script"]),
+        "control": {
+            "fin": lambda f: emulator.rtde.hang_up(writers_only=True),
+            "rst": lambda f: emulator.rtde.hang_up(reset=True, writers_only=True),
+        },
+        "robot": _robot(emulator),
+    }
+    for link, handlers in links.items():
+        for kind, handler in handlers.items():
+            faults.on(link, kind, _in_loop(emulator, handler), known.get((link, kind)))
+
+
+def _in_loop(emulator: Target, handler: Handler) -> Handler:
+    return lambda fault: emulator.soon(lambda: handler(fault))
+
+
+def _port(port: Port) -> dict[str, Handler]:
+    """Faults of every port."""
+    return {
+        "fin": lambda f: port.hang_up(),
+        "rst": lambda f: port.hang_up(reset=True),
+        "stall": lambda f: port.stall(_end(f)),
+        "deaf": lambda f: setattr(port, "deaf_until", _end(f)),
+        "unlisten": lambda f: port.unlisten(_end(f)),
+    }
+
+
+def _rtde(emulator: Target) -> dict[str, Handler]:
+    rtde, denials = emulator.rtde, emulator.rtde.offer.denials
+    controller, timestamp = emulator.controller, emulator.timestamp
+    return {
+        "freeze": lambda f: rtde.freeze(_end(f), controller.values),
+        "drop": lambda f: setattr(rtde, "silent_until", _end(f)),
+        "burst": lambda f: setattr(rtde, "held_until", _end(f)),
+        "refuse_start": lambda f: setattr(denials, "start", _end(f)),
+        "in_use": lambda f: setattr(denials, "inputs", _end(f)),
+        "not_found": lambda f: denials.outputs.update({f.values["field"]: _end(f)}),
+        "malformed": lambda f: rtde.inject(_BROKEN[f.values["how"]]),
+        "text": lambda f: rtde.say(f.values["message"], packets.WARNING),
+        "timestamp_jump": lambda f: timestamp.jump(float(f.values["by"])),
+        "timestamp_scale": lambda f: timestamp.scale(float(f.values["factor"]), _end(f)),
+    }
+
+
+def _robot(emulator: Target) -> dict[str, Handler]:
+    controller = emulator.controller
+    return {
+        "protective_stop": lambda f: controller.protective_stop(),
+        "emergency_stop": lambda f: controller.emergency_stop(_end(f)),
+        "program_stop": lambda f: controller.stop_program(),
+        "power_off": lambda f: controller.power_off(),
+        "script_never_starts": lambda f: setattr(controller, "script_denied_until", _end(f)),
+        "follow_error": lambda f: controller.arm.deviate(np.array(f.values["joints"]), _end(f)),
+        "restart": lambda f: emulator.restart(f.seconds),
+    }
+
+
+def _end(fault: TimedFault) -> float:
+    """When it ends on `time.monotonic` [s]; without seconds never."""
+    return time.monotonic() + fault.seconds if fault.seconds else float("inf")
+
+
+_DASHBOARD, _PRIMARY, _SECONDARY, _SCRIPT = 29999, 30001, 30002, 30003
+_NAMED = ("rtde", "dashboard", "primary", "secondary", "script")
+_LATE_S = 0.05
+"""Lag beyond which the loop leaves out packets to catch up [s] …"""
+_SHARE = 4
+"""… and sends one in so many cycles."""
+_PAUSE = 0.25
+"""Between cycles that are made up for, in periods, until the lag is `_LATE_S`: a client that keeps
+the newest state alone would else miss those between. Estimate."""
+_INJECT_S = 2.0
+
+
+class UREmulator(Emulator):
+    """A Universal Robots arm, a UR5 if none is named, whose controller is served here."""
+
+    name = "ur5"
+    title = "Universal Robots UR5 and its kin: RTDE, dashboard and script ports"
+    settings: ClassVar[Mapping[str, str]] = described(ControllerSettings, BoxSettings)
+
+    def __init__(self, options: Options, make_plant: PlantMaker) -> None:
+        super().__init__(options, make_plant)
+        self._settings, box = read(options.setting, ControllerSettings, BoxSettings)
+        self._thread = LoopThread("ur5 emulator", self._break_down, cyclic=True)
+        self._clock: CycleClock
+        self._sent_at = 0.0
+        self._build(options, self._settings, box)
+
+    def serve(self) -> dict[str, str]:
+        served = dict(self.ports)
+        if self._settings.series == "x":  # PolyScope X has no dashboard server
+            del served["dashboard"]
+        for port in served.values():
+            port.open()
+        more = self._box.start() if self._box is not None else {}
+        self.controller.now = time.monotonic()  # clients are heard before the first cycle
+        self._thread.soon(self._begin)
+        self._thread.start()
+        addresses = {name: self.ports[name].address for name in _NAMED if name in served}
+        return addresses | more
+
+    def stop(self) -> None:
+        if self._thread.running:
+            self._thread.soon(self._close_ports)
+            self._thread.stop()
+        else:
+            self._close_ports()
+        if self._box is not None:
+            self._box.stop()
+
+    def soon(self, task: Callable[[], None]) -> None:
+        """Do something in the loop's thread; returns when it was done.
+
+        Raises:
+            EmulatorError: the loop has broken down or did not get to it in time.
+        """
+        why: object = self.failure
+        if why is None:
+            try:
+                self._thread.call(task, _INJECT_S)
+                return
+            except TimeoutError:
+                why = self.failure or f"it does not answer within {_INJECT_S:g} s"
+        raise EmulatorError(f"the emulator's loop has stopped: {why}")
+
+    def _build(self, options: Options, settings: ControllerSettings, box: BoxSettings) -> None:
+        request = PlantRequest(
+            settings.model, settings.cycle, drives=True, wrench_error=settings.wrench_error
+        )
+        self.plant = self.make_plant(request)
+        self.controller = Controller(settings, self.plant)
+        self._outputs = Outputs(self.controller, shared=not settings.box)
+        self.timestamp = Timestamp(self.plant)
+        self.controller.address = options.host
+        self.primary = Primary(self.controller, self.timestamp)
+        offer = Offer(
+            settings.version, 1.0 / settings.cycle, self.controller.fields, self.controller.inputs
+        )
+        host, patience = options.host, settings.slow_reader
+        self.rtde = Rtde(self._thread, host, offer, patience)
+        self.ports: dict[str, Port] = {
+            "rtde": self.rtde.port,
+            "dashboard": Port(self._thread, host, _DASHBOARD, self._dashboard, patience),
+            "primary": Port(self._thread, host, _PRIMARY, self.primary.primary, patience),
+            "secondary": Port(self._thread, host, _SECONDARY, self.primary.secondary, patience),
+            "script": Port(self._thread, host, _SCRIPT, self._script, patience),
+        }
+        self._box: Box | None = None
+        if settings.box:
+            self._box = Box(self.plant, host, self.faults, box, options.seed, self.fail)
+        register(self, self.faults)
+
+    def _dashboard(self, peer: Peer) -> Conversation:
+        return Dashboard(self.controller, peer, self._shut_down)
+
+    def _script(self, peer: Peer) -> Conversation:
+        return ScriptClient(self.controller)
+
+    def _shut_down(self) -> None:
+        self._thread.soon(lambda: self.restart(float("inf")))
+
+    def restart(self, seconds: float) -> None:
+        """Cut the power of the control box for a time [s]."""
+        until = time.monotonic() + seconds
+        self.controller.reboot()
+        self._outputs.restart()
+        self.rtde.restart()
+        for port in self.ports.values():
+            port.hang_up()
+            port.unlisten(until)
+        self.timestamp.restart(until)
+
+    def _begin(self) -> None:
+        if self._settings.realtime:
+            take_priority()
+        self._clock = CycleClock(self._settings.cycle)
+        self._wait()
+
+    def _wait(self, pause: float = 0.0) -> None:
+        """Plan the next cycle, after a pause [s] at least."""
+        self._thread.loop.call_at(max(self._clock.due, time.monotonic() + pause), self._turn)
+
+    def _turn(self) -> None:
+        """Take a control cycle at its deadline."""
+        clock = self._clock
+        lost = clock.lost
+        behind = clock.advance()
+        self.timestamp.lost(clock.lost - lost)
+        self.controller.arm.due = clock.due - clock.period
+        self._cycle(behind)
+        self.controller.inputs.cycle(time.monotonic(), clock.due)
+        self._wait(_PAUSE * clock.period if behind * clock.period < _LATE_S else 0.0)
+
+    def _break_down(self, error: Exception) -> None:
+        traceback.print_exception(error)
+        self.fail(error)
+        self._close_ports()
+
+    def _cycle(self, behind: int) -> None:
+        now = time.monotonic()
+        self.controller.cycle(now)
+        self._outputs.update(self.timestamp.now(), self.rtde.wanted | self.primary.wanted)
+        cycle = self._settings.cycle
+        send = behind * cycle < _LATE_S or now - self._sent_at > _SHARE * cycle
+        self._sent_at = now if send else self._sent_at
+        self.rtde.stream(self.controller.values, send)
+        self.primary.cycle(now)
+        for port in self.ports.values():
+            port.tick(now)
+
+    def _close_ports(self) -> None:
+        for port in self.ports.values():
+            port.close()

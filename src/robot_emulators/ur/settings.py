@@ -1,0 +1,142 @@
+"""Settings of the UR5 emulator: which arm and which controller it is."""
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+from robot_emulators.base.arguments import (
+    Argument,
+    Settings,
+    above,
+    flag,
+    setting,
+    text,
+    word,
+)
+from robot_emulators.errors import SettingError
+from robot_emulators.ur.packets import Version
+
+_CB3 = ("ur3", "ur5", "ur10")
+"""Arms that had a CB3 controller."""
+MODELS = (
+    *_CB3, "ur3e", "ur5e", "ur7e", "ur10e", "ur12e", "ur16e", "ur8long", "ur15", "ur18", "ur20",
+    "ur30",
+)  # fmt: skip
+"""Arms that the controller can have."""
+_SAME_TYPE = {"ur7e": "ur5", "ur12e": "ur10"}
+"""Arms that report an older one's name: the maker's client library has no type of their own."""
+_SERIES: dict[str, tuple[Version, float]] = {
+    "cb3": ((3, 15, 8, 106339), 0.008),
+    "e": ((5, 11, 1, 108318), 0.002),
+    "x": ((10, 10, 0, 0), 0.002),
+}
+"""Series → software and control cycle [s]."""
+
+
+def _version() -> Argument:
+    """Three numbers of a software version, or nothing."""
+    return Argument(
+        lambda v: isinstance(v, str) and bool(re.fullmatch(r"(\d{1,2}(\.\d{1,3}){2})?", v)),
+        "a version of three numbers, as 5.23.0",
+    )  # fmt: skip
+
+
+def _address() -> Argument:
+    """An IPv4 address and a port."""
+    return Argument(
+        lambda v: isinstance(v, str) and bool(re.fullmatch(r"\d{1,3}(\.\d{1,3}){3}:\d{1,5}", v)),
+        "an IPv4 address and a port, as 127.0.0.1:50002",
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class ControllerSettings(Settings):
+    """Which controller it is, and what is connected to it."""
+
+    series: str = setting(
+        "",
+        word(_SERIES),
+        "cb3 (125 Hz, software 3.15), e (500 Hz, software 5.11) or x (500 Hz, PolyScope X 10.10); "
+        "default that of the model",
+    )
+    software: str = setting(
+        "", _version(), "another version of the series' software, as 5.23.0; default as above"
+    )
+    model: str = setting("ur5", word(MODELS), f"the arm: {', '.join(MODELS)}; default ur5")
+    protective_force: float = setting(
+        150.0, above(0.0), "force at the tool from which the robot stops [N]; default 150"
+    )
+    slow_reader: float = setting(
+        10.0, above(0.0), "seconds after which a client that takes nothing is closed; default 10"
+    )
+    power: bool = setting(
+        True, flag(), "on or off: whether the arm is on with its brakes free at first; default on"
+    )
+    realtime: bool = setting(
+        False, flag(), "on or off: ask the system for real-time scheduling; default off"
+    )
+    box: bool = setting(
+        True, flag(), "on or off: a Net F/T box that serves the arm's sensor; default on. Without "
+        "it ft_raw_wrench reports that sensor, with it the wrench that the arm measures",
+    )  # fmt: skip
+    programs: str = setting(
+        "", text(), "folder of .urp and .script files that the dashboard can load; default none"
+    )
+    external_control: str = setting(
+        "127.0.0.1:50002", _address(), "computer that external_control.urp asks for its program, "
+        "as the External Control URCap does; default 127.0.0.1:50002",
+    )  # fmt: skip
+
+    def __post_init__(self) -> None:
+        """Take the model's series where none is stated."""
+        if not self.series:
+            object.__setattr__(self, "series", "cb3" if self.model in _CB3 else "e")
+        if self.series == "cb3" and self.model not in _CB3:
+            raise SettingError(
+                f"--set model={self.model}: never had a CB3 controller; leave out series=cb3"
+            )
+        if self.software and self.version[0] != _SERIES[self.series][0][0]:
+            raise SettingError(
+                f"--set software={self.software}: not of series {self.series}, whose versions "
+                f"begin with {_SERIES[self.series][0][0]}"
+            )
+        if self.programs and not Path(self.programs).is_dir():
+            raise SettingError(f"--set programs={self.programs}: there is no such folder")
+
+    @property
+    def reported_model(self) -> str:
+        """The arm as the dashboard names it; of UR7e, UR12e and UR8 Long an assumption."""
+        return _SAME_TYPE.get(self.model, self.model).removesuffix("e").upper()
+
+    @property
+    def version(self) -> Version:
+        """Of the controller's software."""
+        if not self.software:
+            return _SERIES[self.series][0]
+        major, minor, bugfix = (int(word) for word in self.software.split("."))
+        return (major, minor, bugfix, 0)
+
+    @property
+    def computer(self) -> tuple[str, int]:
+        """Address and port that external_control.urp asks."""
+        host, _, port = self.external_control.rpartition(":")
+        return host, int(port)
+
+    @property
+    def cycle(self) -> float:
+        """Of its control [s]."""
+        return _SERIES[self.series][1]
+
+    @property
+    def wrench_error(self) -> tuple[float, float]:
+        """Error of the wrench that the arm measures: force [N] and torque [N·m], three σ.
+
+        A CB3 infers it from its motors' currents: as users of Universal Robots' forum report. An
+        e-Series has a sensor in its flange: the precision in UR5e's data sheet.
+        """
+        return (3.5, 0.2) if self.e_series else (10.0, 5.0)
+
+    @property
+    def e_series(self) -> bool:
+        """e-Series or a later one, else CB3."""
+        return self.series != "cb3"

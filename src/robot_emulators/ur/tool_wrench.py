@@ -1,0 +1,96 @@
+"""The wrench at the tool as the controller reports it.
+
+It is in axes of the base, positive where the surroundings push the tool: the measured load less the
+weight of the payload that the controller was given. The CB3 refers the torque to the TCP, the
+e-Series to the flange's centre.
+"""
+
+import numpy as np
+
+from robot_emulators.plant import Payload
+
+GRAVITY = np.array([0.0, 0.0, -9.80665])
+
+
+class WrenchEstimate:
+    """Turns the load that the robot measures into the controller's wrench.
+
+    Args:
+        payload: as the installation states it.
+        at_tcp: torques about the TCP, else about the flange's centre.
+    """
+
+    def __init__(self, payload: Payload, at_tcp: bool) -> None:
+        self._installed, self._at_tcp = payload, at_tcp
+        self.restart()
+
+    def restart(self) -> None:
+        """As the installation states it: payload, gravity, zero."""
+        self.payload = self._installed
+        self.gravity = GRAVITY.copy()
+        self._zero = np.zeros(6)
+        self.wrench = np.zeros(6)
+
+    def carry(self, mass: float, cog: np.ndarray, inertia: np.ndarray | None = None) -> None:
+        """Take a payload; without inertia the old one stays, on an e-Series the CoG for zeros."""
+        keep = not self._at_tcp and not cog.any()
+        self.payload = Payload(
+            mass,
+            self.payload.cog if keep else cog,
+            self.payload.inertia if inertia is None else inertia,
+        )
+
+    def hold_against(self, acceleration: np.ndarray) -> None:
+        """Take gravity by the acceleration that holds the robot against its weight (3,) [m/s²]."""
+        self.gravity = -acceleration
+
+    def zero(self) -> None:
+        """Make the present wrench read as zero."""
+        self._zero = self._zero + self.wrench
+        self.wrench = np.zeros(6)
+
+    def update(self, load: np.ndarray, rotation: np.ndarray, tcp: np.ndarray) -> None:
+        """Take the measured load (6,); R_base_flange and the TCP in flange axes."""
+        weight = self.payload.mass * self.gravity
+        force = rotation @ load[:3] - weight
+        torque = rotation @ load[3:] - np.cross(rotation @ self.payload.cog, weight)
+        if self._at_tcp:
+            torque = torque - np.cross(rotation @ tcp[:3], force)
+        self.wrench = np.concatenate([force, torque]) - self._zero
+
+
+class ExternalWrench:
+    """A wrench that a client sends instead of the arm's own: URScript's ft_rtde_input_enable.
+
+    Attributes:
+        enabled: whether it is taken.
+    """
+
+    def __init__(self) -> None:
+        self.enabled = False
+        self._mass, self._offset, self._cog = 0.0, np.zeros(3), np.zeros(3)
+
+    def enable(self, on: bool, mass: float, offset: np.ndarray, cog: np.ndarray) -> None:
+        """Take it from now on, or no longer.
+
+        Args:
+            on: whether.
+            mass: of the sensor between flange and measuring point [kg].
+            offset: of the measuring point in flange axes (3,) [m].
+            cog: of the sensor in flange axes (3,) [m].
+        """
+        self.enabled, self._mass, self._offset, self._cog = on, mass, offset, cog
+
+    def load(self, sent: np.ndarray, gravity: np.ndarray) -> np.ndarray:
+        """Load on the flange (6,) [N, N·m].
+
+        The sensor's own weight lies before its measuring point; it is added, as the robot's own
+        sensor in the flange would feel it.
+
+        Args:
+            sent: wrench at the measuring point, flange axes (6,).
+            gravity: in flange axes (3,) [m/s²].
+        """
+        weight = self._mass * gravity
+        torque = sent[3:] + np.cross(self._offset, sent[:3]) + np.cross(self._cog, weight)
+        return np.concatenate([sent[:3] + weight, torque])

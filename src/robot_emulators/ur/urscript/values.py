@@ -1,0 +1,164 @@
+"""Values of URScript and what its operators make of them.
+
+A value is a number, a truth value, a text, a list, a pose (`Pose`, a list of six) or a struct
+(dict). Lists take part in sums and products element by element, as newer controllers do.
+"""
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+from robot_emulators.ur.urscript.faults import ScriptFaultError
+
+Value = Any
+"""float, int, bool, str, list, `Pose` or dict."""
+_EXACT = 2**53
+"""Whole numbers beyond this become floating point, so that none grows without bound."""
+LONGEST_TEXT, LONGEST_LIST = 1 << 15, 1 << 12
+
+
+class Pose(list[Any]):
+    """``p[x, y, z, rx, ry, rz]`` [m, rad]."""
+
+
+def copied(value: Value) -> Value:
+    """Lists and structs are values: whoever takes one has its own."""
+    if isinstance(value, list):
+        return type(value)(copied(v) if isinstance(v, list | dict) else v for v in value)
+    return {k: copied(v) for k, v in value.items()} if isinstance(value, dict) else value
+
+
+def shown(value: Value) -> str:
+    """A value as textmsg and str_cat write it."""
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    if isinstance(value, list):
+        inside = ", ".join(shown(v) for v in value[:LONGEST_LIST])
+        return f"p[{inside}]" if isinstance(value, Pose) else f"[{inside}]"
+    if isinstance(value, dict):
+        return f"struct({', '.join(f'{k}={shown(v)}' for k, v in value.items())})"
+    return str(value)
+
+
+def truth(value: Value) -> bool:
+    """Whether a condition holds.
+
+    Raises:
+        ScriptFaultError: the value is none of which this can be said.
+    """
+    if isinstance(value, bool | int | float):
+        return bool(value)
+    raise ScriptFaultError(f"a condition must be true or false, not {kind(value)}")
+
+
+def kind(value: Value) -> str:
+    """What a value is, in a word."""
+    for of, word in ((bool, "a truth value"), (int | float, "a number"), (str, "a text"),
+                     (Pose, "a pose"), (list, "a list"), (dict, "a struct")):  # fmt: skip
+        if isinstance(value, of):
+            return word
+    return "nothing"
+
+
+def real(value: Value, what: str = "an argument") -> float:
+    """A number.
+
+    Raises:
+        ScriptFaultError: it is something else, or not finite.
+    """
+    if isinstance(value, int | float) and math.isfinite(value):
+        return float(value)
+    raise ScriptFaultError(f"{what} must be a number, not {kind(value)}")
+
+
+def reals(value: Value, count: int, what: str = "an argument") -> list[float]:
+    """A list of numbers.
+
+    Raises:
+        ScriptFaultError: it is something else.
+    """
+    if isinstance(value, list) and len(value) == count:
+        return [real(v, f"each element of {what}") for v in value]
+    raise ScriptFaultError(f"{what} must be a list of {count} numbers")
+
+
+def binary(operator: str, left: Value, right: Value) -> Value:
+    """The value of an operator.
+
+    Raises:
+        ScriptFaultError: there is none for these operands.
+    """
+    return OPERATORS[operator](left, right)
+
+
+def negative(value: Value) -> Value:
+    """``-value``."""
+    return _arithmetic("-", lambda a, b: a - b)(0, value)
+
+
+def _bounded(value: float | int) -> float | int:
+    return float(value) if isinstance(value, int) and abs(value) > _EXACT else value
+
+
+def _arithmetic(sign: str, act: Callable[[Any, Any], Any]) -> Callable[[Value, Value], Value]:
+    def number(left: Value, right: Value) -> Value:
+        try:
+            return _bounded(act(left, right))
+        except ZeroDivisionError:
+            raise ScriptFaultError("division by zero") from None
+        except OverflowError:
+            return math.inf
+
+    def of(left: Value, right: Value) -> Value:
+        if isinstance(left, int | float) and isinstance(right, int | float):
+            return number(left, right)
+        if isinstance(left, list) and isinstance(right, list):
+            if len(left) != len(right):
+                raise ScriptFaultError(f"{sign} of lists of {len(left)} and {len(right)} elements")
+            return type(left)(of(a, b) for a, b in zip(left, right, strict=True))
+        if isinstance(left, list) and isinstance(right, int | float):
+            return type(left)(of(a, right) for a in left)
+        if isinstance(right, list) and isinstance(left, int | float):
+            return type(right)(of(left, b) for b in right)
+        raise ScriptFaultError(f"{sign} of {kind(left)} and {kind(right)}")
+
+    return of
+
+
+def _ordered(sign: str, act: Callable[[Any, Any], bool]) -> Callable[[Value, Value], bool]:
+    def of(left: Value, right: Value) -> bool:
+        if isinstance(left, int | float) and isinstance(right, int | float):
+            return act(left, right)
+        raise ScriptFaultError(f"{sign} of {kind(left)} and {kind(right)}")
+
+    return of
+
+
+def _modulo(a: float, b: float) -> float:
+    return math.fmod(a, b) if isinstance(a, float) or isinstance(b, float) else a % b
+
+
+def _power(a: float, b: float) -> float:
+    if (a == 0 and b < 0) or isinstance(value := float(a) ** float(b), complex):
+        raise ScriptFaultError(f"{a:g} to the power of {b:g}")
+    return float(value)
+
+
+OPERATORS: dict[str, Callable[[Value, Value], Value]] = {
+    "+": _arithmetic("+", lambda a, b: a + b),
+    "-": _arithmetic("-", lambda a, b: a - b),
+    "*": _arithmetic("*", lambda a, b: a * b),
+    "/": _arithmetic("/", lambda a, b: a / b),
+    "%": _arithmetic("%", _modulo),
+    "^": _arithmetic("^", _power),
+    "<": _ordered("<", lambda a, b: a < b),
+    ">": _ordered(">", lambda a, b: a > b),
+    "<=": _ordered("<=", lambda a, b: a <= b),
+    ">=": _ordered(">=", lambda a, b: a >= b),
+    "==": lambda a, b: bool(a == b),
+    "!=": lambda a, b: bool(a != b),
+    "<>": lambda a, b: bool(a != b),
+    "and": lambda a, b: truth(a) and truth(b),
+    "or": lambda a, b: truth(a) or truth(b),
+    "xor": lambda a, b: truth(a) != truth(b),
+}

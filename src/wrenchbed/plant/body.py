@@ -1,0 +1,226 @@
+"""A robot in MuJoCo that moves one control cycle at a time, with its sensor.
+
+Robot, sensor, noise and effects are those of the simulated driver, but in real time: the future is
+unknown. `step` and `readings` may be called from different threads.
+"""
+
+import threading
+import time
+from collections import deque
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import mujoco
+import numpy as np
+
+from wrenchbed import registry
+from wrenchbed.effects.chain import active_effect
+from wrenchbed.errors import NotFoundError, ParameterError
+from wrenchbed.physics.noise import noise_model
+from wrenchbed.plant.contact_surface import Plate, Surface, tip_in
+from wrenchbed.plant.drives import RealTimeDrives
+from wrenchbed.plant.sensor import BufferedNoise, SensorRow, SensorWithEffects
+from wrenchbed.robots.base import SimulatedRobot
+from wrenchbed.simulation.closed_form import Model
+from wrenchbed.simulation.drives.parameters import apart, faults_apart
+from wrenchbed.simulation.servo_motion import ServoDrivenRobot, steps_in
+from wrenchbed.simulation.simulation import Simulation
+from wrenchbed.twin.replay import Playback
+from wrenchbed.twin.twin import Twin
+
+DELAY_S = 0.008
+"""How long a state is computed before it is reported [s], so that a fast sensor, which reads
+between states, knows the next one. At least one cycle."""
+HISTORY_S = 4.0
+"""How far back a cycle's state is kept [s]."""
+
+
+@dataclass(frozen=True)
+class BodyOptions:
+    """Which robot is simulated, and how.
+
+    Attributes:
+        robot: registry name, or the robot itself.
+        parameters: true values where they differ from nominal, by name, SI.
+        noise: ``real``, ``white`` or ``off``.
+        seed: of the noise and of the effects' random parts.
+        effects: as ``joint.compliance:joint=2,stiffness=1.4e4``; without values of typical size.
+        table: height of a plate that the tool may press on [m]; None: nothing to touch.
+        table_stiffness: of the plate [N/m].
+        sensor: registry name, whose range and noise are simulated; None: the robot's.
+    """
+
+    robot: str | SimulatedRobot
+    parameters: Mapping[str, float] = field(default_factory=dict)
+    noise: str = "real"
+    seed: int = 0
+    effects: tuple[str, ...] = ()
+    table: float | None = None
+    table_stiffness: float = 2e4
+    sensor: str | None = None
+
+
+class Body:
+    """A simulated robot that moves one control cycle at a time.
+
+    Args:
+        options: of the robot.
+        cycle: period of its control [s].
+        surface: for the tool's tip to press on, instead of the options' plate.
+        drives: whether its drives report torques and currents.
+
+    Raises:
+        NotFoundError: the robot has no MuJoCo model, or no such effect.
+        ParameterError: an unknown parameter, an impossible value or kind of noise.
+    """
+
+    def __init__(self, options: BodyOptions, cycle: float, surface: Surface | None = None, *,
+                 drives: bool = False) -> None:  # fmt: skip
+        if options.table is not None and not np.isfinite(options.table):
+            raise ParameterError(f"table = {options.table} must be a height [m]")
+        robot = self.robot = _robot(options)
+        self.cycle = cycle
+        self.model = Model(robot, tuple(robot.gravity))
+        of_drives, others = apart(options.parameters) if drives else ({}, options.parameters)
+        faults, effects = faults_apart(options.effects) if drives else ((), options.effects)
+        self.theta = self.model.parameters.vector(others)
+        robot_theta = robot.robot_theta(self.theta)
+        self.simulation = Simulation(robot, robot_theta, self.model.gravity)
+        self.sensor = registry.load("sensors", options.sensor or robot.sensor)
+        self._noise = BufferedNoise(noise_model(options.noise, self.sensor.noise), options.seed)
+        active = tuple(active_effect(robot, text) for text in effects)
+        twin = Twin(self.model, self.theta, active)
+        self._playback = Playback(twin, options.seed) if active else None
+        if options.table is not None:
+            surface = Plate(options.table, options.table_stiffness)
+        touching = surface is not None
+        self._sensor_effects = (
+            None if self._playback is None else SensorWithEffects(self._playback, touching)
+        )
+        self._plant = ServoDrivenRobot(self.simulation, robot.home)
+        self._surface = surface
+        self._tip: np.ndarray | None = None
+        self.push = np.zeros(3)
+        """Force of the surface on the tip, in the world [N]."""
+        self._substeps = steps_in(cycle)
+        self._lock = threading.Lock()
+        self._target = self._before = np.array(robot.home)
+        self._behind = max(1, round(DELAY_S / cycle))
+        self._rows: deque[SensorRow] = deque(maxlen=max(8, round(HISTORY_S / cycle)))
+        self.drives = (
+            RealTimeDrives(robot, robot_theta, of_drives, (faults, effects), options.noise,
+                           options.seed, cycle, self._behind) if drives else None
+        )  # fmt: skip
+        """What its drives report, if that was asked for."""
+        self._cycles = 0
+        self._last_read = -np.inf
+        self.step(robot.home)
+
+    @property
+    def time(self) -> float:
+        """Simulated time of the reported state [s]: full cycles since the start."""
+        return self._now.t
+
+    @property
+    def ahead(self) -> float:
+        """Simulated time up to which the readings are known [s]."""
+        return self._rows[-1].t
+
+    @property
+    def q(self) -> np.ndarray:
+        """Joint values (J,) [rad or m]."""
+        return self._now.q
+
+    @property
+    def qd(self) -> np.ndarray:
+        """Joint speeds (J,)."""
+        return self._now.qd
+
+    @property
+    def target(self) -> np.ndarray:
+        """Last target of the servos (J,)."""
+        return self._target
+
+    @property
+    def load(self) -> np.ndarray:
+        """True load on the sensor (6,) [N, N·m], without effects and noise."""
+        return self._now.load
+
+    @property
+    def _now(self) -> SensorRow:
+        return self._rows[max(-self._behind - 1, -len(self._rows))]
+
+    @property
+    def newest(self) -> tuple[float, float]:
+        """When the newest state was due (`time.monotonic`), and its simulated time [s]."""
+        return self._newest
+
+    def step(self, target: np.ndarray, due: float = 0.0) -> None:
+        """Take one control cycle towards a target (J,).
+
+        The new state was due at a time of `time.monotonic` [s]; 0: when it is there.
+
+        The servos follow the quadratic B-spline of the targets: with one acceleration a cycle and
+        no jump in speed, half a cycle late, as drives that interpolate do.
+        """
+        share = np.arange(1, self._substeps + 1)[:, None] / self._substeps
+        last, new = self._target, np.asarray(target, dtype=float)
+        way = 0.5 * (self._before + last) + share * (last - self._before)
+        way += 0.5 * share**2 * (new - 2.0 * last + self._before)
+        if self._surface is not None:
+            self._press(self._surface)
+        sampled = self._plant.follow(way, self.cycle)
+        if self.drives is not None:
+            self.drives.step(self._plant, sampled.q, sampled.qd)
+        self._before, self._target = last, np.array(new)
+        with self._lock:
+            self._rows.append(SensorRow(self._cycles * self.cycle, *sampled))
+            self._newest = (due or time.monotonic(), self._rows[-1].t)
+            self._cycles += 1
+            if self._sensor_effects is not None:
+                self._sensor_effects.advance(self._rows)
+
+    def readings(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Readings (n, 6) [N, N·m] and saturated channels (n,), as bits 0 … 5.
+
+        Args:
+            t: times (n,) [s], increasing from call to call; after the newest state that state is
+                read; times before the last call are moved on by a nanosecond each.
+        """
+        with self._lock:
+            t = np.minimum(t, self.ahead)
+            t = np.maximum(t, self._last_read + 1e-9 * np.arange(1, len(t) + 1))
+            self._last_read = float(t[-1])
+            means = self._mean(t) if self._sensor_effects is None else self._sensor_effects.mean(t)
+            values, status = self._noise.corrupt(t, means)
+            if self._sensor_effects is not None:
+                values = self._sensor_effects.corrupt(t, values)
+            return values, status
+
+    def _press(self, surface: Surface) -> None:
+        """Apply the force of the surface to the tool's tip."""
+        data, model = self._plant.data, self._plant.model
+        mujoco.mj_kinematics(model, data)
+        tip = tip_in(model, data)
+        before, self._tip = self._tip, tip
+        speed = (tip - before) / self.cycle if before is not None else np.zeros(3)
+        self.push = surface.push(tip, speed)
+        tool = model.body("tool").id
+        lever = tip - data.xipos[tool]
+        data.xfrc_applied[tool] = np.concatenate([self.push, np.cross(lever, self.push)])
+
+    def _mean(self, t: np.ndarray) -> np.ndarray:
+        recent = list(self._rows)[-16:]
+        times = np.array([row.t for row in recent])
+        loads = np.array([row.load for row in recent])
+        load = np.stack([np.interp(t, times, loads[:, k]) for k in range(6)], axis=-1)
+        return self.model.read(load, self.theta)
+
+
+def _robot(options: BodyOptions) -> SimulatedRobot:
+    robot: object = options.robot
+    if isinstance(options.robot, str):
+        robot = registry.load("robots", options.robot)
+    if not isinstance(robot, SimulatedRobot):
+        raise NotFoundError(f"robot {options.robot!r} has no MuJoCo model to simulate")
+    return robot
