@@ -1,8 +1,8 @@
 """Times of the package's main jobs over that of a fixed reference in one run, and their history.
 
 `scripts/bench --record` appends the ratios to `HISTORY` and writes `PAGE`; `scripts/bench --check`
-compares with what was recorded on the same kind of processor, and so does a test. Times are
-processor time, the least of interleaved repeats: other processes slow them little.
+compares with what was recorded on the same kind of processor. Times are processor time, the least
+of interleaved repeats: other processes slow them little.
 """
 
 import json
@@ -32,7 +32,6 @@ from wrenchbed.planning.exchange import Pool, exchange
 ROOT = Path(__file__).parents[1]
 HISTORY = ROOT / "docs" / "reference" / "bench_history.json"
 PAGE = ROOT / "docs" / "explanation" / "bench-history.md"
-PICTURE = PAGE.with_suffix(".svg")
 WORSE = 4.0 / 3.0
 """A ratio that has grown by more than a third fails."""
 LAST = 3
@@ -41,8 +40,6 @@ ROUNDS = 3
 """Interleaved repeats; as many again of what seems worse."""
 SHOWN = 8
 """Runs in the table of the page."""
-ROW, LEFT, RIGHT = 24, 320, 620
-"""Of the picture: height of a line, where the curves begin and end [px]."""
 SHORT, SHORT_S = 3, 0.05
 """Times that a job below so long [s] is repeated in each round."""
 Job = Callable[[], object]
@@ -145,8 +142,8 @@ def _time(job: Job) -> float:
 
 def machine() -> dict[str, Any]:
     """Model of the processor and its number of cores."""
-    told = Path("/proc/cpuinfo")
-    lines = told.read_text().splitlines() if told.is_file() else []
+    processor = Path("/proc/cpuinfo")
+    lines = processor.read_text().splitlines() if processor.is_file() else []
     facts = dict(reversed([[part.strip() for part in x.split(":", 1)] for x in lines if ":" in x]))
     family = " ".join(facts[k] for k in ("cpu family", "model") if k in facts)
     name = f"{facts.get('model name', platform.machine())} {family}".strip()
@@ -208,22 +205,17 @@ def record() -> None:
     entries = [*history(), entry]
     write_json(HISTORY, entries)
     write_text(PAGE, page(entries))
-    write_text(PICTURE, picture(entries))
 
 
 HEAD = """# Speed from commit to commit
 
 `scripts/bench --record` writes this page. Each figure is a ratio: processor time of a job over that
 of a fixed reference (numpy on vectors, small matrices, Python's loops) in the same run, the least
-of interleaved repeats, in one thread. So a slower machine or a busy one changes it little. A test
-(`tests/project/test_speed.py`, or `scripts/bench --check`) fails where a ratio is worse by more
-than a third than the median of the last three recorded on such a processor (of those within a third
-of the very last). It asks twice. Of 30 checks beside eight to twelve other busy processes on two
-cores none failed, and none had to ask twice: the worst ratio was 1.19 times the recorded one.
-
-![Each job's ratio from run to run](bench-history.svg)
-
-Each line has a logarithmic scale of its own, from the first run to the last. Lower is faster.
+of interleaved repeats, in one thread. So a slower machine or a busy one changes it little.
+`scripts/bench --check` fails where a ratio is worse by more than a third than the median of the
+last three recorded on such a processor (of those within a third of the very last). It asks twice.
+Of 30 checks beside eight to twelve other busy processes on two cores none failed, and none had to
+ask twice: the worst ratio was 1.19 times the recorded one. Lower is faster.
 """
 
 
@@ -239,39 +231,9 @@ def page(entries: Sequence[Entry]) -> str:
     heads = " | ".join(e["commit"] for e in newest)
     rows += ["", f"| job | {heads} |", "|---" * (len(newest) + 1) + "|"]
     for name in newest[0]["ratios"]:
-        told = (f"{e['ratios'][name]:.3g}" if name in e["ratios"] else "–" for e in newest)
-        rows.append(f"| {name} | {' | '.join(told)} |")
+        cells = (f"{e['ratios'][name]:.3g}" if name in e["ratios"] else "–" for e in newest)
+        rows.append(f"| {name} | {' | '.join(cells)} |")
     return "\n".join([HEAD, *rows, ""])
-
-
-def picture(entries: Sequence[Entry]) -> str:
-    """SVG: a line a job over the runs on the newest one's processor, its first and last ratio."""
-    own = [e for e in entries if e["machine"]["cpu"] == entries[-1]["machine"]["cpu"]]
-    parts = []
-    for k, name in enumerate(own[-1]["ratios"]):
-        values = [e["ratios"][name] for e in own if name in e["ratios"]]
-        logs, y = np.log(values), ROW * (k + 1)
-        middle, half = (logs.max() + logs.min()) / 2, max(np.ptp(logs) / 2, np.log(WORSE))
-        x = np.linspace(LEFT, RIGHT, len(values)) if len(values) > 1 else np.array([RIGHT])
-        heights = y - 5.0 - 8.0 * (logs - middle) / half
-        points = [f"{a:.1f},{b:.1f}" for a, b in zip(x, heights, strict=True)]
-        dots = "".join(
-            f'<circle cx="{p.split(",")[0]}" cy="{p.split(",")[1]}" r="2"/>' for p in points
-        )
-        change = values[-1] / values[0]
-        parts.append(
-            f'<text x="8" y="{y}">{name}</text><text x="{LEFT - 10}" y="{y}" text-anchor="end">'
-            f'{values[0]:.3g}</text><polyline points="{" ".join(points)}"/>{dots}'
-            f'<text x="{RIGHT + 10}" y="{y}">{values[-1]:.3g}</text>'
-            f'<text x="{RIGHT + 70}" y="{y}">× {change:.2g}</text>'
-        )
-    height = ROW * (len(parts) + 1)
-    return (
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {RIGHT + 130} {height}" '
-        'font-family="sans-serif" font-size="13"><style>polyline{fill:none;stroke:#0072b2;'
-        "stroke-width:1.5}circle{fill:#0072b2}text{fill:#222}</style>"
-        f'<rect width="100%" height="100%" fill="#fff"/>{"".join(parts)}</svg>\n'
-    )
 
 
 def check() -> int:

@@ -69,10 +69,3 @@ def test_the_script_counts_files_and_prints_a_table():
     assert done.returncode == 0, done.stderr
     row = [cell.strip() for cell in done.stdout.splitlines()[-1].strip("|").split("|")]
     assert row[:2] == ["points", "30"] and int(row[2]) + int(row[3]) == 30 and row[4] == "0"
-
-
-def test_a_wire_has_no_mutated_files():
-    done = subprocess.run(
-        [sys.executable, SCRIPT, "rdt", "--count", "3"], capture_output=True, text=True, timeout=60
-    )
-    assert done.returncode == 2 and "--count is for files" in done.stderr

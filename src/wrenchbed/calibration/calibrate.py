@@ -35,6 +35,11 @@ from wrenchbed.simulation.closed_form import Model, robot_of
 
 _WELL_SPREAD = 1e-3
 """Least det N / (tr N / 3)³ of normal equations that Cramer's rule solves: estimate."""
+_ENOUGH_ROWS = 500
+CANDIDATES, DEFAULT = "candidates", "default"
+"""Stand for all that a robot might have wrong, and for what it frees by itself, in
+`CalibrationOptions.free`."""
+_NOISE = {"repeats": "the noise of the repeats", "stated": "the stated noise"}
 
 
 @dataclass(frozen=True)
@@ -182,14 +187,6 @@ def check_mass(mass: float) -> None:
             f"the tool's mass comes out as {mass:.4g} kg: the wrench or the gravity has the "
             "opposite sign (wanted: the load on the sensor, +m·g along gravity at rest)"
         )
-
-
-_ENOUGH_ROWS = 500
-
-
-CANDIDATES, DEFAULT = "candidates", "default"
-"""Stand for all that a robot might have wrong, and for what it frees by itself, in
-`CalibrationOptions.free`."""
 
 
 @dataclass(frozen=True)
@@ -455,9 +452,6 @@ def _observability(problem: Problem, theta: np.ndarray) -> Observability:
         model.parameters.tolerance[list(columns)],
         model.robot.symmetries(model.robot.robot_theta(theta)),
     )
-
-
-_NOISE = {"repeats": "the noise of the repeats", "stated": "the stated noise"}
 
 
 def _status(

@@ -29,6 +29,13 @@ _DECADES_BELOW = 1.0
 """How far the 1/f band reaches below the inverse of the campaign's length."""
 _RANGE = (-8.0, 12.0)
 """Natural logarithm of wander over independent variance that is searched."""
+REWEIGHTINGS, _SETTLED = 3, 1e-6
+"""How often weights are found again, at most, and by how much, relative, they still change."""
+TRUST = 0.01
+"""Below this p-value of the residual's χ², the noise seen in the repeats does not explain it."""
+_BATCHES = 20
+ENOUGH = 20
+"""Poses beyond the number of parameters from which the residual shows wander and correlation."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,15 +159,6 @@ def none_of(variance: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
     """Whitening of independent rows with a variance a channel (6,)."""
     root = np.sqrt(variance)
     return lambda rows: rows / root.reshape(root.shape + (1,) * (rows.ndim - 2))
-
-
-REWEIGHTINGS, _SETTLED = 3, 1e-6
-"""How often weights are found again, at most, and by how much, relative, they still change."""
-TRUST = 0.01
-"""Below this p-value of the residual's χ², the noise seen in the repeats does not explain it."""
-_BATCHES = 20
-ENOUGH = 20
-"""Poses beyond the number of parameters from which the residual shows wander and correlation."""
 
 
 def fit(problem: Problem) -> Outcome:

@@ -44,6 +44,7 @@ MOST = 10
 """Explanations of each recording that are fitted to all; estimate."""
 LEADING = 2
 """Of each recording, whose effects are also tried together with another recording's."""
+Draft = tuple[Structure, tuple[int, ...], np.ndarray]
 
 
 @one_thread
@@ -192,9 +193,6 @@ def _mixed(joint: JointRefitter, best: JointFinalist) -> float:
         for each, view in zip(joint.each, best.views, strict=True)
     ]
     return base + sum(max(m, 0.0) for m in more)
-
-
-Draft = tuple[Structure, tuple[int, ...], np.ndarray]
 
 
 def _candidates(

@@ -34,6 +34,16 @@ GROUPS = (*FRICTION, CONSTANT, "tool", "link")
 parameters that torques can tell, the load's among them."""
 _WORSE = 1.0
 """Error on held-out rows over the spread of the effort from which a fit explains nothing."""
+LOAD = ("tool.mass", *(f"tool.moment.{a}" for a in "xyz"),
+        *(f"tool.second.{a}" for a in INERTIA_AXES))  # fmt: skip
+"""The ten inertial parameters of the load, about the sensor's origin in its axes."""
+_WIDE = float(stats.t.ppf(0.975, FOLDS - 1))
+"""Half the width of a 95 % interval in standard errors; the folds are its degrees of freedom."""
+_COG = tuple(f"tool.cog.{a}" for a in "xyz")
+_INERTIA = tuple(f"tool.inertia.{a}" for a in INERTIA_AXES)
+_UNITS = {"drive.coulomb": "N·m", "drive.viscous": "N·m·s/rad", "drive.offset": "N·m",
+          "drive.inertia": "kg·m²"}  # fmt: skip
+_LINK_UNITS = {"m": "kg"} | {f"m{a}": "kg·m" for a in "xyz"}
 
 
 def calibrate_efforts(
@@ -168,11 +178,6 @@ def _used(recording: Recording, signals: DriveSignals, kinds: tuple[str, ...]) -
     return use
 
 
-LOAD = ("tool.mass", *(f"tool.moment.{a}" for a in "xyz"),
-        *(f"tool.second.{a}" for a in INERTIA_AXES))  # fmt: skip
-"""The ten inertial parameters of the load, about the sensor's origin in its axes."""
-
-
 def about_origin(tool: Tool) -> np.ndarray:
     """`LOAD` (10,) of a tool."""
     mass, cog = float(tool.mass), np.asarray(tool.cog, dtype=float)
@@ -264,15 +269,6 @@ def _certain(p: Problem, solution: Solution, starts: dict[str, float]) -> np.nda
         light = abs(solution.x[at] + starts[LOAD[0]]) <= half[at]
         told[at + 1 : at + len(LOAD)] &= not light
     return told
-
-
-_WIDE = float(stats.t.ppf(0.975, FOLDS - 1))
-"""Half the width of a 95 % interval in standard errors; the folds are its degrees of freedom."""
-_COG = tuple(f"tool.cog.{a}" for a in "xyz")
-_INERTIA = tuple(f"tool.inertia.{a}" for a in INERTIA_AXES)
-_UNITS = {"drive.coulomb": "N·m", "drive.viscous": "N·m·s/rad", "drive.offset": "N·m",
-          "drive.inertia": "kg·m²"}  # fmt: skip
-_LINK_UNITS = {"m": "kg"} | {f"m{a}": "kg·m" for a in "xyz"}
 
 
 def _names(

@@ -28,6 +28,29 @@ if TYPE_CHECKING:
 else:
     MjSpec = Any
 """MuJoCo is imported by what compiles a model only."""
+SHOWN: Mapping[str, str] = {
+    "prediction": "the rows sorted by what it predicts",
+    "time": "time, or the temperature where that was recorded",
+    "load": "the load of the channel in which it shows most",
+    "loop": "that load, where it rises and where it falls",
+    "torque": "the torque on the joint, as an error of the joint's value",
+    "angle": "the joint's own value, likewise",
+    "matrix": "all pairs of channels, as what one shows of another's load",
+    "depth": "its own `variable`, as the force along its push",
+    "lag": "a shift of the simulated readings in time, as their correlation with measured ones",
+}
+"""Variables of an effect's own figure in a report, beside measured and simulated."""
+_LISTED = 15
+"""Names that an error lists: two per joint of an arm of six, with ``joint`` and a short name."""
+STATED_NUMBERS = ("bias", "mass", "cog")
+"""Numbers of a recording's metadata that every user fits; an effect may be that one is wrong."""
+Values = Mapping[str, float]
+"""All parameters of one effect by name, SI."""
+WARM_UPS = (0.25, 1.0, 4.0)
+"""Time constants of an unrecorded warm-up where a search begins, relative to the recording's
+duration; estimates."""
+WAVES = 5
+"""Half waves of a course in time that is free; estimate."""
 
 
 class Stage(NamedTuple):
@@ -66,24 +89,6 @@ STAGES: Mapping[str, Stage] = {
     ),
 }
 """By name, in the order in which they act."""
-SHOWN: Mapping[str, str] = {
-    "prediction": "the rows sorted by what it predicts",
-    "time": "time, or the temperature where that was recorded",
-    "load": "the load of the channel in which it shows most",
-    "loop": "that load, where it rises and where it falls",
-    "torque": "the torque on the joint, as an error of the joint's value",
-    "angle": "the joint's own value, likewise",
-    "matrix": "all pairs of channels, as what one shows of another's load",
-    "depth": "its own `variable`, as the force along its push",
-    "lag": "a shift of the simulated readings in time, as their correlation with measured ones",
-}
-"""Variables of an effect's own figure in a report, beside measured and simulated."""
-_LISTED = 15
-"""Names that an error lists: two per joint of an arm of six, with ``joint`` and a short name."""
-STATED_NUMBERS = ("bias", "mass", "cog")
-"""Numbers of a recording's metadata that every user fits; an effect may be that one is wrong."""
-Values = Mapping[str, float]
-"""All parameters of one effect by name, SI."""
 
 
 @dataclass(frozen=True)
@@ -466,10 +471,6 @@ class RowEffect(Effect):
 
 # ---- building blocks of parameter sets and variants ------------------------------------------
 
-WARM_UPS = (0.25, 1.0, 4.0)
-"""Time constants of an unrecorded warm-up where a search begins, relative to the recording's
-duration; estimates."""
-
 
 def alike(
     names: Sequence[str], unit: str, size: float, bound: float, text: str
@@ -567,10 +568,6 @@ def per_channel(stem: str) -> tuple[str, ...]:
 def each_joint(stem: str, robot: Robot) -> tuple[str, ...]:
     """``stem.q1`` …, one name a joint."""
     return tuple(f"{stem}.q{k + 1}" for k in range(len(robot.joints)))
-
-
-WAVES = 5
-"""Half waves of a course in time that is free; estimate."""
 
 
 def waves(stem: str) -> tuple[str, ...]:

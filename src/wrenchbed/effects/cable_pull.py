@@ -31,6 +31,12 @@ ROWS_AT_ONCE = 20_000
 """Of all anchors together that are scanned at once; estimate, what a processor's cache holds."""
 SLACKS = (0.0, 0.25, 0.5, 0.75)
 """Shares of rows with a slack cable that a scan tries; estimates."""
+_TURNS = np.array([
+    [[0, 0, 0], [0, 0, 1], [0, -1, 0]],
+    [[0, 0, -1], [0, 0, 0], [1, 0, 0]],
+    [[0, 1, 0], [-1, 0, 0], [0, 0, 0]],
+])  # fmt: skip
+"""Torque a of a force f held at p: Σ _TURNS[a, p, f] p f, the vector product."""
 
 
 class CablePull(LoadEffect):
@@ -153,14 +159,6 @@ def _gains(pulls: np.ndarray, residual: Residual) -> tuple[np.ndarray, np.ndarra
     size = np.linalg.solve(normal + ridge[..., None, None] * np.eye(4), score[..., None])[..., 0]
     gain = np.where(size[..., 0] > 0, (score * size).sum(axis=-1), 0.0)
     return gain, size[..., 1:] / (size[..., :1] + 1e-12)
-
-
-_TURNS = np.array([
-    [[0, 0, 0], [0, 0, 1], [0, -1, 0]],
-    [[0, 0, -1], [0, 0, 0], [1, 0, 0]],
-    [[0, 1, 0], [-1, 0, 0], [0, 0, 0]],
-])  # fmt: skip
-"""Torque a of a force f held at p: Σ _TURNS[a, p, f] p f, the vector product."""
 
 
 EFFECT = CablePull()

@@ -29,6 +29,13 @@ from wrenchbed.physics.wrench import CHANNELS, wrench
 from wrenchbed.robots.base import Robot
 
 _T = TypeVar("_T")
+_KEPT = 4
+"""Results that `Responses` keeps: those of a fit's place and of steps from it; estimate."""
+_Key = tuple[tuple[Any, ...], ...]
+_PLACING = frozenset(("model", "joint", "pose"))
+"""Stages that decide where the sensor is and what it carries."""
+_STEP = 1e-4
+"""Of central differences by joint values [rad or m], rates and accelerations; estimate."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,11 +156,6 @@ class EffectChain:
         return self.respond(scene)
 
 
-_KEPT = 4
-"""Results that `Responses` keeps: those of a fit's place and of steps from it; estimate."""
-_Key = tuple[tuple[Any, ...], ...]
-
-
 class Responses:
     """Readings of one scene with many sets of effects, as `respond` makes them.
 
@@ -188,12 +190,6 @@ def _kept(known: dict[_Key, _T], key: _Key, make: Callable[[], _T]) -> _T:
         del known[next(iter(known))]
     known[key] = found
     return found
-
-
-_PLACING = frozenset(("model", "joint", "pose"))
-"""Stages that decide where the sensor is and what it carries."""
-_STEP = 1e-4
-"""Of central differences by joint values [rad or m], rates and accelerations; estimate."""
 
 
 @dataclass(frozen=True, eq=False)

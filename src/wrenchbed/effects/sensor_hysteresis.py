@@ -29,6 +29,8 @@ TURNED = (1, 3)
 """Of these plays (from 0) also one whose lag turns with the load; estimate."""
 LAGS = (*(f"play{k + 1}" for k in range(len(PLAYS))), *(f"turn{k + 1}" for k in range(len(TURNED))))
 FORMS = tuple(f"{w}{s}" for w in WIDTHS for s in ("", ".slope"))
+_LARGEST_KEPT, _MOST_KEPT = 1 << 19, 64
+"""Largest input of `play` that is kept [B], and how many: with their paths 64 MiB. Estimates."""
 
 
 class SensorHysteresis(ReadingEffect):
@@ -130,10 +132,6 @@ class SensorHysteresis(ReadingEffect):
         """Also takes ``lag.fx=0.1``: the middle play of a channel."""
         short = dict(zip(per_channel("lag"), per_channel("middle"), strict=True))
         return super().values(robot, {short.get(k, k): v for k, v in given.items()})
-
-
-_LARGEST_KEPT, _MOST_KEPT = 1 << 19, 64
-"""Largest input of `play` that is kept [B], and how many: with their paths 64 MiB. Estimates."""
 
 
 def _width(name: str) -> float:

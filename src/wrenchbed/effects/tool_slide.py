@@ -11,6 +11,7 @@ from wrenchbed.physics.wrench import wrench
 
 RATE = tuple(f"rate.{a}" for a in "xyz")
 FREE = {a: waves(f"wave.{a}") for a in "xyz"}
+_FORM = {"form": "free"}
 
 
 class ToolSlide(LoadEffect):
@@ -63,5 +64,4 @@ class ToolSlide(LoadEffect):
         return np.asarray(wrench(*pose, tool, scene.gravity) - before)
 
 
-_FORM = {"form": "free"}
 EFFECT = ToolSlide()

@@ -36,6 +36,7 @@ QUIET = 0.4
 make bursts."""
 STEADY = 1.15
 """At most this much more variance than the median group has: bursts are no noise."""
+_Gathered = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,9 +174,6 @@ def scatter(
     rows = _drawn_in(rows / scale)
     rotation, lever = _carried(recording, configuration, index[starts + count // 2])
     return Scatter(recording.t[index], rows, scale, stated, starts, count, rotation, lever, kernel)
-
-
-_Gathered = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
 
 def _at_rest(recording: Recording, stale: np.ndarray) -> _Gathered | None:

@@ -23,6 +23,11 @@ from wrenchbed.physics.wrench import CHANNELS
 
 TIME_WAVES = 8
 """Half waves over the recording."""
+LARGEST = 30.0
+"""Largest multiple of its typical size that an effect may have; invisible then: not considered."""
+VISIBLE = 0.5
+"""Gap that an effect must be able to add to be considered at all."""
+_Shape = tuple[tuple[str, float], ...]
 
 
 def features(prepared: Prepared) -> dict[str, np.ndarray]:
@@ -102,12 +107,6 @@ def _per_channel(prepared: Prepared, x: np.ndarray) -> np.ndarray:
     for c in range(6):
         columns[:, c, c] = fit[:, c]
     return columns.reshape(-1, 6)
-
-
-LARGEST = 30.0
-"""Largest multiple of its typical size that an effect may have; invisible then: not considered."""
-VISIBLE = 0.5
-"""Gap that an effect must be able to add to be considered at all."""
 
 
 @dataclass(frozen=True)
@@ -326,9 +325,6 @@ def build(
         free_form=free_form,
     )
     return _with_hypotheses(draft, drafts)
-
-
-_Shape = tuple[tuple[str, float], ...]
 
 
 def _shape(variant: Variant) -> _Shape:

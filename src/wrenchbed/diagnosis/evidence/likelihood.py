@@ -23,6 +23,18 @@ FAINT = 0.02
 """Variance of the background over that of the noise, below which a direction is left out."""
 LARGE = 1e4
 """Variance, in typical sizes, of a number that nobody states."""
+LADDER = (0.02, 0.08, 0.3, 1.2, 5.0, 20.0)
+"""Gap that the background adds in all. Up to `NORMAL` every robot has it; more is a gap of its
+own, or the price of an effect's form that the library has only nearly."""
+NORMAL = 0.5
+SHARES = {"effects": 0.45, "kernels": 0.3, "rows": 0.25}
+"""Shares of that gap: of effects of the library, of smooth functions, of single rows."""
+MOST = 0.2
+"""An imperfection is at most so large beside its effect's typical size."""
+CORRELATION_S = 0.4
+"""Correlation time of what the model of a motion lacks [s]."""
+WITHIN = 1.0
+"""Standard deviation of a stated number over its tolerance."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -366,20 +378,6 @@ def over_scales(
         best[k] = ladder[k][int(gain.argmax())]
         total = float(log_sum(gain) - np.log(len(gain)))
     return ScaledEvidence(start + total, best, information)
-
-
-LADDER = (0.02, 0.08, 0.3, 1.2, 5.0, 20.0)
-"""Gap that the background adds in all. Up to `NORMAL` every robot has it; more is a gap of its
-own, or the price of an effect's form that the library has only nearly."""
-NORMAL = 0.5
-SHARES = {"effects": 0.45, "kernels": 0.3, "rows": 0.25}
-"""Shares of that gap: of effects of the library, of smooth functions, of single rows."""
-MOST = 0.2
-"""An imperfection is at most so large beside its effect's typical size."""
-CORRELATION_S = 0.4
-"""Correlation time of what the model of a motion lacks [s]."""
-WITHIN = 1.0
-"""Standard deviation of a stated number over its tolerance."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,6 +12,10 @@ from wrenchbed.diagnosis.explain.refit import Finalist, Refitter
 
 CLAIMABLE = 0.75
 """Gap that a cause must add, as estimated: 1 by definition, less its uncertainty."""
+ALIKE = 0.85
+"""Correlation of two effects' readings from which either may be the large one."""
+SAME, EXCUSED = 0.02, 0.1
+"""Share of a part's gap, and gap, that a twin may leave: small imperfections make as much."""
 
 
 def made_by(refitter: Refitter, f: Finalist, parts: Collection[int]) -> np.ndarray:
@@ -52,12 +56,6 @@ def rest(refitter: Refitter, f: Finalist, large: Collection[int | None]) -> floa
     """Gap that the large parts of a finalist leave, beyond the noise."""
     minor = made_by(refitter, f, [k for k in range(len(f.parts)) if k not in large])
     return refitter.d.gap(f.residual + minor) - refitter.d.row_noise
-
-
-ALIKE = 0.85
-"""Correlation of two effects' readings from which either may be the large one."""
-SAME, EXCUSED = 0.02, 0.1
-"""Share of a part's gap, and gap, that a twin may leave: small imperfections make as much."""
 
 
 def twins(

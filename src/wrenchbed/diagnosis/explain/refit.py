@@ -26,6 +26,19 @@ from wrenchbed.physics.parameters import Parameter
 from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.robots.base import Robot
 
+_STEPS = 12
+_LEAST_SHARE = 0.02
+_STEP, _SHAPE_STEP = 0.1, 0.02
+"""Of finite differences, in typical sizes."""
+_DONE = 1e-3
+"""Largest step, in standard uncertainties, at which a fit has converged."""
+SHAPE_SPREAD = 2.0
+"""Prior standard deviation of a shape over its typical size."""
+_TRIALS = 160
+"""Shapes that the random search tries, from wide steps to narrow ones."""
+_RIDGE = 1e-3
+"""Precision that keeps an amplitude bounded whose shape shows nothing."""
+
 
 @dataclass(frozen=True, eq=False)
 class Variables:
@@ -104,16 +117,6 @@ class Finalist:
         return tuple(k for k, h in enumerate(self.parts) if not h.effect.stated)
 
 
-_STEPS = 12
-_LEAST_SHARE = 0.02
-_STEP, _SHAPE_STEP = 0.1, 0.02
-"""Of finite differences, in typical sizes."""
-_DONE = 1e-3
-"""Largest step, in standard uncertainties, at which a fit has converged."""
-SHAPE_SPREAD = 2.0
-"""Prior standard deviation of a shape over its typical size."""
-
-
 class Problem(NamedTuple):
     """What is fitted: readings y, and functions of the variables.
 
@@ -170,12 +173,6 @@ def minimum(problem: Problem, centre: np.ndarray, x: np.ndarray, spread: np.ndar
         if share <= _LEAST_SHARE or size * share < _DONE:
             break
     return x
-
-
-_TRIALS = 160
-"""Shapes that the random search tries, from wide steps to narrow ones."""
-_RIDGE = 1e-3
-"""Precision that keeps an amplitude bounded whose shape shows nothing."""
 
 
 class Refitter:

@@ -33,6 +33,29 @@ from wrenchbed.diagnosis.prepare.prepared import Prepared
 
 MARGIN = 3.0
 """Difference of two scores (natural logarithm) from which one explanation predicts better."""
+SINGLES, EXTENDED, LONGER = 6, 4, 5
+"""How many single effects are refitted, how many of these extended, and with how many more."""
+AT_ONCE = 3
+"""Most effects named together."""
+MINOR = 1
+"""Effects beside them that are too small to be named, but that evidence asks for."""
+SHAPED = 0.5
+"""Share of its linear gain by which an effect may be behind another before its shape is fitted."""
+VOTERS = 6
+"""Explanations that are cross-validated."""
+WORSE = 3.0
+"""A longer structure is refitted unless its linear evidence is this much below the best one's."""
+NEGLIGIBLE = 30.0
+"""Explanations so much less likely than the best (natural logarithm) are dropped."""
+BROAD = 6
+"""Columns from which a hypothesis counts as broad."""
+SPECIAL = 5
+"""How many special ones are tried beside it; a wrong mass is one of them, a bias is not."""
+NEAR = 12.0
+"""A rival is refitted if its linear evidence is so near that of the part it replaces (natural
+logarithm)."""
+MOST = 3
+"""Rivals refitted for each part."""
 
 
 def predictive_score(level: BackgroundLevel, f: Finalist, block_rows: np.ndarray) -> float:
@@ -87,22 +110,6 @@ def _of_block(level: BackgroundLevel, rows: np.ndarray, half: np.ndarray, w: np.
     lower = np.linalg.cholesky(level.precision(rows) - half.T @ half)
     away = np.linalg.solve(lower, w)
     return float(np.log(np.diagonal(lower)).sum() - 0.5 * away @ away)
-
-
-SINGLES, EXTENDED, LONGER = 6, 4, 5
-"""How many single effects are refitted, how many of these extended, and with how many more."""
-AT_ONCE = 3
-"""Most effects named together."""
-MINOR = 1
-"""Effects beside them that are too small to be named, but that evidence asks for."""
-SHAPED = 0.5
-"""Share of its linear gain by which an effect may be behind another before its shape is fitted."""
-VOTERS = 6
-"""Explanations that are cross-validated."""
-WORSE = 3.0
-"""A longer structure is refitted unless its linear evidence is this much below the best one's."""
-NEGLIGIBLE = 30.0
-"""Explanations so much less likely than the best (natural logarithm) are dropped."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -196,12 +203,6 @@ def _extended(
     return result, mixed, kernel
 
 
-BROAD = 6
-"""Columns from which a hypothesis counts as broad."""
-SPECIAL = 5
-"""How many special ones are tried beside it; a wrong mass is one of them, a bias is not."""
-
-
 def beside(refitter: Refitter, f: Finalist, singles: Sequence[SingleEvidence]) -> list[Finalist]:
     """A finalist with a broad part, and with each of the best special effects besides.
 
@@ -237,13 +238,6 @@ def is_broad(h: Hypothesis) -> bool:
     """
     plain = not (h.effect.stated or h.variant.shape or h.variant.free_form)
     return len(h.columns) >= BROAD and plain
-
-
-NEAR = 12.0
-"""A rival is refitted if its linear evidence is so near that of the part it replaces (natural
-logarithm)."""
-MOST = 3
-"""Rivals refitted for each part."""
 
 
 def with_rivals(

@@ -21,6 +21,10 @@ RIDGES = 10.0 ** np.arange(-3.0, 3.0, 0.5)
 """Prior variances of a coefficient, in noises of a row, that are tried."""
 NOISES = 2.0 ** np.arange(0.0, 8.0)
 """Variances of what the box does not fit, in noises of a row, that are tried."""
+DRAWS = 500
+"""Of the bootstrap over held-out blocks."""
+ROUNDED = 12
+"""Digits of the floor: at rest it is the rounding error of a mean of residuals."""
 
 
 def black_box(prepared: Prepared, reading: np.ndarray) -> np.ndarray:
@@ -59,13 +63,6 @@ def _ridge(x: np.ndarray, y: np.ndarray, fit: np.ndarray, stride: int, noise: fl
     prior, level = max(((p, v) for p in RIDGES for v in noise * NOISES), key=lambda t: evidence(*t))
     shrunk = (s * prior / (s**2 * prior + level))[:, None] * inside
     return np.asarray(x @ (vt.T @ shrunk))
-
-
-DRAWS = 500
-"""Of the bootstrap over held-out blocks."""
-
-ROUNDED = 12
-"""Digits of the floor: at rest it is the rounding error of a mean of residuals."""
 
 
 @dataclass(frozen=True)

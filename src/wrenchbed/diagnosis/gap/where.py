@@ -30,6 +30,22 @@ _SCALE_VARIANCE = 4.0
 """Relative variance of the noise of averaged rows as estimated, times rows."""
 _MEMORY = 2.0
 """A correlation of raw rows counts up to the first that is below so many standard errors."""
+SEEN = 0.05
+"""Family-wise p-value below which a finding counts."""
+_HINTS = {
+    "orientation": "sensor", "position": "cable", "load": "sensor", "time": "sensor",
+    "temperature": "sensor", "speed": "timing", "frequency": "timing", "joint": "joint",
+    "channel": "sensor", "direction of load": "sensor", "direction of joint": "joint",
+}  # fmt: skip
+_VARIES = {
+    "orientation": "varies with the sensor's orientation",
+    "position": "varies with the sensor's position",
+    "load": "varies with the load",
+    "direction of load": "depends on whether the load rose or fell",
+    "time": "varies with time",
+    "temperature": "varies with temperature",
+    "speed": "varies with speed",
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,24 +178,6 @@ def _by_block(x: np.ndarray, block: np.ndarray) -> tuple[np.ndarray, np.ndarray]
     sums = np.zeros((len(numbers), x.shape[1]))
     np.add.at(sums, at, x)
     return sums, count
-
-
-SEEN = 0.05
-"""Family-wise p-value below which a finding counts."""
-_HINTS = {
-    "orientation": "sensor", "position": "cable", "load": "sensor", "time": "sensor",
-    "temperature": "sensor", "speed": "timing", "frequency": "timing", "joint": "joint",
-    "channel": "sensor", "direction of load": "sensor", "direction of joint": "joint",
-}  # fmt: skip
-_VARIES = {
-    "orientation": "varies with the sensor's orientation",
-    "position": "varies with the sensor's position",
-    "load": "varies with the load",
-    "direction of load": "depends on whether the load rose or fell",
-    "time": "varies with time",
-    "temperature": "varies with temperature",
-    "speed": "varies with speed",
-}
 
 
 @dataclass(frozen=True)

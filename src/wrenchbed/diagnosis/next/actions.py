@@ -18,6 +18,25 @@ from wrenchbed.planning.choose import multisine
 from wrenchbed.robots.base import Robot, SimulatedRobot
 from wrenchbed.robots.motion_limits import duration, reachable
 
+POSES = 20
+PAYLOAD_KG, MOUNTING_S = 0.5, 120.0
+"""A second payload, and the time to fix it [s]."""
+TURNS_S = 3.0
+"""Time of a turn between orientations of a robot without a model [s]."""
+_SIDES = 8
+_SIDE = (0.2, 0.02)
+"""A pose is reached from so far to either side [rad, m]."""
+_SWEPT = 16
+_SWEEP = 2.6
+"""A rotary joint is swept over ± so much [rad]."""
+_FAST_S, _SLOWER, _RATE, _LOOK = 10.0, 3, 125.0, 5
+"""A motion [s], how much slower it is done again, its rate [Hz]; one row in five is looked at."""
+_HOLDS, _HOLD_S = 20, 30.0
+_MORE = 4
+_HOLD_ROWS = 60
+Choose = Callable[[np.ndarray], np.ndarray]
+"""Which of some feasible poses (P, J) to take, in order."""
+
 
 @dataclass(frozen=True, eq=False)
 class ExperimentRun:
@@ -80,27 +99,6 @@ def moved(prepared: Prepared, q: np.ndarray, rate: float) -> Prepared:
         block=np.arange(n) * BLOCKS_IN_MOTION // n, fold=np.zeros(n, dtype=int),
         stride=max(1, round(rate / RATES_HZ[1])),
     )  # fmt: skip
-
-
-POSES = 20
-PAYLOAD_KG, MOUNTING_S = 0.5, 120.0
-"""A second payload, and the time to fix it [s]."""
-TURNS_S = 3.0
-"""Time of a turn between orientations of a robot without a model [s]."""
-_SIDES = 8
-_SIDE = (0.2, 0.02)
-"""A pose is reached from so far to either side [rad, m]."""
-_SWEPT = 16
-_SWEEP = 2.6
-"""A rotary joint is swept over ± so much [rad]."""
-_FAST_S, _SLOWER, _RATE, _LOOK = 10.0, 3, 125.0, 5
-"""A motion [s], how much slower it is done again, its rate [Hz]; one row in five is looked at."""
-_HOLDS, _HOLD_S = 20, 30.0
-_MORE = 4
-_HOLD_ROWS = 60
-
-Choose = Callable[[np.ndarray], np.ndarray]
-"""Which of some feasible poses (P, J) to take, in order."""
 
 
 @dataclass(frozen=True, eq=False)

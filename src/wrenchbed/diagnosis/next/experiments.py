@@ -44,6 +44,14 @@ EFFECTS, ROWS = 0.5, 0.5
 FREE = 8.0
 """Standard deviation of a rival's amplitudes, in typical sizes."""
 _NODES, _WEIGHTS = np.polynomial.hermite_e.hermegauss(41)
+LEAST = 0.05
+"""Divergence [nat] that an experiment must add to be worth proposing; estimate: of two
+explanations of which nothing is known, the right one is then told in 63 % of cases."""
+SEPARATED = 0.1
+"""… and that it must add to a pair to be said to separate it."""
+MOST_PROPOSED = 4
+"""Explanations that are compared, experiments that are proposed."""
+_AT_ONCE = 5
 
 
 @dataclass(frozen=True)
@@ -259,16 +267,6 @@ def _tool_change(
         for s in (1.0, -1.0)
     )
     return up - down
-
-
-LEAST = 0.05
-"""Divergence [nat] that an experiment must add to be worth proposing; estimate: of two
-explanations of which nothing is known, the right one is then told in 63 % of cases."""
-SEPARATED = 0.1
-"""… and that it must add to a pair to be said to separate it."""
-MOST_PROPOSED = 4
-"""Explanations that are compared, experiments that are proposed."""
-_AT_ONCE = 5
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,6 +11,8 @@ from wrenchbed.diagnosis.explain.verdict import INSEPARABLE
 from wrenchbed.diagnosis.prepare.configuration import STATED
 from wrenchbed.effects.chain import effects
 
+_Sentences = list[tuple[frozenset[str], str]]
+
 
 @dataclass(frozen=True)
 class VisibleSize:
@@ -114,9 +116,6 @@ def cannot_tell(
     sentences = [*_never(similarity), *_taken(similarity), *_sums(similarity), *_pairs(similarity)]
     kept = [text for names, text in sentences if among is None or names & set(among)]
     return tuple(dict.fromkeys(kept))
-
-
-_Sentences = list[tuple[frozenset[str], str]]
 
 
 def _never(similarity: Similarity) -> _Sentences:

@@ -24,6 +24,15 @@ QUIET = 0.2, 0.5
 """Shares of stretches that are quieter; the smaller of both estimates counts."""
 HANN = (4 / 9, 1 / 36)
 """Correlation of a periodogram's neighbours under a Hann window (Welch 1967)."""
+OVER, CHANCE = 1.5, 1e-3
+"""Scatter within poses over the stated noise from which it is another one, beyond what a random
+estimate exceeds with this probability; estimates."""
+MOVE_S, TOGETHER = 0.1, 0.7
+"""A sensor forgets its noise within this time [s], a motion does not: rows that far apart agree by
+more than this correlation; estimates."""
+AT_ONE, NEIGHBOURS, LEAST_IN_POSE = 0.6, 3, 32
+"""Share of the scatter at one frequency, within so many bins, from which it is periodic, and rows
+that a pose needs for that; of white noise 0.3 at most. Estimates."""
 
 
 def noise_in_motion(
@@ -88,17 +97,6 @@ def correlation_time(recording: Recording, data: Observations) -> np.ndarray:
         rho = rho[1:] + 1.0 / n  # the mean taken from each hold biases it
         tau[k] += 2.0 * rho[rho > 2.0 / np.sqrt(holds * n)].sum()
     return tau
-
-
-OVER, CHANCE = 1.5, 1e-3
-"""Scatter within poses over the stated noise from which it is another one, beyond what a random
-estimate exceeds with this probability; estimates."""
-MOVE_S, TOGETHER = 0.1, 0.7
-"""A sensor forgets its noise within this time [s], a motion does not: rows that far apart agree by
-more than this correlation; estimates."""
-AT_ONE, NEIGHBOURS, LEAST_IN_POSE = 0.6, 3, 32
-"""Share of the scatter at one frequency, within so many bins, from which it is periodic, and rows
-that a pose needs for that; of white noise 0.3 at most. Estimates."""
 
 
 def not_systematic(

@@ -18,6 +18,13 @@ from wrenchbed.effects.scene import WAY, Scene
 from wrenchbed.physics.time_derivatives import Value, value
 from wrenchbed.simulation.closed_form import Model
 
+MOTION = 60_000
+"""Rows of a motion with joints that are diagnosed: 8 min at 125 Hz."""
+ROWS = 1_000_000
+"""Rows in which effects between rows are looked for: enough for a variance within 0.1 %."""
+LEAST_IN_HOLD, RUNS = 200, 100
+"""Last rows of every pose at least; else so many runs of rows, whatever the poses."""
+
 
 def of_poses(
     model: Model, robot_theta: np.ndarray, q: np.ndarray, t: np.ndarray, warmth: np.ndarray | None
@@ -56,14 +63,6 @@ def of_recording(recording: Recording, configuration: Configuration, data: Obser
         warmth = np.interp(data.t, recording.t, temperature - temperature[0])
     make = of_motion if recording.metadata.mode == "dynamic" else of_poses
     return make(configuration.model, configuration.robot_theta, data.q, data.t, warmth)
-
-
-MOTION = 60_000
-"""Rows of a motion with joints that are diagnosed: 8 min at 125 Hz."""
-ROWS = 1_000_000
-"""Rows in which effects between rows are looked for: enough for a variance within 0.1 %."""
-LEAST_IN_HOLD, RUNS = 200, 100
-"""Last rows of every pose at least; else so many runs of rows, whatever the poses."""
 
 
 def stretch(recording: Recording) -> Recording:
