@@ -77,7 +77,7 @@ def _moved(refitter: Refitter, error: np.ndarray, stated: Configuration) -> Conf
     """A simulator whose stated numbers are wrong by ``error`` (S,), in typical sizes."""
     d = refitter.d
     bias, mass, cog = (error[d.of_stated(e)] * d.size[d.stated][d.of_stated(e)] for e in STATED)
-    return stated.with_load(stated.mass + float(mass[0]), stated.cog + cog, bias)
+    return stated.with_nearest_load(stated.mass + float(mass[0]), stated.cog + cog, bias)
 
 
 def _errors(baseline: Baseline, refitter: Refitter) -> np.ndarray:

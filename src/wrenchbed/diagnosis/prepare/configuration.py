@@ -16,6 +16,8 @@ STATED = stated_effects()
 """Effects that are wrong numbers of the metadata, which every user fits: bias, mass, CoG."""
 BIAS = tuple(f"{STATED[0]}.{c}" for c in CHANNELS)
 """Names of the biases among the parameters of a model."""
+LOAD = ("tool.mass", "tool.cog.x", "tool.cog.y", "tool.cog.z")
+"""Names of mass and CoG among the parameters of a robot whose tool is stated by them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,6 +63,18 @@ class Configuration:
         if bias is not None:
             theta[[self.model.parameters.index(name) for name in BIAS]] = bias
         return Configuration(self.model, theta)
+
+    def with_nearest_load(self, mass: float, cog: np.ndarray, bias: np.ndarray) -> "Configuration":
+        """The same with the possible tool that is nearest to a mass [kg] and CoG (3,) [m].
+
+        A linear fit beside a cause that takes the weight over may make the mass negative.
+        """
+        load = np.array([mass, *cog])
+        parameters = self.model.robot.parameters
+        if set(LOAD) <= set(parameters.names):
+            bounds = [parameters[parameters.index(name)] for name in LOAD]
+            load = np.clip(load, [p.lower for p in bounds], [p.upper for p in bounds])
+        return self.with_load(load[0], load[1:], bias)
 
 
 def configured(recording: Recording) -> Configuration:
