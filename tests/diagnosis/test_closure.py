@@ -184,7 +184,7 @@ def test_a_tool_beside_a_cause_is_never_lighter_than_nothing(robot):
     moved = _moved(refitter, error, stated)
     assert 0.0 < moved.mass < 1e-3
     assert moved.bias == pytest.approx([1.0, 2.0, 3.0, 4.0, 5.0, 6.0])
-    assert moved.cog == pytest.approx(stated.cog + [0.0, 0.0, 0.3])
+    assert moved.cog == pytest.approx(stated.cog + np.array([0.0, 0.0, 0.3]))
 
 
 def stated_again(name):
