@@ -40,10 +40,10 @@ if TYPE_CHECKING:
     from wrenchbed.exports.base import ExportOptions, export_to
     from wrenchbed.exports.load_numbers import LoadNumbers, load_numbers
     from wrenchbed.hardware.drivers.sim import SimDriver, SimOptions
+    from wrenchbed.monitoring.check import Judgement, check
+    from wrenchbed.monitoring.check import plan_of as check_plan
     from wrenchbed.monitoring.compare import Comparison, compare
     from wrenchbed.monitoring.compensation import Compensator, compensator
-    from wrenchbed.monitoring.health.check import Judgement, check
-    from wrenchbed.monitoring.health.check import plan_of as check_plan
     from wrenchbed.monitoring.live import live
     from wrenchbed.planning.accuracy_plan import Mix, MixOptions, reach
     from wrenchbed.planning.choose import informative, multisine, poses
@@ -95,7 +95,7 @@ _PUBLIC = {
     "monitoring.compare": ("Comparison", "compare"),
     "monitoring.compensation": ("Compensator", "compensator"),
     "monitoring.live": ("live",),
-    "monitoring.health.check": ("Judgement", "check", "plan_of as check_plan"),
+    "monitoring.check": ("Judgement", "check", "plan_of as check_plan"),
     "planning.accuracy_plan": ("Mix", "MixOptions", "reach"),
     "planning.choose": ("informative", "multisine", "poses"),
     "plant.serving": ("EmulatorOptions", "serve"),

@@ -17,7 +17,7 @@ import wrenchbed as wb
 from wrenchbed.campaigns import result_rows, summary
 from wrenchbed.campaigns.result_rows import SECONDS, CampaignRows, empty
 from wrenchbed.campaigns.settings import SIZES, Fleet, possible, varied
-from wrenchbed.campaigns.simulated_robots import campaign, one, recorded
+from wrenchbed.campaigns.simulated_robots import campaign, recorded, robot_rows
 from wrenchbed.cli import main
 from wrenchbed.errors import FleetError, ParameterError
 from wrenchbed.jobs import parts
@@ -47,11 +47,11 @@ def bare(row):
 
 
 def test_a_row_follows_from_its_number_and_seed_alone():
-    here, there = one(small(4), 3), one(small(9), 3)
+    here, there = robot_rows(small(4), [3])[0], robot_rows(small(9), [3])[0]
     assert bare(here) == bare(there)
     assert here["error"] == "" and here["rank"] == 22
-    assert here["fit.tool.mass"] != one(small(4, seed=1), 3)["fit.tool.mass"]
-    quiet = one(small(4, ("parameters",)), 3)
+    assert here["fit.tool.mass"] != robot_rows(small(4, seed=1), [3])[0]["fit.tool.mass"]
+    quiet = robot_rows(small(4, ("parameters",)), [3])[0]
     assert quiet["true.tool.mass"] == here["true.tool.mass"]  # noise is drawn apart
     assert quiet["fit.tool.mass"] != here["fit.tool.mass"]
 
@@ -60,8 +60,7 @@ def test_a_row_follows_from_its_number_and_seed_alone():
 def test_calibration_brings_robots_close_to_their_truth(robot):
     fleet = Fleet(robot, 3, ("noise", "parameters"), poses=60, samples=20)
     model = wb.Model.of(fleet.model_robot())
-    for k in range(3):
-        row = one(fleet, k)
+    for row in robot_rows(fleet, range(3)):
         assert row["error"] == ""
         assert row["force.after"] < 0.05 * row["force.before"]
         assert row["torque.after"] < 0.05 * row["torque.before"]
@@ -74,38 +73,38 @@ def test_calibration_brings_robots_close_to_their_truth(robot):
 
 
 def test_what_does_not_vary_is_the_same_for_all():
-    still = [bare(one(small(3, ()), k)) for k in range(2)]
+    still = [bare(row) for row in robot_rows(small(3, ()), range(2))]
     assert {**still[0], "robot": 1} == still[1]
     assert still[0]["force.before"] == 0.0
-    (a, _), (b, _) = (recorded(small(3, ("poses",)), k) for k in range(2))
+    (a, _), (b, _) = recorded(small(3, ("poses",)), range(2))
     assert np.abs(a.q - b.q).max() > 0.1
-    (a, _), (b, _) = (recorded(small(3, ("noise",)), k) for k in range(2))
+    (a, _), (b, _) = recorded(small(3, ("noise",)), range(2))
     assert np.array_equal(a.q, b.q) and not np.array_equal(a.wrench, b.wrench)
 
 
 def test_effects_are_drawn_with_their_sizes_and_show_in_the_readings():
     fleet = small(40, ("effects",))
-    found = [recorded(fleet, k) for k in range(40)]
-    healthy = [r for r, t in found if not t.effect]
+    robots = recorded(fleet, range(40))
+    healthy = [r for r, t in robots if not t.effect]
     assert 4 <= len(healthy) <= 18  # a quarter of 40
     assert all(np.array_equal(r.wrench, healthy[0].wrench) for r in healthy)
-    assert len({t.effect for _, t in found}) > 10
-    for k, (recording, truth) in enumerate(found[:16]):
-        if truth.effect:
-            assert truth.effect in possible("ur5", "static")
-            assert SIZES[0] <= truth.size <= SIZES[1]
-            changed = not np.array_equal(recording.wrench, healthy[0].wrench)
-            assert changed == (one(fleet, k)["added"] > 0), truth.effect
-    added = [one(fleet, k)["added"] for k, (_, t) in enumerate(found) if t.effect]
+    assert len({t.effect for _, t in robots}) > 10
+    added = [row["added"] for row in robot_rows(fleet, range(40)) if row["effect"]]
+    ill = [robot for robot in robots if robot[1].effect]
+    for (recording, truth), change in zip(ill, added, strict=True):
+        assert truth.effect in possible("ur5", "static")
+        assert SIZES[0] <= truth.size <= SIZES[1]
+        changed = not np.array_equal(recording.wrench, healthy[0].wrench)
+        assert changed == (change > 0), truth.effect
     assert np.mean(np.array(added) > 1) > 1 / 3
 
 
 def test_a_plan_is_run_by_all_robots_at_rest_and_in_motion():
     plan = wb.multisine(wb.load("robots", "ur5"), 8.0, 60.0, 1)
     fleet = Fleet("ur5", 2, ("noise",), plan=plan)
-    recording, _ = recorded(fleet, 1)
+    ((recording, _),) = recorded(fleet, [1])
     assert recording.metadata.mode == "dynamic" and np.array_equal(recording.q, plan.q)
-    assert one(fleet, 0)["error"] == ""
+    assert robot_rows(fleet, [0])[0]["error"] == ""
     with pytest.raises(ParameterError, match="the plan is for robot 'ur5'"):
         Fleet("medrue", 2, plan=plan)
     with pytest.raises(ParameterError, match="same for all"):
@@ -122,7 +121,7 @@ def test_settings_that_make_no_sense_are_named():
 
 
 def test_what_is_refused_by_name_becomes_a_row():
-    row = one(Fleet("ur5", 1, poses=2, samples=2), 0)
+    row = robot_rows(Fleet("ur5", 1, poses=2, samples=2), [0])[0]
     assert "Error" in row["error"] and row["robot"] == 0
 
 
@@ -255,7 +254,7 @@ def test_the_summary_tells_errors_coverage_and_detection(tmp_path):
 def test_robots_are_diagnosed_and_judged():
     """Of a few robots with effects that show, most are identified; without parameters varied."""
     fleet = Fleet("ur5", 8, ("noise", "effects"), poses=60, samples=40, seed=3, diagnose=True)
-    done = [one(fleet, k) for k in (2, 3, 5)]
+    done = robot_rows(fleet, (2, 3, 5))
     assert all(row["added"] > 10 and row["error"] == "" for row in done)
     for row in done:
         assert row["verdict"] == "identified" and row["claimed"] == row["effect"]
@@ -265,7 +264,7 @@ def test_robots_are_diagnosed_and_judged():
 
 def test_what_looks_the_same_is_held_though_not_named():
     """One tool's mass makes all that a gain of all channels makes."""
-    row = one(Fleet("ur5", 172, ("noise", "effects"), diagnose=True), 171)
+    row = robot_rows(Fleet("ur5", 172, ("noise", "effects"), diagnose=True), [171])[0]
     gains = json.loads(row["values"])
     assert len(gains) == 6 and set(gains.values()) == {gains["gain.fx"]}
     assert row["effect"] == "sensor.gain" and row["verdict"] == "identified"

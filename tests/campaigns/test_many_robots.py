@@ -12,14 +12,7 @@ import wrenchbed as wb
 from wrenchbed.calibration.calibrate import calibrate
 from wrenchbed.calibration.calibrate_many import calibrate_each
 from wrenchbed.campaigns.settings import Fleet, draw
-from wrenchbed.campaigns.simulated_robots import (
-    _results,
-    course,
-    one,
-    recorded,
-    recorded_each,
-    several,
-)
+from wrenchbed.campaigns.simulated_robots import _results, course, recorded, robot_rows
 from wrenchbed.errors import CalibrationError, WrenchbedError
 from wrenchbed.physics.noise import NoiseStream
 from wrenchbed.physics.noise_of_many import corrupt_each
@@ -45,8 +38,8 @@ def same(a, b) -> bool:
 @pytest.mark.parametrize("name", FLEETS)
 def test_rows_of_robots_together_are_those_of_each_alone(name):
     fleet = FLEETS[name]
-    together = [bare(row) for row in several(fleet, range(fleet.robots))]
-    alone = [bare(one(fleet, k)) for k in reversed(range(fleet.robots))]
+    together = [bare(row) for row in robot_rows(fleet, range(fleet.robots))]
+    alone = [bare(robot_rows(fleet, [k])[0]) for k in reversed(range(fleet.robots))]
     assert [repr(row) for row in together] == [repr(row) for row in reversed(alone)]
     assert all(row["error"] == "" for row in together)
 
@@ -54,7 +47,7 @@ def test_rows_of_robots_together_are_those_of_each_alone(name):
 @pytest.mark.parametrize("name", ["wander", "explained", "ur5"])
 def test_fits_together_are_those_of_calibrate(name):
     fleet = FLEETS[name]
-    recordings = [recording for recording, _ in recorded_each(fleet, range(fleet.robots))]
+    recordings = [recording for recording, _ in recorded(fleet, range(fleet.robots))]
     fits = calibrate_each(recordings)
     assert all(same(f, calibrate(r)) for f, r in zip(fits, recordings, strict=True))
     assert ("slow wander" in fits[0].status) == (name != "explained")
@@ -98,10 +91,10 @@ def test_recordings_together_are_those_of_simulate():
 
 def test_a_robot_that_cannot_be_fitted_leaves_the_others_alone():
     fleet = FLEETS["ur5"]
-    recordings = [recorded(fleet, k)[0] for k in range(4)]
+    recordings = [recording for recording, _ in recorded(fleet, range(4))]
     broken = recordings[1].columns | {"fx": np.full(len(recordings[1]), 2.0)}
     recordings[1] = replace(recordings[1], columns=broken)
-    longer = recorded(replace(fleet, poses=30), 2)[0]
+    ((longer, _),) = recorded(replace(fleet, poses=30), [2])
     fits = calibrate_each([*recordings, longer])
     assert isinstance(fits[1], CalibrationError) and "column 'fx' is 2" in str(fits[1])
     for k in (0, 2, 3):

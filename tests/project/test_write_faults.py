@@ -24,7 +24,6 @@ from rest_noise import Rest
 from wrenchbed import cli, reports
 from wrenchbed.benchmark.referee import scenario
 from wrenchbed.benchmark.sealed import entrants, make
-from wrenchbed.campaigns import simulated_robots
 from wrenchbed.cli import blind, main
 from wrenchbed.cli import diagnose as diagnose_verb
 from wrenchbed.diagnosis.prepare.prepare_recording import prepare
@@ -118,7 +117,6 @@ def quick():
         patch.setattr(scenario, "SAMPLES", 6)
         patch.setattr("wrenchbed.jobs.workers.workers", inline)
         patch.setattr("wrenchbed.campaigns.simulated_robots.local", inline)
-        patch.setattr("wrenchbed.campaigns.simulated_robots.one", cache(simulated_robots.one))
         patch.setattr(make.Family, "case", cache(make.Family.case))
         patch.setattr(diagnose_verb, "_diagnosed", lambda data, *_: found(data[0].name))
         patch.setattr(reports, "diagnosis_page", cache(lambda found, *_: page(found)))

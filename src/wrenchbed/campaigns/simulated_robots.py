@@ -8,7 +8,7 @@ depend on them: joints are measured where the servos hold them.
 import json
 import re
 import time
-from collections.abc import Iterator, Sequence, Sized
+from collections.abc import Iterator, Sequence
 from concurrent.futures import (
     FIRST_COMPLETED,
     CancelledError,
@@ -32,13 +32,14 @@ from wrenchbed.calibration.fit import Fit
 from wrenchbed.campaigns.result_rows import SECONDS, CampaignRows, Row, empty
 from wrenchbed.campaigns.settings import Fleet, Truth, draw, varied
 from wrenchbed.data.plan import Plan
-from wrenchbed.data.recording import Recording, joint_columns
+from wrenchbed.data.recording import Recording
 from wrenchbed.errors import FleetError, WorkerError, WrenchbedError
 from wrenchbed.files import atomic_folder, write_json
 from wrenchbed.hardware.drivers.base.samples import as_designed
 from wrenchbed.jobs.workers import Progress, silent
 from wrenchbed.jobs.workers import workers as local
 from wrenchbed.physics.noise import noise_model
+from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.planning.choose import poses
 from wrenchbed.robots.base import SimulatedRobot
 from wrenchbed.robots.motion_limits import Limits, duration
@@ -51,6 +52,20 @@ RATE_HZ = 100.0
 """Sampling rate at rest [Hz]."""
 SETTLE_S = 0.5
 """Time from the end of a move to the first row [s]."""
+_JUDGED, _SEED = 100, 20_160_798
+"""Poses at which all robots are judged, and what they are drawn from."""
+_EFFECT = re.compile(r"[a-z]+\.[a-z_]+")
+"""An effect's name in a sentence."""
+_COURSES: dict[str, Recording] = {}
+"""The course of the present fleet, by the fleet's settings."""
+_AHEAD = 3
+"""Tasks queued for each worker: with one, a worker waits for this process to write rows."""
+_TOGETHER, _TASK_S = 25, 1.0
+"""Most robots that a worker takes at once, since their numbers must fit into its cache, and about
+how long it works on them [s]: rows of a task reach the disk together, and a kill loses them."""
+_KEPT = "what is done is kept, and the same command goes on"
+_ANSWERS_S = 10.0
+"""Time in which a Dask scheduler must answer [s]."""
 
 
 def course(fleet: Fleet, k: int) -> Recording:
@@ -59,8 +74,7 @@ def course(fleet: Fleet, k: int) -> Recording:
     plan = fleet.plan
     if plan is None:
         plan = poses(robot, fleet.poses, int(fleet.rng(k, "poses").integers(2**31)))
-    if plan.mode == "dynamic":
-        assert plan.rate_hz is not None  # `Plan` holds it
+    if plan.mode == "dynamic" and plan.rate_hz is not None:
         t, rows, rate = np.arange(len(plan)) / plan.rate_hz, np.arange(len(plan)), plan.rate_hz
     else:
         t, rows, rate = *_rests(robot, plan, fleet.samples), RATE_HZ
@@ -69,11 +83,9 @@ def course(fleet: Fleet, k: int) -> Recording:
         robot, source="sim", mode=plan.mode, rate=rate, gravity=robot.gravity,
         sensor=sensor.name, noise_std=noise_model("real", sensor.noise).row_std,
     )  # fmt: skip
-    q = plan.q[rows]
     columns = {"t": t, "segment": plan.segment[rows]}
-    columns |= {f"q{j + 1}": q[:, j] for j in range(q.shape[1])}
-    columns |= {c: np.zeros(len(t)) for c in ("fx", "fy", "fz", "tx", "ty", "tz")}
-    assert joint_columns(columns)
+    columns |= {f"q{j + 1}": q[rows] for j, q in enumerate(plan.q.T)}
+    columns |= {c: np.zeros(len(t)) for c in CHANNELS}
     return Recording(metadata, columns, f"{fleet.robot} {k}")
 
 
@@ -91,34 +103,26 @@ def _rests(robot: SimulatedRobot, plan: Plan, samples: int) -> tuple[np.ndarray,
     return t, np.repeat(np.arange(len(plan)), samples)
 
 
-_JUDGED, _SEED = 100, 20_160_798
-"""Poses at which all robots are judged, and what they are drawn from."""
-_EFFECT = re.compile(r"[a-z]+\.[a-z_]+")
-"""An effect's name in a sentence."""
-_COURSES: dict[str, Recording] = {}
+def robot_rows(fleet: Fleet, numbers: Sequence[int]) -> list[Row]:
+    """Rows of some robots, each the same to the last bit whichever others it is worked on with.
 
-
-def one(fleet: Fleet, k: int) -> Row:
-    """The row of robot k; a named error of the package is reported in column ``error``."""
-    return several(fleet, [k])[0]
-
-
-def several(fleet: Fleet, numbers: Sequence[int]) -> list[Row]:
-    """`one` of each; they are worked on together and come out to the same last bit."""
+    A named error of the package stands in column ``error``.
+    """
     rows, begun = {k: empty(fleet, k) for k in numbers}, time.perf_counter()
     done: dict[int, tuple[Recording, Truth]] = {}
-    for k, result in zip(numbers, recorded_each(fleet, numbers), strict=True):
-        with _told(rows[k]):
+    for k, result in zip(numbers, recorded(fleet, numbers), strict=True):
+        with _error_into(rows[k]):
             done[k] = _checked(result)
             rows[k] |= _of_truth(fleet, done[k][1], done[k][0])
-    seconds, begun = _each(begun, numbers), time.perf_counter()
+    now = time.perf_counter()
+    seconds, begun = (now - begun) / max(len(numbers), 1), now
     fits = calibrate_each([recording for recording, _ in done.values()])
-    calibrated = _each(begun, done)
-    errors = _errors_of(fleet, [truth for _, truth in done.values()], fits)
+    calibrated = (time.perf_counter() - begun) / max(len(done), 1)
+    errors = _errors(fleet, [truth for _, truth in done.values()], fits)
     each = zip(done.items(), fits, errors, strict=True)
     for (k, (recording, truth)), fitted, error in each:
         rows[k]["seconds.record"] = seconds
-        with _told(rows[k]):
+        with _error_into(rows[k]):
             fit = _checked(fitted)
             rows[k]["seconds.calibrate"] = calibrated
             rows[k] |= _of_fit(fleet, truth, fit) | error
@@ -130,7 +134,7 @@ def several(fleet: Fleet, numbers: Sequence[int]) -> list[Row]:
 
 
 @contextmanager
-def _told(row: Row) -> Iterator[None]:
+def _error_into(row: Row) -> Iterator[None]:
     """A named error of the package goes into the row."""
     try:
         yield
@@ -147,52 +151,41 @@ def _checked(result: Result | WrenchbedError) -> Result:
     return result
 
 
-def _each(begun: float, of: Sized) -> float:
-    """Time since then for each of so many [s]."""
-    return (time.perf_counter() - begun) / max(len(of), 1)
-
-
-def recorded(fleet: Fleet, k: int) -> tuple[Recording, Truth]:
-    """What robot k's sensor read, by MuJoCo, and what it truly is.
-
-    Raises:
-        WrenchbedError: it cannot be recorded.
-    """
-    return _checked(recorded_each(fleet, [k])[0])
-
-
-def recorded_each(
+def recorded(
     fleet: Fleet, numbers: Sequence[int]
 ) -> list[tuple[Recording, Truth] | WrenchbedError]:
-    """`recorded` of each; those without an effect at the same poses are simulated together."""
+    """What the sensors of some robots read, by MuJoCo, and what these robots truly are.
+
+    Those without an effect at the same poses are simulated together. The error of a robot that
+    cannot be recorded stands for it.
+    """
     model = Model.of(fleet.model_robot())
-    found: dict[int, tuple[Recording, Truth] | WrenchbedError] = {}
+    results: dict[int, tuple[Recording, Truth] | WrenchbedError] = {}
     together: dict[int, tuple[Recording, Truth]] = {}
     for k in numbers:
         try:
-            path = _path(fleet, k)
+            path = _course(fleet, k)
             truth = draw(fleet, k, model, _visited(path), path.metadata.mode)
             if truth.active or path.metadata.mode == "dynamic":
                 twin = Twin(model, truth.theta, truth.active)
-                found[k] = simulate(twin, path, noise="real", seed=_seed(fleet, k)), truth
+                results[k] = simulate(twin, path, noise="real", seed=_seed(fleet, k)), truth
             else:
                 together[k] = path, truth
         except WrenchbedError as error:
-            found[k] = error
+            results[k] = error
     for path in {id(path): path for path, _ in together.values()}.values():
         some = [k for k, (own, _) in together.items() if own is path]
         thetas = np.stack([together[k][1].theta for k in some])
         seeds = [_seed(fleet, k) for k in some]
-        for k, result in zip(some, simulate_each(model, thetas, path, "real", seeds), strict=True):
-            if isinstance(result, WrenchbedError):
-                found[k] = result
-            else:
-                found[k] = result, together[k][1]
-    return [found[k] for k in numbers]
+        readings = simulate_each(model, thetas, path, "real", seeds)
+        for k, reading in zip(some, readings, strict=True):
+            failed = isinstance(reading, WrenchbedError)
+            results[k] = reading if failed else (reading, together[k][1])
+    return [results[k] for k in numbers]
 
 
-def _path(fleet: Fleet, k: int) -> Recording:
-    """`course` of robot k, made once where all robots have the same."""
+def _course(fleet: Fleet, k: int) -> Recording:
+    """`course` of robot k, made once in a process where all robots have the same."""
     if "poses" in fleet.vary:
         return course(fleet, k)
     key = json.dumps(fleet.to_json())
@@ -250,41 +243,32 @@ def _of_fit(fleet: Fleet, truth: Truth, fit: Fit) -> Row:
     return row
 
 
-def _errors_of(
+def _errors(
     fleet: Fleet, truths: Sequence[Truth], fits: Sequence[Fit | WrenchbedError]
 ) -> list[Row]:
-    """Errors of each robot before its fit and after it; nothing of one without a fit."""
+    """Rms over fresh poses of the error of each robot's reading [N, N·m], and of its tool's
+    position [m], if it has one, before its fit and after it; nothing of one without a fit.
+
+    Rigid robots are compared: an effect is neither in truth nor in what is judged.
+    """
     model, rows = Model.of(fleet.model_robot()), [Row() for _ in fits]
     fitted = {k: fit for k, fit in enumerate(fits) if isinstance(fit, Fit)}
     if not fitted:
         return rows
+    q, target = judged(fleet.robot)
     true = np.stack([truths[k].theta for k in fitted])
     after = np.stack([model.parameters.vector(dict(fit.theta)) for fit in fitted.values()])
     for when, theta in (("before", model.parameters.nominal[None]), ("after", after)):
-        for what, errors in _errors(fleet.robot, model, true, theta).items():
-            for k, error in zip(fitted, errors.tolist(), strict=True):
-                rows[k][f"{what}.{when}"] = error
+        off = model.predict_each(q, theta) - model.predict_each(q, true)
+        vectors = {"force": off[..., :3], "torque": off[..., 3:]}
+        if target is not None:
+            places = [model.tool_positions(target, x) for x in (true, theta)]
+            vectors["position"] = places[1] - places[0]
+        for what, error in vectors.items():  # where a tool cannot reach, it has no position
+            rms = np.sqrt(np.nanmean((error**2).sum(axis=2), axis=1))
+            for k, value in zip(fitted, rms.tolist(), strict=True):
+                rows[k][f"{what}.{when}"] = value
     return rows
-
-
-def _errors(name: str, model: Model, true: np.ndarray, theta: np.ndarray) -> dict[str, np.ndarray]:
-    """Rms (R,) over fresh poses of the reading [N, N·m], and of the tool's position [m], if it has
-    one, of robots (R, P), or of one for all (1, P).
-
-    Rigid robots are compared: an effect is neither in truth nor in what is judged.
-    """
-    q, target = judged(name)
-    off = model.predict_each(q, theta) - model.predict_each(q, true)
-    errors = {what: _rms(off[..., k : k + 3]) for what, k in (("force", 0), ("torque", 3))}
-    if target is not None:
-        places = [model.tool_positions(target, x) for x in (true, theta)]
-        errors["position"] = _rms(places[1] - places[0])
-    return errors
-
-
-def _rms(vectors: np.ndarray) -> np.ndarray:
-    """Root mean square length (R,) of vectors (R, N, 3); those that are no numbers are left out."""
-    return np.asarray(np.sqrt(np.nanmean((vectors**2).sum(axis=2), axis=1)))
 
 
 @cache
@@ -326,23 +310,13 @@ def _number(x: float | None) -> float:
 
 def write_one(fleet: Fleet, k: int, folder: Path) -> Row:
     """Work on robot ``k`` again, and write rec.parquet, fit.json and row.json into a folder."""
-    recording, _ = recorded(fleet, k)
-    row = {n: v for n, v in one(fleet, k).items() if v == v}  # without NaN
+    recording, _ = _checked(recorded(fleet, [k])[0])
+    row = {n: v for n, v in robot_rows(fleet, [k])[0].items() if v == v}  # without NaN
     with atomic_folder(folder) as new:
         recording.write(new / "rec.parquet")
         calibrate(replace(recording, name=str(folder / "rec.parquet"))).write(new / "fit.json")
         write_json(new / "row.json", row)
     return row
-
-
-_AHEAD = 3
-"""Tasks queued for each worker, so that none is idle; estimate."""
-_TOGETHER, _TASK_S = 25, 1.0
-"""Most robots that a worker takes at once, since their numbers must fit into its cache, and about
-how long it works on them [s]; estimates."""
-_KEPT = "what is done is kept, and the same command goes on"
-_ANSWERS_S = 10.0
-"""Time in which a Dask scheduler must answer [s]."""
 
 
 def campaign(
@@ -391,9 +365,8 @@ def _results(pool: Executor, fleet: Fleet, todo: Sequence[int], workers: int) ->
     try:
         while waiting or first < len(todo):
             while first < len(todo) and len(waiting) < _AHEAD * workers:
-                share = -(-(len(todo) - first) // workers)  # the last tasks end together
-                size = min(together, share)
-                waiting.add(pool.submit(several, fleet, todo[first : first + size]))
+                size = min(together, -(-(len(todo) - first) // workers))  # the last end together
+                waiting.add(pool.submit(robot_rows, fleet, todo[first : first + size]))
                 first += size
             ready, waiting = wait(waiting, return_when=FIRST_COMPLETED)
             for future in ready:

@@ -10,26 +10,20 @@ from rich.table import Table
 from rich.text import Text
 
 import wrenchbed as wb
-from wrenchbed.campaigns.recording.itinerary import itinerary
 from wrenchbed.cli import console
 from wrenchbed.cli.console import Flag, Json
 from wrenchbed.cli.first_move import ready
 from wrenchbed.cli.record import DeviceArguments, LimitArguments
 from wrenchbed.data.outputs import Kind
 from wrenchbed.errors import HistoryError
-from wrenchbed.files import set_aside, write_text
+from wrenchbed.files import set_aside
 from wrenchbed.hardware.drivers.sim import SimDriver
-from wrenchbed.monitoring.health import check as health
-from wrenchbed.monitoring.health import history as stored
-from wrenchbed.monitoring.health import poses
-from wrenchbed.monitoring.health.page import page
+from wrenchbed.monitoring import check as checks_
+from wrenchbed.monitoring import history as stored
 from wrenchbed.pages.numbers import quantity
-from wrenchbed.robots.base import SimulatedRobot
-from wrenchbed.robots.motion_limits import Limits
 
-EXIT = {health.HEALTHY: 0, health.CHANGED: 3, health.CANNOT_TELL: 4}
+EXIT = {checks_.HEALTHY: 0, checks_.CHANGED: 3, checks_.CANNOT_TELL: 4}
 """Exit code of each verdict."""
-_PAGE = "check.html"
 
 
 @dataclass(frozen=True)
@@ -53,8 +47,7 @@ class CheckArguments:
             begins anew with this check.
         samples: Rows a pose.
         rate: Sampling rate [Hz].
-        prepare: Choose the poses, write DIR/plan.parquet, print the time that a check takes, and
-            record nothing.
+        prepare: Choose the poses, write DIR/plan.parquet, and record nothing.
         rebuild: Make DIR/history.parquet again from DIR/recordings; the old one is kept with ~.
         recover: Somebody has looked: first clear a protective stop or a drive's fault.
         yes: Somebody has looked that the robot may move: ask no more.
@@ -63,8 +56,8 @@ class CheckArguments:
     time: str | None = None
     temperature: float | None = None
     new_baseline: str | None = None
-    samples: int = poses.SAMPLES
-    rate: float = poses.RATE_HZ
+    samples: int = checks_.SAMPLES
+    rate: float = checks_.RATE_HZ
     prepare: Flag = False
     rebuild: Flag = False
     recover: Flag = False
@@ -80,104 +73,79 @@ def check(
     motion: LimitArguments,
     as_json: Json = False,
 ) -> int:
-    """Check a robot every month: at most 12 poses in 3 minutes, against its history in DIR.
+    """Check a robot every month: 12 poses, compared with all its earlier checks in DIR.
 
     Exit code 0: healthy; 3: changed; 4: cannot tell; 1: an error.
 
     Args:
         robot: Name, see `wrenchbed list robots`.
-        history: Folder DIR of this robot alone: plan, recordings, history and page.
+        history: Folder DIR of this robot alone: plan, recordings and history.
         as_json: Print the result as JSON.
     """
-    arm = wb.load("robots", robot)
-    console.check_folder(history, {_PAGE: Kind.PAGE})
-    now = datetime.now(UTC)
+    arm, now = wb.load("robots", robot), datetime.now(UTC)
     if how.rebuild:
         set_aside(history / stored.FILE)
-        return _answer(health.rebuild(arm, history, now), history, robot, as_json)
-    checks = stored.read(history)
-    plan = health.plan_of(arm, history)
+        return _answer(checks_.rebuild(arm, history, now), as_json)
+    before = stored.read(history)
+    plan = checks_.plan_of(arm, history)
     if how.prepare:
-        limits = motion.limits(wb.load("drivers", device.driver).live)
-        lasts = _planned(arm, plan, limits, how)
-        text = f"{len(plan)} poses take {lasts:.0f} s at {limits.speed:.0%} of top speed → "
-        told = {"plan": str(history / health.PLAN), "poses": len(plan), "seconds": lasts}
-        console.answer(told, as_json, text + str(history / health.PLAN))
+        path = str(history / checks_.PLAN)
+        console.answer({"plan": path, "poses": len(plan)}, as_json, f"{len(plan)} poses → {path}")
         return 0
-    recording, time = _given(device, how, now)
-    if recording is None:
-        stored.in_time(history, checks, time, now)  # before the robot moves
-        out = history / health.file_of(time)
+    time = None if how.time is None else checks_.parse_time(how.time, "--time")
+    if device.recording is not None and device.driver == SimDriver.name:
+        recording = wb.Recording.read(device.recording)
+        time = time or checks_.time_of(recording)
+        if time is None:
+            raise HistoryError(
+                f"{recording.name}: states no time; give --time 2026-11-23T06:00:00Z"
+            )
+    else:
+        time = time or now
+        stored.in_time(history, before, time, now)  # before the robot moves
+        out = history / checks_.file_of(time)
         console.check_out(out, Kind.RECORDING)
-        recording = _recorded(arm, plan, out, device, how, motion, len(checks))
-    told = {"time": time.isoformat(timespec="milliseconds"), "temperature": how.temperature,
-            "baseline": how.new_baseline}  # fmt: skip
-    recording = health.stated(recording, {k: v for k, v in told.items() if v is not None})
-    found = health.add(arm, history, checks, recording, now)
-    return _answer(found, history, robot, as_json)
-
-
-def _given(
-    device: CheckDevice, how: CheckArguments, now: datetime
-) -> tuple[wb.Recording | None, datetime]:
-    """The recording that was given, if any, and the time of the check."""
-    time = None if how.time is None else health.parse_time(how.time, "--time")
-    if device.recording is None or device.driver != SimDriver.name:
-        return None, time or now
-    recording = wb.Recording.read(device.recording)
-    time = time or health.time_of(recording)
-    if time is None:
-        raise HistoryError(f"{recording.name}: states no time; give --time 2026-11-23T06:00:00Z")
-    return recording, time
+        recording = _recorded(plan, out, device, how, motion, len(before))
+    judgement = wb.check(
+        arm, history, recording, time=time, temperature=how.temperature, baseline=how.new_baseline
+    )
+    return _answer(judgement, as_json)
 
 
 def _recorded(
-    arm: wb.Robot, plan: wb.Plan, out: Path, device: CheckDevice, how: CheckArguments,
-    motion: LimitArguments, number: int,
+    plan: wb.Plan, out: Path, device: CheckDevice, how: CheckArguments, motion: LimitArguments,
+    number: int,
 ) -> wb.Recording:  # fmt: skip
-    """The plan recorded by a driver, after its time was checked."""
+    """The plan recorded by a driver."""
     kind = wb.load("drivers", device.driver)
-    limits = motion.limits(kind.live)
-    _planned(arm, plan, limits, how)
     if device.driver == SimDriver.name and device.seed is None:
         device = replace(device, seed=number)  # noise of its own
-    link = kind(device.options(kind, plan.robot, limits))
+    link = kind(device.options(kind, plan.robot, motion.limits(kind.live)))
     with (
-        ready(link, plan, recover=how.recover, yes=how.yes) as found,
-        console.progress(f"checking {arm.name}", len(plan)) as report,
+        ready(link, plan, recover=how.recover, yes=how.yes) as limits,
+        console.progress(f"checking {plan.robot}", len(plan)) as report,
     ):
         wb.record(link, plan, out, samples=how.samples, rate=how.rate, revisit=False,
-                  progress=report, limits=found)  # fmt: skip
+                  progress=report, limits=limits)  # fmt: skip
     return wb.Recording.read(out)
 
 
-def _planned(arm: wb.Robot, plan: wb.Plan, limits: Limits, how: CheckArguments) -> float:
-    """How long a check takes on the robot [s]; one that is too long is refused."""
-    assert isinstance(arm, SimulatedRobot)  # its plan was chosen
-    legs = itinerary(arm, plan, arm.home, limits, list(range(len(plan))), clear=True)
-    moves = sum(leg.seconds for leg in legs)
-    return poses.seconds(moves, len(plan), how.samples, how.rate)
-
-
-def _answer(found: health.Judgement, folder: Path, robot: str, as_json: bool) -> int:
-    """Write the page, print the verdict; the exit code."""
-    command = console.command("check", robot, "--history", folder)
-    write_text(folder / _PAGE, page(found, command).html())
-    console.answer(found.to_json(), as_json, _shown(found, folder / _PAGE))
-    return EXIT[found.verdict]
-
-
-def _shown(found: health.Judgement, path: Path) -> Group:
-    """The headline, and what changed."""
+def _answer(judgement: wb.Judgement, as_json: bool) -> int:
+    """Print the verdict and the numbers; the exit code."""
     table = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
-    for name in ("changed", "before", "step"):
-        table.add_column(name, no_wrap=True)
-    for m in found.moved:
-        step = {"value": m.size, "std": m.std, "unit": m.unit}
-        before = {"value": m.before, "unit": m.unit}
-        table.add_row(m.name, quantity(m.name, before), quantity(m.name, step, signed=True))
-    return Group(
-        Text(found.headline, style="bold"),
-        *([table] if found.moved else []),
-        Text(f"page: {path}", style="dim"),
-    )
+    for name in ("", "this check", "before", "step", "σ"):
+        table.add_column(name, justify="right" if name else "left", no_wrap=True)
+    result = judgement.to_json()
+    steps = {c.name: c for c in judgement.changes}
+    for name, known in result["quantities"].items():
+        row, change = [name, quantity(name, known)], steps.get(name)
+        if change is not None:
+            step = {"value": change.after - change.before, "std": change.std, "unit": change.unit}
+            row += [
+                quantity(name, {"value": change.before, "unit": change.unit}),
+                quantity(name, step, signed=True),
+                f"{change.sigmas:+.1f}",
+            ]
+        table.add_row(*row, style="bold" if change is not None and change.changed else "")
+    console.answer(result, as_json, Group(Text(judgement.headline, style="bold"), "", table))
+    return EXIT[judgement.verdict]

@@ -152,18 +152,10 @@ def _of_fits(fits: Sequence[Mapping[str, Any]], paths: Sequence[Path], kind: str
         np.array([float(f.part("parameters").part(n).raw["value"]) for n in both]) for f in fields
     ]
     covariance = _covariance(fields[0], both) + _covariance(fields[1], both)
-    difference, std = values[1] - values[0], np.sqrt(np.diagonal(covariance))
     units = [str(fields[0].part("parameters").part(n).raw.get("unit")) for n in both]
-    sigmas = np.divide(difference, std, out=np.zeros(len(both)), where=std > 0)
-    sigmas[(std == 0) & (difference != 0)] = np.inf
-    changed = holm(2.0 * stats.norm.sf(np.abs(sigmas)))
-    changes = tuple(
-        Change(n, u, float(x), float(y), float(s), float(z), bool(c))
-        for n, u, x, y, s, z, c in zip(
-            both, units, values[0], values[1], std, sigmas, changed, strict=True
-        )
-    )
-    together = _together(difference, covariance)
+    std = np.sqrt(np.diagonal(covariance))
+    changes = changes_of(dict(zip(both, units, strict=True)), values[0], values[1], std)
+    together = _together(values[1] - values[0], covariance)
     sentences = [_headline(changes, together)]
     if kind == "fits" and fields[0].raw.get("recording") == fields[1].raw.get("recording"):
         sentences.append(
@@ -180,6 +172,34 @@ def _of_fits(fits: Sequence[Mapping[str, Any]], paths: Sequence[Path], kind: str
         kind, str(paths[0]), str(paths[1]), changes, together, tuple(left), tuple(sentences),
         any_changed,
     )  # fmt: skip
+
+
+def changes_of(
+    units: Mapping[str, str],
+    before: np.ndarray,
+    after: np.ndarray,
+    std: np.ndarray,
+    *,
+    level: float = LEVEL,
+    freedom: float = np.inf,
+) -> tuple[Change, ...]:
+    """Numbers (K,) before and after, and which of them changed.
+
+    Args:
+        units: of the numbers, by name.
+        std: standard uncertainty of each difference (K,).
+        level: probability that any is called changed where none did.
+        freedom: of the uncertainties (Student's t).
+    """
+    difference = after - before
+    sigmas = np.divide(difference, std, out=np.zeros(len(std)), where=std > 0)
+    sigmas[(std == 0) & (difference != 0)] = np.inf
+    changed = holm(2.0 * stats.t.sf(np.abs(sigmas), freedom), level)
+    each = zip(units.items(), before, after, std, sigmas, changed, strict=True)
+    return tuple(
+        Change(n, u, float(x), float(y), float(s), float(z), bool(c))
+        for (n, u), x, y, s, z, c in each
+    )
 
 
 def _determined(fields: checked.Fields) -> list[str]:
@@ -221,10 +241,10 @@ def _together(difference: np.ndarray, covariance: np.ndarray) -> dict[str, float
     return {"chi2": chi2, "dof": int(kept.sum()), "p": float(stats.chi2.sf(chi2, kept.sum()))}
 
 
-def holm(p: np.ndarray) -> np.ndarray:
-    """Which of some p values (K,) stand at `LEVEL` over all of them."""
+def holm(p: np.ndarray, level: float = LEVEL) -> np.ndarray:
+    """Which of some p values (K,) stand at a level over all of them."""
     order = np.argsort(p)
-    steps = p[order] <= LEVEL / np.arange(len(p), 0, -1)
+    steps = p[order] <= level / np.arange(len(p), 0, -1)
     passed = np.zeros(len(p), dtype=bool)
     passed[order] = np.cumprod(steps).astype(bool)
     return passed
