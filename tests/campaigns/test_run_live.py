@@ -16,7 +16,6 @@ from wrenchbed.errors import (
     DriverError,
     LimitError,
     LinkError,
-    PlanError,
     StoppedError,
     WrenchbedWarning,
 )
@@ -160,37 +159,15 @@ def test_a_stopped_campaign_goes_on_where_it_stopped(tmp_path):
     first = Recording.read(path)
     assert poses(path) == [10, 10, 0, 0]
     arm = Arm()
-    told = []
-    done = run(arm, path, resume=True, progress=told.append)
+    counts = []
+    done = run(arm, path, resume=True, progress=counts.append)
     rec = Recording.read(path)
-    assert (done.visited, arm.moves, told) == (2, 3, [2, 1, 1])
+    assert (done.visited, arm.moves, counts) == (2, 3, [2, 1, 1])
     assert poses(path) == [20, 10, 10, 10]
     assert np.array_equal(rec.wrench[:20], first.wrench)
     assert (np.diff(rec.t) > 0).all()
     assert rec.metadata.extra["started"] == first.metadata.extra["started"]
     assert done.drift.seconds > 0.0
-
-
-def test_half_a_pose_is_visited_again(tmp_path):
-    path = tmp_path / "r.parquet"
-    run(Arm(), path, revisit=False)
-    whole = Recording.read(path)
-    keep = np.arange(len(whole)) < 25
-    Recording(whole.metadata, {k: v[keep] for k, v in whole.columns.items()}).write(path)
-    done = run(Arm(), path, resume=True, revisit=False)
-    assert done.visited == 2
-    assert poses(path) == [10, 10, 10, 10]
-
-
-def test_a_campaign_of_another_plan_is_not_gone_on_with(tmp_path):
-    path = tmp_path / "r.parquet"
-    run(Arm(), path)
-    other = Plan.of("ur5", PLAN.q + 0.3)
-    with Arm() as arm, pytest.raises(PlanError, match="row 0 is not at pose 0"):
-        recording_run.record(arm, other, path, samples=10, resume=True)
-    motion = Plan.of("ur5", np.repeat(UR5.home[None], 20, axis=0), rate_hz=125.0)
-    with Arm() as arm, pytest.raises(PlanError, match="a motion cannot be resumed"):
-        recording_run.record(arm, motion, path, resume=True)
 
 
 def test_too_large_a_load_stops_the_robot_and_is_not_tried_again(tmp_path):

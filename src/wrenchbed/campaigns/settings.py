@@ -23,6 +23,12 @@ from wrenchbed.simulation.closed_form import Model
 
 VARIED = ("noise", "parameters", "effects", "poses")
 """What may differ from robot to robot."""
+HEALTHY = 0.25
+"""Share of robots without an effect, where effects vary."""
+SIZES = (0.3, 6.0)
+"""Sizes are drawn log-uniformly between these multiples of typical."""
+_TRIES, _ROWS = 50, 24
+"""Draws until a robot reaches all poses, and poses at which effects are tested for an influence."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,14 +102,6 @@ class Fleet:
             "robot": self.robot, "vary": sorted(self.vary), "poses": self.poses,
             "samples": self.samples, "seed": self.seed, "diagnose": self.diagnose, "plan": plan,
         }  # fmt: skip
-
-
-HEALTHY = 0.25
-"""Share of robots without an effect, where effects vary."""
-SIZES = (0.3, 6.0)
-"""Sizes are drawn log-uniformly between these multiples of typical."""
-_TRIES, _ROWS = 50, 24
-"""Draws until a robot reaches all poses, and poses at which effects are tested for an influence."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -66,6 +66,7 @@ how long it works on them [s]: rows of a task reach the disk together, and a kil
 _KEPT = "what is done is kept, and the same command goes on"
 _ANSWERS_S = 10.0
 """Time in which a Dask scheduler must answer [s]."""
+Result = TypeVar("Result")
 
 
 def course(fleet: Fleet, k: int) -> Recording:
@@ -142,9 +143,6 @@ def _error_into(row: Row) -> Iterator[None]:
         row["error"] = f"{type(error).__name__}: {error}"
 
 
-Result = TypeVar("Result")
-
-
 def _checked(result: Result | WrenchbedError) -> Result:
     if isinstance(result, WrenchbedError):
         raise result
@@ -179,8 +177,10 @@ def recorded(
         seeds = [_seed(fleet, k) for k in some]
         readings = simulate_each(model, thetas, path, "real", seeds)
         for k, reading in zip(some, readings, strict=True):
-            failed = isinstance(reading, WrenchbedError)
-            results[k] = reading if failed else (reading, together[k][1])
+            if isinstance(reading, WrenchbedError):
+                results[k] = reading
+            else:
+                results[k] = reading, together[k][1]
     return [results[k] for k in numbers]
 
 

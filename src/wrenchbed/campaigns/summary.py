@@ -9,7 +9,7 @@ import pyarrow as pa
 
 from wrenchbed.campaigns.result_rows import ALL, SETTING
 from wrenchbed.campaigns.settings import Fleet
-from wrenchbed.pages.chart import Axis, Chart, Matrix, Panel, Role, Scale, Series
+from wrenchbed.pages.chart import Axis, Chart, Panel, Role, Series
 from wrenchbed.pages.document import Card, Document, Figure, Section, Table, render
 from wrenchbed.pages.numbers import HUMAN, NORMAL_95, POWERS
 from wrenchbed.pages.plots import histograms
@@ -21,9 +21,8 @@ _QUANTILES = (5, 25, 50, 75, 95)
 _VERDICTS = ("none", "identified", "ambiguous", "partial", "unknown")
 LEAST_DECADE = -3.0
 """Of what an effect changes: smaller changes are in its group."""
-MOST_ANSWERS, MOST_WRONG = 12, 200
-"""Columns of the table of answers, and robots that are listed."""
-_OF_ROW = Scale("share of the row [%]", 0.0, 100.0, (0.0, 50.0, 100.0))
+MOST_WRONG = 200
+"""Robots that are listed."""
 SHOWS = 1.0
 """Least mean square change of a reading that an effect makes, in units of a row's noise."""
 
@@ -47,19 +46,18 @@ def page(fleet: Fleet, table: pa.Table, folder: Path, command: str = "") -> Docu
         f"each. From robot to robot differ: {', '.join(fleet.vary) or 'nothing'}. "
         + (f"Failed: {failed:,}, for reasons that stand below." if failed else "None failed.")
     )
-    sections = [_calibration(table), *([_coverage(fleet, table)] if _varies(fleet) else [])]
+    sections = [
+        _calibration(table),
+        *([_coverage(fleet, table)] if "parameters" in fleet.vary else []),
+    ]
     if fleet.diagnose:
         sections.append(_diagnosis(fleet, table))
     made = f"Row k of `{ALL}` follows from `{SETTING}` and k alone, but for its times."
-    told = provenance([folder / ALL, folder / SETTING], command, fleet.seed)
+    origin = provenance([folder / ALL, folder / SETTING], command, fleet.seed)
     title = f"Campaign of {fleet.robot}"
     return Document(
-        title, lead, tuple(sections), made, figures(table), told, tuple(_cards(fleet, table))
+        title, lead, tuple(sections), made, figures(table), origin, tuple(_cards(fleet, table))
     )
-
-
-def _varies(fleet: Fleet) -> bool:
-    return "parameters" in fleet.vary
 
 
 def _cards(fleet: Fleet, table: pa.Table) -> Iterator[Card]:
@@ -72,10 +70,10 @@ def _cards(fleet: Fleet, table: pa.Table) -> Iterator[Card]:
     of_whom = "robots" if known.all() else "robots without an effect"
     before, after = (1e3 * numbers(table, f"force.{w}")[known] for w in ("before", "after"))
     if np.isfinite(after).any():
-        told = f"Median rms force error at new poses of {np.isfinite(after).sum():,} {of_whom}"
+        words = f"Median rms force error at new poses of {np.isfinite(after).sum():,} {of_whom}"
         start = float(np.nanmedian(before)) if np.isfinite(before).any() else 0.0
-        told += f"; before calibration {render(start)} mN." if start > 0.0 else "."
-        yield Card("After calibration", f"{render(float(np.nanmedian(after)))} mN", told)
+        words += f"; before calibration {render(start)} mN." if start > 0.0 else "."
+        yield Card("After calibration", f"{render(float(np.nanmedian(after)))} mN", words)
     hits, count = _inside(table, known)
     if count:
         yield Card(
@@ -87,11 +85,15 @@ def _cards(fleet: Fleet, table: pa.Table) -> Iterator[Card]:
     right = right[np.isfinite(right)]
     if fleet.diagnose and len(right):
         hits = int(right.sum())
-        what = "the effect is identified" if _varies(fleet) else "the effect is identified, or none"
+        what = (
+            "the effect is identified"
+            if "parameters" in fleet.vary
+            else "the effect is identified, or none"
+        )
         yield Card(
             "Diagnosis",
             f"{hits} of {len(right)} right",
-            f"{share_told(hits, len(right))}: {what}; robots whose effect shows.",
+            f"{share_text(hits, len(right))}: {what}; robots whose effect shows.",
         )
 
 
@@ -159,8 +161,8 @@ def _calibration(table: pa.Table) -> Section:
         before, after = (scale * numbers(table, f"{what}.{w}") for w in ("before", "after"))
         if not np.isfinite(after).any():
             continue
-        told = {"before": before} | {f"after{n}": after[own] for n, own in groups.items()}
-        for when, values in told.items():
+        groups_of = {"before": before} | {f"after{n}": after[own] for n, own in groups.items()}
+        for when, values in groups_of.items():
             known = values[np.isfinite(values)]
             if not known.any():  # no parameter varies: nothing is wrong before
                 continue
@@ -195,11 +197,11 @@ def _coverage(fleet: Fleet, table: pa.Table) -> Section:
         known = chosen & np.isfinite(error / std)
         if not known.any():
             continue
-        z, (unit, factor) = (error / std)[known], _people(units[name])
+        z, (unit, factor) = (error / std)[known], HUMAN.get(units[name], (units[name], 1.0))
         hits = int((np.abs(z) < NORMAL_95).sum())
         rows.append((f"{name} [{unit}]", int(known.sum()), factor * float(np.std(error[known])),
                      factor * float(np.median(std[known])), float(np.mean(z)),
-                     float(np.sqrt(np.mean(z**2))), share_told(hits, len(z)),
+                     float(np.sqrt(np.mean(z**2))), share_text(hits, len(z)),
                      _held(hits, len(z))))  # fmt: skip
     columns = ("parameter", "robots", "spread of errors", "stated uncertainty", "mean z", "rms z",
                "within ±1.96 (95 %)", "95 % held")  # fmt: skip
@@ -212,18 +214,12 @@ def _coverage(fleet: Fleet, table: pa.Table) -> Section:
     return Section("Uncertainty", lead, (Table.of("Coverage", columns, rows),))
 
 
-def _people(unit: str) -> tuple[str, float]:
-    """Unit in which people read a parameter, and the factor to it."""
-    shown, factor = HUMAN.get(unit, (unit, 1.0))
-    return shown, factor
-
-
 def _held(hits: int, count: int) -> str:
     low, high = share_interval(hits, count)
     return "✓" if low <= 0.95 <= high else "✗"
 
 
-def share_told(hits: int, count: int) -> str:
+def share_text(hits: int, count: int) -> str:
     """A share with its 95 % interval: ``38 % (20–58)``."""
     low, high = (100.0 * x for x in share_interval(hits, count))
     return f"{100 * hits / count:.0f} % ({low:.0f}–{high:.0f})"
@@ -243,7 +239,7 @@ def _diagnosis(fleet: Fleet, table: pa.Table) -> Section:
             (
                 "all that show" if name is None else name or "none",
                 int(chosen.sum()),
-                share_told(int(known.sum()), len(known)) if len(known) else "–",
+                share_text(int(known.sum()), len(known)) if len(known) else "–",
                 *((_share(named[ill]), _share(held[ill]))),
                 *(int((verdict[chosen] == v).sum()) for v in _VERDICTS),
             )
@@ -256,8 +252,7 @@ def _diagnosis(fleet: Fleet, table: pa.Table) -> Section:
     if chart is not None:
         title = "Detection against what the effect changes"
         parts.append(Figure("detection", title, chart))
-    parts += [Figure("confusion", "True effect and answer", _confusion(table)),
-              _gone_wrong(fleet, table)]  # fmt: skip
+    parts.append(_gone_wrong(table))
     hidden = int((~shows).sum())
     left = (
         f"The table leaves {hidden} {'robot' if hidden == 1 else 'robots'} out whose effect "
@@ -269,7 +264,7 @@ def _diagnosis(fleet: Fleet, table: pa.Table) -> Section:
         "an answer that names these is true but does not count as right. "
     )
     lead = (
-        (left if hidden else "") + (too if _varies(fleet) else "")
+        (left if hidden else "") + (too if "parameters" in fleet.vary else "")
         + "Right: the true effect is identified, or rightly none. Named: it is among the claimed "
         "causes or their rivals. Held: it is named, or the diagnosis says that it looks the same "
         "as what it names, or can make all of that (as a gain can of one tool's mass). "
@@ -331,69 +326,26 @@ def share_interval(hits: int, count: int) -> tuple[float, float]:
     return low, high
 
 
-def _answers(table: pa.Table) -> np.ndarray:
-    """What each robot's diagnosis says (N,): the true effect where it is claimed, else the first.
-
-    The verdict where no cause is claimed, ``failed`` where there is none.
-    """
-    every = zip(*(text(table, n) for n in ("effect", "claimed", "verdict")), strict=True)
-    return np.array(
-        [
-            effect
-            if effect in (names := claimed.split())
-            else names[0]
-            if names
-            else verdict or "failed"
-            for effect, claimed, verdict in every
-        ]
-    )
-
-
-def _confusion(table: pa.Table) -> Chart:
-    """Robots by true effect and answer; answers that are rare stand together."""
-    truth = np.array([e or "none" for e in text(table, "effect")])
-    answer = _answers(table)
-    names, counts = np.unique(answer, return_counts=True)
-    common = set(names[np.argsort(-counts, kind="stable")[:MOST_ANSWERS]])
-    answer = np.array([a if a in common else "other" for a in answer])
-    rows = sorted(set(truth), key=lambda n: (n != "none", n))
-    columns = sorted(set(answer), key=lambda n: (n not in rows, rows.index(n) if n in rows else 0))
-    told = np.array([[float(((truth == r) & (answer == c)).sum()) for c in columns] for r in rows])
-    share = 100.0 * told / np.maximum(told.sum(axis=1, keepdims=True), 1)
-    texts = tuple(tuple(f"{n:.0f}" if n else "" for n in row) for row in told.tolist())
-    labels = tuple(f"{r} ({n:.0f})" for r, n in zip(rows, told.sum(axis=1), strict=True))
-    heads = tuple(c.replace(".", ".\n") for c in columns)
-    matrix = Matrix(labels, heads, np.where(told > 0, share, np.nan), _OF_ROW, texts)
-    caption = (
-        "Down: the true effect, with its number of robots; across: the answer, the true effect "
-        "where it is among the claimed causes."
-    )
-    panel = Panel(Axis("answer"), Axis(""), matrix=matrix)
-    return Chart("", "", (panel,), caption=caption)
-
-
-def _gone_wrong(fleet: Fleet, table: pa.Table) -> Table:
+def _gone_wrong(table: pa.Table) -> Table:
     """Robots whose answer is wrong or that failed, each with the command that makes it again."""
-    right, error = numbers(table, "right"), text(table, "error")
+    right, error, shows = numbers(table, "right"), text(table, "error"), is_detected(table)
+    truth, claimed, verdict = (text(table, n) for n in ("effect", "claimed", "verdict"))
+    robot, added = table["robot"].to_pylist(), numbers(table, "added")
     wrong = np.flatnonzero((right == 0.0) | (error != ""))
-    wrong = wrong[np.argsort(~is_detected(table)[wrong], kind="stable")]
-    shows, truth, answer = is_detected(table), text(table, "effect"), _answers(table)
-    added = numbers(table, "added")
+    wrong = wrong[np.argsort(~shows[wrong], kind="stable")]
     rows = [
         (
-            str(int(table["robot"][int(k)].as_py())), truth[k] or "none", float(added[k]),
-            "yes" if shows[k] else "no", error[k] or answer[k],
-            f"`--only {int(table['robot'][int(k)].as_py())}`",
+            str(robot[k]), truth[k] or "none", float(added[k]), "yes" if shows[k] else "no",
+            error[k] or claimed[k] or verdict[k], f"`--only {robot[k]}`",
         )
-        for k in wrong[:MOST_WRONG]
+        for k in wrong[:MOST_WRONG].tolist()
     ]  # fmt: skip
-    left = (
-        f" {len(wrong) - MOST_WRONG} more are in robots.parquet." if len(wrong) > MOST_WRONG else ""
-    )
+    rest = len(wrong) - MOST_WRONG
     columns = ("robot", "true effect", "change", "shows", "answer, or error", "again with")
     note = (
         "Those whose effect shows come first. The command at the end of this page with the last "
-        f"column writes the robot's recording and fit to a folder of its number.{left}"
+        "column writes the robot's recording and fit to a folder of its number."
+        + (f" {rest} more are in robots.parquet." if rest > 0 else "")
     )
-    told = Table.of("Robots whose effect is not identified, or that failed", columns, rows, note)
-    return replace(told, empty="There is none.")
+    listed = Table.of("Robots whose effect is not identified, or that failed", columns, rows, note)
+    return replace(listed, empty="There is none.")

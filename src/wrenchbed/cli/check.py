@@ -5,24 +5,21 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 import tyro
-from rich.console import Group
-from rich.table import Table
-from rich.text import Text
 
 import wrenchbed as wb
 from wrenchbed.cli import console
 from wrenchbed.cli.console import Flag, Json
 from wrenchbed.cli.first_move import ready
 from wrenchbed.cli.record import DeviceArguments, LimitArguments
+from wrenchbed.cli.small_verbs import compared
 from wrenchbed.data.outputs import Kind
 from wrenchbed.errors import HistoryError
 from wrenchbed.files import set_aside
 from wrenchbed.hardware.drivers.sim import SimDriver
-from wrenchbed.monitoring import check as checks_
+from wrenchbed.monitoring import check as monthly
 from wrenchbed.monitoring import history as stored
-from wrenchbed.pages.numbers import quantity
 
-EXIT = {checks_.HEALTHY: 0, checks_.CHANGED: 3, checks_.CANNOT_TELL: 4}
+EXIT = {monthly.HEALTHY: 0, monthly.CHANGED: 3, monthly.CANNOT_TELL: 4}
 """Exit code of each verdict."""
 
 
@@ -56,8 +53,8 @@ class CheckArguments:
     time: str | None = None
     temperature: float | None = None
     new_baseline: str | None = None
-    samples: int = checks_.SAMPLES
-    rate: float = checks_.RATE_HZ
+    samples: int = monthly.SAMPLES
+    rate: float = monthly.RATE_HZ
     prepare: Flag = False
     rebuild: Flag = False
     recover: Flag = False
@@ -85,17 +82,17 @@ def check(
     arm, now = wb.load("robots", robot), datetime.now(UTC)
     if how.rebuild:
         set_aside(history / stored.FILE)
-        return _answer(checks_.rebuild(arm, history, now), as_json)
+        return _answer(monthly.rebuild(arm, history, now), as_json)
     before = stored.read(history)
-    plan = checks_.plan_of(arm, history)
+    plan = monthly.plan_of(arm, history)
     if how.prepare:
-        path = str(history / checks_.PLAN)
+        path = str(history / monthly.PLAN)
         console.answer({"plan": path, "poses": len(plan)}, as_json, f"{len(plan)} poses → {path}")
         return 0
-    time = None if how.time is None else checks_.parse_time(how.time, "--time")
+    time = None if how.time is None else monthly.parse_time(how.time, "--time")
     if device.recording is not None and device.driver == SimDriver.name:
         recording = wb.Recording.read(device.recording)
-        time = time or checks_.time_of(recording)
+        time = time or monthly.time_of(recording)
         if time is None:
             raise HistoryError(
                 f"{recording.name}: states no time; give --time 2026-11-23T06:00:00Z"
@@ -103,7 +100,7 @@ def check(
     else:
         time = time or now
         stored.in_time(history, before, time, now)  # before the robot moves
-        out = history / checks_.file_of(time)
+        out = history / monthly.file_of(time)
         console.check_out(out, Kind.RECORDING)
         recording = _recorded(plan, out, device, how, motion, len(before))
     judgement = wb.check(
@@ -132,20 +129,5 @@ def _recorded(
 
 def _answer(judgement: wb.Judgement, as_json: bool) -> int:
     """Print the verdict and the numbers; the exit code."""
-    table = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
-    for name in ("", "this check", "before", "step", "σ"):
-        table.add_column(name, justify="right" if name else "left", no_wrap=True)
-    result = judgement.to_json()
-    steps = {c.name: c for c in judgement.changes}
-    for name, known in result["quantities"].items():
-        row, change = [name, quantity(name, known)], steps.get(name)
-        if change is not None:
-            step = {"value": change.after - change.before, "std": change.std, "unit": change.unit}
-            row += [
-                quantity(name, {"value": change.before, "unit": change.unit}),
-                quantity(name, step, signed=True),
-                f"{change.sigmas:+.1f}",
-            ]
-        table.add_row(*row, style="bold" if change is not None and change.changed else "")
-    console.answer(result, as_json, Group(Text(judgement.headline, style="bold"), "", table))
+    console.answer(judgement.to_json(), as_json, compared(judgement.comparison))
     return EXIT[judgement.verdict]

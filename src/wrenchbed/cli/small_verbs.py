@@ -106,10 +106,10 @@ def compare(
         as_json: Print the result as JSON.
     """
     result = wb.compare(a, b)
-    console.answer(result.to_json(), as_json, _compared(result))
+    console.answer(result.to_json(), as_json, compared(result))
 
 
-def _compared(result: wb.Comparison) -> Group:
+def compared(result: wb.Comparison) -> Group:
     """A comparison as a table of all numbers, the sentences first."""
     table = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
     table.add_column("", no_wrap=True)

@@ -1,7 +1,6 @@
 """Contact environment: keep a force on a soft limb, with a sensor that has noise and effects.
 
-The tip of the tool moves along straight lines and keeps its orientation. Ranges and thresholds are
-estimates.
+The tip of the tool moves along straight lines and keeps its orientation.
 """
 
 import math
@@ -23,6 +22,25 @@ _FAR = 0.006
 """Travel of the tip after which the Jacobian is evaluated again [m]."""
 _CORRECTED, _OFTEN = 10, 50
 """Moves over which the error until then is corrected; moves after which it is in any case."""
+CYCLE_S, CYCLES = 0.004, 5
+STEP_S = CYCLE_S * CYCLES
+"""Of one action [s]."""
+SPEED = 0.03
+"""Of the tip at an action of 1 [m/s]."""
+TOO_MUCH_N = 40.0
+"""A force that would hurt: it ends the episode [N]."""
+TARGET_N = (2.0, 8.0)
+"""Range of the wanted force [N]."""
+STIFFNESS = (300.0, 3000.0)
+"""Of soft tissue over bone [N/m]; with `RADIUS`, `ABOVE` and the tool's bias what is randomised."""
+RADIUS, ABOVE = (0.04, 0.07), (0.005, 0.02)
+"""Of the leg, and from it to the tip at first [m]."""
+_BIAS = (1.0, 0.02)
+"""Largest bias of a channel [N, N·m]."""
+_HURT, _JERKY = 10.0, 0.01
+"""Penalties of a force that would hurt, and of the squared change of the action."""
+_ZEROED = 25
+"""Readings that the sensor is zeroed with."""
 
 
 class Hand:
@@ -96,27 +114,6 @@ class Hand:
 def _vector(r: np.ndarray) -> np.ndarray:
     """Rotation vector (3,) of a small rotation (3, 3) [rad]."""
     return 0.5 * np.array([r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]])
-
-
-CYCLE_S, CYCLES = 0.004, 5
-STEP_S = CYCLE_S * CYCLES
-"""Of one action [s]."""
-SPEED = 0.03
-"""Of the tip at an action of 1 [m/s]."""
-TOO_MUCH_N = 40.0
-"""A force that would hurt: it ends the episode [N]."""
-TARGET_N = (2.0, 8.0)
-"""Range of the wanted force [N]."""
-STIFFNESS = (300.0, 3000.0)
-"""Of soft tissue over bone [N/m]; with `RADIUS`, `ABOVE` and the tool's bias what is randomised."""
-RADIUS, ABOVE = (0.04, 0.07), (0.005, 0.02)
-"""Of the leg, and from it to the tip at first [m]."""
-_BIAS = (1.0, 0.02)
-"""Largest bias of a channel [N, N·m]."""
-_HURT, _JERKY = 10.0, 0.01
-"""Penalties of a force that would hurt, and of the squared change of the action."""
-_ZEROED = 25
-"""Readings that the sensor is zeroed with."""
 
 
 class ContactEnv(Rendered, gymnasium.Env[np.ndarray, np.ndarray]):

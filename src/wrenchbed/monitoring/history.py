@@ -112,7 +112,6 @@ def read(folder: Path) -> list[Check]:
     stated_robot(raw, str(raw.get("robot")))
     checks = _checks(path, columns)
     for k, check in enumerate(checks):
-        _is_new(path, checks[:k], check, f"row {k}", f"one check is there twice; {_REMEDY}")
         _continues(path, checks[:k], check, f"row {k}")
     return checks
 
@@ -156,12 +155,12 @@ def _checks(path: Path, columns: Mapping[str, np.ndarray]) -> list[Check]:
             time = datetime.fromisoformat(text).astimezone(UTC)
         except ValueError as error:
             raise HistoryError(f"{path}: row {k}: time cannot be read: {_REMEDY}") from error
-        values, words = ({n: v[k] for n, v in each.items()} for each in (fitted, texts))
+        values = {n: float(v[k]) for n, v in fitted.items()}
         checks.append(
             Check(
                 time=time, temperature=float(temperature[k]), t=timing[k, :, 0], q=q[k],
                 wrench=wrench[k], count=timing[k, :, 1], covariance=spread[k], values=values,
-                **words,
+                **{n: v[k] for n, v in texts.items()},
             )
         )  # fmt: skip
     return checks
@@ -174,9 +173,8 @@ def agrees(folder: Path, checks: Sequence[Check], new: Check, now: datetime) -> 
         HistoryError: it is a copy of an old one, not later than the last one, or of another robot;
             or this machine's clock is behind.
     """
-    _is_new(folder / FILE, checks, new, "the new check", "it was checked already. Record anew")
-    in_time(folder, checks, new.time, now)
     _continues(folder / FILE, checks, new, "the new check")
+    in_time(folder, checks, new.time, now)
 
 
 def in_time(folder: Path, checks: Sequence[Check], time: datetime, now: datetime) -> None:
@@ -185,55 +183,45 @@ def in_time(folder: Path, checks: Sequence[Check], time: datetime, now: datetime
     Raises:
         HistoryError: names the row and the remedy.
     """
-    path, shown = folder / FILE, f"{now:%Y-%m-%d %H:%M:%S} UTC"
-    new = f"{path}: the new check is of {time:%Y-%m-%d %H:%M:%S} UTC"
+    shown = f"this machine's clock shows {now:%Y-%m-%d %H:%M:%S} UTC"
     if checks and checks[-1].time > now:
         raise HistoryError(
-            f"{path}: row {len(checks) - 1} is of {checks[-1].day}, and this machine's clock shows "
-            f"{shown}: it was set back. Set it right and check again"
+            f"{folder / FILE}: row {len(checks) - 1} is of {checks[-1].day}, and {shown}: it was "
+            "set back. Set it right and check again"
         )
-    if time > now:
+    if time > now or (checks and time <= checks[-1].time):
+        why = shown if time > now else f"the last one of {checks[-1].day}"
         raise HistoryError(
-            f"{new}, and this machine's clock shows {shown}: set the clock, or state the true time "
-            "with --time"
+            f"{folder / FILE}: the new check is of {time:%Y-%m-%d %H:%M:%S} UTC, and {why}: set "
+            "the clock, or state the true time with --time"
         )
-    if checks and time <= checks[-1].time:
-        raise HistoryError(
-            f"{new}, not after row {len(checks) - 1} ({checks[-1].day}): state the true time with "
-            "--time, or check recordings in the order of time"
-        )
-
-
-def _is_new(path: Path, before: Sequence[Check], check: Check, where: str, why: str) -> None:
-    """Refuse readings that an earlier check holds."""
-    for k, old in enumerate(before):
-        if check.recording_digest == old.recording_digest:
-            raise HistoryError(
-                f"{path}: {where} ({check.day}) holds the readings of row {k} ({old.day}): {why}"
-            )
 
 
 def _continues(path: Path, before: Sequence[Check], check: Check, where: str) -> None:
-    """Refuse a check that does not continue those before it."""
-    if not before:
-        return
-    first, last = before[0], before[-1]
-    if check.robot_digest != first.robot_digest:
-        raise HistoryError(
-            f"{path}: {where} is of {check.robot} with {check.sensor} ({check.robot_digest}), row "
-            f"0 of {first.robot} with {first.sensor} ({first.robot_digest}): give each robot a "
-            "folder of its own"
+    """Refuse a check that does not continue those before it; a remedy depends on where it is."""
+    in_file, why = where.startswith("row"), ""
+    digests = [old.recording_digest for old in before]
+    if check.recording_digest in digests:
+        k = digests.index(check.recording_digest)
+        why = f"({check.day}) holds the readings of row {k} ({before[k].day}): "
+        why += f"one check is there twice; {_REMEDY}" if in_file else "it was checked already"
+    elif before and check.robot_digest != before[0].robot_digest:
+        first = before[0]
+        why = (
+            f"is of {check.robot} with {check.sensor} ({check.robot_digest}), row 0 of "
+            f"{first.robot} with {first.sensor} ({first.robot_digest}): give each robot a folder "
+            "of its own"
         )
-    if check.time <= last.time:
-        raise HistoryError(
-            f"{path}: {where} is of {check.day}, not after row {len(before) - 1} ({last.day}): "
-            f"the rows are out of order; {_REMEDY}"
+    elif before and check.time <= before[-1].time:
+        why = f"is of {check.day}, not after row {len(before) - 1} ({before[-1].day}): "
+        why += f"the rows are out of order; {_REMEDY}" if in_file else "give its true --time"
+    elif before and check.q.shape != before[0].q.shape:
+        why = (
+            f"has {len(check.q)} holds, row 0 {len(before[0].q)}: the plan was replaced; begin "
+            "another folder"
         )
-    if check.q.shape != first.q.shape:
-        raise HistoryError(
-            f"{path}: {where} has {len(check.q)} holds, row 0 {len(first.q)}: the plan was "
-            "replaced; begin another folder"
-        )
+    if why:
+        raise HistoryError(f"{path}: {where} {why}")
 
 
 def write(folder: Path, checks: Sequence[Check]) -> None:

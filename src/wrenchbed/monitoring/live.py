@@ -23,7 +23,7 @@ from wrenchbed.hardware.transducers.base import WrenchSample
 from wrenchbed.monitoring.compensation import Compensator, External
 
 POLL_S = 2e-4
-"""Time between two looks for a new reading [s]; estimate."""
+"""Time between two looks for a new reading [s]: a tenth of a period at 500 Hz."""
 _KEPT = 1 << 20
 """Latencies that are kept for the summary."""
 _MOST_CLIENTS = 8

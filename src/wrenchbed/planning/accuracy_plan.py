@@ -31,6 +31,9 @@ from wrenchbed.simulation.closed_form import Model
 
 ROBOTS = 100
 _STEP, _TRIES, _THERE = 1e-6, 20, 1e-8
+_MOST, _SCREENED, _TURNS, _ROUNDS = 400, 256, 2, 20
+SAMPLES = 100
+"""Rows that one pose under gravity averages."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,11 +124,6 @@ def _seated(robot: Robot, q: np.ndarray, points: np.ndarray, theta: np.ndarray) 
         slope = np.swapaxes(tip[:, 1:] - tip[:, :1], -1, -2) / _STEP
         q = q + (np.linalg.pinv(slope) @ miss[..., None])[..., 0]
     return q
-
-
-_MOST, _SCREENED, _TURNS, _ROUNDS = 400, 256, 2, 20
-SAMPLES = 100
-"""Rows that one pose under gravity averages."""
 
 
 @dataclass(frozen=True, eq=False)

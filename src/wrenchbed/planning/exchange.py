@@ -30,6 +30,7 @@ _MOST = 1024
 _BETTER = 1e-9
 _DEPTH = 3
 _SINGULAR = 1e15
+_ZERO = 1e-13
 
 
 class Pool:
@@ -174,9 +175,6 @@ class _Search:
             if exact[top] > best:
                 best, where = float(exact[top]), int(some[top])
         return where
-
-
-_ZERO = 1e-13
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,8 @@ from wrenchbed.physics.wrench import weight
 from wrenchbed.robots.motion_limits import Limits, straight
 
 MARGIN_M = 0.05
-"""Added to each side of the box around the plan [m]; estimate."""
+"""Added to each side of the box around the plan [m]: smaller stops moves that swing around it;
+larger lets the arm leave the region that somebody looked at."""
 GIVEN = "given"
 _HALVES = (("force", "N", slice(0, 3)), ("torque", "N·m", slice(3, 6)))
 

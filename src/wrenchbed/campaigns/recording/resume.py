@@ -26,7 +26,8 @@ Hold = tuple[float, np.ndarray]
 _HARMLESS = ("normal", "reduced", "quick stop")
 """Safety states after which a robot may be moved unseen; a quick stop is the driver's own."""
 _NEAR = 0.05
-"""Farthest from its pose that a recorded row may be [rad or m]; estimate."""
+"""Farthest from its pose that a recorded row may be [rad or m]: more than any compliance or
+tracking error, less than the distance of two poses of a plan."""
 _SAME = {"rate_hz": "--rate", "sensor": "--sensor", "wrench": "--sensor"}
 """What must not change within a recording, and the flag that sets it."""
 

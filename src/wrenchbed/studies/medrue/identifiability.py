@@ -28,6 +28,13 @@ _UNITS = {
     "rad": {"rad": 1.0, "°": np.pi / 180},
     "kg": {"kg": 1.0, "g": 1e-3},
 }  # fmt: skip
+TOUCHES = 40
+_STEP = 1e-30
+_CENTRE = np.array([0.4, 0.44, -0.18])
+_PULL = (20.0, 0.0, 0.0)
+"""Known force at the tip [N]."""
+_SQUARE = 0.1 * np.array([[1, 1, 0], [1, -1, 0], [-1, 1, 0], [-1, -1, 0]])
+"""Corners of the artefact [m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,15 +150,6 @@ def _choice(setting: StudySetting, designs: dict[str, PoseDesign]) -> tuple[Tabl
         lines({"O1": (range(len(course)), course)}, "accepted exchange", "O1"),
     )  # fmt: skip
     return table, figure
-
-
-TOUCHES = 40
-_STEP = 1e-30
-_CENTRE = np.array([0.4, 0.44, -0.18])
-_PULL = (20.0, 0.0, 0.0)
-"""Known force at the tip [N]."""
-_SQUARE = 0.1 * np.array([[1, 1, 0], [1, -1, 0], [-1, 1, 0], [-1, -1, 0]])
-"""Corners of the artefact [m]."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -30,6 +30,13 @@ _STOP = 1e-12
 """RMS change of the parameters in the paper's units; its 1e-16 lies below rounding (1e-13)."""
 _MOST = 30
 """Most Newton steps."""
+EMPIRICAL = (PAPER, PLAIN, WIDE, MINI40, MINI40_PLAIN)
+"""Readings of the noise that robots are identified with; ±1 N as 1σ, one sample, is hopeless."""
+_NOISY_STOP = 1e-6
+"""Far below what noise leaves, in mm and degrees; the steps converge quadratically."""
+DRAWS = 3
+"""More draws of noise for each robot, weighted fits only, to compare with the bound."""
+STATISTICS = ("mean", "max", "std", "rms")
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,15 +103,6 @@ def weighted(
         model.parameters.tolerance[columns],
     )
     return IdentifiedRobot(at(solution.x), solution.steps, ())
-
-
-EMPIRICAL = (PAPER, PLAIN, WIDE, MINI40, MINI40_PLAIN)
-"""Readings of the noise that robots are identified with; ±1 N as 1σ, one sample, is hopeless."""
-_NOISY_STOP = 1e-6
-"""Far below what noise leaves, in mm and degrees; the steps converge quadratically."""
-DRAWS = 3
-"""More draws of noise for each robot, weighted fits only, to compare with the bound."""
-STATISTICS = ("mean", "max", "std", "rms")
 
 
 @dataclass(frozen=True, eq=False)

@@ -36,6 +36,7 @@ ROBOTS_ALL_WRONG = {False: beyond.ROBOTS, True: 10}
 _FIXED = 1 + 6 + 2 + accuracy_limit.STEPS + 2
 """Steps that do not depend on the numbers of robots."""
 TITLE = "MedRUE calibrated by its own force sensor: Sensors 2016, 16, 798, reproduced"
+_IN_MM = ("bound_mm", "bound_mm_best", "bound_mm_certificate", "published_mm")
 
 
 def steps(quick: bool, robots: int | None) -> int:
@@ -121,9 +122,6 @@ def _cards(summary: dict[str, object]) -> tuple[Card, ...]:
             f"The printed {printed:.3f} mm is {_possible(certificate, printed)} with it.",
         ),
     )
-
-
-_IN_MM = ("bound_mm", "bound_mm_best", "bound_mm_certificate", "published_mm")
 
 
 def _possible(bound: float, printed: float) -> str:

@@ -54,15 +54,25 @@ T_STATISTIC = {("O1", "O2"): -655.874, ("O1", "O5"): -304.773, ("O2", "O5"): 421
 """Table 5."""
 ITERATIONS = 5
 """Of its Newton steps without noise."""
+SAMPLES = 100
+"""Measurements a configuration, which the paper may or may not average."""
+STATED = np.array([1.0, 1.0, 1.0, 0.2, 0.2, 0.2])
+"""±1 N, ±0.2 N·m: Section 5."""
+CERTIFICATE: np.ndarray = registry.load("sensors", "ati-mini40").accuracy
+"""±0.25, 0.2, 0.45 N, ±0.0125, 0.0125, 0.02 N·m: the Mini40's certificate, Section 5."""
+DRAWS = 4000
+"""Random estimates that expected errors are computed from."""
+CONFIGURATIONS = 100
+"""For identification, the paper's number."""
+UNITS = {"m": 1e-3, "rad": np.pi / 180, "kg": 1.0}
+"""The paper's table: mm, degrees, and kg (its g is a slip)."""
+Report = Callable[[str], None]
+"""Called with the name of each finished step."""
 
 
 def rms_after() -> float:
     """Root mean square of the published errors in the target [mm]."""
     return float(np.hypot(AFTER["mean"], AFTER["std"]))
-
-
-SAMPLES = 100
-"""Measurements a configuration, which the paper may or may not average."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,11 +95,6 @@ class NoiseModel:
         return self.row / np.sqrt(self.samples)
 
 
-STATED = np.array([1.0, 1.0, 1.0, 0.2, 0.2, 0.2])
-"""±1 N, ±0.2 N·m: Section 5."""
-CERTIFICATE: np.ndarray = registry.load("sensors", "ati-mini40").accuracy
-"""±0.25, 0.2, 0.45 N, ±0.0125, 0.0125, 0.02 N·m: the Mini40's certificate, Section 5."""
-
 PAPER = NoiseModel("±1 N as 3σ, 100 averaged", STATED / 3, SAMPLES)
 PLAIN = NoiseModel("±1 N as 3σ, one sample", STATED / 3, 1)
 WIDE = NoiseModel("±1 N as 1σ, 100 averaged", STATED, SAMPLES)
@@ -102,17 +107,6 @@ LOWER = tuple(
 )
 """For Table 6; its own levels are not in the text that we have. Torque in proportion."""
 READINGS = (PAPER, PLAIN, WIDE, WIDE_PLAIN, MINI40, MINI40_PLAIN)
-
-
-DRAWS = 4000
-"""Random estimates that expected errors are computed from."""
-CONFIGURATIONS = 100
-"""For identification, the paper's number."""
-UNITS = {"m": 1e-3, "rad": np.pi / 180, "kg": 1.0}
-"""The paper's table: mm, degrees, and kg (its g is a slip)."""
-
-Report = Callable[[str], None]
-"""Called with the name of each finished step."""
 
 
 @dataclass(frozen=True, eq=False)

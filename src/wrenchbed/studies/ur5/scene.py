@@ -49,8 +49,9 @@ INSTALLATION = {
 }  # fmt: skip
 """Installation error [N, N·m], of the size that the article's Method 2 leaves."""
 SENSOR_MASS = 0.12
-"""Part of the sensor's own mass that loads its gauges [kg], stated and true: an estimate, about
+"""Part of the sensor's own mass that loads its gauges [kg], stated and true: about
 half of the Gamma's 0.255 kg."""
+_DEGREE = float(np.pi / 180)
 
 
 @dataclass(frozen=True)
@@ -69,7 +70,6 @@ class Scenario:
     cold: bool = False
 
 
-_DEGREE = float(np.pi / 180)
 SCENARIOS = (
     Scenario("as the article assumes"),
     Scenario("sensor just switched on: it drifts", cold=True),

@@ -29,6 +29,22 @@ _LOW, _HIGH = np.array([-0.6, -0.6, 0.25]), np.array([0.6, 0.6, 0.8])
 """Box of the tool's positions [m]."""
 _TRIES = 5000
 """Random positions before giving up."""
+Predictor = Callable[[np.ndarray], np.ndarray]
+"""Joint values (N, 6) → reading without external load (N, 6) [N, N·m]."""
+FREE = ("tool.mass", "tool.cog", "sensor.bias", "mount.rotation", "base.tilt")
+ORDER = (
+    "Method 1",
+    "Method 2",
+    "Method 3",
+    "Method 3, with tool gravity",
+    "joint fit",
+    "exact model",
+)
+POSITIONS = 20
+"""In each direction, the article's number; these judge."""
+CALIBRATION = 8
+"""Other positions in each direction, with the tool also turned about its axis; these fit."""
+_HALVES = (slice(0, 3), slice(3, 6))
 
 
 def poses(
@@ -56,20 +72,6 @@ def poses(
         if len(chosen) == n:
             return np.array(chosen)
     raise PlanError(f"only {len(chosen)} of {n} positions with the tool {direction} are reachable")
-
-
-Predictor = Callable[[np.ndarray], np.ndarray]
-"""Joint values (N, 6) → reading without external load (N, 6) [N, N·m]."""
-
-FREE = ("tool.mass", "tool.cog", "sensor.bias", "mount.rotation", "base.tilt")
-ORDER = (
-    "Method 1",
-    "Method 2",
-    "Method 3",
-    "Method 3, with tool gravity",
-    "joint fit",
-    "exact model",
-)
 
 
 def known_weights(scene: StudyScene, recording: Recording) -> Predictor:
@@ -126,12 +128,6 @@ def left_out(scene: StudyScene, q: np.ndarray, reference: np.ndarray) -> dict[st
     }
 
 
-POSITIONS = 20
-"""In each direction, the article's number; these judge."""
-CALIBRATION = 8
-"""Other positions in each direction, with the tool also turned about its axis; these fit."""
-
-
 @dataclass(frozen=True, eq=False)
 class Trial:
     """What each method leaves (6,) [N, N·m] at each judging pose.
@@ -175,9 +171,6 @@ class Trial:
         """Geometric mean of force and torque over all directions."""
         force, torque = (np.linalg.norm(self.residual[method][:, k], axis=1) for k in _HALVES)
         return geometric_mean(force), geometric_mean(torque)
-
-
-_HALVES = (slice(0, 3), slice(3, 6))
 
 
 def geometric_mean(values: np.ndarray) -> float:
