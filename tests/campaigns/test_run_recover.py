@@ -23,21 +23,8 @@ def record(tmp_path):
     Plan.of("ur5", q).write(tmp_path / "p.parquet")
 
     def run(*more: str) -> subprocess.Popen:
-        words = [
-            "record",
-            "--robot",
-            "ur5",
-            "--driver",
-            "rtde",
-            "--host",
-            HOST,
-            "--samples",
-            "30",
-            "--plan",
-            str(tmp_path / "p.parquet"),
-            "--out",
-            str(tmp_path / "r.parquet"),
-        ]
+        words = f"record --robot ur5 --driver rtde --host {HOST} --samples 30".split()
+        words += ["--plan", str(tmp_path / "p.parquet"), "--out", str(tmp_path / "r.parquet")]
         return subprocess.Popen([sys.executable, "-m", "wrenchbed", *words, *more], text=True,
                                 stderr=subprocess.PIPE, stdout=subprocess.PIPE)  # fmt: skip
 

@@ -88,25 +88,36 @@ ITSELF = {
 }
 
 
-@pytest.mark.parametrize("trouble", PERSON.values(), ids=PERSON)
-def test_a_robot_that_protects_itself_ends_the_campaign(tmp_path, trouble):
-    arm, path = Telling({2: trouble}), tmp_path / "r.parquet"
-    wanted = LimitError if isinstance(trouble.error, LimitError) else SafetyStopError
-    with pytest.raises(wanted) as told:
+KINDS = {name: (trouble, Retries.NEVER) for name, trouble in PERSON.items()} | ITSELF
+
+
+@pytest.mark.parametrize(("trouble", "kind"), KINDS.values(), ids=KINDS)
+def test_what_failed_says_how_often_it_is_tried_again(trouble, kind):
+    with Telling({}) as arm:
+        arm.now, arm.state = trouble, Health(trouble.state, f"it is {trouble.state}")
+        error = trouble.error or DriverError(f"it is {trouble.state}")
+        assert retries(arm, error) is kind
+
+
+@pytest.mark.parametrize("name", ["protective stop", "drive fault", "the load"])
+def test_a_robot_that_protects_itself_ends_the_campaign(tmp_path, name):
+    arm, path = Telling({2: PERSON[name]}), tmp_path / "r.parquet"
+    wanted = LimitError if name == "the load" else SafetyStopError
+    with pytest.raises(wanted) as raised:
         run(arm, path)
-    assert "pose 2: " in str(told.value)
+    assert "pose 2: " in str(raised.value)
     flag = "" if wanted is LimitError else " --recover"
-    assert str(told.value).endswith(f"look what happened, then go on: `record … --resume{flag}`")
+    assert str(raised.value).endswith(f"look what happened, then go on: `record … --resume{flag}`")
     assert (arm.moves, arm.recovered) == (3, 0)
     assert poses(path) == [10, 10, 0, 0]
-    rest = Arm()
-    assert run(rest, path, resume=True).visited == 2
+    assert run(Arm(), path, resume=True).visited == 2
     assert poses(path) == [20, 10, 10, 10]
 
 
-@pytest.mark.parametrize(("trouble", "kind"), ITSELF.values(), ids=ITSELF)
-def test_a_link_or_a_stopped_program_is_tried_again_so_often(tmp_path, monkeypatch, trouble, kind):
+@pytest.mark.parametrize("name", ["link", "program stopped"])
+def test_a_link_or_a_stopped_program_is_tried_again_so_often(tmp_path, monkeypatch, name):
     monkeypatch.setattr(recording_run, "_PAUSE_S", 0.0)
+    trouble, kind = ITSELF[name]
     few = Telling(dict.fromkeys(range(2, 2 + kind), trouble))
     with pytest.warns(WrenchbedWarning, match="pose 2: .*: trying again"):
         done = run(few, tmp_path / "r.parquet")
@@ -122,18 +133,13 @@ def test_a_link_or_a_stopped_program_is_tried_again_so_often(tmp_path, monkeypat
     assert more.recovered == kind
 
 
-def test_a_sensor_in_fault_is_no_fault_of_the_arm():
-    with Arm() as arm:
-        arm.transducer.health = lambda: Health("fault", "frozen")
-        assert retries(arm, StoppedError("frozen")) is Retries.LINK
-        arm.state = Health("fault", "drive 2 is hot")
-        assert retries(arm, StoppedError("drive 2 is hot")) is Retries.NEVER
-
-
-def test_an_arm_that_tells_nothing_yet_is_a_lost_link():
+def test_a_sensor_in_fault_or_an_arm_that_says_nothing_yet_is_a_lost_link():
     def silent() -> ArmSample:
         raise LinkError("no state yet")
 
+    with Arm() as arm:
+        arm.transducer.health = lambda: Health("fault", "frozen")
+        assert retries(arm, StoppedError("frozen")) is Retries.LINK
     with Arm() as arm:
         arm._read, arm.state = silent, Health("lost", "gone")
         assert retries(arm, DriverError("gone")) is Retries.LINK

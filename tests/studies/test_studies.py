@@ -12,6 +12,10 @@ from wrenchbed import registry, studies
 from wrenchbed.cli import main
 from wrenchbed.errors import MissingExtraError, NotFoundError
 from wrenchbed.pages.document import Document, Figure, Section, Table, render
+from wrenchbed.planning.certificate import certify
+from wrenchbed.planning.criteria import INDICES
+from wrenchbed.planning.exchange import Pool, exchange
+from wrenchbed.simulation.simulation import Simulation
 from wrenchbed.studies.medrue import beyond, identifiability, identification, one_robot
 from wrenchbed.studies.medrue import run as medrue_run
 from wrenchbed.studies.medrue import setting as published
@@ -28,9 +32,6 @@ def setting():
 
 @pytest.fixture(scope="module")
 def chosen(setting):
-    from wrenchbed.planning.criteria import INDICES
-    from wrenchbed.planning.exchange import Pool, exchange
-
     return exchange(Pool(setting.in_table_units), INDICES["O1"], 100, seed=0).chosen
 
 
@@ -75,10 +76,6 @@ def test_rank_and_redundancies_of_the_49(setting, chosen):
 
 
 def test_the_chosen_poses_are_certified_near_the_best(setting, chosen):
-    from wrenchbed.planning.certificate import certify
-    from wrenchbed.planning.criteria import INDICES
-    from wrenchbed.planning.exchange import Pool
-
     pool = Pool(setting.in_table_units)
     value = float(INDICES["O1"].values(pool.information(chosen)))
     assert 0.995 < value / certify(pool, INDICES["O1"], 100, chosen).bound <= 1.0
@@ -96,8 +93,6 @@ def test_the_bound_follows_from_noise_and_mass(setting, chosen):
 
 def test_weighted_identification_is_efficient_and_unweighted_is_not(setting, chosen):
     theta = one_robot.of_table_1(setting, published.ACTUAL)
-    from wrenchbed.simulation.simulation import Simulation
-
     q = setting.q[chosen]
     exact = Simulation(setting.robot, theta[: len(setting.robot.parameters)]).wrench(q)
     rng = np.random.default_rng(0)
@@ -187,8 +182,8 @@ def test_the_medrue_study_runs_from_pool_to_page(tmp_path, monkeypatch, capfd):
     monkeypatch.setattr(medrue_run, "POOL", 2000)
     monkeypatch.setattr(medrue_run, "CONFIRM", {True: 1})
     monkeypatch.setattr(medrue_run, "ROBOTS_ALL_WRONG", {True: 3})
-    monkeypatch.setattr(medrue_run.limits, "COUNTS", (30, 100))
-    monkeypatch.setattr(medrue_run.limits, "RANGES", ((30, 60),))
+    monkeypatch.setattr(medrue_run.accuracy_limit, "COUNTS", (30, 100))
+    monkeypatch.setattr(medrue_run.accuracy_limit, "RANGES", ((30, 60),))
     out = tmp_path / "study"
     run = ["study", "medrue", "--quick", "--robots", "2", "--out", str(out), "--json"]
     assert main(run) == 0
