@@ -47,8 +47,8 @@ class RobotArguments:
     def words(self) -> list[object]:
         """Of a command line that gives them."""
         poses = ["--poses", self.poses] if self.plan is None else ["--plan", self.plan]
-        told = ["--robots", self.robots, "--vary", self.vary, *poses, "--samples", self.samples]
-        return [*told, "--seed", self.seed, *(["--diagnose"] if self.diagnose else [])]
+        words = ["--robots", self.robots, "--vary", self.vary, *poses, "--samples", self.samples]
+        return [*words, "--seed", self.seed, *(["--diagnose"] if self.diagnose else [])]
 
 
 def campaign(

@@ -143,7 +143,7 @@ def _picture(
     url = stack.enter_context(viewer_address(run.view))
     assert isinstance(link.robot, SimulatedRobot)  # of which there is a compensator
     draw = stack.enter_context(LiveView(link.robot, run.rrd, url, external=True))
-    return lambda found: draw(found.t, compensate.q, found.wrench)
+    return lambda external: draw(external.t, compensate.q, external.wrench)
 
 
 def _plain(done: LiveSummary) -> dict[str, object]:
@@ -161,8 +161,8 @@ def _told(done: LiveSummary) -> str:
     )
 
 
-def _print_line(found: External) -> None:
-    print(json.dumps(found.to_json()), flush=True)
+def _print_line(external: External) -> None:
+    print(json.dumps(external.to_json()), flush=True)
 
 
 class _Gauge:
@@ -186,11 +186,11 @@ class _Gauge:
         if self._keys is not None:
             termios.tcsetattr(self._keys, termios.TCSADRAIN, self._mode)
 
-    def __call__(self, found: External) -> None:
+    def __call__(self, external: External) -> None:
         if time.monotonic() - self._shown >= _EVERY_S:
             self._shown = time.monotonic()
             self._tare()
-            self._live.update(gauge(found, self._frame, self._said), refresh=True)
+            self._live.update(gauge(external, self._frame, self._said), refresh=True)
 
     def _tare(self) -> None:
         """Do what was typed since the last picture."""
@@ -203,22 +203,24 @@ class _Gauge:
                 self._said = str(refused)
 
 
-def gauge(found: External, frame: str, said: str = "") -> Table:
+def gauge(external: External, frame: str, said: str = "") -> Table:
     """Values, bars in units of noise, and the alarm; a sentence beneath."""
-    caption = found.alarm or ("at rest" if found.at_rest else "moving: inertia is not compensated")
+    caption = external.alarm or (
+        "at rest" if external.at_rest else "moving: inertia is not compensated"
+    )
     caption = f"{caption}\n{said}" if said else caption
     table = Table(
         box=None, padding=(0, 1, 0, 0), title=f"external wrench, {frame} axes",
         title_justify="left", caption=caption, caption_justify="left",
-        caption_style="bold red" if found.alarm else "dim",
+        caption_style="bold red" if external.alarm else "dim",
     )  # fmt: skip
     table.add_column("")
     table.add_column("value", justify="right", min_width=9)
     table.add_column("± noise", justify="right")
     table.add_column("unit")
     table.add_column(f"−{_FULL:g} σ … {_FULL:g} σ")
-    for name, value, std, unit in zip(CHANNELS, found.wrench, found.std, UNITS, strict=True):
-        style = "red" if abs(value) > BAND * std and found.at_rest else ""
+    for name, value, std, unit in zip(CHANNELS, external.wrench, external.std, UNITS, strict=True):
+        style = "red" if abs(value) > BAND * std and external.at_rest else ""
         table.add_row(name, f"{value:+.3f}", f"{std:.2g}", unit, bar(value / std), style=style)
     return table
 

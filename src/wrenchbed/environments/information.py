@@ -137,7 +137,7 @@ def _causes(
 def signatures(model: Model, pool: np.ndarray) -> tuple[np.ndarray, tuple[str, ...]]:
     """Changes by typical effects (C, N, 6) [N, N·m], of effects that ignore the order of poses."""
     order = np.random.default_rng(_SEED).permutation(len(pool))
-    found, names = [], []
+    marks, names = [], []
     plain = respond(_scene(model, pool))
     for name, variants in possible(model.robot.name, "static").items():
         variant = max(variants, key=lambda v: v.weight)
@@ -149,9 +149,9 @@ def signatures(model: Model, pool: np.ndarray) -> tuple[np.ndarray, tuple[str, .
         mark = respond(_scene(model, pool), own) - plain
         shuffled = respond(_scene(model, pool[order]), own) - plain[order]
         if np.abs(mark).max() > 1e-9 and np.allclose(shuffled, mark[order], atol=1e-9):
-            found.append(mark)
+            marks.append(mark)
             names.append(name)
-    return np.array(found), tuple(names)
+    return np.array(marks), tuple(names)
 
 
 def _scene(model: Model, q: np.ndarray) -> Scene:

@@ -256,13 +256,13 @@ class _Poses:
         fits = {"a shifted zero": np.eye(6)[None].repeat(count, axis=0),
                 "another load": np.array([_weight(g) for g in self._gravity])}  # fmt: skip
         y = (np.array(self._left) / noise).ravel()
-        found = []
+        causes = []
         for name, design in fits.items():
             columns = (design / noise[:, None]).reshape(6 * count, -1)
             miss = y - columns @ np.linalg.lstsq(columns, y, rcond=None)[0]
             if stats.chi2.sf(float(miss @ miss), len(y) - columns.shape[1]) > _FITS:
-                found.append(name)
-        return " or ".join(found) or "a contact, or what changes from pose to pose"
+                causes.append(name)
+        return " or ".join(causes) or "a contact, or what changes from pose to pose"
 
 
 def _transform(turn: np.ndarray, lever: np.ndarray) -> np.ndarray:

@@ -90,10 +90,10 @@ def live(
             continue
         q, qd = driver.joints()
         at_rest = bool(np.abs(qd).max() < CALM_SPEED)
-        found = compensate(reading.t - begin, q, reading.wrench, at_rest)
+        external = compensate(reading.t - begin, q, reading.wrench, at_rest)
         for sink in sinks:
-            sink(found)
-        tally.add(reading, found, time.monotonic() - reading.t)
+            sink(external)
+        tally.add(reading, external, time.monotonic() - reading.t)
         newest, due = reading.t, max(due + period, reading.t)
         time.sleep(max(0.0, due - time.monotonic()))
     return tally.summary(time.monotonic() - begin, _received(driver) - before)
@@ -106,9 +106,9 @@ def _received(driver: LiveDriver) -> int:
 
 def _check_whole(driver: LiveDriver) -> None:
     """Refuse a wrench that lacks the weight of a payload."""
-    told = driver.metadata("static", 1.0).extra.get("wrench") or {}
-    payload = (told.get("payload") or {}).get("mass")
-    if told.get("compensated") and payload != 0.0:
+    stated = driver.metadata("static", 1.0).extra.get("wrench") or {}
+    payload = (stated.get("payload") or {}).get("mass")
+    if stated.get("compensated") and payload != 0.0:
         what = "its payload" if payload is None else f"a payload of {payload:g} kg"
         raise DriverError(
             f"the controller subtracts {what} from its wrench, and the tool would be subtracted "
@@ -124,15 +124,15 @@ class _Tally:
         self._squares, self._alarm = np.zeros(6), ""
         self._late: list[float] = []
 
-    def add(self, reading: WrenchSample, found: External, late: float) -> None:
+    def add(self, reading: WrenchSample, external: External, late: float) -> None:
         """Count a published reading and its latency [s]."""
         self._count, self._lost = self._count + 1, reading.lost
         if len(self._late) < _KEPT:
             self._late.append(late)
-        if found.at_rest and not found.alarm:
-            self._squares, self._rests = self._squares + found.wrench**2, self._rests + 1
-        self._alarms += bool(found.alarm) and not self._alarm
-        self._alarm = found.alarm
+        if external.at_rest and not external.alarm:
+            self._squares, self._rests = self._squares + external.wrench**2, self._rests + 1
+        self._alarms += bool(external.alarm) and not self._alarm
+        self._alarm = external.alarm
 
     def summary(self, seconds: float, received: int) -> LiveSummary:
         """Of a run of some length [s] in which the sensor received some readings."""
@@ -159,10 +159,10 @@ class Datagrams:
     def __enter__(self) -> Self:
         return self
 
-    def __call__(self, found: External) -> None:
+    def __call__(self, external: External) -> None:
         """Send; nobody may listen, and what a full buffer lacks is old when the next one comes."""
         with contextlib.suppress(OSError):
-            self._socket.sendto(json.dumps(found.to_json()).encode(), self._target)
+            self._socket.sendto(json.dumps(external.to_json()).encode(), self._target)
 
     def __exit__(
         self,
@@ -201,7 +201,7 @@ class LineServer:
     def __enter__(self) -> Self:
         return self
 
-    def __call__(self, found: External) -> None:
+    def __call__(self, external: External) -> None:
         """Send a line to all; take new clients."""
         if self._waiting.select(0.0):
             with contextlib.suppress(OSError):
@@ -212,7 +212,7 @@ class LineServer:
                     self._clients.append(client)
                 else:
                     client.close()
-        line = (json.dumps(found.to_json()) + "\n").encode()
+        line = (json.dumps(external.to_json()) + "\n").encode()
         for client in list(self._clients):
             try:
                 sent = client.send(line)

@@ -118,15 +118,15 @@ class Clearance:
         data.qpos[:] = self.robot.qpos(q[None], self._theta)[0]
         mujoco.mj_kinematics(model, data)
         mujoco.mj_collision(model, data)
-        found = set()
+        pairs = set()
         for contact in data.contact[: data.ncon]:
             geoms = [int(g) for g in contact.geom]
             (a, g), (b, h) = sorted(
                 (int(model.body_weldid[model.geom_bodyid[g]]), g) for g in geoms
             )
             if not self._close[a, b]:
-                found.add((a, b, g, h) if a == 0 else (a, b, 0, 0))
-        return found
+                pairs.add((a, b, g, h) if a == 0 else (a, b, 0, 0))
+        return pairs
 
     @cached_property
     def _close(self) -> np.ndarray:

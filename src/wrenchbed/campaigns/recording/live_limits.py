@@ -39,11 +39,11 @@ class LiveLimits:
 
     def to_json(self) -> dict[str, Any]:
         """What a recording states."""
-        found, box = self.limits, self.limits.workspace
+        limits, box = self.limits, self.limits.workspace
         assert box is not None
         return {
-            "workspace": [*map(float, box[0]), *map(float, box[1])], "max_force": found.force,
-            "max_torque": found.torque, "speed": found.speed,
+            "workspace": [*map(float, box[0]), *map(float, box[1])], "max_force": limits.force,
+            "max_torque": limits.torque, "speed": limits.speed,
             "derived": [name for name, words in self.origin.items() if words != GIVEN],
         }  # fmt: skip
 
@@ -93,7 +93,7 @@ def _box(
 
 def _loads(driver: Driver, missing: Mapping[str, bool]) -> dict[str, tuple[float, str]]:
     """Limits of force [N] and torque [N·m] that are missing, and their origin."""
-    robot, found = driver.robot, {}
+    robot, loads = driver.robot, {}
     theta, gravity = robot.parameters.nominal, np.asarray(robot.gravity)
     tool, q = robot.tool(theta), driver.read().q[None]
     zero = driver.read_wrench().wrench - weight(robot.gravity_seen(q, theta, gravity), tool)[0]
@@ -111,5 +111,5 @@ def _loads(driver: Driver, missing: Mapping[str, bool]) -> dict[str, tuple[float
                 f"and its range ends at {end:g} {unit}: set its zero, or give --max-{name}"
             )
         words = f"mean of {load:.3g} {unit} (tool, zero) and {end:g} {unit} (range)"
-        found[name] = (0.5 * (load + end), words)
-    return found
+        loads[name] = (0.5 * (load + end), words)
+    return loads

@@ -101,8 +101,8 @@ def run(folder: Path, quick: bool, robots: int | None, seed: int, report: Progre
 
 
 def _cards(summary: dict[str, object]) -> tuple[Card, ...]:
-    told = {k: float(str(summary[k])) for k in _IN_MM}
-    stated, best, certificate, printed = told.values()
+    in_mm = {k: float(str(summary[k])) for k in _IN_MM}
+    stated, best, certificate, printed = in_mm.values()
     return (
         Card(
             "The wrench determines",
