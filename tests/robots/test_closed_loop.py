@@ -266,7 +266,7 @@ def test_rows_out_of_reach_and_singular_are_named(name, pose, why, tmp_path):
     """Where the limits allow them."""
     robot = loop_robot(name, tmp_path)
     links = [replace(x, lower=-4.0, upper=4.0) for x in robot.arm_model.links]
-    arm = robot.arm_model.with_links(tuple(links))
+    arm = replace(robot.arm_model, links=tuple(links))
     robot = type(robot)(replace(robot.description, arm=arm))
     theta, q = robot.parameters.nominal, np.tile(robot.home, (3, 1))
     robot.check(q, theta, "plan")

@@ -7,7 +7,7 @@ JSON, so that they can be read without the file.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields
 from typing import Any
 
 import numpy as np
@@ -172,10 +172,6 @@ class ArmModel:
             floor=parts["floor"],
             loops=_loops(parts.get("loops")),
         )
-
-    def with_links(self, links: tuple[ArmLink, ...]) -> "ArmModel":
-        """With other links."""
-        return replace(self, links=links)
 
     @property
     def reach(self) -> float:

@@ -96,8 +96,8 @@ class Robot(ArmBodies):
     large_gears: int = 0
     """How many joints from the base on have gears about three times as stiff as the others'."""
     broadcasts: bool = False
-    """Whether the formulas at rest, `gravity_slopes` too, take theta (R, 1, P) and give each robot
-    the same bits as alone."""
+    """Whether the formulas at rest take theta (R, 1, P) and give each robot the same bits as
+    alone."""
     compiled: str = ""
     """Function of `compiled.statics` for the reading at rest in this robot's poses, if any."""
     unobservable: tuple[str, ...] = ()
@@ -295,6 +295,8 @@ class SimulatedRobot(Robot):
         return models() / self.name / f"{self.name}.xml"
 
 
+ANGLE = np.deg2rad(0.5)
+"""Typical error of a joint's zero, of the base's tilt and of the mount [rad], estimate."""
 TILT = "rotation vector that turns gravity as the base sees it, g → Exp(α) g"
 
 INERTIA_AXES = ("xx", "yy", "zz", "xy", "xz", "yz")
@@ -352,6 +354,18 @@ def tool_parameters(mass: float, cog: Sequence[float]) -> tuple[Parameter, ...]:
             for a, c in zip("xyz", cog, strict=True)
         ),
     )
+
+
+def mounted_parameters(mass: float, cog: Sequence[float], inertia: Sequence[float]) -> ParameterSet:
+    """Parameters of every arm's base, of its sensor's mount, and of the load behind the sensor."""
+    position, rotation = "sensor's origin in flange axes", "rotation vector, sensor in flange"
+    items = (
+        *vector_parameters("base.tilt", "xy", "rad", ANGLE, TILT),
+        *vector_parameters("mount.position", "xyz", "m", 1e-3, position),
+        *vector_parameters("mount.rotation", "xyz", "rad", ANGLE, rotation),
+        *tool_parameters(mass, cog),
+    )
+    return ParameterSet(items) + load_parameters(inertia)
 
 
 def vector_parameters(

@@ -24,10 +24,6 @@ from wrenchbed.physics.time_derivatives import Jet, Value, cos, sin, stack_jets
 from wrenchbed.robots.base import LoadInSensorAxes, SimulatedRobot, mount_turn
 from wrenchbed.robots.compiled.statics import Packed
 
-ANGLE = np.deg2rad(0.5)
-"""Typical error of a joint's zero, of the base's tilt and of the mount [rad], estimate."""
-
-
 _WRIST = 3
 """Joints at the end with small gears."""
 

@@ -16,9 +16,10 @@ from typing import Any
 import numpy as np
 
 from wrenchbed import registry
-from wrenchbed.errors import NotFoundError, ParameterError, did_you_mean
+from wrenchbed.errors import NotFoundError, ParameterError
 from wrenchbed.files import write_text
-from wrenchbed.files.nested_text import parsed, text_of
+from wrenchbed.files.nested_text import text_of
+from wrenchbed.files.toml_table import TomlTable, listed, quoted
 from wrenchbed.physics.wrench import physical_inertia
 from wrenchbed.robots.arm_model import ArmLink, ArmModel, Load
 from wrenchbed.robots.file_arm import ArmDescription, FileArm
@@ -114,7 +115,7 @@ def read(path: Path) -> FileArm | LoopArm:
     from wrenchbed.robots.model_file import read_arm
 
     text = text_of(path, NotFoundError)
-    table = _Table(_parsed(text, str(path)), str(path), "")
+    table = TomlTable.of(text, str(path))
     model = table.part("model")
     file = path.parent / model.text("file")
     if not file.is_file():
@@ -167,10 +168,6 @@ def _sensor(folder: Path, stated: str) -> str:
 
 def _sha(file: Path) -> str:
     return hashlib.sha256(content(file)).hexdigest()
-
-
-def _parsed(text: str, where: str) -> Any:
-    return parsed(text.encode(), f"{where}:", ParameterError, "TOML")
 
 
 def _load(
@@ -228,10 +225,10 @@ def _robot(
     text: str, arm: ArmModel, where: str, known_as: Callable[[str], str]
 ) -> FileArm | LoopArm:
     """From the TOML's text, the arm that its model file gave, and how its sensor is called."""
-    table = _Table(_parsed(text, where), where, "")
+    table = TomlTable.of(text, where)
     table.only(_TOP)
     if table.raw.get("format") != FORMAT:
-        raise table.error("format", f"must be {FORMAT}")
+        table.refuse("format", f"must be {FORMAT}")
     rows = table.raw.get("joint", [])
     count = len(rows) if isinstance(rows, list) else 0
     if count != len(arm.links):
@@ -240,12 +237,12 @@ def _robot(
             "from base to sensor"
         )
     links = tuple(
-        _edited(link, _Table(row, where, f"joint {k}: "))
+        _edited(link, TomlTable(row, where, f"joint {k}: "))
         for k, (link, row) in enumerate(zip(arm.links, rows, strict=True), start=1)
     )
     gravity = table.numbers("gravity", 3)
     if not 1.0 < float(np.linalg.norm(gravity)) < 30.0:
-        raise table.error("gravity", "must be an acceleration in m/s² (Earth: 9.8)")
+        table.refuse("gravity", "must be an acceleration in m/s² (Earth: 9.8)")
     floor = table.number("floor") if "floor" in table.raw else None
     sensor = known_as(table.text("sensor"))
     own = registry.record_of("sensors", sensor)
@@ -266,21 +263,21 @@ def _robot(
         raise ParameterError(f"{where}: {cause}") from None
 
 
-def _edited(link: ArmLink, row: "_Table") -> ArmLink:
+def _edited(link: ArmLink, row: TomlTable) -> ArmLink:
     row.only(_JOINT)
     if row.text("name") != link.joint:
-        raise row.error("name", f"must be {link.joint!r}: the order is that of the chain")
+        row.refuse("name", f"must be {link.joint!r}: the order is that of the chain")
     lower, upper = row.number("lower"), row.number("upper")
     if not lower < upper:
-        raise row.error("lower", f"must be below upper = {upper:g}")
+        row.refuse("lower", f"must be below upper = {upper:g}")
     speed, mass = row.number("speed"), row.number("mass")
     if not speed > 0.0:
-        raise row.error("speed", "must be above 0")
+        row.refuse("speed", "must be above 0")
     if mass < 0.0:
-        raise row.error("mass", "must not be below 0 kg")
+        row.refuse("mass", "must not be below 0 kg")
     home = row.number("home")
     if not lower <= home <= upper:
-        raise row.error("home", f"must lie within {lower:g} … {upper:g}")
+        row.refuse("home", f"must lie within {lower:g} … {upper:g}")
     cog = np.array(row.numbers("cog", 3))
     return replace(
         link, lower=lower, upper=upper, speed=speed, home=home, mass=mass, cog=cog,
@@ -288,60 +285,17 @@ def _edited(link: ArmLink, row: "_Table") -> ArmLink:
     )  # fmt: skip
 
 
-def _stated_load(tool: "_Table", before: Load | None) -> Load:
+def _stated_load(tool: TomlTable, before: Load | None) -> Load:
     tool.only({"mass", "cog", "inertia"})
     mass, cog, inertia = tool.number("mass"), tool.numbers("cog", 3), tool.numbers("inertia", 6)
     if not mass > 0.0:
-        raise tool.error("mass", "must be above 0 kg")
+        tool.refuse("mass", "must be above 0 kg")
     if not physical_inertia(inertia):
-        raise tool.error("inertia", "is not the inertia of any body")
+        tool.refuse("inertia", "is not the inertia of any body")
     same = before is not None and np.allclose([mass, *cog], [before.mass, *before.cog], rtol=1e-9)
     shapes = before.shapes if before is not None and same else ()
     bodies = before.bodies if before is not None and same else ()
     return Load(mass, tuple(cog), tuple(inertia), bodies, shapes)
-
-
-class _Table:
-    """A table of the TOML whose fields are checked as they are read."""
-
-    def __init__(self, raw: Any, where: str, name: str) -> None:
-        self.where, self.name = where, name
-        if not isinstance(raw, Mapping):
-            raise ParameterError(f"{where}: {name.strip(': ') or 'the file'} is not a table")
-        self.raw = raw
-
-    def error(self, key: str, rule: str) -> ParameterError:
-        return ParameterError(f"{self.where}: {self.name}{key} = {self.raw.get(key)!r} {rule}")
-
-    def only(self, known: set[str]) -> None:
-        for key in self.raw:
-            if key not in known:
-                hint = did_you_mean(key, known)
-                raise ParameterError(
-                    f"{self.where}: {self.name}there is no field {key!r}{hint}. "
-                    f"Known: {', '.join(sorted(known))}"
-                )
-
-    def text(self, key: str) -> str:
-        value = self.raw.get(key)
-        if not isinstance(value, str) or not value:
-            raise self.error(key, "must be a text")
-        return value
-
-    def number(self, key: str) -> float:
-        value = self.raw.get(key)
-        if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value):
-            raise self.error(key, "must be a finite number")
-        return float(value)
-
-    def numbers(self, key: str, count: int) -> list[float]:
-        value = self.raw.get(key)
-        if not isinstance(value, list) or len(value) != count:
-            raise self.error(key, f"must be {count} numbers")
-        return [_Table({key: v}, self.where, self.name).number(key) for v in value]
-
-    def part(self, key: str) -> "_Table":
-        return _Table(self.raw.get(key), self.where, f"[{key}] ")
 
 
 def _toml(
@@ -356,10 +310,10 @@ def _toml(
         "# A robot for wrenchbed: this file stands wherever a robot's name does.",
         f"# Made by  wrenchbed robot {file.name} --frame {frame}  ; every value may be edited.",
         f"format = {FORMAT}",
-        f"name = {_quoted(name)}",
-        f"title = {_quoted(f'{arm.name} with {sensor} at {frame}')}",
-        f"sensor = {_quoted(sensor)}  # see: wrenchbed list sensors",
-        f"gravity = {_list(arm.gravity)}  # m/s², in the file's world, z up",
+        f"name = {quoted(name)}",
+        f"title = {quoted(f'{arm.name} with {sensor} at {frame}')}",
+        f"sensor = {quoted(sensor)}  # see: wrenchbed list sensors",
+        f"gravity = {listed(arm.gravity)}  # m/s², in the file's world, z up",
     ]
     if arm.floor is None:
         lines.append("# floor = 0.0  # lowest height [m] of what moves; without it, anywhere")
@@ -368,15 +322,15 @@ def _toml(
     lines += [
         "",
         "[model]",
-        f"file = {_quoted(stated)}  # seen from this file; only read",
-        f"sha256 = {_quoted(_sha(file))}",
-        f"frame = {_quoted(frame)}  # the sensor's axes and origin",
+        f"file = {quoted(stated)}  # seen from this file; only read",
+        f"sha256 = {quoted(_sha(file))}",
+        f"frame = {quoted(frame)}  # the sensor's axes and origin",
         *(["hold_others = true"] if hold else []),
         "",
         "[tool]  # behind the sensor, in its axes: " + (", ".join(load.bodies) or "as stated"),
         f"mass = {load.mass!r}  # kg",
-        f"cog = {_list(load.cog)}  # m",
-        f"inertia = {_list(load.inertia)}  # kg·m² about the CoG: xx yy zz xy xz yz",
+        f"cog = {listed(load.cog)}  # m",
+        f"inertia = {listed(load.inertia)}  # kg·m² about the CoG: xx yy zz xy xz yz",
         "",
         "# Joints q1 … from base to sensor: rad or m, rad/s or m/s; masses in kg, cog in m.",
     ]
@@ -388,22 +342,14 @@ def _toml(
     for column, link in zip(arm.columns, arm.links, strict=True):
         lines += [
             f"[[joint]]  # {column.partition('_')[0]}, {link.kind}",
-            f"name = {_quoted(link.joint)}",
+            f"name = {quoted(link.joint)}",
             f"lower = {link.lower!r}",
             f"upper = {link.upper!r}",
             f"speed = {link.speed!r}",
             f"home = {link.home!r}",
-            f"link = {_quoted(link.body)}",
+            f"link = {quoted(link.body)}",
             f"mass = {link.mass!r}",
-            f"cog = {_list(link.cog)}",
+            f"cog = {listed(link.cog)}",
             "",
         ]
     return "\n".join(lines)
-
-
-def _quoted(text: str) -> str:
-    return '"' + text.replace("\\", "\\\\").replace('"', '\\"') + '"'
-
-
-def _list(values: Sequence[float] | np.ndarray) -> str:
-    return "[" + ", ".join(repr(float(v)) for v in values) + "]"

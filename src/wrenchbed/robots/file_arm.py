@@ -1,8 +1,9 @@
-"""A robot from a file: a serial chain whose parameters are named by the file's joints and bodies.
+"""Robots from a user's model file: what all have in common, and the serial ones.
 
-``joint.<joint>.zero``, ``link.<body>.position.x`` … in the axes of the link before, and
-``link.<body>.rotation.x`` …, a rotation vector in the body's own axes; then the base's tilt, the
-sensor's mount, the tool and the load as of every arm. The closed form stands in `chain`.
+Parameters are named by the file's joints and bodies: ``joint.<joint>.zero``,
+``link.<body>.position.x`` … in the axes of the link before, and ``link.<body>.rotation.x`` …, a
+rotation vector in the body's own axes; then the base's tilt, the sensor's mount, the tool and the
+load as of every arm. The closed form stands in `chain`; arms with closed loops are in `loop_arm`.
 """
 
 from dataclasses import dataclass
@@ -20,17 +21,18 @@ from wrenchbed.physics.rotations import apply, exp, exp_rates
 from wrenchbed.robots.arm_model import COUPLED, HINGE, WELD, ArmModel, Load
 from wrenchbed.robots.arm_xml import mjcf_of, standing
 from wrenchbed.robots.base import (
-    TILT,
+    ANGLE,
     Joint,
-    load_parameters,
+    LoadInSensorAxes,
+    SimulatedRobot,
     mount_turn,
+    mounted_parameters,
     sample_until,
     segment_distance,
     tilted_base,
-    tool_parameters,
     vector_parameters,
 )
-from wrenchbed.robots.chain import ANGLE, Fixed, SerialChain, Spin
+from wrenchbed.robots.chain import Fixed, SerialChain, Spin
 
 if TYPE_CHECKING:
     import mujoco
@@ -66,48 +68,126 @@ class ArmDescription:
     load: Load
 
 
-class FileArm(SerialChain):
-    """A serial arm from MJCF or URDF with a six-axis sensor at a named frame."""
+class DescribedArm(LoadInSensorAxes, SimulatedRobot):
+    """An arm from MJCF or URDF with a six-axis sensor at a named frame.
+
+    Args:
+        description: what the file and its TOML say.
+        record: what a recording carries to make the robot again, see `described.rebuilt`.
+    """
 
     free = ("tool.mass", "tool.cog", "sensor.bias", "mount.rotation")
-    candidates = ("joint", "link", "base.tilt", "mount", "tool.mass", "tool.cog")
+    candidates: tuple[str, ...] = (
+        "joint",
+        "link",
+        "base.tilt",
+        "mount",
+        "tool.mass",
+        "tool.cog",
+    )
 
     def __init__(self, description: ArmDescription, record: dict[str, Any] | None = None) -> None:
         arm = description.arm
         self.description, self.arm_model, self.record = description, arm, record
         self.name, self.title, self.sensor = description.name, description.title, description.sensor
         self.gravity = (arm.gravity[0], arm.gravity[1], arm.gravity[2])
-        units = {True: "rad", False: "m"}
+        driven = [arm.links[k] for k in arm.driven]
         self.joints = tuple(
-            Joint(f"q{k}", units[link.kind == HINGE], link.lower, link.upper, link.speed)
-            for k, link in enumerate(arm.links, start=1)
+            Joint(f"q{k}", "rad" if x.kind == HINGE else "m", x.lower, x.upper, x.speed)
+            for k, x in enumerate(driven, start=1)
         )
+        self._zero_names = tuple(f"joint.{link.joint}.zero" for link in driven)
         self.parameters = arm_parameters(description)
-        self._to_z = np.stack([_to_z(link.axis) for link in arm.links])
-        self.bodies = tuple(
-            BodyMass(link.body, link.mass, (float(x), float(y), float(z)))
-            for link, (x, y, z) in (
-                (link, turn.T @ link.cog) for link, turn in zip(arm.links, self._to_z, strict=True)
-            )
-        )
-        self._prepare()
         index = self.parameters.index
-        names = [f"link.{link.body}" for link in arm.links]
-        self._zeros = [index(n) for n in self.zero_names]
-        self._places = np.array([[index(f"{n}.position.{a}") for a in "xyz"] for n in names])
-        self._turns = np.array([[index(f"{n}.rotation.{a}") for a in "xyz"] for n in names])
-        before = np.concatenate([np.eye(3)[None], self._to_z[:-1]]).swapaxes(-1, -2)
-        self._before = before
-        self._pre = before @ np.stack([link.turn for link in arm.links])
-        self._end = self._to_z[-1].T @ arm.end_turn
+        self._zeros = [index(n) for n in self._zero_names]
+        self._places, self._turns = (
+            np.array([[index(f"link.{x.body}.{what}.{a}") for a in "xyz"] for x in arm.links])
+            for what in ("position", "rotation")
+        )
+        self._tilt, self._offset, self._turn = (
+            self._columns(group) for group in ("base.tilt", "mount.position", "mount.rotation")
+        )
+
+    def _columns(self, group: str) -> slice:
+        columns = self.parameters.select([group])
+        return slice(columns[0], columns[-1] + 1)
 
     @property
     def joint_names(self) -> tuple[str, ...]:
         return tuple(self.arm_model.links[k].joint for k in self.arm_model.driven)
 
-    @cached_property
+    @property
     def zero_names(self) -> tuple[str, ...]:
-        return tuple(f"joint.{link.joint}.zero" for link in self.arm_model.links)
+        return self._zero_names
+
+    @property
+    def home(self) -> np.ndarray:
+        return np.array([self.arm_model.links[k].home for k in self.arm_model.driven])
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """In another process too there is one object of a name."""
+        return registry.revived, ("robots", self.name, self.record)
+
+    def base_origin(self, theta: np.ndarray) -> np.ndarray:
+        return self.arm_model.base_shift
+
+    def zeros(self, theta: np.ndarray) -> np.ndarray:
+        """What is added to each driven joint's value (…, J)."""
+        return np.asarray(theta[..., self._zeros])
+
+    def _sampled(self, middle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Ranges (J,) within the limits to draw joint values from; of a hinge a whole turn about
+        the middle, or the nearest to it, shows all."""
+        low, high = np.array([[joint.lower, joint.upper] for joint in self.joints]).T
+        turn = np.array([np.pi if joint.unit == "rad" else np.inf for joint in self.joints])
+        middle = np.clip(middle, low + np.minimum(turn, (high - low) / 2), None)
+        middle = np.minimum(middle, high - np.minimum(turn, (high - low) / 2))
+        return np.maximum(low, middle - turn), np.minimum(high, middle + turn)
+
+    @cached_property
+    def xml(self) -> str:
+        """The robot's own MJCF, nominal and at home."""
+        return mjcf_of(self.description.arm.name, self.arm_model, self.description.load)
+
+    def spec(self, theta: np.ndarray) -> "mujoco.MjSpec":
+        import mujoco
+
+        from wrenchbed.robots.mjcf import place, write_load
+
+        spec = mujoco.MjSpec.from_string(self.xml)
+        arm = self.arm_model
+        leaning = tilted_base(theta[..., self._tilt])
+        if leaning is not None:
+            place(spec, "base", arm.base_shift.tolist(), leaning @ arm.base_turn)
+        zeros = dict(zip(arm.driven, self.zeros(theta).tolist(), strict=True))
+        for k, link in enumerate(arm.links):
+            turn = link.turn @ exp(*theta[self._turns[k]])
+            at = zeros.get(k, 0.0) + link.home
+            turn, shift = standing(link, turn, theta[self._places[k]], at)
+            place(spec, link.body, shift.tolist(), turn)
+        place(spec, "tool", theta[self._offset].tolist(), mount_turn(theta[..., self._turn]))
+        write_load(spec, self.tool(theta))
+        return spec
+
+
+class FileArm(DescribedArm, SerialChain):
+    """A serial arm from MJCF or URDF with a six-axis sensor at a named frame."""
+
+    def __init__(self, description: ArmDescription, record: dict[str, Any] | None = None) -> None:
+        super().__init__(description, record)
+        links = self.arm_model.links
+        self._to_z = np.stack([_to_z(link.axis) for link in links])
+        self.bodies = tuple(
+            BodyMass(link.body, link.mass, (float(x), float(y), float(z)))
+            for link, (x, y, z) in (
+                (link, turn.T @ link.cog) for link, turn in zip(links, self._to_z, strict=True)
+            )
+        )
+        self._prepare()
+        before = np.concatenate([np.eye(3)[None], self._to_z[:-1]]).swapaxes(-1, -2)
+        self._before = before
+        self._pre = before @ np.stack([link.turn for link in links])
+        self._end = self._to_z[-1].T @ self.arm_model.end_turn
 
     @property
     def twists(self) -> tuple[str, ...]:
@@ -128,25 +208,11 @@ class FileArm(SerialChain):
         )
 
     @property
-    def home(self) -> np.ndarray:
-        return np.array([link.home for link in self.arm_model.links])
-
-    @property
     def eye(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
         arm = self.arm_model
         middle = arm.base_shift + arm.reach * np.array([0.0, 0.0, 0.35])
         place = middle + arm.reach * np.array([1.1, -1.4, 0.7])
         return tuple(place.tolist()), tuple(middle.tolist())
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        """In another process too there is one object of a name."""
-        return registry.revived, ("robots", self.name, self.record)
-
-    def zeros(self, theta: np.ndarray) -> np.ndarray:
-        return np.asarray(theta[..., self._zeros])
-
-    def base_origin(self, theta: np.ndarray) -> np.ndarray:
-        return self.arm_model.base_shift
 
     def fixed(self, theta: np.ndarray, mounted: bool = True) -> Fixed:
         arm, turned = self.arm_model, theta[..., self._turns]
@@ -180,12 +246,7 @@ class FileArm(SerialChain):
 
     def sample(self, n: int, rng: np.random.Generator) -> np.ndarray:
         """Within limits, above the floor, the tool clear of the arm's limbs."""
-        low = np.array([joint.lower for joint in self.joints])
-        high = np.array([joint.upper for joint in self.joints])
-        turn = np.where(self._slides, np.inf, np.pi)  # a whole turn shows all
-        middle = np.clip(0.0, low + np.minimum(turn, (high - low) / 2), None)
-        middle = np.minimum(middle, high - np.minimum(turn, (high - low) / 2))
-        low, high = np.maximum(low, middle - turn), np.minimum(high, middle + turn)
+        low, high = self._sampled(np.zeros(len(self.joints)))
         try:
             return sample_until(n, lambda k: rng.uniform(low, high, (k, len(low))), self.clear)
         except WrenchbedError:
@@ -235,31 +296,6 @@ class FileArm(SerialChain):
             found[f"a turn of {joint} against the {what}"] = _against(zero, group, back)
         return found
 
-    @cached_property
-    def xml(self) -> str:
-        """The robot's own MJCF, nominal and at home."""
-        d = self.description
-        return mjcf_of(d.arm.name, d.arm, d.load)
-
-    def spec(self, theta: np.ndarray) -> "mujoco.MjSpec":
-        import mujoco
-
-        from wrenchbed.robots.mjcf import place, write_load
-
-        spec = mujoco.MjSpec.from_string(self.xml)
-        arm = self.arm_model
-        leaning = tilted_base(theta[..., self._tilt])
-        if leaning is not None:
-            place(spec, "base", arm.base_shift.tolist(), leaning @ arm.base_turn)
-        zeros = self.zeros(theta)
-        for k, link in enumerate(arm.links):
-            turn = link.turn @ exp(*theta[self._turns[k]])
-            turn, shift = standing(link, turn, theta[self._places[k]], zeros[k] + link.home)
-            place(spec, link.body, shift.tolist(), turn)
-        place(spec, "tool", theta[self._offset].tolist(), mount_turn(theta[..., self._turn]))
-        write_load(spec, self.tool(theta))
-        return spec
-
 
 def _against(zero: str, group: str, vector: np.ndarray) -> dict[str, float]:
     """A joint's zero against a rotation vector; components that are rounding are left out."""
@@ -291,15 +327,8 @@ def arm_parameters(description: ArmDescription) -> ParameterSet:
         text = "rotation vector against the file, in the link's axes"
         items += vector_parameters(f"link.{link.body}.rotation", "xyz", "rad", _TWIST, text)
     items += _closure_parameters(description.arm)
-    position, rotation = "sensor's origin in flange axes", "rotation vector, sensor in flange"
     load = description.load
-    mounted = (
-        *vector_parameters("base.tilt", "xy", "rad", ANGLE, TILT),
-        *vector_parameters("mount.position", "xyz", "m", 1e-3, position),
-        *vector_parameters("mount.rotation", "xyz", "rad", ANGLE, rotation),
-        *tool_parameters(load.mass, load.cog),
-    )
-    return ParameterSet((*items, *mounted)) + load_parameters(load.inertia)
+    return ParameterSet(tuple(items)) + mounted_parameters(load.mass, load.cog, load.inertia)
 
 
 def _closure_parameters(arm: ArmModel) -> list[Parameter]:

@@ -5,76 +5,54 @@ Parameters are those of a `FileArm`, of driven and passive links alike, and the 
 loops hold the links, ``loop.<equality>.<body>.x`` …; passive joints have no zero.
 """
 
+from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from wrenchbed import registry
 from wrenchbed.physics.gravity import BodyMass, masses
 from wrenchbed.physics.rotations import apply, exp
 from wrenchbed.physics.time_derivatives import Value, stack_jets
-from wrenchbed.robots.arm_model import COUPLED, HINGE, WELD
-from wrenchbed.robots.arm_xml import mjcf_of, standing
-from wrenchbed.robots.base import (
-    Joint,
-    LoadInSensorAxes,
-    SimulatedRobot,
-    mount_turn,
-    sample_until,
-    tilted_base,
-)
+from wrenchbed.robots.arm_model import COUPLED, WELD
+from wrenchbed.robots.base import STEP, mount_turn, sample_until, tilted_base
 from wrenchbed.robots.closed_loop import ClosedLoops, Geometry
-from wrenchbed.robots.file_arm import ArmDescription, arm_parameters
+from wrenchbed.robots.file_arm import ArmDescription, DescribedArm
 
 if TYPE_CHECKING:
     import mujoco
 
 _PROBES = 8
-"""Poses at which parameters are looked at that nothing depends on."""
+"""Poses at which parameters are looked at that nothing depends on: two do not hide one by chance,
+more cost time at each first use."""
 
 
-class LoopArm(LoadInSensorAxes, SimulatedRobot):
+class LoopArm(DescribedArm):
     """An arm with closed loops from MJCF, and a six-axis sensor at a named frame.
 
     Raises:
         ParameterError: its loops do not close at home, or do not determine every passive joint.
     """
 
-    free = ("tool.mass", "tool.cog", "sensor.bias", "mount.rotation")
     candidates = ("joint", "link", "loop", "base.tilt", "mount", "tool.mass", "tool.cog")
 
     def __init__(self, description: ArmDescription, record: dict[str, Any] | None = None) -> None:
-        from dataclasses import replace
-
-        self.description, self.record = description, record
-        self.name, self.title, self.sensor = description.name, description.title, description.sensor
-        arm = description.arm
-        self.gravity = (arm.gravity[0], arm.gravity[1], arm.gravity[2])
-        self._driven = [arm.links[k] for k in arm.driven]
-        self.joints = tuple(
-            Joint(f"q{k}", "rad" if x.kind == HINGE else "m", x.lower, x.upper, x.speed)
-            for k, x in enumerate(self._driven, start=1)
-        )
-        self.parameters = arm_parameters(description)
+        super().__init__(description, record)
+        arm = self.arm_model
         self.bodies = tuple(
             BodyMass(x.body, x.mass, (float(x.cog[0]), float(x.cog[1]), float(x.cog[2])))
             for x in arm.links
         )
         self._masses = masses(self.bodies)
-        self.arm_model = arm
-        self._index()
+        self._index_closures()
         self._loops = ClosedLoops(arm, self._geometry(self.parameters.nominal))
         homes = zip(arm.links, self._loops.home.tolist(), strict=True)
-        self.arm_model = arm.with_links(tuple(replace(x, home=at) for x, at in homes))
+        self.arm_model = replace(arm, links=tuple(replace(x, home=at) for x, at in homes))
 
-    def _index(self) -> None:
+    def _index_closures(self) -> None:
+        """Columns of each closure's points, weld and offset; none of what it has not."""
         arm, index = self.arm_model, self.parameters.index
         assert arm.loops is not None
-        names = [f"link.{link.body}" for link in arm.links]
-        self._zeros = [index(n) for n in self.zero_names]
-        self._places = [[index(f"{n}.position.{a}") for a in "xyz"] for n in names]
-        self._turns = [[index(f"{n}.rotation.{a}") for a in "xyz"] for n in names]
         self._held: list[tuple[list[int], list[int]]] = []
         self._welds: list[list[int]] = []
         self._offsets: list[int] = []
@@ -87,18 +65,6 @@ class LoopArm(LoadInSensorAxes, SimulatedRobot):
             weld = c.kind == WELD
             self._welds.append([index(f"{group}.rotation.{a}") for a in "xyz"] if weld else [])
             self._offsets.append(index(f"{group}.offset") if coupled else -1)
-        self._tilt = [index(f"base.tilt.{a}") for a in "xy"]
-        self._offset, self._turn = (
-            [index(f"mount.{what}.{a}") for a in "xyz"] for what in ("position", "rotation")
-        )
-
-    @property
-    def joint_names(self) -> tuple[str, ...]:
-        return tuple(self.arm_model.links[k].joint for k in self.arm_model.driven)
-
-    @cached_property
-    def zero_names(self) -> tuple[str, ...]:
-        return tuple(f"joint.{link.joint}.zero" for link in self._driven)
 
     @property
     def lengths(self) -> tuple[str, ...]:
@@ -123,15 +89,11 @@ class LoopArm(LoadInSensorAxes, SimulatedRobot):
         for name in names:
             k = self.parameters.index(name)
             shifted = theta.astype(complex)
-            shifted[k] += 1e-30j
-            moved = [x.imag / 1e-30 * size[k] for x in self.sensor_pose(q, shifted)]
+            shifted[k] += 1j * STEP
+            moved = [x.imag / STEP * size[k] for x in self.sensor_pose(q, shifted)]
             if max(float(np.nanmax(np.abs(x))) for x in moved) < 1e-13:
                 found.append(name)
         return tuple(found)
-
-    @property
-    def home(self) -> np.ndarray:
-        return np.array([self.arm_model.links[k].home for k in self.arm_model.driven])
 
     @property
     def eye(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
@@ -141,18 +103,11 @@ class LoopArm(LoadInSensorAxes, SimulatedRobot):
         place = middle + max(arm.reach, 0.1) * np.array([0.9, -1.2, 0.6])
         return tuple(place.tolist()), tuple(middle.tolist())
 
-    def __reduce__(self) -> tuple[Any, ...]:
-        """In another process too there is one object of a name."""
-        return registry.revived, ("robots", self.name, self.record)
-
-    def base_origin(self, theta: np.ndarray) -> np.ndarray:
-        return self.arm_model.base_shift
-
     def _geometry(self, theta: np.ndarray) -> Geometry:
         arm = self.arm_model
         assert arm.loops is not None
 
-        def turned(fixed: np.ndarray, columns: list[int]) -> np.ndarray:
+        def turned(fixed: np.ndarray, columns: np.ndarray | list[int]) -> np.ndarray:
             vector = theta[..., columns]
             return fixed @ exp(*np.moveaxis(vector, -1, 0)) if vector.any() else fixed
 
@@ -160,7 +115,7 @@ class LoopArm(LoadInSensorAxes, SimulatedRobot):
         return Geometry(
             [turned(link.turn, c) for link, c in zip(arm.links, self._turns, strict=True)],
             [theta[..., c] for c in self._places],
-            theta[..., self._zeros],
+            self.zeros(theta),
             [(theta[..., a], theta[..., b]) for a, b in self._held],
             [
                 turned(c.turn, w) if w else c.turn
@@ -218,12 +173,7 @@ class LoopArm(LoadInSensorAxes, SimulatedRobot):
 
     def sample(self, n: int, rng: np.random.Generator) -> np.ndarray:
         """Within the limits of driven and passive joints, and where the loops close."""
-        low = np.array([joint.lower for joint in self.joints])
-        high = np.array([joint.upper for joint in self.joints])
-        turn = np.array([np.pi if j.unit == "rad" else np.inf for j in self.joints])
-        middle = np.clip(self.home, low + np.minimum(turn, (high - low) / 2), None)
-        middle = np.minimum(middle, high - np.minimum(turn, (high - low) / 2))
-        low, high = np.maximum(low, middle - turn), np.minimum(high, middle + turn)
+        low, high = self._sampled(self.home)
         return sample_until(n, lambda k: rng.uniform(low, high, (k, len(low))), self._feasible)
 
     def _feasible(self, q: np.ndarray) -> np.ndarray:
@@ -241,27 +191,12 @@ class LoopArm(LoadInSensorAxes, SimulatedRobot):
             at[k] = q[..., j]
         return stack_jets(at)
 
-    @cached_property
-    def xml(self) -> str:
-        """The robot's own MJCF, nominal and at home."""
-        return mjcf_of(self.description.arm.name, self.arm_model, self.description.load)
-
     def spec(self, theta: np.ndarray) -> "mujoco.MjSpec":
-        import mujoco
+        from wrenchbed.robots.mjcf import rotate_body
 
-        from wrenchbed.robots.mjcf import place, rotate_body, write_load
-
-        spec = mujoco.MjSpec.from_string(self.xml)
-        arm, geometry = self.arm_model, self._geometry(theta)
+        spec, arm, geometry = super().spec(theta), self.arm_model, self._geometry(theta)
         assert arm.loops is not None
-        leaning = tilted_base(theta[..., self._tilt])
-        if leaning is not None:
-            place(spec, "base", arm.base_shift.tolist(), leaning @ arm.base_turn)
         zeros = dict(zip(arm.driven, geometry.zeros.tolist(), strict=True))
-        for k, link in enumerate(arm.links):
-            at = link.home + zeros.get(k, 0.0)
-            turn, shift = standing(link, geometry.turns[k], geometry.shifts[k], at)
-            place(spec, link.body, shift.tolist(), turn)
         for n, closure in enumerate(arm.loops.closures):
             if closure.kind == COUPLED:
                 spec.equality(closure.name).data[:5] = self._law(n, geometry, zeros)
@@ -271,8 +206,6 @@ class LoopArm(LoadInSensorAxes, SimulatedRobot):
                 site.pos = geometry.places[n][side].tolist()
                 rotate_body(site, turn)
         spec.key("home").qpos = self.qpos(self.home[None], theta)[0]
-        place(spec, "tool", theta[self._offset].tolist(), mount_turn(theta[..., self._turn]))
-        write_load(spec, self.tool(theta))
         return spec
 
     def _law(self, n: int, geometry: Geometry, zeros: dict[int, float]) -> np.ndarray:

@@ -10,14 +10,13 @@ from wrenchbed.physics.parameters import ParameterSet
 from wrenchbed.physics.rotations import exp, matrix
 from wrenchbed.physics.time_derivatives import Jet, Value
 from wrenchbed.robots.base import (
+    ANGLE,
     TILT,
     LoadInSensorAxes,
     load_parameters,
     tool_parameters,
     vector_parameters,
 )
-
-_ANGLE = np.deg2rad(0.5)
 
 
 class Oriented(LoadInSensorAxes):
@@ -31,8 +30,8 @@ class Oriented(LoadInSensorAxes):
     candidates = ("base.tilt", "mount.rotation", "tool.mass", "tool.cog")
     parameters = ParameterSet(
         (
-            *vector_parameters("base.tilt", "xy", "rad", _ANGLE, TILT),
-            *vector_parameters("mount.rotation", "xyz", "rad", _ANGLE, "against its stated pose"),
+            *vector_parameters("base.tilt", "xy", "rad", ANGLE, TILT),
+            *vector_parameters("mount.rotation", "xyz", "rad", ANGLE, "against its stated pose"),
             *tool_parameters(1.0, (0.0, 0.0, 0.0)),
         )
     ) + load_parameters((0.0, 0.0, 0.0, 0.0, 0.0, 0.0))

@@ -22,17 +22,15 @@ from wrenchbed.physics.parameters import Parameter, ParameterSet
 from wrenchbed.physics.rotations import apply, exp_rates, rot_x, rot_z
 from wrenchbed.physics.time_derivatives import Value
 from wrenchbed.robots.base import (
-    TILT,
+    ANGLE,
     Joint,
-    load_parameters,
     mount_turn,
+    mounted_parameters,
     sample_until,
     segment_distance,
     tilted_base,
-    tool_parameters,
-    vector_parameters,
 )
-from wrenchbed.robots.chain import ANGLE, Fixed, SerialChain, Spin
+from wrenchbed.robots.chain import Fixed, SerialChain, Spin
 
 if TYPE_CHECKING:
     import mujoco
@@ -104,7 +102,7 @@ class ArmData:
 
     def parameters(self) -> ParameterSet:
         """DH table, base, mount, tool and load."""
-        table = []
+        table: list[Parameter] = []
         for i, link in enumerate(self.links, start=1):
             table += [
                 Parameter(f"a{i}", link.a, "m", 5e-4, -2.0, 2.0, "DH link length"),
@@ -112,14 +110,8 @@ class ArmData:
                 Parameter(f"alpha{i}", link.alpha, "rad", 1e-3, -3.2, 3.2, "DH twist"),
                 Parameter(f"dq{i}", 0.0, "rad", ANGLE, -6.3, 6.3, "joint zero offset"),
             ]
-        position, rotation = "sensor's origin in flange axes", "rotation vector, sensor in flange"
-        mounted = (
-            *vector_parameters("base.tilt", "xy", "rad", ANGLE, TILT),
-            *vector_parameters("mount.position", "xyz", "m", 1e-3, position),
-            *vector_parameters("mount.rotation", "xyz", "rad", ANGLE, rotation),
-            *tool_parameters(self.tool_mass, self.tool_cog),
-        )
-        return ParameterSet((*table, *mounted)) + load_parameters(self.tool_inertia)
+        mounted = mounted_parameters(self.tool_mass, self.tool_cog, self.tool_inertia)
+        return ParameterSet(tuple(table)) + mounted
 
 
 class SerialArm(SerialChain):

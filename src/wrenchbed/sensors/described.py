@@ -10,12 +10,13 @@ import hashlib
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
 import numpy as np
 
 from wrenchbed.errors import NotFoundError, ParameterError, did_you_mean
-from wrenchbed.files.nested_text import parsed, text_of
+from wrenchbed.files.nested_text import text_of
+from wrenchbed.files.toml_table import TomlTable, listed, quoted
 from wrenchbed.physics.noise import Array, NoiseModel
 from wrenchbed.sensors.base import Sensor, SensorCalibration
 
@@ -73,7 +74,7 @@ def _own(text: str, where: str) -> Sensor:
 
 
 def _sensor(text: str, where: str) -> Sensor:
-    top = _Table(parsed(text.encode(), f"{where}:", ParameterError, "TOML"), where, "").only(_TOP)
+    top = TomlTable.of(text, where).only(_TOP)
     if top.raw.get("format") != FORMAT:
         top.refuse("format", f"must be {FORMAT}")
     name = top.text("name")
@@ -83,7 +84,8 @@ def _sensor(text: str, where: str) -> Sensor:
     if not isinstance(rows, list) or not rows:
         top.refuse("calibration", "must be one or more [[calibration]] tables")
     calibrations = tuple(
-        _calibration(_Table(row, where, f"[[calibration]] {k} ")) for k, row in enumerate(rows, 1)
+        _calibration(TomlTable(row, where, f"[[calibration]] {k} "))
+        for k, row in enumerate(rows, 1)
     )
     known = [c.name for c in calibrations]
     default = top.text("default")
@@ -96,31 +98,31 @@ def _sensor(text: str, where: str) -> Sensor:
     more: dict[str, Any] = {}
     if "counts" in top.raw:
         counts = top.part("counts").only(_VALUE)
-        more |= {"counts": counts.positive("value"), "counts_source": counts.text("source")}
+        more |= {"counts": _positive(counts, "value"), "counts_source": counts.text("source")}
     if "accuracy" in top.raw:
         sure = top.part("accuracy").only(_VALUE)
-        more |= {"accuracy": sure.positive("value"), "accuracy_source": sure.text("source")}
+        more |= {"accuracy": _positive(sure, "value"), "accuracy_source": sure.text("source")}
     if "gauges" in top.raw:
         gauges = top.part("gauges").only(("matrix", "source"))
-        more |= {"gauges": gauges.matrix("matrix"), "gauges_source": gauges.text("source")}
+        more |= {"gauges": _matrix(gauges, "matrix"), "gauges_source": gauges.text("source")}
     x, y, z = offset.numbers("value", 3, "must be three lengths in m", _FARTHEST, "mm")
     return Sensor(
         name=name, title=top.text("title"), calibrations=calibrations, default=default,
-        mass=mass.number("value", "kg", _HEAVIEST, "g"), mass_source=mass.text("source"),
+        mass=mass.amount("value", "kg", _HEAVIEST, "g"), mass_source=mass.text("source"),
         plate_offset=(x, y, z), plate_offset_source=offset.text("source"),
         noise=_noise(noise, full), noise_source=noise.text("source"), **more,
     )  # fmt: skip
 
 
-def _calibration(row: "_Table") -> SensorCalibration:
+def _calibration(row: TomlTable) -> SensorCalibration:
     row.only(_CALIBRATION)
-    full, step = row.positive("range"), row.positive("resolution")
+    full, step = _positive(row, "range"), _positive(row, "resolution")
     if not (step < full).all():
         row.refuse("resolution", f"must be below range = {row.raw['range']}")
     return SensorCalibration(row.text("name"), full, step, row.text("source"))
 
 
-def _noise(table: "_Table", calibration: SensorCalibration) -> NoiseModel:
+def _noise(table: TomlTable, calibration: SensorCalibration) -> NoiseModel:
     """Noise of the default calibration."""
     full = calibration.range
     parts: dict[str, Any] = {}
@@ -133,87 +135,31 @@ def _noise(table: "_Table", calibration: SensorCalibration) -> NoiseModel:
             rule = f"must be below the range {full.tolist()} of {calibration.name}"
             table.refuse(key, f"{rule} in every channel (is it mN?)")
         parts["resolution" if key == "step" else key] = value
-    parts |= {key: table.number(key, unit) for key, unit in _SCALARS.items()}
+    parts |= {key: table.amount(key, unit) for key, unit in _SCALARS.items()}
     if "correlation" in table.raw:
-        parts["correlation"] = table.matrix("correlation")
+        parts["correlation"] = _matrix(table, "correlation")
     try:
         return NoiseModel(**parts, range=full)
     except ParameterError as cause:
         raise ParameterError(f"{table.where}: {cause}") from None
 
 
-class _Table:
-    """A table of the TOML whose fields are checked as they are read."""
-
-    def __init__(self, raw: Any, where: str, name: str) -> None:
-        self.where, self.name = where, name
-        if not isinstance(raw, Mapping):
-            raise ParameterError(f"{where}: {name.strip() or 'the file'} must be a table")
-        self.raw = raw
-
-    def refuse(self, key: str, rule: str) -> NoReturn:
-        if key not in self.raw:
-            raise ParameterError(f"{self.where}: {self.name}{key} is missing: it {rule}")
-        raise ParameterError(f"{self.where}: {self.name}{key} = {self.raw[key]!r} {rule}")
-
-    def only(self, known: tuple[str, ...]) -> "_Table":
-        for key in self.raw:
-            if key not in known:
-                raise ParameterError(
-                    f"{self.where}: {self.name}there is no field {key!r}"
-                    f"{did_you_mean(key, known)}. Known: {', '.join(sorted(known))}"
-                )
-        return self
-
-    def part(self, key: str) -> "_Table":
-        if key not in self.raw:
-            self.refuse(key, f"must be a table [{key}]")
-        return _Table(self.raw[key], self.where, f"[{key}] ")
-
-    def text(self, key: str) -> str:
-        value = self.raw.get(key)
-        if not isinstance(value, str) or not value.strip():
-            self.refuse(key, "must be a text that is not empty")
-        return value
-
-    def number(self, key: str, unit: str, most: float = np.inf, not_in: str = "") -> float:
-        value = self.raw.get(key)
-        if value is None or not _is_number(value):
-            self.refuse(key, f"must be a number in {unit}, without its unit")
-        if not 0.0 <= value <= most:
-            hint = f" (is it in {not_in}?)" if not_in and value > most else ""
-            upto = f" … {most:g}" if np.isfinite(most) else " or more"
-            self.refuse(key, f"must be 0{upto} {unit}{hint}")
-        return float(value)
-
-    def numbers(
-        self, key: str, count: int, rule: str, most: float = np.inf, not_in: str = ""
-    ) -> list[float]:
-        value = self.raw.get(key)
-        if not isinstance(value, list) or len(value) != count or not all(map(_is_number, value)):
-            self.refuse(key, rule)
-        if max(map(abs, value)) > most:
-            self.refuse(key, f"{rule}, within {most:g} (is it in {not_in}?)")
-        return [float(v) for v in value]
-
-    def positive(self, key: str) -> Array:
-        value = np.array(self.numbers(key, 6, _WRENCH))
-        if not (value > 0.0).all():
-            self.refuse(key, "must be above 0 in every channel")
-        return value
-
-    def matrix(self, key: str) -> Array:
-        rows = self.raw.get(key)
-        rule = "must be six rows of six numbers"
-        if not isinstance(rows, list) or len(rows) != 6:
-            self.refuse(key, rule)
-        parts = [_Table({key: row}, self.where, self.name).numbers(key, 6, rule) for row in rows]
-        return np.array(parts)
+def _positive(table: TomlTable, key: str) -> Array:
+    """Six numbers above 0."""
+    value = np.array(table.numbers(key, 6, _WRENCH))
+    if not (value > 0.0).all():
+        table.refuse(key, "must be above 0 in every channel")
+    return value
 
 
-def _is_number(value: Any) -> bool:
-    plain = isinstance(value, int | float) and not isinstance(value, bool)
-    return plain and bool(abs(value) <= np.finfo(float).max)
+def _matrix(table: TomlTable, key: str) -> Array:
+    """Six rows of six numbers."""
+    rows = table.raw.get(key)
+    rule = "must be six rows of six numbers"
+    if not isinstance(rows, list) or len(rows) != 6:
+        table.refuse(key, rule)
+    each = (TomlTable({key: row}, table.where, table.name) for row in rows)
+    return np.array([row.numbers(key, 6, rule) for row in each])
 
 
 def text(sensor: Sensor, notes: tuple[str, ...] = ()) -> str:
@@ -222,63 +168,53 @@ def text(sensor: Sensor, notes: tuple[str, ...] = ()) -> str:
     lines = [
         *(f"# {note}".rstrip() for note in notes),
         f"format = {FORMAT}",
-        f"name = {_quoted(sensor.name.partition('@')[0])}",
-        f"title = {_quoted(sensor.title)}",
-        f"default = {_quoted(sensor.default)}  # the calibration that the noise belongs to",
+        f"name = {quoted(sensor.name.partition('@')[0])}",
+        f"title = {quoted(sensor.title)}",
+        f"default = {quoted(sensor.default)}  # the calibration that the noise belongs to",
     ]
     for c in sensor.calibrations:
         lines += [
             "",
             "[[calibration]]  # fx fy fz tx ty tz [N, N·m]",
-            f"name = {_quoted(c.name)}",
-            f"range = {_list(c.range)}",
-            f"resolution = {_list(c.resolution)}",
-            f"source = {_quoted(c.source)}",
+            f"name = {quoted(c.name)}",
+            f"range = {listed(c.range)}",
+            f"resolution = {listed(c.resolution)}",
+            f"source = {quoted(c.source)}",
         ]
     lines += _table("mass", "kg", repr(float(sensor.mass)), sensor.mass_source)
     face = "from the face on the robot's side to the origin of the wrench, sensor axes [m]"
-    lines += _table("plate_offset", face, _list(sensor.plate_offset), sensor.plate_offset_source)
+    lines += _table("plate_offset", face, listed(sensor.plate_offset), sensor.plate_offset_source)
     if sensor.counts is not None:
         unit = "of the digital output, per N and N·m"
-        lines += _table("counts", unit, _list(sensor.counts), sensor.counts_source)
+        lines += _table("counts", unit, listed(sensor.counts), sensor.counts_source)
     if sensor.accuracy is not None:
-        lines += _table("accuracy", "± [N, N·m]", _list(sensor.accuracy), sensor.accuracy_source)
+        lines += _table("accuracy", "± [N, N·m]", listed(sensor.accuracy), sensor.accuracy_source)
     if sensor.gauges is not None:
         lines += ["", "[gauges]  # matrix from gauge voltages [V] to the wrench [N, N·m]"]
-        lines += ["matrix = [", *(f"  {_list(row)}," for row in sensor.gauges), "]"]
-        lines += [f"source = {_quoted(sensor.gauges_source)}"]
+        lines += ["matrix = [", *(f"  {listed(row)}," for row in sensor.gauges), "]"]
+        lines += [f"source = {quoted(sensor.gauges_source)}"]
     lines += [
         "",
         "[noise]  # of one row at rest [N, N·m]",
-        f"white = {_list(noise.white)}",
-        f"flicker = {_list(noise.flicker)}  # 1/f: root of the density at 1 Hz",
+        f"white = {listed(noise.white)}",
+        f"flicker = {listed(noise.flicker)}  # 1/f: root of the density at 1 Hz",
         f"f_low = {noise.f_low!r}  # Hz, ends of the 1/f part",
         f"f_high = {noise.f_high!r}",
     ]
     if not np.array_equal(noise.correlation, np.eye(6)):
-        lines += ["correlation = [", *(f"  {_list(row)}," for row in noise.correlation), "]"]
+        lines += ["correlation = [", *(f"  {listed(row)}," for row in noise.correlation), "]"]
     lines += [
-        f"mains_amplitude = {_list(noise.mains_amplitude)}",
+        f"mains_amplitude = {listed(noise.mains_amplitude)}",
         f"mains_frequency = {noise.mains_frequency!r}  # Hz",
-        f"warmup_drift = {_list(noise.warmup_drift)}  # complete, from power-up on",
+        f"warmup_drift = {listed(noise.warmup_drift)}  # complete, from power-up on",
         f"warmup_time = {noise.warmup_time!r}  # s",
         f"warmup_age = {noise.warmup_age!r}  # s since power-up at the first row",
-        f"step = {_list(noise.resolution)}  # of the output words; 0 does not round",
-        f"source = {_quoted(sensor.noise_source)}",
+        f"step = {listed(noise.resolution)}  # of the output words; 0 does not round",
+        f"source = {quoted(sensor.noise_source)}",
         "",
     ]
     return "\n".join(lines)
 
 
 def _table(name: str, unit: str, value: str, source: str) -> list[str]:
-    return ["", f"[{name}]  # {unit}", f"value = {value}", f"source = {_quoted(source)}"]
-
-
-def _quoted(words: str) -> str:
-    """A TOML string of one line."""
-    escaped = words.replace("\\", "\\\\").replace('"', '\\"')
-    return '"' + "".join(c if c.isprintable() else f"\\u{ord(c):04x}" for c in escaped) + '"'
-
-
-def _list(values: Any) -> str:
-    return "[" + ", ".join(repr(float(v)) for v in values) + "]"
+    return ["", f"[{name}]  # {unit}", f"value = {value}", f"source = {quoted(source)}"]

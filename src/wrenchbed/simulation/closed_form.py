@@ -143,10 +143,9 @@ class Model:
         self, q: np.ndarray, thetas: np.ndarray, columns: Sequence[int]
     ) -> np.ndarray:
         """`jacobian` at rest of several robots, thetas (R, P) → (R, N, 6, K), each as if alone."""
-        if self.robot.broadcasts:
-            written = self._at_rest(q, thetas[:, None], columns)
-            assert written is not None  # of a robot that says so
-            return written
+        found = self._compiled.jacobian(q, thetas[:, None], columns)
+        if found is not None:
+            return found
         return np.stack([self.jacobian(q, theta, columns) for theta in thetas])
 
     def jacobian(self, q: Value, theta: np.ndarray, columns: Sequence[int]) -> np.ndarray:
@@ -179,7 +178,7 @@ class Model:
         """The Jacobian at rest of a robot that has written out how gravity turns.
 
         There the reading is linear in gravity as the sensor sees it, γ: dw = dγ·M + γ·dM + db, with
-        M (3, 6) and b of the load and the sensor alone. Of theta (P,), or (R, 1, P) → (R, N, 6, K).
+        M (3, 6) and b of the load and the sensor alone.
         """
         found = self._compiled.jacobian(q, theta, columns)
         if found is not None:
@@ -188,16 +187,14 @@ class Model:
         moving = [k for k, c in enumerate(columns) if self.moves_pose(c)]
         gravity = np.asarray(self.gravity)
         turned = self.robot.gravity_slopes(
-            q, theta[..., :own], gravity, [names[columns[k]] for k in moving]
+            q, theta[:own], gravity, [names[columns[k]] for k in moving]
         )
         if turned is None:
             return None
-        shifted = np.tile(theta.astype(complex), (len(columns), *np.ones(theta.ndim, int)))
-        if theta.ndim == 1:
-            shifted = shifted[:, None]
-        shifted[np.arange(len(columns)), ..., list(columns)] += 1j * STEP
+        shifted = np.tile(theta.astype(complex), (len(columns), 1, 1))
+        shifted[np.arange(len(columns)), 0, list(columns)] += 1j * STEP
         slopes, offset = (part.imag / STEP for part in self._linear(shifted))
-        result = self.robot.gravity_seen(q, theta[..., :own], gravity) @ slopes
+        result = self.robot.gravity_seen(q, theta[:own], gravity) @ slopes
         result += offset
         here, _ = self._linear(theta)
         for k, column in enumerate(moving):

@@ -31,7 +31,6 @@ from wrenchbed.robots.medrue.kinematics import (
     PARAMETERS,
     FiveBar,
     five_bar,
-    gravity_slopes,
     support,
 )
 from wrenchbed.robots.mjcf import bare, place, rotate_body, write_load
@@ -200,11 +199,6 @@ class MedRUE(SimulatedRobot):
 
     def packed(self, theta: np.ndarray, gravity: np.ndarray) -> Packed:
         return kinematics.packed(self.values(theta), gravity)
-
-    def gravity_slopes(
-        self, q: np.ndarray, theta: np.ndarray, gravity: np.ndarray, names: Sequence[str]
-    ) -> np.ndarray:
-        return gravity_slopes(self.values(theta), q, gravity, names)
 
     def tool(self, theta: np.ndarray) -> Tool:
         p = self.values(theta)
