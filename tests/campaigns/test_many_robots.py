@@ -15,7 +15,6 @@ from wrenchbed.campaigns.settings import Fleet, draw
 from wrenchbed.campaigns.simulated_robots import _results, course, recorded, robot_rows
 from wrenchbed.errors import CalibrationError, WrenchbedError
 from wrenchbed.physics.noise import NoiseStream
-from wrenchbed.physics.noise_of_many import corrupt_each
 from wrenchbed.robots.base import Robot
 from wrenchbed.twin.many import simulate_each
 from wrenchbed.twin.replay import simulate
@@ -117,11 +116,11 @@ def test_a_robot_that_cannot_take_the_poses_is_told_from_the_others():
 def test_noise_of_many_sensors_is_that_of_each(sensor):
     model = wb.load("sensors", sensor).noise
     t = np.cumsum(np.where(np.arange(130) % 40, 0.01, 1.7))
-    load = np.random.default_rng(0).standard_normal((3, 6, 130))
-    measured, status = corrupt_each(model, [3, 1, 9], t, load)
+    load = np.random.default_rng(0).standard_normal((3, 130, 6))
+    measured, status = NoiseStream(model, [3, 1, 9]).corrupt(t, load)
     for k, seed in enumerate((3, 1, 9)):
-        rows, words = NoiseStream(model, seed).corrupt(t, load[k].T)
-        assert np.array_equal(rows.T, measured[k]) and np.array_equal(words, status[k])
+        rows, words = NoiseStream(model, seed).corrupt(t, load[k])
+        assert np.array_equal(rows, measured[k]) and np.array_equal(words, status[k])
 
 
 @pytest.mark.parametrize("columns", ["free", "candidates"])

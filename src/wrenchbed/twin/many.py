@@ -12,8 +12,7 @@ import numpy as np
 from wrenchbed import registry
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import WrenchbedError
-from wrenchbed.physics.noise import noise_model
-from wrenchbed.physics.noise_of_many import corrupt_each
+from wrenchbed.physics.noise import NoiseStream, noise_model
 from wrenchbed.robots.base import INERTIA_AXES, SimulatedRobot
 from wrenchbed.simulation.closed_form import Model
 from wrenchbed.twin.assembly import with_some_inertia
@@ -49,10 +48,10 @@ def simulate_each(
     loads = loads_at_rest(model, thetas[good], poses)
     reading = np.stack([model.read(x, thetas[k]) for k, x in zip(good, loads, strict=True)])
     kind = noise_model(noise, registry.load("sensors", robot.sensor).noise)
-    rows = np.swapaxes(reading, 1, 2)[:, :, hold]
-    measured, status = corrupt_each(kind, [seeds[k] for k in good], recording.t, rows)
-    for k, own_rows, own_status in zip(good, measured, status, strict=True):
-        results[k] = read_as(recording, own_rows, own_status)
+    rows = np.swapaxes(np.swapaxes(reading, 1, 2)[:, :, hold], 1, 2)  # a channel lies in one piece
+    streams = NoiseStream(kind, [seeds[k] for k in good])
+    for k, measured, status in zip(good, *streams.corrupt(recording.t, rows), strict=True):
+        results[k] = read_as(recording, measured.T, status)
     return results
 
 
