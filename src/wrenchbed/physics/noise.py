@@ -255,12 +255,13 @@ class NoiseStream:
         steps, which = np.unique(ticks, return_inverse=True)
         exponent = -self._rates * (steps * _TICK_S)[:, None]
         keep, kick = np.exp(exponent), np.sqrt(-np.expm1(2.0 * exponent))  # (S, K) each
+        wide = np.broadcast_to(keep[:, None, :, None], (len(steps), *self._state.shape)).copy()
         total: Array = np.zeros((len(self._white), 6, len(time)))
         done = 0
         for first, last in _long_runs(which) if self._alone else [(len(time), len(time))]:
             for start in range(done, first, _ROWS_AT_ONCE):
                 rows = slice(start, min(start + _ROWS_AT_ONCE, first))
-                self._step(keep, kick, which[rows], total[:, :, rows])
+                self._step(wide, kick, which[rows], total[:, :, rows])
             if last > first:
                 step = which[first]
                 self._filter(keep[step], kick[step], total[:, :, first:last])
@@ -289,13 +290,12 @@ class NoiseStream:
             total[0] += path
 
     def _step(self, keep: Array, kick: Array, which: NDArray[np.intp], total: Array) -> None:
-        """Any steps: keep and kick (S, K), which of them (n,), added up in total (R, 6, n)."""
+        """Any steps: keep (S, R, K, 6), kick (S, K), which (n,), added up in total (R, 6, n)."""
         normal = self._normals(len(which))
         normal *= kick[which][:, None, :, None]
         state, carried = self._state, np.empty(self._state.shape)
-        kept = {s: np.broadcast_to(keep[s][:, None], state.shape).copy() for s in set(which)}
-        for row, s in zip(normal, which, strict=True):
-            np.multiply(kept[s], state, out=carried)
+        for row, s in zip(normal, which.tolist(), strict=True):
+            np.multiply(keep[s], state, out=carried)
             row += carried
             state = row
         self._state = state.copy()
