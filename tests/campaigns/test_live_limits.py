@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from test_run_live import PLAN, UR5, Arm, quick, run  # noqa: F401
+from test_run_live import PLAN, UR5, Arm, run
 
 from wrenchbed.campaigns.recording.live_limits import MARGIN_M, live_limits
 from wrenchbed.data.plan import Plan

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from test_run_live import PLAN, UR5, Arm, Gauge, poses, quick, run  # noqa: F401
+from test_run_live import PLAN, UR5, Arm, Gauge, poses, run
 
 from wrenchbed.campaigns.recording import run as recording_run
 from wrenchbed.campaigns.recording.resume import Retries, retries

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from test_run_live import PLAN, UR5, Arm, poses, quick, run  # noqa: F401
+from test_run_live import PLAN, UR5, Arm, poses, run
 
 from wrenchbed.campaigns.recording import run as recording_run
 from wrenchbed.data.plan import Plan
@@ -17,9 +17,7 @@ from wrenchbed.errors import PlanError
 def recorded(tmp_path_factory):
     """A complete recording, and its run."""
     path = tmp_path_factory.mktemp("recorded") / "r.parquet"
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("wrenchbed.hardware.drivers.base.live.SETTLE_S", 0.12)
-        return path, run(Arm(), path)
+    return path, run(Arm(), path)
 
 
 @pytest.fixture

@@ -6,7 +6,7 @@ import time
 
 import numpy as np
 import pytest
-from test_run_live import Arm, quick  # noqa: F401
+from test_run_live import Arm
 from test_run_repeated import moving
 
 from wrenchbed.data import parquet, writer

@@ -31,14 +31,20 @@ from wrenchbed.twin.twin import Twin
 ROBOT = registry.load("robots", "ur5")
 MODEL = Model.of(ROBOT)
 THETA = MODEL.parameters.vector(UR5_TRUTH)
+OWN = THETA[: len(ROBOT.parameters)]
 GAMMA = registry.load("sensors", "ati-gamma").noise
 RATE = 10.0
 
 
 def readings(q):
     """What the sensor reads at rest, by MuJoCo (N, 6)."""
-    own = THETA[: len(ROBOT.parameters)]
-    return MODEL.read(Simulation(ROBOT, own).wrench(q), THETA)
+    return MODEL.read(Simulation(ROBOT, OWN).wrench(q), THETA)
+
+
+def made(*effects, frame="sensor", follow=True):
+    """A compensator of the true robot with some effects."""
+    active = tuple(active_effect(ROBOT, e) for e in effects)
+    return Compensator(Twin(MODEL, THETA, active), GAMMA.row_std, frame, follow)
 
 
 def run(compensate, q, rows, t0=0.0):
@@ -57,16 +63,14 @@ def test_without_a_push_nothing_is_left_and_a_push_is_read_in_its_frame(frame):
     force = np.array([3.0, -2.0, 5.0, 0.1, 0.2, -0.3])
     for q in ROBOT.sample(5, np.random.default_rng(1)):
         plain = readings(q[None])[0]
-        compensate = Compensator(Twin(MODEL, THETA), GAMMA.row_std, frame)
+        compensate = made(frame=frame)
         assert np.abs(compensate(0.0, q, plain, True).wrench).max() < 1e-9
-        turn, at = (x[0] for x in ROBOT.sensor_pose(q[None], THETA[: len(ROBOT.parameters)]))
+        turn, at = (x[0] for x in ROBOT.sensor_pose(q[None], OWN))
         want = force
         if frame == "base":
             want = np.concatenate([turn @ force[:3], turn @ force[3:]])
         elif frame == "flange":
-            flange, origin = (
-                x[0] for x in ROBOT.flange_pose(q[None], THETA[: len(ROBOT.parameters)])
-            )
+            flange, origin = (x[0] for x in ROBOT.flange_pose(q[None], OWN))
             f = turn @ force[:3]
             moment = turn @ force[3:] + np.cross(at - origin, f)
             want = np.concatenate([flange.T @ f, flange.T @ moment])
@@ -78,8 +82,7 @@ def test_without_a_push_nothing_is_left_and_a_push_is_read_in_its_frame(frame):
 )
 def test_a_sensor_that_mixes_channels_is_undone(effect):
     """What the effect makes of the load is computed by its own formula, not by the inverse."""
-    active = (active_effect(ROBOT, effect),)
-    compensate = Compensator(Twin(MODEL, THETA, active), GAMMA.row_std)
+    compensate = made(effect)
     assert compensate.not_undone == ()
     q, push = np.array(ROBOT.home), np.array([4.0, 1.0, -6.0, 0.2, -0.1, 0.3])
     load = MODEL.true_wrench(q[None], THETA)[0] + push
@@ -94,26 +97,17 @@ def test_a_sensor_that_mixes_channels_is_undone(effect):
 
 
 def test_an_effect_of_the_arm_is_in_the_expected_reading():
-    active = (active_effect(ROBOT, "base.tilt:x=0.02,y=-0.01"),)
-    tilted = Compensator(Twin(MODEL, THETA, active), GAMMA.row_std)
-    q = np.array(ROBOT.home)
+    tilted, q = made("base.tilt:x=0.02,y=-0.01"), np.array(ROBOT.home)
     theta = MODEL.parameters.vector({"base.tilt.x": 0.02, "base.tilt.y": -0.01}, start=THETA)
     reading = MODEL.read(Simulation(ROBOT, theta[: len(ROBOT.parameters)]).wrench(q[None]), theta)
     assert np.abs(tilted(0.0, q, reading[0], True).wrench).max() < 1e-6
-    assert (
-        np.abs(
-            Compensator(Twin(MODEL, THETA), GAMMA.row_std)(0.0, q, reading[0], True).wrench
-        ).max()
-        > 0.05
-    )
+    assert np.abs(made()(0.0, q, reading[0], True).wrench).max() > 0.05
 
 
 def test_what_needs_a_history_is_named_as_not_undone():
     named = ("sensor.hysteresis", "sensor.creep", "tool.leak", "timing.lowpass", "sensor.jump")
     plain = ("sensor.gain", "joint.compliance", "environment.contact", "timing.delay")
-    active = tuple(active_effect(ROBOT, n) for n in (*named, *plain))
-    compensate = Compensator(Twin(MODEL, THETA, active), GAMMA.row_std)
-    assert set(compensate.not_undone) == set(named)
+    assert set(made(*named, *plain).not_undone) == set(named)
 
 
 def test_late_readings_are_compared_with_joints_of_their_time():
@@ -122,22 +116,15 @@ def test_late_readings_are_compared_with_joints_of_their_time():
     q = np.array(ROBOT.home) + np.outer(0.3 * np.sin(t), [0, 0, 0, 1, 1, 0])
     late = np.array(ROBOT.home) + np.outer(0.3 * np.sin(t - delay), [0, 0, 0, 1, 1, 0])
     rows = readings(late)
-    worst = {}
-    for name, active in (
-        ("undone", (active_effect(ROBOT, f"timing.delay:delay={delay}"),)),
-        ("left", ()),
-    ):
-        compensate = Compensator(Twin(MODEL, THETA, active), GAMMA.row_std)
-        found = [compensate(x, y, row, False).wrench for x, y, row in zip(t, q, rows, strict=True)]
-        worst[name] = np.abs(np.array(found)[t > 2 * delay]).max()
-    assert worst["undone"] < 1e-3 < 0.3 < worst["left"]
+    worst = []
+    for compensate in (made(f"timing.delay:delay={delay}"), made()):
+        each = [compensate(x, y, row, False).wrench for x, y, row in zip(t, q, rows, strict=True)]
+        worst.append(np.abs(np.array(each)[t > 2 * delay]).max())
+    assert worst[0] < 1e-3 < 0.3 < worst[1]
 
 
 def test_a_contact_of_the_twin_is_shown_and_not_undone():
-    active = (active_effect(ROBOT, "environment.contact"),)
-    pushed = Compensator(Twin(MODEL, THETA, active), GAMMA.row_std)
-    plain = Compensator(Twin(MODEL, THETA), GAMMA.row_std)
-    rows = np.arange(6.0)
+    pushed, plain, rows = made("environment.contact"), made(), np.arange(6.0)
     for q in ROBOT.sample(8, np.random.default_rng(3)):
         here = [c(0.0, q, rows, True).wrench for c in (pushed, plain)]
         assert np.array_equal(*here)
@@ -145,7 +132,7 @@ def test_a_contact_of_the_twin_is_shown_and_not_undone():
 
 def test_real_noise_raises_no_alarm_in_ten_minutes_and_the_residual_is_the_noise():
     q = np.array(ROBOT.home)
-    compensate = Compensator(Twin(MODEL, THETA), GAMMA.row_std)
+    compensate = made()
     found = run(compensate, q, readings(q[None]) + noisy(600.0, 11))
     assert not [x.alarm for x in found if x.alarm]
     rms = np.sqrt(np.mean([x.wrench**2 for x in found], axis=0))
@@ -161,11 +148,11 @@ def test_a_drift_of_a_newton_an_hour_is_followed():
         + drift
         + 0.02 * np.random.default_rng(3).standard_normal((n, 6)) * [1, 1, 1, 0.05, 0.05, 0.05]
     )
-    followed = run(Compensator(Twin(MODEL, THETA), GAMMA.row_std), q, rows)
+    followed = run(made(), q, rows)
     assert followed[-1].zero[0] == pytest.approx(600.0 / 3600.0, abs=0.03)
     last = np.mean([x.wrench[0] for x in followed[-100:]])
     assert abs(last) < 0.02 and not followed[-1].alarm
-    left = run(Compensator(Twin(MODEL, THETA), GAMMA.row_std, follow=False), q, rows)
+    left = run(made(follow=False), q, rows)
     assert np.mean([x.wrench[0] for x in left[-100:]]) == pytest.approx(1.0 / 6.0, abs=0.02)
 
 
@@ -174,7 +161,7 @@ def test_a_push_is_no_drift():
     q, n = np.array(ROBOT.home), round(60.0 * RATE)
     push = np.zeros((n, 6))
     push[n // 2 :, 1] = 2.0
-    found = run(Compensator(Twin(MODEL, THETA), GAMMA.row_std), q, readings(q[None]) + push)
+    found = run(made(), q, readings(q[None]) + push)
     first = next(k for k, x in enumerate(found) if x.alarm)
     assert n // 2 <= first < n // 2 + 2.0 * RATE
     assert found[-1].alarm.startswith(f"fy beyond {BAND:g} × noise at rest: a push, another load")
@@ -184,12 +171,10 @@ def test_a_push_is_no_drift():
 
 def cause(change):
     """The alarm after four poses with readings changed by a function of gravity in sensor axes."""
-    compensate = Compensator(Twin(MODEL, THETA), GAMMA.row_std)
+    compensate = made()
     rng, alarm = np.random.default_rng(5), ""
     for k, q in enumerate(ROBOT.sample(4, rng)):
-        gravity = ROBOT.gravity_seen(
-            q[None], THETA[: len(ROBOT.parameters)], np.array(ROBOT.gravity)
-        )[0]
+        gravity = ROBOT.gravity_seen(q[None], OWN, np.array(ROBOT.gravity))[0]
         rows = readings(q[None]) + change(gravity, k) + np.zeros((15, 6))
         alarm = run(compensate, q, rows, 10.0 * k)[-1].alarm
         compensate(10.0 * k + 5.0, q, rows[0], False)  # moves
@@ -208,7 +193,7 @@ def test_alarms_name_what_all_poses_have_in_common():
 
 def test_tare_refuses_what_may_be_a_load():
     q = np.array(ROBOT.home)
-    compensate = Compensator(Twin(MODEL, THETA), GAMMA.row_std, follow=False)
+    compensate = made(follow=False)
     with pytest.raises(TwinError, match="a second at rest"):
         compensate.tare()
     small = 0.5 * GAMMA.row_std
@@ -255,7 +240,7 @@ class Still:
 
 
 def test_lines_reach_clients_and_datagrams_a_listener():
-    compensate = Compensator(Twin(MODEL, THETA), GAMMA.row_std)
+    compensate = made()
     listener = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     listener.bind(("127.0.0.1", 0))
     listener.settimeout(5.0)
@@ -279,7 +264,7 @@ def test_lines_reach_clients_and_datagrams_a_listener():
 def test_readings_are_paced():
     driver = Still(10**9)
     begun = time.monotonic()
-    done = live(driver, Compensator(Twin(MODEL, THETA), GAMMA.row_std), [], rate=50.0, seconds=1.0)
+    done = live(driver, made(), [], rate=50.0, seconds=1.0)
     assert 10 <= done.readings <= 50 * (time.monotonic() - begun) + 1
 
 
@@ -287,7 +272,7 @@ def test_readings_are_paced():
 def test_a_wrench_that_lacks_the_payload_is_refused(payload, what):
     driver = Still(10)
     driver.extra = {"wrench": {"compensated": True, "payload": payload}}
-    compensate = Compensator(Twin(MODEL, THETA), GAMMA.row_std)
+    compensate = made()
     with pytest.raises(DriverError, match=f"subtracts {what}"):
         live(driver, compensate, [], seconds=0.1)
     driver.extra = {"wrench": {"compensated": True, "payload": {"mass": 0.0}}}
@@ -296,7 +281,7 @@ def test_a_wrench_that_lacks_the_payload_is_refused(payload, what):
 
 def test_a_key_makes_the_mean_at_rest_the_zero(monkeypatch):
     q = np.array(ROBOT.home)
-    compensate = Compensator(Twin(MODEL, THETA), GAMMA.row_std, follow=False)
+    compensate = made(follow=False)
     moved = 0.5 * GAMMA.row_std
     found = run(compensate, q, np.tile(readings(q[None]) + moved, (15, 1)))[-1]
     ours, theirs = pty.openpty()

@@ -13,6 +13,7 @@ from wrenchbed.planning.certificate import certify, rounded
 from wrenchbed.planning.choose import informative, poses
 from wrenchbed.planning.criteria import INDICES, a_optimality, i_optimality, observability_indices
 from wrenchbed.planning.exchange import Pool, eliminate, exchange
+from wrenchbed.simulation.closed_form import Model
 
 M = 4
 
@@ -41,19 +42,6 @@ def test_the_indices_are_those_of_their_definitions():
     assert found["O3"] == pytest.approx(s[-1])
     assert found["O4"] == pytest.approx(s[-1] ** 2 / s[0])
     assert found["O5"] == pytest.approx(1 / np.sum(1 / s))
-
-
-def test_a_hand_computed_case():
-    jacobian = np.array([[[3.0, 0.0], [0.0, 4.0]]])
-    found = observability_indices(jacobian)
-    assert found["O1"] == pytest.approx(np.sqrt(12.0))
-    assert (found["O2"], found["O3"], found["O4"]) == pytest.approx((0.75, 3.0, 2.25))
-    assert found["O5"] == pytest.approx(12 / 7)
-
-
-def test_too_few_configurations_for_an_index_are_refused():
-    with pytest.raises(PlanError, match="1 configurations give 2 readings, too few for 4"):
-        observability_indices(blocks(1, 0))
 
 
 @each_criterion
@@ -92,14 +80,16 @@ def test_the_stated_power_is_homogeneous_and_concave(criterion, seed, share, fac
 
 
 @each_criterion
-def test_exchange_finds_what_brute_force_finds(criterion):
+def test_exchange_finds_what_brute_force_finds_without_repeats(criterion):
     missed = 0
     for seed in range(10):
-        pool = Pool(blocks(10, seed))
-        best = max(float(criterion.values(pool.information(s))) for s in combinations(range(10), 4))
-        found = max(exchange(pool, criterion, 4, seed=k).value for k in range(3))
-        assert found <= best * (1 + 1e-9)
-        missed += found < best * (1 - 1e-9)
+        pool, n = Pool(blocks(10, seed)), (4, 8, 9, 10)[seed % 4]
+        best = max(float(criterion.values(pool.information(s))) for s in combinations(range(10), n))
+        chosen = [exchange(pool, criterion, n, seed=k) for k in range(3)]
+        assert all(len(set(c.chosen.tolist())) == n for c in chosen)
+        value = max(c.value for c in chosen)
+        assert value <= best * (1 + 1e-9)
+        missed += value < best * (1 - 1e-9)
     assert missed <= 1
 
 
@@ -115,13 +105,6 @@ def test_no_choice_exceeds_the_certified_bound(criterion):
             assert certificate.bound < 1.3 * best
         assert certificate.weight.sum() == pytest.approx(1.0)
         assert certificate.weight.max() <= 1 / 5 + 1e-9
-
-
-@pytest.mark.parametrize("name", ["O2", "O4"])
-def test_what_is_not_concave_is_not_certified(name):
-    pool = Pool(blocks(12, 0))
-    with pytest.raises(PlanError, match=f"{name} is not concave"):
-        certify(pool, INDICES[name], 5, np.arange(5))
 
 
 def test_a_rounded_design_begins_near_the_bound():
@@ -155,6 +138,11 @@ def test_units_of_parameters_leave_o1s_choice_alone():
 
 def test_impossible_choices_are_refused():
     pool = Pool(blocks(20, 0))
+    with pytest.raises(PlanError, match="1 configurations give 2 readings, too few for 4"):
+        observability_indices(blocks(1, 0))
+    for name in ("O2", "O4"):
+        with pytest.raises(PlanError, match=f"{name} is not concave"):
+            certify(pool, INDICES[name], 5, np.arange(5))
     with pytest.raises(PlanError, match="4 parameters need at least 2"):
         exchange(pool, INDICES["O1"], 1)
     with pytest.raises(PlanError, match="21 configurations of 20"):
@@ -163,14 +151,6 @@ def test_impossible_choices_are_refused():
     blind[..., 3] = blind[..., 2]
     with pytest.raises(PlanError, match="never have full rank"):
         exchange(Pool(blind), INDICES["O1"], 5)
-
-
-@pytest.mark.parametrize("criterion", [INDICES["O1"], INDICES["O3"]], ids=["O1", "O3"])
-@pytest.mark.parametrize("n", [8, 9, 10])
-def test_almost_the_whole_pool_is_chosen_without_repeats(criterion, n):
-    for seed in range(5):
-        done = exchange(Pool(blocks(10, seed)), criterion, n, seed=seed)
-        assert len(set(done.chosen.tolist())) == n
 
 
 def test_a_prior_allows_fewer_measurements_than_parameters():
@@ -201,8 +181,6 @@ def test_informative_poses_beat_random_ones(robot):
 
 
 def _o1(arm, q: np.ndarray) -> float:
-    from wrenchbed.simulation.closed_form import Model
-
     model = Model.of(arm)
     columns = model.parameters.select(arm.free)
     scale = model.parameters.tolerance[list(columns)]
