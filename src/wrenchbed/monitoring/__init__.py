@@ -1,8 +1,5 @@
-"""A robot's numbers over time: what changed between two results, and the wrench live.
-May import: exports, hardware, twin and the rooms below them.
-Read first: `compare`, then `compensation` and `live`.
+"""A robot's numbers over time: what changed between two results or in a history, the wrench live.
+May import: exports, hardware, planning, twin and the rooms below them.
+Read first: `compare`; then `check` (the monthly one), `history` (its file) and `steps` (its numbers
+and their scatter), `compensation` and `live`.
 """
-
-from wrenchbed.monitoring.compare import Change, Comparison, compare
-
-__all__ = ["Change", "Comparison", "compare"]
