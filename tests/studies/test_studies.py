@@ -10,7 +10,7 @@ import pytest
 
 from wrenchbed import registry, studies
 from wrenchbed.cli import main
-from wrenchbed.errors import MissingExtraError, NotFoundError
+from wrenchbed.errors import NotFoundError
 from wrenchbed.pages.document import Document, Figure, Section, Table, render
 from wrenchbed.planning.certificate import certify
 from wrenchbed.planning.criteria import INDICES
@@ -161,15 +161,6 @@ def test_pages_escape_what_would_break_them():
     assert "T &lt;1&gt;" in html
     with pytest.raises(ValueError, match="must have 2 cells"):
         Table.of("T", ("a", "b"), [("only one",)])
-
-
-def test_a_missing_library_names_its_extra(monkeypatch, tmp_path):
-    def none(name: str):
-        raise ModuleNotFoundError(name)
-
-    monkeypatch.setattr(registry.importlib, "import_module", none)
-    with pytest.raises(MissingExtraError, match=r"wrenchbed\[report\]"):
-        registry.require("jinja2", "report")
 
 
 def test_an_unknown_study_is_refused(tmp_path):
