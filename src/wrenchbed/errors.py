@@ -46,6 +46,9 @@ UTF-8)."""
 _LONGEST_WORD, _LONGEST_LINE = 1000, 4000
 """Of a message [characters]: what is longer is cut, and its length is said. Estimates: a path has
 at most 255 characters a part, and a list of all parameters 2,000."""
+_FILES = {errno.EMFILE, errno.ENFILE}
+_UNLOADED = ("failed to map segment", "cannot allocate memory", "Cannot allocate memory")
+"""What the dynamic linker says where a library does not fit into memory: glibc's dl-load.c."""
 
 
 def printable(text: str) -> str:
@@ -169,11 +172,6 @@ class MissingExtraError(WrenchbedError, ImportError):
 
 class WrenchbedWarning(UserWarning):
     """What a person should know; the work continues."""
-
-
-_FILES = {errno.EMFILE, errno.ENFILE}
-_UNLOADED = ("failed to map segment", "cannot allocate memory", "Cannot allocate memory")
-"""What the dynamic linker says where a library does not fit into memory: glibc's dl-load.c."""
 
 
 def shortage(cause: BaseException, where: str | Path = "") -> ShortageError | None:

@@ -2,6 +2,7 @@
 
 import json
 import re
+import shutil
 from dataclasses import replace
 
 import numpy as np
@@ -55,7 +56,7 @@ def same_as_medrue(robot, mine, theta, q):
 def test_medrue_through_its_loops_is_its_written_out_closed_form(tmp_path):
     """Its MJCF in ``models`` to all digits, read anew; joints in the actuators' order."""
     rng = np.random.default_rng(11)
-    for k in range(4):
+    for k in range(2):
         theta = MEDRUE.parameters.nominal if k == 0 else random_theta(MEDRUE, rng)
         file = medrue_file(theta, tmp_path / "medrue.xml")
         robot = describe(file, "ft", tmp_path / "my.toml").robot
@@ -69,7 +70,7 @@ def test_medrues_random_parameters_by_the_names_of_its_file(tmp_path):
     nominal = MEDRUE.parameters.nominal
     robot = describe(medrue_file(nominal, tmp_path / "a.xml"), "ft", tmp_path / "a.toml").robot
     rng = np.random.default_rng(12)
-    for k in range(3):
+    for k in range(2):
         theta = random_theta(MEDRUE, rng)
         file = medrue_file(theta, tmp_path / "b.xml")
         other = describe(file, "ft", tmp_path / "b.toml").robot
@@ -127,11 +128,11 @@ def matched(robot, name, rng):
 
 @each_model
 def test_parallel_robots_are_the_users_files_in_mujoco(name, tmp_path):
-    """MuJoCo's own constraints close the loops there; nominal and three random vectors."""
+    """MuJoCo's own constraints close the loops there; nominal and a random vector."""
     robot = loop_robot(name, tmp_path)
     driven = tuple(robot.arm_model.links[k].joint for k in robot.arm_model.driven)
     rng = np.random.default_rng(6)
-    for k in range(4):
+    for k in range(2):
         theta, moved = robot.parameters.nominal, {}
         if k:
             theta, moved = matched(robot, name, rng)
@@ -245,8 +246,9 @@ def test_a_parallel_robot_is_planned_recorded_and_calibrated_by_its_file(
 def test_the_toml_beside_the_model_is_its_robot(name, tmp_path):
     """As `wrenchbed robot` writes it; and the same from what a recording carries, to the bit."""
     kept = models() / name / f"{name}.toml"
-    robot, made = read(kept), describe(kept.with_suffix(".xml"), "sensor", kept)
-    assert made.text == kept.read_text(encoding="utf-8")
+    shutil.copy(kept.with_suffix(".xml"), tmp_path)
+    robot, copy = read(kept), tmp_path / f"{name}.toml"
+    assert describe(copy.with_suffix(".xml"), "sensor", copy).text == kept.read_text("utf-8")
     again = rebuilt(json.loads(json.dumps(robot.record)))
     q = robot.sample(5, np.random.default_rng(0))
     theta = random_theta(robot, np.random.default_rng(1))

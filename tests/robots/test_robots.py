@@ -34,21 +34,21 @@ def random_theta(robot: SimulatedRobot, rng: np.random.Generator) -> np.ndarray:
 
 def vectors(robot: SimulatedRobot) -> list[np.ndarray]:
     rng = np.random.default_rng(7)
-    return [robot.parameters.nominal, *(random_theta(robot, rng) for _ in range(20))]
+    return [robot.parameters.nominal, *(random_theta(robot, rng) for _ in range(5))]
 
 
 def feasible(robot: SimulatedRobot, n: int, theta: np.ndarray, seed: int) -> np.ndarray:
     q = robot.sample(n, np.random.default_rng(seed))
     good = np.ones(n, dtype=bool)
     good[list(robot.infeasible(q, theta))] = False
-    assert good.mean() > 0.95
+    assert good.mean() > 0.9
     return q[good]
 
 
 @each_robot
 def test_the_wrench_at_rest_is_the_same_in_mujoco_and_in_closed_form(robot):
     for theta in vectors(robot):
-        q = feasible(robot, 1000, theta, seed=1)
+        q = feasible(robot, 200, theta, seed=1)
         simulated = Simulation(robot, theta).wrench(q)
         closed = wrench(*robot.sensor_pose(q, theta), robot.tool(theta), np.array(robot.gravity))
         assert np.abs(simulated).max() > 3.0
@@ -59,7 +59,7 @@ def test_the_wrench_at_rest_is_the_same_in_mujoco_and_in_closed_form(robot):
 def test_the_wrench_in_motion_is_newton_eulers(robot):
     rng = np.random.default_rng(3)
     for theta in vectors(robot)[:4]:
-        q = feasible(robot, 300, theta, seed=2)
+        q = feasible(robot, 60, theta, seed=2)
         motion = Jet(q, rng.normal(size=q.shape), 5.0 * rng.normal(size=q.shape))
         simulated = Simulation(robot, theta).wrench(motion)
         pose = robot.sensor_pose(motion, theta)
@@ -107,22 +107,16 @@ def test_every_parameter_moves_something_or_is_listed_as_unobservable(robot):
     theta = random_theta(robot, rng)
     q = feasible(robot, 20, theta, seed=6)
     motion = Jet(q, rng.normal(size=q.shape), rng.normal(size=q.shape))
-    still = []
+
+    def seen(theta):
+        load = wrench(*robot.sensor_pose(motion, theta), robot.tool(theta), np.array(robot.gravity))
+        return np.hstack([robot.sensor_pose(q, theta)[1], load])
+
+    still, before = [], seen(theta)
     for i, parameter in enumerate(robot.parameters):
         other = theta.copy()
         other[i] += 0.01 * parameter.tolerance
-        change = [
-            np.abs(robot.sensor_pose(q, other)[1] - robot.sensor_pose(q, theta)[1]).max(),
-            np.abs(
-                wrench(
-                    *robot.sensor_pose(motion, other), robot.tool(other), np.array(robot.gravity)
-                )
-                - wrench(
-                    *robot.sensor_pose(motion, theta), robot.tool(theta), np.array(robot.gravity)
-                )
-            ).max(),
-        ]
-        if max(change) < 1e-12:
+        if np.abs(seen(other) - before).max() < 1e-12:
             still.append(parameter.name)
     assert still == list(robot.unobservable)
 
@@ -174,7 +168,7 @@ def test_the_model_opens_and_runs_without_a_warning(robot, capfd):
     mujoco.mj_forward(model, data)
     standing = {a.name: float(data.joint(a.name).qpos[0]) for a in robot.joints}
     assert np.allclose(list(standing.values()), robot.home, atol=1e-6)
-    mujoco.mj_step(model, data, 5000)
+    mujoco.mj_step(model, data, 1000)
     assert np.isfinite(data.qpos).all()
     assert [w.number for w in data.warning] == [0] * len(data.warning)
     assert capfd.readouterr().err == ""
@@ -191,11 +185,8 @@ def test_the_file_states_the_nominal_robot(robot):
     assert np.abs(turn - 1).max() < 1e-12
     assert np.abs(plain.body_mass - written.body_mass).max() < 1e-12
     assert np.abs(plain.opt.gravity - written.opt.gravity).max() == 0
-
-
-@pytest.mark.parametrize("robot", [r for r in ROBOTS if r is not IIWA], ids=lambda r: r.name)
-def test_a_page_beside_the_file_states_where_its_numbers_come_from(robot):
-    assert robot.mjcf.with_name("README.md").read_text(encoding="utf-8").strip()
+    if robot is not IIWA:  # a page beside the file states where its numbers come from
+        assert robot.mjcf.with_name("README.md").read_text(encoding="utf-8").strip()
 
 
 @each_robot

@@ -1,7 +1,6 @@
 """A twin: MuJoCo with effects, held against the closed form; its file."""
 
 import json
-import time
 
 import mujoco
 import numpy as np
@@ -9,7 +8,7 @@ import pytest
 
 from scenes import moving, sized, still
 from wrenchbed import registry
-from wrenchbed.effects.chain import ActiveEffect, active_effect, effects, parse_effect, respond
+from wrenchbed.effects.chain import ActiveEffect, active_effect, effects, respond
 from wrenchbed.errors import NotFoundError, ParameterError, TwinError
 from wrenchbed.twin.assembly import edited
 from wrenchbed.twin.export import export
@@ -46,7 +45,7 @@ def difference(scene, active) -> tuple[float, float]:
 def test_mujoco_and_the_closed_form_agree_on_every_effect(name, scene):
     scene, effect = SCENES[scene], effects()[name]
     variants = effect.variants(scene)
-    some = variants if len(variants) <= 12 else [*variants[:6], *variants[-6:]]
+    some = variants if len(variants) <= 8 else [*variants[:4], *variants[-4:]]
     for variant in some:
         apart, own = difference(scene, [sized(effect, scene, variant)])
         share = SECOND_ORDER.get(name, 1e-8)
@@ -131,14 +130,6 @@ def test_an_inertia_of_no_body_is_simulated_too():
     assert apart < 1e-8 * own
 
 
-def test_a_mechanism_of_many_rows_takes_seconds():
-    scene = moving(rows=2000)
-    twin = nominal(scene.robot, [active_effect(scene.robot, "joint.compliance")])
-    start = time.perf_counter()
-    twin.wrench(scene)
-    assert time.perf_counter() - start < 10.0
-
-
 # ---- twin.json ---------------------------------------------------------------------------------
 
 
@@ -214,16 +205,6 @@ def test_a_twin_follows_only_its_own_robot():
 
 
 # ---- effects by text ---------------------------------------------------------------------------
-
-
-def test_an_effect_is_read_from_its_text():
-    assert parse_effect("joint.compliance:joint=2,stiffness=1.4e4") == (
-        "joint.compliance", {"joint": 2.0, "stiffness": 1.4e4},
-    )  # fmt: skip
-    assert parse_effect("base.tilt") == ("base.tilt", {})
-    for text in ("base.tilt:x", "base.tilt:x=", "base.tilt:=1", "base.tilt:x=1,x=2"):
-        with pytest.raises(ParameterError):
-            parse_effect(text)
 
 
 def test_without_values_an_effect_has_its_typical_size():

@@ -21,6 +21,10 @@ _AT_ONCE = 1 << 20
 """Size of a file's buffer [B]: most files are written by one call."""
 _FULL = (errno.ENOSPC, errno.EDQUOT)
 _SIZES = ("B", "kB", "MB", "GB", "TB")
+_HELD: set[Path] = set()
+"""Outputs that this process has locked."""
+_LOCK_NAME = 60
+"""Characters of a name in the name of its lock: a file system takes 255 bytes."""
 
 
 @contextmanager
@@ -64,7 +68,7 @@ def atomic_write(path: str | Path, size: int | None = None) -> Iterator[BinaryIO
             temporary.unlink()
         _unmake(made)
         if isinstance(error, OSError) and _anonymous(error, temporary):
-            raise _told(error, path, size, written) from error
+            raise _named(error, path, size, written) from error
         raise
 
 
@@ -201,12 +205,6 @@ def write_json(path: str | Path, content: Any) -> None:
     write_text(path, json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
 
 
-_HELD: set[Path] = set()
-"""Outputs that this process has locked."""
-_LOCK_NAME = 60
-"""Characters of a name in the name of its lock: a file system takes 255 bytes."""
-
-
 def _temporary_name() -> str:
     return TEMPORARY.replace("*", secrets.token_hex(8))
 
@@ -322,7 +320,7 @@ def _anonymous(error: OSError, temporary: Path) -> bool:
     return error.errno is not None and error.filename in (None, str(temporary))
 
 
-def _told(error: OSError, path: Path, size: int | None, written: int) -> OSError:
+def _named(error: OSError, path: Path, size: int | None, written: int) -> OSError:
     """The same error with the file's name; on a full disk with the space needed and free."""
     text = error.strerror
     if error.errno in _FULL:

@@ -9,13 +9,13 @@ from typing import Any
 from wrenchbed.errors import WrenchbedError, raise_shortage
 
 _LARGEST = {"JSON": 2**25, "TOML": 2**20}
-"""Of a file [bytes]: estimates, 10 times the largest diagnosis and 100 times the largest map."""
+"""Of a file [bytes]: 10 times the largest diagnosis and 100 times the largest map."""
 _MOST_DOTS = 200
 """In a line of TOML: time and memory of `tomllib` grow with the square of a key's parts."""
 _PARQUET = b"PAR1"
 """How such files begin."""
 _DEEPEST = 100
-"""Levels of nested objects and lists: estimate, wrenchbed writes 7."""
+"""Levels of nested objects and lists: wrenchbed writes 7, Python's recursion ends at 1,000."""
 
 
 def load(path: str | Path, error: type[WrenchbedError], other: str = "JSON") -> Any:

@@ -14,7 +14,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 
 _LOOKS_S = 0.2
-"""How often a worker looks whether its parent is alive [s]; estimate."""
+"""How often a worker looks whether its parent is alive [s]: it ends within a second."""
 _PR_SET_PDEATHSIG = 1
 """Option of prctl: linux/prctl.h."""
 _GROUPS: set[int] = set()

@@ -25,6 +25,7 @@ from wrenchbed.jobs.workers import Progress, in_workers, silent
 Row = dict[str, Any]
 Work = Callable[[Any, int], list[Row]]
 """(what all parts share, the part's number) → rows."""
+_SHARED: list[Any] = []
 
 
 def key(*things: object) -> str:
@@ -125,9 +126,6 @@ def run(
     count = processes or os.cpu_count() or 1
     in_workers(_compute, missing, finished, count, _share, work, shared, parts)
     return parts.table(numbers)
-
-
-_SHARED: list[Any] = []
 
 
 def _share(*shared: Any) -> None:

@@ -22,6 +22,15 @@ from threadpoolctl import threadpool_limits
 from wrenchbed.errors import ShortageError, WorkerError
 from wrenchbed.jobs.ending import end_with
 
+_LEAST_FILES = 64
+"""Files that this process must be able to open: a diagnosis needed 24."""
+_FILES_A_WORKER = 4
+"""Pipes and sentinels of one worker process; counted with CPython 3.11."""
+_ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+Item = TypeVar("Item")
+P = ParamSpec("P")
+R = TypeVar("R")
+
 
 class Progress(Protocol):
     """Called when further steps are done."""
@@ -32,16 +41,6 @@ class Progress(Protocol):
 
 def silent(count: int, label: str = "", /) -> None:
     """Report nothing."""
-
-
-_LEAST_FILES = 64
-"""Files that this process must be able to open; estimate: a diagnosis needed 24."""
-_FILES_A_WORKER = 4
-"""Pipes and sentinels of one worker process; counted with CPython 3.11."""
-_ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-Item = TypeVar("Item")
-P = ParamSpec("P")
-R = TypeVar("R")
 
 
 def in_workers(
@@ -157,8 +156,8 @@ def _how(processes: Sequence[BaseProcess]) -> str:
         )
     if code is not None and code < 0:
         return f"a worker process crashed ({signal.Signals(-code).name})"
-    told = f"with code {code}; what it printed states the reason" if code else "without a word"
-    return f"a worker process ended {told}; memory may be short: use fewer processes"
+    cause = f"with code {code}; what it printed states the reason" if code else "without a word"
+    return f"a worker process ended {cause}; memory may be short: use fewer processes"
 
 
 def one_thread(work: Callable[P, R]) -> Callable[P, R]:

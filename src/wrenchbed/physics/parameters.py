@@ -11,6 +11,9 @@ import numpy as np
 
 from wrenchbed.errors import ParameterError
 
+_PATTERNS = 4096
+"""Patterns that are kept with what they match: a robot has a hundred."""
+
 
 @dataclass(frozen=True)
 class Parameter:
@@ -136,10 +139,6 @@ class ParameterSet(Sequence[Parameter]):
                 f"parameter {parameter.name} = {value:g} {unit} lies outside "
                 f"{parameter.lower:g} … {parameter.upper:g} {unit}{other}"
             )
-
-
-_PATTERNS = 4096
-"""Patterns that are kept with what they match; estimate: a robot has a hundred."""
 
 
 @lru_cache(_PATTERNS)

@@ -8,6 +8,10 @@ import numpy as np
 
 from wrenchbed.physics.time_derivatives import Value, cos, reshape_matrix, sin, stack_jets
 
+_TERMS = 18
+"""Of the series, by definition φ²ᵏ/(2k + 1)!: at φ = π the first omitted one, 6e-26, is below
+rounding."""
+
 
 def rot_x(angle: Value) -> Value:
     return rot_x_of(cos(angle), sin(angle))
@@ -73,11 +77,6 @@ def exp_rates(vector: np.ndarray) -> np.ndarray:
         spin = exp(*shifted).imag / 1e-30 @ exp(*vector).T
         columns.append([spin[2, 1], spin[0, 2], spin[1, 0]])
     return np.array(columns).T
-
-
-_TERMS = 18
-"""Of the series, by definition φ²ᵏ/(2k + 1)!: at φ = π the first omitted one, 6e-26, is below
-rounding."""
 
 
 def _sinc(square: Value) -> Value:

@@ -13,6 +13,9 @@ from typing import Any
 import numpy as np
 
 HINGE, SLIDE = "hinge", "slide"
+CONNECT, WELD, COUPLED = "connect", "weld", "joint"
+MESH_VERTICES = 300
+"""About the most vertices that a mesh keeps: enough to know a link by, few enough to travel."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,9 +79,6 @@ class Load:
     inertia: tuple[float, ...]
     bodies: tuple[str, ...] = ()
     shapes: tuple[Shape, ...] = ()
-
-
-CONNECT, WELD, COUPLED = "connect", "weld", "joint"
 
 
 @dataclass(frozen=True, eq=False)
@@ -246,10 +246,6 @@ def _shapes(raw: list[dict[str, Any]]) -> tuple[Shape, ...]:
 def _link(raw: Mapping[str, Any]) -> ArmLink:
     arrays = {k: np.array(raw[k], dtype=float) for k in ("axis", "turn", "shift", "cog", "inertia")}
     return ArmLink(**{**raw, **arrays, "shapes": _shapes(raw["shapes"])})
-
-
-MESH_VERTICES = 300
-"""About the most vertices that a mesh keeps: enough to know a link by, few enough to travel."""
 
 
 def lighter(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -20,7 +20,7 @@ _LIGHTEST, _SMALLEST = 1e-6, 1e-9
 _STIFF, _HARD = "0.0001 1", "0.9999 0.9999 0.001 0.5 2"
 """MuJoCo's solref and solimp of closed loops: below 1 µm open in motion."""
 _THICK = 0.035
-"""Radius of a link of which nothing can be drawn, over the arm's reach: estimate."""
+"""Radius of a link of which nothing can be drawn, over the arm's reach: it is only drawn."""
 _FLAT, _WIDE = 0.018, 0.036
 """Half height and radius of the disc that stands for the sensor [m]: about an ATI Gamma's."""
 _GREY, _ORANGE, _DARK = "0.72 0.74 0.77 1", "0.86 0.56 0.16 1", "0.10 0.11 0.14 1"

@@ -31,6 +31,18 @@ STEP = 1e-30
 """Imaginary step of the complex-step derivative; exact to rounding however small."""
 Values = Mapping[str, Any]
 """Parameter values by name: numbers, or (K, 1) for a batch of K vectors against N poses."""
+_OF_SLIDES: Mapping[str, str] = {
+    "N·m": "N", "N·m·s/rad": "N·s/m", "kg·m²": "kg", "N·m/A": "N/A", "N·m/K": "N/K",
+    "N·m/rad": "N/m", "rad": "m", "rad/s": "m/s",
+}  # fmt: skip
+"""Units of slides where hinges have others."""
+ANGLE = np.deg2rad(0.5)
+"""Typical error of a joint's zero, of the base's tilt and of the mount [rad]: it scales
+a fit's columns, and is the spread of priors and of simulated robots."""
+TILT = "rotation vector that turns gravity as the base sees it, g → Exp(α) g"
+INERTIA_AXES = ("xx", "yy", "zz", "xy", "xz", "yz")
+LOAD = frozenset([*(f"tool.inertia.{a}" for a in INERTIA_AXES), "sensor.mass"])
+"""Names of `load_parameters`."""
 
 
 @dataclass(frozen=True)
@@ -46,13 +58,6 @@ class Joint:
     def own(self, unit: str) -> str:
         """A unit of hinges as this joint has it: a slide N for N·m and m for rad."""
         return _OF_SLIDES.get(unit, unit) if self.unit == "m" else unit
-
-
-_OF_SLIDES: Mapping[str, str] = {
-    "N·m": "N", "N·m·s/rad": "N·s/m", "kg·m²": "kg", "N·m/A": "N/A", "N·m/K": "N/K",
-    "N·m/rad": "N/m", "rad": "m", "rad/s": "m/s",
-}  # fmt: skip
-"""Units of slides where hinges have others."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -293,17 +298,6 @@ class SimulatedRobot(Robot):
     def mjcf(self) -> Path:
         """Path of the robot's MJCF file."""
         return models() / self.name / f"{self.name}.xml"
-
-
-ANGLE = np.deg2rad(0.5)
-"""Typical error of a joint's zero, of the base's tilt and of the mount [rad], estimate."""
-TILT = "rotation vector that turns gravity as the base sees it, g → Exp(α) g"
-
-INERTIA_AXES = ("xx", "yy", "zz", "xy", "xz", "yz")
-
-
-LOAD = frozenset([*(f"tool.inertia.{a}" for a in INERTIA_AXES), "sensor.mass"])
-"""Names of `load_parameters`."""
 
 
 def load_parameters(inertia: Sequence[float]) -> ParameterSet:

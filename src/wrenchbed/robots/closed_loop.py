@@ -33,13 +33,16 @@ _CLOSED = 1e-10
 _DIGITS = 1e-6
 """What the file's digits leave of equations that hold by themselves, likewise."""
 _NEAR_SINGULAR = 0.05
-"""Smallest 1/‖(∂r/∂x)⁻¹‖ of a pose over that at home: estimate."""
+"""Smallest 1/‖(∂r/∂x)⁻¹‖ of a pose over that at home: below it an error of
+the driven joints moves the passive ones twenty times as far as at home."""
 _RANK = 1e-7
 """Singular values of ∂r/∂x below this share of the largest are zero."""
 _SEEDS, _ROUNDS, _NEAREST = 300, 3, 2
 """Poses solved beforehand, rounds of reaching them, and how many a pose is reached from."""
 _STEPS = 12
 """Newton steps to a solution at most; it needs three to five."""
+Frame = tuple[Value, Value]
+"""Rotation (…, N, 3, 3) and origin (…, N, 3) [m] in the base's axes."""
 
 
 class Geometry(NamedTuple):
@@ -59,10 +62,6 @@ class Geometry(NamedTuple):
     places: Sequence[tuple[np.ndarray, np.ndarray]]
     welds: Sequence[np.ndarray]
     offsets: Sequence[np.ndarray]
-
-
-Frame = tuple[Value, Value]
-"""Rotation (…, N, 3, 3) and origin (…, N, 3) [m] in the base's axes."""
 
 
 class ClosedLoops:

@@ -38,13 +38,16 @@ if TYPE_CHECKING:
     import mujoco
 
 _LENGTH, _TWIST, _SLIDE = 5e-4, 1e-3, 1e-3
-"""Typical errors of a link's position [m], its rotation [rad], a slide's zero [m]: estimates."""
+"""Typical errors of a link's position [m], its rotation [rad], a slide's zero [m]: they scale a
+fit's columns, and are the spread of priors and of simulated robots."""
 _FARTHEST = 10.0
 """Bound of a link's position [m]."""
 _CLEAR = 0.08
-"""How far the tool keeps from the arm's limbs, over the arm's reach: estimate."""
+"""How far the tool keeps from the arm's limbs, over the arm's reach: about half a limb's
+thickness and half a tool's; a smaller one plans poses in which the tool touches the arm."""
 _ALIKE = 0.9
-"""Cosine from which a rotation about an axis is that of a joint beside it; estimate."""
+"""Cosine from which a rotation about an axis is that of a joint beside it: 26°; such a
+rotation is no twist between axes."""
 _WRIST = 3
 """Joints at the arm's end whose links the tool may be near."""
 

@@ -13,11 +13,15 @@ from wrenchbed.physics.wrench import Tool, physical_inertia
 
 POINT = 1e-9
 """Moments of inertia of a point mass [kg·m²], since MuJoCo takes no 0; a hundred thousandth of a
-small tool's: estimate."""
+small tool's."""
 
 
 _FILES = 8
-"""Parsed files that are kept; estimate: a process works on few robots."""
+"""Parsed files that are kept: a process works on few robots."""
+_TOUCHING = ("collision", "touched")
+"""Classes of the shapes that touch, in the files of robots."""
+STIFFNESS, DAMPING = 20000.0, 400.0
+"""Of a servo [N·m/rad, N·m·s/rad; N/m, N·s/m]: chosen, it holds still."""
 
 
 def bare(path: Path) -> mujoco.MjSpec:
@@ -48,10 +52,6 @@ def frictionless(spec: mujoco.MjSpec) -> mujoco.MjSpec:
     return spec
 
 
-_TOUCHING = ("collision", "touched")
-"""Classes of the shapes that touch, in the files of robots."""
-
-
 def servo_gains(home: float) -> dict[str, str]:
     """Attributes of a ``general`` actuator that holds a joint at ``home`` while its ctrl is 0.
 
@@ -59,10 +59,6 @@ def servo_gains(home: float) -> dict[str, str]:
     """
     bias = f"{STIFFNESS * home!r} {-STIFFNESS:g} {-DAMPING:g}"
     return {"biastype": "affine", "gainprm": f"{STIFFNESS:g}", "biasprm": bias}
-
-
-STIFFNESS, DAMPING = 20000.0, 400.0
-"""Of a servo [N·m/rad, N·m·s/rad; N/m, N·s/m]: chosen, it holds still."""
 
 
 def place(

@@ -45,9 +45,11 @@ from wrenchbed.robots.model_source import ModelSource
 
 JOINT = mujoco.mjtJoint
 _SPEED = {HINGE: np.pi / 2, SLIDE: 0.25}
-"""Top speed of a joint whose file states none [rad/s, m/s]: estimate."""
+"""Top speed of a joint whose file states none [rad/s, m/s]: half that of a UR5, so that
+a plan is slow rather than fast. The TOML states it."""
 _RANGE = {HINGE: 6.2832, SLIDE: 1.0}
-"""Limits ± of a joint whose file states none [rad, m]: estimate."""
+"""Limits ± of a joint whose file states none [rad, m]: a whole turn either way. The TOML
+states it."""
 _NOTHING = 1e-9
 """Mass below which a body weighs nothing [kg]."""
 _BOUND = 1e-12
@@ -55,7 +57,8 @@ _BOUND = 1e-12
 _SECOND_ARM = 3
 """Joints in series off the chain that make another arm; fewer are a gripper's or a camera's."""
 _BALL_M = 0.03
-"""Radius of gyration of a ball that stands for an impossible inertia [m]: estimate."""
+"""Radius of gyration of a ball that stands for an impossible inertia [m]: no reading at
+rest depends on it."""
 _MESHES = (".stl", ".obj", ".msh")
 """Formats of meshes that MuJoCo reads."""
 _MOST_MESH_BYTES = 2**27
@@ -73,6 +76,8 @@ _FRAME = "wrenchbed frame"
 _FLOATS = "the base floats: a robot is calibrated on a base that stands: leave the free joint out"
 _HIDDEN_GROUP = 3
 """First group that MuJoCo's own viewer does not show."""
+RESERVED = ("world", "base", "flange", "tool", "sensor_side")
+"""Bodies of every robot's own MJCF, which no link may be called."""
 
 
 def read_arm(path: Path, frame: str, hold_others: bool = False) -> ArmFile:
@@ -437,10 +442,8 @@ class _Tree:
         for body in range(1, model.nbody):
             if body in behind:
                 continue
-            series = [
-                j for b in self._path(body) for j in self._joints(b)
-                if j not in chain and JOINT(model.jnt_type[j]) in moved
-            ]  # fmt: skip
+            above = [j for j in self._above(body) if j not in chain]
+            series = [j for j in above if JOINT(model.jnt_type[j]) in moved]
             depth = max(depth, len(series))
             names += [self._joint_name(j) for j in series if self._joint_name(j) not in names]
         if depth >= _SECOND_ARM and not hold:
@@ -458,7 +461,7 @@ class _Tree:
         moving = {
             self.model.body(b).name
             for b in range(1, self.model.nbody)
-            if b not in behind and any(j in chain for p in self._path(b) for j in self._joints(p))
+            if b not in behind and any(j in chain for j in self._above(b))
         }
         for first, second, coupled in [*loops, *((*pair, True) for pair in self.source.mimics())]:
             inside = joints if coupled else moving
@@ -474,13 +477,9 @@ class _Tree:
         """The link of each body (B,) from 1 on, 0 of the base; −1 of the tool's and loose ones."""
         result = np.zeros(self.model.nbody, dtype=int)
         for body in range(1, self.model.nbody):
-            path = self._path(body)
-            loose = any(
-                JOINT(self.model.jnt_type[j]) == JOINT.mjJNT_FREE
-                for b in path
-                for j in self._joints(b)
-            )
-            moving = [chain.index(j) + 1 for b in path for j in self._joints(b) if j in chain]
+            above = self._above(body)
+            loose = any(JOINT(self.model.jnt_type[j]) == JOINT.mjJNT_FREE for j in above)
+            moving = [chain.index(j) + 1 for j in above if j in chain]
             result[body] = -1 if loose or body in behind else max(moving, default=0)
         return result
 
@@ -616,10 +615,6 @@ def _colour(model: mujoco.MjModel, g: int) -> np.ndarray:
 def _plain(name: str) -> str:
     """A name without what patterns and effects use."""
     return re.sub(r"[^\w.-]", "_", name)
-
-
-RESERVED = ("world", "base", "flange", "tool", "sensor_side")
-"""Bodies of every robot's own MJCF, which no link may be called."""
 
 
 def _distinct(links: list[ArmLink]) -> list[ArmLink]:

@@ -35,6 +35,9 @@ from wrenchbed.robots.chain import Fixed, SerialChain, Spin
 if TYPE_CHECKING:
     import mujoco
 
+Spot = tuple[int, float, float]
+"""A point of the arm: number of a link from 0, x and z in its axes [m]."""
+
 
 @dataclass(frozen=True)
 class Link:
@@ -58,10 +61,6 @@ class Link:
     speed: float
     sampled: tuple[float, float] | None = None
     gear_ratio: float | None = None
-
-
-Spot = tuple[int, float, float]
-"""A point of the arm: number of a link from 0, x and z in its axes [m]."""
 
 
 @dataclass(frozen=True)

@@ -25,6 +25,15 @@ from wrenchbed.robots.serial_arm import Link
 from wrenchbed.robots.ur5 import ARM
 from wrenchbed.robots.ur_arm import ALPHA, GEAR_RATIO, LIMIT, SAMPLED, URArm
 
+_SMALL = ((0.0, -0.02, 0.0), (0.13, 0.0, 0.1157), (0.05, 0.0, 0.0238), (0.0, 0.0, 0.01),
+          (0.0, 0.0, 0.01), (0.0, 0.0, -0.02))  # fmt: skip
+_MIDDLE = ((0.0, -0.02561, 0.00193), (0.2125, 0.0, 0.11336), (0.15, 0.0, 0.0265),
+           (0.0, -0.0018, 0.01634), (0.0, 0.0018, 0.01634), (0.0, 0.0, -0.001159))  # fmt: skip
+_LARGE = ((0.021, 0.0, 0.027), (0.38, 0.0, 0.158), (0.24, 0.0, 0.068), (0.0, 0.007, 0.018),
+          (0.0, 0.007, 0.018), (0.0, 0.0, -0.026))  # fmt: skip
+_SLOW_BASE = (120.0, 120.0, 180.0, 180.0, 180.0, 180.0)
+_FAST_WRIST = (180.0, 180.0, 180.0, 360.0, 360.0, 360.0)
+
 
 class _Published(NamedTuple):
     """What is published of an arm: d1, a2, a3, d4, d5, d6 [m]; masses [kg], CoGs [m] at the links'
@@ -36,14 +45,6 @@ class _Published(NamedTuple):
     speeds: tuple[float, ...]
 
 
-_SMALL = ((0.0, -0.02, 0.0), (0.13, 0.0, 0.1157), (0.05, 0.0, 0.0238), (0.0, 0.0, 0.01),
-          (0.0, 0.0, 0.01), (0.0, 0.0, -0.02))  # fmt: skip
-_MIDDLE = ((0.0, -0.02561, 0.00193), (0.2125, 0.0, 0.11336), (0.15, 0.0, 0.0265),
-           (0.0, -0.0018, 0.01634), (0.0, 0.0018, 0.01634), (0.0, 0.0, -0.001159))  # fmt: skip
-_LARGE = ((0.021, 0.0, 0.027), (0.38, 0.0, 0.158), (0.24, 0.0, 0.068), (0.0, 0.007, 0.018),
-          (0.0, 0.007, 0.018), (0.0, 0.0, -0.026))  # fmt: skip
-_SLOW_BASE = (120.0, 120.0, 180.0, 180.0, 180.0, 180.0)
-_FAST_WRIST = (180.0, 180.0, 180.0, 360.0, 360.0, 360.0)
 _UR5E = _Published(
     (0.1625, -0.425, -0.3922, 0.1333, 0.0997, 0.0996),
     (3.761, 8.058, 2.846, 1.37, 1.3, 0.365),
@@ -129,12 +130,12 @@ NAMES = tuple(_ARMS)
 @cache
 def ur_arm(name: str) -> URArm:
     """An arm of `NAMES`, with the UR5's sensor and tool."""
-    told, scale = _ARMS[name], _ARMS[name].lengths[1] / ARM.links[1].a
+    published, scale = _ARMS[name], _ARMS[name].lengths[1] / ARM.links[1].a
     links = tuple(
-        _published_link(told, k, body)
+        _published_link(published, k, body)
         for k, body in enumerate(link.body.body for link in ARM.links)
     )
-    side = told.lengths[3] / ARM.links[3].d
+    side = published.lengths[3] / ARM.links[3].d
     limbs = tuple(((k, 0.0, z * side), (k, links[k].a, z * side)) for (k, _, z), _ in ARM.limbs)
     return URArm(
         replace(
@@ -155,11 +156,11 @@ def _title(name: str) -> str:
     return "UR" + name[2:].replace("long", " Long")
 
 
-def _published_link(told: _Published, k: int, body: str) -> Link:
-    d1, a2, a3, d4, d5, d6 = told.lengths
+def _published_link(published: _Published, k: int, body: str) -> Link:
+    d1, a2, a3, d4, d5, d6 = published.lengths
     a, d = ((0.0, d1), (a2, 0.0), (a3, 0.0), (0.0, d4), (0.0, d5), (0.0, d6))[k]
-    cog = rot_x(ALPHA[k]) @ np.array(told.cogs[k]) + np.array([a, 0.0, d])
+    cog = rot_x(ALPHA[k]) @ np.array(published.cogs[k]) + np.array([a, 0.0, d])
     x, y, z = (float(round(c, 9)) for c in cog)
-    mass = BodyMass(body, told.masses[k], (x, y, z))
-    speed = float(np.deg2rad(told.speeds[k]))
+    mass = BodyMass(body, published.masses[k], (x, y, z))
+    speed = float(np.deg2rad(published.speeds[k]))
     return Link(a, d, ALPHA[k], mass, -LIMIT, LIMIT, speed, SAMPLED[k], GEAR_RATIO)

@@ -14,7 +14,7 @@ from wrenchbed.robots.compiled import statics
 
 _DOUBLE = np.dtype(float)
 _KEPT = 32
-"""Parameter vectors whose constants are kept; estimate: a fit compares a few."""
+"""Parameter vectors whose constants are kept: a fit compares a few."""
 _IDEAL = np.append(np.zeros(6), np.eye(3))
 """Bias and gains of a sensor that shows the load."""
 _LOAD = slice(3, 8)

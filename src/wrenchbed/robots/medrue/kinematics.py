@@ -54,6 +54,15 @@ _TEXT = {
     "S": "sensor frame in the wrist frame",
     "G": "centre of gravity in the wrist frame",
 }
+PROBE_INERTIA = (7e-4, 7e-4, 2e-4, 0.0, 0.0, 0.0)
+"""Estimate [kg·m²]: a 0.365 kg rod of 0.15 m; the paper, at rest, needs none."""
+IDENTIFIED = (
+    "A1z C1y A2y A2z C2z L11 L12 L13 L14 L21 L22 L24 d41 beta0 gamma0 dq2 dq3 dq4 dq5 dq6 "
+    "alphaS betaS gammaS xG yG zG mTool"
+).split()
+"""The 27 that Table 1 really identifies (A1y and C1z are unstarred but frozen there)."""
+MIN_HEIGHT = 0.05
+"""Distance of E from the line through both elbows [m], below which a five-bar is near singular."""
 
 
 def _text(name: str) -> str:
@@ -76,16 +85,8 @@ def _parameter(name: str) -> Parameter:
 PAPER = ParameterSet(tuple(_parameter(name) for name in _ORDER))
 """The paper's 49 parameters."""
 
-PROBE_INERTIA = (7e-4, 7e-4, 2e-4, 0.0, 0.0, 0.0)
-"""Estimate [kg·m²]: a 0.365 kg rod of 0.15 m; the paper, at rest, needs none."""
 
 PARAMETERS = PAPER + load_parameters(PROBE_INERTIA)
-
-IDENTIFIED = (
-    "A1z C1y A2y A2z C2z L11 L12 L13 L14 L21 L22 L24 d41 beta0 gamma0 dq2 dq3 dq4 dq5 dq6 "
-    "alphaS betaS gammaS xG yG zG mTool"
-).split()
-"""The 27 that Table 1 really identifies (A1y and C1z are unstarred but frozen there)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -288,10 +289,6 @@ def failures(p: Values, q: np.ndarray) -> dict[int, str]:
     for row in np.flatnonzero(lost):
         bad.setdefault(int(row), "the wrist cannot turn to where its two universal joints point")
     return dict(sorted(bad.items()))
-
-
-MIN_HEIGHT = 0.05
-"""Distance of E from the line through both elbows [m], below which a five-bar is near singular."""
 
 
 def _height2(p: Values, i: int, gap: np.ndarray) -> np.ndarray:

@@ -59,6 +59,8 @@ SUPPORT = (
 LINKS = (CARRIAGE, *BARS[0], *BARS[1], *SUPPORT)
 
 _MASSES = masses(LINKS)
+JOINTS = ("q1", "q2", "b1", "q3", "d1", "q6", "beta", "alpha", "slide", "q4", "b2", "q5", "d2")
+"""The MJCF's joints in the order of MuJoCo's ``qpos``."""
 
 
 def links(p: Values, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -93,10 +95,6 @@ def _place(p: Values, i: int, x: np.ndarray, bar: FiveBar, centres: np.ndarray) 
         centres[0, k] = x + off
         centres[1, k] = start[..., 0] + reach * along[:, 0] - across * along[:, 1]
         centres[2, k] = start[..., 1] + reach * along[:, 1] + across * along[:, 0]
-
-
-JOINTS = ("q1", "q2", "b1", "q3", "d1", "q6", "beta", "alpha", "slide", "q4", "b2", "q5", "d2")
-"""The MJCF's joints in the order of MuJoCo's ``qpos``."""
 
 
 def write(mjcf: Path, p: Values, tool: Tool, ref: np.ndarray) -> mujoco.MjSpec:

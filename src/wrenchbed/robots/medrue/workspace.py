@@ -18,6 +18,13 @@ if TYPE_CHECKING:
 
 
 _Q6_START = np.deg2rad(93.0)  # the pool's q6, 165°…382°, sits in the middle of the turn from here
+LOW, HIGH = (0.0, 0.2), (0.8, 0.65)
+"""x, y of the pool [m]."""
+LAYERS = (-0.25, -0.10, 0.05)
+"""z of the pool's layers [m]."""
+ORIENTATIONS = 100
+"""Of each position in the pool of 40,000."""
+_TRIES = 200
 
 
 def joints(p: Values, rotation: np.ndarray, position: np.ndarray) -> np.ndarray:
@@ -98,15 +105,6 @@ def random_poses(
     gamma = np.pi + rng.uniform(-roll, roll, n)
     position = rng.uniform([0.0, 0.2, -0.25], [0.8, 0.65, 0.05], (n, 3))
     return euler(alpha, beta, gamma), position
-
-
-LOW, HIGH = (0.0, 0.2), (0.8, 0.65)
-"""x, y of the pool [m]."""
-LAYERS = (-0.25, -0.10, 0.05)
-"""z of the pool's layers [m]."""
-ORIENTATIONS = 100
-"""Of each position in the pool of 40,000."""
-_TRIES = 200
 
 
 def pool(

@@ -19,6 +19,9 @@ REVERSAL = 1e-3
 """Speed within which friction changes its sign, as tanh [rad/s or m/s]; estimate."""
 _ROOM_C = 25.0
 """Temperature at which friction is nominal [°C]; estimate."""
+Values = Mapping[str, float]
+Memory = dict[str, Any]
+_TURN = 2.0 * np.pi
 
 
 class Rows(NamedTuple):
@@ -46,8 +49,6 @@ class Rows(NamedTuple):
         return np.asarray(np.tanh(self.qd / REVERSAL))
 
 
-Values = Mapping[str, float]
-Memory = dict[str, Any]
 Formula = Callable[[Rows, np.ndarray, Values, Memory], np.ndarray]
 """From rows and torque so far (N,) to the torque with the fault (N,)."""
 
@@ -140,7 +141,6 @@ def _delay(rows: Rows, torque: np.ndarray, p: Values, memory: Memory) -> np.ndar
     return np.asarray(np.interp(rows.t - p["size"], t, past))
 
 
-_TURN = 2.0 * np.pi
 FAULTS: Mapping[str, Fault] = {
     "coulomb": Fault("more friction of direction", "N·m", 0.5, _coulomb, of_friction=True),
     "viscous": Fault("more friction per speed", "N·m·s/rad", 0.5, _viscous, of_friction=True),
