@@ -241,11 +241,10 @@ def test_a_log_of_torques_is_split_into_holds(tmp_path):
 def test_a_robots_file_is_seen_from_the_map(tmp_path, monkeypatch):
     (tmp_path / "maps").mkdir()
     (tmp_path / "away").mkdir()
-    made = describe(
+    describe(
         DATA / "iiwa.xml", "right_hand", tmp_path / "maps" / "my.toml", tool_mass=2.0,
         tool_cog=(0.0, 0.0, 0.1),
     )  # fmt: skip
-    made.write(tmp_path / "maps" / "my.toml")
     name = registry.load("robots", str(tmp_path / "maps" / "my.toml")).name
     raw = basic(q7={"column": "J1", "unit": "deg"})
     raw["recording"]["robot"] = "my.toml"
