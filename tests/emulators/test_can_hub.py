@@ -11,11 +11,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robot_emulators.base.arguments import read
-from robot_emulators.can_bus import client as text
+from robot_emulators.can_bus import socketcand as text
 from robot_emulators.can_bus.hub import Hub
 from robot_emulators.can_bus.wire import Frame
+from robot_emulators.errors import EmulatorError, SettingError
 from robot_emulators.medrue.server import BusSettings
-from wrenchbed.errors import DriverError, LinkError, ParameterError
+from wrenchbed.errors import LinkError
 from wrenchbed.hardware.transducers.netcanoem.link import CanLink, open_bus
 
 pytestmark = pytest.mark.wire
@@ -116,7 +117,7 @@ def test_the_handshake_and_what_is_refused():
 
 def test_no_frame_follows_the_answer_to_rawmode_at_once():
     with hub() as one:
-        send = one.attach(lambda t, frame: None)
+        send = one.attach().send
         with socket.create_connection((HOST, one.port), 2.0) as client:
             assert client.recv(100) == b"< hi >"
             talk(client, "< open can0 >", "< ok >")
@@ -130,7 +131,7 @@ def test_no_frame_follows_the_answer_to_rawmode_at_once():
 
 def test_a_client_that_does_not_read_is_disconnected_and_the_others_are_not():
     with hub() as one:
-        send = one.attach(lambda t, frame: None)
+        send = one.attach().send
         slow = socket.socket()
         slow.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
         slow.connect((HOST, one.port))
@@ -152,7 +153,10 @@ def test_a_client_that_does_not_read_is_disconnected_and_the_others_are_not():
 
 
 def test_a_port_that_is_taken_is_named():
-    with hub() as one, pytest.raises(DriverError, match=f"{HOST}:{one.port}.*another host or port"):
+    with (
+        hub() as one,
+        pytest.raises(EmulatorError, match=f"{HOST}:{one.port}.*another host or port"),
+    ):
         Hub(HOST, one.port).start()
 
 
@@ -233,5 +237,5 @@ def test_a_listener_that_fails_does_not_keep_frames_from_others():
      ({"wire": "yes"}, "on or off"), ({"watchdog": "0"}, "above 0"), ({"bus": "x"}, "virtual:")],
 )  # fmt: skip
 def test_settings_that_are_none(words, named):
-    with pytest.raises(ParameterError, match=named):
+    with pytest.raises(SettingError, match=named):
         read(words, BusSettings)

@@ -222,7 +222,7 @@ def test_what_a_pdo_may_carry(pdo, entry, code):
     assert Bench().map(pdo, entry) == code
 
 
-@settings(deadline=None)
+@settings(deadline=None, max_examples=30)
 @given(
     st.lists(
         st.tuples(

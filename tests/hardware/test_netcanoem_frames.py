@@ -132,7 +132,9 @@ def test_more_answers_than_requests_are_a_clash_and_late_ones_are_not():
 def board(slot=2, base=0x68):
     sent: list[Frame] = []
     load = np.array([3.0, -2.0, 10.0, 0.05, -0.04, 0.1])
-    return BoardEmulator(sent.append, base, slot, 1_000_000, lambda t: load), sent, load
+    matrix = registry.load("sensors", "ati-mini40").gauges
+    one = BoardEmulator(sent.append, base, slot, 1_000_000, lambda t: load, matrix)
+    return one, sent, load
 
 
 def ask(one, sent, opcode, data=b"", t=1.0):

@@ -11,8 +11,6 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from robot_emulators.netft_box import rdt
-from robot_emulators.netft_box import web as server
-from wrenchbed import web_requests
 from wrenchbed.errors import DriverError, LinkError
 from wrenchbed.hardware.transducers.netft import configuration, datagrams
 from wrenchbed.hardware.transducers.netft.datagrams import Record, table
@@ -161,17 +159,6 @@ def test_an_answer_is_a_page_or_refused(answer, error, why):
         threading.Thread(target=serve, daemon=True).start()
         with pytest.raises(error, match=why) if error else contextlib.nullcontext():
             assert configuration.get(*listener.getsockname(), "/netftapi2.xml") == b"abc"
-
-
-@given(st.binary(max_size=300))
-@example(b"GET /netftapi2.xml HTTP/1.0\r\n\r\n")
-@example(b"POST /comm.cgi HTTP/1.1\r\nContent-Length: 1_0\r\n\r\nab")
-def test_a_box_bears_any_web_request(data):
-    whole = server.complete(data)
-    assert not whole or b"\r\n\r\n" in data
-    assert server.complete(data + b"more") or not whole
-    with contextlib.suppress(web_requests.RefusedError):
-        assert web_requests.parse(data).target.startswith("/")
 
 
 @settings(deadline=None)

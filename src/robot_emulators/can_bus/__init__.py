@@ -1,4 +1,4 @@
 """A CAN bus between processes, with a model of the wire that the frames would travel on.
-Imports: emulators/base, registry, errors.
+Imports: robot_emulators/base, errors.
 Read first: hub.py.
 """

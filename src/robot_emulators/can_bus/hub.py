@@ -1,116 +1,91 @@
 """The bus as a server: clients over TCP and devices of this process hear each other's frames.
 
 One thread does everything. A device's callback runs in it and must return at once. Without the
-wire model frames pass at once and in the order of arrival, and their bits are only counted. An
-exception of a device or an order is reported and the bus goes on. An error of the hub itself is
-reported too; it closes the port and every connection. A bridge couples the hub to a bus of
-python-can: ``virtual`` in this process, or ``socketcan``.
+wire model frames pass at once and in the order of arrival. An exception of a device or an order is
+reported and the bus goes on. An error of the hub itself is reported too; it closes the port and
+every connection.
 """
 
+import asyncio
 import contextlib
-import threading
 import time
 import warnings
-from asyncio import TimerHandle
 from collections import Counter, deque
 from collections.abc import Callable
-from typing import Any
 
-from robot_emulators.base.event_loop import Listener, LoopThread, taken
-from robot_emulators.can_bus.client import (
+from robot_emulators.base.event_loop import Connection, Listener, LoopThread, taken
+from robot_emulators.can_bus.socketcand import (
     BUS_ERROR,
     BUS_OFF,
-    Client,
     Command,
     error_text,
     frame_of,
     frame_text,
+    split,
 )
 from robot_emulators.can_bus.wire import BusArbiter, Frame, Sent
-from robot_emulators.errors import EmulatorError, EmulatorWarning
+from robot_emulators.errors import EmulatorWarning
 
+DEFAULT_PORT = 29536
+CLIENTS = 16
+"""Most clients at a time."""
+BUFFER = 256 * 1024
+"""Bytes that wait for a client at most, half a second of a full bus of 1 Mbit/s; one that is slower
+is disconnected."""
 NOBODY = 0
 """Sender of traffic that occupies the wire while everybody's acceptance filter drops it."""
-_FRAME = Frame(0x001, bytes(range(8)))
+_FOREIGN = Frame(0x001, bytes(range(8)))
+_POSTED = 4096
+"""Most frames on their way into the hub's thread; older ones are lost."""
+_KERNEL = 64 * 1024
+_QUIET_S = 0.1
+"""So long after the answer to ``rawmode``, or until the client sends, frames are held back: clients
+read that answer by itself."""
+
+Heard = Callable[[float, Frame], None]
+"""Called with the time at which a frame was complete (`time.monotonic`) and the frame."""
+
+
+class Device:
+    """A device of this process at a hub.
+
+    Args:
+        post: takes a frame that it sends, from any thread.
+        heard: called with every frame of others; None hears nothing.
+        ids: of the frames that it hears, its acceptance filter; all if None.
+    """
+
+    def __init__(
+        self, post: Callable[[Frame], None], heard: Heard | None, ids: frozenset[int] | None
+    ) -> None:
+        self.send, self.heard, self.ids = post, heard, ids
+
+    def listen(self, ids: frozenset[int]) -> None:
+        """Hear other ids from now on."""
+        self.ids = ids
 
 
 class Foreign:
-    """Frames of a very low id that use a share of the wire for some time."""
+    """Frames of a very low id that use a part of the wire for some time."""
 
     def __init__(self) -> None:
         self.interval = 1e-3
         self._until = self._next = 0.0
 
-    def start(self, now: float, seconds: float, share: float, bitrate: int) -> None:
-        """Use a share of the wire from now on [s]."""
-        self.interval = _FRAME.bits / (bitrate * min(max(share, 0.01), 1.0))
+    def start(self, now: float, seconds: float, ratio: float, bitrate: int) -> None:
+        """Use a part of the wire (0 … 1) from now on [s]."""
+        self.interval = _FOREIGN.bits / (bitrate * ratio)
         self._until, self._next = now + seconds, now
 
     def active(self, now: float) -> bool:
-        """Whether they are about."""
+        """Whether they are sent at a time [s]."""
         return now < self._until
 
     def offer(self, now: float, wire: BusArbiter) -> None:
-        """Hand the wire what they have sent by now."""
-        if not self.active(now):
-            return
-        while self._next <= now:
-            wire.offer(self._next, NOBODY, _FRAME)
+        """Hand the wire what they have sent by now [s]."""
+        while self.active(now) and self._next <= now:
+            wire.offer(self._next, NOBODY, _FOREIGN)
             self._next += self.interval
-
-
-Heard = Callable[[float, Frame], None]
-"""Called with the time at which a frame was complete (`time.monotonic`) and the frame."""
-_IDS = 2048
-
-
-class Devices:
-    """Callbacks by number, each with the ids that it hears.
-
-    Args:
-        failed: called with every exception of a device.
-    """
-
-    def __init__(self, failed: Callable[[Exception], None]) -> None:
-        self._failed = failed
-        self._all: dict[int, tuple[Heard, frozenset[int] | None]] = {}
-        self._audience: dict[int, tuple[tuple[int, Heard], ...]] = {}
-
-    def add(self, number: int, heard: Heard, ids: frozenset[int] | None) -> None:
-        """One more, or another filter of one; it hears all ids if None."""
-        self._all[number] = (heard, ids)
-        self._audience = {}
-
-    def listen(self, number: int, ids: frozenset[int]) -> None:
-        """A device hears other ids from now on."""
-        self.add(number, self._all[number][0], ids)
-
-    def hear(self, t: float, sender: int, frame: Frame) -> None:
-        """Hand a frame, complete at t [s], to all who hear its id but its sender."""
-        for number, heard in self._hearing(frame.can_id):
-            if number != sender:
-                try:
-                    heard(t, frame)
-                except Exception as error:
-                    self._failed(error)
-
-    def _hearing(self, can_id: int) -> tuple[tuple[int, Heard], ...]:
-        audience = self._audience
-        found = audience.get(can_id)
-        if found is None:
-            if len(audience) > _IDS:
-                audience.clear()
-            found = audience[can_id] = tuple(
-                (number, heard)
-                for number, (heard, ids) in self._all.items()
-                if ids is None or can_id in ids
-            )
-        return found
-
-
-DEFAULT_PORT = 29536
-CLIENTS = 16
-"""Most clients at a time."""
 
 
 class Hub:
@@ -121,7 +96,7 @@ class Hub:
         port: 0 for any.
         channel: name that clients open.
         bitrate: of the wire model [bit/s].
-        wire: whether frames take the time that their bits take.
+        modelled: whether frames take the time that their bits take.
         failed: called, besides a warning, with every exception of a device, an order or the bus.
     """
 
@@ -131,47 +106,36 @@ class Hub:
         port: int = DEFAULT_PORT,
         channel: str = "can0",
         bitrate: int = 1_000_000,
-        wire: bool = False,
-        failed: Callable[[Exception], None] | None = None,
+        modelled: bool = False,
+        failed: Callable[[Exception], None] = lambda error: None,
     ) -> None:
         self.host, self.port, self.channel = host, port, channel
-        self.wire = BusArbiter(bitrate)
-        self.foreign = Foreign()
-        self._modelled = wire
-        self.stalled_until = 0.0
+        self.wire, self.foreign = BusArbiter(bitrate), Foreign()
+        self.stalled: Callable[[], bool] = lambda: False
+        """Whether frames are lost now."""
         self.counters: Counter[str] = Counter()
-        self._failed = failed
-        self._devices = Devices(self._fail)
-        self._filters: dict[Heard, int] = {}
+        self._modelled, self._failed = modelled, failed
+        self._devices: dict[int, Device] = {}
         self._clients: dict[int, Client] = {}
-        self._posted: deque[tuple[int, Frame]] = deque(maxlen=4096)
+        self._posted: deque[tuple[int, Frame]] = deque(maxlen=_POSTED)
         self._numbers = 0
         self._next: Sent | None = None
         self._thread = LoopThread("can hub", self._break_down)
         self._listener = Listener(self._thread, self._client)
-        self._timer: TimerHandle | None = None
+        self._timer: asyncio.TimerHandle | None = None
 
-    def attach(self, heard: Heard, ids: frozenset[int] | None = None) -> Callable[[Frame], None]:
-        """Add a device of this process; returns what sends its frames, from any thread.
-
-        Args:
-            heard: called with what others send.
-            ids: of the frames that it hears, its acceptance filter; all if None.
-        """
+    def attach(self, heard: Heard | None = None, ids: frozenset[int] | None = None) -> Device:
+        """Add a device of this process; see `Device`."""
         number = self._number()
-        self._devices.add(number, heard, ids)
-        self._filters[heard] = number
 
-        def send(frame: Frame) -> None:
+        def post(frame: Frame) -> None:
             self._posted.append((number, frame))
             if not self._thread.inside:
                 self._thread.soon(self._pass_on)
 
-        return send
-
-    def listen(self, heard: Heard, ids: frozenset[int]) -> None:
-        """A device that was attached hears other ids from now on."""
-        self._devices.listen(self._filters[heard], ids)
+        device = Device(post, heard, ids)
+        self._devices = {**self._devices, number: device}  # the hub's thread may be reading them
+        return device
 
     def start(self) -> None:
         """Listen.
@@ -191,29 +155,17 @@ class Hub:
         self._thread.soon(self._close)
         self._thread.stop()
 
-    def order(self, what: Callable[[], None]) -> None:
+    def order(self, task: Callable[[], None]) -> None:
         """Run something in the hub's thread soon."""
 
         def run() -> None:
             try:
-                what()
+                task()
             except Exception as error:
                 self._fail(error)
             self._pass_on()
 
         self._thread.soon(run)
-
-    def later(self, t: float, what: Callable[[], None]) -> None:
-        """Run something in the hub's thread at a time of `time.monotonic` [s]."""
-        self._thread.soon(lambda: self._thread.loop.call_at(t, self.order, what))
-
-    def destroy(self, count: int) -> None:
-        """Destroy the next transmissions by error frames; call it in the hub's thread."""
-        self.wire.spoil(count)
-
-    def load(self) -> float:
-        """Share of the wire that the last second used."""
-        return self.wire.load.share(time.monotonic())
 
     def say(self, text: bytes) -> None:
         """Put bytes as they are into every client's stream; call it in the hub's thread."""
@@ -237,19 +189,19 @@ class Hub:
                 client.off_until = until
                 self.wire.forget(client.number)
 
-    def joined(self, client: Client) -> bool:
+    def joined(self, client: "Client") -> bool:
         """Take a new client; False where there are too many."""
         if len(self._clients) >= CLIENTS:
             return False
         self._clients[client.number] = client
         return True
 
-    def gone(self, client: Client) -> None:
+    def gone(self, client: "Client") -> None:
         """Forget a client and what it had waiting."""
         self._clients.pop(client.number, None)
         self.wire.forget(client.number)
 
-    def hear(self, client: Client, commands: list[Command], rubbish: int) -> None:
+    def hear(self, client: "Client", commands: list[Command], rubbish: int) -> None:
         """Take what a client sent: commands, and how many pieces were none."""
         self.counters["rubbish"] += rubbish
         for command in commands:
@@ -265,8 +217,8 @@ class Hub:
                 client.obey(command)
         self._pass_on()
 
-    def _client(self) -> Client:
-        return Client(self._number(), self.channel, self)
+    def _client(self) -> "Client":
+        return Client(self._number(), self)
 
     def _number(self) -> int:
         self._numbers += 1
@@ -274,8 +226,7 @@ class Hub:
 
     def _fail(self, error: Exception) -> None:
         self.counters["failures"] += 1
-        if self._failed is not None:
-            self._failed(error)
+        self._failed(error)
         with contextlib.suppress(EmulatorWarning):
             warnings.warn(f"on the CAN bus: {error!r}", EmulatorWarning, stacklevel=2)
 
@@ -318,12 +269,11 @@ class Hub:
 
     def _take(self, sender: int, frame: Frame) -> None:
         now = time.monotonic()
-        if now < self.stalled_until:
+        if self.stalled():
             self.counters["lost in stall"] += 1
         elif self._modelled or self._contended(now):
             self.wire.offer(now, sender, frame)
         else:
-            self.wire.load.add(now, frame.bits)
             self._deliver(now, sender, frame)
 
     def _contended(self, now: float) -> bool:
@@ -347,73 +297,96 @@ class Hub:
         self.counters["frames"] += 1
         if sender == NOBODY:
             return
-        self._devices.hear(t, sender, frame)
+        for number, device in self._devices.items():
+            if device.heard is None or number == sender:
+                continue
+            if device.ids is None or frame.can_id in device.ids:
+                try:
+                    device.heard(t, frame)
+                except Exception as error:
+                    self._fail(error)
         text = frame_text(frame, time.time())
         for number, client in self._clients.items():
             if number != sender:
                 client.say(text)
 
 
-_WAIT_S = 0.1
+class Client(Connection):
+    """A connection that spoke or will speak socketcand's text protocol.
 
-
-class Bridge:
-    """Passes frames both ways until it is stopped.
-
-    Args:
-        hub: with its devices.
-        interface: ``virtual`` or ``socketcan``.
-        channel: name of the bus.
-
-    Raises:
-        EmulatorError: python-can is not installed, or there is no such bus.
+    Attributes:
+        raw: whether it gets frames.
+        spoke: whether it has sent a frame.
+        off_until: when it ceases to be bus off (`time.monotonic`, [s]).
     """
 
-    def __init__(self, hub: Hub, interface: str, channel: str) -> None:
-        try:
-            import can
-        except ImportError as error:
-            raise EmulatorError(
-                "bus: python-can is not installed: pip install python-can"
-            ) from error
-        self._message, self._error = can.Message, can.CanError
-        try:
-            self._bus: Any = can.Bus(interface=interface, channel=channel)
-        except (OSError, can.CanError, ValueError, NotImplementedError) as error:
-            raise EmulatorError(f"cannot open {interface}:{channel}: {error}") from error
-        self._send = hub.attach(self._heard)
-        self._running = True
-        self._thread = threading.Thread(target=self._run, name="can bridge", daemon=True)
-        self._thread.start()
+    def __init__(self, number: int, hub: Hub) -> None:
+        super().__init__(_KERNEL)
+        self.number = number
+        self.raw = self.spoke = False
+        self.off_until = 0.0
+        self._hub = hub
+        self._opened = False
+        self._quiet_until = 0.0
+        self._in, self._out, self._held = b"", bytearray(), bytearray()
 
-    def stop(self) -> None:
-        """Leave the bus; may be called twice."""
-        if self._running:
-            self._running = False
-            self._thread.join(2.0)
-            self._bus.shutdown()
+    @property
+    def off(self) -> bool:
+        """Whether it is bus off: it hears nothing and is not heard."""
+        return self.off_until > 0.0 and time.monotonic() < self.off_until
 
-    def _heard(self, _: float, frame: Frame) -> None:
-        if self._running:
-            with contextlib.suppress(OSError, self._error):
-                self._bus.send(
-                    self._message(
-                        arbitration_id=frame.can_id, data=frame.data,
-                        is_extended_id=frame.extended, is_remote_frame=frame.remote,
-                    ),
-                    timeout=0.0,
-                )  # fmt: skip
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        super().connection_made(transport)
+        if self._hub.joined(self):
+            self.answer("hi")
+            self.flush()
+        else:
+            self.close()
 
-    def _run(self) -> None:
-        while self._running:
-            try:
-                message = self._bus.recv(_WAIT_S)
-            except (OSError, self._error):
-                return
-            if message is not None and not message.is_error_frame:
-                self._send(
-                    Frame(
-                        message.arbitration_id, bytes(message.data), message.is_extended_id,
-                        message.is_remote_frame,
-                    )
-                )  # fmt: skip
+    def connection_lost(self, error: Exception | None) -> None:
+        self._hub.gone(self)
+
+    def data_received(self, data: bytes) -> None:
+        commands, self._in, rubbish = split(self._in + data)
+        self._hub.hear(self, commands, rubbish)
+
+    def obey(self, command: Command) -> None:
+        """Answer everything but ``send``."""
+        if command.verb == "open" and not self._opened:
+            self._opened = command.words == (self._hub.channel,)
+            self.answer("ok" if self._opened else "error could not open bus")
+        elif command.verb == "rawmode" and self._opened:
+            self.answer("ok")
+            self.raw, self._quiet_until = True, time.monotonic() + _QUIET_S
+            asyncio.get_running_loop().call_at(self._quiet_until, self.flush)
+        elif command.verb == "echo":
+            self.answer("echo")
+        else:
+            self.answer("error unknown command")
+
+    def answer(self, text: str) -> None:
+        """Queue an answer."""
+        self._out += f"< {text} >".encode("ascii")
+
+    def say(self, text: bytes) -> None:
+        """Queue a frame for a client in raw mode, unless it is bus off."""
+        if self.raw and not self.off:
+            queue = self._held if self._quiet_until else self._out
+            queue += text
+
+    def speaks(self) -> None:
+        """It sent a frame, so it has read the answer to ``rawmode``."""
+        self.spoke = True
+        self._quiet_until = 0.0
+
+    def flush(self) -> bool:
+        """Send what is queued; False where the client is too slow."""
+        if self._quiet_until and time.monotonic() >= self._quiet_until:
+            self._quiet_until = 0.0
+        if self._held and not self._quiet_until:
+            self._out += self._held
+            self._held.clear()
+        if self._out and not self.closed:
+            self.transport.write(bytes(self._out))
+        self._out.clear()
+        return self.closed or self.waiting + len(self._held) <= BUFFER

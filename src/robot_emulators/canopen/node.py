@@ -65,8 +65,8 @@ class Node:
             for first in (0x1400, 0x1800)
         )
         self.state = PRE_OPERATIONAL
-        self.mute = False
-        self.heartbeat_off_until = 0.0
+        self.fails: Callable[[str], bool] = lambda kind: False
+        """Whether it has a fault of a kind now: ``mute``, ``heartbeat_loss``, or of a profile."""
         self.now = 0.0
         self._send, self._listen = send, listen
         self._by_id: dict[int, Pdo] = {}
@@ -119,12 +119,12 @@ class Node:
 
     def send(self, can_id: int, data: bytes) -> None:
         """Put a frame on the bus, unless the node is mute."""
-        if not self.mute:
+        if not self.fails("mute"):
             self._send(Frame(can_id, data))
 
     def hear(self, t: float, frame: Frame) -> None:
         """Take a frame from the bus at a time [s]."""
-        if frame.extended or frame.remote or self.mute:
+        if frame.extended or frame.remote or self.fails("mute"):
             return
         with self.lock:
             self.now = t
@@ -271,7 +271,7 @@ class Node:
         period = self.objects[0x1017, 0] / 1000.0
         if period and t >= self._beat_due:
             self._beat_due = self._beat_due + period if t - self._beat_due < period else t + period
-            if t >= self.heartbeat_off_until:
+            if not self.fails("heartbeat_loss"):
                 self.send(0x700 + self.node, bytes([self.state]))
 
     def _others(self, t: float, node: int) -> None:

@@ -6,8 +6,9 @@ A request that is longer than the board expects is taken by its first byte: wher
 a drive's, that drive's targets are requests.
 """
 
+import random
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
@@ -21,11 +22,15 @@ SELECT, RESET, SET_BASE, SET_BITRATE = 0x6, 0xC, 0xD, 0xE
 SLOTS = 16
 BAD_CALIBRATION, ANY_ERROR = 1 << 6, 1 << 15
 _OTHER_GAIN = 0.8
+"""Amplification of the gauges while another calibration than the sensor's is active."""
 _NOTHING = 0x100
+"""In place of the first byte of a request that has none."""
 TOP_BITRATE = 2_000_000
 """Bit rate of divisor 0; divisor d makes it so much by d + 1."""
 BOOT_S = 0.1
-"""How long it is silent after a reset [s]; an estimate."""
+"""How long it is silent after a reset [s]. The manual states none; a client must wait for it."""
+ActiveFault = Callable[[str], Mapping[str, float] | None]
+"""Values of a kind of fault that is under way, None where it is not."""
 
 
 class BoardEmulator:
@@ -39,14 +44,15 @@ class BoardEmulator:
         wrench: the load on the gauges at a time [s] → (6,).
         gauges: what they [V] become wrenches by (6, 6); None: each channel has one, 10 to a volt.
         bitrate: of the bus, and of the board until it is set to another [bit/s].
+        fault: values of a kind of fault that is under way, else None.
     """
 
     def __init__(
         self, send: Callable[[Frame], None], base: int, slot: int, counts: int,
         wrench: Callable[[float], np.ndarray], gauges: np.ndarray | None = None,
-        bitrate: int = 1_000_000,
+        bitrate: int = 1_000_000, fault: ActiveFault = lambda kind: None,
     ) -> None:  # fmt: skip
-        self._send, self._wrench = send, wrench
+        self._send, self._wrench, self._fault = send, wrench, fault
         self.base = self._next_base = base
         self.bitrate: float = bitrate
         self._next_bitrate: float = bitrate
@@ -54,11 +60,7 @@ class BoardEmulator:
         self.slot, self.counts = slot, counts
         self.active = self.status = 0
         self.silent_until = 0.0
-        self.mute = False
-        self.railed: dict[int, float] = {}
-        """Gauge → until when it is at the end of its range [s]."""
-        self.spoil: Callable[[list[tuple[int, bytes]]], list[tuple[int, bytes]]] = lambda pair: pair
-        """What happens to the two frames of a gauge reading on their way out."""
+        self._random = random.Random(0)
         self._matrix = 10.0 * np.eye(6) if gauges is None else gauges
         self._gauges = np.linalg.inv(self._matrix) * COUNTS_PER_VOLT
 
@@ -77,28 +79,26 @@ class BoardEmulator:
         """Take a frame from the bus at a time [s]; it hears none of another bit rate."""
         if frame.extended or frame.remote or frame.can_id >> 4 != self.base:
             return
-        if self.mute or t < self.silent_until or self.bitrate != self._bus_bitrate:
+        if t < self.silent_until or self.bitrate != self._bus_bitrate:
             return
-        opcode, data = frame.can_id & 0xF, frame.data
-        for op, reply in self._answer(t, opcode, data):
+        if self._fault("mute_board") is not None:
+            return
+        for op, reply in self._answer(t, frame.can_id & 0xF, frame.data):
             self._send(Frame(self.base << 4 | op, reply))
 
     def gauges(self, t: float) -> np.ndarray:
         """What the converter reads (6,), −32768 … 32767."""
         gain = 1.0 if self.active == self.slot else _OTHER_GAIN
         counts = np.rint(gain * self._gauges @ self._wrench(t))
-        for gauge, until in self.railed.items():
-            if t < until:
-                counts[gauge] = 32767
+        if (rail := self._fault("saturated_gauge")) is not None:
+            counts[int(rail["gauge"])] = 32767
         return np.asarray(np.clip(counts, -32768, 32767), dtype=int)
 
     def _answer(self, t: float, opcode: int, data: bytes) -> list[tuple[int, bytes]]:
         first = data[0] if data else _NOTHING
         match opcode:
             case 0x0:
-                g = [int(v) for v in self.gauges(t)]
-                even = struct.pack(">Hhhh", self._word(), g[0], g[2], g[4])
-                return self.spoil([(0, even), (1, struct.pack(">hhh", g[1], g[3], g[5]))])
+                return self._pair(self.gauges(t))
             case 0x2 if first < 6:
                 row = self.matrix()[first].astype(">f4").tobytes()
                 return [(2 + k, row[8 * k : 8 * k + 8]) for k in range(3)]
@@ -132,5 +132,16 @@ class BoardEmulator:
         if slot not in (0, self.slot):
             self.status |= BAD_CALIBRATION
 
-    def _word(self) -> int:
-        return self.status | (ANY_ERROR if self.status & ~1 else 0)
+    def _pair(self, gauges: np.ndarray) -> list[tuple[int, bytes]]:
+        """The two frames of a gauge reading: status and even gauges, odd gauges."""
+        bits = self._fault("status")
+        status = self.status | (int(bits["bits"]) if bits else 0)
+        word = status | (ANY_ERROR if status & ~1 else 0)
+        pair = [
+            (0, struct.pack(">Hhhh", word, *map(int, gauges[::2]))),
+            (1, struct.pack(">hhh", *map(int, gauges[1::2]))),
+        ]
+        lost = self._fault("second_frame_lost")
+        if lost is not None and self._random.random() < lost["share"]:
+            pair.pop()
+        return pair[::-1] if self._fault("swapped_pair") is not None else pair

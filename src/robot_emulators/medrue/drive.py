@@ -68,7 +68,6 @@ class DriveEmulator(Node):
         profile.check(self.objects)
         profile.rate(self.objects, ratings, round(position))
         self.axis = Axis(settings(self.objects), position)
-        self.frozen_until = 0.0
         self._position = round(position)
         self._watchdog = watchdog
         self._synced = self._speed = self._growth = 0.0
@@ -176,7 +175,7 @@ class DriveEmulator(Node):
         axis, objects = self.axis, self.objects
         turned = objects[POLARITY]
         way, pace = -1 if turned & 0x80 else 1, -1 if turned & 0x40 else 1
-        if t >= self.frozen_until:
+        if not self.fails("frozen"):
             ahead = min(max(0.0, t - self._seen), _AHEAD_S) if self._seen else 0.0
             moved = (self._speed + 0.5 * self._growth * ahead) * ahead
             self._position = round(axis.actual + moved)

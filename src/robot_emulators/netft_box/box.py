@@ -97,12 +97,10 @@ class Box:
 
     def stop(self) -> None:
         """Close both ports; may be called twice."""
-        parts = [part for part in (self._rdt, self._web) if part is not None]
-        for part in parts:
-            if self._thread.running:
-                self._thread.call(part.stop)
-            else:
-                part.stop()
+        if self._web is not None:
+            self._web.stop()
+        if self._rdt is not None and self._thread.running:
+            self._thread.call(self._rdt.stop)
         self._thread.stop()
         if self._socket is not None:
             self._socket.close()
@@ -130,7 +128,7 @@ class Box:
         why: OSError | None = None
         for port in ports:
             try:
-                return Web(self._thread, (self._host, port), self._page, self._web_faults)
+                return Web((self._host, port), self._page, self._web_faults)
             except PermissionError as error:
                 why = error
             except OSError as error:

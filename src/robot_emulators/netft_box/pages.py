@@ -1,8 +1,9 @@
 """The box's pages: netftapi2.xml, netftcalapi.xml, forms that show them, and the CGI variables.
 
 Sources: ATI 9620-05 Net F/T manual, sections on CGI and XML pages, and the elements that public
-clients of the box read. Not carried out, and shown as off: the low-pass filter, the tool transform
-and peak logging. Network settings are kept and act, as in a box, from the next power-up on.
+clients of the box read. Not carried out, and shown as off: the low-pass filter, the tool transform,
+peak logging and monitor conditions. Network settings are kept and act, as in a box, from the next
+power-up on.
 """
 
 import math
@@ -33,7 +34,16 @@ _NAMES = {"cfgnam": 32, "cfgusra": 16, "cfgusrb": 16}
 """Variables of text, and their longest."""
 _NET = {"comnetip": "192.168.1.1", "comnetmsk": "255.255.255.0", "comnetgw": "0.0.0.0"}
 _SERIAL = "FT00000"
+_CONSTANT = {
+    "runmcb": "0x00000000", "runmco": "0x00", "runmcl": "0", "setuserfilter": "0", "setpke": "0",
+    "setmce": "0", "cfgcalsn": _SERIAL, "cfgtfx": "0;0;0;0;0;0", "scfgtdu": "mm",
+    "scfgtau": "degrees", "nethwaddr": "02:00:00:00:00:00", "mfgdigsn": "EMULATOR",
+    "mfgdigver": "2.2.59",
+} | {name: ";".join(16 * [off]) for name, off in
+     {"mce": "0", "mcx": "-1", "mcc": "1", "mcv": "0", "mco": "0x00"}.items()}  # fmt: skip
+"""Elements of what a box has and this one does not carry out."""
 _PAGES = ("index", "rundata", "setting", "moncon", "config", "comm", "manuf", "snapshot")
+_FORMS = ("setting.cgi", "setcfg.cgi", "comm.cgi", "config.cgi", "moncon.cgi")
 _DONE: Reply = ("200 OK", "text/html", "<html><body>settings applied</body></html>")
 _MISSING: Reply = ("404 Not Found", "text/html", "<html><body>no such page</body></html>")
 
@@ -53,10 +63,6 @@ class Pages:
         usual = {"cfgnam": "emulator", "cfgusra": "empty", "cfgusrb": "empty", "cfgcalsel": "0",
                  "force": settings.force_unit, "torque": settings.torque_unit}  # fmt: skip
         self._slots = [dict(usual) for _ in range(SLOTS)]
-        self._cgi = {
-            "setting.cgi": self._setting, "setcfg.cgi": self._setting, "comm.cgi": self._comm,
-            "moncon.cgi": self._condition,
-        }  # fmt: skip
 
     def answer(self, target: str, body: str, factor: float = 1.0, missing: str = "") -> Reply:
         """Reply to a GET or POST of a target such as ``/comm.cgi?comrdtrate=500``.
@@ -76,12 +82,14 @@ class Pages:
         name = parts.path.lstrip("/") or "index.htm"
         if name in ("netftapi2.xml", "netftcalapi.xml"):
             return self._xml(name, dict(asked).get("index", ""), factor, missing)
-        if name == "config.cgi":
-            self._configuration(dict(asked))
-            return _DONE
-        if name in self._cgi:
+        if name in _FORMS:
+            if name == "config.cgi":
+                self._configuration(dict(asked))
             for variable, value in asked:
-                self._cgi[name](variable, value)
+                if name == "comm.cgi":
+                    self._comm(variable, value)
+                elif name != "config.cgi":
+                    self._setting(variable, value)
             return _DONE
         page, _, kind = name.partition(".")
         if kind == "htm" and page in _PAGES:
@@ -102,61 +110,31 @@ class Pages:
     def _fields(self, slot: int, factor: float) -> dict[str, str]:
         """Elements of netftapi2.xml."""
         s, pace, sensing, one = self._settings, self._pace, self._sensing, self._slots[slot]
-        found, rate = sensing.conditions, sensing.rate / pace.every(sensing.rate)
+        rate = sensing.rate / pace.every(sensing.rate)
         force, torque = one["force"], one["torque"]
-        si = np.repeat([NEWTON[force], NEWTON_METRE[torque]], 3)
-        fields = {
-            "runstat": f"0x{sensing.status:08x}",
-            "runft": _row(sensing.newest),
-            "runmcb": f"0x{found.breached:08x}",
-            "runmco": f"0x{found.output:02x}",
-            "runmcl": str(int(found.breached != 0)),
-            "runrate": str(sensing.rate),
-            "setcfgsel": str(self._active),
-            "setuserfilter": "0",
-            "setpke": "0",
-            "setmce": str(int(found.on)),
-            "setbias": _row(sensing.bias),
-            "cfgid": str(slot),
-            "cfgnam": one["cfgnam"],
-            "cfgcalsel": one["cfgcalsel"],
-            "cfgcalsn": _SERIAL,
-            "cfgfu": _code(_FORCE, force),
-            "scfgfu": force,
-            "cfgtu": _code(_TORQUE, torque),
-            "scfgtu": torque,
+        return _CONSTANT | self._net | {
+            "runstat": f"0x{sensing.status:08x}", "runft": _row(sensing.newest),
+            "runrate": str(sensing.rate), "setcfgsel": str(self._active),
+            "setbias": _row(sensing.bias), "cfgid": str(slot), "cfgnam": one["cfgnam"],
+            "cfgcalsel": one["cfgcalsel"], "cfgfu": _code(_FORCE, force), "scfgfu": force,
+            "cfgtu": _code(_TORQUE, torque), "scfgtu": torque,
             "cfgcpf": f"{s.counts_per_force * factor:.12g}",
             "cfgcpt": f"{s.counts_per_torque:.12g}",
-            "cfgmr": ";".join(f"{v:.9g}" for v in sensing.range / si),
-            "cfgtfx": "0;0;0;0;0;0",
-            "scfgtdu": "mm",
-            "scfgtau": "degrees",
-            "cfgusra": one["cfgusra"],
-            "cfgusrb": one["cfgusrb"],
-            "netip": self._net["comnetip"],
-            "nethwaddr": "02:00:00:00:00:00",
-            **self._net,
+            "cfgmr": _ratings(sensing, force, torque),
+            "cfgusra": one["cfgusra"], "cfgusrb": one["cfgusrb"], "netip": self._net["comnetip"],
             "comnetdhcp": "Disabled" if self._dhcp else "Enabled",
             "comrdte": "Enabled" if pace.on else "Disabled",
-            "comrdtrate": f"{math.ceil(rate - 1e-9)}",
-            "comrdtbsiz": str(pace.buffer),
-            "mfgdigsn": "EMULATOR",
-            "mfgdigver": "2.2.59",
-        }
-        masks = {"mco": "0x{:02x}"}
-        for name, row in found.values.items():
-            fields[name] = ";".join(masks.get(name, "{}").format(int(v)) for v in row)
-        return fields
+            "comrdtrate": f"{math.ceil(rate - 1e-9)}", "comrdtbsiz": str(pace.buffer),
+        }  # fmt: skip
 
     def _calibration(self, index: str) -> dict[str, str]:
         """Elements of netftcalapi.xml; all calibrations are alike, in the units of power-up."""
         s, sensing = self._settings, self._sensing
-        si = np.repeat([NEWTON[s.force_unit], NEWTON_METRE[s.torque_unit]], 3)
         return {
             "calid": index, "calsn": _SERIAL, "calpn": "emulated", "caldt": "2020/01/01",
             "calfu": _code(_FORCE, s.force_unit), "scalfu": s.force_unit,
             "caltu": _code(_TORQUE, s.torque_unit), "scaltu": s.torque_unit,
-            "calmr": ";".join(f"{v:.9g}" for v in sensing.range / si),
+            "calmr": _ratings(sensing, s.force_unit, s.torque_unit),
             "calcpf": f"{s.counts_per_force:.12g}", "calcpt": f"{s.counts_per_torque:.12g}",
         }  # fmt: skip
 
@@ -168,16 +146,6 @@ class Pages:
             self._select(int(number))
         elif name.startswith("setbias") and name[7:] in tuple("012345"):
             self._sensing.set_bias(int(name[7:]), min(max(number, -(2.0**31)), 2.0**31))
-
-    def _condition(self, name: str, value: str) -> None:
-        number = int(value, 16) if value.lower().startswith("0x") and _is_hex(value) else None
-        plain = _number(value) if number is None else float(number)
-        if plain is None:
-            return
-        if name == "setmce":
-            self._sensing.conditions.on = plain != 0.0
-        else:
-            self._sensing.conditions.set(name, int(plain))
 
     def _comm(self, name: str, value: str) -> None:
         if name in self._net:
@@ -241,10 +209,11 @@ def _number(value: str) -> float | None:
     return number if math.isfinite(number) else None
 
 
-def _is_hex(value: str) -> bool:
-    digits = value[2:].lower()
-    return 0 < len(digits) <= 8 and all(c in "0123456789abcdef" for c in digits)
-
-
 def _row(values: np.ndarray) -> str:
     return ";".join(str(round(float(v))) for v in values)
+
+
+def _ratings(sensing: Sensing, force: str, torque: str) -> str:
+    """The sensor's range, each channel in its unit."""
+    si = np.repeat([NEWTON[force], NEWTON_METRE[torque]], 3)
+    return ";".join(f"{v:.9g}" for v in sensing.range / si)

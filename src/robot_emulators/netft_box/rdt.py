@@ -244,9 +244,7 @@ class Rdt:
             self._unmake()
         elif request.command == STOP:
             self._stream = None
-        elif request.command == RESET_LATCH:
-            self._sensing.conditions.reset()
-        elif self._pace.on:
+        elif request.command != RESET_LATCH and self._pace.on:
             self._ready = memoryview(b"")
             self._stream = RecordStream(
                 sender,

@@ -10,7 +10,6 @@ from robot_emulators.base.arguments import Settings, above, integer, number, set
 from robot_emulators.base.faults import LinkFaults
 from robot_emulators.base.timeline import Timeline
 from robot_emulators.errors import SettingError
-from robot_emulators.netft_box.conditions import Conditions
 from robot_emulators.plant import Plant
 
 INTERNAL_RATE = {"netbox": 7000, "axia": 7812}
@@ -89,7 +88,6 @@ class Sensing:
         self.range = np.asarray(body.sensor_range)
         self.per_si = _per_si(settings)
         """(6,) counts per newton and newton metre."""
-        self.conditions = Conditions()
         self.rate = settings.internal_rate
         self._timeline = Timeline(body.cycle)
         self._lock = threading.Lock()
@@ -155,9 +153,6 @@ class Sensing:
             status |= int(one["bits"])
         self.status = int(status[-1])
         counts = np.maximum(np.minimum(np.rint(counts), _LARGEST), -_LARGEST).astype(np.int64)
-        if self.conditions.on and (latched := self.conditions.look(counts)):
-            status |= latched
-            self.status = int(status[-1])
         return self._frozen_or(self._flicker(counts)), status
 
     def zero(self) -> None:

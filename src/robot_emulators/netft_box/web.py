@@ -1,25 +1,82 @@
-"""The box's web server: bounded requests, a deadline each; `pages` has what it shows and sets.
+"""The box's web server; `pages` has what it shows and sets.
 
-What a browser sends for a page elsewhere is refused: settings are changed by plain GETs.
+Settings are changed by plain GETs, and a browser sends what any page tells it to: requests that a
+page elsewhere asks for are refused. A page elsewhere may have its name resolved to this machine
+(DNS rebinding) or ask across origins; Host, Origin and Sec-Fetch-Site show both. Programs that are
+no browsers send no Origin. Sources: the Fetch standard, Fetch Metadata (W3C).
 """
 
-import asyncio
 import contextlib
 import random
-import time
+import re
+import threading
 from collections.abc import Callable
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from socketserver import TCPServer
 
-from robot_emulators.base.event_loop import Listener, LoopThread
-from robot_emulators.base.faults import LinkFaults, TimedFault
+from robot_emulators.base.faults import LinkFaults
 from robot_emulators.netft_box.pages import Reply
-from wrenchbed.web_requests import RefusedError, check_origin, parse
 
-_REQUEST_BYTES = 8192
+_BODY_BYTES = 8192
+"""Longest body; a form of the box with all its variables has some 1500 bytes."""
 _DEADLINE_S = 2.0
-_LOOK_S = 0.05
-"""Time between two checks whether a stall is over [s]."""
-_CLIENTS = 16
-"""Most requests at a time."""
+"""Longest pause of a client within its request."""
+_LOOK_S = 0.02
+"""Time between two looks at the faults, and at a port that someone else took meanwhile [s]."""
+_HOST = re.compile(r"(?:localhost|[0-9]{1,3}(?:\.[0-9]{1,3}){3})(?::([0-9]{1,5}))?", re.IGNORECASE)
+"""A name that cannot be resolved to another machine; simple clients leave out the port."""
+
+
+def is_ours(host: str | None, origin: str | None, site: str | None, port: int) -> bool:
+    """Whether a request is of a program, or of a page of the server at a port itself.
+
+    Args:
+        host: its field Host, None where there is none.
+        origin: its field Origin.
+        site: its field Sec-Fetch-Site.
+        port: at which the server listens.
+    """
+    name = _HOST.fullmatch(host or "localhost")
+    here = name is not None and name[1] in (None, str(port))
+    return here and origin in (None, f"http://{host}") and site in (None, "none", "same-origin")
+
+
+class _Server(ThreadingHTTPServer):
+    timeout = _LOOK_S
+    reply: Callable[[str, str], tuple[str, str, bytes]]
+
+    def server_bind(self) -> None:
+        """Bind without asking a name server for this machine's name."""
+        TCPServer.server_bind(self)
+        self.server_name, self.server_port = "netft", self.server_address[1]
+
+
+class _Handler(BaseHTTPRequestHandler):
+    server: _Server
+    timeout = _DEADLINE_S
+
+    def do_GET(self) -> None:
+        """Serve a GET, or a POST of a form."""
+        fields, port = self.headers, self.server.server_port
+        if not self.path.startswith("/"):
+            self.send_error(400)
+        elif not is_ours(fields["Host"], fields["Origin"], fields["Sec-Fetch-Site"], port):
+            self.send_error(403)
+        else:
+            length = fields.get("Content-Length", "0")
+            body = self.rfile.read(min(int(length), _BODY_BYTES)) if length.isdecimal() else b""
+            status, kind, content = self.server.reply(self.path, body.decode("latin-1"))
+            code, _, words = status.partition(" ")
+            self.send_response(int(code), words)
+            self.send_header("Content-Type", kind)
+            self.send_header("Content-Length", str(len(content)))
+            self.end_headers()
+            self.wfile.write(content)
+
+    do_POST = do_GET
+
+    def log_message(self, format: str, *arguments: object) -> None:
+        """Nothing: the emulator's terminal shows its links alone."""
 
 
 class Web:
@@ -30,95 +87,46 @@ class Web:
     """
 
     def __init__(
-        self,
-        thread: LoopThread,
-        address: tuple[str, int],
-        answer: Callable[[str, str], Reply],
-        faults: LinkFaults,
+        self, address: tuple[str, int], answer: Callable[[str, str], Reply], faults: LinkFaults
     ) -> None:
-        self._thread, self._answer, self._faults = thread, answer, faults
-        self._listener = Listener(thread, self._client)
-        self._listener.bind(*address)
-        self.address = self._listener.address
+        self._answer, self._faults = answer, faults
+        self._server = self._opened(address)
+        self.address = address[0], self._server.server_port
         self._random = random.Random(self.address[1])
-        self._requests: set[asyncio.Task[None]] = set()
-        faults.at_once("unlisten", self._unlisten)
+        self._lock, self._stopped = threading.Lock(), threading.Event()
+        self._thread = threading.Thread(target=self._run, name="netft pages", daemon=True)
+        self._thread.start()
 
     def stop(self) -> None:
-        """Close the port and end all requests; in the loop's thread, or before its start."""
-        self._listener.close()
-        for request in self._requests:
-            request.cancel()
+        """Close the port and end all requests; may be called twice."""
+        self._stopped.set()
+        self._thread.join(_DEADLINE_S)
 
-    def _unlisten(self, fault: TimedFault) -> None:
-        until = time.monotonic() + fault.seconds if fault.seconds else float("inf")
-        self._thread.soon(lambda: self._listener.close_until(until))
+    def _opened(self, address: tuple[str, int]) -> _Server:
+        server = _Server(address, _Handler)
+        server.reply = self._reply
+        return server
 
-    def _client(self) -> asyncio.BaseProtocol:
-        reader = asyncio.StreamReader(limit=_REQUEST_BYTES, loop=self._thread.loop)
-        return asyncio.StreamReaderProtocol(reader, self._accept, loop=self._thread.loop)
-
-    def _accept(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        if len(self._requests) >= _CLIENTS:
-            writer.transport.abort()
-            return
-        task = self._thread.loop.create_task(self._serve(reader, writer))
-        self._requests.add(task)
-        task.add_done_callback(self._requests.discard)
-
-    async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        try:
-            with contextlib.suppress(OSError, TimeoutError):
-                request = await self._receive(reader)
-                while self._faults.now("stall") is not None:
-                    await asyncio.sleep(_LOOK_S)
-                async with asyncio.timeout(_DEADLINE_S):
-                    writer.write(self._reply(request))
-                    await writer.drain()
-                    writer.close()
-                    await writer.wait_closed()
-        finally:
-            writer.transport.abort()
-
-    async def _receive(self, reader: asyncio.StreamReader) -> bytes:
-        data = b""
-        with contextlib.suppress(TimeoutError):
-            async with asyncio.timeout(_DEADLINE_S):
-                while len(data) < _REQUEST_BYTES and not complete(data):
-                    more = await reader.read(4096)
-                    if not more:
+    def _run(self) -> None:
+        while not self._stopped.is_set():
+            if self._faults.now("unlisten") is None:
+                self._server.handle_request()
+                continue
+            self._server.server_close()
+            while not self._stopped.wait(_LOOK_S):
+                if self._faults.now("unlisten") is None:
+                    with contextlib.suppress(OSError):
+                        self._server = self._opened(self.address)
                         break
-                    data += more
-        return data
+        self._server.server_close()
 
-    def _reply(self, request: bytes) -> bytes:
-        try:
-            asked = parse(request)
-            check_origin(asked, self.address[1], ("localhost",), addresses=True)
-            if asked.method not in ("GET", "POST"):
-                raise RefusedError("405 Method Not Allowed", "GET and POST are")
-            status, kind, text = self._answer(asked.target, asked.body.decode("latin-1"))
-        except RefusedError as error:
-            status, kind, text = error.status, "text/plain", f"{error.why}\n"
+    def _reply(self, target: str, body: str) -> tuple[str, str, bytes]:
+        while self._faults.now("stall") is not None and not self._stopped.wait(_LOOK_S):
+            pass
+        with self._lock:
+            status, kind, text = self._answer(target, body)
         content = text.encode()
         if self._faults.now("garbage") is not None:
             cut = self._random.randrange(len(content) // 2)
             content = content[:cut] + self._random.randbytes(64) + b"<unclosed>"
-        head = (
-            f"HTTP/1.0 {status}\r\nContent-Type: {kind}\r\n"
-            f"Content-Length: {len(content)}\r\nConnection: close\r\n\r\n"
-        )
-        return head.encode() + content
-
-
-def complete(request: bytes) -> bool:
-    """Whether all of a request is there."""
-    head, end, body = request.partition(b"\r\n\r\n")
-    if not end:
-        return False
-    for line in head.split(b"\r\n")[1:]:
-        name, _, value = line.partition(b":")
-        if name.strip().lower() == b"content-length":
-            digits = value.strip()
-            return not digits.isdigit() or len(digits) > 5 or len(body) >= int(digits)
-    return True
+        return status, kind, content

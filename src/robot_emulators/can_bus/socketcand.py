@@ -1,0 +1,77 @@
+"""socketcand's text protocol, as its server speaks it.
+
+Commands and answers are enclosed in ``<`` and ``>``, with single spaces between words. Ids and data
+are hexadecimal: three digits for an 11-bit id, eight for one of 29 bits.
+Source: doc/protocol.md of linux-can/socketcand.
+"""
+
+from typing import NamedTuple
+
+from robot_emulators.can_bus.wire import Frame
+
+LONGEST = 256
+"""Longest command that is waited for [byte]; a frame of 8 bytes with a 29-bit id has 46."""
+BUS_ERROR, BUS_OFF = 0x80, 0x40
+"""Classes of error frames: a frame was destroyed; the sender is off the bus."""
+
+
+class Command(NamedTuple):
+    """What a client asks: its first word and the rest."""
+
+    verb: str
+    words: tuple[str, ...]
+
+
+def split(buffer: bytes) -> tuple[list[Command], bytes, int]:
+    """Commands in what a client sent, what is left of it, and how many pieces were rubbish."""
+    commands: list[Command] = []
+    rubbish = 0
+    while True:
+        start = buffer.find(b"<")
+        if start < 0:
+            return commands, b"", rubbish + bool(buffer.strip())
+        rubbish += bool(buffer[:start].strip())
+        end = buffer.find(b">", start)
+        if end < 0:
+            rest = buffer[start:]
+            return (
+                (commands, rest, rubbish) if len(rest) <= LONGEST else (commands, b"", rubbish + 1)
+            )
+        words = buffer[start + 1 : end].split()
+        buffer = buffer[end + 1 :]
+        try:
+            texts = tuple(word.decode("ascii") for word in words)
+        except UnicodeDecodeError:
+            texts = ()
+        if texts:
+            commands.append(Command(texts[0], texts[1:]))
+        else:
+            rubbish += 1
+
+
+def frame_of(words: tuple[str, ...]) -> Frame | None:
+    """The frame of ``send id length bytes…``; None where the words are no frame."""
+    if len(words) < 2 or len(words[0]) not in (3, 8):
+        return None
+    try:
+        can_id, length = int(words[0], 16), int(words[1], 16)
+        data = bytes(int(word, 16) for word in words[2:])
+    except ValueError:
+        return None
+    extended = len(words[0]) == 8
+    if can_id < 0 or can_id > (0x1FFFFFFF if extended else 0x7FF):
+        return None
+    if not 0 <= length <= 8 or len(data) != length:
+        return None
+    return Frame(can_id, data, extended)
+
+
+def frame_text(frame: Frame, t: float) -> bytes:
+    """``frame id seconds data`` for the clients; t [s]."""
+    digits = "08X" if frame.extended else "03X"
+    return f"< frame {frame.can_id:{digits}} {t:.6f} {frame.data.hex()} >".encode("ascii")
+
+
+def error_text(t: float, kind: int) -> bytes:
+    """An error frame for the clients; t [s], its class as SocketCAN writes it."""
+    return f"< error {kind:08X} {t:.6f} >".encode("ascii")
