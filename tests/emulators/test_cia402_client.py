@@ -142,16 +142,6 @@ def test_it_homes(node):
     assert node.op_mode == "PROFILED POSITION"
 
 
-def test_it_homes_at_a_limit_switch(node):
-    powered(node)
-    node.sdo[0x6098].raw = 17
-    node.sdo[0x6099][1].raw, node.sdo[0x6099][2].raw = 2_000_000, 100_000
-    node.sdo[0x609A].raw = 100_000_000
-    assert node.homing(timeout=10.0)
-    assert abs(node.sdo[0x6064].raw) < 2000  # the edge of the switch, as far as creep overshoots
-    assert node.network.drive.axis.shift < RATINGS.lower * 0.95
-
-
 def test_it_moves_in_profile_position_and_velocity_mode(node):
     powered(node)
     node.sdo[0x607A].raw = 30_000

@@ -8,62 +8,27 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from can_drives import NODE, SimulatedBus
 from robot_emulators.can_bus.wire import Frame
 from robot_emulators.canopen.dictionary import Abort
 from robot_emulators.medrue.axis import RPDO_TIMEOUT, SYNC_ERROR
-from robot_emulators.medrue.drive import DriveEmulator
 from robot_emulators.medrue.plant import RealTimePlant
 from robot_emulators.medrue.profile import Ratings
 from wrenchbed.hardware.drivers.can.cia402 import DriveStatus, Want, controlword, state_of
 
-NODE, T = 3, 0.004
+T = 0.004
 OFF = 1 << 31
 RPDO, TPDO = (0x1400, 0x200 + NODE), (0x1800, 0x180 + NODE)
 CONTROL, TARGET, MODE = 0x60400010, 0x607A0020, 0x60600008
 STATUS, ACTUAL, TORQUE = 0x60410010, 0x60640020, 0x60770010
 
 
-class Bench:
+class Bench(SimulatedBus):
     """A drive whose master sends what it is told to, and whose plant runs beside it."""
 
     def __init__(self, period=T):
-        self.sent: list[Frame] = []
-        ratings = Ratings(-100_000, 100_000, 500, 1e6, 1e5, 1e5, 20.0)
-        self.drive = DriveEmulator(NODE, self.sent.append, ratings, 0.0, 0.1, threading.RLock())
-        self.drive.boot()
-        self.t, self.period, self.effort = 1.0, period, (0.0, 0.0)
-        self.actual = self.last = 0.0
-        self.word = 0
-
-    def sdo(self, index, sub, value, size):
-        """Write an object; the abort code, 0 where it was taken."""
-        raw = struct.pack("<BHB", 0x23 | (4 - size) << 2, index, sub)
-        raw += struct.pack("<Q", value % (1 << 64))[:size].ljust(4, b"\0")
-        answer = self.ask(raw)
-        return struct.unpack_from("<I", answer, 4)[0] if answer[0] == 0x80 else 0
-
-    def read(self, index, sub=0):
-        answer = self.ask(struct.pack("<BHB4x", 0x40, index, sub))
-        assert answer[0] & 0xE0 == 0x40
-        return int.from_bytes(answer[4 : 8 - (answer[0] >> 2 & 3)], "little", signed=True)
-
-    def ask(self, raw):
-        self.sent.clear()
-        self.drive.hear(self.t, Frame(0x600 + NODE, raw))
-        (answer,) = [frame.data for frame in self.sent if frame.can_id == 0x580 + NODE]
-        return answer
-
-    def nmt(self, command):
-        self.drive.hear(self.t, Frame(0x000, bytes([command, NODE])))
-
-    def map(self, pdo, *entries):
-        """Change a mapping; the first abort code, 0 where all was taken."""
-        parameters, can_id = pdo
-        mapping = parameters + 0x200
-        codes = [self.sdo(parameters, 1, OFF | can_id, 4), self.sdo(mapping, 0, 0, 1)]
-        codes += [self.sdo(mapping, k + 1, entry, 4) for k, entry in enumerate(entries)]
-        codes += [self.sdo(mapping, 0, len(entries), 1), self.sdo(parameters, 1, can_id, 4)]
-        return next((code for code in codes if code), 0)
+        super().__init__(ratings=Ratings(-100_000, 100_000, 500, 1e6, 1e5, 1e5, 20.0))
+        self.period, self.effort, self.word = period, (0.0, 0.0), 0
 
     def tick(self, target=0, rpdo=True, sync=True, want=None):
         self.t += self.period
@@ -80,14 +45,14 @@ class Bench:
         self.actual = self.drive.track(self.t, self.period, self.actual, 0.0, self.effort)
 
     def enabled(self, cycle=0, abort=3):
-        self.sdo(0x1006, 0, cycle, 4)
+        self.write(0x1006, 0, cycle, 4)
         if abort is not None:
-            assert self.sdo(0x6007, 0, abort, 2) == 0
+            assert self.write(0x6007, 0, abort, 2) == 0
         self.nmt(0x01)
         for _ in range(8):
             self.tick(want=Want.ENABLE)
         assert self.state is DriveStatus.ENABLED
-        self.sent.clear()
+        self.frames.clear()
         return self
 
     @property
@@ -95,7 +60,7 @@ class Bench:
         return state_of(self.drive.axis.statusword)
 
     def emergencies(self):
-        found = [frame.data for frame in self.sent if frame.can_id == 0x80 + NODE]
+        found = [frame.data for frame in self.frames if frame.can_id == 0x80 + NODE]
         return [struct.unpack_from("<H", data)[0] for data in found]
 
 
@@ -113,7 +78,7 @@ def test_what_a_broken_connection_does_is_the_masters_choice(abort, state):
     for _ in range(40):
         bench.tick(rpdo=False)
     assert bench.state in (state, DriveStatus.REACTING if state is DriveStatus.FAULT else state)
-    assert bench.sdo(0x6007, 0, 2, 2) == Abort.VALUE
+    assert bench.write(0x6007, 0, 2, 2) == Abort.VALUE
 
 
 def test_targets_that_stay_away_are_a_quick_stop_after_the_event_timer():
@@ -176,15 +141,15 @@ def test_a_node_that_leaves_operational_stops(command):
 def test_a_reset_brings_the_communication_back_to_its_defaults(command, mode):
     bench = Bench()
     fresh = {key: bench.read(*key) for key in ((0x1006, 0), (0x1017, 0), (0x1400, 5), (0x1A00, 0))}
-    bench.sdo(0x1006, 0, 4000, 4)
-    bench.sdo(0x1017, 0, 100, 2)
-    bench.sdo(0x1400, 5, 33, 2)
-    bench.sdo(0x6060, 0, 1, 1)
-    assert bench.map(TPDO, STATUS) == 0
+    bench.write(0x1006, 0, 4000, 4)
+    bench.write(0x1017, 0, 100, 2)
+    bench.write(0x1400, 5, 33, 2)
+    bench.write(0x6060, 0, 1, 1)
+    assert bench.map(*TPDO, STATUS) == 0
     assert all(bench.read(*key) != value for key, value in fresh.items())
-    bench.sent.clear()
+    bench.frames.clear()
     bench.nmt(command)
-    assert [(frame.can_id, frame.data) for frame in bench.sent] == [(0x703, b"\x00")]
+    assert [(frame.can_id, frame.data) for frame in bench.frames] == [(0x703, b"\x00")]
     assert {key: bench.read(*key) for key in fresh} == fresh
     assert fresh == {(0x1006, 0): 0, (0x1017, 0): 0, (0x1400, 5): 100, (0x1A00, 0): 2}
     assert bench.read(0x6060) == mode  # the profile's objects forget with the node alone
@@ -193,13 +158,13 @@ def test_a_reset_brings_the_communication_back_to_its_defaults(command, mode):
 def test_a_count_that_covers_an_empty_entry_is_refused():
     bench = Bench()
     for parameters, can_id in (RPDO, TPDO):
-        bench.sdo(parameters, 1, OFF | can_id, 4)
-        assert bench.sdo(parameters + 0x200, 0, 3, 1) == Abort.NOT_MAPPABLE
-        assert bench.sdo(parameters + 0x200, 0, 9, 1) == Abort.TOO_LONG
-        bench.sdo(parameters, 1, can_id, 4)
+        bench.write(parameters, 1, OFF | can_id, 4)
+        assert bench.write(parameters + 0x200, 0, 3, 1) == Abort.NOT_MAPPABLE
+        assert bench.write(parameters + 0x200, 0, 9, 1) == Abort.TOO_LONG
+        bench.write(parameters, 1, can_id, 4)
     bench.enabled()
     bench.tick(want=Want.ENABLE)
-    assert [frame.can_id for frame in bench.sent] == [0x183]
+    assert [frame.can_id for frame in bench.frames] == [0x183]
 
 
 @pytest.mark.parametrize(
@@ -219,7 +184,7 @@ def test_a_count_that_covers_an_empty_entry_is_refused():
     ],
 )
 def test_what_a_pdo_may_carry(pdo, entry, code):
-    assert Bench().map(pdo, entry) == code
+    assert Bench().map(*pdo, entry) == code
 
 
 @settings(deadline=None, max_examples=30)
@@ -269,7 +234,7 @@ def test_what_a_pdo_may_carry(pdo, entry, code):
 def test_no_writes_make_a_drive_that_fails_at_sync(writes):
     bench = Bench()
     for index, sub, value, size in writes:
-        bench.sdo(index, sub, value, size)
+        bench.write(index, sub, value, size)
     bench.nmt(0x01)
     for k in range(12):
         bench.tick(k, want=Want.ENABLE)
@@ -277,7 +242,7 @@ def test_no_writes_make_a_drive_that_fails_at_sync(writes):
 
 def test_a_mode_that_does_not_exist_is_not_taken_from_a_pdo():
     bench = Bench()
-    assert bench.map(RPDO, MODE, CONTROL) == 0
+    assert bench.map(*RPDO, MODE, CONTROL) == 0
     bench.nmt(0x01)
     for mode, taken in ((1, 1), (2, 1), (8, 8)):
         bench.drive.hear(bench.t, Frame(0x203, struct.pack("<BH", mode, 0)))
@@ -288,16 +253,16 @@ def test_a_mode_that_does_not_exist_is_not_taken_from_a_pdo():
 def test_torque_and_current_are_reported_in_thousandths_of_the_rated_ones():
     bench = Bench()
     assert (bench.read(0x6076), bench.read(0x6075)) == (20_000, 4_000)  # mN·m, mA
-    assert bench.map(TPDO, STATUS, ACTUAL, TORQUE) == 0
+    assert bench.map(*TPDO, STATUS, ACTUAL, TORQUE) == 0
     bench.enabled()
     for torque, told in ((5.0, 250), (-0.021, -1), (1e4, 32767), (-1e4, -32767)):
         bench.effort = (torque, torque / 5.0)  # 5 N·m/A, as rated
         bench.track()
         bench.tick()
-        (answer,) = [frame.data for frame in bench.sent if frame.can_id == 0x183]
+        (answer,) = [frame.data for frame in bench.frames if frame.can_id == 0x183]
         assert struct.unpack_from("<h", answer, 6)[0] == told
         assert told == bench.read(0x6077) == bench.read(0x6078)
-        bench.sent.clear()
+        bench.frames.clear()
 
 
 def test_the_object_dictionary_holds_the_state_without_sync():
@@ -316,27 +281,12 @@ def test_the_plants_clock_reports_what_stopped_it():
     assert [type(error) for error in told] == [AttributeError]
 
 
-def test_stored_parameters_survive_a_reset_until_the_defaults_are_asked_for():
-    bench = Bench()
-    save, load = (int.from_bytes(word, "little") for word in (b"save", b"load"))
-    bench.sdo(0x1017, 0, 123, 2)
-    bench.sdo(0x6081, 0, 4321, 4)
-    assert bench.sdo(0x1010, 1, 0, 4) == Abort.NOT_STORED
-    assert bench.sdo(0x1010, 2, save, 4) == 0  # the communication alone
-    bench.nmt(0x81)
-    assert bench.read(0x1017) == 123 and bench.read(0x6081) != 4321
-    assert bench.sdo(0x1011, 1, load, 4) == 0
-    assert bench.read(0x1017) == 123
-    bench.nmt(0x81)
-    assert bench.read(0x1017) == 0
-
-
 def test_a_moving_axis_passes_through_fault_reaction_active():
     bench = Bench()
-    bench.sdo(0x6060, 0, 3, 1)
+    bench.write(0x6060, 0, 3, 1)
     for word in (0x06, 0x07, 0x0F):
-        bench.sdo(0x6040, 0, word, 2)
-    bench.sdo(0x60FF, 0, 50_000, 4)
+        bench.write(0x6040, 0, word, 2)
+    bench.write(0x60FF, 0, 50_000, 4)
     for _ in range(300):
         bench.tick(rpdo=False, sync=False)
     assert bench.read(0x606B) == 50_000

@@ -39,7 +39,6 @@ class Abort(enum.IntEnum):
     VALUE = 0x06090030
     VALUE_HIGH = 0x06090031
     VALUE_LOW = 0x06090032
-    NOT_STORED = 0x08000020
     STATE = 0x08000022
 
 

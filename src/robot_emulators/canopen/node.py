@@ -1,4 +1,4 @@
-"""A CANopen node: NMT, SDO, process data, SYNC, heartbeats, errors, stored parameters.
+"""A CANopen node: NMT, SDO, process data, SYNC, heartbeats, errors.
 
 `hear` runs in the bus's thread, `tick` in another; both hold the node's lock. Remote frames, and
 with them guarding, are not served: CiA 301 advises against both. Source: CiA 301 (communication
@@ -8,7 +8,6 @@ objects 7.5.2, NMT states 7.3.2, predefined connection set 7.3.5).
 import struct
 import threading
 from collections.abc import Callable, Sequence
-from typing import ClassVar
 
 from robot_emulators.can_bus.wire import Frame
 from robot_emulators.canopen.dictionary import Abort, AbortError, Key, Objects
@@ -21,13 +20,8 @@ HEARTBEAT_LOST, SHORT_PDO = 0x8130, 0x8210
 _NMT = {0x01: OPERATIONAL, 0x02: STOPPED, 0x80: PRE_OPERATIONAL}
 """NMT command → the state that it asks for."""
 _RESET_NODE, _RESET_COMMUNICATION = 0x81, 0x82
-_STORE, _RESTORE = 0x1010, 0x1011
-_SIGNATURES = {_STORE: 0x65766173, _RESTORE: 0x64616F6C}
-"""``save`` and ``load``, without which nothing is stored or restored."""
 _COMMUNICATION = range(0x1000, 0x2000)
 _ALL = range(0x1000, 0x10000)
-_AREAS = {1: _ALL, 2: _COMMUNICATION, 3: range(0x2000, 0x10000)}
-"""Subindex of 0x1010 and 0x1011 → indices that are stored or restored."""
 _OFF = 1 << 31
 _REGISTER = {0x2: 0x02, 0x3: 0x04, 0x4: 0x08, 0x8: 0x10}
 """First digit of an error code → bit of the error register (0x1001); source: CiA 301, 7.5.2.2."""
@@ -51,9 +45,6 @@ class Node:
         listen: called with the ids that it hears, whenever they change.
     """
 
-    commands: ClassVar[tuple[Key, ...]] = ()
-    """Objects of the profile whose writing is a command; they are not stored."""
-
     def __init__(
         self, node: int, send: Callable[[Frame], None], sheet: str, lock: threading.RLock,
         listen: Callable[[frozenset[int]], None] = lambda ids: None,
@@ -71,7 +62,6 @@ class Node:
         self._send, self._listen = send, listen
         self._by_id: dict[int, Pdo] = {}
         self._sdo = SdoServer(objects, self._locked, self._sdo_written)
-        self._stored: dict[Key, int | bytes] = {}
         self._consumers = [k for k in objects if k[0] == 0x1016 and k[1]]
         self._history = sum(index == 0x1003 for index, _ in objects) - 1
         self._check()
@@ -104,13 +94,9 @@ class Node:
         with self.lock:
             if not everything:
                 self._leave_operational()
-            area = _ALL if everything else _COMMUNICATION
-            self.objects.reset(area)
+            self.objects.reset(_ALL if everything else _COMMUNICATION)
             if everything:
                 self.on_reset()
-            for key, value in self._stored.items():
-                if key[0] in area:
-                    self.objects.entry(key).value = value
             self._forget()
             self.on_reset_communication()
             self.state = PRE_OPERATIONAL
@@ -323,24 +309,7 @@ class Node:
             return
         if key[0] == 0x1017:
             self._beat_due = 0.0
-        if key[0] in _SIGNATURES:
-            self._keep(*key)
         self._tune()
-
-    def _keep(self, index: int, sub: int) -> None:
-        """Store values, or forget what is stored: then the defaults count from the next reset."""
-        self.objects[index, sub] = 1
-        area = _AREAS[sub]
-        self._stored = {k: v for k, v in self._stored.items() if k[0] not in area}
-        if index == _STORE:
-            entries = ((key, self.objects.entry(key)) for key in self.objects if key[0] in area)
-            self._stored |= {
-                key: entry.value
-                for key, entry in entries
-                if entry.writable
-                and key[0] not in (0x1003, _STORE, _RESTORE)
-                and key not in self.commands
-            }
 
     def _check(self) -> None:
         """Attach what the EDS cannot state of the values that may be written."""
@@ -350,9 +319,6 @@ class Node:
         entry((0x1014, 0)).check = self._check_emergency
         for key in self._consumers:
             entry(key).check = self._check_consumer(key)
-        for key in self.objects:
-            if key[0] in _SIGNATURES and key[1]:
-                entry(key).check = _check_signature(_SIGNATURES[key[0]])
 
     def _check_emergency(self, value: int) -> None:
         if value & 0x7FFFF800:
@@ -383,11 +349,3 @@ def _check_sync(value: int) -> None:
     if value & ~0x7FF:
         raise AbortError(Abort.VALUE)
     check_free(value)
-
-
-def _check_signature(word: int) -> Callable[[int], None]:
-    def check(value: int) -> None:
-        if value != word:
-            raise AbortError(Abort.NOT_STORED)
-
-    return check

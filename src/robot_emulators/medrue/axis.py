@@ -9,7 +9,7 @@ import enum
 import math
 
 from robot_emulators.medrue.interpolation import Interpolation
-from robot_emulators.medrue.motion import Homing, MotionSettings, SetPoint, SetPoints, Timer
+from robot_emulators.medrue.motion import METHODS, MotionSettings, SetPoint, SetPoints, Timer
 
 FOLLOWING_ERROR = 0x8611
 RPDO_TIMEOUT = 0x8250
@@ -30,9 +30,6 @@ _SLOW_STOPS = (1, 5)
 """Options of 0x605A that stop on the profile's deceleration."""
 _HALT_QUICKLY = 2
 """Option of 0x605D that stops on the quick-stop deceleration."""
-_SWITCH_INSIDE = 0.005
-"""How far inside the range of the axis its limit switches are, as a part of it. Smaller, and a
-homing that overshoots the edge of a switch would leave the range of the simulated joint."""
 
 
 class AxisState(enum.Enum):
@@ -95,14 +92,12 @@ class Axis:
     """One drive without its bus.
 
     Args:
-        settings: after power-up; their limits are the range in which its limit switches stand.
+        settings: after power-up.
         position: where it is [count].
     """
 
     def __init__(self, settings: MotionSettings, position: float) -> None:
         self.set = settings
-        inside = _SWITCH_INSIDE * (settings.upper - settings.lower)
-        self._switches = settings.lower + inside, settings.upper - inside
         self.actual = position
         self.state = AxisState.DISABLED
         self.code = 0
@@ -113,7 +108,7 @@ class Axis:
         """Position of the plant at which the axis counts 0 [count]."""
         self._point = SetPoint(position)
         self._points = SetPoints()
-        self._homing = Homing()
+        self._homed = self._homing_failed = False
         self._word = 0
         self._stopping: AxisState | None = None
         self._path = Interpolation()
@@ -132,12 +127,6 @@ class Axis:
         return self._point.speed
 
     @property
-    def switches(self) -> tuple[bool, bool]:
-        """Whether the negative and the positive limit switch are pressed."""
-        place, (lower, upper) = self.actual + self.shift, self._switches
-        return place <= lower, place >= upper
-
-    @property
     def statusword(self) -> int:
         """0x6041."""
         word = self.state.value | _VOLTAGE | _REMOTE
@@ -153,9 +142,8 @@ class Axis:
         """Bits 10, 12 and 13, whose meaning depends on the mode."""
         halted = bool(self._word & _HALT) and self._still
         if self.set.mode == HOMING:
-            idle = not self._homing.active
-            bits = _BIT12 * self._homing.attained | _BIT13 * self._homing.failed
-            return bits | _REACHED * (idle and self._still)
+            bits = _BIT12 * self._homed | _BIT13 * self._homing_failed
+            return bits | _REACHED * self._still
         if not self.driven:
             return 0
         if self.set.mode == PROFILE:
@@ -195,8 +183,11 @@ class Axis:
             self._stopping = None
         if self.driven and self.set.mode == PROFILE and not word & _START:
             self._acknowledged = self._points.next is not None
-        if self.driven and self.set.mode == HOMING:
-            self._home(rising, word)
+        if self.driven and self.set.mode == HOMING and rising & _START:
+            self._homed = self.set.homing_method in METHODS
+            self._homing_failed = not self._homed
+            if self._homed:
+                self._count_anew()
 
     def new_goal(self, target: float) -> None:
         """A set-point of profile position mode, at the rising edge of controlword's bit 4."""
@@ -280,19 +271,12 @@ class Axis:
         self._stopping = None
         self._path.clear()
         self._points.clear()
-        self._homing.stop()
         self._acknowledged, self._reached, self._limited = False, True, False
 
     def _within(self, target: float) -> float:
         inside = min(max(target, self.set.lower), self.set.upper)
         self._limited = abs(inside - target) > _LIMIT_MARGIN
         return inside
-
-    def _home(self, rising: int, word: int) -> None:
-        if rising & _START:
-            self._homing.start()
-        elif not word & _START:
-            self._homing.stop()
 
     def _follow(self, t: float, seconds: float) -> None:
         """The set-point of an enabled axis after some time."""
@@ -304,9 +288,6 @@ class Axis:
             self._brake(settings.quick_stop if quick else settings.deceleration, seconds)
         elif settings.mode == VELOCITY:
             self._velocity(seconds)
-        elif settings.mode == HOMING and self._homing.active:
-            if self._homing.step(point, settings, self.switches, seconds):
-                self._count_anew()
         elif settings.mode == PROFILE and self._points.goal is not None:
             goal, top = self._points.goal, settings.speed
             rates = settings.acceleration, settings.deceleration

@@ -56,8 +56,6 @@ class DriveEmulator(Node):
         listen: told the ids that it hears, whenever they change.
     """
 
-    commands = profile.COMMANDS
-
     def __init__(
         self, node: int, send: Callable[[Frame], None], ratings: Ratings, position: float,
         watchdog: float, lock: threading.RLock,
@@ -186,8 +184,6 @@ class DriveEmulator(Node):
         objects[0x606C, 0] = pace * round(self._speed)
         objects[0x6077, 0] = _thousandths(self._torque / self.ratings.torque)
         objects[0x6078, 0] = _thousandths(self._current / profile.RATED_A)
-        negative, positive = axis.switches
-        objects[0x60FD, 0] = negative | positive << 1
         objects[STATUS] = axis.statusword
         objects[0x6061, 0] = axis.set.mode
         objects[0x603F, 0] = axis.code

@@ -1,4 +1,4 @@
-"""What a master sets of a drive's motion, and set-points: trapezoids, and the search for home."""
+"""What a master sets of a drive's motion, and set-points in trapezoids of position and speed."""
 
 import math
 from dataclasses import dataclass
@@ -6,11 +6,8 @@ from typing import Annotated, get_type_hints
 
 from robot_emulators.canopen.dictionary import Objects
 
-HERE = (35, 37)
-NEGATIVE, POSITIVE = 17, 18
-METHODS = (NEGATIVE, POSITIVE, *HERE)
-"""Methods of homing (0x6098): the edge of a limit switch without index pulse; where the axis is.
-Source: CiA 402."""
+METHODS = (35, 37)
+"""Methods of homing (0x6098), both: the home is where the axis is; source: CiA 402."""
 _NEAR = 1.0
 """Where a position counts as reached by the set-point [count]."""
 _MS = 1e-3
@@ -47,9 +44,6 @@ class MotionSettings:
     deceleration: Annotated[float, 0x6084, 0]
     quick_stop: Annotated[float, 0x6085, 0]
     homing_method: Annotated[int, 0x6098, 0]
-    search_speed: Annotated[float, 0x6099, 1]
-    edge_speed: Annotated[float, 0x6099, 2]
-    homing_acceleration: Annotated[float, 0x609A, 0]
 
     @property
     def speed(self) -> float:
@@ -142,54 +136,3 @@ class SetPoints:
     def last(self) -> float | None:
         """Where the axis will be in the end."""
         return self.goal if self.next is None else self.next
-
-
-class Homing:
-    """The search for home.
-
-    Attributes:
-        active: whether it searches.
-        attained: whether the last search ended at home.
-        failed: whether it ended by an error.
-    """
-
-    def __init__(self) -> None:
-        self.active = self.attained = self.failed = self._backs_off = False
-
-    def start(self) -> None:
-        """Begin."""
-        self.active, self.attained, self.failed, self._backs_off = True, False, False, False
-
-    def stop(self) -> None:
-        """Interrupt."""
-        self.active = False
-
-    def step(
-        self, point: SetPoint, settings: MotionSettings, switches: tuple[bool, bool], seconds: float
-    ) -> bool:
-        """Move for some time; whether the axis is at home now.
-
-        Args:
-            point: is moved.
-            settings: of the axis.
-            switches: whether the negative and the positive limit switch are pressed.
-            seconds: of this step.
-        """
-        method, rate = settings.homing_method, settings.homing_acceleration
-        if method in HERE:
-            return self._end()
-        if method not in METHODS:
-            self.active, self.failed = False, True
-            return False
-        sign, pressed = (-1.0, switches[0]) if method == NEGATIVE else (1.0, switches[1])
-        if self._backs_off and not pressed:
-            point.speed = 0.0
-            return self._end()
-        self._backs_off = self._backs_off or pressed
-        wanted = -sign * settings.edge_speed if self._backs_off else sign * settings.search_speed
-        point.to_speed(wanted, rate, rate, seconds)
-        return False
-
-    def _end(self) -> bool:
-        self.active, self.attained = False, True
-        return True

@@ -31,9 +31,8 @@ ALLOWED: dict[Key, tuple[int, ...]] = {
 RATED_A = 4.0
 """Rated current of a motor [A]. MedRUE's motors are not published; currents are reported in
 thousandths of it, in 16 bits with a sign, so that 130 A can be reported."""
-_NEAR, _SEARCH, _EDGE = 0.05, 0.1, 0.01
-"""Position window as a part of the largest following error: a servo at rest is well within it.
-Speeds of homing as parts of the top speed: larger, and an axis overshoots the edge by more."""
+_NEAR = 0.05
+"""Position window as a part of the largest following error: a servo at rest is well within it."""
 _STEADY, _STILL = 0.01, 0.001
 """Velocity window and threshold as parts of the top speed; the set-point's own steps are zero."""
 
@@ -73,8 +72,6 @@ def rate(objects: Objects, ratings: Ratings, position: int) -> None:
         (0x607D, 1): ratings.lower, (0x607D, 2): ratings.upper,
         (0x607F, 0): speed, (0x6081, 0): speed,
         (0x6083, 0): acceleration, (0x6084, 0): acceleration, (0x6085, 0): round(ratings.quick),
-        (0x6099, 1): round(_SEARCH * speed), (0x6099, 2): round(_EDGE * speed),
-        (0x609A, 0): acceleration,
     }  # fmt: skip
     for key, value in values.items():
         objects[key] = value
