@@ -115,13 +115,6 @@ def test_it_powers_up_by_pdo_and_goes_down(node):
         assert node.state == state
 
 
-def test_it_powers_up_by_sdo_alone(node):
-    node.sdo[0x6060].raw = 1
-    for word in (0x06, 0x07, 0x0F):
-        node.sdo[0x6040].raw = word
-    assert node.sdo[0x6041].raw & 0x6F == 0x27
-
-
 def test_a_fault_is_reset(node):
     powered(node)
     wire = node.network

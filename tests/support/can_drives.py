@@ -134,27 +134,6 @@ def _own_toggle(data):
     return bytes([data[0] & ~0x10]) + data[1:] if data[0] >> 5 == 0 else data
 
 
-class _NoToggleCheck(DriveEmulator):
-    """Segments of a download are taken with any toggle bit."""
-
-    def hear(self, t, frame):
-        transfer = self._sdo._transfer
-        takes = transfer is not None and transfer.download
-        if takes and frame.can_id == 0x600 + self.node and frame.data[0] >> 5 == 0:
-            transfer.toggle = frame.data[0] >> 4 & 1
-        super().hear(t, frame)
-
-
-class _SlowBeat(DriveEmulator):
-    """The heartbeat comes every 1.3 periods."""
-
-    def _beat(self, t):
-        before = self._beat_due
-        super()._beat(t)
-        if self._beat_due != before:
-            self._beat_due += 0.3 * self.objects[0x1017, 0] / 1000.0
-
-
 def _writable(index):
     """An object that must be read-only may be written."""
 
@@ -174,63 +153,11 @@ class _NoStop(DriveEmulator):
             super()._nmt(data)
 
 
-class _ServesStopped(DriveEmulator):
-    """SDO is served in STOPPED."""
-
-    def _take(self, t, frame):
-        if frame.can_id == 0x600 + self.node and self.state == 0x04:
-            for answer in self._sdo.answer(t, frame.data):
-                self.send(0x580 + self.node, answer)
-        super()._take(t, frame)
-
-
-class _MapsAlways(DriveEmulator):
-    """The mapping of a PDO that is switched on may be changed."""
-
-    def boot(self, everything=True):
-        super().boot(everything)
-        for pdo in (*self.rpdos, *self.tpdos):
-            self.objects.entry((pdo.index + 0x200, 0)).check = None
-
-
-class _EverySync(DriveEmulator):
-    """Synchronous TPDOs come at every SYNC whatever their type."""
-
-    def boot(self, everything=True):
-        super().boot(everything)
-        for pdo in self.tpdos:
-            pdo.at_sync = lambda pdo=pdo: (
-                pdo.pack() if pdo.can_id is not None and pdo.synchronous else None
-            )
-
-
 def _level_reset(self, word):
     """Bit 7 resets a fault also where it was set before."""
     if word & 0x80:
         self.axis._word &= ~0x80
     DriveEmulator._control(self, word)
-
-
-class _AlwaysAcknowledged(DriveEmulator):
-    """Bit 12 stays after the first set-point of profile position mode."""
-
-    def refresh(self, t):
-        super().refresh(t)
-        self.ever = getattr(self, "ever", 0) | self.objects[0x6041, 0] & 0x1000
-        if self.axis.driven and self.axis.set.mode == 1:
-            self.objects[0x6041, 0] |= self.ever
-
-
-class _NoEventTimer(DriveEmulator):
-    """Event-driven TPDOs come at changes alone."""
-
-    def _transmit_events(self, t):
-        kept = [pdo.timer for pdo in self.tpdos]
-        for pdo in self.tpdos:
-            pdo.timer = 0.0
-        super()._transmit_events(t)
-        for pdo, timer in zip(self.tpdos, kept, strict=True):
-            pdo.timer = timer
 
 
 class _QuickStopBit(DriveEmulator):
@@ -247,37 +174,6 @@ class _NoConsumer(DriveEmulator):
 
     def _watch_others(self, t):
         pass
-
-
-class _NoInhibit(DriveEmulator):
-    """The inhibit time of TPDOs does nothing."""
-
-    def _transmit_events(self, t):
-        kept = [self.objects[pdo.index, 3] for pdo in self.tpdos]
-        for pdo in self.tpdos:
-            self.objects[pdo.index, 3] = 0
-        super()._transmit_events(t)
-        for pdo, inhibit in zip(self.tpdos, kept, strict=True):
-            self.objects[pdo.index, 3] = inhibit
-
-
-class _OldestFirst(DriveEmulator):
-    """The error history begins with the oldest error."""
-
-    def error(self, code):
-        before = [self.objects[0x1003, k] for k in range(1, self.objects[0x1003, 0] + 1)]
-        super().error(code)
-        for k, told in enumerate([*before, code][:8], start=1):
-            self.objects[0x1003, k] = told
-
-
-class _TakesEarly(DriveEmulator):
-    """RPDOs are taken in PRE-OPERATIONAL."""
-
-    def _take(self, t, frame):
-        super()._take(t, frame)
-        if self.state == 0x7F and not frame.remote and frame.can_id in self._by_id:
-            self._receive(t, self._by_id[frame.can_id], frame.data)
 
 
 class _NoSyncNeeded(DriveEmulator):
@@ -328,8 +224,6 @@ DEFECTS = {
     "another abort code for no subindex": abort(0x06090011, 0x06020000),
     "0x0F climbs from SWITCH ON DISABLED": _patched(_control=_climbs),
     "segments of an upload do not toggle": answered(_own_toggle),
-    "segments of a download need not toggle": _NoToggleCheck,
-    "the heartbeat is slow": _SlowBeat,
     "no EMCY": sent(lambda drive, i, data: None if i == 0x80 + drive.node else data),
     "TPDOs are a byte too long": sent(
         lambda drive, i, data: (data + b"\0")[:8] if i == 0x180 + drive.node else data
@@ -340,16 +234,8 @@ DEFECTS = {
         lambda drive, i, data: None if i == 0x700 + drive.node and data == b"\0" else data
     ),
     "NMT STOP is ignored": _NoStop,
-    "SDO is served in STOPPED": _ServesStopped,
-    "mappings change while they are used": _MapsAlways,
-    "TPDOs of type 3 come at every SYNC": _EverySync,
     "a fault is reset by a level": _patched(_control=_level_reset),
-    "set-points stay acknowledged": _AlwaysAcknowledged,
-    "the event timer does nothing": _NoEventTimer,
     "a lost heartbeat is not noticed": _NoConsumer,
-    "the inhibit time does nothing": _NoInhibit,
-    "the oldest error comes first": _OldestFirst,
-    "RPDOs are taken in PRE-OPERATIONAL": _TakesEarly,
     "synchronous RPDOs act at once": _NoSyncNeeded,
     "halt does nothing in profile velocity mode": _without(0x100, 3),
     "relative set-points are absolute": _without(0x40, 1),
@@ -357,4 +243,3 @@ DEFECTS = {
     "the shown mode is always 8": _ShowsCyclic,
     "0x07 leads from OPERATION ENABLED to READY": _patched(_control=_too_far_down),
 }
-"""Written before the checks that find them, save for the last ten."""
